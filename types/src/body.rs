@@ -1,0 +1,99 @@
+//! The 22 joints of the human body: SMPL without hands.
+
+/// How many joints a human frame has.
+pub const JOINT_COUNT: usize = 22;
+
+macro_rules! body_joints {
+    ($($variant:ident $name:literal $parent:expr;)*) => {
+        /// A joint of the 22-joint human skeleton (SMPL order, hands left out).
+        ///
+        /// Index arrays with `joint as usize`; a `[T; JOINT_COUNT]` never has
+        /// the wrong length, as a list with names could.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        #[repr(u8)]
+        #[allow(missing_docs)] // the names say it
+        pub enum BodyJoint { $($variant),* }
+
+        impl BodyJoint {
+            /// All joints, in index order. Parents come before children.
+            pub const ALL: [BodyJoint; JOINT_COUNT] = [$(BodyJoint::$variant),*];
+
+            /// The name that motion files use, e.g. `left_hip`.
+            pub const fn name(self) -> &'static str {
+                match self { $(BodyJoint::$variant => $name),* }
+            }
+
+            /// The joint that this one hangs from; `None` for the pelvis.
+            pub const fn parent(self) -> Option<BodyJoint> {
+                use BodyJoint::*;
+                match self { $($variant => $parent),* }
+            }
+        }
+    };
+}
+
+body_joints! {
+    Pelvis "pelvis" None;
+    LeftHip "left_hip" Some(Pelvis);
+    RightHip "right_hip" Some(Pelvis);
+    Spine1 "spine1" Some(Pelvis);
+    LeftKnee "left_knee" Some(LeftHip);
+    RightKnee "right_knee" Some(RightHip);
+    Spine2 "spine2" Some(Spine1);
+    LeftAnkle "left_ankle" Some(LeftKnee);
+    RightAnkle "right_ankle" Some(RightKnee);
+    Spine3 "spine3" Some(Spine2);
+    LeftFoot "left_foot" Some(LeftAnkle);
+    RightFoot "right_foot" Some(RightAnkle);
+    Neck "neck" Some(Spine3);
+    LeftCollar "left_collar" Some(Spine3);
+    RightCollar "right_collar" Some(Spine3);
+    Head "head" Some(Neck);
+    LeftShoulder "left_shoulder" Some(LeftCollar);
+    RightShoulder "right_shoulder" Some(RightCollar);
+    LeftElbow "left_elbow" Some(LeftShoulder);
+    RightElbow "right_elbow" Some(RightShoulder);
+    LeftWrist "left_wrist" Some(LeftElbow);
+    RightWrist "right_wrist" Some(RightElbow);
+}
+
+impl BodyJoint {
+    /// The joint with this file name, if there is one.
+    pub fn from_name(name: &str) -> Option<BodyJoint> {
+        Self::ALL.into_iter().find(|joint| joint.name() == name)
+    }
+
+    /// The joint on the other side of the body; a middle joint is its own mirror.
+    pub fn mirrored(self) -> BodyJoint {
+        let name = self.name();
+        let other = match name.split_once('_') {
+            Some(("left", rest)) => Self::from_name(&format!("right_{rest}")),
+            Some(("right", rest)) => Self::from_name(&format!("left_{rest}")),
+            _ => None,
+        };
+        other.unwrap_or(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parents_come_before_children() {
+        for joint in BodyJoint::ALL {
+            if let Some(parent) = joint.parent() {
+                assert!((parent as usize) < joint as usize, "{}", joint.name());
+            }
+        }
+    }
+
+    #[test]
+    fn mirror_twice_is_identity() {
+        for joint in BodyJoint::ALL {
+            assert_eq!(joint.mirrored().mirrored(), joint);
+        }
+        assert_eq!(BodyJoint::LeftWrist.mirrored(), BodyJoint::RightWrist);
+        assert_eq!(BodyJoint::Neck.mirrored(), BodyJoint::Neck);
+    }
+}
