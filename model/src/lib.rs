@@ -1,1 +1,3 @@
-//! stub
+//! Music features to motion tokens to 22-joint motion.
+
+pub mod motion;

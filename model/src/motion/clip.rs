@@ -1,0 +1,302 @@
+//! A motion clip: named, a fixed frame rate, 22 joints a frame.
+//!
+//! Reads and writes `.npz` files with `positions` float32 [T, 22, 3] (metres,
+//! y up) and `fps`. Refuses files without frames, with another joint count or
+//! with numbers that are not finite.
+
+use std::path::{Path, PathBuf};
+
+use candle_core::npy::NpzTensors;
+use candle_core::{DType, Device, Tensor};
+use servodance_types::{BodyJoint, FRAME_RATE_HZ, JOINT_COUNT};
+
+use super::Pose;
+use super::representation::headings_rad;
+use super::skeleton;
+use super::vec3::{narrow, sub, turn, wide};
+
+/// What can be wrong with a motion file. The message names the file.
+#[derive(Debug, thiserror::Error)]
+pub enum MotionError {
+    /// The file cannot be read as an npz archive.
+    #[error("{path}: cannot read motion: {reason}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the reader said.
+        reason: String,
+    },
+    /// The file reads, but holds no usable motion.
+    #[error("{path}: {reason}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, with actual and expected values.
+        reason: String,
+    },
+}
+
+/// Frames of joint positions at a fixed rate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Clip {
+    /// What errors and data sets call it.
+    pub name: String,
+    /// Frames a second.
+    pub fps: f64,
+    /// Joint positions, metres, y up.
+    pub poses: Vec<Pose>,
+}
+
+impl Clip {
+    /// Reads `positions` [T, 22, 3] and `fps` from an npz file. The clip gets
+    /// the file's stem as its name.
+    pub fn read_npz(path: impl AsRef<Path>) -> Result<Self, MotionError> {
+        let path = path.as_ref();
+        let read = |error: candle_core::Error| MotionError::Read {
+            path: path.to_owned(),
+            reason: error.to_string().lines().next().unwrap_or("").to_owned(),
+        };
+        let content = |reason: String| MotionError::Content {
+            path: path.to_owned(),
+            reason,
+        };
+        let npz = NpzTensors::new(path).map_err(read)?;
+        let mut names: Vec<_> = npz.names().into_iter().cloned().collect();
+        names.sort();
+        let get = |key: &str| {
+            npz.get(key)
+                .map_err(read)?
+                .ok_or_else(|| content(format!("no array `{key}`; the file has {names:?}")))
+        };
+        let positions = get("positions")?;
+        let fps = get("fps")?
+            .to_dtype(DType::F64)
+            .and_then(|fps| fps.flatten_all()?.to_vec1::<f64>())
+            .map_err(read)?;
+        let fps = match fps[..] {
+            [fps] if fps.is_finite() && fps > 0.0 => fps,
+            _ => {
+                return Err(content(format!(
+                    "`fps` must be one positive number, not {fps:?}"
+                )));
+            }
+        };
+        match positions.dims() {
+            [frames, joints, 3] if *joints == JOINT_COUNT && *frames > 0 => {}
+            dims => {
+                return Err(content(format!(
+                    "`positions` must be [frames, {JOINT_COUNT}, 3] with at least 1 frame, not {dims:?}"
+                )));
+            }
+        }
+        let flat = positions
+            .to_dtype(DType::F32)
+            .and_then(|p| p.flatten_all()?.to_vec1::<f32>())
+            .map_err(read)?;
+        if let Some(at) = flat.iter().position(|v| !v.is_finite()) {
+            let (frame, joint) = (at / (3 * JOINT_COUNT), at / 3 % JOINT_COUNT);
+            return Err(content(format!(
+                "frame {frame}, joint {}: position is not finite",
+                BodyJoint::ALL[joint].name()
+            )));
+        }
+        let (points, _) = flat.as_chunks::<3>();
+        let (poses, _) = points.as_chunks::<JOINT_COUNT>();
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        Ok(Self {
+            name: name.into_owned(),
+            fps,
+            poses: poses.to_vec(),
+        })
+    }
+
+    /// Writes `positions` float32 [T, 22, 3] and `fps` float32 to an npz file.
+    pub fn write_npz(&self, path: impl AsRef<Path>) -> Result<(), MotionError> {
+        let path = path.as_ref();
+        let flat: Vec<f32> = self.poses.iter().flatten().flatten().copied().collect();
+        let shape = (self.poses.len(), JOINT_COUNT, 3);
+        Tensor::from_vec(flat, shape, &Device::Cpu)
+            .and_then(|positions| {
+                let fps = Tensor::new(self.fps as f32, &Device::Cpu)?;
+                Tensor::write_npz(&[("positions", positions), ("fps", fps)], path)
+            })
+            .map_err(|error| MotionError::Read {
+                path: path.to_owned(),
+                reason: error.to_string(),
+            })
+    }
+
+    /// Length in seconds, from the first frame to the last.
+    pub fn duration_s(&self) -> f64 {
+        self.poses.len().saturating_sub(1) as f64 / self.fps
+    }
+
+    /// The clip in a mirror: x negated, left and right exchanged.
+    pub fn mirrored(&self) -> Self {
+        let mirror = |pose: &Pose| {
+            BodyJoint::ALL.map(|joint| {
+                let [x, y, z] = pose[joint.mirrored() as usize];
+                [-x, y, z]
+            })
+        };
+        self.with_poses(self.poses.iter().map(mirror).collect())
+    }
+
+    /// The pose at `time_s` (clamped to the clip), by Catmull-Rom splines
+    /// through the frames. Bone lengths may shrink a little between frames.
+    pub fn pose_at(&self, time_s: f64) -> Pose {
+        let last = self.poses.len() - 1;
+        let at = (time_s * self.fps).clamp(0.0, last as f64);
+        let i = at.floor() as usize;
+        let t = (at - i as f64) as f32;
+        if t == 0.0 {
+            return self.poses[i];
+        }
+        let frame = |k: isize| &self.poses[k.clamp(0, last as isize) as usize];
+        let i = i as isize;
+        let [a, b, c, d] = [frame(i - 1), frame(i), frame(i + 1), frame(i + 2)];
+        std::array::from_fn(|j| {
+            std::array::from_fn(|k| {
+                let (a, b, c, d) = (a[j][k], b[j][k], c[j][k], d[j][k]);
+                let (m0, m1) = ((c - a) / 2.0, (d - b) / 2.0);
+                let (t2, t3) = (t * t, t * t * t);
+                (2.0 * t3 - 3.0 * t2 + 1.0) * b
+                    + (t3 - 2.0 * t2 + t) * m0
+                    + (3.0 * t2 - 2.0 * t3) * c
+                    + (t3 - t2) * m1
+            })
+        })
+    }
+
+    /// The clip read at other times: frame i of the result shows
+    /// `source_times_s[i]`. The frame rate of the result is `fps`.
+    pub fn at_times(&self, source_times_s: &[f64], fps: f64) -> Self {
+        Self {
+            name: self.name.clone(),
+            fps,
+            poses: source_times_s.iter().map(|t| self.pose_at(*t)).collect(),
+        }
+    }
+
+    /// The clip at another frame rate.
+    pub fn resampled(&self, fps: f64) -> Self {
+        let frames = (self.duration_s() * fps + 1e-9).floor() as usize + 1;
+        let times: Vec<f64> = (0..frames).map(|i| i as f64 / fps).collect();
+        self.at_times(&times, fps)
+    }
+
+    /// The clip played in `factor` times its duration, at the same frame rate.
+    pub fn stretched(&self, factor: f64) -> Self {
+        let frames = (self.duration_s() * factor * self.fps + 1e-9).floor() as usize + 1;
+        let times: Vec<f64> = (0..frames).map(|i| i as f64 / self.fps / factor).collect();
+        self.at_times(&times, self.fps)
+    }
+
+    /// The clip as the data set wants it: 20 FPS, the common skeleton, the
+    /// floor at y = 0, the root above the origin, facing +z.
+    pub fn normalised(&self) -> Self {
+        let resampled;
+        let source = if (self.fps - FRAME_RATE_HZ).abs() < 1e-9 {
+            self
+        } else {
+            resampled = self.resampled(FRAME_RATE_HZ);
+            &resampled
+        };
+        let size = skeleton::leg_scale(&source.poses);
+        let mut poses: Vec<Pose> = source
+            .poses
+            .iter()
+            .map(|pose| skeleton::fit(pose, size))
+            .collect();
+        let floor_m = floor_height_m(&poses);
+        let heading = headings_rad(&poses).first().copied().unwrap_or(0.0);
+        let [x, _, z] = poses.first().map_or([0.0; 3], |pose| wide(pose[0]));
+        for point in poses.iter_mut().flatten() {
+            *point = narrow(turn(sub(wide(*point), [x, floor_m, z]), -heading));
+        }
+        source.with_poses(poses)
+    }
+
+    fn with_poses(&self, poses: Vec<Pose>) -> Self {
+        Self {
+            name: self.name.clone(),
+            fps: self.fps,
+            poses,
+        }
+    }
+}
+
+/// How high the floor is: the lowest joint of a frame, at its 5th percentile
+/// over all frames, because single frames dip below it in captured motion.
+fn floor_height_m(poses: &[Pose]) -> f64 {
+    let mut lowest: Vec<f32> = poses
+        .iter()
+        .map(|pose| pose.iter().map(|p| p[1]).fold(f32::INFINITY, f32::min))
+        .collect();
+    lowest.sort_by(f32::total_cmp);
+    lowest.get(lowest.len() / 20).map_or(0.0, |y| f64::from(*y))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clip(frames: usize) -> Clip {
+        let pose = |i: usize| -> Pose {
+            std::array::from_fn(|j| [0.01 * i as f32, 0.9 - 0.04 * j as f32, 0.1 * j as f32])
+        };
+        Clip {
+            name: "clip".into(),
+            fps: 20.0,
+            poses: (0..frames).map(pose).collect(),
+        }
+    }
+
+    #[test]
+    fn npz_returns_what_was_written() {
+        let file = tempfile::Builder::new().suffix(".npz").tempfile().unwrap();
+        let written = clip(5);
+        written.write_npz(file.path()).unwrap();
+        let read = Clip::read_npz(file.path()).unwrap();
+        assert_eq!((read.fps, read.poses), (20.0, written.poses));
+    }
+
+    #[test]
+    fn bad_files_are_named_in_the_error() {
+        let file = tempfile::Builder::new().suffix(".npz").tempfile().unwrap();
+        let mut bad = clip(3);
+        bad.poses[1][15][2] = f32::NAN;
+        bad.write_npz(file.path()).unwrap();
+        let message = Clip::read_npz(file.path()).unwrap_err().to_string();
+        assert!(message.contains("frame 1, joint head"), "{message}");
+        std::fs::write(file.path(), b"not a zip").unwrap();
+        let message = Clip::read_npz(file.path()).unwrap_err().to_string();
+        assert!(message.contains("cannot read motion"), "{message}");
+    }
+
+    #[test]
+    fn mirroring_twice_changes_nothing() {
+        assert_eq!(clip(3).mirrored().mirrored(), clip(3));
+    }
+
+    #[test]
+    fn stretching_changes_the_duration_only() {
+        let stretched = clip(21).stretched(1.5);
+        assert_eq!(stretched.poses.len(), 31);
+        assert!((stretched.poses[15][0][0] - 0.10).abs() < 1e-6);
+    }
+
+    #[test]
+    fn normalised_motion_stands_on_the_floor_at_the_origin() {
+        let normal = clip(40).normalised();
+        let lowest = normal
+            .poses
+            .iter()
+            .flatten()
+            .map(|p| p[1])
+            .fold(9.0, f32::min);
+        assert!(lowest.abs() < 1e-5, "lowest joint at {lowest} m");
+        let [x, _, z] = normal.poses[0][0];
+        assert!(x.abs() < 1e-6 && z.abs() < 1e-6);
+    }
+}

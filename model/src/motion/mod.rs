@@ -1,0 +1,18 @@
+//! Human motion as numbers: clips of 22 joint positions, one skeleton for
+//! all, the 137 numbers a frame that the networks see, and a choreographer.
+//!
+//! Units: metres, seconds, radians; y up. Nothing here knows of music audio;
+//! beats come in as times in seconds.
+
+pub mod clip;
+pub mod representation;
+pub mod skeleton;
+pub(crate) mod vec3;
+
+pub use clip::{Clip, MotionError};
+pub use representation::{POSE_DIM, PoseVector, Recovery, decode, encode};
+
+use servodance_types::{JOINT_COUNT, Point3};
+
+/// The positions of all joints in one frame, metres.
+pub type Pose = [Point3; JOINT_COUNT];
