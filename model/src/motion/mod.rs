@@ -5,6 +5,8 @@
 //! beats come in as times in seconds.
 
 pub mod clip;
+pub mod corpus;
+pub mod index;
 pub mod representation;
 pub mod skeleton;
 pub(crate) mod vec3;
