@@ -1,0 +1,7 @@
+//! Figures that say how good motion is, defined as the literature defines them.
+//!
+//! Offline: nothing here is made for the control loop.
+
+pub mod alignment;
+
+pub use alignment::{Alignment, alignment, kinematic_beats_s, mean_joint_speed};
