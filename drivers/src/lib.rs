@@ -1,1 +1,41 @@
-//! stub
+//! Servo buses: joint targets out, joint states in, once a control cycle.
+//!
+//! ```text
+//! targets (rad) -> SafeBus (limits, staleness, torque off) -> Bus -> wire
+//! ```
+//!
+//! [`Bus`] is one bus of servos; [`DynamixelBus`] speaks Dynamixel Protocol 2.0
+//! over a serial port. [`SafeBus`] wraps any bus, and programs that move real
+//! motors hand their targets to it and never to a bus directly.
+//!
+//! Units are radians, seconds and amperes; degrees exist in [`ServoConfig`]
+//! (the robot file) and encoder ticks in [`Servo`] and below.
+//!
+//! The simulated servos are in `servodance-sim`, which implements the wire's far end:
+//! nothing in this crate knows whether a port is real.
+
+mod bus;
+mod config;
+mod dynamixel;
+mod error;
+mod limiter;
+mod model;
+mod packet;
+mod rate;
+mod register;
+mod safety;
+mod servo;
+mod wire;
+
+pub use bus::{ArmReport, Bus, BusStats};
+pub use config::{BusConfig, BusKind, ServoConfig, servos};
+pub use dynamixel::DynamixelBus;
+pub use error::{BusError, ConfigError, Refusal, ServoId};
+pub use limiter::{Limited, Limiter};
+pub use model::{MODELS, Model};
+pub use packet::{Decoder, Packet, encode};
+pub use rate::{RateCheck, check_rate, read_bytes, write_bytes};
+pub use register::Register;
+pub use safety::{Interventions, SafeBus, SafetyConfig, SafetyError, State, Transition};
+pub use servo::Servo;
+pub use wire::available_ports;

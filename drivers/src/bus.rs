@@ -1,0 +1,85 @@
+//! The one interface of every servo bus.
+
+use servodance_types::JointState;
+
+use crate::error::BusError;
+use crate::servo::Servo;
+
+/// What happened on a bus since it was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BusStats {
+    /// Completed control cycles.
+    pub cycles: u64,
+    /// Packets sent and received.
+    pub packets: u64,
+    /// Bytes sent and received.
+    pub bytes: u64,
+    /// Replies with a wrong checksum or a broken frame.
+    pub crc_errors: u64,
+    /// Replies that did not come in time.
+    pub timeouts: u64,
+    /// Exchanges tried again.
+    pub retries: u64,
+}
+
+/// What arming found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ArmReport {
+    /// Where every joint stands, in the order of [`Bus::servos`].
+    pub states: Vec<JointState>,
+    /// One line each, for the user: what was changed, what works less well than it could.
+    pub notes: Vec<String>,
+}
+
+/// Servos that take targets and return states once a control cycle.
+///
+/// A bus turns torque off when it is dropped. It is not a safety layer: wrap it
+/// in [`crate::SafeBus`].
+pub trait Bus: Send {
+    /// The servos, in the order of targets and states.
+    fn servos(&self) -> &[Servo];
+
+    /// Checks every servo, sets it up, and turns torque on with each joint
+    /// holding where it stands. On an error every torque is off again.
+    ///
+    /// The servos' own watchdog runs from here on: the first cycle must follow
+    /// within its time.
+    fn arm(&mut self) -> Result<ArmReport, BusError>;
+
+    /// Sends one target a joint (radians, finite) and reads one state a joint.
+    ///
+    /// Bounded in time: wire time, plus the reply timeout and retries. A target
+    /// beyond a position limit is moved to the limit.
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError>;
+
+    /// Turns every torque off and verifies it. An error names each joint whose
+    /// torque may still be on. Safe to call at any time.
+    fn disarm(&mut self) -> Result<(), BusError>;
+
+    /// Whether torque is on, as far as this side knows.
+    fn is_armed(&self) -> bool;
+
+    /// Counters since the bus was opened.
+    fn stats(&self) -> BusStats;
+}
+
+impl<B: Bus + ?Sized> Bus for Box<B> {
+    fn servos(&self) -> &[Servo] {
+        (**self).servos()
+    }
+    fn arm(&mut self) -> Result<ArmReport, BusError> {
+        (**self).arm()
+    }
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError> {
+        (**self).cycle(targets_rad, states)
+    }
+    fn disarm(&mut self) -> Result<(), BusError> {
+        (**self).disarm()
+    }
+    fn is_armed(&self) -> bool {
+        (**self).is_armed()
+    }
+    fn stats(&self) -> BusStats {
+        (**self).stats()
+    }
+}

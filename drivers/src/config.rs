@@ -1,0 +1,336 @@
+//! The `[bus]` and `[[joint]]` tables of a robot file, and their check.
+//!
+//! The one place where degrees exist. Refused, with the joint named: unknown
+//! keys and models, a direction other than 1 or -1, limits that are not finite
+//! or inverted or out of the servo's single turn, ids used twice.
+
+use std::f64::consts::TAU;
+
+use serde::Deserialize;
+use servodance_types::JointLimits;
+
+use crate::error::ConfigError;
+use crate::model::{MODELS, Model};
+use crate::servo::Servo;
+
+/// One `[[joint]]` table.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct ServoConfig {
+    /// The joint's name in the robot description.
+    pub name: String,
+    /// Bus id, 0 to 252.
+    pub id: u8,
+    /// Model name, e.g. `XM430-W350`.
+    pub model: String,
+    /// +1 or -1: the servo's direction against the joint axis.
+    pub direction: i8,
+    /// Servo angle, degrees (0 to 360, centre 180), where the joint reads zero.
+    pub zero_deg: f64,
+    /// Lowest joint position, degrees.
+    pub lower_deg: f64,
+    /// Highest joint position, degrees.
+    pub upper_deg: f64,
+    /// Highest speed, degrees a second.
+    pub velocity_deg_s: f64,
+    /// Highest acceleration, degrees a second squared.
+    pub acceleration_deg_s2: f64,
+}
+
+/// Which protocol a bus speaks.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+pub enum BusKind {
+    /// Dynamixel Protocol 2.0 over a serial port.
+    Dynamixel2,
+}
+
+/// The `[bus]` table.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct BusConfig {
+    /// The protocol.
+    pub kind: BusKind,
+    /// Bits a second.
+    pub baud: u32,
+    /// How long a reply may be late, milliseconds, on top of its time on the wire.
+    #[serde(default = "default_reply_timeout_ms")]
+    pub reply_timeout_ms: f64,
+    /// How often a failed exchange is tried again before it is an error.
+    #[serde(default = "default_retries")]
+    pub retries: u32,
+    /// The servos stop by themselves after this much silence, milliseconds
+    /// (20 to 2540, in steps of 20).
+    #[serde(default = "default_watchdog_ms")]
+    pub watchdog_ms: u32,
+}
+
+fn default_reply_timeout_ms() -> f64 {
+    20.0
+}
+
+fn default_retries() -> u32 {
+    2
+}
+
+fn default_watchdog_ms() -> u32 {
+    200
+}
+
+impl BusConfig {
+    /// A Dynamixel Protocol 2.0 bus with the defaults of the robot file.
+    pub fn dynamixel2(baud: u32) -> Self {
+        Self {
+            kind: BusKind::Dynamixel2,
+            baud,
+            reply_timeout_ms: default_reply_timeout_ms(),
+            retries: default_retries(),
+            watchdog_ms: default_watchdog_ms(),
+        }
+    }
+
+    /// The same configuration, if it is usable.
+    pub fn checked(self) -> Result<Self, ConfigError> {
+        let bad = |key, actual: String, wanted| ConfigError::Bus {
+            key,
+            actual,
+            wanted,
+        };
+        if !(9_600..=10_000_000).contains(&self.baud) {
+            return Err(bad("baud", self.baud.to_string(), "9600 to 10000000"));
+        }
+        if !(self.reply_timeout_ms > 0.0 && self.reply_timeout_ms <= 60_000.0) {
+            let actual = self.reply_timeout_ms.to_string();
+            return Err(bad("reply_timeout_ms", actual, "above 0, at most 60000"));
+        }
+        if self.retries > 10 {
+            return Err(bad("retries", self.retries.to_string(), "0 to 10"));
+        }
+        if !(20..=2540).contains(&self.watchdog_ms) || !self.watchdog_ms.is_multiple_of(20) {
+            let actual = self.watchdog_ms.to_string();
+            return Err(bad("watchdog_ms", actual, "20 to 2540 in steps of 20"));
+        }
+        Ok(self)
+    }
+}
+
+impl ServoConfig {
+    /// The servo in radians, if the table makes sense.
+    pub fn servo(&self) -> Result<Servo, ConfigError> {
+        let bad = |key, actual: String, wanted: String| ConfigError::Joint {
+            joint: self.name.clone(),
+            key,
+            actual,
+            wanted,
+        };
+        if self.name.is_empty() {
+            return Err(bad("name", "\"\"".into(), "a joint name".into()));
+        }
+        if self.id > 252 {
+            return Err(bad("id", self.id.to_string(), "0 to 252".into()));
+        }
+        let model = Model::from_name(&self.model).ok_or_else(|| {
+            let names: Vec<_> = MODELS.iter().map(|model| model.name).collect();
+            let wanted = format!("one of {}", names.join(", "));
+            bad("model", format!("{:?}", self.model), wanted)
+        })?;
+        if self.direction.abs() != 1 {
+            let actual = self.direction.to_string();
+            return Err(bad("direction", actual, "1 or -1".into()));
+        }
+        if !(0.0..=360.0).contains(&self.zero_deg) {
+            let actual = self.zero_deg.to_string();
+            return Err(bad("zero_deg", actual, "0 to 360".into()));
+        }
+        let limits = JointLimits {
+            lower_rad: self.lower_deg.to_radians(),
+            upper_rad: self.upper_deg.to_radians(),
+            velocity_rad_s: self.velocity_deg_s.to_radians(),
+            acceleration_rad_s2: self.acceleration_deg_s2.to_radians(),
+        }
+        .checked()
+        .map_err(|reason| ConfigError::Limits {
+            joint: self.name.clone(),
+            reason,
+        })?;
+        let servo = Servo {
+            name: self.name.clone(),
+            id: self.id,
+            model,
+            direction: f64::from(self.direction),
+            zero_rad: self.zero_deg.to_radians(),
+            limits,
+        };
+        self.check_reach(servo)
+    }
+
+    /// The limits must lie within the servo's single turn.
+    fn check_reach(&self, servo: Servo) -> Result<Servo, ConfigError> {
+        let last_tick_rad = TAU - Model::RAD_PER_TICK;
+        for (key, joint_deg) in [("lower_deg", self.lower_deg), ("upper_deg", self.upper_deg)] {
+            let servo_rad = servo.zero_rad + servo.direction * joint_deg.to_radians();
+            if !(-1e-9..=last_tick_rad + 1e-9).contains(&servo_rad) {
+                return Err(ConfigError::Joint {
+                    joint: self.name.clone(),
+                    key,
+                    actual: format!(
+                        "{joint_deg} (servo angle {:.1} degrees)",
+                        servo_rad.to_degrees()
+                    ),
+                    wanted: "a servo angle of 0 to 359.9 degrees".into(),
+                });
+            }
+        }
+        let (lowest, highest) = servo.goal_range_ticks();
+        if lowest > highest {
+            return Err(ConfigError::Limits {
+                joint: self.name.clone(),
+                reason: "lower and upper limit lie between two encoder ticks".into(),
+            });
+        }
+        Ok(servo)
+    }
+}
+
+/// All joints of a robot file, checked one by one and against each other.
+pub fn servos(configs: &[ServoConfig]) -> Result<Vec<Servo>, ConfigError> {
+    if configs.is_empty() {
+        return Err(ConfigError::NoJoints);
+    }
+    let mut servos: Vec<Servo> = Vec::with_capacity(configs.len());
+    for config in configs {
+        let servo = config.servo()?;
+        let clash = servos
+            .iter()
+            .find(|other| other.id == servo.id || other.name == servo.name);
+        if let Some(other) = clash {
+            return Err(ConfigError::Twice {
+                joint: servo.name,
+                id: servo.id,
+                other: other.name.clone(),
+                other_id: other.id,
+            });
+        }
+        servos.push(servo);
+    }
+    Ok(servos)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Deserialize)]
+    struct File {
+        bus: BusConfig,
+        joint: Vec<ServoConfig>,
+    }
+
+    const GOOD: &str = r#"
+        [bus]
+        kind = "dynamixel2"
+        baud = 2_000_000
+        [[joint]]
+        name = "l_knee"
+        id = 14
+        model = "XM430-W350"
+        direction = -1
+        zero_deg = 180.0
+        lower_deg = -18.0
+        upper_deg = 126.0
+        velocity_deg_s = 230.0
+        acceleration_deg_s2 = 2300.0
+    "#;
+
+    /// The error that `GOOD` with one text replaced gives.
+    fn complaint(from: &str, to: &str) -> String {
+        let text = GOOD.replace(from, to);
+        assert_ne!(text, GOOD);
+        match toml::from_str::<File>(&text) {
+            Err(error) => error.to_string(),
+            Ok(file) => match (file.bus.checked(), servos(&file.joint)) {
+                (Err(error), _) | (_, Err(error)) => error.to_string(),
+                other => panic!("accepted: {other:?}"),
+            },
+        }
+    }
+
+    #[test]
+    fn good_file_is_read() {
+        let file: File = toml::from_str(GOOD).unwrap();
+        assert_eq!(file.bus, BusConfig::dynamixel2(2_000_000));
+        let servo = &servos(&file.joint).unwrap()[0];
+        assert_eq!((servo.id, servo.direction), (14, -1.0));
+        assert!((servo.limits.upper_rad - 2.199).abs() < 1e-3);
+    }
+
+    #[test]
+    fn bad_tables_name_the_joint_and_the_key() {
+        for (from, to, says) in [
+            (
+                "direction = -1",
+                "direction = 2",
+                "joint l_knee: direction is 2, must be 1 or -1",
+            ),
+            (
+                "XM430-W350",
+                "XM430",
+                "joint l_knee: model is \"XM430\", must be one of MX-28",
+            ),
+            ("id = 14", "id = 253", "joint l_knee: id is 253"),
+            (
+                "upper_deg = 126.0",
+                "upper_deg = -20.0",
+                "joint l_knee: lower limit",
+            ),
+            (
+                "upper_deg = 126.0",
+                "upper_deg = nan",
+                "joint l_knee: a limit is not a finite",
+            ),
+            (
+                "upper_deg = 126.0",
+                "upper_deg = 190.0",
+                "joint l_knee: upper_deg is 190",
+            ),
+            (
+                "velocity_deg_s = 230.0",
+                "velocity_deg_s = 0.0",
+                "must be above zero",
+            ),
+            (
+                "zero_deg = 180.0",
+                "zero_deg = nan",
+                "joint l_knee: zero_deg is NaN",
+            ),
+            ("id = 14", "idd = 14", "unknown field `idd`"),
+            (
+                "\"dynamixel2\"",
+                "\"dynamixel9\"",
+                "unknown variant `dynamixel9`",
+            ),
+            ("baud = 2_000_000", "baud = 2", "bus: baud is 2"),
+            (
+                "baud = 2_000_000",
+                "baud = 57600\nwatchdog_ms = 0",
+                "bus: watchdog_ms is 0",
+            ),
+        ] {
+            let error = complaint(from, to);
+            assert!(error.contains(says), "{from} -> {to}: {error}");
+        }
+    }
+
+    #[test]
+    fn an_id_used_twice_is_refused() {
+        let file: File = toml::from_str(GOOD).unwrap();
+        let mut second = file.joint[0].clone();
+        second.name = "r_knee".into();
+        let error = servos(&[file.joint[0].clone(), second]).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains("r_knee (id 14) clashes with l_knee (id 14)")
+        );
+    }
+}

@@ -1,0 +1,296 @@
+//! Dynamixel Protocol 2.0 on the host's side: instructions out, status packets in.
+//!
+//! Instruction: `FF FF FD 00 ID LEN_L LEN_H INST params CRC_L CRC_H`; a status
+//! packet has `55 ERR` in place of `INST`. The CRC is the `dynamixel2` crate's.
+//!
+//! The decoder is our own: it takes any bytes without a panic, finds the next
+//! header after damage, refuses a length beyond what was asked for at once
+//! instead of waiting for it, and knows Fast Sync Read replies (status packets
+//! from the broadcast id, never stuffed), which that crate lacks.
+
+use dynamixel2::checksum::calculate_checksum;
+use dynamixel2::instructions::instruction_id::STATUS;
+use dynamixel2::instructions::packet_id::BROADCAST;
+
+const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0x00];
+/// Header, id and length: what stands before the bytes that the length counts.
+const PREFIX: usize = 7;
+
+/// Appends an instruction packet to `out`.
+pub fn encode(out: &mut Vec<u8>, id: u8, instruction: u8, params: &[u8]) {
+    let start = out.len();
+    out.extend_from_slice(&HEADER);
+    out.extend_from_slice(&[id, 0, 0, instruction]);
+    // How much of FF FF FD the last bytes are.
+    let mut matched = 0;
+    for &byte in params {
+        out.push(byte);
+        matched = match (matched, byte) {
+            (0, 0xFF) => 1,
+            (1 | 2, 0xFF) => 2,
+            (2, 0xFD) => {
+                out.push(0xFD);
+                0
+            }
+            _ => 0,
+        };
+    }
+    let length = (out.len() - start - PREFIX + 2) as u16;
+    out[start + 5..start + 7].copy_from_slice(&length.to_le_bytes());
+    let crc = calculate_checksum(0, &out[start..]);
+    out.extend_from_slice(&crc.to_le_bytes());
+}
+
+/// A status packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Packet<'a> {
+    /// Who sent it; the broadcast id for a Fast Sync Read reply.
+    pub id: u8,
+    /// The error byte and the parameters (unstuffed); in a fast reply the
+    /// blocks `ERR ID DATA CRC`, the last one without its CRC. Never empty.
+    body: &'a [u8],
+}
+
+impl<'a> Packet<'a> {
+    /// The error number, without the alert bit; 0 is success.
+    pub fn error(&self) -> u8 {
+        self.body[0] & 0x7F
+    }
+
+    /// The servo has a hardware error to report.
+    pub fn alert(&self) -> bool {
+        self.body[0] & 0x80 != 0
+    }
+
+    /// The parameters after the error byte.
+    pub fn params(&self) -> &'a [u8] {
+        &self.body[1..]
+    }
+
+    /// The blocks of a fast reply that carries `size` bytes a servo:
+    /// error byte, id, data.
+    pub fn blocks(&self, size: usize) -> impl Iterator<Item = (u8, u8, &'a [u8])> + use<'a> {
+        self.body
+            .chunks(size + 4)
+            .filter(move |block| block.len() >= size + 2)
+            .map(move |block| (block[0], block[1], &block[2..size + 2]))
+    }
+}
+
+/// What the decoder made of the bytes so far.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Decoded {
+    /// A sound packet: see [`Decoder::packet`].
+    Packet,
+    /// Something that began like a packet and was damaged; it has been skipped.
+    Corrupt,
+    /// More bytes are needed.
+    Incomplete,
+}
+
+/// Turns a stream of bytes into status packets.
+#[derive(Clone, Debug, Default)]
+pub struct Decoder {
+    buffer: Vec<u8>,
+    longest: usize,
+    id: u8,
+    body: Vec<u8>,
+}
+
+impl Decoder {
+    /// Forgets all bytes, and from now on takes a packet whose length field
+    /// says more than `longest` for damaged.
+    pub fn reset(&mut self, longest: usize) {
+        self.buffer.clear();
+        self.longest = longest;
+    }
+
+    /// Adds received bytes.
+    pub fn push(&mut self, bytes: &[u8]) {
+        self.buffer.extend_from_slice(bytes);
+    }
+
+    /// Looks for the next packet in the bytes so far.
+    pub fn advance(&mut self) -> Decoded {
+        loop {
+            self.skip_to_header();
+            let Some(&[low, high]) = self.buffer.get(5..PREFIX) else {
+                return Decoded::Incomplete;
+            };
+            let length = usize::from(u16::from_le_bytes([low, high]));
+            if length < 4 || length > self.longest {
+                self.buffer.drain(..HEADER.len());
+                return Decoded::Corrupt;
+            }
+            let end = PREFIX + length;
+            if self.buffer.len() < end {
+                return Decoded::Incomplete;
+            }
+            let crc = u16::from_le_bytes([self.buffer[end - 2], self.buffer[end - 1]]);
+            if crc != calculate_checksum(0, &self.buffer[..end - 2]) {
+                self.buffer.drain(..HEADER.len());
+                return Decoded::Corrupt;
+            }
+            let is_status = self.buffer[PREFIX] == STATUS;
+            if is_status {
+                self.id = self.buffer[4];
+                self.body.clear();
+                let raw = &self.buffer[PREFIX + 1..end - 2];
+                if self.id == BROADCAST {
+                    self.body.extend_from_slice(raw);
+                } else {
+                    unstuff(raw, &mut self.body);
+                }
+            }
+            self.buffer.drain(..end);
+            // An instruction is our own echo from a half-duplex adapter.
+            if is_status {
+                return Decoded::Packet;
+            }
+        }
+    }
+
+    /// The packet that the last [`Decoded::Packet`] meant.
+    pub fn packet(&self) -> Packet<'_> {
+        const NOTHING: &[u8] = &[0];
+        Packet {
+            id: self.id,
+            body: if self.body.is_empty() {
+                NOTHING
+            } else {
+                &self.body
+            },
+        }
+    }
+
+    /// Drops bytes in front of the next header, or of what may become one.
+    fn skip_to_header(&mut self) {
+        let begins = |rest: &[u8]| {
+            let known = rest.len().min(HEADER.len());
+            rest[..known] == HEADER[..known]
+        };
+        let start = (0..self.buffer.len()).find(|&at| begins(&self.buffer[at..]));
+        self.buffer.drain(..start.unwrap_or(self.buffer.len()));
+    }
+}
+
+/// Removes the `FD` that follows every `FF FF FD`.
+fn unstuff(stuffed: &[u8], out: &mut Vec<u8>) {
+    let mut at = 0;
+    while at < stuffed.len() {
+        if stuffed[at..].starts_with(&[0xFF, 0xFF, 0xFD, 0xFD]) {
+            out.extend_from_slice(&[0xFF, 0xFF, 0xFD]);
+            at += 4;
+        } else {
+            out.push(stuffed[at]);
+            at += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn bytes(hex: &str) -> Vec<u8> {
+        let digits: Vec<u8> = hex.bytes().filter(|b| !b.is_ascii_whitespace()).collect();
+        digits
+            .chunks(2)
+            .map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap())
+            .collect()
+    }
+
+    #[test]
+    fn published_instructions_encode_to_their_bytes() {
+        let mut out = Vec::new();
+        encode(&mut out, 1, 0x01, &[]);
+        assert_eq!(out, bytes("FFFFFD00 01 0300 01 194E"));
+        out.clear();
+        encode(&mut out, 1, 0x02, &[0x84, 0, 4, 0]);
+        assert_eq!(out, bytes("FFFFFD00 01 0700 02 84000400 1D15"));
+        out.clear();
+        encode(&mut out, 1, 0x03, &[0x74, 0, 0, 2, 0, 0]);
+        assert_eq!(out, bytes("FFFFFD00 01 0900 03 740000020000 CA89"));
+    }
+
+    #[test]
+    fn fast_sync_read_vector_gives_three_blocks() {
+        let reply = bytes("FFFFFD00FE190055 0003A60000008408 00071F08000016CA 0004FF030000D19E");
+        let mut decoder = Decoder::default();
+        decoder.reset(25);
+        decoder.push(&reply);
+        assert_eq!(decoder.advance(), Decoded::Packet);
+        let packet = decoder.packet();
+        let blocks: Vec<_> = packet.blocks(4).collect();
+        assert_eq!(packet.id, BROADCAST);
+        assert_eq!(blocks[0], (0, 3, &bytes("A6000000")[..]));
+        assert_eq!(blocks[1], (0, 7, &bytes("1F080000")[..]));
+        assert_eq!(blocks[2], (0, 4, &bytes("FF030000")[..]));
+        assert_eq!(blocks.len(), 3);
+    }
+
+    #[test]
+    fn a_sound_packet_is_found_after_noise_echo_and_damage() {
+        let mut wire = bytes("00FFFFFD");
+        encode(&mut wire, 7, 0x02, &[1, 2, 3, 4]); // our own echo
+        let mut damaged = Vec::new();
+        encode(&mut damaged, 7, 0x55, &[0, 9]);
+        damaged[8] ^= 0x10;
+        wire.extend(&damaged);
+        encode(&mut wire, 8, 0x55, &[0x80, 0xFF, 0xFF, 0xFD, 0x01]);
+        let mut decoder = Decoder::default();
+        decoder.reset(64);
+        for byte in wire {
+            decoder.push(&[byte]);
+            match decoder.advance() {
+                Decoded::Incomplete => {}
+                Decoded::Corrupt => damaged.clear(),
+                Decoded::Packet => break,
+            }
+        }
+        assert!(damaged.is_empty(), "the damaged packet was not noticed");
+        let packet = decoder.packet();
+        assert_eq!((packet.id, packet.error(), packet.alert()), (8, 0, true));
+        assert_eq!(packet.params(), bytes("FFFFFD01"));
+    }
+
+    #[test]
+    fn a_length_beyond_the_question_is_damage_at_once() {
+        let mut decoder = Decoder::default();
+        decoder.reset(8);
+        decoder.push(&bytes("FFFFFD00 01 FF7F 55"));
+        assert_eq!(decoder.advance(), Decoded::Corrupt);
+        decoder.reset(8);
+        decoder.push(&bytes("FFFFFD00 01 0000 55"));
+        assert_eq!(decoder.advance(), Decoded::Corrupt);
+    }
+
+    proptest! {
+        #[test]
+        fn any_parameters_survive_the_wire(id in 0u8..253, params in prop::collection::vec(prop_oneof![Just(0xFFu8), Just(0xFD), any::<u8>()], 0..200)) {
+            let mut body = vec![0];
+            body.extend(&params);
+            let mut wire = Vec::new();
+            encode(&mut wire, id, STATUS, &body);
+            let mut decoder = Decoder::default();
+            decoder.reset(wire.len());
+            decoder.push(&wire);
+            prop_assert_eq!(decoder.advance(), Decoded::Packet);
+            prop_assert_eq!(decoder.packet().id, id);
+            prop_assert_eq!(decoder.packet().params(), &params[..]);
+        }
+
+        #[test]
+        fn any_bytes_are_taken_without_a_panic(noise in prop::collection::vec(prop_oneof![Just(0xFFu8), Just(0xFD), Just(0), Just(0x55), any::<u8>()], 0..400)) {
+            let mut decoder = Decoder::default();
+            decoder.reset(64);
+            for part in noise.chunks(7) {
+                decoder.push(part);
+                while decoder.advance() != Decoded::Incomplete {
+                    let _ = decoder.packet().blocks(10).count();
+                }
+            }
+        }
+    }
+}

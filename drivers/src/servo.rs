@@ -1,0 +1,113 @@
+//! One servo of the robot, checked: joint radians to encoder ticks and back.
+//!
+//! `ticks = (zero + direction * joint) / RAD_PER_TICK`, where `zero` is the
+//! servo's own angle (0 to a turn, centre half a turn) at which the joint reads
+//! zero. Single-turn position control only: every limit lies within one turn.
+
+use servodance_types::{JointLimits, JointState};
+
+use crate::model::Model;
+
+/// A checked servo. Made by [`crate::servos`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Servo {
+    /// The joint it moves.
+    pub name: String,
+    /// Its bus id, 0 to 252.
+    pub id: u8,
+    /// What it must answer to a ping.
+    pub model: &'static Model,
+    /// +1 or -1: the servo's direction against the joint axis.
+    pub direction: f64,
+    /// The servo's angle where the joint reads zero, radians.
+    pub zero_rad: f64,
+    /// What the joint may do.
+    pub limits: JointLimits,
+}
+
+impl Servo {
+    /// The unrounded servo position for a joint position, ticks.
+    pub fn exact_ticks(&self, joint_rad: f64) -> f64 {
+        (self.zero_rad + self.direction * joint_rad) / Model::RAD_PER_TICK
+    }
+
+    /// The lowest and highest goal, ticks, that lie inside the joint's limits
+    /// (rounded inwards: a goal never passes a limit, not even by half a tick).
+    pub fn goal_range_ticks(&self) -> (i32, i32) {
+        let a = self.exact_ticks(self.limits.lower_rad);
+        let b = self.exact_ticks(self.limits.upper_rad);
+        // A limit that is a whole number of ticks must survive its own rounding error.
+        let lowest = (a.min(b) - 1e-6).ceil() as i32;
+        let highest = (a.max(b) + 1e-6).floor() as i32;
+        (lowest, highest)
+    }
+
+    /// The goal for a finite joint position: the nearest tick inside the limits.
+    pub fn goal_ticks(&self, joint_rad: f64) -> i32 {
+        let (lowest, highest) = self.goal_range_ticks();
+        (self.exact_ticks(joint_rad).round() as i32).clamp(lowest, highest)
+    }
+
+    /// The joint position for a servo position.
+    pub fn position_rad(&self, ticks: i32) -> f64 {
+        (f64::from(ticks) * Model::RAD_PER_TICK - self.zero_rad) * self.direction
+    }
+
+    /// The joint's state from the servo's raw registers (signed, in its units).
+    /// Current is 0 for a model that does not measure it.
+    pub fn state(&self, ticks: i32, velocity: i32, current: i16) -> JointState {
+        let current_a_per_unit = self.model.current_a_per_unit.unwrap_or(0.0);
+        JointState {
+            position_rad: self.position_rad(ticks),
+            velocity_rad_s: self.direction * f64::from(velocity) * Model::RAD_S_PER_UNIT,
+            current_a: self.direction * f64::from(current) * current_a_per_unit,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn servo(direction: f64) -> Servo {
+        Servo {
+            name: "elbow".into(),
+            id: 5,
+            model: Model::from_name("XM430-W350").unwrap(),
+            direction,
+            zero_rad: std::f64::consts::PI,
+            limits: JointLimits {
+                lower_rad: -1.0,
+                upper_rad: 0.5,
+                velocity_rad_s: 4.0,
+                acceleration_rad_s2: 40.0,
+            },
+        }
+    }
+
+    #[test]
+    fn centre_is_2048_and_direction_mirrors() {
+        assert_eq!(servo(1.0).goal_ticks(0.0), 2048);
+        assert_eq!(servo(1.0).goal_ticks(0.1), 2113);
+        assert_eq!(servo(-1.0).goal_ticks(0.1), 1983);
+        assert!((servo(-1.0).position_rad(1983) - 0.1).abs() < 1e-3);
+    }
+
+    #[test]
+    fn no_goal_passes_a_limit() {
+        for direction in [1.0, -1.0] {
+            let servo = servo(direction);
+            for target in [-9.0, -1.0, 0.5, 9.0] {
+                let position = servo.position_rad(servo.goal_ticks(target));
+                assert!((-1.0 - 1e-9..=0.5 + 1e-9).contains(&position), "{position}");
+            }
+        }
+    }
+
+    #[test]
+    fn current_and_velocity_follow_the_joint_axis() {
+        let state = servo(-1.0).state(2048, 100, 100);
+        assert!((state.velocity_rad_s + 2.398).abs() < 1e-3);
+        assert!((state.current_a + 0.269).abs() < 1e-9);
+    }
+}

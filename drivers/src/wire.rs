@@ -1,0 +1,181 @@
+//! A serial port with deadlines: bytes out, status packets in.
+//!
+//! Opened for this process alone (a second program on one bus is a hazard).
+//! No call blocks past its deadline.
+
+use std::io::{ErrorKind, Read, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use serialport::{ClearBuffer, SerialPort};
+
+use crate::bus::BusStats;
+use crate::error::BusError;
+use crate::packet::{Decoded, Decoder, Packet, encode};
+
+/// Longest wait for the port to take an instruction's bytes.
+const SEND_TIMEOUT: Duration = Duration::from_millis(100);
+
+/// What came back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Received {
+    /// A sound packet: see [`Wire::packet`].
+    Packet,
+    /// A damaged one.
+    Corrupt,
+    /// Nothing within the deadline.
+    Nothing,
+}
+
+/// The host's end of the wire.
+pub struct Wire {
+    port: Box<dyn SerialPort>,
+    path: String,
+    baud: u32,
+    decoder: Decoder,
+    out: Vec<u8>,
+    chunk: Vec<u8>,
+    /// Counters; `cycles` and `retries` are the caller's to count.
+    pub stats: BusStats,
+}
+
+impl Wire {
+    /// Opens `path` (8 data bits, no parity, 1 stop bit).
+    pub fn open(path: &str, baud: u32) -> Result<Self, BusError> {
+        let port = serialport::new(path, baud)
+            .timeout(SEND_TIMEOUT)
+            .open()
+            .map_err(|error| BusError::Open {
+                port: path.into(),
+                reason: error.to_string(),
+                choices: choices(),
+            })?;
+        Ok(Self {
+            port,
+            path: path.into(),
+            baud,
+            decoder: Decoder::default(),
+            out: Vec::with_capacity(1024),
+            chunk: vec![0; 1024],
+            stats: BusStats::default(),
+        })
+    }
+
+    /// How long `bytes` take on the wire: ten bits each.
+    pub fn time(&self, bytes: usize) -> Duration {
+        Duration::from_secs_f64(10.0 * bytes as f64 / f64::from(self.baud))
+    }
+
+    /// Sends one instruction, first throwing away what an earlier exchange left
+    /// behind. Replies longer than `longest` (length field) will be taken for damage.
+    pub fn send(
+        &mut self,
+        id: u8,
+        instruction: u8,
+        params: &[u8],
+        longest: usize,
+        doing: &'static str,
+    ) -> Result<(), BusError> {
+        self.decoder.reset(longest);
+        self.out.clear();
+        encode(&mut self.out, id, instruction, params);
+        let sent = self
+            .port
+            .clear(ClearBuffer::Input)
+            .map_err(std::io::Error::from)
+            .and_then(|()| self.port.set_timeout(SEND_TIMEOUT).map_err(Into::into))
+            .and_then(|()| self.port.write_all(&self.out));
+        sent.map_err(|reason| self.failed(doing, reason))?;
+        self.stats.packets += 1;
+        self.stats.bytes += self.out.len() as u64;
+        Ok(())
+    }
+
+    /// Waits for the next packet until `deadline`.
+    pub fn receive(
+        &mut self,
+        deadline: Instant,
+        doing: &'static str,
+    ) -> Result<Received, BusError> {
+        loop {
+            match self.decoder.advance() {
+                Decoded::Packet => {
+                    self.stats.packets += 1;
+                    return Ok(Received::Packet);
+                }
+                Decoded::Corrupt => {
+                    self.stats.crc_errors += 1;
+                    return Ok(Received::Corrupt);
+                }
+                Decoded::Incomplete => {}
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                self.stats.timeouts += 1;
+                return Ok(Received::Nothing);
+            }
+            let read = self
+                .port
+                .set_timeout(left)
+                .map_err(std::io::Error::from)
+                .and_then(|()| self.port.read(&mut self.chunk));
+            match read {
+                Ok(0) => return Err(self.failed(doing, ErrorKind::UnexpectedEof.into())),
+                Ok(count) => {
+                    self.stats.bytes += count as u64;
+                    self.decoder.push(&self.chunk[..count]);
+                }
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+                Err(error) => return Err(self.failed(doing, error)),
+            }
+        }
+    }
+
+    /// The packet of the last [`Received::Packet`].
+    pub fn packet(&self) -> Packet<'_> {
+        self.decoder.packet()
+    }
+
+    /// What keeps a USB adapter slow, if anything does: its latency timer.
+    pub fn latency_note(&self) -> Option<String> {
+        let device = Path::new(&self.path).canonicalize().ok()?;
+        let name = device.file_name()?.to_str()?;
+        let file = format!("/sys/bus/usb-serial/devices/{name}/latency_timer");
+        let latency_ms: u32 = std::fs::read_to_string(&file).ok()?.trim().parse().ok()?;
+        (latency_ms > 1).then(|| {
+            format!(
+                "USB latency timer of {} is {latency_ms} ms and delays every reply: \
+                 set it with `echo 1 | sudo tee {file}`",
+                self.path
+            )
+        })
+    }
+
+    fn failed(&self, doing: &'static str, reason: std::io::Error) -> BusError {
+        BusError::Port {
+            port: self.path.clone(),
+            doing,
+            reason,
+        }
+    }
+}
+
+/// The serial ports of this machine.
+pub fn available_ports() -> Vec<String> {
+    // Without this folder the enumeration of `serialport` panics.
+    if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
+        return Vec::new();
+    }
+    let ports = serialport::available_ports().unwrap_or_default();
+    ports.into_iter().map(|port| port.port_name).collect()
+}
+
+fn choices() -> String {
+    let ports = available_ports();
+    if ports.is_empty() {
+        "; this machine has no serial ports".into()
+    } else {
+        format!("; serial ports here: {}", ports.join(", "))
+    }
+}
