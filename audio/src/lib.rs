@@ -1,5 +1,16 @@
 //! Music in: recordings or raw samples to timed blocks, features and beats.
 //!
-//! [`song`] renders music by code with known beats.
+//! [`MusicAnalyzer`] turns samples into [`MusicFrame`](servodance_types::MusicFrame)s,
+//! causally, 20 times a second. [`song`] renders music by code with known beats.
 
+mod analyzer;
+pub mod beats;
+mod chroma;
+mod onset;
+mod resample;
 pub mod song;
+mod spectral;
+mod spectrum;
+
+pub use analyzer::{ANALYSIS_RATE_HZ, AnalyzerError, MusicAnalyzer};
+pub use spectral::{ENVELOPE_UNIT_DB, LEVEL_UNIT_DB, MFCC_UNIT};

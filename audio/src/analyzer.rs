@@ -1,0 +1,262 @@
+//! Samples in, music features and beat out, 20 frames a second, causal.
+//!
+//! Frame `k` is at `k / 20` seconds and knows only samples before that time:
+//! no lookahead. Look-back: 200 ms (envelope, MFCC), 1.4 s (chroma), some
+//! seconds of running references and of beat memory. The beat's phase is
+//! extrapolated to the frame's time over all delays of the analysis, so that
+//! phase 0 is where the beat is audible.
+//!
+//! The numbers are the same to the bit whatever the block sizes. Memory is
+//! constant as long as frames are taken out; a push allocates nothing except
+//! when the queue of frames grows. Samples that are not finite become 0 and are
+//! counted. For files use [`AudioSource`](crate::AudioSource) in front.
+
+use std::collections::VecDeque;
+
+use servodance_types::{FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
+
+use crate::beats::BeatState;
+use crate::beats::tracker::Tracker;
+use crate::onset::{HOP, LATENCY_S, OnsetDetector};
+use crate::resample::{DELAY, Resampler};
+use crate::spectral::{BEAT, SpectralFeatures};
+use crate::spectrum::Sliding;
+
+/// Samples a second inside the analysis.
+pub const ANALYSIS_RATE_HZ: u32 = 20_480;
+/// Analysis samples a frame.
+const FRAME_HOP: u64 = 1024;
+
+/// Why an analyzer cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AnalyzerError {
+    /// The rate is not one of audio.
+    #[error("the sample rate must be 4000 to 384000 Hz, not {0}")]
+    SampleRate(u32),
+}
+
+/// Computes [`MusicFrame`]s from a stream of mono samples.
+pub struct MusicAnalyzer {
+    resampler: Resampler,
+    core: Core,
+    replaced: u64,
+}
+
+/// The analysis behind the resampler.
+struct Core {
+    recent: Sliding,
+    received: u64,
+    features: SpectralFeatures,
+    onsets: OnsetDetector,
+    tracker: Tracker,
+    frames: VecDeque<MusicFrame>,
+}
+
+impl MusicAnalyzer {
+    /// An analyzer for samples at `sample_rate_hz`. Frame 0, at 0 s, is ready
+    /// at once: it knows nothing yet.
+    pub fn new(sample_rate_hz: u32) -> Result<Self, AnalyzerError> {
+        if !(4_000..=384_000).contains(&sample_rate_hz) {
+            return Err(AnalyzerError::SampleRate(sample_rate_hz));
+        }
+        let look_back = SpectralFeatures::LOOK_BACK.max(OnsetDetector::LOOK_BACK);
+        let mut core = Core {
+            recent: Sliding::new(look_back),
+            received: 0,
+            features: SpectralFeatures::new(ANALYSIS_RATE_HZ),
+            onsets: OnsetDetector::new(ANALYSIS_RATE_HZ),
+            tracker: Tracker::new(f64::from(ANALYSIS_RATE_HZ) / HOP as f64),
+            frames: VecDeque::new(),
+        };
+        core.emit();
+        Ok(Self {
+            resampler: Resampler::new(sample_rate_hz, ANALYSIS_RATE_HZ),
+            core,
+            replaced: 0,
+        })
+    }
+
+    /// Takes mono samples, any number of them.
+    pub fn push(&mut self, samples: &[f32]) {
+        for &sample in samples {
+            let finite = sample.is_finite();
+            self.replaced += u64::from(!finite);
+            let core = &mut self.core;
+            self.resampler
+                .push(if finite { sample } else { 0.0 }, |s| core.take(s));
+        }
+    }
+
+    /// The next frame, if its time has come.
+    pub fn pop(&mut self) -> Option<MusicFrame> {
+        self.core.frames.pop_front()
+    }
+
+    /// Whether the tracker has the beat.
+    pub fn beat_state(&self) -> BeatState {
+        self.core.tracker.state()
+    }
+
+    /// How many samples were not finite and became 0.
+    pub fn replaced_samples(&self) -> u64 {
+        self.replaced
+    }
+}
+
+impl Core {
+    /// Takes one sample at the analysis rate.
+    fn take(&mut self, sample: f32) {
+        self.recent.push(sample);
+        self.features.push(sample);
+        self.received += 1;
+        if self.received.is_multiple_of(HOP as u64) {
+            let onset = self.onsets.hop(&self.recent);
+            self.tracker.hop(onset);
+        }
+        if self.received.is_multiple_of(FRAME_HOP) {
+            self.emit();
+        }
+    }
+
+    fn emit(&mut self) {
+        let index = self.received / FRAME_HOP;
+        let mut spectral = if index == 0 {
+            [0.0; SPECTRAL_DIM]
+        } else {
+            self.features.frame(&self.recent)
+        };
+        let delay_s = LATENCY_S + DELAY as f64 / f64::from(ANALYSIS_RATE_HZ);
+        let beat = self.tracker.beat(delay_s);
+        // The frame nearest to the beat is marked: it lies within half a frame.
+        let half_frame = beat.tempo_bpm / 60.0 / (2.0 * FRAME_RATE_HZ as f32);
+        let near = beat.phase < half_frame || beat.phase >= 1.0 - half_frame;
+        spectral[BEAT] = f32::from(u8::from(near && beat.confidence >= 0.5));
+        self.frames.push_back(MusicFrame {
+            time_s: index as f64 / FRAME_RATE_HZ,
+            spectral,
+            beat,
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::song::{Mix, Song, SongSpec, Style};
+
+    fn analyze(samples: &[f32], rate_hz: u32, block: usize) -> Vec<MusicFrame> {
+        let mut analyzer = MusicAnalyzer::new(rate_hz).unwrap();
+        let mut frames = Vec::new();
+        for block in samples.chunks(block) {
+            analyzer.push(block);
+            frames.extend(std::iter::from_fn(|| analyzer.pop()));
+        }
+        frames
+    }
+
+    fn song(style: Style, seconds: f64) -> Song {
+        let mut spec = SongSpec::random(seconds, 11).unwrap();
+        spec.style = style;
+        spec.mix = Mix::clean();
+        spec.render().unwrap()
+    }
+
+    #[test]
+    fn block_size_does_not_change_a_bit() {
+        let song = song(Style::Funk, 6.0);
+        let whole = analyze(&song.samples, 22_050, usize::MAX);
+        assert_eq!(whole.len(), 121);
+        for block in [1, 64, 480, 100_000] {
+            assert_eq!(analyze(&song.samples, 22_050, block), whole, "{block}");
+        }
+    }
+
+    #[test]
+    fn frames_know_nothing_of_what_comes_after() {
+        let song = song(Style::House, 4.0);
+        let mut changed = song.samples.clone();
+        let cut_s = 2.0;
+        changed[(cut_s * 22_050.0) as usize..].fill(0.0);
+        let (a, b) = (
+            analyze(&song.samples, 22_050, 1000),
+            analyze(&changed, 22_050, 1000),
+        );
+        for (a, b) in a.iter().zip(&b).take_while(|(a, _)| a.time_s <= cut_s) {
+            assert_eq!(a, b);
+        }
+        assert_ne!(a.last(), b.last());
+    }
+
+    #[test]
+    fn gain_of_42_db_changes_nothing_audible() {
+        let song = song(Style::House, 8.0);
+        // A power of two, so that rounding does not differ.
+        let quiet: Vec<f32> = song.samples.iter().map(|s| s / 128.0).collect();
+        let loud = analyze(&song.samples, 22_050, 4096);
+        let quiet = analyze(&quiet, 22_050, 4096);
+        for (a, b) in loud.iter().zip(&quiet).skip(20) {
+            for (x, y) in a.spectral.iter().zip(&b.spectral) {
+                assert!((x - y).abs() < 0.05, "{} s: {x} and {y}", a.time_s);
+            }
+            assert!((a.beat.confidence - b.beat.confidence).abs() < 0.05);
+        }
+    }
+
+    #[test]
+    fn values_are_finite_and_of_reasonable_size() {
+        for style in Style::ALL {
+            for frame in analyze(&song(style, 5.0).samples, 22_050, 4096) {
+                let ok = frame
+                    .vector()
+                    .iter()
+                    .all(|v| v.is_finite() && v.abs() < 20.0);
+                assert!(ok, "{style:?} at {} s: {:?}", frame.time_s, frame.vector());
+            }
+        }
+    }
+
+    #[test]
+    fn silence_has_no_beat() {
+        let frames = analyze(&vec![0.0; 48_000 * 4], 48_000, 480);
+        assert!(frames.iter().all(|f| f.beat.confidence == 0.0));
+        assert!(frames.iter().all(|f| f.spectral[BEAT] == 0.0));
+    }
+
+    #[test]
+    fn samples_that_are_no_numbers_become_zero() {
+        let mut analyzer = MusicAnalyzer::new(16_000).unwrap();
+        analyzer.push(&[f32::NAN, f32::INFINITY, 0.5, f32::NEG_INFINITY]);
+        analyzer.push(&[0.25; 16_000]);
+        assert_eq!(analyzer.replaced_samples(), 3);
+        while let Some(frame) = analyzer.pop() {
+            assert!(frame.vector().iter().all(|v| v.is_finite()));
+        }
+    }
+
+    #[test]
+    fn impossible_rate_is_refused() {
+        let error = MusicAnalyzer::new(10).err().map(|e| e.to_string());
+        assert_eq!(
+            error.as_deref(),
+            Some("the sample rate must be 4000 to 384000 Hz, not 10")
+        );
+    }
+
+    #[test]
+    fn house_is_locked_within_five_seconds_at_the_right_phase() {
+        let song = song(Style::House, 20.0);
+        let frames = analyze(&song.samples, 22_050, 480);
+        let period = song.beats_s[1] - song.beats_s[0];
+        for frame in frames.iter().filter(|f| f.time_s > 5.0) {
+            let truth = frame.time_s / period;
+            let error = (f64::from(frame.beat.phase) - truth + 0.5).rem_euclid(1.0) - 0.5;
+            let error_s = error * period;
+            assert!(
+                frame.beat.confidence > 0.5 && error_s.abs() < 0.05,
+                "{} s: {:?}, phase off by {error_s} s",
+                frame.time_s,
+                frame.beat
+            );
+        }
+    }
+}

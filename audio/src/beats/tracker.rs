@@ -1,0 +1,193 @@
+//! The causal beat tracker: belief in, a steady oscillator out.
+//!
+//! ```text
+//!            confident                unsure
+//!   Lost ----------------> Locked <=========> Holding
+//!    ^                     (follows)          (coasts on)
+//!    |                                            |
+//!    +------ unsure for HOLD_S, or silence -------+
+//! ```
+//!
+//! While locked the oscillator follows the belief by small corrections, so that
+//! its phase never jumps for one late drum; a different tempo or phase that
+//! stays believed for a while is taken over at once.
+
+use super::belief::{Belief, Estimate};
+use super::tempo::Tempogram;
+use crate::onset::Onset;
+use servodance_types::Beat;
+
+/// Confidence to lock, and below which a lock is held only.
+const LOCK: f32 = 0.55;
+const UNLOCK: f32 = 0.35;
+/// How long a lock is held without confidence.
+const HOLD_S: f64 = 6.0;
+/// Silence for so long ends the music.
+const SILENCE_S: f64 = 1.5;
+/// A contradicting belief must last so long before it is followed.
+const PATIENCE_S: f64 = 1.0;
+/// Share of the phase error that is corrected in one second.
+const PHASE_PULL_PER_S: f64 = 2.5;
+/// Share of the tempo error that is corrected in one second.
+const TEMPO_PULL_PER_S: f64 = 0.8;
+
+/// Whether the tracker has the beat.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BeatState {
+    /// No beat: silence, noise, or music not yet understood.
+    #[default]
+    Lost,
+    /// The beat is followed.
+    Locked,
+    /// The music became unclear (a break): the last beat goes on.
+    Holding,
+}
+
+/// Follows the beat hop by hop.
+pub(crate) struct Tracker {
+    tempogram: Tempogram,
+    belief: Belief,
+    suggestion: [f32; super::tempo::TEMPI],
+    hops: u64,
+    state: BeatState,
+    phase: f64,
+    bpm: f64,
+    confidence: f32,
+    unsure_s: f64,
+    silent_s: f64,
+    contradicted_s: f64,
+}
+
+/// Hops between two looks at the tempogram and the belief.
+const LOOK_EVERY: u64 = 8;
+
+impl Tracker {
+    pub(crate) fn new(rate_hz: f64) -> Self {
+        let tempogram = Tempogram::new(rate_hz);
+        Self {
+            suggestion: tempogram.likelihood(),
+            tempogram,
+            belief: Belief::new(rate_hz),
+            hops: 0,
+            state: BeatState::Lost,
+            phase: 0.0,
+            bpm: 0.0,
+            confidence: 0.0,
+            unsure_s: 0.0,
+            silent_s: f64::INFINITY,
+            contradicted_s: 0.0,
+        }
+    }
+
+    pub(crate) fn state(&self) -> BeatState {
+        self.state
+    }
+
+    /// Takes one hop of onset strength.
+    pub(crate) fn hop(&mut self, onset: Onset) {
+        let hop_s = 1.0 / self.belief.rate_hz();
+        self.silent_s = if onset.audible {
+            0.0
+        } else {
+            self.silent_s + hop_s
+        };
+        self.tempogram.push(onset.strength);
+        self.belief.hop(onset.strength, &self.suggestion);
+        self.phase = (self.phase + self.bpm / 60.0 * hop_s).rem_euclid(1.0);
+        self.hops += 1;
+        if self.hops.is_multiple_of(LOOK_EVERY) {
+            self.suggestion = self.tempogram.likelihood();
+            self.look(LOOK_EVERY as f64 * hop_s);
+        }
+    }
+
+    /// Compares the oscillator with the belief.
+    fn look(&mut self, elapsed_s: f64) {
+        let estimate = self.belief.estimate();
+        let clarity = if self.silent_s > SILENCE_S {
+            0.0
+        } else {
+            ((estimate.mass - 0.15) / 0.6).clamp(0.0, 1.0)
+        };
+        let pull = (2.0 * elapsed_s) as f32;
+        self.confidence += pull.min(1.0) * (clarity - self.confidence);
+        if self.silent_s > SILENCE_S {
+            self.confidence = 0.0;
+        }
+        self.change_state(estimate, elapsed_s);
+        match self.state {
+            BeatState::Lost => {
+                self.phase = estimate.phase;
+                self.bpm = estimate.bpm;
+            }
+            BeatState::Locked | BeatState::Holding => self.follow(estimate, elapsed_s),
+        }
+    }
+
+    fn change_state(&mut self, estimate: Estimate, elapsed_s: f64) {
+        if self.silent_s > SILENCE_S {
+            self.state = BeatState::Lost;
+            return;
+        }
+        match self.state {
+            BeatState::Lost if self.confidence > LOCK => {
+                self.state = BeatState::Locked;
+                self.unsure_s = 0.0;
+                self.contradicted_s = 0.0;
+                self.phase = estimate.phase;
+                self.bpm = estimate.bpm;
+            }
+            BeatState::Locked if self.confidence < UNLOCK => {
+                self.state = BeatState::Holding;
+                self.unsure_s = 0.0;
+            }
+            BeatState::Holding if self.confidence > LOCK => self.state = BeatState::Locked,
+            BeatState::Holding => {
+                self.unsure_s += elapsed_s;
+                if self.unsure_s > HOLD_S {
+                    self.state = BeatState::Lost;
+                }
+            }
+            BeatState::Lost | BeatState::Locked => {}
+        }
+    }
+
+    fn follow(&mut self, estimate: Estimate, elapsed_s: f64) {
+        let error = wrap(estimate.phase - self.phase);
+        let tempo_error = (estimate.bpm / self.bpm).ln();
+        if tempo_error.abs() < 0.06 && error.abs() < 0.15 {
+            self.contradicted_s = 0.0;
+            let trust = f64::from(self.confidence);
+            self.phase += (PHASE_PULL_PER_S * elapsed_s * trust).min(1.0) * error;
+            self.phase = self.phase.rem_euclid(1.0);
+            self.bpm *= (TEMPO_PULL_PER_S * elapsed_s * trust * tempo_error).exp();
+            return;
+        }
+        if self.confidence > UNLOCK {
+            self.contradicted_s += elapsed_s;
+        }
+        if self.contradicted_s > PATIENCE_S {
+            self.phase = estimate.phase;
+            self.bpm = estimate.bpm;
+            self.contradicted_s = 0.0;
+        }
+    }
+
+    /// The beat `ahead_s` seconds after the newest hop.
+    pub(crate) fn beat(&self, ahead_s: f64) -> Beat {
+        if self.bpm <= 0.0 || self.confidence <= 0.0 {
+            return Beat::default();
+        }
+        let phase = (self.phase + self.bpm / 60.0 * ahead_s).rem_euclid(1.0) as f32;
+        Beat {
+            phase: if phase < 1.0 { phase } else { 0.0 },
+            tempo_bpm: self.bpm as f32,
+            confidence: self.confidence,
+        }
+    }
+}
+
+/// A phase difference brought to -0.5..0.5.
+fn wrap(phase: f64) -> f64 {
+    phase - phase.round()
+}
