@@ -1,1 +1,31 @@
-//! stub
+//! 22 human joints to any robot's joints, inside every limit.
+//!
+//! [`Retargeter`] takes [`servodance_types::MotionFrame`]s at 20 Hz and gives
+//! joint positions every control cycle; [`RobotModel`] is the robot's tree for
+//! pictures and figures. Radians, metres, seconds; robot axes are x forward,
+//! y left, z up.
+//!
+//! Real-time promise: [`Retargeter::next`] neither allocates nor blocks. What
+//! it refuses: see [`RetargetError`]; nothing here panics on any robot
+//! description or motion. Talking to servos is the `drivers` crate's work.
+
+mod body;
+mod body_solver;
+mod config;
+mod counts;
+mod error;
+mod human;
+mod model;
+mod pelvis;
+mod retargeter;
+mod solver;
+mod stream;
+mod tracker;
+mod urdf;
+
+pub use config::{BodyLinks, Gains, Limb, RetargetConfig, Stance, Weights};
+pub use counts::Counts;
+pub use error::RetargetError;
+pub use k::nalgebra;
+pub use model::{RobotModel, Shape, Visual};
+pub use retargeter::Retargeter;

@@ -1,0 +1,285 @@
+//! The `[retarget]` table of a robot file: which link is which body part, and
+//! how the robot shall move.
+//!
+//! Everything has a default; links that are not named are guessed from the
+//! names in the URDF. Degrees appear here alone (keys end in `_deg`).
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::RetargetError;
+
+/// What the robot stands on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stance {
+    /// Both feet stay where they are; the pelvis moves over them.
+    Planted,
+    /// The root link is fixed to a stand (or a table); legs swing freely.
+    #[default]
+    Hung,
+}
+
+/// A part of the body whose movement can be scaled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Limb {
+    /// Left arm, from the shoulder on.
+    LeftArm,
+    /// Right arm, from the shoulder on.
+    RightArm,
+    /// Left leg (only when hung).
+    LeftLeg,
+    /// Right leg (only when hung).
+    RightLeg,
+    /// Neck and head.
+    Head,
+    /// Waist, and the pelvis of a planted robot.
+    Torso,
+}
+
+/// How much of the human's movement each limb shows: 1 is all of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)] // the names say it
+pub struct Gains {
+    pub left_arm: f64,
+    pub right_arm: f64,
+    pub left_leg: f64,
+    pub right_leg: f64,
+    pub head: f64,
+    pub torso: f64,
+}
+
+impl Default for Gains {
+    fn default() -> Self {
+        Self {
+            left_arm: 1.0,
+            right_arm: 1.0,
+            left_leg: 1.0,
+            right_leg: 1.0,
+            head: 1.0,
+            torso: 1.0,
+        }
+    }
+}
+
+impl Gains {
+    /// The gain of one limb.
+    pub fn of(&self, limb: Limb) -> f64 {
+        match limb {
+            Limb::LeftArm => self.left_arm,
+            Limb::RightArm => self.right_arm,
+            Limb::LeftLeg => self.left_leg,
+            Limb::RightLeg => self.right_leg,
+            Limb::Head => self.head,
+            Limb::Torso => self.torso,
+        }
+    }
+
+    /// The gain of one limb, to change.
+    pub fn of_mut(&mut self, limb: Limb) -> &mut f64 {
+        match limb {
+            Limb::LeftArm => &mut self.left_arm,
+            Limb::RightArm => &mut self.right_arm,
+            Limb::LeftLeg => &mut self.left_leg,
+            Limb::RightLeg => &mut self.right_leg,
+            Limb::Head => &mut self.head,
+            Limb::Torso => &mut self.torso,
+        }
+    }
+}
+
+/// Names of the URDF links whose frame origin is the named point of the body.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)] // the names say it
+pub struct BodyLinks {
+    pub pelvis: Option<String>,
+    pub chest: Option<String>,
+    pub head: Option<String>,
+    pub left_shoulder: Option<String>,
+    pub left_elbow: Option<String>,
+    pub left_hand: Option<String>,
+    pub right_shoulder: Option<String>,
+    pub right_elbow: Option<String>,
+    pub right_hand: Option<String>,
+    pub left_hip: Option<String>,
+    pub left_knee: Option<String>,
+    pub left_ankle: Option<String>,
+    pub left_sole: Option<String>,
+    pub right_hip: Option<String>,
+    pub right_knee: Option<String>,
+    pub right_ankle: Option<String>,
+    pub right_sole: Option<String>,
+}
+
+/// How strongly each aim pulls in the least-squares problem.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Weights {
+    /// Direction of upper arms and thighs.
+    pub upper_limb: f64,
+    /// Direction of forearms and shanks.
+    pub lower_limb: f64,
+    /// Where the hands and feet are, scaled to the robot's limb length.
+    pub tip: f64,
+    /// Orientation of chest and pelvis.
+    pub torso: f64,
+    /// Direction of the face.
+    pub head: f64,
+    /// Pull towards the rest pose.
+    pub posture: f64,
+    /// Reluctance to move at all: what decides near singular poses.
+    pub damping: f64,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self {
+            upper_limb: 1.0,
+            lower_limb: 0.8,
+            tip: 0.3,
+            torso: 1.0,
+            head: 0.6,
+            posture: 0.02,
+            damping: 0.03,
+        }
+    }
+}
+
+/// The `[retarget]` table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RetargetConfig {
+    /// What the robot stands on.
+    pub stance: Stance,
+    /// Dance as the dancer's mirror image.
+    pub mirror: bool,
+    /// Share of the movement around the rest pose, 0 to 1.
+    pub amplitude: f64,
+    /// Share of the velocity and acceleration limits that is used, above 0
+    /// and up to 1. What is left covers rounding further down.
+    pub margin: f64,
+    /// Axis of the root link that points forward: `x`, `-x`, `y`, …
+    pub forward: String,
+    /// Axis of the root link that points up.
+    pub up: String,
+    /// How far the pelvis of a planted robot sinks at rest, as a share of the
+    /// leg length: room to move up.
+    pub crouch: f64,
+    /// Length and width of a sole in metres (planted).
+    pub sole_m: [f64; 2],
+    /// Which link is which body part; guessed from names where left out.
+    pub body: BodyLinks,
+    /// Scale of each limb's movement.
+    pub gain: Gains,
+    /// Strength of each aim.
+    pub weights: Weights,
+    /// Rest positions by joint name, degrees; found by the solver where left out.
+    pub rest_deg: BTreeMap<String, f64>,
+}
+
+impl Default for RetargetConfig {
+    fn default() -> Self {
+        Self {
+            stance: Stance::Hung,
+            mirror: false,
+            amplitude: 1.0,
+            margin: 0.95,
+            forward: "x".into(),
+            up: "z".into(),
+            crouch: 0.05,
+            sole_m: [0.12, 0.07],
+            body: BodyLinks::default(),
+            gain: Gains::default(),
+            weights: Weights::default(),
+            rest_deg: BTreeMap::new(),
+        }
+    }
+}
+
+impl RetargetConfig {
+    /// Refuses values outside their range.
+    ///
+    /// # Errors
+    /// [`RetargetError::Config`] names the key, the value and the range.
+    pub fn check(&self) -> Result<(), RetargetError> {
+        in_range("amplitude", self.amplitude, 0.0, 1.0)?;
+        in_range("margin", self.margin, 0.05, 1.0)?;
+        in_range("crouch", self.crouch, 0.0, 0.4)?;
+        for (index, value) in self.sole_m.into_iter().enumerate() {
+            in_range(&format!("sole_m[{index}]"), value, 0.001, 5.0)?;
+        }
+        let gain = &self.gain;
+        for (key, value) in [
+            ("gain.left_arm", gain.left_arm),
+            ("gain.right_arm", gain.right_arm),
+            ("gain.left_leg", gain.left_leg),
+            ("gain.right_leg", gain.right_leg),
+            ("gain.head", gain.head),
+            ("gain.torso", gain.torso),
+        ] {
+            in_range(key, value, 0.0, 2.0)?;
+        }
+        let weights = &self.weights;
+        for (key, value) in [
+            ("weights.upper_limb", weights.upper_limb),
+            ("weights.lower_limb", weights.lower_limb),
+            ("weights.tip", weights.tip),
+            ("weights.torso", weights.torso),
+            ("weights.head", weights.head),
+            ("weights.posture", weights.posture),
+        ] {
+            in_range(key, value, 0.0, 100.0)?;
+        }
+        in_range("weights.damping", weights.damping, 1e-4, 10.0)?;
+        for (joint, value) in &self.rest_deg {
+            in_range(&format!("rest_deg.{joint}"), *value, -3600.0, 3600.0)?;
+        }
+        Ok(())
+    }
+}
+
+fn in_range(key: &str, value: f64, low: f64, high: f64) -> Result<(), RetargetError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(RetargetError::Config {
+        key: key.into(),
+        value: value.to_string(),
+        expected: format!("expected a number from {low} to {high}"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_table_is_enough() {
+        let config: RetargetConfig = toml::from_str("").unwrap();
+        assert_eq!(config, RetargetConfig::default());
+        assert!(config.check().is_ok());
+    }
+
+    #[test]
+    fn unknown_keys_are_refused() {
+        assert!(toml::from_str::<RetargetConfig>("stanse = 'hung'").is_err());
+        assert!(toml::from_str::<RetargetConfig>("[body]\nnose = 'x'").is_err());
+    }
+
+    #[test]
+    fn values_out_of_range_are_named() {
+        for (text, key) in [
+            ("amplitude = 1.5", "amplitude"),
+            ("margin = nan", "margin"),
+            ("[gain]\nhead = -1", "gain.head"),
+            ("[rest_deg]\nelbow = inf", "rest_deg.elbow"),
+        ] {
+            let config: RetargetConfig = toml::from_str(text).unwrap();
+            let message = config.check().unwrap_err().to_string();
+            assert!(message.contains(key), "{message}");
+        }
+    }
+}

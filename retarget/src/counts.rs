@@ -1,0 +1,29 @@
+//! What gave way, and what was refused: figures for the report.
+
+/// Counters since the start; all of them are zero in an easy run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Counts {
+    /// Calls of `next`.
+    pub cycles: u64,
+    /// Frames with a number that is not finite or absurd; left out.
+    pub unusable_frames: u64,
+    /// Frames for a time that was there already; left out.
+    pub late_frames: u64,
+    /// Missing frames that were bridged by a straight line.
+    pub bridged_frames: u64,
+    /// Jumps of a body point that no dancer can make; approached smoothly.
+    pub teleports: u64,
+    /// Holes too long to bridge; the motion started anew after them.
+    pub restarts: u64,
+    /// Cycles later than the newest frame; the last pose was held.
+    pub starved_cycles: u64,
+    /// Cycles in which a limit held at least one joint behind its target.
+    pub limited_cycles: u64,
+    /// Joint cycles in which the jerk limit gave way to another limit.
+    pub jerk_exceeded: u64,
+    /// Cycles with a planted foot farther than 2 mm from its place.
+    pub feet_moved_cycles: u64,
+    /// Cycles with the centre of mass outside the support polygon.
+    pub unbalanced_cycles: u64,
+}

@@ -1,0 +1,299 @@
+//! What the dancer does, said so that a robot can do it.
+//!
+//! From 22 points to directions of limbs, orientation of chest and pelvis, the
+//! way of the face, and the pelvis over the supporting foot in leg lengths.
+//! Vectors are in the robot's world: x forward, y left, z up. Turning on the
+//! spot is taken out: slowly for a robot that stands (it shows the quick part),
+//! at once for one that is held.
+
+use k::nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use servodance_types::BodyJoint::{self, *};
+
+use crate::stream::Points;
+
+/// Heading is followed with this time constant; quicker turns are shown.
+const HEADING_S: f64 = 1.2;
+/// Time constant of what counts as the dancer's usual posture.
+const USUAL_S: f64 = 4.0;
+/// A foot this much higher than the other one carries 1/e as much.
+const LIFT_M: f64 = 0.05;
+/// Largest turn and leans asked of a chest, radians.
+const MOST_TURN: f64 = 0.5;
+const MOST_LEAN: f64 = 0.45;
+/// Largest nod and turn of the head, radians.
+const MOST_NOD: f64 = 0.7;
+const MOST_LOOK: f64 = 1.0;
+/// Hip height over the supporting ankle of an upright dancer, leg lengths.
+const UPRIGHT: f64 = 0.98;
+
+/// What is asked of the robot in one cycle. Pairs are `[left, right]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Aim {
+    pub upper_arm: [Vector3<f64>; 2],
+    pub forearm: [Vector3<f64>; 2],
+    pub thigh: [Vector3<f64>; 2],
+    pub shank: [Vector3<f64>; 2],
+    pub face: Vector3<f64>,
+    /// Orientation against the upright rest orientation.
+    pub chest: UnitQuaternion<f64>,
+    pub pelvis: UnitQuaternion<f64>,
+    /// Pelvis over the supporting foot against usual (x, y) and upright (z),
+    /// in leg lengths.
+    pub sway: Vector3<f64>,
+}
+
+impl Aim {
+    /// Upright, arms down and a little out.
+    pub fn standing() -> Self {
+        let down = -Vector3::z();
+        let arm = |out: f64| Vector3::new(0.02, out, -1.0).normalize();
+        Self {
+            upper_arm: [arm(0.25), arm(-0.25)],
+            forearm: [arm(0.15), arm(-0.15)],
+            thigh: [down; 2],
+            shank: [down; 2],
+            face: Vector3::x(),
+            chest: UnitQuaternion::identity(),
+            pelvis: UnitQuaternion::identity(),
+            sway: Vector3::zeros(),
+        }
+    }
+}
+
+/// How headings are taken out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Heading {
+    /// The robot stands and can turn a little: show quick turns.
+    Slow,
+    /// The pelvis is fixed, the chest can turn against it.
+    Pelvis,
+    /// The chest is fixed.
+    Chest,
+}
+
+/// Reads aims from body points; remembers the dancer's usual posture.
+pub(crate) struct Reader {
+    heading: Heading,
+    dt_s: f64,
+    started: bool,
+    slow_yaw: f64,
+    usual_sway: [f64; 2],
+    usual_nod: [f64; 2],
+    last: Aim,
+}
+
+impl Reader {
+    pub fn new(heading: Heading, dt_s: f64) -> Self {
+        Self {
+            heading,
+            dt_s,
+            started: false,
+            slow_yaw: 0.0,
+            usual_sway: [0.0; 2],
+            usual_nod: [0.0; 2],
+            last: Aim::standing(),
+        }
+    }
+
+    /// The aim for one cycle. Directions that the points do not give (two
+    /// points at one place) stay as they were.
+    pub fn read(&mut self, points: &Points) -> Aim {
+        let at = |joint: BodyJoint| points[joint as usize];
+        let chest_yaw = yaw_of(at(LeftShoulder) - at(RightShoulder));
+        let pelvis_yaw = yaw_of(at(LeftHip) - at(RightHip));
+        if !self.started {
+            self.slow_yaw = pelvis_yaw;
+        }
+        self.slow_yaw +=
+            wrap(mean_angle(chest_yaw, pelvis_yaw) - self.slow_yaw) * self.share(HEADING_S);
+        let (chest_turn, pelvis_turn) = self.turns(chest_yaw, pelvis_yaw);
+
+        // Arms and head turn with the chest, legs with the pelvis.
+        let with_chest = turn(chest_turn - chest_yaw);
+        let with_pelvis = turn(pelvis_turn - pelvis_yaw);
+        let last = self.last;
+        let limb = |turned: &Rotation3<f64>, from, to, before| {
+            direction(turned * (at(to) - at(from)), before)
+        };
+        let torso = direction(turn(-chest_yaw) * (at(Neck) - at(Pelvis)), Vector3::z());
+        let lean = [
+            soft_limit(torso.x.atan2(torso.z.max(0.05)), MOST_LEAN),
+            soft_limit(torso.y.atan2(torso.z.max(0.05)), MOST_LEAN),
+        ];
+        let aim = Aim {
+            upper_arm: [
+                limb(&with_chest, LeftShoulder, LeftElbow, last.upper_arm[0]),
+                limb(&with_chest, RightShoulder, RightElbow, last.upper_arm[1]),
+            ],
+            forearm: [
+                limb(&with_chest, LeftElbow, LeftWrist, last.forearm[0]),
+                limb(&with_chest, RightElbow, RightWrist, last.forearm[1]),
+            ],
+            thigh: [
+                limb(&with_pelvis, LeftHip, LeftKnee, last.thigh[0]),
+                limb(&with_pelvis, RightHip, RightKnee, last.thigh[1]),
+            ],
+            shank: [
+                limb(&with_pelvis, LeftKnee, LeftAnkle, last.shank[0]),
+                limb(&with_pelvis, RightKnee, RightAnkle, last.shank[1]),
+            ],
+            face: self.face(points, chest_yaw, chest_turn),
+            chest: leaning(chest_turn, lean),
+            pelvis: leaning(pelvis_turn, lean.map(|angle| angle * 0.5)),
+            sway: self.sway(points, last.sway),
+        };
+        self.started = true;
+        self.last = aim;
+        aim
+    }
+
+    /// Turns of chest and pelvis that the robot shall show.
+    fn turns(&self, chest_yaw: f64, pelvis_yaw: f64) -> (f64, f64) {
+        let twist = soft_limit(wrap(chest_yaw - pelvis_yaw), MOST_TURN);
+        match self.heading {
+            Heading::Slow => {
+                let quick = soft_turn(pelvis_yaw - self.slow_yaw);
+                (soft_limit(quick + twist, MOST_TURN), quick)
+            }
+            Heading::Pelvis => (twist, 0.0),
+            Heading::Chest => (0.0, 0.0),
+        }
+    }
+
+    /// Where the face points: nods against the usual nod; turns and sideways
+    /// tilts of the head show as turns.
+    fn face(&mut self, points: &Points, chest_yaw: f64, chest_turn: f64) -> Vector3<f64> {
+        let neck_to_head = points[Head as usize] - points[Neck as usize];
+        let up = direction(turn(-chest_yaw) * neck_to_head, Vector3::z());
+        let tilt = [up.x, up.y].map(|side| side.atan2(up.z.max(0.1)));
+        if !self.started {
+            self.usual_nod = tilt;
+        }
+        let share = self.share(USUAL_S);
+        for (usual, now) in self.usual_nod.iter_mut().zip(tilt) {
+            *usual += (now - *usual) * share;
+        }
+        let nod = soft_limit(tilt[0] - self.usual_nod[0], MOST_NOD);
+        let ahead = 0.6 * soft_turn(chest_yaw - self.slow_yaw);
+        let look = soft_limit(ahead + tilt[1] - self.usual_nod[1], MOST_LOOK);
+        turn(chest_turn + look) * Vector3::new(nod.cos(), 0.0, -nod.sin())
+    }
+
+    /// The pelvis over the foot that carries, in leg lengths.
+    fn sway(&mut self, points: &Points, before: Vector3<f64>) -> Vector3<f64> {
+        let at = |joint: BodyJoint| points[joint as usize];
+        let length = |hip, knee, ankle| (at(hip) - at(knee)).norm() + (at(knee) - at(ankle)).norm();
+        let leg = f64::midpoint(
+            length(LeftHip, LeftKnee, LeftAnkle),
+            length(RightHip, RightKnee, RightAnkle),
+        );
+        if leg < 0.05 {
+            return before;
+        }
+        let (left, right) = (at(LeftAnkle), at(RightAnkle));
+        // Share of the weight on the left foot: a logistic of the height.
+        let on_left = 1.0 / (1.0 + ((left.z - right.z) / LIFT_M).clamp(-50.0, 50.0).exp());
+        let support = left * on_left + right * (1.0 - on_left);
+        let hips = (at(LeftHip) + at(RightHip)) * 0.5;
+        let offset = turn(-self.slow_yaw) * (hips - support) / leg;
+        if !self.started {
+            self.usual_sway = [offset.x, offset.y];
+        }
+        let share = self.share(USUAL_S);
+        self.usual_sway[0] += (offset.x - self.usual_sway[0]) * share;
+        self.usual_sway[1] += (offset.y - self.usual_sway[1]) * share;
+        Vector3::new(
+            offset.x - self.usual_sway[0],
+            offset.y - self.usual_sway[1],
+            offset.z - UPRIGHT,
+        )
+    }
+
+    fn share(&self, time_constant_s: f64) -> f64 {
+        self.dt_s / (self.dt_s + time_constant_s)
+    }
+}
+
+/// The body seen in a mirror: left and right exchanged.
+pub(crate) fn mirrored(points: &Points) -> Points {
+    let mut out = *points;
+    for joint in BodyJoint::ALL {
+        let point = points[MIRROR[joint as usize]];
+        out[joint as usize] = Vector3::new(point.x, -point.y, point.z);
+    }
+    out
+}
+
+/// Index of each joint's mirror partner (`BodyJoint::mirrored` allocates).
+const MIRROR: [usize; 22] = [
+    0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20,
+];
+
+fn turn(angle: f64) -> Rotation3<f64> {
+    Rotation3::from_axis_angle(&Vector3::z_axis(), angle)
+}
+
+/// Heading of a body whose left side is this way.
+fn yaw_of(left: Vector3<f64>) -> f64 {
+    if left.x == 0.0 && left.y == 0.0 {
+        return 0.0;
+    }
+    (-left.x).atan2(left.y)
+}
+
+pub(crate) fn wrap(angle: f64) -> f64 {
+    let turns = angle / std::f64::consts::TAU;
+    (turns - turns.round()) * std::f64::consts::TAU
+}
+
+fn mean_angle(a: f64, b: f64) -> f64 {
+    a + 0.5 * wrap(b - a)
+}
+
+/// Follows small values, never passes `most`.
+pub(crate) fn soft_limit(value: f64, most: f64) -> f64 {
+    most * (value / most).tanh()
+}
+
+/// A turn, softly limited; comes back to zero at half a turn, where left and
+/// right meet, so that a spin does not make it jump.
+fn soft_turn(angle: f64) -> f64 {
+    soft_limit(wrap(angle).sin(), MOST_TURN)
+}
+
+fn direction(vector: Vector3<f64>, otherwise: Vector3<f64>) -> Vector3<f64> {
+    vector.try_normalize(1e-6).unwrap_or(otherwise)
+}
+
+/// Turned by `yaw` and leaning forward and to the left by `lean`.
+fn leaning(yaw: f64, lean: [f64; 2]) -> UnitQuaternion<f64> {
+    let up = Vector3::new(lean[0].tan(), lean[1].tan(), 1.0);
+    let lean = UnitQuaternion::rotation_between(&Vector3::z(), &up)
+        .unwrap_or_else(UnitQuaternion::identity);
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * lean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mirror_table_agrees_with_the_body() {
+        for joint in BodyJoint::ALL {
+            assert_eq!(MIRROR[joint as usize], joint.mirrored() as usize);
+        }
+    }
+
+    #[test]
+    fn heading_is_zero_when_left_is_left() {
+        assert_eq!(yaw_of(Vector3::y()), 0.0);
+        assert!((yaw_of(-Vector3::x()) - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn one_point_for_all_joints_gives_finite_aims() {
+        let mut reader = Reader::new(Heading::Slow, 0.01);
+        let aim = reader.read(&[Vector3::zeros(); 22]);
+        assert!(aim.upper_arm[0].norm() > 0.99 && aim.sway.norm() == 0.0);
+    }
+}

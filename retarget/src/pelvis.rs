@@ -1,0 +1,92 @@
+//! Where the pelvis of a planted robot goes.
+//!
+//! The human's bob, sway, lean and turn, scaled to the robot's legs, softly
+//! kept in reach, and followed inside rates that the legs can keep: were the
+//! legs to lag behind, the feet would drag.
+
+use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use servodance_types::JointLimits;
+
+use crate::human::{Aim, soft_limit};
+use crate::tracker::Tracker;
+
+/// Sway that is shown in full, as a share of the leg length: x, y.
+const MOST_SWAY: [f64; 2] = [0.10, 0.14];
+/// Deepest squat and highest rise against rest, leg lengths.
+const DEEPEST: f64 = 0.28;
+const HIGHEST: f64 = 0.035;
+/// Largest lean and turn of the pelvis, radians.
+const MOST_TURN: f64 = 0.30;
+/// Rates that the legs can keep: leg lengths a second, and so on.
+const SWAY_RATE: f64 = 2.0;
+const SWAY_ACCELERATION: f64 = 6.0;
+const TURN_RATE: f64 = 2.0;
+const TURN_ACCELERATION: f64 = 10.0;
+
+/// The pelvis target and its own limits.
+pub(crate) struct Pelvis {
+    rest: Isometry3<f64>,
+    leg_m: f64,
+    /// x, y, z in leg lengths, then the turn as a scaled axis.
+    trackers: [Tracker; 6],
+}
+
+impl Pelvis {
+    /// Standing still at `rest`, the root link's pose.
+    pub fn new(rest: Isometry3<f64>, leg_m: f64, dt_s: f64) -> Self {
+        let tracker = |lower: f64, upper: f64, velocity: f64, acceleration: f64| {
+            let limits = JointLimits {
+                lower_rad: lower,
+                upper_rad: upper,
+                velocity_rad_s: velocity,
+                acceleration_rad_s2: acceleration,
+            };
+            Tracker::new(limits, acceleration / 0.03, dt_s, 0.0)
+        };
+        let turn = || tracker(-MOST_TURN, MOST_TURN, TURN_RATE, TURN_ACCELERATION);
+        let sway = |most: f64| tracker(-most, most, SWAY_RATE, SWAY_ACCELERATION);
+        Self {
+            rest,
+            leg_m,
+            trackers: [
+                sway(MOST_SWAY[0]),
+                sway(MOST_SWAY[1]),
+                tracker(-DEEPEST, HIGHEST, SWAY_RATE, SWAY_ACCELERATION),
+                turn(),
+                turn(),
+                turn(),
+            ],
+        }
+    }
+
+    /// The root link's pose for one cycle; `gain` scales all movement.
+    pub fn step(&mut self, aim: &Aim, gain: f64) -> Isometry3<f64> {
+        let turn = aim.chest.scaled_axis() * gain;
+        let wanted = [
+            soft_limit(aim.sway.x * gain, MOST_SWAY[0]),
+            soft_limit(aim.sway.y * gain, MOST_SWAY[1]),
+            soft_between(aim.sway.z * gain, -DEEPEST, HIGHEST),
+            soft_limit(turn.x, MOST_TURN),
+            soft_limit(turn.y, MOST_TURN),
+            soft_limit(turn.z, MOST_TURN),
+        ];
+        for (tracker, wanted) in self.trackers.iter_mut().zip(wanted) {
+            tracker.step(wanted);
+        }
+        let [x, y, z, roll, pitch, yaw] = &self.trackers;
+        let shift = Vector3::new(x.position(), y.position(), z.position()) * self.leg_m;
+        let turn = Vector3::new(roll.position(), pitch.position(), yaw.position());
+        Isometry3::from_parts(
+            Translation3::from(self.rest.translation.vector + shift),
+            UnitQuaternion::from_scaled_axis(turn) * self.rest.rotation,
+        )
+    }
+}
+
+/// Follows small values, stays between `low < 0` and `high > 0`.
+fn soft_between(value: f64, low: f64, high: f64) -> f64 {
+    match value < 0.0 {
+        true => soft_limit(value, -low),
+        false => soft_limit(value, high),
+    }
+}

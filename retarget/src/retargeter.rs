@@ -1,0 +1,487 @@
+//! From human frames to joint targets: the whole way, one control cycle at a time.
+//!
+//! `next` does not allocate, does not block and takes bounded time. Whatever
+//! comes in, what goes out holds the joint limits: see `tracker`.
+
+use std::collections::BTreeMap;
+
+use k::nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
+
+use crate::body::BodyMap;
+use crate::body_solver::{BodySolver, Feet, Question};
+use crate::config::{Limb, RetargetConfig, Stance};
+use crate::error::choices;
+use crate::human::{self, Aim, Heading, Reader};
+use crate::pelvis::Pelvis;
+use crate::stream::{LOOKAHEAD_FRAMES, MotionStream};
+use crate::tracker::Tracker;
+use crate::{Counts, RetargetError, RobotModel};
+
+/// Gauss-Newton steps a control cycle; the solution is warm.
+const STEPS: usize = 2;
+/// Gauss-Newton steps to find the rest pose from nothing.
+const REST_STEPS: usize = 200;
+/// Time to full acceleration, seconds: sets the jerk limit.
+const ACCELERATION_RISE_S: f64 = 0.02;
+/// A planted foot farther away has moved, metres.
+const FOOT_MOVED_M: f64 = 0.002;
+
+/// Turns human motion into joint targets for one robot.
+pub struct Retargeter {
+    model: RobotModel,
+    map: BodyMap,
+    limits: Vec<JointLimits>,
+    limbs: Vec<Limb>,
+    rest: Vec<f64>,
+    gains: crate::Gains,
+    amplitude: f64,
+    mirror: bool,
+    dt_s: f64,
+    stream: MotionStream,
+    reader: Reader,
+    solver: BodySolver,
+    standing: Option<Standing>,
+    trackers: Vec<Tracker>,
+    reach: Vec<f64>,
+    output: Vec<f64>,
+    poses: Vec<Isometry3<f64>>,
+    held_root: Isometry3<f64>,
+    counts: Counts,
+}
+
+/// What only a robot on its feet has.
+struct Standing {
+    feet: Feet,
+    pelvis: Pelvis,
+}
+
+impl Retargeter {
+    /// Prepares the robot of a URDF text whose actuated joints are `joints`, in
+    /// the order of all position slices.
+    ///
+    /// # Errors
+    /// Names the joint, link or key that is wrong, and lists the choices.
+    pub fn new(
+        urdf_xml: &str,
+        config: &RetargetConfig,
+        joints: &[(String, JointLimits)],
+        control_hz: f64,
+    ) -> Result<Self, RetargetError> {
+        config.check()?;
+        if !(1.0..=10_000.0).contains(&control_hz) {
+            return Err(RetargetError::Config {
+                key: "control_hz".into(),
+                value: control_hz.to_string(),
+                expected: "expected 1 to 10000".into(),
+            });
+        }
+        let names: Vec<&str> = joints.iter().map(|(name, _)| name.as_str()).collect();
+        let model = RobotModel::new(urdf_xml, &names)?;
+        let limits = usable_limits(joints, config.margin)?;
+        let map = BodyMap::new(&model, config)?;
+        let upright = upright_rotation(config)?;
+        let dt_s = 1.0 / control_hz;
+
+        let floating = config.stance == Stance::Planted;
+        let solver = BodySolver::new(
+            &model,
+            map,
+            config.weights,
+            limits.clone(),
+            upright,
+            floating,
+        );
+        let waist = !model.levers[map.chest].is_empty();
+        let heading = match (config.stance, waist) {
+            (Stance::Planted, _) => Heading::Slow,
+            (Stance::Hung, true) => Heading::Pelvis,
+            (Stance::Hung, false) => Heading::Chest,
+        };
+        let mut retargeter = Self {
+            limbs: map.limbs(&model),
+            rest: solver.positions.clone(),
+            gains: config.gain,
+            amplitude: config.amplitude,
+            mirror: config.mirror,
+            dt_s,
+            stream: MotionStream::new(),
+            reader: Reader::new(heading, dt_s),
+            standing: None,
+            trackers: Vec::new(),
+            reach: limits.iter().map(|l| l.velocity_rad_s * dt_s).collect(),
+            output: vec![0.0; limits.len()],
+            poses: vec![Isometry3::identity(); model.links.len()],
+            held_root: Isometry3::from_parts(Translation3::identity(), upright),
+            counts: Counts::default(),
+            model,
+            map,
+            limits,
+            solver,
+        };
+        retargeter.find_rest(config)?;
+        let rest = retargeter.rest.clone();
+        retargeter.start_at(&rest);
+        Ok(retargeter)
+    }
+
+    /// The robot's tree and shapes.
+    pub fn model(&self) -> &RobotModel {
+        &self.model
+    }
+
+    /// The natural pose, arms down: radians. The first output, if not seeded.
+    pub fn rest(&self) -> &[f64] {
+        &self.rest
+    }
+
+    /// Starts, standing still, from where the robot really is.
+    ///
+    /// # Errors
+    /// A wrong number of positions, or one that is not finite (joint named).
+    pub fn seed(&mut self, present_rad: &[f64]) -> Result<(), RetargetError> {
+        self.check_length(present_rad.len())?;
+        if let Some(index) = present_rad.iter().position(|p| !p.is_finite()) {
+            return Err(RetargetError::NotFinite {
+                joint: self.model.joint_names()[index].clone(),
+            });
+        }
+        self.start_at(present_rad);
+        Ok(())
+    }
+
+    /// Takes in the next human frame. Frames that cannot be used are counted.
+    pub fn push(&mut self, frame: &MotionFrame) {
+        self.stream.push(frame, &mut self.counts);
+    }
+
+    /// How far beyond the asked time frames must have been pushed, seconds.
+    pub fn lookahead_s(&self) -> f64 {
+        LOOKAHEAD_FRAMES as f64 / FRAME_RATE_HZ
+    }
+
+    /// How long after a human pose's time the output shows it, seconds, while
+    /// no limit holds it back.
+    pub fn latency_s(&self) -> f64 {
+        0.0
+    }
+
+    /// What gave way and what was refused so far.
+    pub fn counts(&self) -> &Counts {
+        &self.counts
+    }
+
+    /// Sets the share of the movement around the rest pose, 0 to 1.
+    pub fn set_amplitude(&mut self, amplitude: f64) {
+        if amplitude.is_finite() {
+            self.amplitude = amplitude.clamp(0.0, 1.0);
+        }
+    }
+
+    /// Dances as the mirror image, or not.
+    pub fn set_mirror(&mut self, mirror: bool) {
+        self.mirror = mirror;
+    }
+
+    /// Scales the movement of one limb, 0 to 2.
+    pub fn set_gain(&mut self, limb: Limb, gain: f64) {
+        if gain.is_finite() {
+            *self.gains.of_mut(limb) = gain.clamp(0.0, 2.0);
+        }
+    }
+
+    /// Writes the joint positions for human time `time_s`: radians, inside the
+    /// limits of every joint. Call once a control cycle. Before the first frame
+    /// the rest pose is taken up; after the last one the pose is held.
+    ///
+    /// # Errors
+    /// Only if `out_rad` has not one place a joint.
+    pub fn next(&mut self, time_s: f64, out_rad: &mut [f64]) -> Result<(), RetargetError> {
+        self.check_length(out_rad.len())?;
+        self.counts.cycles += 1;
+        let aim = match self.stream.at(time_s, &mut self.counts) {
+            Some(points) if self.mirror => self.reader.read(&human::mirrored(&points)),
+            Some(points) => self.reader.read(&points),
+            None => Aim::standing(),
+        };
+        self.solve(&aim);
+        self.track();
+        self.judge();
+        out_rad.copy_from_slice(&self.output);
+        Ok(())
+    }
+
+    fn solve(&mut self, aim: &Aim) {
+        let torso = self.amplitude * self.gains.torso;
+        let root = self
+            .standing
+            .as_mut()
+            .map(|standing| standing.pelvis.step(aim, torso));
+        let standing = match (&root, &self.standing) {
+            (Some(root), Some(standing)) => Some((root, &standing.feet)),
+            _ => None,
+        };
+        self.solver.solve(
+            &self.model,
+            &Question {
+                aim,
+                standing,
+                rest: &self.rest,
+                steps: STEPS,
+                reach: &self.reach,
+            },
+        );
+    }
+
+    /// Scales the solution around rest and lets each joint follow it.
+    fn track(&mut self) {
+        let planted = self.standing.is_some();
+        let mut limited = false;
+        for (joint, tracker) in self.trackers.iter_mut().enumerate() {
+            let limb = self.limbs[joint];
+            let scale = match limb {
+                Limb::LeftLeg | Limb::RightLeg if planted => 1.0,
+                limb => self.amplitude * self.gains.of(limb),
+            };
+            let rest = self.rest[joint];
+            let target = rest + scale * (self.solver.positions[joint] - rest);
+            let step = tracker.step(target);
+            limited |= step.limited;
+            self.counts.jerk_exceeded += u64::from(step.jerk_exceeded);
+            self.output[joint] = tracker.position();
+        }
+        self.counts.limited_cycles += u64::from(limited);
+    }
+
+    /// Counts what the output does to feet and balance.
+    fn judge(&mut self) {
+        let Some(standing) = &self.standing else {
+            return;
+        };
+        let root = self.world_from_root(&self.output);
+        self.model.place(&root, &self.output, &mut self.poses);
+        let moved = (0..2).any(|side| {
+            let Some(sole) = self.map.legs[side].sole else {
+                return false;
+            };
+            let place = self.poses[sole].translation.vector;
+            (place - standing.feet[side].translation.vector).norm() > FOOT_MOVED_M
+        });
+        self.counts.feet_moved_cycles += u64::from(moved);
+    }
+
+    /// Where the root link is, in a world with its floor at z = 0 (planted) or
+    /// its origin in the root link (hung), while the joints are at `positions`.
+    pub fn world_from_root(&self, positions: &[f64]) -> Isometry3<f64> {
+        let Some(standing) = &self.standing else {
+            return self.held_root;
+        };
+        let mut roots = [self.held_root; 2];
+        for (side, root) in roots.iter_mut().enumerate() {
+            if let Some(sole) = self.map.legs[side].sole {
+                let root_from_sole = self.link_pose(sole, positions);
+                *root = standing.feet[side] * root_from_sole.inverse();
+            }
+        }
+        let [left, right] = roots;
+        Isometry3::from_parts(
+            Translation3::from((left.translation.vector + right.translation.vector) * 0.5),
+            left.rotation.nlerp(&right.rotation, 0.5),
+        )
+    }
+
+    fn link_pose(&self, link: usize, positions: &[f64]) -> Isometry3<f64> {
+        self.model.link_pose(link, positions)
+    }
+
+    fn check_length(&self, actual: usize) -> Result<(), RetargetError> {
+        let expected = self.limits.len();
+        match actual == expected {
+            true => Ok(()),
+            false => Err(RetargetError::Length { expected, actual }),
+        }
+    }
+
+    fn start_at(&mut self, positions: &[f64]) {
+        let (dt_s, limits) = (self.dt_s, &self.limits);
+        self.trackers = positions
+            .iter()
+            .zip(limits)
+            .map(|(&position, &limits)| {
+                let jerk = limits.acceleration_rad_s2 / ACCELERATION_RISE_S;
+                Tracker::new(limits, jerk, dt_s, position)
+            })
+            .collect();
+        for (joint, &position) in positions.iter().enumerate() {
+            self.solver.positions[joint] = self.limits[joint].clamp_rad(position);
+        }
+        self.output.copy_from_slice(positions);
+    }
+
+    /// The rest pose: the solver's answer to an upright dancer, arms down, with
+    /// the configured joints put where the configuration says.
+    fn find_rest(&mut self, config: &RetargetConfig) -> Result<(), RetargetError> {
+        let fixed = rest_overrides(&self.model, &self.limits, &config.rest_deg)?;
+        let far = vec![f64::INFINITY; self.limits.len()];
+        let aim = Aim::standing();
+        let zero: Vec<f64> = self.solver.positions.clone();
+        let hold = |positions: &mut [f64]| {
+            for &(joint, position) in &fixed {
+                positions[joint] = position;
+            }
+        };
+        if config.stance == Stance::Planted {
+            let hips_known = self.map.legs.iter().all(|leg| leg.sole.is_some());
+            let length = self.solver.leg_length();
+            if !hips_known || length < 1e-3 {
+                return Err(RetargetError::Config {
+                    key: "stance".into(),
+                    value: "planted".into(),
+                    expected: format!(
+                        "a planted robot needs hip, knee, ankle and sole of both legs in \
+                         [retarget.body]; found left {:?}, right {:?}; or use stance = \"hung\"",
+                        self.leg_names(0),
+                        self.leg_names(1)
+                    ),
+                });
+            }
+            self.stand(config, length, &zero, &far);
+        } else {
+            self.solver.solve(
+                &self.model,
+                &Question {
+                    aim: &aim,
+                    standing: None,
+                    rest: &zero,
+                    steps: REST_STEPS,
+                    reach: &far,
+                },
+            );
+        }
+        hold(&mut self.solver.positions);
+        self.rest.clone_from(&self.solver.positions);
+        Ok(())
+    }
+
+    fn leg_names(&self, side: usize) -> Vec<&str> {
+        let leg = self.map.legs[side];
+        [leg.hip, leg.knee, leg.ankle, leg.sole]
+            .into_iter()
+            .flatten()
+            .map(|link| self.model.link_names()[link].as_str())
+            .collect()
+    }
+
+    /// Puts the robot on its feet, sunk a little, its weight between them.
+    fn stand(&mut self, config: &RetargetConfig, leg_m: f64, zero: &[f64], far: &[f64]) {
+        let aim = Aim::standing();
+        self.solver.base = self.held_root;
+        let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
+        let poses = self.solver.poses(&self.model);
+        let floor = soles
+            .iter()
+            .map(|&sole| poses[sole].translation.z)
+            .fold(f64::INFINITY, f64::min);
+        let mut feet = soles.map(|sole| poses[sole]);
+        for foot in &mut feet {
+            foot.translation.z = 0.0;
+        }
+        let middle = (feet[0].translation.vector + feet[1].translation.vector) * 0.5;
+        let mut root = self.held_root;
+        root.translation.z -= floor + config.crouch * leg_m;
+        for _ in 0..20 {
+            self.solver.solve(
+                &self.model,
+                &Question {
+                    aim: &aim,
+                    standing: Some((&root, &feet)),
+                    rest: zero,
+                    steps: REST_STEPS / 10,
+                    reach: far,
+                },
+            );
+            let poses = self.solver.poses(&self.model);
+            let com = self.model.centre_of_mass(poses);
+            root.translation.x -= 0.7 * (com.x - middle.x);
+            root.translation.y -= 0.7 * (com.y - middle.y);
+        }
+        let pelvis = Pelvis::new(root, leg_m, self.dt_s);
+        self.standing = Some(Standing { feet, pelvis });
+    }
+}
+
+/// The limits as used: rates lowered to `margin`.
+fn usable_limits(
+    joints: &[(String, JointLimits)],
+    margin: f64,
+) -> Result<Vec<JointLimits>, RetargetError> {
+    joints
+        .iter()
+        .map(|(name, limits)| {
+            let checked = limits.checked().map_err(|reason| RetargetError::Joint {
+                joint: name.clone(),
+                reason,
+            })?;
+            Ok(JointLimits {
+                velocity_rad_s: checked.velocity_rad_s * margin,
+                acceleration_rad_s2: checked.acceleration_rad_s2 * margin,
+                ..checked
+            })
+        })
+        .collect()
+}
+
+/// Joint indices and positions of `[retarget.rest_deg]`, inside the limits.
+fn rest_overrides(
+    model: &RobotModel,
+    limits: &[JointLimits],
+    rest_deg: &BTreeMap<String, f64>,
+) -> Result<Vec<(usize, f64)>, RetargetError> {
+    rest_deg
+        .iter()
+        .map(|(name, degrees)| {
+            let names = model.joint_names();
+            let index = names.iter().position(|other| other == name);
+            let Some(index) = index else {
+                return Err(RetargetError::NoSuchJoint {
+                    name: name.clone(),
+                    choices: choices(names.iter().map(String::as_str)),
+                });
+            };
+            Ok((index, limits[index].clamp_rad(degrees.to_radians())))
+        })
+        .collect()
+}
+
+/// Rotation that brings the configured forward axis to x and the up axis to z.
+fn upright_rotation(config: &RetargetConfig) -> Result<UnitQuaternion<f64>, RetargetError> {
+    let forward = axis("forward", &config.forward)?;
+    let up = axis("up", &config.up)?;
+    if forward.dot(&up) != 0.0 {
+        return Err(RetargetError::Config {
+            key: "up".into(),
+            value: config.up.clone(),
+            expected: format!("expected an axis other than forward = {}", config.forward),
+        });
+    }
+    let rows = Matrix3::from_columns(&[forward, up.cross(&forward), up]).transpose();
+    Ok(UnitQuaternion::from_rotation_matrix(
+        &Rotation3::from_matrix_unchecked(rows),
+    ))
+}
+
+fn axis(key: &str, name: &str) -> Result<Vector3<f64>, RetargetError> {
+    match name.trim_start_matches('+') {
+        "x" => Ok(Vector3::x()),
+        "y" => Ok(Vector3::y()),
+        "z" => Ok(Vector3::z()),
+        "-x" => Ok(-Vector3::x()),
+        "-y" => Ok(-Vector3::y()),
+        "-z" => Ok(-Vector3::z()),
+        _ => Err(RetargetError::Config {
+            key: key.into(),
+            value: name.into(),
+            expected: "expected one of x, y, z, -x, -y, -z".into(),
+        }),
+    }
+}

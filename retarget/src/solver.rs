@@ -1,0 +1,206 @@
+//! Box-constrained damped least squares, small and dense.
+//!
+//! Rows are gathered straight into the normal equations `H x = -g`: a row
+//! touches only the columns of its own limb, which is most of the speed. The
+//! step minimises `x'Hx/2 + g'x` inside a box by an active-set method: solve,
+//! hold what left the box at its bound, solve again for the rest. Nothing
+//! allocates after [`Solver::new`].
+
+use k::nalgebra::Vector3;
+
+/// Rounds of the active set; what is still outside then is clamped.
+const MOST_ROUNDS: usize = 8;
+
+/// One aim's dependence on one column: a derivative of three residual rows.
+pub(crate) type Column = (usize, Vector3<f64>);
+
+pub(crate) struct Solver {
+    size: usize,
+    /// Row-major, lower triangle only.
+    h: Vec<f64>,
+    g: Vec<f64>,
+    factor: Vec<f64>,
+    free: Vec<usize>,
+    held: Vec<bool>,
+    step: Vec<f64>,
+    right: Vec<f64>,
+}
+
+impl Solver {
+    pub fn new(size: usize) -> Self {
+        Self {
+            size,
+            h: vec![0.0; size * size],
+            g: vec![0.0; size],
+            factor: vec![0.0; size * size],
+            free: Vec::with_capacity(size),
+            held: vec![false; size],
+            step: vec![0.0; size],
+            right: vec![0.0; size],
+        }
+    }
+
+    pub fn clear(&mut self) {
+        self.h.fill(0.0);
+        self.g.fill(0.0);
+    }
+
+    /// Adds `weight^2 / 2 * |residual + columns * x|^2`.
+    pub fn add(&mut self, weight: f64, residual: &Vector3<f64>, columns: &[Column]) {
+        let square = weight * weight;
+        for (index, (i, a)) in columns.iter().enumerate() {
+            self.g[*i] += square * a.dot(residual);
+            for (j, b) in &columns[..=index] {
+                let (row, column) = if i >= j { (*i, *j) } else { (*j, *i) };
+                let both = square * a.dot(b);
+                // Off the diagonal of one column met twice counts twice.
+                let twice = i == j && !std::ptr::eq(a, b);
+                self.h[row * self.size + column] += if twice { 2.0 * both } else { both };
+            }
+        }
+    }
+
+    /// Adds `weight^2 / 2 * (residual + x[column])^2`.
+    pub fn add_single(&mut self, weight: f64, residual: f64, column: usize) {
+        let square = weight * weight;
+        self.h[column * self.size + column] += square;
+        self.g[column] += square * residual;
+    }
+
+    /// The step inside `low..=high` (each at most 0 and at least 0).
+    pub fn solve(&mut self, low: &[f64], high: &[f64]) -> &[f64] {
+        self.held.fill(false);
+        self.step.fill(0.0);
+        for _ in 0..MOST_ROUNDS {
+            self.solve_free();
+            let mut left_box = false;
+            for index in 0..self.size {
+                let inside = self.step[index].clamp(low[index], high[index]);
+                if !self.held[index] && inside != self.step[index] {
+                    self.held[index] = true;
+                    left_box = true;
+                }
+                self.step[index] = inside;
+            }
+            if !left_box {
+                break;
+            }
+        }
+        &self.step
+    }
+
+    /// Solves for the free columns, the held ones staying at `step`.
+    fn solve_free(&mut self) {
+        let n = self.size;
+        self.free.clear();
+        self.free.extend((0..n).filter(|&i| !self.held[i]));
+        for (a, &i) in self.free.iter().enumerate() {
+            let mut value = -self.g[i];
+            for j in (0..n).filter(|&j| self.held[j]) {
+                let (row, column) = if i >= j { (i, j) } else { (j, i) };
+                value -= self.h[row * n + column] * self.step[j];
+            }
+            self.right[a] = value;
+            for (b, &j) in self.free[..=a].iter().enumerate() {
+                self.factor[a * n + b] = self.h[i * n + j];
+            }
+        }
+        let m = self.free.len();
+        if !cholesky(&mut self.factor, n, m) {
+            // Not positive definite: only possible if a residual was not finite.
+            self.right[..m].fill(0.0);
+        } else {
+            substitute(&self.factor, n, m, &mut self.right);
+        }
+        for (a, &i) in self.free.iter().enumerate() {
+            self.step[i] = match self.right[a].is_finite() {
+                true => self.right[a],
+                false => 0.0,
+            };
+        }
+    }
+}
+
+/// Lower Cholesky factor of the leading `m` rows, in place.
+fn cholesky(a: &mut [f64], stride: usize, m: usize) -> bool {
+    for i in 0..m {
+        for j in 0..=i {
+            let (upper, lower) = a.split_at(i * stride);
+            let row_i = &lower[..=i];
+            let row_j = if j == i { row_i } else { &upper[j * stride..] };
+            let sum: f64 = row_i[..j].iter().zip(&row_j[..j]).map(|(x, y)| x * y).sum();
+            let value = row_i[j] - sum;
+            if i == j {
+                if !(value > 0.0 && value.is_finite()) {
+                    return false;
+                }
+                a[i * stride + i] = value.sqrt();
+            } else {
+                a[i * stride + j] = value / a[j * stride + j];
+            }
+        }
+    }
+    true
+}
+
+/// Solves `L L' x = b` in place.
+fn substitute(l: &[f64], stride: usize, m: usize, b: &mut [f64]) {
+    for i in 0..m {
+        let sum: f64 = (0..i).map(|j| l[i * stride + j] * b[j]).sum();
+        b[i] = (b[i] - sum) / l[i * stride + i];
+    }
+    for i in (0..m).rev() {
+        let sum: f64 = (i + 1..m).map(|j| l[j * stride + i] * b[j]).sum();
+        b[i] = (b[i] - sum) / l[i * stride + i];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// At the minimum the gradient is zero where the step is free, and
+        /// points out of the box where it is held.
+        #[test]
+        fn steps_are_minima_inside_the_box(
+            values in prop::collection::vec(-1.0..1.0_f64, 5 * 4 * 3 + 5),
+            bound in 0.05..2.0_f64,
+        ) {
+            let size = 4;
+            let mut solver = Solver::new(size);
+            solver.clear();
+            for index in 0..size {
+                solver.add_single(0.3, 0.0, index);
+            }
+            for row in 0..5 {
+                let at = |c: usize| {
+                    let from = row * 12 + c * 3;
+                    Vector3::new(values[from], values[from + 1], values[from + 2])
+                };
+                let columns: Vec<Column> = (0..size).map(|c| (c, at(c))).collect();
+                solver.add(1.5, &Vector3::repeat(values[60 + row]), &columns);
+            }
+            let (h, g) = (solver.h.clone(), solver.g.clone());
+            let step = solver.solve(&[-bound; 4], &[bound; 4]).to_vec();
+            for i in 0..size {
+                let slope: f64 = g[i] + (0..size)
+                    .map(|j| h[i.max(j) * size + i.min(j)] * step[j])
+                    .sum::<f64>();
+                prop_assert!(step[i].abs() <= bound);
+                if step[i].abs() < bound {
+                    prop_assert!(slope.abs() < 1e-8, "free column {i}: {slope}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_residual_that_is_not_finite_gives_no_step() {
+        let mut solver = Solver::new(2);
+        solver.add_single(1.0, f64::NAN, 0);
+        solver.add_single(1.0, 0.0, 1);
+        assert_eq!(solver.solve(&[-1.0; 2], &[1.0; 2]), &[0.0, 0.0]);
+    }
+}
