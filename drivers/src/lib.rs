@@ -33,7 +33,7 @@ pub use dynamixel::DynamixelBus;
 pub use error::{BusError, ConfigError, Refusal, ServoId};
 pub use limiter::{Limited, Limiter};
 pub use model::{MODELS, Model};
-pub use packet::{Decoder, Packet, encode};
+pub use packet::{Decoded, Decoder, Packet, encode};
 pub use rate::{RateCheck, check_rate, read_bytes, write_bytes};
 pub use register::Register;
 pub use safety::{Interventions, SafeBus, SafetyConfig, SafetyError, State, Transition};

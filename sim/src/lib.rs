@@ -1,1 +1,33 @@
-//! stub
+//! Simulated servos on a pseudo-terminal, exact to the byte.
+//!
+//! ```text
+//! any driver <-> /dev/pts/N <-> SimBus thread <-> line (packets) <-> servos (table, loops, motor)
+//!                                                                      `-> judge (limits)
+//! ```
+//!
+//! A driver cannot tell [`SimBus`] from servos: control table, checksums,
+//! status errors, return delay, bus watchdog and shutdown are there, and wire
+//! time is imposed. The [`Judge`] counts, at the servo, every limit that a
+//! joint was told to break or broke.
+//!
+//! Nothing here knows a bus driver's interface: this is the wire's far end.
+
+mod judge;
+mod line;
+mod motor;
+mod packet;
+mod servo;
+mod sim_bus;
+mod spec;
+mod table;
+mod world;
+
+pub use judge::{Judge, Violations};
+pub use line::{Burst, Line};
+pub use motor::Motor;
+pub use packet::{BROADCAST, Instruction, Parsed, Parser, crc16, fast_status, status};
+pub use servo::{SimServo, SimServoState};
+pub use sim_bus::{SimBus, WireStats};
+pub use spec::{MODELS, ServoModel, SimClock, SimError, SimOptions, SimServoSpec};
+pub use table::{AccessError, Table};
+pub use world::World;

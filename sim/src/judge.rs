@@ -1,0 +1,230 @@
+//! Did a servo stay inside its joint's limits? Judged at the servo itself.
+//!
+//! Two things are judged while torque is on: what it was **told** (each goal
+//! position, and the first and second difference of consecutive goals, one goal
+//! a control period) and where it **went** (true position at every control
+//! period, and its differences: velocity and acceleration averaged over one
+//! period).
+//!
+//! The only allowance is rounding to encoder ticks, half a tick for each goal
+//! that enters: half a tick of position, one tick a period of velocity
+//! (1/2 + 1/2), two ticks a period squared of acceleration (1/2 + 2/2 + 1/2).
+//! A motor without overshoot that follows goals inside these bounds stays
+//! inside them, so the same allowance holds for the true motion.
+//!
+//! Not judged: torque off, and the emergency stop of the servo's own watchdog.
+
+use std::f64::consts::TAU;
+
+use servodance_types::JointLimits;
+
+/// Limits broken, counted once for every servo and control period.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Violations {
+    /// Positions beyond a limit.
+    pub position: u64,
+    /// Periods that were too fast.
+    pub velocity: u64,
+    /// Periods with too large a change of speed.
+    pub acceleration: u64,
+}
+
+impl Violations {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.position + self.velocity + self.acceleration
+    }
+}
+
+impl std::ops::AddAssign for Violations {
+    fn add_assign(&mut self, other: Self) {
+        self.position += other.position;
+        self.velocity += other.velocity;
+        self.acceleration += other.acceleration;
+    }
+}
+
+/// How many violations are kept in words.
+const NOTES: usize = 8;
+const RAD_PER_TICK: f64 = TAU / 4096.0;
+/// Floating-point noise, radians.
+const NOISE_RAD: f64 = 1e-9;
+
+/// The judge of one servo.
+#[derive(Clone, Debug)]
+pub struct Judge {
+    name: String,
+    limits: JointLimits,
+    period_s: f64,
+    told: Track,
+    went: Track,
+    violations: Violations,
+    notes: Vec<String>,
+}
+
+/// The last two positions of one kind, radians.
+#[derive(Clone, Debug, Default)]
+struct Track {
+    last: Option<(f64, f64)>,
+}
+
+impl Judge {
+    /// A judge for one joint; `period_s` is the control period.
+    pub fn new(name: &str, limits: JointLimits, period_s: f64) -> Self {
+        Self {
+            name: name.into(),
+            limits,
+            period_s,
+            told: Track::default(),
+            went: Track::default(),
+            violations: Violations::default(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Torque comes on: from here on the joint is judged, at rest at `goal_rad`
+    /// and `position_rad`.
+    pub fn begin(&mut self, goal_rad: f64, position_rad: f64) {
+        self.told.last = Some((goal_rad, goal_rad));
+        self.went.last = Some((position_rad, position_rad));
+    }
+
+    /// Torque goes off: nothing is judged until the next [`Judge::begin`].
+    pub fn end(&mut self) {
+        self.told.last = None;
+        self.went.last = None;
+    }
+
+    /// A goal arrived.
+    pub fn told(&mut self, time_s: f64, goal_rad: f64) {
+        let track = std::mem::take(&mut self.told);
+        self.told = self.judge(track, time_s, goal_rad, "was told");
+    }
+
+    /// A control period ended at this true position.
+    pub fn went(&mut self, time_s: f64, position_rad: f64) {
+        let track = std::mem::take(&mut self.went);
+        self.went = self.judge(track, time_s, position_rad, "went");
+    }
+
+    fn judge(&mut self, track: Track, time_s: f64, now_rad: f64, verb: &str) -> Track {
+        let Some((last_rad, before_rad)) = track.last else {
+            return track;
+        };
+        let limits = self.limits;
+        let half = RAD_PER_TICK / 2.0 + NOISE_RAD;
+        if now_rad < limits.lower_rad - half || now_rad > limits.upper_rad + half {
+            self.violations.position += 1;
+            let range = format!("{:.4} to {:.4} rad", limits.lower_rad, limits.upper_rad);
+            self.note(time_s, verb, format!("to {now_rad:.4} rad, limit {range}"));
+        }
+        let moved = now_rad - last_rad;
+        if moved.abs() > limits.velocity_rad_s * self.period_s + 2.0 * half {
+            self.violations.velocity += 1;
+            let velocity = moved / self.period_s;
+            let limit = limits.velocity_rad_s;
+            self.note(
+                time_s,
+                verb,
+                format!("at {velocity:.3} rad/s, limit {limit:.3}"),
+            );
+        }
+        let turned = moved - (last_rad - before_rad);
+        let allowed = limits.acceleration_rad_s2 * self.period_s * self.period_s;
+        if turned.abs() > allowed + 4.0 * half {
+            self.violations.acceleration += 1;
+            let acceleration = turned / (self.period_s * self.period_s);
+            let limit = limits.acceleration_rad_s2;
+            self.note(
+                time_s,
+                verb,
+                format!("with {acceleration:.1} rad/s2, limit {limit:.1}"),
+            );
+        }
+        Track {
+            last: Some((now_rad, last_rad)),
+        }
+    }
+
+    fn note(&mut self, time_s: f64, verb: &str, what: String) {
+        if self.notes.len() < NOTES {
+            self.notes
+                .push(format!("{time_s:.3} s: {} {verb} {what}", self.name));
+        }
+    }
+
+    /// What was counted so far.
+    pub fn violations(&self) -> Violations {
+        self.violations
+    }
+
+    /// The first violations in words.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_S: f64 = 0.01;
+
+    fn judged(goals: &[f64]) -> Violations {
+        let limits = JointLimits {
+            lower_rad: -1.0,
+            upper_rad: 1.0,
+            velocity_rad_s: 4.0,
+            acceleration_rad_s2: 40.0,
+        };
+        let mut judge = Judge::new("elbow", limits, PERIOD_S);
+        judge.begin(goals[0], goals[0]);
+        for (k, goal) in goals.iter().enumerate().skip(1) {
+            judge.told(k as f64 * PERIOD_S, *goal);
+        }
+        judge.violations()
+    }
+
+    /// Constant acceleration up to a speed, then constant speed.
+    fn run(acceleration: f64, top: f64) -> Vec<f64> {
+        let (mut position, mut speed) = (-0.99, 0.0);
+        let mut goals = vec![position];
+        while position < 0.7 {
+            speed = f64::min(speed + acceleration * PERIOD_S, top);
+            position += speed * PERIOD_S;
+            goals.push((position / RAD_PER_TICK).round() * RAD_PER_TICK);
+        }
+        goals
+    }
+
+    #[test]
+    fn motion_at_every_limit_rounded_to_ticks_is_clean() {
+        assert_eq!(judged(&run(40.0, 4.0)), Violations::default());
+    }
+
+    #[test]
+    fn each_limit_can_be_broken_alone() {
+        let speeding = judged(&run(40.0, 4.4));
+        assert!(speeding.velocity > 0 && speeding.position + speeding.acceleration == 0);
+        let jerky = judged(&run(100.0, 4.0));
+        assert!(jerky.acceleration > 0 && jerky.position + jerky.velocity == 0);
+        let outside = judged(&[1.0, 1.001]);
+        assert!(outside.position == 1 && outside.total() == 1, "{outside:?}");
+    }
+
+    #[test]
+    fn nothing_is_judged_without_torque() {
+        let limits = JointLimits {
+            lower_rad: -1.0,
+            upper_rad: 1.0,
+            velocity_rad_s: 1.0,
+            acceleration_rad_s2: 1.0,
+        };
+        let mut judge = Judge::new("elbow", limits, PERIOD_S);
+        judge.went(0.0, 3.0);
+        judge.begin(0.0, 0.0);
+        judge.end();
+        judge.told(0.0, 3.0);
+        assert_eq!(judge.violations().total(), 0);
+    }
+}

@@ -1,0 +1,172 @@
+//! The mechanics of a geared servo motor: voltage in, angle out.
+//!
+//! ```text
+//! torque = stall_torque * (pwm * supply / nominal) - damping * speed
+//! inertia * acceleration = torque - friction - gravity + external
+//! ```
+//!
+//! `damping = stall_torque / no_load_speed` is the back-EMF, which limits the
+//! speed by the supply. The reflected inertia of the rotor is taken so that the
+//! vendor's stock position gain ends slightly above critical damping: such a
+//! servo follows a smooth command with a lag of `damping / stiffness` (45 ms for
+//! an XM430-W350) and does not overshoot. Friction is Coulomb's: it stops, and
+//! never drives.
+//!
+//! Angles are the servo's own, radians.
+
+use crate::spec::ServoModel;
+
+/// PWM units at full duty.
+pub const FULL_PWM: f64 = 885.0;
+/// Radians of position error at which the stock gain of 800 asks for full PWM:
+/// 885 / (800 / 128) ticks.
+const FULL_PWM_ERROR_RAD: f64 = FULL_PWM / 6.25 * std::f64::consts::TAU / 4096.0;
+/// Rotor inertia against the one at which the stock loop is critically damped.
+const INERTIA_SHARE: f64 = 0.78;
+/// Coulomb friction against stall torque.
+const FRICTION_SHARE: f64 = 0.01;
+/// Kelvin a watt and seconds of the winding: a stall overheats in about a minute.
+const THERMAL_K_PER_W: f64 = 4.0;
+const THERMAL_TIME_S: f64 = 60.0;
+/// Room temperature, Celsius.
+pub const AMBIENT_C: f64 = 25.0;
+
+/// One motor with its gear and load.
+#[derive(Clone, Debug)]
+pub struct Motor {
+    stall_torque_nm: f64,
+    damping_nm_s: f64,
+    inertia_kg_m2: f64,
+    friction_nm: f64,
+    amperes_per_nm: f64,
+    nominal_v: f64,
+    /// Angle, radians.
+    pub angle_rad: f64,
+    /// Speed, radians a second.
+    pub speed_rad_s: f64,
+    /// Current, amperes, positive towards higher angles.
+    pub current_a: f64,
+    /// Winding temperature, Celsius.
+    pub temperature_c: f64,
+    /// Something holds the shaft: it cannot move.
+    pub jammed: bool,
+}
+
+impl Motor {
+    /// A motor at rest.
+    pub fn new(model: &ServoModel, load_inertia_kg_m2: f64, angle_rad: f64) -> Self {
+        let damping_nm_s = model.stall_torque_nm / model.no_load_rad_s();
+        let stiffness = model.stall_torque_nm / FULL_PWM_ERROR_RAD;
+        let critical_inertia = damping_nm_s * damping_nm_s / (4.0 * stiffness);
+        Self {
+            stall_torque_nm: model.stall_torque_nm,
+            damping_nm_s,
+            inertia_kg_m2: INERTIA_SHARE * critical_inertia + load_inertia_kg_m2,
+            friction_nm: FRICTION_SHARE * model.stall_torque_nm,
+            amperes_per_nm: model.stall_current_a / model.stall_torque_nm,
+            nominal_v: model.voltage_v,
+            angle_rad,
+            speed_rad_s: 0.0,
+            current_a: 0.0,
+            temperature_c: AMBIENT_C,
+            jammed: false,
+        }
+    }
+
+    /// One step of `dt_s` at a duty of -1 to 1 from a supply; `None`: the
+    /// bridge is open and only friction acts. `external_nm` is gravity and the like.
+    pub fn step(&mut self, dt_s: f64, duty: Option<f64>, supply_v: f64, external_nm: f64) {
+        let drive_nm = match duty {
+            Some(duty) => {
+                let asked_nm = self.stall_torque_nm * duty * supply_v / self.nominal_v;
+                // Back-EMF at the speed after this step keeps the step stable.
+                let ahead = 1.0 + dt_s * self.damping_nm_s / self.inertia_kg_m2;
+                (asked_nm - self.damping_nm_s * self.speed_rad_s) / ahead
+            }
+            None => 0.0,
+        };
+        self.current_a = drive_nm * self.amperes_per_nm;
+        let pushed = self.speed_rad_s + dt_s * (drive_nm + external_nm) / self.inertia_kg_m2;
+        let stopped_by = dt_s * self.friction_nm / self.inertia_kg_m2;
+        self.speed_rad_s = pushed.signum() * (pushed.abs() - stopped_by).max(0.0);
+        if self.jammed {
+            self.speed_rad_s = 0.0;
+        }
+        self.angle_rad += self.speed_rad_s * dt_s;
+        self.heat(dt_s);
+    }
+
+    /// The duty at which this current flows at the present speed.
+    pub fn duty_for_current(&self, current_a: f64, supply_v: f64) -> f64 {
+        let torque_nm = current_a / self.amperes_per_nm + self.damping_nm_s * self.speed_rad_s;
+        torque_nm / (self.stall_torque_nm * supply_v / self.nominal_v)
+    }
+
+    fn heat(&mut self, dt_s: f64) {
+        // All power at stall becomes heat: resistance is volts over stall amperes.
+        let stall_a = self.amperes_per_nm * self.stall_torque_nm;
+        let power_w = self.current_a * self.current_a * self.nominal_v / stall_a;
+        let settled_c = AMBIENT_C + THERMAL_K_PER_W * power_w;
+        self.temperature_c += (settled_c - self.temperature_c) * dt_s / THERMAL_TIME_S;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT_S: f64 = 0.5e-3;
+
+    fn motor() -> Motor {
+        Motor::new(ServoModel::from_number(1020).unwrap(), 0.0, 0.0)
+    }
+
+    #[test]
+    fn full_duty_reaches_the_no_load_speed_less_friction() {
+        let mut motor = motor();
+        for _ in 0..2000 {
+            motor.step(DT_S, Some(1.0), 12.0, 0.0);
+        }
+        let no_load = 46.0 * std::f64::consts::TAU / 60.0;
+        assert!(
+            (motor.speed_rad_s / no_load - 0.99).abs() < 0.001,
+            "{}",
+            motor.speed_rad_s
+        );
+    }
+
+    #[test]
+    fn half_the_supply_gives_half_the_speed() {
+        let mut motor = motor();
+        for _ in 0..2000 {
+            motor.step(DT_S, Some(1.0), 6.0, 0.0);
+        }
+        assert!(
+            (motor.speed_rad_s - 0.49 * 4.817).abs() < 0.01,
+            "{}",
+            motor.speed_rad_s
+        );
+    }
+
+    #[test]
+    fn friction_stops_a_coasting_motor_and_never_drives_it() {
+        let mut motor = motor();
+        motor.speed_rad_s = 1.0;
+        for _ in 0..4000 {
+            motor.step(DT_S, None, 12.0, 0.0);
+            assert!(motor.speed_rad_s >= 0.0);
+        }
+        assert_eq!(motor.speed_rad_s, 0.0);
+    }
+
+    #[test]
+    fn a_stalled_motor_draws_its_stall_current_and_heats() {
+        let mut motor = motor();
+        motor.jammed = true;
+        for _ in 0..60_000 {
+            motor.step(DT_S, Some(1.0), 12.0, 0.0);
+        }
+        assert!((motor.current_a - 2.3).abs() < 0.2, "{}", motor.current_a);
+        assert!(motor.temperature_c > 60.0, "{}", motor.temperature_c);
+    }
+}

@@ -1,0 +1,349 @@
+//! A bus of simulated servos behind a pseudo-terminal.
+//!
+//! A thread serves the pseudo-terminal: any program may open
+//! [`SimBus::port_path`] and talk as to a serial adapter. The baud rate of a
+//! pseudo-terminal means nothing, so the wire's time is imposed here: in real
+//! time an instruction takes effect when its last byte has passed, and a reply
+//! is handed over when its own last byte has. In lockstep wire time is only
+//! counted and the motors move with [`SimBus::advance`] alone.
+
+use std::os::fd::{AsFd, OwnedFd};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use nix::errno::Errno;
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+
+use crate::judge::Violations;
+use crate::line::{Burst, Line};
+use crate::servo::{SimServo, SimServoState};
+use crate::spec::{ServoModel, SimClock, SimError, SimOptions, SimServoSpec};
+use crate::world::World;
+
+/// How often the thread looks whether it is to end.
+const WAKE_MS: u16 = 10;
+/// Sleeps end this early; the rest is spent spinning, for the precision of a fast bus.
+const SLEEP_SLACK: Duration = Duration::from_micros(70);
+
+/// What passed over the simulated wire.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WireStats {
+    /// Bytes from the host.
+    pub bytes_in: u64,
+    /// Bytes to the host.
+    pub bytes_out: u64,
+    /// Sound instructions from the host.
+    pub packets_in: u64,
+    /// Status packets (or pieces of a fast one) to the host.
+    pub packets_out: u64,
+    /// Damaged frames from the host.
+    pub bad_packets: u64,
+    /// Time that the line was busy: ten bits a byte, and return delays. Seconds.
+    pub wire_s: f64,
+}
+
+#[derive(Debug)]
+struct Shared {
+    world: Mutex<World>,
+    wire: Mutex<WireStats>,
+    stop: AtomicBool,
+    clock: SimClock,
+    began: Instant,
+    byte_s: f64,
+}
+
+impl Shared {
+    /// The world, brought up to the present in real time.
+    fn world(&self) -> MutexGuard<'_, World> {
+        let mut world = self.world.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.clock == SimClock::Realtime {
+            world.advance_to(self.began.elapsed().as_secs_f64());
+        }
+        world
+    }
+
+    fn wire(&self) -> MutexGuard<'_, WireStats> {
+        self.wire.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A running simulated bus. Dropping it ends its thread and closes the port.
+#[derive(Debug)]
+pub struct SimBus {
+    shared: Arc<Shared>,
+    port_path: String,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl SimBus {
+    /// Starts a bus with these servos. Every servo has the bus's baud rate;
+    /// all else is as it leaves the factory (return delay 500 us, torque off).
+    pub fn start(specs: &[SimServoSpec], options: SimOptions) -> Result<Self, SimError> {
+        let period_s = 1.0 / checked_hz(options.control_hz)?;
+        let servos = build_servos(specs, &options, period_s)?;
+        let (master, port_path) = open_terminal()?;
+        let shared = Arc::new(Shared {
+            world: Mutex::new(World::new(Line::new(servos), period_s)),
+            wire: Mutex::new(WireStats::default()),
+            stop: AtomicBool::new(false),
+            clock: options.clock,
+            began: Instant::now(),
+            byte_s: 10.0 / f64::from(options.baud),
+        });
+        let server = Server {
+            shared: shared.clone(),
+            master,
+            line_free_s: 0.0,
+        };
+        let thread = std::thread::Builder::new()
+            .name("simulated servos".into())
+            .spawn(move || server.run())
+            .map_err(|reason| SimError::System {
+                what: "starting a thread",
+                reason,
+            })?;
+        Ok(Self {
+            shared,
+            port_path,
+            thread: Some(thread),
+        })
+    }
+
+    /// The serial port to open, e.g. `/dev/pts/3`.
+    pub fn port_path(&self) -> &str {
+        &self.port_path
+    }
+
+    /// Moves simulated time on, in lockstep. Does nothing in real time.
+    pub fn advance(&self, dt_s: f64) {
+        if self.shared.clock == SimClock::Lockstep {
+            self.shared.world().advance(dt_s);
+        }
+    }
+
+    /// Simulated time, seconds.
+    pub fn time_s(&self) -> f64 {
+        self.shared.world().time_s()
+    }
+
+    /// Limits broken so far by all servos: see [`crate::Judge`].
+    pub fn violations(&self) -> Violations {
+        self.shared.world().violations()
+    }
+
+    /// The first violations of each servo in words.
+    pub fn violation_notes(&self) -> Vec<String> {
+        let world = self.shared.world();
+        let servos = world.line.servos.iter();
+        servos
+            .flat_map(|servo| servo.judge().notes().iter().cloned())
+            .collect()
+    }
+
+    /// What the servo at `index` (in the order of the specs) really does.
+    pub fn servo(&self, index: usize) -> Option<SimServoState> {
+        let world = self.shared.world();
+        world.line.servos.get(index).map(SimServo::state)
+    }
+
+    /// Reaches into one servo, for faults and for tests: false if there is none.
+    pub fn with_servo(&self, index: usize, change: impl FnOnce(&mut SimServo)) -> bool {
+        let mut world = self.shared.world();
+        world.line.servos.get_mut(index).map(change).is_some()
+    }
+
+    /// What passed over the wire.
+    pub fn wire_stats(&self) -> WireStats {
+        let (packets_in, bad_packets) = {
+            let world = self.shared.world();
+            (world.line.packets_in, world.line.bad_packets)
+        };
+        WireStats {
+            packets_in,
+            bad_packets,
+            ..*self.shared.wire()
+        }
+    }
+}
+
+impl Drop for SimBus {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            // A panic in the thread has already been printed.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn checked_hz(control_hz: f64) -> Result<f64, SimError> {
+    if (1.0..=10_000.0).contains(&control_hz) {
+        return Ok(control_hz);
+    }
+    Err(SimError::Option {
+        key: "control_hz",
+        actual: control_hz.to_string(),
+        wanted: "1 to 10000",
+    })
+}
+
+/// The value of the baud register, where it exists for the rate.
+fn baud_code(baud: u32) -> Option<u8> {
+    const BAUDS: [u32; 8] = [
+        9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000,
+    ];
+    let code = BAUDS.iter().position(|known| *known == baud)?;
+    Some(code as u8)
+}
+
+fn build_servos(
+    specs: &[SimServoSpec],
+    options: &SimOptions,
+    period_s: f64,
+) -> Result<Vec<SimServo>, SimError> {
+    let code = baud_code(options.baud).ok_or_else(|| SimError::Option {
+        key: "baud",
+        actual: options.baud.to_string(),
+        wanted: "9600, 57600, 115200, 1000000, 2000000, 3000000, 4000000 or 4500000",
+    })?;
+    let mut servos = Vec::with_capacity(specs.len());
+    for spec in specs {
+        let bad = |reason: String| SimError::Servo {
+            joint: spec.name.clone(),
+            id: spec.id,
+            reason,
+        };
+        let model = ServoModel::from_number(spec.model_number)
+            .ok_or_else(|| bad(format!("unknown model number {}", spec.model_number)))?;
+        spec.limits.checked().map_err(bad)?;
+        let finite = [spec.initial_rad, spec.zero_rad, spec.gravity_nm]
+            .iter()
+            .all(|value| value.is_finite());
+        if !finite || spec.load_inertia_kg_m2.is_nan() || spec.load_inertia_kg_m2 < 0.0 {
+            return Err(bad(
+                "a figure is not a finite number, or an inertia is below zero".into(),
+            ));
+        }
+        let supply_v = options.supply_v.unwrap_or(model.voltage_v);
+        servos.push(SimServo::new(spec, model, code, supply_v, period_s));
+    }
+    Ok(servos)
+}
+
+/// A pseudo-terminal: our end, and the path of the other.
+fn open_terminal() -> Result<(OwnedFd, String), SimError> {
+    let failed = |what: &'static str| {
+        move |errno: Errno| SimError::System {
+            what,
+            reason: errno.into(),
+        }
+    };
+    let pty = nix::pty::openpty(None, None).map_err(failed("opening a pseudo-terminal"))?;
+    let path = nix::unistd::ttyname(&pty.slave).map_err(failed("naming a pseudo-terminal"))?;
+    // A host that does not read must not stop the servos.
+    fcntl(&pty.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))
+        .map_err(failed("setting up a pseudo-terminal"))?;
+    // The other end is not held open here: whoever opens it may take it for
+    // itself, and it is free again when that program dies.
+    Ok((pty.master, path.to_string_lossy().into_owned()))
+}
+
+/// The thread behind the pseudo-terminal.
+struct Server {
+    shared: Arc<Shared>,
+    master: OwnedFd,
+    /// When the line is free again, seconds since the start. Real time only.
+    line_free_s: f64,
+}
+
+impl Server {
+    fn run(mut self) {
+        let mut chunk = [0; 4096];
+        while !self.shared.stop.load(Ordering::Acquire) {
+            match self.receive(&mut chunk) {
+                Ok(0) => {}
+                Ok(count) => self.serve(&chunk[..count]),
+                // Nobody has the other end open.
+                Err(Errno::EIO) => std::thread::sleep(Duration::from_millis(1)),
+                Err(Errno::EINTR | Errno::EAGAIN) => {}
+                Err(_) => return,
+            }
+        }
+    }
+
+    /// Bytes from the host, or none after a while.
+    fn receive(&self, chunk: &mut [u8]) -> Result<usize, Errno> {
+        let mut watched = [PollFd::new(self.master.as_fd(), PollFlags::POLLIN)];
+        if poll(&mut watched, PollTimeout::from(WAKE_MS))? == 0 {
+            return Ok(0);
+        }
+        nix::unistd::read(&self.master, chunk)
+    }
+
+    fn serve(&mut self, bytes: &[u8]) {
+        let shared = self.shared.clone();
+        let now_s = shared.began.elapsed().as_secs_f64();
+        self.line_free_s = self.line_free_s.max(now_s);
+        {
+            let mut wire = shared.wire();
+            wire.bytes_in += bytes.len() as u64;
+            wire.wire_s += bytes.len() as f64 * shared.byte_s;
+        }
+        for &byte in bytes {
+            self.line_free_s += shared.byte_s;
+            // The world is not advanced for single bytes, only for what they complete.
+            let parsed = {
+                let mut world = shared.world.lock().unwrap_or_else(PoisonError::into_inner);
+                world.line.push(byte)
+            };
+            let Some(parsed) = parsed else { continue };
+            self.wait_for_line();
+            let bursts = shared.world().line.execute(parsed);
+            for burst in bursts {
+                self.send(burst);
+            }
+        }
+    }
+
+    fn send(&mut self, burst: Burst) {
+        let busy_s = burst.delay_s + burst.bytes.len() as f64 * self.shared.byte_s;
+        self.line_free_s += busy_s;
+        self.wait_for_line();
+        {
+            let mut wire = self.shared.wire();
+            wire.wire_s += busy_s;
+            wire.bytes_out += burst.bytes.len() as u64;
+            wire.packets_out += 1;
+        }
+        self.write_all(&burst.bytes);
+    }
+
+    /// Waits, in real time, until the bytes so far have passed.
+    fn wait_for_line(&self) {
+        if self.shared.clock == SimClock::Lockstep {
+            return;
+        }
+        let due = self.shared.began + Duration::from_secs_f64(self.line_free_s);
+        let early = due.saturating_duration_since(Instant::now() + SLEEP_SLACK);
+        if !early.is_zero() {
+            std::thread::sleep(early);
+        }
+        while Instant::now() < due {
+            std::hint::spin_loop();
+        }
+    }
+
+    /// Hands bytes to the host; what its buffer does not hold is lost, as on a wire.
+    fn write_all(&self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            match nix::unistd::write(&self.master, bytes) {
+                Ok(count) => bytes = &bytes[count..],
+                Err(Errno::EINTR) => {}
+                Err(_) => return,
+            }
+        }
+    }
+}

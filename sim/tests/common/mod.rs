@@ -1,0 +1,61 @@
+//! A robot of simulated servos for the tests, and the driver that moves it.
+
+// Each test binary uses some of these.
+#![allow(dead_code)]
+
+use servodance_drivers::{BusConfig, DynamixelBus, Servo, ServoConfig, servos};
+use servodance_sim::{SimBus, SimOptions, SimServoSpec};
+
+pub const BAUD: u32 = 2_000_000;
+pub const HZ: f64 = 100.0;
+pub const PERIOD_S: f64 = 1.0 / HZ;
+
+/// `count` joints, every other one mounted in reverse.
+pub fn robot(count: u8) -> Vec<Servo> {
+    let joint = |k: u8| ServoConfig {
+        name: format!("joint_{k}"),
+        id: k,
+        model: "XM430-W350".into(),
+        direction: if k % 2 == 0 { 1 } else { -1 },
+        zero_deg: 180.0,
+        lower_deg: -60.0,
+        upper_deg: 90.0,
+        velocity_deg_s: 230.0,
+        acceleration_deg_s2: 2300.0,
+    };
+    servos(&(1..=count).map(joint).collect::<Vec<_>>()).unwrap()
+}
+
+pub fn specs(servos: &[Servo]) -> Vec<SimServoSpec> {
+    servos.iter().map(SimServoSpec::from).collect()
+}
+
+/// A reply may be late by a stall of the machine, never by the simulation.
+pub fn patient() -> BusConfig {
+    BusConfig {
+        reply_timeout_ms: 2000.0,
+        ..BusConfig::dynamixel2(BAUD)
+    }
+}
+
+/// For tests that wait for an answer that never comes.
+pub fn hasty() -> BusConfig {
+    BusConfig {
+        reply_timeout_ms: 100.0,
+        retries: 1,
+        ..BusConfig::dynamixel2(BAUD)
+    }
+}
+
+pub fn lockstep(servos: &[Servo]) -> SimBus {
+    SimBus::start(&specs(servos), SimOptions::lockstep(BAUD, HZ)).unwrap()
+}
+
+pub fn driver(sim: &SimBus, config: &BusConfig, servos: &[Servo]) -> DynamixelBus {
+    DynamixelBus::open(sim.port_path(), config, servos.to_vec()).unwrap()
+}
+
+/// Whether any servo drives.
+pub fn any_torque(sim: &SimBus, servos: &[Servo]) -> bool {
+    (0..servos.len()).any(|index| sim.servo(index).unwrap().torque_enabled)
+}
