@@ -194,10 +194,12 @@ mod tests {
         let quiet: Vec<f32> = song.samples.iter().map(|s| s / 128.0).collect();
         let loud = analyze(&song.samples, 22_050, 4096);
         let quiet = analyze(&quiet, 22_050, 4096);
-        for (a, b) in loud.iter().zip(&quiet).skip(20) {
-            for (x, y) in a.spectral.iter().zip(&b.spectral) {
+        for (a, b) in loud.iter().zip(&quiet).skip(40) {
+            for (x, y) in a.spectral[..BEAT].iter().zip(&b.spectral) {
                 assert!((x - y).abs() < 0.05, "{} s: {x} and {y}", a.time_s);
             }
+            let turn = a.beat.phase - b.beat.phase;
+            assert!((turn - turn.round()).abs() < 0.03, "{} s: {turn}", a.time_s);
             assert!((a.beat.confidence - b.beat.confidence).abs() < 0.05);
         }
     }

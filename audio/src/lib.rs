@@ -1,7 +1,7 @@
 //! Music in: recordings or raw samples to timed blocks, features and beats.
 //!
 //! [`MusicAnalyzer`] turns samples into [`MusicFrame`](servodance_types::MusicFrame)s,
-//! causally, 20 times a second. [`song`] renders music by code with known beats.
+//! causally, 20 times a second; an [`AudioSource`] brings the samples. [`song`] renders music by code with known beats.
 
 mod analyzer;
 pub mod beats;
@@ -9,8 +9,10 @@ mod chroma;
 mod onset;
 mod resample;
 pub mod song;
+pub mod source;
 mod spectral;
 mod spectrum;
 
 pub use analyzer::{ANALYSIS_RATE_HZ, AnalyzerError, MusicAnalyzer};
+pub use source::AudioSource;
 pub use spectral::{ENVELOPE_UNIT_DB, LEVEL_UNIT_DB, MFCC_UNIT};

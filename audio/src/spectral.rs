@@ -34,6 +34,10 @@ const REFERENCE_FADE_DB: f32 = 1.0 / 20.0;
 /// the noise of an open microphone is not taken for music.
 const REFERENCE_FLOOR_DB: f32 = -30.0;
 
+/// Music hardly ever rises faster in one frame; the step from silence to the
+/// first sound would dwarf everything else.
+const ENVELOPE_LIMIT_DB: f32 = 20.0;
+
 /// The envelope is given in units of this many decibels a frame.
 pub const ENVELOPE_UNIT_DB: f32 = 5.0;
 /// The first MFCC is given as mean band level: 0 at -40 dB of the reference,
@@ -114,7 +118,7 @@ impl SpectralFeatures {
             *n = level(power);
             rise += (*n - level(before)).max(0.0);
         }
-        let envelope_db = rise / MEL_BANDS as f32;
+        let envelope_db = (rise / MEL_BANDS as f32).min(ENVELOPE_LIMIT_DB);
 
         let mut out = [0.0f32; SPECTRAL_DIM];
         out[ENVELOPE] = envelope_db / ENVELOPE_UNIT_DB;
