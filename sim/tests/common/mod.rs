@@ -16,7 +16,7 @@ pub fn robot(count: u8) -> Vec<Servo> {
         name: format!("joint_{k}"),
         id: k,
         model: "XM430-W350".into(),
-        direction: if k % 2 == 0 { 1 } else { -1 },
+        direction: if k.is_multiple_of(2) { 1 } else { -1 },
         zero_deg: 180.0,
         lower_deg: -60.0,
         upper_deg: 90.0,
