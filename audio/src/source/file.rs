@@ -19,7 +19,12 @@ const MAGICS: [&[u8; 4]; 3] = [b"RIFF", b"fLaC", b"OggS"];
 /// After so many broken packets in a row the rest is given up.
 const PATIENCE: u64 = 1000;
 
-/// Decodes one track of a file.
+/// Time missing between two packets: shorter is rounding, longer is a new
+/// beginning rather than a loss.
+const GAP_S: std::ops::Range<f64> = 0.005..30.0;
+
+/// Decodes one track of a file. What was lost is replaced by silence, so that
+/// everything after it stays in time.
 pub(super) struct FileReader {
     name: String,
     format: Box<dyn FormatReader>,
@@ -28,8 +33,16 @@ pub(super) struct FileReader {
     sample_rate_hz: u32,
     duration_s: Option<f64>,
     interleaved: Vec<f32>,
+    /// Seconds of one tick of the packets' time stamps.
+    tick_s: Option<f64>,
+    /// Time stamp of the first packet, seconds.
+    origin_s: Option<f64>,
+    /// Samples delivered, replaced ones included.
+    delivered: u64,
     decoded: u64,
     skipped: u64,
+    /// What `skipped` was at the last gap.
+    skipped_before: u64,
     skipped_in_a_row: u64,
     fault: Option<String>,
 }
@@ -103,8 +116,14 @@ impl FileReader {
             sample_rate_hz,
             duration_s,
             interleaved: Vec::new(),
+            tick_s: track
+                .time_base
+                .map(|base| f64::from(base.numer.get()) / f64::from(base.denom.get())),
+            origin_s: None,
+            delivered: 0,
             decoded: 0,
             skipped: 0,
+            skipped_before: 0,
             skipped_in_a_row: 0,
             fault: None,
             format,
@@ -169,13 +188,34 @@ impl FileReader {
             if self.interleaved.is_empty() {
                 continue;
             }
+            let lost = self.lost_before(packet.pts.get());
+            block.resize(block.len() + lost, 0.0);
             self.decoded += 1;
             let share = 1.0 / channels as f32;
             let frames = self.interleaved.chunks_exact(channels);
             block.extend(frames.map(|frame| frame.iter().sum::<f32>() * share));
+            self.delivered += block.len() as u64;
             return Ok(true);
         }
         Ok(false)
+    }
+
+    /// How many samples are missing before the packet with this time stamp.
+    fn lost_before(&mut self, ticks: i64) -> usize {
+        let Some(tick_s) = self.tick_s else { return 0 };
+        let rate_hz = f64::from(self.sample_rate_hz);
+        let now_s = ticks as f64 * tick_s;
+        let origin_s = *self.origin_s.get_or_insert(now_s);
+        let gap_s = now_s - origin_s - self.delivered as f64 / rate_hz;
+        if !GAP_S.contains(&gap_s) {
+            return 0;
+        }
+        if self.skipped == self.skipped_before {
+            // The container left it out itself.
+            self.skipped += 1;
+        }
+        self.skipped_before = self.skipped;
+        (gap_s * rate_hz).round() as usize
     }
 
     fn skip(&mut self) {
