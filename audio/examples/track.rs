@@ -1,28 +1,44 @@
-//! Prints what the causal tracker hears in a recording, one frame a line:
-//! time, phase, tempo, confidence:
-//! `cargo run --release -p servodance-audio --example track -- song.ogg`.
+//! Prints the beats of a recording, one a line in seconds, as the causal
+//! tracker calls them live or as the offline tracker finds them:
+//! `cargo run --release -p servodance-audio --example track -- song.ogg [offline|frames]`.
+//! `frames` prints time, phase, tempo and confidence 20 times a second.
 
 use std::io::Write;
 
+use servodance_audio::beats::track_offline;
 use servodance_audio::{AudioSource, MusicAnalyzer};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let path = std::env::args().nth(1).ok_or("usage: track FILE")?;
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let path = arguments
+        .first()
+        .ok_or("usage: track FILE [offline|frames]")?;
+    let what = arguments.get(1).map_or("causal", String::as_str);
     let mut source = AudioSource::open(path)?;
-    let mut analyzer = MusicAnalyzer::new(source.sample_rate_hz())?;
+    let mut analyzer = MusicAnalyzer::keeping_history(source.sample_rate_hz())?;
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     let mut block = Vec::new();
     while source.next_block(&mut block)? {
         analyzer.push(&block);
         while let Some(frame) = analyzer.pop() {
-            let beat = frame.beat;
-            writeln!(
-                out,
-                "{:.3} {:.4} {:.2} {:.3}",
-                frame.time_s, beat.phase, beat.tempo_bpm, beat.confidence
-            )?;
+            if what == "frames" {
+                let (time_s, beat) = (frame.time_s, frame.beat);
+                writeln!(
+                    out,
+                    "{time_s:.3} {:.4} {:.2} {:.3}",
+                    beat.phase, beat.tempo_bpm, beat.confidence
+                )?;
+            }
         }
     }
-    eprintln!("{} packets skipped", source.skipped_packets());
+    let history = analyzer.history().ok_or("no history")?;
+    let times_s = match what {
+        "causal" => history.beats_s.clone(),
+        "offline" => track_offline(history).times_s,
+        _ => Vec::new(),
+    };
+    for time_s in times_s {
+        writeln!(out, "{time_s:.4}")?;
+    }
     Ok(())
 }

@@ -15,8 +15,9 @@ use std::collections::VecDeque;
 
 use servodance_types::{FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
-use crate::beats::BeatState;
+use crate::beats::history::BeatCaller;
 use crate::beats::tracker::Tracker;
+use crate::beats::{BeatState, History};
 use crate::onset::{HOP, LATENCY_S, OnsetDetector};
 use crate::resample::{DELAY, Resampler};
 use crate::spectral::{BEAT, SpectralFeatures};
@@ -26,6 +27,9 @@ use crate::spectrum::Sliding;
 pub const ANALYSIS_RATE_HZ: u32 = 20_480;
 /// Analysis samples a frame.
 const FRAME_HOP: u64 = 1024;
+
+/// From an audible onset to the hop in which it is strongest.
+const BEAT_DELAY_S: f64 = LATENCY_S + DELAY as f64 / ANALYSIS_RATE_HZ as f64;
 
 /// Why an analyzer cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -50,6 +54,8 @@ struct Core {
     onsets: OnsetDetector,
     tracker: Tracker,
     frames: VecDeque<MusicFrame>,
+    caller: BeatCaller,
+    history: Option<History>,
 }
 
 impl MusicAnalyzer {
@@ -67,6 +73,8 @@ impl MusicAnalyzer {
             onsets: OnsetDetector::new(ANALYSIS_RATE_HZ),
             tracker: Tracker::new(f64::from(ANALYSIS_RATE_HZ) / HOP as f64),
             frames: VecDeque::new(),
+            caller: BeatCaller::default(),
+            history: None,
         };
         core.emit();
         Ok(Self {
@@ -74,6 +82,23 @@ impl MusicAnalyzer {
             core,
             replaced: 0,
         })
+    }
+
+    /// An analyzer that also keeps its [`History`], which grows with the music.
+    pub fn keeping_history(sample_rate_hz: u32) -> Result<Self, AnalyzerError> {
+        let mut analyzer = Self::new(sample_rate_hz)?;
+        let onset_rate_hz = f64::from(ANALYSIS_RATE_HZ) / HOP as f64;
+        analyzer.core.history = Some(History {
+            onset_rate_hz,
+            first_onset_s: 1.0 / onset_rate_hz - BEAT_DELAY_S,
+            ..History::default()
+        });
+        Ok(analyzer)
+    }
+
+    /// What was kept, if the analyzer was made to keep it.
+    pub fn history(&self) -> Option<&History> {
+        self.core.history.as_ref()
     }
 
     /// Takes mono samples, any number of them.
@@ -112,9 +137,23 @@ impl Core {
         if self.received.is_multiple_of(HOP as u64) {
             let onset = self.onsets.hop(&self.recent);
             self.tracker.hop(onset);
+            self.remember(onset.strength);
         }
         if self.received.is_multiple_of(FRAME_HOP) {
             self.emit();
+        }
+    }
+
+    fn remember(&mut self, strength: f32) {
+        let Some(history) = &mut self.history else {
+            return;
+        };
+        history.onsets.push(strength);
+        let beat = self.tracker.beat(BEAT_DELAY_S);
+        let now_s = self.received as f64 / f64::from(ANALYSIS_RATE_HZ);
+        let called = self.caller.call(now_s, beat.phase, beat.tempo_bpm);
+        if self.tracker.state() != BeatState::Lost {
+            history.beats_s.extend(called);
         }
     }
 
@@ -125,8 +164,7 @@ impl Core {
         } else {
             self.features.frame(&self.recent)
         };
-        let delay_s = LATENCY_S + DELAY as f64 / f64::from(ANALYSIS_RATE_HZ);
-        let beat = self.tracker.beat(delay_s);
+        let beat = self.tracker.beat(BEAT_DELAY_S);
         // The frame nearest to the beat is marked: it lies within half a frame.
         let half_frame = beat.tempo_bpm / 60.0 / (2.0 * FRAME_RATE_HZ as f32);
         let near = beat.phase < half_frame || beat.phase >= 1.0 - half_frame;

@@ -8,6 +8,9 @@ pub(crate) const TEMPI: usize = 80;
 const SLOWEST_BPM: f64 = 60.0;
 const FASTEST_BPM: f64 = 190.0;
 
+/// Periods that the comb looks at.
+const TEETH: usize = 4;
+
 /// The tempo of an index, beats a minute.
 pub(crate) fn bpm(index: usize) -> f64 {
     SLOWEST_BPM * (FASTEST_BPM / SLOWEST_BPM).powf(index as f64 / (TEMPI - 1) as f64)
@@ -22,21 +25,14 @@ pub(crate) struct Tempogram {
     keep: f32,
     mean: f32,
     energy: f32,
-    prior: [f32; TEMPI],
 }
 
 impl Tempogram {
     /// Time constant of the forgetting, seconds.
     const MEMORY_S: f64 = 6.0;
-    /// Beats of the slowest tempo that the comb looks at.
-    const TEETH: usize = 4;
 
     pub(crate) fn new(rate_hz: f64) -> Self {
-        let lags = (Self::TEETH as f64 * 60.0 / SLOWEST_BPM * rate_hz) as usize + 4;
-        let mut prior = [0.0; TEMPI];
-        for (i, p) in prior.iter_mut().enumerate() {
-            *p = prior_of(bpm(i));
-        }
+        let lags = longest_lag(rate_hz);
         Self {
             rate_hz,
             history: vec![0.0; lags],
@@ -45,7 +41,6 @@ impl Tempogram {
             keep: (-1.0 / (Self::MEMORY_S * rate_hz)).exp() as f32,
             mean: 0.0,
             energy: 0.0,
-            prior,
         }
     }
 
@@ -66,34 +61,56 @@ impl Tempogram {
 
     /// How well each tempo fits, prior included; sums to one.
     pub(crate) fn likelihood(&self) -> [f32; TEMPI] {
-        let mut fit = [0.0f32; TEMPI];
-        for (i, value) in fit.iter_mut().enumerate() {
-            let period = 60.0 / bpm(i) * self.rate_hz;
-            let mut comb = 0.0;
-            let mut weights = 0.0;
-            for tooth in 1..=Self::TEETH {
-                let weight = 1.0 / tooth as f32;
-                comb += weight * self.at_lag(period * tooth as f64);
-                weights += weight;
-            }
-            *value = (comb / weights / (self.energy + 1e-3)).max(0.0);
-        }
-        let peak = fit.iter().fold(1e-6f32, |m, &v| m.max(v));
-        let mut sum = 0.0;
-        for (value, prior) in fit.iter_mut().zip(&self.prior) {
-            *value = (*value / peak).powi(4) * prior + 1e-5;
-            sum += *value;
-        }
-        fit.iter_mut().for_each(|v| *v /= sum);
-        fit
+        comb(&self.correlation, self.energy, self.rate_hz)
     }
+}
 
-    fn at_lag(&self, lag: f64) -> f32 {
-        let whole = (lag as usize).min(self.correlation.len() - 2);
-        let part = (lag - whole as f64) as f32;
-        let (a, b) = (self.correlation[whole], self.correlation[whole + 1]);
-        a + part.min(1.0) * (b - a)
+/// How well each tempo fits a whole stretch of onsets; sums to one.
+pub(crate) fn fits(onsets: &[f32], rate_hz: f64) -> [f32; TEMPI] {
+    let mean = onsets.iter().sum::<f32>() / onsets.len().max(1) as f32;
+    let level: Vec<f32> = onsets.iter().map(|v| v - mean).collect();
+    let correlation: Vec<f32> = (0..longest_lag(rate_hz))
+        .map(|lag| {
+            let late = level.get(lag..).unwrap_or(&[]);
+            late.iter().zip(&level).map(|(a, b)| a * b).sum()
+        })
+        .collect();
+    comb(&correlation, correlation[0], rate_hz)
+}
+
+/// Lags that the comb may look at, hops.
+fn longest_lag(rate_hz: f64) -> usize {
+    (TEETH as f64 * 60.0 / SLOWEST_BPM * rate_hz) as usize + 4
+}
+
+/// Sums the autocorrelation at multiples of each period.
+fn comb(correlation: &[f32], energy: f32, rate_hz: f64) -> [f32; TEMPI] {
+    let mut fit = [0.0f32; TEMPI];
+    for (i, value) in fit.iter_mut().enumerate() {
+        let period = 60.0 / bpm(i) * rate_hz;
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for tooth in 1..=TEETH {
+            let weight = 1.0 / tooth as f32;
+            sum += weight * at_lag(correlation, period * tooth as f64);
+            weights += weight;
+        }
+        *value = (sum / weights / (energy + 1e-3)).max(0.0);
     }
+    let peak = fit.iter().fold(1e-6f32, |m, &v| m.max(v));
+    let mut sum = 0.0;
+    for (i, value) in fit.iter_mut().enumerate() {
+        *value = (*value / peak).powi(4) * prior_of(bpm(i)) + 1e-5;
+        sum += *value;
+    }
+    fit.iter_mut().for_each(|v| *v /= sum);
+    fit
+}
+
+fn at_lag(correlation: &[f32], lag: f64) -> f32 {
+    let whole = (lag as usize).min(correlation.len() - 2);
+    let part = (lag - whole as f64) as f32;
+    let (a, b) = (correlation[whole], correlation[whole + 1]);
+    a + part.min(1.0) * (b - a)
 }
 
 /// What tempi people tap: a bell over octaves around 120 BPM.
