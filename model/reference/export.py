@@ -1,0 +1,89 @@
+"""Joins the checkpoints of both stages into the weights file that ships.
+
+    python export.py --vq vq/last.pt --seq seq/last.pt --data stage2.safetensors \
+        --note "trained ..." --out ../weights/live.safetensors
+
+f16 tensors; configuration, style names and provenance in the metadata. The
+encoders are left out: generating needs none.
+"""
+
+import argparse
+import datetime
+import hashlib
+import json
+
+import torch
+from safetensors.torch import save_file
+
+from config import to_json
+from data import Dataset
+from train import tokenise
+from vqvae import VqVae
+
+
+def flat(vq, seq, norms, starts, dtype):
+    """All tensors under the names that `model/src/net` asks for."""
+    out = {}
+    for name, value in vq.items():
+        if name.startswith("decoder."):
+            out["vq." + name] = value
+        if name.endswith(".embed"):
+            out["vq." + name.removesuffix(".embed")] = value
+    out.update({"seq." + name: value for name, value in seq.items()})
+    out = {name: value.to(dtype).contiguous() for name, value in out.items()}
+    out.update({"norm." + name: value.float().contiguous() for name, value in norms.items()})
+    codes, styles = starts
+    out["start.codes"] = codes.to(torch.int32).contiguous()
+    out["start.styles"] = styles.to(torch.int32)[:, None].contiguous()
+    return out
+
+
+def starts_of(data, codes, count=24):
+    """Codes of frames in which a dance of each style is calm: the slowest
+    tenth of its frames, `count` of them."""
+    rows, styles = [], []
+    for style in range(len(data.styles)):
+        clips = [c for c in data.of_split(0) if data.style[c] == style]
+        if not clips:
+            continue
+        frames = torch.cat([torch.arange(len(data.motion))[data.frames(c)] for c in clips])
+        speed = data.motion[frames, 67:133].unflatten(-1, (22, 3)).norm(dim=-1).mean(-1)
+        calm = frames[speed.argsort()[: max(count, len(frames) // 10)]]
+        pick = calm[torch.linspace(0, len(calm) - 1, count).long()]
+        rows.append(codes[pick])
+        styles.append(torch.full((count,), style))
+    return torch.cat(rows), torch.cat(styles)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    for name in ("vq", "seq", "data", "out"):
+        parser.add_argument("--" + name, required=True)
+    parser.add_argument("--note", default="", help="goes into the provenance")
+    args = parser.parse_args()
+    vq = torch.load(args.vq, weights_only=False)
+    seq = torch.load(args.seq, weights_only=False)
+    config, data = seq["config"], Dataset(args.data)
+    model = VqVae(config)
+    model.load_state_dict(vq["model"])
+    model.eval()
+    starts = starts_of(data, tokenise(model, data, vq["mean"], vq["std"]))
+    norms = {"motion_mean": vq["mean"], "motion_std": vq["std"],
+             "music_mean": seq["music_mean"], "music_std": seq["music_std"]}
+    provenance = {
+        "date": datetime.date.today().isoformat(),
+        "data_sha256": hashlib.sha256(open(args.data, "rb").read()).hexdigest(),
+        "data_recipe": data.recipe, "vq_steps": vq["step"], "vq_minutes": vq["elapsed"] / 60,
+        "seq_steps": seq["step"], "seq_minutes": seq["elapsed"] / 60, "note": args.note}
+    tensors = flat(vq["model"], seq["model"], norms, starts, torch.float16)
+    for name, value in tensors.items():
+        if not torch.isfinite(value.float()).all():
+            raise SystemExit(f"tensor {name} is not finite in float16")
+    save_file(tensors, args.out, metadata={
+        "format": "servodance-model-1", "config": to_json(config), "provenance": json.dumps(provenance)})
+    count = sum(v.numel() for v in tensors.values())
+    print(f"{args.out}: {len(tensors)} tensors, {count / 1e6:.2f} M numbers")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""Stage 2, MotionSeq: the next code of every body part, from the codes before,
+the music up to now and a style.
+
+Position i reads the codes of frame i-1 and the music of frame i, and predicts
+the codes of frame i. There is no start token: the codes before the first
+frame are given or random, so sequences chain.
+"""
+
+import torch
+import torch.nn as nn
+import torch.nn.functional as F
+
+from blocks import Attention, ChannelDropout, FeedForward, alibi_bias
+
+
+class Style(nn.Module):
+    """Eq. 5 as a residual branch: style vector times the normalised stream."""
+
+    def __init__(self, style_dim, dim):
+        super().__init__()
+        self.scale = nn.Linear(style_dim, dim)
+        nn.init.zeros_(self.scale.weight)
+        nn.init.zeros_(self.scale.bias)
+
+    def forward(self, x, style):
+        unit = x * torch.rsqrt((x.float() ** 2).sum(-1, keepdim=True) + 1e-6) * x.shape[-1] ** 0.5
+        return x + self.scale(style) * unit
+
+
+class SeqLayer(nn.Module):
+    def __init__(self, seq, activation, dropout):
+        super().__init__()
+        dim = seq["dim"]
+        self.norm1 = nn.LayerNorm(dim)
+        self.attn = Attention(dim, seq["heads"])
+        self.norm2 = nn.LayerNorm(dim)
+        self.cross = Attention(dim, seq["heads"], cross=True)
+        self.style = Style(seq["style_dim"], dim)
+        self.norm3 = nn.LayerNorm(dim)
+        self.ff = FeedForward(dim, seq["ff"], activation)
+        self.drop = ChannelDropout(dropout)
+
+    def forward(self, x, music, style, bias, cross_bias):
+        x = x + self.drop(self.attn(self.norm1(x), bias))
+        x = x + self.drop(self.cross(self.norm2(x), cross_bias, music))
+        x = self.style(x, style)
+        return x + self.drop(self.ff(self.norm3(x)))
+
+
+class MotionSeq(nn.Module):
+    def __init__(self, config, dropout=0.0):
+        super().__init__()
+        seq = config["seq"]
+        self.seq, self.parts, self.codes = seq, config["parts"], config["codes"]
+        dim = seq["dim"]
+        self.embed = nn.ModuleDict({p: nn.Embedding(self.codes, dim) for p in self.parts})
+        self.music_in = nn.Linear(config["music_dim"], dim)
+        self.music_null = nn.Parameter(torch.zeros(dim))
+        # The last row is the null style.
+        self.style = nn.Embedding(len(seq["styles"]) + 1, seq["style_dim"])
+        self.layers = nn.ModuleList(SeqLayer(seq, config["activation"], dropout) for _ in range(seq["layers"]))
+        self.norm = nn.LayerNorm(dim)
+        self.head = nn.ModuleDict({p: nn.Linear(dim, self.codes) for p in self.parts})
+        # Parts after the first also see the codes already chosen for this frame.
+        self.given = nn.ModuleDict({p: nn.Embedding(self.codes, dim) for p in self.parts[:-1]})
+        self.refine = nn.ModuleDict({p: FeedForward(dim, dim, config["activation"]) for p in self.parts[1:]})
+        self.refine_norm = nn.ModuleDict({p: nn.LayerNorm(dim) for p in self.parts[1:]})
+        for table in [*self.embed.values(), *self.given.values()]:
+            nn.init.normal_(table.weight, std=0.02 * 16)
+
+    def music_stream(self, music, has_music):
+        """Projected music [B, T, dim]; the null vector where there is none."""
+        stream = self.music_in(music)
+        return torch.where(has_music[:, None, None], stream, self.music_null.to(stream.dtype))
+
+    def hidden(self, previous, music, has_music, style):
+        seq = self.seq
+        stream = self.music_stream(music, has_music)
+        x = sum(self.embed[p](previous[..., i]) for i, p in enumerate(self.parts))
+        if seq["music_at_input"]:
+            x = x + stream
+        length = x.shape[1]
+        bias = alibi_bias(length, seq["slopes"], seq["window"])
+        if seq["cross_aligned"]:
+            cross_bias = alibi_bias(length, seq["cross_slopes"], seq["window"], seq["lookahead"])
+        else:
+            cross_bias = torch.zeros(seq["heads"], length, length)
+        style = self.style(style)[:, None]
+        for layer in self.layers:
+            x = layer(x, stream, style, bias, cross_bias)
+        return self.norm(x)
+
+    def part_logits(self, part_index, hidden, codes):
+        """Logits of one part, given the codes [.., parts] of the parts before it."""
+        part = self.parts[part_index]
+        if part_index:
+            hidden = hidden + sum(self.given[p](codes[..., i])
+                                  for i, p in enumerate(self.parts[:part_index]))
+            hidden = hidden + self.refine[part](self.refine_norm[part](hidden))
+        return self.head[part](hidden)
+
+    def forward(self, previous, target, music, has_music, style):
+        """Logits [B, T, codes] of every part; `target` feeds the later parts."""
+        hidden = self.hidden(previous, music, has_music, style)
+        return [self.part_logits(i, hidden, target).float() for i in range(len(self.parts))]
+
+
+def nll(logits, target, valid, smoothing=0.0):
+    """Mean negative log likelihood per part."""
+    return [F.cross_entropy(l[valid], target[..., i][valid], label_smoothing=smoothing)
+            for i, l in enumerate(logits)]

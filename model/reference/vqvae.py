@@ -1,0 +1,169 @@
+"""Stage 1: motion to one code per body part per frame, and back.
+
+Encoders (one per part) see `encoder_window` frames to both sides; the decoder
+is causal and sees all parts. Motion here is normalised, [batch, frames, 137].
+"""
+
+import torch
+import torch.nn as nn
+import torch.nn.functional as F
+
+from blocks import Layer, alibi_bias
+from config import part_channels
+
+
+class Codebook(nn.Module):
+    """Codes learned by exponential moving averages, restarted when unused."""
+
+    def __init__(self, codes, dim, decay=0.98, dead_below=0.5, eps=1e-5):
+        super().__init__()
+        self.decay, self.dead_below, self.eps = decay, dead_below, eps
+        self.register_buffer("embed", torch.randn(codes, dim))
+        self.register_buffer("embed_avg", torch.randn(codes, dim))
+        self.register_buffer("cluster_size", torch.ones(codes))
+        self.register_buffer("ready", torch.tensor(False))
+
+    @torch.autocast("cpu", enabled=False)
+    def distances(self, x):
+        return (x * x).sum(-1, keepdim=True) - 2 * x @ self.embed.t() + (self.embed**2).sum(-1)
+
+    def nearest(self, x):
+        """Index of the nearest code of each row."""
+        return self.distances(x).argmin(-1)
+
+    @torch.no_grad()
+    def k_means(self, x, rounds=20):
+        """First codes: k-means over the rows of `x`."""
+        codes = len(self.embed)
+        centres = x[torch.randperm(len(x))[:codes]].clone()
+        for _ in range(rounds):
+            self.embed.copy_(centres)
+            index = self.nearest(x)
+            count = torch.bincount(index, minlength=codes).float()
+            sums = torch.zeros_like(centres).index_add_(0, index, x)
+            centres = torch.where(count[:, None] > 0, sums / count.clamp(min=1)[:, None],
+                                  x[torch.randint(len(x), (codes,))])
+        self.reset(torch.ones(codes, dtype=torch.bool), centres)
+        self.ready.fill_(True)
+
+    @torch.no_grad()
+    def reset(self, which, rows):
+        """Moves codes to `rows`, all three buffers together: a restart that
+        left `embed_avg` alone would be undone by the next update."""
+        self.embed[which] = rows
+        self.embed_avg[which] = rows
+        self.cluster_size[which] = 1.0
+
+    @torch.no_grad()
+    def update(self, x, index):
+        """One moving-average step, then dead codes restart at rows of `x`."""
+        count = torch.bincount(index, minlength=len(self.embed)).float()
+        sums = torch.zeros_like(self.embed).index_add_(0, index, x)
+        self.cluster_size.lerp_(count, 1 - self.decay)
+        self.embed_avg.lerp_(sums, 1 - self.decay)
+        size = self.cluster_size.clamp(min=self.eps)[:, None]
+        self.embed.copy_(self.embed_avg / size)
+        dead = self.cluster_size < self.dead_below
+        if dead.any():
+            self.reset(dead, x[torch.randint(len(x), (int(dead.sum()),))])
+
+
+class Encoder(nn.Module):
+    def __init__(self, channels, config, dropout):
+        super().__init__()
+        vq = config["vq"]
+        dim, heads = vq["encoder_dim"], len(vq["encoder_slopes"])
+        self.input = nn.Linear(len(channels), dim)
+        self.layers = nn.ModuleList(
+            Layer(dim, heads, 4 * dim, config["activation"], dropout) for _ in range(vq["encoder_layers"]))
+        self.norm = nn.LayerNorm(dim)
+        self.output = nn.Linear(dim, config["code_dim"])
+
+    def forward(self, x, bias):
+        x = self.input(x)
+        for layer in self.layers:
+            x = layer(x, bias)
+        return self.output(self.norm(x))
+
+
+class Decoder(nn.Module):
+    """Causal: frame i is made from the codes of frames up to i."""
+
+    def __init__(self, config, dropout):
+        super().__init__()
+        vq = config["vq"]
+        self.vq = vq
+        self.input = nn.Linear(len(config["parts"]) * config["code_dim"], vq["dim"])
+        self.layers = nn.ModuleList(
+            Layer(vq["dim"], vq["heads"], vq["ff"], config["activation"], dropout) for _ in range(vq["decoder_layers"]))
+        self.norm = nn.LayerNorm(vq["dim"])
+        self.output = nn.Linear(vq["dim"], config["motion_dim"])
+
+    def forward(self, codes):
+        bias = alibi_bias(codes.shape[1], self.vq["decoder_slopes"], self.vq["decoder_window"])
+        x = self.input(codes)
+        for layer in self.layers:
+            x = layer(x, bias)
+        return self.output(self.norm(x))
+
+
+class VqVae(nn.Module):
+    def __init__(self, config, dropout=0.0):
+        super().__init__()
+        self.config, self.parts = config, config["parts"]
+        self.channels = {part: part_channels(part) for part in self.parts}
+        self.encoder = nn.ModuleDict({
+            part: Encoder(self.channels[part], config, dropout)
+            for part in self.parts})
+        self.codebook = nn.ModuleDict(
+            {part: Codebook(config["codes"], config["code_dim"]) for part in self.parts})
+        self.decoder = Decoder(config, dropout)
+
+    def latents(self, motion):
+        """Continuous codes before quantisation, per part [B, T, code_dim]."""
+        vq = self.config["vq"]
+        window = vq["encoder_window"]
+        bias = alibi_bias(motion.shape[1], vq["encoder_slopes"], window, ahead=window)
+        return {part: self.encoder[part](motion[..., self.channels[part]], bias).float()
+                for part in self.parts}
+
+    def encode(self, motion):
+        """Codes [B, T, parts] of normalised motion."""
+        latents = self.latents(motion)
+        return torch.stack([self.codebook[p].nearest(latents[p]) for p in self.parts], -1)
+
+    def embed(self, codes):
+        return torch.cat([F.embedding(codes[..., i], self.codebook[p].embed)
+                          for i, p in enumerate(self.parts)], -1)
+
+    def decode(self, codes):
+        """Normalised motion from codes [B, T, parts]."""
+        return self.decoder(self.embed(codes)).float()
+
+    def forward(self, motion, valid, quantise=True, noise=0.0):
+        """Reconstruction, commit loss, codes. `valid` [B, T] keeps padding out
+        of the codebook; `noise` is the share of frames that get one of their
+        nearest eight codes instead of the nearest."""
+        latents = self.latents(motion)
+        quantised, commit, indices = [], 0.0, []
+        for part in self.parts:
+            z, book = latents[part], self.codebook[part]
+            if not quantise:
+                quantised.append(z)
+                continue
+            with torch.no_grad():
+                distance = book.distances(z)
+                index = distance.argmin(-1)
+                if self.training:
+                    book.update(z[valid], index[valid])
+            target = F.embedding(index, book.embed)
+            commit = commit + F.mse_loss(z[valid], target[valid])
+            if noise:
+                near = distance.topk(8, largest=False).indices
+                pick = near.gather(-1, torch.randint(8, index.shape)[..., None])[..., 0]
+                target = torch.where((torch.rand(index.shape) < noise)[..., None],
+                                     F.embedding(pick, book.embed), target)
+            quantised.append(z + (target - z).detach())
+            indices.append(index)
+        out = self.decoder(torch.cat(quantised, -1)).float()
+        return out, commit, torch.stack(indices, -1) if indices else None

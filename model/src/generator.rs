@@ -1,0 +1,357 @@
+//! Music frames in, motion frames out: the whole model behind one `step`.
+//!
+//! One motion frame per music frame (20 a second), known only from the music
+//! up to that frame. Time and memory a frame are constant for any length of
+//! music; the same seed, options and music give the same dance. Music that is
+//! not finite is replaced by the last good frame and counted. Not for a motor
+//! control thread: a step takes a millisecond or two and allocates.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use candle_core::Tensor;
+use servodance_types::{MUSIC_DIM, MotionFrame, MusicFrame, SPECTRAL_DIM};
+
+use crate::error::ModelError;
+use crate::motion::representation::{POSE_DIM, PoseVector, Recovery, contacts};
+use crate::motion::{Pose, skeleton};
+use crate::net::{
+    DecoderState, ModelConfig, MotionSeq, Sampler, Sampling, SeqState, VqDecoder, Weights,
+};
+
+/// Normalised spectral features are clamped to this many deviations.
+const MUSIC_CLAMP: f32 = 6.0;
+/// Inside this distance from the start the dancer goes where it wants, metres.
+const FREE_RADIUS_M: f32 = 1.0;
+/// At this distance no step leads further away, metres.
+const WALL_RADIUS_M: f32 = 3.0;
+
+/// How a dance is generated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GeneratorOptions {
+    /// Seed of everything random.
+    pub seed: u64,
+    /// A name out of [`Generator::styles`]; none leaves it to the music.
+    pub style: Option<String>,
+    /// 0 (always the likeliest) up to 10; above 1 is wild.
+    pub temperature: f32,
+    /// Only the k likeliest codes a frame; 0 is all.
+    pub top_k: usize,
+    /// Only the likeliest codes that hold this share of the probability.
+    pub top_p: f32,
+    /// Classifier-free guidance on the music: 1 is off, above 1 follows the
+    /// music more and takes twice the time.
+    pub guidance: f32,
+}
+
+impl Default for GeneratorOptions {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            style: None,
+            temperature: 1.0,
+            top_k: 0,
+            top_p: 0.95,
+            guidance: 1.0,
+        }
+    }
+}
+
+/// The trained networks; start as many dances from it as you like.
+#[derive(Clone, Debug)]
+pub struct Generator {
+    networks: Arc<Networks>,
+}
+
+#[derive(Debug)]
+struct Networks {
+    config: ModelConfig,
+    provenance: String,
+    decoder: VqDecoder,
+    seq: MotionSeq,
+    motion_mean: Vec<f32>,
+    motion_std: Vec<f32>,
+    music_mean: Vec<f32>,
+    music_std: Vec<f32>,
+    /// Codes to begin from, and the style each was seen in.
+    start_codes: Vec<Vec<usize>>,
+    start_styles: Vec<usize>,
+}
+
+impl Generator {
+    /// Loads a weights file and checks every tensor of it.
+    pub fn load(path: &Path) -> Result<Self, ModelError> {
+        Self::from_bytes(&Weights::read(path)?, &path.display().to_string())
+    }
+
+    /// Loads weights from memory; `source` names them in errors.
+    pub fn from_bytes(bytes: &[u8], source: &str) -> Result<Self, ModelError> {
+        let w = Weights::open(bytes, source)?;
+        let config = w.config().clone();
+        if config.seq.cross_aligned && config.seq.lookahead > 0 {
+            return Err(w.config_error(format!(
+                "seq.lookahead is {}, expected 0: live music has no future",
+                config.seq.lookahead
+            )));
+        }
+        let rows = |name, columns, limit| w.integer_rows(name, columns, limit);
+        let start_codes = rows("start.codes", config.parts.len(), config.codes)?;
+        let start_styles = rows("start.styles", 1, config.seq.styles.len().max(1))?.concat();
+        if start_codes.is_empty() || start_codes.len() != start_styles.len() {
+            return Err(w.config_error(format!(
+                "`start.codes` has {} rows and `start.styles` {}, expected the same number, not 0",
+                start_codes.len(),
+                start_styles.len()
+            )));
+        }
+        let networks = Networks {
+            decoder: VqDecoder::load(&w)?,
+            seq: MotionSeq::load(&w)?,
+            motion_mean: w.floats("norm.motion_mean", &[POSE_DIM])?,
+            motion_std: w.floats("norm.motion_std", &[POSE_DIM])?,
+            music_mean: w.floats("norm.music_mean", &[MUSIC_DIM])?,
+            music_std: w.floats("norm.music_std", &[MUSIC_DIM])?,
+            start_codes,
+            start_styles,
+            provenance: w.provenance().to_owned(),
+            config,
+        };
+        let networks = Arc::new(networks);
+        Ok(Self { networks })
+    }
+
+    /// The sizes of the networks.
+    pub fn config(&self) -> &ModelConfig {
+        &self.networks.config
+    }
+
+    /// Where the weights came from: data, date, figures (JSON).
+    pub fn provenance(&self) -> &str {
+        &self.networks.provenance
+    }
+
+    /// Names of the styles that a dance can be asked for.
+    pub fn styles(&self) -> &[String] {
+        &self.networks.config.seq.styles
+    }
+
+    /// A new dance. Refuses options out of range and unknown styles.
+    pub fn start(&self, options: GeneratorOptions) -> Result<Dance, ModelError> {
+        let n = &self.networks;
+        let style = options
+            .style
+            .as_deref()
+            .map(|s| self.style_index(s))
+            .transpose()?;
+        if !(0.0..=10.0).contains(&options.guidance) {
+            return Err(ModelError::Option {
+                option: "guidance",
+                found: options.guidance.to_string(),
+                expected: "0 to 10",
+            });
+        }
+        let sampling = Sampling {
+            temperature: options.temperature,
+            top_k: options.top_k,
+            top_p: options.top_p,
+        };
+        let mut sampler = Sampler::new(sampling, options.seed)?;
+        let codes = n.starting_codes(style, &mut sampler);
+        let deaf = (options.guidance != 1.0)
+            .then(|| n.seq.start(style))
+            .transpose()?;
+        Ok(Dance {
+            seq: n.seq.start(style)?,
+            deaf,
+            decoder: n.decoder.start()?,
+            networks: self.networks.clone(),
+            guidance: options.guidance,
+            sampler,
+            codes,
+            music: [0.0; MUSIC_DIM],
+            bad_music_frames: 0,
+            frames: 0,
+            recovery: Recovery::default(),
+            stage: Stage::default(),
+        })
+    }
+
+    fn style_index(&self, name: &str) -> Result<usize, ModelError> {
+        let styles = self.styles();
+        let found = styles.iter().position(|style| style == name);
+        found.ok_or_else(|| ModelError::UnknownStyle {
+            found: name.to_owned(),
+            known: styles.to_vec(),
+        })
+    }
+}
+
+impl Networks {
+    /// One of the stored beginnings, of this style if there is one.
+    fn starting_codes(&self, style: Option<usize>, sampler: &mut Sampler) -> Vec<usize> {
+        let all: Vec<usize> = (0..self.start_codes.len()).collect();
+        let of_style = all
+            .iter()
+            .copied()
+            .filter(|&i| Some(self.start_styles[i]) == style);
+        let of_style: Vec<usize> = of_style.collect();
+        let pool = if of_style.is_empty() { all } else { of_style };
+        self.start_codes[pool[sampler.below(pool.len())]].clone()
+    }
+
+    /// The 39 numbers as the network was trained on them; none if one of them
+    /// is not finite.
+    fn normalised_music(&self, frame: &MusicFrame) -> Option<[f32; MUSIC_DIM]> {
+        let mut music = frame.vector();
+        if music.iter().any(|v| !v.is_finite()) {
+            return None;
+        }
+        for (i, value) in music.iter_mut().enumerate() {
+            *value = (*value - self.music_mean[i]) / self.music_std[i];
+            if i < SPECTRAL_DIM {
+                *value = value.clamp(-MUSIC_CLAMP, MUSIC_CLAMP);
+            }
+        }
+        Some(music)
+    }
+
+    /// Decoder output in metres and radians.
+    fn pose_vector(&self, normalised: &[f32]) -> PoseVector {
+        std::array::from_fn(|i| normalised[i] * self.motion_std[i] + self.motion_mean[i])
+    }
+}
+
+/// One dance in progress.
+#[derive(Debug)]
+pub struct Dance {
+    networks: Arc<Networks>,
+    seq: SeqState,
+    /// The same dance without music, for guidance.
+    deaf: Option<SeqState>,
+    decoder: DecoderState,
+    guidance: f32,
+    sampler: Sampler,
+    codes: Vec<usize>,
+    music: [f32; MUSIC_DIM],
+    bad_music_frames: u64,
+    frames: u64,
+    recovery: Recovery,
+    stage: Stage,
+}
+
+impl Dance {
+    /// The motion of the next frame. After an error the dance stands where it
+    /// stood; start a new one.
+    pub fn step(&mut self, music: &MusicFrame) -> Result<MotionFrame, ModelError> {
+        let networks = self.networks.clone();
+        match networks.normalised_music(music) {
+            Some(good) => self.music = good,
+            None => self.bad_music_frames += 1,
+        }
+        self.codes = self.next_codes(&networks.seq)?;
+        let normalised = networks.decoder.step(&mut self.decoder, &self.codes)?;
+        let vector = networks.pose_vector(&normalised);
+        if vector.iter().any(|v| !v.is_finite()) {
+            return Err(ModelError::Diverged { frame: self.frames });
+        }
+        self.frames += 1;
+        let pose = skeleton::fit(&self.recovery.push(&vector), 1.0);
+        Ok(MotionFrame {
+            time_s: music.time_s,
+            positions: self.stage.place(pose),
+            contacts: contacts(&vector),
+        })
+    }
+
+    fn next_codes(&mut self, seq: &MotionSeq) -> Result<Vec<usize>, ModelError> {
+        let heard = seq.step(&mut self.seq, &self.codes, Some(&self.music))?;
+        let deaf = match &mut self.deaf {
+            Some(state) => Some(seq.step(state, &self.codes, None)?),
+            None => None,
+        };
+        let mut chosen = vec![Vec::with_capacity(self.codes.len())];
+        for part in 0..self.codes.len() {
+            let mut logits = row(&seq.logits(part, &heard, &chosen)?)?;
+            if let Some(deaf) = &deaf {
+                let without = row(&seq.logits(part, deaf, &chosen)?)?;
+                for (with, without) in logits.iter_mut().zip(without) {
+                    *with = without + self.guidance * (*with - without);
+                }
+            }
+            let code = self.sampler.draw(&logits);
+            chosen[0].push(code.ok_or(ModelError::Diverged { frame: self.frames })?);
+        }
+        Ok(chosen.concat())
+    }
+
+    /// The codes of the last frame, one per body part.
+    pub fn codes(&self) -> &[usize] {
+        &self.codes
+    }
+
+    /// Music frames that were not finite so far.
+    pub fn bad_music_frames(&self) -> u64 {
+        self.bad_music_frames
+    }
+}
+
+/// The first row of a tensor as numbers.
+fn row(logits: &Tensor) -> Result<Vec<f32>, ModelError> {
+    Ok(logits.squeeze(0)?.to_vec1()?)
+}
+
+/// Keeps the dancer near where it began: the further out, the less of every
+/// outward step counts. Inward steps and standing feet are left alone.
+#[derive(Clone, Copy, Debug, Default)]
+struct Stage {
+    /// Root of the last frame as recovered, and as shown (x, z).
+    recovered: [f32; 2],
+    shown: [f32; 2],
+}
+
+impl Stage {
+    fn place(&mut self, mut pose: Pose) -> Pose {
+        let root = [pose[0][0], pose[0][2]];
+        let mut step = [root[0] - self.recovered[0], root[1] - self.recovered[1]];
+        let distance = self.shown[0].hypot(self.shown[1]);
+        if distance > FREE_RADIUS_M {
+            let out = self.shown.map(|v| v / distance);
+            let outward = step[0] * out[0] + step[1] * out[1];
+            let share = (distance - FREE_RADIUS_M) / (WALL_RADIUS_M - FREE_RADIUS_M);
+            let taken = outward.max(0.0) * share.min(1.0);
+            step = [step[0] - taken * out[0], step[1] - taken * out[1]];
+        }
+        self.recovered = root;
+        self.shown = [self.shown[0] + step[0], self.shown[1] + step[1]];
+        let shift = [self.shown[0] - root[0], self.shown[1] - root[1]];
+        for point in &mut pose {
+            point[0] += shift[0];
+            point[2] += shift[1];
+        }
+        pose
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use servodance_types::JOINT_COUNT;
+
+    #[test]
+    fn a_straight_walk_stays_on_the_stage() {
+        let mut stage = Stage::default();
+        for i in 0..20_000 {
+            let root = [0.05 * i as f32, 1.0, 0.02 * i as f32];
+            let placed = stage.place([root; JOINT_COUNT]);
+            let distance = placed[0][0].hypot(placed[0][2]);
+            assert!(distance < WALL_RADIUS_M + 0.1, "{distance} m at frame {i}");
+        }
+    }
+
+    #[test]
+    fn near_the_start_nothing_is_moved() {
+        let mut stage = Stage::default();
+        let pose = [[0.3, 1.0, -0.5]; JOINT_COUNT];
+        assert_eq!(stage.place(pose), pose);
+    }
+}
