@@ -38,8 +38,8 @@ pub(crate) struct Question<'a> {
     pub standing: Option<(&'a Isometry3<f64>, &'a Feet)>,
     pub rest: &'a [f64],
     pub steps: usize,
-    /// Longest change of each joint over all steps.
-    pub reach: &'a [f64],
+    /// Lowest and highest position of each joint in this solve.
+    pub bounds: &'a [(f64, f64)],
 }
 
 /// A limb of two segments: link indices of its three points.
@@ -56,7 +56,6 @@ pub(crate) struct BodySolver {
     map: BodyMap,
     limbs: [Limb; 4],
     weights: Weights,
-    limits: Vec<JointLimits>,
     floating: bool,
     /// Orientation of the chest link when the robot stands upright.
     chest_rest: UnitQuaternion<f64>,
@@ -68,7 +67,6 @@ pub(crate) struct BodySolver {
     columns: Vec<Column>,
     low: Vec<f64>,
     high: Vec<f64>,
-    start: Vec<f64>,
 }
 
 impl BodySolver {
@@ -76,7 +74,7 @@ impl BodySolver {
         model: &RobotModel,
         map: BodyMap,
         weights: Weights,
-        limits: Vec<JointLimits>,
+        limits: &[JointLimits],
         upright: UnitQuaternion<f64>,
         floating: bool,
     ) -> Self {
@@ -109,7 +107,6 @@ impl BodySolver {
         Self {
             limbs,
             weights,
-            limits,
             floating,
             chest_rest: upright * in_root(map.chest),
             face_in_head: head_upright.inverse() * Vector3::x(),
@@ -120,7 +117,6 @@ impl BodySolver {
             columns: Vec::with_capacity(unknowns),
             low: vec![0.0; unknowns],
             high: vec![0.0; unknowns],
-            start: vec![0.0; joints],
             poses,
         }
     }
@@ -139,7 +135,6 @@ impl BodySolver {
 
     /// Moves the solution towards the best answer.
     pub fn solve(&mut self, model: &RobotModel, question: &Question) {
-        self.start.copy_from_slice(&self.positions);
         for _ in 0..question.steps {
             self.step(model, question);
         }
@@ -161,7 +156,7 @@ impl BodySolver {
         self.set_box(question);
         let step = self.solver.solve(&self.low, &self.high);
         for (column, position) in self.positions.iter_mut().enumerate() {
-            *position = self.limits[column].clamp_rad(*position + step[column]);
+            *position += step[column];
         }
         if self.floating {
             let shift = Vector3::new(step[joints], step[joints + 1], step[joints + 2]);
@@ -175,12 +170,10 @@ impl BodySolver {
     fn set_box(&mut self, question: &Question) {
         let joints = self.positions.len();
         for column in 0..joints {
-            let (now, limit) = (self.positions[column], self.limits[column]);
-            let (start, reach) = (self.start[column], question.reach[column]);
-            let low = limit.lower_rad.max(start - reach) - now;
-            let high = limit.upper_rad.min(start + reach) - now;
-            self.low[column] = low.clamp(-LONGEST_STEP, 0.0);
-            self.high[column] = high.clamp(0.0, LONGEST_STEP);
+            let now = self.positions[column];
+            let (low, high) = question.bounds[column];
+            self.low[column] = (low - now).clamp(-LONGEST_STEP, LONGEST_STEP);
+            self.high[column] = (high - now).clamp(-LONGEST_STEP, LONGEST_STEP);
         }
         self.low[joints..].fill(-LONGEST_STEP);
         self.high[joints..].fill(LONGEST_STEP);

@@ -138,12 +138,12 @@ impl Default for Weights {
     fn default() -> Self {
         Self {
             upper_limb: 1.0,
-            lower_limb: 0.8,
-            tip: 0.3,
+            lower_limb: 0.5,
+            tip: 0.8,
             torso: 1.0,
             head: 0.6,
             posture: 0.02,
-            damping: 0.03,
+            damping: 0.5,
         }
     }
 }

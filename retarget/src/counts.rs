@@ -8,7 +8,7 @@ pub struct Counts {
     pub cycles: u64,
     /// Frames with a number that is not finite or absurd; left out.
     pub unusable_frames: u64,
-    /// Frames for a time that was there already; left out.
+    /// Frames for a time that was there already, or far from all others; left out.
     pub late_frames: u64,
     /// Missing frames that were bridged by a straight line.
     pub bridged_frames: u64,

@@ -14,7 +14,7 @@ use crate::tracker::Tracker;
 const MOST_SWAY: [f64; 2] = [0.10, 0.14];
 /// Deepest squat and highest rise against rest, leg lengths.
 const DEEPEST: f64 = 0.28;
-const HIGHEST: f64 = 0.035;
+const HIGHEST: f64 = 0.03;
 /// Largest lean and turn of the pelvis, radians.
 const MOST_TURN: f64 = 0.30;
 /// Rates that the legs can keep: leg lengths a second, and so on.
@@ -56,6 +56,16 @@ impl Pelvis {
                 turn(),
                 turn(),
             ],
+        }
+    }
+
+    /// Takes over where the root link really got to.
+    pub fn observe(&mut self, root: &Isometry3<f64>) {
+        let shift = (root.translation.vector - self.rest.translation.vector) / self.leg_m;
+        let turn = (root.rotation * self.rest.rotation.inverse()).scaled_axis();
+        let reached = [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z];
+        for (tracker, reached) in self.trackers.iter_mut().zip(reached) {
+            tracker.observe(reached);
         }
     }
 

@@ -33,6 +33,8 @@ pub struct Retargeter {
     map: BodyMap,
     limits: Vec<JointLimits>,
     limbs: Vec<Limb>,
+    /// Joints between the pelvis and a planted foot.
+    stands_on: Vec<bool>,
     rest: Vec<f64>,
     gains: crate::Gains,
     amplitude: f64,
@@ -43,7 +45,7 @@ pub struct Retargeter {
     solver: BodySolver,
     standing: Option<Standing>,
     trackers: Vec<Tracker>,
-    reach: Vec<f64>,
+    bounds: Vec<(f64, f64)>,
     output: Vec<f64>,
     poses: Vec<Isometry3<f64>>,
     held_root: Isometry3<f64>,
@@ -84,22 +86,18 @@ impl Retargeter {
         let dt_s = 1.0 / control_hz;
 
         let floating = config.stance == Stance::Planted;
-        let solver = BodySolver::new(
-            &model,
-            map,
-            config.weights,
-            limits.clone(),
-            upright,
-            floating,
-        );
+        let solver = BodySolver::new(&model, map, config.weights, &limits, upright, floating);
         let waist = !model.levers[map.chest].is_empty();
         let heading = match (config.stance, waist) {
             (Stance::Planted, _) => Heading::Slow,
             (Stance::Hung, true) => Heading::Pelvis,
             (Stance::Hung, false) => Heading::Chest,
         };
+        let limbs = map.limbs(&model);
+        let is_leg = |limb: &Limb| matches!(limb, Limb::LeftLeg | Limb::RightLeg);
         let mut retargeter = Self {
-            limbs: map.limbs(&model),
+            stands_on: limbs.iter().map(|l| floating && is_leg(l)).collect(),
+            limbs,
             rest: solver.positions.clone(),
             gains: config.gain,
             amplitude: config.amplitude,
@@ -109,7 +107,7 @@ impl Retargeter {
             reader: Reader::new(heading, dt_s),
             standing: None,
             trackers: Vec::new(),
-            reach: limits.iter().map(|l| l.velocity_rad_s * dt_s).collect(),
+            bounds: limits.iter().map(|l| (l.lower_rad, l.upper_rad)).collect(),
             output: vec![0.0; limits.len()],
             poses: vec![Isometry3::identity(); model.links.len()],
             held_root: Isometry3::from_parts(Translation3::identity(), upright),
@@ -212,11 +210,13 @@ impl Retargeter {
     }
 
     fn solve(&mut self, aim: &Aim) {
+        self.set_bounds();
         let torso = self.amplitude * self.gains.torso;
-        let root = self
-            .standing
-            .as_mut()
-            .map(|standing| standing.pelvis.step(aim, torso));
+        let base = self.solver.base;
+        let root = self.standing.as_mut().map(|standing| {
+            standing.pelvis.observe(&base);
+            standing.pelvis.step(aim, torso)
+        });
         let standing = match (&root, &self.standing) {
             (Some(root), Some(standing)) => Some((root, &standing.feet)),
             _ => None,
@@ -228,24 +228,44 @@ impl Retargeter {
                 standing,
                 rest: &self.rest,
                 steps: STEPS,
-                reach: &self.reach,
+                bounds: &self.bounds,
             },
         );
     }
 
+    /// How far each joint of the solution may go in this cycle. Legs that stand
+    /// go exactly as far as the output can follow, so that the whole body waits
+    /// for the slowest of them and the feet stay; other joints, which are
+    /// smoothed afterwards, as far as their speed allows.
+    fn set_bounds(&mut self) {
+        for (joint, bounds) in self.bounds.iter_mut().enumerate() {
+            let limits = &self.limits[joint];
+            *bounds = if self.stands_on[joint] {
+                self.solver.positions[joint] = self.trackers[joint].position();
+                self.trackers[joint].allowed()
+            } else {
+                let now = self.solver.positions[joint];
+                let reach = limits.velocity_rad_s * self.dt_s;
+                (
+                    limits.lower_rad.max(now - reach),
+                    limits.upper_rad.min(now + reach),
+                )
+            };
+        }
+    }
+
     /// Scales the solution around rest and lets each joint follow it.
     fn track(&mut self) {
-        let planted = self.standing.is_some();
         let mut limited = false;
         for (joint, tracker) in self.trackers.iter_mut().enumerate() {
-            let limb = self.limbs[joint];
-            let scale = match limb {
-                Limb::LeftLeg | Limb::RightLeg if planted => 1.0,
-                limb => self.amplitude * self.gains.of(limb),
+            let solved = self.solver.positions[joint];
+            let step = if self.stands_on[joint] {
+                tracker.go(solved)
+            } else {
+                let scale = self.amplitude * self.gains.of(self.limbs[joint]);
+                let rest = self.rest[joint];
+                tracker.step(rest + scale * (solved - rest))
             };
-            let rest = self.rest[joint];
-            let target = rest + scale * (self.solver.positions[joint] - rest);
-            let step = tracker.step(target);
             limited |= step.limited;
             self.counts.jerk_exceeded += u64::from(step.jerk_exceeded);
             self.output[joint] = tracker.position();
@@ -322,7 +342,7 @@ impl Retargeter {
     /// the configured joints put where the configuration says.
     fn find_rest(&mut self, config: &RetargetConfig) -> Result<(), RetargetError> {
         let fixed = rest_overrides(&self.model, &self.limits, &config.rest_deg)?;
-        let far = vec![f64::INFINITY; self.limits.len()];
+        let far = self.bounds.clone();
         let aim = Aim::standing();
         let zero: Vec<f64> = self.solver.positions.clone();
         let hold = |positions: &mut [f64]| {
@@ -354,7 +374,7 @@ impl Retargeter {
                     standing: None,
                     rest: &zero,
                     steps: REST_STEPS,
-                    reach: &far,
+                    bounds: &far,
                 },
             );
         }
@@ -373,7 +393,7 @@ impl Retargeter {
     }
 
     /// Puts the robot on its feet, sunk a little, its weight between them.
-    fn stand(&mut self, config: &RetargetConfig, leg_m: f64, zero: &[f64], far: &[f64]) {
+    fn stand(&mut self, config: &RetargetConfig, leg_m: f64, zero: &[f64], far: &[(f64, f64)]) {
         let aim = Aim::standing();
         self.solver.base = self.held_root;
         let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
@@ -397,7 +417,7 @@ impl Retargeter {
                     standing: Some((&root, &feet)),
                     rest: zero,
                     steps: REST_STEPS / 10,
-                    reach: far,
+                    bounds: far,
                 },
             );
             let poses = self.solver.poses(&self.model);
@@ -405,7 +425,8 @@ impl Retargeter {
             root.translation.x -= 0.7 * (com.x - middle.x);
             root.translation.y -= 0.7 * (com.y - middle.y);
         }
-        let pelvis = Pelvis::new(root, leg_m, self.dt_s);
+        // What was reached, not what was asked: rest is then an equilibrium.
+        let pelvis = Pelvis::new(self.solver.base, leg_m, self.dt_s);
         self.standing = Some(Standing { feet, pelvis });
     }
 }

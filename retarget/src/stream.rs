@@ -18,7 +18,7 @@ use crate::Counts;
 pub(crate) const LOOKAHEAD_FRAMES: usize = 3;
 /// Frames kept; older ones are forgotten.
 const KEPT: usize = 256;
-/// The longest hole that is bridged; after a longer one the stream starts anew.
+/// The longest hole that is bridged, frames; frames farther off start anew.
 const LONGEST_HOLE: i64 = 20;
 /// A point that moves faster against the pelvis than any dancer, m/s.
 const TELEPORT_M_S: f64 = 15.0;
@@ -33,6 +33,8 @@ pub(crate) struct MotionStream {
     frames: VecDeque<Points>,
     /// Grid index of `frames[0]`.
     first: i64,
+    /// The last frame, if its time was far from all others.
+    stray: Option<(i64, Points)>,
 }
 
 impl MotionStream {
@@ -40,6 +42,7 @@ impl MotionStream {
         Self {
             frames: VecDeque::with_capacity(KEPT + 1),
             first: 0,
+            stray: None,
         }
     }
 
@@ -64,6 +67,11 @@ impl MotionStream {
             return;
         };
         let hole = index - next;
+        if hole.abs() > LONGEST_HOLE {
+            self.consider_restart(index, points, counts);
+            return;
+        }
+        self.stray = None;
         if hole < 0 {
             counts.late_frames += 1;
             return;
@@ -71,19 +79,29 @@ impl MotionStream {
         if is_teleport(&last, &points, (hole + 1) as f64) {
             counts.teleports += 1;
         }
-        if hole > LONGEST_HOLE {
-            counts.restarts += 1;
-            self.frames.clear();
-            self.first = index;
-        } else {
-            counts.bridged_frames += hole as u64;
-            for step in 1..=hole {
-                let share = step as f64 / (hole + 1) as f64;
-                let between = std::array::from_fn(|j| last[j].lerp(&points[j], share));
-                self.store(between);
-            }
+        counts.bridged_frames += hole as u64;
+        for step in 1..=hole {
+            let share = step as f64 / (hole + 1) as f64;
+            let between = std::array::from_fn(|j| last[j].lerp(&points[j], share));
+            self.store(between);
         }
         self.store(points);
+    }
+
+    /// A frame of a far time starts the stream anew, but only when the next
+    /// one confirms it: one wrong time stamp shall not silence the rest.
+    fn consider_restart(&mut self, index: i64, points: Points, counts: &mut Counts) {
+        match self.stray.replace((index, points)) {
+            Some((before, first)) if index == before + 1 => {
+                counts.restarts += 1;
+                self.stray = None;
+                self.frames.clear();
+                self.first = before;
+                self.store(first);
+                self.store(points);
+            }
+            _ => counts.late_frames += 1,
+        }
     }
 
     fn store(&mut self, points: Points) {
@@ -199,6 +217,17 @@ mod tests {
         assert_eq!(counts.late_frames, 1);
         assert_eq!(stream.frames.len(), 4);
         assert!((stream.frames[1][0].y - 0.1).abs() < 1e-6);
+    }
+
+    #[test]
+    fn one_wrong_time_is_left_out_two_start_anew() {
+        let (mut stream, mut counts) = (MotionStream::new(), Counts::default());
+        for index in [0, 1, 5000, 2, 3, 7000, 7001, 7002] {
+            stream.push(&frame(index, 0.0), &mut counts);
+        }
+        // The first of the two counted as wrong until it was confirmed.
+        assert_eq!((counts.late_frames, counts.restarts), (2, 1));
+        assert_eq!((stream.first, stream.frames.len()), (7000, 3));
     }
 
     #[test]

@@ -65,29 +65,65 @@ impl Tracker {
 
     /// One cycle towards `target_rad`; a target that is not finite is ignored.
     pub fn step(&mut self, target_rad: f64) -> Step {
-        let dt = self.dt_s;
         let target = match target_rad.is_finite() {
             true => self.limits.clamp_rad(target_rad),
             false => self.target[2],
         };
         self.target = [self.target[1], self.target[2], target];
-        let wanted = self.velocity + self.wanted_acceleration() * dt;
+        let wanted = self.velocity + self.wanted_acceleration() * self.dt_s;
+        self.take(wanted)
+    }
 
-        let most = self.limits.acceleration_rad_s2 * dt;
-        let change = self.jerk_rad_s3 * dt * dt;
-        let coasting = self.velocity + self.acceleration * dt;
-        let smooth = wanted.clamp(coasting - change, coasting + change);
+    /// Goes straight to `position_rad`, or as near as the limits allow.
+    pub fn go(&mut self, position_rad: f64) -> Step {
+        let wanted = match position_rad.is_finite() {
+            true => (position_rad - self.position) / self.dt_s,
+            false => 0.0,
+        };
+        let step = self.take(wanted);
+        self.target = [self.target[1], self.target[2], self.position];
+        step
+    }
 
-        let (low, high) = self.allowed_velocities(most);
+    /// Lowest and highest position that the limits, jerk included where
+    /// possible, allow in the next cycle.
+    pub fn allowed(&self) -> (f64, f64) {
+        let (low, high) = self.allowed_velocities();
+        let (least, most) = self.smooth_velocities();
+        let bound = |velocity: f64| self.position + velocity.clamp(low, high) * self.dt_s;
+        (bound(least), bound(most))
+    }
+
+    /// Takes the state over from what really happened.
+    pub fn observe(&mut self, position: f64) {
+        if position.is_finite() {
+            let before = self.velocity;
+            self.velocity += (position - self.position) / self.dt_s;
+            self.acceleration += (self.velocity - before) / self.dt_s;
+            self.position = position;
+        }
+    }
+
+    fn take(&mut self, wanted: f64) -> Step {
+        let (least, most) = self.smooth_velocities();
+        let smooth = wanted.clamp(least, most);
+        let (low, high) = self.allowed_velocities();
         let velocity = smooth.clamp(low, high);
         let outcome = Step {
             limited: (velocity - wanted).abs() > 1e-9,
             jerk_exceeded: (velocity - smooth).abs() > 1e-9,
         };
-        self.acceleration = (velocity - self.velocity) / dt;
+        self.acceleration = (velocity - self.velocity) / self.dt_s;
         self.velocity = velocity;
-        self.position += velocity * dt;
+        self.position += velocity * self.dt_s;
         outcome
+    }
+
+    /// The velocities of the next cycle that keep the jerk limit.
+    fn smooth_velocities(&self) -> (f64, f64) {
+        let change = self.jerk_rad_s3 * self.dt_s * self.dt_s;
+        let coasting = self.velocity + self.acceleration * self.dt_s;
+        (coasting - change, coasting + change)
     }
 
     /// Acceleration that closes the error against the moving target.
@@ -108,7 +144,8 @@ impl Tracker {
     }
 
     /// The velocities of the next cycle that keep every limit now and later.
-    fn allowed_velocities(&self, most: f64) -> (f64, f64) {
+    fn allowed_velocities(&self) -> (f64, f64) {
+        let most = self.limits.acceleration_rad_s2 * self.dt_s;
         let JointLimits {
             lower_rad,
             upper_rad,

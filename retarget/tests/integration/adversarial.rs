@@ -1,0 +1,147 @@
+//! Motion that no dancer makes: the limits hold all the same.
+
+use proptest::prelude::*;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use servodance_types::MotionFrame;
+
+use crate::support::{Pose, Robot, dance, follow, violations};
+
+fn noise(rng: &mut ChaCha8Rng, frames: &mut [MotionFrame], amount: f32) {
+    for frame in frames {
+        for value in frame.positions.iter_mut().flatten() {
+            *value += rng.random_range(-amount..amount);
+        }
+    }
+}
+
+#[test]
+fn noise_of_every_size_breaks_no_limit() {
+    let robot = Robot::op3();
+    for (seed, amount) in [(1, 0.01), (2, 0.1), (3, 1.0), (4, 100.0)] {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut frames = dance(20.0);
+        noise(&mut rng, &mut frames, amount);
+        let track = follow(&mut robot.retargeter(), &frames);
+        assert_eq!(
+            violations(&track, &robot.limits()),
+            [0; 3],
+            "noise {amount}"
+        );
+    }
+}
+
+#[test]
+fn holes_nan_and_teleports_are_approached_and_counted() {
+    let robot = Robot::op3();
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut frames = dance(60.0);
+    for frame in &mut frames {
+        match rng.random_range(0..20) {
+            0 => frame.positions[3][1] = f32::NAN,
+            1 => frame.positions[20] = [1e30; 3],
+            2 => frame.positions[18][0] += 3.0,
+            3 => frame.time_s += 100.0,
+            4 => frame.time_s = f64::INFINITY,
+            5 => frame.positions = [[0.0; 3]; 22],
+            _ => {}
+        }
+    }
+    let mut retargeter = robot.retargeter();
+    let track = follow(&mut retargeter, &frames);
+    assert_eq!(violations(&track, &robot.limits()), [0; 3]);
+    let counts = retargeter.counts();
+    assert!(
+        counts.unusable_frames > 0 && counts.teleports > 0,
+        "{counts:?}"
+    );
+}
+
+#[test]
+fn live_changes_of_style_break_no_limit() {
+    let robot = Robot::op3();
+    let mut retargeter = robot.retargeter();
+    let frames = dance(10.0);
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    let mut out = retargeter.rest().to_vec();
+    let mut track = vec![out.clone(), out.clone()];
+    for cycle in 0..1000 {
+        if cycle % 5 == 0 {
+            retargeter.push(&frames[cycle / 5]);
+        }
+        if cycle % 50 == 0 {
+            retargeter.set_amplitude(rng.random_range(-1.0..2.0));
+            retargeter.set_mirror(rng.random());
+            retargeter.set_gain(
+                servodance_retarget::Limb::LeftArm,
+                rng.random_range(0.0..3.0),
+            );
+        }
+        retargeter.next(cycle as f64 * 0.01, &mut out).unwrap();
+        track.push(out.clone());
+    }
+    assert_eq!(violations(&track, &robot.limits()), [0; 3]);
+}
+
+#[test]
+fn any_start_inside_the_limits_is_led_on_smoothly() {
+    let robot = Robot::op3();
+    let frames = dance(5.0);
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    for _ in 0..20 {
+        let start: Vec<f64> = robot
+            .limits()
+            .iter()
+            .map(|l| rng.random_range(l.lower_rad..l.upper_rad))
+            .collect();
+        let mut retargeter = robot.retargeter();
+        retargeter.seed(&start).unwrap();
+        let mut track = follow(&mut retargeter, &frames);
+        track[0].clone_from(&start);
+        track[1].clone_from(&start);
+        assert_eq!(violations(&track, &robot.limits()), [0; 3]);
+        let counts = retargeter.counts();
+        assert_eq!(counts.cycles, 500);
+    }
+}
+
+#[test]
+fn a_start_that_is_not_a_number_is_refused() {
+    let mut retargeter = Robot::op3().retargeter();
+    let mut start = retargeter.rest().to_vec();
+    start[3] = f64::NAN;
+    let message = retargeter.seed(&start).unwrap_err().to_string();
+    assert!(message.contains("l_sho_roll"), "{message}");
+    assert!(retargeter.seed(&start[1..]).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn any_floats_break_no_limit(
+        values in prop::collection::vec(prop::num::f32::ANY, 22 * 3 * 12),
+        times in prop::collection::vec(prop::num::f64::ANY, 12),
+        ask in prop::collection::vec(prop::num::f64::ANY, 100),
+    ) {
+        let robot = Robot::op3();
+        let mut retargeter = robot.retargeter();
+        let mut out = retargeter.rest().to_vec();
+        let mut track = vec![out.clone(), out.clone()];
+        for (k, ask) in ask.into_iter().enumerate() {
+            if k < 12 {
+                let mut frame = Pose::standing().frame(k);
+                if k % 2 == 0 {
+                    frame.time_s = times[k];
+                }
+                for (point, chunk) in frame.positions.iter_mut().zip(values[k * 66..].chunks(3)) {
+                    point.copy_from_slice(chunk);
+                }
+                retargeter.push(&frame);
+            }
+            let time_s = if k % 3 == 0 { ask } else { k as f64 * 0.01 };
+            retargeter.next(time_s, &mut out).unwrap();
+            track.push(out.clone());
+        }
+        prop_assert_eq!(violations(&track, &robot.limits()), [0; 3]);
+    }
+}

@@ -1,0 +1,165 @@
+//! An ordinary dance: does the robot show it?
+
+use servodance_retarget::nalgebra::Vector3;
+use servodance_types::FRAME_RATE_HZ;
+
+use crate::support::{CONTROL_HZ, Robot, dance, dance_pose, follow, violations};
+
+#[test]
+fn a_dance_keeps_every_limit_and_the_feet_stay() {
+    let robot = Robot::op3();
+    let mut retargeter = robot.retargeter();
+    let track = follow(&mut retargeter, &dance(30.0));
+    assert_eq!(violations(&track, &robot.limits()), [0; 3]);
+    let model = retargeter.model();
+    let feet = ["l_sole", "r_sole"].map(|name| model.link(name).unwrap());
+    let places = |positions: &[f64]| {
+        let points = model.link_points(positions);
+        feet.map(|foot| Vector3::from(points[foot]))
+    };
+    // However the body moves, the feet keep their distance and stay level.
+    let apart = |positions: &[f64]| {
+        let [left, right] = places(positions);
+        (left - right).norm()
+    };
+    let rest = apart(&track[0]);
+    for positions in &track {
+        assert!((apart(positions) - rest).abs() < 1e-3);
+        let poses = model.link_poses(positions);
+        let twist = poses[feet[0]].rotation.angle_to(&poses[feet[1]].rotation);
+        assert!(twist < 5e-3, "{twist}");
+    }
+    assert_eq!(retargeter.counts().feet_moved_cycles, 0);
+    // The last frame is held until the song's last cycle.
+    assert_eq!(retargeter.counts().starved_cycles, 4);
+}
+
+/// Angles between the dancer's limbs and the robot's, degrees.
+fn direction_errors(track: &[Vec<f64>]) -> Vec<f64> {
+    let retargeter = Robot::op3().retargeter();
+    let model = retargeter.model();
+    let mut errors = Vec::new();
+    for k in (20..track.len() - 2).step_by(5) {
+        let pose = dance_pose(k as f64 / CONTROL_HZ);
+        let positions = &track[k + 2];
+        let poses = model.link_poses(positions);
+        let root = retargeter.world_from_root(positions);
+        let at = |name: &str| {
+            let link = model.link(name).unwrap();
+            (root * poses[link]).translation.vector
+        };
+        let across = at("l_sho_roll_link") - at("r_sho_roll_link");
+        let yaw = (-across.x).atan2(across.y);
+        let unturn =
+            servodance_retarget::nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), -yaw);
+        for (side, letter) in ["l", "r"].into_iter().enumerate() {
+            let shoulder = at(&format!("{letter}_sho_roll_link"));
+            let elbow = at(&format!("{letter}_el_link"));
+            let hand = at(&format!("{letter}_hand"));
+            for (robot, human) in [
+                (elbow - shoulder, pose.upper_arm[side]),
+                (hand - elbow, pose.forearm[side]),
+            ] {
+                errors.push((unturn * robot).angle(&human).to_degrees());
+            }
+        }
+    }
+    errors.sort_by(f64::total_cmp);
+    errors
+}
+
+#[test]
+fn limbs_point_where_the_dancer_s_do() {
+    let errors = direction_errors(&follow(&mut Robot::op3().retargeter(), &dance(30.0)));
+    let median = errors[errors.len() / 2];
+    assert!(median < 8.0, "median {median:.1} degrees");
+}
+
+#[test]
+fn the_output_is_on_time() {
+    // The arm's lift against its own track shifted: the best shift is the delay.
+    let robot = Robot::op3();
+    let track = follow(&mut robot.retargeter(), &dance(30.0));
+    let knee = robot
+        .joints
+        .iter()
+        .position(|(n, _)| n == "l_knee")
+        .unwrap();
+    let wanted = |cycle: f64| -dance_pose(cycle / CONTROL_HZ).pelvis.z;
+    let score = |delay: i32| {
+        let pairs: Vec<(f64, f64)> = (500..2500)
+            .map(|k| (track[k + 2][knee], wanted((k as i32 - delay).into())))
+            .collect();
+        let n = pairs.len() as f64;
+        let mean = pairs
+            .iter()
+            .fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
+        pairs
+            .iter()
+            .map(|p| (p.0 - mean.0) * (p.1 - mean.1))
+            .sum::<f64>()
+    };
+    let delay = (-20..=20)
+        .max_by(|a, b| score(*a).total_cmp(&score(*b)))
+        .unwrap();
+    let stated = (robot.retargeter().latency_s() * CONTROL_HZ).round() as i32;
+    assert!(
+        (delay - stated).abs() <= 2,
+        "{delay} cycles late, {stated} stated"
+    );
+}
+
+#[test]
+fn the_mirrored_dance_is_the_mirror_image() {
+    let robot = Robot::op3();
+    let mut mirrored = robot.retargeter();
+    mirrored.set_mirror(true);
+    let frames = dance(15.0);
+    let straight = follow(&mut robot.retargeter(), &frames);
+    let mirrored = follow(&mut mirrored, &frames);
+    let index = |name: &str| robot.joints.iter().position(|(n, _)| n == name).unwrap();
+    // Axes of the description: which joints change sign in a mirror.
+    for (name, sign) in [
+        ("sho_pitch", -1.0),
+        ("sho_roll", -1.0),
+        ("el", -1.0),
+        ("hip_pitch", -1.0),
+        ("knee", -1.0),
+        ("ank_pitch", -1.0),
+        ("hip_roll", -1.0),
+        ("hip_yaw", -1.0),
+    ] {
+        let (left, right) = (index(&format!("l_{name}")), index(&format!("r_{name}")));
+        for (a, b) in straight.iter().zip(&mirrored) {
+            assert!((a[left] - sign * b[right]).abs() < 1e-3, "{name}");
+        }
+    }
+}
+
+#[test]
+fn no_amplitude_is_the_rest_pose() {
+    let robot = Robot::op3();
+    let mut retargeter = robot.retargeter();
+    retargeter.set_amplitude(0.0);
+    let rest = retargeter.rest().to_vec();
+    for positions in follow(&mut retargeter, &dance(5.0)) {
+        for (now, rest) in positions.iter().zip(&rest) {
+            assert!((now - rest).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn before_the_first_frame_the_robot_rests() {
+    let mut retargeter = Robot::op3().retargeter();
+    let rest = retargeter.rest().to_vec();
+    let mut out = rest.clone();
+    for cycle in 0..100 {
+        retargeter
+            .next(cycle as f64 / FRAME_RATE_HZ, &mut out)
+            .unwrap();
+    }
+    for (now, rest) in out.iter().zip(&rest) {
+        assert!((now - rest).abs() < 1e-3, "{now} {rest}");
+    }
+}

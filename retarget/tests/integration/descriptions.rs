@@ -1,0 +1,219 @@
+//! Robot descriptions as they are found: usable, or refused with a reason.
+
+use proptest::prelude::*;
+use servodance_retarget::{RetargetConfig, RetargetError, Retargeter, RobotModel};
+use servodance_types::JointLimits;
+
+use crate::support::{CONTROL_HZ, Robot};
+
+fn limits() -> JointLimits {
+    JointLimits {
+        lower_rad: -1.0,
+        upper_rad: 1.0,
+        velocity_rad_s: 3.0,
+        acceleration_rad_s2: 20.0,
+    }
+}
+
+fn two_links(joint: &str) -> String {
+    format!(
+        r#"<robot name="r"><link name="base"/><link name="tip"/>
+        <joint name="turn" type="revolute"><parent link="base"/><child link="tip"/>{joint}</joint>
+        </robot>"#
+    )
+}
+
+fn refusal(urdf: &str, joint: &str) -> String {
+    let joints = [(joint.to_string(), limits())];
+    match Retargeter::new(urdf, &RetargetConfig::default(), &joints, CONTROL_HZ) {
+        Ok(_) => panic!("accepted: {urdf}"),
+        Err(error) => {
+            let message = error.to_string();
+            assert!(!message.contains('\n'), "{message}");
+            message
+        }
+    }
+}
+
+const GOOD_LIMIT: &str = r#"<limit lower="-1" upper="1" effort="1" velocity="1"/>"#;
+
+#[test]
+fn broken_descriptions_are_refused_by_name() {
+    let axis = r#"<axis xyz="0 0 0"/>"#;
+    let inverted = r#"<axis xyz="0 0 1"/><limit lower="1" upper="-1" effort="1" velocity="1"/>"#;
+    let nan = r#"<axis xyz="0 NaN 1"/>"#;
+    let mimic = r#"<axis xyz="0 0 1"/><mimic joint="nobody"/>"#;
+    let circle = r#"<axis xyz="0 0 1"/><mimic joint="turn"/>"#;
+    for (body, expected) in [
+        (format!("{axis}{GOOD_LIMIT}"), "axis 0 0 0"),
+        (inverted.into(), "lower limit 1 is above upper limit -1"),
+        (format!("{nan}{GOOD_LIMIT}"), "has no direction"),
+        (format!("{mimic}{GOOD_LIMIT}"), "nobody"),
+        (format!("{circle}{GOOD_LIMIT}"), "circle"),
+    ] {
+        let message = refusal(&two_links(&body), "turn");
+        assert!(message.contains(expected), "{message}");
+        assert!(message.contains("`turn`"), "{message}");
+    }
+}
+
+#[test]
+fn a_mimic_of_a_fixed_joint_is_refused() {
+    let urdf = r#"<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+        <joint name="still" type="fixed"><parent link="a"/><child link="b"/></joint>
+        <joint name="turn" type="revolute"><parent link="b"/><child link="c"/>
+        <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
+        <mimic joint="still"/></joint></robot>"#;
+    assert!(refusal(urdf, "turn").contains("`still`, which does not move"));
+}
+
+#[test]
+fn trees_that_are_none_are_refused() {
+    let link = |name: &str| format!(r#"<link name="{name}"/>"#);
+    let joint = |name: &str, parent: &str, child: &str| {
+        format!(
+            r#"<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>"#
+        )
+    };
+    let robot = |parts: &[String]| format!(r#"<robot name="r">{}</robot>"#, parts.concat());
+    let (a, b) = (link("a"), link("b"));
+    for (urdf, expected) in [
+        (robot(&[]), "no link"),
+        (robot(&[a.clone(), b.clone()]), "several roots: a, b"),
+        (robot(&[a.clone(), a.clone()]), "`a` is there twice"),
+        (robot(&[a.clone(), joint("j", "a", "z")]), "no link `z`"),
+        (
+            robot(&[
+                a.clone(),
+                b.clone(),
+                joint("i", "a", "b"),
+                joint("j", "b", "a"),
+            ]),
+            "loop",
+        ),
+        (robot(&["<xacro:include/>".into()]), "xacro"),
+        ("not xml at all".into(), "not a readable URDF"),
+        (String::new(), "not a readable URDF"),
+        ("<a>".repeat(100_000), "nested"),
+    ] {
+        let message = refusal(&urdf, "turn");
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn unknown_names_list_the_choices() {
+    let urdf = two_links(&format!(r#"<axis xyz="0 0 1"/>{GOOD_LIMIT}"#));
+    let message = refusal(&urdf, "trun");
+    assert!(
+        message.contains("`trun`") && message.contains("it has: turn"),
+        "{message}"
+    );
+    let mut robot = Robot::op3();
+    robot.config.body.left_hand = Some("paw".into());
+    let error = Retargeter::new(robot.urdf, &robot.config, &robot.joints, CONTROL_HZ);
+    let Err(RetargetError::NoSuchLink { part, choices, .. }) = error else {
+        panic!("accepted");
+    };
+    assert_eq!(part, "left_hand");
+    assert!(choices.contains("l_hand"));
+}
+
+#[test]
+fn a_robot_without_legs_cannot_be_planted() {
+    let urdf = two_links(&format!(r#"<axis xyz="0 0 1"/>{GOOD_LIMIT}"#));
+    let config: RetargetConfig = toml::from_str("stance = 'planted'").unwrap();
+    let joints = [("turn".to_string(), limits())];
+    let error = Retargeter::new(&urdf, &config, &joints, CONTROL_HZ)
+        .err()
+        .unwrap();
+    assert!(error.to_string().contains("hung"), "{error}");
+}
+
+#[test]
+fn body_parts_are_guessed_from_names() {
+    let mut robot = Robot::op3();
+    let named = robot.retargeter().rest().to_vec();
+    robot.config.body = Default::default();
+    let guessed = robot.retargeter().rest().to_vec();
+    for (a, b) in named.iter().zip(&guessed) {
+        assert!((a - b).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn the_model_agrees_with_k() {
+    let robot = Robot::op3();
+    let names: Vec<&str> = robot.joints.iter().map(|(name, _)| name.as_str()).collect();
+    let model = RobotModel::new(robot.urdf, &names).unwrap();
+    let chain: k::Chain<f64> = urdf_rs::read_from_string(robot.urdf).unwrap().into();
+    let positions: Vec<f64> = (0..names.len())
+        .map(|i| 0.3 * (i as f64 * 1.7).sin())
+        .collect();
+    for (name, position) in names.iter().zip(&positions) {
+        let node = chain.find(name).unwrap();
+        node.set_joint_position(*position).unwrap();
+    }
+    chain.update_transforms();
+    let poses = model.link_poses(&positions);
+    for (name, pose) in model.link_names().iter().zip(&poses) {
+        let theirs = chain.find_link(name).unwrap().world_transform().unwrap();
+        assert!((theirs.translation.vector - pose.translation.vector).norm() < 1e-12);
+        assert!(theirs.rotation.angle_to(&pose.rotation) < 1e-7);
+    }
+    assert!((model.mass_kg() - 3.15).abs() < 1e-9);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    /// Bytes changed, cut out or doubled anywhere in a good description.
+    #[test]
+    fn no_mutation_of_a_description_panics(
+        edits in prop::collection::vec((any::<prop::sample::Index>(), 0..4_u8, any::<u8>()), 1..8),
+    ) {
+        let robot = Robot::op3();
+        let mut text = robot.urdf.as_bytes().to_vec();
+        for (place, kind, byte) in edits {
+            let at = place.index(text.len());
+            match kind {
+                0 => text[at] = byte % 128,
+                1 => { text.remove(at); }
+                2 => text.insert(at, b"0123456789.-<>/\" e"[usize::from(byte) % 18]),
+                _ => {
+                    let end = (at + usize::from(byte)).min(text.len());
+                    let piece = text[at..end].to_vec();
+                    text.splice(at..at, piece);
+                }
+            }
+        }
+        let text = String::from_utf8_lossy(&text);
+        let made = Retargeter::new(&text, &robot.config, &robot.joints, CONTROL_HZ);
+        if let Ok(mut robot) = made {
+            let mut out = robot.rest().to_vec();
+            prop_assert!(robot.next(0.0, &mut out).is_ok());
+            prop_assert!(out.iter().all(|p| p.is_finite()));
+        }
+    }
+
+    #[test]
+    fn numbers_put_anywhere_do_not_panic(
+        place in any::<prop::sample::Index>(),
+        number in prop_oneof![
+            Just("nan"), Just("inf"), Just("-1e308"), Just("1e-320"), Just("0"), Just("-0"),
+        ],
+    ) {
+        let robot = Robot::op3();
+        let numbers: Vec<(usize, &str)> = robot
+            .urdf
+            .match_indices(|c: char| c.is_ascii_digit())
+            .collect();
+        let (at, _) = numbers[place.index(numbers.len())];
+        let text = format!("{}{number}{}", &robot.urdf[..at], &robot.urdf[at + 1..]);
+        if let Ok(mut robot) = Retargeter::new(&text, &robot.config, &robot.joints, CONTROL_HZ) {
+            let mut out = robot.rest().to_vec();
+            prop_assert!(robot.next(0.0, &mut out).is_ok());
+            prop_assert!(out.iter().all(|p| p.is_finite()));
+        }
+    }
+}

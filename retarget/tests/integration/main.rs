@@ -1,0 +1,6 @@
+//! The whole way from human frames to joint targets, judged from outside.
+
+mod adversarial;
+mod dance;
+mod descriptions;
+mod support;
