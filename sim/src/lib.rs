@@ -12,6 +12,7 @@
 //!
 //! Nothing here knows a bus driver's interface: this is the wire's far end.
 
+mod fault;
 mod judge;
 mod line;
 mod motor;
@@ -23,6 +24,7 @@ mod spec;
 mod table;
 mod world;
 
+pub use fault::{ServoFault, WireFault};
 pub use judge::{Judge, Violations};
 pub use line::{Burst, Line};
 pub use motor::Motor;

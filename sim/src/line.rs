@@ -115,17 +115,27 @@ impl Line {
             code::SYNC_WRITE => self.sync_write(params),
             code::BULK_WRITE => self.bulk_write(params),
             _ if instruction.id == BROADCAST => self.broadcast(instruction),
-            _ => match self.find(instruction.id) {
-                Some(index) => self.single(index, instruction).into_iter().collect(),
-                None => Vec::new(),
-            },
+            _ => {
+                let addressed = self.find_all(instruction.id);
+                let answers = addressed.into_iter();
+                collided(
+                    answers
+                        .filter_map(|index| self.single(index, instruction))
+                        .collect(),
+                )
+            }
         }
     }
 
     fn find(&self, id: u8) -> Option<usize> {
-        self.servos
-            .iter()
-            .position(|servo| servo.listens() && servo.id() == id)
+        self.find_all(id).first().copied()
+    }
+
+    /// More than one where ids were given twice.
+    fn find_all(&self, id: u8) -> Vec<usize> {
+        (0..self.servos.len())
+            .filter(|&index| self.servos[index].listens() && self.servos[index].id() == id)
+            .collect()
     }
 
     fn reply(&self, index: usize, error: u8, params: &[u8]) -> Burst {
@@ -224,11 +234,14 @@ impl Line {
             if self.servos[index].return_level() == 0 {
                 break;
             }
-            let burst = match self.servos[index].read(part.address, part.size) {
-                Ok(data) => self.reply(index, 0, &data),
-                Err(error) => self.reply(index, error as u8, &[]),
-            };
-            bursts.push(burst);
+            let mut answers = Vec::with_capacity(1);
+            for index in self.find_all(part.id) {
+                answers.push(match self.servos[index].read(part.address, part.size) {
+                    Ok(data) => self.reply(index, 0, &data),
+                    Err(error) => self.reply(index, error as u8, &[]),
+                });
+            }
+            bursts.extend(collided(answers));
         }
         bursts
     }
@@ -302,6 +315,23 @@ impl Line {
         }
         Vec::new()
     }
+}
+
+/// Servos that answer at the same time pull the line low together: every zero
+/// bit wins. Identical answers pass, as on a real bus.
+fn collided(answers: Vec<Burst>) -> Vec<Burst> {
+    let mut answers = answers.into_iter();
+    let Some(mut heard) = answers.next() else {
+        return Vec::new();
+    };
+    for other in answers {
+        for (byte, also) in heard.bytes.iter_mut().zip(&other.bytes) {
+            *byte &= also;
+        }
+        let tail = other.bytes.get(heard.bytes.len()..).unwrap_or_default();
+        heard.bytes.extend_from_slice(tail);
+    }
+    vec![heard]
 }
 
 /// Splits an address off and hands on the rest; the status error.

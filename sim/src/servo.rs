@@ -8,6 +8,7 @@
 
 use std::f64::consts::TAU;
 
+use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::motor::{FULL_PWM, Motor};
 use crate::spec::{ServoModel, SimServoSpec};
@@ -56,8 +57,7 @@ pub struct SimServo {
     spec: SimServoSpec,
     model: &'static ServoModel,
     table: Table,
-    /// The mechanics; public for faults.
-    pub motor: Motor,
+    motor: Motor,
     judge: Judge,
     supply_v: f64,
     registered: Option<Vec<(u16, i64)>>,
@@ -70,8 +70,7 @@ pub struct SimServo {
     deaf_until_s: f64,
     fed_s: f64,
     time_s: f64,
-    /// Cut from the bus: hears and says nothing.
-    pub dead: bool,
+    dead: bool,
 }
 
 impl SimServo {
@@ -277,7 +276,7 @@ impl SimServo {
     }
 
     /// Sets hardware error bits; those that the shutdown register names cut torque.
-    pub fn raise(&mut self, bits: i64) {
+    fn raise(&mut self, bits: i64) {
         let old = self.table.get(at::HARDWARE_ERROR);
         self.table.put(at::HARDWARE_ERROR, old | bits);
         if bits & self.table.get(at::SHUTDOWN) != 0 && self.torque_on() {
@@ -571,8 +570,16 @@ impl SimServo {
         }
     }
 
-    /// Sets the supply from now on.
-    pub fn set_supply_v(&mut self, supply_v: f64) {
-        self.supply_v = supply_v;
+    /// Something goes wrong with it.
+    pub fn suffer(&mut self, fault: ServoFault) {
+        match fault {
+            ServoFault::Dead => self.dead = true,
+            ServoFault::Reboot => self.reboot(),
+            ServoFault::Overheat(celsius) => self.motor.temperature_c = celsius,
+            ServoFault::Jam => self.motor.jammed = true,
+            ServoFault::Overload => self.raise(OVERLOAD_ERROR),
+            ServoFault::Supply(volts) => self.supply_v = volts,
+            ServoFault::Id(id) => self.table.put(at::ID, i64::from(id)),
+        }
     }
 }

@@ -17,6 +17,7 @@ use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
+use crate::fault::{FaultyWire, ServoFault, WireFault};
 use crate::judge::Violations;
 use crate::line::{Burst, Line};
 use crate::servo::{SimServo, SimServoState};
@@ -49,6 +50,7 @@ pub struct WireStats {
 struct Shared {
     world: Mutex<World>,
     wire: Mutex<WireStats>,
+    faults: Mutex<FaultyWire>,
     stop: AtomicBool,
     clock: SimClock,
     began: Instant,
@@ -67,6 +69,10 @@ impl Shared {
 
     fn wire(&self) -> MutexGuard<'_, WireStats> {
         self.wire.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn faults(&self) -> MutexGuard<'_, FaultyWire> {
+        self.faults.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -88,6 +94,7 @@ impl SimBus {
         let shared = Arc::new(Shared {
             world: Mutex::new(World::new(Line::new(servos), period_s)),
             wire: Mutex::new(WireStats::default()),
+            faults: Mutex::new(FaultyWire::new(options.seed)),
             stop: AtomicBool::new(false),
             clock: options.clock,
             began: Instant::now(),
@@ -155,6 +162,31 @@ impl SimBus {
         world.line.servos.get_mut(index).map(change).is_some()
     }
 
+    /// From now on `fault` hits this share (0 to 1) of the replies; `None` ends it.
+    pub fn set_wire_fault(&self, fault: Option<(WireFault, f64)>) {
+        self.shared.faults().set(fault);
+    }
+
+    /// How many replies or instructions a wire fault has hit.
+    pub fn wire_fault_hits(&self) -> u64 {
+        self.shared.faults().hits
+    }
+
+    /// Something happens to one servo: false if there is none at `index`.
+    pub fn set_servo_fault(&self, index: usize, fault: ServoFault) -> bool {
+        self.with_servo(index, |servo| servo.suffer(fault))
+    }
+
+    /// The adapter is pulled out: the port fails for whoever has it open, for good.
+    /// The servos go on as they were, and time can still be advanced.
+    pub fn unplug(&mut self) {
+        self.shared.stop.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            // A panic in the thread has already been printed.
+            let _ = thread.join();
+        }
+    }
+
     /// What passed over the wire.
     pub fn wire_stats(&self) -> WireStats {
         let (packets_in, bad_packets) = {
@@ -171,11 +203,7 @@ impl SimBus {
 
 impl Drop for SimBus {
     fn drop(&mut self) {
-        self.shared.stop.store(true, Ordering::Release);
-        if let Some(thread) = self.thread.take() {
-            // A panic in the thread has already been printed.
-            let _ = thread.join();
-        }
+        self.unplug();
     }
 }
 
@@ -265,7 +293,7 @@ impl Server {
         while !self.shared.stop.load(Ordering::Acquire) {
             match self.receive(&mut chunk) {
                 Ok(0) => {}
-                Ok(count) => self.serve(&chunk[..count]),
+                Ok(count) => self.serve(&mut chunk[..count]),
                 // Nobody has the other end open.
                 Err(Errno::EIO) => std::thread::sleep(Duration::from_millis(1)),
                 Err(Errno::EINTR | Errno::EAGAIN) => {}
@@ -283,8 +311,12 @@ impl Server {
         nix::unistd::read(&self.master, chunk)
     }
 
-    fn serve(&mut self, bytes: &[u8]) {
+    fn serve(&mut self, bytes: &mut [u8]) {
         let shared = self.shared.clone();
+        if shared.faults().echoes() {
+            self.write_all(bytes);
+        }
+        shared.faults().pass_instruction(bytes);
         let now_s = shared.began.elapsed().as_secs_f64();
         self.line_free_s = self.line_free_s.max(now_s);
         {
@@ -292,7 +324,7 @@ impl Server {
             wire.bytes_in += bytes.len() as u64;
             wire.wire_s += bytes.len() as f64 * shared.byte_s;
         }
-        for &byte in bytes {
+        for &byte in &*bytes {
             self.line_free_s += shared.byte_s;
             // The world is not advanced for single bytes, only for what they complete.
             let parsed = {
@@ -318,7 +350,11 @@ impl Server {
             wire.bytes_out += burst.bytes.len() as u64;
             wire.packets_out += 1;
         }
-        self.write_all(&burst.bytes);
+        let (bytes, late_s) = self.shared.faults().pass_reply(burst.bytes);
+        if late_s > 0.0 {
+            std::thread::sleep(Duration::from_secs_f64(late_s));
+        }
+        self.write_all(&bytes);
     }
 
     /// Waits, in real time, until the bytes so far have passed.

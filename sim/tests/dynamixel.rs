@@ -4,7 +4,7 @@ mod common;
 
 use common::*;
 use servodance_drivers::{Bus, BusError, DynamixelBus};
-use servodance_sim::{SimBus, SimOptions};
+use servodance_sim::{ServoFault, SimBus, SimOptions};
 use servodance_types::JointState;
 
 #[test]
@@ -170,7 +170,7 @@ fn a_servo_that_dies_while_dancing_is_named() {
         assert_eq!(plain, firmware == 40, "{:?}", report.notes);
         let mut states = vec![JointState::default(); 5];
         bus.cycle(&[0.0; 5], &mut states).unwrap();
-        sim.with_servo(2, |servo| servo.dead = true);
+        sim.set_servo_fault(2, ServoFault::Dead);
         match bus.cycle(&[0.0; 5], &mut states) {
             Err(BusError::Silent { servos, .. }) => {
                 assert_eq!(servos.len(), 1);
@@ -292,7 +292,7 @@ fn a_hardware_error_stops_the_cycle_by_name() {
     let sim = lockstep(&servos);
     let mut bus = driver(&sim, &patient(), &servos);
     bus.arm().unwrap();
-    sim.with_servo(1, |servo| servo.raise(1 << 5));
+    sim.set_servo_fault(1, ServoFault::Overload);
     let mut states = vec![JointState::default(); 3];
     let error = bus.cycle(&[0.0; 3], &mut states).unwrap_err().to_string();
     assert_eq!(

@@ -4,7 +4,7 @@ mod common;
 
 use common::*;
 use servodance_drivers::{DynamixelBus, SafeBus, SafetyConfig, SafetyError, Servo, State};
-use servodance_sim::SimBus;
+use servodance_sim::{ServoFault, SimBus};
 use servodance_types::JointState;
 
 struct Rig {
@@ -177,7 +177,7 @@ fn nan_is_held_and_then_stale() {
 #[test]
 fn a_blocked_joint_faults_by_name_with_torque_off() {
     let mut rig = rig(3);
-    rig.sim.with_servo(1, |servo| servo.motor.jammed = true);
+    rig.sim.set_servo_fault(1, ServoFault::Jam);
     let error = loop {
         match rig.period(Some(&[1.2; 3])) {
             Ok(_) => assert!(rig.now_s < 5.0, "never noticed"),
@@ -194,7 +194,7 @@ fn a_blocked_joint_faults_by_name_with_torque_off() {
 fn a_dead_servo_faults_and_the_others_lose_torque() {
     let mut rig = rig(3);
     rig.period(Some(&[0.1; 3])).unwrap();
-    rig.sim.with_servo(1, |servo| servo.dead = true);
+    rig.sim.set_servo_fault(1, ServoFault::Dead);
     let error = rig.period(Some(&[0.1; 3])).unwrap_err().to_string();
     assert!(error.contains("no answer from joint_2 (id 2)"), "{error}");
     assert!(
