@@ -1,1 +1,18 @@
-//! stub
+//! servodance: a robot hears music and dances to it.
+//!
+//! This crate puts the parts together: [`robot`] files, the [`dance`] from
+//! sound to servo, its [`report`], [`record`]ing and [`picture`]. The parts
+//! themselves are crates of their own; ARCHITECTURE.md maps them.
+
+pub mod cli;
+pub mod dance;
+pub mod dataset;
+pub mod output;
+pub mod picture;
+pub mod progress;
+pub mod record;
+pub mod report;
+pub mod robot;
+pub mod song;
+pub mod stages;
+pub mod summary;

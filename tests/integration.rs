@@ -1,1 +1,7 @@
-fn main() {}
+//! One binary, themed modules: the program as its users run it.
+
+mod bad_input;
+mod documents;
+mod program;
+mod recording;
+mod repeatable;

@@ -1,0 +1,139 @@
+//! What a dance is to be, checked once: nothing here is text any more.
+
+use crate::cli::{DanceArgs, Speed};
+use crate::robot::Robot;
+use anyhow::{Context, bail};
+use servodance_audio::source::PcmFormat;
+use std::path::PathBuf;
+
+/// Where the music comes from.
+#[derive(Clone, Debug)]
+pub enum AudioChoice {
+    /// The song rendered by this program.
+    BuiltIn,
+    /// A recording.
+    File(PathBuf),
+    /// Raw PCM on standard input.
+    Stdin(PcmFormat),
+}
+
+/// Where commands go.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BusChoice {
+    /// Simulated servos on a pseudo-terminal.
+    Sim,
+    /// Real servos behind a serial port.
+    Serial(String),
+}
+
+impl BusChoice {
+    /// Reads `sim` or `serial:PATH`.
+    pub fn parse(text: &str) -> anyhow::Result<Self> {
+        match text.split_once(':') {
+            None if text == "sim" => Ok(BusChoice::Sim),
+            Some(("serial", path)) if !path.is_empty() => Ok(BusChoice::Serial(path.into())),
+            _ => bail!("unknown bus \"{text}\"; choose sim or serial:PATH (serial:/dev/ttyUSB0)"),
+        }
+    }
+
+    /// The name in reports.
+    pub fn name(&self) -> String {
+        match self {
+            BusChoice::Sim => "sim".into(),
+            BusChoice::Serial(path) => format!("serial:{path}"),
+        }
+    }
+}
+
+/// A whole dance.
+#[derive(Clone, Debug)]
+pub struct DanceConfig {
+    /// Where the music comes from.
+    pub audio: AudioChoice,
+    /// Who dances.
+    pub robot: Robot,
+    /// Where commands go.
+    pub bus: BusChoice,
+    /// How fast time passes.
+    pub speed: Speed,
+    /// Seed of the generator.
+    pub seed: u64,
+    /// Style, if asked for.
+    pub style: Option<String>,
+    /// Weights, if not the built-in ones.
+    pub model: Option<PathBuf>,
+    /// Where the report goes.
+    pub report: Option<PathBuf>,
+    /// Where the recording goes.
+    pub record: Option<PathBuf>,
+    /// Where the picture goes.
+    pub picture: Option<PathBuf>,
+    /// Print only errors.
+    pub quiet: bool,
+}
+
+impl DanceConfig {
+    /// Checks the arguments and loads the robot.
+    pub fn from_args(args: DanceArgs) -> anyhow::Result<Self> {
+        let bus = BusChoice::parse(&args.bus)?;
+        let speed = match (args.speed, &bus) {
+            (Some(Speed::Max), BusChoice::Serial(_)) => {
+                bail!("--speed max needs the simulated bus: real servos live in real time")
+            }
+            (Some(speed), _) => speed,
+            (None, BusChoice::Sim) => Speed::Max,
+            (None, BusChoice::Serial(_)) => Speed::Realtime,
+        };
+        Ok(Self {
+            audio: audio_choice(&args)?,
+            robot: Robot::load(&args.robot).context("--robot")?,
+            bus,
+            speed,
+            seed: args.seed,
+            style: args.style,
+            model: args.model,
+            report: args.report,
+            record: args.record,
+            picture: (!args.no_picture).then_some(args.picture),
+            quiet: args.quiet,
+        })
+    }
+}
+
+fn audio_choice(args: &DanceArgs) -> anyhow::Result<AudioChoice> {
+    match &args.audio {
+        None => Ok(AudioChoice::BuiltIn),
+        Some(path) if path.as_os_str() == "-" => {
+            if !(8_000..=384_000).contains(&args.pcm_rate) {
+                bail!("--pcm-rate {} is outside 8000..384000", args.pcm_rate);
+            }
+            if !(1..=16).contains(&args.pcm_channels) {
+                bail!("--pcm-channels {} is outside 1..16", args.pcm_channels);
+            }
+            Ok(AudioChoice::Stdin(PcmFormat {
+                encoding: args.pcm_format,
+                sample_rate_hz: args.pcm_rate,
+                channels: args.pcm_channels,
+            }))
+        }
+        Some(path) => Ok(AudioChoice::File(path.clone())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn buses_are_read_and_unknown_ones_list_the_choices() {
+        assert_eq!(BusChoice::parse("sim").unwrap(), BusChoice::Sim);
+        assert_eq!(
+            BusChoice::parse("serial:/dev/ttyUSB0").unwrap(),
+            BusChoice::Serial("/dev/ttyUSB0".into())
+        );
+        for wrong in ["can", "serial:", "serial", ""] {
+            let error = BusChoice::parse(wrong).unwrap_err().to_string();
+            assert!(error.contains("sim or serial:PATH"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,377 @@
+//! The control loop: one fixed-rate cycle after another, from torque on to
+//! torque off.
+//!
+//! ```text
+//! arm -> Prelude -> Dance -> Finale -> torque off
+//!           |         |        |
+//!           +---------+--------+--> error or Ctrl-C -> torque off
+//! ```
+//!
+//! Prelude: the robot moves to its first pose before the music begins (left
+//! out when audio comes in live). Dance: motion in, joints out. Finale: from
+//! the last pose to rest, so that torque off does not drop raised limbs.
+//!
+//! Simulated time (`--speed max`) waits for motion; the wall clock does not:
+//! a frame that is not there is counted as late, and the robot holds.
+
+use super::motion_source::{MotionSource, Next, Step};
+use super::rig::Rig;
+use super::trace::Trace;
+use crate::cli::Speed;
+use crate::record::{Recorder, Topic};
+use crate::robot::Robot;
+use crate::stages::{Stage, StageClock};
+use servodance_retarget::Retargeter;
+use servodance_types::FRAME_RATE_HZ;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Seconds from torque on to the music.
+const PRELUDE_S: f64 = 2.5;
+/// Share of a joint's velocity and acceleration limits used on the way to rest.
+const FINALE_EFFORT: f64 = 0.4;
+/// Seconds after the last motion frame in which the robot comes to a stop.
+const TAIL_S: f64 = 0.5;
+/// How late live motion may be on top of what the pipeline needs, seconds.
+const LIVE_SLACK_S: f64 = 0.05;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// The music was over.
+    Finished,
+    /// The user stopped it.
+    Interrupted,
+}
+
+/// The loop and all that it keeps.
+pub struct Control<'a> {
+    robot: &'a Robot,
+    rig: &'a mut Rig,
+    retargeter: Retargeter,
+    recorder: Option<Recorder>,
+    stop: &'a AtomicBool,
+    speed: Speed,
+    live: bool,
+    cycle: u64,
+    started: Instant,
+    targets: Vec<f64>,
+    newest_s: Option<f64>,
+    ended: bool,
+    /// The run so far.
+    pub trace: Trace,
+    /// Times of the stages.
+    pub stages: StageClock,
+    /// Motion frames so far.
+    pub frames: u64,
+    /// Cycles without the motion frame that they needed.
+    pub late_frames: u64,
+}
+
+impl<'a> Control<'a> {
+    /// A loop that is ready to run.
+    pub fn new(
+        robot: &'a Robot,
+        rig: &'a mut Rig,
+        recorder: Option<Recorder>,
+        speed: Speed,
+        live: bool,
+        stop: &'a AtomicBool,
+    ) -> anyhow::Result<Self> {
+        let retargeter = robot.retargeter()?;
+        let joints = robot.servos.len();
+        Ok(Self {
+            robot,
+            rig,
+            targets: retargeter.rest().to_vec(),
+            retargeter,
+            recorder,
+            stop,
+            speed,
+            live,
+            cycle: 0,
+            started: Instant::now(),
+            newest_s: None,
+            ended: false,
+            trace: Trace::new(joints),
+            stages: StageClock::default(),
+            frames: 0,
+            late_frames: 0,
+        })
+    }
+
+    /// Seconds by which motion is sent ahead of the music; negative when live
+    /// audio cannot be known ahead.
+    pub fn lead_s(&self) -> f64 {
+        if self.live {
+            -(self.retargeter.lookahead_s() + 1.0 / FRAME_RATE_HZ + LIVE_SLACK_S)
+        } else {
+            self.robot.servo_lag_s
+        }
+    }
+
+    /// Seconds from torque on to the music.
+    pub fn prelude_s(&self) -> f64 {
+        if self.live { 0.0 } else { PRELUDE_S }
+    }
+
+    /// Dances until the music is over or `stop` is set. `on_frame` is told the
+    /// time of each new motion frame. Torque is on after this, at rest or held.
+    pub fn run(
+        &mut self,
+        source: &mut MotionSource,
+        mut on_frame: impl FnMut(f64),
+    ) -> anyhow::Result<Ending> {
+        let present: Vec<f64> = self.rig.states().iter().map(|s| s.position_rad).collect();
+        self.retargeter.seed(&present)?;
+        if self.live && !self.wait_for_music(source, &mut on_frame)? {
+            return Ok(Ending::Interrupted);
+        }
+        self.started = Instant::now();
+        while !self.is_over() {
+            if self.stop.load(Ordering::Relaxed) {
+                return Ok(Ending::Interrupted);
+            }
+            let time_s = self.time_s();
+            self.fetch_motion(source, time_s + self.lead_s(), &mut on_frame)?;
+            self.retarget(time_s + self.lead_s())?;
+            self.drive(time_s)?;
+        }
+        self.finale()
+    }
+
+    /// Ends the recording with facts known only now.
+    pub fn take_recorder(&mut self) -> Option<Recorder> {
+        self.recorder.take()
+    }
+
+    /// Seconds of music at the present cycle; below zero in the prelude.
+    fn time_s(&self) -> f64 {
+        self.cycle as f64 * self.robot.period_s() - self.prelude_s()
+    }
+
+    fn is_over(&self) -> bool {
+        let danced_until = self.newest_s.unwrap_or(0.0) - self.lead_s() + TAIL_S;
+        self.ended && self.time_s() > danced_until
+    }
+
+    /// Live: the clock starts when the first sound arrives.
+    fn wait_for_music(
+        &mut self,
+        source: &mut MotionSource,
+        on_frame: &mut impl FnMut(f64),
+    ) -> anyhow::Result<bool> {
+        while self.newest_s.is_none() && !self.ended {
+            if self.stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            match source.poll()? {
+                Next::Step(step) => self.accept(&step, on_frame)?,
+                Next::Ended => self.ended = true,
+                Next::Late => self.stand(5)?,
+            }
+        }
+        Ok(true)
+    }
+
+    /// Holds the present pose for some cycles, so that the servos' watchdogs
+    /// stay fed; time does not count yet.
+    fn stand(&mut self, cycles: u32) -> anyhow::Result<()> {
+        let held: Vec<f64> = self.rig.sent_rad().to_vec();
+        for _ in 0..cycles {
+            self.rig
+                .cycle(self.started.elapsed().as_secs_f64(), &held)?;
+            std::thread::sleep(Duration::from_secs_f64(self.robot.period_s()));
+        }
+        Ok(())
+    }
+
+    /// Takes motion until the retargeter has all that `motion_s` needs.
+    fn fetch_motion(
+        &mut self,
+        source: &mut MotionSource,
+        motion_s: f64,
+        on_frame: &mut impl FnMut(f64),
+    ) -> anyhow::Result<()> {
+        let needed_s = motion_s + self.retargeter.lookahead_s();
+        while !self.ended && self.newest_s.is_none_or(|newest| newest < needed_s) {
+            match source.poll()? {
+                Next::Step(step) => self.accept(&step, on_frame)?,
+                Next::Ended => self.ended = true,
+                Next::Late => {
+                    self.late_frames += u64::from(motion_s >= 0.0);
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn accept(&mut self, step: &Step, on_frame: &mut impl FnMut(f64)) -> anyhow::Result<()> {
+        self.newest_s = Some(step.motion.time_s);
+        self.frames += 1;
+        self.retargeter.push(&step.motion);
+        self.trace.motion.push(step.motion);
+        self.stages.book(Stage::Features, step.features_ms);
+        self.stages.book(Stage::Model, step.model_ms);
+        on_frame(step.motion.time_s);
+        let at_s = step.motion.time_s + self.prelude_s();
+        if let Some(recorder) = &mut self.recorder {
+            recorder.motion(at_s, &step.motion)?;
+            let phase = f64::from(step.music.beat.phase);
+            recorder.number(Topic::BeatPhase, at_s, phase)?;
+            recorder.number(Topic::Stage(Stage::Features), at_s, step.features_ms)?;
+            recorder.number(Topic::Stage(Stage::Model), at_s, step.model_ms)?;
+        }
+        Ok(())
+    }
+
+    fn retarget(&mut self, motion_s: f64) -> anyhow::Result<()> {
+        let (retargeter, targets) = (&mut self.retargeter, &mut self.targets);
+        let (result, ms) = self
+            .stages
+            .time(Stage::Retarget, || retargeter.next(motion_s, targets));
+        result?;
+        self.record_stage(Stage::Retarget, ms)
+    }
+
+    /// One bus cycle with the present targets, then bookkeeping.
+    fn drive(&mut self, time_s: f64) -> anyhow::Result<()> {
+        self.pace();
+        let robot_s = time_s + self.prelude_s();
+        let (rig, targets) = (&mut *self.rig, &self.targets);
+        let (result, bus_ms) = self.stages.time(Stage::Bus, || rig.cycle(robot_s, targets));
+        result?;
+        let start = Instant::now();
+        self.keep(time_s);
+        self.record_cycle(time_s)?;
+        self.record_stage(Stage::Bus, bus_ms)?;
+        let control_ms = start.elapsed().as_secs_f64() * 1e3;
+        self.stages.book(Stage::Control, control_ms);
+        self.record_stage(Stage::Control, control_ms)?;
+        self.cycle += 1;
+        Ok(())
+    }
+
+    /// Real time: waits for the moment of this cycle. A cycle that is already
+    /// late goes at once; the grid is kept, so lateness does not add up.
+    fn pace(&self) {
+        if self.speed == Speed::Realtime {
+            let due = Duration::from_secs_f64(self.cycle as f64 * self.robot.period_s());
+            if let Some(rest) = due.checked_sub(self.started.elapsed()) {
+                std::thread::sleep(rest);
+            }
+        }
+    }
+
+    /// Cycles between two samples of the trace, about 20 a second.
+    fn decimation(&self) -> u64 {
+        (self.robot.control_hz / FRAME_RATE_HZ).round().max(1.0) as u64
+    }
+
+    /// Samples a second of the traces.
+    pub fn trace_hz(&self) -> f64 {
+        self.robot.control_hz / self.decimation() as f64
+    }
+
+    fn keep(&mut self, time_s: f64) {
+        if time_s >= 0.0 && self.cycle.is_multiple_of(self.decimation()) {
+            let targets = self.targets.iter().copied();
+            self.trace.targets.push(time_s, targets);
+            let reported = self.rig.states().iter().map(|s| s.position_rad);
+            self.trace.servos.push(time_s, reported);
+        }
+    }
+
+    fn record_cycle(&mut self, time_s: f64) -> anyhow::Result<()> {
+        let at_s = time_s + self.prelude_s();
+        let Some(recorder) = &mut self.recorder else {
+            return Ok(());
+        };
+        recorder.positions(Topic::JointTargets, at_s, &self.targets)?;
+        recorder.positions(Topic::JointCommands, at_s, self.rig.sent_rad())?;
+        recorder.states(Topic::JointStates, at_s, self.rig.states())?;
+        if let Some(truth) = self.rig.truth() {
+            recorder.states(Topic::ServoTruth, at_s, truth)?;
+        }
+        let (bytes, packets) = self.rig.wire_totals();
+        recorder.number(Topic::BusBytes, at_s, bytes as f64)?;
+        recorder.number(Topic::BusPackets, at_s, packets as f64)
+    }
+
+    fn record_stage(&mut self, stage: Stage, ms: f64) -> anyhow::Result<()> {
+        let at_s = self.time_s() + self.prelude_s();
+        match &mut self.recorder {
+            Some(recorder) => recorder.number(Topic::Stage(stage), at_s, ms),
+            None => Ok(()),
+        }
+    }
+
+    /// From the last pose to rest along a minimum-jerk path that stays far
+    /// inside the limits.
+    fn finale(&mut self) -> anyhow::Result<Ending> {
+        let from = self.targets.clone();
+        let to = self.retargeter.rest().to_vec();
+        let duration_s = self
+            .robot
+            .servos
+            .iter()
+            .zip(from.iter().zip(&to))
+            .map(|(servo, (a, b))| {
+                minimum_jerk_duration_s(
+                    (b - a).abs(),
+                    servo.limits.velocity_rad_s * FINALE_EFFORT,
+                    servo.limits.acceleration_rad_s2 * FINALE_EFFORT,
+                )
+            })
+            .fold(0.5, f64::max);
+        let cycles = (duration_s * self.robot.control_hz).ceil() as u64;
+        for i in 1..=cycles {
+            if self.stop.load(Ordering::Relaxed) {
+                return Ok(Ending::Interrupted);
+            }
+            let share = minimum_jerk(i as f64 / cycles as f64);
+            for (target, (a, b)) in self.targets.iter_mut().zip(from.iter().zip(&to)) {
+                *target = a + share * (b - a);
+            }
+            self.drive(self.time_s())?;
+        }
+        Ok(Ending::Finished)
+    }
+}
+
+/// Minimum-jerk position between 0 and 1 at a share of the time
+/// (Flash and Hogan 1985).
+fn minimum_jerk(share: f64) -> f64 {
+    share.powi(3) * (10.0 + share * (-15.0 + share * 6.0))
+}
+
+/// Shortest minimum-jerk move over `distance` whose peak speed (15/8 of the
+/// mean) and peak acceleration (10/sqrt(3) of distance over time squared) stay
+/// below the limits.
+fn minimum_jerk_duration_s(distance: f64, velocity: f64, acceleration: f64) -> f64 {
+    let by_velocity = 1.875 * distance / velocity;
+    let by_acceleration = (10.0 / 3f64.sqrt() * distance / acceleration).sqrt();
+    by_velocity.max(by_acceleration)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn minimum_jerk_moves_stay_inside_their_limits() {
+        let (distance, velocity, acceleration) = (1.3, 2.0, 9.0);
+        let duration = minimum_jerk_duration_s(distance, velocity, acceleration);
+        let steps = 2000;
+        let dt = duration / f64::from(steps);
+        let at = |i: i32| distance * minimum_jerk(f64::from(i) / f64::from(steps));
+        for i in 1..steps {
+            let speed = (at(i + 1) - at(i)) / dt;
+            let change = (at(i + 1) - 2.0 * at(i) + at(i - 1)) / (dt * dt);
+            assert!(speed <= velocity * 1.001, "{speed}");
+            assert!(change.abs() <= acceleration * 1.001, "{change}");
+        }
+        assert!((at(steps) - distance).abs() < 1e-12);
+    }
+}

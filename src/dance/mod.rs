@@ -1,0 +1,237 @@
+//! `servodance dance`: from a recording to moving servos and back to rest.
+//!
+//! ```text
+//! audio -> features -> generator -> retargeter -> limits -> bus -> servos
+//!          |---- motion source ----|----------- control loop -----------|
+//! ```
+//!
+//! Everything that can be refused is refused before torque is turned on, and
+//! every way out, an error or Ctrl-C too, turns it off again.
+
+mod audio;
+mod config;
+mod control;
+mod motion_source;
+mod portrait;
+mod rig;
+mod scores;
+mod trace;
+
+pub use config::{AudioChoice, BusChoice, DanceConfig};
+
+use crate::cli::Speed;
+use crate::output::{PendingFile, write_whole};
+use crate::progress::Progress;
+use crate::record::{Recorder, Topic};
+use crate::report::{Report, Stages};
+use crate::stages::Stage;
+use anyhow::Context;
+use audio::Audio;
+use control::{Control, Ending};
+use motion_source::{Dancer, DancerThread, Heard, MotionSource};
+use rig::Rig;
+use servodance_drivers::Model;
+use servodance_model::{Generator, GeneratorOptions};
+use std::collections::BTreeMap;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+/// What came of a dance.
+#[derive(Debug)]
+pub struct Outcome {
+    /// All figures.
+    pub report: Report,
+    /// Whether the user stopped it before the music was over.
+    pub interrupted: bool,
+}
+
+/// Dances. `stop` may be set at any time (by Ctrl-C, say) to end it early.
+///
+/// # Errors
+/// Whatever the user gave that cannot be used, and whatever failed on the way;
+/// torque is off by then.
+pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome> {
+    let audio = Audio::open(&config.audio)?;
+    let audio_s = audio.duration_s();
+    let live = matches!(config.audio, AudioChoice::Stdin(_)) && config.speed == Speed::Realtime;
+    let generator = generator(config)?;
+    let model = generator.config().preset.clone();
+    let generator = generator.start(GeneratorOptions {
+        seed: config.seed,
+        style: config.style.clone(),
+        ..GeneratorOptions::default()
+    })?;
+    let picture = config.picture.as_deref().map(PendingFile::create);
+    drop(picture.transpose()?); // only to learn early whether it can be written
+    let report_file = config.report.as_deref().map(PendingFile::create);
+    drop(report_file.transpose()?);
+    let joint_names = config.robot.servos.iter().map(|s| s.name.clone()).collect();
+    let mut recorder = config
+        .record
+        .as_deref()
+        .map(|path| Recorder::create(path, joint_names))
+        .transpose()?;
+    if let Some(recorder) = &mut recorder {
+        recorder.text(Topic::RobotDescription, 0.0, &config.robot.urdf_xml)?;
+    }
+
+    let dancer = Dancer::new(audio, generator)?;
+    let mut source = match config.speed {
+        Speed::Max => MotionSource::Inline(Box::new(dancer)),
+        Speed::Realtime => MotionSource::Thread(DancerThread::start(dancer)?),
+    };
+    let progress = Progress::new(audio_s, config.quiet);
+    let started = Instant::now();
+    let mut rig = Rig::open(&config.robot, &config.bus, config.speed)?;
+    for note in rig.arm()? {
+        progress.note(&note);
+    }
+    let mut control = Control::new(&config.robot, &mut rig, recorder, config.speed, live, stop)?;
+    let ending = control.run(&mut source, |time_s| progress.at(time_s));
+    let run = Run {
+        lead_s: control.lead_s(),
+        prelude_s: control.prelude_s(),
+        trace_hz: control.trace_hz(),
+        recorder: control.take_recorder(),
+        frames: control.frames,
+        late_frames: control.late_frames,
+        stages: std::mem::take(&mut control.stages),
+        trace: std::mem::replace(&mut control.trace, trace::Trace::new(0)),
+    };
+    drop(control);
+    let cause = match &ending {
+        Ok(Ending::Finished) => "the music is over",
+        Ok(Ending::Interrupted) => "stopped by the user",
+        Err(_) => "an error",
+    };
+    let disarmed = rig.disarm(cause);
+    let ending = ending?; // the first error is the one to tell
+    disarmed.context("torque off could not be verified: cut the power")?;
+    let wall_s = started.elapsed().as_secs_f64();
+    progress.done();
+
+    let heard = source.heard()?;
+    let report = report(config, &run, &rig, &heard, model, wall_s);
+    finish_recording(config, run.recorder, &report, run.prelude_s)?;
+    if let Some(path) = &config.report {
+        report.write(path)?;
+    }
+    if let Some(path) = &config.picture {
+        let picture = portrait::portrait(config, &run.trace, run.trace_hz, &report)?;
+        write_whole(path, &picture.png()?)?;
+    }
+    if let Some(counted) = report.violations.filter(|v| *v != Default::default()) {
+        anyhow::bail!(
+            "the simulated servos saw limits broken: {} position, {} velocity, {} acceleration; first: {}",
+            counted.position,
+            counted.velocity,
+            counted.acceleration,
+            rig.violation_notes().first().cloned().unwrap_or_default()
+        );
+    }
+    Ok(Outcome {
+        report,
+        interrupted: ending == Ending::Interrupted,
+    })
+}
+
+/// What the control loop leaves behind.
+struct Run {
+    lead_s: f64,
+    prelude_s: f64,
+    trace_hz: f64,
+    recorder: Option<Recorder>,
+    frames: u64,
+    late_frames: u64,
+    stages: crate::stages::StageClock,
+    trace: trace::Trace,
+}
+
+fn generator(config: &DanceConfig) -> anyhow::Result<Generator> {
+    Ok(match &config.model {
+        Some(path) => Generator::load(path)?,
+        None => Generator::built_in()?,
+    })
+}
+
+fn report(
+    config: &DanceConfig,
+    run: &Run,
+    rig: &Rig,
+    heard: &Heard,
+    model: String,
+    wall_s: f64,
+) -> Report {
+    let times = |stage| run.stages.times(stage);
+    Report {
+        version: Report::version_string(),
+        audio_s: heard.audio_s,
+        frames: run.frames,
+        tokens: run.frames * heard.tokens_per_frame,
+        seed: config.seed,
+        model,
+        style: config.style.clone(),
+        robot: config.robot.name.clone(),
+        bus: config.bus.name(),
+        wall_s,
+        realtime_factor: heard.audio_s / wall_s.max(1e-9),
+        stages: Stages {
+            features: times(Stage::Features),
+            model: times(Stage::Model),
+            retarget: times(Stage::Retarget),
+            control: times(Stage::Control),
+            bus: times(Stage::Bus),
+        },
+        bus_stats: rig.bus_report(),
+        violations: rig.violations(),
+        alignment: scores::alignment_report(&run.trace, run.trace_hz, &heard.beats.times_s),
+        beats: crate::report::BeatReport {
+            tempo_bpm: heard.beats.tempo_bpm,
+            times_s: heard.beats.times_s.clone(),
+        },
+        late_frames: run.late_frames,
+        interventions: rig.interventions(),
+        replaced_music_frames: heard.replaced_music_frames,
+        lead_s: run.lead_s,
+    }
+}
+
+/// Writes the beats and the facts that a reader needs to check the report.
+fn finish_recording(
+    config: &DanceConfig,
+    recorder: Option<Recorder>,
+    report: &Report,
+    prelude_s: f64,
+) -> anyhow::Result<()> {
+    let Some(mut recorder) = recorder else {
+        return Ok(());
+    };
+    for time_s in &report.beats.times_s {
+        recorder.number(Topic::Beat, time_s + prelude_s, report.beats.tempo_bpm)?;
+    }
+    let limits: Vec<serde_json::Value> = config
+        .robot
+        .servos
+        .iter()
+        .map(|servo| {
+            serde_json::json!({
+                "name": servo.name,
+                "lower_rad": servo.limits.lower_rad,
+                "upper_rad": servo.limits.upper_rad,
+                "velocity_rad_s": servo.limits.velocity_rad_s,
+                "acceleration_rad_s2": servo.limits.acceleration_rad_s2,
+                "tick_rad": Model::RAD_PER_TICK,
+            })
+        })
+        .collect();
+    recorder.metadata(BTreeMap::from([
+        ("music_start_s".to_owned(), prelude_s.to_string()),
+        ("audio_s".to_owned(), report.audio_s.to_string()),
+        ("control_hz".to_owned(), config.robot.control_hz.to_string()),
+        ("robot".to_owned(), report.robot.clone()),
+        ("model".to_owned(), report.model.clone()),
+        ("seed".to_owned(), report.seed.to_string()),
+        ("joints".to_owned(), serde_json::to_string(&limits)?),
+    ]))?;
+    recorder.finish()
+}

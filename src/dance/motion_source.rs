@@ -1,0 +1,201 @@
+//! From sound to motion: audio in, one motion frame every 50 ms of audio out.
+//!
+//! [`Dancer`] does the work where it is called. [`DancerThread`] does it on a
+//! thread of its own and hands frames over in a queue: motion ahead of time is
+//! kept, never skipped, because a dance is only smooth if it is whole.
+
+use super::audio::Audio;
+use anyhow::Context;
+use servodance_audio::MusicAnalyzer;
+use servodance_audio::beats::{BeatTrack, track_offline};
+use servodance_model::Dance;
+use servodance_types::{MotionFrame, MusicFrame};
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+/// Frames that a thread may be ahead of the robot: two seconds.
+const QUEUE_FRAMES: usize = 40;
+
+/// One step of the dance, 50 ms.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// What the generator heard.
+    pub music: MusicFrame,
+    /// What it invented.
+    pub motion: MotionFrame,
+    /// How long the features took, milliseconds.
+    pub features_ms: f64,
+    /// How long the model took, milliseconds.
+    pub model_ms: f64,
+}
+
+/// What is known when the music is over.
+#[derive(Clone, Debug, Default)]
+pub struct Heard {
+    /// Seconds of audio.
+    pub audio_s: f64,
+    /// Beats of the whole recording.
+    pub beats: BeatTrack,
+    /// Motion tokens that the generator writes for each frame.
+    pub tokens_per_frame: u64,
+    /// Music frames that had to be replaced because a number was not finite.
+    pub replaced_music_frames: u64,
+}
+
+/// Listens and dances.
+pub struct Dancer {
+    audio: Audio,
+    analyzer: MusicAnalyzer,
+    generator: Dance,
+    block: Vec<f32>,
+    features_ms: f64,
+    samples: u64,
+    ended: bool,
+}
+
+impl Dancer {
+    /// A dancer for this audio.
+    pub fn new(audio: Audio, generator: Dance) -> anyhow::Result<Self> {
+        let analyzer = MusicAnalyzer::keeping_history(audio.sample_rate_hz())?;
+        Ok(Self {
+            audio,
+            analyzer,
+            generator,
+            block: Vec::new(),
+            features_ms: 0.0,
+            samples: 0,
+            ended: false,
+        })
+    }
+
+    /// The next step, or `None` when the music is over.
+    pub fn next_step(&mut self) -> anyhow::Result<Option<Step>> {
+        loop {
+            if let Some(music) = self.analyzer.pop() {
+                let start = Instant::now();
+                let motion = self
+                    .generator
+                    .step(&music)
+                    .context("the generator failed")?;
+                let features_ms = std::mem::take(&mut self.features_ms);
+                return Ok(Some(Step {
+                    music,
+                    motion,
+                    features_ms,
+                    model_ms: milliseconds(start),
+                }));
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            self.ended = !self.audio.next_block(&mut self.block)?;
+            self.samples += self.block.len() as u64;
+            let start = Instant::now();
+            self.analyzer.push(&self.block);
+            self.features_ms += milliseconds(start);
+        }
+    }
+
+    /// What is known of the music so far.
+    pub fn heard(&self) -> Heard {
+        Heard {
+            audio_s: self.samples as f64 / f64::from(self.audio.sample_rate_hz()),
+            beats: self
+                .analyzer
+                .history()
+                .map(track_offline)
+                .unwrap_or_default(),
+            tokens_per_frame: self.generator.codes().len() as u64,
+            replaced_music_frames: self.generator.bad_music_frames(),
+        }
+    }
+}
+
+fn milliseconds(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+/// Where the control loop gets its motion from.
+pub enum MotionSource {
+    /// Made when asked for: simulated time waits for it.
+    Inline(Box<Dancer>),
+    /// Made ahead on another thread: the wall clock waits for nobody.
+    Thread(DancerThread),
+}
+
+/// What a source has right now.
+pub enum Next {
+    /// A step.
+    Step(Box<Step>),
+    /// Nothing yet.
+    Late,
+    /// The music is over.
+    Ended,
+}
+
+impl MotionSource {
+    /// The next step, if there is one now.
+    pub fn poll(&mut self) -> anyhow::Result<Next> {
+        match self {
+            MotionSource::Inline(dancer) => Ok(match dancer.next_step()? {
+                Some(step) => Next::Step(Box::new(step)),
+                None => Next::Ended,
+            }),
+            MotionSource::Thread(thread) => thread.poll(),
+        }
+    }
+
+    /// What is known of the music once it is over, or once the dance was stopped.
+    pub fn heard(self) -> anyhow::Result<Heard> {
+        match self {
+            MotionSource::Inline(dancer) => Ok(dancer.heard()),
+            MotionSource::Thread(thread) => thread.heard(),
+        }
+    }
+}
+
+/// A [`Dancer`] on a thread of its own.
+pub struct DancerThread {
+    steps: Receiver<anyhow::Result<Step>>,
+    thread: JoinHandle<Heard>,
+}
+
+impl DancerThread {
+    /// Starts the thread.
+    pub fn start(mut dancer: Dancer) -> anyhow::Result<Self> {
+        let (sender, steps) = sync_channel(QUEUE_FRAMES);
+        let thread = std::thread::Builder::new()
+            .name("dancer".into())
+            .spawn(move || {
+                send_steps(&mut dancer, &sender);
+                dancer.heard()
+            })?;
+        Ok(Self { steps, thread })
+    }
+
+    fn poll(&mut self) -> anyhow::Result<Next> {
+        match self.steps.try_recv() {
+            Ok(step) => Ok(Next::Step(Box::new(step?))),
+            Err(TryRecvError::Empty) => Ok(Next::Late),
+            Err(TryRecvError::Disconnected) => Ok(Next::Ended),
+        }
+    }
+
+    fn heard(self) -> anyhow::Result<Heard> {
+        // The thread ends at its next hand-over once nobody listens.
+        drop(self.steps);
+        self.thread
+            .join()
+            .map_err(|_| anyhow::anyhow!("the dancer thread panicked"))
+    }
+}
+
+fn send_steps(dancer: &mut Dancer, sender: &SyncSender<anyhow::Result<Step>>) {
+    while let Some(step) = dancer.next_step().transpose() {
+        let failed = step.is_err();
+        if sender.send(step).is_err() || failed {
+            return;
+        }
+    }
+}

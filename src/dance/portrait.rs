@@ -1,0 +1,257 @@
+//! Which part of a dance its picture shows, and how its figures are built.
+
+use super::DanceConfig;
+use super::trace::{JointTrace, Trace};
+use crate::picture::{DancePicture, Figure, Limb, Pose, Side, Track};
+use crate::report::Report;
+use servodance_model::metrics::kinematic_beats_s;
+use servodance_retarget::{Retargeter, Shape};
+use servodance_types::{BodyJoint, MotionFrame};
+
+/// Beats, and so poses, in a picture.
+const POSES: usize = 14;
+/// Seconds between poses where the music has no beat.
+const OFFBEAT_STEP_S: f64 = 0.5;
+const TRACKS: usize = 8;
+
+/// The picture of a run.
+pub fn portrait(
+    config: &DanceConfig,
+    trace: &Trace,
+    trace_hz: f64,
+    report: &Report,
+) -> anyhow::Result<DancePicture> {
+    let retargeter = config.robot.retargeter()?;
+    let height_m = standing_height_m(&retargeter);
+    let moments = moments(&report.beats.times_s, report.audio_s);
+    let margin_s = 0.3;
+    let window_s = (
+        moments.first().copied().unwrap_or(0.0) - margin_s,
+        moments.last().copied().unwrap_or(1.0) + margin_s,
+    );
+    let speed = trace.servos.mean_speed(trace_hz);
+    let speed_track = trace
+        .servos
+        .times_s()
+        .iter()
+        .copied()
+        .zip(speed.iter().copied());
+    Ok(DancePicture {
+        title: format!(
+            "servodance: {} dances to {}",
+            report.robot,
+            song_name(config)
+        ),
+        subtitle: subtitle(report),
+        window_s,
+        poses: moments
+            .iter()
+            .filter_map(|time_s| pose(&retargeter, height_m, trace, *time_s))
+            .collect(),
+        beats_s: report.beats.times_s.clone(),
+        kinematic_beats_s: kinematic_beats_s(&speed, trace_hz),
+        speed: speed_track.collect(),
+        tracks: liveliest_tracks(config, &trace.servos, window_s),
+    })
+}
+
+fn song_name(config: &DanceConfig) -> String {
+    match &config.audio {
+        super::AudioChoice::BuiltIn => "its built-in song".into(),
+        super::AudioChoice::Stdin(_) => "live audio".into(),
+        super::AudioChoice::File(path) => path
+            .file_name()
+            .map(|name| name.to_string_lossy().into_owned())
+            .unwrap_or_default(),
+    }
+}
+
+fn subtitle(report: &Report) -> String {
+    let broken = report
+        .violations
+        .map(|v| v.position + v.velocity + v.acceleration);
+    let limits = match broken {
+        Some(count) => format!("{count} limits broken at the servos"),
+        None => "real servos: limits not judged".into(),
+    };
+    let f1 = report
+        .alignment
+        .servos
+        .f1
+        .map_or("no beat found".into(), |f1| format!("beat F1 {f1:.2}"));
+    format!(
+        "{:.1} s, {:.0} BPM, seed {}, {f1}, {limits}, {:.1}x real time",
+        report.audio_s, report.beats.tempo_bpm, report.seed, report.realtime_factor
+    )
+}
+
+/// Successive beats from the middle of the song.
+fn moments(beats_s: &[f64], audio_s: f64) -> Vec<f64> {
+    if beats_s.len() >= 4 {
+        let first = beats_s.len().saturating_sub(POSES) / 2;
+        return beats_s.iter().copied().skip(first).take(POSES).collect();
+    }
+    let span_s = POSES as f64 * OFFBEAT_STEP_S;
+    let first_s = ((audio_s - span_s) / 2.0).max(0.0);
+    (0..POSES)
+        .map(|i| first_s + i as f64 * OFFBEAT_STEP_S)
+        .filter(|t| *t < audio_s)
+        .collect()
+}
+
+fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> Option<Pose> {
+    let frame = trace
+        .motion
+        .iter()
+        .find(|frame| frame.time_s >= time_s - 1e-9)?;
+    let index = trace.servos.index_at(time_s)?;
+    let positions: Vec<f64> = trace
+        .servos
+        .sample(index)
+        .iter()
+        .map(|p| f64::from(*p))
+        .collect();
+    Some(Pose {
+        time_s,
+        dancer: dancer_figure(frame),
+        robot: Figure {
+            height_m,
+            ..robot_figure(retargeter, &positions)
+        },
+    })
+}
+
+/// The human as bones between joints; y up becomes z up, facing x.
+fn dancer_figure(frame: &MotionFrame) -> Figure {
+    let at = |joint: BodyJoint| frame.position(joint).map(f64::from);
+    let turned = |[left, up, forward]: [f64; 3]| [forward, left, up];
+    let limbs = BodyJoint::ALL
+        .into_iter()
+        .filter_map(|joint| {
+            let parent = joint.parent()?;
+            Some(Limb {
+                from: turned(at(parent)),
+                to: turned(at(joint)),
+                radius_m: if joint == BodyJoint::Head {
+                    0.085
+                } else {
+                    0.045
+                },
+                side: side_of(joint.name()),
+            })
+        })
+        .collect();
+    let pelvis = turned(at(BodyJoint::Pelvis));
+    let lowest = frame.positions.iter().map(|p| f64::from(p[1]));
+    Figure {
+        limbs,
+        height_m: 1.65,
+        floor_m: lowest.fold(f64::INFINITY, f64::min).min(0.0),
+        center: [pelvis[0], pelvis[1]],
+    }
+}
+
+/// Height of the robot at rest: one scale for all its poses.
+fn standing_height_m(retargeter: &Retargeter) -> f64 {
+    let standing = robot_figure(retargeter, retargeter.rest());
+    let heights = standing.limbs.iter().flat_map(|l| [l.from[2], l.to[2]]);
+    let highest = heights.fold(f64::NEG_INFINITY, f64::max);
+    (highest - standing.floor_m).max(0.1) * 1.1
+}
+
+/// The robot as its visual shapes, each drawn along its longest side.
+fn robot_figure(retargeter: &Retargeter, positions_rad: &[f64]) -> Figure {
+    let model = retargeter.model();
+    let world_from_root = retargeter.world_from_root(positions_rad);
+    let poses = model.link_poses(positions_rad);
+    let mut limbs = Vec::new();
+    for visual in model.visuals() {
+        let world_from_visual = world_from_root * poses[visual.link] * visual.pose_in_link;
+        let (half_axis, radius_m) = axis_of(&visual.shape);
+        let end = |sign: f64| {
+            let axis = half_axis.map(|v| v * sign);
+            let point = world_from_visual * servodance_retarget::nalgebra::Point3::from(axis);
+            [point.x, point.y, point.z]
+        };
+        limbs.push(Limb {
+            from: end(-1.0),
+            to: end(1.0),
+            radius_m,
+            side: side_of(&model.link_names()[visual.link]),
+        });
+    }
+    let heights = limbs.iter().flat_map(|l: &Limb| [l.from[2], l.to[2]]);
+    let floor_m = heights.fold(f64::INFINITY, f64::min);
+    let root = world_from_root.translation;
+    Figure {
+        limbs,
+        height_m: 0.0,
+        floor_m,
+        center: [root.x, root.y],
+    }
+}
+
+/// Half the longest side as a vector, less the rounding of the drawn ends, and
+/// the radius.
+fn axis_of(shape: &Shape) -> ([f64; 3], f64) {
+    match *shape {
+        Shape::Sphere { radius_m } => ([0.0, 0.0, 1e-4], radius_m),
+        Shape::Cylinder { radius_m, length_m } => {
+            ([0.0, 0.0, (length_m / 2.0 - radius_m).max(1e-4)], radius_m)
+        }
+        Shape::Box { size_m } => {
+            let longest = (0..3).fold(0, |a, b| if size_m[b] > size_m[a] { b } else { a });
+            let others: Vec<f64> = (0..3)
+                .filter(|i| *i != longest)
+                .map(|i| size_m[i])
+                .collect();
+            let radius_m = (others[0] + others[1]) / 4.0;
+            let mut axis = [0.0; 3];
+            axis[longest] = (size_m[longest] / 2.0 - radius_m).max(1e-4);
+            (axis, radius_m)
+        }
+    }
+}
+
+fn side_of(name: &str) -> Side {
+    if name.starts_with("l_") || name.starts_with("left") {
+        Side::Left
+    } else if name.starts_with("r_") || name.starts_with("right") {
+        Side::Right
+    } else {
+        Side::Middle
+    }
+}
+
+/// The joints that moved through the widest ranges in the window.
+fn liveliest_tracks(config: &DanceConfig, servos: &JointTrace, window_s: (f64, f64)) -> Vec<Track> {
+    let mut tracks: Vec<(f64, Track)> = config
+        .robot
+        .servos
+        .iter()
+        .enumerate()
+        .map(|(i, servo)| {
+            let samples: Vec<(f64, f64)> = servos
+                .joint(i)
+                .filter(|(t, _)| (window_s.0..=window_s.1).contains(t))
+                .collect();
+            let positions = samples.iter().map(|s| s.1);
+            let (low, high) = positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| {
+                (l.min(p), h.max(p))
+            });
+            let track = Track {
+                name: servo.name.clone(),
+                lower_rad: servo.limits.lower_rad,
+                upper_rad: servo.limits.upper_rad,
+                samples,
+            };
+            (high - low, track)
+        })
+        .collect();
+    tracks.sort_by(|a, b| b.0.total_cmp(&a.0));
+    tracks
+        .into_iter()
+        .take(TRACKS)
+        .map(|(_, track)| track)
+        .collect()
+}

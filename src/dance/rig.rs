@@ -1,0 +1,198 @@
+//! The robot's body as the control loop sees it: a bus with its safety layer,
+//! and behind it real servos or simulated ones on a pseudo-terminal. Only the
+//! port's path differs; the driver does not know which.
+
+use super::config::BusChoice;
+use crate::cli::Speed;
+use crate::report::{BusReport, ViolationReport};
+use crate::robot::Robot;
+use anyhow::Context;
+use servodance_drivers::{Bus, DynamixelBus, SafeBus, SafetyConfig};
+use servodance_sim::{SimBus, SimOptions, SimServoSpec};
+use servodance_types::JointState;
+
+/// In lockstep the servos answer when they get the processor: a hiccup of the
+/// machine must not look like a lost reply, or runs would not be repeatable.
+const LOCKSTEP_TIMEOUT_MS: f64 = 2000.0;
+
+/// A robot on its bus. Dropped at any moment, it turns torque off.
+pub struct Rig {
+    // Before `sim`: torque off must still find servos that answer.
+    bus: SafeBus<DynamixelBus>,
+    sim: Option<SimBus>,
+    period_s: f64,
+    states: Vec<JointState>,
+    truth: Vec<JointState>,
+    now_s: f64,
+}
+
+impl Rig {
+    /// Opens the bus; no servo moves and none is powered yet.
+    pub fn open(robot: &Robot, choice: &BusChoice, speed: Speed) -> anyhow::Result<Self> {
+        let mut bus_config = robot.bus.clone();
+        let (sim, port) = match choice {
+            BusChoice::Sim => {
+                let specs: Vec<SimServoSpec> =
+                    robot.servos.iter().map(SimServoSpec::from).collect();
+                let options = match speed {
+                    Speed::Max => SimOptions::lockstep(bus_config.baud, robot.control_hz),
+                    Speed::Realtime => SimOptions::realtime(bus_config.baud, robot.control_hz),
+                };
+                let sim =
+                    SimBus::start(&specs, options).context("cannot start the simulated bus")?;
+                let port = sim.port_path().to_owned();
+                (Some(sim), port)
+            }
+            BusChoice::Serial(port) => (None, port.clone()),
+        };
+        if speed == Speed::Max {
+            bus_config.reply_timeout_ms = LOCKSTEP_TIMEOUT_MS;
+        }
+        let bus = DynamixelBus::open(&port, &bus_config, robot.servos.clone())?;
+        let joints = robot.servos.len();
+        Ok(Self {
+            bus: SafeBus::new(bus, SafetyConfig::at_hz(robot.control_hz))?,
+            sim,
+            period_s: robot.period_s(),
+            states: vec![JointState::default(); joints],
+            truth: vec![JointState::default(); joints],
+            now_s: 0.0,
+        })
+    }
+
+    /// Checks every servo and turns torque on where the robot stands; robot time
+    /// begins. Returns what the user should know.
+    pub fn arm(&mut self) -> anyhow::Result<Vec<String>> {
+        let armed = self.bus.arm(0.0)?;
+        self.states.copy_from_slice(&armed.states);
+        Ok(together(&armed.notes))
+    }
+
+    /// One control cycle: targets through the limits to the wire, states back.
+    /// `now_s` counts from torque on.
+    pub fn cycle(&mut self, now_s: f64, targets_rad: &[f64]) -> anyhow::Result<()> {
+        self.bus.command(now_s, targets_rad);
+        self.bus.tick(now_s, &mut self.states)?;
+        if let Some(sim) = &self.sim {
+            sim.advance(self.period_s);
+            for (i, truth) in self.truth.iter_mut().enumerate() {
+                if let Some(servo) = sim.servo(i) {
+                    *truth = JointState {
+                        position_rad: servo.position_rad,
+                        velocity_rad_s: servo.velocity_rad_s,
+                        current_a: servo.current_a,
+                    };
+                }
+            }
+        }
+        self.now_s = now_s;
+        Ok(())
+    }
+
+    /// Torque off, verified.
+    pub fn disarm(&mut self, cause: &str) -> anyhow::Result<()> {
+        Ok(self.bus.disarm(self.now_s, cause)?)
+    }
+
+    /// What the servos reported last.
+    pub fn states(&self) -> &[JointState] {
+        &self.states
+    }
+
+    /// Where the simulated servos truly are; `None` on a real bus.
+    pub fn truth(&self) -> Option<&[JointState]> {
+        self.sim.as_ref().map(|_| self.truth.as_slice())
+    }
+
+    /// What the last cycle really commanded, radians.
+    pub fn sent_rad(&self) -> &[f64] {
+        self.bus.sent_rad()
+    }
+
+    /// Totals of the wire.
+    pub fn bus_report(&self) -> BusReport {
+        let stats = self.bus.stats();
+        let robot_s = self.now_s + self.period_s;
+        BusReport {
+            cycles: stats.cycles,
+            packets: stats.packets,
+            bytes: stats.bytes,
+            crc_errors: stats.crc_errors,
+            timeouts: stats.timeouts,
+            retries: stats.retries,
+            rate_hz: stats.cycles as f64 / robot_s,
+        }
+    }
+
+    /// Limits broken at the simulated servos; `None` on a real bus.
+    pub fn violations(&self) -> Option<ViolationReport> {
+        let counted = self.sim.as_ref()?.violations();
+        Some(ViolationReport {
+            position: counted.position,
+            velocity: counted.velocity,
+            acceleration: counted.acceleration,
+        })
+    }
+
+    /// The first violations, in words.
+    pub fn violation_notes(&self) -> Vec<String> {
+        self.sim
+            .as_ref()
+            .map(SimBus::violation_notes)
+            .unwrap_or_default()
+    }
+
+    /// How often the safety layer changed a command.
+    pub fn interventions(&self) -> u64 {
+        let counted = self.bus.interventions();
+        counted.nan + counted.position + counted.velocity + counted.acceleration + counted.stale
+    }
+
+    /// Bytes and packets so far.
+    pub fn wire_totals(&self) -> (u64, u64) {
+        let stats = self.bus.bus().stats();
+        (stats.bytes, stats.packets)
+    }
+}
+
+/// Notes that say the same of many servos (`NAME (id N): TEXT`) become one.
+fn together(notes: &[String]) -> Vec<String> {
+    let text = |note: &'_ String| note.split_once("): ").map(|(_, text)| text.to_owned());
+    let mut lines: Vec<String> = Vec::new();
+    for note in notes {
+        let alike = notes
+            .iter()
+            .filter(|other| text(other) == text(note))
+            .count();
+        let line = match text(note) {
+            Some(text) if alike > 1 => format!("{alike} servos: {text}"),
+            _ => note.clone(),
+        };
+        if !lines.contains(&line) {
+            lines.push(line);
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn notes_that_say_the_same_become_one() {
+        let notes = [
+            "neck (id 1): return delay time changed from 250 to 0",
+            "knee (id 2): return delay time changed from 250 to 0",
+            "knee (id 2): 61 degrees",
+        ]
+        .map(String::from);
+        assert_eq!(
+            together(&notes),
+            [
+                "2 servos: return delay time changed from 250 to 0",
+                "knee (id 2): 61 degrees"
+            ]
+        );
+    }
+}

@@ -1,0 +1,50 @@
+//! What the user sees while it works: a bar on standard error.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// A progress bar in seconds of music; says nothing when quiet.
+pub struct Progress {
+    bar: ProgressBar,
+    quiet: bool,
+}
+
+impl Progress {
+    /// A bar up to `duration_s`, or a running count where the end is unknown.
+    pub fn new(duration_s: Option<f64>, quiet: bool) -> Self {
+        let bar = match duration_s {
+            Some(seconds) => ProgressBar::new(seconds.ceil() as u64),
+            None => ProgressBar::no_length(),
+        };
+        let template = match duration_s {
+            Some(_) => "dancing {bar:40} {pos}/{len} s of music, {eta} left",
+            None => "dancing {spinner} {pos} s of music",
+        };
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        if quiet {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
+        }
+        Self { bar, quiet }
+    }
+
+    /// The music has come this far.
+    pub fn at(&self, time_s: f64) {
+        let seconds = time_s.max(0.0) as u64;
+        if seconds != self.bar.position() {
+            self.bar.set_position(seconds);
+        }
+    }
+
+    /// One line for the user, above the bar.
+    pub fn note(&self, text: &str) {
+        if !self.quiet {
+            self.bar.suspend(|| eprintln!("{text}"));
+        }
+    }
+
+    /// Takes the bar away.
+    pub fn done(&self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,148 @@
+//! The report of a dance: one JSON object, stable, for scripts to read.
+//!
+//! The keys are documented in `docs/report.md`; a change of meaning raises
+//! [`Report::FORMAT`].
+
+use crate::stages::StageTimes;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// What `dance --report` writes.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Report {
+    /// Version of servodance that wrote it, and of this format: `0.1.0/1`.
+    pub version: String,
+    /// Seconds of audio heard.
+    pub audio_s: f64,
+    /// Motion frames generated, 20 a second.
+    pub frames: u64,
+    /// Motion tokens generated.
+    pub tokens: u64,
+    /// Seed of the generator.
+    pub seed: u64,
+    /// Name of the weights.
+    pub model: String,
+    /// Dance style asked for, if any.
+    pub style: Option<String>,
+    /// Name of the robot.
+    pub robot: String,
+    /// The bus: `sim` or `serial:PATH`.
+    pub bus: String,
+    /// Wall-clock seconds from the first audio to torque off.
+    pub wall_s: f64,
+    /// Seconds of audio a wall-clock second.
+    pub realtime_factor: f64,
+    /// Time of each stage.
+    pub stages: Stages,
+    /// What went over the wire.
+    pub bus_stats: BusReport,
+    /// Limits broken at the simulated servos; `null` on a real bus, where
+    /// nobody independent looks.
+    pub violations: Option<ViolationReport>,
+    /// Beats of the whole recording, found afterwards with all of it known.
+    pub beats: BeatReport,
+    /// How well motion and music beats agree, from the generator to the servos.
+    pub alignment: AlignmentReport,
+    /// Control cycles for which no motion frame was ready in time.
+    pub late_frames: u64,
+    /// How often the safety layer had to change a command.
+    pub interventions: u64,
+    /// Music frames with a number that was not finite, replaced by the last good one.
+    pub replaced_music_frames: u64,
+    /// Seconds by which motion is sent ahead of the music, so that it arrives on time.
+    pub lead_s: f64,
+}
+
+/// Percentiles of every stage.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Stages {
+    /// Audio to features and beat, per 50 ms of audio.
+    pub features: StageTimes,
+    /// Features to motion, per motion frame.
+    pub model: StageTimes,
+    /// Motion to joint targets, per control cycle.
+    pub retarget: StageTimes,
+    /// Recording and bookkeeping, per control cycle.
+    pub control: StageTimes,
+    /// Bus exchange, per control cycle.
+    pub bus: StageTimes,
+}
+
+/// What went over the wire.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BusReport {
+    /// Control cycles.
+    pub cycles: u64,
+    /// Packets sent and received.
+    pub packets: u64,
+    /// Bytes sent and received.
+    pub bytes: u64,
+    /// Packets with a wrong checksum.
+    pub crc_errors: u64,
+    /// Replies that did not come in time.
+    pub timeouts: u64,
+    /// Requests sent again.
+    pub retries: u64,
+    /// Control cycles a second of robot time.
+    pub rate_hz: f64,
+}
+
+/// Limits broken at the simulated servos, counted in cycles and joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ViolationReport {
+    /// Told to go, or went, outside the position limits.
+    pub position: u64,
+    /// Told to move, or moved, faster than the velocity limit.
+    pub velocity: u64,
+    /// Told to, or did, change speed faster than the acceleration limit.
+    pub acceleration: u64,
+}
+
+/// Beats of the recording.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BeatReport {
+    /// Median tempo; 0 where there is no beat.
+    pub tempo_bpm: f64,
+    /// Times of the beats, seconds.
+    pub times_s: Vec<f64>,
+}
+
+/// Beat alignment in both published directions and as F1; `null` where there
+/// is no music beat to align with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AlignmentScores {
+    /// From each kinematic beat to the nearest music beat (AIST++/FACT).
+    pub fact: Option<f64>,
+    /// From each music beat to the nearest kinematic beat (Bailando).
+    pub bailando: Option<f64>,
+    /// F1 of kinematic against music beats within 100 ms.
+    pub f1: Option<f64>,
+}
+
+/// Alignment along the way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AlignmentReport {
+    /// Of the 22-joint motion.
+    pub generator: AlignmentScores,
+    /// Of the joint targets, before the servos' lag.
+    pub targets: AlignmentScores,
+    /// Of the positions that the servos reported.
+    pub servos: AlignmentScores,
+}
+
+impl Report {
+    /// Version of the format.
+    pub const FORMAT: u32 = 1;
+
+    /// The value of [`Report::version`].
+    pub fn version_string() -> String {
+        format!("{}/{}", env!("CARGO_PKG_VERSION"), Self::FORMAT)
+    }
+
+    /// Writes the report as indented JSON, whole or not at all.
+    pub fn write(&self, path: &Path) -> anyhow::Result<()> {
+        let mut text = serde_json::to_string_pretty(self)?;
+        text.push('\n');
+        crate::output::write_whole(path, text.as_bytes())
+    }
+}

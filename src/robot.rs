@@ -1,0 +1,169 @@
+//! A robot file: one TOML that names the URDF, the bus, the retargeting and
+//! every servo. Degrees and ticks live there; inside, all is radians.
+
+use anyhow::{Context, bail};
+use serde::Deserialize;
+use servodance_drivers::{BusConfig, Servo, ServoConfig, check_rate, servos};
+use servodance_retarget::{RetargetConfig, Retargeter};
+use servodance_types::JointLimits;
+use std::path::Path;
+
+/// A robot that comes with servodance.
+#[derive(Clone, Copy, Debug)]
+pub struct BuiltIn {
+    /// The name for `--robot`.
+    pub name: &'static str,
+    /// Where the file lies in the source tree.
+    pub file: &'static str,
+    toml: &'static str,
+    urdf: &'static str,
+}
+
+macro_rules! built_in {
+    ($name:literal) => {
+        BuiltIn {
+            name: $name,
+            file: concat!("configs/", $name, ".toml"),
+            toml: include_str!(concat!("../configs/", $name, ".toml")),
+            urdf: include_str!(concat!("../configs/", $name, ".urdf")),
+        }
+    };
+}
+
+/// All built-in robots.
+pub const BUILT_IN: &[BuiltIn] = &[built_in!("op3")];
+
+/// The robot file as written.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RobotFile {
+    name: String,
+    description: String,
+    urdf: String,
+    control_hz: f64,
+    #[serde(default)]
+    servo_lag_s: f64,
+    bus: BusConfig,
+    retarget: RetargetConfig,
+    #[serde(rename = "joint")]
+    joints: Vec<ServoConfig>,
+}
+
+/// A robot, checked and ready to be driven.
+#[derive(Clone, Debug)]
+pub struct Robot {
+    /// Its name.
+    pub name: String,
+    /// One line about it.
+    pub description: String,
+    /// The URDF text.
+    pub urdf_xml: String,
+    /// Control cycles a second.
+    pub control_hz: f64,
+    /// How long the servos take to get where they are told, seconds.
+    pub servo_lag_s: f64,
+    /// The bus.
+    pub bus: BusConfig,
+    /// How human motion becomes this robot's.
+    pub retarget: RetargetConfig,
+    /// The servos, in joint order.
+    pub servos: Vec<Servo>,
+}
+
+impl Robot {
+    /// A built-in robot by name, or a robot file by path.
+    pub fn load(name_or_file: &str) -> anyhow::Result<Self> {
+        if let Some(built_in) = BUILT_IN.iter().find(|r| r.name == name_or_file) {
+            return Self::from_toml(built_in.toml, built_in.file, |_| {
+                Ok(built_in.urdf.to_owned())
+            });
+        }
+        let path = Path::new(name_or_file);
+        if path.extension().is_none() && !path.exists() {
+            let known: Vec<&str> = BUILT_IN.iter().map(|r| r.name).collect();
+            bail!(
+                "unknown robot \"{name_or_file}\"; built in: {}; or give a robot file (.toml)",
+                known.join(", ")
+            );
+        }
+        let text = std::fs::read_to_string(path)
+            .with_context(|| format!("cannot read robot file {}", path.display()))?;
+        Self::from_toml(&text, name_or_file, |urdf| {
+            let urdf_path = path.parent().unwrap_or(Path::new(".")).join(urdf);
+            std::fs::read_to_string(&urdf_path).with_context(|| {
+                format!("{name_or_file}: cannot read urdf {}", urdf_path.display())
+            })
+        })
+    }
+
+    /// Parses and checks a robot file; `file` is its name in messages.
+    fn from_toml(
+        text: &str,
+        file: &str,
+        read_urdf: impl FnOnce(&str) -> anyhow::Result<String>,
+    ) -> anyhow::Result<Self> {
+        let parsed: RobotFile = toml::from_str(text).map_err(|e| {
+            let line = e.span().map_or(1, |span| {
+                1 + text.as_bytes()[..span.start.min(text.len())]
+                    .iter()
+                    .filter(|b| **b == b'\n')
+                    .count()
+            });
+            anyhow::anyhow!("{file}:{line}: {}", one_line(e.message()))
+        })?;
+        if !(20.0..=1000.0).contains(&parsed.control_hz) {
+            bail!(
+                "{file}: control_hz = {} is outside 20..1000",
+                parsed.control_hz
+            );
+        }
+        if !(0.0..=0.5).contains(&parsed.servo_lag_s) {
+            bail!(
+                "{file}: servo_lag_s = {} is outside 0..0.5",
+                parsed.servo_lag_s
+            );
+        }
+        let servos = servos(&parsed.joints).map_err(|e| anyhow::anyhow!("{file}: {e}"))?;
+        check_rate(&parsed.bus, &servos, parsed.control_hz)
+            .map_err(|e| anyhow::anyhow!("{file}: {e}"))?;
+        let robot = Self {
+            urdf_xml: read_urdf(&parsed.urdf)?,
+            name: parsed.name,
+            description: parsed.description,
+            control_hz: parsed.control_hz,
+            servo_lag_s: parsed.servo_lag_s,
+            bus: parsed.bus,
+            retarget: parsed.retarget,
+            servos,
+        };
+        robot
+            .retargeter()
+            .map_err(|e| anyhow::anyhow!("{file}: {e}"))?;
+        Ok(robot)
+    }
+
+    /// A fresh retargeter for this robot.
+    pub fn retargeter(&self) -> anyhow::Result<Retargeter> {
+        let joints: Vec<(String, JointLimits)> = self
+            .servos
+            .iter()
+            .map(|servo| (servo.name.clone(), servo.limits))
+            .collect();
+        Ok(Retargeter::new(
+            &self.urdf_xml,
+            &self.retarget,
+            &joints,
+            self.control_hz,
+        )?)
+    }
+
+    /// Seconds between two control cycles.
+    pub fn period_s(&self) -> f64 {
+        1.0 / self.control_hz
+    }
+}
+
+/// The text with its line breaks and runs of blanks made single blanks.
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,100 @@
+//! Runs the real program in a folder of its own.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use tempfile::TempDir;
+
+/// A folder for one test, and the program run in it.
+pub struct Program {
+    folder: TempDir,
+}
+
+impl Program {
+    pub fn new() -> Self {
+        Self {
+            folder: tempfile::tempdir().expect("a temporary folder"),
+        }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_servodance"));
+        command
+            .args(arguments)
+            .current_dir(self.folder.path())
+            .stdin(Stdio::null());
+        command
+    }
+
+    pub fn run(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().expect("the program runs")
+    }
+
+    /// Runs it and expects success.
+    pub fn succeed(&self, arguments: &[&str]) -> Output {
+        let output = self.run(arguments);
+        assert!(
+            output.status.success(),
+            "{arguments:?} failed: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        output
+    }
+
+    /// Runs it and expects exit status 1 and one line on standard error that
+    /// holds every one of `words`; nothing new may lie in the folder.
+    pub fn refused(&self, arguments: &[&str], words: &[&str]) {
+        let before = self.files();
+        let output = self.run(arguments);
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {error}");
+        assert_eq!(error.lines().count(), 1, "{arguments:?}: {error}");
+        for word in words {
+            assert!(
+                error.contains(word),
+                "{arguments:?}: no {word:?} in: {error}"
+            );
+        }
+        assert_eq!(before, self.files(), "{arguments:?} left files behind");
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(self.folder.path()).expect("the folder is there");
+        let mut files: Vec<PathBuf> = entries.map(|e| e.expect("an entry").path()).collect();
+        files.sort();
+        files
+    }
+
+    /// Writes a mono WAV file of `seconds`, 16 bit, from a function of time.
+    pub fn wav(&self, name: &str, seconds: f64, sample: impl Fn(f64) -> f64) {
+        let rate_hz = 16_000;
+        let spec = hound::WavSpec {
+            channels: 1,
+            sample_rate: rate_hz,
+            bits_per_sample: 16,
+            sample_format: hound::SampleFormat::Int,
+        };
+        let mut writer = hound::WavWriter::create(self.path(name), spec).expect("a WAV file");
+        for i in 0..(seconds * f64::from(rate_hz)) as u32 {
+            let value = sample(f64::from(i) / f64::from(rate_hz)) * f64::from(i16::MAX);
+            writer.write_sample(value as i16).expect("a sample");
+        }
+        writer.finalize().expect("a whole WAV file");
+    }
+
+    /// Clicks at a tempo: the simplest music with a beat.
+    pub fn click_track(&self, name: &str, seconds: f64, bpm: f64) {
+        let period_s = 60.0 / bpm;
+        self.wav(name, seconds, |t| {
+            let since = t % period_s;
+            (-since * 60.0).exp() * (since * 2.0 * std::f64::consts::PI * 880.0).sin() * 0.8
+        });
+    }
+}
