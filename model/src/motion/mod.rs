@@ -4,11 +4,13 @@
 //! Units: metres, seconds, radians; y up. Nothing here knows of music audio;
 //! beats come in as times in seconds.
 
+pub mod choreography;
 pub mod clip;
 pub mod corpus;
 pub mod index;
 pub mod representation;
 pub mod skeleton;
+pub mod tempo;
 pub(crate) mod vec3;
 
 pub use clip::{Clip, MotionError};

@@ -1,0 +1,409 @@
+//! Step figures: where the feet are on every count of eight.
+//!
+//! A figure tells for each count the stance that is arrived at on that count,
+//! in the dancer's frame, for a dancer who begins with the right foot. Between
+//! counts feet are carried, pelvis and weight follow.
+
+use super::body::Foot;
+use super::track::{bump, minimum_jerk, mix};
+
+/// Half the distance between the toes of a dancer at rest.
+const HOME_M: f64 = 0.11;
+/// Toes are this far ahead of the pelvis.
+const TOES_AHEAD_M: f64 = 0.10;
+
+/// Feet, weight and pelvis on one count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stance {
+    pub(crate) feet: [Foot; 2],
+    /// Share of the weight on the right foot.
+    pub(crate) weight: f64,
+    pub(crate) drop: f64,
+    pub(crate) yaw: f64,
+    /// Height of a hop on the way here: both feet leave the floor.
+    pub(crate) hop: f64,
+    /// When each foot moves on the way here, as shares of the time.
+    pub(crate) window: [[f64; 2]; 2],
+}
+
+/// The step figures. Numbers in brackets: counts until they repeat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Steps {
+    /// Weight to and fro on both feet (2).
+    Bounce,
+    /// Wide stance, weight from side to side (2).
+    Sway,
+    /// Side, touch, side, touch (4).
+    StepTouch,
+    /// Side, close, side, touch, and back (8).
+    TwoStep,
+    /// Side, behind, side, touch, and back (8).
+    Grapevine,
+    /// Knee up, down, other knee up, down (4).
+    March,
+    /// Kick, close, other kick, close (4).
+    Kick,
+    /// Heel ahead, close, other heel, close (4).
+    HeelTap,
+    /// Step, kick, step back, touch behind (4).
+    Charleston,
+    /// Far to the side, deep, and back (4).
+    Lunge,
+    /// Feet apart, feet together, in hops (2).
+    Jack,
+    /// Down and up (2).
+    Squat,
+    /// On the balls of the feet, heels and hips against each other (2).
+    Twist,
+    /// Forward and back basic of salsa on one (8).
+    Salsa,
+    /// Side basic of salsa (8).
+    SalsaSide,
+    /// Once around in four steps, then four counts in place (8).
+    Turn,
+    /// Walk four ahead, four back (8).
+    Walk,
+}
+
+impl Stance {
+    pub(crate) fn home() -> Self {
+        let foot = |x: f64| Foot {
+            x,
+            z: TOES_AHEAD_M,
+            yaw: x,
+            ..Foot::default()
+        };
+        Self {
+            feet: [foot(HOME_M), foot(-HOME_M)],
+            weight: 0.5,
+            drop: 0.02,
+            yaw: 0.0,
+            hop: 0.0,
+            window: [[0.0, 1.0]; 2],
+        }
+    }
+
+    fn weight(mut self, right: f64, drop: f64) -> Self {
+        self.weight = right;
+        self.drop = drop;
+        self
+    }
+
+    fn left(mut self, x: f64, z: f64) -> Self {
+        self.feet[0].x = x;
+        self.feet[0].z = TOES_AHEAD_M + z;
+        self
+    }
+
+    fn right(mut self, x: f64, z: f64) -> Self {
+        self.feet[1].x = x;
+        self.feet[1].z = TOES_AHEAD_M + z;
+        self
+    }
+
+    fn heel(mut self, side: usize, heel: f64) -> Self {
+        self.feet[side].heel = heel;
+        self
+    }
+
+    fn lift(mut self, side: usize, lift: f64) -> Self {
+        self.feet[side].lift = lift;
+        self
+    }
+
+    /// Left and right exchanged.
+    pub(crate) fn mirrored(mut self) -> Self {
+        self.feet.swap(0, 1);
+        self.window.swap(0, 1);
+        for foot in &mut self.feet {
+            foot.x = -foot.x;
+            foot.yaw = -foot.yaw;
+        }
+        self.weight = 1.0 - self.weight;
+        self.yaw = -self.yaw;
+        self
+    }
+
+    /// The stance in a frame at (x, z) that faces `yaw`.
+    pub(crate) fn placed(mut self, [x, z]: [f64; 2], yaw: f64) -> Self {
+        let (sin, cos) = yaw.sin_cos();
+        for foot in &mut self.feet {
+            let (fx, fz) = (foot.x, foot.z - TOES_AHEAD_M);
+            foot.x = x + cos * fx + sin * fz + sin * TOES_AHEAD_M;
+            foot.z = z + cos * fz - sin * fx + cos * TOES_AHEAD_M;
+            foot.yaw += yaw;
+        }
+        self.yaw += yaw;
+        self
+    }
+
+    /// Where the pelvis is: over the weight, not all the way.
+    pub(crate) fn pelvis(&self) -> [f64; 2] {
+        let share = 0.5 + 0.75 * (self.weight - 0.5);
+        let [l, r] = self.feet;
+        let back = [
+            -TOES_AHEAD_M * self.yaw.sin(),
+            -TOES_AHEAD_M * self.yaw.cos(),
+        ];
+        [
+            l.x + (r.x - l.x) * share + back[0],
+            l.z + (r.z - l.z) * share + back[1],
+        ]
+    }
+
+    fn foot_moves_m(&self, to: &Self, side: usize) -> f64 {
+        let (a, b) = (self.feet[side], to.feet[side]);
+        (a.x - b.x).hypot(a.z - b.z)
+    }
+
+    /// `self` as the next stance after `before`: when both feet must move
+    /// without a hop, one goes first.
+    pub(crate) fn following(mut self, before: &Self) -> Self {
+        let [l, r] = [0, 1].map(|side| before.foot_moves_m(&self, side));
+        if self.hop == 0.0 && l > 0.03 && r > 0.03 {
+            // The foot that bears less weight goes first.
+            let first = usize::from(before.weight < 0.5);
+            self.window[first] = [0.0, 0.55];
+            self.window[1 - first] = [0.45, 1.0];
+        }
+        self
+    }
+
+    /// The stance on the way from `self` to `to`: feet, pelvis, drop, yaw.
+    pub(crate) fn towards(&self, to: &Self, u: f64, snap: f64) -> ([Foot; 2], [f64; 2], f64, f64) {
+        let feet = std::array::from_fn(|side| {
+            let [from, until] = to.window[side];
+            let share = (u - from) / (until - from);
+            let t = minimum_jerk(share, 1.0);
+            let (a, b) = (self.feet[side], to.feet[side]);
+            let way = self.foot_moves_m(to, side);
+            let carried = if way > 0.02 {
+                (0.03 + 0.16 * way).min(0.11)
+            } else {
+                0.0
+            };
+            let [x, z, yaw, heel, lift] = mix(
+                &[a.x, a.z, a.yaw, a.heel, a.lift],
+                &[b.x, b.z, b.yaw, b.heel, b.lift],
+                t,
+            );
+            Foot {
+                x,
+                z,
+                yaw,
+                heel,
+                lift: lift + carried * bump(share) + to.hop * bump(u),
+            }
+        });
+        let t = minimum_jerk(u, snap);
+        let pelvis = mix(&self.pelvis(), &to.pelvis(), t);
+        let [drop, yaw] = mix(&[self.drop, self.yaw], &[to.drop, to.yaw], t);
+        (feet, pelvis, drop - to.hop * bump(u), yaw)
+    }
+}
+
+impl Steps {
+    /// The stance arrived at on `count`, for steps of `size` (1 is usual).
+    pub(crate) fn stance(self, count: usize, size: f64) -> Stance {
+        let home = Stance::home();
+        let side = |k: usize, even: Stance| if k % 2 == 0 { even } else { even.mirrored() };
+        let h = HOME_M;
+        match self {
+            Self::Bounce => side(count, home.weight(0.68, 0.05 * size).heel(0, 0.25 * size)),
+            Self::Sway => {
+                let w = h + 0.12 * size;
+                let wide = home.left(w, 0.0).right(-w, 0.0);
+                side(count, wide.weight(0.92, 0.06 * size).heel(0, 0.35 * size))
+            }
+            Self::StepTouch => {
+                let out = 0.30 * size;
+                let step = home.left(h, 0.0).right(-h - out, 0.0).weight(0.9, 0.05);
+                let touch = home
+                    .left(-out + 0.04, 0.02)
+                    .right(-h - out, 0.0)
+                    .heel(0, 0.5)
+                    .weight(0.97, 0.02);
+                let back = home.right(-h - out, 0.0).weight(0.1, 0.05);
+                let close = home.right(0.04 - h, 0.02).heel(1, 0.5).weight(0.03, 0.02);
+                [step, touch, back, close][count % 4].placed([0.5 * out, 0.0], 0.0)
+            }
+            Self::TwoStep | Self::Grapevine => {
+                let out = 0.30 * size;
+                let behind = if self == Self::Grapevine { -0.14 } else { 0.0 };
+                let close = if behind < 0.0 { 0.10 } else { 0.0 };
+                let at = |l: f64, lz: f64, r: f64, rz: f64, w: f64| {
+                    home.left(h + l, lz).right(-h + r, rz).weight(w, 0.045)
+                };
+                [
+                    at(0.0, 0.0, -out, 0.0, 0.85),
+                    at(-out - close, behind, -out, 0.0, 0.2),
+                    at(-out - close, behind, -2.0 * out, 0.0, 0.85),
+                    at(-2.0 * out + 0.04, 0.02, -2.0 * out, 0.0, 0.97).heel(0, 0.5),
+                    at(-out, 0.0, -2.0 * out, 0.0, 0.15),
+                    at(-out, 0.0, -out + close, behind, 0.8),
+                    at(0.0, 0.0, -out + close, behind, 0.15),
+                    at(0.0, 0.0, -0.04, 0.02, 0.03).heel(1, 0.5),
+                ][count % 8]
+                    .placed([out, 0.0], 0.0)
+            }
+            Self::March => {
+                let up = home.right(-h, 0.10).lift(1, 0.24 * size).weight(0.06, 0.0);
+                let down = home.weight(0.55, 0.05);
+                side(count / 2, if count.is_multiple_of(2) { up } else { down })
+            }
+            Self::Kick => {
+                let kick = home
+                    .right(-h + 0.03, 0.42 * size)
+                    .lift(1, 0.26 * size)
+                    .weight(0.02, 0.03);
+                let close = home.weight(0.6, 0.05);
+                side(
+                    count / 2,
+                    if count.is_multiple_of(2) { kick } else { close },
+                )
+            }
+            Self::HeelTap => {
+                let tap = home
+                    .right(-h - 0.04, 0.24 * size)
+                    .heel(1, -0.45)
+                    .weight(0.1, 0.08);
+                let close = home.weight(0.6, 0.02);
+                side(count / 2, if count.is_multiple_of(2) { tap } else { close })
+            }
+            Self::Charleston => {
+                let z = 0.22 * size;
+                [
+                    home.right(-h, z).weight(0.9, 0.05),
+                    home.right(-h, z)
+                        .left(h, z + 0.34 * size)
+                        .lift(0, 0.22 * size)
+                        .weight(1.0, 0.02),
+                    home.right(-h, z).left(h, -0.18 * size).weight(0.1, 0.06),
+                    home.left(h, -0.18 * size)
+                        .right(-h, -0.44 * size)
+                        .heel(1, 0.6)
+                        .weight(0.05, 0.06),
+                ][count % 4]
+            }
+            Self::Lunge => {
+                let lunge = home
+                    .right(-h - 0.42 * size, 0.06)
+                    .weight(0.82, 0.12 * size)
+                    .heel(0, 0.4);
+                side(
+                    count / 2,
+                    if count.is_multiple_of(2) {
+                        lunge
+                    } else {
+                        home.weight(0.45, 0.0)
+                    },
+                )
+            }
+            Self::Jack => {
+                let w = h + 0.20 * size;
+                let apart = home.left(w, 0.0).right(-w, 0.0).weight(0.5, 0.09);
+                let mut stance = if count.is_multiple_of(2) {
+                    apart
+                } else {
+                    home.weight(0.5, 0.05)
+                };
+                stance.hop = 0.05 * size;
+                stance
+            }
+            Self::Squat => {
+                let w = h + 0.08;
+                let wide = home.left(w, 0.0).right(-w, 0.0);
+                let low = wide.weight(0.5, 0.20 * size);
+                if count.is_multiple_of(2) {
+                    low
+                } else {
+                    wide.weight(0.5, 0.0)
+                }
+            }
+            Self::Twist => {
+                let mut twist = home
+                    .left(h + 0.03, 0.0)
+                    .right(-h - 0.03, 0.0)
+                    .heel(0, 0.22)
+                    .heel(1, 0.22)
+                    .weight(0.62, 0.07);
+                for foot in &mut twist.feet {
+                    foot.yaw += 0.55 * size;
+                }
+                twist.yaw = 0.35 * size;
+                side(count, twist)
+            }
+            Self::Salsa => {
+                let z = 0.24 * size;
+                [
+                    home.left(h, z).weight(0.2, 0.04),
+                    home.left(h, z).weight(0.9, 0.02).heel(0, 0.35),
+                    home.weight(0.2, 0.03),
+                    home.weight(0.1, 0.02).heel(1, 0.4),
+                    home.right(-h, -z).weight(0.8, 0.04),
+                    home.right(-h, -z).weight(0.1, 0.02).heel(1, 0.35),
+                    home.weight(0.8, 0.03),
+                    home.weight(0.9, 0.02).heel(0, 0.4),
+                ][count % 8]
+            }
+            Self::SalsaSide => {
+                let x = 0.24 * size;
+                [
+                    home.left(h + x, 0.0).weight(0.2, 0.04),
+                    home.left(h + x, 0.0).weight(0.9, 0.02).heel(0, 0.35),
+                    home.weight(0.2, 0.03),
+                    home.weight(0.1, 0.02).heel(1, 0.4),
+                    home.right(-h - x, 0.0).weight(0.8, 0.04),
+                    home.right(-h - x, 0.0).weight(0.1, 0.02).heel(1, 0.35),
+                    home.weight(0.8, 0.03),
+                    home.weight(0.9, 0.02).heel(0, 0.4),
+                ][count % 8]
+            }
+            Self::Turn => {
+                let quarter = std::f64::consts::FRAC_PI_2;
+                let yaw = |k: usize| -quarter * k.min(4) as f64;
+                if count % 8 >= 4 {
+                    let rest = side(count, home.weight(0.68, 0.05 * size).heel(0, 0.25));
+                    return rest.placed([0.0; 2], yaw(4));
+                }
+                let k = count % 8 + 1;
+                let now = home.placed([0.0; 2], yaw(k));
+                let before = home.placed([0.0; 2], yaw(k - 1));
+                let mut stance = now;
+                let stays = k % 2; // the right foot begins
+                let last = k == 4;
+                if !last {
+                    stance.feet[1 - stays] = now.feet[1 - stays];
+                    stance.feet[stays] = before.feet[stays];
+                    stance.feet[stays].yaw -= quarter / 2.0;
+                }
+                stance.weight(if stays == 0 { 0.8 } else { 0.2 }, 0.04)
+            }
+            Self::Walk => {
+                let place = [1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0][count % 8] * 0.2 * size;
+                let before = [0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0][count % 8] * 0.2 * size;
+                let stance = if count.is_multiple_of(2) {
+                    home.right(-h, place)
+                        .left(h, before)
+                        .weight(0.88, 0.04)
+                        .heel(0, 0.3)
+                } else {
+                    home.left(h, place)
+                        .right(-h, before)
+                        .weight(0.12, 0.04)
+                        .heel(1, 0.3)
+                };
+                stance.placed([0.0, -0.4 * size], 0.0)
+            }
+        }
+    }
+
+    /// Turned by this angle after eight counts, radians.
+    pub(crate) fn turns_rad(self) -> f64 {
+        if self == Self::Turn {
+            -std::f64::consts::TAU
+        } else {
+            0.0
+        }
+    }
+}
