@@ -6,14 +6,17 @@
 //! their limits and move at most `velocity * dt` a cycle, so that other joints
 //! help where one is at its limit. Nothing allocates after building.
 
-use k::nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
 
+use crate::balance::Support;
 use crate::body::BodyMap;
+use crate::collision::Pair;
+use crate::columns::{Columns, Posed};
 use crate::config::Weights;
 use crate::human::Aim;
-use crate::model::{Motion, RobotModel};
-use crate::solver::{Column, Solver};
+use crate::model::RobotModel;
+use crate::solver::Solver;
 
 /// Weight of foot places (1/m) and foot orientations (1/rad): a millimetre
 /// weighs as much as turning all limbs the wrong way.
@@ -23,6 +26,12 @@ const FOOT_TURN: f64 = 200.0;
 /// legs cannot reach is shared between the two.
 const PELVIS_PLACE: f64 = 50.0;
 const ROOT_TURN: f64 = 5.0;
+/// Capsules nearer than this push each other apart, with this weight, 1/m.
+const SAFE_GAP_M: f64 = 0.012;
+const GAP: f64 = 100.0;
+/// The centre of mass keeps this far inside the support polygon; 1/m.
+const SAFE_EDGE_M: f64 = 0.012;
+const BALANCE: f64 = 200.0;
 /// Longest Gauss-Newton step, radians (metres for the base).
 const LONGEST_STEP: f64 = 0.25;
 /// Directions farther apart than this are approached in parts, radians.
@@ -62,9 +71,12 @@ pub(crate) struct BodySolver {
     face_in_head: Vector3<f64>,
     pub positions: Vec<f64>,
     pub base: Isometry3<f64>,
+    /// What must not meet, and where the weight must stay; found after rest.
+    pub pairs: Vec<Pair>,
+    pub support: Option<Support>,
     poses: Vec<Isometry3<f64>>,
     solver: Solver,
-    columns: Vec<Column>,
+    columns: Columns,
     low: Vec<f64>,
     high: Vec<f64>,
 }
@@ -113,8 +125,10 @@ impl BodySolver {
             base: Isometry3::from_parts(Translation3::identity(), upright),
             map,
             positions,
+            pairs: Vec::new(),
+            support: None,
             solver: Solver::new(unknowns),
-            columns: Vec::with_capacity(unknowns),
+            columns: Columns::new(joints, unknowns),
             low: vec![0.0; unknowns],
             high: vec![0.0; unknowns],
             poses,
@@ -144,8 +158,19 @@ impl BodySolver {
         let joints = self.positions.len();
         model.place(&self.base, &self.positions, &mut self.poses);
         self.solver.clear();
-        self.ask_limbs(model, question);
-        self.ask_body(model, question);
+        // Taken out for the while, so that the parts can be borrowed apart.
+        let poses = std::mem::take(&mut self.poses);
+        let robot = Posed {
+            model,
+            poses: &poses,
+        };
+        self.ask_limbs(&robot, question);
+        self.ask_body(&robot, question);
+        self.ask_distance(&robot);
+        if self.floating {
+            self.ask_balance(&robot);
+        }
+        self.poses = poses;
         for column in 0..self.low.len() {
             self.solver.add_single(self.weights.damping, 0.0, column);
         }
@@ -179,7 +204,7 @@ impl BodySolver {
         self.high[joints..].fill(LONGEST_STEP);
     }
 
-    fn ask_limbs(&mut self, model: &RobotModel, question: &Question) {
+    fn ask_limbs(&mut self, robot: &Posed, question: &Question) {
         let Weights {
             upper_limb,
             lower_limb,
@@ -199,20 +224,19 @@ impl BodySolver {
             let [Some(top), Some(middle), end] = limb.points else {
                 continue;
             };
-            self.ask_segment(model, [top, middle], upper, upper_limb);
+            self.ask_segment(robot, [top, middle], upper, upper_limb);
             let Some(end) = end else {
                 continue;
             };
-            self.ask_segment(model, [middle, end], lower, lower_limb);
+            self.ask_segment(robot, [middle, end], lower, lower_limb);
             let whole = limb.lengths[0] + limb.lengths[1];
             if whole > 1e-3 {
                 let reach = upper * limb.lengths[0] + lower * limb.lengths[1];
-                let now = self.origin(end) - self.origin(top);
-                let residual = near(&((now - reach) / whole));
-                self.gather(model, end, self.origin(end), 1.0 / whole);
-                self.gather(model, top, self.origin(top), -1.0 / whole);
-                self.solver.add(tip, &residual, &self.columns);
-                self.columns.clear();
+                let (start, tip_at) = (robot.origin(top), robot.origin(end));
+                let residual = near(&((tip_at - start - reach) / whole));
+                self.columns.point(robot, end, &tip_at, 1.0 / whole);
+                self.columns.point(robot, top, &start, -1.0 / whole);
+                self.use_columns(tip, &residual);
             }
         }
     }
@@ -220,149 +244,114 @@ impl BodySolver {
     /// Asks that the segment between two links' origins points along `wanted`.
     fn ask_segment(
         &mut self,
-        model: &RobotModel,
+        robot: &Posed,
         [from, to]: [usize; 2],
         wanted: Vector3<f64>,
         weight: f64,
     ) {
-        let (start, end) = (self.origin(from), self.origin(to));
+        let (start, end) = (robot.origin(from), robot.origin(to));
         let length = (end - start).norm();
         if length < 1e-4 {
             return;
         }
         let now = (end - start) / length;
-        self.gather(model, to, end, 1.0 / length);
-        self.gather(model, from, start, -1.0 / length);
+        self.columns.point(robot, to, &end, 1.0 / length);
+        self.columns.point(robot, from, &start, -1.0 / length);
         self.ask_direction(now, wanted, weight);
     }
 
     /// Uses up the gathered columns (derivatives of a vector along `now`).
     fn ask_direction(&mut self, now: Vector3<f64>, wanted: Vector3<f64>, weight: f64) {
-        for (_, column) in &mut self.columns {
-            *column -= now * now.dot(column);
-        }
-        let residual = now - toward(&now, &wanted);
-        self.solver.add(weight, &residual, &self.columns);
+        self.columns.map(|column| column - now * now.dot(column));
+        self.use_columns(weight, &(now - toward(&now, &wanted)));
+    }
+
+    /// Puts the gathered columns into the problem, and begins anew.
+    fn use_columns(&mut self, weight: f64, residual: &Vector3<f64>) {
+        self.solver.add(weight, residual, self.columns.list());
         self.columns.clear();
     }
 
-    fn ask_body(&mut self, model: &RobotModel, question: &Question) {
+    fn ask_body(&mut self, robot: &Posed, question: &Question) {
         let Weights { torso, head, .. } = self.weights;
         if let Some(link) = self.map.head {
-            let now = self.poses[link].rotation * self.face_in_head;
-            self.gather_turning(model, link);
-            for (_, column) in &mut self.columns {
-                *column = column.cross(&now);
-            }
+            let now = robot.poses[link].rotation * self.face_in_head;
+            self.columns.turn(robot, link);
+            self.columns.map(|column| column.cross(&now));
             self.ask_direction(now, question.aim.face, head);
         }
         if let Some((root, feet)) = question.standing {
-            let root_turn = root.rotation;
-            self.ask_turn(model, 0, root_turn, ROOT_TURN);
-            let shift = self.base.translation.vector - root.translation.vector;
-            self.gather_base(self.origin(0), 1.0);
-            self.solver.add(PELVIS_PLACE, &shift, &self.columns);
-            self.columns.clear();
+            self.ask_turn(robot, 0, root.rotation, ROOT_TURN);
+            self.ask_place(robot, 0, root.translation.vector, PELVIS_PLACE);
             for (leg, foot) in self.map.legs.into_iter().zip(feet) {
                 if let Some(sole) = leg.sole {
-                    self.ask_turn(model, sole, foot.rotation, FOOT_TURN);
-                    let point = self.origin(sole);
-                    let away = point.coords - foot.translation.vector;
-                    self.gather(model, sole, point, 1.0);
-                    self.gather_base(point, 1.0);
-                    self.solver.add(FOOT_PLACE, &near(&away), &self.columns);
-                    self.columns.clear();
+                    self.ask_turn(robot, sole, foot.rotation, FOOT_TURN);
+                    self.ask_place(robot, sole, foot.translation.vector, FOOT_PLACE);
                 }
             }
         }
         // A chest that is rigid with the root has been asked already.
-        if !model.levers[self.map.chest].is_empty() {
+        if !robot.model.levers[self.map.chest].is_empty() {
             let chest = question.aim.chest * self.chest_rest;
-            self.ask_turn(model, self.map.chest, chest, torso);
+            self.ask_turn(robot, self.map.chest, chest, torso);
         }
     }
 
-    fn ask_turn(
-        &mut self,
-        model: &RobotModel,
-        link: usize,
-        wanted: UnitQuaternion<f64>,
-        weight: f64,
-    ) {
-        let away = (self.poses[link].rotation * wanted.inverse()).scaled_axis();
-        self.gather_turning(model, link);
+    fn ask_turn(&mut self, robot: &Posed, link: usize, wanted: UnitQuaternion<f64>, weight: f64) {
+        let away = (robot.poses[link].rotation * wanted.inverse()).scaled_axis();
+        self.columns.turn(robot, link);
         if self.floating {
-            self.gather_base_turning();
+            self.columns.turn_by_root();
         }
-        self.solver.add(weight, &near(&away), &self.columns);
-        self.columns.clear();
+        self.use_columns(weight, &near(&away));
     }
 
-    fn origin(&self, link: usize) -> Point3<f64> {
-        Point3::from(self.poses[link].translation.vector)
+    fn ask_place(&mut self, robot: &Posed, link: usize, wanted: Vector3<f64>, weight: f64) {
+        let point = robot.origin(link);
+        self.columns.point(robot, link, &point, 1.0);
+        self.columns.point_by_root(robot, &point);
+        self.use_columns(weight, &near(&(point.coords - wanted)));
     }
 
-    /// Adds the derivatives of a point fixed to `link`, times `scale`.
-    fn gather(&mut self, model: &RobotModel, link: usize, point: Point3<f64>, scale: f64) {
-        for lever in &model.levers[link] {
-            let pose = &self.poses[lever.link];
-            let column = match model.links[lever.link].motion {
-                Motion::Turn(axis) => (pose.rotation * axis.into_inner())
-                    .cross(&(point.coords - pose.translation.vector)),
-                Motion::Slide(axis) => pose.rotation * axis.into_inner(),
-                Motion::Fixed => continue,
-            };
-            put(
-                &mut self.columns,
-                lever.joint,
-                column * (lever.scale * scale),
-            );
-        }
-    }
-
-    /// Adds the derivatives of a point by the six of the base. Limbs do without:
-    /// they shall not pull the body out of its place.
-    fn gather_base(&mut self, point: Point3<f64>, scale: f64) {
-        let joints = self.positions.len();
-        let arm = point.coords - self.base.translation.vector;
-        for (axis, unit) in units().into_iter().enumerate() {
-            put(&mut self.columns, joints + axis, unit * scale);
-            put(
-                &mut self.columns,
-                joints + 3 + axis,
-                unit.cross(&arm) * scale,
-            );
-        }
-    }
-
-    /// Adds the turning rates of `link`.
-    fn gather_turning(&mut self, model: &RobotModel, link: usize) {
-        for lever in &model.levers[link] {
-            if let Motion::Turn(axis) = model.links[lever.link].motion {
-                let rate = self.poses[lever.link].rotation * axis.into_inner() * lever.scale;
-                put(&mut self.columns, lever.joint, rate);
+    /// Pushes arms away from what they come too near to. The root is left out:
+    /// an arm shall not push the body.
+    fn ask_distance(&mut self, robot: &Posed) {
+        for pair in &self.pairs {
+            let gap = pair.gap(robot.poses);
+            let short = gap.distance_m - SAFE_GAP_M;
+            if short < 0.0 {
+                let [one, other] = gap.links;
+                self.columns.point(robot, one, &gap.points[0], 1.0);
+                self.columns.point(robot, other, &gap.points[1], -1.0);
+                self.columns
+                    .map(|column| gap.normal * gap.normal.dot(column));
+                let residual = near(&(gap.normal * short));
+                self.solver.add(GAP, &residual, self.columns.list());
+                self.columns.clear();
             }
         }
     }
 
-    fn gather_base_turning(&mut self) {
-        let joints = self.positions.len();
-        for (axis, unit) in units().into_iter().enumerate() {
-            put(&mut self.columns, joints + 3 + axis, unit);
+    /// Keeps the centre of mass off the edge of the support polygon, by legs
+    /// and root alone.
+    fn ask_balance(&mut self, robot: &Posed) {
+        let Some(support) = &self.support else {
+            return;
+        };
+        let com = robot.model.centre_of_mass(robot.poses);
+        for edge in &support.edges {
+            let over = edge.outside_m(&com) + SAFE_EDGE_M;
+            if over > 0.0 {
+                // The body moves over the feet nearly as one.
+                self.columns.point_by_root(robot, &com);
+                self.columns
+                    .map(|column| edge.normal * edge.normal.dot(column));
+                self.solver
+                    .add(BALANCE, &near(&(edge.normal * over)), self.columns.list());
+                self.columns.clear();
+            }
         }
     }
-}
-
-/// Adds to the column if it is there, so that each appears once.
-fn put(columns: &mut Vec<Column>, index: usize, value: Vector3<f64>) {
-    match columns.iter_mut().find(|(other, _)| *other == index) {
-        Some((_, sum)) => *sum += value,
-        None => columns.push((index, value)),
-    }
-}
-
-fn units() -> [Vector3<f64>; 3] {
-    [Vector3::x(), Vector3::y(), Vector3::z()]
 }
 
 fn distance(poses: &[Isometry3<f64>], from: Option<usize>, to: Option<usize>) -> f64 {

@@ -140,7 +140,7 @@ impl Default for Weights {
             upper_limb: 1.0,
             lower_limb: 0.5,
             tip: 0.8,
-            torso: 1.0,
+            torso: 2.0,
             head: 0.6,
             posture: 0.02,
             damping: 0.5,

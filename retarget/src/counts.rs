@@ -24,6 +24,12 @@ pub struct Counts {
     pub jerk_exceeded: u64,
     /// Cycles with a planted foot farther than 2 mm from its place.
     pub feet_moved_cycles: u64,
+    /// Cycles in which an arm was held back before it met the body.
+    pub guarded_cycles: u64,
+    /// Cycles in which an arm touched another part of the robot (capsules).
+    pub collision_cycles: u64,
+    /// Deepest overlap of two capsules, micrometres.
+    pub deepest_collision_um: u64,
     /// Cycles with the centre of mass outside the support polygon.
     pub unbalanced_cycles: u64,
 }

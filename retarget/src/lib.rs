@@ -9,11 +9,15 @@
 //! it refuses: see [`RetargetError`]; nothing here panics on any robot
 //! description or motion. Talking to servos is the `drivers` crate's work.
 
+mod balance;
 mod body;
 mod body_solver;
+mod collision;
+mod columns;
 mod config;
 mod counts;
 mod error;
+mod guard;
 mod human;
 mod model;
 mod pelvis;

@@ -8,10 +8,13 @@ use std::collections::BTreeMap;
 use k::nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 
+use crate::balance::Support;
 use crate::body::BodyMap;
 use crate::body_solver::{BodySolver, Feet, Question};
+use crate::collision;
 use crate::config::{Limb, RetargetConfig, Stance};
 use crate::error::choices;
+use crate::guard::Guard;
 use crate::human::{self, Aim, Heading, Reader};
 use crate::pelvis::Pelvis;
 use crate::stream::{LOOKAHEAD_FRAMES, MotionStream};
@@ -24,6 +27,9 @@ const STEPS: usize = 2;
 const REST_STEPS: usize = 200;
 /// Time to full acceleration, seconds: sets the jerk limit.
 const ACCELERATION_RISE_S: f64 = 0.02;
+/// Knees are never straighter: near straight, small steps of the pelvis would
+/// need large ones of the knee.
+const LEAST_KNEE_RAD: f64 = 0.12;
 /// A planted foot farther away has moved, metres.
 const FOOT_MOVED_M: f64 = 0.002;
 
@@ -46,6 +52,8 @@ pub struct Retargeter {
     standing: Option<Standing>,
     trackers: Vec<Tracker>,
     bounds: Vec<(f64, f64)>,
+    guard: Guard,
+    wanted: Vec<f64>,
     output: Vec<f64>,
     poses: Vec<Isometry3<f64>>,
     held_root: Isometry3<f64>,
@@ -108,6 +116,8 @@ impl Retargeter {
             standing: None,
             trackers: Vec::new(),
             bounds: limits.iter().map(|l| (l.lower_rad, l.upper_rad)).collect(),
+            guard: Guard::new(limits.len(), dt_s),
+            wanted: vec![0.0; limits.len()],
             output: vec![0.0; limits.len()],
             poses: vec![Isometry3::identity(); model.links.len()],
             held_root: Isometry3::from_parts(Translation3::identity(), upright),
@@ -259,15 +269,32 @@ impl Retargeter {
         let mut limited = false;
         for (joint, tracker) in self.trackers.iter_mut().enumerate() {
             let solved = self.solver.positions[joint];
-            let step = if self.stands_on[joint] {
-                tracker.go(solved)
-            } else {
-                let scale = self.amplitude * self.gains.of(self.limbs[joint]);
-                let rest = self.rest[joint];
-                tracker.step(rest + scale * (solved - rest))
-            };
-            limited |= step.limited;
-            self.counts.jerk_exceeded += u64::from(step.jerk_exceeded);
+            let (bounds, wanted) = (&mut self.bounds[joint], &mut self.wanted[joint]);
+            if self.stands_on[joint] {
+                // Decided together with the feet; not for the guard to change.
+                *wanted = solved;
+                *bounds = (solved, solved);
+                continue;
+            }
+            let scale = self.amplitude * self.gains.of(self.limbs[joint]);
+            let rest = self.rest[joint];
+            let aimed = tracker.aim(rest + scale * (solved - rest));
+            *bounds = tracker.allowed();
+            *wanted = aimed.clamp(bounds.0, bounds.1);
+            limited |= (*wanted - aimed).abs() > 1e-9;
+        }
+        let guarded = self.guard.check(
+            &self.model,
+            &self.poses,
+            &self.solver.pairs,
+            &self.output,
+            &self.bounds,
+            &mut self.wanted,
+        );
+        self.counts.guarded_cycles += u64::from(guarded);
+        for (joint, tracker) in self.trackers.iter_mut().enumerate() {
+            let jerk_exceeded = tracker.go(self.wanted[joint]);
+            self.counts.jerk_exceeded += u64::from(jerk_exceeded);
             self.output[joint] = tracker.position();
         }
         self.counts.limited_cycles += u64::from(limited);
@@ -275,11 +302,22 @@ impl Retargeter {
 
     /// Counts what the output does to feet and balance.
     fn judge(&mut self) {
+        let root = self.world_from_root(&self.output);
+        self.model.place(&root, &self.output, &mut self.poses);
+        let gaps = self.solver.pairs.iter().map(|pair| pair.gap(&self.poses));
+        let nearest = gaps.map(|gap| gap.distance_m).fold(f64::INFINITY, f64::min);
+        self.counts.collision_cycles += u64::from(nearest < 0.0);
+        self.counts.deepest_collision_um = self
+            .counts
+            .deepest_collision_um
+            .max((-nearest * 1e6).max(0.0) as u64);
         let Some(standing) = &self.standing else {
             return;
         };
-        let root = self.world_from_root(&self.output);
-        self.model.place(&root, &self.output, &mut self.poses);
+        let com = self.model.centre_of_mass(&self.poses);
+        let support = self.solver.support.as_ref();
+        let unbalanced = support.is_some_and(|support| support.outside_m(&com) > 0.0);
+        self.counts.unbalanced_cycles += u64::from(unbalanced);
         let moved = (0..2).any(|side| {
             let Some(sole) = self.map.legs[side].sole else {
                 return false;
@@ -336,6 +374,8 @@ impl Retargeter {
             self.solver.positions[joint] = self.limits[joint].clamp_rad(position);
         }
         self.output.copy_from_slice(positions);
+        let root = self.world_from_root(positions);
+        self.model.place(&root, positions, &mut self.poses);
     }
 
     /// The rest pose: the solver's answer to an upright dancer, arms down, with
@@ -379,8 +419,48 @@ impl Retargeter {
             );
         }
         hold(&mut self.solver.positions);
+        self.keep_knees_bent(&zero);
         self.rest.clone_from(&self.solver.positions);
+        let poses = self.solver.poses(&self.model).to_vec();
+        self.solver.pairs = collision::pairs(&self.model, &self.map, &poses);
+        if let Some(standing) = &self.standing {
+            self.solver.support = Some(Support::new(&standing.feet, config.sole_m));
+        }
         Ok(())
+    }
+
+    /// Knees bend one way: the side of straight that most of their range is on.
+    fn keep_knees_bent(&mut self, zero: &[f64]) {
+        for leg in self.map.legs {
+            let (Some(hip), Some(knee), Some(ankle)) = (leg.hip, leg.knee, leg.ankle) else {
+                continue;
+            };
+            let Some(lever) = self.model.levers[knee].last() else {
+                continue;
+            };
+            let joint = lever.joint;
+            let (lower, upper) = self.bounds[joint];
+            let mut positions = zero.to_vec();
+            let mut length_at = |position: f64| {
+                positions[joint] = position;
+                let hip = self.model.link_pose(hip, &positions);
+                let ankle = self.model.link_pose(ankle, &positions);
+                (hip.translation.vector - ankle.translation.vector).norm()
+            };
+            let steps = 200;
+            let place = |k: i32| lower + (upper - lower) * f64::from(k) / f64::from(steps);
+            let straight = (0..=steps)
+                .map(place)
+                .max_by(|a, b| length_at(*a).total_cmp(&length_at(*b)))
+                .unwrap_or(lower);
+            let limits = &mut self.limits[joint];
+            if upper - straight > straight - lower {
+                limits.lower_rad = (straight + LEAST_KNEE_RAD).clamp(lower, upper - 1e-3);
+            } else {
+                limits.upper_rad = (straight - LEAST_KNEE_RAD).clamp(lower + 1e-3, upper);
+            }
+            self.solver.positions[joint] = limits.clamp_rad(self.solver.positions[joint]);
+        }
     }
 
     fn leg_names(&self, side: usize) -> Vec<&str> {

@@ -2,14 +2,21 @@
 //!
 //! Rows are gathered straight into the normal equations `H x = -g`: a row
 //! touches only the columns of its own limb, which is most of the speed. The
-//! step minimises `x'Hx/2 + g'x` inside a box by an active-set method: solve,
-//! hold what left the box at its bound, solve again for the rest. Nothing
+//! step minimises `x'Hx/2 + g'x` inside a box by an active-set method. Nothing
 //! allocates after [`Solver::new`].
 
 use k::nalgebra::Vector3;
 
-/// Rounds of the active set; what is still outside then is clamped.
-const MOST_ROUNDS: usize = 8;
+/// Rounds of the active set; far more than are needed from a warm start.
+const MOST_ROUNDS_PER_COLUMN: usize = 4;
+
+/// Whether a column is at a bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Held {
+    Free,
+    Low,
+    High,
+}
 
 /// One aim's dependence on one column: a derivative of three residual rows.
 pub(crate) type Column = (usize, Vector3<f64>);
@@ -21,8 +28,10 @@ pub(crate) struct Solver {
     g: Vec<f64>,
     factor: Vec<f64>,
     free: Vec<usize>,
-    held: Vec<bool>,
+    held: Vec<Held>,
     step: Vec<f64>,
+    /// Solution for the free columns: packed, then in its places.
+    packed: Vec<f64>,
     right: Vec<f64>,
 }
 
@@ -34,8 +43,9 @@ impl Solver {
             g: vec![0.0; size],
             factor: vec![0.0; size * size],
             free: Vec::with_capacity(size),
-            held: vec![false; size],
+            held: vec![Held::Free; size],
             step: vec![0.0; size],
+            packed: vec![0.0; size],
             right: vec![0.0; size],
         }
     }
@@ -67,40 +77,104 @@ impl Solver {
         self.g[column] += square * residual;
     }
 
-    /// The step inside `low..=high` (each at most 0 and at least 0).
+    /// The step inside `low..=high` that minimises the sum.
+    ///
+    /// A primal active-set method (Nocedal and Wright 2006, 16.5), which begins
+    /// with the bounds that held the last solution. One bound enters or leaves
+    /// at a time: feet that stay tie the legs' columns together so stiffly that
+    /// holding several at once would tear them apart.
     pub fn solve(&mut self, low: &[f64], high: &[f64]) -> &[f64] {
-        self.held.fill(false);
-        self.step.fill(0.0);
-        for _ in 0..MOST_ROUNDS {
+        for index in 0..self.size {
+            self.step[index] = match self.held[index] {
+                Held::Low => low[index],
+                Held::High => high[index],
+                Held::Free => 0.0_f64.clamp(low[index], high[index]),
+            };
+        }
+        for _ in 0..MOST_ROUNDS_PER_COLUMN * self.size {
             self.solve_free();
-            let mut left_box = false;
-            for index in 0..self.size {
-                let inside = self.step[index].clamp(low[index], high[index]);
-                if !self.held[index] && inside != self.step[index] {
-                    self.held[index] = true;
-                    left_box = true;
+            match self.first_block(low, high) {
+                Some((index, side, share)) => {
+                    for &free in &self.free {
+                        self.step[free] += share * (self.right[free] - self.step[free]);
+                    }
+                    self.held[index] = side;
+                    self.step[index] = match side {
+                        Held::Low => low[index],
+                        _ => high[index],
+                    };
                 }
-                self.step[index] = inside;
+                None => {
+                    for &free in &self.free {
+                        self.step[free] = self.right[free];
+                    }
+                    match self.most_wrongly_held() {
+                        Some(index) => self.held[index] = Held::Free,
+                        None => break,
+                    }
+                }
             }
-            if !left_box {
-                break;
-            }
+        }
+        for index in 0..self.size {
+            self.step[index] = self.step[index].clamp(low[index], high[index]);
         }
         &self.step
     }
 
-    /// Solves for the free columns, the held ones staying at `step`.
+    /// The bound that the way to the free solution meets first, and how far
+    /// along that is.
+    fn first_block(&self, low: &[f64], high: &[f64]) -> Option<(usize, Held, f64)> {
+        let mut first: Option<(usize, Held, f64)> = None;
+        for &index in &self.free {
+            let (from, to) = (self.step[index], self.right[index]);
+            let (side, bound) = match to {
+                to if to < low[index] => (Held::Low, low[index]),
+                to if to > high[index] => (Held::High, high[index]),
+                _ => continue,
+            };
+            let share = ((bound - from) / (to - from)).clamp(0.0, 1.0);
+            if first.is_none_or(|(_, _, least)| share < least) {
+                first = Some((index, side, share));
+            }
+        }
+        first
+    }
+
+    /// The held column whose gradient pulls it into the box hardest.
+    fn most_wrongly_held(&self) -> Option<usize> {
+        let n = self.size;
+        let mut worst = None;
+        let mut most = 1e-9;
+        for i in 0..n {
+            let sign = match self.held[i] {
+                Held::Free => continue,
+                Held::Low => -1.0,
+                Held::High => 1.0,
+            };
+            let row: f64 = (0..=i).map(|j| self.h[i * n + j] * self.step[j]).sum();
+            let column: f64 = (i + 1..n).map(|j| self.h[j * n + i] * self.step[j]).sum();
+            let pull = sign * (self.g[i] + row + column) / self.h[i * n + i].max(1e-12);
+            if pull > most {
+                most = pull;
+                worst = Some(i);
+            }
+        }
+        worst
+    }
+
+    /// Solves for the free columns into `right`, the held ones staying at `step`.
     fn solve_free(&mut self) {
         let n = self.size;
         self.free.clear();
-        self.free.extend((0..n).filter(|&i| !self.held[i]));
+        self.free
+            .extend((0..n).filter(|&i| self.held[i] == Held::Free));
         for (a, &i) in self.free.iter().enumerate() {
             let mut value = -self.g[i];
-            for j in (0..n).filter(|&j| self.held[j]) {
+            for j in (0..n).filter(|&j| self.held[j] != Held::Free) {
                 let (row, column) = if i >= j { (i, j) } else { (j, i) };
                 value -= self.h[row * n + column] * self.step[j];
             }
-            self.right[a] = value;
+            self.packed[a] = value;
             for (b, &j) in self.free[..=a].iter().enumerate() {
                 self.factor[a * n + b] = self.h[i * n + j];
             }
@@ -108,13 +182,13 @@ impl Solver {
         let m = self.free.len();
         if !cholesky(&mut self.factor, n, m) {
             // Not positive definite: only possible if a residual was not finite.
-            self.right[..m].fill(0.0);
+            self.packed[..m].fill(0.0);
         } else {
-            substitute(&self.factor, n, m, &mut self.right);
+            substitute(&self.factor, n, m, &mut self.packed);
         }
         for (a, &i) in self.free.iter().enumerate() {
-            self.step[i] = match self.right[a].is_finite() {
-                true => self.right[a],
+            self.right[i] = match self.packed[a].is_finite() {
+                true => self.packed[a],
                 false => 0.0,
             };
         }
@@ -189,8 +263,11 @@ mod tests {
                     .map(|j| h[i.max(j) * size + i.min(j)] * step[j])
                     .sum::<f64>();
                 prop_assert!(step[i].abs() <= bound);
+                let outward = slope * step[i].signum();
                 if step[i].abs() < bound {
                     prop_assert!(slope.abs() < 1e-8, "free column {i}: {slope}");
+                } else {
+                    prop_assert!(outward < 1e-8, "wrongly held column {i}: {slope}");
                 }
             }
         }

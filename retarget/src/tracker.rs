@@ -20,6 +20,8 @@ use servodance_types::JointLimits;
 
 /// Cycles over which the tracking error is closed: smooths small corrections.
 const HORIZON_CYCLES: f64 = 3.0;
+/// How much of an observed velocity error is taken over in one cycle.
+const OBSERVED_SHARE: f64 = 0.2;
 /// Share of the acceleration kept for corrections while the target accelerates.
 const LEAST_CORRECTION: f64 = 0.25;
 
@@ -33,15 +35,6 @@ pub(crate) struct Tracker {
     velocity: f64,
     acceleration: f64,
     target: [f64; 3],
-}
-
-/// What one step had to do.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Step {
-    /// A velocity, acceleration or position limit held the joint back.
-    pub limited: bool,
-    /// The jerk limit gave way to another limit.
-    pub jerk_exceeded: bool,
 }
 
 impl Tracker {
@@ -64,25 +57,31 @@ impl Tracker {
     }
 
     /// One cycle towards `target_rad`; a target that is not finite is ignored.
-    pub fn step(&mut self, target_rad: f64) -> Step {
+    /// Says whether the jerk limit gave way to another limit.
+    pub fn step(&mut self, target_rad: f64) -> bool {
+        let wanted = self.aim(target_rad);
+        self.go(wanted)
+    }
+
+    /// The next position on the way to `target_rad`, not yet taken and not yet
+    /// limited. Call once a cycle, then [`go`](Self::go).
+    pub fn aim(&mut self, target_rad: f64) -> f64 {
         let target = match target_rad.is_finite() {
             true => self.limits.clamp_rad(target_rad),
             false => self.target[2],
         };
         self.target = [self.target[1], self.target[2], target];
-        let wanted = self.velocity + self.wanted_acceleration() * self.dt_s;
-        self.take(wanted)
+        let velocity = self.velocity + self.wanted_acceleration() * self.dt_s;
+        self.position + velocity * self.dt_s
     }
 
-    /// Goes straight to `position_rad`, or as near as the limits allow.
-    pub fn go(&mut self, position_rad: f64) -> Step {
-        let wanted = match position_rad.is_finite() {
-            true => (position_rad - self.position) / self.dt_s,
-            false => 0.0,
-        };
-        let step = self.take(wanted);
-        self.target = [self.target[1], self.target[2], self.position];
-        step
+    /// Goes straight to `position_rad`, or as near as the limits allow. Says
+    /// whether the jerk limit gave way to another limit.
+    pub fn go(&mut self, position_rad: f64) -> bool {
+        match position_rad.is_finite() {
+            true => self.take((position_rad - self.position) / self.dt_s),
+            false => self.take(0.0),
+        }
     }
 
     /// Lowest and highest position that the limits, jerk included where
@@ -94,29 +93,27 @@ impl Tracker {
         (bound(least), bound(most))
     }
 
-    /// Takes the state over from what really happened.
+    /// Takes the position over from what really happened. The velocity follows
+    /// in part: differences of what a solver reached are noisy.
     pub fn observe(&mut self, position: f64) {
         if position.is_finite() {
-            let before = self.velocity;
-            self.velocity += (position - self.position) / self.dt_s;
-            self.acceleration += (self.velocity - before) / self.dt_s;
+            let missed = (position - self.position) / self.dt_s;
+            let top = self.limits.velocity_rad_s;
+            self.velocity = (self.velocity + OBSERVED_SHARE * missed).clamp(-top, top);
             self.position = position;
         }
     }
 
-    fn take(&mut self, wanted: f64) -> Step {
+    fn take(&mut self, wanted: f64) -> bool {
         let (least, most) = self.smooth_velocities();
         let smooth = wanted.clamp(least, most);
         let (low, high) = self.allowed_velocities();
         let velocity = smooth.clamp(low, high);
-        let outcome = Step {
-            limited: (velocity - wanted).abs() > 1e-9,
-            jerk_exceeded: (velocity - smooth).abs() > 1e-9,
-        };
+        let jerk_exceeded = (velocity - smooth).abs() > 1e-9;
         self.acceleration = (velocity - self.velocity) / self.dt_s;
         self.velocity = velocity;
         self.position += velocity * self.dt_s;
-        outcome
+        jerk_exceeded
     }
 
     /// The velocities of the next cycle that keep the jerk limit.
