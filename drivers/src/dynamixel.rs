@@ -43,6 +43,8 @@ pub struct DynamixelBus {
     wire: Wire,
     servos: Vec<Servo>,
     config: BusConfig,
+    /// How often an exchange is tried; less while it is known that servos are silent.
+    tries: u32,
     fast: bool,
     armed: bool,
     /// Parameters of the packet being built.
@@ -69,6 +71,7 @@ impl DynamixelBus {
             answered: vec![false; servos.len()],
             params: Vec::with_capacity(8 + 5 * servos.len()),
             servos,
+            tries: config.retries + 1,
             config,
             fast: false,
             armed: false,
@@ -100,7 +103,7 @@ impl DynamixelBus {
             + Duration::from_secs_f64(self.config.reply_timeout_ms * 1e-3)
     }
 
-    /// One instruction to one servo and its status packet, with retries.
+    /// One instruction to one servo and its status packet, with `self.tries`.
     fn transfer(
         &mut self,
         index: usize,
@@ -111,7 +114,7 @@ impl DynamixelBus {
     ) -> Result<Vec<u8>, BusError> {
         let id = self.servos[index].id;
         let mut corrupt = false;
-        for attempt in 0..=self.config.retries {
+        for attempt in 0..self.tries {
             self.wire.stats.retries += u64::from(attempt > 0);
             // Stuffing can lengthen the parameters by a third.
             let longest = STATUS_LENGTH + reply + reply / 3;
@@ -123,6 +126,12 @@ impl DynamixelBus {
                         let packet = self.wire.packet();
                         if packet.id != id {
                             continue;
+                        }
+                        // The servo heard a damaged instruction: say it again.
+                        if packet.error() == Refusal::CRC.0 {
+                            self.wire.stats.crc_errors += 1;
+                            corrupt = true;
+                            break;
                         }
                         if packet.error() != 0 {
                             return Err(BusError::Refused {
@@ -147,7 +156,7 @@ impl DynamixelBus {
     }
 
     fn unanswered(&self, servos: Vec<ServoId>, corrupt: bool, doing: &'static str) -> BusError {
-        let tries = self.config.retries + 1;
+        let tries = self.tries;
         if corrupt {
             BusError::Corrupt {
                 servos,
@@ -421,7 +430,7 @@ impl DynamixelBus {
             ));
             return Ok(());
         }
-        for _ in 0..=self.config.retries {
+        for _ in 0..self.tries {
             if self.fast_read()? {
                 self.fast = true;
                 return Ok(());
@@ -497,10 +506,16 @@ impl DynamixelBus {
         let deadline = self.deadline(14 + count, count * (STATUS_BYTES + size), count);
         let mut alert = None;
         let mut open = count;
+        let mut damaged = 0;
         while open > 0 {
             match self.wire.receive(deadline, DOING)? {
                 Received::Packet => {}
-                Received::Corrupt => continue,
+                // Whoever was damaged does not speak again: do not wait for it.
+                Received::Corrupt if damaged + 1 >= open => break,
+                Received::Corrupt => {
+                    damaged += 1;
+                    continue;
+                }
                 Received::Nothing => break,
             }
             let packet = self.wire.packet();
@@ -534,7 +549,7 @@ impl DynamixelBus {
     fn read_present(&mut self) -> Result<(), BusError> {
         self.answered.fill(false);
         let damaged = self.wire.stats.crc_errors;
-        for attempt in 0..=self.config.retries {
+        for attempt in 0..self.tries {
             self.wire.stats.retries += u64::from(attempt > 0);
             let complete = if self.fast {
                 self.fast_read()?
@@ -549,22 +564,37 @@ impl DynamixelBus {
         Err(self.name_the_silent(corrupt))
     }
 
-    /// One missing servo silences those behind it: ask each by itself who it is.
+    /// One missing servo silences those behind it: ask each by itself, once,
+    /// who it is. Where nobody answers at all, the first few speak for all.
     fn name_the_silent(&mut self, corrupt: bool) -> BusError {
+        const ENOUGH: usize = 3;
         let missing: Vec<usize> = (0..self.servos.len())
             .filter(|&index| !self.answered[index])
             .collect();
         let mut silent = Vec::new();
+        let mut heard = missing.len() < self.servos.len();
         for &index in &missing {
-            match self.transfer(index, instruction::PING, &[], 3, "ping") {
-                Ok(_) | Err(BusError::Refused { .. }) => {}
-                Err(BusError::Silent { .. } | BusError::Corrupt { .. }) => silent.push(index),
+            if !heard && silent.len() == ENOUGH {
+                silent = missing.clone();
+                break;
+            }
+            match self.once(|bus| bus.transfer(index, instruction::PING, &[], 3, "ping")) {
+                Err(BusError::Silent { .. }) => silent.push(index),
+                Ok(_) | Err(BusError::Refused { .. } | BusError::Corrupt { .. }) => heard = true,
                 Err(error) => return error,
             }
         }
         let corrupt = corrupt && silent.is_empty();
         let named = if silent.is_empty() { missing } else { silent };
         self.unanswered(self.ids_of(&named), corrupt, "present state")
+    }
+
+    /// Does something without retries.
+    fn once<T>(&mut self, exchange: impl FnOnce(&mut Self) -> T) -> T {
+        let tries = std::mem::replace(&mut self.tries, 1);
+        let result = exchange(self);
+        self.tries = tries;
+        result
     }
 
     fn copy_states(&self, states: &mut [JointState]) {
@@ -591,14 +621,20 @@ impl DynamixelBus {
     fn torque_off(&mut self) -> Result<(), BusError> {
         // Broadcast first: it needs no reply and reaches everyone at once.
         let mut reason = String::new();
-        for _ in 0..=self.config.retries {
+        for _ in 0..self.tries {
             if let Err(error) = self.sync_write(Register::TORQUE, |_, _| 0) {
                 reason = error.to_string();
             }
         }
         let mut doubtful = Vec::new();
         for index in 0..self.servos.len() {
-            if let Err(error) = self.set(index, Register::TORQUE, 0) {
+            // After the first silent servo the others get one try each.
+            let confirmed = if doubtful.is_empty() {
+                self.set(index, Register::TORQUE, 0)
+            } else {
+                self.once(|bus| bus.set(index, Register::TORQUE, 0))
+            };
+            if let Err(error) = confirmed {
                 reason = error.to_string();
                 doubtful.push(index);
             }

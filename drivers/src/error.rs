@@ -23,6 +23,11 @@ impl fmt::Display for ServoId {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refusal(pub u8);
 
+impl Refusal {
+    /// The servo heard the instruction with a wrong checksum.
+    pub const CRC: Self = Self(3);
+}
+
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self.0 & 0x7F {
@@ -122,31 +127,31 @@ pub enum BusError {
         choices: String,
     },
     /// The port failed while in use: an adapter was unplugged, for instance.
-    #[error("serial port {port} failed while {doing}: {reason}")]
+    #[error("serial port {port} failed ({doing}): {reason}")]
     Port {
         /// The port's path.
         port: String,
-        /// What the driver was doing.
+        /// What was read or written.
         doing: &'static str,
         /// What the system said.
         reason: std::io::Error,
     },
     /// Servos that stay silent.
-    #[error("no answer from {} while {doing}, tried {tries} times", list(.servos))]
+    #[error("no answer from {} ({doing}, tried {tries} times)", list(.servos))]
     Silent {
         /// Which servos.
         servos: Vec<ServoId>,
-        /// What the driver was doing.
+        /// What was read or written.
         doing: &'static str,
         /// How often it asked.
         tries: u32,
     },
     /// Only damaged replies came.
-    #[error("only corrupt replies from {} while {doing}, tried {tries} times", list(.servos))]
+    #[error("only corrupt replies from {} ({doing}, tried {tries} times)", list(.servos))]
     Corrupt {
         /// Which servos.
         servos: Vec<ServoId>,
-        /// What the driver was doing.
+        /// What was read or written.
         doing: &'static str,
         /// How often it asked.
         tries: u32,
@@ -156,7 +161,7 @@ pub enum BusError {
     Refused {
         /// Which servo.
         servo: ServoId,
-        /// What the driver was doing.
+        /// What was read or written.
         doing: &'static str,
         /// What the servo said.
         refusal: Refusal,

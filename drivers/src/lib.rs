@@ -24,6 +24,7 @@ mod packet;
 mod rate;
 mod register;
 mod safety;
+mod scan;
 mod servo;
 mod wire;
 
@@ -36,6 +37,7 @@ pub use model::{MODELS, Model};
 pub use packet::{Decoded, Decoder, Packet, encode};
 pub use rate::{RateCheck, check_rate, read_bytes, write_bytes};
 pub use register::Register;
-pub use safety::{Interventions, SafeBus, SafetyConfig, SafetyError, State, Transition};
+pub use safety::{EStop, Interventions, SafeBus, SafetyConfig, SafetyError, State, Transition};
+pub use scan::{BAUDS, Found, ping, scan};
 pub use servo::Servo;
 pub use wire::available_ports;

@@ -9,7 +9,7 @@
 //!    |                Fault <-------------------- Holding ----+
 //!    |                          following error    |
 //!    |   torque is off                             | still stale after hold_s
-//!    +------------------------ Stopping <----------+   (or disarm, from any state)
+//!    +------------------------ Stopping <----------+   (or disarm or e-stop, from any state)
 //! ```
 //!
 //! Every way out ends in torque off: an error, stale targets, `disarm`, and drop.
@@ -19,11 +19,16 @@
 //!   the **last command** ([`Limiter`]).
 //! - After arming, and after a hold, targets are blended in over `ramp_s` from
 //!   where the joints stand.
+//! - An emergency stop ([`EStop`]) from any thread turns torque off at the next
+//!   tick and stays latched until [`SafeBus::clear_estop`].
 //! - A joint that stays away from its command faults the bus (a blocked arm).
 //!
 //! Time is passed in, in seconds on any clock that only goes forward.
 //! [`SafeBus::tick`] is to be called once a control period: the limits are
 //! per period, so a late tick slows the motion and never speeds it up.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use servodance_types::JointState;
 
@@ -116,6 +121,22 @@ impl SafetyConfig {
     }
 }
 
+/// An emergency stop button: clones press the same button, from any thread.
+#[derive(Clone, Debug, Default)]
+pub struct EStop(Arc<AtomicBool>);
+
+impl EStop {
+    /// Presses it. Torque goes off at the next tick, and the button stays down.
+    pub fn press(&self) {
+        self.0.store(true, Ordering::Release);
+    }
+
+    /// Whether it is down.
+    pub fn is_pressed(&self) -> bool {
+        self.0.load(Ordering::Acquire)
+    }
+}
+
 /// How often the safety layer changed what was asked for.
 /// Joints count one by one; the ramp after arming does not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -165,6 +186,9 @@ pub enum SafetyError {
         /// The allowed time.
         after_s: f64,
     },
+    /// The emergency stop was pressed; it must be cleared on purpose.
+    #[error("the emergency stop is pressed: torque is off until it is cleared")]
+    EStop,
     /// A call that the state does not allow.
     #[error("cannot {call} in state {state:?}")]
     State {
@@ -180,6 +204,7 @@ pub struct SafeBus<B: Bus> {
     bus: B,
     config: SafetyConfig,
     state: State,
+    estop: EStop,
     transitions: Vec<Transition>,
     interventions: Interventions,
     limiters: Vec<Limiter>,
@@ -201,6 +226,7 @@ impl<B: Bus> SafeBus<B> {
         Ok(Self {
             config: config.checked()?,
             state: State::Disarmed,
+            estop: EStop::default(),
             transitions: Vec::new(),
             interventions: Interventions::default(),
             limiters: Vec::new(),
@@ -219,6 +245,9 @@ impl<B: Bus> SafeBus<B> {
     pub fn arm(&mut self, now_s: f64) -> Result<ArmReport, SafetyError> {
         if !matches!(self.state, State::Disarmed | State::Fault) {
             return Err(self.misplaced("arm"));
+        }
+        if self.estop.is_pressed() {
+            return Err(SafetyError::EStop);
         }
         self.enter(now_s, State::Arming, "asked to arm");
         let report = match self.bus.arm() {
@@ -269,6 +298,10 @@ impl<B: Bus> SafeBus<B> {
     /// One control period: limits, one bus cycle, checks. Does nothing to the
     /// wire while disarmed.
     pub fn tick(&mut self, now_s: f64, states: &mut [JointState]) -> Result<State, SafetyError> {
+        if self.estop.is_pressed() {
+            self.disarm(now_s, "emergency stop")?;
+            return Err(SafetyError::EStop);
+        }
         match self.state {
             State::Running => self.watch_staleness(now_s),
             State::Holding if now_s - self.held_since_s >= self.config.hold_s => {
@@ -395,6 +428,16 @@ impl<B: Bus> SafeBus<B> {
                 })
             }
         }
+    }
+
+    /// The emergency stop of this bus, to give to a key, a signal, a network handler.
+    pub fn estop(&self) -> EStop {
+        self.estop.clone()
+    }
+
+    /// Releases the emergency stop. Torque stays off until the next `arm`.
+    pub fn clear_estop(&mut self) {
+        self.estop.0.store(false, Ordering::Release);
     }
 
     fn fault(&mut self, now_s: f64, error: BusError) -> SafetyError {

@@ -12,7 +12,10 @@
 //! A motor without overshoot that follows goals inside these bounds stays
 //! inside them, so the same allowance holds for the true motion.
 //!
-//! Not judged: torque off, and the emergency stop of the servo's own watchdog.
+//! A goal that is lost on the wire makes the next one a double step: what was
+//! told then counts, although the host did nothing wrong.
+//!
+//! Not judged: torque off, a shaft that something holds, and the emergency stop of the servo's own watchdog.
 
 use std::f64::consts::TAU;
 
@@ -58,14 +61,22 @@ pub struct Judge {
     period_s: f64,
     told: Track,
     went: Track,
-    violations: Violations,
     notes: Vec<String>,
 }
 
-/// The last two positions of one kind, radians.
+/// Positions of one kind.
 #[derive(Clone, Debug, Default)]
 struct Track {
+    /// The last one and the one before, radians.
     last: Option<(f64, f64)>,
+    violations: Violations,
+}
+
+impl Track {
+    fn follow(&mut self, now_rad: f64, broken: Violations) {
+        self.violations += broken;
+        self.last = self.last.map(|(last_rad, _)| (now_rad, last_rad));
+    }
 }
 
 impl Judge {
@@ -77,7 +88,6 @@ impl Judge {
             period_s,
             told: Track::default(),
             went: Track::default(),
-            violations: Violations::default(),
             notes: Vec::new(),
         }
     }
@@ -95,32 +105,46 @@ impl Judge {
         self.went.last = None;
     }
 
+    /// Something outside moves or stops the joint: its motion is not judged
+    /// until the next [`Judge::begin`], what it is told still is.
+    pub fn excuse_motion(&mut self) {
+        self.went.last = None;
+    }
+
     /// A goal arrived.
     pub fn told(&mut self, time_s: f64, goal_rad: f64) {
-        let track = std::mem::take(&mut self.told);
-        self.told = self.judge(track, time_s, goal_rad, "was told");
+        let broken = self.judge(self.told.last, time_s, goal_rad, "was told");
+        self.told.follow(goal_rad, broken);
     }
 
     /// A control period ended at this true position.
     pub fn went(&mut self, time_s: f64, position_rad: f64) {
-        let track = std::mem::take(&mut self.went);
-        self.went = self.judge(track, time_s, position_rad, "went");
+        let broken = self.judge(self.went.last, time_s, position_rad, "went");
+        self.went.follow(position_rad, broken);
     }
 
-    fn judge(&mut self, track: Track, time_s: f64, now_rad: f64, verb: &str) -> Track {
-        let Some((last_rad, before_rad)) = track.last else {
-            return track;
+    /// What a step from the `last` two positions breaks.
+    fn judge(
+        &mut self,
+        last: Option<(f64, f64)>,
+        time_s: f64,
+        now_rad: f64,
+        verb: &str,
+    ) -> Violations {
+        let mut broken = Violations::default();
+        let Some((last_rad, before_rad)) = last else {
+            return broken;
         };
         let limits = self.limits;
         let half = RAD_PER_TICK / 2.0 + NOISE_RAD;
         if now_rad < limits.lower_rad - half || now_rad > limits.upper_rad + half {
-            self.violations.position += 1;
+            broken.position = 1;
             let range = format!("{:.4} to {:.4} rad", limits.lower_rad, limits.upper_rad);
             self.note(time_s, verb, format!("to {now_rad:.4} rad, limit {range}"));
         }
         let moved = now_rad - last_rad;
         if moved.abs() > limits.velocity_rad_s * self.period_s + 2.0 * half {
-            self.violations.velocity += 1;
+            broken.velocity = 1;
             let velocity = moved / self.period_s;
             let limit = limits.velocity_rad_s;
             self.note(
@@ -132,7 +156,7 @@ impl Judge {
         let turned = moved - (last_rad - before_rad);
         let allowed = limits.acceleration_rad_s2 * self.period_s * self.period_s;
         if turned.abs() > allowed + 4.0 * half {
-            self.violations.acceleration += 1;
+            broken.acceleration = 1;
             let acceleration = turned / (self.period_s * self.period_s);
             let limit = limits.acceleration_rad_s2;
             self.note(
@@ -141,9 +165,7 @@ impl Judge {
                 format!("with {acceleration:.1} rad/s2, limit {limit:.1}"),
             );
         }
-        Track {
-            last: Some((now_rad, last_rad)),
-        }
+        broken
     }
 
     fn note(&mut self, time_s: f64, verb: &str, what: String) {
@@ -153,9 +175,21 @@ impl Judge {
         }
     }
 
-    /// What was counted so far.
+    /// What the joint was told to break so far.
+    pub fn told_violations(&self) -> Violations {
+        self.told.violations
+    }
+
+    /// What the joint broke by its true motion so far.
+    pub fn motion_violations(&self) -> Violations {
+        self.went.violations
+    }
+
+    /// Both.
     pub fn violations(&self) -> Violations {
-        self.violations
+        let mut sum = self.told.violations;
+        sum += self.went.violations;
+        sum
     }
 
     /// The first violations in words.

@@ -293,7 +293,7 @@ impl Line {
         let address = u16::from_le_bytes([a0, a1]);
         let size = usize::from(u16::from_le_bytes([s0, s1]));
         for item in rest.chunks_exact(1 + size) {
-            if let Some(index) = self.find(item[0]) {
+            for index in self.find_all(item[0]) {
                 // Refused writes of a broadcast are not answered.
                 let _ = self.servos[index].write(address, &item[1..]);
             }
@@ -308,7 +308,7 @@ impl Line {
             let Some((data, after)) = tail.split_at_checked(size) else {
                 break;
             };
-            if let Some(index) = self.find(id) {
+            for index in self.find_all(id) {
                 let _ = self.servos[index].write(u16::from_le_bytes([a0, a1]), data);
             }
             rest = after;

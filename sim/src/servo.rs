@@ -576,7 +576,10 @@ impl SimServo {
             ServoFault::Dead => self.dead = true,
             ServoFault::Reboot => self.reboot(),
             ServoFault::Overheat(celsius) => self.motor.temperature_c = celsius,
-            ServoFault::Jam => self.motor.jammed = true,
+            ServoFault::Jam => {
+                self.motor.jammed = true;
+                self.judge.excuse_motion();
+            }
             ServoFault::Overload => self.raise(OVERLOAD_ERROR),
             ServoFault::Supply(volts) => self.supply_v = volts,
             ServoFault::Id(id) => self.table.put(at::ID, i64::from(id)),

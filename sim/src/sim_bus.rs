@@ -18,7 +18,7 @@ use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use crate::fault::{FaultyWire, ServoFault, WireFault};
-use crate::judge::Violations;
+use crate::judge::{Judge, Violations};
 use crate::line::{Burst, Line};
 use crate::servo::{SimServo, SimServoState};
 use crate::spec::{ServoModel, SimClock, SimError, SimOptions, SimServoSpec};
@@ -46,10 +46,19 @@ pub struct WireStats {
     pub wire_s: f64,
 }
 
+/// What the thread counts. Sums that do not depend on how reads cut the stream.
+#[derive(Debug, Default)]
+struct Traffic {
+    bytes_in: u64,
+    bytes_out: u64,
+    packets_out: u64,
+    delays_s: f64,
+}
+
 #[derive(Debug)]
 struct Shared {
     world: Mutex<World>,
-    wire: Mutex<WireStats>,
+    wire: Mutex<Traffic>,
     faults: Mutex<FaultyWire>,
     stop: AtomicBool,
     clock: SimClock,
@@ -67,7 +76,7 @@ impl Shared {
         world
     }
 
-    fn wire(&self) -> MutexGuard<'_, WireStats> {
+    fn wire(&self) -> MutexGuard<'_, Traffic> {
         self.wire.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -93,7 +102,7 @@ impl SimBus {
         let (master, port_path) = open_terminal()?;
         let shared = Arc::new(Shared {
             world: Mutex::new(World::new(Line::new(servos), period_s)),
-            wire: Mutex::new(WireStats::default()),
+            wire: Mutex::new(Traffic::default()),
             faults: Mutex::new(FaultyWire::new(options.seed)),
             stop: AtomicBool::new(false),
             clock: options.clock,
@@ -138,7 +147,12 @@ impl SimBus {
 
     /// Limits broken so far by all servos: see [`crate::Judge`].
     pub fn violations(&self) -> Violations {
-        self.shared.world().violations()
+        self.shared.world().sum(Judge::violations)
+    }
+
+    /// Those of them that the true motion broke.
+    pub fn motion_violations(&self) -> Violations {
+        self.shared.world().sum(Judge::motion_violations)
     }
 
     /// The first violations of each servo in words.
@@ -193,10 +207,15 @@ impl SimBus {
             let world = self.shared.world();
             (world.line.packets_in, world.line.bad_packets)
         };
+        let traffic = self.shared.wire();
+        let bytes = (traffic.bytes_in + traffic.bytes_out) as f64;
         WireStats {
+            bytes_in: traffic.bytes_in,
+            bytes_out: traffic.bytes_out,
             packets_in,
+            packets_out: traffic.packets_out,
             bad_packets,
-            ..*self.shared.wire()
+            wire_s: bytes * self.shared.byte_s + traffic.delays_s,
         }
     }
 }
@@ -319,11 +338,7 @@ impl Server {
         shared.faults().pass_instruction(bytes);
         let now_s = shared.began.elapsed().as_secs_f64();
         self.line_free_s = self.line_free_s.max(now_s);
-        {
-            let mut wire = shared.wire();
-            wire.bytes_in += bytes.len() as u64;
-            wire.wire_s += bytes.len() as f64 * shared.byte_s;
-        }
+        shared.wire().bytes_in += bytes.len() as u64;
         for &byte in &*bytes {
             self.line_free_s += shared.byte_s;
             // The world is not advanced for single bytes, only for what they complete.
@@ -346,7 +361,7 @@ impl Server {
         self.wait_for_line();
         {
             let mut wire = self.shared.wire();
-            wire.wire_s += busy_s;
+            wire.delays_s += burst.delay_s;
             wire.bytes_out += burst.bytes.len() as u64;
             wire.packets_out += 1;
         }

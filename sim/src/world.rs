@@ -3,7 +3,7 @@
 //! Time is counted in steps of at most half a millisecond that divide the
 //! control period exactly, so that a run does not depend on how it is cut into calls.
 
-use crate::judge::Violations;
+use crate::judge::{Judge, Violations};
 use crate::line::Line;
 
 /// Longest step of the motors, seconds.
@@ -62,11 +62,11 @@ impl World {
         }
     }
 
-    /// Violations of all servos.
-    pub fn violations(&self) -> Violations {
+    /// A sum over all servos' judges.
+    pub fn sum(&self, count: impl Fn(&Judge) -> Violations) -> Violations {
         let mut sum = Violations::default();
         for servo in &self.line.servos {
-            sum += servo.judge().violations();
+            sum += count(servo.judge());
         }
         sum
     }

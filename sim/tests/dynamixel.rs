@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use servodance_drivers::{Bus, BusError, DynamixelBus};
+use servodance_drivers::{Bus, BusError, DynamixelBus, ping, scan};
 use servodance_sim::{ServoFault, SimBus, SimOptions};
 use servodance_types::JointState;
 
@@ -128,7 +128,10 @@ fn same_commands_give_the_same_bytes_and_states() {
         let truth: Vec<_> = (0..6).map(|i| sim.servo(i).unwrap()).collect();
         (log, truth, sim.wire_stats(), bus.stats())
     };
-    assert_eq!(run(), run());
+    let (first, again) = (run(), run());
+    assert_eq!((first.2, first.3), (again.2, again.3));
+    assert!(first.1 == again.1, "the servos ended elsewhere");
+    assert!(first.0 == again.0, "the states read on the way differ");
 }
 
 #[test]
@@ -150,7 +153,7 @@ fn silent_servos_are_named_and_nothing_gets_torque() {
     let error = bus.arm().unwrap_err().to_string();
     assert_eq!(
         error,
-        "no answer from joint_4 (id 4), joint_5 (id 5) while ping, tried 2 times"
+        "no answer from joint_4 (id 4), joint_5 (id 5) (ping, tried 2 times)"
     );
     assert!(!any_torque(&sim, &all[..3]));
 }
@@ -363,4 +366,30 @@ fn a_missing_port_is_one_clear_line() {
         "{error}"
     );
     assert!(!error.contains('\n'));
+}
+
+#[test]
+fn a_scan_finds_everyone_with_model_firmware_and_errors() {
+    let servos = robot(20);
+    let mut specs = specs(&servos);
+    specs[4].firmware = 41;
+    specs[5].model_number = 1060;
+    let sim = SimBus::start(&specs, SimOptions::lockstep(BAUD, HZ)).unwrap();
+    sim.set_servo_fault(7, ServoFault::Overload);
+    sim.set_servo_fault(9, ServoFault::Dead);
+    let wait = std::time::Duration::from_millis(300);
+    let found = scan(sim.port_path(), BAUD, wait).unwrap();
+    let ids: Vec<u8> = found.iter().map(|servo| servo.id).collect();
+    assert_eq!(ids, (1..=20).filter(|id| *id != 10).collect::<Vec<u8>>());
+    assert_eq!(
+        (found[4].firmware, found[5].model),
+        (41, Some("XL430-W250"))
+    );
+    assert_eq!(found[7].hardware_error.as_deref(), Some("overload"));
+    assert_eq!(found[8].hardware_error, None);
+    assert_eq!(
+        ping(sim.port_path(), BAUD, 8, wait).unwrap().unwrap(),
+        found[7]
+    );
+    assert_eq!(ping(sim.port_path(), BAUD, 10, wait).unwrap(), None);
 }

@@ -222,3 +222,20 @@ fn disarm_and_drop_end_in_torque_off() {
     drop(safe);
     assert!(!any_torque(&sim, &servos));
 }
+
+#[test]
+fn an_emergency_stop_is_latched_until_it_is_cleared() {
+    let mut rig = rig(2);
+    rig.period(Some(&[0.1; 2])).unwrap();
+    rig.safe.estop().press();
+    assert!(matches!(
+        rig.period(Some(&[0.1; 2])),
+        Err(SafetyError::EStop)
+    ));
+    assert!(!rig.any_torque());
+    assert!(matches!(rig.safe.arm(rig.now_s), Err(SafetyError::EStop)));
+    rig.safe.clear_estop();
+    assert!(!rig.any_torque());
+    rig.safe.arm(rig.now_s).unwrap();
+    assert!(rig.any_torque());
+}
