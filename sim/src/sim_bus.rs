@@ -349,27 +349,41 @@ impl Server {
             let Some(parsed) = parsed else { continue };
             self.wait_for_line();
             let bursts = shared.world().line.execute(parsed);
-            for burst in bursts {
-                self.send(burst);
-            }
+            self.send(bursts);
         }
     }
 
-    fn send(&mut self, burst: Burst) {
-        let busy_s = burst.delay_s + burst.bytes.len() as f64 * self.shared.byte_s;
-        self.line_free_s += busy_s;
-        self.wait_for_line();
-        {
-            let mut wire = self.shared.wire();
-            wire.delays_s += burst.delay_s;
-            wire.bytes_out += burst.bytes.len() as u64;
-            wire.packets_out += 1;
+    /// Sends replies. What follows without a pause is handed over together when
+    /// its last byte has passed, as adapters do.
+    fn send(&mut self, bursts: Vec<Burst>) {
+        let mut passed = Vec::new();
+        for burst in bursts {
+            if burst.delay_s > 0.0 {
+                self.hand_over(&mut passed);
+            }
+            self.line_free_s += burst.delay_s + burst.bytes.len() as f64 * self.shared.byte_s;
+            {
+                let mut wire = self.shared.wire();
+                wire.delays_s += burst.delay_s;
+                wire.bytes_out += burst.bytes.len() as u64;
+                wire.packets_out += 1;
+            }
+            let (bytes, late_s) = self.shared.faults().pass_reply(burst.bytes);
+            if late_s > 0.0 {
+                self.hand_over(&mut passed);
+                std::thread::sleep(Duration::from_secs_f64(late_s));
+            }
+            passed.extend(bytes);
         }
-        let (bytes, late_s) = self.shared.faults().pass_reply(burst.bytes);
-        if late_s > 0.0 {
-            std::thread::sleep(Duration::from_secs_f64(late_s));
+        self.hand_over(&mut passed);
+    }
+
+    fn hand_over(&self, passed: &mut Vec<u8>) {
+        if !passed.is_empty() {
+            self.wait_for_line();
+            self.write_all(passed);
+            passed.clear();
         }
-        self.write_all(&bytes);
     }
 
     /// Waits, in real time, until the bytes so far have passed.
