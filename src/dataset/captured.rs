@@ -97,19 +97,19 @@ fn with_music(
         let suffix = if mirrored { "mirrored, " } else { "" };
         let name = format!("{}#{suffix}song {song}", entry.name);
         let duration_s = (PRE_ROLL_FRAMES + motion.len() + 4) as f64 / FRAME_RATE_HZ;
-        let seed = rng.random();
-        let sounding = music::on_beats(&name, &beats, duration_s, seed)?;
-        let music = music::hear(
-            &name,
-            &sounding.samples,
-            sounding.sample_rate_hz,
-            PRE_ROLL_FRAMES,
-            motion.len(),
-        )?;
+        let mut heard = Vec::new();
+        for _ in 0..music::ATTEMPTS {
+            let sounding = music::on_beats(&name, &beats, duration_s, rng.random())?;
+            let (samples, rate) = (&sounding.samples, sounding.sample_rate_hz);
+            heard = music::hear(&name, samples, rate, PRE_ROLL_FRAMES, motion.len())?;
+            if music::followed(&heard, &grid) > music::FOLLOWED {
+                break;
+            }
+        }
         clips.push(CorpusClip {
             name,
             motion,
-            music: Some(music),
+            music: Some(heard),
             style: entry.style(),
             split: entry.split,
             dance: true,

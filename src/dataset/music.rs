@@ -1,10 +1,18 @@
 //! Songs on given beats, and what a live dancer hears of them.
 
+use std::f64::consts::TAU;
+
 use servodance_audio::MusicAnalyzer;
 use servodance_audio::song::{Song, SongSpec};
-use servodance_types::MUSIC_DIM;
+use servodance_types::{FRAME_RATE_HZ, MUSIC_DIM};
 
 use super::DatasetError;
+
+/// So many songs are tried for one clip until the listener follows the beat:
+/// a dance that is off the beat that is heard teaches to ignore it.
+pub(super) const ATTEMPTS: usize = 6;
+/// The least of [`followed`] that counts as following.
+pub(super) const FOLLOWED: f64 = 0.75;
 
 /// A song on `beats_s` that lasts `duration_s`.
 pub(super) fn on_beats(
@@ -44,6 +52,35 @@ pub(super) fn hear(
     }
     heard.truncate(skip + frames);
     Ok(heard.split_off(skip))
+}
+
+/// Whether the beat that was heard is the beat that was played, from 1 (always)
+/// over 0 (chance) to -1 (on the off-beat). Beats that the listener was not
+/// sure of do not count; fewer than half of them sure is chance.
+pub(super) fn followed(music: &[[f32; MUSIC_DIM]], beats_s: &[f64]) -> f64 {
+    let (mut total, mut sure) = (0.0, 0);
+    let mut played = 0;
+    for beat_s in beats_s {
+        let frame = (beat_s * FRAME_RATE_HZ).round();
+        let Some(heard) = music.get(frame as usize) else {
+            continue;
+        };
+        played += 1;
+        let [.., sin, cos, octaves, confidence] = heard.map(f64::from);
+        if confidence < 0.5 {
+            continue;
+        }
+        // The frame is a little off the beat: by so much is the phase.
+        let beats_hz = 2.0 * octaves.exp2();
+        let expected = TAU * (frame / FRAME_RATE_HZ - beat_s) * beats_hz;
+        total += (sin.atan2(cos) - expected).cos();
+        sure += 1;
+    }
+    if 2 * sure < played || sure == 0 {
+        0.0
+    } else {
+        total / f64::from(sure)
+    }
 }
 
 pub(super) fn music_error(clip: &str, error: &dyn std::fmt::Display) -> DatasetError {

@@ -7,6 +7,7 @@ use servodance_model::motion::choreography::{DanceBeat, DanceStyle, choreograph}
 use servodance_model::motion::corpus::CorpusClip;
 use servodance_model::motion::encode;
 use servodance_model::motion::index::{Split, style_number};
+use servodance_types::FRAME_RATE_HZ;
 
 use super::{DatasetError, Options, music};
 
@@ -26,17 +27,24 @@ fn one(number: usize, seed: u64) -> Result<CorpusClip, DatasetError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let style = DanceStyle::ALL[number % DanceStyle::ALL.len()];
     let name = format!("choreography/{} {number}", style.name());
-    let mut song = song(&name, &mut rng)?;
-    let silences = silences(&mut rng);
-    silence(&mut song, &silences, &mut rng);
-    let beats = heard_beats(&song, &silences);
-    let clip = choreograph(&beats, CLIP_S, style, rng.random());
-    let motion = encode(&clip.poses);
-    let music = music::hear(&name, &song.samples, song.sample_rate_hz, 0, motion.len())?;
+    let frames = (CLIP_S * FRAME_RATE_HZ) as usize;
+    let (mut beats, mut heard) = (Vec::new(), Vec::new());
+    for _ in 0..music::ATTEMPTS {
+        let mut song = song(&name, &mut rng)?;
+        let silences = silences(&mut rng);
+        silence(&mut song, &silences, &mut rng);
+        beats = heard_beats(&song, &silences);
+        heard = music::hear(&name, &song.samples, song.sample_rate_hz, 0, frames)?;
+        let times: Vec<f64> = beats.iter().map(|beat| beat.time_s).collect();
+        if music::followed(&heard, &times) > music::FOLLOWED {
+            break;
+        }
+    }
+    let motion = encode(&choreograph(&beats, CLIP_S, style, rng.random()).poses);
     Ok(CorpusClip {
         name,
         motion,
-        music: Some(music),
+        music: Some(heard),
         style: style_number(style.name()).unwrap_or(0),
         // Every twelfth of each style is held out, in turn.
         split: match (number / DanceStyle::ALL.len()) % 12 {

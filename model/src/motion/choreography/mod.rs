@@ -46,6 +46,8 @@ pub struct DanceBeat {
 const HALF_TIME_BELOW_S: f64 = 0.40;
 /// Slower beats than this may carry double-time arms, seconds.
 const DOUBLE_TIME_ABOVE_S: f64 = 0.66;
+/// How large torso figures are against step figures.
+const TORSO_SIZE: f64 = 1.15;
 /// A pause of this many beats is a break: the dancer waits.
 const BREAK_BEATS: f64 = 2.6;
 /// So long a dancer listens and finds the groove, seconds (at least 4 beats).
@@ -131,8 +133,8 @@ impl Dancer {
     fn new(style: DanceStyle, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let person = Person {
-            size: rng.random_range(0.8..1.2),
-            arm_size: rng.random_range(0.8..1.15),
+            size: rng.random_range(0.9..1.25),
+            arm_size: rng.random_range(0.85..1.15),
             posture: rng.random_range(-0.03..0.09),
             lean: rng.random_range(-0.03..0.03),
             bounce: rng.random_range(0.6..1.4),
@@ -243,7 +245,7 @@ impl Dancer {
                 2 => self.phrase(pace, Some(theme.steps)),
                 _ => Phrase {
                     arms: theme.other_arms,
-                    size: theme.size * 1.1,
+                    size: (theme.size * 1.1).min(1.3),
                     ..theme
                 },
             };
@@ -283,7 +285,7 @@ impl Dancer {
             other_arms,
             trunk: *self.manner.trunks.choose(rng).unwrap_or(&Trunk::Groove),
             mirrored: rng.random_bool(0.5),
-            size: self.person.size * pace * rng.random_range(0.85..1.15),
+            size: (self.person.size * pace * rng.random_range(0.9..1.15)).clamp(0.7, 1.3),
         }
     }
 
@@ -297,7 +299,7 @@ impl Dancer {
         let switch_arms = self.rng.random_bool(0.4);
         for (count, time_s) in counts.iter().copied().enumerate() {
             let mut stance = phrase.steps.stance(count, phrase.size);
-            let mut torso = phrase.trunk.torso(count, phrase.size.min(1.2));
+            let mut torso = phrase.trunk.torso(count, TORSO_SIZE * phrase.size);
             let figure = if switch_arms && count >= 4 {
                 phrase.other_arms
             } else {

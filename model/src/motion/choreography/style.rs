@@ -87,7 +87,7 @@ impl DanceStyle {
                     Trunk::Lean,
                 ],
                 snap: 1.0,
-                bounce_m: 0.035,
+                bounce_m: 0.055,
                 nod_rad: 0.16,
             },
             Self::Disco => Manner {
@@ -119,7 +119,7 @@ impl DanceStyle {
                     Trunk::HipCircle,
                 ],
                 snap: 1.1,
-                bounce_m: 0.03,
+                bounce_m: 0.045,
                 nod_rad: 0.10,
             },
             Self::Robot => Manner {
@@ -172,7 +172,7 @@ impl DanceStyle {
                     Trunk::BodyRoll,
                 ],
                 snap: 1.2,
-                bounce_m: 0.05,
+                bounce_m: 0.075,
                 nod_rad: 0.20,
             },
             Self::Salsa => Manner {
@@ -197,7 +197,7 @@ impl DanceStyle {
                     Trunk::Sway,
                 ],
                 snap: 1.0,
-                bounce_m: 0.012,
+                bounce_m: 0.02,
                 nod_rad: 0.03,
             },
         }
