@@ -32,6 +32,10 @@ const PRELUDE_S: f64 = 2.5;
 const FINALE_EFFORT: f64 = 0.4;
 /// Seconds after the last motion frame in which the robot comes to a stop.
 const TAIL_S: f64 = 0.5;
+/// A cycle that is later than this many periods is a stall.
+const STALL_PERIODS: f64 = 0.5;
+/// Share of a period by which cycles come sooner until a stall is made up.
+const CATCH_UP: f64 = 0.02;
 /// How late live motion may be on top of what the pipeline needs, seconds.
 const LIVE_SLACK_S: f64 = 0.05;
 
@@ -53,6 +57,10 @@ pub struct Control<'a> {
     stop: &'a AtomicBool,
     speed: Speed,
     live: bool,
+    music_start_s: f64,
+    stood_s: f64,
+    dancing: bool,
+    slip_s: f64,
     cycle: u64,
     started: Instant,
     targets: Vec<f64>,
@@ -89,6 +97,10 @@ impl<'a> Control<'a> {
             stop,
             speed,
             live,
+            music_start_s: PRELUDE_S,
+            stood_s: 0.0,
+            dancing: false,
+            slip_s: 0.0,
             cycle: 0,
             started: Instant::now(),
             newest_s: None,
@@ -110,9 +122,10 @@ impl<'a> Control<'a> {
         }
     }
 
-    /// Seconds from torque on to the music.
-    pub fn prelude_s(&self) -> f64 {
-        if self.live { 0.0 } else { PRELUDE_S }
+    /// Robot time at which the music began, seconds from the first cycle; below
+    /// zero when live music was there first.
+    pub fn music_start_s(&self) -> f64 {
+        self.music_start_s
     }
 
     /// Dances until the music is over or `stop` is set. `on_frame` is told the
@@ -127,7 +140,9 @@ impl<'a> Control<'a> {
         if self.live && !self.wait_for_music(source, &mut on_frame)? {
             return Ok(Ending::Interrupted);
         }
+        self.stood_s = self.rig.now_s();
         self.started = Instant::now();
+        self.dancing = true;
         while !self.is_over() {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Interrupted);
@@ -147,7 +162,7 @@ impl<'a> Control<'a> {
 
     /// Seconds of music at the present cycle; below zero in the prelude.
     fn time_s(&self) -> f64 {
-        self.cycle as f64 * self.robot.period_s() - self.prelude_s()
+        self.cycle as f64 * self.robot.period_s() - self.music_start_s
     }
 
     fn is_over(&self) -> bool {
@@ -155,35 +170,37 @@ impl<'a> Control<'a> {
         self.ended && self.time_s() > danced_until
     }
 
-    /// Live: the clock starts when the first sound arrives.
+    /// Live: stands until music comes, then starts the clock at the newest of it.
     fn wait_for_music(
         &mut self,
         source: &mut MotionSource,
         on_frame: &mut impl FnMut(f64),
     ) -> anyhow::Result<bool> {
-        while self.newest_s.is_none() && !self.ended {
-            if self.stop.load(Ordering::Relaxed) {
-                return Ok(false);
-            }
+        let standing: Vec<f64> = self.rig.sent_rad().to_vec();
+        while !self.stop.load(Ordering::Relaxed) {
             match source.poll()? {
                 Next::Step(step) => self.accept(&step, on_frame)?,
-                Next::Ended => self.ended = true,
-                Next::Late => self.stand(5)?,
+                Next::Ended => {
+                    self.ended = true;
+                    return Ok(true);
+                }
+                Next::Late => match self.newest_s {
+                    Some(newest_s) => {
+                        self.music_start_s = -newest_s;
+                        return Ok(true);
+                    }
+                    None => self.stand(&standing)?,
+                },
             }
         }
-        Ok(true)
+        Ok(false)
     }
 
-    /// Holds the present pose for some cycles, so that the servos' watchdogs
-    /// stay fed; time does not count yet.
-    fn stand(&mut self, cycles: u32) -> anyhow::Result<()> {
-        let held: Vec<f64> = self.rig.sent_rad().to_vec();
-        for _ in 0..cycles {
-            self.rig
-                .cycle(self.started.elapsed().as_secs_f64(), &held)?;
-            std::thread::sleep(Duration::from_secs_f64(self.robot.period_s()));
-        }
-        Ok(())
+    /// One cycle in the present pose, so that the servos' watchdogs stay fed.
+    fn stand(&mut self, pose_rad: &[f64]) -> anyhow::Result<()> {
+        std::thread::sleep(Duration::from_secs_f64(self.robot.period_s()));
+        self.rig
+            .cycle(self.started.elapsed().as_secs_f64(), pose_rad)
     }
 
     /// Takes motion until the retargeter has all that `motion_s` needs.
@@ -215,8 +232,8 @@ impl<'a> Control<'a> {
         self.stages.book(Stage::Features, step.features_ms);
         self.stages.book(Stage::Model, step.model_ms);
         on_frame(step.motion.time_s);
-        let at_s = step.motion.time_s + self.prelude_s();
-        if let Some(recorder) = &mut self.recorder {
+        let at_s = step.motion.time_s + self.music_start_s;
+        if let Some(recorder) = self.recorder.as_mut().filter(|_| self.dancing) {
             recorder.motion(at_s, &step.motion)?;
             let phase = f64::from(step.music.beat.phase);
             recorder.number(Topic::BeatPhase, at_s, phase)?;
@@ -238,7 +255,7 @@ impl<'a> Control<'a> {
     /// One bus cycle with the present targets, then bookkeeping.
     fn drive(&mut self, time_s: f64) -> anyhow::Result<()> {
         self.pace();
-        let robot_s = time_s + self.prelude_s();
+        let robot_s = self.stood_s + time_s + self.music_start_s;
         let (rig, targets) = (&mut *self.rig, &self.targets);
         let (result, bus_ms) = self.stages.time(Stage::Bus, || rig.cycle(robot_s, targets));
         result?;
@@ -253,14 +270,22 @@ impl<'a> Control<'a> {
         Ok(())
     }
 
-    /// Real time: waits for the moment of this cycle. A cycle that is already
-    /// late goes at once; the grid is kept, so lateness does not add up.
-    fn pace(&self) {
-        if self.speed == Speed::Realtime {
-            let due = Duration::from_secs_f64(self.cycle as f64 * self.robot.period_s());
-            if let Some(rest) = due.checked_sub(self.started.elapsed()) {
-                std::thread::sleep(rest);
-            }
+    /// Real time: waits for the moment of this cycle. After a stall of the
+    /// machine the robot does not rush: it goes on from where it was and makes
+    /// up the lost time a little in each cycle.
+    fn pace(&mut self) {
+        if self.speed == Speed::Max {
+            return;
+        }
+        let period_s = self.robot.period_s();
+        let grid_s = self.cycle as f64 * period_s;
+        let now_s = self.started.elapsed().as_secs_f64();
+        if now_s > grid_s + self.slip_s + STALL_PERIODS * period_s {
+            self.slip_s = now_s - grid_s;
+        } else {
+            self.slip_s = (self.slip_s - CATCH_UP * period_s).max(0.0);
+            let rest_s = (grid_s + self.slip_s - now_s).max(0.0);
+            std::thread::sleep(Duration::from_secs_f64(rest_s));
         }
     }
 
@@ -284,7 +309,7 @@ impl<'a> Control<'a> {
     }
 
     fn record_cycle(&mut self, time_s: f64) -> anyhow::Result<()> {
-        let at_s = time_s + self.prelude_s();
+        let at_s = time_s + self.music_start_s;
         let Some(recorder) = &mut self.recorder else {
             return Ok(());
         };
@@ -300,7 +325,7 @@ impl<'a> Control<'a> {
     }
 
     fn record_stage(&mut self, stage: Stage, ms: f64) -> anyhow::Result<()> {
-        let at_s = self.time_s() + self.prelude_s();
+        let at_s = self.time_s() + self.music_start_s;
         match &mut self.recorder {
             Some(recorder) => recorder.number(Topic::Stage(stage), at_s, ms),
             None => Ok(()),

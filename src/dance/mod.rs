@@ -75,7 +75,8 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         recorder.text(Topic::RobotDescription, 0.0, &config.robot.urdf_xml)?;
     }
 
-    let dancer = Dancer::new(audio, generator)?;
+    let mut dancer = Dancer::new(audio, generator)?;
+    dancer.prime()?;
     let mut source = match config.speed {
         Speed::Max => MotionSource::Inline(Box::new(dancer)),
         Speed::Realtime => MotionSource::Thread(DancerThread::start(dancer)?),
@@ -90,7 +91,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     let ending = control.run(&mut source, |time_s| progress.at(time_s));
     let run = Run {
         lead_s: control.lead_s(),
-        prelude_s: control.prelude_s(),
+        music_start_s: control.music_start_s(),
         trace_hz: control.trace_hz(),
         recorder: control.take_recorder(),
         frames: control.frames,
@@ -112,7 +113,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
 
     let heard = source.heard()?;
     let report = report(config, &run, &rig, &heard, model, wall_s);
-    finish_recording(config, run.recorder, &report, run.prelude_s)?;
+    finish_recording(config, run.recorder, &report, run.music_start_s)?;
     if let Some(path) = &config.report {
         report.write(path)?;
     }
@@ -138,7 +139,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
 /// What the control loop leaves behind.
 struct Run {
     lead_s: f64,
-    prelude_s: f64,
+    music_start_s: f64,
     trace_hz: f64,
     recorder: Option<Recorder>,
     frames: u64,
@@ -201,13 +202,13 @@ fn finish_recording(
     config: &DanceConfig,
     recorder: Option<Recorder>,
     report: &Report,
-    prelude_s: f64,
+    music_start_s: f64,
 ) -> anyhow::Result<()> {
     let Some(mut recorder) = recorder else {
         return Ok(());
     };
     for time_s in &report.beats.times_s {
-        recorder.number(Topic::Beat, time_s + prelude_s, report.beats.tempo_bpm)?;
+        recorder.number(Topic::Beat, time_s + music_start_s, report.beats.tempo_bpm)?;
     }
     let limits: Vec<serde_json::Value> = config
         .robot
@@ -225,7 +226,7 @@ fn finish_recording(
         })
         .collect();
     recorder.metadata(BTreeMap::from([
-        ("music_start_s".to_owned(), prelude_s.to_string()),
+        ("music_start_s".to_owned(), music_start_s.to_string()),
         ("audio_s".to_owned(), report.audio_s.to_string()),
         ("control_hz".to_owned(), config.robot.control_hz.to_string()),
         ("robot".to_owned(), report.robot.clone()),

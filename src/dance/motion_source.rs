@@ -8,6 +8,7 @@ use super::audio::Audio;
 use anyhow::Context;
 use servodance_audio::MusicAnalyzer;
 use servodance_audio::beats::{BeatTrack, track_offline};
+use servodance_audio::source::SHORTEST_S;
 use servodance_model::Dance;
 use servodance_types::{MotionFrame, MusicFrame};
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
@@ -69,6 +70,16 @@ impl Dancer {
         })
     }
 
+    /// Listens to the first half second, so that audio that cannot be danced to
+    /// is refused before the robot is powered.
+    pub fn prime(&mut self) -> anyhow::Result<()> {
+        let enough = (SHORTEST_S * f64::from(self.audio.sample_rate_hz())) as u64;
+        while !self.ended && self.samples <= enough {
+            self.listen()?;
+        }
+        Ok(())
+    }
+
     /// The next step, or `None` when the music is over.
     pub fn next_step(&mut self) -> anyhow::Result<Option<Step>> {
         loop {
@@ -89,12 +100,18 @@ impl Dancer {
             if self.ended {
                 return Ok(None);
             }
-            self.ended = !self.audio.next_block(&mut self.block)?;
-            self.samples += self.block.len() as u64;
-            let start = Instant::now();
-            self.analyzer.push(&self.block);
-            self.features_ms += milliseconds(start);
+            self.listen()?;
         }
+    }
+
+    /// Takes one block of audio in.
+    fn listen(&mut self) -> anyhow::Result<()> {
+        self.ended = !self.audio.next_block(&mut self.block)?;
+        self.samples += self.block.len() as u64;
+        let start = Instant::now();
+        self.analyzer.push(&self.block);
+        self.features_ms += milliseconds(start);
+        Ok(())
     }
 
     /// What is known of the music so far.

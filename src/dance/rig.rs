@@ -89,6 +89,11 @@ impl Rig {
         Ok(())
     }
 
+    /// Robot time of the last cycle, seconds since torque on.
+    pub fn now_s(&self) -> f64 {
+        self.now_s
+    }
+
     /// Torque off, verified.
     pub fn disarm(&mut self, cause: &str) -> anyhow::Result<()> {
         Ok(self.bus.disarm(self.now_s, cause)?)
