@@ -310,6 +310,7 @@ impl<'a> Control<'a> {
 
     fn record_cycle(&mut self, time_s: f64) -> anyhow::Result<()> {
         let at_s = time_s + self.music_start_s;
+        let period_s = self.robot.period_s();
         let Some(recorder) = &mut self.recorder else {
             return Ok(());
         };
@@ -317,7 +318,8 @@ impl<'a> Control<'a> {
         recorder.positions(Topic::JointCommands, at_s, self.rig.sent_rad())?;
         recorder.states(Topic::JointStates, at_s, self.rig.states())?;
         if let Some(truth) = self.rig.truth() {
-            recorder.states(Topic::ServoTruth, at_s, truth)?;
+            // The simulation has already gone on to the end of this cycle.
+            recorder.states(Topic::ServoTruth, at_s + period_s, truth)?;
         }
         let (bytes, packets) = self.rig.wire_totals();
         recorder.number(Topic::BusBytes, at_s, bytes as f64)?;
