@@ -72,8 +72,8 @@ impl Entry {
     /// climbs a playground and subject 3 walks on uneven ground.
     pub fn on_flat_floor(&self) -> bool {
         let subject = self.stem().split('_').next().unwrap_or("");
-        !(self.source.starts_with("cmu") && matches!(subject, "01" | "03"))
-            && !self.label.contains("climb")
+        let rough = self.source.starts_with("cmu") && matches!(subject, "01" | "03");
+        !rough && !self.label.contains("climb")
     }
 
     /// The clip's style, an index into [`STYLES`].

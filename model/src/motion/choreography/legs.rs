@@ -206,7 +206,13 @@ impl Steps {
     /// The stance arrived at on `count`, for steps of `size` (1 is usual).
     pub(crate) fn stance(self, count: usize, size: f64) -> Stance {
         let home = Stance::home();
-        let side = |k: usize, even: Stance| if k % 2 == 0 { even } else { even.mirrored() };
+        let side = |k: usize, even: Stance| {
+            if k.is_multiple_of(2) {
+                even
+            } else {
+                even.mirrored()
+            }
+        };
         let h = HOME_M;
         match self {
             Self::Bounce => side(count, home.weight(0.68, 0.05 * size).heel(0, 0.25 * size)),

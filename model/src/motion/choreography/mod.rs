@@ -183,18 +183,20 @@ impl Dancer {
             stance.weight = weight;
             stance.drop = self.rng.random_range(0.005..0.03);
             self.feet.push(t, stance);
-            let mut torso = Torso::default();
-            torso.spine = [
-                self.rng.random_range(0.0..0.06),
-                self.rng.random_range(-0.05..0.05),
-                self.rng.random_range(-0.12..0.12),
-            ];
-            torso.pelvis[1] = 0.10 * (weight - 0.5);
-            torso.head = [
-                self.rng.random_range(-0.08..0.15),
-                0.0,
-                self.rng.random_range(-0.45..0.45),
-            ];
+            let torso = Torso {
+                spine: [
+                    self.rng.random_range(0.0..0.06),
+                    self.rng.random_range(-0.05..0.05),
+                    self.rng.random_range(-0.12..0.12),
+                ],
+                pelvis: [0.0, 0.10 * (weight - 0.5), 0.0],
+                head: [
+                    self.rng.random_range(-0.08..0.15),
+                    0.0,
+                    self.rng.random_range(-0.45..0.45),
+                ],
+                ..Torso::default()
+            };
             self.torso.push(t, torso.to_array());
             let sway = self.rng.random_range(-1.0..1.0);
             self.arms.push(t, arms::resting(sway));
@@ -411,5 +413,105 @@ fn beat_phase(beats: &[DanceBeat], time_s: f64) -> f64 {
     match (after.checked_sub(1).map(|i| beats[i]), beats.get(after)) {
         (Some(a), Some(b)) => (time_s - a.time_s) / (b.time_s - a.time_s),
         _ => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use servodance_types::BodyJoint;
+
+    use super::*;
+    use crate::metrics::{alignment, mean_joint_speed};
+    use crate::motion::skeleton::{BONE_LENGTH_M, bone_length_m};
+
+    fn beats(from_s: f64, interval_s: f64, until_s: f64) -> Vec<DanceBeat> {
+        (0..)
+            .map(|i| DanceBeat {
+                time_s: from_s + f64::from(i) * interval_s,
+                downbeat: i % 4 == 0,
+            })
+            .take_while(|beat| beat.time_s < until_s)
+            .collect()
+    }
+
+    fn speed_between(clip: &Clip, from_s: f64, until_s: f64) -> f64 {
+        let speed = mean_joint_speed(&clip.poses, clip.fps);
+        let part = &speed[(from_s * 20.0) as usize..(until_s * 20.0) as usize];
+        part.iter().sum::<f64>() / part.len() as f64
+    }
+
+    #[test]
+    fn every_style_dances_on_the_beat() {
+        for style in DanceStyle::ALL {
+            for seed in 0..3 {
+                let beats = beats(1.0, 0.5, 30.0);
+                let times: Vec<f64> = beats.iter().map(|beat| beat.time_s).collect();
+                let clip = choreograph(&beats, 30.0, style, seed);
+                let speed = mean_joint_speed(&clip.poses, clip.fps);
+                let on_beat = alignment(&speed, clip.fps, &times);
+                let late: Vec<f64> = times.iter().map(|t| t + 0.25).collect();
+                let off_beat = alignment(&speed, clip.fps, &late);
+                assert!(on_beat.f1 > 0.9, "{style:?} {seed}: {on_beat:?}");
+                assert!(off_beat.f1 < 0.3, "{style:?} {seed}: {off_beat:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn bones_are_constant_and_toes_stay_on_the_floor_and_in_place() {
+        for style in DanceStyle::ALL {
+            let clip = choreograph(&beats(1.0, 0.45, 40.0), 40.0, style, 5);
+            let (mut planted, mut sliding) = (0, 0);
+            for pair in clip.poses.windows(2) {
+                for joint in BodyJoint::ALL {
+                    let error = bone_length_m(&pair[0], joint) - BONE_LENGTH_M[joint as usize];
+                    assert!(error.abs() < 1e-4, "{style:?} {}", joint.name());
+                }
+                for toe in [BodyJoint::LeftFoot, BodyJoint::RightFoot] {
+                    let [a, b] = [0, 1].map(|k| pair[k][toe as usize]);
+                    assert!(a[1] > 0.0, "{style:?}: toe below the floor");
+                    if a[1] < 0.03 && b[1] < 0.03 {
+                        planted += 1;
+                        sliding += u32::from((a[0] - b[0]).hypot(a[2] - b[2]) > 0.015);
+                    }
+                }
+            }
+            assert!(planted > 400, "{style:?}: {planted} planted toes");
+            assert!(
+                sliding * 50 < planted,
+                "{style:?}: {sliding} of {planted} slide"
+            );
+        }
+    }
+
+    #[test]
+    fn without_music_the_dancer_stands_and_breathes() {
+        let mut broken = beats(4.0, 0.5, 14.0);
+        broken.extend(beats(20.0, 0.5, 30.0));
+        let clip = choreograph(&broken, 36.0, DanceStyle::Hype, 2);
+        let dancing = speed_between(&clip, 8.0, 13.0);
+        for (from_s, until_s) in [(0.5, 3.0), (15.5, 19.0), (31.5, 35.0)] {
+            let idle = speed_between(&clip, from_s, until_s);
+            assert!(idle > 0.002, "frozen at {from_s} s");
+            assert!(
+                idle < 0.3 * dancing,
+                "{idle} m/s at {from_s} s, dancing {dancing}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_seed_is_a_dance() {
+        let beats = beats(0.5, 0.5, 20.0);
+        let dance = |seed| choreograph(&beats, 20.0, DanceStyle::Groove, seed).poses;
+        assert_eq!(dance(1), dance(1));
+        assert_ne!(dance(1), dance(2));
+    }
+
+    #[test]
+    fn no_beats_no_dance_and_no_panic() {
+        let clip = choreograph(&[], 3.0, DanceStyle::Disco, 1);
+        assert_eq!(clip.poses.len(), 61);
+        assert!(speed_between(&clip, 0.0, 3.0) < 0.1);
     }
 }
