@@ -12,9 +12,62 @@ use dynamixel2::checksum::calculate_checksum;
 use dynamixel2::instructions::instruction_id::STATUS;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
+use crate::protocol1;
+
 const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0x00];
 /// Header, id and length: what stands before the bytes that the length counts.
 const PREFIX: usize = 7;
+
+/// Which framing a bus has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Protocol {
+    /// Dynamixel Protocol 2.0.
+    #[default]
+    Dynamixel2,
+    /// Dynamixel Protocol 1 framing: see [`crate::protocol1`].
+    Protocol1,
+}
+
+impl Protocol {
+    /// Appends an instruction packet to `out`.
+    pub fn encode(self, out: &mut Vec<u8>, id: u8, instruction: u8, params: &[u8]) {
+        match self {
+            Self::Dynamixel2 => encode(out, id, instruction, params),
+            Self::Protocol1 => protocol1::encode(out, id, instruction, params),
+        }
+    }
+
+    /// Appends an address or a size as parameters hold it.
+    pub fn put_number(self, out: &mut Vec<u8>, number: u16) {
+        let bytes = number.to_le_bytes();
+        let count = if self == Self::Dynamixel2 { 2 } else { 1 };
+        out.extend_from_slice(&bytes[..count]);
+    }
+
+    /// The length field of a status packet without parameters.
+    pub fn status_length(self) -> usize {
+        match self {
+            Self::Dynamixel2 => 4,
+            Self::Protocol1 => 2,
+        }
+    }
+
+    /// The bytes of a status packet without parameters.
+    pub fn status_bytes(self) -> usize {
+        match self {
+            Self::Dynamixel2 => 11,
+            Self::Protocol1 => 6,
+        }
+    }
+
+    /// The parameters that answer a ping: model and firmware, or nothing.
+    pub fn ping_params(self) -> usize {
+        match self {
+            Self::Dynamixel2 => 3,
+            Self::Protocol1 => 0,
+        }
+    }
+}
 
 /// Appends an instruction packet to `out`.
 pub fn encode(out: &mut Vec<u8>, id: u8, instruction: u8, params: &[u8]) {
@@ -91,6 +144,7 @@ pub enum Decoded {
 /// Turns a stream of bytes into status packets.
 #[derive(Clone, Debug, Default)]
 pub struct Decoder {
+    protocol: Protocol,
     buffer: Vec<u8>,
     longest: usize,
     id: u8,
@@ -98,6 +152,14 @@ pub struct Decoder {
 }
 
 impl Decoder {
+    /// A decoder for a protocol.
+    pub fn new(protocol: Protocol) -> Self {
+        Self {
+            protocol,
+            ..Self::default()
+        }
+    }
+
     /// Forgets all bytes, and from now on takes a packet whose length field
     /// says more than `longest` for damaged.
     pub fn reset(&mut self, longest: usize) {
@@ -112,8 +174,46 @@ impl Decoder {
 
     /// Looks for the next packet in the bytes so far.
     pub fn advance(&mut self) -> Decoded {
+        match self.protocol {
+            Protocol::Dynamixel2 => self.advance_protocol2(),
+            Protocol::Protocol1 => self.advance_protocol1(),
+        }
+    }
+
+    fn advance_protocol1(&mut self) -> Decoded {
+        const HEADER: &[u8] = &[0xFF, 0xFF];
+        self.skip_to_header(HEADER);
+        // A third FF is the last of an idle line, not an id.
+        while self.buffer.starts_with(&[0xFF, 0xFF, 0xFF]) {
+            self.buffer.remove(0);
+        }
+        let Some(&length) = self.buffer.get(protocol1::PREFIX - 1) else {
+            return Decoded::Incomplete;
+        };
+        let end = protocol1::PREFIX + usize::from(length);
+        if length >= 2 && usize::from(length) <= self.longest && self.buffer.len() < end {
+            return Decoded::Incomplete;
+        }
+        let sound = length >= 2
+            && usize::from(length) <= self.longest
+            && protocol1::checksum(&self.buffer[HEADER.len()..end - 1]) == self.buffer[end - 1];
+        if !sound {
+            self.buffer.drain(..HEADER.len());
+            return Decoded::Corrupt;
+        }
+        self.id = self.buffer[2];
+        self.body.clear();
+        self.body
+            .push(protocol1::error_of(self.buffer[protocol1::PREFIX]));
+        self.body
+            .extend_from_slice(&self.buffer[protocol1::PREFIX + 1..end - 1]);
+        self.buffer.drain(..end);
+        Decoded::Packet
+    }
+
+    fn advance_protocol2(&mut self) -> Decoded {
         loop {
-            self.skip_to_header();
+            self.skip_to_header(&HEADER);
             let Some(&[low, high]) = self.buffer.get(5..PREFIX) else {
                 return Decoded::Incomplete;
             };
@@ -164,10 +264,10 @@ impl Decoder {
     }
 
     /// Drops bytes in front of the next header, or of what may become one.
-    fn skip_to_header(&mut self) {
+    fn skip_to_header(&mut self, header: &[u8]) {
         let begins = |rest: &[u8]| {
-            let known = rest.len().min(HEADER.len());
-            rest[..known] == HEADER[..known]
+            let known = rest.len().min(header.len());
+            rest[..known] == header[..known]
         };
         let start = (0..self.buffer.len()).find(|&at| begins(&self.buffer[at..]));
         self.buffer.drain(..start.unwrap_or(self.buffer.len()));
@@ -283,12 +383,14 @@ mod tests {
 
         #[test]
         fn any_bytes_are_taken_without_a_panic(noise in prop::collection::vec(prop_oneof![Just(0xFFu8), Just(0xFD), Just(0), Just(0x55), any::<u8>()], 0..400)) {
-            let mut decoder = Decoder::default();
-            decoder.reset(64);
-            for part in noise.chunks(7) {
-                decoder.push(part);
-                while decoder.advance() != Decoded::Incomplete {
-                    let _ = decoder.packet().blocks(10).count();
+            for protocol in [Protocol::Dynamixel2, Protocol::Protocol1] {
+                let mut decoder = Decoder::new(protocol);
+                decoder.reset(64);
+                for part in noise.chunks(7) {
+                    decoder.push(part);
+                    while decoder.advance() != Decoded::Incomplete {
+                        let _ = decoder.packet().blocks(10).count();
+                    }
                 }
             }
         }

@@ -9,6 +9,7 @@ use dynamixel2::instructions::packet_id::BROADCAST;
 
 use crate::error::BusError;
 use crate::model::Model;
+use crate::packet::Protocol;
 use crate::register::{Register, hardware_error_names};
 use crate::wire::{Received, Wire};
 
@@ -41,7 +42,7 @@ pub fn scan(port: &str, baud: u32, wait: Duration) -> Result<Vec<Found>, BusErro
     const DOING: &str = "broadcast ping";
     const STATUS_BYTES: usize = 14;
     const LENGTH: usize = 7;
-    let mut wire = Wire::open(port, baud)?;
+    let mut wire = Wire::open(port, baud, Protocol::Dynamixel2)?;
     wire.send(BROADCAST, instruction::PING, &[], LENGTH, DOING)?;
     let deadline = Instant::now() + wire.time(253 * STATUS_BYTES) + wait;
     let mut found = Vec::new();
@@ -77,7 +78,7 @@ pub fn scan(port: &str, baud: u32, wait: Duration) -> Result<Vec<Found>, BusErro
 /// Pings one id at one rate; `None` if nobody answers within `wait`.
 pub fn ping(port: &str, baud: u32, id: u8, wait: Duration) -> Result<Option<Found>, BusError> {
     const DOING: &str = "ping";
-    let mut wire = Wire::open(port, baud)?;
+    let mut wire = Wire::open(port, baud, Protocol::Dynamixel2)?;
     wire.send(id, instruction::PING, &[], 7, DOING)?;
     let deadline = Instant::now() + wire.time(24) + wait;
     while wire.receive(deadline, DOING)? != Received::Nothing {

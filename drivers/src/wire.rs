@@ -11,7 +11,7 @@ use serialport::{ClearBuffer, SerialPort};
 
 use crate::bus::BusStats;
 use crate::error::BusError;
-use crate::packet::{Decoded, Decoder, Packet, encode};
+use crate::packet::{Decoded, Decoder, Packet, Protocol};
 
 /// Longest wait for the port to take an instruction's bytes.
 const SEND_TIMEOUT: Duration = Duration::from_millis(100);
@@ -32,6 +32,7 @@ pub struct Wire {
     port: Box<dyn SerialPort>,
     path: String,
     baud: u32,
+    protocol: Protocol,
     decoder: Decoder,
     out: Vec<u8>,
     chunk: Vec<u8>,
@@ -41,7 +42,7 @@ pub struct Wire {
 
 impl Wire {
     /// Opens `path` (8 data bits, no parity, 1 stop bit).
-    pub fn open(path: &str, baud: u32) -> Result<Self, BusError> {
+    pub fn open(path: &str, baud: u32, protocol: Protocol) -> Result<Self, BusError> {
         let port = serialport::new(path, baud)
             .timeout(SEND_TIMEOUT)
             .open()
@@ -54,11 +55,17 @@ impl Wire {
             port,
             path: path.into(),
             baud,
-            decoder: Decoder::default(),
+            protocol,
+            decoder: Decoder::new(protocol),
             out: Vec::with_capacity(1024),
             chunk: vec![0; 1024],
             stats: BusStats::default(),
         })
+    }
+
+    /// The framing.
+    pub fn protocol(&self) -> Protocol {
+        self.protocol
     }
 
     /// How long `bytes` take on the wire: ten bits each.
@@ -78,7 +85,7 @@ impl Wire {
     ) -> Result<(), BusError> {
         self.decoder.reset(longest);
         self.out.clear();
-        encode(&mut self.out, id, instruction, params);
+        self.protocol.encode(&mut self.out, id, instruction, params);
         let sent = self
             .port
             .clear(ClearBuffer::Input)

@@ -1,0 +1,55 @@
+//! Dynamixel Protocol 1 framing, which Feetech servos speak as well.
+//!
+//! `FF FF ID LEN INST params CHK`, LEN = params + 2, CHK = the complement of
+//! the sum from ID on. A status packet has its error flags in place of INST.
+//!
+//! An echo of the host's own instruction cannot be told from a status packet in
+//! this framing: adapters that echo are not supported.
+
+/// Header, id and length.
+pub const PREFIX: usize = 4;
+
+/// Appends an instruction packet to `out`.
+pub fn encode(out: &mut Vec<u8>, id: u8, instruction: u8, params: &[u8]) {
+    let start = out.len();
+    out.extend([0xFF, 0xFF, id, params.len() as u8 + 2, instruction]);
+    out.extend(params);
+    out.push(checksum(&out[start + 2..]));
+}
+
+/// The complement of the sum.
+pub fn checksum(bytes: &[u8]) -> u8 {
+    !bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte))
+}
+
+/// The error flags as this crate has them: the number of a refusal, and
+/// 0x80 where the servo reports its own condition (supply, angle, heat, load).
+pub fn error_of(flags: u8) -> u8 {
+    let number = match flags {
+        _ if flags & 0x10 != 0 => 3, // checksum
+        _ if flags & 0x40 != 0 => 2, // instruction
+        _ if flags & 0x08 != 0 => 4, // range
+        _ => 0,
+    };
+    number | u8::from(flags & 0x27 != 0) << 7
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn published_ping_has_these_bytes() {
+        let mut out = Vec::new();
+        encode(&mut out, 1, 1, &[]);
+        assert_eq!(out, [0xFF, 0xFF, 1, 2, 1, 0xFB]);
+    }
+
+    #[test]
+    fn flags_become_refusals_and_alerts() {
+        assert_eq!(error_of(0), 0);
+        assert_eq!(error_of(0x10), 3);
+        assert_eq!(error_of(0x20), 0x80);
+        assert_eq!(error_of(0x44), 0x82);
+    }
+}
