@@ -3,5 +3,8 @@
 //! Offline: nothing here is made for the control loop.
 
 pub mod alignment;
+pub mod distribution;
+pub mod features;
+pub mod quality;
 
 pub use alignment::{Alignment, alignment, kinematic_beats_s, mean_joint_speed};
