@@ -2,7 +2,10 @@
 
 use servodance_types::JointState;
 
+use crate::config::{BusConfig, BusKind};
+use crate::dynamixel::DynamixelBus;
 use crate::error::BusError;
+use crate::feetech::FeetechBus;
 use crate::servo::Servo;
 
 /// What happened on a bus since it was opened.
@@ -61,6 +64,18 @@ pub trait Bus: Send {
 
     /// Counters since the bus was opened.
     fn stats(&self) -> BusStats;
+}
+
+/// Opens the bus that a configuration names. Nothing is sent yet.
+pub fn open_bus(
+    port: &str,
+    config: &BusConfig,
+    servos: Vec<Servo>,
+) -> Result<Box<dyn Bus>, BusError> {
+    Ok(match config.kind {
+        BusKind::Dynamixel2 => Box::new(DynamixelBus::open(port, config, servos)?),
+        BusKind::Feetech => Box::new(FeetechBus::open(port, config, servos)?),
+    })
 }
 
 impl<B: Bus + ?Sized> Bus for Box<B> {

@@ -43,6 +43,8 @@ pub struct ServoConfig {
 pub enum BusKind {
     /// Dynamixel Protocol 2.0 over a serial port.
     Dynamixel2,
+    /// Feetech STS servos over a serial port.
+    Feetech,
 }
 
 /// The `[bus]` table.
@@ -80,8 +82,13 @@ fn default_watchdog_ms() -> u32 {
 impl BusConfig {
     /// A Dynamixel Protocol 2.0 bus with the defaults of the robot file.
     pub fn dynamixel2(baud: u32) -> Self {
+        Self::of_kind(BusKind::Dynamixel2, baud)
+    }
+
+    /// A bus with the defaults of the robot file.
+    pub fn of_kind(kind: BusKind, baud: u32) -> Self {
         Self {
-            kind: BusKind::Dynamixel2,
+            kind,
             baud,
             reply_timeout_ms: default_reply_timeout_ms(),
             retries: default_retries(),

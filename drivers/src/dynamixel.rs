@@ -77,7 +77,10 @@ impl DynamixelBus {
         }
         Err(BusError::Hardware {
             servo: self.link.id_of(index),
-            flags: hardware_error_names(flags),
+            flags: format!(
+                "{}; only a reboot or a power cycle clears it",
+                hardware_error_names(flags)
+            ),
         })
     }
 

@@ -179,7 +179,7 @@ pub enum BusError {
         number: u16,
     },
     /// A servo has shut itself down.
-    #[error("{servo} reports a hardware error: {flags}; only a reboot or a power cycle clears it")]
+    #[error("{servo} reports a hardware error: {flags}")]
     Hardware {
         /// Which servo.
         servo: ServoId,

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! [`Bus`] is one bus of servos; [`DynamixelBus`] speaks Dynamixel Protocol 2.0
-//! over a serial port. [`SafeBus`] wraps any bus, and programs that move real
+//! and [`FeetechBus`] the protocol of STS servos, both over a serial port. [`SafeBus`] wraps any bus, and programs that move real
 //! motors hand their targets to it and never to a bus directly.
 //!
 //! Units are radians, seconds and amperes; degrees exist in [`ServoConfig`]
@@ -18,6 +18,7 @@ mod bus;
 mod config;
 mod dynamixel;
 mod error;
+mod feetech;
 mod limiter;
 mod link;
 mod model;
@@ -30,14 +31,15 @@ mod scan;
 mod servo;
 mod wire;
 
-pub use bus::{ArmReport, Bus, BusStats};
+pub use bus::{ArmReport, Bus, BusStats, open_bus};
 pub use config::{BusConfig, BusKind, ServoConfig, servos};
 pub use dynamixel::DynamixelBus;
 pub use error::{BusError, ConfigError, Refusal, ServoId};
+pub use feetech::FeetechBus;
 pub use limiter::{Limited, Limiter};
 pub use model::{MODELS, Model};
 pub use packet::{Decoded, Decoder, Packet, Protocol, encode};
-pub use rate::{RateCheck, check_rate, read_bytes, write_bytes};
+pub use rate::{RateCheck, check_rate, cycle_bytes};
 pub use register::Register;
 pub use safety::{EStop, Interventions, SafeBus, SafetyConfig, SafetyError, State, Transition};
 pub use scan::{BAUDS, Found, ping, scan};

@@ -48,14 +48,19 @@ impl Link {
         servos: Vec<Servo>,
         protocol: Protocol,
     ) -> Result<Self, BusError> {
-        let config = config
-            .clone()
-            .checked()
-            .map_err(|error: ConfigError| BusError::Open {
-                port: port.into(),
-                reason: error.to_string(),
-                choices: String::new(),
-            })?;
+        let refused = |reason: String| BusError::Open {
+            port: port.into(),
+            reason,
+            choices: String::new(),
+        };
+        let checked = config.clone().checked();
+        let config = checked.map_err(|error: ConfigError| refused(error.to_string()))?;
+        if let Some(servo) = servos.iter().find(|servo| servo.model.kind != config.kind) {
+            return Err(refused(format!(
+                "joint {}: model {} does not speak the bus's protocol",
+                servo.name, servo.model.name
+            )));
+        }
         Ok(Self {
             wire: Wire::open(port, config.baud, protocol)?,
             answered: vec![false; servos.len()],

@@ -1,10 +1,12 @@
 //! What the servo models are: numbers, units and encoder.
 //!
-//! From the vendor's control tables (X series, Protocol 2.0). Velocity is
-//! 0.229 rpm a unit and a turn is 4096 ticks for every model listed; the unit
-//! of current differs, and some models report load instead of current.
+//! From the vendors' control tables. A turn is 4096 ticks for every model
+//! listed; the units of velocity and current differ, and some models report
+//! load instead of current.
 
 use std::f64::consts::TAU;
+
+use crate::config::BusKind;
 
 /// One servo model.
 #[derive(Debug, PartialEq)]
@@ -16,8 +18,12 @@ pub struct Model {
     /// Amperes a unit of the present-current register; `None` where the model
     /// has no current sensor (the register then holds a load estimate).
     pub current_a_per_unit: Option<f64>,
+    /// Radians a second in one unit of velocity.
+    pub velocity_rad_s_per_unit: f64,
     /// First firmware that answers Fast Sync Read.
     pub fast_read_firmware: u8,
+    /// The protocol it speaks.
+    pub kind: BusKind,
 }
 
 impl Model {
@@ -25,8 +31,6 @@ impl Model {
     pub const TICKS_PER_TURN: f64 = 4096.0;
     /// Radians a tick.
     pub const RAD_PER_TICK: f64 = TAU / Self::TICKS_PER_TURN;
-    /// Radians a second in one unit of velocity (0.229 rpm).
-    pub const RAD_S_PER_UNIT: f64 = 0.229 * TAU / 60.0;
 
     /// The model with this name; a connector suffix (`-T`, `-R`) is ignored.
     pub fn from_name(name: &str) -> Option<&'static Model> {
@@ -53,7 +57,21 @@ const fn model(
         name,
         number,
         current_a_per_unit,
+        velocity_rad_s_per_unit: 0.229 * TAU / 60.0,
         fast_read_firmware,
+        kind: BusKind::Dynamixel2,
+    }
+}
+
+/// Feetech STS: a tick a second in one unit of velocity, 6.5 mA in one of current.
+const fn feetech(name: &'static str, number: u16) -> Model {
+    Model {
+        name,
+        number,
+        current_a_per_unit: Some(6.5e-3),
+        velocity_rad_s_per_unit: Model::RAD_PER_TICK,
+        fast_read_firmware: u8::MAX,
+        kind: BusKind::Feetech,
     }
 }
 
@@ -74,6 +92,7 @@ pub const MODELS: &[Model] = &[
     model("XC330-T288", 1220, Some(1e-3), 46),
     model("XC330-M181", 1230, Some(1e-3), 46),
     model("XC330-M288", 1240, Some(1e-3), 46),
+    feetech("STS3215", 777),
 ];
 
 #[cfg(test)]

@@ -1,12 +1,15 @@
 //! How many cycles a second a wire carries: the check before any torque.
 //!
 //! A byte takes ten bits. One cycle is a Sync Write of N goals and a Sync Read
-//! of N states: `14 + N(1 + 4)` out, then fast `14 + N` out and `8 + N(L + 4)`
-//! back, or plain `14 + N` out and `N(11 + L)` back.
+//! of N states.
+//!
+//! | | goals out | request | reply fast | reply plain |
+//! |---|---|---|---|---|
+//! | Dynamixel 2.0 | 14 + N(1 + 4) | 14 + N | 8 + N(10 + 4) | N(11 + 10) |
+//! | Feetech | 8 + N(1 + 2) | 8 + N | | N(6 + 15) |
 
-use crate::config::BusConfig;
+use crate::config::{BusConfig, BusKind};
 use crate::error::ConfigError;
-use crate::register::Register;
 use crate::servo::Servo;
 
 /// What a bus can carry.
@@ -22,33 +25,28 @@ pub struct RateCheck {
     pub plain_hz: f64,
 }
 
-/// Bytes of a Sync Write of `size` bytes to each of `servos`.
-pub fn write_bytes(servos: usize, size: usize) -> usize {
-    14 + servos * (1 + size)
+/// Bytes of one cycle of `servos` servos, with the fast read and with the plain one.
+pub fn cycle_bytes(kind: BusKind, servos: usize) -> (usize, usize) {
+    match kind {
+        BusKind::Dynamixel2 => {
+            let out = 14 + servos * 5 + 14 + servos;
+            (out + 8 + servos * 14, out + servos * 21)
+        }
+        BusKind::Feetech => {
+            let bytes = 8 + servos * 3 + 8 + servos + servos * 21;
+            (bytes, bytes)
+        }
+    }
 }
 
-/// Bytes of a read of `size` bytes from each of `servos`, request and reply.
-pub fn read_bytes(servos: usize, size: usize, fast: bool) -> usize {
-    let request = 14 + servos;
-    let reply = if fast {
-        8 + servos * (size + 4)
-    } else {
-        servos * (11 + size)
-    };
-    request + reply
-}
-
-/// Refuses a control rate that the wire cannot carry even with Fast Sync Read.
+/// Refuses a control rate that the wire cannot carry even with the fast read.
 pub fn check_rate(
     bus: &BusConfig,
     servos: &[Servo],
     control_hz: f64,
 ) -> Result<RateCheck, ConfigError> {
-    let goals = write_bytes(servos.len(), usize::from(Register::GOAL_POSITION.size));
-    let state = usize::from(Register::PRESENT.size);
     let hz = |bytes: usize| f64::from(bus.baud) / (10.0 * bytes as f64);
-    let fast_bytes = goals + read_bytes(servos.len(), state, true);
-    let plain_bytes = goals + read_bytes(servos.len(), state, false);
+    let (fast_bytes, plain_bytes) = cycle_bytes(bus.kind, servos.len());
     let check = RateCheck {
         fast_bytes,
         plain_bytes,
@@ -73,9 +71,8 @@ mod tests {
 
     #[test]
     fn twenty_servos_match_the_published_limits() {
-        let cycle = write_bytes(20, 4) + read_bytes(20, 10, true);
-        assert_eq!(cycle, 436);
-        assert_eq!(write_bytes(20, 4) + read_bytes(20, 10, false), 568);
-        assert_eq!((4e6 / (10.0 * cycle as f64)).round(), 917.0);
+        assert_eq!(cycle_bytes(BusKind::Dynamixel2, 20), (436, 568));
+        let hz = |baud: f64| (baud / 4360.0).round();
+        assert_eq!((hz(1e6), hz(2e6), hz(4e6)), (229.0, 459.0, 917.0));
     }
 }

@@ -59,7 +59,9 @@ impl Servo {
         let current_a_per_unit = self.model.current_a_per_unit.unwrap_or(0.0);
         JointState {
             position_rad: self.position_rad(ticks),
-            velocity_rad_s: self.direction * f64::from(velocity) * Model::RAD_S_PER_UNIT,
+            velocity_rad_s: self.direction
+                * f64::from(velocity)
+                * self.model.velocity_rad_s_per_unit,
             current_a: self.direction * f64::from(current) * current_a_per_unit,
         }
     }

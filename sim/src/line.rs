@@ -1,11 +1,16 @@
 //! The wire's far end: bytes from the host in, the servos' replies out.
 //!
+//! [`Line`] is any kind of servos on one wire, [`XLine`] those that speak
+//! Dynamixel Protocol 2.0.
+//!
 //! Servos of one bus share a line, so a reply to a Sync or Bulk Read waits for
 //! the one before it. A servo that is missing from the list breaks that chain:
 //! those behind it wait for it and stay silent, as real ones do.
 
+use crate::fault::ServoFault;
+use crate::judge::Judge;
 use crate::packet::{BROADCAST, Instruction, Parsed, Parser, fast_status, status};
-use crate::servo::SimServo;
+use crate::servo::{SimServo, SimServoState};
 use crate::table::AccessError;
 
 /// One reply: a pause on the line, then bytes.
@@ -58,50 +63,101 @@ struct Part {
     size: u16,
 }
 
-/// All servos of one bus and the parser of what the host sends.
-#[derive(Clone, Debug)]
-pub struct Line {
-    parser: Parser,
-    /// The servos.
-    pub servos: Vec<SimServo>,
-    /// Sound instructions so far.
-    pub packets_in: u64,
-    /// Damaged frames so far.
-    pub bad_packets: u64,
+/// Servos on one wire.
+pub trait Line: std::fmt::Debug + Send {
+    /// Takes one byte from the host. True if it completed something, to be
+    /// carried out by [`Line::execute`] when its time on the wire has passed.
+    fn push(&mut self, byte: u8) -> bool;
+
+    /// Carries out what was completed; returns the replies in order.
+    fn execute(&mut self) -> Vec<Burst>;
+
+    /// One step of every servo, ending at `time_s`.
+    fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool);
+
+    /// The judges of the servos, in order.
+    fn judges(&self) -> Vec<&Judge>;
+
+    /// What one servo really does.
+    fn state(&self, index: usize) -> Option<SimServoState>;
+
+    /// Something goes wrong with one servo; false if there is none.
+    fn suffer(&mut self, index: usize, fault: ServoFault) -> bool;
+
+    /// Sound and damaged packets from the host so far.
+    fn packets(&self) -> (u64, u64);
 }
 
-impl Line {
-    /// A line with these servos.
-    pub fn new(servos: Vec<SimServo>) -> Self {
-        Self {
-            parser: Parser::default(),
-            servos,
-            packets_in: 0,
-            bad_packets: 0,
-        }
+/// Servos that speak Dynamixel Protocol 2.0.
+#[derive(Clone, Debug)]
+pub struct XLine {
+    parser: Parser,
+    parsed: Option<Parsed>,
+    servos: Vec<SimServo>,
+    packets_in: u64,
+    bad_packets: u64,
+}
+
+impl Line for XLine {
+    fn push(&mut self, byte: u8) -> bool {
+        self.parsed = self.parser.push(byte);
+        self.parsed.is_some()
     }
 
-    /// Takes one byte from the host; returns what it completed, to be given to
-    /// [`Line::execute`] when the byte's time on the wire has passed.
-    pub fn push(&mut self, byte: u8) -> Option<Parsed> {
-        self.parser.push(byte)
-    }
-
-    /// Carries out what was parsed; returns the replies in order.
-    pub fn execute(&mut self, parsed: Parsed) -> Vec<Burst> {
-        match parsed {
-            Parsed::BadCrc(id) => {
+    fn execute(&mut self) -> Vec<Burst> {
+        match self.parsed.take() {
+            None => Vec::new(),
+            Some(Parsed::BadCrc(id)) => {
                 self.bad_packets += 1;
                 let addressed = self.find(id);
                 addressed.map_or_else(Vec::new, |index| vec![self.reply(index, CRC_ERROR, &[])])
             }
-            Parsed::Instruction(instruction) => {
+            Some(Parsed::Instruction(instruction)) => {
                 self.packets_in += 1;
                 for servo in self.servos.iter_mut().filter(|servo| servo.listens()) {
                     servo.feed_watchdog();
                 }
                 self.dispatch(&instruction)
             }
+        }
+    }
+
+    fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool) {
+        for servo in &mut self.servos {
+            servo.step(time_s, dt_s);
+            if period_ends {
+                servo.end_period();
+            }
+        }
+    }
+
+    fn judges(&self) -> Vec<&Judge> {
+        self.servos.iter().map(SimServo::judge).collect()
+    }
+
+    fn state(&self, index: usize) -> Option<SimServoState> {
+        self.servos.get(index).map(SimServo::state)
+    }
+
+    fn suffer(&mut self, index: usize, fault: ServoFault) -> bool {
+        let servo = self.servos.get_mut(index);
+        servo.map(|servo| servo.suffer(fault)).is_some()
+    }
+
+    fn packets(&self) -> (u64, u64) {
+        (self.packets_in, self.bad_packets)
+    }
+}
+
+impl XLine {
+    /// A line with these servos.
+    pub fn new(servos: Vec<SimServo>) -> Self {
+        Self {
+            parser: Parser::default(),
+            parsed: None,
+            servos,
+            packets_in: 0,
+            bad_packets: 0,
         }
     }
 
@@ -319,7 +375,7 @@ impl Line {
 
 /// Servos that answer at the same time pull the line low together: every zero
 /// bit wins. Identical answers pass, as on a real bus.
-fn collided(answers: Vec<Burst>) -> Vec<Burst> {
+pub(crate) fn collided(answers: Vec<Burst>) -> Vec<Burst> {
     let mut answers = answers.into_iter();
     let Some(mut heard) = answers.next() else {
         return Vec::new();

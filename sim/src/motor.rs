@@ -20,7 +20,7 @@ use crate::spec::ServoModel;
 pub const FULL_PWM: f64 = 885.0;
 /// Radians of position error at which the stock gain of 800 asks for full PWM:
 /// 885 / (800 / 128) ticks.
-const FULL_PWM_ERROR_RAD: f64 = FULL_PWM / 6.25 * std::f64::consts::TAU / 4096.0;
+pub const FULL_PWM_ERROR_RAD: f64 = FULL_PWM / 6.25 * std::f64::consts::TAU / 4096.0;
 /// Rotor inertia against the one at which the stock loop is critically damped.
 const INERTIA_SHARE: f64 = 0.78;
 /// Coulomb friction against stall torque.

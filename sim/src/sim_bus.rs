@@ -19,9 +19,11 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use crate::fault::{FaultyWire, ServoFault, WireFault};
 use crate::judge::{Judge, Violations};
-use crate::line::{Burst, Line};
+use crate::line::{Burst, Line, XLine};
 use crate::servo::{SimServo, SimServoState};
-use crate::spec::{ServoModel, SimClock, SimError, SimOptions, SimServoSpec};
+use crate::spec::{SimClock, SimError, SimOptions, SimServoSpec};
+use crate::sts::StsServo;
+use crate::sts_line::StsLine;
 use crate::world::World;
 
 /// How often the thread looks whether it is to end.
@@ -98,10 +100,10 @@ impl SimBus {
     /// all else is as it leaves the factory (return delay 500 us, torque off).
     pub fn start(specs: &[SimServoSpec], options: SimOptions) -> Result<Self, SimError> {
         let period_s = 1.0 / checked_hz(options.control_hz)?;
-        let servos = build_servos(specs, &options, period_s)?;
+        let line = build_line(specs, &options, period_s)?;
         let (master, port_path) = open_terminal()?;
         let shared = Arc::new(Shared {
-            world: Mutex::new(World::new(Line::new(servos), period_s)),
+            world: Mutex::new(World::new(line, period_s)),
             wire: Mutex::new(Traffic::default()),
             faults: Mutex::new(FaultyWire::new(options.seed)),
             stop: AtomicBool::new(false),
@@ -158,22 +160,15 @@ impl SimBus {
     /// The first violations of each servo in words.
     pub fn violation_notes(&self) -> Vec<String> {
         let world = self.shared.world();
-        let servos = world.line.servos.iter();
-        servos
-            .flat_map(|servo| servo.judge().notes().iter().cloned())
+        let judges = world.line.judges().into_iter();
+        judges
+            .flat_map(|judge| judge.notes().iter().cloned())
             .collect()
     }
 
     /// What the servo at `index` (in the order of the specs) really does.
     pub fn servo(&self, index: usize) -> Option<SimServoState> {
-        let world = self.shared.world();
-        world.line.servos.get(index).map(SimServo::state)
-    }
-
-    /// Reaches into one servo, for faults and for tests: false if there is none.
-    pub fn with_servo(&self, index: usize, change: impl FnOnce(&mut SimServo)) -> bool {
-        let mut world = self.shared.world();
-        world.line.servos.get_mut(index).map(change).is_some()
+        self.shared.world().line.state(index)
     }
 
     /// From now on `fault` hits this share (0 to 1) of the replies; `None` ends it.
@@ -188,7 +183,7 @@ impl SimBus {
 
     /// Something happens to one servo: false if there is none at `index`.
     pub fn set_servo_fault(&self, index: usize, fault: ServoFault) -> bool {
-        self.with_servo(index, |servo| servo.suffer(fault))
+        self.shared.world().line.suffer(index, fault)
     }
 
     /// The adapter is pulled out: the port fails for whoever has it open, for good.
@@ -203,10 +198,7 @@ impl SimBus {
 
     /// What passed over the wire.
     pub fn wire_stats(&self) -> WireStats {
-        let (packets_in, bad_packets) = {
-            let world = self.shared.world();
-            (world.line.packets_in, world.line.bad_packets)
-        };
+        let (packets_in, bad_packets) = self.shared.world().line.packets();
         let traffic = self.shared.wire();
         let bytes = (traffic.bytes_in + traffic.bytes_out) as f64;
         WireStats {
@@ -237,47 +229,52 @@ fn checked_hz(control_hz: f64) -> Result<f64, SimError> {
     })
 }
 
-/// The value of the baud register, where it exists for the rate.
-fn baud_code(baud: u32) -> Option<u8> {
-    const BAUDS: [u32; 8] = [
-        9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000,
-    ];
-    let code = BAUDS.iter().position(|known| *known == baud)?;
-    Some(code as u8)
+/// The rates of the baud register, in the order of its values.
+const X_BAUDS: [u32; 8] = [
+    9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000,
+];
+const STS_BAUDS: [u32; 8] = [
+    1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400,
+];
+
+fn baud_code(baud: u32, bauds: &[u32; 8]) -> Result<u8, SimError> {
+    match bauds.iter().position(|known| *known == baud) {
+        Some(code) => Ok(code as u8),
+        None => Err(SimError::Option {
+            key: "baud",
+            actual: baud.to_string(),
+            wanted: "a rate of the servos' baud register",
+        }),
+    }
 }
 
-fn build_servos(
+fn build_line(
     specs: &[SimServoSpec],
     options: &SimOptions,
     period_s: f64,
-) -> Result<Vec<SimServo>, SimError> {
-    let code = baud_code(options.baud).ok_or_else(|| SimError::Option {
-        key: "baud",
-        actual: options.baud.to_string(),
-        wanted: "9600, 57600, 115200, 1000000, 2000000, 3000000, 4000000 or 4500000",
-    })?;
-    let mut servos = Vec::with_capacity(specs.len());
+) -> Result<Box<dyn Line>, SimError> {
+    let mut x_servos = Vec::new();
+    let mut sts_servos = Vec::new();
     for spec in specs {
-        let bad = |reason: String| SimError::Servo {
-            joint: spec.name.clone(),
-            id: spec.id,
-            reason,
-        };
-        let model = ServoModel::from_number(spec.model_number)
-            .ok_or_else(|| bad(format!("unknown model number {}", spec.model_number)))?;
-        spec.limits.checked().map_err(bad)?;
-        let finite = [spec.initial_rad, spec.zero_rad, spec.gravity_nm]
-            .iter()
-            .all(|value| value.is_finite());
-        if !finite || spec.load_inertia_kg_m2.is_nan() || spec.load_inertia_kg_m2 < 0.0 {
-            return Err(bad(
-                "a figure is not a finite number, or an inertia is below zero".into(),
-            ));
-        }
+        let model = spec.checked()?;
         let supply_v = options.supply_v.unwrap_or(model.voltage_v);
-        servos.push(SimServo::new(spec, model, code, supply_v, period_s));
+        if model.is_feetech() {
+            baud_code(options.baud, &STS_BAUDS)?;
+            sts_servos.push(StsServo::new(spec, model, supply_v, period_s));
+        } else {
+            let code = baud_code(options.baud, &X_BAUDS)?;
+            x_servos.push(SimServo::new(spec, model, code, supply_v, period_s));
+        }
     }
-    Ok(servos)
+    match (x_servos.is_empty(), sts_servos.is_empty()) {
+        (_, true) => Ok(Box::new(XLine::new(x_servos))),
+        (true, false) => Ok(Box::new(StsLine::new(sts_servos))),
+        (false, false) => Err(SimError::Option {
+            key: "servos",
+            actual: "of two protocols".into(),
+            wanted: "of one protocol on one line",
+        }),
+    }
 }
 
 /// A pseudo-terminal: our end, and the path of the other.
@@ -342,13 +339,15 @@ impl Server {
         for &byte in &*bytes {
             self.line_free_s += shared.byte_s;
             // The world is not advanced for single bytes, only for what they complete.
-            let parsed = {
+            let complete = {
                 let mut world = shared.world.lock().unwrap_or_else(PoisonError::into_inner);
                 world.line.push(byte)
             };
-            let Some(parsed) = parsed else { continue };
+            if !complete {
+                continue;
+            }
             self.wait_for_line();
-            let bursts = shared.world().line.execute(parsed);
+            let bursts = shared.world().line.execute();
             self.send(bursts);
         }
     }

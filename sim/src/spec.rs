@@ -74,6 +74,8 @@ const MX: Family = Family {
     ..X430
 };
 
+const STS3215: u16 = 777;
+
 const fn model(
     name: &'static str,
     number: u16,
@@ -111,12 +113,18 @@ pub const MODELS: &[ServoModel] = &[
     model("XC330-T288", 1220, 0.95, 69.0, 0.8, 12.0, 1e-3),
     model("XC330-M181", 1230, 0.6, 129.0, 1.8, 5.0, 1e-3),
     model("XC330-M288", 1240, 0.93, 81.0, 1.8, 5.0, 1e-3),
+    model("STS3215", STS3215, 5.47, 46.4, 2.7, 12.0, 6.5e-3),
 ];
 
 impl ServoModel {
     /// The model with this number.
     pub fn from_number(number: u16) -> Option<&'static ServoModel> {
         MODELS.iter().find(|model| model.number == number)
+    }
+
+    /// Whether it is one of Feetech's, with their protocol and memory.
+    pub fn is_feetech(&self) -> bool {
+        self.number == STS3215
     }
 
     /// No-load speed, radians a second.
@@ -173,6 +181,28 @@ pub struct SimServoSpec {
     pub load_inertia_kg_m2: f64,
     /// Torque that gravity puts on the joint at 90 degrees, newton metres.
     pub gravity_nm: f64,
+}
+
+impl SimServoSpec {
+    /// The model, if the servo makes sense.
+    pub(crate) fn checked(&self) -> Result<&'static ServoModel, SimError> {
+        let bad = |reason: String| SimError::Servo {
+            joint: self.name.clone(),
+            id: self.id,
+            reason,
+        };
+        let model = ServoModel::from_number(self.model_number)
+            .ok_or_else(|| bad(format!("unknown model number {}", self.model_number)))?;
+        self.limits.checked().map_err(bad)?;
+        let finite = [self.initial_rad, self.zero_rad, self.gravity_nm]
+            .iter()
+            .all(|value| value.is_finite());
+        if !finite || self.load_inertia_kg_m2.is_nan() || self.load_inertia_kg_m2 < 0.0 {
+            let reason = "a figure is not a finite number, or an inertia is below zero";
+            return Err(bad(reason.into()));
+        }
+        Ok(model)
+    }
 }
 
 impl From<&Servo> for SimServoSpec {

@@ -13,7 +13,7 @@ const LONGEST_STEP_S: f64 = 0.5e-3;
 #[derive(Debug)]
 pub struct World {
     /// The servos on their wire.
-    pub line: Line,
+    pub line: Box<dyn Line>,
     steps: u64,
     steps_a_period: u64,
     step_s: f64,
@@ -22,7 +22,7 @@ pub struct World {
 
 impl World {
     /// A world at time zero; `period_s` is the control period.
-    pub fn new(line: Line, period_s: f64) -> Self {
+    pub fn new(line: Box<dyn Line>, period_s: f64) -> Self {
         let steps_a_period = (period_s / LONGEST_STEP_S).ceil().max(1.0);
         Self {
             line,
@@ -53,20 +53,15 @@ impl World {
             self.steps += 1;
             let now_s = self.time_s();
             let period_ends = self.steps.is_multiple_of(self.steps_a_period);
-            for servo in &mut self.line.servos {
-                servo.step(now_s, self.step_s);
-                if period_ends {
-                    servo.end_period();
-                }
-            }
+            self.line.step(now_s, self.step_s, period_ends);
         }
     }
 
     /// A sum over all servos' judges.
     pub fn sum(&self, count: impl Fn(&Judge) -> Violations) -> Violations {
         let mut sum = Violations::default();
-        for servo in &self.line.servos {
-            sum += count(servo.judge());
+        for judge in self.line.judges() {
+            sum += count(judge);
         }
         sum
     }

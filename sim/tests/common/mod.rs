@@ -3,7 +3,7 @@
 // Each test binary uses some of these.
 #![allow(dead_code)]
 
-use servodance_drivers::{BusConfig, DynamixelBus, Servo, ServoConfig, servos};
+use servodance_drivers::{BusConfig, BusKind, DynamixelBus, Servo, ServoConfig, servos};
 use servodance_sim::{SimBus, SimOptions, SimServoSpec};
 
 pub const BAUD: u32 = 2_000_000;
@@ -12,10 +12,14 @@ pub const PERIOD_S: f64 = 1.0 / HZ;
 
 /// `count` joints, every other one mounted in reverse.
 pub fn robot(count: u8) -> Vec<Servo> {
+    robot_of("XM430-W350", count)
+}
+
+pub fn robot_of(model: &str, count: u8) -> Vec<Servo> {
     let joint = |k: u8| ServoConfig {
         name: format!("joint_{k}"),
         id: k,
-        model: "XM430-W350".into(),
+        model: model.into(),
         direction: if k.is_multiple_of(2) { 1 } else { -1 },
         zero_deg: 180.0,
         lower_deg: -60.0,
@@ -32,9 +36,13 @@ pub fn specs(servos: &[Servo]) -> Vec<SimServoSpec> {
 
 /// A reply may be late by a stall of the machine, never by the simulation.
 pub fn patient() -> BusConfig {
+    patient_of(BusKind::Dynamixel2, BAUD)
+}
+
+pub fn patient_of(kind: BusKind, baud: u32) -> BusConfig {
     BusConfig {
         reply_timeout_ms: 2000.0,
-        ..BusConfig::dynamixel2(BAUD)
+        ..BusConfig::of_kind(kind, baud)
     }
 }
 
