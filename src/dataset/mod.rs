@@ -16,6 +16,19 @@ use servodance_model::motion::MotionError;
 use servodance_model::motion::corpus::{self, CorpusClip};
 use servodance_model::motion::index::{STYLES, Split};
 
+/// Known sources of captured motion, by the first part of a clip's name, and
+/// the words that they ask for.
+const SOURCES: [(&str, &str); 3] = [
+    (
+        "cmu_*",
+        "The data used in this project was obtained from mocap.cs.cmu.edu. The database was \
+         created with funding from NSF EIA-0196217. Free for research and products; the raw \
+         data may not be resold, even converted.",
+    ),
+    ("g1_moves", "G1 Moves by exptech, CC BY 4.0."),
+    ("choreography", "Made by servodance's own choreographer."),
+];
+
 /// What to build.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -81,6 +94,7 @@ pub fn build(options: &Options) -> Result<Summary, DatasetError> {
         "songs_per_clip": options.songs_per_clip,
         "choreography_minutes": options.choreography_minutes,
         "music": "all music is synthetic, rendered on the beats of the motion",
+        "sources": SOURCES.map(|(source, terms)| serde_json::json!({ "source": source, "terms": terms })),
         "summary": summary,
     });
     corpus::write(&options.out, &clips, &recipe)?;
@@ -104,4 +118,80 @@ fn kind(clip: &CorpusClip) -> String {
         "no music"
     };
     format!("{source} / {} / {split} / {music}", STYLES[clip.style])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(folder: &std::path::Path, name: &str) -> Options {
+        Options {
+            motion: None,
+            out: folder.join(name),
+            songs_per_clip: 1,
+            choreography_minutes: 2.0,
+            seed: 3,
+        }
+    }
+
+    #[test]
+    fn choreography_alone_needs_no_data_and_is_the_same_every_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let [a, b] = ["a", "b"].map(|name| options(folder.path(), name));
+        let summary = build(&a).unwrap();
+        build(&b).unwrap();
+        assert_eq!(summary.clips, 2);
+        assert!((summary.minutes.values().sum::<f64>() - 2.0).abs() < 0.01);
+        assert_eq!(std::fs::read(a.out).unwrap(), std::fs::read(b.out).unwrap());
+    }
+
+    #[test]
+    fn captured_motion_gets_music_on_its_beats_and_bad_files_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let index =
+            "clip,source,minutes,dance,label\nswing,home,0.3,yes,swing\nbroken,home,1,yes,x\n";
+        std::fs::write(path("index.csv"), index).unwrap();
+        std::fs::write(path("broken.npz"), "no archive").unwrap();
+        swing().write_npz(path("swing.npz")).unwrap();
+        let summary = build(&Options {
+            motion: Some(folder.path().to_owned()),
+            choreography_minutes: 0.0,
+            ..options(folder.path(), "out")
+        })
+        .unwrap();
+        // Original and mirror, each with and without music.
+        assert_eq!(summary.clips, 4, "{summary:?}");
+        assert!(summary.left_out[0].contains("broken.npz"), "{summary:?}");
+        assert!((summary.captured_dance_with_beat_minutes - 0.3).abs() < 1e-9);
+    }
+
+    /// A body whose arms stop every 0.5 s.
+    fn swing() -> servodance_model::motion::Clip {
+        use servodance_types::BodyJoint;
+        let pose = |i: usize| {
+            let swing = 0.3 * (std::f64::consts::TAU * i as f64 / 20.0).cos();
+            BodyJoint::ALL.map(|joint| {
+                let name = joint.name();
+                let side = match name.split_once('_') {
+                    Some(("left", _)) => 0.15,
+                    Some(_) => -0.15,
+                    None => 0.0,
+                };
+                let arm = name.contains("elbow") || name.contains("wrist");
+                let legs = ["knee", "ankle", "foot"]
+                    .iter()
+                    .position(|leg| name.contains(leg));
+                let height = legs.map_or(0.9 + 0.01 * joint as usize as f32, |at| {
+                    [0.45, 0.08, 0.02][at]
+                });
+                [side, height, if arm { swing as f32 } else { 0.0 }]
+            })
+        };
+        servodance_model::motion::Clip {
+            name: "swing".into(),
+            fps: 20.0,
+            poses: (0..360).map(pose).collect(),
+        }
+    }
 }

@@ -89,3 +89,33 @@ pub(super) fn music_error(clip: &str, error: &dyn std::fmt::Display) -> DatasetE
         reason: error.to_string(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Music at 120 BPM whose phase is heard `off_beats` too far on.
+    fn heard(off_beats: f64, confidence: f64) -> Vec<[f32; MUSIC_DIM]> {
+        (0..200)
+            .map(|frame| {
+                let (sin, cos) = (TAU * (f64::from(frame) / 10.0 + off_beats)).sin_cos();
+                let mut vector = [0.0; MUSIC_DIM];
+                let beat = [sin * confidence, cos * confidence, 0.0, confidence];
+                vector[MUSIC_DIM - 4..].copy_from_slice(&beat.map(|v| v as f32));
+                vector
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_off_beat_is_not_followed() {
+        let beats: Vec<f64> = (0..19).map(|i| f64::from(i) * 0.5).collect();
+        assert!(followed(&heard(0.0, 1.0), &beats) > 0.99);
+        assert!(followed(&heard(0.5, 1.0), &beats) < -0.99);
+        assert!(followed(&heard(0.25, 1.0), &beats).abs() < 0.01);
+        assert_eq!(followed(&heard(0.0, 0.3), &beats), 0.0);
+        // Between frames: the phase of the frame is not that of the beat.
+        let between: Vec<f64> = beats.iter().map(|beat| beat + 0.02).collect();
+        assert!(followed(&heard(-0.04, 1.0), &between) > 0.99);
+    }
+}

@@ -193,8 +193,9 @@ impl Matrix {
                     for row in a.iter_mut() {
                         (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
                     }
-                    for k in 0..n {
-                        (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
+                    let (upper, lower) = a.split_at_mut(q);
+                    for (x, y) in upper[p].iter_mut().zip(&mut lower[0]) {
+                        (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
                     }
                     for row in vectors.0.iter_mut() {
                         (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);

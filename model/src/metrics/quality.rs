@@ -84,8 +84,8 @@ pub fn jerk(clip: &Clip) -> Jerk {
     let mut jerk = Jerk::default();
     let mut count = 0.0;
     for w in clip.poses.windows(4) {
-        for j in 0..w[0].len() {
-            let [a, b, c, d]: [Vec3; 4] = std::array::from_fn(|k| wide(w[k][j]));
+        for joint in BodyJoint::ALL {
+            let [a, b, c, d]: [Vec3; 4] = std::array::from_fn(|k| wide(w[k][joint as usize]));
             let third = sub(sub(d, a), scale(sub(c, b), 3.0));
             let size = norm(third) * clip.fps.powi(3);
             jerk.mean_m_s3 += size;

@@ -45,7 +45,7 @@ pub struct DanceBeat {
 /// Faster beats than this are danced in half time, seconds.
 const HALF_TIME_BELOW_S: f64 = 0.40;
 /// Slower beats than this may carry double-time arms, seconds.
-const DOUBLE_TIME_ABOVE_S: f64 = 0.66;
+const DOUBLE_TIME_ABOVE_S: f64 = 0.74;
 /// How large torso figures are against step figures.
 const TORSO_SIZE: f64 = 1.15;
 /// A pause of this many beats is a break: the dancer waits.
