@@ -1,6 +1,6 @@
 //! Serves simulated servos on a pseudo-terminal until its standard input ends.
 //!
-//! `serve COUNT BAUD [FIRMWARE]`: the first line on standard output is the port.
+//! `serve COUNT BAUD [MODEL]`: the first line on standard output is the port.
 //! The reference clients of `sim/reference` start it.
 
 use std::io::{Read, Write};
@@ -12,11 +12,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
     let count: u8 = args.next().unwrap_or("3".into()).parse()?;
     let baud: u32 = args.next().unwrap_or("1000000".into()).parse()?;
-    let firmware: u8 = args.next().unwrap_or("48".into()).parse()?;
+    let model = args.next().unwrap_or("XM430-W350".into());
     let joint = |id: u8| ServoConfig {
         name: format!("joint_{id}"),
         id,
-        model: "XM430-W350".into(),
+        model: model.clone(),
         direction: 1,
         zero_deg: 180.0,
         lower_deg: -90.0,
@@ -25,10 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         acceleration_deg_s2: 2300.0,
     };
     let configs: Vec<ServoConfig> = (1..=count).map(joint).collect();
-    let mut specs: Vec<SimServoSpec> = servos(&configs)?.iter().map(Into::into).collect();
-    for spec in &mut specs {
-        spec.firmware = firmware;
-    }
+    let specs: Vec<SimServoSpec> = servos(&configs)?.iter().map(Into::into).collect();
     let sim = SimBus::start(&specs, SimOptions::realtime(baud, 100.0))?;
     println!("{}", sim.port_path());
     std::io::stdout().flush()?;
