@@ -5,3 +5,4 @@ mod documents;
 mod program;
 mod recording;
 mod repeatable;
+mod torque_off;

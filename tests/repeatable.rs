@@ -37,3 +37,39 @@ fn same_seed_same_commands_other_seed_other_dance() {
     }
     assert!(first.raw("/joint_commands") != other.raw("/joint_commands"));
 }
+
+#[test]
+fn raw_samples_on_standard_input_dance_like_the_file() {
+    let program = Program::new();
+    program.click_track("clicks.wav", 6.0, 110.0);
+    let from_file = recording(&program, "file", "3");
+    let mut samples = hound::WavReader::open(program.path("clicks.wav")).unwrap();
+    let raw: Vec<u8> = samples
+        .samples::<i16>()
+        .flat_map(|sample| sample.unwrap().to_le_bytes())
+        .collect();
+    std::fs::write(program.path("clicks.raw"), raw).unwrap();
+    let output = program
+        .command(&[
+            "dance",
+            "-",
+            "--pcm-rate",
+            "16000",
+            "--seed",
+            "3",
+            "--record",
+            "raw.mcap",
+            "--no-picture",
+            "--quiet",
+        ])
+        .stdin(std::fs::File::open(program.path("clicks.raw")).unwrap())
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let from_raw = Recording::read(&program.path("raw.mcap"));
+    assert!(from_file.raw("/joint_commands") == from_raw.raw("/joint_commands"));
+}

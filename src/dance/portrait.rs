@@ -105,18 +105,13 @@ fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> O
         .iter()
         .find(|frame| frame.time_s >= time_s - 1e-9)?;
     let index = trace.servos.index_at(time_s)?;
-    let positions: Vec<f64> = trace
-        .servos
-        .sample(index)
-        .iter()
-        .map(|p| f64::from(*p))
-        .collect();
+    let positions = trace.servos.sample(index);
     Some(Pose {
         time_s,
         dancer: dancer_figure(frame),
         robot: Figure {
             height_m,
-            ..robot_figure(retargeter, &positions)
+            ..robot_figure(retargeter, positions)
         },
     })
 }

@@ -1,5 +1,5 @@
 //! What is kept of a run for its report and its picture: positions twenty
-//! times a second, so that an hour of twenty joints takes about 12 MB.
+//! times a second, so that an hour of twenty joints takes about 40 MB.
 
 use servodance_types::MotionFrame;
 
@@ -8,7 +8,7 @@ use servodance_types::MotionFrame;
 pub struct JointTrace {
     joints: usize,
     times_s: Vec<f64>,
-    positions_rad: Vec<f32>,
+    positions_rad: Vec<f64>,
 }
 
 impl JointTrace {
@@ -24,8 +24,7 @@ impl JointTrace {
     /// Keeps one sample.
     pub fn push(&mut self, time_s: f64, positions_rad: impl Iterator<Item = f64>) {
         self.times_s.push(time_s);
-        self.positions_rad
-            .extend(positions_rad.take(self.joints).map(|p| p as f32));
+        self.positions_rad.extend(positions_rad.take(self.joints));
         debug_assert_eq!(self.positions_rad.len(), self.times_s.len() * self.joints);
     }
 
@@ -35,7 +34,7 @@ impl JointTrace {
     }
 
     /// Positions of one sample, radians.
-    pub fn sample(&self, index: usize) -> &[f32] {
+    pub fn sample(&self, index: usize) -> &[f64] {
         &self.positions_rad[index * self.joints..][..self.joints]
     }
 
@@ -50,7 +49,7 @@ impl JointTrace {
         self.times_s
             .iter()
             .enumerate()
-            .map(move |(i, t)| (*t, f64::from(self.sample(i)[joint])))
+            .map(move |(i, t)| (*t, self.sample(i)[joint]))
     }
 
     /// Mean joint speed at each sample, radians a second: the mean of the step
@@ -59,7 +58,7 @@ impl JointTrace {
         let count = self.times_s.len();
         let step = |from: usize| -> f64 {
             let moved = self.sample(from).iter().zip(self.sample(from + 1));
-            let sum: f64 = moved.map(|(a, b)| f64::from((b - a).abs())).sum();
+            let sum: f64 = moved.map(|(a, b)| (b - a).abs()).sum();
             sum / self.joints as f64 * rate_hz
         };
         let steps: Vec<f64> = (1..count).map(|i| step(i - 1)).collect();
