@@ -24,8 +24,10 @@
 //! - A joint that stays away from its command faults the bus (a blocked arm).
 //!
 //! Time is passed in, in seconds on any clock that only goes forward.
-//! [`SafeBus::tick`] is to be called once a control period: the limits are
-//! per period, so a late tick slows the motion and never speeds it up.
+//! [`SafeBus::tick`] is to be called once a control period. The limits are per
+//! period, so a late tick slows the motion; a tick that comes less than half a
+//! period after the one before (a loop that catches up) does nothing. Neither
+//! speeds the motion up.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -151,6 +153,8 @@ pub struct Interventions {
     pub acceleration: u64,
     /// Ticks without fresh targets.
     pub stale: u64,
+    /// Ticks that came too early and did nothing.
+    pub early: u64,
 }
 
 /// Why the safety layer stopped, or never began.
@@ -215,6 +219,8 @@ pub struct SafeBus<B: Bus> {
     ramp_began_s: Option<f64>,
     fresh_s: f64,
     held_since_s: f64,
+    /// When the commands last moved on.
+    stepped_s: f64,
     /// Since when each joint has been away from its command.
     away_since_s: Vec<Option<f64>>,
 }
@@ -236,6 +242,7 @@ impl<B: Bus> SafeBus<B> {
             ramp_began_s: None,
             fresh_s: 0.0,
             held_since_s: 0.0,
+            stepped_s: f64::NEG_INFINITY,
             away_since_s: vec![None; joints],
             bus,
         })
@@ -265,6 +272,7 @@ impl<B: Bus> SafeBus<B> {
         }
         self.away_since_s.fill(None);
         self.ramp_began_s = None;
+        self.stepped_s = f64::NEG_INFINITY;
         self.fresh_s = now_s;
         self.enter(now_s, State::Running, "torque is on");
         Ok(report)
@@ -296,7 +304,7 @@ impl<B: Bus> SafeBus<B> {
     }
 
     /// One control period: limits, one bus cycle, checks. Does nothing to the
-    /// wire while disarmed.
+    /// wire while disarmed, nor when called again too early: `states` then stay.
     pub fn tick(&mut self, now_s: f64, states: &mut [JointState]) -> Result<State, SafetyError> {
         if self.estop.is_pressed() {
             self.disarm(now_s, "emergency stop")?;
@@ -311,11 +319,17 @@ impl<B: Bus> SafeBus<B> {
             State::Fault => return Err(self.misplaced("tick")),
             _ => {}
         }
+        let early = now_s - self.stepped_s < 0.5 / self.config.control_hz;
         match self.state {
+            State::Running | State::Holding if early => {
+                self.interventions.early += 1;
+                return Ok(self.state);
+            }
             State::Running => self.follow(now_s),
             State::Holding => self.hold(),
             state => return Ok(state),
         }
+        self.stepped_s = now_s;
         if let Err(error) = self.bus.cycle(&self.sent_rad, states) {
             return Err(self.fault(now_s, error));
         }

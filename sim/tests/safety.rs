@@ -224,6 +224,32 @@ fn disarm_and_drop_end_in_torque_off() {
 }
 
 #[test]
+fn a_loop_that_catches_up_does_not_speed_the_motion_up() {
+    let mut rig = rig(2);
+    let target = |k: usize| 0.7 * (1.0 - (0.05 * k as f64).cos());
+    for k in 0..900 {
+        // Every 100 periods the loop sleeps for 8 of them and then hurries.
+        let hurried = k > 300 && k % 100 < 8;
+        let step_s = match k % 100 {
+            _ if k <= 300 => PERIOD_S,
+            8 => 9.0 * PERIOD_S - 8.0e-3,
+            _ if hurried => 1.0e-3,
+            _ => PERIOD_S,
+        };
+        rig.safe.command(rig.now_s, &[target(k); 2]);
+        rig.safe.tick(rig.now_s, &mut rig.states).unwrap();
+        rig.now_s += step_s;
+        rig.sim.advance(step_s);
+    }
+    assert!(
+        rig.safe.interventions().early > 30,
+        "{:?}",
+        rig.safe.interventions()
+    );
+    rig.clean();
+}
+
+#[test]
 fn an_emergency_stop_is_latched_until_it_is_cleared() {
     let mut rig = rig(2);
     rig.period(Some(&[0.1; 2])).unwrap();
