@@ -32,6 +32,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     let history = analyzer.history().ok_or("no history")?;
+    if what == "onsets" {
+        for (i, value) in history.onsets.iter().enumerate() {
+            writeln!(out, "{:.5} {value:.4}", history.onset_time_s(i))?;
+        }
+    }
     let times_s = match what {
         "causal" => history.beats_s.clone(),
         "offline" => track_offline(history).times_s,

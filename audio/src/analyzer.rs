@@ -71,7 +71,7 @@ impl MusicAnalyzer {
             received: 0,
             features: SpectralFeatures::new(ANALYSIS_RATE_HZ),
             onsets: OnsetDetector::new(ANALYSIS_RATE_HZ),
-            tracker: Tracker::new(f64::from(ANALYSIS_RATE_HZ) / HOP as f64),
+            tracker: Tracker::new(),
             frames: VecDeque::new(),
             caller: BeatCaller::default(),
             history: None,
@@ -280,6 +280,32 @@ mod tests {
             error.as_deref(),
             Some("the sample rate must be 4000 to 384000 Hz, not 10")
         );
+    }
+
+    #[test]
+    fn noise_has_no_beat() {
+        let mut state = 1u32;
+        let mut white = || {
+            state ^= state << 13;
+            state ^= state >> 17;
+            state ^= state << 5;
+            state as i32 as f32 / 2_147_483_648.0
+        };
+        let steady: Vec<f32> = (0..30 * 20_480).map(|_| 0.1 * white()).collect();
+        // Knocks at random times, five a second.
+        let mut knocks = vec![0.0f32; steady.len()];
+        let mut at = 0;
+        while at < knocks.len() - 400 {
+            for (age, sample) in knocks[at..at + 400].iter_mut().enumerate() {
+                *sample += 0.5 * white() * (-(age as f32) / 80.0).exp();
+            }
+            at += (20_480.0 * (0.05 - 0.15 * white().abs().max(1e-3).ln())) as usize;
+        }
+        for (name, samples) in [("noise", steady), ("knocks", knocks)] {
+            let frames = analyze(&samples, 20_480, 4096);
+            let sure = frames.iter().filter(|f| f.beat.confidence >= 0.5).count();
+            assert!(sure * 20 < frames.len(), "{name}: sure in {sure} frames");
+        }
     }
 
     #[test]

@@ -19,7 +19,7 @@ const LOWEST_HZ: f32 = 40.0;
 const LAG: usize = 2;
 /// First bands of the groups: below 160 Hz, up to 800 Hz, up to 3 kHz, above.
 const GROUPS: [usize; 5] = [0, 8, 17, 25, BANDS];
-const GROUP_WEIGHTS: [f32; 4] = [1.0, 0.7, 0.7, 0.7];
+const GROUP_WEIGHTS: [f32; 4] = [1.1, 0.5, 0.25, 0.5];
 /// How much louder than this share of the reference a band must be to count.
 const COMPRESSION: f32 = 100.0;
 /// From an audible onset to the peak of its strength; measured on clicks and
@@ -44,7 +44,6 @@ pub(crate) struct Onset {
     /// Whether anything is audible at all.
     pub(crate) audible: bool,
 }
-
 impl OnsetDetector {
     pub(crate) const LOOK_BACK: usize = WINDOW;
 

@@ -7,19 +7,25 @@
 //! may change a little; now and then belief is lent to the tempi that the
 //! tempogram suggests, so that a new song is found soon. Constant memory.
 
-use super::tempo::{TEMPI, bpm};
+use super::tempo::{RATE_HZ, TEMPI, bpm, period, prior_of};
 
-/// Half width of the window around a beat in which onsets count, seconds.
-const BEAT_SIGMA_S: f64 = 0.014;
-const BEAT_REACH_S: f64 = 0.035;
+/// Width of the bell around a beat in which onsets count, seconds, and its half
+/// length in hops.
+const BEAT_SIGMA_S: f32 = 0.017;
+const BELL: usize = 6;
 /// Weight of an onset's strength in the log-likelihood of a beat.
-const GAIN: f32 = 1.6;
+const GAIN: f32 = 2.1;
 /// Strength that is neither for nor against a beat.
-const NEUTRAL: f32 = 0.22;
-/// Chance of a step to a neighbouring tempo at a beat.
-const TEMPO_STEP: f32 = 0.02;
+const NEUTRAL: f32 = 0.07;
+/// How fast the chance of a change of tempo falls with its relative size.
+const STEADINESS: f32 = 120.0;
+/// Furthest change of the period at one beat, hops.
+const REACH: usize = 3;
 /// Belief lent to the tempogram's suggestion in one second.
-const LEND_PER_S: f64 = 0.04;
+const LEND_PER_S: f32 = 0.03;
+/// Weights of the usual tempi and of the tempogram: log-belief a second.
+const USUAL_PER_S: f32 = 0.24;
+const FITTING_PER_S: f32 = 0.22;
 
 /// One tempo's states: a ring of hops since the last beat.
 struct Ring {
@@ -30,7 +36,12 @@ struct Ring {
 
 impl Ring {
     fn at(&self, since_beat: usize) -> usize {
-        (self.zero + since_beat) % self.states.len()
+        let at = self.zero + since_beat;
+        if at < self.states.len() {
+            at
+        } else {
+            at - self.states.len()
+        }
     }
 
     fn total(&self) -> f32 {
@@ -41,10 +52,10 @@ impl Ring {
 /// What is believed of tempo and phase.
 pub(crate) struct Belief {
     rings: Vec<Ring>,
-    rate_hz: f64,
     /// The bell around a beat, by distance in hops.
-    bell: Vec<f32>,
-    lend: f32,
+    bell: [f32; BELL],
+    /// Chances of the steps from each tempo to its neighbours.
+    steps: Vec<[f32; 2 * REACH + 1]>,
 }
 
 /// The most believed tempo and phase.
@@ -59,38 +70,40 @@ pub(crate) struct Estimate {
 }
 
 impl Belief {
-    pub(crate) fn new(rate_hz: f64) -> Self {
-        let prior: Vec<f32> = (0..TEMPI).map(|i| super::tempo::prior_of(bpm(i))).collect();
+    pub(crate) fn new() -> Self {
+        let prior: Vec<f32> = (0..TEMPI).map(|i| prior_of(bpm(i))).collect();
         let sum: f32 = prior.iter().sum();
         let rings = (0..TEMPI)
             .map(|i| {
-                let period = (60.0 / bpm(i) * rate_hz).round() as usize;
+                let period = period(i);
                 Ring {
                     states: vec![prior[i] / sum / period as f32; period],
                     zero: 0,
                 }
             })
             .collect();
-        let reach = (BEAT_REACH_S * rate_hz) as usize;
-        let bell = (0..=reach)
-            .map(|hop| {
-                let x = hop as f64 / rate_hz / BEAT_SIGMA_S;
-                (-0.5 * x * x).exp() as f32
+        let bell = std::array::from_fn(|hop| {
+            let x = hop as f32 / RATE_HZ as f32 / BEAT_SIGMA_S;
+            (-0.5 * x * x).exp()
+        });
+        let steps = (0..TEMPI)
+            .map(|from| {
+                let mut chances: [f32; 2 * REACH + 1] = std::array::from_fn(|k| {
+                    let change = (k as f32 - REACH as f32).abs() / period(from) as f32;
+                    (-STEADINESS * change).exp()
+                });
+                let sum: f32 = chances.iter().sum();
+                chances.iter_mut().for_each(|c| *c /= sum);
+                chances
             })
             .collect();
-        Self {
-            rings,
-            rate_hz,
-            bell,
-            lend: (LEND_PER_S / rate_hz) as f32,
-        }
+        Self { steps, rings, bell }
     }
 
     /// Moves on by one hop in which `strength` was heard.
-    pub(crate) fn hop(&mut self, strength: f32, suggestion: &[f32; TEMPI]) {
+    pub(crate) fn hop(&mut self, strength: f32) {
         self.advance();
         self.weigh(strength);
-        self.normalise(suggestion);
     }
 
     fn advance(&mut self) {
@@ -100,55 +113,64 @@ impl Belief {
             ring.zero = (ring.zero + period - 1) % period;
             *arrived = ring.states[ring.zero];
         }
-        for (i, ring) in self.rings.iter_mut().enumerate() {
-            let below = arrived[i.saturating_sub(1)];
-            let above = arrived[(i + 1).min(TEMPI - 1)];
-            ring.states[ring.zero] =
-                (1.0 - 2.0 * TEMPO_STEP) * arrived[i] + TEMPO_STEP * (below + above);
+        for (to, ring) in self.rings.iter_mut().enumerate() {
+            let first = to.saturating_sub(REACH);
+            let last = (to + REACH).min(TEMPI - 1);
+            ring.states[ring.zero] = (first..=last)
+                .map(|from| self.steps[from][to + REACH - from] * arrived[from])
+                .sum();
         }
     }
 
     /// States near a beat gain or lose by what was heard.
     fn weigh(&mut self, strength: f32) {
         let log = GAIN * (strength - NEUTRAL);
+        let factors = self.bell.map(|bell| (log * bell).exp());
         for ring in &mut self.rings {
             let period = ring.states.len();
-            for (hop, bell) in self.bell.iter().enumerate() {
-                let factor = (log * bell).exp();
+            ring.states[ring.zero] *= factors[0];
+            for (hop, factor) in factors.iter().enumerate().skip(1) {
                 let late = ring.at(hop);
                 ring.states[late] *= factor;
-                if hop > 0 {
-                    let early = ring.at(period - hop);
-                    ring.states[early] *= factor;
-                }
+                let early = ring.at(period - hop);
+                ring.states[early] *= factor;
             }
         }
     }
 
-    fn normalise(&mut self, suggestion: &[f32; TEMPI]) {
+    /// Brings the sum back to one and mixes in what the tempogram suggests for
+    /// the `elapsed_s` since the last time; due every few hops.
+    pub(crate) fn settle(&mut self, suggestion: &[f32; TEMPI], elapsed_s: f32) {
         let total: f32 = self.rings.iter().map(Ring::total).sum();
-        let scale = (1.0 - self.lend) / total.max(1e-30);
-        for (ring, wish) in self.rings.iter_mut().zip(suggestion) {
-            let lent = self.lend * wish / ring.states.len() as f32;
+        let lend = LEND_PER_S * elapsed_s;
+        let scale = (1.0 - lend) / total.max(1e-30);
+        for (i, (ring, wish)) in self.rings.iter_mut().zip(suggestion).enumerate() {
+            let usual = USUAL_PER_S * prior_of(bpm(i)).ln();
+            let fitting = FITTING_PER_S * (wish * TEMPI as f32).ln();
+            let pull = (1.0 + elapsed_s * (usual + fitting)).max(0.5);
+            let lent = lend * wish / ring.states.len() as f32;
             for state in &mut ring.states {
-                *state = *state * scale + lent;
+                *state = *state * scale * pull + lent;
             }
         }
     }
 
     /// The most believed tempo with its neighbours, and the phase in it.
     pub(crate) fn estimate(&self) -> Estimate {
-        let totals: Vec<f32> = self.rings.iter().map(Ring::total).collect();
+        let totals: [f32; TEMPI] = std::array::from_fn(|i| self.rings[i].total());
         let around = |i: usize| -> f32 {
-            let low = i.saturating_sub(1);
-            totals[low..(i + 2).min(TEMPI)].iter().sum()
+            let reach = period(i) / 40;
+            totals[i.saturating_sub(reach)..(i + reach + 1).min(TEMPI)]
+                .iter()
+                .sum()
         };
         let best = (0..TEMPI)
             .max_by(|&a, &b| around(a).total_cmp(&around(b)))
             .unwrap_or(0);
         let phase = self.peak_phase(best);
-        let low = best.saturating_sub(2);
-        let high = (best + 3).min(TEMPI);
+        let reach = period(best) / 20;
+        let low = best.saturating_sub(reach);
+        let high = (best + reach + 1).min(TEMPI);
         // Mean tempo of the neighbourhood; mass near the phase.
         let (mut mass, mut turn, mut weight) = (0.0f32, 0.0f64, 0.0f64);
         let (mut sin, mut cos) = (0.0f64, 0.0f64);
@@ -182,10 +204,5 @@ impl Belief {
             .max_by(|&a, &b| ring.states[ring.at(a)].total_cmp(&ring.states[ring.at(b)]))
             .unwrap_or(0);
         best as f64 / period as f64
-    }
-
-    /// Hops a second.
-    pub(crate) fn rate_hz(&self) -> f64 {
-        self.rate_hz
     }
 }

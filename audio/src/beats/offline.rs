@@ -5,7 +5,7 @@
 //! onset, one local period after the one before.
 
 use super::history::History;
-use super::tempo::{TEMPI, bpm, fits};
+use super::tempo::{TEMPI, fits, period};
 
 /// Length of the window and distance of the looks at the tempo, seconds.
 const WINDOW_S: f64 = 10.0;
@@ -66,12 +66,14 @@ fn tempo_curve(onsets: &[f32], rate_hz: f64) -> Vec<f32> {
         .map(|look| {
             let centre = look * step;
             let end = (centre + half).min(onsets.len());
-            fits(&onsets[centre.saturating_sub(half)..end], rate_hz).map(f32::ln)
+            fits(&onsets[centre.saturating_sub(half)..end])
+                .likelihood
+                .map(f32::ln)
         })
         .collect();
     let path = best_tempi(&evidence);
     (0..onsets.len())
-        .map(|i| (60.0 / bpm(path[i / step]) * rate_hz) as f32)
+        .map(|i| period(path[i / step]) as f32)
         .collect()
 }
 

@@ -2,23 +2,43 @@
 //!
 //! Constant memory and the same work every hop.
 
-/// Tempi, slowest first, evenly spaced in octaves.
-pub(crate) const TEMPI: usize = 80;
-/// Range of the tempi in beats a minute.
-const SLOWEST_BPM: f64 = 60.0;
-const FASTEST_BPM: f64 = 190.0;
+/// Hops a second of the onset strength that tempi are counted in.
+pub(crate) const RATE_HZ: f64 = 160.0;
+/// Shortest period in hops: 213 BPM.
+const SHORTEST: usize = 45;
+/// Tempi: every whole number of hops down to 59 BPM, fastest first.
+pub(crate) const TEMPI: usize = 118;
 
+/// Middle and width of the bell of usual tempi.
+const USUAL_BPM: f64 = 130.0;
+const USUAL_OCTAVES: f64 = 0.63;
+/// How far the best tempo stands out from the others.
+const SHARPNESS: f32 = 3.2;
 /// Periods that the comb looks at.
 const TEETH: usize = 4;
 
-/// The tempo of an index, beats a minute.
+/// The period of a tempo in hops.
+pub(crate) const fn period(index: usize) -> usize {
+    SHORTEST + index
+}
+
+/// A tempo in beats a minute.
 pub(crate) fn bpm(index: usize) -> f64 {
-    SLOWEST_BPM * (FASTEST_BPM / SLOWEST_BPM).powf(index as f64 / (TEMPI - 1) as f64)
+    60.0 * RATE_HZ / period(index) as f64
+}
+
+/// What a stretch of onsets says of the tempo.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TempoFit {
+    /// How likely each tempo is, prior included; sums to one.
+    pub(crate) likelihood: [f32; TEMPI],
+    /// How regular the onsets are: their autocorrelation at the best tempo,
+    /// about 0.1 for speech and noise, above 0.2 for most music.
+    pub(crate) clarity: f32,
 }
 
 /// The autocorrelation of the onset strength with exponential forgetting.
 pub(crate) struct Tempogram {
-    rate_hz: f64,
     history: Vec<f32>,
     at: usize,
     correlation: Vec<f32>,
@@ -29,16 +49,15 @@ pub(crate) struct Tempogram {
 
 impl Tempogram {
     /// Time constant of the forgetting, seconds.
-    const MEMORY_S: f64 = 6.0;
+    const MEMORY_S: f64 = 7.5;
 
-    pub(crate) fn new(rate_hz: f64) -> Self {
-        let lags = longest_lag(rate_hz);
+    pub(crate) fn new() -> Self {
+        let lags = longest_lag();
         Self {
-            rate_hz,
             history: vec![0.0; lags],
             at: 0,
             correlation: vec![0.0; lags],
-            keep: (-1.0 / (Self::MEMORY_S * rate_hz)).exp() as f32,
+            keep: (-1.0 / (Self::MEMORY_S * RATE_HZ)).exp() as f32,
             mean: 0.0,
             energy: 0.0,
         }
@@ -59,35 +78,35 @@ impl Tempogram {
         self.at = (self.at + 1) % lags;
     }
 
-    /// How well each tempo fits, prior included; sums to one.
-    pub(crate) fn likelihood(&self) -> [f32; TEMPI] {
-        comb(&self.correlation, self.energy, self.rate_hz)
+    /// How well each tempo fits what was heard lately.
+    pub(crate) fn fit(&self) -> TempoFit {
+        comb(&self.correlation, self.energy)
     }
 }
 
-/// How well each tempo fits a whole stretch of onsets; sums to one.
-pub(crate) fn fits(onsets: &[f32], rate_hz: f64) -> [f32; TEMPI] {
+/// How well each tempo fits a whole stretch of onsets.
+pub(crate) fn fits(onsets: &[f32]) -> TempoFit {
     let mean = onsets.iter().sum::<f32>() / onsets.len().max(1) as f32;
     let level: Vec<f32> = onsets.iter().map(|v| v - mean).collect();
-    let correlation: Vec<f32> = (0..longest_lag(rate_hz))
+    let correlation: Vec<f32> = (0..longest_lag())
         .map(|lag| {
             let late = level.get(lag..).unwrap_or(&[]);
             late.iter().zip(&level).map(|(a, b)| a * b).sum()
         })
         .collect();
-    comb(&correlation, correlation[0], rate_hz)
+    comb(&correlation, correlation[0])
 }
 
 /// Lags that the comb may look at, hops.
-fn longest_lag(rate_hz: f64) -> usize {
-    (TEETH as f64 * 60.0 / SLOWEST_BPM * rate_hz) as usize + 4
+const fn longest_lag() -> usize {
+    TEETH * period(TEMPI - 1) + 4
 }
 
 /// Sums the autocorrelation at multiples of each period.
-fn comb(correlation: &[f32], energy: f32, rate_hz: f64) -> [f32; TEMPI] {
+fn comb(correlation: &[f32], energy: f32) -> TempoFit {
     let mut fit = [0.0f32; TEMPI];
     for (i, value) in fit.iter_mut().enumerate() {
-        let period = 60.0 / bpm(i) * rate_hz;
+        let period = period(i) as f64;
         let (mut sum, mut weights) = (0.0, 0.0);
         for tooth in 1..=TEETH {
             let weight = 1.0 / tooth as f32;
@@ -99,11 +118,14 @@ fn comb(correlation: &[f32], energy: f32, rate_hz: f64) -> [f32; TEMPI] {
     let peak = fit.iter().fold(1e-6f32, |m, &v| m.max(v));
     let mut sum = 0.0;
     for (i, value) in fit.iter_mut().enumerate() {
-        *value = (*value / peak).powi(4) * prior_of(bpm(i)) + 1e-5;
+        *value = (*value / peak).powf(SHARPNESS) * prior_of(bpm(i)) + 1e-5;
         sum += *value;
     }
     fit.iter_mut().for_each(|v| *v /= sum);
-    fit
+    TempoFit {
+        likelihood: fit,
+        clarity: peak,
+    }
 }
 
 fn at_lag(correlation: &[f32], lag: f64) -> f32 {
@@ -113,8 +135,8 @@ fn at_lag(correlation: &[f32], lag: f64) -> f32 {
     a + part.min(1.0) * (b - a)
 }
 
-/// What tempi people tap: a bell over octaves around 120 BPM.
+/// What tempi are usual: a bell over octaves.
 pub(crate) fn prior_of(bpm: f64) -> f32 {
-    let octaves = (bpm / 118.0).log2() / 0.55;
+    let octaves = (bpm / USUAL_BPM).log2() / USUAL_OCTAVES;
     (-0.5 * octaves * octaves).exp() as f32
 }

@@ -13,21 +13,28 @@
 //! stays believed for a while is taken over at once.
 
 use super::belief::{Belief, Estimate};
-use super::tempo::Tempogram;
+use super::tempo::{RATE_HZ, TempoFit, Tempogram};
 use crate::onset::Onset;
 use servodance_types::Beat;
 
 /// Confidence to lock, and below which a lock is held only.
-const LOCK: f32 = 0.55;
-const UNLOCK: f32 = 0.35;
+const LOCK: f32 = 0.4;
+const UNLOCK: f32 = 0.25;
+/// Clarity of the tempogram for noise and speech, and for music.
+const IRREGULAR: f32 = 0.1;
+const REGULAR: f32 = 0.2;
 /// How long a lock is held without confidence.
-const HOLD_S: f64 = 6.0;
+const HOLD_S: f64 = 7.0;
 /// Silence for so long ends the music.
 const SILENCE_S: f64 = 1.5;
 /// A contradicting belief must last so long before it is followed.
 const PATIENCE_S: f64 = 1.0;
+/// The same for half, double or the off-beat of what is followed.
+const LEVEL_PATIENCE_S: f64 = 4.0;
 /// Share of the phase error that is corrected in one second.
-const PHASE_PULL_PER_S: f64 = 2.5;
+const PHASE_PULL_PER_S: f64 = 2.7;
+/// Change of tempo, in beats a second per second, for a phase error of one.
+const LAG_PULL_PER_S2: f64 = 1.3;
 /// Share of the tempo error that is corrected in one second.
 const TEMPO_PULL_PER_S: f64 = 0.8;
 
@@ -47,7 +54,7 @@ pub enum BeatState {
 pub(crate) struct Tracker {
     tempogram: Tempogram,
     belief: Belief,
-    suggestion: [f32; super::tempo::TEMPI],
+    fit: TempoFit,
     hops: u64,
     state: BeatState,
     phase: f64,
@@ -62,12 +69,12 @@ pub(crate) struct Tracker {
 const LOOK_EVERY: u64 = 8;
 
 impl Tracker {
-    pub(crate) fn new(rate_hz: f64) -> Self {
-        let tempogram = Tempogram::new(rate_hz);
+    pub(crate) fn new() -> Self {
+        let tempogram = Tempogram::new();
         Self {
-            suggestion: tempogram.likelihood(),
+            fit: tempogram.fit(),
             tempogram,
-            belief: Belief::new(rate_hz),
+            belief: Belief::new(),
             hops: 0,
             state: BeatState::Lost,
             phase: 0.0,
@@ -85,19 +92,21 @@ impl Tracker {
 
     /// Takes one hop of onset strength.
     pub(crate) fn hop(&mut self, onset: Onset) {
-        let hop_s = 1.0 / self.belief.rate_hz();
+        let hop_s = 1.0 / RATE_HZ;
         self.silent_s = if onset.audible {
             0.0
         } else {
             self.silent_s + hop_s
         };
         self.tempogram.push(onset.strength);
-        self.belief.hop(onset.strength, &self.suggestion);
+        self.belief.hop(onset.strength);
         self.phase = (self.phase + self.bpm / 60.0 * hop_s).rem_euclid(1.0);
         self.hops += 1;
         if self.hops.is_multiple_of(LOOK_EVERY) {
-            self.suggestion = self.tempogram.likelihood();
-            self.look(LOOK_EVERY as f64 * hop_s);
+            let elapsed_s = LOOK_EVERY as f64 * hop_s;
+            self.fit = self.tempogram.fit();
+            self.belief.settle(&self.fit.likelihood, elapsed_s as f32);
+            self.look(elapsed_s);
         }
     }
 
@@ -107,7 +116,8 @@ impl Tracker {
         let clarity = if self.silent_s > SILENCE_S {
             0.0
         } else {
-            ((estimate.mass - 0.15) / 0.6).clamp(0.0, 1.0)
+            let regular = (self.fit.clarity - IRREGULAR) / (REGULAR - IRREGULAR);
+            ((estimate.mass - 0.15) / 0.6).clamp(0.0, 1.0) * regular.clamp(0.0, 1.0)
         };
         let pull = (2.0 * elapsed_s) as f32;
         self.confidence += pull.min(1.0) * (clarity - self.confidence);
@@ -160,13 +170,23 @@ impl Tracker {
             let trust = f64::from(self.confidence);
             self.phase += (PHASE_PULL_PER_S * elapsed_s * trust).min(1.0) * error;
             self.phase = self.phase.rem_euclid(1.0);
+            // The integral part, without which a wrong tempo would leave a lag.
+            self.bpm += 60.0 * LAG_PULL_PER_S2 * elapsed_s * trust * error;
             self.bpm *= (TEMPO_PULL_PER_S * elapsed_s * trust * tempo_error).exp();
             return;
         }
         if self.confidence > UNLOCK {
             self.contradicted_s += elapsed_s;
         }
-        if self.contradicted_s > PATIENCE_S {
+        // Another level of the same beat is doubtful news: wait longer.
+        let octave = (estimate.bpm / self.bpm).log2();
+        let related = (octave - octave.round()).abs() < 0.06;
+        let patience_s = if related {
+            LEVEL_PATIENCE_S
+        } else {
+            PATIENCE_S
+        };
+        if self.contradicted_s > patience_s {
             self.phase = estimate.phase;
             self.bpm = estimate.bpm;
             self.contradicted_s = 0.0;
