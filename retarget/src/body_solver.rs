@@ -1,10 +1,12 @@
-//! The whole-body problem: all limbs, feet and the base at once.
+//! The whole-body problem: all limbs at once, or legs and base at once.
 //!
-//! Unknowns are the joint positions and, for a planted robot, six of the root
-//! link (shift and turn in the world). Every cycle does a few damped
-//! Gauss-Newton steps from the last solution; joint positions stay inside
-//! their limits and move at most `velocity * dt` a cycle, so that other joints
-//! help where one is at its limit. Nothing allocates after building.
+//! Unknowns are the joint positions and, for legs that stand, six of the root
+//! link (shift and turn in the world). A robot on its feet is solved in two
+//! halves: arms and head for the moment that the preview reaches, legs and root
+//! for now, boxed by what the output can follow, so that the feet stay. The
+//! halves touch only through the root's pose: an arm shall not pull the body out
+//! of its place. Each does a few damped Gauss-Newton steps from its last
+//! solution. Nothing allocates after building.
 
 use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
@@ -26,6 +28,8 @@ const FOOT_TURN: f64 = 200.0;
 /// legs cannot reach is shared between the two.
 const PELVIS_PLACE: f64 = 50.0;
 const ROOT_TURN: f64 = 5.0;
+/// Most damping of legs that stand.
+const STANCE_DAMPING: f64 = 0.02;
 /// Capsules nearer than this push each other apart, with this weight, 1/m.
 const SAFE_GAP_M: f64 = 0.012;
 const GAP: f64 = 100.0;
@@ -40,11 +44,32 @@ const FAR_RAD: f64 = 1.0;
 /// Where the feet are to stay, in the world; `[left, right]`.
 pub(crate) type Feet = [Isometry3<f64>; 2];
 
+/// Which part of the robot a solver is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Role {
+    /// All of a robot on a stand.
+    Hung,
+    /// What a robot on its feet has above the legs.
+    Upper,
+    /// Its legs and its root link.
+    Stance,
+}
+
+/// What a solve is for.
+#[derive(Clone, Copy)]
+pub(crate) enum Task<'a> {
+    /// Show the dancer's limbs, head and chest; the root link stays at `base`.
+    Dance(&'a Aim),
+    /// Bring the root link to `root` while the feet stay; the others stay, too.
+    Stand {
+        root: &'a Isometry3<f64>,
+        feet: &'a Feet,
+    },
+}
+
 /// What one solve is asked.
 pub(crate) struct Question<'a> {
-    pub aim: &'a Aim,
-    /// Place and orientation of the root link; feet that stay. `None`: hung.
-    pub standing: Option<(&'a Isometry3<f64>, &'a Feet)>,
+    pub task: Task<'a>,
     pub rest: &'a [f64],
     pub steps: usize,
     /// Lowest and highest position of each joint in this solve.
@@ -65,7 +90,9 @@ pub(crate) struct BodySolver {
     map: BodyMap,
     limbs: [Limb; 4],
     weights: Weights,
+    /// Whether the root link's six are among the unknowns.
     floating: bool,
+    legs_stand: bool,
     /// Orientation of the chest link when the robot stands upright.
     chest_rest: UnitQuaternion<f64>,
     face_in_head: Vector3<f64>,
@@ -88,8 +115,9 @@ impl BodySolver {
         weights: Weights,
         limits: &[JointLimits],
         upright: UnitQuaternion<f64>,
-        floating: bool,
+        role: Role,
     ) -> Self {
+        let floating = role == Role::Stance;
         let joints = limits.len();
         let unknowns = if floating { joints + 6 } else { joints };
         let positions: Vec<f64> = limits.iter().map(|limit| limit.clamp_rad(0.0)).collect();
@@ -120,6 +148,7 @@ impl BodySolver {
             limbs,
             weights,
             floating,
+            legs_stand: role != Role::Hung,
             chest_rest: upright * in_root(map.chest),
             face_in_head: head_upright.inverse() * Vector3::x(),
             base: Isometry3::from_parts(Translation3::identity(), upright),
@@ -164,15 +193,26 @@ impl BodySolver {
             model,
             poses: &poses,
         };
-        self.ask_limbs(&robot, question);
-        self.ask_body(&robot, question);
-        self.ask_distance(&robot);
-        if self.floating {
-            self.ask_balance(&robot);
+        match question.task {
+            Task::Dance(aim) => {
+                self.ask_limbs(&robot, aim);
+                self.ask_trunk(&robot, aim);
+                self.ask_distance(&robot);
+            }
+            Task::Stand { root, feet } => {
+                self.ask_stance(&robot, root, feet);
+                self.ask_balance(&robot);
+            }
         }
         self.poses = poses;
+        // Legs that stand are tied to root and feet: damping would only make
+        // the root late.
+        let damping = match question.task {
+            Task::Dance(_) => self.weights.damping,
+            Task::Stand { .. } => self.weights.damping.min(STANCE_DAMPING),
+        };
         for column in 0..self.low.len() {
-            self.solver.add_single(self.weights.damping, 0.0, column);
+            self.solver.add_single(damping, 0.0, column);
         }
         for (column, rest) in question.rest.iter().enumerate() {
             let away = self.positions[column] - rest;
@@ -204,17 +244,16 @@ impl BodySolver {
         self.high[joints..].fill(LONGEST_STEP);
     }
 
-    fn ask_limbs(&mut self, robot: &Posed, question: &Question) {
+    fn ask_limbs(&mut self, robot: &Posed, aim: &Aim) {
         let Weights {
             upper_limb,
             lower_limb,
             tip,
             ..
         } = self.weights;
-        let aim = question.aim;
         for limb in self.limbs {
-            // The legs of a planted robot follow from pelvis and feet.
-            if limb.is_leg && question.standing.is_some() {
+            // Legs that stand follow from pelvis and feet.
+            if limb.is_leg && self.legs_stand {
                 continue;
             }
             let (upper, lower) = match limb.is_leg {
@@ -272,28 +311,28 @@ impl BodySolver {
         self.columns.clear();
     }
 
-    fn ask_body(&mut self, robot: &Posed, question: &Question) {
+    fn ask_trunk(&mut self, robot: &Posed, aim: &Aim) {
         let Weights { torso, head, .. } = self.weights;
         if let Some(link) = self.map.head {
             let now = robot.poses[link].rotation * self.face_in_head;
             self.columns.turn(robot, link);
             self.columns.map(|column| column.cross(&now));
-            self.ask_direction(now, question.aim.face, head);
+            self.ask_direction(now, aim.face, head);
         }
-        if let Some((root, feet)) = question.standing {
-            self.ask_turn(robot, 0, root.rotation, ROOT_TURN);
-            self.ask_place(robot, 0, root.translation.vector, PELVIS_PLACE);
-            for (leg, foot) in self.map.legs.into_iter().zip(feet) {
-                if let Some(sole) = leg.sole {
-                    self.ask_turn(robot, sole, foot.rotation, FOOT_TURN);
-                    self.ask_place(robot, sole, foot.translation.vector, FOOT_PLACE);
-                }
-            }
-        }
-        // A chest that is rigid with the root has been asked already.
+        // A chest that is rigid with the root goes where that goes.
         if !robot.model.levers[self.map.chest].is_empty() {
-            let chest = question.aim.chest * self.chest_rest;
-            self.ask_turn(robot, self.map.chest, chest, torso);
+            self.ask_turn(robot, self.map.chest, aim.chest * self.chest_rest, torso);
+        }
+    }
+
+    fn ask_stance(&mut self, robot: &Posed, root: &Isometry3<f64>, feet: &Feet) {
+        self.ask_turn(robot, 0, root.rotation, ROOT_TURN);
+        self.ask_place(robot, 0, root.translation.vector, PELVIS_PLACE);
+        for (leg, foot) in self.map.legs.into_iter().zip(feet) {
+            if let Some(sole) = leg.sole {
+                self.ask_turn(robot, sole, foot.rotation, FOOT_TURN);
+                self.ask_place(robot, sole, foot.translation.vector, FOOT_PLACE);
+            }
         }
     }
 

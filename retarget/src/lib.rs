@@ -21,6 +21,7 @@ mod guard;
 mod human;
 mod model;
 mod pelvis;
+mod preview;
 mod retargeter;
 mod solver;
 mod stream;

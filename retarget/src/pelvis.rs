@@ -27,6 +27,7 @@ const TURN_ACCELERATION: f64 = 10.0;
 pub(crate) struct Pelvis {
     rest: Isometry3<f64>,
     leg_m: f64,
+    dt_s: f64,
     /// x, y, z in leg lengths, then the turn as a scaled axis.
     trackers: [Tracker; 6],
 }
@@ -34,29 +35,17 @@ pub(crate) struct Pelvis {
 impl Pelvis {
     /// Standing still at `rest`, the root link's pose.
     pub fn new(rest: Isometry3<f64>, leg_m: f64, dt_s: f64) -> Self {
-        let tracker = |lower: f64, upper: f64, velocity: f64, acceleration: f64| {
-            let limits = JointLimits {
-                lower_rad: lower,
-                upper_rad: upper,
-                velocity_rad_s: velocity,
-                acceleration_rad_s2: acceleration,
-            };
-            Tracker::new(limits, acceleration / 0.03, dt_s, 0.0)
-        };
-        let turn = || tracker(-MOST_TURN, MOST_TURN, TURN_RATE, TURN_ACCELERATION);
-        let sway = |most: f64| tracker(-most, most, SWAY_RATE, SWAY_ACCELERATION);
         Self {
             rest,
             leg_m,
-            trackers: [
-                sway(MOST_SWAY[0]),
-                sway(MOST_SWAY[1]),
-                tracker(-DEEPEST, HIGHEST, SWAY_RATE, SWAY_ACCELERATION),
-                turn(),
-                turn(),
-                turn(),
-            ],
+            dt_s,
+            trackers: trackers(dt_s),
         }
+    }
+
+    /// Stands still at rest again.
+    pub fn restart(&mut self) {
+        self.trackers = trackers(self.dt_s);
     }
 
     /// Takes over where the root link really got to.
@@ -69,28 +58,63 @@ impl Pelvis {
         }
     }
 
-    /// The root link's pose for one cycle; `gain` scales all movement.
-    pub fn step(&mut self, aim: &Aim, gain: f64) -> Isometry3<f64> {
+    /// What the dancer asks for, softly kept in reach; `gain` scales it.
+    pub fn wanted(aim: &Aim, gain: f64) -> [f64; 6] {
         let turn = aim.chest.scaled_axis() * gain;
-        let wanted = [
+        [
             soft_limit(aim.sway.x * gain, MOST_SWAY[0]),
             soft_limit(aim.sway.y * gain, MOST_SWAY[1]),
             soft_between(aim.sway.z * gain, -DEEPEST, HIGHEST),
             soft_limit(turn.x, MOST_TURN),
             soft_limit(turn.y, MOST_TURN),
             soft_limit(turn.z, MOST_TURN),
-        ];
+        ]
+    }
+
+    /// The root link's pose for one cycle, `wanted` being due when the preview
+    /// ends.
+    pub fn step(&mut self, wanted: &[f64; 6]) -> Isometry3<f64> {
         for (tracker, wanted) in self.trackers.iter_mut().zip(wanted) {
-            tracker.step(wanted);
+            tracker.step(*wanted);
         }
-        let [x, y, z, roll, pitch, yaw] = &self.trackers;
-        let shift = Vector3::new(x.position(), y.position(), z.position()) * self.leg_m;
-        let turn = Vector3::new(roll.position(), pitch.position(), yaw.position());
+        let mut reached = [0.0; 6];
+        for (reached, tracker) in reached.iter_mut().zip(&self.trackers) {
+            *reached = tracker.position();
+        }
+        self.pose(&reached)
+    }
+
+    /// The root link's pose for these six values.
+    pub fn pose(&self, [x, y, z, roll, pitch, yaw]: &[f64; 6]) -> Isometry3<f64> {
+        let shift = Vector3::new(*x, *y, *z) * self.leg_m;
         Isometry3::from_parts(
             Translation3::from(self.rest.translation.vector + shift),
-            UnitQuaternion::from_scaled_axis(turn) * self.rest.rotation,
+            UnitQuaternion::from_scaled_axis(Vector3::new(*roll, *pitch, *yaw))
+                * self.rest.rotation,
         )
     }
+}
+
+fn trackers(dt_s: f64) -> [Tracker; 6] {
+    let tracker = |lower: f64, upper: f64, velocity: f64, acceleration: f64| {
+        let limits = JointLimits {
+            lower_rad: lower,
+            upper_rad: upper,
+            velocity_rad_s: velocity,
+            acceleration_rad_s2: acceleration,
+        };
+        Tracker::new(limits, acceleration / 0.03, dt_s, 0.0)
+    };
+    let turn = || tracker(-MOST_TURN, MOST_TURN, TURN_RATE, TURN_ACCELERATION);
+    let sway = |most: f64| tracker(-most, most, SWAY_RATE, SWAY_ACCELERATION);
+    [
+        sway(MOST_SWAY[0]),
+        sway(MOST_SWAY[1]),
+        tracker(-DEEPEST, HIGHEST, SWAY_RATE, SWAY_ACCELERATION),
+        turn(),
+        turn(),
+        turn(),
+    ]
 }
 
 /// Follows small values, stays between `low < 0` and `high > 0`.

@@ -10,13 +10,14 @@ use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 
 use crate::balance::Support;
 use crate::body::BodyMap;
-use crate::body_solver::{BodySolver, Feet, Question};
+use crate::body_solver::{BodySolver, Feet, Question, Role, Task};
 use crate::collision;
 use crate::config::{Limb, RetargetConfig, Stance};
 use crate::error::choices;
 use crate::guard::Guard;
 use crate::human::{self, Aim, Heading, Reader};
 use crate::pelvis::Pelvis;
+use crate::preview::PREVIEW_S;
 use crate::stream::{LOOKAHEAD_FRAMES, MotionStream};
 use crate::tracker::Tracker;
 use crate::{Counts, RetargetError, RobotModel};
@@ -52,6 +53,7 @@ pub struct Retargeter {
     standing: Option<Standing>,
     trackers: Vec<Tracker>,
     bounds: Vec<(f64, f64)>,
+    leg_bounds: Vec<(f64, f64)>,
     guard: Guard,
     wanted: Vec<f64>,
     output: Vec<f64>,
@@ -64,6 +66,8 @@ pub struct Retargeter {
 struct Standing {
     feet: Feet,
     pelvis: Pelvis,
+    legs: BodySolver,
+    support: Support,
 }
 
 impl Retargeter {
@@ -93,8 +97,9 @@ impl Retargeter {
         let upright = upright_rotation(config)?;
         let dt_s = 1.0 / control_hz;
 
-        let floating = config.stance == Stance::Planted;
-        let solver = BodySolver::new(&model, map, config.weights, &limits, upright, floating);
+        let planted = config.stance == Stance::Planted;
+        let role = if planted { Role::Upper } else { Role::Hung };
+        let solver = BodySolver::new(&model, map, config.weights, &limits, upright, role);
         let waist = !model.levers[map.chest].is_empty();
         let heading = match (config.stance, waist) {
             (Stance::Planted, _) => Heading::Slow,
@@ -104,7 +109,7 @@ impl Retargeter {
         let limbs = map.limbs(&model);
         let is_leg = |limb: &Limb| matches!(limb, Limb::LeftLeg | Limb::RightLeg);
         let mut retargeter = Self {
-            stands_on: limbs.iter().map(|l| floating && is_leg(l)).collect(),
+            stands_on: limbs.iter().map(|l| planted && is_leg(l)).collect(),
             limbs,
             rest: solver.positions.clone(),
             gains: config.gain,
@@ -115,6 +120,7 @@ impl Retargeter {
             reader: Reader::new(heading, dt_s),
             standing: None,
             trackers: Vec::new(),
+            leg_bounds: vec![(0.0, 0.0); limits.len()],
             bounds: limits.iter().map(|l| (l.lower_rad, l.upper_rad)).collect(),
             guard: Guard::new(limits.len(), dt_s),
             wanted: vec![0.0; limits.len()],
@@ -165,7 +171,7 @@ impl Retargeter {
 
     /// How far beyond the asked time frames must have been pushed, seconds.
     pub fn lookahead_s(&self) -> f64 {
-        LOOKAHEAD_FRAMES as f64 / FRAME_RATE_HZ
+        LOOKAHEAD_FRAMES as f64 / FRAME_RATE_HZ + self.preview_s()
     }
 
     /// How long after a human pose's time the output shows it, seconds, while
@@ -207,7 +213,8 @@ impl Retargeter {
     pub fn next(&mut self, time_s: f64, out_rad: &mut [f64]) -> Result<(), RetargetError> {
         self.check_length(out_rad.len())?;
         self.counts.cycles += 1;
-        let aim = match self.stream.at(time_s, &mut self.counts) {
+        self.counts.starved_cycles += u64::from(self.stream.is_over(time_s));
+        let aim = match self.stream.at(time_s + self.preview_s()) {
             Some(points) if self.mirror => self.reader.read(&human::mirrored(&points)),
             Some(points) => self.reader.read(&points),
             None => Aim::standing(),
@@ -219,23 +226,40 @@ impl Retargeter {
         Ok(())
     }
 
+    /// How far ahead of the output the solver of arms and head works.
+    fn preview_s(&self) -> f64 {
+        self.trackers
+            .first()
+            .map_or(PREVIEW_S, |t| t.preview_cycles() as f64 * self.dt_s)
+    }
+
+    /// Solves for the legs now and for the rest when the preview ends.
     fn solve(&mut self, aim: &Aim) {
         self.set_bounds();
-        let torso = self.amplitude * self.gains.torso;
-        let base = self.solver.base;
-        let root = self.standing.as_mut().map(|standing| {
-            standing.pelvis.observe(&base);
-            standing.pelvis.step(aim, torso)
-        });
-        let standing = match (&root, &self.standing) {
-            (Some(root), Some(standing)) => Some((root, &standing.feet)),
-            _ => None,
-        };
+        let gain = self.amplitude * self.gains.torso;
+        if let Some(standing) = &mut self.standing {
+            let wanted = Pelvis::wanted(aim, gain);
+            standing.pelvis.observe(&standing.legs.base);
+            let root = standing.pelvis.step(&wanted);
+            standing.legs.positions.copy_from_slice(&self.output);
+            standing.legs.solve(
+                &self.model,
+                &Question {
+                    task: Task::Stand {
+                        root: &root,
+                        feet: &standing.feet,
+                    },
+                    rest: &self.rest,
+                    steps: STEPS,
+                    bounds: &self.leg_bounds,
+                },
+            );
+            self.solver.base = standing.pelvis.pose(&wanted);
+        }
         self.solver.solve(
             &self.model,
             &Question {
-                aim,
-                standing,
+                task: Task::Dance(aim),
                 rest: &self.rest,
                 steps: STEPS,
                 bounds: &self.bounds,
@@ -243,24 +267,27 @@ impl Retargeter {
         );
     }
 
-    /// How far each joint of the solution may go in this cycle. Legs that stand
-    /// go exactly as far as the output can follow, so that the whole body waits
-    /// for the slowest of them and the feet stay; other joints, which are
-    /// smoothed afterwards, as far as their speed allows.
+    /// How far each joint may go in this cycle. Legs that stand go exactly as
+    /// far as the output can follow, so that the whole body waits for the
+    /// slowest of them and the feet stay; other joints, which are smoothed
+    /// afterwards, as far as their speed allows.
     fn set_bounds(&mut self) {
-        for (joint, bounds) in self.bounds.iter_mut().enumerate() {
+        for joint in 0..self.limits.len() {
             let limits = &self.limits[joint];
-            *bounds = if self.stands_on[joint] {
-                self.solver.positions[joint] = self.trackers[joint].position();
-                self.trackers[joint].allowed()
+            let here = self.output[joint];
+            if self.stands_on[joint] {
+                self.leg_bounds[joint] = self.trackers[joint].allowed();
+                self.bounds[joint] = (here, here);
+                self.solver.positions[joint] = here;
             } else {
                 let now = self.solver.positions[joint];
                 let reach = limits.velocity_rad_s * self.dt_s;
-                (
+                self.leg_bounds[joint] = (here, here);
+                self.bounds[joint] = (
                     limits.lower_rad.max(now - reach),
                     limits.upper_rad.min(now + reach),
-                )
-            };
+                );
+            }
         }
     }
 
@@ -268,14 +295,14 @@ impl Retargeter {
     fn track(&mut self) {
         let mut limited = false;
         for (joint, tracker) in self.trackers.iter_mut().enumerate() {
-            let solved = self.solver.positions[joint];
             let (bounds, wanted) = (&mut self.bounds[joint], &mut self.wanted[joint]);
-            if self.stands_on[joint] {
+            if let (Some(standing), true) = (&self.standing, self.stands_on[joint]) {
                 // Decided together with the feet; not for the guard to change.
-                *wanted = solved;
-                *bounds = (solved, solved);
+                *wanted = standing.legs.positions[joint];
+                *bounds = (*wanted, *wanted);
                 continue;
             }
+            let solved = self.solver.positions[joint];
             let scale = self.amplitude * self.gains.of(self.limbs[joint]);
             let rest = self.rest[joint];
             let aimed = tracker.aim(rest + scale * (solved - rest));
@@ -315,8 +342,7 @@ impl Retargeter {
             return;
         };
         let com = self.model.centre_of_mass(&self.poses);
-        let support = self.solver.support.as_ref();
-        let unbalanced = support.is_some_and(|support| support.outside_m(&com) > 0.0);
+        let unbalanced = standing.support.outside_m(&com) > 0.0;
         self.counts.unbalanced_cycles += u64::from(unbalanced);
         let moved = (0..2).any(|side| {
             let Some(sole) = self.map.legs[side].sole else {
@@ -375,6 +401,10 @@ impl Retargeter {
         }
         self.output.copy_from_slice(positions);
         let root = self.world_from_root(positions);
+        if let Some(standing) = &mut self.standing {
+            standing.pelvis.restart();
+            standing.legs.base = root;
+        }
         self.model.place(&root, positions, &mut self.poses);
     }
 
@@ -383,17 +413,20 @@ impl Retargeter {
     fn find_rest(&mut self, config: &RetargetConfig) -> Result<(), RetargetError> {
         let fixed = rest_overrides(&self.model, &self.limits, &config.rest_deg)?;
         let far = self.bounds.clone();
-        let aim = Aim::standing();
         let zero: Vec<f64> = self.solver.positions.clone();
-        let hold = |positions: &mut [f64]| {
-            for &(joint, position) in &fixed {
-                positions[joint] = position;
-            }
-        };
+        self.solver.solve(
+            &self.model,
+            &Question {
+                task: Task::Dance(&Aim::standing()),
+                rest: &zero,
+                steps: REST_STEPS,
+                bounds: &far,
+            },
+        );
         if config.stance == Stance::Planted {
-            let hips_known = self.map.legs.iter().all(|leg| leg.sole.is_some());
             let length = self.solver.leg_length();
-            if !hips_known || length < 1e-3 {
+            let legs = &self.map.legs;
+            if !legs.iter().all(|leg| leg.sole.is_some()) || length < 1e-3 {
                 return Err(RetargetError::Config {
                     key: "stance".into(),
                     value: "planted".into(),
@@ -405,27 +438,15 @@ impl Retargeter {
                     ),
                 });
             }
-            self.stand(config, length, &zero, &far);
-        } else {
-            self.solver.solve(
-                &self.model,
-                &Question {
-                    aim: &aim,
-                    standing: None,
-                    rest: &zero,
-                    steps: REST_STEPS,
-                    bounds: &far,
-                },
-            );
+            self.stand(config, length, &far);
         }
-        hold(&mut self.solver.positions);
+        for &(joint, position) in &fixed {
+            self.solver.positions[joint] = position;
+        }
         self.keep_knees_bent(&zero);
         self.rest.clone_from(&self.solver.positions);
         let poses = self.solver.poses(&self.model).to_vec();
         self.solver.pairs = collision::pairs(&self.model, &self.map, &poses);
-        if let Some(standing) = &self.standing {
-            self.solver.support = Some(Support::new(&standing.feet, config.sole_m));
-        }
         Ok(())
     }
 
@@ -473,41 +494,57 @@ impl Retargeter {
     }
 
     /// Puts the robot on its feet, sunk a little, its weight between them.
-    fn stand(&mut self, config: &RetargetConfig, leg_m: f64, zero: &[f64], far: &[(f64, f64)]) {
-        let aim = Aim::standing();
-        self.solver.base = self.held_root;
+    fn stand(&mut self, config: &RetargetConfig, leg_m: f64, far: &[(f64, f64)]) {
+        let mut legs = BodySolver::new(
+            &self.model,
+            self.map,
+            config.weights,
+            &self.limits,
+            self.held_root.rotation,
+            Role::Stance,
+        );
+        let start = self.solver.positions.clone();
+        legs.positions.clone_from(&start);
+        legs.base = self.held_root;
         let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
-        let poses = self.solver.poses(&self.model);
-        let floor = soles
-            .iter()
-            .map(|&sole| poses[sole].translation.z)
-            .fold(f64::INFINITY, f64::min);
+        let poses = legs.poses(&self.model);
+        let heights = soles.map(|sole| poses[sole].translation.z);
         let mut feet = soles.map(|sole| poses[sole]);
         for foot in &mut feet {
             foot.translation.z = 0.0;
         }
         let middle = (feet[0].translation.vector + feet[1].translation.vector) * 0.5;
         let mut root = self.held_root;
-        root.translation.z -= floor + config.crouch * leg_m;
+        root.translation.z -= heights[0].min(heights[1]) + config.crouch * leg_m;
         for _ in 0..20 {
-            self.solver.solve(
+            legs.solve(
                 &self.model,
                 &Question {
-                    aim: &aim,
-                    standing: Some((&root, &feet)),
-                    rest: zero,
+                    task: Task::Stand {
+                        root: &root,
+                        feet: &feet,
+                    },
+                    rest: &start,
                     steps: REST_STEPS / 10,
                     bounds: far,
                 },
             );
-            let poses = self.solver.poses(&self.model);
+            let poses = legs.poses(&self.model);
             let com = self.model.centre_of_mass(poses);
             root.translation.x -= 0.7 * (com.x - middle.x);
             root.translation.y -= 0.7 * (com.y - middle.y);
         }
-        // What was reached, not what was asked: rest is then an equilibrium.
-        let pelvis = Pelvis::new(self.solver.base, leg_m, self.dt_s);
-        self.standing = Some(Standing { feet, pelvis });
+        self.solver.positions.clone_from(&legs.positions);
+        self.solver.base = legs.base;
+        let support = Support::new(&feet, config.sole_m);
+        legs.support = Some(support.clone());
+        self.standing = Some(Standing {
+            // What was reached, not what was asked: rest is then an equilibrium.
+            pelvis: Pelvis::new(legs.base, leg_m, self.dt_s),
+            feet,
+            legs,
+            support,
+        });
     }
 }
 

@@ -70,6 +70,20 @@ impl Solver {
         }
     }
 
+    /// Adds `weight^2 / 2 * (row . x)^2`.
+    pub fn add_row(&mut self, weight: f64, row: &[f64]) {
+        for (i, a) in row.iter().enumerate() {
+            for (j, b) in row[..=i].iter().enumerate() {
+                self.h[i * self.size + j] += weight * weight * a * b;
+            }
+        }
+    }
+
+    /// Replaces the linear part.
+    pub fn set_slope(&mut self, slope: &[f64]) {
+        self.g.copy_from_slice(slope);
+    }
+
     /// Adds `weight^2 / 2 * (residual + x[column])^2`.
     pub fn add_single(&mut self, weight: f64, residual: f64, column: usize) {
         let square = weight * weight;

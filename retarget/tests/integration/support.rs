@@ -178,7 +178,7 @@ pub fn dance_pose(time_s: f64) -> Pose {
     let beat = TAU * time_s * 110.0 / 60.0;
     let slow = beat / 4.0;
     let mut pose = Pose::standing();
-    let bend = 0.35 - 0.2 * beat.cos();
+    let bend = 0.35 - 0.1 * beat.cos();
     pose.knee = [bend; 2];
     pose.pelvis = Vector3::new(
         0.0,
