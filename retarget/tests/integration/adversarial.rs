@@ -17,17 +17,15 @@ fn noise(rng: &mut ChaCha8Rng, frames: &mut [MotionFrame], amount: f32) {
 
 #[test]
 fn noise_of_every_size_breaks_no_limit() {
-    let robot = Robot::op3();
-    for (seed, amount) in [(1, 0.01), (2, 0.1), (3, 1.0), (4, 100.0)] {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut frames = dance(20.0);
-        noise(&mut rng, &mut frames, amount);
-        let track = follow(&mut robot.retargeter(), &frames);
-        assert_eq!(
-            violations(&track, &robot.limits()),
-            [0; 3],
-            "noise {amount}"
-        );
+    for (name, robot) in Robot::all() {
+        for (seed, amount) in [(1, 0.01), (2, 0.1), (3, 1.0), (4, 100.0)] {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let mut frames = dance(20.0);
+            noise(&mut rng, &mut frames, amount);
+            let track = follow(&mut robot.retargeter(), &frames);
+            let broken = violations(&track, &robot.limits());
+            assert_eq!(broken, [0; 3], "{name}, noise {amount}");
+        }
     }
 }
 

@@ -69,6 +69,26 @@ fn direction_errors(track: &[Vec<f64>]) -> Vec<f64> {
 }
 
 #[test]
+fn every_robot_moves_every_joint() {
+    for (name, robot) in Robot::all() {
+        let track = follow(&mut robot.retargeter(), &dance(20.0));
+        assert_eq!(violations(&track, &robot.limits()), [0; 3], "{name}");
+        for (joint, (joint_name, _)) in robot.joints.iter().enumerate() {
+            let positions = track.iter().map(|row| row[joint]);
+            let low = positions.clone().fold(f64::INFINITY, f64::min);
+            let high = positions.fold(f64::NEG_INFINITY, f64::max);
+            let still = ["head_tilt", "head_y", "neck_tilt", "bust_x", "bust_y"]
+                .contains(&joint_name.as_str());
+            // This dancer does not nod or lean.
+            assert!(
+                still || high - low > 0.02,
+                "{name}: {joint_name} stands still"
+            );
+        }
+    }
+}
+
+#[test]
 fn limbs_point_where_the_dancer_s_do() {
     let errors = direction_errors(&follow(&mut Robot::op3().retargeter(), &dance(30.0)));
     let median = errors[errors.len() / 2];

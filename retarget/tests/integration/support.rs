@@ -24,6 +24,27 @@ impl Robot {
         )
     }
 
+    /// Every robot of `configs/`, by name.
+    pub fn all() -> [(&'static str, Self); 3] {
+        [
+            ("op3", Self::op3()),
+            (
+                "torso13",
+                Self::read(
+                    include_str!("../../../configs/torso13.toml"),
+                    include_str!("../../../configs/torso13.urdf"),
+                ),
+            ),
+            (
+                "neck",
+                Self::read(
+                    include_str!("../../../configs/neck.toml"),
+                    include_str!("../../../configs/neck.urdf"),
+                ),
+            ),
+        ]
+    }
+
     pub fn read(toml: &str, urdf: &'static str) -> Self {
         let file: toml::Table = toml.parse().expect("robot file");
         let joints = file["joint"].as_array().expect("joints");
