@@ -12,6 +12,7 @@
 //!
 //! Nothing here knows a bus driver's interface: this is the wire's far end.
 
+mod bench;
 mod fault;
 mod judge;
 mod line;
@@ -26,12 +27,13 @@ mod sts_line;
 mod table;
 mod world;
 
+pub use bench::{BenchError, BusBench, bench_bus};
 pub use fault::{ServoFault, WireFault};
 pub use judge::{Judge, Violations};
 pub use line::{Burst, Line, XLine};
 pub use motor::Motor;
 pub use packet::{BROADCAST, Instruction, Parsed, Parser, crc16, fast_status, status};
-pub use serve::{BenchError, BusBench, bench_bus, serve};
+pub use serve::serve;
 pub use servo::{SimServo, SimServoState};
 pub use sim_bus::{SimBus, WireStats};
 pub use spec::{MODELS, ServoModel, SimClock, SimError, SimOptions, SimServoSpec};

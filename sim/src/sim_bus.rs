@@ -28,6 +28,8 @@ use crate::world::World;
 
 /// How often the thread looks whether it is to end.
 const WAKE_MS: u16 = 10;
+/// How long the thread watches the port without sleeping after a reply.
+const ATTENTIVE: Duration = Duration::from_micros(80);
 /// Sleeps end this early; the rest is spent spinning, for the precision of a fast bus.
 const SLEEP_SLACK: Duration = Duration::from_micros(70);
 
@@ -115,6 +117,7 @@ impl SimBus {
             shared: shared.clone(),
             master,
             line_free_s: 0.0,
+            handed_over: None,
         };
         let thread = std::thread::Builder::new()
             .name("simulated servos".into())
@@ -301,6 +304,8 @@ struct Server {
     master: OwnedFd,
     /// When the line is free again, seconds since the start. Real time only.
     line_free_s: f64,
+    /// When the last reply was handed over. Real time only.
+    handed_over: Option<Instant>,
 }
 
 impl Server {
@@ -320,6 +325,14 @@ impl Server {
 
     /// Bytes from the host, or none after a while.
     fn receive(&self, chunk: &mut [u8]) -> Result<usize, Errno> {
+        // A host at the limit of its wire speaks again at once: being woken up
+        // would take longer than its pause.
+        while self.handed_over.is_some_and(|at| at.elapsed() < ATTENTIVE) {
+            match nix::unistd::read(&self.master, &mut *chunk) {
+                Err(Errno::EAGAIN) => std::hint::spin_loop(),
+                result => return result,
+            }
+        }
         let mut watched = [PollFd::new(self.master.as_fd(), PollFlags::POLLIN)];
         if poll(&mut watched, PollTimeout::from(WAKE_MS))? == 0 {
             return Ok(0);
@@ -377,11 +390,13 @@ impl Server {
         self.hand_over(&mut passed);
     }
 
-    fn hand_over(&self, passed: &mut Vec<u8>) {
+    fn hand_over(&mut self, passed: &mut Vec<u8>) {
         if !passed.is_empty() {
             self.wait_for_line();
             self.write_all(passed);
             passed.clear();
+            let realtime = self.shared.clock == SimClock::Realtime;
+            self.handed_over = realtime.then(Instant::now);
         }
     }
 

@@ -1,0 +1,143 @@
+//! Feeds damaged packets to every parser of the bus: `fuzz [INPUTS]`.
+//!
+//! Host side: the status decoders of both framings. Servo side: the
+//! instruction parsers with whole servos behind them, so that every damaged
+//! instruction that still has a sound checksum is carried out as well.
+
+use servodance_drivers::{Decoded, Decoder, Protocol, ServoConfig, servos};
+use servodance_sim::{Line, ServoModel, SimServo, SimServoSpec, StsLine, StsServo, XLine, status};
+
+/// SplitMix64.
+struct Dice(u64);
+
+impl Dice {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, bound: u64) -> u64 {
+        self.next() % bound
+    }
+
+    /// Bytes that look like packets more often than chance would have it.
+    fn byte(&mut self) -> u8 {
+        const LIKELY: [u8; 12] = [0xFF, 0xFF, 0xFD, 0, 1, 2, 0xFE, 0x55, 116, 126, 64, 4];
+        match self.below(3) {
+            0 => self.next() as u8,
+            _ => LIKELY[self.below(LIKELY.len() as u64) as usize],
+        }
+    }
+
+    /// A packet with a sound checksum around arbitrary contents, often damaged
+    /// afterwards.
+    fn input(&mut self, protocol: Protocol, to_host: bool) -> Vec<u8> {
+        const CODES: [u8; 15] = [
+            1, 2, 3, 4, 5, 6, 8, 0x10, 0x82, 0x83, 0x8A, 0x92, 0x93, 0x9A, 0x55,
+        ];
+        let params: Vec<u8> = (0..self.below(24)).map(|_| self.byte()).collect();
+        let id = [1, 2, 0xFE, self.byte()][self.below(4) as usize];
+        let mut bytes = Vec::new();
+        if to_host && protocol == Protocol::Dynamixel2 {
+            bytes = status(id, self.byte(), &params);
+        } else {
+            let code = CODES[self.below(CODES.len() as u64) as usize];
+            protocol.encode(&mut bytes, id, code, &params);
+        }
+        for _ in 0..self.below(3) {
+            let at = self.below(bytes.len() as u64) as usize;
+            match self.below(3) {
+                0 => bytes[at] = self.byte(),
+                1 => bytes.truncate(at.max(1)),
+                _ => bytes.insert(at, self.byte()),
+            }
+        }
+        bytes
+    }
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let inputs: u64 = std::env::args()
+        .nth(1)
+        .unwrap_or("1000000".into())
+        .parse()?;
+    let mut dice = Dice(1);
+    for protocol in [Protocol::Dynamixel2, Protocol::Protocol1] {
+        let mut decoder = Decoder::new(protocol);
+        let (mut sound, mut corrupt) = (0u64, 0u64);
+        for _ in 0..inputs {
+            // Bytes left from the last input stay in front, as on a wire.
+            if dice.below(8) == 0 {
+                decoder.reset(dice.below(300) as usize);
+            }
+            decoder.push(&dice.input(protocol, true));
+            loop {
+                match decoder.advance() {
+                    Decoded::Incomplete => break,
+                    Decoded::Corrupt => corrupt += 1,
+                    Decoded::Packet => sound += 1 + decoder.packet().blocks(10).count() as u64,
+                }
+            }
+        }
+        println!("{protocol:?} to the host: {inputs} inputs, {sound} packets, {corrupt} damaged");
+    }
+    for model in ["XM430-W350", "STS3215"] {
+        let mut line = fresh_line(model)?;
+        let mut packets = (0, 0);
+        let protocol = match model {
+            "STS3215" => Protocol::Protocol1,
+            _ => Protocol::Dynamixel2,
+        };
+        let mut replies = 0;
+        for k in 0..inputs {
+            if k % 1000 == 0 {
+                // Ids, baud rates and return levels have been overwritten by now.
+                let (sound, damaged) = line.packets();
+                packets = (packets.0 + sound, packets.1 + damaged);
+                line = fresh_line(model)?;
+            }
+            for byte in dice.input(protocol, false) {
+                if line.push(byte) {
+                    replies += line.execute().len();
+                }
+            }
+            if k % 64 == 0 {
+                // Reboots end, watchdogs trip, motors move.
+                line.step(k as f64 * 1e-3, 0.5e-3, true);
+            }
+        }
+        let (sound, damaged) = packets;
+        println!(
+            "{model}: {inputs} inputs, {sound} instructions, {damaged} damaged, {replies} replies"
+        );
+    }
+    Ok(())
+}
+
+fn fresh_line(model: &str) -> Result<Box<dyn Line>, Box<dyn std::error::Error>> {
+    let joint = |id: u8| ServoConfig {
+        name: format!("joint_{id}"),
+        id,
+        model: model.into(),
+        direction: 1,
+        zero_deg: 180.0,
+        lower_deg: -90.0,
+        upper_deg: 90.0,
+        velocity_deg_s: 230.0,
+        acceleration_deg_s2: 2300.0,
+    };
+    let specs: Vec<SimServoSpec> = servos(&[joint(1), joint(2)])?
+        .iter()
+        .map(Into::into)
+        .collect();
+    let known = ServoModel::from_number(specs[0].model_number).ok_or("unknown model")?;
+    if known.is_feetech() {
+        let servo = |spec| StsServo::new(spec, known, 12.0, 0.01);
+        return Ok(Box::new(StsLine::new(specs.iter().map(servo).collect())));
+    }
+    let servo = |spec| SimServo::new(spec, known, 4, 12.0, 0.01);
+    Ok(Box::new(XLine::new(specs.iter().map(servo).collect())))
+}

@@ -1,0 +1,130 @@
+//! Measuring a driver against simulated servos in real time, wire time imposed.
+
+use std::time::Duration;
+
+use nix::time::{ClockId, clock_gettime};
+use servodance_drivers::{Bus, BusConfig, BusError, ConfigError, Servo, check_rate, open_bus};
+use servodance_types::{Clock, JointState, WallClock};
+
+use crate::sim_bus::SimBus;
+use crate::spec::{SimError, SimOptions, SimServoSpec};
+
+/// What a bus reached.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BusBench {
+    /// Cycles a second, goals out and states in.
+    pub hz: f64,
+    /// What the wire carries at best.
+    pub wire_limit_hz: f64,
+    /// How long a cycle took, median, microseconds.
+    pub cycle_us_p50: f64,
+    /// Processor time of the driver's thread for one cycle, microseconds.
+    pub cpu_us_per_cycle: f64,
+    /// How late cycles began against their schedule, 99th percentile,
+    /// microseconds; with no schedule, how much longer than the median a cycle took.
+    pub jitter_us_p99: f64,
+}
+
+/// Why a measurement failed.
+#[derive(Debug, thiserror::Error)]
+pub enum BenchError {
+    /// The simulated bus did not start.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// The driver failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The configuration cannot work.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+}
+
+/// Runs `cycles` control cycles at `control_hz`, or as fast as the bus goes.
+pub fn bench_bus(
+    servos: &[Servo],
+    config: &BusConfig,
+    control_hz: Option<f64>,
+    cycles: usize,
+) -> Result<BusBench, BenchError> {
+    let limits = check_rate(config, servos, control_hz.unwrap_or(1.0))?;
+    let specs: Vec<SimServoSpec> = servos.iter().map(Into::into).collect();
+    let options = SimOptions::realtime(config.baud, control_hz.unwrap_or(100.0));
+    let sim = SimBus::start(&specs, options)?;
+    let mut bus = open_bus(sim.port_path(), config, servos.to_vec())?;
+    let mut states = bus.arm()?.states;
+    let targets: Vec<f64> = states.iter().map(|state| state.position_rad).collect();
+    run(&mut *bus, &targets, &mut states, control_hz, 50)?; // caches and pages
+    let cpu_s = thread_cpu_s();
+    let times = run(&mut *bus, &targets, &mut states, control_hz, cycles)?;
+    let cpu_s = thread_cpu_s() - cpu_s;
+    bus.disarm()?;
+    let taken: Vec<f64> = times.iter().map(|(began, ended)| ended - began).collect();
+    let late = match control_hz {
+        Some(hz) => percentile(
+            times.iter().enumerate().map(|(k, t)| t.0 - k as f64 / hz),
+            0.99,
+        ),
+        None => percentile(taken.iter().copied(), 0.99) - percentile(taken.iter().copied(), 0.5),
+    };
+    let ended_s = times.last().map_or(f64::NAN, |(_, ended)| *ended);
+    Ok(BusBench {
+        hz: times.len() as f64 / ended_s,
+        wire_limit_hz: limits.fast_hz,
+        cycle_us_p50: percentile(taken.iter().copied(), 0.5) * 1e6,
+        cpu_us_per_cycle: cpu_s / times.len() as f64 * 1e6,
+        jitter_us_p99: late * 1e6,
+    })
+}
+
+/// When each cycle began and ended, seconds.
+fn run(
+    bus: &mut dyn Bus,
+    targets: &[f64],
+    states: &mut [JointState],
+    control_hz: Option<f64>,
+    count: usize,
+) -> Result<Vec<(f64, f64)>, BusError> {
+    let mut times = Vec::with_capacity(count);
+    let clock = WallClock::start();
+    for k in 0..count {
+        if let Some(hz) = control_hz {
+            let wait_s = k as f64 / hz - clock.now_s();
+            if wait_s > 0.0 {
+                std::thread::sleep(Duration::from_secs_f64(wait_s));
+            }
+        }
+        let began_s = clock.now_s();
+        bus.cycle(targets, states)?;
+        times.push((began_s, clock.now_s()));
+    }
+    Ok(times)
+}
+
+fn percentile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    let index = (sorted.len() as f64 * share) as usize;
+    sorted.get(index).copied().unwrap_or(f64::NAN)
+}
+
+/// Processor time of this thread.
+fn thread_cpu_s() -> f64 {
+    clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID)
+        .map(|time| Duration::from(time).as_secs_f64())
+        .unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_of_a_ramp() {
+        let ramp = || (0..100).map(f64::from);
+        assert_eq!(
+            (percentile(ramp(), 0.5), percentile(ramp(), 0.99)),
+            (50.0, 99.0)
+        );
+        assert!(percentile(std::iter::empty(), 0.5).is_nan());
+    }
+}

@@ -1,0 +1,68 @@
+//! A program that is killed (SIGKILL) while it dances: nobody is left to turn
+//! torque off, so the servos' own watchdog must stop them.
+
+mod common;
+
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use common::*;
+use servodance_drivers::{Bus, BusConfig};
+use servodance_sim::{SimBus, SimOptions};
+use servodance_types::JointState;
+
+/// Tells the child, a second run of this test binary, which port to dance on.
+const PORT: &str = "SERVODANCE_TEST_PORT";
+
+#[test]
+fn servos_stop_by_themselves_when_the_program_is_killed() {
+    if let Ok(port) = std::env::var(PORT) {
+        dance_until_killed(&port);
+    }
+    let servos = robot(4);
+    let sim = SimBus::start(&specs(&servos), SimOptions::realtime(BAUD, HZ)).unwrap();
+    let mut child = Command::new(std::env::current_exe().unwrap())
+        .arg("servos_stop_by_themselves_when_the_program_is_killed")
+        .env(PORT, sim.port_path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let moves = |index| sim.servo(index).unwrap().velocity_rad_s.abs() > 0.5;
+    wait_for("the dance", || moves(0) && moves(3));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let stopped = |index| sim.servo(index).unwrap().watchdog_tripped;
+    wait_for("the watchdogs", || (0..servos.len()).all(stopped));
+    std::thread::sleep(Duration::from_millis(300));
+    for index in 0..servos.len() {
+        let servo = sim.servo(index).unwrap();
+        assert_eq!(servo.velocity_rad_s, 0.0, "{servo:?}");
+    }
+}
+
+/// Runs in the child; ends only by being killed.
+fn dance_until_killed(port: &str) -> ! {
+    let servos = robot(4);
+    let config = BusConfig::dynamixel2(BAUD);
+    let mut bus = servodance_drivers::open_bus(port, &config, servos).unwrap();
+    bus.arm().unwrap();
+    let mut states = vec![JointState::default(); 4];
+    for k in 0u32.. {
+        let target = 0.5 * (1.0 - (0.05 * f64::from(k)).cos());
+        bus.cycle(&[target; 4], &mut states).unwrap();
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    unreachable!("the loop above has no end")
+}
+
+/// Waits, without a bound that a slow machine could miss by little.
+fn wait_for(what: &str, done: impl Fn() -> bool) {
+    for _ in 0..6000 {
+        if done() {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    panic!("waited a minute for {what}");
+}
