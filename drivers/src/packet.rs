@@ -24,7 +24,7 @@ pub enum Protocol {
     /// Dynamixel Protocol 2.0.
     #[default]
     Dynamixel2,
-    /// Dynamixel Protocol 1 framing: see [`crate::protocol1`].
+    /// Dynamixel Protocol 1 framing, which Feetech servos speak.
     Protocol1,
 }
 

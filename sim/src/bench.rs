@@ -39,16 +39,21 @@ pub enum BenchError {
     Config(#[from] ConfigError),
 }
 
-/// Runs `cycles` control cycles at `control_hz`, or as fast as the bus goes.
+/// Runs `cycles` control cycles at `control_hz`, or as fast as the bus goes,
+/// with a USB adapter that delays each reply by `adapter_s` (0: the wire alone).
 pub fn bench_bus(
     servos: &[Servo],
     config: &BusConfig,
     control_hz: Option<f64>,
     cycles: usize,
+    adapter_s: f64,
 ) -> Result<BusBench, BenchError> {
     let limits = check_rate(config, servos, control_hz.unwrap_or(1.0))?;
     let specs: Vec<SimServoSpec> = servos.iter().map(Into::into).collect();
-    let options = SimOptions::realtime(config.baud, control_hz.unwrap_or(100.0));
+    let options = SimOptions {
+        adapter_s,
+        ..SimOptions::realtime(config.baud, control_hz.unwrap_or(100.0))
+    };
     let sim = SimBus::start(&specs, options)?;
     let mut bus = open_bus(sim.port_path(), config, servos.to_vec())?;
     let mut states = bus.arm()?.states;

@@ -68,6 +68,7 @@ struct Shared {
     clock: SimClock,
     began: Instant,
     byte_s: f64,
+    adapter_s: f64,
 }
 
 impl Shared {
@@ -112,6 +113,7 @@ impl SimBus {
             clock: options.clock,
             began: Instant::now(),
             byte_s: 10.0 / f64::from(options.baud),
+            adapter_s: checked_adapter_s(options.adapter_s)?,
         });
         let server = Server {
             shared: shared.clone(),
@@ -229,6 +231,17 @@ fn checked_hz(control_hz: f64) -> Result<f64, SimError> {
         key: "control_hz",
         actual: control_hz.to_string(),
         wanted: "1 to 10000",
+    })
+}
+
+fn checked_adapter_s(adapter_s: f64) -> Result<f64, SimError> {
+    if (0.0..=1.0).contains(&adapter_s) {
+        return Ok(adapter_s);
+    }
+    Err(SimError::Option {
+        key: "adapter_s",
+        actual: adapter_s.to_string(),
+        wanted: "0 to 1",
     })
 }
 
@@ -359,7 +372,7 @@ impl Server {
             if !complete {
                 continue;
             }
-            self.wait_for_line();
+            self.wait_until(self.line_free_s);
             let bursts = shared.world().line.execute();
             self.send(bursts);
         }
@@ -392,7 +405,7 @@ impl Server {
 
     fn hand_over(&mut self, passed: &mut Vec<u8>) {
         if !passed.is_empty() {
-            self.wait_for_line();
+            self.wait_until(self.line_free_s + self.shared.adapter_s);
             self.write_all(passed);
             passed.clear();
             let realtime = self.shared.clock == SimClock::Realtime;
@@ -400,12 +413,12 @@ impl Server {
         }
     }
 
-    /// Waits, in real time, until the bytes so far have passed.
-    fn wait_for_line(&self) {
+    /// Waits for a time since the start, in real time.
+    fn wait_until(&self, time_s: f64) {
         if self.shared.clock == SimClock::Lockstep {
             return;
         }
-        let due = self.shared.began + Duration::from_secs_f64(self.line_free_s);
+        let due = self.shared.began + Duration::from_secs_f64(time_s);
         let early = due.saturating_duration_since(Instant::now() + SLEEP_SLACK);
         if !early.is_zero() {
             std::thread::sleep(early);

@@ -244,6 +244,8 @@ pub struct SimOptions {
     pub control_hz: f64,
     /// Supply voltage; `None` is each model's nominal voltage.
     pub supply_v: Option<f64>,
+    /// What a USB adapter adds before the host sees a reply, seconds. Real time only.
+    pub adapter_s: f64,
     /// Seed of everything random: faults.
     pub seed: u64,
 }
@@ -257,6 +259,7 @@ impl SimOptions {
             baud,
             control_hz,
             supply_v: None,
+            adapter_s: 0.0,
             seed: 0,
         }
     }

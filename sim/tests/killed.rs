@@ -39,6 +39,11 @@ fn servos_stop_by_themselves_when_the_program_is_killed() {
         let servo = sim.servo(index).unwrap();
         assert_eq!(servo.velocity_rad_s, 0.0, "{servo:?}");
     }
+    // The next program finds the port free and the servos willing.
+    let mut bus = driver(&sim, &patient(), &servos);
+    bus.arm().unwrap();
+    bus.disarm().unwrap();
+    assert!(!any_torque(&sim, &servos));
 }
 
 /// Runs in the child; ends only by being killed.
