@@ -3,17 +3,15 @@
 //! `next` does not allocate, does not block and takes bounded time. Whatever
 //! comes in, what goes out holds the joint limits: see `tracker`.
 
-use std::collections::BTreeMap;
+mod setup;
 
-use k::nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use k::nalgebra::{Isometry3, Translation3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 
 use crate::balance::Support;
 use crate::body::BodyMap;
 use crate::body_solver::{BodySolver, Feet, Question, Role, Task};
-use crate::collision;
 use crate::config::{Limb, RetargetConfig, Stance};
-use crate::error::choices;
 use crate::guard::Guard;
 use crate::human::{self, Aim, Heading, Reader};
 use crate::pelvis::Pelvis;
@@ -24,13 +22,8 @@ use crate::{Counts, RetargetError, RobotModel};
 
 /// Gauss-Newton steps a control cycle; the solution is warm.
 const STEPS: usize = 2;
-/// Gauss-Newton steps to find the rest pose from nothing.
-const REST_STEPS: usize = 200;
 /// Time to full acceleration, seconds: sets the jerk limit.
 const ACCELERATION_RISE_S: f64 = 0.02;
-/// Knees are never straighter: near straight, small steps of the pelvis would
-/// need large ones of the knee.
-const LEAST_KNEE_RAD: f64 = 0.12;
 /// A planted foot farther away has moved, metres.
 const FOOT_MOVED_M: f64 = 0.002;
 
@@ -92,9 +85,9 @@ impl Retargeter {
         }
         let names: Vec<&str> = joints.iter().map(|(name, _)| name.as_str()).collect();
         let model = RobotModel::new(urdf_xml, &names)?;
-        let limits = usable_limits(joints, config.margin)?;
+        let limits = setup::usable_limits(joints, config.margin)?;
         let map = BodyMap::new(&model, config)?;
-        let upright = upright_rotation(config)?;
+        let upright = setup::upright_rotation(config)?;
         let dt_s = 1.0 / control_hz;
 
         let planted = config.stance == Stance::Planted;
@@ -406,220 +399,5 @@ impl Retargeter {
             standing.legs.base = root;
         }
         self.model.place(&root, positions, &mut self.poses);
-    }
-
-    /// The rest pose: the solver's answer to an upright dancer, arms down, with
-    /// the configured joints put where the configuration says.
-    fn find_rest(&mut self, config: &RetargetConfig) -> Result<(), RetargetError> {
-        let fixed = rest_overrides(&self.model, &self.limits, &config.rest_deg)?;
-        let far = self.bounds.clone();
-        let zero: Vec<f64> = self.solver.positions.clone();
-        self.solver.solve(
-            &self.model,
-            &Question {
-                task: Task::Dance(&Aim::standing()),
-                rest: &zero,
-                steps: REST_STEPS,
-                bounds: &far,
-            },
-        );
-        if config.stance == Stance::Planted {
-            let length = self.solver.leg_length();
-            let legs = &self.map.legs;
-            if !legs.iter().all(|leg| leg.sole.is_some()) || length < 1e-3 {
-                return Err(RetargetError::Config {
-                    key: "stance".into(),
-                    value: "planted".into(),
-                    expected: format!(
-                        "a planted robot needs hip, knee, ankle and sole of both legs in \
-                         [retarget.body]; found left {:?}, right {:?}; or use stance = \"hung\"",
-                        self.leg_names(0),
-                        self.leg_names(1)
-                    ),
-                });
-            }
-            self.stand(config, length, &far);
-        }
-        for &(joint, position) in &fixed {
-            self.solver.positions[joint] = position;
-        }
-        self.keep_knees_bent(&zero);
-        self.rest.clone_from(&self.solver.positions);
-        let poses = self.solver.poses(&self.model).to_vec();
-        self.solver.pairs = collision::pairs(&self.model, &self.map, &poses);
-        Ok(())
-    }
-
-    /// Knees bend one way: the side of straight that most of their range is on.
-    fn keep_knees_bent(&mut self, zero: &[f64]) {
-        for leg in self.map.legs {
-            let (Some(hip), Some(knee), Some(ankle)) = (leg.hip, leg.knee, leg.ankle) else {
-                continue;
-            };
-            let Some(lever) = self.model.levers[knee].last() else {
-                continue;
-            };
-            let joint = lever.joint;
-            let (lower, upper) = self.bounds[joint];
-            let mut positions = zero.to_vec();
-            let mut length_at = |position: f64| {
-                positions[joint] = position;
-                let hip = self.model.link_pose(hip, &positions);
-                let ankle = self.model.link_pose(ankle, &positions);
-                (hip.translation.vector - ankle.translation.vector).norm()
-            };
-            let steps = 200;
-            let place = |k: i32| lower + (upper - lower) * f64::from(k) / f64::from(steps);
-            let straight = (0..=steps)
-                .map(place)
-                .max_by(|a, b| length_at(*a).total_cmp(&length_at(*b)))
-                .unwrap_or(lower);
-            let limits = &mut self.limits[joint];
-            if upper - straight > straight - lower {
-                limits.lower_rad = (straight + LEAST_KNEE_RAD).clamp(lower, upper - 1e-3);
-            } else {
-                limits.upper_rad = (straight - LEAST_KNEE_RAD).clamp(lower + 1e-3, upper);
-            }
-            self.solver.positions[joint] = limits.clamp_rad(self.solver.positions[joint]);
-        }
-    }
-
-    fn leg_names(&self, side: usize) -> Vec<&str> {
-        let leg = self.map.legs[side];
-        [leg.hip, leg.knee, leg.ankle, leg.sole]
-            .into_iter()
-            .flatten()
-            .map(|link| self.model.link_names()[link].as_str())
-            .collect()
-    }
-
-    /// Puts the robot on its feet, sunk a little, its weight between them.
-    fn stand(&mut self, config: &RetargetConfig, leg_m: f64, far: &[(f64, f64)]) {
-        let mut legs = BodySolver::new(
-            &self.model,
-            self.map,
-            config.weights,
-            &self.limits,
-            self.held_root.rotation,
-            Role::Stance,
-        );
-        let start = self.solver.positions.clone();
-        legs.positions.clone_from(&start);
-        legs.base = self.held_root;
-        let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
-        let poses = legs.poses(&self.model);
-        let heights = soles.map(|sole| poses[sole].translation.z);
-        let mut feet = soles.map(|sole| poses[sole]);
-        for foot in &mut feet {
-            foot.translation.z = 0.0;
-        }
-        let middle = (feet[0].translation.vector + feet[1].translation.vector) * 0.5;
-        let mut root = self.held_root;
-        root.translation.z -= heights[0].min(heights[1]) + config.crouch * leg_m;
-        for _ in 0..20 {
-            legs.solve(
-                &self.model,
-                &Question {
-                    task: Task::Stand {
-                        root: &root,
-                        feet: &feet,
-                    },
-                    rest: &start,
-                    steps: REST_STEPS / 10,
-                    bounds: far,
-                },
-            );
-            let poses = legs.poses(&self.model);
-            let com = self.model.centre_of_mass(poses);
-            root.translation.x -= 0.7 * (com.x - middle.x);
-            root.translation.y -= 0.7 * (com.y - middle.y);
-        }
-        self.solver.positions.clone_from(&legs.positions);
-        self.solver.base = legs.base;
-        let support = Support::new(&feet, config.sole_m);
-        legs.support = Some(support.clone());
-        self.standing = Some(Standing {
-            // What was reached, not what was asked: rest is then an equilibrium.
-            pelvis: Pelvis::new(legs.base, leg_m, self.dt_s),
-            feet,
-            legs,
-            support,
-        });
-    }
-}
-
-/// The limits as used: rates lowered to `margin`.
-fn usable_limits(
-    joints: &[(String, JointLimits)],
-    margin: f64,
-) -> Result<Vec<JointLimits>, RetargetError> {
-    joints
-        .iter()
-        .map(|(name, limits)| {
-            let checked = limits.checked().map_err(|reason| RetargetError::Joint {
-                joint: name.clone(),
-                reason,
-            })?;
-            Ok(JointLimits {
-                velocity_rad_s: checked.velocity_rad_s * margin,
-                acceleration_rad_s2: checked.acceleration_rad_s2 * margin,
-                ..checked
-            })
-        })
-        .collect()
-}
-
-/// Joint indices and positions of `[retarget.rest_deg]`, inside the limits.
-fn rest_overrides(
-    model: &RobotModel,
-    limits: &[JointLimits],
-    rest_deg: &BTreeMap<String, f64>,
-) -> Result<Vec<(usize, f64)>, RetargetError> {
-    rest_deg
-        .iter()
-        .map(|(name, degrees)| {
-            let names = model.joint_names();
-            let index = names.iter().position(|other| other == name);
-            let Some(index) = index else {
-                return Err(RetargetError::NoSuchJoint {
-                    name: name.clone(),
-                    choices: choices(names.iter().map(String::as_str)),
-                });
-            };
-            Ok((index, limits[index].clamp_rad(degrees.to_radians())))
-        })
-        .collect()
-}
-
-/// Rotation that brings the configured forward axis to x and the up axis to z.
-fn upright_rotation(config: &RetargetConfig) -> Result<UnitQuaternion<f64>, RetargetError> {
-    let forward = axis("forward", &config.forward)?;
-    let up = axis("up", &config.up)?;
-    if forward.dot(&up) != 0.0 {
-        return Err(RetargetError::Config {
-            key: "up".into(),
-            value: config.up.clone(),
-            expected: format!("expected an axis other than forward = {}", config.forward),
-        });
-    }
-    let rows = Matrix3::from_columns(&[forward, up.cross(&forward), up]).transpose();
-    Ok(UnitQuaternion::from_rotation_matrix(
-        &Rotation3::from_matrix_unchecked(rows),
-    ))
-}
-
-fn axis(key: &str, name: &str) -> Result<Vector3<f64>, RetargetError> {
-    match name.trim_start_matches('+') {
-        "x" => Ok(Vector3::x()),
-        "y" => Ok(Vector3::y()),
-        "z" => Ok(Vector3::z()),
-        "-x" => Ok(-Vector3::x()),
-        "-y" => Ok(-Vector3::y()),
-        "-z" => Ok(-Vector3::z()),
-        _ => Err(RetargetError::Config {
-            key: key.into(),
-            value: name.into(),
-            expected: "expected one of x, y, z, -x, -y, -z".into(),
-        }),
     }
 }
