@@ -1,0 +1,117 @@
+//! Every way out ends in torque off. The judge is a simulated bus of the
+//! test's own: the program opens it as a serial port, as it would real servos.
+
+use crate::program::Program;
+use servodance::robot::Robot;
+use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// The servos of the built-in humanoid, in real time.
+fn servos() -> SimBus {
+    let robot = Robot::load("op3").expect("the built-in robot");
+    let specs: Vec<SimServoSpec> = robot.servos.iter().map(SimServoSpec::from).collect();
+    let options = SimOptions::realtime(robot.bus.baud, robot.control_hz);
+    SimBus::start(&specs, options).expect("a simulated bus")
+}
+
+fn torques(bus: &SimBus) -> usize {
+    (0..20)
+        .filter(|i| bus.servo(*i).expect("a servo").torque_enabled)
+        .count()
+}
+
+/// Starts a dance on the bus and waits until every servo has torque.
+fn dancing(program: &Program, bus: &SimBus) -> Child {
+    let port = format!("serial:{}", bus.port_path());
+    let child = program
+        .command(&["dance", "--bus", &port, "--no-picture", "--quiet"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    wait_until("all torques on", || torques(bus) == 20);
+    child
+}
+
+fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(start.elapsed() < PATIENCE, "waited too long for: {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn signal(child: &Child, name: &str) {
+    let status = Command::new("kill")
+        .args([name, &child.id().to_string()])
+        .status();
+    assert!(status.expect("kill runs").success());
+}
+
+#[test]
+fn ctrl_c_turns_torque_off() {
+    let (program, bus) = (Program::new(), servos());
+    let child = dancing(&program, &bus);
+    signal(&child, "-INT");
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130));
+    assert_eq!(torques(&bus), 0);
+    assert!(String::from_utf8_lossy(&output.stderr).contains("torque is off"));
+}
+
+#[test]
+fn termination_turns_torque_off() {
+    let (program, bus) = (Program::new(), servos());
+    let child = dancing(&program, &bus);
+    signal(&child, "-TERM");
+    child.wait_with_output().expect("it ends");
+    assert_eq!(torques(&bus), 0);
+}
+
+#[test]
+fn a_killed_program_leaves_servos_that_stop_by_themselves() {
+    let (program, bus) = (Program::new(), servos());
+    let mut child = dancing(&program, &bus);
+    signal(&child, "-KILL");
+    child.wait().expect("it is dead");
+    let still = || (0..20).all(|i| bus.servo(i).expect("a servo").velocity_rad_s.abs() < 0.01);
+    wait_until("every servo stands still", still);
+    std::thread::sleep(Duration::from_millis(300));
+    let before: Vec<f64> = (0..20)
+        .map(|i| bus.servo(i).expect("a servo").position_rad)
+        .collect();
+    std::thread::sleep(Duration::from_millis(300));
+    for (i, before) in before.iter().enumerate() {
+        let after = bus.servo(i).expect("a servo").position_rad;
+        assert!((after - before).abs() < 0.01, "servo {i} moves on its own");
+    }
+}
+
+#[test]
+fn a_servo_that_dies_is_named_and_the_others_lose_torque() {
+    let (program, bus) = (Program::new(), servos());
+    let child = dancing(&program, &bus);
+    assert!(bus.set_servo_fault(12, ServoFault::Dead));
+    let output = child.wait_with_output().expect("it ends");
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(error.contains("r_knee") && error.contains("13"), "{error}");
+    let powered: Vec<usize> = (0..20)
+        .filter(|i| *i != 12 && bus.servo(*i).expect("a servo").torque_enabled)
+        .collect();
+    assert!(powered.is_empty(), "still powered: {powered:?}");
+}
+
+#[test]
+fn a_servo_that_does_not_answer_is_named_before_any_torque() {
+    let (program, bus) = (Program::new(), servos());
+    assert!(bus.set_servo_fault(4, ServoFault::Dead));
+    let port = format!("serial:{}", bus.port_path());
+    program.refused(
+        &["dance", "--bus", &port, "--picture", "out.png"],
+        &["r_el", "5"],
+    );
+    assert_eq!(torques(&bus), 0);
+}
