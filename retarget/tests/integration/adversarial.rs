@@ -113,6 +113,45 @@ fn a_start_that_is_not_a_number_is_refused() {
     assert!(retargeter.seed(&start[1..]).is_err());
 }
 
+/// Slow; run with `--run-ignored all`: a million cycles of everything at once.
+#[test]
+#[ignore = "a minute long"]
+fn a_million_hostile_cycles_break_no_limit() {
+    let robot = Robot::op3();
+    let limits = robot.limits();
+    let mut retargeter = robot.retargeter();
+    let mut rng = ChaCha8Rng::seed_from_u64(99);
+    let calm = dance(100.0);
+    let mut amount = 0.0;
+    let mut window = vec![retargeter.rest().to_vec(); 3];
+    for cycle in 0..1_000_000_usize {
+        if cycle % 500 == 0 {
+            amount = *[0.0, 0.02, 0.3, 3.0]
+                .get(rng.random_range(0..4))
+                .unwrap_or(&0.0);
+            retargeter.set_mirror(rng.random());
+            retargeter.set_amplitude(rng.random_range(0.3..1.0));
+        }
+        if cycle % 5 == 0 {
+            let mut frames = [calm[cycle / 5 % calm.len()]];
+            frames[0].time_s = (cycle / 5) as f64 / servodance_types::FRAME_RATE_HZ;
+            if amount > 0.0 {
+                noise(&mut rng, &mut frames, amount);
+            }
+            if rng.random_range(0..50) == 0 {
+                frames[0].positions[7][1] = f32::NAN;
+            }
+            retargeter.push(&frames[0]);
+        }
+        window.rotate_left(1);
+        let out = &mut window[2];
+        let time_s = cycle as f64 * 0.01 - retargeter.lookahead_s();
+        retargeter.next(time_s, out).unwrap();
+        assert_eq!(violations(&window, &limits), [0; 3], "cycle {cycle}");
+    }
+    println!("{:?}", retargeter.counts());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
