@@ -16,6 +16,20 @@ Examples:
   arecord -f S16_LE -r 48000 -c 1 -t raw | servodance dance - --pcm-rate 48000 --speed realtime
       dance to whatever a capture program hears";
 
+const SCAN_EXAMPLES: &str = "\
+Examples:
+  servodance scan
+      the serial ports of this machine
+  servodance scan /dev/ttyUSB0
+      every servo that answers: baud rate, id, model, firmware, errors";
+
+const SIM_BUS_EXAMPLES: &str = "\
+Examples:
+  servodance sim-bus --robot op3
+      the first line is the serial port to open; Ctrl-C or SIGTERM ends it
+  servodance dance --bus serial:/dev/pts/7
+      dance on it from another terminal, as on real servos";
+
 /// A robot hears music and dances to it.
 #[derive(Debug, Parser)]
 #[command(
@@ -38,6 +52,23 @@ pub enum Command {
     Dance(DanceArgs),
     /// List the built-in robots and where each file is.
     Robots,
+    /// Look for Dynamixel servos on a serial port, at every usual baud rate.
+    #[command(after_help = SCAN_EXAMPLES)]
+    Scan {
+        /// The serial port; the ports of this machine are listed if left out.
+        #[arg(value_name = "PORT")]
+        port: Option<String>,
+        /// Only this baud rate.
+        #[arg(long, value_name = "BAUD")]
+        baud: Option<u32>,
+    },
+    /// Serve a robot's simulated servos to any program, until stopped.
+    #[command(after_help = SIM_BUS_EXAMPLES)]
+    SimBus {
+        /// A built-in robot (see `servodance robots`) or a robot file.
+        #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
+        robot: String,
+    },
     /// Write the built-in song as a WAV file.
     Song {
         /// The file to write.

@@ -4,6 +4,7 @@
 //! sound to servo, its [`report`], [`record`]ing and [`picture`]. The parts
 //! themselves are crates of their own; ARCHITECTURE.md maps them.
 
+pub mod bus_tools;
 pub mod cli;
 pub mod dance;
 pub mod dataset;

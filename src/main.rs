@@ -19,6 +19,8 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Dance(args) => run_dance(args),
         Command::Robots => list_robots(),
+        Command::Scan { port, baud } => scan(port.as_deref(), baud),
+        Command::SimBus { robot } => sim_bus(&robot),
         Command::Song { out } => write_song(&out),
     };
     result.unwrap_or_else(|error| {
@@ -34,9 +36,7 @@ fn one_line(error: &anyhow::Error) -> String {
 
 fn run_dance(args: DanceArgs) -> anyhow::Result<ExitCode> {
     let config = DanceConfig::from_args(args)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    let handler_stop = Arc::clone(&stop);
-    ctrlc::set_handler(move || handler_stop.store(true, Ordering::Relaxed))?;
+    let stop = stop_signal()?;
     let outcome = dance(&config, &stop)?;
     if !config.quiet {
         print!("{}", summary(&config, &outcome.report));
@@ -45,6 +45,33 @@ fn run_dance(args: DanceArgs) -> anyhow::Result<ExitCode> {
         eprintln!("stopped; torque is off");
         return Ok(ExitCode::from(INTERRUPTED));
     }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Set by Ctrl-C and by SIGTERM.
+fn stop_signal() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let handler_stop = Arc::clone(&stop);
+    ctrlc::set_handler(move || handler_stop.store(true, Ordering::Release))?;
+    Ok(stop)
+}
+
+fn scan(port: Option<&str>, baud: Option<u32>) -> anyhow::Result<ExitCode> {
+    let lines = match port {
+        Some(port) => servodance::bus_tools::scan(port, baud)?,
+        None => servodance::bus_tools::ports(),
+    };
+    for line in lines {
+        println!("{line}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn sim_bus(robot: &str) -> anyhow::Result<ExitCode> {
+    let robot = Robot::load(robot)?;
+    let stop = stop_signal()?;
+    let served = servodance::bus_tools::serve(&robot, &stop, |port| println!("{port}"))?;
+    eprintln!("{served}");
     Ok(ExitCode::SUCCESS)
 }
 

@@ -31,7 +31,7 @@ macro_rules! built_in {
 }
 
 /// All built-in robots.
-pub const BUILT_IN: &[BuiltIn] = &[built_in!("op3")];
+pub const BUILT_IN: &[BuiltIn] = &[built_in!("op3"), built_in!("torso13"), built_in!("neck")];
 
 /// The robot file as written.
 #[derive(Debug, Deserialize)]

@@ -7,7 +7,7 @@ use crate::cli::Speed;
 use crate::report::{BusReport, ViolationReport};
 use crate::robot::Robot;
 use anyhow::Context;
-use servodance_drivers::{Bus, DynamixelBus, SafeBus, SafetyConfig};
+use servodance_drivers::{Bus, SafeBus, SafetyConfig, open_bus};
 use servodance_sim::{SimBus, SimOptions, SimServoSpec};
 use servodance_types::JointState;
 
@@ -18,7 +18,7 @@ const LOCKSTEP_TIMEOUT_MS: f64 = 2000.0;
 /// A robot on its bus. Dropped at any moment, it turns torque off.
 pub struct Rig {
     // Before `sim`: torque off must still find servos that answer.
-    bus: SafeBus<DynamixelBus>,
+    bus: SafeBus<Box<dyn Bus>>,
     sim: Option<SimBus>,
     period_s: f64,
     states: Vec<JointState>,
@@ -48,7 +48,7 @@ impl Rig {
         if speed == Speed::Max {
             bus_config.reply_timeout_ms = LOCKSTEP_TIMEOUT_MS;
         }
-        let bus = DynamixelBus::open(&port, &bus_config, robot.servos.clone())?;
+        let bus = open_bus(&port, &bus_config, robot.servos.clone())?;
         let joints = robot.servos.len();
         Ok(Self {
             bus: SafeBus::new(bus, SafetyConfig::at_hz(robot.control_hz))?,
