@@ -17,7 +17,6 @@ from safetensors.torch import save_file
 
 from config import to_json
 from data import Dataset
-from train import tokenise
 from vqvae import VqVae
 
 
@@ -38,36 +37,40 @@ def flat(vq, seq, norms, starts, dtype):
     return out
 
 
-def starts_of(data, codes, count=24):
-    """Codes of frames in which a dance of each style is calm: the slowest
-    tenth of its frames, `count` of them."""
-    rows, styles = [], []
+@torch.no_grad()
+def starts_of(data, vq, mean, std, count=24):
+    """Codes of `count` moments of each style at which its dancers are calm:
+    out of the slowest tenth of all frames."""
+    codes, styles, around = [], [], 60
     for style in range(len(data.styles)):
         clips = [c for c in data.of_split(0) if data.style[c] == style]
-        if not clips:
-            continue
-        frames = torch.cat([torch.arange(len(data.motion))[data.frames(c)] for c in clips])
+        frames = torch.cat([torch.arange(len(data.motion))[data.frames(c)][around:-around] for c in clips])
         speed = data.motion[frames, 67:133].unflatten(-1, (22, 3)).norm(dim=-1).mean(-1)
         calm = frames[speed.argsort()[: max(count, len(frames) // 10)]]
         pick = calm[torch.linspace(0, len(calm) - 1, count).long()]
-        rows.append(codes[pick])
+        crops = data.motion[pick[:, None] + torch.arange(-around, around + 1)]
+        codes.append(vq.encode((crops - mean) / std)[:, around])
         styles.append(torch.full((count,), style))
-    return torch.cat(rows), torch.cat(styles)
+    return torch.cat(codes), torch.cat(styles)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     for name in ("vq", "seq", "data", "out"):
         parser.add_argument("--" + name, required=True)
+    parser.add_argument("--default-style", required=True, help="danced when none is asked for")
     parser.add_argument("--note", default="", help="goes into the provenance")
     args = parser.parse_args()
+    torch.set_num_threads(1)
     vq = torch.load(args.vq, weights_only=False)
     seq = torch.load(args.seq, weights_only=False)
     config, data = seq["config"], Dataset(args.data)
+    if args.default_style not in config["seq"]["styles"]:
+        parser.error(f"--default-style: choose one of {', '.join(config['seq']['styles'])}")
     model = VqVae(config)
     model.load_state_dict(vq["model"])
     model.eval()
-    starts = starts_of(data, tokenise(model, data, vq["mean"], vq["std"]))
+    starts = starts_of(data, model, vq["mean"], vq["std"])
     norms = {"motion_mean": vq["mean"], "motion_std": vq["std"],
              "music_mean": seq["music_mean"], "music_std": seq["music_std"]}
     provenance = {
@@ -80,7 +83,8 @@ def main():
         if not torch.isfinite(value.float()).all():
             raise SystemExit(f"tensor {name} is not finite in float16")
     save_file(tensors, args.out, metadata={
-        "format": "servodance-model-1", "config": to_json(config), "provenance": json.dumps(provenance)})
+        "format": "servodance-model-1", "config": to_json(config),
+        "default_style": args.default_style, "provenance": json.dumps(provenance)})
     count = sum(v.numel() for v in tensors.values())
     print(f"{args.out}: {len(tensors)} tensors, {count / 1e6:.2f} M numbers")
 

@@ -46,7 +46,8 @@ def main():
     starts = (torch.randint(config["codes"], (4, 2)), torch.tensor([0, 0, 1, 1]))
     tensors = flat(vq.state_dict(), seq.state_dict(), norms, starts, torch.float32)
     save_file(tensors, os.path.join(out, "tiny.safetensors"), metadata={
-        "format": "servodance-model-1", "config": to_json(config), "provenance": "{}"})
+        "format": "servodance-model-1", "config": to_json(config),
+        "default_style": "wild", "provenance": "{}"})
     save_file({k: v.contiguous() for k, v in golden.items()}, os.path.join(out, "golden.safetensors"))
 
 

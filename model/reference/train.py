@@ -3,8 +3,8 @@
     python train.py vqvae     --data stage1.safetensors --out vq  --minutes 30
     python train.py motionseq --data stage2.safetensors --out seq --vq vq/last.pt --minutes 45
 
-Writes `last.pt` (everything needed to `--resume`), `curves.csv` and prints
-one line a report. Muon and AdamW, warm-up then cosine over the time budget, gradient
+Writes `last.pt` (everything needed to `--resume`; also when told to end by
+SIGTERM), `curves.csv` and prints one line a report. Muon and AdamW, warm-up then cosine over the time budget, gradient
 clipping.
 """
 
@@ -12,6 +12,7 @@ import argparse
 import csv
 import math
 import os
+import signal
 import time
 
 import torch
@@ -41,6 +42,8 @@ class Run:
                              adjust_lr_fn="match_rms_adamw"),
             torch.optim.AdamW(rest, lr=args.lr, betas=(0.9, 0.98), weight_decay=0.0)]
         self.step, self.elapsed, self.sums, self.count = 0, 0.0, {}, 0
+        self.stopped = False
+        signal.signal(signal.SIGTERM, lambda *_: setattr(self, "stopped", True))
         os.makedirs(args.out, exist_ok=True)
         self.path = os.path.join(args.out, "last.pt")
         if args.resume and os.path.exists(self.path):
@@ -69,7 +72,7 @@ class Run:
         args, start = self.args, time.time() - self.elapsed
         curves = open(os.path.join(args.out, "curves.csv"), "a" if self.step else "w", newline="")
         writer, saved, last_report = None, time.time(), (self.step, time.time())
-        while self.elapsed < 60 * args.minutes and self.step < args.steps:
+        while not self.stopped and self.elapsed < 60 * args.minutes and self.step < args.steps:
             for optimiser in self.optimisers:
                 for group in optimiser.param_groups:
                     group["lr"] = self.rate()
@@ -109,10 +112,12 @@ class Run:
         self.save()
 
 
-def clip_weights(data, clips, other, synthetic):
-    """Dance counts 1, anything else `other`, rendered choreography `synthetic`."""
-    weights = torch.where(data.dance[clips] == 1, 1.0, other)
-    return torch.where(data.synthetic[clips] == 1, synthetic, weights)
+def clip_weights(data, clips, args):
+    """Dance counts 1, anything else, rendered choreography and clips without
+    music as told."""
+    weights = torch.where(data.dance[clips] == 1, 1.0, args.other)
+    weights = torch.where(data.synthetic[clips] == 1, args.synthetic, weights)
+    return torch.where(data.has_music[clips] == 1, weights, args.silent * weights)
 
 
 def usage(codes, total):
@@ -140,7 +145,7 @@ def train_vqvae(args):
     run = Run(args, model, config, {"mean": mean, "std": std})
     mean, std = run.extra["mean"], run.extra["std"]
     clips = data.of_split(0)
-    crops = Crops(data, clips, clip_weights(data, clips, args.other, args.synthetic), args.length, args.seed + run.step)
+    crops = Crops(data, clips, clip_weights(data, clips, args), args.length, args.seed + run.step)
     weight = channel_weights()
     speed = std[67]  # metres a frame: the scale of every velocity
     foot_weight = torch.ones(22)
@@ -233,6 +238,30 @@ def corrupt(previous, rate, neighbours):
     return noisy
 
 
+def shaken_history(index, valid, data, clips, share, reach):
+    """Frame indices whose clock runs off the music's: in `share` of the
+    sequences the past is shown early or late by up to `reach` frames, changing
+    every second or so. What comes next is still due on the music's time, so
+    the model learns to follow the beat it hears and not the habit of the past."""
+    batch, length = index.shape
+    piece = (torch.rand(batch, length) < 0.05).long().cumsum(1)
+    offsets = torch.randint(-reach, reach + 1, (batch, int(piece.max()) + 1))
+    offset = offsets.gather(1, piece) * (torch.rand(batch, 1) < share)
+    first = data.clip_start[clips][:, None]
+    last = first + data.clip_length[clips][:, None] - 1
+    return torch.maximum(torch.minimum(index + offset, last), first)
+
+
+def veiled(music, share):
+    """Hides or blurs timbre and chroma (channels 2-32): few songs are many
+    frames long, and a model that can tell them apart learns them by heart."""
+    veil = torch.zeros(music.shape[-1], dtype=torch.bool)
+    veil[2:33] = True
+    hidden = (torch.rand(len(music), 1, 1) < share) & veil
+    blurred = music + torch.randn_like(music) * veil
+    return torch.where(hidden, torch.zeros_like(music), blurred)
+
+
 def train_motionseq(args):
     data = Dataset(args.data)
     state = torch.load(args.vq, weights_only=False)
@@ -253,7 +282,7 @@ def train_motionseq(args):
     null_style = len(data.styles)
     run = Run(args, model, config, {"music_mean": music_mean, "music_std": music_std})
     clips = data.of_split(0)
-    crops = Crops(data, clips, clip_weights(data, clips, args.other, args.synthetic),
+    crops = Crops(data, clips, clip_weights(data, clips, args),
                   args.length + 1, args.seed + run.step)
 
     def gather(index, clip):
@@ -264,8 +293,12 @@ def train_motionseq(args):
         index, valid, clip = crops.batch(args.batch)
         previous, target, heard, has, style = gather(index, clip)
         has = has & (torch.rand(len(has)) >= args.music_drop)
+        shaken = shaken_history(index[:, :-1], valid, data, clip, args.shake, 4)
+        previous = torch.where(has[:, None, None], codes[shaken], previous)
+        heard = veiled(heard, args.veil)
         style = torch.where(torch.rand(len(style)) < args.style_drop, null_style, style)
         rate = torch.rand(len(has)) * 2 * args.token_noise
+        rate = torch.where(torch.rand(len(has)) < 0.15, 0.2 + 0.6 * torch.rand(len(has)), rate)
         noisy = corrupt(previous, rate, neighbours)
         logits = model(noisy, target, heard, has, style)
         parts = nll(logits, target, valid[:, 1:], args.smoothing)
@@ -314,12 +347,15 @@ def main():
     parser.add_argument("--dropout", type=float, default=0.0)
     parser.add_argument("--other", type=float, default=0.4, help="weight of clips that are no dance")
     parser.add_argument("--synthetic", type=float, default=0.5, help="weight of rendered choreography")
+    parser.add_argument("--silent", type=float, default=1.0, help="weight of clips without music")
     parser.add_argument("--free-steps", type=int, default=300, help="stage 1: steps before quantising")
     parser.add_argument("--code-noise", type=float, default=0.05, help="stage 1: share of codes replaced")
     parser.add_argument("--move", type=float, default=0.5, help="stage 1: weight of displacement")
     parser.add_argument("--slide", type=float, default=6.0, help="stage 1: extra weight of standing feet")
     parser.add_argument("--jerk", type=float, default=0.1, help="stage 1: weight of second differences")
     parser.add_argument("--token-noise", type=float, default=0.08, help="stage 2: mean share of input codes replaced")
+    parser.add_argument("--shake", type=float, default=0.6, help="stage 2: share of sequences whose past is off the beat")
+    parser.add_argument("--veil", type=float, default=0.8, help="stage 2: share of sequences without timbre and chroma")
     parser.add_argument("--music-drop", type=float, default=0.1)
     parser.add_argument("--style-drop", type=float, default=0.15)
     parser.add_argument("--smoothing", type=float, default=0.0)

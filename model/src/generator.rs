@@ -19,6 +19,8 @@ use crate::net::{
     DecoderState, ModelConfig, MotionSeq, Sampler, Sampling, SeqState, VqDecoder, Weights,
 };
 
+/// The trained weights, part of the program so that it runs by itself.
+const BUILT_IN: &[u8] = include_bytes!("../weights/live.safetensors");
 /// Normalised spectral features are clamped to this many deviations.
 const MUSIC_CLAMP: f32 = 6.0;
 /// Inside this distance from the start the dancer goes where it wants, metres.
@@ -31,7 +33,7 @@ const WALL_RADIUS_M: f32 = 3.0;
 pub struct GeneratorOptions {
     /// Seed of everything random.
     pub seed: u64,
-    /// A name out of [`Generator::styles`]; none leaves it to the music.
+    /// A name out of [`Generator::styles`]; none is [`Generator::default_style`].
     pub style: Option<String>,
     /// 0 (always the likeliest) up to 10; above 1 is wild.
     pub temperature: f32,
@@ -66,6 +68,7 @@ pub struct Generator {
 #[derive(Debug)]
 struct Networks {
     config: ModelConfig,
+    default_style: usize,
     provenance: String,
     decoder: VqDecoder,
     seq: MotionSeq,
@@ -79,6 +82,11 @@ struct Networks {
 }
 
 impl Generator {
+    /// The weights that ship inside this library (`model/MODEL_CARD.md`).
+    pub fn built_in() -> Result<Self, ModelError> {
+        Self::from_bytes(BUILT_IN, "built-in weights")
+    }
+
     /// Loads a weights file and checks every tensor of it.
     pub fn load(path: &Path) -> Result<Self, ModelError> {
         Self::from_bytes(&Weights::read(path)?, &path.display().to_string())
@@ -114,6 +122,7 @@ impl Generator {
             start_codes,
             start_styles,
             provenance: w.provenance().to_owned(),
+            default_style: w.default_style(),
             config,
         };
         let networks = Arc::new(networks);
@@ -135,14 +144,18 @@ impl Generator {
         &self.networks.config.seq.styles
     }
 
+    /// The style that is danced when none is asked for.
+    pub fn default_style(&self) -> &str {
+        &self.styles()[self.networks.default_style]
+    }
+
     /// A new dance. Refuses options out of range and unknown styles.
     pub fn start(&self, options: GeneratorOptions) -> Result<Dance, ModelError> {
         let n = &self.networks;
-        let style = options
-            .style
-            .as_deref()
-            .map(|s| self.style_index(s))
-            .transpose()?;
+        let style = match &options.style {
+            Some(name) => self.style_index(name)?,
+            None => n.default_style,
+        };
         if !(0.0..=10.0).contains(&options.guidance) {
             return Err(ModelError::Option {
                 option: "guidance",
@@ -158,10 +171,10 @@ impl Generator {
         let mut sampler = Sampler::new(sampling, options.seed)?;
         let codes = n.starting_codes(style, &mut sampler);
         let deaf = (options.guidance != 1.0)
-            .then(|| n.seq.start(style))
+            .then(|| n.seq.start(Some(style)))
             .transpose()?;
         Ok(Dance {
-            seq: n.seq.start(style)?,
+            seq: n.seq.start(Some(style))?,
             deaf,
             decoder: n.decoder.start()?,
             networks: self.networks.clone(),
@@ -188,12 +201,12 @@ impl Generator {
 
 impl Networks {
     /// One of the stored beginnings, of this style if there is one.
-    fn starting_codes(&self, style: Option<usize>, sampler: &mut Sampler) -> Vec<usize> {
+    fn starting_codes(&self, style: usize, sampler: &mut Sampler) -> Vec<usize> {
         let all: Vec<usize> = (0..self.start_codes.len()).collect();
         let of_style = all
             .iter()
             .copied()
-            .filter(|&i| Some(self.start_styles[i]) == style);
+            .filter(|&i| self.start_styles[i] == style);
         let of_style: Vec<usize> = of_style.collect();
         let pool = if of_style.is_empty() { all } else { of_style };
         self.start_codes[pool[sampler.below(pool.len())]].clone()

@@ -286,6 +286,26 @@ mod dance {
         );
     }
 
+    #[test]
+    fn the_built_in_weights_dance_in_every_style() {
+        let generator = Generator::built_in().unwrap();
+        assert!(generator.styles().len() > 5, "{:?}", generator.styles());
+        for style in generator.styles() {
+            let options = GeneratorOptions {
+                style: Some(style.clone()),
+                ..GeneratorOptions::default()
+            };
+            let danced = frames(generator.start(options).unwrap(), 60);
+            let hips: Vec<f32> = danced.iter().map(|f| f.positions[0][1]).collect();
+            assert!(
+                hips.iter().all(|y| (0.2..1.5).contains(y)),
+                "{style}: {hips:?}"
+            );
+            let moved = danced[20].positions != danced[59].positions;
+            assert!(moved, "{style} stands still");
+        }
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(32))]
         #[test]

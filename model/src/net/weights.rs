@@ -20,6 +20,7 @@ pub struct Weights<'a> {
     source: String,
     tensors: SafeTensors<'a>,
     config: ModelConfig,
+    default_style: usize,
     provenance: String,
 }
 
@@ -53,10 +54,20 @@ impl<'a> Weights<'a> {
         let text = metadata
             .get("config")
             .ok_or_else(|| config("`config` is missing from the metadata".into()))?;
+        let parsed = ModelConfig::from_json(text).map_err(config)?;
+        let default = metadata.get("default_style").map_or("", String::as_str);
+        let styles = &parsed.seq.styles;
+        let default_style = styles.iter().position(|s| s == default).ok_or_else(|| {
+            config(format!(
+                "default_style is `{default}`, expected one of: {}",
+                styles.join(", ")
+            ))
+        })?;
         Ok(Self {
             source: source.to_owned(),
             tensors,
-            config: ModelConfig::from_json(text).map_err(config)?,
+            config: parsed,
+            default_style,
             provenance: metadata.get("provenance").cloned().unwrap_or_default(),
         })
     }
@@ -64,6 +75,11 @@ impl<'a> Weights<'a> {
     /// The sizes that the file says it has.
     pub fn config(&self) -> &ModelConfig {
         &self.config
+    }
+
+    /// The style danced when none is asked for, an index into the styles.
+    pub fn default_style(&self) -> usize {
+        self.default_style
     }
 
     /// Where the weights came from: data, date, figures (JSON).
