@@ -2,6 +2,7 @@
 
 pub(crate) mod belief;
 pub(crate) mod history;
+pub(crate) mod level;
 mod offline;
 pub(crate) mod tempo;
 pub(crate) mod tracker;

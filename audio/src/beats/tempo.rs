@@ -4,10 +4,10 @@
 
 /// Hops a second of the onset strength that tempi are counted in.
 pub(crate) const RATE_HZ: f64 = 160.0;
-/// Shortest period in hops: 213 BPM.
-const SHORTEST: usize = 45;
+/// Shortest period in hops: 192 BPM.
+const SHORTEST: usize = 50;
 /// Tempi: every whole number of hops down to 59 BPM, fastest first.
-pub(crate) const TEMPI: usize = 118;
+pub(crate) const TEMPI: usize = 113;
 
 /// Middle and width of the bell of usual tempi.
 const USUAL_BPM: f64 = 130.0;

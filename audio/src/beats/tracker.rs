@@ -13,6 +13,7 @@
 //! stays believed for a while is taken over at once.
 
 use super::belief::{Belief, Estimate};
+use super::level::Level;
 use super::tempo::{RATE_HZ, TempoFit, Tempogram};
 use crate::onset::Onset;
 use servodance_types::Beat;
@@ -63,6 +64,7 @@ pub(crate) struct Tracker {
     unsure_s: f64,
     silent_s: f64,
     contradicted_s: f64,
+    level: Level,
 }
 
 /// Hops between two looks at the tempogram and the belief.
@@ -83,6 +85,7 @@ impl Tracker {
             unsure_s: 0.0,
             silent_s: f64::INFINITY,
             contradicted_s: 0.0,
+            level: Level::default(),
         }
     }
 
@@ -100,7 +103,9 @@ impl Tracker {
         };
         self.tempogram.push(onset.strength);
         self.belief.hop(onset.strength);
-        self.phase = (self.phase + self.bpm / 60.0 * hop_s).rem_euclid(1.0);
+        let phase = self.phase + self.bpm / 60.0 * hop_s;
+        self.phase = phase.rem_euclid(1.0);
+        self.level.hear(self.phase, phase >= 1.0, onset.strength);
         self.hops += 1;
         if self.hops.is_multiple_of(LOOK_EVERY) {
             let elapsed_s = LOOK_EVERY as f64 * hop_s;
@@ -130,7 +135,10 @@ impl Tracker {
                 self.phase = estimate.phase;
                 self.bpm = estimate.bpm;
             }
-            BeatState::Locked | BeatState::Holding => self.follow(estimate, elapsed_s),
+            BeatState::Locked | BeatState::Holding => {
+                self.follow(estimate, elapsed_s);
+                self.level.choose(self.bpm, elapsed_s);
+            }
         }
     }
 
@@ -187,8 +195,10 @@ impl Tracker {
             PATIENCE_S
         };
         if self.contradicted_s > patience_s {
+            let danced = self.level.apply(self.phase, self.bpm);
             self.phase = estimate.phase;
             self.bpm = estimate.bpm;
+            self.level.carry_over(danced, self.phase, self.bpm);
             self.contradicted_s = 0.0;
         }
     }
@@ -198,10 +208,11 @@ impl Tracker {
         if self.bpm <= 0.0 || self.confidence <= 0.0 {
             return Beat::default();
         }
-        let phase = (self.phase + self.bpm / 60.0 * ahead_s).rem_euclid(1.0) as f32;
+        let (phase, bpm) = self.level.apply(self.phase, self.bpm);
+        let phase = (phase + bpm / 60.0 * ahead_s).rem_euclid(1.0) as f32;
         Beat {
             phase: if phase < 1.0 { phase } else { 0.0 },
-            tempo_bpm: self.bpm as f32,
+            tempo_bpm: bpm as f32,
             confidence: self.confidence,
         }
     }

@@ -1,0 +1,129 @@
+//! The causal tracker on music that does not stay as it is: breaks, drift, a
+//! jump to another song. The truth is known, since the songs are rendered.
+
+use servodance_audio::MusicAnalyzer;
+use servodance_audio::song::{Grid, Layers, Mix, Section, Song, SongSpec, Style};
+use servodance_types::MusicFrame;
+
+fn spec(style: Style, beats_s: Vec<f64>, duration_s: f64) -> SongSpec {
+    let mut spec = SongSpec::on_beats(&beats_s, duration_s, 4).expect("a usable grid");
+    spec.grid = Grid::Beats(beats_s);
+    spec.style = style;
+    spec.mix = Mix::clean();
+    spec.sections = vec![section(0, Layers::ALL)];
+    spec
+}
+
+fn section(first_bar: i64, layers: Layers) -> Section {
+    Section {
+        first_bar,
+        layers,
+        intensity: 0.7,
+    }
+}
+
+fn steady(bpm: f64, duration_s: f64) -> Vec<f64> {
+    let count = (duration_s * bpm / 60.0) as usize;
+    (0..count).map(|i| i as f64 * 60.0 / bpm).collect()
+}
+
+fn listen(samples: &[f32], rate_hz: u32) -> Vec<MusicFrame> {
+    let mut analyzer = MusicAnalyzer::new(rate_hz).expect("a usable rate");
+    analyzer.push(samples);
+    std::iter::from_fn(|| analyzer.pop()).collect()
+}
+
+/// Seconds by which the tracked phase is off the true one, -half to half a beat.
+fn error_s(song: &Song, frame: &MusicFrame) -> f64 {
+    let next = song.beats_s.partition_point(|&beat| beat <= frame.time_s);
+    let next = next.clamp(1, song.beats_s.len() - 1);
+    let (a, b) = (song.beats_s[next - 1], song.beats_s[next]);
+    let truth = (frame.time_s - a) / (b - a);
+    let off = f64::from(frame.beat.phase) - truth;
+    (off - off.round()) * (b - a)
+}
+
+/// The share of frames between two times that are sure and right within 50 ms.
+fn right(song: &Song, frames: &[MusicFrame], from_s: f64, to_s: f64) -> f64 {
+    let span = frames.iter().filter(|f| (from_s..to_s).contains(&f.time_s));
+    let (mut hit, mut all) = (0, 0);
+    for frame in span {
+        all += 1;
+        hit += usize::from(frame.beat.confidence >= 0.5 && error_s(song, frame).abs() < 0.05);
+    }
+    hit as f64 / f64::from(all)
+}
+
+#[test]
+fn phase_is_exact_once_locked() {
+    for (style, bpm) in [
+        (Style::House, 124.0),
+        (Style::Rock, 140.0),
+        (Style::Disco, 116.0),
+        (Style::Soul, 96.0),
+    ] {
+        let song = spec(style, steady(bpm, 25.0), 25.0)
+            .render()
+            .expect("a song");
+        let frames = listen(&song.samples, song.sample_rate_hz);
+        let late: Vec<f64> = frames
+            .iter()
+            .filter(|f| f.time_s > 8.0)
+            .map(|f| error_s(&song, f))
+            .collect();
+        let worst = late.iter().fold(0.0f64, |w, e| w.max(e.abs()));
+        assert!(worst < 0.03, "{style:?}: {worst} s off");
+        assert!(right(&song, &frames, 5.0, 25.0) > 0.95, "{style:?}");
+    }
+}
+
+#[test]
+fn break_is_danced_through() {
+    let mut spec = spec(Style::House, steady(120.0, 40.0), 40.0);
+    // Bars of 2 s: drums stop from 16 s to 24 s, chords go on.
+    let quiet = Layers {
+        drums: false,
+        bass: false,
+        lead: false,
+        chords: true,
+    };
+    spec.sections.push(section(8, quiet));
+    spec.sections.push(section(12, Layers::ALL));
+    let song = spec.render().expect("a song");
+    let frames = listen(&song.samples, song.sample_rate_hz);
+    assert!(right(&song, &frames, 6.0, 16.0) > 0.95);
+    // Once the drums are back the beat is where it was.
+    assert!(right(&song, &frames, 27.0, 40.0) > 0.9);
+}
+
+#[test]
+fn drift_of_ten_percent_is_followed() {
+    let mut beats_s = vec![0.0];
+    let mut now_s = 0.0f64;
+    while now_s < 40.0 {
+        let bpm = 110.0 + 11.0 * (now_s / 30.0).min(1.0);
+        now_s += 60.0 / bpm;
+        beats_s.push(now_s);
+    }
+    let song = spec(Style::Rock, beats_s, 40.0).render().expect("a song");
+    let frames = listen(&song.samples, song.sample_rate_hz);
+    let share = right(&song, &frames, 6.0, 39.0);
+    assert!(share > 0.9, "right in {share} of the frames");
+}
+
+#[test]
+fn another_song_is_found() {
+    let first = spec(Style::House, steady(126.0, 20.0), 20.0);
+    let second = spec(Style::Rock, steady(140.0, 25.0), 25.0);
+    let (first, second) = (
+        first.render().expect("a song"),
+        second.render().expect("a song"),
+    );
+    let mut both = first.samples.clone();
+    both.extend_from_slice(&second.samples);
+    let mut frames = listen(&both, first.sample_rate_hz);
+    frames.retain(|f| f.time_s >= 20.0);
+    frames.iter_mut().for_each(|f| f.time_s -= 20.0);
+    let share = right(&second, &frames, 10.0, 25.0);
+    assert!(share > 0.9, "right in {share} of the frames");
+}
