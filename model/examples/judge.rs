@@ -2,7 +2,7 @@
 //! controls, then one long dance.
 //!
 //! `cargo run --release -p servodance-model --example judge -- WEIGHTS DATASET
-//! [--temperature 1] [--top-p 0.95] [--guidance 1] [--style NAME] [--clips 16]
+//! [--temperature 0.9] [--top-p 0.95] [--guidance 1.5] [--style NAME] [--clips 16]
 //! [--minutes 5] [--seed 1] [--out FOLDER]`
 //!
 //! `--style each` scores every style by itself on all clips.
@@ -45,7 +45,7 @@ fn main() -> Result<(), Failure> {
         }
     }
     let [weights, data] = &plain[..] else {
-        return Err("usage: judge WEIGHTS DATASET [--temperature 1] ...".into());
+        return Err("usage: judge WEIGHTS DATASET [--temperature 0.9] ...".into());
     };
     let number = |name: &str, default: f64| -> Result<f64, Failure> {
         Ok(named.get(name).map_or(Ok(default), |text| text.parse())?)
@@ -53,9 +53,9 @@ fn main() -> Result<(), Failure> {
     let mut options = GeneratorOptions {
         seed: number("seed", 1.0)? as u64,
         style: named.get("style").cloned(),
-        temperature: number("temperature", 1.0)? as f32,
+        temperature: number("temperature", 0.9)? as f32,
         top_p: number("top-p", 0.95)? as f32,
-        guidance: number("guidance", 1.0)? as f32,
+        guidance: number("guidance", 1.5)? as f32,
         ..GeneratorOptions::default()
     };
     let generator = Generator::load(Path::new(weights))?;
@@ -151,6 +151,7 @@ fn judge_length(
         frames.push(dance.step(heard)?);
         ms.push(begin.elapsed().as_secs_f64() * 1e3);
     }
+    println!("woken {} times", dance.awakenings());
     ms.sort_by(f64::total_cmp);
     let at = |share: f64| ms[((ms.len() - 1) as f64 * share) as usize];
     println!(

@@ -39,15 +39,16 @@ def flat(vq, seq, norms, starts, dtype):
 
 @torch.no_grad()
 def starts_of(data, vq, mean, std, count=24):
-    """Codes of `count` moments of each style at which its dancers are calm:
-    out of the slowest tenth of all frames."""
+    """Codes of `count` moments of each style to begin from: in the middle of
+    the dance (with music where there is some), not faster than half of it."""
     codes, styles, around = [], [], 60
     for style in range(len(data.styles)):
         clips = [c for c in data.of_split(0) if data.style[c] == style]
+        clips = [c for c in clips if data.has_music[c]] or clips
         frames = torch.cat([torch.arange(len(data.motion))[data.frames(c)][around:-around] for c in clips])
         speed = data.motion[frames, 67:133].unflatten(-1, (22, 3)).norm(dim=-1).mean(-1)
-        calm = frames[speed.argsort()[: max(count, len(frames) // 10)]]
-        pick = calm[torch.linspace(0, len(calm) - 1, count).long()]
+        middle = frames[speed.argsort()[int(0.3 * len(frames)): int(0.5 * len(frames))]]
+        pick = middle[torch.linspace(0, len(middle) - 1, count).long()]
         crops = data.motion[pick[:, None] + torch.arange(-around, around + 1)]
         codes.append(vq.encode((crops - mean) / std)[:, around])
         styles.append(torch.full((count,), style))

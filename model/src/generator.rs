@@ -28,6 +28,13 @@ const FREE_RADIUS_M: f32 = 1.0;
 /// At this distance no step leads further away, metres.
 const WALL_RADIUS_M: f32 = 3.0;
 
+/// Below this mean joint speed the dancer stands still, metres a frame.
+const STILL_M: f32 = 0.1 / 20.0;
+/// Standing still for so long while a beat is heard is a dance that stuck.
+const STUCK_FRAMES: u32 = 20;
+/// From this confidence on a beat is heard.
+const HEARD_CONFIDENCE: f32 = 0.5;
+
 /// How a dance is generated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeneratorOptions {
@@ -51,10 +58,10 @@ impl Default for GeneratorOptions {
         Self {
             seed: 0,
             style: None,
-            temperature: 1.0,
+            temperature: 0.9,
             top_k: 0,
             top_p: 0.95,
-            guidance: 1.0,
+            guidance: 1.5,
         }
     }
 }
@@ -186,6 +193,8 @@ impl Generator {
             frames: 0,
             recovery: Recovery::default(),
             stage: Stage::default(),
+            style,
+            watch: Watch::default(),
         })
     }
 
@@ -250,6 +259,8 @@ pub struct Dance {
     frames: u64,
     recovery: Recovery,
     stage: Stage,
+    style: usize,
+    watch: Watch,
 }
 
 impl Dance {
@@ -269,11 +280,31 @@ impl Dance {
         }
         self.frames += 1;
         let pose = skeleton::fit(&self.recovery.push(&vector), 1.0);
+        let positions = self.stage.place(pose);
+        if self.watch.stuck(&positions, music.beat.confidence) {
+            self.wake()?;
+        }
         Ok(MotionFrame {
             time_s: music.time_s,
-            positions: self.stage.place(pose),
+            positions,
             contacts: contacts(&vector),
         })
+    }
+
+    /// Forgets the past, in which the dancer stood: a model that continues
+    /// what it sees would go on standing. From the second time in a row on it
+    /// also begins at another moment of the style.
+    fn wake(&mut self) -> Result<(), ModelError> {
+        let networks = self.networks.clone();
+        let seq = &networks.seq;
+        self.seq = seq.start(Some(self.style))?;
+        if self.deaf.is_some() {
+            self.deaf = Some(seq.start(Some(self.style))?);
+        }
+        if self.watch.in_a_row > 1 {
+            self.codes = networks.starting_codes(self.style, &mut self.sampler);
+        }
+        Ok(())
     }
 
     fn next_codes(&mut self, seq: &MotionSeq) -> Result<Vec<usize>, ModelError> {
@@ -300,6 +331,11 @@ impl Dance {
     /// The codes of the last frame, one per body part.
     pub fn codes(&self) -> &[usize] {
         &self.codes
+    }
+
+    /// How often the dance stood still while a beat was heard, and was woken.
+    pub fn awakenings(&self) -> u64 {
+        self.watch.awakenings
     }
 
     /// Music frames that were not finite so far.
@@ -345,10 +381,66 @@ impl Stage {
     }
 }
 
+/// Notices a dancer who stands still although a beat is heard.
+#[derive(Clone, Copy, Debug, Default)]
+struct Watch {
+    last: Option<Pose>,
+    still_frames: u32,
+    /// Awakenings since the last time that the dancer moved.
+    in_a_row: u32,
+    awakenings: u64,
+}
+
+impl Watch {
+    /// Whether it is time to wake the dancer; counts it.
+    fn stuck(&mut self, pose: &Pose, confidence: f32) -> bool {
+        let moved_m = self
+            .last
+            .map_or(f32::INFINITY, |last| mean_step_m(&last, pose));
+        self.last = Some(*pose);
+        if moved_m > STILL_M {
+            self.still_frames = 0;
+            if moved_m > 4.0 * STILL_M {
+                self.in_a_row = 0;
+            }
+        } else if confidence >= HEARD_CONFIDENCE {
+            self.still_frames += 1;
+        }
+        if self.still_frames < STUCK_FRAMES {
+            return false;
+        }
+        self.still_frames = 0;
+        self.in_a_row += 1;
+        self.awakenings += 1;
+        true
+    }
+}
+
+/// How far the joints moved on average.
+fn mean_step_m(a: &Pose, b: &Pose) -> f32 {
+    let step = |(p, q): (&[f32; 3], &[f32; 3])| {
+        let squared: f32 = p.iter().zip(q).map(|(x, y)| (y - x).powi(2)).sum();
+        squared.sqrt()
+    };
+    a.iter().zip(b).map(step).sum::<f32>() / a.len() as f32
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use servodance_types::JOINT_COUNT;
+
+    #[test]
+    fn a_still_dancer_is_woken_only_while_a_beat_is_heard() {
+        let pose = [[0.0; 3]; JOINT_COUNT];
+        let mut watch = Watch::default();
+        assert!((0..200).all(|_| !watch.stuck(&pose, 0.0)));
+        let woken = (0..100).filter(|_| watch.stuck(&pose, 0.9)).count();
+        assert_eq!((woken, watch.in_a_row), (5, 5));
+        let moving = (0..100).filter(|i| watch.stuck(&[[0.03 * *i as f32; 3]; JOINT_COUNT], 0.9));
+        assert_eq!(moving.count(), 0);
+        assert_eq!((watch.in_a_row, watch.awakenings), (0, 5));
+    }
 
     #[test]
     fn a_straight_walk_stays_on_the_stage() {
