@@ -24,6 +24,12 @@ use crate::{Counts, RetargetError, RobotModel};
 const STEPS: usize = 2;
 /// Time to full acceleration, seconds: sets the jerk limit.
 const ACCELERATION_RISE_S: f64 = 0.02;
+/// Speed at which rest is taken up, radians a second (metres, if it slides).
+const GENTLE_RAD_S: f64 = 0.8;
+/// How fast what is left shrinks at the end of that, 1/s.
+const ARRIVING_PER_S: f64 = 3.0;
+/// Nearer to rest than this the feet can be kept in place.
+const ARRIVED_RAD: f64 = 0.003;
 /// A planted foot farther away has moved, metres.
 const FOOT_MOVED_M: f64 = 0.002;
 
@@ -199,7 +205,9 @@ impl Retargeter {
 
     /// Writes the joint positions for human time `time_s`: radians, inside the
     /// limits of every joint. Call once a control cycle. Before the first frame
-    /// the rest pose is taken up; after the last one the pose is held.
+    /// the rest pose is taken up gently (so call it for a few seconds of
+    /// negative time after [`seed`](Self::seed)); after the last one the pose is
+    /// held.
     ///
     /// # Errors
     /// Only if `out_rad` has not one place a joint.
@@ -208,11 +216,17 @@ impl Retargeter {
         self.counts.cycles += 1;
         self.counts.starved_cycles += u64::from(self.stream.is_over(time_s));
         let aim = match self.stream.at(time_s + self.preview_s()) {
-            Some(points) if self.mirror => self.reader.read(&human::mirrored(&points)),
-            Some(points) => self.reader.read(&points),
-            None => Aim::standing(),
+            Some(points) if self.mirror => Some(self.reader.read(&human::mirrored(&points))),
+            Some(points) => Some(self.reader.read(&points)),
+            None => None,
         };
-        self.solve(&aim);
+        self.set_bounds();
+        self.wanted.copy_from_slice(&self.solver.positions);
+        self.solve(&aim.unwrap_or_else(Aim::standing));
+        if aim.is_none() {
+            self.limbs_to_rest();
+            self.legs_to_rest();
+        }
         self.track();
         self.judge();
         out_rad.copy_from_slice(&self.output);
@@ -228,7 +242,6 @@ impl Retargeter {
 
     /// Solves for the legs now and for the rest when the preview ends.
     fn solve(&mut self, aim: &Aim) {
-        self.set_bounds();
         let gain = self.amplitude * self.gains.torso;
         if let Some(standing) = &mut self.standing {
             let wanted = Pelvis::wanted(aim, gain);
@@ -282,6 +295,40 @@ impl Retargeter {
                 );
             }
         }
+    }
+
+    /// Without a dance there is nothing to solve: from the last solution, which
+    /// is in `wanted`, straight to rest.
+    fn limbs_to_rest(&mut self) {
+        let step = GENTLE_RAD_S * self.dt_s;
+        for joint in (0..self.rest.len()).filter(|&joint| !self.stands_on[joint]) {
+            let last = self.wanted[joint];
+            self.solver.positions[joint] = last + (self.rest[joint] - last).clamp(-step, step);
+        }
+    }
+
+    /// Without a dance legs go straight to rest, all arriving together: a robot
+    /// that was just switched on may stand anyhow, with no feet in place that
+    /// could be kept there.
+    fn legs_to_rest(&mut self) {
+        let root = self.world_from_root(&self.output);
+        let Some(standing) = &mut self.standing else {
+            return;
+        };
+        let away = |joint: usize| self.rest[joint] - self.output[joint];
+        let legs = || (0..self.rest.len()).filter(|&joint| self.stands_on[joint]);
+        let farthest = legs().map(|joint| away(joint).abs()).fold(1e-9, f64::max);
+        if farthest < ARRIVED_RAD {
+            return;
+        }
+        let speed = GENTLE_RAD_S.min(ARRIVING_PER_S * farthest);
+        for joint in legs() {
+            let (low, high) = self.trackers[joint].allowed();
+            let wanted = self.output[joint] + away(joint) / farthest * speed * self.dt_s;
+            standing.legs.positions[joint] = wanted.clamp(low, high);
+        }
+        standing.legs.base = root;
+        standing.pelvis.restart();
     }
 
     /// Scales the solution around rest and lets each joint follow it.

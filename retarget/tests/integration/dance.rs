@@ -174,6 +174,41 @@ fn no_amplitude_is_the_rest_pose() {
 }
 
 #[test]
+fn rest_is_taken_up_gently_from_anywhere() {
+    let robots = Robot::all();
+    let starts = [0.0, 0.3, -0.6];
+    for ((name, robot), angle) in robots.iter().flat_map(|r| starts.map(|s| (r, s))) {
+        let mut retargeter = robot.retargeter();
+        let limits = robot.limits();
+        let start: Vec<f64> = limits
+            .iter()
+            .map(|limits| limits.clamp_rad(angle))
+            .collect();
+        retargeter.seed(&start).unwrap();
+        retargeter.push(&dance(0.1)[0]);
+        let mut track = vec![start.clone(), start.clone()];
+        let mut out = start;
+        for cycle in 0..500 {
+            let time_s = cycle as f64 / CONTROL_HZ - 6.0;
+            retargeter.next(time_s, &mut out).unwrap();
+            track.push(out.clone());
+        }
+        assert_eq!(violations(&track, &limits), [0; 3], "{name}");
+        for pair in track.windows(2) {
+            for (before, after) in pair[0].iter().zip(&pair[1]) {
+                assert!((after - before).abs() * CONTROL_HZ < 1.2, "{name}");
+            }
+        }
+        for (now, rest) in out.iter().zip(retargeter.rest()) {
+            assert!(
+                (now - rest).abs() < 0.02,
+                "{name} from {angle}: {now} {rest}"
+            );
+        }
+    }
+}
+
+#[test]
 fn before_the_first_frame_the_robot_rests() {
     let mut retargeter = Robot::op3().retargeter();
     let rest = retargeter.rest().to_vec();
