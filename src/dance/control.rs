@@ -27,7 +27,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Seconds from torque on to the music.
-const PRELUDE_S: f64 = 2.5;
+const PRELUDE_S: f64 = 4.0;
 /// Share of a joint's velocity and acceleration limits used on the way to rest.
 const FINALE_EFFORT: f64 = 0.4;
 /// Seconds after the last motion frame in which the robot comes to a stop.
