@@ -116,10 +116,14 @@ fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> O
     })
 }
 
-/// The human as bones between joints; y up becomes z up, facing x.
+/// The human as bones between joints; y up becomes z up, and the body is turned
+/// to face x, as the robot does.
 fn dancer_figure(frame: &MotionFrame) -> Figure {
     let at = |joint: BodyJoint| frame.position(joint).map(f64::from);
-    let turned = |[left, up, forward]: [f64; 3]| [forward, left, up];
+    let (left, right) = (at(BodyJoint::LeftHip), at(BodyJoint::RightHip));
+    let heading_rad = (right[2] - left[2]).atan2(left[0] - right[0]);
+    let (sin, cos) = heading_rad.sin_cos();
+    let turned = |[x, up, z]: [f64; 3]| [z * cos + x * sin, x * cos - z * sin, up];
     let limbs = BodyJoint::ALL
         .into_iter()
         .filter_map(|joint| {
@@ -249,4 +253,30 @@ fn liveliest_tracks(config: &DanceConfig, servos: &JointTrace, window_s: (f64, f
         .take(TRACKS)
         .map(|(_, track)| track)
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use servodance_types::{Contacts, JOINT_COUNT};
+
+    #[test]
+    fn a_dancer_who_faces_away_is_turned_to_the_viewer() {
+        let mut positions = [[0.0, 1.0, 0.0]; JOINT_COUNT];
+        positions[BodyJoint::LeftHip as usize] = [-0.1, 1.0, 0.0]; // facing -z
+        positions[BodyJoint::RightHip as usize] = [0.1, 1.0, 0.0];
+        positions[BodyJoint::LeftFoot as usize] = [-0.1, 0.0, -0.2]; // toes ahead
+        let figure = dancer_figure(&MotionFrame {
+            time_s: 0.0,
+            positions,
+            contacts: Contacts::default(),
+        });
+        let foot = figure
+            .limbs
+            .iter()
+            .find(|limb| limb.to[2] == 0.0)
+            .expect("the foot");
+        assert!((foot.to[0] - 0.2).abs() < 1e-6, "ahead is +x: {foot:?}");
+        assert!((foot.to[1] - 0.1).abs() < 1e-6, "left is +y: {foot:?}");
+    }
 }
