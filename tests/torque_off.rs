@@ -4,10 +4,32 @@
 use crate::program::Program;
 use servodance::robot::Robot;
 use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
+use std::io::Read;
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(60);
+
+/// These dances live in real time: one at a time, so that they do not starve
+/// each other on a small machine.
+static REAL_TIME: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    REAL_TIME.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The built-in humanoid as a file, patient with replies: other tests may keep
+/// the processor from the simulated servos for a while.
+fn patient_robot(program: &Program) -> &'static str {
+    let text = include_str!("../configs/op3.toml");
+    let patient = text.replacen("[bus]\n", "[bus]\nreply_timeout_ms = 500.0\n", 1);
+    assert_ne!(text, patient);
+    std::fs::write(program.path("patient.toml"), patient).expect("the robot file");
+    let urdf = include_str!("../configs/op3.urdf");
+    std::fs::write(program.path("op3.urdf"), urdf).expect("the URDF");
+    "patient.toml"
+}
 
 /// The servos of the built-in humanoid, in real time.
 fn servos() -> SimBus {
@@ -26,12 +48,29 @@ fn torques(bus: &SimBus) -> usize {
 /// Starts a dance on the bus and waits until every servo has torque.
 fn dancing(program: &Program, bus: &SimBus) -> Child {
     let port = format!("serial:{}", bus.port_path());
-    let child = program
-        .command(&["dance", "--bus", &port, "--no-picture", "--quiet"])
+    let robot = patient_robot(program);
+    let mut child = program
+        .command(&[
+            "dance",
+            "--robot",
+            robot,
+            "--bus",
+            &port,
+            "--no-picture",
+            "--quiet",
+        ])
         .stderr(Stdio::piped())
         .spawn()
         .expect("the program starts");
-    wait_until("all torques on", || torques(bus) == 20);
+    wait_until("all torques on", || {
+        if child.try_wait().expect("its state").is_some() {
+            let mut error = String::new();
+            let stderr = child.stderr.as_mut().expect("its errors");
+            stderr.read_to_string(&mut error).expect("text");
+            panic!("it ended early: {error}");
+        }
+        torques(bus) == 20
+    });
     child
 }
 
@@ -52,6 +91,7 @@ fn signal(child: &Child, name: &str) {
 
 #[test]
 fn ctrl_c_turns_torque_off() {
+    let _alone = alone();
     let (program, bus) = (Program::new(), servos());
     let child = dancing(&program, &bus);
     signal(&child, "-INT");
@@ -63,6 +103,7 @@ fn ctrl_c_turns_torque_off() {
 
 #[test]
 fn termination_turns_torque_off() {
+    let _alone = alone();
     let (program, bus) = (Program::new(), servos());
     let child = dancing(&program, &bus);
     signal(&child, "-TERM");
@@ -72,6 +113,7 @@ fn termination_turns_torque_off() {
 
 #[test]
 fn a_killed_program_leaves_servos_that_stop_by_themselves() {
+    let _alone = alone();
     let (program, bus) = (Program::new(), servos());
     let mut child = dancing(&program, &bus);
     signal(&child, "-KILL");
@@ -91,6 +133,7 @@ fn a_killed_program_leaves_servos_that_stop_by_themselves() {
 
 #[test]
 fn a_servo_that_dies_is_named_and_the_others_lose_torque() {
+    let _alone = alone();
     let (program, bus) = (Program::new(), servos());
     let child = dancing(&program, &bus);
     assert!(bus.set_servo_fault(12, ServoFault::Dead));
@@ -106,6 +149,7 @@ fn a_servo_that_dies_is_named_and_the_others_lose_torque() {
 
 #[test]
 fn a_servo_that_does_not_answer_is_named_before_any_torque() {
+    let _alone = alone();
     let (program, bus) = (Program::new(), servos());
     assert!(bus.set_servo_fault(4, ServoFault::Dead));
     let port = format!("serial:{}", bus.port_path());
