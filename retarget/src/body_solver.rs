@@ -17,6 +17,7 @@ use crate::collision::Pair;
 use crate::columns::{Columns, Posed};
 use crate::config::Weights;
 use crate::human::Aim;
+use crate::limb::{TwoSegments, direction_row, near};
 use crate::model::RobotModel;
 use crate::solver::Solver;
 
@@ -38,8 +39,6 @@ const SAFE_EDGE_M: f64 = 0.012;
 const BALANCE: f64 = 200.0;
 /// Longest Gauss-Newton step, radians (metres for the base).
 const LONGEST_STEP: f64 = 0.25;
-/// Directions farther apart than this are approached in parts, radians.
-const FAR_RAD: f64 = 1.0;
 
 /// Where the feet are to stay, in the world; `[left, right]`.
 pub(crate) type Feet = [Isometry3<f64>; 2];
@@ -76,12 +75,9 @@ pub(crate) struct Question<'a> {
     pub bounds: &'a [(f64, f64)],
 }
 
-/// A limb of two segments: link indices of its three points.
 #[derive(Clone, Copy)]
 struct Limb {
-    points: [Option<usize>; 3],
-    /// Lengths of the two segments, metres.
-    lengths: [f64; 2],
+    segments: TwoSegments,
     is_leg: bool,
     side: usize,
 }
@@ -123,12 +119,8 @@ impl BodySolver {
         let positions: Vec<f64> = limits.iter().map(|limit| limit.clamp_rad(0.0)).collect();
         let mut poses = vec![Isometry3::identity(); model.links.len()];
         model.place(&Isometry3::identity(), &positions, &mut poses);
-        let limb = |points: [Option<usize>; 3], is_leg, side| Limb {
-            points,
-            lengths: [
-                distance(&poses, points[0], points[1]),
-                distance(&poses, points[1], points[2]),
-            ],
+        let limb = |points, is_leg, side| Limb {
+            segments: TwoSegments::new(points, &poses),
             is_leg,
             side,
         };
@@ -167,7 +159,8 @@ impl BodySolver {
     /// Length of the legs, hip to ankle, metres; 0 without legs.
     pub fn leg_length(&self) -> f64 {
         let [_, _, left, right] = &self.limbs;
-        f64::midpoint(left.lengths.iter().sum(), right.lengths.iter().sum())
+        let length = |leg: &Limb| leg.segments.lengths.iter().sum();
+        f64::midpoint(length(left), length(right))
     }
 
     /// Poses of the links in the world, at the present solution.
@@ -245,64 +238,21 @@ impl BodySolver {
     }
 
     fn ask_limbs(&mut self, robot: &Posed, aim: &Aim) {
-        let Weights {
-            upper_limb,
-            lower_limb,
-            tip,
-            ..
-        } = self.weights;
         for limb in self.limbs {
             // Legs that stand follow from pelvis and feet.
             if limb.is_leg && self.legs_stand {
                 continue;
             }
-            let (upper, lower) = match limb.is_leg {
-                false => (aim.upper_arm[limb.side], aim.forearm[limb.side]),
-                true => (aim.thigh[limb.side], aim.shank[limb.side]),
+            let wanted = match limb.is_leg {
+                false => [aim.upper_arm[limb.side], aim.forearm[limb.side]],
+                true => [aim.thigh[limb.side], aim.shank[limb.side]],
             };
-            let [Some(top), Some(middle), end] = limb.points else {
-                continue;
-            };
-            self.ask_segment(robot, [top, middle], upper, upper_limb);
-            let Some(end) = end else {
-                continue;
-            };
-            self.ask_segment(robot, [middle, end], lower, lower_limb);
-            let whole = limb.lengths[0] + limb.lengths[1];
-            if whole > 1e-3 {
-                let reach = upper * limb.lengths[0] + lower * limb.lengths[1];
-                let (start, tip_at) = (robot.origin(top), robot.origin(end));
-                let residual = near(&((tip_at - start - reach) / whole));
-                self.columns.point(robot, end, &tip_at, 1.0 / whole);
-                self.columns.point(robot, top, &start, -1.0 / whole);
-                self.use_columns(tip, &residual);
-            }
+            let solver = &mut self.solver;
+            limb.segments
+                .ask(robot, wanted, &self.weights, &mut self.columns, |row| {
+                    solver.add(row.weight, &row.residual, row.columns);
+                });
         }
-    }
-
-    /// Asks that the segment between two links' origins points along `wanted`.
-    fn ask_segment(
-        &mut self,
-        robot: &Posed,
-        [from, to]: [usize; 2],
-        wanted: Vector3<f64>,
-        weight: f64,
-    ) {
-        let (start, end) = (robot.origin(from), robot.origin(to));
-        let length = (end - start).norm();
-        if length < 1e-4 {
-            return;
-        }
-        let now = (end - start) / length;
-        self.columns.point(robot, to, &end, 1.0 / length);
-        self.columns.point(robot, from, &start, -1.0 / length);
-        self.ask_direction(now, wanted, weight);
-    }
-
-    /// Uses up the gathered columns (derivatives of a vector along `now`).
-    fn ask_direction(&mut self, now: Vector3<f64>, wanted: Vector3<f64>, weight: f64) {
-        self.columns.map(|column| column - now * now.dot(column));
-        self.use_columns(weight, &(now - toward(&now, &wanted)));
     }
 
     /// Puts the gathered columns into the problem, and begins anew.
@@ -317,7 +267,9 @@ impl BodySolver {
             let now = robot.poses[link].rotation * self.face_in_head;
             self.columns.turn(robot, link);
             self.columns.map(|column| column.cross(&now));
-            self.ask_direction(now, aim.face, head);
+            let row = direction_row(now, aim.face, head, &mut self.columns);
+            self.solver.add(row.weight, &row.residual, row.columns);
+            self.columns.clear();
         }
         // A chest that is rigid with the root goes where that goes.
         if !robot.model.levers[self.map.chest].is_empty() {
@@ -391,37 +343,4 @@ impl BodySolver {
             }
         }
     }
-}
-
-fn distance(poses: &[Isometry3<f64>], from: Option<usize>, to: Option<usize>) -> f64 {
-    match (from, to) {
-        (Some(from), Some(to)) => {
-            (poses[to].translation.vector - poses[from].translation.vector).norm()
-        }
-        _ => 0.0,
-    }
-}
-
-/// A residual no longer than Gauss-Newton can trust.
-fn near(residual: &Vector3<f64>) -> Vector3<f64> {
-    residual.cap_magnitude(0.5)
-}
-
-/// `wanted`, or a direction on the way to it: a residual between opposite
-/// directions would have no slope.
-fn toward(now: &Vector3<f64>, wanted: &Vector3<f64>) -> Vector3<f64> {
-    let angle = now.dot(wanted).clamp(-1.0, 1.0).acos();
-    if angle <= FAR_RAD {
-        return *wanted;
-    }
-    let sideways = wanted - now * now.dot(wanted);
-    let other = if now.x.abs() < 0.9 {
-        Vector3::x()
-    } else {
-        Vector3::y()
-    };
-    let side = sideways
-        .try_normalize(1e-6)
-        .unwrap_or_else(|| now.cross(&other).normalize());
-    now * FAR_RAD.cos() + side * FAR_RAD.sin()
 }

@@ -9,6 +9,7 @@
 //! it refuses: see [`RetargetError`]; nothing here panics on any robot
 //! description or motion. Talking to servos is the `drivers` crate's work.
 
+mod arm_search;
 mod balance;
 mod body;
 mod body_solver;
@@ -19,6 +20,7 @@ mod counts;
 mod error;
 mod guard;
 mod human;
+mod limb;
 mod lint;
 mod model;
 mod pelvis;

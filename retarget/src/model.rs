@@ -43,7 +43,7 @@ pub(crate) struct Link {
 
 impl Link {
     /// Pose in the parent link's frame.
-    fn local(&self, positions: &[f64]) -> Isometry3<f64> {
+    pub fn local(&self, positions: &[f64]) -> Isometry3<f64> {
         let position = self.drive.map_or(self.held, |drive| {
             drive.scale * positions.get(drive.joint).copied().unwrap_or(0.0) + drive.offset
         });

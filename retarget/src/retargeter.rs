@@ -8,6 +8,7 @@ mod setup;
 use k::nalgebra::{Isometry3, Translation3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 
+use crate::arm_search::ArmSearch;
 use crate::balance::Support;
 use crate::body::BodyMap;
 use crate::body_solver::{BodySolver, Feet, Question, Role, Task};
@@ -49,6 +50,7 @@ pub struct Retargeter {
     stream: MotionStream,
     reader: Reader,
     solver: BodySolver,
+    search: ArmSearch,
     standing: Option<Standing>,
     trackers: Vec<Tracker>,
     bounds: Vec<(f64, f64)>,
@@ -105,6 +107,7 @@ impl Retargeter {
             (Stance::Hung, true) => Heading::Pelvis,
             (Stance::Hung, false) => Heading::Chest,
         };
+        let search = ArmSearch::new(&model, &map, config.weights, &limits, dt_s);
         let limbs = map.limbs(&model);
         let is_leg = |limb: &Limb| matches!(limb, Limb::LeftLeg | Limb::RightLeg);
         let mut retargeter = Self {
@@ -131,6 +134,7 @@ impl Retargeter {
             map,
             limits,
             solver,
+            search,
         };
         retargeter.find_rest(config)?;
         let rest = retargeter.rest.clone();
@@ -223,9 +227,14 @@ impl Retargeter {
         self.set_bounds();
         self.wanted.copy_from_slice(&self.solver.positions);
         self.solve(&aim.unwrap_or_else(Aim::standing));
-        if aim.is_none() {
-            self.limbs_to_rest();
-            self.legs_to_rest();
+        match &aim {
+            Some(aim) => self
+                .search
+                .look(&self.model, &mut self.solver, aim, &self.rest),
+            None => {
+                self.limbs_to_rest();
+                self.legs_to_rest();
+            }
         }
         self.track();
         self.judge();

@@ -3,7 +3,7 @@
 use servodance_retarget::nalgebra::Vector3;
 use servodance_types::FRAME_RATE_HZ;
 
-use crate::support::{CONTROL_HZ, Robot, dance, dance_pose, follow, violations};
+use crate::support::{CONTROL_HZ, Pose, Robot, dance, dance_pose, follow, violations};
 
 #[test]
 fn a_dance_keeps_every_limit_and_the_feet_stay() {
@@ -220,5 +220,38 @@ fn before_the_first_frame_the_robot_rests() {
     }
     for (now, rest) in out.iter().zip(&rest) {
         assert!((now - rest).abs() < 1e-3, "{now} {rest}");
+    }
+}
+
+#[test]
+fn arms_held_overhead_end_up_overhead() {
+    let robot = Robot::op3();
+    let up = Vector3::z();
+    let frames: Vec<_> = (0..160)
+        .map(|k| {
+            // From hanging, forward and up, in two seconds; then held.
+            let angle = (k as f64 / 40.0).min(1.0) * std::f64::consts::PI;
+            let mut pose = Pose::standing();
+            for (side, sign) in [(0, 1.0), (1, -1.0)] {
+                let arm = Vector3::new(angle.sin(), sign * 0.1, -angle.cos()).normalize();
+                pose.upper_arm[side] = arm;
+                pose.forearm[side] = arm;
+            }
+            pose.frame(k)
+        })
+        .collect();
+    let mut retargeter = robot.retargeter();
+    let track = follow(&mut retargeter, &frames);
+    assert_eq!(violations(&track, &robot.limits()), [0; 3]);
+    let points = retargeter.model().link_points(track.last().unwrap());
+    for letter in ["l", "r"] {
+        let at = |part: &str| {
+            let link = retargeter.model().link(&format!("{letter}_{part}"));
+            Vector3::from(points[link.unwrap()])
+        };
+        let away = (at("el_link") - at("sho_roll_link"))
+            .angle(&up)
+            .to_degrees();
+        assert!(away < 45.0, "{letter}: {away:.0} degrees");
     }
 }
