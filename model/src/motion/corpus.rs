@@ -2,10 +2,10 @@
 //!
 //! | tensor | shape | what |
 //! |---|---|---|
-//! | `motion` | [N, 137] f32 | pose vectors, not normalised |
+//! | `motion` | `[N, 137]` f32 | pose vectors, not normalised |
 //! | `music` | [N, 39] f32 | music vectors; zeros where there is none |
-//! | `clip_start`, `clip_length` | [C] i64 | the frames of each clip |
-//! | `style`, `split`, `dance`, `has_music`, `synthetic`, `variant` | [C] i64 | see [`CorpusClip`] |
+//! | `clip_start`, `clip_length` | `[C]` i64 | the frames of each clip |
+//! | `style`, `split`, `dance`, `has_music`, `synthetic`, `variant` | `[C]` i64 | see [`CorpusClip`] |
 //!
 //! Metadata: `clips` and `styles` (JSON lists of names) and `recipe` (JSON).
 
