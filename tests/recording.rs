@@ -177,6 +177,19 @@ fn mean_closeness(from_s: &[f64], to_s: &[f64], sigma_s: f64) -> f64 {
     from_s.iter().map(score).sum::<f64>() / from_s.len() as f64
 }
 
+/// F1 of two lists of beats: as many pairs within 100 ms as can be made, each
+/// beat used once (dynamic programming over both lists).
+fn f1(moves: &[f64], beats: &[f64]) -> f64 {
+    let mut pairs = vec![vec![0usize; beats.len() + 1]; moves.len() + 1];
+    for (i, a) in moves.iter().enumerate() {
+        for (j, b) in beats.iter().enumerate() {
+            let paired = pairs[i][j] + usize::from((a - b).abs() <= 0.1 + 1e-9);
+            pairs[i + 1][j + 1] = paired.max(pairs[i][j + 1]).max(pairs[i + 1][j]);
+        }
+    }
+    2.0 * pairs[moves.len()][beats.len()] as f64 / (moves.len() + beats.len()) as f64
+}
+
 fn close(report: &Value, found: f64, tolerance: f64, what: &str) {
     let told = report
         .as_f64()
@@ -250,6 +263,15 @@ fn the_report_agrees_with_the_recording() {
         "{bytes} then {told}"
     );
 
+    let packets = *recording.numbers("/bus/packets").last().expect("packets");
+    let told = report["bus_stats"]["packets"].as_f64().expect("packets");
+    assert!(
+        told >= packets && told < packets + 200.0,
+        "{packets} then {told}"
+    );
+    let rate_hz = report["bus_stats"]["rate_hz"].as_f64().expect("a rate");
+    assert!((rate_hz - hz).abs() < 0.01 * hz, "{rate_hz} Hz of {hz}");
+
     // Beats.
     let start_ns = (recording.fact("music_start_s") * 1e9) as i64;
     let beats: Vec<f64> = recording
@@ -296,6 +318,13 @@ fn the_report_agrees_with_the_recording() {
     for (stage, speed, rate_hz) in &speeds {
         let moves = kinematic_beats(speed, *rate_hz);
         let told = &report["alignment"][stage];
+        let end_s = (speed.len() - 1) as f64 / rate_hz;
+        let heard: Vec<f64> = beats
+            .iter()
+            .copied()
+            .filter(|b| (0.0..=end_s).contains(b))
+            .collect();
+        close(&told["f1"], f1(&moves, &heard), 1e-2, stage);
         close(
             &told["fact"],
             mean_closeness(&moves, &beats, 3.0 / 60.0),
