@@ -5,7 +5,7 @@
 //! themselves are crates of their own; ARCHITECTURE.md maps them.
 
 pub mod bus_tools;
-pub mod cli;
+pub mod commands;
 pub mod dance;
 pub mod dataset;
 pub mod output;

@@ -64,7 +64,7 @@ fn the_readme_shows_commands_that_parse() {
             .unwrap_or_default()
             .split_whitespace();
         let arguments = std::iter::once("servodance").chain(words);
-        if let Err(error) = servodance::cli::Cli::try_parse_from(arguments) {
+        if let Err(error) = servodance::commands::Cli::try_parse_from(arguments) {
             let shows_help = error.kind() == clap::error::ErrorKind::DisplayHelp;
             assert!(shows_help, "README: {command}: {error}");
         }

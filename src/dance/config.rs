@@ -1,8 +1,9 @@
 //! What a dance is to be, checked once: nothing here is text any more.
 
-use crate::cli::{DanceArgs, Speed};
+use crate::commands::dance::Args;
 use crate::robot::Robot;
 use anyhow::{Context, bail};
+use clap::ValueEnum;
 use servodance_audio::source::PcmFormat;
 use std::path::PathBuf;
 
@@ -15,6 +16,15 @@ pub enum AudioChoice {
     File(PathBuf),
     /// Raw PCM on standard input.
     Stdin(PcmFormat),
+}
+
+/// How fast time passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Speed {
+    /// As fast as the machine can; time is simulated and runs are repeatable.
+    Max,
+    /// By the clock on the wall.
+    Realtime,
 }
 
 /// Where commands go.
@@ -74,7 +84,7 @@ pub struct DanceConfig {
 
 impl DanceConfig {
     /// Checks the arguments and loads the robot.
-    pub fn from_args(args: DanceArgs) -> anyhow::Result<Self> {
+    pub fn from_args(args: Args) -> anyhow::Result<Self> {
         let bus = BusChoice::parse(&args.bus)?;
         let speed = match (args.speed, &bus) {
             (Some(Speed::Max), BusChoice::Serial(_)) => {
@@ -100,7 +110,7 @@ impl DanceConfig {
     }
 }
 
-fn audio_choice(args: &DanceArgs) -> anyhow::Result<AudioChoice> {
+fn audio_choice(args: &Args) -> anyhow::Result<AudioChoice> {
     match &args.audio {
         None => Ok(AudioChoice::BuiltIn),
         Some(path) if path.as_os_str() == "-" => {

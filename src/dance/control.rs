@@ -14,10 +14,10 @@
 //! Simulated time (`--speed max`) waits for motion; the wall clock does not:
 //! a frame that is not there is counted as late, and the robot holds.
 
+use super::config::Speed;
 use super::motion_source::{MotionSource, Next, Step};
 use super::rig::Rig;
 use super::trace::Trace;
-use crate::cli::Speed;
 use crate::record::{Recorder, Topic};
 use crate::robot::Robot;
 use crate::stages::{Stage, StageClock};

@@ -17,9 +17,8 @@ mod rig;
 mod scores;
 mod trace;
 
-pub use config::{AudioChoice, BusChoice, DanceConfig};
+pub use config::{AudioChoice, BusChoice, DanceConfig, Speed};
 
-use crate::cli::Speed;
 use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
 use crate::record::{Recorder, Topic};

@@ -3,7 +3,7 @@
 //! port's path differs; the driver does not know which.
 
 use super::config::BusChoice;
-use crate::cli::Speed;
+use super::config::Speed;
 use crate::report::{BusReport, ViolationReport};
 use crate::robot::Robot;
 use anyhow::Context;

@@ -1,11 +1,13 @@
-//! The command line: what can be asked for, with examples. Arguments become
-//! one validated configuration here and are not looked at again.
+//! `servodance dance`.
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use super::{INTERRUPTED, stop_signal};
+use crate::dance::{DanceConfig, Speed, dance};
+use crate::summary::summary;
 use servodance_audio::source::PcmEncoding;
 use std::path::PathBuf;
+use std::process::ExitCode;
 
-const DANCE_EXAMPLES: &str = "\
+const EXAMPLES: &str = "\
 Examples:
   servodance dance
       the built-in song on the built-in humanoid, simulated, as fast as possible
@@ -16,79 +18,10 @@ Examples:
   arecord -f S16_LE -r 48000 -c 1 -t raw | servodance dance - --pcm-rate 48000 --speed realtime
       dance to whatever a capture program hears";
 
-const SCAN_EXAMPLES: &str = "\
-Examples:
-  servodance scan
-      the serial ports of this machine
-  servodance scan /dev/ttyUSB0
-      every servo that answers: baud rate, id, model, firmware, errors";
-
-const SIM_BUS_EXAMPLES: &str = "\
-Examples:
-  servodance sim-bus --robot op3
-      the first line is the serial port to open; Ctrl-C or SIGTERM ends it
-  servodance dance --bus serial:/dev/pts/7
-      dance on it from another terminal, as on real servos";
-
-/// A robot hears music and dances to it.
-#[derive(Debug, Parser)]
-#[command(
-    name = "servodance",
-    version,
-    propagate_version = true,
-    max_term_width = 100
-)]
-pub struct Cli {
-    /// What to do.
-    #[command(subcommand)]
-    pub command: Command,
-}
-
-/// What servodance can do.
-#[derive(Debug, Subcommand)]
-pub enum Command {
-    /// Dance to a recording, to the built-in song, or to raw audio on standard input.
-    #[command(after_help = DANCE_EXAMPLES)]
-    Dance(DanceArgs),
-    /// List the built-in robots and where each file is.
-    Robots,
-    /// Look for Dynamixel servos on a serial port, at every usual baud rate.
-    #[command(after_help = SCAN_EXAMPLES)]
-    Scan {
-        /// The serial port; the ports of this machine are listed if left out.
-        #[arg(value_name = "PORT")]
-        port: Option<String>,
-        /// Only this baud rate.
-        #[arg(long, value_name = "BAUD")]
-        baud: Option<u32>,
-    },
-    /// Serve a robot's simulated servos to any program, until stopped.
-    #[command(after_help = SIM_BUS_EXAMPLES)]
-    SimBus {
-        /// A built-in robot (see `servodance robots`) or a robot file.
-        #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
-        robot: String,
-    },
-    /// Write the built-in song as a WAV file.
-    Song {
-        /// The file to write.
-        #[arg(long, default_value = "servodance-song.wav", value_name = "FILE.wav")]
-        out: PathBuf,
-    },
-}
-
-/// How fast time passes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Speed {
-    /// As fast as the machine can; time is simulated and runs are repeatable.
-    Max,
-    /// By the clock on the wall.
-    Realtime,
-}
-
-/// Arguments of `dance`.
-#[derive(Debug, Args)]
-pub struct DanceArgs {
+/// What `dance` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
     /// The recording (wav, flac, mp3, ogg), or `-` for raw PCM on standard
     /// input; the built-in song if left out.
     #[arg(value_name = "AUDIO")]
@@ -153,4 +86,19 @@ pub struct DanceArgs {
     /// Print only errors.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// Dances.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let config = DanceConfig::from_args(args)?;
+    let stop = stop_signal()?;
+    let outcome = dance(&config, &stop)?;
+    if !config.quiet {
+        print!("{}", summary(&config, &outcome.report));
+    }
+    if outcome.interrupted {
+        eprintln!("stopped; torque is off");
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
 }

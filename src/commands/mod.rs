@@ -1,0 +1,73 @@
+//! The command line: one file a command, each with its arguments, its
+//! examples and what it does. Arguments become one validated configuration
+//! there and are not looked at again.
+//!
+//! A command returns the exit code of the program: 0 done, 1 refused or failed
+//! (an error, told by `main` in one line), 130 stopped by Ctrl-C.
+
+pub mod dance;
+pub mod robots;
+pub mod scan;
+pub mod sim_bus;
+pub mod song;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Exit code after Ctrl-C or SIGTERM.
+pub const INTERRUPTED: u8 = 130;
+
+/// A robot hears music and dances to it.
+#[derive(Debug, Parser)]
+#[command(
+    name = "servodance",
+    version,
+    propagate_version = true,
+    max_term_width = 100
+)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What servodance can do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Dance to a recording, to the built-in song, or to raw audio on standard input.
+    Dance(dance::Args),
+    /// List the built-in robots and where each file is.
+    Robots(robots::Args),
+    /// Look for Dynamixel servos on a serial port, at every usual baud rate.
+    Scan(scan::Args),
+    /// Serve a robot's simulated servos to any program, until stopped.
+    SimBus(sim_bus::Args),
+    /// Write the built-in song as a WAV file.
+    Song(song::Args),
+}
+
+impl Command {
+    /// Does it.
+    ///
+    /// # Errors
+    /// What the user gave that cannot be used, or what failed on the way.
+    pub fn run(self) -> anyhow::Result<ExitCode> {
+        match self {
+            Command::Dance(args) => dance::run(args),
+            Command::Robots(args) => robots::run(args),
+            Command::Scan(args) => scan::run(args),
+            Command::SimBus(args) => sim_bus::run(args),
+            Command::Song(args) => song::run(args),
+        }
+    }
+}
+
+/// Set by Ctrl-C and by SIGTERM.
+pub(crate) fn stop_signal() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let handler_stop = Arc::clone(&stop);
+    ctrlc::set_handler(move || handler_stop.store(true, Ordering::Release))?;
+    Ok(stop)
+}
