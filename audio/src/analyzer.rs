@@ -13,11 +13,11 @@
 
 use std::collections::VecDeque;
 
-use servodance_types::{FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
+use servodance_types::{BeatLock, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
+use crate::beats::History;
 use crate::beats::history::BeatCaller;
 use crate::beats::tracker::Tracker;
-use crate::beats::{BeatState, History};
 use crate::onset::{HOP, LATENCY_S, OnsetDetector};
 use crate::resample::{DELAY, Resampler};
 use crate::spectral::{BEAT, SpectralFeatures};
@@ -117,11 +117,6 @@ impl MusicAnalyzer {
         self.core.frames.pop_front()
     }
 
-    /// Whether the tracker has the beat.
-    pub fn beat_state(&self) -> BeatState {
-        self.core.tracker.state()
-    }
-
     /// How many samples were not finite and became 0.
     pub fn replaced_samples(&self) -> u64 {
         self.replaced
@@ -152,7 +147,7 @@ impl Core {
         let beat = self.tracker.beat(BEAT_DELAY_S);
         let now_s = self.received as f64 / f64::from(ANALYSIS_RATE_HZ);
         let called = self.caller.call(now_s, beat.phase, beat.tempo_bpm);
-        if self.tracker.state() != BeatState::Lost {
+        if self.tracker.state() != BeatLock::Lost {
             history.beats_s.extend(called);
         }
     }
@@ -173,6 +168,7 @@ impl Core {
             time_s: index as f64 / FRAME_RATE_HZ,
             spectral,
             beat,
+            presence: self.tracker.presence(),
         });
     }
 }

@@ -255,6 +255,7 @@ fn silent(frame: &MusicFrame) -> MusicFrame {
     MusicFrame {
         spectral,
         beat: Beat::default(),
+        presence: 0.0,
         ..*frame
     }
 }
@@ -325,6 +326,8 @@ fn music_frame(v: &[f32], time_s: f64) -> MusicFrame {
                 0.0
             },
             confidence,
+            ..Beat::default()
         },
+        ..MusicFrame::default()
     }
 }

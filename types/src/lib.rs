@@ -16,7 +16,7 @@ pub use body::{BodyJoint, JOINT_COUNT};
 pub use clock::{Clock, ManualClock, WallClock};
 pub use joint::{JointLimits, JointState};
 pub use motion::{Contacts, MotionFrame, Point3};
-pub use music::{Beat, MUSIC_DIM, MusicFrame, SPECTRAL_DIM};
+pub use music::{Beat, BeatLock, MUSIC_DIM, MusicFrame, SPECTRAL_DIM};
 
 /// Frames a second of music features, motion tokens and human motion.
 pub const FRAME_RATE_HZ: f64 = 20.0;

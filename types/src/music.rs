@@ -10,6 +10,18 @@ pub const SPECTRAL_DIM: usize = 35;
 /// `sin`, `cos`, tempo and confidence.
 pub const MUSIC_DIM: usize = SPECTRAL_DIM + 4;
 
+/// Whether a beat tracker has the beat.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum BeatLock {
+    /// No beat: silence, noise, or music not yet understood.
+    #[default]
+    Lost,
+    /// The beat is followed.
+    Locked,
+    /// The music became unclear (a break): the last beat goes on.
+    Holding,
+}
+
 /// The state of the beat as a causal tracker knows it at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Beat {
@@ -19,6 +31,11 @@ pub struct Beat {
     pub tempo_bpm: f32,
     /// How sure the tracker is, 0 to 1. Below a half the phase is a guess.
     pub confidence: f32,
+    /// Whether the beat is had, with hysteresis: steadier than `confidence`.
+    pub lock: BeatLock,
+    /// Which beat of a bar of four the last beat was, 0 being the downbeat: a
+    /// guess, `None` while there is none.
+    pub beat_in_bar: Option<u8>,
 }
 
 /// Music features at one motion frame: everything heard up to `time_s`, and
@@ -31,6 +48,21 @@ pub struct MusicFrame {
     pub spectral: [f32; SPECTRAL_DIM],
     /// The tracked beat.
     pub beat: Beat,
+    /// Whether this is music at all, as against silence, speech or noise:
+    /// 0 surely not, 1 surely. Steady over seconds.
+    pub presence: f32,
+}
+
+/// Silence at the beginning of time.
+impl Default for MusicFrame {
+    fn default() -> Self {
+        Self {
+            time_s: 0.0,
+            spectral: [0.0; SPECTRAL_DIM],
+            beat: Beat::default(),
+            presence: 0.0,
+        }
+    }
 }
 
 impl MusicFrame {
@@ -44,6 +76,7 @@ impl MusicFrame {
             phase,
             tempo_bpm,
             confidence,
+            ..
         } = self.beat;
         out[SPECTRAL_DIM] = (TAU * phase).sin() * confidence;
         out[SPECTRAL_DIM + 1] = (TAU * phase).cos() * confidence;
@@ -64,13 +97,14 @@ mod tests {
     #[test]
     fn vector_carries_the_beat_phase() {
         let frame = MusicFrame {
-            time_s: 0.0,
             spectral: [0.5; SPECTRAL_DIM],
             beat: Beat {
                 phase: 0.25,
                 tempo_bpm: 60.0,
                 confidence: 1.0,
+                ..Beat::default()
             },
+            ..MusicFrame::default()
         };
         let v = frame.vector();
         assert_eq!(v[34], 0.5);

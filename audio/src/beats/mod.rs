@@ -9,4 +9,3 @@ pub(crate) mod tracker;
 
 pub use history::History;
 pub use offline::{BeatTrack, track_offline};
-pub use tracker::BeatState;

@@ -16,7 +16,7 @@ use super::belief::{Belief, Estimate};
 use super::level::Level;
 use super::tempo::{RATE_HZ, TempoFit, Tempogram};
 use crate::onset::Onset;
-use servodance_types::Beat;
+use servodance_types::{Beat, BeatLock};
 
 /// Confidence to lock, and below which a lock is held only.
 const LOCK: f32 = 0.4;
@@ -32,6 +32,8 @@ const SILENCE_S: f64 = 1.5;
 const PATIENCE_S: f64 = 1.0;
 /// The same for half, double or the off-beat of what is followed.
 const LEVEL_PATIENCE_S: f64 = 4.0;
+/// Time constant of the presence of music.
+const PRESENCE_S: f64 = 1.0;
 /// Share of the phase error that is corrected in one second.
 const PHASE_PULL_PER_S: f64 = 2.7;
 /// Change of tempo, in beats a second per second, for a phase error of one.
@@ -39,28 +41,17 @@ const LAG_PULL_PER_S2: f64 = 1.3;
 /// Share of the tempo error that is corrected in one second.
 const TEMPO_PULL_PER_S: f64 = 0.8;
 
-/// Whether the tracker has the beat.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum BeatState {
-    /// No beat: silence, noise, or music not yet understood.
-    #[default]
-    Lost,
-    /// The beat is followed.
-    Locked,
-    /// The music became unclear (a break): the last beat goes on.
-    Holding,
-}
-
 /// Follows the beat hop by hop.
 pub(crate) struct Tracker {
     tempogram: Tempogram,
     belief: Belief,
     fit: TempoFit,
     hops: u64,
-    state: BeatState,
+    state: BeatLock,
     phase: f64,
     bpm: f64,
     confidence: f32,
+    presence: f32,
     unsure_s: f64,
     silent_s: f64,
     contradicted_s: f64,
@@ -78,10 +69,11 @@ impl Tracker {
             tempogram,
             belief: Belief::new(),
             hops: 0,
-            state: BeatState::Lost,
+            state: BeatLock::Lost,
             phase: 0.0,
             bpm: 0.0,
             confidence: 0.0,
+            presence: 0.0,
             unsure_s: 0.0,
             silent_s: f64::INFINITY,
             contradicted_s: 0.0,
@@ -89,7 +81,12 @@ impl Tracker {
         }
     }
 
-    pub(crate) fn state(&self) -> BeatState {
+    /// Whether this is music: audible and regular, over the last seconds.
+    pub(crate) fn presence(&self) -> f32 {
+        self.presence
+    }
+
+    pub(crate) fn state(&self) -> BeatLock {
         self.state
     }
 
@@ -124,6 +121,12 @@ impl Tracker {
             let regular = (self.fit.clarity - IRREGULAR) / (REGULAR - IRREGULAR);
             ((estimate.mass - 0.15) / 0.6).clamp(0.0, 1.0) * regular.clamp(0.0, 1.0)
         };
+        let regular = if self.silent_s > SILENCE_S {
+            0.0
+        } else {
+            ((self.fit.clarity - IRREGULAR) / (REGULAR - IRREGULAR)).clamp(0.0, 1.0)
+        };
+        self.presence += (elapsed_s / PRESENCE_S) as f32 * (regular - self.presence);
         let pull = (2.0 * elapsed_s) as f32;
         self.confidence += pull.min(1.0) * (clarity - self.confidence);
         if self.silent_s > SILENCE_S {
@@ -131,11 +134,11 @@ impl Tracker {
         }
         self.change_state(estimate, elapsed_s);
         match self.state {
-            BeatState::Lost => {
+            BeatLock::Lost => {
                 self.phase = estimate.phase;
                 self.bpm = estimate.bpm;
             }
-            BeatState::Locked | BeatState::Holding => {
+            BeatLock::Locked | BeatLock::Holding => {
                 self.follow(estimate, elapsed_s);
                 self.level.choose(self.bpm, elapsed_s);
             }
@@ -144,29 +147,29 @@ impl Tracker {
 
     fn change_state(&mut self, estimate: Estimate, elapsed_s: f64) {
         if self.silent_s > SILENCE_S {
-            self.state = BeatState::Lost;
+            self.state = BeatLock::Lost;
             return;
         }
         match self.state {
-            BeatState::Lost if self.confidence > LOCK => {
-                self.state = BeatState::Locked;
+            BeatLock::Lost if self.confidence > LOCK => {
+                self.state = BeatLock::Locked;
                 self.unsure_s = 0.0;
                 self.contradicted_s = 0.0;
                 self.phase = estimate.phase;
                 self.bpm = estimate.bpm;
             }
-            BeatState::Locked if self.confidence < UNLOCK => {
-                self.state = BeatState::Holding;
+            BeatLock::Locked if self.confidence < UNLOCK => {
+                self.state = BeatLock::Holding;
                 self.unsure_s = 0.0;
             }
-            BeatState::Holding if self.confidence > LOCK => self.state = BeatState::Locked,
-            BeatState::Holding => {
+            BeatLock::Holding if self.confidence > LOCK => self.state = BeatLock::Locked,
+            BeatLock::Holding => {
                 self.unsure_s += elapsed_s;
                 if self.unsure_s > HOLD_S {
-                    self.state = BeatState::Lost;
+                    self.state = BeatLock::Lost;
                 }
             }
-            BeatState::Lost | BeatState::Locked => {}
+            BeatLock::Lost | BeatLock::Locked => {}
         }
     }
 
@@ -214,6 +217,8 @@ impl Tracker {
             phase: if phase < 1.0 { phase } else { 0.0 },
             tempo_bpm: bpm as f32,
             confidence: self.confidence,
+            lock: self.state,
+            beat_in_bar: None,
         }
     }
 }

@@ -236,7 +236,9 @@ mod dance {
                 phase: k as f32 * 0.1 % 1.0,
                 tempo_bpm: 120.0,
                 confidence: 1.0,
+                ..Beat::default()
             },
+            presence: 1.0,
         }
     }
 
