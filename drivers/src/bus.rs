@@ -75,6 +75,13 @@ pub fn open_bus(
     Ok(match config.kind {
         BusKind::Dynamixel2 => Box::new(DynamixelBus::open(port, config, servos)?),
         BusKind::Feetech => Box::new(FeetechBus::open(port, config, servos)?),
+        BusKind::Mit | BusKind::Robstride | BusKind::Odrive | BusKind::Cia402 => {
+            return Err(BusError::Open {
+                port: port.into(),
+                reason: "CAN motors cannot be driven yet".into(),
+                choices: String::new(),
+            });
+        }
     })
 }
 

@@ -9,23 +9,25 @@ use std::f64::consts::TAU;
 use serde::Deserialize;
 use servodance_types::JointLimits;
 
+use crate::can::MotorSettings;
 use crate::error::ConfigError;
 use crate::model::{MODELS, Model};
 use crate::servo::Servo;
 
-/// One `[[joint]]` table.
-#[derive(Clone, Debug, Deserialize, PartialEq)]
+/// One `[[joint]]` table. The keys from `kp` on are for CAN motors only.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct ServoConfig {
     /// The joint's name in the robot description.
     pub name: String,
-    /// Bus id, 0 to 252.
+    /// Bus id: 0 to 252 on a serial bus, 1 to 127 on CAN (ODrive 0 to 63).
     pub id: u8,
     /// Model name, e.g. `XM430-W350`.
     pub model: String,
     /// +1 or -1: the servo's direction against the joint axis.
     pub direction: i8,
-    /// Servo angle, degrees (0 to 360, centre 180), where the joint reads zero.
+    /// Servo angle, degrees (0 to 360, centre 180), where the joint reads zero;
+    /// for a CAN motor its own angle after the gear, of either sign.
     pub zero_deg: f64,
     /// Lowest joint position, degrees.
     pub lower_deg: f64,
@@ -35,6 +37,24 @@ pub struct ServoConfig {
     pub velocity_deg_s: f64,
     /// Highest acceleration, degrees a second squared.
     pub acceleration_deg_s2: f64,
+    /// Position gain, newton metres a radian; fits the model if left out.
+    pub kp: Option<f64>,
+    /// Damping, newton metre seconds a radian; fits the model if left out.
+    pub kd: Option<f64>,
+    /// Most torque, newton metres; the model's if left out.
+    pub torque_limit_nm: Option<f64>,
+    /// The motor's position range, +- radians, where it differs from the model's.
+    pub position_range_rad: Option<f64>,
+    /// The motor's velocity range, +- radians a second, likewise.
+    pub velocity_range_rad_s: Option<f64>,
+    /// The motor's torque range, +- newton metres, likewise.
+    pub torque_range_nm: Option<f64>,
+    /// Turns of the motor for one of the joint: ODrive and CiA 402. Default 1.
+    pub gear_ratio: Option<f64>,
+    /// The id that replies come with: Damiao's MST_ID. Default 0.
+    pub reply_id: Option<u16>,
+    /// Position increments a turn of the motor: CiA 402. Default 65536.
+    pub counts_per_turn: Option<f64>,
 }
 
 /// Which protocol a bus speaks.
@@ -45,6 +65,33 @@ pub enum BusKind {
     Dynamixel2,
     /// Feetech STS servos over a serial port.
     Feetech,
+    /// CubeMars and Damiao motors in MIT mode, on CAN.
+    Mit,
+    /// RobStride motors, on CAN.
+    Robstride,
+    /// ODrive controllers (CANSimple, firmware 0.6), on CAN.
+    Odrive,
+    /// CiA 402 drives (CANopen, cyclic synchronous position), on CAN.
+    Cia402,
+}
+
+impl BusKind {
+    /// The lowest and highest id of a servo.
+    fn ids(self) -> (u8, u8) {
+        match self {
+            Self::Dynamixel2 | Self::Feetech => (0, 252),
+            Self::Mit | Self::Robstride | Self::Cia402 => (1, 127),
+            Self::Odrive => (0, 63),
+        }
+    }
+
+    /// Whether it is on CAN; otherwise on a serial port.
+    pub fn is_can(self) -> bool {
+        matches!(
+            self,
+            Self::Mit | Self::Robstride | Self::Odrive | Self::Cia402
+        )
+    }
 }
 
 /// The `[bus]` table.
@@ -53,7 +100,8 @@ pub enum BusKind {
 pub struct BusConfig {
     /// The protocol.
     pub kind: BusKind,
-    /// Bits a second.
+    /// Bits a second; `bitrate` says the same.
+    #[serde(alias = "bitrate")]
     pub baud: u32,
     /// How long a reply may be late, milliseconds, on top of its time on the wire.
     #[serde(default = "default_reply_timeout_ms")]
@@ -65,6 +113,14 @@ pub struct BusConfig {
     /// (20 to 2540, in steps of 20).
     #[serde(default = "default_watchdog_ms")]
     pub watchdog_ms: u32,
+    /// Arm even servos that have no watchdog and would go on after a program
+    /// that is killed.
+    #[serde(default)]
+    pub accept_no_watchdog: bool,
+    /// ODrive: endpoint ids of `axis0.config.watchdog_timeout` and
+    /// `axis0.config.enable_watchdog`, from the firmware's `flat_endpoints.json`.
+    #[serde(default)]
+    pub watchdog_endpoints: Option<[u16; 2]>,
 }
 
 fn default_reply_timeout_ms() -> f64 {
@@ -93,6 +149,8 @@ impl BusConfig {
             reply_timeout_ms: default_reply_timeout_ms(),
             retries: default_retries(),
             watchdog_ms: default_watchdog_ms(),
+            accept_no_watchdog: false,
+            watchdog_endpoints: None,
         }
     }
 
@@ -133,21 +191,28 @@ impl ServoConfig {
         if self.name.is_empty() {
             return Err(bad("name", "\"\"".into(), "a joint name".into()));
         }
-        if self.id > 252 {
-            return Err(bad("id", self.id.to_string(), "0 to 252".into()));
-        }
         let model = Model::from_name(&self.model).ok_or_else(|| {
             let names: Vec<_> = MODELS.iter().map(|model| model.name).collect();
             let wanted = format!("one of {}", names.join(", "));
             bad("model", format!("{:?}", self.model), wanted)
         })?;
+        let (lowest, highest) = model.kind.ids();
+        if !(lowest..=highest).contains(&self.id) {
+            let wanted = format!("{lowest} to {highest}");
+            return Err(bad("id", self.id.to_string(), wanted));
+        }
         if self.direction.abs() != 1 {
             let actual = self.direction.to_string();
             return Err(bad("direction", actual, "1 or -1".into()));
         }
-        if !(0.0..=360.0).contains(&self.zero_deg) {
-            let actual = self.zero_deg.to_string();
-            return Err(bad("zero_deg", actual, "0 to 360".into()));
+        let zeros = if model.motor.is_some() {
+            -3.6e4..=3.6e4
+        } else {
+            0.0..=360.0
+        };
+        if !zeros.contains(&self.zero_deg) {
+            let wanted = format!("{} to {}", zeros.start(), zeros.end());
+            return Err(bad("zero_deg", self.zero_deg.to_string(), wanted));
         }
         let limits = JointLimits {
             lower_rad: self.lower_deg.to_radians(),
@@ -167,8 +232,72 @@ impl ServoConfig {
             direction: f64::from(self.direction),
             zero_rad: self.zero_deg.to_radians(),
             limits,
+            motor: self.motor_settings(model)?,
         };
-        self.check_reach(servo)
+        match &servo.motor {
+            Some(motor) => self.check_motor_reach(&servo, motor)?,
+            None => return self.check_reach(servo),
+        }
+        Ok(servo)
+    }
+
+    /// A CAN motor's settings; a serial servo may have none.
+    fn motor_settings(&self, model: &Model) -> Result<Option<MotorSettings>, ConfigError> {
+        if let Some(stock) = &model.motor {
+            return MotorSettings::resolve(self, stock).map(Some);
+        }
+        let given = [
+            ("kp", self.kp.is_some()),
+            ("kd", self.kd.is_some()),
+            ("torque_limit_nm", self.torque_limit_nm.is_some()),
+            ("position_range_rad", self.position_range_rad.is_some()),
+            ("velocity_range_rad_s", self.velocity_range_rad_s.is_some()),
+            ("torque_range_nm", self.torque_range_nm.is_some()),
+            ("gear_ratio", self.gear_ratio.is_some()),
+            ("reply_id", self.reply_id.is_some()),
+            ("counts_per_turn", self.counts_per_turn.is_some()),
+        ];
+        match given.into_iter().find(|(_, is_given)| *is_given) {
+            None => Ok(None),
+            Some((key, _)) => Err(ConfigError::Joint {
+                joint: self.name.clone(),
+                key,
+                actual: "given".into(),
+                wanted: format!("left out: {} is no CAN motor", model.name),
+            }),
+        }
+    }
+
+    /// The limits must lie within what the motor's numbers can say.
+    fn check_motor_reach(&self, servo: &Servo, motor: &MotorSettings) -> Result<(), ConfigError> {
+        let bad = |key, actual: String, wanted: String| ConfigError::Joint {
+            joint: self.name.clone(),
+            key,
+            actual,
+            wanted,
+        };
+        let range = motor.model.position_rad;
+        for (key, joint_deg) in [("lower_deg", self.lower_deg), ("upper_deg", self.upper_deg)] {
+            let motor_rad = servo.motor_rad(joint_deg.to_radians());
+            if motor_rad.abs() > range {
+                let motor_deg = motor_rad.to_degrees();
+                return Err(bad(
+                    key,
+                    format!("{joint_deg} (motor angle {motor_deg:.1} degrees)"),
+                    format!("a motor angle of +-{:.1} degrees", range.to_degrees()),
+                ));
+            }
+        }
+        let fastest_deg_s = motor.model.velocity_rad_s.to_degrees();
+        if self.velocity_deg_s > fastest_deg_s {
+            let wanted = format!("at most {fastest_deg_s:.0}, the motor's range");
+            return Err(bad(
+                "velocity_deg_s",
+                self.velocity_deg_s.to_string(),
+                wanted,
+            ));
+        }
+        Ok(())
     }
 
     /// The limits must lie within the servo's single turn.

@@ -111,6 +111,26 @@ pub enum ConfigError {
         /// What the configuration asks for.
         asked_hz: f64,
     },
+    /// More cycles a second than a CAN bus carries.
+    #[error(
+        "{motors} motors on CAN at {bitrate} bit/s carry at most {nominal_hz:.0} cycles a second \
+         ({bits} bits each; {worst_hz:.0} with the most stuff bits), but the robot asks for \
+         {asked_hz}: raise the bitrate, use a second bus, or lower control_hz"
+    )]
+    CanRate {
+        /// How many motors share the bus.
+        motors: usize,
+        /// Bits a second.
+        bitrate: u32,
+        /// What the wire carries without stuff bits.
+        nominal_hz: f64,
+        /// What it carries with the most stuff bits there can be.
+        worst_hz: f64,
+        /// Bits of one cycle without stuff bits.
+        bits: u32,
+        /// What the configuration asks for.
+        asked_hz: f64,
+    },
 }
 
 /// A bus operation that failed, after its retries.

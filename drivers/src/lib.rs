@@ -5,7 +5,8 @@
 //! ```
 //!
 //! [`Bus`] is one bus of servos; [`DynamixelBus`] speaks Dynamixel Protocol 2.0
-//! and [`FeetechBus`] the protocol of STS servos, both over a serial port. [`SafeBus`] wraps any bus, and programs that move real
+//! and [`FeetechBus`] the protocol of STS servos, both over a serial port; [`can`] has
+//! the motors on CAN. [`SafeBus`] wraps any bus, and programs that move real
 //! motors hand their targets to it and never to a bus directly.
 //!
 //! Units are radians, seconds and amperes; degrees exist in [`ServoConfig`]
@@ -15,6 +16,7 @@
 //! nothing in this crate knows whether a port is real.
 
 mod bus;
+pub mod can;
 mod config;
 mod dynamixel;
 mod error;

@@ -1,11 +1,13 @@
-//! What the servo models are: numbers, units and encoder.
+//! What the servo models are: numbers, units, encoder or ranges.
 //!
-//! From the vendors' control tables. A turn is 4096 ticks for every model
-//! listed; the units of velocity and current differ, and some models report
-//! load instead of current.
+//! From the vendors' control tables and manuals. A turn is 4096 ticks for every
+//! serial servo listed; the units of velocity and current differ, and some
+//! models report load instead of current. CAN motors speak radians, over the
+//! ranges of their [`MotorModel`].
 
 use std::f64::consts::TAU;
 
+use crate::can::MotorModel;
 use crate::config::BusKind;
 
 /// One servo model.
@@ -13,7 +15,7 @@ use crate::config::BusKind;
 pub struct Model {
     /// The vendor's name without the connector suffix, e.g. `XM430-W350`.
     pub name: &'static str,
-    /// What the servo answers to a ping.
+    /// What a serial servo answers to a ping; 0 for CAN motors, which have no number.
     pub number: u16,
     /// Amperes a unit of the present-current register; `None` where the model
     /// has no current sensor (the register then holds a load estimate).
@@ -24,6 +26,8 @@ pub struct Model {
     pub fast_read_firmware: u8,
     /// The protocol it speaks.
     pub kind: BusKind,
+    /// What the numbers of a CAN motor mean; `None` for a serial servo.
+    pub motor: Option<MotorModel>,
 }
 
 impl Model {
@@ -60,6 +64,7 @@ const fn model(
         velocity_rad_s_per_unit: 0.229 * TAU / 60.0,
         fast_read_firmware,
         kind: BusKind::Dynamixel2,
+        motor: None,
     }
 }
 
@@ -72,7 +77,79 @@ const fn feetech(name: &'static str, number: u16) -> Model {
         velocity_rad_s_per_unit: Model::RAD_PER_TICK,
         fast_read_firmware: u8::MAX,
         kind: BusKind::Feetech,
+        motor: None,
     }
+}
+
+/// A CAN motor.
+const fn motor(name: &'static str, kind: BusKind, motor: MotorModel) -> Model {
+    Model {
+        name,
+        number: 0,
+        current_a_per_unit: None,
+        velocity_rad_s_per_unit: 1.0,
+        fast_read_firmware: u8::MAX,
+        kind,
+        motor: Some(motor),
+    }
+}
+
+/// A motor in MIT mode that cannot tell its ranges: CubeMars.
+const fn cubemars(name: &'static str, velocity_rad_s: f64, torque_nm: f64) -> Model {
+    let ranges = MotorModel {
+        position_rad: 12.5,
+        velocity_rad_s,
+        torque_nm,
+        kp_max: 500.0,
+        kd_max: 5.0,
+        has_registers: false,
+    };
+    motor(name, BusKind::Mit, ranges)
+}
+
+/// A motor in MIT mode with registers: Damiao.
+const fn damiao(name: &'static str, velocity_rad_s: f64, torque_nm: f64) -> Model {
+    let ranges = MotorModel {
+        position_rad: 12.5,
+        velocity_rad_s,
+        torque_nm,
+        kp_max: 500.0,
+        kd_max: 5.0,
+        has_registers: true,
+    };
+    motor(name, BusKind::Mit, ranges)
+}
+
+const fn robstride(
+    name: &'static str,
+    velocity_rad_s: f64,
+    torque_nm: f64,
+    kp_max: f64,
+    kd_max: f64,
+) -> Model {
+    let ranges = MotorModel {
+        position_rad: 2.0 * TAU,
+        velocity_rad_s,
+        torque_nm,
+        kp_max,
+        kd_max,
+        has_registers: true,
+    };
+    motor(name, BusKind::Robstride, ranges)
+}
+
+/// A drive whose protocol sends plain numbers: the ranges are what a robot
+/// file may ask for, the torque is to be set there.
+const fn drive(name: &'static str, kind: BusKind) -> Model {
+    let ranges = MotorModel {
+        position_rad: 100.0,
+        velocity_rad_s: 100.0,
+        torque_nm: 10.0,
+        kp_max: 5000.0,
+        kd_max: 100.0,
+        has_registers: true,
+    };
+    motor(name, kind, ranges)
 }
 
 /// Every model this crate can drive.
@@ -93,6 +170,25 @@ pub const MODELS: &[Model] = &[
     model("XC330-M181", 1230, Some(1e-3), 46),
     model("XC330-M288", 1240, Some(1e-3), 46),
     feetech("STS3215", 777),
+    cubemars("AK60-6", 50.0, 15.0),
+    cubemars("AK70-10", 50.0, 25.0),
+    cubemars("AK80-6", 76.0, 12.0),
+    cubemars("AK80-9", 50.0, 18.0),
+    cubemars("AK80-64", 8.0, 144.0),
+    cubemars("AK10-9", 50.0, 65.0),
+    damiao("DM-J4310", 30.0, 10.0),
+    damiao("DM-J4340", 10.0, 28.0),
+    damiao("DM-J6006", 45.0, 20.0),
+    damiao("DM-J8006", 45.0, 40.0),
+    damiao("DM-J8009", 45.0, 54.0),
+    damiao("DM-J10010L", 25.0, 200.0),
+    robstride("RS00", 33.0, 14.0, 500.0, 5.0),
+    robstride("RS01", 44.0, 17.0, 500.0, 5.0),
+    robstride("RS02", 44.0, 17.0, 500.0, 5.0),
+    robstride("RS03", 20.0, 60.0, 5000.0, 100.0),
+    robstride("RS04", 15.0, 120.0, 5000.0, 100.0),
+    drive("ODrive", BusKind::Odrive),
+    drive("CiA402", BusKind::Cia402),
 ];
 
 #[cfg(test)]
@@ -109,7 +205,8 @@ mod tests {
     fn numbers_and_names_are_unique() {
         for (i, a) in MODELS.iter().enumerate() {
             for b in &MODELS[i + 1..] {
-                assert!(a.number != b.number && a.name != b.name, "{}", a.name);
+                let numbered = a.number != b.number || a.motor.is_some();
+                assert!(numbered && a.name != b.name, "{}", a.name);
             }
         }
     }

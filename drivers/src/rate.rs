@@ -1,6 +1,6 @@
 //! How many cycles a second a wire carries: the check before any torque.
 //!
-//! A byte takes ten bits. One cycle is a Sync Write of N goals and a Sync Read
+//! CAN buses are in [`crate::can`]. On a serial one a byte takes ten bits. One cycle is a Sync Write of N goals and a Sync Read
 //! of N states.
 //!
 //! | | goals out | request | reply fast | reply plain |
@@ -8,11 +8,13 @@
 //! | Dynamixel 2.0 | 14 + N(1 + 4) | 14 + N | 8 + N(10 + 4) | N(11 + 10) |
 //! | Feetech | 8 + N(1 + 2) | 8 + N | | N(6 + 15) |
 
+use crate::can::{check_can_rate, cycle_bits};
 use crate::config::{BusConfig, BusKind};
 use crate::error::ConfigError;
 use crate::servo::Servo;
 
-/// What a bus can carry.
+/// What a bus can carry. On CAN "fast" is without stuff bits, "plain" with the
+/// most there can be, and bytes are eight bits of the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateCheck {
     /// Bytes of one cycle with Fast Sync Read.
@@ -36,6 +38,10 @@ pub fn cycle_bytes(kind: BusKind, servos: usize) -> (usize, usize) {
             let bytes = 8 + servos * 3 + 8 + servos + servos * 21;
             (bytes, bytes)
         }
+        can => {
+            let bits = cycle_bits(can, servos);
+            (bits.nominal as usize / 8, bits.worst as usize / 8)
+        }
     }
 }
 
@@ -45,8 +51,17 @@ pub fn check_rate(
     servos: &[Servo],
     control_hz: f64,
 ) -> Result<RateCheck, ConfigError> {
-    let hz = |bytes: usize| f64::from(bus.baud) / (10.0 * bytes as f64);
     let (fast_bytes, plain_bytes) = cycle_bytes(bus.kind, servos.len());
+    if bus.kind.is_can() {
+        let (fast_hz, plain_hz) = check_can_rate(bus, servos.len(), control_hz)?;
+        return Ok(RateCheck {
+            fast_bytes,
+            plain_bytes,
+            fast_hz,
+            plain_hz,
+        });
+    }
+    let hz = |bytes: usize| f64::from(bus.baud) / (10.0 * bytes as f64);
     let check = RateCheck {
         fast_bytes,
         plain_bytes,

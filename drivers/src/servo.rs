@@ -1,11 +1,13 @@
-//! One servo of the robot, checked: joint radians to encoder ticks and back.
+//! One servo of the robot, checked: joint radians to its own units and back.
 //!
-//! `ticks = (zero + direction * joint) / RAD_PER_TICK`, where `zero` is the
-//! servo's own angle (0 to a turn, centre half a turn) at which the joint reads
-//! zero. Single-turn position control only: every limit lies within one turn.
+//! `servo = zero + direction * joint`, where `zero` is the servo's own angle at
+//! which the joint reads zero. A serial servo takes that in encoder ticks of a
+//! single turn (centre half a turn), and every limit lies within the turn. A CAN
+//! motor takes radians and has its [`MotorSettings`].
 
 use servodance_types::{JointLimits, JointState};
 
+use crate::can::MotorSettings;
 use crate::model::Model;
 
 /// A checked servo. Made by [`crate::servos`].
@@ -13,9 +15,9 @@ use crate::model::Model;
 pub struct Servo {
     /// The joint it moves.
     pub name: String,
-    /// Its bus id, 0 to 252.
+    /// Its bus id.
     pub id: u8,
-    /// What it must answer to a ping.
+    /// What it is.
     pub model: &'static Model,
     /// +1 or -1: the servo's direction against the joint axis.
     pub direction: f64,
@@ -23,12 +25,24 @@ pub struct Servo {
     pub zero_rad: f64,
     /// What the joint may do.
     pub limits: JointLimits,
+    /// What only a CAN motor has; `None` for a serial servo.
+    pub motor: Option<MotorSettings>,
 }
 
 impl Servo {
+    /// The servo's own angle, after its gear, for a joint position.
+    pub fn motor_rad(&self, joint_rad: f64) -> f64 {
+        self.zero_rad + self.direction * joint_rad
+    }
+
+    /// The joint position for the servo's own angle.
+    pub fn joint_rad(&self, motor_rad: f64) -> f64 {
+        (motor_rad - self.zero_rad) * self.direction
+    }
+
     /// The unrounded servo position for a joint position, ticks.
     pub fn exact_ticks(&self, joint_rad: f64) -> f64 {
-        (self.zero_rad + self.direction * joint_rad) / Model::RAD_PER_TICK
+        self.motor_rad(joint_rad) / Model::RAD_PER_TICK
     }
 
     /// The lowest and highest goal, ticks, that lie inside the joint's limits
@@ -50,7 +64,7 @@ impl Servo {
 
     /// The joint position for a servo position.
     pub fn position_rad(&self, ticks: i32) -> f64 {
-        (f64::from(ticks) * Model::RAD_PER_TICK - self.zero_rad) * self.direction
+        self.joint_rad(f64::from(ticks) * Model::RAD_PER_TICK)
     }
 
     /// The joint's state from the servo's raw registers (signed, in its units).
@@ -84,6 +98,7 @@ mod tests {
                 velocity_rad_s: 4.0,
                 acceleration_rad_s2: 40.0,
             },
+            motor: None,
         }
     }
 

@@ -19,6 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         upper_deg: 90.0,
         velocity_deg_s: 230.0,
         acceleration_deg_s2: 2300.0,
+        ..Default::default()
     };
     let servos = servos(&(1..=count).map(joint).collect::<Vec<_>>())?;
     let bench = bench_bus(

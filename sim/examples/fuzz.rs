@@ -128,6 +128,7 @@ fn fresh_line(model: &str) -> Result<Box<dyn Line>, Box<dyn std::error::Error>> 
         upper_deg: 90.0,
         velocity_deg_s: 230.0,
         acceleration_deg_s2: 2300.0,
+        ..Default::default()
     };
     let specs: Vec<SimServoSpec> = servos(&[joint(1), joint(2)])?
         .iter()

@@ -26,6 +26,7 @@ pub fn robot_of(model: &str, count: u8) -> Vec<Servo> {
         upper_deg: 90.0,
         velocity_deg_s: 230.0,
         acceleration_deg_s2: 2300.0,
+        ..Default::default()
     };
     servos(&(1..=count).map(joint).collect::<Vec<_>>()).unwrap()
 }
