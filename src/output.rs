@@ -45,6 +45,11 @@ impl PendingFile {
         Ok(BufWriter::new(file))
     }
 
+    /// Where the file lies until then, for libraries that open it themselves.
+    pub fn path(&self) -> &Path {
+        self.file.path()
+    }
+
     /// Gives the file its name.
     pub fn finish(self) -> anyhow::Result<()> {
         let target = self.target;

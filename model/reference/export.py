@@ -4,7 +4,7 @@
         --note "trained ..." --out ../weights/live.safetensors
 
 f16 tensors; configuration, style names and provenance in the metadata. The
-encoders are left out: generating needs none.
+encoders are a third of it; `generate --start` and `reconstruct` need them.
 """
 
 import argparse
@@ -24,7 +24,7 @@ def flat(vq, seq, norms, starts, dtype):
     """All tensors under the names that `model/src/net` asks for."""
     out = {}
     for name, value in vq.items():
-        if name.startswith("decoder."):
+        if name.startswith(("encoder.", "decoder.")):
             out["vq." + name] = value
         if name.endswith(".embed"):
             out["vq." + name.removesuffix(".embed")] = value

@@ -4,7 +4,8 @@ twin computes with it.
     python golden.py ../src/net/golden
 
 `tiny.safetensors` is a weights file, `golden.safetensors` holds inputs and
-outputs: codes, music, decoded motion, hidden vectors and logits.
+outputs: codes, music, decoded motion, hidden vectors and logits, and poses
+with the codes that the encoders give them.
 """
 
 import os
@@ -27,16 +28,18 @@ def main():
     vq, seq = VqVae(config).eval(), MotionSeq(config).eval()
     for p in seq.parameters():  # nothing stays at zero: every weight is tested
         p.data += 0.2 * torch.randn_like(p)
-    for p in vq.decoder.parameters():
+    for p in [*vq.decoder.parameters(), *vq.encoder.parameters()]:
         p.data += 0.1 * torch.randn_like(p)
     frames = 30  # several windows long
+    poses = torch.randn(1, frames, config["motion_dim"])
     codes = torch.randint(config["codes"], (1, frames, 2))
     previous = torch.cat([codes[:, :1], codes[:, :-1]], 1)
     music = torch.randn(1, frames, config["music_dim"])
     style, null_style = torch.tensor([1]), torch.tensor([2])
     with torch.no_grad():
         has = torch.tensor([True])
-        golden = {"codes": codes[0].int(), "music": music[0], "motion": vq.decode(codes)[0]}
+        golden = {"codes": codes[0].int(), "music": music[0], "motion": vq.decode(codes)[0],
+                  "poses": poses[0], "encoded": vq.encode(poses)[0].int()}
         for name, h, s in [("heard", has, style), ("deaf", ~has, null_style)]:
             golden[f"{name}_hidden"] = seq.hidden(previous, music, h, s)[0]
             for i, logits in enumerate(seq(previous, codes, music, h, s)):

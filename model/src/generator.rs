@@ -13,14 +13,14 @@ use candle_core::Tensor;
 use servodance_types::{MUSIC_DIM, MotionFrame, MusicFrame, SPECTRAL_DIM};
 
 use crate::error::ModelError;
-use crate::motion::representation::{POSE_DIM, PoseVector, Recovery, contacts};
+use crate::motion::representation::{POSE_DIM, PoseVector, Recovery, contacts, heading_rad};
 use crate::motion::{Pose, skeleton};
 use crate::net::{
     DecoderState, ModelConfig, MotionSeq, Sampler, Sampling, SeqState, VqDecoder, Weights,
 };
 
 /// The trained weights, part of the program so that it runs by itself.
-const BUILT_IN: &[u8] = include_bytes!("../weights/live.safetensors");
+pub(crate) const BUILT_IN: &[u8] = include_bytes!("../weights/live.safetensors");
 /// Normalised spectral features are clamped to this many deviations.
 const MUSIC_CLAMP: f32 = 6.0;
 /// Inside this distance from the start the dancer goes where it wants, metres.
@@ -289,6 +289,30 @@ impl Dance {
             positions,
             contacts: contacts(&vector),
         })
+    }
+
+    /// Lives through the codes of a motion ([`crate::Codec::encode_all`]) that
+    /// ended in the pose `last`, without hearing music: the next step goes on
+    /// from there. Call it before the first step.
+    pub fn follow(&mut self, codes: &[Vec<usize>], last: &Pose) -> Result<(), ModelError> {
+        let networks = self.networks.clone();
+        for row in codes {
+            networks.seq.step(&mut self.seq, &self.codes, None)?;
+            if let Some(deaf) = &mut self.deaf {
+                networks.seq.step(deaf, &self.codes, None)?;
+            }
+            let normalised = networks.decoder.step(&mut self.decoder, row)?;
+            self.recovery.push(&networks.pose_vector(&normalised));
+            self.codes.clone_from(row);
+        }
+        let [x, _, z] = last[0];
+        let root_xz_m = [f64::from(x), f64::from(z)];
+        self.recovery.move_to(root_xz_m, heading_rad(last));
+        self.stage = Stage {
+            recovered: [x, z],
+            shown: [x, z],
+        };
+        Ok(())
     }
 
     /// Forgets the past, in which the dancer stood: a model that continues

@@ -1,15 +1,17 @@
 //! MAGMA in candle: music features to motion tokens to 22-joint motion.
 //!
 //! Start at [`Generator`]: load the weights, start a dance, give it a music
-//! frame and take a motion frame, 20 times a second. [`net`] holds the two
-//! networks, [`motion`] what human motion is in numbers, [`metrics`] how a
+//! frame and take a motion frame, 20 times a second. [`Codec`] turns motion into
+//! tokens and back. [`net`] holds the two networks, [`motion`] what human motion is in numbers, [`metrics`] how a
 //! dance is scored. Training is done by the twin in `model/reference/`.
 
+mod codec;
 mod error;
 pub mod generator;
 pub mod metrics;
 pub mod motion;
 pub mod net;
 
+pub use codec::Codec;
 pub use error::ModelError;
 pub use generator::{Dance, Generator, GeneratorOptions};

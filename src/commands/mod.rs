@@ -6,6 +6,8 @@
 //! (an error, told by `main` in one line), 130 stopped by Ctrl-C.
 
 pub mod dance;
+pub mod generate;
+pub mod reconstruct;
 pub mod robots;
 pub mod scan;
 pub mod sim_bus;
@@ -38,6 +40,10 @@ pub struct Cli {
 pub enum Command {
     /// Dance to a recording, to the built-in song, or to raw audio on standard input.
     Dance(dance::Args),
+    /// Write the human motion that the model dances to a recording, without a robot.
+    Generate(generate::Args),
+    /// Send a motion through the model's tokens and back.
+    Reconstruct(reconstruct::Args),
     /// List the built-in robots and where each file is.
     Robots(robots::Args),
     /// Look for Dynamixel servos on a serial port, at every usual baud rate.
@@ -56,6 +62,8 @@ impl Command {
     pub fn run(self) -> anyhow::Result<ExitCode> {
         match self {
             Command::Dance(args) => dance::run(args),
+            Command::Generate(args) => generate::run(args),
+            Command::Reconstruct(args) => reconstruct::run(args),
             Command::Robots(args) => robots::run(args),
             Command::Scan(args) => scan::run(args),
             Command::SimBus(args) => sim_bus::run(args),

@@ -8,7 +8,7 @@
 //! Everything that can be refused is refused before torque is turned on, and
 //! every way out, an error or Ctrl-C too, turns it off again.
 
-mod audio;
+pub(crate) mod audio;
 mod config;
 mod control;
 mod motion_source;
@@ -32,6 +32,7 @@ use rig::Rig;
 use servodance_drivers::Model;
 use servodance_model::{Generator, GeneratorOptions};
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
@@ -53,7 +54,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     let audio = Audio::open(&config.audio)?;
     let audio_s = audio.duration_s();
     let live = matches!(config.audio, AudioChoice::Stdin(_)) && config.speed == Speed::Realtime;
-    let generator = generator(config)?;
+    let generator = open_generator(config.model.as_deref())?;
     let model = generator.config().preset.clone();
     let generator = generator.start(GeneratorOptions {
         seed: config.seed,
@@ -147,8 +148,9 @@ struct Run {
     trace: trace::Trace,
 }
 
-fn generator(config: &DanceConfig) -> anyhow::Result<Generator> {
-    Ok(match &config.model {
+/// The weights in a file, or those that are built in.
+pub(crate) fn open_generator(model: Option<&Path>) -> anyhow::Result<Generator> {
+    Ok(match model {
         Some(path) => Generator::load(path)?,
         None => Generator::built_in()?,
     })

@@ -6,5 +6,7 @@ pub mod alignment;
 pub mod distribution;
 pub mod features;
 pub mod quality;
+pub mod reconstruction;
 
 pub use alignment::{Alignment, alignment, kinematic_beats_s, mean_joint_speed};
+pub use reconstruction::mpjpe_m;

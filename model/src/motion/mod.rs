@@ -4,6 +4,7 @@
 //! Units: metres, seconds, radians; y up. Nothing here knows of music audio;
 //! beats come in as times in seconds.
 
+pub mod bvh_write;
 pub mod choreography;
 pub mod clip;
 pub mod corpus;

@@ -150,6 +150,13 @@ impl Recovery {
         }
     }
 
+    /// Goes on from another place: the last frame is taken to have stood at
+    /// `root_xz_m`, facing `heading_rad`; its step to the next one stays.
+    pub fn move_to(&mut self, root_xz_m: [f64; 2], heading_rad: f64) {
+        self.root_xz_m = root_xz_m;
+        self.heading_rad = heading_rad;
+    }
+
     /// The world positions of the next frame. Numbers that are not finite come
     /// out as they went in: refuse them where they are made.
     pub fn push(&mut self, vector: &PoseVector) -> Pose {

@@ -53,7 +53,7 @@ pub struct VqConfig {
     pub heads: usize,
     /// Feed-forward width.
     pub ff: usize,
-    /// Width of a part's encoder (training only).
+    /// Width of a part's encoder.
     pub encoder_dim: usize,
     /// Encoder layers.
     pub encoder_layers: usize,
@@ -119,6 +119,9 @@ impl ModelConfig {
             ("code_dim", self.code_dim, 8192),
             ("vq.dim", vq.dim, 8192),
             ("vq.ff", vq.ff, 65_536),
+            ("vq.encoder_dim", vq.encoder_dim, 8192),
+            ("vq.encoder_layers", vq.encoder_layers, 64),
+            ("vq.encoder_window", vq.encoder_window, 4096),
             ("vq.decoder_layers", vq.decoder_layers, 64),
             ("vq.decoder_window", vq.decoder_window, 4096),
             ("seq.dim", seq.dim, 8192),
@@ -136,6 +139,12 @@ impl ModelConfig {
             vq.heads,
             vq.dim,
             &[("vq.decoder_slopes", &vq.decoder_slopes)],
+        )?;
+        heads(
+            "vq.encoder_slopes",
+            vq.encoder_slopes.len(),
+            vq.encoder_dim,
+            &[("vq.encoder_slopes", &vq.encoder_slopes)],
         )?;
         heads(
             "seq.heads",

@@ -3,31 +3,11 @@
 
 use candle_core::{Device, Result as TensorResult, Tensor};
 
-use super::attention::{Ring, RingClock, SelfAttention, one_shot_bias};
+use super::attention::{Ring, RingClock, one_shot_bias};
 use super::config::VqConfig;
-use super::layers::{FeedForward, Linear, Norm};
+use super::layers::{Layer, Linear, Norm};
 use super::weights::Weights;
 use crate::error::ModelError;
-
-/// A pre-norm layer: self-attention, then feed-forward.
-#[derive(Clone, Debug)]
-struct Layer {
-    norm1: Norm,
-    attention: SelfAttention,
-    norm2: Norm,
-    feed_forward: FeedForward,
-}
-
-impl Layer {
-    fn load(w: &Weights, name: &str, vq: &VqConfig) -> Result<Self, ModelError> {
-        Ok(Self {
-            norm1: Norm::load(w, &format!("{name}.norm1"), vq.dim)?,
-            attention: SelfAttention::load(w, &format!("{name}.attn"), vq.dim, vq.heads)?,
-            norm2: Norm::load(w, &format!("{name}.norm2"), vq.dim)?,
-            feed_forward: FeedForward::load(w, &format!("{name}.ff"), vq.dim, vq.ff)?,
-        })
-    }
-}
 
 /// The decoder's weights.
 #[derive(Clone, Debug)]
@@ -59,8 +39,10 @@ impl VqDecoder {
                 &[config.codes, config.code_dim],
             )
         });
-        let layers =
-            (0..vq.decoder_layers).map(|i| Layer::load(w, &format!("vq.decoder.layers.{i}"), &vq));
+        let layers = (0..vq.decoder_layers).map(|i| {
+            let name = format!("vq.decoder.layers.{i}");
+            Layer::load(w, &name, vq.dim, vq.heads, vq.ff)
+        });
         let wide = config.parts.len() * config.code_dim;
         Ok(Self {
             codebooks: codebooks.collect::<Result<_, _>>()?,
@@ -92,11 +74,7 @@ impl VqDecoder {
             state.clock.bias(&self.config.decoder_slopes)?,
         );
         for (layer, ring) in self.layers.iter().zip(&state.rings) {
-            x = (&x
-                + layer
-                    .attention
-                    .step(&layer.norm1.forward(&x)?, ring, slot, &bias)?)?;
-            x = (&x + layer.feed_forward.forward(&layer.norm2.forward(&x)?)?)?;
+            x = layer.step(&x, ring, slot, &bias)?;
         }
         state.clock.advance();
         Ok(self
@@ -112,8 +90,7 @@ impl VqDecoder {
         let bias = one_shot_bias(codes.len(), &vq.decoder_slopes, vq.decoder_window, 0)?;
         let mut x = self.input.forward(&self.embed(codes)?)?;
         for layer in &self.layers {
-            x = (&x + layer.attention.one_shot(&layer.norm1.forward(&x)?, &bias)?)?;
-            x = (&x + layer.feed_forward.forward(&layer.norm2.forward(&x)?)?)?;
+            x = layer.one_shot(&x, &bias)?;
         }
         Ok(self.output.forward(&self.norm.forward(&x)?)?.to_vec2()?)
     }

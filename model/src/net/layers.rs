@@ -1,10 +1,12 @@
-//! Linear, layer norm and feed-forward: weights out of the file, one call each.
+//! Linear, layer norm, feed-forward, and the pre-norm layer of stage 1: weights
+//! out of the file, one call each.
 //!
 //! Inference only: the fused layer norm used here has no gradient.
 
 use candle_core::{Result as TensorResult, Tensor};
 use candle_nn::ops;
 
+use super::attention::{Ring, SelfAttention};
 use super::config::Activation;
 use super::weights::Weights;
 use crate::error::ModelError;
@@ -77,5 +79,55 @@ impl FeedForward {
             Activation::Relu2 => x.relu()?.sqr()?,
         };
         self.down.forward(&x)
+    }
+}
+
+/// A pre-norm layer of stage 1: self-attention, then feed-forward.
+#[derive(Clone, Debug)]
+pub(crate) struct Layer {
+    norm1: Norm,
+    attention: SelfAttention,
+    norm2: Norm,
+    feed_forward: FeedForward,
+}
+
+impl Layer {
+    pub fn load(
+        w: &Weights,
+        name: &str,
+        dim: usize,
+        heads: usize,
+        hidden: usize,
+    ) -> Result<Self, ModelError> {
+        Ok(Self {
+            norm1: Norm::load(w, &format!("{name}.norm1"), dim)?,
+            attention: SelfAttention::load(w, &format!("{name}.attn"), dim, heads)?,
+            norm2: Norm::load(w, &format!("{name}.norm2"), dim)?,
+            feed_forward: FeedForward::load(w, &format!("{name}.ff"), dim, hidden)?,
+        })
+    }
+
+    /// One frame [1, dim], with the frames before it in the ring.
+    pub fn step(
+        &self,
+        x: &Tensor,
+        ring: &Ring,
+        slot: usize,
+        bias: &Tensor,
+    ) -> TensorResult<Tensor> {
+        let attended = self
+            .attention
+            .step(&self.norm1.forward(x)?, ring, slot, bias)?;
+        self.feed(&(x + attended)?)
+    }
+
+    /// All frames [n, dim] at once.
+    pub fn one_shot(&self, x: &Tensor, bias: &Tensor) -> TensorResult<Tensor> {
+        let attended = self.attention.one_shot(&self.norm1.forward(x)?, bias)?;
+        self.feed(&(x + attended)?)
+    }
+
+    fn feed(&self, x: &Tensor) -> TensorResult<Tensor> {
+        x + self.feed_forward.forward(&self.norm2.forward(x)?)?
     }
 }

@@ -1,7 +1,7 @@
-//! The two networks, inference only: the VQ decoder (codes to motion) and
-//! MotionSeq (codes and music to the next codes).
+//! The two networks, inference only: the VQ encoders (motion to codes) and
+//! decoder (codes to motion), and MotionSeq (codes and music to the next codes).
 //!
-//! Both run a frame at a time with rotating key and value caches: memory and
+//! Decoder and MotionSeq run a frame at a time with rotating key and value caches: memory and
 //! time a frame stay constant however long the music lasts, and the output
 //! equals one pass over everything (ALiBi, no absolute positions). The twin
 //! in `model/reference/` trains the weights and writes the golden files.
@@ -9,6 +9,7 @@
 mod attention;
 mod config;
 mod decoder;
+mod encoder;
 mod layers;
 mod motionseq;
 mod sampling;
@@ -18,6 +19,7 @@ mod weights;
 
 pub use config::{Activation, ModelConfig, SeqConfig, VqConfig};
 pub use decoder::{DecoderState, VqDecoder};
+pub use encoder::VqEncoder;
 pub use motionseq::{MotionSeq, SeqState};
 pub use sampling::{Sampler, Sampling};
 pub use weights::Weights;

@@ -3,10 +3,10 @@
 //! `golden/` is written by `model/reference/golden.py`: a tiny model with
 //! random weights, and what the twin computes with it.
 
-use candle_core::{Device, Tensor};
+use candle_core::Tensor;
 use safetensors::SafeTensors;
 
-use super::{MotionSeq, VqDecoder, Weights};
+use super::{MotionSeq, VqDecoder, VqEncoder, Weights};
 use crate::{Generator, ModelError};
 
 const TINY: &[u8] = include_bytes!("golden/tiny.safetensors");
@@ -25,18 +25,7 @@ struct Golden {
 impl Golden {
     fn load() -> Self {
         let weights = Weights::open(TINY, "tiny").unwrap();
-        let flat = Tensor::from_slice(
-            &bytes_as::<i32>("codes", i32::from_le_bytes),
-            (30, 2),
-            &Device::Cpu,
-        );
-        let codes: Vec<Vec<usize>> = flat
-            .unwrap()
-            .to_vec2::<i32>()
-            .unwrap()
-            .iter()
-            .map(|row| row.iter().map(|&c| c as usize).collect())
-            .collect();
+        let codes = code_rows("codes");
         let mut previous = codes.clone();
         previous.rotate_right(1);
         previous[0] = codes[0].clone();
@@ -59,6 +48,12 @@ fn bytes_as<T>(name: &str, read: impl Fn([u8; 4]) -> T) -> Vec<T> {
         .iter()
         .map(|b| read(*b))
         .collect()
+}
+
+/// Rows of one code per part (the tiny model has two parts).
+fn code_rows(name: &str) -> Vec<Vec<usize>> {
+    let codes = bytes_as(name, |b| i32::from_le_bytes(b) as usize);
+    codes.chunks(2).map(<[usize]>::to_vec).collect()
 }
 
 fn floats(name: &str) -> Vec<f32> {
@@ -107,6 +102,27 @@ fn streaming_decoding_agrees_with_the_twin() {
         &frames.flatten().collect::<Vec<_>>(),
         &floats("motion"),
     );
+}
+
+#[test]
+fn encoding_gives_the_codes_of_the_twin() {
+    let encoder = VqEncoder::load(&Weights::open(TINY, "tiny").unwrap()).unwrap();
+    let poses = floats("poses");
+    let expected = code_rows("encoded");
+    assert!(expected.iter().any(|row| row != &expected[0]));
+    assert_eq!(encoder.encode(poses.as_chunks().0).unwrap(), expected);
+}
+
+#[test]
+fn long_motion_is_encoded_as_in_one_pass() {
+    let encoder = VqEncoder::load(&Weights::open(TINY, "tiny").unwrap()).unwrap();
+    let noise = |i: usize| ((i * 7919 % 1009) as f32 / 504.0) - 1.0;
+    let motion: Vec<_> = (0..1300)
+        .map(|t| std::array::from_fn(|c| noise(t * 137 + c)))
+        .collect();
+    let tail = encoder.encode(&motion[400..900]).unwrap();
+    // Away from the cut ends, where the excerpt lacks its neighbours.
+    assert_eq!(encoder.encode(&motion).unwrap()[420..880], tail[20..480]);
 }
 
 #[test]
