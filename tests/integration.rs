@@ -3,6 +3,7 @@
 mod bad_input;
 mod bus_tools;
 mod documents;
+mod motion_files;
 mod program;
 mod recording;
 mod repeatable;
