@@ -2,6 +2,7 @@
 
 use servodance_types::JointState;
 
+use crate::can::CanBus;
 use crate::config::{BusConfig, BusKind};
 use crate::dynamixel::DynamixelBus;
 use crate::error::BusError;
@@ -76,11 +77,7 @@ pub fn open_bus(
         BusKind::Dynamixel2 => Box::new(DynamixelBus::open(port, config, servos)?),
         BusKind::Feetech => Box::new(FeetechBus::open(port, config, servos)?),
         BusKind::Mit | BusKind::Robstride | BusKind::Odrive | BusKind::Cia402 => {
-            return Err(BusError::Open {
-                port: port.into(),
-                reason: "CAN motors cannot be driven yet".into(),
-                choices: String::new(),
-            });
+            Box::new(CanBus::open(port, config, servos)?)
         }
     })
 }

@@ -137,9 +137,9 @@ pub enum ConfigError {
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// The port cannot be opened.
-    #[error("cannot open serial port {port}: {reason}{choices}")]
+    #[error("cannot open {port}: {reason}{choices}")]
     Open {
-        /// The port's path.
+        /// The port: a path, or `KIND:...` for CAN.
         port: String,
         /// What the system said.
         reason: String,
@@ -229,6 +229,56 @@ pub enum BusError {
         actual: String,
         /// Its range, with the unit.
         wanted: String,
+    },
+    /// A CAN link failed while in use: an adapter was unplugged, for instance.
+    #[error("CAN link {port} failed ({doing}): {reason}")]
+    Link {
+        /// The port.
+        port: String,
+        /// What was read or written.
+        doing: &'static str,
+        /// What the system said.
+        reason: std::io::Error,
+    },
+    /// The CAN controller has left the bus.
+    #[error(
+        "CAN link {port} is bus-off ({doing}): check wiring, termination and bitrate,          then restart the interface"
+    )]
+    BusOff {
+        /// The port.
+        port: String,
+        /// What was read or written.
+        doing: &'static str,
+    },
+    /// The transmit queue stayed full for a whole exchange's time.
+    #[error(
+        "CAN link {port}: the transmit queue stays full ({doing}); nobody acknowledges,          or it is too short (ip link set IFACE txqueuelen 100)"
+    )]
+    QueueFull {
+        /// The port.
+        port: String,
+        /// What was to be sent.
+        doing: &'static str,
+    },
+    /// A motor refused, in its own words.
+    #[error("{servo} refused {doing}: {said}")]
+    Said {
+        /// Which motor.
+        servo: ServoId,
+        /// What was read or written.
+        doing: &'static str,
+        /// What it said.
+        said: String,
+    },
+    /// A motor that would go on if this program died.
+    #[error(
+        "{servo}: {why}: a killed program would leave it driving; set accept_no_watchdog = true          in the bus table to dance all the same"
+    )]
+    NoWatchdog {
+        /// Which motor.
+        servo: ServoId,
+        /// Why there is none.
+        why: String,
     },
     /// A target that is not a number. Nothing was sent.
     #[error("target for {servo} is {target}, not a finite number: nothing was sent")]

@@ -14,7 +14,7 @@ use crate::error::{BusError, ConfigError, Refusal, ServoId};
 use crate::model::Model;
 use crate::packet::Protocol;
 use crate::register::Register;
-use crate::servo::Servo;
+use crate::servo::{Servo, check_cycle};
 use crate::wire::{Received, Wire};
 
 /// Return delay that a servo has before it is set to zero: 254 units of 2 us.
@@ -335,23 +335,7 @@ impl Link {
 
     /// What every cycle checks before a byte is sent.
     pub fn check_cycle(&self, targets_rad: &[f64], states: usize) -> Result<(), BusError> {
-        let targets = targets_rad.len();
-        for (actual, what) in [(targets, "targets"), (states, "states")] {
-            if actual != self.servos.len() {
-                return Err(BusError::Length {
-                    servos: self.servos.len(),
-                    actual,
-                    what,
-                });
-            }
-        }
-        match targets_rad.iter().position(|target| !target.is_finite()) {
-            Some(index) => Err(BusError::NotFinite {
-                servo: self.id_of(index),
-                target: targets_rad[index],
-            }),
-            None => Ok(()),
-        }
+        check_cycle(&self.servos, targets_rad, states)
     }
 
     /// Torque off to everyone, and the servos of which that is not certain.

@@ -8,6 +8,7 @@
 use servodance_types::{JointLimits, JointState};
 
 use crate::can::MotorSettings;
+use crate::error::{BusError, ServoId};
 use crate::model::Model;
 
 /// A checked servo. Made by [`crate::servos`].
@@ -78,6 +79,38 @@ impl Servo {
                 * self.model.velocity_rad_s_per_unit,
             current_a: self.direction * f64::from(current) * current_a_per_unit,
         }
+    }
+}
+
+/// What every cycle checks before anything is sent: a finite target and a
+/// place for the state of each servo.
+pub(crate) fn check_cycle(
+    servos: &[Servo],
+    targets_rad: &[f64],
+    states: usize,
+) -> Result<(), BusError> {
+    for (actual, what) in [(targets_rad.len(), "targets"), (states, "states")] {
+        if actual != servos.len() {
+            return Err(BusError::Length {
+                servos: servos.len(),
+                actual,
+                what,
+            });
+        }
+    }
+    match servos
+        .iter()
+        .zip(targets_rad)
+        .find(|(_, target)| !target.is_finite())
+    {
+        Some((servo, &target)) => Err(BusError::NotFinite {
+            servo: ServoId {
+                joint: servo.name.clone(),
+                id: servo.id,
+            },
+            target,
+        }),
+        None => Ok(()),
     }
 }
 

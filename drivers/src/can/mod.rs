@@ -4,15 +4,44 @@
 //! CanBus (arm, cycle, disarm) -> Protocol (MIT, RobStride, ODrive, CiA 402) -> CanLink -> wire
 //! ```
 //!
-//! A new kind of link implements [`CanLink`].
+//! A new kind of link implements [`CanLink`] and gets its line in [`open_link`].
 
+mod bus;
+mod cia402;
+mod exchange;
 mod frame;
 mod link;
+mod mit;
 mod motor;
+mod odrive;
+mod protocol;
 mod rate;
+mod robstride;
+pub mod slcan;
+pub mod udp;
 
+pub use bus::CanBus;
 pub use frame::{CanFrame, nominal_bits, worst_bits};
 pub use link::{CanFault, CanLink, CanPort, Received, Sent};
 pub use motor::{MotorModel, MotorSettings};
 pub(crate) use rate::check_can_rate;
 pub use rate::{CycleBits, cycle_bits};
+
+use crate::error::BusError;
+
+/// Opens the way to a CAN bus that `port` names: see [`CanPort`].
+pub fn open_link(port: &str, bitrate: u32) -> Result<Box<dyn CanLink>, BusError> {
+    let refused = |reason: String| BusError::Open {
+        port: port.into(),
+        reason,
+        choices: String::new(),
+    };
+    let opened: std::io::Result<Box<dyn CanLink>> = match CanPort::parse(port).map_err(refused)? {
+        CanPort::Slcan(path) => {
+            slcan::SlcanLink::open(&path, bitrate).map(|link| Box::new(link) as _)
+        }
+        CanPort::Udp(group) => udp::UdpLink::open(group).map(|link| Box::new(link) as _),
+        CanPort::Socket(_) => Err(std::io::ErrorKind::Unsupported.into()),
+    };
+    opened.map_err(|error| refused(error.to_string()))
+}

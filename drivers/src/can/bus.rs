@@ -1,0 +1,329 @@
+//! A bus of CAN motors: one driver, whatever the protocol.
+//!
+//! A cycle sends every motor its target and collects every motor's report;
+//! who is missing is asked again, at most `retries` times.
+//!
+//! Real-time promise: a sound cycle takes its wire time and allocates nothing.
+//! A damaged one ends within its bound: wire time and reply timeout, times the
+//! tries.
+//!
+//! Refused before torque: a silent motor, ranges other than configured, a motor
+//! that reports a fault, a joint outside its limits, a motor without a watchdog
+//! (unless `accept_no_watchdog` is set).
+
+use std::time::Instant;
+
+use servodance_types::JointState;
+
+use crate::bus::{ArmReport, Bus, BusStats};
+use crate::can::cia402::Cia402;
+use crate::can::exchange::{Exchange, Status};
+use crate::can::frame::CanFrame;
+use crate::can::link::CanLink;
+use crate::can::mit::Mit;
+use crate::can::odrive::Odrive;
+use crate::can::open_link;
+use crate::can::protocol::Protocol;
+use crate::can::robstride::Robstride;
+use crate::config::{BusConfig, BusKind};
+use crate::error::BusError;
+use crate::servo::{Servo, check_cycle};
+
+/// A joint may stand this far outside its limits when arming; its first target
+/// is then the limit itself.
+const REST_TOLERANCE_RAD: f64 = 0.05;
+
+/// One CAN bus of motors.
+pub struct CanBus {
+    exchange: Exchange,
+    protocol: Box<dyn Protocol>,
+    status: Vec<Status>,
+    answered: Vec<bool>,
+    frames: Vec<CanFrame>,
+    armed: bool,
+}
+
+impl CanBus {
+    /// Opens the port. Nothing is sent before [`Bus::arm`].
+    pub fn open(port: &str, config: &BusConfig, servos: Vec<Servo>) -> Result<Self, BusError> {
+        let refused = |reason: String| BusError::Open {
+            port: port.into(),
+            reason,
+            choices: String::new(),
+        };
+        let checked = config.clone().checked();
+        let config = checked.map_err(|error| refused(error.to_string()))?;
+        let link = open_link(port, config.baud)?;
+        Self::over(link, port, config, servos)
+    }
+
+    /// A bus over a link that is open already; `port` is its name in messages.
+    pub fn over(
+        link: Box<dyn CanLink>,
+        port: &str,
+        config: BusConfig,
+        servos: Vec<Servo>,
+    ) -> Result<Self, BusError> {
+        let refused = |reason: String| BusError::Open {
+            port: port.into(),
+            reason,
+            choices: String::new(),
+        };
+        if let Some(servo) = servos.iter().find(|servo| servo.model.kind != config.kind) {
+            return Err(refused(format!(
+                "joint {}: model {} does not speak the bus's protocol",
+                servo.name, servo.model.name
+            )));
+        }
+        let protocol: Box<dyn Protocol> = match config.kind {
+            BusKind::Mit => Box::new(Mit),
+            BusKind::Robstride => Box::new(Robstride),
+            BusKind::Odrive => Box::new(Odrive),
+            BusKind::Cia402 => Box::new(Cia402),
+            _ => return Err(refused("the bus is not on CAN".into())),
+        };
+        Ok(Self {
+            status: vec![Status::default(); servos.len()],
+            answered: vec![false; servos.len()],
+            frames: Vec::with_capacity(2 * servos.len() + 2),
+            exchange: Exchange::new(link, port, config, servos),
+            protocol,
+            armed: false,
+        })
+    }
+
+    /// How often the transmit queue was full (ENOBUFS) and a frame had to wait.
+    pub fn queue_full(&self) -> u64 {
+        self.exchange.queue_full
+    }
+
+    /// Everything between a silent bus and torque.
+    fn bring_up(&mut self) -> Result<ArmReport, BusError> {
+        let mut notes = Vec::new();
+        self.release_all()?;
+        for index in 0..self.status.len() {
+            self.check_fault(index)?;
+            self.protocol
+                .prepare(&mut self.exchange, index, &mut notes)?;
+        }
+        let mut holds_rad = Vec::with_capacity(self.status.len());
+        for index in 0..self.status.len() {
+            self.status[index] = self.protocol.release(&mut self.exchange, index)?;
+            self.check_fault(index)?;
+            holds_rad.push(self.hold_rad(index)?);
+        }
+        // From here on torque may be on, whatever goes wrong.
+        self.armed = true;
+        for (index, &joint_rad) in holds_rad.iter().enumerate() {
+            let motor_rad = self.exchange.servos[index].motor_rad(joint_rad);
+            self.protocol.enable(&mut self.exchange, index, motor_rad)?;
+            self.status[index].active = true;
+        }
+        let mut states = vec![JointState::default(); self.status.len()];
+        self.exchange_all(&holds_rad)?;
+        self.copy_states(&mut states);
+        Ok(ArmReport { states, notes })
+    }
+
+    /// Torque off everywhere; all who are silent are named at once.
+    fn release_all(&mut self) -> Result<(), BusError> {
+        let mut silent = Vec::new();
+        for index in 0..self.status.len() {
+            match self.protocol.release(&mut self.exchange, index) {
+                Ok(status) => self.status[index] = status,
+                Err(BusError::Silent { servos, .. }) => silent.extend(servos),
+                Err(error) => return Err(error),
+            }
+        }
+        if silent.is_empty() {
+            return Ok(());
+        }
+        Err(self.exchange.silent(silent, "torque off"))
+    }
+
+    fn check_fault(&self, index: usize) -> Result<(), BusError> {
+        match &self.status[index].fault {
+            Some(fault) => Err(self.exchange.faulty(index, fault)),
+            None => Ok(()),
+        }
+    }
+
+    /// The joint position that keeps a joint where it stands.
+    fn hold_rad(&self, index: usize) -> Result<f64, BusError> {
+        let servo = &self.exchange.servos[index];
+        let position = servo.joint_rad(self.status[index].position_rad);
+        let limits = servo.limits;
+        let outside = (limits.lower_rad - position).max(position - limits.upper_rad);
+        // Not a number counts as outside.
+        if outside <= REST_TOLERANCE_RAD {
+            return Ok(limits.clamp_rad(position));
+        }
+        Err(self.exchange.unfit(
+            index,
+            "position",
+            format!("{:.1} degrees", position.to_degrees()),
+            format!(
+                "{:.1} to {:.1} degrees: move the joint there by hand",
+                limits.lower_rad.to_degrees(),
+                limits.upper_rad.to_degrees()
+            ),
+        ))
+    }
+
+    /// One target out and one report in for every motor, with retries.
+    fn exchange_all(&mut self, targets_rad: &[f64]) -> Result<(), BusError> {
+        const DOING: &str = "target and state";
+        // What came by itself since the last cycle.
+        let now = Instant::now();
+        while let Some(frame) = self.exchange.receive(now, DOING)? {
+            self.protocol
+                .hear(&self.exchange.servos, &frame, &mut self.status);
+        }
+        self.answered.fill(false);
+        for attempt in 0..self.exchange.tries() {
+            self.exchange.stats.retries += u64::from(attempt > 0);
+            self.frames.clear();
+            let servos = self.exchange.servos.iter().zip(targets_rad);
+            for ((servo, &target), answered) in servos.zip(&self.answered) {
+                if !answered {
+                    self.protocol.command(servo, target, &mut self.frames);
+                }
+            }
+            self.protocol.conclude(&mut self.frames);
+            let deadline = self.exchange.deadline(2 * self.frames.len());
+            for index in 0..self.frames.len() {
+                let frame = self.frames[index];
+                self.exchange.transmit(&frame, deadline, DOING)?;
+            }
+            while self.answered.contains(&false) {
+                let Some(frame) = self.exchange.receive(deadline, DOING)? else {
+                    self.exchange.stats.timeouts += 1;
+                    break;
+                };
+                let servos = &self.exchange.servos;
+                if let Some(index) = self.protocol.hear(servos, &frame, &mut self.status) {
+                    self.answered[index] = true;
+                }
+            }
+            self.check_all()?;
+            if !self.answered.contains(&false) {
+                return Ok(());
+            }
+        }
+        let missing = (0..self.answered.len()).filter(|&index| !self.answered[index]);
+        let missing = self.exchange.ids_of(missing);
+        Err(self.exchange.silent(missing, DOING))
+    }
+
+    /// No motor may complain, or have left its control loop.
+    fn check_all(&self) -> Result<(), BusError> {
+        for (index, status) in self.status.iter().enumerate() {
+            self.check_fault(index)?;
+            if !status.active && self.armed {
+                let why = "torque is off in the motor: it rebooted, or something else stopped it";
+                return Err(self.exchange.faulty(index, why));
+            }
+        }
+        Ok(())
+    }
+
+    fn copy_states(&self, states: &mut [JointState]) {
+        let servos = self.exchange.servos.iter();
+        for ((state, servo), status) in states.iter_mut().zip(servos).zip(&self.status) {
+            *state = JointState {
+                position_rad: servo.joint_rad(status.position_rad),
+                velocity_rad_s: servo.direction * status.velocity_rad_s,
+                current_a: 0.0,
+            };
+        }
+    }
+
+    /// Torque off to everyone without waiting, as often as things are tried.
+    fn stop_all(&mut self) -> Result<(), BusError> {
+        let mut frames = Vec::new();
+        for servo in &self.exchange.servos {
+            self.protocol.stop(servo, &mut frames);
+        }
+        let deadline = self.exchange.deadline(frames.len());
+        frames
+            .iter()
+            .try_for_each(|frame| self.exchange.transmit(frame, deadline, "torque off"))
+    }
+}
+
+impl Bus for CanBus {
+    fn servos(&self) -> &[Servo] {
+        &self.exchange.servos
+    }
+
+    fn arm(&mut self) -> Result<ArmReport, BusError> {
+        self.bring_up().inspect_err(|_| {
+            if self.armed {
+                // The first error is the one to report; `is_armed` stays true
+                // if torque could not be verified off, and drop tries again.
+                let _ = self.disarm();
+            }
+        })
+    }
+
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError> {
+        if !self.armed {
+            return Err(BusError::NotArmed);
+        }
+        check_cycle(&self.exchange.servos, targets_rad, states.len())?;
+        self.exchange_all(targets_rad)?;
+        self.copy_states(states);
+        self.exchange.stats.cycles += 1;
+        Ok(())
+    }
+
+    fn disarm(&mut self) -> Result<(), BusError> {
+        // Everyone at once first: nobody waits for a silent neighbour.
+        let stopped = self.stop_all();
+        let mut reason = stopped.err().map(|error| error.to_string());
+        let mut doubtful = Vec::new();
+        for index in 0..self.status.len() {
+            // After the first silent motor the others get one try each.
+            let released = if doubtful.is_empty() {
+                self.protocol.release(&mut self.exchange, index)
+            } else {
+                self.exchange
+                    .once(|exchange| self.protocol.release(exchange, index))
+            };
+            match released {
+                Ok(status) => self.status[index] = status,
+                Err(error) => {
+                    reason = Some(error.to_string());
+                    doubtful.push(index);
+                }
+            }
+        }
+        if doubtful.is_empty() {
+            self.armed = false;
+            return Ok(());
+        }
+        Err(BusError::TorqueUnverified {
+            servos: self.exchange.ids_of(doubtful),
+            reason: reason.unwrap_or_default(),
+        })
+    }
+
+    fn is_armed(&self) -> bool {
+        self.armed
+    }
+
+    fn stats(&self) -> BusStats {
+        self.exchange.stats
+    }
+}
+
+impl Drop for CanBus {
+    fn drop(&mut self) {
+        if !self.armed {
+            return;
+        }
+        if let Err(error) = self.disarm() {
+            eprintln!("{error}; the motors' own watchdog stops them, where they have one");
+        }
+    }
+}

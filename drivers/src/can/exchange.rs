@@ -1,0 +1,239 @@
+//! Exchanges with the motors of one CAN bus, whatever they speak.
+//!
+//! Sending with pacing, waiting for an answer, retries, and the name of who is
+//! to blame. Every exchange is bounded: wire time at the most stuff bits and the
+//! reply timeout, times the tries. A full transmit queue (ENOBUFS) is waited
+//! out for a frame's time and tried again within the same bound.
+
+use std::time::{Duration, Instant};
+
+use crate::bus::BusStats;
+use crate::can::frame::{CanFrame, worst_bits};
+use crate::can::link::{CanFault, CanLink, Received, Sent};
+use crate::config::BusConfig;
+use crate::error::{BusError, ServoId};
+use crate::servo::Servo;
+
+/// What a motor said last.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Status {
+    /// Its own angle after the gear, radians.
+    pub position_rad: f64,
+    /// Radians a second.
+    pub velocity_rad_s: f64,
+    /// Whether it drives.
+    pub active: bool,
+    /// What it complains about.
+    pub fault: Option<String>,
+}
+
+/// One CAN bus and who is on it.
+pub(crate) struct Exchange {
+    link: Box<dyn CanLink>,
+    port: String,
+    /// The motors, in the order of targets and states.
+    pub servos: Vec<Servo>,
+    /// The checked configuration.
+    pub config: BusConfig,
+    /// Counters.
+    pub stats: BusStats,
+    /// How often the transmit queue was full.
+    pub queue_full: u64,
+    /// How often an exchange is tried; less while it is known that motors are silent.
+    tries: u32,
+}
+
+impl Exchange {
+    /// Takes a link over. Nothing is sent.
+    pub fn new(link: Box<dyn CanLink>, port: &str, config: BusConfig, servos: Vec<Servo>) -> Self {
+        Self {
+            link,
+            port: port.into(),
+            tries: config.retries + 1,
+            servos,
+            config,
+            stats: BusStats::default(),
+            queue_full: 0,
+        }
+    }
+
+    /// How often an exchange is tried.
+    pub fn tries(&self) -> u32 {
+        self.tries
+    }
+
+    /// Who is at `index`.
+    pub fn id_of(&self, index: usize) -> ServoId {
+        let servo = &self.servos[index];
+        ServoId {
+            joint: servo.name.clone(),
+            id: servo.id,
+        }
+    }
+
+    /// Who is at these indices.
+    pub fn ids_of(&self, indices: impl IntoIterator<Item = usize>) -> Vec<ServoId> {
+        indices.into_iter().map(|index| self.id_of(index)).collect()
+    }
+
+    /// When `frames` more frames, the longest there are, must have passed.
+    pub fn deadline(&self, frames: usize) -> Instant {
+        let wire_s = self.frame_s() * frames as f64;
+        Instant::now() + Duration::from_secs_f64(wire_s + self.config.reply_timeout_ms * 1e-3)
+    }
+
+    /// The longest frame's time on the wire.
+    fn frame_s(&self) -> f64 {
+        f64::from(worst_bits(true, 8)) / f64::from(self.config.baud)
+    }
+
+    /// Hands one frame over, waiting for room in the queue until `deadline`.
+    pub fn transmit(
+        &mut self,
+        frame: &CanFrame,
+        deadline: Instant,
+        doing: &'static str,
+    ) -> Result<(), BusError> {
+        loop {
+            let sent = self.link.send(frame);
+            match sent.map_err(|reason| self.failed(doing, reason))? {
+                Sent::Taken => break,
+                Sent::Full => self.queue_full += 1,
+            }
+            if Instant::now() >= deadline {
+                return Err(BusError::QueueFull {
+                    port: self.port.clone(),
+                    doing,
+                });
+            }
+            std::thread::sleep(Duration::from_secs_f64(self.frame_s()));
+        }
+        self.stats.packets += 1;
+        self.stats.bytes += frame.data().len() as u64;
+        Ok(())
+    }
+
+    /// The next frame until `deadline`. Rare faults are counted; bus-off is an error.
+    pub fn receive(
+        &mut self,
+        deadline: Instant,
+        doing: &'static str,
+    ) -> Result<Option<CanFrame>, BusError> {
+        loop {
+            let received = self.link.receive(deadline);
+            match received.map_err(|reason| self.failed(doing, reason))? {
+                Received::Frame(frame) => {
+                    self.stats.packets += 1;
+                    self.stats.bytes += frame.data().len() as u64;
+                    return Ok(Some(frame));
+                }
+                Received::Fault(CanFault::BusOff) => {
+                    return Err(BusError::BusOff {
+                        port: self.port.clone(),
+                        doing,
+                    });
+                }
+                Received::Fault(_) => self.stats.crc_errors += 1,
+                Received::Nothing => return Ok(None),
+            }
+        }
+    }
+
+    /// Sends a question to one motor until `accept` finds its answer: a value,
+    /// or why the motor refuses, in words.
+    pub fn ask<T>(
+        &mut self,
+        index: usize,
+        question: &CanFrame,
+        doing: &'static str,
+        accept: impl Fn(&CanFrame) -> Option<Result<T, String>>,
+    ) -> Result<T, BusError> {
+        for attempt in 0..self.tries {
+            self.stats.retries += u64::from(attempt > 0);
+            let deadline = self.deadline(2 + self.servos.len());
+            self.transmit(question, deadline, doing)?;
+            while let Some(frame) = self.receive(deadline, doing)? {
+                match accept(&frame) {
+                    Some(Ok(value)) => return Ok(value),
+                    Some(Err(said)) => return Err(self.said(index, doing, said)),
+                    None => {}
+                }
+            }
+            self.stats.timeouts += 1;
+        }
+        Err(self.silent(vec![self.id_of(index)], doing))
+    }
+
+    /// Does something without retries.
+    pub fn once<T>(&mut self, exchange: impl FnOnce(&mut Self) -> T) -> T {
+        let tries = std::mem::replace(&mut self.tries, 1);
+        let result = exchange(self);
+        self.tries = tries;
+        result
+    }
+
+    /// A motor refuses.
+    pub fn said(&self, index: usize, doing: &'static str, said: String) -> BusError {
+        BusError::Said {
+            servo: self.id_of(index),
+            doing,
+            said,
+        }
+    }
+
+    /// Motors do not answer.
+    pub fn silent(&self, servos: Vec<ServoId>, doing: &'static str) -> BusError {
+        BusError::Silent {
+            servos,
+            doing,
+            tries: self.tries,
+        }
+    }
+
+    /// A motor complains.
+    pub fn faulty(&self, index: usize, fault: &str) -> BusError {
+        BusError::Hardware {
+            servo: self.id_of(index),
+            flags: fault.into(),
+        }
+    }
+
+    /// A quantity that forbids torque.
+    pub fn unfit(
+        &self,
+        index: usize,
+        what: &'static str,
+        actual: impl ToString,
+        wanted: impl ToString,
+    ) -> BusError {
+        BusError::Unfit {
+            servo: self.id_of(index),
+            what,
+            actual: actual.to_string(),
+            wanted: wanted.to_string(),
+        }
+    }
+
+    /// A setting that was written must read back as itself.
+    pub fn same(
+        &self,
+        index: usize,
+        what: &'static str,
+        actual: f64,
+        wanted: f64,
+    ) -> Result<(), BusError> {
+        // Settings are f32 in the motors.
+        if (actual - wanted).abs() <= 1e-5 * wanted.abs().max(1.0) {
+            return Ok(());
+        }
+        Err(self.unfit(index, what, actual, wanted))
+    }
+
+    fn failed(&self, doing: &'static str, reason: std::io::Error) -> BusError {
+        BusError::Link {
+            port: self.port.clone(),
+            doing,
+            reason,
+        }
+    }
+}
