@@ -15,6 +15,7 @@ pub mod progress;
 pub mod record;
 pub mod report;
 pub mod robot;
+pub mod robot_file;
 pub mod song;
 pub mod stages;
 pub mod summary;

@@ -1,10 +1,10 @@
 //! A robot file: one TOML that names the URDF, the bus, the retargeting and
 //! every servo. Degrees and ticks live there; inside, all is radians.
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use serde::Deserialize;
 use servodance_drivers::{BusConfig, Servo, ServoConfig, check_rate, servos};
-use servodance_retarget::{RetargetConfig, Retargeter};
+use servodance_retarget::{Code, RetargetConfig, Retargeter};
 use servodance_types::JointLimits;
 use std::path::Path;
 
@@ -32,6 +32,29 @@ macro_rules! built_in {
 
 /// All built-in robots.
 pub const BUILT_IN: &[BuiltIn] = &[built_in!("op3"), built_in!("torso13"), built_in!("neck")];
+
+/// Why a robot file cannot be used.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct RobotError {
+    /// What kind of mistake it is.
+    pub code: Code,
+    /// What is wrong; names the file.
+    pub message: String,
+    /// The description, where that is at fault.
+    pub urdf_xml: Option<String>,
+}
+
+impl RobotError {
+    fn of(code: Code, message: String) -> anyhow::Error {
+        let urdf_xml = None;
+        anyhow::Error::new(Self {
+            code,
+            message,
+            urdf_xml,
+        })
+    }
+}
 
 /// The robot file as written.
 #[derive(Debug, Deserialize)]
@@ -86,12 +109,14 @@ impl Robot {
                 known.join(", ")
             );
         }
+        let unreadable = |message: String| RobotError::of(Code::FileUnreadable, message);
         let text = std::fs::read_to_string(path)
-            .with_context(|| format!("cannot read robot file {}", path.display()))?;
+            .map_err(|e| unreadable(format!("cannot read robot file {}: {e}", path.display())))?;
         Self::from_toml(&text, name_or_file, |urdf| {
             let urdf_path = path.parent().unwrap_or(Path::new(".")).join(urdf);
-            std::fs::read_to_string(&urdf_path).with_context(|| {
-                format!("{name_or_file}: cannot read urdf {}", urdf_path.display())
+            std::fs::read_to_string(&urdf_path).map_err(|e| {
+                let urdf = urdf_path.display();
+                unreadable(format!("{name_or_file}: cannot read urdf {urdf}: {e}"))
             })
         })
     }
@@ -109,23 +134,23 @@ impl Robot {
                     .filter(|b| **b == b'\n')
                     .count()
             });
-            anyhow::anyhow!("{file}:{line}: {}", one_line(e.message()))
+            let message = format!("{file}:{line}: {}", one_line(e.message()));
+            RobotError::of(Code::Toml, message)
         })?;
-        if !(20.0..=1000.0).contains(&parsed.control_hz) {
-            bail!(
-                "{file}: control_hz = {} is outside 20..1000",
-                parsed.control_hz
-            );
+        for (key, value, range) in [
+            ("control_hz", parsed.control_hz, 20.0..=1000.0),
+            ("servo_lag_s", parsed.servo_lag_s, 0.0..=0.5),
+        ] {
+            if !range.contains(&value) {
+                let (low, high) = (range.start(), range.end());
+                let message = format!("{file}: {key} = {value} is outside {low}..{high}");
+                return Err(RobotError::of(Code::RobotFile, message));
+            }
         }
-        if !(0.0..=0.5).contains(&parsed.servo_lag_s) {
-            bail!(
-                "{file}: servo_lag_s = {} is outside 0..0.5",
-                parsed.servo_lag_s
-            );
-        }
-        let servos = servos(&parsed.joints).map_err(|e| anyhow::anyhow!("{file}: {e}"))?;
+        let servos = servos(&parsed.joints)
+            .map_err(|e| RobotError::of(Code::ServoMap, format!("{file}: {e}")))?;
         check_rate(&parsed.bus, &servos, parsed.control_hz)
-            .map_err(|e| anyhow::anyhow!("{file}: {e}"))?;
+            .map_err(|e| RobotError::of(Code::BusRate, format!("{file}: {e}")))?;
         let robot = Self {
             urdf_xml: read_urdf(&parsed.urdf)?,
             name: parsed.name,
@@ -136,23 +161,30 @@ impl Robot {
             retarget: parsed.retarget,
             servos,
         };
-        robot
-            .retargeter()
-            .map_err(|e| anyhow::anyhow!("{file}: {e}"))?;
-        Ok(robot)
+        match robot.retargeter() {
+            Ok(_) => Ok(robot),
+            Err(error) => Err(anyhow::Error::new(RobotError {
+                code: Code::Retarget,
+                message: format!("{file}: {error}"),
+                urdf_xml: Some(robot.urdf_xml),
+            })),
+        }
+    }
+
+    /// Every driven joint and its limits, in joint order.
+    pub fn joint_limits(&self) -> Vec<(String, JointLimits)> {
+        let servos = self.servos.iter();
+        servos
+            .map(|servo| (servo.name.clone(), servo.limits))
+            .collect()
     }
 
     /// A fresh retargeter for this robot.
     pub fn retargeter(&self) -> anyhow::Result<Retargeter> {
-        let joints: Vec<(String, JointLimits)> = self
-            .servos
-            .iter()
-            .map(|servo| (servo.name.clone(), servo.limits))
-            .collect();
         Ok(Retargeter::new(
             &self.urdf_xml,
             &self.retarget,
-            &joints,
+            &self.joint_limits(),
             self.control_hz,
         )?)
     }

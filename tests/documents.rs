@@ -52,6 +52,19 @@ fn every_key_of_a_report_is_documented() {
 }
 
 #[test]
+fn every_code_of_a_finding_is_documented() {
+    let text = read("docs/robots.md");
+    for code in servodance_retarget::Code::ALL {
+        let row = format!(
+            "| `{code}` | {} | {} |",
+            code.severity().as_str(),
+            code.meaning()
+        );
+        assert!(text.contains(&row), "docs/robots.md lacks: {row}");
+    }
+}
+
+#[test]
 fn the_readme_shows_commands_that_parse() {
     use clap::Parser;
     for line in read("README.md").lines() {

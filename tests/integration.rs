@@ -7,4 +7,5 @@ mod motion_files;
 mod program;
 mod recording;
 mod repeatable;
+mod robot_check;
 mod torque_off;

@@ -8,6 +8,7 @@
 pub mod dance;
 pub mod generate;
 pub mod reconstruct;
+pub mod robot;
 pub mod robots;
 pub mod scan;
 pub mod sim_bus;
@@ -44,6 +45,8 @@ pub enum Command {
     Generate(generate::Args),
     /// Send a motion through the model's tokens and back.
     Reconstruct(reconstruct::Args),
+    /// Look over a robot file or description.
+    Robot(robot::Args),
     /// List the built-in robots and where each file is.
     Robots(robots::Args),
     /// Look for Dynamixel servos on a serial port, at every usual baud rate.
@@ -64,6 +67,7 @@ impl Command {
             Command::Dance(args) => dance::run(args),
             Command::Generate(args) => generate::run(args),
             Command::Reconstruct(args) => reconstruct::run(args),
+            Command::Robot(args) => robot::run(args),
             Command::Robots(args) => robots::run(args),
             Command::Scan(args) => scan::run(args),
             Command::SimBus(args) => sim_bus::run(args),

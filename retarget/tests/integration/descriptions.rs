@@ -1,7 +1,7 @@
 //! Robot descriptions as they are found: usable, or refused with a reason.
 
 use proptest::prelude::*;
-use servodance_retarget::{RetargetConfig, RetargetError, Retargeter, RobotModel};
+use servodance_retarget::{Code, RetargetConfig, RetargetError, Retargeter, RobotModel, lint};
 use servodance_types::JointLimits;
 
 use crate::support::{CONTROL_HZ, Robot};
@@ -40,13 +40,13 @@ const GOOD_LIMIT: &str = r#"<limit lower="-1" upper="1" effort="1" velocity="1"/
 #[test]
 fn broken_descriptions_are_refused_by_name() {
     let axis = r#"<axis xyz="0 0 0"/>"#;
-    let inverted = r#"<axis xyz="0 0 1"/><limit lower="1" upper="-1" effort="1" velocity="1"/>"#;
+    let inverted = r#"<axis xyz="0 0 1"/><limit lower="1" upper="0.5" effort="1" velocity="1"/>"#;
     let nan = r#"<axis xyz="0 NaN 1"/>"#;
     let mimic = r#"<axis xyz="0 0 1"/><mimic joint="nobody"/>"#;
     let circle = r#"<axis xyz="0 0 1"/><mimic joint="turn"/>"#;
     for (body, expected) in [
         (format!("{axis}{GOOD_LIMIT}"), "axis 0 0 0"),
-        (inverted.into(), "lower limit 1 is above upper limit -1"),
+        (inverted.into(), "lower limit 1 is above upper limit 0.5"),
         (format!("{nan}{GOOD_LIMIT}"), "has no direction"),
         (format!("{mimic}{GOOD_LIMIT}"), "nobody"),
         (format!("{circle}{GOOD_LIMIT}"), "circle"),
@@ -58,13 +58,28 @@ fn broken_descriptions_are_refused_by_name() {
 }
 
 #[test]
-fn a_mimic_of_a_fixed_joint_is_refused() {
+fn limits_written_the_wrong_way_round_are_exchanged_and_said() {
+    let limit = r#"<axis xyz="0 0 1"/><limit lower="1" upper="-1" effort="1" velocity="1"/>"#;
+    let found = lint(&two_links(limit));
+    assert!(
+        found.iter().any(|f| f.code == Code::RangeInverted),
+        "{found:?}"
+    );
+    assert!(RobotModel::new(&two_links(limit), &["turn"]).is_ok());
+}
+
+#[test]
+fn a_mimic_of_a_fixed_joint_is_held_and_said() {
     let urdf = r#"<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
         <joint name="still" type="fixed"><parent link="a"/><child link="b"/></joint>
         <joint name="turn" type="revolute"><parent link="b"/><child link="c"/>
         <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
         <mimic joint="still"/></joint></robot>"#;
-    assert!(refusal(urdf, "turn").contains("`still`, which does not move"));
+    let found = lint(urdf);
+    let held = found.iter().find(|f| f.code == Code::MimicOfFixed);
+    assert!(held.is_some_and(|f| f.subject == "turn" && f.message.contains("`still`")));
+    assert!(RobotModel::new(urdf, &[]).is_ok());
+    assert!(refusal(urdf, "turn").contains("no joint `turn`"));
 }
 
 #[test]

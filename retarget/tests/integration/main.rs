@@ -2,5 +2,6 @@
 
 mod adversarial;
 mod dance;
+mod defects;
 mod descriptions;
 mod support;

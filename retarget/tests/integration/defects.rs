@@ -1,0 +1,263 @@
+//! Defects as they are found in public descriptions: each has its code, and
+//! names joint or link.
+
+use servodance_retarget::{Code, Finding, RobotModel, Severity, lint};
+
+/// A description whose one moving joint `turn` and whose link `arm` hold this.
+fn urdf(joint_type: &str, joint: &str, link: &str, more: &str) -> String {
+    format!(
+        r#"<robot name="r"><link name="base">{MASS}</link><link name="arm">{link}</link>
+        <joint name="turn" type="{joint_type}"><parent link="base"/><child link="arm"/>
+        {joint}</joint>{more}</robot>"#
+    )
+}
+
+const MASS: &str = r#"<inertial><mass value="1"/>
+    <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"#;
+const AXIS: &str = r#"<axis xyz="0 0 1"/>"#;
+const GOOD: &str = r#"<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="2" velocity="3"/>"#;
+
+fn found(text: &str, code: Code) -> Finding {
+    let findings = lint(text);
+    let finding = findings.iter().find(|finding| finding.code == code);
+    finding
+        .unwrap_or_else(|| panic!("no {code} in {findings:#?} of {text}"))
+        .clone()
+}
+
+fn limit(lower: &str, upper: &str, effort: &str, velocity: &str) -> String {
+    format!(
+        r#"{AXIS}<limit lower="{lower}" upper="{upper}" effort="{effort}" velocity="{velocity}"/>"#
+    )
+}
+
+#[test]
+fn a_good_description_has_no_findings() {
+    assert_eq!(lint(&urdf("revolute", GOOD, MASS, "")), []);
+}
+
+#[test]
+fn joints_of_public_descriptions_are_named_with_their_values() {
+    let pi = "3.14159";
+    for (kind, joint, code, says) in [
+        (
+            "revolute",
+            limit("-1", "1", "2", "100"),
+            Code::VelocityPlaceholder,
+            "100",
+        ),
+        (
+            "revolute",
+            limit("-1", "1", "2", "0"),
+            Code::VelocityUnset,
+            "0",
+        ),
+        (
+            "revolute",
+            limit("-1", "1", "1000", "3"),
+            Code::EffortPlaceholder,
+            "1000",
+        ),
+        (
+            "revolute",
+            limit("-1", "1", "0", "3"),
+            Code::EffortUnset,
+            "0",
+        ),
+        (
+            "revolute",
+            limit("-2.8274", "2.8274", "2", "3"),
+            Code::RangePlaceholder,
+            "0.90 pi",
+        ),
+        (
+            "revolute",
+            limit("-3.14159", pi, "2", "3"),
+            Code::RangePlaceholder,
+            "1.00 pi",
+        ),
+        (
+            "revolute",
+            limit("-2.5", "3.1", "2", "3"),
+            Code::RangeWide,
+            "321 degrees",
+        ),
+        (
+            "revolute",
+            limit("1", "-1", "2", "3"),
+            Code::RangeInverted,
+            "exchanged",
+        ),
+        (
+            "revolute",
+            limit("2", "1", "2", "3"),
+            Code::RangeUnusable,
+            "lower limit 2",
+        ),
+        (
+            "revolute",
+            limit("0.5", "1", "2", "3"),
+            Code::ZeroOutside,
+            "0.5 to 1",
+        ),
+        (
+            "revolute",
+            limit("0", "0", "2", "3"),
+            Code::RangeUnset,
+            "both",
+        ),
+        (
+            "revolute",
+            limit("-inf", "1", "2", "3"),
+            Code::NumberUnusable,
+            "-inf",
+        ),
+        (
+            "revolute",
+            limit("-1", "one", "2", "3"),
+            Code::NumberUnreadable,
+            "one",
+        ),
+        ("revolute", AXIS.into(), Code::VelocityUnset, "0"),
+        (
+            "revolute",
+            r#"<axis xyz="0 0 0"/>"#.into(),
+            Code::AxisZero,
+            "0 0 0",
+        ),
+        (
+            "revolute",
+            r#"<axis xyz="0 1 1"/>"#.into(),
+            Code::AxisTilted,
+            "45 degrees",
+        ),
+        (
+            "revolute",
+            r#"<axis xyz="0 1"/>"#.into(),
+            Code::NumberUnreadable,
+            "3 number",
+        ),
+        ("revolute", "<axis/>".into(), Code::AxisUnset, "1 0 0"),
+        (
+            "revolute",
+            format!("{AXIS}{AXIS}"),
+            Code::ElementTwice,
+            "<axis>",
+        ),
+        (
+            "continuous",
+            GOOD.into(),
+            Code::JointContinuous,
+            "without end",
+        ),
+        ("prismatic", GOOD.into(), Code::JointPrismatic, "held"),
+        ("hinge", GOOD.into(), Code::TypeUnknown, "hinge"),
+        (
+            "revolute",
+            format!("{GOOD}<mimic joint='x'/>"),
+            Code::MimicUnknown,
+            "`x`",
+        ),
+        (
+            "revolute",
+            format!("{GOOD}<mimic joint='turn'/>"),
+            Code::MimicCircle,
+            "circle",
+        ),
+        (
+            "revolute",
+            format!(
+                "{AXIS}<limit lower='-1' upper='1' effort='1' velocity='1' acceleration='9' jerk='5'/>"
+            ),
+            Code::LimitExtended,
+            "acceleration 9",
+        ),
+    ] {
+        let finding = found(&urdf(kind, &joint, MASS, ""), code);
+        assert_eq!(finding.subject, "turn", "{finding}");
+        assert!(finding.message.contains(says), "{finding}");
+    }
+}
+
+#[test]
+fn links_of_public_descriptions_are_named_with_their_values() {
+    let mesh = r#"<mesh filename="a.stl"/>"#;
+    let shape = |inside: &str| format!("<visual><geometry>{inside}</geometry></visual>");
+    let mass = |kg: &str| MASS.replace("value=\"1\"", &format!("value=\"{kg}\""));
+    let small = shape(r#"<box size="0.01 0.01 0.01"/>"#);
+    for (link, code, says) in [
+        (shape(&mesh.repeat(2)), Code::GeometryTwo, "the first"),
+        (shape(""), Code::GeometryUnreadable, "nothing"),
+        (shape("<mesh/>"), Code::GeometryUnreadable, "mesh"),
+        (
+            shape("<box size='1 x 1'/>"),
+            Code::GeometryUnreadable,
+            "box",
+        ),
+        (mass("-1"), Code::MassUnusable, "-1"),
+        (mass("NaN"), Code::MassUnusable, "NaN"),
+        (mass("1e9"), Code::MassUnusable, "1000000000"),
+        (
+            format!("{small}{MASS}"),
+            Code::MassAbsurd,
+            "heavier than lead",
+        ),
+        (
+            "<inertial><mass value='1'/></inertial>".into(),
+            Code::InertialIncomplete,
+            "inertia",
+        ),
+        (
+            MASS.replace("izz=\"0.1\"", "izz=\"9\""),
+            Code::InertiaAbsurd,
+            "9",
+        ),
+    ] {
+        let finding = found(&urdf("revolute", GOOD, &link, ""), code);
+        assert_eq!(finding.subject, "arm", "{finding}");
+        assert!(finding.message.contains(says), "{finding}");
+    }
+}
+
+#[test]
+fn what_stands_around_is_found_as_well() {
+    let texture = "<visual><geometry><sphere radius='0.1'/></geometry>\
+        <material name='skin'><texture/></material></visual>";
+    let floating = "<link name='world'/><joint name='free' type='floating'>\
+        <parent link='world'/><child link='base'/></joint>";
+    let fixed_mimic = "<link name='c'/><joint name='still' type='fixed'>\
+        <parent link='arm'/><child link='c'/><mimic joint='turn'/></joint>";
+    let loop_joint = "<joint name='back' type='revolute'><parent link='base'/>\
+        <child link='arm'/><axis xyz='0 0 1'/></joint>";
+    for (link, more, code, subject) in [
+        (texture, "", Code::TextureUnnamed, "skin"),
+        (MASS, floating, Code::RootFloating, "free"),
+        (MASS, fixed_mimic, Code::MimicOnFixed, "still"),
+        (MASS, loop_joint, Code::ParentsTwo, "robot"),
+        (MASS, "<link name='alone'/>", Code::RootsMany, "robot"),
+        (
+            MASS,
+            "<gazebo:plugin a='b'/>",
+            Code::PrefixUndeclared,
+            "gazebo",
+        ),
+        (MASS, "<link/>", Code::NameMissing, "robot"),
+        (MASS, "<xacro:include/>", Code::Xacro, "robot"),
+    ] {
+        let finding = found(&urdf("revolute", GOOD, link, more), code);
+        assert_eq!(finding.subject, subject, "{finding}");
+    }
+}
+
+#[test]
+fn what_is_repaired_builds_and_what_is_refused_does_not() {
+    for joint in [
+        GOOD.to_owned(),
+        limit("1", "-1", "1", "1"),
+        limit("2", "1", "1", "1"),
+    ] {
+        let text = urdf("revolute", &joint, "", "");
+        let refused = lint(&text).iter().any(|f| f.severity == Severity::Refused);
+        assert_eq!(RobotModel::new(&text, &[]).is_err(), refused, "{text}");
+    }
+}

@@ -1,0 +1,61 @@
+//! `servodance robot`: look a robot file or description over.
+
+use crate::robot_file;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance robot check my.urdf
+      what is wrong or odd about a description, and what is done about it
+  servodance robot check my.toml --json
+      the same for a whole robot file, for scripts; exit code 1 if it is refused";
+
+/// What `robot` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub action: Action,
+}
+
+/// What can be done with a robot file.
+#[derive(Debug, clap::Subcommand)]
+pub enum Action {
+    /// Look over a robot file or a description: exit code 0 usable, 1 refused.
+    Check(CheckArgs),
+}
+
+/// What `robot check` is asked for.
+#[derive(Debug, clap::Args)]
+pub struct CheckArgs {
+    /// A robot file (.toml), a built-in robot, or a description (.urdf, .xml).
+    #[arg(value_name = "FILE")]
+    pub file: String,
+    /// Print JSON: file, usable, findings (code, severity, subject, message).
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Does it.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    match args.action {
+        Action::Check(args) => check(&args),
+    }
+}
+
+fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
+    let checked = robot_file::check(&args.file);
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&checked)?);
+    } else {
+        for finding in &checked.findings {
+            println!("{finding}");
+        }
+        println!("{}", checked.verdict());
+    }
+    Ok(match checked.usable {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::FAILURE,
+    })
+}
