@@ -161,6 +161,14 @@ pub struct RetargetConfig {
     /// Share of the velocity and acceleration limits that is used, above 0
     /// and up to 1. What is left covers rounding further down.
     pub margin: f64,
+    /// Seconds in which a joint's acceleration may rise to its limit: sets the
+    /// jerk limit where `jerk_deg_s3` does not.
+    pub jerk_rise_s: f64,
+    /// Jerk limits by joint name, degrees a second cubed.
+    pub jerk_deg_s3: BTreeMap<String, f64>,
+    /// How far ahead of the output the dancer is watched, seconds. More lets
+    /// slow joints begin in time; less answers live music sooner.
+    pub preview_s: f64,
     /// Axis of the root link that points forward: `x`, `-x`, `y`, …
     pub forward: String,
     /// Axis of the root link that points up.
@@ -187,6 +195,9 @@ impl Default for RetargetConfig {
             mirror: false,
             amplitude: 1.0,
             margin: 0.95,
+            jerk_rise_s: 0.05,
+            jerk_deg_s3: BTreeMap::new(),
+            preview_s: 0.3,
             forward: "x".into(),
             up: "z".into(),
             crouch: 0.05,
@@ -232,6 +243,11 @@ impl RetargetConfig {
             ("weights.posture", weights.posture),
         ] {
             in_range(key, value, 0.0, 100.0)?;
+        }
+        in_range("jerk_rise_s", self.jerk_rise_s, 0.002, 1.0)?;
+        in_range("preview_s", self.preview_s, 0.05, 0.6)?;
+        for (joint, value) in &self.jerk_deg_s3 {
+            in_range(&format!("jerk_deg_s3.{joint}"), *value, 1.0, 1e9)?;
         }
         in_range("weights.damping", weights.damping, 1e-4, 10.0)?;
         for (joint, value) in &self.rest_deg {

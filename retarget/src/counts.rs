@@ -20,8 +20,6 @@ pub struct Counts {
     pub starved_cycles: u64,
     /// Cycles in which a limit held at least one joint behind its target.
     pub limited_cycles: u64,
-    /// Joint cycles in which the jerk limit gave way to another limit.
-    pub jerk_exceeded: u64,
     /// Cycles with a planted foot farther than 2 mm from its place.
     pub feet_moved_cycles: u64,
     /// Cycles in which an arm was held back before it met the body.

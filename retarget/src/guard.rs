@@ -3,8 +3,9 @@
 //! The solver already asks for a gap, but each joint follows its answer at its
 //! own pace, and paths between two good poses can cross the body. So the next
 //! positions are changed, as little as possible, until no pair of capsules
-//! closes faster than it can brake: `v = sqrt(2 a gap)`. The limits of every
-//! joint hold first; what then still gets too near is counted.
+//! closes faster than it can brake, after the time that braking takes to build
+//! up: `v t + v^2 / 2a = gap`. The limits of every joint hold first; what then
+//! still gets too near is counted.
 
 use k::nalgebra::Isometry3;
 
@@ -19,6 +20,8 @@ const KEPT_GAP_M: f64 = 0.004;
 const WATCHED_M: f64 = 0.12;
 /// Braking that the tips of arms can do for certain, m/s^2.
 const BRAKING_M_S2: f64 = 4.0;
+/// Until it is felt, seconds.
+const BUILD_UP_S: f64 = 0.06;
 /// How much more a gap counts than staying with what was wanted.
 const FIRMNESS: f64 = 100.0;
 
@@ -87,7 +90,10 @@ impl Guard {
         }
         let left = gap.distance_m - KEPT_GAP_M;
         let speed = match left > 0.0 {
-            true => -(2.0 * BRAKING_M_S2 * left).sqrt(),
+            true => {
+                let lost = BRAKING_M_S2 * BUILD_UP_S;
+                lost - (lost * lost + 2.0 * BRAKING_M_S2 * left).sqrt()
+            }
             // Too near already: apart again, gently.
             false => (-left * 5.0).min(0.3),
         };

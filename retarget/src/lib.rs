@@ -17,6 +17,7 @@ mod collision;
 mod columns;
 mod config;
 mod counts;
+mod envelope;
 mod error;
 mod finding;
 mod guard;

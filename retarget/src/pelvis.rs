@@ -22,30 +22,34 @@ const SWAY_RATE: f64 = 2.0;
 const SWAY_ACCELERATION: f64 = 6.0;
 const TURN_RATE: f64 = 2.0;
 const TURN_ACCELERATION: f64 = 10.0;
+/// Time to full acceleration, seconds.
+const RISE_S: f64 = 0.05;
 
 /// The pelvis target and its own limits.
 pub(crate) struct Pelvis {
     rest: Isometry3<f64>,
     leg_m: f64,
     dt_s: f64,
+    preview_s: f64,
     /// x, y, z in leg lengths, then the turn as a scaled axis.
     trackers: [Tracker; 6],
 }
 
 impl Pelvis {
     /// Standing still at `rest`, the root link's pose.
-    pub fn new(rest: Isometry3<f64>, leg_m: f64, dt_s: f64) -> Self {
+    pub fn new(rest: Isometry3<f64>, leg_m: f64, dt_s: f64, preview_s: f64) -> Self {
         Self {
             rest,
             leg_m,
             dt_s,
-            trackers: trackers(dt_s),
+            preview_s,
+            trackers: trackers(dt_s, preview_s),
         }
     }
 
     /// Stands still at rest again.
     pub fn restart(&mut self) {
-        self.trackers = trackers(self.dt_s);
+        self.trackers = trackers(self.dt_s, self.preview_s);
     }
 
     /// Takes over where the root link really got to.
@@ -95,7 +99,7 @@ impl Pelvis {
     }
 }
 
-fn trackers(dt_s: f64) -> [Tracker; 6] {
+fn trackers(dt_s: f64, preview_s: f64) -> [Tracker; 6] {
     let tracker = |lower: f64, upper: f64, velocity: f64, acceleration: f64| {
         let limits = JointLimits {
             lower_rad: lower,
@@ -103,7 +107,7 @@ fn trackers(dt_s: f64) -> [Tracker; 6] {
             velocity_rad_s: velocity,
             acceleration_rad_s2: acceleration,
         };
-        Tracker::new(limits, acceleration / 0.03, dt_s, 0.0)
+        Tracker::new(limits, acceleration / RISE_S, dt_s, 0.0, preview_s)
     };
     let turn = || tracker(-MOST_TURN, MOST_TURN, TURN_RATE, TURN_ACCELERATION);
     let sway = |most: f64| tracker(-most, most, SWAY_RATE, SWAY_ACCELERATION);

@@ -1,17 +1,17 @@
 //! Which acceleration now, when the target's next moments are known.
 //!
 //! A joint that is slower than its target either lags behind it, or looks ahead
-//! and takes the corner on the inside. This looks ahead: three tenths of a second of
-//! accelerations, constant over blocks that grow with distance, minimises the
-//! squared distance to the known targets inside the acceleration limit; only the
-//! first one is used, and the plan is made anew every cycle (model predictive
-//! control with move blocking). Small changes of acceleration cost a little, so
-//! that noise is not followed.
+//! and takes the corner on the inside. This looks ahead: some tenths of a second
+//! of accelerations, constant over blocks that grow with distance, minimise the
+//! squared distance to the known targets inside the acceleration limit and
+//! inside what the jerk limit lets each block reach; only the first one is used,
+//! and the plan is made anew every cycle (model predictive control with move
+//! blocking). Small changes of acceleration cost a little, so that noise is not
+//! followed.
 
+use crate::envelope::{Envelope, State};
 use crate::solver::Solver;
 
-/// How far the plan reaches, seconds.
-pub(crate) const PREVIEW_S: f64 = 0.3;
 /// Lengths of the blocks, in twentieths of the plan.
 const BLOCKS: [usize; 8] = [1, 1, 2, 2, 3, 3, 4, 4];
 /// Radians of distance that a change of acceleration by 1 rad/s^2 is worth.
@@ -25,17 +25,24 @@ pub(crate) struct Preview {
     /// Position after each cycle by the acceleration of each block.
     response: Vec<[f64; BLOCKS.len()]>,
     end_speed: [f64; BLOCKS.len()],
+    /// Seconds until the middle of each block.
+    middle_s: [f64; BLOCKS.len()],
     solver: Solver,
 }
 
 impl Preview {
-    pub fn new(dt_s: f64) -> Self {
-        let cycles = ((PREVIEW_S / dt_s).round() as usize).max(BLOCKS.len());
+    /// For targets that are known `preview_s` ahead.
+    pub fn new(dt_s: f64, preview_s: f64) -> Self {
+        let cycles = ((preview_s / dt_s).round() as usize).max(BLOCKS.len());
         let block_of = block_of_cycles(cycles);
         let mut response = Vec::with_capacity(cycles);
         let mut speed = [0.0; BLOCKS.len()];
         let mut place = [0.0; BLOCKS.len()];
+        let mut middle_s = [0.0; BLOCKS.len()];
+        let mut past_s = 0.0;
         for block in block_of {
+            past_s += dt_s;
+            middle_s[block] = past_s - speed[block] / 2.0;
             speed[block] += dt_s;
             for (place, speed) in place.iter_mut().zip(&speed) {
                 *place += speed * dt_s;
@@ -60,6 +67,7 @@ impl Preview {
             dt_s,
             response,
             end_speed: speed,
+            middle_s,
             solver,
         }
     }
@@ -70,15 +78,18 @@ impl Preview {
     }
 
     /// The acceleration for the next cycle. `targets` are the positions wanted
-    /// after each of the next cycles; `state` is position, velocity and last
-    /// acceleration.
+    /// after each of the next cycles.
     pub fn acceleration(
         &mut self,
-        state: [f64; 3],
+        envelope: &Envelope,
+        state: &State,
         targets: impl Iterator<Item = f64>,
-        most: f64,
     ) -> f64 {
-        let [position, velocity, acceleration] = state;
+        let State {
+            position,
+            velocity,
+            acceleration,
+        } = *state;
         let share = 1.0 / self.response.len() as f64;
         let mut slope = [0.0; BLOCKS.len()];
         let (mut last, mut last_speed) = (position, 0.0);
@@ -95,10 +106,23 @@ impl Preview {
         }
         slope[0] -= SMOOTHNESS * SMOOTHNESS * acceleration;
         self.solver.set_slope(&slope);
-        let plan = self
-            .solver
-            .solve(&[-most; BLOCKS.len()], &[most; BLOCKS.len()]);
-        plan[0]
+        let most = envelope.limits.acceleration_rad_s2;
+        let reach = |sign: f64| {
+            self.middle_s.map(|after_s| {
+                (acceleration + sign * envelope.jerk_rad_s3 * after_s).clamp(-most, most)
+            })
+        };
+        let (low, high) = (reach(-1.0), reach(1.0));
+        let plan = self.solver.solve(&low, &high);
+        // A later change takes time to build up: it is begun before.
+        let last = BLOCKS.len() - 1;
+        let mut next = plan[last];
+        for block in (0..last).rev() {
+            let between_s = self.middle_s[block + 1] - self.middle_s[block];
+            let change = envelope.jerk_rad_s3 * between_s;
+            next = plan[block].clamp(next - change, next + change);
+        }
+        next
     }
 }
 

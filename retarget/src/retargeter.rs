@@ -16,15 +16,12 @@ use crate::config::{Limb, RetargetConfig, Stance};
 use crate::guard::Guard;
 use crate::human::{self, Aim, Heading, Reader};
 use crate::pelvis::Pelvis;
-use crate::preview::PREVIEW_S;
 use crate::stream::{LOOKAHEAD_FRAMES, MotionStream};
 use crate::tracker::Tracker;
 use crate::{Counts, RetargetError, RobotModel};
 
 /// Gauss-Newton steps a control cycle; the solution is warm.
 const STEPS: usize = 2;
-/// Time to full acceleration, seconds: sets the jerk limit.
-const ACCELERATION_RISE_S: f64 = 0.02;
 /// Speed at which rest is taken up, radians a second (metres, if it slides).
 const GENTLE_RAD_S: f64 = 0.8;
 /// How fast what is left shrinks at the end of that, 1/s.
@@ -39,6 +36,7 @@ pub struct Retargeter {
     model: RobotModel,
     map: BodyMap,
     limits: Vec<JointLimits>,
+    jerk_rad_s3: Vec<f64>,
     limbs: Vec<Limb>,
     /// Joints between the pelvis and a planted foot.
     stands_on: Vec<bool>,
@@ -47,6 +45,7 @@ pub struct Retargeter {
     amplitude: f64,
     mirror: bool,
     dt_s: f64,
+    preview_s: f64,
     stream: MotionStream,
     reader: Reader,
     solver: BodySolver,
@@ -94,6 +93,7 @@ impl Retargeter {
         let names: Vec<&str> = joints.iter().map(|(name, _)| name.as_str()).collect();
         let model = RobotModel::new(urdf_xml, &names)?;
         let limits = setup::usable_limits(joints, config.margin)?;
+        let jerk_rad_s3 = setup::jerk_limits(&model, &limits, config)?;
         let map = BodyMap::new(&model, config)?;
         let upright = setup::upright_rotation(config)?;
         let dt_s = 1.0 / control_hz;
@@ -118,6 +118,7 @@ impl Retargeter {
             amplitude: config.amplitude,
             mirror: config.mirror,
             dt_s,
+            preview_s: config.preview_s,
             stream: MotionStream::new(),
             reader: Reader::new(heading, dt_s),
             standing: None,
@@ -133,6 +134,7 @@ impl Retargeter {
             model,
             map,
             limits,
+            jerk_rad_s3,
             solver,
             search,
         };
@@ -150,6 +152,11 @@ impl Retargeter {
     /// The natural pose, arms down: radians. The first output, if not seeded.
     pub fn rest(&self) -> &[f64] {
         &self.rest
+    }
+
+    /// Highest jerk of each joint, rad/s^3: held in every cycle.
+    pub fn jerk_limits_rad_s3(&self) -> &[f64] {
+        &self.jerk_rad_s3
     }
 
     /// Starts, standing still, from where the robot really is.
@@ -246,7 +253,7 @@ impl Retargeter {
     fn preview_s(&self) -> f64 {
         self.trackers
             .first()
-            .map_or(PREVIEW_S, |t| t.preview_cycles() as f64 * self.dt_s)
+            .map_or(self.preview_s, |t| t.preview_cycles() as f64 * self.dt_s)
     }
 
     /// Solves for the legs now and for the rest when the preview ends.
@@ -332,9 +339,8 @@ impl Retargeter {
         }
         let speed = GENTLE_RAD_S.min(ARRIVING_PER_S * farthest);
         for joint in legs() {
-            let (low, high) = self.trackers[joint].allowed();
-            let wanted = self.output[joint] + away(joint) / farthest * speed * self.dt_s;
-            standing.legs.positions[joint] = wanted.clamp(low, high);
+            let speed = away(joint) / farthest * speed;
+            standing.legs.positions[joint] = self.trackers[joint].aim_at_speed(speed);
         }
         standing.legs.base = root;
         standing.pelvis.restart();
@@ -369,8 +375,7 @@ impl Retargeter {
         );
         self.counts.guarded_cycles += u64::from(guarded);
         for (joint, tracker) in self.trackers.iter_mut().enumerate() {
-            let jerk_exceeded = tracker.go(self.wanted[joint]);
-            self.counts.jerk_exceeded += u64::from(jerk_exceeded);
+            tracker.go(self.wanted[joint]);
             self.output[joint] = tracker.position();
         }
         self.counts.limited_cycles += u64::from(limited);
@@ -436,13 +441,12 @@ impl Retargeter {
     }
 
     fn start_at(&mut self, positions: &[f64]) {
-        let (dt_s, limits) = (self.dt_s, &self.limits);
+        let (dt_s, preview_s) = (self.dt_s, self.preview_s);
         self.trackers = positions
             .iter()
-            .zip(limits)
-            .map(|(&position, &limits)| {
-                let jerk = limits.acceleration_rad_s2 / ACCELERATION_RISE_S;
-                Tracker::new(limits, jerk, dt_s, position)
+            .zip(self.limits.iter().zip(&self.jerk_rad_s3))
+            .map(|(&position, (&limits, &jerk))| {
+                Tracker::new(limits, jerk, dt_s, position, preview_s)
             })
             .collect();
         for (joint, &position) in positions.iter().enumerate() {

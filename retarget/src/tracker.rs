@@ -1,34 +1,25 @@
 //! One joint follows a moving target inside its limits, every cycle.
 //!
-//! Velocity and acceleration are what a servo would see: differences of
-//! successive positions over the cycle time. Each step chooses the next
-//! velocity from the interval that
-//! - the velocity limit allows,
-//! - the acceleration limit allows,
-//! - leaves braking distance before both position limits:
-//!   `v dt + v^2 / 2a <= distance`. If that holds in one cycle, braking keeps it
-//!   in the next, so the interval is never empty (property tested).
-//!
-//! Inside the interval the target is followed with a look ahead: see `preview`.
-//! Changes of acceleration are held to the jerk limit wherever the other limits
-//! leave that choice; cycles in which they do not are reported.
+//! Where to go is planned with a look ahead (see `preview`); how far the joint
+//! may go is decided by `envelope`: position, velocity, acceleration and jerk
+//! hold in every cycle, whatever is wanted, and braking begins in time.
 
 use std::collections::VecDeque;
 
 use servodance_types::JointLimits;
 
+use crate::envelope::{Envelope, State};
 use crate::preview::Preview;
 
 /// How much of an observed velocity error is taken over in one cycle.
 const OBSERVED_SHARE: f64 = 0.2;
+
 /// State of one joint's output.
 pub(crate) struct Tracker {
+    /// The limits as they are; wider while a start outside of them comes back.
     limits: JointLimits,
-    jerk_rad_s3: f64,
-    dt_s: f64,
-    position: f64,
-    velocity: f64,
-    acceleration: f64,
+    envelope: Envelope,
+    state: State,
     preview: Preview,
     /// Targets of the next cycles, nearest first.
     targets: VecDeque<f64>,
@@ -36,26 +27,38 @@ pub(crate) struct Tracker {
 
 impl Tracker {
     /// At rest at `position_rad`, which may be outside the limits: it is then
-    /// led back inside.
-    pub fn new(limits: JointLimits, jerk_rad_s3: f64, dt_s: f64, position_rad: f64) -> Self {
-        let preview = Preview::new(dt_s);
+    /// led back inside. Targets are known `preview_s` ahead.
+    pub fn new(
+        limits: JointLimits,
+        jerk_rad_s3: f64,
+        dt_s: f64,
+        position_rad: f64,
+        preview_s: f64,
+    ) -> Self {
+        let preview = Preview::new(dt_s, preview_s);
         // One place more, so that pushing before popping does not allocate.
         let mut targets = VecDeque::with_capacity(preview.cycles() + 1);
         targets.resize(preview.cycles(), limits.clamp_rad(position_rad));
-        Self {
-            limits,
+        let envelope = Envelope {
+            limits: JointLimits {
+                lower_rad: limits.lower_rad.min(position_rad),
+                upper_rad: limits.upper_rad.max(position_rad),
+                ..limits
+            },
             jerk_rad_s3,
             dt_s,
-            position: position_rad,
-            velocity: 0.0,
-            acceleration: 0.0,
+        };
+        Self {
+            limits,
+            envelope,
+            state: State::at_rest(position_rad),
             preview,
             targets,
         }
     }
 
     pub fn position(&self) -> f64 {
-        self.position
+        self.state.position
     }
 
     /// Cycles between a target's coming and its being due.
@@ -65,10 +68,10 @@ impl Tracker {
 
     /// One cycle, taking in the target that is due in
     /// [`preview_cycles`](Self::preview_cycles); one that is not finite repeats
-    /// the last. Says whether the jerk limit gave way to another limit.
-    pub fn step(&mut self, target_rad: f64) -> bool {
+    /// the last.
+    pub fn step(&mut self, target_rad: f64) {
         let wanted = self.aim(target_rad);
-        self.go(wanted)
+        self.go(wanted);
     }
 
     /// The next position on the way along the targets, not yet taken and not
@@ -76,94 +79,58 @@ impl Tracker {
     pub fn aim(&mut self, target_rad: f64) -> f64 {
         self.targets.push_back(match target_rad.is_finite() {
             true => self.limits.clamp_rad(target_rad),
-            false => self.targets.back().copied().unwrap_or(self.position),
+            false => self.targets.back().copied().unwrap_or(self.state.position),
         });
         self.targets.pop_front();
-        let acceleration = self.preview.acceleration(
-            [self.position, self.velocity, self.acceleration],
-            self.targets.iter().copied(),
-            self.limits.acceleration_rad_s2,
-        );
-        self.position + (self.velocity + acceleration * self.dt_s) * self.dt_s
+        let acceleration =
+            self.preview
+                .acceleration(&self.envelope, &self.state, self.targets.iter().copied());
+        let dt_s = self.envelope.dt_s;
+        self.state.position + (self.state.velocity + acceleration * dt_s) * dt_s
     }
 
-    /// Goes straight to `position_rad`, or as near as the limits allow. Says
-    /// whether the jerk limit gave way to another limit.
-    pub fn go(&mut self, position_rad: f64) -> bool {
-        match position_rad.is_finite() {
-            true => self.take((position_rad - self.position) / self.dt_s),
-            false => self.take(0.0),
+    /// The next position on the way to a steady velocity.
+    pub fn aim_at_speed(&self, velocity: f64) -> f64 {
+        self.envelope.steady(&self.state, velocity).position
+    }
+
+    /// Goes straight to `position_rad`, or as near as the limits allow.
+    pub fn go(&mut self, position_rad: f64) {
+        self.state = match position_rad.is_finite() {
+            true => self.envelope.toward(&self.state, position_rad),
+            false => self.envelope.steady(&self.state, 0.0),
+        };
+        self.come_back();
+    }
+
+    /// Once inside the limits for good, never out again.
+    fn come_back(&mut self) {
+        if self.envelope.limits != self.limits {
+            let inside = Envelope {
+                limits: self.limits,
+                ..self.envelope
+            };
+            if inside.is_safe(&self.state) {
+                self.envelope = inside;
+            }
         }
     }
 
-    /// Lowest and highest position that the limits, jerk included where
-    /// possible, allow in the next cycle.
+    /// Lowest and highest position that the limits allow in the next cycle.
     pub fn allowed(&self) -> (f64, f64) {
-        let (low, high) = self.allowed_velocities();
-        let (least, most) = self.smooth_velocities();
-        let bound = |velocity: f64| self.position + velocity.clamp(low, high) * self.dt_s;
-        (bound(least), bound(most))
+        let [low, high] = self.envelope.reach(&self.state);
+        (low.position.min(high.position), high.position)
     }
 
     /// Takes the position over from what really happened. The velocity follows
     /// in part: differences of what a solver reached are noisy.
     pub fn observe(&mut self, position: f64) {
         if position.is_finite() {
-            let missed = (position - self.position) / self.dt_s;
+            let missed = (position - self.state.position) / self.envelope.dt_s;
             let top = self.limits.velocity_rad_s;
-            self.velocity = (self.velocity + OBSERVED_SHARE * missed).clamp(-top, top);
-            self.position = position;
+            self.state.velocity = (self.state.velocity + OBSERVED_SHARE * missed).clamp(-top, top);
+            self.state.position = position;
         }
-    }
-
-    fn take(&mut self, wanted: f64) -> bool {
-        let (least, most) = self.smooth_velocities();
-        let smooth = wanted.clamp(least, most);
-        let (low, high) = self.allowed_velocities();
-        let velocity = smooth.clamp(low, high);
-        let jerk_exceeded = (velocity - smooth).abs() > 1e-9;
-        self.acceleration = (velocity - self.velocity) / self.dt_s;
-        self.velocity = velocity;
-        self.position += velocity * self.dt_s;
-        jerk_exceeded
-    }
-
-    /// The velocities of the next cycle that keep the jerk limit.
-    fn smooth_velocities(&self) -> (f64, f64) {
-        let change = self.jerk_rad_s3 * self.dt_s * self.dt_s;
-        let coasting = self.velocity + self.acceleration * self.dt_s;
-        (coasting - change, coasting + change)
-    }
-
-    /// The velocities of the next cycle that keep every limit now and later.
-    fn allowed_velocities(&self) -> (f64, f64) {
-        let most = self.limits.acceleration_rad_s2 * self.dt_s;
-        let JointLimits {
-            lower_rad,
-            upper_rad,
-            velocity_rad_s: top,
-            ..
-        } = self.limits;
-        // Outside the limits: no farther out.
-        let above = (upper_rad - self.position).max(0.0);
-        let below = (self.position - lower_rad).max(0.0);
-        let high = top.min(self.stoppable(above)).min(self.velocity + most);
-        let low = (-top).max(-self.stoppable(below)).max(self.velocity - most);
-        // Rounding may cross them by a hair, never by more.
-        if low <= high {
-            (low, high)
-        } else {
-            let middle = f64::midpoint(low, high);
-            (middle, middle)
-        }
-    }
-
-    /// The highest velocity from which braking stops within `distance`:
-    /// `v dt + v^2 / 2a = distance`.
-    fn stoppable(&self, distance: f64) -> f64 {
-        let brake = self.limits.acceleration_rad_s2;
-        let lost = brake * self.dt_s;
-        (lost * lost + 2.0 * brake * distance).sqrt() - lost
     }
 }
 
@@ -173,6 +140,7 @@ mod tests {
     use proptest::prelude::*;
 
     const DT: f64 = 0.01;
+    const JERK: f64 = 1000.0;
     /// Cycles that targets are known ahead.
     const AHEAD: usize = 29;
 
@@ -187,22 +155,23 @@ mod tests {
 
     /// Written from the definition of the limits alone.
     fn violations(track: &[f64], limits: &JointLimits) -> usize {
-        let velocity: Vec<f64> = track.windows(2).map(|p| (p[1] - p[0]) / DT).collect();
-        let acceleration = velocity.windows(2).map(|v| (v[1] - v[0]) / DT);
+        let differences = |values: &[f64]| -> Vec<f64> {
+            values.windows(2).map(|p| (p[1] - p[0]) / DT).collect()
+        };
+        let velocity = differences(track);
+        let acceleration = differences(&velocity);
+        let jerk = differences(&acceleration);
+        let beyond = |values: &[f64], most: f64| values.iter().filter(|v| v.abs() > most).count();
         let outside = |p: &&f64| **p < limits.lower_rad || **p > limits.upper_rad;
         track.iter().filter(outside).count()
-            + velocity
-                .iter()
-                .filter(|v| v.abs() > limits.velocity_rad_s + 1e-9)
-                .count()
-            + acceleration
-                .filter(|a| a.abs() > limits.acceleration_rad_s2 + 1e-6)
-                .count()
+            + beyond(&velocity, limits.velocity_rad_s + 1e-9)
+            + beyond(&acceleration, limits.acceleration_rad_s2 + 1e-7)
+            + beyond(&jerk, JERK + 1e-5)
     }
 
     fn follow(targets: impl IntoIterator<Item = f64>, start: f64) -> Vec<f64> {
-        let mut tracker = Tracker::new(limits(), 2000.0, DT, start);
-        let mut track = vec![start, start];
+        let mut tracker = Tracker::new(limits(), JERK, DT, start, 0.3);
+        let mut track = vec![start, start, start];
         for target in targets {
             tracker.step(target);
             track.push(tracker.position());
@@ -234,7 +203,7 @@ mod tests {
         let track = follow((0..600).map(target), 0.0);
         for k in 200..600 {
             let due = target(k - AHEAD);
-            assert!((track[k + 2] - due).abs() < 5e-3, "{} {due}", track[k + 2]);
+            assert!((track[k + 3] - due).abs() < 5e-3, "{} {due}", track[k + 3]);
         }
     }
 
@@ -245,7 +214,7 @@ mod tests {
             let track = follow((0..1000).map(|k| target(k as f64)), 0.0);
             let score = |delay: i32| -> f64 {
                 (300..900)
-                    .map(|k| track[k + 2] * target((k as i32 - AHEAD as i32 - delay).into()))
+                    .map(|k| track[k + 3] * target((k as i32 - AHEAD as i32 - delay).into()))
                     .sum()
             };
             let delay = (-15..=15)

@@ -154,7 +154,7 @@ impl Retargeter {
         legs.support = Some(support.clone());
         self.standing = Some(Standing {
             // What was reached, not what was asked: rest is then an equilibrium.
-            pelvis: Pelvis::new(legs.base, leg_m, self.dt_s),
+            pelvis: Pelvis::new(legs.base, leg_m, self.dt_s, self.preview_s),
             feet,
             legs,
             support,
@@ -183,24 +183,50 @@ pub(super) fn usable_limits(
         .collect()
 }
 
+/// Jerk limits: as configured, else from the rise time.
+pub(super) fn jerk_limits(
+    model: &RobotModel,
+    limits: &[JointLimits],
+    config: &RetargetConfig,
+) -> Result<Vec<f64>, RetargetError> {
+    let rise = |limits: &JointLimits| limits.acceleration_rad_s2 / config.jerk_rise_s;
+    let mut jerk: Vec<f64> = limits.iter().map(rise).collect();
+    for (joint, degrees) in by_joint(model, &config.jerk_deg_s3)? {
+        jerk[joint] = degrees.to_radians() * config.margin;
+    }
+    Ok(jerk)
+}
+
 /// Joint indices and positions of `[retarget.rest_deg]`, inside the limits.
 fn rest_overrides(
     model: &RobotModel,
     limits: &[JointLimits],
     rest_deg: &BTreeMap<String, f64>,
 ) -> Result<Vec<(usize, f64)>, RetargetError> {
-    rest_deg
+    let given = by_joint(model, rest_deg)?.into_iter();
+    let inside = |(joint, degrees): (usize, f64)| {
+        let limits: &JointLimits = &limits[joint];
+        (joint, limits.clamp_rad(degrees.to_radians()))
+    };
+    Ok(given.map(inside).collect())
+}
+
+/// Values given by joint name, by joint index.
+pub(super) fn by_joint(
+    model: &RobotModel,
+    values: &BTreeMap<String, f64>,
+) -> Result<Vec<(usize, f64)>, RetargetError> {
+    let names = model.joint_names();
+    values
         .iter()
-        .map(|(name, degrees)| {
-            let names = model.joint_names();
+        .map(|(name, &value)| {
             let index = names.iter().position(|other| other == name);
-            let Some(index) = index else {
-                return Err(RetargetError::NoSuchJoint {
+            index
+                .map(|index| (index, value))
+                .ok_or_else(|| RetargetError::NoSuchJoint {
                     name: name.clone(),
                     choices: choices(names.iter().map(String::as_str)),
-                });
-            };
-            Ok((index, limits[index].clamp_rad(degrees.to_radians())))
+                })
         })
         .collect()
 }

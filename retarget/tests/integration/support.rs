@@ -76,15 +76,24 @@ impl Robot {
         Retargeter::new(self.urdf, &self.config, &self.joints, CONTROL_HZ).expect("usable")
     }
 
+    /// The jerk limit that the configuration promises.
+    pub fn jerk_rad_s3(&self, joint: usize) -> f64 {
+        let (name, limits) = &self.joints[joint];
+        match self.config.jerk_deg_s3.get(name) {
+            Some(degrees) => degrees.to_radians(),
+            None => limits.acceleration_rad_s2 / self.config.jerk_rise_s,
+        }
+    }
+
     pub fn limits(&self) -> Vec<JointLimits> {
         self.joints.iter().map(|(_, limits)| *limits).collect()
     }
 }
 
-/// Positions of all control cycles, two at rest before the first.
+/// Positions of all control cycles, three at rest before the first.
 pub fn follow(robot: &mut Retargeter, frames: &[MotionFrame]) -> Vec<Vec<f64>> {
     let mut out = robot.rest().to_vec();
-    let mut track = vec![out.clone(), out.clone()];
+    let mut track = vec![out.clone(); 3];
     let mut waiting = frames.iter().peekable();
     let cycles = (frames.len() as f64 / FRAME_RATE_HZ * CONTROL_HZ) as usize;
     for cycle in 0..cycles {
@@ -100,23 +109,27 @@ pub fn follow(robot: &mut Retargeter, frames: &[MotionFrame]) -> Vec<Vec<f64>> {
     track
 }
 
-/// Limits broken by a track, by their definition alone: positions, first and
-/// second differences.
-pub fn violations(track: &[Vec<f64>], limits: &[JointLimits]) -> [usize; 3] {
-    let mut broken = [0; 3];
-    for (joint, limit) in limits.iter().enumerate() {
+/// Limits broken by a track, by their definition alone: positions, first, second
+/// and third differences.
+pub fn violations(track: &[Vec<f64>], robot: &Robot) -> [usize; 4] {
+    let mut broken = [0; 4];
+    for (joint, limit) in robot.limits().iter().enumerate() {
         let p: Vec<f64> = track.iter().map(|row| row[joint]).collect();
         let inside = limit.lower_rad - 1e-9..=limit.upper_rad + 1e-9;
         broken[0] += p.iter().filter(|p| !inside.contains(p)).count();
-        for k in 1..p.len() {
-            let velocity = (p[k] - p[k - 1]) * CONTROL_HZ;
-            let allowed = velocity.abs() <= limit.velocity_rad_s;
-            broken[1] += usize::from(!allowed); // NaN is not allowed, either
-        }
-        for k in 2..p.len() {
-            let acceleration = (p[k] - 2.0 * p[k - 1] + p[k - 2]) * CONTROL_HZ * CONTROL_HZ;
-            let allowed = acceleration.abs() <= limit.acceleration_rad_s2;
-            broken[2] += usize::from(!allowed);
+        let most = [
+            limit.velocity_rad_s,
+            limit.acceleration_rad_s2,
+            robot.jerk_rad_s3(joint),
+        ];
+        let mut rate = p;
+        for (broken, most) in broken[1..].iter_mut().zip(most) {
+            rate = rate
+                .windows(2)
+                .map(|r| (r[1] - r[0]) * CONTROL_HZ)
+                .collect();
+            // NaN is not allowed, either.
+            *broken += rate.iter().filter(|r| r.is_nan() || r.abs() > most).count();
         }
     }
     broken
