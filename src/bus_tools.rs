@@ -4,8 +4,8 @@
 use crate::robot::Robot;
 use anyhow::bail;
 use servodance_drivers::{BAUDS, Found, available_ports};
-use servodance_sim::{SimOptions, SimServoSpec};
-use std::sync::atomic::AtomicBool;
+use servodance_sim::{SimBus, SimOptions, SimServoSpec, Violations, WireStats};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// How long a servo may take to answer a ping, on top of the time on the wire.
@@ -52,11 +52,30 @@ fn line(found: &Found) -> String {
 }
 
 /// Serves the robot's servos in real time until `stop` is set; `ready` is told
-/// the serial port to open. Returns one line about what was seen.
-pub fn serve(robot: &Robot, stop: &AtomicBool, ready: impl FnOnce(&str)) -> anyhow::Result<String> {
-    let specs: Vec<SimServoSpec> = robot.servos.iter().map(SimServoSpec::from).collect();
-    let options = SimOptions::realtime(robot.bus.baud, robot.control_hz);
-    let (wire, broken) = servodance_sim::serve(&specs, options, stop, ready)?;
+/// the serial port to open, `NAME=PORT` for each bus where there are several.
+/// Returns one line about what was seen.
+pub fn serve(robot: &Robot, stop: &AtomicBool, ready: impl Fn(&str)) -> anyhow::Result<String> {
+    let mut sims = Vec::with_capacity(robot.buses.len());
+    for bus in &robot.buses {
+        let specs: Vec<SimServoSpec> = bus.servos.iter().map(SimServoSpec::from).collect();
+        let options = SimOptions::realtime(bus.config.baud, robot.control_hz);
+        sims.push(SimBus::start(&specs, options)?);
+    }
+    for (bus, sim) in robot.buses.iter().zip(&sims) {
+        match bus.config.name.as_str() {
+            "" => ready(sim.port_path()),
+            name => ready(&format!("{name}={}", sim.port_path())),
+        }
+    }
+    while !stop.load(Ordering::Acquire) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let mut wire = WireStats::default();
+    let mut broken = Violations::default();
+    for sim in &sims {
+        wire += sim.wire_stats();
+        broken += sim.violations();
+    }
     Ok(format!(
         "{} packets in, {} out, {} bad; limits broken: position {}, velocity {}, acceleration {}",
         wire.packets_in,

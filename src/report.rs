@@ -26,7 +26,7 @@ pub struct Report {
     pub style: Option<String>,
     /// Name of the robot.
     pub robot: String,
-    /// The bus: `sim` or `serial:PATH`.
+    /// The bus: `sim`, `serial:PATH`, or `NAME=PORT` for each of several.
     pub bus: String,
     /// Wall-clock seconds from the first audio to torque off.
     pub wall_s: f64,

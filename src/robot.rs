@@ -3,7 +3,9 @@
 
 use anyhow::bail;
 use serde::Deserialize;
-use servodance_drivers::{BusConfig, Servo, ServoConfig, check_rate, servos};
+use servodance_drivers::{
+    BusConfig, BusLayout, Servo, ServoConfig, check_rate, layouts, one_or_several,
+};
 use servodance_retarget::{Code, RetargetConfig, Retargeter};
 use servodance_types::JointLimits;
 use std::path::Path;
@@ -66,7 +68,8 @@ struct RobotFile {
     control_hz: f64,
     #[serde(default)]
     servo_lag_s: f64,
-    bus: BusConfig,
+    #[serde(rename = "bus", deserialize_with = "one_or_several")]
+    buses: Vec<BusConfig>,
     retarget: RetargetConfig,
     #[serde(rename = "joint")]
     joints: Vec<ServoConfig>,
@@ -85,8 +88,8 @@ pub struct Robot {
     pub control_hz: f64,
     /// How long the servos take to get where they are told, seconds.
     pub servo_lag_s: f64,
-    /// The bus.
-    pub bus: BusConfig,
+    /// The buses, and which joints are on each.
+    pub buses: Vec<BusLayout>,
     /// How human motion becomes this robot's.
     pub retarget: RetargetConfig,
     /// The servos, in joint order.
@@ -147,17 +150,19 @@ impl Robot {
                 return Err(RobotError::of(Code::RobotFile, message));
             }
         }
-        let servos = servos(&parsed.joints)
+        let (servos, buses) = layouts(parsed.buses, &parsed.joints)
             .map_err(|e| RobotError::of(Code::ServoMap, format!("{file}: {e}")))?;
-        check_rate(&parsed.bus, &servos, parsed.control_hz)
-            .map_err(|e| RobotError::of(Code::BusRate, format!("{file}: {e}")))?;
+        for bus in &buses {
+            check_rate(&bus.config, &bus.servos, parsed.control_hz)
+                .map_err(|e| RobotError::of(Code::BusRate, format!("{file}: {e}")))?;
+        }
         let robot = Self {
             urdf_xml: read_urdf(&parsed.urdf)?,
             name: parsed.name,
             description: parsed.description,
             control_hz: parsed.control_hz,
             servo_lag_s: parsed.servo_lag_s,
-            bus: parsed.bus,
+            buses,
             retarget: parsed.retarget,
             servos,
         };

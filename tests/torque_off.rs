@@ -35,7 +35,7 @@ fn patient_robot(program: &Program) -> &'static str {
 fn servos() -> SimBus {
     let robot = Robot::load("op3").expect("the built-in robot");
     let specs: Vec<SimServoSpec> = robot.servos.iter().map(SimServoSpec::from).collect();
-    let options = SimOptions::realtime(robot.bus.baud, robot.control_hz);
+    let options = SimOptions::realtime(robot.buses[0].config.baud, robot.control_hz);
     SimBus::start(&specs, options).expect("a simulated bus")
 }
 

@@ -7,6 +7,7 @@ use crate::config::{BusConfig, BusKind};
 use crate::dynamixel::DynamixelBus;
 use crate::error::BusError;
 use crate::feetech::FeetechBus;
+use crate::port::Port;
 use crate::servo::Servo;
 
 /// What happened on a bus since it was opened.
@@ -26,6 +27,17 @@ pub struct BusStats {
     pub retries: u64,
 }
 
+impl std::ops::AddAssign for BusStats {
+    fn add_assign(&mut self, other: Self) {
+        self.cycles += other.cycles;
+        self.packets += other.packets;
+        self.bytes += other.bytes;
+        self.crc_errors += other.crc_errors;
+        self.timeouts += other.timeouts;
+        self.retries += other.retries;
+    }
+}
+
 /// What arming found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ArmReport {
@@ -43,12 +55,23 @@ pub trait Bus: Send {
     /// The servos, in the order of targets and states.
     fn servos(&self) -> &[Servo];
 
-    /// Checks every servo, sets it up, and turns torque on with each joint
-    /// holding where it stands. On an error every torque is off again.
+    /// Checks every servo and sets it up, torque off: what must hold before any
+    /// torque. Returns a line for each thing that the user should know.
+    fn prepare(&mut self) -> Result<Vec<String>, BusError>;
+
+    /// Turns torque on with each joint holding where it stands; to be called
+    /// after [`Bus::prepare`]. On an error every torque is off again.
     ///
     /// The servos' own watchdog runs from here on: the first cycle must follow
     /// within its time.
-    fn arm(&mut self) -> Result<ArmReport, BusError>;
+    fn engage(&mut self) -> Result<Vec<JointState>, BusError>;
+
+    /// [`Bus::prepare`], then [`Bus::engage`].
+    fn arm(&mut self) -> Result<ArmReport, BusError> {
+        let notes = self.prepare()?;
+        let states = self.engage()?;
+        Ok(ArmReport { states, notes })
+    }
 
     /// Sends one target a joint (radians, finite) and reads one state a joint.
     ///
@@ -69,16 +92,27 @@ pub trait Bus: Send {
 
 /// Opens the bus that a configuration names. Nothing is sent yet.
 pub fn open_bus(
-    port: &str,
+    port: &Port,
     config: &BusConfig,
     servos: Vec<Servo>,
 ) -> Result<Box<dyn Bus>, BusError> {
-    Ok(match config.kind {
-        BusKind::Dynamixel2 => Box::new(DynamixelBus::open(port, config, servos)?),
-        BusKind::Feetech => Box::new(FeetechBus::open(port, config, servos)?),
-        BusKind::Mit | BusKind::Robstride | BusKind::Odrive | BusKind::Cia402 => {
-            Box::new(CanBus::open(port, config, servos)?)
+    let refused = |reason: &str| BusError::Open {
+        port: port.to_string(),
+        reason: reason.into(),
+        choices: String::new(),
+    };
+    Ok(match (config.kind, port) {
+        (BusKind::Dynamixel2, Port::Serial(path)) => {
+            Box::new(DynamixelBus::open(path, config, servos)?)
         }
+        (BusKind::Feetech, Port::Serial(path)) => Box::new(FeetechBus::open(path, config, servos)?),
+        (kind, Port::Can(_)) if kind.is_can() => {
+            Box::new(CanBus::open(&port.to_string(), config, servos)?)
+        }
+        (kind, Port::Serial(_)) if kind.is_can() => {
+            return Err(refused("the robot file says that this bus is a CAN bus"));
+        }
+        _ => return Err(refused("the robot file says that this bus is a serial one")),
     })
 }
 
@@ -86,8 +120,11 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     fn servos(&self) -> &[Servo] {
         (**self).servos()
     }
-    fn arm(&mut self) -> Result<ArmReport, BusError> {
-        (**self).arm()
+    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+        (**self).prepare()
+    }
+    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+        (**self).engage()
     }
     fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError> {
         (**self).cycle(targets_rad, states)

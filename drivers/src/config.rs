@@ -5,8 +5,12 @@
 //! or inverted or out of the servo's single turn, ids used twice.
 
 use std::f64::consts::TAU;
+use std::fmt;
+use std::time::Duration;
 
-use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use servodance_types::JointLimits;
 
 use crate::can::MotorSettings;
@@ -20,6 +24,9 @@ use crate::servo::Servo;
 pub struct ServoConfig {
     /// The joint's name in the robot description.
     pub name: String,
+    /// The bus it is on; left out where there is one bus only.
+    #[serde(default)]
+    pub bus: Option<String>,
     /// Bus id: 0 to 252 on a serial bus, 1 to 127 on CAN (ODrive 0 to 63).
     pub id: u8,
     /// Model name, e.g. `XM430-W350`.
@@ -94,10 +101,13 @@ impl BusKind {
     }
 }
 
-/// The `[bus]` table.
+/// The `[bus]` table, or one of several `[[bus]]`.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct BusConfig {
+    /// The name that joints and `--bus` call it by; may be empty where there is one bus only.
+    #[serde(default)]
+    pub name: String,
     /// The protocol.
     pub kind: BusKind,
     /// Bits a second; `bitrate` says the same.
@@ -144,6 +154,7 @@ impl BusConfig {
     /// A bus with the defaults of the robot file.
     pub fn of_kind(kind: BusKind, baud: u32) -> Self {
         Self {
+            name: String::new(),
             kind,
             baud,
             reply_timeout_ms: default_reply_timeout_ms(),
@@ -152,6 +163,17 @@ impl BusConfig {
             accept_no_watchdog: false,
             watchdog_endpoints: None,
         }
+    }
+
+    /// The longest that a cycle of `servos` servos may take, every retry, and
+    /// the search for who is silent, included.
+    pub fn longest_cycle(&self, servos: usize) -> Duration {
+        const SEND_S: f64 = 0.1;
+        const REPLY_BYTES: f64 = 40.0;
+        let exchange_s = self.reply_timeout_ms * 1e-3 + SEND_S;
+        let wire_s = servos as f64 * REPLY_BYTES * 10.0 / f64::from(self.baud);
+        let exchanges = f64::from(self.retries + 1) + servos as f64;
+        Duration::from_secs_f64(exchanges * (exchange_s + wire_s))
     }
 
     /// The same configuration, if it is usable.
@@ -328,6 +350,29 @@ impl ServoConfig {
     }
 }
 
+/// Reads `[bus]` or several `[[bus]]`.
+pub fn one_or_several<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<BusConfig>, D::Error> {
+    struct Buses;
+    impl<'de> Visitor<'de> for Buses {
+        type Value = Vec<BusConfig>;
+
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("a [bus] table or several [[bus]] tables")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<Self::Value, A::Error> {
+            Ok(vec![BusConfig::deserialize(MapAccessDeserializer::new(
+                table,
+            ))?])
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, tables: A) -> Result<Self::Value, A::Error> {
+            Vec::deserialize(SeqAccessDeserializer::new(tables))
+        }
+    }
+    from.deserialize_any(Buses)
+}
+
 /// All joints of a robot file, checked one by one and against each other.
 pub fn servos(configs: &[ServoConfig]) -> Result<Vec<Servo>, ConfigError> {
     if configs.is_empty() {
@@ -336,10 +381,10 @@ pub fn servos(configs: &[ServoConfig]) -> Result<Vec<Servo>, ConfigError> {
     let mut servos: Vec<Servo> = Vec::with_capacity(configs.len());
     for config in configs {
         let servo = config.servo()?;
-        let clash = servos
-            .iter()
-            .find(|other| other.id == servo.id || other.name == servo.name);
-        if let Some(other) = clash {
+        let clash = configs.iter().zip(&servos).find(|(other_config, other)| {
+            other.name == servo.name || (other_config.bus == config.bus && other.id == servo.id)
+        });
+        if let Some((_, other)) = clash {
             return Err(ConfigError::Twice {
                 joint: servo.name,
                 id: servo.id,
@@ -355,10 +400,12 @@ pub fn servos(configs: &[ServoConfig]) -> Result<Vec<Servo>, ConfigError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::layout::layouts;
 
     #[derive(Debug, Deserialize)]
     struct File {
-        bus: BusConfig,
+        #[serde(deserialize_with = "one_or_several")]
+        bus: Vec<BusConfig>,
         joint: Vec<ServoConfig>,
     }
 
@@ -384,8 +431,8 @@ mod tests {
         assert_ne!(text, GOOD);
         match toml::from_str::<File>(&text) {
             Err(error) => error.to_string(),
-            Ok(file) => match (file.bus.checked(), servos(&file.joint)) {
-                (Err(error), _) | (_, Err(error)) => error.to_string(),
+            Ok(file) => match layouts(file.bus, &file.joint) {
+                Err(error) => error.to_string(),
                 other => panic!("accepted: {other:?}"),
             },
         }
@@ -394,10 +441,21 @@ mod tests {
     #[test]
     fn good_file_is_read() {
         let file: File = toml::from_str(GOOD).unwrap();
-        assert_eq!(file.bus, BusConfig::dynamixel2(2_000_000));
+        assert_eq!(file.bus, [BusConfig::dynamixel2(2_000_000)]);
         let servo = &servos(&file.joint).unwrap()[0];
         assert_eq!((servo.id, servo.direction), (14, -1.0));
         assert!((servo.limits.upper_rad - 2.199).abs() < 1e-3);
+    }
+
+    #[test]
+    fn several_buses_are_an_array() {
+        let text = GOOD
+            .replace("[bus]", "[[bus]]\nname = \"left\"")
+            .replace("[[joint]]", "[[bus]]\nname = \"right\"\nkind = \"feetech\"\nbaud = 1_000_000\n[[joint]]\nbus = \"left\"");
+        let file: File = toml::from_str(&text).unwrap();
+        let names: Vec<&str> = file.bus.iter().map(|bus| bus.name.as_str()).collect();
+        assert_eq!(names, ["left", "right"]);
+        assert_eq!(file.joint[0].bus.as_deref(), Some("left"));
     }
 
     #[test]

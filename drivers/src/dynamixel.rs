@@ -15,13 +15,13 @@
 use dynamixel2::instructions::packet_id::BROADCAST;
 use servodance_types::JointState;
 
-use crate::bus::{ArmReport, Bus, BusStats};
+use crate::bus::{Bus, BusStats};
 use crate::config::BusConfig;
 use crate::error::BusError;
 use crate::link::Link;
 use crate::packet::Protocol;
 use crate::register::{Register, hardware_error_names};
-use crate::servo::Servo;
+use crate::servo::{Servo, check_cycle};
 use crate::wire::Received;
 
 /// Fast Sync Read; the `dynamixel2` crate does not know it.
@@ -85,7 +85,7 @@ impl DynamixelBus {
     }
 
     /// Torque off, then the settings this driver relies on.
-    fn prepare(&mut self, index: usize, notes: &mut Vec<String>) -> Result<(), BusError> {
+    fn set_up(&mut self, index: usize, notes: &mut Vec<String>) -> Result<(), BusError> {
         let link = &mut self.link;
         link.settle(index, Register::TORQUE, 0, notes)?;
         link.settle(index, Register::STATUS_RETURN_LEVEL, 2, notes)?;
@@ -99,7 +99,7 @@ impl DynamixelBus {
     }
 
     /// Everything between a silent bus and torque.
-    fn bring_up(&mut self) -> Result<ArmReport, BusError> {
+    fn check_all(&mut self) -> Result<Vec<String>, BusError> {
         let mut notes: Vec<String> = self.link.wire.latency_note().into_iter().collect();
         let mut firmware = Vec::with_capacity(self.link.servos.len());
         for (index, answer) in self.link.ping_all()?.into_iter().enumerate() {
@@ -112,9 +112,13 @@ impl DynamixelBus {
         }
         for index in 0..self.link.servos.len() {
             self.check_fit(index)?;
-            self.prepare(index, &mut notes)?;
+            self.set_up(index, &mut notes)?;
         }
         self.choose_read(&firmware, &mut notes)?;
+        Ok(notes)
+    }
+
+    fn torque_on(&mut self) -> Result<Vec<JointState>, BusError> {
         self.read_present()?;
         let present = self.present.chunks_exact(PRESENT_BYTES).enumerate();
         let goals: Vec<i32> = present
@@ -135,7 +139,7 @@ impl DynamixelBus {
         self.read_present()?;
         let mut states = vec![JointState::default(); self.link.servos.len()];
         self.copy_states(&mut states);
-        Ok(ArmReport { states, notes })
+        Ok(states)
     }
 
     /// Fast Sync Read where the firmware has it and a probe succeeds.
@@ -248,8 +252,12 @@ impl Bus for DynamixelBus {
         &self.link.servos
     }
 
-    fn arm(&mut self) -> Result<ArmReport, BusError> {
-        self.bring_up().inspect_err(|_| {
+    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+        self.check_all()
+    }
+
+    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+        self.torque_on().inspect_err(|_| {
             if self.armed {
                 // The first error is the one to report; `is_armed` stays true
                 // if torque could not be verified off, and drop tries again.
@@ -262,7 +270,7 @@ impl Bus for DynamixelBus {
         if !self.armed {
             return Err(BusError::NotArmed);
         }
-        self.link.check_cycle(targets_rad, states.len())?;
+        check_cycle(&self.link.servos, targets_rad, states.len())?;
         self.link
             .sync_write(Register::GOAL_POSITION, |index, servo| {
                 servo.goal_ticks(targets_rad[index])

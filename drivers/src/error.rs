@@ -4,6 +4,8 @@
 
 use std::fmt;
 
+use crate::servo::Servo;
+
 /// Which servo: the joint's name and the bus id.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServoId {
@@ -11,6 +13,16 @@ pub struct ServoId {
     pub joint: String,
     /// Its bus id.
     pub id: u8,
+}
+
+impl ServoId {
+    /// Who this is.
+    pub fn of(servo: &Servo) -> Self {
+        Self {
+            joint: servo.name.clone(),
+            id: servo.id,
+        }
+    }
 }
 
 impl fmt::Display for ServoId {
@@ -69,7 +81,8 @@ pub enum ConfigError {
     },
     /// A name or an id that is already taken.
     #[error(
-        "joint {joint} (id {id}) clashes with {other} (id {other_id}): names and ids must be unique"
+        "joint {joint} (id {id}) clashes with {other} (id {other_id}): \
+         names must be unique, and ids on one bus"
     )]
     Twice {
         /// The second joint.
@@ -84,6 +97,17 @@ pub enum ConfigError {
     /// No `[[joint]]` table at all.
     #[error("the robot has no [[joint]] table")]
     NoJoints,
+    /// No `[bus]` table at all.
+    #[error("the robot has no [bus] table")]
+    NoBus,
+    /// A place for a bus that is none.
+    #[error("no such bus \"{actual}\": {reason}")]
+    Port {
+        /// What was given.
+        actual: String,
+        /// What is wrong, with the choices.
+        reason: String,
+    },
     /// One key of the `[bus]` table.
     #[error("bus: {key} is {actual}, must be {wanted}")]
     Bus {
@@ -297,6 +321,16 @@ pub enum BusError {
         actual: usize,
         /// Which items.
         what: &'static str,
+    },
+    /// One of several buses did not come back from what it was told to do.
+    #[error("the bus of {} did not finish {doing} within {limit_s:.1} s", list(.servos))]
+    Wedged {
+        /// The servos on it.
+        servos: Vec<ServoId>,
+        /// What it was to do.
+        doing: &'static str,
+        /// The time it had, seconds.
+        limit_s: f64,
     },
     /// A cycle on a bus that is not armed.
     #[error("the bus is not armed")]

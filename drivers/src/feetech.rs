@@ -11,13 +11,13 @@
 
 use servodance_types::JointState;
 
-use crate::bus::{ArmReport, Bus, BusStats};
+use crate::bus::{Bus, BusStats};
 use crate::config::BusConfig;
 use crate::error::BusError;
 use crate::link::Link;
 use crate::packet::Protocol;
 use crate::register::Register;
-use crate::servo::Servo;
+use crate::servo::{Servo, check_cycle};
 
 /// Bytes of [`PRESENT`].
 const PRESENT_BYTES: usize = 15;
@@ -153,7 +153,7 @@ impl FeetechBus {
     }
 
     /// Torque off, then the settings this driver relies on.
-    fn prepare(&mut self, index: usize, notes: &mut Vec<String>) -> Result<(), BusError> {
+    fn set_up(&mut self, index: usize, notes: &mut Vec<String>) -> Result<(), BusError> {
         let link = &mut self.link;
         link.settle(index, TORQUE, 0, notes)?;
         link.write(index, LOCK, 0)?;
@@ -168,7 +168,7 @@ impl FeetechBus {
     }
 
     /// Everything between a silent bus and torque.
-    fn bring_up(&mut self) -> Result<ArmReport, BusError> {
+    fn check_all(&mut self) -> Result<Vec<String>, BusError> {
         let mut notes: Vec<String> = self.link.wire.latency_note().into_iter().collect();
         notes
             .push("these servos have no watchdog: without a host they hold their last goal".into());
@@ -176,8 +176,12 @@ impl FeetechBus {
         self.read_present()?;
         for index in 0..self.link.servos.len() {
             self.check_fit(index)?;
-            self.prepare(index, &mut notes)?;
+            self.set_up(index, &mut notes)?;
         }
+        Ok(notes)
+    }
+
+    fn torque_on(&mut self) -> Result<Vec<JointState>, BusError> {
         self.read_present()?;
         for index in 0..self.link.servos.len() {
             let goal = self.link.holding_goal(index, self.present(index).ticks)?;
@@ -192,7 +196,7 @@ impl FeetechBus {
         self.read_present()?;
         let mut states = vec![JointState::default(); self.link.servos.len()];
         self.copy_states(&mut states);
-        Ok(ArmReport { states, notes })
+        Ok(states)
     }
 
     /// Reads everyone's state, with retries.
@@ -224,8 +228,12 @@ impl Bus for FeetechBus {
         &self.link.servos
     }
 
-    fn arm(&mut self) -> Result<ArmReport, BusError> {
-        self.bring_up().inspect_err(|_| {
+    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+        self.check_all()
+    }
+
+    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+        self.torque_on().inspect_err(|_| {
             if self.armed {
                 // The first error is the one to report; drop tries again.
                 let _ = self.disarm();
@@ -237,7 +245,7 @@ impl Bus for FeetechBus {
         if !self.armed {
             return Err(BusError::NotArmed);
         }
-        self.link.check_cycle(targets_rad, states.len())?;
+        check_cycle(&self.link.servos, targets_rad, states.len())?;
         self.link
             .sync_write(GOAL, |index, servo| servo.goal_ticks(targets_rad[index]))?;
         self.read_present()?;

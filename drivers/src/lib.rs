@@ -6,8 +6,9 @@
 //!
 //! [`Bus`] is one bus of servos; [`DynamixelBus`] speaks Dynamixel Protocol 2.0
 //! and [`FeetechBus`] the protocol of STS servos, both over a serial port; [`can`] has
-//! the motors on CAN. [`SafeBus`] wraps any bus, and programs that move real
-//! motors hand their targets to it and never to a bus directly.
+//! the motors on CAN; [`BusSet`] runs several buses side by side. [`SafeBus`]
+//! wraps any bus, and programs that move real motors hand their targets to it
+//! and never to a bus directly.
 //!
 //! Units are radians, seconds and amperes; degrees exist in [`ServoConfig`]
 //! (the robot file) and encoder ticks in [`Servo`] and below.
@@ -16,15 +17,18 @@
 //! nothing in this crate knows whether a port is real.
 
 mod bus;
+mod bus_set;
 pub mod can;
 mod config;
 mod dynamixel;
 mod error;
 mod feetech;
+mod layout;
 mod limiter;
 mod link;
 mod model;
 mod packet;
+mod port;
 mod protocol1;
 mod rate;
 mod register;
@@ -34,13 +38,16 @@ mod servo;
 mod wire;
 
 pub use bus::{ArmReport, Bus, BusStats, open_bus};
-pub use config::{BusConfig, BusKind, ServoConfig, servos};
+pub use bus_set::{BusSet, open_buses};
+pub use config::{BusConfig, BusKind, ServoConfig, one_or_several, servos};
 pub use dynamixel::DynamixelBus;
 pub use error::{BusError, ConfigError, Refusal, ServoId};
 pub use feetech::FeetechBus;
+pub use layout::{BusLayout, layouts};
 pub use limiter::{Limited, Limiter};
 pub use model::{MODELS, Model};
 pub use packet::{Decoded, Decoder, Packet, Protocol, encode};
+pub use port::Port;
 pub use rate::{RateCheck, check_rate, cycle_bytes};
 pub use register::Register;
 pub use safety::{EStop, Interventions, SafeBus, SafetyConfig, SafetyError, State, Transition};

@@ -14,7 +14,7 @@ use crate::error::{BusError, ConfigError, Refusal, ServoId};
 use crate::model::Model;
 use crate::packet::Protocol;
 use crate::register::Register;
-use crate::servo::{Servo, check_cycle};
+use crate::servo::Servo;
 use crate::wire::{Received, Wire};
 
 /// Return delay that a servo has before it is set to zero: 254 units of 2 us.
@@ -78,11 +78,7 @@ impl Link {
 
     /// Who is at `index`.
     pub fn id_of(&self, index: usize) -> ServoId {
-        let servo = &self.servos[index];
-        ServoId {
-            joint: servo.name.clone(),
-            id: servo.id,
-        }
+        ServoId::of(&self.servos[index])
     }
 
     /// Who is at these indices.
@@ -331,11 +327,6 @@ impl Link {
         let result = exchange(self);
         self.tries = tries;
         result
-    }
-
-    /// What every cycle checks before a byte is sent.
-    pub fn check_cycle(&self, targets_rad: &[f64], states: usize) -> Result<(), BusError> {
-        check_cycle(&self.servos, targets_rad, states)
     }
 
     /// Torque off to everyone, and the servos of which that is not certain.

@@ -404,12 +404,8 @@ impl<B: Bus> SafeBus<B> {
         let Some((index, error_rad)) = lost else {
             return Ok(());
         };
-        let servo = &self.bus.servos()[index];
         let error = SafetyError::Following {
-            servo: ServoId {
-                joint: servo.name.clone(),
-                id: servo.id,
-            },
+            servo: ServoId::of(&self.bus.servos()[index]),
             error_deg: error_rad.to_degrees(),
             after_s: self.config.following_error_s,
         };

@@ -104,10 +104,7 @@ pub(crate) fn check_cycle(
         .find(|(_, target)| !target.is_finite())
     {
         Some((servo, &target)) => Err(BusError::NotFinite {
-            servo: ServoId {
-                joint: servo.name.clone(),
-                id: servo.id,
-            },
+            servo: ServoId::of(servo),
             target,
         }),
         None => Ok(()),

@@ -55,7 +55,7 @@ pub fn bench_bus(
         ..SimOptions::realtime(config.baud, control_hz.unwrap_or(100.0))
     };
     let sim = SimBus::start(&specs, options)?;
-    let mut bus = open_bus(sim.port_path(), config, servos.to_vec())?;
+    let mut bus = open_bus(&sim.port(), config, servos.to_vec())?;
     let mut states = bus.arm()?.states;
     let targets: Vec<f64> = states.iter().map(|state| state.position_rad).collect();
     run(&mut *bus, &targets, &mut states, control_hz, 50)?; // caches and pages

@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use servodance_drivers::Port;
 
 use crate::fault::{FaultyWire, ServoFault, WireFault};
 use crate::judge::{Judge, Violations};
@@ -48,6 +49,17 @@ pub struct WireStats {
     pub bad_packets: u64,
     /// Time that the line was busy: ten bits a byte, and return delays. Seconds.
     pub wire_s: f64,
+}
+
+impl std::ops::AddAssign for WireStats {
+    fn add_assign(&mut self, other: Self) {
+        self.bytes_in += other.bytes_in;
+        self.bytes_out += other.bytes_out;
+        self.packets_in += other.packets_in;
+        self.packets_out += other.packets_out;
+        self.bad_packets += other.bad_packets;
+        self.wire_s += other.wire_s;
+    }
 }
 
 /// What the thread counts. Sums that do not depend on how reads cut the stream.
@@ -138,6 +150,11 @@ impl SimBus {
     /// The serial port to open, e.g. `/dev/pts/3`.
     pub fn port_path(&self) -> &str {
         &self.port_path
+    }
+
+    /// The same for a driver's `open_bus`.
+    pub fn port(&self) -> Port {
+        Port::Serial(self.port_path.clone())
     }
 
     /// Moves simulated time on, in lockstep. Does nothing in real time.

@@ -55,7 +55,7 @@ fn dance(kind: Kind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
         retries: 3,
         ..BusConfig::of_kind(bus_kind, baud)
     };
-    let bus = open_bus(sim.port_path(), &config, servos.clone()).unwrap();
+    let bus = open_bus(&sim.port(), &config, servos.clone()).unwrap();
     let mut safe = SafeBus::new(bus, SafetyConfig::at_hz(HZ)).unwrap();
     safe.arm(0.0).unwrap();
     let mut states = vec![JointState::default(); servos.len()];

@@ -75,7 +75,11 @@ fn a_condition_is_named_and_ends_the_cycle() {
 fn another_bus_kind_is_refused() {
     let servos = robot_of("STS3215", 1);
     let config = patient_of(BusKind::Dynamixel2, STS_BAUD);
-    let error = servodance_drivers::open_bus("/dev/null", &config, servos);
+    let error = servodance_drivers::open_bus(
+        &servodance_drivers::Port::Serial("/dev/null".into()),
+        &config,
+        servos,
+    );
     let error = error.err().unwrap().to_string();
     assert!(
         error.contains("joint joint_1: model STS3215 does not speak"),

@@ -50,7 +50,12 @@ fn servos_stop_by_themselves_when_the_program_is_killed() {
 fn dance_until_killed(port: &str) -> ! {
     let servos = robot(4);
     let config = BusConfig::dynamixel2(BAUD);
-    let mut bus = servodance_drivers::open_bus(port, &config, servos).unwrap();
+    let mut bus = servodance_drivers::open_bus(
+        &servodance_drivers::Port::Serial(port.into()),
+        &config,
+        servos,
+    )
+    .unwrap();
     bus.arm().unwrap();
     let mut states = vec![JointState::default(); 4];
     for k in 0u32.. {

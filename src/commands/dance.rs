@@ -31,9 +31,10 @@ pub struct Args {
     #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
     pub robot: String,
 
-    /// Where commands go: `sim`, or `serial:/dev/ttyUSB0`.
-    #[arg(long, default_value = "sim", value_name = "BUS")]
-    pub bus: String,
+    /// Where commands go: `sim`, or `serial:/dev/ttyUSB0`; for a robot with
+    /// several buses once for each, `left=serial:/dev/ttyUSB0`.
+    #[arg(long, default_value = "sim", value_name = "[NAME=]BUS")]
+    pub bus: Vec<String>,
 
     /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
     #[arg(long, value_enum)]

@@ -1,5 +1,6 @@
 //! What a dance is to be, checked once: nothing here is text any more.
 
+use super::ports::{self, BusChoice};
 use crate::commands::dance::Args;
 use crate::robot::Robot;
 use anyhow::{Context, bail};
@@ -27,34 +28,6 @@ pub enum Speed {
     Realtime,
 }
 
-/// Where commands go.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum BusChoice {
-    /// Simulated servos on a pseudo-terminal.
-    Sim,
-    /// Real servos behind a serial port.
-    Serial(String),
-}
-
-impl BusChoice {
-    /// Reads `sim` or `serial:PATH`.
-    pub fn parse(text: &str) -> anyhow::Result<Self> {
-        match text.split_once(':') {
-            None if text == "sim" => Ok(BusChoice::Sim),
-            Some(("serial", path)) if !path.is_empty() => Ok(BusChoice::Serial(path.into())),
-            _ => bail!("unknown bus \"{text}\"; choose sim or serial:PATH (serial:/dev/ttyUSB0)"),
-        }
-    }
-
-    /// The name in reports.
-    pub fn name(&self) -> String {
-        match self {
-            BusChoice::Sim => "sim".into(),
-            BusChoice::Serial(path) => format!("serial:{path}"),
-        }
-    }
-}
-
 /// A whole dance.
 #[derive(Clone, Debug)]
 pub struct DanceConfig {
@@ -62,8 +35,8 @@ pub struct DanceConfig {
     pub audio: AudioChoice,
     /// Who dances.
     pub robot: Robot,
-    /// Where commands go.
-    pub bus: BusChoice,
+    /// Where commands go, for each bus of the robot.
+    pub buses: Vec<BusChoice>,
     /// How fast time passes.
     pub speed: Speed,
     /// Seed of the generator.
@@ -85,19 +58,21 @@ pub struct DanceConfig {
 impl DanceConfig {
     /// Checks the arguments and loads the robot.
     pub fn from_args(args: Args) -> anyhow::Result<Self> {
-        let bus = BusChoice::parse(&args.bus)?;
-        let speed = match (args.speed, &bus) {
-            (Some(Speed::Max), BusChoice::Serial(_)) => {
+        let robot = Robot::load(&args.robot).context("--robot")?;
+        let buses = ports::choose(&robot, &args.bus)?;
+        let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
+        let speed = match (args.speed, all_simulated) {
+            (Some(Speed::Max), false) => {
                 bail!("--speed max needs the simulated bus: real servos live in real time")
             }
             (Some(speed), _) => speed,
-            (None, BusChoice::Sim) => Speed::Max,
-            (None, BusChoice::Serial(_)) => Speed::Realtime,
+            (None, true) => Speed::Max,
+            (None, false) => Speed::Realtime,
         };
         Ok(Self {
             audio: audio_choice(&args)?,
-            robot: Robot::load(&args.robot).context("--robot")?,
-            bus,
+            robot,
+            buses,
             speed,
             seed: args.seed,
             style: args.style,
@@ -127,23 +102,5 @@ fn audio_choice(args: &Args) -> anyhow::Result<AudioChoice> {
             }))
         }
         Some(path) => Ok(AudioChoice::File(path.clone())),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn buses_are_read_and_unknown_ones_list_the_choices() {
-        assert_eq!(BusChoice::parse("sim").unwrap(), BusChoice::Sim);
-        assert_eq!(
-            BusChoice::parse("serial:/dev/ttyUSB0").unwrap(),
-            BusChoice::Serial("/dev/ttyUSB0".into())
-        );
-        for wrong in ["can", "serial:", "serial", ""] {
-            let error = BusChoice::parse(wrong).unwrap_err().to_string();
-            assert!(error.contains("sim or serial:PATH"), "{error}");
-        }
     }
 }

@@ -13,11 +13,13 @@ mod config;
 mod control;
 mod motion_source;
 mod portrait;
+mod ports;
 mod rig;
 mod scores;
 mod trace;
 
-pub use config::{AudioChoice, BusChoice, DanceConfig, Speed};
+pub use config::{AudioChoice, DanceConfig, Speed};
+pub use ports::BusChoice;
 
 use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
@@ -83,7 +85,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     };
     let progress = Progress::new(audio_s, config.quiet);
     let started = Instant::now();
-    let mut rig = Rig::open(&config.robot, &config.bus, config.speed)?;
+    let mut rig = Rig::open(&config.robot, &config.buses, config.speed)?;
     for note in rig.arm()? {
         progress.note(&note);
     }
@@ -174,7 +176,7 @@ fn report(
         model,
         style: config.style.clone(),
         robot: config.robot.name.clone(),
-        bus: config.bus.name(),
+        bus: ports::names(&config.robot, &config.buses),
         wall_s,
         realtime_factor: heard.audio_s / wall_s.max(1e-9),
         stages: Stages {

@@ -2,24 +2,26 @@
 //! and behind it real servos or simulated ones on a pseudo-terminal. Only the
 //! port's path differs; the driver does not know which.
 
-use super::config::BusChoice;
 use super::config::Speed;
+use super::ports::BusChoice;
 use crate::report::{BusReport, ViolationReport};
 use crate::robot::Robot;
 use anyhow::Context;
-use servodance_drivers::{Bus, SafeBus, SafetyConfig, open_bus};
-use servodance_sim::{SimBus, SimOptions, SimServoSpec};
+use servodance_drivers::{Bus, BusLayout, SafeBus, SafetyConfig, open_buses};
+use servodance_sim::{SimBus, SimOptions, SimServoSpec, Violations};
 use servodance_types::JointState;
 
 /// In lockstep the servos answer when they get the processor: a hiccup of the
 /// machine must not look like a lost reply, or runs would not be repeatable.
 const LOCKSTEP_TIMEOUT_MS: f64 = 2000.0;
 
-/// A robot on its bus. Dropped at any moment, it turns torque off.
+/// A robot on its buses. Dropped at any moment, it turns torque off.
 pub struct Rig {
-    // Before `sim`: torque off must still find servos that answer.
+    // Before `sims`: torque off must still find servos that answer.
     bus: SafeBus<Box<dyn Bus>>,
-    sim: Option<SimBus>,
+    /// For each simulated bus its place among the robot's buses.
+    sims: Vec<(usize, SimBus)>,
+    layouts: Vec<BusLayout>,
     period_s: f64,
     states: Vec<JointState>,
     truth: Vec<JointState>,
@@ -27,32 +29,31 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Opens the bus; no servo moves and none is powered yet.
-    pub fn open(robot: &Robot, choice: &BusChoice, speed: Speed) -> anyhow::Result<Self> {
-        let mut bus_config = robot.bus.clone();
-        let (sim, port) = match choice {
-            BusChoice::Sim => {
-                let specs: Vec<SimServoSpec> =
-                    robot.servos.iter().map(SimServoSpec::from).collect();
-                let options = match speed {
-                    Speed::Max => SimOptions::lockstep(bus_config.baud, robot.control_hz),
-                    Speed::Realtime => SimOptions::realtime(bus_config.baud, robot.control_hz),
-                };
-                let sim =
-                    SimBus::start(&specs, options).context("cannot start the simulated bus")?;
-                let port = sim.port_path().to_owned();
-                (Some(sim), port)
+    /// Opens the buses; no servo moves and none is powered yet.
+    pub fn open(robot: &Robot, choices: &[BusChoice], speed: Speed) -> anyhow::Result<Self> {
+        let mut layouts = robot.buses.clone();
+        let mut sims = Vec::new();
+        let mut ports = Vec::with_capacity(layouts.len());
+        for (place, (layout, choice)) in layouts.iter_mut().zip(choices).enumerate() {
+            if speed == Speed::Max {
+                layout.config.reply_timeout_ms = LOCKSTEP_TIMEOUT_MS;
             }
-            BusChoice::Serial(port) => (None, port.clone()),
-        };
-        if speed == Speed::Max {
-            bus_config.reply_timeout_ms = LOCKSTEP_TIMEOUT_MS;
+            ports.push(match choice {
+                BusChoice::Sim => {
+                    let sim = simulated(layout, robot.control_hz, speed)?;
+                    let port = sim.port();
+                    sims.push((place, sim));
+                    port
+                }
+                BusChoice::Port(port) => port.clone(),
+            });
         }
-        let bus = open_bus(&port, &bus_config, robot.servos.clone())?;
+        let bus = open_buses(&ports, &layouts, &robot.servos)?;
         let joints = robot.servos.len();
         Ok(Self {
             bus: SafeBus::new(bus, SafetyConfig::at_hz(robot.control_hz))?,
-            sim,
+            sims,
+            layouts,
             period_s: robot.period_s(),
             states: vec![JointState::default(); joints],
             truth: vec![JointState::default(); joints],
@@ -73,11 +74,11 @@ impl Rig {
     pub fn cycle(&mut self, now_s: f64, targets_rad: &[f64]) -> anyhow::Result<()> {
         self.bus.command(now_s, targets_rad);
         self.bus.tick(now_s, &mut self.states)?;
-        if let Some(sim) = &self.sim {
+        for (place, sim) in &self.sims {
             sim.advance(self.period_s);
-            for (i, truth) in self.truth.iter_mut().enumerate() {
-                if let Some(servo) = sim.servo(i) {
-                    *truth = JointState {
+            for (servo, &joint) in self.layouts[*place].joints.iter().enumerate() {
+                if let Some(servo) = sim.servo(servo) {
+                    self.truth[joint] = JointState {
                         position_rad: servo.position_rad,
                         velocity_rad_s: servo.velocity_rad_s,
                         current_a: servo.current_a,
@@ -104,9 +105,14 @@ impl Rig {
         &self.states
     }
 
+    /// Whether no servo is real.
+    fn all_simulated(&self) -> bool {
+        self.sims.len() == self.layouts.len()
+    }
+
     /// Where the simulated servos truly are; `None` on a real bus.
     pub fn truth(&self) -> Option<&[JointState]> {
-        self.sim.as_ref().map(|_| self.truth.as_slice())
+        self.all_simulated().then_some(self.truth.as_slice())
     }
 
     /// What the last cycle really commanded, radians.
@@ -131,7 +137,13 @@ impl Rig {
 
     /// Limits broken at the simulated servos; `None` on a real bus.
     pub fn violations(&self) -> Option<ViolationReport> {
-        let counted = self.sim.as_ref()?.violations();
+        let mut counted = Violations::default();
+        for (_, sim) in &self.sims {
+            counted += sim.violations();
+        }
+        if !self.all_simulated() {
+            return None;
+        }
         Some(ViolationReport {
             position: counted.position,
             velocity: counted.velocity,
@@ -141,10 +153,8 @@ impl Rig {
 
     /// The first violations, in words.
     pub fn violation_notes(&self) -> Vec<String> {
-        self.sim
-            .as_ref()
-            .map(SimBus::violation_notes)
-            .unwrap_or_default()
+        let notes = self.sims.iter().map(|(_, sim)| sim.violation_notes());
+        notes.flatten().collect()
     }
 
     /// How often the safety layer changed a command.
@@ -158,6 +168,16 @@ impl Rig {
         let stats = self.bus.bus().stats();
         (stats.bytes, stats.packets)
     }
+}
+
+/// Simulated servos for one bus.
+fn simulated(layout: &BusLayout, control_hz: f64, speed: Speed) -> anyhow::Result<SimBus> {
+    let specs: Vec<SimServoSpec> = layout.servos.iter().map(SimServoSpec::from).collect();
+    let options = match speed {
+        Speed::Max => SimOptions::lockstep(layout.config.baud, control_hz),
+        Speed::Realtime => SimOptions::realtime(layout.config.baud, control_hz),
+    };
+    SimBus::start(&specs, options).context("cannot start the simulated bus")
 }
 
 /// Notes that say the same of many servos (`NAME (id N): TEXT`) become one.

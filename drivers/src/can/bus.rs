@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use servodance_types::JointState;
 
-use crate::bus::{ArmReport, Bus, BusStats};
+use crate::bus::{Bus, BusStats};
 use crate::can::cia402::Cia402;
 use crate::can::exchange::{Exchange, Status};
 use crate::can::frame::CanFrame;
@@ -97,8 +97,8 @@ impl CanBus {
         self.exchange.queue_full
     }
 
-    /// Everything between a silent bus and torque.
-    fn bring_up(&mut self) -> Result<ArmReport, BusError> {
+    /// Everything that must hold before any torque.
+    fn check_and_set_up(&mut self) -> Result<Vec<String>, BusError> {
         let mut notes = Vec::new();
         self.release_all()?;
         for index in 0..self.status.len() {
@@ -106,6 +106,10 @@ impl CanBus {
             self.protocol
                 .prepare(&mut self.exchange, index, &mut notes)?;
         }
+        Ok(notes)
+    }
+
+    fn torque_on(&mut self) -> Result<Vec<JointState>, BusError> {
         let mut holds_rad = Vec::with_capacity(self.status.len());
         for index in 0..self.status.len() {
             self.status[index] = self.protocol.release(&mut self.exchange, index)?;
@@ -122,7 +126,7 @@ impl CanBus {
         let mut states = vec![JointState::default(); self.status.len()];
         self.exchange_all(&holds_rad)?;
         self.copy_states(&mut states);
-        Ok(ArmReport { states, notes })
+        Ok(states)
     }
 
     /// Torque off everywhere; all who are silent are named at once.
@@ -256,8 +260,12 @@ impl Bus for CanBus {
         &self.exchange.servos
     }
 
-    fn arm(&mut self) -> Result<ArmReport, BusError> {
-        self.bring_up().inspect_err(|_| {
+    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+        self.check_and_set_up()
+    }
+
+    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+        self.torque_on().inspect_err(|_| {
             if self.armed {
                 // The first error is the one to report; `is_armed` stays true
                 // if torque could not be verified off, and drop tries again.

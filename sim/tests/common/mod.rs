@@ -16,7 +16,12 @@ pub fn robot(count: u8) -> Vec<Servo> {
 }
 
 pub fn robot_of(model: &str, count: u8) -> Vec<Servo> {
-    let joint = |k: u8| ServoConfig {
+    let joint = |k| joint_of(model, k);
+    servos(&(1..=count).map(joint).collect::<Vec<_>>()).unwrap()
+}
+
+pub fn joint_of(model: &str, k: u8) -> ServoConfig {
+    ServoConfig {
         name: format!("joint_{k}"),
         id: k,
         model: model.into(),
@@ -27,8 +32,7 @@ pub fn robot_of(model: &str, count: u8) -> Vec<Servo> {
         velocity_deg_s: 230.0,
         acceleration_deg_s2: 2300.0,
         ..Default::default()
-    };
-    servos(&(1..=count).map(joint).collect::<Vec<_>>()).unwrap()
+    }
 }
 
 pub fn specs(servos: &[Servo]) -> Vec<SimServoSpec> {
