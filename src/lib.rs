@@ -14,6 +14,7 @@ pub mod picture;
 pub mod progress;
 pub mod record;
 pub mod report;
+pub mod retarget_bench;
 pub mod robot;
 pub mod robot_file;
 pub mod song;

@@ -1,32 +1,7 @@
 //! The control cycle does not allocate: counted by the allocator itself.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
 use servodance_retarget::{RetargetConfig, Retargeter};
 use servodance_types::{JointLimits, MotionFrame};
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-struct Counting;
-
-// A global allocator cannot be written without `unsafe`; it only counts.
-#[allow(unsafe_code)]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
 
 fn joints(toml: &str) -> (RetargetConfig, Vec<(String, JointLimits)>) {
     let file: toml::Table = toml.parse().expect("robot file");
@@ -51,24 +26,25 @@ fn the_control_cycle_does_not_allocate() {
     let urdf = include_str!("../../configs/op3.urdf");
     let mut robot = Retargeter::new(urdf, &config, &joints, 100.0).expect("usable");
     let mut out = robot.rest().to_vec();
-    let before = ALLOCATIONS.with(Cell::get);
-    for cycle in 0..2000_u32 {
-        if cycle % 5 == 0 {
-            let swing = (f64::from(cycle) * 0.05).sin() as f32;
-            let mut frame = MotionFrame {
-                time_s: f64::from(cycle) * 0.01,
-                positions: [[0.0; 3]; 22],
-                contacts: Default::default(),
-            };
-            for (joint, point) in frame.positions.iter_mut().enumerate() {
-                let side = if joint % 2 == 0 { -1.0 } else { 1.0 };
-                *point = [side * 0.1 * joint as f32, 1.0 - 0.1 * joint as f32, swing];
+    let counted = allocation_counter::measure(|| {
+        for cycle in 0..2000_u32 {
+            if cycle % 5 == 0 {
+                let swing = (f64::from(cycle) * 0.05).sin() as f32;
+                let mut frame = MotionFrame {
+                    time_s: f64::from(cycle) * 0.01,
+                    positions: [[0.0; 3]; 22],
+                    contacts: Default::default(),
+                };
+                for (joint, point) in frame.positions.iter_mut().enumerate() {
+                    let side = if joint % 2 == 0 { -1.0 } else { 1.0 };
+                    *point = [side * 0.1 * joint as f32, 1.0 - 0.1 * joint as f32, swing];
+                }
+                robot.push(&frame);
             }
-            robot.push(&frame);
+            robot
+                .next(f64::from(cycle) * 0.01, &mut out)
+                .expect("length");
         }
-        robot
-            .next(f64::from(cycle) * 0.01, &mut out)
-            .expect("length");
-    }
-    assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0);
+    });
+    assert_eq!(counted.count_total, 0);
 }

@@ -5,6 +5,7 @@
 //! A command returns the exit code of the program: 0 done, 1 refused or failed
 //! (an error, told by `main` in one line), 130 stopped by Ctrl-C.
 
+pub mod bench;
 pub mod dance;
 pub mod generate;
 pub mod reconstruct;
@@ -39,6 +40,8 @@ pub struct Cli {
 /// What servodance can do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Measure what parts of this program take on this machine.
+    Bench(bench::Args),
     /// Dance to a recording, to the built-in song, or to raw audio on standard input.
     Dance(dance::Args),
     /// Write the human motion that the model dances to a recording, without a robot.
@@ -64,6 +67,7 @@ impl Command {
     /// What the user gave that cannot be used, or what failed on the way.
     pub fn run(self) -> anyhow::Result<ExitCode> {
         match self {
+            Command::Bench(args) => bench::run(args),
             Command::Dance(args) => dance::run(args),
             Command::Generate(args) => generate::run(args),
             Command::Reconstruct(args) => reconstruct::run(args),

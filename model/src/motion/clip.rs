@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 
 use candle_core::npy::NpzTensors;
 use candle_core::{DType, Device, Tensor};
-use servodance_types::{BodyJoint, FRAME_RATE_HZ, JOINT_COUNT};
+use servodance_types::{BodyJoint, FRAME_RATE_HZ, JOINT_COUNT, MotionFrame};
 
 use super::Pose;
-use super::representation::headings_rad;
+use super::representation::{contacts, encode, headings_rad};
 use super::skeleton;
 use super::vec3::{narrow, sub, turn, wide};
 
@@ -183,6 +183,23 @@ impl Clip {
         let frames = (self.duration_s() * fps + 1e-9).floor() as usize + 1;
         let times: Vec<f64> = (0..frames).map(|i| i as f64 / fps).collect();
         self.at_times(&times, fps)
+    }
+
+    /// The clip as a generator's frames: at 20 FPS from time 0, each with the
+    /// contacts that its step shows (the last frame those of the one before).
+    pub fn frames(&self) -> Vec<MotionFrame> {
+        let poses = self.resampled(FRAME_RATE_HZ).poses;
+        let steps = encode(&poses);
+        let contacts = |frame: usize| steps.get(frame).or(steps.last()).map(contacts);
+        poses
+            .iter()
+            .enumerate()
+            .map(|(frame, &positions)| MotionFrame {
+                time_s: frame as f64 / FRAME_RATE_HZ,
+                positions,
+                contacts: contacts(frame).unwrap_or_default(),
+            })
+            .collect()
     }
 
     /// The clip played in `factor` times its duration, at the same frame rate.

@@ -1,0 +1,28 @@
+//! `servodance bench`: what the parts of this program take on this machine.
+
+pub mod retarget;
+
+use clap::Subcommand;
+use std::process::ExitCode;
+
+/// What `bench` is asked for.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// What to measure.
+    #[command(subcommand)]
+    pub what: What,
+}
+
+/// What can be measured.
+#[derive(Debug, Subcommand)]
+pub enum What {
+    /// Time and allocations of a retargeting cycle.
+    Retarget(retarget::Args),
+}
+
+/// Measures it.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    match args.what {
+        What::Retarget(args) => retarget::run(args),
+    }
+}
