@@ -67,6 +67,19 @@ impl Dice {
     }
 }
 
+/// What became of a CAN frame on its way to the host.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Passed {
+    /// How often it arrives.
+    pub copies: usize,
+    /// Damaged and said again, as CAN does by itself.
+    pub damaged: bool,
+    /// How much later, seconds of wall time.
+    pub late_s: f64,
+    /// Bytes in front of it that mean nothing.
+    pub noise: Vec<u8>,
+}
+
 /// The faults of one wire.
 #[derive(Clone, Debug)]
 pub(crate) struct FaultyWire {
@@ -128,6 +141,41 @@ impl FaultyWire {
             _ => {}
         }
         (bytes, late_s)
+    }
+
+    /// Whether the motors miss a frame of the host. What damages a serial
+    /// instruction makes an adapter lose a frame: CAN repeats damaged ones.
+    pub fn loses_instruction(&mut self) -> bool {
+        let lost = |fault| fault == WireFault::CorruptInstruction;
+        self.roll(lost).is_some()
+    }
+
+    /// What becomes of a motor's CAN frame.
+    pub fn pass_frame(&mut self) -> Passed {
+        let mut passed = Passed {
+            copies: 1,
+            ..Passed::default()
+        };
+        let to_replies = |fault| !matches!(fault, WireFault::Echo | WireFault::CorruptInstruction);
+        match self.roll(to_replies) {
+            Some(WireFault::Drop) => passed.copies = 0,
+            // Half a line of the adapter: the rest of it is noise.
+            Some(WireFault::Truncate) => {
+                passed.copies = 0;
+                passed.noise = b"t0018\r".to_vec();
+            }
+            Some(WireFault::Late(seconds)) => passed.late_s = seconds,
+            Some(WireFault::Corrupt) => passed.damaged = true,
+            Some(WireFault::Duplicate) => passed.copies = 2,
+            Some(WireFault::Noise) => {
+                let length = 1 + self.dice.below(20);
+                passed.noise = (0..length).map(|_| self.dice.next() as u8).collect();
+                // A burst ends: the next line is whole.
+                passed.noise.push(b'\r');
+            }
+            _ => {}
+        }
+        passed
     }
 
     fn flip(&mut self, bytes: &mut [u8]) {

@@ -13,6 +13,7 @@
 //! Nothing here knows a bus driver's interface: this is the wire's far end.
 
 mod bench;
+pub mod can;
 mod fault;
 mod judge;
 mod line;
@@ -34,7 +35,7 @@ pub use motor::Motor;
 pub use packet::{BROADCAST, Instruction, Parsed, Parser, crc16, fast_status, status};
 pub use servo::{SimServo, SimServoState};
 pub use sim_bus::{SimBus, WireStats};
-pub use spec::{MODELS, ServoModel, SimClock, SimError, SimOptions, SimServoSpec};
+pub use spec::{MODELS, ServoModel, SimClock, SimError, SimLink, SimOptions, SimServoSpec};
 pub use sts::StsServo;
 pub use sts_line::StsLine;
 pub use table::{AccessError, Table};

@@ -7,6 +7,8 @@
 //! the one before it. A servo that is missing from the list breaks that chain:
 //! those behind it wait for it and stay silent, as real ones do.
 
+use servodance_drivers::can::CanFrame;
+
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::packet::{BROADCAST, Instruction, Parsed, Parser, fast_status, status};
@@ -71,6 +73,17 @@ pub trait Line: std::fmt::Debug + Send {
 
     /// Carries out what was completed; returns the replies in order.
     fn execute(&mut self) -> Vec<Burst>;
+
+    /// Takes one CAN frame from the host; the answers in the order in which the
+    /// bus carries them. A serial line hears none.
+    fn hear(&mut self, _frame: &CanFrame) -> Vec<CanFrame> {
+        Vec::new()
+    }
+
+    /// CAN frames that motors send by themselves by now.
+    fn due(&mut self) -> Vec<CanFrame> {
+        Vec::new()
+    }
 
     /// One step of every servo, ending at `time_s`.
     fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool);

@@ -73,6 +73,15 @@ impl Motor {
         }
     }
 
+    /// A motor whose rotor inertia after the gear is known: one that its
+    /// controller drives by torque, so that nothing follows from a stock gain.
+    pub fn with_inertia(model: &ServoModel, inertia_kg_m2: f64, angle_rad: f64) -> Self {
+        Self {
+            inertia_kg_m2,
+            ..Self::new(model, 0.0, angle_rad)
+        }
+    }
+
     /// One step of `dt_s` at a duty of -1 to 1 from a supply; `None`: the
     /// bridge is open and only friction acts. `external_nm` is gravity and the like.
     pub fn step(&mut self, dt_s: f64, duty: Option<f64>, supply_v: f64, external_nm: f64) {
@@ -98,8 +107,13 @@ impl Motor {
 
     /// The duty at which this current flows at the present speed.
     pub fn duty_for_current(&self, current_a: f64, supply_v: f64) -> f64 {
-        let torque_nm = current_a / self.amperes_per_nm + self.damping_nm_s * self.speed_rad_s;
-        torque_nm / (self.stall_torque_nm * supply_v / self.nominal_v)
+        self.duty_for_torque(current_a / self.amperes_per_nm, supply_v)
+    }
+
+    /// The duty at which the motor gives this torque at the present speed.
+    pub fn duty_for_torque(&self, torque_nm: f64, supply_v: f64) -> f64 {
+        let against_emf_nm = torque_nm + self.damping_nm_s * self.speed_rad_s;
+        against_emf_nm / (self.stall_torque_nm * supply_v / self.nominal_v)
     }
 
     fn heat(&mut self, dt_s: f64) {

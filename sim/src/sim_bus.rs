@@ -1,4 +1,4 @@
-//! A bus of simulated servos behind a pseudo-terminal.
+//! A bus of simulated servos behind a pseudo-terminal (or a multicast group).
 //!
 //! A thread serves the pseudo-terminal: any program may open
 //! [`SimBus::port_path`] and talk as to a serial adapter. The baud rate of a
@@ -17,12 +17,14 @@ use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use servodance_drivers::Port;
+use servodance_drivers::can::CanPort;
 
+use crate::can::{Adapter, CanServer, MulticastAdapter, SlcanAdapter, build_net};
 use crate::fault::{FaultyWire, ServoFault, WireFault};
 use crate::judge::{Judge, Violations};
 use crate::line::{Burst, Line, XLine};
 use crate::servo::{SimServo, SimServoState};
-use crate::spec::{SimClock, SimError, SimOptions, SimServoSpec};
+use crate::spec::{SimClock, SimError, SimLink, SimOptions, SimServoSpec};
 use crate::sts::StsServo;
 use crate::sts_line::StsLine;
 use crate::world::World;
@@ -64,28 +66,31 @@ impl std::ops::AddAssign for WireStats {
 
 /// What the thread counts. Sums that do not depend on how reads cut the stream.
 #[derive(Debug, Default)]
-struct Traffic {
-    bytes_in: u64,
-    bytes_out: u64,
-    packets_out: u64,
-    delays_s: f64,
+pub(crate) struct Traffic {
+    pub bytes_in: u64,
+    pub bytes_out: u64,
+    pub packets_out: u64,
+    pub delays_s: f64,
 }
 
+/// What the thread and its owner share.
 #[derive(Debug)]
-struct Shared {
+pub(crate) struct Shared {
     world: Mutex<World>,
     wire: Mutex<Traffic>,
     faults: Mutex<FaultyWire>,
-    stop: AtomicBool,
-    clock: SimClock,
-    began: Instant,
+    pub stop: AtomicBool,
+    pub bus_off: AtomicBool,
+    pub clock: SimClock,
+    pub began: Instant,
+    /// Seconds a byte; 0 on CAN, where frames are counted bit by bit.
     byte_s: f64,
-    adapter_s: f64,
+    pub adapter_s: f64,
 }
 
 impl Shared {
     /// The world, brought up to the present in real time.
-    fn world(&self) -> MutexGuard<'_, World> {
+    pub fn world(&self) -> MutexGuard<'_, World> {
         let mut world = self.world.lock().unwrap_or_else(PoisonError::into_inner);
         if self.clock == SimClock::Realtime {
             world.advance_to(self.began.elapsed().as_secs_f64());
@@ -93,12 +98,27 @@ impl Shared {
         world
     }
 
-    fn wire(&self) -> MutexGuard<'_, Traffic> {
+    pub fn wire(&self) -> MutexGuard<'_, Traffic> {
         self.wire.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn faults(&self) -> MutexGuard<'_, FaultyWire> {
+    pub fn faults(&self) -> MutexGuard<'_, FaultyWire> {
         self.faults.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for a time since the start, in real time.
+    pub fn wait_until(&self, time_s: f64) {
+        if self.clock == SimClock::Lockstep {
+            return;
+        }
+        let due = self.began + Duration::from_secs_f64(time_s);
+        let early = due.saturating_duration_since(Instant::now() + SLEEP_SLACK);
+        if !early.is_zero() {
+            std::thread::sleep(early);
+        }
+        while Instant::now() < due {
+            std::hint::spin_loop();
+        }
     }
 }
 
@@ -107,7 +127,41 @@ impl Shared {
 pub struct SimBus {
     shared: Arc<Shared>,
     port_path: String,
+    port: Port,
     thread: Option<JoinHandle<()>>,
+}
+
+/// What the thread serves.
+enum FarEnd {
+    Serial(OwnedFd),
+    Can(Box<dyn Adapter>),
+}
+
+fn start_thread(
+    far_end: FarEnd,
+    shared: Arc<Shared>,
+    baud: u32,
+) -> Result<JoinHandle<()>, SimError> {
+    let thread = std::thread::Builder::new().name("simulated servos".into());
+    let started = match far_end {
+        FarEnd::Can(adapter) => {
+            let server = CanServer::new(shared, adapter, baud);
+            thread.spawn(move || server.run())
+        }
+        FarEnd::Serial(master) => {
+            let server = Server {
+                shared,
+                master,
+                line_free_s: 0.0,
+                handed_over: None,
+            };
+            thread.spawn(move || server.run())
+        }
+    };
+    started.map_err(|reason| SimError::System {
+        what: "starting a thread",
+        reason,
+    })
 }
 
 impl SimBus {
@@ -115,46 +169,70 @@ impl SimBus {
     /// all else is as it leaves the factory (return delay 500 us, torque off).
     pub fn start(specs: &[SimServoSpec], options: SimOptions) -> Result<Self, SimError> {
         let period_s = 1.0 / checked_hz(options.control_hz)?;
-        let line = build_line(specs, &options, period_s)?;
-        let (master, port_path) = open_terminal()?;
+        let is_can = specs.iter().any(|spec| spec.motor.is_some());
+        let line: Box<dyn Line> = match is_can {
+            true => Box::new(build_net(specs, options.supply_v, period_s)?),
+            false => build_line(specs, &options, period_s)?,
+        };
         let shared = Arc::new(Shared {
             world: Mutex::new(World::new(line, period_s)),
             wire: Mutex::new(Traffic::default()),
             faults: Mutex::new(FaultyWire::new(options.seed)),
             stop: AtomicBool::new(false),
+            bus_off: AtomicBool::new(false),
             clock: options.clock,
             began: Instant::now(),
-            byte_s: 10.0 / f64::from(options.baud),
+            byte_s: if is_can {
+                0.0
+            } else {
+                10.0 / f64::from(options.baud)
+            },
             adapter_s: checked_adapter_s(options.adapter_s)?,
         });
-        let server = Server {
-            shared: shared.clone(),
-            master,
-            line_free_s: 0.0,
-            handed_over: None,
+        let (far_end, port_path, port) = match (is_can, options.link) {
+            (false, SimLink::Terminal) => {
+                let (master, path) = open_terminal()?;
+                let port = Port::Serial(path.clone());
+                (FarEnd::Serial(master), path, port)
+            }
+            (true, SimLink::Terminal) => {
+                let (master, path) = open_terminal()?;
+                let port = Port::Can(CanPort::Slcan(path.clone()));
+                (FarEnd::Can(Box::new(SlcanAdapter::new(master))), path, port)
+            }
+            (true, SimLink::Multicast(group)) => {
+                let adapter = MulticastAdapter::open(group).map_err(|reason| SimError::System {
+                    what: "joining a multicast group",
+                    reason,
+                })?;
+                let port = Port::Can(CanPort::Udp(group));
+                (FarEnd::Can(Box::new(adapter)), group.to_string(), port)
+            }
+            (false, SimLink::Multicast(_)) => {
+                return Err(SimError::Option {
+                    key: "link",
+                    actual: "multicast".into(),
+                    wanted: "a terminal: these servos are on a serial bus",
+                });
+            }
         };
-        let thread = std::thread::Builder::new()
-            .name("simulated servos".into())
-            .spawn(move || server.run())
-            .map_err(|reason| SimError::System {
-                what: "starting a thread",
-                reason,
-            })?;
+        let thread = start_thread(far_end, shared.clone(), options.baud)?;
         Ok(Self {
             shared,
             port_path,
+            port,
             thread: Some(thread),
         })
     }
 
-    /// The serial port to open, e.g. `/dev/pts/3`.
+    /// The serial port to open, e.g. `/dev/pts/3`, or the multicast group.
     pub fn port_path(&self) -> &str {
         &self.port_path
     }
 
     /// The same for a driver's `open_bus`.
     pub fn port(&self) -> Port {
-        Port::Serial(self.port_path.clone())
+        self.port.clone()
     }
 
     /// Moves simulated time on, in lockstep. Does nothing in real time.
@@ -206,6 +284,11 @@ impl SimBus {
     /// Something happens to one servo: false if there is none at `index`.
     pub fn set_servo_fault(&self, index: usize, fault: ServoFault) -> bool {
         self.shared.world().line.suffer(index, fault)
+    }
+
+    /// The CAN controller of the adapter leaves the bus, or comes back.
+    pub fn set_bus_off(&self, bus_off: bool) {
+        self.shared.bus_off.store(bus_off, Ordering::Release);
     }
 
     /// The adapter is pulled out: the port fails for whoever has it open, for good.
@@ -389,7 +472,7 @@ impl Server {
             if !complete {
                 continue;
             }
-            self.wait_until(self.line_free_s);
+            shared.wait_until(self.line_free_s);
             let bursts = shared.world().line.execute();
             self.send(bursts);
         }
@@ -422,26 +505,12 @@ impl Server {
 
     fn hand_over(&mut self, passed: &mut Vec<u8>) {
         if !passed.is_empty() {
-            self.wait_until(self.line_free_s + self.shared.adapter_s);
+            self.shared
+                .wait_until(self.line_free_s + self.shared.adapter_s);
             self.write_all(passed);
             passed.clear();
             let realtime = self.shared.clock == SimClock::Realtime;
             self.handed_over = realtime.then(Instant::now);
-        }
-    }
-
-    /// Waits for a time since the start, in real time.
-    fn wait_until(&self, time_s: f64) {
-        if self.shared.clock == SimClock::Lockstep {
-            return;
-        }
-        let due = self.shared.began + Duration::from_secs_f64(time_s);
-        let early = due.saturating_duration_since(Instant::now() + SLEEP_SLACK);
-        if !early.is_zero() {
-            std::thread::sleep(early);
-        }
-        while Instant::now() < due {
-            std::hint::spin_loop();
         }
     }
 

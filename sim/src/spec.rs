@@ -4,8 +4,10 @@
 //! nominal voltage, rounded.
 
 use std::f64::consts::TAU;
+use std::net::SocketAddrV4;
 
-use servodance_drivers::Servo;
+use servodance_drivers::can::MotorSettings;
+use servodance_drivers::{BusKind, Servo};
 use servodance_types::JointLimits;
 
 /// What a servo model does at its nominal voltage.
@@ -181,6 +183,10 @@ pub struct SimServoSpec {
     pub load_inertia_kg_m2: f64,
     /// Torque that gravity puts on the joint at 90 degrees, newton metres.
     pub gravity_nm: f64,
+    /// The protocol it speaks.
+    pub kind: BusKind,
+    /// What only a CAN motor has.
+    pub motor: Option<MotorSettings>,
 }
 
 impl SimServoSpec {
@@ -220,6 +226,8 @@ impl From<&Servo> for SimServoSpec {
             initial_rad: servo.limits.clamp_rad(0.0),
             load_inertia_kg_m2: 0.0,
             gravity_nm: 0.0,
+            kind: servo.model.kind,
+            motor: servo.motor.clone(),
         }
     }
 }
@@ -233,9 +241,21 @@ pub enum SimClock {
     Lockstep,
 }
 
+/// What the host opens to reach the servos.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SimLink {
+    /// A serial adapter on a pseudo-terminal, an slcan adapter for CAN motors.
+    #[default]
+    Terminal,
+    /// A multicast group of this machine, as python-can's `udp_multicast`: CAN only.
+    Multicast(SocketAddrV4),
+}
+
 /// How a bus of simulated servos behaves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimOptions {
+    /// What the host opens.
+    pub link: SimLink,
     /// Who moves time on.
     pub clock: SimClock,
     /// Bits a second of the wire and of every servo.
@@ -255,6 +275,7 @@ impl SimOptions {
     /// the same bytes and states.
     pub fn lockstep(baud: u32, control_hz: f64) -> Self {
         Self {
+            link: SimLink::Terminal,
             clock: SimClock::Lockstep,
             baud,
             control_hz,

@@ -57,6 +57,9 @@ mod object {
 /// The states of the drive that matter here: mask, value of the status word.
 const OPERATION_ENABLED: (u16, u16) = (0x6F, 0x27);
 const FAULT: u16 = 1 << 3;
+const FAULT_RESET: u32 = 0x80;
+/// What a drive says when our heartbeat ended.
+const LOST: &str = "heartbeat lost";
 /// Control words on the way to torque, and the status word each must bring.
 const LADDER: [(u32, u16, &str); 3] = [
     (0x06, 0x21, "ready to switch on"),
@@ -217,7 +220,7 @@ fn error_name(code: u16) -> String {
         0x6000..=0x6FFF => "software",
         0x7121 => "motor blocked",
         0x7300..=0x73FF => "sensor",
-        0x8130 => "heartbeat lost",
+        0x8130 => LOST,
         0x8611 => "following error",
         _ => "error",
     };
@@ -236,7 +239,13 @@ impl Protocol for Cia402 {
                 "off after control word 0",
             ));
         }
-        let fault = Self::fault(bus, index, status)?;
+        let mut fault = Self::fault(bus, index, status)?;
+        // Silence before us is no reason to refuse us.
+        if fault.as_ref().is_some_and(|fault| fault.contains(LOST)) {
+            write(bus, index, object::CONTROL, FAULT_RESET)?;
+            let status = read(bus, index, object::STATUS)? as u16;
+            fault = Self::fault(bus, index, status)?;
+        }
         let position = read(bus, index, object::POSITION)? as i32;
         let motor = bus.servos[index].motor.as_ref();
         Ok(Status {

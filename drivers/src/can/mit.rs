@@ -25,10 +25,14 @@ use crate::servo::Servo;
 /// The last byte of a mode command.
 const ENABLE: u8 = 0xFC;
 const DISABLE: u8 = 0xFD;
+const CLEAR: u8 = 0xFB;
 /// Where Damiao registers are read and written.
 const REGISTER_ID: u32 = 0x7FF;
 const READ: u8 = 0x33;
 const WRITE: u8 = 0x55;
+
+/// What a motor says after its time-out.
+const LOST: &str = "communication lost";
 
 mod register {
     pub const REPLY_ID: (u8, &str) = (7, "MST_ID");
@@ -113,7 +117,7 @@ fn damiao_fault(nibble: u8) -> Option<&'static str> {
         0xA => "over-current",
         0xB => "MOSFET overheating",
         0xC => "coil overheating",
-        0xD => "communication lost",
+        0xD => LOST,
         0xE => "overload",
         _ => "an unknown error",
     })
@@ -266,12 +270,22 @@ impl Protocol for Mit {
     fn release(&self, bus: &mut Exchange, index: usize) -> Result<Status, BusError> {
         let servo = bus.servos[index].clone();
         let has_registers = settings(&servo).is_some_and(|motor| motor.model.has_registers);
-        let off = mode_command(&servo, DISABLE);
-        let mut status = bus.ask(index, &off, "torque off", |frame| {
-            let status = parse_reply(&servo, frame)?;
-            // A reply that was under way before still shows torque on.
-            (!has_registers || !status.active).then_some(Ok(status))
-        })?;
+        let ask = |bus: &mut Exchange, last| {
+            bus.ask(index, &mode_command(&servo, last), "torque off", |frame| {
+                let status = parse_reply(&servo, frame)?;
+                // A reply that was under way before still shows torque on.
+                (!has_registers || !status.active).then_some(Ok(status))
+            })
+        };
+        let mut status = ask(bus, DISABLE)?;
+        // Silence before us is no reason to refuse us.
+        if status
+            .fault
+            .as_ref()
+            .is_some_and(|fault| fault.starts_with(LOST))
+        {
+            status = ask(bus, CLEAR)?;
+        }
         status.active = false;
         Ok(status)
     }

@@ -80,6 +80,9 @@ fn word(data: &[u8; 8], at: usize) -> [u8; 4] {
     [data[at], data[at + 1], data[at + 2], data[at + 3]]
 }
 
+/// What a controller says after its watchdog's time.
+const LOST: &str = "watchdog expired";
+
 /// What an error word says.
 fn error_names(errors: u32) -> Option<String> {
     const NAMES: [(u32, &str); 18] = [
@@ -99,7 +102,7 @@ fn error_names(errors: u32) -> Option<String> {
         (14, "inverter overheating"),
         (15, "velocity limit violation"),
         (16, "position limit violation"),
-        (24, "watchdog expired"),
+        (24, LOST),
         (25, "emergency stop requested"),
     ];
     if errors == 0 {
@@ -228,7 +231,13 @@ impl Protocol for Odrive {
         for frame in &frames {
             bus.transmit(frame, deadline, "torque off")?;
         }
-        let fault = heartbeat(bus, index, "torque off", false)?;
+        let mut fault = heartbeat(bus, index, "torque off", false)?;
+        // Silence before us is no reason to refuse us.
+        if fault.as_ref().is_some_and(|fault| fault.starts_with(LOST)) {
+            let clear = order(&bus.servos[index], command::CLEAR_ERRORS, &[0]);
+            bus.transmit(&clear, deadline, "clearing errors")?;
+            fault = heartbeat(bus, index, "torque off", false)?;
+        }
         let (position_rad, velocity_rad_s) = estimates(bus, index)?;
         Ok(Status {
             position_rad,

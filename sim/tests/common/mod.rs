@@ -3,6 +3,8 @@
 // Each test binary uses some of these.
 #![allow(dead_code)]
 
+pub mod can;
+
 use servodance_drivers::{BusConfig, BusKind, DynamixelBus, Servo, ServoConfig, servos};
 use servodance_sim::{SimBus, SimOptions, SimServoSpec};
 

@@ -1,0 +1,185 @@
+//! The host's way to the simulated bus: an slcan adapter on a pseudo-terminal,
+//! or a multicast group.
+//!
+//! The slcan adapter knows `S`, `s`, `O`, `L`, `C`, `F`, `V`, `N`, `t`, `T`,
+//! `r`, `R`; it refuses frames while closed or bus-off, and everything else.
+
+use std::io;
+use std::net::SocketAddrV4;
+use std::os::fd::{AsFd, OwnedFd};
+use std::time::{Duration, Instant};
+
+use nix::errno::Errno;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use servodance_drivers::can::slcan::{self, BEL, CR, Lines};
+use servodance_drivers::can::udp::UdpLink;
+use servodance_drivers::can::{CanFrame, CanLink, Received};
+
+/// Between host and bus.
+pub(crate) trait Adapter: Send {
+    /// Adds the frames that the host sends within `wait`. An error ends the adapter.
+    fn fetch(
+        &mut self,
+        wait: Duration,
+        bus_off: bool,
+        frames: &mut Vec<CanFrame>,
+    ) -> io::Result<()>;
+
+    /// Hands a frame to the host; what its buffer does not hold is lost.
+    fn deliver(&mut self, frame: &CanFrame);
+
+    /// Hands bytes that mean nothing to the host, where there are bytes at all.
+    fn garble(&mut self, bytes: &[u8]);
+}
+
+/// A serial CAN adapter.
+pub(crate) struct SlcanAdapter {
+    master: OwnedFd,
+    lines: Lines,
+    open: bool,
+    out: Vec<u8>,
+}
+
+impl SlcanAdapter {
+    /// Behind our end of a pseudo-terminal that does not block.
+    pub fn new(master: OwnedFd) -> Self {
+        Self {
+            master,
+            lines: Lines::default(),
+            open: false,
+            out: Vec::new(),
+        }
+    }
+
+    /// Takes one byte from the host.
+    fn take(&mut self, byte: u8, bus_off: bool) -> Option<CanFrame> {
+        let line = self
+            .lines
+            .push(byte, |line, end| (end == CR).then(|| line.to_vec()))??;
+        let letter = *line.first()?;
+        match (letter, &line[1..]) {
+            (b't' | b'T' | b'r' | b'R', _) => {
+                let frame = slcan::decode(&line).filter(|_| self.open && !bus_off);
+                match frame {
+                    None => self.out.push(BEL),
+                    Some(_) if letter.is_ascii_uppercase() => self.out.extend(b"Z\r"),
+                    Some(_) => self.out.extend(b"z\r"),
+                }
+                return frame;
+            }
+            (b'O' | b'L', []) if !self.open => self.open = true,
+            (b'C', []) => self.open = false,
+            (b'S', [b'0'..=b'8']) | (b's', _) if !self.open => {}
+            (b'F', []) => {
+                let flags: &[u8] = if bus_off { b"F80" } else { b"F00" };
+                self.out.extend(flags);
+            }
+            (b'V', []) => self.out.extend(b"V1013"),
+            (b'N', []) => self.out.extend(b"NSIM1"),
+            _ => {
+                self.out.push(BEL);
+                return None;
+            }
+        }
+        self.out.push(CR);
+        None
+    }
+
+    fn flush(&mut self) {
+        let mut bytes = &self.out[..];
+        while !bytes.is_empty() {
+            match nix::unistd::write(&self.master, bytes) {
+                Ok(count) => bytes = &bytes[count..],
+                Err(Errno::EINTR) => {}
+                Err(_) => break,
+            }
+        }
+        self.out.clear();
+    }
+}
+
+impl Adapter for SlcanAdapter {
+    fn fetch(
+        &mut self,
+        wait: Duration,
+        bus_off: bool,
+        frames: &mut Vec<CanFrame>,
+    ) -> io::Result<()> {
+        let mut chunk = [0; 4096];
+        let mut watched = [PollFd::new(self.master.as_fd(), PollFlags::POLLIN)];
+        let wait_ms = wait.as_millis().min(1000) as u16;
+        match poll(&mut watched, PollTimeout::from(wait_ms)) {
+            Ok(0) | Err(Errno::EINTR) => return Ok(()),
+            Ok(_) => {}
+            Err(errno) => return Err(errno.into()),
+        }
+        match nix::unistd::read(&self.master, &mut chunk) {
+            Ok(count) => {
+                let taken = chunk[..count].iter();
+                frames.extend(taken.filter_map(|byte| self.take(*byte, bus_off)));
+                self.flush();
+            }
+            // Nobody has the other end open: the next one finds it closed.
+            Err(Errno::EIO) => {
+                self.open = false;
+                self.lines = Lines::default();
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            Err(Errno::EINTR | Errno::EAGAIN) => {}
+            Err(errno) => return Err(errno.into()),
+        }
+        Ok(())
+    }
+
+    fn deliver(&mut self, frame: &CanFrame) {
+        if self.open {
+            slcan::encode(frame, &mut self.out);
+            self.flush();
+        }
+    }
+
+    fn garble(&mut self, bytes: &[u8]) {
+        self.out.extend(bytes);
+        self.flush();
+    }
+}
+
+/// A multicast group.
+pub(crate) struct MulticastAdapter {
+    link: UdpLink,
+}
+
+impl MulticastAdapter {
+    /// Joins the group.
+    pub fn open(group: SocketAddrV4) -> io::Result<Self> {
+        Ok(Self {
+            link: UdpLink::open(group)?,
+        })
+    }
+}
+
+impl Adapter for MulticastAdapter {
+    fn fetch(
+        &mut self,
+        wait: Duration,
+        bus_off: bool,
+        frames: &mut Vec<CanFrame>,
+    ) -> io::Result<()> {
+        let mut deadline = Instant::now() + wait;
+        while let Received::Frame(frame) = self.link.receive(deadline)? {
+            if !bus_off {
+                frames.push(frame);
+            }
+            // What is there already goes along.
+            deadline = Instant::now();
+        }
+        Ok(())
+    }
+
+    fn deliver(&mut self, frame: &CanFrame) {
+        // Lost, as it would be on a bus that nobody listens to.
+        let _ = self.link.send(frame);
+    }
+
+    fn garble(&mut self, _bytes: &[u8]) {}
+}

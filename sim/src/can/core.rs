@@ -1,0 +1,333 @@
+//! What all simulated CAN motors share: the motor, its torque loop, protection,
+//! time-out and judge. What they say about it is each protocol's own.
+//!
+//! Torque is `kp (goal - angle) + kd (speed wanted - speed) + feed-forward`,
+//! within the torque limit. Angles are the motor's own after the gear.
+
+use servodance_drivers::can::MotorSettings;
+
+use crate::fault::ServoFault;
+use crate::judge::Judge;
+use crate::motor::Motor;
+use crate::servo::SimServoState;
+use crate::spec::{ServoModel, SimError, SimServoSpec};
+
+const REBOOT_S: f64 = 0.5;
+const OVERLOAD_S: f64 = 1.0;
+const OVERLOAD_SHARE: f64 = 0.8;
+/// The motor protects itself from here on, Celsius.
+const HOTTEST_C: f64 = 90.0;
+/// Supply against nominal at which the motor protects itself.
+const LOWEST_SHARE: f64 = 0.6;
+const HIGHEST_SHARE: f64 = 1.4;
+
+/// Why a motor has turned itself off. Stays until it is cleared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trouble {
+    /// Supply too low.
+    UnderVoltage,
+    /// Supply too high.
+    OverVoltage,
+    /// Too hot.
+    Overheat,
+    /// Held against its torque for too long.
+    Overload,
+    /// No command within the time-out.
+    CommunicationLost,
+}
+
+/// What a command asks of the torque loop.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Command {
+    /// Goal, radians.
+    pub goal_rad: f64,
+    /// Speed wanted, radians a second.
+    pub speed_rad_s: f64,
+    /// Position gain.
+    pub kp: f64,
+    /// Damping.
+    pub kd: f64,
+    /// Torque on top.
+    pub torque_nm: f64,
+}
+
+/// One motor without its protocol.
+#[derive(Clone, Debug)]
+pub struct Core {
+    spec: SimServoSpec,
+    /// What the motor's numbers mean.
+    pub settings: MotorSettings,
+    motor: Motor,
+    judge: Judge,
+    nominal_v: f64,
+    supply_v: f64,
+    /// Its id on the bus.
+    pub id: u8,
+    enabled: bool,
+    /// `None` until the first command after torque on.
+    command: Option<Command>,
+    /// Most torque, newton metres.
+    pub torque_limit_nm: f64,
+    /// Torque goes off after this much silence, seconds; `None` is never.
+    pub timeout_s: Option<f64>,
+    silent_s: f64,
+    /// What has turned it off.
+    pub trouble: Option<Trouble>,
+    tripped: bool,
+    dead: bool,
+    deaf_until_s: f64,
+    time_s: f64,
+    overload_s: f64,
+    torque_nm: f64,
+}
+
+impl Core {
+    /// A motor fresh from the factory; `nominal_v` is what it is made for.
+    pub fn new(
+        spec: &SimServoSpec,
+        nominal_v: f64,
+        supply_v: Option<f64>,
+        period_s: f64,
+    ) -> Result<Self, SimError> {
+        let settings = spec.motor.clone().ok_or_else(|| SimError::Servo {
+            joint: spec.name.clone(),
+            id: spec.id,
+            reason: "is not a CAN motor".into(),
+        })?;
+        let torque_nm = settings.model.torque_nm;
+        let model = ServoModel {
+            name: "CAN motor",
+            number: 0,
+            stall_torque_nm: torque_nm,
+            no_load_rpm: settings.model.velocity_rad_s * 60.0 / std::f64::consts::TAU,
+            stall_current_a: torque_nm,
+            voltage_v: nominal_v,
+            current_a_per_unit: 0.0,
+        };
+        let inertia = settings.model.rotor_inertia_kg_m2() + spec.load_inertia_kg_m2;
+        let angle_rad = spec.zero_rad + spec.direction * spec.initial_rad;
+        Ok(Self {
+            motor: Motor::with_inertia(&model, inertia, angle_rad),
+            judge: Judge::new(&spec.name, spec.limits, period_s),
+            nominal_v,
+            supply_v: supply_v.unwrap_or(nominal_v),
+            id: spec.id,
+            enabled: false,
+            command: None,
+            torque_limit_nm: torque_nm,
+            timeout_s: None,
+            silent_s: 0.0,
+            trouble: None,
+            tripped: false,
+            dead: false,
+            deaf_until_s: 0.0,
+            time_s: 0.0,
+            overload_s: 0.0,
+            torque_nm: 0.0,
+            settings,
+            spec: spec.clone(),
+        })
+    }
+
+    /// Whether it hears and speaks.
+    pub fn listens(&self) -> bool {
+        !self.dead && self.time_s >= self.deaf_until_s
+    }
+
+    /// Whether it drives.
+    pub fn enabled(&self) -> bool {
+        self.enabled
+    }
+
+    /// Simulated time, seconds.
+    pub fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
+    /// Its own angle, radians.
+    pub fn angle_rad(&self) -> f64 {
+        self.motor.angle_rad
+    }
+
+    /// Its own speed, radians a second.
+    pub fn speed_rad_s(&self) -> f64 {
+        self.motor.speed_rad_s
+    }
+
+    /// Its torque, newton metres.
+    pub fn torque_nm(&self) -> f64 {
+        self.torque_nm
+    }
+
+    /// Winding temperature, Celsius.
+    pub fn temperature_c(&self) -> f64 {
+        self.motor.temperature_c
+    }
+
+    /// Supply, volts.
+    pub fn supply_v(&self) -> f64 {
+        self.supply_v
+    }
+
+    /// The judge of its motion.
+    pub fn judge(&self) -> &Judge {
+        &self.judge
+    }
+
+    fn joint_rad(&self, angle_rad: f64) -> f64 {
+        (angle_rad - self.spec.zero_rad) * self.spec.direction
+    }
+
+    /// Torque on, without any until the first command. Refused in trouble.
+    pub fn enable(&mut self) {
+        if self.trouble.is_none() && !self.enabled {
+            self.enabled = true;
+            self.tripped = false;
+            self.command = None;
+            self.silent_s = 0.0;
+            self.overload_s = 0.0;
+        }
+    }
+
+    /// Torque off.
+    pub fn disable(&mut self) {
+        self.enabled = false;
+        self.command = None;
+        self.judge.end();
+    }
+
+    /// Forgets its trouble.
+    pub fn clear(&mut self) {
+        self.trouble = None;
+    }
+
+    /// It heard something that its time-out counts.
+    pub fn feed(&mut self) {
+        self.silent_s = 0.0;
+    }
+
+    /// A command of the torque loop; without torque it means nothing.
+    pub fn command(&mut self, command: Command) {
+        if !self.enabled {
+            return;
+        }
+        let goal_rad = self.joint_rad(command.goal_rad);
+        if self.command.is_none() {
+            let position_rad = self.joint_rad(self.motor.angle_rad);
+            self.judge.begin(goal_rad, position_rad);
+        }
+        self.judge.told(self.time_s, goal_rad);
+        self.command = Some(command);
+    }
+
+    /// Restarts: torque off, deaf for a while.
+    pub fn reboot(&mut self) {
+        self.disable();
+        self.clear();
+        self.tripped = false;
+        self.timeout_s = None;
+        self.torque_limit_nm = self.settings.model.torque_nm;
+        self.deaf_until_s = self.time_s + REBOOT_S;
+    }
+
+    fn fail(&mut self, trouble: Trouble) {
+        self.trouble = Some(trouble);
+        self.disable();
+    }
+
+    /// Something goes wrong with it; true if its protocol must restart too.
+    pub fn suffer(&mut self, fault: ServoFault) -> bool {
+        match fault {
+            ServoFault::Dead => self.dead = true,
+            ServoFault::Reboot => {
+                self.reboot();
+                return true;
+            }
+            ServoFault::Overheat(celsius) => self.motor.temperature_c = celsius,
+            ServoFault::Jam => {
+                self.motor.jammed = true;
+                self.judge.excuse_motion();
+            }
+            ServoFault::Overload => self.fail(Trouble::Overload),
+            ServoFault::Supply(volts) => self.supply_v = volts,
+            ServoFault::Id(id) => self.id = id,
+        }
+        false
+    }
+
+    /// One step of firmware and motor, ending at `time_s`.
+    pub fn step(&mut self, time_s: f64, dt_s: f64) {
+        self.time_s = time_s;
+        self.watch_silence(dt_s);
+        let duty = self.command.map(|command| self.drive(command));
+        if duty.is_none() {
+            self.torque_nm = 0.0;
+        }
+        let joint_rad = self.joint_rad(self.motor.angle_rad);
+        let gravity_nm = -self.spec.direction * self.spec.gravity_nm * joint_rad.sin();
+        self.motor.step(dt_s, duty, self.supply_v, gravity_nm);
+        self.protect(dt_s);
+    }
+
+    fn watch_silence(&mut self, dt_s: f64) {
+        if !self.enabled {
+            return;
+        }
+        self.silent_s += dt_s;
+        if self
+            .timeout_s
+            .is_some_and(|limit_s| self.silent_s > limit_s)
+        {
+            self.fail(Trouble::CommunicationLost);
+            self.tripped = true;
+        }
+    }
+
+    fn drive(&mut self, command: Command) -> f64 {
+        let asked_nm = command.kp * (command.goal_rad - self.motor.angle_rad)
+            + command.kd * (command.speed_rad_s - self.motor.speed_rad_s)
+            + command.torque_nm;
+        self.torque_nm = asked_nm.clamp(-self.torque_limit_nm, self.torque_limit_nm);
+        let duty = self.motor.duty_for_torque(self.torque_nm, self.supply_v);
+        duty.clamp(-1.0, 1.0)
+    }
+
+    fn protect(&mut self, dt_s: f64) {
+        let stalled = self.torque_nm.abs() > OVERLOAD_SHARE * self.torque_limit_nm
+            && self.motor.speed_rad_s.abs() < 0.1;
+        self.overload_s = if stalled { self.overload_s + dt_s } else { 0.0 };
+        let share = self.supply_v / self.nominal_v;
+        if self.trouble.is_some() {
+        } else if self.overload_s > OVERLOAD_S {
+            self.fail(Trouble::Overload);
+        } else if self.motor.temperature_c > HOTTEST_C {
+            self.fail(Trouble::Overheat);
+        } else if share < LOWEST_SHARE {
+            self.fail(Trouble::UnderVoltage);
+        } else if share > HIGHEST_SHARE {
+            self.fail(Trouble::OverVoltage);
+        }
+    }
+
+    /// The end of a control period: the true position is judged.
+    pub fn end_period(&mut self) {
+        let position_rad = self.joint_rad(self.motor.angle_rad);
+        self.judge.went(self.time_s, position_rad);
+    }
+
+    /// The truth.
+    pub fn state(&self) -> SimServoState {
+        let goal = self.command.map_or(self.motor.angle_rad, |c| c.goal_rad);
+        SimServoState {
+            time_s: self.time_s,
+            position_rad: self.joint_rad(self.motor.angle_rad),
+            velocity_rad_s: self.spec.direction * self.motor.speed_rad_s,
+            goal_rad: self.joint_rad(goal),
+            current_a: self.spec.direction * self.motor.current_a,
+            temperature_c: self.motor.temperature_c,
+            torque_enabled: self.enabled,
+            watchdog_tripped: self.tripped,
+            hardware_error: self.trouble.map_or(0, |trouble| 1 << trouble as u8),
+        }
+    }
+}

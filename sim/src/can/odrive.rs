@@ -1,0 +1,254 @@
+//! Simulated ODrive controllers: CANSimple of firmware 0.6.
+//!
+//! The loops are those that the controller has: position gain to velocity,
+//! velocity gain to torque; the integrator gain is kept and means nothing.
+
+use std::f64::consts::TAU;
+
+use servodance_drivers::can::CanFrame;
+
+use crate::can::core::{Command, Core, Trouble};
+use crate::can::net::Device;
+
+const IDLE: u8 = 1;
+const CLOSED_LOOP: u8 = 8;
+const HEARTBEAT_S: f64 = 0.1;
+/// The endpoints of the simulated firmware's watchdog: time-out, enable.
+pub const WATCHDOG_ENDPOINTS: [u16; 2] = [153, 154];
+
+/// One axis.
+#[derive(Debug)]
+pub struct OdriveAxis {
+    core: Core,
+    input_turns: f32,
+    position_gain: f32,
+    velocity_gain: f32,
+    velocity_limit: f32,
+    modes: [u32; 2],
+    watchdog_s: f32,
+    watchdog_enabled: bool,
+    disarm_reason: u32,
+    next_heartbeat_s: f64,
+}
+
+impl OdriveAxis {
+    /// An axis fresh from the factory but for its node id.
+    pub fn new(core: Core) -> Self {
+        let mut axis = Self {
+            core,
+            input_turns: 0.0,
+            position_gain: 0.0,
+            velocity_gain: 0.0,
+            velocity_limit: 0.0,
+            modes: [0; 2],
+            watchdog_s: 0.0,
+            watchdog_enabled: false,
+            disarm_reason: 0,
+            next_heartbeat_s: HEARTBEAT_S,
+        };
+        axis.restart();
+        axis
+    }
+
+    fn errors(&self) -> u32 {
+        match self.core.trouble {
+            None => 0,
+            Some(Trouble::OverVoltage) => 1 << 8,
+            Some(Trouble::UnderVoltage) => 1 << 9,
+            Some(Trouble::Overload) => 1 << 12,
+            Some(Trouble::Overheat) => 1 << 13,
+            Some(Trouble::CommunicationLost) => 1 << 24,
+        }
+    }
+
+    /// Turns of the motor for a radian of the joint's axis.
+    fn turns_per_rad(&self) -> f64 {
+        self.core.settings.gear_ratio / TAU
+    }
+
+    fn say(&self, command: u32, data: &[u8]) -> CanFrame {
+        CanFrame::standard(u32::from(self.core.id) << 5 | command, data)
+    }
+
+    fn heartbeat(&self) -> CanFrame {
+        let state = if self.core.enabled() {
+            CLOSED_LOOP
+        } else {
+            IDLE
+        };
+        let [a, b, c, d] = self.errors().to_le_bytes();
+        self.say(0x01, &[a, b, c, d, state, 0, 0, 0])
+    }
+
+    /// The answer to a remote frame.
+    fn answer(&self, command: u32) -> Option<CanFrame> {
+        let f = |value: f64| (value as f32).to_le_bytes();
+        let core = &self.core;
+        let data = match command {
+            // Protocol 2, hardware 5.2, firmware 0.6.10.
+            0x00 => [2, 5, 2, 0, 0, 6, 10, 0],
+            0x01 => return Some(self.heartbeat()),
+            0x03 => two(
+                self.errors().to_le_bytes(),
+                self.disarm_reason.to_le_bytes(),
+            ),
+            0x09 => two(
+                f(core.angle_rad() * self.turns_per_rad()),
+                f(core.speed_rad_s() * self.turns_per_rad()),
+            ),
+            0x14 => two(f(core.torque_nm()), f(core.torque_nm())),
+            0x15 => two(f(core.temperature_c()), f(core.temperature_c())),
+            0x17 => two(f(core.supply_v()), f(0.0)),
+            _ => return None,
+        };
+        Some(self.say(command, &data))
+    }
+
+    /// Position and velocity gain as gains of the joint's axis.
+    fn follow(&mut self) {
+        let gear = self.core.settings.gear_ratio;
+        let kd = f64::from(self.velocity_gain) * gear * gear / TAU;
+        let goal_rad = f64::from(self.input_turns) / self.turns_per_rad();
+        if self.modes == [3, 1] && goal_rad.is_finite() {
+            self.core.command(Command {
+                goal_rad,
+                speed_rad_s: 0.0,
+                kp: kd * f64::from(self.position_gain),
+                kd,
+                torque_nm: 0.0,
+            });
+        }
+    }
+
+    fn request_state(&mut self, state: u32) {
+        match u8::try_from(state) {
+            Ok(IDLE) => self.core.disable(),
+            Ok(CLOSED_LOOP) => {
+                self.core.enable();
+                self.follow();
+            }
+            _ => {}
+        }
+    }
+
+    fn apply_watchdog(&mut self) {
+        let seconds = f64::from(self.watchdog_s);
+        let armed = self.watchdog_enabled && seconds > 0.0;
+        self.core.timeout_s = armed.then_some(seconds);
+    }
+
+    /// A parameter by its endpoint.
+    fn access(&mut self, data: [u8; 8], out: &mut Vec<CanFrame>) {
+        let [opcode, low, high, _, value @ ..] = data;
+        let endpoint = u16::from_le_bytes([low, high]);
+        let [timeout, enable] = WATCHDOG_ENDPOINTS;
+        if opcode == 1 {
+            match endpoint {
+                _ if endpoint == timeout => self.watchdog_s = f32::from_le_bytes(value),
+                _ if endpoint == enable => self.watchdog_enabled = value[0] != 0,
+                _ => {}
+            }
+            self.apply_watchdog();
+        } else {
+            let value = match endpoint {
+                _ if endpoint == timeout => self.watchdog_s.to_le_bytes(),
+                _ if endpoint == enable => [u8::from(self.watchdog_enabled), 0, 0, 0],
+                _ => return,
+            };
+            out.push(self.say(0x05, &two([0, low, high, 0], value)));
+        }
+    }
+}
+
+/// Two little-endian words.
+fn two(a: [u8; 4], b: [u8; 4]) -> [u8; 8] {
+    let [a0, a1, a2, a3] = a;
+    let [b0, b1, b2, b3] = b;
+    [a0, a1, a2, a3, b0, b1, b2, b3]
+}
+
+fn float(data: &[u8], at: usize) -> Option<f32> {
+    let bytes = data.get(at..at + 4)?;
+    Some(f32::from_le_bytes(bytes.try_into().ok()?))
+}
+
+impl Device for OdriveAxis {
+    fn core(&self) -> &Core {
+        &self.core
+    }
+
+    fn core_mut(&mut self) -> &mut Core {
+        &mut self.core
+    }
+
+    fn hear(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>) {
+        let is_ours = !frame.is_extended() && frame.id() >> 5 == u32::from(self.core.id);
+        if !is_ours {
+            return;
+        }
+        let command = frame.id() & 0x1F;
+        if frame.is_remote() {
+            out.extend(self.answer(command));
+            return;
+        }
+        let data = frame.data();
+        let word = |at: usize| float(data, at).map(f32::to_bits);
+        let was_trouble = self.core.trouble;
+        match command {
+            0x02 => self.core.disable(),
+            0x04 => {
+                if let Some(data) = frame.eight() {
+                    self.access(data, out);
+                }
+            }
+            0x07 => {
+                if let Some(state) = word(0) {
+                    self.core.feed();
+                    self.request_state(state);
+                }
+            }
+            0x0B => {
+                if let (Some(control), Some(input)) = (word(0), word(4)) {
+                    self.modes = [control, input];
+                }
+            }
+            0x0C => {
+                if let Some(turns) = float(data, 0) {
+                    self.core.feed();
+                    self.input_turns = turns;
+                    self.follow();
+                }
+            }
+            0x0F => self.velocity_limit = float(data, 0).unwrap_or(self.velocity_limit),
+            0x16 => {
+                self.core.reboot();
+                self.restart();
+            }
+            0x18 => self.core.clear(),
+            0x1A => self.position_gain = float(data, 0).unwrap_or(self.position_gain),
+            0x1B => self.velocity_gain = float(data, 0).unwrap_or(self.velocity_gain),
+            _ => {}
+        }
+        if was_trouble.is_some() {
+            self.disarm_reason = self.errors();
+        }
+    }
+
+    fn due(&mut self, out: &mut Vec<CanFrame>) {
+        if self.core.time_s() >= self.next_heartbeat_s {
+            self.next_heartbeat_s = self.core.time_s() + HEARTBEAT_S;
+            out.push(self.heartbeat());
+        }
+    }
+
+    fn restart(&mut self) {
+        self.input_turns = (self.core.angle_rad() * self.turns_per_rad()) as f32;
+        self.position_gain = 20.0;
+        self.velocity_gain = 0.167;
+        self.velocity_limit = 10.0;
+        self.modes = [3, 1];
+        self.watchdog_s = 0.0;
+        self.watchdog_enabled = false;
+        self.disarm_reason = 0;
+    }
+}

@@ -1,0 +1,128 @@
+//! The thread behind a simulated CAN bus: wire time, faults, frames to and from
+//! the host.
+//!
+//! In real time a frame takes effect when its last bit has passed (no stuff
+//! bits), and an answer is handed over when its own has. In lockstep wire time
+//! is only counted, and what motors say by themselves goes out in front of the
+//! next answer, so that a run can be repeated.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use servodance_drivers::can::CanFrame;
+
+use crate::can::Adapter;
+use crate::fault::Passed;
+use crate::sim_bus::Shared;
+use crate::spec::SimClock;
+
+/// How often the thread looks whether it is to end, or a motor has something to say.
+const WAKE: Duration = Duration::from_millis(5);
+/// An error frame, and the pause after it: bits.
+const ERROR_BITS: f64 = 23.0;
+
+/// Serves one bus.
+pub(crate) struct CanServer {
+    shared: Arc<Shared>,
+    adapter: Box<dyn Adapter>,
+    bit_s: f64,
+    /// When the wire is free again, seconds since the start. Real time only.
+    wire_free_s: f64,
+}
+
+impl CanServer {
+    pub fn new(shared: Arc<Shared>, adapter: Box<dyn Adapter>, bitrate: u32) -> Self {
+        Self {
+            shared,
+            adapter,
+            bit_s: 1.0 / f64::from(bitrate),
+            wire_free_s: 0.0,
+        }
+    }
+
+    pub fn run(mut self) {
+        let mut frames = Vec::new();
+        while !self.shared.stop.load(Ordering::Acquire) {
+            let bus_off = self.shared.bus_off.load(Ordering::Acquire);
+            if self.adapter.fetch(WAKE, bus_off, &mut frames).is_err() {
+                return;
+            }
+            let now_s = self.shared.began.elapsed().as_secs_f64();
+            self.wire_free_s = self.wire_free_s.max(now_s);
+            for frame in frames.drain(..) {
+                self.serve(&frame);
+            }
+            if self.shared.clock == SimClock::Realtime {
+                let due = self.shared.world().line.due();
+                self.answer(due);
+            }
+        }
+    }
+
+    /// A frame from the host takes its time, then the motors hear it.
+    fn serve(&mut self, frame: &CanFrame) {
+        self.pass(frame);
+        self.shared.wire().bytes_in += frame.data().len() as u64;
+        if self.shared.faults().loses_instruction() {
+            return;
+        }
+        self.shared.wait_until(self.wire_free_s);
+        let answers = {
+            let mut world = self.shared.world();
+            let mut said = match self.shared.clock {
+                SimClock::Lockstep => world.line.due(),
+                SimClock::Realtime => Vec::new(),
+            };
+            said.extend(world.line.hear(frame));
+            said
+        };
+        self.answer(answers);
+    }
+
+    fn pass(&mut self, frame: &CanFrame) {
+        self.occupy(f64::from(frame.nominal_bits()));
+    }
+
+    fn occupy(&mut self, bits: f64) {
+        self.wire_free_s += bits * self.bit_s;
+        self.shared.wire().delays_s += bits * self.bit_s;
+    }
+
+    /// Frames to the host, each when it has passed; faults happen to them here.
+    fn answer(&mut self, frames: Vec<CanFrame>) {
+        if self.shared.bus_off.load(Ordering::Acquire) {
+            return;
+        }
+        for frame in frames {
+            self.pass(&frame);
+            let Passed {
+                copies,
+                damaged,
+                late_s,
+                noise,
+            } = self.shared.faults().pass_frame();
+            if damaged {
+                // The sender sees the error and says it again.
+                self.occupy(ERROR_BITS);
+                self.pass(&frame);
+            }
+            {
+                let mut wire = self.shared.wire();
+                wire.bytes_out += copies as u64 * frame.data().len() as u64;
+                wire.packets_out += copies as u64;
+            }
+            self.shared
+                .wait_until(self.wire_free_s + self.shared.adapter_s);
+            if late_s > 0.0 {
+                std::thread::sleep(Duration::from_secs_f64(late_s));
+            }
+            if !noise.is_empty() {
+                self.adapter.garble(&noise);
+            }
+            for _ in 0..copies {
+                self.adapter.deliver(&frame);
+            }
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! Robots of CAN motors.
+
+use servodance_drivers::can::CanBus;
+use servodance_drivers::{BusConfig, BusKind, Servo, ServoConfig, servos};
+use servodance_sim::can::WATCHDOG_ENDPOINTS;
+use servodance_sim::{SimBus, SimOptions};
+
+use super::*;
+
+pub const BITRATE: u32 = 1_000_000;
+
+/// The motors that are simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    CubeMars,
+    Damiao,
+    Robstride,
+    Odrive,
+    Cia402,
+}
+
+pub const KINDS: [Kind; 5] = [
+    Kind::CubeMars,
+    Kind::Damiao,
+    Kind::Robstride,
+    Kind::Odrive,
+    Kind::Cia402,
+];
+
+impl Kind {
+    pub fn model(self) -> &'static str {
+        match self {
+            Self::CubeMars => "AK80-9",
+            Self::Damiao => "DM-J4310",
+            Self::Robstride => "RS02",
+            Self::Odrive => "ODrive",
+            Self::Cia402 => "CiA402",
+        }
+    }
+
+    pub fn bus(self) -> BusKind {
+        match self {
+            Self::CubeMars | Self::Damiao => BusKind::Mit,
+            Self::Robstride => BusKind::Robstride,
+            Self::Odrive => BusKind::Odrive,
+            Self::Cia402 => BusKind::Cia402,
+        }
+    }
+}
+
+/// `count` joints, every other one mounted in reverse.
+pub fn can_robot(kind: Kind, count: u8) -> Vec<Servo> {
+    let geared = matches!(kind, Kind::Odrive | Kind::Cia402);
+    let joint = |k: u8| ServoConfig {
+        name: format!("joint_{k}"),
+        id: k,
+        model: kind.model().into(),
+        direction: if k.is_multiple_of(2) { 1 } else { -1 },
+        zero_deg: 10.0,
+        lower_deg: -60.0,
+        upper_deg: 90.0,
+        velocity_deg_s: 230.0,
+        acceleration_deg_s2: 2300.0,
+        gear_ratio: geared.then_some(9.0),
+        reply_id: (kind == Kind::Damiao).then_some(0x100 + u16::from(k)),
+        ..Default::default()
+    };
+    servos(&(1..=count).map(joint).collect::<Vec<_>>()).unwrap()
+}
+
+/// A reply may be late by a stall of the machine, never by the simulation.
+pub fn can_patient(kind: Kind) -> BusConfig {
+    BusConfig {
+        reply_timeout_ms: 2000.0,
+        watchdog_ms: 100,
+        accept_no_watchdog: kind == Kind::CubeMars,
+        watchdog_endpoints: (kind == Kind::Odrive).then_some(WATCHDOG_ENDPOINTS),
+        ..BusConfig::of_kind(kind.bus(), BITRATE)
+    }
+}
+
+pub fn open(kind: Kind, sim: &SimBus, servos: &[Servo]) -> CanBus {
+    CanBus::open(&sim.port().to_string(), &can_patient(kind), servos.to_vec()).unwrap()
+}
+
+pub fn start(kind: Kind, count: u8) -> (Vec<Servo>, SimBus, CanBus) {
+    let servos = can_robot(kind, count);
+    let sim = SimBus::start(&specs(&servos), SimOptions::lockstep(BITRATE, HZ)).unwrap();
+    let bus = open(kind, &sim, &servos);
+    (servos, sim, bus)
+}
