@@ -10,7 +10,7 @@ use std::path::Path;
 /// What `dance --report` writes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Report {
-    /// Version of servodance that wrote it, and of this format: `0.1.0/1`.
+    /// Version of servodance that wrote it, and of this format: `0.1.0/2`.
     pub version: String,
     /// Seconds of audio heard.
     pub audio_s: f64,
@@ -43,13 +43,18 @@ pub struct Report {
     pub beats: BeatReport,
     /// How well motion and music beats agree, from the generator to the servos.
     pub alignment: AlignmentReport,
+    /// What steering the motion onto the beat did.
+    pub compensation: CompensationReport,
+    /// When the joints paused, for scoring against other beats.
+    pub kinematic_beats_s: KinematicBeats,
     /// Control cycles for which no motion frame was ready in time.
     pub late_frames: u64,
     /// How often the safety layer had to change a command.
     pub interventions: u64,
     /// Music frames with a number that was not finite, replaced by the last good one.
     pub replaced_music_frames: u64,
-    /// Seconds by which motion is sent ahead of the music, so that it arrives on time.
+    /// Mean of the seconds by which motion was sent ahead of the music, so that it
+    /// arrives on time; below zero when audio is live.
     pub lead_s: f64,
 }
 
@@ -117,6 +122,37 @@ pub struct AlignmentScores {
     pub bailando: Option<f64>,
     /// F1 of kinematic against music beats within 100 ms.
     pub f1: Option<f64>,
+    /// Median distance from a kinematic beat to the nearest music beat, milliseconds.
+    pub error_ms: Option<f64>,
+    /// The same with its sign: above zero where the motion is late.
+    pub bias_ms: Option<f64>,
+}
+
+/// What steering the motion onto the beat did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CompensationReport {
+    /// Whether it was on.
+    pub on: bool,
+    /// Slowest and fastest pace of the motion; 1 is as it was generated.
+    pub pace: [f64; 2],
+    /// Alignment of the same motion danced again without it on simulated servos
+    /// (its first ten minutes): targets. `null` if compensation was off.
+    pub off_targets: Option<AlignmentScores>,
+    /// The same: servos.
+    pub off_servos: Option<AlignmentScores>,
+}
+
+/// Kinematic beats: the moments at which the joints pause, seconds of music.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct KinematicBeats {
+    /// Of the 22-joint motion.
+    pub generator: Vec<f64>,
+    /// Of the joint targets.
+    pub targets: Vec<f64>,
+    /// Of the positions that the servos reported.
+    pub servos: Vec<f64>,
+    /// Of the servos without compensation; empty if it was off.
+    pub off_servos: Vec<f64>,
 }
 
 /// Alignment along the way.
@@ -132,7 +168,7 @@ pub struct AlignmentReport {
 
 impl Report {
     /// Version of the format.
-    pub const FORMAT: u32 = 1;
+    pub const FORMAT: u32 = 2;
 
     /// The value of [`Report::version`].
     pub fn version_string() -> String {

@@ -29,9 +29,10 @@ pub fn summary(config: &DanceConfig, report: &Report) -> String {
         match (beats, report.alignment.servos.f1) {
             (0, _) | (_, None) => "none found in this audio".into(),
             (_, Some(f1)) => format!(
-                "{beats} at {:.0} BPM; within 100 ms of them (F1): dancer {:.2}, servos {f1:.2}",
+                "{beats} at {:.0} BPM; within 100 ms of them (F1): dancer {:.2}, servos {f1:.2}, {:.0} ms off",
                 report.beats.tempo_bpm,
                 report.alignment.generator.f1.unwrap_or_default(),
+                report.alignment.servos.error_ms.unwrap_or_default(),
             ),
         },
     );

@@ -41,3 +41,4 @@ pub use k::nalgebra;
 pub use lint::{lint, lint_limits};
 pub use model::{RobotModel, Shape, Visual};
 pub use retargeter::Retargeter;
+pub use stream::Points;

@@ -16,7 +16,7 @@ use crate::config::{Limb, RetargetConfig, Stance};
 use crate::guard::Guard;
 use crate::human::{self, Aim, Heading, Reader};
 use crate::pelvis::Pelvis;
-use crate::stream::{LOOKAHEAD_FRAMES, MotionStream};
+use crate::stream::{LOOKAHEAD_FRAMES, MotionStream, Points};
 use crate::tracker::Tracker;
 use crate::{Counts, RetargetError, RobotModel};
 
@@ -223,10 +223,24 @@ impl Retargeter {
     /// # Errors
     /// Only if `out_rad` has not one place a joint.
     pub fn next(&mut self, time_s: f64, out_rad: &mut [f64]) -> Result<(), RetargetError> {
+        self.next_altered(time_s, |points| points, out_rad)
+    }
+
+    /// Like [`next`](Self::next), but `alter` may change the human pose that is
+    /// due in [`preview_s`](Self::preview_s), or give one where there is none.
+    ///
+    /// # Errors
+    /// Only if `out_rad` has not one place a joint.
+    pub fn next_altered(
+        &mut self,
+        time_s: f64,
+        alter: impl FnOnce(Option<Points>) -> Option<Points>,
+        out_rad: &mut [f64],
+    ) -> Result<(), RetargetError> {
         self.check_length(out_rad.len())?;
         self.counts.cycles += 1;
         self.counts.starved_cycles += u64::from(self.stream.is_over(time_s));
-        let aim = match self.stream.at(time_s + self.preview_s()) {
+        let aim = match alter(self.stream.at(time_s + self.preview_s())) {
             Some(points) if self.mirror => Some(self.reader.read(&human::mirrored(&points))),
             Some(points) => Some(self.reader.read(&points)),
             None => None,
@@ -249,8 +263,8 @@ impl Retargeter {
         Ok(())
     }
 
-    /// How far ahead of the output the solver of arms and head works.
-    fn preview_s(&self) -> f64 {
+    /// How far ahead of the output the human pose is taken in, seconds.
+    pub fn preview_s(&self) -> f64 {
         self.trackers
             .first()
             .map_or(self.preview_s, |t| t.preview_cycles() as f64 * self.dt_s)

@@ -25,8 +25,8 @@ const TELEPORT_M_S: f64 = 15.0;
 /// Coordinates beyond this are not a dancer, metres.
 const FARTHEST_M: f32 = 1e5;
 
-/// The body's points, indexed by `BodyJoint`.
-pub(crate) type Points = [Vector3<f64>; JOINT_COUNT];
+/// The body's points in robot axes, metres, indexed by `BodyJoint`.
+pub type Points = [Vector3<f64>; JOINT_COUNT];
 
 /// The frames that have arrived.
 pub(crate) struct MotionStream {

@@ -40,6 +40,11 @@ pub struct Args {
     #[arg(long, value_enum)]
     pub speed: Option<Speed>,
 
+    /// Leave the timing of the motion as it is: do not steer it so that the
+    /// servos meet the beat.
+    #[arg(long)]
+    pub no_compensation: bool,
+
     /// The same seed and the same input give the same dance.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,

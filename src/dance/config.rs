@@ -39,6 +39,8 @@ pub struct DanceConfig {
     pub buses: Vec<BusChoice>,
     /// How fast time passes.
     pub speed: Speed,
+    /// Whether the motion is steered onto the beat at the servos.
+    pub compensation: bool,
     /// Seed of the generator.
     pub seed: u64,
     /// Style, if asked for.
@@ -74,6 +76,7 @@ impl DanceConfig {
             robot,
             buses,
             speed,
+            compensation: !args.no_compensation,
             seed: args.seed,
             style: args.style,
             model: args.model,

@@ -16,7 +16,9 @@
 
 use super::config::Speed;
 use super::motion_source::{MotionSource, Next, Step};
+use super::rehearsal::Rehearsal;
 use super::rig::Rig;
+use super::steering::{Horizon, Steering};
 use super::trace::Trace;
 use crate::record::{Recorder, Topic};
 use crate::robot::Robot;
@@ -48,11 +50,29 @@ pub enum Ending {
     Interrupted,
 }
 
+/// How time passes in a dance.
+#[derive(Clone, Copy, Debug)]
+pub struct Timing {
+    /// How fast it passes.
+    pub speed: Speed,
+    /// Whether audio comes in as it is played.
+    pub live: bool,
+    /// Whether the motion is steered onto the beat.
+    pub compensation: bool,
+}
+
 /// The loop and all that it keeps.
 pub struct Control<'a> {
     robot: &'a Robot,
     rig: &'a mut Rig,
     retargeter: Retargeter,
+    steering: Option<Steering>,
+    /// Seconds by which motion is ahead of the music where nothing steers it.
+    even_lead_s: f64,
+    /// Motion time of the present cycle.
+    motion_s: f64,
+    /// Sum of all leads, and how many there were.
+    lead_sum_s: (f64, u64),
     recorder: Option<Recorder>,
     stop: &'a AtomicBool,
     speed: Speed,
@@ -82,13 +102,29 @@ impl<'a> Control<'a> {
         robot: &'a Robot,
         rig: &'a mut Rig,
         recorder: Option<Recorder>,
-        speed: Speed,
-        live: bool,
+        timing: Timing,
         stop: &'a AtomicBool,
     ) -> anyhow::Result<Self> {
         let retargeter = robot.retargeter()?;
         let joints = robot.servos.len();
+        let Timing { speed, live, .. } = timing;
+        let live_s = live.then_some(1.0 / FRAME_RATE_HZ + LIVE_SLACK_S);
+        let even_lead_s = match live_s {
+            Some(live_s) => -(live_s + retargeter.lookahead_s()),
+            None => robot.servo_lag_s,
+        };
+        let horizon = Horizon {
+            preview_s: retargeter.preview_s(),
+            servo_lag_s: robot.servo_lag_s,
+            live_s,
+        };
+        let rehearsal = Rehearsal::new(robot.retargeter()?, robot.period_s());
+        let steering = Steering::new(rehearsal, horizon, robot.period_s());
         Ok(Self {
+            steering: timing.compensation.then_some(steering),
+            even_lead_s,
+            motion_s: even_lead_s - PRELUDE_S,
+            lead_sum_s: (0.0, 0),
             robot,
             rig,
             targets: retargeter.rest().to_vec(),
@@ -112,14 +148,23 @@ impl<'a> Control<'a> {
         })
     }
 
-    /// Seconds by which motion is sent ahead of the music; negative when live
-    /// audio cannot be known ahead.
+    /// Mean of the seconds by which motion was sent ahead of the music; negative
+    /// when live audio cannot be known ahead.
     pub fn lead_s(&self) -> f64 {
-        if self.live {
-            -(self.retargeter.lookahead_s() + 1.0 / FRAME_RATE_HZ + LIVE_SLACK_S)
-        } else {
-            self.robot.servo_lag_s
+        match self.lead_sum_s.1 {
+            0 => self.even_lead_s,
+            cycles => self.lead_sum_s.0 / cycles as f64,
         }
+    }
+
+    /// Seconds by which motion is ahead of the music without compensation.
+    pub fn even_lead_s(&self) -> f64 {
+        self.even_lead_s
+    }
+
+    /// Slowest and fastest pace of the motion so far.
+    pub fn paces(&self) -> [f64; 2] {
+        self.steering.as_ref().map_or([1.0; 2], Steering::paces)
     }
 
     /// Robot time at which the music began, seconds from the first cycle; below
@@ -148,8 +193,9 @@ impl<'a> Control<'a> {
                 return Ok(Ending::Interrupted);
             }
             let time_s = self.time_s();
-            self.fetch_motion(source, time_s + self.lead_s(), &mut on_frame)?;
-            self.retarget(time_s + self.lead_s())?;
+            self.fetch_motion(source, &mut on_frame)?;
+            self.choose_motion_time(time_s)?;
+            self.retarget()?;
             self.drive(time_s)?;
         }
         self.finale()
@@ -166,8 +212,23 @@ impl<'a> Control<'a> {
     }
 
     fn is_over(&self) -> bool {
-        let danced_until = self.newest_s.unwrap_or(0.0) - self.lead_s() + TAIL_S;
-        self.ended && self.time_s() > danced_until
+        self.ended && self.motion_s > self.newest_s.unwrap_or(0.0) + TAIL_S
+    }
+
+    /// Which moment of the motion the targets of this cycle show.
+    fn choose_motion_time(&mut self, time_s: f64) -> anyhow::Result<()> {
+        self.motion_s = match &mut self.steering {
+            Some(steering) => {
+                let newest_s = self.newest_s.unwrap_or(f64::NEG_INFINITY);
+                steering.next(time_s, newest_s - self.retargeter.lookahead_s())?
+            }
+            None => time_s + self.even_lead_s,
+        };
+        if time_s >= 0.0 {
+            self.lead_sum_s.0 += self.motion_s - time_s;
+            self.lead_sum_s.1 += 1;
+        }
+        Ok(())
     }
 
     /// Live: stands until music comes, then starts the clock at the newest of it.
@@ -203,20 +264,28 @@ impl<'a> Control<'a> {
             .cycle(self.started.elapsed().as_secs_f64(), pose_rad)
     }
 
-    /// Takes motion until the retargeter has all that `motion_s` needs.
+    /// Takes motion until the next cycle has all that it needs, and steering
+    /// all that it can use.
     fn fetch_motion(
         &mut self,
         source: &mut MotionSource,
-        motion_s: f64,
         on_frame: &mut impl FnMut(f64),
     ) -> anyhow::Result<()> {
+        let motion_s = self.motion_s + self.robot.period_s();
         let needed_s = motion_s + self.retargeter.lookahead_s();
-        while !self.ended && self.newest_s.is_none_or(|newest| newest < needed_s) {
+        let wanted_s = match &self.steering {
+            Some(_) if self.live => f64::INFINITY,
+            Some(steering) => motion_s + steering.foresight_s(),
+            None => needed_s,
+        };
+        let lacks = |newest_s: Option<f64>, until_s| newest_s.is_none_or(|n| n < until_s);
+        while !self.ended && lacks(self.newest_s, wanted_s) {
             match source.poll()? {
                 Next::Step(step) => self.accept(&step, on_frame)?,
                 Next::Ended => self.ended = true,
                 Next::Late => {
-                    self.late_frames += u64::from(motion_s >= 0.0);
+                    let late = motion_s >= 0.0 && lacks(self.newest_s, needed_s);
+                    self.late_frames += u64::from(late);
                     break;
                 }
             }
@@ -228,6 +297,9 @@ impl<'a> Control<'a> {
         self.newest_s = Some(step.motion.time_s);
         self.frames += 1;
         self.retargeter.push(&step.motion);
+        if let Some(steering) = &mut self.steering {
+            steering.push(&step.music, &step.motion);
+        }
         self.trace.motion.push(step.motion);
         self.stages.book(Stage::Features, step.features_ms);
         self.stages.book(Stage::Model, step.model_ms);
@@ -243,8 +315,9 @@ impl<'a> Control<'a> {
         Ok(())
     }
 
-    fn retarget(&mut self, motion_s: f64) -> anyhow::Result<()> {
+    fn retarget(&mut self) -> anyhow::Result<()> {
         let (retargeter, targets) = (&mut self.retargeter, &mut self.targets);
+        let motion_s = self.motion_s;
         let (result, ms) = self
             .stages
             .time(Stage::Retarget, || retargeter.next(motion_s, targets));
@@ -290,7 +363,7 @@ impl<'a> Control<'a> {
     }
 
     /// Cycles between two samples of the trace, about 20 a second.
-    fn decimation(&self) -> u64 {
+    pub fn decimation(&self) -> u64 {
         (self.robot.control_hz / FRAME_RATE_HZ).round().max(1.0) as u64
     }
 
@@ -315,6 +388,7 @@ impl<'a> Control<'a> {
             return Ok(());
         };
         recorder.positions(Topic::JointTargets, at_s, &self.targets)?;
+        recorder.number(Topic::Lead, at_s, self.motion_s - time_s)?;
         recorder.positions(Topic::JointCommands, at_s, self.rig.sent_rad())?;
         recorder.states(Topic::JointStates, at_s, self.rig.states())?;
         if let Some(truth) = self.rig.truth() {

@@ -9,13 +9,17 @@
 //! every way out, an error or Ctrl-C too, turns it off again.
 
 pub(crate) mod audio;
+mod beat_clock;
 mod config;
 mod control;
 mod motion_source;
 mod portrait;
 mod ports;
+mod rehearsal;
 mod rig;
 mod scores;
+mod shadow;
+mod steering;
 mod trace;
 
 pub use config::{AudioChoice, DanceConfig, Speed};
@@ -24,11 +28,11 @@ pub use ports::BusChoice;
 use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
 use crate::record::{Recorder, Topic};
-use crate::report::{Report, Stages};
+use crate::report::{AlignmentReport, CompensationReport, KinematicBeats, Report, Stages};
 use crate::stages::Stage;
 use anyhow::Context;
 use audio::Audio;
-use control::{Control, Ending};
+use control::{Control, Ending, Timing};
 use motion_source::{Dancer, DancerThread, Heard, MotionSource};
 use rig::Rig;
 use servodance_drivers::Model;
@@ -55,7 +59,11 @@ pub struct Outcome {
 pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome> {
     let audio = Audio::open(&config.audio)?;
     let audio_s = audio.duration_s();
-    let live = matches!(config.audio, AudioChoice::Stdin(_)) && config.speed == Speed::Realtime;
+    let timing = Timing {
+        speed: config.speed,
+        live: matches!(config.audio, AudioChoice::Stdin(_)) && config.speed == Speed::Realtime,
+        compensation: config.compensation,
+    };
     let generator = open_generator(config.model.as_deref())?;
     let model = generator.config().preset.clone();
     let generator = generator.start(GeneratorOptions {
@@ -89,10 +97,13 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     for note in rig.arm()? {
         progress.note(&note);
     }
-    let mut control = Control::new(&config.robot, &mut rig, recorder, config.speed, live, stop)?;
+    let mut control = Control::new(&config.robot, &mut rig, recorder, timing, stop)?;
     let ending = control.run(&mut source, |time_s| progress.at(time_s));
     let run = Run {
         lead_s: control.lead_s(),
+        even_lead_s: control.even_lead_s(),
+        paces: control.paces(),
+        decimation: control.decimation(),
         music_start_s: control.music_start_s(),
         trace_hz: control.trace_hz(),
         recorder: control.take_recorder(),
@@ -114,7 +125,8 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     progress.done();
 
     let heard = source.heard()?;
-    let report = report(config, &run, &rig, &heard, model, wall_s);
+    let mut report = report(config, &run, &rig, &heard, model, wall_s);
+    judge(config, &run, &mut report)?;
     finish_recording(config, run.recorder, &report, run.music_start_s)?;
     if let Some(path) = &config.report {
         report.write(path)?;
@@ -141,6 +153,9 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
 /// What the control loop leaves behind.
 struct Run {
     lead_s: f64,
+    even_lead_s: f64,
+    paces: [f64; 2],
+    decimation: u64,
     music_start_s: f64,
     trace_hz: f64,
     recorder: Option<Recorder>,
@@ -188,7 +203,7 @@ fn report(
         },
         bus_stats: rig.bus_report(),
         violations: rig.violations(),
-        alignment: scores::alignment_report(&run.trace, run.trace_hz, &heard.beats.times_s),
+        alignment: AlignmentReport::default(),
         beats: crate::report::BeatReport {
             tempo_bpm: heard.beats.tempo_bpm,
             times_s: heard.beats.times_s.clone(),
@@ -197,7 +212,41 @@ fn report(
         interventions: rig.interventions(),
         replaced_music_frames: heard.replaced_music_frames,
         lead_s: run.lead_s,
+        compensation: CompensationReport::default(),
+        kinematic_beats_s: KinematicBeats::default(),
     }
+}
+
+/// How well the beat was met along the way; without compensation too, if a
+/// report of it is asked for.
+fn judge(config: &DanceConfig, run: &Run, report: &mut Report) -> anyhow::Result<()> {
+    let music_s = &report.beats.times_s;
+    let generator = scores::Speed::of_dancer(&run.trace.motion);
+    let targets = scores::Speed::of_joints(&run.trace.targets, run.trace_hz);
+    let servos = scores::Speed::of_joints(&run.trace.servos, run.trace_hz);
+    report.alignment = AlignmentReport {
+        generator: generator.scores(music_s),
+        targets: targets.scores(music_s),
+        servos: servos.scores(music_s),
+    };
+    report.kinematic_beats_s = KinematicBeats {
+        generator: generator.beats_s(),
+        targets: targets.beats_s(),
+        servos: servos.beats_s(),
+        off_servos: Vec::new(),
+    };
+    report.compensation.on = config.compensation;
+    report.compensation.pace = run.paces;
+    if config.compensation && config.report.is_some() {
+        let motion = &run.trace.motion;
+        let shadow = shadow::shadow(&config.robot, motion, run.even_lead_s, run.decimation)?;
+        let targets = scores::Speed::of_joints(&shadow.targets, run.trace_hz);
+        let servos = scores::Speed::of_joints(&shadow.servos, run.trace_hz);
+        report.compensation.off_targets = Some(targets.scores(music_s));
+        report.compensation.off_servos = Some(servos.scores(music_s));
+        report.kinematic_beats_s.off_servos = servos.beats_s();
+    }
+    Ok(())
 }
 
 /// Writes the beats and the facts that a reader needs to check the report.

@@ -11,6 +11,7 @@
 //! | `/beat` | Float64 | the tempo, at each beat of the music |
 //! | `/beat_phase` | Float64 | the phase that the generator heard, 20 a second |
 //! | `/stage/NAME` | Float64 | milliseconds that the stage took |
+//! | `/lead` | Float64 | seconds by which the targets' motion is ahead of the music |
 //! | `/bus/bytes`, `/bus/packets` | Float64 | running totals |
 //! | `/robot_description` | String | the URDF |
 //!
@@ -53,6 +54,8 @@ pub enum Topic {
     Beat,
     /// The phase that the generator heard.
     BeatPhase,
+    /// Seconds by which the targets' motion is ahead of the music.
+    Lead,
     /// Bytes on the wire so far.
     BusBytes,
     /// Packets on the wire so far.
@@ -73,6 +76,7 @@ impl Topic {
             Topic::ServoTruth => "/servo_truth".into(),
             Topic::Beat => "/beat".into(),
             Topic::BeatPhase => "/beat_phase".into(),
+            Topic::Lead => "/lead".into(),
             Topic::BusBytes => "/bus/bytes".into(),
             Topic::BusPackets => "/bus/packets".into(),
             Topic::RobotDescription => "/robot_description".into(),
