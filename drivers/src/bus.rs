@@ -3,11 +3,10 @@
 use servodance_types::JointState;
 
 use crate::can::CanBus;
-use crate::config::{BusConfig, BusKind};
-use crate::dynamixel::DynamixelBus;
-use crate::error::BusError;
-use crate::feetech::FeetechBus;
+use crate::config::BusConfig;
+use crate::error::{BusError, ServoId};
 use crate::port::Port;
+use crate::serial::SerialBus;
 use crate::servo::Servo;
 
 /// What happened on a bus since it was opened.
@@ -45,6 +44,24 @@ pub struct ArmReport {
     pub states: Vec<JointState>,
     /// One line each, for the user: what was changed, what works less well than it could.
     pub notes: Vec<String>,
+}
+
+/// What a servo measures of itself, and its own limits; `None` where it does
+/// not say.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Health {
+    /// Temperature, Celsius.
+    pub temperature_c: Option<f64>,
+    /// Where it shuts down, Celsius.
+    pub highest_temperature_c: Option<f64>,
+    /// Supply, volts.
+    pub voltage_v: Option<f64>,
+    /// Lowest supply that it takes, volts.
+    pub lowest_voltage_v: Option<f64>,
+    /// Highest supply that it takes, volts.
+    pub highest_voltage_v: Option<f64>,
+    /// Highest current that it allows itself, amperes.
+    pub highest_current_a: Option<f64>,
 }
 
 /// Servos that take targets and return states once a control cycle.
@@ -88,6 +105,32 @@ pub trait Bus: Send {
 
     /// Counters since the bus was opened.
     fn stats(&self) -> BusStats;
+
+    /// Asks one servo how it is: one short exchange, not tried again.
+    fn examine(&mut self, _index: usize) -> Result<Health, BusError> {
+        Ok(Health::default())
+    }
+
+    /// Leaves a servo out of cycles from now on: it gets no goals, its state
+    /// stays, and its silence is no error. False where the bus cannot do that.
+    fn set_aside(&mut self, _index: usize) -> bool {
+        false
+    }
+
+    /// One step, short enough to be done between two cycles, of taking a servo
+    /// back that was set aside: found, rebooted if it shut itself down, checked,
+    /// set up, and torque on where it stands. Its state when it is back; `None`
+    /// while there is more to do. After an error the way begins anew.
+    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+        Err(BusError::NoReturn {
+            servo: ServoId::of(&self.servos()[index]),
+        })
+    }
+
+    /// Opens the port again after it failed. Nothing is sent.
+    fn reopen(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
 }
 
 /// Opens the bus that a configuration names. Nothing is sent yet.
@@ -102,17 +145,18 @@ pub fn open_bus(
         choices: String::new(),
     };
     Ok(match (config.kind, port) {
-        (BusKind::Dynamixel2, Port::Serial(path)) => {
-            Box::new(DynamixelBus::open(path, config, servos)?)
+        (kind, Port::Serial(path)) if !kind.is_can() => {
+            Box::new(SerialBus::open(path, config, servos)?)
         }
-        (BusKind::Feetech, Port::Serial(path)) => Box::new(FeetechBus::open(path, config, servos)?),
         (kind, Port::Can(_)) if kind.is_can() => {
             Box::new(CanBus::open(&port.to_string(), config, servos)?)
         }
-        (kind, Port::Serial(_)) if kind.is_can() => {
+        (_, Port::Serial(_)) => {
             return Err(refused("the robot file says that this bus is a CAN bus"));
         }
-        _ => return Err(refused("the robot file says that this bus is a serial one")),
+        (_, Port::Can(_)) => {
+            return Err(refused("the robot file says that this bus is a serial one"));
+        }
     })
 }
 
@@ -137,5 +181,17 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     }
     fn stats(&self) -> BusStats {
         (**self).stats()
+    }
+    fn examine(&mut self, index: usize) -> Result<Health, BusError> {
+        (**self).examine(index)
+    }
+    fn set_aside(&mut self, index: usize) -> bool {
+        (**self).set_aside(index)
+    }
+    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+        (**self).rejoin(index)
+    }
+    fn reopen(&mut self) -> Result<(), BusError> {
+        (**self).reopen()
     }
 }

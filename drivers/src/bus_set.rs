@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 use servodance_types::JointState;
 
-use crate::bus::{Bus, BusStats, open_bus};
+use crate::bus::{Bus, BusStats, Health, open_bus};
 use crate::error::{BusError, ServoId};
 use crate::layout::BusLayout;
 use crate::port::Port;
@@ -129,6 +129,30 @@ impl BusSet {
             })
             .collect();
         self.answers(asked, doing)
+    }
+
+    /// A task for the bus of one joint, which is told the joint's place there.
+    fn on_one<T: Send + 'static>(
+        &mut self,
+        index: usize,
+        doing: &'static str,
+        task: impl FnOnce(&mut dyn Bus, usize) -> T + Send + 'static,
+    ) -> Result<T, BusError> {
+        let place = |lane: &Lane| lane.layout.joints.iter().position(|&joint| joint == index);
+        for lane in &mut self.lanes {
+            let Some(own) = place(lane) else { continue };
+            let (answer, answered) = sync_channel(1);
+            let given = lane.give(Task::Other(Box::new(move |bus| {
+                // Nobody waits any more if it took too long.
+                let _ = answer.send(task(bus, own));
+            })));
+            let answer = given.then(|| answered.recv_timeout(LONG_TASK));
+            return match answer {
+                Some(Ok(answer)) => Ok(answer),
+                _ => Err(lane.wedged(doing, LONG_TASK)),
+            };
+        }
+        Err(BusError::NotArmed)
     }
 
     /// Waits for what `asked` promise; a lane that did not take its task, or
@@ -387,6 +411,24 @@ impl Bus for BusSet {
 
     fn is_armed(&self) -> bool {
         self.armed
+    }
+
+    fn examine(&mut self, index: usize) -> Result<Health, BusError> {
+        self.on_one(index, "a servo's state", |bus, own| bus.examine(own))?
+    }
+
+    fn set_aside(&mut self, index: usize) -> bool {
+        let aside = self.on_one(index, "leaving out a servo", |bus, own| bus.set_aside(own));
+        aside.unwrap_or(false)
+    }
+
+    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+        self.on_one(index, "taking a servo back", |bus, own| bus.rejoin(own))?
+    }
+
+    fn reopen(&mut self) -> Result<(), BusError> {
+        let reopened = self.on_all("opening its port", |bus| bus.reopen());
+        reopened.into_iter().collect()
     }
 
     fn stats(&self) -> BusStats {

@@ -4,7 +4,6 @@
 //! keys and models, a direction other than 1 or -1, limits that are not finite
 //! or inverted or out of the servo's single turn, ids used twice.
 
-use std::f64::consts::TAU;
 use std::fmt;
 use std::time::Duration;
 
@@ -70,6 +69,8 @@ pub struct ServoConfig {
 pub enum BusKind {
     /// Dynamixel Protocol 2.0 over a serial port.
     Dynamixel2,
+    /// Dynamixel Protocol 1.0 (AX, and MX as they left the factory) over a serial port.
+    Dynamixel1,
     /// Feetech STS servos over a serial port.
     Feetech,
     /// CubeMars and Damiao motors in MIT mode, on CAN.
@@ -86,7 +87,7 @@ impl BusKind {
     /// The lowest and highest id of a servo.
     fn ids(self) -> (u8, u8) {
         match self {
-            Self::Dynamixel2 | Self::Feetech => (0, 252),
+            Self::Dynamixel2 | Self::Dynamixel1 | Self::Feetech => (0, 252),
             Self::Mit | Self::Robstride | Self::Cia402 => (1, 127),
             Self::Odrive => (0, 63),
         }
@@ -324,7 +325,7 @@ impl ServoConfig {
 
     /// The limits must lie within the servo's single turn.
     fn check_reach(&self, servo: Servo) -> Result<Servo, ConfigError> {
-        let last_tick_rad = TAU - Model::RAD_PER_TICK;
+        let last_tick_rad = servo.model.last_tick() * servo.model.rad_per_tick;
         for (key, joint_deg) in [("lower_deg", self.lower_deg), ("upper_deg", self.upper_deg)] {
             let servo_rad = servo.zero_rad + servo.direction * joint_deg.to_radians();
             if !(-1e-9..=last_tick_rad + 1e-9).contains(&servo_rad) {
@@ -335,7 +336,10 @@ impl ServoConfig {
                         "{joint_deg} (servo angle {:.1} degrees)",
                         servo_rad.to_degrees()
                     ),
-                    wanted: "a servo angle of 0 to 359.9 degrees".into(),
+                    wanted: format!(
+                        "a servo angle of 0 to {:.1} degrees",
+                        last_tick_rad.to_degrees()
+                    ),
                 });
             }
         }
@@ -469,7 +473,7 @@ mod tests {
             (
                 "XM430-W350",
                 "XM430",
-                "joint l_knee: model is \"XM430\", must be one of MX-28",
+                "joint l_knee: model is \"XM430\", must be one of AX-12A",
             ),
             ("id = 14", "id = 253", "joint l_knee: id is 253"),
             (

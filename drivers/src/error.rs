@@ -332,6 +332,12 @@ pub enum BusError {
         /// The time it had, seconds.
         limit_s: f64,
     },
+    /// A bus that cannot take one servo back while the others go on.
+    #[error("{servo} cannot rejoin while the others go on")]
+    NoReturn {
+        /// Which servo.
+        servo: ServoId,
+    },
     /// A cycle on a bus that is not armed.
     #[error("the bus is not armed")]
     NotArmed,

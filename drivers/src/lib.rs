@@ -4,8 +4,8 @@
 //! targets (rad) -> SafeBus (limits, staleness, torque off) -> Bus -> wire
 //! ```
 //!
-//! [`Bus`] is one bus of servos; [`DynamixelBus`] speaks Dynamixel Protocol 2.0
-//! and [`FeetechBus`] the protocol of STS servos, both over a serial port; [`can`] has
+//! [`Bus`] is one bus of servos; [`SerialBus`] drives Dynamixel (Protocol 2.0 and
+//! 1.0) and Feetech STS servos; [`can`] has
 //! the motors on CAN; [`BusSet`] runs several buses side by side. [`SafeBus`]
 //! wraps any bus, and programs that move real motors hand their targets to it
 //! and never to a bus directly.
@@ -20,7 +20,9 @@ mod bus;
 mod bus_set;
 pub mod can;
 mod config;
+mod dialect;
 mod dynamixel;
+mod dynamixel1;
 mod error;
 mod feetech;
 mod layout;
@@ -34,15 +36,14 @@ mod rate;
 mod register;
 mod safety;
 mod scan;
+mod serial;
 mod servo;
 mod wire;
 
-pub use bus::{ArmReport, Bus, BusStats, open_bus};
+pub use bus::{ArmReport, Bus, BusStats, Health, open_bus};
 pub use bus_set::{BusSet, open_buses};
 pub use config::{BusConfig, BusKind, ServoConfig, one_or_several, servos};
-pub use dynamixel::DynamixelBus;
 pub use error::{BusError, ConfigError, Refusal, ServoId};
-pub use feetech::FeetechBus;
 pub use layout::{BusLayout, layouts};
 pub use limiter::{Limited, Limiter};
 pub use model::{MODELS, Model};
@@ -52,5 +53,6 @@ pub use rate::{RateCheck, check_rate, cycle_bytes};
 pub use register::Register;
 pub use safety::{EStop, Interventions, SafeBus, SafetyConfig, SafetyError, State, Transition};
 pub use scan::{BAUDS, Found, ping, scan};
+pub use serial::SerialBus;
 pub use servo::Servo;
 pub use wire::available_ports;

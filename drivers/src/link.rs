@@ -38,6 +38,10 @@ pub struct Link {
     params: Vec<u8>,
     /// Which servos gave their part of the read that is going on.
     pub answered: Vec<bool>,
+    /// Servos that are left out of cycles: lost, and not back yet.
+    pub aside: Vec<bool>,
+    /// The error byte of the last answer to [`Link::transfer`], as it came.
+    pub flags: u8,
 }
 
 impl Link {
@@ -64,6 +68,8 @@ impl Link {
         Ok(Self {
             wire: Wire::open(port, config.baud, protocol)?,
             answered: vec![false; servos.len()],
+            aside: vec![false; servos.len()],
+            flags: 0,
             params: Vec::with_capacity(8 + 5 * servos.len()),
             servos,
             tries: config.retries + 1,
@@ -133,6 +139,7 @@ impl Link {
                             });
                         }
                         if packet.params().len() == reply {
+                            self.flags = packet.flags();
                             return Ok(packet.params().to_vec());
                         }
                     }
@@ -167,14 +174,18 @@ impl Link {
 
     /// Reads a register.
     pub fn read(&mut self, index: usize, register: Register) -> Result<u64, BusError> {
+        Ok(register.value(&self.read_bytes(index, register)?))
+    }
+
+    /// Reads the bytes of a register, or of several in a row.
+    pub fn read_bytes(&mut self, index: usize, register: Register) -> Result<Vec<u8>, BusError> {
         let mut params = Vec::with_capacity(4);
         self.wire
             .protocol()
             .put_number(&mut params, register.address);
         self.wire.protocol().put_number(&mut params, register.size);
         let size = usize::from(register.size);
-        let bytes = self.transfer(index, instruction::READ, &params, size, register.name)?;
-        Ok(register.value(&bytes))
+        self.transfer(index, instruction::READ, &params, size, register.name)
     }
 
     /// Writes a register; the servo confirms.
@@ -186,6 +197,25 @@ impl Link {
         params.extend(&value.to_le_bytes()[..usize::from(register.size)]);
         self.transfer(index, instruction::WRITE, &params, 0, register.name)?;
         Ok(())
+    }
+
+    /// Writes a register of a servo that does not answer writes.
+    pub fn write_unheard(
+        &mut self,
+        index: usize,
+        register: Register,
+        value: u64,
+    ) -> Result<(), BusError> {
+        match self.once(|link| link.write(index, register, value)) {
+            Err(BusError::Silent { .. }) => Ok(()),
+            written => written,
+        }
+    }
+
+    /// Asks one servo whether it is there; what it answers.
+    pub fn ping(&mut self, index: usize) -> Result<Vec<u8>, BusError> {
+        let reply = self.wire.protocol().ping_params();
+        self.transfer(index, instruction::PING, &[], reply, "ping")
     }
 
     /// Writes a register and reads it back.
@@ -237,7 +267,8 @@ impl Link {
         })
     }
 
-    /// Sends one value of `register` to every servo in one packet; no reply.
+    /// Sends one value of `register` to every servo that is not left out, in one
+    /// packet; no reply.
     pub fn sync_write(
         &mut self,
         register: Register,
@@ -248,6 +279,9 @@ impl Link {
         protocol.put_number(&mut self.params, register.address);
         protocol.put_number(&mut self.params, register.size);
         for (index, servo) in self.servos.iter().enumerate() {
+            if self.aside[index] {
+                continue;
+            }
             self.params.push(servo.id);
             let bytes = value(index, servo).to_le_bytes();
             self.params.extend(&bytes[..usize::from(register.size)]);
@@ -260,11 +294,10 @@ impl Link {
 
     /// Pings everyone and returns the answers; silent servos are all named at once.
     pub fn ping_all(&mut self) -> Result<Vec<Vec<u8>>, BusError> {
-        let reply = self.wire.protocol().ping_params();
         let mut silent = Vec::new();
         let mut answers = Vec::with_capacity(self.servos.len());
         for index in 0..self.servos.len() {
-            match self.transfer(index, instruction::PING, &[], reply, "ping") {
+            match self.ping(index) {
                 Ok(answer) => answers.push(answer),
                 Err(BusError::Silent { servos, .. }) => silent.extend(servos),
                 Err(error) => return Err(error),
@@ -302,7 +335,6 @@ impl Link {
         let missing: Vec<usize> = (0..self.servos.len())
             .filter(|&index| !self.answered[index])
             .collect();
-        let reply = self.wire.protocol().ping_params();
         let mut silent = Vec::new();
         let mut heard = missing.len() < self.servos.len();
         for &index in &missing {
@@ -310,7 +342,7 @@ impl Link {
                 silent = missing.clone();
                 break;
             }
-            match self.once(|link| link.transfer(index, instruction::PING, &[], reply, "ping")) {
+            match self.once(|link| link.ping(index)) {
                 Err(BusError::Silent { .. }) => silent.push(index),
                 Ok(_) | Err(BusError::Refused { .. } | BusError::Corrupt { .. }) => heard = true,
                 Err(error) => return error,
@@ -329,8 +361,10 @@ impl Link {
         result
     }
 
-    /// Torque off to everyone, and the servos of which that is not certain.
+    /// Torque off to everyone, those left out too, and the servos of which that
+    /// is not certain.
     pub fn torque_off(&mut self, torque: Register) -> Result<(), BusError> {
+        self.aside.fill(false);
         // Broadcast first: it needs no reply and reaches everyone at once.
         let mut reason = String::new();
         for _ in 0..self.tries {
@@ -360,22 +394,42 @@ impl Link {
         })
     }
 
-    /// Address, size and the ids that `wanted` keeps, ready in the parameters.
-    pub fn read_request(&mut self, register: Register, wanted: impl Fn(usize) -> bool) -> usize {
+    /// A new read of everyone begins: who is left out need not answer.
+    pub fn begin_read(&mut self) {
+        self.answered.copy_from_slice(&self.aside);
+    }
+
+    /// Address, size and the ids of those who have not answered, ready in the
+    /// parameters; how many they are.
+    pub fn read_request(&mut self, register: Register) -> usize {
         self.params.clear();
         let protocol = self.wire.protocol();
         protocol.put_number(&mut self.params, register.address);
         protocol.put_number(&mut self.params, register.size);
         let before = self.params.len();
         for (index, servo) in self.servos.iter().enumerate() {
-            if wanted(index) {
+            if !self.answered[index] {
                 self.params.push(servo.id);
             }
         }
         self.params.len() - before
     }
 
-    /// Sends the parameters that [`Link::read_request`] prepared.
+    /// Length, id and address of those who have not answered, as a Bulk Read of
+    /// Protocol 1 has them, ready in the parameters; how many they are.
+    pub fn bulk_request(&mut self, register: Register) -> usize {
+        self.params.clear();
+        self.params.push(0);
+        for (servo, answered) in self.servos.iter().zip(&self.answered) {
+            if !answered {
+                let [size, address] = [register.size as u8, register.address as u8];
+                self.params.extend([size, servo.id, address]);
+            }
+        }
+        self.params.len() / 3
+    }
+
+    /// Sends the parameters that a request prepared.
     pub fn send_request(
         &mut self,
         instruction: u8,
@@ -393,15 +447,25 @@ impl Link {
         register: Register,
         data: &mut [u8],
     ) -> Result<Option<usize>, BusError> {
+        let count = self.read_request(register);
+        self.collect(instruction::SYNC_READ, count, register, data)
+    }
+
+    /// Sends a prepared request to `count` servos and takes their status
+    /// packets into `data`. The first servo that raised its alert bit.
+    pub fn collect(
+        &mut self,
+        instruction: u8,
+        count: usize,
+        register: Register,
+        data: &mut [u8],
+    ) -> Result<Option<usize>, BusError> {
         let size = usize::from(register.size);
-        let answered = std::mem::take(&mut self.answered);
-        let count = self.read_request(register, |index| !answered[index]);
-        self.answered = answered;
         let protocol = self.wire.protocol();
         let longest = protocol.status_length() + size + size / 3;
-        self.send_request(instruction::SYNC_READ, longest, register.name)?;
+        self.send_request(instruction, longest, register.name)?;
         let bytes = count * (protocol.status_bytes() + size);
-        let deadline = self.deadline(14 + count, bytes, count);
+        let deadline = self.deadline(14 + 3 * count, bytes, count);
         let mut alert = None;
         let mut open = count;
         let mut damaged = 0;

@@ -1,7 +1,7 @@
 //! What the servo models are: numbers, units, encoder or ranges.
 //!
 //! From the vendors' control tables and manuals. A turn is 4096 ticks for every
-//! serial servo listed; the units of velocity and current differ, and some
+//! serial servo listed but AX (300 degrees in 1024); the units of velocity and current differ, and some
 //! models report load instead of current. CAN motors speak radians, over the
 //! ranges of their [`MotorModel`].
 
@@ -9,6 +9,11 @@ use std::f64::consts::TAU;
 
 use crate::can::MotorModel;
 use crate::config::BusKind;
+
+/// A turn in 4096 ticks.
+const TICK_RAD: f64 = TAU / 4096.0;
+/// 300 degrees in 1024 ticks.
+const AX_TICK_RAD: f64 = TAU * 300.0 / 360.0 / 1024.0;
 
 /// One servo model.
 #[derive(Debug, PartialEq)]
@@ -24,6 +29,10 @@ pub struct Model {
     pub velocity_rad_s_per_unit: f64,
     /// First firmware that answers Fast Sync Read.
     pub fast_read_firmware: u8,
+    /// Radians in one tick of the encoder.
+    pub rad_per_tick: f64,
+    /// Whether it answers a Bulk Read; of Protocol 1 servos only MX do.
+    pub bulk_read: bool,
     /// The protocol it speaks.
     pub kind: BusKind,
     /// What the numbers of a CAN motor mean; `None` for a serial servo.
@@ -31,10 +40,14 @@ pub struct Model {
 }
 
 impl Model {
-    /// Encoder ticks a turn.
-    pub const TICKS_PER_TURN: f64 = 4096.0;
-    /// Radians a tick.
-    pub const RAD_PER_TICK: f64 = TAU / Self::TICKS_PER_TURN;
+    /// The highest position of a serial servo, ticks.
+    pub fn last_tick(&self) -> f64 {
+        if self.rad_per_tick == AX_TICK_RAD {
+            1023.0
+        } else {
+            4095.0
+        }
+    }
 
     /// The model with this name; a connector suffix (`-T`, `-R`) is ignored.
     pub fn from_name(name: &str) -> Option<&'static Model> {
@@ -63,8 +76,31 @@ const fn model(
         current_a_per_unit,
         velocity_rad_s_per_unit: 0.229 * TAU / 60.0,
         fast_read_firmware,
+        rad_per_tick: TICK_RAD,
+        bulk_read: true,
         kind: BusKind::Dynamixel2,
         motor: None,
+    }
+}
+
+/// AX of Protocol 1: 1024 ticks over 300 degrees, no current, no Bulk Read.
+const fn ax(name: &'static str, number: u16) -> Model {
+    Model {
+        current_a_per_unit: None,
+        velocity_rad_s_per_unit: 0.111 * TAU / 60.0,
+        rad_per_tick: AX_TICK_RAD,
+        bulk_read: false,
+        kind: BusKind::Dynamixel1,
+        ..model(name, number, None, u8::MAX)
+    }
+}
+
+/// MX with Protocol 1: 4096 ticks a turn, Bulk Read.
+const fn mx1(name: &'static str, number: u16) -> Model {
+    Model {
+        velocity_rad_s_per_unit: 0.114 * TAU / 60.0,
+        kind: BusKind::Dynamixel1,
+        ..model(name, number, None, u8::MAX)
     }
 }
 
@@ -74,8 +110,10 @@ const fn feetech(name: &'static str, number: u16) -> Model {
         name,
         number,
         current_a_per_unit: Some(6.5e-3),
-        velocity_rad_s_per_unit: Model::RAD_PER_TICK,
+        velocity_rad_s_per_unit: TICK_RAD,
         fast_read_firmware: u8::MAX,
+        rad_per_tick: TICK_RAD,
+        bulk_read: false,
         kind: BusKind::Feetech,
         motor: None,
     }
@@ -89,6 +127,8 @@ const fn motor(name: &'static str, kind: BusKind, motor: MotorModel) -> Model {
         current_a_per_unit: None,
         velocity_rad_s_per_unit: 1.0,
         fast_read_firmware: u8::MAX,
+        rad_per_tick: TICK_RAD,
+        bulk_read: false,
         kind,
         motor: Some(motor),
     }
@@ -154,7 +194,14 @@ const fn drive(name: &'static str, kind: BusKind) -> Model {
 
 /// Every model this crate can drive.
 pub const MODELS: &[Model] = &[
+    ax("AX-12A", 12),
+    ax("AX-18A", 18),
+    mx1("MX-28(1.0)", 29),
+    mx1("MX-64(1.0)", 310),
+    mx1("MX-106(1.0)", 320),
     model("MX-28", 30, None, u8::MAX),
+    model("MX-64", 311, Some(3.36e-3), u8::MAX),
+    model("MX-106", 321, Some(3.36e-3), u8::MAX),
     model("XH430-W350", 1000, Some(2.69e-3), 45),
     model("XH430-W210", 1010, Some(2.69e-3), 45),
     model("XM430-W350", 1020, Some(2.69e-3), 45),

@@ -102,6 +102,7 @@ pub struct Packet<'a> {
     /// The error byte and the parameters (unstuffed); in a fast reply the
     /// blocks `ERR ID DATA CRC`, the last one without its CRC. Never empty.
     body: &'a [u8],
+    flags: u8,
 }
 
 impl<'a> Packet<'a> {
@@ -113,6 +114,11 @@ impl<'a> Packet<'a> {
     /// The servo has a hardware error to report.
     pub fn alert(&self) -> bool {
         self.body[0] & 0x80 != 0
+    }
+
+    /// The error byte as it came: in Protocol 1 flags, not a number.
+    pub fn flags(&self) -> u8 {
+        self.flags
     }
 
     /// The parameters after the error byte.
@@ -149,6 +155,7 @@ pub struct Decoder {
     longest: usize,
     id: u8,
     body: Vec<u8>,
+    flags: u8,
 }
 
 impl Decoder {
@@ -203,8 +210,8 @@ impl Decoder {
         }
         self.id = self.buffer[2];
         self.body.clear();
-        self.body
-            .push(protocol1::error_of(self.buffer[protocol1::PREFIX]));
+        self.flags = self.buffer[protocol1::PREFIX];
+        self.body.push(protocol1::error_of(self.flags));
         self.body
             .extend_from_slice(&self.buffer[protocol1::PREFIX + 1..end - 1]);
         self.buffer.drain(..end);
@@ -234,6 +241,7 @@ impl Decoder {
             let is_status = self.buffer[PREFIX] == STATUS;
             if is_status {
                 self.id = self.buffer[4];
+                self.flags = self.buffer[PREFIX + 1];
                 self.body.clear();
                 let raw = &self.buffer[PREFIX + 1..end - 2];
                 if self.id == BROADCAST {
@@ -255,6 +263,7 @@ impl Decoder {
         const NOTHING: &[u8] = &[0];
         Packet {
             id: self.id,
+            flags: self.flags,
             body: if self.body.is_empty() {
                 NOTHING
             } else {

@@ -6,6 +6,7 @@
 //! | | goals out | request | reply fast | reply plain |
 //! |---|---|---|---|---|
 //! | Dynamixel 2.0 | 14 + N(1 + 4) | 14 + N | 8 + N(10 + 4) | N(11 + 10) |
+//! | Dynamixel 1.0 | 8 + N(1 + 2) | 7 + 3N | | N(6 + 8), each asked by itself (AX) N(8 + 6 + 8) |
 //! | Feetech | 8 + N(1 + 2) | 8 + N | | N(6 + 15) |
 
 use crate::can::{check_can_rate, cycle_bits};
@@ -34,6 +35,11 @@ pub fn cycle_bytes(kind: BusKind, servos: usize) -> (usize, usize) {
             let out = 14 + servos * 5 + 14 + servos;
             (out + 8 + servos * 14, out + servos * 21)
         }
+        // With an AX among them each is asked by itself.
+        BusKind::Dynamixel1 => {
+            let out = 8 + servos * 3;
+            (out + 7 + servos * 3 + servos * 14, out + servos * 22)
+        }
         BusKind::Feetech => {
             let bytes = 8 + servos * 3 + 8 + servos + servos * 21;
             (bytes, bytes)
@@ -51,7 +57,11 @@ pub fn check_rate(
     servos: &[Servo],
     control_hz: f64,
 ) -> Result<RateCheck, ConfigError> {
-    let (fast_bytes, plain_bytes) = cycle_bytes(bus.kind, servos.len());
+    let (mut fast_bytes, plain_bytes) = cycle_bytes(bus.kind, servos.len());
+    let singly = servos.iter().any(|servo| !servo.model.bulk_read);
+    if bus.kind == BusKind::Dynamixel1 && singly {
+        fast_bytes = plain_bytes;
+    }
     if bus.kind.is_can() {
         let (fast_hz, plain_hz) = check_can_rate(bus, servos.len(), control_hz)?;
         return Ok(RateCheck {

@@ -1,5 +1,7 @@
 //! The registers of the X series control table that the driver uses.
 
+use crate::dialect::names_of;
+
 /// Where a value lives in the control table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Register {
@@ -11,7 +13,8 @@ pub struct Register {
     pub name: &'static str,
 }
 
-const fn register(address: u16, size: u16, name: &'static str) -> Register {
+/// A place in a control table.
+pub const fn register(address: u16, size: u16, name: &'static str) -> Register {
     Register {
         address,
         size,
@@ -44,6 +47,8 @@ impl Register {
     pub const STATUS_RETURN_LEVEL: Self = register(68, 1, "status return level");
     /// Flags; not zero after a shutdown.
     pub const HARDWARE_ERROR: Self = register(70, 1, "hardware error status");
+    /// Highest current, in the model's units.
+    pub const CURRENT_LIMIT: Self = register(38, 2, "current limit");
     /// Units of 20 ms; 0 off; -1 tripped.
     pub const BUS_WATCHDOG: Self = register(98, 1, "bus watchdog");
     /// 0 is no limit: the host shapes the motion.
@@ -54,10 +59,8 @@ impl Register {
     pub const GOAL_POSITION: Self = register(116, 4, "goal position");
     /// Present current, velocity and position: ten bytes in a row.
     pub const PRESENT: Self = register(126, 10, "present state");
-    /// 0.1 V.
-    pub const PRESENT_VOLTAGE: Self = register(144, 2, "present input voltage");
-    /// Degrees Celsius.
-    pub const PRESENT_TEMPERATURE: Self = register(146, 1, "present temperature");
+    /// 0.1 V (two bytes) and degrees Celsius.
+    pub const VOLTAGE_AND_TEMPERATURE: Self = register(144, 3, "present voltage and temperature");
 
     /// The unsigned value in `bytes` (little-endian, at most 8 bytes).
     pub fn value(self, bytes: &[u8]) -> u64 {
@@ -70,21 +73,12 @@ impl Register {
 
 /// The hardware error flags in words.
 pub fn hardware_error_names(flags: u8) -> String {
-    let names = [
+    const NAMES: [(u8, &str); 5] = [
         (0, "input voltage"),
         (2, "overheating"),
         (3, "encoder"),
         (4, "electrical shock"),
         (5, "overload"),
     ];
-    let set: Vec<&str> = names
-        .iter()
-        .filter(|(bit, _)| flags & (1 << bit) != 0)
-        .map(|(_, name)| *name)
-        .collect();
-    if set.is_empty() {
-        format!("unknown flags {flags:#04x}")
-    } else {
-        set.join(", ")
-    }
+    names_of(flags, &NAMES)
 }

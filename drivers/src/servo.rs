@@ -43,7 +43,7 @@ impl Servo {
 
     /// The unrounded servo position for a joint position, ticks.
     pub fn exact_ticks(&self, joint_rad: f64) -> f64 {
-        self.motor_rad(joint_rad) / Model::RAD_PER_TICK
+        self.motor_rad(joint_rad) / self.model.rad_per_tick
     }
 
     /// The lowest and highest goal, ticks, that lie inside the joint's limits
@@ -65,7 +65,7 @@ impl Servo {
 
     /// The joint position for a servo position.
     pub fn position_rad(&self, ticks: i32) -> f64 {
-        self.joint_rad(f64::from(ticks) * Model::RAD_PER_TICK)
+        self.joint_rad(f64::from(ticks) * self.model.rad_per_tick)
     }
 
     /// The joint's state from the servo's raw registers (signed, in its units).

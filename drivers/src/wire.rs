@@ -29,7 +29,8 @@ pub enum Received {
 
 /// The host's end of the wire.
 pub struct Wire {
-    port: Box<dyn SerialPort>,
+    /// `None` while an adapter that was pulled out is waited for.
+    port: Option<Box<dyn SerialPort>>,
     path: String,
     baud: u32,
     protocol: Protocol,
@@ -43,16 +44,8 @@ pub struct Wire {
 impl Wire {
     /// Opens `path` (8 data bits, no parity, 1 stop bit).
     pub fn open(path: &str, baud: u32, protocol: Protocol) -> Result<Self, BusError> {
-        let port = serialport::new(path, baud)
-            .timeout(SEND_TIMEOUT)
-            .open()
-            .map_err(|error| BusError::Open {
-                port: path.into(),
-                reason: error.to_string(),
-                choices: choices(),
-            })?;
         Ok(Self {
-            port,
+            port: Some(open(path, baud)?),
             path: path.into(),
             baud,
             protocol,
@@ -61,6 +54,13 @@ impl Wire {
             chunk: vec![0; 1024],
             stats: BusStats::default(),
         })
+    }
+
+    /// Opens the port again, after an adapter was pulled out and put back.
+    pub fn reopen(&mut self) -> Result<(), BusError> {
+        self.port = None; // it is ours alone: close it first
+        self.port = Some(open(&self.path, self.baud)?);
+        Ok(())
     }
 
     /// The framing.
@@ -86,12 +86,14 @@ impl Wire {
         self.decoder.reset(longest);
         self.out.clear();
         self.protocol.encode(&mut self.out, id, instruction, params);
-        let sent = self
-            .port
-            .clear(ClearBuffer::Input)
-            .map_err(std::io::Error::from)
-            .and_then(|()| self.port.set_timeout(SEND_TIMEOUT).map_err(Into::into))
-            .and_then(|()| self.port.write_all(&self.out));
+        let sent = match &mut self.port {
+            None => Err(ErrorKind::NotConnected.into()),
+            Some(port) => port
+                .clear(ClearBuffer::Input)
+                .map_err(std::io::Error::from)
+                .and_then(|()| port.set_timeout(SEND_TIMEOUT).map_err(Into::into))
+                .and_then(|()| port.write_all(&self.out)),
+        };
         sent.map_err(|reason| self.failed(doing, reason))?;
         self.stats.packets += 1;
         self.stats.bytes += self.out.len() as u64;
@@ -121,11 +123,13 @@ impl Wire {
                 self.stats.timeouts += 1;
                 return Ok(Received::Nothing);
             }
-            let read = self
-                .port
-                .set_timeout(left)
-                .map_err(std::io::Error::from)
-                .and_then(|()| self.port.read(&mut self.chunk));
+            let read = match &mut self.port {
+                None => Err(ErrorKind::NotConnected.into()),
+                Some(port) => port
+                    .set_timeout(left)
+                    .map_err(std::io::Error::from)
+                    .and_then(|()| port.read(&mut self.chunk)),
+            };
             match read {
                 Ok(0) => return Err(self.failed(doing, ErrorKind::UnexpectedEof.into())),
                 Ok(count) => {
@@ -166,6 +170,15 @@ impl Wire {
             reason,
         }
     }
+}
+
+fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>, BusError> {
+    let port = serialport::new(path, baud).timeout(SEND_TIMEOUT).open();
+    port.map_err(|error| BusError::Open {
+        port: path.into(),
+        reason: error.to_string(),
+        choices: choices(),
+    })
 }
 
 /// The serial ports of this machine.

@@ -26,6 +26,7 @@ fn rig() -> Rig {
         name: name.into(),
         reply_timeout_ms: 100.0,
         retries: 1,
+        accept_no_watchdog: true,
         ..BusConfig::of_kind(kind, baud)
     };
     let buses = vec![

@@ -53,6 +53,7 @@ fn dance(kind: Kind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
     let config = BusConfig {
         reply_timeout_ms: 50.0,
         retries: 3,
+        accept_no_watchdog: true,
         ..BusConfig::of_kind(bus_kind, baud)
     };
     let bus = open_bus(&sim.port(), &config, servos.clone()).unwrap();

@@ -3,17 +3,17 @@
 mod common;
 
 use common::*;
-use servodance_drivers::{Bus, BusKind, FeetechBus, SafeBus, SafetyConfig};
+use servodance_drivers::{Bus, BusKind, SafeBus, SafetyConfig, SerialBus};
 use servodance_sim::{ServoFault, SimBus, SimOptions};
 use servodance_types::JointState;
 
 const STS_BAUD: u32 = 1_000_000;
 
-fn start(count: u8) -> (Vec<servodance_drivers::Servo>, SimBus, FeetechBus) {
+fn start(count: u8) -> (Vec<servodance_drivers::Servo>, SimBus, SerialBus) {
     let servos = robot_of("STS3215", count);
     let sim = SimBus::start(&specs(&servos), SimOptions::lockstep(STS_BAUD, HZ)).unwrap();
     let config = patient_of(BusKind::Feetech, STS_BAUD);
-    let bus = FeetechBus::open(sim.port_path(), &config, servos.clone()).unwrap();
+    let bus = SerialBus::open(sim.port_path(), &config, servos.clone()).unwrap();
     (servos, sim, bus)
 }
 

@@ -3,14 +3,14 @@
 mod common;
 
 use common::*;
-use servodance_drivers::{DynamixelBus, SafeBus, SafetyConfig, SafetyError, Servo, State};
+use servodance_drivers::{SafeBus, SafetyConfig, SafetyError, SerialBus, Servo, State};
 use servodance_sim::{ServoFault, SimBus};
 use servodance_types::JointState;
 
 struct Rig {
     servos: Vec<Servo>,
     // Dropped before the servos, so that torque off reaches them.
-    safe: SafeBus<DynamixelBus>,
+    safe: SafeBus<SerialBus>,
     sim: SimBus,
     states: Vec<JointState>,
     now_s: f64,

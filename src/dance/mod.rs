@@ -35,7 +35,6 @@ use audio::Audio;
 use control::{Control, Ending, Timing};
 use motion_source::{Dancer, DancerThread, Heard, MotionSource};
 use rig::Rig;
-use servodance_drivers::Model;
 use servodance_model::{Generator, GeneratorOptions};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -273,7 +272,7 @@ fn finish_recording(
                 "upper_rad": servo.limits.upper_rad,
                 "velocity_rad_s": servo.limits.velocity_rad_s,
                 "acceleration_rad_s2": servo.limits.acceleration_rad_s2,
-                "tick_rad": Model::RAD_PER_TICK,
+                "tick_rad": servo.model.rad_per_tick,
             })
         })
         .collect();

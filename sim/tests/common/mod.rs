@@ -5,7 +5,7 @@
 
 pub mod can;
 
-use servodance_drivers::{BusConfig, BusKind, DynamixelBus, Servo, ServoConfig, servos};
+use servodance_drivers::{BusConfig, BusKind, SerialBus, Servo, ServoConfig, servos};
 use servodance_sim::{SimBus, SimOptions, SimServoSpec};
 
 pub const BAUD: u32 = 2_000_000;
@@ -49,6 +49,7 @@ pub fn patient() -> BusConfig {
 pub fn patient_of(kind: BusKind, baud: u32) -> BusConfig {
     BusConfig {
         reply_timeout_ms: 2000.0,
+        accept_no_watchdog: true,
         ..BusConfig::of_kind(kind, baud)
     }
 }
@@ -66,8 +67,8 @@ pub fn lockstep(servos: &[Servo]) -> SimBus {
     SimBus::start(&specs(servos), SimOptions::lockstep(BAUD, HZ)).unwrap()
 }
 
-pub fn driver(sim: &SimBus, config: &BusConfig, servos: &[Servo]) -> DynamixelBus {
-    DynamixelBus::open(sim.port_path(), config, servos.to_vec()).unwrap()
+pub fn driver(sim: &SimBus, config: &BusConfig, servos: &[Servo]) -> SerialBus {
+    SerialBus::open(sim.port_path(), config, servos.to_vec()).unwrap()
 }
 
 /// Whether any servo drives.

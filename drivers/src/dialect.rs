@@ -1,0 +1,130 @@
+//! What one family of serial servos does differently from the others.
+//!
+//! [`crate::SerialBus`] knows how a bus is checked, armed, cycled and left; a
+//! dialect knows the family's registers and instructions.
+
+use crate::error::BusError;
+use crate::link::Link;
+use crate::packet::Protocol;
+use crate::register::Register;
+
+/// The registers that every family has, each at its own place.
+#[derive(Clone, Copy, Debug)]
+pub struct Registers {
+    /// 1 is torque on.
+    pub torque: Register,
+    /// Where to go, ticks.
+    pub goal: Register,
+    /// All that is read each cycle, in a row.
+    pub present: Register,
+}
+
+/// What the present registers say, in the servo's units.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Present {
+    /// Position.
+    pub ticks: i32,
+    /// Velocity, signed.
+    pub velocity: i32,
+    /// Current, signed; 0 without a sensor.
+    pub current: i16,
+}
+
+/// A servo's own limits, as its memory holds them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OwnLimits {
+    /// Lowest and highest supply, 0.1 V.
+    pub tenth_volts: (u64, u64),
+    /// Where it shuts down, Celsius.
+    pub celsius: u64,
+    /// Lowest and highest goal, ticks.
+    pub ticks: (i32, i32),
+    /// Highest current, in the servo's units; `None` without a sensor.
+    pub current: Option<u64>,
+}
+
+/// Supply and temperature as measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Measured {
+    /// Supply, 0.1 V.
+    pub tenth_volts: u64,
+    /// Temperature, Celsius.
+    pub celsius: u64,
+}
+
+/// One family of servos.
+pub trait Dialect: Send {
+    /// Its framing.
+    fn protocol(&self) -> Protocol;
+
+    /// Its registers.
+    fn registers(&self) -> Registers;
+
+    /// The model number of the servo that answered a ping with `pinged`.
+    fn model_number(
+        &mut self,
+        link: &mut Link,
+        index: usize,
+        pinged: &[u8],
+    ) -> Result<u16, BusError>;
+
+    /// Why the servo cannot stop by itself when the host goes silent; `None`
+    /// where it can.
+    fn lacks_watchdog(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// What the servo has against itself, in words; `None` when it is well.
+    fn condition(&self, link: &mut Link, index: usize) -> Result<Option<String>, BusError>;
+
+    /// The limits in its memory.
+    fn own_limits(&self, link: &mut Link, index: usize) -> Result<OwnLimits, BusError>;
+
+    /// Supply and temperature: one exchange.
+    fn measure(&self, link: &mut Link, index: usize) -> Result<Measured, BusError>;
+
+    /// Torque off, then the settings that the driver relies on.
+    fn set_up(
+        &self,
+        link: &mut Link,
+        index: usize,
+        notes: &mut Vec<String>,
+    ) -> Result<(), BusError>;
+
+    /// Arms the servo's own watchdog and reads it back.
+    fn arm_watchdog(&self, _link: &mut Link, _index: usize) -> Result<(), BusError> {
+        Ok(())
+    }
+
+    /// Finds the best way to read everyone.
+    fn choose_read(&mut self, _link: &mut Link, _notes: &mut Vec<String>) -> Result<(), BusError> {
+        Ok(())
+    }
+
+    /// Asks those who have not answered for their present registers, once.
+    /// The first servo that raised its alert bit.
+    fn read_all(&mut self, link: &mut Link, present: &mut [u8]) -> Result<Option<usize>, BusError>;
+
+    /// What one servo's present registers say.
+    fn parse(&self, bytes: &[u8]) -> Present;
+
+    /// Restarts a servo that has shut itself down; it is deaf for a while.
+    /// False where there is no such instruction.
+    fn reboot(&self, _link: &mut Link, _index: usize) -> Result<bool, BusError> {
+        Ok(false)
+    }
+}
+
+/// Bits of `flags` in words, `other` if none of them has a name.
+pub fn names_of(flags: u8, names: &[(u8, &str)]) -> String {
+    let set: Vec<&str> = names
+        .iter()
+        .filter(|(bit, _)| flags & (1 << bit) != 0)
+        .map(|(_, name)| *name)
+        .collect();
+    if set.is_empty() {
+        format!("unknown flags {flags:#04x}")
+    } else {
+        set.join(", ")
+    }
+}
