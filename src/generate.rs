@@ -147,7 +147,8 @@ pub fn reconstruct(motion: &Path, model: Option<&Path>) -> anyhow::Result<Recons
     })
 }
 
-fn open_codec(model: Option<&Path>) -> anyhow::Result<Codec> {
+/// Stage 1 of the weights in a file, or of those that are built in.
+pub(crate) fn open_codec(model: Option<&Path>) -> anyhow::Result<Codec> {
     Ok(match model {
         Some(path) => Codec::load(path)?,
         None => Codec::built_in()?,

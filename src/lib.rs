@@ -8,6 +8,7 @@ pub mod bus_tools;
 pub mod commands;
 pub mod dance;
 pub mod dataset;
+pub mod evaluate;
 pub mod generate;
 pub mod output;
 pub mod picture;

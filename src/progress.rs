@@ -28,7 +28,17 @@ impl Progress {
         Self { bar, quiet }
     }
 
-    /// The music has come this far.
+    /// A bar in per cent of other work.
+    pub fn share(what: &'static str, quiet: bool) -> Self {
+        let progress = Self::new(Some(100.0), quiet);
+        let template = format!("{what} {{bar:40}} {{pos}} %, {{eta}} left");
+        if let Ok(style) = ProgressStyle::with_template(&template) {
+            progress.bar.set_style(style.progress_chars("=> "));
+        }
+        progress
+    }
+
+    /// The work has come this far, seconds of music or per cent.
     pub fn at(&self, time_s: f64) {
         let seconds = time_s.max(0.0) as u64;
         if seconds != self.bar.position() {

@@ -3,6 +3,7 @@
 mod bad_input;
 mod bus_tools;
 mod documents;
+mod evaluation;
 mod motion_files;
 mod program;
 mod recording;

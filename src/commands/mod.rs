@@ -7,6 +7,7 @@
 
 pub mod bench;
 pub mod dance;
+pub mod evaluate;
 pub mod generate;
 pub mod reconstruct;
 pub mod robot;
@@ -46,6 +47,8 @@ pub enum Command {
     Dance(dance::Args),
     /// Write the human motion that the model dances to a recording, without a robot.
     Generate(generate::Args),
+    /// Score the generator: beat, variety, physics, each beside controls and real motion.
+    Evaluate(evaluate::Args),
     /// Send a motion through the model's tokens and back.
     Reconstruct(reconstruct::Args),
     /// Look over a robot file or description.
@@ -69,6 +72,7 @@ impl Command {
         match self {
             Command::Bench(args) => bench::run(args),
             Command::Dance(args) => dance::run(args),
+            Command::Evaluate(args) => evaluate::run(args),
             Command::Generate(args) => generate::run(args),
             Command::Reconstruct(args) => reconstruct::run(args),
             Command::Robot(args) => robot::run(args),

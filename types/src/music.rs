@@ -88,6 +88,24 @@ impl MusicFrame {
         out[SPECTRAL_DIM + 3] = confidence;
         out
     }
+
+    /// The frame that has this [`MusicFrame::vector`]; what the vector does not
+    /// hold is as in [`Beat::default`]. Without confidence there is no beat.
+    pub fn from_vector(vector: &[f32; MUSIC_DIM], time_s: f64) -> Self {
+        let [sine, cosine, octaves, confidence] = std::array::from_fn(|i| vector[SPECTRAL_DIM + i]);
+        let heard = confidence > 0.0;
+        Self {
+            time_s,
+            spectral: std::array::from_fn(|i| vector[i]),
+            beat: Beat {
+                phase: (sine.atan2(cosine) / TAU).rem_euclid(1.0),
+                tempo_bpm: if heard { 120.0 * octaves.exp2() } else { 0.0 },
+                confidence,
+                ..Beat::default()
+            },
+            ..Self::default()
+        }
+    }
 }
 
 #[cfg(test)]
@@ -110,5 +128,8 @@ mod tests {
         assert_eq!(v[34], 0.5);
         assert!((v[35] - 1.0).abs() < 1e-6 && v[36].abs() < 1e-6);
         assert_eq!((v[37], v[38]), (-1.0, 1.0));
+        let back = MusicFrame::from_vector(&v, 0.0);
+        assert!((back.beat.phase - 0.25).abs() < 1e-6);
+        assert_eq!((back.beat.tempo_bpm, back.spectral[3]), (60.0, 0.5));
     }
 }

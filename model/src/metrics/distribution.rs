@@ -12,7 +12,7 @@ pub enum DistributionError {
     /// A covariance needs two motions at least.
     #[error("{set} set has {count} motions, at least 2 are needed")]
     TooFew {
-        /// `real` or `generated`.
+        /// `yardstick`, `real` or `generated`.
         set: &'static str,
         /// How many there are.
         count: usize,
@@ -22,7 +22,7 @@ pub enum DistributionError {
     Length {
         /// Numbers of the vector.
         actual: usize,
-        /// Numbers of the first real vector.
+        /// Numbers of the first vector.
         expected: usize,
     },
 }
@@ -41,22 +41,38 @@ pub struct Distribution {
 /// Compares the features of generated motions with those of real ones.
 /// Features that do not vary in the real set count unscaled.
 pub fn compare(real: &Features, generated: &Features) -> Result<Distribution, DistributionError> {
-    for (set, features) in [("real", real), ("generated", generated)] {
+    compare_by(real, real, generated)
+}
+
+/// The same, normalised by a third set: for two parts of one real set, which
+/// are to be measured with the yardstick of the whole.
+pub fn compare_by(
+    yardstick: &Features,
+    real: &Features,
+    generated: &Features,
+) -> Result<Distribution, DistributionError> {
+    let sets = [
+        ("yardstick", yardstick),
+        ("real", real),
+        ("generated", generated),
+    ];
+    for (set, features) in sets {
         let count = features.len();
         if count < 2 {
             return Err(DistributionError::TooFew { set, count });
         }
     }
-    let expected = real[0].len();
-    if let Some(other) = real.iter().chain(generated).find(|v| v.len() != expected) {
+    let expected = yardstick[0].len();
+    let all = yardstick.iter().chain(real).chain(generated);
+    if let Some(other) = all.into_iter().find(|v| v.len() != expected) {
         let actual = other.len();
         return Err(DistributionError::Length { actual, expected });
     }
-    let mean = mean(real);
+    let mean = mean(yardstick);
     let deviation: Vec<f64> = (0..expected)
         .map(|k| {
-            let sum: f64 = real.iter().map(|v| (v[k] - mean[k]).powi(2)).sum();
-            let deviation = (sum / real.len() as f64).sqrt();
+            let sum: f64 = yardstick.iter().map(|v| (v[k] - mean[k]).powi(2)).sum();
+            let deviation = (sum / yardstick.len() as f64).sqrt();
             if deviation > 1e-9 { deviation } else { 1.0 }
         })
         .collect();

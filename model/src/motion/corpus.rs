@@ -3,7 +3,7 @@
 //! | tensor | shape | what |
 //! |---|---|---|
 //! | `motion` | `[N, 137]` f32 | pose vectors, not normalised |
-//! | `music` | [N, 39] f32 | music vectors; zeros where there is none |
+//! | `music` | `[N, 39]` f32 | music vectors; zeros where there is none |
 //! | `clip_start`, `clip_length` | `[C]` i64 | the frames of each clip |
 //! | `style`, `split`, `dance`, `has_music`, `synthetic`, `variant` | `[C]` i64 | see [`CorpusClip`] |
 //!
@@ -12,7 +12,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use safetensors::tensor::{Dtype, TensorView};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use servodance_types::MUSIC_DIM;
 
 use super::MotionError;
@@ -117,6 +117,87 @@ pub fn write(
         .map_err(|error| content(error.to_string()))
 }
 
+/// Reads a training file, for scoring. A file of another layout is refused with
+/// what is missing or wrong.
+pub fn read(path: &Path) -> Result<Vec<CorpusClip>, MotionError> {
+    let content = |reason: String| MotionError::Content {
+        path: path.to_owned(),
+        reason,
+    };
+    let bytes = std::fs::read(path).map_err(|error| MotionError::Read {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    })?;
+    let file = SafeTensors::deserialize(&bytes)
+        .map_err(|error| content(format!("not a training file: {error}")))?;
+    let (_, header) =
+        SafeTensors::read_metadata(&bytes).map_err(|error| content(error.to_string()))?;
+    let names = header.metadata().as_ref().and_then(|m| m.get("clips"));
+    let names: Vec<String> = names
+        .and_then(|text| serde_json::from_str(text).ok())
+        .ok_or_else(|| content("no list of `clips` in the metadata".into()))?;
+    let tensor = |name: &str, dtype, columns: usize| -> Result<&[u8], MotionError> {
+        let view = file
+            .tensor(name)
+            .map_err(|_| content(format!("no tensor `{name}`")))?;
+        let wide = view.shape().get(1).copied().unwrap_or(1);
+        if view.dtype() != dtype || wide != columns {
+            return Err(content(format!(
+                "tensor `{name}` is {:?} {:?}, expected {dtype:?} with {columns} columns",
+                view.dtype(),
+                view.shape()
+            )));
+        }
+        Ok(view.data())
+    };
+    let floats = |name: &str, columns| -> Result<Vec<f32>, MotionError> {
+        let (values, _) = tensor(name, Dtype::F32, columns)?.as_chunks::<4>();
+        Ok(values.iter().map(|b| f32::from_le_bytes(*b)).collect())
+    };
+    let column = |name: &str| -> Result<Vec<usize>, MotionError> {
+        let (values, _) = tensor(name, Dtype::I64, 1)?.as_chunks::<8>();
+        let values = values.iter().map(|b| i64::from_le_bytes(*b) as usize);
+        let values: Vec<usize> = values.collect();
+        match values.len() == names.len() {
+            true => Ok(values),
+            false => Err(content(format!(
+                "`{name}` has {} rows for {} clips",
+                values.len(),
+                names.len()
+            ))),
+        }
+    };
+    let (motion, music) = (floats("motion", POSE_DIM)?, floats("music", MUSIC_DIM)?);
+    let (motion, _) = motion.as_chunks::<POSE_DIM>();
+    let (music, _) = music.as_chunks::<MUSIC_DIM>();
+    let [starts, lengths, style, split] =
+        ["clip_start", "clip_length", "style", "split"].map(column);
+    let (starts, lengths, style, split) = (starts?, lengths?, style?, split?);
+    let [dance, has_music, synthetic, variant] =
+        ["dance", "has_music", "synthetic", "variant"].map(column);
+    let (dance, has_music, synthetic, variant) = (dance?, has_music?, synthetic?, variant?);
+    let splits = [Split::Train, Split::Validation, Split::Test];
+    (names.into_iter().enumerate())
+        .map(|(c, name)| {
+            let rows = starts[c]..starts[c].saturating_add(lengths[c]);
+            let (Some(motion), Some(music)) = (motion.get(rows.clone()), music.get(rows)) else {
+                return Err(content(format!("clip {name} lies outside the file")));
+            };
+            let split = splits.get(split[c]).copied();
+            Ok(CorpusClip {
+                motion: motion.to_vec(),
+                music: (has_music[c] == 1).then(|| music.to_vec()),
+                style: style[c].min(STYLES.len() - 1),
+                split: split.ok_or_else(|| content(format!("clip {name}: unknown split")))?,
+                dance: dance[c] == 1,
+                synthetic: synthetic[c] == 1,
+                variant: variant[c],
+                name,
+            })
+        })
+        .collect()
+}
+
 fn push_f32(bytes: &mut Vec<u8>, values: &[f32]) {
     bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
 }
@@ -157,6 +238,23 @@ mod tests {
         let music = tensors.tensor("music").unwrap().data();
         assert!(music[..3 * MUSIC_DIM * 4].iter().all(|b| *b == 0));
         assert_eq!(music[3 * MUSIC_DIM * 4..][..4], 0.25f32.to_le_bytes());
+    }
+
+    #[test]
+    fn reading_returns_what_was_written() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let clips = [clip(3, None), clip(2, Some(2))];
+        write(file.path(), &clips, &serde_json::json!({})).unwrap();
+        for (found, wanted) in read(file.path()).unwrap().iter().zip(&clips) {
+            assert_eq!(found.name, wanted.name);
+            assert_eq!(
+                (&found.motion, &found.music),
+                (&wanted.motion, &wanted.music)
+            );
+            assert_eq!((found.split, found.variant), (wanted.split, wanted.variant));
+        }
+        std::fs::write(file.path(), [0; 40]).unwrap();
+        assert!(read(file.path()).is_err());
     }
 
     #[test]

@@ -1,0 +1,70 @@
+//! `servodance evaluate`.
+
+use crate::evaluate::{Request, evaluate};
+use crate::progress::Progress;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance evaluate
+      against fresh choreography: needs no data, some minutes
+  servodance evaluate --data data.safetensors --json > figures.json
+      against the held-out dance of a training file (see model/MODEL_CARD.md)
+  servodance evaluate --model mine.safetensors --style salsa --repeats 5
+      weights of your own, quickly";
+
+/// What `evaluate` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// A training file with held-out dance; fresh choreography if left out.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub data: Option<PathBuf>,
+    /// Weights to use in place of the built-in ones.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub model: Option<PathBuf>,
+    /// One style for all clips, in place of the style of each; an unknown one
+    /// lists those that the model knows.
+    #[arg(long, value_name = "NAME")]
+    pub style: Option<String>,
+    /// How often everything is danced anew.
+    #[arg(long, default_value_t = 20, value_name = "N")]
+    pub repeats: usize,
+    /// Clips of music danced to in each repeat.
+    #[arg(long, default_value_t = 8, value_name = "N")]
+    pub clips: usize,
+    /// Seconds danced to each clip.
+    #[arg(long, default_value_t = 20.0, value_name = "SECONDS")]
+    pub seconds: f64,
+    /// Seed of the first repeat.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Print JSON in place of the table.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Prints the figures.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let progress = Progress::share("evaluating", args.json);
+    let found = evaluate(
+        &Request {
+            data: args.data,
+            model: args.model,
+            style: args.style,
+            repeats: args.repeats,
+            clips: args.clips,
+            seconds: args.seconds,
+            seed: args.seed,
+        },
+        |share| progress.at(100.0 * share),
+    )?;
+    progress.done();
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&found)?);
+    } else {
+        print!("{}", found.table());
+    }
+    Ok(ExitCode::SUCCESS)
+}
