@@ -2,6 +2,7 @@
 //! robot dances.
 
 use crate::robot::Robot;
+use crate::sim_link::{LinkChoice, sim_link};
 use anyhow::bail;
 use servodance_drivers::{BAUDS, Found, available_ports};
 use servodance_sim::{SimBus, SimOptions, SimServoSpec, Violations, WireStats};
@@ -54,11 +55,19 @@ fn line(found: &Found) -> String {
 /// Serves the robot's servos in real time until `stop` is set; `ready` is told
 /// the serial port to open, `NAME=PORT` for each bus where there are several.
 /// Returns one line about what was seen.
-pub fn serve(robot: &Robot, stop: &AtomicBool, ready: impl Fn(&str)) -> anyhow::Result<String> {
+pub fn serve(
+    robot: &Robot,
+    link: Option<LinkChoice>,
+    stop: &AtomicBool,
+    ready: impl Fn(&str),
+) -> anyhow::Result<String> {
     let mut sims = Vec::with_capacity(robot.buses.len());
-    for bus in &robot.buses {
+    for (place, bus) in robot.buses.iter().enumerate() {
         let specs: Vec<SimServoSpec> = bus.servos.iter().map(SimServoSpec::from).collect();
-        let options = SimOptions::realtime(bus.config.baud, robot.control_hz);
+        let options = SimOptions {
+            link: sim_link(&bus.config, link, place)?,
+            ..SimOptions::realtime(bus.config.baud, robot.control_hz)
+        };
         sims.push(SimBus::start(&specs, options)?);
     }
     for (bus, sim) in robot.buses.iter().zip(&sims) {

@@ -18,6 +18,7 @@ pub mod report;
 pub mod retarget_bench;
 pub mod robot;
 pub mod robot_file;
+pub mod sim_link;
 pub mod song;
 pub mod stages;
 pub mod summary;

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod bus_tools;
+mod can_robot;
 mod documents;
 mod evaluation;
 mod motion_files;
