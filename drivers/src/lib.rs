@@ -51,7 +51,10 @@ pub use packet::{Decoded, Decoder, Packet, Protocol, encode};
 pub use port::Port;
 pub use rate::{RateCheck, check_rate, cycle_bytes};
 pub use register::Register;
-pub use safety::{EStop, Interventions, SafeBus, SafetyConfig, SafetyError, State, Transition};
+pub use safety::{
+    Derating, EStop, Interventions, SafeBus, SafetyConfig, SafetyError, SafetySettings, ServoLost,
+    State, Transition,
+};
 pub use scan::{BAUDS, Found, ping, scan};
 pub use serial::SerialBus;
 pub use servo::Servo;

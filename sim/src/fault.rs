@@ -30,12 +30,16 @@ pub enum WireFault {
 pub enum ServoFault {
     /// Its cable is cut: it hears and says nothing, and goes on as it was.
     Dead,
+    /// Its cable is mended: it hears and answers again.
+    Revive,
     /// It restarts: deaf for 0.3 s, then without torque.
     Reboot,
     /// Its winding is this hot, Celsius.
     Overheat(f64),
     /// Its shaft is held; it will overload in time.
     Jam,
+    /// Its shaft is free again.
+    Free,
     /// It shuts down from overload now.
     Overload,
     /// Its supply changes, volts.

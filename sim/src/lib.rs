@@ -14,6 +14,7 @@
 
 mod bench;
 pub mod can;
+mod far_end;
 mod fault;
 mod judge;
 mod line;

@@ -14,17 +14,16 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nix::errno::Errno;
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use servodance_drivers::Port;
-use servodance_drivers::can::CanPort;
 
-use crate::can::{Adapter, CanServer, MulticastAdapter, SlcanAdapter, build_net};
+use crate::can::{CanServer, build_net};
+use crate::far_end::{FarEnd, Socket};
 use crate::fault::{FaultyWire, ServoFault, WireFault};
 use crate::judge::{Judge, Violations};
 use crate::line::{Burst, Line, XLine};
 use crate::servo::{SimServo, SimServoState};
-use crate::spec::{SimClock, SimError, SimLink, SimOptions, SimServoSpec};
+use crate::spec::{SimClock, SimError, SimOptions, SimServoSpec};
 use crate::sts::StsServo;
 use crate::sts_line::StsLine;
 use crate::world::World;
@@ -128,13 +127,9 @@ pub struct SimBus {
     shared: Arc<Shared>,
     port_path: String,
     port: Port,
+    socket: Socket,
+    baud: u32,
     thread: Option<JoinHandle<()>>,
-}
-
-/// What the thread serves.
-enum FarEnd {
-    Serial(OwnedFd),
-    Can(Box<dyn Adapter>),
 }
 
 fn start_thread(
@@ -189,38 +184,19 @@ impl SimBus {
             },
             adapter_s: checked_adapter_s(options.adapter_s)?,
         });
-        let (far_end, port_path, port) = match (is_can, options.link) {
-            (false, SimLink::Terminal) => {
-                let (master, path) = open_terminal()?;
-                let port = Port::Serial(path.clone());
-                (FarEnd::Serial(master), path, port)
-            }
-            (true, SimLink::Terminal) => {
-                let (master, path) = open_terminal()?;
-                let port = Port::Can(CanPort::Slcan(path.clone()));
-                (FarEnd::Can(Box::new(SlcanAdapter::new(master))), path, port)
-            }
-            (true, SimLink::Multicast(group)) => {
-                let adapter = MulticastAdapter::open(group).map_err(|reason| SimError::System {
-                    what: "joining a multicast group",
-                    reason,
-                })?;
-                let port = Port::Can(CanPort::Udp(group));
-                (FarEnd::Can(Box::new(adapter)), group.to_string(), port)
-            }
-            (false, SimLink::Multicast(_)) => {
-                return Err(SimError::Option {
-                    key: "link",
-                    actual: "multicast".into(),
-                    wanted: "a terminal: these servos are on a serial bus",
-                });
-            }
+        let socket = Socket {
+            is_can,
+            link: options.link,
+            path: options.path,
         };
+        let (far_end, port_path, port) = socket.open()?;
         let thread = start_thread(far_end, shared.clone(), options.baud)?;
         Ok(Self {
             shared,
             port_path,
             port,
+            socket,
+            baud: options.baud,
             thread: Some(thread),
         })
     }
@@ -291,10 +267,23 @@ impl SimBus {
         self.shared.bus_off.store(bus_off, Ordering::Release);
     }
 
-    /// The adapter is pulled out: the port fails for whoever has it open, for good.
+    /// The adapter is put back: the port can be opened again, at the same path
+    /// if the options have one. Does nothing while it is plugged in.
+    pub fn replug(&mut self) -> Result<(), SimError> {
+        if self.thread.is_none() {
+            let (far_end, port_path, port) = self.socket.open()?;
+            (self.port_path, self.port) = (port_path, port);
+            self.shared.stop.store(false, Ordering::Release);
+            self.thread = Some(start_thread(far_end, self.shared.clone(), self.baud)?);
+        }
+        Ok(())
+    }
+
+    /// The adapter is pulled out: the port fails for whoever has it open.
     /// The servos go on as they were, and time can still be advanced.
     pub fn unplug(&mut self) {
         self.shared.stop.store(true, Ordering::Release);
+        self.socket.close();
         if let Some(thread) = self.thread.take() {
             // A panic in the thread has already been printed.
             let _ = thread.join();
@@ -391,24 +380,6 @@ fn build_line(
             wanted: "of one protocol on one line",
         }),
     }
-}
-
-/// A pseudo-terminal: our end, and the path of the other.
-fn open_terminal() -> Result<(OwnedFd, String), SimError> {
-    let failed = |what: &'static str| {
-        move |errno: Errno| SimError::System {
-            what,
-            reason: errno.into(),
-        }
-    };
-    let pty = nix::pty::openpty(None, None).map_err(failed("opening a pseudo-terminal"))?;
-    let path = nix::unistd::ttyname(&pty.slave).map_err(failed("naming a pseudo-terminal"))?;
-    // A host that does not read must not stop the servos.
-    fcntl(&pty.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))
-        .map_err(failed("setting up a pseudo-terminal"))?;
-    // The other end is not held open here: whoever opens it may take it for
-    // itself, and it is free again when that program dies.
-    Ok((pty.master, path.to_string_lossy().into_owned()))
 }
 
 /// The thread behind the pseudo-terminal.

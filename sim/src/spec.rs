@@ -5,6 +5,7 @@
 
 use std::f64::consts::TAU;
 use std::net::SocketAddrV4;
+use std::path::PathBuf;
 
 use servodance_drivers::can::MotorSettings;
 use servodance_drivers::{BusKind, Servo};
@@ -268,6 +269,9 @@ pub struct SimOptions {
     pub adapter_s: f64,
     /// Seed of everything random: faults.
     pub seed: u64,
+    /// A symbolic link at which the port is found, also after the adapter was
+    /// pulled out and put back; without one the port has a new path then.
+    pub path: Option<PathBuf>,
 }
 
 impl SimOptions {
@@ -282,6 +286,7 @@ impl SimOptions {
             supply_v: None,
             adapter_s: 0.0,
             seed: 0,
+            path: None,
         }
     }
 

@@ -270,6 +270,8 @@ impl StsServo {
     pub fn suffer(&mut self, fault: ServoFault) {
         match fault {
             ServoFault::Dead => self.dead = true,
+            ServoFault::Revive => self.dead = false,
+            ServoFault::Free => self.motor.jammed = false,
             ServoFault::Reboot => self.reboot(),
             ServoFault::Overheat(celsius) => self.motor.temperature_c = celsius,
             ServoFault::Jam => {

@@ -253,14 +253,15 @@ fn a_loop_that_catches_up_does_not_speed_the_motion_up() {
 fn an_emergency_stop_is_latched_until_it_is_cleared() {
     let mut rig = rig(2);
     rig.period(Some(&[0.1; 2])).unwrap();
-    rig.safe.estop().press();
+    rig.safe.estop().press("the key");
     assert!(matches!(
         rig.period(Some(&[0.1; 2])),
-        Err(SafetyError::EStop)
+        Err(SafetyError::EStop { .. })
     ));
     assert!(!rig.any_torque());
-    assert!(matches!(rig.safe.arm(rig.now_s), Err(SafetyError::EStop)));
-    rig.safe.clear_estop();
+    let refused = rig.safe.arm(rig.now_s).unwrap_err().to_string();
+    assert!(refused.starts_with("emergency stop (the key)"), "{refused}");
+    rig.safe.estop().clear();
     assert!(!rig.any_torque());
     rig.safe.arm(rig.now_s).unwrap();
     assert!(rig.any_torque());

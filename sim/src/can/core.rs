@@ -239,6 +239,8 @@ impl Core {
     pub fn suffer(&mut self, fault: ServoFault) -> bool {
         match fault {
             ServoFault::Dead => self.dead = true,
+            ServoFault::Revive => self.dead = false,
+            ServoFault::Free => self.motor.jammed = false,
             ServoFault::Reboot => {
                 self.reboot();
                 return true;

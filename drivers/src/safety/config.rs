@@ -1,0 +1,239 @@
+//! How the safety layer behaves: the `[safety]` table of a robot file.
+//!
+//! Every key may be left out. Refused, with the key named: numbers that are not
+//! finite or outside their range, unknown keys and policies.
+
+use serde::Deserialize;
+
+use super::SafetyError;
+
+/// What to do when one servo is lost: silent, or shut down by itself.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+pub enum ServoLost {
+    /// Torque off everywhere.
+    #[default]
+    Stop,
+    /// The others hold until it is back, then the motion goes on.
+    Hold,
+    /// The others go on; it joins in again when it is back.
+    DanceOn,
+}
+
+/// When motion is made smaller because a servo is close to a limit of its own.
+///
+/// Between where it begins and where it ends the motion shrinks linearly down
+/// to `derate_to`; at the end the safety layer stops, before the servo does so
+/// by itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Derating {
+    /// Begins this far below the servo's own temperature limit, Celsius, ...
+    pub temperature_margin_c: f64,
+    /// ... and ends this far below it.
+    pub temperature_fault_c: f64,
+    /// Begins this far above the lowest supply that the servo takes, volts;
+    /// ends there. A supply above the highest stops at once.
+    pub voltage_margin_v: f64,
+    /// Begins at this share of the servo's own current limit, averaged over a
+    /// second; ends at the limit.
+    pub current_share: f64,
+    /// How small the motion becomes, as a share.
+    pub derate_to: f64,
+}
+
+/// How the safety layer behaves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SafetyConfig {
+    /// Control periods a second.
+    pub control_hz: f64,
+    /// Targets older than this are stale, seconds.
+    pub stale_after_s: f64,
+    /// Stale targets are held this long before torque goes off, seconds.
+    pub hold_s: f64,
+    /// Targets are blended in over this time, seconds.
+    pub ramp_s: f64,
+    /// A joint further than this from its command ..., radians
+    pub following_error_rad: f64,
+    /// ... for longer than this faults, seconds.
+    pub following_error_s: f64,
+    /// What to do when a servo is lost.
+    pub on_servo_lost: ServoLost,
+    /// How long a lost servo is waited for while the others hold, seconds.
+    pub rejoin_s: f64,
+    /// Whether torque may come back by itself after an adapter was pulled out
+    /// and put back.
+    pub rearm: bool,
+    /// How long an adapter is waited for, seconds; only with `rearm`.
+    pub reconnect_s: f64,
+    /// When motion is made smaller.
+    pub derating: Derating,
+}
+
+/// The `[safety]` table.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+pub struct SafetySettings {
+    /// `stop`, `hold` or `dance_on`.
+    pub on_servo_lost: ServoLost,
+    /// See [`SafetyConfig::rejoin_s`].
+    pub rejoin_s: f64,
+    /// See [`SafetyConfig::rearm`].
+    pub rearm: bool,
+    /// See [`SafetyConfig::reconnect_s`].
+    pub reconnect_s: f64,
+    /// See [`SafetyConfig::stale_after_s`].
+    pub stale_after_s: f64,
+    /// See [`SafetyConfig::hold_s`].
+    pub hold_s: f64,
+    /// See [`SafetyConfig::ramp_s`].
+    pub ramp_s: f64,
+    /// See [`SafetyConfig::following_error_rad`]; here in degrees.
+    pub following_error_deg: f64,
+    /// See [`SafetyConfig::following_error_s`].
+    pub following_error_s: f64,
+    /// See [`Derating::temperature_margin_c`].
+    pub temperature_margin_c: f64,
+    /// See [`Derating::temperature_fault_c`].
+    pub temperature_fault_c: f64,
+    /// See [`Derating::voltage_margin_v`].
+    pub voltage_margin_v: f64,
+    /// See [`Derating::current_share`].
+    pub current_share: f64,
+    /// See [`Derating::derate_to`].
+    pub derate_to: f64,
+}
+
+impl Default for SafetySettings {
+    fn default() -> Self {
+        Self {
+            on_servo_lost: ServoLost::Stop,
+            rejoin_s: 10.0,
+            rearm: false,
+            reconnect_s: 10.0,
+            stale_after_s: 0.25,
+            hold_s: 0.5,
+            ramp_s: 2.0,
+            following_error_deg: 0.5f64.to_degrees(),
+            following_error_s: 0.25,
+            temperature_margin_c: 15.0,
+            temperature_fault_c: 3.0,
+            voltage_margin_v: 0.5,
+            current_share: 0.8,
+            derate_to: 0.3,
+        }
+    }
+}
+
+impl SafetySettings {
+    /// The same at a control rate, if the numbers make sense.
+    pub fn at_hz(&self, control_hz: f64) -> Result<SafetyConfig, SafetyError> {
+        self.unchecked(control_hz).checked()
+    }
+
+    fn unchecked(&self, control_hz: f64) -> SafetyConfig {
+        SafetyConfig {
+            control_hz,
+            stale_after_s: self.stale_after_s,
+            hold_s: self.hold_s,
+            ramp_s: self.ramp_s,
+            following_error_rad: self.following_error_deg.to_radians(),
+            following_error_s: self.following_error_s,
+            on_servo_lost: self.on_servo_lost,
+            rejoin_s: self.rejoin_s,
+            rearm: self.rearm,
+            reconnect_s: self.reconnect_s,
+            derating: Derating {
+                temperature_margin_c: self.temperature_margin_c,
+                temperature_fault_c: self.temperature_fault_c,
+                voltage_margin_v: self.voltage_margin_v,
+                current_share: self.current_share,
+                derate_to: self.derate_to,
+            },
+        }
+    }
+}
+
+impl SafetyConfig {
+    /// The usual values at a control rate.
+    pub fn at_hz(control_hz: f64) -> Self {
+        SafetySettings::default().unchecked(control_hz)
+    }
+
+    /// The same, if it makes sense.
+    pub fn checked(self) -> Result<Self, SafetyError> {
+        let Derating {
+            temperature_margin_c,
+            temperature_fault_c,
+            voltage_margin_v,
+            current_share,
+            derate_to,
+        } = self.derating;
+        let tiny = f64::MIN_POSITIVE;
+        for (key, actual, lowest, highest) in [
+            ("control_hz", self.control_hz, tiny, 1e4),
+            ("stale_after_s", self.stale_after_s, tiny, 10.0),
+            ("hold_s", self.hold_s, 0.0, 60.0),
+            ("ramp_s", self.ramp_s, 0.0, 60.0),
+            (
+                "following_error_deg",
+                self.following_error_rad.to_degrees(),
+                tiny,
+                180.0,
+            ),
+            ("following_error_s", self.following_error_s, tiny, 10.0),
+            ("rejoin_s", self.rejoin_s, 0.0, 3600.0),
+            ("reconnect_s", self.reconnect_s, 0.0, 3600.0),
+            ("temperature_fault_c", temperature_fault_c, 0.0, 50.0),
+            (
+                "temperature_margin_c",
+                temperature_margin_c,
+                temperature_fault_c + 0.1,
+                60.0,
+            ),
+            ("voltage_margin_v", voltage_margin_v, 0.01, 10.0),
+            ("current_share", current_share, 0.05, 0.99),
+            ("derate_to", derate_to, 0.0, 1.0),
+        ] {
+            // Not a number is outside every range.
+            if !(lowest..=highest).contains(&actual) {
+                return Err(SafetyError::Config {
+                    key,
+                    actual,
+                    highest,
+                });
+            }
+        }
+        Ok(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_read_and_its_numbers_are_checked() {
+        let read = |text: &str| toml::from_str::<SafetySettings>(text);
+        assert_eq!(read("").unwrap(), SafetySettings::default());
+        let config = read("on_servo_lost = \"dance_on\"\nrearm = true\n")
+            .unwrap()
+            .at_hz(100.0)
+            .unwrap();
+        assert_eq!(
+            (config.on_servo_lost, config.rearm),
+            (ServoLost::DanceOn, true)
+        );
+        assert!(SafetyConfig::at_hz(50.0).checked().is_ok());
+        assert!(read("on_servo_lost = \"pray\"").is_err());
+        assert!(read("rearming = true").is_err());
+        for (text, key) in [
+            ("hold_s = nan", "hold_s"),
+            ("derate_to = 2.0", "derate_to"),
+            ("temperature_margin_c = 2.0", "temperature_margin_c"),
+            ("following_error_deg = 0.0", "following_error_deg"),
+        ] {
+            let error = read(text).unwrap().at_hz(100.0).unwrap_err().to_string();
+            assert!(error.contains(key), "{text}: {error}");
+        }
+    }
+}

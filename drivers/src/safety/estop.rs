@@ -1,0 +1,68 @@
+//! The emergency stop: pressed from anywhere, cleared only on purpose.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// An emergency stop button: clones press the same button, from any thread.
+///
+/// [`EStop::flag`] is for those who may do no more than set a flag (a signal
+/// handler). Only [`EStop::clear`] releases the button.
+#[derive(Clone, Debug, Default)]
+pub struct EStop {
+    pressed: Arc<AtomicBool>,
+    /// Who pressed it first.
+    cause: Arc<Mutex<Option<String>>>,
+}
+
+impl EStop {
+    /// Presses it. Torque goes off at the next tick, and the button stays down.
+    pub fn press(&self, cause: &str) {
+        let mut first = self.cause.lock().unwrap_or_else(PoisonError::into_inner);
+        first.get_or_insert_with(|| cause.into());
+        self.pressed.store(true, Ordering::Release);
+    }
+
+    /// The bare button: `true` is pressed.
+    pub fn flag(&self) -> Arc<AtomicBool> {
+        self.pressed.clone()
+    }
+
+    /// Whether it is down.
+    pub fn is_pressed(&self) -> bool {
+        self.pressed.load(Ordering::Acquire)
+    }
+
+    /// Who pressed it.
+    pub fn cause(&self) -> String {
+        let cause = self.cause.lock().unwrap_or_else(PoisonError::into_inner);
+        cause.clone().unwrap_or_else(|| "a signal".into())
+    }
+
+    /// Releases it. Torque stays off until somebody arms again.
+    pub fn clear(&self) {
+        let mut cause = self.cause.lock().unwrap_or_else(PoisonError::into_inner);
+        *cause = None;
+        self.pressed.store(false, Ordering::Release);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_stays_down_and_remembers_who_was_first() {
+        let button = EStop::default();
+        button.clone().press("the key");
+        button.press("the file");
+        assert!(button.is_pressed());
+        assert_eq!(button.cause(), "the key");
+        button.clear();
+        assert!(!button.is_pressed());
+        button.flag().store(true, Ordering::Release);
+        assert_eq!(
+            (button.is_pressed(), button.cause()),
+            (true, "a signal".into())
+        );
+    }
+}

@@ -1,0 +1,101 @@
+//! Where the host plugs in: a pseudo-terminal, or a multicast group.
+
+use std::os::fd::OwnedFd;
+use std::path::PathBuf;
+
+use nix::errno::Errno;
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use servodance_drivers::Port;
+use servodance_drivers::can::CanPort;
+
+use crate::can::{Adapter, MulticastAdapter, SlcanAdapter};
+use crate::spec::{SimError, SimLink};
+
+/// What the thread of a bus serves.
+pub enum FarEnd {
+    /// A serial adapter.
+    Serial(OwnedFd),
+    /// A CAN adapter.
+    Can(Box<dyn Adapter>),
+}
+
+/// How the far end is opened, the first time and after it was pulled out.
+#[derive(Clone, Debug)]
+pub struct Socket {
+    /// Whether CAN motors are behind it.
+    pub is_can: bool,
+    /// What the host opens.
+    pub link: SimLink,
+    /// A symbolic link that leads to the terminal of the moment.
+    pub path: Option<PathBuf>,
+}
+
+impl Socket {
+    /// Opens it: our end, and what the host is to open, as a path and as a port.
+    pub fn open(&self) -> Result<(FarEnd, String, Port), SimError> {
+        match (self.is_can, self.link) {
+            (false, SimLink::Terminal) => {
+                let (master, path) = self.terminal()?;
+                Ok((FarEnd::Serial(master), path.clone(), Port::Serial(path)))
+            }
+            (true, SimLink::Terminal) => {
+                let (master, path) = self.terminal()?;
+                let port = Port::Can(CanPort::Slcan(path.clone()));
+                Ok((FarEnd::Can(Box::new(SlcanAdapter::new(master))), path, port))
+            }
+            (true, SimLink::Multicast(group)) => {
+                let adapter = MulticastAdapter::open(group).map_err(|reason| SimError::System {
+                    what: "joining a multicast group",
+                    reason,
+                })?;
+                let port = Port::Can(CanPort::Udp(group));
+                Ok((FarEnd::Can(Box::new(adapter)), group.to_string(), port))
+            }
+            (false, SimLink::Multicast(_)) => Err(SimError::Option {
+                key: "link",
+                actual: "multicast".into(),
+                wanted: "a terminal: these servos are on a serial bus",
+            }),
+        }
+    }
+
+    /// Nobody may find a terminal at the path that is no longer ours.
+    pub fn close(&self) {
+        if let Some(path) = &self.path {
+            // It may be gone already.
+            let _ = std::fs::remove_file(path);
+        }
+    }
+
+    /// A terminal: our end, and the path to open, its own or the link's.
+    fn terminal(&self) -> Result<(OwnedFd, String), SimError> {
+        let (master, terminal) = open_terminal()?;
+        let Some(path) = &self.path else {
+            return Ok((master, terminal));
+        };
+        self.close();
+        std::os::unix::fs::symlink(&terminal, path).map_err(|reason| SimError::System {
+            what: "linking the port",
+            reason,
+        })?;
+        Ok((master, path.to_string_lossy().into_owned()))
+    }
+}
+
+/// A pseudo-terminal: our end, and the path of the other.
+fn open_terminal() -> Result<(OwnedFd, String), SimError> {
+    let failed = |what: &'static str| {
+        move |errno: Errno| SimError::System {
+            what,
+            reason: errno.into(),
+        }
+    };
+    let pty = nix::pty::openpty(None, None).map_err(failed("opening a pseudo-terminal"))?;
+    let path = nix::unistd::ttyname(&pty.slave).map_err(failed("naming a pseudo-terminal"))?;
+    // A host that does not read must not stop the servos.
+    fcntl(&pty.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))
+        .map_err(failed("setting up a pseudo-terminal"))?;
+    // The other end is not held open here: whoever opens it may take it for
+    // itself, and it is free again when that program dies.
+    Ok((pty.master, path.to_string_lossy().into_owned()))
+}
