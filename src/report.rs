@@ -43,6 +43,8 @@ pub struct Report {
     pub beats: BeatReport,
     /// How well motion and music beats agree, from the generator to the servos.
     pub alignment: AlignmentReport,
+    /// Seconds that the robot idled because there was no music.
+    pub idled_s: f64,
     /// What steering the motion onto the beat did.
     pub compensation: CompensationReport,
     /// When the joints paused, for scoring against other beats.

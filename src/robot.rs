@@ -1,6 +1,7 @@
 //! A robot file: one TOML that names the URDF, the bus, the retargeting and
 //! every servo. Degrees and ticks live there; inside, all is radians.
 
+use crate::dance::IdleStyle;
 use anyhow::bail;
 use serde::Deserialize;
 use servodance_drivers::{
@@ -68,6 +69,8 @@ struct RobotFile {
     control_hz: f64,
     #[serde(default)]
     servo_lag_s: f64,
+    #[serde(default)]
+    idle: IdleStyle,
     #[serde(rename = "bus", deserialize_with = "one_or_several")]
     buses: Vec<BusConfig>,
     retarget: RetargetConfig,
@@ -88,6 +91,8 @@ pub struct Robot {
     pub control_hz: f64,
     /// How long the servos take to get where they are told, seconds.
     pub servo_lag_s: f64,
+    /// What it does while there is no music.
+    pub idle: IdleStyle,
     /// The buses, and which joints are on each.
     pub buses: Vec<BusLayout>,
     /// How human motion becomes this robot's.
@@ -162,6 +167,7 @@ impl Robot {
             description: parsed.description,
             control_hz: parsed.control_hz,
             servo_lag_s: parsed.servo_lag_s,
+            idle: parsed.idle,
             buses,
             retarget: parsed.retarget,
             servos,

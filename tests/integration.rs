@@ -5,6 +5,7 @@ mod bus_tools;
 mod can_robot;
 mod documents;
 mod evaluation;
+mod idle;
 mod motion_files;
 mod program;
 mod recording;

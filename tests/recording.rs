@@ -40,8 +40,18 @@ impl Recording {
         self.raw(topic).iter().map(decode).collect()
     }
 
+    /// Numbers of a topic with their times, seconds of music.
+    pub fn timed_numbers(&self, topic: &str) -> Vec<(f64, f64)> {
+        let music_start_s = self.fact("music_start_s");
+        let times = self
+            .raw(topic)
+            .iter()
+            .map(|(time_ns, _)| *time_ns as f64 * 1e-9 - music_start_s);
+        times.zip(self.numbers(topic)).collect()
+    }
+
     /// Positions of a JointState topic: time in seconds of music, radians.
-    fn positions(&self, topic: &str) -> Vec<(f64, Vec<f64>)> {
+    pub fn positions(&self, topic: &str) -> Vec<(f64, Vec<f64>)> {
         let music_start_s = self.fact("music_start_s");
         let decode = |(time_ns, data): &(u64, Vec<u8>)| {
             let mut cdr = Cdr::new(data);

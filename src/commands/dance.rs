@@ -1,7 +1,7 @@
 //! `servodance dance`.
 
 use super::{INTERRUPTED, stop_signal};
-use crate::dance::{DanceConfig, Speed, dance};
+use crate::dance::{DanceConfig, IdleStyle, Speed, dance};
 use crate::summary::summary;
 use servodance_audio::source::PcmEncoding;
 use std::path::PathBuf;
@@ -44,6 +44,10 @@ pub struct Args {
     /// servos meet the beat.
     #[arg(long)]
     pub no_compensation: bool,
+
+    /// What to do while there is no music; `sway` if the robot file does not say.
+    #[arg(long, value_enum)]
+    pub idle: Option<IdleStyle>,
 
     /// The same seed and the same input give the same dance.
     #[arg(long, default_value_t = 1)]

@@ -1,5 +1,6 @@
 //! What a dance is to be, checked once: nothing here is text any more.
 
+use super::idle::IdleStyle;
 use super::ports::{self, BusChoice};
 use crate::commands::dance::Args;
 use crate::robot::Robot;
@@ -41,6 +42,8 @@ pub struct DanceConfig {
     pub speed: Speed,
     /// Whether the motion is steered onto the beat at the servos.
     pub compensation: bool,
+    /// What to do while there is no music.
+    pub idle: IdleStyle,
     /// Seed of the generator.
     pub seed: u64,
     /// Style, if asked for.
@@ -73,6 +76,7 @@ impl DanceConfig {
         };
         Ok(Self {
             audio: audio_choice(&args)?,
+            idle: args.idle.unwrap_or(robot.idle),
             robot,
             buses,
             speed,

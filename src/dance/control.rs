@@ -15,6 +15,7 @@
 //! a frame that is not there is counted as late, and the robot holds.
 
 use super::config::Speed;
+use super::idle::{Idle, IdleStyle};
 use super::motion_source::{MotionSource, Next, Step};
 use super::rehearsal::Rehearsal;
 use super::rig::Rig;
@@ -59,6 +60,8 @@ pub struct Timing {
     pub live: bool,
     /// Whether the motion is steered onto the beat.
     pub compensation: bool,
+    /// What to do while there is no music.
+    pub idle: IdleStyle,
 }
 
 /// The loop and all that it keeps.
@@ -67,6 +70,7 @@ pub struct Control<'a> {
     rig: &'a mut Rig,
     retargeter: Retargeter,
     steering: Option<Steering>,
+    idle: Idle,
     /// Seconds by which motion is ahead of the music where nothing steers it.
     even_lead_s: f64,
     /// Motion time of the present cycle.
@@ -122,6 +126,7 @@ impl<'a> Control<'a> {
         let steering = Steering::new(rehearsal, horizon, robot.period_s());
         Ok(Self {
             steering: timing.compensation.then_some(steering),
+            idle: Idle::new(timing.idle, robot.period_s()),
             even_lead_s,
             motion_s: even_lead_s - PRELUDE_S,
             lead_sum_s: (0.0, 0),
@@ -160,6 +165,11 @@ impl<'a> Control<'a> {
     /// Seconds by which motion is ahead of the music without compensation.
     pub fn even_lead_s(&self) -> f64 {
         self.even_lead_s
+    }
+
+    /// Seconds that the robot idled.
+    pub fn idled_s(&self) -> f64 {
+        self.idle.idled_s()
     }
 
     /// Slowest and fastest pace of the motion so far.
@@ -220,7 +230,8 @@ impl<'a> Control<'a> {
         self.motion_s = match &mut self.steering {
             Some(steering) => {
                 let newest_s = self.newest_s.unwrap_or(f64::NEG_INFINITY);
-                steering.next(time_s, newest_s - self.retargeter.lookahead_s())?
+                let shown_until_s = newest_s - self.retargeter.lookahead_s();
+                steering.next(time_s, shown_until_s, self.idle.share() >= 1.0)?
             }
             None => time_s + self.even_lead_s,
         };
@@ -300,6 +311,7 @@ impl<'a> Control<'a> {
         if let Some(steering) = &mut self.steering {
             steering.push(&step.music, &step.motion);
         }
+        self.idle.hear(&step.music);
         self.trace.motion.push(step.motion);
         self.stages.book(Stage::Features, step.features_ms);
         self.stages.book(Stage::Model, step.model_ms);
@@ -316,11 +328,12 @@ impl<'a> Control<'a> {
     }
 
     fn retarget(&mut self) -> anyhow::Result<()> {
-        let (retargeter, targets) = (&mut self.retargeter, &mut self.targets);
-        let motion_s = self.motion_s;
-        let (result, ms) = self
-            .stages
-            .time(Stage::Retarget, || retargeter.next(motion_s, targets));
+        let (time_s, motion_s) = (self.time_s(), self.motion_s);
+        let (retargeter, idle) = (&mut self.retargeter, &mut self.idle);
+        let targets = &mut self.targets;
+        let (result, ms) = self.stages.time(Stage::Retarget, || {
+            retargeter.next_altered(motion_s, |dance| idle.step(time_s, dance), targets)
+        });
         result?;
         self.record_stage(Stage::Retarget, ms)
     }
@@ -389,6 +402,7 @@ impl<'a> Control<'a> {
         };
         recorder.positions(Topic::JointTargets, at_s, &self.targets)?;
         recorder.number(Topic::Lead, at_s, self.motion_s - time_s)?;
+        recorder.number(Topic::Idle, at_s, self.idle.share())?;
         recorder.positions(Topic::JointCommands, at_s, self.rig.sent_rad())?;
         recorder.states(Topic::JointStates, at_s, self.rig.states())?;
         if let Some(truth) = self.rig.truth() {

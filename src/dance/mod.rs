@@ -12,6 +12,7 @@ pub(crate) mod audio;
 mod beat_clock;
 mod config;
 mod control;
+mod idle;
 mod motion_source;
 mod portrait;
 mod ports;
@@ -23,6 +24,7 @@ mod steering;
 mod trace;
 
 pub use config::{AudioChoice, DanceConfig, Speed};
+pub use idle::IdleStyle;
 pub use ports::BusChoice;
 
 use crate::output::{PendingFile, write_whole};
@@ -62,6 +64,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         speed: config.speed,
         live: matches!(config.audio, AudioChoice::Stdin(_)) && config.speed == Speed::Realtime,
         compensation: config.compensation,
+        idle: config.idle,
     };
     let generator = open_generator(config.model.as_deref())?;
     let model = generator.config().preset.clone();
@@ -102,6 +105,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         lead_s: control.lead_s(),
         even_lead_s: control.even_lead_s(),
         paces: control.paces(),
+        idled_s: control.idled_s(),
         decimation: control.decimation(),
         music_start_s: control.music_start_s(),
         trace_hz: control.trace_hz(),
@@ -154,6 +158,7 @@ struct Run {
     lead_s: f64,
     even_lead_s: f64,
     paces: [f64; 2],
+    idled_s: f64,
     decimation: u64,
     music_start_s: f64,
     trace_hz: f64,
@@ -211,6 +216,7 @@ fn report(
         interventions: rig.interventions(),
         replaced_music_frames: heard.replaced_music_frames,
         lead_s: run.lead_s,
+        idled_s: run.idled_s,
         compensation: CompensationReport::default(),
         kinematic_beats_s: KinematicBeats::default(),
     }

@@ -36,6 +36,8 @@ const GONE_S: f64 = 0.06;
 const FORESIGHT_S: f64 = 0.35;
 /// Without a beat to meet: share of the way home in a second.
 const HOMING_PER_S: f64 = 0.5;
+/// Farther from home than this, motion that is not seen jumps there, seconds.
+const FAR_S: f64 = 0.5;
 /// One whole beat more or less of delay is worth it beyond this, seconds.
 const DELAY_SLACK_S: f64 = 0.15;
 /// Delay of live motion while no tempo is known: in beats of this length.
@@ -97,14 +99,20 @@ impl Steering {
     }
 
     /// The motion time for the cycle at music time `now_s`. Live motion can be
-    /// shown up to `shown_until_s`, beyond which it is waited for.
-    pub fn next(&mut self, now_s: f64, shown_until_s: f64) -> anyhow::Result<f64> {
+    /// shown up to `shown_until_s`, beyond which it is waited for. While the
+    /// motion is `hidden` its time may jump.
+    pub fn next(&mut self, now_s: f64, shown_until_s: f64, hidden: bool) -> anyhow::Result<f64> {
         self.rehearsal.advance()?;
         self.choose_delay();
         let home_s = now_s + self.lead_s();
-        let Some(last_s) = self.motion_s else {
-            self.motion_s = Some(home_s);
-            return Ok(home_s);
+        let far = |last_s: f64| hidden && (home_s - last_s).abs() > FAR_S;
+        let last_s = match self.motion_s {
+            Some(last_s) if !far(last_s) => last_s,
+            _ => {
+                self.motion_s = Some(home_s);
+                self.pace = 1.0;
+                return Ok(home_s);
+            }
         };
         let seen_s = now_s + self.horizon.preview_s + self.horizon.servo_lag_s;
         let wanted = self
@@ -263,7 +271,7 @@ mod tests {
                 frame += 1;
             }
             let motion_s = steering
-                .next(now_s, f64::from(frame - 1) / 20.0 - 0.44)
+                .next(now_s, f64::from(frame - 1) / 20.0 - 0.44, false)
                 .unwrap();
             if let Some(last_s) = last {
                 let pace = (motion_s - last_s) / CYCLE_S;

@@ -12,6 +12,7 @@
 //! | `/beat_phase` | Float64 | the phase that the generator heard, 20 a second |
 //! | `/stage/NAME` | Float64 | milliseconds that the stage took |
 //! | `/lead` | Float64 | seconds by which the targets' motion is ahead of the music |
+//! | `/idle` | Float64 | share of idle in what is shown: 0 dance, 1 idle |
 //! | `/bus/bytes`, `/bus/packets` | Float64 | running totals |
 //! | `/robot_description` | String | the URDF |
 //!
@@ -56,6 +57,8 @@ pub enum Topic {
     BeatPhase,
     /// Seconds by which the targets' motion is ahead of the music.
     Lead,
+    /// Share of idle in what is shown.
+    Idle,
     /// Bytes on the wire so far.
     BusBytes,
     /// Packets on the wire so far.
@@ -77,6 +80,7 @@ impl Topic {
             Topic::Beat => "/beat".into(),
             Topic::BeatPhase => "/beat_phase".into(),
             Topic::Lead => "/lead".into(),
+            Topic::Idle => "/idle".into(),
             Topic::BusBytes => "/bus/bytes".into(),
             Topic::BusPackets => "/bus/packets".into(),
             Topic::RobotDescription => "/robot_description".into(),
