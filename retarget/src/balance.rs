@@ -2,6 +2,7 @@
 
 use k::nalgebra::{Isometry3, Point3, Vector3};
 
+pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Corners of both soles.
 const CORNERS: usize = 8;
 
@@ -24,27 +25,42 @@ impl Edge {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Support {
     pub edges: Vec<Edge>,
+    sole_m: [f64; 2],
+    corners: Vec<Vector3<f64>>,
 }
 
 impl Support {
     /// From the poses of the soles (upright in the world: x forward) and the
     /// length and width of each.
     pub fn new(feet: &[Isometry3<f64>; 2], sole_m: [f64; 2]) -> Self {
-        let mut corners = Vec::with_capacity(CORNERS);
-        for foot in feet {
+        let mut support = Self {
+            edges: Vec::with_capacity(CORNERS + 1),
+            sole_m,
+            corners: Vec::with_capacity(CORNERS),
+        };
+        support.stand_on(feet, [true; 2]);
+        support
+    }
+
+    /// The area of the feet that are down; does not allocate. With none down it
+    /// stays as it was.
+    pub fn stand_on(&mut self, feet: &[Isometry3<f64>; 2], down: [bool; 2]) {
+        if down == [false; 2] {
+            return;
+        }
+        self.corners.clear();
+        for (foot, _) in feet.iter().zip(down).filter(|(_, down)| *down) {
             let heading = foot_heading(foot);
             let side = Vector3::z().cross(&heading);
             for (along, across) in [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)] {
-                corners.push(
+                self.corners.push(
                     foot.translation.vector
-                        + heading * (along * sole_m[0] / 2.0)
-                        + side * (across * sole_m[1] / 2.0),
+                        + heading * (along * self.sole_m[0] / 2.0)
+                        + side * (across * self.sole_m[1] / 2.0),
                 );
             }
         }
-        Self {
-            edges: hull(&corners),
-        }
+        hull(&self.corners, &mut self.edges);
     }
 
     /// Farthest distance outside any edge, metres; negative inside.
@@ -53,6 +69,29 @@ impl Support {
             .iter()
             .map(|edge| edge.outside_m(point))
             .fold(f64::NEG_INFINITY, f64::max)
+    }
+}
+
+/// The centre of mass of the last two cycles.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Weight {
+    last: [Option<Point3<f64>>; 2],
+}
+
+impl Weight {
+    /// Where the floor carries a body whose mass is in one point, now at `com`:
+    /// `com - z / g * acceleration` (Kajita's cart on a table). Call once a cycle.
+    pub fn zero_moment_point(&mut self, com: &Point3<f64>, dt_s: f64) -> Point3<f64> {
+        let [last, before] = self.last;
+        self.last = [Some(*com), last];
+        let (Some(last), Some(before)) = (last, before) else {
+            return *com;
+        };
+        let acceleration = ((com - last) - (last - before)) / (dt_s * dt_s);
+        let weight = (GRAVITY_M_S2 + acceleration.z).max(0.1 * GRAVITY_M_S2);
+        let mut zmp = com - acceleration * (com.z / weight);
+        zmp.z = 0.0;
+        zmp
     }
 }
 
@@ -71,8 +110,8 @@ fn foot_heading(foot: &Isometry3<f64>) -> Vector3<f64> {
 }
 
 /// Edges of the convex hull: pairs with all other points on one side.
-fn hull(points: &[Vector3<f64>]) -> Vec<Edge> {
-    let mut edges: Vec<Edge> = Vec::new();
+fn hull(points: &[Vector3<f64>], edges: &mut Vec<Edge>) {
+    edges.clear();
     for (i, from) in points.iter().enumerate() {
         for (j, to) in points.iter().enumerate() {
             let along = to - from;
@@ -85,12 +124,11 @@ fn hull(points: &[Vector3<f64>]) -> Vec<Edge> {
             let known = edges
                 .iter()
                 .any(|edge| edge.normal.dot(&normal) > 1.0 - 1e-9);
-            if i != j && all_inside && !known {
+            if i != j && all_inside && !known && edges.len() < edges.capacity() {
                 edges.push(Edge { normal, offset_m });
             }
         }
     }
-    edges
 }
 
 #[cfg(test)]

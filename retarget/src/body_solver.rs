@@ -63,6 +63,8 @@ pub(crate) enum Task<'a> {
     Stand {
         root: &'a Isometry3<f64>,
         feet: &'a Feet,
+        /// How firmly each foot is held: 1 where it carries.
+        firmness: [f64; 2],
     },
 }
 
@@ -192,8 +194,12 @@ impl BodySolver {
                 self.ask_trunk(&robot, aim);
                 self.ask_distance(&robot);
             }
-            Task::Stand { root, feet } => {
-                self.ask_stance(&robot, root, feet);
+            Task::Stand {
+                root,
+                feet,
+                firmness,
+            } => {
+                self.ask_stance(&robot, root, feet, firmness);
                 self.ask_balance(&robot);
             }
         }
@@ -277,13 +283,19 @@ impl BodySolver {
         }
     }
 
-    fn ask_stance(&mut self, robot: &Posed, root: &Isometry3<f64>, feet: &Feet) {
+    fn ask_stance(
+        &mut self,
+        robot: &Posed,
+        root: &Isometry3<f64>,
+        feet: &Feet,
+        firmness: [f64; 2],
+    ) {
         self.ask_turn(robot, 0, root.rotation, ROOT_TURN);
         self.ask_place(robot, 0, root.translation.vector, PELVIS_PLACE);
-        for (leg, foot) in self.map.legs.into_iter().zip(feet) {
+        for ((leg, foot), firmness) in self.map.legs.into_iter().zip(feet).zip(firmness) {
             if let Some(sole) = leg.sole {
-                self.ask_turn(robot, sole, foot.rotation, FOOT_TURN);
-                self.ask_place(robot, sole, foot.translation.vector, FOOT_PLACE);
+                self.ask_turn(robot, sole, foot.rotation, FOOT_TURN * firmness);
+                self.ask_place(robot, sole, foot.translation.vector, FOOT_PLACE * firmness);
             }
         }
     }

@@ -16,6 +16,8 @@ use crate::RetargetError;
 pub enum Stance {
     /// Both feet stay where they are; the pelvis moves over them.
     Planted,
+    /// The feet step where the dancer's do, on the spot, as balance allows.
+    Stepping,
     /// The root link is fixed to a stand (or a table); legs swing freely.
     #[default]
     Hung,
@@ -49,6 +51,13 @@ pub struct Gains {
     pub right_leg: f64,
     pub head: f64,
     pub torso: f64,
+}
+
+impl Stance {
+    /// Whether the robot stands on its own feet.
+    pub fn stands(self) -> bool {
+        self != Stance::Hung
+    }
 }
 
 impl Default for Gains {

@@ -22,6 +22,10 @@ pub struct Counts {
     pub limited_cycles: u64,
     /// Cycles with a planted foot farther than 2 mm from its place.
     pub feet_moved_cycles: u64,
+    /// Steps of a stepping robot.
+    pub steps: u64,
+    /// Steps of the dancer that balance did not allow.
+    pub refused_steps: u64,
     /// Cycles in which an arm was held back before it met the body.
     pub guarded_cycles: u64,
     /// Cycles in which an arm touched another part of the robot (capsules).
@@ -30,4 +34,6 @@ pub struct Counts {
     pub deepest_collision_um: u64,
     /// Cycles with the centre of mass outside the support polygon.
     pub unbalanced_cycles: u64,
+    /// Cycles with the zero-moment point outside of it.
+    pub tipping_cycles: u64,
 }

@@ -23,6 +23,11 @@ const MOST_LEAN: f64 = 0.45;
 /// Largest nod and turn of the head, radians.
 const MOST_NOD: f64 = 0.7;
 const MOST_LOOK: f64 = 1.0;
+/// A toe this much above the floor, or this fast, is not on it: metres, m/s.
+const LIFTED_M: f64 = 0.04;
+const STEPPING_M_S: f64 = 0.5;
+/// Time constant with which the floor is believed to rise, seconds.
+const FLOOR_S: f64 = 1.0;
 /// Hip height over the supporting ankle of an upright dancer, leg lengths.
 const UPRIGHT: f64 = 0.98;
 
@@ -40,6 +45,16 @@ pub(crate) struct Aim {
     /// Pelvis over the supporting foot against usual (x, y) and upright (z),
     /// in leg lengths.
     pub sway: Vector3<f64>,
+    pub feet: [FootAim; 2],
+}
+
+/// One foot of the dancer.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct FootAim {
+    /// Off the floor, or sliding on it.
+    pub up: bool,
+    /// Against its usual place before the pelvis: x, y in leg lengths.
+    pub place: [f64; 2],
 }
 
 impl Aim {
@@ -56,6 +71,7 @@ impl Aim {
             chest: UnitQuaternion::identity(),
             pelvis: UnitQuaternion::identity(),
             sway: Vector3::zeros(),
+            feet: [FootAim::default(); 2],
         }
     }
 }
@@ -79,6 +95,9 @@ pub(crate) struct Reader {
     slow_yaw: f64,
     usual_sway: [f64; 2],
     usual_nod: [f64; 2],
+    usual_feet: [[f64; 2]; 2],
+    last_toes: [Vector3<f64>; 2],
+    floor_z: f64,
     last: Aim,
 }
 
@@ -91,6 +110,9 @@ impl Reader {
             slow_yaw: 0.0,
             usual_sway: [0.0; 2],
             usual_nod: [0.0; 2],
+            usual_feet: [[0.0; 2]; 2],
+            last_toes: [Vector3::zeros(); 2],
+            floor_z: 0.0,
             last: Aim::standing(),
         }
     }
@@ -141,6 +163,7 @@ impl Reader {
             chest: leaning(chest_turn, lean),
             pelvis: leaning(pelvis_turn, lean.map(|angle| angle * 0.5)),
             sway: self.sway(points, last.sway),
+            feet: self.feet(points, last.feet),
         };
         self.started = true;
         self.last = aim;
@@ -182,11 +205,7 @@ impl Reader {
     /// The pelvis over the foot that carries, in leg lengths.
     fn sway(&mut self, points: &Points, before: Vector3<f64>) -> Vector3<f64> {
         let at = |joint: BodyJoint| points[joint as usize];
-        let length = |hip, knee, ankle| (at(hip) - at(knee)).norm() + (at(knee) - at(ankle)).norm();
-        let leg = f64::midpoint(
-            length(LeftHip, LeftKnee, LeftAnkle),
-            length(RightHip, RightKnee, RightAnkle),
-        );
+        let leg = leg_length(points);
         if leg < 0.05 {
             return before;
         }
@@ -209,9 +228,51 @@ impl Reader {
         )
     }
 
+    /// Contacts are read from the motion: labels of frames are too coarse.
+    fn feet(&mut self, points: &Points, before: [FootAim; 2]) -> [FootAim; 2] {
+        let at = |joint: BodyJoint| points[joint as usize];
+        let toes = [at(LeftFoot), at(RightFoot)];
+        let leg = leg_length(points);
+        if leg < 0.05 {
+            return before;
+        }
+        let hips = (at(LeftHip) + at(RightHip)) * 0.5;
+        let lowest = toes[0].z.min(toes[1].z);
+        if !self.started {
+            (self.floor_z, self.last_toes) = (lowest, toes);
+        }
+        self.floor_z = lowest.min(self.floor_z + (lowest - self.floor_z) * self.share(FLOOR_S));
+        let usual_share = self.share(USUAL_S);
+        std::array::from_fn(|side| {
+            let offset = turn(-self.slow_yaw) * (toes[side] - hips) / leg;
+            let usual = &mut self.usual_feet[side];
+            if !self.started {
+                *usual = [offset.x, offset.y];
+            }
+            usual[0] += (offset.x - usual[0]) * usual_share;
+            usual[1] += (offset.y - usual[1]) * usual_share;
+            let speed = (toes[side] - self.last_toes[side]).norm() / self.dt_s;
+            self.last_toes[side] = toes[side];
+            FootAim {
+                up: toes[side].z - self.floor_z > LIFTED_M || speed > STEPPING_M_S,
+                place: [offset.x - usual[0], offset.y - usual[1]],
+            }
+        })
+    }
+
     fn share(&self, time_constant_s: f64) -> f64 {
         self.dt_s / (self.dt_s + time_constant_s)
     }
+}
+
+/// Mean length of the legs, hip to ankle.
+fn leg_length(points: &Points) -> f64 {
+    let at = |joint: BodyJoint| points[joint as usize];
+    let length = |hip, knee, ankle| (at(hip) - at(knee)).norm() + (at(knee) - at(ankle)).norm();
+    f64::midpoint(
+        length(LeftHip, LeftKnee, LeftAnkle),
+        length(RightHip, RightKnee, RightAnkle),
+    )
 }
 
 /// The body seen in a mirror: left and right exchanged.

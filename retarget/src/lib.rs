@@ -29,6 +29,7 @@ mod pelvis;
 mod preview;
 mod retargeter;
 mod solver;
+mod stepper;
 mod stream;
 mod tracker;
 mod urdf;

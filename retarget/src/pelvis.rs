@@ -12,6 +12,8 @@ use crate::tracker::Tracker;
 
 /// Sway that is shown in full, as a share of the leg length: x, y.
 const MOST_SWAY: [f64; 2] = [0.10, 0.14];
+/// How much farther steps may carry it.
+const MOST_CARRY: f64 = 0.2;
 /// Deepest squat and highest rise against rest, leg lengths.
 const DEEPEST: f64 = 0.28;
 const HIGHEST: f64 = 0.03;
@@ -31,25 +33,28 @@ pub(crate) struct Pelvis {
     leg_m: f64,
     dt_s: f64,
     preview_s: f64,
+    pace: f64,
     /// x, y, z in leg lengths, then the turn as a scaled axis.
     trackers: [Tracker; 6],
 }
 
 impl Pelvis {
-    /// Standing still at `rest`, the root link's pose.
-    pub fn new(rest: Isometry3<f64>, leg_m: f64, dt_s: f64, preview_s: f64) -> Self {
+    /// Standing still at `rest`, the root link's pose. `pace` scales the
+    /// accelerations.
+    pub fn new(rest: Isometry3<f64>, leg_m: f64, dt_s: f64, preview_s: f64, pace: f64) -> Self {
         Self {
             rest,
             leg_m,
             dt_s,
             preview_s,
-            trackers: trackers(dt_s, preview_s),
+            pace,
+            trackers: trackers(dt_s, preview_s, pace),
         }
     }
 
     /// Stands still at rest again.
     pub fn restart(&mut self) {
-        self.trackers = trackers(self.dt_s, self.preview_s);
+        self.trackers = trackers(self.dt_s, self.preview_s, self.pace);
     }
 
     /// Takes over where the root link really got to.
@@ -99,21 +104,21 @@ impl Pelvis {
     }
 }
 
-fn trackers(dt_s: f64, preview_s: f64) -> [Tracker; 6] {
+fn trackers(dt_s: f64, preview_s: f64, pace: f64) -> [Tracker; 6] {
     let tracker = |lower: f64, upper: f64, velocity: f64, acceleration: f64| {
         let limits = JointLimits {
             lower_rad: lower,
             upper_rad: upper,
             velocity_rad_s: velocity,
-            acceleration_rad_s2: acceleration,
+            acceleration_rad_s2: acceleration * pace,
         };
-        Tracker::new(limits, acceleration / RISE_S, dt_s, 0.0, preview_s)
+        Tracker::new(limits, acceleration * pace / RISE_S, dt_s, 0.0, preview_s)
     };
     let turn = || tracker(-MOST_TURN, MOST_TURN, TURN_RATE, TURN_ACCELERATION);
     let sway = |most: f64| tracker(-most, most, SWAY_RATE, SWAY_ACCELERATION);
     [
-        sway(MOST_SWAY[0]),
-        sway(MOST_SWAY[1]),
+        sway(MOST_SWAY[0] + MOST_CARRY),
+        sway(MOST_SWAY[1] + MOST_CARRY),
         tracker(-DEEPEST, HIGHEST, SWAY_RATE, SWAY_ACCELERATION),
         turn(),
         turn(),

@@ -9,13 +9,14 @@ use k::nalgebra::{Isometry3, Translation3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 
 use crate::arm_search::ArmSearch;
-use crate::balance::Support;
+use crate::balance::Weight;
 use crate::body::BodyMap;
 use crate::body_solver::{BodySolver, Feet, Question, Role, Task};
 use crate::config::{Limb, RetargetConfig, Stance};
 use crate::guard::Guard;
 use crate::human::{self, Aim, Heading, Reader};
 use crate::pelvis::Pelvis;
+use crate::stepper::{Present, Stepper};
 use crate::stream::{LOOKAHEAD_FRAMES, MotionStream, Points};
 use crate::tracker::Tracker;
 use crate::{Counts, RetargetError, RobotModel};
@@ -59,15 +60,31 @@ pub struct Retargeter {
     output: Vec<f64>,
     poses: Vec<Isometry3<f64>>,
     held_root: Isometry3<f64>,
+    weight: Weight,
     counts: Counts,
 }
 
 /// What only a robot on its feet has.
 struct Standing {
     feet: Feet,
+    /// `None`: the feet stay.
+    stepper: Option<Stepper>,
     pelvis: Pelvis,
     legs: BodySolver,
-    support: Support,
+}
+
+impl Standing {
+    fn down(&self) -> [bool; 2] {
+        self.stepper.as_ref().map_or([true; 2], Stepper::down)
+    }
+}
+
+/// Where a joint can be next cycle by position and velocity limits alone.
+fn around(limits: &JointLimits, now: f64, dt_s: f64) -> (f64, f64) {
+    let reach = limits.velocity_rad_s * dt_s;
+    let low = limits.lower_rad.max(now - reach);
+    let high = limits.upper_rad.min(now + reach);
+    (low.min(limits.upper_rad), high.max(limits.lower_rad))
 }
 
 impl Retargeter {
@@ -98,12 +115,12 @@ impl Retargeter {
         let upright = setup::upright_rotation(config)?;
         let dt_s = 1.0 / control_hz;
 
-        let planted = config.stance == Stance::Planted;
-        let role = if planted { Role::Upper } else { Role::Hung };
+        let stands = config.stance.stands();
+        let role = if stands { Role::Upper } else { Role::Hung };
         let solver = BodySolver::new(&model, map, config.weights, &limits, upright, role);
         let waist = !model.levers[map.chest].is_empty();
         let heading = match (config.stance, waist) {
-            (Stance::Planted, _) => Heading::Slow,
+            (Stance::Planted | Stance::Stepping, _) => Heading::Slow,
             (Stance::Hung, true) => Heading::Pelvis,
             (Stance::Hung, false) => Heading::Chest,
         };
@@ -111,7 +128,7 @@ impl Retargeter {
         let limbs = map.limbs(&model);
         let is_leg = |limb: &Limb| matches!(limb, Limb::LeftLeg | Limb::RightLeg);
         let mut retargeter = Self {
-            stands_on: limbs.iter().map(|l| planted && is_leg(l)).collect(),
+            stands_on: limbs.iter().map(|l| stands && is_leg(l)).collect(),
             limbs,
             rest: solver.positions.clone(),
             gains: config.gain,
@@ -130,6 +147,7 @@ impl Retargeter {
             output: vec![0.0; limits.len()],
             poses: vec![Isometry3::identity(); model.links.len()],
             held_root: Isometry3::from_parts(Translation3::identity(), upright),
+            weight: Weight::default(),
             counts: Counts::default(),
             model,
             map,
@@ -274,16 +292,38 @@ impl Retargeter {
     fn solve(&mut self, aim: &Aim) {
         let gain = self.amplitude * self.gains.torso;
         if let Some(standing) = &mut self.standing {
-            let wanted = Pelvis::wanted(aim, gain);
-            standing.pelvis.observe(&standing.legs.base);
+            let mut wanted = Pelvis::wanted(aim, gain);
+            if let Some(stepper) = &mut standing.stepper {
+                let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
+                let present = Present {
+                    soles: soles.map(|sole| self.poses[sole].translation.vector),
+                    weight: self.model.centre_of_mass(&self.poses).coords,
+                    gain: self.amplitude * self.gains.left_leg.min(self.gains.right_leg),
+                    aim,
+                };
+                stepper.carry(aim, &standing.feet, &mut wanted);
+                stepper.step(&present, &mut standing.feet);
+                (self.counts.steps, self.counts.refused_steps) = (stepper.steps, stepper.refused);
+                if let Some(support) = &mut standing.legs.support {
+                    support.stand_on(&standing.feet, stepper.down());
+                }
+            }
+            let stepper = standing.stepper.as_ref();
+            let firmness = stepper.map_or([1.0; 2], Stepper::firmness);
+            // Feet that stay bind root and legs to what the output can do now;
+            // steps are a way of their own, that the output follows.
+            if standing.stepper.is_none() {
+                standing.pelvis.observe(&standing.legs.base);
+                standing.legs.positions.copy_from_slice(&self.output);
+            }
             let root = standing.pelvis.step(&wanted);
-            standing.legs.positions.copy_from_slice(&self.output);
             standing.legs.solve(
                 &self.model,
                 &Question {
                     task: Task::Stand {
                         root: &root,
                         feet: &standing.feet,
+                        firmness,
                     },
                     rest: &self.rest,
                     steps: STEPS,
@@ -312,17 +352,18 @@ impl Retargeter {
             let limits = &self.limits[joint];
             let here = self.output[joint];
             if self.stands_on[joint] {
-                self.leg_bounds[joint] = self.trackers[joint].allowed();
+                self.leg_bounds[joint] = match &self.standing {
+                    Some(standing) if standing.stepper.is_some() => {
+                        around(limits, standing.legs.positions[joint], self.dt_s)
+                    }
+                    _ => self.trackers[joint].allowed(),
+                };
                 self.bounds[joint] = (here, here);
                 self.solver.positions[joint] = here;
             } else {
                 let now = self.solver.positions[joint];
-                let reach = limits.velocity_rad_s * self.dt_s;
                 self.leg_bounds[joint] = (here, here);
-                self.bounds[joint] = (
-                    limits.lower_rad.max(now - reach),
-                    limits.upper_rad.min(now + reach),
-                );
+                self.bounds[joint] = around(limits, now, self.dt_s);
             }
         }
     }
@@ -358,6 +399,9 @@ impl Retargeter {
         }
         standing.legs.base = root;
         standing.pelvis.restart();
+        if let Some(stepper) = &mut standing.stepper {
+            stepper.restart(&mut standing.feet);
+        }
     }
 
     /// Scales the solution around rest and lets each joint follow it.
@@ -367,7 +411,10 @@ impl Retargeter {
             let (bounds, wanted) = (&mut self.bounds[joint], &mut self.wanted[joint]);
             if let (Some(standing), true) = (&self.standing, self.stands_on[joint]) {
                 // Decided together with the feet; not for the guard to change.
-                *wanted = standing.legs.positions[joint];
+                *wanted = match standing.stepper {
+                    Some(_) => tracker.follow(standing.legs.positions[joint]),
+                    None => standing.legs.positions[joint],
+                };
                 *bounds = (*wanted, *wanted);
                 continue;
             }
@@ -410,9 +457,13 @@ impl Retargeter {
             return;
         };
         let com = self.model.centre_of_mass(&self.poses);
-        let unbalanced = standing.support.outside_m(&com) > 0.0;
-        self.counts.unbalanced_cycles += u64::from(unbalanced);
-        let moved = (0..2).any(|side| {
+        let zmp = self.weight.zero_moment_point(&com, self.dt_s);
+        if let Some(support) = &standing.legs.support {
+            self.counts.unbalanced_cycles += u64::from(support.outside_m(&com) > 0.0);
+            self.counts.tipping_cycles += u64::from(support.outside_m(&zmp) > 0.0);
+        }
+        let down = standing.down();
+        let moved = (0..2).filter(|&side| down[side]).any(|side| {
             let Some(sole) = self.map.legs[side].sole else {
                 return false;
             };
@@ -436,10 +487,14 @@ impl Retargeter {
             }
         }
         let [left, right] = roots;
-        Isometry3::from_parts(
-            Translation3::from((left.translation.vector + right.translation.vector) * 0.5),
-            left.rotation.nlerp(&right.rotation, 0.5),
-        )
+        match standing.down() {
+            [true, false] => left,
+            [false, true] => right,
+            _ => Isometry3::from_parts(
+                Translation3::from((left.translation.vector + right.translation.vector) * 0.5),
+                left.rotation.nlerp(&right.rotation, 0.5),
+            ),
+        }
     }
 
     fn link_pose(&self, link: usize, positions: &[f64]) -> Isometry3<f64> {
@@ -471,7 +526,17 @@ impl Retargeter {
         if let Some(standing) = &mut self.standing {
             standing.pelvis.restart();
             standing.legs.base = root;
+            standing.legs.positions.copy_from_slice(positions);
+            if let Some(stepper) = &mut standing.stepper {
+                stepper.restart(&mut standing.feet);
+            }
         }
         self.model.place(&root, positions, &mut self.poses);
+        self.weight = Weight::default();
+    }
+
+    /// Which feet stand on the floor, left and right; `None` on a stand.
+    pub fn feet_down(&self) -> Option<[bool; 2]> {
+        self.standing.as_ref().map(Standing::down)
     }
 }

@@ -13,6 +13,12 @@ use crate::preview::Preview;
 
 /// How much of an observed velocity error is taken over in one cycle.
 const OBSERVED_SHARE: f64 = 0.2;
+/// A moving target is met at no more than this difference of speed.
+const MEETING_RAD_S: f64 = 0.05;
+/// How fast the way to it shrinks, 1/s, and the share of the acceleration limit
+/// that is planned with.
+const APPROACH_PER_S: f64 = 12.0;
+const SOFT: f64 = 0.4;
 
 /// State of one joint's output.
 pub(crate) struct Tracker {
@@ -21,6 +27,7 @@ pub(crate) struct Tracker {
     envelope: Envelope,
     state: State,
     preview: Preview,
+    followed: Option<f64>,
     /// Targets of the next cycles, nearest first.
     targets: VecDeque<f64>,
 }
@@ -53,6 +60,7 @@ impl Tracker {
             envelope,
             state: State::at_rest(position_rad),
             preview,
+            followed: None,
             targets,
         }
     }
@@ -87,6 +95,30 @@ impl Tracker {
                 .acceleration(&self.envelope, &self.state, self.targets.iter().copied());
         let dt_s = self.envelope.dt_s;
         self.state.position + (self.state.velocity + acceleration * dt_s) * dt_s
+    }
+
+    /// The next position on the way to one that moves with `target_rad`, call by
+    /// call: met exactly where the limits allow, else approached at a speed from
+    /// which its own can be taken up.
+    pub fn follow(&mut self, target_rad: f64) -> f64 {
+        let dt_s = self.envelope.dt_s;
+        let speed = match self.followed {
+            Some(before) => (target_rad - before) / dt_s,
+            None => 0.0,
+        };
+        self.followed = Some(target_rad);
+        let exact = self.envelope.toward(&self.state, target_rad);
+        let met = (exact.position - target_rad).abs() < 1e-9
+            && (exact.velocity - speed).abs() <= MEETING_RAD_S;
+        if met {
+            return target_rad;
+        }
+        let missed = target_rad - speed * dt_s - self.state.position;
+        let brake = SOFT * self.limits.acceleration_rad_s2;
+        let lost = brake / APPROACH_PER_S;
+        let closing =
+            (APPROACH_PER_S * missed.abs()).min((lost * lost + 2.0 * brake * missed.abs()).sqrt());
+        self.aim_at_speed(speed + closing.copysign(missed))
     }
 
     /// The next position on the way to a steady velocity.

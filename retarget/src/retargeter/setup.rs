@@ -13,10 +13,17 @@ use crate::config::{RetargetConfig, Stance};
 use crate::error::choices;
 use crate::human::Aim;
 use crate::pelvis::Pelvis;
+use crate::stepper::Stepper;
 use crate::{RetargetError, RobotModel};
 
 /// Gauss-Newton steps to find the rest pose from nothing.
 const REST_STEPS: usize = 200;
+/// How much more slowly the pelvis of a stepping robot speeds up: on one foot
+/// there is less room for balance.
+const STEPPING_PACE: f64 = 0.5;
+/// Least crouch of a stepping robot, leg lengths: a leg that is nearly straight
+/// cannot reach for the next place.
+const STEPPING_CROUCH: f64 = 0.15;
 /// Knees are never straighter: near straight, small steps of the pelvis would
 /// need large ones of the knee.
 const LEAST_KNEE_RAD: f64 = 0.12;
@@ -37,15 +44,15 @@ impl Retargeter {
                 bounds: &far,
             },
         );
-        if config.stance == Stance::Planted {
+        if config.stance.stands() {
             let length = self.solver.leg_length();
             let legs = &self.map.legs;
             if !legs.iter().all(|leg| leg.sole.is_some()) || length < 1e-3 {
                 return Err(RetargetError::Config {
                     key: "stance".into(),
-                    value: "planted".into(),
+                    value: stance_name(config.stance).into(),
                     expected: format!(
-                        "a planted robot needs hip, knee, ankle and sole of both legs in \
+                        "a robot on its feet needs hip, knee, ankle and sole of both legs in \
                          [retarget.body]; found left {:?}, right {:?}; or use stance = \"hung\"",
                         self.leg_names(0),
                         self.leg_names(1)
@@ -129,7 +136,11 @@ impl Retargeter {
         }
         let middle = (feet[0].translation.vector + feet[1].translation.vector) * 0.5;
         let mut root = self.held_root;
-        root.translation.z -= heights[0].min(heights[1]) + config.crouch * leg_m;
+        let crouch = match config.stance {
+            Stance::Stepping => config.crouch.max(STEPPING_CROUCH),
+            _ => config.crouch,
+        };
+        root.translation.z -= heights[0].min(heights[1]) + crouch * leg_m;
         for _ in 0..20 {
             legs.solve(
                 &self.model,
@@ -137,6 +148,7 @@ impl Retargeter {
                     task: Task::Stand {
                         root: &root,
                         feet: &feet,
+                        firmness: [1.0; 2],
                     },
                     rest: &start,
                     steps: REST_STEPS / 10,
@@ -150,15 +162,29 @@ impl Retargeter {
         }
         self.solver.positions.clone_from(&legs.positions);
         self.solver.base = legs.base;
-        let support = Support::new(&feet, config.sole_m);
-        legs.support = Some(support.clone());
+        legs.support = Some(Support::new(&feet, config.sole_m));
+        let cycles = (self.preview_s / self.dt_s).round() as usize;
+        let pace = match config.stance {
+            Stance::Stepping => STEPPING_PACE,
+            _ => 1.0,
+        };
+        let stepper = (config.stance == Stance::Stepping)
+            .then(|| Stepper::new(feet, leg_m, config.sole_m, self.dt_s, cycles));
         self.standing = Some(Standing {
             // What was reached, not what was asked: rest is then an equilibrium.
-            pelvis: Pelvis::new(legs.base, leg_m, self.dt_s, self.preview_s),
+            pelvis: Pelvis::new(legs.base, leg_m, self.dt_s, self.preview_s, pace),
             feet,
+            stepper,
             legs,
-            support,
         });
+    }
+}
+
+fn stance_name(stance: Stance) -> &'static str {
+    match stance {
+        Stance::Planted => "planted",
+        Stance::Stepping => "stepping",
+        Stance::Hung => "hung",
     }
 }
 

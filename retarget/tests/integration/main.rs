@@ -4,4 +4,5 @@ mod adversarial;
 mod dance;
 mod defects;
 mod descriptions;
+mod stepping;
 mod support;
