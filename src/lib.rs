@@ -9,6 +9,7 @@ pub mod commands;
 pub mod dance;
 pub mod dataset;
 pub mod evaluate;
+pub mod follow;
 pub mod generate;
 pub mod output;
 pub mod picture;

@@ -130,7 +130,7 @@ impl Robot {
     }
 
     /// Parses and checks a robot file; `file` is its name in messages.
-    fn from_toml(
+    pub(crate) fn from_toml(
         text: &str,
         file: &str,
         read_urdf: impl FnOnce(&str) -> anyhow::Result<String>,

@@ -7,6 +7,8 @@
 
 use crate::config::{BodyLinks, Limb, RetargetConfig};
 use crate::error::choices;
+use crate::guess::anatomy;
+use crate::guess::words::SIDES;
 use crate::{RetargetError, RobotModel};
 
 /// Shoulder, elbow and hand of one arm; link indices.
@@ -36,63 +38,45 @@ pub(crate) struct BodyMap {
     pub legs: [Leg; 2],
 }
 
-const ELBOW: &[&str] = &["elbow", "el", "forearm", "lowerarm"];
-const SHOULDER: &[&str] = &["shoulder", "sho", "arm", "upperarm"];
-const HAND: &[&str] = &["hand", "wrist", "palm", "gripper", "tip", "fist", "ee"];
-const KNEE: &[&str] = &["knee", "shank", "calf", "shin", "tibia"];
-const HIP: &[&str] = &["hip", "thigh", "femur", "leg", "upperleg"];
-const ANKLE: &[&str] = &["ankle", "ank", "foot"];
-const SOLE: &[&str] = &["sole", "foot", "toe"];
-const HEAD: &[&str] = &["head", "neck", "skull"];
-
 impl BodyMap {
     /// The parts named in `config`, the others guessed.
     pub fn new(model: &RobotModel, config: &RetargetConfig) -> Result<Self, RetargetError> {
         let named = &config.body;
-        let words: Vec<Vec<String>> = (0..model.links.len()).map(|i| words(model, i)).collect();
-        let guess = Guess {
-            model,
-            words: &words,
-        };
+        let guess = anatomy(model, &vec![0.0; model.joint_names().len()]);
         let find = |part: &str, name: &Option<String>| named_link(model, part, name);
-        let arm = |side: &str, shoulder, elbow, hand| -> Result<Arm, RetargetError> {
-            let key = |part: &str| format!("{side}_{part}");
-            let guessed = guess.arm(side);
+        let or = |guessed: &Option<String>| model.link(guessed.as_deref()?);
+        let arm = |side: usize, shoulder, elbow, hand| -> Result<Arm, RetargetError> {
+            let key = |part: &str| format!("{}_{part}", SIDES[side]);
+            let guessed = &guess.arms[side];
             Ok(Arm {
-                shoulder: find(&key("shoulder"), shoulder)?.or(guessed.shoulder),
-                elbow: find(&key("elbow"), elbow)?.or(guessed.elbow),
-                hand: find(&key("hand"), hand)?.or(guessed.hand),
+                shoulder: find(&key("shoulder"), shoulder)?.or_else(|| or(&guessed.top)),
+                elbow: find(&key("elbow"), elbow)?.or_else(|| or(&guessed.middle)),
+                hand: find(&key("hand"), hand)?.or_else(|| or(&guessed.end)),
             })
         };
-        let leg = |side: &str, hip, knee, ankle, sole| -> Result<Leg, RetargetError> {
-            let key = |part: &str| format!("{side}_{part}");
-            let guessed = guess.leg(side);
+        let leg = |side: usize, hip, knee, ankle, sole| -> Result<Leg, RetargetError> {
+            let key = |part: &str| format!("{}_{part}", SIDES[side]);
+            let guessed = &guess.legs[side];
             Ok(Leg {
-                hip: find(&key("hip"), hip)?.or(guessed.hip),
-                knee: find(&key("knee"), knee)?.or(guessed.knee),
-                ankle: find(&key("ankle"), ankle)?.or(guessed.ankle),
-                sole: find(&key("sole"), sole)?.or(guessed.sole),
+                hip: find(&key("hip"), hip)?.or_else(|| or(&guessed.top)),
+                knee: find(&key("knee"), knee)?.or_else(|| or(&guessed.middle)),
+                ankle: find(&key("ankle"), ankle)?.or_else(|| or(&guessed.end)),
+                sole: find(&key("sole"), sole)?.or_else(|| or(&guessed.sole)),
             })
         };
         let n: &BodyLinks = named;
         let mut map = Self {
             pelvis: 0,
             chest: 0,
-            head: find("head", &n.head)?.or_else(|| guess.last(HEAD)),
+            head: find("head", &n.head)?.or(guess.head),
             arms: [
-                arm("left", &n.left_shoulder, &n.left_elbow, &n.left_hand)?,
-                arm("right", &n.right_shoulder, &n.right_elbow, &n.right_hand)?,
+                arm(0, &n.left_shoulder, &n.left_elbow, &n.left_hand)?,
+                arm(1, &n.right_shoulder, &n.right_elbow, &n.right_hand)?,
             ],
             legs: [
+                leg(0, &n.left_hip, &n.left_knee, &n.left_ankle, &n.left_sole)?,
                 leg(
-                    "left",
-                    &n.left_hip,
-                    &n.left_knee,
-                    &n.left_ankle,
-                    &n.left_sole,
-                )?,
-                leg(
-                    "right",
+                    1,
                     &n.right_hip,
                     &n.right_knee,
                     &n.right_ankle,
@@ -105,6 +89,26 @@ impl BodyMap {
         map.chest = find("chest", &n.chest)?.unwrap_or_else(|| join(model, shoulders));
         map.pelvis = find("pelvis", &n.pelvis)?.unwrap_or_else(|| join(model, hips));
         Ok(map)
+    }
+
+    /// Which joints move any part of the body.
+    pub fn shows(&self, model: &RobotModel) -> Vec<bool> {
+        let mut shows = vec![false; model.joint_names().len()];
+        let arms = self
+            .arms
+            .iter()
+            .flat_map(|arm| [arm.shoulder, arm.elbow, arm.hand]);
+        let legs = self
+            .legs
+            .iter()
+            .flat_map(|leg| [leg.hip, leg.knee, leg.ankle, leg.sole]);
+        let parts = arms.chain(legs).chain([self.head, Some(self.chest)]);
+        for link in parts.flatten() {
+            for lever in &model.levers[link] {
+                shows[lever.joint] = true;
+            }
+        }
+        shows
     }
 
     /// Which limb each joint moves.
@@ -159,101 +163,5 @@ fn named_link(
             name: name.clone(),
             choices: choices(model.link_names().iter().map(String::as_str)),
         }),
-    }
-}
-
-/// Lower-case words of a link's name and of the joint above it; `left` and
-/// `right` written out.
-fn words(model: &RobotModel, link: usize) -> Vec<String> {
-    let mut out = Vec::new();
-    for name in [&model.link_names()[link], &model.parent_joints[link]] {
-        let mut word = String::new();
-        let mut before = ' ';
-        for letter in name.chars() {
-            if letter.is_uppercase() && before.is_lowercase() {
-                out.push(std::mem::take(&mut word));
-            }
-            before = letter;
-            match letter.is_alphabetic() {
-                true => word.extend(letter.to_lowercase()),
-                false => out.push(std::mem::take(&mut word)),
-            }
-        }
-        out.push(word);
-    }
-    out.retain(|word| !word.is_empty());
-    for word in &mut out {
-        match word.as_str() {
-            "l" => *word = "left".into(),
-            "r" => *word = "right".into(),
-            _ => {}
-        }
-    }
-    out
-}
-
-struct Guess<'a> {
-    model: &'a RobotModel,
-    words: &'a [Vec<String>],
-}
-
-impl Guess<'_> {
-    fn has(&self, link: usize, any: &[&str]) -> bool {
-        self.words[link]
-            .iter()
-            .any(|word| any.contains(&word.as_str()))
-    }
-
-    fn first(&self, side: &str, any: &[&str]) -> Option<usize> {
-        (0..self.words.len()).find(|&i| self.has(i, &[side]) && self.has(i, any))
-    }
-
-    fn last(&self, any: &[&str]) -> Option<usize> {
-        let moves = |i: usize| !self.model.levers[i].is_empty();
-        (0..self.words.len())
-            .rev()
-            .find(|&i| moves(i) && self.has(i, any))
-    }
-
-    /// The last link with such a name above `below`.
-    fn above(&self, below: usize, side: &str, any: &[&str]) -> Option<usize> {
-        self.model
-            .ancestors(below)
-            .skip(1)
-            .find(|&i| self.has(i, &[side]) && self.has(i, any))
-    }
-
-    /// The link below `top` with such a name; the deepest, if `deepest`.
-    fn below(&self, top: usize, any: &[&str], deepest: bool) -> Option<usize> {
-        let mut found = (top + 1..self.words.len())
-            .filter(|&i| self.model.is_below(i, top) && self.has(i, any));
-        match deepest {
-            true => found.next_back(),
-            false => found.next(),
-        }
-    }
-
-    fn arm(&self, side: &str) -> Arm {
-        let Some(elbow) = self.first(side, ELBOW) else {
-            return Arm::default();
-        };
-        Arm {
-            shoulder: self.above(elbow, side, SHOULDER),
-            elbow: Some(elbow),
-            hand: self.below(elbow, HAND, true),
-        }
-    }
-
-    fn leg(&self, side: &str) -> Leg {
-        let Some(knee) = self.first(side, KNEE) else {
-            return Leg::default();
-        };
-        let ankle = self.below(knee, ANKLE, false);
-        Leg {
-            hip: self.above(knee, side, HIP),
-            knee: Some(knee),
-            ankle,
-            sole: ankle.map(|ankle| self.below(ankle, SOLE, true).unwrap_or(ankle)),
-        }
     }
 }

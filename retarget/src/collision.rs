@@ -14,8 +14,8 @@ use crate::model::{RobotModel, Shape, Visual};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Capsule {
     pub link: usize,
-    ends: [Point3<f64>; 2],
-    radius_m: f64,
+    pub ends: [Point3<f64>; 2],
+    pub radius_m: f64,
 }
 
 /// Two capsules that could meet.
@@ -100,7 +100,11 @@ fn neighbours(model: &RobotModel, one: usize, other: usize) -> bool {
     joints < 2
 }
 
+/// Those of the robot file, else one a link from its shapes.
 fn capsules(model: &RobotModel) -> Vec<Capsule> {
+    if !model.capsules.is_empty() {
+        return model.capsules.clone();
+    }
     let mut largest: Vec<(f64, Capsule)> = Vec::new();
     for visual in model.visuals() {
         let (volume, capsule) = capsule_of(visual);
@@ -116,7 +120,8 @@ fn capsules(model: &RobotModel) -> Vec<Capsule> {
     largest.into_iter().map(|(_, capsule)| capsule).collect()
 }
 
-fn capsule_of(visual: &Visual) -> (f64, Capsule) {
+/// Volume of a shape and the capsule that takes its place.
+pub(crate) fn capsule_of(visual: &Visual) -> (f64, Capsule) {
     let size = match visual.shape {
         Shape::Box { size_m } => Vector3::from(size_m),
         Shape::Cylinder { radius_m, length_m } => {

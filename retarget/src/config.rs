@@ -123,6 +123,53 @@ pub struct BodyLinks {
     pub right_sole: Option<String>,
 }
 
+/// A point fixed to a link that no link's origin is: the end of a limb, say.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tip {
+    /// Its name, for `[retarget.body]`.
+    pub name: String,
+    /// The link that it is fixed to.
+    pub link: String,
+    /// Where, in the link's frame, metres.
+    pub at_m: [f64; 3],
+}
+
+/// A collision capsule: a thick line fixed to a link.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CapsuleConfig {
+    /// The link that it is fixed to.
+    pub link: String,
+    /// One end in the link's frame, metres.
+    pub from_m: [f64; 3],
+    /// The other end.
+    pub to_m: [f64; 3],
+    /// Half its thickness, metres.
+    pub radius_m: f64,
+}
+
+/// A joint that follows another by a rod, gear or closed loop which the
+/// description does not show: `multiplier` times its position plus `offset_deg`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Couple {
+    /// The joint that follows.
+    pub joint: String,
+    /// The joint that it follows.
+    pub follows: String,
+    /// How many times as far.
+    #[serde(default = "once")]
+    pub multiplier: f64,
+    /// Where it is when the other is at zero, degrees.
+    #[serde(default)]
+    pub offset_deg: f64,
+}
+
+fn once() -> f64 {
+    1.0
+}
+
 /// How strongly each aim pulls in the least-squares problem.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -195,6 +242,12 @@ pub struct RetargetConfig {
     pub weights: Weights,
     /// Rest positions by joint name, degrees; found by the solver where left out.
     pub rest_deg: BTreeMap<String, f64>,
+    /// Points besides the links' origins.
+    pub tip: Vec<Tip>,
+    /// Collision capsules; from the shapes of the description if there are none.
+    pub capsule: Vec<CapsuleConfig>,
+    /// Joints that follow others, besides the description's mimics.
+    pub couple: Vec<Couple>,
 }
 
 impl Default for RetargetConfig {
@@ -215,6 +268,9 @@ impl Default for RetargetConfig {
             gain: Gains::default(),
             weights: Weights::default(),
             rest_deg: BTreeMap::new(),
+            tip: Vec::new(),
+            capsule: Vec::new(),
+            couple: Vec::new(),
         }
     }
 }
@@ -261,6 +317,23 @@ impl RetargetConfig {
         in_range("weights.damping", weights.damping, 1e-4, 10.0)?;
         for (joint, value) in &self.rest_deg {
             in_range(&format!("rest_deg.{joint}"), *value, -3600.0, 3600.0)?;
+        }
+        for tip in &self.tip {
+            for value in tip.at_m {
+                in_range(&format!("tip.{}.at_m", tip.name), value, -100.0, 100.0)?;
+            }
+        }
+        for capsule in &self.capsule {
+            let key = |part: &str| format!("capsule.{}.{part}", capsule.link);
+            for value in capsule.from_m.into_iter().chain(capsule.to_m) {
+                in_range(&key("from_m or to_m"), value, -100.0, 100.0)?;
+            }
+            in_range(&key("radius_m"), capsule.radius_m, 1e-5, 10.0)?;
+        }
+        for couple in &self.couple {
+            let key = |part: &str| format!("couple.{}.{part}", couple.joint);
+            in_range(&key("multiplier"), couple.multiplier, -1000.0, 1000.0)?;
+            in_range(&key("offset_deg"), couple.offset_deg, -3600.0, 3600.0)?;
         }
         Ok(())
     }

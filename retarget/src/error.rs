@@ -11,6 +11,9 @@ pub enum RetargetError {
     /// The text is not a URDF.
     #[error("the robot description is not a readable URDF: {0}")]
     Xml(String),
+    /// The text is an MJCF model that cannot be converted.
+    #[error("the MJCF model cannot be converted: {0}")]
+    Mjcf(String),
     /// The description is still an unexpanded xacro.
     #[error("the robot description is an unexpanded xacro: run `xacro FILE > robot.urdf` first")]
     Xacro,

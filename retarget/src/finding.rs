@@ -67,6 +67,7 @@ macro_rules! codes {
 codes! {
     Xacro "xacro" Refused "the file is a xacro that was not expanded";
     Xml "xml" Refused "the text is not well-formed XML, or no robot description";
+    Mjcf "mjcf" Refused "an MJCF model that cannot be converted";
     NameMissing "name-missing" Refused "a link or joint has no name";
     NumberUnreadable "number-unreadable" Refused "a place for a number holds something else";
     NumberUnusable "number-unusable" Refused "a number is not finite, or too large for any robot";
@@ -102,6 +103,7 @@ codes! {
     MimicOfFixed "mimic-of-fixed" Repaired "a joint follows one that cannot move: held where that leaves it";
     MimicOnFixed "mimic-on-fixed" Repaired "a joint that cannot move is said to follow another: it stays";
     RootFloating "root-floating" Repaired "a floating or planar joint has no position: it is held";
+    MjcfBall "mjcf-ball" Repaired "a ball joint of an MJCF model: three hinges stand for it";
     TipMissing "tip-missing" Repaired "a limb ends on its last joint's axis: a tip is put where its shape or mass ends";
     VelocityUnset "velocity-unset" Repaired "no velocity limit (or 0): the servo map's is used";
     VelocityPlaceholder "velocity-placeholder" Repaired "a velocity limit no servo has: the servo map's is used";
@@ -126,6 +128,7 @@ codes! {
     PartsNone "parts-none" Note "no arm, leg or head was found: nothing will move";
     MapWider "map-wider" Note "the servo map allows more than the description";
     MapFaster "map-faster" Note "the servo map allows a higher speed than the description";
+    MjcfLeftOut "mjcf-left-out" Note "a part of an MJCF model that is not converted";
     JointUnmapped "joint-unmapped" Note "a joint that could move has no servo: it is held at rest";
 }
 

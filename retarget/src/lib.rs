@@ -17,13 +17,17 @@ mod collision;
 mod columns;
 mod config;
 mod counts;
+mod draft;
 mod envelope;
 mod error;
 mod finding;
 mod guard;
+mod guess;
 mod human;
+mod likeness;
 mod limb;
 mod lint;
+mod mjcf;
 mod model;
 mod pelvis;
 mod preview;
@@ -34,12 +38,17 @@ mod stream;
 mod tracker;
 mod urdf;
 
-pub use config::{BodyLinks, Gains, Limb, RetargetConfig, Stance, Weights};
+pub use config::{
+    BodyLinks, CapsuleConfig, Couple, Gains, Limb, RetargetConfig, Stance, Tip, Weights,
+};
 pub use counts::Counts;
+pub use draft::{Draft, DraftJoint, Role, draft, rest_deg};
 pub use error::RetargetError;
 pub use finding::{Code, Finding, Severity};
 pub use k::nalgebra;
+pub use likeness::Likeness;
 pub use lint::{lint, lint_limits};
+pub use mjcf::{is_mjcf, urdf_from_mjcf};
 pub use model::{RobotModel, Shape, Visual};
 pub use retargeter::Retargeter;
 pub use stream::Points;

@@ -10,6 +10,8 @@ use servodance_types::JointLimits;
 
 use crate::RobotModel;
 use crate::finding::{Code, Finding, Findings};
+use crate::guess::{Axes, anatomy, zero};
+use crate::mjcf::{is_mjcf, urdf_from_mjcf};
 use crate::urdf::{self, is_driven};
 
 /// Faster than servos turn, rad/s: a placeholder.
@@ -25,8 +27,21 @@ const DENSEST: f64 = 12_000.0;
 /// Cosine of the tilt from which an axis counts as tilted, about 8 degrees.
 const STRAIGHT: f64 = 0.99;
 
-/// Everything found in a URDF: refusals, repairs, joints first.
-pub fn lint(urdf_xml: &str) -> Vec<Finding> {
+/// Everything found in a URDF or an MJCF model: refusals, repairs, joints first.
+pub fn lint(text: &str) -> Vec<Finding> {
+    if !is_mjcf(text) {
+        return lint_urdf(text);
+    }
+    match urdf_from_mjcf(text) {
+        Ok((urdf_xml, mut findings)) => {
+            findings.extend(lint_urdf(&urdf_xml));
+            findings
+        }
+        Err(error) => vec![Finding::new(Code::Mjcf, "robot", error.to_string())],
+    }
+}
+
+fn lint_urdf(urdf_xml: &str) -> Vec<Finding> {
     let (description, mut findings) = urdf::read_all(urdf_xml);
     let Some(description) = description else {
         return findings.list;
@@ -41,7 +56,7 @@ pub fn lint(urdf_xml: &str) -> Vec<Finding> {
         lint_limit(joint, &mut findings);
         lint_mirror(joint, robot, &mut findings);
     }
-    lint_axes(robot, urdf_xml, &mut findings);
+    lint_body(robot, urdf_xml, &mut findings);
     lint_masses(robot, &mut findings);
     findings.list
 }
@@ -124,12 +139,46 @@ fn lint_limit(joint: &urdf_rs::Joint, findings: &mut Findings) {
     }
 }
 
-/// Axes that lie along none of the root link's axes at zero.
-fn lint_axes(robot: &urdf_rs::Robot, urdf_xml: &str, findings: &mut Findings) {
-    let Ok(model) = RobotModel::new(urdf_xml, &[]) else {
+/// What only the whole body shows: tilted axes, parts, forward, tips.
+fn lint_body(robot: &urdf_rs::Robot, urdf_xml: &str, findings: &mut Findings) {
+    let drives = |joint: &&urdf_rs::Joint| is_driven(joint) && joint.mimic.is_none();
+    let driven = robot.joints.iter().filter(drives);
+    let names: Vec<&str> = driven.map(|joint| joint.name.as_str()).collect();
+    let Ok(model) = RobotModel::new(urdf_xml, &names) else {
         return;
     };
-    let poses = model.link_poses(&[]);
+    let positions = zero(&model, robot);
+    lint_axes(robot, &model, &positions, findings);
+    let body = anatomy(&model, &positions);
+    let limbs = || body.arms.iter().chain(&body.legs);
+    if body.head.is_none() && !limbs().any(|limb| limb.is_there()) {
+        let message = "no arm, leg or head was found, by names or by shape";
+        findings.add(Code::PartsNone, &robot.name, message);
+    }
+    let axes = &body.axes;
+    let (forward, up) = (Axes::name(&axes.forward), Axes::name(&axes.up));
+    if !axes.seen {
+        let message = "no pair of limbs shows it: x forward, z up are assumed";
+        findings.add(Code::ForwardAssumed, &robot.name, message);
+    } else if !axes.is_usual() {
+        let message = format!("forward is {forward} and up is {up} of the root link");
+        findings.add(Code::ForwardUnusual, &robot.name, message);
+    }
+    for tip in &body.tips {
+        let [x, y, z] = tip.at_m;
+        let message = format!("no link ends the limb; its end is taken at {x:.3} {y:.3} {z:.3} m");
+        findings.add(Code::TipMissing, &tip.link, message);
+    }
+}
+
+/// Axes that lie along none of the root link's axes at zero.
+fn lint_axes(
+    robot: &urdf_rs::Robot,
+    model: &RobotModel,
+    positions: &[f64],
+    findings: &mut Findings,
+) {
+    let poses = model.link_poses(positions);
     for joint in robot.joints.iter().filter(|joint| is_driven(joint)) {
         let Some(link) = model.link(&joint.child.link) else {
             continue;
@@ -285,7 +334,9 @@ mod tests {
             <link name="b"/><joint name="turn" type="revolute"><parent link="a"/>
             <child link="b"/><axis xyz="0 0 1"/>{joint}</joint></robot>"#
         );
-        lint(&urdf).iter().map(|f| f.code.as_str()).collect()
+        let found = lint(&urdf);
+        let of_joint = found.iter().filter(|f| f.subject == "turn");
+        of_joint.map(|f| f.code.as_str()).collect()
     }
 
     #[test]

@@ -10,6 +10,8 @@ use std::collections::HashMap;
 use k::nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::RetargetError;
+use crate::collision::Capsule;
+use crate::config::{CapsuleConfig, RetargetConfig, Tip};
 use crate::error::choices;
 use crate::urdf::{self, Description};
 
@@ -110,6 +112,10 @@ pub struct RobotModel {
     pub(crate) levers: Vec<Vec<Lever>>,
     segments: Vec<(usize, usize)>,
     visuals: Vec<Visual>,
+    /// Simple shapes given for collision.
+    solids: Vec<Visual>,
+    /// Capsules of the robot file.
+    pub(crate) capsules: Vec<Capsule>,
     pub(crate) mass_kg: f64,
 }
 
@@ -119,8 +125,30 @@ impl RobotModel {
     /// # Errors
     /// Names the joint or link that is missing or unusable.
     pub fn new(urdf_xml: &str, joints: &[&str]) -> Result<Self, RetargetError> {
-        let description = urdf::read(urdf_xml)?;
-        let column = columns(&description, joints)?;
+        Self::build(&urdf::read(urdf_xml)?, joints)
+    }
+
+    /// The same, with the points, capsules and couplings of a robot file.
+    ///
+    /// # Errors
+    /// Names the joint or link that is missing or unusable.
+    pub fn configured(
+        urdf_xml: &str,
+        joints: &[&str],
+        config: &RetargetConfig,
+    ) -> Result<Self, RetargetError> {
+        let mut description = urdf::read(urdf_xml)?;
+        for couple in &config.couple {
+            urdf::couple(&mut description.robot, couple)?;
+        }
+        let mut model = Self::build(&description, joints)?;
+        model.add_tips(&config.tip)?;
+        model.add_capsules(&config.capsule)?;
+        Ok(model)
+    }
+
+    fn build(description: &Description, joints: &[&str]) -> Result<Self, RetargetError> {
+        let column = columns(description, joints)?;
         let mut model = Self {
             joint_names: joints.iter().map(|name| name.to_string()).collect(),
             link_names: Vec::new(),
@@ -129,9 +157,11 @@ impl RobotModel {
             levers: Vec::new(),
             segments: Vec::new(),
             visuals: Vec::new(),
+            solids: Vec::new(),
+            capsules: Vec::new(),
             mass_kg: 0.0,
         };
-        model.add_links(&description, &column);
+        model.add_links(description, &column);
         model.mass_kg = model.links.iter().map(|link| link.mass_kg).sum();
         Ok(model)
     }
@@ -156,20 +186,25 @@ impl RobotModel {
                 k::JointType::Linear { axis } => Motion::Slide(axis),
             };
             let drive = drive_of(&name, &joints, column);
-            let held = joints.get(name.as_str()).map_or(0.0, |joint| {
-                match joint.limit.lower < joint.limit.upper {
-                    true => 0.0_f64.clamp(joint.limit.lower, joint.limit.upper),
-                    false => 0.0,
-                }
-            });
+            let held = joints
+                .get(name.as_str())
+                .map_or(0.0, |joint| held_position(joint));
             let (mut mass_kg, mut com) = (0.0, Point3::origin());
             let mut link_name = String::new();
             if let Some(link) = node.link().as_ref() {
                 mass_kg = link.inertial.mass;
                 com = Point3::from(link.inertial.origin().translation.vector);
                 link_name.clone_from(&link.name);
-                self.visuals
-                    .extend(link.visuals.iter().filter_map(|v| visual_of(index, v)));
+                let visuals = link.visuals.iter();
+                self.visuals.extend(visuals.filter_map(|v| {
+                    let color = &v.material.color;
+                    let rgba = [color.r, color.g, color.b, color.a].map(|part| part as f32);
+                    visual(index, &v.geometry, *v.origin(), rgba)
+                }));
+                let solids = link.collisions.iter();
+                self.solids.extend(
+                    solids.filter_map(|c| visual(index, &c.geometry, *c.origin(), [1.0; 4])),
+                );
             }
             let mut levers = parent.map_or_else(Vec::new, |p| self.levers[p].clone());
             if let (Some(drive), false) = (drive, matches!(motion, Motion::Fixed)) {
@@ -221,6 +256,58 @@ impl RobotModel {
     /// Boxes, cylinders and balls to draw; meshes are left out.
     pub fn visuals(&self) -> &[Visual] {
         &self.visuals
+    }
+
+    /// Simple shapes given for collision.
+    pub(crate) fn solids(&self) -> &[Visual] {
+        &self.solids
+    }
+
+    /// Adds points as massless links, after all others.
+    pub(crate) fn add_tips(&mut self, tips: &[Tip]) -> Result<(), RetargetError> {
+        for tip in tips {
+            let parent = self.named(&tip.link, "tip")?;
+            if self.link(&tip.name).is_some() {
+                return Err(RetargetError::Link {
+                    link: tip.name.clone(),
+                    reason: "a tip may not have the name of a link".into(),
+                });
+            }
+            let index = self.links.len();
+            self.links.push(Link {
+                parent: Some(parent),
+                origin: Translation3::from(Vector3::from(tip.at_m)).into(),
+                motion: Motion::Fixed,
+                drive: None,
+                held: 0.0,
+                mass_kg: 0.0,
+                com: Point3::origin(),
+            });
+            self.levers.push(self.levers[parent].clone());
+            self.link_names.push(tip.name.clone());
+            self.parent_joints.push(tip.name.clone());
+            self.segments.push((parent, index));
+        }
+        Ok(())
+    }
+
+    fn add_capsules(&mut self, capsules: &[CapsuleConfig]) -> Result<(), RetargetError> {
+        for capsule in capsules {
+            self.capsules.push(Capsule {
+                link: self.named(&capsule.link, "capsule")?,
+                ends: [capsule.from_m, capsule.to_m].map(Point3::from),
+                radius_m: capsule.radius_m,
+            });
+        }
+        Ok(())
+    }
+
+    fn named(&self, link: &str, part: &str) -> Result<usize, RetargetError> {
+        self.link(link).ok_or_else(|| RetargetError::NoSuchLink {
+            part: part.into(),
+            name: link.into(),
+            choices: choices(self.link_names.iter().map(String::as_str)),
+        })
     }
 
     /// Total mass of all links, kg.
@@ -355,8 +442,13 @@ fn drive_of(
     None
 }
 
-fn visual_of(link: usize, visual: &k::link::Visual<f64>) -> Option<Visual> {
-    let shape = match visual.geometry {
+fn visual(
+    link: usize,
+    geometry: &k::link::Geometry<f64>,
+    pose_in_link: Isometry3<f64>,
+    rgba: [f32; 4],
+) -> Option<Visual> {
+    let shape = match *geometry {
         k::link::Geometry::Box {
             depth,
             width,
@@ -372,11 +464,20 @@ fn visual_of(link: usize, visual: &k::link::Visual<f64>) -> Option<Visual> {
         k::link::Geometry::Sphere { radius } => Shape::Sphere { radius_m: radius },
         k::link::Geometry::Mesh { .. } => return None,
     };
-    let color = &visual.material.color;
     Some(Visual {
         link,
-        pose_in_link: *visual.origin(),
+        pose_in_link,
         shape,
-        rgba: [color.r, color.g, color.b, color.a].map(|part| part as f32),
+        rgba,
     })
+}
+
+/// Where a joint that nobody drives stays: zero, or the nearest limit.
+pub(crate) fn held_position(joint: &urdf_rs::Joint) -> f64 {
+    let limit = &joint.limit;
+    let turns = joint.joint_type == urdf_rs::JointType::Continuous;
+    match limit.lower < limit.upper && !turns {
+        true => 0.0_f64.clamp(limit.lower, limit.upper),
+        false => 0.0,
+    }
 }

@@ -5,6 +5,8 @@
 
 mod setup;
 
+pub(crate) use setup::upright_rotation;
+
 use k::nalgebra::{Isometry3, Translation3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 
@@ -108,7 +110,7 @@ impl Retargeter {
             });
         }
         let names: Vec<&str> = joints.iter().map(|(name, _)| name.as_str()).collect();
-        let model = RobotModel::new(urdf_xml, &names)?;
+        let model = RobotModel::configured(urdf_xml, &names, config)?;
         let limits = setup::usable_limits(joints, config.margin)?;
         let jerk_rad_s3 = setup::jerk_limits(&model, &limits, config)?;
         let map = BodyMap::new(&model, config)?;

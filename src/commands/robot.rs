@@ -1,10 +1,13 @@
-//! `servodance robot`: look a robot file or description over.
+//! `servodance robot`: write a robot file for a description, look one over.
 
 use crate::robot_file;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
 Examples:
+  servodance robot new my.urdf --out my.toml
+      a complete robot file from the description alone; it dances in simulation at once
   servodance robot check my.urdf
       what is wrong or odd about a description, and what is done about it
   servodance robot check my.toml --json
@@ -22,8 +25,24 @@ pub struct Args {
 /// What can be done with a robot file.
 #[derive(Debug, clap::Subcommand)]
 pub enum Action {
+    /// Write a complete robot file for a description; guesses are explained in it.
+    New(NewArgs),
     /// Look over a robot file or a description: exit code 0 usable, 1 refused.
     Check(CheckArgs),
+}
+
+/// What `robot new` is asked for.
+#[derive(Debug, clap::Args)]
+pub struct NewArgs {
+    /// The description: a URDF (a xacro must be expanded first) or an MJCF model.
+    #[arg(value_name = "FILE")]
+    pub description: PathBuf,
+    /// The robot file to write.
+    #[arg(long, value_name = "FILE.toml")]
+    pub out: PathBuf,
+    /// Overwrite it if it is there.
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// What `robot check` is asked for.
@@ -40,8 +59,20 @@ pub struct CheckArgs {
 /// Does it.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.action {
+        Action::New(args) => new(&args),
         Action::Check(args) => check(&args),
     }
+}
+
+fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
+    let written = robot_file::new_robot(&args.description, &args.out, args.force)?;
+    for file in &written.files {
+        println!("{}", file.display());
+    }
+    for line in &written.lines {
+        println!("{line}");
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {

@@ -4,5 +4,9 @@
 //! before one can be used.
 
 mod check;
+mod new;
+mod servos;
+mod text;
 
 pub use check::{Checked, check};
+pub use new::{NewRobot, new_robot};

@@ -76,6 +76,10 @@ fn robot(document: &Document, findings: &mut Findings) -> Option<Cleaned> {
         findings.refuse(Code::Xml, RetargetError::Xml(reason));
         return None;
     }
+    if is_xacro(root) {
+        findings.refuse(Code::Xacro, RetargetError::Xacro);
+        return None;
+    }
     let mut out = Writer {
         xml: String::new(),
         rates: HashMap::new(),
@@ -98,6 +102,25 @@ fn robot(document: &Document, findings: &mut Findings) -> Option<Cleaned> {
         xml: out.xml,
         rates: out.rates,
     })
+}
+
+/// Whether xacro elements or expressions are left where they count; comments
+/// and simulator plugins often keep some.
+fn is_xacro(root: Node) -> bool {
+    let asks = |node: &Node| {
+        let namespace = node.tag_name().namespace().unwrap_or_default();
+        namespace.contains("xacro") && !["property", "arg"].contains(&node.tag_name().name())
+    };
+    let body = ["link", "joint"];
+    let parts = root
+        .children()
+        .filter(|node| body.contains(&node.tag_name().name()));
+    let mut attributes = parts
+        .flat_map(|part| part.descendants())
+        .flat_map(|node| node.attributes());
+    root.descendants()
+        .any(|node| node.is_element() && asks(&node))
+        || attributes.any(|attribute| attribute.value().contains("${"))
 }
 
 fn children<'a, 'd: 'a>(

@@ -11,6 +11,7 @@ use std::collections::{HashMap, HashSet};
 use k::nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::RetargetError;
+use crate::config::Couple;
 use crate::finding::{Code, Findings};
 
 pub(crate) use clean::Rates;
@@ -22,7 +23,6 @@ pub(crate) struct Description {
     /// The tree; one node a link, named by the joint above it.
     pub chain: k::Chain<f64>,
     /// Acceleration and jerk limits by joint, where the file gives them.
-    #[allow(dead_code)] // for new robot files
     pub rates: HashMap<String, Rates>,
 }
 
@@ -50,10 +50,6 @@ pub(crate) fn read_all(xml: &str) -> (Option<Description>, Findings) {
 }
 
 fn parse(xml: &str, findings: &mut Findings) -> Option<Description> {
-    if xml.contains("<xacro:") || xml.contains("${") {
-        findings.refuse(Code::Xacro, RetargetError::Xacro);
-        return None;
-    }
     if let Err(error) = check_depth(xml) {
         findings.refuse(Code::Xml, error);
         return None;
@@ -90,7 +86,7 @@ fn parse(xml: &str, findings: &mut Findings) -> Option<Description> {
 
 /// The XML parsers call themselves for each level: a hostile file could
 /// otherwise use up the stack.
-fn check_depth(xml: &str) -> Result<(), RetargetError> {
+pub(crate) fn check_depth(xml: &str) -> Result<(), RetargetError> {
     const DEEPEST: usize = 64;
     let mut depth = 0_usize;
     for tag in xml.split('<').skip(1) {
@@ -324,6 +320,31 @@ fn hold(joint: &mut urdf_rs::Joint, position: f64) {
     }
     joint.joint_type = urdf_rs::JointType::Fixed;
     joint.mimic = None;
+}
+
+/// Lets a joint follow another, as a robot file says.
+pub(crate) fn couple(robot: &mut urdf_rs::Robot, couple: &Couple) -> Result<(), RetargetError> {
+    let refused = |reason: String| RetargetError::Joint {
+        joint: couple.joint.clone(),
+        reason,
+    };
+    for name in [&couple.joint, &couple.follows] {
+        let joint = robot.joints.iter().find(|joint| joint.name == *name);
+        if !joint.is_some_and(is_driven) {
+            return Err(refused(format!("couple: no moving joint `{name}`")));
+        }
+    }
+    if couple.joint == couple.follows {
+        return Err(refused("couple: a joint cannot follow itself".into()));
+    }
+    for joint in robot.joints.iter_mut().filter(|j| j.name == couple.joint) {
+        joint.mimic = Some(urdf_rs::Mimic {
+            joint: couple.follows.clone(),
+            multiplier: Some(couple.multiplier),
+            offset: Some(couple.offset_deg.to_radians()),
+        });
+    }
+    Ok(())
 }
 
 /// Whether a joint of this kind has one position.

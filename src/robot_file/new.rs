@@ -1,0 +1,319 @@
+//! `robot new`: a complete robot file from a description alone.
+//!
+//! Guesses are explained as comments where they stand; what was tried before
+//! it was written down is said with its figures. The file loads and dances in
+//! simulation as it is; the servos are placeholders to fill in.
+
+use super::servos::{ServoDraft, servo_drafts};
+use super::text;
+use crate::follow::{Followed, follow, frames};
+use crate::output::write_whole;
+use crate::robot::{Robot, RobotError};
+use anyhow::{Context, bail};
+use servodance_model::motion::choreography::{DanceBeat, DanceStyle, choreograph};
+use servodance_retarget::{
+    Code, Draft, Finding, Role, Severity, Stance, draft, is_mjcf, lint, rest_deg, urdf_from_mjcf,
+};
+use std::path::{Path, PathBuf};
+
+/// Baud rates and control rates that are tried until the servos fit.
+const RATES: [(u32, f64); 5] = [
+    (1_000_000, 100.0),
+    (2_000_000, 100.0),
+    (4_000_000, 100.0),
+    (4_000_000, 50.0),
+    (4_000_000, 20.0),
+];
+/// How far a robot that stands sinks at rest, as shares of its leg length:
+/// tried in turn.
+const CROUCHES: [f64; 3] = [0.05, 0.12, 0.2];
+/// Length of the dance that a new robot is tried with, seconds.
+const TRIAL_S: f64 = 20.0;
+/// Share of cycles that may go wrong before a robot is put on a stand.
+const TOLERATED: f64 = 1e-3;
+
+/// A robot file that was written.
+#[derive(Clone, Debug)]
+pub struct NewRobot {
+    /// The files, robot file first.
+    pub files: Vec<PathBuf>,
+    /// What was seen and done, a line each.
+    pub lines: Vec<String>,
+}
+
+/// Writes a robot file for a description.
+///
+/// # Errors
+/// A description that is refused (each reason named), a file that is there
+/// already (unless `force`), or what cannot be written.
+pub fn new_robot(description: &Path, out: &Path, force: bool) -> anyhow::Result<NewRobot> {
+    if out.extension().is_none_or(|extension| extension != "toml") {
+        bail!("{}: a robot file ends in .toml", out.display());
+    }
+    if out.exists() && !force {
+        bail!("{} is there already; --force overwrites it", out.display());
+    }
+    let source = std::fs::read_to_string(description)
+        .with_context(|| format!("cannot read {}", description.display()))?;
+    let findings = lint(&source);
+    let converted = out.with_extension("urdf");
+    let from_mjcf = is_mjcf(&source);
+    if from_mjcf && converted.exists() && !force {
+        bail!(
+            "{} is there already; --force overwrites it",
+            converted.display()
+        );
+    }
+    if let Some(refused) = findings.iter().find(|f| f.severity == Severity::Refused) {
+        bail!(
+            "{}: {} `{}`: {} (all findings: servodance robot check)",
+            description.display(),
+            refused.code,
+            refused.subject,
+            refused.message
+        );
+    }
+    let source = match from_mjcf {
+        true => urdf_from_mjcf(&source)?.0,
+        false => source,
+    };
+    let mut draft = draft(&source)?;
+    let (servos, left_out) = servo_drafts(&draft.joints);
+    if servos.is_empty() {
+        bail!(
+            "{}: no joint can have a servo ({})",
+            description.display(),
+            left_out.join("; ")
+        );
+    }
+    let mut plan = Plan {
+        name: stem(out),
+        source: source.as_str(),
+        urdf: match from_mjcf {
+            true => relative(&converted, out),
+            false => relative(description, out),
+        },
+        draft: &mut draft,
+        servos,
+        left_out,
+        findings,
+        rates: RATES[0],
+        rest: Vec::new(),
+        tried: Vec::new(),
+    };
+    plan.settle()?;
+    let mut files = vec![out.to_owned()];
+    if from_mjcf {
+        write_whole(&converted, source.as_bytes())?;
+        files.push(converted);
+    }
+    write_whole(out, plan.text().as_bytes())?;
+    Ok(NewRobot {
+        files,
+        lines: plan.summary(out),
+    })
+}
+
+/// Everything that goes into the file.
+pub(super) struct Plan<'a> {
+    pub name: String,
+    source: &'a str,
+    pub urdf: String,
+    pub draft: &'a mut Draft,
+    pub servos: Vec<ServoDraft>,
+    pub left_out: Vec<String>,
+    pub findings: Vec<Finding>,
+    /// Baud and control rate.
+    pub rates: (u32, f64),
+    /// Rest positions, degrees.
+    pub rest: Vec<(String, f64)>,
+    /// What trials showed, a line each.
+    pub tried: Vec<String>,
+}
+
+impl Plan<'_> {
+    /// Finds rates that the bus can carry and a stance that holds in a dance.
+    fn settle(&mut self) -> anyhow::Result<()> {
+        if self.draft.config.stance == Stance::Planted {
+            match self.stand()? {
+                Ok(line) => self.tried.push(line),
+                Err(why) => {
+                    let line = format!("planted was tried and given up ({why}): hung on a stand");
+                    self.tried.push(line);
+                    self.draft.config.stance = Stance::Hung;
+                }
+            }
+        }
+        let robot = self.fitting_robot()??;
+        self.rest = rest_deg(
+            &robot.urdf_xml,
+            &robot.retarget,
+            &robot.joint_limits(),
+            robot.control_hz,
+        )?;
+        let followed = trial(&self.parse()?)?;
+        self.tried.push(danced(&followed));
+        Ok(())
+    }
+
+    /// Whether the robot can stay on its feet, and why not.
+    fn stand(&mut self) -> anyhow::Result<Result<String, String>> {
+        let mut verdict = Err(String::new());
+        for crouch in CROUCHES {
+            self.draft.config.crouch = crouch;
+            verdict = match self.fitting_robot()? {
+                Ok(robot) => stands(&trial(&robot)?),
+                Err(error) => Err(format!("{error:#}")),
+            };
+            if verdict.is_ok() {
+                break;
+            }
+        }
+        Ok(verdict)
+    }
+
+    /// The robot at the first rates that the bus carries; the inner error is
+    /// of the robot, the outer of the rates.
+    fn fitting_robot(&mut self) -> anyhow::Result<anyhow::Result<Robot>> {
+        for rates in RATES {
+            self.rates = rates;
+            match self.parse() {
+                Err(error) if code(&error) == Some(Code::BusRate) => {}
+                other => return Ok(other),
+            }
+        }
+        bail!("{} servos are too many for one bus", self.servos.len())
+    }
+
+    fn parse(&self) -> anyhow::Result<Robot> {
+        Robot::from_toml(&self.text(), "the new robot file", |_| {
+            Ok(self.source.to_owned())
+        })
+    }
+
+    /// The file.
+    fn text(&self) -> String {
+        text::robot_file(self)
+    }
+
+    fn summary(&self, out: &Path) -> Vec<String> {
+        let mut lines: Vec<String> = self.draft.reasons.clone();
+        lines.extend(text::parts(&self.draft.config.body));
+        lines.extend(
+            self.draft
+                .missing
+                .iter()
+                .map(|missing| format!("missing: {missing}")),
+        );
+        let held = self.servos.iter().filter(|servo| servo.role == Role::Held);
+        let held: Vec<&str> = held.map(|servo| servo.name.as_str()).collect();
+        if !held.is_empty() {
+            lines.push(format!("held at rest: {}", held.join(", ")));
+        }
+        lines.extend(
+            self.left_out
+                .iter()
+                .map(|joint| format!("no servo: {joint}")),
+        );
+        let odd = self.findings.iter();
+        lines.extend(odd.map(|finding| format!("found: {finding}")));
+        lines.extend(self.tried.iter().map(|line| format!("tried: {line}")));
+        lines.push(format!(
+            "{} servos are placeholders: fill in id, model, direction and zero_deg, then",
+            self.servos.len()
+        ));
+        lines.push(format!("  servodance dance --robot {}", out.display()));
+        lines
+    }
+}
+
+fn code(error: &anyhow::Error) -> Option<Code> {
+    error.downcast_ref::<RobotError>().map(|error| error.code)
+}
+
+/// A dance that every robot can be tried with.
+fn trial(robot: &Robot) -> anyhow::Result<Followed> {
+    let beats: Vec<DanceBeat> = (0..(TRIAL_S * 2.0) as usize)
+        .map(|beat| DanceBeat {
+            time_s: beat as f64 * 0.5,
+            downbeat: beat % 4 == 0,
+        })
+        .collect();
+    let clip = choreograph(&beats, TRIAL_S, DanceStyle::Disco, 1);
+    follow(robot, &frames(&clip), |_, _| Ok(()))
+}
+
+/// Whether a robot on its feet kept them and its balance.
+fn stands(followed: &Followed) -> Result<String, String> {
+    let share = |count: u64| count as f64 / followed.cycles.max(1) as f64;
+    let (feet, balance) = (
+        share(followed.counts.feet_moved_cycles),
+        share(followed.counts.unbalanced_cycles),
+    );
+    if feet > TOLERATED {
+        return Err(format!("a foot slipped in {:.1} % of cycles", feet * 100.0));
+    }
+    if balance > TOLERATED {
+        return Err(format!(
+            "out of balance in {:.1} % of cycles",
+            balance * 100.0
+        ));
+    }
+    Ok("planted: both feet stay and the balance is kept".into())
+}
+
+fn danced(followed: &Followed) -> String {
+    let broken = followed.violations;
+    let median = Followed::quantile(&followed.direction_errors_deg, 0.5);
+    let arms = match followed.direction_errors_deg.is_empty() {
+        true => "no arms to compare".into(),
+        false => format!("arms point within {median:.0} degrees of the dancer's (median)"),
+    };
+    format!(
+        "{TRIAL_S:.0} s of dance: {} limits broken, {} cycles with an arm touching the body; {arms}",
+        broken.position + broken.velocity + broken.acceleration,
+        followed.counts.collision_cycles,
+    )
+}
+
+/// A name for the robot from that of its file.
+fn stem(out: &Path) -> String {
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    let plain: String = stem.chars().filter(|c| !c.is_control()).collect();
+    if plain.is_empty() {
+        "robot".into()
+    } else {
+        plain
+    }
+}
+
+/// The description's path as the robot file says it: relative to its folder.
+fn relative(description: &Path, out: &Path) -> String {
+    let absolute = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let folder = match out.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    if description.parent() == out.parent() {
+        return description
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+    }
+    let (to, from) = (absolute(description), absolute(folder));
+    let common = to
+        .components()
+        .zip(from.components())
+        .take_while(|(a, b)| a == b)
+        .count();
+    if common <= 1 {
+        return to.display().to_string();
+    }
+    let mut path = PathBuf::new();
+    for _ in from.components().skip(common) {
+        path.push("..");
+    }
+    path.extend(to.components().skip(common));
+    path.display().to_string()
+}
