@@ -53,6 +53,8 @@ pub struct Report {
     pub late_frames: u64,
     /// How often the safety layer had to change a command.
     pub interventions: u64,
+    /// What the safety layer did, and why.
+    pub safety: Vec<SafetyEvent>,
     /// Music frames with a number that was not finite, replaced by the last good one.
     pub replaced_music_frames: u64,
     /// Mean of the seconds by which motion was sent ahead of the music, so that it
@@ -73,6 +75,22 @@ pub struct Stages {
     pub control: StageTimes,
     /// Bus exchange, per control cycle.
     pub bus: StageTimes,
+}
+
+/// One change of state of the safety layer, or a remark (`from` equals `to`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SafetyEvent {
+    /// Robot time, seconds since torque on.
+    pub time_s: f64,
+    /// State before.
+    pub from: String,
+    /// State after.
+    pub to: String,
+    /// Why.
+    pub cause: String,
+    /// Whether a dance in which all goes well has it too.
+    #[serde(skip)]
+    pub routine: bool,
 }
 
 /// What went over the wire.

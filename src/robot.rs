@@ -5,7 +5,8 @@ use crate::dance::IdleStyle;
 use anyhow::bail;
 use serde::Deserialize;
 use servodance_drivers::{
-    BusConfig, BusLayout, Servo, ServoConfig, check_rate, layouts, one_or_several,
+    BusConfig, BusLayout, SafetyConfig, SafetySettings, Servo, ServoConfig, check_rate, layouts,
+    one_or_several,
 };
 use servodance_retarget::{Code, RetargetConfig, Retargeter};
 use servodance_types::JointLimits;
@@ -73,6 +74,8 @@ struct RobotFile {
     idle: IdleStyle,
     #[serde(rename = "bus", deserialize_with = "one_or_several")]
     buses: Vec<BusConfig>,
+    #[serde(default)]
+    safety: SafetySettings,
     retarget: RetargetConfig,
     #[serde(rename = "joint")]
     joints: Vec<ServoConfig>,
@@ -95,6 +98,8 @@ pub struct Robot {
     pub idle: IdleStyle,
     /// The buses, and which joints are on each.
     pub buses: Vec<BusLayout>,
+    /// How the safety layer behaves.
+    pub safety: SafetyConfig,
     /// How human motion becomes this robot's.
     pub retarget: RetargetConfig,
     /// The servos, in joint order.
@@ -161,6 +166,10 @@ impl Robot {
             check_rate(&bus.config, &bus.servos, parsed.control_hz)
                 .map_err(|e| RobotError::of(Code::BusRate, format!("{file}: {e}")))?;
         }
+        let safety = parsed
+            .safety
+            .at_hz(parsed.control_hz)
+            .map_err(|e| RobotError::of(Code::RobotFile, format!("{file}: {e}")))?;
         let robot = Self {
             urdf_xml: read_urdf(&parsed.urdf)?,
             name: parsed.name,
@@ -169,6 +178,7 @@ impl Robot {
             servo_lag_s: parsed.servo_lag_s,
             idle: parsed.idle,
             buses,
+            safety,
             retarget: parsed.retarget,
             servos,
         };

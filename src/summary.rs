@@ -59,6 +59,14 @@ pub fn summary(config: &DanceConfig, report: &Report) -> String {
             None => "held by the safety layer (real servos: nobody independent looked)".into(),
         },
     );
+    let remarks = report.safety.iter().filter(|event| !event.routine);
+    if let Some(last) = remarks.clone().next_back() {
+        let count = remarks.count();
+        line(
+            "safety",
+            format!("{count} remarks, the last: {}", last.cause),
+        );
+    }
     for (label, path) in [
         ("picture", &config.picture),
         ("report", &config.report),

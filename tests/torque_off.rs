@@ -47,18 +47,17 @@ fn torques(bus: &SimBus) -> usize {
 
 /// Starts a dance on the bus and waits until every servo has torque.
 fn dancing(program: &Program, bus: &SimBus) -> Child {
+    dancing_with(program, bus, &[])
+}
+
+fn dancing_with(program: &Program, bus: &SimBus, more: &[&str]) -> Child {
     let port = format!("serial:{}", bus.port_path());
     let robot = patient_robot(program);
+    let mut args = vec!["dance", "--robot", robot, "--bus", &port];
+    args.extend(["--no-picture", "--quiet"]);
+    args.extend(more);
     let mut child = program
-        .command(&[
-            "dance",
-            "--robot",
-            robot,
-            "--bus",
-            &port,
-            "--no-picture",
-            "--quiet",
-        ])
+        .command(&args)
         .stderr(Stdio::piped())
         .spawn()
         .expect("the program starts");
@@ -108,6 +107,47 @@ fn termination_turns_torque_off() {
     let child = dancing(&program, &bus);
     signal(&child, "-TERM");
     child.wait_with_output().expect("it ends");
+    assert_eq!(torques(&bus), 0);
+}
+
+#[test]
+fn each_emergency_stop_turns_torque_off_and_is_named() {
+    let _alone = alone();
+    let (program, bus) = (Program::new(), servos());
+    let stopped = |child: Child, says: &str| {
+        let output = child.wait_with_output().expect("it ends");
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{error}");
+        assert!(
+            error.contains("emergency stop") && error.contains(says),
+            "{error}"
+        );
+        assert_eq!(torques(&bus), 0);
+    };
+    let child = dancing(&program, &bus);
+    signal(&child, "-USR1");
+    stopped(child, "the signal SIGUSR1");
+
+    let file = program.path("stop");
+    let name = file.to_str().expect("text");
+    std::fs::write(&file, "0\n").expect("a released button");
+    let child = dancing_with(&program, &bus, &["--estop-file", name]);
+    std::fs::write(&file, "1\n").expect("a pressed button");
+    stopped(child, "the file ");
+
+    // It is still down: no torque at all.
+    let port = format!("serial:{}", bus.port_path());
+    program.refused(
+        &[
+            "dance",
+            "--bus",
+            &port,
+            "--estop-file",
+            name,
+            "--no-picture",
+        ],
+        &["emergency stop"],
+    );
     assert_eq!(torques(&bus), 0);
 }
 

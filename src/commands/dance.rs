@@ -93,6 +93,11 @@ pub struct Args {
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub pcm_channels: u16,
 
+    /// Emergency stop: torque goes off when this file exists and does not begin
+    /// with 0. So do Enter on the terminal and the signal SIGUSR1.
+    #[arg(long, value_name = "PATH")]
+    pub estop_file: Option<PathBuf>,
+
     /// Print only errors.
     #[arg(long, short)]
     pub quiet: bool,

@@ -56,6 +56,8 @@ pub struct DanceConfig {
     pub record: Option<PathBuf>,
     /// Where the picture goes.
     pub picture: Option<PathBuf>,
+    /// A file that is the emergency stop.
+    pub estop_file: Option<PathBuf>,
     /// Print only errors.
     pub quiet: bool,
 }
@@ -87,6 +89,7 @@ impl DanceConfig {
             report: args.report,
             record: args.record,
             picture: (!args.no_picture).then_some(args.picture),
+            estop_file: args.estop_file,
             quiet: args.quiet,
         })
     }

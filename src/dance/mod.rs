@@ -12,6 +12,7 @@ pub(crate) mod audio;
 mod beat_clock;
 mod config;
 mod control;
+mod estop;
 mod idle;
 mod motion_source;
 mod portrait;
@@ -35,8 +36,10 @@ use crate::stages::Stage;
 use anyhow::Context;
 use audio::Audio;
 use control::{Control, Ending, Timing};
+use estop::EStopWatch;
 use motion_source::{Dancer, DancerThread, Heard, MotionSource};
 use rig::Rig;
+use servodance_drivers::EStop;
 use servodance_model::{Generator, GeneratorOptions};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -94,8 +97,11 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         Speed::Realtime => MotionSource::Thread(DancerThread::start(dancer)?),
     };
     let progress = Progress::new(audio_s, config.quiet);
+    let estop = EStop::default();
+    let keyboard = !matches!(config.audio, AudioChoice::Stdin(_));
+    let _watch = EStopWatch::start(&estop, config.estop_file.clone(), keyboard)?;
     let started = Instant::now();
-    let mut rig = Rig::open(&config.robot, &config.buses, config.speed)?;
+    let mut rig = Rig::open(&config.robot, &config.buses, config.speed, &estop)?;
     for note in rig.arm()? {
         progress.note(&note);
     }
@@ -122,6 +128,12 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         Err(_) => "an error",
     };
     let disarmed = rig.disarm(cause);
+    for event in rig.safety_log().iter().filter(|event| !event.routine) {
+        progress.note(&format!(
+            "{:.2} s, {} -> {}: {}",
+            event.time_s, event.from, event.to, event.cause
+        ));
+    }
     let ending = ending?; // the first error is the one to tell
     disarmed.context("torque off could not be verified: cut the power")?;
     let wall_s = started.elapsed().as_secs_f64();
@@ -214,6 +226,7 @@ fn report(
         },
         late_frames: run.late_frames,
         interventions: rig.interventions(),
+        safety: rig.safety_log(),
         replaced_music_frames: heard.replaced_music_frames,
         lead_s: run.lead_s,
         idled_s: run.idled_s,

@@ -4,10 +4,10 @@
 
 use super::config::Speed;
 use super::ports::BusChoice;
-use crate::report::{BusReport, ViolationReport};
+use crate::report::{BusReport, SafetyEvent, ViolationReport};
 use crate::robot::Robot;
 use anyhow::Context;
-use servodance_drivers::{Bus, BusLayout, SafeBus, SafetyConfig, open_buses};
+use servodance_drivers::{Bus, BusLayout, EStop, SafeBus, State, open_buses};
 use servodance_sim::{SimBus, SimOptions, SimServoSpec, Violations};
 use servodance_types::JointState;
 
@@ -30,7 +30,12 @@ pub struct Rig {
 
 impl Rig {
     /// Opens the buses; no servo moves and none is powered yet.
-    pub fn open(robot: &Robot, choices: &[BusChoice], speed: Speed) -> anyhow::Result<Self> {
+    pub fn open(
+        robot: &Robot,
+        choices: &[BusChoice],
+        speed: Speed,
+        estop: &EStop,
+    ) -> anyhow::Result<Self> {
         let mut layouts = robot.buses.clone();
         let mut sims = Vec::new();
         let mut ports = Vec::with_capacity(layouts.len());
@@ -51,7 +56,7 @@ impl Rig {
         let bus = open_buses(&ports, &layouts, &robot.servos)?;
         let joints = robot.servos.len();
         Ok(Self {
-            bus: SafeBus::new(bus, SafetyConfig::at_hz(robot.control_hz))?,
+            bus: SafeBus::new(bus, robot.safety)?.with_estop(estop.clone()),
             sims,
             layouts,
             period_s: robot.period_s(),
@@ -120,6 +125,20 @@ impl Rig {
         self.bus.sent_rad()
     }
 
+    /// What the safety layer did and why, in order.
+    pub fn safety_log(&self) -> Vec<SafetyEvent> {
+        let transitions = self.bus.transitions().iter();
+        transitions
+            .map(|event| SafetyEvent {
+                time_s: event.time_s,
+                from: format!("{:?}", event.from),
+                to: format!("{:?}", event.to),
+                cause: event.cause.clone(),
+                routine: is_routine(event.from, event.to),
+            })
+            .collect()
+    }
+
     /// Totals of the wire.
     pub fn bus_report(&self) -> BusReport {
         let stats = self.bus.stats();
@@ -160,7 +179,12 @@ impl Rig {
     /// How often the safety layer changed a command.
     pub fn interventions(&self) -> u64 {
         let counted = self.bus.interventions();
-        counted.nan + counted.position + counted.velocity + counted.acceleration + counted.stale
+        counted.nan
+            + counted.position
+            + counted.velocity
+            + counted.acceleration
+            + counted.stale
+            + counted.derated
     }
 
     /// Bytes and packets so far.
@@ -168,6 +192,17 @@ impl Rig {
         let stats = self.bus.bus().stats();
         (stats.bytes, stats.packets)
     }
+}
+
+/// Whether a dance in which all goes well has this change of state.
+fn is_routine(from: State, to: State) -> bool {
+    matches!(
+        (from, to),
+        (State::Disarmed, State::Arming)
+            | (State::Arming, State::Running)
+            | (State::Running, State::Stopping)
+            | (State::Stopping, State::Disarmed)
+    )
 }
 
 /// Simulated servos for one bus.

@@ -9,6 +9,7 @@ use super::ports;
 use super::rig::Rig;
 use super::trace::JointTrace;
 use crate::robot::Robot;
+use servodance_drivers::EStop;
 use servodance_types::MotionFrame;
 
 /// Seconds of dance that are danced again; a longer one is judged by its beginning.
@@ -36,6 +37,7 @@ pub fn shadow(
         robot,
         &ports::choose(robot, &["sim".to_owned()])?,
         Speed::Max,
+        &EStop::default(),
     )?;
     rig.arm()?;
     let mut retargeter = robot.retargeter()?;
