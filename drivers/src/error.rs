@@ -266,7 +266,8 @@ pub enum BusError {
     },
     /// The CAN controller has left the bus.
     #[error(
-        "CAN link {port} is bus-off ({doing}): check wiring, termination and bitrate,          then restart the interface"
+        "CAN link {port} is bus-off ({doing}): check wiring, termination and bitrate, \
+         then restart the interface"
     )]
     BusOff {
         /// The port.
@@ -276,7 +277,8 @@ pub enum BusError {
     },
     /// The transmit queue stayed full for a whole exchange's time.
     #[error(
-        "CAN link {port}: the transmit queue stays full ({doing}); nobody acknowledges,          or it is too short (ip link set IFACE txqueuelen 100)"
+        "CAN link {port}: the transmit queue stays full ({doing}); nobody acknowledges, \
+         or it is too short (ip link set IFACE txqueuelen 100)"
     )]
     QueueFull {
         /// The port.
@@ -296,7 +298,8 @@ pub enum BusError {
     },
     /// A motor that would go on if this program died.
     #[error(
-        "{servo}: {why}: a killed program would leave it driving; set accept_no_watchdog = true          in the bus table to dance all the same"
+        "{servo}: {why}: a killed program would leave it driving; set accept_no_watchdog = true \
+         in the bus table to dance all the same"
     )]
     NoWatchdog {
         /// Which motor.

@@ -19,6 +19,20 @@ pub enum FarEnd {
     Can(Box<dyn Adapter>),
 }
 
+impl FarEnd {
+    /// A second handle on a CAN adapter, to see whether there is something to read.
+    pub fn watched(&self) -> Result<Option<OwnedFd>, SimError> {
+        let Self::Can(adapter) = self else {
+            return Ok(None);
+        };
+        let watched = adapter.watched().map_err(|reason| SimError::System {
+            what: "watching an adapter",
+            reason,
+        })?;
+        Ok(Some(watched))
+    }
+}
+
 /// How the far end is opened, the first time and after it was pulled out.
 #[derive(Clone, Debug)]
 pub struct Socket {

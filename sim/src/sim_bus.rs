@@ -17,7 +17,7 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use servodance_drivers::Port;
 
-use crate::can::{CanServer, build_net};
+use crate::can::{CanServer, build_net, readable};
 use crate::far_end::{FarEnd, Socket};
 use crate::fault::{FaultyWire, ServoFault, WireFault};
 use crate::judge::{Judge, Violations};
@@ -34,6 +34,9 @@ const WAKE_MS: u16 = 10;
 const ATTENTIVE: Duration = Duration::from_micros(80);
 /// Sleeps end this early; the rest is spent spinning, for the precision of a fast bus.
 const SLEEP_SLACK: Duration = Duration::from_micros(70);
+
+/// How long carrying out the host's frames may take in lockstep.
+const LONGEST_SETTLE: Duration = Duration::from_secs(2);
 
 /// What passed over the simulated wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -80,6 +83,8 @@ pub(crate) struct Shared {
     faults: Mutex<FaultyWire>,
     pub stop: AtomicBool,
     pub bus_off: AtomicBool,
+    /// The thread carries out what it has read.
+    pub busy: AtomicBool,
     pub clock: SimClock,
     pub began: Instant,
     /// Seconds a byte; 0 on CAN, where frames are counted bit by bit.
@@ -129,6 +134,8 @@ pub struct SimBus {
     port: Port,
     socket: Socket,
     baud: u32,
+    /// Our end of a CAN adapter, to see whether the thread has read everything.
+    watched: Option<OwnedFd>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -175,6 +182,7 @@ impl SimBus {
             faults: Mutex::new(FaultyWire::new(options.seed)),
             stop: AtomicBool::new(false),
             bus_off: AtomicBool::new(false),
+            busy: AtomicBool::new(false),
             clock: options.clock,
             began: Instant::now(),
             byte_s: if is_can {
@@ -190,6 +198,7 @@ impl SimBus {
             path: options.path,
         };
         let (far_end, port_path, port) = socket.open()?;
+        let watched = far_end.watched()?;
         let thread = start_thread(far_end, shared.clone(), options.baud)?;
         Ok(Self {
             shared,
@@ -197,6 +206,7 @@ impl SimBus {
             port,
             socket,
             baud: options.baud,
+            watched,
             thread: Some(thread),
         })
     }
@@ -214,7 +224,24 @@ impl SimBus {
     /// Moves simulated time on, in lockstep. Does nothing in real time.
     pub fn advance(&self, dt_s: f64) {
         if self.shared.clock == SimClock::Lockstep {
+            self.settle();
             self.shared.world().advance(dt_s);
+        }
+    }
+
+    /// Frames that the host has sent belong to the time before: waits until they
+    /// are carried out (a thread that does not get on is not waited for).
+    fn settle(&self) {
+        let waits = |fd: &OwnedFd| {
+            let unread = readable(fd, Duration::ZERO).unwrap_or(false);
+            unread || self.shared.busy.load(Ordering::SeqCst)
+        };
+        let Some(fd) = &self.watched else {
+            return;
+        };
+        let began = Instant::now();
+        while self.thread.is_some() && waits(fd) && began.elapsed() < LONGEST_SETTLE {
+            std::thread::sleep(Duration::from_micros(20));
         }
     }
 
@@ -273,6 +300,7 @@ impl SimBus {
         if self.thread.is_none() {
             let (far_end, port_path, port) = self.socket.open()?;
             (self.port_path, self.port) = (port_path, port);
+            self.watched = far_end.watched()?;
             self.shared.stop.store(false, Ordering::Release);
             self.thread = Some(start_thread(far_end, self.shared.clone(), self.baud)?);
         }
@@ -287,6 +315,7 @@ impl SimBus {
         if let Some(thread) = self.thread.take() {
             // A panic in the thread has already been printed.
             let _ = thread.join();
+            self.watched = None;
         }
     }
 

@@ -5,32 +5,10 @@
 
 mod common;
 
-use std::fmt::Write;
-
+use common::fault_table::{self, HEAD, Outcome, row};
 use common::*;
-use servodance_drivers::{BusConfig, BusKind, SafeBus, SafetyConfig, Servo, open_bus};
-use servodance_sim::{ServoFault, SimBus, SimOptions, WireFault};
-use servodance_types::JointState;
-
-const HEAD: &str = "\
-| fault | the user is told | safe after, ms | retries | goals beyond a limit | motion beyond a limit |
-|---|---|---|---|---|---|
-";
-
-/// What one fault came to.
-#[derive(Debug)]
-struct Outcome {
-    /// The error that the program saw, if it could not dance on.
-    error: Option<String>,
-    /// From the fault until every servo had no torque or stood by its own
-    /// watchdog, simulated seconds. Zero periods when the dance went on.
-    safe_after_s: f64,
-    retries: u64,
-    /// By the true motion, and by what was told.
-    went: u64,
-    told: u64,
-    notes: Vec<String>,
-}
+use servodance_drivers::{BusConfig, BusKind};
+use servodance_sim::{ServoFault, SimBus, WireFault};
 
 /// The drivers and the ways they read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,78 +27,12 @@ fn dance(kind: Kind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
     let servos = robot_of(model, 5);
     let mut specs = specs(&servos);
     specs[0].firmware = if kind == Kind::Plain { 40 } else { 48 };
-    let mut sim = SimBus::start(&specs, SimOptions::lockstep(baud, HZ)).unwrap();
     let config = BusConfig {
         reply_timeout_ms: 50.0,
         retries: 3,
-        accept_no_watchdog: true,
         ..BusConfig::of_kind(bus_kind, baud)
     };
-    let bus = open_bus(&sim.port(), &config, servos.clone()).unwrap();
-    let mut safe = SafeBus::new(bus, SafetyConfig::at_hz(HZ)).unwrap();
-    safe.arm(0.0).unwrap();
-    let mut states = vec![JointState::default(); servos.len()];
-    let mut happen = Some(happen);
-    let mut error = None;
-    for k in 0..500 {
-        let now_s = k as f64 * PERIOD_S;
-        if k == 200
-            && let Some(happen) = happen.take()
-        {
-            happen(&mut sim);
-        }
-        let target = 0.6 * (1.0 - (4.0 * now_s).cos());
-        safe.command(now_s, &vec![target; servos.len()]);
-        if let Err(reason) = safe.tick(now_s, &mut states) {
-            error = Some(reason.to_string());
-            break;
-        }
-        sim.advance(PERIOD_S);
-    }
-    let began_s = if error.is_some() { 2.0 } else { sim.time_s() };
-    let mut waited = 0;
-    while error.is_some() && !is_safe(&sim, &servos) && waited < 1000 {
-        sim.advance(PERIOD_S);
-        waited += 1;
-    }
-    Outcome {
-        error,
-        safe_after_s: sim.time_s() - began_s,
-        retries: safe.stats().retries,
-        went: sim.motion_violations().total(),
-        told: sim.violations().total() - sim.motion_violations().total(),
-        notes: sim.violation_notes(),
-    }
-}
-
-/// No torque, stopped by its own watchdog, or (where there is none) at rest.
-fn is_safe(sim: &SimBus, servos: &[Servo]) -> bool {
-    servos.iter().enumerate().all(|(index, servo)| {
-        let state = sim.servo(index).unwrap();
-        let rests = servo.model.kind == BusKind::Feetech && state.velocity_rad_s.abs() < 0.02;
-        !state.torque_enabled || state.watchdog_tripped || rests
-    })
-}
-
-/// Adds a row, and checks what every row must hold.
-fn row(table: &mut String, what: &str, outcome: &Outcome) {
-    assert_eq!(outcome.went, 0, "{what}: {:?}", outcome.notes);
-    // A lost goal makes the next a double step, and a servo with another's id
-    // hears the other's goals: nobody can take that back.
-    let astray = what.contains("damaged request") || what.contains("neighbour");
-    assert!(outcome.told == 0 || astray, "{what}: {:?}", outcome.notes);
-    let told = outcome.error.as_deref().unwrap_or("danced on");
-    let safe_ms = outcome.safe_after_s * 1e3;
-    assert!(
-        outcome.error.is_none() || safe_ms < 2500.0,
-        "{what}: {outcome:?}"
-    );
-    writeln!(
-        table,
-        "| {what} | {told} | {safe_ms:.0} | {} | {} | {} |",
-        outcome.retries, outcome.told, outcome.went
-    )
-    .unwrap();
+    fault_table::dance(&servos, &specs, config, happen)
 }
 
 #[test]

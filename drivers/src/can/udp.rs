@@ -193,6 +193,11 @@ impl UdpLink {
         })
     }
 
+    /// The socket that hears the group, to wait for.
+    pub fn socket(&self) -> &UdpSocket {
+        &self.heard
+    }
+
     /// One datagram, if one comes in time: its length if it is not our own.
     fn datagram(&mut self) -> io::Result<Option<usize>> {
         let (length, from) = self.heard.recv_from(&mut self.datagram)?;

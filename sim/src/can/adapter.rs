@@ -17,13 +17,14 @@ use servodance_drivers::can::{CanFrame, CanLink, Received};
 
 /// Between host and bus.
 pub(crate) trait Adapter: Send {
-    /// Adds the frames that the host sends within `wait`. An error ends the adapter.
-    fn fetch(
-        &mut self,
-        wait: Duration,
-        bus_off: bool,
-        frames: &mut Vec<CanFrame>,
-    ) -> io::Result<()>;
+    /// A second handle on what the host's bytes come through.
+    fn watched(&self) -> io::Result<OwnedFd>;
+
+    /// Waits until the host has sent something, for at most `wait`.
+    fn wait(&self, wait: Duration) -> io::Result<bool>;
+
+    /// Adds the frames that the host has sent. An error ends the adapter.
+    fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()>;
 
     /// Hands a frame to the host; what its buffer does not hold is lost.
     fn deliver(&mut self, frame: &CanFrame);
@@ -98,21 +99,30 @@ impl SlcanAdapter {
     }
 }
 
+/// Whether there is something to read, after at most `wait`.
+pub(crate) fn readable(fd: impl AsFd, wait: Duration) -> io::Result<bool> {
+    let mut watched = [PollFd::new(fd.as_fd(), PollFlags::POLLIN)];
+    match poll(
+        &mut watched,
+        PollTimeout::from(wait.as_millis().min(1000) as u16),
+    ) {
+        Ok(count) => Ok(count > 0),
+        Err(Errno::EINTR) => Ok(false),
+        Err(errno) => Err(errno.into()),
+    }
+}
+
 impl Adapter for SlcanAdapter {
-    fn fetch(
-        &mut self,
-        wait: Duration,
-        bus_off: bool,
-        frames: &mut Vec<CanFrame>,
-    ) -> io::Result<()> {
+    fn watched(&self) -> io::Result<OwnedFd> {
+        self.master.try_clone()
+    }
+
+    fn wait(&self, wait: Duration) -> io::Result<bool> {
+        readable(&self.master, wait)
+    }
+
+    fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
         let mut chunk = [0; 4096];
-        let mut watched = [PollFd::new(self.master.as_fd(), PollFlags::POLLIN)];
-        let wait_ms = wait.as_millis().min(1000) as u16;
-        match poll(&mut watched, PollTimeout::from(wait_ms)) {
-            Ok(0) | Err(Errno::EINTR) => return Ok(()),
-            Ok(_) => {}
-            Err(errno) => return Err(errno.into()),
-        }
         match nix::unistd::read(&self.master, &mut chunk) {
             Ok(count) => {
                 let taken = chunk[..count].iter();
@@ -159,19 +169,21 @@ impl MulticastAdapter {
 }
 
 impl Adapter for MulticastAdapter {
-    fn fetch(
-        &mut self,
-        wait: Duration,
-        bus_off: bool,
-        frames: &mut Vec<CanFrame>,
-    ) -> io::Result<()> {
-        let mut deadline = Instant::now() + wait;
-        while let Received::Frame(frame) = self.link.receive(deadline)? {
+    fn watched(&self) -> io::Result<OwnedFd> {
+        Ok(self.link.socket().try_clone()?.into())
+    }
+
+    fn wait(&self, wait: Duration) -> io::Result<bool> {
+        readable(self.link.socket(), wait)
+    }
+
+    fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
+        // What is there already.
+        let now = Instant::now();
+        while let Received::Frame(frame) = self.link.receive(now)? {
             if !bus_off {
                 frames.push(frame);
             }
-            // What is there already goes along.
-            deadline = Instant::now();
         }
         Ok(())
     }

@@ -367,6 +367,11 @@ impl Device for Cia402Drive {
         }
     }
 
+    fn renamed(&mut self) {
+        self.objects.insert(0x140001, 0x200 + self.id());
+        self.objects.insert(0x180001, 0x180 + self.id());
+    }
+
     fn restart(&mut self) {
         let id = self.id();
         self.nmt = PRE_OPERATIONAL;

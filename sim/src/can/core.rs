@@ -79,6 +79,12 @@ pub struct Core {
     time_s: f64,
     overload_s: f64,
     torque_nm: f64,
+    period_s: f64,
+    /// The last goal that was judged, of the joint, and when it came.
+    told_s: f64,
+    told_rad: f64,
+    /// When the same came again in a later period.
+    repeated_s: Option<f64>,
 }
 
 impl Core {
@@ -124,6 +130,10 @@ impl Core {
             time_s: 0.0,
             overload_s: 0.0,
             torque_nm: 0.0,
+            period_s,
+            told_s: f64::NEG_INFINITY,
+            told_rad: 0.0,
+            repeated_s: None,
             settings,
             spec: spec.clone(),
         })
@@ -193,6 +203,7 @@ impl Core {
     pub fn disable(&mut self) {
         self.enabled = false;
         self.command = None;
+        self.repeated_s = None;
         self.judge.end();
     }
 
@@ -216,8 +227,29 @@ impl Core {
             let position_rad = self.joint_rad(self.motor.angle_rad);
             self.judge.begin(goal_rad, position_rad);
         }
-        self.judge.told(self.time_s, goal_rad);
+        let is_same = |last: Command| last.goal_rad == command.goal_rad;
+        self.judge_goal(goal_rad, self.command.is_some_and(is_same));
         self.command = Some(command);
+    }
+
+    /// One goal a control period is judged. A command whose answer got lost is
+    /// said again, at once or just before the next goal: such a repetition is not
+    /// a goal of its own, a goal that stays the same for a period is.
+    fn judge_goal(&mut self, goal_rad: f64, is_same: bool) {
+        let now_s = self.time_s;
+        let is_later = |then_s: f64| now_s - then_s >= 0.5 * self.period_s;
+        if let Some(repeated_s) = self.repeated_s.filter(|then_s| is_later(*then_s)) {
+            self.judge.told(repeated_s, self.told_rad);
+            self.told_s = repeated_s;
+            self.repeated_s = None;
+        }
+        if !is_same {
+            self.judge.told(now_s, goal_rad);
+            (self.told_s, self.told_rad) = (now_s, goal_rad);
+            self.repeated_s = None;
+        } else if is_later(self.told_s) {
+            self.repeated_s.get_or_insert(now_s);
+        }
     }
 
     /// Restarts: torque off, deaf for a while.

@@ -21,7 +21,7 @@ pub use net::{CanNet, Device};
 pub use odrive::{OdriveAxis, WATCHDOG_ENDPOINTS};
 pub use robstride::RobstrideMotor;
 
-pub(crate) use adapter::{Adapter, MulticastAdapter, SlcanAdapter};
+pub(crate) use adapter::{Adapter, MulticastAdapter, SlcanAdapter, readable};
 pub(crate) use server::CanServer;
 
 use servodance_drivers::BusKind;

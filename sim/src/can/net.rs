@@ -30,6 +30,9 @@ pub trait Device: Debug + Send {
 
     /// Its protocol begins anew.
     fn restart(&mut self) {}
+
+    /// It has another id.
+    fn renamed(&mut self) {}
 }
 
 /// A bus of motors.
@@ -138,6 +141,9 @@ impl Line for CanNet {
         };
         if device.core_mut().suffer(fault) {
             device.restart();
+        }
+        if matches!(fault, ServoFault::Id(_)) {
+            device.renamed();
         }
         true
     }

@@ -44,8 +44,12 @@ impl CanServer {
     pub fn run(mut self) {
         let mut frames = Vec::new();
         while !self.shared.stop.load(Ordering::Acquire) {
+            let Ok(waiting) = self.adapter.wait(WAKE) else {
+                return;
+            };
+            self.shared.busy.store(waiting, Ordering::SeqCst);
             let bus_off = self.shared.bus_off.load(Ordering::Acquire);
-            if self.adapter.fetch(WAKE, bus_off, &mut frames).is_err() {
+            if waiting && self.adapter.fetch(bus_off, &mut frames).is_err() {
                 return;
             }
             let now_s = self.shared.began.elapsed().as_secs_f64();
@@ -53,6 +57,7 @@ impl CanServer {
             for frame in frames.drain(..) {
                 self.serve(&frame);
             }
+            self.shared.busy.store(false, Ordering::SeqCst);
             if self.shared.clock == SimClock::Realtime {
                 let due = self.shared.world().line.due();
                 self.answer(due);

@@ -4,6 +4,7 @@
 #![allow(dead_code)]
 
 pub mod can;
+pub mod fault_table;
 
 use servodance_drivers::{BusConfig, BusKind, SerialBus, Servo, ServoConfig, servos};
 use servodance_sim::{SimBus, SimOptions, SimServoSpec};

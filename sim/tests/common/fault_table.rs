@@ -1,0 +1,123 @@
+//! One fault, one dance, one row of the table.
+
+use std::fmt::Write;
+
+use servodance_drivers::{BusConfig, BusKind, SafeBus, SafetyConfig, Servo, open_bus};
+use servodance_sim::{SimBus, SimOptions, SimServoSpec};
+use servodance_types::JointState;
+
+use super::{HZ, PERIOD_S};
+
+pub const HEAD: &str = "\
+| fault | the user is told | safe after, ms | retries | goals beyond a limit | motion beyond a limit |
+|---|---|---|---|---|---|
+";
+
+/// What one fault came to.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The error that the program saw, if it could not dance on.
+    pub error: Option<String>,
+    /// From the fault until every servo had no torque or stood by its own
+    /// watchdog, simulated seconds. Zero periods when the dance went on.
+    pub safe_after_s: f64,
+    pub retries: u64,
+    /// By the true motion, and by what was told.
+    pub went: u64,
+    pub told: u64,
+    pub notes: Vec<String>,
+}
+
+/// Dances these servos, lets `happen` take place after 2 s, goes on for 3 s more.
+pub fn dance(
+    servos: &[Servo],
+    specs: &[SimServoSpec],
+    config: BusConfig,
+    happen: impl FnOnce(&mut SimBus),
+) -> Outcome {
+    let mut sim = SimBus::start(specs, SimOptions::lockstep(config.baud, HZ)).unwrap();
+    let config = BusConfig {
+        accept_no_watchdog: true,
+        ..config
+    };
+    let bus = open_bus(&sim.port(), &config, servos.to_vec()).unwrap();
+    let mut safe = SafeBus::new(bus, SafetyConfig::at_hz(HZ)).unwrap();
+    // Nothing is wrong yet but a busy machine, which may stall for longer than all tries.
+    assert!((0..5).any(|_| safe.arm(0.0).is_ok()), "not armed");
+    let mut states = vec![JointState::default(); servos.len()];
+    let mut happen = Some(happen);
+    let mut error = None;
+    for k in 0..500 {
+        let now_s = k as f64 * PERIOD_S;
+        if k == 200
+            && let Some(happen) = happen.take()
+        {
+            happen(&mut sim);
+        }
+        let target = 0.6 * (1.0 - (4.0 * now_s).cos());
+        safe.command(now_s, &vec![target; servos.len()]);
+        if let Err(reason) = safe.tick(now_s, &mut states) {
+            error = Some(reason.to_string());
+            break;
+        }
+        sim.advance(PERIOD_S);
+    }
+    let began_s = if error.is_some() { 2.0 } else { sim.time_s() };
+    let mut waited = 0;
+    while error.is_some() && !is_safe(&sim, servos) && waited < 1000 {
+        sim.advance(PERIOD_S);
+        waited += 1;
+    }
+    Outcome {
+        error,
+        safe_after_s: sim.time_s() - began_s,
+        retries: safe.stats().retries,
+        went: sim.motion_violations().total(),
+        told: sim.violations().total() - sim.motion_violations().total(),
+        notes: sim.violation_notes(),
+    }
+}
+
+/// No torque, stopped by its own watchdog, or (where there is none) at rest.
+fn is_safe(sim: &SimBus, servos: &[Servo]) -> bool {
+    servos.iter().enumerate().all(|(index, servo)| {
+        let state = sim.servo(index).unwrap();
+        let rests = !has_watchdog(servo) && state.velocity_rad_s.abs() < 0.02;
+        !state.torque_enabled || state.watchdog_tripped || rests
+    })
+}
+
+fn has_watchdog(servo: &Servo) -> bool {
+    match &servo.motor {
+        Some(motor) => motor.model.has_registers,
+        None => servo.model.kind == BusKind::Dynamixel2,
+    }
+}
+
+/// Adds a row, and checks what every row must hold.
+pub fn row(table: &mut String, what: &str, outcome: &Outcome) {
+    assert_eq!(outcome.went, 0, "{what}: {:?}", outcome.notes);
+    // A lost goal makes the next a double step, goals said again because an
+    // answer is late bunch up, and a servo with another's id hears the other's
+    // goals: nobody can take that back.
+    let astray = [
+        "damaged request",
+        "commands lost",
+        "late by 150 ms",
+        "neighbour",
+    ];
+    let astray = astray.iter().any(|word| what.contains(word));
+    assert!(outcome.told == 0 || astray, "{what}: {:?}", outcome.notes);
+    let told = outcome.error.as_deref().unwrap_or("danced on");
+    let safe_ms = outcome.safe_after_s * 1e3;
+    assert!(
+        outcome.error.is_none() || safe_ms < 2500.0,
+        "{what}: {outcome:?}"
+    );
+    writeln!(
+        table,
+        "| {what} | {told} | {safe_ms:.0} | {} | {} | {} |",
+        outcome.retries, outcome.told, outcome.went
+    )
+    .unwrap();
+}
