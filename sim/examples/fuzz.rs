@@ -5,7 +5,9 @@
 //! instruction that still has a sound checksum is carried out as well.
 
 use servodance_drivers::{Decoded, Decoder, Protocol, ServoConfig, servos};
-use servodance_sim::{Line, ServoModel, SimServo, SimServoSpec, StsLine, StsServo, XLine, status};
+use servodance_sim::{
+    ByteServo, Line, Protocol1Line, ServoModel, SimServo, SimServoSpec, XLine, status,
+};
 
 /// SplitMix64.
 struct Dice(u64);
@@ -135,10 +137,13 @@ fn fresh_line(model: &str) -> Result<Box<dyn Line>, Box<dyn std::error::Error>> 
         .map(Into::into)
         .collect();
     let known = ServoModel::from_number(specs[0].model_number).ok_or("unknown model")?;
-    if known.is_feetech() {
-        let servo = |spec| StsServo::new(spec, known, 12.0, 0.01);
-        return Ok(Box::new(StsLine::new(specs.iter().map(servo).collect())));
+    if known.is_protocol1() {
+        let servo = |spec| ByteServo::new(spec, known, 12.0, 0.01);
+        return Ok(Box::new(Protocol1Line::new(
+            specs.iter().map(servo).collect(),
+            0.0,
+        )));
     }
     let servo = |spec| SimServo::new(spec, known, 4, 12.0, 0.01);
-    Ok(Box::new(XLine::new(specs.iter().map(servo).collect())))
+    Ok(Box::new(XLine::new(specs.iter().map(servo).collect(), 0.0)))
 }

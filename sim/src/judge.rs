@@ -62,6 +62,7 @@ pub struct Judge {
     told: Track,
     went: Track,
     notes: Vec<String>,
+    tick_rad: f64,
 }
 
 /// Positions of one kind.
@@ -89,7 +90,13 @@ impl Judge {
             told: Track::default(),
             went: Track::default(),
             notes: Vec::new(),
+            tick_rad: RAD_PER_TICK,
         }
+    }
+
+    /// The same for another encoder.
+    pub fn with_tick(self, tick_rad: f64) -> Self {
+        Self { tick_rad, ..self }
     }
 
     /// Torque comes on: from here on the joint is judged, at rest at `goal_rad`
@@ -136,7 +143,7 @@ impl Judge {
             return broken;
         };
         let limits = self.limits;
-        let half = RAD_PER_TICK / 2.0 + NOISE_RAD;
+        let half = self.tick_rad / 2.0 + NOISE_RAD;
         if now_rad < limits.lower_rad - half || now_rad > limits.upper_rad + half {
             broken.position = 1;
             let range = format!("{:.4} to {:.4} rad", limits.lower_rad, limits.upper_rad);

@@ -13,31 +13,33 @@
 //! Nothing here knows a bus driver's interface: this is the wire's far end.
 
 mod bench;
+mod byte_servo;
 pub mod can;
 mod far_end;
 mod fault;
 mod judge;
+mod layout;
 mod line;
 mod motor;
 mod packet;
+mod protocol1_line;
+mod roster;
 mod servo;
 mod sim_bus;
 mod spec;
-mod sts;
-mod sts_line;
 mod table;
 mod world;
 
 pub use bench::{BenchError, BusBench, bench_bus};
+pub use byte_servo::ByteServo;
 pub use fault::{ServoFault, WireFault};
 pub use judge::{Judge, Violations};
 pub use line::{Burst, Line, XLine};
 pub use motor::Motor;
 pub use packet::{BROADCAST, Instruction, Parsed, Parser, crc16, fast_status, status};
+pub use protocol1_line::Protocol1Line;
 pub use servo::{SimServo, SimServoState};
 pub use sim_bus::{SimBus, WireStats};
 pub use spec::{MODELS, ServoModel, SimClock, SimError, SimLink, SimOptions, SimServoSpec};
-pub use sts::StsServo;
-pub use sts_line::StsLine;
 pub use table::{AccessError, Table};
 pub use world::World;

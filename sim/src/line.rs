@@ -12,6 +12,7 @@ use servodance_drivers::can::CanFrame;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::packet::{BROADCAST, Instruction, Parsed, Parser, fast_status, status};
+use crate::roster::{Device, Roster};
 use crate::servo::{SimServo, SimServoState};
 use crate::table::AccessError;
 
@@ -27,6 +28,7 @@ pub struct Burst {
 }
 
 /// Status errors that are not about the control table.
+const RESULT_FAIL: u8 = 1;
 const INSTRUCTION_ERROR: u8 = 2;
 const CRC_ERROR: u8 = 3;
 const LENGTH_ERROR: u8 = 5;
@@ -43,6 +45,7 @@ mod code {
     pub const FACTORY_RESET: u8 = 0x06;
     pub const REBOOT: u8 = 0x08;
     pub const CLEAR: u8 = 0x10;
+    pub const BACKUP: u8 = 0x20;
     pub const SYNC_READ: u8 = 0x82;
     pub const SYNC_WRITE: u8 = 0x83;
     pub const FAST_SYNC_READ: u8 = 0x8A;
@@ -54,6 +57,8 @@ mod code {
 /// What a servo does after its answer.
 enum Restart {
     Reboot,
+    /// The settings of the last backup.
+    Restore,
     /// Everything (0xFF), all but the id (1), all but id and baud (2).
     Factory(u8),
 }
@@ -106,9 +111,7 @@ pub trait Line: std::fmt::Debug + Send {
 pub struct XLine {
     parser: Parser,
     parsed: Option<Parsed>,
-    servos: Vec<SimServo>,
-    packets_in: u64,
-    bad_packets: u64,
+    roster: Roster<SimServo>,
 }
 
 impl Line for XLine {
@@ -121,13 +124,18 @@ impl Line for XLine {
         match self.parsed.take() {
             None => Vec::new(),
             Some(Parsed::BadCrc(id)) => {
-                self.bad_packets += 1;
+                self.roster.bad_packets += 1;
                 let addressed = self.find(id);
                 addressed.map_or_else(Vec::new, |index| vec![self.reply(index, CRC_ERROR, &[])])
             }
             Some(Parsed::Instruction(instruction)) => {
-                self.packets_in += 1;
-                for servo in self.servos.iter_mut().filter(|servo| servo.listens()) {
+                self.roster.packets_in += 1;
+                for servo in self
+                    .roster
+                    .servos
+                    .iter_mut()
+                    .filter(|servo| servo.listens())
+                {
                     servo.feed_watchdog();
                 }
                 self.dispatch(&instruction)
@@ -136,41 +144,33 @@ impl Line for XLine {
     }
 
     fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool) {
-        for servo in &mut self.servos {
-            servo.step(time_s, dt_s);
-            if period_ends {
-                servo.end_period();
-            }
-        }
+        self.roster.step(time_s, dt_s, period_ends);
     }
 
     fn judges(&self) -> Vec<&Judge> {
-        self.servos.iter().map(SimServo::judge).collect()
+        self.roster.judges()
     }
 
     fn state(&self, index: usize) -> Option<SimServoState> {
-        self.servos.get(index).map(SimServo::state)
+        self.roster.state(index)
     }
 
     fn suffer(&mut self, index: usize, fault: ServoFault) -> bool {
-        let servo = self.servos.get_mut(index);
-        servo.map(|servo| servo.suffer(fault)).is_some()
+        self.roster.suffer(index, fault)
     }
 
     fn packets(&self) -> (u64, u64) {
-        (self.packets_in, self.bad_packets)
+        (self.roster.packets_in, self.roster.bad_packets)
     }
 }
 
 impl XLine {
-    /// A line with these servos.
-    pub fn new(servos: Vec<SimServo>) -> Self {
+    /// A line with these servos on a supply of this resistance.
+    pub fn new(servos: Vec<SimServo>, supply_ohm: f64) -> Self {
         Self {
             parser: Parser::default(),
             parsed: None,
-            servos,
-            packets_in: 0,
-            bad_packets: 0,
+            roster: Roster::new(servos, supply_ohm),
         }
     }
 
@@ -200,15 +200,12 @@ impl XLine {
         self.find_all(id).first().copied()
     }
 
-    /// More than one where ids were given twice.
     fn find_all(&self, id: u8) -> Vec<usize> {
-        (0..self.servos.len())
-            .filter(|&index| self.servos[index].listens() && self.servos[index].id() == id)
-            .collect()
+        self.roster.find_all(id)
     }
 
     fn reply(&self, index: usize, error: u8, params: &[u8]) -> Burst {
-        let servo = &self.servos[index];
+        let servo = &self.roster.servos[index];
         Burst {
             servo: index,
             delay_s: servo.return_delay_s(),
@@ -218,19 +215,17 @@ impl XLine {
 
     fn broadcast(&mut self, instruction: &Instruction) -> Vec<Burst> {
         if instruction.code == code::PING {
-            let mut order: Vec<usize> = (0..self.servos.len())
-                .filter(|&index| self.servos[index].listens())
-                .collect();
-            order.sort_by_key(|&index| self.servos[index].id());
+            let mut order = self.roster.listeners();
+            order.sort_by_key(|&index| self.roster.servos[index].id());
             return order
                 .into_iter()
-                .map(|index| self.reply(index, 0, &self.servos[index].ping()))
+                .map(|index| self.reply(index, 0, &self.roster.servos[index].ping()))
                 .collect();
         }
         // The rest is carried out without an answer; a broadcast Read means nothing.
         let is_read = instruction.code == code::READ;
-        for index in 0..self.servos.len() {
-            if self.servos[index].listens() && !is_read {
+        for index in self.roster.listeners() {
+            if !is_read {
                 self.single(index, instruction);
             }
         }
@@ -240,8 +235,8 @@ impl XLine {
     /// An instruction to one servo, and its answer if its return level gives one.
     fn single(&mut self, index: usize, instruction: &Instruction) -> Option<Burst> {
         let params = &instruction.params[..];
-        let level = self.servos[index].return_level();
-        let servo = &mut self.servos[index];
+        let level = self.roster.servos[index].return_level();
+        let servo = &mut self.roster.servos[index];
         let done = |result: Result<(), AccessError>| result.err().map_or(0, |error| error as u8);
         let mut restart = None;
         let error = match instruction.code {
@@ -271,6 +266,12 @@ impl XLine {
             code::CLEAR if *params == [0x01, 0x44, 0x58, 0x4C, 0x22] => {
                 u8::from(!servo.clear_turns())
             }
+            code::BACKUP if *params == [0x01, 0x43, 0x54, 0x52, 0x4C] => u8::from(!servo.back_up()),
+            code::BACKUP if *params == [0x02, 0x43, 0x54, 0x52, 0x4C] && servo.has_backup() => {
+                restart = Some(Restart::Restore);
+                0
+            }
+            code::BACKUP => RESULT_FAIL,
             code::REBOOT => {
                 restart = Some(Restart::Reboot);
                 0
@@ -284,9 +285,10 @@ impl XLine {
         // The answer leaves before the memory goes.
         let burst = (level >= 2).then(|| self.reply(index, error, &[]));
         match restart {
-            Some(Restart::Reboot) => self.servos[index].reboot(),
+            Some(Restart::Reboot) => self.roster.servos[index].reboot(),
+            Some(Restart::Restore) => self.roster.servos[index].restore_backup(),
             Some(Restart::Factory(kind)) => {
-                self.servos[index].factory_reset(kind != 0xFF, kind == 2);
+                self.roster.servos[index].factory_reset(kind != 0xFF, kind == 2);
             }
             None => {}
         }
@@ -300,15 +302,17 @@ impl XLine {
             let Some(index) = self.find(part.id) else {
                 break;
             };
-            if self.servos[index].return_level() == 0 {
+            if self.roster.servos[index].return_level() == 0 {
                 break;
             }
             let mut answers = Vec::with_capacity(1);
             for index in self.find_all(part.id) {
-                answers.push(match self.servos[index].read(part.address, part.size) {
-                    Ok(data) => self.reply(index, 0, &data),
-                    Err(error) => self.reply(index, error as u8, &[]),
-                });
+                answers.push(
+                    match self.roster.servos[index].read(part.address, part.size) {
+                        Ok(data) => self.reply(index, 0, &data),
+                        Err(error) => self.reply(index, error as u8, &[]),
+                    },
+                );
             }
             bursts.extend(collided(answers));
         }
@@ -323,7 +327,7 @@ impl XLine {
             let Some(index) = self.find(part.id) else {
                 break;
             };
-            let servo = &mut self.servos[index];
+            let servo = &mut self.roster.servos[index];
             let too_long = usize::from(part.size) > LONGEST_READ;
             if !servo.knows_fast_reads() || servo.return_level() == 0 || too_long {
                 break;
@@ -342,7 +346,7 @@ impl XLine {
             .sum::<usize>();
         let first_delay_s = speakers
             .first()
-            .map_or(0.0, |&index| self.servos[index].return_delay_s());
+            .map_or(0.0, |&index| self.roster.servos[index].return_delay_s());
         fast_status(&blocks, announced)
             .into_iter()
             .zip(speakers)
@@ -364,7 +368,7 @@ impl XLine {
         for item in rest.chunks_exact(1 + size) {
             for index in self.find_all(item[0]) {
                 // Refused writes of a broadcast are not answered.
-                let _ = self.servos[index].write(address, &item[1..]);
+                let _ = self.roster.servos[index].write(address, &item[1..]);
             }
         }
         Vec::new()
@@ -378,7 +382,7 @@ impl XLine {
                 break;
             };
             for index in self.find_all(id) {
-                let _ = self.servos[index].write(u16::from_le_bytes([a0, a1]), data);
+                let _ = self.roster.servos[index].write(u16::from_le_bytes([a0, a1]), data);
             }
             rest = after;
         }

@@ -11,6 +11,7 @@ use std::f64::consts::TAU;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::motor::{FULL_PWM, Motor};
+use crate::roster::Device;
 use crate::spec::{ServoModel, SimServoSpec};
 use crate::table::{AccessError, Table, at};
 
@@ -60,6 +61,8 @@ pub struct SimServo {
     motor: Motor,
     judge: Judge,
     supply_v: f64,
+    sag_v: f64,
+    backup: Option<Table>,
     registered: Option<Vec<(u16, i64)>>,
     /// Where the profile is, ticks, and its speed, ticks a second.
     trajectory_ticks: f64,
@@ -90,6 +93,8 @@ impl SimServo {
             spec: spec.clone(),
             model,
             supply_v,
+            sag_v: 0.0,
+            backup: None,
             registered: None,
             trajectory_ticks: 0.0,
             trajectory_speed: 0.0,
@@ -115,21 +120,6 @@ impl SimServo {
         self.table.put(at::GOAL_POSITION, here);
         self.trajectory_ticks = here as f64;
         self.trajectory_speed = 0.0;
-    }
-
-    /// Its id.
-    pub fn id(&self) -> u8 {
-        self.table.get(at::ID) as u8
-    }
-
-    /// Whether it hears and answers.
-    pub fn listens(&self) -> bool {
-        !self.dead && self.time_s >= self.deaf_until_s
-    }
-
-    /// The judge of its motion.
-    pub fn judge(&self) -> &Judge {
-        &self.judge
     }
 
     /// Microseconds between an instruction and its reply.
@@ -158,19 +148,34 @@ impl SimServo {
         [low, high, self.table.get(at::FIRMWARE) as u8]
     }
 
-    /// The truth.
-    pub fn state(&self) -> SimServoState {
-        let goal = self.table.get(at::GOAL_POSITION);
-        SimServoState {
-            time_s: self.time_s,
-            position_rad: self.joint_rad(self.motor.angle_rad),
-            velocity_rad_s: self.spec.direction * self.motor.speed_rad_s,
-            goal_rad: self.joint_rad(self.angle_of_ticks(goal as f64)),
-            current_a: self.spec.direction * self.motor.current_a,
-            temperature_c: self.motor.temperature_c,
-            torque_enabled: self.torque_on(),
-            watchdog_tripped: self.watchdog_tripped(),
-            hardware_error: self.table.get(at::HARDWARE_ERROR) as u8,
+    /// The supply at its terminals.
+    fn volts(&self) -> f64 {
+        self.supply_v - self.sag_v
+    }
+
+    /// Keeps the settings that survive a power cycle; refused with torque on.
+    pub fn back_up(&mut self) -> bool {
+        let allowed = !self.torque_on();
+        if allowed {
+            self.table.put(at::BACKUP_READY, 1);
+            self.backup = Some(self.table.clone());
+        }
+        allowed
+    }
+
+    /// Whether there is a backup that may be restored now.
+    pub fn has_backup(&self) -> bool {
+        self.backup.is_some() && !self.torque_on()
+    }
+
+    /// Settings as they were backed up, then a restart; the id stays.
+    pub fn restore_backup(&mut self) {
+        if let Some(backup) = self.backup.clone() {
+            let id = self.table.get(at::ID);
+            self.table = backup;
+            self.table.put(at::ID, id);
+            self.reboot();
+            self.table.put(at::BACKUP_READY, 1);
         }
     }
 
@@ -379,24 +384,6 @@ impl SimServo {
         self.table.put(at::GOAL_POSITION, self.present_ticks());
     }
 
-    /// One step of firmware and motor, ending at `time_s`.
-    pub fn step(&mut self, time_s: f64, dt_s: f64) {
-        self.time_s = time_s;
-        self.run_watchdog();
-        let duty = self.torque_on().then(|| self.control(dt_s));
-        self.duty = duty.unwrap_or(0.0);
-        let joint_rad = self.joint_rad(self.motor.angle_rad);
-        let gravity_nm = -self.spec.direction * self.spec.gravity_nm * joint_rad.sin();
-        self.motor.step(dt_s, duty, self.supply_v, gravity_nm);
-        self.protect(dt_s);
-    }
-
-    /// The end of a control period: the true position is judged.
-    pub fn end_period(&mut self) {
-        let state = self.state();
-        self.judge.went(self.time_s, state.position_rad);
-    }
-
     fn run_watchdog(&mut self) {
         let units = self.table.get(at::BUS_WATCHDOG);
         let armed = (1..=127).contains(&units) && self.torque_on();
@@ -419,7 +406,7 @@ impl SimServo {
         let pwm = match mode {
             _ if stopped => 0.0,
             0 => {
-                let duty = self.motor.duty_for_current(goal_current_a, self.supply_v);
+                let duty = self.motor.duty_for_current(goal_current_a, self.volts());
                 FULL_PWM * duty
             }
             1 => self.velocity_pwm(dt_s),
@@ -453,8 +440,8 @@ impl SimServo {
     fn limit_current(&self, duty: f64, asked_a: f64) -> f64 {
         let limit_a = self.table.get(at::CURRENT_LIMIT) as f64 * self.current_unit_a();
         let most_a = limit_a.min(asked_a);
-        let low = self.motor.duty_for_current(-most_a, self.supply_v);
-        let high = self.motor.duty_for_current(most_a, self.supply_v);
+        let low = self.motor.duty_for_current(-most_a, self.volts());
+        let high = self.motor.duty_for_current(most_a, self.volts());
         duty.clamp(low, high).clamp(-1.0, 1.0)
     }
 
@@ -523,7 +510,7 @@ impl SimServo {
         if self.motor.temperature_c > self.table.get(at::TEMPERATURE_LIMIT) as f64 {
             self.raise(OVERHEAT_ERROR);
         }
-        let tenths = (self.supply_v * 10.0).round() as i64;
+        let tenths = (self.volts() * 10.0).round() as i64;
         let allowed = self.table.get(at::MIN_VOLTAGE)..=self.table.get(at::MAX_VOLTAGE);
         if !allowed.contains(&tenths) {
             self.raise(VOLTAGE_ERROR);
@@ -560,7 +547,7 @@ impl SimServo {
                 at::POSITION_TRAJECTORY,
                 self.trajectory_ticks.round() as i64,
             ),
-            (at::PRESENT_VOLTAGE, (self.supply_v * 10.0).round() as i64),
+            (at::PRESENT_VOLTAGE, (self.volts() * 10.0).round() as i64),
             (
                 at::PRESENT_TEMPERATURE,
                 self.motor.temperature_c.round() as i64,
@@ -569,9 +556,57 @@ impl SimServo {
             self.table.put(address, value);
         }
     }
+}
 
-    /// Something goes wrong with it.
-    pub fn suffer(&mut self, fault: ServoFault) {
+impl Device for SimServo {
+    fn set_sag_v(&mut self, sag_v: f64) {
+        self.sag_v = sag_v;
+    }
+
+    fn id(&self) -> u8 {
+        self.table.get(at::ID) as u8
+    }
+
+    fn listens(&self) -> bool {
+        !self.dead && self.time_s >= self.deaf_until_s
+    }
+
+    fn judge(&self) -> &Judge {
+        &self.judge
+    }
+
+    fn state(&self) -> SimServoState {
+        let goal = self.table.get(at::GOAL_POSITION);
+        SimServoState {
+            time_s: self.time_s,
+            position_rad: self.joint_rad(self.motor.angle_rad),
+            velocity_rad_s: self.spec.direction * self.motor.speed_rad_s,
+            goal_rad: self.joint_rad(self.angle_of_ticks(goal as f64)),
+            current_a: self.spec.direction * self.motor.current_a,
+            temperature_c: self.motor.temperature_c,
+            torque_enabled: self.torque_on(),
+            watchdog_tripped: self.watchdog_tripped(),
+            hardware_error: self.table.get(at::HARDWARE_ERROR) as u8,
+        }
+    }
+
+    fn step(&mut self, time_s: f64, dt_s: f64) {
+        self.time_s = time_s;
+        self.run_watchdog();
+        let duty = self.torque_on().then(|| self.control(dt_s));
+        self.duty = duty.unwrap_or(0.0);
+        let joint_rad = self.joint_rad(self.motor.angle_rad);
+        let gravity_nm = -self.spec.direction * self.spec.gravity_nm * joint_rad.sin();
+        self.motor.step(dt_s, duty, self.volts(), gravity_nm);
+        self.protect(dt_s);
+    }
+
+    fn end_period(&mut self) {
+        let state = self.state();
+        self.judge.went(self.time_s, state.position_rad);
+    }
+
+    fn suffer(&mut self, fault: ServoFault) {
         match fault {
             ServoFault::Dead => self.dead = true,
             ServoFault::Revive => self.dead = false,

@@ -17,15 +17,15 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use servodance_drivers::Port;
 
+use crate::byte_servo::ByteServo;
 use crate::can::{CanServer, build_net, readable};
 use crate::far_end::{FarEnd, Socket};
 use crate::fault::{FaultyWire, ServoFault, WireFault};
 use crate::judge::{Judge, Violations};
 use crate::line::{Burst, Line, XLine};
+use crate::protocol1_line::Protocol1Line;
 use crate::servo::{SimServo, SimServoState};
 use crate::spec::{SimClock, SimError, SimOptions, SimServoSpec};
-use crate::sts::StsServo;
-use crate::sts_line::StsLine;
 use crate::world::World;
 
 /// How often the thread looks whether it is to end.
@@ -367,19 +367,30 @@ fn checked_adapter_s(adapter_s: f64) -> Result<f64, SimError> {
 const X_BAUDS: [u32; 8] = [
     9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000,
 ];
-const STS_BAUDS: [u32; 8] = [
-    1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400,
-];
-
 fn baud_code(baud: u32, bauds: &[u32; 8]) -> Result<u8, SimError> {
     match bauds.iter().position(|known| *known == baud) {
         Some(code) => Ok(code as u8),
-        None => Err(SimError::Option {
-            key: "baud",
-            actual: baud.to_string(),
-            wanted: "a rate of the servos' baud register",
-        }),
+        None => Err(bad_baud(baud)),
     }
+}
+
+fn bad_baud(baud: u32) -> SimError {
+    SimError::Option {
+        key: "baud",
+        actual: baud.to_string(),
+        wanted: "a rate of the servos' baud register",
+    }
+}
+
+fn checked_supply_ohm(supply_ohm: f64) -> Result<f64, SimError> {
+    if (0.0..=10.0).contains(&supply_ohm) {
+        return Ok(supply_ohm);
+    }
+    Err(SimError::Option {
+        key: "supply_ohm",
+        actual: supply_ohm.to_string(),
+        wanted: "0 to 10",
+    })
 }
 
 fn build_line(
@@ -388,21 +399,24 @@ fn build_line(
     period_s: f64,
 ) -> Result<Box<dyn Line>, SimError> {
     let mut x_servos = Vec::new();
-    let mut sts_servos = Vec::new();
+    let mut byte_servos = Vec::new();
     for spec in specs {
         let model = spec.checked()?;
         let supply_v = options.supply_v.unwrap_or(model.voltage_v);
-        if model.is_feetech() {
-            baud_code(options.baud, &STS_BAUDS)?;
-            sts_servos.push(StsServo::new(spec, model, supply_v, period_s));
+        if model.is_protocol1() {
+            if !model.takes_baud(options.baud) {
+                return Err(bad_baud(options.baud));
+            }
+            byte_servos.push(ByteServo::new(spec, model, supply_v, period_s));
         } else {
             let code = baud_code(options.baud, &X_BAUDS)?;
             x_servos.push(SimServo::new(spec, model, code, supply_v, period_s));
         }
     }
-    match (x_servos.is_empty(), sts_servos.is_empty()) {
-        (_, true) => Ok(Box::new(XLine::new(x_servos))),
-        (true, false) => Ok(Box::new(StsLine::new(sts_servos))),
+    let supply_ohm = checked_supply_ohm(options.supply_ohm)?;
+    match (x_servos.is_empty(), byte_servos.is_empty()) {
+        (_, true) => Ok(Box::new(XLine::new(x_servos, supply_ohm))),
+        (true, false) => Ok(Box::new(Protocol1Line::new(byte_servos, supply_ohm))),
         (false, false) => Err(SimError::Option {
             key: "servos",
             actual: "of two protocols".into(),

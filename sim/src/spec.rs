@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
 
+use crate::layout::{self, Layout};
 use servodance_drivers::can::MotorSettings;
 use servodance_drivers::{BusKind, Servo};
 use servodance_types::JointLimits;
@@ -79,6 +80,15 @@ const MX: Family = Family {
 
 const STS3215: u16 = 777;
 
+const STS_BAUDS: [u32; 8] = [
+    1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400,
+];
+/// AX up to 1 Mbps, MX beyond.
+const PROTOCOL1_BAUDS: [u32; 13] = [
+    9_600, 19_200, 57_600, 115_200, 200_000, 250_000, 400_000, 500_000, 1_000_000, 2_000_000,
+    2_250_000, 2_500_000, 3_000_000,
+];
+
 const fn model(
     name: &'static str,
     number: u16,
@@ -101,6 +111,13 @@ const fn model(
 
 /// Every model that can be simulated.
 pub const MODELS: &[ServoModel] = &[
+    model("AX-12A", 12, 1.5, 59.0, 1.5, 12.0, 0.0),
+    model("AX-18A", 18, 1.8, 97.0, 2.2, 12.0, 0.0),
+    model("MX-28(1.0)", 29, 2.5, 55.0, 1.4, 12.0, 0.0),
+    model("MX-64(1.0)", 310, 6.0, 63.0, 4.1, 12.0, 0.0),
+    model("MX-106(1.0)", 320, 8.4, 45.0, 5.2, 12.0, 0.0),
+    model("MX-64", 311, 6.0, 63.0, 4.1, 12.0, 3.36e-3),
+    model("MX-106", 321, 8.4, 45.0, 5.2, 12.0, 3.36e-3),
     model("MX-28", 30, 2.5, 55.0, 1.4, 12.0, 0.0),
     model("XH430-W350", 1000, 3.4, 30.0, 1.3, 12.0, 2.69e-3),
     model("XH430-W210", 1010, 2.5, 50.0, 1.3, 12.0, 2.69e-3),
@@ -125,9 +142,27 @@ impl ServoModel {
         MODELS.iter().find(|model| model.number == number)
     }
 
-    /// Whether it is one of Feetech's, with their protocol and memory.
-    pub fn is_feetech(&self) -> bool {
-        self.number == STS3215
+    /// Whether it is a servo of byte memory, with Protocol 1 framing.
+    pub fn is_protocol1(&self) -> bool {
+        matches!(self.number, 12 | 18 | 29 | 310 | 320 | STS3215)
+    }
+
+    /// The memory of such a servo.
+    pub(crate) fn layout(&self) -> &'static Layout {
+        match self.number {
+            STS3215 => &layout::STS,
+            12 | 18 => &layout::AX,
+            _ => &layout::MX1,
+        }
+    }
+
+    /// Whether a line can have this rate.
+    pub(crate) fn takes_baud(&self, baud: u32) -> bool {
+        match self.number {
+            STS3215 => STS_BAUDS.contains(&baud),
+            12 | 18 => baud <= 1_000_000 && PROTOCOL1_BAUDS.contains(&baud),
+            _ => PROTOCOL1_BAUDS.contains(&baud),
+        }
     }
 
     /// No-load speed, radians a second.
@@ -267,6 +302,9 @@ pub struct SimOptions {
     pub supply_v: Option<f64>,
     /// What a USB adapter adds before the host sees a reply, seconds. Real time only.
     pub adapter_s: f64,
+    /// Resistance of the supply and its cable, ohms: what all servos of the line
+    /// draw makes the supply sag. 0 is an ideal supply.
+    pub supply_ohm: f64,
     /// Seed of everything random: faults.
     pub seed: u64,
     /// A symbolic link at which the port is found, also after the adapter was
@@ -285,6 +323,7 @@ impl SimOptions {
             control_hz,
             supply_v: None,
             adapter_s: 0.0,
+            supply_ohm: 0.0,
             seed: 0,
             path: None,
         }

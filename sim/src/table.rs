@@ -69,6 +69,7 @@ pub mod at {
     pub const POSITION_TRAJECTORY: u16 = 140;
     pub const PRESENT_VOLTAGE: u16 = 144;
     pub const PRESENT_TEMPERATURE: u16 = 146;
+    pub const BACKUP_READY: u16 = 147;
 }
 
 /// First address that survives a power cycle no more.
@@ -270,7 +271,7 @@ fn fields(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Vec<Field>
         (at::POSITION_TRAJECTORY, 4),
         (at::PRESENT_VOLTAGE, 2),
         (at::PRESENT_TEMPERATURE, 1),
-        (147, 1),
+        (at::BACKUP_READY, 1),
     ] {
         read_only(address, size, 0);
     }
