@@ -4,7 +4,7 @@
 //! is what a robot dances. Also stage 1 alone: motion through the codes and back.
 
 use crate::dance::audio::Audio;
-use crate::dance::{AudioChoice, open_generator};
+use crate::dance::{AudioChoice, Speed, open_generator};
 use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
 use anyhow::{Context, bail};
@@ -170,7 +170,7 @@ struct Music {
 
 impl Music {
     fn open(request: &Request) -> anyhow::Result<Self> {
-        let audio = Audio::open(&request.audio)?;
+        let audio = Audio::open(&request.audio, Speed::Max)?;
         let frames = |seconds: f64| (seconds * FRAME_RATE_HZ).round() as usize;
         Ok(Self {
             choice: request.audio.clone(),
@@ -209,7 +209,7 @@ impl Music {
         if self.audio.next_block(&mut self.block)? {
             self.analyzer.push(&self.block);
         } else if self.left.is_some() {
-            self.audio = Audio::open(&self.choice)?;
+            self.audio = Audio::open(&self.choice, Speed::Max)?;
         } else {
             self.ended = true;
         }

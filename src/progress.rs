@@ -2,7 +2,8 @@
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// A progress bar in seconds of music; says nothing when quiet.
+/// A progress bar in seconds of music, shared by its clones; says nothing when quiet.
+#[derive(Clone)]
 pub struct Progress {
     bar: ProgressBar,
     quiet: bool,

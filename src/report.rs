@@ -3,8 +3,10 @@
 //! The keys are documented in `docs/report.md`; a change of meaning raises
 //! [`Report::FORMAT`].
 
+use crate::dance::LatencyReport;
 use crate::stages::StageTimes;
 use serde::{Deserialize, Serialize};
+use servodance_audio::capture::CaptureStats;
 use std::path::Path;
 
 /// What `dance --report` writes.
@@ -51,6 +53,11 @@ pub struct Report {
     pub kinematic_beats_s: KinematicBeats,
     /// Control cycles for which no motion frame was ready in time.
     pub late_frames: u64,
+    /// From a captured sample to a usable motion frame and to a command on the
+    /// wire, beyond the motion frame's own 50 ms; `null` unless audio is live.
+    pub latency_ms: Option<LatencyReport>,
+    /// What happened to live sound; `null` unless audio is live.
+    pub capture: Option<CaptureReport>,
     /// How often the safety layer had to change a command.
     pub interventions: u64,
     /// What the safety layer did, and why.
@@ -121,6 +128,36 @@ pub struct ViolationReport {
     pub velocity: u64,
     /// Told to, or did, change speed faster than the acceleration limit.
     pub acceleration: u64,
+}
+
+/// What happened to live sound.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CaptureReport {
+    /// How often sound was lost because nobody took it in time.
+    pub overruns: u64,
+    /// Seconds of sound lost that way.
+    pub lost_s: f64,
+    /// How often sound stayed away.
+    pub stalls: u64,
+    /// Seconds of silence heard in its place.
+    pub silence_s: f64,
+    /// Seconds of sound left out because it came too late.
+    pub dropped_s: f64,
+    /// How often the device was opened, the first time included.
+    pub opened: u64,
+}
+
+impl From<CaptureStats> for CaptureReport {
+    fn from(stats: CaptureStats) -> Self {
+        Self {
+            overruns: stats.overruns,
+            lost_s: stats.lost_s,
+            stalls: stats.stalls,
+            silence_s: stats.silence_s,
+            dropped_s: stats.dropped_s,
+            opened: stats.opened,
+        }
+    }
 }
 
 /// Beats of the recording.

@@ -72,10 +72,69 @@ impl StageTimes {
     }
 }
 
-/// Samples of every stage.
+/// Times kept before every second one is let go.
+const KEPT: usize = 1 << 16;
+
+/// Times for percentiles, in constant memory: all of them for the first
+/// minutes, then every second, every fourth and so on, evenly over the run. The
+/// longest is never let go.
+#[derive(Clone, Debug)]
+pub struct Times {
+    kept_ms: Vec<f64>,
+    longest_ms: f64,
+    seen: u64,
+    stride: u64,
+}
+
+impl Default for Times {
+    fn default() -> Self {
+        Self {
+            kept_ms: Vec::new(),
+            longest_ms: 0.0,
+            seen: 0,
+            stride: 1,
+        }
+    }
+}
+
+impl Times {
+    /// Adds one, milliseconds.
+    pub fn book(&mut self, ms: f64) {
+        self.longest_ms = self.longest_ms.max(ms);
+        if self.seen.is_multiple_of(self.stride) {
+            if self.kept_ms.len() == KEPT {
+                let mut index = 0;
+                self.kept_ms.retain(|_| {
+                    index += 1;
+                    index % 2 == 1
+                });
+                self.stride *= 2;
+            }
+            if self.seen.is_multiple_of(self.stride) {
+                self.kept_ms.push(ms);
+            }
+        }
+        self.seen += 1;
+    }
+
+    /// Whether there was none.
+    pub fn is_empty(&self) -> bool {
+        self.seen == 0
+    }
+
+    /// Nearest-rank percentiles.
+    pub fn percentiles(&self) -> StageTimes {
+        StageTimes {
+            max_ms: self.longest_ms,
+            ..StageTimes::of(&self.kept_ms)
+        }
+    }
+}
+
+/// Times of every stage.
 #[derive(Clone, Debug, Default)]
 pub struct StageClock {
-    samples_ms: [Vec<f64>; Stage::ALL.len()],
+    times: [Times; Stage::ALL.len()],
 }
 
 impl StageClock {
@@ -91,12 +150,12 @@ impl StageClock {
 
     /// Books a time that was measured elsewhere.
     pub fn book(&mut self, stage: Stage, ms: f64) {
-        self.samples_ms[stage as usize].push(ms);
+        self.times[stage as usize].book(ms);
     }
 
     /// Percentiles of one stage.
     pub fn times(&self, stage: Stage) -> StageTimes {
-        StageTimes::of(&self.samples_ms[stage as usize])
+        self.times[stage as usize].percentiles()
     }
 }
 
@@ -113,5 +172,20 @@ mod tests {
             (100.0, 198.0, 200.0)
         );
         assert_eq!(StageTimes::of(&[]), StageTimes::default());
+    }
+
+    #[test]
+    fn hours_of_times_take_no_more_memory_and_keep_their_percentiles() {
+        let mut times = Times::default();
+        // A thousand values in an order without a pattern, again and again.
+        for i in 0..1_000_000u64 {
+            times.book((i * 617 % 1000) as f64);
+        }
+        times.book(5000.0);
+        assert!(times.kept_ms.len() <= KEPT);
+        let told = times.percentiles();
+        assert!((told.p50_ms - 500.0).abs() < 10.0, "{told:?}");
+        assert!((told.p99_ms - 990.0).abs() < 3.0, "{told:?}");
+        assert_eq!(told.max_ms, 5000.0);
     }
 }

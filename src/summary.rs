@@ -49,6 +49,15 @@ pub fn summary(config: &DanceConfig, report: &Report) -> String {
             report.late_frames
         ),
     );
+    if let Some(latency) = &report.latency_ms {
+        line(
+            "latency",
+            format!(
+                "sample in to command out, beyond the frame of 50 ms: median {:.1} ms, p99 {:.1} ms",
+                latency.command.p50_ms, latency.command.p99_ms
+            ),
+        );
+    }
     line(
         "limits",
         match report.violations {

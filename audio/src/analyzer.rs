@@ -19,7 +19,7 @@ use crate::beats::History;
 use crate::beats::history::BeatCaller;
 use crate::beats::tracker::Tracker;
 use crate::onset::{HOP, LATENCY_S, OnsetDetector};
-use crate::resample::{DELAY, Resampler};
+use crate::resample::Resampler;
 use crate::spectral::{BEAT, SpectralFeatures};
 use crate::spectrum::Sliding;
 
@@ -27,9 +27,6 @@ use crate::spectrum::Sliding;
 pub const ANALYSIS_RATE_HZ: u32 = 20_480;
 /// Analysis samples a frame.
 const FRAME_HOP: u64 = 1024;
-
-/// From an audible onset to the hop in which it is strongest.
-const BEAT_DELAY_S: f64 = LATENCY_S + DELAY as f64 / ANALYSIS_RATE_HZ as f64;
 
 /// Why an analyzer cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -56,6 +53,8 @@ struct Core {
     frames: VecDeque<MusicFrame>,
     caller: BeatCaller,
     history: Option<History>,
+    /// From an audible onset to the hop in which it is strongest.
+    beat_delay_s: f64,
 }
 
 impl MusicAnalyzer {
@@ -65,6 +64,7 @@ impl MusicAnalyzer {
         if !(4_000..=384_000).contains(&sample_rate_hz) {
             return Err(AnalyzerError::SampleRate(sample_rate_hz));
         }
+        let resampler = Resampler::new(sample_rate_hz, ANALYSIS_RATE_HZ);
         let look_back = SpectralFeatures::LOOK_BACK.max(OnsetDetector::LOOK_BACK);
         let mut core = Core {
             recent: Sliding::new(look_back),
@@ -75,10 +75,11 @@ impl MusicAnalyzer {
             frames: VecDeque::new(),
             caller: BeatCaller::default(),
             history: None,
+            beat_delay_s: LATENCY_S + resampler.delay_s(),
         };
         core.emit();
         Ok(Self {
-            resampler: Resampler::new(sample_rate_hz, ANALYSIS_RATE_HZ),
+            resampler,
             core,
             replaced: 0,
         })
@@ -88,9 +89,10 @@ impl MusicAnalyzer {
     pub fn keeping_history(sample_rate_hz: u32) -> Result<Self, AnalyzerError> {
         let mut analyzer = Self::new(sample_rate_hz)?;
         let onset_rate_hz = f64::from(ANALYSIS_RATE_HZ) / HOP as f64;
+        let first_onset_s = 1.0 / onset_rate_hz - analyzer.core.beat_delay_s;
         analyzer.core.history = Some(History {
             onset_rate_hz,
-            first_onset_s: 1.0 / onset_rate_hz - BEAT_DELAY_S,
+            first_onset_s,
             ..History::default()
         });
         Ok(analyzer)
@@ -99,6 +101,14 @@ impl MusicAnalyzer {
     /// What was kept, if the analyzer was made to keep it.
     pub fn history(&self) -> Option<&History> {
         self.core.history.as_ref()
+    }
+
+    /// Lets go of the history before a time, seconds, so that a live source may
+    /// go on for ever in constant memory.
+    pub fn forget_before(&mut self, time_s: f64) {
+        if let Some(history) = &mut self.core.history {
+            history.forget_before(time_s);
+        }
     }
 
     /// Takes mono samples, any number of them.
@@ -144,7 +154,7 @@ impl Core {
             return;
         };
         history.onsets.push(strength);
-        let beat = self.tracker.beat(BEAT_DELAY_S);
+        let beat = self.tracker.beat(self.beat_delay_s);
         let now_s = self.received as f64 / f64::from(ANALYSIS_RATE_HZ);
         let called = self.caller.call(now_s, beat.phase, beat.tempo_bpm);
         if self.tracker.state() != BeatLock::Lost {
@@ -159,7 +169,7 @@ impl Core {
         } else {
             self.features.frame(&self.recent)
         };
-        let beat = self.tracker.beat(BEAT_DELAY_S);
+        let beat = self.tracker.beat(self.beat_delay_s);
         // The frame nearest to the beat is marked: it lies within half a frame.
         let half_frame = beat.tempo_bpm / 60.0 / (2.0 * FRAME_RATE_HZ as f32);
         let near = beat.phase < half_frame || beat.phase >= 1.0 - half_frame;

@@ -5,6 +5,7 @@
 
 mod analyzer;
 pub mod beats;
+pub mod capture;
 mod chroma;
 mod onset;
 mod resample;

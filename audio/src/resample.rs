@@ -1,151 +1,134 @@
-//! A streaming resampler with a fixed, known delay.
+//! A streaming resampler (rubato's windowed sinc) with a known delay.
 //!
-//! Windowed sinc in polyphase form. Output sample `n` is the input at
-//! `(n - DELAY) / output_rate` seconds and depends only on input before
-//! `n / output_rate`: the delay makes the filter causal. Positions are exact
-//! integers, so nothing drifts, and the same input gives the same output
-//! whatever the block sizes. Constant memory; `push` does not allocate beyond
-//! the caller's buffer.
+//! Output sample `n` is the input at `n / output_rate - delay_s` seconds and
+//! depends only on input before `n / output_rate`: the delay makes the filter
+//! causal. Work is done in whole chunks of output, so the same input gives the
+//! same output whatever the block sizes; a chunk is handed out as soon as its
+//! last input is there. Constant memory; `push` does not allocate.
+//! [`Resampler::set_speed`] bends the ratio a little, for a source whose clock
+//! is not ours.
 
-use std::f64::consts::PI;
+use rubato::audioadapter_buffers::direct::SequentialSlice;
+use rubato::{
+    Adjustable, Async, FixedAsync, Resampler as _, SincInterpolationParameters,
+    SincInterpolationType, WindowFunction,
+};
 
-/// How much later the output is than the input, in output samples.
-pub(crate) const DELAY: usize = 16;
+/// Output samples of a chunk. Music frames and onset hops are whole chunks.
+pub(crate) const CHUNK: usize = 64;
 
-/// Most phases kept in the table. With more (odd ratios) the nearest is taken,
-/// an error below -70 dB.
-const MAX_PHASES: u64 = 1024;
+/// Most that [`Resampler::set_speed`] may ask for, as a share.
+pub(crate) const MAX_BEND: f64 = 0.02;
+
+/// Half the length of the filter, in samples of the slower rate.
+const HALF_WIDTH: f64 = 16.0;
+
+/// Points kept of the filter between two input samples.
+const OVERSAMPLING: usize = 128;
+
+/// Zeros in front of the input. The filter needs one sample beyond the time of
+/// an output, and rounding may ask for another.
+const HEAD: usize = 2;
 
 /// Converts a mono stream from one rate to another.
 pub(crate) struct Resampler {
-    input_rate: u64,
-    output_rate: u64,
-    /// `phases` rows of `taps` coefficients, for the newest `taps` inputs.
-    table: Vec<f32>,
-    phases: u64,
-    taps: usize,
-    history: Vec<f32>,
-    filled: usize,
-    /// Input samples received.
-    received: u64,
-    /// Input position of the next output: whole samples and the remainder in
-    /// units of one `output_rate`-th of an input sample.
-    next_whole: u64,
-    next_part: u64,
+    inner: Async<f32>,
+    /// Input of the chunk that is being gathered.
+    input: Vec<f32>,
+    gathered: usize,
+    needed: usize,
+    output: [f32; CHUNK],
+    delay_s: f64,
 }
 
 impl Resampler {
     /// A resampler between two rates in Hz, both above 0.
     pub(crate) fn new(input_rate: u32, output_rate: u32) -> Self {
-        let (input, output) = (f64::from(input_rate), f64::from(output_rate));
-        let half_width = DELAY as f64 * input / output;
-        let taps = (2.0 * half_width).ceil() as usize + 1;
-        let divisor = gcd(u64::from(input_rate), u64::from(output_rate));
-        let phases = (u64::from(output_rate) / divisor).min(MAX_PHASES);
-        // Pass band: a little below the lower of the two Nyquist rates.
-        let cutoff = 0.94 * (output / input).min(1.0);
-        let mut table = Vec::with_capacity(phases as usize * taps);
-        for phase in 0..phases {
-            let part = phase as f64 / phases as f64;
-            let row: Vec<f64> = (0..taps)
-                .map(|tap| {
-                    // Distance from the wanted point to input `whole - (taps - 1 - tap)`.
-                    let x = part + (taps - 1 - tap) as f64 - half_width;
-                    cutoff * sinc(cutoff * x) * blackman(x / half_width)
-                })
-                .collect();
-            let sum: f64 = row.iter().sum();
-            table.extend(row.iter().map(|c| (c / sum) as f32));
-        }
+        let (input_hz, output_hz) = (f64::from(input_rate), f64::from(output_rate));
+        let ratio = output_hz / input_hz;
+        // rubato takes multiples of eight.
+        let sinc_len = ((2.0 * HALF_WIDTH / ratio.min(1.0)).ceil() as usize).next_multiple_of(8);
+        let filter = SincInterpolationParameters {
+            sinc_len,
+            // Of the lower of the two Nyquist rates.
+            f_cutoff: Some(0.94),
+            oversampling_factor: OVERSAMPLING,
+            interpolation: SincInterpolationType::Cubic,
+            window: WindowFunction::Blackman,
+        };
+        let inner = Async::new_sinc(ratio, 1.0 + MAX_BEND, &filter, CHUNK, 1, FixedAsync::Output)
+            .expect("two positive rates make a finite ratio");
+        // rubato's first output is one output later than its first input, and
+        // its filter is centred one kept point early.
+        let centre = (sinc_len / 2 + HEAD) as f64 - 1.0 / OVERSAMPLING as f64;
         Self {
-            input_rate: u64::from(input_rate),
-            output_rate: u64::from(output_rate),
-            table,
-            phases,
-            taps,
-            history: vec![0.0; 4 * taps],
-            filled: taps,
-            received: 0,
-            next_whole: 0,
-            next_part: 0,
+            input: vec![0.0; inner.input_frames_max()],
+            gathered: HEAD,
+            needed: inner.input_frames_next(),
+            inner,
+            output: [0.0; CHUNK],
+            delay_s: (centre - 1.0 / ratio) / input_hz,
         }
+    }
+
+    /// How much later the output is than the input.
+    pub(crate) fn delay_s(&self) -> f64 {
+        self.delay_s
+    }
+
+    /// Input samples that wait for their chunk to be whole.
+    pub(crate) fn gathered(&self) -> usize {
+        self.gathered
+    }
+
+    /// Plays the input faster (above 1) or slower by at most [`MAX_BEND`], from
+    /// the next chunk on.
+    pub(crate) fn set_speed(&mut self, speed: f64) {
+        let speed = speed.clamp(1.0 - MAX_BEND / 2.0, 1.0 + MAX_BEND / 2.0);
+        // A ratio within the bounds given at the start is never refused.
+        let _ = self.inner.set_resample_ratio_relative(1.0 / speed, false);
+        self.needed = self.inner.input_frames_next();
     }
 
     /// Takes one input sample and hands every output that it completes to `out`.
     pub(crate) fn push(&mut self, sample: f32, mut out: impl FnMut(f32)) {
-        if self.filled == self.history.len() {
-            self.history.copy_within(self.filled - self.taps.., 0);
-            self.filled = self.taps;
-        }
-        self.history[self.filled] = sample;
-        self.filled += 1;
-        self.received += 1;
-        // Output at whole + part needs the inputs up to `whole`.
-        while self.next_whole < self.received {
-            out(self.output());
-            self.next_part += self.input_rate;
-            self.next_whole += self.next_part / self.output_rate;
-            self.next_part %= self.output_rate;
+        self.input[self.gathered] = sample;
+        self.gathered += 1;
+        while self.gathered >= self.needed {
+            self.run();
+            self.output.iter().for_each(|s| out(*s));
         }
     }
 
-    fn output(&self) -> f32 {
-        let phase = (self.next_part * self.phases + self.output_rate / 2) / self.output_rate;
-        let phase = phase.min(self.phases - 1) as usize;
-        let row = &self.table[phase * self.taps..(phase + 1) * self.taps];
-        dot(row, &self.history[self.filled - self.taps..self.filled])
+    /// Makes a chunk of the input gathered.
+    fn run(&mut self) {
+        let input = SequentialSlice::new(&self.input[..], 1, self.gathered);
+        let output = SequentialSlice::new_mut(&mut self.output[..], 1, CHUNK);
+        let done = match (input, output) {
+            (Ok(input), Ok(mut output)) => {
+                self.inner.process_into_buffer(&input, &mut output, None)
+            }
+            _ => unreachable!("the buffers have the lengths that were asked for"),
+        };
+        let used = done.map_or(self.needed, |(used, _)| used);
+        self.input.copy_within(used..self.gathered, 0);
+        self.gathered -= used;
+        self.needed = self.inner.input_frames_next();
     }
-}
-
-/// The scalar product in eight lanes, which the compiler turns into vectors.
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut lanes = [0.0f32; 8];
-    let (a_rows, b_rows) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f32 = a_rows
-        .remainder()
-        .iter()
-        .zip(b_rows.remainder())
-        .map(|(x, y)| x * y)
-        .sum();
-    for (x, y) in a_rows.zip(b_rows) {
-        for lane in 0..8 {
-            lanes[lane] += x[lane] * y[lane];
-        }
-    }
-    lanes.iter().sum::<f32>() + rest
-}
-
-fn gcd(a: u64, b: u64) -> u64 {
-    if b == 0 { a } else { gcd(b, a % b) }
-}
-
-fn sinc(x: f64) -> f64 {
-    if x.abs() < 1e-9 {
-        1.0
-    } else {
-        (PI * x).sin() / (PI * x)
-    }
-}
-
-/// Blackman window over -1..1, 0 outside.
-fn blackman(x: f64) -> f64 {
-    if x.abs() >= 1.0 {
-        return 0.0;
-    }
-    0.42 + 0.5 * (PI * x).cos() + 0.08 * (2.0 * PI * x).cos()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
-    fn convert(input: &[f32], from: u32, to: u32) -> Vec<f32> {
+    fn convert(input: &[f32], from: u32, to: u32) -> (Vec<f32>, f64) {
         let mut resampler = Resampler::new(from, to);
         let mut out = Vec::new();
         for &sample in input {
             resampler.push(sample, |s| out.push(s));
         }
-        out
+        (out, resampler.delay_s())
     }
 
     fn tone(hz: f64, rate: u32, seconds: f64) -> Vec<f32> {
@@ -160,25 +143,21 @@ mod tests {
         for rate in [
             8_000, 11_025, 16_000, 20_480, 22_050, 44_100, 48_000, 96_000,
         ] {
-            let out = convert(&tone(700.0, rate, 0.2), rate, 20_480);
-            assert!(
-                (out.len() as i64 - 4096).abs() <= 2,
-                "{rate}: {}",
-                out.len()
-            );
-            let worst = (200..4000)
+            let (out, delay_s) = convert(&tone(700.0, rate, 0.2), rate, 20_480);
+            let worst = (400..4000)
                 .map(|n| {
-                    let time_s = (n as f64 - DELAY as f64) / 20_480.0;
+                    let time_s = n as f64 / 20_480.0 - delay_s;
                     (f64::from(out[n]) - (2.0 * PI * 700.0 * time_s).sin()).abs()
                 })
                 .fold(0.0, f64::max);
-            assert!(worst < 2e-3, "{rate} Hz: error {worst}");
+            assert!(out.len() >= 4096, "{rate}: {}", out.len());
+            assert!(worst < 2e-4, "{rate} Hz: error {worst}");
         }
     }
 
     #[test]
     fn tone_above_the_band_is_removed() {
-        let out = convert(&tone(13_000.0, 48_000, 0.2), 48_000, 20_480);
+        let (out, _) = convert(&tone(13_000.0, 48_000, 0.2), 48_000, 20_480);
         let worst = out[200..].iter().fold(0.0f32, |w, s| w.max(s.abs()));
         assert!(worst < 0.01, "alias of {worst}");
     }
@@ -186,10 +165,10 @@ mod tests {
     #[test]
     fn output_knows_only_earlier_input() {
         let mut input = vec![0.0; 4410];
-        let before = convert(&input, 44_100, 20_480);
+        let (before, _) = convert(&input, 44_100, 20_480);
         input[2205] = 1.0; // at 0.05 s, output sample 1024
-        let after = convert(&input, 44_100, 20_480);
+        let (after, _) = convert(&input, 44_100, 20_480);
         let first = before.iter().zip(&after).position(|(a, b)| a != b);
-        assert!(first.is_some_and(|n| n > 1024), "changed at {first:?}");
+        assert!(first.is_some_and(|n| n >= 1024), "changed at {first:?}");
     }
 }

@@ -15,6 +15,8 @@ Examples:
       your song, with a report for scripts and a recording for robotics viewers
   servodance dance song.mp3 --bus serial:/dev/ttyUSB0
       a real robot, in real time (hold its power switch)
+  servodance dance --mic
+      what the default microphone hears (built with --features mic)
   arecord -f S16_LE -r 48000 -c 1 -t raw | servodance dance - --pcm-rate 48000 --speed realtime
       dance to whatever a capture program hears";
 
@@ -26,6 +28,11 @@ pub struct Args {
     /// input; the built-in song if left out.
     #[arg(value_name = "AUDIO")]
     pub audio: Option<PathBuf>,
+
+    /// Dance to what a microphone hears now: the default one, or one that
+    /// `servodance devices` lists.
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
+    pub mic: Option<Option<String>>,
 
     /// A built-in robot (see `servodance robots`) or a robot file.
     #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]

@@ -7,6 +7,7 @@
 
 pub mod bench;
 pub mod dance;
+pub mod devices;
 pub mod evaluate;
 pub mod generate;
 pub mod reconstruct;
@@ -53,6 +54,8 @@ pub enum Command {
     Reconstruct(reconstruct::Args),
     /// Look over a robot file or description.
     Robot(robot::Args),
+    /// List the microphones and other inputs that `dance --mic` can listen to.
+    Devices(devices::Args),
     /// List the built-in robots and where each file is.
     Robots(robots::Args),
     /// Look for Dynamixel servos on a serial port, at every usual baud rate.
@@ -76,6 +79,7 @@ impl Command {
             Command::Generate(args) => generate::run(args),
             Command::Reconstruct(args) => reconstruct::run(args),
             Command::Robot(args) => robot::run(args),
+            Command::Devices(args) => devices::run(args),
             Command::Robots(args) => robots::run(args),
             Command::Scan(args) => scan::run(args),
             Command::SimBus(args) => sim_bus::run(args),

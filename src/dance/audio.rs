@@ -1,15 +1,18 @@
 //! The music of a dance, whatever it comes from, as mono blocks.
 
-use super::config::AudioChoice;
+use super::config::{AudioChoice, Speed};
+use crate::listening::microphone;
 use servodance_audio::AudioSource;
+use servodance_audio::capture::{CaptureStats, Notice};
 use servodance_audio::song::Song;
+use std::time::Instant;
 
 /// Samples that the built-in song is handed over in.
 const BLOCK: usize = 1024;
 
 /// An open source of music.
 pub enum Audio {
-    /// A recording or raw PCM.
+    /// A recording, raw PCM or a microphone.
     Source(Box<AudioSource>),
     /// The built-in song, and how much of it was heard.
     BuiltIn(Box<Song>, usize),
@@ -17,16 +20,47 @@ pub enum Audio {
 
 impl Audio {
     /// Opens what was chosen; refuses what cannot be danced to.
-    pub fn open(choice: &AudioChoice) -> anyhow::Result<Self> {
-        Ok(match choice {
-            AudioChoice::BuiltIn => Audio::BuiltIn(Box::new(Song::demo()), 0),
-            AudioChoice::File(path) => Audio::Source(Box::new(AudioSource::open(path)?)),
-            AudioChoice::Stdin(format) => Audio::Source(Box::new(AudioSource::from_reader(
-                "standard input",
-                std::io::stdin(),
-                *format,
-            )?)),
-        })
+    pub fn open(choice: &AudioChoice, speed: Speed) -> anyhow::Result<Self> {
+        let open_pipe = match choice.is_live(speed) {
+            true => AudioSource::live_reader,
+            false => AudioSource::from_reader,
+        };
+        let source = match choice {
+            AudioChoice::BuiltIn => return Ok(Audio::BuiltIn(Box::new(Song::demo()), 0)),
+            AudioChoice::File(path) => AudioSource::open(path)?,
+            AudioChoice::Stdin(format) => open_pipe("standard input", std::io::stdin(), *format)?,
+            AudioChoice::Microphone(name) => microphone(name.as_deref())?,
+        };
+        Ok(Audio::Source(Box::new(source)))
+    }
+
+    /// Whether sound comes in as it happens.
+    pub fn is_live(&self) -> bool {
+        self.capture_stats().is_some()
+    }
+
+    /// When the sound at this position was captured; `None` if not live.
+    pub fn captured_at(&self, position_s: f64) -> Option<Instant> {
+        match self {
+            Audio::Source(source) => source.captured_at(position_s),
+            Audio::BuiltIn(..) => None,
+        }
+    }
+
+    /// The next thing about live sound that the user should know.
+    pub fn next_notice(&mut self) -> Option<Notice> {
+        match self {
+            Audio::Source(source) => source.next_notice(),
+            Audio::BuiltIn(..) => None,
+        }
+    }
+
+    /// Totals of live sound.
+    pub fn capture_stats(&self) -> Option<CaptureStats> {
+        match self {
+            Audio::Source(source) => source.capture_stats(),
+            Audio::BuiltIn(..) => None,
+        }
     }
 
     /// Samples a second.

@@ -18,6 +18,19 @@ pub enum AudioChoice {
     File(PathBuf),
     /// Raw PCM on standard input.
     Stdin(PcmFormat),
+    /// An input of the system by id or name; the default one if `None`.
+    Microphone(Option<String>),
+}
+
+impl AudioChoice {
+    /// Whether sound comes in as it happens, without a look ahead.
+    pub fn is_live(&self, speed: Speed) -> bool {
+        match self {
+            AudioChoice::BuiltIn | AudioChoice::File(_) => false,
+            AudioChoice::Stdin(_) => speed == Speed::Realtime,
+            AudioChoice::Microphone(_) => true,
+        }
+    }
 }
 
 /// How fast time passes.
@@ -68,13 +81,17 @@ impl DanceConfig {
         let robot = Robot::load(&args.robot).context("--robot")?;
         let buses = ports::choose(&robot, &args.bus)?;
         let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
+        let hears = args.mic.is_some();
         let speed = match (args.speed, all_simulated) {
+            (Some(Speed::Max), _) if hears => {
+                bail!("--speed max needs a recording: a microphone lives in real time")
+            }
             (Some(Speed::Max), false) => {
                 bail!("--speed max needs the simulated bus: real servos live in real time")
             }
             (Some(speed), _) => speed,
-            (None, true) => Speed::Max,
-            (None, false) => Speed::Realtime,
+            (None, true) if !hears => Speed::Max,
+            (None, _) => Speed::Realtime,
         };
         Ok(Self {
             audio: audio_choice(&args)?,
@@ -96,6 +113,9 @@ impl DanceConfig {
 }
 
 fn audio_choice(args: &Args) -> anyhow::Result<AudioChoice> {
+    if let Some(device) = &args.mic {
+        return Ok(AudioChoice::Microphone(device.clone()));
+    }
     match &args.audio {
         None => Ok(AudioChoice::BuiltIn),
         Some(path) if path.as_os_str() == "-" => {

@@ -16,6 +16,7 @@
 
 use super::config::Speed;
 use super::idle::{Idle, IdleStyle};
+use super::latency::{Arrivals, Latency};
 use super::motion_source::{MotionSource, Next, Step};
 use super::rehearsal::Rehearsal;
 use super::rig::Rig;
@@ -39,8 +40,10 @@ const TAIL_S: f64 = 0.5;
 const STALL_PERIODS: f64 = 0.5;
 /// Share of a period by which cycles come sooner until a stall is made up.
 const CATCH_UP: f64 = 0.02;
+/// How much of a live run is kept for its report, seconds.
+const LIVE_TRACE_S: f64 = 300.0;
 /// How late live motion may be on top of what the pipeline needs, seconds.
-const LIVE_SLACK_S: f64 = 0.05;
+const LIVE_SLACK_S: f64 = 0.03;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,11 +92,15 @@ pub struct Control<'a> {
     started: Instant,
     targets: Vec<f64>,
     newest_s: Option<f64>,
+    /// When the newest sound that the motion knows was captured, if live.
+    captured: Option<Instant>,
     ended: bool,
     /// The run so far.
     pub trace: Trace,
     /// Times of the stages.
     pub stages: StageClock,
+    /// From sound to command, where audio is live.
+    pub latency: Latency,
     /// Motion frames so far.
     pub frames: u64,
     /// Cycles without the motion frame that they needed.
@@ -145,9 +152,11 @@ impl<'a> Control<'a> {
             cycle: 0,
             started: Instant::now(),
             newest_s: None,
+            captured: None,
             ended: false,
             trace: Trace::new(joints),
             stages: StageClock::default(),
+            latency: Latency::default(),
             frames: 0,
             late_frames: 0,
         })
@@ -196,12 +205,15 @@ impl<'a> Control<'a> {
             return Ok(Ending::Interrupted);
         }
         self.stood_s = self.rig.now_s();
-        self.started = Instant::now();
+        if !self.live {
+            self.started = Instant::now();
+        }
         self.dancing = true;
         while !self.is_over() {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Interrupted);
             }
+            self.pace(); // before the newest is looked at, not after
             let time_s = self.time_s();
             self.fetch_motion(source, &mut on_frame)?;
             self.choose_motion_time(time_s)?;
@@ -242,27 +254,36 @@ impl<'a> Control<'a> {
         Ok(())
     }
 
-    /// Live: stands until music comes, then starts the clock at the newest of it.
+    /// Live: stands until music comes as it is made, then starts the clock by
+    /// its time stamps, the cycles being so placed that each motion frame is
+    /// there just before one of them.
     fn wait_for_music(
         &mut self,
         source: &mut MotionSource,
         on_frame: &mut impl FnMut(f64),
     ) -> anyhow::Result<bool> {
         let standing: Vec<f64> = self.rig.sent_rad().to_vec();
+        let mut arrivals = Arrivals::default();
         while !self.stop.load(Ordering::Relaxed) {
             match source.poll()? {
-                Next::Step(step) => self.accept(&step, on_frame)?,
+                Next::Step(step) => {
+                    self.accept(&step, on_frame)?;
+                    arrivals.note(&step);
+                }
                 Next::Ended => {
                     self.ended = true;
                     return Ok(true);
                 }
-                Next::Late => match self.newest_s {
-                    Some(newest_s) => {
-                        self.music_start_s = -newest_s;
+                Next::Late => {
+                    arrivals.caught_up();
+                    if let Some(first) = arrivals.first_cycle(self.robot.period_s()) {
+                        std::thread::sleep(first.saturating_duration_since(Instant::now()));
+                        self.started = first;
+                        self.music_start_s = -arrivals.music_s(first);
                         return Ok(true);
                     }
-                    None => self.stand(&standing)?,
-                },
+                    self.stand(&standing)?;
+                }
             }
         }
         Ok(false)
@@ -306,6 +327,10 @@ impl<'a> Control<'a> {
 
     fn accept(&mut self, step: &Step, on_frame: &mut impl FnMut(f64)) -> anyhow::Result<()> {
         self.newest_s = Some(step.motion.time_s);
+        self.captured = step.captured;
+        if self.dancing {
+            self.latency.arrived(step);
+        }
         self.frames += 1;
         self.retargeter.push(&step.motion);
         if let Some(steering) = &mut self.steering {
@@ -340,12 +365,12 @@ impl<'a> Control<'a> {
 
     /// One bus cycle with the present targets, then bookkeeping.
     fn drive(&mut self, time_s: f64) -> anyhow::Result<()> {
-        self.pace();
         let robot_s = self.stood_s + time_s + self.music_start_s;
         let (rig, targets) = (&mut *self.rig, &self.targets);
         let (result, bus_ms) = self.stages.time(Stage::Bus, || rig.cycle(robot_s, targets));
         result?;
         let start = Instant::now();
+        self.latency.sent(start);
         self.keep(time_s);
         self.record_cycle(time_s)?;
         self.record_stage(Stage::Bus, bus_ms)?;
@@ -391,6 +416,9 @@ impl<'a> Control<'a> {
             self.trace.targets.push(time_s, targets);
             let reported = self.rig.states().iter().map(|s| s.position_rad);
             self.trace.servos.push(time_s, reported);
+            if self.live {
+                self.trace.keep_newest(LIVE_TRACE_S);
+            }
         }
     }
 
@@ -449,6 +477,7 @@ impl<'a> Control<'a> {
             for (target, (a, b)) in self.targets.iter_mut().zip(from.iter().zip(&to)) {
                 *target = a + share * (b - a);
             }
+            self.pace();
             self.drive(self.time_s())?;
         }
         Ok(Ending::Finished)

@@ -14,6 +14,7 @@ mod config;
 mod control;
 mod estop;
 mod idle;
+mod latency;
 mod motion_source;
 mod portrait;
 mod ports;
@@ -30,15 +31,20 @@ pub use ports::BusChoice;
 
 use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
+use crate::realtime::{OrdinaryAfterwards, Role, raise};
 use crate::record::{Recorder, Topic};
-use crate::report::{AlignmentReport, CompensationReport, KinematicBeats, Report, Stages};
+use crate::report::{
+    AlignmentReport, CaptureReport, CompensationReport, KinematicBeats, Report, Stages,
+};
 use crate::stages::Stage;
 use anyhow::Context;
 use audio::Audio;
 use control::{Control, Ending, Timing};
 use estop::EStopWatch;
+pub use latency::LatencyReport;
 use motion_source::{Dancer, DancerThread, Heard, MotionSource};
 use rig::Rig;
+use servodance_audio::capture::Notice;
 use servodance_drivers::EStop;
 use servodance_model::{Generator, GeneratorOptions};
 use std::collections::BTreeMap;
@@ -61,11 +67,19 @@ pub struct Outcome {
 /// Whatever the user gave that cannot be used, and whatever failed on the way;
 /// torque is off by then.
 pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome> {
-    let audio = Audio::open(&config.audio)?;
+    // Each thread inherits what it is started under.
+    let afterwards = OrdinaryAfterwards;
+    let urgent = |role| match config.speed {
+        Speed::Max => Ok(()),
+        Speed::Realtime => raise(role),
+    };
+    let allowed = urgent(Role::Capture);
+    let audio = Audio::open(&config.audio, config.speed)?;
+    let _ = urgent(Role::Model); // told once, below
     let audio_s = audio.duration_s();
     let timing = Timing {
         speed: config.speed,
-        live: matches!(config.audio, AudioChoice::Stdin(_)) && config.speed == Speed::Realtime,
+        live: config.audio.is_live(config.speed),
         compensation: config.compensation,
         idle: config.idle,
     };
@@ -90,16 +104,22 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         recorder.text(Topic::RobotDescription, 0.0, &config.robot.urdf_xml)?;
     }
 
-    let mut dancer = Dancer::new(audio, generator)?;
+    let progress = Progress::new(audio_s, config.quiet);
+    if let Err(not_allowed) = allowed {
+        progress.note(&not_allowed.to_string());
+    }
+    let notes = progress.clone();
+    let on_notice = Box::new(move |notice: &Notice| notes.note(&notice.to_string()));
+    let mut dancer = Dancer::new(audio, generator, on_notice)?;
     dancer.prime()?;
     let mut source = match config.speed {
         Speed::Max => MotionSource::Inline(Box::new(dancer)),
         Speed::Realtime => MotionSource::Thread(DancerThread::start(dancer)?),
     };
-    let progress = Progress::new(audio_s, config.quiet);
     let estop = EStop::default();
     let keyboard = !matches!(config.audio, AudioChoice::Stdin(_));
     let _watch = EStopWatch::start(&estop, config.estop_file.clone(), keyboard)?;
+    let _ = urgent(Role::Control);
     let started = Instant::now();
     let mut rig = Rig::open(&config.robot, &config.buses, config.speed, &estop)?;
     for note in rig.arm()? {
@@ -119,6 +139,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         frames: control.frames,
         late_frames: control.late_frames,
         stages: std::mem::take(&mut control.stages),
+        latency: control.latency.report(),
         trace: std::mem::replace(&mut control.trace, trace::Trace::new(0)),
     };
     drop(control);
@@ -137,6 +158,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     let ending = ending?; // the first error is the one to tell
     disarmed.context("torque off could not be verified: cut the power")?;
     let wall_s = started.elapsed().as_secs_f64();
+    drop(afterwards);
     progress.done();
 
     let heard = source.heard()?;
@@ -178,6 +200,7 @@ struct Run {
     frames: u64,
     late_frames: u64,
     stages: crate::stages::StageClock,
+    latency: Option<LatencyReport>,
     trace: trace::Trace,
 }
 
@@ -225,6 +248,8 @@ fn report(
             times_s: heard.beats.times_s.clone(),
         },
         late_frames: run.late_frames,
+        latency_ms: run.latency,
+        capture: heard.capture.map(CaptureReport::from),
         interventions: rig.interventions(),
         safety: rig.safety_log(),
         replaced_music_frames: heard.replaced_music_frames,

@@ -8,6 +8,7 @@ use super::audio::Audio;
 use anyhow::Context;
 use servodance_audio::MusicAnalyzer;
 use servodance_audio::beats::{BeatTrack, track_offline};
+use servodance_audio::capture::{CaptureStats, Notice};
 use servodance_audio::source::SHORTEST_S;
 use servodance_model::Dance;
 use servodance_types::{MotionFrame, MusicFrame};
@@ -17,6 +18,9 @@ use std::time::Instant;
 
 /// Frames that a thread may be ahead of the robot: two seconds.
 const QUEUE_FRAMES: usize = 40;
+
+/// How much of live music is remembered for its report, seconds.
+const LIVE_HISTORY_S: f64 = 600.0;
 
 /// One step of the dance, 50 ms.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +33,11 @@ pub struct Step {
     pub features_ms: f64,
     /// How long the model took, milliseconds.
     pub model_ms: f64,
+    /// When the newest sample of the music frame was captured; `None` if the
+    /// audio is not live.
+    pub captured: Option<Instant>,
+    /// When the step was ready.
+    pub ready: Instant,
 }
 
 /// What is known when the music is over.
@@ -42,7 +51,12 @@ pub struct Heard {
     pub tokens_per_frame: u64,
     /// Music frames that had to be replaced because a number was not finite.
     pub replaced_music_frames: u64,
+    /// What happened to live sound.
+    pub capture: Option<CaptureStats>,
 }
+
+/// Told what the user should know about live sound.
+pub type OnNotice = Box<dyn FnMut(&Notice) + Send>;
 
 /// Listens and dances.
 pub struct Dancer {
@@ -53,11 +67,12 @@ pub struct Dancer {
     features_ms: f64,
     samples: u64,
     ended: bool,
+    on_notice: OnNotice,
 }
 
 impl Dancer {
     /// A dancer for this audio.
-    pub fn new(audio: Audio, generator: Dance) -> anyhow::Result<Self> {
+    pub fn new(audio: Audio, generator: Dance, on_notice: OnNotice) -> anyhow::Result<Self> {
         let analyzer = MusicAnalyzer::keeping_history(audio.sample_rate_hz())?;
         Ok(Self {
             audio,
@@ -67,6 +82,7 @@ impl Dancer {
             features_ms: 0.0,
             samples: 0,
             ended: false,
+            on_notice,
         })
     }
 
@@ -95,6 +111,8 @@ impl Dancer {
                     motion,
                     features_ms,
                     model_ms: milliseconds(start),
+                    captured: self.audio.captured_at(music.time_s),
+                    ready: Instant::now(),
                 }));
             }
             if self.ended {
@@ -108,6 +126,13 @@ impl Dancer {
     fn listen(&mut self) -> anyhow::Result<()> {
         self.ended = !self.audio.next_block(&mut self.block)?;
         self.samples += self.block.len() as u64;
+        if self.audio.is_live() {
+            let now_s = self.samples as f64 / f64::from(self.audio.sample_rate_hz());
+            self.analyzer.forget_before(now_s - LIVE_HISTORY_S);
+        }
+        while let Some(notice) = self.audio.next_notice() {
+            (self.on_notice)(&notice);
+        }
         let start = Instant::now();
         self.analyzer.push(&self.block);
         self.features_ms += milliseconds(start);
@@ -125,6 +150,7 @@ impl Dancer {
                 .unwrap_or_default(),
             tokens_per_frame: self.generator.codes().len() as u64,
             replaced_music_frames: self.generator.bad_music_frames(),
+            capture: self.audio.capture_stats(),
         }
     }
 }

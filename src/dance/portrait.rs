@@ -58,7 +58,7 @@ pub fn portrait(
 fn song_name(config: &DanceConfig) -> String {
     match &config.audio {
         super::AudioChoice::BuiltIn => "its built-in song".into(),
-        super::AudioChoice::Stdin(_) => "live audio".into(),
+        super::AudioChoice::Stdin(_) | super::AudioChoice::Microphone(_) => "live audio".into(),
         super::AudioChoice::File(path) => path
             .file_name()
             .map(|name| name.to_string_lossy().into_owned())

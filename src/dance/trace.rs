@@ -1,5 +1,6 @@
 //! What is kept of a run for its report and its picture: positions twenty
-//! times a second, so that an hour of twenty joints takes about 40 MB.
+//! times a second. An hour of twenty joints takes about 40 MB; of a live run,
+//! which may last for days, only the newest minutes are kept.
 
 use servodance_types::MotionFrame;
 
@@ -26,6 +27,13 @@ impl JointTrace {
         self.times_s.push(time_s);
         self.positions_rad.extend(positions_rad.take(self.joints));
         debug_assert_eq!(self.positions_rad.len(), self.times_s.len() * self.joints);
+    }
+
+    /// Lets go of the samples before a time.
+    fn forget_before(&mut self, time_s: f64) {
+        let gone = self.times_s.partition_point(|t| *t < time_s);
+        self.times_s.drain(..gone);
+        self.positions_rad.drain(..gone * self.joints);
     }
 
     /// Times of the samples, seconds.
@@ -91,11 +99,51 @@ impl Trace {
             servos: JointTrace::new(joints),
         }
     }
+
+    /// Lets go of what is older than `most_s`, once in a while: at most twice
+    /// that is there at any time.
+    pub fn keep_newest(&mut self, most_s: f64) {
+        let ends = (self.motion.first(), self.motion.last());
+        let (Some(first), Some(last)) = ends else {
+            return;
+        };
+        if last.time_s - first.time_s <= 2.0 * most_s {
+            return;
+        }
+        let from_s = last.time_s - most_s;
+        let gone = self.motion.partition_point(|frame| frame.time_s < from_s);
+        self.motion.drain(..gone);
+        self.targets.forget_before(from_s);
+        self.servos.forget_before(from_s);
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_the_newest_minutes_are_kept() {
+        let mut trace = Trace::new(1);
+        for i in 0..72_000 {
+            let time_s = f64::from(i) * 0.05;
+            trace.motion.push(MotionFrame {
+                time_s,
+                positions: [[0.0; 3]; servodance_types::JOINT_COUNT],
+                contacts: Default::default(),
+            });
+            trace.targets.push(time_s, [0.0].into_iter());
+            trace.servos.push(time_s, [time_s].into_iter());
+            trace.keep_newest(60.0);
+            assert!(trace.motion.len() <= 2402);
+        }
+        assert_eq!(trace.servos.times_s().len(), trace.motion.len());
+        let newest = trace.servos.times_s().len() - 1;
+        assert_eq!(
+            trace.servos.sample(newest),
+            [trace.servos.times_s()[newest]]
+        );
+    }
 
     #[test]
     fn mean_speed_is_per_joint_and_second() {

@@ -1,4 +1,5 @@
-//! What an analyzer keeps for scoring when asked to; grows with the music.
+//! What an analyzer keeps for scoring when asked to; grows with the music
+//! unless what is old is let go of.
 
 /// Onset strength over a whole piece, and the beats as they were called live.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,6 +15,18 @@ pub struct History {
 }
 
 impl History {
+    /// Lets go of what is older than `time_s`, once it is worth the copying.
+    pub(crate) fn forget_before(&mut self, time_s: f64) {
+        let gone = ((time_s - self.first_onset_s) * self.onset_rate_hz).floor();
+        let gone = (gone.max(0.0) as usize).min(self.onsets.len());
+        if 2 * gone < self.onsets.len() {
+            return;
+        }
+        self.onsets.drain(..gone);
+        self.first_onset_s += gone as f64 / self.onset_rate_hz;
+        self.beats_s.retain(|beat| *beat >= time_s);
+    }
+
     /// When value `index` was audible, seconds.
     pub fn onset_time_s(&self, index: usize) -> f64 {
         self.first_onset_s + index as f64 / self.onset_rate_hz

@@ -73,6 +73,22 @@ pub enum SourceError {
         /// The rate after it.
         to_hz: u32,
     },
+    /// No input of the system has this id or name.
+    #[error("no microphone \"{name}\"; there are: {}", list(.known))]
+    UnknownDevice {
+        /// The name as given.
+        name: String,
+        /// Ids of those there are.
+        known: Vec<String>,
+    },
+    /// An input of the system cannot be opened or asked.
+    #[error("{name}: {reason}")]
+    Device {
+        /// What it is called.
+        name: String,
+        /// What the system says, in one line.
+        reason: String,
+    },
     /// The raw format has no channels or an impossible rate.
     #[error(
         "{name}: raw audio needs 1 to 64 channels at 4000 to 384000 Hz, not {channels} at {sample_rate_hz} Hz"
@@ -103,5 +119,12 @@ impl SourceError {
         } else {
             Self::TooShort { name, seconds }
         }
+    }
+}
+
+fn list(names: &[String]) -> String {
+    match names {
+        [] => "none".to_owned(),
+        names => names.join(", "),
     }
 }

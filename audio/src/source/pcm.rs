@@ -96,7 +96,7 @@ pub struct PcmFormat {
 }
 
 /// Reads frames as they come.
-pub(super) struct PcmReader {
+pub(crate) struct PcmReader {
     name: String,
     reader: Box<dyn Read + Send>,
     format: PcmFormat,
@@ -105,7 +105,7 @@ pub(super) struct PcmReader {
 }
 
 impl PcmReader {
-    pub(super) fn new(
+    pub(crate) fn new(
         name: &str,
         reader: Box<dyn Read + Send>,
         format: PcmFormat,
@@ -126,8 +126,18 @@ impl PcmReader {
         })
     }
 
+    /// What errors call it.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What its samples are.
+    pub(crate) fn format(&self) -> PcmFormat {
+        self.format
+    }
+
     /// Appends at least one sample, or returns `false` at the end.
-    pub(super) fn next_block(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
+    pub(crate) fn next_block(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
         let sample_bytes = self.format.encoding.bytes();
         let frame_bytes = sample_bytes * usize::from(self.format.channels);
         while self.pending.len() < frame_bytes {

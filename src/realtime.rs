@@ -1,0 +1,93 @@
+//! Real-time priority for the threads that must not wait: the operating system
+//! runs them before all ordinary work (SCHED_FIFO on Linux).
+//!
+//! Threads inherit the priority of the thread that starts them, so whoever
+//! starts threads raises itself first. No root is needed where the system
+//! grants `rtprio`; where it does not, everything works, less punctually.
+
+use thread_priority::{
+    NormalThreadSchedulePolicy, RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue,
+    ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id,
+};
+
+/// What a thread is for; the later in this list, the more urgent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Features and motion, 20 times a second.
+    Model,
+    /// Takes sound from the device.
+    Capture,
+    /// Commands to the servos, every control cycle.
+    Control,
+}
+
+impl Role {
+    /// Above ordinary work, below what the kernel does itself (50).
+    const fn priority(self) -> u8 {
+        match self {
+            Role::Model => 20,
+            Role::Capture => 30,
+            Role::Control => 40,
+        }
+    }
+}
+
+/// The system does not allow it.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "real-time priority is not allowed here, so frames may come late on a busy machine; \
+     to allow it, give the user rtprio 40 in /etc/security/limits.conf"
+)]
+pub struct NotAllowed;
+
+/// Gives the calling thread, and those that it starts from now on, the
+/// priority of `role`.
+///
+/// # Errors
+/// The system does not allow it; nothing has changed then.
+pub fn raise(role: Role) -> Result<(), NotAllowed> {
+    let value = ThreadPriorityValue::try_from(role.priority()).map_err(|_| NotAllowed)?;
+    set_thread_priority_and_policy(
+        thread_native_id(),
+        ThreadPriority::Crossplatform(value),
+        ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo),
+    )
+    .map_err(|_| NotAllowed)
+}
+
+/// Gives the thread that drops it back to ordinary work.
+pub struct OrdinaryAfterwards;
+
+impl Drop for OrdinaryAfterwards {
+    fn drop(&mut self) {
+        // The middle of the range is niceness 0. A thread that was never
+        // raised is ordinary already.
+        if let Ok(middle) = ThreadPriorityValue::try_from(49) {
+            let _ = set_thread_priority_and_policy(
+                thread_native_id(),
+                ThreadPriority::Crossplatform(middle),
+                ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other),
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_raised_thread_is_ordinary_again_afterwards() {
+        let policy = || thread_priority::thread_schedule_policy().expect("a policy");
+        let before = policy();
+        {
+            let _afterwards = OrdinaryAfterwards;
+            let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+            match raise(Role::Control) {
+                Ok(()) => assert_eq!(policy(), fifo),
+                Err(NotAllowed) => assert_eq!(policy(), before),
+            }
+        }
+        assert_eq!(policy(), before);
+    }
+}
