@@ -59,7 +59,7 @@ impl Latency {
 /// Live frames that are looked at before the first cycle.
 const LOOKED_AT: usize = 8;
 /// Kept between the arrival of a frame and the cycle that uses it.
-const MARGIN: Duration = Duration::from_millis(1);
+const MARGIN: Duration = Duration::from_micros(2500);
 
 /// How the first live frames arrive, so that the control cycles can be placed
 /// just after them: a frame that waits for its cycle is latency.
