@@ -7,7 +7,6 @@
 use crate::report::ViolationReport;
 use crate::robot::Robot;
 use servodance_drivers::Limiter;
-use servodance_model::motion::Clip;
 use servodance_retarget::{Counts, Likeness};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 use std::time::Instant;
@@ -38,22 +37,6 @@ impl Followed {
         let at = (share * last as f64).round() as usize;
         sorted.get(at.min(last)).copied().unwrap_or(0.0)
     }
-}
-
-/// The frames of a clip, 20 a second.
-pub fn frames(clip: &Clip) -> Vec<MotionFrame> {
-    let resampled = match (clip.fps - FRAME_RATE_HZ).abs() < 1e-6 {
-        true => clip.clone(),
-        false => clip.resampled(FRAME_RATE_HZ),
-    };
-    let poses = resampled.poses.iter().enumerate();
-    poses
-        .map(|(index, positions)| MotionFrame {
-            time_s: index as f64 / FRAME_RATE_HZ,
-            positions: *positions,
-            contacts: Default::default(),
-        })
-        .collect()
 }
 
 /// Follows `frames` from rest; `each` gets the time and the commands of every

@@ -19,6 +19,7 @@ pub mod realtime;
 pub mod record;
 pub mod report;
 pub mod retarget_bench;
+pub mod retarget_motion;
 pub mod robot;
 pub mod robot_file;
 pub mod sim_link;

@@ -35,7 +35,12 @@ macro_rules! built_in {
 }
 
 /// All built-in robots.
-pub const BUILT_IN: &[BuiltIn] = &[built_in!("op3"), built_in!("torso13"), built_in!("neck")];
+pub const BUILT_IN: &[BuiltIn] = &[
+    built_in!("op3"),
+    built_in!("torso13"),
+    built_in!("neck"),
+    built_in!("lite22"),
+];
 
 /// Why a robot file cannot be used.
 #[derive(Clone, Debug, thiserror::Error)]

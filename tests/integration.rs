@@ -12,6 +12,8 @@ mod program;
 mod random_robot;
 mod recording;
 mod repeatable;
+mod retarget_motion;
+mod rigs;
 mod robot_check;
 mod robot_mutations;
 mod robot_new;

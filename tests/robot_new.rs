@@ -4,7 +4,7 @@ use crate::program::Program;
 use crate::random_robot;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance::follow::{follow, frames};
+use servodance::follow::follow;
 use servodance::report::ViolationReport;
 use servodance::robot::{BUILT_IN, Robot};
 use servodance::robot_file::{check, new_robot};
@@ -27,7 +27,7 @@ fn danced(robot: &Robot, seconds: f64) -> servodance::follow::Followed {
         })
         .collect();
     let clip = choreograph(&beats, seconds, DanceStyle::Hype, 3);
-    let followed = follow(robot, &frames(&clip), |_, _| Ok(())).unwrap();
+    let followed = follow(robot, &clip.frames(), |_, _| Ok(())).unwrap();
     assert_eq!(
         followed.violations,
         ViolationReport::default(),

@@ -1,7 +1,9 @@
 //! What gave way, and what was refused: figures for the report.
 
+use serde::Serialize;
+
 /// Counters since the start; all of them are zero in an easy run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Counts {
     /// Calls of `next`.

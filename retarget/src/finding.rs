@@ -96,6 +96,7 @@ codes! {
     GeometryTwo "geometry-two" Repaired "one geometry holds two shapes or meshes: the first is used";
     GeometryUnreadable "geometry-unreadable" Repaired "a shape cannot be read: it is left out";
     TextureUnnamed "texture-unnamed" Repaired "a texture names no file: it is left out";
+    TextBehind "text-behind" Repaired "something stands behind the robot's end: passed over";
     PrefixUndeclared "prefix-undeclared" Repaired "an XML prefix is not declared: it is passed over";
     InertialIncomplete "inertial-incomplete" Repaired "mass or inertia is not given: it counts as zero";
     AxisUnset "axis-unset" Repaired "a moving joint has no axis: x is used, as the format says";

@@ -11,6 +11,7 @@ pub mod devices;
 pub mod evaluate;
 pub mod generate;
 pub mod reconstruct;
+pub mod retarget;
 pub mod robot;
 pub mod robots;
 pub mod scan;
@@ -52,7 +53,9 @@ pub enum Command {
     Evaluate(evaluate::Args),
     /// Send a motion through the model's tokens and back.
     Reconstruct(reconstruct::Args),
-    /// Look over a robot file or description.
+    /// Turn a motion file into joint positions of a robot, without servos.
+    Retarget(retarget::Args),
+    /// Write a robot file for a description; look one over.
     Robot(robot::Args),
     /// List the microphones and other inputs that `dance --mic` can listen to.
     Devices(devices::Args),
@@ -78,6 +81,7 @@ impl Command {
             Command::Evaluate(args) => evaluate::run(args),
             Command::Generate(args) => generate::run(args),
             Command::Reconstruct(args) => reconstruct::run(args),
+            Command::Retarget(args) => retarget::run(args),
             Command::Robot(args) => robot::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Robots(args) => robots::run(args),

@@ -6,7 +6,7 @@
 
 use super::servos::{ServoDraft, servo_drafts};
 use super::text;
-use crate::follow::{Followed, follow, frames};
+use crate::follow::{Followed, follow};
 use crate::output::write_whole;
 use crate::robot::{Robot, RobotError};
 use anyhow::{Context, bail};
@@ -240,7 +240,7 @@ fn trial(robot: &Robot) -> anyhow::Result<Followed> {
         })
         .collect();
     let clip = choreograph(&beats, TRIAL_S, DanceStyle::Disco, 1);
-    follow(robot, &frames(&clip), |_, _| Ok(()))
+    follow(robot, &clip.frames(), |_, _| Ok(()))
 }
 
 /// Whether a robot on its feet kept them and its balance.

@@ -13,16 +13,12 @@ use servodance_types::{BodyJoint, JOINT_COUNT};
 
 use super::Clip;
 use super::Pose;
+use super::rotation::{IDENTITY, Matrix, apply, multiply, transposed};
 use super::vec3::{Vec3, add, cross, dot, norm, scale, sub, unit_or, wide};
-
-/// Rows are the axes: a vector v becomes `m v`.
-type Matrix = [Vec3; 3];
-
-const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// Which way each bone points from its parent in the T-pose; made unit length
 /// where it is used.
-fn rest_direction(joint: BodyJoint) -> Vec3 {
+pub(super) fn rest_direction(joint: BodyJoint) -> Vec3 {
     use BodyJoint::*;
     let side = |joint: BodyJoint| {
         if joint.name().starts_with("left") {
@@ -188,19 +184,6 @@ fn euler_zxy_deg(m: &Matrix) -> Vec3 {
         (m[1][0].atan2(m[0][0]), 0.0)
     };
     [z, x, y].map(f64::to_degrees)
-}
-
-fn apply(m: &Matrix, v: Vec3) -> Vec3 {
-    m.map(|row| dot(row, v))
-}
-
-fn transposed(m: &Matrix) -> Matrix {
-    std::array::from_fn(|i| [m[0][i], m[1][i], m[2][i]])
-}
-
-fn multiply(a: &Matrix, b: &Matrix) -> Matrix {
-    let columns = transposed(b);
-    a.map(|row| columns.map(|column| dot(row, column)))
 }
 
 #[cfg(test)]

@@ -4,12 +4,18 @@
 //! Units: metres, seconds, radians; y up. Nothing here knows of music audio;
 //! beats come in as times in seconds.
 
+pub mod aist;
+pub mod bvh;
 pub mod bvh_write;
 pub mod choreography;
 pub mod clip;
 pub mod corpus;
+pub mod import;
 pub mod index;
+mod named_skeleton;
+mod pickle;
 pub mod representation;
+mod rotation;
 pub mod skeleton;
 pub mod tempo;
 pub(crate) mod vec3;

@@ -34,7 +34,16 @@ pub(super) struct Cleaned {
 }
 
 pub(super) fn clean(xml: &str, findings: &mut Findings) -> Option<Cleaned> {
-    let mut text = xml.to_owned();
+    const END: &str = "</robot>";
+    let mut text = xml.trim_start_matches('\u{feff}').to_owned();
+    if let Some(end) = text.rfind(END).map(|at| at + END.len())
+        && !text[end..].trim().is_empty()
+        && !text[end..].contains('<')
+    {
+        let message = format!("{} characters behind {END}; passed over", text.len() - end);
+        findings.add(Code::TextBehind, "robot", message);
+        text.truncate(end);
+    }
     for _ in 0..=MOST_PREFIXES {
         let options = roxmltree::ParsingOptions {
             nodes_limit: MOST_NODES,

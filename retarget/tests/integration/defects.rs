@@ -253,6 +253,13 @@ fn what_stands_around_is_found_as_well() {
 }
 
 #[test]
+fn what_stands_behind_the_robot_is_passed_over() {
+    let text = urdf("revolute", GOOD, MASS, "") + "\n\u{0} trailing";
+    assert_eq!(found(&text, Code::TextBehind).subject, "robot");
+    assert!(RobotModel::new(&text, &["turn"]).is_ok());
+}
+
+#[test]
 fn what_is_repaired_builds_and_what_is_refused_does_not() {
     for joint in [
         GOOD.to_owned(),

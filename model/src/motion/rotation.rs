@@ -1,0 +1,49 @@
+//! Rotations as three rows: a vector v becomes `m v`.
+
+use super::vec3::{Vec3, dot, norm, scale};
+
+/// Rows of a rotation matrix.
+pub(super) type Matrix = [Vec3; 3];
+
+pub(super) const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+pub(super) fn apply(m: &Matrix, v: Vec3) -> Vec3 {
+    m.map(|row| dot(row, v))
+}
+
+pub(super) fn transposed(m: &Matrix) -> Matrix {
+    std::array::from_fn(|i| [m[0][i], m[1][i], m[2][i]])
+}
+
+pub(super) fn multiply(a: &Matrix, b: &Matrix) -> Matrix {
+    let columns = transposed(b);
+    a.map(|row| columns.map(|column| dot(row, column)))
+}
+
+/// A turn by the length of `vector`, radians, about its direction (Rodrigues).
+pub(super) fn about(vector: Vec3) -> Matrix {
+    let angle = norm(vector);
+    if angle < 1e-12 {
+        return IDENTITY;
+    }
+    let [x, y, z] = scale(vector, 1.0 / angle);
+    let (sin, cos) = angle.sin_cos();
+    let rest = 1.0 - cos;
+    [
+        [
+            cos + x * x * rest,
+            x * y * rest - z * sin,
+            x * z * rest + y * sin,
+        ],
+        [
+            y * x * rest + z * sin,
+            cos + y * y * rest,
+            y * z * rest - x * sin,
+        ],
+        [
+            z * x * rest - y * sin,
+            z * y * rest + x * sin,
+            cos + z * z * rest,
+        ],
+    ]
+}
