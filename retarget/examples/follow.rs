@@ -55,9 +55,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mean = cycle_us.iter().sum::<f64>() / cycle_us.len().max(1) as f64;
     let p99 = cycle_us.get(cycle_us.len() * 99 / 100).copied();
     eprintln!(
-        "{mean:.1} us mean, {:.1} us p99, {:?}",
+        "{mean:.1} us mean, {:.1} us p99, {:?}, {:?}",
         p99.unwrap_or(0.0),
-        robot.counts()
+        robot.counts(),
+        robot.effort()
     );
     Ok(())
 }

@@ -2,7 +2,6 @@
 
 use k::nalgebra::{Isometry3, Point3, Vector3};
 
-pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Corners of both soles.
 const CORNERS: usize = 8;
 
@@ -69,29 +68,6 @@ impl Support {
             .iter()
             .map(|edge| edge.outside_m(point))
             .fold(f64::NEG_INFINITY, f64::max)
-    }
-}
-
-/// The centre of mass of the last two cycles.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Weight {
-    last: [Option<Point3<f64>>; 2],
-}
-
-impl Weight {
-    /// Where the floor carries a body whose mass is in one point, now at `com`:
-    /// `com - z / g * acceleration` (Kajita's cart on a table). Call once a cycle.
-    pub fn zero_moment_point(&mut self, com: &Point3<f64>, dt_s: f64) -> Point3<f64> {
-        let [last, before] = self.last;
-        self.last = [Some(*com), last];
-        let (Some(last), Some(before)) = (last, before) else {
-            return *com;
-        };
-        let acceleration = ((com - last) - (last - before)) / (dt_s * dt_s);
-        let weight = (GRAVITY_M_S2 + acceleration.z).max(0.1 * GRAVITY_M_S2);
-        let mut zmp = com - acceleration * (com.z / weight);
-        zmp.z = 0.0;
-        zmp
     }
 }
 

@@ -204,6 +204,29 @@ impl Default for Weights {
     }
 }
 
+/// What the motors can do: the `[retarget.torque]` table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TorqueConfig {
+    /// Torque limits by joint name, newton metres (newtons where it slides); the
+    /// effort limits of the URDF where left out.
+    pub limit_nm: BTreeMap<String, f64>,
+    /// Share of the limit that a motor can hold for ever.
+    pub continuous_share: f64,
+    /// Time constant of its warming up, seconds.
+    pub warm_up_s: f64,
+}
+
+impl Default for TorqueConfig {
+    fn default() -> Self {
+        Self {
+            limit_nm: BTreeMap::new(),
+            continuous_share: 0.4,
+            warm_up_s: 180.0,
+        }
+    }
+}
+
 /// The `[retarget]` table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -240,6 +263,8 @@ pub struct RetargetConfig {
     pub gain: Gains,
     /// Strength of each aim.
     pub weights: Weights,
+    /// Torque limits and heat of the motors.
+    pub torque: TorqueConfig,
     /// Rest positions by joint name, degrees; found by the solver where left out.
     pub rest_deg: BTreeMap<String, f64>,
     /// Points besides the links' origins.
@@ -267,6 +292,7 @@ impl Default for RetargetConfig {
             body: BodyLinks::default(),
             gain: Gains::default(),
             weights: Weights::default(),
+            torque: TorqueConfig::default(),
             rest_deg: BTreeMap::new(),
             tip: Vec::new(),
             capsule: Vec::new(),
@@ -313,6 +339,17 @@ impl RetargetConfig {
         in_range("preview_s", self.preview_s, 0.05, 0.6)?;
         for (joint, value) in &self.jerk_deg_s3 {
             in_range(&format!("jerk_deg_s3.{joint}"), *value, 1.0, 1e9)?;
+        }
+        let torque = &self.torque;
+        in_range(
+            "torque.continuous_share",
+            torque.continuous_share,
+            0.01,
+            1.0,
+        )?;
+        in_range("torque.warm_up_s", torque.warm_up_s, 1.0, 1e5)?;
+        for (joint, value) in &torque.limit_nm {
+            in_range(&format!("torque.limit_nm.{joint}"), *value, 1e-3, 1e5)?;
         }
         in_range("weights.damping", weights.damping, 1e-4, 10.0)?;
         for (joint, value) in &self.rest_deg {

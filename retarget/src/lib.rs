@@ -18,6 +18,7 @@ mod columns;
 mod config;
 mod counts;
 mod draft;
+mod effort;
 mod envelope;
 mod error;
 mod finding;
@@ -39,10 +40,12 @@ mod tracker;
 mod urdf;
 
 pub use config::{
-    BodyLinks, CapsuleConfig, Couple, Gains, Limb, RetargetConfig, Stance, Tip, Weights,
+    BodyLinks, CapsuleConfig, Couple, Gains, Limb, RetargetConfig, Stance, Tip, TorqueConfig,
+    Weights,
 };
 pub use counts::Counts;
 pub use draft::{Draft, DraftJoint, Role, draft, rest_deg};
+pub use effort::EffortReport;
 pub use error::RetargetError;
 pub use finding::{Code, Finding, Severity};
 pub use k::nalgebra;

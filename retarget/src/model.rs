@@ -15,6 +15,9 @@ use crate::config::{CapsuleConfig, RetargetConfig, Tip};
 use crate::error::choices;
 use crate::urdf::{self, Description};
 
+/// Effort limits from here on are placeholders.
+const PLACEHOLDER_NM: f64 = 1000.0;
+
 /// How a link moves against its parent.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Motion {
@@ -117,6 +120,8 @@ pub struct RobotModel {
     /// Capsules of the robot file.
     pub(crate) capsules: Vec<Capsule>,
     pub(crate) mass_kg: f64,
+    /// Effort limit of each driven joint; `None` where unset or a placeholder.
+    pub(crate) effort_nm: Vec<Option<f64>>,
 }
 
 impl RobotModel {
@@ -160,7 +165,17 @@ impl RobotModel {
             solids: Vec::new(),
             capsules: Vec::new(),
             mass_kg: 0.0,
+            effort_nm: vec![None; joints.len()],
         };
+        for joint in &description.robot.joints {
+            let effort = joint.limit.effort;
+            if let (Some(&index), true) = (
+                column.get(joint.name.as_str()),
+                effort > 0.0 && effort < PLACEHOLDER_NM,
+            ) {
+                model.effort_nm[index] = Some(effort);
+            }
+        }
         model.add_links(description, &column);
         model.mass_kg = model.links.iter().map(|link| link.mass_kg).sum();
         Ok(model)

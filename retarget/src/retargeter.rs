@@ -11,10 +11,10 @@ use k::nalgebra::{Isometry3, Translation3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 
 use crate::arm_search::ArmSearch;
-use crate::balance::Weight;
 use crate::body::BodyMap;
 use crate::body_solver::{BodySolver, Feet, Question, Role, Task};
 use crate::config::{Limb, RetargetConfig, Stance};
+use crate::effort::{Carrier, Effort, EffortReport};
 use crate::guard::Guard;
 use crate::human::{self, Aim, Heading, Reader};
 use crate::pelvis::Pelvis;
@@ -62,7 +62,7 @@ pub struct Retargeter {
     output: Vec<f64>,
     poses: Vec<Isometry3<f64>>,
     held_root: Isometry3<f64>,
-    weight: Weight,
+    effort: Effort,
     counts: Counts,
 }
 
@@ -149,7 +149,7 @@ impl Retargeter {
             output: vec![0.0; limits.len()],
             poses: vec![Isometry3::identity(); model.links.len()],
             held_root: Isometry3::from_parts(Translation3::identity(), upright),
-            weight: Weight::default(),
+            effort: setup::effort(&model, config, dt_s)?,
             counts: Counts::default(),
             model,
             map,
@@ -213,6 +213,17 @@ impl Retargeter {
     /// What gave way and what was refused so far.
     pub fn counts(&self) -> &Counts {
         &self.counts
+    }
+
+    /// What the motion cost the motors so far: estimated torque and heat.
+    pub fn effort(&self) -> EffortReport {
+        self.effort.report(self.model.joint_names())
+    }
+
+    /// Estimated torque of each joint in the last cycle, newton metres; 0 where
+    /// it is not known.
+    pub fn torque_nm(&self) -> &[f64] {
+        self.effort.torque_nm()
     }
 
     /// Sets the share of the movement around the rest pose, 0 to 1.
@@ -283,6 +294,11 @@ impl Retargeter {
         Ok(())
     }
 
+    /// Share of the movement that is shown: less when motors are strained.
+    fn shown(&self) -> f64 {
+        self.amplitude * self.effort.amplitude()
+    }
+
     /// How far ahead of the output the human pose is taken in, seconds.
     pub fn preview_s(&self) -> f64 {
         self.trackers
@@ -292,7 +308,8 @@ impl Retargeter {
 
     /// Solves for the legs now and for the rest when the preview ends.
     fn solve(&mut self, aim: &Aim) {
-        let gain = self.amplitude * self.gains.torso;
+        let shown = self.shown();
+        let gain = shown * self.gains.torso;
         if let Some(standing) = &mut self.standing {
             let mut wanted = Pelvis::wanted(aim, gain);
             if let Some(stepper) = &mut standing.stepper {
@@ -300,7 +317,7 @@ impl Retargeter {
                 let present = Present {
                     soles: soles.map(|sole| self.poses[sole].translation.vector),
                     weight: self.model.centre_of_mass(&self.poses).coords,
-                    gain: self.amplitude * self.gains.left_leg.min(self.gains.right_leg),
+                    gain: shown * self.gains.left_leg.min(self.gains.right_leg),
                     aim,
                 };
                 stepper.carry(aim, &standing.feet, &mut wanted);
@@ -409,6 +426,7 @@ impl Retargeter {
     /// Scales the solution around rest and lets each joint follow it.
     fn track(&mut self) {
         let mut limited = false;
+        let shown = self.shown();
         for (joint, tracker) in self.trackers.iter_mut().enumerate() {
             let (bounds, wanted) = (&mut self.bounds[joint], &mut self.wanted[joint]);
             if let (Some(standing), true) = (&self.standing, self.stands_on[joint]) {
@@ -421,7 +439,7 @@ impl Retargeter {
                 continue;
             }
             let solved = self.solver.positions[joint];
-            let scale = self.amplitude * self.gains.of(self.limbs[joint]);
+            let scale = shown * self.gains.of(self.limbs[joint]);
             let rest = self.rest[joint];
             let aimed = tracker.aim(rest + scale * (solved - rest));
             *bounds = tracker.allowed();
@@ -456,15 +474,21 @@ impl Retargeter {
             .deepest_collision_um
             .max((-nearest * 1e6).max(0.0) as u64);
         let Some(standing) = &self.standing else {
+            self.effort.observe(&self.model, &self.poses, None);
             return;
         };
         let com = self.model.centre_of_mass(&self.poses);
-        let zmp = self.weight.zero_moment_point(&com, self.dt_s);
+        let down = standing.down();
+        let feet = [0, 1].map(|side| Carrier {
+            sole: self.map.legs[side].sole.unwrap_or(0),
+            down: down[side],
+        });
+        self.effort.observe(&self.model, &self.poses, Some(feet));
         if let Some(support) = &standing.legs.support {
+            let zmp = self.effort.zero_moment_point().unwrap_or(com);
             self.counts.unbalanced_cycles += u64::from(support.outside_m(&com) > 0.0);
             self.counts.tipping_cycles += u64::from(support.outside_m(&zmp) > 0.0);
         }
-        let down = standing.down();
         let moved = (0..2).filter(|&side| down[side]).any(|side| {
             let Some(sole) = self.map.legs[side].sole else {
                 return false;
@@ -534,7 +558,7 @@ impl Retargeter {
             }
         }
         self.model.place(&root, positions, &mut self.poses);
-        self.weight = Weight::default();
+        self.effort.restart();
     }
 
     /// Which feet stand on the floor, left and right; `None` on a stand.

@@ -10,6 +10,7 @@ use crate::balance::Support;
 use crate::body_solver::{BodySolver, Question, Role, Task};
 use crate::collision;
 use crate::config::{RetargetConfig, Stance};
+use crate::effort::Effort;
 use crate::error::choices;
 use crate::human::Aim;
 use crate::pelvis::Pelvis;
@@ -207,6 +208,19 @@ pub(super) fn usable_limits(
             })
         })
         .collect()
+}
+
+/// Torque and heat of the motors: limits as configured, else the URDF's.
+pub(super) fn effort(
+    model: &RobotModel,
+    config: &RetargetConfig,
+    dt_s: f64,
+) -> Result<Effort, RetargetError> {
+    let mut limits = model.effort_nm.clone();
+    for (joint, limit) in by_joint(model, &config.torque.limit_nm)? {
+        limits[joint] = Some(limit);
+    }
+    Ok(Effort::new(model, limits, config.torque.clone(), dt_s))
 }
 
 /// Jerk limits: as configured, else from the rise time.
