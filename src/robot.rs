@@ -2,7 +2,7 @@
 //! every servo. Degrees and ticks live there; inside, all is radians.
 
 use crate::dance::IdleStyle;
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use serde::Deserialize;
 use servodance_drivers::{
     BusConfig, BusLayout, SafetyConfig, SafetySettings, Servo, ServoConfig, check_rate, layouts,
@@ -130,11 +130,18 @@ impl Robot {
         let unreadable = |message: String| RobotError::of(Code::FileUnreadable, message);
         let text = std::fs::read_to_string(path)
             .map_err(|e| unreadable(format!("cannot read robot file {}: {e}", path.display())))?;
-        Self::from_toml(&text, name_or_file, |urdf| {
+        Self::from_text(&text, path)
+    }
+
+    /// The robot that the file at `path` describes when it holds `text`.
+    pub fn from_text(text: &str, path: &Path) -> anyhow::Result<Self> {
+        let file = path.display().to_string();
+        Self::from_toml(text, &file, |urdf| {
             let urdf_path = path.parent().unwrap_or(Path::new(".")).join(urdf);
             std::fs::read_to_string(&urdf_path).map_err(|e| {
                 let urdf = urdf_path.display();
-                unreadable(format!("{name_or_file}: cannot read urdf {urdf}: {e}"))
+                let message = format!("{file}: cannot read urdf {urdf}: {e}");
+                RobotError::of(Code::FileUnreadable, message)
             })
         })
     }
@@ -203,6 +210,25 @@ impl Robot {
         servos
             .map(|servo| (servo.name.clone(), servo.limits))
             .collect()
+    }
+
+    /// The servo of a joint.
+    ///
+    /// # Errors
+    /// There is no such joint; the message lists those there are.
+    pub fn servo(&self, joint: &str) -> anyhow::Result<&Servo> {
+        let known = || {
+            let names: Vec<&str> = self.servos.iter().map(|s| s.name.as_str()).collect();
+            names.join(", ")
+        };
+        let found = self.servos.iter().find(|servo| servo.name == joint);
+        found.ok_or_else(|| {
+            anyhow!(
+                "robot {} has no joint \"{joint}\"; its joints: {}",
+                self.name,
+                known()
+            )
+        })
     }
 
     /// A fresh retargeter for this robot.

@@ -1,8 +1,12 @@
-//! The simulated bus as another program sees it.
+//! Looking at a bus and setting it up, each tool as a program of its own
+//! against simulated servos that judge what it did.
 
 use crate::program::Program;
-use std::io::{BufRead, BufReader};
+use servodance::robot::Robot;
+use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
+use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 #[test]
 fn a_served_bus_is_found_by_scan_and_ends_on_sigterm() {
@@ -28,4 +32,384 @@ fn a_served_bus_is_found_by_scan_and_ends_on_sigterm() {
     let ended = server.wait_with_output().expect("it ends");
     assert!(ended.status.success());
     assert!(String::from_utf8_lossy(&ended.stderr).contains("0 bad"));
+}
+
+/// Simulated servos of a built-in robot, in real time, as the judge.
+fn servos_of(robot: &str, change: impl Fn(usize, &mut SimServoSpec)) -> SimBus {
+    let robot = Robot::load(robot).expect("the built-in robot");
+    let mut specs: Vec<SimServoSpec> = robot.servos.iter().map(SimServoSpec::from).collect();
+    let indexed = specs.iter_mut().enumerate();
+    indexed.for_each(|(index, spec)| change(index, spec));
+    let options = SimOptions::realtime(robot.buses[0].config.baud, robot.control_hz);
+    SimBus::start(&specs, options).expect("a simulated bus")
+}
+
+fn neck() -> SimBus {
+    servos_of("neck", |_, _| {})
+}
+
+fn serial(bus: &SimBus) -> String {
+    format!("serial:{}", bus.port_path())
+}
+
+fn degrees(bus: &SimBus, index: usize) -> f64 {
+    let servo = bus.servo(index).expect("a servo");
+    servo.position_rad.to_degrees()
+}
+
+fn torques(bus: &SimBus, count: usize) -> usize {
+    let on = |index: &usize| bus.servo(*index).expect("a servo").torque_enabled;
+    (0..count).filter(on).count()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn ping_tells_who_a_servo_is_and_how() {
+    let (program, bus) = (Program::new(), neck());
+    let port = bus.port_path();
+    let line = text(
+        &program
+            .succeed(&["ping", port, "2", "--baud", "1000000"])
+            .stdout,
+    );
+    for word in [
+        "id   2",
+        "XM430-W350 (1020)",
+        "firmware 48",
+        "12.0 V",
+        "torque off",
+        "no error",
+    ] {
+        assert!(line.contains(word), "no {word:?} in {line}");
+    }
+    let robot = program.patient_robot("neck");
+    assert!(bus.set_servo_fault(1, ServoFault::Moved(0.5)));
+    let lines = text(&program.succeed(&["ping", port, "--robot", &robot]).stdout);
+    assert_eq!(lines.lines().count(), 2, "{lines}");
+    assert!(
+        lines.contains("neck_tilt") && lines.contains("28.7 degrees"),
+        "{lines}"
+    );
+
+    let silent = ["ping", port, "9", "--baud", "1000000"];
+    program.refused(&silent, &["id 9 does not answer", "servodance scan"]);
+    program.refused(&["ping", port], &["--robot"]);
+    program.refused(&["ping", port, "neck_pan"], &["neck_pan", "needs --robot"]);
+    program.refused(&["ping", port, "254"], &["254", "0 to 253"]);
+    let unknown = ["ping", port, "l_knee", "--robot", &robot];
+    program.refused(&unknown, &["l_knee", "neck_pan, neck_tilt"]);
+    program.refused(&["ping", "/dev/nowhere", "1"], &["/dev/nowhere"]);
+    assert!(bus.set_servo_fault(0, ServoFault::Dead));
+    program.refused(&["ping", port, "--robot", &robot], &["neck_pan (id 1)"]);
+}
+
+#[test]
+fn set_id_changes_one_servo_and_refuses_what_cannot_be() {
+    let (program, bus) = (Program::new(), neck());
+    let port = bus.port_path();
+    let set = |old: &'static str, new: &'static str| {
+        vec![
+            "set-id",
+            port,
+            old,
+            new,
+            "--baud",
+            "1000000",
+            "--protocol",
+            "2",
+            "--yes",
+        ]
+    };
+    program.refused(&set("1", "2"), &["id 2 is in use by XM430-W350"]);
+    program.refused(&set("1", "253"), &["253", "0 to 252"]);
+    program.refused(&set("1", "700"), &["700", "0 to 252"]);
+    program.refused(&set("1", "1"), &["has id 1 already"]);
+    program.refused(&set("8", "9"), &["id 8 does not answer"]);
+    let unasked = &set("1", "9")[..8];
+    program.refused(
+        unasked,
+        &["XM430-W350 with id 1", "will have id 9", "--yes"],
+    );
+    let done = text(&program.succeed(&set("1", "9")).stdout);
+    assert_eq!(done, "id 1 is now id 9 (XM430-W350), read back\n");
+    program.succeed(&["ping", port, "9", "--baud", "1000000"]);
+}
+
+/// Runs the program on a terminal and types `answer`; what it asked and its exit code.
+fn typed(program: &Program, arguments: &[&str], answer: &str) -> (String, Option<i32>) {
+    let terminal = nix::pty::openpty(None, None).expect("a terminal");
+    let mut keyboard = std::fs::File::from(terminal.master);
+    let child = program
+        .command(arguments)
+        .stdin(terminal.slave)
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    keyboard.write_all(answer.as_bytes()).expect("typed");
+    let output = child.wait_with_output().expect("it ends");
+    (text(&output.stderr), output.status.code())
+}
+
+#[test]
+fn a_change_to_a_live_robot_is_asked_for_first() {
+    let (program, bus) = (Program::new(), neck());
+    let port = bus.port_path();
+    let set = ["set-id", port, "1", "9", "--baud", "1000000"];
+    let (asked, code) = typed(&program, &set, "\n");
+    assert!(
+        asked.contains("will have id 9 from now on") && asked.contains("[y/N]"),
+        "{asked}"
+    );
+    assert!(asked.contains("nothing was changed"), "{asked}");
+    assert_eq!(code, Some(1));
+    program.succeed(&["ping", port, "1", "--baud", "1000000"]);
+    let (_, code) = typed(&program, &set, "y\n");
+    assert_eq!(code, Some(0));
+    program.succeed(&["ping", port, "9", "--baud", "1000000"]);
+}
+
+#[test]
+fn jog_moves_one_joint_inside_its_limits_and_lets_go() {
+    let (program, bus) = (Program::new(), neck());
+    let robot = program.patient_robot("neck");
+    let port = serial(&bus);
+    let jog = |joint: &'static str, step: &'static str| {
+        let bus = ["--robot", &robot, "--bus", &port, "--speed", "90", "--yes"];
+        [&["jog", joint, step][..], &bus]
+            .concat()
+            .iter()
+            .map(|s| s.to_string())
+            .collect::<Vec<_>>()
+    };
+    let run = |arguments: &[String]| {
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        text(&program.succeed(&arguments).stdout)
+    };
+    let said = run(&jog("neck_tilt", "--by=12"));
+    assert!(
+        said.contains("from 0.0 to 1") && said.contains("torque is off"),
+        "{said}"
+    );
+    assert!(
+        (degrees(&bus, 1) - 12.0).abs() < 1.0,
+        "{}",
+        degrees(&bus, 1)
+    );
+    assert!(degrees(&bus, 0).abs() < 0.1);
+    run(&jog("neck_tilt", "--to=-5"));
+    assert!((degrees(&bus, 1) + 5.0).abs() < 1.0, "{}", degrees(&bus, 1));
+    assert_eq!(torques(&bus, 2), 0);
+    assert_eq!(bus.violations().total(), 0, "{:?}", bus.violation_notes());
+
+    let refused = |arguments: &[String], words: &[&str]| {
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        program.refused(&arguments, words);
+    };
+    refused(
+        &jog("neck_tilt", "--to=60"),
+        &["neck_tilt", "-50.0 to 40.0", "60.0"],
+    );
+    refused(&jog("neck_tilt", "--by=inf"), &["no step"]);
+    refused(&jog("elbow", "--by=1"), &["elbow", "neck_pan, neck_tilt"]);
+    let unasked = jog("neck_pan", "--by=1");
+    refused(
+        &unasked[..unasked.len() - 1],
+        &["neck_pan (id 1)", "gets torque", "--yes"],
+    );
+    let mut fast = jog("neck_pan", "--by=1");
+    fast[8] = "5000".into();
+    refused(&fast, &["--speed 5000", "230"]);
+    assert!(bus.set_servo_fault(0, ServoFault::Dead));
+    refused(&jog("neck_pan", "--by=1"), &["neck_pan (id 1)"]);
+    assert_eq!(torques(&bus, 2), 0);
+}
+
+#[test]
+fn jog_takes_steps_from_its_input_until_ctrl_c_lets_go() {
+    let (program, bus) = (Program::new(), neck());
+    let robot = program.patient_robot("neck");
+    let mut child = program
+        .command(&[
+            "jog",
+            "neck_pan",
+            "--robot",
+            &robot,
+            "--bus",
+            &serial(&bus),
+            "--yes",
+        ])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut keyboard = child.stdin.take().expect("its input");
+    keyboard.write_all(b"4\nwhat\n=900\n=-6\n").expect("typed");
+    wait_until("the joint is there", || {
+        (degrees(&bus, 0) + 6.0).abs() < 1.0
+    });
+    assert_eq!(torques(&bus, 2), 1);
+    let killed = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(killed.expect("kill runs").success());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130));
+    assert_eq!(torques(&bus, 2), 0);
+    let errors = text(&output.stderr);
+    assert!(errors.contains("\"what\" is no step"), "{errors}");
+    assert!(errors.contains("not to 900.0"), "{errors}");
+}
+
+fn wait_until(what: &str, done: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "waited too long for: {what}"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn calibrate_makes_the_rest_pose_read_zero_and_keeps_the_rest_of_the_file() {
+    let program = Program::new();
+    let rests_at_deg = |index: usize| index as f64 * 0.8 - 7.0;
+    let bus = servos_of("op3", |index, spec| {
+        spec.initial_rad = rests_at_deg(index).to_radians();
+    });
+    let robot = program.patient_robot("op3");
+    let before = std::fs::read_to_string(program.path(&robot)).expect("the file");
+    let port = serial(&bus);
+    let calibrate = ["calibrate", "--robot", &robot, "--bus", &port];
+    program.refused(&calibrate, &["all 20 servos of op3", "--yes"]);
+    let same = std::fs::read_to_string(program.path(&robot)).expect("the file");
+    assert_eq!(before, same);
+
+    let said = text(
+        &program
+            .succeed(&[&calibrate[..], &["--yes"]].concat())
+            .stdout,
+    );
+    assert!(
+        said.contains("l_knee") && said.contains("wrote patient-op3.toml"),
+        "{said}"
+    );
+    let after = std::fs::read_to_string(program.path(&robot)).expect("the file");
+    let changed = |(old, new): &(&str, &str)| old != new;
+    let changes: Vec<_> = before.lines().zip(after.lines()).filter(changed).collect();
+    assert_eq!(before.lines().count(), after.lines().count());
+    assert!(
+        changes.iter().all(|(old, _)| old.starts_with("zero_deg")),
+        "{changes:?}"
+    );
+    assert!(changes.len() >= 19, "{changes:?}");
+
+    let now = text(
+        &program
+            .succeed(&["ping", bus.port_path(), "--robot", &robot])
+            .stdout,
+    );
+    let zero = |line: &&str| line.contains(" 0.0 degrees") || line.contains(" -0.0 degrees");
+    assert_eq!(now.lines().filter(zero).count(), 20, "{now}");
+    assert_eq!(torques(&bus, 20), 0);
+}
+
+#[test]
+fn calibrate_turns_round_joints_that_count_the_wrong_way() {
+    let (program, bus) = (Program::new(), neck());
+    let robot = program.patient_robot("neck");
+    let mut child = program
+        .command(&[
+            "calibrate",
+            "--robot",
+            &robot,
+            "--bus",
+            &serial(&bus),
+            "--directions",
+            "--yes",
+        ])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut keyboard = child.stdin.take().expect("its input");
+    let mut said = BufReader::new(child.stderr.take().expect("what it says")).lines();
+    let mut heard = |word: &str| {
+        let line = said.next().expect("a line").expect("text");
+        assert!(line.contains(word), "{line}");
+    };
+    heard("rest pose");
+    assert!(bus.set_servo_fault(0, ServoFault::Moved(0.05)));
+    keyboard.write_all(b"\n").expect("typed");
+    heard("positive end");
+    // Pan is mounted mirrored: its positive end is where the servo counts down.
+    assert!(bus.set_servo_fault(0, ServoFault::Moved(-0.3)));
+    assert!(bus.set_servo_fault(1, ServoFault::Moved(0.2)));
+    keyboard.write_all(b"\n").expect("typed");
+    let output = child.wait_with_output().expect("it ends");
+    assert!(output.status.success());
+    let table = text(&output.stdout);
+    assert!(table.contains("turned round"), "{table}");
+    let robot = Robot::load(program.path(&robot).to_str().expect("a path")).expect("the file");
+    assert_eq!(robot.servos[0].direction, -1.0);
+    assert_eq!(robot.servos[1].direction, 1.0);
+    assert!((robot.servos[0].zero_rad - std::f64::consts::PI - 0.05).abs() < 2e-3);
+}
+
+#[test]
+fn calibrate_refuses_what_it_cannot_write_or_reach() {
+    let (program, bus) = (Program::new(), neck());
+    let robot = program.patient_robot("neck");
+    let port = serial(&bus);
+    program.refused(
+        &["calibrate", "--robot", "neck", "--bus", &port, "--yes"],
+        &["built in", "configs/neck.toml"],
+    );
+    assert!(bus.set_servo_fault(0, ServoFault::Moved(2.5)));
+    let before = std::fs::read_to_string(program.path(&robot)).expect("the file");
+    let run = program.run(&["calibrate", "--robot", &robot, "--bus", &port, "--yes"]);
+    let error = text(&run.stderr);
+    assert_eq!(run.status.code(), Some(1));
+    assert!(
+        error.contains("horn") && error.contains("neck_pan"),
+        "{error}"
+    );
+    let same = std::fs::read_to_string(program.path(&robot)).expect("the file");
+    assert_eq!(before, same);
+}
+
+#[test]
+fn scan_finds_feetech_servos_by_their_protocol() {
+    let program = Program::new();
+    let servos = Robot::load("neck").expect("the robot").servos;
+    let specs: Vec<SimServoSpec> = servos
+        .iter()
+        .map(|servo| SimServoSpec {
+            model_number: 777,
+            ..SimServoSpec::from(servo)
+        })
+        .collect();
+    let options = SimOptions::realtime(1_000_000, 100.0);
+    let bus = SimBus::start(&specs, options).expect("a simulated bus");
+    let arguments = [
+        "scan",
+        bus.port_path(),
+        "--baud",
+        "1000000",
+        "--protocol",
+        "1",
+    ];
+    let found = text(&program.succeed(&arguments).stdout);
+    assert_eq!(found.lines().count(), 2, "{found}");
+    assert!(found.contains("STS3215 (777)"), "{found}");
+    program.refused(&["scan", "/dev/nowhere"], &["/dev/nowhere"]);
+    program.refused(&["scan", "can:can0"], &["CAN"]);
+    program.refused(&["scan", bus.port_path(), "--baud", "3"], &["--baud 3"]);
 }

@@ -1,6 +1,6 @@
 //! Runs the real program in a folder of its own.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 
@@ -66,6 +66,21 @@ impl Program {
         let mut files: Vec<PathBuf> = entries.map(|e| e.expect("an entry").path()).collect();
         files.sort();
         files
+    }
+
+    /// A built-in robot as a file, patient with replies: other tests may keep
+    /// the processor from the simulated servos for a while.
+    pub fn patient_robot(&self, name: &str) -> String {
+        let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+        let read = |file: String| std::fs::read_to_string(configs.join(file)).expect("a config");
+        let text = read(format!("{name}.toml"));
+        let patient = text.replacen("[bus]\n", "[bus]\nreply_timeout_ms = 500.0\n", 1);
+        assert_ne!(text, patient);
+        let file = format!("patient-{name}.toml");
+        std::fs::write(self.path(&file), patient).expect("the robot file");
+        let urdf = format!("{name}.urdf");
+        std::fs::write(self.path(&urdf), read(urdf.clone())).expect("the URDF");
+        file
     }
 
     /// Writes a mono WAV file of `seconds`, 16 bit, from a function of time.

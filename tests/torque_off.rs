@@ -19,18 +19,6 @@ fn alone() -> MutexGuard<'static, ()> {
     REAL_TIME.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The built-in humanoid as a file, patient with replies: other tests may keep
-/// the processor from the simulated servos for a while.
-fn patient_robot(program: &Program) -> &'static str {
-    let text = include_str!("../configs/op3.toml");
-    let patient = text.replacen("[bus]\n", "[bus]\nreply_timeout_ms = 500.0\n", 1);
-    assert_ne!(text, patient);
-    std::fs::write(program.path("patient.toml"), patient).expect("the robot file");
-    let urdf = include_str!("../configs/op3.urdf");
-    std::fs::write(program.path("op3.urdf"), urdf).expect("the URDF");
-    "patient.toml"
-}
-
 /// The servos of the built-in humanoid, in real time.
 fn servos() -> SimBus {
     let robot = Robot::load("op3").expect("the built-in robot");
@@ -52,8 +40,8 @@ fn dancing(program: &Program, bus: &SimBus) -> Child {
 
 fn dancing_with(program: &Program, bus: &SimBus, more: &[&str]) -> Child {
     let port = format!("serial:{}", bus.port_path());
-    let robot = patient_robot(program);
-    let mut args = vec!["dance", "--robot", robot, "--bus", &port];
+    let robot = program.patient_robot("op3");
+    let mut args = vec!["dance", "--robot", &robot, "--bus", &port];
     args.extend(["--no-picture", "--quiet"]);
     args.extend(more);
     let mut child = program

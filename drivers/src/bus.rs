@@ -72,6 +72,11 @@ pub trait Bus: Send {
     /// The servos, in the order of targets and states.
     fn servos(&self) -> &[Servo];
 
+    /// Reads every joint's state, for a bus at rest: never turns torque on,
+    /// writes no register. Silent servos are named. Serial servos keep the torque
+    /// they have; CAN motors lose it, because they answer no other question.
+    fn observe(&mut self) -> Result<Vec<JointState>, BusError>;
+
     /// Checks every servo and sets it up, torque off: what must hold before any
     /// torque. Returns a line for each thing that the user should know.
     fn prepare(&mut self) -> Result<Vec<String>, BusError>;
@@ -163,6 +168,9 @@ pub fn open_bus(
 impl<B: Bus + ?Sized> Bus for Box<B> {
     fn servos(&self) -> &[Servo] {
         (**self).servos()
+    }
+    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+        (**self).observe()
     }
     fn prepare(&mut self) -> Result<Vec<String>, BusError> {
         (**self).prepare()

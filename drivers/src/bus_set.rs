@@ -321,6 +321,15 @@ impl Bus for BusSet {
         &self.servos
     }
 
+    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+        let mut states = vec![JointState::default(); self.servos.len()];
+        let observed = self.on_all("reading its states", |bus| bus.observe());
+        for (lane, own) in self.lanes.iter().zip(observed) {
+            lane.layout.scatter(&own?, &mut states);
+        }
+        Ok(states)
+    }
+
     fn prepare(&mut self) -> Result<Vec<String>, BusError> {
         let mut notes = Vec::new();
         for prepared in self.on_all("its checks", |bus| bus.prepare()) {

@@ -34,7 +34,7 @@ const VOLTAGE_AND_TEMPERATURE: Register = register(62, 2, "present voltage and t
 const STATUS: Register = register(65, 1, "status");
 
 /// What a servo has against itself, by the bits of its status.
-const CONDITIONS: [(u8, &str); 6] = [
+pub(crate) const CONDITIONS: [(u8, &str); 6] = [
     (0, "voltage"),
     (1, "angle sensor"),
     (2, "overheating"),

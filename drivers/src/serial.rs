@@ -222,6 +222,14 @@ impl Bus for SerialBus {
         &self.link.servos
     }
 
+    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+        self.link.ping_all()?;
+        self.read_present()?;
+        let mut states = vec![JointState::default(); self.link.servos.len()];
+        self.copy_states(&mut states);
+        Ok(states)
+    }
+
     fn prepare(&mut self) -> Result<Vec<String>, BusError> {
         let mut notes: Vec<String> = self.link.wire.latency_note().into_iter().collect();
         self.link.aside.fill(false);

@@ -150,17 +150,7 @@ impl Wire {
 
     /// What keeps a USB adapter slow, if anything does: its latency timer.
     pub fn latency_note(&self) -> Option<String> {
-        let device = Path::new(&self.path).canonicalize().ok()?;
-        let name = device.file_name()?.to_str()?;
-        let file = format!("/sys/bus/usb-serial/devices/{name}/latency_timer");
-        let latency_ms: u32 = std::fs::read_to_string(&file).ok()?.trim().parse().ok()?;
-        (latency_ms > 1).then(|| {
-            format!(
-                "USB latency timer of {} is {latency_ms} ms and delays every reply: \
-                 set it with `echo 1 | sudo tee {file}`",
-                self.path
-            )
-        })
+        latency_timer(&self.path)?.note(&self.path)
     }
 
     fn failed(&self, doing: &'static str, reason: std::io::Error) -> BusError {
@@ -181,6 +171,43 @@ fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>, BusError> {
     })
 }
 
+/// How long a USB adapter (FTDI) collects bytes before it passes them on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LatencyTimer {
+    /// Milliseconds; 1 is the best, 16 the default.
+    pub latency_ms: u32,
+    /// The file that sets it.
+    pub file: String,
+}
+
+impl LatencyTimer {
+    /// What to do about it; nothing where it is as short as can be.
+    pub fn note(&self, port: &str) -> Option<String> {
+        let Self { latency_ms, file } = self;
+        (*latency_ms > 1).then(|| {
+            format!(
+                "USB latency timer of {port} is {latency_ms} ms and delays every reply: \
+                 set it with `echo 1 | sudo tee {file}`"
+            )
+        })
+    }
+}
+
+/// The latency timer of a serial port, if it has one.
+pub fn latency_timer(port: &str) -> Option<LatencyTimer> {
+    latency_timer_in(Path::new("/sys/bus/usb-serial/devices"), port)
+}
+
+fn latency_timer_in(devices: &Path, port: &str) -> Option<LatencyTimer> {
+    let device = Path::new(port).canonicalize().ok()?;
+    let file = devices.join(device.file_name()?).join("latency_timer");
+    let latency_ms = std::fs::read_to_string(&file).ok()?.trim().parse().ok()?;
+    Some(LatencyTimer {
+        latency_ms,
+        file: file.to_string_lossy().into_owned(),
+    })
+}
+
 /// The serial ports of this machine.
 pub fn available_ports() -> Vec<String> {
     // Without this folder the enumeration of `serialport` panics.
@@ -197,5 +224,34 @@ fn choices() -> String {
         "; this machine has no serial ports".into()
     } else {
         format!("; serial ports here: {}", ports.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_adapter_is_told_with_what_to_do() {
+        let folder = std::env::temp_dir().join(format!("latency-{}", std::process::id()));
+        let device = folder.join("devices/ttyUSB0");
+        std::fs::create_dir_all(&device).unwrap();
+        std::fs::write(folder.join("ttyUSB0"), "").unwrap();
+        std::fs::write(device.join("latency_timer"), "16\n").unwrap();
+        let port = folder.join("ttyUSB0");
+        let port = port.to_str().unwrap();
+        let timer = latency_timer_in(&folder.join("devices"), port).unwrap();
+        let note = timer.note(port).unwrap();
+        assert!(
+            note.contains("is 16 ms") && note.contains("latency_timer`"),
+            "{note}"
+        );
+        let best = LatencyTimer {
+            latency_ms: 1,
+            ..timer
+        };
+        assert_eq!(best.note(port), None);
+        assert_eq!(latency_timer_in(&folder.join("devices"), "/dev/null"), None);
+        std::fs::remove_dir_all(folder).unwrap();
     }
 }

@@ -368,6 +368,9 @@ impl Device for ByteServo {
             }
             ServoFault::Overload => self.raise(self.layout.conditions.2),
             ServoFault::Supply(volts) => self.supply_v = volts,
+            ServoFault::Moved(joint_rad) => {
+                self.motor.angle_rad = self.spec.zero_rad + self.spec.direction * joint_rad;
+            }
             ServoFault::Id(id) => self.memory[self.layout.id] = id,
         }
     }

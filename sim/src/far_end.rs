@@ -1,4 +1,4 @@
-//! Where the host plugs in: a pseudo-terminal, or a multicast group.
+//! Where the host plugs in: a pseudo-terminal, a multicast group, a CAN interface.
 
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
@@ -8,6 +8,8 @@ use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use servodance_drivers::Port;
 use servodance_drivers::can::CanPort;
 
+#[cfg(target_os = "linux")]
+use crate::can::InterfaceAdapter;
 use crate::can::{Adapter, MulticastAdapter, SlcanAdapter};
 use crate::spec::{SimError, SimLink};
 
@@ -47,7 +49,7 @@ pub struct Socket {
 impl Socket {
     /// Opens it: our end, and what the host is to open, as a path and as a port.
     pub fn open(&self) -> Result<(FarEnd, String, Port), SimError> {
-        match (self.is_can, self.link) {
+        match (self.is_can, &self.link) {
             (false, SimLink::Terminal) => {
                 let (master, path) = self.terminal()?;
                 Ok((FarEnd::Serial(master), path.clone(), Port::Serial(path)))
@@ -58,16 +60,32 @@ impl Socket {
                 Ok((FarEnd::Can(Box::new(SlcanAdapter::new(master))), path, port))
             }
             (true, SimLink::Multicast(group)) => {
-                let adapter = MulticastAdapter::open(group).map_err(|reason| SimError::System {
-                    what: "joining a multicast group",
-                    reason,
-                })?;
-                let port = Port::Can(CanPort::Udp(group));
+                let adapter =
+                    MulticastAdapter::open(*group).map_err(|reason| SimError::System {
+                        what: "joining a multicast group",
+                        reason,
+                    })?;
+                let port = Port::Can(CanPort::Udp(*group));
                 Ok((FarEnd::Can(Box::new(adapter)), group.to_string(), port))
             }
-            (false, SimLink::Multicast(_)) => Err(SimError::Option {
+            #[cfg(target_os = "linux")]
+            (true, SimLink::Interface(name)) => {
+                let adapter = InterfaceAdapter::open(name).map_err(|reason| SimError::System {
+                    what: "opening a CAN interface",
+                    reason,
+                })?;
+                let port = Port::Can(CanPort::Socket(name.clone()));
+                Ok((FarEnd::Can(Box::new(adapter)), name.clone(), port))
+            }
+            #[cfg(not(target_os = "linux"))]
+            (true, SimLink::Interface(name)) => Err(SimError::Option {
                 key: "link",
-                actual: "multicast".into(),
+                actual: name.clone(),
+                wanted: "a terminal or a multicast group: CAN interfaces need Linux",
+            }),
+            (false, link) => Err(SimError::Option {
+                key: "link",
+                actual: format!("{link:?}"),
                 wanted: "a terminal: these servos are on a serial bus",
             }),
         }

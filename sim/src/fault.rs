@@ -44,6 +44,8 @@ pub enum ServoFault {
     Overload,
     /// Its supply changes, volts.
     Supply(f64),
+    /// Somebody turns the limp joint by hand, to this many radians.
+    Moved(f64),
     /// It answers to another id; if that one is taken, both answer at once.
     Id(u8),
 }

@@ -619,6 +619,9 @@ impl Device for SimServo {
             }
             ServoFault::Overload => self.raise(OVERLOAD_ERROR),
             ServoFault::Supply(volts) => self.supply_v = volts,
+            ServoFault::Moved(joint_rad) => {
+                self.motor.angle_rad = self.spec.zero_rad + self.spec.direction * joint_rad;
+            }
             ServoFault::Id(id) => self.table.put(at::ID, i64::from(id)),
         }
     }

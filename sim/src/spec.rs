@@ -278,13 +278,15 @@ pub enum SimClock {
 }
 
 /// What the host opens to reach the servos.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum SimLink {
     /// A serial adapter on a pseudo-terminal, an slcan adapter for CAN motors.
     #[default]
     Terminal,
     /// A multicast group of this machine, as python-can's `udp_multicast`: CAN only.
     Multicast(SocketAddrV4),
+    /// A CAN interface of this machine (a virtual one, for instance): CAN only.
+    Interface(String),
 }
 
 /// How a bus of simulated servos behaves.

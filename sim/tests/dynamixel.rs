@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use servodance_drivers::{Bus, BusError, SerialBus, ping, scan};
+use servodance_drivers::{Bus, BusError, Probe, Protocol, SerialBus};
 use servodance_sim::{ServoFault, SimBus, SimOptions};
 use servodance_types::JointState;
 
@@ -379,7 +379,8 @@ fn a_scan_finds_everyone_with_model_firmware_and_errors() {
     sim.set_servo_fault(7, ServoFault::Overload);
     sim.set_servo_fault(9, ServoFault::Dead);
     let wait = std::time::Duration::from_millis(300);
-    let found = scan(sim.port_path(), BAUD, wait).unwrap();
+    let mut probe = Probe::open(sim.port_path(), BAUD, Protocol::Dynamixel2, wait).unwrap();
+    let found = probe.everyone().unwrap();
     let ids: Vec<u8> = found.iter().map(|servo| servo.id).collect();
     assert_eq!(ids, (1..=20).filter(|id| *id != 10).collect::<Vec<u8>>());
     assert_eq!(
@@ -388,9 +389,34 @@ fn a_scan_finds_everyone_with_model_firmware_and_errors() {
     );
     assert_eq!(found[7].hardware_error.as_deref(), Some("overload"));
     assert_eq!(found[8].hardware_error, None);
-    assert_eq!(
-        ping(sim.port_path(), BAUD, 8, wait).unwrap().unwrap(),
-        found[7]
-    );
-    assert_eq!(ping(sim.port_path(), BAUD, 10, wait).unwrap(), None);
+    assert_eq!(probe.ping(8).unwrap().unwrap(), found[7]);
+    assert_eq!(probe.ping(10).unwrap(), None);
+    assert_eq!(probe.vitals(&found[2]).unwrap().unwrap().temperature_c, 25);
+    // An id given twice: two of a model answer a ping alike, but stand elsewhere.
+    sim.set_servo_fault(0, ServoFault::Moved(0.3));
+    sim.set_servo_fault(0, ServoFault::Id(3));
+    let error = probe.vitals(&found[2]).unwrap_err();
+    assert!(error.to_string().contains("corrupt"), "{error}");
+}
+
+#[test]
+fn an_id_is_changed_only_where_it_answers_and_with_torque_off() {
+    let servos = robot(3);
+    let sim = lockstep(&servos);
+    let wait = std::time::Duration::from_millis(300);
+    let mut torque_on = Vec::new();
+    for id in 1..=3 {
+        Protocol::Dynamixel2.encode(&mut torque_on, id, 3, &[64, 0, 1]);
+    }
+    let mut port = serialport::new(sim.port_path(), BAUD).open().unwrap();
+    port.write_all(&torque_on).unwrap();
+    while !sim.servo(2).unwrap().torque_enabled {}
+    drop(port);
+    let mut probe = Probe::open(sim.port_path(), BAUD, Protocol::Dynamixel2, wait).unwrap();
+    let found = probe.ping(2).unwrap().unwrap();
+    probe.set_id(&found, 42).unwrap();
+    assert_eq!(probe.ping(2).unwrap(), None);
+    assert_eq!(probe.ping(42).unwrap().unwrap().id, 42);
+    assert!(!sim.servo(1).unwrap().torque_enabled);
+    assert!(sim.servo(0).unwrap().torque_enabled);
 }

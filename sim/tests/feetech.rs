@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use servodance_drivers::{Bus, BusKind, SafeBus, SafetyConfig, SerialBus};
+use servodance_drivers::{Bus, BusKind, Probe, Protocol, SafeBus, SafetyConfig, SerialBus};
 use servodance_sim::{ServoFault, SimBus, SimOptions};
 use servodance_types::JointState;
 
@@ -85,4 +85,21 @@ fn another_bus_kind_is_refused() {
         error.contains("joint joint_1: model STS3215 does not speak"),
         "{error}"
     );
+}
+
+#[test]
+fn an_sts_servo_is_found_and_renamed() {
+    let (_, sim, bus) = start(2);
+    drop(bus);
+    let wait = std::time::Duration::from_millis(300);
+    let mut probe = Probe::open(sim.port_path(), STS_BAUD, Protocol::Protocol1, wait).unwrap();
+    let found = probe.ping(2).unwrap().unwrap();
+    assert_eq!((found.model, found.firmware), (Some("STS3215"), 3));
+    sim.set_servo_fault(1, ServoFault::Moved(-0.1));
+    let vitals = probe.vitals(&found).unwrap().unwrap();
+    assert!((vitals.voltage_v - 12.0).abs() < 0.2, "{vitals:?}");
+    assert_eq!(vitals.position_ticks, 2048 - 65);
+    probe.set_id(&found, 9).unwrap();
+    assert_eq!(probe.ping(2).unwrap(), None);
+    assert_eq!(probe.ping(9).unwrap().unwrap().model, found.model);
 }

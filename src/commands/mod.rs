@@ -6,15 +6,19 @@
 //! (an error, told by `main` in one line), 130 stopped by Ctrl-C.
 
 pub mod bench;
+pub mod calibrate;
 pub mod dance;
 pub mod devices;
 pub mod evaluate;
 pub mod generate;
+pub mod jog;
+pub mod ping;
 pub mod reconstruct;
 pub mod retarget;
 pub mod robot;
 pub mod robots;
 pub mod scan;
+pub mod set_id;
 pub mod sim_bus;
 pub mod song;
 
@@ -45,12 +49,18 @@ pub struct Cli {
 pub enum Command {
     /// Measure what parts of this program take on this machine.
     Bench(bench::Args),
+    /// Put zeros and directions into a robot file, from where its joints rest.
+    Calibrate(calibrate::Args),
     /// Dance to a recording, to the built-in song, or to raw audio on standard input.
     Dance(dance::Args),
-    /// Write the human motion that the model dances to a recording, without a robot.
-    Generate(generate::Args),
     /// Score the generator: beat, variety, physics, each beside controls and real motion.
     Evaluate(evaluate::Args),
+    /// Write the human motion that the model dances to a recording, without a robot.
+    Generate(generate::Args),
+    /// Move one joint, by steps from the keyboard or by one.
+    Jog(jog::Args),
+    /// Ask one servo, or every joint of a robot, how it is.
+    Ping(ping::Args),
     /// Send a motion through the model's tokens and back.
     Reconstruct(reconstruct::Args),
     /// Turn a motion file into joint positions of a robot, without servos.
@@ -61,8 +71,10 @@ pub enum Command {
     Devices(devices::Args),
     /// List the built-in robots and where each file is.
     Robots(robots::Args),
-    /// Look for Dynamixel servos on a serial port, at every usual baud rate.
+    /// Look for servos on a serial port, at every usual baud rate.
     Scan(scan::Args),
+    /// Give a servo another id.
+    SetId(set_id::Args),
     /// Serve a robot's simulated servos to any program, until stopped.
     SimBus(sim_bus::Args),
     /// Write the built-in song as a WAV file.
@@ -77,15 +89,19 @@ impl Command {
     pub fn run(self) -> anyhow::Result<ExitCode> {
         match self {
             Command::Bench(args) => bench::run(args),
+            Command::Calibrate(args) => calibrate::run(args),
             Command::Dance(args) => dance::run(args),
             Command::Evaluate(args) => evaluate::run(args),
             Command::Generate(args) => generate::run(args),
+            Command::Jog(args) => jog::run(args),
+            Command::Ping(args) => ping::run(args),
             Command::Reconstruct(args) => reconstruct::run(args),
             Command::Retarget(args) => retarget::run(args),
             Command::Robot(args) => robot::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Robots(args) => robots::run(args),
             Command::Scan(args) => scan::run(args),
+            Command::SetId(args) => set_id::run(args),
             Command::SimBus(args) => sim_bus::run(args),
             Command::Song(args) => song::run(args),
         }

@@ -1,14 +1,16 @@
 //! `servodance scan`.
 
-use crate::bus_tools;
+use crate::bus_tools::{ProtocolChoice, scan};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
 Examples:
   servodance scan
-      the serial ports of this machine
+      the serial ports of this machine, with the latency timers of USB adapters
   servodance scan /dev/ttyUSB0
-      every servo that answers: baud rate, id, model, firmware, errors";
+      every servo that answers, at every usual rate: id, model, firmware, volts, errors
+  servodance scan /dev/ttyUSB0 --baud 1000000 --protocol 1
+      Feetech and old Dynamixel servos at one rate";
 
 /// What `scan` is asked for.
 #[derive(Debug, clap::Args)]
@@ -20,16 +22,17 @@ pub struct Args {
     /// Only this baud rate.
     #[arg(long, value_name = "BAUD")]
     pub baud: Option<u32>,
+    /// Only this protocol.
+    #[arg(long, value_enum, default_value_t)]
+    pub protocol: ProtocolChoice,
 }
 
 /// Prints a line for each servo, or for each port.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let lines = match args.port {
-        Some(port) => bus_tools::scan(&port, args.baud)?,
-        None => bus_tools::ports(),
-    };
-    for line in lines {
-        println!("{line}");
+    let say = |line: &str| println!("{line}");
+    match args.port {
+        Some(port) => scan::scan(&port, args.baud, args.protocol, say, |n| eprintln!("{n}"))?,
+        None => scan::ports().iter().for_each(|line| say(line)),
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,7 +1,7 @@
 //! `servodance sim-bus`.
 
 use super::stop_signal;
-use crate::bus_tools;
+use crate::bus_tools::serve;
 use crate::robot::Robot;
 use crate::sim_link::LinkChoice;
 use std::process::ExitCode;
@@ -32,7 +32,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = Robot::load(&args.robot)?;
     let stop = stop_signal()?;
-    let served = bus_tools::serve(&robot, args.link, &stop, |port| println!("{port}"))?;
+    let served = serve::serve(&robot, args.link, &stop, |port| println!("{port}"))?;
     eprintln!("{served}");
     Ok(ExitCode::SUCCESS)
 }

@@ -17,7 +17,7 @@ mod idle;
 mod latency;
 mod motion_source;
 mod portrait;
-mod ports;
+pub mod ports;
 mod rehearsal;
 mod rig;
 mod scores;

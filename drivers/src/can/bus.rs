@@ -260,6 +260,13 @@ impl Bus for CanBus {
         &self.exchange.servos
     }
 
+    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+        self.release_all()?;
+        let mut states = vec![JointState::default(); self.status.len()];
+        self.copy_states(&mut states);
+        Ok(states)
+    }
+
     fn prepare(&mut self) -> Result<Vec<String>, BusError> {
         self.check_and_set_up()
     }

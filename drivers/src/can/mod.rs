@@ -18,6 +18,8 @@ mod protocol;
 mod rate;
 mod robstride;
 pub mod slcan;
+#[cfg(target_os = "linux")]
+pub mod socket;
 pub mod udp;
 
 pub use bus::CanBus;
@@ -41,7 +43,15 @@ pub fn open_link(port: &str, bitrate: u32) -> Result<Box<dyn CanLink>, BusError>
             slcan::SlcanLink::open(&path, bitrate).map(|link| Box::new(link) as _)
         }
         CanPort::Udp(group) => udp::UdpLink::open(group).map(|link| Box::new(link) as _),
-        CanPort::Socket(_) => Err(std::io::ErrorKind::Unsupported.into()),
+        #[cfg(target_os = "linux")]
+        CanPort::Socket(interface) => {
+            socket::SocketLink::open(&interface).map(|link| Box::new(link) as _)
+        }
+        #[cfg(not(target_os = "linux"))]
+        CanPort::Socket(_) => Err(std::io::Error::new(
+            std::io::ErrorKind::Unsupported,
+            "CAN interfaces need Linux; use a serial adapter, slcan:PATH",
+        )),
     };
     opened.map_err(|error| refused(error.to_string()))
 }

@@ -1,5 +1,5 @@
 //! The host's way to the simulated bus: an slcan adapter on a pseudo-terminal,
-//! or a multicast group.
+//! a multicast group, or a CAN interface.
 //!
 //! The slcan adapter knows `S`, `s`, `O`, `L`, `C`, `F`, `V`, `N`, `t`, `T`,
 //! `r`, `R`; it refuses frames while closed or bus-off, and everything else.
@@ -11,7 +11,11 @@ use std::time::{Duration, Instant};
 
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+#[cfg(target_os = "linux")]
+use servodance_drivers::can::Sent;
 use servodance_drivers::can::slcan::{self, BEL, CR, Lines};
+#[cfg(target_os = "linux")]
+use servodance_drivers::can::socket::SocketLink;
 use servodance_drivers::can::udp::UdpLink;
 use servodance_drivers::can::{CanFrame, CanLink, Received};
 
@@ -191,6 +195,63 @@ impl Adapter for MulticastAdapter {
     fn deliver(&mut self, frame: &CanFrame) {
         // Lost, as it would be on a bus that nobody listens to.
         let _ = self.link.send(frame);
+    }
+
+    fn garble(&mut self, _bytes: &[u8]) {}
+}
+
+/// A CAN interface of this machine.
+#[cfg(target_os = "linux")]
+pub(crate) struct InterfaceAdapter {
+    link: SocketLink,
+}
+
+#[cfg(target_os = "linux")]
+impl InterfaceAdapter {
+    /// How long a motor waits before it offers a frame again, ...
+    const REPEAT: Duration = Duration::from_micros(100);
+    /// ... and how often it does: a motor without a bus loses its frame.
+    const MOST_REPEATS: u32 = 1000;
+
+    /// Opens an interface that is up.
+    pub fn open(interface: &str) -> io::Result<Self> {
+        Ok(Self {
+            link: SocketLink::open(interface)?,
+        })
+    }
+}
+
+#[cfg(target_os = "linux")]
+impl Adapter for InterfaceAdapter {
+    fn watched(&self) -> io::Result<OwnedFd> {
+        self.link.as_fd().try_clone_to_owned()
+    }
+
+    fn wait(&self, wait: Duration) -> io::Result<bool> {
+        readable(&self.link, wait)
+    }
+
+    fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
+        let now = Instant::now();
+        loop {
+            match self.link.receive(now) {
+                Ok(Received::Frame(frame)) if !bus_off => frames.push(frame),
+                Ok(Received::Nothing) => return Ok(()),
+                // Motors live on when the interface is taken down.
+                Err(error) if error.kind() == io::ErrorKind::NetworkDown => return Ok(()),
+                Err(error) => return Err(error),
+                Ok(_) => {}
+            }
+        }
+    }
+
+    fn deliver(&mut self, frame: &CanFrame) {
+        for _ in 0..Self::MOST_REPEATS {
+            match self.link.send(frame) {
+                Ok(Sent::Full) => std::thread::sleep(Self::REPEAT),
+                _ => return,
+            }
+        }
     }
 
     fn garble(&mut self, _bytes: &[u8]) {}

@@ -284,6 +284,9 @@ impl Core {
             }
             ServoFault::Overload => self.fail(Trouble::Overload),
             ServoFault::Supply(volts) => self.supply_v = volts,
+            ServoFault::Moved(joint_rad) => {
+                self.motor.angle_rad = self.spec.zero_rad + self.spec.direction * joint_rad;
+            }
             ServoFault::Id(id) => self.id = id,
         }
         false

@@ -1,7 +1,7 @@
 //! Simulated CAN motors, exact to the frame.
 //!
 //! ```text
-//! any program <-> slcan on a pseudo-terminal, or multicast <-> server thread
+//! any program <-> slcan on a pseudo-terminal, multicast, or SocketCAN <-> server thread
 //!             <-> CanNet (arbitration) <-> motors (protocol, torque loop, judge)
 //! ```
 
@@ -21,6 +21,8 @@ pub use net::{CanNet, Device};
 pub use odrive::{OdriveAxis, WATCHDOG_ENDPOINTS};
 pub use robstride::RobstrideMotor;
 
+#[cfg(target_os = "linux")]
+pub(crate) use adapter::InterfaceAdapter;
 pub(crate) use adapter::{Adapter, MulticastAdapter, SlcanAdapter, readable};
 pub(crate) use server::CanServer;
 

@@ -1,5 +1,6 @@
 //! `servodance bench`: what the parts of this program take on this machine.
 
+pub mod bus;
 pub mod retarget;
 
 use clap::Subcommand;
@@ -16,6 +17,8 @@ pub struct Args {
 /// What can be measured.
 #[derive(Debug, Subcommand)]
 pub enum What {
+    /// Control cycles a second over simulated servos, wire time imposed.
+    Bus(bus::Args),
     /// Time and allocations of a retargeting cycle.
     Retarget(retarget::Args),
 }
@@ -23,6 +26,7 @@ pub enum What {
 /// Measures it.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.what {
+        What::Bus(args) => bus::run(args),
         What::Retarget(args) => retarget::run(args),
     }
 }

@@ -1,0 +1,170 @@
+//! How fast the buses of a robot are: the drivers against simulated servos in
+//! real time, with the time imposed that bytes and frames take on the wire.
+//!
+//! Each bus is measured by itself, as they run side by side: the slowest one
+//! gives the robot's rate. Figures are this machine's, and those of a machine
+//! with other work to do are worse.
+
+use crate::robot::Robot;
+use anyhow::Context;
+use serde::Serialize;
+use servodance_drivers::{BusConfig, BusLayout};
+use servodance_sim::bench_bus;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// The rates at which jitter is measured.
+const PACES_HZ: [u32; 3] = [100, 250, 500];
+/// How long each run lasts.
+const RUN_S: f64 = 3.0;
+
+/// What was measured.
+#[derive(Clone, Debug, Serialize)]
+pub struct Figures {
+    /// The robot.
+    pub robot: String,
+    /// Cycles a second of the slowest bus, as fast as it goes: the median over
+    /// windows of 50 cycles.
+    pub hz: f64,
+    /// What the wire of that bus carries at best.
+    pub wire_limit_hz: f64,
+    /// Processor time of the drivers for one cycle of every bus, microseconds.
+    pub cpu_us_per_cycle: f64,
+    /// How late cycles began, 99th percentile, microseconds, at the robot's own rate.
+    pub jitter_us_p99: f64,
+    /// The same at other rates; `None` where a wire does not carry that.
+    pub jitter_us_p99_at_hz: BTreeMap<u32, Option<f64>>,
+    /// Each bus.
+    pub buses: Vec<BusFigures>,
+}
+
+/// What one bus reached.
+#[derive(Clone, Debug, Serialize)]
+pub struct BusFigures {
+    /// Its name; empty for an only bus.
+    pub name: String,
+    /// Servos on it.
+    pub servos: usize,
+    /// Bits a second.
+    pub baud: u32,
+    /// Cycles a second, as fast as it goes: the median over windows of 50 cycles.
+    pub hz: f64,
+    /// The mean over the whole run, stalls of this machine included.
+    pub hz_mean: f64,
+    /// What the wire carries at best.
+    pub wire_limit_hz: f64,
+    /// Processor time of the driver for one cycle, microseconds.
+    pub cpu_us_per_cycle: f64,
+}
+
+/// Measures every bus of the robot.
+///
+/// # Errors
+/// A rate that the servos cannot be set to, or a bus that fails.
+pub fn run(robot: &Robot, baud: Option<u32>) -> anyhow::Result<Figures> {
+    let layouts: Vec<BusLayout> = robot
+        .buses
+        .iter()
+        .map(|bus| at_baud(bus, baud))
+        .collect::<Result<_, _>>()?;
+    let mut buses = Vec::with_capacity(layouts.len());
+    for layout in &layouts {
+        buses.push(flat_out(layout)?);
+    }
+    let slowest = buses.iter().min_by(|a, b| a.hz.total_cmp(&b.hz));
+    let slowest = slowest.context("the robot has no bus")?;
+    let own = jitter_us(&layouts, robot.control_hz)?;
+    let mut paces = BTreeMap::new();
+    for hz in PACES_HZ {
+        paces.insert(hz, jitter_us(&layouts, f64::from(hz))?);
+    }
+    Ok(Figures {
+        robot: robot.name.clone(),
+        hz: slowest.hz,
+        wire_limit_hz: slowest.wire_limit_hz,
+        cpu_us_per_cycle: buses.iter().map(|bus| bus.cpu_us_per_cycle).sum(),
+        jitter_us_p99: own.with_context(|| {
+            let hz = robot.control_hz;
+            format!("the wire does not carry the robot's {hz} cycles a second")
+        })?,
+        jitter_us_p99_at_hz: paces,
+        buses,
+    })
+}
+
+fn at_baud(bus: &BusLayout, baud: Option<u32>) -> anyhow::Result<BusLayout> {
+    let config = BusConfig {
+        baud: baud.unwrap_or(bus.config.baud),
+        ..bus.config.clone()
+    };
+    Ok(BusLayout {
+        config: config.checked()?,
+        ..bus.clone()
+    })
+}
+
+fn flat_out(layout: &BusLayout) -> anyhow::Result<BusFigures> {
+    let limit_hz = wire_limit_hz(layout)?;
+    let cycles = (limit_hz * RUN_S).ceil() as usize;
+    let bench = bench_bus(&layout.servos, &layout.config, None, cycles, 0.0)?;
+    Ok(BusFigures {
+        name: layout.config.name.clone(),
+        servos: layout.servos.len(),
+        baud: layout.config.baud,
+        hz: bench.hz,
+        hz_mean: bench.hz_mean,
+        wire_limit_hz: bench.wire_limit_hz,
+        cpu_us_per_cycle: bench.cpu_us_per_cycle,
+    })
+}
+
+fn wire_limit_hz(layout: &BusLayout) -> anyhow::Result<f64> {
+    Ok(servodance_drivers::check_rate(&layout.config, &layout.servos, 1.0)?.fast_hz)
+}
+
+/// The worst bus's jitter at a rate; `None` if a wire does not carry it.
+fn jitter_us(layouts: &[BusLayout], hz: f64) -> anyhow::Result<Option<f64>> {
+    let mut worst_us = 0.0f64;
+    for layout in layouts {
+        if hz > wire_limit_hz(layout)? {
+            return Ok(None);
+        }
+        let cycles = (hz * RUN_S).ceil() as usize;
+        let bench = bench_bus(&layout.servos, &layout.config, Some(hz), cycles, 0.0)?;
+        worst_us = worst_us.max(bench.jitter_us_p99);
+    }
+    Ok(Some(worst_us))
+}
+
+impl fmt::Display for Figures {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for bus in &self.buses {
+            writeln!(
+                f,
+                "{}{}{} servos at {} baud: {:.1} cycles a second ({:.1} mean), {:.1} % of the \
+                 wire's {:.1}; {:.1} us of processor a cycle",
+                bus.name,
+                if bus.name.is_empty() { "" } else { ": " },
+                bus.servos,
+                bus.baud,
+                bus.hz,
+                bus.hz_mean,
+                100.0 * bus.hz / bus.wire_limit_hz,
+                bus.wire_limit_hz,
+                bus.cpu_us_per_cycle
+            )?;
+        }
+        writeln!(
+            f,
+            "cycles begin late by (99th percentile): {:.0} us at the robot's own rate",
+            self.jitter_us_p99
+        )?;
+        for (hz, jitter_us) in &self.jitter_us_p99_at_hz {
+            match jitter_us {
+                Some(jitter_us) => writeln!(f, "  {hz} Hz: {jitter_us:.0} us")?,
+                None => writeln!(f, "  {hz} Hz: more than the wire carries")?,
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,54 @@
+//! Asking before something happens to a live robot.
+
+use anyhow::{Context, bail};
+use std::io::{BufRead, IsTerminal, Write};
+
+/// Whether the user has agreed already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Consent {
+    /// Ask on the terminal; without one, refuse.
+    Ask,
+    /// `--yes`.
+    Given,
+}
+
+impl Consent {
+    /// What `--yes` means.
+    pub fn from_flag(yes: bool) -> Self {
+        if yes { Self::Given } else { Self::Ask }
+    }
+
+    /// Goes on if the user agrees to `what`, a sentence that names what will
+    /// happen and to whom.
+    ///
+    /// # Errors
+    /// The user does not agree, or there is no terminal to ask on.
+    pub fn obtain(self, what: &str) -> anyhow::Result<()> {
+        if self == Self::Given {
+            return Ok(());
+        }
+        if !std::io::stdin().is_terminal() {
+            bail!("{what} There is no terminal to ask on: --yes agrees beforehand");
+        }
+        eprint!("{what} Go on? [y/N] ");
+        std::io::stderr().flush()?;
+        let answer = read_line()?;
+        if matches!(answer.trim(), "y" | "Y" | "yes") {
+            return Ok(());
+        }
+        bail!("stopped, nothing was changed");
+    }
+}
+
+/// Waits for Enter; the end of standard input is as good.
+pub fn pause(what: &str) -> anyhow::Result<()> {
+    eprintln!("{what}, then press Enter");
+    read_line().map(drop)
+}
+
+fn read_line() -> anyhow::Result<String> {
+    let mut line = String::new();
+    let read = std::io::stdin().lock().read_line(&mut line);
+    read.context("cannot read standard input")?;
+    Ok(line)
+}

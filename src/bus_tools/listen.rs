@@ -1,0 +1,160 @@
+//! Finding servos on a serial port: which rates, which framing, how long to wait.
+
+use anyhow::bail;
+use clap::ValueEnum;
+use servodance_drivers::{Found, Probe, Protocol, latency_timer};
+use std::time::Duration;
+
+/// How long a servo may take to answer, on top of the time on the wire, behind
+/// an adapter that passes bytes on at once.
+const PATIENCE: Duration = Duration::from_millis(10);
+
+/// Which framings to look for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum ProtocolChoice {
+    /// All of them.
+    #[default]
+    All,
+    /// Dynamixel Protocol 2.0.
+    #[value(name = "2")]
+    Two,
+    /// Dynamixel Protocol 1, and Feetech.
+    #[value(name = "1")]
+    One,
+}
+
+impl ProtocolChoice {
+    fn protocols(self) -> &'static [Protocol] {
+        match self {
+            Self::All => &Probe::PROTOCOLS,
+            Self::Two => &[Protocol::Dynamixel2],
+            Self::One => &[Protocol::Protocol1],
+        }
+    }
+}
+
+/// The path of a serial port, given as `dance --bus` takes it or bare.
+fn serial_path(port: &str) -> anyhow::Result<&str> {
+    let path = port.strip_prefix("serial:").unwrap_or(port);
+    if ["can:", "slcan:", "udp:"]
+        .iter()
+        .any(|kind| path.starts_with(kind))
+    {
+        bail!(
+            "{port} leads to a CAN bus; this looks at serial ones (ping --robot reads CAN motors)"
+        );
+    }
+    if path.is_empty() {
+        bail!("\"{port}\" names no port; give its path, e.g. /dev/ttyUSB0");
+    }
+    Ok(path)
+}
+
+/// Where and how to listen.
+#[derive(Clone, Debug)]
+pub struct Ear {
+    path: String,
+    baud: Option<u32>,
+    protocol: ProtocolChoice,
+    wait: Duration,
+}
+
+impl Ear {
+    /// On a serial port; at every usual rate unless one is given.
+    pub fn new(port: &str, baud: Option<u32>, protocol: ProtocolChoice) -> anyhow::Result<Self> {
+        let path = serial_path(port)?.to_owned();
+        if let Some(baud) = baud
+            && !(9_600..=10_000_000).contains(&baud)
+        {
+            bail!("--baud {baud} is outside 9600..10000000");
+        }
+        let latency_ms = latency_timer(&path).map_or(0, |timer| timer.latency_ms);
+        Ok(Self {
+            wait: PATIENCE + Duration::from_millis(u64::from(latency_ms)),
+            path,
+            baud,
+            protocol,
+        })
+    }
+
+    /// The port's path.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// Every framing and rate that is listened to.
+    pub fn channels(&self) -> Vec<(Protocol, u32)> {
+        let protocols = self.protocol.protocols().iter();
+        protocols
+            .flat_map(|&protocol| {
+                let bauds = match self.baud {
+                    Some(baud) => vec![baud],
+                    None => Probe::bauds(protocol).to_vec(),
+                };
+                bauds.into_iter().map(move |baud| (protocol, baud))
+            })
+            .collect()
+    }
+
+    /// Opens the port.
+    pub fn probe(&self, protocol: Protocol, baud: u32) -> anyhow::Result<Probe> {
+        Ok(Probe::open(&self.path, baud, protocol, self.wait)?)
+    }
+
+    /// The servo with this id, at the first rate where it answers, and the way to it.
+    pub fn find(&self, id: u8) -> anyhow::Result<(Probe, Found)> {
+        for (protocol, baud) in self.channels() {
+            let mut probe = self.probe(protocol, baud)?;
+            if let Some(found) = probe.ping(id)? {
+                return Ok((probe, found));
+            }
+        }
+        bail!(
+            "{}: id {id} does not answer at {}; `servodance scan {}` lists who does",
+            self.path,
+            self.rates(),
+            self.path
+        );
+    }
+
+    /// What was listened to, in words.
+    pub fn rates(&self) -> String {
+        match self.baud {
+            Some(baud) => format!("{baud} baud"),
+            None => "any usual baud rate".into(),
+        }
+    }
+}
+
+/// One servo in one line: who, then how.
+pub fn line(found: &Found, vitals: &str) -> String {
+    let protocol = match found.family.protocol() {
+        Protocol::Dynamixel2 => "2.0",
+        Protocol::Protocol1 => "1",
+    };
+    format!(
+        "{} baud  protocol {protocol}  id {:>3}  {} ({})  firmware {}  {vitals}  {}",
+        found.baud,
+        found.id,
+        found.model.unwrap_or("unknown model"),
+        found.model_number,
+        found.firmware,
+        found.hardware_error.as_deref().unwrap_or("no error")
+    )
+}
+
+/// How a servo is, in words. A servo that answers a ping but cannot be read
+/// has a namesake.
+pub fn vitals(probe: &mut Probe, found: &Found) -> String {
+    match probe.vitals(found) {
+        Ok(Some(vitals)) => format!(
+            "{:.1} V  {} C  at {}  torque {}",
+            vitals.voltage_v,
+            vitals.temperature_c,
+            vitals.position_ticks,
+            if vitals.torque_enabled { "ON" } else { "off" }
+        ),
+        Ok(None) => "silent when read".into(),
+        Err(error) => format!("{error}: is this id given twice?"),
+    }
+}

@@ -1,0 +1,39 @@
+//! `servodance bench bus`.
+
+use crate::bus_tools::bench;
+use crate::robot::Robot;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance bench bus --robot op3 --baud 4000000
+      cycles a second against what the wire carries, processor time, jitter
+  servodance bench bus --robot op3 --json
+      the same as one JSON object";
+
+/// What `bench bus` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// A built-in robot, or a robot file.
+    #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
+    pub robot: String,
+    /// Bits a second, instead of the robot file's.
+    #[arg(long, value_name = "BAUD")]
+    pub baud: Option<u32>,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Measures and prints.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let robot = Robot::load(&args.robot)?;
+    let figures = bench::run(&robot, args.baud)?;
+    if args.json {
+        println!("{}", serde_json::to_string(&figures)?);
+    } else {
+        print!("{figures}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
