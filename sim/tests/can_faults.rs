@@ -27,7 +27,11 @@ fn names(kind: Kind) -> [&'static str; 3] {
         Kind::CubeMars => ["motor stalled", "motor overheating", "under-voltage"],
         Kind::Damiao => ["overload (error E)", "coil overheating", "under-voltage"],
         Kind::Robstride => ["overload", "overheating", "under-voltage"],
-        Kind::Odrive => ["motor over-current", "motor overheating", "under-voltage"],
+        Kind::Odrive => [
+            "current limit violation",
+            "motor overheating",
+            "under-voltage",
+        ],
         Kind::Cia402 => ["motor blocked", "overheating", "under-voltage"],
     }
 }

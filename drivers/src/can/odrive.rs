@@ -85,7 +85,7 @@ const LOST: &str = "watchdog expired";
 
 /// What an error word says.
 fn error_names(errors: u32) -> Option<String> {
-    const NAMES: [(u32, &str); 18] = [
+    const NAMES: [(u32, &str); 22] = [
         (0, "initializing"),
         (1, "system level"),
         (2, "timing error"),
@@ -96,14 +96,18 @@ fn error_names(errors: u32) -> Option<String> {
         (8, "over-voltage"),
         (9, "under-voltage"),
         (10, "over-current of the supply"),
-        (11, "under-current of the supply"),
-        (12, "motor over-current"),
+        (11, "too much regeneration current"),
+        (12, "current limit violation"),
         (13, "motor overheating"),
         (14, "inverter overheating"),
         (15, "velocity limit violation"),
         (16, "position limit violation"),
         (24, LOST),
         (25, "emergency stop requested"),
+        (26, "spinout"),
+        (27, "brake resistor disarmed"),
+        (28, "thermistor disconnected"),
+        (30, "calibration error"),
     ];
     if errors == 0 {
         return None;

@@ -1,0 +1,262 @@
+"""Drives the simulated CAN motors with independent clients, in real time.
+
+    pip install python-can==4.6.1 msgpack canopen==2.4.1 odrive
+    cargo build --release -p servodance-sim --example serve
+    python sim/reference/python_can.py target/release/examples/serve > sim/reference/python_can.txt
+
+python-can reaches them over slcan and over udp_multicast; canopen is a CANopen
+master of its own; the names of ODrive's errors come from the package odrive.
+Every line of the output is one fact about the bus as these clients saw it.
+"""
+
+import contextlib
+import struct
+import subprocess
+import sys
+import time
+
+import can
+import canopen
+import odrive.enums
+
+failed = False
+
+
+def check(name, passed, seen):
+    global failed
+    failed = failed or not passed
+    print(f"{'ok  ' if passed else 'FAIL'} {name}: {seen}")
+
+
+@contextlib.contextmanager
+def motors(model, group=None):
+    command = [sys.argv[1], "2", "1000000", model] + ([group] if group else [])
+    server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    port = server.stdout.readline().strip()
+    try:
+        yield port
+    finally:
+        server.stdin.close()
+        server.wait(10)
+
+
+def slcan(port):
+    return can.Bus(interface="slcan", channel=port, bitrate=1_000_000, sleep_after_open=0.2)
+
+
+def exchange(bus, message, accept, seconds=1.0):
+    bus.send(message)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        answer = bus.recv(0.1)
+        if answer is not None and accept(answer):
+            return answer
+    return None
+
+
+def frame(arbitration_id, data=b"", extended=False, remote=False):
+    length = 8 if remote else len(data)
+    return can.Message(arbitration_id=arbitration_id, data=data, is_extended_id=extended,
+                       is_remote_frame=remote, dlc=length)
+
+
+def code(value, span, bits):
+    return round((value + span) / (2 * span) * ((1 << bits) - 1))
+
+
+def angle(high, low, span):
+    return (high << 8 | low) / 65535 * 2 * span - span
+
+
+def mit(position, kp, kd, velocity_range, torque_range):
+    fields = ((code(position, 12.5, 16), 16), (code(0, velocity_range, 12), 12),
+              (round(kp / 500 * 4095), 12), (round(kd / 5 * 4095), 12),
+              (code(0, torque_range, 12), 12))
+    word = 0
+    for value, bits in fields:
+        word = word << bits | value
+    return word.to_bytes(8, "big")
+
+
+def damiao(bus, where):
+    def mine(answer):
+        return answer.arbitration_id == 0 and answer.data[0] & 0xF == 1
+
+    def register(number, command=0x33, value=bytes(4)):
+        question = frame(0x7FF, bytes([1, 0, command, number]) + value)
+        answer = exchange(bus, question, lambda a: a.arbitration_id == 0 and a.data[3] == number)
+        return bytes(answer.data[4:])
+
+    for number, name, wanted in ((21, "PMAX", 12.5), (22, "VMAX", 30.0), (23, "TMAX", 10.0)):
+        value = struct.unpack("<f", register(number))[0]
+        check(f"{where}: register {number} {name}", value == wanted, value)
+    answer = exchange(bus, frame(1, bytes.fromhex("FFFFFFFFFFFFFFFC")), mine)
+    check(f"{where}: enabled", answer.data[0] == 0x11, answer.data.hex())
+    for k in range(100):
+        answer = exchange(bus, frame(1, mit(0.4 * (k + 1) / 100, 22, 0.55, 30, 10)), mine)
+        time.sleep(0.01)
+    seen = angle(answer.data[1], answer.data[2], 12.5)
+    check(f"{where}: follows to 0.4 rad", abs(seen - 0.4) < 0.05, f"{seen:.3f}")
+    register(9, 0x55, struct.pack("<I", 100 * 20))
+    check(f"{where}: TIMEOUT of 100 ms reads back",
+          struct.unpack("<I", register(9))[0] == 2000, 2000)
+    time.sleep(0.3)
+    # A register read makes no command: ask with a mode command that means nothing.
+    answer = exchange(bus, frame(1, bytes.fromhex("FFFFFFFFFFFFFFFD")), mine)
+    check(f"{where}: silent for 300 ms, error D", answer.data[0] >> 4 == 0xD, answer.data.hex())
+
+
+def cubemars(bus):
+    def mine(answer):
+        return answer.data[0] == 1
+
+    answer = exchange(bus, frame(1, bytes.fromhex("FFFFFFFFFFFFFFFC")), mine)
+    check("AK80-9: enable is answered with its id", answer is not None, answer.data.hex())
+    for k in range(100):
+        answer = exchange(bus, frame(1, mit(-0.3 * (k + 1) / 100, 39.6, 0.99, 50, 18)), mine)
+        time.sleep(0.01)
+    seen = angle(answer.data[1], answer.data[2], 12.5)
+    check("AK80-9: follows to -0.3 rad", abs(seen + 0.3) < 0.05, f"{seen:.3f}")
+
+
+def robstride(bus):
+    host, span = 0xFD, 12.566370614359172
+
+    def ask(kind, data16, data, answered):
+        question = frame(kind << 24 | data16 << 8 | 1, data, extended=True)
+        accept = lambda a: a.is_extended_id and a.arbitration_id >> 24 == answered
+        return exchange(bus, question, accept)
+
+    answer = ask(0, host, bytes(8), 0)
+    check("RS02: answers a broadcast of its id", answer.arbitration_id == 0x1FE,
+          f"{answer.arbitration_id:08X}")
+    answer = ask(17, host, struct.pack("<HHI", 0x701C, 0, 0), 17)
+    volts = struct.unpack("<f", answer.data[4:])[0]
+    check("RS02: parameter 701C", volts == 48.0, volts)
+    answer = ask(17, host, struct.pack("<HHI", 0x1234, 0, 0), 17)
+    check("RS02: unknown parameter is refused", answer.arbitration_id >> 16 & 0xFF == 1,
+          f"{answer.arbitration_id:08X}")
+    answer = ask(3, host, bytes(8), 2)
+    check("RS02: enabled, mode 2", answer.arbitration_id >> 22 & 3 == 2,
+          f"{answer.arbitration_id:08X}")
+    for k in range(100):
+        words = (code(0.5 * (k + 1) / 100, span, 16), code(0, 44, 16),
+                 round(37.4 / 500 * 65535), round(0.935 / 5 * 65535))
+        answer = ask(1, code(0, 17, 16), struct.pack(">4H", *words), 2)
+        time.sleep(0.01)
+    seen = angle(answer.data[0], answer.data[1], span)
+    check("RS02: follows to 0.5 rad", abs(seen - 0.5) < 0.05, f"{seen:.3f}")
+    answer = ask(4, host, bytes(8), 2)
+    check("RS02: stopped, mode 0", answer.arbitration_id >> 22 & 3 == 0,
+          f"{answer.arbitration_id:08X}")
+
+
+def odrive_axis(bus):
+    node = 1 << 5
+
+    def of(command):
+        return lambda a: a.arbitration_id == node | command and not a.is_remote_frame
+
+    beats, end = [], time.monotonic() + 2
+    while time.monotonic() < end:
+        message = bus.recv(0.2)
+        if message is not None and message.arbitration_id == node | 1:
+            beats.append(message)
+    check("ODrive: 20 heartbeats in 2 s", 15 <= len(beats) <= 22, len(beats))
+    error, state = struct.unpack("<IB", beats[0].data[:5])
+    check("ODrive: idle without error",
+          (error, state) == (0, odrive.enums.AxisState.IDLE), (error, state))
+    answer = exchange(bus, frame(node, remote=True), of(0))
+    check("ODrive: firmware", tuple(answer.data[4:6]) == (0, 6), tuple(answer.data[4:7]))
+    bus.send(frame(node | 0x0B, struct.pack("<II", 3, 1)))
+    bus.send(frame(node | 0x1A, struct.pack("<f", 40)))
+    bus.send(frame(node | 0x1B, struct.pack("<ff", 3.5, 0)))
+    bus.send(frame(node | 0x0C, struct.pack("<fhh", 0, 0, 0)))
+    bus.send(frame(node | 0x07, struct.pack("<I", odrive.enums.AxisState.CLOSED_LOOP_CONTROL)))
+    for k in range(100):
+        bus.send(frame(node | 0x0C, struct.pack("<fhh", 0.1 * (k + 1) / 100, 0, 0)))
+        answer = exchange(bus, frame(node | 9, remote=True), of(9))
+        time.sleep(0.01)
+    turns = struct.unpack("<ff", answer.data)[0]
+    check("ODrive: follows to 0.1 turns", abs(turns - 0.1) < 0.01, f"{turns:.4f}")
+    for endpoint, value in ((153, struct.pack("<f", 0.1)), (154, b"\1\0\0\0")):
+        bus.send(frame(node | 4, struct.pack("<BHB", 1, endpoint, 0) + value))
+        read = frame(node | 4, struct.pack("<BHB", 0, endpoint, 0) + bytes(4))
+        answer = exchange(bus, read, of(5))
+        check(f"ODrive: endpoint {endpoint} reads back", answer.data[4:] == value,
+              answer.data.hex())
+    time.sleep(0.3)
+    answer = exchange(bus, frame(node | 3, remote=True), of(3))
+    error = struct.unpack("<I", answer.data[:4])[0]
+    check("ODrive: silent for 300 ms", error == odrive.enums.ODriveError.WATCHDOG_TIMER_EXPIRED,
+          odrive.enums.ODriveError(error).name)
+
+
+def dictionary():
+    objects = canopen.ObjectDictionary()
+    sizes = {1: canopen.objectdictionary.UNSIGNED8, 2: canopen.objectdictionary.UNSIGNED16,
+             4: canopen.objectdictionary.INTEGER32}
+    for index, name, size in ((0x1000, "device", 4), (0x6040, "control", 2),
+                              (0x6041, "status", 2), (0x6060, "mode", 1), (0x6061, "shown", 1),
+                              (0x6064, "position", 4), (0x607A, "target", 4),
+                              (0x6502, "modes", 4)):
+        variable = canopen.objectdictionary.ODVariable(name, index)
+        variable.data_type = sizes[size]
+        objects.add_object(variable)
+    return objects
+
+
+def cia402(port):
+    network = canopen.Network()
+    network.connect(interface="slcan", channel=port, bitrate=1_000_000, sleep_after_open=0.2)
+    node = network.add_node(canopen.RemoteNode(1, dictionary()))
+    node.sdo.RESPONSE_TIMEOUT = 1.0
+    state = node.nmt.wait_for_heartbeat(2)
+    check("CiA402: heartbeat", state == "PRE-OPERATIONAL", state)
+    device = node.sdo[0x1000].raw
+    check("CiA402: device type is profile 402", device & 0xFFFF == 402, hex(device))
+    try:
+        node.sdo[0x6502].raw
+        check("CiA402: object 6502 aborts", False, "answered")
+    except canopen.SdoAbortedError as abort:
+        check("CiA402: object 6502 aborts", abort.code == 0x06020000, hex(abort.code))
+    node.sdo[0x6060].raw = 8
+    check("CiA402: mode display", node.sdo[0x6061].raw == 8, node.sdo[0x6061].raw)
+    node.nmt.state = "OPERATIONAL"
+    node.sdo[0x607A].raw = node.sdo[0x6064].raw
+    for control, mask, wanted in ((6, 0x6F, 0x21), (7, 0x6F, 0x23), (15, 0x6F, 0x27)):
+        node.sdo[0x6040].raw = control
+        status = node.sdo[0x6041].raw
+        check(f"CiA402: control word {control:02X}", status & mask == wanted, f"{status:04X}")
+    position = 0
+    for k in range(100):
+        target = round(0.3 / 6.283185307179586 * 65536 * (k + 1) / 100)
+        network.send_message(0x201, struct.pack("<Hi", 0x0F, target))
+        network.sync.transmit()
+        time.sleep(0.01)
+    time.sleep(0.2)
+    position = node.sdo[0x6064].raw * 6.283185307179586 / 65536
+    check("CiA402: follows to 0.3 rad on SYNC", abs(position - 0.3) < 0.05, f"{position:.3f}")
+    node.sdo[0x6040].raw = 0
+    status = node.sdo[0x6041].raw
+    check("CiA402: voltage off", status & 0x4F == 0x40, f"{status:04X}")
+    network.disconnect()
+
+
+def main():
+    for model, client in (("DM-J4310", lambda bus: damiao(bus, "DM-J4310")),
+                          ("AK80-9", cubemars), ("RS02", robstride), ("ODrive", odrive_axis)):
+        with motors(model) as port, slcan(port) as bus:
+            client(bus)
+    with motors("CiA402") as port:
+        cia402(port)
+    group = "239.74.163.2:43977"
+    with motors("DM-J4310", group) as port:
+        check("multicast: address", port == group, port)
+        with can.Bus(interface="udp_multicast", channel="239.74.163.2", port=43977,
+                     fd=False) as bus:
+            damiao(bus, "DM-J4310 over udp_multicast")
+    sys.exit(failed)
+
+
+main()
