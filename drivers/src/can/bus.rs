@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use servodance_types::JointState;
 
-use crate::bus::{Bus, BusStats};
+use crate::bus::{Bus, BusStats, Health};
 use crate::can::cia402::Cia402;
 use crate::can::exchange::{Exchange, Status};
 use crate::can::frame::CanFrame;
@@ -40,6 +40,10 @@ pub struct CanBus {
     status: Vec<Status>,
     answered: Vec<bool>,
     frames: Vec<CanFrame>,
+    /// Who is left out of cycles.
+    aside: Vec<bool>,
+    /// Who is on the way back, and whether it is set up already.
+    returning: Option<(usize, bool)>,
     armed: bool,
 }
 
@@ -85,6 +89,8 @@ impl CanBus {
         Ok(Self {
             status: vec![Status::default(); servos.len()],
             answered: vec![false; servos.len()],
+            aside: vec![false; servos.len()],
+            returning: None,
             frames: Vec::with_capacity(2 * servos.len() + 2),
             exchange: Exchange::new(link, port, config, servos),
             protocol,
@@ -100,6 +106,8 @@ impl CanBus {
     /// Everything that must hold before any torque.
     fn check_and_set_up(&mut self) -> Result<Vec<String>, BusError> {
         let mut notes = Vec::new();
+        self.aside.fill(false);
+        self.returning = None;
         self.release_all()?;
         for index in 0..self.status.len() {
             self.check_fault(index)?;
@@ -183,7 +191,7 @@ impl CanBus {
             self.protocol
                 .hear(&self.exchange.servos, &frame, &mut self.status);
         }
-        self.answered.fill(false);
+        self.answered.copy_from_slice(&self.aside);
         for attempt in 0..self.exchange.tries() {
             self.exchange.stats.retries += u64::from(attempt > 0);
             self.frames.clear();
@@ -222,6 +230,9 @@ impl CanBus {
     /// No motor may complain, or have left its control loop.
     fn check_all(&self) -> Result<(), BusError> {
         for (index, status) in self.status.iter().enumerate() {
+            if self.aside[index] {
+                continue;
+            }
             self.check_fault(index)?;
             if !status.active && self.armed {
                 let why = "torque is off in the motor: it rebooted, or something else stopped it";
@@ -232,13 +243,19 @@ impl CanBus {
     }
 
     fn copy_states(&self, states: &mut [JointState]) {
-        let servos = self.exchange.servos.iter();
-        for ((state, servo), status) in states.iter_mut().zip(servos).zip(&self.status) {
-            *state = JointState {
-                position_rad: servo.joint_rad(status.position_rad),
-                velocity_rad_s: servo.direction * status.velocity_rad_s,
-                current_a: 0.0,
-            };
+        for (index, state) in states.iter_mut().enumerate() {
+            if !self.aside[index] {
+                *state = self.joint_state(index);
+            }
+        }
+    }
+
+    fn joint_state(&self, index: usize) -> JointState {
+        let (servo, status) = (&self.exchange.servos[index], &self.status[index]);
+        JointState {
+            position_rad: servo.joint_rad(status.position_rad),
+            velocity_rad_s: servo.direction * status.velocity_rad_s,
+            current_a: 0.0,
         }
     }
 
@@ -329,6 +346,42 @@ impl Bus for CanBus {
 
     fn stats(&self) -> BusStats {
         self.exchange.stats
+    }
+
+    fn examine(&mut self, index: usize) -> Result<Health, BusError> {
+        let status = &self.status[index];
+        self.protocol.examine(&mut self.exchange, index, status)
+    }
+
+    fn set_aside(&mut self, index: usize) -> bool {
+        self.aside[index] = true;
+        true
+    }
+
+    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+        let is_set_up = self.returning == Some((index, true));
+        self.returning = None;
+        let protocol = &self.protocol;
+        let found = self.exchange.once(|bus| protocol.release(bus, index));
+        self.status[index] = found?;
+        self.check_fault(index)?;
+        if !is_set_up {
+            let set_up = |bus: &mut Exchange| protocol.prepare(bus, index, &mut Vec::new());
+            self.exchange.once(set_up)?;
+            self.returning = Some((index, true));
+            return Ok(None);
+        }
+        let joint_rad = self.hold_rad(index)?;
+        let motor_rad = self.exchange.servos[index].motor_rad(joint_rad);
+        let on = |bus: &mut Exchange| self.protocol.enable(bus, index, motor_rad);
+        self.exchange.once(on)?;
+        self.status[index].active = true;
+        self.aside[index] = false;
+        Ok(Some(self.joint_state(index)))
+    }
+
+    fn reopen(&mut self) -> Result<(), BusError> {
+        self.exchange.reopen()
     }
 }
 

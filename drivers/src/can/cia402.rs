@@ -253,6 +253,7 @@ impl Protocol for Cia402 {
             velocity_rad_s: 0.0,
             active: false,
             fault,
+            temperature_c: None,
         })
     }
 

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use crate::bus::BusStats;
 use crate::can::frame::{CanFrame, worst_bits};
 use crate::can::link::{CanFault, CanLink, Received, Sent};
+use crate::can::open_link;
 use crate::config::BusConfig;
 use crate::error::{BusError, ServoId};
 use crate::servo::Servo;
@@ -25,6 +26,25 @@ pub(crate) struct Status {
     pub active: bool,
     /// What it complains about.
     pub fault: Option<String>,
+    /// Its temperature, Celsius, where its reports say so.
+    pub temperature_c: Option<f64>,
+}
+
+/// A link that has been given up.
+struct Closed;
+
+impl CanLink for Closed {
+    fn send(&mut self, _frame: &CanFrame) -> std::io::Result<Sent> {
+        Err(std::io::ErrorKind::NotConnected.into())
+    }
+
+    fn receive(&mut self, _deadline: Instant) -> std::io::Result<Received> {
+        Err(std::io::ErrorKind::NotConnected.into())
+    }
+
+    fn clear(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
 }
 
 /// One CAN bus and who is on it.
@@ -55,6 +75,14 @@ impl Exchange {
             stats: BusStats::default(),
             queue_full: 0,
         }
+    }
+
+    /// Opens the link again. Nothing is sent.
+    pub fn reopen(&mut self) -> Result<(), BusError> {
+        // An adapter is open once: the old one goes first.
+        self.link = Box::new(Closed);
+        self.link = open_link(&self.port, self.config.baud)?;
+        Ok(())
     }
 
     /// How often an exchange is tried.
@@ -235,5 +263,81 @@ impl Exchange {
             doing,
             reason,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::BusKind;
+
+    /// A transmit queue of a few frames that empties by one at each refusal.
+    struct ShortQueue {
+        room: usize,
+        sent: usize,
+        stuck: bool,
+    }
+
+    impl CanLink for ShortQueue {
+        fn send(&mut self, _frame: &CanFrame) -> std::io::Result<Sent> {
+            if self.room == 0 {
+                self.room = usize::from(!self.stuck);
+                return Ok(Sent::Full);
+            }
+            self.room -= 1;
+            self.sent += 1;
+            Ok(Sent::Taken)
+        }
+
+        fn receive(&mut self, _deadline: Instant) -> std::io::Result<Received> {
+            Ok(match self.sent {
+                0 => Received::Fault(CanFault::BusOff),
+                _ => Received::Nothing,
+            })
+        }
+
+        fn clear(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn exchange(room: usize, stuck: bool) -> Exchange {
+        let link = ShortQueue {
+            room,
+            sent: 0,
+            stuck,
+        };
+        let config = BusConfig::of_kind(BusKind::Mit, 1_000_000);
+        Exchange::new(Box::new(link), "can:test", config, Vec::new())
+    }
+
+    #[test]
+    fn a_full_queue_is_waited_out_and_counted() {
+        let mut bus = exchange(10, false);
+        let frame = CanFrame::standard(1, &[0; 8]);
+        for _ in 0..20 {
+            let deadline = Instant::now() + Duration::from_secs(60);
+            bus.transmit(&frame, deadline, "target").unwrap();
+        }
+        assert_eq!((bus.queue_full, bus.stats.packets), (10, 20));
+    }
+
+    #[test]
+    fn a_queue_that_stays_full_is_an_error_in_bounded_time() {
+        let mut bus = exchange(0, true);
+        let frame = CanFrame::standard(1, &[0; 8]);
+        let deadline = bus.deadline(1);
+        let error = bus.transmit(&frame, deadline, "target").unwrap_err();
+        assert!(matches!(error, BusError::QueueFull { .. }), "{error}");
+    }
+
+    #[test]
+    fn bus_off_is_an_error_that_names_the_port() {
+        let error = exchange(1, false).receive(Instant::now(), "state");
+        let error = error.unwrap_err().to_string();
+        assert!(
+            error.starts_with("CAN link can:test is bus-off (state)"),
+            "{error}"
+        );
     }
 }

@@ -54,7 +54,8 @@ pub enum CanFault {
 
 /// A way to a CAN bus. Opened for this program; closed when dropped.
 pub trait CanLink: Send {
-    /// Offers one frame. Blocks for no longer than handing it over takes.
+    /// Offers one frame. Blocks for no longer than handing it over takes. A link
+    /// may keep it until the next `receive`, to hand several over at once.
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sent>;
 
     /// The next frame or fault, waiting until `deadline` at most; with a

@@ -15,6 +15,7 @@
 //! The reply carries torque, not current: [`servodance_types::JointState`]
 //! shows a current of 0.
 
+use crate::bus::Health;
 use crate::can::exchange::{Exchange, Status};
 use crate::can::frame::CanFrame;
 use crate::can::motor::{MotorModel, MotorSettings};
@@ -35,6 +36,7 @@ const WRITE: u8 = 0x55;
 const LOST: &str = "communication lost";
 
 mod register {
+    pub const OT_VALUE: (u8, &str) = (2, "OT_Value (C)");
     pub const REPLY_ID: (u8, &str) = (7, "MST_ID");
     pub const TIMEOUT: (u8, &str) = (9, "TIMEOUT (50 us)");
     pub const MODE: (u8, &str) = (10, "CTRL_MODE");
@@ -157,14 +159,17 @@ fn parse_reply(servo: &Servo, frame: &CanFrame) -> Option<Status> {
     let data = frame.data();
     let (first, (p, v, _)) = (*data.first()?, unpack(data)?);
     let model = &motor.model;
-    let (fault, active) = if model.has_registers {
+    // Damiao: inverter, then coil; CubeMars: the motor.
+    let celsius = |at: usize| data.get(at).map(|byte| f64::from(*byte));
+    let (fault, active, temperature_c) = if model.has_registers {
         let is_ours = frame.id() == u32::from(motor.reply_id) && first & 0xF == servo.id & 0xF;
         if !is_ours || data.len() != 8 {
             return None;
         }
         let nibble = first >> 4;
         let name = damiao_fault(nibble).map(|name| format!("{name} (error {nibble:X})"));
-        (name, nibble == 1)
+        let hottest = celsius(6).into_iter().chain(celsius(7)).reduce(f64::max);
+        (name, nibble == 1, hottest)
     } else {
         let from = [u32::from(motor.reply_id), u32::from(servo.id)];
         if first != servo.id || !from.contains(&frame.id()) {
@@ -172,13 +177,14 @@ fn parse_reply(servo: &Servo, frame: &CanFrame) -> Option<Status> {
         }
         let code = data.get(7).copied().unwrap_or(0);
         let name = cubemars_fault(code).map(|name| format!("{name} (error {code})"));
-        (name, true)
+        (name, true, celsius(6))
     };
     Some(Status {
         position_rad: from_code(p, model.position_rad, 16),
         velocity_rad_s: from_code(v, model.velocity_rad_s, 12),
         active,
         fault,
+        temperature_c,
     })
 }
 
@@ -336,6 +342,24 @@ impl Protocol for Mit {
             })?;
         }
         Ok(())
+    }
+
+    fn examine(
+        &self,
+        bus: &mut Exchange,
+        index: usize,
+        status: &Status,
+    ) -> Result<Health, BusError> {
+        let motor = settings(&bus.servos[index]);
+        let limit = match motor.is_some_and(|motor| motor.model.has_registers) {
+            true => Some(f32::from_le_bytes(read(bus, index, register::OT_VALUE)?)),
+            false => None,
+        };
+        Ok(Health {
+            temperature_c: status.temperature_c,
+            highest_temperature_c: limit.map(f64::from),
+            ..Health::default()
+        })
     }
 
     fn stop(&self, servo: &Servo, out: &mut Vec<CanFrame>) {

@@ -13,6 +13,7 @@
 
 use std::f64::consts::TAU;
 
+use crate::bus::Health;
 use crate::can::exchange::{Exchange, Status};
 use crate::can::frame::CanFrame;
 use crate::can::motor::MotorSettings;
@@ -31,6 +32,7 @@ mod command {
     pub const MODES: u32 = 0x0B;
     pub const INPUT_POSITION: u32 = 0x0C;
     pub const LIMITS: u32 = 0x0F;
+    pub const TEMPERATURES: u32 = 0x15;
     pub const CLEAR_ERRORS: u32 = 0x18;
     pub const POSITION_GAIN: u32 = 0x1A;
     pub const VELOCITY_GAINS: u32 = 0x1B;
@@ -248,6 +250,7 @@ impl Protocol for Odrive {
             velocity_rad_s,
             active: false,
             fault,
+            temperature_c: None,
         })
     }
 
@@ -309,6 +312,28 @@ impl Protocol for Odrive {
             bus.transmit(frame, deadline, "torque on")?;
         }
         heartbeat(bus, index, "torque on", true).map(|_| ())
+    }
+
+    fn examine(
+        &self,
+        bus: &mut Exchange,
+        index: usize,
+        _status: &Status,
+    ) -> Result<Health, BusError> {
+        let servo = bus.servos[index].clone();
+        let ask = question(&servo, command::TEMPERATURES);
+        bus.once(|bus| {
+            bus.ask(index, &ask, "temperatures", |frame| {
+                let data = message(&servo, frame, command::TEMPERATURES)?;
+                // Inverter and motor; a motor without a sensor says NaN.
+                let celsius = [0, 4].map(|at| f32::from_le_bytes(word(&data, at)));
+                let hottest = celsius.into_iter().filter(|c| c.is_finite());
+                Some(Ok(Health {
+                    temperature_c: hottest.reduce(f32::max).map(f64::from),
+                    ..Health::default()
+                }))
+            })
+        })
     }
 
     fn stop(&self, servo: &Servo, out: &mut Vec<CanFrame>) {

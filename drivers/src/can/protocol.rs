@@ -1,6 +1,7 @@
 //! What a family of CAN motors must be able to say. [`crate::can::CanBus`] does
 //! the rest, the same for all.
 
+use crate::bus::Health;
 use crate::can::exchange::{Exchange, Status};
 use crate::can::frame::CanFrame;
 use crate::error::BusError;
@@ -24,6 +25,19 @@ pub(crate) trait Protocol: Send {
 
     /// Turns torque on so that the motor holds `motor_rad`, confirmed.
     fn enable(&self, bus: &mut Exchange, index: usize, motor_rad: f64) -> Result<(), BusError>;
+
+    /// Asks one motor how it is; `status` is what it reported last.
+    fn examine(
+        &self,
+        _bus: &mut Exchange,
+        _index: usize,
+        status: &Status,
+    ) -> Result<Health, BusError> {
+        Ok(Health {
+            temperature_c: status.temperature_c,
+            ..Health::default()
+        })
+    }
 
     /// Frames that turn one motor's torque off, to be sent without waiting.
     fn stop(&self, servo: &Servo, out: &mut Vec<CanFrame>);

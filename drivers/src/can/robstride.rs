@@ -88,6 +88,7 @@ fn parse_feedback(servo: &Servo, frame: &CanFrame) -> Option<Status> {
         velocity_rad_s: from_code(word(2), model.velocity_rad_s, 16),
         active: bits >> 6 == RUNNING,
         fault: fault_names(bits & 0x3F),
+        temperature_c: Some(f64::from(word(6)) * 0.1),
     })
 }
 

@@ -174,6 +174,8 @@ pub struct SlcanLink {
 /// What a serial port is set to; USB adapters do not care.
 const SERIAL_BAUD: u32 = 1_000_000;
 const SEND_TIMEOUT: Duration = Duration::from_millis(100);
+/// No more bytes wait for the moment when answers are awaited.
+const LONGEST_BURST: usize = 1024;
 /// The status flags are asked for no more often than this.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
 
@@ -193,7 +195,7 @@ impl SlcanLink {
         let mut link = Self {
             port,
             lines: Lines::default(),
-            out: Vec::with_capacity(64),
+            out: Vec::with_capacity(LONGEST_BURST + LONGEST),
             chunk: vec![0; 1024],
             filled: 0,
             taken: 0,
@@ -207,6 +209,22 @@ impl SlcanLink {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.port.set_timeout(SEND_TIMEOUT)?;
         self.port.write_all(bytes)
+    }
+
+    /// Hands the frames that wait over to the adapter; those that its buffer does
+    /// not take go on waiting.
+    fn flush(&mut self) -> io::Result<Sent> {
+        self.port.set_timeout(SEND_TIMEOUT)?;
+        while !self.out.is_empty() {
+            match self.port.write(&self.out) {
+                Ok(0) => return Err(ErrorKind::WriteZero.into()),
+                Ok(count) => drop(self.out.drain(..count)),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::TimedOut => return Ok(Sent::Full),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(Sent::Taken)
     }
 
     /// The next thing that the bytes at hand say.
@@ -233,19 +251,18 @@ impl SlcanLink {
 
 impl CanLink for SlcanLink {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sent> {
-        let mut out = std::mem::take(&mut self.out);
-        out.clear();
-        encode(frame, &mut out);
-        let sent = self.write(&out);
-        self.out = out;
-        match sent {
-            // The adapter's buffer is full.
-            Err(error) if error.kind() == ErrorKind::TimedOut => Ok(Sent::Full),
-            sent => sent.map(|()| Sent::Taken),
+        // The frames of a cycle go out together, when their answers are awaited.
+        if self.out.len() > LONGEST_BURST && self.flush()? == Sent::Full {
+            return Ok(Sent::Full);
         }
+        encode(frame, &mut self.out);
+        Ok(Sent::Taken)
     }
 
     fn receive(&mut self, deadline: Instant) -> io::Result<Received> {
+        if self.flush()? == Sent::Full && Instant::now() >= deadline {
+            return Ok(Received::Nothing);
+        }
         loop {
             if let Some(received) = self.next() {
                 if received == Received::Fault(CanFault::Rejected) {
@@ -271,6 +288,7 @@ impl CanLink for SlcanLink {
     fn clear(&mut self) -> io::Result<()> {
         (self.taken, self.filled) = (0, 0);
         self.lines = Lines::default();
+        self.flush()?;
         Ok(self.port.clear(ClearBuffer::Input)?)
     }
 }
@@ -278,6 +296,7 @@ impl CanLink for SlcanLink {
 impl Drop for SlcanLink {
     fn drop(&mut self) {
         // The adapter may be gone already.
+        let _ = self.flush();
         let _ = self.write(b"C\r");
     }
 }

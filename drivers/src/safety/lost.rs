@@ -40,7 +40,10 @@ impl<B: Bus> SafeBus<B> {
     /// A cycle failed: by policy the lost servos are set aside, or an adapter
     /// is waited for; all else is a fault.
     pub(super) fn failed(&mut self, now_s: f64, error: BusError) -> Result<Failed, SafetyError> {
-        if matches!(error, BusError::Port { .. }) {
+        if matches!(
+            error,
+            BusError::Port { .. } | BusError::Link { .. } | BusError::BusOff { .. }
+        ) {
             self.unplugged = Some(Unplugged {
                 since_s: now_s,
                 next_try_s: now_s + TRY_AGAIN_S,
