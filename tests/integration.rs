@@ -8,6 +8,7 @@ mod evaluation;
 mod idle;
 mod motion_files;
 mod mutate;
+mod on_beat;
 mod program;
 mod random_robot;
 mod recording;

@@ -47,6 +47,10 @@ pub struct Args {
     #[arg(long, value_enum)]
     pub speed: Option<Speed>,
 
+    /// Dance to the recording as if it came in live: nothing is known ahead.
+    #[arg(long)]
+    pub as_live: bool,
+
     /// Leave the timing of the motion as it is: do not steer it so that the
     /// servos meet the beat.
     #[arg(long)]

@@ -13,6 +13,7 @@ pub mod evaluate;
 pub mod generate;
 pub mod jog;
 pub mod ping;
+pub mod latency;
 pub mod reconstruct;
 pub mod retarget;
 pub mod robot;
@@ -69,6 +70,8 @@ pub enum Command {
     Robot(robot::Args),
     /// List the microphones and other inputs that `dance --mic` can listen to.
     Devices(devices::Args),
+    /// Measure the delay from sound to servo: a click in, the motion onset out.
+    Latency(latency::Args),
     /// List the built-in robots and where each file is.
     Robots(robots::Args),
     /// Look for servos on a serial port, at every usual baud rate.
@@ -99,6 +102,7 @@ impl Command {
             Command::Retarget(args) => retarget::run(args),
             Command::Robot(args) => robot::run(args),
             Command::Devices(args) => devices::run(args),
+            Command::Latency(args) => latency::run(args),
             Command::Robots(args) => robots::run(args),
             Command::Scan(args) => scan::run(args),
             Command::SetId(args) => set_id::run(args),

@@ -53,6 +53,8 @@ pub struct DanceConfig {
     pub buses: Vec<BusChoice>,
     /// How fast time passes.
     pub speed: Speed,
+    /// Whether a recording is danced to as if it came in live.
+    pub as_live: bool,
     /// Whether the motion is steered onto the beat at the servos.
     pub compensation: bool,
     /// What to do while there is no music.
@@ -99,6 +101,7 @@ impl DanceConfig {
             robot,
             buses,
             speed,
+            as_live: args.as_live,
             compensation: !args.no_compensation,
             seed: args.seed,
             style: args.style,

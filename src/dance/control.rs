@@ -15,6 +15,7 @@
 //! a frame that is not there is counted as late, and the robot holds.
 
 use super::config::Speed;
+use super::delays::Delays;
 use super::idle::{Idle, IdleStyle};
 use super::latency::{Arrivals, Latency};
 use super::motion_source::{MotionSource, Next, Step};
@@ -36,14 +37,16 @@ const PRELUDE_S: f64 = 4.0;
 const FINALE_EFFORT: f64 = 0.4;
 /// Seconds after the last motion frame in which the robot comes to a stop.
 const TAIL_S: f64 = 0.5;
+/// Features and token of a recording that is danced to as if it were live.
+const COMPUTING_S: f64 = 0.005;
+/// Before the first motion frame.
+const FIRST_S: f64 = -1.0 / FRAME_RATE_HZ;
 /// A cycle that is later than this many periods is a stall.
 const STALL_PERIODS: f64 = 0.5;
 /// Share of a period by which cycles come sooner until a stall is made up.
 const CATCH_UP: f64 = 0.02;
 /// How much of a live run is kept for its report, seconds.
 const LIVE_TRACE_S: f64 = 300.0;
-/// How late live motion may be on top of what the pipeline needs, seconds.
-const LIVE_SLACK_S: f64 = 0.03;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,6 +64,8 @@ pub struct Timing {
     pub speed: Speed,
     /// Whether audio comes in as it is played.
     pub live: bool,
+    /// Whether a recording is danced to as if it came in live.
+    pub as_live: bool,
     /// Whether the motion is steered onto the beat.
     pub compensation: bool,
     /// What to do while there is no music.
@@ -84,6 +89,9 @@ pub struct Control<'a> {
     stop: &'a AtomicBool,
     speed: Speed,
     live: bool,
+    /// How long after its time a frame of a recording arrives that is danced to
+    /// as if it were live.
+    arrival_s: Option<f64>,
     music_start_s: f64,
     stood_s: f64,
     dancing: bool,
@@ -118,15 +126,17 @@ impl<'a> Control<'a> {
     ) -> anyhow::Result<Self> {
         let retargeter = robot.retargeter()?;
         let joints = robot.servos.len();
-        let Timing { speed, live, .. } = timing;
-        let live_s = live.then_some(1.0 / FRAME_RATE_HZ + LIVE_SLACK_S);
+        let Timing { speed, as_live, .. } = timing;
+        let live = timing.live || as_live;
+        let delays = Delays::new(robot, &retargeter);
+        let live_s = live.then_some(delays.live_s());
         let even_lead_s = match live_s {
             Some(live_s) => -(live_s + retargeter.lookahead_s()),
-            None => robot.servo_lag_s,
+            None => delays.servo_s,
         };
         let horizon = Horizon {
-            preview_s: retargeter.preview_s(),
-            servo_lag_s: robot.servo_lag_s,
+            preview_s: delays.limits_s,
+            servo_lag_s: delays.servo_s,
             live_s,
         };
         let rehearsal = Rehearsal::new(robot.retargeter()?, robot.period_s());
@@ -145,6 +155,7 @@ impl<'a> Control<'a> {
             stop,
             speed,
             live,
+            arrival_s: as_live.then_some(delays.capture_s + COMPUTING_S),
             music_start_s: PRELUDE_S,
             stood_s: 0.0,
             dancing: false,
@@ -201,7 +212,7 @@ impl<'a> Control<'a> {
     ) -> anyhow::Result<Ending> {
         let present: Vec<f64> = self.rig.states().iter().map(|s| s.position_rad).collect();
         self.retargeter.seed(&present)?;
-        if self.live && !self.wait_for_music(source, &mut on_frame)? {
+        if self.live && self.arrival_s.is_none() && !self.wait_for_music(source, &mut on_frame)? {
             return Ok(Ending::Interrupted);
         }
         self.stood_s = self.rig.now_s();
@@ -305,12 +316,13 @@ impl<'a> Control<'a> {
     ) -> anyhow::Result<()> {
         let motion_s = self.motion_s + self.robot.period_s();
         let needed_s = motion_s + self.retargeter.lookahead_s();
-        let wanted_s = match &self.steering {
-            Some(_) if self.live => f64::INFINITY,
-            Some(steering) => motion_s + steering.foresight_s(),
-            None => needed_s,
+        let wanted_s = match (&self.steering, self.arrival_s) {
+            (_, Some(arrival_s)) => self.time_s() - arrival_s - 1.0 / FRAME_RATE_HZ,
+            (Some(_), _) if self.live => f64::INFINITY,
+            (Some(steering), _) => motion_s + steering.foresight_s(),
+            (None, _) => needed_s,
         };
-        let lacks = |newest_s: Option<f64>, until_s| newest_s.is_none_or(|n| n < until_s);
+        let lacks = |newest_s: Option<f64>, until_s| newest_s.unwrap_or(FIRST_S) < until_s;
         while !self.ended && lacks(self.newest_s, wanted_s) {
             match source.poll()? {
                 Next::Step(step) => self.accept(&step, on_frame)?,

@@ -218,6 +218,26 @@ fn blend(a: &Points, b: &Points, share: f64) -> Points {
     out
 }
 
+/// The idle body standing still with its arms raised to the sides and its head
+/// bent by a share: what a click is answered with.
+pub fn greeting(raised: f64) -> Points {
+    let still = pose(0.0, 0.0);
+    let mut up = still;
+    for (joint, parent) in [
+        (LeftElbow, LeftShoulder),
+        (LeftWrist, LeftElbow),
+        (RightElbow, RightShoulder),
+        (RightWrist, RightElbow),
+    ] {
+        let out = Vector3::new(0.3, side_of(joint), -0.3).normalize();
+        let length = BONE_LENGTH_M[joint as usize];
+        up[joint as usize] = up[parent as usize] + out * length;
+    }
+    let bent = Vector3::new(0.5, 0.0, 1.0).normalize();
+    up[Head as usize] = up[Neck as usize] + bent * BONE_LENGTH_M[Head as usize];
+    blend(&still, &up, raised)
+}
+
 /// The idle body at the origin, facing x; `lively` scales its movement.
 fn pose(time_s: f64, lively: f64) -> Points {
     let wave = |hz: f64, amplitude: f64| lively * amplitude * (TAU * hz * time_s).sin();

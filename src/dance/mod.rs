@@ -10,8 +10,10 @@
 
 pub(crate) mod audio;
 mod beat_clock;
+mod click_test;
 mod config;
 mod control;
+mod delays;
 mod estop;
 mod idle;
 mod latency;
@@ -25,9 +27,10 @@ mod shadow;
 mod steering;
 mod trace;
 
+pub use click_test::{Measured, Passage, measure as click_test};
 pub use config::{AudioChoice, DanceConfig, Speed};
 pub use idle::IdleStyle;
-pub use ports::BusChoice;
+pub use ports::{BusChoice, choose as choose_buses};
 
 use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
@@ -80,6 +83,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     let timing = Timing {
         speed: config.speed,
         live: config.audio.is_live(config.speed),
+        as_live: config.as_live,
         compensation: config.compensation,
         idle: config.idle,
     };
