@@ -12,6 +12,7 @@
 
 use super::config::Speed;
 use super::delays::Delays;
+use super::estop::EStopWatch;
 use super::idle;
 use super::open_generator;
 use super::ports::BusChoice;
@@ -19,6 +20,7 @@ use super::rig::Rig;
 use crate::robot::Robot;
 use anyhow::{Context, bail};
 use servodance_audio::MusicAnalyzer;
+use servodance_drivers::EStop;
 use servodance_model::{Dance, GeneratorOptions};
 use servodance_types::{Contacts, FRAME_RATE_HZ, MotionFrame};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -86,7 +88,9 @@ pub fn measure(
     let mut retargeter = robot.retargeter()?;
     let delays = Delays::new(robot, &retargeter);
     let model = open_generator(None)?.start(GeneratorOptions::default())?;
-    let mut rig = Rig::open(robot, buses, Speed::Realtime)?;
+    let estop = EStop::default();
+    let _watch = EStopWatch::start(&estop, None, true)?;
+    let mut rig = Rig::open(robot, buses, Speed::Realtime, &estop)?;
     rig.arm()?;
     let present: Vec<f64> = rig.states().iter().map(|s| s.position_rad).collect();
     retargeter.seed(&present)?;
