@@ -354,8 +354,25 @@ pub enum BusError {
     },
 }
 
-/// `a (id 1), b (id 2)`.
+impl BusError {
+    /// The same in short, where the reason is told already.
+    pub(crate) fn brief(&self) -> String {
+        match self {
+            Self::TorqueUnverified { servos, .. } => {
+                format!("torque may still be ON at {}: cut the power", list(servos))
+            }
+            error => error.to_string(),
+        }
+    }
+}
+
+/// `a (id 1), b (id 2)`; of many the first few: then it is the bus.
 fn list(servos: &[ServoId]) -> String {
-    let names: Vec<String> = servos.iter().map(ServoId::to_string).collect();
-    names.join(", ")
+    const MOST: usize = 5;
+    let named = if servos.len() > MOST { MOST - 1 } else { MOST };
+    let names: Vec<String> = servos.iter().take(named).map(ServoId::to_string).collect();
+    match servos.len().saturating_sub(named) {
+        0 => names.join(", "),
+        more => format!("{} and {more} more", names.join(", ")),
+    }
 }

@@ -156,6 +156,8 @@ pub struct Decoder {
     id: u8,
     body: Vec<u8>,
     flags: u8,
+    /// Our own instruction, which an adapter may echo.
+    echo: Vec<u8>,
 }
 
 impl Decoder {
@@ -172,6 +174,16 @@ impl Decoder {
     pub fn reset(&mut self, longest: usize) {
         self.buffer.clear();
         self.longest = longest;
+    }
+
+    /// The instruction just sent: in Protocol 1 its echo looks like an answer.
+    /// That of a ping cannot be told from one, and is not looked for.
+    pub fn expect_echo(&mut self, sent: &[u8]) {
+        const PING_BYTES: usize = 6;
+        self.echo.clear();
+        if self.protocol == Protocol::Protocol1 && sent.len() > PING_BYTES {
+            self.echo.extend_from_slice(sent);
+        }
     }
 
     /// Adds received bytes.
@@ -207,6 +219,11 @@ impl Decoder {
         if !sound {
             self.buffer.drain(..HEADER.len());
             return Decoded::Corrupt;
+        }
+        if self.buffer[..end] == self.echo {
+            self.echo.clear();
+            self.buffer.drain(..end);
+            return self.advance_protocol1();
         }
         self.id = self.buffer[2];
         self.body.clear();

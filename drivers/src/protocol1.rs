@@ -3,8 +3,8 @@
 //! `FF FF ID LEN INST params CHK`, LEN = params + 2, CHK = the complement of
 //! the sum from ID on. A status packet has its error flags in place of INST.
 //!
-//! An echo of the host's own instruction cannot be told from a status packet in
-//! this framing: adapters that echo are not supported.
+//! An echo of the host's own instruction is told from a status packet by its
+//! bytes; that of a ping cannot be.
 
 /// Header, id and length.
 pub const PREFIX: usize = 4;

@@ -86,6 +86,7 @@ impl Wire {
         self.decoder.reset(longest);
         self.out.clear();
         self.protocol.encode(&mut self.out, id, instruction, params);
+        self.decoder.expect_echo(&self.out);
         let sent = match &mut self.port {
             None => Err(ErrorKind::NotConnected.into()),
             Some(port) => port

@@ -28,18 +28,10 @@ pub(super) struct Unplugged {
     waiting: bool,
 }
 
-/// What became of a failed cycle.
-pub(super) enum Failed {
-    /// Who failed is set aside: try again.
-    TryAgain,
-    /// The adapter is gone and waited for.
-    Waiting,
-}
-
 impl<B: Bus> SafeBus<B> {
     /// A cycle failed: by policy the lost servos are set aside, or an adapter
     /// is waited for; all else is a fault.
-    pub(super) fn failed(&mut self, now_s: f64, error: BusError) -> Result<Failed, SafetyError> {
+    pub(super) fn failed(&mut self, now_s: f64, error: BusError) -> Result<(), SafetyError> {
         if matches!(
             error,
             BusError::Port { .. } | BusError::Link { .. } | BusError::BusOff { .. }
@@ -59,7 +51,7 @@ impl<B: Bus> SafeBus<B> {
             );
             // Other buses lose torque at once; this one's servos have their watchdog.
             let _ = self.bus.disarm();
-            return Ok(Failed::Waiting);
+            return Ok(());
         }
         let lost = self.indices_of(&error);
         let gone = lost.len()
@@ -86,7 +78,7 @@ impl<B: Bus> SafeBus<B> {
             }
         }
         self.remark(now_s, &format!("{error}; the others go on"));
-        Ok(Failed::TryAgain)
+        Ok(())
     }
 
     /// The servos that an error speaks of; none if it is not about single servos.

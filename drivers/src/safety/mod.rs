@@ -57,7 +57,7 @@ pub use estop::EStop;
 pub use state::{Interventions, SafetyError, State, Transition};
 
 use derate::Derate;
-use lost::{Failed, Lost, Unplugged};
+use lost::{Lost, Unplugged};
 use servodance_types::JointState;
 
 use crate::bus::{ArmReport, Bus, BusStats};
@@ -232,11 +232,10 @@ impl<B: Bus> SafeBus<B> {
             state => return Ok(state),
         }
         self.stepped_s = now_s;
-        while let Err(error) = self.bus.cycle(&self.sent_rad, states) {
-            match self.failed(now_s, error)? {
-                Failed::TryAgain => {}
-                Failed::Waiting => return Ok(self.state),
-            }
+        if let Err(error) = self.bus.cycle(&self.sent_rad, states) {
+            self.failed(now_s, error)?;
+            // The goals are out already: saying them again would be a step too many.
+            return Ok(self.state);
         }
         self.watch_following(now_s, states)?;
         self.watch_health(now_s, states)?;

@@ -69,7 +69,7 @@ pub enum SafetyError {
     #[error("{0}; torque is off")]
     Bus(#[source] BusError),
     /// The bus failed, and so did turning torque off.
-    #[error("{cause}; {torque}")]
+    #[error("{cause}; {}", torque.brief())]
     Unsafe {
         /// What failed first.
         cause: String,

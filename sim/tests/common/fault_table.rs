@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use servodance_drivers::{BusConfig, BusKind, SafeBus, SafetyConfig, Servo, open_bus};
+use servodance_drivers::{Bus, BusConfig, BusKind, SafeBus, SafetyConfig, Servo, State, open_bus};
 use servodance_sim::{SimBus, SimOptions, SimServoSpec};
 use servodance_types::JointState;
 
@@ -22,11 +22,16 @@ pub struct Outcome {
     /// watchdog, simulated seconds. Zero periods when the dance went on.
     pub safe_after_s: f64,
     pub retries: u64,
+    /// What the safety layer remarked on the way.
+    pub remarks: Vec<String>,
     /// By the true motion, and by what was told.
     pub went: u64,
     pub told: u64,
     pub notes: Vec<String>,
 }
+
+/// Something that happens at a time, seconds.
+pub type Event<'a> = (f64, Box<dyn FnOnce(&mut SimBus) + 'a>);
 
 /// Dances these servos, lets `happen` take place after 2 s, goes on for 3 s more.
 pub fn dance(
@@ -35,23 +40,39 @@ pub fn dance(
     config: BusConfig,
     happen: impl FnOnce(&mut SimBus),
 ) -> Outcome {
-    let mut sim = SimBus::start(specs, SimOptions::lockstep(config.baud, HZ)).unwrap();
+    let safety = SafetyConfig::at_hz(HZ);
+    play(servos, specs, config, safety, vec![(2.0, Box::new(happen))])
+}
+
+/// Dances these servos until 3 s after the last of the events.
+pub fn play(
+    servos: &[Servo],
+    specs: &[SimServoSpec],
+    config: BusConfig,
+    safety: SafetyConfig,
+    events: Vec<Event<'_>>,
+) -> Outcome {
+    let folder = tempfile::tempdir().unwrap();
+    let options = SimOptions {
+        path: Some(folder.path().join("port")),
+        ..SimOptions::lockstep(config.baud, HZ)
+    };
+    let mut sim = SimBus::start(specs, options).unwrap();
     let config = BusConfig {
         accept_no_watchdog: true,
         ..config
     };
     let bus = open_bus(&sim.port(), &config, servos.to_vec()).unwrap();
-    let mut safe = SafeBus::new(bus, SafetyConfig::at_hz(HZ)).unwrap();
+    let mut safe = SafeBus::new(bus, safety).unwrap();
     // Nothing is wrong yet but a busy machine, which may stall for longer than all tries.
     assert!((0..5).any(|_| safe.arm(0.0).is_ok()), "not armed");
     let mut states = vec![JointState::default(); servos.len()];
-    let mut happen = Some(happen);
     let mut error = None;
-    for k in 0..500 {
+    let last_s = events.last().map_or(2.0, |event| event.0);
+    let mut events = events.into_iter().peekable();
+    for k in 0..((last_s + 3.0) * HZ) as usize {
         let now_s = k as f64 * PERIOD_S;
-        if k == 200
-            && let Some(happen) = happen.take()
-        {
+        if let Some((_, happen)) = events.next_if(|event| event.0 <= now_s) {
             happen(&mut sim);
         }
         let target = 0.6 * (1.0 - (4.0 * now_s).cos());
@@ -72,10 +93,18 @@ pub fn dance(
         error,
         safe_after_s: sim.time_s() - began_s,
         retries: safe.stats().retries,
+        remarks: remarks(&safe),
         went: sim.motion_violations().total(),
         told: sim.violations().total() - sim.motion_violations().total(),
         notes: sim.violation_notes(),
     }
+}
+
+/// What was said beyond the states that every dance has.
+fn remarks(safe: &SafeBus<Box<dyn Bus>>) -> Vec<String> {
+    let told = safe.transitions().iter();
+    let told = told.filter(|t| t.from == t.to || t.from == State::Fault || t.to == State::Fault);
+    told.map(|t| t.cause.clone()).collect()
 }
 
 /// No torque, stopped by its own watchdog, or (where there is none) at rest.
@@ -108,7 +137,18 @@ pub fn row(table: &mut String, what: &str, outcome: &Outcome) {
     ];
     let astray = astray.iter().any(|word| what.contains(word));
     assert!(outcome.told == 0 || astray, "{what}: {:?}", outcome.notes);
-    let told = outcome.error.as_deref().unwrap_or("danced on");
+    let recovered = match outcome.remarks.join("; ").as_str() {
+        "" => "danced on".into(),
+        remarks => format!("danced on: {remarks}"),
+    };
+    let told = outcome.error.as_ref().unwrap_or(&recovered);
+    // The names of the machine's ports are no part of the table.
+    let told = told.split(' ').map(|word| match word {
+        port if port.starts_with("/dev/pts/") => "/dev/pts/N",
+        port if port.starts_with("/tmp/") => "/dev/ttyUSB0",
+        word => word,
+    });
+    let told = told.collect::<Vec<_>>().join(" ");
     let safe_ms = outcome.safe_after_s * 1e3;
     assert!(
         outcome.error.is_none() || safe_ms < 2500.0,
