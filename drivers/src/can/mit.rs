@@ -67,7 +67,13 @@ pub(crate) fn from_code(code: u32, range: f64, bits: u32) -> f64 {
 /// or outside becomes an end of the range.
 pub(crate) fn span_code(value: f64, span: f64, bits: u32) -> u32 {
     let top = f64::from((1u32 << bits) - 1);
-    (value / span * top).round().clamp(0.0, top) as u32
+    nearest(value / span * top).clamp(0.0, top) as u32
+}
+
+/// The nearest code; between two the lower one, as the vendors' own code, which
+/// cuts off, has it for zero.
+fn nearest(exact: f64) -> f64 {
+    (exact - 0.5).ceil()
 }
 
 /// The 16-bit code of a joint position: the nearest one inside the joint's limits.
@@ -81,8 +87,7 @@ pub(crate) fn position_code(servo: &Servo, range: f64, joint_rad: f64) -> u32 {
     // A limit that is a whole code must survive its own rounding error.
     let lowest = (a.min(b) - 1e-6).ceil();
     let highest = (a.max(b) + 1e-6).floor().max(lowest);
-    exact(joint_rad)
-        .round()
+    nearest(exact(joint_rad))
         .clamp(lowest, highest)
         .clamp(0.0, 65_535.0) as u32
 }
@@ -400,6 +405,18 @@ mod tests {
         let reply = [7, 0x12, 0x34, 0xAB, 0xCD, 0xEF, 0, 0];
         assert_eq!(unpack(&reply), Some((0x1234, 0xABC, 0xDEF)));
         assert_eq!(unpack(&reply[..5]), None);
+    }
+
+    /// The command of the published protocol that asks for nothing.
+    #[test]
+    fn zero_has_its_published_bytes() {
+        let (p, v, t) = (
+            to_code(0.0, 12.5, 16),
+            to_code(0.0, 50.0, 12),
+            to_code(0.0, 18.0, 12),
+        );
+        let published = [0x7F, 0xFF, 0x7F, 0xF0, 0x00, 0x00, 0x07, 0xFF];
+        assert_eq!(pack(p, v, 0, 0, t), published);
     }
 
     #[test]
