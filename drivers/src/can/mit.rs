@@ -357,7 +357,10 @@ impl Protocol for Mit {
     ) -> Result<Health, BusError> {
         let motor = settings(&bus.servos[index]);
         let limit = match motor.is_some_and(|motor| motor.model.has_registers) {
-            true => Some(f32::from_le_bytes(read(bus, index, register::OT_VALUE)?)),
+            true => {
+                let limit = bus.once(|bus| read(bus, index, register::OT_VALUE));
+                Some(f32::from_le_bytes(limit?))
+            }
             false => None,
         };
         Ok(Health {
