@@ -4,5 +4,6 @@ mod adversarial;
 mod dance;
 mod defects;
 mod descriptions;
+mod random_rigs;
 mod stepping;
 mod support;
