@@ -402,7 +402,7 @@ mod tests {
         let mut text = figure(MIXAMO);
         // The root turned by 90 degrees about y: left (x) becomes -z.
         let at = text.rfind("0.05\n").unwrap() + 5;
-        text.replace_range(at..at + 12, "0 0 0 0 0 90");
+        text.replace_range(at..at + 12, "0 0 0 0 0 90 ");
         let pose = read(&text).unwrap().clip.poses[0];
         let wrist = pose[BodyJoint::LeftWrist as usize];
         assert!(wrist[2] < -0.5 && wrist[0].abs() < 1e-5, "{wrist:?}");
