@@ -363,6 +363,14 @@ pub enum SimError {
         /// What is wrong.
         reason: String,
     },
+    /// A line of a script of faults.
+    #[error("fault \"{line}\": {reason}")]
+    Script {
+        /// The line.
+        line: String,
+        /// What is wrong.
+        reason: String,
+    },
     /// The system gave no pseudo-terminal or thread.
     #[error("simulated bus: {what}: {reason}")]
     System {

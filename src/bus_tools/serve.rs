@@ -2,9 +2,11 @@
 
 use crate::robot::Robot;
 use crate::sim_link::{LinkChoice, sim_link};
-use servodance_sim::{SimBus, SimOptions, SimServoSpec, Violations, WireStats};
+use servodance_sim::{
+    SimBus, SimOptions, SimServoSpec, Violations, WireStats, happen, parse_script,
+};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Serves the robot's servos in real time until `stop` is set; `ready` is told
 /// the serial port to open, `NAME=PORT` for each bus where there are several.
@@ -12,9 +14,14 @@ use std::time::Duration;
 pub fn serve(
     robot: &Robot,
     link: Option<LinkChoice>,
+    faults: &str,
     stop: &AtomicBool,
     ready: impl Fn(&str),
 ) -> anyhow::Result<String> {
+    let names: Vec<&str> = robot.servos.iter().map(|s| s.name.as_str()).collect();
+    let mut cues = parse_script(faults, &names)?.into_iter().peekable();
+    let joints: Vec<Vec<usize>> = robot.buses.iter().map(|bus| bus.joints.clone()).collect();
+    let began = Instant::now();
     let mut sims = Vec::with_capacity(robot.buses.len());
     for (place, bus) in robot.buses.iter().enumerate() {
         let specs: Vec<SimServoSpec> = bus.servos.iter().map(SimServoSpec::from).collect();
@@ -31,7 +38,11 @@ pub fn serve(
         }
     }
     while !stop.load(Ordering::Acquire) {
-        std::thread::sleep(Duration::from_millis(20));
+        let now_s = began.elapsed().as_secs_f64();
+        while let Some(cue) = cues.next_if(|cue| cue.time_s <= now_s) {
+            happen(&cue.what, &mut sims, &joints)?;
+        }
+        std::thread::sleep(Duration::from_millis(10));
     }
     let mut wire = WireStats::default();
     let mut broken = Violations::default();

@@ -4,6 +4,8 @@ use super::stop_signal;
 use crate::bus_tools::serve;
 use crate::robot::Robot;
 use crate::sim_link::LinkChoice;
+use anyhow::Context;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -12,6 +14,8 @@ Examples:
       the first line is the serial port to open; Ctrl-C or SIGTERM ends it
   servodance sim-bus --robot my-can-robot.toml --link udp
       motors on CAN for python-can's udp_multicast; the first line is GROUP:PORT
+  servodance sim-bus --robot op3 --fault '3s l_knee reboot' --fault '8s wire corrupt 0.01'
+      things go wrong by script
   servodance dance --bus serial:/dev/pts/7
       dance on it from another terminal, as on real servos";
 
@@ -26,13 +30,26 @@ pub struct Args {
     /// (slcan) or multicast (udp); pty or slcan if left out, as the robot's bus needs.
     #[arg(long, value_enum)]
     pub link: Option<LinkChoice>,
+    /// Something that goes wrong: TIME JOINT|wire|adapter WHAT [VALUE], such as
+    /// "3s l_knee dead" or "5s wire corrupt 0.01"; may be given again.
+    #[arg(long, value_name = "FAULT")]
+    pub fault: Vec<String>,
+    /// A file with a fault on each line.
+    #[arg(long, value_name = "FILE")]
+    pub faults: Option<PathBuf>,
 }
 
 /// Serves until stopped.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = Robot::load(&args.robot)?;
+    let mut faults = args.fault.join("\n");
+    if let Some(file) = &args.faults {
+        let text = std::fs::read_to_string(file)
+            .with_context(|| format!("cannot read faults {}", file.display()))?;
+        faults = format!("{faults}\n{text}");
+    }
     let stop = stop_signal()?;
-    let served = serve::serve(&robot, args.link, &stop, |port| println!("{port}"))?;
+    let served = serve::serve(&robot, args.link, &faults, &stop, |port| println!("{port}"))?;
     eprintln!("{served}");
     Ok(ExitCode::SUCCESS)
 }
