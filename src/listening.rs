@@ -28,25 +28,39 @@ pub fn input_table() -> anyhow::Result<String> {
     let width = devices.iter().map(|d| d.id.len()).max().unwrap_or(0);
     let mut text = String::new();
     for device in &devices {
-        let rates = device.rates_hz.iter().map(|(low, high)| match low == high {
-            true => format!("{low}"),
-            false => format!("{low}-{high}"),
-        });
-        let channels = device.channels.iter().map(u16::to_string);
-        let join = |words: Vec<String>| words.join(", ");
         // Writing to a String cannot fail.
         let _ = writeln!(
             text,
             "{} {:width$}  {} Hz  {} channels  {}",
             if device.is_default { "*" } else { " " },
             device.id,
-            join(rates.collect()),
-            join(channels.collect()),
+            spans(device.rates_hz.iter().copied()),
+            spans(device.channels.iter().map(|&n| (n.into(), n.into()))),
             device.name,
         );
     }
     text.push_str("* the default one\n");
     Ok(text)
+}
+
+/// Values and ranges in order as text; neighbours become one range.
+#[cfg(feature = "mic")]
+fn spans(ranges: impl Iterator<Item = (u32, u32)>) -> String {
+    let mut merged: Vec<(u32, u32)> = Vec::new();
+    for (low, high) in ranges {
+        // A plug-in that takes any rate says so with the largest number.
+        let high = high.min(384_000);
+        match merged.last_mut() {
+            Some(last) if low <= last.1 + 1 => last.1 = last.1.max(high),
+            _ => merged.push((low, high)),
+        }
+    }
+    let span = |(low, high)| match low == high {
+        true => format!("{low}"),
+        false => format!("{low}-{high}"),
+    };
+    let spans: Vec<String> = merged.into_iter().map(span).collect();
+    spans.join(", ")
 }
 
 #[cfg(not(feature = "mic"))]

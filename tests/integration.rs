@@ -6,6 +6,7 @@ mod can_robot;
 mod documents;
 mod evaluation;
 mod idle;
+mod live;
 mod motion_files;
 mod mutate;
 mod on_beat;

@@ -43,6 +43,7 @@ pub struct Device {
 /// # Errors
 /// The system's sound interface does not answer.
 pub fn devices() -> Result<Vec<Device>, SourceError> {
+    keep_quiet();
     let host = cpal::default_host();
     let default = host.default_input_device().and_then(|d| d.id().ok());
     let inputs = host.input_devices().map_err(|error| SourceError::Device {
@@ -75,6 +76,14 @@ pub fn devices() -> Result<Vec<Device>, SourceError> {
     }
     found.sort_by_key(|device| !device.is_default);
     Ok(found)
+}
+
+/// ALSA's library prints what it tries and cannot open on standard error.
+/// What matters is in the errors that it returns; the text goes to a buffer of
+/// this thread, a new one at each call.
+fn keep_quiet() {
+    #[cfg(target_os = "linux")]
+    let _ = alsa::Output::local_error_handler();
 }
 
 fn distinct<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
@@ -144,6 +153,7 @@ impl Opener for MicrophoneOpener {
     type Stream = cpal::Stream;
 
     fn open(&mut self, failure: Failure) -> Result<(LinkReader, cpal::Stream), String> {
+        keep_quiet();
         let device = self.find().ok_or("it is not there")?;
         let configs = device.supported_input_configs();
         let configs = configs.map_err(|error| in_one_line(&error))?;
