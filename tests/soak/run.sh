@@ -3,9 +3,10 @@
 # real time, `dance --mic` on the simulated bus, figures at the end. Linux with
 # ALSA's library, Python 3, a build with --features mic.
 #
-#   tests/soak/run.sh SONG [SECONDS] [SERVODANCE]
+#   tests/soak/run.sh SONG.raw [SECONDS] [SERVODANCE]
 #
-# SONG is a recording that servodance itself plays into the microphone's FIFO.
+# SONG.raw is played again and again: 16-bit, little endian, stereo, 48 kHz
+# (ffmpeg -i song.ogg -f s16le -ac 2 -ar 48000 song.raw).
 # As root it also gives the kernel's unbound workers real-time priority for the
 # time of the run: they carry the bytes of pseudo-terminals (and of USB serial
 # adapters), and on a machine that is busy with other work they come late.
