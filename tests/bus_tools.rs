@@ -413,3 +413,31 @@ fn scan_finds_feetech_servos_by_their_protocol() {
     program.refused(&["scan", "can:can0"], &["CAN"]);
     program.refused(&["scan", bus.port_path(), "--baud", "3"], &["--baud 3"]);
 }
+
+#[test]
+fn bench_bus_tells_its_figures_as_json() {
+    let program = Program::new();
+    let said = program.succeed(&["bench", "bus", "--robot", "neck", "--json"]);
+    let figures: serde_json::Value = serde_json::from_slice(&said.stdout).expect("JSON");
+    let number = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("no {key}"));
+    // 76 bytes a cycle at 1 Mbps.
+    assert!(
+        (number("wire_limit_hz") - 1e6 / 760.0).abs() < 1.0,
+        "{figures}"
+    );
+    assert!(
+        number("hz") > 0.0 && number("hz") <= 1.02 * number("wire_limit_hz"),
+        "{figures}"
+    );
+    assert!(
+        number("cpu_us_per_cycle") > 0.0 && number("jitter_us_p99") >= 0.0,
+        "{figures}"
+    );
+    for hz in ["100", "250", "500"] {
+        assert!(figures["jitter_us_p99_at_hz"][hz].is_number(), "{figures}");
+    }
+    program.refused(
+        &["bench", "bus", "--robot", "neck", "--baud", "3"],
+        &["baud is 3"],
+    );
+}

@@ -15,6 +15,9 @@ use std::fmt;
 
 /// The rates at which jitter is measured.
 const PACES_HZ: [u32; 3] = [100, 250, 500];
+/// How late a reply may be, and how long the host silent, before the run fails.
+const PATIENCE_MS: f64 = 500.0;
+const LONGEST_WATCHDOG_MS: u32 = 2540;
 /// How long each run lasts.
 const RUN_S: f64 = 3.0;
 
@@ -95,6 +98,9 @@ pub fn run(robot: &Robot, baud: Option<u32>) -> anyhow::Result<Figures> {
 fn at_baud(bus: &BusLayout, baud: Option<u32>) -> anyhow::Result<BusLayout> {
     let config = BusConfig {
         baud: baud.unwrap_or(bus.config.baud),
+        // A machine that stalls is not what is measured.
+        reply_timeout_ms: PATIENCE_MS.max(bus.config.reply_timeout_ms),
+        watchdog_ms: LONGEST_WATCHDOG_MS,
         ..bus.config.clone()
     };
     Ok(BusLayout {
