@@ -9,6 +9,17 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 #[test]
+fn a_fault_that_makes_no_sense_is_refused_with_its_line() {
+    let program = Program::new();
+    for (fault, says) in [
+        ("3s l_elbow dead", "there are wire, adapter, r_sho_pitch"),
+        ("soon l_knee dead", "\"soon\" is no time"),
+    ] {
+        program.refused(&["sim-bus", "--robot", "op3", "--fault", fault], &[says]);
+    }
+}
+
+#[test]
 fn a_served_bus_is_found_by_scan_and_ends_on_sigterm() {
     let program = Program::new();
     let mut server = program

@@ -3,7 +3,7 @@
 use crate::robot::Robot;
 use crate::sim_link::{LinkChoice, sim_link};
 use servodance_sim::{
-    SimBus, SimOptions, SimServoSpec, Violations, WireStats, happen, parse_script,
+    Happening, SimBus, SimOptions, SimServoSpec, Violations, WireStats, happen, parse_script,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -19,7 +19,12 @@ pub fn serve(
     ready: impl Fn(&str),
 ) -> anyhow::Result<String> {
     let names: Vec<&str> = robot.servos.iter().map(|s| s.name.as_str()).collect();
-    let mut cues = parse_script(faults, &names)?.into_iter().peekable();
+    let cues = parse_script(faults, &names)?;
+    // An adapter that comes back is to be found where it was.
+    let pluggable = cues
+        .iter()
+        .any(|cue| matches!(cue.what, Happening::Adapter(_)));
+    let mut cues = cues.into_iter().peekable();
     let joints: Vec<Vec<usize>> = robot.buses.iter().map(|bus| bus.joints.clone()).collect();
     let began = Instant::now();
     let mut sims = Vec::with_capacity(robot.buses.len());
@@ -27,6 +32,10 @@ pub fn serve(
         let specs: Vec<SimServoSpec> = bus.servos.iter().map(SimServoSpec::from).collect();
         let options = SimOptions {
             link: sim_link(&bus.config, link, place)?,
+            path: pluggable.then(|| {
+                let name = format!("servodance-{}-{place}", std::process::id());
+                std::env::temp_dir().join(name)
+            }),
             ..SimOptions::realtime(bus.config.baud, robot.control_hz)
         };
         sims.push(SimBus::start(&specs, options)?);
