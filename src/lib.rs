@@ -4,6 +4,7 @@
 //! sound to servo, its [`report`], [`record`]ing and [`picture`]. The parts
 //! themselves are crates of their own; ARCHITECTURE.md maps them.
 
+pub mod beats;
 pub mod bus_tools;
 pub mod commands;
 pub mod dance;

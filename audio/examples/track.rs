@@ -25,16 +25,30 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 let (time_s, beat) = (frame.time_s, frame.beat);
                 writeln!(
                     out,
-                    "{time_s:.3} {:.4} {:.2} {:.3}",
-                    beat.phase, beat.tempo_bpm, beat.confidence
+                    "{time_s:.3} {:.4} {:.2} {:.3} {:.3} {:?} {:?}",
+                    beat.phase,
+                    beat.tempo_bpm,
+                    beat.confidence,
+                    frame.presence,
+                    beat.lock,
+                    beat.beat_in_bar
                 )?;
             }
         }
     }
     let history = analyzer.history().ok_or("no history")?;
     if what == "onsets" {
-        for (i, value) in history.onsets.iter().enumerate() {
-            writeln!(out, "{:.5} {value:.4}", history.onset_time_s(i))?;
+        for (i, value) in history.evidence.iter().enumerate() {
+            writeln!(out, "{:.5} {value:.4}", history.time_s(i))?;
+        }
+    }
+    if what == "both" {
+        for t in &history.beats_s {
+            writeln!(out, "{t:.4}")?;
+        }
+        writeln!(out, "--")?;
+        for t in track_offline(history).times_s {
+            writeln!(out, "{t:.4}")?;
         }
     }
     let times_s = match what {

@@ -15,10 +15,13 @@ use std::collections::VecDeque;
 
 use servodance_types::{BeatLock, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
-use crate::beats::History;
+use crate::beats::belief::evidence;
 use crate::beats::history::BeatCaller;
+use crate::beats::network::{Heard, Network, sigmoid};
 use crate::beats::tracker::Tracker;
-use crate::onset::{HOP, LATENCY_S, OnsetDetector};
+use crate::beats::{History, hearing};
+use crate::onset::{HOP, LATENCY_S, Onset, OnsetDetector};
+use crate::presence::Presence;
 use crate::resample::Resampler;
 use crate::spectral::{BEAT, SpectralFeatures};
 use crate::spectrum::Sliding;
@@ -49,7 +52,11 @@ struct Core {
     received: u64,
     features: SpectralFeatures,
     onsets: OnsetDetector,
+    older: Option<Onset>,
+    network: Network,
+    heard: Heard,
     tracker: Tracker,
+    presence: Presence,
     frames: VecDeque<MusicFrame>,
     caller: BeatCaller,
     history: Option<History>,
@@ -71,7 +78,11 @@ impl MusicAnalyzer {
             received: 0,
             features: SpectralFeatures::new(ANALYSIS_RATE_HZ),
             onsets: OnsetDetector::new(ANALYSIS_RATE_HZ),
+            older: None,
+            network: Network::new(),
+            heard: Heard::SILENCE,
             tracker: Tracker::new(),
+            presence: Presence::new(),
             frames: VecDeque::new(),
             caller: BeatCaller::default(),
             history: None,
@@ -88,11 +99,11 @@ impl MusicAnalyzer {
     /// An analyzer that also keeps its [`History`], which grows with the music.
     pub fn keeping_history(sample_rate_hz: u32) -> Result<Self, AnalyzerError> {
         let mut analyzer = Self::new(sample_rate_hz)?;
-        let onset_rate_hz = f64::from(ANALYSIS_RATE_HZ) / HOP as f64;
-        let first_onset_s = 1.0 / onset_rate_hz - analyzer.core.beat_delay_s;
+        let rate_hz = f64::from(ANALYSIS_RATE_HZ) / HOP as f64;
+        let first_s = 1.0 / rate_hz - analyzer.core.beat_delay_s;
         analyzer.core.history = Some(History {
-            onset_rate_hz,
-            first_onset_s,
+            rate_hz,
+            first_s,
             ..History::default()
         });
         Ok(analyzer)
@@ -141,19 +152,29 @@ impl Core {
         self.received += 1;
         if self.received.is_multiple_of(HOP as u64) {
             let onset = self.onsets.hop(&self.recent);
-            self.tracker.hop(onset);
-            self.remember(onset.strength);
+            self.hear(onset);
         }
         if self.received.is_multiple_of(FRAME_HOP) {
             self.emit();
         }
     }
 
-    fn remember(&mut self, strength: f32) {
+    /// Takes one hop of onsets; every second one completes a network step.
+    fn hear(&mut self, onset: Onset) {
+        let evidence = evidence(onset.strength);
+        match self.older.take() {
+            Some(older) => self.heard = self.network.step(&hearing::input(&older, &onset)),
+            None => self.older = Some(onset),
+        }
+        self.tracker.hop(&onset, sigmoid(self.heard.downbeat));
+        self.remember(evidence);
+    }
+
+    fn remember(&mut self, evidence: f32) {
         let Some(history) = &mut self.history else {
             return;
         };
-        history.onsets.push(strength);
+        history.evidence.push(evidence);
         let beat = self.tracker.beat(self.beat_delay_s);
         let now_s = self.received as f64 / f64::from(ANALYSIS_RATE_HZ);
         let called = self.caller.call(now_s, beat.phase, beat.tempo_bpm);
@@ -169,6 +190,14 @@ impl Core {
         } else {
             self.features.frame(&self.recent)
         };
+        if index > 0 {
+            let music = (!self.tracker.silent()).then_some(self.heard.music);
+            self.presence.frame(self.features.tones(), music);
+            self.tracker.music(self.presence.value());
+            if let Some(history) = &mut self.history {
+                history.presence.push(self.presence.value());
+            }
+        }
         let beat = self.tracker.beat(self.beat_delay_s);
         // The frame nearest to the beat is marked: it lies within half a frame.
         let half_frame = beat.tempo_bpm / 60.0 / (2.0 * FRAME_RATE_HZ as f32);
@@ -178,7 +207,7 @@ impl Core {
             time_s: index as f64 / FRAME_RATE_HZ,
             spectral,
             beat,
-            presence: self.tracker.presence(),
+            presence: self.presence.value(),
         });
     }
 }

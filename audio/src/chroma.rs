@@ -58,6 +58,11 @@ impl Cens {
         self.resampler.push(sample, |s| recent.push(s));
     }
 
+    /// The magnitudes under the newest frame, 2.5 Hz a bin.
+    pub(crate) fn magnitude(&self) -> &[f32] {
+        &self.magnitude
+    }
+
     /// Writes the 12 values (C first) of the frame that ends now.
     pub(crate) fn frame(&mut self, out: &mut [f32]) {
         let power = self.spectrum.power(self.recent.newest(WINDOW));

@@ -13,7 +13,7 @@ pub(crate) const HOP: usize = 128;
 /// Samples of one window: 50 ms.
 const WINDOW: usize = 1024;
 /// Bands, from `LOWEST_HZ` up, four an octave.
-const BANDS: usize = 32;
+pub(crate) const BANDS: usize = 32;
 const LOWEST_HZ: f32 = 40.0;
 /// Hops between the two spectra that are compared.
 const LAG: usize = 2;
@@ -37,13 +37,18 @@ pub(crate) struct OnsetDetector {
 }
 
 /// What a hop of audio says.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Onset {
     /// Onset strength: 0 nothing, about 1 for the usual onset of this music.
     pub(crate) strength: f32,
     /// Whether anything is audible at all.
     pub(crate) audible: bool,
+    /// Rise of each band over its neighbourhood, logarithmic.
+    pub(crate) rises: [f32; BANDS],
+    /// Level of each pair of bands, logarithmic.
+    pub(crate) levels: [f32; BANDS / 2],
 }
+
 impl OnsetDetector {
     pub(crate) const LOOK_BACK: usize = WINDOW;
 
@@ -80,16 +85,23 @@ impl OnsetDetector {
         let before = &self.levels[LAG];
         let now = &self.levels[0];
         let mut strength = 0.0;
+        let mut rises = [0.0; BANDS];
         for (group, scale) in self.scales.iter_mut().enumerate() {
             let mut rise = 0.0;
             for band in GROUPS[group]..GROUPS[group + 1] {
                 let low = before[band.saturating_sub(1)];
                 let high = before[(band + 1).min(BANDS - 1)];
-                rise += (now[band] - before[band].max(low).max(high)).max(0.0);
+                rises[band] = (now[band] - before[band].max(low).max(high)).max(0.0);
+                rise += rises[band];
             }
             strength += GROUP_WEIGHTS[group] * scale.normalise(rise);
         }
-        Onset { strength, audible }
+        Onset {
+            strength,
+            audible,
+            rises,
+            levels: std::array::from_fn(|pair| 0.5 * (now[2 * pair] + now[2 * pair + 1])),
+        }
     }
 }
 

@@ -98,6 +98,11 @@ impl SpectralFeatures {
         self.cens.push(sample);
     }
 
+    /// The fine spectrum under the newest frame's chroma.
+    pub(crate) fn tones(&self) -> &[f32] {
+        self.cens.magnitude()
+    }
+
     /// The features at the end of `recent`; the beat's place is left 0.
     pub(crate) fn frame(&mut self, recent: &Sliding) -> [f32; SPECTRAL_DIM] {
         let bins = self.spectrum.power(recent.newest(WINDOW));

@@ -2,8 +2,9 @@
 //! jump to another song. The truth is known, since the songs are rendered.
 
 use servodance_audio::MusicAnalyzer;
+use servodance_audio::noise::{crowd, hiss, knocks, mix, motors, speech};
 use servodance_audio::song::{Grid, Layers, Mix, Section, Song, SongSpec, Style};
-use servodance_types::MusicFrame;
+use servodance_types::{BeatLock, MusicFrame};
 
 fn spec(style: Style, beats_s: Vec<f64>, duration_s: f64) -> SongSpec {
     let mut spec = SongSpec::on_beats(&beats_s, duration_s, 4).expect("a usable grid");
@@ -126,4 +127,98 @@ fn another_song_is_found() {
     frames.iter_mut().for_each(|f| f.time_s -= 20.0);
     let share = right(&second, &frames, 10.0, 25.0);
     assert!(share > 0.9, "right in {share} of the frames");
+}
+
+/// Where the robot turns round: a little after each beat.
+fn turns(song: &Song) -> Vec<f64> {
+    song.beats_s.iter().map(|beat| beat + 0.15).collect()
+}
+
+#[test]
+fn own_motors_in_the_microphone_do_not_disturb() {
+    let song = spec(Style::House, steady(124.0, 25.0), 25.0)
+        .render()
+        .expect("a song");
+    let whine = motors(&turns(&song), 25.0, song.sample_rate_hz, 3);
+    for (snr_db, least) in [(10.0, 0.9), (0.0, 0.8)] {
+        let heard = mix(&song.samples, &whine, snr_db);
+        let frames = listen(&heard, song.sample_rate_hz);
+        let share = right(&song, &frames, 6.0, 25.0);
+        assert!(share > least, "{snr_db} dB: right in {share} of the frames");
+    }
+}
+
+#[test]
+fn people_who_talk_do_not_disturb() {
+    let song = spec(Style::Rock, steady(132.0, 25.0), 25.0)
+        .render()
+        .expect("a song");
+    for (name, noise) in [
+        ("speech", speech(25.0, song.sample_rate_hz, 5)),
+        ("crowd", crowd(25.0, song.sample_rate_hz, 5)),
+    ] {
+        let frames = listen(&mix(&song.samples, &noise, 10.0), song.sample_rate_hz);
+        let share = right(&song, &frames, 6.0, 25.0);
+        assert!(share > 0.8, "{name}: right in {share} of the frames");
+    }
+}
+
+#[test]
+fn what_is_not_music_is_not_present_and_has_no_beat() {
+    const RATE_HZ: u32 = 22_050;
+    let turns: Vec<f64> = (0..60).map(|i| 0.5 * f64::from(i)).collect();
+    for (name, sound) in [
+        ("silence", vec![0.0; 20 * RATE_HZ as usize]),
+        ("speech", speech(20.0, RATE_HZ, 8)),
+        ("crowd", crowd(20.0, RATE_HZ, 8)),
+        ("white noise", hiss(20.0, RATE_HZ, 0.0, 8)),
+        ("brown noise", hiss(20.0, RATE_HZ, 0.9, 8)),
+        ("knocks", knocks(20.0, RATE_HZ, 4.0, 8)),
+        ("motors", motors(&turns, 20.0, RATE_HZ, 8)),
+    ] {
+        let quiet: Vec<f32> = sound.iter().map(|s| 0.1 * s).collect();
+        let frames = listen(&quiet, RATE_HZ);
+        let late = || frames.iter().filter(|f| f.time_s > 3.0);
+        let wrong = late().filter(|f| f.presence >= 0.5 || f.beat.lock != BeatLock::Lost);
+        assert_eq!(wrong.count(), 0, "{name} of {} frames", late().count());
+    }
+}
+
+#[test]
+fn speech_after_a_song_is_noticed() {
+    let song = spec(Style::Disco, steady(118.0, 15.0), 15.0)
+        .render()
+        .expect("a song");
+    let mut heard = song.samples.clone();
+    let talk = speech(15.0, song.sample_rate_hz, 2);
+    heard.extend(talk.iter().map(|s| 0.05 * s));
+    let frames = listen(&heard, song.sample_rate_hz);
+    let at = |s: f64| frames[(20.0 * s) as usize];
+    assert!(at(14.0).presence > 0.5 && at(14.0).beat.lock == BeatLock::Locked);
+    for frame in frames.iter().filter(|f| f.time_s > 24.0) {
+        assert!(
+            frame.presence < 0.5,
+            "{} s: {}",
+            frame.time_s,
+            frame.presence
+        );
+        assert_eq!(frame.beat.lock, BeatLock::Lost, "{} s", frame.time_s);
+    }
+}
+
+#[test]
+fn quiet_music_is_music_with_the_same_beats() {
+    let song = spec(Style::House, steady(126.0, 20.0), 20.0)
+        .render()
+        .expect("a song");
+    let loud = listen(&song.samples, song.sample_rate_hz);
+    for gain in [0.1, 0.01] {
+        let soft: Vec<f32> = song.samples.iter().map(|s| gain * s).collect();
+        let soft = listen(&soft, song.sample_rate_hz);
+        for (a, b) in loud.iter().zip(&soft).filter(|(a, _)| a.time_s > 4.0) {
+            assert!(a.presence > 0.5 && (a.presence - b.presence).abs() < 0.1);
+            let turn = a.beat.phase - b.beat.phase;
+            assert!((turn - turn.round()).abs() < 0.05, "{gain}: {} s", a.time_s);
+        }
+    }
 }

@@ -5,6 +5,7 @@
 //! A command returns the exit code of the program: 0 done, 1 refused or failed
 //! (an error, told by `main` in one line), 130 stopped by Ctrl-C.
 
+pub mod beats;
 pub mod bench;
 pub mod calibrate;
 pub mod dance;
@@ -48,6 +49,8 @@ pub struct Cli {
 /// What servodance can do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Write the beats of a recording, one a line in seconds.
+    Beats(beats::Args),
     /// Measure what parts of this program take on this machine.
     Bench(bench::Args),
     /// Put zeros and directions into a robot file, from where its joints rest.
@@ -91,6 +94,7 @@ impl Command {
     /// What the user gave that cannot be used, or what failed on the way.
     pub fn run(self) -> anyhow::Result<ExitCode> {
         match self {
+            Command::Beats(args) => beats::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Dance(args) => dance::run(args),

@@ -1,18 +1,20 @@
 //! A belief over tempo and phase, updated at every hop (a bar-pointer model
 //! with one-beat bars; Whiteley 2006, efficient state space after Krebs 2015).
+//! Each state carries the likelihood of the best path to it, not the sum over
+//! all: the best path changes its mind less.
 //!
 //! Each tempo has one state for every hop of its period: hops since the last
 //! beat. Time moves all of them on by one, which costs nothing in a ring; only
 //! the states near a beat are reweighted by what was heard. At a beat the tempo
-//! may change a little; now and then belief is lent to the tempi that the
-//! tempogram suggests, so that a new song is found soon. Constant memory.
+//! may change a little or, rarely, to anything; the tempi that the tempogram
+//! suggests gain a little. Constant memory.
 
 use super::tempo::{RATE_HZ, TEMPI, bpm, period, prior_of};
 
 /// Width of the bell around a beat in which onsets count, seconds, and its half
 /// length in hops.
 const BEAT_SIGMA_S: f32 = 0.017;
-const BELL: usize = 6;
+pub(crate) const BELL: usize = 6;
 /// Weight of an onset's strength in the log-likelihood of a beat.
 const GAIN: f32 = 2.1;
 /// Strength that is neither for nor against a beat.
@@ -20,22 +22,41 @@ const NEUTRAL: f32 = 0.07;
 /// How fast the chance of a change of tempo falls with its relative size.
 const STEADINESS: f32 = 120.0;
 /// Furthest change of the period at one beat, hops.
-const REACH: usize = 3;
-/// Belief lent to the tempogram's suggestion in one second.
-const LEND_PER_S: f32 = 0.03;
-/// Weights of the usual tempi and of the tempogram: log-belief a second.
-const USUAL_PER_S: f32 = 0.24;
-const FITTING_PER_S: f32 = 0.22;
+pub(crate) const REACH: usize = 3;
+/// Likelihood of a leap to any other tempo at a beat: another song.
+const LEAP: f32 = -20.0;
+/// Weight of the usual tempi, log-likelihood a second, paid at each beat.
+const USUAL_PER_S: f64 = 0.1;
+/// Weight of the tempogram, log-likelihood a second.
+const FITTING_PER_S: f32 = 0.3;
+
+/// What an onset strength says for a beat in its hop, log-likelihood.
+pub(crate) fn evidence(strength: f32) -> f32 {
+    GAIN * (strength - NEUTRAL)
+}
+
+/// What a beat at this tempo costs for being unusual, log-likelihood.
+pub(crate) fn unusual(tempo: usize) -> f32 {
+    let bpm = bpm(tempo);
+    (USUAL_PER_S * 60.0 / bpm) as f32 * prior_of(bpm).ln()
+}
 
 /// One tempo's states: a ring of hops since the last beat.
-struct Ring {
+pub(crate) struct Ring {
     states: Vec<f32>,
     /// Where the state "on the beat now" is.
     zero: usize,
 }
 
 impl Ring {
-    fn at(&self, since_beat: usize) -> usize {
+    pub(crate) fn filled(period: usize, value: f32) -> Self {
+        Self {
+            states: vec![value; period],
+            zero: 0,
+        }
+    }
+
+    fn place(&self, since_beat: usize) -> usize {
         let at = self.zero + since_beat;
         if at < self.states.len() {
             at
@@ -44,9 +65,59 @@ impl Ring {
         }
     }
 
+    pub(crate) fn at(&self, since_beat: usize) -> f32 {
+        self.states[self.place(since_beat)]
+    }
+
+    pub(crate) fn at_mut(&mut self, since_beat: usize) -> &mut f32 {
+        let place = self.place(since_beat);
+        &mut self.states[place]
+    }
+
+    /// Moves every state on by one hop; returns the one that arrives at the
+    /// next beat, whose place is then that beat's.
+    pub(crate) fn advance(&mut self) -> f32 {
+        let period = self.states.len();
+        self.zero = (self.zero + period - 1) % period;
+        self.states[self.zero]
+    }
+
+    /// Changes the states near a beat by their distance from it, hops.
+    pub(crate) fn near_beat(&mut self, change: impl Fn(&mut f32, usize)) {
+        let period = self.states.len();
+        change(self.at_mut(0), 0);
+        for distance in 1..BELL {
+            change(self.at_mut(distance), distance);
+            change(self.at_mut(period - distance), distance);
+        }
+    }
+
     fn total(&self) -> f32 {
         self.states.iter().sum()
     }
+}
+
+/// The bell around a beat, by distance in hops.
+pub(crate) fn bell() -> [f32; BELL] {
+    std::array::from_fn(|hop| {
+        let x = hop as f32 / RATE_HZ as f32 / BEAT_SIGMA_S;
+        (-0.5 * x * x).exp()
+    })
+}
+
+/// Chances of the steps from each tempo to its neighbours.
+pub(crate) fn steps() -> Vec<[f32; 2 * REACH + 1]> {
+    (0..TEMPI)
+        .map(|from| {
+            let mut chances: [f32; 2 * REACH + 1] = std::array::from_fn(|k| {
+                let change = (k as f32 - REACH as f32).abs() / period(from) as f32;
+                (-STEADINESS * change).exp()
+            });
+            let sum: f32 = chances.iter().sum();
+            chances.iter_mut().for_each(|c| *c /= sum);
+            chances
+        })
+        .collect()
 }
 
 /// What is believed of tempo and phase.
@@ -56,6 +127,8 @@ pub(crate) struct Belief {
     bell: [f32; BELL],
     /// Chances of the steps from each tempo to its neighbours.
     steps: Vec<[f32; 2 * REACH + 1]>,
+    /// What a beat at each tempo costs, as a factor.
+    unusual: [f32; TEMPI],
 }
 
 /// The most believed tempo and phase.
@@ -76,65 +149,40 @@ impl Belief {
         let rings = (0..TEMPI)
             .map(|i| {
                 let period = period(i);
-                Ring {
-                    states: vec![prior[i] / sum / period as f32; period],
-                    zero: 0,
-                }
+                Ring::filled(period, prior[i] / sum / period as f32)
             })
             .collect();
-        let bell = std::array::from_fn(|hop| {
-            let x = hop as f32 / RATE_HZ as f32 / BEAT_SIGMA_S;
-            (-0.5 * x * x).exp()
-        });
-        let steps = (0..TEMPI)
-            .map(|from| {
-                let mut chances: [f32; 2 * REACH + 1] = std::array::from_fn(|k| {
-                    let change = (k as f32 - REACH as f32).abs() / period(from) as f32;
-                    (-STEADINESS * change).exp()
-                });
-                let sum: f32 = chances.iter().sum();
-                chances.iter_mut().for_each(|c| *c /= sum);
-                chances
-            })
-            .collect();
-        Self { steps, rings, bell }
+        Self {
+            steps: steps(),
+            rings,
+            bell: bell(),
+            unusual: std::array::from_fn(|i| unusual(i).exp()),
+        }
     }
 
-    /// Moves on by one hop in which `strength` was heard.
-    pub(crate) fn hop(&mut self, strength: f32) {
+    /// Moves on by one hop with this evidence for a beat, log-odds.
+    pub(crate) fn hop(&mut self, evidence: f32) {
         self.advance();
-        self.weigh(strength);
+        self.weigh(evidence);
     }
 
     fn advance(&mut self) {
-        let mut arrived = [0.0f32; TEMPI];
-        for (ring, arrived) in self.rings.iter_mut().zip(&mut arrived) {
-            let period = ring.states.len();
-            ring.zero = (ring.zero + period - 1) % period;
-            *arrived = ring.states[ring.zero];
-        }
+        let arrived: [f32; TEMPI] = std::array::from_fn(|i| self.rings[i].advance());
+        let leap = LEAP.exp() * arrived.iter().fold(0.0f32, |m, &v| m.max(v));
         for (to, ring) in self.rings.iter_mut().enumerate() {
             let first = to.saturating_sub(REACH);
             let last = (to + REACH).min(TEMPI - 1);
-            ring.states[ring.zero] = (first..=last)
-                .map(|from| self.steps[from][to + REACH - from] * arrived[from])
-                .sum();
+            let near =
+                (first..=last).map(|from| self.steps[from][to + REACH - from] * arrived[from]);
+            *ring.at_mut(0) = self.unusual[to] * near.fold(leap, f32::max);
         }
     }
 
     /// States near a beat gain or lose by what was heard.
-    fn weigh(&mut self, strength: f32) {
-        let log = GAIN * (strength - NEUTRAL);
-        let factors = self.bell.map(|bell| (log * bell).exp());
+    fn weigh(&mut self, evidence: f32) {
+        let factors = self.bell.map(|bell| (evidence * bell).exp());
         for ring in &mut self.rings {
-            let period = ring.states.len();
-            ring.states[ring.zero] *= factors[0];
-            for (hop, factor) in factors.iter().enumerate().skip(1) {
-                let late = ring.at(hop);
-                ring.states[late] *= factor;
-                let early = ring.at(period - hop);
-                ring.states[early] *= factor;
-            }
+            ring.near_beat(|state, distance| *state *= factors[distance]);
         }
     }
 
@@ -142,16 +190,13 @@ impl Belief {
     /// the `elapsed_s` since the last time; due every few hops.
     pub(crate) fn settle(&mut self, suggestion: &[f32; TEMPI], elapsed_s: f32) {
         let total: f32 = self.rings.iter().map(Ring::total).sum();
-        let lend = LEND_PER_S * elapsed_s;
-        let scale = (1.0 - lend) / total.max(1e-30);
-        for (i, (ring, wish)) in self.rings.iter_mut().zip(suggestion).enumerate() {
-            let usual = USUAL_PER_S * prior_of(bpm(i)).ln();
+        let scale = 1.0 / total.max(1e-30);
+        for (ring, wish) in self.rings.iter_mut().zip(suggestion) {
             let fitting = FITTING_PER_S * (wish * TEMPI as f32).ln();
-            let pull = (1.0 + elapsed_s * (usual + fitting)).max(0.5);
-            let lent = lend * wish / ring.states.len() as f32;
-            for state in &mut ring.states {
-                *state = *state * scale * pull + lent;
-            }
+            let pull = (1.0 + elapsed_s * fitting).max(0.5);
+            ring.states
+                .iter_mut()
+                .for_each(|state| *state *= scale * pull);
         }
     }
 
@@ -182,7 +227,7 @@ impl Belief {
             let centre = (phase * period as f64).round() as i64;
             for offset in -reach..=reach {
                 let since = (centre + offset).rem_euclid(period as i64) as usize;
-                let value = ring.states[ring.at(since)];
+                let value = ring.at(since);
                 mass += value;
                 let angle = offset as f64 / period as f64;
                 sin += f64::from(value) * angle;
@@ -201,7 +246,7 @@ impl Belief {
         let ring = &self.rings[tempo];
         let period = ring.states.len();
         let best = (0..period)
-            .max_by(|&a, &b| ring.states[ring.at(a)].total_cmp(&ring.states[ring.at(b)]))
+            .max_by(|&a, &b| ring.at(a).total_cmp(&ring.at(b)))
             .unwrap_or(0);
         best as f64 / period as f64
     }

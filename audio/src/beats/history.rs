@@ -1,15 +1,25 @@
 //! What an analyzer keeps for scoring when asked to; grows with the music
 //! unless what is old is let go of.
 
-/// Onset strength over a whole piece, and the beats as they were called live.
+use super::offline::BeatTrack;
+use servodance_types::FRAME_RATE_HZ;
+
+/// Frames after which music has been noticed: four seconds.
+const NOTICED_FRAMES: usize = 80;
+
+/// The evidence of beats over a whole piece, and the beats as they were called live.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
-    /// Values a second of `onsets`.
-    pub onset_rate_hz: f64,
+    /// Values a second of `evidence`.
+    pub rate_hz: f64,
     /// When the first value was audible, seconds; may be a little negative.
-    pub first_onset_s: f64,
-    /// Onset strength: 0 nothing, 1 strong.
-    pub onsets: Vec<f32>,
+    pub first_s: f64,
+    /// Evidence of a beat in each hop, log-odds.
+    pub evidence: Vec<f32>,
+    /// Presence of music, 20 a second, from `first_presence_s` on.
+    pub presence: Vec<f32>,
+    /// When the first value of `presence` was known, seconds.
+    pub first_presence_s: f64,
     /// Beats called by the causal tracker while it had the beat, seconds.
     pub beats_s: Vec<f64>,
 }
@@ -17,19 +27,36 @@ pub struct History {
 impl History {
     /// Lets go of what is older than `time_s`, once it is worth the copying.
     pub(crate) fn forget_before(&mut self, time_s: f64) {
-        let gone = ((time_s - self.first_onset_s) * self.onset_rate_hz).floor();
-        let gone = (gone.max(0.0) as usize).min(self.onsets.len());
-        if 2 * gone < self.onsets.len() {
+        let gone = ((time_s - self.first_s) * self.rate_hz).floor();
+        let gone = (gone.max(0.0) as usize).min(self.evidence.len());
+        if 2 * gone < self.evidence.len() {
             return;
         }
-        self.onsets.drain(..gone);
-        self.first_onset_s += gone as f64 / self.onset_rate_hz;
+        self.evidence.drain(..gone);
+        self.first_s += gone as f64 / self.rate_hz;
+        let gone = ((time_s - self.first_presence_s).max(0.0) * FRAME_RATE_HZ) as usize;
+        let gone = gone.min(self.presence.len());
+        self.presence.drain(..gone);
+        self.first_presence_s += gone as f64 / FRAME_RATE_HZ;
         self.beats_s.retain(|beat| *beat >= time_s);
     }
 
     /// When value `index` was audible, seconds.
-    pub fn onset_time_s(&self, index: usize) -> f64 {
-        self.first_onset_s + index as f64 / self.onset_rate_hz
+    pub fn time_s(&self, index: usize) -> f64 {
+        self.first_s + index as f64 / self.rate_hz
+    }
+
+    /// Whether music was noticed at this time or soon after.
+    pub(crate) fn music_at(&self, time_s: f64) -> bool {
+        let first = ((time_s - self.first_presence_s).max(0.0) * FRAME_RATE_HZ) as usize;
+        let mut soon = self.presence.iter().skip(first).take(NOTICED_FRAMES);
+        soon.any(|&presence| presence > 0.5)
+    }
+
+    /// The beats as they were called live.
+    pub fn live_track(&self) -> BeatTrack {
+        let heard = self.beats_s.iter().copied();
+        BeatTrack::new(heard.filter(|&time_s| time_s >= 0.0).collect())
     }
 }
 

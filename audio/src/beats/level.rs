@@ -8,8 +8,9 @@
 /// Middle and width in octaves of the bell of tempi that people dance to.
 const USUAL_BPM: f64 = 122.0;
 const USUAL_OCTAVES: f64 = 0.6;
-/// Nobody dances beats faster than this.
+/// Nobody dances beats faster than this, or slower than that.
 const FASTEST_BPM: f64 = 193.0;
+const SLOWEST_BPM: f64 = 62.0;
 /// Strength ratio that speaks for neither level, and the weight of the rest.
 const EVEN_RATIO: f64 = 0.52;
 const RATIO_WEIGHT: f64 = 4.0;
@@ -76,7 +77,8 @@ impl Level {
         let alternation = first.min(second) / strong;
         let offbeat = (off_first + off_second) / (first + second).max(1e-3);
         let one = usual(bpm);
-        let half = usual(bpm / 2.0) + RATIO_WEIGHT * (EVEN_RATIO - alternation);
+        let too_slow = if bpm / 2.0 < SLOWEST_BPM { -10.0 } else { 0.0 };
+        let half = too_slow + usual(bpm / 2.0) + RATIO_WEIGHT * (EVEN_RATIO - alternation);
         let too_fast = if bpm * 2.0 > FASTEST_BPM { -10.0 } else { 0.0 };
         let double = too_fast + usual(bpm * 2.0) + RATIO_WEIGHT * (offbeat.min(1.0) - EVEN_RATIO);
         let scores = [

@@ -1,20 +1,15 @@
 //! Beats with the whole piece known: for scoring, never for dancing.
 //!
-//! A tempo curve by dynamic programming over windowed autocorrelation, then
-//! beats by dynamic programming (Ellis 2007): each beat should fall on a strong
-//! onset, one local period after the one before.
+//! The same evidence and the same model of tempo and phase as the causal
+//! tracker's, but the one best path through the whole piece (Viterbi) in place
+//! of what is best known at each moment. Memory: 113 bytes a hop.
 
+use super::belief::{self, Ring};
 use super::history::History;
-use super::tempo::{TEMPI, fits, period};
+use super::tempo::{TEMPI, bpm, period, prior_of};
 
-/// Length of the window and distance of the looks at the tempo, seconds.
-const WINDOW_S: f64 = 10.0;
-const STEP_S: f64 = 0.5;
-/// Cost of a change of tempo by one of the [`TEMPI`] in one step, and the most.
-const CHANGE_COST: f32 = 0.6;
-const CHANGE_LIMIT: f32 = 8.0;
-/// Cost of an interval that is not the period (Ellis's tightness).
-const TIGHTNESS: f32 = 100.0;
+/// Likelihood of a leap to any other tempo at a beat, logarithmic.
+const LEAP: f32 = -15.0;
 
 /// The beats of a piece.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -25,126 +20,99 @@ pub struct BeatTrack {
     pub times_s: Vec<f64>,
 }
 
-/// Finds the beats of a piece from its onsets. No music, no beats.
-pub fn track_offline(history: &History) -> BeatTrack {
-    let onsets = normalised(&history.onsets);
-    let strongest = onsets.iter().fold(0.0f32, |m, &v| m.max(v));
-    if strongest <= 0.0 || (onsets.len() as f64) < 2.0 * history.onset_rate_hz {
-        return BeatTrack::default();
-    }
-    let periods = tempo_curve(&onsets, history.onset_rate_hz);
-    let beats = best_beats(&onsets, &periods);
-    let times_s: Vec<f64> = trimmed(&beats, &onsets)
-        .iter()
-        .map(|&index| history.onset_time_s(index))
-        .filter(|&time| time >= 0.0)
-        .collect();
-    BeatTrack {
-        tempo_bpm: median_tempo_bpm(&times_s),
-        times_s,
-    }
-}
-
-/// Onsets over their standard deviation, smoothed a little.
-fn normalised(onsets: &[f32]) -> Vec<f32> {
-    let count = onsets.len().max(1) as f32;
-    let mean = onsets.iter().sum::<f32>() / count;
-    let variance = onsets.iter().map(|v| (v - mean) * (v - mean)).sum::<f32>() / count;
-    let scale = 1.0 / variance.sqrt().max(1e-9);
-    let at = |i: usize| onsets.get(i).copied().unwrap_or(0.0);
-    (0..onsets.len())
-        .map(|i| scale * (0.25 * at(i.wrapping_sub(1)) + 0.5 * at(i) + 0.25 * at(i + 1)))
-        .collect()
-}
-
-/// The period in hops at every onset value.
-fn tempo_curve(onsets: &[f32], rate_hz: f64) -> Vec<f32> {
-    let step = (STEP_S * rate_hz) as usize;
-    let half = (WINDOW_S * rate_hz / 2.0) as usize;
-    let looks = onsets.len() / step + 1;
-    let evidence: Vec<[f32; TEMPI]> = (0..looks)
-        .map(|look| {
-            let centre = look * step;
-            let end = (centre + half).min(onsets.len());
-            fits(&onsets[centre.saturating_sub(half)..end])
-                .likelihood
-                .map(f32::ln)
-        })
-        .collect();
-    let path = best_tempi(&evidence);
-    (0..onsets.len())
-        .map(|i| period(path[i / step]) as f32)
-        .collect()
-}
-
-/// The path through the tempi with the best evidence and few changes.
-fn best_tempi(evidence: &[[f32; TEMPI]]) -> Vec<usize> {
-    let change = |a: usize, b: usize| (CHANGE_COST * a.abs_diff(b) as f32).min(CHANGE_LIMIT);
-    let mut score = [0.0f32; TEMPI];
-    let mut from = Vec::with_capacity(evidence.len());
-    for now in evidence {
-        let best: [(f32, usize); TEMPI] = std::array::from_fn(|to| {
-            (0..TEMPI)
-                .map(|old| (score[old] - change(old, to), old))
-                .max_by(|a, b| a.0.total_cmp(&b.0))
-                .unwrap_or((0.0, to))
-        });
-        score = std::array::from_fn(|to| best[to].0 + now[to]);
-        from.push(best.map(|(_, old)| old));
-    }
-    let mut tempo = (0..TEMPI)
-        .max_by(|&a, &b| score[a].total_cmp(&score[b]))
-        .unwrap_or(0);
-    let mut path = vec![tempo; evidence.len()];
-    for look in (1..evidence.len()).rev() {
-        tempo = from[look][tempo];
-        path[look - 1] = tempo;
-    }
-    path
-}
-
-/// Indices of the beats: the best chain of onsets (Ellis 2007).
-fn best_beats(onsets: &[f32], periods: &[f32]) -> Vec<usize> {
-    let mut score = vec![0.0f32; onsets.len()];
-    let mut from = vec![usize::MAX; onsets.len()];
-    for now in 0..onsets.len() {
-        let period = periods[now];
-        let longest = (2.0 * period) as usize;
-        let shortest = (0.5 * period) as usize;
-        let mut best = (0.0f32, usize::MAX);
-        for lag in shortest..=longest.min(now) {
-            let stretch = (lag as f32 / period).ln();
-            let value = score[now - lag] - TIGHTNESS * stretch * stretch;
-            if value > best.0 {
-                best = (value, now - lag);
-            }
+impl BeatTrack {
+    pub(super) fn new(times_s: Vec<f64>) -> Self {
+        Self {
+            tempo_bpm: median_tempo_bpm(&times_s),
+            times_s,
         }
-        score[now] = onsets[now] + best.0;
-        from[now] = best.1;
     }
-    let tail = onsets.len() - (periods[onsets.len() - 1] as usize).min(onsets.len());
-    let last = (tail..onsets.len()).max_by(|&a, &b| score[a].total_cmp(&score[b]));
-    let mut beats = Vec::new();
-    let mut next = last.unwrap_or(usize::MAX);
-    while next != usize::MAX {
-        beats.push(next);
-        next = from[next];
-    }
-    beats.reverse();
-    beats
 }
 
-/// Without the beats before the first and after the last audible one.
-fn trimmed<'a>(beats: &'a [usize], onsets: &[f32]) -> &'a [usize] {
-    let strength = |&beat: &usize| {
-        let near = beat.saturating_sub(4)..(beat + 5).min(onsets.len());
-        onsets[near].iter().fold(0.0f32, |m, &v| m.max(v))
-    };
-    let mean = beats.iter().map(strength).sum::<f32>() / beats.len().max(1) as f32;
-    let loud = |beat: &usize| strength(beat) > 0.3 * mean;
-    let first = beats.iter().position(loud).unwrap_or(0);
-    let last = beats.iter().rposition(loud).map_or(0, |l| l + 1);
-    &beats[first..last.max(first)]
+/// Finds the beats of a piece from what was heard. No music, no beats.
+pub fn track_offline(history: &History) -> BeatTrack {
+    let mut path = Path::new();
+    for &evidence in &history.evidence {
+        path.hop(evidence);
+    }
+    let times_s = path.beats().into_iter().map(|hop| history.time_s(hop));
+    let music = |time_s: &f64| *time_s >= 0.0 && history.music_at(*time_s);
+    BeatTrack::new(times_s.filter(music).collect())
+}
+
+/// The best path to every state of tempo and phase.
+struct Path {
+    rings: Vec<Ring>,
+    /// Log chances of the steps from each tempo to its neighbours.
+    steps: Vec<[f32; 2 * belief::REACH + 1]>,
+    /// For each hop and tempo, the tempo before a beat there.
+    from: Vec<[u8; TEMPI]>,
+    bell: [f32; belief::BELL],
+}
+
+impl Path {
+    fn new() -> Self {
+        let steps = belief::steps()
+            .into_iter()
+            .map(|row| row.map(f32::ln))
+            .collect();
+        Self {
+            rings: (0..TEMPI)
+                .map(|i| Ring::filled(period(i), prior_of(bpm(i)).ln()))
+                .collect(),
+            steps,
+            from: Vec::new(),
+            bell: belief::bell(),
+        }
+    }
+
+    /// Moves on by one hop with this evidence for a beat, log-odds.
+    fn hop(&mut self, evidence: f32) {
+        let arrived: [f32; TEMPI] = std::array::from_fn(|i| self.rings[i].advance());
+        let leap = (0..TEMPI)
+            .max_by(|&a, &b| arrived[a].total_cmp(&arrived[b]))
+            .unwrap_or(0);
+        let mut from = [0u8; TEMPI];
+        for (to, ring) in self.rings.iter_mut().enumerate() {
+            let first = to.saturating_sub(belief::REACH);
+            let near = arrived
+                .iter()
+                .enumerate()
+                .skip(first)
+                .take(to + belief::REACH + 1 - first);
+            let mut best = (arrived[leap] + LEAP, leap);
+            for (tempo, score) in near {
+                let score = score + self.steps[tempo][to + belief::REACH - tempo];
+                if score > best.0 {
+                    best = (score, tempo);
+                }
+            }
+            from[to] = best.1 as u8;
+            *ring.at_mut(0) = best.0 + belief::unusual(to);
+            ring.near_beat(|state, distance| *state += evidence * self.bell[distance]);
+        }
+        self.from.push(from);
+    }
+
+    /// Hops of the beats of the best path.
+    fn beats(&self) -> Vec<usize> {
+        let ends = self.rings.iter().enumerate().flat_map(|(tempo, ring)| {
+            (0..period(tempo)).map(move |since| (ring.at(since), tempo, since))
+        });
+        let best = ends.max_by(|a, b| a.0.total_cmp(&b.0));
+        let mut beats = Vec::new();
+        let Some((_, mut tempo, since)) = best else {
+            return beats;
+        };
+        let mut at = self.from.len().checked_sub(1 + since);
+        while let Some(hop) = at {
+            beats.push(hop);
+            tempo = usize::from(self.from[hop][tempo]);
+            at = hop.checked_sub(period(tempo));
+        }
+        beats.reverse();
+        beats
+    }
 }
 
 fn median_tempo_bpm(times_s: &[f64]) -> f64 {
@@ -178,12 +146,12 @@ mod tests {
 
     #[test]
     fn silence_has_no_beats() {
-        let history = History {
-            onset_rate_hz: 160.0,
-            onsets: vec![0.0; 1600],
-            ..History::default()
-        };
-        assert_eq!(track_offline(&history), BeatTrack::default());
+        let mut analyzer = MusicAnalyzer::keeping_history(8000).unwrap();
+        analyzer.push(&[0.0; 80_000]);
+        assert_eq!(
+            track_offline(analyzer.history().unwrap()),
+            BeatTrack::default()
+        );
         assert_eq!(track_offline(&History::default()), BeatTrack::default());
     }
 }

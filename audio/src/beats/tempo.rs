@@ -84,19 +84,6 @@ impl Tempogram {
     }
 }
 
-/// How well each tempo fits a whole stretch of onsets.
-pub(crate) fn fits(onsets: &[f32]) -> TempoFit {
-    let mean = onsets.iter().sum::<f32>() / onsets.len().max(1) as f32;
-    let level: Vec<f32> = onsets.iter().map(|v| v - mean).collect();
-    let correlation: Vec<f32> = (0..longest_lag())
-        .map(|lag| {
-            let late = level.get(lag..).unwrap_or(&[]);
-            late.iter().zip(&level).map(|(a, b)| a * b).sum()
-        })
-        .collect();
-    comb(&correlation, correlation[0])
-}
-
 /// Lags that the comb may look at, hops.
 const fn longest_lag() -> usize {
     TEETH * period(TEMPI - 1) + 4

@@ -4,15 +4,16 @@
 //!            confident                unsure
 //!   Lost ----------------> Locked <=========> Holding
 //!    ^                     (follows)          (coasts on)
-//!    |                                            |
-//!    +------ unsure for HOLD_S, or silence -------+
+//!    |                         |                  |
+//!    +-- silence, no music ----+- unsure HOLD_S --+
 //! ```
 //!
 //! While locked the oscillator follows the belief by small corrections, so that
 //! its phase never jumps for one late drum; a different tempo or phase that
 //! stays believed for a while is taken over at once.
 
-use super::belief::{Belief, Estimate};
+use super::bar::Bar;
+use super::belief::{Belief, Estimate, evidence};
 use super::level::Level;
 use super::tempo::{RATE_HZ, TempoFit, Tempogram};
 use crate::onset::Onset;
@@ -21,6 +22,9 @@ use servodance_types::{Beat, BeatLock};
 /// Confidence to lock, and below which a lock is held only.
 const LOCK: f32 = 0.4;
 const UNLOCK: f32 = 0.25;
+/// Presence of music needed to lock; absent for so long, the lock is lost.
+const MUSIC: f32 = 0.5;
+const ABSENT_S: f64 = 4.0;
 /// Clarity of the tempogram for noise and speech, and for music.
 const IRREGULAR: f32 = 0.1;
 const REGULAR: f32 = 0.2;
@@ -29,11 +33,9 @@ const HOLD_S: f64 = 7.0;
 /// Silence for so long ends the music.
 const SILENCE_S: f64 = 1.5;
 /// A contradicting belief must last so long before it is followed.
-const PATIENCE_S: f64 = 1.0;
+const PATIENCE_S: f64 = 0.3;
 /// The same for half, double or the off-beat of what is followed.
-const LEVEL_PATIENCE_S: f64 = 4.0;
-/// Time constant of the presence of music.
-const PRESENCE_S: f64 = 1.0;
+const LEVEL_PATIENCE_S: f64 = 1.0;
 /// Share of the phase error that is corrected in one second.
 const PHASE_PULL_PER_S: f64 = 2.7;
 /// Change of tempo, in beats a second per second, for a phase error of one.
@@ -52,10 +54,12 @@ pub(crate) struct Tracker {
     bpm: f64,
     confidence: f32,
     presence: f32,
+    absent_s: f64,
     unsure_s: f64,
     silent_s: f64,
     contradicted_s: f64,
     level: Level,
+    bar: Bar,
 }
 
 /// Hops between two looks at the tempogram and the belief.
@@ -74,24 +78,31 @@ impl Tracker {
             bpm: 0.0,
             confidence: 0.0,
             presence: 0.0,
+            absent_s: 0.0,
             unsure_s: 0.0,
             silent_s: f64::INFINITY,
             contradicted_s: 0.0,
             level: Level::default(),
+            bar: Bar::default(),
         }
     }
 
-    /// Whether this is music: audible and regular, over the last seconds.
-    pub(crate) fn presence(&self) -> f32 {
-        self.presence
+    /// Whether there was no sound for a while.
+    pub(crate) fn silent(&self) -> bool {
+        self.silent_s > SILENCE_S
+    }
+
+    /// Takes how present music is, 0 to 1.
+    pub(crate) fn music(&mut self, presence: f32) {
+        self.presence = presence;
     }
 
     pub(crate) fn state(&self) -> BeatLock {
         self.state
     }
 
-    /// Takes one hop of onset strength.
-    pub(crate) fn hop(&mut self, onset: Onset) {
+    /// Takes one hop of onsets, and how likely a downbeat is in it.
+    pub(crate) fn hop(&mut self, onset: &Onset, downbeat: f32) {
         let hop_s = 1.0 / RATE_HZ;
         self.silent_s = if onset.audible {
             0.0
@@ -99,10 +110,12 @@ impl Tracker {
             self.silent_s + hop_s
         };
         self.tempogram.push(onset.strength);
-        self.belief.hop(onset.strength);
+        self.belief.hop(evidence(onset.strength));
         let phase = self.phase + self.bpm / 60.0 * hop_s;
         self.phase = phase.rem_euclid(1.0);
         self.level.hear(self.phase, phase >= 1.0, onset.strength);
+        let (danced, _) = self.level.apply(self.phase, self.bpm);
+        self.bar.hear(danced.rem_euclid(1.0), downbeat);
         self.hops += 1;
         if self.hops.is_multiple_of(LOOK_EVERY) {
             let elapsed_s = LOOK_EVERY as f64 * hop_s;
@@ -115,23 +128,23 @@ impl Tracker {
     /// Compares the oscillator with the belief.
     fn look(&mut self, elapsed_s: f64) {
         let estimate = self.belief.estimate();
-        let clarity = if self.silent_s > SILENCE_S {
+        let clarity = if self.silent() {
             0.0
         } else {
             let regular = (self.fit.clarity - IRREGULAR) / (REGULAR - IRREGULAR);
-            ((estimate.mass - 0.15) / 0.6).clamp(0.0, 1.0) * regular.clamp(0.0, 1.0)
+            let music = (self.presence / MUSIC).min(1.0);
+            music * ((estimate.mass - 0.15) / 0.6).clamp(0.0, 1.0) * regular.clamp(0.0, 1.0)
         };
-        let regular = if self.silent_s > SILENCE_S {
-            0.0
-        } else {
-            ((self.fit.clarity - IRREGULAR) / (REGULAR - IRREGULAR)).clamp(0.0, 1.0)
-        };
-        self.presence += (elapsed_s / PRESENCE_S) as f32 * (regular - self.presence);
         let pull = (2.0 * elapsed_s) as f32;
         self.confidence += pull.min(1.0) * (clarity - self.confidence);
-        if self.silent_s > SILENCE_S {
+        if self.silent() {
             self.confidence = 0.0;
         }
+        self.absent_s = if self.presence > MUSIC {
+            0.0
+        } else {
+            self.absent_s + elapsed_s
+        };
         self.change_state(estimate, elapsed_s);
         match self.state {
             BeatLock::Lost => {
@@ -146,12 +159,12 @@ impl Tracker {
     }
 
     fn change_state(&mut self, estimate: Estimate, elapsed_s: f64) {
-        if self.silent_s > SILENCE_S {
+        if self.silent() || self.absent_s > ABSENT_S {
             self.state = BeatLock::Lost;
             return;
         }
         match self.state {
-            BeatLock::Lost if self.confidence > LOCK => {
+            BeatLock::Lost if self.confidence > LOCK && self.presence > MUSIC => {
                 self.state = BeatLock::Locked;
                 self.unsure_s = 0.0;
                 self.contradicted_s = 0.0;
@@ -203,6 +216,7 @@ impl Tracker {
             self.bpm = estimate.bpm;
             self.level.carry_over(danced, self.phase, self.bpm);
             self.contradicted_s = 0.0;
+            self.bar = Bar::default();
         }
     }
 
@@ -218,7 +232,10 @@ impl Tracker {
             tempo_bpm: bpm as f32,
             confidence: self.confidence,
             lock: self.state,
-            beat_in_bar: None,
+            beat_in_bar: match self.state {
+                BeatLock::Lost => None,
+                BeatLock::Locked | BeatLock::Holding => self.bar.beat_in_bar(f64::from(phase)),
+            },
         }
     }
 }
