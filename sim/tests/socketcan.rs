@@ -30,14 +30,15 @@ fn system(command: &str) {
     assert!(status.expect("the command runs").success(), "{command}");
 }
 
-/// A wire of one megabit with room for ten frames, as interfaces have: a frame
-/// of 16 bytes in the queue takes the 111 us of its bits. Gone when dropped.
+/// A slow wire with room for ten frames, as interfaces have: a frame of 16 bytes
+/// in the queue takes a millisecond, so that even an emulated machine fills it.
+/// Gone when dropped.
 struct Wire(String);
 
 impl Wire {
     fn at(interface: &str) -> Self {
         system(&format!(
-            "tc qdisc add dev {interface} root tbf rate 1153kbit burst 32 limit 160"
+            "tc qdisc add dev {interface} root tbf rate 128kbit burst 32 limit 160"
         ));
         Self(interface.into())
     }
@@ -250,7 +251,7 @@ fn a_short_queue_is_paced_and_nothing_is_lost() {
     let mut bus = CanBus::open(&port, &config, servos.clone()).unwrap();
     let mut states = bus.arm().unwrap().states;
     let held: Vec<f64> = states.iter().map(|state| state.position_rad).collect();
-    for _ in 0..100 {
+    for _ in 0..30 {
         bus.cycle(&held, &mut states).unwrap();
     }
     // Twenty commands at once against a queue of ten.
