@@ -146,6 +146,6 @@ fn adapter_faults(kind: Kind, table: &mut String) {
     // Their own time-out stops them; those without one stand at their last target.
     assert!(outcome.safe_after_s < 0.2, "{what}: {outcome:?}");
     let error = outcome.error.expect(&what);
-    let says = "CAN link slcan:/dev/pts/";
+    let says = "CAN link slcan:/dev/ttyUSB0";
     assert!(error.starts_with(says), "{what}: {error}");
 }

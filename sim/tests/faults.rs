@@ -155,7 +155,10 @@ fn every_fault_ends_safely_and_is_told() {
         row(&mut table, &what, &outcome);
         assert!(outcome.safe_after_s < 0.5, "{what}: {outcome:?}");
         let error = outcome.error.expect(&what);
-        assert!(error.starts_with("serial port "), "{what}: {error}");
+        assert!(
+            error.starts_with("serial port /dev/ttyUSB0"),
+            "{what}: {error}"
+        );
     }
     recoveries(&mut table);
     let file = concat!(env!("CARGO_TARGET_TMPDIR"), "/fault-table.md");
