@@ -5,8 +5,8 @@
 //!        ^ opened again when lost             | silence while there is no sound
 //! ```
 //!
-//! [`link`] is the ring: its writer only copies, so it may run in a capture
-//! callback. [`listener`] turns what arrives into a mono stream at
+//! `link` is the ring: its writer only copies, so it may run in a capture
+//! callback. `listener` turns what arrives into a mono stream at
 //! [`ANALYSIS_RATE_HZ`](crate::ANALYSIS_RATE_HZ) that keeps to the wall clock
 //! whatever the device does, so that music time goes on. What a user should
 //! know comes out as [`Notice`]s, once each.
