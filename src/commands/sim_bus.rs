@@ -30,7 +30,7 @@ pub struct Args {
     /// (slcan) or multicast (udp); pty or slcan if left out, as the robot's bus needs.
     #[arg(long, value_enum)]
     pub link: Option<LinkChoice>,
-    /// Something that goes wrong: TIME JOINT|wire|adapter WHAT [VALUE], such as
+    /// Something that goes wrong: TIME JOINT|wire|adapter WHAT VALUE (some have none), such as
     /// "3s l_knee dead" or "5s wire corrupt 0.01"; may be given again.
     #[arg(long, value_name = "FAULT")]
     pub fault: Vec<String>,

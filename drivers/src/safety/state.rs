@@ -55,7 +55,7 @@ pub struct Interventions {
 /// Why the safety layer stopped, or never began.
 #[derive(Debug, thiserror::Error)]
 pub enum SafetyError {
-    /// A value of [`SafetyConfig`] that makes no sense.
+    /// A value of [`SafetyConfig`](super::SafetyConfig) that makes no sense.
     #[error("safety: {key} is {actual}, must be positive and at most {highest}")]
     Config {
         /// Which value.
