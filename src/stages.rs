@@ -73,7 +73,7 @@ impl StageTimes {
 }
 
 /// Times kept before every second one is let go.
-const KEPT: usize = 1 << 16;
+const KEPT: usize = 1 << 14;
 
 /// Times for percentiles, in constant memory: all of them for the first
 /// minutes, then every second, every fourth and so on, evenly over the run. The

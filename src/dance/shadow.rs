@@ -49,11 +49,14 @@ pub fn shadow(
         servos: JointTrace::new(joints),
     };
     let mut frames = motion.iter().peekable();
-    let end_s = motion.last().map_or(0.0, |f| f.time_s).min(MOST_S) - lead_s;
+    // Of a long live run only the newest minutes are there.
+    let first_s = motion.first().map_or(0.0, |f| f.time_s);
+    let last_s = motion.last().map_or(0.0, |f| f.time_s);
+    let end_s = last_s.min(first_s + MOST_S) - lead_s;
     let mut cycle = 0_u64;
     loop {
         let robot_s = cycle as f64 * robot.period_s();
-        let time_s = robot_s - PRELUDE_S;
+        let time_s = first_s + robot_s - PRELUDE_S;
         if time_s > end_s {
             break;
         }
@@ -63,7 +66,7 @@ pub fn shadow(
         }
         retargeter.next(time_s + lead_s, &mut targets)?;
         rig.cycle(robot_s, &targets)?;
-        if time_s >= -1e-9 && cycle.is_multiple_of(decimation) {
+        if time_s >= first_s - 1e-9 && cycle.is_multiple_of(decimation) {
             shadow.targets.push(time_s, targets.iter().copied());
             let reported = rig.states().iter().map(|s| s.position_rad);
             shadow.servos.push(time_s, reported);
