@@ -1,9 +1,12 @@
 //! `evaluate`: the figures that scripts read, and what is refused.
 
 use crate::program::Program;
+use crate::torque_off::alone;
 
 #[test]
 fn evaluation_prints_every_figure_with_its_interval() {
+    // It takes all processors, which real-time tests could not bear.
+    let _alone = alone();
     let program = Program::new();
     let quick = [
         "evaluate",

@@ -9,6 +9,10 @@ use std::time::Duration;
 /// an adapter that passes bytes on at once.
 const PATIENCE: Duration = Duration::from_millis(10);
 
+/// The same for one servo that is asked for by its id: nobody waits for the
+/// other 252, and a busy computer may be late itself.
+const PATIENCE_WITH_ONE: Duration = Duration::from_millis(100);
+
 /// Which framings to look for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum ProtocolChoice {
@@ -104,7 +108,8 @@ impl Ear {
     /// The servo with this id, at the first rate where it answers, and the way to it.
     pub fn find(&self, id: u8) -> anyhow::Result<(Probe, Found)> {
         for (protocol, baud) in self.channels() {
-            let mut probe = self.probe(protocol, baud)?;
+            let wait = self.wait.max(PATIENCE_WITH_ONE);
+            let mut probe = Probe::open(&self.path, baud, protocol, wait)?;
             if let Some(found) = probe.ping(id)? {
                 return Ok((probe, found));
             }
