@@ -81,6 +81,9 @@ pub(crate) struct Listener {
     kind: Kind,
     keeper: Keeper,
     link: Option<LinkReader>,
+    /// Whether the device was open when last heard of; its link may end before
+    /// the keeper says why.
+    open: bool,
     rate_hz: u32,
     resampler: Resampler,
     created: Instant,
@@ -111,6 +114,7 @@ impl Listener {
             kind,
             keeper,
             link: None,
+            open: false,
             rate_hz: LIVE_RATE_HZ,
             resampler: Resampler::new(LIVE_RATE_HZ, LIVE_RATE_HZ),
             created: now,
@@ -167,7 +171,8 @@ impl Listener {
             LinkEvent::Opened(link) => self.connect(link),
             LinkEvent::Failed(reason) => {
                 // Said once, not at every attempt.
-                if self.link.take().is_some() {
+                self.link = None;
+                if std::mem::take(&mut self.open) {
                     self.notices.push_back(Notice::Lost { reason });
                     self.fall_silent(now);
                 }
@@ -182,6 +187,7 @@ impl Listener {
         self.lost_frames = 0;
         self.count = None;
         self.link = Some(link);
+        self.open = true;
     }
 
     fn change_rate(&mut self, to_hz: u32, tell: bool) {
