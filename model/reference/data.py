@@ -6,6 +6,7 @@
 """
 
 import json
+import math
 
 import torch
 from safetensors import safe_open
@@ -52,6 +53,27 @@ class Dataset:
         mean, std = self.music[keep].mean(0), self.music[keep].std(0).clamp(min=1e-3)
         mean[35:], std[35:] = 0.0, 1.0
         return mean, std
+
+
+def beat_agreement(data, clip):
+    """Share of the beats that are heard in a clip at which the body slows down
+    (a local minimum of the mean joint speed within 0.1 s), and of such minima
+    that are on a beat: their F1."""
+    frames = data.frames(clip)
+    speed = data.motion[frames, 67:133].unflatten(-1, (22, 3)).norm(dim=-1).mean(-1)
+    speed = torch.cat([speed[:1], (speed[1:] + speed[:-1]) / 2])
+    lowest = -torch.nn.functional.max_pool1d(-speed[None, None], 7, 1, 3)[0, 0]
+    minima = torch.nonzero((speed == lowest)[1:-1])[:, 0] + 1.0
+    sin, cos, _, confidence = data.music[frames, 35:].T
+    phase = torch.atan2(sin, cos) / (2 * math.pi) % 1
+    sure = torch.minimum(confidence[1:], confidence[:-1]) > 0.5
+    at = torch.nonzero(sure & (phase[:-1] > 0.5) & (phase[1:] < 0.5))[:, 0]
+    beats = at + (1 - phase[at]) / (1 - phase[at] + phase[at + 1])
+    if len(beats) == 0 or len(minima) == 0:
+        return 0.0
+    near = (beats[:, None] - minima[None]).abs() <= 2
+    recall, precision = near.any(1).float().mean(), near.any(0).float().mean()
+    return float(2 * recall * precision / (recall + precision).clamp(min=1e-6))
 
 
 class Crops:

@@ -15,6 +15,7 @@ import json
 import torch
 from safetensors.torch import save_file
 
+import checkpoint
 from config import to_json
 from data import Dataset
 from vqvae import VqVae
@@ -63,8 +64,7 @@ def main():
     parser.add_argument("--note", default="", help="goes into the provenance")
     args = parser.parse_args()
     torch.set_num_threads(1)
-    vq = torch.load(args.vq, weights_only=False)
-    seq = torch.load(args.seq, weights_only=False)
+    vq, seq = checkpoint.load(args.vq, "vq"), checkpoint.load(args.seq, "seq")
     config, data = seq["config"], Dataset(args.data)
     if args.default_style not in config["seq"]["styles"]:
         parser.error(f"--default-style: choose one of {', '.join(config['seq']['styles'])}")

@@ -8,6 +8,7 @@ import sys
 
 import torch
 
+import checkpoint
 from data import Dataset
 from train import score_vqvae
 from vqvae import VqVae
@@ -16,7 +17,7 @@ from vqvae import VqVae
 @torch.no_grad()
 def main():
     torch.set_num_threads(1)
-    state, data = torch.load(sys.argv[1], weights_only=False), Dataset(sys.argv[2])
+    state, data = checkpoint.load(sys.argv[1], "vq"), Dataset(sys.argv[2])
     model = VqVae(state["config"])
     model.load_state_dict(state["model"])
     model.eval()

@@ -18,8 +18,9 @@ import time
 import torch
 import torch.nn.functional as F
 
+import checkpoint
 from config import presets
-from data import Crops, Dataset
+from data import Crops, Dataset, beat_agreement
 from geometry import FEET, displacement, local_joints
 from motionseq import MotionSeq, nll
 from vqvae import VqVae
@@ -114,10 +115,18 @@ class Run:
 
 def clip_weights(data, clips, args):
     """Dance counts 1, anything else, rendered choreography and clips without
-    music as told."""
+    music as told; dance with music more, the better it meets the beat; the
+    clips of a rare style more than those of a frequent one."""
     weights = torch.where(data.dance[clips] == 1, 1.0, args.other)
     weights = torch.where(data.synthetic[clips] == 1, args.synthetic, weights)
-    return torch.where(data.has_music[clips] == 1, weights, args.silent * weights)
+    heard = data.has_music[clips] == 1
+    weights = torch.where(heard, weights, args.silent * weights)
+    if args.follow:
+        agreement = torch.tensor([beat_agreement(data, c) if h else 0.0 for c, h in zip(clips, heard)])
+        weights = torch.where(heard, weights * (agreement / agreement[heard].mean()) ** args.follow, weights)
+    minutes = weights * data.clip_length[clips]
+    of_style = torch.zeros(len(data.styles)).index_add_(0, data.style[clips], minutes)
+    return weights * of_style[data.style[clips]] ** -args.balance
 
 
 def usage(codes, total):
@@ -264,9 +273,10 @@ def veiled(music, share):
 
 def train_motionseq(args):
     data = Dataset(args.data)
-    state = torch.load(args.vq, weights_only=False)
+    state = checkpoint.load(args.vq, "vq")
     config, mean, std = state["config"], state["mean"], state["std"]
-    config["seq"] = presets(args.preset)["seq"]
+    before = checkpoint.load(args.start, "seq") if args.start else None
+    config["seq"] = before["config"]["seq"] if before else presets(args.preset)["seq"]
     config["seq"]["styles"] = data.styles
     vq = VqVae(config)
     vq.load_state_dict(state["model"])
@@ -274,12 +284,16 @@ def train_motionseq(args):
     codes = tokenise(vq, data, mean, std)
     neighbours = [vq.codebook[p].distances(vq.codebook[p].embed).topk(9, largest=False).indices[:, 1:]
                   for p in vq.parts]
-    music_mean, music_std = data.music_normalisation()
+    # Weights that go on learning keep the scale of the music that they know.
+    music_mean, music_std = ((before["music_mean"], before["music_std"]) if before
+                             else data.music_normalisation())
     music = ((data.music - music_mean) / music_std).clamp(-6, 6)
     music[:, 35:] = data.music[:, 35:]
     has_music = data.has_music == 1
     model = MotionSeq(config, args.dropout)
     null_style = len(data.styles)
+    if before:
+        model.load_state_dict(before["model"])
     run = Run(args, model, config, {"music_mean": music_mean, "music_std": music_std})
     clips = data.of_split(0)
     crops = Crops(data, clips, clip_weights(data, clips, args),
@@ -334,7 +348,8 @@ def main():
     parser.add_argument("stage", choices=["vqvae", "motionseq"])
     parser.add_argument("--data", required=True)
     parser.add_argument("--out", required=True, help="folder for checkpoints and curves")
-    parser.add_argument("--vq", help="checkpoint of stage 1, for stage 2")
+    parser.add_argument("--vq", help="stage 1, for stage 2: checkpoint or weights file")
+    parser.add_argument("--start", help="stage 2: checkpoint or weights file to go on from, with a new optimiser")
     parser.add_argument("--preset", default="live")
     parser.add_argument("--parts", help="body parts, e.g. whole or lower/upper")
     parser.add_argument("--minutes", type=float, default=30)
@@ -348,6 +363,8 @@ def main():
     parser.add_argument("--other", type=float, default=0.4, help="weight of clips that are no dance")
     parser.add_argument("--synthetic", type=float, default=0.5, help="weight of rendered choreography")
     parser.add_argument("--silent", type=float, default=1.0, help="weight of clips without music")
+    parser.add_argument("--follow", type=float, default=0.0, help="power of a clip's beat agreement in its weight")
+    parser.add_argument("--balance", type=float, default=0.0, help="0: styles count by their minutes, 1: all alike")
     parser.add_argument("--free-steps", type=int, default=300, help="stage 1: steps before quantising")
     parser.add_argument("--code-noise", type=float, default=0.05, help="stage 1: share of codes replaced")
     parser.add_argument("--move", type=float, default=0.5, help="stage 1: weight of displacement")

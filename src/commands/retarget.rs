@@ -15,7 +15,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// The motion: .bvh, .npz (22 joints) or .pkl (AIST++).
+    /// The motion: .bvh, .npz (22 joints), .pkl (AIST++), .amc beside its .asf, or .npy (HumanML3D).
     #[arg(value_name = "MOTION")]
     pub motion: PathBuf,
     /// A built-in robot (see `servodance robots`) or a robot file.

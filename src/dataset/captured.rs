@@ -70,7 +70,7 @@ fn without_music(entry: &Entry, clip: &Clip, mirrored: bool) -> CorpusClip {
 }
 
 /// The clip, its beats on a steady grid, with several songs on that grid. The
-/// first song has the clip's own tempo, the others up to 6 % more or less.
+/// first song has the clip's own tempo, the others up to 15 % more or less.
 fn with_music(
     entry: &Entry,
     clip: &Clip,
@@ -88,7 +88,7 @@ fn with_music(
         let stretch = if song == 0 {
             1.0
         } else {
-            rng.random_range(0.94..1.06)
+            rng.random_range(0.87..1.15)
         };
         let (warped, grid) = tempo::onto_grid(&smooth, tempo, tempo.period_s * stretch);
         let motion = encode(&warped.normalised().poses);

@@ -1,19 +1,12 @@
 //! Reads AIST++ motion: SMPL joint angles in a pickle, 60 frames a second.
-//!
-//! The angles move our own skeleton from a plain T-pose: SMPL's own offsets are
-//! model data under a licence of their own. Directions of limbs agree to some
-//! degrees; hands and body shape are left out.
+//! The angles move a plain skeleton: see [`super::smpl`].
 
 use std::path::Path;
 
-use servodance_types::{BodyJoint, JOINT_COUNT};
-
-use super::bvh_write::rest_direction;
-use super::pickle::{Array, arrays};
-use super::rotation::{IDENTITY, about, apply, multiply};
-use super::skeleton::BONE_LENGTH_M;
-use super::vec3::{add, narrow, scale, unit_or};
-use super::{Clip, MotionError, Pose};
+use super::pickle::arrays;
+use super::smpl::pose;
+use super::vec3::scale;
+use super::{Clip, MotionError};
 
 /// Frames a second of the data set.
 const FPS: f64 = 60.0;
@@ -49,17 +42,19 @@ pub fn read_aist(path: &Path) -> Result<Clip, MotionError> {
     if !size.is_finite() || size.abs() < 1e-9 {
         return Err(content(format!("`smpl_scaling` is {size}")));
     }
-    let frames = poses.shape.first().copied().unwrap_or(0);
-    check(poses, frames * ANGLES, "smpl_poses", "frames x 72").map_err(content)?;
-    check(places, frames * 3, "smpl_trans", "frames x 3").map_err(content)?;
-    if frames == 0 {
-        return Err(content("there are no frames".into()));
+    let poses = poses.rows::<ANGLES>("smpl_poses").map_err(content)?;
+    let places = places.rows::<3>("smpl_trans").map_err(content)?;
+    if poses.len() != places.len() {
+        let (poses, places) = (poses.len(), places.len());
+        return Err(content(format!(
+            "`smpl_poses` has {poses} frames, `smpl_trans` {places}"
+        )));
     }
-    let (places, _) = places.values.as_chunks::<3>();
-    let angles = poses.values.chunks_exact(ANGLES);
-    let poses = angles
-        .zip(places)
-        .map(|(angles, place)| pose(angles, scale(*place, 1.0 / size)));
+    let poses = poses.iter().zip(places);
+    let poses = poses.map(|(angles, place)| {
+        let (angles, _) = angles.as_chunks::<3>();
+        pose(angles, scale(*place, 1.0 / size))
+    });
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(Clip {
         name: name.into_owned(),
@@ -68,47 +63,10 @@ pub fn read_aist(path: &Path) -> Result<Clip, MotionError> {
     })
 }
 
-fn check(array: &Array, numbers: usize, key: &str, wanted: &str) -> Result<(), String> {
-    if array.values.len() != numbers {
-        return Err(format!("`{key}` is {:?}, expected {wanted}", array.shape));
-    }
-    match array
-        .values
-        .iter()
-        .position(|v| !v.is_finite() || v.abs() > 1e6)
-    {
-        Some(at) => Err(format!("`{key}`: number {at} is {}", array.values[at])),
-        None => Ok(()),
-    }
-}
-
-/// Our skeleton under SMPL's angles, its pelvis at `place`.
-fn pose(angles: &[f64], place: [f64; 3]) -> Pose {
-    let (angles, _) = angles.as_chunks::<3>();
-    let mut points = [place; JOINT_COUNT];
-    let mut turns = [IDENTITY; JOINT_COUNT];
-    for joint in BodyJoint::ALL {
-        let index = joint as usize;
-        let turn = about(angles[index]);
-        match joint.parent() {
-            None => turns[index] = turn,
-            Some(parent) => {
-                let bone = unit_or(rest_direction(joint), [0.0, 1.0, 0.0]);
-                let bone = scale(bone, BONE_LENGTH_M[index]);
-                points[index] = add(
-                    points[parent as usize],
-                    apply(&turns[parent as usize], bone),
-                );
-                turns[index] = multiply(&turns[parent as usize], &turn);
-            }
-        }
-    }
-    points.map(narrow)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servodance_types::BodyJoint;
 
     fn golden(name: &str) -> std::path::PathBuf {
         Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -7,10 +7,10 @@
 
 use std::path::Path;
 
-use super::named_skeleton::{Joint, Mapping, map_joints};
+use super::named_skeleton::{GivenNames, Joint, Mapping, map_joints, settle};
 use super::rotation::{IDENTITY, Matrix, about, apply, multiply};
 use super::vec3::{Vec3, add, narrow};
-use super::{Clip, MotionError, Pose, skeleton};
+use super::{Clip, MotionError, Pose};
 
 /// More joints than any body has.
 const MOST_JOINTS: usize = 1000;
@@ -40,25 +40,30 @@ pub struct Named {
     pub mapping: Mapping,
 }
 
-/// Reads a BVH file.
-pub fn read_bvh(path: &Path) -> Result<Named, MotionError> {
+/// Reads a BVH file; `given` corrects the guess of which joint is which.
+pub fn read_bvh(path: &Path, given: &GivenNames) -> Result<Named, MotionError> {
     let text = std::fs::read(path).map_err(|error| MotionError::Read {
         path: path.to_owned(),
         reason: error.to_string(),
     })?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    parse_bvh(&String::from_utf8_lossy(&text), path, &name)
+    parse_bvh(&String::from_utf8_lossy(&text), path, &name, given)
 }
 
 /// Reads the text of a BVH file; `path` is for messages.
-pub fn parse_bvh(text: &str, path: &Path, name: &str) -> Result<Named, MotionError> {
+pub fn parse_bvh(
+    text: &str,
+    path: &Path,
+    name: &str,
+    given: &GivenNames,
+) -> Result<Named, MotionError> {
     let content = |reason: String| MotionError::Content {
         path: path.to_owned(),
         reason,
     };
     let mut words = Words::new(text);
     let (skeleton, fps, values) = parse(&mut words).map_err(content)?;
-    let mapping = map_joints(&skeleton.joints).map_err(content)?;
+    let mapping = map_joints(&skeleton.joints, given).map_err(content)?;
     let width: usize = skeleton.channels.iter().map(Vec::len).sum();
     let mut poses: Vec<Pose> = Vec::with_capacity(values.len() / width.max(1));
     let mut points = vec![[0.0; 3]; skeleton.joints.len()];
@@ -66,22 +71,7 @@ pub fn parse_bvh(text: &str, path: &Path, name: &str) -> Result<Named, MotionErr
         skeleton.place(frame, &mut points);
         poses.push(mapping.pose(&points).map(narrow));
     }
-    if super::named_skeleton::lies_along_z(&poses) {
-        for point in poses.iter_mut().flatten() {
-            let [x, y, z] = *point;
-            *point = [x, z, -y];
-        }
-    }
-    let size = skeleton::leg_scale(&poses) as f32;
-    for value in poses.iter_mut().flatten().flatten() {
-        *value *= size;
-    }
-    if let Some(frame) = poses
-        .iter()
-        .position(|p| p.iter().flatten().any(|v| !v.is_finite()))
-    {
-        return Err(content(format!("frame {frame}: a position is not finite")));
-    }
+    settle(&mut poses).map_err(content)?;
     Ok(Named {
         clip: Clip {
             name: name.to_owned(),
@@ -338,7 +328,7 @@ mod tests {
     }
 
     fn read(text: &str) -> Result<Named, MotionError> {
-        parse_bvh(text, Path::new("dance.bvh"), "dance")
+        parse_bvh(text, Path::new("dance.bvh"), "dance", &GivenNames::new())
     }
 
     const MIXAMO: [&str; 8] = [

@@ -6,11 +6,11 @@
 
 use std::path::{Path, PathBuf};
 
-use candle_core::npy::NpzTensors;
-use candle_core::{DType, Device, Tensor};
-use servodance_types::{BodyJoint, FRAME_RATE_HZ, JOINT_COUNT, MotionFrame};
+use candle_core::{Device, Tensor};
+use servodance_types::{BodyJoint, FRAME_RATE_HZ, JOINT_COUNT, MUSIC_DIM, MotionFrame};
 
 use super::Pose;
+use super::numpy::Npz;
 use super::representation::{contacts, encode, headings_rad};
 use super::skeleton;
 use super::vec3::{narrow, sub, turn, wide};
@@ -36,6 +36,9 @@ pub enum MotionError {
     },
 }
 
+/// What is heard in one frame.
+pub type MusicVector = [f32; MUSIC_DIM];
+
 /// Frames of joint positions at a fixed rate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clip {
@@ -52,47 +55,31 @@ impl Clip {
     /// the file's stem as its name.
     pub fn read_npz(path: impl AsRef<Path>) -> Result<Self, MotionError> {
         let path = path.as_ref();
-        let read = |error: candle_core::Error| MotionError::Read {
-            path: path.to_owned(),
-            reason: error.to_string().lines().next().unwrap_or("").to_owned(),
-        };
         let content = |reason: String| MotionError::Content {
             path: path.to_owned(),
             reason,
         };
-        let npz = NpzTensors::new(path).map_err(read)?;
-        let mut names: Vec<_> = npz.names().into_iter().cloned().collect();
-        names.sort();
-        let get = |key: &str| {
-            npz.get(key)
-                .map_err(read)?
-                .ok_or_else(|| content(format!("no array `{key}`; the file has {names:?}")))
-        };
-        let positions = get("positions")?;
-        let fps = get("fps")?
-            .to_dtype(DType::F64)
-            .and_then(|fps| fps.flatten_all()?.to_vec1::<f64>())
-            .map_err(read)?;
-        let fps = match fps[..] {
+        let mut npz = Npz::open(path)?;
+        let (positions, fps) = (npz.need("positions")?, npz.need("fps")?);
+        let fps = match fps.values[..] {
             [fps] if fps.is_finite() && fps > 0.0 => fps,
             _ => {
                 return Err(content(format!(
-                    "`fps` must be one positive number, not {fps:?}"
+                    "`fps` must be one positive number, not {:?}",
+                    fps.values
                 )));
             }
         };
-        match positions.dims() {
-            [frames, joints, 3] if *joints == JOINT_COUNT && *frames > 0 => {}
-            dims => {
+        match positions.shape[..] {
+            [frames, JOINT_COUNT, 3] if frames > 0 => {}
+            _ => {
+                let dims = positions.shape;
                 return Err(content(format!(
                     "`positions` must be [frames, {JOINT_COUNT}, 3] with at least 1 frame, not {dims:?}"
                 )));
             }
         }
-        let flat = positions
-            .to_dtype(DType::F32)
-            .and_then(|p| p.flatten_all()?.to_vec1::<f32>())
-            .map_err(read)?;
+        let flat: Vec<f32> = positions.values.iter().map(|v| *v as f32).collect();
         if let Some(at) = flat.iter().position(|v| !v.is_finite()) {
             let (frame, joint) = (at / (3 * JOINT_COUNT), at / 3 % JOINT_COUNT);
             return Err(content(format!(
@@ -112,18 +99,45 @@ impl Clip {
 
     /// Writes `positions` float32 [T, 22, 3] and `fps` float32 to an npz file.
     pub fn write_npz(&self, path: impl AsRef<Path>) -> Result<(), MotionError> {
+        self.write_with_music(path, None)
+    }
+
+    /// The same with `music` float32 [T, 39] beside it, if there is some.
+    pub fn write_with_music(
+        &self,
+        path: impl AsRef<Path>,
+        music: Option<&[MusicVector]>,
+    ) -> Result<(), MotionError> {
         let path = path.as_ref();
-        let flat: Vec<f32> = self.poses.iter().flatten().flatten().copied().collect();
-        let shape = (self.poses.len(), JOINT_COUNT, 3);
-        Tensor::from_vec(flat, shape, &Device::Cpu)
-            .and_then(|positions| {
-                let fps = Tensor::new(self.fps as f32, &Device::Cpu)?;
-                Tensor::write_npz(&[("positions", positions), ("fps", fps)], path)
-            })
-            .map_err(|error| MotionError::Read {
-                path: path.to_owned(),
-                reason: error.to_string(),
-            })
+        let tensor = |flat: &[f32], shape: &[usize]| Tensor::from_slice(flat, shape, &Device::Cpu);
+        let write = || {
+            let flat = self.poses.as_flattened().as_flattened();
+            let positions = tensor(flat, &[self.poses.len(), JOINT_COUNT, 3])?;
+            let fps = Tensor::new(self.fps as f32, &Device::Cpu)?;
+            let mut arrays = vec![("positions", positions), ("fps", fps)];
+            if let Some(music) = music {
+                let music = tensor(music.as_flattened(), &[music.len(), MUSIC_DIM])?;
+                arrays.push(("music", music));
+            }
+            Tensor::write_npz(&arrays, path)
+        };
+        write().map_err(|error| MotionError::Read {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        })
+    }
+
+    /// Reads the `music` [T, 39] of a clip's npz file, if it has some.
+    pub fn read_music(path: &Path) -> Result<Option<Vec<MusicVector>>, MotionError> {
+        let Some(array) = Npz::open(path)?.get("music")? else {
+            return Ok(None);
+        };
+        let rows = array.rows::<MUSIC_DIM>("music");
+        let rows = rows.map_err(|reason| MotionError::Content {
+            path: path.to_owned(),
+            reason,
+        })?;
+        Ok(Some(rows.iter().map(|row| row.map(|v| v as f32)).collect()))
     }
 
     /// Length in seconds, from the first frame to the last.

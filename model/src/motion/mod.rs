@@ -5,18 +5,23 @@
 //! beats come in as times in seconds.
 
 pub mod aist;
+pub mod asf;
 pub mod bvh;
 pub mod bvh_write;
 pub mod choreography;
 pub mod clip;
 pub mod corpus;
+pub mod humanml;
 pub mod import;
 pub mod index;
-mod named_skeleton;
+pub mod named_skeleton;
+mod numpy;
 mod pickle;
 pub mod representation;
 mod rotation;
 pub mod skeleton;
+pub mod smpl;
+pub mod soundness;
 pub mod tempo;
 pub(crate) mod vec3;
 

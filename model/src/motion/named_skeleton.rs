@@ -1,12 +1,18 @@
 //! Which joint of a named skeleton is which of the 22.
 //!
-//! Names are those of the usual families of motion files; what lies between
-//! two known joints (spine, collars) is taken from the line between them.
+//! Names are those of the usual families of motion files (CMU, LAFAN1, Mixamo,
+//! Xsens, Acclaim), unless the user says which joint is which; what lies
+//! between two known joints (spine, collars) is taken from the line between them.
+
+use std::collections::BTreeMap;
 
 use servodance_types::{BodyJoint, JOINT_COUNT};
 
-use super::Pose;
 use super::vec3::{Vec3, add, lerp, norm, scale, sub};
+use super::{Pose, skeleton};
+
+/// Which joint of the file a body joint is, where the guess is to be corrected.
+pub type GivenNames = BTreeMap<BodyJoint, String>;
 
 /// A joint of a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,14 +38,19 @@ pub struct Mapping {
     names: Vec<String>,
 }
 
-const HIP: &[&str] = &["upleg", "upperleg", "thigh", "hip", "upleg1"];
-const KNEE: &[&str] = &["knee", "leg", "lowerleg", "lowleg", "shin", "calf"];
+const HIP: &[&str] = &["upleg", "upperleg", "thigh", "femur", "hip", "upleg1"];
+const KNEE: &[&str] = &["knee", "leg", "lowerleg", "lowleg", "shin", "calf", "tibia"];
 const ANKLE: &[&str] = &["ankle", "foot"];
 const TOE: &[&str] = &["toebase", "toe", "toes", "ball", "toebase1"];
 const COLLAR: &[&str] = &["collar", "clavicle", "collarbone"];
-const SHOULDER: &[&str] = &["arm", "upperarm", "uparm", "shldr"];
-const ELBOW: &[&str] = &["forearm", "elbow", "lowerarm", "lowarm"];
-const WRIST: &[&str] = &["hand", "wrist"];
+const SHOULDER: &[&str] = &["arm", "upperarm", "uparm", "shldr", "humerus"];
+const ELBOW: &[&str] = &["forearm", "elbow", "lowerarm", "lowarm", "radius"];
+const WRIST: &[&str] = &["wrist", "hand"];
+/// Acclaim's bones, whose side is one small letter: `lfemur`.
+const ACCLAIM: &[&str] = &[
+    "hipjoint", "femur", "tibia", "foot", "toes", "clavicle", "humerus", "radius", "wrist", "hand",
+    "fingers", "thumb",
+];
 
 /// Shares of the way from pelvis to neck at which the three spine joints are.
 const SPINE_SHARES: [f64; 3] = [0.239, 0.498, 0.602];
@@ -109,6 +120,12 @@ fn plain(name: &str) -> (Option<usize>, String) {
         if let Some(rest) = rest {
             return (Some(side), joined(rest));
         }
+        if let Some(rest) = lower
+            .strip_prefix(letter)
+            .filter(|rest| ACCLAIM.contains(rest))
+        {
+            return (Some(side), rest.to_owned());
+        }
         // lShin, LHip: the letter stands before a capital.
         let mut letters = raw.chars();
         let first = letters.next().map(|c| c.to_ascii_lowercase());
@@ -123,28 +140,36 @@ fn plain(name: &str) -> (Option<usize>, String) {
 ///
 /// # Errors
 /// Names the part that is not found and the joints there are.
-pub(super) fn map_joints(joints: &[Joint]) -> Result<Mapping, String> {
+pub(super) fn map_joints(joints: &[Joint], given: &GivenNames) -> Result<Mapping, String> {
     let names: Vec<(Option<usize>, String)> = joints.iter().map(|j| plain(&j.name)).collect();
     let find = |side: Option<usize>, any: &[&str]| {
         any.iter()
             .find_map(|wanted| names.iter().position(|(s, n)| *s == side && n == wanted))
     };
-    let missing = |part: &str| {
-        let list: Vec<&str> = joints
-            .iter()
-            .filter(|joint| !joint.name.ends_with(" end"))
-            .map(|joint| joint.name.as_str())
-            .take(60)
-            .collect();
-        format!(
-            "no joint can be told to be the {part}; the skeleton has: {}",
-            list.join(", ")
-        )
+    let list = || {
+        let named = joints.iter().filter(|joint| !joint.name.ends_with(" end"));
+        let names: Vec<&str> = named.map(|joint| joint.name.as_str()).take(60).collect();
+        names.join(", ")
     };
+    let missing = |part: &str| {
+        let list = list();
+        format!("no joint can be told to be the {part}; the skeleton has: {list}")
+    };
+    let mut told: BTreeMap<BodyJoint, usize> = BTreeMap::new();
+    for (joint, name) in given {
+        let at = joints.iter().position(|other| other.name == *name);
+        let unknown = || {
+            let (joint, list) = (joint.name(), list());
+            format!("there is no \"{name}\" to be the {joint}; the skeleton has: {list}")
+        };
+        told.insert(*joint, at.ok_or_else(unknown)?);
+    }
+    let is = |joint: BodyJoint| told.get(&joint).copied();
     let child = |at: usize| joints.iter().position(|joint| joint.parent == Some(at));
     let mut sources: Vec<Option<Source>> = vec![None; JOINT_COUNT];
     let mut set = |joint: BodyJoint, source: Source| sources[joint as usize] = Some(source);
-    let pelvis = find(None, &["hips", "pelvis", "hip", "root"]).unwrap_or(0);
+    let pelvis = is(BodyJoint::Pelvis).or_else(|| find(None, &["hips", "pelvis", "hip", "root"]));
+    let pelvis = pelvis.unwrap_or(0);
     set(BodyJoint::Pelvis, Source::Joint(pelvis));
     let mut shoulders = [0; 2];
     for side in 0..2 {
@@ -152,8 +177,11 @@ pub(super) fn map_joints(joints: &[Joint]) -> Result<Mapping, String> {
         let body = |part: &str| {
             BodyJoint::from_name(&format!("{word}_{part}")).unwrap_or(BodyJoint::Pelvis)
         };
+        let told = |part: &str| is(body(part));
         let need = |part: &str, any: &[&str]| {
-            find(Some(side), any).ok_or_else(|| missing(&format!("{word}_{part}")))
+            told(part)
+                .or_else(|| find(Some(side), any))
+                .ok_or_else(|| missing(&format!("{word}_{part}")))
         };
         let hip = need("hip", HIP)?;
         let knee = need("knee", KNEE)?;
@@ -162,14 +190,19 @@ pub(super) fn map_joints(joints: &[Joint]) -> Result<Mapping, String> {
         // "Shoulder" is the collar where there is an upper arm besides.
         let plain_shoulder = find(Some(side), &["shoulder"]);
         let upper = find(Some(side), SHOULDER);
-        let shoulder = upper
+        let shoulder = told("shoulder")
+            .or(upper)
             .or(plain_shoulder)
             .ok_or_else(|| missing(&format!("{word}_shoulder")))?;
-        let collar = find(Some(side), COLLAR).or(plain_shoulder.filter(|_| upper.is_some()));
-        let wrist = find(Some(side), WRIST)
+        let collar = told("collar")
+            .or_else(|| find(Some(side), COLLAR))
+            .or(plain_shoulder.filter(|_| upper.is_some()));
+        let wrist = told("wrist")
+            .or_else(|| find(Some(side), WRIST))
             .or_else(|| child(elbow))
             .ok_or_else(|| missing(&format!("{word}_wrist")))?;
-        let toe = find(Some(side), TOE)
+        let toe = told("foot")
+            .or_else(|| find(Some(side), TOE))
             .or_else(|| child(ankle))
             .unwrap_or(ankle);
         shoulders[side] = shoulder;
@@ -188,8 +221,10 @@ pub(super) fn map_joints(joints: &[Joint]) -> Result<Mapping, String> {
             set(body("collar"), Source::Joint(collar));
         }
     }
-    let neck = find(None, &["neck", "neck1", "neck0"]);
-    let head = find(None, &["head", "head1"]).or_else(|| neck.and_then(child));
+    let neck = is(BodyJoint::Neck).or_else(|| find(None, &["neck", "lowerneck", "neck1", "neck0"]));
+    let head = is(BodyJoint::Head)
+        .or_else(|| find(None, &["head", "head1"]))
+        .or_else(|| neck.and_then(child));
     let neck = neck.or_else(|| head.and_then(|head| joints[head].parent));
     let neck = neck.ok_or_else(|| missing("neck"))?;
     let head = head.unwrap_or(neck);
@@ -207,7 +242,11 @@ pub(super) fn map_joints(joints: &[Joint]) -> Result<Mapping, String> {
         .into_iter()
         .zip(SPINE_SHARES)
     {
-        set(joint, Source::Between(spine.clone(), share));
+        let told = is(joint).map(Source::Joint);
+        set(
+            joint,
+            told.unwrap_or_else(|| Source::Between(spine.clone(), share)),
+        );
     }
     for (side, joint) in [BodyJoint::LeftCollar, BodyJoint::RightCollar]
         .into_iter()
@@ -240,6 +279,33 @@ pub(super) fn lies_along_z(poses: &[Pose]) -> bool {
     sum[2].abs() > 2.0 * sum[1].abs() && sum[2] > 0.0
 }
 
+/// Bodies that stand along z, turned to stand along y.
+pub(super) fn stand_up(poses: &mut [Pose]) {
+    for point in poses.iter_mut().flatten() {
+        let [x, y, z] = *point;
+        *point = [x, z, -y];
+    }
+}
+
+/// Y up and the usual leg length, for files that say neither axes nor unit.
+///
+/// # Errors
+/// Names the frame with a position that is not finite.
+pub(super) fn settle(poses: &mut [Pose]) -> Result<(), String> {
+    if lies_along_z(poses) {
+        stand_up(poses);
+    }
+    let size = skeleton::leg_scale(poses) as f32;
+    for value in poses.iter_mut().flatten().flatten() {
+        *value *= size;
+    }
+    let finite = |pose: &Pose| pose.iter().flatten().all(|v| v.is_finite());
+    match poses.iter().position(|pose| !finite(pose)) {
+        Some(frame) => Err(format!("frame {frame}: a position is not finite")),
+        None => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -255,6 +321,9 @@ mod tests {
             ("Left Toe", Some(0), "toe"),
             ("LowerBack", None, "lowerback"),
             ("Root", None, "root"),
+            ("lfemur", Some(0), "femur"),
+            ("lowerneck", None, "lowerneck"),
+            ("rightfoot", Some(1), "foot"),
         ] {
             assert_eq!(plain(name), (side, part.to_owned()), "{name}");
         }

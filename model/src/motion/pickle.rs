@@ -7,15 +7,10 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
+use super::numpy::Array;
+
 /// Deepest tuple or list that is looked into.
 const MOST_STACK: usize = 100_000;
-
-/// An array of numbers.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Array {
-    pub shape: Vec<usize>,
-    pub values: Vec<f64>,
-}
 
 #[derive(Clone, Debug)]
 enum Value {

@@ -1,6 +1,6 @@
 //! Rotations as three rows: a vector v becomes `m v`.
 
-use super::vec3::{Vec3, dot, norm, scale};
+use super::vec3::{Vec3, cross, dot, norm, scale, unit_or};
 
 /// Rows of a rotation matrix.
 pub(super) type Matrix = [Vec3; 3];
@@ -46,4 +46,16 @@ pub(super) fn about(vector: Vec3) -> Matrix {
             cos + z * z * rest,
         ],
     ]
+}
+
+/// The shortest turn that takes the direction of `from` to that of `to`; none
+/// where they are opposite or have no direction.
+pub(super) fn between(from: Vec3, to: Vec3) -> Matrix {
+    let (from, to) = (unit_or(from, [0.0; 3]), unit_or(to, [0.0; 3]));
+    let axis = cross(from, to);
+    let sin = norm(axis);
+    if sin < 1e-12 {
+        return IDENTITY;
+    }
+    about(scale(axis, sin.atan2(dot(from, to)) / sin))
 }
