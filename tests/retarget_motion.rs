@@ -97,7 +97,7 @@ fn what_cannot_be_retargeted_is_refused_in_one_line() {
         ("nowhere.bvh", "a.csv", "nowhere.bvh"),
         ("bad.bvh", "a.csv", "bad.bvh: line 2"),
         ("bad.pkl", "a.csv", "no dictionary"),
-        ("bad.fbx", "a.csv", ".npz (22 joints), .bvh or .pkl"),
+        ("bad.fbx", "a.csv", ".npz (22 joints), .bvh, .pkl"),
         ("bad.bvh", "a.txt", ".csv or .mcap"),
     ] {
         let arguments = [

@@ -9,6 +9,7 @@ pub mod beats;
 pub mod bench;
 pub mod calibrate;
 pub mod dance;
+pub mod dataset;
 pub mod devices;
 pub mod evaluate;
 pub mod generate;
@@ -57,6 +58,8 @@ pub enum Command {
     Calibrate(calibrate::Args),
     /// Dance to a recording, to the built-in song, or to raw audio on standard input.
     Dance(dance::Args),
+    /// Bring motion in, look it over, build the file to train with.
+    Dataset(dataset::Args),
     /// Score the generator: beat, variety, physics, each beside controls and real motion.
     Evaluate(evaluate::Args),
     /// Write the human motion that the model dances to a recording, without a robot.
@@ -98,6 +101,7 @@ impl Command {
             Command::Bench(args) => bench::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Dance(args) => dance::run(args),
+            Command::Dataset(args) => dataset::run(args),
             Command::Evaluate(args) => evaluate::run(args),
             Command::Generate(args) => generate::run(args),
             Command::Jog(args) => jog::run(args),

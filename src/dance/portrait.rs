@@ -6,7 +6,6 @@ use crate::picture::{DancePicture, Figure, Limb, Pose, Side, Track};
 use crate::report::Report;
 use servodance_model::metrics::kinematic_beats_s;
 use servodance_retarget::{Retargeter, Shape};
-use servodance_types::{BodyJoint, MotionFrame};
 
 /// Beats, and so poses, in a picture.
 const POSES: usize = 14;
@@ -108,46 +107,12 @@ fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> O
     let positions = trace.servos.sample(index);
     Some(Pose {
         time_s,
-        dancer: dancer_figure(frame),
+        dancer: Figure::dancer(&frame.positions),
         robot: Figure {
             height_m,
             ..robot_figure(retargeter, positions)
         },
     })
-}
-
-/// The human as bones between joints; y up becomes z up, and the body is turned
-/// to face x, as the robot does.
-fn dancer_figure(frame: &MotionFrame) -> Figure {
-    let at = |joint: BodyJoint| frame.position(joint).map(f64::from);
-    let (left, right) = (at(BodyJoint::LeftHip), at(BodyJoint::RightHip));
-    let heading_rad = (right[2] - left[2]).atan2(left[0] - right[0]);
-    let (sin, cos) = heading_rad.sin_cos();
-    let turned = |[x, up, z]: [f64; 3]| [z * cos + x * sin, x * cos - z * sin, up];
-    let limbs = BodyJoint::ALL
-        .into_iter()
-        .filter_map(|joint| {
-            let parent = joint.parent()?;
-            Some(Limb {
-                from: turned(at(parent)),
-                to: turned(at(joint)),
-                radius_m: if joint == BodyJoint::Head {
-                    0.085
-                } else {
-                    0.045
-                },
-                side: side_of(joint.name()),
-            })
-        })
-        .collect();
-    let pelvis = turned(at(BodyJoint::Pelvis));
-    let lowest = frame.positions.iter().map(|p| f64::from(p[1]));
-    Figure {
-        limbs,
-        height_m: 1.65,
-        floor_m: lowest.fold(f64::INFINITY, f64::min).min(0.0),
-        center: [pelvis[0], pelvis[1]],
-    }
 }
 
 /// Height of the robot at rest: one scale for all its poses.
@@ -176,7 +141,7 @@ fn robot_figure(retargeter: &Retargeter, positions_rad: &[f64]) -> Figure {
             from: end(-1.0),
             to: end(1.0),
             radius_m,
-            side: side_of(&model.link_names()[visual.link]),
+            side: Side::of(&model.link_names()[visual.link]),
         });
     }
     let heights = limbs.iter().flat_map(|l: &Limb| [l.from[2], l.to[2]]);
@@ -212,16 +177,6 @@ fn axis_of(shape: &Shape) -> ([f64; 3], f64) {
     }
 }
 
-fn side_of(name: &str) -> Side {
-    if name.starts_with("l_") || name.starts_with("left") {
-        Side::Left
-    } else if name.starts_with("r_") || name.starts_with("right") {
-        Side::Right
-    } else {
-        Side::Middle
-    }
-}
-
 /// The joints that moved through the widest ranges in the window.
 fn liveliest_tracks(config: &DanceConfig, servos: &JointTrace, window_s: (f64, f64)) -> Vec<Track> {
     let mut tracks: Vec<(f64, Track)> = config
@@ -253,30 +208,4 @@ fn liveliest_tracks(config: &DanceConfig, servos: &JointTrace, window_s: (f64, f
         .take(TRACKS)
         .map(|(_, track)| track)
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use servodance_types::{Contacts, JOINT_COUNT};
-
-    #[test]
-    fn a_dancer_who_faces_away_is_turned_to_the_viewer() {
-        let mut positions = [[0.0, 1.0, 0.0]; JOINT_COUNT];
-        positions[BodyJoint::LeftHip as usize] = [-0.1, 1.0, 0.0]; // facing -z
-        positions[BodyJoint::RightHip as usize] = [0.1, 1.0, 0.0];
-        positions[BodyJoint::LeftFoot as usize] = [-0.1, 0.0, -0.2]; // toes ahead
-        let figure = dancer_figure(&MotionFrame {
-            time_s: 0.0,
-            positions,
-            contacts: Contacts::default(),
-        });
-        let foot = figure
-            .limbs
-            .iter()
-            .find(|limb| limb.to[2] == 0.0)
-            .expect("the foot");
-        assert!((foot.to[0] - 0.2).abs() < 1e-6, "ahead is +x: {foot:?}");
-        assert!((foot.to[1] - 0.1).abs() < 1e-6, "left is +y: {foot:?}");
-    }
 }

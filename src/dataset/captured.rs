@@ -1,4 +1,5 @@
-//! Captured motion: one skeleton, mirrored copies, music where there is a beat.
+//! Captured motion: one skeleton, mirrored copies, its own music or some where
+//! there is a beat.
 
 use std::path::Path;
 
@@ -10,6 +11,7 @@ use servodance_model::motion::tempo::{self, KinematicTempo};
 use servodance_model::motion::{Clip, encode};
 use servodance_types::FRAME_RATE_HZ;
 
+use super::sources::terms;
 use super::{DatasetError, Options, Summary, music};
 
 /// Music is rendered where the beats meet the motion this well (F1).
@@ -23,8 +25,16 @@ pub(super) fn collect(
     options: &Options,
     clips: &mut Vec<CorpusClip>,
     summary: &mut Summary,
+    on_progress: &dyn Fn(f64),
 ) -> Result<(), DatasetError> {
-    for entry in index::read(folder)? {
+    let entries = index::read(folder)?;
+    let count = entries.len() as f64;
+    for (number, entry) in entries.into_iter().enumerate() {
+        on_progress(number as f64 / count);
+        let own = match entry.music {
+            true => Clip::read_music(&entry.path(folder))?,
+            false => None,
+        };
         let original = match Clip::read_npz(entry.path(folder)) {
             Ok(clip) => clip,
             Err(error) => {
@@ -33,8 +43,7 @@ pub(super) fn collect(
             }
         };
         let normal = original.normalised();
-        let tempo = entry
-            .dance
+        let tempo = (entry.dance && own.is_none())
             .then(|| tempo::estimate(&normal))
             .flatten()
             .filter(|tempo| tempo.f1 >= USABLE_F1);
@@ -44,9 +53,18 @@ pub(super) fn collect(
         if tempo.is_some() {
             summary.captured_dance_with_beat_minutes += entry.minutes;
         }
+        summary.terms.insert(
+            entry.source.clone(),
+            terms(&entry.source, &entry.licence).to_owned(),
+        );
         let copies = [(original.clone(), false), (original.mirrored(), true)];
         for (clip, mirrored) in copies {
-            clips.push(without_music(&entry, &clip, mirrored));
+            let mut plain = without_music(&entry, &clip, mirrored);
+            if let Some(music) = &own {
+                plain.motion.truncate(music.len());
+                plain.music = Some(music[..plain.motion.len()].to_vec());
+            }
+            clips.push(plain);
             if let Some(tempo) = &tempo {
                 with_music(&entry, &clip, mirrored, tempo, options, clips)?;
             }

@@ -1,4 +1,6 @@
-//! Builds the training file: motion, the music that it is danced to, splits.
+//! Data to learn from: motion of other programs comes in ([`import`]), is looked
+//! over ([`Report`]), and becomes the training file ([`build`]): motion, the
+//! music that it is danced to, splits.
 //!
 //! Captured motion has no music here, so music is rendered on its beats, or on
 //! the beats that a choreography is then made for. The features are those that
@@ -6,34 +8,28 @@
 //! Same options and data: the same numbers. Offline; minutes of work.
 
 mod captured;
+mod import;
 mod music;
+mod report;
+mod sources;
 mod synthetic;
+
+pub use import::{Import, Imported, import};
+pub use report::Report;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use servodance_model::motion::MotionError;
 use servodance_model::motion::corpus::{self, CorpusClip};
-use servodance_model::motion::index::{STYLES, Split};
-
-/// Known sources of captured motion, by the first part of a clip's name, and
-/// the words that they ask for.
-const SOURCES: [(&str, &str); 3] = [
-    (
-        "cmu_*",
-        "The data used in this project was obtained from mocap.cs.cmu.edu. The database was \
-         created with funding from NSF EIA-0196217. Free for research and products; the raw \
-         data may not be resold, even converted.",
-    ),
-    ("g1_moves", "G1 Moves by exptech, CC BY 4.0."),
-    ("choreography", "Made by servodance's own choreographer."),
-];
+use servodance_model::motion::index::STYLES;
+use sources::SOURCES;
 
 /// What to build.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// A folder with `index.csv` and npz clips; without it the file holds
-    /// choreography alone.
+    /// A folder with `index.csv` and npz clips, as [`import`] writes it; without
+    /// it the file holds choreography alone.
     pub motion: Option<PathBuf>,
     /// The file to write.
     pub out: PathBuf,
@@ -56,6 +52,8 @@ pub struct Summary {
     pub captured_dance_minutes: f64,
     /// Of these, how many have a beat that music was rendered on.
     pub captured_dance_with_beat_minutes: f64,
+    /// The terms of every source of captured motion.
+    pub terms: BTreeMap<String, String>,
     /// Files that could not be read, with the reason.
     pub left_out: Vec<String>,
 }
@@ -77,14 +75,16 @@ pub enum DatasetError {
 }
 
 /// Builds the training file. A motion file that cannot be read is left out and
-/// named in the summary; an unreadable index is an error.
-pub fn build(options: &Options) -> Result<Summary, DatasetError> {
+/// named in the summary; an unreadable index is an error. `on_progress` is told
+/// the share that is done.
+pub fn build(options: &Options, on_progress: &dyn Fn(f64)) -> Result<Summary, DatasetError> {
     let mut summary = Summary::default();
     let mut clips = Vec::new();
     if let Some(folder) = &options.motion {
-        captured::collect(folder, options, &mut clips, &mut summary)?;
+        let first_half = |share: f64| on_progress(share / 2.0);
+        captured::collect(folder, options, &mut clips, &mut summary, &first_half)?;
     }
-    synthetic::collect(options, &mut clips)?;
+    synthetic::collect(options, &mut clips, &|share| on_progress(0.5 + share / 2.0))?;
     summary.clips = clips.len();
     for clip in &clips {
         *summary.minutes.entry(kind(clip)).or_default() += clip.motion.len() as f64 / 1200.0;
@@ -107,11 +107,7 @@ fn kind(clip: &CorpusClip) -> String {
     } else {
         clip.name.split('/').next().unwrap_or("")
     };
-    let split = match clip.split {
-        Split::Train => "train",
-        Split::Validation => "validation",
-        Split::Test => "test",
-    };
+    let split = clip.split.name();
     let music = if clip.music.is_some() {
         "music"
     } else {
@@ -138,8 +134,8 @@ mod tests {
     fn choreography_alone_needs_no_data_and_is_the_same_every_time() {
         let folder = tempfile::tempdir().unwrap();
         let [a, b] = ["a", "b"].map(|name| options(folder.path(), name));
-        let summary = build(&a).unwrap();
-        build(&b).unwrap();
+        let summary = build(&a, &|_| {}).unwrap();
+        build(&b, &|_| {}).unwrap();
         assert_eq!(summary.clips, 2);
         assert!((summary.minutes.values().sum::<f64>() - 2.0).abs() < 0.01);
         // The header lists its entries in any order; the numbers follow it.
@@ -160,12 +156,12 @@ mod tests {
         std::fs::write(path("index.csv"), index).unwrap();
         std::fs::write(path("broken.npz"), "no archive").unwrap();
         swing().write_npz(path("swing.npz")).unwrap();
-        let summary = build(&Options {
+        let options = Options {
             motion: Some(folder.path().to_owned()),
             choreography_minutes: 0.0,
             ..options(folder.path(), "out")
-        })
-        .unwrap();
+        };
+        let summary = build(&options, &|_| {}).unwrap();
         // Original and mirror, each with and without music.
         assert_eq!(summary.clips, 4, "{summary:?}");
         assert!(summary.left_out[0].contains("broken.npz"), "{summary:?}");

@@ -1,9 +1,10 @@
 //! Songs on given beats, and what a live dancer hears of them.
 
 use std::f64::consts::TAU;
+use std::path::Path;
 
-use servodance_audio::MusicAnalyzer;
 use servodance_audio::song::{Song, SongSpec};
+use servodance_audio::{AudioSource, MusicAnalyzer};
 use servodance_types::{FRAME_RATE_HZ, MUSIC_DIM};
 
 use super::DatasetError;
@@ -52,6 +53,22 @@ pub(super) fn hear(
     }
     heard.truncate(skip + frames);
     Ok(heard.split_off(skip))
+}
+
+/// The music vectors of a recording, heard from its beginning: `frames` of
+/// them, or fewer where the recording is shorter.
+pub(super) fn hear_file(path: &Path, frames: usize) -> anyhow::Result<Vec<[f32; MUSIC_DIM]>> {
+    let mut source = AudioSource::open(path)?;
+    let mut analyzer = MusicAnalyzer::new(source.sample_rate_hz())?;
+    let (mut heard, mut block) = (Vec::with_capacity(frames), Vec::new());
+    while heard.len() < frames && source.next_block(&mut block)? {
+        analyzer.push(&block);
+        while let Some(frame) = analyzer.pop() {
+            heard.push(frame.vector());
+        }
+    }
+    heard.truncate(frames);
+    Ok(heard)
 }
 
 /// Whether the beat that was heard is the beat that was played, from 1 (always)

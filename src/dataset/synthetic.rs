@@ -14,9 +14,14 @@ use super::{DatasetError, Options, music};
 /// Length of one choreography, seconds.
 const CLIP_S: f64 = 60.0;
 
-pub(super) fn collect(options: &Options, clips: &mut Vec<CorpusClip>) -> Result<(), DatasetError> {
+pub(super) fn collect(
+    options: &Options,
+    clips: &mut Vec<CorpusClip>,
+    on_progress: &dyn Fn(f64),
+) -> Result<(), DatasetError> {
     let count = (options.choreography_minutes * 60.0 / CLIP_S).ceil() as usize;
     for number in 0..count {
+        on_progress(number as f64 / count as f64);
         let seed = options.seed.wrapping_mul(1000).wrapping_add(number as u64);
         clips.push(one(number, seed)?);
     }

@@ -62,13 +62,14 @@ impl Reference {
 
 fn choreography(request: &Request) -> anyhow::Result<Vec<CorpusClip>> {
     let file = tempfile::NamedTempFile::new()?;
-    dataset::build(&dataset::Options {
+    let options = dataset::Options {
         motion: None,
         out: file.path().to_owned(),
         songs_per_clip: 1,
         choreography_minutes: request.clips as f64,
         seed: FRESH_SEED,
-    })?;
+    };
+    dataset::build(&options, &|_| {})?;
     Ok(corpus::read(file.path())?)
 }
 

@@ -3,10 +3,13 @@
 //! limits. It shows whether the robot dances, on the beat, inside the limits.
 
 mod canvas;
+mod dancer;
 mod figure;
 mod plot;
+mod sheet;
 
 pub use figure::{Figure, Limb, Side};
+pub use sheet::{Row, Sheet};
 
 use canvas::{Canvas, Rgba, TextSize};
 use figure::draw_figure;

@@ -1,14 +1,17 @@
-//! The list of motion clips beside their files: what is dance, in which style,
-//! and which clips belong to one take.
+//! The list of motion clips beside their files: whose they are, what is dance,
+//! in which style, and what each is for.
 //!
-//! Reads an `index.csv` with at least the columns `clip`, `source`, `dance`
-//! and `label`; `clip` is the npz file's path without its ending.
+//! An `index.csv` has at least the columns `clip` (the npz file's path without
+//! its ending), `source`, `dance`, `label` and `minutes`. `licence`, `style`,
+//! `split`, `music` and `bone_change` may be missing: styles then follow from
+//! labels, splits from names ([`super::splits`]).
 
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest, Sha256};
+use servodance_types::FRAME_RATE_HZ;
 
 use super::MotionError;
+use super::splits::assign_splits;
 
 /// The names of all styles, in the order of the style numbers. The first six
 /// are captured motion, the others come from the choreographer.
@@ -32,6 +35,20 @@ pub enum Split {
     Test = 2,
 }
 
+impl Split {
+    /// All of them.
+    pub const ALL: [Split; 3] = [Split::Train, Split::Validation, Split::Test];
+
+    /// What the index calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Split::Train => "train",
+            Split::Validation => "validation",
+            Split::Test => "test",
+        }
+    }
+}
+
 /// One line of the index.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
@@ -39,12 +56,21 @@ pub struct Entry {
     pub name: String,
     /// Where the clip comes from.
     pub source: String,
+    /// On what terms; empty where that is not written.
+    pub licence: String,
     /// Whether it is dance.
     pub dance: bool,
     /// What it shows, in words.
     pub label: String,
     /// Minutes, as the index says.
     pub minutes: f64,
+    /// The style that is written, if one is.
+    pub told_style: Option<usize>,
+    /// Whether the clip's file holds the music that it is danced to.
+    pub music: bool,
+    /// How much the bones changed their length before the clip came to the
+    /// common skeleton, as a share; see [`super::soundness::bone_change`].
+    pub bone_change: Option<f64>,
     /// What the clip is for.
     pub split: Split,
 }
@@ -56,16 +82,8 @@ impl Entry {
     }
 
     /// The file name, without source and ending.
-    fn stem(&self) -> &str {
+    pub(super) fn stem(&self) -> &str {
         self.name.rsplit('/').next().unwrap_or(&self.name)
-    }
-
-    /// Clips of one take show one performance: they share a split.
-    fn take(&self) -> String {
-        match (self.source.as_str(), self.stem().split_once('_')) {
-            ("cmu_salsa", Some((_, take))) => format!("salsa {take}"),
-            _ => self.name.clone(),
-        }
     }
 
     /// Whether the performer stands on a flat floor throughout. CMU subject 1
@@ -78,6 +96,9 @@ impl Entry {
 
     /// The clip's style, an index into [`STYLES`].
     pub fn style(&self) -> usize {
+        if let Some(style) = self.told_style {
+            return style;
+        }
         let stem = self.stem();
         let name = if !self.dance {
             let fights = ["karate", "Fence", "Chop", "martial", "sword", "punch"];
@@ -102,8 +123,23 @@ impl Entry {
     }
 }
 
+/// The columns of a written index.
+const COLUMNS: [&str; 11] = [
+    "clip",
+    "source",
+    "licence",
+    "minutes",
+    "frames",
+    "dance",
+    "style",
+    "label",
+    "split",
+    "music",
+    "bone_change",
+];
+
 /// Reads `folder/index.csv`, leaves out what is not on a flat floor, and
-/// assigns splits.
+/// assigns splits where none are written.
 pub fn read(folder: &Path) -> Result<Vec<Entry>, MotionError> {
     let path = folder.join("index.csv");
     let text = std::fs::read_to_string(&path).map_err(|error| MotionError::Read {
@@ -116,56 +152,103 @@ pub fn read(folder: &Path) -> Result<Vec<Entry>, MotionError> {
     };
     let mut lines = text.lines().enumerate();
     let header = fields(lines.next().map_or("", |(_, line)| line));
-    let column = |name: &str| {
-        header
-            .iter()
-            .position(|field| field == name)
-            .ok_or_else(|| content(format!("no column `{name}`; the file has {header:?}")))
-    };
-    let columns = [
-        column("clip")?,
-        column("source")?,
-        column("dance")?,
-        column("label")?,
-        column("minutes")?,
-    ];
+    for wanted in ["clip", "source", "dance", "label", "minutes"] {
+        if !header.iter().any(|name| name == wanted) {
+            return Err(content(format!(
+                "no column `{wanted}`; the file has {header:?}"
+            )));
+        }
+    }
     let mut entries = Vec::new();
+    let mut without_split = Vec::new();
     for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
         let row = fields(line);
-        let Some([name, source, dance, label, minutes]) = pick(&row, columns) else {
-            return Err(content(format!(
-                "line {}: {} fields, {} expected",
-                number + 1,
-                row.len(),
-                header.len()
-            )));
+        let at_line = |reason: String| content(format!("line {}: {reason}", number + 1));
+        if row.len() != header.len() {
+            let (found, wanted) = (row.len(), header.len());
+            return Err(at_line(format!("{found} fields, {wanted} expected")));
+        }
+        let get = |name: &str| {
+            let column = header.iter().position(|field| field == name);
+            column.map_or("", |column| row[column].as_str())
         };
-        let minutes = minutes.parse().map_err(|_| {
-            content(format!(
-                "line {}: minutes `{minutes}` is not a number",
-                number + 1
-            ))
-        })?;
-        entries.push(Entry {
-            name,
-            source,
-            dance: dance == "yes",
-            label,
-            minutes,
-            split: Split::Train,
-        });
+        let (entry, split) = entry(&get).map_err(at_line)?;
+        if entry.on_flat_floor() {
+            if split.is_none() {
+                without_split.push(entries.len());
+            }
+            entries.push(entry);
+        }
     }
-    entries.retain(Entry::on_flat_floor);
-    assign_splits(&mut entries);
+    let mut rest: Vec<Entry> = without_split.iter().map(|&i| entries[i].clone()).collect();
+    assign_splits(&mut rest);
+    for (i, entry) in without_split.into_iter().zip(rest) {
+        entries[i] = entry;
+    }
     Ok(entries)
 }
 
-fn pick<const N: usize>(row: &[String], columns: [usize; N]) -> Option<[String; N]> {
-    let mut out = std::array::from_fn(|_| String::new());
-    for (field, column) in out.iter_mut().zip(columns) {
-        *field = row.get(column)?.clone();
+/// The entry of a row, and whether its split is written.
+fn entry<'a>(get: &dyn Fn(&str) -> &'a str) -> Result<(Entry, Option<Split>), String> {
+    let minutes = get("minutes");
+    let told = |name: &str, known: Vec<&str>| -> Result<Option<usize>, String> {
+        let text = get(name);
+        let at = known.iter().position(|word| *word == text);
+        match text.is_empty() || at.is_some() {
+            true => Ok(at),
+            false => Err(format!("{name} `{text}`: choose of {}", known.join(", "))),
+        }
+    };
+    let split = told("split", Split::ALL.map(Split::name).to_vec())?.map(|at| Split::ALL[at]);
+    let entry = Entry {
+        name: get("clip").to_owned(),
+        source: get("source").to_owned(),
+        licence: get("licence").to_owned(),
+        dance: get("dance") == "yes",
+        label: get("label").to_owned(),
+        minutes: minutes
+            .parse()
+            .map_err(|_| format!("minutes `{minutes}` is not a number"))?,
+        told_style: told("style", STYLES.to_vec())?,
+        music: get("music") == "yes",
+        bone_change: get("bone_change").parse().ok(),
+        split: split.unwrap_or(Split::Train),
+    };
+    Ok((entry, split))
+}
+
+/// The text of an index with these entries.
+pub fn text(entries: &[Entry]) -> String {
+    let yes = |is: bool| if is { "yes" } else { "no" }.to_owned();
+    let mut out = COLUMNS.join(",") + "\n";
+    for entry in entries {
+        let row = [
+            entry.name.clone(),
+            entry.source.clone(),
+            entry.licence.clone(),
+            format!("{:.4}", entry.minutes),
+            format!("{:.0}", entry.minutes * 60.0 * FRAME_RATE_HZ),
+            yes(entry.dance),
+            STYLES[entry.style()].to_owned(),
+            entry.label.clone(),
+            entry.split.name().to_owned(),
+            yes(entry.music),
+            entry
+                .bone_change
+                .map_or(String::new(), |v| format!("{v:.4}")),
+        ];
+        out += &(row.map(|field| quoted(&field)).join(",") + "\n");
     }
-    Some(out)
+    out
+}
+
+/// A field that holds commas is put in quotes; quotes in it become single ones.
+fn quoted(field: &str) -> String {
+    let plain = field.replace('"', "'").replace(['\n', '\r'], " ");
+    match plain.contains(',') {
+        true => format!("\"{plain}\""),
+        false => plain,
+    }
 }
 
 /// The fields of one CSV line; double quotes protect commas.
@@ -184,49 +267,16 @@ fn fields(line: &str) -> Vec<String> {
     out
 }
 
-/// Holds out 8 % of the minutes of every style for test and as much for
-/// validation, whole takes, in an order that depends on their names alone.
-pub fn assign_splits(entries: &mut [Entry]) {
-    const SHARE: f64 = 0.08;
-    for style in 0..STYLES.len() {
-        let members: Vec<usize> = (0..entries.len())
-            .filter(|i| entries[*i].style() == style)
-            .collect();
-        let mut takes: Vec<String> = members.iter().map(|i| entries[*i].take()).collect();
-        takes.sort_by_key(|take| (Sha256::digest(take.as_bytes()), take.clone()));
-        takes.dedup();
-        let total: f64 = members.iter().map(|i| entries[*i].minutes).sum();
-        let mut room = [SHARE * total; 2];
-        for take in takes {
-            let clips: Vec<usize> = members
-                .iter()
-                .copied()
-                .filter(|i| entries[*i].take() == take)
-                .collect();
-            let minutes: f64 = clips.iter().map(|i| entries[*i].minutes).sum();
-            // A take may overshoot its room by half of itself: rounding.
-            let split = if minutes / 2.0 <= room[0] {
-                room[0] -= minutes;
-                Split::Test
-            } else if minutes / 2.0 <= room[1] {
-                room[1] -= minutes;
-                Split::Validation
-            } else {
-                Split::Train
-            };
-            for i in clips {
-                entries[i].split = split;
-            }
-        }
-    }
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn entry(name: &str, source: &str, dance: bool, label: &str) -> Entry {
+    pub fn entry(name: &str, source: &str, dance: bool, label: &str) -> Entry {
         Entry {
+            licence: String::new(),
+            told_style: None,
+            music: false,
+            bone_change: None,
             name: format!("{source}/{name}"),
             source: source.into(),
             dance,
@@ -237,24 +287,44 @@ mod tests {
     }
 
     #[test]
-    fn partners_of_one_take_share_a_split() {
-        let mut entries: Vec<Entry> = (1..13)
-            .flat_map(|take| {
-                ["60", "61"].map(|s| entry(&format!("{s}_{take:02}"), "cmu_salsa", true, ""))
-            })
-            .collect();
-        assign_splits(&mut entries);
-        for pair in entries.chunks(2) {
-            assert_eq!(pair[0].split, pair[1].split, "{}", pair[0].name);
-        }
-        for split in [Split::Test, Split::Validation] {
-            assert_eq!(entries.iter().filter(|e| e.split == split).count(), 2);
-        }
+    fn quotes_protect_commas() {
+        assert_eq!(fields("a,\"b, c\",d"), ["a", "b, c", "d"]);
     }
 
     #[test]
-    fn quotes_protect_commas() {
-        assert_eq!(fields("a,\"b, c\",d"), ["a", "b, c", "d"]);
+    fn reading_returns_what_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut entries = vec![
+            entry("a", "home", true, "swing, slow"),
+            entry("b", "home", false, ""),
+        ];
+        entries[0].licence = "free, with \"thanks\"".into();
+        entries[0].told_style = style_number("pop");
+        entries[0].split = Split::Test;
+        entries[0].bone_change = Some(0.0125);
+        entries[1].music = true;
+        entries[1].split = Split::Validation;
+        std::fs::write(folder.path().join("index.csv"), text(&entries)).unwrap();
+        let read = read(folder.path()).unwrap();
+        assert_eq!(read[0].licence, "free, with 'thanks'");
+        assert_eq!((read[0].style(), read[0].split), (3, Split::Test));
+        assert_eq!(
+            (&read[0].label, read[0].bone_change),
+            (&"swing, slow".to_owned(), Some(0.0125))
+        );
+        assert_eq!((read[1].music, read[1].split), (true, Split::Validation));
+    }
+
+    #[test]
+    fn an_unknown_word_names_its_line_and_the_choices() {
+        let folder = tempfile::tempdir().unwrap();
+        let index = "clip,source,dance,label,minutes,style\na,b,yes,,1,polka\n";
+        std::fs::write(folder.path().join("index.csv"), index).unwrap();
+        let error = read(folder.path()).unwrap_err().to_string();
+        assert!(
+            error.contains("line 2: style `polka`: choose of everyday"),
+            "{error}"
+        );
     }
 
     #[test]

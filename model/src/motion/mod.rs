@@ -22,6 +22,7 @@ mod rotation;
 pub mod skeleton;
 pub mod smpl;
 pub mod soundness;
+pub mod splits;
 pub mod tempo;
 pub(crate) mod vec3;
 

@@ -155,7 +155,13 @@ pub(super) fn map_joints(joints: &[Joint], given: &GivenNames) -> Result<Mapping
         let list = list();
         format!("no joint can be told to be the {part}; the skeleton has: {list}")
     };
-    let mut told: BTreeMap<BodyJoint, usize> = BTreeMap::new();
+    // A skeleton with the names of all 22 joints means them.
+    let ours =
+        |joint: &BodyJoint| Some((*joint, joints.iter().position(|j| j.name == joint.name())?));
+    let mut told: BTreeMap<BodyJoint, usize> = BodyJoint::ALL.iter().filter_map(ours).collect();
+    if told.len() < JOINT_COUNT {
+        told.clear();
+    }
     for (joint, name) in given {
         let at = joints.iter().position(|other| other.name == *name);
         let unknown = || {
@@ -327,5 +333,173 @@ mod tests {
         ] {
             assert_eq!(plain(name), (side, part.to_owned()), "{name}");
         }
+    }
+
+    /// A skeleton whose parents are told by indentation.
+    fn skeleton(text: &str) -> Vec<Joint> {
+        let mut open: Vec<(usize, usize)> = Vec::new();
+        let mut joints = Vec::new();
+        for line in text.lines().filter(|line| !line.trim().is_empty()) {
+            let depth = line.len() - line.trim_start().len();
+            open.retain(|(other, _)| *other < depth);
+            for (k, name) in line.split_whitespace().enumerate() {
+                joints.push(Joint {
+                    name: name.into(),
+                    parent: open.last().map(|(_, at)| *at),
+                    offset: [0.0; 3],
+                });
+                open.push((depth + k, joints.len() - 1));
+            }
+        }
+        joints
+    }
+
+    /// The names of CMU's BVH files, LAFAN1, Mixamo, Xsens, and CMU's Acclaim files.
+    const FAMILIES: [(&str, [&str; 12]); 5] = [
+        (
+            "Hips\n LHipJoint LeftUpLeg LeftLeg LeftFoot LeftToeBase\n RHipJoint RightUpLeg RightLeg RightFoot \
+             RightToeBase\n LowerBack Spine Spine1\n    Neck Neck1 Head\n    LeftShoulder LeftArm LeftForeArm LeftHand \
+             LeftFingerBase\n    RightShoulder RightArm RightForeArm RightHand RThumb",
+            [
+                "Hips",
+                "LeftUpLeg",
+                "LeftLeg",
+                "LeftFoot",
+                "LeftToeBase",
+                "LeftShoulder",
+                "LeftArm",
+                "LeftForeArm",
+                "LeftHand",
+                "Neck",
+                "Head",
+                "RightHand",
+            ],
+        ),
+        (
+            "Hips\n LeftUpLeg LeftLeg LeftFoot LeftToe\n RightUpLeg RightLeg RightFoot RightToe\n Spine Spine1 \
+             Spine2\n    Neck Head\n    LeftShoulder LeftArm LeftForeArm LeftHand\n    RightShoulder RightArm \
+             RightForeArm RightHand",
+            [
+                "Hips",
+                "LeftUpLeg",
+                "LeftLeg",
+                "LeftFoot",
+                "LeftToe",
+                "LeftShoulder",
+                "LeftArm",
+                "LeftForeArm",
+                "LeftHand",
+                "Neck",
+                "Head",
+                "RightHand",
+            ],
+        ),
+        (
+            "mixamorig:Hips\n mixamorig:Spine mixamorig:Spine1 mixamorig:Spine2\n    mixamorig:Neck mixamorig:Head \
+             mixamorig:HeadTop_End\n    mixamorig:LeftShoulder mixamorig:LeftArm mixamorig:LeftForeArm \
+             mixamorig:LeftHand mixamorig:LeftHandThumb1\n    mixamorig:RightShoulder mixamorig:RightArm \
+             mixamorig:RightForeArm mixamorig:RightHand\n mixamorig:LeftUpLeg mixamorig:LeftLeg mixamorig:LeftFoot \
+             mixamorig:LeftToeBase mixamorig:LeftToe_End\n mixamorig:RightUpLeg mixamorig:RightLeg \
+             mixamorig:RightFoot mixamorig:RightToeBase",
+            [
+                "mixamorig:Hips",
+                "mixamorig:LeftUpLeg",
+                "mixamorig:LeftLeg",
+                "mixamorig:LeftFoot",
+                "mixamorig:LeftToeBase",
+                "mixamorig:LeftShoulder",
+                "mixamorig:LeftArm",
+                "mixamorig:LeftForeArm",
+                "mixamorig:LeftHand",
+                "mixamorig:Neck",
+                "mixamorig:Head",
+                "mixamorig:RightHand",
+            ],
+        ),
+        (
+            "Pelvis\n L5 L3 T12 T8\n     Neck Head\n     RightShoulder RightUpperArm RightForeArm RightHand\n     \
+             LeftShoulder LeftUpperArm LeftForeArm LeftHand\n RightUpperLeg RightLowerLeg RightFoot RightToe\n \
+             LeftUpperLeg LeftLowerLeg LeftFoot LeftToe",
+            [
+                "Pelvis",
+                "LeftUpperLeg",
+                "LeftLowerLeg",
+                "LeftFoot",
+                "LeftToe",
+                "LeftShoulder",
+                "LeftUpperArm",
+                "LeftForeArm",
+                "LeftHand",
+                "Neck",
+                "Head",
+                "RightHand",
+            ],
+        ),
+        (
+            "root\n lhipjoint lfemur ltibia lfoot ltoes\n rhipjoint rfemur rtibia rfoot rtoes\n lowerback upperback \
+             thorax\n    lowerneck upperneck head\n    lclavicle lhumerus lradius lwrist lhand lfingers\n    \
+             rclavicle rhumerus rradius rwrist rhand rthumb",
+            [
+                "root",
+                "lfemur",
+                "ltibia",
+                "lfoot",
+                "ltoes",
+                "lclavicle",
+                "lhumerus",
+                "lradius",
+                "lwrist",
+                "lowerneck",
+                "head",
+                "rwrist",
+            ],
+        ),
+    ];
+
+    #[test]
+    fn whole_skeletons_of_every_family_are_understood() {
+        use BodyJoint::*;
+        let parts = [
+            Pelvis,
+            LeftHip,
+            LeftKnee,
+            LeftAnkle,
+            LeftFoot,
+            LeftCollar,
+            LeftShoulder,
+            LeftElbow,
+            LeftWrist,
+            Neck,
+            Head,
+            RightWrist,
+        ];
+        for (text, wanted) in FAMILIES {
+            let mapping = map_joints(&skeleton(text), &GivenNames::new()).unwrap();
+            let lines = mapping.lines();
+            for (part, wanted) in parts.iter().zip(wanted) {
+                assert_eq!(lines[*part as usize], format!("{}: {wanted}", part.name()));
+            }
+            assert!(
+                lines[Spine2 as usize].contains("50 % of the way"),
+                "{lines:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_given_name_comes_before_the_guess() {
+        let (text, _) = FAMILIES[0];
+        let given = |name: &str| GivenNames::from([(BodyJoint::LeftWrist, name.to_owned())]);
+        let mapping = map_joints(&skeleton(text), &given("LeftFingerBase")).unwrap();
+        assert!(
+            mapping
+                .lines()
+                .contains(&"left_wrist: LeftFingerBase".to_owned())
+        );
+        let error = map_joints(&skeleton(text), &given("Palm")).unwrap_err();
+        assert!(
+            error.contains("there is no \"Palm\" to be the left_wrist"),
+            "{error}"
+        );
     }
 }

@@ -1,0 +1,222 @@
+//! `servodance dataset`: import, report, build.
+
+use crate::dataset::{Import, Options, Report, build, import};
+use crate::output::write_whole;
+use crate::progress::Progress;
+use anyhow::bail;
+use clap::Subcommand;
+use servodance_model::motion::import::Kind;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const IMPORT_EXAMPLES: &str = "\
+Examples:
+  servodance dataset import aist aist_plusplus/motions --music aist/wav --out data
+      AIST++ with the songs that were danced to
+  servodance dataset import bvh lafan1 --source lafan1 --licence \"CC BY-NC-ND 4.0\" --dance --out data
+      any BVH; the joints that were found are printed
+  servodance dataset import bvh mine.bvh --mapping joints.toml --out data
+      with corrections, e.g. a line: left_wrist = \"L_Palm\"";
+
+const BUILD_EXAMPLES: &str = "\
+Examples:
+  servodance dataset build data.safetensors --motion data --songs 4 --choreography 90
+      what model/reference/train.py reads, and `servodance evaluate --data`
+  servodance dataset build tiny.safetensors --choreography 5
+      choreography alone: needs no data";
+
+/// Data to train with.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What can be done with data.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Bring motion of other programs into a folder of clips.
+    Import(ImportArgs),
+    /// Say what is in a folder of clips; draw a sheet of them.
+    Report(ReportArgs),
+    /// Write the training file: motion, music on its beats, choreography, splits.
+    Build(BuildArgs),
+}
+
+/// What `dataset import` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = IMPORT_EXAMPLES)]
+pub struct ImportArgs {
+    /// aist (pkl), humanml3d (npy), bvh, amc (beside its asf), smpl (npz, as in
+    /// AMASS) or npz (22 joints).
+    #[arg(value_parser = kind)]
+    pub kind: Kind,
+    /// A file, or a folder of them.
+    pub path: PathBuf,
+    /// The folder to write to; what it holds of other imports stays.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Whose motion it is, one word.
+    #[arg(long, value_name = "NAME")]
+    pub source: Option<String>,
+    /// On what terms it may be used.
+    #[arg(long, value_name = "TEXT")]
+    pub licence: Option<String>,
+    /// It is dance (AIST++ always is).
+    #[arg(long)]
+    pub dance: bool,
+    /// The style of the dance; an unknown one lists those that there are.
+    #[arg(long, value_name = "NAME")]
+    pub style: Option<String>,
+    /// A folder of recordings, named as the clips or as AIST++'s songs.
+    #[arg(long, value_name = "DIR")]
+    pub music: Option<PathBuf>,
+    /// Which joint of the skeleton a body joint is, where the guess is wrong.
+    #[arg(long, value_name = "FILE.toml")]
+    pub mapping: Option<PathBuf>,
+    /// Frames a second, in place of what the files say.
+    #[arg(long, value_name = "N")]
+    pub fps: Option<f64>,
+    /// Print only errors and what was skipped.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// What `dataset report` is asked for.
+#[derive(Debug, clap::Args)]
+pub struct ReportArgs {
+    /// A folder that `dataset import` wrote.
+    pub folder: PathBuf,
+    /// The sheet to draw; `sheet.png` in the folder if left out.
+    #[arg(long, value_name = "FILE.png")]
+    pub sheet: Option<PathBuf>,
+    /// Print JSON in place of the table.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What `dataset build` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = BUILD_EXAMPLES)]
+pub struct BuildArgs {
+    /// The file to write.
+    #[arg(value_name = "FILE.safetensors")]
+    pub out: PathBuf,
+    /// A folder that `dataset import` wrote; choreography alone if left out.
+    #[arg(long, value_name = "DIR")]
+    pub motion: Option<PathBuf>,
+    /// Songs for every captured dance with a beat.
+    #[arg(long, default_value_t = 4, value_name = "N")]
+    pub songs: usize,
+    /// Minutes of choreography.
+    #[arg(long, default_value_t = 90.0, value_name = "MINUTES")]
+    pub choreography: f64,
+    /// Everything random follows from it.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// No progress bar.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+fn kind(text: &str) -> Result<Kind, String> {
+    let found = Kind::ALL.into_iter().find(|kind| kind.name() == text);
+    found.ok_or_else(|| format!("choose one of {}", Kind::ALL.map(Kind::name).join(", ")))
+}
+
+/// Does it.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    match args.command {
+        Command::Import(args) => run_import(args),
+        Command::Report(args) => run_report(args),
+        Command::Build(args) => run_build(args),
+    }
+}
+
+fn run_import(args: ImportArgs) -> anyhow::Result<ExitCode> {
+    let progress = Progress::share("importing", args.quiet);
+    let request = Import {
+        kind: args.kind,
+        path: args.path,
+        out: args.out,
+        source: args.source,
+        licence: args.licence,
+        dance: args.dance,
+        style: args.style,
+        music: args.music,
+        mapping: args.mapping,
+        fps: args.fps,
+    };
+    let tell = |line: &str| match args.quiet {
+        true if line.starts_with("skipped") => eprintln!("{line}"),
+        _ => progress.note(line),
+    };
+    let done = import(&request, tell, |share| progress.at(100.0 * share));
+    progress.done();
+    let done = done?;
+    if done.clips == 0 {
+        bail!(
+            "{}: nothing could be imported, {} files were skipped",
+            request.path.display(),
+            done.skipped.len()
+        );
+    }
+    if !args.quiet {
+        println!(
+            "{}: {} clips, {:.1} minutes, {} with music; {} files skipped, {} mirrored copies left out",
+            request.out.display(),
+            done.clips,
+            done.minutes,
+            done.with_music,
+            done.skipped.len(),
+            done.mirrored
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn run_report(args: ReportArgs) -> anyhow::Result<ExitCode> {
+    let progress = Progress::share("looking", args.json);
+    let report = Report::of(&args.folder, |share| progress.at(100.0 * share));
+    progress.done();
+    let report = report?;
+    let title = format!("Motion in {}", args.folder.display());
+    let sheet = args.sheet.unwrap_or_else(|| args.folder.join("sheet.png"));
+    write_whole(&sheet, &report.sheet(&title)?)?;
+    match args.json {
+        true => println!("{}", serde_json::to_string_pretty(&report)?),
+        false => print!("{}", report.table()),
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn run_build(args: BuildArgs) -> anyhow::Result<ExitCode> {
+    if !(0.0..=10_000.0).contains(&args.choreography) {
+        bail!("--choreography {} is outside 0..10000", args.choreography);
+    }
+    let progress = Progress::share("building", args.quiet);
+    let options = Options {
+        motion: args.motion,
+        out: args.out,
+        songs_per_clip: args.songs,
+        choreography_minutes: args.choreography,
+        seed: args.seed,
+    };
+    let built = build(&options, &|share| progress.at(100.0 * share));
+    progress.done();
+    let summary = built?;
+    for reason in &summary.left_out {
+        eprintln!("left out: {reason}");
+    }
+    if !args.quiet {
+        for (kind, minutes) in &summary.minutes {
+            println!("{minutes:7.2} min  {kind}");
+        }
+        println!(
+            "{} clips; captured dance {:.1} min, {:.1} of them with a beat to render music on",
+            summary.clips, summary.captured_dance_minutes, summary.captured_dance_with_beat_minutes
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}
