@@ -17,6 +17,8 @@ fn evaluation_prints_every_figure_with_its_interval() {
         "3",
         "--seconds",
         "20",
+        "--minutes",
+        "1",
     ];
     let output = program.succeed(&quick);
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -33,6 +35,8 @@ fn evaluation_prints_every_figure_with_its_interval() {
         "foot_skate",
         "jerk",
         "freeze_ratio",
+        "figure_gap_m",
+        "seeds_gap_m",
         "beat/fact",
         "beat/bailando",
         "beat/f1",
@@ -53,6 +57,12 @@ fn evaluation_prints_every_figure_with_its_interval() {
             );
         }
     }
+    // One minute is its own first and last one.
+    assert_eq!(found["long"]["speed_kept"], 1.0, "{found}");
+    assert!(
+        found["seeds_gap_m"]["mean"].as_f64().unwrap() > 0.01,
+        "{found}"
+    );
     let mean = |key: &str| {
         found
             .pointer(&format!("/beat/{key}/mean"))
@@ -77,6 +87,7 @@ fn evaluations_that_cannot_be_made_are_refused() {
         ),
         (&["evaluate", "--seconds", "nan"], &["--seconds"]),
         (&["evaluate", "--style", "polka"], &["polka", "hype"]),
+        (&["evaluate", "--top-p", "0"], &["top_p"]),
         (
             &["evaluate", "--data", "data.safetensors"],
             &["data.safetensors"],

@@ -2,6 +2,7 @@
 
 use crate::evaluate::{Request, evaluate};
 use crate::progress::Progress;
+use servodance_model::GeneratorOptions;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -11,6 +12,8 @@ Examples:
       against fresh choreography: needs no data, some minutes
   servodance evaluate --data data.safetensors --json > figures.json
       against the held-out dance of a training file (see model/MODEL_CARD.md)
+  servodance evaluate --data data.safetensors --minutes 20 --guidance 2
+      with a dance of 20 minutes, the music counting more
   servodance evaluate --model mine.safetensors --style salsa --repeats 5
       weights of your own, quickly";
 
@@ -37,6 +40,18 @@ pub struct Args {
     /// Seconds danced to each clip.
     #[arg(long, default_value_t = 20.0, value_name = "SECONDS")]
     pub seconds: f64,
+    /// Also dance so many minutes in one go: does it die down, drift, jitter?
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub minutes: usize,
+    /// How codes are drawn: 0 the likeliest, 1 as the model says, above it wild.
+    #[arg(long, value_name = "T")]
+    pub temperature: Option<f32>,
+    /// Only the likeliest codes that hold this share.
+    #[arg(long, value_name = "P")]
+    pub top_p: Option<f32>,
+    /// How much the music counts: 1 as the model says, above it more.
+    #[arg(long, value_name = "G")]
+    pub guidance: Option<f32>,
     /// Seed of the first repeat.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -48,6 +63,7 @@ pub struct Args {
 /// Prints the figures.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let progress = Progress::share("evaluating", args.json);
+    let usual = GeneratorOptions::default();
     let found = evaluate(
         &Request {
             data: args.data,
@@ -56,6 +72,13 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             repeats: args.repeats,
             clips: args.clips,
             seconds: args.seconds,
+            minutes: args.minutes,
+            sampling: GeneratorOptions {
+                temperature: args.temperature.unwrap_or(usual.temperature),
+                top_p: args.top_p.unwrap_or(usual.top_p),
+                guidance: args.guidance.unwrap_or(usual.guidance),
+                ..usual
+            },
             seed: args.seed,
         },
         |share| progress.at(100.0 * share),

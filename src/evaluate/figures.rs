@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use servodance_model::metrics::distribution::{Distribution, DistributionError, compare_by};
 use servodance_model::metrics::features::{Acceleration, geometric, kinetic};
 use servodance_model::metrics::quality::{foot_skate_ratio, freezing, jerk, pfc};
-use servodance_model::metrics::{alignment, mean_joint_speed};
+use servodance_model::metrics::{alignment, mean_joint_speed, nearest_figure_m};
 use servodance_model::motion::{Clip, Pose};
 use servodance_types::FRAME_RATE_HZ;
 
@@ -22,6 +22,8 @@ pub struct Scores {
     pub foot_skate: f64,
     pub jerk: f64,
     pub freeze_ratio: f64,
+    /// From a figure of four beats to the most similar one, metres.
+    pub figure_gap_m: f64,
     /// Against the real set; of real motion, one half against the other.
     pub distances: Option<Distances>,
 }
@@ -37,7 +39,7 @@ pub struct Distances {
 impl Scores {
     /// Of dances with the beats of their music, seconds.
     pub fn of<'a>(dances: impl Iterator<Item = (&'a [Pose], &'a [f64])>) -> Self {
-        let mut rows: Vec<[f64; 7]> = Vec::new();
+        let mut rows: Vec<[f64; 8]> = Vec::new();
         for (poses, beats_s) in dances {
             let beat = alignment(
                 &mean_joint_speed(poses, FRAME_RATE_HZ),
@@ -53,10 +55,22 @@ impl Scores {
                 foot_skate_ratio(&clip).unwrap_or(0.0),
                 jerk(&clip).mean_m_s3,
                 freezing(poses, FRAME_RATE_HZ).frozen_ratio,
+                nearest_figure_m(&clip, beats_s).unwrap_or(f64::NAN),
             ]);
         }
-        let column = |k: usize| mean(&rows.iter().map(|row| row[k]).collect::<Vec<_>>());
-        let [fact, bailando, f1, pfc, foot_skate, jerk, freeze_ratio] = std::array::from_fn(column);
+        // Too few beats to compare figures: not a number, and not counted.
+        let known = |k: usize| rows.iter().map(move |row| row[k]).filter(|v| v.is_finite());
+        let column = |k: usize| mean(&known(k).collect::<Vec<_>>());
+        let [
+            fact,
+            bailando,
+            f1,
+            pfc,
+            foot_skate,
+            jerk,
+            freeze_ratio,
+            figure_gap_m,
+        ] = std::array::from_fn(column);
         Self {
             fact,
             bailando,
@@ -65,6 +79,7 @@ impl Scores {
             foot_skate,
             jerk,
             freeze_ratio,
+            figure_gap_m,
             distances: None,
         }
     }

@@ -6,10 +6,11 @@
 //! on all processors.
 
 mod figures;
+mod long;
 mod reference;
 mod report;
 
-pub use report::{Estimate, Evaluation};
+pub use report::{Estimate, Evaluation, LongDance};
 
 use crate::dance::open_generator;
 use crate::generate::open_codec;
@@ -18,7 +19,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use reference::{HeldOut, Reference};
-use servodance_model::metrics::mpjpe_m;
+use servodance_model::metrics::{distance_of_dances_m, mpjpe_m};
 use servodance_model::motion::{Clip, Pose};
 use servodance_model::{Codec, Generator, GeneratorOptions, ModelError};
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
@@ -40,6 +41,10 @@ pub struct Request {
     pub clips: usize,
     /// Seconds danced to each.
     pub seconds: f64,
+    /// Minutes of one long dance; none if 0.
+    pub minutes: usize,
+    /// How codes are drawn; its seed and style are not looked at.
+    pub sampling: GeneratorOptions,
     /// Seed of the first repeat.
     pub seed: u64,
 }
@@ -60,6 +65,9 @@ pub fn evaluate(request: &Request, on_progress: impl Fn(f64) + Sync) -> anyhow::
     if !(10.0..=3600.0).contains(&request.seconds) {
         anyhow::bail!("--seconds {} is outside 10..3600", request.seconds);
     }
+    if request.minutes > 1000 {
+        anyhow::bail!("--minutes {} is outside 0..1000", request.minutes);
+    }
     let generator = open_generator(request.model.as_deref())?;
     generator.start(options(request, 0))?; // an unknown style is told at once
     let Reference { held, real } = Reference::open(request)?;
@@ -68,20 +76,26 @@ pub fn evaluate(request: &Request, on_progress: impl Fn(f64) + Sync) -> anyhow::
     let repeats = in_parallel(request.repeats, &on_progress, |repeat| {
         one_repeat(request, &generator, &held, &real_windows, repeat)
     })?;
-    Ok(report::Evaluation::new(
-        request,
-        &codes,
-        &repeats,
-        real.len(),
-        real_windows.len(),
-    ))
+    let long = match request.minutes {
+        0 => None,
+        minutes => Some(long::long_dance(
+            &generator,
+            options(request, request.seed),
+            &held,
+            minutes,
+        )?),
+    };
+    let mut found =
+        report::Evaluation::new(request, &codes, &repeats, real.len(), real_windows.len());
+    found.long = long;
+    Ok(found)
 }
 
 fn options(request: &Request, seed: u64) -> GeneratorOptions {
     GeneratorOptions {
         seed,
         style: request.style.clone(),
-        ..GeneratorOptions::default()
+        ..request.sampling.clone()
     }
 }
 
@@ -127,6 +141,8 @@ struct Repeat {
     wrong_song: f64,
     shifted: f64,
     silence: f64,
+    /// Two dances to one song, metres apart.
+    seeds_gap_m: f64,
 }
 
 fn one_repeat(
@@ -143,6 +159,7 @@ fn one_repeat(
     order.shuffle(&mut rng);
     order.truncate(request.clips);
     let (mut danced, mut controls) = (Vec::new(), [const { Vec::new() }; 3]);
+    let mut seeds_gap_m = 0.0;
     for (i, &clip) in order.iter().enumerate() {
         let music = &held[clip].music;
         let other = &held[order[(i + 1) % order.len()]];
@@ -152,6 +169,12 @@ fn one_repeat(
         }
         let silence: Vec<MusicFrame> = music.iter().map(reference::silent).collect();
         let motion = dance(generator, options.clone(), music)?;
+        if i == 0 {
+            let mut other_seed = options.clone();
+            other_seed.seed += 500;
+            let other = dance(generator, other_seed, music)?;
+            seeds_gap_m = distance_of_dances_m(&motion, &other).unwrap_or(0.0);
+        }
         let deaf = dance(generator, options, &silence)?;
         let beats_s = &held[clip].beats_s;
         controls[0].push(figures::f1(&motion, &other.beats_s));
@@ -178,6 +201,7 @@ fn one_repeat(
         wrong_song,
         shifted,
         silence,
+        seeds_gap_m,
     })
 }
 

@@ -64,6 +64,30 @@ pub struct RealFigures {
     pub foot_skate: Estimate,
     pub jerk: Estimate,
     pub freeze_ratio: Estimate,
+    pub figure_gap_m: Estimate,
+}
+
+/// One long dance.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct LongDance {
+    /// Its length.
+    pub minutes: usize,
+    /// Mean joint speed of the last minute over that of the first.
+    pub speed_kept: f64,
+    /// The slowest minute over the mean of all.
+    pub slowest_minute: f64,
+    /// Mean height of the pelvis in the last minute less that in the first, metres.
+    pub height_drift_m: f64,
+    /// Mean jerk, m/s^3.
+    pub jerk: f64,
+    /// Mean jerk of the last minute over that of the first.
+    pub jerk_kept: f64,
+    /// Share of contact frames in which a foot skates.
+    pub foot_skate: f64,
+    /// The furthest from where it began, metres.
+    pub furthest_m: f64,
+    /// How often it stood still while a beat was heard, and was woken.
+    pub awakenings: u64,
 }
 
 /// All figures.
@@ -108,6 +132,13 @@ pub struct Evaluation {
     pub jerk: Estimate,
     /// Share of seconds in which the dancer stands.
     pub freeze_ratio: Estimate,
+    /// From a figure of four beats to the most similar one of the same dance,
+    /// metres a joint: small where the dance repeats itself.
+    pub figure_gap_m: Estimate,
+    /// Two dances to one song with two seeds, metres a joint apart.
+    pub seeds_gap_m: Estimate,
+    /// One long dance, if asked for.
+    pub long: Option<LongDance>,
 }
 
 impl Evaluation {
@@ -165,6 +196,7 @@ impl Evaluation {
                 foot_skate: real(&|s| s.foot_skate),
                 jerk: real(&|s| s.jerk),
                 freeze_ratio: real(&|s| s.freeze_ratio),
+                figure_gap_m: real(&|s| s.figure_gap_m),
             },
             beat: ControlledBeat {
                 own: beat(|r| &r.generated),
@@ -176,6 +208,9 @@ impl Evaluation {
             foot_skate: generated(&|s| s.foot_skate),
             jerk: generated(&|s| s.jerk),
             freeze_ratio: generated(&|s| s.freeze_ratio),
+            figure_gap_m: generated(&|s| s.figure_gap_m),
+            seeds_gap_m: over(&|r| r.seeds_gap_m),
+            long: None,
         }
     }
 
@@ -230,12 +265,35 @@ impl Evaluation {
                 self.freeze_ratio,
                 Some(real.freeze_ratio),
             ),
+            (
+                "nearest other figure of 4 beats, m",
+                self.figure_gap_m,
+                Some(real.figure_gap_m),
+            ),
+            ("two seeds on one song, m apart", self.seeds_gap_m, None),
             ("tokens: joint error, mm", self.mpjpe_mm, None),
             ("tokens: share of codes used", self.codes_used, None),
         ] {
             let real = real.map_or(String::new(), cell);
             // Writing to a String cannot fail.
             let _ = writeln!(text, "{name:<36}{:>18}{real:>20}", cell(generated));
+        }
+        if let Some(long) = &self.long {
+            let _ = writeln!(
+                text,
+                "\n{} minutes in one go: speed of the last minute {:.2} of the first, of the slowest \
+                 {:.2} of the mean;\nroot {:+.3} m, jerk {:.0} m/s^3 ({:.2} of the first minute's), \
+                 foot skate {:.3}, at most {:.1} m away, woken {} times",
+                long.minutes,
+                long.speed_kept,
+                long.slowest_minute,
+                long.height_drift_m,
+                long.jerk,
+                long.jerk_kept,
+                long.foot_skate,
+                long.furthest_m,
+                long.awakenings
+            );
         }
         text
     }

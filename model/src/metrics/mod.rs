@@ -7,6 +7,8 @@ pub mod distribution;
 pub mod features;
 pub mod quality;
 pub mod reconstruction;
+pub mod repetition;
 
 pub use alignment::{Alignment, alignment, kinematic_beats_s, mean_joint_speed};
 pub use reconstruction::mpjpe_m;
+pub use repetition::{distance_of_dances_m, nearest_figure_m};
