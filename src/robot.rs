@@ -172,9 +172,10 @@ impl Robot {
                 return Err(RobotError::of(Code::RobotFile, message));
             }
         }
-        let (servos, buses) = layouts(parsed.buses, &parsed.joints)
+        let (servos, mut buses) = layouts(parsed.buses, &parsed.joints)
             .map_err(|e| RobotError::of(Code::ServoMap, format!("{file}: {e}")))?;
-        for bus in &buses {
+        for bus in &mut buses {
+            bus.config.control_hz = Some(parsed.control_hz);
             check_rate(&bus.config, &bus.servos, parsed.control_hz)
                 .map_err(|e| RobotError::of(Code::BusRate, format!("{file}: {e}")))?;
         }

@@ -3,14 +3,14 @@
 
 use crate::program::Program;
 use servodance::robot::Robot;
-use servodance_sim::{SimBus, SimOptions, SimServoSpec};
+use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// The built-in neck, with other motors on `kind`'s bus.
-fn robot(program: &Program, kind: &str, model: &str, watchdog_ms: u32, more: &str) -> &'static str {
-    let bus = format!("[bus]\nwatchdog_ms = {watchdog_ms}\n{more}");
+fn robot(program: &Program, kind: &str, model: &str, more: &str) -> &'static str {
+    let bus = format!("[bus]\n{more}");
     let text = include_str!("../configs/neck.toml")
         .replace("\"dynamixel2\"", &format!("\"{kind}\""))
         .replace("[bus]\n", &bus)
@@ -34,7 +34,7 @@ fn every_kind_of_can_motor_dances_inside_its_limits() {
     let program = Program::new();
     program.click_track("clicks.wav", 8.0, 120.0);
     for (kind, model, more) in KINDS {
-        let robot = robot(&program, kind, model, 100, more);
+        let robot = robot(&program, kind, model, more);
         let arguments = ["dance", "clicks.wav", "--robot", robot, "--no-picture"];
         program.succeed(&[&arguments[..], &["--quiet", "--report", "report.json"]].concat());
         let report = std::fs::read(program.path("report.json")).expect("the report");
@@ -65,8 +65,8 @@ fn serve(program: &Program, robot: &str, link: &str) -> (Child, BufReader<ChildS
 fn a_served_can_bus_is_danced_on_over_either_link() {
     let program = Program::new();
     program.click_track("clicks.wav", 3.0, 120.0);
-    let patient = "reply_timeout_ms = 500.0\n";
-    let robot = robot(&program, "mit", "DM-J4310", 2000, patient);
+    let patient = "watchdog_ms = 2000\nreply_timeout_ms = 500.0\n";
+    let robot = robot(&program, "mit", "DM-J4310", patient);
     for link in ["slcan", "udp"] {
         let (server, _lines, port) = serve(&program, robot, link);
         let port = format!("{link}:{port}");
@@ -86,7 +86,7 @@ fn motors_of_a_killed_program_stop_by_themselves() {
     let program = Program::new();
     for (kind, model, more) in KINDS {
         let patient = format!("reply_timeout_ms = 500.0\n{more}");
-        let robot = robot(&program, kind, model, 160, &patient);
+        let robot = robot(&program, kind, model, &patient);
         let loaded = Robot::load(&program.path(robot).to_string_lossy()).expect("a robot");
         let specs: Vec<SimServoSpec> = loaded.servos.iter().map(SimServoSpec::from).collect();
         let options = SimOptions::realtime(1_000_000, loaded.control_hz);
@@ -109,17 +109,56 @@ fn motors_of_a_killed_program_stop_by_themselves() {
         wait_until(kind, || torques().count() == 2);
         // Let it dance for a while, then kill it.
         std::thread::sleep(Duration::from_millis(500));
+        let killed_s = sim.time_s();
         child.kill().expect("it is there");
         child.wait().expect("it is dead");
-        let killed_s = sim.time_s();
         wait_until(kind, || torques().count() == 0);
-        let after_s = sim.time_s() - killed_s;
-        assert!(after_s < 0.2, "{kind}: torque for {after_s:.3} s more");
         for index in 0..2 {
             let motor = sim.servo(index).expect("a motor");
-            assert!(motor.watchdog_tripped, "{kind}: {motor:?}");
+            let after_s = motor.tripped_s.expect("its watchdog tripped") - killed_s;
+            assert!(after_s < 0.2, "{kind}: torque for {after_s:.3} s more");
         }
     }
+}
+
+#[test]
+fn scan_finds_can_motors_at_their_bitrate() {
+    let program = Program::new();
+    let robot = robot(&program, "mit", "DM-J4310", "");
+    let robot = Robot::load(&program.path(robot).to_string_lossy()).expect("a robot");
+    let specs: Vec<SimServoSpec> = robot.servos.iter().map(SimServoSpec::from).collect();
+    let options = SimOptions::realtime(500_000, robot.control_hz);
+    let sim = SimBus::start(&specs, options).expect("a simulated bus");
+    assert!(sim.set_servo_fault(1, ServoFault::Overload));
+    let port = format!("slcan:{}", sim.port_path());
+    let found = program.succeed(&["scan", &port]).stdout;
+    let found = String::from_utf8_lossy(&found).into_owned();
+    let lines: Vec<&str> = found.lines().collect();
+    assert_eq!(lines.len(), 2, "{found}");
+    for (line, id, error) in [
+        (lines[0], "id   1", "no error told"),
+        (lines[1], "id   2", "overload (error E)"),
+    ] {
+        for word in ["500000 bit/s  Damiao", "DM-J4310", id, error] {
+            assert!(line.contains(word), "no {word:?} in {line}");
+        }
+    }
+    let wrong = program.run(&["scan", &port, "--baud", "250000"]);
+    let error = String::from_utf8_lossy(&wrong.stderr).into_owned();
+    assert_eq!(wrong.status.code(), Some(1), "{error}");
+    assert!(
+        error.contains(&port) && error.contains("bus-off"),
+        "{error}"
+    );
+    program.refused(
+        &["scan", &port, "--protocol", "1"],
+        &["--protocol is for serial"],
+    );
+    let group = "udp:239.74.163.2:43990";
+    program.refused(
+        &["scan", group, "--baud", "500000"],
+        &["--baud is for slcan"],
+    );
 }
 
 fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
@@ -133,7 +172,7 @@ fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
 #[test]
 fn a_robot_file_that_asks_too_much_of_the_bus_is_refused_with_the_numbers() {
     let program = Program::new();
-    let robot = robot(&program, "mit", "DM-J4310", 100, "");
+    let robot = robot(&program, "mit", "DM-J4310", "");
     let text = std::fs::read_to_string(program.path(robot)).expect("the robot file");
     let slow = text.replace("1_000_000", "20_000");
     std::fs::write(program.path("slow.toml"), slow).expect("the robot file");

@@ -4,7 +4,7 @@
 use crate::program::Program;
 use servodance::robot::Robot;
 use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
-use std::io::Read;
+use std::io::{Read, Write};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -39,6 +39,10 @@ fn dancing(program: &Program, bus: &SimBus) -> Child {
 }
 
 fn dancing_with(program: &Program, bus: &SimBus, more: &[&str]) -> Child {
+    dancing_at(program, bus, more, Stdio::null())
+}
+
+fn dancing_at(program: &Program, bus: &SimBus, more: &[&str], input: Stdio) -> Child {
     let port = format!("serial:{}", bus.port_path());
     let robot = program.patient_robot("op3");
     let mut args = vec!["dance", "--robot", &robot, "--bus", &port];
@@ -46,6 +50,7 @@ fn dancing_with(program: &Program, bus: &SimBus, more: &[&str]) -> Child {
     args.extend(more);
     let mut child = program
         .command(&args)
+        .stdin(input)
         .stderr(Stdio::piped())
         .spawn()
         .expect("the program starts");
@@ -136,6 +141,21 @@ fn each_emergency_stop_turns_torque_off_and_is_named() {
         ],
         &["emergency stop"],
     );
+    assert_eq!(torques(&bus), 0);
+}
+
+#[test]
+fn enter_on_the_terminal_is_an_emergency_stop() {
+    let _alone = alone();
+    let (program, bus) = (Program::new(), servos());
+    let terminal = nix::pty::openpty(None, None).expect("a terminal");
+    let mut keyboard = std::fs::File::from(terminal.master);
+    let child = dancing_at(&program, &bus, &[], Stdio::from(terminal.slave));
+    keyboard.write_all(b"\n").expect("typed");
+    let output = child.wait_with_output().expect("it ends");
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(error.contains("emergency stop (the key)"), "{error}");
     assert_eq!(torques(&bus), 0);
 }
 

@@ -17,7 +17,8 @@ use crate::error::ConfigError;
 use crate::model::{MODELS, Model};
 use crate::servo::Servo;
 
-/// One `[[joint]]` table. The keys from `kp` on are for CAN motors only.
+/// One `[[joint]]` table. The keys from `kp` on are for CAN motors only, and
+/// `firmware` is for serial servos only.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct ServoConfig {
@@ -30,6 +31,9 @@ pub struct ServoConfig {
     pub id: u8,
     /// Model name, e.g. `XM430-W350`.
     pub model: String,
+    /// The firmware that a serial servo must have, as `servodance scan` shows
+    /// it; any if left out.
+    pub firmware: Option<u8>,
     /// +1 or -1: the servo's direction against the joint axis.
     pub direction: i8,
     /// Servo angle, degrees (0 to 360, centre 180), where the joint reads zero;
@@ -132,6 +136,10 @@ pub struct BusConfig {
     /// `axis0.config.enable_watchdog`, from the firmware's `flat_endpoints.json`.
     #[serde(default)]
     pub watchdog_endpoints: Option<[u16; 2]>,
+    /// Control cycles a second, which the robot file has elsewhere; `None` where
+    /// nobody asks for a rate.
+    #[serde(skip)]
+    pub control_hz: Option<f64>,
 }
 
 fn default_reply_timeout_ms() -> f64 {
@@ -142,8 +150,10 @@ fn default_retries() -> u32 {
     2
 }
 
+/// A killed program's servos are to stand within 200 ms; its last commands are
+/// still under way, and a Dynamixel counts in steps of 20 ms.
 fn default_watchdog_ms() -> u32 {
-    200
+    160
 }
 
 impl BusConfig {
@@ -163,6 +173,7 @@ impl BusConfig {
             watchdog_ms: default_watchdog_ms(),
             accept_no_watchdog: false,
             watchdog_endpoints: None,
+            control_hz: None,
         }
     }
 
@@ -252,6 +263,7 @@ impl ServoConfig {
             name: self.name.clone(),
             id: self.id,
             model,
+            firmware: self.firmware,
             direction: f64::from(self.direction),
             zero_rad: self.zero_deg.to_radians(),
             limits,
@@ -267,6 +279,14 @@ impl ServoConfig {
     /// A CAN motor's settings; a serial servo may have none.
     fn motor_settings(&self, model: &Model) -> Result<Option<MotorSettings>, ConfigError> {
         if let Some(stock) = &model.motor {
+            if self.firmware.is_some() {
+                return Err(ConfigError::Joint {
+                    joint: self.name.clone(),
+                    key: "firmware",
+                    actual: "given".into(),
+                    wanted: format!("left out: {} is a CAN motor", model.name),
+                });
+            }
             return MotorSettings::resolve(self, stock).map(Some);
         }
         let given = [

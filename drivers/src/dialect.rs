@@ -30,6 +30,15 @@ pub struct Present {
     pub current: i16,
 }
 
+/// What a servo says it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Identity {
+    /// Its model number.
+    pub model_number: u16,
+    /// Its firmware version.
+    pub firmware: u8,
+}
+
 /// A servo's own limits, as its memory holds them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OwnLimits {
@@ -41,6 +50,8 @@ pub struct OwnLimits {
     pub ticks: (i32, i32),
     /// Highest current, in the servo's units; `None` without a sensor.
     pub current: Option<u64>,
+    /// Highest velocity, in the servo's units; `None` where it has no such limit.
+    pub velocity: Option<u64>,
 }
 
 /// Supply and temperature as measured.
@@ -52,6 +63,46 @@ pub struct Measured {
     pub celsius: u64,
 }
 
+impl Measured {
+    /// From a byte each, in this order.
+    pub fn from_bytes(bytes: &[u8]) -> Self {
+        match *bytes {
+            [tenth_volts, celsius] => Self {
+                tenth_volts: u64::from(tenth_volts),
+                celsius: u64::from(celsius),
+            },
+            _ => Self::default(), // a read returns what was asked for
+        }
+    }
+}
+
+/// Where a servo of Protocol 1 keeps its own limits.
+#[derive(Clone, Copy, Debug)]
+pub struct LimitRegisters {
+    /// Lowest and highest supply.
+    pub volts: (Register, Register),
+    /// Where it shuts down.
+    pub celsius: Register,
+    /// Lowest and highest goal.
+    pub ticks: (Register, Register),
+}
+
+impl LimitRegisters {
+    /// The limits of one servo, as its memory holds them.
+    pub fn read(&self, link: &mut Link, index: usize) -> Result<OwnLimits, BusError> {
+        let mut pair = |(low, high)| Ok((link.read(index, low)?, link.read(index, high)?));
+        let tenth_volts = pair(self.volts)?;
+        let (lowest, highest) = pair(self.ticks)?;
+        Ok(OwnLimits {
+            tenth_volts,
+            celsius: link.read(index, self.celsius)?,
+            ticks: (lowest as i32, highest as i32),
+            current: None,
+            velocity: None,
+        })
+    }
+}
+
 /// One family of servos.
 pub trait Dialect: Send {
     /// Its framing.
@@ -60,13 +111,13 @@ pub trait Dialect: Send {
     /// Its registers.
     fn registers(&self) -> Registers;
 
-    /// The model number of the servo that answered a ping with `pinged`.
-    fn model_number(
+    /// What the servo that answered a ping with `pinged` is.
+    fn identify(
         &mut self,
         link: &mut Link,
         index: usize,
         pinged: &[u8],
-    ) -> Result<u16, BusError>;
+    ) -> Result<Identity, BusError>;
 
     /// Why the servo cannot stop by itself when the host goes silent; `None`
     /// where it can.

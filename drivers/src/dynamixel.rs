@@ -1,15 +1,17 @@
 //! X series servos, and MX with Protocol 2.0.
 //!
 //! Everyone is read with a Fast Sync Read where all servos answer it (probed
-//! once, when arming), else with a plain Sync Read; which one is said.
+//! once, when arming), else with a plain Sync Read; which one is said. A plain
+//! one that the wire does not carry at the robot's rate is refused.
 
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
-use crate::dialect::{Dialect, Measured, OwnLimits, Present, Registers};
+use crate::dialect::{Dialect, Identity, Measured, OwnLimits, Present, Registers};
 use crate::error::BusError;
 use crate::link::Link;
 use crate::packet::Protocol;
+use crate::rate::{bytes_hz, cycle_bytes};
 use crate::register::{Register, hardware_error_names};
 use crate::wire::Received;
 
@@ -74,6 +76,25 @@ impl DynamixelX {
     }
 }
 
+/// The plain Sync Read it is, if the wire carries that as often as it is asked for.
+fn fall_back(link: &Link, why: String, notes: &mut Vec<String>) -> Result<(), BusError> {
+    let asked_hz = link.config.control_hz.unwrap_or(0.0);
+    let (_, plain_bytes) = cycle_bytes(link.config.kind, link.servos.len());
+    let limit_hz = bytes_hz(link.config.baud, plain_bytes);
+    if asked_hz > limit_hz {
+        return Err(BusError::PlainTooSlow {
+            why,
+            servos: link.servos.len(),
+            baud: link.config.baud,
+            limit_hz,
+            bytes: plain_bytes,
+            asked_hz,
+        });
+    }
+    notes.push(format!("plain Sync Read: {why}"));
+    Ok(())
+}
+
 impl Dialect for DynamixelX {
     fn protocol(&self) -> Protocol {
         Protocol::Dynamixel2
@@ -87,17 +108,20 @@ impl Dialect for DynamixelX {
         }
     }
 
-    fn model_number(
+    fn identify(
         &mut self,
         _link: &mut Link,
         index: usize,
         pinged: &[u8],
-    ) -> Result<u16, BusError> {
-        let &[low, high, version] = pinged else {
-            return Ok(0); // a ping returns what was asked for
+    ) -> Result<Identity, BusError> {
+        let &[low, high, firmware] = pinged else {
+            return Ok(Identity::default()); // a ping returns what was asked for
         };
-        self.firmware[index] = version;
-        Ok(u16::from_le_bytes([low, high]))
+        self.firmware[index] = firmware;
+        Ok(Identity {
+            model_number: u16::from_le_bytes([low, high]),
+            firmware,
+        })
     }
 
     fn condition(&self, link: &mut Link, index: usize) -> Result<Option<String>, BusError> {
@@ -123,6 +147,7 @@ impl Dialect for DynamixelX {
                 true => Some(link.read(index, Register::CURRENT_LIMIT)?),
                 false => None,
             },
+            velocity: Some(link.read(index, Register::VELOCITY_LIMIT)?),
         })
     }
 
@@ -169,11 +194,11 @@ impl Dialect for DynamixelX {
             .position(|(servo, &version)| version < servo.model.fast_read_firmware);
         if let Some(index) = old {
             let servo = link.id_of(index);
-            notes.push(format!(
-                "plain Sync Read: {servo} runs firmware {}, Fast Sync Read needs {}",
+            let why = format!(
+                "{servo} runs firmware {}, Fast Sync Read needs {}",
                 self.firmware[index], link.servos[index].model.fast_read_firmware
-            ));
-            return Ok(());
+            );
+            return fall_back(link, why, notes);
         }
         let mut probe = vec![0; usize::from(Register::PRESENT.size) * link.servos.len()];
         for _ in 0..link.tries() {
@@ -183,8 +208,8 @@ impl Dialect for DynamixelX {
                 return Ok(());
             }
         }
-        notes.push("plain Sync Read: the bus did not answer the Fast Sync Read probe".into());
-        Ok(())
+        let why = "the bus did not answer the Fast Sync Read probe";
+        fall_back(link, why.into(), notes)
     }
 
     fn read_all(&mut self, link: &mut Link, present: &mut [u8]) -> Result<Option<usize>, BusError> {

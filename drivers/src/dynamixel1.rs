@@ -9,19 +9,27 @@
 
 use dynamixel2::instructions::instruction_id as instruction;
 
-use crate::dialect::{Dialect, Measured, OwnLimits, Present, Registers, names_of};
+use crate::dialect::{
+    Dialect, Identity, LimitRegisters, Measured, OwnLimits, Present, Registers, names_of,
+};
 use crate::error::BusError;
 use crate::link::Link;
 use crate::packet::Protocol;
 use crate::register::{Register, register};
 
-const MODEL: Register = register(0, 2, "model number");
+const IDENTITY: Register = register(0, 3, "model number and firmware");
+const LIMITS: LimitRegisters = LimitRegisters {
+    volts: (
+        register(12, 1, "lowest voltage"),
+        register(13, 1, "highest voltage"),
+    ),
+    celsius: register(11, 1, "temperature limit"),
+    ticks: (
+        register(6, 2, "clockwise angle limit"),
+        register(8, 2, "counterclockwise angle limit"),
+    ),
+};
 const RETURN_DELAY: Register = register(5, 1, "return delay time");
-const LOWEST: Register = register(6, 2, "clockwise angle limit");
-const HIGHEST: Register = register(8, 2, "counterclockwise angle limit");
-const HOTTEST: Register = register(11, 1, "temperature limit");
-const MIN_VOLTAGE: Register = register(12, 1, "lowest voltage");
-const MAX_VOLTAGE: Register = register(13, 1, "highest voltage");
 const MAX_TORQUE: Register = register(14, 2, "maximum torque");
 const STATUS_LEVEL: Register = register(16, 1, "status return level");
 const TORQUE: Register = register(24, 1, "torque enable");
@@ -59,13 +67,20 @@ impl Dialect for Dynamixel1 {
         }
     }
 
-    fn model_number(
+    fn identify(
         &mut self,
         link: &mut Link,
         index: usize,
         _pinged: &[u8],
-    ) -> Result<u16, BusError> {
-        Ok(link.read(index, MODEL)? as u16)
+    ) -> Result<Identity, BusError> {
+        let bytes = link.read_bytes(index, IDENTITY)?;
+        let &[low, high, firmware] = &bytes[..] else {
+            return Ok(Identity::default()); // a read returns what was asked for
+        };
+        Ok(Identity {
+            model_number: u16::from_le_bytes([low, high]),
+            firmware,
+        })
     }
 
     fn lacks_watchdog(&self) -> Option<&'static str> {
@@ -79,28 +94,12 @@ impl Dialect for Dynamixel1 {
     }
 
     fn own_limits(&self, link: &mut Link, index: usize) -> Result<OwnLimits, BusError> {
-        let volts = (
-            link.read(index, MIN_VOLTAGE)?,
-            link.read(index, MAX_VOLTAGE)?,
-        );
-        let lowest = link.read(index, LOWEST)? as i32;
-        Ok(OwnLimits {
-            tenth_volts: volts,
-            celsius: link.read(index, HOTTEST)?,
-            ticks: (lowest, link.read(index, HIGHEST)? as i32),
-            current: None,
-        })
+        LIMITS.read(link, index)
     }
 
     fn measure(&self, link: &mut Link, index: usize) -> Result<Measured, BusError> {
         let bytes = link.read_bytes(index, VOLTAGE_AND_TEMPERATURE)?;
-        let &[tenth_volts, celsius] = &bytes[..] else {
-            return Ok(Measured::default()); // a read returns what was asked for
-        };
-        Ok(Measured {
-            tenth_volts: u64::from(tenth_volts),
-            celsius: u64::from(celsius),
-        })
+        Ok(Measured::from_bytes(&bytes))
     }
 
     fn set_up(

@@ -296,6 +296,26 @@ pub enum BusError {
         /// What it said.
         said: String,
     },
+    /// More cycles a second than the wire carries without the fast read.
+    #[error(
+        "{why}, and {servos} servos at {baud} baud carry at most {limit_hz:.0} cycles a second \
+         with a plain Sync Read ({bytes} bytes each), but the robot asks for {asked_hz}: \
+         update the firmware, raise the baud or lower control_hz"
+    )]
+    PlainTooSlow {
+        /// Why there is no fast read.
+        why: String,
+        /// How many servos share the bus.
+        servos: usize,
+        /// Bits a second.
+        baud: u32,
+        /// What the wire carries.
+        limit_hz: f64,
+        /// Bytes of one cycle.
+        bytes: usize,
+        /// What the robot file asks for.
+        asked_hz: f64,
+    },
     /// A motor that would go on if this program died.
     #[error(
         "{servo}: {why}: a killed program would leave it driving; set accept_no_watchdog = true \

@@ -8,20 +8,28 @@
 
 use dynamixel2::instructions::instruction_id as instruction;
 
-use crate::dialect::{Dialect, Measured, OwnLimits, Present, Registers, names_of};
+use crate::dialect::{
+    Dialect, Identity, LimitRegisters, Measured, OwnLimits, Present, Registers, names_of,
+};
 use crate::error::BusError;
 use crate::link::Link;
 use crate::packet::Protocol;
 use crate::register::{Register, register};
 
-const MODEL: Register = register(3, 2, "model number");
+const IDENTITY: Register = register(0, 5, "firmware and model number");
+const LIMITS: LimitRegisters = LimitRegisters {
+    volts: (
+        register(15, 1, "minimum voltage"),
+        register(14, 1, "maximum voltage"),
+    ),
+    celsius: register(13, 1, "temperature limit"),
+    ticks: (
+        register(9, 2, "minimum angle limit"),
+        register(11, 2, "maximum angle limit"),
+    ),
+};
 const RETURN_DELAY: Register = register(7, 1, "return delay time");
 const STATUS_LEVEL: Register = register(8, 1, "status return level");
-const LOWEST: Register = register(9, 2, "minimum angle limit");
-const HIGHEST: Register = register(11, 2, "maximum angle limit");
-const HOTTEST: Register = register(13, 1, "temperature limit");
-const MAX_VOLTAGE: Register = register(14, 1, "maximum voltage");
-const MIN_VOLTAGE: Register = register(15, 1, "minimum voltage");
 const MODE: Register = register(33, 1, "operating mode");
 const TORQUE: Register = register(40, 1, "torque enable");
 const ACCELERATION: Register = register(41, 1, "acceleration");
@@ -59,13 +67,20 @@ impl Dialect for FeetechSts {
         }
     }
 
-    fn model_number(
+    fn identify(
         &mut self,
         link: &mut Link,
         index: usize,
         _pinged: &[u8],
-    ) -> Result<u16, BusError> {
-        Ok(link.read(index, MODEL)? as u16)
+    ) -> Result<Identity, BusError> {
+        let bytes = link.read_bytes(index, IDENTITY)?;
+        let &[firmware, _, _, low, high] = &bytes[..] else {
+            return Ok(Identity::default()); // a read returns what was asked for
+        };
+        Ok(Identity {
+            model_number: u16::from_le_bytes([low, high]),
+            firmware,
+        })
     }
 
     fn lacks_watchdog(&self) -> Option<&'static str> {
@@ -78,33 +93,18 @@ impl Dialect for FeetechSts {
     }
 
     fn own_limits(&self, link: &mut Link, index: usize) -> Result<OwnLimits, BusError> {
-        let volts = (
-            link.read(index, MIN_VOLTAGE)?,
-            link.read(index, MAX_VOLTAGE)?,
-        );
-        let lowest = link.read(index, LOWEST)? as i32;
+        let limits = LIMITS.read(link, index)?;
         // Both limits zero is a servo without limits.
-        let highest = match link.read(index, HIGHEST)? as i32 {
-            0 if lowest == 0 => 4095,
-            highest => highest,
+        let ticks = match limits.ticks {
+            (0, 0) => (0, 4095),
+            ticks => ticks,
         };
-        Ok(OwnLimits {
-            tenth_volts: volts,
-            celsius: link.read(index, HOTTEST)?,
-            ticks: (lowest, highest),
-            current: None,
-        })
+        Ok(OwnLimits { ticks, ..limits })
     }
 
     fn measure(&self, link: &mut Link, index: usize) -> Result<Measured, BusError> {
         let bytes = link.read_bytes(index, VOLTAGE_AND_TEMPERATURE)?;
-        let &[tenth_volts, celsius] = &bytes[..] else {
-            return Ok(Measured::default()); // a read returns what was asked for
-        };
-        Ok(Measured {
-            tenth_volts: u64::from(tenth_volts),
-            celsius: u64::from(celsius),
-        })
+        Ok(Measured::from_bytes(&bytes))
     }
 
     fn set_up(

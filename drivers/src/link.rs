@@ -14,15 +14,11 @@ use crate::error::{BusError, ConfigError, Refusal, ServoId};
 use crate::model::Model;
 use crate::packet::Protocol;
 use crate::register::Register;
-use crate::servo::Servo;
+use crate::servo::{Servo, check_kind};
 use crate::wire::{Received, Wire};
 
 /// Return delay that a servo has before it is set to zero: 254 units of 2 us.
 const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
-
-/// A joint may stand this far outside its limits when arming; its first goal
-/// is then the limit itself. Backlash and sag leave a joint there.
-const REST_TOLERANCE_RAD: f64 = 0.05;
 
 /// One serial bus and who is on it.
 pub struct Link {
@@ -59,12 +55,7 @@ impl Link {
         };
         let checked = config.clone().checked();
         let config = checked.map_err(|error: ConfigError| refused(error.to_string()))?;
-        if let Some(servo) = servos.iter().find(|servo| servo.model.kind != config.kind) {
-            return Err(refused(format!(
-                "joint {}: model {} does not speak the bus's protocol",
-                servo.name, servo.model.name
-            )));
-        }
+        check_kind(&servos, config.kind).map_err(refused)?;
         Ok(Self {
             wire: Wire::open(port, config.baud, protocol)?,
             answered: vec![false; servos.len()],
@@ -509,22 +500,8 @@ impl Link {
     /// The goal that keeps a joint where it stands.
     pub fn holding_goal(&self, index: usize, ticks: i32) -> Result<i32, BusError> {
         let servo = &self.servos[index];
-        let position = servo.position_rad(ticks);
-        let limits = servo.limits;
-        let outside = (limits.lower_rad - position).max(position - limits.upper_rad);
-        if outside > REST_TOLERANCE_RAD {
-            return Err(BusError::Unfit {
-                servo: self.id_of(index),
-                what: "position",
-                actual: format!("{:.1} degrees", position.to_degrees()),
-                wanted: format!(
-                    "{:.1} to {:.1} degrees: move the joint there by hand",
-                    limits.lower_rad.to_degrees(),
-                    limits.upper_rad.to_degrees()
-                ),
-            });
-        }
-        Ok(servo.goal_ticks(position))
+        let hold_rad = servo.holding_rad(servo.position_rad(ticks))?;
+        Ok(servo.goal_ticks(hold_rad))
     }
 
     /// Refuses a supply (0.1 V) outside the servo's own limits.
@@ -562,6 +539,36 @@ impl Link {
             what: "temperature",
             actual: format!("{present} C"),
             wanted: format!("below {limit} C"),
+        })
+    }
+
+    /// Refuses another firmware than the robot file wants.
+    pub fn check_firmware(&self, index: usize, actual: u8) -> Result<(), BusError> {
+        match self.servos[index].firmware {
+            Some(wanted) if wanted != actual => Err(BusError::Unfit {
+                servo: self.id_of(index),
+                what: "firmware",
+                actual: actual.to_string(),
+                wanted: format!("{wanted}, as the robot file says"),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses a servo whose own velocity limit (in its units) cuts the joint's.
+    pub fn check_velocity(&self, index: usize, own: Option<u64>) -> Result<(), BusError> {
+        let servo = &self.servos[index];
+        let asked_deg_s = servo.limits.velocity_rad_s.to_degrees();
+        let unit_deg_s = servo.model.velocity_rad_s_per_unit.to_degrees();
+        let own_deg_s = own.map_or(f64::INFINITY, |units| units as f64 * unit_deg_s);
+        if asked_deg_s <= own_deg_s {
+            return Ok(());
+        }
+        Err(BusError::Unfit {
+            servo: self.id_of(index),
+            what: "velocity limit in the servo, degrees a second,",
+            actual: format!("{own_deg_s:.1}"),
+            wanted: format!("at least velocity_deg_s = {asked_deg_s:.1}"),
         })
     }
 

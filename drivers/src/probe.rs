@@ -135,7 +135,10 @@ impl Probe {
             model: None,
             firmware: 0,
             hardware_error: Some("only damaged answers: is this id given twice?".into()),
-            family: Family::X,
+            family: match self.wire.protocol() {
+                Protocol::Dynamixel2 => Family::X,
+                Protocol::Protocol1 => Family::Ax,
+            },
         }
     }
 

@@ -28,6 +28,11 @@ pub struct RateCheck {
     pub plain_hz: f64,
 }
 
+/// Cycles of `bytes` bytes a second on a serial wire.
+pub(crate) fn bytes_hz(baud: u32, bytes: usize) -> f64 {
+    f64::from(baud) / (10.0 * bytes as f64)
+}
+
 /// Bytes of one cycle of `servos` servos, with the fast read and with the plain one.
 pub fn cycle_bytes(kind: BusKind, servos: usize) -> (usize, usize) {
     match kind {
@@ -51,7 +56,8 @@ pub fn cycle_bytes(kind: BusKind, servos: usize) -> (usize, usize) {
     }
 }
 
-/// Refuses a control rate that the wire cannot carry even with the fast read.
+/// Refuses a control rate that the wire cannot carry even with the fast read;
+/// whether the servos know that read is seen when arming.
 pub fn check_rate(
     bus: &BusConfig,
     servos: &[Servo],
@@ -71,12 +77,11 @@ pub fn check_rate(
             plain_hz,
         });
     }
-    let hz = |bytes: usize| f64::from(bus.baud) / (10.0 * bytes as f64);
     let check = RateCheck {
         fast_bytes,
         plain_bytes,
-        fast_hz: hz(fast_bytes),
-        plain_hz: hz(plain_bytes),
+        fast_hz: bytes_hz(bus.baud, fast_bytes),
+        plain_hz: bytes_hz(bus.baud, plain_bytes),
     };
     if control_hz > check.fast_hz || !control_hz.is_finite() {
         return Err(ConfigError::Rate {

@@ -29,14 +29,14 @@ impl Register {
     pub const DRIVE_MODE: Self = register(10, 1, "drive mode");
     /// 3 is position control within a turn.
     pub const OPERATING_MODE: Self = register(11, 1, "operating mode");
-    /// Ticks added to the encoder.
-    pub const HOMING_OFFSET: Self = register(20, 4, "homing offset");
     /// Degrees Celsius at which the servo shuts down.
     pub const TEMPERATURE_LIMIT: Self = register(31, 1, "temperature limit");
     /// 0.1 V.
     pub const MAX_VOLTAGE: Self = register(32, 2, "maximum voltage limit");
     /// 0.1 V.
     pub const MIN_VOLTAGE: Self = register(34, 2, "minimum voltage limit");
+    /// The servo's own highest velocity, in the model's units.
+    pub const VELOCITY_LIMIT: Self = register(44, 4, "velocity limit");
     /// The servo's own highest goal.
     pub const MAX_POSITION: Self = register(48, 4, "maximum position limit");
     /// The servo's own lowest goal.

@@ -7,10 +7,11 @@
 //! read with one instruction, allocates nothing. A damaged one is tried again
 //! at most `retries` times, each bounded by the reply timeout.
 //!
-//! Refused before torque: a silent servo, another model than configured, a
-//! hardware error, a supply or temperature outside the servo's own limits, own
-//! position limits that cut the joint's range, a joint that stands outside its
-//! limits, a family without a watchdog (unless `accept_no_watchdog` is set).
+//! Refused before torque: a silent servo, another model or firmware than
+//! configured, a hardware error, a supply or temperature outside the servo's own
+//! limits, own position or velocity limits that cut the joint's, a joint that
+//! stands outside its limits, a family without a watchdog (unless
+//! `accept_no_watchdog` is set).
 //!
 //! A servo that is lost can be set aside: the others are cycled on without it.
 //! [`Bus::rejoin`] takes it back in steps that are short enough to be done
@@ -78,8 +79,9 @@ impl SerialBus {
     /// Model, condition, supply, temperature and limits against the configuration.
     fn check(&mut self, index: usize, pinged: &[u8]) -> Result<(), BusError> {
         let (link, dialect) = (&mut self.link, &mut self.dialect);
-        let number = dialect.model_number(link, index, pinged)?;
-        link.check_model(index, number)?;
+        let identity = dialect.identify(link, index, pinged)?;
+        link.check_model(index, identity.model_number)?;
+        link.check_firmware(index, identity.firmware)?;
         let lacks = dialect.lacks_watchdog();
         if let Some(why) = lacks.filter(|_| !link.config.accept_no_watchdog) {
             return Err(BusError::NoWatchdog {
@@ -95,6 +97,7 @@ impl SerialBus {
         link.check_voltage(index, measured.tenth_volts, lowest, highest)?;
         link.check_temperature(index, measured.celsius, own.celsius)?;
         link.check_goal_range(index, own.ticks)?;
+        link.check_velocity(index, own.velocity)?;
         self.own_limits[index] = own;
         Ok(())
     }

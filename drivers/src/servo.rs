@@ -8,6 +8,7 @@
 use servodance_types::{JointLimits, JointState};
 
 use crate::can::MotorSettings;
+use crate::config::BusKind;
 use crate::error::{BusError, ServoId};
 use crate::model::Model;
 
@@ -20,6 +21,8 @@ pub struct Servo {
     pub id: u8,
     /// What it is.
     pub model: &'static Model,
+    /// The firmware that it must have; any if `None`.
+    pub firmware: Option<u8>,
     /// +1 or -1: the servo's direction against the joint axis.
     pub direction: f64,
     /// The servo's angle where the joint reads zero, radians.
@@ -30,7 +33,32 @@ pub struct Servo {
     pub motor: Option<MotorSettings>,
 }
 
+/// A joint may stand this far outside its limits when arming; its first target is
+/// then the limit itself. Backlash and sag leave a joint there.
+const REST_TOLERANCE_RAD: f64 = 0.05;
+
 impl Servo {
+    /// The joint position that keeps a joint where it stands; refused far outside
+    /// its limits.
+    pub(crate) fn holding_rad(&self, position_rad: f64) -> Result<f64, BusError> {
+        let limits = self.limits;
+        let outside = (limits.lower_rad - position_rad).max(position_rad - limits.upper_rad);
+        // Not a number counts as outside.
+        if outside <= REST_TOLERANCE_RAD {
+            return Ok(limits.clamp_rad(position_rad));
+        }
+        Err(BusError::Unfit {
+            servo: ServoId::of(self),
+            what: "position",
+            actual: format!("{:.1} degrees", position_rad.to_degrees()),
+            wanted: format!(
+                "{:.1} to {:.1} degrees: move the joint there by hand",
+                limits.lower_rad.to_degrees(),
+                limits.upper_rad.to_degrees()
+            ),
+        })
+    }
+
     /// The servo's own angle, after its gear, for a joint position.
     pub fn motor_rad(&self, joint_rad: f64) -> f64 {
         self.zero_rad + self.direction * joint_rad
@@ -82,6 +110,17 @@ impl Servo {
     }
 }
 
+/// Refuses a servo that does not speak what its bus does.
+pub(crate) fn check_kind(servos: &[Servo], kind: BusKind) -> Result<(), String> {
+    match servos.iter().find(|servo| servo.model.kind != kind) {
+        None => Ok(()),
+        Some(servo) => Err(format!(
+            "joint {}: model {} does not speak the bus's protocol",
+            servo.name, servo.model.name
+        )),
+    }
+}
+
 /// What every cycle checks before anything is sent: a finite target and a
 /// place for the state of each servo.
 pub(crate) fn check_cycle(
@@ -120,6 +159,7 @@ mod tests {
             name: "elbow".into(),
             id: 5,
             model: Model::from_name("XM430-W350").unwrap(),
+            firmware: None,
             direction,
             zero_rad: std::f64::consts::PI,
             limits: JointLimits {

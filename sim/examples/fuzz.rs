@@ -138,12 +138,17 @@ fn fresh_line(model: &str) -> Result<Box<dyn Line>, Box<dyn std::error::Error>> 
         .collect();
     let known = ServoModel::from_number(specs[0].model_number).ok_or("unknown model")?;
     if known.is_protocol1() {
-        let servo = |spec| ByteServo::new(spec, known, 12.0, 0.01);
+        let servo = |spec| ByteServo::new(spec, known, 1_000_000, 12.0, 0.01);
         return Ok(Box::new(Protocol1Line::new(
             specs.iter().map(servo).collect(),
+            1_000_000,
             0.0,
         )));
     }
     let servo = |spec| SimServo::new(spec, known, 4, 12.0, 0.01);
-    Ok(Box::new(XLine::new(specs.iter().map(servo).collect(), 0.0)))
+    Ok(Box::new(XLine::new(
+        specs.iter().map(servo).collect(),
+        2_000_000,
+        0.0,
+    )))
 }

@@ -3,7 +3,7 @@
 #[path = "../tests/common/can_fuzz.rs"]
 mod can_fuzz;
 
-use can_fuzz::{Dice, MODELS, Tally, commands, datagrams, replies, slcan_lines};
+use can_fuzz::{Dice, MODELS, Tally, commands, datagrams, replies, scans, slcan_lines};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let inputs: u64 = std::env::args()
@@ -24,6 +24,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (kind, model) in MODELS {
         let tally = replies(&mut dice, inputs, kind, model);
         say(&format!("{model}: replies to the driver"), tally);
+        let tally = scans(&mut dice, inputs, model);
+        say(&format!("{model}: replies to a scan"), tally);
         let tally = commands(&mut dice, inputs, model);
         say(&format!("{model}: commands to the motors"), tally);
     }

@@ -1,15 +1,18 @@
 """Drives the simulated CAN motors with independent clients, in real time.
 
-    pip install python-can==4.6.1 msgpack canopen==2.4.1 odrive
+    pip install python-can==4.6.1 msgpack canopen==2.4.1 odrive cantools odrive-can==2.1.0
     cargo build --release -p servodance-sim --example serve
     python sim/reference/python_can.py target/release/examples/serve > sim/reference/python_can.txt
 
 python-can reaches them over slcan and over udp_multicast; canopen is a CANopen
-master of its own; the names of ODrive's errors come from the package odrive.
+master of its own; the names of ODrive's errors come from the package odrive, and
+ODrive's messages are packed and read by cantools from the public DBC of firmware
+0.6.10, which the package odrive-can brings.
 Every line of the output is one fact about the bus as these clients saw it.
 """
 
 import contextlib
+import importlib.resources
 import struct
 import subprocess
 import sys
@@ -17,7 +20,11 @@ import time
 
 import can
 import canopen
+import cantools
 import odrive.enums
+
+DBC = importlib.resources.files("odrive_can") / "dbc" / "odrive-cansimple-0.6.10.dbc"
+CANSIMPLE = cantools.database.load_string(DBC.read_text(), "dbc")
 
 failed = False
 
@@ -157,6 +164,19 @@ def odrive_axis(bus):
     def of(command):
         return lambda a: a.arbitration_id == node | command and not a.is_remote_frame
 
+    def described(name):
+        return CANSIMPLE.get_message_by_name(f"Axis1_{name}")
+
+    def tell(name, **signals):
+        # The file has every axis at its own ids: nothing here computes them.
+        bus.send(frame(described(name).frame_id, described(name).encode(signals)))
+
+    def ask(name):
+        wanted = described(name).frame_id
+        accept = lambda a: a.arbitration_id == wanted and not a.is_remote_frame
+        answer = exchange(bus, frame(wanted, remote=True), accept)
+        return described(name).decode(answer.data, decode_choices=False)
+
     beats, end = [], time.monotonic() + 2
     while time.monotonic() < end:
         message = bus.recv(0.2)
@@ -166,28 +186,36 @@ def odrive_axis(bus):
     error, state = struct.unpack("<IB", beats[0].data[:5])
     check("ODrive: idle without error",
           (error, state) == (0, odrive.enums.AxisState.IDLE), (error, state))
-    answer = exchange(bus, frame(node, remote=True), of(0))
-    check("ODrive: firmware", tuple(answer.data[4:6]) == (0, 6), tuple(answer.data[4:7]))
-    bus.send(frame(node | 0x0B, struct.pack("<II", 3, 1)))
-    bus.send(frame(node | 0x1A, struct.pack("<f", 40)))
-    bus.send(frame(node | 0x1B, struct.pack("<ff", 3.5, 0)))
-    bus.send(frame(node | 0x0C, struct.pack("<fhh", 0, 0, 0)))
-    bus.send(frame(node | 0x07, struct.pack("<I", odrive.enums.AxisState.CLOSED_LOOP_CONTROL)))
+    beat = described("Heartbeat").decode(beats[0].data, decode_choices=False)
+    check("ODrive: heartbeat by the DBC", (beat["Axis_Error"], beat["Axis_State"]) == (0, 1), beat)
+    version = ask("Get_Version")
+    firmware = tuple(version[f"Fw_Version_{part}"] for part in ("Major", "Minor", "Revision"))
+    check("ODrive: firmware", firmware[:2] == (0, 6), firmware)
+    supply = ask("Get_Bus_Voltage_Current")["Bus_Voltage"]
+    check("ODrive: supply", supply == 24.0, supply)
+    warmth = ask("Get_Temperature")["Motor_Temperature"]
+    check("ODrive: temperature", 20 < warmth < 40, f"{warmth:.1f}")
+    tell("Set_Controller_Mode", Control_Mode=3, Input_Mode=1)
+    tell("Set_Limits", Velocity_Limit=10, Current_Limit=20)
+    tell("Set_Pos_Gain", Pos_Gain=40)
+    tell("Set_Vel_Gains", Vel_Gain=3.5, Vel_Integrator_Gain=0)
+    tell("Set_Input_Pos", Input_Pos=0, Vel_FF=0, Torque_FF=0)
+    tell("Set_Axis_State", Axis_Requested_State=odrive.enums.AxisState.CLOSED_LOOP_CONTROL)
     for k in range(100):
-        bus.send(frame(node | 0x0C, struct.pack("<fhh", 0.1 * (k + 1) / 100, 0, 0)))
-        answer = exchange(bus, frame(node | 9, remote=True), of(9))
+        tell("Set_Input_Pos", Input_Pos=0.1 * (k + 1) / 100, Vel_FF=0, Torque_FF=0)
+        turns = ask("Get_Encoder_Estimates")["Pos_Estimate"]
         time.sleep(0.01)
-    turns = struct.unpack("<ff", answer.data)[0]
     check("ODrive: follows to 0.1 turns", abs(turns - 0.1) < 0.01, f"{turns:.4f}")
     for endpoint, value in ((153, struct.pack("<f", 0.1)), (154, b"\1\0\0\0")):
-        bus.send(frame(node | 4, struct.pack("<BHB", 1, endpoint, 0) + value))
-        read = frame(node | 4, struct.pack("<BHB", 0, endpoint, 0) + bytes(4))
-        answer = exchange(bus, read, of(5))
+        word = struct.unpack("<I", value)[0]
+        tell("RxSdo", Opcode=1, Endpoint_ID=endpoint, Reserved=0, Value=word)
+        read = described("RxSdo").encode(
+            {"Opcode": 0, "Endpoint_ID": endpoint, "Reserved": 0, "Value": 0})
+        answer = exchange(bus, frame(described("RxSdo").frame_id, read), of(5))
         check(f"ODrive: endpoint {endpoint} reads back", answer.data[4:] == value,
               answer.data.hex())
     time.sleep(0.3)
-    answer = exchange(bus, frame(node | 3, remote=True), of(3))
-    error = struct.unpack("<I", answer.data[:4])[0]
+    error = ask("Get_Error")["Active_Errors"]
     check("ODrive: silent for 300 ms", error == odrive.enums.ODriveError.WATCHDOG_TIMER_EXPIRED,
           odrive.enums.ODriveError(error).name)
 

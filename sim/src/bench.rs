@@ -2,6 +2,11 @@
 
 use std::time::Duration;
 
+#[cfg(target_os = "linux")]
+use nix::sys::{
+    resource::{UsageWho, getrusage},
+    time::TimeValLike,
+};
 use nix::time::{ClockId, clock_gettime};
 use servodance_drivers::{Bus, BusConfig, BusError, ConfigError, Servo, check_rate, open_bus};
 use servodance_types::{Clock, JointState, WallClock};
@@ -26,6 +31,8 @@ pub struct BusBench {
     pub cycle_us_p50: f64,
     /// Processor time of the driver's thread for one cycle, microseconds.
     pub cpu_us_per_cycle: f64,
+    /// How much of that the kernel took: the serial port, sleeping and waking up.
+    pub kernel_us_per_cycle: f64,
     /// How late cycles began against their schedule, 99th percentile,
     /// microseconds; with no schedule, how much longer than the median a cycle took.
     pub jitter_us_p99: f64,
@@ -65,9 +72,9 @@ pub fn bench_bus(
     let mut states = bus.arm()?.states;
     let targets: Vec<f64> = states.iter().map(|state| state.position_rad).collect();
     run(&mut *bus, &targets, &mut states, control_hz, 50)?; // caches and pages
-    let cpu_s = thread_cpu_s();
+    let (cpu_s, kernel_s) = (thread_cpu_s(), thread_kernel_s());
     let times = run(&mut *bus, &targets, &mut states, control_hz, cycles)?;
-    let cpu_s = thread_cpu_s() - cpu_s;
+    let (cpu_s, kernel_s) = (thread_cpu_s() - cpu_s, thread_kernel_s() - kernel_s);
     bus.disarm()?;
     let taken: Vec<f64> = times.iter().map(|(began, ended)| ended - began).collect();
     let late = match control_hz {
@@ -88,6 +95,7 @@ pub fn bench_bus(
         wire_limit_hz: limits.fast_hz,
         cycle_us_p50: percentile(taken.iter().copied(), 0.5) * 1e6,
         cpu_us_per_cycle: cpu_s / times.len() as f64 * 1e6,
+        kernel_us_per_cycle: kernel_s / times.len() as f64 * 1e6,
         jitter_us_p99: late * 1e6,
     })
 }
@@ -128,6 +136,15 @@ fn thread_cpu_s() -> f64 {
     clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID)
         .map(|time| Duration::from(time).as_secs_f64())
         .unwrap_or(f64::NAN)
+}
+
+/// The part of it that this thread spent in the kernel, where the system tells.
+fn thread_kernel_s() -> f64 {
+    #[cfg(target_os = "linux")]
+    if let Ok(usage) = getrusage(UsageWho::RUSAGE_THREAD) {
+        return usage.system_time().num_microseconds() as f64 * 1e-6;
+    }
+    f64::NAN
 }
 
 #[cfg(test)]

@@ -7,12 +7,12 @@
 //! and cuts torque: an STS servo's until torque is turned on again, an AX's or
 //! MX's by a torque limit of zero until that is written.
 
+use crate::body::{Body, SimServoState};
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::layout::Layout;
 use crate::motor::{FULL_PWM_ERROR_RAD, Motor};
 use crate::roster::Device;
-use crate::servo::SimServoState;
 use crate::spec::{ServoModel, SimServoSpec};
 
 const AMPERES_PER_UNIT: f64 = 6.5e-3;
@@ -25,24 +25,17 @@ const ANGLE_LIMIT: u8 = 1 << 1;
 /// One servo.
 #[derive(Clone, Debug)]
 pub struct ByteServo {
-    spec: SimServoSpec,
     model: &'static ServoModel,
     layout: &'static Layout,
     memory: Vec<u8>,
     /// What it has against itself.
     flags: u8,
-    sag_v: f64,
-    motor: Motor,
-    judge: Judge,
-    supply_v: f64,
+    body: Body,
     duty: f64,
     /// Where the speed-limited trajectory is, ticks.
     trajectory_ticks: f64,
     registered: Option<(u8, Vec<u8>)>,
-    overload_s: f64,
-    deaf_until_s: f64,
-    time_s: f64,
-    dead: bool,
+    baud: u32,
 }
 
 impl ByteServo {
@@ -50,28 +43,23 @@ impl ByteServo {
     pub fn new(
         spec: &SimServoSpec,
         model: &'static ServoModel,
+        baud: u32,
         supply_v: f64,
         period_s: f64,
     ) -> Self {
-        let angle_rad = spec.zero_rad + spec.direction * spec.initial_rad;
+        let motor = Motor::new(model, spec.load_inertia_kg_m2).with_backlash(spec.backlash_rad);
         let layout = model.layout();
+        let judge = Judge::new(&spec.name, spec.limits, period_s).with_tick(layout.tick_rad);
         let mut servo = Self {
             layout,
             memory: vec![0; layout.size],
             flags: 0,
-            sag_v: 0.0,
-            motor: Motor::new(model, spec.load_inertia_kg_m2, angle_rad),
-            judge: Judge::new(&spec.name, spec.limits, period_s).with_tick(layout.tick_rad),
-            spec: spec.clone(),
+            body: Body::new(spec, motor, judge, supply_v),
             model,
-            supply_v,
             duty: 0.0,
             trajectory_ticks: 0.0,
             registered: None,
-            overload_s: 0.0,
-            deaf_until_s: 0.0,
-            time_s: 0.0,
-            dead: false,
+            baud,
         };
         servo.restore(0);
         servo.put(layout.model, model.number);
@@ -95,8 +83,8 @@ impl ByteServo {
         self.restore(self.layout.ram);
         self.flags = 0;
         self.registered = None;
-        self.overload_s = 0.0;
-        self.judge.end();
+        self.body.forget_stall();
+        self.body.judge.end();
         self.refresh();
         self.put(self.layout.goal, self.word(self.layout.position));
     }
@@ -148,18 +136,14 @@ impl ByteServo {
         offset.map_or(0.0, |word| sign_magnitude(word, 11))
     }
 
-    fn joint_rad(&self, angle_rad: f64) -> f64 {
-        (angle_rad - self.spec.zero_rad) * self.spec.direction
-    }
-
     /// The encoder less the offset, turns counted.
     fn encoder_ticks(&self) -> f64 {
-        (self.motor.angle_rad / self.layout.tick_rad).round() - self.offset_ticks()
+        (self.body.motor.angle_rad / self.layout.tick_rad).round() - self.offset_ticks()
     }
 
     fn goal_rad(&self) -> f64 {
         let ticks = sign_magnitude(self.word(self.layout.goal), 15) + self.offset_ticks();
-        self.joint_rad(ticks * self.layout.tick_rad)
+        self.body.joint_rad(ticks * self.layout.tick_rad)
     }
 
     /// `size` bytes from `address` on; none where there is no memory.
@@ -202,7 +186,8 @@ impl ByteServo {
             self.set_torque(was_on);
         }
         if touched.contains(&layout.goal) && error == 0 {
-            self.judge.told(self.time_s, self.goal_rad());
+            let goal_rad = self.goal_rad();
+            self.body.judge.told(self.body.time_s, goal_rad);
         }
         error
     }
@@ -213,11 +198,11 @@ impl ByteServo {
                 self.flags = 0;
             }
             self.trajectory_ticks = self.encoder_ticks();
-            let position_rad = self.joint_rad(self.motor.angle_rad);
-            self.judge.begin(self.goal_rad(), position_rad);
-            self.judge.told(self.time_s, self.goal_rad());
+            let (goal_rad, position_rad) = (self.goal_rad(), self.body.position_rad());
+            self.body.judge.begin(goal_rad, position_rad);
+            self.body.judge.told(self.body.time_s, goal_rad);
         } else if !self.torque_on() {
-            self.judge.end();
+            self.body.judge.end();
         }
     }
 
@@ -236,7 +221,7 @@ impl ByteServo {
     /// Restarts: memory from the torque switch on lost; deaf for a while.
     pub fn reboot(&mut self) {
         self.boot();
-        self.deaf_until_s = self.time_s + REBOOT_S;
+        self.body.be_deaf_for(REBOOT_S);
     }
 
     /// Factory settings for everything but the model and, as asked, the id.
@@ -258,7 +243,7 @@ impl ByteServo {
             if self.layout.shutdown.is_some() {
                 self.put(self.layout.torque_limit, 0);
             }
-            self.judge.end();
+            self.body.judge.end();
         }
     }
 
@@ -284,15 +269,14 @@ impl ByteServo {
 
     fn protect(&mut self, dt_s: f64) {
         let stall_a = self.model.stall_current_a * OVERLOAD_SHARE;
-        let stalled = self.motor.current_a.abs() > stall_a && self.motor.speed_rad_s.abs() < 0.1;
-        self.overload_s = if stalled { self.overload_s + dt_s } else { 0.0 };
-        if self.overload_s > OVERLOAD_S {
+        let pushes_hard = self.body.motor.current_a.abs() > stall_a;
+        if self.body.stalled_for(dt_s, pushes_hard) > OVERLOAD_S {
             self.raise(self.layout.conditions.2);
         }
-        if self.motor.temperature_c > f64::from(self.memory[self.layout.hottest]) {
+        if self.body.motor.temperature_c > f64::from(self.memory[self.layout.hottest]) {
             self.raise(self.layout.conditions.1);
         }
-        let tenths = (self.supply_v - self.sag_v) * 10.0;
+        let tenths = self.body.volts() * 10.0;
         let lowest = f64::from(self.memory[self.layout.min_voltage]);
         if tenths < lowest || tenths > f64::from(self.memory[self.layout.max_voltage]) {
             self.raise(self.layout.conditions.0);
@@ -304,91 +288,67 @@ impl ByteServo {
         let layout = self.layout;
         let position = self.encoder_ticks();
         self.put(layout.position, as_sign_magnitude(position, 15));
-        let speed = self.motor.speed_rad_s / layout.tick_rad / layout.speed_ticks_s;
+        let speed = self.body.motor.speed_rad_s / layout.tick_rad / layout.speed_ticks_s;
         let speed = speed.round();
         self.put(layout.speed, as_sign_magnitude(speed, layout.sign_bit));
         self.put(
             layout.load,
             as_sign_magnitude((self.duty * 1e3).round(), 10),
         );
-        self.memory[layout.voltage] = ((self.supply_v - self.sag_v) * 10.0).round() as u8;
-        self.memory[layout.temperature] = self.motor.temperature_c.round() as u8;
+        self.memory[layout.voltage] = (self.body.volts() * 10.0).round() as u8;
+        self.memory[layout.temperature] = self.body.motor.temperature_c.round() as u8;
         self.memory[layout.moving] = u8::from(speed.abs() > 5.0);
         if let Some(address) = layout.status {
             self.memory[address] = self.flags;
         }
         if let Some(address) = layout.current {
-            let current = (self.motor.current_a / AMPERES_PER_UNIT).round();
+            let current = (self.body.motor.current_a / AMPERES_PER_UNIT).round();
             self.put(address, as_sign_magnitude(current, 15));
         }
     }
 }
 
 impl Device for ByteServo {
+    fn body(&self) -> &Body {
+        &self.body
+    }
+
+    fn body_mut(&mut self) -> &mut Body {
+        &mut self.body
+    }
+
     fn id(&self) -> u8 {
         self.memory[self.layout.id]
     }
 
-    fn listens(&self) -> bool {
-        !self.dead && self.time_s >= self.deaf_until_s
-    }
-
-    fn judge(&self) -> &Judge {
-        &self.judge
-    }
-
-    fn set_sag_v(&mut self, sag_v: f64) {
-        self.sag_v = sag_v;
+    fn baud(&self) -> u32 {
+        self.baud
     }
 
     fn state(&self) -> SimServoState {
         SimServoState {
-            time_s: self.time_s,
-            position_rad: self.joint_rad(self.motor.angle_rad),
-            velocity_rad_s: self.spec.direction * self.motor.speed_rad_s,
             goal_rad: self.goal_rad(),
-            current_a: self.spec.direction * self.motor.current_a,
-            temperature_c: self.motor.temperature_c,
             torque_enabled: self.torque_on(),
-            watchdog_tripped: false,
             hardware_error: self.status(),
+            ..self.body.state()
         }
     }
 
     fn suffer(&mut self, fault: ServoFault) {
-        match fault {
-            ServoFault::Dead => self.dead = true,
-            ServoFault::Revive => self.dead = false,
-            ServoFault::Free => self.motor.jammed = false,
-            ServoFault::Reboot => self.reboot(),
-            ServoFault::Overheat(celsius) => self.motor.temperature_c = celsius,
-            ServoFault::Jam => {
-                self.motor.jammed = true;
-                self.judge.excuse_motion();
-            }
-            ServoFault::Overload => self.raise(self.layout.conditions.2),
-            ServoFault::Supply(volts) => self.supply_v = volts,
-            ServoFault::Moved(joint_rad) => {
-                self.motor.angle_rad = self.spec.zero_rad + self.spec.direction * joint_rad;
-            }
-            ServoFault::Id(id) => self.memory[self.layout.id] = id,
+        match self.body.suffer(fault) {
+            Some(ServoFault::Reboot) => self.reboot(),
+            Some(ServoFault::Overload) => self.raise(self.layout.conditions.2),
+            Some(ServoFault::Id(id)) => self.memory[self.layout.id] = id,
+            Some(ServoFault::Baud(baud)) => self.baud = baud,
+            _ => {}
         }
     }
 
-    fn step(&mut self, time_s: f64, dt_s: f64) {
-        self.time_s = time_s;
+    fn step(&mut self, dt_s: f64) {
         let duty = self.torque_on().then(|| self.control(dt_s));
         self.duty = duty.unwrap_or(0.0);
-        let joint_rad = self.joint_rad(self.motor.angle_rad);
-        let gravity_nm = -self.spec.direction * self.spec.gravity_nm * joint_rad.sin();
-        self.motor
-            .step(dt_s, duty, self.supply_v - self.sag_v, gravity_nm);
+        self.body.step(dt_s, duty);
         self.protect(dt_s);
-    }
-
-    fn end_period(&mut self) {
-        let position_rad = self.joint_rad(self.motor.angle_rad);
-        self.judge.went(self.time_s, position_rad);
     }
 }
 

@@ -40,6 +40,8 @@ impl FarEnd {
 pub struct Socket {
     /// Whether CAN motors are behind it.
     pub is_can: bool,
+    /// Bits a second of their bus.
+    pub bitrate: u32,
     /// What the host opens.
     pub link: SimLink,
     /// A symbolic link that leads to the terminal of the moment.
@@ -57,7 +59,11 @@ impl Socket {
             (true, SimLink::Terminal) => {
                 let (master, path) = self.terminal()?;
                 let port = Port::Can(CanPort::Slcan(path.clone()));
-                Ok((FarEnd::Can(Box::new(SlcanAdapter::new(master))), path, port))
+                Ok((
+                    FarEnd::Can(Box::new(SlcanAdapter::new(master, self.bitrate))),
+                    path,
+                    port,
+                ))
             }
             (true, SimLink::Multicast(group)) => {
                 let adapter =

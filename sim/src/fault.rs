@@ -46,6 +46,8 @@ pub enum ServoFault {
     Supply(f64),
     /// Somebody turns the limp joint by hand, to this many radians.
     Moved(f64),
+    /// It is set to another rate than the bus: it hears garbage and stays silent.
+    Baud(u32),
     /// It answers to another id; if that one is taken, both answer at once.
     Id(u8),
 }

@@ -13,6 +13,7 @@
 //! Nothing here knows a bus driver's interface: this is the wire's far end.
 
 mod bench;
+mod body;
 mod byte_servo;
 pub mod can;
 mod far_end;
@@ -32,6 +33,7 @@ mod table;
 mod world;
 
 pub use bench::{BenchError, BusBench, bench_bus};
+pub use body::SimServoState;
 pub use byte_servo::ByteServo;
 pub use fault::{ServoFault, WireFault};
 pub use judge::{Judge, Violations};
@@ -40,7 +42,7 @@ pub use motor::Motor;
 pub use packet::{BROADCAST, Instruction, Parsed, Parser, crc16, fast_status, status};
 pub use protocol1_line::Protocol1Line;
 pub use script::{Cue, Happening, happen, parse_script};
-pub use servo::{SimServo, SimServoState};
+pub use servo::SimServo;
 pub use sim_bus::{SimBus, WireStats};
 pub use spec::{MODELS, ServoModel, SimClock, SimError, SimLink, SimOptions, SimServoSpec};
 pub use table::{AccessError, Table};

@@ -9,11 +9,12 @@
 
 use servodance_drivers::can::CanFrame;
 
+use crate::body::SimServoState;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::packet::{BROADCAST, Instruction, Parsed, Parser, fast_status, status};
 use crate::roster::{Device, Roster};
-use crate::servo::{SimServo, SimServoState};
+use crate::servo::SimServo;
 use crate::table::AccessError;
 
 /// One reply: a pause on the line, then bytes.
@@ -90,6 +91,10 @@ pub trait Line: std::fmt::Debug + Send {
         Vec::new()
     }
 
+    /// The rate at which the host speaks from now on, bits a second. CAN adapters
+    /// see to that by themselves.
+    fn set_host_baud(&mut self, _baud: u32) {}
+
     /// One step of every servo, ending at `time_s`.
     fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool);
 
@@ -130,17 +135,16 @@ impl Line for XLine {
             }
             Some(Parsed::Instruction(instruction)) => {
                 self.roster.packets_in += 1;
-                for servo in self
-                    .roster
-                    .servos
-                    .iter_mut()
-                    .filter(|servo| servo.listens())
-                {
-                    servo.feed_watchdog();
+                for index in self.roster.listeners() {
+                    self.roster.servos[index].feed_watchdog();
                 }
                 self.dispatch(&instruction)
             }
         }
+    }
+
+    fn set_host_baud(&mut self, baud: u32) {
+        self.roster.set_host_baud(baud);
     }
 
     fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool) {
@@ -165,12 +169,12 @@ impl Line for XLine {
 }
 
 impl XLine {
-    /// A line with these servos on a supply of this resistance.
-    pub fn new(servos: Vec<SimServo>, supply_ohm: f64) -> Self {
+    /// A line of this rate with these servos on a supply of this resistance.
+    pub fn new(servos: Vec<SimServo>, baud: u32, supply_ohm: f64) -> Self {
         Self {
             parser: Parser::default(),
             parsed: None,
-            roster: Roster::new(servos, supply_ohm),
+            roster: Roster::new(servos, supply_ohm, baud),
         }
     }
 

@@ -12,6 +12,10 @@
 //! an XM430-W350) and does not overshoot. Friction is Coulomb's: it stops, and
 //! never drives.
 //!
+//! The gear may have play: the shaft moves when the gear has crossed it, at once
+//! with the gear's speed (what hangs on the shaft stays where it is meanwhile, and
+//! there is no rebound). The encoder is on the shaft, behind the play.
+//!
 //! Angles are the servo's own, radians.
 
 use crate::spec::ServoModel;
@@ -40,9 +44,13 @@ pub struct Motor {
     friction_nm: f64,
     amperes_per_nm: f64,
     nominal_v: f64,
-    /// Angle, radians.
+    /// How far the gear can turn without the shaft, radians.
+    backlash_rad: f64,
+    /// How far the gear is ahead of the shaft, up to half of that either way.
+    ahead_rad: f64,
+    /// Angle of the shaft, radians.
     pub angle_rad: f64,
-    /// Speed, radians a second.
+    /// Speed of the gear, radians a second.
     pub speed_rad_s: f64,
     /// Current, amperes, positive towards higher angles.
     pub current_a: f64,
@@ -53,8 +61,8 @@ pub struct Motor {
 }
 
 impl Motor {
-    /// A motor at rest.
-    pub fn new(model: &ServoModel, load_inertia_kg_m2: f64, angle_rad: f64) -> Self {
+    /// A motor at rest at zero, without play.
+    pub fn new(model: &ServoModel, load_inertia_kg_m2: f64) -> Self {
         let damping_nm_s = model.stall_torque_nm / model.no_load_rad_s();
         let stiffness = model.stall_torque_nm / FULL_PWM_ERROR_RAD;
         let critical_inertia = damping_nm_s * damping_nm_s / (4.0 * stiffness);
@@ -65,7 +73,9 @@ impl Motor {
             friction_nm: FRICTION_SHARE * model.stall_torque_nm,
             amperes_per_nm: model.stall_current_a / model.stall_torque_nm,
             nominal_v: model.voltage_v,
-            angle_rad,
+            backlash_rad: 0.0,
+            ahead_rad: 0.0,
+            angle_rad: 0.0,
             speed_rad_s: 0.0,
             current_a: 0.0,
             temperature_c: AMBIENT_C,
@@ -75,11 +85,24 @@ impl Motor {
 
     /// A motor whose rotor inertia after the gear is known: one that its
     /// controller drives by torque, so that nothing follows from a stock gain.
-    pub fn with_inertia(model: &ServoModel, inertia_kg_m2: f64, angle_rad: f64) -> Self {
+    pub fn with_inertia(model: &ServoModel, inertia_kg_m2: f64) -> Self {
         Self {
             inertia_kg_m2,
-            ..Self::new(model, 0.0, angle_rad)
+            ..Self::new(model, 0.0)
         }
+    }
+
+    /// The same with a gear that has this play, radians.
+    pub fn with_backlash(self, backlash_rad: f64) -> Self {
+        Self {
+            backlash_rad,
+            ..self
+        }
+    }
+
+    /// The same at rest elsewhere, radians.
+    pub fn at(self, angle_rad: f64) -> Self {
+        Self { angle_rad, ..self }
     }
 
     /// One step of `dt_s` at a duty of -1 to 1 from a supply; `None`: the
@@ -101,8 +124,16 @@ impl Motor {
         if self.jammed {
             self.speed_rad_s = 0.0;
         }
-        self.angle_rad += self.speed_rad_s * dt_s;
+        self.turn(self.speed_rad_s * dt_s);
         self.heat(dt_s);
+    }
+
+    /// The gear turns; the shaft goes with it where the play ends.
+    fn turn(&mut self, gear_rad: f64) {
+        let ahead_rad = self.ahead_rad + gear_rad;
+        let half = 0.5 * self.backlash_rad;
+        self.ahead_rad = ahead_rad.clamp(-half, half);
+        self.angle_rad += ahead_rad - self.ahead_rad;
     }
 
     /// The duty at which this current flows at the present speed.
@@ -132,7 +163,7 @@ mod tests {
     const DT_S: f64 = 0.5e-3;
 
     fn motor() -> Motor {
-        Motor::new(ServoModel::from_number(1020).unwrap(), 0.0, 0.0)
+        Motor::new(ServoModel::from_number(1020).unwrap(), 0.0)
     }
 
     #[test]
@@ -160,6 +191,20 @@ mod tests {
             "{}",
             motor.speed_rad_s
         );
+    }
+
+    #[test]
+    fn the_shaft_waits_until_the_gear_has_crossed_its_play() {
+        let play_rad = 15.0 / 60.0 * std::f64::consts::PI / 180.0;
+        let mut motor = motor().with_backlash(play_rad);
+        motor.turn(0.5 * play_rad);
+        assert_eq!(motor.angle_rad, 0.0);
+        motor.turn(0.1);
+        assert!((motor.angle_rad - 0.1).abs() < 1e-12);
+        motor.turn(-play_rad);
+        assert!((motor.angle_rad - 0.1).abs() < 1e-12);
+        motor.turn(-0.1);
+        assert!(motor.angle_rad.abs() < 1e-12);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! instruction's errors in place of INST. A Sync Read (STS) or a Bulk Read (MX)
 //! is answered one by one, as in [`crate::XLine`].
 
+use crate::body::SimServoState;
 use crate::byte_servo::ByteServo;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
@@ -11,7 +12,6 @@ use crate::layout::Layout;
 use crate::line::{Burst, Line, collided};
 use crate::packet::BROADCAST;
 use crate::roster::{Device, Roster};
-use crate::servo::SimServoState;
 
 mod code {
     pub const PING: u8 = 1;
@@ -51,12 +51,12 @@ const CHECKSUM_ERROR: u8 = 1 << 4;
 const INSTRUCTION_ERROR: u8 = 1 << 6;
 
 impl Protocol1Line {
-    /// A line with these servos on a supply of this resistance.
-    pub fn new(servos: Vec<ByteServo>, supply_ohm: f64) -> Self {
+    /// A line of this rate with these servos on a supply of this resistance.
+    pub fn new(servos: Vec<ByteServo>, baud: u32, supply_ohm: f64) -> Self {
         Self {
             buffer: Vec::new(),
             frame: None,
-            roster: Roster::new(servos, supply_ohm),
+            roster: Roster::new(servos, supply_ohm, baud),
         }
     }
 
@@ -227,6 +227,10 @@ impl Line for Protocol1Line {
                 collided(answers.collect())
             }
         }
+    }
+
+    fn set_host_baud(&mut self, baud: u32) {
+        self.roster.set_host_baud(baud);
     }
 
     fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool) {

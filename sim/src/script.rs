@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! 3s    joint_3  dead           dead, revive, reboot, jam, free, overload,
-//! 4s    joint_3  overheat 85    overheat CELSIUS, supply VOLTS, id N
+//! 4s    joint_3  overheat 85    overheat CELSIUS, supply VOLTS, id N, baud N
 //! 5s    wire     corrupt 0.01   drop, late (60 ms), corrupt, truncate, duplicate,
 //! 6s    wire     clear          noise, echo, corrupt-instruction: each with a SHARE
 //! 7s    adapter  gone           gone, back; bus-off, bus-on (CAN)
@@ -105,6 +105,12 @@ fn servo_fault(fault: &str, value: Option<f64>) -> Result<ServoFault, String> {
         "overload" => ServoFault::Overload,
         "overheat" => ServoFault::Overheat(needed?),
         "supply" => ServoFault::Supply(needed?),
+        "baud" => match needed? {
+            baud if (1.0..=1e7).contains(&baud) && baud.fract() == 0.0 => {
+                ServoFault::Baud(baud as u32)
+            }
+            baud => return Err(format!("baud {baud} is not 1 to 10000000")),
+        },
         "id" => match needed? {
             id if (0.0..=252.0).contains(&id) && id.fract() == 0.0 => ServoFault::Id(id as u8),
             id => return Err(format!("id {id} is not 0 to 252")),
@@ -112,7 +118,7 @@ fn servo_fault(fault: &str, value: Option<f64>) -> Result<ServoFault, String> {
         _ => {
             return Err(format!(
                 "no fault \"{fault}\"; a servo can be dead, revive, reboot, jam, free, overload, \
-                 overheat CELSIUS, supply VOLTS, id N"
+                 overheat CELSIUS, supply VOLTS, id N, baud N"
             ));
         }
     })
@@ -194,6 +200,7 @@ mod tests {
             ("1s knee overheat", "overheat needs a number"),
             ("1s knee overheat nan", "is no number"),
             ("1s knee id 300", "id 300 is not 0 to 252"),
+            ("1s knee baud 0.5", "baud 0.5 is not 1"),
             ("1s wire drop", "drop needs a share"),
             ("1s wire drop 2", "drop needs a share"),
             ("1s adapter lost", "gone, back"),

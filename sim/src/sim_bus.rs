@@ -17,6 +17,7 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use servodance_drivers::Port;
 
+use crate::body::SimServoState;
 use crate::byte_servo::ByteServo;
 use crate::can::{CanServer, build_net, readable};
 use crate::far_end::{FarEnd, Socket};
@@ -24,8 +25,8 @@ use crate::fault::{FaultyWire, ServoFault, WireFault};
 use crate::judge::{Judge, Violations};
 use crate::line::{Burst, Line, XLine};
 use crate::protocol1_line::Protocol1Line;
-use crate::servo::{SimServo, SimServoState};
-use crate::spec::{SimClock, SimError, SimOptions, SimServoSpec};
+use crate::servo::SimServo;
+use crate::spec::{SimClock, SimError, SimOptions, SimServoSpec, X_BAUDS};
 use crate::world::World;
 
 /// How often the thread looks whether it is to end.
@@ -194,6 +195,7 @@ impl SimBus {
         });
         let socket = Socket {
             is_can,
+            bitrate: options.baud,
             link: options.link,
             path: options.path,
         };
@@ -363,10 +365,6 @@ fn checked_adapter_s(adapter_s: f64) -> Result<f64, SimError> {
     })
 }
 
-/// The rates of the baud register, in the order of its values.
-const X_BAUDS: [u32; 8] = [
-    9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000,
-];
 fn baud_code(baud: u32, bauds: &[u32; 8]) -> Result<u8, SimError> {
     match bauds.iter().position(|known| *known == baud) {
         Some(code) => Ok(code as u8),
@@ -407,16 +405,18 @@ fn build_line(
             if !model.takes_baud(options.baud) {
                 return Err(bad_baud(options.baud));
             }
-            byte_servos.push(ByteServo::new(spec, model, supply_v, period_s));
+            let servo = ByteServo::new(spec, model, options.baud, supply_v, period_s);
+            byte_servos.push(servo);
         } else {
             let code = baud_code(options.baud, &X_BAUDS)?;
             x_servos.push(SimServo::new(spec, model, code, supply_v, period_s));
         }
     }
     let supply_ohm = checked_supply_ohm(options.supply_ohm)?;
+    let baud = options.baud;
     match (x_servos.is_empty(), byte_servos.is_empty()) {
-        (_, true) => Ok(Box::new(XLine::new(x_servos, supply_ohm))),
-        (true, false) => Ok(Box::new(Protocol1Line::new(byte_servos, supply_ohm))),
+        (_, true) => Ok(Box::new(XLine::new(x_servos, baud, supply_ohm))),
+        (true, false) => Ok(Box::new(Protocol1Line::new(byte_servos, baud, supply_ohm))),
         (false, false) => Err(SimError::Option {
             key: "servos",
             actual: "of two protocols".into(),
@@ -475,6 +475,7 @@ impl Server {
         shared.faults().pass_instruction(bytes);
         let now_s = shared.began.elapsed().as_secs_f64();
         self.line_free_s = self.line_free_s.max(now_s);
+        shared.world().line.set_host_baud(self.host_baud());
         shared.wire().bytes_in += bytes.len() as u64;
         for &byte in &*bytes {
             self.line_free_s += shared.byte_s;
@@ -490,6 +491,11 @@ impl Server {
             let bursts = shared.world().line.execute();
             self.send(bursts);
         }
+    }
+
+    /// The rate that the host has set its end to, bits a second; 0 if unknown.
+    fn host_baud(&self) -> u32 {
+        rustix::termios::tcgetattr(&self.master).map_or(0, |set| set.output_speed())
     }
 
     /// Sends replies. What follows without a pause is handed over together when

@@ -3,7 +3,7 @@
 //! Torque, speed and current are the vendor's data sheet figures at the
 //! nominal voltage, rounded.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
 
@@ -80,6 +80,10 @@ const MX: Family = Family {
 
 const STS3215: u16 = 777;
 
+/// The rates of the X series' baud register, in the order of its values.
+pub(crate) const X_BAUDS: [u32; 8] = [
+    9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000,
+];
 const STS_BAUDS: [u32; 8] = [
     1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400,
 ];
@@ -165,6 +169,15 @@ impl ServoModel {
         }
     }
 
+    /// Play of the gear, radians: 15 arc minutes for the models of which the
+    /// vendor's manual says so, none for the others.
+    pub fn backlash_rad(&self) -> f64 {
+        match self.number {
+            1020 | 1030 | 1100 | 1120 => 15.0 / 60.0 * PI / 180.0,
+            _ => 0.0,
+        }
+    }
+
     /// No-load speed, radians a second.
     pub fn no_load_rad_s(&self) -> f64 {
         self.no_load_rpm * TAU / 60.0
@@ -219,6 +232,8 @@ pub struct SimServoSpec {
     pub load_inertia_kg_m2: f64,
     /// Torque that gravity puts on the joint at 90 degrees, newton metres.
     pub gravity_nm: f64,
+    /// Play of its gear, radians.
+    pub backlash_rad: f64,
     /// The protocol it speaks.
     pub kind: BusKind,
     /// What only a CAN motor has.
@@ -239,17 +254,27 @@ impl SimServoSpec {
         let finite = [self.initial_rad, self.zero_rad, self.gravity_nm]
             .iter()
             .all(|value| value.is_finite());
-        if !finite || self.load_inertia_kg_m2.is_nan() || self.load_inertia_kg_m2 < 0.0 {
-            let reason = "a figure is not a finite number, or an inertia is below zero";
+        let sizes = [self.load_inertia_kg_m2, self.backlash_rad];
+        if !finite || sizes.iter().any(|size| size.is_nan() || *size < 0.0) {
+            let reason = "a figure is not a finite number, or an inertia or play below zero";
             return Err(bad(reason.into()));
         }
         Ok(model)
+    }
+
+    /// The same with the play that the vendor states for its model's gear.
+    pub fn with_stated_backlash(self) -> Self {
+        let model = ServoModel::from_number(self.model_number);
+        Self {
+            backlash_rad: model.map_or(0.0, ServoModel::backlash_rad),
+            ..self
+        }
     }
 }
 
 impl From<&Servo> for SimServoSpec {
     /// The servo as the robot file describes it, at rest at zero (or the nearest
-    /// position inside its limits), unloaded.
+    /// position inside its limits), unloaded, its gear without play.
     fn from(servo: &Servo) -> Self {
         Self {
             name: servo.name.clone(),
@@ -262,6 +287,7 @@ impl From<&Servo> for SimServoSpec {
             initial_rad: servo.limits.clamp_rad(0.0),
             load_inertia_kg_m2: 0.0,
             gravity_nm: 0.0,
+            backlash_rad: 0.0,
             kind: servo.model.kind,
             motor: servo.motor.clone(),
         }

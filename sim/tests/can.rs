@@ -77,6 +77,55 @@ fn a_motor_without_commands_stops_by_itself() {
 }
 
 #[test]
+fn the_default_watchdog_takes_the_torque_within_200_ms() {
+    for kind in KINDS.into_iter().filter(|kind| *kind != Kind::CubeMars) {
+        let servos = can_robot(kind, 2);
+        let sim = SimBus::start(&specs(&servos), SimOptions::lockstep(BITRATE, HZ)).unwrap();
+        let config = BusConfig {
+            watchdog_ms: BusConfig::of_kind(kind.bus(), BITRATE).watchdog_ms,
+            ..can_patient(kind)
+        };
+        let mut bus = CanBus::open(&sim.port().to_string(), &config, servos.clone()).unwrap();
+        bus.arm().unwrap();
+        sim.advance(0.15);
+        assert!(any_torque(&sim, &servos), "{kind:?}");
+        sim.advance(0.03);
+        assert!(!any_torque(&sim, &servos), "{kind:?}");
+    }
+}
+
+#[test]
+fn a_torque_limit_holds_in_mit_mode_whatever_is_asked() {
+    for kind in [Kind::CubeMars, Kind::Damiao] {
+        let mut servos = can_robot(kind, 2);
+        for servo in &mut servos {
+            servo.motor.as_mut().unwrap().torque_limit_nm = 1.5;
+        }
+        let sim = SimBus::start(&specs(&servos), SimOptions::lockstep(BITRATE, HZ)).unwrap();
+        let mut bus = open(kind, &sim, &servos);
+        let mut states = bus.arm().unwrap().states;
+        assert!(sim.set_servo_fault(1, ServoFault::Jam));
+        let mut most_nm = [0.0f64; 2];
+        for k in 0..300 {
+            let target = 0.6 * (1.0 - (0.04 * f64::from(k)).cos());
+            bus.cycle(&[target; 2], &mut states).unwrap();
+            for _ in 0..10 {
+                sim.advance(PERIOD_S / 10.0);
+                for (index, most_nm) in most_nm.iter_mut().enumerate() {
+                    // A simulated CAN motor draws an ampere a newton metre.
+                    let torque_nm = sim.servo(index).unwrap().current_a.abs();
+                    *most_nm = most_nm.max(torque_nm);
+                }
+            }
+        }
+        // The held motor is asked for far more than the limit and gives the limit.
+        assert!((1.4..1.505).contains(&most_nm[1]), "{kind:?}: {most_nm:?}");
+        assert!(most_nm[0] < 1.505, "{kind:?}: {most_nm:?}");
+        assert!(states[0].position_rad > 0.1, "{kind:?}: {states:?}");
+    }
+}
+
+#[test]
 fn a_motor_without_a_watchdog_is_refused_unless_accepted() {
     for (kind, says) in [
         (

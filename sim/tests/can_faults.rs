@@ -93,6 +93,7 @@ fn wire_faults(kind: Kind, table: &mut String) {
         ),
         ("20 % of replies preceded by noise", WireFault::Noise, 0.2),
         ("every reply doubled", WireFault::Duplicate, 1.0),
+        ("every command echoed", WireFault::Echo, 1.0),
     ] {
         let outcome = dance(kind, |sim| sim.set_wire_fault(Some((fault, share))));
         let what = format!("{kind:?}, {name}");
@@ -121,6 +122,7 @@ fn motor_faults(kind: Kind, table: &mut String) {
         ("overloaded", ServoFault::Overload, overload),
         ("at 120 C", ServoFault::Overheat(120.0), heat),
         ("at 10 V", ServoFault::Supply(10.0), voltage),
+        ("at another bitrate", ServoFault::Baud(500_000), silent),
         ("with a new id", ServoFault::Id(77), silent),
         ("with a neighbour's id", ServoFault::Id(4), "joint_3 (id 3)"),
     ] {

@@ -4,7 +4,7 @@
 #[path = "common/can_fuzz.rs"]
 mod fuzz;
 
-use fuzz::{Dice, MODELS, commands, datagrams, replies, slcan_lines};
+use fuzz::{Dice, MODELS, commands, datagrams, replies, scans, slcan_lines};
 
 const INPUTS: u64 = 100_000;
 
@@ -26,6 +26,14 @@ fn damaged_replies_end_in_cycles_or_errors_and_torque_off() {
             tally.sound > 100 && tally.refused > 100,
             "{model}: {tally:?}"
         );
+    }
+}
+
+#[test]
+fn damaged_replies_to_a_scan_are_taken_without_a_panic() {
+    for (_, model) in MODELS {
+        let tally = scans(&mut Dice(6), INPUTS / 10, model);
+        assert!(tally.inputs >= INPUTS / 10, "{model}: {tally:?}");
     }
 }
 

@@ -3,8 +3,8 @@
 mod common;
 
 use common::*;
-use servodance_drivers::{Bus, BusError, Probe, Protocol, SerialBus};
-use servodance_sim::{ServoFault, SimBus, SimOptions};
+use servodance_drivers::{Bus, BusConfig, BusError, Probe, Protocol, SerialBus};
+use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
 use servodance_types::JointState;
 
 #[test]
@@ -79,6 +79,59 @@ fn a_smooth_dance_is_followed_with_a_small_lag_and_no_violation() {
             stats.crc_errors
         ),
         (600, 0, 0, 0)
+    );
+}
+
+#[test]
+fn the_play_of_a_gear_costs_less_than_itself_and_breaks_no_limit() {
+    let servos = robot(6);
+    let furthest = |specs: Vec<SimServoSpec>| {
+        let sim = SimBus::start(&specs, SimOptions::lockstep(BAUD, HZ)).unwrap();
+        let mut bus = driver(&sim, &patient(), &servos);
+        bus.arm().unwrap();
+        let mut states = vec![JointState::default(); 6];
+        let mut worst_rad = 0.0f64;
+        for k in 0..600 {
+            let swing = |t: f64| 0.5 * (1.0 - (5.0 * t).cos());
+            let now_s = k as f64 * PERIOD_S;
+            bus.cycle(&[swing(now_s); 6], &mut states).unwrap();
+            let late_rad = swing((now_s - 0.055).max(0.0));
+            worst_rad = worst_rad.max((states[0].position_rad - late_rad).abs());
+            sim.advance(PERIOD_S);
+        }
+        assert_eq!(sim.violations().total(), 0, "{:?}", sim.violation_notes());
+        worst_rad
+    };
+    let stated = specs(&servos).into_iter();
+    let stated: Vec<_> = stated.map(SimServoSpec::with_stated_backlash).collect();
+    let play_rad = stated[0].backlash_rad;
+    assert!((play_rad.to_degrees() - 0.25).abs() < 1e-9);
+    let (without, with) = (furthest(specs(&servos)), furthest(stated));
+    println!("{without} rad without play, {with} rad with {play_rad}");
+    assert!(
+        with != without && with - without < play_rad,
+        "{without}, {with}"
+    );
+}
+
+#[test]
+fn a_servo_at_another_rate_is_silent_until_it_is_spoken_to_at_that_rate() {
+    let servos = robot(3);
+    let sim = SimBus::start(&specs(&servos), SimOptions::realtime(BAUD, HZ)).unwrap();
+    assert!(sim.set_servo_fault(1, ServoFault::Baud(57_600)));
+    let wait = std::time::Duration::from_millis(300);
+    let found = |baud| {
+        let mut probe = Probe::open(sim.port_path(), baud, Protocol::Dynamixel2, wait).unwrap();
+        let ids = (1..=3).filter(|id| probe.ping(*id).unwrap().is_some());
+        ids.collect::<Vec<u8>>()
+    };
+    assert_eq!(found(BAUD), [1, 3]);
+    assert_eq!(found(57_600), [2]);
+    let mut bus = driver(&sim, &hasty(), &servos);
+    let error = bus.arm().unwrap_err().to_string();
+    assert!(
+        error.starts_with("no answer from joint_2 (id 2) (ping"),
+        "{error}"
     );
 }
 
@@ -212,6 +265,63 @@ fn a_wrong_model_is_refused_by_name() {
 }
 
 #[test]
+fn another_firmware_than_wanted_is_refused_with_both_numbers() {
+    let mut servos = robot(2);
+    servos[0].firmware = Some(48);
+    let sim = lockstep(&servos);
+    driver(&sim, &patient(), &servos).arm().unwrap();
+    servos[1].firmware = Some(45);
+    let mut bus = driver(&sim, &patient(), &servos);
+    let error = bus.arm().unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "joint_2 (id 2): firmware is 48, must be 45, as the robot file says"
+    );
+    assert!(!any_torque(&sim, &servos));
+}
+
+#[test]
+fn a_servo_that_may_not_turn_as_fast_as_its_joint_is_refused() {
+    let mut servos = robot(2);
+    let sim = lockstep(&servos);
+    servos[1].limits.velocity_rad_s = 500f64.to_radians();
+    let mut bus = driver(&sim, &patient(), &servos);
+    let error = bus.arm().unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "joint_2 (id 2): velocity limit in the servo, degrees a second, is 480.9, \
+         must be at least velocity_deg_s = 500.0"
+    );
+    assert!(!any_torque(&sim, &servos));
+}
+
+#[test]
+fn a_plain_read_that_the_wire_does_not_carry_is_refused_before_torque() {
+    let servos = robot(20);
+    let mut specs = specs(&servos);
+    specs[4].firmware = 40;
+    let sim = SimBus::start(&specs, SimOptions::lockstep(BAUD, HZ)).unwrap();
+    let arm = |control_hz| {
+        let config = BusConfig {
+            control_hz: Some(control_hz),
+            ..patient()
+        };
+        driver(&sim, &config, &servos).arm()
+    };
+    let error = arm(400.0).unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "joint_5 (id 5) runs firmware 40, Fast Sync Read needs 45, and 20 servos at 2000000 baud \
+         carry at most 352 cycles a second with a plain Sync Read (568 bytes each), but the robot \
+         asks for 400: update the firmware, raise the baud or lower control_hz"
+    );
+    assert!(!any_torque(&sim, &servos));
+    let notes = arm(350.0).unwrap().notes;
+    let told = |note: &String| note.starts_with("plain Sync Read: joint_5 (id 5) runs firmware 40");
+    assert!(notes.iter().any(told), "{notes:?}");
+}
+
+#[test]
 fn wrong_supply_is_refused_with_numbers() {
     let servos = robot(1);
     let options = SimOptions {
@@ -277,7 +387,8 @@ fn the_servos_stop_by_themselves_when_the_host_goes_silent() {
         bus.cycle(&[target; 2], &mut states).unwrap();
         sim.advance(PERIOD_S);
     }
-    sim.advance(0.21);
+    // With the default watchdog, within what a killed program may cost.
+    sim.advance(0.2);
     let stopped = sim.servo(0).unwrap();
     assert!(
         stopped.watchdog_tripped && stopped.velocity_rad_s.abs() < 0.05,

@@ -138,6 +138,11 @@ fn every_fault_ends_safely_and_is_told() {
                 "joint_3 (id 3) reports a hardware error: overheating",
             ),
             (
+                "at another rate",
+                ServoFault::Baud(57_600),
+                "no answer from joint_3 (id 3) (present state",
+            ),
+            (
                 "with a new id",
                 ServoFault::Id(77),
                 "no answer from joint_3 (id 3) (present state",

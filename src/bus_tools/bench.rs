@@ -8,7 +8,7 @@
 use crate::robot::Robot;
 use anyhow::Context;
 use serde::Serialize;
-use servodance_drivers::{BusConfig, BusLayout};
+use servodance_drivers::{BusConfig, BusLayout, Servo, check_rate};
 use servodance_sim::bench_bus;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -33,10 +33,14 @@ pub struct Figures {
     pub wire_limit_hz: f64,
     /// Processor time of the drivers for one cycle of every bus, microseconds.
     pub cpu_us_per_cycle: f64,
+    /// How much of that the kernel took: the serial port, sleeping and waking up.
+    pub kernel_us_per_cycle: f64,
     /// How late cycles began, 99th percentile, microseconds, at the robot's own rate.
     pub jitter_us_p99: f64,
-    /// The same at other rates; `None` where a wire does not carry that.
+    /// The same at other rates.
     pub jitter_us_p99_at_hz: BTreeMap<u32, Option<f64>>,
+    /// How many servos were on the buses then: all, or as many as the wires carry.
+    pub jitter_servos_at_hz: BTreeMap<u32, usize>,
     /// Each bus.
     pub buses: Vec<BusFigures>,
 }
@@ -58,6 +62,8 @@ pub struct BusFigures {
     pub wire_limit_hz: f64,
     /// Processor time of the driver for one cycle, microseconds.
     pub cpu_us_per_cycle: f64,
+    /// How much of that the kernel took.
+    pub kernel_us_per_cycle: f64,
 }
 
 /// Measures every bus of the robot.
@@ -76,21 +82,25 @@ pub fn run(robot: &Robot, baud: Option<u32>) -> anyhow::Result<Figures> {
     }
     let slowest = buses.iter().min_by(|a, b| a.hz.total_cmp(&b.hz));
     let slowest = slowest.context("the robot has no bus")?;
-    let own = jitter_us(&layouts, robot.control_hz)?;
-    let mut paces = BTreeMap::new();
+    let (own, _) = jitter_us(&layouts, robot.control_hz)?;
+    let (mut paces, mut servos) = (BTreeMap::new(), BTreeMap::new());
     for hz in PACES_HZ {
-        paces.insert(hz, jitter_us(&layouts, f64::from(hz))?);
+        let (jitter_us, count) = jitter_us(&layouts, f64::from(hz))?;
+        paces.insert(hz, jitter_us);
+        servos.insert(hz, count);
     }
     Ok(Figures {
         robot: robot.name.clone(),
         hz: slowest.hz,
         wire_limit_hz: slowest.wire_limit_hz,
         cpu_us_per_cycle: buses.iter().map(|bus| bus.cpu_us_per_cycle).sum(),
+        kernel_us_per_cycle: buses.iter().map(|bus| bus.kernel_us_per_cycle).sum(),
         jitter_us_p99: own.with_context(|| {
             let hz = robot.control_hz;
             format!("the wire does not carry the robot's {hz} cycles a second")
         })?,
         jitter_us_p99_at_hz: paces,
+        jitter_servos_at_hz: servos,
         buses,
     })
 }
@@ -121,25 +131,36 @@ fn flat_out(layout: &BusLayout) -> anyhow::Result<BusFigures> {
         hz_mean: bench.hz_mean,
         wire_limit_hz: bench.wire_limit_hz,
         cpu_us_per_cycle: bench.cpu_us_per_cycle,
+        kernel_us_per_cycle: bench.kernel_us_per_cycle,
     })
 }
 
 fn wire_limit_hz(layout: &BusLayout) -> anyhow::Result<f64> {
-    Ok(servodance_drivers::check_rate(&layout.config, &layout.servos, 1.0)?.fast_hz)
+    Ok(check_rate(&layout.config, &layout.servos, 1.0)?.fast_hz)
 }
 
-/// The worst bus's jitter at a rate; `None` if a wire does not carry it.
-fn jitter_us(layouts: &[BusLayout], hz: f64) -> anyhow::Result<Option<f64>> {
-    let mut worst_us = 0.0f64;
+/// The worst bus's jitter at a rate, each with as many of its servos as its wire
+/// carries then, and how many those are; `None` if a wire carries not even one.
+fn jitter_us(layouts: &[BusLayout], hz: f64) -> anyhow::Result<(Option<f64>, usize)> {
+    let (mut worst_us, mut servos) = (0.0f64, 0);
     for layout in layouts {
-        if hz > wire_limit_hz(layout)? {
-            return Ok(None);
+        let carried = carried(layout, hz);
+        if carried.is_empty() {
+            return Ok((None, 0));
         }
+        servos += carried.len();
         let cycles = (hz * RUN_S).ceil() as usize;
-        let bench = bench_bus(&layout.servos, &layout.config, Some(hz), cycles, 0.0)?;
+        let bench = bench_bus(carried, &layout.config, Some(hz), cycles, 0.0)?;
         worst_us = worst_us.max(bench.jitter_us_p99);
     }
-    Ok(Some(worst_us))
+    Ok((Some(worst_us), servos))
+}
+
+/// The first servos of a bus, as many as the wire carries at a rate.
+fn carried(layout: &BusLayout, hz: f64) -> &[Servo] {
+    let fits = |count: &usize| check_rate(&layout.config, &layout.servos[..*count], hz).is_ok();
+    let most = (1..=layout.servos.len()).rev().find(fits);
+    &layout.servos[..most.unwrap_or(0)]
 }
 
 impl fmt::Display for Figures {
@@ -148,7 +169,7 @@ impl fmt::Display for Figures {
             writeln!(
                 f,
                 "{}{}{} servos at {} baud: {:.1} cycles a second ({:.1} mean), {:.1} % of the \
-                 wire's {:.1}; {:.1} us of processor a cycle",
+                 wire's {:.1}; {:.1} us of processor a cycle, {:.1} of them in the kernel",
                 bus.name,
                 if bus.name.is_empty() { "" } else { ": " },
                 bus.servos,
@@ -157,7 +178,8 @@ impl fmt::Display for Figures {
                 bus.hz_mean,
                 100.0 * bus.hz / bus.wire_limit_hz,
                 bus.wire_limit_hz,
-                bus.cpu_us_per_cycle
+                bus.cpu_us_per_cycle,
+                bus.kernel_us_per_cycle
             )?;
         }
         writeln!(
@@ -166,8 +188,9 @@ impl fmt::Display for Figures {
             self.jitter_us_p99
         )?;
         for (hz, jitter_us) in &self.jitter_us_p99_at_hz {
+            let servos = self.jitter_servos_at_hz.get(hz).copied().unwrap_or(0);
             match jitter_us {
-                Some(jitter_us) => writeln!(f, "  {hz} Hz: {jitter_us:.0} us")?,
+                Some(jitter_us) => writeln!(f, "  {hz} Hz: {jitter_us:.0} us ({servos} servos)")?,
                 None => writeln!(f, "  {hz} Hz: more than the wire carries")?,
             }
         }

@@ -45,7 +45,7 @@ fn serial_path(port: &str) -> anyhow::Result<&str> {
         .any(|kind| path.starts_with(kind))
     {
         bail!(
-            "{port} leads to a CAN bus; this looks at serial ones (ping --robot reads CAN motors)"
+            "{port} leads to a CAN bus; this looks at serial ones (scan and ping --robot know CAN)"
         );
     }
     if path.is_empty() {

@@ -2,7 +2,13 @@
 
 use super::listen::{Ear, ProtocolChoice, line, vitals};
 use anyhow::bail;
+use servodance_drivers::can::{CanFound, CanPort, CanScanner};
 use servodance_drivers::{Protocol, available_ports, latency_timer};
+
+/// The bitrates of a serial CAN adapter, the usual ones first.
+const BITRATES: [u32; 9] = [
+    1_000_000, 500_000, 250_000, 125_000, 800_000, 100_000, 50_000, 20_000, 10_000,
+];
 
 /// The serial ports of this machine, a line each, with what slows them down.
 pub fn ports() -> Vec<String> {
@@ -19,8 +25,9 @@ pub fn ports() -> Vec<String> {
     ports.into_iter().map(line).collect()
 }
 
-/// Every servo that answers on `port`, told as it is found; all usual rates and
-/// both framings unless one is given. `note` gets what is not a servo.
+/// Every servo or motor that answers on `port`, told as it is found; all usual
+/// rates, and of a serial port both framings, unless one is given. `note` gets
+/// what is not a servo.
 pub fn scan(
     port: &str,
     baud: Option<u32>,
@@ -28,6 +35,12 @@ pub fn scan(
     mut found: impl FnMut(&str),
     note: impl Fn(&str),
 ) -> anyhow::Result<()> {
+    if let Ok(can) = CanPort::parse(port) {
+        if protocol != ProtocolChoice::All {
+            bail!("--protocol is for serial servos; on CAN every family is looked for");
+        }
+        return scan_can(port, &can, baud, found, note);
+    }
     let ear = Ear::new(port, baud, protocol)?;
     if let Some(text) = latency_timer(ear.path()).and_then(|timer| timer.note(ear.path())) {
         note(&text);
@@ -52,4 +65,63 @@ pub fn scan(
         );
     }
     Ok(())
+}
+
+/// Every motor that is heard or answers on a CAN bus. A bus has one bitrate:
+/// where somebody answers, no other is tried.
+fn scan_can(
+    port: &str,
+    can: &CanPort,
+    bitrate: Option<u32>,
+    mut found: impl FnMut(&str),
+    note: impl Fn(&str),
+) -> anyhow::Result<()> {
+    let is_adapter = matches!(can, CanPort::Slcan(_));
+    let bitrates = match bitrate {
+        Some(bitrate) if is_adapter => vec![bitrate],
+        Some(_) => bail!("--baud is for slcan: the bitrate of {port} is set by the system"),
+        None if is_adapter => BITRATES.to_vec(),
+        None => vec![BITRATES[0]],
+    };
+    for &bitrate in &bitrates {
+        let rate = match is_adapter {
+            true => format!("{bitrate} bit/s  "),
+            false => String::new(),
+        };
+        note(&format!(
+            "{rate}listening, then asking 127 ids in three languages"
+        ));
+        match CanScanner::open(port, bitrate)?.everyone() {
+            Ok(motors) if motors.is_empty() => {}
+            Ok(motors) => {
+                let lines = motors
+                    .iter()
+                    .map(|motor| format!("{rate}{}", can_line(motor)));
+                lines.for_each(|line| found(&line));
+                return Ok(());
+            }
+            Err(error) if bitrates.len() > 1 => note(&format!("{rate}{error}")),
+            Err(error) => bail!("{port}: {error}"),
+        }
+    }
+    bail!(
+        "{port}: no motor was heard or answered; check power, wiring and termination; CubeMars \
+         motors answer only what takes their torque: `servodance ping {port} --robot FILE`"
+    )
+}
+
+/// One motor in one line.
+fn can_line(motor: &CanFound) -> String {
+    format!(
+        "{}  id {:>3}  {}  firmware {}  {}{}",
+        motor.family,
+        motor.id,
+        motor.model.unwrap_or("model not told"),
+        motor.firmware.as_deref().unwrap_or("not told"),
+        motor
+            .detail
+            .as_ref()
+            .map_or(String::new(), |detail| format!("{detail}  ")),
+        motor.error.as_deref().unwrap_or("no error told")
+    )
 }

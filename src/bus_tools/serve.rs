@@ -8,18 +8,28 @@ use servodance_sim::{
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+/// How the servos are served.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Serving<'a> {
+    /// What other programs open; the bus's own kind if left out.
+    pub link: Option<LinkChoice>,
+    /// What goes wrong, a line each.
+    pub faults: &'a str,
+    /// Whether gears have the play that their vendor states.
+    pub backlash: bool,
+}
+
 /// Serves the robot's servos in real time until `stop` is set; `ready` is told
 /// the serial port to open, `NAME=PORT` for each bus where there are several.
 /// Returns one line about what was seen.
 pub fn serve(
     robot: &Robot,
-    link: Option<LinkChoice>,
-    faults: &str,
+    serving: Serving<'_>,
     stop: &AtomicBool,
     ready: impl Fn(&str),
 ) -> anyhow::Result<String> {
     let names: Vec<&str> = robot.servos.iter().map(|s| s.name.as_str()).collect();
-    let cues = parse_script(faults, &names)?;
+    let cues = parse_script(serving.faults, &names)?;
     // An adapter that comes back is to be found where it was.
     let pluggable = cues
         .iter()
@@ -29,9 +39,13 @@ pub fn serve(
     let began = Instant::now();
     let mut sims = Vec::with_capacity(robot.buses.len());
     for (place, bus) in robot.buses.iter().enumerate() {
-        let specs: Vec<SimServoSpec> = bus.servos.iter().map(SimServoSpec::from).collect();
+        let specs = bus.servos.iter().map(SimServoSpec::from);
+        let specs: Vec<SimServoSpec> = match serving.backlash {
+            true => specs.map(SimServoSpec::with_stated_backlash).collect(),
+            false => specs.collect(),
+        };
         let options = SimOptions {
-            link: sim_link(&bus.config, link, place)?,
+            link: sim_link(&bus.config, serving.link, place)?,
             path: pluggable.then(|| {
                 let name = format!("servodance-{}-{place}", std::process::id());
                 std::env::temp_dir().join(name)

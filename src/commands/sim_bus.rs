@@ -30,6 +30,10 @@ pub struct Args {
     /// (slcan) or multicast (udp); pty or slcan if left out, as the robot's bus needs.
     #[arg(long, value_enum)]
     pub link: Option<LinkChoice>,
+    /// Give the gears the play that their vendor states (15 arc minutes for XM430, XM540
+    /// and XH540; none for the others).
+    #[arg(long)]
+    pub backlash: bool,
     /// Something that goes wrong: TIME JOINT|wire|adapter WHAT VALUE (some have none), such as
     /// "3s l_knee dead" or "5s wire corrupt 0.01"; may be given again.
     #[arg(long, value_name = "FAULT")]
@@ -49,7 +53,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         faults = format!("{faults}\n{text}");
     }
     let stop = stop_signal()?;
-    let served = serve::serve(&robot, args.link, &faults, &stop, |port| println!("{port}"))?;
+    let serving = serve::Serving {
+        link: args.link,
+        faults: &faults,
+        backlash: args.backlash,
+    };
+    let served = serve::serve(&robot, serving, &stop, |port| println!("{port}"))?;
     eprintln!("{served}");
     Ok(ExitCode::SUCCESS)
 }

@@ -1,7 +1,8 @@
 //! A bus of CAN motors: one driver, whatever the protocol.
 //!
-//! A cycle sends every motor its target and collects every motor's report;
-//! who is missing is asked again, at most `retries` times.
+//! A cycle sends every motor its target, rests while the wire is busy, and
+//! collects every motor's report; who is missing is asked again, at most
+//! `retries` times.
 //!
 //! Real-time promise: a sound cycle takes its wire time and allocates nothing.
 //! A damaged one ends within its bound: wire time and reply timeout, times the
@@ -27,11 +28,7 @@ use crate::can::protocol::Protocol;
 use crate::can::robstride::Robstride;
 use crate::config::{BusConfig, BusKind};
 use crate::error::BusError;
-use crate::servo::{Servo, check_cycle};
-
-/// A joint may stand this far outside its limits when arming; its first target
-/// is then the limit itself.
-const REST_TOLERANCE_RAD: f64 = 0.05;
+use crate::servo::{Servo, check_cycle, check_kind};
 
 /// One CAN bus of motors.
 pub struct CanBus {
@@ -73,12 +70,7 @@ impl CanBus {
             reason,
             choices: String::new(),
         };
-        if let Some(servo) = servos.iter().find(|servo| servo.model.kind != config.kind) {
-            return Err(refused(format!(
-                "joint {}: model {} does not speak the bus's protocol",
-                servo.name, servo.model.name
-            )));
-        }
+        check_kind(&servos, config.kind).map_err(refused)?;
         let protocol: Box<dyn Protocol> = match config.kind {
             BusKind::Mit => Box::new(Mit),
             BusKind::Robstride => Box::new(Robstride),
@@ -163,23 +155,7 @@ impl CanBus {
     /// The joint position that keeps a joint where it stands.
     fn hold_rad(&self, index: usize) -> Result<f64, BusError> {
         let servo = &self.exchange.servos[index];
-        let position = servo.joint_rad(self.status[index].position_rad);
-        let limits = servo.limits;
-        let outside = (limits.lower_rad - position).max(position - limits.upper_rad);
-        // Not a number counts as outside.
-        if outside <= REST_TOLERANCE_RAD {
-            return Ok(limits.clamp_rad(position));
-        }
-        Err(self.exchange.unfit(
-            index,
-            "position",
-            format!("{:.1} degrees", position.to_degrees()),
-            format!(
-                "{:.1} to {:.1} degrees: move the joint there by hand",
-                limits.lower_rad.to_degrees(),
-                limits.upper_rad.to_degrees()
-            ),
-        ))
+        servo.holding_rad(servo.joint_rad(self.status[index].position_rad))
     }
 
     /// One target out and one report in for every motor, with retries.
@@ -188,43 +164,54 @@ impl CanBus {
         // What came by itself since the last cycle.
         let now = Instant::now();
         while let Some(frame) = self.exchange.receive(now, DOING)? {
-            self.protocol
-                .hear(&self.exchange.servos, &frame, &mut self.status);
+            self.hear(&frame);
         }
         self.answered.copy_from_slice(&self.aside);
         for attempt in 0..self.exchange.tries() {
             self.exchange.stats.retries += u64::from(attempt > 0);
             self.frames.clear();
-            let servos = self.exchange.servos.iter().zip(targets_rad);
-            for ((servo, &target), answered) in servos.zip(&self.answered) {
-                if !answered {
-                    self.protocol.command(servo, target, &mut self.frames);
+            for (index, servo) in self.exchange.servos.iter().enumerate() {
+                if !self.answered[index] {
+                    let (target, status) = (targets_rad[index], &self.status[index]);
+                    let frames = &mut self.frames;
+                    self.protocol.command(servo, target, status, frames);
                 }
             }
             self.protocol.conclude(&mut self.frames);
+            let began = Instant::now();
+            let asked = self.answered.iter().filter(|answered| !**answered).count();
             let deadline = self.exchange.deadline(2 * self.frames.len());
             for index in 0..self.frames.len() {
                 let frame = self.frames[index];
                 self.exchange.transmit(&frame, deadline, DOING)?;
             }
+            self.exchange.rest(asked, DOING)?;
             while self.answered.contains(&false) {
                 let Some(frame) = self.exchange.receive(deadline, DOING)? else {
                     self.exchange.stats.timeouts += 1;
                     break;
                 };
-                let servos = &self.exchange.servos;
-                if let Some(index) = self.protocol.hear(servos, &frame, &mut self.status) {
+                if let Some(index) = self.hear(&frame) {
                     self.answered[index] = true;
                 }
             }
             self.check_all()?;
             if !self.answered.contains(&false) {
+                self.exchange.answered_after(asked, began.elapsed());
                 return Ok(());
             }
         }
         let missing = (0..self.answered.len()).filter(|&index| !self.answered[index]);
         let missing = self.exchange.ids_of(missing);
         Err(self.exchange.silent(missing, DOING))
+    }
+
+    /// Takes in what was said; who reported its position with it. Some adapters
+    /// return what they sent: that says nothing.
+    fn hear(&mut self, frame: &CanFrame) -> Option<usize> {
+        let is_echo = self.frames.contains(frame);
+        let servos = &self.exchange.servos;
+        (!is_echo).then(|| self.protocol.hear(servos, frame, &mut self.status))?
     }
 
     /// No motor may complain, or have left its control loop.

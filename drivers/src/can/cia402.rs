@@ -209,7 +209,7 @@ impl Cia402 {
 }
 
 /// The error classes of CiA 402.
-fn error_name(code: u16) -> String {
+pub(crate) fn error_name(code: u16) -> String {
     let name = match code {
         0x2000..=0x2FFF => "over-current",
         0x3100..=0x31FF => "supply voltage",
@@ -321,7 +321,7 @@ impl Protocol for Cia402 {
         out.push(sdo(servo, command, object::CONTROL, [0; 4]));
     }
 
-    fn command(&self, servo: &Servo, joint_rad: f64, out: &mut Vec<CanFrame>) {
+    fn command(&self, servo: &Servo, joint_rad: f64, _: &Status, out: &mut Vec<CanFrame>) {
         let Some(motor) = &servo.motor else {
             return;
         };

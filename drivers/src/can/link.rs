@@ -58,6 +58,11 @@ pub trait CanLink: Send {
     /// may keep it until the next `receive`, to hand several over at once.
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sent>;
 
+    /// Hands over what it has kept, as far as there is room.
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+
     /// The next frame or fault, waiting until `deadline` at most; with a
     /// deadline in the past, what is there already.
     fn receive(&mut self, deadline: Instant) -> io::Result<Received>;

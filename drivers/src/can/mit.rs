@@ -12,6 +12,15 @@
 //! them needs `accept_no_watchdog`. The reply of a CubeMars motor does not say
 //! whether it drives, so that its torque off is confirmed by an answer alone.
 //!
+//! MIT mode knows no torque limit but the motor's own peak. `torque_limit_nm` is
+//! kept by the gains: where they would ask for more than that, from where the
+//! motor stood last, both shrink until they ask for the limit. Between two
+//! commands a joint that is pushed about may pass it by what the (shrunk) gains
+//! make of the way it was pushed.
+//!
+//! TIMEOUT counts 50 us (the vendor's register list; almond-bot/axol, pull
+//! request 163, has it so from the motors themselves); 0 turns it off.
+//!
 //! The reply carries torque, not current: [`servodance_types::JointState`]
 //! shows a current of 0.
 
@@ -116,7 +125,7 @@ pub(crate) fn unpack(data: &[u8]) -> Option<(u32, u32, u32)> {
 }
 
 /// What Damiao's error nibble says; `None` for 0 (disabled) and 1 (enabled).
-fn damiao_fault(nibble: u8) -> Option<&'static str> {
+pub(crate) fn damiao_fault(nibble: u8) -> Option<&'static str> {
     Some(match nibble {
         0 | 1 => return None,
         8 => "over-voltage",
@@ -250,6 +259,14 @@ fn settle(
     Ok(())
 }
 
+/// How much of the gains a command may have, 0 to 1, so that the torque that it
+/// asks for where the motor stood last stays within the limit.
+fn gain_share(motor: &MotorSettings, goal_rad: f64, status: &Status) -> f64 {
+    let error_rad = goal_rad - status.position_rad;
+    let asked_nm = motor.kp * error_rad - motor.kd * status.velocity_rad_s;
+    (motor.torque_limit_nm / asked_nm.abs()).min(1.0)
+}
+
 impl Mit {
     /// A Damiao motor's ranges, mode and time-out.
     fn prepare_damiao(
@@ -340,7 +357,11 @@ impl Protocol for Mit {
         })?;
         // Until its first command the motor is on without torque.
         let mut hold = Vec::with_capacity(1);
-        self.command(&servo, servo.joint_rad(motor_rad), &mut hold);
+        let here = Status {
+            position_rad: motor_rad,
+            ..Status::default()
+        };
+        self.command(&servo, servo.joint_rad(motor_rad), &here, &mut hold);
         for frame in &hold {
             bus.ask(index, frame, "hold position", |frame| {
                 parse_reply(&servo, frame).map(|_| Ok(()))
@@ -374,16 +395,20 @@ impl Protocol for Mit {
         out.push(mode_command(servo, DISABLE));
     }
 
-    fn command(&self, servo: &Servo, joint_rad: f64, out: &mut Vec<CanFrame>) {
+    fn command(&self, servo: &Servo, joint_rad: f64, status: &Status, out: &mut Vec<CanFrame>) {
         let Some(motor) = settings(servo) else {
             return;
         };
         let model = &motor.model;
+        let position = position_code(servo, model.position_rad, joint_rad);
+        let share = gain_share(motor, from_code(position, model.position_rad, 16), status);
+        // Downwards: the limit is not passed by rounding either.
+        let gain = |code: u32| (f64::from(code) * share) as u32;
         let data = pack(
-            position_code(servo, model.position_rad, joint_rad),
+            position,
             to_code(0.0, model.velocity_rad_s, 12),
-            span_code(motor.kp, model.kp_max, 12),
-            span_code(motor.kd, model.kd_max, 12),
+            gain(span_code(motor.kp, model.kp_max, 12)),
+            gain(span_code(motor.kd, model.kd_max, 12)),
             to_code(0.0, model.torque_nm, 12),
         );
         out.push(CanFrame::standard(u32::from(servo.id), &data));
@@ -420,6 +445,35 @@ mod tests {
         );
         let published = [0x7F, 0xFF, 0x7F, 0xF0, 0x00, 0x00, 0x07, 0xFF];
         assert_eq!(pack(p, v, 0, 0, t), published);
+    }
+
+    #[test]
+    fn gains_shrink_to_the_torque_limit_and_not_before() {
+        let motor = MotorSettings {
+            model: crate::Model::from_name("DM-J4310").unwrap().motor.unwrap(),
+            kp: 20.0,
+            kd: 0.5,
+            torque_limit_nm: 2.0,
+            gear_ratio: 1.0,
+            reply_id: 0,
+            counts_per_turn: 1.0,
+        };
+        let at = |position_rad, velocity_rad_s| Status {
+            position_rad,
+            velocity_rad_s,
+            ..Status::default()
+        };
+        for (position_rad, velocity_rad_s, share) in [
+            (1.0, 0.0, 1.0),
+            (0.95, 0.0, 1.0),
+            (0.8, 0.0, 0.5),
+            (1.2, 0.0, 0.5),
+            // Braking counts too.
+            (1.0, 8.0, 0.5),
+        ] {
+            let seen = gain_share(&motor, 1.0, &at(position_rad, velocity_rad_s));
+            assert!((seen - share).abs() < 1e-9, "{seen} at {position_rad}");
+        }
     }
 
     #[test]

@@ -17,6 +17,7 @@ mod odrive;
 mod protocol;
 mod rate;
 mod robstride;
+mod scan;
 pub mod slcan;
 #[cfg(target_os = "linux")]
 pub mod socket;
@@ -28,6 +29,7 @@ pub use link::{CanFault, CanLink, CanPort, Received, Sent};
 pub use motor::{MotorModel, MotorSettings};
 pub(crate) use rate::check_can_rate;
 pub use rate::{CycleBits, cycle_bits};
+pub use scan::{CanFound, CanScanner};
 
 use crate::error::BusError;
 

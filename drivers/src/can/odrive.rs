@@ -86,7 +86,7 @@ fn word(data: &[u8; 8], at: usize) -> [u8; 4] {
 const LOST: &str = "watchdog expired";
 
 /// What an error word says.
-fn error_names(errors: u32) -> Option<String> {
+pub(crate) fn error_names(errors: u32) -> Option<String> {
     const NAMES: [(u32, &str); 22] = [
         (0, "initializing"),
         (1, "system level"),
@@ -304,7 +304,8 @@ impl Protocol for Odrive {
         let mut frames = Vec::with_capacity(4);
         // A watchdog that ran out while the axis was idle left an error behind.
         frames.push(order(&servo, command::CLEAR_ERRORS, &[0]));
-        self.command(&servo, servo.joint_rad(motor_rad), &mut frames);
+        let joint_rad = servo.joint_rad(motor_rad);
+        self.command(&servo, joint_rad, &Status::default(), &mut frames);
         let state = u32::from(CLOSED_LOOP).to_le_bytes();
         frames.push(order(&servo, command::SET_STATE, &state));
         let deadline = bus.deadline(frames.len());
@@ -340,7 +341,7 @@ impl Protocol for Odrive {
         out.push(order(servo, command::SET_STATE, &IDLE.to_le_bytes()));
     }
 
-    fn command(&self, servo: &Servo, joint_rad: f64, out: &mut Vec<CanFrame>) {
+    fn command(&self, servo: &Servo, joint_rad: f64, _: &Status, out: &mut Vec<CanFrame>) {
         let Some(motor) = &servo.motor else {
             return;
         };

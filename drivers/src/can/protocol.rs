@@ -42,8 +42,9 @@ pub(crate) trait Protocol: Send {
     /// Frames that turn one motor's torque off, to be sent without waiting.
     fn stop(&self, servo: &Servo, out: &mut Vec<CanFrame>);
 
-    /// Frames that tell one motor where to be and make it report.
-    fn command(&self, servo: &Servo, joint_rad: f64, out: &mut Vec<CanFrame>);
+    /// Frames that tell one motor where to be and make it report; `status` is
+    /// what it reported last.
+    fn command(&self, servo: &Servo, joint_rad: f64, status: &Status, out: &mut Vec<CanFrame>);
 
     /// Frames that end a cycle's commands.
     fn conclude(&self, _out: &mut Vec<CanFrame>) {}

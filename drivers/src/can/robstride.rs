@@ -9,8 +9,10 @@
 //! ```
 //!
 //! Operation control (mode 0) is used: position, gains and torque in each
-//! command. The torque limit and the time-out (parameter 7028, 20000 a second)
-//! are written and read back.
+//! command. The torque limit and the time-out (parameter 7028)
+//! are written and read back. The time-out counts 50 us, 20000 a second, and 0
+//! turns it off: RobStride's parameter list (canTimeout), as repeated on
+//! motorbridge.seeedstudio.com/reference/robstride-parameter-tables.
 
 use crate::can::exchange::{Exchange, Status};
 use crate::can::frame::CanFrame;
@@ -189,7 +191,8 @@ impl Protocol for Robstride {
         let servo = bus.servos[index].clone();
         let on = frame(kind::ENABLE, HOST, &servo, &[0; 8]);
         let mut orders = vec![on];
-        self.command(&servo, servo.joint_rad(motor_rad), &mut orders);
+        let joint_rad = servo.joint_rad(motor_rad);
+        self.command(&servo, joint_rad, &Status::default(), &mut orders);
         for order in &orders {
             bus.ask(index, order, "torque on", |frame| {
                 let status = parse_feedback(&servo, frame)?;
@@ -206,7 +209,7 @@ impl Protocol for Robstride {
         out.push(stop_frame(servo));
     }
 
-    fn command(&self, servo: &Servo, joint_rad: f64, out: &mut Vec<CanFrame>) {
+    fn command(&self, servo: &Servo, joint_rad: f64, _: &Status, out: &mut Vec<CanFrame>) {
         let Some(motor) = &servo.motor else {
             return;
         };

@@ -213,7 +213,7 @@ impl SlcanLink {
 
     /// Hands the frames that wait over to the adapter; those that its buffer does
     /// not take go on waiting.
-    fn flush(&mut self) -> io::Result<Sent> {
+    fn hand_over(&mut self) -> io::Result<Sent> {
         self.port.set_timeout(SEND_TIMEOUT)?;
         while !self.out.is_empty() {
             match self.port.write(&self.out) {
@@ -252,15 +252,19 @@ impl SlcanLink {
 impl CanLink for SlcanLink {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sent> {
         // The frames of a cycle go out together, when their answers are awaited.
-        if self.out.len() > LONGEST_BURST && self.flush()? == Sent::Full {
+        if self.out.len() > LONGEST_BURST && self.hand_over()? == Sent::Full {
             return Ok(Sent::Full);
         }
         encode(frame, &mut self.out);
         Ok(Sent::Taken)
     }
 
+    fn flush(&mut self) -> io::Result<()> {
+        self.hand_over().map(drop)
+    }
+
     fn receive(&mut self, deadline: Instant) -> io::Result<Received> {
-        if self.flush()? == Sent::Full && Instant::now() >= deadline {
+        if self.hand_over()? == Sent::Full && Instant::now() >= deadline {
             return Ok(Received::Nothing);
         }
         loop {
@@ -288,7 +292,7 @@ impl CanLink for SlcanLink {
     fn clear(&mut self) -> io::Result<()> {
         (self.taken, self.filled) = (0, 0);
         self.lines = Lines::default();
-        self.flush()?;
+        self.hand_over()?;
         Ok(self.port.clear(ClearBuffer::Input)?)
     }
 }
@@ -296,7 +300,7 @@ impl CanLink for SlcanLink {
 impl Drop for SlcanLink {
     fn drop(&mut self) {
         // The adapter may be gone already.
-        let _ = self.flush();
+        let _ = self.hand_over();
         let _ = self.write(b"C\r");
     }
 }

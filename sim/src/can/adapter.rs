@@ -2,7 +2,9 @@
 //! a multicast group, or a CAN interface.
 //!
 //! The slcan adapter knows `S`, `s`, `O`, `L`, `C`, `F`, `V`, `N`, `t`, `T`,
-//! `r`, `R`; it refuses frames while closed or bus-off, and everything else.
+//! `r`, `R`; it refuses frames while closed or bus-off, and everything else. Set
+//! to another bitrate than the bus has, it hears nothing, and nobody acknowledges
+//! what it sends: its queue fills up, then frames are refused.
 
 use std::io;
 use std::net::SocketAddrV4;
@@ -43,17 +45,33 @@ pub(crate) struct SlcanAdapter {
     lines: Lines,
     open: bool,
     out: Vec<u8>,
+    /// Bits a second of the bus, and of the adapter.
+    bus_bitrate: u32,
+    bitrate: u32,
+    /// Frames that wait because nobody acknowledges them.
+    waiting: usize,
 }
+
+/// How many frames wait at most.
+const QUEUE: usize = 16;
 
 impl SlcanAdapter {
     /// Behind our end of a pseudo-terminal that does not block.
-    pub fn new(master: OwnedFd) -> Self {
+    pub fn new(master: OwnedFd, bus_bitrate: u32) -> Self {
         Self {
             master,
             lines: Lines::default(),
             open: false,
             out: Vec::new(),
+            bus_bitrate,
+            bitrate: bus_bitrate,
+            waiting: 0,
         }
+    }
+
+    /// Whether it hears the bus, and is heard.
+    fn on_the_bus(&self) -> bool {
+        self.open && self.bitrate == self.bus_bitrate
     }
 
     /// Takes one byte from the host.
@@ -64,19 +82,26 @@ impl SlcanAdapter {
         let letter = *line.first()?;
         match (letter, &line[1..]) {
             (b't' | b'T' | b'r' | b'R', _) => {
-                let frame = slcan::decode(&line).filter(|_| self.open && !bus_off);
+                let has_room = self.on_the_bus() || self.waiting < QUEUE;
+                let taken = self.open && !bus_off && has_room;
+                let frame = slcan::decode(&line).filter(|_| taken);
                 match frame {
                     None => self.out.push(BEL),
                     Some(_) if letter.is_ascii_uppercase() => self.out.extend(b"Z\r"),
                     Some(_) => self.out.extend(b"z\r"),
                 }
-                return frame;
+                self.waiting += usize::from(frame.is_some() && !self.on_the_bus());
+                return frame.filter(|_| self.on_the_bus());
             }
             (b'O' | b'L', []) if !self.open => self.open = true,
-            (b'C', []) => self.open = false,
-            (b'S', [b'0'..=b'8']) | (b's', _) if !self.open => {}
+            (b'C', []) => (self.open, self.waiting) = (false, 0),
+            (b'S', &[code @ b'0'..=b'8']) if !self.open => {
+                self.bitrate = slcan::BITRATES[usize::from(code - b'0')];
+            }
+            (b's', _) if !self.open => {}
             (b'F', []) => {
-                let flags: &[u8] = if bus_off { b"F80" } else { b"F00" };
+                let is_deaf = bus_off || self.waiting == QUEUE;
+                let flags: &[u8] = if is_deaf { b"F80" } else { b"F00" };
                 self.out.extend(flags);
             }
             (b'V', []) => self.out.extend(b"V1013"),
@@ -146,7 +171,7 @@ impl Adapter for SlcanAdapter {
     }
 
     fn deliver(&mut self, frame: &CanFrame) {
-        if self.open {
+        if self.on_the_bus() {
             slcan::encode(frame, &mut self.out);
             self.flush();
         }

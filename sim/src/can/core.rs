@@ -6,10 +6,10 @@
 
 use servodance_drivers::can::MotorSettings;
 
+use crate::body::{Body, SimServoState};
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::motor::Motor;
-use crate::servo::SimServoState;
 use crate::spec::{ServoModel, SimError, SimServoSpec};
 
 const REBOOT_S: f64 = 0.5;
@@ -54,13 +54,10 @@ pub struct Command {
 /// One motor without its protocol.
 #[derive(Clone, Debug)]
 pub struct Core {
-    spec: SimServoSpec,
     /// What the motor's numbers mean.
     pub settings: MotorSettings,
-    motor: Motor,
-    judge: Judge,
+    body: Body,
     nominal_v: f64,
-    supply_v: f64,
     /// Its id on the bus.
     pub id: u8,
     enabled: bool,
@@ -74,10 +71,7 @@ pub struct Core {
     /// What has turned it off.
     pub trouble: Option<Trouble>,
     tripped: bool,
-    dead: bool,
-    deaf_until_s: f64,
-    time_s: f64,
-    overload_s: f64,
+    tripped_s: Option<f64>,
     torque_nm: f64,
     period_s: f64,
     /// The last goal that was judged, of the joint, and when it came.
@@ -111,12 +105,11 @@ impl Core {
             current_a_per_unit: 0.0,
         };
         let inertia = settings.model.rotor_inertia_kg_m2() + spec.load_inertia_kg_m2;
-        let angle_rad = spec.zero_rad + spec.direction * spec.initial_rad;
+        let motor = Motor::with_inertia(&model, inertia).with_backlash(spec.backlash_rad);
+        let judge = Judge::new(&spec.name, spec.limits, period_s);
         Ok(Self {
-            motor: Motor::with_inertia(&model, inertia, angle_rad),
-            judge: Judge::new(&spec.name, spec.limits, period_s),
+            body: Body::new(spec, motor, judge, supply_v.unwrap_or(nominal_v)),
             nominal_v,
-            supply_v: supply_v.unwrap_or(nominal_v),
             id: spec.id,
             enabled: false,
             command: None,
@@ -125,23 +118,19 @@ impl Core {
             silent_s: 0.0,
             trouble: None,
             tripped: false,
-            dead: false,
-            deaf_until_s: 0.0,
-            time_s: 0.0,
-            overload_s: 0.0,
+            tripped_s: None,
             torque_nm: 0.0,
             period_s,
             told_s: f64::NEG_INFINITY,
             told_rad: 0.0,
             repeated_s: None,
             settings,
-            spec: spec.clone(),
         })
     }
 
     /// Whether it hears and speaks.
     pub fn listens(&self) -> bool {
-        !self.dead && self.time_s >= self.deaf_until_s
+        self.body.listens()
     }
 
     /// Whether it drives.
@@ -151,17 +140,17 @@ impl Core {
 
     /// Simulated time, seconds.
     pub fn time_s(&self) -> f64 {
-        self.time_s
+        self.body.time_s
     }
 
     /// Its own angle, radians.
     pub fn angle_rad(&self) -> f64 {
-        self.motor.angle_rad
+        self.body.motor.angle_rad
     }
 
     /// Its own speed, radians a second.
     pub fn speed_rad_s(&self) -> f64 {
-        self.motor.speed_rad_s
+        self.body.motor.speed_rad_s
     }
 
     /// Its torque, newton metres.
@@ -171,21 +160,17 @@ impl Core {
 
     /// Winding temperature, Celsius.
     pub fn temperature_c(&self) -> f64 {
-        self.motor.temperature_c
+        self.body.motor.temperature_c
     }
 
     /// Supply, volts.
     pub fn supply_v(&self) -> f64 {
-        self.supply_v
+        self.body.volts()
     }
 
     /// The judge of its motion.
     pub fn judge(&self) -> &Judge {
-        &self.judge
-    }
-
-    fn joint_rad(&self, angle_rad: f64) -> f64 {
-        (angle_rad - self.spec.zero_rad) * self.spec.direction
+        &self.body.judge
     }
 
     /// Torque on, without any until the first command. Refused in trouble.
@@ -195,7 +180,7 @@ impl Core {
             self.tripped = false;
             self.command = None;
             self.silent_s = 0.0;
-            self.overload_s = 0.0;
+            self.body.forget_stall();
         }
     }
 
@@ -204,7 +189,7 @@ impl Core {
         self.enabled = false;
         self.command = None;
         self.repeated_s = None;
-        self.judge.end();
+        self.body.judge.end();
     }
 
     /// Forgets its trouble.
@@ -222,10 +207,10 @@ impl Core {
         if !self.enabled {
             return;
         }
-        let goal_rad = self.joint_rad(command.goal_rad);
+        let goal_rad = self.body.joint_rad(command.goal_rad);
         if self.command.is_none() {
-            let position_rad = self.joint_rad(self.motor.angle_rad);
-            self.judge.begin(goal_rad, position_rad);
+            let position_rad = self.body.position_rad();
+            self.body.judge.begin(goal_rad, position_rad);
         }
         let is_same = |last: Command| last.goal_rad == command.goal_rad;
         self.judge_goal(goal_rad, self.command.is_some_and(is_same));
@@ -236,15 +221,15 @@ impl Core {
     /// said again, at once or just before the next goal: such a repetition is not
     /// a goal of its own, a goal that stays the same for a period is.
     fn judge_goal(&mut self, goal_rad: f64, is_same: bool) {
-        let now_s = self.time_s;
+        let now_s = self.body.time_s;
         let is_later = |then_s: f64| now_s - then_s >= 0.5 * self.period_s;
         if let Some(repeated_s) = self.repeated_s.filter(|then_s| is_later(*then_s)) {
-            self.judge.told(repeated_s, self.told_rad);
+            self.body.judge.told(repeated_s, self.told_rad);
             self.told_s = repeated_s;
             self.repeated_s = None;
         }
         if !is_same {
-            self.judge.told(now_s, goal_rad);
+            self.body.judge.told(now_s, goal_rad);
             (self.told_s, self.told_rad) = (now_s, goal_rad);
             self.repeated_s = None;
         } else if is_later(self.told_s) {
@@ -259,7 +244,7 @@ impl Core {
         self.tripped = false;
         self.timeout_s = None;
         self.torque_limit_nm = self.settings.model.torque_nm;
-        self.deaf_until_s = self.time_s + REBOOT_S;
+        self.body.be_deaf_for(REBOOT_S);
     }
 
     fn fail(&mut self, trouble: Trouble) {
@@ -269,40 +254,31 @@ impl Core {
 
     /// Something goes wrong with it; true if its protocol must restart too.
     pub fn suffer(&mut self, fault: ServoFault) -> bool {
-        match fault {
-            ServoFault::Dead => self.dead = true,
-            ServoFault::Revive => self.dead = false,
-            ServoFault::Free => self.motor.jammed = false,
-            ServoFault::Reboot => {
+        match self.body.suffer(fault) {
+            Some(ServoFault::Reboot) => {
                 self.reboot();
                 return true;
             }
-            ServoFault::Overheat(celsius) => self.motor.temperature_c = celsius,
-            ServoFault::Jam => {
-                self.motor.jammed = true;
-                self.judge.excuse_motion();
+            Some(ServoFault::Overload) => self.fail(Trouble::Overload),
+            Some(ServoFault::Id(id)) => self.id = id,
+            // A controller at another bitrate never gets onto the bus.
+            Some(ServoFault::Baud(_)) => {
+                self.body.suffer(ServoFault::Dead);
             }
-            ServoFault::Overload => self.fail(Trouble::Overload),
-            ServoFault::Supply(volts) => self.supply_v = volts,
-            ServoFault::Moved(joint_rad) => {
-                self.motor.angle_rad = self.spec.zero_rad + self.spec.direction * joint_rad;
-            }
-            ServoFault::Id(id) => self.id = id,
+            _ => {}
         }
         false
     }
 
     /// One step of firmware and motor, ending at `time_s`.
     pub fn step(&mut self, time_s: f64, dt_s: f64) {
-        self.time_s = time_s;
+        self.body.time_s = time_s;
         self.watch_silence(dt_s);
         let duty = self.command.map(|command| self.drive(command));
         if duty.is_none() {
             self.torque_nm = 0.0;
         }
-        let joint_rad = self.joint_rad(self.motor.angle_rad);
-        let gravity_nm = -self.spec.direction * self.spec.gravity_nm * joint_rad.sin();
-        self.motor.step(dt_s, duty, self.supply_v, gravity_nm);
+        self.body.step(dt_s, duty);
         self.protect(dt_s);
     }
 
@@ -317,27 +293,28 @@ impl Core {
         {
             self.fail(Trouble::CommunicationLost);
             self.tripped = true;
+            self.tripped_s = Some(self.body.time_s);
         }
     }
 
     fn drive(&mut self, command: Command) -> f64 {
-        let asked_nm = command.kp * (command.goal_rad - self.motor.angle_rad)
-            + command.kd * (command.speed_rad_s - self.motor.speed_rad_s)
+        let asked_nm = command.kp * (command.goal_rad - self.body.motor.angle_rad)
+            + command.kd * (command.speed_rad_s - self.body.motor.speed_rad_s)
             + command.torque_nm;
         self.torque_nm = asked_nm.clamp(-self.torque_limit_nm, self.torque_limit_nm);
-        let duty = self.motor.duty_for_torque(self.torque_nm, self.supply_v);
+        let volts = self.body.volts();
+        let duty = self.body.motor.duty_for_torque(self.torque_nm, volts);
         duty.clamp(-1.0, 1.0)
     }
 
     fn protect(&mut self, dt_s: f64) {
-        let stalled = self.torque_nm.abs() > OVERLOAD_SHARE * self.torque_limit_nm
-            && self.motor.speed_rad_s.abs() < 0.1;
-        self.overload_s = if stalled { self.overload_s + dt_s } else { 0.0 };
-        let share = self.supply_v / self.nominal_v;
+        let pushes_hard = self.torque_nm.abs() > OVERLOAD_SHARE * self.torque_limit_nm;
+        let stalled_s = self.body.stalled_for(dt_s, pushes_hard);
+        let share = self.body.volts() / self.nominal_v;
         if self.trouble.is_some() {
-        } else if self.overload_s > OVERLOAD_S {
+        } else if stalled_s > OVERLOAD_S {
             self.fail(Trouble::Overload);
-        } else if self.motor.temperature_c > HOTTEST_C {
+        } else if self.body.motor.temperature_c > HOTTEST_C {
             self.fail(Trouble::Overheat);
         } else if share < LOWEST_SHARE {
             self.fail(Trouble::UnderVoltage);
@@ -348,23 +325,19 @@ impl Core {
 
     /// The end of a control period: the true position is judged.
     pub fn end_period(&mut self) {
-        let position_rad = self.joint_rad(self.motor.angle_rad);
-        self.judge.went(self.time_s, position_rad);
+        self.body.end_period();
     }
 
     /// The truth.
     pub fn state(&self) -> SimServoState {
-        let goal = self.command.map_or(self.motor.angle_rad, |c| c.goal_rad);
+        let goal = self.command.map_or(self.angle_rad(), |c| c.goal_rad);
         SimServoState {
-            time_s: self.time_s,
-            position_rad: self.joint_rad(self.motor.angle_rad),
-            velocity_rad_s: self.spec.direction * self.motor.speed_rad_s,
-            goal_rad: self.joint_rad(goal),
-            current_a: self.spec.direction * self.motor.current_a,
-            temperature_c: self.motor.temperature_c,
+            goal_rad: self.body.joint_rad(goal),
             torque_enabled: self.enabled,
             watchdog_tripped: self.tripped,
+            tripped_s: self.tripped_s,
             hardware_error: self.trouble.map_or(0, |trouble| 1 << trouble as u8),
+            ..self.body.state()
         }
     }
 }

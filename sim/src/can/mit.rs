@@ -129,7 +129,7 @@ impl MitMotor {
         });
     }
 
-    /// 7FF: id, command, register, value.
+    /// 7FF: id, command, register, value; CC is a question for the feedback.
     fn access(&mut self, data: [u8; 8], out: &mut Vec<CanFrame>) {
         let [low, high, command, which, value @ ..] = data;
         let reply_id = self.reply_id();
@@ -139,6 +139,9 @@ impl MitMotor {
         let Some(registers) = &mut self.registers else {
             return;
         };
+        if command == 0xCC {
+            return out.push(self.feedback());
+        }
         let Some(register) = registers.get_mut(usize::from(which)) else {
             return;
         };

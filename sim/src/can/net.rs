@@ -8,11 +8,11 @@ use std::fmt::Debug;
 
 use servodance_drivers::can::CanFrame;
 
+use crate::body::SimServoState;
 use crate::can::core::Core;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::line::{Burst, Line};
-use crate::servo::SimServoState;
 
 /// A motor with its protocol.
 pub trait Device: Debug + Send {

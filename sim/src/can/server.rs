@@ -68,6 +68,9 @@ impl CanServer {
     /// A frame from the host takes its time, then the motors hear it.
     fn serve(&mut self, frame: &CanFrame) {
         self.pass(frame);
+        if self.shared.faults().echoes() {
+            self.adapter.deliver(frame);
+        }
         self.shared.wire().bytes_in += frame.data().len() as u64;
         if self.shared.faults().loses_instruction() {
             return;

@@ -8,9 +8,11 @@ use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use servodance_drivers::can::{CanBus, CanFault, CanFrame, CanLink, Received, Sent, slcan, udp};
+use servodance_drivers::can::{
+    CanBus, CanFault, CanFrame, CanLink, CanScanner, Received, Sent, slcan, udp,
+};
 use servodance_drivers::{Bus, BusConfig, BusKind, Servo, ServoConfig, servos};
 use servodance_sim::can::{WATCHDOG_ENDPOINTS, build_net};
 use servodance_sim::{Line, SimServoSpec};
@@ -226,6 +228,30 @@ impl CanLink for DamagedLink {
         self.queue.clear();
         Ok(())
     }
+}
+
+/// Replies to a scan: sound are the motors that it finds.
+pub fn scans(dice: &mut Dice, inputs: u64, model: &str) -> Tally {
+    let mut tally = Tally::default();
+    let heard = Arc::new(AtomicU64::new(0));
+    let servos = robot(model);
+    while heard.load(Ordering::Relaxed) < inputs {
+        let link = DamagedLink {
+            line: net(&servos),
+            queue: VecDeque::new(),
+            dice: Dice(dice.next()),
+            time_s: 0.0,
+            rarity: [2, 20, 200][dice.below(3)],
+            heard: heard.clone(),
+        };
+        let mut scanner = CanScanner::over(Box::new(link), Duration::ZERO, Duration::ZERO);
+        match scanner.everyone() {
+            Ok(found) => tally.sound += found.len() as u64,
+            Err(_) => tally.refused += 1,
+        }
+    }
+    tally.inputs = heard.load(Ordering::Relaxed);
+    tally
 }
 
 /// Replies to the driver of one kind: sound are its good cycles, refused its errors.
