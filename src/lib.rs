@@ -9,6 +9,7 @@ pub mod bus_tools;
 pub mod commands;
 pub mod dance;
 pub mod dataset;
+pub mod doctor;
 pub mod evaluate;
 pub mod follow;
 pub mod generate;

@@ -2,7 +2,7 @@
 
 use crate::follow::{Followed, follow};
 use crate::output::{PendingFile, write_whole};
-use crate::record::{Recorder, Topic};
+use crate::record::{Recorder, Topic, WhenBehind};
 use crate::report::ViolationReport;
 use crate::robot::Robot;
 use anyhow::{Context, bail};
@@ -154,8 +154,10 @@ impl Sink {
                 Ok(Sink::Csv(pending, writer))
             }
             Some("mcap") => {
-                let mut recorder = Recorder::create(path, names.to_vec())?;
-                recorder.text(Topic::RobotDescription, 0.0, urdf_xml)?;
+                let silent = Box::new(|_: &str| ()); // `finish` tells
+                let mut recorder =
+                    Recorder::create(path, names.to_vec(), WhenBehind::Wait, silent)?;
+                recorder.text(Topic::RobotDescription, 0.0, urdf_xml);
                 Ok(Sink::Recording(Box::new(recorder)))
             }
             _ => bail!(
@@ -176,7 +178,8 @@ impl Sink {
                 Ok(())
             }
             Sink::Recording(recorder) => {
-                recorder.positions(Topic::JointCommands, time_s, positions_rad)
+                recorder.positions(Topic::JointCommands, time_s, positions_rad);
+                Ok(())
             }
         }
     }
@@ -192,7 +195,7 @@ impl Sink {
                 recorder.metadata(BTreeMap::from([
                     ("robot".to_owned(), robot.name.clone()),
                     ("control_hz".to_owned(), robot.control_hz.to_string()),
-                ]))?;
+                ]));
                 recorder.finish()
             }
         }

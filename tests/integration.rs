@@ -6,6 +6,7 @@ mod can_robot;
 mod dataset;
 mod documents;
 mod evaluation;
+mod full_disk;
 mod idle;
 mod live;
 mod motion_files;

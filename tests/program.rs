@@ -61,7 +61,7 @@ impl Program {
         assert_eq!(before, self.files(), "{arguments:?} left files behind");
     }
 
-    fn files(&self) -> Vec<PathBuf> {
+    pub fn files(&self) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(self.folder.path()).expect("the folder is there");
         let mut files: Vec<PathBuf> = entries.map(|e| e.expect("an entry").path()).collect();
         files.sort();

@@ -8,13 +8,16 @@
 pub mod beats;
 pub mod bench;
 pub mod calibrate;
+pub mod completions;
 pub mod dance;
 pub mod dataset;
 pub mod devices;
+pub mod doctor;
 pub mod evaluate;
 pub mod generate;
 pub mod jog;
 pub mod latency;
+pub mod man;
 pub mod ping;
 pub mod reconstruct;
 pub mod retarget;
@@ -56,10 +59,14 @@ pub enum Command {
     Bench(bench::Args),
     /// Put zeros and directions into a robot file, from where its joints rest.
     Calibrate(calibrate::Args),
+    /// Write the script that completes commands in a shell.
+    Completions(completions::Args),
     /// Dance to a recording, to the built-in song, or to raw audio on standard input.
     Dance(dance::Args),
     /// Bring motion in, look it over, build the file to train with.
     Dataset(dataset::Args),
+    /// Look for what stands in the way of a dance on this machine, and say what to do.
+    Doctor(doctor::Args),
     /// Score the generator: beat, variety, physics, each beside controls and real motion.
     Evaluate(evaluate::Args),
     /// Write the human motion that the model dances to a recording, without a robot.
@@ -78,6 +85,8 @@ pub enum Command {
     Devices(devices::Args),
     /// Measure the delay from sound to servo: a click in, the motion onset out.
     Latency(latency::Args),
+    /// Write the manual pages.
+    Man(man::Args),
     /// List the built-in robots and where each file is.
     Robots(robots::Args),
     /// Look for servos on a serial port, at every usual baud rate.
@@ -100,8 +109,10 @@ impl Command {
             Command::Beats(args) => beats::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Calibrate(args) => calibrate::run(args),
+            Command::Completions(args) => completions::run(args),
             Command::Dance(args) => dance::run(args),
             Command::Dataset(args) => dataset::run(args),
+            Command::Doctor(args) => doctor::run(args),
             Command::Evaluate(args) => evaluate::run(args),
             Command::Generate(args) => generate::run(args),
             Command::Jog(args) => jog::run(args),
@@ -111,6 +122,7 @@ impl Command {
             Command::Robot(args) => robot::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Latency(args) => latency::run(args),
+            Command::Man(args) => man::run(args),
             Command::Robots(args) => robots::run(args),
             Command::Scan(args) => scan::run(args),
             Command::SetId(args) => set_id::run(args),

@@ -278,7 +278,7 @@ impl<'a> Control<'a> {
         while !self.stop.load(Ordering::Relaxed) {
             match source.poll()? {
                 Next::Step(step) => {
-                    self.accept(&step, on_frame)?;
+                    self.accept(&step, on_frame);
                     arrivals.note(&step);
                 }
                 Next::Ended => {
@@ -325,7 +325,7 @@ impl<'a> Control<'a> {
         let lacks = |newest_s: Option<f64>, until_s| newest_s.unwrap_or(FIRST_S) < until_s;
         while !self.ended && lacks(self.newest_s, wanted_s) {
             match source.poll()? {
-                Next::Step(step) => self.accept(&step, on_frame)?,
+                Next::Step(step) => self.accept(&step, on_frame),
                 Next::Ended => self.ended = true,
                 Next::Late => {
                     let late = motion_s >= 0.0 && lacks(self.newest_s, needed_s);
@@ -337,7 +337,7 @@ impl<'a> Control<'a> {
         Ok(())
     }
 
-    fn accept(&mut self, step: &Step, on_frame: &mut impl FnMut(f64)) -> anyhow::Result<()> {
+    fn accept(&mut self, step: &Step, on_frame: &mut impl FnMut(f64)) {
         self.newest_s = Some(step.motion.time_s);
         self.captured = step.captured;
         if self.dancing {
@@ -355,13 +355,12 @@ impl<'a> Control<'a> {
         on_frame(step.motion.time_s);
         let at_s = step.motion.time_s + self.music_start_s;
         if let Some(recorder) = self.recorder.as_mut().filter(|_| self.dancing) {
-            recorder.motion(at_s, &step.motion)?;
+            recorder.motion(at_s, &step.motion);
             let phase = f64::from(step.music.beat.phase);
-            recorder.number(Topic::BeatPhase, at_s, phase)?;
-            recorder.number(Topic::Stage(Stage::Features), at_s, step.features_ms)?;
-            recorder.number(Topic::Stage(Stage::Model), at_s, step.model_ms)?;
+            recorder.number(Topic::BeatPhase, at_s, phase);
+            recorder.number(Topic::Stage(Stage::Features), at_s, step.features_ms);
+            recorder.number(Topic::Stage(Stage::Model), at_s, step.model_ms);
         }
-        Ok(())
     }
 
     fn retarget(&mut self) -> anyhow::Result<()> {
@@ -372,7 +371,8 @@ impl<'a> Control<'a> {
             retargeter.next_altered(motion_s, |dance| idle.step(time_s, dance), targets)
         });
         result?;
-        self.record_stage(Stage::Retarget, ms)
+        self.record_stage(Stage::Retarget, ms);
+        Ok(())
     }
 
     /// One bus cycle with the present targets, then bookkeeping.
@@ -384,11 +384,11 @@ impl<'a> Control<'a> {
         let start = Instant::now();
         self.latency.sent(start);
         self.keep(time_s);
-        self.record_cycle(time_s)?;
-        self.record_stage(Stage::Bus, bus_ms)?;
+        self.record_cycle(time_s);
+        self.record_stage(Stage::Bus, bus_ms);
         let control_ms = start.elapsed().as_secs_f64() * 1e3;
         self.stages.book(Stage::Control, control_ms);
-        self.record_stage(Stage::Control, control_ms)?;
+        self.record_stage(Stage::Control, control_ms);
         self.cycle += 1;
         Ok(())
     }
@@ -434,31 +434,30 @@ impl<'a> Control<'a> {
         }
     }
 
-    fn record_cycle(&mut self, time_s: f64) -> anyhow::Result<()> {
+    fn record_cycle(&mut self, time_s: f64) {
         let at_s = time_s + self.music_start_s;
         let period_s = self.robot.period_s();
         let Some(recorder) = &mut self.recorder else {
-            return Ok(());
+            return;
         };
-        recorder.positions(Topic::JointTargets, at_s, &self.targets)?;
-        recorder.number(Topic::Lead, at_s, self.motion_s - time_s)?;
-        recorder.number(Topic::Idle, at_s, self.idle.share())?;
-        recorder.positions(Topic::JointCommands, at_s, self.rig.sent_rad())?;
-        recorder.states(Topic::JointStates, at_s, self.rig.states())?;
+        recorder.positions(Topic::JointTargets, at_s, &self.targets);
+        recorder.number(Topic::Lead, at_s, self.motion_s - time_s);
+        recorder.number(Topic::Idle, at_s, self.idle.share());
+        recorder.positions(Topic::JointCommands, at_s, self.rig.sent_rad());
+        recorder.states(Topic::JointStates, at_s, self.rig.states());
         if let Some(truth) = self.rig.truth() {
             // The simulation has already gone on to the end of this cycle.
-            recorder.states(Topic::ServoTruth, at_s + period_s, truth)?;
+            recorder.states(Topic::ServoTruth, at_s + period_s, truth);
         }
         let (bytes, packets) = self.rig.wire_totals();
-        recorder.number(Topic::BusBytes, at_s, bytes as f64)?;
-        recorder.number(Topic::BusPackets, at_s, packets as f64)
+        recorder.number(Topic::BusBytes, at_s, bytes as f64);
+        recorder.number(Topic::BusPackets, at_s, packets as f64);
     }
 
-    fn record_stage(&mut self, stage: Stage, ms: f64) -> anyhow::Result<()> {
+    fn record_stage(&mut self, stage: Stage, ms: f64) {
         let at_s = self.time_s() + self.music_start_s;
-        match &mut self.recorder {
-            Some(recorder) => recorder.number(Topic::Stage(stage), at_s, ms),
-            None => Ok(()),
+        if let Some(recorder) = &mut self.recorder {
+            recorder.number(Topic::Stage(stage), at_s, ms);
         }
     }
 

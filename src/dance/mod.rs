@@ -35,7 +35,7 @@ pub use ports::{BusChoice, choose as choose_buses};
 use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
 use crate::realtime::{OrdinaryAfterwards, Role, raise};
-use crate::record::{Recorder, Topic};
+use crate::record::{Recorder, Topic, WhenBehind};
 use crate::report::{
     AlignmentReport, CaptureReport, CompensationReport, KinematicBeats, Report, Stages,
 };
@@ -98,17 +98,8 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     drop(picture.transpose()?); // only to learn early whether it can be written
     let report_file = config.report.as_deref().map(PendingFile::create);
     drop(report_file.transpose()?);
-    let joint_names = config.robot.servos.iter().map(|s| s.name.clone()).collect();
-    let mut recorder = config
-        .record
-        .as_deref()
-        .map(|path| Recorder::create(path, joint_names))
-        .transpose()?;
-    if let Some(recorder) = &mut recorder {
-        recorder.text(Topic::RobotDescription, 0.0, &config.robot.urdf_xml)?;
-    }
-
     let progress = Progress::new(audio_s, config.quiet);
+    let recorder = open_recorder(config, &progress)?;
     if let Err(not_allowed) = allowed {
         progress.note(&not_allowed.to_string());
     }
@@ -168,7 +159,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     let heard = source.heard()?;
     let mut report = report(config, &run, &rig, &heard, model, wall_s);
     judge(config, &run, &mut report)?;
-    finish_recording(config, run.recorder, &report, run.music_start_s)?;
+    let recorded = finish_recording(config, run.recorder, &report, run.music_start_s);
     if let Some(path) = &config.report {
         report.write(path)?;
     }
@@ -176,6 +167,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         let picture = portrait::portrait(config, &run.trace, run.trace_hz, &report)?;
         write_whole(path, &picture.png()?)?;
     }
+    recorded?;
     if let Some(counted) = report.violations.filter(|v| *v != Default::default()) {
         anyhow::bail!(
             "the simulated servos saw limits broken: {} position, {} velocity, {} acceleration; first: {}",
@@ -214,6 +206,23 @@ pub(crate) fn open_generator(model: Option<&Path>) -> anyhow::Result<Generator> 
         Some(path) => Generator::load(path)?,
         None => Generator::built_in()?,
     })
+}
+
+/// The recording, if one is asked for, begun with the robot's description.
+fn open_recorder(config: &DanceConfig, progress: &Progress) -> anyhow::Result<Option<Recorder>> {
+    let Some(path) = &config.record else {
+        return Ok(None);
+    };
+    let joint_names = config.robot.servos.iter().map(|s| s.name.clone()).collect();
+    let when_behind = match config.speed {
+        Speed::Max => WhenBehind::Wait,
+        Speed::Realtime => WhenBehind::LeaveOut,
+    };
+    let notes = progress.clone();
+    let on_trouble = Box::new(move |text: &str| notes.note(text));
+    let mut recorder = Recorder::create(path, joint_names, when_behind, on_trouble)?;
+    recorder.text(Topic::RobotDescription, 0.0, &config.robot.urdf_xml);
+    Ok(Some(recorder))
 }
 
 fn report(
@@ -307,7 +316,7 @@ fn finish_recording(
         return Ok(());
     };
     for time_s in &report.beats.times_s {
-        recorder.number(Topic::Beat, time_s + music_start_s, report.beats.tempo_bpm)?;
+        recorder.number(Topic::Beat, time_s + music_start_s, report.beats.tempo_bpm);
     }
     let limits: Vec<serde_json::Value> = config
         .robot
@@ -332,6 +341,6 @@ fn finish_recording(
         ("model".to_owned(), report.model.clone()),
         ("seed".to_owned(), report.seed.to_string()),
         ("joints".to_owned(), serde_json::to_string(&limits)?),
-    ]))?;
+    ]));
     recorder.finish()
 }

@@ -18,21 +18,21 @@
 //!
 //! Time stamps count from torque on; the metadata record `dance` says when the
 //! music began (`music_start_s`), and gives the joints' limits and the other
-//! figures that a reader needs to check the report.
+//! figures that a reader needs to check the report, and how many messages were
+//! left out because the disk was too slow (`messages_left_out`).
 
+mod book;
 mod cdr;
+mod clerk;
 mod schema;
 
-use crate::output::PendingFile;
 use crate::stages::Stage;
-use anyhow::Context;
 use cdr::CdrWriter;
-use mcap::records::MessageHeader;
+use clerk::Clerk;
+pub use clerk::{OnTrouble, WhenBehind};
 use schema::MessageType;
 use servodance_types::{JointState, MotionFrame};
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::Path;
 
 const JOINT_FRAME: &str = "base_link";
@@ -100,70 +100,59 @@ impl Topic {
     }
 }
 
-/// Writes a recording; without [`Recorder::finish`] no file appears.
+/// Turns what happens into messages and has a [`clerk`] write them; without
+/// [`Recorder::finish`] no file appears. Nothing here waits for a disk, unless
+/// [`WhenBehind::Wait`] says so; what went wrong with it is told by `finish`.
 pub struct Recorder {
-    pending: PendingFile,
-    writer: mcap::Writer<BufWriter<File>>,
-    channels: BTreeMap<String, (u16, u32)>,
+    clerk: Clerk,
     joint_names: Vec<String>,
 }
 
 impl Recorder {
     /// Starts a recording of joints with these names.
-    pub fn create(path: &Path, joint_names: Vec<String>) -> anyhow::Result<Self> {
-        let pending = PendingFile::create(path)?;
-        let writer = mcap::WriteOptions::new()
-            .profile("ros2")
-            .library(concat!("servodance ", env!("CARGO_PKG_VERSION")))
-            .compression(None)
-            .create(pending.writer()?)
-            .with_context(|| format!("cannot record to {}", path.display()))?;
-        Ok(Self {
-            pending,
-            writer,
-            channels: BTreeMap::new(),
-            joint_names,
-        })
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn create(
+        path: &Path,
+        joint_names: Vec<String>,
+        when_behind: WhenBehind,
+        on_trouble: OnTrouble,
+    ) -> anyhow::Result<Self> {
+        let clerk = Clerk::start(path, when_behind, on_trouble)?;
+        Ok(Self { clerk, joint_names })
     }
 
     /// One number at `time_s`.
-    pub fn number(&mut self, topic: Topic, time_s: f64, value: f64) -> anyhow::Result<()> {
-        self.message(topic, time_s, &CdrWriter::new().f64(value).finish())
+    pub fn number(&mut self, topic: Topic, time_s: f64, value: f64) {
+        self.clerk
+            .message(topic, time_s, CdrWriter::new().f64(value).finish());
     }
 
     /// One text at `time_s`.
-    pub fn text(&mut self, topic: Topic, time_s: f64, value: &str) -> anyhow::Result<()> {
-        self.message(topic, time_s, &CdrWriter::new().string(value).finish())
+    pub fn text(&mut self, topic: Topic, time_s: f64, value: &str) {
+        self.clerk
+            .message(topic, time_s, CdrWriter::new().string(value).finish());
     }
 
     /// Joint positions alone, radians.
-    pub fn positions(
-        &mut self,
-        topic: Topic,
-        time_s: f64,
-        positions_rad: &[f64],
-    ) -> anyhow::Result<()> {
+    pub fn positions(&mut self, topic: Topic, time_s: f64, positions_rad: &[f64]) {
         let mut cdr = self.joint_header(time_s);
         cdr.f64s(positions_rad.iter().copied()).u32(0).u32(0);
-        self.message(topic, time_s, &cdr.finish())
+        self.clerk.message(topic, time_s, cdr.finish());
     }
 
     /// Whole joint states: radians, radians a second, amperes.
-    pub fn states(
-        &mut self,
-        topic: Topic,
-        time_s: f64,
-        states: &[JointState],
-    ) -> anyhow::Result<()> {
+    pub fn states(&mut self, topic: Topic, time_s: f64, states: &[JointState]) {
         let mut cdr = self.joint_header(time_s);
         cdr.f64s(states.iter().map(|s| s.position_rad))
             .f64s(states.iter().map(|s| s.velocity_rad_s))
             .f64s(states.iter().map(|s| s.current_a));
-        self.message(topic, time_s, &cdr.finish())
+        self.clerk.message(topic, time_s, cdr.finish());
     }
 
     /// A human motion frame at `time_s`, turned from y up to z up, facing x.
-    pub fn motion(&mut self, time_s: f64, frame: &MotionFrame) -> anyhow::Result<()> {
+    pub fn motion(&mut self, time_s: f64, frame: &MotionFrame) {
         let mut cdr = CdrWriter::new();
         cdr.header(time_s, MOTION_FRAME);
         cdr.u32(frame.positions.len() as u32);
@@ -175,23 +164,20 @@ impl Recorder {
                 cdr.f64(value);
             }
         }
-        self.message(Topic::Motion, time_s, &cdr.finish())
+        self.clerk.message(Topic::Motion, time_s, cdr.finish());
     }
 
     /// Facts about the run, as text by key.
-    pub fn metadata(&mut self, facts: BTreeMap<String, String>) -> anyhow::Result<()> {
-        self.writer.write_metadata(&mcap::records::Metadata {
-            name: "dance".into(),
-            metadata: facts,
-        })?;
-        Ok(())
+    pub fn metadata(&mut self, facts: BTreeMap<String, String>) {
+        self.clerk.facts(facts);
     }
 
     /// Closes the recording and gives the file its name.
-    pub fn finish(mut self) -> anyhow::Result<()> {
-        self.writer.finish()?;
-        self.writer.into_inner().flush()?;
-        self.pending.finish()
+    ///
+    /// # Errors
+    /// What went wrong since the beginning, if anything did.
+    pub fn finish(self) -> anyhow::Result<()> {
+        self.clerk.finish()
     }
 
     fn joint_header(&self, time_s: f64) -> CdrWriter {
@@ -202,35 +188,5 @@ impl Recorder {
             cdr.string(name);
         }
         cdr
-    }
-
-    fn message(&mut self, topic: Topic, time_s: f64, data: &[u8]) -> anyhow::Result<()> {
-        let (channel_id, sequence) = self.channel(topic)?;
-        let log_time = (time_s.max(0.0) * 1e9).round() as u64;
-        let header = MessageHeader {
-            channel_id,
-            sequence,
-            log_time,
-            publish_time: log_time,
-        };
-        self.writer.write_to_known_channel(&header, data)?;
-        Ok(())
-    }
-
-    fn channel(&mut self, topic: Topic) -> anyhow::Result<(u16, u32)> {
-        let name = topic.name();
-        if let Some((id, sequence)) = self.channels.get_mut(&name) {
-            *sequence += 1;
-            return Ok((*id, *sequence));
-        }
-        let kind = topic.message_type();
-        let schema =
-            self.writer
-                .add_schema(kind.name(), "ros2msg", kind.definition().as_bytes())?;
-        let id = self
-            .writer
-            .add_channel(schema, &name, "cdr", &BTreeMap::new())?;
-        self.channels.insert(name, (id, 0));
-        Ok((id, 0))
     }
 }

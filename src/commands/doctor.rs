@@ -1,0 +1,61 @@
+//! `servodance doctor`.
+
+use crate::dance::open_generator;
+use crate::doctor::{Finding, Verdict, examine};
+use crate::robot::Robot;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance doctor
+      is this machine fit to dance the built-in humanoid in real time?
+  servodance doctor --robot my-robot.toml --json
+      the same for your robot, for scripts (exit status 1 if anything is bad)";
+
+/// What `doctor` looks at.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// A built-in robot (see `servodance robots`) or a robot file.
+    #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
+    pub robot: String,
+
+    /// Weights to use in place of the built-in ones.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub model: Option<PathBuf>,
+
+    /// Print the findings as JSON: area, verdict (good, warning, bad), what, remedy.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Prints what was found; fails where a dance is not possible.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let robot = Robot::load(&args.robot)?;
+    let findings = examine(&robot, &open_generator(args.model.as_deref())?)?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&findings)?);
+    } else {
+        for finding in &findings {
+            print(finding);
+        }
+    }
+    let bad = findings.iter().any(|f| f.verdict == Verdict::Bad);
+    Ok(match bad {
+        true => ExitCode::FAILURE,
+        false => ExitCode::SUCCESS,
+    })
+}
+
+fn print(finding: &Finding) {
+    let mark = match finding.verdict {
+        Verdict::Good => "ok     ",
+        Verdict::Warning => "warning",
+        Verdict::Bad => "BAD    ",
+    };
+    println!("{mark}  {:<10}{}", finding.area, finding.what);
+    if let Some(remedy) = &finding.remedy {
+        println!("{:21}-> {remedy}", "");
+    }
+}
