@@ -4,9 +4,13 @@
 //! sound to servo, its [`report`], [`record`]ing and [`picture`]. The parts
 //! themselves are crates of their own; ARCHITECTURE.md maps them.
 
+// A reader that goes away is no reason to panic: see `console`.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 pub mod beats;
 pub mod bus_tools;
 pub mod commands;
+pub mod console;
 pub mod dance;
 pub mod dataset;
 pub mod doctor;

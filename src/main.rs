@@ -9,7 +9,8 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     Cli::parse().command.run().unwrap_or_else(|error| {
-        eprintln!("error: {}", one_line(&error));
+        let text = one_line(&error);
+        servodance::console::stderr(format_args!("error: {text}\n"));
         ExitCode::FAILURE
     })
 }

@@ -1,5 +1,6 @@
 //! What the user sees while it works: a bar on standard error.
 
+use crate::console::tell;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// A progress bar in seconds of music, shared by its clones; says nothing when quiet.
@@ -50,7 +51,7 @@ impl Progress {
     /// One line for the user, above the bar.
     pub fn note(&self, text: &str) {
         if !self.quiet {
-            self.bar.suspend(|| eprintln!("{text}"));
+            self.bar.suspend(|| tell!("{text}"));
         }
     }
 

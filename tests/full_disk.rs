@@ -37,6 +37,6 @@ fn a_full_disk_ends_the_recording_and_not_the_dance() {
     let report: Value = serde_json::from_str(&report).expect("JSON");
     assert!(report["audio_s"].as_f64() > Some(30.0), "{report}");
     let last = report["safety"].as_array().and_then(|log| log.last());
-    assert_eq!(last.map(|event| &event["to"]), Some(&"disarmed".into()));
+    assert_eq!(last.map(|event| &event["to"]), Some(&"Disarmed".into()));
     assert_eq!(program.files(), [program.path("out.json")]);
 }

@@ -3,6 +3,7 @@
 mod bad_input;
 mod bus_tools;
 mod can_robot;
+mod command_line;
 mod dataset;
 mod documents;
 mod evaluation;

@@ -1,5 +1,6 @@
 //! Asking before something happens to a live robot.
 
+use crate::console::tell;
 use anyhow::{Context, bail};
 use std::io::{BufRead, IsTerminal, Write};
 
@@ -30,7 +31,7 @@ impl Consent {
         if !std::io::stdin().is_terminal() {
             bail!("{what} There is no terminal to ask on: --yes agrees beforehand");
         }
-        eprint!("{what} Go on? [y/N] ");
+        crate::console::stderr(format_args!("{what} Go on? [y/N] "));
         std::io::stderr().flush()?;
         let answer = read_line()?;
         if matches!(answer.trim(), "y" | "Y" | "yes") {
@@ -42,7 +43,7 @@ impl Consent {
 
 /// Waits for Enter; the end of standard input is as good.
 pub fn pause(what: &str) -> anyhow::Result<()> {
-    eprintln!("{what}, then press Enter");
+    tell!("{what}, then press Enter");
     read_line().map(drop)
 }
 

@@ -6,6 +6,7 @@
 
 use super::consent::Consent;
 use super::plug;
+use crate::console::{say, tell};
 use crate::robot::Robot;
 use anyhow::bail;
 use servodance_drivers::{Bus, SafeBus, SafetyConfig, Servo, State, open_bus};
@@ -181,7 +182,7 @@ impl Joint {
         let clock = WallClock::start();
         let report = bus.arm(clock.now_s())?;
         for note in &report.notes {
-            eprintln!("{note}");
+            tell!("{note}");
         }
         let Some(state) = report.states.first() else {
             bail!("{} told no state", servo.name);
@@ -244,10 +245,10 @@ impl Joint {
             _ => Step::parse(order).and_then(|step| self.aim(step)),
         };
         if let Err(error) = result {
-            eprintln!("{error}");
+            tell!("{error}");
         }
         let state = self.states[0];
-        println!(
+        say!(
             "{} at {:.1} degrees, {:.2} A, going to {:.1}",
             self.servo.name,
             state.position_rad.to_degrees(),

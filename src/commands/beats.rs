@@ -48,7 +48,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     };
     match args.out {
         Some(path) => write_whole(&path, text.as_bytes())?,
-        None => print!("{text}"),
+        None => crate::console::stdout(format_args!("{text}")),
     }
     Ok(ExitCode::SUCCESS)
 }

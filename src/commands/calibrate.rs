@@ -2,6 +2,7 @@
 
 use crate::bus_tools::Consent;
 use crate::bus_tools::calibrate::Calibration;
+use crate::console::say;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -44,7 +45,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         output: args.output.as_deref(),
         directions: args.directions,
     };
-    let written = calibration.run(Consent::from_flag(args.yes), |line| println!("{line}"))?;
-    println!("wrote {}", written.display());
+    let written = calibration.run(Consent::from_flag(args.yes), |line| say!("{line}"))?;
+    say!("wrote {}", written.display());
     Ok(ExitCode::SUCCESS)
 }

@@ -1,6 +1,7 @@
 //! `servodance dance`.
 
 use super::{INTERRUPTED, stop_signal};
+use crate::console::tell;
 use crate::dance::{DanceConfig, IdleStyle, Speed, dance};
 use crate::summary::summary;
 use servodance_audio::source::PcmEncoding;
@@ -120,10 +121,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let stop = stop_signal()?;
     let outcome = dance(&config, &stop)?;
     if !config.quiet {
-        print!("{}", summary(&config, &outcome.report));
+        crate::console::stdout(format_args!("{}", summary(&config, &outcome.report)));
     }
     if outcome.interrupted {
-        eprintln!("stopped; torque is off");
+        tell!("stopped; torque is off");
         return Ok(ExitCode::from(INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)

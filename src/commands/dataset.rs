@@ -1,5 +1,6 @@
 //! `servodance dataset`: import, report, build.
 
+use crate::console::{say, tell};
 use crate::dataset::{Import, Options, Report, build, import};
 use crate::output::write_whole;
 use crate::progress::Progress;
@@ -149,7 +150,7 @@ fn run_import(args: ImportArgs) -> anyhow::Result<ExitCode> {
         fps: args.fps,
     };
     let tell = |line: &str| match args.quiet {
-        true if line.starts_with("skipped") => eprintln!("{line}"),
+        true if line.starts_with("skipped") => tell!("{line}"),
         _ => progress.note(line),
     };
     let done = import(&request, tell, |share| progress.at(100.0 * share));
@@ -163,7 +164,7 @@ fn run_import(args: ImportArgs) -> anyhow::Result<ExitCode> {
         );
     }
     if !args.quiet {
-        println!(
+        say!(
             "{}: {} clips, {:.1} minutes, {} with music; {} files skipped, {} mirrored copies left out",
             request.out.display(),
             done.clips,
@@ -185,8 +186,8 @@ fn run_report(args: ReportArgs) -> anyhow::Result<ExitCode> {
     let sheet = args.sheet.unwrap_or_else(|| args.folder.join("sheet.png"));
     write_whole(&sheet, &report.sheet(&title)?)?;
     match args.json {
-        true => println!("{}", serde_json::to_string_pretty(&report)?),
-        false => print!("{}", report.table()),
+        true => say!("{}", serde_json::to_string_pretty(&report)?),
+        false => crate::console::stdout(format_args!("{}", report.table())),
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -207,15 +208,17 @@ fn run_build(args: BuildArgs) -> anyhow::Result<ExitCode> {
     progress.done();
     let summary = built?;
     for reason in &summary.left_out {
-        eprintln!("left out: {reason}");
+        tell!("left out: {reason}");
     }
     if !args.quiet {
         for (kind, minutes) in &summary.minutes {
-            println!("{minutes:7.2} min  {kind}");
+            say!("{minutes:7.2} min  {kind}");
         }
-        println!(
+        say!(
             "{} clips; captured dance {:.1} min, {:.1} of them with a beat to render music on",
-            summary.clips, summary.captured_dance_minutes, summary.captured_dance_with_beat_minutes
+            summary.clips,
+            summary.captured_dance_minutes,
+            summary.captured_dance_with_beat_minutes
         );
     }
     Ok(ExitCode::SUCCESS)

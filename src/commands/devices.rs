@@ -17,6 +17,6 @@ pub struct Args {}
 
 /// Prints one line an input.
 pub fn run(_args: Args) -> anyhow::Result<ExitCode> {
-    print!("{}", input_table()?);
+    crate::console::stdout(format_args!("{}", input_table()?));
     Ok(ExitCode::SUCCESS)
 }

@@ -1,5 +1,6 @@
 //! `servodance doctor`.
 
+use crate::console::say;
 use crate::dance::open_generator;
 use crate::doctor::{Finding, Verdict, examine};
 use crate::robot::Robot;
@@ -35,7 +36,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = Robot::load(&args.robot)?;
     let findings = examine(&robot, &open_generator(args.model.as_deref())?)?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&findings)?);
+        say!("{}", serde_json::to_string_pretty(&findings)?);
     } else {
         for finding in &findings {
             print(finding);
@@ -54,8 +55,8 @@ fn print(finding: &Finding) {
         Verdict::Warning => "warning",
         Verdict::Bad => "BAD    ",
     };
-    println!("{mark}  {:<10}{}", finding.area, finding.what);
+    say!("{mark}  {:<10}{}", finding.area, finding.what);
     if let Some(remedy) = &finding.remedy {
-        println!("{:21}-> {remedy}", "");
+        say!("{:21}-> {remedy}", "");
     }
 }

@@ -1,5 +1,6 @@
 //! `servodance evaluate`.
 
+use crate::console::say;
 use crate::evaluate::{Request, evaluate};
 use crate::progress::Progress;
 use servodance_model::GeneratorOptions;
@@ -85,9 +86,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     )?;
     progress.done();
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&found)?);
+        say!("{}", serde_json::to_string_pretty(&found)?);
     } else {
-        print!("{}", found.table());
+        crate::console::stdout(format_args!("{}", found.table()));
     }
     Ok(ExitCode::SUCCESS)
 }

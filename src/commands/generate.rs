@@ -1,5 +1,6 @@
 //! `servodance generate`.
 
+use crate::console::say;
 use crate::dance::AudioChoice;
 use crate::generate::{MotionFormat, Request, generate, write_motion};
 use std::path::PathBuf;
@@ -64,7 +65,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     })?;
     write_motion(&args.out, &clip)?;
     if !args.quiet {
-        println!(
+        say!(
             "{}: {} frames, {:.2} s at {} FPS",
             args.out.display(),
             clip.poses.len(),

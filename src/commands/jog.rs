@@ -3,6 +3,7 @@
 use super::{INTERRUPTED, stop_signal};
 use crate::bus_tools::Consent;
 use crate::bus_tools::jog::{Jog, Step};
+use crate::console::say;
 use crate::robot::Robot;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
@@ -63,7 +64,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         speed_deg_s: args.speed,
     };
     let moved = jog.run(Consent::from_flag(args.yes), &stop)?;
-    println!("{moved}");
+    say!("{moved}");
     if stop.load(Ordering::Acquire) {
         return Ok(ExitCode::from(INTERRUPTED));
     }

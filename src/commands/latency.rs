@@ -1,6 +1,7 @@
 //! `servodance latency`.
 
 use super::stop_signal;
+use crate::console::say;
 use crate::dance::{BusChoice, Measured, choose_buses, click_test};
 use crate::robot::Robot;
 use anyhow::{Context, bail};
@@ -46,8 +47,8 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let stop = stop_signal()?;
     let measured = click_test(&robot, &buses, args.clicks, &stop)?;
     match args.json {
-        true => println!("{:#}", json_of(&robot, &measured)),
-        false => print!("{}", table(&robot, &measured)),
+        true => say!("{:#}", json_of(&robot, &measured)),
+        false => crate::console::stdout(format_args!("{}", table(&robot, &measured))),
     }
     Ok(ExitCode::SUCCESS)
 }

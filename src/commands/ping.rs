@@ -1,6 +1,7 @@
 //! `servodance ping`.
 
 use crate::bus_tools::{ProtocolChoice, ping};
+use crate::console::say;
 use crate::robot::Robot;
 use anyhow::bail;
 use std::process::ExitCode;
@@ -50,7 +51,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         (None, None) => bail!("which servo? give an id, or --robot for all joints of a robot"),
     };
     for line in lines {
-        println!("{line}");
+        say!("{line}");
     }
     Ok(ExitCode::SUCCESS)
 }

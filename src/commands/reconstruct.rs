@@ -1,5 +1,6 @@
 //! `servodance reconstruct`.
 
+use crate::console::say;
 use crate::generate::{MotionFormat, reconstruct, write_motion};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -40,7 +41,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.original {
         write_motion(path, &done.original)?;
     }
-    println!(
+    say!(
         "{}: {} frames at {} FPS, mean joint error {:.1} mm",
         args.out.display(),
         done.reconstructed.poses.len(),

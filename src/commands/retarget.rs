@@ -1,5 +1,6 @@
 //! `servodance retarget`.
 
+use crate::console::say;
 use crate::retarget_motion::{self, Request};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -43,7 +44,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     })?;
     if !args.quiet {
         for line in &done.lines {
-            println!("{line}");
+            say!("{line}");
         }
     }
     Ok(ExitCode::SUCCESS)

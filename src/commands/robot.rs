@@ -1,5 +1,6 @@
 //! `servodance robot`: write a robot file for a description, look one over.
 
+use crate::console::say;
 use crate::robot_file;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -67,10 +68,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     let written = robot_file::new_robot(&args.description, &args.out, args.force)?;
     for file in &written.files {
-        println!("{}", file.display());
+        say!("{}", file.display());
     }
     for line in &written.lines {
-        println!("{line}");
+        say!("{line}");
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -78,12 +79,12 @@ fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
 fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     let checked = robot_file::check(&args.file);
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&checked)?);
+        say!("{}", serde_json::to_string_pretty(&checked)?);
     } else {
         for finding in &checked.findings {
-            println!("{finding}");
+            say!("{finding}");
         }
-        println!("{}", checked.verdict());
+        say!("{}", checked.verdict());
     }
     Ok(match checked.usable {
         true => ExitCode::SUCCESS,

@@ -1,5 +1,6 @@
 //! `servodance robots`.
 
+use crate::console::say;
 use crate::robot::{BUILT_IN, Robot};
 use std::process::ExitCode;
 
@@ -11,7 +12,7 @@ pub struct Args {}
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
     for built_in in BUILT_IN {
         let robot = Robot::load(built_in.name)?;
-        println!(
+        say!(
             "{:<10}{} ({} servos, {:.0} Hz)\n{:<10}{}",
             robot.name,
             robot.description,
@@ -21,6 +22,6 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
             built_in.file
         );
     }
-    println!("\nYour own: copy one of these files, then --robot my-robot.toml");
+    say!("\nYour own: copy one of these files, then --robot my-robot.toml");
     Ok(ExitCode::SUCCESS)
 }

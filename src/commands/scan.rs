@@ -1,6 +1,7 @@
 //! `servodance scan`.
 
 use crate::bus_tools::{ProtocolChoice, scan};
+use crate::console::{say, tell};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -34,9 +35,9 @@ pub struct Args {
 
 /// Prints a line for each servo, or for each port.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let say = |line: &str| println!("{line}");
+    let say = |line: &str| say!("{line}");
     match args.port {
-        Some(port) => scan::scan(&port, args.baud, args.protocol, say, |n| eprintln!("{n}"))?,
+        Some(port) => scan::scan(&port, args.baud, args.protocol, say, |n| tell!("{n}"))?,
         None => scan::ports().iter().for_each(|line| say(line)),
     }
     Ok(ExitCode::SUCCESS)

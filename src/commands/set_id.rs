@@ -1,6 +1,7 @@
 //! `servodance set-id`.
 
 use crate::bus_tools::{Consent, ProtocolChoice, set_id};
+use crate::console::say;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -39,6 +40,6 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let consent = Consent::from_flag(args.yes);
     let ids = (args.old, args.new);
     let done = set_id::set_id(&args.port, ids, args.baud, args.protocol, consent)?;
-    println!("{done}");
+    say!("{done}");
     Ok(ExitCode::SUCCESS)
 }

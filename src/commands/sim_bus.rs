@@ -2,6 +2,7 @@
 
 use super::stop_signal;
 use crate::bus_tools::serve;
+use crate::console::{say, tell};
 use crate::robot::Robot;
 use crate::sim_link::LinkChoice;
 use anyhow::Context;
@@ -58,7 +59,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         faults: &faults,
         backlash: args.backlash,
     };
-    let served = serve::serve(&robot, serving, &stop, |port| println!("{port}"))?;
-    eprintln!("{served}");
+    let served = serve::serve(&robot, serving, &stop, |port| say!("{port}"))?;
+    tell!("{served}");
     Ok(ExitCode::SUCCESS)
 }

@@ -1,5 +1,6 @@
 //! `servodance song`.
 
+use crate::console::say;
 use crate::song::write_demo;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -15,6 +16,6 @@ pub struct Args {
 /// Writes the built-in song and prints where.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     write_demo(&args.out)?;
-    println!("{}", args.out.display());
+    say!("{}", args.out.display());
     Ok(ExitCode::SUCCESS)
 }

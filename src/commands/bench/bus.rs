@@ -1,6 +1,7 @@
 //! `servodance bench bus`.
 
 use crate::bus_tools::bench;
+use crate::console::say;
 use crate::robot::Robot;
 use std::process::ExitCode;
 
@@ -31,9 +32,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = Robot::load(&args.robot)?;
     let figures = bench::run(&robot, args.baud)?;
     if args.json {
-        println!("{}", serde_json::to_string(&figures)?);
+        say!("{}", serde_json::to_string(&figures)?);
     } else {
-        print!("{figures}");
+        crate::console::stdout(format_args!("{figures}"));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,5 +1,6 @@
 //! `servodance bench retarget`.
 
+use crate::console::say;
 use crate::retarget_bench;
 use crate::robot::Robot;
 use std::path::PathBuf;
@@ -40,9 +41,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let clip = retarget_bench::motion(args.motion.as_deref(), args.seconds)?;
     let figures = retarget_bench::run(&robot, &clip)?;
     if args.json {
-        println!("{}", serde_json::to_string(&figures)?);
+        say!("{}", serde_json::to_string(&figures)?);
     } else {
-        println!(
+        say!(
             "{} ({} joints at {:.0} Hz), {}: {:.1} us a cycle mean, {:.1} p50, {:.1} p99, {:.1} max; \
              {} allocations in {} cycles",
             figures.robot,

@@ -1,0 +1,62 @@
+//! The command line itself: readers that go away, completions, manual pages,
+//! the doctor.
+
+use crate::program::Program;
+use serde_json::Value;
+use std::process::Stdio;
+
+/// Runs it with nobody at the other end of either output.
+fn unheard(program: &Program, arguments: &[&str]) -> Option<i32> {
+    let mut child = program
+        .command(arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    drop((child.stdout.take(), child.stderr.take()));
+    child.wait().expect("it ends").code()
+}
+
+#[test]
+fn readers_may_go_away() {
+    let program = Program::new();
+    // More than a pipe holds, so that somebody would have to read.
+    assert_eq!(unheard(&program, &["completions", "bash"]), Some(0));
+    assert_eq!(unheard(&program, &["dance", "--robot", "neck"]), Some(0));
+    assert_eq!(program.files(), [program.path("dance.png")]);
+    assert_eq!(unheard(&program, &["dance", "no.ogg"]), Some(1));
+}
+
+#[test]
+fn every_command_has_a_manual_page_and_is_completed() {
+    let program = Program::new();
+    program.succeed(&["man", "--out", "pages"]);
+    let script = program.succeed(&["completions", "bash"]).stdout;
+    let script = String::from_utf8_lossy(&script);
+    for name in ["dance", "robot-new", "bench-retarget", "doctor", "set-id"] {
+        let page = program.path(&format!("pages/servodance-{name}.1"));
+        let text = std::fs::read_to_string(&page).unwrap_or_default();
+        assert!(text.contains(".SH"), "{}", page.display());
+        let last = name.rsplit('-').next().unwrap_or(name);
+        assert!(script.contains(last), "{name} is not completed");
+    }
+}
+
+#[test]
+fn the_doctor_measures_and_says_what_to_do() {
+    let program = Program::new();
+    let output = program.run(&["doctor", "--robot", "neck", "--json"]);
+    let findings: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let findings = findings.as_array().expect("a list");
+    let count = |area: &str| findings.iter().filter(|f| f["area"] == area).count();
+    for area in ["priority", "timer", "budget", "sound", "serial", "bus"] {
+        assert!(count(area) > 0, "{area}: {findings:?}");
+    }
+    for finding in findings {
+        let healthy = finding["verdict"] == "good";
+        assert_eq!(healthy, finding["remedy"].is_null(), "{finding}");
+    }
+    let bad = findings.iter().any(|f| f["verdict"] == "bad");
+    assert_eq!(output.status.code(), Some(i32::from(bad)));
+    program.refused(&["doctor", "--robot", "nobody"], &["nobody", "op3"]);
+}
