@@ -8,7 +8,8 @@
 //! few fixed starts. The way to a better answer may take longer than the dancer
 //! stays, and shows the wrong thing meanwhile: the solver moves there only when
 //! being stuck has by then cost twice what the way costs, and only when clear of
-//! the body. What follows the solver keeps the limits, as ever.
+//! the body. What follows the solver keeps the limits, as ever. One search is
+//! spread evenly over the cycles of a frame, so that none takes much longer.
 //! Radians, seconds. Nothing allocates after building.
 
 use k::nalgebra::Isometry3;
@@ -36,6 +37,8 @@ const COMBINED: usize = 3;
 /// 0.1 is what a forearm wrong by 36 degrees costs.
 const CLEARLY: f64 = 0.7;
 const AT_LEAST: f64 = 0.1;
+/// Multiplications that placing a link takes, roughly.
+const POSE_WORK: u64 = 60;
 /// Searches in a row that must find one.
 const IN_A_ROW: usize = 3;
 /// Poses looked at on the way to it.
@@ -49,9 +52,11 @@ const PATIENCE: f64 = 2.0;
 pub(crate) struct ArmSearch {
     arms: Vec<Arm>,
     weights: Weights,
-    /// Cycles from one search to the next, and since the last.
+    /// Cycles that a search takes, and how many it has had.
     every: usize,
-    since: usize,
+    cycle: usize,
+    /// What is searched for: the dancer and the body as the search began.
+    aim: Aim,
     columns: Columns,
     positions: Vec<f64>,
     poses: Vec<Isometry3<f64>>,
@@ -69,6 +74,10 @@ struct Arm {
     starts: Vec<f64>,
     /// Most speed, rad/s.
     speeds: Vec<f64>,
+    /// What the solver's own way comes to, and the least that was found in this
+    /// search.
+    own: f64,
+    least: f64,
     /// The best answer of the last search, how often in a row one was clearly
     /// better than the solver's, and what it would have spared: cost times
     /// seconds.
@@ -133,7 +142,8 @@ impl ArmSearch {
             arms,
             weights,
             every,
-            since: every,
+            cycle: 0,
+            aim: Aim::standing(),
             columns: Columns::new(limits.len(), limits.len()),
             positions,
             poses,
@@ -143,26 +153,60 @@ impl ArmSearch {
     /// Call once a cycle, after the solver: moves its arms to better answers
     /// that are worth the way.
     pub fn look(&mut self, model: &RobotModel, body: &mut BodySolver, aim: &Aim, rest: &[f64]) {
-        self.since += 1;
-        if self.since < self.every {
-            return;
+        if self.cycle == 0 {
+            self.aim = *aim;
+            self.take_over(model, body);
         }
-        self.since = 0;
-        self.poses.copy_from_slice(body.poses(model));
-        self.positions.copy_from_slice(&body.positions);
+        self.cycle += 1;
+        let last = self.cycle == self.every;
+        if last {
+            self.cycle = 0;
+        }
         let problem = Problem {
             model,
-            aim,
+            aim: &self.aim,
             weights: &self.weights,
             rest,
         };
+        let mut trial = Trial {
+            positions: &mut self.positions,
+            poses: &mut self.poses,
+            columns: &mut self.columns,
+        };
         for arm in &mut self.arms {
-            let mut trial = Trial {
-                positions: &mut self.positions,
-                poses: &mut self.poses,
-                columns: &mut self.columns,
-            };
-            if arm.search(&problem, &body.positions, &mut trial) {
+            let share = |cycle: usize| cycle * arm.parts() / self.every;
+            let end = if last { self.every } else { self.cycle };
+            for part in share(end - 1)..share(end) {
+                arm.search(&problem, part, &body.positions, &mut trial);
+            }
+        }
+        if last {
+            self.take_over(model, body);
+            self.decide(model, body, rest);
+        }
+    }
+
+    /// Starts from where the body is.
+    fn take_over(&mut self, model: &RobotModel, body: &mut BodySolver) {
+        self.poses.copy_from_slice(body.poses(model));
+        self.positions.copy_from_slice(&body.positions);
+    }
+
+    /// Moves the arms that have found something.
+    fn decide(&mut self, model: &RobotModel, body: &mut BodySolver, rest: &[f64]) {
+        let problem = Problem {
+            model,
+            aim: &self.aim,
+            weights: &self.weights,
+            rest,
+        };
+        let mut trial = Trial {
+            positions: &mut self.positions,
+            poses: &mut self.poses,
+            columns: &mut self.columns,
+        };
+        for arm in &mut self.arms {
+            if arm.is_worth_it(&problem, &body.positions, &mut trial) {
                 arm.better = 0;
                 arm.missed_s = 0.0;
                 for (&joint, &position) in arm.joints.iter().zip(&arm.rival) {
@@ -184,6 +228,11 @@ impl ArmSearch {
             }
             arm.place(model, &mut trial);
         }
+    }
+
+    /// How much work has been done: see [`Solver::work`].
+    pub fn work(&self) -> u64 {
+        self.arms.iter().map(|arm| arm.solver.work).sum()
     }
 }
 
@@ -226,6 +275,8 @@ impl Arm {
             bounds,
             starts,
             speeds,
+            own: 0.0,
+            least: 0.0,
             rival: vec![0.0; size],
             better: 0,
             missed_s: 0.0,
@@ -238,31 +289,42 @@ impl Arm {
         })
     }
 
-    /// Finds the best answer. Says whether it is worth the way from what the
-    /// solver has, `now`.
-    fn search(&mut self, problem: &Problem, now: &[f64], trial: &mut Trial) -> bool {
+    /// Parts of a search: the solver's own way, then each fixed start.
+    fn parts(&self) -> usize {
+        1 + self.starts.len() / self.joints.len()
+    }
+
+    /// Does one part of a search from `now`.
+    fn search(&mut self, problem: &Problem, part: usize, now: &[f64], trial: &mut Trial) {
         let size = self.joints.len();
-        for (place, &joint) in self.answer.iter_mut().zip(&self.joints) {
-            *place = now[joint];
-        }
-        let damping = problem.weights.damping.max(DAMPING);
-        let own = self.descend(problem, trial, OWN_STEPS, damping);
-        let mut least = f64::INFINITY;
-        // The best answer of the last search is a start of this one.
-        if self.better > 0 {
-            self.answer.copy_from_slice(&self.rival);
-            least = self.descend(problem, trial, STEPS, DAMPING);
-            self.rival.copy_from_slice(&self.answer);
-        }
-        for start in 0..self.starts.len() / size {
-            let start = start * size..(start + 1) * size;
-            self.answer.copy_from_slice(&self.starts[start]);
-            let cost = self.descend(problem, trial, STEPS, DAMPING);
-            if cost < least {
-                least = cost;
+        if part == 0 {
+            for (place, &joint) in self.answer.iter_mut().zip(&self.joints) {
+                *place = now[joint];
+            }
+            let damping = problem.weights.damping.max(DAMPING);
+            self.own = self.descend(problem, trial, OWN_STEPS, damping);
+            self.least = f64::INFINITY;
+            // The best answer of the last search is a start of this one.
+            if self.better > 0 {
+                self.answer.copy_from_slice(&self.rival);
+                self.least = self.descend(problem, trial, STEPS, DAMPING);
                 self.rival.copy_from_slice(&self.answer);
             }
+            return;
         }
+        let start = (part - 1) * size..part * size;
+        self.answer.copy_from_slice(&self.starts[start]);
+        let cost = self.descend(problem, trial, STEPS, DAMPING);
+        if cost < self.least {
+            self.least = cost;
+            self.rival.copy_from_slice(&self.answer);
+        }
+    }
+
+    /// Whether what the search found is worth the way from what the solver has,
+    /// `now`.
+    fn is_worth_it(&mut self, problem: &Problem, now: &[f64], trial: &mut Trial) -> bool {
+        let (own, least) = (self.own, self.least);
         if least < CLEARLY * own && least < own - AT_LEAST {
             self.better += 1;
             self.missed_s += (own - least) / FRAME_RATE_HZ;
@@ -328,6 +390,7 @@ impl Arm {
             trial.positions[joint] = position;
         }
         self.place(problem.model, trial);
+        self.solver.work += POSE_WORK * self.links.len() as u64;
         let robot = Posed {
             model: problem.model,
             poses: trial.poses,

@@ -171,6 +171,11 @@ impl BodySolver {
         &self.poses
     }
 
+    /// How much work has been done: see [`Solver::work`].
+    pub fn work(&self) -> u64 {
+        self.solver.work
+    }
+
     /// Moves the solution towards the best answer.
     pub fn solve(&mut self, model: &RobotModel, question: &Question) {
         for _ in 0..question.steps {

@@ -82,6 +82,11 @@ impl Guard {
         true
     }
 
+    /// How much work has been done: see [`Solver::work`].
+    pub fn work(&self) -> u64 {
+        self.solver.work
+    }
+
     /// Adds a row if the pair closes faster than it can brake.
     fn watch(&mut self, robot: &Posed, pair: &Pair) -> bool {
         let gap = pair.gap(robot.poses);

@@ -93,6 +93,11 @@ impl Pelvis {
         self.pose(&reached)
     }
 
+    /// How much work planning has been: see [`Tracker::work`].
+    pub fn work(&self) -> u64 {
+        self.trackers.iter().map(Tracker::work).sum()
+    }
+
     /// The root link's pose for these six values.
     pub fn pose(&self, [x, y, z, roll, pitch, yaw]: &[f64; 6]) -> Isometry3<f64> {
         let shift = Vector3::new(*x, *y, *z) * self.leg_m;

@@ -77,6 +77,11 @@ impl Preview {
         self.response.len()
     }
 
+    /// How much work has been done: see [`Solver::work`].
+    pub fn work(&self) -> u64 {
+        self.solver.work
+    }
+
     /// The acceleration for the next cycle. `targets` are the positions wanted
     /// after each of the next cycles.
     pub fn acceleration(

@@ -5,8 +5,6 @@
 
 mod setup;
 
-pub(crate) use setup::upright_rotation;
-
 use k::nalgebra::{Isometry3, Translation3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 
@@ -31,6 +29,8 @@ const GENTLE_RAD_S: f64 = 0.8;
 const ARRIVING_PER_S: f64 = 3.0;
 /// Nearer to rest than this the feet can be kept in place.
 const ARRIVED_RAD: f64 = 0.003;
+/// Time constant with which a planted foot comes back to its place, seconds.
+const FOOT_RETURN_S: f64 = 0.03;
 /// A planted foot farther away has moved, metres.
 const FOOT_MOVED_M: f64 = 0.002;
 
@@ -76,6 +76,25 @@ struct Standing {
 }
 
 impl Standing {
+    /// Where the feet are asked to be next. One that is off its place comes
+    /// back in time: to ask for all of it in one cycle takes more jerk than the
+    /// legs have at high control rates, and each correction overshoots.
+    fn feet_to_ask(&self, map: &BodyMap, poses: &[Isometry3<f64>], dt_s: f64) -> Feet {
+        let mut feet = self.feet;
+        if self.stepper.is_some() {
+            return feet;
+        }
+        let left = 1.0 - (dt_s / FOOT_RETURN_S).min(1.0);
+        for (leg, foot) in map.legs.iter().zip(&mut feet) {
+            if let Some(sole) = leg.sole {
+                let away = poses[sole].translation.vector - foot.translation.vector;
+                foot.translation.vector += away * left;
+                foot.rotation = foot.rotation.nlerp(&poses[sole].rotation, left);
+            }
+        }
+        feet
+    }
+
     fn down(&self) -> [bool; 2] {
         self.stepper.as_ref().map_or([true; 2], Stepper::down)
     }
@@ -226,6 +245,18 @@ impl Retargeter {
         self.effort.torque_nm()
     }
 
+    /// Work of all solvers so far: multiplications of their factorisations and of
+    /// the search for better arms, roughly. Differences between cycles tell how evenly it is spread, on a
+    /// busy machine as well.
+    pub fn work(&self) -> u64 {
+        let standing = self.standing.as_ref();
+        self.solver.work()
+            + self.search.work()
+            + self.guard.work()
+            + self.trackers.iter().map(Tracker::work).sum::<u64>()
+            + standing.map_or(0, |s| s.legs.work() + s.pelvis.work())
+    }
+
     /// Sets the share of the movement around the rest pose, 0 to 1.
     pub fn set_amplitude(&mut self, amplitude: f64) {
         if amplitude.is_finite() {
@@ -336,12 +367,13 @@ impl Retargeter {
                 standing.legs.positions.copy_from_slice(&self.output);
             }
             let root = standing.pelvis.step(&wanted);
+            let feet = standing.feet_to_ask(&self.map, &self.poses, self.dt_s);
             standing.legs.solve(
                 &self.model,
                 &Question {
                     task: Task::Stand {
                         root: &root,
-                        feet: &standing.feet,
+                        feet: &feet,
                         firmness,
                     },
                     rest: &self.rest,

@@ -33,6 +33,9 @@ pub(crate) struct Solver {
     /// Solution for the free columns: packed, then in its places.
     packed: Vec<f64>,
     right: Vec<f64>,
+    /// Multiplications of all factorisations so far, roughly: what solving
+    /// costs, whatever else runs on the machine.
+    pub work: u64,
 }
 
 impl Solver {
@@ -47,6 +50,7 @@ impl Solver {
             step: vec![0.0; size],
             packed: vec![0.0; size],
             right: vec![0.0; size],
+            work: 0,
         }
     }
 
@@ -194,6 +198,7 @@ impl Solver {
             }
         }
         let m = self.free.len();
+        self.work += (m * m * (m + 6) / 6) as u64;
         if !cholesky(&mut self.factor, n, m) {
             // Not positive definite: only possible if a residual was not finite.
             self.packed[..m].fill(0.0);

@@ -11,8 +11,8 @@ use servodance_types::JointLimits;
 use crate::envelope::{Envelope, State};
 use crate::preview::Preview;
 
-/// How much of an observed velocity error is taken over in one cycle.
-const OBSERVED_SHARE: f64 = 0.2;
+/// Time constant with which an observed error of velocity is taken over, seconds.
+const OBSERVED_S: f64 = 0.045;
 /// A moving target is met at no more than this difference of speed.
 const MEETING_RAD_S: f64 = 0.05;
 /// How fast the way to it shrinks, 1/s, and the share of the acceleration limit
@@ -72,6 +72,11 @@ impl Tracker {
     /// Cycles between a target's coming and its being due.
     pub fn preview_cycles(&self) -> usize {
         self.preview.cycles() - 1
+    }
+
+    /// How much work planning has been: see [`Preview::work`].
+    pub fn work(&self) -> u64 {
+        self.preview.work()
     }
 
     /// One cycle, taking in the target that is due in
@@ -160,7 +165,8 @@ impl Tracker {
         if position.is_finite() {
             let missed = (position - self.state.position) / self.envelope.dt_s;
             let top = self.limits.velocity_rad_s;
-            self.state.velocity = (self.state.velocity + OBSERVED_SHARE * missed).clamp(-top, top);
+            let share = 1.0 - (-self.envelope.dt_s / OBSERVED_S).exp();
+            self.state.velocity = (self.state.velocity + share * missed).clamp(-top, top);
             self.state.position = position;
         }
     }

@@ -272,7 +272,7 @@ pub(super) fn by_joint(
 }
 
 /// Rotation that brings the configured forward axis to x and the up axis to z.
-pub(crate) fn upright_rotation(
+pub(super) fn upright_rotation(
     config: &RetargetConfig,
 ) -> Result<UnitQuaternion<f64>, RetargetError> {
     let forward = axis("forward", &config.forward)?;

@@ -25,7 +25,7 @@ impl Robot {
     }
 
     /// Every robot of `configs/`, by name.
-    pub fn all() -> [(&'static str, Self); 3] {
+    pub fn all() -> [(&'static str, Self); 4] {
         [
             ("op3", Self::op3()),
             (
@@ -40,6 +40,13 @@ impl Robot {
                 Self::read(
                     include_str!("../../../configs/neck.toml"),
                     include_str!("../../../configs/neck.urdf"),
+                ),
+            ),
+            (
+                "lite22",
+                Self::read(
+                    include_str!("../../../configs/lite22.toml"),
+                    include_str!("../../../configs/lite22.urdf"),
                 ),
             ),
         ]
@@ -73,7 +80,11 @@ impl Robot {
     }
 
     pub fn retargeter(&self) -> Retargeter {
-        Retargeter::new(self.urdf, &self.config, &self.joints, CONTROL_HZ).expect("usable")
+        self.retargeter_at(CONTROL_HZ)
+    }
+
+    pub fn retargeter_at(&self, control_hz: f64) -> Retargeter {
+        Retargeter::new(self.urdf, &self.config, &self.joints, control_hz).expect("usable")
     }
 
     /// The jerk limit that the configuration promises.
@@ -92,18 +103,29 @@ impl Robot {
 
 /// Positions of all control cycles, three at rest before the first.
 pub fn follow(robot: &mut Retargeter, frames: &[MotionFrame]) -> Vec<Vec<f64>> {
+    follow_at(CONTROL_HZ, robot, frames, |_| ())
+}
+
+/// The same at another rate; `each` sees the robot after every cycle.
+pub fn follow_at(
+    control_hz: f64,
+    robot: &mut Retargeter,
+    frames: &[MotionFrame],
+    mut each: impl FnMut(&Retargeter),
+) -> Vec<Vec<f64>> {
     let mut out = robot.rest().to_vec();
     let mut track = vec![out.clone(); 3];
     let mut waiting = frames.iter().peekable();
-    let cycles = (frames.len() as f64 / FRAME_RATE_HZ * CONTROL_HZ) as usize;
+    let cycles = (frames.len() as f64 / FRAME_RATE_HZ * control_hz) as usize;
     for cycle in 0..cycles {
-        let time_s = cycle as f64 / CONTROL_HZ;
+        let time_s = cycle as f64 / control_hz;
         // By count, not by time: hostile frames carry hostile times.
         let due = ((time_s + robot.lookahead_s()) * FRAME_RATE_HZ + 1e-9) as usize + 1;
         while frames.len() - waiting.len() < due.min(frames.len()) {
             robot.push(waiting.next().expect("counted"));
         }
         robot.next(time_s, &mut out).expect("right length");
+        each(robot);
         track.push(out.clone());
     }
     track
@@ -112,6 +134,10 @@ pub fn follow(robot: &mut Retargeter, frames: &[MotionFrame]) -> Vec<Vec<f64>> {
 /// Limits broken by a track, by their definition alone: positions, first, second
 /// and third differences.
 pub fn violations(track: &[Vec<f64>], robot: &Robot) -> [usize; 4] {
+    violations_at(CONTROL_HZ, track, robot)
+}
+
+pub fn violations_at(control_hz: f64, track: &[Vec<f64>], robot: &Robot) -> [usize; 4] {
     let mut broken = [0; 4];
     for (joint, limit) in robot.limits().iter().enumerate() {
         let p: Vec<f64> = track.iter().map(|row| row[joint]).collect();
@@ -126,7 +152,7 @@ pub fn violations(track: &[Vec<f64>], robot: &Robot) -> [usize; 4] {
         for (broken, most) in broken[1..].iter_mut().zip(most) {
             rate = rate
                 .windows(2)
-                .map(|r| (r[1] - r[0]) * CONTROL_HZ)
+                .map(|r| (r[1] - r[0]) * control_hz)
                 .collect();
             // NaN is not allowed, either.
             *broken += rate.iter().filter(|r| r.is_nan() || r.abs() > most).count();
