@@ -102,6 +102,20 @@ fn the_new_file_dances_and_is_not_overwritten() {
 }
 
 #[test]
+fn jerk_limits_of_the_description_are_taken_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = include_str!("../configs/neck.urdf").replacen("<limit ", "<limit jerk=\"50\" ", 1);
+    let urdf = write(folder.path(), "my.urdf", &text);
+    let out = folder.path().join("my.toml");
+    new_robot(&urdf, &out, true).unwrap();
+    let robot = Robot::load(&out.display().to_string()).unwrap();
+    let given: Vec<f64> = robot.retarget.jerk_deg_s3.values().copied().collect();
+    assert_eq!(given.len(), 1);
+    assert!((given[0].to_radians() - 50.0).abs() < 1e-2, "{given:?}");
+    danced(&robot, 5.0);
+}
+
+#[test]
 fn random_robots_are_checked_drafted_and_danced_without_a_broken_limit() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("my.toml");

@@ -44,6 +44,8 @@ pub struct DraftJoint {
     pub velocity_rad_s: Option<f64>,
     /// Acceleration limit, rad/s^2, where given.
     pub acceleration_rad_s2: Option<f64>,
+    /// Jerk limit, rad/s^3, where given.
+    pub jerk_rad_s3: Option<f64>,
     /// Effort limit, N m, where one is given.
     pub effort_nm: Option<f64>,
 }
@@ -187,6 +189,7 @@ fn joints(
             range_rad: limited.then(|| narrowed(joint, robot)),
             velocity_rad_s: given(limit.velocity, 50.0),
             acceleration_rad_s2: acceleration.into_iter().flatten().reduce(f64::min),
+            jerk_rad_s3: rates.jerk,
             effort_nm: given(limit.effort, 1000.0),
         }
     });

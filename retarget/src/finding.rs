@@ -98,6 +98,7 @@ codes! {
     TextureUnnamed "texture-unnamed" Repaired "a texture names no file: it is left out";
     TextBehind "text-behind" Repaired "something stands behind the robot's end: passed over";
     PrefixUndeclared "prefix-undeclared" Repaired "an XML prefix is not declared: it is passed over";
+    NumberCommas "number-commas" Repaired "commas stand between the numbers of a vector: read as blanks";
     InertialIncomplete "inertial-incomplete" Repaired "mass or inertia is not given: it counts as zero";
     AxisUnset "axis-unset" Repaired "a moving joint has no axis: x is used, as the format says";
     RangeInverted "range-inverted" Repaired "lower and upper position limit are exchanged: used the other way round";

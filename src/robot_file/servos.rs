@@ -10,6 +10,8 @@ const TURN_DEG: f64 = 359.9;
 const FREE_DEG: f64 = 175.0;
 /// Narrower ranges are not worth a servo, degrees.
 const LEAST_RANGE_DEG: f64 = 0.5;
+/// Higher jerk limits limit nothing, degrees a second cubed.
+const MOST_JERK_DEG_S3: f64 = 1e9;
 /// Rest lies at least this far inside the range, degrees: rounding.
 const ROUND_DEG: f64 = 0.01;
 
@@ -47,6 +49,8 @@ pub(super) struct ServoDraft {
     pub upper_deg: f64,
     pub velocity_deg_s: f64,
     pub acceleration_deg_s2: f64,
+    /// `None`: the description does not say.
+    pub jerk_deg_s3: Option<f64>,
     /// What was changed or guessed, for a comment.
     pub notes: Vec<String>,
 }
@@ -121,6 +125,9 @@ fn servo(joint: &DraftJoint, id: usize) -> Option<ServoDraft> {
         upper_deg,
         velocity_deg_s: tenths(velocity_deg_s).max(0.1),
         acceleration_deg_s2: tenths(acceleration_deg_s2).max(1.0),
+        jerk_deg_s3: joint
+            .jerk_rad_s3
+            .map(|jerk| tenths(jerk.to_degrees().clamp(1.0, MOST_JERK_DEG_S3))),
         notes,
     })
 }
@@ -162,6 +169,7 @@ mod tests {
             range_rad,
             velocity_rad_s: Some(2.0),
             acceleration_rad_s2: None,
+            jerk_rad_s3: None,
             effort_nm: None,
         }
     }

@@ -100,6 +100,7 @@ fn retarget(plan: &Plan, out: &mut String) {
     body(&config.body, out);
     gains(plan, out);
     rest(plan, out);
+    jerk(plan, out);
     for tip in &config.tip {
         let (name, link) = (quoted(&tip.name), quoted(&tip.link));
         let _ = write!(
@@ -224,6 +225,25 @@ fn rest(plan: &Plan, out: &mut String) {
     let _ = writeln!(out, "[retarget.rest_deg]");
     for (name, degrees) in rest {
         let _ = writeln!(out, "{} = {degrees:?}", quoted(name));
+    }
+}
+
+fn jerk(plan: &Plan, out: &mut String) {
+    let given = plan
+        .servos
+        .iter()
+        .filter_map(|servo| Some((&servo.name, servo.jerk_deg_s3?)));
+    let mut given = given.peekable();
+    if given.peek().is_none() {
+        return;
+    }
+    let _ = writeln!(
+        out,
+        "\n# Jerk limits that the description gives; degrees a second cubed."
+    );
+    let _ = writeln!(out, "[retarget.jerk_deg_s3]");
+    for (name, jerk_deg_s3) in given {
+        let _ = writeln!(out, "{} = {jerk_deg_s3:?}", quoted(name));
     }
 }
 

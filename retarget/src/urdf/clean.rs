@@ -94,6 +94,7 @@ fn robot(document: &Document, findings: &mut Findings) -> Option<Cleaned> {
         rates: HashMap::new(),
         findings,
     };
+    note_commas(root, out.findings);
     let name = root.attribute("name").unwrap_or("robot");
     let version = root.attribute("version").unwrap_or("1.0");
     out.open("robot", &[("name", name), ("version", version)]);
@@ -111,6 +112,27 @@ fn robot(document: &Document, findings: &mut Findings) -> Option<Cleaned> {
         xml: out.xml,
         rates: out.rates,
     })
+}
+
+/// Says once for the file that vectors have commas.
+fn note_commas(root: Node, findings: &mut Findings) {
+    let vectors = root.descendants().flat_map(|node| {
+        ["xyz", "rpy", "quat_xyzw", "size", "scale", "rgba"]
+            .into_iter()
+            .filter_map(move |key| node.attribute(key).map(|text| (node, text)))
+    });
+    let mut found = vectors.filter(|(_, text)| {
+        has_commas(text) && (numbers::<3>(text).is_some() || numbers::<4>(text).is_some())
+    });
+    if let Some((node, text)) = found.next() {
+        let line = node.document().text_pos_at(node.range().start).row;
+        let message = format!(
+            "{} vectors have commas between their numbers (first \"{text}\" in line {line}); \
+             read as numbers with blanks between",
+            1 + found.count()
+        );
+        findings.add(Code::NumberCommas, "robot", message);
+    }
 }
 
 /// Whether xacro elements or expressions are left where they count; comments
@@ -140,9 +162,22 @@ fn children<'a, 'd: 'a>(
         .filter(move |child| child.is_element() && child.tag_name().name() == name)
 }
 
+/// A number, or a vector of them with blanks between; with a comma between all
+/// of them, too (what has both, or too many, may be decimal commas).
 fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    if has_commas(text) {
+        return fill(text.split(',').map(str::trim));
+    }
+    fill(text.split_whitespace())
+}
+
+/// Whether a text could be a vector with commas between its numbers.
+fn has_commas(text: &str) -> bool {
+    text.matches(',').count() > 1
+}
+
+fn fill<'a, const N: usize>(mut words: impl Iterator<Item = &'a str>) -> Option<[f64; N]> {
     let mut values = [0.0; N];
-    let mut words = text.split_whitespace();
     for value in &mut values {
         *value = words.next()?.parse().ok()?;
     }
@@ -254,9 +289,11 @@ impl Writer<'_> {
         let xyz: [f64; 3] = self.values(origin, "xyz", [0.0; 3], subject);
         let rpy: [f64; 3] = self.values(origin, "rpy", [0.0; 3], subject);
         let turned = origin.filter(|origin| origin.attribute("rpy").is_none());
-        match turned.and_then(|origin| origin.attribute("quat_xyzw")) {
-            Some(quat) if numbers::<4>(quat).is_some() => {
-                self.empty("origin", &[("xyz", &joined(&xyz)), ("quat_xyzw", quat)]);
+        let quat = turned.and_then(|origin| origin.attribute("quat_xyzw"));
+        match quat.and_then(numbers::<4>) {
+            Some(quat) => {
+                let (xyz, quat) = (joined(&xyz), joined(&quat));
+                self.empty("origin", &[("xyz", &xyz), ("quat_xyzw", &quat)]);
             }
             _ => self.empty("origin", &[("xyz", &joined(&xyz)), ("rpy", &joined(&rpy))]),
         }

@@ -271,3 +271,19 @@ fn what_is_repaired_builds_and_what_is_refused_does_not() {
         assert_eq!(RobotModel::new(&text, &[]).is_err(), refused, "{text}");
     }
 }
+
+#[test]
+fn vectors_with_commas_are_read_and_said_and_decimal_commas_are_refused() {
+    let joint = |xyz: &str| GOOD.replacen("<axis", &format!("<origin xyz=\"{xyz}\"/><axis"), 1);
+    let text = |xyz: &str| urdf("revolute", &joint(xyz), MASS, "");
+    for xyz in ["0.1, 0.2, 0.3", "0.1,0.2,0.3"] {
+        let finding = found(&text(xyz), Code::NumberCommas);
+        assert!(finding.message.contains(xyz), "{finding:?}");
+        assert_eq!(finding.severity, Severity::Repaired);
+        let model = RobotModel::new(&text(xyz), &["turn"]).unwrap();
+        assert_eq!(model.link_points(&[0.0])[1], [0.1, 0.2, 0.3]);
+    }
+    for xyz in ["0,1 0,2 0,3", "0,5 1", "1,2,3,4", "0.1,,0.3"] {
+        found(&text(xyz), Code::NumberUnreadable);
+    }
+}
