@@ -7,7 +7,7 @@
 use crate::report::ViolationReport;
 use crate::robot::Robot;
 use servodance_drivers::Limiter;
-use servodance_retarget::{Counts, Likeness};
+use servodance_retarget::{Counts, EffortReport, Likeness, Segment};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 use std::time::Instant;
 
@@ -24,6 +24,10 @@ pub struct Followed {
     pub counts: Counts,
     /// Angles between the dancer's arm segments and the robot's, degrees, sorted.
     pub direction_errors_deg: Vec<f64>,
+    /// Angles of every limb segment, legs too, degrees.
+    pub limb_errors_deg: Vec<(Segment, f64)>,
+    /// Torque and heat of the motors, estimated.
+    pub effort: EffortReport,
     /// Root mean square jerk over all joints, rad/s^3.
     pub jerk_rms_rad_s3: f64,
     /// Time of each cycle, microseconds, sorted.
@@ -36,6 +40,15 @@ impl Followed {
         let last = sorted.len().saturating_sub(1);
         let at = (share * last as f64).round() as usize;
         sorted.get(at.min(last)).copied().unwrap_or(0.0)
+    }
+
+    /// Median angle of the segments that `pick` picks, degrees; `None` where the
+    /// robot has none of them.
+    pub fn median_deg(&self, pick: impl Fn(Segment) -> bool) -> Option<f64> {
+        let picked = self.limb_errors_deg.iter().filter(|(s, _)| pick(*s));
+        let mut angles: Vec<f64> = picked.map(|(_, angle)| *angle).collect();
+        angles.sort_by(f64::total_cmp);
+        (!angles.is_empty()).then(|| Self::quantile(&angles, 0.5))
     }
 }
 
@@ -68,6 +81,8 @@ pub fn follow(
         interventions: 0,
         counts: Counts::default(),
         direction_errors_deg: Vec::new(),
+        limb_errors_deg: Vec::new(),
+        effort: retargeter.effort(),
         jerk_rms_rad_s3: 0.0,
         cycle_us: Vec::new(),
     };
@@ -91,7 +106,10 @@ pub fn follow(
         }
         judge.see(&targets);
         if let Some(frame) = frames.get(next_frame).filter(|f| f.time_s <= time_s + 1e-9) {
-            likeness.compare(&targets, frame, &mut followed.direction_errors_deg);
+            let root = retargeter.world_from_root(&targets);
+            likeness.compare(&root, &targets, frame, |segment, angle| {
+                followed.limb_errors_deg.push((segment, angle));
+            });
             next_frame += 1;
         }
         each(time_s, &targets)?;
@@ -100,6 +118,9 @@ pub fn follow(
     followed.counts = *retargeter.counts();
     followed.violations = judge.broken;
     followed.jerk_rms_rad_s3 = (judge.jerk_squares / judge.jerks.max(1) as f64).sqrt();
+    followed.effort = retargeter.effort();
+    let arms = followed.limb_errors_deg.iter().filter(|(s, _)| s.is_arm());
+    followed.direction_errors_deg = arms.map(|(_, angle)| *angle).collect();
     followed.direction_errors_deg.sort_by(f64::total_cmp);
     followed.cycle_us.sort_by(f64::total_cmp);
     Ok(followed)

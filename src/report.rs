@@ -7,6 +7,7 @@ use crate::dance::LatencyReport;
 use crate::stages::StageTimes;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureStats;
+use servodance_retarget::EffortReport;
 use std::path::Path;
 
 /// What `dance --report` writes.
@@ -60,6 +61,9 @@ pub struct Report {
     pub capture: Option<CaptureReport>,
     /// How often the safety layer had to change a command.
     pub interventions: u64,
+    /// What the dance asks of the motors, estimated before the safety layer.
+    #[serde(default)]
+    pub effort: EffortFigures,
     /// What the safety layer did, and why.
     pub safety: Vec<SafetyEvent>,
     /// Music frames with a number that was not finite, replaced by the last good one.
@@ -128,6 +132,77 @@ pub struct ViolationReport {
     pub velocity: u64,
     /// Told to, or did, change speed faster than the acceleration limit.
     pub acceleration: u64,
+}
+
+/// Torque and heat of the motors, estimated from the masses of the description.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EffortFigures {
+    /// Joints with a torque limit and something to carry: those that are known.
+    pub known_joints: usize,
+    /// The joint that came nearest to its torque limit, and the share of it.
+    pub strongest: Option<JointShare>,
+    /// The warmest motor at its warmest; 1 is where it would shut down.
+    pub hottest: Option<JointShare>,
+    /// Share of the movement that was left when it was lowered most to spare the
+    /// motors; 1: it never was.
+    pub lowest_amplitude: f64,
+    /// Control cycles in which a joint needed more torque than its limit.
+    pub overloaded_cycles: u64,
+}
+
+/// A joint and a share of something.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointShare {
+    /// Name of the joint.
+    pub joint: String,
+    /// 1 is the limit.
+    pub share: f64,
+}
+
+impl Default for EffortFigures {
+    fn default() -> Self {
+        Self {
+            known_joints: 0,
+            strongest: None,
+            hottest: None,
+            lowest_amplitude: 1.0,
+            overloaded_cycles: 0,
+        }
+    }
+}
+
+impl From<EffortReport> for EffortFigures {
+    fn from(effort: EffortReport) -> Self {
+        let share = |(joint, share)| JointShare { joint, share };
+        Self {
+            known_joints: effort.known_joints,
+            strongest: effort.strongest.map(share),
+            hottest: effort.hottest.map(share),
+            lowest_amplitude: effort.lowest_amplitude,
+            overloaded_cycles: effort.overloaded_cycles,
+        }
+    }
+}
+
+impl EffortFigures {
+    /// A line for people; `None` where nothing is known of the motors.
+    pub fn line(&self) -> Option<String> {
+        let (strongest, hottest) = (self.strongest.as_ref()?, self.hottest.as_ref()?);
+        let most = format!(
+            "torque at most {:.0} % of the limit ({}), heat {:.0} % ({}), estimated",
+            strongest.share * 100.0,
+            strongest.joint,
+            hottest.share * 100.0,
+            hottest.joint
+        );
+        Some(match self.lowest_amplitude < 0.995 {
+            true => format!(
+                "moved less to spare them, down to {:.0} %: {most}",
+                self.lowest_amplitude * 100.0
+            ),
+            false => most,
+        })
+    }
 }
 
 /// What happened to live sound.
@@ -237,5 +312,36 @@ impl Report {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
         crate::output::write_whole(path, text.as_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn effort(lowest_amplitude: f64) -> EffortFigures {
+        EffortReport {
+            known_joints: 2,
+            hottest: Some(("knee".into(), 0.71)),
+            strongest: Some(("hip".into(), 0.92)),
+            lowest_amplitude,
+            overloaded_cycles: 0,
+        }
+        .into()
+    }
+
+    #[test]
+    fn a_dance_made_smaller_for_the_motors_is_said() {
+        let line = effort(0.6).line().unwrap();
+        assert!(
+            line.contains("down to 60 %") && line.contains("92 %"),
+            "{line}"
+        );
+        assert!(
+            line.contains("(hip)") && line.contains("71 % (knee)"),
+            "{line}"
+        );
+        assert!(!effort(1.0).line().unwrap().contains("less"));
+        assert_eq!(EffortFigures::default().line(), None);
     }
 }

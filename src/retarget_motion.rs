@@ -3,12 +3,12 @@
 use crate::follow::{Followed, follow};
 use crate::output::{PendingFile, write_whole};
 use crate::record::{Recorder, Topic, WhenBehind};
-use crate::report::ViolationReport;
+use crate::report::{EffortFigures, ViolationReport};
 use crate::robot::Robot;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use servodance_model::motion::import::read_motion;
-use servodance_retarget::Counts;
+use servodance_retarget::{Counts, Segment};
 use std::collections::BTreeMap;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -55,12 +55,27 @@ pub struct RetargetReport {
     pub direction_error_median_deg: Option<f64>,
     /// 95 of 100 are smaller.
     pub direction_error_p95_deg: Option<f64>,
+    /// Median angle by segment, degrees, legs too: they follow from pelvis and
+    /// feet where the robot stands. `null` where the robot has none.
+    pub segment_error_median_deg: SegmentErrors,
+    /// Torque and heat of the motors, estimated.
+    pub effort: EffortFigures,
     /// Root mean square jerk, rad/s^3.
     pub jerk_rms_rad_s3: f64,
     /// Mean time of a retargeting cycle, microseconds.
     pub us_mean: f64,
     /// 99 of 100 cycles take less.
     pub us_p99: f64,
+}
+
+/// An angle for each kind of limb segment.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(missing_docs)] // the names say it
+pub struct SegmentErrors {
+    pub upper_arm: Option<f64>,
+    pub forearm: Option<f64>,
+    pub thigh: Option<f64>,
+    pub shank: Option<f64>,
 }
 
 /// Reads, follows, writes; nothing is written if anything is refused.
@@ -95,6 +110,7 @@ pub fn retarget(request: &Request) -> anyhow::Result<Done> {
 fn report(motion: &str, robot: &Robot, followed: &Followed) -> RetargetReport {
     let errors = &followed.direction_errors_deg;
     let error = |share| (!errors.is_empty()).then(|| Followed::quantile(errors, share));
+    let median = |segment| followed.median_deg(|other| other == segment);
     let times = &followed.cycle_us;
     RetargetReport {
         motion: motion.to_owned(),
@@ -106,6 +122,13 @@ fn report(motion: &str, robot: &Robot, followed: &Followed) -> RetargetReport {
         counts: followed.counts,
         direction_error_median_deg: error(0.5),
         direction_error_p95_deg: error(0.95),
+        segment_error_median_deg: SegmentErrors {
+            upper_arm: median(Segment::UpperArm),
+            forearm: median(Segment::Forearm),
+            thigh: median(Segment::Thigh),
+            shank: median(Segment::Shank),
+        },
+        effort: followed.effort.clone().into(),
         jerk_rms_rad_s3: followed.jerk_rms_rad_s3,
         us_mean: times.iter().sum::<f64>() / times.len().max(1) as f64,
         us_p99: Followed::quantile(times, 0.99),
@@ -134,6 +157,12 @@ fn summary(report: &RetargetReport, out: &Path) -> Vec<String> {
          safety layer; {:.0} us a cycle",
         broken.position, broken.velocity, broken.acceleration, report.interventions, report.us_mean
     ));
+    lines.extend(
+        report
+            .effort
+            .line()
+            .map(|effort| format!("motors: {effort}")),
+    );
     lines
 }
 

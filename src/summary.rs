@@ -68,6 +68,9 @@ pub fn summary(config: &DanceConfig, report: &Report) -> String {
             None => "held by the safety layer (real servos: nobody independent looked)".into(),
         },
     );
+    if let Some(effort) = report.effort.line() {
+        line("motors", effort);
+    }
     let remarks = report.safety.iter().filter(|event| !event.routine);
     if let Some(last) = remarks.clone().next_back() {
         let count = remarks.count();

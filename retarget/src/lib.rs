@@ -49,7 +49,7 @@ pub use effort::EffortReport;
 pub use error::RetargetError;
 pub use finding::{Code, Finding, Severity};
 pub use k::nalgebra;
-pub use likeness::Likeness;
+pub use likeness::{Likeness, Segment};
 pub use lint::{lint, lint_limits};
 pub use mjcf::{is_mjcf, urdf_from_mjcf};
 pub use model::{RobotModel, Shape, Visual};

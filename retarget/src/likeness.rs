@@ -1,23 +1,82 @@
 //! How alike robot and dancer look: angles between their limbs, degrees.
 //!
-//! Compared in the trunk's heading, since a robot on a stand cannot turn.
+//! Arms are compared in the heading of the chest, legs in that of the pelvis:
+//! a robot that stands, or hangs on a stand, cannot turn with the dancer.
 
-use k::nalgebra::{Rotation3, Vector3};
+use k::nalgebra::{Isometry3, Rotation3, Vector3};
 use servodance_types::BodyJoint::{self, *};
 use servodance_types::MotionFrame;
 
 use crate::body::BodyMap;
 use crate::{RetargetConfig, RetargetError, RobotModel};
 
+/// Which part of a limb an angle is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs)] // the names say it
+pub enum Segment {
+    UpperArm,
+    Forearm,
+    Thigh,
+    Shank,
+}
+
+impl Segment {
+    /// Whether it is of an arm.
+    pub fn is_arm(self) -> bool {
+        matches!(self, Segment::UpperArm | Segment::Forearm)
+    }
+}
+
 /// Compares one robot with dancers.
 #[derive(Clone, Debug)]
 pub struct Likeness {
     model: RobotModel,
-    /// Link indices of both shoulders, for the heading.
+    arms: Pair,
+    legs: Pair,
+}
+
+/// Both arms or both legs.
+#[derive(Clone, Debug)]
+struct Pair {
+    /// Left and right, at the trunk: robot and dancer, for the heading.
     across: Option<[usize; 2]>,
-    up: Vector3<f64>,
-    forward: Vector3<f64>,
-    segments: Vec<([usize; 2], [BodyJoint; 2])>,
+    dancer_across: [BodyJoint; 2],
+    bones: Vec<Bone>,
+}
+
+/// From one point to the next, of robot and dancer.
+#[derive(Clone, Copy, Debug)]
+struct Bone {
+    segment: Segment,
+    links: [usize; 2],
+    joints: [BodyJoint; 2],
+}
+
+impl Pair {
+    /// Of the links and joints at the top, middle and end of both limbs.
+    fn new(
+        segments: [Segment; 2],
+        links: [[Option<usize>; 3]; 2],
+        joints: [[BodyJoint; 3]; 2],
+    ) -> Self {
+        let mut bones = Vec::new();
+        for (links, joints) in links.iter().zip(&joints) {
+            for (half, segment) in segments.into_iter().enumerate() {
+                if let (Some(from), Some(to)) = (links[half], links[half + 1]) {
+                    bones.push(Bone {
+                        segment,
+                        links: [from, to],
+                        joints: [joints[half], joints[half + 1]],
+                    });
+                }
+            }
+        }
+        Self {
+            across: links[0][0].zip(links[1][0]).map(<[usize; 2]>::from),
+            dancer_across: [joints[0][0], joints[1][0]],
+            bones,
+        }
+    }
 }
 
 impl Likeness {
@@ -32,56 +91,58 @@ impl Likeness {
     ) -> Result<Self, RetargetError> {
         let model = RobotModel::configured(urdf_xml, joints, config)?;
         let map = BodyMap::new(&model, config)?;
-        let upright = crate::retargeter::upright_rotation(config)?;
-        let human = [
-            ([LeftShoulder, LeftElbow, LeftWrist], 0),
-            ([RightShoulder, RightElbow, RightWrist], 1),
-        ];
-        let mut segments = Vec::new();
-        for (points, side) in human {
-            let arm = map.arms[side];
-            let links = [arm.shoulder, arm.elbow, arm.hand];
-            for half in 0..2 {
-                if let (Some(from), Some(to)) = (links[half], links[half + 1]) {
-                    segments.push(([from, to], [points[half], points[half + 1]]));
-                }
-            }
-        }
         Ok(Self {
             model,
-            across: map.arms[0]
-                .shoulder
-                .zip(map.arms[1].shoulder)
-                .map(<[usize; 2]>::from),
-            up: upright.inverse() * Vector3::z(),
-            forward: upright.inverse() * Vector3::x(),
-            segments,
+            arms: Pair::new(
+                [Segment::UpperArm, Segment::Forearm],
+                map.arms.map(|arm| [arm.shoulder, arm.elbow, arm.hand]),
+                [
+                    [LeftShoulder, LeftElbow, LeftWrist],
+                    [RightShoulder, RightElbow, RightWrist],
+                ],
+            ),
+            legs: Pair::new(
+                [Segment::Thigh, Segment::Shank],
+                map.legs.map(|leg| [leg.hip, leg.knee, leg.ankle]),
+                [
+                    [LeftHip, LeftKnee, LeftAnkle],
+                    [RightHip, RightKnee, RightAnkle],
+                ],
+            ),
         })
     }
 
-    /// Appends the angle of every arm segment that robot and dancer both have.
-    pub fn compare(&self, positions_rad: &[f64], frame: &MotionFrame, out_deg: &mut Vec<f64>) {
-        let points = self.model.link_points(positions_rad);
-        let left = self.up.cross(&self.forward);
-        let robot = |link: usize| {
-            let p = Vector3::from(points[link]);
-            Vector3::new(p.dot(&self.forward), p.dot(&left), p.dot(&self.up))
-        };
-        let human = |joint: BodyJoint| {
+    /// Gives the angle in degrees of every segment that robot and dancer both
+    /// have, the robot standing as
+    /// [`Retargeter::world_from_root`](crate::Retargeter::world_from_root) says.
+    pub fn compare(
+        &self,
+        world_from_root: &Isometry3<f64>,
+        positions_rad: &[f64],
+        frame: &MotionFrame,
+        mut see: impl FnMut(Segment, f64),
+    ) {
+        let poses = self.model.link_poses(positions_rad);
+        let robot = |link: usize| (world_from_root * poses[link]).translation.vector;
+        let dancer = |joint: BodyJoint| {
             let [x, y, z] = frame.positions[joint as usize].map(f64::from);
             Vector3::new(z, x, y)
         };
-        let robot_turn = self
-            .across
-            .map_or_else(Rotation3::identity, |[left, right]| {
-                unturn(robot(left) - robot(right))
-            });
-        let human_turn = unturn(human(LeftShoulder) - human(RightShoulder));
-        for ([from, to], [start, end]) in &self.segments {
-            let shown = robot_turn * (robot(*to) - robot(*from));
-            let wanted = human_turn * (human(*end) - human(*start));
-            if shown.norm() > 1e-6 && wanted.norm() > 1e-6 {
-                out_deg.push(shown.angle(&wanted).to_degrees());
+        for pair in [&self.arms, &self.legs] {
+            let robot_turn = pair
+                .across
+                .map_or_else(Rotation3::identity, |[left, right]| {
+                    unturn(robot(left) - robot(right))
+                });
+            let [left, right] = pair.dancer_across;
+            let dancer_turn = unturn(dancer(left) - dancer(right));
+            for bone in &pair.bones {
+                let ([from, to], [start, end]) = (bone.links, bone.joints);
+                let shown = robot_turn * (robot(to) - robot(from));
+                let wanted = dancer_turn * (dancer(end) - dancer(start));
+                if shown.norm() > 1e-6 && wanted.norm() > 1e-6 {
+                    see(bone.segment, shown.angle(&wanted).to_degrees());
+                }
             }
         }
     }

@@ -187,6 +187,11 @@ impl<'a> Control<'a> {
         self.even_lead_s
     }
 
+    /// What the motion asked of the motors so far.
+    pub fn effort(&self) -> servodance_retarget::EffortReport {
+        self.retargeter.effort()
+    }
+
     /// Seconds that the robot idled.
     pub fn idled_s(&self) -> f64 {
         self.idle.idled_s()

@@ -50,6 +50,7 @@ use rig::Rig;
 use servodance_audio::capture::Notice;
 use servodance_drivers::EStop;
 use servodance_model::{Generator, GeneratorOptions};
+use servodance_retarget::EffortReport;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -135,6 +136,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         late_frames: control.late_frames,
         stages: std::mem::take(&mut control.stages),
         latency: control.latency.report(),
+        effort: control.effort(),
         trace: std::mem::replace(&mut control.trace, trace::Trace::new(0)),
     };
     drop(control);
@@ -197,6 +199,7 @@ struct Run {
     late_frames: u64,
     stages: crate::stages::StageClock,
     latency: Option<LatencyReport>,
+    effort: EffortReport,
     trace: trace::Trace,
 }
 
@@ -264,6 +267,7 @@ fn report(
         latency_ms: run.latency,
         capture: heard.capture.map(CaptureReport::from),
         interventions: rig.interventions(),
+        effort: run.effort.clone().into(),
         safety: rig.safety_log(),
         replaced_music_frames: heard.replaced_music_frames,
         lead_s: run.lead_s,
