@@ -1,6 +1,7 @@
 //! One binary, themed modules: the program as its users run it.
 
 mod bad_input;
+mod beats;
 mod bus_tools;
 mod can_robot;
 mod command_line;

@@ -1,59 +1,102 @@
-//! Scores the causal tracker on rendered songs:
-//! `cargo run --release -p servodance-audio --example beats -- 40`.
+//! Scores the causal tracker on rendered songs, at the tempi of their styles or
+//! spread over a range:
+//! `cargo run --release -p servodance-audio --example beats -- 96 [64 185]`.
+//!
+//! A frame is right if tempo and phase are (within 10 % and 70 ms); the downbeat
+//! is judged in right frames in which one is guessed. All after the first 5 s.
 
 use servodance_audio::MusicAnalyzer;
-use servodance_audio::song::SongSpec;
+use servodance_audio::song::{Grid, SongSpec, TempoStep};
+
+/// What came of one song, and of all.
+#[derive(Default)]
+struct Score {
+    frames: usize,
+    right: usize,
+    guessed: usize,
+    downbeat_right: usize,
+    /// Tempo as a multiple of the true one.
+    ratios: Vec<f64>,
+    errors_ms: Vec<f64>,
+}
+
+impl Score {
+    fn share(&self) -> f64 {
+        self.right as f64 / self.frames as f64
+    }
+}
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let count: u64 = std::env::args().nth(1).map_or(Ok(40), |s| s.parse())?;
-    let mut errors_ms = Vec::new();
-    let (mut sum, mut slips) = (0.0, 0.0);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let count: u64 = arguments.first().map_or(Ok(40), |s| s.parse())?;
+    let numbers: Result<Vec<f64>, _> = arguments.iter().skip(1).map(|s| s.parse()).collect();
+    let tempi = numbers?;
+    let (mut all, mut shares) = (Score::default(), Vec::new());
     for seed in 0..count {
-        let spec = SongSpec::random(30.0, seed)?;
-        let song = spec.render()?;
-        let mut analyzer = MusicAnalyzer::new(song.sample_rate_hz)?;
-        let (mut right, mut all, mut ratio) = (0, 0, Vec::new());
-        let mut lock_s = None;
-        let period = song.beats_s[1] - song.beats_s[0];
-        for block in song.samples.chunks(1024) {
-            analyzer.push(block);
-            while let Some(frame) = analyzer.pop() {
-                if lock_s.is_none() && frame.beat.confidence > 0.5 {
-                    lock_s = Some(frame.time_s);
-                }
-                if frame.time_s < 5.0 {
-                    continue;
-                }
-                let error = f64::from(frame.beat.phase) - frame.time_s / period;
-                let error_s = (error - error.round()) * period;
-                ratio.push(f64::from(frame.beat.tempo_bpm) * period / 60.0);
-                all += 1;
-                if error_s.abs() < 0.07 && (ratio[ratio.len() - 1] - 1.0).abs() < 0.1 {
-                    right += 1;
-                    errors_ms.push(error_s * 1e3);
-                }
-            }
+        let mut spec = SongSpec::random(30.0, seed)?;
+        if let [low, high] = tempi[..] {
+            // Steps of the golden section fill the range evenly.
+            let bpm = low + (high - low) * (seed as f64 * 0.618_034).fract();
+            spec.grid = Grid::Tempo(vec![TempoStep { beats: 200, bpm }]);
         }
-        ratio.sort_by(f64::total_cmp);
-        let share = f64::from(right) / f64::from(all);
-        sum += share;
-        slips += f64::from(u8::from(share < 0.5));
-        println!(
-            "{seed:3} {:10} {:6.1} BPM  right {share:.2}  tempo x{:.2}  lock {:?}  drums {}",
-            format!("{:?}", spec.style),
-            60.0 / period,
-            ratio[ratio.len() / 2],
-            lock_s,
-            spec.sections.iter().filter(|s| s.layers.drums).count() * 100 / spec.sections.len(),
-        );
+        let song = score(&spec, &mut all)?;
+        shares.push(song);
     }
-    errors_ms.sort_by(f64::total_cmp);
+    let median = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or_default()
+    };
     println!(
-        "mean right {:.3}, failed {slips}, phase error median {:.1} ms, 10 % {:.1}, 90 % {:.1}",
-        sum / count as f64,
-        errors_ms[errors_ms.len() / 2],
-        errors_ms[errors_ms.len() / 10],
-        errors_ms[errors_ms.len() * 9 / 10],
+        "mean right {:.3}, failed {}, phase error median {:.1} ms, downbeat guessed in {:.2} of the right frames, right in {:.2} of those",
+        shares.iter().sum::<f64>() / shares.len() as f64,
+        shares.iter().filter(|share| **share < 0.5).count(),
+        median(all.errors_ms),
+        all.guessed as f64 / all.right as f64,
+        all.downbeat_right as f64 / all.guessed as f64,
     );
     Ok(())
+}
+
+/// Listens to one song, prints a line of it and adds it to all.
+fn score(spec: &SongSpec, all: &mut Score) -> Result<f64, Box<dyn std::error::Error>> {
+    let song = spec.render()?;
+    let mut analyzer = MusicAnalyzer::new(song.sample_rate_hz)?;
+    let period_s = song.beats_s[1] - song.beats_s[0];
+    let mut one = Score::default();
+    for block in song.samples.chunks(1024) {
+        analyzer.push(block);
+        while let Some(frame) = analyzer.pop() {
+            if frame.time_s < 5.0 {
+                continue;
+            }
+            let last_beat = frame.time_s / period_s - f64::from(frame.beat.phase);
+            let error_s = (last_beat.round() - last_beat) * period_s;
+            let ratio = f64::from(frame.beat.tempo_bpm) * period_s / 60.0;
+            one.ratios.push(ratio);
+            one.frames += 1;
+            if error_s.abs() > 0.07 || (ratio - 1.0).abs() > 0.1 {
+                continue;
+            }
+            one.right += 1;
+            all.errors_ms.push(error_s * 1e3);
+            if let Some(guess) = frame.beat.beat_in_bar {
+                one.guessed += 1;
+                let beat_in_bar = (last_beat.round() as i64).rem_euclid(4);
+                one.downbeat_right += usize::from(beat_in_bar == i64::from(guess));
+            }
+        }
+    }
+    one.ratios.sort_by(f64::total_cmp);
+    println!(
+        "{:3} {:10} {:6.1} BPM  right {:.2}  tempo x{:.2}",
+        spec.seed,
+        format!("{:?}", spec.style),
+        60.0 / period_s,
+        one.share(),
+        one.ratios[one.ratios.len() / 2],
+    );
+    all.right += one.right;
+    all.guessed += one.guessed;
+    all.downbeat_right += one.downbeat_right;
+    Ok(one.share())
 }

@@ -8,7 +8,14 @@ wav file. Each song is brought to 20,480 Hz once, here, so that both sides see
 the same samples; librosa then works at that rate with windows and hops of the
 same length in seconds as AIST++ has at 10,240 Hz, mel bands up to 5,120 Hz.
 The streaming side is delayed by its resampler (16 samples); librosa's input is
-delayed alike. Needs librosa, numpy, soundfile.
+delayed alike.
+
+Two tables in Markdown. First, where the definition is causal: librosa's mel
+spectrum, cosine transform and flux with our running reference in place of the
+maximum of the file; differences relative to the feature's root mean square.
+Second, all 35 features against AIST++'s own, which know the whole file:
+correlation in the same frame, and at the delay of up to a second that fits
+best, mean over the songs. Needs librosa, numpy, scipy, soundfile.
 """
 
 import subprocess
@@ -17,10 +24,54 @@ import tempfile
 
 import librosa
 import numpy as np
+import scipy.fft
 import soundfile
 
 RATE, HOP, WINDOW, DELAY = 20480, 1024, 4096, 16
 ENVELOPE_UNIT_DB, LEVEL_UNIT_DB, MFCC_UNIT = 5.0, 20.0, 50.0
+# audio/src/spectral.rs
+RANGE_DB, FADE_DB, FLOOR_DB, ENVELOPE_LIMIT_DB = 80.0, 1.0 / 20.0, -30.0, 20.0
+# Frames by which a window that ends at the frame is later than a centred one.
+LATE = 2
+MOST_LATE = 20
+PITCHES = "C C# D D# E F F# G G# A A# B".split()
+NAMES = (["onset envelope"] + ["MFCC 0, level"] + [f"MFCC {k}" for k in range(1, 20)]
+         + [f"chroma {p}" for p in PITCHES] + ["onset peak", "beat"])
+
+
+def mel_power(sound):
+    """librosa's, as at half the rate: half the samples, a quarter of the power."""
+    return 0.25 * librosa.feature.melspectrogram(
+        y=sound, sr=RATE, n_fft=WINDOW, hop_length=HOP, n_mels=128, fmax=5120.0)
+
+
+def causal(mel):
+    """Envelope and MFCC of windows that end at the frame, levels below a running reference."""
+    db = 10.0 * np.log10(np.maximum(mel, 1e-10))
+    db = np.concatenate([np.full((len(db), LATE), -100.0), db], axis=1)
+    out = np.zeros((21, db.shape[1]))
+    reference = FLOOR_DB
+    for k in range(1, db.shape[1]):
+        reference = max(reference - FADE_DB, db[:, k].max(), FLOOR_DB)
+        now, before = (np.maximum(db[:, j], reference - RANGE_DB) for j in (k, k - 1))
+        rise = np.maximum(now - before, 0.0).mean()
+        out[0, k] = min(rise, ENVELOPE_LIMIT_DB) / ENVELOPE_UNIT_DB
+        mfcc = scipy.fft.dct(now - reference, type=2, norm="ortho")[:20]
+        out[1, k] = (mfcc[0] / np.sqrt(128) + RANGE_DB / 2) / LEVEL_UNIT_DB
+        out[2:, k] = mfcc[1:] / MFCC_UNIT
+    return out
+
+
+def offline(sound, mel):
+    """The 35 features as AIST++ has them; the whole file is known."""
+    db = librosa.power_to_db(mel)
+    envelope = librosa.onset.onset_strength(S=db, sr=RATE, n_fft=WINDOW, hop_length=HOP)
+    events = np.zeros((2, len(envelope)))
+    events[0, librosa.onset.onset_detect(onset_envelope=envelope, sr=RATE, hop_length=HOP)] = 1
+    _, beats = librosa.beat.beat_track(onset_envelope=envelope, sr=RATE, hop_length=HOP)
+    events[1, beats] = 1
+    cens = librosa.feature.chroma_cens(y=sound, sr=RATE, hop_length=HOP)
+    return np.concatenate([envelope[None], librosa.feature.mfcc(S=db, n_mfcc=20), cens, events])
 
 
 def correlation(a, b):
@@ -31,54 +82,33 @@ def correlation(a, b):
 
 def main():
     binary, songs = sys.argv[1], sys.argv[2:]
-    rows = []
+    errors, correlations = [], []
     for song in songs:
         sound, _ = librosa.load(song, sr=RATE, duration=60.0)
         with tempfile.NamedTemporaryFile(suffix=".wav") as wav:
             soundfile.write(wav.name, sound, RATE, subtype="FLOAT")
             text = subprocess.run([binary, wav.name], capture_output=True, text=True, check=True).stdout
-        ours = np.array([line.split() for line in text.splitlines()], float)[:, 1:]
+        ours = np.array([line.split() for line in text.splitlines()], float)[:, 1:].T
         delayed = np.concatenate([np.zeros(DELAY, np.float32), sound])
-        mel = librosa.feature.melspectrogram(
-            y=delayed, sr=RATE, n_fft=WINDOW, hop_length=HOP, n_mels=128, fmax=5120.0)
-        # Half the rate means half the samples under a window: a quarter of the power.
-        # top_db clips at the loudest moment of the whole file, which nobody knows
-        # live: without it for what must agree, with it for the correlations.
-        mel_db = librosa.power_to_db(mel * 0.25, top_db=None)
-        clipped_db = librosa.power_to_db(mel * 0.25)
-        envelope = librosa.onset.onset_strength(S=mel_db, sr=RATE, n_fft=WINDOW, hop_length=HOP)
-        mfcc = librosa.feature.mfcc(S=mel_db, n_mfcc=20)
-        aist_envelope = librosa.onset.onset_strength(S=clipped_db, sr=RATE, n_fft=WINDOW, hop_length=HOP)
-        aist_mfcc = librosa.feature.mfcc(S=clipped_db, n_mfcc=20)
-        cens = librosa.feature.chroma_cens(y=delayed, sr=RATE, hop_length=HOP)
-        peaks = np.zeros(len(envelope))
-        peaks[librosa.onset.onset_detect(onset_envelope=aist_envelope, sr=RATE, hop_length=HOP)] = 1
+        mel = mel_power(delayed)
+        truth, original = causal(mel), offline(delayed, mel)
+        n = min(ours.shape[1], original.shape[1]) - 1
+        use = np.arange(MOST_LATE, n)
+        scale = np.sqrt((truth[:, use] ** 2).mean(axis=1, keepdims=True))
+        errors.append(np.abs(ours[:21, use] - truth[:, use]) / scale)
+        correlations.append([[correlation(ours[k, use], original[k, use - late]) for late in range(MOST_LATE + 1)]
+                             for k in range(35)])
+        print(song, len(use), "frames", file=sys.stderr, flush=True)
 
-        n = min(len(ours), len(envelope)) - 3
-        use = np.arange(10, n)
-        env = ours[use, 0] * ENVELOPE_UNIT_DB
-        limit = env < 20.0 - 1e-4
-        error = np.abs(env - envelope[use])[limit] / max(1e-9, np.std(envelope[use]))
-        # Our window ends at the frame: librosa's frame two hops earlier.
-        ours_mfcc = ours[use, 2:21] * MFCC_UNIT
-        mfcc_error = np.abs(ours_mfcc - mfcc[1:20, use - 2].T) / mfcc[1:20].std()
-        rows.append({
-            "envelope error/sd median": np.median(error),
-            "envelope error/sd p90": np.percentile(error, 90),
-            "MFCC 1-19 error/sd median": np.median(mfcc_error),
-            "MFCC 1-19 error/sd p90": np.percentile(mfcc_error, 90),
-            "envelope r": correlation(env, aist_envelope[use]),
-            "MFCC 1-19 r, same frame": np.mean([correlation(ours_mfcc[:, k], aist_mfcc[k + 1, use]) for k in range(19)]),
-            "MFCC 1-19 r, 2 frames late": np.mean([correlation(ours_mfcc[:, k], aist_mfcc[k + 1, use - 2]) for k in range(19)]),
-            "level r, 2 frames late": correlation(ours[use, 1], aist_mfcc[0, use - 2]),
-            **{f"CENS r, {lag} frames late": correlation(ours[use, 21:33].ravel(), cens[:, np.maximum(use - lag, 0)].T.ravel())
-               for lag in (0, 5, 10, 15)},
-            "peaks r": correlation(ours[use, 33], peaks[use]),
-        })
-        print(song.split("/")[-2:], {k: round(float(v), 4) for k, v in rows[-1].items()})
-    print("mean over", len(rows), "songs")
-    for key in rows[0]:
-        print(f"  {key:28} {np.mean([row[key] for row in rows]):.4f}")
+    print("| feature | median | 99 % | largest | within 1e-3 |\n|---|---|---|---|---|")
+    for name, rows in (("onset envelope", slice(0, 1)), ("MFCC 0, level", slice(1, 2)), ("MFCC 1-19", slice(2, 21))):
+        e = np.concatenate([song[rows].ravel() for song in errors])
+        print(f"| {name} | {np.median(e):.1e} | {np.percentile(e, 99):.1e} | {e.max():.1e} | {(e <= 1e-3).mean():.2%} |")
+    mean = np.nanmean(correlations, axis=0)
+    print(f"\n{len(songs)} songs\n\n| feature | same frame | best, frames late |\n|---|---|---|")
+    for name, row in zip(NAMES, mean):
+        late = int(np.argmax(row))
+        print(f"| {name} | {row[0]:.2f} | {row[late]:.2f}, {late} |")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,13 @@
 """Scores the beat trackers on real music with an exact tempo map.
 
 Music: the Debian packages fretsonfire-songs-muldjord and
-fretsonfire-songs-sectoid (CC BY-SA); notes.mid beside each song.ogg holds the
-tempo map. The recordings start up to 100 ms off it, so the offset that scores
-best, -20 to 100 ms, is fitted per track, for every tracker alike.
+fretsonfire-songs-sectoid (CC BY-SA), or the FOLDER with the two folders of
+songs in them; notes.mid beside each song.ogg holds the tempo map. The
+recordings start up to 100 ms off it, so the offset that scores best, -20 to
+100 ms, is fitted per track, for every tracker alike.
 
     cargo build --release -p servodance-audio --examples
-    python audio/reference/score_beats.py TRACK_BINARY [--librosa] [--all]
+    python audio/reference/score_beats.py TRACK_BINARY [--librosa] [--all] [--songs FOLDER]
 
 Tuning looked at the tracks in TUNED only; without --all only those are scored.
 Needs mir_eval, numpy, soundfile (and librosa with --librosa).
@@ -22,7 +23,7 @@ import mir_eval
 import numpy as np
 import soundfile
 
-SONGS = "/usr/share/games/fretsonfire/data/songs/*/*/song.ogg"
+SONGS = "/usr/share/games/fretsonfire/data/songs"
 TUNED = {"armygeddon", "internal_degeneration", "Feelings", "Metal madness"}
 
 
@@ -100,7 +101,8 @@ def main():
     everything = "--all" in sys.argv
     trackers = ["causal", "offline"] + (["librosa"] if "--librosa" in sys.argv else [])
     table = {tracker: {} for tracker in trackers}
-    for song in sorted(glob.glob(SONGS)):
+    folder = sys.argv[sys.argv.index("--songs") + 1] if "--songs" in sys.argv else SONGS
+    for song in sorted(glob.glob(f"{folder}/*/*/song.ogg")):
         name = os.path.basename(os.path.dirname(song))
         if not everything and name not in TUNED:
             continue

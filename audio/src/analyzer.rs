@@ -17,7 +17,7 @@ use servodance_types::{BeatLock, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
 use crate::beats::belief::evidence;
 use crate::beats::history::BeatCaller;
-use crate::beats::network::{Heard, Network, sigmoid};
+use crate::beats::network::{Heard, Network};
 use crate::beats::tracker::Tracker;
 use crate::beats::{History, hearing};
 use crate::onset::{HOP, LATENCY_S, Onset, OnsetDetector};
@@ -166,7 +166,7 @@ impl Core {
             Some(older) => self.heard = self.network.step(&hearing::input(&older, &onset)),
             None => self.older = Some(onset),
         }
-        self.tracker.hop(&onset, sigmoid(self.heard.downbeat));
+        self.tracker.hop(&onset, &self.heard);
         self.remember(evidence);
     }
 

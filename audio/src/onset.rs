@@ -43,6 +43,8 @@ pub(crate) struct Onset {
     pub(crate) strength: f32,
     /// Whether anything is audible at all.
     pub(crate) audible: bool,
+    /// Strength of each group of bands, lowest first, on the same scale.
+    pub(crate) groups: [f32; 4],
     /// Rise of each band over its neighbourhood, logarithmic.
     pub(crate) rises: [f32; BANDS],
     /// Level of each pair of bands, logarithmic.
@@ -86,6 +88,7 @@ impl OnsetDetector {
         let now = &self.levels[0];
         let mut strength = 0.0;
         let mut rises = [0.0; BANDS];
+        let mut groups = [0.0; 4];
         for (group, scale) in self.scales.iter_mut().enumerate() {
             let mut rise = 0.0;
             for band in GROUPS[group]..GROUPS[group + 1] {
@@ -94,11 +97,13 @@ impl OnsetDetector {
                 rises[band] = (now[band] - before[band].max(low).max(high)).max(0.0);
                 rise += rises[band];
             }
-            strength += GROUP_WEIGHTS[group] * scale.normalise(rise);
+            groups[group] = scale.normalise(rise);
+            strength += GROUP_WEIGHTS[group] * groups[group];
         }
         Onset {
             strength,
             audible,
+            groups,
             rises,
             levels: std::array::from_fn(|pair| 0.5 * (now[2 * pair] + now[2 * pair + 1])),
         }

@@ -129,6 +129,25 @@ fn another_song_is_found() {
     assert!(share > 0.9, "right in {share} of the frames");
 }
 
+#[test]
+fn slow_song_after_a_faster_one_is_followed_at_its_own_tempo() {
+    let first = spec(Style::House, steady(126.0, 20.0), 20.0)
+        .render()
+        .expect("a song");
+    for style in [Style::Soul, Style::HipHop, Style::Rock] {
+        let second = spec(style, steady(98.0, 30.0), 30.0)
+            .render()
+            .expect("a song");
+        let mut both = first.samples.clone();
+        both.extend_from_slice(&second.samples);
+        let frames = listen(&both, first.sample_rate_hz);
+        let late: Vec<&MusicFrame> = frames.iter().filter(|f| f.time_s >= 35.0).collect();
+        let slow = |f: &&&MusicFrame| (f.beat.tempo_bpm / 98.0 - 1.0).abs() < 0.04;
+        let share = late.iter().filter(slow).count() as f64 / late.len() as f64;
+        assert!(share > 0.9, "{style:?}: at 98 BPM in {share} of the frames");
+    }
+}
+
 /// Where the robot turns round: a little after each beat.
 fn turns(song: &Song) -> Vec<f64> {
     song.beats_s.iter().map(|beat| beat + 0.15).collect()

@@ -2,8 +2,8 @@
 //!
 //! 80 steps a second: a dense layer over what two hops of sound bring, a gated
 //! recurrent unit (Cho 2014) that remembers rhythm, and five logits: two of
-//! beats, which taught it rhythm but serve real music less well than the onsets
-//! do, two of downbeats, one of music. Trained by
+//! beats, which say well which onsets are beats but serve real music less well
+//! than the onsets do, two of downbeats, one of music. Trained by
 //! `audio/reference/train_beats.py` on rendered sound alone; the weights are in
 //! `weights.f32`. Causal, constant memory, no allocation after the start.
 
@@ -19,6 +19,8 @@ static WEIGHTS: &[u8] = include_bytes!("weights.f32");
 /// What the network says of one step, as logits: 0 is "as likely as not".
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Heard {
+    /// Beat in the older or the newer hop, 40 ms after it was audible.
+    pub(crate) beat: f32,
     /// Downbeat in the older or the newer hop, 40 ms after it was audible.
     pub(crate) downbeat: f32,
     /// Music at all.
@@ -28,6 +30,7 @@ pub(crate) struct Heard {
 impl Heard {
     /// What is said before anything was heard.
     pub(crate) const SILENCE: Heard = Heard {
+        beat: -9.0,
         downbeat: -9.0,
         music: -9.0,
     };
@@ -94,6 +97,7 @@ impl Network {
         let mut out = [0.0; OUTPUTS];
         self.heads.apply(&self.memory, &mut out);
         Heard {
+            beat: out[0].max(out[1]),
             downbeat: out[2].max(out[3]),
             music: out[4],
         }

@@ -15,6 +15,7 @@
 use super::bar::Bar;
 use super::belief::{Belief, Estimate, evidence};
 use super::level::Level;
+use super::network::{Heard, sigmoid};
 use super::tempo::{RATE_HZ, TempoFit, Tempogram};
 use crate::onset::Onset;
 use servodance_types::{Beat, BeatLock};
@@ -101,8 +102,8 @@ impl Tracker {
         self.state
     }
 
-    /// Takes one hop of onsets, and how likely a downbeat is in it.
-    pub(crate) fn hop(&mut self, onset: &Onset, downbeat: f32) {
+    /// Takes one hop of onsets, and what the network says of it.
+    pub(crate) fn hop(&mut self, onset: &Onset, heard: &Heard) {
         let hop_s = 1.0 / RATE_HZ;
         self.silent_s = if onset.audible {
             0.0
@@ -113,9 +114,11 @@ impl Tracker {
         self.belief.hop(evidence(onset.strength));
         let phase = self.phase + self.bpm / 60.0 * hop_s;
         self.phase = phase.rem_euclid(1.0);
-        self.level.hear(self.phase, phase >= 1.0, onset.strength);
+        let voices = [onset.groups[0], onset.groups[1], sigmoid(heard.beat)];
+        self.level.hear(self.phase, self.bpm, phase >= 1.0, voices);
         let (danced, _) = self.level.apply(self.phase, self.bpm);
-        self.bar.hear(danced.rem_euclid(1.0), downbeat);
+        self.bar
+            .hear(danced.rem_euclid(1.0), sigmoid(heard.downbeat));
         self.hops += 1;
         if self.hops.is_multiple_of(LOOK_EVERY) {
             let elapsed_s = LOOK_EVERY as f64 * hop_s;
@@ -153,7 +156,9 @@ impl Tracker {
             }
             BeatLock::Locked | BeatLock::Holding => {
                 self.follow(estimate, elapsed_s);
-                self.level.choose(self.bpm, elapsed_s);
+                if self.level.choose(self.bpm, elapsed_s) {
+                    self.bar = Bar::default();
+                }
             }
         }
     }
@@ -170,6 +175,7 @@ impl Tracker {
                 self.contradicted_s = 0.0;
                 self.phase = estimate.phase;
                 self.bpm = estimate.bpm;
+                self.level.begin();
             }
             BeatLock::Locked if self.confidence < UNLOCK => {
                 self.state = BeatLock::Holding;
@@ -214,9 +220,10 @@ impl Tracker {
             let danced = self.level.apply(self.phase, self.bpm);
             self.phase = estimate.phase;
             self.bpm = estimate.bpm;
-            self.level.carry_over(danced, self.phase, self.bpm);
+            if !self.level.carry_over(danced, self.phase, self.bpm) {
+                self.bar = Bar::default();
+            }
             self.contradicted_s = 0.0;
-            self.bar = Bar::default();
         }
     }
 
