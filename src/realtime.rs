@@ -55,6 +55,18 @@ pub fn raise(role: Role) -> Result<(), NotAllowed> {
     .map_err(|_| NotAllowed)
 }
 
+/// Lets all other threads of the machine go before the calling one (niceness
+/// on Linux). Where the system refuses, nothing changes.
+pub fn yield_to_others() {
+    if let Ok(low) = ThreadPriorityValue::try_from(10) {
+        let _ = set_thread_priority_and_policy(
+            thread_native_id(),
+            ThreadPriority::Crossplatform(low),
+            ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other),
+        );
+    }
+}
+
 /// Gives the thread that drops it back to ordinary work.
 pub struct OrdinaryAfterwards;
 

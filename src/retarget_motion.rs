@@ -1,16 +1,16 @@
 //! A motion file becomes a file of joint positions, inside every limit.
 
 use crate::follow::{Followed, follow};
+use crate::joint_csv::JointCsv;
 use crate::output::{PendingFile, write_whole};
 use crate::record::{Recorder, Topic, WhenBehind};
 use crate::report::{EffortFigures, ViolationReport};
 use crate::robot::Robot;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::import::read_motion;
 use servodance_retarget::{Counts, Segment};
 use std::collections::BTreeMap;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// What is to be done.
@@ -168,20 +168,14 @@ fn summary(report: &RetargetReport, out: &Path) -> Vec<String> {
 
 /// Where joint positions go.
 enum Sink {
-    Csv(PendingFile, BufWriter<std::fs::File>),
+    Csv(JointCsv),
     Recording(Box<Recorder>),
 }
 
 impl Sink {
     fn create(path: &Path, names: &[String], urdf_xml: &str) -> anyhow::Result<Self> {
         match path.extension().and_then(|e| e.to_str()) {
-            Some("csv") => {
-                let pending = PendingFile::create(path)?;
-                let mut writer = pending.writer()?;
-                let columns: Vec<String> = names.iter().map(|name| quoted(name)).collect();
-                writeln!(writer, "time_s,{}", columns.join(","))?;
-                Ok(Sink::Csv(pending, writer))
-            }
+            Some("csv") => Ok(Sink::Csv(JointCsv::create(path, names)?)),
             Some("mcap") => {
                 let silent = Box::new(|_: &str| ()); // `finish` tells
                 let mut recorder =
@@ -198,14 +192,7 @@ impl Sink {
 
     fn write(&mut self, time_s: f64, positions_rad: &[f64]) -> anyhow::Result<()> {
         match self {
-            Sink::Csv(_, writer) => {
-                write!(writer, "{time_s:.4}")?;
-                for position in positions_rad {
-                    write!(writer, ",{position:.6}")?;
-                }
-                writeln!(writer)?;
-                Ok(())
-            }
+            Sink::Csv(csv) => csv.write(time_s, positions_rad.iter().copied()),
             Sink::Recording(recorder) => {
                 recorder.positions(Topic::JointCommands, time_s, positions_rad);
                 Ok(())
@@ -215,11 +202,7 @@ impl Sink {
 
     fn finish(self, robot: &Robot) -> anyhow::Result<()> {
         match self {
-            Sink::Csv(pending, mut writer) => {
-                writer.flush().context("cannot write the joint positions")?;
-                drop(writer);
-                pending.finish()
-            }
+            Sink::Csv(csv) => csv.finish(),
             Sink::Recording(mut recorder) => {
                 recorder.metadata(BTreeMap::from([
                     ("robot".to_owned(), robot.name.clone()),
@@ -228,13 +211,5 @@ impl Sink {
                 recorder.finish()
             }
         }
-    }
-}
-
-/// A column's name; quoted where it would fall apart.
-fn quoted(name: &str) -> String {
-    match name.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", name.replace('"', "\"\"")),
-        false => name.to_owned(),
     }
 }

@@ -23,4 +23,5 @@ mod rigs;
 mod robot_check;
 mod robot_mutations;
 mod robot_new;
+mod show;
 mod torque_off;

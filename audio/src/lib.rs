@@ -18,4 +18,4 @@ mod spectrum;
 
 pub use analyzer::{ANALYSIS_RATE_HZ, AnalyzerError, MusicAnalyzer};
 pub use source::AudioSource;
-pub use spectral::{ENVELOPE_UNIT_DB, LEVEL_UNIT_DB, MFCC_UNIT};
+pub use spectral::{ENVELOPE_UNIT_DB, LEVEL_UNIT_DB, MFCC_UNIT, bands};

@@ -151,6 +151,21 @@ impl SpectralFeatures {
     }
 }
 
+/// The spectrum that the MFCC of a frame stand for, smooth: levels of `N` bands
+/// evenly spaced in mel up to 5120 Hz, from 0 (80 dB below the loudest of late,
+/// or less) to 1.
+pub fn bands<const N: usize>(spectral: &[f32; SPECTRAL_DIM]) -> [f32; N] {
+    let scale = (2.0 / MEL_BANDS as f32).sqrt() * MFCC_UNIT;
+    std::array::from_fn(|band| {
+        let turn = std::f32::consts::PI * (band as f32 + 0.5) / N as f32;
+        let shape: f32 = (1..MFCC_COUNT)
+            .map(|k| spectral[MFCC + k] * (turn * k as f32).cos())
+            .sum();
+        let below_db = spectral[MFCC] * LEVEL_UNIT_DB - RANGE_DB / 2.0 + scale * shape;
+        (1.0 + below_db / RANGE_DB).clamp(0.0, 1.0)
+    })
+}
+
 fn decibels(power: f32) -> f32 {
     10.0 * power.max(1e-10).log10()
 }

@@ -156,11 +156,19 @@ impl Generator {
         &self.styles()[self.networks.default_style]
     }
 
+    /// Where a style stands in [`Generator::styles`].
+    ///
+    /// # Errors
+    /// There is none of that name; the message lists those there are.
+    pub fn style_index(&self, name: &str) -> Result<usize, ModelError> {
+        self.networks.style_index(name)
+    }
+
     /// A new dance. Refuses options out of range and unknown styles.
     pub fn start(&self, options: GeneratorOptions) -> Result<Dance, ModelError> {
         let n = &self.networks;
         let style = match &options.style {
-            Some(name) => self.style_index(name)?,
+            Some(name) => n.style_index(name)?,
             None => n.default_style,
         };
         if !(0.0..=10.0).contains(&options.guidance) {
@@ -197,18 +205,18 @@ impl Generator {
             watch: Watch::default(),
         })
     }
-
-    fn style_index(&self, name: &str) -> Result<usize, ModelError> {
-        let styles = self.styles();
-        let found = styles.iter().position(|style| style == name);
-        found.ok_or_else(|| ModelError::UnknownStyle {
-            found: name.to_owned(),
-            known: styles.to_vec(),
-        })
-    }
 }
 
 impl Networks {
+    fn style_index(&self, name: &str) -> Result<usize, ModelError> {
+        let styles = &self.config.seq.styles;
+        let found = styles.iter().position(|style| style == name);
+        found.ok_or_else(|| ModelError::UnknownStyle {
+            found: name.to_owned(),
+            known: styles.clone(),
+        })
+    }
+
     /// One of the stored beginnings, of this style if there is one.
     fn starting_codes(&self, style: usize, sampler: &mut Sampler) -> Vec<usize> {
         let all: Vec<usize> = (0..self.start_codes.len()).collect();
@@ -315,19 +323,41 @@ impl Dance {
         Ok(())
     }
 
+    /// Dances on in another style, from the pose that it is in.
+    ///
+    /// # Errors
+    /// An unknown style; the message lists those there are.
+    pub fn restyle(&mut self, style: &str) -> Result<(), ModelError> {
+        self.style = self.networks.style_index(style)?;
+        self.forget()
+    }
+
+    /// Names of the styles, as [`Generator::styles`].
+    pub fn styles(&self) -> &[String] {
+        &self.networks.config.seq.styles
+    }
+
+    /// Dances on with the random numbers of another seed.
+    pub fn reseed(&mut self, seed: u64) {
+        self.sampler.reseed(seed);
+    }
+
     /// Forgets the past, in which the dancer stood: a model that continues
     /// what it sees would go on standing. From the second time in a row on it
     /// also begins at another moment of the style.
     fn wake(&mut self) -> Result<(), ModelError> {
-        let networks = self.networks.clone();
-        let seq = &networks.seq;
-        self.seq = seq.start(Some(self.style))?;
-        if self.deaf.is_some() {
-            self.deaf = Some(seq.start(Some(self.style))?);
-        }
+        self.forget()?;
         if self.watch.in_a_row > 1 {
-            self.codes = networks.starting_codes(self.style, &mut self.sampler);
+            self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
         }
+        Ok(())
+    }
+
+    /// Forgets what was danced, not the pose: motion goes on without a jump.
+    fn forget(&mut self) -> Result<(), ModelError> {
+        let start = || self.networks.seq.start(Some(self.style));
+        let deaf = self.deaf.is_some().then(start).transpose()?;
+        (self.seq, self.deaf) = (start()?, deaf);
         Ok(())
     }
 

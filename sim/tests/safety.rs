@@ -157,6 +157,50 @@ fn targets_that_come_back_while_holding_resume_gently() {
 }
 
 #[test]
+fn a_hold_on_request_lasts_as_long_as_targets_are_fresh() {
+    let mut rig = rig(2);
+    let swing = |now_s: f64| [0.4 * (2.0 * now_s).sin(), -0.4 * (3.0 * now_s).sin()];
+    let held = |rig: &Rig| rig.safe.sent_rad().to_vec();
+    for _ in 0..400 {
+        let targets = swing(rig.now_s);
+        rig.period(Some(&targets)).unwrap();
+    }
+    rig.safe.hold(true);
+    let mut pose = Vec::new();
+    for k in 0..300 {
+        let targets = swing(rig.now_s);
+        let state = rig.period(Some(&targets)).unwrap();
+        assert_eq!(state, State::Holding);
+        if k == 60 {
+            pose = held(&rig);
+        }
+    }
+    assert_eq!(
+        held(&rig),
+        pose,
+        "it stands still, far longer than stale targets may"
+    );
+    assert_eq!(rig.safe.interventions().stale, 0);
+    rig.safe.hold(false);
+    for _ in 0..400 {
+        let targets = swing(rig.now_s);
+        assert_eq!(rig.period(Some(&targets)).unwrap(), State::Running);
+    }
+    let targets = swing(rig.now_s - PERIOD_S);
+    assert!((rig.safe.sent_rad()[0] - targets[0]).abs() < 0.01);
+    rig.safe.hold(true);
+    for _ in 0..200 {
+        rig.period(None).unwrap();
+    }
+    assert_eq!(
+        rig.safe.state(),
+        State::Disarmed,
+        "nobody is there any more"
+    );
+    rig.clean();
+}
+
+#[test]
 fn nan_is_held_and_then_stale() {
     let mut rig = rig(1);
     for _ in 0..250 {

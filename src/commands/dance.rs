@@ -1,12 +1,15 @@
 //! `servodance dance`.
 
 use super::{INTERRUPTED, stop_signal};
-use crate::console::tell;
-use crate::dance::{DanceConfig, IdleStyle, Speed, dance};
+use crate::console::{say, tell};
+use crate::dance::{DanceConfig, Evening, IdleStyle, Outcome, Speed, dance};
+use crate::show::Server;
 use crate::summary::summary;
 use servodance_audio::source::PcmEncoding;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -18,6 +21,8 @@ Examples:
       a real robot, in real time (hold its power switch)
   servodance dance --mic
       what the default microphone hears (built with --features mic)
+  servodance dance --mic --robot my-robot.toml --bus serial:/dev/ttyUSB0 --view --wait-for-start
+      an evening: start, hold, stop and style from a page in the browser
   arecord -f S16_LE -r 48000 -c 1 -t raw | servodance dance - --pcm-rate 48000 --speed realtime
       dance to whatever a capture program hears";
 
@@ -110,6 +115,26 @@ pub struct Args {
     #[arg(long, value_name = "PATH")]
     pub estop_file: Option<PathBuf>,
 
+    /// Serve a page to watch and to steer the dance with; its address is the
+    /// first line on standard output (see docs/show.md). Built with --features view.
+    #[arg(long)]
+    pub view: bool,
+
+    /// Where the page is served; anything but this machine's own address makes
+    /// it reachable for whoever has the address with its token.
+    #[arg(
+        long,
+        default_value = "127.0.0.1:0",
+        value_name = "IP:PORT",
+        requires = "view"
+    )]
+    pub view_bind: SocketAddr,
+
+    /// Wait, torque off, until the page says start, before each dance; end by
+    /// Ctrl-C.
+    #[arg(long, requires = "view")]
+    pub wait_for_start: bool,
+
     /// Print only errors.
     #[arg(long, short)]
     pub quiet: bool,
@@ -119,11 +144,36 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let config = DanceConfig::from_args(args)?;
     let stop = stop_signal()?;
-    let outcome = dance(&config, &stop)?;
-    if !config.quiet {
-        crate::console::stdout(format_args!("{}", summary(&config, &outcome.report)));
+    if let Some(bind) = config.view {
+        return watched(config, bind, &stop);
     }
+    let outcome = dance(&config, &stop)?;
+    report(&config, &outcome);
     if outcome.interrupted {
+        tell!("stopped; torque is off");
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn report(config: &DanceConfig, outcome: &Outcome) {
+    if !config.quiet {
+        crate::console::stdout(format_args!("{}", summary(config, &outcome.report)));
+    }
+}
+
+/// Dances for whoever opens the page.
+fn watched(config: DanceConfig, bind: SocketAddr, stop: &AtomicBool) -> anyhow::Result<ExitCode> {
+    let waits = config.wait_for_start;
+    let (mut evening, end) = Evening::new(config)?;
+    let server = Server::start(bind, evening.scene()?, end)?;
+    say!("{}", server.address());
+    evening.run(stop, |config, outcome| match outcome {
+        Ok(outcome) => report(config, outcome),
+        Err(error) if waits => tell!("error: {error:#}"),
+        Err(_) => {} // told by `main`
+    })?;
+    if stop.load(Ordering::Acquire) {
         tell!("stopped; torque is off");
         return Ok(ExitCode::from(INTERRUPTED));
     }

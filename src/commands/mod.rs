@@ -14,11 +14,13 @@ pub mod dataset;
 pub mod devices;
 pub mod doctor;
 pub mod evaluate;
+pub mod export;
 pub mod generate;
 pub mod jog;
 pub mod latency;
 pub mod man;
 pub mod ping;
+pub mod play;
 pub mod reconstruct;
 pub mod retarget;
 pub mod robot;
@@ -69,12 +71,16 @@ pub enum Command {
     Doctor(doctor::Args),
     /// Score the generator: beat, variety, physics, each beside controls and real motion.
     Evaluate(evaluate::Args),
+    /// Turn a recording of a dance into a moving picture, BVH or CSV.
+    Export(export::Args),
     /// Write the human motion that the model dances to a recording, without a robot.
     Generate(generate::Args),
     /// Move one joint, by steps from the keyboard or by one.
     Jog(jog::Args),
     /// Ask one servo, or every joint of a robot, how it is.
     Ping(ping::Args),
+    /// Play a recording of a dance on a page, with a slider.
+    Play(play::Args),
     /// Send a motion through the model's tokens and back.
     Reconstruct(reconstruct::Args),
     /// Turn a motion file into joint positions of a robot, without servos.
@@ -114,9 +120,11 @@ impl Command {
             Command::Dataset(args) => dataset::run(args),
             Command::Doctor(args) => doctor::run(args),
             Command::Evaluate(args) => evaluate::run(args),
+            Command::Export(args) => export::run(args),
             Command::Generate(args) => generate::run(args),
             Command::Jog(args) => jog::run(args),
             Command::Ping(args) => ping::run(args),
+            Command::Play(args) => play::run(args),
             Command::Reconstruct(args) => reconstruct::run(args),
             Command::Retarget(args) => retarget::run(args),
             Command::Robot(args) => robot::run(args),

@@ -7,6 +7,7 @@ use crate::robot::Robot;
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use servodance_audio::source::PcmFormat;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// Where the music comes from.
@@ -71,6 +72,10 @@ pub struct DanceConfig {
     pub record: Option<PathBuf>,
     /// Where the picture goes.
     pub picture: Option<PathBuf>,
+    /// Where viewers are served, if they are.
+    pub view: Option<SocketAddr>,
+    /// Whether each dance waits for somebody to say `start`.
+    pub wait_for_start: bool,
     /// A file that is the emergency stop.
     pub estop_file: Option<PathBuf>,
     /// Print only errors.
@@ -91,8 +96,11 @@ impl DanceConfig {
             (Some(Speed::Max), false) => {
                 bail!("--speed max needs the simulated bus: real servos live in real time")
             }
+            (Some(Speed::Max), _) if args.view => {
+                bail!("--speed max cannot be watched: --view lives in real time")
+            }
             (Some(speed), _) => speed,
-            (None, true) if !hears => Speed::Max,
+            (None, true) if !hears && !args.view => Speed::Max,
             (None, _) => Speed::Realtime,
         };
         Ok(Self {
@@ -109,6 +117,8 @@ impl DanceConfig {
             report: args.report,
             record: args.record,
             picture: (!args.no_picture).then_some(args.picture),
+            view: args.view.then_some(args.view_bind),
+            wait_for_start: args.wait_for_start,
             estop_file: args.estop_file,
             quiet: args.quiet,
         })

@@ -7,6 +7,9 @@
 //!           +---------+--------+--> error or Ctrl-C -> torque off
 //! ```
 //!
+//! A request to stop, or the end of the music, leads to the finale; a hold is
+//! waited for there, so that the robot never goes limp with its arms up.
+//!
 //! Prelude: the robot moves to its first pose before the music begins (left
 //! out when audio comes in live). Dance: motion in, joints out. Finale: from
 //! the last pose to rest, so that torque off does not drop raised limbs.
@@ -18,13 +21,15 @@ use super::config::Speed;
 use super::delays::Delays;
 use super::idle::{Idle, IdleStyle};
 use super::latency::{Arrivals, Latency};
-use super::motion_source::{MotionSource, Next, Step};
+use super::motion_source::{Change, MotionSource, Next, Step};
 use super::rehearsal::Rehearsal;
 use super::rig::Rig;
+use super::showing::{Cycle, Showing, pose_array};
 use super::steering::{Horizon, Steering};
 use super::trace::Trace;
 use crate::record::{Recorder, Topic};
 use crate::robot::Robot;
+use crate::show::{Activity, Request, RobotEnd};
 use crate::stages::{Stage, StageClock};
 use servodance_retarget::Retargeter;
 use servodance_types::FRAME_RATE_HZ;
@@ -53,6 +58,8 @@ const LIVE_TRACE_S: f64 = 300.0;
 pub enum Ending {
     /// The music was over.
     Finished,
+    /// Somebody watching asked it to stop.
+    Stopped,
     /// The user stopped it.
     Interrupted,
 }
@@ -87,6 +94,9 @@ pub struct Control<'a> {
     lead_sum_s: (f64, u64),
     recorder: Option<Recorder>,
     stop: &'a AtomicBool,
+    show: Option<Showing<'a>>,
+    activity: Activity,
+    stop_asked: bool,
     speed: Speed,
     live: bool,
     /// How long after its time a frame of a recording arrives that is danced to
@@ -122,9 +132,10 @@ impl<'a> Control<'a> {
         rig: &'a mut Rig,
         recorder: Option<Recorder>,
         timing: Timing,
+        show: Option<&'a mut RobotEnd>,
         stop: &'a AtomicBool,
     ) -> anyhow::Result<Self> {
-        let retargeter = robot.retargeter()?;
+        let mut retargeter = robot.retargeter()?;
         let joints = robot.servos.len();
         let Timing { speed, as_live, .. } = timing;
         let live = timing.live || as_live;
@@ -150,6 +161,9 @@ impl<'a> Control<'a> {
             robot,
             rig,
             targets: retargeter.rest().to_vec(),
+            show: show.map(|end| Showing::new(end, &mut retargeter, robot.period_s())),
+            activity: Activity::Starting,
+            stop_asked: false,
             retargeter,
             recorder,
             stop,
@@ -225,18 +239,64 @@ impl<'a> Control<'a> {
             self.started = Instant::now();
         }
         self.dancing = true;
-        while !self.is_over() {
+        while !self.is_over() && !self.stop_asked {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Interrupted);
             }
             self.pace(); // before the newest is looked at, not after
+            self.heed(source)?;
             let time_s = self.time_s();
             self.fetch_motion(source, &mut on_frame)?;
             self.choose_motion_time(time_s)?;
             self.retarget()?;
+            self.activity = match time_s < 0.0 {
+                true => Activity::Prelude,
+                false => Activity::Dancing,
+            };
             self.drive(time_s)?;
         }
-        self.finale()
+        self.finale(source)
+    }
+
+    /// Does what those who watch have asked for since the last cycle.
+    fn heed(&mut self, source: &mut MotionSource) -> anyhow::Result<()> {
+        let Some(show) = &mut self.show else {
+            return Ok(());
+        };
+        while let Some(request) = show.end.request() {
+            show.end.settings.take(request);
+            match request {
+                Request::Hold => show.hold = true,
+                Request::Resume => show.hold = false,
+                Request::Stop => {
+                    self.stop_asked = true;
+                    show.hold = false; // it shall not end with its arms up
+                }
+                Request::Idle(idle) => self.idle.set_style(idle),
+                Request::Style(style) => source.change(Change::Style(style))?,
+                Request::Seed(seed) => source.change(Change::Seed(seed))?,
+                // Steered to, a little in each cycle.
+                Request::Amplitude(_) | Request::Mirror(_) => {}
+                // Only while waiting, or while a recording plays.
+                Request::Start | Request::Release | Request::Seek(_) => {}
+            }
+        }
+        self.rig.hold(show.hold);
+        show.steer(&mut self.retargeter);
+        Ok(())
+    }
+
+    /// Lets those who watch see this cycle.
+    fn tell_viewers(&mut self) {
+        let cycle = Cycle {
+            activity: self.activity,
+            music_s: self.time_s(),
+            idle_share: self.idle.share(),
+            late_frames: self.late_frames,
+        };
+        if let Some(show) = &mut self.show {
+            show.show(self.rig, &self.retargeter, cycle);
+        }
     }
 
     /// Ends the recording with facts known only now.
@@ -280,7 +340,14 @@ impl<'a> Control<'a> {
     ) -> anyhow::Result<bool> {
         let standing: Vec<f64> = self.rig.sent_rad().to_vec();
         let mut arrivals = Arrivals::default();
+        self.activity = Activity::Listening;
         while !self.stop.load(Ordering::Relaxed) {
+            self.heed(source)?;
+            if self.stop_asked {
+                self.targets.copy_from_slice(&standing);
+                self.started = Instant::now();
+                return Ok(true);
+            }
             match source.poll()? {
                 Next::Step(step) => {
                     self.accept(&step, on_frame);
@@ -309,7 +376,9 @@ impl<'a> Control<'a> {
     fn stand(&mut self, pose_rad: &[f64]) -> anyhow::Result<()> {
         std::thread::sleep(Duration::from_secs_f64(self.robot.period_s()));
         self.rig
-            .cycle(self.started.elapsed().as_secs_f64(), pose_rad)
+            .cycle(self.started.elapsed().as_secs_f64(), pose_rad)?;
+        self.tell_viewers();
+        Ok(())
     }
 
     /// Takes motion until the next cycle has all that it needs, and steering
@@ -354,6 +423,9 @@ impl<'a> Control<'a> {
             steering.push(&step.music, &step.motion);
         }
         self.idle.hear(&step.music);
+        if let Some(show) = &mut self.show {
+            show.hear(&step.music);
+        }
         self.trace.motion.push(step.motion);
         self.stages.book(Stage::Features, step.features_ms);
         self.stages.book(Stage::Model, step.model_ms);
@@ -371,9 +443,16 @@ impl<'a> Control<'a> {
     fn retarget(&mut self) -> anyhow::Result<()> {
         let (time_s, motion_s) = (self.time_s(), self.motion_s);
         let (retargeter, idle) = (&mut self.retargeter, &mut self.idle);
-        let targets = &mut self.targets;
+        let (targets, show) = (&mut self.targets, &mut self.show);
         let (result, ms) = self.stages.time(Stage::Retarget, || {
-            retargeter.next_altered(motion_s, |dance| idle.step(time_s, dance), targets)
+            let alter = |dance| {
+                let shown = idle.step(time_s, dance);
+                if let Some(show) = show {
+                    show.see(shown);
+                }
+                shown
+            };
+            retargeter.next_altered(motion_s, alter, targets)
         });
         result?;
         self.record_stage(Stage::Retarget, ms);
@@ -389,6 +468,7 @@ impl<'a> Control<'a> {
         let start = Instant::now();
         self.latency.sent(start);
         self.keep(time_s);
+        self.tell_viewers();
         self.record_cycle(time_s);
         self.record_stage(Stage::Bus, bus_ms);
         let control_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -407,13 +487,17 @@ impl<'a> Control<'a> {
         }
         let period_s = self.robot.period_s();
         let grid_s = self.cycle as f64 * period_s;
+        let due_s = grid_s + self.slip_s;
         let now_s = self.started.elapsed().as_secs_f64();
-        if now_s > grid_s + self.slip_s + STALL_PERIODS * period_s {
+        if now_s > due_s + STALL_PERIODS * period_s {
             self.slip_s = now_s - grid_s;
         } else {
             self.slip_s = (self.slip_s - CATCH_UP * period_s).max(0.0);
             let rest_s = (grid_s + self.slip_s - now_s).max(0.0);
             std::thread::sleep(Duration::from_secs_f64(rest_s));
+        }
+        if let Some(show) = &mut self.show {
+            show.note_late(self.started.elapsed().as_secs_f64() - due_s);
         }
     }
 
@@ -442,6 +526,7 @@ impl<'a> Control<'a> {
     fn record_cycle(&mut self, time_s: f64) {
         let at_s = time_s + self.music_start_s;
         let period_s = self.robot.period_s();
+        let decimation = self.decimation();
         let Some(recorder) = &mut self.recorder else {
             return;
         };
@@ -450,6 +535,11 @@ impl<'a> Control<'a> {
         recorder.number(Topic::Idle, at_s, self.idle.share());
         recorder.positions(Topic::JointCommands, at_s, self.rig.sent_rad());
         recorder.states(Topic::JointStates, at_s, self.rig.states());
+        if self.cycle.is_multiple_of(decimation) {
+            let positions: Vec<f64> = self.rig.states().iter().map(|s| s.position_rad).collect();
+            let root = pose_array(&self.retargeter.world_from_root(&positions));
+            recorder.pose(Topic::Root, at_s, root);
+        }
         if let Some(truth) = self.rig.truth() {
             // The simulation has already gone on to the end of this cycle.
             recorder.states(Topic::ServoTruth, at_s + period_s, truth);
@@ -467,8 +557,9 @@ impl<'a> Control<'a> {
     }
 
     /// From the last pose to rest along a minimum-jerk path that stays far
-    /// inside the limits.
-    fn finale(&mut self) -> anyhow::Result<Ending> {
+    /// inside the limits. A hold is waited for.
+    fn finale(&mut self, source: &mut MotionSource) -> anyhow::Result<Ending> {
+        self.activity = Activity::Finale;
         let from = self.targets.clone();
         let to = self.retargeter.rest().to_vec();
         let duration_s = self
@@ -485,18 +576,30 @@ impl<'a> Control<'a> {
             })
             .fold(0.5, f64::max);
         let cycles = (duration_s * self.robot.control_hz).ceil() as u64;
-        for i in 1..=cycles {
+        let mut done = 0;
+        while done < cycles || self.is_blending_in() {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Interrupted);
             }
-            let share = minimum_jerk(i as f64 / cycles as f64);
+            self.pace();
+            self.heed(source)?;
+            let held = self.show.as_ref().is_some_and(|show| show.hold);
+            done = (done + u64::from(!held)).min(cycles);
+            let share = minimum_jerk(done as f64 / cycles as f64);
             for (target, (a, b)) in self.targets.iter_mut().zip(from.iter().zip(&to)) {
                 *target = a + share * (b - a);
             }
-            self.pace();
             self.drive(self.time_s())?;
         }
-        Ok(Ending::Finished)
+        Ok(match self.stop_asked {
+            true => Ending::Stopped,
+            false => Ending::Finished,
+        })
+    }
+
+    /// Whether the robot is still on its way from where it was held.
+    fn is_blending_in(&self) -> bool {
+        self.show.is_some() && self.rig.is_ramping()
     }
 }
 

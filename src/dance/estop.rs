@@ -74,12 +74,14 @@ impl Drop for EStopWatch {
 }
 
 /// A thread that lives as long as the program: reading a key cannot be ended.
+/// A button that was released can be pressed again.
 fn watch_key(estop: EStop) -> anyhow::Result<()> {
     let thread = std::thread::Builder::new().name("emergency stop key".into());
     thread.spawn(move || {
         let mut line = String::new();
-        if matches!(std::io::stdin().read_line(&mut line), Ok(1..)) {
+        while matches!(std::io::stdin().read_line(&mut line), Ok(1..)) {
             estop.press("the key");
+            line.clear();
         }
     })?;
     Ok(())

@@ -13,7 +13,7 @@
 //! Robot axes: x forward, y left, z up; metres, radians, seconds.
 
 use clap::ValueEnum;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use servodance_model::motion::skeleton::BONE_LENGTH_M;
 use servodance_retarget::Points;
 use servodance_retarget::nalgebra::{Rotation3, Vector3};
@@ -43,7 +43,7 @@ const SWAY_HZ: f64 = 0.11;
 const LOOK_HZ: f64 = 0.07;
 
 /// What to do while there is no music.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum IdleStyle {
     /// Stand, breathe, sway a little and look around.
@@ -108,6 +108,9 @@ pub struct Idle {
     place: Place,
     /// The idle body while the style is to hold, at the origin.
     held: Option<Points>,
+    /// The idle body of a style that was changed, at the origin, and how much of
+    /// it is left, 1 to 0.
+    leaving: Option<(Points, f64)>,
     /// Brings the dancer, who may have moved unseen, to where the robot is.
     from: Place,
     to: Place,
@@ -127,6 +130,7 @@ impl Idle {
             idled_cycles: 0,
             place: Place::default(),
             held: None,
+            leaving: None,
             from: Place::default(),
             to: Place::default(),
         }
@@ -140,10 +144,21 @@ impl Idle {
         }
     }
 
+    /// Another style from now on; an idle body gets there over the same time as
+    /// from a dance.
+    pub fn set_style(&mut self, style: IdleStyle) {
+        if style == self.style {
+            return;
+        }
+        let present = self.body();
+        self.leaving = (self.faded > 0.0).then_some((present, 1.0));
+        self.held = (self.style != IdleStyle::Hold && style == IdleStyle::Hold).then_some(present);
+        self.style = style;
+    }
+
     /// Share of idle in what is seen, 0 to 1.
     pub fn share(&self) -> f64 {
-        let f = self.faded;
-        f * f * f * (10.0 + f * (-15.0 + f * 6.0))
+        eased(self.faded)
     }
 
     /// Seconds of idle so far.
@@ -168,6 +183,7 @@ impl Idle {
         self.to.bring(&mut dance);
         if before != self.music && self.faded <= 0.0 {
             self.place = Place::of(&dance);
+            self.leaving = None;
             self.held = (self.style == IdleStyle::Hold).then(|| {
                 let mut held = dance;
                 self.place.take(&mut held);
@@ -179,13 +195,26 @@ impl Idle {
         if self.faded <= 0.0 {
             return Some(dance);
         }
-        let mut idle = match (&self.held, self.style) {
+        if let Some((_, left)) = &mut self.leaving {
+            *left -= step;
+        }
+        self.leaving = self.leaving.filter(|(_, left)| *left > 0.0);
+        let mut idle = self.body();
+        self.place.bring(&mut idle);
+        Some(blend(&dance, &idle, self.share()))
+    }
+
+    /// The idle body of this cycle at the origin.
+    fn body(&self) -> Points {
+        let body = match (&self.held, self.style) {
             (Some(held), _) => *held,
             (None, IdleStyle::Sway) => pose(self.time_s, 1.0),
             (None, _) => pose(self.time_s, 0.0),
         };
-        self.place.bring(&mut idle);
-        Some(blend(&dance, &idle, self.share()))
+        match &self.leaving {
+            Some((before, left)) => blend(&body, before, eased(*left)),
+            None => body,
+        }
     }
 
     fn is_music(&self, now_s: f64) -> bool {
@@ -196,6 +225,11 @@ impl Idle {
             None => false,
         }
     }
+}
+
+/// A share of the way, slow at both ends (quintic).
+fn eased(share: f64) -> f64 {
+    share * share * share * (10.0 + share * (-15.0 + share * 6.0))
 }
 
 /// `share` of `b` in `a`: bone directions are mixed, lengths kept.
@@ -354,6 +388,22 @@ mod tests {
         }
         for (at_s, share) in [(5.0, 0.0), (11.5, 1.0), (19.9, 1.0), (21.5, 0.0)] {
             assert_eq!(shares[(at_s / CYCLE_S) as usize], share, "at {at_s} s");
+        }
+    }
+
+    #[test]
+    fn another_style_is_taken_up_without_a_jump() {
+        let mut idle = Idle::new(IdleStyle::Sway, CYCLE_S);
+        let mut last: Option<Points> = None;
+        let styles = [IdleStyle::Rest, IdleStyle::Sway, IdleStyle::Hold];
+        for cycle in 0..900 {
+            if cycle % 70 == 0 {
+                idle.set_style(styles[cycle / 70 % 3]);
+            }
+            let shown = idle.step(0.0, Some(pose(0.0, 0.0))).unwrap();
+            let speed = last.map_or(0.0, |last| fastest_m_s(&last, &shown));
+            assert!(speed < 0.5, "{speed} m/s in cycle {cycle}");
+            last = Some(shown);
         }
     }
 

@@ -15,6 +15,7 @@ mod config;
 mod control;
 mod delays;
 mod estop;
+mod evening;
 mod idle;
 mod latency;
 mod motion_source;
@@ -24,11 +25,13 @@ mod rehearsal;
 mod rig;
 mod scores;
 mod shadow;
+mod showing;
 mod steering;
 mod trace;
 
 pub use click_test::{Measured, Passage, measure as click_test};
 pub use config::{AudioChoice, DanceConfig, Speed};
+pub use evening::Evening;
 pub use idle::IdleStyle;
 pub use ports::{BusChoice, choose as choose_buses};
 
@@ -39,6 +42,7 @@ use crate::record::{Recorder, Topic, WhenBehind};
 use crate::report::{
     AlignmentReport, CaptureReport, CompensationReport, KinematicBeats, Report, Stages,
 };
+use crate::show::{Activity, RobotEnd, snapshot};
 use crate::stages::Stage;
 use anyhow::Context;
 use audio::Audio;
@@ -71,6 +75,26 @@ pub struct Outcome {
 /// Whatever the user gave that cannot be used, and whatever failed on the way;
 /// torque is off by then.
 pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome> {
+    let generator = open_generator(config.model.as_deref())?;
+    let estop = EStop::default();
+    let _watch = watch(config, &estop)?;
+    perform(config, &generator, stop, &estop, None)
+}
+
+/// Watches the emergency stop's key, signal and file.
+fn watch(config: &DanceConfig, estop: &EStop) -> anyhow::Result<EStopWatch> {
+    let keyboard = !matches!(config.audio, AudioChoice::Stdin(_));
+    EStopWatch::start(estop, config.estop_file.clone(), keyboard)
+}
+
+/// One dance, for those who watch, if there are any.
+fn perform(
+    config: &DanceConfig,
+    generator: &Generator,
+    stop: &AtomicBool,
+    estop: &EStop,
+    mut show: Option<&mut RobotEnd>,
+) -> anyhow::Result<Outcome> {
     // Each thread inherits what it is started under.
     let afterwards = OrdinaryAfterwards;
     let urgent = |role| match config.speed {
@@ -88,7 +112,6 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         compensation: config.compensation,
         idle: config.idle,
     };
-    let generator = open_generator(config.model.as_deref())?;
     let model = generator.config().preset.clone();
     let generator = generator.start(GeneratorOptions {
         seed: config.seed,
@@ -112,16 +135,14 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         Speed::Max => MotionSource::Inline(Box::new(dancer)),
         Speed::Realtime => MotionSource::Thread(DancerThread::start(dancer)?),
     };
-    let estop = EStop::default();
-    let keyboard = !matches!(config.audio, AudioChoice::Stdin(_));
-    let _watch = EStopWatch::start(&estop, config.estop_file.clone(), keyboard)?;
     let _ = urgent(Role::Control);
     let started = Instant::now();
-    let mut rig = Rig::open(&config.robot, &config.buses, config.speed, &estop)?;
+    let mut rig = Rig::open(&config.robot, &config.buses, config.speed, estop)?;
     for note in rig.arm()? {
         progress.note(&note);
     }
-    let mut control = Control::new(&config.robot, &mut rig, recorder, timing, stop)?;
+    let audience = show.as_deref_mut();
+    let mut control = Control::new(&config.robot, &mut rig, recorder, timing, audience, stop)?;
     let ending = control.run(&mut source, |time_s| progress.at(time_s));
     let run = Run {
         lead_s: control.lead_s(),
@@ -142,10 +163,14 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     drop(control);
     let cause = match &ending {
         Ok(Ending::Finished) => "the music is over",
+        Ok(Ending::Stopped) => "stopped on request",
         Ok(Ending::Interrupted) => "stopped by the user",
         Err(_) => "an error",
     };
     let disarmed = rig.disarm(cause);
+    if let Some(end) = show {
+        end.publish(|snapshot| tell_end(snapshot, &rig));
+    }
     for event in rig.safety_log().iter().filter(|event| !event.routine) {
         progress.note(&format!(
             "{:.2} s, {} -> {}: {}",
@@ -183,6 +208,20 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
         report,
         interrupted: ending == Ending::Interrupted,
     })
+}
+
+/// The last that is seen of a dance: torque is off, and why.
+fn tell_end(snapshot: &mut snapshot::Snapshot, rig: &Rig) {
+    snapshot.now.activity = Activity::Over;
+    snapshot.now.safety = rig.state();
+    let transitions = rig.transitions();
+    for event in &transitions[transitions.len().saturating_sub(2)..] {
+        snapshot.note(snapshot::Event {
+            time_s: event.time_s,
+            state: snapshot::state_name(event.to),
+            cause: event.cause.clone(),
+        });
+    }
 }
 
 /// What the control loop leaves behind.

@@ -12,7 +12,7 @@ use servodance_audio::capture::{CaptureStats, Notice};
 use servodance_audio::source::SHORTEST_S;
 use servodance_model::Dance;
 use servodance_types::{MotionFrame, MusicFrame};
-use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, TryRecvError, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
@@ -38,6 +38,15 @@ pub struct Step {
     pub captured: Option<Instant>,
     /// When the step was ready.
     pub ready: Instant,
+}
+
+/// What may change while the dancer dances.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Another style, as a place in the model's list.
+    Style(usize),
+    /// Another seed.
+    Seed(u64),
 }
 
 /// What is known when the music is over.
@@ -122,6 +131,19 @@ impl Dancer {
         }
     }
 
+    /// Dances on in another way.
+    pub fn change(&mut self, change: Change) -> anyhow::Result<()> {
+        match change {
+            Change::Style(style) => {
+                if let Some(name) = self.generator.styles().get(style).cloned() {
+                    self.generator.restyle(&name)?;
+                }
+            }
+            Change::Seed(seed) => self.generator.reseed(seed),
+        }
+        Ok(())
+    }
+
     /// Takes one block of audio in.
     fn listen(&mut self) -> anyhow::Result<()> {
         self.ended = !self.audio.next_block(&mut self.block)?;
@@ -189,6 +211,16 @@ impl MotionSource {
         }
     }
 
+    /// Changes what comes next; a thread is up to two seconds ahead.
+    pub fn change(&mut self, change: Change) -> anyhow::Result<()> {
+        match self {
+            MotionSource::Inline(dancer) => dancer.change(change)?,
+            // A dancer who is done has nothing to change.
+            MotionSource::Thread(thread) => drop(thread.changes.send(change)),
+        }
+        Ok(())
+    }
+
     /// What is known of the music once it is over, or once the dance was stopped.
     pub fn heard(self) -> anyhow::Result<Heard> {
         match self {
@@ -201,6 +233,7 @@ impl MotionSource {
 /// A [`Dancer`] on a thread of its own.
 pub struct DancerThread {
     steps: Receiver<anyhow::Result<Step>>,
+    changes: Sender<Change>,
     thread: JoinHandle<Heard>,
 }
 
@@ -208,13 +241,18 @@ impl DancerThread {
     /// Starts the thread.
     pub fn start(mut dancer: Dancer) -> anyhow::Result<Self> {
         let (sender, steps) = sync_channel(QUEUE_FRAMES);
+        let (changes, wanted) = channel();
         let thread = std::thread::Builder::new()
             .name("dancer".into())
             .spawn(move || {
-                send_steps(&mut dancer, &sender);
+                send_steps(&mut dancer, &sender, &wanted);
                 dancer.heard()
             })?;
-        Ok(Self { steps, thread })
+        Ok(Self {
+            steps,
+            changes,
+            thread,
+        })
     }
 
     fn poll(&mut self) -> anyhow::Result<Next> {
@@ -234,8 +272,18 @@ impl DancerThread {
     }
 }
 
-fn send_steps(dancer: &mut Dancer, sender: &SyncSender<anyhow::Result<Step>>) {
-    while let Some(step) = dancer.next_step().transpose() {
+fn send_steps(
+    dancer: &mut Dancer,
+    sender: &SyncSender<anyhow::Result<Step>>,
+    wanted: &Receiver<Change>,
+) {
+    let mut next = || {
+        for change in wanted.try_iter() {
+            dancer.change(change)?;
+        }
+        dancer.next_step()
+    };
+    while let Some(step) = next().transpose() {
         let failed = step.is_err();
         if sender.send(step).is_err() || failed {
             return;

@@ -2,10 +2,11 @@
 
 use super::DanceConfig;
 use super::trace::{JointTrace, Trace};
-use crate::picture::{DancePicture, Figure, Limb, Pose, Side, Track};
+use crate::picture::robot::{robot_figure, standing_height_m};
+use crate::picture::{DancePicture, Figure, Pose, Track};
 use crate::report::Report;
 use servodance_model::metrics::kinematic_beats_s;
-use servodance_retarget::{Retargeter, Shape};
+use servodance_retarget::Retargeter;
 
 /// Beats, and so poses, in a picture.
 const POSES: usize = 14;
@@ -21,7 +22,8 @@ pub fn portrait(
     report: &Report,
 ) -> anyhow::Result<DancePicture> {
     let retargeter = config.robot.retargeter()?;
-    let height_m = standing_height_m(&retargeter);
+    let rest = retargeter.rest();
+    let height_m = standing_height_m(retargeter.model(), &retargeter.world_from_root(rest), rest);
     let moments = moments(&report.beats.times_s, report.audio_s);
     let margin_s = 0.3;
     let window_s = (
@@ -110,71 +112,13 @@ fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> O
         dancer: Figure::dancer(&frame.positions),
         robot: Figure {
             height_m,
-            ..robot_figure(retargeter, positions)
+            ..robot_figure(
+                retargeter.model(),
+                &retargeter.world_from_root(positions),
+                positions,
+            )
         },
     })
-}
-
-/// Height of the robot at rest: one scale for all its poses.
-fn standing_height_m(retargeter: &Retargeter) -> f64 {
-    let standing = robot_figure(retargeter, retargeter.rest());
-    let heights = standing.limbs.iter().flat_map(|l| [l.from[2], l.to[2]]);
-    let highest = heights.fold(f64::NEG_INFINITY, f64::max);
-    (highest - standing.floor_m).max(0.1) * 1.1
-}
-
-/// The robot as its visual shapes, each drawn along its longest side.
-fn robot_figure(retargeter: &Retargeter, positions_rad: &[f64]) -> Figure {
-    let model = retargeter.model();
-    let world_from_root = retargeter.world_from_root(positions_rad);
-    let poses = model.link_poses(positions_rad);
-    let mut limbs = Vec::new();
-    for visual in model.visuals() {
-        let world_from_visual = world_from_root * poses[visual.link] * visual.pose_in_link;
-        let (half_axis, radius_m) = axis_of(&visual.shape);
-        let end = |sign: f64| {
-            let axis = half_axis.map(|v| v * sign);
-            let point = world_from_visual * servodance_retarget::nalgebra::Point3::from(axis);
-            [point.x, point.y, point.z]
-        };
-        limbs.push(Limb {
-            from: end(-1.0),
-            to: end(1.0),
-            radius_m,
-            side: Side::of(&model.link_names()[visual.link]),
-        });
-    }
-    let heights = limbs.iter().flat_map(|l: &Limb| [l.from[2], l.to[2]]);
-    let floor_m = heights.fold(f64::INFINITY, f64::min);
-    let root = world_from_root.translation;
-    Figure {
-        limbs,
-        height_m: 0.0,
-        floor_m,
-        center: [root.x, root.y],
-    }
-}
-
-/// Half the longest side as a vector, less the rounding of the drawn ends, and
-/// the radius.
-fn axis_of(shape: &Shape) -> ([f64; 3], f64) {
-    match *shape {
-        Shape::Sphere { radius_m } => ([0.0, 0.0, 1e-4], radius_m),
-        Shape::Cylinder { radius_m, length_m } => {
-            ([0.0, 0.0, (length_m / 2.0 - radius_m).max(1e-4)], radius_m)
-        }
-        Shape::Box { size_m } => {
-            let longest = (0..3).fold(0, |a, b| if size_m[b] > size_m[a] { b } else { a });
-            let others: Vec<f64> = (0..3)
-                .filter(|i| *i != longest)
-                .map(|i| size_m[i])
-                .collect();
-            let radius_m = (others[0] + others[1]) / 4.0;
-            let mut axis = [0.0; 3];
-            axis[longest] = (size_m[longest] / 2.0 - radius_m).max(1e-4);
-            (axis, radius_m)
-        }
-    }
 }
 
 /// The joints that moved through the widest ranges in the window.

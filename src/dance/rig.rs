@@ -7,7 +7,9 @@ use super::ports::BusChoice;
 use crate::report::{BusReport, SafetyEvent, ViolationReport};
 use crate::robot::Robot;
 use anyhow::Context;
-use servodance_drivers::{Bus, BusLayout, EStop, SafeBus, State, open_buses};
+use servodance_drivers::{
+    Bus, BusLayout, BusStats, EStop, Health, SafeBus, State, Transition, open_buses,
+};
 use servodance_sim::{SimBus, SimOptions, SimServoSpec, Violations};
 use servodance_types::JointState;
 
@@ -123,6 +125,36 @@ impl Rig {
     /// What the last cycle really commanded, radians.
     pub fn sent_rad(&self) -> &[f64] {
         self.bus.sent_rad()
+    }
+
+    /// Brakes and holds position, or follows targets again.
+    pub fn hold(&mut self, hold: bool) {
+        self.bus.hold(hold);
+    }
+
+    /// Whether what is sent is still being blended into the targets.
+    pub fn is_ramping(&self) -> bool {
+        self.bus.is_ramping(self.now_s)
+    }
+
+    /// State of the safety layer.
+    pub fn state(&self) -> State {
+        self.bus.state()
+    }
+
+    /// What each servo said of itself when it was last asked.
+    pub fn health(&self) -> impl Iterator<Item = Health> + '_ {
+        self.bus.health()
+    }
+
+    /// Counters of the buses.
+    pub fn stats(&self) -> BusStats {
+        self.bus.stats()
+    }
+
+    /// What the safety layer did, as it keeps it.
+    pub fn transitions(&self) -> &[Transition] {
+        self.bus.transitions()
     }
 
     /// What the safety layer did and why, in order.

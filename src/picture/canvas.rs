@@ -116,6 +116,11 @@ impl Canvas {
         Ok(self.pixmap.encode_png()?)
     }
 
+    /// The pixels, row after row: red, green, blue, opacity.
+    pub fn rgba(&self) -> &[u8] {
+        self.pixmap.data()
+    }
+
     /// Mixes a colour into one (opaque) pixel.
     fn blend(&mut self, x: i64, y: i64, rgba: Rgba, intensity: u8) {
         let (width, height) = (self.pixmap.width() as i64, self.pixmap.height() as i64);

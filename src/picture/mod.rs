@@ -2,10 +2,12 @@
 //! fast the servos moved against the beats, and the joint tracks between their
 //! limits. It shows whether the robot dances, on the beat, inside the limits.
 
+pub mod animation;
 mod canvas;
 mod dancer;
 mod figure;
 mod plot;
+pub mod robot;
 mod sheet;
 
 pub use figure::{Figure, Limb, Side};

@@ -1,4 +1,5 @@
-//! A writer for the part of ROS 2's CDR encoding that recordings need.
+//! A writer and a reader for the part of ROS 2's CDR encoding that recordings
+//! need.
 //!
 //! Little-endian plain CDR version 1: a four-byte header, then every number
 //! aligned to its own size, counted from the end of the header.
@@ -76,9 +77,79 @@ impl CdrWriter {
     }
 }
 
+/// Takes one CDR message apart. Nothing that comes in can make it panic, or
+/// take memory that the message does not have.
+#[derive(Clone, Copy, Debug)]
+pub struct CdrReader<'a> {
+    body: &'a [u8],
+    at: usize,
+}
+
+impl<'a> CdrReader<'a> {
+    /// A message; `None` if it is no little-endian plain CDR.
+    pub fn new(message: &'a [u8]) -> Option<Self> {
+        let body = message.strip_prefix(&CdrWriter::HEADER)?;
+        Some(Self { body, at: 0 })
+    }
+
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let from = self.at.next_multiple_of(N);
+        self.at = from.checked_add(N)?;
+        self.body.get(from..self.at)?.try_into().ok()
+    }
+
+    /// A 32-bit unsigned number; also the length of a sequence.
+    pub fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    /// A 64-bit float.
+    pub fn f64(&mut self) -> Option<f64> {
+        self.take().map(f64::from_le_bytes)
+    }
+
+    /// A string.
+    pub fn string(&mut self) -> Option<&'a str> {
+        let length = self.u32()? as usize;
+        let end = self.at.checked_add(length)?;
+        let bytes = self.body.get(self.at..end)?;
+        self.at = end;
+        std::str::from_utf8(bytes.strip_suffix(&[0])?).ok()
+    }
+
+    /// A sequence of floats.
+    pub fn f64s(&mut self) -> Option<Vec<f64>> {
+        let length = self.u32()? as usize;
+        let fits = length <= self.body.len() / 8;
+        fits.then(|| (0..length).map(|_| self.f64()).collect())?
+    }
+
+    /// `std_msgs/Header`, left out.
+    pub fn header(&mut self) -> Option<()> {
+        self.u32()?;
+        self.u32()?;
+        self.string().map(drop)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_was_written_is_read_and_what_is_cut_off_is_not() {
+        let values = [1.5, -2.0];
+        let mut writer = CdrWriter::new();
+        writer.header(1.0, "base").string("knee").u32(7);
+        let bytes = writer.f64s(values.into_iter()).finish();
+        let read = |bytes: &[u8]| -> Option<(String, u32, Vec<f64>)> {
+            let mut reader = CdrReader::new(bytes)?;
+            reader.header()?;
+            Some((reader.string()?.to_owned(), reader.u32()?, reader.f64s()?))
+        };
+        assert_eq!(read(&bytes), Some(("knee".into(), 7, values.to_vec())));
+        assert!((0..bytes.len()).all(|end| read(&bytes[..end]).is_none()));
+    }
 
     #[test]
     fn numbers_are_aligned_after_the_header() {

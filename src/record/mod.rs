@@ -14,6 +14,7 @@
 //! | `/lead` | Float64 | seconds by which the targets' motion is ahead of the music |
 //! | `/idle` | Float64 | share of idle in what is shown: 0 dance, 1 idle |
 //! | `/bus/bytes`, `/bus/packets` | Float64 | running totals |
+//! | `/root` | PoseStamped | where the root link is in the world, 20 a second |
 //! | `/robot_description` | String | the URDF |
 //!
 //! Time stamps count from torque on; the metadata record `dance` says when the
@@ -24,7 +25,10 @@
 mod book;
 mod cdr;
 mod clerk;
+mod reader;
 mod schema;
+
+pub use reader::Recording;
 
 use crate::stages::Stage;
 use cdr::CdrWriter;
@@ -37,6 +41,7 @@ use std::path::Path;
 
 const JOINT_FRAME: &str = "base_link";
 const MOTION_FRAME: &str = "stage";
+const WORLD_FRAME: &str = "world";
 
 /// A topic of the recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +68,8 @@ pub enum Topic {
     BusBytes,
     /// Packets on the wire so far.
     BusPackets,
+    /// Where the root link is.
+    Root,
     /// The URDF.
     RobotDescription,
     /// Milliseconds of one stage.
@@ -83,6 +90,7 @@ impl Topic {
             Topic::Idle => "/idle".into(),
             Topic::BusBytes => "/bus/bytes".into(),
             Topic::BusPackets => "/bus/packets".into(),
+            Topic::Root => "/root".into(),
             Topic::RobotDescription => "/robot_description".into(),
             Topic::Stage(stage) => format!("/stage/{}", stage.name()),
         }
@@ -94,6 +102,7 @@ impl Topic {
             Topic::JointTargets | Topic::JointCommands | Topic::JointStates | Topic::ServoTruth => {
                 MessageType::JointState
             }
+            Topic::Root => MessageType::PoseStamped,
             Topic::RobotDescription => MessageType::Text,
             _ => MessageType::Float64,
         }
@@ -165,6 +174,16 @@ impl Recorder {
             }
         }
         self.clerk.message(Topic::Motion, time_s, cdr.finish());
+    }
+
+    /// A pose in the world: x, y, z, then the quaternion x, y, z, w.
+    pub fn pose(&mut self, topic: Topic, time_s: f64, pose: [f64; 7]) {
+        let mut cdr = CdrWriter::new();
+        cdr.header(time_s, WORLD_FRAME);
+        for value in pose {
+            cdr.f64(value);
+        }
+        self.clerk.message(topic, time_s, cdr.finish());
     }
 
     /// Facts about the run, as text by key.

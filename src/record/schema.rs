@@ -10,6 +10,16 @@ const HEADER: (&str, &str) = (
 );
 const TIME: (&str, &str) = ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n");
 
+const POSE: (&str, &str) = (
+    "geometry_msgs/Pose",
+    "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+);
+const POINT: (&str, &str) = ("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n");
+const QUATERNION: (&str, &str) = (
+    "geometry_msgs/Quaternion",
+    "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
+);
+
 /// A message type: its name and its definition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageType {
@@ -21,6 +31,8 @@ pub enum MessageType {
     JointState,
     /// `geometry_msgs/msg/PoseArray`: positions and orientations.
     PoseArray,
+    /// `geometry_msgs/msg/PoseStamped`: one of them.
+    PoseStamped,
 }
 
 impl MessageType {
@@ -31,6 +43,7 @@ impl MessageType {
             MessageType::Text => "std_msgs/msg/String",
             MessageType::JointState => "sensor_msgs/msg/JointState",
             MessageType::PoseArray => "geometry_msgs/msg/PoseArray",
+            MessageType::PoseStamped => "geometry_msgs/msg/PoseStamped",
         }
     }
 
@@ -46,19 +59,11 @@ impl MessageType {
             ),
             MessageType::PoseArray => join(
                 "std_msgs/Header header\ngeometry_msgs/Pose[] poses\n",
-                &[
-                    HEADER,
-                    TIME,
-                    (
-                        "geometry_msgs/Pose",
-                        "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
-                    ),
-                    ("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n"),
-                    (
-                        "geometry_msgs/Quaternion",
-                        "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
-                    ),
-                ],
+                &[HEADER, TIME, POSE, POINT, QUATERNION],
+            ),
+            MessageType::PoseStamped => join(
+                "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
+                &[HEADER, TIME, POSE, POINT, QUATERNION],
             ),
         }
     }

@@ -91,6 +91,11 @@ impl Derate {
         };
     }
 
+    /// What it said last.
+    pub fn health(&self) -> Health {
+        self.health
+    }
+
     /// The current of this period.
     pub fn drew(&mut self, current_a: f64, period_s: f64) {
         if current_a.is_finite() {

@@ -4,9 +4,9 @@
 //!             arm                    ok
 //! Disarmed --------> Arming ------------------> Running <-----+
 //!    ^                  |                        |    |       | fresh targets, every
-//!    |                  | error      bus error,  |    | stale | servo is back
-//!    |                  v      following error,  |    | lost  | (ramp in again)
-//!    |                Fault <- servo too hot ----+    v       |
+//!    |                  | error      bus error,  |    | stale | servo is back,
+//!    |                  v      following error,  |    | lost  | hold is over
+//!    |                Fault <- servo too hot ----+    v hold  | (ramp in again)
 //!    |                  |  ^                        Holding --+
 //!    |   arm, or adapter|  |      bus error, ...       |
 //!    |   back and rearm |  +---------------------------+
@@ -21,6 +21,8 @@
 //! - Targets that are not finite are refused whole and do not count as fresh.
 //! - Each command holds position, velocity and acceleration limits relative to
 //!   the **last command** ([`Limiter`]).
+//! - [`SafeBus::hold`] brakes and holds on request, for as long as targets stay
+//!   fresh: whoever asked must still be there.
 //! - After arming, and after a hold, targets are blended in over `ramp_s` from
 //!   where the joints stand.
 //! - An emergency stop ([`EStop`]) from any thread turns torque off at the next
@@ -60,7 +62,7 @@ use derate::Derate;
 use lost::{Lost, Unplugged};
 use servodance_types::JointState;
 
-use crate::bus::{ArmReport, Bus, BusStats};
+use crate::bus::{ArmReport, Bus, BusStats, Health};
 use crate::error::{BusError, ServoId};
 use crate::limiter::Limiter;
 
@@ -92,6 +94,8 @@ pub struct SafeBus<B: Bus> {
     sent_rad: Vec<f64>,
     fresh_s: f64,
     held_since_s: f64,
+    /// Whether somebody asked to hold.
+    hold_asked: bool,
     /// When the commands last moved on.
     stepped_s: f64,
     /// The next servo to be asked how it is, and when.
@@ -112,6 +116,7 @@ impl<B: Bus> SafeBus<B> {
             sent_rad: vec![0.0; bus.servos().len()],
             fresh_s: 0.0,
             held_since_s: 0.0,
+            hold_asked: false,
             stepped_s: f64::NEG_INFINITY,
             examine: (0, 0.0),
             unplugged: None,
@@ -201,6 +206,12 @@ impl<B: Bus> SafeBus<B> {
         }
     }
 
+    /// Brakes and holds position from the next tick on, whatever the targets are,
+    /// or follows them again, blended in from where the joints are held.
+    pub fn hold(&mut self, hold: bool) {
+        self.hold_asked = hold;
+    }
+
     fn begin_ramp(&mut self, now_s: f64) {
         for (joint, &sent) in self.joints.iter_mut().zip(&self.sent_rad) {
             joint.ramp_from_rad = sent;
@@ -228,7 +239,7 @@ impl<B: Bus> SafeBus<B> {
                 return Ok(self.state);
             }
             State::Running => self.follow(now_s),
-            State::Holding => self.hold(),
+            State::Holding => self.brake(),
             state => return Ok(state),
         }
         self.stepped_s = now_s;
@@ -261,6 +272,10 @@ impl<B: Bus> SafeBus<B> {
                 );
                 self.held_since_s = now_s;
             }
+            (State::Running, None) if self.hold_asked => {
+                self.enter(now_s, State::Holding, "asked to hold");
+                self.held_since_s = now_s;
+            }
             (State::Running, Some(index)) => {
                 let who = self.id_of(index);
                 self.enter(now_s, State::Holding, &format!("waiting for {who}"));
@@ -273,6 +288,7 @@ impl<B: Bus> SafeBus<B> {
                 let who = self.id_of(index);
                 self.disarm(now_s, &format!("{who} did not come back for {held_s:.1} s"))?;
             }
+            (State::Holding, None) if !stale && self.hold_asked => self.held_since_s = now_s,
             (State::Holding, None) if !stale => {
                 self.begin_ramp(now_s);
                 self.enter(
@@ -310,8 +326,8 @@ impl<B: Bus> SafeBus<B> {
         }
     }
 
-    fn hold(&mut self) {
-        self.interventions.stale += 1;
+    fn brake(&mut self) {
+        self.interventions.stale += u64::from(!self.hold_asked);
         for (sent, joint) in self.sent_rad.iter_mut().zip(&mut self.joints) {
             *sent = joint.limiter.brake();
         }
@@ -423,6 +439,11 @@ impl<B: Bus> SafeBus<B> {
     /// before rounding to encoder ticks.
     pub fn sent_rad(&self) -> &[f64] {
         &self.sent_rad
+    }
+
+    /// What each servo said of itself when it was last asked.
+    pub fn health(&self) -> impl Iterator<Item = Health> + '_ {
+        self.joints.iter().map(|joint| joint.derate.health())
     }
 
     /// The state.

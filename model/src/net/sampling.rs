@@ -56,6 +56,11 @@ impl Sampler {
         })
     }
 
+    /// Begins the random sequence of another seed.
+    pub fn reseed(&mut self, seed: u64) {
+        self.rng = ChaCha8Rng::seed_from_u64(seed);
+    }
+
     /// A number below `count` (which must not be 0), each equally likely.
     pub fn below(&mut self, count: usize) -> usize {
         self.rng.random_range(0..count)

@@ -1,0 +1,38 @@
+//! The show: what whoever watches the robot sees, and what they can ask of it.
+//!
+//! ```text
+//! control loop --Snapshot--> latest-value slot --> viewer thread --> browsers
+//!      ^                                                |
+//!      +--- once a cycle --- queue <------ Request -----+<--- page, API
+//! ```
+//!
+//! The control loop never waits for a viewer: see [`mod@link`] for how the two are
+//! held apart. The page and its API are built with the feature `view`.
+
+#[cfg(feature = "view")]
+mod api;
+mod frame;
+#[cfg(feature = "view")]
+mod guard;
+pub mod link;
+#[cfg(feature = "view")]
+mod page;
+mod player;
+pub mod request;
+mod scene;
+#[cfg(feature = "view")]
+mod server;
+#[cfg(not(feature = "view"))]
+#[path = "no_server.rs"]
+mod server;
+pub mod snapshot;
+#[cfg(feature = "view")]
+mod socket;
+
+pub use frame::frame;
+pub use link::{RobotEnd, ViewerEnd, link};
+pub use player::Player;
+pub use request::{Action, Request, Settings};
+pub use scene::Scene;
+pub use server::Server;
+pub use snapshot::{Activity, Snapshot};

@@ -1,0 +1,95 @@
+// Buttons, fields and keys. What the program says is what is shown, except in
+// a field that somebody is changing.
+
+const byId = (id) => document.getElementById(id);
+
+export function makeControls(scene, { ask }) {
+  const fields = ["amplitude", "style", "idle", "seed", "mirror"].map(byId);
+  const [amplitude, style, idle, seed, mirror] = fields;
+  const estop = byId("estop");
+  const playing = scene.recording_s !== null;
+  for (const name of scene.styles) style.append(new Option(name, name));
+  for (const name of scene.idle) idle.append(new Option(name, name));
+  byId("controls").hidden = playing;
+  byId("stopping").hidden = playing;
+
+  const set = (wanted) => ask({ set: wanted });
+  amplitude.oninput = () => set({ amplitude: amplitude.value / 100 });
+  style.onchange = () => set({ style: style.value });
+  idle.onchange = () => set({ idle: idle.value });
+  mirror.onchange = () => set({ mirror: mirror.checked });
+  seed.onchange = () => {
+    if (seed.value !== "" && seed.checkValidity()) set({ seed: Number(seed.value) });
+  };
+  byId("dice").onclick = () => set({ seed: Math.floor(Math.random() * 1e6) });
+
+  const actions = [...document.querySelectorAll("[data-do]")];
+  for (const button of actions) button.onclick = () => ask({ do: button.dataset.do });
+  const press = () => ask({ do: "estop" });
+  estop.onclick = press;
+  if (!playing) {
+    addEventListener("keydown", (event) => {
+      const typing = event.target.matches("input, select");
+      const stops = event.key === "Escape" || (event.key === " " && !typing);
+      if (stops && !event.repeat) {
+        event.preventDefault();
+        press();
+      }
+    });
+  }
+
+  const player = makePlayer(scene, ask);
+
+  function show(frame) {
+    const { settings, activity } = frame;
+    const waiting = activity === "waiting";
+    const free = (field) => document.activeElement !== field;
+    if (!amplitude.matches(":active")) amplitude.value = Math.round(settings.amplitude * 100);
+    byId("amplitude-now").textContent = `${Math.round(frame.amplitude * 100)} %`;
+    if (free(style)) style.value = settings.style;
+    if (free(idle)) idle.value = settings.idle;
+    if (free(seed)) seed.value = settings.seed;
+    mirror.checked = settings.mirror;
+    const possible = {
+      start: waiting && !frame.estop,
+      hold: !waiting && !frame.hold && activity !== "over",
+      resume: !waiting && frame.hold,
+      stop: !waiting && activity !== "over" && activity !== "finale",
+      release: waiting && frame.estop,
+    };
+    for (const button of actions) {
+      const { do: name } = button.dataset;
+      button.disabled = !possible[name];
+      button.hidden = !scene.waits && (name === "start" || name === "release");
+    }
+    estop.classList.toggle("pressed", frame.estop);
+    player.show(frame);
+  }
+  return { show };
+}
+
+// The slider of a recording.
+function makePlayer(scene, ask) {
+  if (scene.recording_s === null) return { show() {} };
+  const [play, time, clock] = ["play", "time", "clock"].map(byId);
+  const [first, last] = scene.recording_s;
+  byId("player").hidden = false;
+  time.min = first;
+  time.max = last;
+  let held = false;
+  time.oninput = () => ask({ set: { time_s: Number(time.value) } });
+  play.onclick = () => ask({ do: held ? "resume" : "hold" });
+  addEventListener("keydown", (event) => {
+    if (event.key === " " && !event.target.matches("button, input, select")) {
+      event.preventDefault();
+      play.onclick();
+    }
+  });
+  const show = (frame) => {
+    held = frame.hold;
+    play.textContent = held ? "play" : "pause";
+    if (!time.matches(":active")) time.value = frame.music_s;
+    clock.textContent = `${frame.music_s.toFixed(1)} / ${last.toFixed(1)} s`;
+  };
+  return { show };
+}

@@ -1,0 +1,140 @@
+// Everything that is not 3-D: music, health, joints, events.
+
+const byId = (id) => document.getElementById(id);
+const DEG = 180 / Math.PI;
+const TRACK_S = 6;
+const WARM_C = 55;
+const HOT_C = 65;
+
+export function makePanels(scene) {
+  const joints = scene.joints.map(makeJoint);
+  byId("tracks").append(...joints.map((joint) => joint.row));
+  const figures = makeFigures();
+  let log = "";
+
+  function show(frame) {
+    badge("activity", frame.activity, frame.activity === "dancing" ? "good" : "warn");
+    const safety = frame.estop ? "emergency stop" : frame.hold ? "holding" : frame.safety;
+    const quality = { running: "good", playing: "good", fault: "bad", "emergency stop": "bad" };
+    badge("safety", safety, quality[safety] ?? "warn");
+    byId("safety").hidden = scene.recording_s !== null;
+    showMusic(frame);
+    figures(frame, scene);
+    joints.forEach((joint, index) => joint.show(frame, index));
+    const events = JSON.stringify(frame.events);
+    if (events !== log) showEvents(frame.events);
+    log = events;
+  }
+  return { show };
+}
+
+function badge(id, text, quality) {
+  const element = byId(id);
+  if (element.textContent !== text) element.textContent = text;
+  element.className = `badge ${quality}`;
+}
+
+function showMusic({ beat, bands }) {
+  const heard = beat.lock !== "lost" && beat.tempo_bpm > 0;
+  byId("tempo").textContent = heard ? beat.tempo_bpm.toFixed(0) : "–";
+  byId("lock").textContent = { lost: "no beat", locked: "locked", holding: "carried on" }[beat.lock];
+  byId("presence").textContent = beat.presence > 0.45 ? "music" : "no music";
+  byId("phase").value = heard ? beat.phase : 0;
+  const glow = heard ? Math.exp(-5 * beat.phase) * beat.confidence : 0;
+  byId("lamp").style.background = `rgb(${42 + 213 * glow}, ${48 + 150 * glow}, ${58 + 20 * glow})`;
+  const canvas = byId("spectrum");
+  const { width, height } = canvas;
+  const pen = canvas.getContext("2d");
+  pen.clearRect(0, 0, width, height);
+  const step = width / bands.length;
+  bands.forEach((level, band) => {
+    pen.fillStyle = `hsl(${205 - 170 * level} 80% ${35 + 25 * level}%)`;
+    pen.fillRect(band * step + 1, height * (1 - level), step - 2, height * level);
+  });
+}
+
+// Name, how to tell it, and when it is worth a colour.
+function makeFigures() {
+  const rows = [
+    ["bus", (f, s) => `${f.bus.rate_hz.toFixed(1)} / ${s.control_hz} Hz`, (f, s) => f.bus.rate_hz < 0.95 * s.control_hz],
+    ["latest cycle", (f) => `${f.late_ms.toFixed(1)} ms`, (f, s) => f.late_ms > 500 / s.control_hz],
+    ["late motion", (f) => `${f.late_frames}`, (f) => f.late_frames > 0],
+    ["lost replies", (f) => `${f.bus.timeouts + f.bus.crc_errors}`, (f) => f.bus.timeouts + f.bus.crc_errors > 0],
+    ["commands limited", (f) => `${f.interventions}`, () => false],
+    ["limits broken", (f) => (f.violations === null ? "not judged" : `${f.violations}`), (f) => f.violations > 0],
+    ["idle", (f) => `${Math.round(f.idle_share * 100)} %`, () => false],
+    ["music", (f) => `${f.music_s.toFixed(1)} s`, () => false],
+    ["torque on for", (f) => `${f.robot_s.toFixed(0)} s`, () => false],
+  ];
+  const values = rows.map(([name]) => {
+    const term = document.createElement("dt");
+    const value = document.createElement("dd");
+    term.textContent = name;
+    byId("figures").append(term, value);
+    return value;
+  });
+  return (frame, scene) => {
+    rows.forEach(([, tell, bad], index) => {
+      values[index].textContent = tell(frame, scene);
+      values[index].className = bad(frame, scene) ? "warn" : "";
+    });
+  };
+}
+
+// One joint: its last seconds between its limits, degrees, temperature.
+function makeJoint({ name, lower_rad, upper_rad }) {
+  const row = document.createElement("div");
+  row.className = "joint";
+  const [label, canvas, degrees, heat] = ["b", "canvas", "span", "span"].map((kind) =>
+    document.createElement(kind),
+  );
+  label.textContent = name;
+  label.title = `${name}: ${(lower_rad * DEG).toFixed(0)} to ${(upper_rad * DEG).toFixed(0)} degrees`;
+  canvas.width = 240;
+  canvas.height = 26;
+  canvas.setAttribute("role", "img");
+  canvas.setAttribute("aria-label", `${label.title}, its last seconds`);
+  row.append(label, canvas, degrees, heat);
+  const past = [];
+  const height = (rad) => {
+    const share = (rad - lower_rad) / (upper_rad - lower_rad);
+    return canvas.height - 2 - (canvas.height - 4) * Math.min(Math.max(share, 0), 1);
+  };
+  const line = (pen, value, colour) => {
+    pen.strokeStyle = colour;
+    pen.beginPath();
+    const now = past.at(-1).time;
+    for (const sample of past) pen.lineTo((1 - (now - sample.time) / TRACK_S) * canvas.width, height(sample[value]));
+    pen.stroke();
+  };
+  const show = (frame, index) => {
+    const time = frame.music_s;
+    if (past.length > 0 && Math.abs(time - past.at(-1).time) > TRACK_S) past.length = 0;
+    past.push({ time, position: frame.positions_rad[index], target: frame.targets_rad[index] });
+    while (past[0].time < time - TRACK_S || past[0].time > time) past.shift();
+    const pen = canvas.getContext("2d");
+    pen.clearRect(0, 0, canvas.width, canvas.height);
+    pen.lineWidth = 1;
+    pen.strokeStyle = "#6b2f33";
+    pen.strokeRect(0.5, 1.5, canvas.width - 1, canvas.height - 3);
+    line(pen, "target", "#6a7586");
+    pen.lineWidth = 1.6;
+    line(pen, "position", "#5ab0ff");
+    degrees.textContent = `${(frame.positions_rad[index] * DEG).toFixed(1)}°`;
+    const celsius = frame.temperatures_c[index];
+    heat.textContent = celsius === null ? "–" : `${celsius.toFixed(0)}°`;
+    heat.className = celsius >= HOT_C ? "hot" : celsius >= WARM_C ? "warm" : "";
+  };
+  return { row, show };
+}
+
+function showEvents(events) {
+  const lines = events.toReversed().map(({ time_s, state, cause }) => {
+    const line = document.createElement("li");
+    const when = document.createElement("time");
+    when.textContent = time_s === null ? "" : `${time_s.toFixed(2)} s`;
+    line.append(when, `${state}: ${cause}`);
+    return line;
+  });
+  byId("log").replaceChildren(...lines);
+}

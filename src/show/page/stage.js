@@ -1,0 +1,113 @@
+// The robot and its human in 3-D: unit shapes, one light, a camera to turn.
+
+import { handlePointer, viewOf } from "./camera.js";
+import { between, distance, fromPose, multiply } from "./matrix.js";
+import { makePainter } from "./painter.js";
+
+const HUMAN = [1.0, 0.69, 0.4, 1];
+const GRID = [0.16, 0.19, 0.24, 1];
+const STICK = [0.55, 0.6, 0.68, 1];
+const HUMAN_M = 1.7;
+const HEAD = 15;
+const upright = (at) => fromPose([...at, 0, 0, 0, 1]);
+
+export function makeStage(canvas, scene) {
+  const gl = canvas.getContext("webgl2", { antialias: true });
+  if (!gl) {
+    document.getElementById("seen").textContent = "(this browser cannot draw in 3-D)";
+    return { show() {}, draw() {}, turned: () => false };
+  }
+  const painter = makePainter(gl);
+  const robot = scene.shapes.map(robotPart);
+  const camera = { yaw: 0.5, pitch: 0.16, zoom: 1, turned: true };
+  handlePointer(canvas, camera);
+  new ResizeObserver(() => (camera.turned = true)).observe(canvas);
+  let frame = null;
+  let ground = null;
+
+  function draw() {
+    camera.turned = false;
+    const ratio = Math.min(devicePixelRatio, 2);
+    canvas.width = Math.max(1, canvas.clientWidth * ratio);
+    canvas.height = Math.max(1, canvas.clientHeight * ratio);
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.clearColor(0.078, 0.094, 0.122, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    if (!frame) return;
+    const links = frame.links.map(fromPose);
+    const parts = robot.map((part) => ({ ...part, world: multiply(links[part.link], part.pose) }));
+    ground ??= extent(parts);
+    const { floor, height } = ground;
+    const beside = 0.9 * height;
+    painter.look(viewOf(camera, [0, beside / 2, floor + height / 2], height, canvas));
+    drawFloor(painter, floor, height, beside);
+    for (const part of parts) painter.draw(part.shape, part.world, part.size, part.colour);
+    if (frame.human) drawHuman(painter, scene.bones, frame.human, floor, height, beside);
+  }
+
+  return {
+    show(next) {
+      frame = next;
+      draw();
+    },
+    draw,
+    turned: () => camera.turned,
+  };
+}
+
+// A shape of the scene as what the painter draws.
+function robotPart(shape) {
+  const light = (rgba) => [...rgba.slice(0, 3).map((part) => 0.16 + 0.8 * part), 1];
+  if (shape.stick) {
+    const long = Math.max(distance([0, 0, 0], shape.stick), 1e-4);
+    const size = [shape.radius, shape.radius, long];
+    return { shape: "cylinder", link: shape.link, pose: between([0, 0, 0], shape.stick), size, colour: STICK };
+  }
+  const part = { link: shape.link, pose: fromPose(shape.pose), colour: light(shape.rgba) };
+  if (shape.box) return { ...part, shape: "box", size: shape.box };
+  if (shape.cylinder) {
+    const [radius, long] = shape.cylinder;
+    return { ...part, shape: "cylinder", size: [radius, radius, long] };
+  }
+  return { ...part, shape: "ball", size: [shape.sphere, shape.sphere, shape.sphere] };
+}
+
+// Where the lowest part is, and how tall all of them are.
+function extent(parts) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const { shape, world, size } of parts) {
+    const half = shape === "box" ? 0.5 : 1;
+    const sides = [half * size[0], half * size[1], shape === "ball" ? size[2] : 0.5 * size[2]];
+    const reach = Math.abs(world[2]) * sides[0] + Math.abs(world[6]) * sides[1] + Math.abs(world[10]) * sides[2];
+    low = Math.min(low, world[14] - reach);
+    high = Math.max(high, world[14] + reach);
+  }
+  return Number.isFinite(low) ? { floor: low, height: Math.max(high - low, 0.05) } : { floor: 0, height: 0.5 };
+}
+
+function drawFloor(painter, floor, height, beside) {
+  const step = height / 3;
+  const thick = height / 500;
+  for (let n = -4; n <= 4; n++) {
+    for (const [from, to] of [
+      [[n * step, beside / 2 - 4 * step, floor], [n * step, beside / 2 + 4 * step, floor]],
+      [[-4 * step, beside / 2 + n * step, floor], [4 * step, beside / 2 + n * step, floor]],
+    ]) {
+      painter.draw("box", between(from, to), [thick, thick, distance(from, to)], GRID);
+    }
+  }
+}
+
+// As tall as the robot, and always on its left: the robot stays on the spot.
+function drawHuman(painter, bones, human, floor, height, beside) {
+  const scale = height / HUMAN_M;
+  const [x, y] = human[0];
+  const lowest = Math.min(...human.map((point) => point[2]), 0);
+  const at = human.map((p) => [(p[0] - x) * scale, (p[1] - y) * scale + beside, (p[2] - lowest) * scale + floor]);
+  const thick = 0.032 * height;
+  for (const [from, to] of bones) {
+    painter.draw("cylinder", between(at[from], at[to]), [thick * 0.7, thick * 0.7, distance(at[from], at[to])], HUMAN);
+    painter.draw("ball", upright(at[to]), [thick, thick, thick], HUMAN);
+  }
+  painter.draw("ball", upright(at[HEAD]), [thick * 2, thick * 2, thick * 2.4], HUMAN);
+}

@@ -1,0 +1,143 @@
+//! Whatever is asked, in any order: the simulated servos count no violation.
+
+use clap::Parser;
+use rand::{Rng, SeedableRng};
+use servodance::commands::{Cli, Command};
+use servodance::dance::{DanceConfig, Evening, IdleStyle, Outcome};
+use servodance::show::{Activity, Request, ViewerEnd};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// A dance in simulated time, as the command line would set it up.
+fn evening(arguments: &[&str]) -> (Evening, ViewerEnd) {
+    let words = ["servodance", "dance", "--no-picture", "--quiet"];
+    let cli = Cli::try_parse_from(words.iter().chain(arguments)).expect("arguments");
+    let Command::Dance(args) = cli.command else {
+        panic!("not a dance");
+    };
+    let config = DanceConfig::from_args(args).expect("a dance");
+    Evening::new(config).expect("an evening")
+}
+
+/// Runs the evening while `audience` has the other end of the line.
+fn run(
+    (mut evening, mut end): (Evening, ViewerEnd),
+    audience: impl FnOnce(&mut ViewerEnd, &AtomicBool) + Send,
+) -> Vec<anyhow::Result<Outcome>> {
+    let (over, stop) = (AtomicBool::new(false), AtomicBool::new(false));
+    let mut outcomes = Vec::new();
+    std::thread::scope(|scope| {
+        let (over, stop_it) = (&over, &stop);
+        scope.spawn(move || {
+            audience(&mut end, stop_it);
+            while !over.load(Ordering::Acquire) {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        });
+        let result = evening.run(&stop, |_, outcome| {
+            outcomes.push(match outcome {
+                Ok(outcome) => Ok(Outcome {
+                    report: outcome.report.clone(),
+                    interrupted: outcome.interrupted,
+                }),
+                Err(error) => Err(anyhow::anyhow!("{error:#}")),
+            });
+        });
+        over.store(true, Ordering::Release);
+        drop(result); // the same as the last outcome
+    });
+    outcomes
+}
+
+fn wait_for(end: &mut ViewerEnd, activity: Activity) {
+    for _ in 0..12_000 {
+        if end.newest().now.activity == activity {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    panic!("never {activity:?}: {:?}", end.newest().now);
+}
+
+#[test]
+fn requests_rain_in_and_no_limit_is_broken() {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(8);
+    let mut asked = 0;
+    let outcomes = run(evening(&["--robot", "op3"]), |end, _| {
+        wait_for(end, Activity::Dancing);
+        loop {
+            let activity = end.newest().now.activity;
+            if activity == Activity::Over {
+                break;
+            }
+            let request = match (rng.random_range(0..8), activity) {
+                // Held for ever, simulated time would never end.
+                (_, Activity::Finale) => Request::Resume,
+                (0, _) => Request::Hold,
+                (1 | 2, _) => Request::Resume,
+                (3, _) => Request::Amplitude(rng.random_range(0.0..=1.0)),
+                (4, _) => Request::Mirror(rng.random()),
+                (5, _) => Request::Idle(
+                    [IdleStyle::Sway, IdleStyle::Hold, IdleStyle::Rest][rng.random_range(0..3)],
+                ),
+                (6, _) => Request::Style(rng.random_range(0..8)),
+                _ => Request::Seed(rng.random()),
+            };
+            asked += u64::from(end.ask(&[request]));
+            std::thread::sleep(Duration::from_micros(300));
+        }
+    });
+    let outcome = outcomes[0].as_ref().expect("a dance");
+    let broken = outcome.report.violations.expect("simulated servos");
+    assert_eq!(broken.position + broken.velocity + broken.acceleration, 0);
+    let holds = outcome.report.safety.iter();
+    let holds = holds.filter(|e| e.cause == "asked to hold").count();
+    assert!(asked > 200 && holds > 3, "{asked} requests, {holds} holds");
+}
+
+#[test]
+fn stop_leads_to_rest_and_torque_off_from_a_hold_too() {
+    let outcomes = run(evening(&["--robot", "neck"]), |end, _| {
+        wait_for(end, Activity::Dancing);
+        end.ask(&[Request::Hold]);
+        std::thread::sleep(Duration::from_millis(20));
+        end.ask(&[Request::Stop]);
+    });
+    let outcome = outcomes[0].as_ref().expect("a dance");
+    let safety = &outcome.report.safety;
+    assert!(safety.iter().any(|e| e.cause == "stopped on request"));
+    assert_eq!(safety.last().map(|e| e.to.as_str()), Some("Disarmed"));
+    assert!(!outcome.interrupted);
+    assert_eq!(outcome.report.violations, Some(Default::default()));
+}
+
+#[test]
+fn an_evening_waits_for_start_and_survives_an_emergency_stop() {
+    // `--view` lives in real time; here only the waiting is asked for.
+    let (evening, end) = evening(&["--robot", "neck"]);
+    let waiting = (evening.waiting_for_start(), end);
+    let outcomes = run(waiting, |end, stop| {
+        for round in 0..2 {
+            wait_for(end, Activity::Waiting);
+            end.ask(&[Request::Amplitude(0.25), Request::Start]);
+            wait_for(end, Activity::Dancing);
+            assert_eq!(end.newest().now.settings.amplitude, 0.25);
+            if round == 0 {
+                end.estop.press("the test");
+                wait_for(end, Activity::Waiting);
+                end.ask(&[Request::Start]);
+                std::thread::sleep(Duration::from_millis(100));
+                assert_eq!(end.newest().now.activity, Activity::Waiting, "still down");
+                end.ask(&[Request::Release]);
+            }
+        }
+        end.ask(&[Request::Stop]);
+        wait_for(end, Activity::Waiting);
+        stop.store(true, Ordering::Release);
+    });
+    assert_eq!(outcomes.len(), 2);
+    let error = outcomes[0].as_ref().expect_err("an emergency stop");
+    assert!(error.to_string().contains("the test"), "{error}");
+    let second = outcomes[1].as_ref().expect("a dance");
+    assert_eq!(second.report.violations, Some(Default::default()));
+}

@@ -1,0 +1,302 @@
+//! The page's server, asked by plain TCP and by WebSocket as strangers would.
+
+use servodance::dance::IdleStyle;
+use servodance::robot::Robot;
+use servodance::show::{Activity, Request, RobotEnd, Scene, Server, Settings, link};
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+
+/// A page about a robot that somebody else moves.
+struct Page {
+    server: Server,
+    robot: RobotEnd,
+}
+
+fn page() -> Page {
+    let robot = Robot::load("op3").expect("the built-in robot");
+    let settings = Settings {
+        amplitude: 1.0,
+        mirror: false,
+        idle: IdleStyle::Sway,
+        style: 0,
+        seed: 1,
+    };
+    let scene = Scene {
+        robot: robot.name.clone(),
+        model: robot.retargeter().expect("a retargeter").model().clone(),
+        joints: robot.joint_limits(),
+        styles: vec!["hype".into(), "salsa".into()],
+        control_hz: robot.control_hz,
+        waits: false,
+        recording_s: None,
+    };
+    let (mut end, viewers) = link(robot.servos.len(), settings);
+    end.publish(|snapshot| snapshot.now.activity = Activity::Dancing);
+    let bind = "127.0.0.1:0".parse().expect("an address");
+    let server = Server::start(bind, scene, viewers).expect("a server");
+    Page { server, robot: end }
+}
+
+impl Page {
+    fn at(&self) -> SocketAddr {
+        let host = self.server.address().split('/').nth(2).expect("a host");
+        host.parse().expect("an address")
+    }
+
+    fn token(&self) -> &str {
+        self.server.address().split('/').nth(3).expect("a token")
+    }
+
+    /// Status and body of one request.
+    fn ask(&self, method: &str, path: &str, headers: &str, body: &str) -> (u16, String) {
+        let mut stream = TcpStream::connect(self.at()).expect("a connection");
+        let host = match headers.contains("Host:") {
+            true => String::new(),
+            false => format!("Host: {}\r\n", self.at()),
+        };
+        let length = body.len();
+        let request = format!(
+            "{method} {path} HTTP/1.1\r\n{host}{headers}Content-Length: {length}\r\n\r\n{body}"
+        );
+        // The answer may come, and the door close, before all is written.
+        let _ = stream.write_all(request.as_bytes());
+        let mut answer = Vec::new();
+        let _ = stream.read_to_end(&mut answer);
+        let answer = String::from_utf8_lossy(&answer).into_owned();
+        let status = answer.get(9..12).and_then(|s| s.parse().ok()).unwrap_or(0);
+        let body = answer.split_once("\r\n\r\n").map_or("", |(_, body)| body);
+        (status, body.to_owned())
+    }
+
+    fn get(&self, path: &str) -> (u16, String) {
+        self.ask("GET", &format!("/{}/{path}", self.token()), "", "")
+    }
+
+    fn command(&self, headers: &str, body: &str) -> (u16, String) {
+        let path = format!("/{}/api/command", self.token());
+        self.ask("POST", &path, headers, body)
+    }
+
+    fn socket(&self, origin: Option<&str>) -> Result<WebSocket<TcpStream>, String> {
+        let address = format!("ws://{}/{}/api/live", self.at(), self.token());
+        let mut request = address.into_client_request().expect("a request");
+        if let Some(origin) = origin {
+            let origin = origin.parse().expect("a header");
+            request.headers_mut().insert("Origin", origin);
+        }
+        let stream = TcpStream::connect(self.at()).map_err(|e| e.to_string())?;
+        stream
+            .set_read_timeout(Some(Duration::from_secs(20)))
+            .expect("a timeout");
+        let connected = tungstenite::client(request, stream);
+        connected
+            .map(|(socket, _)| socket)
+            .map_err(|e| e.to_string())
+    }
+
+    fn next_request(&mut self) -> Option<Request> {
+        let until = Instant::now() + Duration::from_secs(10);
+        while Instant::now() < until {
+            if let Some(request) = self.robot.request() {
+                return Some(request);
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        None
+    }
+}
+
+const JSON: &str = "Content-Type: application/json\r\n";
+
+#[test]
+fn the_page_its_parts_the_scene_and_the_state_are_served() {
+    let page = page();
+    let (status, html) = page.get("");
+    assert!(status == 200 && html.contains("STOP"), "{status} {html}");
+    assert_eq!(page.get("main.js").0, 200);
+    assert_eq!(page.get("../Cargo.toml").0, 404);
+    assert_eq!(page.get("%2e%2e%2fCargo.toml").0, 404);
+    let (_, scene) = page.get("api/scene");
+    let scene: serde_json::Value = serde_json::from_str(&scene).expect("JSON");
+    assert_eq!(scene["joints"].as_array().map(Vec::len), Some(20));
+    let (_, state) = page.get("api/state");
+    let state: serde_json::Value = serde_json::from_str(&state).expect("JSON");
+    assert_eq!(state["activity"], "dancing");
+    assert_eq!(state["temperatures_c"][0], serde_json::Value::Null);
+    let links = scene["links"].as_array().map(Vec::len);
+    assert_eq!(state["links"].as_array().map(Vec::len), links);
+}
+
+#[test]
+fn a_command_reaches_the_control_loop_and_a_stop_the_button() {
+    let mut page = page();
+    assert_eq!(page.command(JSON, r#"{"set":{"style":"salsa"}}"#).0, 202);
+    assert_eq!(page.next_request(), Some(Request::Style(1)));
+    let mut socket = page.socket(None).expect("a socket");
+    socket
+        .send(Message::text(r#"{"do":"hold"}"#))
+        .expect("sent");
+    assert_eq!(page.next_request(), Some(Request::Hold));
+    assert_eq!(page.command(JSON, r#"{"do":"start"}"#).0, 409);
+    assert!(!page.robot.estop.is_pressed());
+    assert_eq!(page.command(JSON, r#"{"do":"estop"}"#).0, 202);
+    assert!(page.robot.estop.is_pressed());
+    assert_eq!(page.robot.estop.cause(), "the page");
+}
+
+#[test]
+fn a_wrong_or_missing_token_gets_nothing() {
+    let page = page();
+    let wrong = "0".repeat(32);
+    let nearly = format!("{}x", &page.token()[..31]);
+    for token in ["", "index.html", &wrong, &nearly, &page.token()[1..]] {
+        for path in ["", "main.js", "api/scene", "api/state", "api/live"] {
+            let (status, body) = page.ask("GET", &format!("/{token}/{path}"), "", "");
+            assert_eq!((status, body.as_str()), (404, ""), "/{token}/{path}");
+        }
+        let stop = r#"{"do":"estop"}"#;
+        let answer = page.ask("POST", &format!("/{token}/api/command"), JSON, stop);
+        assert_eq!(answer, (404, String::new()));
+    }
+    assert!(!page.robot.estop.is_pressed());
+}
+
+#[test]
+fn foreign_pages_are_refused() {
+    let mut page = page();
+    let hold = r#"{"do":"hold"}"#;
+    let own = format!("Origin: http://{}\r\n", page.at());
+    for foreign in [
+        "Origin: http://evil.example\r\n",
+        "Origin: null\r\n",
+        "Host: evil.example\r\n",
+        "Host: evil.example\r\nOrigin: http://evil.example\r\n",
+        "Host: 127.0.0.1.evil.example:80\r\n",
+    ] {
+        let answer = page.command(&format!("{JSON}{foreign}"), hold);
+        assert_eq!(answer, (403, String::new()), "{foreign}");
+        let path = format!("/{}/", page.token());
+        assert_eq!(page.ask("GET", &path, foreign, "").0, 403, "{foreign}");
+    }
+    // What a form of a foreign page could send without being asked first.
+    for kind in ["", "Content-Type: text/plain\r\n"] {
+        assert_eq!(page.command(kind, hold).0, 415);
+    }
+    assert!(page.socket(Some("http://evil.example")).is_err());
+    assert_eq!(page.robot.request(), None);
+    assert_eq!(page.command(&format!("{JSON}{own}"), hold).0, 202);
+    assert!(page.socket(Some(&format!("http://{}", page.at()))).is_ok());
+    assert_eq!(page.next_request(), Some(Request::Hold));
+}
+
+#[test]
+fn oversized_and_malformed_requests_are_refused() {
+    let mut page = page();
+    let large = format!(r#"{{"set":{{"style":"{}"}}}}"#, "x".repeat(5000));
+    assert_eq!(page.command(JSON, &large).0, 413);
+    assert_eq!(page.command(JSON, "{").0, 400);
+    assert_eq!(page.command(JSON, r#"{"set":{"amplitude":9}}"#).0, 400);
+    let (status, why) = page.command(JSON, r#"{"set":{"style":"polka"}}"#);
+    assert!(status == 400 && why.contains("hype, salsa"), "{why}");
+    let endless = format!("X-Endless: {}\r\n", "x".repeat(100_000));
+    assert!([0, 431].contains(&page.command(&endless, "{}").0));
+    for message in [
+        Message::text("{"),
+        Message::text("[".repeat(4000)),
+        Message::text("x".repeat(100_000)),
+        Message::binary(vec![0; 16]),
+        Message::binary(vec![0; 10_000_000]),
+    ] {
+        let mut socket = page.socket(None).expect("a socket");
+        let _ = socket.send(message); // they may hang up while it is sent
+        assert!(is_closed(&mut socket));
+    }
+    assert_eq!(page.robot.request(), None);
+    assert_eq!(page.get("api/state").0, 200, "others are still served");
+}
+
+/// Whether the other side closes; frames before that are skipped.
+fn is_closed(socket: &mut WebSocket<TcpStream>) -> bool {
+    use tungstenite::error::Error;
+    let closed = |read| match read {
+        // Nothing came for long: that is not closed.
+        Err(Error::Io(error)) => error.kind() != std::io::ErrorKind::WouldBlock,
+        Err(_) | Ok(Message::Close(_)) => true,
+        Ok(_) => false,
+    };
+    (0..10).any(|_| closed(socket.read()))
+}
+
+#[test]
+fn a_viewer_who_does_not_read_misses_frames_and_delays_nobody() {
+    let mut page = page();
+    let mut quick = page.socket(None).expect("a socket");
+    let mut slow = page.socket(None).expect("a socket");
+    let buffered = socket2::SockRef::from(slow.get_ref()).set_recv_buffer_size(4096);
+    buffered.expect("a small buffer");
+    let mut latest = 0.0;
+    for i in 1..=100 {
+        let now = Instant::now();
+        page.robot.publish(|s| s.now.music_s = f64::from(i));
+        let took = now.elapsed();
+        assert!(
+            took < Duration::from_millis(500),
+            "publishing took {took:?}"
+        );
+        while latest < f64::from(i) {
+            latest = time_of(&quick.read().expect("a frame"));
+        }
+    }
+    // What waits for the slow one is little: much was never sent.
+    drop(quick);
+    let first = time_of(&slow.read().expect("a frame"));
+    page.robot.publish(|s| s.now.music_s = 1e6);
+    let frames = (0..200).take_while(|_| time_of(&slow.read().expect("a frame")) < 1e6);
+    let read = frames.count();
+    assert!(first <= 1.0 && read < 90, "{first} {read}");
+}
+
+fn time_of(message: &Message) -> f64 {
+    let Message::Text(text) = message else {
+        return 0.0;
+    };
+    let frame: serde_json::Value = serde_json::from_str(text).expect("JSON");
+    frame["music_s"].as_f64().unwrap_or(0.0)
+}
+
+#[test]
+fn a_flood_of_connections_leaves_viewers_alone() {
+    let mut page = page();
+    let mut viewer = page.socket(None).expect("a socket");
+    viewer.read().expect("the first frame");
+    let flood: Vec<_> = (0..1000)
+        .filter_map(|i| {
+            let mut stream = TcpStream::connect(page.at()).ok()?;
+            let half = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Half:";
+            let _ = stream.write_all(&half[..i % half.len()]);
+            Some(stream)
+        })
+        .collect();
+    assert!(flood.len() > 900, "{}", flood.len());
+    for i in 1..=30 {
+        page.robot.publish(|s| s.now.music_s = f64::from(i));
+        while time_of(&viewer.read().expect("a frame")) < f64::from(i) {}
+    }
+    let stop = Message::text(r#"{"do":"estop"}"#);
+    viewer.send(stop).expect("a viewer can still stop");
+    let until = Instant::now() + Duration::from_secs(10);
+    while !page.robot.estop.is_pressed() {
+        assert!(Instant::now() < until, "the stop got through");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    drop(flood);
+    // Those who wait are let in again.
+    let again = (0..100).any(|_| {
+        std::thread::sleep(Duration::from_millis(100));
+        page.get("api/state").0 == 200
+    });
+    assert!(again);
+}
