@@ -88,10 +88,11 @@ fn scan_can(
             true => format!("{bitrate} bit/s  "),
             false => String::new(),
         };
+        let mut scanner = CanScanner::open(port, bitrate)?;
         note(&format!(
             "{rate}listening, then asking 127 ids in three languages"
         ));
-        match CanScanner::open(port, bitrate)?.everyone() {
+        match scanner.everyone() {
             Ok(motors) if motors.is_empty() => {}
             Ok(motors) => {
                 let lines = motors
