@@ -334,8 +334,8 @@ fn frames(text: &str, skeleton: &Skeleton) -> Result<Vec<Vec<Vec<f64>>>, String>
                         "{name} has {found} numbers, expected {wanted}"
                     )));
                 }
-                for k in 0..wanted {
-                    frame[at][k] = number(values, k).map_err(at_line)?;
+                for (k, value) in frame[at].iter_mut().enumerate() {
+                    *value = number(values, k).map_err(at_line)?;
                 }
             }
         }
