@@ -109,7 +109,7 @@ impl Topic {
     }
 }
 
-/// Turns what happens into messages and has a [`clerk`] write them; without
+/// Turns what happens into messages and has a clerk write them; without
 /// [`Recorder::finish`] no file appears. Nothing here waits for a disk, unless
 /// [`WhenBehind::Wait`] says so; what went wrong with it is told by `finish`.
 pub struct Recorder {
