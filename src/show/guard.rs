@@ -65,7 +65,7 @@ mod tests {
     fn a_token_is_itself_and_nothing_else() {
         let token = Token::random();
         assert_eq!(token.text().len(), 32);
-        assert!(token.is(&token.text().to_owned()));
+        assert!(token.is(token.text()));
         assert!(!token.is("") && !token.is(&token.text()[1..]));
         assert!(!token.is(&format!("{}0", token.text())));
         assert_ne!(Token::random().text(), Token::random().text());

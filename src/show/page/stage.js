@@ -6,6 +6,7 @@ import { makePainter } from "./painter.js";
 
 const HUMAN = [1.0, 0.69, 0.4, 1];
 const GRID = [0.16, 0.19, 0.24, 1];
+const SHELL = [0.5, 0.58, 0.7, 1];
 const STICK = [0.55, 0.6, 0.68, 1];
 const HUMAN_M = 1.7;
 const HEAD = 15;
@@ -57,7 +58,9 @@ export function makeStage(canvas, scene) {
 
 // A shape of the scene as what the painter draws.
 function robotPart(shape) {
-  const light = (rgba) => [...rgba.slice(0, 3).map((part) => 0.16 + 0.8 * part), 1];
+  // Black is what a shape without a colour of its own says.
+  const plain = (rgba) => rgba.slice(0, 3).every((part) => part === 0);
+  const light = (rgba) => (plain(rgba) ? SHELL : [...rgba.slice(0, 3).map((part) => 0.16 + 0.8 * part), 1]);
   if (shape.stick) {
     const long = Math.max(distance([0, 0, 0], shape.stick), 1e-4);
     const size = [shape.radius, shape.radius, long];
