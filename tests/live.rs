@@ -112,7 +112,7 @@ fn commands_are_continuous(recording: &Recording) {
 fn sound_on_standard_input_may_stay_away_for_a_while() {
     let _alone = alone();
     let program = Program::new();
-    let robot = program.patient_robot("op3");
+    let robot = program.unhurried_robot("op3");
     let arguments = [
         "dance",
         "-",
@@ -222,7 +222,7 @@ mod microphone {
         let _alone = alone();
         let program = Program::new();
         let mut fifo = microphone(&program);
-        let robot = program.patient_robot("op3");
+        let robot = program.unhurried_robot("op3");
         let arguments = [
             "dance",
             "--mic",

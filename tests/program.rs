@@ -71,10 +71,21 @@ impl Program {
     /// A built-in robot as a file, patient with replies: other tests may keep
     /// the processor from the simulated servos for a while.
     pub fn patient_robot(&self, name: &str) -> String {
+        self.robot_with(name, "reply_timeout_ms = 500.0\n")
+    }
+
+    /// A patient robot whose servos' own watchdogs are patient as well: a
+    /// cycle that waits for starved servos would trip them, and what they hold
+    /// then looks like a blocked joint. For tests of something else.
+    pub fn unhurried_robot(&self, name: &str) -> String {
+        self.robot_with(name, "reply_timeout_ms = 500.0\nwatchdog_ms = 2000\n")
+    }
+
+    fn robot_with(&self, name: &str, bus_lines: &str) -> String {
         let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
         let read = |file: String| std::fs::read_to_string(configs.join(file)).expect("a config");
         let text = read(format!("{name}.toml"));
-        let patient = text.replacen("[bus]\n", "[bus]\nreply_timeout_ms = 500.0\n", 1);
+        let patient = text.replacen("[bus]\n", &format!("[bus]\n{bus_lines}"), 1);
         assert_ne!(text, patient);
         let file = format!("patient-{name}.toml");
         std::fs::write(self.path(&file), patient).expect("the robot file");

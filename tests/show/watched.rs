@@ -27,7 +27,7 @@ fn thread_s(child: &Child, name: &str) -> f64 {
 fn a_viewer_takes_at_most_five_per_cent_of_a_core() {
     let _alone = alone();
     let program = Program::new();
-    let robot = program.patient_robot("op3");
+    let robot = program.unhurried_robot("op3");
     let arguments = [
         "dance",
         "--robot",

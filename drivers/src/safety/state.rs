@@ -79,7 +79,7 @@ pub enum SafetyError {
     /// A joint does not go where it is told.
     #[error(
         "{servo} is {error_deg:.1} degrees from its command for more than {after_s} s \
-         (blocked, overloaded or rebooted?); torque is off"
+         (blocked, overloaded, rebooted, or held by its own watchdog while this program was kept from running?); torque is off"
     )]
     Following {
         /// Which servo.
