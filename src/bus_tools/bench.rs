@@ -156,9 +156,13 @@ fn jitter_us(layouts: &[BusLayout], hz: f64) -> anyhow::Result<(Option<f64>, usi
     Ok((Some(worst_us), servos))
 }
 
-/// The first servos of a bus, as many as the wire carries at a rate.
+/// The first servos of a bus, as many as the wire carries at a rate with a
+/// tenth to spare: without, one late cycle makes all later ones late.
 fn carried(layout: &BusLayout, hz: f64) -> &[Servo] {
-    let fits = |count: &usize| check_rate(&layout.config, &layout.servos[..*count], hz).is_ok();
+    let fits = |count: &usize| {
+        let servos = &layout.servos[..*count];
+        check_rate(&layout.config, servos, hz * 1.1).is_ok()
+    };
     let most = (1..=layout.servos.len()).rev().find(fits);
     &layout.servos[..most.unwrap_or(0)]
 }
