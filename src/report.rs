@@ -54,6 +54,10 @@ pub struct Report {
     pub kinematic_beats_s: KinematicBeats,
     /// Control cycles for which no motion frame was ready in time.
     pub late_frames: u64,
+    /// What was left out because the machine was too slow, in this order: `picture`,
+    /// `viewers`, `guidance`, `generator`.
+    #[serde(default)]
+    pub left_out: Vec<String>,
     /// From a captured sample to a usable motion frame and to a command on the
     /// wire, beyond the motion frame's own 50 ms; `null` unless audio is live.
     pub latency_ms: Option<LatencyReport>,

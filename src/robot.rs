@@ -2,13 +2,14 @@
 //! every servo. Degrees and ticks live there; inside, all is radians.
 
 use crate::dance::IdleStyle;
+use crate::robot_file::{Origin, Overrides};
 use anyhow::{anyhow, bail};
 use serde::Deserialize;
 use servodance_drivers::{
-    BusConfig, BusLayout, SafetyConfig, SafetySettings, Servo, ServoConfig, check_rate, layouts,
-    one_or_several,
+    BusConfig, BusLayout, ConfigError, SafetyConfig, SafetyError, SafetySettings, Servo,
+    ServoConfig, check_rate, layouts, one_or_several,
 };
-use servodance_retarget::{Code, RetargetConfig, Retargeter};
+use servodance_retarget::{Code, RetargetConfig, RetargetError, Retargeter};
 use servodance_types::JointLimits;
 use std::path::Path;
 
@@ -114,10 +115,18 @@ pub struct Robot {
 impl Robot {
     /// A built-in robot by name, or a robot file by path.
     pub fn load(name_or_file: &str) -> anyhow::Result<Self> {
+        Self::load_with(name_or_file, &Overrides::default())
+    }
+
+    /// The same with keys that are set beside the file.
+    pub fn load_with(name_or_file: &str, overrides: &Overrides) -> anyhow::Result<Self> {
         if let Some(built_in) = BUILT_IN.iter().find(|r| r.name == name_or_file) {
-            return Self::from_toml(built_in.toml, built_in.file, |_| {
-                Ok(built_in.urdf.to_owned())
-            });
+            let origin = Origin {
+                file: built_in.file,
+                text: built_in.toml,
+                overrides,
+            };
+            return Self::from_origin(&origin, |_| Ok(built_in.urdf.to_owned()));
         }
         let path = Path::new(name_or_file);
         if path.extension().is_none() && !path.exists() {
@@ -130,17 +139,26 @@ impl Robot {
         let unreadable = |message: String| RobotError::of(Code::FileUnreadable, message);
         let text = std::fs::read_to_string(path)
             .map_err(|e| unreadable(format!("cannot read robot file {}: {e}", path.display())))?;
-        Self::from_text(&text, path)
+        Self::from_text_with(&text, path, overrides)
     }
 
     /// The robot that the file at `path` describes when it holds `text`.
     pub fn from_text(text: &str, path: &Path) -> anyhow::Result<Self> {
-        let file = path.display().to_string();
-        Self::from_toml(text, &file, |urdf| {
+        Self::from_text_with(text, path, &Overrides::default())
+    }
+
+    fn from_text_with(text: &str, path: &Path, overrides: &Overrides) -> anyhow::Result<Self> {
+        let file = &path.display().to_string();
+        let origin = Origin {
+            file,
+            text,
+            overrides,
+        };
+        Self::from_origin(&origin, |urdf| {
             let urdf_path = path.parent().unwrap_or(Path::new(".")).join(urdf);
             std::fs::read_to_string(&urdf_path).map_err(|e| {
-                let urdf = urdf_path.display();
-                let message = format!("{file}: cannot read urdf {urdf}: {e}");
+                let (urdf, at) = (urdf_path.display(), origin.place(&["urdf"]));
+                let message = format!("{at}: cannot read urdf {urdf}: {e}");
                 RobotError::of(Code::FileUnreadable, message)
             })
         })
@@ -152,37 +170,48 @@ impl Robot {
         file: &str,
         read_urdf: impl FnOnce(&str) -> anyhow::Result<String>,
     ) -> anyhow::Result<Self> {
-        let parsed: RobotFile = toml::from_str(text).map_err(|e| {
-            let line = e.span().map_or(1, |span| {
-                1 + text.as_bytes()[..span.start.min(text.len())]
-                    .iter()
-                    .filter(|b| **b == b'\n')
-                    .count()
-            });
-            let message = format!("{file}:{line}: {}", one_line(e.message()));
-            RobotError::of(Code::Toml, message)
-        })?;
+        let overrides = &Overrides::default();
+        let origin = Origin {
+            file,
+            text,
+            overrides,
+        };
+        Self::from_origin(&origin, read_urdf)
+    }
+
+    /// Parses and checks a robot file with what is set beside it.
+    fn from_origin(
+        origin: &Origin,
+        read_urdf: impl FnOnce(&str) -> anyhow::Result<String>,
+    ) -> anyhow::Result<Self> {
+        let refuse = |code, path: &[&str], what: String| {
+            RobotError::of(code, format!("{}: {what}", origin.place(path)))
+        };
+        let parsed = parse(origin)?;
         for (key, value, range) in [
             ("control_hz", parsed.control_hz, 20.0..=1000.0),
             ("servo_lag_s", parsed.servo_lag_s, 0.0..=0.5),
         ] {
             if !range.contains(&value) {
                 let (low, high) = (range.start(), range.end());
-                let message = format!("{file}: {key} = {value} is outside {low}..{high}");
-                return Err(RobotError::of(Code::RobotFile, message));
+                let what = format!("{key} = {value} is outside {low}..{high}");
+                return Err(refuse(Code::RobotFile, &[key], what));
             }
         }
         let (servos, mut buses) = layouts(parsed.buses, &parsed.joints)
-            .map_err(|e| RobotError::of(Code::ServoMap, format!("{file}: {e}")))?;
+            .map_err(|e| refuse(Code::ServoMap, &config_path(&e), e.to_string()))?;
         for bus in &mut buses {
             bus.config.control_hz = Some(parsed.control_hz);
             check_rate(&bus.config, &bus.servos, parsed.control_hz)
-                .map_err(|e| RobotError::of(Code::BusRate, format!("{file}: {e}")))?;
+                .map_err(|e| refuse(Code::BusRate, &["control_hz"], e.to_string()))?;
         }
-        let safety = parsed
-            .safety
-            .at_hz(parsed.control_hz)
-            .map_err(|e| RobotError::of(Code::RobotFile, format!("{file}: {e}")))?;
+        let safety = parsed.safety.at_hz(parsed.control_hz).map_err(|e| {
+            let path = match &e {
+                SafetyError::Config { key, .. } => vec!["safety", *key],
+                _ => vec!["safety"],
+            };
+            refuse(Code::RobotFile, &path, e.to_string())
+        })?;
         let robot = Self {
             urdf_xml: read_urdf(&parsed.urdf)?,
             name: parsed.name,
@@ -199,7 +228,7 @@ impl Robot {
             Ok(_) => Ok(robot),
             Err(error) => Err(anyhow::Error::new(RobotError {
                 code: Code::Retarget,
-                message: format!("{file}: {error}"),
+                message: format!("{}: {error}", origin.place(&retarget_path(&error))),
                 urdf_xml: Some(robot.urdf_xml),
             })),
         }
@@ -245,6 +274,53 @@ impl Robot {
     /// Seconds between two control cycles.
     pub fn period_s(&self) -> f64 {
         1.0 / self.control_hz
+    }
+}
+
+/// Reads the file, then sets beside it what is to be set, each held against the
+/// parser by itself.
+fn parse(origin: &Origin) -> anyhow::Result<RobotFile> {
+    let read = |text: &str| toml::from_str::<RobotFile>(text);
+    let parsed = read(origin.text).map_err(|e| {
+        let before = e.span().map_or(0, |span| span.start.min(origin.text.len()));
+        let lines = origin.text.as_bytes()[..before].iter();
+        let line = 1 + lines.filter(|b| **b == b'\n').count();
+        let message = format!("{}:{line}: {}", origin.file, one_line(e.message()));
+        RobotError::of(Code::Toml, message)
+    })?;
+    if origin.overrides.is_empty() {
+        return Ok(parsed);
+    }
+    let check = |text: &str| read(text).map(drop).map_err(|e| one_line(e.message()));
+    let text = origin.overrides.apply(origin.text, check);
+    let text = text.map_err(|message| RobotError::of(Code::Toml, message))?;
+    read(&text).map_err(|e| RobotError::of(Code::Toml, one_line(e.message())))
+}
+
+/// Which key of a robot file an error is about.
+fn config_path(error: &ConfigError) -> Vec<&str> {
+    match error {
+        ConfigError::Joint { joint, key, .. } => vec!["joint", joint, key],
+        ConfigError::Limits { joint, .. } | ConfigError::Twice { joint, .. } => {
+            vec!["joint", joint]
+        }
+        ConfigError::Bus { key, .. } => vec!["bus", key],
+        _ => Vec::new(),
+    }
+}
+
+/// The same for the retargeter's errors.
+fn retarget_path(error: &anyhow::Error) -> Vec<&str> {
+    match error.downcast_ref::<RetargetError>() {
+        Some(RetargetError::Config { key, .. }) => {
+            let parts = key
+                .split('.')
+                .map(|part| part.split('[').next().unwrap_or(part));
+            std::iter::once("retarget").chain(parts).collect()
+        }
+        Some(RetargetError::NoSuchLink { part, .. }) => vec!["retarget", "body", part],
+        Some(RetargetError::NoSuchJoint { name, .. }) => vec!["joint", name],
+        _ => Vec::new(),
     }
 }
 

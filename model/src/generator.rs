@@ -332,6 +332,26 @@ impl Dance {
         self.forget()
     }
 
+    /// Leaves guidance out from the next step on, which then takes half the time,
+    /// or takes it up again from the pose that the dancer is in.
+    ///
+    /// # Errors
+    /// The networks cannot start anew.
+    pub fn guide(&mut self, guided: bool) -> Result<(), ModelError> {
+        if !guided {
+            self.deaf = None;
+        } else if self.deaf.is_none() && self.guidance != 1.0 {
+            self.deaf = Some(self.networks.seq.start(Some(self.style))?);
+            self.forget()?; // both remember the same past: none
+        }
+        Ok(())
+    }
+
+    /// How often a step goes through the network: twice if it is guided.
+    pub fn passes(&self) -> u32 {
+        1 + u32::from(self.deaf.is_some())
+    }
+
     /// Names of the styles, as [`Generator::styles`].
     pub fn styles(&self) -> &[String] {
         &self.networks.config.seq.styles

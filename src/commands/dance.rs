@@ -1,5 +1,6 @@
 //! `servodance dance`.
 
+use super::robot_choice::RobotChoice;
 use super::{INTERRUPTED, stop_signal};
 use crate::console::{say, tell};
 use crate::dance::{DanceConfig, Evening, IdleStyle, Outcome, Speed, dance};
@@ -40,13 +41,18 @@ pub struct Args {
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
     pub mic: Option<Option<String>>,
 
-    /// A built-in robot (see `servodance robots`) or a robot file.
-    #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
-    pub robot: String,
+    /// Which robot.
+    #[command(flatten)]
+    pub robot: RobotChoice,
 
     /// Where commands go: `sim`, or `serial:/dev/ttyUSB0`; for a robot with
     /// several buses once for each, `left=serial:/dev/ttyUSB0`.
-    #[arg(long, default_value = "sim", value_name = "[NAME=]BUS")]
+    #[arg(
+        long,
+        env = "SERVODANCE_BUS",
+        default_value = "sim",
+        value_name = "[NAME=]BUS"
+    )]
     pub bus: Vec<String>,
 
     /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
@@ -75,7 +81,7 @@ pub struct Args {
     pub style: Option<String>,
 
     /// Weights to use in place of the built-in ones.
-    #[arg(long, value_name = "FILE.safetensors")]
+    #[arg(long, env = "SERVODANCE_MODEL", value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
 
     /// Write figures of the run as JSON (see docs/report.md).

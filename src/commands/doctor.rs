@@ -1,9 +1,9 @@
 //! `servodance doctor`.
 
+use super::robot_choice::RobotChoice;
 use crate::console::say;
 use crate::dance::open_generator;
 use crate::doctor::{Finding, Verdict, examine};
-use crate::robot::Robot;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -18,9 +18,9 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// A built-in robot (see `servodance robots`) or a robot file.
-    #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
-    pub robot: String,
+    /// Which robot.
+    #[command(flatten)]
+    pub robot: RobotChoice,
 
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]
@@ -33,7 +33,7 @@ pub struct Args {
 
 /// Prints what was found; fails where a dance is not possible.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let robot = Robot::load(&args.robot)?;
+    let robot = args.robot.load()?;
     let findings = examine(&robot, &open_generator(args.model.as_deref())?)?;
     if args.json {
         say!("{}", serde_json::to_string_pretty(&findings)?);

@@ -1,10 +1,11 @@
 //! `servodance latency`.
 
+use super::robot_choice::RobotChoice;
 use super::stop_signal;
 use crate::console::say;
 use crate::dance::{BusChoice, Measured, choose_buses, click_test};
 use crate::robot::Robot;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::process::ExitCode;
@@ -20,9 +21,9 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// A built-in robot (see `servodance robots`) or a robot file.
-    #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
-    pub robot: String,
+    /// Which robot.
+    #[command(flatten)]
+    pub robot: RobotChoice,
 
     /// Where commands go, as for `dance`.
     #[arg(long, default_value = "sim", value_name = "BUS")]
@@ -42,7 +43,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if !(1..=1000).contains(&args.clicks) {
         bail!("--clicks {} is outside 1..1000", args.clicks);
     }
-    let robot = Robot::load(&args.robot).context("--robot")?;
+    let robot = args.robot.load()?;
     let buses: Vec<BusChoice> = choose_buses(&robot, &args.bus)?;
     let stop = stop_signal()?;
     let measured = click_test(&robot, &buses, args.clicks, &stop)?;

@@ -24,10 +24,13 @@ pub mod play;
 pub mod reconstruct;
 pub mod retarget;
 pub mod robot;
+pub mod robot_choice;
 pub mod robots;
 pub mod scan;
+pub mod schema;
 pub mod set_id;
 pub mod sim_bus;
+pub mod soak;
 pub mod song;
 
 use clap::{Parser, Subcommand};
@@ -95,12 +98,16 @@ pub enum Command {
     Man(man::Args),
     /// List the built-in robots and where each file is.
     Robots(robots::Args),
+    /// Print the JSON Schema of robot files, for editors.
+    Schema(schema::Args),
     /// Look for servos on a serial port, at every usual baud rate.
     Scan(scan::Args),
     /// Give a servo another id.
     SetId(set_id::Args),
     /// Serve a robot's simulated servos to any program, until stopped.
     SimBus(sim_bus::Args),
+    /// Dance for hours in simulation while things go wrong, and judge what came of it.
+    Soak(soak::Args),
     /// Write the built-in song as a WAV file.
     Song(song::Args),
 }
@@ -132,9 +139,11 @@ impl Command {
             Command::Latency(args) => latency::run(args),
             Command::Man(args) => man::run(args),
             Command::Robots(args) => robots::run(args),
+            Command::Schema(args) => schema::run(args),
             Command::Scan(args) => scan::run(args),
             Command::SetId(args) => set_id::run(args),
             Command::SimBus(args) => sim_bus::run(args),
+            Command::Soak(args) => soak::run(args),
             Command::Song(args) => song::run(args),
         }
     }

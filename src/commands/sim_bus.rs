@@ -1,9 +1,9 @@
 //! `servodance sim-bus`.
 
+use super::robot_choice::RobotChoice;
 use super::stop_signal;
 use crate::bus_tools::serve;
 use crate::console::{say, tell};
-use crate::robot::Robot;
 use crate::sim_link::LinkChoice;
 use anyhow::Context;
 use std::path::PathBuf;
@@ -24,9 +24,9 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// A built-in robot (see `servodance robots`) or a robot file.
-    #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
-    pub robot: String,
+    /// Which robot.
+    #[command(flatten)]
+    pub robot: RobotChoice,
     /// What other programs open: a serial port (pty), a serial CAN adapter
     /// (slcan) or multicast (udp); pty or slcan if left out, as the robot's bus needs.
     #[arg(long, value_enum)]
@@ -46,7 +46,7 @@ pub struct Args {
 
 /// Serves until stopped.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let robot = Robot::load(&args.robot)?;
+    let robot = args.robot.load()?;
     let mut faults = args.fault.join("\n");
     if let Some(file) = &args.faults {
         let text = std::fs::read_to_string(file)

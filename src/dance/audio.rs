@@ -1,6 +1,7 @@
 //! The music of a dance, whatever it comes from, as mono blocks.
 
 use super::config::{AudioChoice, Speed};
+use crate::drill::{self, Drilled};
 use crate::listening::microphone;
 use servodance_audio::AudioSource;
 use servodance_audio::capture::{CaptureStats, Notice};
@@ -28,7 +29,10 @@ impl Audio {
         let source = match choice {
             AudioChoice::BuiltIn => return Ok(Audio::BuiltIn(Box::new(Song::demo()), 0)),
             AudioChoice::File(path) => AudioSource::open(path)?,
-            AudioChoice::Stdin(format) => open_pipe("standard input", std::io::stdin(), *format)?,
+            AudioChoice::Stdin(format) => {
+                let (reader, place) = (std::io::stdin(), "pipe");
+                open_pipe("standard input", Drilled { reader, place }, *format)?
+            }
             AudioChoice::Microphone(name) => microphone(name.as_deref())?,
         };
         Ok(Audio::Source(Box::new(source)))
@@ -81,6 +85,7 @@ impl Audio {
 
     /// The next samples replace `block`; `false` at the end.
     pub fn next_block(&mut self, block: &mut Vec<f32>) -> anyhow::Result<bool> {
+        drill::pass("audio");
         match self {
             Audio::Source(source) => Ok(source.next_block(block)?),
             Audio::BuiltIn(song, heard) => {

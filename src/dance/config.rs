@@ -4,7 +4,7 @@ use super::idle::IdleStyle;
 use super::ports::{self, BusChoice};
 use crate::commands::dance::Args;
 use crate::robot::Robot;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::ValueEnum;
 use servodance_audio::source::PcmFormat;
 use std::net::SocketAddr;
@@ -85,7 +85,7 @@ pub struct DanceConfig {
 impl DanceConfig {
     /// Checks the arguments and loads the robot.
     pub fn from_args(args: Args) -> anyhow::Result<Self> {
-        let robot = Robot::load(&args.robot).context("--robot")?;
+        let robot = args.robot.load()?;
         let buses = ports::choose(&robot, &args.bus)?;
         let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
         let hears = args.mic.is_some();

@@ -22,11 +22,13 @@ use super::delays::Delays;
 use super::idle::{Idle, IdleStyle};
 use super::latency::{Arrivals, Latency};
 use super::motion_source::{Change, MotionSource, Next, Step};
+use super::overload::Sparing;
 use super::rehearsal::Rehearsal;
 use super::rig::Rig;
 use super::showing::{Cycle, Showing, pose_array};
 use super::steering::{Horizon, Steering};
 use super::trace::Trace;
+use crate::drill;
 use crate::record::{Recorder, Topic};
 use crate::robot::Robot;
 use crate::show::{Activity, Request, RobotEnd};
@@ -299,6 +301,13 @@ impl<'a> Control<'a> {
         }
     }
 
+    /// Lets those who watch see less while the machine is too slow.
+    pub fn spare_viewers(&mut self, sparing: &Sparing) {
+        if let Some(show) = &mut self.show {
+            show.sparing = sparing.clone();
+        }
+    }
+
     /// Ends the recording with facts known only now.
     pub fn take_recorder(&mut self) -> Option<Recorder> {
         self.recorder.take()
@@ -461,6 +470,7 @@ impl<'a> Control<'a> {
 
     /// One bus cycle with the present targets, then bookkeeping.
     fn drive(&mut self, time_s: f64) -> anyhow::Result<()> {
+        drill::pass("control");
         let robot_s = self.stood_s + time_s + self.music_start_s;
         let (rig, targets) = (&mut *self.rig, &self.targets);
         let (result, bus_ms) = self.stages.time(Stage::Bus, || rig.cycle(robot_s, targets));

@@ -7,8 +7,10 @@
 //!   be read counts as pressed.
 //!
 //! The button stays down ([`EStop`]): a file that goes away again does not
-//! release it.
+//! release it. A watch that breaks down presses the button: nobody would hear
+//! the next who wants to.
 
+use crate::drill;
 use servodance_drivers::EStop;
 use signal_hook::consts::SIGUSR1;
 use std::io::{ErrorKind, IsTerminal};
@@ -46,7 +48,9 @@ impl EStopWatch {
         let (ended, estop) = (Arc::clone(&stop), estop.clone());
         let thread = std::thread::Builder::new().name("emergency stop".into());
         let thread = thread.spawn(move || {
+            let _alarm = PressedByPanic(estop.clone());
             while !ended.load(Ordering::Acquire) {
+                drill::pass("emergency stop");
                 if signal.swap(false, Ordering::AcqRel) {
                     estop.press("the signal SIGUSR1");
                 }
@@ -60,6 +64,17 @@ impl EStopWatch {
             stop,
             thread: Some(thread),
         })
+    }
+}
+
+/// Presses the button if the thread that holds it panics.
+struct PressedByPanic(EStop);
+
+impl Drop for PressedByPanic {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.press("its watch broke down");
+        }
     }
 }
 
@@ -78,6 +93,7 @@ impl Drop for EStopWatch {
 fn watch_key(estop: EStop) -> anyhow::Result<()> {
     let thread = std::thread::Builder::new().name("emergency stop key".into());
     thread.spawn(move || {
+        let _alarm = PressedByPanic(estop.clone());
         let mut line = String::new();
         while matches!(std::io::stdin().read_line(&mut line), Ok(1..)) {
             estop.press("the key");

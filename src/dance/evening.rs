@@ -7,6 +7,7 @@
 
 use super::{DanceConfig, Outcome, open_generator, perform, watch};
 use crate::show::{Activity, Request, RobotEnd, Scene, Settings, ViewerEnd, link, snapshot};
+use anyhow::bail;
 use servodance_drivers::State;
 use servodance_model::Generator;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -90,6 +91,9 @@ impl Evening {
             let outcome = self.dance(stop);
             each(&self.config, &outcome);
         }
+        if self.end.is_alone() && !stop.load(Ordering::Relaxed) {
+            bail!("the page broke down: nobody could say start");
+        }
         Ok(())
     }
 
@@ -129,7 +133,7 @@ impl Evening {
             snapshot.now.safety = State::Disarmed;
             snapshot.now.hold = false;
         });
-        while !stop.load(Ordering::Relaxed) {
+        while !stop.load(Ordering::Relaxed) && !self.end.is_alone() {
             let mut changed = false;
             while let Some(request) = self.end.request() {
                 self.end.settings.take(request);

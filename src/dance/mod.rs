@@ -19,6 +19,8 @@ mod evening;
 mod idle;
 mod latency;
 mod motion_source;
+mod ordeal;
+mod overload;
 mod portrait;
 pub mod ports;
 mod rehearsal;
@@ -33,6 +35,7 @@ pub use click_test::{Measured, Passage, measure as click_test};
 pub use config::{AudioChoice, DanceConfig, Speed};
 pub use evening::Evening;
 pub use idle::IdleStyle;
+pub use ordeal::{Endured, Ordeal};
 pub use ports::{BusChoice, choose as choose_buses};
 
 use crate::output::{PendingFile, write_whole};
@@ -50,6 +53,7 @@ use control::{Control, Ending, Timing};
 use estop::EStopWatch;
 pub use latency::LatencyReport;
 use motion_source::{Dancer, DancerThread, Heard, MotionSource};
+use overload::{LeftOut, Overload, Sparing};
 use rig::Rig;
 use servodance_audio::capture::Notice;
 use servodance_drivers::EStop;
@@ -130,6 +134,12 @@ fn perform(
     let notes = progress.clone();
     let on_notice = Box::new(move |notice: &Notice| notes.note(&notice.to_string()));
     let mut dancer = Dancer::new(audio, generator, on_notice)?;
+    let sparing = Sparing::default();
+    if config.speed == Speed::Realtime {
+        let notes = progress.clone();
+        let on_change = Box::new(move |what: &str| notes.note(what));
+        dancer = dancer.sparing(Overload::new(sparing.clone(), on_change));
+    }
     dancer.prime()?;
     let mut source = match config.speed {
         Speed::Max => MotionSource::Inline(Box::new(dancer)),
@@ -143,6 +153,7 @@ fn perform(
     }
     let audience = show.as_deref_mut();
     let mut control = Control::new(&config.robot, &mut rig, recorder, timing, audience, stop)?;
+    control.spare_viewers(&sparing);
     let ending = control.run(&mut source, |time_s| progress.at(time_s));
     let run = Run {
         lead_s: control.lead_s(),
@@ -185,12 +196,14 @@ fn perform(
 
     let heard = source.heard()?;
     let mut report = report(config, &run, &rig, &heard, model, wall_s);
+    report.left_out = sparing.names();
     judge(config, &run, &mut report)?;
     let recorded = finish_recording(config, run.recorder, &report, run.music_start_s);
     if let Some(path) = &config.report {
         report.write(path)?;
     }
-    if let Some(path) = &config.picture {
+    let wanted = config.picture.as_ref();
+    if let Some(path) = wanted.filter(|_| sparing.most() < LeftOut::Picture) {
         let picture = portrait::portrait(config, &run.trace, run.trace_hz, &report)?;
         write_whole(path, &picture.png()?)?;
     }
@@ -303,6 +316,7 @@ fn report(
             times_s: heard.beats.times_s.clone(),
         },
         late_frames: run.late_frames,
+        left_out: Vec::new(),
         latency_ms: run.latency,
         capture: heard.capture.map(CaptureReport::from),
         interventions: rig.interventions(),

@@ -5,6 +5,8 @@
 //! kept, never skipped, because a dance is only smooth if it is whole.
 
 use super::audio::Audio;
+use super::overload::{LeftOut, Overload};
+use crate::drill;
 use anyhow::Context;
 use servodance_audio::MusicAnalyzer;
 use servodance_audio::beats::{BeatTrack, track_offline};
@@ -77,6 +79,9 @@ pub struct Dancer {
     samples: u64,
     ended: bool,
     on_notice: OnNotice,
+    overload: Option<Overload>,
+    /// The newest motion, for a figure that is held.
+    shown: Option<MotionFrame>,
 }
 
 impl Dancer {
@@ -92,7 +97,15 @@ impl Dancer {
             samples: 0,
             ended: false,
             on_notice,
+            overload: None,
+            shown: None,
         })
+    }
+
+    /// The same, leaving out what the machine is too slow for.
+    pub fn sparing(mut self, overload: Overload) -> Self {
+        self.overload = Some(overload);
+        self
     }
 
     /// Listens to the first half second, so that audio that cannot be danced to
@@ -110,16 +123,17 @@ impl Dancer {
         loop {
             if let Some(music) = self.analyzer.pop() {
                 let start = Instant::now();
-                let motion = self
-                    .generator
-                    .step(&music)
-                    .context("the generator failed")?;
+                let motion = self.invent(&music)?;
                 let features_ms = std::mem::take(&mut self.features_ms);
+                let model_ms = milliseconds(start);
+                if let Some(overload) = &mut self.overload {
+                    overload.note(features_ms + model_ms);
+                }
                 return Ok(Some(Step {
                     music,
                     motion,
                     features_ms,
-                    model_ms: milliseconds(start),
+                    model_ms,
                     captured: self.audio.captured_at(music.time_s),
                     ready: Instant::now(),
                 }));
@@ -129,6 +143,25 @@ impl Dancer {
             }
             self.listen()?;
         }
+    }
+
+    /// The motion of a music frame; the last one again where the machine is far
+    /// too slow to invent any.
+    fn invent(&mut self, music: &MusicFrame) -> anyhow::Result<MotionFrame> {
+        let left_out = self.overload.as_ref().map(Overload::left_out);
+        let left_out = left_out.unwrap_or_default();
+        if let Some(held) = self.shown.filter(|_| left_out >= LeftOut::Generator) {
+            let time_s = music.time_s;
+            return Ok(MotionFrame { time_s, ..held });
+        }
+        self.generator.guide(left_out < LeftOut::Guidance)?;
+        for _ in 0..self.generator.passes() {
+            drill::pass("model");
+        }
+        let motion = self.generator.step(music);
+        let motion = motion.context("the generator failed")?;
+        self.shown = Some(motion);
+        Ok(motion)
     }
 
     /// Dances on in another way.
@@ -156,6 +189,7 @@ impl Dancer {
             (self.on_notice)(&notice);
         }
         let start = Instant::now();
+        drill::pass("features");
         self.analyzer.push(&self.block);
         self.features_ms += milliseconds(start);
         Ok(())
@@ -268,7 +302,7 @@ impl DancerThread {
         drop(self.steps);
         self.thread
             .join()
-            .map_err(|_| anyhow::anyhow!("the dancer thread panicked"))
+            .map_err(|_| anyhow::anyhow!("the thread that hears and invents broke down; the robot went to rest, torque is off"))
     }
 }
 

@@ -10,12 +10,52 @@ use anyhow::Context;
 use servodance_drivers::{
     Bus, BusLayout, BusStats, EStop, Health, SafeBus, State, Transition, open_buses,
 };
-use servodance_sim::{SimBus, SimOptions, SimServoSpec, Violations};
+use servodance_sim::{Cue, Happening, SimBus, SimOptions, SimServoSpec, Violations, happen};
 use servodance_types::JointState;
+use std::iter::Peekable;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// In lockstep the servos answer when they get the processor: a hiccup of the
 /// machine must not look like a lost reply, or runs would not be repeatable.
 const LOCKSTEP_TIMEOUT_MS: f64 = 2000.0;
+/// Slower than this a joint stands, radians a second.
+const STILL_RAD_S: f64 = 0.01;
+
+/// What goes wrong at simulated servos, and how long a reply is waited for.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// In the order of time, seconds since torque on.
+    pub faults: Vec<Cue>,
+    /// In lockstep, milliseconds of wall time.
+    pub reply_timeout_ms: f64,
+    /// Which replies a fault of the wire hits.
+    pub seed: u64,
+}
+
+impl Default for Trial {
+    fn default() -> Self {
+        Self {
+            faults: Vec::new(),
+            reply_timeout_ms: LOCKSTEP_TIMEOUT_MS,
+            seed: 0,
+        }
+    }
+}
+
+impl Trial {
+    /// A path at which the port of a bus is found again after its adapter was
+    /// pulled out and put back; none is needed where that does not happen.
+    fn path(&self) -> Option<PathBuf> {
+        static PORTS: AtomicU64 = AtomicU64::new(0);
+        let unplugs = |cue: &Cue| matches!(cue.what, Happening::Adapter(_));
+        self.faults.iter().any(unplugs).then(|| {
+            let number = PORTS.fetch_add(1, Ordering::Relaxed);
+            let name = format!("servodance-{}-trial-{number}", std::process::id());
+            std::env::temp_dir().join(name)
+        })
+    }
+}
 
 /// A robot on its buses. Dropped at any moment, it turns torque off.
 pub struct Rig {
@@ -24,6 +64,8 @@ pub struct Rig {
     /// For each simulated bus its place among the robot's buses.
     sims: Vec<(usize, SimBus)>,
     layouts: Vec<BusLayout>,
+    /// What is yet to go wrong.
+    faults: Peekable<std::vec::IntoIter<Cue>>,
     period_s: f64,
     states: Vec<JointState>,
     truth: Vec<JointState>,
@@ -38,16 +80,27 @@ impl Rig {
         speed: Speed,
         estop: &EStop,
     ) -> anyhow::Result<Self> {
+        Self::open_on_trial(robot, choices, speed, estop, Trial::default())
+    }
+
+    /// The same where things go wrong at simulated servos.
+    pub fn open_on_trial(
+        robot: &Robot,
+        choices: &[BusChoice],
+        speed: Speed,
+        estop: &EStop,
+        trial: Trial,
+    ) -> anyhow::Result<Self> {
         let mut layouts = robot.buses.clone();
         let mut sims = Vec::new();
         let mut ports = Vec::with_capacity(layouts.len());
         for (place, (layout, choice)) in layouts.iter_mut().zip(choices).enumerate() {
             if speed == Speed::Max {
-                layout.config.reply_timeout_ms = LOCKSTEP_TIMEOUT_MS;
+                layout.config.reply_timeout_ms = trial.reply_timeout_ms;
             }
             ports.push(match choice {
                 BusChoice::Sim => {
-                    let sim = simulated(layout, robot.control_hz, speed)?;
+                    let sim = simulated(layout, robot.control_hz, speed, &trial)?;
                     let port = sim.port();
                     sims.push((place, sim));
                     port
@@ -61,6 +114,7 @@ impl Rig {
             bus: SafeBus::new(bus, robot.safety)?.with_estop(estop.clone()),
             sims,
             layouts,
+            faults: trial.faults.into_iter().peekable(),
             period_s: robot.period_s(),
             states: vec![JointState::default(); joints],
             truth: vec![JointState::default(); joints],
@@ -79,6 +133,7 @@ impl Rig {
     /// One control cycle: targets through the limits to the wire, states back.
     /// `now_s` counts from torque on.
     pub fn cycle(&mut self, now_s: f64, targets_rad: &[f64]) -> anyhow::Result<()> {
+        self.strike(now_s)?;
         self.bus.command(now_s, targets_rad);
         self.bus.tick(now_s, &mut self.states)?;
         for (place, sim) in &self.sims {
@@ -95,6 +150,42 @@ impl Rig {
         }
         self.now_s = now_s;
         Ok(())
+    }
+
+    /// Lets happen what is due to go wrong.
+    fn strike(&mut self, now_s: f64) -> anyhow::Result<()> {
+        while let Some(cue) = self.faults.next_if(|cue| cue.time_s <= now_s) {
+            for (place, sim) in &mut self.sims {
+                let joints = std::slice::from_ref(&self.layouts[*place].joints);
+                happen(&cue.what, std::slice::from_mut(sim), joints)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Lets simulated time go on after the end, without anybody at the bus.
+    pub fn let_be(&self, seconds: f64) {
+        for (_, sim) in &self.sims {
+            sim.advance(seconds);
+        }
+    }
+
+    /// The joints whose simulated servos still drive, other than those that
+    /// their own watchdog holds still.
+    pub fn unsafe_joints(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        for (place, sim) in &self.sims {
+            for (index, servo) in self.layouts[*place].servos.iter().enumerate() {
+                let drives = sim.servo(index).is_some_and(|now| {
+                    let held = now.watchdog_tripped && now.velocity_rad_s.abs() < STILL_RAD_S;
+                    now.torque_enabled && !held
+                });
+                if drives {
+                    names.push(servo.name.clone());
+                }
+            }
+        }
+        names
     }
 
     /// Robot time of the last cycle, seconds since torque on.
@@ -238,11 +329,21 @@ fn is_routine(from: State, to: State) -> bool {
 }
 
 /// Simulated servos for one bus.
-fn simulated(layout: &BusLayout, control_hz: f64, speed: Speed) -> anyhow::Result<SimBus> {
+fn simulated(
+    layout: &BusLayout,
+    control_hz: f64,
+    speed: Speed,
+    trial: &Trial,
+) -> anyhow::Result<SimBus> {
     let specs: Vec<SimServoSpec> = layout.servos.iter().map(SimServoSpec::from).collect();
     let options = match speed {
         Speed::Max => SimOptions::lockstep(layout.config.baud, control_hz),
         Speed::Realtime => SimOptions::realtime(layout.config.baud, control_hz),
+    };
+    let options = SimOptions {
+        seed: trial.seed,
+        path: trial.path(),
+        ..options
     };
     SimBus::start(&specs, options).context("cannot start the simulated bus")
 }

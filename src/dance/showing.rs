@@ -5,6 +5,7 @@
 //! shrinks or grows [`AMPLITUDE_PER_S`]; before it is mirrored it shrinks to
 //! nothing.
 
+use super::overload::{LeftOut, Sparing};
 use super::rig::Rig;
 use crate::show::snapshot::{Activity, BANDS, BusNow, Event, Moment, MusicNow, state_name};
 use crate::show::{RobotEnd, Settings};
@@ -16,6 +17,8 @@ use std::time::Instant;
 
 /// Snapshots a second.
 const SNAPSHOTS_HZ: f64 = 30.0;
+/// One of so many is left while viewers are left out.
+const FEW: u64 = 15;
 /// Fastest change of the amplitude, 1/s.
 const AMPLITUDE_PER_S: f64 = 1.5;
 /// Below this the movement may be mirrored unseen.
@@ -29,6 +32,8 @@ const LATE_S: f64 = 1.0;
 pub struct Showing<'a> {
     /// The line to them.
     pub end: &'a mut RobotEnd,
+    /// What the machine is too slow for.
+    pub sparing: Sparing,
     period_s: f64,
     every: u64,
     cycles: u64,
@@ -71,6 +76,7 @@ impl<'a> Showing<'a> {
         retargeter.set_mirror(mirror);
         let ahead = (retargeter.preview_s() / period_s).round() as usize;
         Self {
+            sparing: Sparing::default(),
             period_s,
             every: (1.0 / (SNAPSHOTS_HZ * period_s)).round().max(1.0) as u64,
             cycles: 0,
@@ -138,7 +144,9 @@ impl<'a> Showing<'a> {
     /// Shows this cycle, if it is time for a snapshot.
     pub fn show(&mut self, rig: &Rig, retargeter: &Retargeter, cycle: Cycle) {
         self.cycles += 1;
-        if !self.cycles.is_multiple_of(self.every) {
+        let few = self.sparing.now() >= LeftOut::Viewers;
+        let every = self.every * if few { FEW } else { 1 };
+        if !self.cycles.is_multiple_of(every) {
             return;
         }
         self.count();

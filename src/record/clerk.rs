@@ -4,6 +4,7 @@
 
 use super::Topic;
 use super::book::Book;
+use crate::drill;
 use crate::realtime::OrdinaryAfterwards;
 use anyhow::Context;
 use std::collections::BTreeMap;
@@ -123,6 +124,7 @@ impl Drop for Clerk {
 
 fn write(mut book: Book, entries: &Receiver<Entry>) -> anyhow::Result<()> {
     for entry in entries {
+        drill::pass("recorder");
         match entry {
             Entry::Message(topic, time_s, data) => book.message(topic, time_s, &data)?,
             Entry::Facts(facts) => book.facts(facts)?,

@@ -6,7 +6,7 @@ use super::link::{LinkFormat, LinkWriter, link};
 use super::listener::{Kind, Listener};
 use crate::source::SourceError;
 use crate::source::pcm::PcmReader;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 /// How often a full link is looked at again.
@@ -23,7 +23,12 @@ pub(crate) fn listen_to_pipe(
     let (mut writer, link) = link(format);
     let (errors, failures) = channel();
     let name = reader.name().to_owned();
+    let alarm = Alarm {
+        errors: errors.clone(),
+        name: name.clone(),
+    };
     let pump = move || {
+        let _alarm = alarm; // goes before the writer, too
         if let Err(error) = pump(&mut reader, &mut writer) {
             // Before the writer goes, so that the listener finds it at the end.
             let _ = errors.send(error);
@@ -35,6 +40,23 @@ pub(crate) fn listen_to_pipe(
         .map_err(|error| SourceError::Unreadable { name, error })?;
     let keeper = Keeper::of_one_link(link);
     Ok((Listener::new(Kind::Pipe, keeper, Instant::now()), failures))
+}
+
+/// Tells of a thread that panics: its pipe has not ended, it is lost.
+struct Alarm {
+    errors: Sender<SourceError>,
+    name: String,
+}
+
+impl Drop for Alarm {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            let _ = self.errors.send(SourceError::Unreadable {
+                name: std::mem::take(&mut self.name),
+                error: std::io::Error::other("the thread that reads it broke down"),
+            });
+        }
+    }
 }
 
 /// Copies until the end of the pipe or until nobody listens.

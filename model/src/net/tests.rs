@@ -274,6 +274,24 @@ mod dance {
     }
 
     #[test]
+    fn guidance_can_be_left_out_and_taken_up_again() {
+        let mut dance = start(3, 4.0);
+        assert_eq!(dance.passes(), 2);
+        let guided = dance.step(&music(0)).unwrap();
+        dance.guide(false).unwrap();
+        assert_eq!(dance.passes(), 1);
+        let alone = dance.step(&music(1)).unwrap();
+        dance.guide(true).unwrap();
+        assert_eq!(dance.passes(), 2);
+        let again = dance.step(&music(2)).unwrap();
+        assert!(guided.time_s < alone.time_s && alone.time_s < again.time_s);
+        // A dance that was never guided stays so.
+        let mut unguided = start(3, 1.0);
+        unguided.guide(true).unwrap();
+        assert_eq!(unguided.passes(), 1);
+    }
+
+    #[test]
     fn bad_music_is_replaced_by_the_last_good_frame_and_counted() {
         let (mut clean, mut dirty) = (start(1, 1.0), start(1, 1.0));
         for k in 0..20 {
