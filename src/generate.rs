@@ -3,12 +3,15 @@
 //! The same analyzer and generator as in a dance, so what a researcher scores
 //! is what a robot dances. Also stage 1 alone: motion through the codes and back.
 
+use crate::conditioning::Conditioning;
 use crate::dance::audio::Audio;
 use crate::dance::{AudioChoice, Speed, open_generator};
+use crate::hearing::Ears;
 use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
 use anyhow::{Context, bail};
 use servodance_audio::MusicAnalyzer;
+use servodance_model::conditioning::{Encodec, HeardFrame};
 use servodance_model::metrics::mpjpe_m;
 use servodance_model::motion::{Clip, bvh_write};
 use servodance_model::{Codec, GeneratorOptions};
@@ -39,6 +42,8 @@ pub struct Request {
     pub lookahead_s: f64,
     /// Weights, if not the built-in ones.
     pub model: Option<PathBuf>,
+    /// What those weights may need beside them, and a style in words.
+    pub conditioning: Conditioning,
     /// No progress bar.
     pub quiet: bool,
 }
@@ -92,9 +97,12 @@ pub fn generate(request: &Request) -> anyhow::Result<Clip> {
         let lookahead_s = request.lookahead_s;
         bail!("--lookahead {lookahead_s} is outside 0..{LOOKAHEAD_MAX_S}");
     }
-    let mut dance = open_generator(request.model.as_deref())?.start(GeneratorOptions {
+    let generator = open_generator(request.model.as_deref())?;
+    let encodec = request.conditioning.encodec(&generator)?;
+    let mut dance = generator.start(GeneratorOptions {
         seed: request.seed,
         style: request.style.clone(),
+        style_vector: request.conditioning.style_vector(&generator)?,
         ..GeneratorOptions::default()
     })?;
     if let Some(start) = &request.start {
@@ -105,11 +113,11 @@ pub fn generate(request: &Request) -> anyhow::Result<Clip> {
             _ => bail!("{}: one frame is no motion to go on from", start.display()),
         }
     }
-    let mut music = Music::open(request)?;
+    let mut music = Music::open(request, encodec.as_ref())?;
     let progress = Progress::new(request.seconds.or(music.audio.duration_s()), request.quiet);
     let mut poses = Vec::new();
-    while let Some(frame) = music.next()? {
-        poses.push(dance.step(&frame)?.positions);
+    while let Some(heard) = music.next()? {
+        poses.push(dance.step_heard(&heard)?.positions);
         progress.at(poses.len() as f64 / FRAME_RATE_HZ);
     }
     progress.done();
@@ -159,22 +167,24 @@ pub(crate) fn open_codec(model: Option<&Path>) -> anyhow::Result<Codec> {
 struct Music {
     choice: AudioChoice,
     audio: Audio,
-    analyzer: MusicAnalyzer,
+    ears: Ears,
     block: Vec<f32>,
     /// Frames still to give; `None` is until the music is over.
     left: Option<usize>,
-    waiting: VecDeque<MusicFrame>,
+    waiting: VecDeque<HeardFrame>,
     lookahead: usize,
     ended: bool,
 }
 
 impl Music {
-    fn open(request: &Request) -> anyhow::Result<Self> {
+    fn open(request: &Request, encodec: Option<&Encodec>) -> anyhow::Result<Self> {
         let audio = Audio::open(&request.audio, Speed::Max)?;
+        let rate_hz = audio.sample_rate_hz();
+        let analyzer = MusicAnalyzer::new(rate_hz)?;
         let frames = |seconds: f64| (seconds * FRAME_RATE_HZ).round() as usize;
         Ok(Self {
             choice: request.audio.clone(),
-            analyzer: MusicAnalyzer::new(audio.sample_rate_hz())?,
+            ears: Ears::new(analyzer, rate_hz, encodec)?,
             audio,
             block: Vec::new(),
             left: request.seconds.map(frames),
@@ -184,30 +194,31 @@ impl Music {
         })
     }
 
-    fn next(&mut self) -> anyhow::Result<Option<MusicFrame>> {
+    fn next(&mut self) -> anyhow::Result<Option<HeardFrame>> {
         if self.left == Some(0) {
             return Ok(None);
         }
         while self.waiting.len() <= self.lookahead && !self.ended {
-            match self.analyzer.pop() {
-                Some(frame) => self.waiting.push_back(frame),
+            match self.ears.pop() {
+                Some(heard) => self.waiting.push_back(heard),
                 None => self.listen()?,
             }
         }
         let ahead = self.waiting.back().copied();
-        let Some(mut frame) = self.waiting.pop_front() else {
+        let Some(mut heard) = self.waiting.pop_front() else {
             return Ok(None);
         };
+        let frame = &mut heard.frame;
         if let Some(ahead) = ahead {
-            frame.beat = rolled_back(&ahead, frame.time_s).unwrap_or(frame.beat);
+            frame.beat = rolled_back(&ahead.frame, frame.time_s).unwrap_or(frame.beat);
         }
         self.left = self.left.map(|left| left - 1);
-        Ok(Some(frame))
+        Ok(Some(heard))
     }
 
     fn listen(&mut self) -> anyhow::Result<()> {
         if self.audio.next_block(&mut self.block)? {
-            self.analyzer.push(&self.block);
+            self.ears.push(&self.block)?;
         } else if self.left.is_some() {
             self.audio = Audio::open(&self.choice, Speed::Max)?;
         } else {

@@ -10,6 +10,7 @@
 pub mod beats;
 pub mod bus_tools;
 pub mod commands;
+pub mod conditioning;
 pub mod console;
 pub mod dance;
 pub mod dataset;
@@ -19,6 +20,7 @@ pub mod evaluate;
 pub mod export;
 pub mod follow;
 pub mod generate;
+pub mod hearing;
 pub mod joint_csv;
 pub mod listening;
 pub mod output;

@@ -5,6 +5,7 @@ mod beats;
 mod bus_tools;
 mod can_robot;
 mod command_line;
+mod conditioning;
 mod configuration;
 mod dataset;
 mod documents;

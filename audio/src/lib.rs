@@ -17,5 +17,6 @@ mod spectral;
 mod spectrum;
 
 pub use analyzer::{ANALYSIS_RATE_HZ, AnalyzerError, MusicAnalyzer};
+pub use resample::Resampler;
 pub use source::AudioSource;
 pub use spectral::{ENVELOPE_UNIT_DB, LEVEL_UNIT_DB, MFCC_UNIT, bands};

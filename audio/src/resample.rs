@@ -31,7 +31,7 @@ const OVERSAMPLING: usize = 128;
 const HEAD: usize = 2;
 
 /// Converts a mono stream from one rate to another.
-pub(crate) struct Resampler {
+pub struct Resampler {
     inner: Async<f32>,
     /// Input of the chunk that is being gathered.
     input: Vec<f32>,
@@ -43,7 +43,7 @@ pub(crate) struct Resampler {
 
 impl Resampler {
     /// A resampler between two rates in Hz, both above 0.
-    pub(crate) fn new(input_rate: u32, output_rate: u32) -> Self {
+    pub fn new(input_rate: u32, output_rate: u32) -> Self {
         let (input_hz, output_hz) = (f64::from(input_rate), f64::from(output_rate));
         let ratio = output_hz / input_hz;
         // rubato takes multiples of eight.
@@ -72,7 +72,7 @@ impl Resampler {
     }
 
     /// How much later the output is than the input.
-    pub(crate) fn delay_s(&self) -> f64 {
+    pub fn delay_s(&self) -> f64 {
         self.delay_s
     }
 
@@ -91,7 +91,7 @@ impl Resampler {
     }
 
     /// Takes one input sample and hands every output that it completes to `out`.
-    pub(crate) fn push(&mut self, sample: f32, mut out: impl FnMut(f32)) {
+    pub fn push(&mut self, sample: f32, mut out: impl FnMut(f32)) {
         self.input[self.gathered] = sample;
         self.gathered += 1;
         while self.gathered >= self.needed {

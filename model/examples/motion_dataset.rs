@@ -43,6 +43,7 @@ fn build(folder: &Path, out: &Path) -> Result<(), MotionError> {
                 name: format!("{}{suffix}", entry.name),
                 motion: encode(&clip.normalised().poses),
                 music: None,
+                latents: None,
                 style: entry.style(),
                 split: entry.split,
                 dance: entry.dance,

@@ -45,6 +45,8 @@ def starts_of(data, vq, mean, std, count=24):
     codes, styles, around = [], [], 60
     for style in range(len(data.styles)):
         clips = [c for c in data.of_split(0) if data.style[c] == style]
+        if not clips:
+            continue  # a style of other data
         clips = [c for c in clips if data.has_music[c]] or clips
         frames = torch.cat([torch.arange(len(data.motion))[data.frames(c)][around:-around] for c in clips])
         speed = data.motion[frames, 67:133].unflatten(-1, (22, 3)).norm(dim=-1).mean(-1)

@@ -74,6 +74,22 @@ pub enum ModelError {
         /// The names there are.
         known: Vec<String>,
     },
+    /// The weights were trained on music features of another kind.
+    #[error("the weights hear {wanted} music features, but {fed} are fed")]
+    MusicKind {
+        /// What the weights say.
+        wanted: &'static str,
+        /// What was listened for.
+        fed: &'static str,
+    },
+    /// The weights take no style vector like this one.
+    #[error("the weights take styles of {expected} finite numbers, not of {found}")]
+    StyleWidth {
+        /// Numbers of the vector.
+        found: usize,
+        /// The weights' `style_dim`.
+        expected: usize,
+    },
     /// A generator option is out of its range.
     #[error("option `{option}` is {found}, expected {expected}")]
     Option {

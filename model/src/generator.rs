@@ -10,8 +10,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use candle_core::Tensor;
-use servodance_types::{MUSIC_DIM, MotionFrame, MusicFrame, SPECTRAL_DIM};
+use servodance_types::{MotionFrame, MusicFrame};
 
+use crate::conditioning::{HeardFrame, MusicKind};
 use crate::error::ModelError;
 use crate::motion::representation::{POSE_DIM, PoseVector, Recovery, contacts, heading_rad};
 use crate::motion::{Pose, skeleton};
@@ -21,7 +22,7 @@ use crate::net::{
 
 /// The trained weights, part of the program so that it runs by itself.
 pub(crate) const BUILT_IN: &[u8] = include_bytes!("../weights/live.safetensors");
-/// Normalised spectral features are clamped to this many deviations.
+/// Normalised features are clamped to this many deviations, except the beat.
 const MUSIC_CLAMP: f32 = 6.0;
 /// Inside this distance from the start the dancer goes where it wants, metres.
 const FREE_RADIUS_M: f32 = 1.0;
@@ -42,6 +43,9 @@ pub struct GeneratorOptions {
     pub seed: u64,
     /// A name out of [`Generator::styles`]; none is [`Generator::default_style`].
     pub style: Option<String>,
+    /// A style that is no name but a vector, as wide as the weights' styles
+    /// ([`crate::conditioning::ClipText`]); it comes before a name.
+    pub style_vector: Option<Vec<f32>>,
     /// 0 (always the likeliest) up to 10; above 1 is wild.
     pub temperature: f32,
     /// Only the k likeliest codes a frame; 0 is all.
@@ -58,6 +62,7 @@ impl Default for GeneratorOptions {
         Self {
             seed: 0,
             style: None,
+            style_vector: None,
             temperature: 0.9,
             top_k: 0,
             top_p: 0.95,
@@ -124,8 +129,8 @@ impl Generator {
             seq: MotionSeq::load(&w)?,
             motion_mean: w.floats("norm.motion_mean", &[POSE_DIM])?,
             motion_std: w.floats("norm.motion_std", &[POSE_DIM])?,
-            music_mean: w.floats("norm.music_mean", &[MUSIC_DIM])?,
-            music_std: w.floats("norm.music_std", &[MUSIC_DIM])?,
+            music_mean: w.floats("norm.music_mean", &[config.music_dim])?,
+            music_std: w.floats("norm.music_std", &[config.music_dim])?,
             start_codes,
             start_styles,
             provenance: w.provenance().to_owned(),
@@ -139,6 +144,11 @@ impl Generator {
     /// The sizes of the networks.
     pub fn config(&self) -> &ModelConfig {
         &self.networks.config
+    }
+
+    /// The music features that the weights were trained to hear.
+    pub fn music_kind(&self) -> MusicKind {
+        self.networks.config.music
     }
 
     /// Where the weights came from: data, date, figures (JSON).
@@ -171,6 +181,17 @@ impl Generator {
             Some(name) => n.style_index(name)?,
             None => n.default_style,
         };
+        let style_dim = n.config.seq.style_dim;
+        if let Some(vector) = &options.style_vector
+            && (vector.len() != style_dim || vector.iter().any(|v| !v.is_finite()))
+        {
+            return Err(ModelError::StyleWidth {
+                found: vector.len(),
+                expected: style_dim,
+            });
+        }
+        let vector = options.style_vector;
+        let begin = || n.begin(style, vector.as_deref());
         if !(0.0..=10.0).contains(&options.guidance) {
             return Err(ModelError::Option {
                 option: "guidance",
@@ -185,23 +206,23 @@ impl Generator {
         };
         let mut sampler = Sampler::new(sampling, options.seed)?;
         let codes = n.starting_codes(style, &mut sampler);
-        let deaf = (options.guidance != 1.0)
-            .then(|| n.seq.start(Some(style)))
-            .transpose()?;
+        let deaf = (options.guidance != 1.0).then(begin).transpose()?;
         Ok(Dance {
-            seq: n.seq.start(Some(style))?,
+            seq: begin()?,
             deaf,
             decoder: n.decoder.start()?,
             networks: self.networks.clone(),
             guidance: options.guidance,
             sampler,
             codes,
-            music: [0.0; MUSIC_DIM],
+            music: vec![0.0; n.config.music_dim],
+            features: Vec::with_capacity(n.config.music_dim),
             bad_music_frames: 0,
             frames: 0,
             recovery: Recovery::default(),
             stage: Stage::default(),
             style,
+            style_vector: vector,
             watch: Watch::default(),
         })
     }
@@ -229,20 +250,28 @@ impl Networks {
         self.start_codes[pool[sampler.below(pool.len())]].clone()
     }
 
-    /// The 39 numbers as the network was trained on them; none if one of them
-    /// is not finite.
-    fn normalised_music(&self, frame: &MusicFrame) -> Option<[f32; MUSIC_DIM]> {
-        let mut music = frame.vector();
-        if music.iter().any(|v| !v.is_finite()) {
-            return None;
+    /// MotionSeq before its first frame.
+    fn begin(&self, style: usize, vector: Option<&[f32]>) -> Result<SeqState, ModelError> {
+        match vector {
+            Some(vector) => self.seq.start_in_style(vector),
+            None => self.seq.start(Some(style)),
         }
-        for (i, value) in music.iter_mut().enumerate() {
-            *value = (*value - self.music_mean[i]) / self.music_std[i];
-            if i < SPECTRAL_DIM {
-                *value = value.clamp(-MUSIC_CLAMP, MUSIC_CLAMP);
+    }
+
+    /// The numbers as the network was trained on them, in `music`; false, and
+    /// nothing is changed, if one of them is not finite.
+    fn normalise_music(&self, features: &[f32], music: &mut [f32]) -> bool {
+        if features.iter().any(|v| !v.is_finite()) {
+            return false;
+        }
+        let measured = self.config.music.measured();
+        for (i, value) in features.iter().enumerate() {
+            music[i] = (value - self.music_mean[i]) / self.music_std[i];
+            if i < measured {
+                music[i] = music[i].clamp(-MUSIC_CLAMP, MUSIC_CLAMP);
             }
         }
-        Some(music)
+        true
     }
 
     /// Decoder output in metres and radians.
@@ -262,23 +291,44 @@ pub struct Dance {
     guidance: f32,
     sampler: Sampler,
     codes: Vec<usize>,
-    music: [f32; MUSIC_DIM],
+    /// The last good music, normalised, and the newest as it came.
+    music: Vec<f32>,
+    features: Vec<f32>,
     bad_music_frames: u64,
     frames: u64,
     recovery: Recovery,
     stage: Stage,
     style: usize,
+    /// The style, if it has no name.
+    style_vector: Option<Vec<f32>>,
     watch: Watch,
 }
 
 impl Dance {
     /// The motion of the next frame. After an error the dance stands where it
     /// stood; start a new one.
+    ///
+    /// # Errors
+    /// Weights that hear Encodec latents: they need [`Dance::step_heard`].
     pub fn step(&mut self, music: &MusicFrame) -> Result<MotionFrame, ModelError> {
+        self.step_heard(&HeardFrame::from(*music))
+    }
+
+    /// The same with what else was listened for.
+    ///
+    /// # Errors
+    /// Weights of another feature kind than what was listened for.
+    pub fn step_heard(&mut self, heard: &HeardFrame) -> Result<MotionFrame, ModelError> {
         let networks = self.networks.clone();
-        match networks.normalised_music(music) {
-            Some(good) => self.music = good,
-            None => self.bad_music_frames += 1,
+        let (kind, music) = (networks.config.music, &heard.frame);
+        if !heard.features(kind, &mut self.features) {
+            return Err(ModelError::MusicKind {
+                wanted: kind.name(),
+                fed: MusicKind::default().name(),
+            });
+        }
+        if !networks.normalise_music(&self.features, &mut self.music) {
+            self.bad_music_frames += 1;
         }
         self.codes = self.next_codes(&networks.seq)?;
         let normalised = networks.decoder.step(&mut self.decoder, &self.codes)?;
@@ -329,6 +379,7 @@ impl Dance {
     /// An unknown style; the message lists those there are.
     pub fn restyle(&mut self, style: &str) -> Result<(), ModelError> {
         self.style = self.networks.style_index(style)?;
+        self.style_vector = None;
         self.forget()
     }
 
@@ -341,7 +392,8 @@ impl Dance {
         if !guided {
             self.deaf = None;
         } else if self.deaf.is_none() && self.guidance != 1.0 {
-            self.deaf = Some(self.networks.seq.start(Some(self.style))?);
+            let style = self.style_vector.as_deref();
+            self.deaf = Some(self.networks.begin(self.style, style)?);
             self.forget()?; // both remember the same past: none
         }
         Ok(())
@@ -375,7 +427,10 @@ impl Dance {
 
     /// Forgets what was danced, not the pose: motion goes on without a jump.
     fn forget(&mut self) -> Result<(), ModelError> {
-        let start = || self.networks.seq.start(Some(self.style));
+        let start = || {
+            self.networks
+                .begin(self.style, self.style_vector.as_deref())
+        };
         let deaf = self.deaf.is_some().then(start).transpose()?;
         (self.seq, self.deaf) = (start()?, deaf);
         Ok(())

@@ -3,9 +3,10 @@
 //! Start at [`Generator`]: load the weights, start a dance, give it a music
 //! frame and take a motion frame, 20 times a second. [`Codec`] turns motion into
 //! tokens and back. [`net`] holds the two networks, [`motion`] what human motion is in numbers, [`metrics`] how a
-//! dance is scored. Training is done by the twin in `model/reference/`.
+//! dance is scored, [`conditioning`] what else it can follow. Training is done by the twin in `model/reference/`.
 
 mod codec;
+pub mod conditioning;
 mod error;
 pub mod generator;
 pub mod metrics;

@@ -2,6 +2,7 @@
 
 use super::robot_choice::RobotChoice;
 use super::{INTERRUPTED, stop_signal};
+use crate::conditioning::Conditioning;
 use crate::console::{say, tell};
 use crate::dance::{DanceConfig, Evening, IdleStyle, Outcome, Speed, dance};
 use crate::show::Server;
@@ -83,6 +84,10 @@ pub struct Args {
     /// Weights to use in place of the built-in ones.
     #[arg(long, env = "SERVODANCE_MODEL", value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
+
+    /// What weights may need beside them, and a style in words.
+    #[command(flatten)]
+    pub conditioning: Conditioning,
 
     /// Write figures of the run as JSON (see docs/report.md).
     #[arg(long, value_name = "FILE.json")]

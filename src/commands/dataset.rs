@@ -1,11 +1,13 @@
 //! `servodance dataset`: import, report, build.
 
+use crate::conditioning::open_encodec;
 use crate::console::{say, tell};
 use crate::dataset::{Import, Options, Report, build, import};
 use crate::output::write_whole;
 use crate::progress::Progress;
 use anyhow::bail;
 use clap::Subcommand;
+use servodance_model::conditioning::{Encodec, MusicKind};
 use servodance_model::motion::import::Kind;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -24,7 +26,9 @@ Examples:
   servodance dataset build data.safetensors --motion data --songs 4 --choreography 90
       what model/reference/train.py reads, and `servodance evaluate --data`
   servodance dataset build tiny.safetensors --choreography 5
-      choreography alone: needs no data";
+      choreography alone: needs no data
+  servodance dataset build data.safetensors --motion data --music-features encodec128 --encodec encodec_24khz/model.safetensors
+      with what Encodec hears beside it (see docs/conditioning.md)";
 
 /// Data to train with.
 #[derive(Debug, clap::Args)]
@@ -73,6 +77,9 @@ pub struct ImportArgs {
     /// A folder of recordings, named as the clips or as AIST++'s songs.
     #[arg(long, value_name = "DIR")]
     pub music: Option<PathBuf>,
+    /// Which features of the music are written.
+    #[command(flatten)]
+    pub features: FeatureArgs,
     /// Which joint of the skeleton a body joint is, where the guess is wrong.
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
@@ -113,12 +120,42 @@ pub struct BuildArgs {
     /// Minutes of choreography.
     #[arg(long, default_value_t = 90.0, value_name = "MINUTES")]
     pub choreography: f64,
+    /// Which features of the music are written.
+    #[command(flatten)]
+    pub features: FeatureArgs,
     /// Everything random follows from it.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// No progress bar.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// Which features of the music are written.
+#[derive(Debug, clap::Args)]
+pub struct FeatureArgs {
+    /// servodance39 (librosa35 is part of it), or encodec128 beside it.
+    #[arg(long, default_value = "servodance39", value_parser = music_kind)]
+    pub music_features: MusicKind,
+    /// Encodec's model.safetensors, if it is not in servodance/encodec_24khz in
+    /// the user's data folder (see docs/conditioning.md).
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub encodec: Option<PathBuf>,
+}
+
+impl FeatureArgs {
+    fn encodec(&self) -> anyhow::Result<Option<Encodec>> {
+        match (self.music_features, &self.encodec) {
+            (MusicKind::Encodec128, path) => open_encodec(path.as_deref()).map(Some),
+            (_, None) => Ok(None),
+            (_, Some(_)) => bail!("--encodec needs --music-features encodec128"),
+        }
+    }
+}
+
+fn music_kind(text: &str) -> Result<MusicKind, String> {
+    let names = MusicKind::ALL.map(MusicKind::name).join(", ");
+    MusicKind::from_name(text).ok_or_else(|| format!("choose one of {names}"))
 }
 
 fn kind(text: &str) -> Result<Kind, String> {
@@ -146,6 +183,7 @@ fn run_import(args: ImportArgs) -> anyhow::Result<ExitCode> {
         dance: args.dance,
         style: args.style,
         music: args.music,
+        encodec: args.features.encodec()?,
         mapping: args.mapping,
         fps: args.fps,
     };
@@ -203,6 +241,7 @@ fn run_build(args: BuildArgs) -> anyhow::Result<ExitCode> {
         songs_per_clip: args.songs,
         choreography_minutes: args.choreography,
         seed: args.seed,
+        encodec: args.features.encodec()?,
     };
     let built = build(&options, &|share| progress.at(100.0 * share));
     progress.done();

@@ -1,6 +1,7 @@
 //! `servodance doctor`.
 
 use super::robot_choice::RobotChoice;
+use crate::conditioning::Conditioning;
 use crate::console::say;
 use crate::dance::open_generator;
 use crate::doctor::{Finding, Verdict, examine};
@@ -26,6 +27,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
 
+    /// Encodec's model.safetensors, for weights that hear through it.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub encodec: Option<PathBuf>,
+
     /// Print the findings as JSON: area, verdict (good, warning, bad), what, remedy.
     #[arg(long)]
     pub json: bool,
@@ -34,7 +39,13 @@ pub struct Args {
 /// Prints what was found; fails where a dance is not possible.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = args.robot.load()?;
-    let findings = examine(&robot, &open_generator(args.model.as_deref())?)?;
+    let generator = open_generator(args.model.as_deref())?;
+    let conditioning = Conditioning {
+        encodec: args.encodec,
+        ..Conditioning::default()
+    };
+    let encodec = conditioning.encodec(&generator)?;
+    let findings = examine(&robot, &generator, encodec.as_ref())?;
     if args.json {
         say!("{}", serde_json::to_string_pretty(&findings)?);
     } else {

@@ -1,5 +1,6 @@
 //! `servodance generate`.
 
+use crate::conditioning::Conditioning;
 use crate::console::say;
 use crate::dance::AudioChoice;
 use crate::generate::{MotionFormat, Request, generate, write_motion};
@@ -14,7 +15,11 @@ Examples:
       for animation programs
   servodance generate song.ogg --seconds 10 --out a.npz
   servodance generate song.ogg --start a.npz --out b.npz
-      a dance that goes on from where another ended";
+      a dance that goes on from where another ended
+  servodance generate song.ogg --model mine.safetensors --encodec encodec_24khz/model.safetensors --out dance.npz
+      weights that hear Encodec latents (see docs/conditioning.md)
+  servodance generate song.ogg --model mine.safetensors --style-text \"slow ballet\" --out dance.npz
+      a style in words, for weights trained with CLIP's styles";
 
 /// What `generate` is asked for.
 #[derive(Debug, clap::Args)]
@@ -45,6 +50,9 @@ pub struct Args {
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
+    /// What weights may need beside them, and a style in words.
+    #[command(flatten)]
+    pub conditioning: Conditioning,
     /// Print only errors.
     #[arg(long, short)]
     pub quiet: bool,
@@ -61,6 +69,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         start: args.start,
         lookahead_s: args.lookahead,
         model: args.model,
+        conditioning: args.conditioning,
         quiet: args.quiet,
     })?;
     write_motion(&args.out, &clip)?;

@@ -3,6 +3,7 @@
 use super::idle::IdleStyle;
 use super::ports::{self, BusChoice};
 use crate::commands::dance::Args;
+use crate::conditioning::Conditioning;
 use crate::robot::Robot;
 use anyhow::bail;
 use clap::ValueEnum;
@@ -66,6 +67,8 @@ pub struct DanceConfig {
     pub style: Option<String>,
     /// Weights, if not the built-in ones.
     pub model: Option<PathBuf>,
+    /// What those weights may need beside them, and a style in words.
+    pub conditioning: Conditioning,
     /// Where the report goes.
     pub report: Option<PathBuf>,
     /// Where the recording goes.
@@ -114,6 +117,7 @@ impl DanceConfig {
             seed: args.seed,
             style: args.style,
             model: args.model,
+            conditioning: args.conditioning,
             report: args.report,
             record: args.record,
             picture: (!args.no_picture).then_some(args.picture),

@@ -117,9 +117,15 @@ fn perform(
         idle: config.idle,
     };
     let model = generator.config().preset.clone();
+    let encodec = config.conditioning.encodec(generator)?;
+    let style_vector = match &config.style {
+        Some(_) => None, // chosen by somebody who watches
+        None => config.conditioning.style_vector(generator)?,
+    };
     let generator = generator.start(GeneratorOptions {
         seed: config.seed,
         style: config.style.clone(),
+        style_vector,
         ..GeneratorOptions::default()
     })?;
     let picture = config.picture.as_deref().map(PendingFile::create);
@@ -133,7 +139,7 @@ fn perform(
     }
     let notes = progress.clone();
     let on_notice = Box::new(move |notice: &Notice| notes.note(&notice.to_string()));
-    let mut dancer = Dancer::new(audio, generator, on_notice)?;
+    let mut dancer = Dancer::new(audio, generator, encodec.as_ref(), on_notice)?;
     let sparing = Sparing::default();
     if config.speed == Speed::Realtime {
         let notes = progress.clone();
@@ -296,7 +302,7 @@ fn report(
         tokens: run.frames * heard.tokens_per_frame,
         seed: config.seed,
         model,
-        style: config.style.clone(),
+        style: (config.style.clone()).or(config.conditioning.style_text.clone()),
         robot: config.robot.name.clone(),
         bus: ports::names(&config.robot, &config.buses),
         wall_s,

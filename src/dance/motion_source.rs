@@ -7,12 +7,14 @@
 use super::audio::Audio;
 use super::overload::{LeftOut, Overload};
 use crate::drill;
+use crate::hearing::Ears;
 use anyhow::Context;
 use servodance_audio::MusicAnalyzer;
 use servodance_audio::beats::{BeatTrack, track_offline};
 use servodance_audio::capture::{CaptureStats, Notice};
 use servodance_audio::source::SHORTEST_S;
 use servodance_model::Dance;
+use servodance_model::conditioning::{Encodec, HeardFrame};
 use servodance_types::{MotionFrame, MusicFrame};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TryRecvError, channel, sync_channel};
 use std::thread::JoinHandle;
@@ -72,7 +74,7 @@ pub type OnNotice = Box<dyn FnMut(&Notice) + Send>;
 /// Listens and dances.
 pub struct Dancer {
     audio: Audio,
-    analyzer: MusicAnalyzer,
+    ears: Ears,
     generator: Dance,
     block: Vec<f32>,
     features_ms: f64,
@@ -85,12 +87,18 @@ pub struct Dancer {
 }
 
 impl Dancer {
-    /// A dancer for this audio.
-    pub fn new(audio: Audio, generator: Dance, on_notice: OnNotice) -> anyhow::Result<Self> {
-        let analyzer = MusicAnalyzer::keeping_history(audio.sample_rate_hz())?;
+    /// A dancer for this audio; with an `encodec` for weights that hear through it.
+    pub fn new(
+        audio: Audio,
+        generator: Dance,
+        encodec: Option<&Encodec>,
+        on_notice: OnNotice,
+    ) -> anyhow::Result<Self> {
+        let rate_hz = audio.sample_rate_hz();
+        let analyzer = MusicAnalyzer::keeping_history(rate_hz)?;
         Ok(Self {
+            ears: Ears::new(analyzer, rate_hz, encodec)?,
             audio,
-            analyzer,
             generator,
             block: Vec::new(),
             features_ms: 0.0,
@@ -121,9 +129,10 @@ impl Dancer {
     /// The next step, or `None` when the music is over.
     pub fn next_step(&mut self) -> anyhow::Result<Option<Step>> {
         loop {
-            if let Some(music) = self.analyzer.pop() {
+            if let Some(heard) = self.ears.pop() {
+                let music = heard.frame;
                 let start = Instant::now();
-                let motion = self.invent(&music)?;
+                let motion = self.invent(&heard)?;
                 let features_ms = std::mem::take(&mut self.features_ms);
                 let model_ms = milliseconds(start);
                 if let Some(overload) = &mut self.overload {
@@ -147,18 +156,18 @@ impl Dancer {
 
     /// The motion of a music frame; the last one again where the machine is far
     /// too slow to invent any.
-    fn invent(&mut self, music: &MusicFrame) -> anyhow::Result<MotionFrame> {
+    fn invent(&mut self, heard: &HeardFrame) -> anyhow::Result<MotionFrame> {
         let left_out = self.overload.as_ref().map(Overload::left_out);
         let left_out = left_out.unwrap_or_default();
         if let Some(held) = self.shown.filter(|_| left_out >= LeftOut::Generator) {
-            let time_s = music.time_s;
+            let time_s = heard.frame.time_s;
             return Ok(MotionFrame { time_s, ..held });
         }
         self.generator.guide(left_out < LeftOut::Guidance)?;
         for _ in 0..self.generator.passes() {
             drill::pass("model");
         }
-        let motion = self.generator.step(music);
+        let motion = self.generator.step_heard(heard);
         let motion = motion.context("the generator failed")?;
         self.shown = Some(motion);
         Ok(motion)
@@ -183,14 +192,14 @@ impl Dancer {
         self.samples += self.block.len() as u64;
         if self.audio.is_live() {
             let now_s = self.samples as f64 / f64::from(self.audio.sample_rate_hz());
-            self.analyzer.forget_before(now_s - LIVE_HISTORY_S);
+            self.ears.forget_before(now_s - LIVE_HISTORY_S);
         }
         while let Some(notice) = self.audio.next_notice() {
             (self.on_notice)(&notice);
         }
         let start = Instant::now();
         drill::pass("features");
-        self.analyzer.push(&self.block);
+        self.ears.push(&self.block)?;
         self.features_ms += milliseconds(start);
         Ok(())
     }
@@ -200,7 +209,8 @@ impl Dancer {
         Heard {
             audio_s: self.samples as f64 / f64::from(self.audio.sample_rate_hz()),
             beats: self
-                .analyzer
+                .ears
+                .analyzer()
                 .history()
                 .map(track_offline)
                 .unwrap_or_default(),

@@ -79,8 +79,12 @@ impl Ordeal<'_> {
             ..GeneratorOptions::default()
         })?;
         let audio = Audio::BuiltIn(Box::new(self.song), 0);
-        let mut source =
-            MotionSource::Inline(Box::new(Dancer::new(audio, dance, Box::new(drop_notice))?));
+        let mut source = MotionSource::Inline(Box::new(Dancer::new(
+            audio,
+            dance,
+            None,
+            Box::new(drop_notice),
+        )?));
         let trial = Trial {
             faults: self.faults,
             reply_timeout_ms: REPLY_TIMEOUT_MS,

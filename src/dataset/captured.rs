@@ -5,6 +5,7 @@ use std::path::Path;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use servodance_model::conditioning::Latent;
 use servodance_model::motion::corpus::CorpusClip;
 use servodance_model::motion::index::{self, Entry};
 use servodance_model::motion::tempo::{self, KinematicTempo};
@@ -35,6 +36,10 @@ pub(super) fn collect(
             true => Clip::read_music(&entry.path(folder))?,
             false => None,
         };
+        let own_latents = match own.is_some() && options.encodec.is_some() {
+            true => Some(own_latents(&entry, folder)?),
+            false => None,
+        };
         let original = match Clip::read_npz(entry.path(folder)) {
             Ok(clip) => clip,
             Err(error) => {
@@ -63,6 +68,9 @@ pub(super) fn collect(
             if let Some(music) = &own {
                 plain.motion.truncate(music.len());
                 plain.music = Some(music[..plain.motion.len()].to_vec());
+                let rows = own_latents.as_ref();
+                plain.latents =
+                    rows.map(|rows| rows[..plain.motion.len().min(rows.len())].to_vec());
             }
             clips.push(plain);
             if let Some(tempo) = &tempo {
@@ -73,12 +81,21 @@ pub(super) fn collect(
     Ok(())
 }
 
+/// What Encodec hears of a clip's own music.
+fn own_latents(entry: &Entry, folder: &Path) -> Result<Vec<Latent>, DatasetError> {
+    Clip::read_latents(&entry.path(folder))?.ok_or_else(|| {
+        let reason = "its file has music without `encodec`; import it again with --music-features encodec128";
+        music::music_error(&entry.name, &reason)
+    })
+}
+
 fn without_music(entry: &Entry, clip: &Clip, mirrored: bool) -> CorpusClip {
     let suffix = if mirrored { "#mirrored" } else { "" };
     CorpusClip {
         name: format!("{}{suffix}", entry.name),
         motion: encode(&clip.normalised().poses),
         music: None,
+        latents: None,
         style: entry.style(),
         split: entry.split,
         dance: entry.dance,
@@ -115,19 +132,26 @@ fn with_music(
         let suffix = if mirrored { "mirrored, " } else { "" };
         let name = format!("{}#{suffix}song {song}", entry.name);
         let duration_s = (PRE_ROLL_FRAMES + motion.len() + 4) as f64 / FRAME_RATE_HZ;
-        let mut heard = Vec::new();
+        let (mut heard, mut last) = (Vec::new(), None);
         for _ in 0..music::ATTEMPTS {
             let sounding = music::on_beats(&name, &beats, duration_s, rng.random())?;
+            let sounding = last.insert(sounding);
             let (samples, rate) = (&sounding.samples, sounding.sample_rate_hz);
             heard = music::hear(&name, samples, rate, PRE_ROLL_FRAMES, motion.len())?;
             if music::followed(&heard, &grid) > music::FOLLOWED {
                 break;
             }
         }
+        let encodec = options.encodec.as_ref();
+        let latents = match &last {
+            Some(song) => music::latents(&name, song, PRE_ROLL_FRAMES, motion.len(), encodec)?,
+            None => None,
+        };
         clips.push(CorpusClip {
             name,
             motion,
             music: Some(heard),
+            latents,
             style: entry.style(),
             split: entry.split,
             dance: true,

@@ -9,6 +9,7 @@ use super::music::hear_file;
 use super::sources::{aist_song, aist_style, usual_licence, usual_source};
 use crate::output::{PendingFile, write_whole};
 use anyhow::{Context, bail};
+use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
 use servodance_model::motion::clip::MusicVector;
 use servodance_model::motion::import::{Kind, Told, read_kind};
 use servodance_model::motion::index::{self, Entry, STYLES, Split, style_number};
@@ -43,6 +44,8 @@ pub struct Import {
     pub style: Option<String>,
     /// A folder with the music: a file named as the clip, or as AIST++'s song.
     pub music: Option<PathBuf>,
+    /// Writes Encodec latents of the music as well.
+    pub encodec: Option<Encodec>,
     /// A TOML file: body joints and the joints of the skeleton that they are.
     pub mapping: Option<PathBuf>,
     /// Frames a second, in place of what the files say.
@@ -128,8 +131,12 @@ pub fn import(
                 }
                 let file = folder.join(format!("{name}.npz"));
                 let pending = PendingFile::create(&file)?;
-                let music = found.music.as_deref();
-                found.clip.write_with_music(pending.path(), music)?;
+                let (music, latents) = (found.music_vectors(), found.latents());
+                (found.clip).write_with_music(
+                    pending.path(),
+                    music.as_deref(),
+                    latents.as_deref(),
+                )?;
                 pending.finish()?;
                 done.clips += 1;
                 done.with_music += usize::from(music.is_some());
@@ -167,13 +174,26 @@ pub fn import(
 /// A clip that can be used.
 struct Found {
     clip: Clip,
-    music: Option<Vec<MusicVector>>,
+    music: Option<Vec<HeardFrame>>,
     bone_change: f64,
     style: Option<usize>,
     split: Option<Split>,
 }
 
 impl Found {
+    fn music_vectors(&self) -> Option<Vec<MusicVector>> {
+        let music = self.music.as_ref()?;
+        Some(music.iter().map(|heard| heard.frame.vector()).collect())
+    }
+
+    fn latents(&self) -> Option<Vec<Latent>> {
+        self.music
+            .as_ref()?
+            .iter()
+            .map(|heard| heard.latent)
+            .collect()
+    }
+
     fn entry(&self, request: &Import, source: &str, name: &str) -> (Entry, Option<Split>) {
         let licence = request.licence.as_deref();
         let told = request.style.as_deref().and_then(style_number);
@@ -230,7 +250,9 @@ fn one(
     };
     let music = match songs.map(|songs| songs.get(song)) {
         Some(Some(file)) => {
-            Some(hear_file(file, clip.poses.len()).map_err(|e| named(e.to_string()))?)
+            let encodec = request.encodec.as_ref();
+            let heard = hear_file(file, clip.poses.len(), encodec);
+            Some(heard.map_err(|e| named(e.to_string()))?)
         }
         Some(None) => return Err(named(format!("no music `{song}` in the folder of music"))),
         None => None,

@@ -20,6 +20,7 @@ pub use report::Report;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use servodance_model::conditioning::Encodec;
 use servodance_model::motion::MotionError;
 use servodance_model::motion::corpus::{self, CorpusClip};
 use servodance_model::motion::index::STYLES;
@@ -39,6 +40,8 @@ pub struct Options {
     pub choreography_minutes: f64,
     /// Everything random follows from it.
     pub seed: u64,
+    /// Writes Encodec latents of all music as well.
+    pub encodec: Option<Encodec>,
 }
 
 /// What was built: minutes by kind, and what was left out.
@@ -127,6 +130,7 @@ mod tests {
             songs_per_clip: 1,
             choreography_minutes: 2.0,
             seed: 3,
+            encodec: None,
         }
     }
 

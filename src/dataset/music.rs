@@ -5,9 +5,11 @@ use std::path::Path;
 
 use servodance_audio::song::{Song, SongSpec};
 use servodance_audio::{AudioSource, MusicAnalyzer};
+use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
 use servodance_types::{FRAME_RATE_HZ, MUSIC_DIM};
 
 use super::DatasetError;
+use crate::hearing::{self, Ears};
 
 /// So many songs are tried for one clip until the listener follows the beat:
 /// a dance that is off the beat that is heard teaches to ignore it.
@@ -55,17 +57,42 @@ pub(super) fn hear(
     Ok(heard.split_off(skip))
 }
 
-/// The music vectors of a recording, heard from its beginning: `frames` of
-/// them, or fewer where the recording is shorter.
-pub(super) fn hear_file(path: &Path, frames: usize) -> anyhow::Result<Vec<[f32; MUSIC_DIM]>> {
+/// The same frames as Encodec hears them; nothing without it.
+pub(super) fn latents(
+    clip: &str,
+    song: &Song,
+    skip: usize,
+    frames: usize,
+    encodec: Option<&Encodec>,
+) -> Result<Option<Vec<Latent>>, DatasetError> {
+    let Some(encodec) = encodec else {
+        return Ok(None);
+    };
+    let heard = hearing::latents(encodec, &song.samples, song.sample_rate_hz)
+        .map_err(|error| music_error(clip, &error))?;
+    match heard.get(skip..skip + frames) {
+        Some(rows) => Ok(Some(rows.to_vec())),
+        None => Err(music_error(
+            clip,
+            &format!("{} latents heard, {} needed", heard.len(), skip + frames),
+        )),
+    }
+}
+
+/// What is heard of a recording from its beginning: `frames` frames, or fewer
+/// where the recording is shorter.
+pub(super) fn hear_file(
+    path: &Path,
+    frames: usize,
+    encodec: Option<&Encodec>,
+) -> anyhow::Result<Vec<HeardFrame>> {
     let mut source = AudioSource::open(path)?;
-    let mut analyzer = MusicAnalyzer::new(source.sample_rate_hz())?;
+    let rate_hz = source.sample_rate_hz();
+    let mut ears = Ears::new(MusicAnalyzer::new(rate_hz)?, rate_hz, encodec)?;
     let (mut heard, mut block) = (Vec::with_capacity(frames), Vec::new());
     while heard.len() < frames && source.next_block(&mut block)? {
-        analyzer.push(&block);
-        while let Some(frame) = analyzer.pop() {
-            heard.push(frame.vector());
-        }
+        ears.push(&block)?;
+        heard.extend(std::iter::from_fn(|| ears.pop()));
     }
     heard.truncate(frames);
     Ok(heard)

@@ -1,5 +1,6 @@
 //! Whose motion it is, and on what terms.
 
+use servodance_model::motion::aist::GENRES;
 use servodance_model::motion::import::Kind;
 use servodance_model::motion::index::style_number;
 
@@ -48,11 +49,9 @@ pub(super) fn usual_licence(kind: Kind) -> &'static str {
 
 /// The style that an AIST++ name tells: `gJB` is ballet jazz.
 pub(super) fn aist_style(stem: &str) -> Option<usize> {
-    match stem.get(..3)? {
-        "gJB" | "gJS" => style_number("modern"),
-        genre if genre.starts_with('g') => style_number("street"),
-        _ => None,
-    }
+    let code = stem.get(..3)?;
+    let (_, style) = GENRES.iter().find(|(genre, _)| *genre == code)?;
+    style_number(style)
 }
 
 /// The song that an AIST++ name tells: `gBR_sBM_cAll_d04_mBR0_ch01` is to `mBR0`.
@@ -67,7 +66,11 @@ mod tests {
     #[test]
     fn a_name_of_aist_tells_style_and_song() {
         let stem = "gJB_sBM_cAll_d04_mJB3_ch01";
-        assert_eq!(aist_style(stem), style_number("modern"));
+        assert_eq!(aist_style(stem), style_number("ballet-jazz"));
+        for (code, style) in GENRES {
+            let number = aist_style(&format!("{code}_sBM_cAll_d04_mBR0_ch01"));
+            assert!(number.is_some() && number == style_number(style), "{code}");
+        }
         assert_eq!(aist_song(stem), Some("mJB3"));
         assert_eq!(aist_style("walk"), None);
     }

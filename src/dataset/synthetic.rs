@@ -3,6 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use servodance_audio::song::{Grid, Song, SongSpec, TempoStep};
+use servodance_model::conditioning::Encodec;
 use servodance_model::motion::choreography::{DanceBeat, DanceStyle, choreograph};
 use servodance_model::motion::corpus::CorpusClip;
 use servodance_model::motion::encode;
@@ -23,33 +24,39 @@ pub(super) fn collect(
     for number in 0..count {
         on_progress(number as f64 / count as f64);
         let seed = options.seed.wrapping_mul(1000).wrapping_add(number as u64);
-        clips.push(one(number, seed)?);
+        clips.push(one(number, seed, options.encodec.as_ref())?);
     }
     Ok(())
 }
 
-fn one(number: usize, seed: u64) -> Result<CorpusClip, DatasetError> {
+fn one(number: usize, seed: u64, encodec: Option<&Encodec>) -> Result<CorpusClip, DatasetError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let style = DanceStyle::ALL[number % DanceStyle::ALL.len()];
     let name = format!("choreography/{} {number}", style.name());
     let frames = (CLIP_S * FRAME_RATE_HZ) as usize;
     let (mut beats, mut heard) = (Vec::new(), Vec::new());
+    let mut sounding = None;
     for _ in 0..music::ATTEMPTS {
-        let mut song = song(&name, &mut rng)?;
+        let song = sounding.insert(song(&name, &mut rng)?);
         let silences = silences(&mut rng);
-        silence(&mut song, &silences, &mut rng);
-        beats = heard_beats(&song, &silences);
+        silence(song, &silences, &mut rng);
+        beats = heard_beats(song, &silences);
         heard = music::hear(&name, &song.samples, song.sample_rate_hz, 0, frames)?;
         let times: Vec<f64> = beats.iter().map(|beat| beat.time_s).collect();
         if music::followed(&heard, &times) > music::FOLLOWED {
             break;
         }
     }
+    let latents = match &sounding {
+        Some(song) => music::latents(&name, song, 0, frames, encodec)?,
+        None => None,
+    };
     let motion = encode(&choreograph(&beats, CLIP_S, style, rng.random()).poses);
     Ok(CorpusClip {
         name,
         motion,
         music: Some(heard),
+        latents,
         style: style_number(style.name()).unwrap_or(0),
         // Every twelfth of each style is held out, in turn.
         split: match (number / DanceStyle::ALL.len()) % 12 {

@@ -1,9 +1,11 @@
 //! Processor time of a dance: hearing, inventing, retargeting, on this machine.
 
 use super::Finding;
+use crate::hearing::Ears;
 use crate::robot::Robot;
 use servodance_audio::MusicAnalyzer;
 use servodance_audio::song::Song;
+use servodance_model::conditioning::Encodec;
 use servodance_model::{Generator, GeneratorOptions};
 use servodance_types::FRAME_RATE_HZ;
 use std::time::Instant;
@@ -16,8 +18,12 @@ const WARM_UP: usize = 20;
 const COMFORTABLE: f64 = 0.5;
 
 /// What a motion frame takes with everything that hangs on it.
-pub fn budget(robot: &Robot, generator: &Generator) -> anyhow::Result<Vec<Finding>> {
-    let mut times_ms = frame_times_ms(robot, generator)?;
+pub fn budget(
+    robot: &Robot,
+    generator: &Generator,
+    encodec: Option<&Encodec>,
+) -> anyhow::Result<Vec<Finding>> {
+    let mut times_ms = frame_times_ms(robot, generator, encodec)?;
     times_ms.drain(..WARM_UP);
     times_ms.sort_by(f64::total_cmp);
     let rank = |share: f64| times_ms[((times_ms.len() - 1) as f64 * share).round() as usize];
@@ -46,9 +52,14 @@ fn verdict(robot: &str, median_ms: f64, p99_ms: f64) -> Finding {
     }
 }
 
-fn frame_times_ms(robot: &Robot, generator: &Generator) -> anyhow::Result<Vec<f64>> {
+fn frame_times_ms(
+    robot: &Robot,
+    generator: &Generator,
+    encodec: Option<&Encodec>,
+) -> anyhow::Result<Vec<f64>> {
     let song = Song::demo();
-    let mut analyzer = MusicAnalyzer::new(song.sample_rate_hz)?;
+    let analyzer = MusicAnalyzer::new(song.sample_rate_hz)?;
+    let mut ears = Ears::new(analyzer, song.sample_rate_hz, encodec)?;
     let mut dance = generator.start(GeneratorOptions::default())?;
     let mut retargeter = robot.retargeter()?;
     let mut targets = retargeter.rest().to_vec();
@@ -58,9 +69,9 @@ fn frame_times_ms(robot: &Robot, generator: &Generator) -> anyhow::Result<Vec<f6
     let mut times_ms = Vec::with_capacity(blocks);
     for samples in song.samples.chunks_exact(block).take(blocks) {
         let start = Instant::now();
-        analyzer.push(samples);
-        while let Some(music) = analyzer.pop() {
-            let frame = dance.step(&music)?;
+        ears.push(samples)?;
+        while let Some(heard) = ears.pop() {
+            let frame = dance.step_heard(&heard)?;
             retargeter.push(&frame);
             while cycle as f64 * robot.period_s() + retargeter.lookahead_s() <= frame.time_s {
                 retargeter.next(cycle as f64 * robot.period_s(), &mut targets)?;
@@ -94,7 +105,7 @@ mod tests {
     #[test]
     fn every_frame_of_the_song_is_timed() {
         let robot = Robot::load("neck").unwrap();
-        let times = frame_times_ms(&robot, &Generator::built_in().unwrap()).unwrap();
+        let times = frame_times_ms(&robot, &Generator::built_in().unwrap(), None).unwrap();
         assert_eq!(times.len(), (SONG_S * FRAME_RATE_HZ) as usize);
         assert!(times.iter().sum::<f64>() > 0.0);
     }

@@ -12,6 +12,7 @@ mod system;
 use crate::robot::Robot;
 use serde::Serialize;
 use servodance_model::Generator;
+use servodance_model::conditioning::Encodec;
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -69,10 +70,14 @@ impl Finding {
 ///
 /// # Errors
 /// The generator or the retargeter fails, which is no matter of the machine.
-pub fn examine(robot: &Robot, generator: &Generator) -> anyhow::Result<Vec<Finding>> {
+pub fn examine(
+    robot: &Robot,
+    generator: &Generator,
+    encodec: Option<&Encodec>,
+) -> anyhow::Result<Vec<Finding>> {
     let mut findings = vec![system::priority(), system::timer(robot.period_s())];
     findings.extend(system::governor());
-    findings.extend(budget::budget(robot, generator)?);
+    findings.extend(budget::budget(robot, generator, encodec)?);
     findings.push(sound::inputs());
     findings.extend(ports::serial());
     findings.extend(ports::can());

@@ -19,6 +19,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use reference::{HeldOut, Reference};
+use servodance_model::conditioning::MusicKind;
 use servodance_model::metrics::{distance_of_dances_m, mpjpe_m};
 use servodance_model::motion::{Clip, Pose};
 use servodance_model::{Codec, Generator, GeneratorOptions, ModelError};
@@ -69,6 +70,9 @@ pub fn evaluate(request: &Request, on_progress: impl Fn(f64) + Sync) -> anyhow::
         anyhow::bail!("--minutes {} is outside 0..1000", request.minutes);
     }
     let generator = open_generator(request.model.as_deref())?;
+    if generator.music_kind() == MusicKind::Encodec128 {
+        anyhow::bail!("--model: evaluate feeds servodance39, the weights hear encodec128");
+    }
     generator.start(options(request, 0))?; // an unknown style is told at once
     let Reference { held, real } = Reference::open(request)?;
     let codes = codes(&open_codec(request.model.as_deref())?, &real, &generator)?;

@@ -68,6 +68,7 @@ fn choreography(request: &Request) -> anyhow::Result<Vec<CorpusClip>> {
         songs_per_clip: 1,
         choreography_minutes: request.clips as f64,
         seed: FRESH_SEED,
+        encodec: None,
     };
     dataset::build(&options, &|_| {})?;
     Ok(corpus::read(file.path())?)

@@ -8,6 +8,20 @@ use super::smpl::pose;
 use super::vec3::scale;
 use super::{Clip, MotionError};
 
+/// The ten genres: how names of clips begin, and the style.
+pub const GENRES: [(&str, &str); 10] = [
+    ("gBR", "break"),
+    ("gPO", "pop"),
+    ("gLO", "lock"),
+    ("gMH", "middle-hip-hop"),
+    ("gLH", "la-hip-hop"),
+    ("gHO", "house"),
+    ("gWA", "waack"),
+    ("gKR", "krump"),
+    ("gJS", "street-jazz"),
+    ("gJB", "ballet-jazz"),
+];
+
 /// Frames a second of the data set.
 const FPS: f64 = 60.0;
 /// Angles a frame: 24 joints, three each.

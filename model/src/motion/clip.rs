@@ -14,6 +14,7 @@ use super::numpy::Npz;
 use super::representation::{contacts, encode, headings_rad};
 use super::skeleton;
 use super::vec3::{narrow, sub, turn, wide};
+use crate::conditioning::{LATENT_DIM, Latent};
 
 /// What can be wrong with a motion file. The message names the file.
 #[derive(Debug, thiserror::Error)]
@@ -99,14 +100,16 @@ impl Clip {
 
     /// Writes `positions` float32 [T, 22, 3] and `fps` float32 to an npz file.
     pub fn write_npz(&self, path: impl AsRef<Path>) -> Result<(), MotionError> {
-        self.write_with_music(path, None)
+        self.write_with_music(path, None, None)
     }
 
-    /// The same with `music` float32 [T, 39] beside it, if there is some.
+    /// The same with `music` float32 [T, 39] and `encodec` float32 [T, 128]
+    /// beside it, where there is some.
     pub fn write_with_music(
         &self,
         path: impl AsRef<Path>,
         music: Option<&[MusicVector]>,
+        latents: Option<&[Latent]>,
     ) -> Result<(), MotionError> {
         let path = path.as_ref();
         let tensor = |flat: &[f32], shape: &[usize]| Tensor::from_slice(flat, shape, &Device::Cpu);
@@ -119,6 +122,10 @@ impl Clip {
                 let music = tensor(music.as_flattened(), &[music.len(), MUSIC_DIM])?;
                 arrays.push(("music", music));
             }
+            if let Some(latents) = latents {
+                let latents = tensor(latents.as_flattened(), &[latents.len(), LATENT_DIM])?;
+                arrays.push(("encodec", latents));
+            }
             Tensor::write_npz(&arrays, path)
         };
         write().map_err(|error| MotionError::Read {
@@ -129,15 +136,12 @@ impl Clip {
 
     /// Reads the `music` [T, 39] of a clip's npz file, if it has some.
     pub fn read_music(path: &Path) -> Result<Option<Vec<MusicVector>>, MotionError> {
-        let Some(array) = Npz::open(path)?.get("music")? else {
-            return Ok(None);
-        };
-        let rows = array.rows::<MUSIC_DIM>("music");
-        let rows = rows.map_err(|reason| MotionError::Content {
-            path: path.to_owned(),
-            reason,
-        })?;
-        Ok(Some(rows.iter().map(|row| row.map(|v| v as f32)).collect()))
+        read_rows(path, "music")
+    }
+
+    /// Reads the `encodec` [T, 128] of a clip's npz file, if it has some.
+    pub fn read_latents(path: &Path) -> Result<Option<Vec<Latent>>, MotionError> {
+        read_rows(path, "encodec")
     }
 
     /// Length in seconds, from the first frame to the last.
@@ -255,6 +259,19 @@ impl Clip {
             poses,
         }
     }
+}
+
+/// The rows of an array of a clip's npz file, if it has it.
+fn read_rows<const N: usize>(path: &Path, key: &str) -> Result<Option<Vec<[f32; N]>>, MotionError> {
+    let Some(array) = Npz::open(path)?.get(key)? else {
+        return Ok(None);
+    };
+    let rows = array.rows::<N>(key);
+    let rows = rows.map_err(|reason| MotionError::Content {
+        path: path.to_owned(),
+        reason,
+    })?;
+    Ok(Some(rows.iter().map(|row| row.map(|v| v as f32)).collect()))
 }
 
 /// How high the floor is: the lowest joint of a frame, at its 5th percentile

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | `motion` | `[N, 137]` f32 | pose vectors, not normalised |
 //! | `music` | `[N, 39]` f32 | music vectors; zeros where there is none |
+//! | `encodec` | `[N, 128]` f32 | Encodec latents, if they were asked for; likewise |
 //! | `clip_start`, `clip_length` | `[C]` i64 | the frames of each clip |
 //! | `style`, `split`, `dance`, `has_music`, `synthetic`, `variant` | `[C]` i64 | see [`CorpusClip`] |
 //!
@@ -16,8 +17,9 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use servodance_types::MUSIC_DIM;
 
 use super::MotionError;
-use super::index::{STYLES, Split};
+use super::index::{ALWAYS_NAMED, STYLES, Split};
 use super::representation::{POSE_DIM, PoseVector};
+use crate::conditioning::{LATENT_DIM, Latent};
 
 /// One clip of the training file.
 #[derive(Clone, Debug)]
@@ -28,6 +30,8 @@ pub struct CorpusClip {
     pub motion: Vec<PoseVector>,
     /// Music, one vector a frame, as many as `motion`; `None`: no music known.
     pub music: Option<Vec<[f32; MUSIC_DIM]>>,
+    /// The same music as Encodec hears it, in files that were built with it.
+    pub latents: Option<Vec<Latent>>,
     /// An index into [`STYLES`].
     pub style: usize,
     /// What the clip is for.
@@ -54,6 +58,8 @@ pub fn write(
     let frames: usize = clips.iter().map(|clip| clip.motion.len()).sum();
     let mut motion = Vec::with_capacity(frames * POSE_DIM * 4);
     let mut music = Vec::with_capacity(frames * MUSIC_DIM * 4);
+    let mut latents = Vec::new();
+    let with_latents = clips.iter().any(|clip| clip.latents.is_some());
     let mut starts = Vec::new();
     let mut start = 0;
     for clip in clips {
@@ -74,6 +80,20 @@ pub fn write(
                 )));
             }
             None => music.resize(music.len() + frames * MUSIC_DIM * 4, 0),
+        }
+        match &clip.latents {
+            Some(rows) if rows.len() == frames => push_f32(&mut latents, rows.as_flattened()),
+            None if clip.music.is_none() || !with_latents => {
+                let more = if with_latents { frames } else { 0 };
+                latents.resize(latents.len() + more * LATENT_DIM * 4, 0);
+            }
+            rows => {
+                return Err(content(format!(
+                    "clip {} has {frames} frames of motion, but {} of Encodec latents",
+                    clip.name,
+                    rows.as_ref().map_or(0, Vec::len)
+                )));
+            }
         }
         starts.push(start as i64);
         start += frames;
@@ -104,13 +124,20 @@ pub fn write(
         ("motion", view(Dtype::F32, &[frames, POSE_DIM], &motion)?),
         ("music", view(Dtype::F32, &[frames, MUSIC_DIM], &music)?),
     ];
+    if with_latents {
+        let rows = view(Dtype::F32, &[frames, LATENT_DIM], &latents)?;
+        tensors.push(("encodec", rows));
+    }
     for (name, bytes) in &columns {
         tensors.push((name, view(Dtype::I64, &[clips.len()], bytes)?));
     }
+    let used = clips.iter().map(|clip| clip.style + 1).max();
+    let named = used.unwrap_or(0).clamp(ALWAYS_NAMED, STYLES.len());
+    let styles = &STYLES[..named];
     let names: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
     let metadata = HashMap::from([
         ("clips".to_owned(), serde_json::json!(names).to_string()),
-        ("styles".to_owned(), serde_json::json!(STYLES).to_string()),
+        ("styles".to_owned(), serde_json::json!(styles).to_string()),
         ("recipe".to_owned(), recipe.to_string()),
     ]);
     safetensors::serialize_to_file(tensors, Some(metadata), path)
@@ -170,6 +197,13 @@ pub fn read(path: &Path) -> Result<Vec<CorpusClip>, MotionError> {
     let (motion, music) = (floats("motion", POSE_DIM)?, floats("music", MUSIC_DIM)?);
     let (motion, _) = motion.as_chunks::<POSE_DIM>();
     let (music, _) = music.as_chunks::<MUSIC_DIM>();
+    let latents = match file.tensor("encodec") {
+        Ok(_) => Some(floats("encodec", LATENT_DIM)?),
+        Err(_) => None,
+    };
+    let latents = latents
+        .as_ref()
+        .map(|rows| rows.as_chunks::<LATENT_DIM>().0);
     let [starts, lengths, style, split] =
         ["clip_start", "clip_length", "style", "split"].map(column);
     let (starts, lengths, style, split) = (starts?, lengths?, style?, split?);
@@ -180,13 +214,20 @@ pub fn read(path: &Path) -> Result<Vec<CorpusClip>, MotionError> {
     (names.into_iter().enumerate())
         .map(|(c, name)| {
             let rows = starts[c]..starts[c].saturating_add(lengths[c]);
+            let latents = latents.map(|latents| latents.get(rows.clone()));
             let (Some(motion), Some(music)) = (motion.get(rows.clone()), music.get(rows)) else {
                 return Err(content(format!("clip {name} lies outside the file")));
             };
+            if latents == Some(None) {
+                return Err(content(format!("clip {name} lies outside `encodec`")));
+            }
             let split = splits.get(split[c]).copied();
             Ok(CorpusClip {
                 motion: motion.to_vec(),
                 music: (has_music[c] == 1).then(|| music.to_vec()),
+                latents: (has_music[c] == 1)
+                    .then(|| latents.flatten().map(<[_]>::to_vec))
+                    .flatten(),
                 style: style[c].min(STYLES.len() - 1),
                 split: split.ok_or_else(|| content(format!("clip {name}: unknown split")))?,
                 dance: dance[c] == 1,
@@ -211,6 +252,7 @@ mod tests {
             name: format!("clip of {frames}"),
             motion: vec![[0.5; POSE_DIM]; frames],
             music: music.map(|frames| vec![[0.25; MUSIC_DIM]; frames]),
+            latents: None,
             style: 4,
             split: Split::Test,
             dance: true,
@@ -255,6 +297,21 @@ mod tests {
         }
         std::fs::write(file.path(), [0; 40]).unwrap();
         assert!(read(file.path()).is_err());
+    }
+
+    #[test]
+    fn latents_come_back_and_music_without_them_is_refused() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let mut clips = [clip(3, None), clip(2, Some(2))];
+        clips[1].latents = Some(vec![[0.75; LATENT_DIM]; 2]);
+        write(file.path(), &clips, &serde_json::json!({})).unwrap();
+        let back = read(file.path()).unwrap();
+        assert_eq!(back[0].latents, None);
+        assert_eq!(back[1].latents, clips[1].latents);
+        let both = [clips[1].clone(), clip(4, Some(4))];
+        let error = write(file.path(), &both, &serde_json::json!({}));
+        let message = error.unwrap_err().to_string();
+        assert!(message.contains("4 frames of motion, but 0"), "{message}");
     }
 
     #[test]

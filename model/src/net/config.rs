@@ -5,8 +5,8 @@
 //! `model/reference/config.py`.
 
 use serde::{Deserialize, Serialize};
-use servodance_types::MUSIC_DIM;
 
+use crate::conditioning::MusicKind;
 use crate::motion::representation::POSE_DIM;
 
 /// What stands between the two layers of a feed-forward block.
@@ -27,7 +27,10 @@ pub struct ModelConfig {
     pub preset: String,
     /// Numbers a motion frame: 137.
     pub motion_dim: usize,
-    /// Numbers a music frame: 39.
+    /// The music features that the model hears.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub music: MusicKind,
+    /// Numbers a music frame, those of its kind.
     pub music_dim: usize,
     /// Body parts with a codebook each, in sampling order.
     pub parts: Vec<String>,
@@ -100,6 +103,11 @@ pub struct SeqConfig {
     pub styles: Vec<String>,
 }
 
+/// Written only where it says something new: older readers know no more.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 impl ModelConfig {
     /// Parses and checks; the error names the field, what it is and what it
     /// should be.
@@ -111,7 +119,14 @@ impl ModelConfig {
 
     fn check(&self) -> Result<(), String> {
         expect("motion_dim", self.motion_dim, POSE_DIM)?;
-        expect("music_dim", self.music_dim, MUSIC_DIM)?;
+        if self.music_dim != self.music.dim() {
+            return Err(format!(
+                "music_dim is {}, expected {} for the music features {}",
+                self.music_dim,
+                self.music.dim(),
+                self.music.name()
+            ));
+        }
         let (vq, seq) = (&self.vq, &self.seq);
         for (name, value, limit) in [
             ("parts", self.parts.len(), 8),

@@ -119,13 +119,24 @@ impl MotionSeq {
     /// A dance before its first frame; `style` indexes the configuration's
     /// styles, none is the null style.
     pub fn start(&self, style: Option<usize>) -> Result<SeqState, ModelError> {
+        self.start_with(self.style_scales(style)?)
+    }
+
+    /// The same in a style that is not in the table but a vector of
+    /// `style_dim` numbers.
+    pub fn start_in_style(&self, style: &[f32]) -> Result<SeqState, ModelError> {
+        let row = Tensor::from_slice(style, (1, self.config.style_dim), &Device::Cpu)?;
+        self.start_with(self.scales_of(&row)?)
+    }
+
+    fn start_with(&self, style: Vec<Tensor>) -> Result<SeqState, ModelError> {
         let seq = &self.config;
         let ring = |_| Ring::new(seq.heads, seq.window, seq.dim);
         Ok(SeqState {
             clock: RingClock::new(seq.window),
             own: (0..seq.layers).map(ring).collect::<TensorResult<_>>()?,
             music: (0..seq.layers).map(ring).collect::<TensorResult<_>>()?,
-            style: self.style_scales(style)?,
+            style,
         })
     }
 
@@ -235,10 +246,13 @@ impl MotionSeq {
 
     fn style_scales(&self, style: Option<usize>) -> TensorResult<Vec<Tensor>> {
         let null = self.config.styles.len();
-        let row = self.styles.narrow(0, style.unwrap_or(null).min(null), 1)?;
+        self.scales_of(&self.styles.narrow(0, style.unwrap_or(null).min(null), 1)?)
+    }
+
+    fn scales_of(&self, row: &Tensor) -> TensorResult<Vec<Tensor>> {
         self.layers
             .iter()
-            .map(|layer| layer.style.forward(&row))
+            .map(|layer| layer.style.forward(row))
             .collect()
     }
 }

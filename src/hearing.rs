@@ -1,0 +1,118 @@
+//! From sound to what the dance hears: features and beat, 20 frames a second,
+//! and Encodec latents beside them for weights that were trained on those.
+//!
+//! Causal: frame `k` knows the samples before `k / 20` seconds, its latent too
+//! (before the first sample it was silent). Where a recording ends its last
+//! frame may be left out, because the latent needs the sound up to its end.
+
+use servodance_audio::{MusicAnalyzer, Resampler};
+use servodance_model::conditioning::{ENCODEC_RATE_HZ, Encodec, EncodecStream, HeardFrame, Latent};
+use std::collections::VecDeque;
+
+/// Listens to one stream of mono samples.
+pub struct Ears {
+    analyzer: MusicAnalyzer,
+    encodec: Option<EncodecEar>,
+}
+
+struct EncodecEar {
+    resampler: Resampler,
+    stream: EncodecStream,
+    block: Vec<f32>,
+    ready: VecDeque<Latent>,
+}
+
+impl Ears {
+    /// Ears for samples at the rate that the analyzer was made for; latents are
+    /// heard with an `encodec` only.
+    ///
+    /// # Errors
+    /// An encoder that fails.
+    pub fn new(
+        analyzer: MusicAnalyzer,
+        sample_rate_hz: u32,
+        encodec: Option<&Encodec>,
+    ) -> anyhow::Result<Self> {
+        let ear = encodec.map(|encodec| EncodecEar::new(encodec, sample_rate_hz));
+        Ok(Self {
+            analyzer,
+            encodec: ear.transpose()?,
+        })
+    }
+
+    /// Takes mono samples, any number of them.
+    pub fn push(&mut self, samples: &[f32]) -> anyhow::Result<()> {
+        self.analyzer.push(samples);
+        match &mut self.encodec {
+            Some(ear) => ear.push(samples),
+            None => Ok(()),
+        }
+    }
+
+    /// The next frame, if its time has come.
+    pub fn pop(&mut self) -> Option<HeardFrame> {
+        let Some(ear) = &mut self.encodec else {
+            return self.analyzer.pop().map(HeardFrame::from);
+        };
+        let latent = *ear.ready.front()?;
+        let frame = self.analyzer.pop()?;
+        ear.ready.pop_front();
+        Some(HeardFrame {
+            frame,
+            latent: Some(latent),
+        })
+    }
+
+    /// The analyzer, for its history.
+    pub fn analyzer(&self) -> &MusicAnalyzer {
+        &self.analyzer
+    }
+
+    /// Lets go of the history before a time; see [`MusicAnalyzer::forget_before`].
+    pub fn forget_before(&mut self, time_s: f64) {
+        self.analyzer.forget_before(time_s);
+    }
+}
+
+/// The latents of a whole recording, 20 a second from 0 s on, as a stream hears
+/// them; after its end it is silent.
+///
+/// # Errors
+/// An encoder that fails.
+pub fn latents(
+    encodec: &Encodec,
+    samples: &[f32],
+    sample_rate_hz: u32,
+) -> anyhow::Result<Vec<Latent>> {
+    let mut ear = EncodecEar::new(encodec, sample_rate_hz)?;
+    ear.push(samples)?;
+    ear.push(&vec![0.0; sample_rate_hz as usize / 10])?;
+    Ok(ear.ready.into())
+}
+
+impl EncodecEar {
+    fn new(encodec: &Encodec, sample_rate_hz: u32) -> anyhow::Result<Self> {
+        let (stream, silence) = encodec.start_in_silence()?;
+        Ok(Self {
+            resampler: Resampler::new(sample_rate_hz, ENCODEC_RATE_HZ),
+            stream,
+            block: Vec::new(),
+            ready: VecDeque::from([silence]),
+        })
+    }
+
+    fn push(&mut self, samples: &[f32]) -> anyhow::Result<()> {
+        let Self {
+            resampler, block, ..
+        } = self;
+        block.clear();
+        for &sample in samples {
+            let finite = sample.is_finite();
+            resampler.push(if finite { sample } else { 0.0 }, |s| block.push(s));
+        }
+        let ready = &mut self.ready;
+        self.stream
+            .push(&self.block, |latent| ready.push_back(*latent))?;
+        Ok(())
+    }
+}
