@@ -7,6 +7,7 @@ mod can_robot;
 mod command_line;
 mod conditioning;
 mod configuration;
+mod crash_safety;
 mod dataset;
 mod documents;
 mod endurance;

@@ -197,10 +197,12 @@ impl Live {
         while self.listener.take(Instant::now(), block) && block.is_empty() {
             std::thread::sleep(LIVE_POLL);
         }
-        let failure = self.failures.as_ref().and_then(|f| f.try_recv().ok());
-        match failure {
-            Some(error) if block.is_empty() => Err(error),
-            _ => Ok(!block.is_empty()),
+        if !block.is_empty() {
+            return Ok(true); // a failure is told when all before it was heard
+        }
+        match self.failures.as_ref().and_then(|f| f.try_recv().ok()) {
+            Some(error) => Err(error),
+            None => Ok(false),
         }
     }
 }
