@@ -14,7 +14,8 @@ use servodance_audio::MusicAnalyzer;
 use servodance_model::conditioning::{Encodec, HeardFrame};
 use servodance_model::metrics::mpjpe_m;
 use servodance_model::motion::{Clip, bvh_write};
-use servodance_model::{Codec, GeneratorOptions};
+use servodance_model::net::EngineOptions;
+use servodance_model::{Codec, GeneratorOptions, ModelError};
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -36,6 +37,10 @@ pub struct Request {
     pub seed: u64,
     /// Style, if not the default one.
     pub style: Option<String>,
+    /// How codes are drawn; its seed and style are not looked at.
+    pub sampling: GeneratorOptions,
+    /// How the model's steps are computed.
+    pub engine: EngineOptions,
     /// A motion to go on from.
     pub start: Option<PathBuf>,
     /// How far the beat is known ahead of the motion, seconds; 0 as when live.
@@ -97,13 +102,13 @@ pub fn generate(request: &Request) -> anyhow::Result<Clip> {
         let lookahead_s = request.lookahead_s;
         bail!("--lookahead {lookahead_s} is outside 0..{LOOKAHEAD_MAX_S}");
     }
-    let generator = open_generator(request.model.as_deref())?;
+    let generator = open_generator(request.model.as_deref(), request.engine)?;
     let encodec = request.conditioning.encodec(&generator)?;
     let mut dance = generator.start(GeneratorOptions {
         seed: request.seed,
         style: request.style.clone(),
         style_vector: request.conditioning.style_vector(&generator)?,
-        ..GeneratorOptions::default()
+        ..request.sampling.clone()
     })?;
     if let Some(start) = &request.start {
         let past = Clip::read_npz(start)?;
@@ -117,7 +122,11 @@ pub fn generate(request: &Request) -> anyhow::Result<Clip> {
     let progress = Progress::new(request.seconds.or(music.audio.duration_s()), request.quiet);
     let mut poses = Vec::new();
     while let Some(heard) = music.next()? {
-        poses.push(dance.step_heard(&heard)?.positions);
+        match dance.step_heard(&heard) {
+            Ok(motion) => poses.push(motion.positions),
+            Err(ModelError::Ended { .. }) if !poses.is_empty() => break,
+            Err(error) => return Err(error.into()),
+        }
         progress.at(poses.len() as f64 / FRAME_RATE_HZ);
     }
     progress.done();

@@ -1,8 +1,8 @@
 """Transformer parts shared by both stages: attention with ALiBi bias, feed-forward.
 
 The bias is made once per length: `-slope * |i - j|` per head, minus infinity
-outside the window. No absolute positions anywhere, so a rotating cache of
-keys and values gives the same output as one pass over everything.
+outside the window. So a rotating cache of keys and values gives the same output
+as one pass over everything; the sinusoidal positions are the paper's ablation.
 """
 
 import torch
@@ -32,6 +32,12 @@ def attend(q, k, v, bias):
     return (scores.softmax(-1).to(v.dtype) @ v).view(batch, heads, length, width)
 
 
+def sinusoids(length, dim):
+    """Absolute positions [length, dim]: sine and cosine by turns."""
+    angle = torch.arange(length)[:, None] * 10_000.0 ** (-torch.arange(0, dim, 2, dtype=torch.float64) / dim)
+    return torch.stack([angle.sin(), angle.cos()], -1).flatten(1)[:, :dim].float()
+
+
 class ChannelDropout(nn.Module):
     """Drops whole channels of a sequence: cheap, and the same at every frame."""
 
@@ -49,15 +55,16 @@ class ChannelDropout(nn.Module):
 class Attention(nn.Module):
     """Multi-head attention; `memory` gives keys and values when not `x` itself."""
 
-    def __init__(self, dim, heads, cross=False):
+    def __init__(self, dim, heads, width, cross=False):
         super().__init__()
         self.heads = heads
+        wide = heads * width
         if cross:
-            self.q = nn.Linear(dim, dim)
-            self.kv = nn.Linear(dim, 2 * dim)
+            self.q = nn.Linear(dim, wide)
+            self.kv = nn.Linear(dim, 2 * wide)
         else:
-            self.qkv = nn.Linear(dim, 3 * dim)
-        self.out = nn.Linear(dim, dim)
+            self.qkv = nn.Linear(dim, 3 * wide)
+        self.out = nn.Linear(wide, dim)
         self.cross = cross
 
     def forward(self, x, bias, memory=None):
@@ -87,10 +94,10 @@ class FeedForward(nn.Module):
 class Layer(nn.Module):
     """Pre-norm self-attention and feed-forward."""
 
-    def __init__(self, dim, heads, hidden, activation, dropout=0.0):
+    def __init__(self, dim, heads, width, hidden, activation, dropout=0.0):
         super().__init__()
         self.norm1 = nn.LayerNorm(dim)
-        self.attn = Attention(dim, heads)
+        self.attn = Attention(dim, heads, width)
         self.norm2 = nn.LayerNorm(dim)
         self.ff = FeedForward(dim, hidden, activation)
         self.drop = ChannelDropout(dropout)

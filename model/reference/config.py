@@ -64,12 +64,14 @@ def presets(name):
         return config
     if name == "paper":
         config.update(parts=["whole"], codes=1024, code_dim=768, activation="gelu")
-        # Eq. 1 puts the bias inside the division by sqrt(d_k).
-        slopes = alibi_slopes(8, scale=(768 / 8) ** -0.5)
-        vq.update(dim=768, heads=8, ff=3072, encoder_dim=768, encoder_layers=12, encoder_window=400,
+        # Eq. 1 puts the bias inside the division by sqrt(d_k); 8 heads of 64, as
+        # in the released code.
+        slopes = alibi_slopes(8, scale=64 ** -0.5)
+        vq.update(dim=768, heads=8, head_dim=64, ff=3072, encoder_dim=768, encoder_layers=12, encoder_window=400,
                   encoder_slopes=slopes, decoder_layers=12, decoder_window=400, decoder_slopes=slopes)
-        seq.update(dim=768, heads=8, ff=3072, layers=12, window=400, slopes=slopes,
-                   cross_slopes=[0.0] * 8, cross_aligned=False, music_at_input=False, style_dim=512)
+        seq.update(dim=768, heads=8, head_dim=64, ff=3072, layers=12, window=400, slopes=slopes,
+                   cross_slopes=[0.0] * 8, cross_aligned=False, music_at_input=False, style_dim=512,
+                   eos=True)
         return config
     if name == "tiny":
         config.update(parts=["lower", "upper"], codes=16, code_dim=8)
@@ -80,6 +82,16 @@ def presets(name):
                    cross_slopes=alibi_slopes(4), style_dim=8, styles=["plain", "wild"])
         return config
     raise SystemExit(f"unknown preset {name!r}: choose live, paper or tiny")
+
+
+def head_dim(stage, dim, heads):
+    """Width of a head: the stage's own, or its share of the model width."""
+    return stage.get("head_dim") or dim // heads
+
+
+def classes(config, part):
+    """Classes of a part's head: the first also knows the end of the sequence."""
+    return config["codes"] + (1 if config["seq"].get("eos") and part == config["parts"][0] else 0)
 
 
 def to_json(config):

@@ -10,7 +10,8 @@ import torch
 import torch.nn as nn
 import torch.nn.functional as F
 
-from blocks import Attention, ChannelDropout, FeedForward, alibi_bias
+from blocks import Attention, ChannelDropout, FeedForward, alibi_bias, sinusoids
+from config import classes, head_dim
 
 
 class Style(nn.Module):
@@ -30,11 +31,12 @@ class Style(nn.Module):
 class SeqLayer(nn.Module):
     def __init__(self, seq, activation, dropout):
         super().__init__()
-        dim = seq["dim"]
+        dim, heads = seq["dim"], seq["heads"]
+        width = head_dim(seq, dim, heads)
         self.norm1 = nn.LayerNorm(dim)
-        self.attn = Attention(dim, seq["heads"])
+        self.attn = Attention(dim, heads, width)
         self.norm2 = nn.LayerNorm(dim)
-        self.cross = Attention(dim, seq["heads"], cross=True)
+        self.cross = Attention(dim, heads, width, cross=True)
         self.style = Style(seq["style_dim"], dim)
         self.norm3 = nn.LayerNorm(dim)
         self.ff = FeedForward(dim, seq["ff"], activation)
@@ -60,7 +62,7 @@ class MotionSeq(nn.Module):
         self.style = nn.Embedding(len(seq["styles"]) + 1, seq["style_dim"])
         self.layers = nn.ModuleList(SeqLayer(seq, config["activation"], dropout) for _ in range(seq["layers"]))
         self.norm = nn.LayerNorm(dim)
-        self.head = nn.ModuleDict({p: nn.Linear(dim, self.codes) for p in self.parts})
+        self.head = nn.ModuleDict({p: nn.Linear(dim, classes(config, p)) for p in self.parts})
         # Parts after the first also see the codes already chosen for this frame.
         self.given = nn.ModuleDict({p: nn.Embedding(self.codes, dim) for p in self.parts[:-1]})
         self.refine = nn.ModuleDict({p: FeedForward(dim, dim, config["activation"]) for p in self.parts[1:]})
@@ -79,10 +81,15 @@ class MotionSeq(nn.Module):
         x = sum(self.embed[p](previous[..., i]) for i, p in enumerate(self.parts))
         if seq["music_at_input"]:
             x = x + stream
-        length = x.shape[1]
-        bias = alibi_bias(length, seq["slopes"], seq["window"])
+        length, none = x.shape[1], [0.0] * seq["heads"]
+        absolute = seq.get("positions") == "sinusoidal"
+        if absolute:
+            positions = sinusoids(length, seq["dim"]).to(x)
+            x, stream = x + positions, stream + positions
+        bias = alibi_bias(length, none if absolute else seq["slopes"], seq["window"])
         if seq["cross_aligned"]:
-            cross_bias = alibi_bias(length, seq["cross_slopes"], seq["window"], seq["lookahead"])
+            slopes = none if absolute else seq["cross_slopes"]
+            cross_bias = alibi_bias(length, slopes, seq["window"], seq["lookahead"])
         else:
             cross_bias = torch.zeros(seq["heads"], length, length)
         style = self.style(style)[:, None]

@@ -9,7 +9,7 @@ import torch.nn as nn
 import torch.nn.functional as F
 
 from blocks import Layer, alibi_bias
-from config import part_channels
+from config import head_dim, part_channels
 
 
 class Codebook(nn.Module):
@@ -75,7 +75,7 @@ class Encoder(nn.Module):
         dim, heads = vq["encoder_dim"], len(vq["encoder_slopes"])
         self.input = nn.Linear(len(channels), dim)
         self.layers = nn.ModuleList(
-            Layer(dim, heads, 4 * dim, config["activation"], dropout) for _ in range(vq["encoder_layers"]))
+            Layer(dim, heads, head_dim(vq, dim, heads), 4 * dim, config["activation"], dropout) for _ in range(vq["encoder_layers"]))
         self.norm = nn.LayerNorm(dim)
         self.output = nn.Linear(dim, config["code_dim"])
 
@@ -95,7 +95,8 @@ class Decoder(nn.Module):
         self.vq = vq
         self.input = nn.Linear(len(config["parts"]) * config["code_dim"], vq["dim"])
         self.layers = nn.ModuleList(
-            Layer(vq["dim"], vq["heads"], vq["ff"], config["activation"], dropout) for _ in range(vq["decoder_layers"]))
+            Layer(vq["dim"], vq["heads"], head_dim(vq, vq["dim"], vq["heads"]), vq["ff"], config["activation"],
+                  dropout) for _ in range(vq["decoder_layers"]))
         self.norm = nn.LayerNorm(vq["dim"])
         self.output = nn.Linear(vq["dim"], config["motion_dim"])
 

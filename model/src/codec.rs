@@ -10,12 +10,13 @@ use crate::error::ModelError;
 use crate::generator::BUILT_IN;
 use crate::motion::representation::{POSE_DIM, PoseVector, Recovery};
 use crate::motion::{Clip, Pose, encode, skeleton};
-use crate::net::{VqDecoder, VqEncoder, Weights};
+use crate::net::{Engine, EngineOptions, VqDecoder, VqEncoder, Weights};
 
 /// Encoders, codebooks and decoder of a weights file.
 #[derive(Clone, Debug)]
 pub struct Codec {
     encoder: VqEncoder,
+    engine: Engine,
     decoder: VqDecoder,
     mean: Vec<f32>,
     std: Vec<f32>,
@@ -33,11 +34,14 @@ impl Codec {
         Self::from_bytes(&Weights::read(path)?, &path.display().to_string())
     }
 
-    fn from_bytes(bytes: &[u8], source: &str) -> Result<Self, ModelError> {
+    /// From memory; `source` names the weights in errors.
+    pub fn from_bytes(bytes: &[u8], source: &str) -> Result<Self, ModelError> {
         let w = Weights::open(bytes, source)?;
+        let engine = Engine::new(&w, EngineOptions::default())?;
         Ok(Self {
             encoder: VqEncoder::load(&w)?,
-            decoder: VqDecoder::load(&w)?,
+            decoder: VqDecoder::load(&w, &engine)?,
+            engine,
             mean: w.floats("norm.motion_mean", &[POSE_DIM])?,
             std: w.floats("norm.motion_std", &[POSE_DIM])?,
         })
@@ -71,11 +75,12 @@ impl Codec {
     /// The motion of the codes: 20 FPS, the common skeleton, from the origin,
     /// facing +z.
     pub fn decode(&self, name: &str, codes: &[Vec<usize>]) -> Result<Clip, ModelError> {
-        let mut state = self.decoder.start()?;
+        let team = self.engine.pool().team();
+        let mut state = self.decoder.start();
         let mut recovery = Recovery::default();
         let mut poses = Vec::with_capacity(codes.len());
         for row in codes {
-            let normalised = self.decoder.step(&mut state, row)?;
+            let normalised = self.decoder.step(&team, &mut state, row);
             let vector = std::array::from_fn(|i| normalised[i] * self.std[i] + self.mean[i]);
             poses.push(skeleton::fit(&recovery.push(&vector), 1.0));
         }

@@ -106,6 +106,12 @@ pub enum ModelError {
         /// Frames since the start.
         frame: u64,
     },
+    /// The model says that the dance is over, and was asked to stop there.
+    #[error("the model ends the dance at frame {frame}")]
+    Ended {
+        /// Frames since the start.
+        frame: u64,
+    },
     /// The tensor library refused an operation.
     #[error("tensor operation: {0}")]
     Tensor(#[from] candle_core::Error),

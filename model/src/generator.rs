@@ -3,13 +3,12 @@
 //! One motion frame per music frame (20 a second), known only from the music
 //! up to that frame. Time and memory a frame are constant for any length of
 //! music; the same seed, options and music give the same dance. Music that is
-//! not finite is replaced by the last good frame and counted. Not for a motor
-//! control thread: a step takes a millisecond or two and allocates.
+//! not finite is replaced by the last good frame and counted. A step allocates
+//! nothing, but takes a millisecond: not for a motor control thread.
 
 use std::path::Path;
 use std::sync::Arc;
 
-use candle_core::Tensor;
 use servodance_types::{MotionFrame, MusicFrame};
 
 use crate::conditioning::{HeardFrame, MusicKind};
@@ -17,7 +16,8 @@ use crate::error::ModelError;
 use crate::motion::representation::{POSE_DIM, PoseVector, Recovery, contacts, heading_rad};
 use crate::motion::{Pose, skeleton};
 use crate::net::{
-    DecoderState, ModelConfig, MotionSeq, Sampler, Sampling, SeqState, VqDecoder, Weights,
+    DecoderState, Dtype, Engine, EngineOptions, ModelConfig, MotionSeq, Recent, Sampler, Sampling,
+    SeqState, Team, VqDecoder, Weights,
 };
 
 /// The trained weights, part of the program so that it runs by itself.
@@ -36,6 +36,16 @@ const STUCK_FRAMES: u32 = 20;
 /// From this confidence on a beat is heard.
 const HEARD_CONFIDENCE: f32 = 0.5;
 
+/// What follows when the model says that the sequence ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AtEnd {
+    /// The next sequence, from the codes of the last frame: motion goes on.
+    #[default]
+    Chain,
+    /// Nothing: [`Dance::step`] gives [`ModelError::Ended`].
+    Stop,
+}
+
 /// How a dance is generated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeneratorOptions {
@@ -52,9 +62,14 @@ pub struct GeneratorOptions {
     pub top_k: usize,
     /// Only the likeliest codes that hold this share of the probability.
     pub top_p: f32,
+    /// How much less likely a code gets by being repeated, 0 (not at all) to 20:
+    /// its logit falls by this times its share of the last two seconds.
+    pub repetition: f32,
     /// Classifier-free guidance on the music: 1 is off, above 1 follows the
-    /// music more and takes twice the time.
+    /// music more and takes some more time.
     pub guidance: f32,
+    /// For models that know an end.
+    pub at_end: AtEnd,
 }
 
 impl Default for GeneratorOptions {
@@ -66,7 +81,9 @@ impl Default for GeneratorOptions {
             temperature: 0.9,
             top_k: 0,
             top_p: 0.95,
+            repetition: 0.0,
             guidance: 1.5,
+            at_end: AtEnd::Chain,
         }
     }
 }
@@ -74,16 +91,17 @@ impl Default for GeneratorOptions {
 /// The trained networks; start as many dances from it as you like.
 #[derive(Clone, Debug)]
 pub struct Generator {
-    networks: Arc<Networks>,
+    pub(crate) networks: Arc<Networks>,
 }
 
 #[derive(Debug)]
-struct Networks {
+pub(crate) struct Networks {
     config: ModelConfig,
     default_style: usize,
     provenance: String,
+    pub(crate) engine: Engine,
     decoder: VqDecoder,
-    seq: MotionSeq,
+    pub(crate) seq: MotionSeq,
     motion_mean: Vec<f32>,
     motion_std: Vec<f32>,
     music_mean: Vec<f32>,
@@ -99,14 +117,35 @@ impl Generator {
         Self::from_bytes(BUILT_IN, "built-in weights")
     }
 
+    /// The same, computed otherwise than usual.
+    pub fn built_in_with(options: EngineOptions) -> Result<Self, ModelError> {
+        Self::from_bytes_with(BUILT_IN, "built-in weights", options)
+    }
+
     /// Loads a weights file and checks every tensor of it.
     pub fn load(path: &Path) -> Result<Self, ModelError> {
-        Self::from_bytes(&Weights::read(path)?, &path.display().to_string())
+        Self::load_with(path, EngineOptions::default())
+    }
+
+    /// The same, computed otherwise than usual.
+    pub fn load_with(path: &Path, options: EngineOptions) -> Result<Self, ModelError> {
+        let source = path.display().to_string();
+        Self::from_bytes_with(&Weights::read(path)?, &source, options)
     }
 
     /// Loads weights from memory; `source` names them in errors.
     pub fn from_bytes(bytes: &[u8], source: &str) -> Result<Self, ModelError> {
+        Self::from_bytes_with(bytes, source, EngineOptions::default())
+    }
+
+    /// The same, computed otherwise than usual.
+    pub fn from_bytes_with(
+        bytes: &[u8],
+        source: &str,
+        options: EngineOptions,
+    ) -> Result<Self, ModelError> {
         let w = Weights::open(bytes, source)?;
+        let engine = Engine::new(&w, options)?;
         let config = w.config().clone();
         if config.seq.cross_aligned && config.seq.lookahead > 0 {
             return Err(w.config_error(format!(
@@ -125,8 +164,9 @@ impl Generator {
             )));
         }
         let networks = Networks {
-            decoder: VqDecoder::load(&w)?,
-            seq: MotionSeq::load(&w)?,
+            decoder: VqDecoder::load(&w, &engine)?,
+            seq: MotionSeq::load(&w, &engine)?,
+            engine,
             motion_mean: w.floats("norm.motion_mean", &[POSE_DIM])?,
             motion_std: w.floats("norm.motion_std", &[POSE_DIM])?,
             music_mean: w.floats("norm.music_mean", &[config.music_dim])?,
@@ -149,6 +189,12 @@ impl Generator {
     /// The music features that the weights were trained to hear.
     pub fn music_kind(&self) -> MusicKind {
         self.networks.config.music
+    }
+
+    /// Number format of the weights in memory, and threads of a step.
+    pub fn computed_with(&self) -> (Dtype, usize) {
+        let engine = &self.networks.engine;
+        (engine.dtype(), engine.pool().threads())
     }
 
     /// Where the weights came from: data, date, figures (JSON).
@@ -190,8 +236,7 @@ impl Generator {
                 expected: style_dim,
             });
         }
-        let vector = options.style_vector;
-        let begin = || n.begin(style, vector.as_deref());
+        let vector = options.style_vector.clone();
         if !(0.0..=10.0).contains(&options.guidance) {
             return Err(ModelError::Option {
                 option: "guidance",
@@ -203,28 +248,33 @@ impl Generator {
             temperature: options.temperature,
             top_k: options.top_k,
             top_p: options.top_p,
+            repetition: options.repetition,
         };
         let mut sampler = Sampler::new(sampling, options.seed)?;
         let codes = n.starting_codes(style, &mut sampler);
-        let deaf = (options.guidance != 1.0).then(begin).transpose()?;
-        Ok(Dance {
-            seq: begin()?,
-            deaf,
-            decoder: n.decoder.start()?,
+        let lanes = if options.guidance == 1.0 { 1 } else { 2 };
+        let mut dance = Dance {
+            seq: n.seq.start(lanes),
+            decoder: n.decoder.start(),
             networks: self.networks.clone(),
-            guidance: options.guidance,
             sampler,
+            recent: Recent::new(codes.len(), n.config.codes),
+            logits: Vec::with_capacity(n.config.codes + 1),
             codes,
             music: vec![0.0; n.config.music_dim],
             features: Vec::with_capacity(n.config.music_dim),
             bad_music_frames: 0,
             frames: 0,
+            sequence_frames: 0,
             recovery: Recovery::default(),
             stage: Stage::default(),
             style,
             style_vector: vector,
             watch: Watch::default(),
-        })
+            options,
+        };
+        dance.wear();
+        Ok(dance)
     }
 }
 
@@ -250,17 +300,9 @@ impl Networks {
         self.start_codes[pool[sampler.below(pool.len())]].clone()
     }
 
-    /// MotionSeq before its first frame.
-    fn begin(&self, style: usize, vector: Option<&[f32]>) -> Result<SeqState, ModelError> {
-        match vector {
-            Some(vector) => self.seq.start_in_style(vector),
-            None => self.seq.start(Some(style)),
-        }
-    }
-
     /// The numbers as the network was trained on them, in `music`; false, and
     /// nothing is changed, if one of them is not finite.
-    fn normalise_music(&self, features: &[f32], music: &mut [f32]) -> bool {
+    pub(crate) fn normalise_music(&self, features: &[f32], music: &mut [f32]) -> bool {
         if features.iter().any(|v| !v.is_finite()) {
             return false;
         }
@@ -284,18 +326,21 @@ impl Networks {
 #[derive(Debug)]
 pub struct Dance {
     networks: Arc<Networks>,
+    /// With guidance a second lane dances the same without music.
     seq: SeqState,
-    /// The same dance without music, for guidance.
-    deaf: Option<SeqState>,
     decoder: DecoderState,
-    guidance: f32,
+    options: GeneratorOptions,
     sampler: Sampler,
+    recent: Recent,
+    logits: Vec<f32>,
     codes: Vec<usize>,
     /// The last good music, normalised, and the newest as it came.
     music: Vec<f32>,
     features: Vec<f32>,
     bad_music_frames: u64,
     frames: u64,
+    /// Frames of the sequence that the model sees.
+    sequence_frames: u64,
     recovery: Recovery,
     stage: Stage,
     style: usize,
@@ -330,9 +375,11 @@ impl Dance {
         if !networks.normalise_music(&self.features, &mut self.music) {
             self.bad_music_frames += 1;
         }
-        self.codes = self.next_codes(&networks.seq)?;
-        let normalised = networks.decoder.step(&mut self.decoder, &self.codes)?;
-        let vector = networks.pose_vector(&normalised);
+        let team = networks.engine.pool().team();
+        self.next_codes(&networks.seq, &team)?;
+        let normalised = networks.decoder.step(&team, &mut self.decoder, &self.codes);
+        let vector = networks.pose_vector(normalised);
+        drop(team);
         if vector.iter().any(|v| !v.is_finite()) {
             return Err(ModelError::Diverged { frame: self.frames });
         }
@@ -340,7 +387,7 @@ impl Dance {
         let pose = skeleton::fit(&self.recovery.push(&vector), 1.0);
         let positions = self.stage.place(pose);
         if self.watch.stuck(&positions, music.beat.confidence) {
-            self.wake()?;
+            self.wake();
         }
         Ok(MotionFrame {
             time_s: music.time_s,
@@ -354,15 +401,17 @@ impl Dance {
     /// from there. Call it before the first step.
     pub fn follow(&mut self, codes: &[Vec<usize>], last: &Pose) -> Result<(), ModelError> {
         let networks = self.networks.clone();
+        let team = networks.engine.pool().team();
+        let silence = &[None, None][..self.seq.lanes()];
         for row in codes {
-            networks.seq.step(&mut self.seq, &self.codes, None)?;
-            if let Some(deaf) = &mut self.deaf {
-                networks.seq.step(deaf, &self.codes, None)?;
-            }
-            let normalised = networks.decoder.step(&mut self.decoder, row)?;
-            self.recovery.push(&networks.pose_vector(&normalised));
+            let seq = &networks.seq;
+            seq.step(&team, &mut self.seq, &self.codes, silence);
+            let normalised = networks.decoder.step(&team, &mut self.decoder, row);
+            self.recovery.push(&networks.pose_vector(normalised));
             self.codes.clone_from(row);
         }
+        drop(team);
+        self.sequence_frames += codes.len() as u64;
         let [x, _, z] = last[0];
         let root_xz_m = [f64::from(x), f64::from(z)];
         self.recovery.move_to(root_xz_m, heading_rad(last));
@@ -380,28 +429,57 @@ impl Dance {
     pub fn restyle(&mut self, style: &str) -> Result<(), ModelError> {
         self.style = self.networks.style_index(style)?;
         self.style_vector = None;
-        self.forget()
+        self.wear();
+        self.chain();
+        Ok(())
     }
 
-    /// Leaves guidance out from the next step on, which then takes half the time,
-    /// or takes it up again from the pose that the dancer is in.
-    ///
-    /// # Errors
-    /// The networks cannot start anew.
-    pub fn guide(&mut self, guided: bool) -> Result<(), ModelError> {
-        if !guided {
-            self.deaf = None;
-        } else if self.deaf.is_none() && self.guidance != 1.0 {
-            let style = self.style_vector.as_deref();
-            self.deaf = Some(self.networks.begin(self.style, style)?);
-            self.forget()?; // both remember the same past: none
+    /// Takes on its style.
+    fn wear(&mut self) {
+        let seq = &self.networks.seq;
+        match &self.style_vector {
+            Some(vector) => seq.restyle(&mut self.seq, vector),
+            None => seq.restyle(&mut self.seq, &seq.style(Some(self.style))),
         }
-        Ok(())
+    }
+
+    /// Begins a new sequence from the codes of the last frame: the model forgets
+    /// what was danced, not the pose, and motion goes on without a seam.
+    pub fn chain(&mut self) {
+        self.seq.restart();
+        self.sequence_frames = 0;
+    }
+
+    /// Back to before the first frame, with another seed.
+    pub fn reset(&mut self, seed: u64) {
+        self.sampler.reseed(seed);
+        self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
+        self.chain();
+        self.decoder.restart();
+        self.recent.clear();
+        self.music.fill(0.0);
+        (self.bad_music_frames, self.frames) = (0, 0);
+        (self.recovery, self.stage) = (Recovery::default(), Stage::default());
+        self.watch = Watch::default();
+    }
+
+    /// Leaves guidance out from the next step on, which then takes less time, or
+    /// takes it up again from the pose that the dancer is in.
+    pub fn guide(&mut self, guided: bool) {
+        let seq = &self.networks.seq;
+        if !guided && self.seq.lanes() > 1 {
+            self.seq = seq.first_lane(&self.seq);
+        } else if guided && self.seq.lanes() == 1 && self.options.guidance != 1.0 {
+            // Both lanes remember the same past: none.
+            self.seq = seq.start(2);
+            self.wear();
+            self.chain();
+        }
     }
 
     /// How often a step goes through the network: twice if it is guided.
     pub fn passes(&self) -> u32 {
-        1 + u32::from(self.deaf.is_some())
+        self.seq.lanes() as u32
     }
 
     /// Names of the styles, as [`Generator::styles`].
@@ -417,44 +495,55 @@ impl Dance {
     /// Forgets the past, in which the dancer stood: a model that continues
     /// what it sees would go on standing. From the second time in a row on it
     /// also begins at another moment of the style.
-    fn wake(&mut self) -> Result<(), ModelError> {
-        self.forget()?;
+    fn wake(&mut self) {
+        self.chain();
         if self.watch.in_a_row > 1 {
             self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
         }
-        Ok(())
     }
 
-    /// Forgets what was danced, not the pose: motion goes on without a jump.
-    fn forget(&mut self) -> Result<(), ModelError> {
-        let start = || {
-            self.networks
-                .begin(self.style, self.style_vector.as_deref())
-        };
-        let deaf = self.deaf.is_some().then(start).transpose()?;
-        (self.seq, self.deaf) = (start()?, deaf);
-        Ok(())
-    }
-
-    fn next_codes(&mut self, seq: &MotionSeq) -> Result<Vec<usize>, ModelError> {
-        let heard = seq.step(&mut self.seq, &self.codes, Some(&self.music))?;
-        let deaf = match &mut self.deaf {
-            Some(state) => Some(seq.step(state, &self.codes, None)?),
-            None => None,
-        };
-        let mut chosen = vec![Vec::with_capacity(self.codes.len())];
+    /// Draws the codes of the next frame.
+    fn next_codes(&mut self, seq: &MotionSeq, team: &Team) -> Result<(), ModelError> {
+        let music = [Some(&self.music[..]), None];
+        let lanes = self.seq.lanes();
+        seq.step(team, &mut self.seq, &self.codes, &music[..lanes]);
+        self.sequence_frames += 1;
         for part in 0..self.codes.len() {
-            let mut logits = row(&seq.logits(part, &heard, &chosen)?)?;
-            if let Some(deaf) = &deaf {
-                let without = row(&seq.logits(part, deaf, &chosen)?)?;
-                for (with, without) in logits.iter_mut().zip(without) {
-                    *with = without + self.guidance * (*with - without);
-                }
+            let code = self.draw(seq, team, part)?;
+            if code == self.networks.config.codes {
+                return match self.options.at_end {
+                    AtEnd::Stop => Err(ModelError::Ended { frame: self.frames }),
+                    AtEnd::Chain => {
+                        self.chain();
+                        self.next_codes(seq, team)
+                    }
+                };
             }
-            let code = self.sampler.draw(&logits);
-            chosen[0].push(code.ok_or(ModelError::Diverged { frame: self.frames })?);
+            self.codes[part] = code;
         }
-        Ok(chosen.concat())
+        self.recent.push(&self.codes);
+        Ok(())
+    }
+
+    /// One part's code, or the number of codes for the end, which does not come
+    /// at once.
+    fn draw(&mut self, seq: &MotionSeq, team: &Team, part: usize) -> Result<usize, ModelError> {
+        let mut lanes = seq.logits(team, &mut self.seq, part, &self.codes[..part]);
+        self.logits.clear();
+        self.logits.extend(lanes.next().unwrap_or_default());
+        if let Some(deaf) = lanes.next() {
+            for (with, without) in self.logits.iter_mut().zip(deaf) {
+                *with = without + self.options.guidance * (*with - without);
+            }
+        }
+        let codes = self.networks.config.codes;
+        if self.sequence_frames == 1 {
+            self.logits.truncate(codes);
+        }
+        self.recent
+            .discourage(part, self.options.repetition, &mut self.logits[..codes]);
+        let drawn = self.sampler.draw(&self.logits);
+        drawn.ok_or(ModelError::Diverged { frame: self.frames })
     }
 
     /// The codes of the last frame, one per body part.
@@ -471,11 +560,6 @@ impl Dance {
     pub fn bad_music_frames(&self) -> u64 {
         self.bad_music_frames
     }
-}
-
-/// The first row of a tensor as numbers.
-fn row(logits: &Tensor) -> Result<Vec<f32>, ModelError> {
-    Ok(logits.squeeze(0)?.to_vec1()?)
 }
 
 /// Keeps the dancer near where it began: the further out, the less of every

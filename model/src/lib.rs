@@ -9,10 +9,17 @@ mod codec;
 pub mod conditioning;
 mod error;
 pub mod generator;
+mod likelihood;
 pub mod metrics;
 pub mod motion;
 pub mod net;
 
 pub use codec::Codec;
 pub use error::ModelError;
-pub use generator::{Dance, Generator, GeneratorOptions};
+pub use generator::{AtEnd, Dance, Generator, GeneratorOptions};
+pub use likelihood::Likelihood;
+
+/// The weights file that is part of this library.
+pub fn built_in_weights() -> &'static [u8] {
+    generator::BUILT_IN
+}

@@ -1,5 +1,6 @@
 //! `servodance dance`.
 
+use super::engine::EngineArgs;
 use super::robot_choice::RobotChoice;
 use super::{INTERRUPTED, stop_signal};
 use crate::conditioning::Conditioning;
@@ -88,6 +89,9 @@ pub struct Args {
     /// What weights may need beside them, and a style in words.
     #[command(flatten)]
     pub conditioning: Conditioning,
+    /// How the model's steps are computed.
+    #[command(flatten)]
+    pub engine: EngineArgs,
 
     /// Write figures of the run as JSON (see docs/report.md).
     #[arg(long, value_name = "FILE.json")]

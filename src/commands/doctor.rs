@@ -5,6 +5,7 @@ use crate::conditioning::Conditioning;
 use crate::console::say;
 use crate::dance::open_generator;
 use crate::doctor::{Finding, Verdict, examine};
+use servodance_model::net::EngineOptions;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -39,7 +40,7 @@ pub struct Args {
 /// Prints what was found; fails where a dance is not possible.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = args.robot.load()?;
-    let generator = open_generator(args.model.as_deref())?;
+    let generator = open_generator(args.model.as_deref(), EngineOptions::default())?;
     let conditioning = Conditioning {
         encodec: args.encodec,
         ..Conditioning::default()

@@ -1,9 +1,9 @@
 //! `servodance evaluate`.
 
+use super::engine::{EngineArgs, SamplingArgs};
 use crate::console::say;
 use crate::evaluate::{Request, evaluate};
 use crate::progress::Progress;
-use servodance_model::GeneratorOptions;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -44,15 +44,12 @@ pub struct Args {
     /// Also dance so many minutes in one go: does it die down, drift, jitter?
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub minutes: usize,
-    /// How codes are drawn: 0 the likeliest, 1 as the model says, above it wild.
-    #[arg(long, value_name = "T")]
-    pub temperature: Option<f32>,
-    /// Only the likeliest codes that hold this share.
-    #[arg(long, value_name = "P")]
-    pub top_p: Option<f32>,
-    /// How much the music counts: 1 as the model says, above it more.
-    #[arg(long, value_name = "G")]
-    pub guidance: Option<f32>,
+    /// How codes are drawn.
+    #[command(flatten)]
+    pub sampling: SamplingArgs,
+    /// How the model's steps are computed.
+    #[command(flatten)]
+    pub engine: EngineArgs,
     /// Seed of the first repeat.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -64,7 +61,6 @@ pub struct Args {
 /// Prints the figures.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let progress = Progress::share("evaluating", args.json);
-    let usual = GeneratorOptions::default();
     let found = evaluate(
         &Request {
             data: args.data,
@@ -74,12 +70,8 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             clips: args.clips,
             seconds: args.seconds,
             minutes: args.minutes,
-            sampling: GeneratorOptions {
-                temperature: args.temperature.unwrap_or(usual.temperature),
-                top_p: args.top_p.unwrap_or(usual.top_p),
-                guidance: args.guidance.unwrap_or(usual.guidance),
-                ..usual
-            },
+            sampling: args.sampling.options(),
+            engine: args.engine.options(),
             seed: args.seed,
         },
         |share| progress.at(100.0 * share),

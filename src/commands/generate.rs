@@ -1,9 +1,11 @@
 //! `servodance generate`.
 
+use super::engine::{EngineArgs, SamplingArgs};
 use crate::conditioning::Conditioning;
 use crate::console::say;
 use crate::dance::AudioChoice;
 use crate::generate::{MotionFormat, Request, generate, write_motion};
+use servodance_model::{AtEnd, GeneratorOptions};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -53,6 +55,16 @@ pub struct Args {
     /// What weights may need beside them, and a style in words.
     #[command(flatten)]
     pub conditioning: Conditioning,
+    /// How codes are drawn.
+    #[command(flatten)]
+    pub sampling: SamplingArgs,
+    /// Stop where a model that knows an end says so; else a new sequence goes on
+    /// from there.
+    #[arg(long)]
+    pub until_end: bool,
+    /// How the model's steps are computed.
+    #[command(flatten)]
+    pub engine: EngineArgs,
     /// Print only errors.
     #[arg(long, short)]
     pub quiet: bool,
@@ -66,6 +78,14 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         seconds: args.seconds,
         seed: args.seed,
         style: args.style,
+        sampling: GeneratorOptions {
+            at_end: match args.until_end {
+                true => AtEnd::Stop,
+                false => AtEnd::Chain,
+            },
+            ..args.sampling.options()
+        },
+        engine: args.engine.options(),
         start: args.start,
         lookahead_s: args.lookahead,
         model: args.model,

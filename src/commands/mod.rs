@@ -13,6 +13,7 @@ pub mod dance;
 pub mod dataset;
 pub mod devices;
 pub mod doctor;
+pub mod engine;
 pub mod evaluate;
 pub mod export;
 pub mod generate;
@@ -32,6 +33,7 @@ pub mod set_id;
 pub mod sim_bus;
 pub mod soak;
 pub mod song;
+pub mod weights;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -110,6 +112,8 @@ pub enum Command {
     Soak(soak::Args),
     /// Write the built-in song as a WAV file.
     Song(song::Args),
+    /// Look a weights file over, write it in another number format, see what that costs.
+    Weights(weights::Args),
 }
 
 impl Command {
@@ -145,6 +149,7 @@ impl Command {
             Command::SimBus(args) => sim_bus::run(args),
             Command::Soak(args) => soak::run(args),
             Command::Song(args) => song::run(args),
+            Command::Weights(args) => weights::run(args),
         }
     }
 }

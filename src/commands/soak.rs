@@ -8,6 +8,7 @@ use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
 use crate::soak::{Music, Soak};
 use anyhow::bail;
+use servodance_model::net::EngineOptions;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -86,7 +87,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         fault_every_s: args.fault_every,
         seed: args.seed,
     };
-    let generator = open_generator(args.model.as_deref())?;
+    let generator = open_generator(args.model.as_deref(), EngineOptions::default())?;
     let stop = stop_signal()?;
     let progress = Progress::new(Some(soak.total_s), args.quiet);
     let summary = soak.run(&generator, &stop, |music_s| progress.at(music_s))?;

@@ -21,6 +21,7 @@ use crate::robot::Robot;
 use anyhow::{Context, bail};
 use servodance_audio::MusicAnalyzer;
 use servodance_drivers::EStop;
+use servodance_model::net::EngineOptions;
 use servodance_model::{Dance, GeneratorOptions};
 use servodance_types::{Contacts, FRAME_RATE_HZ, MotionFrame};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -87,7 +88,8 @@ pub fn measure(
 ) -> anyhow::Result<Measured> {
     let mut retargeter = robot.retargeter()?;
     let delays = Delays::new(robot, &retargeter);
-    let model = open_generator(None)?.start(GeneratorOptions::default())?;
+    let model =
+        open_generator(None, EngineOptions::default())?.start(GeneratorOptions::default())?;
     let estop = EStop::default();
     let _watch = EStopWatch::start(&estop, None, true)?;
     let mut rig = Rig::open(robot, buses, Speed::Realtime, &estop)?;

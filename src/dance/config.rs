@@ -8,6 +8,7 @@ use crate::robot::Robot;
 use anyhow::bail;
 use clap::ValueEnum;
 use servodance_audio::source::PcmFormat;
+use servodance_model::net::EngineOptions;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -69,6 +70,8 @@ pub struct DanceConfig {
     pub model: Option<PathBuf>,
     /// What those weights may need beside them, and a style in words.
     pub conditioning: Conditioning,
+    /// How the model's steps are computed.
+    pub engine: EngineOptions,
     /// Where the report goes.
     pub report: Option<PathBuf>,
     /// Where the recording goes.
@@ -118,6 +121,7 @@ impl DanceConfig {
             style: args.style,
             model: args.model,
             conditioning: args.conditioning,
+            engine: args.engine.options(),
             report: args.report,
             record: args.record,
             picture: (!args.no_picture).then_some(args.picture),

@@ -30,7 +30,7 @@ impl Evening {
     /// # Errors
     /// A model that cannot be loaded, a style that it does not know.
     pub fn new(config: DanceConfig) -> anyhow::Result<(Self, ViewerEnd)> {
-        let generator = open_generator(config.model.as_deref())?;
+        let generator = open_generator(config.model.as_deref(), config.engine)?;
         let style = config.style.as_deref();
         let settings = Settings {
             amplitude: config.robot.retarget.amplitude,

@@ -57,6 +57,7 @@ use overload::{LeftOut, Overload, Sparing};
 use rig::Rig;
 use servodance_audio::capture::Notice;
 use servodance_drivers::EStop;
+use servodance_model::net::EngineOptions;
 use servodance_model::{Generator, GeneratorOptions};
 use servodance_retarget::EffortReport;
 use std::collections::BTreeMap;
@@ -79,7 +80,7 @@ pub struct Outcome {
 /// Whatever the user gave that cannot be used, and whatever failed on the way;
 /// torque is off by then.
 pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome> {
-    let generator = open_generator(config.model.as_deref())?;
+    let generator = open_generator(config.model.as_deref(), config.engine)?;
     let estop = EStop::default();
     let _watch = watch(config, &estop)?;
     perform(config, &generator, stop, &estop, None)
@@ -262,10 +263,13 @@ struct Run {
 }
 
 /// The weights in a file, or those that are built in.
-pub(crate) fn open_generator(model: Option<&Path>) -> anyhow::Result<Generator> {
+pub(crate) fn open_generator(
+    model: Option<&Path>,
+    engine: EngineOptions,
+) -> anyhow::Result<Generator> {
     Ok(match model {
-        Some(path) => Generator::load(path)?,
-        None => Generator::built_in()?,
+        Some(path) => Generator::load_with(path, engine)?,
+        None => Generator::built_in_with(engine)?,
     })
 }
 

@@ -163,7 +163,7 @@ impl Dancer {
             let time_s = heard.frame.time_s;
             return Ok(MotionFrame { time_s, ..held });
         }
-        self.generator.guide(left_out < LeftOut::Guidance)?;
+        self.generator.guide(left_out < LeftOut::Guidance);
         for _ in 0..self.generator.passes() {
             drill::pass("model");
         }

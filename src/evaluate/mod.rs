@@ -22,6 +22,7 @@ use reference::{HeldOut, Reference};
 use servodance_model::conditioning::MusicKind;
 use servodance_model::metrics::{distance_of_dances_m, mpjpe_m};
 use servodance_model::motion::{Clip, Pose};
+use servodance_model::net::EngineOptions;
 use servodance_model::{Codec, Generator, GeneratorOptions, ModelError};
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 use std::path::PathBuf;
@@ -46,6 +47,8 @@ pub struct Request {
     pub minutes: usize,
     /// How codes are drawn; its seed and style are not looked at.
     pub sampling: GeneratorOptions,
+    /// How the model's steps are computed.
+    pub engine: EngineOptions,
     /// Seed of the first repeat.
     pub seed: u64,
 }
@@ -69,7 +72,7 @@ pub fn evaluate(request: &Request, on_progress: impl Fn(f64) + Sync) -> anyhow::
     if request.minutes > 1000 {
         anyhow::bail!("--minutes {} is outside 0..1000", request.minutes);
     }
-    let generator = open_generator(request.model.as_deref())?;
+    let generator = open_generator(request.model.as_deref(), request.engine)?;
     if generator.music_kind() == MusicKind::Encodec128 {
         anyhow::bail!("--model: evaluate feeds servodance39, the weights hear encodec128");
     }

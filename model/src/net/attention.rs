@@ -1,55 +1,12 @@
-//! Attention with ALiBi, over everything at once or over a rotating cache.
-//!
-//! A cache holds the keys and values of the last `window` frames in a ring.
-//! Order inside it does not matter: the bias, made once a frame for all
-//! layers, gives each slot its age. Slots never written are masked out.
+//! Attention with ALiBi in candle, over all frames at once. A frame at a time:
+//! [`engine`](super::engine).
 
-use candle_core::{DType, Device, Result as TensorResult, Tensor};
+use candle_core::{Device, Result as TensorResult, Tensor};
 use candle_nn::ops;
 
 use super::layers::Linear;
 use super::weights::Weights;
 use crate::error::ModelError;
-
-/// Which slot of the rings is written now, and how old the others are.
-#[derive(Clone, Debug)]
-pub(crate) struct RingClock {
-    window: usize,
-    frames: u64,
-}
-
-impl RingClock {
-    pub fn new(window: usize) -> Self {
-        Self { window, frames: 0 }
-    }
-
-    /// The slot of the frame that is being processed.
-    pub fn slot(&self) -> usize {
-        (self.frames % self.window as u64) as usize
-    }
-
-    /// To the next frame.
-    pub fn advance(&mut self) {
-        self.frames += 1;
-    }
-
-    /// Bias [heads, 1, window] for the frame that is being processed.
-    pub fn bias(&self, slopes: &[f32]) -> TensorResult<Tensor> {
-        let (slot, window) = (self.slot(), self.window);
-        let ages: Vec<usize> = (0..window).map(|s| (slot + window - s) % window).collect();
-        let bias: Vec<f32> = slopes
-            .iter()
-            .flat_map(|slope| {
-                ages.iter()
-                    .map(move |&age| match age as u64 <= self.frames {
-                        true => -slope * age as f32,
-                        false => f32::NEG_INFINITY,
-                    })
-            })
-            .collect();
-        Tensor::from_vec(bias, (slopes.len(), 1, window), &Device::Cpu)
-    }
-}
 
 /// Bias [heads, length, length] for one pass: frame i sees j when
 /// `i - window < j <= i + ahead`.
@@ -73,29 +30,6 @@ pub(crate) fn one_shot_bias(
         }
     }
     Tensor::from_vec(bias, (slopes.len(), length, length), &Device::Cpu)
-}
-
-/// Keys and values of one layer, [heads, window, width] each. Written in place,
-/// so there is no `Clone`: a copy would share the numbers.
-#[derive(Debug)]
-pub(crate) struct Ring {
-    keys: Tensor,
-    values: Tensor,
-}
-
-impl Ring {
-    pub fn new(heads: usize, window: usize, dim: usize) -> TensorResult<Self> {
-        let shape = (heads, window, dim / heads);
-        Ok(Self {
-            keys: Tensor::zeros(shape, DType::F32, &Device::Cpu)?,
-            values: Tensor::zeros(shape, DType::F32, &Device::Cpu)?,
-        })
-    }
-
-    fn write(&self, slot: usize, keys: &Tensor, values: &Tensor) -> TensorResult<()> {
-        self.keys.slice_set(keys, 1, slot)?;
-        self.values.slice_set(values, 1, slot)
-    }
 }
 
 /// Rows [n, parts * dim] to `parts` tensors [heads, n, width], contiguous.
@@ -125,26 +59,19 @@ pub(crate) struct SelfAttention {
 }
 
 impl SelfAttention {
-    pub fn load(w: &Weights, name: &str, dim: usize, heads: usize) -> Result<Self, ModelError> {
+    /// `(heads, width)`: how many, and how wide each.
+    pub fn load(
+        w: &Weights,
+        name: &str,
+        dim: usize,
+        (heads, width): (usize, usize),
+    ) -> Result<Self, ModelError> {
+        let wide = heads * width;
         Ok(Self {
             heads,
-            qkv: Linear::load(w, &format!("{name}.qkv"), dim, 3 * dim)?,
-            out: Linear::load(w, &format!("{name}.out"), dim, dim)?,
+            qkv: Linear::load(w, &format!("{name}.qkv"), dim, 3 * wide)?,
+            out: Linear::load(w, &format!("{name}.out"), wide, dim)?,
         })
-    }
-
-    /// One frame [1, dim]; writes its key and value into the ring first.
-    pub fn step(
-        &self,
-        x: &Tensor,
-        ring: &Ring,
-        slot: usize,
-        bias: &Tensor,
-    ) -> TensorResult<Tensor> {
-        let parts = split_heads(&self.qkv.forward(x)?, 3, self.heads)?;
-        ring.write(slot, &parts[1], &parts[2])?;
-        self.out
-            .forward(&attend(&parts[0], &ring.keys, &ring.values, bias)?)
     }
 
     /// All frames [n, dim] at once.
@@ -165,29 +92,20 @@ pub(crate) struct CrossAttention {
 }
 
 impl CrossAttention {
-    pub fn load(w: &Weights, name: &str, dim: usize, heads: usize) -> Result<Self, ModelError> {
+    /// `(heads, width)`: how many, and how wide each.
+    pub fn load(
+        w: &Weights,
+        name: &str,
+        dim: usize,
+        (heads, width): (usize, usize),
+    ) -> Result<Self, ModelError> {
+        let wide = heads * width;
         Ok(Self {
             heads,
-            q: Linear::load(w, &format!("{name}.q"), dim, dim)?,
-            kv: Linear::load(w, &format!("{name}.kv"), dim, 2 * dim)?,
-            out: Linear::load(w, &format!("{name}.out"), dim, dim)?,
+            q: Linear::load(w, &format!("{name}.q"), dim, wide)?,
+            kv: Linear::load(w, &format!("{name}.kv"), dim, 2 * wide)?,
+            out: Linear::load(w, &format!("{name}.out"), wide, dim)?,
         })
-    }
-
-    /// One frame [1, dim] and its music [1, dim].
-    pub fn step(
-        &self,
-        x: &Tensor,
-        music: &Tensor,
-        ring: &Ring,
-        slot: usize,
-        bias: &Tensor,
-    ) -> TensorResult<Tensor> {
-        let kv = split_heads(&self.kv.forward(music)?, 2, self.heads)?;
-        ring.write(slot, &kv[0], &kv[1])?;
-        let q = split_heads(&self.q.forward(x)?, 1, self.heads)?;
-        self.out
-            .forward(&attend(&q[0], &ring.keys, &ring.values, bias)?)
     }
 
     /// All frames [n, dim] with all music [n, dim] at once.

@@ -19,6 +19,18 @@ pub enum Activation {
     Relu2,
 }
 
+/// How MotionSeq knows where a frame stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Positions {
+    /// Relative: a bias that falls with the distance, per head (ALiBi).
+    #[default]
+    Alibi,
+    /// Absolute sinusoids added to codes and music: the paper's ablation, which
+    /// freezes once a dance is longer than what it was trained on.
+    Sinusoidal,
+}
+
 /// Sizes of both stages.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -54,6 +66,10 @@ pub struct VqConfig {
     pub dim: usize,
     /// Attention heads.
     pub heads: usize,
+    /// Width of a head, here and in the encoders; without it heads share the
+    /// model width.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub head_dim: Option<usize>,
     /// Feed-forward width.
     pub ff: usize,
     /// Width of a part's encoder.
@@ -80,6 +96,9 @@ pub struct SeqConfig {
     pub dim: usize,
     /// Attention heads.
     pub heads: usize,
+    /// Width of a head; without it heads share the model width.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub head_dim: Option<usize>,
     /// Feed-forward width.
     pub ff: usize,
     /// Layers.
@@ -101,6 +120,12 @@ pub struct SeqConfig {
     pub style_dim: usize,
     /// Names of the styles; the table has one row more, for no style.
     pub styles: Vec<String>,
+    /// How a frame's place is known.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub positions: Positions,
+    /// The first part's head has one class more than codes: the sequence ends.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub eos: bool,
 }
 
 /// Written only where it says something new: older readers know no more.
@@ -108,7 +133,50 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
+impl VqConfig {
+    /// Width of a decoder head.
+    pub fn decoder_head_dim(&self) -> usize {
+        self.head_dim.unwrap_or(self.dim / self.heads)
+    }
+
+    /// Width of an encoder head.
+    pub fn encoder_head_dim(&self) -> usize {
+        let heads = self.encoder_slopes.len();
+        self.head_dim.unwrap_or(self.encoder_dim / heads)
+    }
+}
+
+impl SeqConfig {
+    /// Width of a head.
+    pub fn width_of_head(&self) -> usize {
+        self.head_dim.unwrap_or(self.dim / self.heads)
+    }
+
+    /// Slopes of the self-attention heads as they are used: none with absolute
+    /// positions.
+    pub(crate) fn used_slopes(&self) -> Vec<f32> {
+        match self.positions {
+            Positions::Alibi => self.slopes.clone(),
+            Positions::Sinusoidal => vec![0.0; self.heads],
+        }
+    }
+
+    /// Likewise of the cross-attention heads: none in the paper's bag of music.
+    pub(crate) fn used_cross_slopes(&self) -> Vec<f32> {
+        match self.positions {
+            Positions::Alibi if self.cross_aligned => self.cross_slopes.clone(),
+            _ => vec![0.0; self.heads],
+        }
+    }
+}
+
 impl ModelConfig {
+    /// Classes of a part's head: the codes, and in the first part the end of
+    /// the sequence where the configuration has one.
+    pub fn classes(&self, part: usize) -> usize {
+        self.codes + usize::from(self.seq.eos && part == 0)
+    }
+
     /// Parses and checks; the error names the field, what it is and what it
     /// should be.
     pub fn from_json(text: &str) -> Result<Self, String> {
@@ -144,32 +212,27 @@ impl ModelConfig {
             ("seq.layers", seq.layers, 64),
             ("seq.window", seq.window, 4096),
             ("seq.style_dim", seq.style_dim, 8192),
+            ("vq.head_dim", vq.head_dim.unwrap_or(1), 1024),
+            ("seq.head_dim", seq.head_dim.unwrap_or(1), 1024),
         ] {
             if value == 0 || value > limit {
                 return Err(format!("{name} is {value}, expected 1 to {limit}"));
             }
         }
-        heads(
-            "vq.heads",
-            vq.heads,
-            vq.dim,
-            &[("vq.decoder_slopes", &vq.decoder_slopes)],
-        )?;
-        heads(
+        let shared = |name, count, dim, own: Option<usize>| heads(name, count, dim, own.is_some());
+        shared("vq.heads", vq.heads, vq.dim, vq.head_dim)?;
+        let encoder_heads = vq.encoder_slopes.len();
+        shared(
             "vq.encoder_slopes",
-            vq.encoder_slopes.len(),
+            encoder_heads,
             vq.encoder_dim,
-            &[("vq.encoder_slopes", &vq.encoder_slopes)],
+            vq.head_dim,
         )?;
-        heads(
-            "seq.heads",
-            seq.heads,
-            seq.dim,
-            &[
-                ("seq.slopes", &seq.slopes),
-                ("seq.cross_slopes", &seq.cross_slopes),
-            ],
-        )
+        shared("seq.heads", seq.heads, seq.dim, seq.head_dim)?;
+        slopes("vq.encoder_slopes", &vq.encoder_slopes, encoder_heads)?;
+        slopes("vq.decoder_slopes", &vq.decoder_slopes, vq.heads)?;
+        slopes("seq.slopes", &seq.slopes, seq.heads)?;
+        slopes("seq.cross_slopes", &seq.cross_slopes, seq.heads)
     }
 }
 
@@ -180,18 +243,20 @@ fn expect(name: &str, found: usize, expected: usize) -> Result<(), String> {
     Err(format!("{name} is {found}, expected {expected}"))
 }
 
-fn heads(name: &str, heads: usize, dim: usize, slopes: &[(&str, &[f32])]) -> Result<(), String> {
-    if heads == 0 || !dim.is_multiple_of(heads) {
+fn heads(name: &str, heads: usize, dim: usize, own_width: bool) -> Result<(), String> {
+    if heads == 0 || heads > 256 || !(own_width || dim.is_multiple_of(heads)) {
         return Err(format!(
             "{name} is {heads}, which does not divide the width {dim}"
         ));
     }
-    for (name, slopes) in slopes {
-        if slopes.len() != heads || slopes.iter().any(|s| !(0.0..=16.0).contains(s)) {
-            return Err(format!(
-                "{name} is {slopes:?}, expected {heads} numbers from 0 to 16"
-            ));
-        }
+    Ok(())
+}
+
+fn slopes(name: &str, slopes: &[f32], heads: usize) -> Result<(), String> {
+    if slopes.len() != heads || slopes.iter().any(|s| !(0.0..=16.0).contains(s)) {
+        return Err(format!(
+            "{name} is {slopes:?}, expected {heads} numbers from 0 to 16"
+        ));
     }
     Ok(())
 }

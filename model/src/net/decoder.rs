@@ -1,9 +1,9 @@
-//! Stage 1's causal decoder: the codes of a frame to its 137 numbers
-//! (normalised), a frame at a time or all at once with the same result.
+//! Stage 1's causal decoder in candle, all frames at once: the check of the one
+//! that streams ([`super::VqDecoder`]).
 
 use candle_core::{Device, Result as TensorResult, Tensor};
 
-use super::attention::{Ring, RingClock, one_shot_bias};
+use super::attention::one_shot_bias;
 use super::config::VqConfig;
 use super::layers::{Layer, Linear, Norm};
 use super::weights::Weights;
@@ -11,7 +11,7 @@ use crate::error::ModelError;
 
 /// The decoder's weights.
 #[derive(Clone, Debug)]
-pub struct VqDecoder {
+pub struct OneShotDecoder {
     config: VqConfig,
     /// One table [codes, code_dim] per body part.
     codebooks: Vec<Tensor>,
@@ -21,14 +21,7 @@ pub struct VqDecoder {
     output: Linear,
 }
 
-/// Where one stream of frames stands: rotating caches, constant memory.
-#[derive(Debug)]
-pub struct DecoderState {
-    clock: RingClock,
-    rings: Vec<Ring>,
-}
-
-impl VqDecoder {
+impl OneShotDecoder {
     /// Takes the tensors under `vq.` out of the file.
     pub fn load(w: &Weights) -> Result<Self, ModelError> {
         let config = w.config();
@@ -41,7 +34,8 @@ impl VqDecoder {
         });
         let layers = (0..vq.decoder_layers).map(|i| {
             let name = format!("vq.decoder.layers.{i}");
-            Layer::load(w, &name, vq.dim, vq.heads, vq.ff)
+            let heads = (vq.heads, vq.decoder_head_dim());
+            Layer::load(w, &name, vq.dim, heads, vq.ff)
         });
         let wide = config.parts.len() * config.code_dim;
         Ok(Self {
@@ -52,36 +46,6 @@ impl VqDecoder {
             output: Linear::load(w, "vq.decoder.output", vq.dim, config.motion_dim)?,
             config: vq,
         })
-    }
-
-    /// A stream before its first frame.
-    pub fn start(&self) -> Result<DecoderState, ModelError> {
-        let vq = &self.config;
-        let ring = |_| Ring::new(vq.heads, vq.decoder_window, vq.dim);
-        Ok(DecoderState {
-            clock: RingClock::new(vq.decoder_window),
-            rings: (0..vq.decoder_layers)
-                .map(ring)
-                .collect::<TensorResult<_>>()?,
-        })
-    }
-
-    /// The next frame, 137 normalised numbers, from one code per part.
-    pub fn step(&self, state: &mut DecoderState, codes: &[usize]) -> Result<Vec<f32>, ModelError> {
-        let mut x = self.input.forward(&self.embed(&[codes.to_vec()])?)?;
-        let (slot, bias) = (
-            state.clock.slot(),
-            state.clock.bias(&self.config.decoder_slopes)?,
-        );
-        for (layer, ring) in self.layers.iter().zip(&state.rings) {
-            x = layer.step(&x, ring, slot, &bias)?;
-        }
-        state.clock.advance();
-        Ok(self
-            .output
-            .forward(&self.norm.forward(&x)?)?
-            .squeeze(0)?
-            .to_vec1()?)
     }
 
     /// All frames at once: rows of codes to rows of 137 normalised numbers.

@@ -89,7 +89,8 @@ impl Part {
                 PARTS.join(", ")
             ))
         })?;
-        let (dim, heads) = (vq.encoder_dim, vq.encoder_slopes.len());
+        let dim = vq.encoder_dim;
+        let heads = (vq.encoder_slopes.len(), vq.encoder_head_dim());
         let shape = [config.codes, config.code_dim];
         let codebook = w.tensor(&format!("vq.codebook.{part}"), &shape)?;
         let layers = (0..vq.encoder_layers)

@@ -1,12 +1,12 @@
-//! Linear, layer norm, feed-forward, and the pre-norm layer of stage 1: weights
-//! out of the file, one call each.
+//! Linear, layer norm, feed-forward, and the pre-norm layer of stage 1 in candle:
+//! weights out of the file, one call each.
 //!
-//! Inference only: the fused layer norm used here has no gradient.
+//! For all frames at once, inference only: the fused layer norm used here has no gradient.
 
 use candle_core::{Result as TensorResult, Tensor};
 use candle_nn::ops;
 
-use super::attention::{Ring, SelfAttention};
+use super::attention::SelfAttention;
 use super::config::Activation;
 use super::weights::Weights;
 use crate::error::ModelError;
@@ -96,7 +96,7 @@ impl Layer {
         w: &Weights,
         name: &str,
         dim: usize,
-        heads: usize,
+        heads: (usize, usize),
         hidden: usize,
     ) -> Result<Self, ModelError> {
         Ok(Self {
@@ -105,20 +105,6 @@ impl Layer {
             norm2: Norm::load(w, &format!("{name}.norm2"), dim)?,
             feed_forward: FeedForward::load(w, &format!("{name}.ff"), dim, hidden)?,
         })
-    }
-
-    /// One frame [1, dim], with the frames before it in the ring.
-    pub fn step(
-        &self,
-        x: &Tensor,
-        ring: &Ring,
-        slot: usize,
-        bias: &Tensor,
-    ) -> TensorResult<Tensor> {
-        let attended = self
-            .attention
-            .step(&self.norm1.forward(x)?, ring, slot, bias)?;
-        self.feed(&(x + attended)?)
     }
 
     /// All frames [n, dim] at once.

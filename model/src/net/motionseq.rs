@@ -1,15 +1,13 @@
-//! Stage 2, MotionSeq: the next code of every body part from the codes before,
-//! the music up to now and a style.
-//!
-//! Frame i reads the codes of frame i-1 and the music of frame i. There is no
-//! start token: the codes before the first frame are given, so that dances
-//! chain. Music is normalised by the caller.
+//! Stage 2 in candle, all frames at once: the check of the one that streams
+//! ([`super::MotionSeq`], where the network is explained), and the way to score
+//! sequences that are known. `lookahead` counts here.
 
 use candle_core::{D, Device, Result as TensorResult, Tensor};
 
-use super::attention::{CrossAttention, Ring, RingClock, SelfAttention, one_shot_bias};
-use super::config::SeqConfig;
+use super::attention::{CrossAttention, SelfAttention, one_shot_bias};
+use super::config::{Positions, SeqConfig};
 use super::decoder::column;
+use super::engine::add_positions;
 use super::layers::{FeedForward, Linear, Norm};
 use super::weights::Weights;
 use crate::error::ModelError;
@@ -28,7 +26,8 @@ struct Layer {
 
 impl Layer {
     fn load(w: &Weights, name: &str, seq: &SeqConfig) -> Result<Self, ModelError> {
-        let (dim, heads) = (seq.dim, seq.heads);
+        let dim = seq.dim;
+        let heads = (seq.heads, seq.width_of_head());
         Ok(Self {
             norm1: Norm::load(w, &format!("{name}.norm1"), dim)?,
             attention: SelfAttention::load(w, &format!("{name}.attn"), dim, heads)?,
@@ -69,14 +68,14 @@ impl PartHead {
             embed: w.tensor(&format!("seq.embed.{part}.weight"), &[codes, dim])?,
             given,
             refine,
-            head: Linear::load(w, &format!("seq.head.{part}"), dim, codes)?,
+            head: Linear::load(w, &format!("seq.head.{part}"), dim, config.classes(index))?,
         })
     }
 }
 
-/// The weights of MotionSeq.
+/// The weights of MotionSeq, as tensors.
 #[derive(Clone, Debug)]
-pub struct MotionSeq {
+pub struct OneShotSeq {
     config: SeqConfig,
     music_dim: usize,
     music_in: Linear,
@@ -87,17 +86,7 @@ pub struct MotionSeq {
     parts: Vec<PartHead>,
 }
 
-/// Where one dance stands: rotating caches and the style; constant memory.
-#[derive(Debug)]
-pub struct SeqState {
-    clock: RingClock,
-    own: Vec<Ring>,
-    music: Vec<Ring>,
-    /// The style's scale for every layer, [1, dim].
-    style: Vec<Tensor>,
-}
-
-impl MotionSeq {
+impl OneShotSeq {
     /// Takes the tensors under `seq.` out of the file.
     pub fn load(w: &Weights) -> Result<Self, ModelError> {
         let config = w.config();
@@ -116,61 +105,6 @@ impl MotionSeq {
         })
     }
 
-    /// A dance before its first frame; `style` indexes the configuration's
-    /// styles, none is the null style.
-    pub fn start(&self, style: Option<usize>) -> Result<SeqState, ModelError> {
-        self.start_with(self.style_scales(style)?)
-    }
-
-    /// The same in a style that is not in the table but a vector of
-    /// `style_dim` numbers.
-    pub fn start_in_style(&self, style: &[f32]) -> Result<SeqState, ModelError> {
-        let row = Tensor::from_slice(style, (1, self.config.style_dim), &Device::Cpu)?;
-        self.start_with(self.scales_of(&row)?)
-    }
-
-    fn start_with(&self, style: Vec<Tensor>) -> Result<SeqState, ModelError> {
-        let seq = &self.config;
-        let ring = |_| Ring::new(seq.heads, seq.window, seq.dim);
-        Ok(SeqState {
-            clock: RingClock::new(seq.window),
-            own: (0..seq.layers).map(ring).collect::<TensorResult<_>>()?,
-            music: (0..seq.layers).map(ring).collect::<TensorResult<_>>()?,
-            style,
-        })
-    }
-
-    /// The hidden vector [1, dim] of the next frame, from the codes of the
-    /// frame before it and its music (none: as if there were no music).
-    pub fn step(
-        &self,
-        state: &mut SeqState,
-        previous: &[usize],
-        music: Option<&[f32]>,
-    ) -> Result<Tensor, ModelError> {
-        let seq = &self.config;
-        let stream = self.music_stream(music, 1)?;
-        let mut x = self.input(&[previous.to_vec()], &stream)?;
-        let slot = state.clock.slot();
-        let bias = state.clock.bias(&seq.slopes)?;
-        let cross_bias = match seq.cross_aligned {
-            true => state.clock.bias(&seq.cross_slopes)?,
-            false => state.clock.bias(&vec![0.0; seq.heads])?,
-        };
-        for (i, layer) in self.layers.iter().enumerate() {
-            let own = layer.norm1.forward(&x)?;
-            x = (&x + layer.attention.step(&own, &state.own[i], slot, &bias)?)?;
-            let query = layer.norm2.forward(&x)?;
-            let heard = layer
-                .cross
-                .step(&query, &stream, &state.music[i], slot, &cross_bias)?;
-            x = styled(&(&x + heard)?, &state.style[i])?;
-            x = (&x + layer.feed_forward.forward(&layer.norm3.forward(&x)?)?)?;
-        }
-        state.clock.advance();
-        Ok(self.norm.forward(&x)?)
-    }
-
     /// Hidden vectors [frames, dim] of all frames at once; `music` holds
     /// frames times 39 numbers, or none.
     pub fn one_shot(
@@ -182,9 +116,18 @@ impl MotionSeq {
         let (seq, length) = (&self.config, previous.len());
         let stream = self.music_stream(music, length)?;
         let mut x = self.input(previous, &stream)?;
-        let bias = one_shot_bias(length, &seq.slopes, seq.window, 0)?;
+        let mut stream = stream;
+        if seq.positions == Positions::Sinusoidal {
+            let positions = positions(length, seq.dim)?;
+            x = (x + &positions)?;
+            stream = (stream + positions)?;
+        }
+        let bias = one_shot_bias(length, &seq.used_slopes(), seq.window, 0)?;
         let cross_bias = match seq.cross_aligned {
-            true => one_shot_bias(length, &seq.cross_slopes, seq.window, seq.lookahead)?,
+            true => {
+                let slopes = seq.used_cross_slopes();
+                one_shot_bias(length, &slopes, seq.window, seq.lookahead)?
+            }
             false => Tensor::zeros((seq.heads, length, length), x.dtype(), &Device::Cpu)?,
         };
         let scales = self.style_scales(style)?;
@@ -255,6 +198,15 @@ impl MotionSeq {
             .map(|layer| layer.style.forward(row))
             .collect()
     }
+}
+
+/// Absolute positions [frames, dim].
+fn positions(frames: usize, dim: usize) -> TensorResult<Tensor> {
+    let mut rows = vec![0.0; frames * dim];
+    for (frame, row) in rows.chunks_exact_mut(dim).enumerate() {
+        add_positions(row, frame as u64);
+    }
+    Tensor::from_vec(rows, (frames, dim), &Device::Cpu)
 }
 
 /// Eq. 5 as a residual branch: `x + scale * x / |x| * sqrt(dim)`.

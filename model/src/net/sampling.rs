@@ -14,6 +14,8 @@ pub struct Sampling {
     pub top_k: usize,
     /// Only the likeliest codes that hold this share of the probability, 0-1.
     pub top_p: f32,
+    /// A code's logit falls by this times its share of the last frames.
+    pub repetition: f32,
 }
 
 impl Sampling {
@@ -33,7 +35,73 @@ impl Sampling {
                 expected: "above 0, up to 1",
             });
         }
+        if !(0.0..=20.0).contains(&self.repetition) {
+            return Err(ModelError::Option {
+                option: "repetition",
+                found: self.repetition.to_string(),
+                expected: "0 to 20",
+            });
+        }
         Ok(self)
+    }
+}
+
+/// Frames of which repetition is counted: two seconds.
+const RECENT_FRAMES: usize = 40;
+
+/// What was danced in the last two seconds, for less of it.
+#[derive(Clone, Debug)]
+pub struct Recent {
+    codes: usize,
+    /// How often each code of each part came.
+    counts: Vec<u16>,
+    /// Codes of the last frames, the oldest at `next`.
+    frames: Vec<usize>,
+    next: usize,
+    filled: usize,
+}
+
+impl Recent {
+    /// Nothing yet.
+    pub fn new(parts: usize, codes: usize) -> Self {
+        Self {
+            codes,
+            counts: vec![0; parts * codes],
+            frames: vec![0; parts * RECENT_FRAMES],
+            next: 0,
+            filled: 0,
+        }
+    }
+
+    /// Nothing again.
+    pub fn clear(&mut self) {
+        self.counts.fill(0);
+        (self.next, self.filled) = (0, 0);
+    }
+
+    /// Counts the codes of a frame, one per part.
+    pub fn push(&mut self, codes: &[usize]) {
+        let slot = &mut self.frames[self.next * codes.len()..][..codes.len()];
+        for (part, (old, new)) in slot.iter_mut().zip(codes).enumerate() {
+            if self.filled == RECENT_FRAMES {
+                self.counts[part * self.codes + *old] -= 1;
+            }
+            self.counts[part * self.codes + new] += 1;
+            *old = *new;
+        }
+        self.next = (self.next + 1) % RECENT_FRAMES;
+        self.filled = (self.filled + 1).min(RECENT_FRAMES);
+    }
+
+    /// Makes the codes of one part that came less likely.
+    pub fn discourage(&self, part: usize, strength: f32, logits: &mut [f32]) {
+        if strength == 0.0 {
+            return;
+        }
+        let counts = &self.counts[part * self.codes..][..self.codes];
+        for (logit, count) in logits.iter_mut().zip(counts) {
+            *logit -= strength * f32::from(*count) / RECENT_FRAMES as f32;
+        }
     }
 }
 
@@ -72,6 +140,7 @@ impl Sampler {
             temperature,
             top_k,
             top_p,
+            ..
         } = self.sampling;
         let logit = |i: &u32| logits[*i as usize];
         let order = &mut self.order;
@@ -122,6 +191,7 @@ mod tests {
             temperature,
             top_k,
             top_p,
+            repetition: 0.0,
         };
         Sampler::new(sampling, 5).unwrap()
     }
@@ -164,6 +234,7 @@ mod tests {
                 temperature: 1.0,
                 top_k: 0,
                 top_p: 1.0,
+                repetition: 0.0,
             };
             let mut sampler = Sampler::new(sampling, seed).unwrap();
             (0..50).map(|_| sampler.draw(&[0.0; 64])).collect()
@@ -173,11 +244,29 @@ mod tests {
     }
 
     #[test]
+    fn only_what_came_in_the_last_two_seconds_gets_less_likely() {
+        let mut recent = Recent::new(2, 4);
+        let logits_of = |recent: &Recent, part| {
+            let mut logits = [1.0; 4];
+            recent.discourage(part, 8.0, &mut logits);
+            logits
+        };
+        (0..10).for_each(|_| recent.push(&[2, 0]));
+        assert_eq!(logits_of(&recent, 0), [1.0, 1.0, -1.0, 1.0]);
+        assert_eq!(logits_of(&recent, 1), [-1.0, 1.0, 1.0, 1.0]);
+        (0..35).for_each(|_| recent.push(&[3, 0]));
+        assert_eq!(logits_of(&recent, 0), [1.0, 1.0, 0.0, -6.0]);
+        recent.clear();
+        assert_eq!(logits_of(&recent, 1), [1.0; 4]);
+    }
+
+    #[test]
     fn impossible_options_are_refused_by_name() {
         let sampling = Sampling {
             temperature: f32::NAN,
             top_k: 0,
             top_p: 1.0,
+            repetition: 0.0,
         };
         let error = Sampler::new(sampling, 0).unwrap_err().to_string();
         assert!(error.contains("temperature"), "{error}");

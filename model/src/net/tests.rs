@@ -6,7 +6,10 @@
 use candle_core::Tensor;
 use safetensors::SafeTensors;
 
-use super::{MotionSeq, VqDecoder, VqEncoder, Weights};
+use super::{
+    Dtype, Engine, EngineOptions, ModelConfig, MotionSeq, OneShotDecoder, OneShotSeq, Positions,
+    VqDecoder, VqEncoder, Weights,
+};
 use crate::{Generator, ModelError};
 
 const TINY: &[u8] = include_bytes!("golden/tiny.safetensors");
@@ -15,8 +18,8 @@ const TOLERANCE: f32 = 1e-4;
 const STYLE: Option<usize> = Some(1);
 
 struct Golden {
-    decoder: VqDecoder,
-    seq: MotionSeq,
+    decoder: OneShotDecoder,
+    seq: OneShotSeq,
     codes: Vec<Vec<usize>>,
     previous: Vec<Vec<usize>>,
     music: Vec<f32>,
@@ -30,8 +33,8 @@ impl Golden {
         previous.rotate_right(1);
         previous[0] = codes[0].clone();
         Self {
-            decoder: VqDecoder::load(&weights).unwrap(),
-            seq: MotionSeq::load(&weights).unwrap(),
+            decoder: OneShotDecoder::load(&weights).unwrap(),
+            seq: OneShotSeq::load(&weights).unwrap(),
             codes,
             previous,
             music: floats("music"),
@@ -89,17 +92,55 @@ fn one_shot_decoding_agrees_with_the_twin() {
     );
 }
 
+/// Two threads, f32.
+fn engine(weights: &Weights) -> Engine {
+    let options = EngineOptions {
+        dtype: Some(Dtype::F32),
+        threads: Some(2),
+    };
+    Engine::new(weights, options).unwrap()
+}
+
+/// Motion of the codes, a frame at a time.
+fn decoded(weights: &Weights, codes: &[Vec<usize>]) -> Vec<f32> {
+    let engine = engine(weights);
+    let decoder = VqDecoder::load(weights, &engine).unwrap();
+    let mut state = decoder.start();
+    let team = engine.pool().team();
+    let frames = codes.iter();
+    frames
+        .flat_map(|codes| decoder.step(&team, &mut state, codes).to_vec())
+        .collect()
+}
+
+/// Hidden vectors of each lane, a frame at a time; lane 1 hears nothing.
+fn hidden(
+    weights: &Weights,
+    previous: &[Vec<usize>],
+    music: &[f32],
+    lanes: usize,
+) -> [Vec<f32>; 2] {
+    let engine = engine(weights);
+    let seq = MotionSeq::load(weights, &engine).unwrap();
+    let mut state = seq.start(lanes);
+    seq.restyle(&mut state, &seq.style(STYLE));
+    let team = engine.pool().team();
+    let mut found = [Vec::new(), Vec::new()];
+    for (codes, music) in previous.iter().zip(music.chunks(39)) {
+        seq.step(&team, &mut state, codes, &[Some(music), None][..lanes]);
+        for (lane, found) in found.iter_mut().enumerate().take(lanes) {
+            found.extend(state.hidden(lane));
+        }
+    }
+    found
+}
+
 #[test]
 fn streaming_decoding_agrees_with_the_twin() {
-    let g = Golden::load();
-    let mut state = g.decoder.start().unwrap();
-    let frames = g
-        .codes
-        .iter()
-        .map(|codes| g.decoder.step(&mut state, codes).unwrap());
+    let weights = Weights::open(TINY, "tiny").unwrap();
     check_same(
         "motion",
-        &frames.flatten().collect::<Vec<_>>(),
+        &decoded(&weights, &code_rows("codes")),
         &floats("motion"),
     );
 }
@@ -145,12 +186,104 @@ fn one_shot_motionseq_agrees_with_the_twin() {
 #[test]
 fn streaming_motionseq_agrees_with_the_twin() {
     let g = Golden::load();
-    let mut state = g.seq.start(STYLE).unwrap();
-    let mut found = Vec::new();
-    for (codes, music) in g.previous.iter().zip(g.music.chunks(39)) {
-        found.extend(flat(&g.seq.step(&mut state, codes, Some(music)).unwrap()));
+    let weights = Weights::open(TINY, "tiny").unwrap();
+    let [heard, _] = hidden(&weights, &g.previous, &g.music, 1);
+    check_same("hidden", &heard, &floats("heard_hidden"));
+}
+
+#[test]
+fn two_lanes_give_what_two_dances_give() {
+    let g = Golden::load();
+    let weights = Weights::open(TINY, "tiny").unwrap();
+    let [heard, deaf] = hidden(&weights, &g.previous, &g.music, 2);
+    assert_eq!(heard, hidden(&weights, &g.previous, &g.music, 1)[0]);
+    let expected = g.seq.one_shot(&g.previous, None, STYLE).unwrap();
+    check_same("deaf", &deaf, &flat(&expected));
+}
+
+/// Small networks of the shapes that the tiny file does not have.
+fn other_shapes() -> Vec<ModelConfig> {
+    let tiny = ModelConfig::preset("tiny").unwrap();
+    let mut paper_like = tiny.clone();
+    paper_like.activation = super::Activation::Gelu;
+    paper_like.parts = vec!["whole".into()];
+    (paper_like.vq.head_dim, paper_like.seq.head_dim) = (Some(12), Some(20));
+    paper_like.seq.eos = true;
+    let mut absolute = tiny.clone();
+    absolute.seq.positions = Positions::Sinusoidal;
+    absolute.seq.window = 40;
+    let mut live = ModelConfig::preset("live").unwrap();
+    (live.vq.decoder_window, live.seq.window) = (9, 11);
+    vec![paper_like, absolute, live]
+}
+
+#[test]
+fn a_frame_at_a_time_gives_what_one_pass_gives() {
+    for config in other_shapes() {
+        let (parts, codes) = (config.parts.len(), config.codes);
+        let weights = Weights::random(config);
+        let rows: Vec<Vec<usize>> = (0..30)
+            .map(|t| (0..parts).map(|p| (t * 7919 + p * 31) % codes).collect())
+            .collect();
+        let music: Vec<f32> = (0..30 * 39).map(|i| (i as f32 * 0.37).sin()).collect();
+        let what = &weights.config().preset;
+        let one_shot = OneShotDecoder::load(&weights).unwrap();
+        check_same(
+            what,
+            &decoded(&weights, &rows),
+            &one_shot.one_shot(&rows).unwrap().concat(),
+        );
+        let seq = OneShotSeq::load(&weights).unwrap();
+        let expected = seq.one_shot(&rows, Some(&music), STYLE).unwrap();
+        check_same(
+            what,
+            &hidden(&weights, &rows, &music, 1)[0],
+            &flat(&expected),
+        );
+        let found = logits(&weights, &rows[0], &music[..39]);
+        let first = expected.narrow(0, 0, 1).unwrap();
+        for (part, found) in found.iter().enumerate() {
+            let expected = seq.logits(part, &first, &rows[..1]).unwrap();
+            check_same(what, found, &flat(&expected));
+        }
     }
-    check_same("hidden", &found, &floats("heard_hidden"));
+}
+
+/// Logits of every part at the first frame.
+fn logits(weights: &Weights, codes: &[usize], music: &[f32]) -> Vec<Vec<f32>> {
+    let engine = engine(weights);
+    let seq = MotionSeq::load(weights, &engine).unwrap();
+    let mut state = seq.start(1);
+    seq.restyle(&mut state, &seq.style(STYLE));
+    let team = engine.pool().team();
+    seq.step(&team, &mut state, codes, &[Some(music)]);
+    let mut of_part = |part| -> Vec<f32> {
+        let lanes = seq.logits(&team, &mut state, part, &codes[..part]);
+        lanes.flatten().copied().collect()
+    };
+    (0..codes.len()).map(&mut of_part).collect()
+}
+
+#[test]
+fn another_start_forgets_the_past() {
+    let g = Golden::load();
+    let weights = Weights::open(TINY, "tiny").unwrap();
+    let engine = engine(&weights);
+    let seq = MotionSeq::load(&weights, &engine).unwrap();
+    let mut state = seq.start(1);
+    let team = engine.pool().team();
+    let mut run = || -> Vec<f32> {
+        let frames = g.previous.iter().zip(g.music.chunks(39)).take(5);
+        let mut step = |(codes, music): (&Vec<usize>, _)| {
+            seq.step(&team, &mut state, codes, &[Some(music)]);
+            state.hidden(0).to_vec()
+        };
+        let found = frames.flat_map(&mut step).collect();
+        state.restart();
+        found
+    };
+    let first = run();
+    assert_eq!(first, run());
 }
 
 /// The tiny file with one change to its header or data.
@@ -225,9 +358,144 @@ fn a_weight_that_is_not_a_number_is_refused() {
     assert!(matches!(error, ModelError::NotFinite { .. }), "{error}");
 }
 
+/// A change to the tensors of a whole file: name, type, shape and bytes.
+type Change = fn(&mut Vec<(String, safetensors::Dtype, Vec<usize>, Vec<u8>)>);
+
+/// The file with changed tensors.
+fn rewritten(bytes: &[u8], change: Change) -> Vec<u8> {
+    let tensors = SafeTensors::deserialize(bytes).unwrap();
+    let (_, header) = SafeTensors::read_metadata(bytes).unwrap();
+    let owned = tensors.tensors().into_iter().map(|(name, view)| {
+        let (dtype, shape) = (view.dtype(), view.shape().to_vec());
+        (name, dtype, shape, view.data().to_vec())
+    });
+    let mut owned: Vec<_> = owned.collect();
+    change(&mut owned);
+    let views = owned.iter().map(|(name, dtype, shape, data)| {
+        let view = safetensors::tensor::TensorView::new(*dtype, shape.clone(), data);
+        (name.as_str(), view.unwrap())
+    });
+    safetensors::serialize(views, header.metadata().clone()).unwrap()
+}
+
+#[test]
+fn every_number_format_is_checked_at_load() {
+    const UP: &str = "seq.layers.1.ff.up.weight";
+    let cases: [(Dtype, Change, &[&str]); 7] = [
+        (
+            Dtype::F32,
+            |t| t.retain(|t| t.0 != UP),
+            &["is missing", "[64, 32]"],
+        ),
+        (
+            Dtype::Q8_0,
+            |t| t.retain(|t| t.0 != UP),
+            &["is missing", "[64, 32]"],
+        ),
+        (
+            Dtype::Q8_0,
+            |t| t.retain(|t| t.0 != UP.to_owned() + ".scale"),
+            &[".scale", "[64, 1]"],
+        ),
+        (
+            Dtype::Q4_0,
+            |t| {
+                let up = t.iter_mut().find(|t| t.0 == UP).unwrap();
+                up.2 = vec![32, 32];
+            },
+            &["[32, 32]", "[64, 16]"],
+        ),
+        (
+            Dtype::Q4_0,
+            |t| {
+                let scale = t
+                    .iter_mut()
+                    .find(|t| t.0.starts_with(UP) && t.0 != UP)
+                    .unwrap();
+                scale.3[..2].copy_from_slice(&half::f16::NAN.to_le_bytes());
+            },
+            &["not finite"],
+        ),
+        (
+            Dtype::F16,
+            |t| {
+                let up = t.iter_mut().find(|t| t.0 == UP).unwrap();
+                up.3[6..8].copy_from_slice(&half::f16::INFINITY.to_le_bytes());
+            },
+            &["not finite", "index 3"],
+        ),
+        (
+            Dtype::F32,
+            |t| {
+                let up = t.iter_mut().find(|t| t.0 == UP).unwrap();
+                (up.1, up.2) = (safetensors::Dtype::F64, vec![32, 32]);
+            },
+            &["[32, 32]", "[64, 32]"],
+        ),
+    ];
+    for (dtype, change, words) in cases {
+        let bytes = rewritten(&super::convert(TINY, "tiny", dtype).unwrap(), change);
+        let text = Generator::from_bytes(&bytes, "broken")
+            .unwrap_err()
+            .to_string();
+        for word in words.iter().chain(&[UP, "broken"]) {
+            assert!(text.contains(word), "{dtype}: {text} lacks {word}");
+        }
+        assert!(!text.contains('\n'), "{text}");
+    }
+}
+
+#[test]
+fn converted_weights_give_nearly_the_same() {
+    let g = Golden::load();
+    let expected = decoded(&Weights::open(TINY, "tiny").unwrap(), &g.codes);
+    let size = expected.iter().map(|v| v * v).sum::<f32>();
+    for (dtype, tolerance) in [
+        (Dtype::F32, 0.0),
+        (Dtype::F16, 1e-3),
+        (Dtype::Q8_0, 2e-2),
+        (Dtype::Q4_0, 0.4),
+    ] {
+        let bytes = super::convert(TINY, "tiny", dtype).unwrap();
+        let weights = Weights::open(&bytes, "converted").unwrap();
+        assert_eq!(weights.dtype(), dtype);
+        let found = decoded(&weights, &g.codes);
+        let gap: f32 = found
+            .iter()
+            .zip(&expected)
+            .map(|(a, b)| (a - b).powi(2))
+            .sum();
+        assert!(
+            gap <= size * tolerance * tolerance,
+            "{dtype}: {gap} of {size}"
+        );
+        // What is kept as blocks is what a wider format makes of it.
+        let options = EngineOptions {
+            dtype: Some(dtype),
+            threads: Some(1),
+        };
+        let engine = Engine::new(&weights, options).unwrap();
+        assert_eq!(VqDecoder::load(&weights, &engine).unwrap().dtype(), dtype);
+        let wide = super::convert(&bytes, "converted", Dtype::F32).unwrap();
+        let wide = Weights::open(&wide, "wide").unwrap();
+        assert_eq!(decoded(&wide, &g.codes), found);
+    }
+}
+
+#[test]
+fn another_preset_than_asked_is_refused() {
+    let weights = Weights::open(TINY, "mine").unwrap();
+    assert!(weights.expect_preset("tiny").is_ok());
+    let text = weights.expect_preset("paper").unwrap_err().to_string();
+    assert!(
+        text.contains("mine") && text.contains("preset is `tiny`, expected `paper`"),
+        "{text}"
+    );
+}
+
 mod dance {
     use super::*;
-    use crate::{Dance, GeneratorOptions};
+    use crate::{AtEnd, Dance, GeneratorOptions};
     use proptest::prelude::*;
     use servodance_types::{Beat, MotionFrame, MusicFrame, SPECTRAL_DIM};
 
@@ -278,17 +546,139 @@ mod dance {
         let mut dance = start(3, 4.0);
         assert_eq!(dance.passes(), 2);
         let guided = dance.step(&music(0)).unwrap();
-        dance.guide(false).unwrap();
+        dance.guide(false);
         assert_eq!(dance.passes(), 1);
         let alone = dance.step(&music(1)).unwrap();
-        dance.guide(true).unwrap();
+        dance.guide(true);
         assert_eq!(dance.passes(), 2);
         let again = dance.step(&music(2)).unwrap();
         assert!(guided.time_s < alone.time_s && alone.time_s < again.time_s);
         // A dance that was never guided stays so.
         let mut unguided = start(3, 1.0);
-        unguided.guide(true).unwrap();
+        unguided.guide(true);
         assert_eq!(unguided.passes(), 1);
+    }
+
+    #[test]
+    fn a_reset_dance_begins_again_and_another_start_gives_the_same() {
+        let mut dance = start(3, 2.0);
+        let mut run = |seed| -> Vec<_> {
+            dance.reset(seed);
+            (0..30).map(|k| dance.step(&music(k)).unwrap()).collect()
+        };
+        let first = run(3);
+        assert_ne!(first, run(8));
+        assert_eq!(first, run(3));
+        assert_eq!(first, frames(start(3, 2.0), 30));
+    }
+
+    #[test]
+    fn chained_sequences_are_one_motion() {
+        let mut dance = start(3, 1.0);
+        let mut codes = Vec::new();
+        for k in 0..40 {
+            if k % 9 == 8 {
+                dance.chain();
+            }
+            dance.step(&music(k)).unwrap();
+            codes.push(dance.codes().to_vec());
+        }
+        // Stage 1 went on over every seam, as if the codes had come in one piece.
+        let weights = Weights::open(TINY, "tiny").unwrap();
+        let whole = super::decoded(&weights, &codes);
+        let one_pass = OneShotDecoder::load(&weights)
+            .unwrap()
+            .one_shot(&codes)
+            .unwrap();
+        super::check_same("motion", &whole, &one_pass.concat());
+        // And the sequences did begin anew: without the seams it goes elsewhere.
+        let mut unbroken = start(3, 1.0);
+        let gone_on: Vec<_> = (0..40)
+            .map(|k| {
+                unbroken.step(&music(k)).unwrap();
+                unbroken.codes().to_vec()
+            })
+            .collect();
+        assert_eq!(codes[..8], gone_on[..8]);
+        assert_ne!(codes, gone_on);
+    }
+
+    #[test]
+    fn repetition_control_makes_codes_come_less_often() {
+        let most_frequent = |repetition| {
+            let options = GeneratorOptions {
+                repetition,
+                guidance: 1.0,
+                temperature: 0.3,
+                ..GeneratorOptions::default()
+            };
+            let generator = Generator::from_bytes(TINY, "tiny").unwrap();
+            let mut dance = generator.start(options).unwrap();
+            let mut counts = [0; 16];
+            for k in 0..200 {
+                dance.step(&music(k)).unwrap();
+                counts[dance.codes()[0]] += 1;
+            }
+            counts.into_iter().max().unwrap()
+        };
+        let (free, held) = (most_frequent(0.0), most_frequent(20.0));
+        assert!(held < free, "{held} {free}");
+    }
+
+    /// The tiny model with one class more in its first head, which is as likely
+    /// as its bias says.
+    fn with_end(bias: f32) -> Vec<u8> {
+        use safetensors::tensor::{Dtype as Stored, SafeTensors, TensorView};
+        let tensors = SafeTensors::deserialize(TINY).unwrap();
+        let (_, header) = SafeTensors::read_metadata(TINY).unwrap();
+        let mut metadata = header.metadata().clone().unwrap();
+        let config = metadata.get_mut("config").unwrap();
+        *config = config.replace(r#""music_at_input""#, r#""eos":true,"music_at_input""#);
+        let mut views = Vec::new();
+        for name in tensors.names() {
+            let view = tensors.tensor(name).unwrap();
+            let (mut shape, mut data) = (view.shape().to_vec(), view.data().to_vec());
+            if name == "seq.head.lower.weight" {
+                shape[0] += 1;
+                data.extend(vec![0; 4 * shape[1]]);
+            } else if name == "seq.head.lower.bias" {
+                shape[0] += 1;
+                data.extend(bias.to_le_bytes());
+            }
+            views.push((name.to_owned(), view.dtype(), shape, data));
+        }
+        let views = views
+            .iter()
+            .map(|(name, dtype, shape, data): &(_, Stored, _, _)| {
+                let view = TensorView::new(*dtype, Vec::clone(shape), data).unwrap();
+                (name.as_str(), view)
+            });
+        safetensors::serialize(views, Some(metadata)).unwrap()
+    }
+
+    #[test]
+    fn the_end_stops_a_dance_or_begins_the_next_sequence() {
+        let run = |bias, at_end| {
+            let generator = Generator::from_bytes(&with_end(bias), "with an end").unwrap();
+            let options = GeneratorOptions {
+                at_end,
+                ..GeneratorOptions::default()
+            };
+            let mut dance = generator.start(options).unwrap();
+            let danced = (0..30).map_while(|k| match dance.step(&music(k)) {
+                Ok(frame) => Some(frame),
+                Err(ModelError::Ended { frame }) => {
+                    assert_eq!(frame, k as u64);
+                    None
+                }
+                Err(error) => panic!("{error}"),
+            });
+            danced.count()
+        };
+        // A sequence has at least one frame, however likely the end is.
+        assert_eq!(run(1e4, AtEnd::Stop), 1);
+        assert_eq!(run(1e4, AtEnd::Chain), 30);
+        assert_eq!(run(-1e4, AtEnd::Stop), 30);
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! The weights file: safetensors with the configuration in its metadata.
 //!
 //! Everything is checked when it is taken out: name, shape, number format,
-//! and that each number is finite. f16 and f32 are read; the networks run in
-//! f32, for which the matrix-vector product is at the speed of memory.
+//! and that each number is finite. A matrix `NAME` [rows, columns] is F32 or
+//! F16; or, quantised in blocks of 32 columns, I8 [rows, columns] (`q8_0`) or
+//! U8 [rows, columns / 2] (`q4_0`), with `NAME.scale`, F16 [rows, columns / 32],
+//! beside it.
 
 use std::path::Path;
 
@@ -10,15 +12,18 @@ use candle_core::{Device, Tensor};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::config::ModelConfig;
+use super::engine::{BLOCK, Dtype as Packed, Matrix, q4_values};
+use super::random;
 use crate::error::ModelError;
 
 /// What the metadata must say for this layout.
 const FORMAT: &str = "servodance-model-1";
 
-/// An open weights file.
+/// An open weights file, or random weights.
 pub struct Weights<'a> {
     source: String,
-    tensors: SafeTensors<'a>,
+    /// None: every tensor that is asked for is there, and random.
+    tensors: Option<SafeTensors<'a>>,
     config: ModelConfig,
     default_style: usize,
     provenance: String,
@@ -65,11 +70,46 @@ impl<'a> Weights<'a> {
         })?;
         Ok(Self {
             source: source.to_owned(),
-            tensors,
+            tensors: Some(tensors),
             config: parsed,
             default_style,
             provenance: metadata.get("provenance").cloned().unwrap_or_default(),
         })
+    }
+
+    /// Random weights of any sizes, always the same: to measure time with.
+    pub fn random(config: ModelConfig) -> Weights<'static> {
+        Weights {
+            source: "random weights".to_owned(),
+            tensors: None,
+            config,
+            default_style: 0,
+            provenance: String::new(),
+        }
+    }
+
+    /// Refuses a file of another preset.
+    pub fn expect_preset(&self, preset: &str) -> Result<(), ModelError> {
+        let found = &self.config.preset;
+        if found == preset {
+            return Ok(());
+        }
+        Err(self.config_error(format!("preset is `{found}`, expected `{preset}`")))
+    }
+
+    /// The narrowest number format that a matrix of the file has.
+    pub fn dtype(&self) -> Packed {
+        let stored: Vec<Dtype> = match &self.tensors {
+            Some(file) => file.iter().map(|(_, view)| view.dtype()).collect(),
+            None => Vec::new(),
+        };
+        let found = |dtype| stored.contains(&dtype);
+        match () {
+            () if found(Dtype::U8) => Packed::Q4_0,
+            () if found(Dtype::I8) => Packed::Q8_0,
+            () if found(Dtype::F16) => Packed::F16,
+            () => Packed::F32,
+        }
     }
 
     /// The sizes that the file says it has.
@@ -103,22 +143,51 @@ impl<'a> Weights<'a> {
 
     /// The numbers of a tensor of exactly this shape.
     pub fn floats(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, ModelError> {
-        let view = self.view(name, shape)?;
-        let values: Vec<f32> = match view.dtype() {
-            Dtype::F32 => chunks(view.data()).map(f32::from_le_bytes).collect(),
-            Dtype::F16 => chunks(view.data())
-                .map(|b| half::f16::from_le_bytes(b).to_f32())
-                .collect(),
-            other => return Err(self.wrong_type(name, "F16 or F32", other)),
+        let Some(stored) = self.stored(name, shape)? else {
+            return Ok(random::tensor(name, shape));
         };
-        if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-            return Err(ModelError::NotFinite {
+        let values = stored.floats();
+        self.all_finite(name, &values)?;
+        Ok(values)
+    }
+
+    /// A matrix of exactly this shape, packed; as it is in the file where that
+    /// has the same format.
+    pub(crate) fn matrix(
+        &self,
+        name: &str,
+        rows: usize,
+        width: usize,
+        dtype: Packed,
+    ) -> Result<Matrix, ModelError> {
+        let stored = self.stored(name, &[rows, width])?;
+        match (stored, dtype) {
+            (Some(Stored::Q8 { quants, scales }), Packed::Q8_0) => {
+                self.all_finite(name, &halves(scales))?;
+                let quants = quants.iter().map(|b| *b as i8).collect();
+                Ok(Matrix::from_q8(width, quants, &raw_halves(scales)))
+            }
+            (Some(Stored::Q4 { quants, scales }), Packed::Q4_0) => {
+                self.all_finite(name, &halves(scales))?;
+                Ok(Matrix::from_q4(width, quants.to_vec(), &raw_halves(scales)))
+            }
+            _ => Ok(Matrix::pack(
+                &self.floats(name, &[rows, width])?,
+                width,
+                dtype,
+            )),
+        }
+    }
+
+    fn all_finite(&self, name: &str, values: &[f32]) -> Result<(), ModelError> {
+        match values.iter().position(|v| !v.is_finite()) {
+            None => Ok(()),
+            Some(index) => Err(ModelError::NotFinite {
                 source_name: self.source.clone(),
                 tensor: name.to_owned(),
                 index,
-            });
+            }),
         }
-        Ok(values)
     }
 
     /// The rows of a table of integers, each below `limit`.
@@ -128,11 +197,14 @@ impl<'a> Weights<'a> {
         columns: usize,
         limit: usize,
     ) -> Result<Vec<Vec<usize>>, ModelError> {
-        let rows = match self.tensors.tensor(name) {
+        let Some(file) = &self.tensors else {
+            return Ok(vec![vec![0; columns]]);
+        };
+        let rows = match file.tensor(name) {
             Ok(view) => view.shape().first().copied().unwrap_or(0),
             Err(_) => 0,
         };
-        let view = self.view(name, &[rows, columns])?;
+        let view = self.view(file, name, &[rows, columns], &[rows, columns])?;
         if view.dtype() != Dtype::I32 {
             return Err(self.wrong_type(name, "I32", view.dtype()));
         }
@@ -147,20 +219,62 @@ impl<'a> Weights<'a> {
         Ok(values.chunks(columns).map(<[usize]>::to_vec).collect())
     }
 
-    fn view(&self, name: &str, shape: &[usize]) -> Result<TensorView<'_>, ModelError> {
-        let view = self
-            .tensors
-            .tensor(name)
-            .map_err(|_| ModelError::MissingTensor {
-                source_name: self.source.clone(),
-                tensor: name.to_owned(),
-                expected: shape.to_vec(),
-            })?;
-        if view.shape() != shape {
+    /// What the file has under a name; none where weights are random.
+    fn stored(&self, name: &str, shape: &[usize]) -> Result<Option<Stored<'_>>, ModelError> {
+        let Some(file) = &self.tensors else {
+            return Ok(None);
+        };
+        let dtype = file.tensor(name).map(|view| view.dtype());
+        let packed = match (dtype, shape) {
+            (Ok(Dtype::I8), _) => shape.to_vec(),
+            (Ok(Dtype::U8), [rows, width]) => vec![*rows, width / 2],
+            _ => {
+                let view = self.view(file, name, shape, shape)?;
+                return match view.dtype() {
+                    Dtype::F32 => Ok(Some(Stored::F32(view.data()))),
+                    Dtype::F16 => Ok(Some(Stored::F16(view.data()))),
+                    other => Err(self.wrong_type(name, "F32, F16, I8 or U8", other)),
+                };
+            }
+        };
+        let quants = self.view(file, name, &packed, shape)?;
+        let [rows, width] = shape else {
+            return Err(self.wrong_type(name, "F32 or F16", quants.dtype()));
+        };
+        if !width.is_multiple_of(BLOCK) {
+            return Err(self.wrong_type(name, "F32 or F16", quants.dtype()));
+        }
+        let scale_name = format!("{name}.scale");
+        let scale_shape = [*rows, width / BLOCK];
+        let scales = self.view(file, &scale_name, &scale_shape, &scale_shape)?;
+        if scales.dtype() != Dtype::F16 {
+            return Err(self.wrong_type(&scale_name, "F16", scales.dtype()));
+        }
+        let (quants, scales, dtype) = (quants.data(), scales.data(), quants.dtype());
+        Ok(Some(match dtype {
+            Dtype::U8 => Stored::Q4 { quants, scales },
+            _ => Stored::Q8 { quants, scales },
+        }))
+    }
+
+    /// A tensor that is stored in the shape `stored`, which stands for `shape`.
+    fn view<'f>(
+        &self,
+        file: &'f SafeTensors<'_>,
+        name: &str,
+        stored: &[usize],
+        shape: &[usize],
+    ) -> Result<TensorView<'f>, ModelError> {
+        let view = file.tensor(name).map_err(|_| ModelError::MissingTensor {
+            source_name: self.source.clone(),
+            tensor: name.to_owned(),
+            expected: shape.to_vec(),
+        })?;
+        if view.shape() != stored {
             return Err(ModelError::Shape {
                 source_name: self.source.clone(),
                 tensor: name.to_owned(),
-                expected: shape.to_vec(),
+                expected: stored.to_vec(),
                 found: view.shape().to_vec(),
             });
         }
@@ -175,6 +289,46 @@ impl<'a> Weights<'a> {
             found: format!("{found:?}"),
         }
     }
+}
+
+/// The bytes of a tensor, by how they are to be read.
+enum Stored<'a> {
+    F32(&'a [u8]),
+    F16(&'a [u8]),
+    Q8 { quants: &'a [u8], scales: &'a [u8] },
+    Q4 { quants: &'a [u8], scales: &'a [u8] },
+}
+
+impl Stored<'_> {
+    fn floats(&self) -> Vec<f32> {
+        match self {
+            Self::F32(data) => chunks(data).map(f32::from_le_bytes).collect(),
+            Self::F16(data) => halves(data),
+            Self::Q8 { quants, scales } => {
+                let blocks = quants.chunks_exact(BLOCK).zip(halves(scales));
+                let block = |(block, scale): (&[u8], f32)| -> [f32; BLOCK] {
+                    std::array::from_fn(|i| f32::from(block[i] as i8) * scale)
+                };
+                blocks.flat_map(block).collect()
+            }
+            Self::Q4 { quants, scales } => {
+                let scales = raw_halves(scales).into_iter().map(half::f16::from_bits);
+                let blocks = quants.chunks_exact(BLOCK / 2).zip(scales);
+                blocks.flat_map(|(b, scale)| q4_values(b, scale)).collect()
+            }
+        }
+    }
+}
+
+/// f16 numbers as f32.
+fn halves(data: &[u8]) -> Vec<f32> {
+    let values = chunks(data).map(half::f16::from_le_bytes);
+    values.map(half::f16::to_f32).collect()
+}
+
+/// The bits of f16 numbers.
+fn raw_halves(data: &[u8]) -> Vec<u16> {
+    chunks(data).map(u16::from_le_bytes).collect()
 }
 
 /// The bytes in groups of N; safetensors has checked that none are left over.

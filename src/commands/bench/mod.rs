@@ -1,6 +1,7 @@
 //! `servodance bench`: what the parts of this program take on this machine.
 
 pub mod bus;
+pub mod model;
 pub mod retarget;
 
 use clap::Subcommand;
@@ -19,6 +20,8 @@ pub struct Args {
 pub enum What {
     /// Control cycles a second over simulated servos, wire time imposed.
     Bus(bus::Args),
+    /// Time of a frame of the model, beside what memory allows.
+    Model(model::Args),
     /// Time and allocations of a retargeting cycle.
     Retarget(retarget::Args),
 }
@@ -27,6 +30,7 @@ pub enum What {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.what {
         What::Bus(args) => bus::run(args),
+        What::Model(args) => model::run(args),
         What::Retarget(args) => retarget::run(args),
     }
 }

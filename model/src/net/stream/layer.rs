@@ -1,0 +1,272 @@
+//! The pre-norm blocks that both networks are made of, and the room they work in.
+
+use crate::error::ModelError;
+use crate::net::config::Activation;
+use crate::net::engine::{
+    After, Clock, Dtype, Heads, Input, Linear, Norm, Ring, Scene, Team, add_lane,
+};
+use crate::net::weights::Weights;
+
+/// Table of vectors, looked up by code.
+#[derive(Clone, Debug)]
+pub(super) struct Table {
+    dim: usize,
+    rows: Vec<f32>,
+}
+
+impl Table {
+    pub fn load(w: &Weights, name: &str, rows: usize, dim: usize) -> Result<Self, ModelError> {
+        let rows = w.floats(name, &[rows, dim])?;
+        Ok(Self { dim, rows })
+    }
+
+    /// The vector of a code.
+    pub fn row(&self, code: usize) -> &[f32] {
+        &self.rows[code * self.dim..][..self.dim]
+    }
+}
+
+/// The stream's vectors, and room for what is computed from them.
+#[derive(Clone, Debug)]
+pub(super) struct Work {
+    pub lanes: usize,
+    pub dim: usize,
+    /// One vector after another.
+    pub x: Vec<f32>,
+    pub normed: Input,
+    pub products: Vec<f32>,
+    hidden: Input,
+}
+
+impl Work {
+    /// For vectors of `dim`, products of up to `widest` and feed-forward blocks
+    /// of `ff` numbers.
+    pub fn new(dim: usize, widest: usize, ff: usize, lanes: usize, dtype: Dtype) -> Self {
+        Self {
+            lanes,
+            dim,
+            x: vec![0.0; dim * lanes],
+            normed: Input::new(dim, lanes, dtype),
+            products: vec![0.0; widest.max(ff).max(dim) * lanes],
+            hidden: Input::new(ff, lanes, dtype),
+        }
+    }
+
+    pub fn lane_mut(&mut self, lane: usize) -> &mut [f32] {
+        &mut self.x[lane * self.dim..][..self.dim]
+    }
+}
+
+/// Room for an attention.
+#[derive(Clone, Debug)]
+pub(super) struct AttentionWork {
+    scene: Scene,
+    mixed: Input,
+}
+
+impl AttentionWork {
+    pub fn new(heads: &Heads, lanes: usize, dtype: Dtype) -> Self {
+        Self {
+            scene: Scene::new(heads, lanes),
+            mixed: Input::new(heads.wide(), lanes, dtype),
+        }
+    }
+
+    /// Takes queries from products, from output `first` on.
+    fn ask(&mut self, heads: &Heads, products: &[f32], lanes: usize) {
+        for lane in 0..lanes {
+            self.scene.ask(heads, products, 0, (lane, lanes));
+        }
+    }
+
+    /// Takes keys and values from products, from output `first` on, into the
+    /// rings of the lanes.
+    fn remember(
+        &mut self,
+        heads: &Heads,
+        rings: &mut [Ring],
+        clock: &Clock,
+        products: &[f32],
+        first: usize,
+    ) {
+        let lanes = rings.len();
+        for (lane, ring) in rings.iter_mut().enumerate() {
+            let slot = clock.slot();
+            self.scene
+                .remember(heads, ring, slot, products, first, (lane, lanes));
+        }
+    }
+
+    /// Attends and adds what comes out to the stream.
+    fn attend(
+        &mut self,
+        team: &Team,
+        heads: &Heads,
+        clock: &Clock,
+        rings: &[Ring],
+        out: &Linear,
+        work: &mut Work,
+    ) {
+        self.scene.attend(team, heads, clock, rings);
+        for lane in 0..work.lanes {
+            self.scene.found(heads, lane, self.mixed.lane_mut(lane));
+        }
+        self.mixed.ready();
+        add(team, out, &self.mixed, &mut work.products, &mut work.x);
+    }
+}
+
+/// Adds the layer's output to the stream.
+fn add(team: &Team, layer: &Linear, input: &Input, products: &mut [f32], x: &mut [f32]) {
+    let (lanes, dim) = (input.lanes(), layer.outputs());
+    let products = layer.forward(team, input, products, After::Nothing);
+    for (lane, x) in x.chunks_exact_mut(dim).enumerate() {
+        add_lane(x, products, lane, lanes);
+    }
+}
+
+/// Norm and self-attention.
+#[derive(Clone, Debug)]
+pub(super) struct SelfBlock {
+    norm: Norm,
+    qkv: Linear,
+    out: Linear,
+}
+
+impl SelfBlock {
+    pub fn load(
+        w: &Weights,
+        name: &str,
+        dim: usize,
+        heads: &Heads,
+        dtype: Dtype,
+    ) -> Result<Self, ModelError> {
+        let wide = heads.wide();
+        Ok(Self {
+            norm: Norm::load(w, &format!("{name}.norm1"), dim)?,
+            qkv: Linear::load(w, &format!("{name}.attn.qkv"), dim, 3 * wide, dtype)?,
+            out: Linear::load(w, &format!("{name}.attn.out"), wide, dim, dtype)?,
+        })
+    }
+
+    pub fn step(
+        &self,
+        team: &Team,
+        heads: &Heads,
+        clock: &Clock,
+        rings: &mut [Ring],
+        work: &mut Work,
+        room: &mut AttentionWork,
+    ) {
+        self.norm.forward(&work.x, &mut work.normed);
+        let (products, lanes) = (&mut work.products, work.lanes);
+        let products = self
+            .qkv
+            .forward(team, &work.normed, products, After::Nothing);
+        room.ask(heads, products, lanes);
+        room.remember(heads, rings, clock, products, heads.wide());
+        room.attend(team, heads, clock, rings, &self.out, work);
+    }
+
+    pub fn bytes(&self) -> usize {
+        self.qkv.bytes() + self.out.bytes()
+    }
+}
+
+/// Norm and cross-attention; keys and values are computed for all layers at
+/// once (see `MotionSeq`).
+#[derive(Clone, Debug)]
+pub(super) struct CrossBlock {
+    norm: Norm,
+    q: Linear,
+    out: Linear,
+}
+
+impl CrossBlock {
+    pub fn load(
+        w: &Weights,
+        name: &str,
+        dim: usize,
+        heads: &Heads,
+        dtype: Dtype,
+    ) -> Result<Self, ModelError> {
+        let wide = heads.wide();
+        Ok(Self {
+            norm: Norm::load(w, &format!("{name}.norm2"), dim)?,
+            q: Linear::load(w, &format!("{name}.cross.q"), dim, wide, dtype)?,
+            out: Linear::load(w, &format!("{name}.cross.out"), wide, dim, dtype)?,
+        })
+    }
+
+    /// `keys_values` are the products for all layers, this layer's from output
+    /// `first` on.
+    #[allow(clippy::too_many_arguments)]
+    pub fn step(
+        &self,
+        team: &Team,
+        heads: &Heads,
+        clock: &Clock,
+        rings: &mut [Ring],
+        keys_values: (&[f32], usize),
+        work: &mut Work,
+        room: &mut AttentionWork,
+    ) {
+        self.norm.forward(&work.x, &mut work.normed);
+        let (products, lanes) = (&mut work.products, work.lanes);
+        let products = self.q.forward(team, &work.normed, products, After::Nothing);
+        room.ask(heads, products, lanes);
+        let (products, first) = keys_values;
+        room.remember(heads, rings, clock, products, first);
+        room.attend(team, heads, clock, rings, &self.out, work);
+    }
+
+    pub fn bytes(&self) -> usize {
+        self.q.bytes() + self.out.bytes()
+    }
+}
+
+/// Norm and two linear layers with an activation between them.
+#[derive(Clone, Debug)]
+pub(super) struct FeedForward {
+    norm: Norm,
+    up: Linear,
+    down: Linear,
+    activation: Activation,
+}
+
+impl FeedForward {
+    pub fn load(
+        w: &Weights,
+        (norm, name): (&str, &str),
+        dim: usize,
+        hidden: usize,
+        dtype: Dtype,
+    ) -> Result<Self, ModelError> {
+        Ok(Self {
+            norm: Norm::load(w, norm, dim)?,
+            up: Linear::load(w, &format!("{name}.up"), dim, hidden, dtype)?,
+            down: Linear::load(w, &format!("{name}.down"), hidden, dim, dtype)?,
+            activation: w.config().activation,
+        })
+    }
+
+    pub fn step(&self, team: &Team, work: &mut Work) {
+        self.norm.forward(&work.x, &mut work.normed);
+        let after = After::Activate(self.activation);
+        let up = self
+            .up
+            .forward(team, &work.normed, &mut work.products, after);
+        work.hidden.take(up);
+        add(
+            team,
+            &self.down,
+            &work.hidden,
+            &mut work.products,
+            &mut work.x,
+        );
+    }
+
+    pub fn bytes(&self) -> usize {
+        self.up.bytes() + self.down.bytes()
+    }
+}

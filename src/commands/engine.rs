@@ -1,0 +1,62 @@
+//! Options of every command that runs the model.
+
+use servodance_model::GeneratorOptions;
+use servodance_model::net::{Dtype, EngineOptions};
+
+/// How the model's steps are computed.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub struct EngineArgs {
+    /// Number format of the weights in memory: f32, f16, q8_0 or q4_0; the
+    /// file's own if left out.
+    #[arg(long, value_name = "FORMAT")]
+    pub dtype: Option<Dtype>,
+    /// Threads that the model uses.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+}
+
+impl EngineArgs {
+    /// The same for the model.
+    pub fn options(self) -> EngineOptions {
+        EngineOptions {
+            dtype: self.dtype,
+            threads: self.threads,
+        }
+    }
+}
+
+/// How the model's codes are drawn.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub struct SamplingArgs {
+    /// How codes are drawn: 0 the likeliest, 1 as the model says, above it wild.
+    #[arg(long, value_name = "T")]
+    pub temperature: Option<f32>,
+    /// Only the K likeliest codes; 0 is all.
+    #[arg(long, value_name = "K")]
+    pub top_k: Option<usize>,
+    /// Only the likeliest codes that hold this share.
+    #[arg(long, value_name = "P")]
+    pub top_p: Option<f32>,
+    /// How much less likely a code gets by its share of the last two seconds: 0
+    /// not at all, up to 20.
+    #[arg(long, value_name = "R")]
+    pub repetition: Option<f32>,
+    /// How much the music counts: 1 as the model says, above it more.
+    #[arg(long, value_name = "G")]
+    pub guidance: Option<f32>,
+}
+
+impl SamplingArgs {
+    /// The same for the model, what is left out as usual.
+    pub fn options(self) -> GeneratorOptions {
+        let usual = GeneratorOptions::default();
+        GeneratorOptions {
+            temperature: self.temperature.unwrap_or(usual.temperature),
+            top_k: self.top_k.unwrap_or(usual.top_k),
+            top_p: self.top_p.unwrap_or(usual.top_p),
+            repetition: self.repetition.unwrap_or(usual.repetition),
+            guidance: self.guidance.unwrap_or(usual.guidance),
+            ..usual
+        }
+    }
+}
