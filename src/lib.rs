@@ -40,4 +40,5 @@ pub mod soak;
 pub mod song;
 pub mod stages;
 pub mod summary;
+pub mod train;
 pub mod weights_file;

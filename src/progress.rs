@@ -40,6 +40,24 @@ impl Progress {
         progress
     }
 
+    /// A bar in steps of training, from the first that is still to be taken.
+    pub fn steps(total: u64, first: u64, quiet: bool) -> Self {
+        let progress = Self::new(Some(total as f64), quiet);
+        let template = "{bar:20} {pos}/{len} steps, {msg}, {eta} left";
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            progress.bar.set_style(style.progress_chars("=> "));
+        }
+        progress.bar.set_position(first);
+        progress.bar.reset_eta();
+        progress
+    }
+
+    /// So many steps are taken, and this is how it goes.
+    pub fn step(&self, steps: u64, message: String) {
+        self.bar.set_message(message);
+        self.bar.set_position(steps);
+    }
+
     /// The work has come this far, seconds of music or per cent.
     pub fn at(&self, time_s: f64) {
         let seconds = time_s.max(0.0) as u64;

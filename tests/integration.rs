@@ -30,3 +30,4 @@ mod robot_mutations;
 mod robot_new;
 mod show;
 mod torque_off;
+mod training;

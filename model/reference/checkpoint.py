@@ -30,4 +30,4 @@ def load(path, stage):
         norms = {key: tensors["norm." + key] for key in ("music_mean", "music_std")}
     provenance = json.loads(meta["provenance"])
     return {"model": model, "config": json.loads(meta["config"]), **norms,
-            "step": provenance[stage + "_steps"], "elapsed": 60 * provenance[stage + "_minutes"]}
+            "step": provenance.get(stage + "_steps", 0), "elapsed": 60 * provenance.get(stage + "_minutes", 0)}

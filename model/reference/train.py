@@ -22,8 +22,17 @@ import checkpoint
 from config import presets
 from data import Crops, Dataset, beat_agreement
 from geometry import FEET, displacement, local_joints
+from losses import motion_terms
 from motionseq import MotionSeq, nll
 from vqvae import VqVae
+
+
+def adamw(model, lr, weight_decay):
+    """As `servodance train` uses it: matrices of linear layers decay, nothing else."""
+    decays = {id(m.weight) for m in model.modules() if isinstance(m, torch.nn.Linear)}
+    groups = [{"params": [p for p in model.parameters() if (id(p) in decays) == shrinks],
+               "weight_decay": weight_decay if shrinks else 0.0} for shrinks in (True, False)]
+    return torch.optim.AdamW(groups, lr=lr, betas=(0.9, 0.98))
 
 
 class Run:
@@ -33,15 +42,18 @@ class Run:
         self.args, self.model, self.config, self.extra = args, model, config, extra
         self.device = args.device
         model.to(args.device)
-        # Matrices inside the layers learn by Muon (steps of equal size in all
-        # directions: fewer steps needed), everything else by AdamW.
-        hidden = {id(p) for n, p in model.named_parameters() if p.ndim == 2 and "layers." in n}
-        muon = [p for p in model.parameters() if id(p) in hidden]
-        rest = [p for p in model.parameters() if id(p) not in hidden]
-        self.optimisers = [
-            torch.optim.Muon(muon, lr=args.lr, weight_decay=args.weight_decay,
-                             adjust_lr_fn="match_rms_adamw"),
-            torch.optim.AdamW(rest, lr=args.lr, betas=(0.9, 0.98), weight_decay=0.0)]
+        if args.optimiser == "adamw":
+            self.optimisers = [adamw(model, args.lr, args.weight_decay)]
+        else:
+            # Matrices inside the layers learn by Muon (steps of equal size in all
+            # directions: fewer steps needed), everything else by AdamW.
+            hidden = {id(p) for n, p in model.named_parameters() if p.ndim == 2 and "layers." in n}
+            muon = [p for p in model.parameters() if id(p) in hidden]
+            rest = [p for p in model.parameters() if id(p) not in hidden]
+            self.optimisers = [
+                torch.optim.Muon(muon, lr=args.lr, weight_decay=args.weight_decay,
+                                 adjust_lr_fn="match_rms_adamw"),
+                torch.optim.AdamW(rest, lr=args.lr, betas=(0.9, 0.98), weight_decay=0.0)]
         self.step, self.elapsed, self.sums, self.count = 0, 0.0, {}, 0
         self.stopped = False
         signal.signal(signal.SIGTERM, lambda *_: setattr(self, "stopped", True))
@@ -137,13 +149,6 @@ def usage(codes, total):
     return float((share > 0).float().mean()), float(entropy.exp())
 
 
-def channel_weights():
-    """Root channels are 4 of 137 but move the whole body."""
-    w = torch.ones(137)
-    w[0:3], w[3], w[67:133], w[133:137] = 6.0, 3.0, 0.5, 1.0
-    return w / w.mean()
-
-
 def train_vqvae(args):
     data = Dataset(args.data)
     config = presets(args.preset)
@@ -155,10 +160,6 @@ def train_vqvae(args):
     mean, std = run.extra["mean"], run.extra["std"]
     clips = data.of_split(0)
     crops = Crops(data, clips, clip_weights(data, clips, args), args.length, args.seed + run.step)
-    weight = channel_weights()
-    speed = std[67]  # metres a frame: the scale of every velocity
-    foot_weight = torch.ones(22)
-    foot_weight[FEET] = 3.0
 
     def losses(step):
         index, valid, _ = crops.batch(args.batch)
@@ -171,18 +172,10 @@ def train_vqvae(args):
             for p in model.parts:
                 model.codebook[p].k_means(torch.cat([a[p].flatten(0, 1) for a in z]))
         out, commit, codes = model(motion, valid, quantise, args.code_noise)
-        real_out = out * std + mean
-        both = valid[:, 1:] & valid[:, :-1]
-        huber = (F.smooth_l1_loss(out, motion, reduction="none") * weight)[valid].mean()
-        moved, true = displacement(real_out) / speed, displacement(real) / speed
-        # A foot that stands must not slide: its displacement counts most.
-        stand = real[:, :-1, 133:137] * real[:, 1:, 133:137]
-        w = foot_weight.expand(*both.shape, 22).clone()
-        w[..., FEET] += args.slide * stand
-        move = (F.smooth_l1_loss(moved, true, reduction="none") * w[..., None])[both].mean()
-        jerk = F.smooth_l1_loss(moved.diff(dim=1), true.diff(dim=1), reduction="none")[both[:, 1:]].mean()
-        loss = huber + args.move * move + args.jerk * jerk + 0.2 * commit
-        return {"loss": loss, "huber": huber, "move": move, "jerk": jerk, "commit": commit}
+        terms = motion_terms(out, real, mean, std, valid, args.slide)
+        loss = (terms["huber"] + args.position * terms["position"] + args.move * terms["velocity"]
+                + args.jerk * terms["jerk"] + 0.2 * commit)
+        return {"loss": loss, **terms, "commit": commit}
 
     held = [c for c in data.of_split(1) if data.dance[c] == 1 and data.variant[c] == 0
             and data.synthetic[c] == 0]
@@ -358,6 +351,7 @@ def main():
     parser.add_argument("--length", type=int, help="frames of a crop (96 for stage 1, 240 for stage 2)")
     parser.add_argument("--lr", type=float, default=1e-3)
     parser.add_argument("--warm-up", type=int, default=200)
+    parser.add_argument("--optimiser", choices=["muon", "adamw"], default="muon")
     parser.add_argument("--weight-decay", type=float, default=0.01)
     parser.add_argument("--dropout", type=float, default=0.0)
     parser.add_argument("--other", type=float, default=0.4, help="weight of clips that are no dance")
@@ -367,6 +361,7 @@ def main():
     parser.add_argument("--balance", type=float, default=0.0, help="0: styles count by their minutes, 1: all alike")
     parser.add_argument("--free-steps", type=int, default=300, help="stage 1: steps before quantising")
     parser.add_argument("--code-noise", type=float, default=0.05, help="stage 1: share of codes replaced")
+    parser.add_argument("--position", type=float, default=0.0, help="stage 1: weight of joint positions once more")
     parser.add_argument("--move", type=float, default=0.5, help="stage 1: weight of displacement")
     parser.add_argument("--slide", type=float, default=6.0, help="stage 1: extra weight of standing feet")
     parser.add_argument("--jerk", type=float, default=0.1, help="stage 1: weight of second differences")

@@ -3,7 +3,9 @@
 //! Start at [`Generator`]: load the weights, start a dance, give it a music
 //! frame and take a motion frame, 20 times a second. [`Codec`] turns motion into
 //! tokens and back. [`net`] holds the two networks, [`motion`] what human motion is in numbers, [`metrics`] how a
-//! dance is scored, [`conditioning`] what else it can follow. Training is done by the twin in `model/reference/`.
+//! dance is scored, [`conditioning`] what else it can follow, [`train`] learns the
+//! weights of both networks; the twin in `model/reference/` checks it and trains
+//! on a GPU.
 
 mod codec;
 pub mod conditioning;
@@ -13,6 +15,7 @@ mod likelihood;
 pub mod metrics;
 pub mod motion;
 pub mod net;
+pub mod train;
 
 pub use codec::Codec;
 pub use error::ModelError;

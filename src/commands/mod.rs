@@ -33,6 +33,7 @@ pub mod set_id;
 pub mod sim_bus;
 pub mod soak;
 pub mod song;
+pub mod train;
 pub mod weights;
 
 use clap::{Parser, Subcommand};
@@ -114,6 +115,8 @@ pub enum Command {
     Song(song::Args),
     /// Look a weights file over, write it in another number format, see what that costs.
     Weights(weights::Args),
+    /// Learn the model's weights from data: stage 1, then stage 2.
+    Train(train::Args),
 }
 
 impl Command {
@@ -150,6 +153,7 @@ impl Command {
             Command::Soak(args) => soak::run(args),
             Command::Song(args) => song::run(args),
             Command::Weights(args) => weights::run(args),
+            Command::Train(args) => train::run(args),
         }
     }
 }

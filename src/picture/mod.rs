@@ -4,6 +4,7 @@
 
 pub mod animation;
 mod canvas;
+pub mod curves;
 mod dancer;
 mod figure;
 mod plot;

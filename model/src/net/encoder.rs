@@ -83,12 +83,7 @@ impl Part {
     fn load(w: &Weights, part: &str, config: &ModelConfig) -> Result<Self, ModelError> {
         let vq = &config.vq;
         let name = |rest: &str| format!("vq.encoder.{part}.{rest}");
-        let channels = channels(part).ok_or_else(|| {
-            w.config_error(format!(
-                "part `{part}` is unknown; expected one of: {}",
-                PARTS.join(", ")
-            ))
-        })?;
+        let channels = part_channels(part).map_err(|reason| w.config_error(reason))?;
         let dim = vq.encoder_dim;
         let heads = (vq.encoder_slopes.len(), vq.encoder_head_dim());
         let shape = [config.codes, config.code_dim];
@@ -139,6 +134,18 @@ const PARTS: [&str; 8] = [
     "left_arm",
     "right_arm",
 ];
+
+/// Which of the 137 numbers the encoder of a part sees; the error lists the
+/// parts that there are.
+pub(crate) fn part_channels(part: &str) -> Result<Vec<usize>, String> {
+    let known = || {
+        format!(
+            "part `{part}` is unknown; expected one of: {}",
+            PARTS.join(", ")
+        )
+    };
+    channels(part).ok_or_else(known)
+}
 
 /// Which of the 137 numbers the encoder of a part sees; the same table in
 /// Python is `part_channels` in `model/reference/config.py`.

@@ -33,3 +33,6 @@ pub use presets::PRESETS;
 pub use sampling::{Recent, Sampler, Sampling};
 pub use stream::{DecoderState, MotionSeq, SeqState, VqDecoder};
 pub use weights::Weights;
+
+pub(crate) use encoder::part_channels;
+pub(crate) use weights::FORMAT;
