@@ -24,7 +24,7 @@ Examples:
 const BUILD_EXAMPLES: &str = "\
 Examples:
   servodance dataset build data.safetensors --motion data --songs 4 --choreography 90
-      what model/reference/train.py reads, and `servodance evaluate --data`
+      what `servodance train` reads, and `servodance evaluate --data`
   servodance dataset build tiny.safetensors --choreography 5
       choreography alone: needs no data
   servodance dataset build data.safetensors --motion data --music-features encodec128 --encodec encodec_24khz/model.safetensors

@@ -113,10 +113,10 @@ pub enum Command {
     Soak(soak::Args),
     /// Write the built-in song as a WAV file.
     Song(song::Args),
-    /// Look a weights file over, write it in another number format, see what that costs.
-    Weights(weights::Args),
     /// Learn the model's weights from data: stage 1, then stage 2.
     Train(train::Args),
+    /// Look a weights file over, write it in another number format, see what that costs.
+    Weights(weights::Args),
 }
 
 impl Command {
