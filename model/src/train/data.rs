@@ -261,7 +261,7 @@ pub(crate) mod tests {
             motion: (0..frames)
                 .map(|t| std::array::from_fn(|c| 0.1 * wave(t, c)))
                 .collect(),
-            music: (number % 2 == 0).then(|| {
+            music: number.is_multiple_of(2).then(|| {
                 (0..frames)
                     .map(|t| std::array::from_fn(|c| wave(t, c + 5)))
                     .collect()
@@ -269,7 +269,7 @@ pub(crate) mod tests {
             style: number % STYLES.len(),
             split,
             dance: true,
-            synthetic: number % 3 == 0,
+            synthetic: number.is_multiple_of(3),
             variant: 0,
         }
     }

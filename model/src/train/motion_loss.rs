@@ -177,22 +177,19 @@ impl MotionLoss {
         let (moved, goal) = (displacements(&found), displacements(real));
         let apart = |t: usize, j: usize, k: usize| (moved[t][j][k] - goal[t][j][k]) / speed;
         let mut pull = vec![Joints::default(); moved.len()];
-        for t in 0..moved.len() {
-            for j in 0..JOINT_COUNT {
-                let weight = self.foot_weight(real, t, j);
-                for k in 0..3 {
-                    let (value, slope) = smooth_l1(apart(t, j, k));
-                    terms.velocity += f64::from(weight * value) / means.pairs;
-                    pull[t][j][k] +=
-                        self.weights.velocity * weight * slope / (means.pairs as f32 * speed);
-                    if t + 1 < moved.len() {
-                        let (value, slope) = smooth_l1(apart(t + 1, j, k) - apart(t, j, k));
-                        terms.jerk += f64::from(value) / means.triples;
-                        let share = self.weights.jerk * slope / (means.triples as f32 * speed);
-                        pull[t + 1][j][k] += share;
-                        pull[t][j][k] -= share;
-                    }
-                }
+        let coordinates = |t| (0..3 * JOINT_COUNT).map(move |c| (t, c / 3, c % 3));
+        for (t, j, k) in (0..moved.len()).flat_map(coordinates) {
+            let weight = self.foot_weight(real, t, j);
+            let (value, slope) = smooth_l1(apart(t, j, k));
+            terms.velocity += f64::from(weight * value) / means.pairs;
+            let scale = means.pairs as f32 * speed;
+            pull[t][j][k] += self.weights.velocity * weight * slope / scale;
+            if t + 1 < moved.len() {
+                let (value, slope) = smooth_l1(apart(t + 1, j, k) - apart(t, j, k));
+                terms.jerk += f64::from(value) / means.triples;
+                let share = self.weights.jerk * slope / (means.triples as f32 * speed);
+                pull[t + 1][j][k] += share;
+                pull[t][j][k] -= share;
             }
         }
         for (t, pull) in pull.iter().enumerate() {
