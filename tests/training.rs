@@ -5,7 +5,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use servodance_model::motion::corpus;
 use servodance_model::motion::index::Split;
-use std::path::PathBuf;
+use std::path::Path;
 use std::process::Stdio;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -140,7 +140,7 @@ fn a_paused_run_goes_on_to_the_same_bytes() {
 }
 
 /// Waits for a file, as long as it takes a starved machine.
-fn wait_for(path: &PathBuf) {
+fn wait_for(path: &Path) {
     let began = Instant::now();
     while !path.exists() {
         assert!(
@@ -180,7 +180,7 @@ fn ctrl_c_saves_and_says_how_to_go_on() {
 #[test]
 fn what_cannot_be_trained_is_refused_in_one_line() {
     let program = program();
-    let mut check = |text: &str, more: &[&str], words: &[&str]| {
+    let check = |text: &str, more: &[&str], words: &[&str]| {
         std::fs::write(program.path("train.toml"), text).unwrap();
         program.refused(&train("vqvae", more), words);
     };
