@@ -19,7 +19,7 @@ use crate::beats::belief::evidence;
 use crate::beats::history::BeatCaller;
 use crate::beats::network::{Heard, Network};
 use crate::beats::tracker::Tracker;
-use crate::beats::{History, hearing};
+use crate::beats::{History, LevelReading, hearing};
 use crate::onset::{HOP, LATENCY_S, Onset, OnsetDetector};
 use crate::presence::Presence;
 use crate::resample::Resampler;
@@ -136,6 +136,12 @@ impl MusicAnalyzer {
     /// The next frame, if its time has come.
     pub fn pop(&mut self) -> Option<MusicFrame> {
         self.core.frames.pop_front()
+    }
+
+    /// The readings of the tracked beat that compete, now; none without a beat.
+    /// For fitting the weights by which one is chosen.
+    pub fn beat_readings(&self) -> Vec<LevelReading> {
+        self.core.tracker.readings(self.core.beat_delay_s)
     }
 
     /// How many samples were not finite and became 0.

@@ -3,20 +3,22 @@
 //!
 //! The belief may follow eighths, half notes or off-beats as surely as beats.
 //! What tells them apart is how strong kicks, the middle voices and the
-//! network's beats are at the four half-beats of two tracked beats, and how
-//! usual the tempi are: a linear score for each of five readings, its weights
-//! fitted by softmax regression, a sample a second, to 216 rendered songs and
-//! the four tracks that may be tuned on. The scores are evidence for a belief
-//! over the readings, which seldom change, so that a verse without drums is
-//! danced like the one before.
+//! network's beats are at the eight half-beats of four tracked beats, whether
+//! they alternate from beat to beat (kick, snare, kick, snare), and how usual the
+//! tempi are: a linear score for each of five readings, its weights
+//! fitted by softmax regression, a sample a second, to rendered songs and the
+//! four tracks that may be tuned on (`audio/reference/fit_level.py`). The scores
+//! are evidence for a belief over the readings, which seldom change, so that a
+//! verse without drums is danced like the one before.
 
 /// How loud each of these is heard, hop by hop: onsets below 160 Hz, onsets
 /// from there to 800 Hz, the network's beats.
 pub(crate) const VOICES: usize = 3;
 /// How much later than the onsets the network's beats come, seconds.
 const NETWORK_LATE_S: f64 = 0.021;
-/// Half-beats in two tracked beats.
-const PLACES: usize = 4;
+/// Tracked beats that are told apart, and their half-beats.
+const BEATS: u8 = 4;
+const PLACES: usize = 2 * BEATS as usize;
 /// Share of a half-beat around each place in which a voice counts.
 const REACH: f64 = 0.24;
 /// Weight of the newest in the running strengths.
@@ -27,27 +29,32 @@ const SLOWEST_BPM: f64 = 60.0;
 const FASTEST_BPM: f64 = 195.0;
 /// Where usual tempi are counted from.
 const USUAL_BPM: f64 = 122.0;
-/// Scores are evidence of this weight, log-likelihood a second.
-const EVIDENCE_PER_S: f64 = 0.1;
+/// Scores are evidence of this weight, log-likelihood a second, while the music
+/// is new and then.
+const EVIDENCE_WHEN_NEW_PER_S: f64 = 0.1;
+const EVIDENCE_PER_S: f64 = 0.05;
 /// Chance that another reading becomes right, a second.
 const CHANGE_PER_S: f64 = 0.005;
 /// How much likelier than the present one another reading must be; while the
 /// music is new there is less to lose.
 const SURER: f64 = 10.0;
 const SURER_WHEN_NEW: f64 = 2.0;
-const NEW_S: f64 = 8.0;
+const NEW_S: f64 = 15.0;
 /// A reading this near to what was danced goes on with it: beats and octaves
 /// apart, together.
 const NEAR: f64 = 0.15;
 /// Belief in a reading that goes on with what was danced.
 const KEPT: f64 = 0.9;
 
+/// What is told of a reading.
+const VALUES: usize = 6 + 4 * VOICES;
 /// Weights of: the square of the octaves from the usual tempo, the octaves,
-/// being double, half, off-beat; then for each voice its strength on the beats
-/// of the reading, between them, and at their quarters.
-const WEIGHTS: [f64; 5 + 3 * VOICES] = [
-    3.155, -0.845, -0.533, 1.959, 0.344, -0.065, 0.702, -0.609, -2.047, -0.342, -6.167, 5.008,
-    -2.917, -3.421,
+/// being double, half, off-beat; how far kicks and middle voices take turns;
+/// then for each voice its strength on the beats of the reading, between them,
+/// and at their quarters, and how much it differs from beat to beat.
+const WEIGHTS: [f64; VALUES] = [
+    1.867, -1.682, -0.769, 0.913, 0.436, -0.414, 0.425, -0.322, -3.051, 1.600, 0.953, 0.394,
+    -4.081, 0.951, 4.869, -2.508, -2.679, 0.332,
 ];
 
 /// A reading of the tracked beat.
@@ -56,8 +63,10 @@ struct Reading {
     rate: f64,
     /// Phase of the danced beat at the first tracked one.
     offset: f64,
-    /// Which of the half-beats are beats, lie between them, lie at quarters.
-    on: &'static [usize],
+    /// Which of the half-beats are every first beat, every second beat, lie
+    /// between them, lie at quarters.
+    first: &'static [usize],
+    second: &'static [usize],
     between: &'static [usize],
     quarters: &'static [usize],
     /// Double, half, off-beat.
@@ -69,44 +78,60 @@ const READINGS: [Reading; COUNT] = [
     Reading {
         rate: 1.0,
         offset: 0.0,
-        on: &[0, 2],
-        between: &[1, 3],
+        first: &[0, 4],
+        second: &[2, 6],
+        between: &[1, 3, 5, 7],
         quarters: &[],
         kind: [0.0, 0.0, 0.0],
     },
     Reading {
         rate: 0.5,
         offset: 0.0,
-        on: &[0],
-        between: &[2],
-        quarters: &[1, 3],
+        first: &[0],
+        second: &[4],
+        between: &[2, 6],
+        quarters: &[1, 3, 5, 7],
         kind: [0.0, 1.0, 0.0],
     },
     Reading {
         rate: 0.5,
         offset: 0.5,
-        on: &[2],
-        between: &[0],
-        quarters: &[1, 3],
+        first: &[2],
+        second: &[6],
+        between: &[0, 4],
+        quarters: &[1, 3, 5, 7],
         kind: [0.0, 1.0, 0.0],
     },
     Reading {
         rate: 1.0,
         offset: 0.5,
-        on: &[1, 3],
-        between: &[0, 2],
+        first: &[1, 5],
+        second: &[3, 7],
+        between: &[0, 2, 4, 6],
         quarters: &[],
         kind: [0.0, 0.0, 1.0],
     },
     Reading {
         rate: 2.0,
         offset: 0.0,
-        on: &[0, 1, 2, 3],
+        first: &[0, 2, 4, 6],
+        second: &[1, 3, 5, 7],
         between: &[],
         quarters: &[],
         kind: [1.0, 0.0, 0.0],
     },
 ];
+
+/// One way to read the tracked beat, and what tells for and against it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LevelReading {
+    /// Phase of the beat so read, in beats; may be beyond 1.
+    pub phase: f64,
+    /// Its tempo.
+    pub tempo_bpm: f64,
+    /// The values that are weighed; none for a tempo that nobody dances to.
+    pub values: Option<Vec<f64>>,
+}
 
 /// Running strengths of one voice at the four half-beats.
 #[derive(Clone, Copy, Debug, Default)]
@@ -141,12 +166,12 @@ impl Strengths {
     }
 }
 
-/// What is heard of two beats, what is believed, and the choice.
+/// What is heard of four beats, what is believed, and the choice.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Level {
     voices: [Strengths; VOICES],
-    /// Which of the two beats the tracker is in: 0 or 1.
-    second: bool,
+    /// Which of the four beats the tracker is in.
+    beat: u8,
     belief: [f64; COUNT],
     reading: usize,
     /// For how long this music's beat has been read, seconds.
@@ -157,7 +182,7 @@ impl Default for Level {
     fn default() -> Self {
         Self {
             voices: Default::default(),
-            second: false,
+            beat: 0,
             belief: [1.0 / COUNT as f64; COUNT],
             reading: 0,
             age_s: 0.0,
@@ -166,14 +191,17 @@ impl Default for Level {
 }
 
 impl Level {
-    /// Takes one hop of the voices at the tracked phase and tempo; `passed` when
-    /// the phase has just gone through zero.
-    pub(crate) fn hear(&mut self, phase: f64, bpm: f64, passed: bool, voices: [f32; VOICES]) {
-        self.second ^= passed;
+    /// So many beats have begun; below zero where the phase was pulled back.
+    pub(crate) fn count(&mut self, beats: i64) {
+        self.beat = (i64::from(self.beat) + beats).rem_euclid(i64::from(BEATS)) as u8;
+    }
+
+    /// Takes one hop of the voices at the tracked phase and tempo.
+    pub(crate) fn hear(&mut self, phase: f64, bpm: f64, voices: [f32; VOICES]) {
         let beats = self.beats(phase);
         let late_beats = [0.0, 0.0, NETWORK_LATE_S * bpm / 60.0];
         for ((voice, strength), late) in self.voices.iter_mut().zip(voices).zip(late_beats) {
-            voice.hear(2.0 * (beats - late).rem_euclid(2.0), strength);
+            voice.hear(2.0 * (beats - late).rem_euclid(f64::from(BEATS)), strength);
         }
     }
 
@@ -181,7 +209,7 @@ impl Level {
     pub(crate) fn begin(&mut self) {
         *self = Self {
             voices: self.voices,
-            second: self.second,
+            beat: self.beat,
             ..Self::default()
         };
     }
@@ -191,20 +219,19 @@ impl Level {
         let scores: [f64; COUNT] = std::array::from_fn(|i| self.score(&READINGS[i], bpm));
         let best = scores.iter().fold(f64::NEG_INFINITY, |m, &v| m.max(v));
         self.age_s += elapsed_s;
+        let (surer, weight_per_s) = match self.age_s < NEW_S {
+            true => (SURER_WHEN_NEW, EVIDENCE_WHEN_NEW_PER_S),
+            false => (SURER, EVIDENCE_PER_S),
+        };
         let change = CHANGE_PER_S * elapsed_s;
         for (belief, score) in self.belief.iter_mut().zip(scores) {
             *belief += change * (1.0 / COUNT as f64 - *belief);
-            *belief *= (EVIDENCE_PER_S * elapsed_s * (score - best)).exp();
+            *belief *= (weight_per_s * elapsed_s * (score - best)).exp();
         }
         let sum: f64 = self.belief.iter().sum();
         self.belief.iter_mut().for_each(|b| *b /= sum);
         let likeliest = (0..COUNT).max_by(|&a, &b| self.belief[a].total_cmp(&self.belief[b]));
         let likeliest = likeliest.unwrap_or(0);
-        let surer = if self.age_s < NEW_S {
-            SURER_WHEN_NEW
-        } else {
-            SURER
-        };
         let changed = self.belief[likeliest] > surer * self.belief[self.reading];
         if changed {
             self.reading = likeliest;
@@ -213,21 +240,56 @@ impl Level {
     }
 
     fn score(&self, reading: &Reading, bpm: f64) -> f64 {
+        self.values(reading, bpm)
+            .map_or(f64::NEG_INFINITY, |values| {
+                values.iter().zip(WEIGHTS).map(|(v, w)| v * w).sum()
+            })
+    }
+
+    /// What a score is made of; none for a reading that nobody dances.
+    fn values(&self, reading: &Reading, bpm: f64) -> Option<[f64; VALUES]> {
         let bpm = bpm * reading.rate;
         if !(SLOWEST_BPM..=FASTEST_BPM).contains(&bpm) {
-            return f64::NEG_INFINITY;
+            return None;
         }
         let octaves = (bpm / USUAL_BPM).log2();
         let tempo = [-0.5 * octaves * octaves, octaves];
-        let heard = self.voices.iter().flat_map(|voice| {
-            [reading.on, reading.between, reading.quarters].map(|places| voice.mean(places))
+        let parts = [
+            reading.first,
+            reading.second,
+            reading.between,
+            reading.quarters,
+        ];
+        let means = self.voices.map(|voice| parts.map(|part| voice.mean(part)));
+        let heard = means.iter().flat_map(|[first, second, between, quarters]| {
+            let on = 0.5 * (first + second);
+            [on, *between, *quarters, (first - second).abs()]
         });
-        let all = tempo.into_iter().chain(reading.kind).chain(heard);
-        all.zip(WEIGHTS).map(|(value, weight)| value * weight).sum()
+        let [kicks, middle, ..] = means.map(|[first, second, ..]| first - second);
+        let turns = [-kicks * middle];
+        let mut all = tempo
+            .into_iter()
+            .chain(reading.kind)
+            .chain(turns)
+            .chain(heard);
+        Some(std::array::from_fn(|_| all.next().unwrap_or_default()))
+    }
+
+    /// Every reading of the tracked phase and tempo, to fit the weights to.
+    pub(crate) fn readings(&self, phase: f64, bpm: f64) -> Vec<LevelReading> {
+        let reading = |i: usize| {
+            let (phase, danced_bpm) = self.read(i, phase, bpm);
+            LevelReading {
+                phase,
+                tempo_bpm: danced_bpm,
+                values: self.values(&READINGS[i], bpm).map(Vec::from),
+            }
+        };
+        (0..COUNT).map(reading).collect()
     }
 
     fn beats(&self, phase: f64) -> f64 {
-        phase + f64::from(u8::from(self.second))
+        phase + f64::from(self.beat)
     }
 
     /// The danced phase and tempo of a tracked phase, which may run past one.
@@ -273,20 +335,20 @@ mod tests {
     /// Two beats at `bpm`, again and again for a minute, with these strengths of
     /// every voice at their four half-beats. The danced tempo, and how far the
     /// danced beat is from the first of the two, beats.
-    fn danced(bpm: f64, strengths: [f32; PLACES]) -> (f64, f64) {
+    fn danced(bpm: f64, strengths: [f32; 4]) -> (f64, f64) {
         let mut level = Level::default();
         let mut phase = 0.0;
         for hop in 0..9600 {
             phase += bpm / 60.0 * HOP_S;
-            let passed = phase >= 1.0;
-            phase -= f64::from(u8::from(passed));
-            let beats = phase + f64::from(u8::from(level.second != passed));
+            level.count(phase.floor() as i64);
+            phase = phase.fract();
+            let beats = phase + f64::from(level.beat);
             let at = |late_s: f64| {
                 let half_beats = 2.0 * (beats - late_s * bpm / 60.0).rem_euclid(2.0);
                 let near = (half_beats - half_beats.round()).abs() < 0.1;
-                strengths[half_beats.round() as usize % PLACES] * f32::from(u8::from(near))
+                strengths[half_beats.round() as usize % 4] * f32::from(u8::from(near))
             };
-            level.hear(phase, bpm, passed, [at(0.0), at(0.0), at(NETWORK_LATE_S)]);
+            level.hear(phase, bpm, [at(0.0), at(0.0), at(NETWORK_LATE_S)]);
             if hop % 8 == 0 {
                 level.choose(bpm, 8.0 * HOP_S);
             }

@@ -12,4 +12,5 @@ pub(crate) mod tracker;
 
 pub use hearing::{INPUTS, inputs_of};
 pub use history::History;
+pub use level::LevelReading;
 pub use offline::{BeatTrack, track_offline};

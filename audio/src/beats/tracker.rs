@@ -14,7 +14,7 @@
 
 use super::bar::Bar;
 use super::belief::{Belief, Estimate, evidence};
-use super::level::Level;
+use super::level::{Level, LevelReading};
 use super::network::{Heard, sigmoid};
 use super::tempo::{RATE_HZ, TempoFit, Tempogram};
 use crate::onset::Onset;
@@ -114,8 +114,9 @@ impl Tracker {
         self.belief.hop(evidence(onset.strength));
         let phase = self.phase + self.bpm / 60.0 * hop_s;
         self.phase = phase.rem_euclid(1.0);
+        self.level.count(phase.floor() as i64);
         let voices = [onset.groups[0], onset.groups[1], sigmoid(heard.beat)];
-        self.level.hear(self.phase, self.bpm, phase >= 1.0, voices);
+        self.level.hear(self.phase, self.bpm, voices);
         let (danced, _) = self.level.apply(self.phase, self.bpm);
         self.bar
             .hear(danced.rem_euclid(1.0), sigmoid(heard.downbeat));
@@ -198,8 +199,10 @@ impl Tracker {
         if tempo_error.abs() < 0.06 && error.abs() < 0.15 {
             self.contradicted_s = 0.0;
             let trust = f64::from(self.confidence);
-            self.phase += (PHASE_PULL_PER_S * elapsed_s * trust).min(1.0) * error;
-            self.phase = self.phase.rem_euclid(1.0);
+            let phase = self.phase + (PHASE_PULL_PER_S * elapsed_s * trust).min(1.0) * error;
+            // Pulled back over a beat that has passed, it will pass once more.
+            self.level.count(phase.floor() as i64);
+            self.phase = phase.rem_euclid(1.0);
             // The integral part, without which a wrong tempo would leave a lag.
             self.bpm += 60.0 * LAG_PULL_PER_S2 * elapsed_s * trust * error;
             self.bpm *= (TEMPO_PULL_PER_S * elapsed_s * trust * tempo_error).exp();
@@ -225,6 +228,16 @@ impl Tracker {
             }
             self.contradicted_s = 0.0;
         }
+    }
+
+    /// Every reading of the beat `ahead_s` seconds after the newest hop; none
+    /// without a beat.
+    pub(crate) fn readings(&self, ahead_s: f64) -> Vec<LevelReading> {
+        if self.state == BeatLock::Lost {
+            return Vec::new();
+        }
+        let phase = self.phase + self.bpm / 60.0 * ahead_s;
+        self.level.readings(phase, self.bpm)
     }
 
     /// The beat `ahead_s` seconds after the newest hop.
