@@ -83,6 +83,7 @@ fn trainer(stage: StageKind) -> anyhow::Result<Trainer> {
                 .map(|_| std::array::from_fn(|_| noise()))
                 .collect(),
         ),
+        latents: None,
         style: 0,
         split: Split::Train,
         dance: true,

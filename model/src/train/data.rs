@@ -266,6 +266,7 @@ pub(crate) mod tests {
                     .map(|t| std::array::from_fn(|c| wave(t, c + 5)))
                     .collect()
             }),
+            latents: None,
             style: number % STYLES.len(),
             split,
             dance: true,
