@@ -1,7 +1,7 @@
 """Fits the weights by which the level of the beat is chosen (`audio/src/beats/level.rs`).
 
     cargo build --release -p servodance-audio --examples
-    python audio/reference/fit_level.py EXAMPLES_FOLDER [--songs FOLDER] [--real 60] [--slow-weight 0.5]
+    python audio/reference/fit_level.py EXAMPLES_FOLDER [--songs FOLDER] [--real 60] [--slow-weight 0.1]
 
 Softmax regression over the five readings, a sample a second, on rendered songs
 at the tempi of their styles, on slow ones of 60 to 100 BPM (each weighs
@@ -97,7 +97,7 @@ def main():
     options.add_argument("--songs", default=SONGS)
     options.add_argument("--rendered", type=int, default=212)
     options.add_argument("--slow", type=int, default=96)
-    options.add_argument("--slow-weight", type=float, default=0.5)
+    options.add_argument("--slow-weight", type=float, default=0.1)
     options.add_argument("--real", type=float, default=60.0)
     options.add_argument("--ridge", type=float, default=1e-3)
     options = options.parse_args()

@@ -53,8 +53,8 @@ const VALUES: usize = 6 + 4 * VOICES;
 /// then for each voice its strength on the beats of the reading, between them,
 /// and at their quarters, and how much it differs from beat to beat.
 const WEIGHTS: [f64; VALUES] = [
-    1.867, -1.682, -0.769, 0.913, 0.436, -0.414, 0.425, -0.322, -3.051, 1.600, 0.953, 0.394,
-    -4.081, 0.951, 4.869, -2.508, -2.679, 0.332,
+    2.444, -1.453, -0.750, 0.704, 0.404, -0.522, 0.571, -0.286, -2.978, 1.619, 1.010, 0.541,
+    -4.114, 1.069, 4.849, -2.315, -2.587, 0.477,
 ];
 
 /// A reading of the tracked beat.
