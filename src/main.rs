@@ -8,7 +8,7 @@ use servodance::commands::Cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    servodance::console::tell_panics_in_a_line();
+    servodance::console::tell_what_nobody_returns();
     Cli::parse().command.run().unwrap_or_else(|error| {
         let text = one_line(&error);
         servodance::console::stderr(format_args!("error: {text}\n"));

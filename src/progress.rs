@@ -1,6 +1,6 @@
 //! What the user sees while it works: a bar on standard error.
 
-use crate::console::tell;
+use crate::console::{is_kept, tell};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// A progress bar in seconds of music, shared by its clones; says nothing when quiet.
@@ -24,7 +24,7 @@ impl Progress {
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style.progress_chars("=> "));
         }
-        if quiet {
+        if quiet || is_kept() {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
         Self { bar, quiet }

@@ -11,7 +11,7 @@ use servodance_drivers::{
 };
 use servodance_retarget::{Code, RetargetConfig, RetargetError, Retargeter};
 use servodance_types::JointLimits;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A robot that comes with servodance.
 #[derive(Clone, Copy, Debug)]
@@ -94,6 +94,10 @@ pub struct Robot {
     pub name: String,
     /// One line about it.
     pub description: String,
+    /// The folder of its file; none if it is built in.
+    pub folder: Option<PathBuf>,
+    /// Where its URDF is, seen from there.
+    pub urdf: PathBuf,
     /// The URDF text.
     pub urdf_xml: String,
     /// Control cycles a second.
@@ -154,14 +158,17 @@ impl Robot {
             text,
             overrides,
         };
-        Self::from_origin(&origin, |urdf| {
-            let urdf_path = path.parent().unwrap_or(Path::new(".")).join(urdf);
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let robot = Self::from_origin(&origin, |urdf| {
+            let urdf_path = folder.join(urdf);
             std::fs::read_to_string(&urdf_path).map_err(|e| {
                 let (urdf, at) = (urdf_path.display(), origin.place(&["urdf"]));
                 let message = format!("{at}: cannot read urdf {urdf}: {e}");
                 RobotError::of(Code::FileUnreadable, message)
             })
-        })
+        })?;
+        let folder = Some(folder.to_owned());
+        Ok(Self { folder, ..robot })
     }
 
     /// Parses and checks a robot file; `file` is its name in messages.
@@ -214,6 +221,8 @@ impl Robot {
         })?;
         let robot = Self {
             urdf_xml: read_urdf(&parsed.urdf)?,
+            urdf: parsed.urdf.into(),
+            folder: None,
             name: parsed.name,
             description: parsed.description,
             control_hz: parsed.control_hz,

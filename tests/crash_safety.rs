@@ -350,6 +350,11 @@ fn cases() -> Vec<fn() -> Row> {
             let recorder = Stage::drill("panic:recorder@3000", &["--record", "out.mcap"]);
             recorder.goes_on("panic: recorder", "broke down")
         },
+        #[cfg(feature = "view")]
+        || {
+            let page = Stage::drill("panic:viewers@100", &["--view"]);
+            page.goes_on("panic: server of the page", "\"viewers\" broke down")
+        },
     ]
 }
 

@@ -29,5 +29,6 @@ mod robot_check;
 mod robot_mutations;
 mod robot_new;
 mod show;
+mod terminal;
 mod torque_off;
 mod training;

@@ -2,6 +2,9 @@
 //! the token gets anything; floods and slow viewers disturb nobody.
 
 mod export;
+#[cfg(feature = "view")]
+mod flood;
+mod meshes;
 mod requests;
 #[cfg(feature = "view")]
 mod server;

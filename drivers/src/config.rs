@@ -15,6 +15,7 @@ use servodance_types::JointLimits;
 use crate::can::MotorSettings;
 use crate::error::ConfigError;
 use crate::model::{MODELS, Model};
+use crate::reply_clock::ReplyClock;
 use crate::servo::Servo;
 
 /// One `[[joint]]` table. The keys from `kp` on are for CAN motors only, and
@@ -121,6 +122,9 @@ pub struct BusConfig {
     /// How long a reply may be late, milliseconds, on top of its time on the wire.
     #[serde(default = "default_reply_timeout_ms")]
     pub reply_timeout_ms: f64,
+    /// By whose clock; a file cannot say.
+    #[serde(skip)]
+    pub reply_clock: ReplyClock,
     /// How often a failed exchange is tried again before it is an error.
     #[serde(default = "default_retries")]
     pub retries: u32,
@@ -169,6 +173,7 @@ impl BusConfig {
             kind,
             baud,
             reply_timeout_ms: default_reply_timeout_ms(),
+            reply_clock: ReplyClock::Wall,
             retries: default_retries(),
             watchdog_ms: default_watchdog_ms(),
             accept_no_watchdog: false,

@@ -26,6 +26,7 @@ mod dynamixel1;
 mod error;
 mod family;
 mod feetech;
+mod last_words;
 mod layout;
 mod limiter;
 mod link;
@@ -36,6 +37,7 @@ mod probe;
 mod protocol1;
 mod rate;
 mod register;
+mod reply_clock;
 mod safety;
 mod serial;
 mod servo;
@@ -46,6 +48,7 @@ pub use bus_set::{BusSet, open_buses};
 pub use config::{BusConfig, BusKind, ServoConfig, one_or_several, servos};
 pub use error::{BusError, ConfigError, Refusal, ServoId};
 pub use family::{Family, Layout};
+pub use last_words::{Listener, hear_last_words};
 pub use layout::{BusLayout, layouts};
 pub use limiter::{Limited, Limiter};
 pub use model::{MODELS, Model};
@@ -54,6 +57,7 @@ pub use port::Port;
 pub use probe::{Found, Probe, Vitals};
 pub use rate::{RateCheck, check_rate, cycle_bytes};
 pub use register::Register;
+pub use reply_clock::{FarEnd, ReplyClock};
 pub use safety::{
     Derating, EStop, Interventions, SafeBus, SafetyConfig, SafetyError, SafetySettings, ServoLost,
     State, Transition,

@@ -57,7 +57,7 @@ impl Link {
         let config = checked.map_err(|error: ConfigError| refused(error.to_string()))?;
         check_kind(&servos, config.kind).map_err(refused)?;
         Ok(Self {
-            wire: Wire::open(port, config.baud, protocol)?,
+            wire: Wire::open(port, config.baud, protocol, config.reply_clock.clone())?,
             answered: vec![false; servos.len()],
             aside: vec![false; servos.len()],
             flags: 0,

@@ -15,6 +15,7 @@ use crate::family::Family;
 use crate::model::Model;
 use crate::packet::Protocol;
 use crate::register::Register;
+use crate::reply_clock::ReplyClock;
 use crate::wire::{Received, Wire};
 
 /// How often a question is asked before its answer counts as missing.
@@ -87,7 +88,7 @@ impl Probe {
         wait: Duration,
     ) -> Result<Self, BusError> {
         Ok(Self {
-            wire: Wire::open(port, baud, protocol)?,
+            wire: Wire::open(port, baud, protocol, ReplyClock::Wall)?,
             baud,
             wait,
         })

@@ -31,6 +31,7 @@ use crate::dynamixel::DynamixelX;
 use crate::dynamixel1::Dynamixel1;
 use crate::error::BusError;
 use crate::feetech::FeetechSts;
+use crate::last_words;
 use crate::link::Link;
 use crate::servo::{Servo, check_cycle};
 
@@ -352,7 +353,8 @@ impl Drop for SerialBus {
                 None => "; the servos' own watchdog stops them",
                 Some(_) => "",
             };
-            eprintln!("{error}{rest}");
+            let clock = &self.link.config.reply_clock;
+            last_words::say(clock, &format!("{error}{rest}"));
         }
     }
 }

@@ -52,6 +52,6 @@ pub use k::nalgebra;
 pub use likeness::{Likeness, Segment};
 pub use lint::{lint, lint_limits};
 pub use mjcf::{is_mjcf, urdf_from_mjcf};
-pub use model::{RobotModel, Shape, Visual};
+pub use model::{MeshVisual, RobotModel, Shape, Visual};
 pub use retargeter::Retargeter;
 pub use stream::Points;

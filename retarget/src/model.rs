@@ -95,6 +95,21 @@ pub struct Visual {
     pub rgba: [f32; 4],
 }
 
+/// A mesh fixed to a link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshVisual {
+    /// Index into [`RobotModel::link_names`].
+    pub link: usize,
+    /// The mesh's frame in the link's.
+    pub pose_in_link: Isometry3<f64>,
+    /// As the description has it: a path, or `package://NAME/PATH`.
+    pub filename: String,
+    /// Metres a unit of the file, along each axis.
+    pub scale: [f64; 3],
+    /// Colour, each part 0 to 1.
+    pub rgba: [f32; 4],
+}
+
 /// One driven joint above a link: which column it moves and from which link.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lever {
@@ -115,6 +130,7 @@ pub struct RobotModel {
     pub(crate) levers: Vec<Vec<Lever>>,
     segments: Vec<(usize, usize)>,
     visuals: Vec<Visual>,
+    meshes: Vec<MeshVisual>,
     /// Simple shapes given for collision.
     solids: Vec<Visual>,
     /// Capsules of the robot file.
@@ -162,6 +178,7 @@ impl RobotModel {
             levers: Vec::new(),
             segments: Vec::new(),
             visuals: Vec::new(),
+            meshes: Vec::new(),
             solids: Vec::new(),
             capsules: Vec::new(),
             mass_kg: 0.0,
@@ -211,11 +228,11 @@ impl RobotModel {
                 com = Point3::from(link.inertial.origin().translation.vector);
                 link_name.clone_from(&link.name);
                 let visuals = link.visuals.iter();
-                self.visuals.extend(visuals.filter_map(|v| {
-                    let color = &v.material.color;
-                    let rgba = [color.r, color.g, color.b, color.a].map(|part| part as f32);
-                    visual(index, &v.geometry, *v.origin(), rgba)
-                }));
+                self.visuals.extend(
+                    visuals.filter_map(|v| visual(index, &v.geometry, *v.origin(), rgba_of(v))),
+                );
+                self.meshes
+                    .extend(link.visuals.iter().filter_map(|v| mesh(index, v)));
                 let solids = link.collisions.iter();
                 self.solids.extend(
                     solids.filter_map(|c| visual(index, &c.geometry, *c.origin(), [1.0; 4])),
@@ -271,6 +288,11 @@ impl RobotModel {
     /// Boxes, cylinders and balls to draw; meshes are left out.
     pub fn visuals(&self) -> &[Visual] {
         &self.visuals
+    }
+
+    /// Meshes to draw, by the names that the description gives them.
+    pub fn meshes(&self) -> &[MeshVisual] {
+        &self.meshes
     }
 
     /// Simple shapes given for collision.
@@ -455,6 +477,24 @@ fn drive_of(
         at = mimic.joint.as_str();
     }
     None
+}
+
+fn rgba_of(visual: &k::link::Visual<f64>) -> [f32; 4] {
+    let color = &visual.material.color;
+    [color.r, color.g, color.b, color.a].map(|part| part as f32)
+}
+
+fn mesh(link: usize, visual: &k::link::Visual<f64>) -> Option<MeshVisual> {
+    let k::link::Geometry::Mesh { filename, scale } = &visual.geometry else {
+        return None;
+    };
+    Some(MeshVisual {
+        link,
+        pose_in_link: *visual.origin(),
+        filename: filename.clone(),
+        scale: [scale.x, scale.y, scale.z],
+        rgba: rgba_of(visual),
+    })
 }
 
 fn visual(

@@ -22,16 +22,16 @@ pub enum FarEnd {
 }
 
 impl FarEnd {
-    /// A second handle on a CAN adapter, to see whether there is something to read.
-    pub fn watched(&self) -> Result<Option<OwnedFd>, SimError> {
-        let Self::Can(adapter) = self else {
-            return Ok(None);
+    /// A second handle, to see whether there is something to read.
+    pub fn watched(&self) -> Result<OwnedFd, SimError> {
+        let watched = match self {
+            Self::Can(adapter) => adapter.watched(),
+            Self::Serial(master) => master.try_clone(),
         };
-        let watched = adapter.watched().map_err(|reason| SimError::System {
+        watched.map_err(|reason| SimError::System {
             what: "watching an adapter",
             reason,
-        })?;
-        Ok(Some(watched))
+        })
     }
 }
 

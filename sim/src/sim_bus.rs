@@ -15,11 +15,11 @@ use std::time::{Duration, Instant};
 
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use servodance_drivers::Port;
+use servodance_drivers::{Port, ReplyClock};
 
 use crate::body::SimServoState;
 use crate::byte_servo::ByteServo;
-use crate::can::{CanServer, build_net, readable};
+use crate::can::{CanServer, build_net};
 use crate::far_end::{FarEnd, Socket};
 use crate::fault::{FaultyWire, ServoFault, WireFault};
 use crate::judge::{Judge, Violations};
@@ -86,6 +86,8 @@ pub(crate) struct Shared {
     pub bus_off: AtomicBool,
     /// The thread carries out what it has read.
     pub busy: AtomicBool,
+    /// A second handle on what the thread reads, while it does.
+    watched: Mutex<Option<OwnedFd>>,
     pub clock: SimClock,
     pub began: Instant,
     /// Seconds a byte; 0 on CAN, where frames are counted bit by bit.
@@ -105,6 +107,10 @@ impl Shared {
 
     pub fn wire(&self) -> MutexGuard<'_, Traffic> {
         self.wire.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn watched(&self) -> MutexGuard<'_, Option<OwnedFd>> {
+        self.watched.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn faults(&self) -> MutexGuard<'_, FaultyWire> {
@@ -127,6 +133,33 @@ impl Shared {
     }
 }
 
+impl servodance_drivers::FarEnd for Shared {
+    fn is_idle(&self) -> bool {
+        let watched = self.watched();
+        // In this order: what has been read is carried out while `busy` is set.
+        let unread = watched.as_ref().is_some_and(has_unread);
+        !unread && !self.busy.load(Ordering::SeqCst)
+    }
+}
+
+/// Whether there is something to read; that the other end is closed is not.
+fn has_unread(fd: &OwnedFd) -> bool {
+    let mut fds = [PollFd::new(fd.as_fd(), PollFlags::POLLIN)];
+    let polled = poll(&mut fds, PollTimeout::ZERO);
+    let found = fds[0].revents().unwrap_or(PollFlags::empty());
+    polled.is_ok() && found.contains(PollFlags::POLLIN)
+}
+
+/// The thread reads no more, even if it panicked: nothing is waited for.
+struct Gone(Arc<Shared>);
+
+impl Drop for Gone {
+    fn drop(&mut self) {
+        *self.0.watched() = None;
+        self.0.busy.store(false, Ordering::SeqCst);
+    }
+}
+
 /// A running simulated bus. Dropping it ends its thread and closes the port.
 #[derive(Debug)]
 pub struct SimBus {
@@ -135,8 +168,6 @@ pub struct SimBus {
     port: Port,
     socket: Socket,
     baud: u32,
-    /// Our end of a CAN adapter, to see whether the thread has read everything.
-    watched: Option<OwnedFd>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -145,11 +176,16 @@ fn start_thread(
     shared: Arc<Shared>,
     baud: u32,
 ) -> Result<JoinHandle<()>, SimError> {
+    *shared.watched() = Some(far_end.watched()?);
     let thread = std::thread::Builder::new().name("simulated servos".into());
+    let gone = Gone(shared.clone());
     let started = match far_end {
         FarEnd::Can(adapter) => {
             let server = CanServer::new(shared, adapter, baud);
-            thread.spawn(move || server.run())
+            thread.spawn(move || {
+                let _gone = gone;
+                server.run();
+            })
         }
         FarEnd::Serial(master) => {
             let server = Server {
@@ -158,7 +194,10 @@ fn start_thread(
                 line_free_s: 0.0,
                 handed_over: None,
             };
-            thread.spawn(move || server.run())
+            thread.spawn(move || {
+                let _gone = gone;
+                server.run();
+            })
         }
     };
     started.map_err(|reason| SimError::System {
@@ -184,6 +223,7 @@ impl SimBus {
             stop: AtomicBool::new(false),
             bus_off: AtomicBool::new(false),
             busy: AtomicBool::new(false),
+            watched: Mutex::new(None),
             clock: options.clock,
             began: Instant::now(),
             byte_s: if is_can {
@@ -200,7 +240,6 @@ impl SimBus {
             path: options.path,
         };
         let (far_end, port_path, port) = socket.open()?;
-        let watched = far_end.watched()?;
         let thread = start_thread(far_end, shared.clone(), options.baud)?;
         Ok(Self {
             shared,
@@ -208,7 +247,6 @@ impl SimBus {
             port,
             socket,
             baud: options.baud,
-            watched,
             thread: Some(thread),
         })
     }
@@ -231,18 +269,20 @@ impl SimBus {
         }
     }
 
-    /// Frames that the host has sent belong to the time before: waits until they
-    /// are carried out (a thread that does not get on is not waited for).
+    /// By whose clock a driver of this bus knows that no reply will come.
+    pub fn reply_clock(&self) -> ReplyClock {
+        match self.shared.clock {
+            SimClock::Lockstep => ReplyClock::FarEnd(self.shared.clone()),
+            SimClock::Realtime => ReplyClock::Wall,
+        }
+    }
+
+    /// What the host has sent belongs to the time before: waits until it is
+    /// carried out (a thread that does not get on is not waited for).
     fn settle(&self) {
-        let waits = |fd: &OwnedFd| {
-            let unread = readable(fd, Duration::ZERO).unwrap_or(false);
-            unread || self.shared.busy.load(Ordering::SeqCst)
-        };
-        let Some(fd) = &self.watched else {
-            return;
-        };
+        use servodance_drivers::FarEnd;
         let began = Instant::now();
-        while self.thread.is_some() && waits(fd) && began.elapsed() < LONGEST_SETTLE {
+        while !self.shared.is_idle() && began.elapsed() < LONGEST_SETTLE {
             std::thread::sleep(Duration::from_micros(20));
         }
     }
@@ -302,7 +342,6 @@ impl SimBus {
         if self.thread.is_none() {
             let (far_end, port_path, port) = self.socket.open()?;
             (self.port_path, self.port) = (port_path, port);
-            self.watched = far_end.watched()?;
             self.shared.stop.store(false, Ordering::Release);
             self.thread = Some(start_thread(far_end, self.shared.clone(), self.baud)?);
         }
@@ -317,7 +356,6 @@ impl SimBus {
         if let Some(thread) = self.thread.take() {
             // A panic in the thread has already been printed.
             let _ = thread.join();
-            self.watched = None;
         }
     }
 
@@ -443,10 +481,14 @@ impl Server {
                 Ok(0) => {}
                 Ok(count) => self.serve(&mut chunk[..count]),
                 // Nobody has the other end open.
-                Err(Errno::EIO) => std::thread::sleep(Duration::from_millis(1)),
+                Err(Errno::EIO) => {
+                    self.shared.busy.store(false, Ordering::SeqCst);
+                    std::thread::sleep(Duration::from_millis(1));
+                }
                 Err(Errno::EINTR | Errno::EAGAIN) => {}
                 Err(_) => return,
             }
+            self.shared.busy.store(false, Ordering::SeqCst);
         }
     }
 
@@ -464,6 +506,7 @@ impl Server {
         if poll(&mut watched, PollTimeout::from(WAKE_MS))? == 0 {
             return Ok(0);
         }
+        self.shared.busy.store(true, Ordering::SeqCst);
         nix::unistd::read(&self.master, chunk)
     }
 

@@ -6,12 +6,13 @@ use super::{INTERRUPTED, stop_signal};
 use crate::conditioning::Conditioning;
 use crate::console::{say, tell};
 use crate::dance::{DanceConfig, Evening, IdleStyle, Outcome, Speed, dance};
-use crate::show::Server;
+use crate::show::{Server, TerminalView};
 use crate::summary::summary;
 use servodance_audio::source::PcmEncoding;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const EXAMPLES: &str = "\
@@ -20,18 +21,25 @@ Examples:
       the built-in song on the built-in humanoid, simulated, as fast as possible
   servodance dance song.ogg --robot op3 --report out.json --record out.mcap
       your song, with a report for scripts and a recording for robotics viewers
+  servodance dance song.ogg --gif dance.gif
+      ten seconds to show to people
   servodance dance song.mp3 --bus serial:/dev/ttyUSB0
       a real robot, in real time (hold its power switch)
   servodance dance --mic
       what the default microphone hears (built with --features mic)
   servodance dance --mic --robot my-robot.toml --bus serial:/dev/ttyUSB0 --view --wait-for-start
       an evening: start, hold, stop and style from a page in the browser
+  servodance dance song.mp3 --bus serial:/dev/ttyUSB0 --tui
+      the same over a terminal, on a machine without a screen, say
   arecord -f S16_LE -r 48000 -c 1 -t raw | servodance dance - --pcm-rate 48000 --speed realtime
       dance to whatever a capture program hears";
 
 /// What `dance` is asked for.
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(
+    after_help = EXAMPLES,
+    group = clap::ArgGroup::new("watched").args(["view", "tui"]).multiple(true)
+)]
 pub struct Args {
     /// The recording (wav, flac, mp3, ogg), or `-` for raw PCM on standard
     /// input; the built-in song if left out.
@@ -109,6 +117,12 @@ pub struct Args {
     #[arg(long, conflicts_with = "picture")]
     pub no_picture: bool,
 
+    /// Draw a moving picture too: ten seconds from the middle of the dance, the
+    /// human beside the robot. For another part: --record, then `servodance
+    /// export FILE.mcap --gif FILE.gif --from 20 --seconds 8`.
+    #[arg(long, value_name = "FILE.gif")]
+    pub gif: Option<PathBuf>,
+
     /// Sample rate of raw PCM on standard input, hertz.
     #[arg(long, default_value_t = 48_000, value_name = "HZ")]
     pub pcm_rate: u32,
@@ -145,9 +159,15 @@ pub struct Args {
     )]
     pub view_bind: SocketAddr,
 
-    /// Wait, torque off, until the page says start, before each dance; end by
-    /// Ctrl-C.
-    #[arg(long, requires = "view")]
+    /// Show the dance in this terminal and steer it by keys: start, hold, resume,
+    /// end, amplitude, style, seed, mirror, idle; Enter, Esc or Space is the
+    /// emergency stop (see docs/show.md).
+    #[arg(long, visible_alias = "terminal")]
+    pub tui: bool,
+
+    /// Wait, torque off, until the page or a key says start, before each dance;
+    /// end by Ctrl-C.
+    #[arg(long, requires = "watched")]
     pub wait_for_start: bool,
 
     /// Print only errors.
@@ -159,8 +179,8 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let config = DanceConfig::from_args(args)?;
     let stop = stop_signal()?;
-    if let Some(bind) = config.view {
-        return watched(config, bind, &stop);
+    if config.view.is_some() || config.tui {
+        return watched(config, &stop);
     }
     let outcome = dance(&config, &stop)?;
     report(&config, &outcome);
@@ -177,17 +197,36 @@ fn report(config: &DanceConfig, outcome: &Outcome) {
     }
 }
 
-/// Dances for whoever opens the page.
-fn watched(config: DanceConfig, bind: SocketAddr, stop: &AtomicBool) -> anyhow::Result<ExitCode> {
-    let waits = config.wait_for_start;
-    let (mut evening, end) = Evening::new(config)?;
-    let server = Server::start(bind, evening.scene()?, end)?;
-    say!("{}", server.address());
-    evening.run(stop, |config, outcome| match outcome {
+/// Dances for whoever opens the page or sits at the terminal.
+fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCode> {
+    let (waits, bind, tui) = (config.wait_for_start, config.view, config.tui);
+    if tui {
+        TerminalView::check()?;
+    }
+    let mut evening = Evening::new(config)?;
+    let scene = evening.scene()?;
+    for mesh in &scene.meshes.left_out {
+        tell!("the page draws a stick: {mesh}");
+    }
+    let server = match bind {
+        Some(bind) => Some(Server::start(bind, scene.clone(), evening.seat())?),
+        None => None,
+    };
+    let address = server.as_ref().map(Server::address);
+    if let Some(address) = address {
+        say!("{address}");
+    }
+    let terminal = match tui {
+        true => Some(TerminalView::start(scene, evening.seat(), stop, address)?),
+        false => None,
+    };
+    let danced = evening.run(stop, |config, outcome| match outcome {
         Ok(outcome) => report(config, outcome),
         Err(error) if waits => tell!("error: {error:#}"),
         Err(_) => {} // told by `main`
-    })?;
+    });
+    drop(terminal); // what comes now is for the usual terminal
+    danced?;
     if stop.load(Ordering::Acquire) {
         tell!("stopped; torque is off");
         return Ok(ExitCode::from(INTERRUPTED));

@@ -3,7 +3,7 @@
 use super::stop_signal;
 use crate::console::say;
 use crate::record::Recording;
-use crate::show::{Player, Scene, Server, Settings, link};
+use crate::show::{Meshes, Player, Scene, Server, Settings, link};
 use servodance_retarget::RobotModel;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -58,6 +58,7 @@ fn scene(recording: &Recording) -> anyhow::Result<Scene> {
     Ok(Scene {
         robot: recording.robot.clone(),
         model: RobotModel::new(&recording.urdf_xml, &names)?,
+        meshes: Meshes::default(), // their files are not in a recording
         joints: recording.joints.clone(),
         styles: Vec::new(),
         control_hz: recording.control_hz,

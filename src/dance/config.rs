@@ -78,8 +78,12 @@ pub struct DanceConfig {
     pub record: Option<PathBuf>,
     /// Where the picture goes.
     pub picture: Option<PathBuf>,
+    /// Where the moving picture goes.
+    pub gif: Option<PathBuf>,
     /// Where viewers are served, if they are.
     pub view: Option<SocketAddr>,
+    /// Whether the terminal shows the dance and takes keys.
+    pub tui: bool,
     /// Whether each dance waits for somebody to say `start`.
     pub wait_for_start: bool,
     /// A file that is the emergency stop.
@@ -102,11 +106,11 @@ impl DanceConfig {
             (Some(Speed::Max), false) => {
                 bail!("--speed max needs the simulated bus: real servos live in real time")
             }
-            (Some(Speed::Max), _) if args.view => {
-                bail!("--speed max cannot be watched: --view lives in real time")
+            (Some(Speed::Max), _) if args.view || args.tui => {
+                bail!("--speed max cannot be watched: --view and --tui live in real time")
             }
             (Some(speed), _) => speed,
-            (None, true) if !hears && !args.view => Speed::Max,
+            (None, true) if !hears && !args.view && !args.tui => Speed::Max,
             (None, _) => Speed::Realtime,
         };
         Ok(Self {
@@ -125,7 +129,9 @@ impl DanceConfig {
             report: args.report,
             record: args.record,
             picture: (!args.no_picture).then_some(args.picture),
+            gif: args.gif,
             view: args.view.then_some(args.view_bind),
+            tui: args.tui,
             wait_for_start: args.wait_for_start,
             estop_file: args.estop_file,
             quiet: args.quiet,

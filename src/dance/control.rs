@@ -17,6 +17,7 @@
 //! Simulated time (`--speed max`) waits for motion; the wall clock does not:
 //! a frame that is not there is counted as late, and the robot holds.
 
+use super::chronicle::Chronicle;
 use super::config::Speed;
 use super::delays::Delays;
 use super::idle::{Idle, IdleStyle};
@@ -25,13 +26,14 @@ use super::motion_source::{Change, MotionSource, Next, Step};
 use super::overload::Sparing;
 use super::rehearsal::Rehearsal;
 use super::rig::Rig;
-use super::showing::{Cycle, Showing, pose_array};
+use super::showing::{Cycle, Showing};
 use super::steering::{Horizon, Steering};
 use super::trace::Trace;
 use crate::drill;
 use crate::record::{Recorder, Topic};
 use crate::robot::Robot;
-use crate::show::{Activity, Request, RobotEnd};
+use crate::show::snapshot::BANDS;
+use crate::show::{Activity, Request, RobotEnd, pose_array};
 use crate::stages::{Stage, StageClock};
 use servodance_retarget::Retargeter;
 use servodance_types::FRAME_RATE_HZ;
@@ -115,6 +117,8 @@ pub struct Control<'a> {
     /// When the newest sound that the motion knows was captured, if live.
     captured: Option<Instant>,
     ended: bool,
+    /// What the recording was told of the servos' health and of safety.
+    pub chronicle: Chronicle,
     /// The run so far.
     pub trace: Trace,
     /// Times of the stages.
@@ -181,6 +185,7 @@ impl<'a> Control<'a> {
             newest_s: None,
             captured: None,
             ended: false,
+            chronicle: Chronicle::default(),
             trace: Trace::new(joints),
             stages: StageClock::default(),
             latency: Latency::default(),
@@ -211,6 +216,11 @@ impl<'a> Control<'a> {
     /// Seconds that the robot idled.
     pub fn idled_s(&self) -> f64 {
         self.idle.idled_s()
+    }
+
+    /// Seconds from torque on to the first cycle of the recording.
+    pub fn stood_s(&self) -> f64 {
+        self.stood_s
     }
 
     /// Slowest and fastest pace of the motion so far.
@@ -444,6 +454,10 @@ impl<'a> Control<'a> {
             recorder.motion(at_s, &step.motion);
             let phase = f64::from(step.music.beat.phase);
             recorder.number(Topic::BeatPhase, at_s, phase);
+            recorder.spectrum(
+                at_s,
+                &servodance_audio::bands::<BANDS>(&step.music.spectral),
+            );
             recorder.number(Topic::Stage(Stage::Features), at_s, step.features_ms);
             recorder.number(Topic::Stage(Stage::Model), at_s, step.model_ms);
         }
@@ -557,6 +571,8 @@ impl<'a> Control<'a> {
         let (bytes, packets) = self.rig.wire_totals();
         recorder.number(Topic::BusBytes, at_s, bytes as f64);
         recorder.number(Topic::BusPackets, at_s, packets as f64);
+        let chronicle = &mut self.chronicle;
+        chronicle.write(recorder, self.rig, at_s, self.stood_s);
     }
 
     fn record_stage(&mut self, stage: Stage, ms: f64) {

@@ -6,7 +6,7 @@
 //! dance. An emergency stop, or an error, ends a dance and not the evening.
 
 use super::{DanceConfig, Outcome, open_generator, perform, watch};
-use crate::show::{Activity, Request, RobotEnd, Scene, Settings, ViewerEnd, link, snapshot};
+use crate::show::{Activity, Meshes, Request, RobotEnd, Scene, Settings, ViewerEnd, snapshot};
 use anyhow::bail;
 use servodance_drivers::State;
 use servodance_model::Generator;
@@ -24,12 +24,11 @@ pub struct Evening {
 }
 
 impl Evening {
-    /// Everything that can be loaded before somebody watches, and their end of
-    /// the line.
+    /// Everything that can be loaded before somebody watches.
     ///
     /// # Errors
     /// A model that cannot be loaded, a style that it does not know.
-    pub fn new(config: DanceConfig) -> anyhow::Result<(Self, ViewerEnd)> {
+    pub fn new(config: DanceConfig) -> anyhow::Result<Self> {
         let generator = open_generator(config.model.as_deref(), config.engine)?;
         let style = config.style.as_deref();
         let settings = Settings {
@@ -39,13 +38,16 @@ impl Evening {
             style: generator.style_index(style.unwrap_or(generator.default_style()))?,
             seed: config.seed,
         };
-        let (end, viewers) = link(config.robot.servos.len(), settings);
-        let evening = Self {
+        Ok(Self {
+            end: RobotEnd::new(config.robot.servos.len(), settings),
             config,
             generator,
-            end,
-        };
-        Ok((evening, viewers))
+        })
+    }
+
+    /// A viewer's end of the line; each viewer has their own.
+    pub fn seat(&mut self) -> ViewerEnd {
+        self.end.seat()
     }
 
     /// The same, waiting for `start` before each dance.
@@ -60,9 +62,15 @@ impl Evening {
     /// A robot that cannot be drawn.
     pub fn scene(&self) -> anyhow::Result<Scene> {
         let robot = &self.config.robot;
+        let model = robot.retargeter()?.model().clone();
+        let meshes = match self.config.view {
+            Some(_) => Meshes::load(robot, &model),
+            None => Meshes::default(),
+        };
         Ok(Scene {
             robot: robot.name.clone(),
-            model: robot.retargeter()?.model().clone(),
+            model,
+            meshes,
             joints: robot.joint_limits(),
             styles: self.generator.styles().to_vec(),
             control_hz: robot.control_hz,
@@ -92,7 +100,7 @@ impl Evening {
             each(&self.config, &outcome);
         }
         if self.end.is_alone() && !stop.load(Ordering::Relaxed) {
-            bail!("the page broke down: nobody could say start");
+            bail!("whoever could say start broke down: the evening is over");
         }
         Ok(())
     }

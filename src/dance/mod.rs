@@ -10,12 +10,14 @@
 
 pub(crate) mod audio;
 mod beat_clock;
+mod chronicle;
 mod click_test;
 mod config;
 mod control;
 mod delays;
 mod estop;
 mod evening;
+mod film;
 mod idle;
 mod latency;
 mod motion_source;
@@ -49,6 +51,7 @@ use crate::show::{Activity, RobotEnd, snapshot};
 use crate::stages::Stage;
 use anyhow::Context;
 use audio::Audio;
+use chronicle::Chronicle;
 use control::{Control, Ending, Timing};
 use estop::EStopWatch;
 pub use latency::LatencyReport;
@@ -88,7 +91,8 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
 
 /// Watches the emergency stop's key, signal and file.
 fn watch(config: &DanceConfig, estop: &EStop) -> anyhow::Result<EStopWatch> {
-    let keyboard = !matches!(config.audio, AudioChoice::Stdin(_));
+    // The terminal view reads the keys itself.
+    let keyboard = !matches!(config.audio, AudioChoice::Stdin(_)) && !config.tui;
     EStopWatch::start(estop, config.estop_file.clone(), keyboard)
 }
 
@@ -131,6 +135,8 @@ fn perform(
     })?;
     let picture = config.picture.as_deref().map(PendingFile::create);
     drop(picture.transpose()?); // only to learn early whether it can be written
+    let film = config.gif.as_deref().map(PendingFile::create);
+    drop(film.transpose()?);
     let report_file = config.report.as_deref().map(PendingFile::create);
     drop(report_file.transpose()?);
     let progress = Progress::new(audio_s, config.quiet);
@@ -162,7 +168,7 @@ fn perform(
     let mut control = Control::new(&config.robot, &mut rig, recorder, timing, audience, stop)?;
     control.spare_viewers(&sparing);
     let ending = control.run(&mut source, |time_s| progress.at(time_s));
-    let run = Run {
+    let mut run = Run {
         lead_s: control.lead_s(),
         even_lead_s: control.even_lead_s(),
         paces: control.paces(),
@@ -171,6 +177,8 @@ fn perform(
         music_start_s: control.music_start_s(),
         trace_hz: control.trace_hz(),
         recorder: control.take_recorder(),
+        chronicle: std::mem::take(&mut control.chronicle),
+        stood_s: control.stood_s(),
         frames: control.frames,
         late_frames: control.late_frames,
         stages: std::mem::take(&mut control.stages),
@@ -195,6 +203,10 @@ fn perform(
             event.time_s, event.from, event.to, event.cause
         ));
     }
+    if let Some(recorder) = &mut run.recorder {
+        let time_s = rig.now_s() - run.stood_s;
+        run.chronicle.write(recorder, &rig, time_s, run.stood_s);
+    }
     let ending = ending?; // the first error is the one to tell
     disarmed.context("torque off could not be verified: cut the power")?;
     let wall_s = started.elapsed().as_secs_f64();
@@ -213,6 +225,9 @@ fn perform(
     if let Some(path) = wanted.filter(|_| sparing.most() < LeftOut::Picture) {
         let picture = portrait::portrait(config, &run.trace, run.trace_hz, &report)?;
         write_whole(path, &picture.png()?)?;
+    }
+    if let Some(path) = &config.gif {
+        film::film(config, &run.trace, run.lead_s, &report, path)?;
     }
     recorded?;
     if let Some(counted) = report.violations.filter(|v| *v != Default::default()) {
@@ -254,6 +269,8 @@ struct Run {
     music_start_s: f64,
     trace_hz: f64,
     recorder: Option<Recorder>,
+    chronicle: Chronicle,
+    stood_s: f64,
     frames: u64,
     late_frames: u64,
     stages: crate::stages::StageClock,

@@ -19,9 +19,6 @@ use servodance_model::{Generator, GeneratorOptions};
 use servodance_sim::Cue;
 use std::sync::atomic::AtomicBool;
 
-/// A reply that does not come is waited for so long, milliseconds of wall time:
-/// far longer than a busy machine keeps the simulated servos waiting.
-const REPLY_TIMEOUT_MS: f64 = 400.0;
 /// After the end the servos are left alone for this long, seconds: their own
 /// watchdogs stop those that cannot be reached.
 const AFTERWARDS_S: f64 = 1.0;
@@ -87,7 +84,6 @@ impl Ordeal<'_> {
         )?));
         let trial = Trial {
             faults: self.faults,
-            reply_timeout_ms: REPLY_TIMEOUT_MS,
             seed: self.seed,
         };
         let timing = Timing {

@@ -8,8 +8,7 @@
 use super::overload::{LeftOut, Sparing};
 use super::rig::Rig;
 use crate::show::snapshot::{Activity, BANDS, BusNow, Event, Moment, MusicNow, state_name};
-use crate::show::{RobotEnd, Settings};
-use servodance_retarget::nalgebra::Isometry3;
+use crate::show::{RobotEnd, Settings, pose_array};
 use servodance_retarget::{Points, Retargeter};
 use servodance_types::MusicFrame;
 use std::collections::VecDeque;
@@ -225,12 +224,6 @@ impl<'a> Showing<'a> {
             _ => MusicNow::default(),
         }
     }
-}
-
-/// x, y, z, then the quaternion x, y, z, w.
-pub fn pose_array(pose: &Isometry3<f64>) -> [f64; 7] {
-    let ([x, y, z], turn) = (pose.translation.vector.into(), pose.rotation.coords);
-    [x, y, z, turn.x, turn.y, turn.z, turn.w]
 }
 
 fn bus_now(rig: &Rig) -> BusNow {

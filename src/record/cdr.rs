@@ -34,6 +34,12 @@ impl CdrWriter {
         self
     }
 
+    /// An 8-bit unsigned number.
+    pub fn u8(&mut self, value: u8) -> &mut Self {
+        self.bytes.push(value);
+        self
+    }
+
     /// A 32-bit signed number.
     pub fn i32(&mut self, value: i32) -> &mut Self {
         self.u32(value as u32)
@@ -63,12 +69,25 @@ impl CdrWriter {
         self
     }
 
-    /// `std_msgs/Header`: time stamp in seconds and frame.
-    pub fn header(&mut self, time_s: f64, frame: &str) -> &mut Self {
+    /// A sequence of short floats.
+    pub fn f32s(&mut self, values: impl ExactSizeIterator<Item = f32>) -> &mut Self {
+        self.u32(values.len() as u32);
+        for value in values {
+            self.u32(value.to_bits());
+        }
+        self
+    }
+
+    /// `builtin_interfaces/Time`.
+    pub fn time(&mut self, time_s: f64) -> &mut Self {
         let nanoseconds = (time_s * 1e9).round() as i64;
         self.i32(nanoseconds.div_euclid(1_000_000_000) as i32)
             .u32(nanoseconds.rem_euclid(1_000_000_000) as u32)
-            .string(frame)
+    }
+
+    /// `std_msgs/Header`: time stamp in seconds and frame.
+    pub fn header(&mut self, time_s: f64, frame: &str) -> &mut Self {
+        self.time(time_s).string(frame)
     }
 
     /// The finished message.
@@ -98,6 +117,11 @@ impl<'a> CdrReader<'a> {
         self.body.get(from..self.at)?.try_into().ok()
     }
 
+    /// An 8-bit unsigned number.
+    pub fn u8(&mut self) -> Option<u8> {
+        self.take().map(u8::from_le_bytes)
+    }
+
     /// A 32-bit unsigned number; also the length of a sequence.
     pub fn u32(&mut self) -> Option<u32> {
         self.take().map(u32::from_le_bytes)
@@ -124,11 +148,27 @@ impl<'a> CdrReader<'a> {
         fits.then(|| (0..length).map(|_| self.f64()).collect())?
     }
 
-    /// `std_msgs/Header`, left out.
-    pub fn header(&mut self) -> Option<()> {
+    /// A sequence of short floats.
+    pub fn f32s(&mut self) -> Option<Vec<f32>> {
+        let length = self.u32()? as usize;
+        let fits = length <= self.body.len() / 4;
+        fits.then(|| {
+            (0..length)
+                .map(|_| self.u32().map(f32::from_bits))
+                .collect()
+        })?
+    }
+
+    /// `builtin_interfaces/Time`, left out.
+    pub fn time(&mut self) -> Option<()> {
         self.u32()?;
-        self.u32()?;
-        self.string().map(drop)
+        self.u32().map(drop)
+    }
+
+    /// `std_msgs/Header`; its frame.
+    pub fn header(&mut self) -> Option<&'a str> {
+        self.time()?;
+        self.string()
     }
 }
 
@@ -140,12 +180,16 @@ mod tests {
     fn what_was_written_is_read_and_what_is_cut_off_is_not() {
         let values = [1.5, -2.0];
         let mut writer = CdrWriter::new();
-        writer.header(1.0, "base").string("knee").u32(7);
+        writer.header(1.0, "base").u8(3).string("knee").u32(7);
+        writer.f32s([0.25].into_iter());
         let bytes = writer.f64s(values.into_iter()).finish();
         let read = |bytes: &[u8]| -> Option<(String, u32, Vec<f64>)> {
             let mut reader = CdrReader::new(bytes)?;
-            reader.header()?;
-            Some((reader.string()?.to_owned(), reader.u32()?, reader.f64s()?))
+            assert_eq!(reader.header()?, "base");
+            assert_eq!(reader.u8()?, 3);
+            let (name, number) = (reader.string()?.to_owned(), reader.u32()?);
+            assert_eq!(reader.f32s()?, [0.25]);
+            Some((name, number, reader.f64s()?))
         };
         assert_eq!(read(&bytes), Some(("knee".into(), 7, values.to_vec())));
         assert!((0..bytes.len()).all(|end| read(&bytes[..end]).is_none()));

@@ -15,6 +15,9 @@
 //! | `/idle` | Float64 | share of idle in what is shown: 0 dance, 1 idle |
 //! | `/bus/bytes`, `/bus/packets` | Float64 | running totals |
 //! | `/root` | PoseStamped | where the root link is in the world, 20 a second |
+//! | `/spectrum` | Float32MultiArray | 32 bands, 0 to 1, 20 a second |
+//! | `/temperatures` | Temperature | Celsius of the joint in `frame_id`, when it changes |
+//! | `/safety` | Log | what the safety layer did: `safety.STATE`, and why |
 //! | `/robot_description` | String | the URDF |
 //!
 //! Time stamps count from torque on; the metadata record `dance` says when the
@@ -28,7 +31,7 @@ mod clerk;
 mod reader;
 mod schema;
 
-pub use reader::Recording;
+pub use reader::{Past, Recording, Series};
 
 use crate::stages::Stage;
 use cdr::CdrWriter;
@@ -42,6 +45,25 @@ use std::path::Path;
 const JOINT_FRAME: &str = "base_link";
 const MOTION_FRAME: &str = "stage";
 const WORLD_FRAME: &str = "world";
+
+/// In front of the state in the names of log messages.
+pub(crate) const SAFETY: &str = "safety";
+/// Levels of rcl_interfaces/Log.
+const LOG_INFO: u8 = 20;
+const LOG_ERROR: u8 = 40;
+
+/// Something that the safety layer did.
+#[derive(Clone, Copy, Debug)]
+pub struct Notice<'a> {
+    /// Seconds since torque on.
+    pub time_s: f64,
+    /// Whether it is a fault.
+    pub grave: bool,
+    /// The state after it.
+    pub state: &'a str,
+    /// Why.
+    pub cause: &'a str,
+}
 
 /// A topic of the recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,6 +92,12 @@ pub enum Topic {
     BusPackets,
     /// Where the root link is.
     Root,
+    /// What is heard.
+    Spectrum,
+    /// How warm servos are.
+    Temperatures,
+    /// What the safety layer did.
+    Safety,
     /// The URDF.
     RobotDescription,
     /// Milliseconds of one stage.
@@ -92,6 +120,9 @@ impl Topic {
             Topic::BusPackets => "/bus/packets".into(),
             Topic::Root => "/root".into(),
             Topic::RobotDescription => "/robot_description".into(),
+            Topic::Spectrum => "/spectrum".into(),
+            Topic::Temperatures => "/temperatures".into(),
+            Topic::Safety => "/safety".into(),
             Topic::Stage(stage) => format!("/stage/{}", stage.name()),
         }
     }
@@ -103,6 +134,9 @@ impl Topic {
                 MessageType::JointState
             }
             Topic::Root => MessageType::PoseStamped,
+            Topic::Spectrum => MessageType::FloatArray,
+            Topic::Temperatures => MessageType::Temperature,
+            Topic::Safety => MessageType::Log,
             Topic::RobotDescription => MessageType::Text,
             _ => MessageType::Float64,
         }
@@ -184,6 +218,35 @@ impl Recorder {
             cdr.f64(value);
         }
         self.clerk.message(topic, time_s, cdr.finish());
+    }
+
+    /// Levels of the bands of the spectrum, 0 to 1.
+    pub fn spectrum(&mut self, time_s: f64, bands: &[f32]) {
+        let count = bands.len() as u32;
+        let mut cdr = CdrWriter::new();
+        cdr.u32(1).string("band").u32(count).u32(count).u32(0);
+        let data = cdr.f32s(bands.iter().copied()).finish();
+        self.clerk.message(Topic::Spectrum, time_s, data);
+    }
+
+    /// How warm the servo of a joint is, Celsius; NaN where it does not say.
+    pub fn temperature(&mut self, joint: usize, time_s: f64, celsius: f64) {
+        let name = self.joint_names.get(joint).map_or("", String::as_str);
+        let mut cdr = CdrWriter::new();
+        let data = cdr.header(time_s, name).f64(celsius).f64(0.0).finish();
+        self.clerk.message(Topic::Temperatures, time_s, data);
+    }
+
+    /// What the safety layer did.
+    pub fn notice(&mut self, notice: Notice) {
+        let name = format!("{SAFETY}.{}", notice.state);
+        let mut cdr = CdrWriter::new();
+        cdr.time(notice.time_s)
+            .u8(if notice.grave { LOG_ERROR } else { LOG_INFO })
+            .string(&name)
+            .string(notice.cause);
+        let data = cdr.string("").string("").u32(0).finish();
+        self.clerk.message(Topic::Safety, notice.time_s, data);
     }
 
     /// Facts about the run, as text by key.

@@ -4,6 +4,7 @@
 //! [`KEPT_HZ`] times a second, so that an hour of twenty joints takes 60 MB.
 //! Damage is told with the file's name; nothing in a file can make it panic.
 
+use super::SAFETY;
 use super::cdr::CdrReader;
 use anyhow::{Context, bail};
 use mcap::records::Record;
@@ -84,7 +85,16 @@ struct Limits {
     acceleration_rad_s2: f64,
 }
 
-/// What a recording holds.
+/// What the safety layer did once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Past {
+    /// The state after it.
+    pub state: String,
+    /// Why.
+    pub cause: String,
+}
+
+/// What a recording holds. Older ones have no spectrum, temperatures and events.
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
     /// The robot's name.
@@ -111,6 +121,12 @@ pub struct Recording {
     pub idle: Series<f64>,
     /// Beats: the tempo at each.
     pub beats: Series<f64>,
+    /// Bands of the spectrum.
+    pub spectrum: Series<Vec<f32>>,
+    /// Celsius of each joint.
+    pub temperatures: Vec<Series<f32>>,
+    /// What the safety layer did.
+    pub events: Series<Past>,
 }
 
 impl Recording {
@@ -163,6 +179,7 @@ struct Reading {
     every_s: f64,
     topics: HashMap<u16, String>,
     facts: std::collections::BTreeMap<String, String>,
+    temperatures: HashMap<String, Series<f32>>,
     joint_names: Vec<String>,
 }
 
@@ -232,6 +249,13 @@ impl Reading {
             "/lead" => recording.lead.push(time_s, cdr.f64()?),
             "/idle" => recording.idle.push(time_s, cdr.f64()?),
             "/beat" => recording.beats.push(time_s, cdr.f64()?),
+            "/spectrum" => recording.spectrum.push(time_s, bands(cdr)?),
+            "/temperatures" => {
+                let joint = cdr.header()?.to_owned();
+                let series = self.temperatures.entry(joint).or_default();
+                series.push(time_s, cdr.f64()? as f32);
+            }
+            "/safety" => recording.events.push(time_s, past(cdr)?),
             "/robot_description" => recording.urdf_xml = cdr.string()?.to_owned(),
             _ => {}
         }
@@ -277,6 +301,14 @@ impl Reading {
         recording.commands.shift(-start_s);
         recording.motion.shift(-start_s);
         recording.root.shift(-start_s);
+        recording.spectrum.shift(-start_s);
+        recording.events.shift(-start_s);
+        let mut temperatures = self.temperatures;
+        for (name, _) in &recording.joints {
+            let mut series = temperatures.remove(name).unwrap_or_default();
+            series.shift(-start_s);
+            recording.temperatures.push(series);
+        }
         let numbers = [
             &mut recording.phase,
             &mut recording.lead,
@@ -300,6 +332,29 @@ fn joints(mut cdr: CdrReader<'_>) -> Option<(Vec<String>, Vec<f32>)> {
     }
     let positions = cdr.f64s()?;
     Some((names, positions.into_iter().map(|p| p as f32).collect()))
+}
+
+/// The numbers of a Float32MultiArray.
+fn bands(mut cdr: CdrReader<'_>) -> Option<Vec<f32>> {
+    for _ in 0..cdr.u32()? {
+        cdr.string()?;
+        cdr.u32()?;
+        cdr.u32()?;
+    }
+    cdr.u32()?; // data_offset
+    cdr.f32s()
+}
+
+/// What a Log message says.
+fn past(mut cdr: CdrReader<'_>) -> Option<Past> {
+    cdr.time()?;
+    cdr.u8()?;
+    let name = cdr.string()?;
+    let state = name.strip_prefix(SAFETY).and_then(|s| s.strip_prefix('.'));
+    Some(Past {
+        state: state.unwrap_or(name).to_owned(),
+        cause: cdr.string()?.to_owned(),
+    })
 }
 
 /// The points of a PoseArray of human joints.

@@ -20,6 +20,15 @@ const QUATERNION: (&str, &str) = (
     "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
 );
 
+const ARRAY_LAYOUT: (&str, &str) = (
+    "std_msgs/MultiArrayLayout",
+    "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n",
+);
+const ARRAY_DIMENSION: (&str, &str) = (
+    "std_msgs/MultiArrayDimension",
+    "string label\nuint32 size\nuint32 stride\n",
+);
+
 /// A message type: its name and its definition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageType {
@@ -33,6 +42,12 @@ pub enum MessageType {
     PoseArray,
     /// `geometry_msgs/msg/PoseStamped`: one of them.
     PoseStamped,
+    /// `std_msgs/msg/Float32MultiArray`: numbers, and what they stand for.
+    FloatArray,
+    /// `sensor_msgs/msg/Temperature`: Celsius, of what its frame names.
+    Temperature,
+    /// `rcl_interfaces/msg/Log`: level, who, what.
+    Log,
 }
 
 impl MessageType {
@@ -44,6 +59,9 @@ impl MessageType {
             MessageType::JointState => "sensor_msgs/msg/JointState",
             MessageType::PoseArray => "geometry_msgs/msg/PoseArray",
             MessageType::PoseStamped => "geometry_msgs/msg/PoseStamped",
+            MessageType::FloatArray => "std_msgs/msg/Float32MultiArray",
+            MessageType::Temperature => "sensor_msgs/msg/Temperature",
+            MessageType::Log => "rcl_interfaces/msg/Log",
         }
     }
 
@@ -64,6 +82,20 @@ impl MessageType {
             MessageType::PoseStamped => join(
                 "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
                 &[HEADER, TIME, POSE, POINT, QUATERNION],
+            ),
+            MessageType::FloatArray => join(
+                "std_msgs/MultiArrayLayout layout\nfloat32[] data\n",
+                &[ARRAY_LAYOUT, ARRAY_DIMENSION],
+            ),
+            MessageType::Temperature => join(
+                "std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n",
+                &[HEADER, TIME],
+            ),
+            MessageType::Log => join(
+                "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\n\
+                 builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\n\
+                 string file\nstring function\nuint32 line\n",
+                &[TIME],
             ),
         }
     }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `GET ` (the page), `GET NAME` | the page and its parts |
 //! | `GET api/scene` | what does not change |
+//! | `GET api/mesh/N` | the corners of a mesh |
 //! | `GET api/state` | the newest frame |
 //! | `POST api/command` | a request: [`super::request`] |
 //! | `GET api/live` | WebSocket: frames out, requests in |
@@ -12,11 +13,11 @@ use super::frame::frame;
 use super::guard::{Token, is_own};
 use super::link::ViewerEnd;
 use super::page;
-use super::request::{Request as Wish, Understood, understand};
+use super::request::{Understood, understand};
 use super::scene::Scene;
-use super::snapshot::Activity;
 use super::socket;
 use axum::Router;
+use axum::body::Bytes;
 use axum::extract::ws::Utf8Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -99,7 +100,8 @@ impl Shared {
         let pressed = end.estop.is_pressed();
         let activity = end.newest().now.activity;
         for wish in &wishes {
-            possible(*wish, activity, pressed).map_err(|why| (StatusCode::CONFLICT, why))?;
+            wish.possible(activity, pressed)
+                .map_err(|why| (StatusCode::CONFLICT, why))?;
         }
         match end.ask(&wishes) {
             true => Ok(()),
@@ -108,25 +110,11 @@ impl Shared {
     }
 }
 
-/// Whether a wish makes sense now.
-fn possible(wish: Wish, activity: Activity, pressed: bool) -> Result<(), String> {
-    let waiting = activity == Activity::Waiting;
-    let playing = activity == Activity::Playing;
-    let no = |why: &str| Err(format!("{why} (it is {})", activity.name()));
-    match wish {
-        Wish::Start if !waiting => no("start is for a program that waits (--wait-for-start)"),
-        Wish::Start if pressed => no("the emergency stop is pressed: release it first"),
-        Wish::Release if !waiting => no("the emergency stop is released while waiting"),
-        Wish::Seek(_) if !playing => no("time_s is for a recording that is played"),
-        Wish::Hold | Wish::Resume | Wish::Stop if waiting => no("nothing moves"),
-        _ => Ok(()),
-    }
-}
-
 /// Everything that is answered.
 pub fn routes(shared: Arc<Shared>) -> Router {
     let inner = Router::new()
         .route("/api/scene", get(scene))
+        .route("/api/mesh/{part}", get(mesh))
         .route("/api/state", get(state))
         .route("/api/command", post(command))
         .route("/api/live", get(socket::live))
@@ -177,6 +165,18 @@ async fn part(Path(name): Path<String>) -> Response {
 
 async fn scene(State(shared): State<Arc<Shared>>) -> Response {
     as_json(shared.scene_json.clone())
+}
+
+async fn mesh(State(shared): State<Arc<Shared>>, Path(part): Path<usize>) -> Response {
+    const BYTES: &str = "application/octet-stream";
+    match shared.scene.meshes.parts.get(part) {
+        // Kept once, however many fetch it.
+        Some(corners) => {
+            let corners = Bytes::from_owner(Arc::clone(corners));
+            ([(header::CONTENT_TYPE, BYTES)], corners).into_response()
+        }
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
 }
 
 async fn state(State(shared): State<Arc<Shared>>) -> Response {

@@ -1,4 +1,4 @@
-//! The two ends of the line between the control loop and whoever watches.
+//! The ends of the line between the control loop and those who watch.
 //!
 //! - Snapshots go out through a **triple buffer**: the newest is all that
 //!   counts, so nobody waits for anybody. The writer copies into one of three
@@ -17,18 +17,23 @@ use servodance_drivers::EStop;
 /// Requests that may wait: far more than people can press in one cycle.
 const WAITING: usize = 64;
 
-/// The control loop's end.
+/// The control loop's end: one, with a seat for each viewer.
 pub struct RobotEnd {
     draft: Snapshot,
-    snapshots: triple_buffer::Input<Snapshot>,
-    requests: rtrb::Consumer<Request>,
+    seats: Vec<Seat>,
     /// The emergency stop of the robot.
     pub estop: EStop,
     /// What was asked for last; kept from one dance to the next.
     pub settings: Settings,
 }
 
-/// The viewers' end.
+/// What one viewer is shown, and asks.
+struct Seat {
+    snapshots: triple_buffer::Input<Snapshot>,
+    requests: rtrb::Consumer<Request>,
+}
+
+/// A viewer's end.
 pub struct ViewerEnd {
     snapshots: triple_buffer::Output<Snapshot>,
     requests: rtrb::Producer<Request>,
@@ -36,44 +41,59 @@ pub struct ViewerEnd {
     pub estop: EStop,
 }
 
-/// A line for a robot with so many joints.
+/// A line for a robot with so many joints and one viewer.
 pub fn link(joints: usize, settings: Settings) -> (RobotEnd, ViewerEnd) {
-    let draft = Snapshot::new(joints, settings);
-    let (input, output) = triple_buffer::triple_buffer(&draft);
-    let (producer, consumer) = rtrb::RingBuffer::new(WAITING);
-    let estop = EStop::default();
-    let robot = RobotEnd {
-        draft,
-        snapshots: input,
-        requests: consumer,
-        estop: estop.clone(),
-        settings,
-    };
-    let viewer = ViewerEnd {
-        snapshots: output,
-        requests: producer,
-        estop,
-    };
+    let mut robot = RobotEnd::new(joints, settings);
+    let viewer = robot.seat();
     (robot, viewer)
 }
 
 impl RobotEnd {
+    /// An end that nobody watches yet.
+    pub fn new(joints: usize, settings: Settings) -> Self {
+        Self {
+            draft: Snapshot::new(joints, settings),
+            seats: Vec::new(),
+            estop: EStop::default(),
+            settings,
+        }
+    }
+
+    /// A seat for one viewer more: each has a slot and a ring of their own, so
+    /// that none can delay another. To be taken before torque is on.
+    pub fn seat(&mut self) -> ViewerEnd {
+        let (input, output) = triple_buffer::triple_buffer(&self.draft);
+        let (producer, consumer) = rtrb::RingBuffer::new(WAITING);
+        self.seats.push(Seat {
+            snapshots: input,
+            requests: consumer,
+        });
+        ViewerEnd {
+            snapshots: output,
+            requests: producer,
+            estop: self.estop.clone(),
+        }
+    }
+
     /// The next request, if there is one. Never waits.
     pub fn request(&mut self) -> Option<Request> {
-        self.requests.pop().ok()
+        let mut seats = self.seats.iter_mut();
+        seats.find_map(|seat| seat.requests.pop().ok())
     }
 
     /// Lets `change` change the last snapshot, and shows it. Never waits.
     pub fn publish(&mut self, change: impl FnOnce(&mut Snapshot)) {
         change(&mut self.draft);
         self.draft.now.settings = self.settings;
-        self.snapshots.input_buffer_mut().copy_from(&self.draft);
-        self.snapshots.publish();
+        for seat in &mut self.seats {
+            seat.snapshots.input_buffer_mut().copy_from(&self.draft);
+            seat.snapshots.publish();
+        }
     }
 
-    /// Whether the viewers' end is gone.
+    /// Whether all viewers are gone.
     pub fn is_alone(&self) -> bool {
-        self.requests.is_abandoned()
+        self.seats.iter().all(|seat| seat.requests.is_abandoned())
     }
 }
 
@@ -147,5 +167,21 @@ mod tests {
         assert!(!viewer.ask(&[Request::Stop]));
         drop(robot);
         assert!(viewer.is_alone());
+    }
+
+    #[test]
+    fn two_viewers_see_the_same_and_ask_side_by_side() {
+        let (mut robot, mut one) = link(1, settings());
+        let mut other = robot.seat();
+        robot.publish(|snapshot| snapshot.now.music_s = 7.0);
+        assert_eq!(one.newest().now.music_s, 7.0);
+        assert_eq!(other.newest().now.music_s, 7.0);
+        assert!(other.ask(&[Request::Hold]) && one.ask(&[Request::Resume]));
+        let asked = [robot.request(), robot.request(), robot.request()];
+        assert_eq!(asked, [Some(Request::Resume), Some(Request::Hold), None]);
+        drop(one);
+        assert!(!robot.is_alone());
+        drop(other);
+        assert!(robot.is_alone());
     }
 }

@@ -3,7 +3,7 @@
 
 use super::link::RobotEnd;
 use super::request::Request;
-use super::snapshot::{Activity, Event, MusicNow};
+use super::snapshot::{Activity, BANDS, Event, MusicNow, known_state};
 use crate::record::Recording;
 use servodance_types::BeatLock;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,6 +18,8 @@ pub struct Player<'a> {
     end: RobotEnd,
     time_s: f64,
     paused: bool,
+    /// How many events viewers were told.
+    told: usize,
 }
 
 impl<'a> Player<'a> {
@@ -28,17 +30,14 @@ impl<'a> Player<'a> {
             end,
             time_s: recording.span_s()[0],
             paused: false,
+            told: 0,
         }
     }
 
     /// Plays until `stop` is set; at its end the recording waits to be played
     /// again.
     pub fn run(&mut self, stop: &AtomicBool) {
-        let event = Event {
-            time_s: f64::NAN,
-            state: "playing",
-            cause: format!("a recording of {}", self.recording.robot),
-        };
+        let event = self.first_event();
         self.end.publish(|snapshot| snapshot.note(event));
         let mut last = Instant::now();
         while !stop.load(Ordering::Relaxed) {
@@ -73,7 +72,35 @@ impl<'a> Player<'a> {
         self.paused |= self.time_s >= last_s;
     }
 
+    fn first_event(&self) -> Event {
+        Event {
+            time_s: f64::NAN,
+            state: "playing",
+            cause: format!("a recording of {}", self.recording.robot),
+        }
+    }
+
+    /// What had happened by now, if that is more or less than viewers know.
+    fn show_events(&mut self) {
+        let (recording, time_s) = (self.recording, self.time_s);
+        let [first_s, _] = recording.span_s();
+        let past = recording.events.iter();
+        let past: Vec<_> = past.take_while(|(at_s, _)| *at_s <= time_s).collect();
+        if past.len() != self.told {
+            self.told = past.len();
+            let first = self.first_event();
+            let events = past.into_iter().map(|(at_s, past)| Event {
+                time_s: at_s - first_s,
+                state: known_state(&past.state),
+                cause: past.cause.clone(),
+            });
+            let all = std::iter::once(first).chain(events);
+            self.end.publish(|snapshot| snapshot.retell(all));
+        }
+    }
+
     fn show(&mut self) {
+        self.show_events();
         let (recording, time_s, paused) = (self.recording, self.time_s, self.paused);
         let lead_s = recording.lead.at(time_s).copied().unwrap_or(0.0);
         self.end.publish(|snapshot| {
@@ -95,6 +122,9 @@ impl<'a> Player<'a> {
                 joint.position_rad = of(reported);
                 joint.velocity_rad_s = f64::NAN;
                 joint.current_a = f64::NAN;
+                let heat = recording.temperatures.get(index);
+                let heat = heat.and_then(|series| series.last_before(time_s));
+                joint.temperature_c = heat.map_or(f64::NAN, |(_, celsius)| f64::from(*celsius));
             }
         });
     }
@@ -115,15 +145,68 @@ fn music_at(recording: &Recording, time_s: f64) -> MusicNow {
             false => BeatLock::Lost,
         },
         presence: 1.0,
-        ..MusicNow::default()
+        bands: spectrum_at(recording, time_s),
     }
+}
+
+/// What was heard last; silence where nothing was written down.
+fn spectrum_at(recording: &Recording, time_s: f64) -> [f32; BANDS] {
+    let heard = recording.spectrum.last_before(time_s);
+    let bands = heard.and_then(|(_, bands)| bands.as_slice().try_into().ok());
+    bands.unwrap_or([0.0; BANDS])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dance::IdleStyle;
+    use crate::record::Past;
     use crate::show::{Settings, link};
+
+    fn settings() -> Settings {
+        Settings {
+            amplitude: 1.0,
+            mirror: false,
+            idle: IdleStyle::Sway,
+            style: 0,
+            seed: 0,
+        }
+    }
+
+    #[test]
+    fn spectrum_heat_and_events_are_those_of_the_moment_however_it_is_reached() {
+        let mut recording = Recording::default();
+        let mut heat = crate::record::Series::default();
+        for i in 0..10 {
+            let time_s = f64::from(i);
+            recording.states.push(time_s, vec![0.0]);
+            recording.phase.push(time_s, 0.5);
+            recording
+                .spectrum
+                .push(time_s, vec![i as f32 / 10.0; BANDS]);
+            heat.push(time_s, 30.0 + i as f32);
+        }
+        recording.temperatures.push(heat);
+        for (time_s, state, cause) in [(0.5, "running", "armed"), (6.5, "holding", "asked")] {
+            let (state, cause) = (state.into(), cause.into());
+            recording.events.push(time_s, Past { state, cause });
+        }
+        let (end, mut viewers) = link(1, settings());
+        let mut player = Player::new(&recording, end);
+        let mut at = |time_s| {
+            assert!(viewers.ask(&[Request::Hold, Request::Seek(time_s)]));
+            player.go(0.0);
+            player.show();
+            let seen = viewers.newest();
+            let states: Vec<&str> = seen.events().iter().map(|e| e.state).collect();
+            let (band, heat) = (seen.now.music.bands[7], seen.joints[0].temperature_c);
+            (band, heat, states.join(" "))
+        };
+        assert_eq!(at(8.2), (0.8, 38.0, "playing running holding".into()));
+        assert_eq!(at(3.0), (0.3, 33.0, "playing running".into()));
+        assert_eq!(at(0.0), (0.0, 30.0, "playing".into()));
+        assert_eq!(at(9.0), (0.9, 39.0, "playing running holding".into()));
+    }
 
     #[test]
     fn it_plays_pauses_seeks_and_starts_again_at_the_end() {
@@ -134,14 +217,7 @@ mod tests {
             let values = vec![i as f32 / 10.0];
             recording.states.push(f64::from(i) / 50.0 - 1.0, values);
         }
-        let settings = Settings {
-            amplitude: 1.0,
-            mirror: false,
-            idle: IdleStyle::Sway,
-            style: 0,
-            seed: 0,
-        };
-        let (end, mut viewers) = link(1, settings);
+        let (end, mut viewers) = link(1, settings());
         let mut player = Player::new(&recording, end);
         let mut after = |passed_s, requests: &[Request]| {
             assert!(viewers.ask(requests));

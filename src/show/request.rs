@@ -8,6 +8,7 @@
 //! Text is checked here once; what goes to the control loop is small and `Copy`.
 //! The emergency stop is not among it: it does not wait in a queue.
 
+use super::snapshot::Activity;
 use crate::dance::IdleStyle;
 use serde::{Deserialize, Serialize};
 
@@ -65,6 +66,26 @@ pub enum Request {
     Seed(u64),
     /// Another moment of a recording, seconds of music; only while playing.
     Seek(f64),
+}
+
+impl Request {
+    /// Whether it makes sense now; `pressed` is the emergency stop.
+    ///
+    /// # Errors
+    /// Why not, in a line for whoever asked.
+    pub fn possible(self, activity: Activity, pressed: bool) -> Result<(), String> {
+        let waiting = activity == Activity::Waiting;
+        let playing = activity == Activity::Playing;
+        let no = |why: &str| Err(format!("{why} (it is {})", activity.name()));
+        match self {
+            Self::Start if !waiting => no("start is for a program that waits (--wait-for-start)"),
+            Self::Start if pressed => no("the emergency stop is pressed: release it first"),
+            Self::Release if !waiting => no("the emergency stop is released while waiting"),
+            Self::Seek(_) if !playing => no("time_s is for a recording that is played"),
+            Self::Hold | Self::Resume | Self::Stop if waiting => no("nothing moves"),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// A request as it comes in.

@@ -1,9 +1,11 @@
 //! What does not change during a show: the robot's shapes, joints and limits,
 //! and what can be asked for. Viewers get it once, as JSON.
 
+use super::meshes::Meshes;
 use crate::dance::IdleStyle;
 use clap::ValueEnum;
 use serde_json::{Value, json};
+use servodance_retarget::nalgebra::Isometry3;
 use servodance_retarget::{RobotModel, Shape};
 use servodance_types::{BodyJoint, JointLimits};
 
@@ -17,6 +19,8 @@ pub struct Scene {
     pub robot: String,
     /// Its tree and shapes.
     pub model: RobotModel,
+    /// Its meshes, for those who draw them.
+    pub meshes: Meshes,
     /// Joint names and limits, in order.
     pub joints: Vec<(String, JointLimits)>,
     /// Styles that can be asked for.
@@ -61,13 +65,10 @@ impl Scene {
         })
     }
 
-    /// Shapes fixed to links; a stick to every link that has none but its mesh.
+    /// Shapes and meshes fixed to links; a stick to every link that has neither.
     fn shapes(&self) -> Vec<Value> {
         let visuals = self.model.visuals();
         let shown = visuals.iter().map(|visual| {
-            let at = visual.pose_in_link;
-            let ([x, y, z], turn) = (at.translation.vector.into(), at.rotation.coords);
-            let pose = [x, y, z, turn.x, turn.y, turn.z, turn.w];
             let mut shape = match visual.shape {
                 Shape::Box { size_m } => json!({ "box": size_m }),
                 Shape::Cylinder { radius_m, length_m } => {
@@ -76,11 +77,24 @@ impl Scene {
                 Shape::Sphere { radius_m } => json!({ "sphere": radius_m }),
             };
             shape["link"] = json!(visual.link);
-            shape["pose"] = json!(pose);
+            shape["pose"] = json!(pose_array(&visual.pose_in_link));
             shape["rgba"] = json!(visual.rgba);
             shape
         });
-        let bare = |link: &usize| !visuals.iter().any(|visual| visual.link == *link);
+        let meshes = self.meshes.fixed.iter().map(|fixed| {
+            let visual = &fixed.visual;
+            json!({
+                "mesh": fixed.part,
+                "bounds": self.meshes.bounds[fixed.part],
+                "scale": visual.scale,
+                "link": visual.link,
+                "pose": pose_array(&visual.pose_in_link),
+                "rgba": visual.rgba,
+            })
+        });
+        let with_mesh = |link| self.meshes.fixed.iter().any(|f| f.visual.link == link);
+        let with_shape = |link| visuals.iter().any(|visual| visual.link == link);
+        let bare = |link: &usize| !with_shape(*link) && !with_mesh(*link);
         let poses = self.model.link_poses(&[]);
         let sticks = self.model.segments().iter().filter(|(_, to)| bare(to));
         let sticks = sticks.map(|(from, to)| {
@@ -88,6 +102,12 @@ impl Scene {
             let end: [f64; 3] = end.translation.vector.into();
             json!({ "link": from, "stick": end, "radius": STICK_M })
         });
-        shown.chain(sticks).collect()
+        shown.chain(meshes).chain(sticks).collect()
     }
+}
+
+/// x, y, z, then the quaternion x, y, z, w.
+pub fn pose_array(pose: &Isometry3<f64>) -> [f64; 7] {
+    let ([x, y, z], turn) = (pose.translation.vector.into(), pose.rotation.coords);
+    [x, y, z, turn.x, turn.y, turn.z, turn.w]
 }

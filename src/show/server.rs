@@ -11,6 +11,7 @@ use super::guard::Token;
 use super::link::ViewerEnd;
 use super::scene::Scene;
 use crate::console::tell;
+use crate::drill;
 use crate::realtime;
 use anyhow::Context;
 use axum::Extension;
@@ -118,11 +119,16 @@ async fn serve(
         Ok(listener) => listener,
         Err(error) => return tell!("the page cannot be served: {error}"),
     };
-    tokio::spawn(welcome(listener, Arc::clone(&shared)));
-    tokio::spawn(make_frames(Arc::clone(&shared)));
-    // Whoever holds the other end never sends, only lets go.
-    let _ = stopped.await;
-    tokio::time::sleep(Duration::from_secs_f64(FAREWELL_S)).await;
+    let door = tokio::spawn(welcome(listener, Arc::clone(&shared)));
+    let frames = tokio::spawn(make_frames(Arc::clone(&shared)));
+    tokio::select! {
+        // Whoever holds the other end never sends, only lets go.
+        _ = stopped => tokio::time::sleep(Duration::from_secs_f64(FAREWELL_S)).await,
+        // Neither ends but by a panic, which has been told: a page that stands
+        // still, or lets nobody in, is none.
+        _ = door => {}
+        _ = frames => {}
+    }
 }
 
 /// Takes connections in, as many as there is room for.
@@ -166,6 +172,7 @@ async fn make_frames(shared: Arc<Shared>) {
     let mut pressed = false;
     loop {
         clock.tick().await;
+        drill::pass("viewers");
         if shared.frames.receiver_count() == 0 {
             continue;
         }

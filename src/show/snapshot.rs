@@ -206,6 +206,13 @@ impl Snapshot {
         self.events_seen += 1;
     }
 
+    /// Other events take the place of those that were told.
+    pub fn retell(&mut self, events: impl Iterator<Item = Event>) {
+        self.events.clear();
+        events.for_each(|event| self.note(event));
+        self.events_seen += 1; // also if there are none
+    }
+
     /// The newest events, oldest first.
     pub fn events(&self) -> &[Event] {
         &self.events
@@ -220,6 +227,20 @@ impl Snapshot {
             self.events_seen = other.events_seen;
         }
     }
+}
+
+/// The same word for a state, from a recording; unknown ones are "event".
+pub fn known_state(word: &str) -> &'static str {
+    let states = [
+        State::Disarmed,
+        State::Arming,
+        State::Running,
+        State::Holding,
+        State::Stopping,
+        State::Fault,
+    ];
+    let mut words = states.into_iter().map(state_name);
+    words.find(|known| *known == word).unwrap_or("event")
 }
 
 /// The word for a state of the safety layer.

@@ -66,6 +66,18 @@ pub struct Tally {
     pub stopped: u64,
 }
 
+/// A dance that a simulated fault ended.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stop {
+    /// The fault.
+    pub fault: &'static str,
+    /// When it began, seconds since torque on.
+    pub at_s: f64,
+    /// What the program said, as it would of real servos. Whether the simulated
+    /// ones still drove was looked at: see `objections`.
+    pub said: String,
+}
+
 /// What came of a soak.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
@@ -92,7 +104,7 @@ pub struct Summary {
     /// By kind.
     pub faults: BTreeMap<&'static str, Tally>,
     /// What ended dances, the first of them.
-    pub stopped_by: Vec<String>,
+    pub stopped_by: Vec<Stop>,
     /// Limits broken at the simulated servos.
     pub violations: ViolationReport,
     /// Control cycles without the motion that they needed.
@@ -197,13 +209,19 @@ impl Summary {
             .iter()
             .filter(|f| f.at_s <= endured.robot_s)
             .collect();
-        match &endured.stopped_by {
-            None => self.finished += 1,
-            Some(cause) if happened.is_empty() => {
+        match (&endured.stopped_by, happened.last()) {
+            (None, _) => self.finished += 1,
+            (Some(cause), None) => {
                 object(format!("ended although nothing went wrong: {cause}"));
             }
-            Some(cause) if self.stopped_by.len() < CAUSES => self.stopped_by.push(cause.clone()),
-            Some(_) => {}
+            (Some(cause), Some(fault)) if self.stopped_by.len() < CAUSES => {
+                self.stopped_by.push(Stop {
+                    fault: fault.kind,
+                    at_s: fault.at_s,
+                    said: cause.clone(),
+                });
+            }
+            _ => {}
         }
         for (place, fault) in happened.iter().enumerate() {
             let tally = self.faults.entry(fault.kind).or_default();
@@ -295,6 +313,8 @@ mod tests {
         assert_eq!(summary.faults["a"], tally(3, 3, 0));
         assert_eq!(summary.faults["b"], tally(2, 1, 1));
         assert!(summary.passed && summary.finished == 1, "{summary:?}");
+        let stop = &summary.stopped_by[0];
+        assert_eq!((stop.fault, stop.at_s), ("b", 2.0));
         assert!(summary.line().ends_with("passed"), "{}", summary.line());
     }
 

@@ -1,7 +1,8 @@
 //! A recording is read back and becomes other files.
 
 use crate::program::Program;
-use servodance::record::Recording;
+use servodance::record::{Recorder, Recording, Topic, WhenBehind};
+use std::collections::BTreeMap;
 
 fn recorded() -> Program {
     let program = Program::new();
@@ -40,6 +41,54 @@ fn a_recording_becomes_a_moving_picture_bvh_and_csv() {
     let [first_s, last_s] = recording.span_s();
     let cycles = (last_s - first_s) * recording.control_hz;
     assert!((lines.count() as f64 - cycles).abs() <= 3.0);
+}
+
+#[test]
+fn spectrum_temperatures_and_events_are_recorded() {
+    let program = recorded();
+    let recording = Recording::read(&program.path("out.mcap")).expect("a recording");
+    let (_, loud) = recording.spectrum.last_before(5.0).expect("a spectrum");
+    assert!(
+        loud.len() == 32 && loud.iter().any(|band| *band > 0.3),
+        "{loud:?}"
+    );
+    assert_eq!(recording.temperatures.len(), 2);
+    for series in &recording.temperatures {
+        let (_, celsius) = series.last_before(5.0).expect("a temperature");
+        assert!((15.0..60.0).contains(celsius), "{celsius}");
+    }
+    let states: Vec<&str> = recording
+        .events
+        .iter()
+        .map(|(_, p)| p.state.as_str())
+        .collect();
+    assert_eq!(states, ["arming", "running", "stopping", "disarmed"]);
+}
+
+/// As recordings were before they had a spectrum, temperatures and events.
+#[test]
+fn an_older_recording_is_still_read() {
+    let program = Program::new();
+    let path = program.path("old.mcap");
+    let joints = vec!["knee".to_owned()];
+    let complain = Box::new(|text: &str| panic!("{text}"));
+    let recorder = Recorder::create(&path, joints, WhenBehind::Wait, complain);
+    let mut recorder = recorder.expect("a recorder");
+    recorder.positions(Topic::JointStates, 0.0, &[0.25]);
+    recorder.positions(Topic::JointStates, 1.0, &[0.5]);
+    let limits = r#"[{"name": "knee", "lower_rad": -1, "upper_rad": 1,
+        "velocity_rad_s": 1, "acceleration_rad_s2": 1}]"#;
+    let fact = |(key, value): (&str, &str)| (key.to_owned(), value.to_owned());
+    let facts = [
+        ("music_start_s", "0"),
+        ("control_hz", "100"),
+        ("joints", limits),
+    ];
+    recorder.metadata(BTreeMap::from(facts.map(fact)));
+    recorder.finish().expect("a file");
+    let recording = Recording::read(&path).expect("a recording");
+    assert_eq!(recording.states.at(1.0), Some(&vec![0.5]));
+    assert!(recording.spectrum.at(1.0).is_none() && recording.events.at(1.0).is_none());
 }
 
 #[test]

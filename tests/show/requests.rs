@@ -16,7 +16,9 @@ fn evening(arguments: &[&str]) -> (Evening, ViewerEnd) {
         panic!("not a dance");
     };
     let config = DanceConfig::from_args(args).expect("a dance");
-    Evening::new(config).expect("an evening")
+    let mut evening = Evening::new(config).expect("an evening");
+    let end = evening.seat();
+    (evening, end)
 }
 
 /// Runs the evening while `audience` has the other end of the line.

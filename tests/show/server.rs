@@ -2,7 +2,7 @@
 
 use servodance::dance::IdleStyle;
 use servodance::robot::Robot;
-use servodance::show::{Activity, Request, RobotEnd, Scene, Server, Settings, link};
+use servodance::show::{Activity, Meshes, Request, RobotEnd, Scene, Server, Settings, link};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
@@ -27,6 +27,7 @@ fn page() -> Page {
     let scene = Scene {
         robot: robot.name.clone(),
         model: robot.retargeter().expect("a retargeter").model().clone(),
+        meshes: Meshes::default(),
         joints: robot.joint_limits(),
         styles: vec!["hype".into(), "salsa".into()],
         control_hz: robot.control_hz,

@@ -28,6 +28,7 @@ use crate::can::protocol::Protocol;
 use crate::can::robstride::Robstride;
 use crate::config::{BusConfig, BusKind};
 use crate::error::BusError;
+use crate::last_words;
 use crate::servo::{Servo, check_cycle, check_kind};
 
 /// One CAN bus of motors.
@@ -378,7 +379,8 @@ impl Drop for CanBus {
             return;
         }
         if let Err(error) = self.disarm() {
-            eprintln!("{error}; the motors' own watchdog stops them, where they have one");
+            let text = format!("{error}; the motors' own watchdog stops them, where they have one");
+            last_words::say(&self.exchange.config.reply_clock, &text);
         }
     }
 }

@@ -14,6 +14,7 @@ use crate::can::open_link;
 use crate::can::rate::cycle_bits;
 use crate::config::BusConfig;
 use crate::error::{BusError, ServoId};
+use crate::reply_clock::Patience;
 use crate::servo::Servo;
 
 /// What a motor said last.
@@ -191,7 +192,11 @@ impl Exchange {
             if self.is_over(deadline) {
                 return Ok(None);
             }
-            let received = self.link.receive(deadline);
+            // What is still to be handed over is not carried out yet.
+            let flushed = self.link.flush();
+            flushed.map_err(|reason| self.failed(doing, reason))?;
+            let Patience { until, last } = self.config.reply_clock.patience(deadline);
+            let received = self.link.receive(until);
             match received.map_err(|reason| self.failed(doing, reason))? {
                 Received::Frame(frame) => {
                     self.stats.packets += 1;
@@ -205,6 +210,7 @@ impl Exchange {
                     });
                 }
                 Received::Fault(_) => self.stats.crc_errors += 1,
+                Received::Nothing if !last => {}
                 Received::Nothing => {
                     self.overdue = 0;
                     return Ok(None);

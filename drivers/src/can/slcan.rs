@@ -274,14 +274,16 @@ impl CanLink for SlcanLink {
                 }
                 return Ok(received);
             }
+            // A pseudo-terminal may not count yet what it would give to a reader:
+            // only to read tells what is there.
             let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() && self.port.bytes_to_read()? == 0 {
-                return Ok(Received::Nothing);
-            }
             self.port.set_timeout(left.max(Duration::from_micros(1)))?;
             match self.port.read(&mut self.chunk) {
                 Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
                 Ok(count) => (self.taken, self.filled) = (0, count),
+                Err(error) if error.kind() == ErrorKind::TimedOut && left.is_zero() => {
+                    return Ok(Received::Nothing);
+                }
                 Err(error)
                     if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
                 Err(error) => return Err(error),

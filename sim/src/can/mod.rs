@@ -23,7 +23,7 @@ pub use robstride::RobstrideMotor;
 
 #[cfg(target_os = "linux")]
 pub(crate) use adapter::InterfaceAdapter;
-pub(crate) use adapter::{Adapter, MulticastAdapter, SlcanAdapter, readable};
+pub(crate) use adapter::{Adapter, MulticastAdapter, SlcanAdapter};
 pub(crate) use server::CanServer;
 
 use servodance_drivers::BusKind;

@@ -35,7 +35,8 @@ export function makePainter(gl) {
   const place = (name) => gl.getUniformLocation(program, name);
   const [world, view, size, colour] = ["world", "view", "size", "colour"].map(place);
   const shapes = {};
-  for (const [name, corners] of Object.entries({ box: box(), cylinder: cylinder(), ball: ball() })) {
+  // Six numbers a corner: position and normal.
+  function add(name, corners) {
     const array = gl.createVertexArray();
     gl.bindVertexArray(array);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
@@ -47,9 +48,12 @@ export function makePainter(gl) {
     });
     shapes[name] = { array, count: corners.length / 6 };
   }
+  for (const [name, corners] of Object.entries({ box: box(), cylinder: cylinder(), ball: ball() })) add(name, corners);
   return {
+    add,
     look: (matrix) => gl.uniformMatrix4fv(view, false, matrix),
     draw(name, pose, sides, rgba) {
+      if (!shapes[name]) return; // a mesh that is still on its way
       gl.bindVertexArray(shapes[name].array);
       gl.uniformMatrix4fv(world, false, pose);
       gl.uniform3fv(size, sides);

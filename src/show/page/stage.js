@@ -20,11 +20,16 @@ export function makeStage(canvas, scene) {
   }
   const painter = makePainter(gl);
   const robot = scene.shapes.map(robotPart);
+  const meshes = new Set(scene.shapes.filter((shape) => "mesh" in shape).map((shape) => shape.mesh));
   const camera = { yaw: 0.5, pitch: 0.16, zoom: 1, turned: true };
   handlePointer(canvas, camera);
   new ResizeObserver(() => (camera.turned = true)).observe(canvas);
   let frame = null;
   let ground = null;
+  for (const mesh of meshes) fetchMesh(mesh).then((corners) => {
+    painter.add(`mesh ${mesh}`, corners);
+    camera.turned = true;
+  });
 
   function draw() {
     camera.turned = false;
@@ -56,6 +61,20 @@ export function makeStage(canvas, scene) {
   };
 }
 
+// The page's own connection may be refused while many are open: once more then.
+async function fetchMesh(mesh) {
+  for (let tries = 0; tries < 60; tries++) {
+    try {
+      const answer = await fetch(`api/mesh/${mesh}`);
+      if (answer.ok) return new Float32Array(await answer.arrayBuffer());
+    } catch {
+      // Nobody answered.
+    }
+    await new Promise((later) => setTimeout(later, 1000));
+  }
+  return new Float32Array();
+}
+
 // A shape of the scene as what the painter draws.
 function robotPart(shape) {
   // Black is what a shape without a colour of its own says.
@@ -67,6 +86,7 @@ function robotPart(shape) {
     return { shape: "cylinder", link: shape.link, pose: between([0, 0, 0], shape.stick), size, colour: STICK };
   }
   const part = { link: shape.link, pose: fromPose(shape.pose), colour: light(shape.rgba) };
+  if ("mesh" in shape) return { ...part, shape: `mesh ${shape.mesh}`, size: shape.scale, bounds: shape.bounds };
   if (shape.box) return { ...part, shape: "box", size: shape.box };
   if (shape.cylinder) {
     const [radius, long] = shape.cylinder;
@@ -78,7 +98,16 @@ function robotPart(shape) {
 // Where the lowest part is, and how tall all of them are.
 function extent(parts) {
   let [low, high] = [Infinity, -Infinity];
-  for (const { shape, world, size } of parts) {
+  for (const { shape, world, size, bounds } of parts) {
+    if (bounds) {
+      for (let corner = 0; corner < 8; corner++) {
+        const at = [0, 1, 2].map((axis) => bounds[(corner >> axis) & 1][axis] * size[axis]);
+        const z = world[2] * at[0] + world[6] * at[1] + world[10] * at[2] + world[14];
+        low = Math.min(low, z);
+        high = Math.max(high, z);
+      }
+      continue;
+    }
     const half = shape === "box" ? 0.5 : 1;
     const sides = [half * size[0], half * size[1], shape === "ball" ? size[2] : 0.5 * size[2]];
     const reach = Math.abs(world[2]) * sides[0] + Math.abs(world[6]) * sides[1] + Math.abs(world[10]) * sides[2];

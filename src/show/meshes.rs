@@ -1,0 +1,176 @@
+//! The meshes of a robot, for the page to draw.
+//!
+//! A mesh is named by the robot's description, which may come from anywhere:
+//! only files inside the robot's own folders are read, wherever `..` and links
+//! lead. What cannot be drawn is left out with a reason; the link is then
+//! drawn as if it had no mesh.
+
+use super::stl::{Corner, LONGEST, read};
+use crate::robot::Robot;
+use servodance_retarget::{MeshVisual, RobotModel};
+use std::collections::HashMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// All meshes of a robot together, bytes of what browsers get.
+const MOST_BYTES: usize = 96 << 20;
+/// How far above a description its package may begin.
+const PACKAGE_DEPTH: usize = 4;
+/// Reasons that are given; more are counted.
+const REASONS: usize = 3;
+
+/// A mesh fixed to a link.
+#[derive(Clone, Debug)]
+pub struct Fixed {
+    /// Where it is, its scale and colour.
+    pub visual: MeshVisual,
+    /// Which of [`Meshes::parts`].
+    pub part: usize,
+}
+
+/// What a browser draws.
+#[derive(Clone, Debug, Default)]
+pub struct Meshes {
+    /// Where which part is.
+    pub fixed: Vec<Fixed>,
+    /// Corners of each file, three a triangle, as little-endian 32-bit floats:
+    /// position and normal.
+    pub parts: Vec<Arc<[u8]>>,
+    /// Lowest and highest coordinates of each part.
+    pub bounds: Vec<[[f32; 3]; 2]>,
+    /// What is not drawn, a line each.
+    pub left_out: Vec<String>,
+}
+
+impl Meshes {
+    /// Those of a robot; none if it is built in.
+    pub fn load(robot: &Robot, model: &RobotModel) -> Self {
+        let mut meshes = Self::default();
+        let Some(folder) = &robot.folder else {
+            return meshes;
+        };
+        let homes = Homes::of(folder, &robot.urdf);
+        let mut known: HashMap<&str, Option<usize>> = HashMap::new();
+        let mut reasons = Vec::new();
+        for visual in model.meshes() {
+            let name = visual.filename.as_str();
+            let part = *known.entry(name).or_insert_with(|| {
+                let triangles = homes.find(name).and_then(|path| open(&path));
+                match triangles.and_then(|triangles| meshes.add(&triangles)) {
+                    Ok(part) => Some(part),
+                    Err(why) => {
+                        reasons.push(format!("mesh {name}: {why}"));
+                        None
+                    }
+                }
+            });
+            if let Some(part) = part {
+                let visual = visual.clone();
+                meshes.fixed.push(Fixed { visual, part });
+            }
+        }
+        let more = reasons.len().saturating_sub(REASONS);
+        reasons.truncate(REASONS);
+        if more > 0 {
+            reasons.push(format!("{more} more meshes are not drawn either"));
+        }
+        meshes.left_out = reasons;
+        meshes
+    }
+
+    fn add(&mut self, triangles: &[[Corner; 3]]) -> Result<usize, String> {
+        let all: usize = self.parts.iter().map(|part| part.len()).sum();
+        let bytes = size_of_val(triangles);
+        if all + bytes > MOST_BYTES {
+            return Err(format!("all meshes are more than {} MiB", MOST_BYTES >> 20));
+        }
+        let corners = triangles.iter().flatten();
+        let [mut low, mut high] = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+        for corner in corners.clone() {
+            for axis in 0..3 {
+                low[axis] = low[axis].min(corner[axis]);
+                high[axis] = high[axis].max(corner[axis]);
+            }
+        }
+        let part: Vec<u8> = corners.flatten().flat_map(|v| v.to_le_bytes()).collect();
+        self.parts.push(part.into());
+        self.bounds.push([low, high]);
+        Ok(self.parts.len() - 1)
+    }
+}
+
+/// The folders whose files are the robot's.
+struct Homes {
+    /// Of the description.
+    beside: PathBuf,
+    /// All, the robot file's first.
+    all: Vec<PathBuf>,
+}
+
+impl Homes {
+    /// The robot file's, the description's, and that of the ROS package which
+    /// the description is in, if it says that it is one (`package.xml`).
+    fn of(folder: &Path, urdf: &Path) -> Self {
+        let urdf = folder.join(urdf);
+        let beside = urdf.parent().unwrap_or(folder).to_owned();
+        let folders = [folder.join("."), beside.join(".")];
+        let mut all: Vec<PathBuf> = folders.iter().filter_map(real).collect();
+        let above = all.last().into_iter().flat_map(|beside| beside.ancestors());
+        let mut above = above.take(PACKAGE_DEPTH);
+        let package = above.find(|folder| folder.join("package.xml").is_file());
+        all.extend(package.map(Path::to_owned));
+        Self { beside, all }
+    }
+
+    /// Where the mesh of this name is.
+    fn find(&self, name: &str) -> Result<PathBuf, String> {
+        let candidates: Vec<PathBuf> = if let Some(path) = name.strip_prefix("package://") {
+            // A package is called as its folder, or as something else.
+            let inner = path.split_once('/').map_or("", |(_, rest)| rest);
+            let places = [path, inner].into_iter();
+            let from = |place| self.all.iter().map(move |home| home.join(place));
+            places.flat_map(from).collect()
+        } else if let Some(path) = name.strip_prefix("file://") {
+            vec![path.into()]
+        } else if name.contains("://") {
+            return Err("it is not a file of the robot".into());
+        } else {
+            vec![self.beside.join(name)]
+        };
+        let found: Vec<PathBuf> = candidates.iter().filter_map(real).collect();
+        let is_ours = |path: &&PathBuf| self.all.iter().any(|home| path.starts_with(home));
+        match found.iter().find(is_ours) {
+            Some(path) => Ok(path.clone()),
+            None if found.is_empty() => Err("there is no such file".into()),
+            None => Err("it lies outside the robot's folder".into()),
+        }
+    }
+}
+
+/// Where a path leads, through `..` and links; nowhere if nothing is there.
+fn real(path: &PathBuf) -> Option<PathBuf> {
+    std::fs::canonicalize(path).ok()
+}
+
+fn open(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
+    let is_stl = path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("stl"));
+    if !is_stl {
+        return Err("only STL is drawn".into());
+    }
+    let unreadable = |error: std::io::Error| format!("it cannot be read: {error}");
+    let file = std::fs::File::open(path).map_err(unreadable)?;
+    if !file.metadata().map_err(unreadable)?.is_file() {
+        return Err("it is no file".into());
+    }
+    let mut bytes = Vec::new();
+    file.take(LONGEST + 1)
+        .read_to_end(&mut bytes)
+        .map_err(unreadable)?;
+    if bytes.len() as u64 > LONGEST {
+        return Err(format!("it is longer than {} MiB", LONGEST >> 20));
+    }
+    read(&bytes)
+}
