@@ -9,6 +9,7 @@ gets nothing. With a folder for PICTURES the page's looks are kept there.
 import os
 import re
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -65,12 +66,12 @@ def dance(folder, port):
 
 
 def patient(folder):
-    """The built-in robot, patient with replies on a busy machine."""
+    """The built-in robot, patient with replies and with silence on a busy machine."""
     configs = os.path.join(os.path.dirname(__file__), "..", "..", "configs")
     for name in ("op3.toml", "op3.urdf"):
         with open(os.path.join(configs, name), encoding="utf-8") as file:
             text = file.read()
-        text = text.replace("[bus]\n", "[bus]\nreply_timeout_ms = 500.0\n", 1)
+        text = text.replace("[bus]\n", "[bus]\nreply_timeout_ms = 500.0\nwatchdog_ms = 2000\n", 1)
         name = name.replace("op3.toml", "patient.toml")
         with open(os.path.join(folder, name), "w", encoding="utf-8") as file:
             file.write(text)
@@ -159,6 +160,15 @@ def replay(browser, folder):
                 " t.dispatchEvent(new Event('input')); })()")
     browser.wait_for(f"Math.abs({clock} - 20) < 0.2")
     check(True, "the slider goes to its moment")
+    heat = "document.querySelector('.joint span:nth-of-type(2)').textContent"
+    browser.wait_for(f"/[0-9]/.test({heat})")
+    check(True, "a recording shows how warm servos were")
+    loud = "(() => { const c = document.getElementById('spectrum');" \
+           " return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(v => v > 0); })()"
+    browser.wait_for(loud)
+    check(True, "a recording shows its spectrum")
+    browser.wait_for("document.getElementById('log').textContent.includes('torque is on')")
+    check(True, "a recording shows what the safety layer did")
     picture(browser, "replay.png")
     browser.click("#play")
     browser.wait_for(f"{clock} > 21")
@@ -166,6 +176,46 @@ def replay(browser, folder):
     check(not browser.complaints, f"no console error {browser.complaints}")
     program.send_signal(signal.SIGINT)
     program.wait(30)
+
+
+def cube_stl(edge):
+    """A cube as binary STL, around its centre."""
+    corners = [[(i >> axis & 1) - 0.5 for axis in range(3)] for i in range(8)]
+    sides = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+    triangles = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
+    text = b" " * 80 + struct.pack("<I", len(triangles))
+    for triangle in triangles:
+        text += bytes(12) + b"".join(
+            struct.pack("<3f", *(edge * part for part in corners[i])) for i in triangle) + bytes(2)
+    return text
+
+
+def meshes(browser, folder):
+    """A neck whose head is a mesh, and whose base would be one that is not there."""
+    configs = os.path.join(os.path.dirname(__file__), "..", "..", "configs")
+    for name in ("neck.toml", "neck.urdf"):
+        with open(os.path.join(configs, name), encoding="utf-8") as file:
+            text = file.read()
+        text = text.replace("[bus]\n", "[bus]\nreply_timeout_ms = 500.0\nwatchdog_ms = 2000\n", 1)
+        for shape, mesh in (('<box size="0.09 0.1 0.08"/>', "head.stl"),
+                            ('<cylinder radius="0.05" length="0.04"/>', "gone.stl")):
+            text = text.replace(shape, f'<mesh filename="{mesh}" scale="0.001 0.001 0.0015"/>')
+        with open(os.path.join(folder, name), "w", encoding="utf-8") as file:
+            file.write(text)
+    with open(os.path.join(folder, "head.stl"), "wb") as file:
+        file.write(cube_stl(80.0))
+    program, address = start(folder, "dance", "--robot", "neck.toml", "--view", "--no-picture",
+                             "--quiet")
+    browser.open(address, 1440, 900)
+    browser.wait_for(f"{ACTIVITY} === 'dancing'")
+    browser.wait_for("performance.getEntriesByType('resource').some("
+                     "e => e.name.endsWith('api/mesh/0') && e.responseStatus === 200)")
+    check(True, "the page fetches the mesh")
+    picture(browser, "mesh.png")
+    check(not browser.complaints, f"no console error {browser.complaints}")
+    program.send_signal(signal.SIGINT)
+    error = program.communicate(timeout=30)[1]
+    check(error.count("gone.stl: there is no such file") == 1, "a missing mesh is said once")
 
 
 def main():
@@ -178,6 +228,8 @@ def main():
                     judge(browser, folder, port)
             with Chromium() as browser:
                 replay(browser, folder)
+            with Chromium() as browser:
+                meshes(browser, folder)
         finally:
             servos.kill()
             servos.wait()

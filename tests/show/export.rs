@@ -11,6 +11,35 @@ fn recorded() -> Program {
     program
 }
 
+/// How many pictures a moving one has.
+fn frames(program: &Program, name: &str) -> usize {
+    let gif = std::fs::read(program.path(name)).expect("the picture");
+    let mut decoder = gif::DecodeOptions::new()
+        .read_info(&gif[..])
+        .expect("a GIF");
+    let mut frames = 0;
+    while decoder.read_next_frame().expect("a frame").is_some() {
+        frames += 1;
+    }
+    frames
+}
+
+#[test]
+fn a_dance_draws_its_own_moving_picture() {
+    let program = Program::new();
+    let dance = [
+        "dance",
+        "--robot",
+        "neck",
+        "--no-picture",
+        "--quiet",
+        "--gif",
+    ];
+    program.succeed(&[&dance[..], &["dance.gif"]].concat());
+    assert_eq!(frames(&program, "dance.gif"), 125, "ten seconds");
+    program.refused(&[&dance[..], &["no/such/dance.gif"]].concat(), &["no/such"]);
+}
+
 #[test]
 fn a_recording_becomes_a_moving_picture_bvh_and_csv() {
     let program = recorded();
@@ -19,15 +48,7 @@ fn a_recording_becomes_a_moving_picture_bvh_and_csv() {
     assert!(recording.root_at(1.0)[6] != 0.0 && recording.motion.at(1.0).is_some());
     let export = ["export", "out.mcap", "--gif", "a.gif", "--seconds", "2"];
     program.succeed(&[&export[..], &["--bvh", "a.bvh", "--csv", "a.csv"]].concat());
-    let gif = std::fs::read(program.path("a.gif")).expect("the picture");
-    let mut decoder = gif::DecodeOptions::new()
-        .read_info(&gif[..])
-        .expect("a GIF");
-    let mut frames = 0;
-    while decoder.read_next_frame().expect("a frame").is_some() {
-        frames += 1;
-    }
-    assert_eq!(frames, 25);
+    assert_eq!(frames(&program, "a.gif"), 25);
     let bvh = std::fs::read_to_string(program.path("a.bvh")).expect("the motion");
     let motions = recording.motion.iter().count();
     assert!(bvh.contains(&format!("Frames: {motions}\n")));

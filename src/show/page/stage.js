@@ -26,6 +26,7 @@ export function makeStage(canvas, scene) {
   new ResizeObserver(() => (camera.turned = true)).observe(canvas);
   let frame = null;
   let ground = null;
+  let stands = false;
   for (const mesh of meshes) fetchMesh(mesh).then((corners) => {
     painter.add(`mesh ${mesh}`, corners);
     camera.turned = true;
@@ -42,6 +43,8 @@ export function makeStage(canvas, scene) {
     if (!frame) return;
     const links = frame.links.map(fromPose);
     const parts = robot.map((part) => ({ ...part, world: multiply(links[part.link], part.pose) }));
+    // Before torque nobody knows where the robot stands.
+    if (!stands && frame.activity !== "waiting" && frame.activity !== "starting") [ground, stands] = [null, true];
     ground ??= extent(parts);
     const { floor, height } = ground;
     const beside = 0.9 * height;
