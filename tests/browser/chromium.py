@@ -25,7 +25,8 @@ class Chromium:
 
     def __init__(self, program="chromium", patience_s=90):
         self.patience_s = patience_s
-        self.folder = tempfile.TemporaryDirectory(prefix="show-browser-")
+        self.folder = tempfile.TemporaryDirectory(
+            prefix="show-browser-", ignore_cleanup_errors=True)  # its children may still write
         to_read, self.out = os.pipe()
         self.into, to_write = os.pipe()
         command = [program, f"--user-data-dir={self.folder.name}", *ARGUMENTS]
