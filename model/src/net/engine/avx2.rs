@@ -118,6 +118,25 @@ impl Lanes for Avx2 {
             _mm_cvtss_f32(_mm_add_ss(two, _mm_movehdup_ps(two)))
         }
     }
+
+    #[inline(always)]
+    fn sums(of: [Self; 8]) -> Self {
+        // SAFETY: see the type.
+        Self(unsafe {
+            let [a, b, c, d, e, f, g, h] = of.map(|eight| eight.0);
+            let low = quarters(halves(a, e), halves(b, f));
+            let high = quarters(halves(c, g), halves(d, h));
+            let first = _mm256_shuffle_ps::<0b10_00_10_00>(low, high);
+            _mm256_add_ps(first, _mm256_shuffle_ps::<0b11_01_11_01>(low, high))
+        })
+    }
+
+    #[inline(always)]
+    fn fetch<T>(place: &T, bytes: usize) {
+        let there = std::ptr::from_ref(place).cast::<i8>().wrapping_add(bytes);
+        // SAFETY: see the type; fetching ahead reads nothing that is seen.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(there) }
+    }
 }
 
 /// 32 integers in two registers times 32 at `x`.
@@ -131,5 +150,31 @@ unsafe fn sum_of_products(low: __m256i, high: __m256i, x: *const i16) -> __m256 
         let low = _mm256_madd_epi16(low, _mm256_loadu_si256(x.cast()));
         let high = _mm256_madd_epi16(high, _mm256_loadu_si256(x.add(16).cast()));
         _mm256_cvtepi32_ps(_mm256_add_epi32(low, high))
+    }
+}
+
+/// The halves of each added: four sums of `low`, then four of `high`.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn halves(low: __m256, high: __m256) -> __m256 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let first = _mm256_permute2f128_ps::<0x20>(low, high);
+        _mm256_add_ps(first, _mm256_permute2f128_ps::<0x31>(low, high))
+    }
+}
+
+/// Of every four the halves added: two sums of `one`, two of `other`, by turns.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn quarters(one: __m256, other: __m256) -> __m256 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let first = _mm256_shuffle_ps::<0b01_00_01_00>(one, other);
+        _mm256_add_ps(first, _mm256_shuffle_ps::<0b11_10_11_10>(one, other))
     }
 }

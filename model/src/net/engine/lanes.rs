@@ -33,6 +33,11 @@ pub(crate) trait Lanes: Copy {
     fn dot_q4(weights: &[u8; 16], x: &[i16; 32]) -> Self;
     /// Sum of all eight: halves, quarters, eighths.
     fn sum(self) -> f32;
+    /// The sum of each, in the same order.
+    fn sums(of: [Self; 8]) -> Self;
+    /// Asks for the memory so many bytes behind `place`, if the processor can be
+    /// asked; there need not be any.
+    fn fetch<T>(place: &T, bytes: usize);
 }
 
 /// Plain Rust, which the compiler turns into what the processor has.
@@ -130,6 +135,14 @@ impl Lanes for Portable {
         let four: [f32; 4] = std::array::from_fn(|i| v[i] + v[i + 4]);
         (four[0] + four[2]) + (four[1] + four[3])
     }
+
+    #[inline(always)]
+    fn sums(of: [Self; 8]) -> Self {
+        Self(of.map(Self::sum))
+    }
+
+    #[inline(always)]
+    fn fetch<T>(_: &T, _: usize) {}
 }
 
 /// Lane i: products 2i, 2i+1, 2i+16, 2i+17. At most 2^24 each, so exact.

@@ -49,6 +49,11 @@ impl Linear {
         Self { matrix, bias }
     }
 
+    /// Its matrix, to be moved.
+    pub fn matrix(&mut self) -> &mut Matrix {
+        &mut self.matrix
+    }
+
     /// Numbers that come out of a lane.
     pub fn outputs(&self) -> usize {
         self.bias.len()

@@ -1,14 +1,20 @@
 //! A matrix packed once, and its products with the vectors of an [`Input`].
 
+use std::ops::RangeInclusive;
+
 use half::f16;
 
 use super::dtype::{BLOCK, Dtype, q4_block, q8_block};
 use super::input::{Input, padded, scales_width};
 use super::kernels::{self, Cpu};
 use super::pool::Team;
+use super::slab::{self, Held, Piece};
 
-/// Bytes of weights that a thread takes at a time.
-const PIECE_BYTES: usize = 32 * 1024;
+/// Bytes of weights that a thread takes at a time: few enough that all threads
+/// are done at nearly the same time, and many, since each piece starts cold.
+const PIECE_BYTES: RangeInclusive<usize> = 16 * 1024..=128 * 1024;
+/// Pieces that each thread takes of a matrix of middling size.
+const PIECES: usize = 4;
 
 /// Rows of one width in one number format.
 #[derive(Clone, Debug)]
@@ -22,10 +28,10 @@ pub(crate) struct Matrix {
 /// f16, a row of them filled up to whole eights.
 #[derive(Clone, Debug)]
 enum Store {
-    F32(Vec<f32>),
-    F16(Vec<u16>),
-    Q8(Vec<i8>, Vec<u16>),
-    Q4(Vec<u8>, Vec<u16>),
+    F32(Held<f32>),
+    F16(Held<u16>),
+    Q8(Held<i8>, Held<u16>),
+    Q4(Held<u8>, Held<u16>),
 }
 
 impl Matrix {
@@ -43,10 +49,10 @@ impl Matrix {
     /// Without rows yet.
     pub fn empty(width: usize, dtype: Dtype) -> Self {
         let store = match dtype {
-            Dtype::F32 => Store::F32(Vec::new()),
-            Dtype::F16 => Store::F16(Vec::new()),
-            Dtype::Q8_0 => Store::Q8(Vec::new(), Vec::new()),
-            Dtype::Q4_0 => Store::Q4(Vec::new(), Vec::new()),
+            Dtype::F32 => Store::F32(Held::default()),
+            Dtype::F16 => Store::F16(Held::default()),
+            Dtype::Q8_0 => Store::Q8(Held::default(), Held::default()),
+            Dtype::Q4_0 => Store::Q4(Held::default(), Held::default()),
         };
         Self {
             rows: 0,
@@ -58,14 +64,14 @@ impl Matrix {
     /// `q8_0` blocks as they are in a file, of a width that is whole blocks.
     pub fn from_q8(width: usize, quants: Vec<i8>, scales: &[u16]) -> Self {
         let rows = quants.len() / width;
-        let store = Store::Q8(quants, spread(scales, width));
+        let store = Store::Q8(Held::Own(quants), Held::Own(spread(scales, width)));
         Self { rows, width, store }
     }
 
     /// Likewise `q4_0`.
     pub fn from_q4(width: usize, quants: Vec<u8>, scales: &[u16]) -> Self {
         let rows = 2 * quants.len() / width;
-        let store = Store::Q4(quants, spread(scales, width));
+        let store = Store::Q4(Held::Own(quants), Held::Own(spread(scales, width)));
         Self { rows, width, store }
     }
 
@@ -75,15 +81,15 @@ impl Matrix {
         for matrix in matrices {
             all.rows += matrix.rows;
             match (&mut all.store, matrix.store) {
-                (Store::F32(all), Store::F32(more)) => all.extend(more),
-                (Store::F16(all), Store::F16(more)) => all.extend(more),
+                (Store::F32(all), Store::F32(more)) => all.extend(more.iter().copied()),
+                (Store::F16(all), Store::F16(more)) => all.extend(more.iter().copied()),
                 (Store::Q8(all, scales), Store::Q8(more, more_scales)) => {
-                    all.extend(more);
-                    scales.extend(more_scales);
+                    all.extend(more.iter().copied());
+                    scales.extend(more_scales.iter().copied());
                 }
                 (Store::Q4(all, scales), Store::Q4(more, more_scales)) => {
-                    all.extend(more);
-                    scales.extend(more_scales);
+                    all.extend(more.iter().copied());
+                    scales.extend(more_scales.iter().copied());
                 }
                 _ => unreachable!("stacked matrices are packed by the same loader"),
             }
@@ -95,13 +101,13 @@ impl Matrix {
         self.rows += 1;
         let more = scales_width(self.width) - row.len() / BLOCK;
         match &mut self.store {
-            Store::F32(all) => all.extend(row),
+            Store::F32(all) => all.extend(row.iter().copied()),
             Store::F16(all) => all.extend(row.iter().map(|v| f16::from_f32(*v).to_bits())),
             Store::Q8(all, scales) => {
                 for block in row.as_chunks().0 {
                     let (quants, scale) = q8_block(block);
                     all.extend(quants);
-                    scales.push(scale.to_bits());
+                    scales.extend([scale.to_bits()]);
                 }
                 scales.extend(std::iter::repeat_n(0, more));
             }
@@ -109,10 +115,19 @@ impl Matrix {
                 for block in row.as_chunks().0 {
                     let (bytes, scale) = q4_block(block);
                     all.extend(bytes);
-                    scales.push(scale.to_bits());
+                    scales.extend([scale.to_bits()]);
                 }
                 scales.extend(std::iter::repeat_n(0, more));
             }
+        }
+    }
+
+    fn pieces(&mut self) -> Vec<&mut dyn Piece> {
+        match &mut self.store {
+            Store::F32(all) => vec![all],
+            Store::F16(all) => vec![all],
+            Store::Q8(all, scales) => vec![all, scales],
+            Store::Q4(all, scales) => vec![all, scales],
         }
     }
 
@@ -143,7 +158,9 @@ impl Matrix {
         debug_assert_eq!(x.padded(), padded(self.width));
         let (cpu, lanes) = (team.cpu(), x.lanes());
         let row_bytes = (self.bytes() / self.rows.max(1)).max(1);
-        let rows = (PIECE_BYTES / row_bytes).clamp(1, self.rows.max(1));
+        let piece = self.bytes() / (PIECES * team.threads());
+        let piece = piece.clamp(*PIECE_BYTES.start(), *PIECE_BYTES.end());
+        let rows = (piece / row_bytes).clamp(1, self.rows.max(1));
         let out = &mut out[..self.rows * lanes];
         team.share(out, rows * lanes, |piece, out| {
             let first = piece * rows;
@@ -169,6 +186,11 @@ impl Matrix {
             }
         }
     }
+}
+
+/// Moves matrices that are used one after another together.
+pub(crate) fn gather<'a>(matrices: impl IntoIterator<Item = &'a mut Matrix>) {
+    slab::gather(matrices.into_iter().flat_map(Matrix::pieces));
 }
 
 /// Scales in rows of whole eights.

@@ -7,6 +7,8 @@
 //! For many frames at once (training, encoding) use candle: see `attention`.
 
 mod avx2;
+#[cfg(test)]
+mod bits;
 mod dtype;
 mod input;
 mod kernels;
@@ -16,6 +18,7 @@ mod matrix;
 mod ops;
 mod pool;
 mod ring;
+mod slab;
 #[cfg(test)]
 mod tests;
 
@@ -27,7 +30,7 @@ pub use pool::{Pool, Team, default_threads};
 pub(crate) use dtype::{BLOCK, q4_block, q4_values, q8_block};
 pub(crate) use input::Input;
 pub(crate) use linear::{After, Linear, Norm};
-pub(crate) use matrix::Matrix;
+pub(crate) use matrix::{Matrix, gather};
 pub(crate) use ops::{add_lane, add_positions, styled};
 pub(crate) use ring::{Clock, Heads, Ring, Scene};
 

@@ -140,6 +140,14 @@ impl Team<'_> {
         self.pool.cpu
     }
 
+    /// Threads that may share work, the caller's among them.
+    pub(crate) fn threads(&self) -> usize {
+        match self.held {
+            Some(_) => self.pool.threads(),
+            None => 1,
+        }
+    }
+
     /// Calls `work` with every piece of `out` of `size` numbers and its index.
     pub(crate) fn share<T: Send>(
         &self,

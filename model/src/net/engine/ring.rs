@@ -200,7 +200,14 @@ impl Scene {
                     kernels::scores_f16(cpu, scores, bits(&all[slots.clone()]), query);
                 }
             }
-            add_ages(scores, heads.slopes[head], slot, heads.window);
+            let slope = heads.slopes[head];
+            if slope != 0.0 {
+                // The ring begins with this round's frames; behind `slot` are
+                // those of the round before.
+                let (newer, older) = scores.split_at_mut(slot + 1);
+                kernels::fade(cpu, newer, slope, slot as f32);
+                kernels::fade(cpu, older, slope, (heads.window - 1) as f32);
+            }
             kernels::softmax(cpu, scores);
             match &ring.values {
                 Store::F32(all) => kernels::mix_f32(cpu, out, scores, &all[slots]),
@@ -227,18 +234,4 @@ fn bits(halves: &[f16]) -> &[u16] {
 fn gather(row: &mut [f32], products: &[f32], first: usize, (lane, lanes): (usize, usize)) {
     let from = products[first * lanes + lane..].iter().step_by(lanes);
     row.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
-}
-
-/// ALiBi: the older, the lower.
-fn add_ages(scores: &mut [f32], slope: f32, slot: usize, window: usize) {
-    if slope == 0.0 {
-        return;
-    }
-    let (newer, older) = scores.split_at_mut(slot + 1);
-    for (i, score) in newer.iter_mut().enumerate() {
-        *score -= slope * (slot - i) as f32;
-    }
-    for (i, score) in older.iter_mut().enumerate() {
-        *score -= slope * (window - 1 - i) as f32;
-    }
 }

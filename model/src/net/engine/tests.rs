@@ -102,6 +102,21 @@ fn activations_are_those_of_the_formula() {
     assert_ne!(After::Nothing, After::Activate(Activation::Gelu));
 }
 
+#[test]
+fn scores_fade_with_age() {
+    for count in [1usize, 7, 8, 29] {
+        let scores: Vec<f32> = (0..count).map(|i| (i as f32).sin()).collect();
+        let (mut fast, mut plain) = (scores.clone(), scores.clone());
+        kernels::fade(Cpu::detect(), &mut fast, 0.25, 100.0);
+        kernels::fade(Cpu::portable(), &mut plain, 0.25, 100.0);
+        assert_eq!(fast, plain);
+        for (i, (before, after)) in scores.iter().zip(fast).enumerate() {
+            let expected = f64::from(*before) - 0.25 * (100.0 - i as f64);
+            assert!((expected - f64::from(after)).abs() < 2e-6 * expected.abs());
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]

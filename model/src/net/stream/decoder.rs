@@ -1,9 +1,11 @@
 //! Stage 1's causal decoder: the codes of a frame to its 137 numbers
 //! (normalised).
 
-use super::layer::{AttentionWork, FeedForward, SelfBlock, Table, Work};
+use super::layer::{AttentionBlock, AttentionWork, FeedForward, Table, Work};
 use crate::error::ModelError;
-use crate::net::engine::{After, Clock, Dtype, Engine, Heads, Input, Linear, Norm, Ring, Team};
+use crate::net::engine::{
+    After, Clock, Dtype, Engine, Heads, Input, Linear, Norm, Ring, Team, gather,
+};
 use crate::net::weights::Weights;
 
 /// The decoder's weights.
@@ -17,7 +19,7 @@ pub struct VqDecoder {
     codebooks: Vec<Table>,
     code_dim: usize,
     input: Linear,
-    layers: Vec<(SelfBlock, FeedForward)>,
+    layers: Vec<(AttentionBlock, FeedForward)>,
     norm: Norm,
     output: Linear,
 }
@@ -45,14 +47,14 @@ impl VqDecoder {
         };
         let layer = |i| {
             let name = format!("vq.decoder.layers.{i}");
-            let attention = SelfBlock::load(w, &name, vq.dim, &heads, dtype)?;
+            let attention = AttentionBlock::own(w, &name, vq.dim, &heads, dtype)?;
             let names = (&*format!("{name}.norm2"), &*format!("{name}.ff"));
             let feed_forward = FeedForward::load(w, names, vq.dim, vq.ff, dtype)?;
             Ok((attention, feed_forward))
         };
         let wide = config.parts.len() * config.code_dim;
         let motion_dim = config.motion_dim;
-        Ok(Self {
+        let mut decoder = Self {
             dtype,
             dim: vq.dim,
             ff: vq.ff,
@@ -69,7 +71,17 @@ impl VqDecoder {
             norm: Norm::load(w, "vq.decoder.norm", vq.dim)?,
             output: Linear::load(w, "vq.decoder.output", vq.dim, motion_dim, dtype)?,
             heads,
-        })
+        };
+        decoder.gather();
+        Ok(decoder)
+    }
+
+    /// All matrices together, in the order of their use.
+    fn gather(&mut self) {
+        let layers = self.layers.iter_mut();
+        let layers = layers.flat_map(|(a, f)| a.matrices().into_iter().chain(f.matrices()));
+        let (input, output) = (self.input.matrix(), self.output.matrix());
+        gather([input].into_iter().chain(layers).chain([output]));
     }
 
     /// Number format of the weights.
@@ -110,7 +122,7 @@ impl VqDecoder {
         work.x.copy_from_slice(x);
         for ((attention, feed_forward), ring) in self.layers.iter().zip(rings) {
             let ring = std::slice::from_mut(ring);
-            attention.step(team, &self.heads, clock, ring, work, room);
+            attention.step(team, (&self.heads, clock), ring, None, work, room);
             feed_forward.step(team, work);
         }
         clock.advance();

@@ -3,7 +3,7 @@
 use crate::error::ModelError;
 use crate::net::config::Activation;
 use crate::net::engine::{
-    After, Clock, Dtype, Heads, Input, Linear, Norm, Ring, Scene, Team, add_lane,
+    After, Clock, Dtype, Heads, Input, Linear, Matrix, Norm, Ring, Scene, Team, add_lane,
 };
 use crate::net::weights::Weights;
 
@@ -72,7 +72,7 @@ impl AttentionWork {
         }
     }
 
-    /// Takes queries from products, from output `first` on.
+    /// Takes queries from the first products.
     fn ask(&mut self, heads: &Heads, products: &[f32], lanes: usize) {
         for lane in 0..lanes {
             self.scene.ask(heads, products, 0, (lane, lanes));
@@ -125,16 +125,18 @@ fn add(team: &Team, layer: &Linear, input: &Input, products: &mut [f32], x: &mut
     }
 }
 
-/// Norm and self-attention.
+/// Norm and attention.
 #[derive(Clone, Debug)]
-pub(super) struct SelfBlock {
+pub(super) struct AttentionBlock {
     norm: Norm,
-    qkv: Linear,
+    /// To queries; of self-attention, to keys and values as well.
+    ask: Linear,
     out: Linear,
 }
 
-impl SelfBlock {
-    pub fn load(
+impl AttentionBlock {
+    /// Self-attention.
+    pub fn own(
         w: &Weights,
         name: &str,
         dim: usize,
@@ -144,46 +146,14 @@ impl SelfBlock {
         let wide = heads.wide();
         Ok(Self {
             norm: Norm::load(w, &format!("{name}.norm1"), dim)?,
-            qkv: Linear::load(w, &format!("{name}.attn.qkv"), dim, 3 * wide, dtype)?,
+            ask: Linear::load(w, &format!("{name}.attn.qkv"), dim, 3 * wide, dtype)?,
             out: Linear::load(w, &format!("{name}.attn.out"), wide, dim, dtype)?,
         })
     }
 
-    pub fn step(
-        &self,
-        team: &Team,
-        heads: &Heads,
-        clock: &Clock,
-        rings: &mut [Ring],
-        work: &mut Work,
-        room: &mut AttentionWork,
-    ) {
-        self.norm.forward(&work.x, &mut work.normed);
-        let (products, lanes) = (&mut work.products, work.lanes);
-        let products = self
-            .qkv
-            .forward(team, &work.normed, products, After::Nothing);
-        room.ask(heads, products, lanes);
-        room.remember(heads, rings, clock, products, heads.wide());
-        room.attend(team, heads, clock, rings, &self.out, work);
-    }
-
-    pub fn bytes(&self) -> usize {
-        self.qkv.bytes() + self.out.bytes()
-    }
-}
-
-/// Norm and cross-attention; keys and values are computed for all layers at
-/// once (see `MotionSeq`).
-#[derive(Clone, Debug)]
-pub(super) struct CrossBlock {
-    norm: Norm,
-    q: Linear,
-    out: Linear,
-}
-
-impl CrossBlock {
-    pub fn load(
+    /// Cross-attention; keys and values are computed for all layers at once
+    /// (see `MotionSeq`).
+    pub fn cross(
         w: &Weights,
         name: &str,
         dim: usize,
@@ -193,35 +163,40 @@ impl CrossBlock {
         let wide = heads.wide();
         Ok(Self {
             norm: Norm::load(w, &format!("{name}.norm2"), dim)?,
-            q: Linear::load(w, &format!("{name}.cross.q"), dim, wide, dtype)?,
+            ask: Linear::load(w, &format!("{name}.cross.q"), dim, wide, dtype)?,
             out: Linear::load(w, &format!("{name}.cross.out"), wide, dim, dtype)?,
         })
     }
 
-    /// `keys_values` are the products for all layers, this layer's from output
-    /// `first` on.
-    #[allow(clippy::too_many_arguments)]
+    /// `given` are the products that hold keys and values, from an output on;
+    /// none for self-attention.
     pub fn step(
         &self,
         team: &Team,
-        heads: &Heads,
-        clock: &Clock,
+        (heads, clock): (&Heads, &Clock),
         rings: &mut [Ring],
-        keys_values: (&[f32], usize),
+        given: Option<(&[f32], usize)>,
         work: &mut Work,
         room: &mut AttentionWork,
     ) {
         self.norm.forward(&work.x, &mut work.normed);
         let (products, lanes) = (&mut work.products, work.lanes);
-        let products = self.q.forward(team, &work.normed, products, After::Nothing);
+        let products = self
+            .ask
+            .forward(team, &work.normed, products, After::Nothing);
         room.ask(heads, products, lanes);
-        let (products, first) = keys_values;
+        let (products, first) = given.unwrap_or((products, heads.wide()));
         room.remember(heads, rings, clock, products, first);
         room.attend(team, heads, clock, rings, &self.out, work);
     }
 
+    /// Its matrices, in the order of their use.
+    pub fn matrices(&mut self) -> [&mut Matrix; 2] {
+        [self.ask.matrix(), self.out.matrix()]
+    }
+
     pub fn bytes(&self) -> usize {
-        self.q.bytes() + self.out.bytes()
+        self.ask.bytes() + self.out.bytes()
     }
 }
 
@@ -264,6 +239,11 @@ impl FeedForward {
             &mut work.products,
             &mut work.x,
         );
+    }
+
+    /// Its matrices, in the order of their use.
+    pub fn matrices(&mut self) -> [&mut Matrix; 2] {
+        [self.up.matrix(), self.down.matrix()]
     }
 
     pub fn bytes(&self) -> usize {

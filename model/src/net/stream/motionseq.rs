@@ -7,19 +7,20 @@
 //! the same dance with other music (or none), for guidance; they read the
 //! weights together.
 
-use super::layer::{AttentionWork, CrossBlock, FeedForward, SelfBlock, Table, Work};
+use super::layer::{AttentionBlock, AttentionWork, FeedForward, Table, Work};
 use crate::error::ModelError;
 use crate::net::config::{ModelConfig, Positions};
 use crate::net::engine::{
-    After, Clock, Dtype, Engine, Heads, Input, Linear, Norm, Ring, Team, add_positions, styled,
+    After, Clock, Dtype, Engine, Heads, Input, Linear, Norm, Ring, Team, add_positions, gather,
+    styled,
 };
 use crate::net::weights::Weights;
 
 /// Self-attention, cross-attention on music, style, feed-forward.
 #[derive(Clone, Debug)]
 struct Layer {
-    attention: SelfBlock,
-    cross: CrossBlock,
+    attention: AttentionBlock,
+    cross: AttentionBlock,
     style: Linear,
     feed_forward: FeedForward,
 }
@@ -118,8 +119,8 @@ impl MotionSeq {
             let names = (&*format!("{name}.norm3"), &*format!("{name}.ff"));
             let style = format!("{name}.style.scale");
             Ok(Layer {
-                attention: SelfBlock::load(w, &name, dim, &heads, dtype)?,
-                cross: CrossBlock::load(w, &name, dim, &cross_heads, dtype)?,
+                attention: AttentionBlock::own(w, &name, dim, &heads, dtype)?,
+                cross: AttentionBlock::cross(w, &name, dim, &cross_heads, dtype)?,
                 style: Linear::load(w, &style, seq.style_dim, dim, style_dtype)?,
                 feed_forward: FeedForward::load(w, names, dim, seq.ff, dtype)?,
             })
@@ -130,7 +131,7 @@ impl MotionSeq {
         };
         let keys_values = (0..seq.layers).map(keys_values).collect::<Result<_, _>>()?;
         let parts = (0..config.parts.len()).map(|i| PartHead::load(w, i, dtype));
-        Ok(Self {
+        let mut seq = Self {
             music_in: Linear::load(w, "seq.music_in", config.music_dim, dim, dtype)?,
             music_null: w.floats("seq.music_null", &[dim])?,
             music_kv: Linear::stack(keys_values, dim, dtype),
@@ -144,7 +145,24 @@ impl MotionSeq {
             heads,
             cross_heads,
             config,
-        })
+        };
+        seq.gather();
+        Ok(seq)
+    }
+
+    /// All matrices together, in the order of their use.
+    fn gather(&mut self) {
+        let layers = self.layers.iter_mut().flat_map(|layer| {
+            let attention = layer.attention.matrices().into_iter();
+            let others = layer.cross.matrices().into_iter();
+            attention.chain(others.chain(layer.feed_forward.matrices()))
+        });
+        let parts = self.parts.iter_mut().flat_map(|part| {
+            let refine = part.refine.iter_mut().flat_map(FeedForward::matrices);
+            refine.chain([part.head.matrix()])
+        });
+        let music = [self.music_in.matrix(), self.music_kv.matrix()];
+        gather(music.into_iter().chain(layers).chain(parts));
     }
 
     /// A dance before its first frame, of so many lanes, in the null style.
@@ -222,12 +240,12 @@ impl MotionSeq {
             .zip(music.chunks_exact_mut(lanes));
         let layers = self.layers.iter().zip(style.chunks_exact(dim));
         for (i, ((layer, style), (own, music))) in layers.zip(rings).enumerate() {
-            let heads = &self.heads;
-            layer.attention.step(team, heads, clock, own, work, room);
-            let heads = &self.cross_heads;
-            let products = (&keys_values[..], i * 2 * heads.wide());
+            let scene = (&self.heads, &*clock);
+            layer.attention.step(team, scene, own, None, work, room);
+            let scene = (&self.cross_heads, &*clock);
+            let given = (&keys_values[..], i * 2 * self.cross_heads.wide());
             let cross = &layer.cross;
-            cross.step(team, heads, clock, music, products, work, room);
+            cross.step(team, scene, music, Some(given), work, room);
             for x in work.x.chunks_exact_mut(dim) {
                 styled(x, style);
             }
