@@ -32,3 +32,4 @@ mod show;
 mod terminal;
 mod torque_off;
 mod training;
+mod weights;

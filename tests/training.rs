@@ -3,7 +3,7 @@
 use crate::program::Program;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use servodance_model::motion::corpus;
+use servodance_model::motion::corpus::{self, CorpusClip};
 use servodance_model::motion::index::Split;
 use std::path::Path;
 use std::process::Stdio;
@@ -31,23 +31,32 @@ batch = 8
 report = 10
 ";
 
-/// Two clips of choreography, one of them held out.
-fn data() -> &'static [u8] {
-    static DATA: OnceLock<Vec<u8>> = OnceLock::new();
-    DATA.get_or_init(|| {
-        let program = Program::new();
+/// Clips of choreography, two of them at least.
+fn choreography() -> Vec<CorpusClip> {
+    static BUILT: OnceLock<Vec<u8>> = OnceLock::new();
+    let program = Program::new();
+    let path = program.path("built");
+    let built = BUILT.get_or_init(|| {
         program.succeed(&["dataset", "build", "built", "--choreography", "2", "-q"]);
-        let mut clips = corpus::read(&program.path("built")).unwrap();
-        clips[1].split = Split::Validation;
-        let path = program.path("split");
-        corpus::write(&path, &clips, &serde_json::json!({})).unwrap();
-        std::fs::read(path).unwrap()
-    })
+        std::fs::read(&path).unwrap()
+    });
+    std::fs::write(&path, built).unwrap();
+    corpus::read(&path).unwrap()
+}
+
+/// A training file of the first two, of these splits.
+pub fn write_clips(path: &Path, splits: [Split; 2]) {
+    let mut clips = choreography();
+    for (clip, split) in clips.iter_mut().zip(splits) {
+        clip.split = split;
+    }
+    corpus::write(path, &clips[..2], &serde_json::json!({})).unwrap();
 }
 
 fn program() -> Program {
     let program = Program::new();
-    std::fs::write(program.path("tiny.safetensors"), data()).unwrap();
+    let splits = [Split::Train, Split::Validation];
+    write_clips(&program.path("tiny.safetensors"), splits);
     std::fs::write(program.path("train.toml"), SETTINGS).unwrap();
     program
 }
