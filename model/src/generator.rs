@@ -482,6 +482,22 @@ impl Dance {
         self.seq.lanes() as u32
     }
 
+    /// A new dance of the same networks and options in another style; it takes
+    /// as long again for each step.
+    ///
+    /// # Errors
+    /// There is no such style.
+    pub fn beside(&self, style: &str) -> Result<Dance, ModelError> {
+        let generator = Generator {
+            networks: self.networks.clone(),
+        };
+        generator.start(GeneratorOptions {
+            style: Some(style.to_owned()),
+            style_vector: None,
+            ..self.options.clone()
+        })
+    }
+
     /// Names of the styles, as [`Generator::styles`].
     pub fn styles(&self) -> &[String] {
         &self.networks.config.seq.styles

@@ -29,14 +29,15 @@ use super::rig::Rig;
 use super::showing::{Cycle, Showing};
 use super::steering::{Horizon, Steering};
 use super::trace::Trace;
+use super::witness::Witness;
 use crate::drill;
 use crate::record::{Recorder, Topic};
 use crate::robot::Robot;
 use crate::show::snapshot::BANDS;
 use crate::show::{Activity, Request, RobotEnd, pose_array};
-use crate::stages::{Stage, StageClock};
+use crate::stages::{Stage, StageClock, Times};
 use servodance_retarget::Retargeter;
-use servodance_types::FRAME_RATE_HZ;
+use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -81,6 +82,8 @@ pub struct Timing {
     pub compensation: bool,
     /// What to do while there is no music.
     pub idle: IdleStyle,
+    /// Whether somebody else leads: motion comes with its time.
+    pub staged: bool,
 }
 
 /// The loop and all that it keeps.
@@ -103,6 +106,7 @@ pub struct Control<'a> {
     stop_asked: bool,
     speed: Speed,
     live: bool,
+    staged: bool,
     /// How long after its time a frame of a recording arrives that is danced to
     /// as if it were live.
     arrival_s: Option<f64>,
@@ -129,6 +133,10 @@ pub struct Control<'a> {
     pub frames: u64,
     /// Cycles without the motion frame that they needed.
     pub late_frames: u64,
+    /// How late cycles began.
+    late_ms: Times,
+    /// Looks at the servos in every cycle, if wanted.
+    pub witness: Option<Witness>,
 }
 
 impl<'a> Control<'a> {
@@ -144,7 +152,8 @@ impl<'a> Control<'a> {
         let mut retargeter = robot.retargeter()?;
         let joints = robot.servos.len();
         let Timing { speed, as_live, .. } = timing;
-        let live = timing.live || as_live;
+        let staged = timing.staged;
+        let live = (timing.live || as_live) && !staged;
         let delays = Delays::new(robot, &retargeter);
         let live_s = live.then_some(delays.live_s());
         let even_lead_s = match live_s {
@@ -174,9 +183,10 @@ impl<'a> Control<'a> {
             recorder,
             stop,
             speed,
-            live,
+            live: timing.live || as_live,
+            staged,
             arrival_s: as_live.then_some(delays.capture_s + COMPUTING_S),
-            music_start_s: PRELUDE_S,
+            music_start_s: if staged { 0.0 } else { PRELUDE_S },
             stood_s: 0.0,
             dancing: false,
             slip_s: 0.0,
@@ -191,6 +201,8 @@ impl<'a> Control<'a> {
             latency: Latency::default(),
             frames: 0,
             late_frames: 0,
+            late_ms: Times::default(),
+            witness: None,
         })
     }
 
@@ -243,11 +255,12 @@ impl<'a> Control<'a> {
     ) -> anyhow::Result<Ending> {
         let present: Vec<f64> = self.rig.states().iter().map(|s| s.position_rad).collect();
         self.retargeter.seed(&present)?;
-        if self.live && self.arrival_s.is_none() && !self.wait_for_music(source, &mut on_frame)? {
+        let waits = self.live && self.arrival_s.is_none() && !self.staged;
+        if waits && !self.wait_for_music(source, &mut on_frame)? {
             return Ok(Ending::Interrupted);
         }
         self.stood_s = self.rig.now_s();
-        if !self.live {
+        if !self.live || self.staged {
             self.started = Instant::now();
         }
         self.dancing = true;
@@ -259,7 +272,7 @@ impl<'a> Control<'a> {
             self.heed(source)?;
             let time_s = self.time_s();
             self.fetch_motion(source, &mut on_frame)?;
-            self.choose_motion_time(time_s)?;
+            self.choose_motion_time(time_s, source)?;
             self.retarget()?;
             self.activity = match time_s < 0.0 {
                 true => Activity::Prelude,
@@ -302,7 +315,7 @@ impl<'a> Control<'a> {
     fn tell_viewers(&mut self) {
         let cycle = Cycle {
             activity: self.activity,
-            music_s: self.time_s(),
+            music_s: self.music_s(),
             idle_share: self.idle.share(),
             late_frames: self.late_frames,
         };
@@ -328,17 +341,37 @@ impl<'a> Control<'a> {
         self.cycle as f64 * self.robot.period_s() - self.music_start_s
     }
 
+    /// Where in the music what is decided now belongs.
+    fn music_s(&self) -> f64 {
+        match self.staged {
+            true => self.motion_s - self.even_lead_s,
+            false => self.time_s(),
+        }
+    }
+
+    /// How late cycles began, milliseconds: 99th percentile and the latest.
+    pub fn lateness_ms(&self) -> (f64, f64) {
+        let times = self.late_ms.percentiles();
+        (times.p99_ms, times.max_ms)
+    }
+
     fn is_over(&self) -> bool {
         self.ended && self.motion_s > self.newest_s.unwrap_or(0.0) + TAIL_S
     }
 
     /// Which moment of the motion the targets of this cycle show.
-    fn choose_motion_time(&mut self, time_s: f64) -> anyhow::Result<()> {
+    fn choose_motion_time(&mut self, time_s: f64, source: &mut MotionSource) -> anyhow::Result<()> {
+        let hidden = self.idle.share() >= 1.0;
+        if let MotionSource::Stage(stage) = source {
+            let moment = self.started + Duration::from_secs_f64(time_s + self.slip_s);
+            self.motion_s = stage.moment_s(moment, hidden) + self.even_lead_s;
+            return Ok(());
+        }
         self.motion_s = match &mut self.steering {
             Some(steering) => {
                 let newest_s = self.newest_s.unwrap_or(f64::NEG_INFINITY);
                 let shown_until_s = newest_s - self.retargeter.lookahead_s();
-                steering.next(time_s, shown_until_s, self.idle.share() >= 1.0)?
+                steering.next(time_s, shown_until_s, hidden)?
             }
             None => time_s + self.even_lead_s,
         };
@@ -376,7 +409,7 @@ impl<'a> Control<'a> {
                     self.ended = true;
                     return Ok(true);
                 }
-                Next::Late => {
+                Next::Late | Next::Away => {
                     arrivals.caught_up();
                     if let Some(first) = arrivals.first_cycle(self.robot.period_s()) {
                         std::thread::sleep(first.saturating_duration_since(Instant::now()));
@@ -410,6 +443,7 @@ impl<'a> Control<'a> {
         let motion_s = self.motion_s + self.robot.period_s();
         let needed_s = motion_s + self.retargeter.lookahead_s();
         let wanted_s = match (&self.steering, self.arrival_s) {
+            _ if self.staged => f64::INFINITY,
             (_, Some(arrival_s)) => self.time_s() - arrival_s - 1.0 / FRAME_RATE_HZ,
             (Some(_), _) if self.live => f64::INFINITY,
             (Some(steering), _) => motion_s + steering.foresight_s(),
@@ -422,12 +456,27 @@ impl<'a> Control<'a> {
                 Next::Ended => self.ended = true,
                 Next::Late => {
                     let late = motion_s >= 0.0 && lacks(self.newest_s, needed_s);
-                    self.late_frames += u64::from(late);
+                    self.late_frames += u64::from(late && self.is_due(source));
+                    break;
+                }
+                Next::Away => {
+                    self.idle.hear(&MusicFrame {
+                        time_s: self.music_s(),
+                        ..MusicFrame::default()
+                    });
                     break;
                 }
             }
         }
         Ok(())
+    }
+
+    /// Whether motion is missed where it is not there.
+    fn is_due(&self, source: &mut MotionSource) -> bool {
+        match source {
+            MotionSource::Stage(stage) => stage.is_led() && self.idle.share() < 1.0,
+            _ => true,
+        }
     }
 
     fn accept(&mut self, step: &Step, on_frame: &mut impl FnMut(f64)) {
@@ -464,7 +513,7 @@ impl<'a> Control<'a> {
     }
 
     fn retarget(&mut self) -> anyhow::Result<()> {
-        let (time_s, motion_s) = (self.time_s(), self.motion_s);
+        let (time_s, motion_s) = (self.music_s(), self.motion_s);
         let (retargeter, idle) = (&mut self.retargeter, &mut self.idle);
         let (targets, show) = (&mut self.targets, &mut self.show);
         let (result, ms) = self.stages.time(Stage::Retarget, || {
@@ -490,6 +539,10 @@ impl<'a> Control<'a> {
         let (result, bus_ms) = self.stages.time(Stage::Bus, || rig.cycle(robot_s, targets));
         result?;
         let start = Instant::now();
+        if let Some(witness) = &mut self.witness {
+            let truth = self.rig.truth().unwrap_or(self.rig.states());
+            witness.see(truth.iter().map(|s| s.position_rad));
+        }
         self.latency.sent(start);
         self.keep(time_s);
         self.tell_viewers();
@@ -520,8 +573,12 @@ impl<'a> Control<'a> {
             let rest_s = (grid_s + self.slip_s - now_s).max(0.0);
             std::thread::sleep(Duration::from_secs_f64(rest_s));
         }
+        let late_s = self.started.elapsed().as_secs_f64() - due_s;
         if let Some(show) = &mut self.show {
-            show.note_late(self.started.elapsed().as_secs_f64() - due_s);
+            show.note_late(late_s);
+        }
+        if self.staged {
+            self.late_ms.book(late_s * 1e3);
         }
     }
 

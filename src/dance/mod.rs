@@ -18,6 +18,7 @@ mod delays;
 mod estop;
 mod evening;
 mod film;
+mod following;
 mod idle;
 mod latency;
 mod motion_source;
@@ -30,15 +31,20 @@ mod rig;
 mod scores;
 mod shadow;
 mod showing;
+mod stage_source;
 mod steering;
 mod trace;
+mod witness;
 
 pub use click_test::{Measured, Passage, measure as click_test};
 pub use config::{AudioChoice, DanceConfig, Speed};
+pub use estop::EStopWatch;
 pub use evening::Evening;
+pub use following::{FollowConfig, Followed, follow};
 pub use idle::IdleStyle;
 pub use ordeal::{Endured, Ordeal};
 pub use ports::{BusChoice, choose as choose_buses};
+pub use stage_source::{LeaderNow, LocalClock, StageEnd, StageSource, stage_line};
 
 use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
@@ -53,9 +59,9 @@ use anyhow::Context;
 use audio::Audio;
 use chronicle::Chronicle;
 use control::{Control, Ending, Timing};
-use estop::EStopWatch;
 pub use latency::LatencyReport;
-use motion_source::{Dancer, DancerThread, Heard, MotionSource};
+use motion_source::MotionSource;
+pub use motion_source::{CHORUS, Change, Dancer, DancerThread, Heard, Next, OnNotice, Step};
 use overload::{LeftOut, Overload, Sparing};
 use rig::Rig;
 use servodance_audio::capture::Notice;
@@ -120,6 +126,7 @@ fn perform(
         as_live: config.as_live,
         compensation: config.compensation,
         idle: config.idle,
+        staged: false,
     };
     let model = generator.config().preset.clone();
     let encodec = config.conditioning.encodec(generator)?;

@@ -6,6 +6,7 @@
 
 use super::audio::Audio;
 use super::overload::{LeftOut, Overload};
+use super::stage_source::StageSource;
 use crate::drill;
 use crate::hearing::Ears;
 use anyhow::Context;
@@ -23,6 +24,9 @@ use std::time::Instant;
 /// Frames that a thread may be ahead of the robot: two seconds.
 const QUEUE_FRAMES: usize = 40;
 
+/// Dances beside the first, in other styles, at most.
+pub const CHORUS: usize = 3;
+
 /// How much of live music is remembered for its report, seconds.
 const LIVE_HISTORY_S: f64 = 600.0;
 
@@ -33,6 +37,8 @@ pub struct Step {
     pub music: MusicFrame,
     /// What it invented.
     pub motion: MotionFrame,
+    /// What it invented beside it in other styles, with the number of each.
+    pub chorus: [Option<(u8, MotionFrame)>; CHORUS],
     /// How long the features took, milliseconds.
     pub features_ms: f64,
     /// How long the model took, milliseconds.
@@ -51,6 +57,10 @@ pub enum Change {
     Style(usize),
     /// Another seed.
     Seed(u64),
+    /// One more dance with this number, from 1, in this style; or in another.
+    Voice(u8, usize),
+    /// That dance is not wanted any more.
+    Hush(u8),
 }
 
 /// What is known when the music is over.
@@ -76,6 +86,7 @@ pub struct Dancer {
     audio: Audio,
     ears: Ears,
     generator: Dance,
+    chorus: [Option<Dance>; CHORUS],
     block: Vec<f32>,
     features_ms: f64,
     samples: u64,
@@ -100,6 +111,7 @@ impl Dancer {
             ears: Ears::new(analyzer, rate_hz, encodec)?,
             audio,
             generator,
+            chorus: Default::default(),
             block: Vec::new(),
             features_ms: 0.0,
             samples: 0,
@@ -133,6 +145,7 @@ impl Dancer {
                 let music = heard.frame;
                 let start = Instant::now();
                 let motion = self.invent(&heard)?;
+                let chorus = self.invent_chorus(&heard)?;
                 let features_ms = std::mem::take(&mut self.features_ms);
                 let model_ms = milliseconds(start);
                 if let Some(overload) = &mut self.overload {
@@ -141,6 +154,7 @@ impl Dancer {
                 return Ok(Some(Step {
                     music,
                     motion,
+                    chorus,
                     features_ms,
                     model_ms,
                     captured: self.audio.captured_at(music.time_s),
@@ -173,6 +187,22 @@ impl Dancer {
         Ok(motion)
     }
 
+    /// The motions of the other styles to the same music.
+    fn invent_chorus(
+        &mut self,
+        heard: &HeardFrame,
+    ) -> anyhow::Result<[Option<(u8, MotionFrame)>; CHORUS]> {
+        let mut motions = [None; CHORUS];
+        let places = self.chorus.iter_mut().zip(&mut motions);
+        for (number, (dance, motion)) in (1..).zip(places) {
+            if let Some(dance) = dance {
+                let step = dance.step_heard(heard);
+                *motion = Some((number, step.context("the generator failed")?));
+            }
+        }
+        Ok(motions)
+    }
+
     /// Dances on in another way.
     pub fn change(&mut self, change: Change) -> anyhow::Result<()> {
         match change {
@@ -182,6 +212,19 @@ impl Dancer {
                 }
             }
             Change::Seed(seed) => self.generator.reseed(seed),
+            Change::Voice(number, style) => {
+                let place = usize::from(number).wrapping_sub(1);
+                let style = self.generator.styles().get(style).cloned();
+                if let (Some(place), Some(style)) = (self.chorus.get_mut(place), style) {
+                    *place = Some(self.generator.beside(&style)?);
+                }
+            }
+            Change::Hush(number) => {
+                let place = usize::from(number).wrapping_sub(1);
+                if let Some(place) = self.chorus.get_mut(place) {
+                    *place = None;
+                }
+            }
         }
         Ok(())
     }
@@ -231,6 +274,8 @@ pub enum MotionSource {
     Inline(Box<Dancer>),
     /// Made ahead on another thread: the wall clock waits for nobody.
     Thread(DancerThread),
+    /// Made elsewhere, with the time to show it.
+    Stage(Box<StageSource>),
 }
 
 /// What a source has right now.
@@ -239,6 +284,8 @@ pub enum Next {
     Step(Box<Step>),
     /// Nothing yet.
     Late,
+    /// Whoever leads is away: idle.
+    Away,
     /// The music is over.
     Ended,
 }
@@ -252,6 +299,7 @@ impl MotionSource {
                 None => Next::Ended,
             }),
             MotionSource::Thread(thread) => thread.poll(),
+            MotionSource::Stage(stage) => Ok(stage.poll()),
         }
     }
 
@@ -259,8 +307,9 @@ impl MotionSource {
     pub fn change(&mut self, change: Change) -> anyhow::Result<()> {
         match self {
             MotionSource::Inline(dancer) => dancer.change(change)?,
-            // A dancer who is done has nothing to change.
-            MotionSource::Thread(thread) => drop(thread.changes.send(change)),
+            MotionSource::Thread(thread) => thread.change(change),
+            // The leader alone can change what is led.
+            MotionSource::Stage(_) => {}
         }
         Ok(())
     }
@@ -270,6 +319,7 @@ impl MotionSource {
         match self {
             MotionSource::Inline(dancer) => Ok(dancer.heard()),
             MotionSource::Thread(thread) => thread.heard(),
+            MotionSource::Stage(_) => Ok(Heard::default()),
         }
     }
 }
@@ -299,7 +349,11 @@ impl DancerThread {
         })
     }
 
-    fn poll(&mut self) -> anyhow::Result<Next> {
+    /// The next step, if there is one now.
+    ///
+    /// # Errors
+    /// Whatever failed on the thread.
+    pub fn poll(&mut self) -> anyhow::Result<Next> {
         match self.steps.try_recv() {
             Ok(step) => Ok(Next::Step(Box::new(step?))),
             Err(TryRecvError::Empty) => Ok(Next::Late),
@@ -307,7 +361,17 @@ impl DancerThread {
         }
     }
 
-    fn heard(self) -> anyhow::Result<Heard> {
+    /// Changes what comes next.
+    pub fn change(&self, change: Change) {
+        // A dancer who is done has nothing to change.
+        let _ = self.changes.send(change);
+    }
+
+    /// What is known of the music; ends the thread.
+    ///
+    /// # Errors
+    /// The thread broke down.
+    pub fn heard(self) -> anyhow::Result<Heard> {
         // The thread ends at its next hand-over once nobody listens.
         drop(self.steps);
         self.thread

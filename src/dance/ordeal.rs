@@ -92,6 +92,7 @@ impl Ordeal<'_> {
             as_live: self.as_live,
             compensation: true,
             idle: self.idle,
+            staged: false,
         };
         let buses = vec![BusChoice::Sim; self.robot.buses.len()];
         let estop = EStop::default();

@@ -26,7 +26,6 @@
 //! left out because the disk was too slow (`messages_left_out`).
 
 mod book;
-mod cdr;
 mod clerk;
 mod reader;
 mod schema;
@@ -34,10 +33,10 @@ mod schema;
 pub use reader::{Past, Recording, Series};
 
 use crate::stages::Stage;
-use cdr::CdrWriter;
 use clerk::Clerk;
 pub use clerk::{OnTrouble, WhenBehind};
 use schema::MessageType;
+use servodance_stage::ros2::{CdrWriter, joint_state, pose_array};
 use servodance_types::{JointState, MotionFrame};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -196,18 +195,12 @@ impl Recorder {
 
     /// A human motion frame at `time_s`, turned from y up to z up, facing x.
     pub fn motion(&mut self, time_s: f64, frame: &MotionFrame) {
-        let mut cdr = CdrWriter::new();
-        cdr.header(time_s, MOTION_FRAME);
-        cdr.u32(frame.positions.len() as u32);
-        for [left, up, forward] in frame.positions {
-            for value in [forward, left, up] {
-                cdr.f64(value.into());
-            }
-            for value in [0.0, 0.0, 0.0, 1.0] {
-                cdr.f64(value);
-            }
-        }
-        self.clerk.message(Topic::Motion, time_s, cdr.finish());
+        let points = frame
+            .positions
+            .iter()
+            .map(|[left, up, forward]| [*forward, *left, *up].map(f64::from));
+        let message = pose_array(time_s, MOTION_FRAME, points);
+        self.clerk.message(Topic::Motion, time_s, message);
     }
 
     /// A pose in the world: x, y, z, then the quaternion x, y, z, w.
@@ -263,12 +256,7 @@ impl Recorder {
     }
 
     fn joint_header(&self, time_s: f64) -> CdrWriter {
-        let mut cdr = CdrWriter::new();
-        cdr.header(time_s, JOINT_FRAME);
-        cdr.u32(self.joint_names.len() as u32);
-        for name in &self.joint_names {
-            cdr.string(name);
-        }
-        cdr
+        let names = self.joint_names.iter().map(String::as_str);
+        joint_state(time_s, JOINT_FRAME, names)
     }
 }

@@ -5,11 +5,11 @@
 //! Damage is told with the file's name; nothing in a file can make it panic.
 
 use super::SAFETY;
-use super::cdr::CdrReader;
 use anyhow::{Context, bail};
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde::Deserialize;
+use servodance_stage::ros2::CdrReader;
 use servodance_types::{JOINT_COUNT, JointLimits};
 use std::collections::HashMap;
 use std::fs::File;

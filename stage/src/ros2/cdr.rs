@@ -1,5 +1,5 @@
 //! A writer and a reader for the part of ROS 2's CDR encoding that recordings
-//! need.
+//! and topics need.
 //!
 //! Little-endian plain CDR version 1: a four-byte header, then every number
 //! aligned to its own size, counted from the end of the header.
@@ -8,6 +8,12 @@
 #[derive(Debug)]
 pub struct CdrWriter {
     bytes: Vec<u8>,
+}
+
+impl Default for CdrWriter {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl CdrWriter {
