@@ -46,7 +46,7 @@ impl DynamixelX {
         }
         let length = 1 + count * (size + 4);
         link.send_request(FAST_SYNC_READ, length, register.name)?;
-        let deadline = link.deadline(14 + count, 7 + length, 1);
+        let deadline = link.deadline(7 + length, 1);
         loop {
             match link.wire.receive(deadline, register.name)? {
                 Received::Packet => {}

@@ -83,10 +83,11 @@ impl Link {
         indices.iter().map(|&index| self.id_of(index)).collect()
     }
 
-    /// When a reply of `bytes` from `servos` servos must be there.
-    pub fn deadline(&self, sent: usize, bytes: usize, servos: usize) -> Instant {
+    /// When a reply of `bytes` from `servos` servos to what was just sent must
+    /// be there.
+    pub fn deadline(&self, bytes: usize, servos: usize) -> Instant {
         Instant::now()
-            + self.wire.time(sent + bytes)
+            + self.wire.time(self.wire.sent() + bytes)
             + LONGEST_RETURN_DELAY * servos as u32
             + Duration::from_secs_f64(self.config.reply_timeout_ms * 1e-3)
     }
@@ -108,7 +109,7 @@ impl Link {
             let protocol = self.wire.protocol();
             let longest = protocol.status_length() + reply + reply / 3;
             self.wire.send(id, instruction, params, longest, doing)?;
-            let deadline = self.deadline(12 + params.len(), protocol.status_bytes() + reply, 1);
+            let deadline = self.deadline(protocol.status_bytes() + reply, 1);
             loop {
                 match self.wire.receive(deadline, doing)? {
                     Received::Packet => {
@@ -265,6 +266,12 @@ impl Link {
         register: Register,
         value: impl Fn(usize, &Servo) -> i32,
     ) -> Result<(), BusError> {
+        self.hold_sync_write(register, value);
+        self.wire.send_held(register.name)
+    }
+
+    /// The same, sent together with the next instruction.
+    pub fn hold_sync_write(&mut self, register: Register, value: impl Fn(usize, &Servo) -> i32) {
         self.params.clear();
         let protocol = self.wire.protocol();
         protocol.put_number(&mut self.params, register.address);
@@ -277,10 +284,8 @@ impl Link {
             let bytes = value(index, servo).to_le_bytes();
             self.params.extend(&bytes[..usize::from(register.size)]);
         }
-        let write = instruction::SYNC_WRITE;
-        let longest = protocol.status_length();
         self.wire
-            .send(BROADCAST, write, &self.params, longest, register.name)
+            .hold(BROADCAST, instruction::SYNC_WRITE, &self.params);
     }
 
     /// Pings everyone and returns the answers; silent servos are all named at once.
@@ -456,7 +461,7 @@ impl Link {
         let longest = protocol.status_length() + size + size / 3;
         self.send_request(instruction, longest, register.name)?;
         let bytes = count * (protocol.status_bytes() + size);
-        let deadline = self.deadline(14 + 3 * count, bytes, count);
+        let deadline = self.deadline(bytes, count);
         let mut alert = None;
         let mut open = count;
         let mut damaged = 0;

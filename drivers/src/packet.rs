@@ -156,7 +156,7 @@ pub struct Decoder {
     id: u8,
     body: Vec<u8>,
     flags: u8,
-    /// Our own instruction, which an adapter may echo.
+    /// Our own instructions, which an adapter may echo.
     echo: Vec<u8>,
 }
 
@@ -176,12 +176,13 @@ impl Decoder {
         self.longest = longest;
     }
 
-    /// The instruction just sent: in Protocol 1 its echo looks like an answer.
-    /// That of a ping cannot be told from one, and is not looked for.
+    /// The instructions just sent, which an adapter may echo: their echo may be
+    /// longer than any answer, and in Protocol 1 it looks like one. That of a ping
+    /// of Protocol 1 cannot be told from its answer, and is not looked for.
     pub fn expect_echo(&mut self, sent: &[u8]) {
         const PING_BYTES: usize = 6;
         self.echo.clear();
-        if self.protocol == Protocol::Protocol1 && sent.len() > PING_BYTES {
+        if self.protocol == Protocol::Dynamixel2 || sent.len() > PING_BYTES {
             self.echo.extend_from_slice(sent);
         }
     }
@@ -210,6 +211,9 @@ impl Decoder {
             return Decoded::Incomplete;
         };
         let end = protocol1::PREFIX + usize::from(length);
+        if let Some(found) = self.pass_echo(end) {
+            return found;
+        }
         if length >= 2 && usize::from(length) <= self.longest && self.buffer.len() < end {
             return Decoded::Incomplete;
         }
@@ -219,11 +223,6 @@ impl Decoder {
         if !sound {
             self.buffer.drain(..HEADER.len());
             return Decoded::Corrupt;
-        }
-        if self.buffer[..end] == self.echo {
-            self.echo.clear();
-            self.buffer.drain(..end);
-            return self.advance_protocol1();
         }
         self.id = self.buffer[2];
         self.body.clear();
@@ -235,6 +234,21 @@ impl Decoder {
         Decoded::Packet
     }
 
+    /// Goes on behind an echo of `end` bytes, if one stands in front: it may be
+    /// longer than any answer.
+    fn pass_echo(&mut self, end: usize) -> Option<Decoded> {
+        let echo = self.echo.get(..end)?;
+        if !echo.starts_with(&self.buffer[..end.min(self.buffer.len())]) {
+            return None;
+        }
+        if self.buffer.len() < end {
+            return Some(Decoded::Incomplete);
+        }
+        self.echo.drain(..end);
+        self.buffer.drain(..end);
+        Some(self.advance())
+    }
+
     fn advance_protocol2(&mut self) -> Decoded {
         loop {
             self.skip_to_header(&HEADER);
@@ -242,6 +256,9 @@ impl Decoder {
                 return Decoded::Incomplete;
             };
             let length = usize::from(u16::from_le_bytes([low, high]));
+            if let Some(found) = self.pass_echo(PREFIX + length) {
+                return found;
+            }
             if length < 4 || length > self.longest {
                 self.buffer.drain(..HEADER.len());
                 return Decoded::Corrupt;
@@ -338,6 +355,29 @@ mod tests {
         out.clear();
         encode(&mut out, 1, 0x03, &[0x74, 0, 0, 2, 0, 0]);
         assert_eq!(out, bytes("FFFFFD00 01 0900 03 740000020000 CA89"));
+    }
+
+    #[test]
+    fn an_echo_longer_than_any_answer_is_passed_over() {
+        for protocol in [Protocol::Dynamixel2, Protocol::Protocol1] {
+            let mut sent = Vec::new();
+            protocol.encode(&mut sent, BROADCAST, 0x83, &[116; 90]);
+            protocol.encode(&mut sent, 7, 0x02, &[132, 4]);
+            let mut wire = sent.clone();
+            protocol.encode(&mut wire, 7, STATUS, &[0, 9]);
+            let mut decoder = Decoder::new(protocol);
+            decoder.reset(8);
+            decoder.expect_echo(&sent);
+            let mut found = Vec::new();
+            for byte in wire {
+                decoder.push(&[byte]);
+                match decoder.advance() {
+                    Decoded::Incomplete => {}
+                    decoded => found.push((decoded, decoder.packet().id)),
+                }
+            }
+            assert_eq!(found, [(Decoded::Packet, 7)], "{protocol:?}");
+        }
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! One serial bus of servos, whatever their family.
 //!
 //! A cycle is one Sync Write of every goal position and one read of everyone's
-//! present registers, in the best way that the family has.
+//! present registers, in the best way that the family has, handed to the port
+//! together.
 //!
 //! Real-time promise: a sound cycle takes its wire time and, where everyone is
 //! read with one instruction, allocates nothing. A damaged one is tried again
@@ -270,8 +271,10 @@ impl Bus for SerialBus {
         check_cycle(&self.link.servos, targets_rad, states.len())?;
         let goal = self.dialect.registers().goal;
         self.link
-            .sync_write(goal, |index, servo| servo.goal_ticks(targets_rad[index]))?;
+            .hold_sync_write(goal, |index, servo| servo.goal_ticks(targets_rad[index]));
         self.read_present()?;
+        // Where everyone is set aside nobody was asked.
+        self.link.wire.send_held(goal.name)?;
         self.copy_states(states);
         self.link.wire.stats.cycles += 1;
         Ok(())

@@ -40,7 +40,10 @@ pub struct Wire {
     clock: ReplyClock,
     protocol: Protocol,
     decoder: Decoder,
+    /// Instructions that are to be sent.
     out: Vec<u8>,
+    /// How many bytes were sent last.
+    sent: usize,
     chunk: Vec<u8>,
     /// Counters; `cycles` and `retries` are the caller's to count.
     pub stats: BusStats,
@@ -62,6 +65,7 @@ impl Wire {
             protocol,
             decoder: Decoder::new(protocol),
             out: Vec::with_capacity(1024),
+            sent: 0,
             chunk: vec![0; 1024],
             stats: BusStats::default(),
         })
@@ -79,13 +83,26 @@ impl Wire {
         self.protocol
     }
 
+    /// How many bytes were sent last.
+    pub fn sent(&self) -> usize {
+        self.sent
+    }
+
     /// How long `bytes` take on the wire: ten bits each.
     pub fn time(&self, bytes: usize) -> Duration {
         Duration::from_secs_f64(10.0 * bytes as f64 / f64::from(self.baud))
     }
 
-    /// Sends one instruction, first throwing away what an earlier exchange left
-    /// behind. Replies longer than `longest` (length field) will be taken for damage.
+    /// Keeps an instruction that nobody answers, for the next [`Wire::send`] to
+    /// take along: one call to the system, and one transfer over USB, in place of two.
+    pub fn hold(&mut self, id: u8, instruction: u8, params: &[u8]) {
+        self.protocol.encode(&mut self.out, id, instruction, params);
+        self.stats.packets += 1;
+    }
+
+    /// Sends what is held and one instruction, first throwing away what an earlier
+    /// exchange left behind. Replies longer than `longest` (length field) will be
+    /// taken for damage.
     pub fn send(
         &mut self,
         id: u8,
@@ -94,9 +111,16 @@ impl Wire {
         longest: usize,
         doing: &'static str,
     ) -> Result<(), BusError> {
+        self.hold(id, instruction, params);
         self.decoder.reset(longest);
-        self.out.clear();
-        self.protocol.encode(&mut self.out, id, instruction, params);
+        self.send_held(doing)
+    }
+
+    /// Sends what is held, if anything is.
+    pub fn send_held(&mut self, doing: &'static str) -> Result<(), BusError> {
+        if self.out.is_empty() {
+            return Ok(());
+        }
         self.decoder.expect_echo(&self.out);
         let sent = match &mut self.port {
             None => Err(ErrorKind::NotConnected.into()),
@@ -106,10 +130,10 @@ impl Wire {
                 .and_then(|()| port.set_timeout(SEND_TIMEOUT).map_err(Into::into))
                 .and_then(|()| port.write_all(&self.out)),
         };
-        sent.map_err(|reason| self.failed(doing, reason))?;
-        self.stats.packets += 1;
         self.stats.bytes += self.out.len() as u64;
-        Ok(())
+        self.sent = self.out.len();
+        self.out.clear();
+        sent.map_err(|reason| self.failed(doing, reason))
     }
 
     /// Waits for the next packet until `deadline`.
