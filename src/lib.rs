@@ -7,6 +7,7 @@
 // A reader that goes away is no reason to panic: see `console`.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+pub mod ablate;
 pub mod beats;
 pub mod bus_tools;
 pub mod commands;

@@ -1,5 +1,6 @@
 //! One binary, themed modules: the program as its users run it.
 
+mod ablation;
 mod bad_input;
 mod beats;
 mod bus_tools;

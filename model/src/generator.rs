@@ -16,8 +16,8 @@ use crate::error::ModelError;
 use crate::motion::representation::{POSE_DIM, PoseVector, Recovery, contacts, heading_rad};
 use crate::motion::{Pose, skeleton};
 use crate::net::{
-    DecoderState, Dtype, Engine, EngineOptions, ModelConfig, MotionSeq, Recent, Sampler, Sampling,
-    SeqState, Team, VqDecoder, Weights,
+    DecoderState, Dtype, Echo, Engine, EngineOptions, ModelConfig, MotionSeq, Recent, Sampler,
+    Sampling, SeqState, Team, VqDecoder, Weights,
 };
 
 /// The trained weights, part of the program so that it runs by itself.
@@ -46,12 +46,16 @@ pub enum AtEnd {
     Stop,
 }
 
+/// The style of a dance in no style: what the model learned where none was told.
+pub const NO_STYLE: &str = "none";
+
 /// How a dance is generated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeneratorOptions {
     /// Seed of everything random.
     pub seed: u64,
-    /// A name out of [`Generator::styles`]; none is [`Generator::default_style`].
+    /// A name out of [`Generator::styles`], or [`NO_STYLE`]; `None` is
+    /// [`Generator::default_style`].
     pub style: Option<String>,
     /// A style that is no name but a vector, as wide as the weights' styles
     /// ([`crate::conditioning::ClipText`]); it comes before a name.
@@ -65,6 +69,9 @@ pub struct GeneratorOptions {
     /// How much less likely a code gets by being repeated, 0 (not at all) to 20:
     /// its logit falls by this times its share of the last two seconds.
     pub repetition: f32,
+    /// How much less likely it gets to go on as the last time that the dancer
+    /// moved like now, 0 (not at all) to 20: so much a logit falls at most.
+    pub variety: f32,
     /// Classifier-free guidance on the music: 1 is off, above 1 follows the
     /// music more and takes some more time.
     pub guidance: f32,
@@ -82,6 +89,7 @@ impl Default for GeneratorOptions {
             top_k: 0,
             top_p: 0.95,
             repetition: 0.0,
+            variety: 0.0,
             guidance: 1.5,
             at_end: AtEnd::Chain,
         }
@@ -244,6 +252,13 @@ impl Generator {
                 expected: "0 to 10",
             });
         }
+        if !(0.0..=20.0).contains(&options.variety) {
+            return Err(ModelError::Option {
+                option: "variety",
+                found: options.variety.to_string(),
+                expected: "0 to 20",
+            });
+        }
         let sampling = Sampling {
             temperature: options.temperature,
             top_k: options.top_k,
@@ -259,6 +274,7 @@ impl Generator {
             networks: self.networks.clone(),
             sampler,
             recent: Recent::new(codes.len(), n.config.codes),
+            echo: Echo::new(codes.len(), n.config.codes),
             logits: Vec::with_capacity(n.config.codes + 1),
             codes,
             music: vec![0.0; n.config.music_dim],
@@ -281,10 +297,13 @@ impl Generator {
 impl Networks {
     fn style_index(&self, name: &str) -> Result<usize, ModelError> {
         let styles = &self.config.seq.styles;
+        if name == NO_STYLE && !styles.iter().any(|style| style == name) {
+            return Ok(styles.len()); // the null style's row is behind the others
+        }
         let found = styles.iter().position(|style| style == name);
         found.ok_or_else(|| ModelError::UnknownStyle {
             found: name.to_owned(),
-            known: styles.clone(),
+            known: styles.iter().cloned().chain([NO_STYLE.into()]).collect(),
         })
     }
 
@@ -332,6 +351,7 @@ pub struct Dance {
     options: GeneratorOptions,
     sampler: Sampler,
     recent: Recent,
+    echo: Echo,
     logits: Vec<f32>,
     codes: Vec<usize>,
     /// The last good music, normalised, and the newest as it came.
@@ -457,6 +477,7 @@ impl Dance {
         self.chain();
         self.decoder.restart();
         self.recent.clear();
+        self.echo.clear();
         self.music.fill(0.0);
         (self.bad_music_frames, self.frames) = (0, 0);
         (self.recovery, self.stage) = (Recovery::default(), Stage::default());
@@ -538,6 +559,7 @@ impl Dance {
             self.codes[part] = code;
         }
         self.recent.push(&self.codes);
+        self.echo.push(&self.codes);
         Ok(())
     }
 
@@ -558,6 +580,8 @@ impl Dance {
         }
         self.recent
             .discourage(part, self.options.repetition, &mut self.logits[..codes]);
+        self.echo
+            .discourage(part, self.options.variety, &mut self.logits[..codes]);
         let drawn = self.sampler.draw(&self.logits);
         drawn.ok_or(ModelError::Diverged { frame: self.frames })
     }

@@ -5,6 +5,7 @@
 //! gives the robot's rate. Figures are this machine's, and those of a machine
 //! with other work to do are worse.
 
+use crate::realtime::Awake;
 use crate::robot::Robot;
 use anyhow::Context;
 use serde::Serialize;
@@ -41,6 +42,9 @@ pub struct Figures {
     pub jitter_us_p99_at_hz: BTreeMap<u32, Option<f64>>,
     /// How many servos were on the buses then: all, or as many as the wires carry.
     pub jitter_servos_at_hz: BTreeMap<u32, usize>,
+    /// Whether the system kept the processors awake between cycles: where not,
+    /// each cycle also waits for one to wake up, twice.
+    pub kept_awake: bool,
     /// Each bus.
     pub buses: Vec<BusFigures>,
 }
@@ -71,6 +75,7 @@ pub struct BusFigures {
 /// # Errors
 /// A rate that the servos cannot be set to, or a bus that fails.
 pub fn run(robot: &Robot, baud: Option<u32>) -> anyhow::Result<Figures> {
+    let awake = Awake::keep();
     let layouts: Vec<BusLayout> = robot
         .buses
         .iter()
@@ -101,6 +106,7 @@ pub fn run(robot: &Robot, baud: Option<u32>) -> anyhow::Result<Figures> {
         })?,
         jitter_us_p99_at_hz: paces,
         jitter_servos_at_hz: servos,
+        kept_awake: awake.is_some(),
         buses,
     })
 }
@@ -184,6 +190,13 @@ impl fmt::Display for Figures {
                 bus.wire_limit_hz,
                 bus.cpu_us_per_cycle,
                 bus.kernel_us_per_cycle
+            )?;
+        }
+        if !self.kept_awake {
+            writeln!(
+                f,
+                "the processors may sleep between cycles, which takes some of that \
+                 (allowed to write /dev/cpu_dma_latency, this command keeps them awake)"
             )?;
         }
         writeln!(

@@ -41,6 +41,10 @@ pub struct SamplingArgs {
     /// not at all, up to 20.
     #[arg(long, value_name = "R")]
     pub repetition: Option<f32>,
+    /// How much less likely it gets to dance on as the last time that the dancer
+    /// moved like now, of the last half minute: 0 not at all, up to 20.
+    #[arg(long, value_name = "V")]
+    pub variety: Option<f32>,
     /// How much the music counts: 1 as the model says, above it more.
     #[arg(long, value_name = "G")]
     pub guidance: Option<f32>,
@@ -55,6 +59,7 @@ impl SamplingArgs {
             top_k: self.top_k.unwrap_or(usual.top_k),
             top_p: self.top_p.unwrap_or(usual.top_p),
             repetition: self.repetition.unwrap_or(usual.repetition),
+            variety: self.variety.unwrap_or(usual.variety),
             guidance: self.guidance.unwrap_or(usual.guidance),
             ..usual
         }

@@ -5,6 +5,7 @@
 //! A command returns the exit code of the program: 0 done, 1 refused or failed
 //! (an error, told by `main` in one line), 130 stopped by Ctrl-C.
 
+pub mod ablate;
 pub mod beats;
 pub mod bench;
 pub mod calibrate;
@@ -61,6 +62,8 @@ pub struct Cli {
 /// What servodance can do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Train the model without each of its parts, and compare.
+    Ablate(ablate::Args),
     /// Write the beats of a recording, one a line in seconds.
     Beats(beats::Args),
     /// Measure what parts of this program take on this machine.
@@ -126,6 +129,7 @@ impl Command {
     /// What the user gave that cannot be used, or what failed on the way.
     pub fn run(self) -> anyhow::Result<ExitCode> {
         match self {
+            Command::Ablate(args) => ablate::run(args),
             Command::Beats(args) => beats::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Calibrate(args) => calibrate::run(args),

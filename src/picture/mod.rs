@@ -6,6 +6,7 @@ pub mod animation;
 mod canvas;
 pub mod curves;
 mod dancer;
+pub mod dots;
 mod figure;
 mod plot;
 pub mod robot;
