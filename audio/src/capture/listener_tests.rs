@@ -72,6 +72,15 @@ impl Bench {
         self.listener.take(now, &mut self.heard);
     }
 
+    /// Waits, while the clock stands, until the keeper (a real thread) has handed
+    /// over what it opened.
+    fn await_opening(&mut self, count: u64) {
+        while self.listener.stats().opened < count {
+            std::thread::yield_now();
+            self.take();
+        }
+    }
+
     fn heard_s(&self) -> f64 {
         self.heard.len() as f64 / f64::from(LIVE_RATE_HZ)
     }
@@ -246,6 +255,7 @@ fn an_unplugged_device_is_opened_again_at_another_rate() {
     script.send(Ok(48_000)).expect("it opens");
     let (writer, failure) = opened.recv().expect("it is open");
     bench.writer = Some(writer);
+    bench.await_opening(1);
     bench.run(2.0, BLOCK_S);
 
     failure.tell("unplugged".into());
@@ -270,6 +280,7 @@ fn an_unplugged_device_is_opened_again_at_another_rate() {
     script.send(Ok(44_100)).expect("it opens");
     bench.writer = Some(opened.recv().expect("it is open").0);
     bench.rate_hz = 44_100;
+    bench.await_opening(2);
     bench.run(2.0, BLOCK_S);
     // What arrived before the new link was there may be a little too much.
     assert!((bench.heard_s() - 6.0).abs() < 0.06, "{}", bench.heard_s());
