@@ -89,7 +89,7 @@ impl Default for GeneratorOptions {
             top_k: 0,
             top_p: 0.95,
             repetition: 0.0,
-            variety: 0.0,
+            variety: 9.0,
             guidance: 1.5,
             at_end: AtEnd::Chain,
         }

@@ -42,7 +42,7 @@ pub struct SamplingArgs {
     #[arg(long, value_name = "R")]
     pub repetition: Option<f32>,
     /// How much less likely it gets to dance on as the last time that the dancer
-    /// moved like now, of the last half minute: 0 not at all, up to 20.
+    /// moved like now, of the last half minute: 0 not at all, up to 20; usually 9.
     #[arg(long, value_name = "V")]
     pub variety: Option<f32>,
     /// How much the music counts: 1 as the model says, above it more.
