@@ -36,12 +36,13 @@ pub fn read(bytes: &[u8]) -> Result<Vec<[Corner; 3]>, String> {
 }
 
 /// The number of triangles of a binary file; `None` if it is none. Binary files
-/// may begin with "solid" as ASCII ones do, but only they fit their own count.
+/// may begin with "solid" as ASCII ones do, but only they fit their own count and
+/// hold zeros.
 fn binary_count(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(80..HEADER)?.try_into().ok()?;
     let count = u32::from_le_bytes(count) as usize;
     let fits = count.checked_mul(RECORD)?.checked_add(HEADER)? <= bytes.len();
-    let is_text = bytes.starts_with(b"solid") && bytes.is_ascii();
+    let is_text = bytes.starts_with(b"solid") && !bytes.contains(&0);
     (fits && !is_text).then_some(count)
 }
 
