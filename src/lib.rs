@@ -39,6 +39,8 @@ pub mod show;
 pub mod sim_link;
 pub mod soak;
 pub mod song;
+#[cfg(feature = "stage")]
+pub mod stage;
 pub mod stages;
 pub mod summary;
 pub mod train;

@@ -30,6 +30,7 @@ mod robot_check;
 mod robot_mutations;
 mod robot_new;
 mod show;
+mod stage;
 mod terminal;
 mod torque_off;
 mod training;

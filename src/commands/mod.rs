@@ -10,6 +10,7 @@ pub mod beats;
 pub mod bench;
 pub mod calibrate;
 pub mod completions;
+pub mod cue;
 pub mod dance;
 pub mod dataset;
 pub mod devices;
@@ -17,9 +18,11 @@ pub mod doctor;
 pub mod engine;
 pub mod evaluate;
 pub mod export;
+pub mod follow;
 pub mod generate;
 pub mod jog;
 pub mod latency;
+pub mod lead;
 pub mod man;
 pub mod ping;
 pub mod play;
@@ -34,6 +37,7 @@ pub mod set_id;
 pub mod sim_bus;
 pub mod soak;
 pub mod song;
+pub mod stage_place;
 pub mod train;
 pub mod weights;
 
@@ -72,6 +76,8 @@ pub enum Command {
     Calibrate(calibrate::Args),
     /// Write the script that completes commands in a shell.
     Completions(completions::Args),
+    /// Tell a follower to dance otherwise: mirror, canon, amplitude, style.
+    Cue(cue::Args),
     /// Dance to a recording, to the built-in song, or to raw audio on standard input.
     Dance(dance::Args),
     /// Bring motion in, look it over, build the file to train with.
@@ -82,6 +88,8 @@ pub enum Command {
     Evaluate(evaluate::Args),
     /// Turn a recording of a dance into a moving picture, BVH or CSV.
     Export(export::Args),
+    /// Dance what somebody else leads, with this machine's robot.
+    Follow(follow::Args),
     /// Write the human motion that the model dances to a recording, without a robot.
     Generate(generate::Args),
     /// Move one joint, by steps from the keyboard or by one.
@@ -100,6 +108,8 @@ pub enum Command {
     Devices(devices::Args),
     /// Measure the delay from sound to servo: a click in, the motion onset out.
     Latency(latency::Args),
+    /// Hear music and invent the dance for robots on a network, which follow.
+    Lead(lead::Args),
     /// Write the manual pages.
     Man(man::Args),
     /// List the built-in robots and where each file is.
@@ -134,11 +144,13 @@ impl Command {
             Command::Bench(args) => bench::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Completions(args) => completions::run(args),
+            Command::Cue(args) => cue::run(args),
             Command::Dance(args) => dance::run(args),
             Command::Dataset(args) => dataset::run(args),
             Command::Doctor(args) => doctor::run(args),
             Command::Evaluate(args) => evaluate::run(args),
             Command::Export(args) => export::run(args),
+            Command::Follow(args) => follow::run(args),
             Command::Generate(args) => generate::run(args),
             Command::Jog(args) => jog::run(args),
             Command::Ping(args) => ping::run(args),
@@ -148,6 +160,7 @@ impl Command {
             Command::Robot(args) => robot::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Latency(args) => latency::run(args),
+            Command::Lead(args) => lead::run(args),
             Command::Man(args) => man::run(args),
             Command::Robots(args) => robots::run(args),
             Command::Schema(args) => schema::run(args),

@@ -541,7 +541,7 @@ impl<'a> Control<'a> {
         let start = Instant::now();
         if let Some(witness) = &mut self.witness {
             let truth = self.rig.truth().unwrap_or(self.rig.states());
-            witness.see(truth.iter().map(|s| s.position_rad));
+            witness.see(self.idle.share(), truth.iter().map(|s| s.position_rad));
         }
         self.latency.sent(start);
         self.keep(time_s);

@@ -2,7 +2,7 @@
 //! programs of the machine share: for setting robots side by side.
 //!
 //! Kept in memory of a size that is known beforehand; what comes when it is full
-//! is left out. Written as lines of text, `seconds position position ...`.
+//! is left out. Written as lines of text: seconds, share of idle, positions.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -16,7 +16,7 @@ pub struct Witness {
     zero_s: f64,
     joints: usize,
     room: usize,
-    seen: Vec<(Duration, Vec<f32>)>,
+    seen: Vec<(Duration, f32, Vec<f32>)>,
 }
 
 impl Witness {
@@ -31,12 +31,13 @@ impl Witness {
         }
     }
 
-    /// Looks at the servos now.
-    pub(super) fn see(&mut self, positions_rad: impl Iterator<Item = f64>) {
+    /// Looks at the servos now; `idle`: the share of idle in what is decided.
+    pub(super) fn see(&mut self, idle: f64, positions_rad: impl Iterator<Item = f64>) {
         if self.seen.len() < self.room {
             let mut positions = Vec::with_capacity(self.joints);
             positions.extend(positions_rad.map(|p| p as f32));
-            self.seen.push((self.zero.elapsed(), positions));
+            self.seen
+                .push((self.zero.elapsed(), idle as f32, positions));
         }
     }
 
@@ -46,8 +47,8 @@ impl Witness {
     /// The file cannot be written.
     pub fn write(&self, path: &Path) -> anyhow::Result<()> {
         let mut text = String::new();
-        for (at, positions) in &self.seen {
-            let _ = write!(text, "{:.6}", self.zero_s + at.as_secs_f64());
+        for (at, idle, positions) in &self.seen {
+            let _ = write!(text, "{:.6} {idle:.3}", self.zero_s + at.as_secs_f64());
             for position in positions {
                 let _ = write!(text, " {position:.5}");
             }

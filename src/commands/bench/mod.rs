@@ -3,6 +3,7 @@
 pub mod bus;
 pub mod model;
 pub mod retarget;
+pub mod stage;
 
 use clap::Subcommand;
 use std::process::ExitCode;
@@ -24,6 +25,8 @@ pub enum What {
     Model(model::Args),
     /// Time and allocations of a retargeting cycle.
     Retarget(retarget::Args),
+    /// How far apart robots on a network are, and what becomes of them when it breaks.
+    Stage(stage::Args),
 }
 
 /// Measures it.
@@ -32,5 +35,6 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         What::Bus(args) => bus::run(args),
         What::Model(args) => model::run(args),
         What::Retarget(args) => retarget::run(args),
+        What::Stage(args) => stage::run(args),
     }
 }

@@ -163,8 +163,22 @@ fn json_list(words: &[String]) -> String {
     serde_json::Value::from(words).to_string()
 }
 
+/// What Zenoh says, without the places in its source where it says it.
 fn in_a_line(error: &impl ToString) -> String {
-    error.to_string().replace('\n', " ")
+    let text = error.to_string().replace('\n', " ");
+    let mut parts = text.split(" at ");
+    let mut line = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (place, rest) = part.split_at(part.find(' ').unwrap_or(part.len()));
+        if place.contains(".rs:") {
+            line += if place.ends_with(']') { "]" } else { "" };
+            line += rest;
+        } else {
+            line += " at ";
+            line += part;
+        }
+    }
+    line
 }
 
 /// An open session.
@@ -328,5 +342,16 @@ fn used(key: &str, error: &impl ToString) -> NetError {
     NetError::Use {
         what: key.to_owned(),
         why: in_a_line(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn what_zenoh_says_is_told_without_where_in_its_source() {
+        let said =
+            "no listener at tcp/[::1]:1: [in use (os error 98) at /a/tcp.rs:61.] at /b/c.rs:338.";
+        let told = super::in_a_line(&said);
+        assert_eq!(told, "no listener at tcp/[::1]:1: [in use (os error 98)]");
     }
 }

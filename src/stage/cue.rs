@@ -1,0 +1,53 @@
+//! Tells a follower, by its leader, to dance otherwise from now on.
+
+use super::{keys, open};
+use anyhow::bail;
+use rand::Rng;
+use servodance_stage::keys::is_plain;
+use servodance_stage::net::Place;
+use servodance_stage::wire::{Cue, Message, Role};
+use std::time::Duration;
+
+/// How long a leader is looked for.
+const LOOK: Duration = Duration::from_millis(400);
+const LOOKS: usize = 10;
+/// What is said needs this long to be on its way.
+const LEAVE: Duration = Duration::from_millis(200);
+
+/// Gives the cue.
+///
+/// # Errors
+/// A role that cannot be; a stage without a leader.
+pub fn cue(place: &Place, stage: &str, follower: &str, role: Role) -> anyhow::Result<()> {
+    let role = role.checked()?;
+    if role == Role::default() {
+        bail!("nothing to change: give --mirror, --amplitude, --canon or --style");
+    }
+    if !is_plain(follower) {
+        bail!("\"{follower}\" cannot be the name of a follower; `all` means everybody");
+    }
+    let keys = keys(stage)?;
+    let net = open(place)?;
+    for _ in 0..LOOKS {
+        if net.tokens(&keys.leaders(), LOOK)?.is_empty() {
+            std::thread::sleep(LOOK / 4);
+            continue;
+        }
+        let message = Message::Cue(Cue {
+            nonce: rand::rng().random(),
+            follower: follower.to_owned(),
+            role,
+        });
+        net.say(&keys.cue(), message.encode())?;
+        std::thread::sleep(LEAVE);
+        return Ok(());
+    }
+    bail!("nobody leads the stage \"{stage}\" at {}", whom(place))
+}
+
+fn whom(place: &Place) -> String {
+    match place.connect.as_slice() {
+        [] => servodance_stage::net::LOOPBACK.to_owned(),
+        endpoints => endpoints.join(", "),
+    }
+}

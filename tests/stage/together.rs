@@ -1,0 +1,155 @@
+//! Leaders and followers, each a program.
+
+use crate::program::Program;
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+
+/// A program that is ended with the test, and its lines on standard error.
+pub struct Running {
+    child: Child,
+    lines: Receiver<String>,
+}
+
+impl Running {
+    pub fn start(program: &Program, words: &[&str]) -> Self {
+        let mut child = program
+            .command(words)
+            .stderr(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .expect("it starts");
+        let (sender, lines) = channel();
+        let errors = BufReader::new(child.stderr.take().expect("standard error"));
+        std::thread::spawn(move || {
+            for line in errors.lines().map_while(Result::ok) {
+                let _ = sender.send(line);
+            }
+        });
+        Self { child, lines }
+    }
+
+    /// Waits until it says this.
+    pub fn says(&self, word: &str) -> String {
+        let mut seen = Vec::new();
+        while let Ok(line) = self.lines.recv_timeout(Duration::from_secs(60)) {
+            if line.contains(word) {
+                return line;
+            }
+            seen.push(line);
+        }
+        panic!("it never says {word:?}, only {seen:?}");
+    }
+
+    /// Ends it as a user would, and waits.
+    pub fn stop(mut self) {
+        let pid = nix::unistd::Pid::from_raw(self.child.id() as i32);
+        nix::sys::signal::kill(pid, nix::sys::signal::Signal::SIGTERM).expect("it is there");
+        self.child.wait().expect("it ends");
+    }
+
+    /// Its exit status.
+    pub fn end(mut self) -> Option<i32> {
+        self.child.wait().expect("it ends").code()
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A port of loopback that nobody has.
+pub fn endpoint() -> String {
+    let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    format!("tcp/{}", free.local_addr().expect("an address"))
+}
+
+#[test]
+fn robots_in_namespaces_are_on_one_beat_and_idle_when_their_leader_is_killed() {
+    let program = Program::new();
+    let namespaces = Command::new("unshare")
+        .args(["--net", "--", "ip", "link"])
+        .output();
+    let namespaces = namespaces.is_ok_and(|output| output.status.success());
+    let words = "bench stage --followers 3 --delay-ms 20 --loss 0.05 --seconds 10 --json";
+    let words: Vec<&str> = words.split(' ').collect();
+    let output = match namespaces {
+        true => {
+            let mut command = Command::new("unshare");
+            command.args(["--net", "--", env!("CARGO_BIN_EXE_servodance")]);
+            command.args(&words).arg("--namespaces").output()
+        }
+        false => {
+            eprintln!("no network namespaces here (root, Linux): side by side on loopback");
+            program.command(&words).output()
+        }
+    };
+    let output = output.expect("it runs");
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{error}");
+    let figures: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(figures["namespaces"], namespaces);
+    assert_eq!(figures["violations"], 0, "{figures}");
+    assert!(figures["windows"].as_u64() > Some(20), "{figures}");
+    let spread_ms = figures["spread_ms_p50"].as_f64().expect("a spread");
+    assert!(spread_ms < 10.0, "{figures}");
+    // How soon all are within 10 ms for good is not held here yet: on a busy
+    // machine it misses what it should be (docs/stage.md, Measured).
+    assert!(figures["idle_s"].is_number(), "they go on: {figures}");
+}
+
+#[test]
+fn a_second_leader_is_refused_and_may_take_over() {
+    let program = Program::new();
+    let (first, second) = (endpoint(), endpoint());
+    let leader = Running::start(&program, &["lead", "--listen", &first]);
+    leader.says("leading the stage");
+    let words = ["lead", "--connect", &first, "--listen", &second];
+    program.refused(&words, &["\"main\" has a leader", "--take-over"]);
+    let next = Running::start(&program, &[&words[..], &["--take-over"]].concat());
+    leader.says("took over");
+    assert_eq!(leader.end(), Some(0));
+    next.stop();
+}
+
+#[test]
+fn a_cue_reaches_its_follower() {
+    let program = Program::new();
+    let at = endpoint();
+    program.refused(&["cue", "left", "--connect", &at], &["--mirror"]);
+    let nonsense = ["cue", "left", "--amplitude", "7", "--connect", &at];
+    program.refused(&nonsense, &["amplitude", "0 to 1"]);
+    program.refused(
+        &["cue", "left", "--mirror", "--connect", &at],
+        &["nobody leads the stage \"main\""],
+    );
+    let leader = Running::start(&program, &["lead", "--listen", &at]);
+    leader.says("leading the stage");
+    let words = [
+        "follow",
+        "--robot",
+        "neck",
+        "--name",
+        "left",
+        "--connect",
+        &at,
+    ];
+    let follower = Running::start(&program, &[&words[..], &["--report", "f.json"]].concat());
+    follower.says("following");
+    let cue = ["cue", "left", "--canon", "2", "--mirror", "--connect", &at];
+    program.succeed(&cue);
+    program.succeed(&["cue", "all", "--amplitude", "0.5", "--connect", &at]);
+    std::thread::sleep(Duration::from_secs(3)); // roles are repeated every second
+    follower.stop();
+    leader.stop();
+    let text = std::fs::read_to_string(program.path("f.json")).expect("a report");
+    let report: Value = serde_json::from_str(&text).expect("JSON");
+    let role = ["canon_beats", "mirror", "amplitude"].map(|key| report[key].clone());
+    let wanted: [Value; 3] = [2.0.into(), true.into(), 0.5.into()];
+    assert_eq!(role, wanted, "{report}");
+}
