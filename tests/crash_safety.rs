@@ -421,10 +421,15 @@ fn sources() -> Vec<(std::path::PathBuf, String)> {
     sources
 }
 
-/// Nothing in the way of a dance reads the clock on the wall.
+/// Nothing in the way of a dance reads the clock on the wall. The stamps of ROS 2
+/// messages are times of day, which others read and no robot here.
 #[test]
 fn only_clocks_that_never_jump_are_used() {
+    let stamps = std::path::Path::new("src/stage/ros.rs");
     for (path, text) in sources() {
+        if path.ends_with(stamps) {
+            continue;
+        }
         for clock in ["SystemTime", "CLOCK_REALTIME", "UNIX_EPOCH"] {
             assert!(!text.contains(clock), "{} reads {clock}", path.display());
         }
