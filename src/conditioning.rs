@@ -4,6 +4,7 @@
 use anyhow::{Context, bail};
 use servodance_model::Generator;
 use servodance_model::conditioning::{CLIP_DIM, ClipText, Encodec, MusicKind};
+use servodance_model::metrics::t2m::Extractors;
 use std::path::{Path, PathBuf};
 
 /// Options of every command that dances.
@@ -79,6 +80,21 @@ pub fn open_encodec(path: Option<&Path>) -> anyhow::Result<Encodec> {
     };
     Encodec::load(&path)
         .context("--encodec: the model.safetensors of facebook/encodec_24khz is needed")
+}
+
+/// The T2M extractors in a folder, or in the user's data folder.
+///
+/// # Errors
+/// A file is not there, torn, or of another layout.
+pub fn open_extractors(folder: Option<&Path>) -> anyhow::Result<Extractors> {
+    let folder = match folder {
+        Some(folder) => folder.to_owned(),
+        None => data_folder()?.join("t2m"),
+    };
+    Extractors::load(&folder).context(
+        "--extractors: a folder with model.safetensors and words.json is needed, as \
+         model/reference/convert_t2m.py writes it (docs/metrics.md)",
+    )
 }
 
 /// Where a user keeps such files: `$XDG_DATA_HOME/servodance`, else

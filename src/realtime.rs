@@ -5,6 +5,7 @@
 //! starts threads raises itself first. No root is needed where the system
 //! grants `rtprio`; where it does not, everything works, less punctually.
 
+use servodance_drivers::sleep_punctually;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use thread_priority::{
@@ -43,11 +44,12 @@ impl Role {
 pub struct NotAllowed;
 
 /// Gives the calling thread, and those that it starts from now on, the
-/// priority of `role`.
+/// priority of `role`. Their sleeps end on time, whatever the system allows.
 ///
 /// # Errors
 /// The system does not allow it; nothing has changed then.
 pub fn raise(role: Role) -> Result<(), NotAllowed> {
+    sleep_punctually();
     let value = ThreadPriorityValue::try_from(role.priority()).map_err(|_| NotAllowed)?;
     set_thread_priority_and_policy(
         thread_native_id(),

@@ -2,7 +2,7 @@
 //! every servo. Degrees and ticks live there; inside, all is radians.
 
 use crate::dance::IdleStyle;
-use crate::robot_file::{Origin, Overrides};
+use crate::robot_file::{Homes, Origin, Overrides, Stray};
 use anyhow::{anyhow, bail};
 use serde::Deserialize;
 use servodance_drivers::{
@@ -33,6 +33,21 @@ macro_rules! built_in {
             urdf: include_str!(concat!("../configs/", $name, ".urdf")),
         }
     };
+}
+
+impl BuiltIn {
+    /// Where its file lies on this machine: beside an installed program, else in
+    /// the source tree.
+    pub fn place(&self) -> PathBuf {
+        let program = std::env::current_exe().unwrap_or_default();
+        let prefix = program.ancestors().nth(2).unwrap_or(Path::new(""));
+        let installed = prefix.join("share/servodance/robots");
+        let installed = installed.join(format!("{}.toml", self.name));
+        match installed.is_file() {
+            true => installed,
+            false => self.file.into(),
+        }
+    }
 }
 
 /// All built-in robots.
@@ -130,7 +145,10 @@ impl Robot {
                 text: built_in.toml,
                 overrides,
             };
-            return Self::from_origin(&origin, |_| Ok(built_in.urdf.to_owned()));
+            return Self::from_origin(&origin, |urdf| match named_by_user(&origin) {
+                true => description(&origin, Path::new(""), urdf),
+                false => Ok(built_in.urdf.to_owned()),
+            });
         }
         let path = Path::new(name_or_file);
         if path.extension().is_none() && !path.exists() {
@@ -159,14 +177,7 @@ impl Robot {
             overrides,
         };
         let folder = path.parent().unwrap_or(Path::new("."));
-        let robot = Self::from_origin(&origin, |urdf| {
-            let urdf_path = folder.join(urdf);
-            std::fs::read_to_string(&urdf_path).map_err(|e| {
-                let (urdf, at) = (urdf_path.display(), origin.place(&["urdf"]));
-                let message = format!("{at}: cannot read urdf {urdf}: {e}");
-                RobotError::of(Code::FileUnreadable, message)
-            })
-        })?;
+        let robot = Self::from_origin(&origin, |urdf| description(&origin, folder, urdf))?;
         let folder = Some(folder.to_owned());
         Ok(Self { folder, ..robot })
     }
@@ -283,6 +294,38 @@ impl Robot {
     /// Seconds between two control cycles.
     pub fn period_s(&self) -> f64 {
         1.0 / self.control_hz
+    }
+}
+
+/// Whether the description is not the file's choice but the user's.
+fn named_by_user(origin: &Origin) -> bool {
+    origin.overrides.source_of(&["urdf"]).is_some()
+}
+
+/// Reads the description that a robot file in this folder names: one of the
+/// robot's own files, unless the user named it himself.
+fn description(origin: &Origin, folder: &Path, urdf: &str) -> anyhow::Result<String> {
+    let path = folder.join(urdf);
+    let found = match named_by_user(origin) {
+        true => Ok(path.clone()),
+        false => Homes::of_file(folder).find(&path),
+    };
+    let at = origin.place(&["urdf"]);
+    let refuse = |code, what: String| RobotError::of(code, format!("{at}: {what}"));
+    let unreadable = |why: &dyn std::fmt::Display| {
+        let what = format!("cannot read urdf {}: {why}", path.display());
+        refuse(Code::FileUnreadable, what)
+    };
+    match found {
+        Ok(path) => std::fs::read_to_string(path).map_err(|e| unreadable(&e)),
+        Err(Stray::Outside) => {
+            let what = format!(
+                "urdf {urdf:?} lies outside the robot file's folder: copy it into that folder, \
+                 or name it yourself with --set urdf=FILE"
+            );
+            Err(refuse(Code::FileOutside, what))
+        }
+        Err(stray) => Err(unreadable(&stray)),
     }
 }
 

@@ -1,6 +1,7 @@
 //! What other programs open to reach simulated servos: the choice of `--link`.
 
 use anyhow::bail;
+use serde::Serialize;
 use servodance_drivers::BusConfig;
 use servodance_sim::SimLink;
 use std::net::{Ipv4Addr, SocketAddrV4};
@@ -9,12 +10,15 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 const GROUP: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(239, 74, 163, 2), 43113);
 
 /// A way to a simulated bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
 pub enum LinkChoice {
     /// A serial port: servos on a serial bus.
     Pty,
     /// A serial CAN adapter (slcan): motors on CAN.
     Slcan,
+    /// A Unix socket in place of either, for programs that know sockets.
+    Unix,
     /// Multicast datagrams as python-can's udp_multicast: motors on CAN.
     Udp,
 }
@@ -29,12 +33,17 @@ pub fn sim_link(
         (None, _) | (Some(LinkChoice::Pty), false) | (Some(LinkChoice::Slcan), true) => {
             Ok(SimLink::Terminal)
         }
+        (Some(LinkChoice::Unix), _) => Ok(SimLink::Unix),
         (Some(LinkChoice::Udp), true) => {
             let port = GROUP.port().saturating_add(place as u16);
             Ok(SimLink::Multicast(SocketAddrV4::new(*GROUP.ip(), port)))
         }
-        (Some(_), true) => bail!("--link pty: the robot's motors are on CAN; choose slcan or udp"),
-        (Some(_), false) => bail!("--link: the robot's servos are on a serial bus; choose pty"),
+        (Some(_), true) => {
+            bail!("--link pty: the robot's motors are on CAN; choose slcan, unix or udp")
+        }
+        (Some(_), false) => {
+            bail!("--link: the robot's servos are on a serial bus; choose pty or unix")
+        }
     }
 }
 
@@ -53,6 +62,10 @@ mod tests {
             second,
             SimLink::Multicast("239.74.163.2:43114".parse().unwrap())
         );
+        for bus in [&can, &serial] {
+            let unix = sim_link(bus, Some(LinkChoice::Unix), 0).unwrap();
+            assert_eq!(unix, SimLink::Unix);
+        }
         assert!(sim_link(&can, Some(LinkChoice::Pty), 0).is_err());
         assert!(sim_link(&serial, Some(LinkChoice::Udp), 0).is_err());
     }

@@ -1,5 +1,6 @@
-//! `ablate`: two variants on four minutes of choreography.
+//! `ablate`: variants on four minutes of choreography.
 
+use crate::conditioning::write_encodec;
 use crate::program::Program;
 use servodance_model::motion::corpus;
 use servodance_model::motion::index::Split;
@@ -85,6 +86,55 @@ fn variants_are_trained_scored_and_kept() {
     assert_eq!(before, weights("whole"));
     let again = std::fs::read_to_string(program.path("out/ablation.csv")).unwrap();
     assert_eq!(csv, again);
+}
+
+#[test]
+fn a_variant_can_hear_encodec_and_its_weights_are_like_others() {
+    let program = program();
+    write_encodec(&program.path("encodec.safetensors"));
+    // Latents of no music: what is tried is the way of the numbers.
+    let mut clips = corpus::read(&program.path("data.safetensors")).unwrap();
+    for clip in &mut clips {
+        let latent = |at: usize| std::array::from_fn(|k| ((at * 7 + k * 3) as f32).sin());
+        let latents = |music: &Vec<_>| (0..music.len()).map(latent).collect();
+        clip.latents = clip.music.as_ref().map(latents);
+    }
+    let latents = program.path("latents.safetensors");
+    corpus::write(&latents, &clips, &serde_json::json!({})).unwrap();
+
+    let encodec = ["--encodec", "encodec.safetensors"];
+    let only = ["--only", "encodec", "--latents"];
+    let without = [&only[..], &["data.safetensors"], &encodec].concat();
+    let output = program.run(&ablate(&without));
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("model.music is encodec128"), "{told}");
+
+    program.succeed(&ablate(
+        &[&only[..], &["latents.safetensors"], &encodec].concat(),
+    ));
+    let csv = std::fs::read_to_string(program.path("out/ablation.csv")).unwrap();
+    let row: Vec<&str> = csv.lines().nth(2).unwrap().split(',').collect();
+    assert_eq!(row[0], "encodec");
+    for value in &row[1..] {
+        assert!(value.parse::<f64>().unwrap().is_finite(), "{row:?}");
+    }
+    let weights = "out/encodec/motionseq/weights.safetensors";
+    program.click_track("clicks.wav", 2.0, 120.0);
+    let generate = [
+        "generate",
+        "clicks.wav",
+        "--out",
+        "a.npz",
+        "--model",
+        weights,
+    ];
+    program.succeed(&[&generate[..], &encodec].concat());
+    let evaluate = ["evaluate", "--model", weights, "--data", "data.safetensors"];
+    let evaluate = [&evaluate[..], &encodec].concat();
+    program.refused(
+        &evaluate,
+        &["no such latents", "--music-features encodec128"],
+    );
 }
 
 #[test]

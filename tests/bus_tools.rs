@@ -22,27 +22,32 @@ fn a_fault_that_makes_no_sense_is_refused_with_its_line() {
 #[test]
 fn a_served_bus_is_found_by_scan_and_ends_on_sigterm() {
     let program = Program::new();
-    let mut server = program
-        .command(&["sim-bus", "--robot", "op3"])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the server starts");
-    let mut port = String::new();
-    BufReader::new(server.stdout.take().expect("its output"))
-        .read_line(&mut port)
-        .expect("the first line");
+    for link in ["pty", "unix"] {
+        let mut server = program
+            .command(&["sim-bus", "--robot", "op3", "--link", link])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the server starts");
+        let mut port = String::new();
+        BufReader::new(server.stdout.take().expect("its output"))
+            .read_line(&mut port)
+            .expect("the first line");
 
-    let scan = program.succeed(&["scan", port.trim(), "--baud", "2000000"]);
-    let found = String::from_utf8_lossy(&scan.stdout).into_owned();
-    assert_eq!(found.lines().count(), 20, "{found}");
-    assert!(found.contains("XM430-W350 (1020)"), "{found}");
+        let scan = program.succeed(&["scan", port.trim(), "--baud", "2000000"]);
+        let found = String::from_utf8_lossy(&scan.stdout).into_owned();
+        assert_eq!(found.lines().count(), 20, "{link}: {found}");
+        assert!(found.contains("XM430-W350 (1020)"), "{link}: {found}");
 
-    let killed = Command::new("kill").arg(server.id().to_string()).status();
-    assert!(killed.expect("kill runs").success());
-    let ended = server.wait_with_output().expect("it ends");
-    assert!(ended.status.success());
-    assert!(String::from_utf8_lossy(&ended.stderr).contains("0 bad"));
+        let killed = Command::new("kill").arg(server.id().to_string()).status();
+        assert!(killed.expect("kill runs").success());
+        let ended = server.wait_with_output().expect("it ends");
+        assert!(ended.status.success(), "{link}");
+        assert!(String::from_utf8_lossy(&ended.stderr).contains("0 bad"));
+        // A pseudo-terminal's number belongs to whoever asks for one next.
+        let left = link == "unix" && std::path::Path::new(port.trim()).exists();
+        assert!(!left, "{link}");
+    }
 }
 
 /// Simulated servos of a built-in robot, in real time, as the judge.
@@ -430,6 +435,7 @@ fn bench_bus_tells_its_figures_as_json() {
     let program = Program::new();
     let said = program.succeed(&["bench", "bus", "--robot", "neck", "--json"]);
     let figures: serde_json::Value = serde_json::from_slice(&said.stdout).expect("JSON");
+    assert_eq!(figures["link"], "unix", "{figures}");
     let number = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("no {key}"));
     // 76 bytes a cycle at 1 Mbps.
     assert!(

@@ -62,14 +62,14 @@ fn serve(program: &Program, robot: &str, link: &str) -> (Child, BufReader<ChildS
 }
 
 #[test]
-fn a_served_can_bus_is_danced_on_over_either_link() {
+fn a_served_can_bus_is_danced_on_over_every_link() {
     let program = Program::new();
     program.click_track("clicks.wav", 3.0, 120.0);
     let patient = "watchdog_ms = 2000\nreply_timeout_ms = 500.0\n";
     let robot = robot(&program, "mit", "DM-J4310", patient);
-    for link in ["slcan", "udp"] {
+    for (link, kind) in [("slcan", "slcan"), ("unix", "slcan"), ("udp", "udp")] {
         let (server, _lines, port) = serve(&program, robot, link);
-        let port = format!("{link}:{port}");
+        let port = format!("{kind}:{port}");
         let arguments = ["dance", "clicks.wav", "--robot", robot, "--bus", &port];
         program.succeed(&[&arguments[..], &["--no-picture", "--quiet"]].concat());
         let killed = Command::new("kill").arg(server.id().to_string()).status();
@@ -182,6 +182,6 @@ fn a_robot_file_that_asks_too_much_of_the_bus_is_refused_with_the_numbers() {
     );
     program.refused(
         &["sim-bus", "--robot", robot, "--link", "pty"],
-        &["the robot's motors are on CAN", "slcan or udp"],
+        &["the robot's motors are on CAN", "slcan, unix or udp"],
     );
 }

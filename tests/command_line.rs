@@ -43,6 +43,31 @@ fn every_command_has_a_manual_page_and_is_completed() {
 }
 
 #[test]
+fn every_command_teaches_by_example() {
+    use clap::CommandFactory;
+    let mut program = servodance::commands::Cli::command();
+    let help = program.render_long_help().to_string();
+    assert!(help.contains("Examples:"), "{help}");
+    let commands = program.get_subcommands_mut();
+    for command in commands.filter(|command| command.get_name() != "help") {
+        let help = command.render_long_help().to_string();
+        assert!(help.contains("Examples:"), "{help}");
+    }
+}
+
+#[test]
+fn an_export_of_nothing_is_wrong_usage() {
+    let program = Program::new();
+    let output = program.run(&["export", "out.mcap"]);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    assert!(
+        error.contains("--gif") && error.contains("--bvh"),
+        "{error}"
+    );
+}
+
+#[test]
 fn the_doctor_measures_and_says_what_to_do() {
     let program = Program::new();
     let output = program.run(&["doctor", "--robot", "neck", "--json"]);

@@ -15,7 +15,7 @@ use std::path::Path;
 const TINY: &[u8] = include_bytes!("../model/src/net/golden/tiny.safetensors");
 const ENCODEC: &[u8] = include_bytes!("../model/src/conditioning/golden/encodec.safetensors");
 
-fn metadata(bytes: &[u8]) -> HashMap<String, String> {
+pub fn metadata(bytes: &[u8]) -> HashMap<String, String> {
     let (_, header) = SafeTensors::read_metadata(bytes).expect("a header");
     header.metadata().clone().expect("metadata")
 }
@@ -31,7 +31,11 @@ fn noise(seed: usize, count: usize) -> impl Iterator<Item = f32> {
     })
 }
 
-fn write(path: &Path, tensors: &[(String, Vec<usize>, Vec<u8>)], meta: HashMap<String, String>) {
+pub fn write(
+    path: &Path,
+    tensors: &[(String, Vec<usize>, Vec<u8>)],
+    meta: HashMap<String, String>,
+) {
     let views = tensors.iter().map(|(name, shape, bytes)| {
         let dtype = match name.starts_with("start.") {
             true => Dtype::I32,
@@ -43,7 +47,7 @@ fn write(path: &Path, tensors: &[(String, Vec<usize>, Vec<u8>)], meta: HashMap<S
     safetensors::serialize_to_file(views, Some(meta), path).expect("a file");
 }
 
-fn random(seed: usize, shape: &[usize], base: f32, scale: f32) -> Vec<u8> {
+pub fn random(seed: usize, shape: &[usize], base: f32, scale: f32) -> Vec<u8> {
     let numbers = noise(seed, shape.iter().product());
     numbers
         .flat_map(|v| (base + scale * v).to_le_bytes())
@@ -88,7 +92,7 @@ fn write_model(path: &Path, change: impl Fn(&mut Value)) {
 }
 
 /// Random numbers in the layout of `facebook/encodec_24khz`.
-fn write_encodec(path: &Path) {
+pub fn write_encodec(path: &Path) {
     type Entry = (Vec<usize>, f32, f32);
     let manifest: BTreeMap<String, Entry> =
         serde_json::from_str(&metadata(ENCODEC)["weights"]).expect("a manifest");
@@ -186,7 +190,7 @@ fn another_feature_kind_is_refused() {
     let program = program();
     let built_in = ["generate", "clicks.wav", "--encodec", "x", "--out", "a.npz"];
     program.refused(&built_in, &["servodance39", "encodec128"]);
-    let evaluate = ["evaluate", "--model", "mine.safetensors"];
+    let evaluate = ["evaluate", "--encodec", "mine.safetensors"];
     program.refused(&evaluate, &["servodance39", "encodec128"]);
     let doctor = ["doctor", "--model", "mine.safetensors", "--encodec", "none"];
     program.refused(&doctor, &["none", "facebook/encodec_24khz"]);

@@ -27,6 +27,7 @@ mod repeatable;
 mod retarget_motion;
 mod rigs;
 mod robot_check;
+mod robot_folder;
 mod robot_mutations;
 mod robot_new;
 mod show;

@@ -1,6 +1,8 @@
 //! Many robots on one beat: programs of their own in networks of their own,
-//! strangers that say anything, leaders that come and go.
+//! strangers that say anything, leaders that come and go, connections that stall.
 
+#[cfg(feature = "stage")]
+mod connections;
 #[cfg(feature = "stage")]
 mod strangers;
 #[cfg(feature = "stage")]

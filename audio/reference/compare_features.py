@@ -7,7 +7,7 @@ FEATURES_BINARY is the example `features`, which prints 20 frames a second of a
 wav file. Each song is brought to 20,480 Hz once, here, so that both sides see
 the same samples; librosa then works at that rate with windows and hops of the
 same length in seconds as AIST++ has at 10,240 Hz, mel bands up to 5,120 Hz.
-The streaming side is delayed by its resampler (16 samples); librosa's input is
+The streaming side is delayed by its resampler (17 samples, less a hundredth); librosa's input is
 delayed alike.
 
 Two tables in Markdown. First, where the definition is causal: librosa's mel
@@ -27,7 +27,7 @@ import numpy as np
 import scipy.fft
 import soundfile
 
-RATE, HOP, WINDOW, DELAY = 20480, 1024, 4096, 16
+RATE, HOP, WINDOW, DELAY = 20480, 1024, 4096, 17
 ENVELOPE_UNIT_DB, LEVEL_UNIT_DB, MFCC_UNIT = 5.0, 20.0, 50.0
 # audio/src/spectral.rs
 RANGE_DB, FADE_DB, FLOOR_DB, ENVELOPE_LIMIT_DB = 80.0, 1.0 / 20.0, -30.0, 20.0

@@ -1,4 +1,4 @@
-//! A serial port with deadlines: bytes out, status packets in.
+//! A serial port (or a socket in its place) with deadlines: bytes out, status packets in.
 //!
 //! Opened for this process alone (a second program on one bus is a hazard).
 //! No call blocks past its deadline, or longer than whoever simulates time works.
@@ -7,12 +7,11 @@ use std::io::{ErrorKind, Read, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use serialport::{ClearBuffer, SerialPort};
-
 use crate::bus::BusStats;
 use crate::error::BusError;
 use crate::packet::{Decoded, Decoder, Packet, Protocol};
 use crate::reply_clock::{Patience, ReplyClock};
+use crate::stream::Stream;
 
 /// Longest wait for the port to take an instruction's bytes.
 const SEND_TIMEOUT: Duration = Duration::from_millis(100);
@@ -34,7 +33,7 @@ pub enum Received {
 /// The host's end of the wire.
 pub struct Wire {
     /// `None` while an adapter that was pulled out is waited for.
-    port: Option<Box<dyn SerialPort>>,
+    port: Option<Stream>,
     path: String,
     baud: u32,
     clock: ReplyClock,
@@ -125,9 +124,8 @@ impl Wire {
         let sent = match &mut self.port {
             None => Err(ErrorKind::NotConnected.into()),
             Some(port) => port
-                .clear(ClearBuffer::Input)
-                .map_err(std::io::Error::from)
-                .and_then(|()| port.set_timeout(SEND_TIMEOUT).map_err(Into::into))
+                .clear_input()
+                .and_then(|()| port.set_timeout(SEND_TIMEOUT))
                 .and_then(|()| port.write_all(&self.out)),
         };
         self.stats.bytes += self.out.len() as u64;
@@ -165,7 +163,6 @@ impl Wire {
                 None => Err(ErrorKind::NotConnected.into()),
                 Some(port) => port
                     .set_timeout(left.max(SHORTEST))
-                    .map_err(std::io::Error::from)
                     .and_then(|()| port.read(&mut self.chunk)),
             };
             match read {
@@ -208,9 +205,8 @@ impl Wire {
     }
 }
 
-fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>, BusError> {
-    let port = serialport::new(path, baud).timeout(SEND_TIMEOUT).open();
-    port.map_err(|error| BusError::Open {
+fn open(path: &str, baud: u32) -> Result<Stream, BusError> {
+    Stream::open(path, baud, SEND_TIMEOUT).map_err(|error| BusError::Open {
         port: path.into(),
         reason: error.to_string(),
         choices: choices(),

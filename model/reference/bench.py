@@ -105,7 +105,7 @@ def main():
     parser.add_argument("--frames", type=int, default=60, help="timed in each turn")
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--kinds", default="f32,bf16,int8", help="what PyTorch computes in")
-    parser.add_argument("--dtypes", default="f32,f16,q8_0,q4_0", help="what servodance computes in")
+    parser.add_argument("--dtypes", default="f32,f16,q8_0,q6,q4_0", help="what servodance computes in")
     parser.add_argument("--servodance", default="servodance", help="the program")
     args = parser.parse_args()
     torch.set_num_threads(args.threads)

@@ -56,6 +56,14 @@ pub enum ModelError {
         /// The type in the file.
         found: String,
     },
+    /// A motion that no figure can be made of.
+    #[error("the motion has {found} frames, at least {expected} are needed")]
+    TooShort {
+        /// Its frames.
+        found: usize,
+        /// The fewest.
+        expected: usize,
+    },
     /// A weight is NaN or infinite.
     #[error("{source_name}: tensor `{tensor}` holds a number that is not finite, at index {index}")]
     NotFinite {

@@ -15,6 +15,7 @@ mod likelihood;
 pub mod metrics;
 pub mod motion;
 pub mod net;
+mod tensor_file;
 pub mod train;
 
 pub use codec::Codec;

@@ -87,6 +87,7 @@ codes! {
     MimicUnknown "mimic-unknown" Refused "a joint follows one that is not there";
     MimicCircle "mimic-circle" Refused "joints follow each other in a circle";
     FileUnreadable "file-unreadable" Refused "a file that is needed cannot be read";
+    FileOutside "file-outside" Refused "a robot file names a description outside its folder";
     Toml "toml" Refused "the robot file is not readable, or a key is unknown, missing or of another type";
     RobotFile "robot-file" Refused "a value of the robot file is outside its range";
     ServoMap "servo-map" Refused "a joint's table cannot be used: id, model, direction, limits";

@@ -10,13 +10,8 @@ use k::nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use servodance_types::BodyJoint::{self, *};
 
 use crate::stream::Points;
+use crate::usual::{Averages, Seen, Usual, chest_yaw, pelvis_yaw};
 
-/// Heading is followed with this time constant; quicker turns are shown.
-const HEADING_S: f64 = 1.2;
-/// Time constant of what counts as the dancer's usual posture.
-const USUAL_S: f64 = 4.0;
-/// A foot this much higher than the other one carries 1/e as much.
-const LIFT_M: f64 = 0.05;
 /// Largest turn and leans asked of a chest, radians.
 const MOST_TURN: f64 = 0.5;
 const MOST_LEAN: f64 = 0.45;
@@ -26,8 +21,6 @@ const MOST_LOOK: f64 = 1.0;
 /// A toe this much above the floor, or this fast, is not on it: metres, m/s.
 const LIFTED_M: f64 = 0.04;
 const STEPPING_M_S: f64 = 0.5;
-/// Time constant with which the floor is believed to rise, seconds.
-const FLOOR_S: f64 = 1.0;
 /// Hip height over the supporting ankle of an upright dancer, leg lengths.
 const UPRIGHT: f64 = 0.98;
 
@@ -91,13 +84,10 @@ pub(crate) enum Heading {
 pub(crate) struct Reader {
     heading: Heading,
     dt_s: f64,
-    started: bool,
-    slow_yaw: f64,
-    usual_sway: [f64; 2],
-    usual_nod: [f64; 2],
-    usual_feet: [[f64; 2]; 2],
-    last_toes: [Vector3<f64>; 2],
-    floor_z: f64,
+    averages: Averages,
+    /// What the present aim is read against.
+    usual: Usual,
+    last_toes: Option<[Vector3<f64>; 2]>,
     last: Aim,
 }
 
@@ -106,28 +96,29 @@ impl Reader {
         Self {
             heading,
             dt_s,
-            started: false,
-            slow_yaw: 0.0,
-            usual_sway: [0.0; 2],
-            usual_nod: [0.0; 2],
-            usual_feet: [[0.0; 2]; 2],
-            last_toes: [Vector3::zeros(); 2],
-            floor_z: 0.0,
+            averages: Averages::new(dt_s),
+            usual: Usual::default(),
+            last_toes: None,
             last: Aim::standing(),
         }
     }
 
     /// The aim for one cycle. Directions that the points do not give (two
-    /// points at one place) stay as they were.
-    pub fn read(&mut self, points: &Points) -> Aim {
+    /// points at one place) stay as they were. `led`: the usual posture where
+    /// others know it, and how much of the points is theirs, 0 to 1.
+    pub fn read(&mut self, points: &Points, led: Option<(Usual, f64)>) -> Aim {
         let at = |joint: BodyJoint| points[joint as usize];
-        let chest_yaw = yaw_of(at(LeftShoulder) - at(RightShoulder));
-        let pelvis_yaw = yaw_of(at(LeftHip) - at(RightHip));
-        if !self.started {
-            self.slow_yaw = pelvis_yaw;
-        }
-        self.slow_yaw +=
-            wrap(mean_angle(chest_yaw, pelvis_yaw) - self.slow_yaw) * self.share(HEADING_S);
+        let (chest_yaw, pelvis_yaw) = (chest_yaw(points), pelvis_yaw(points));
+        self.averages.observe(points);
+        self.usual = match led {
+            Some((usual, share)) if share < 1.0 => self.averages.usual.toward(&usual, share),
+            Some((usual, _)) => {
+                self.averages.usual = usual; // nothing jumps when they leave
+                usual
+            }
+            None => self.averages.usual,
+        };
+        let seen = Seen::of(points, self.usual.heading);
         let (chest_turn, pelvis_turn) = self.turns(chest_yaw, pelvis_yaw);
 
         // Arms and head turn with the chest, legs with the pelvis.
@@ -159,13 +150,12 @@ impl Reader {
                 limb(&with_pelvis, LeftKnee, LeftAnkle, last.shank[0]),
                 limb(&with_pelvis, RightKnee, RightAnkle, last.shank[1]),
             ],
-            face: self.face(points, chest_yaw, chest_turn),
+            face: self.face(&seen, chest_yaw, chest_turn),
             chest: leaning(chest_turn, lean),
             pelvis: leaning(pelvis_turn, lean.map(|angle| angle * 0.5)),
-            sway: self.sway(points, last.sway),
-            feet: self.feet(points, last.feet),
+            sway: self.sway(&seen, last.sway),
+            feet: self.feet(points, &seen, last.feet),
         };
-        self.started = true;
         self.last = aim;
         aim
     }
@@ -175,7 +165,7 @@ impl Reader {
         let twist = soft_limit(wrap(chest_yaw - pelvis_yaw), MOST_TURN);
         match self.heading {
             Heading::Slow => {
-                let quick = soft_turn(pelvis_yaw - self.slow_yaw);
+                let quick = soft_turn(pelvis_yaw - self.usual.heading);
                 (soft_limit(quick + twist, MOST_TURN), quick)
             }
             Heading::Pelvis => (twist, 0.0),
@@ -185,94 +175,38 @@ impl Reader {
 
     /// Where the face points: nods against the usual nod; turns and sideways
     /// tilts of the head show as turns.
-    fn face(&mut self, points: &Points, chest_yaw: f64, chest_turn: f64) -> Vector3<f64> {
-        let neck_to_head = points[Head as usize] - points[Neck as usize];
-        let up = direction(turn(-chest_yaw) * neck_to_head, Vector3::z());
-        let tilt = [up.x, up.y].map(|side| side.atan2(up.z.max(0.1)));
-        if !self.started {
-            self.usual_nod = tilt;
-        }
-        let share = self.share(USUAL_S);
-        for (usual, now) in self.usual_nod.iter_mut().zip(tilt) {
-            *usual += (now - *usual) * share;
-        }
-        let nod = soft_limit(tilt[0] - self.usual_nod[0], MOST_NOD);
-        let ahead = 0.6 * soft_turn(chest_yaw - self.slow_yaw);
-        let look = soft_limit(ahead + tilt[1] - self.usual_nod[1], MOST_LOOK);
+    fn face(&self, seen: &Seen, chest_yaw: f64, chest_turn: f64) -> Vector3<f64> {
+        let [nod, tilt] = [0, 1].map(|side| seen.nod[side] - self.usual.nod[side]);
+        let nod = soft_limit(nod, MOST_NOD);
+        let ahead = 0.6 * soft_turn(chest_yaw - self.usual.heading);
+        let look = soft_limit(ahead + tilt, MOST_LOOK);
         turn(chest_turn + look) * Vector3::new(nod.cos(), 0.0, -nod.sin())
     }
 
     /// The pelvis over the foot that carries, in leg lengths.
-    fn sway(&mut self, points: &Points, before: Vector3<f64>) -> Vector3<f64> {
-        let at = |joint: BodyJoint| points[joint as usize];
-        let leg = leg_length(points);
-        if leg < 0.05 {
-            return before;
-        }
-        let (left, right) = (at(LeftAnkle), at(RightAnkle));
-        // Share of the weight on the left foot: a logistic of the height.
-        let on_left = 1.0 / (1.0 + ((left.z - right.z) / LIFT_M).clamp(-50.0, 50.0).exp());
-        let support = left * on_left + right * (1.0 - on_left);
-        let hips = (at(LeftHip) + at(RightHip)) * 0.5;
-        let offset = turn(-self.slow_yaw) * (hips - support) / leg;
-        if !self.started {
-            self.usual_sway = [offset.x, offset.y];
-        }
-        let share = self.share(USUAL_S);
-        self.usual_sway[0] += (offset.x - self.usual_sway[0]) * share;
-        self.usual_sway[1] += (offset.y - self.usual_sway[1]) * share;
-        Vector3::new(
-            offset.x - self.usual_sway[0],
-            offset.y - self.usual_sway[1],
-            offset.z - UPRIGHT,
-        )
-    }
-
-    /// Contacts are read from the motion: labels of frames are too coarse.
-    fn feet(&mut self, points: &Points, before: [FootAim; 2]) -> [FootAim; 2] {
-        let at = |joint: BodyJoint| points[joint as usize];
-        let toes = [at(LeftFoot), at(RightFoot)];
-        let leg = leg_length(points);
-        if leg < 0.05 {
-            return before;
-        }
-        let hips = (at(LeftHip) + at(RightHip)) * 0.5;
-        let lowest = toes[0].z.min(toes[1].z);
-        if !self.started {
-            (self.floor_z, self.last_toes) = (lowest, toes);
-        }
-        self.floor_z = lowest.min(self.floor_z + (lowest - self.floor_z) * self.share(FLOOR_S));
-        let usual_share = self.share(USUAL_S);
-        std::array::from_fn(|side| {
-            let offset = turn(-self.slow_yaw) * (toes[side] - hips) / leg;
-            let usual = &mut self.usual_feet[side];
-            if !self.started {
-                *usual = [offset.x, offset.y];
-            }
-            usual[0] += (offset.x - usual[0]) * usual_share;
-            usual[1] += (offset.y - usual[1]) * usual_share;
-            let speed = (toes[side] - self.last_toes[side]).norm() / self.dt_s;
-            self.last_toes[side] = toes[side];
-            FootAim {
-                up: toes[side].z - self.floor_z > LIFTED_M || speed > STEPPING_M_S,
-                place: [offset.x - usual[0], offset.y - usual[1]],
-            }
+    fn sway(&self, seen: &Seen, before: Vector3<f64>) -> Vector3<f64> {
+        let usual = self.usual.sway;
+        seen.legs.map_or(before, |(offset, _)| {
+            Vector3::new(offset.x - usual[0], offset.y - usual[1], offset.z - UPRIGHT)
         })
     }
 
-    fn share(&self, time_constant_s: f64) -> f64 {
-        self.dt_s / (self.dt_s + time_constant_s)
+    /// Contacts are read from the motion: labels of frames are too coarse.
+    fn feet(&mut self, points: &Points, seen: &Seen, before: [FootAim; 2]) -> [FootAim; 2] {
+        let toes = [LeftFoot, RightFoot].map(|joint| points[joint as usize]);
+        let Some((_, places)) = seen.legs else {
+            return before;
+        };
+        let last = self.last_toes.replace(toes).unwrap_or(toes);
+        std::array::from_fn(|side| {
+            let (place, usual) = (places[side], self.usual.feet[side]);
+            let speed = (toes[side] - last[side]).norm() / self.dt_s;
+            FootAim {
+                up: toes[side].z - self.usual.floor_z > LIFTED_M || speed > STEPPING_M_S,
+                place: [place.x - usual[0], place.y - usual[1]],
+            }
+        })
     }
-}
-
-/// Mean length of the legs, hip to ankle.
-fn leg_length(points: &Points) -> f64 {
-    let at = |joint: BodyJoint| points[joint as usize];
-    let length = |hip, knee, ankle| (at(hip) - at(knee)).norm() + (at(knee) - at(ankle)).norm();
-    f64::midpoint(
-        length(LeftHip, LeftKnee, LeftAnkle),
-        length(RightHip, RightKnee, RightAnkle),
-    )
 }
 
 /// The body seen in a mirror: left and right exchanged.
@@ -290,12 +224,12 @@ const MIRROR: [usize; 22] = [
     0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20,
 ];
 
-fn turn(angle: f64) -> Rotation3<f64> {
+pub(crate) fn turn(angle: f64) -> Rotation3<f64> {
     Rotation3::from_axis_angle(&Vector3::z_axis(), angle)
 }
 
 /// Heading of a body whose left side is this way.
-fn yaw_of(left: Vector3<f64>) -> f64 {
+pub(crate) fn yaw_of(left: Vector3<f64>) -> f64 {
     if left.x == 0.0 && left.y == 0.0 {
         return 0.0;
     }
@@ -307,7 +241,7 @@ pub(crate) fn wrap(angle: f64) -> f64 {
     (turns - turns.round()) * std::f64::consts::TAU
 }
 
-fn mean_angle(a: f64, b: f64) -> f64 {
+pub(crate) fn mean_angle(a: f64, b: f64) -> f64 {
     a + 0.5 * wrap(b - a)
 }
 
@@ -322,7 +256,7 @@ fn soft_turn(angle: f64) -> f64 {
     soft_limit(wrap(angle).sin(), MOST_TURN)
 }
 
-fn direction(vector: Vector3<f64>, otherwise: Vector3<f64>) -> Vector3<f64> {
+pub(crate) fn direction(vector: Vector3<f64>, otherwise: Vector3<f64>) -> Vector3<f64> {
     vector.try_normalize(1e-6).unwrap_or(otherwise)
 }
 
@@ -354,7 +288,7 @@ mod tests {
     #[test]
     fn one_point_for_all_joints_gives_finite_aims() {
         let mut reader = Reader::new(Heading::Slow, 0.01);
-        let aim = reader.read(&[Vector3::zeros(); 22]);
+        let aim = reader.read(&[Vector3::zeros(); 22], None);
         assert!(aim.upper_arm[0].norm() > 0.99 && aim.sway.norm() == 0.0);
     }
 }

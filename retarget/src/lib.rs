@@ -38,6 +38,7 @@ mod stepper;
 mod stream;
 mod tracker;
 mod urdf;
+mod usual;
 
 pub use config::{
     BodyLinks, CapsuleConfig, Couple, Gains, Limb, RetargetConfig, Stance, Tip, TorqueConfig,
@@ -55,3 +56,4 @@ pub use mjcf::{is_mjcf, urdf_from_mjcf};
 pub use model::{MeshVisual, RobotModel, Shape, Visual};
 pub use retargeter::Retargeter;
 pub use stream::Points;
+pub use usual::PostureReader;

@@ -6,7 +6,7 @@
 mod setup;
 
 use k::nalgebra::{Isometry3, Translation3};
-use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
+use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Posture};
 
 use crate::arm_search::ArmSearch;
 use crate::body::BodyMap;
@@ -19,6 +19,7 @@ use crate::pelvis::Pelvis;
 use crate::stepper::{Present, Stepper};
 use crate::stream::{LOOKAHEAD_FRAMES, MotionStream, Points};
 use crate::tracker::Tracker;
+use crate::usual::Postures;
 use crate::{Counts, RetargetError, RobotModel};
 
 /// Gauss-Newton steps a control cycle; the solution is warm.
@@ -50,6 +51,7 @@ pub struct Retargeter {
     dt_s: f64,
     preview_s: f64,
     stream: MotionStream,
+    postures: Postures,
     reader: Reader,
     solver: BodySolver,
     search: ArmSearch,
@@ -158,6 +160,7 @@ impl Retargeter {
             dt_s,
             preview_s: config.preview_s,
             stream: MotionStream::new(),
+            postures: Postures::new(),
             reader: Reader::new(heading, dt_s),
             standing: None,
             trackers: Vec::new(),
@@ -216,6 +219,16 @@ impl Retargeter {
     /// Takes in the next human frame. Frames that cannot be used are counted.
     pub fn push(&mut self, frame: &MotionFrame) {
         self.stream.push(frame, &mut self.counts);
+    }
+
+    /// Takes in the next human frame of a dance that somebody else has watched
+    /// for longer, with the posture that was usual then: several robots that
+    /// began at different times move alike by it.
+    pub fn push_led(&mut self, frame: &MotionFrame, posture: &Posture) {
+        self.push(frame);
+        if frame.is_finite() {
+            self.postures.push(frame.time_s, posture);
+        }
     }
 
     /// How far beyond the asked time frames must have been pushed, seconds.
@@ -285,28 +298,25 @@ impl Retargeter {
     /// # Errors
     /// Only if `out_rad` has not one place a joint.
     pub fn next(&mut self, time_s: f64, out_rad: &mut [f64]) -> Result<(), RetargetError> {
-        self.next_altered(time_s, |points| points, out_rad)
+        self.next_altered(time_s, |points| points.map(|points| (points, 1.0)), out_rad)
     }
 
     /// Like [`next`](Self::next), but `alter` may change the human pose that is
-    /// due in [`preview_s`](Self::preview_s), or give one where there is none.
+    /// due in [`preview_s`](Self::preview_s), or give one where there is none;
+    /// with it how much of it is the dancer's, 0 to 1.
     ///
     /// # Errors
     /// Only if `out_rad` has not one place a joint.
     pub fn next_altered(
         &mut self,
         time_s: f64,
-        alter: impl FnOnce(Option<Points>) -> Option<Points>,
+        alter: impl FnOnce(Option<Points>) -> Option<(Points, f64)>,
         out_rad: &mut [f64],
     ) -> Result<(), RetargetError> {
         self.check_length(out_rad.len())?;
         self.counts.cycles += 1;
         self.counts.starved_cycles += u64::from(self.stream.is_over(time_s));
-        let aim = match alter(self.stream.at(time_s + self.preview_s())) {
-            Some(points) if self.mirror => Some(self.reader.read(&human::mirrored(&points))),
-            Some(points) => Some(self.reader.read(&points)),
-            None => None,
-        };
+        let aim = self.look(time_s + self.preview_s(), alter);
         self.set_bounds();
         self.wanted.copy_from_slice(&self.solver.positions);
         self.solve(&aim.unwrap_or_else(Aim::standing));
@@ -323,6 +333,26 @@ impl Retargeter {
         self.judge();
         out_rad.copy_from_slice(&self.output);
         Ok(())
+    }
+
+    /// What is asked of the robot by the human pose of a moment.
+    fn look(
+        &mut self,
+        time_s: f64,
+        alter: impl FnOnce(Option<Points>) -> Option<(Points, f64)>,
+    ) -> Option<Aim> {
+        let dancer = self.stream.at(time_s);
+        let (mut points, share) = alter(dancer)?;
+        let led = dancer.and_then(|dancer| {
+            let usual = self.postures.at(time_s)?;
+            Some(usual.moved(&dancer, &points))
+        });
+        let mut led = led.map(|usual| (usual, share));
+        if self.mirror {
+            points = human::mirrored(&points);
+            led = led.map(|(usual, share)| (usual.mirrored(), share));
+        }
+        Some(self.reader.read(&points, led))
     }
 
     /// Share of the movement that is shown: less when motors are strained.

@@ -163,7 +163,7 @@ fn spline_weights(share: f64) -> [f64; 6] {
 }
 
 /// Human axes (x left, y up, z forward) to robot axes (x forward, y left, z up).
-fn robot_axes(frame: &MotionFrame) -> Points {
+pub(crate) fn robot_axes(frame: &MotionFrame) -> Points {
     frame
         .positions
         .map(|[x, y, z]| Vector3::new(z.into(), x.into(), y.into()))

@@ -1,9 +1,9 @@
 //! Measures a driver against simulated servos:
-//! `bench [SERVOS] [BAUD] [ADAPTER_MS] [HZ|max] [MODEL]`.
+//! `bench [SERVOS] [BAUD] [ADAPTER_MS] [HZ|max] [MODEL] [pty|unix]`.
 
 use servodance_drivers::{BusConfig, Model, ServoConfig, servos};
-use servodance_sim::bench_bus;
 use servodance_sim::can::WATCHDOG_ENDPOINTS;
+use servodance_sim::{SimLink, bench_bus};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
@@ -15,6 +15,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(hz) => Some(hz.parse()?),
     };
     let model = args.next().unwrap_or("XM430-W350".into());
+    let link = match args.next().as_deref() {
+        Some("unix") => SimLink::Unix,
+        _ => SimLink::Terminal,
+    };
     let known = Model::from_name(&model).ok_or("unknown model")?;
     let is_damiao = known.motor.is_some_and(|motor| motor.has_registers);
     let joint = |id: u8| ServoConfig {
@@ -38,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         watchdog_endpoints: Some(WATCHDOG_ENDPOINTS),
         ..BusConfig::of_kind(known.kind, baud)
     };
-    let bench = bench_bus(&servos, &config, control_hz, 2000, adapter_ms * 1e-3)?;
+    let bench = bench_bus(&servos, &config, control_hz, 2000, adapter_ms * 1e-3, link)?;
     println!(
         "{bench:?} {:.1} % of the wire",
         100.0 * bench.hz / bench.wire_limit_hz

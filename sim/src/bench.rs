@@ -8,11 +8,13 @@ use nix::sys::{
     time::TimeValLike,
 };
 use nix::time::{ClockId, clock_gettime};
-use servodance_drivers::{Bus, BusConfig, BusError, ConfigError, Servo, check_rate, open_bus};
+use servodance_drivers::{
+    Bus, BusConfig, BusError, ConfigError, Servo, check_rate, open_bus, sleep_punctually,
+};
 use servodance_types::{Clock, JointState, WallClock};
 
 use crate::sim_bus::SimBus;
-use crate::spec::{SimError, SimOptions, SimServoSpec};
+use crate::spec::{SimError, SimLink, SimOptions, SimServoSpec};
 
 /// Cycles of one window: their rates are compared, so that a machine that stalls
 /// for a moment does not decide the figure.
@@ -53,18 +55,22 @@ pub enum BenchError {
 }
 
 /// Runs `cycles` control cycles at `control_hz`, or as fast as the bus goes,
-/// with a USB adapter that delays each reply by `adapter_s` (0: the wire alone).
+/// with a USB adapter that delays each reply by `adapter_s` (0: the wire alone),
+/// behind `link`.
 pub fn bench_bus(
     servos: &[Servo],
     config: &BusConfig,
     control_hz: Option<f64>,
     cycles: usize,
     adapter_s: f64,
+    link: SimLink,
 ) -> Result<BusBench, BenchError> {
+    sleep_punctually();
     let limits = check_rate(config, servos, control_hz.unwrap_or(1.0))?;
     let specs: Vec<SimServoSpec> = servos.iter().map(Into::into).collect();
     let options = SimOptions {
         adapter_s,
+        link,
         ..SimOptions::realtime(config.baud, control_hz.unwrap_or(100.0))
     };
     let sim = SimBus::start(&specs, options)?;

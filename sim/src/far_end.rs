@@ -1,7 +1,9 @@
-//! Where the host plugs in: a pseudo-terminal, a multicast group, a CAN interface.
+//! Where the host plugs in: a pseudo-terminal, a Unix socket, a multicast group, a
+//! CAN interface.
 
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
@@ -11,12 +13,13 @@ use servodance_drivers::can::CanPort;
 #[cfg(target_os = "linux")]
 use crate::can::InterfaceAdapter;
 use crate::can::{Adapter, MulticastAdapter, SlcanAdapter};
+use crate::host_port::HostPort;
 use crate::spec::{SimError, SimLink};
 
 /// What the thread of a bus serves.
 pub enum FarEnd {
     /// A serial adapter.
-    Serial(OwnedFd),
+    Serial(HostPort),
     /// A CAN adapter.
     Can(Box<dyn Adapter>),
 }
@@ -26,7 +29,7 @@ impl FarEnd {
     pub fn watched(&self) -> Result<OwnedFd, SimError> {
         let watched = match self {
             Self::Can(adapter) => adapter.watched(),
-            Self::Serial(master) => master.try_clone(),
+            Self::Serial(port) => port.watched(),
         };
         watched.map_err(|reason| SimError::System {
             what: "watching an adapter",
@@ -44,7 +47,7 @@ pub struct Socket {
     pub bitrate: u32,
     /// What the host opens.
     pub link: SimLink,
-    /// A symbolic link that leads to the terminal of the moment.
+    /// The socket, or a symbolic link that leads to the terminal of the moment.
     pub path: Option<PathBuf>,
 }
 
@@ -52,18 +55,18 @@ impl Socket {
     /// Opens it: our end, and what the host is to open, as a path and as a port.
     pub fn open(&self) -> Result<(FarEnd, String, Port), SimError> {
         match (self.is_can, &self.link) {
-            (false, SimLink::Terminal) => {
-                let (master, path) = self.terminal()?;
-                Ok((FarEnd::Serial(master), path.clone(), Port::Serial(path)))
-            }
-            (true, SimLink::Terminal) => {
-                let (master, path) = self.terminal()?;
-                let port = Port::Can(CanPort::Slcan(path.clone()));
-                Ok((
-                    FarEnd::Can(Box::new(SlcanAdapter::new(master, self.bitrate))),
-                    path,
-                    port,
-                ))
+            (is_can, SimLink::Terminal | SimLink::Unix) => {
+                let (host, path) = match self.link {
+                    SimLink::Unix => self.unix_socket()?,
+                    _ => self.terminal()?,
+                };
+                Ok(if is_can {
+                    let adapter = Box::new(SlcanAdapter::new(host, self.bitrate));
+                    let port = Port::Can(CanPort::Slcan(path.clone()));
+                    (FarEnd::Can(adapter), path, port)
+                } else {
+                    (FarEnd::Serial(host), path.clone(), Port::Serial(path))
+                })
             }
             (true, SimLink::Multicast(group)) => {
                 let adapter =
@@ -92,31 +95,61 @@ impl Socket {
             (false, link) => Err(SimError::Option {
                 key: "link",
                 actual: format!("{link:?}"),
-                wanted: "a terminal: these servos are on a serial bus",
+                wanted: "a terminal or a Unix socket: these servos are on a serial bus",
             }),
         }
     }
 
-    /// Nobody may find a terminal at the path that is no longer ours.
-    pub fn close(&self) {
-        if let Some(path) = &self.path {
+    /// Nobody may find a port at the path that is no longer ours. A socket in a
+    /// file of its own is found at the one that the host was told.
+    pub fn close(&self, port_path: &str) {
+        let in_a_file = self.link == SimLink::Unix && !port_path.starts_with('@');
+        let own = in_a_file.then(|| PathBuf::from(port_path));
+        if let Some(path) = self.path.clone().or(own) {
             // It may be gone already.
             let _ = std::fs::remove_file(path);
         }
     }
 
     /// A terminal: our end, and the path to open, its own or the link's.
-    fn terminal(&self) -> Result<(OwnedFd, String), SimError> {
+    fn terminal(&self) -> Result<(HostPort, String), SimError> {
         let (master, terminal) = open_terminal()?;
         let Some(path) = &self.path else {
-            return Ok((master, terminal));
+            return Ok((HostPort::Terminal(master), terminal));
         };
-        self.close();
+        self.close(&terminal);
         std::os::unix::fs::symlink(&terminal, path).map_err(|reason| SimError::System {
             what: "linking the port",
             reason,
         })?;
-        Ok((master, path.to_string_lossy().into_owned()))
+        let path = path.to_string_lossy().into_owned();
+        Ok((HostPort::Terminal(master), path))
+    }
+
+    /// A socket: our end, and what to open. Without a path it has a name and no
+    /// file, or where the system knows none, a temporary file.
+    fn unix_socket(&self) -> Result<(HostPort, String), SimError> {
+        let failed = |reason| SimError::System {
+            what: "opening a Unix socket",
+            reason,
+        };
+        let path = match &self.path {
+            Some(path) => path.clone(),
+            None => {
+                static COUNT: AtomicU32 = AtomicU32::new(0);
+                let count = COUNT.fetch_add(1, Ordering::Relaxed);
+                let name = format!("servodance-{}-{count}", std::process::id());
+                #[cfg(target_os = "linux")]
+                return match HostPort::listen_by_name(&name) {
+                    Ok(port) => Ok((port, format!("@{name}"))),
+                    Err(reason) => Err(failed(reason)),
+                };
+                #[cfg(not(target_os = "linux"))]
+                std::env::temp_dir().join(name)
+            }
+        };
+        let port = HostPort::listen(&path).map_err(failed)?;
+        Ok((port, path.to_string_lossy().into_owned()))
     }
 }
 

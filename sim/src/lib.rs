@@ -1,4 +1,4 @@
-//! Simulated servos on a pseudo-terminal, exact to the byte.
+//! Simulated servos behind a serial port, exact to the byte.
 //!
 //! ```text
 //! any driver <-> /dev/pts/N <-> SimBus thread <-> line (packets) <-> servos (table, loops, motor)
@@ -18,6 +18,7 @@ mod byte_servo;
 pub mod can;
 mod far_end;
 mod fault;
+mod host_port;
 mod judge;
 mod layout;
 mod line;

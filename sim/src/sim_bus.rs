@@ -1,4 +1,5 @@
-//! A bus of simulated servos behind a pseudo-terminal (or a multicast group).
+//! A bus of simulated servos behind a pseudo-terminal (or a Unix socket, or a
+//! multicast group).
 //!
 //! A thread serves the pseudo-terminal: any program may open
 //! [`SimBus::port_path`] and talk as to a serial adapter. The baud rate of a
@@ -7,21 +8,22 @@
 //! is handed over when its own last byte has. In lockstep wire time is only
 //! counted and the motors move with [`SimBus::advance`] alone.
 
+use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use servodance_drivers::{Port, ReplyClock};
+use servodance_drivers::{Port, ReplyClock, sleep_punctually};
 
 use crate::body::SimServoState;
 use crate::byte_servo::ByteServo;
 use crate::can::{CanServer, build_net};
 use crate::far_end::{FarEnd, Socket};
 use crate::fault::{FaultyWire, ServoFault, WireFault};
+use crate::host_port::{Heard, HostPort};
 use crate::judge::{Judge, Violations};
 use crate::line::{Burst, Line, XLine};
 use crate::protocol1_line::Protocol1Line;
@@ -30,9 +32,12 @@ use crate::spec::{SimClock, SimError, SimOptions, SimServoSpec, X_BAUDS};
 use crate::world::World;
 
 /// How often the thread looks whether it is to end.
-const WAKE_MS: u16 = 10;
-/// How long the thread watches the port without sleeping after a reply.
+const WAKE: Duration = Duration::from_millis(10);
+/// How long the thread watches the port without sleeping after a reply, if the
+/// host spoke again within [`PROMPT`] of the reply before.
 const ATTENTIVE: Duration = Duration::from_micros(80);
+/// Being woken up is in it.
+const PROMPT: Duration = Duration::from_micros(400);
 /// Sleeps end this early; the rest is spent spinning, for the precision of a fast bus.
 const SLEEP_SLACK: Duration = Duration::from_micros(70);
 
@@ -113,6 +118,11 @@ impl Shared {
         self.watched.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// From now on this is what the thread reads from. `busy` is set meanwhile.
+    pub fn watch(&self, fd: OwnedFd) {
+        *self.watched() = Some(fd);
+    }
+
     pub fn faults(&self) -> MutexGuard<'_, FaultyWire> {
         self.faults.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -176,7 +186,7 @@ fn start_thread(
     shared: Arc<Shared>,
     baud: u32,
 ) -> Result<JoinHandle<()>, SimError> {
-    *shared.watched() = Some(far_end.watched()?);
+    shared.watch(far_end.watched()?);
     let thread = std::thread::Builder::new().name("simulated servos".into());
     let gone = Gone(shared.clone());
     let started = match far_end {
@@ -184,18 +194,21 @@ fn start_thread(
             let server = CanServer::new(shared, adapter, baud);
             thread.spawn(move || {
                 let _gone = gone;
+                sleep_punctually();
                 server.run();
             })
         }
-        FarEnd::Serial(master) => {
+        FarEnd::Serial(port) => {
             let server = Server {
                 shared,
-                master,
+                port,
                 line_free_s: 0.0,
                 handed_over: None,
+                prompt: true,
             };
             thread.spawn(move || {
                 let _gone = gone;
+                sleep_punctually();
                 server.run();
             })
         }
@@ -352,7 +365,7 @@ impl SimBus {
     /// The servos go on as they were, and time can still be advanced.
     pub fn unplug(&mut self) {
         self.shared.stop.store(true, Ordering::Release);
-        self.socket.close();
+        self.socket.close(&self.port_path);
         if let Some(thread) = self.thread.take() {
             // A panic in the thread has already been printed.
             let _ = thread.join();
@@ -463,14 +476,16 @@ fn build_line(
     }
 }
 
-/// The thread behind the pseudo-terminal.
+/// The thread behind the host's port.
 struct Server {
     shared: Arc<Shared>,
-    master: OwnedFd,
+    port: HostPort,
     /// When the line is free again, seconds since the start. Real time only.
     line_free_s: f64,
     /// When the last reply was handed over. Real time only.
     handed_over: Option<Instant>,
+    /// Whether the host spoke at once when it was answered last.
+    prompt: bool,
 }
 
 impl Server {
@@ -478,14 +493,17 @@ impl Server {
         let mut chunk = [0; 4096];
         while !self.shared.stop.load(Ordering::Acquire) {
             match self.receive(&mut chunk) {
-                Ok(0) => {}
-                Ok(count) => self.serve(&mut chunk[..count]),
-                // Nobody has the other end open.
-                Err(Errno::EIO) => {
+                Ok(Heard::Nothing) => {}
+                Ok(Heard::Bytes(count)) => {
+                    if let Some(at) = self.handed_over.take() {
+                        self.prompt = at.elapsed() < PROMPT;
+                    }
+                    self.serve(&mut chunk[..count]);
+                }
+                Ok(Heard::Nobody) => {
                     self.shared.busy.store(false, Ordering::SeqCst);
                     std::thread::sleep(Duration::from_millis(1));
                 }
-                Err(Errno::EINTR | Errno::EAGAIN) => {}
                 Err(_) => return,
             }
             self.shared.busy.store(false, Ordering::SeqCst);
@@ -493,32 +511,38 @@ impl Server {
     }
 
     /// Bytes from the host, or none after a while.
-    fn receive(&self, chunk: &mut [u8]) -> Result<usize, Errno> {
+    fn receive(&mut self, chunk: &mut [u8]) -> io::Result<Heard> {
         // A host at the limit of its wire speaks again at once: being woken up
-        // would take longer than its pause.
-        while self.handed_over.is_some_and(|at| at.elapsed() < ATTENTIVE) {
-            match nix::unistd::read(&self.master, &mut *chunk) {
-                Err(Errno::EAGAIN) => std::hint::spin_loop(),
-                result => return result,
+        // would take longer than its pause. One that rests until its next cycle
+        // is not watched for.
+        let watched = self.handed_over.filter(|_| self.prompt);
+        while watched.is_some_and(|at| at.elapsed() < ATTENTIVE) {
+            match self.port.read(chunk)? {
+                Heard::Nothing => std::hint::spin_loop(),
+                Heard::Nobody => break,
+                heard => return Ok(heard),
             }
         }
-        let mut watched = [PollFd::new(self.master.as_fd(), PollFlags::POLLIN)];
-        if poll(&mut watched, PollTimeout::from(WAKE_MS))? == 0 {
-            return Ok(0);
+        if !self.port.wait(WAKE)? {
+            return Ok(Heard::Nothing);
         }
         self.shared.busy.store(true, Ordering::SeqCst);
-        nix::unistd::read(&self.master, chunk)
+        let heard = self.port.read(chunk)?;
+        if self.port.moved() {
+            self.shared.watch(self.port.watched()?);
+        }
+        Ok(heard)
     }
 
     fn serve(&mut self, bytes: &mut [u8]) {
         let shared = self.shared.clone();
         if shared.faults().echoes() {
-            self.write_all(bytes);
+            self.port.write(bytes);
         }
         shared.faults().pass_instruction(bytes);
         let now_s = shared.began.elapsed().as_secs_f64();
         self.line_free_s = self.line_free_s.max(now_s);
-        shared.world().line.set_host_baud(self.host_baud());
+        shared.world().line.set_host_baud(self.port.baud());
         shared.wire().bytes_in += bytes.len() as u64;
         for &byte in &*bytes {
             self.line_free_s += shared.byte_s;
@@ -534,11 +558,6 @@ impl Server {
             let bursts = shared.world().line.execute();
             self.send(bursts);
         }
-    }
-
-    /// The rate that the host has set its end to, bits a second; 0 if unknown.
-    fn host_baud(&self) -> u32 {
-        rustix::termios::tcgetattr(&self.master).map_or(0, |set| set.output_speed())
     }
 
     /// Sends replies. What follows without a pause is handed over together when
@@ -570,21 +589,10 @@ impl Server {
         if !passed.is_empty() {
             self.shared
                 .wait_until(self.line_free_s + self.shared.adapter_s);
-            self.write_all(passed);
+            self.port.write(passed);
             passed.clear();
             let realtime = self.shared.clock == SimClock::Realtime;
             self.handed_over = realtime.then(Instant::now);
-        }
-    }
-
-    /// Hands bytes to the host; what its buffer does not hold is lost, as on a wire.
-    fn write_all(&self, mut bytes: &[u8]) {
-        while !bytes.is_empty() {
-            match nix::unistd::write(&self.master, bytes) {
-                Ok(count) => bytes = &bytes[count..],
-                Err(Errno::EINTR) => {}
-                Err(_) => return,
-            }
         }
     }
 }

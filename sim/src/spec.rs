@@ -309,6 +309,8 @@ pub enum SimLink {
     /// A serial adapter on a pseudo-terminal, an slcan adapter for CAN motors.
     #[default]
     Terminal,
+    /// The same on a Unix socket: quicker, for programs that know sockets.
+    Unix,
     /// A multicast group of this machine, as python-can's `udp_multicast`: CAN only.
     Multicast(SocketAddrV4),
     /// A CAN interface of this machine (a virtual one, for instance): CAN only.
@@ -335,8 +337,9 @@ pub struct SimOptions {
     pub supply_ohm: f64,
     /// Seed of everything random: faults.
     pub seed: u64,
-    /// A symbolic link at which the port is found, also after the adapter was
-    /// pulled out and put back; without one the port has a new path then.
+    /// Where the port is found, also after the adapter was pulled out and put back:
+    /// a symbolic link to a terminal, or the socket itself. Without one the port
+    /// has a new path then.
     pub path: Option<PathBuf>,
 }
 

@@ -234,11 +234,11 @@ fn unsigned(bytes: &[u8]) -> i64 {
 
 /// One byte is unsigned in this table; two and four bytes are signed.
 fn sign_extended(bytes: &[u8]) -> i64 {
-    let value = unsigned(bytes);
-    match bytes.len() {
-        2 => i64::from(value as u16 as i16),
-        4 => i64::from(value as u32 as i32),
-        _ => value,
+    match *bytes {
+        [one] => i64::from(one),
+        [a, b] => i64::from(i16::from_le_bytes([a, b])),
+        [a, b, c, d] => i64::from(i32::from_le_bytes([a, b, c, d])),
+        _ => unsigned(bytes),
     }
 }
 

@@ -24,7 +24,6 @@ struct Rig {
 fn rig() -> Rig {
     let config = |name: &str, kind, baud| BusConfig {
         name: name.into(),
-        reply_timeout_ms: 100.0,
         retries: 1,
         accept_no_watchdog: true,
         ..BusConfig::of_kind(kind, baud)
@@ -42,12 +41,14 @@ fn rig() -> Rig {
             joints.push(joint);
         }
     }
-    let (servos, layouts) = layouts(buses, &joints).unwrap();
+    let (servos, mut layouts) = layouts(buses, &joints).unwrap();
     let sims: Vec<SimBus> = layouts
-        .iter()
+        .iter_mut()
         .map(|bus| {
             let options = SimOptions::lockstep(bus.config.baud, HZ);
-            SimBus::start(&specs(&bus.servos), options).unwrap()
+            let sim = SimBus::start(&specs(&bus.servos), options).unwrap();
+            bus.config.reply_clock = sim.reply_clock();
+            sim
         })
         .collect();
     let ports: Vec<_> = sims.iter().map(SimBus::port).collect();

@@ -6,19 +6,28 @@
 mod common;
 
 use common::can::*;
-use common::fault_table::{self, HEAD, Outcome, row};
+use common::fault_table::{self, HEAD, LostBy, Outcome, clock_for, row};
 use common::*;
 use servodance_drivers::BusConfig;
 use servodance_sim::{ServoFault, SimBus, WireFault};
 
 fn dance(kind: Kind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
+    dance_by(LostBy::Simulation, kind, happen)
+}
+
+fn on_the_wire(kind: Kind, fault: WireFault, share: f64) -> Outcome {
+    let happen = |sim: &mut SimBus| sim.set_wire_fault(Some((fault, share)));
+    dance_by(clock_for(fault), kind, happen)
+}
+
+fn dance_by(clock: LostBy, kind: Kind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
     let servos = can_robot(kind, 5);
     let config = BusConfig {
         reply_timeout_ms: 200.0,
         retries: 4,
         ..can_patient(kind)
     };
-    fault_table::dance(&servos, &specs(&servos), config, happen)
+    fault_table::dance(&servos, &specs(&servos), config, clock, happen)
 }
 
 /// What each motor calls an overload, and overheating.
@@ -95,14 +104,12 @@ fn wire_faults(kind: Kind, table: &mut String) {
         ("every reply doubled", WireFault::Duplicate, 1.0),
         ("every command echoed", WireFault::Echo, 1.0),
     ] {
-        let outcome = dance(kind, |sim| sim.set_wire_fault(Some((fault, share))));
+        let outcome = on_the_wire(kind, fault, share);
         let what = format!("{kind:?}, {name}");
         row(table, &what, &outcome);
         assert!(outcome.error.is_none(), "{what}: {outcome:?}");
     }
-    let outcome = dance(kind, |sim| {
-        sim.set_wire_fault(Some((WireFault::Drop, 1.0)));
-    });
+    let outcome = on_the_wire(kind, WireFault::Drop, 1.0);
     let what = format!("{kind:?}, every reply lost");
     row(table, &what, &outcome);
     let error = outcome.error.expect(&what);

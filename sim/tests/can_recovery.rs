@@ -27,7 +27,7 @@ fn rig(kind: Kind, safety: SafetyConfig) -> Rig {
     };
     let sim = SimBus::start(&specs(&servos), options).unwrap();
     let config = BusConfig {
-        reply_timeout_ms: 200.0,
+        reply_clock: sim.reply_clock(),
         ..can_patient(kind)
     };
     let bus = CanBus::open(&sim.port().to_string(), &config, servos).unwrap();

@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::fault_table::{self, Event, HEAD, Outcome, row};
+use common::fault_table::{self, Event, HEAD, LostBy, Outcome, clock_for, row};
 use common::*;
 use servodance_drivers::{BusConfig, BusKind, SafetyConfig, ServoLost};
 use servodance_sim::{ServoFault, SimBus, WireFault};
@@ -49,7 +49,22 @@ fn dance(kind: Kind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
     play(kind, |_| {}, vec![(2.0, Box::new(happen))])
 }
 
+fn on_the_wire(kind: Kind, fault: WireFault, share: f64) -> Outcome {
+    let happen = move |sim: &mut SimBus| sim.set_wire_fault(Some((fault, share)));
+    let events: Vec<Event> = vec![(2.0, Box::new(happen))];
+    play_by(clock_for(fault), kind, |_| {}, events)
+}
+
 fn play(kind: Kind, safety: impl FnOnce(&mut SafetyConfig), events: Vec<Event<'_>>) -> Outcome {
+    play_by(LostBy::Simulation, kind, safety, events)
+}
+
+fn play_by(
+    clock: LostBy,
+    kind: Kind,
+    safety: impl FnOnce(&mut SafetyConfig),
+    events: Vec<Event<'_>>,
+) -> Outcome {
     let (model, bus_kind, baud) = kind.bus();
     let servos = robot_of(model, 5);
     let mut specs = specs(&servos);
@@ -61,7 +76,7 @@ fn play(kind: Kind, safety: impl FnOnce(&mut SafetyConfig), events: Vec<Event<'_
     };
     let mut safety_config = SafetyConfig::at_hz(HZ);
     safety(&mut safety_config);
-    fault_table::play(&servos, &specs, config, safety_config, events)
+    fault_table::play(&servos, &specs, config, clock, safety_config, events)
 }
 
 #[test]
@@ -78,7 +93,7 @@ fn every_fault_ends_safely_and_is_told() {
             ("to a damaged request", WireFault::CorruptInstruction),
         ] {
             let share = if kind == Kind::Fast { 0.01 } else { 0.002 };
-            let outcome = dance(kind, |sim| sim.set_wire_fault(Some((fault, share))));
+            let outcome = on_the_wire(kind, fault, share);
             let what = format!("{kind:?}, {:.1} % of replies {name}", share * 100.0);
             row(&mut table, &what, &outcome);
             assert!(outcome.error.is_none(), "{what}: {outcome:?}");
@@ -88,7 +103,7 @@ fn every_fault_ends_safely_and_is_told() {
             ("doubled", WireFault::Duplicate),
             ("after an echo", WireFault::Echo),
         ] {
-            let outcome = dance(kind, |sim| sim.set_wire_fault(Some((fault, 1.0))));
+            let outcome = on_the_wire(kind, fault, 1.0);
             let what = format!("{kind:?}, every reply {name}");
             row(&mut table, &what, &outcome);
             // The pieces of a fast reply, doubled one by one, are not a packet.
@@ -108,7 +123,7 @@ fn every_fault_ends_safely_and_is_told() {
                 "(present state, tried 4 times)",
             ),
         ] {
-            let outcome = dance(kind, |sim| sim.set_wire_fault(Some((fault, 1.0))));
+            let outcome = on_the_wire(kind, fault, 1.0);
             let what = format!("{kind:?}, every reply {name}");
             row(&mut table, &what, &outcome);
             let error = outcome.error.expect(&what);

@@ -4,9 +4,12 @@
 mod common;
 
 use common::*;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use servodance_drivers::{SafeBus, SafetyConfig};
 use servodance_sim::{SimBus, SimOptions};
 use servodance_types::{Clock, JointState, WallClock};
+use std::fs::File;
+use std::os::fd::AsFd;
 
 #[test]
 fn a_short_dance_in_real_time_ends_with_torque_off() {
@@ -50,9 +53,18 @@ fn dropping_a_running_bus_ends_its_thread() {
     let servos = robot(2);
     for _ in 0..20 {
         let sim = SimBus::start(&specs(&servos), SimOptions::realtime(BAUD, HZ)).unwrap();
-        let path = sim.port_path().to_owned();
-        assert!(std::path::Path::new(&path).exists());
+        let port = File::open(sim.port_path()).unwrap();
+        assert!(!hung_up(&port));
         drop(sim);
-        assert!(!std::path::Path::new(&path).exists());
+        assert!(hung_up(&port));
     }
+}
+
+/// Whether the other end of a pseudo-terminal is gone. Its name would not tell:
+/// whoever asks for a terminal next gets the same one.
+fn hung_up(port: &File) -> bool {
+    let mut watched = [PollFd::new(port.as_fd(), PollFlags::POLLIN)];
+    poll(&mut watched, PollTimeout::ZERO).unwrap();
+    let seen = watched[0].revents().unwrap();
+    seen.contains(PollFlags::POLLHUP)
 }

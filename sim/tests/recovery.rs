@@ -34,7 +34,7 @@ fn rig(kind: BusKind, change: impl FnOnce(&mut SafetyConfig)) -> Rig {
     };
     let sim = SimBus::start(&specs(&servos), options).unwrap();
     let config = BusConfig {
-        reply_timeout_ms: 50.0,
+        reply_clock: sim.reply_clock(),
         accept_no_watchdog: true,
         ..BusConfig::of_kind(kind, baud)
     };

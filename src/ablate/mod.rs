@@ -33,6 +33,8 @@ pub struct Request {
     pub data: PathBuf,
     /// The same with Encodec latents; without it that variant is left out.
     pub latents: Option<PathBuf>,
+    /// The Encodec that these are of, if it is not in the user's data folder.
+    pub encodec: Option<PathBuf>,
     /// The folder to write to.
     pub out: PathBuf,
     /// Names of the variants beside the whole model; all if empty.
@@ -50,7 +52,7 @@ pub struct Request {
 /// A mean and half the width of its 95 % interval.
 type Figure = (f64, f64);
 
-/// What a variant reached. What was not measured is left out.
+/// What a variant reached.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The variant.
@@ -63,7 +65,7 @@ pub struct Row {
     /// How much worse that gets with another clip's music: does it listen?
     pub nll_for_music: f64,
     /// Scores of its dances.
-    pub scores: Option<RowScores>,
+    pub scores: RowScores,
 }
 
 /// Figures of [`Evaluation`]: mean and 95 % interval.
@@ -167,10 +169,7 @@ fn one(
         .with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let config = folder.join("train.toml");
     write_whole(&config, settings.as_bytes())?;
-    let data = match &request.latents {
-        Some(latents) if variant.latents => latents,
-        _ => &request.data,
-    };
+    let data = data(request, variant);
     let codes_of = match variant.own_codes {
         true => folder.to_owned(),
         false => request.out.join(VARIANTS[0].name),
@@ -204,11 +203,7 @@ fn one(
         }
     }
     let (nll, wrong) = best_line(&folder.join("motionseq/curves.csv"))?;
-    let scores = match variant.latents {
-        // The reference holds one kind of features.
-        true => None,
-        false => Some(scored(request, variant, folder)?),
-    };
+    let scores = scored(request, variant, folder)?;
     Ok(Some(Row {
         name: variant.name.into(),
         what: variant.what.into(),
@@ -218,11 +213,20 @@ fn one(
     }))
 }
 
+/// What a variant learns from and is scored on.
+fn data<'a>(request: &'a Request, variant: &Variant) -> &'a PathBuf {
+    let latents = request.latents.as_ref().filter(|_| variant.latents);
+    latents.unwrap_or(&request.data)
+}
+
 fn scored(request: &Request, variant: &Variant, folder: &Path) -> anyhow::Result<RowScores> {
     let progress = Progress::share("evaluating", request.quiet);
     let found = evaluate(
         &evaluate::Request {
-            data: Some(request.data.clone()),
+            data: Some(data(request, variant).clone()),
+            encodec: request.encodec.clone().filter(|_| variant.latents),
+            texts: None,
+            extractors: None,
             model: Some(folder.join("motionseq/weights.safetensors")),
             style: variant.style.map(str::to_owned),
             repeats: request.repeats,

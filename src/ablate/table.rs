@@ -38,10 +38,8 @@ impl Table {
         for row in &self.rows {
             text += &format!("{},{},{}", row.name, row.nll, row.nll_for_music);
             for (_, figure) in COLUMNS {
-                match row.scores.as_ref().map(figure) {
-                    Some((mean, ci95)) => text += &format!(",{mean},{ci95}"),
-                    None => text += ",,",
-                }
+                let (mean, ci95) = figure(&row.scores);
+                text += &format!(",{mean},{ci95}");
             }
             text.push('\n');
         }
@@ -56,10 +54,8 @@ impl Table {
             .to_owned();
         for row in &self.rows {
             let cell = |figure: fn(&RowScores) -> Figure, digits: usize| {
-                row.scores.as_ref().map_or(String::new(), |scores| {
-                    let (mean, ci95) = figure(scores);
-                    format!("{mean:.digits$} ± {ci95:.digits$}")
-                })
+                let (mean, ci95) = figure(&row.scores);
+                format!("{mean:.digits$} ± {ci95:.digits$}")
             };
             // Writing to a String cannot fail.
             let _ = writeln!(
@@ -91,7 +87,7 @@ impl Table {
                 .iter()
                 .map(|row| Dot {
                     name: row.name.clone(),
-                    figure: row.scores.as_ref().map(figure),
+                    figure: Some(figure(&row.scores)),
                 })
                 .collect(),
         };
@@ -115,19 +111,35 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_not_measured_stays_empty() {
+    fn every_row_has_as_many_fields_as_the_header() {
+        let [a, b] = [(0.5, 0.25), (2.0, 1.0)];
         let row = Row {
             name: "encodec".into(),
             what: "other ears".into(),
             nll: 12.5,
             nll_for_music: 0.25,
-            scores: None,
+            scores: RowScores {
+                mpjpe_mm: a,
+                codes_used: a,
+                fact: a,
+                f1: b,
+                f1_silence: a,
+                fid_k: a,
+                fid_g: a,
+                dist_k: a,
+                dist_g: a,
+                jerk: a,
+            },
         };
         let table = Table { rows: vec![row] };
         let csv = table.csv();
         let fields: Vec<usize> = csv.lines().map(|l| l.split(',').count()).collect();
         assert_eq!(fields, [3 + 2 * COLUMNS.len(); 2], "{csv}");
-        assert!(table.text().contains("| 12.50 | +0.25 |  |"));
+        let text = table.text();
+        assert!(
+            text.contains("| 12.50 | +0.25 | 0.500 ± 0.250 | 2.000 ± 1.000 |"),
+            "{text}"
+        );
         assert_eq!(table.picture().png().unwrap()[1..4], *b"PNG");
     }
 }

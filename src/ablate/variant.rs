@@ -30,7 +30,7 @@ const WHOLE: Variant = Variant {
 };
 
 /// All of them; the first is the whole model, whose codes the others use.
-pub const VARIANTS: [Variant; 7] = [
+pub const VARIANTS: [Variant; 8] = [
     WHOLE,
     Variant {
         name: "sinusoidal",
@@ -55,8 +55,16 @@ pub const VARIANTS: [Variant; 7] = [
         ..WHOLE
     },
     Variant {
+        name: "librosa35",
+        what: "35 features without the tracked beat",
+        changes: || vec![("model", "music", "librosa35".into())],
+        own_codes: false,
+        ..WHOLE
+    },
+    Variant {
         name: "encodec",
-        what: "128 Encodec latents in place of 35 features",
+        what: "128 Encodec latents in place of features and beat",
+        changes: || vec![("model", "music", "encodec128".into())],
         own_codes: false,
         latents: true,
         ..WHOLE
@@ -76,7 +84,7 @@ pub const VARIANTS: [Variant; 7] = [
         name: "one-codebook",
         what: "one code of 1024 for the whole body",
         changes: || {
-            let parts: toml_edit::Array = ["body"].into_iter().collect();
+            let parts: toml_edit::Array = ["whole"].into_iter().collect();
             vec![
                 ("model", "parts", parts.into()),
                 ("model", "codes", 1024.into()),
@@ -111,6 +119,7 @@ impl Variant {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servodance_model::conditioning::MusicKind;
     use servodance_model::train::{SettingsFile, StageKind};
 
     #[test]
@@ -124,7 +133,9 @@ mod tests {
         let first = resolved(&VARIANTS[0]);
         for variant in &VARIANTS[1..] {
             let other = resolved(variant);
-            assert_eq!(other == first, variant.latents, "{}", variant.name);
+            assert_ne!(other, first, "{}", variant.name);
+            let hears = other[1].model.music == MusicKind::Encodec128;
+            assert_eq!(hears, variant.latents, "{}", variant.name);
             let same_codes = other[0].model.parts == first[0].model.parts
                 && other[0].codebook == first[0].codebook;
             assert_eq!(same_codes, !variant.own_codes, "{}", variant.name);

@@ -7,10 +7,11 @@
 
 use crate::realtime::Awake;
 use crate::robot::Robot;
+use crate::sim_link::{LinkChoice, sim_link};
 use anyhow::Context;
 use serde::Serialize;
 use servodance_drivers::{BusConfig, BusLayout, Servo, check_rate};
-use servodance_sim::bench_bus;
+use servodance_sim::{BusBench, bench_bus};
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -27,6 +28,8 @@ const RUN_S: f64 = 3.0;
 pub struct Figures {
     /// The robot.
     pub robot: String,
+    /// What is between driver and simulated servos; the wire's own time comes on top.
+    pub link: LinkChoice,
     /// Cycles a second of the slowest bus, as fast as it goes: the median over
     /// windows of 50 cycles.
     pub hz: f64,
@@ -74,7 +77,7 @@ pub struct BusFigures {
 ///
 /// # Errors
 /// A rate that the servos cannot be set to, or a bus that fails.
-pub fn run(robot: &Robot, baud: Option<u32>) -> anyhow::Result<Figures> {
+pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result<Figures> {
     let awake = Awake::keep();
     let layouts: Vec<BusLayout> = robot
         .buses
@@ -83,19 +86,20 @@ pub fn run(robot: &Robot, baud: Option<u32>) -> anyhow::Result<Figures> {
         .collect::<Result<_, _>>()?;
     let mut buses = Vec::with_capacity(layouts.len());
     for layout in &layouts {
-        buses.push(flat_out(layout)?);
+        buses.push(flat_out(layout, link)?);
     }
     let slowest = buses.iter().min_by(|a, b| a.hz.total_cmp(&b.hz));
     let slowest = slowest.context("the robot has no bus")?;
-    let (own, _) = jitter_us(&layouts, robot.control_hz)?;
+    let (own, _) = jitter_us(&layouts, robot.control_hz, link)?;
     let (mut paces, mut servos) = (BTreeMap::new(), BTreeMap::new());
     for hz in PACES_HZ {
-        let (jitter_us, count) = jitter_us(&layouts, f64::from(hz))?;
+        let (jitter_us, count) = jitter_us(&layouts, f64::from(hz), link)?;
         paces.insert(hz, jitter_us);
         servos.insert(hz, count);
     }
     Ok(Figures {
         robot: robot.name.clone(),
+        link,
         hz: slowest.hz,
         wire_limit_hz: slowest.wire_limit_hz,
         cpu_us_per_cycle: buses.iter().map(|bus| bus.cpu_us_per_cycle).sum(),
@@ -125,10 +129,10 @@ fn at_baud(bus: &BusLayout, baud: Option<u32>) -> anyhow::Result<BusLayout> {
     })
 }
 
-fn flat_out(layout: &BusLayout) -> anyhow::Result<BusFigures> {
+fn flat_out(layout: &BusLayout, link: LinkChoice) -> anyhow::Result<BusFigures> {
     let limit_hz = wire_limit_hz(layout)?;
     let cycles = (limit_hz * RUN_S).ceil() as usize;
-    let bench = bench_bus(&layout.servos, &layout.config, None, cycles, 0.0)?;
+    let bench = bench(&layout.servos, layout, None, cycles, link)?;
     Ok(BusFigures {
         name: layout.config.name.clone(),
         servos: layout.servos.len(),
@@ -141,13 +145,36 @@ fn flat_out(layout: &BusLayout) -> anyhow::Result<BusFigures> {
     })
 }
 
+/// A run behind this link; the wire alone, no USB adapter's delay.
+fn bench(
+    servos: &[Servo],
+    layout: &BusLayout,
+    control_hz: Option<f64>,
+    cycles: usize,
+    link: LinkChoice,
+) -> anyhow::Result<BusBench> {
+    let link = sim_link(&layout.config, Some(link), 0)?;
+    Ok(bench_bus(
+        servos,
+        &layout.config,
+        control_hz,
+        cycles,
+        0.0,
+        link,
+    )?)
+}
+
 fn wire_limit_hz(layout: &BusLayout) -> anyhow::Result<f64> {
     Ok(check_rate(&layout.config, &layout.servos, 1.0)?.fast_hz)
 }
 
 /// The worst bus's jitter at a rate, each with as many of its servos as its wire
 /// carries then, and how many those are; `None` if a wire carries not even one.
-fn jitter_us(layouts: &[BusLayout], hz: f64) -> anyhow::Result<(Option<f64>, usize)> {
+fn jitter_us(
+    layouts: &[BusLayout],
+    hz: f64,
+    link: LinkChoice,
+) -> anyhow::Result<(Option<f64>, usize)> {
     let (mut worst_us, mut servos) = (0.0f64, 0);
     for layout in layouts {
         let carried = carried(layout, hz);
@@ -156,7 +183,7 @@ fn jitter_us(layouts: &[BusLayout], hz: f64) -> anyhow::Result<(Option<f64>, usi
         }
         servos += carried.len();
         let cycles = (hz * RUN_S).ceil() as usize;
-        let bench = bench_bus(carried, &layout.config, Some(hz), cycles, 0.0)?;
+        let bench = bench(carried, layout, Some(hz), cycles, link)?;
         worst_us = worst_us.max(bench.jitter_us_p99);
     }
     Ok((Some(worst_us), servos))

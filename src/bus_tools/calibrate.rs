@@ -82,7 +82,7 @@ impl Calibration<'_> {
             Some(built_in) => bail!(
                 "{} is built in and cannot be changed: copy {} and the URDF beside it, and calibrate the copy",
                 self.robot,
-                built_in.file
+                built_in.place().display()
             ),
         };
         let target = self.output.map_or(source.clone(), Path::to_owned);

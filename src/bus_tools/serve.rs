@@ -3,7 +3,8 @@
 use crate::robot::Robot;
 use crate::sim_link::{LinkChoice, sim_link};
 use servodance_sim::{
-    Happening, SimBus, SimOptions, SimServoSpec, Violations, WireStats, happen, parse_script,
+    Happening, SimBus, SimLink, SimOptions, SimServoSpec, Violations, WireStats, happen,
+    parse_script,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -44,9 +45,12 @@ pub fn serve(
             true => specs.map(SimServoSpec::with_stated_backlash).collect(),
             false => specs.collect(),
         };
+        let link = sim_link(&bus.config, serving.link, place)?;
+        // A socket in a file can be opened by anybody.
+        let has_path = pluggable || link == SimLink::Unix;
         let options = SimOptions {
-            link: sim_link(&bus.config, serving.link, place)?,
-            path: pluggable.then(|| {
+            link,
+            path: has_path.then(|| {
                 let name = format!("servodance-{}-{place}", std::process::id());
                 std::env::temp_dir().join(name)
             }),

@@ -13,6 +13,9 @@ Examples:
       the whole model, then without ALiBi, style, alignment, codebook tricks, body parts
   servodance ablate --config train.toml --data data.safetensors --out ablation --only no-style
       one comparison; what is there already is not trained again
+  servodance ablate --config train.toml --data data.safetensors --latents data.safetensors \
+    --encodec encodec_24khz/model.safetensors --out ablation
+      with Encodec, on data built with --music-features encodec128
 
 train.toml is the settings file of `servodance train` (docs/training.md): its
 steps are the budget of each variant. In OUT: a folder a variant, ablation.csv,
@@ -32,6 +35,10 @@ pub struct Args {
     /// hears Encodec latents.
     #[arg(long, value_name = "FILE.safetensors")]
     pub latents: Option<PathBuf>,
+    /// The Encodec that these latents are of, if it is not in
+    /// servodance/encodec_24khz in the user's data folder.
+    #[arg(long, value_name = "FILE.safetensors", requires = "latents")]
+    pub encodec: Option<PathBuf>,
     /// The folder to write to; a run that was stopped there goes on.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
@@ -59,6 +66,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         config: args.config,
         data: args.data,
         latents: args.latents,
+        encodec: args.encodec,
         out: args.out,
         only: args.only,
         repeats: args.repeats,

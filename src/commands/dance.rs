@@ -1,11 +1,9 @@
 //! `servodance dance`.
 
-use super::engine::EngineArgs;
-use super::robot_choice::RobotChoice;
+use super::dancing::{InventionArgs, RigArgs};
 use super::{INTERRUPTED, stop_signal};
-use crate::conditioning::Conditioning;
 use crate::console::{say, tell};
-use crate::dance::{DanceConfig, Evening, IdleStyle, Outcome, Speed, dance};
+use crate::dance::{DanceConfig, Evening, Outcome, Speed, dance};
 use crate::show::{Server, TerminalView};
 use crate::summary::summary;
 use servodance_audio::source::PcmEncoding;
@@ -51,19 +49,9 @@ pub struct Args {
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
     pub mic: Option<Option<String>>,
 
-    /// Which robot.
+    /// Which robot, and where it is.
     #[command(flatten)]
-    pub robot: RobotChoice,
-
-    /// Where commands go: `sim`, or `serial:/dev/ttyUSB0`; for a robot with
-    /// several buses once for each, `left=serial:/dev/ttyUSB0`.
-    #[arg(
-        long,
-        env = "SERVODANCE_BUS",
-        default_value = "sim",
-        value_name = "[NAME=]BUS"
-    )]
-    pub bus: Vec<String>,
+    pub rig: RigArgs,
 
     /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
     #[arg(long, value_enum)]
@@ -78,28 +66,9 @@ pub struct Args {
     #[arg(long)]
     pub no_compensation: bool,
 
-    /// What to do while there is no music; `sway` if the robot file does not say.
-    #[arg(long, value_enum)]
-    pub idle: Option<IdleStyle>,
-
-    /// The same seed and the same input give the same dance.
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-
-    /// Dance style; an unknown one lists those that the model knows.
-    #[arg(long, value_name = "NAME")]
-    pub style: Option<String>,
-
-    /// Weights to use in place of the built-in ones.
-    #[arg(long, env = "SERVODANCE_MODEL", value_name = "FILE.safetensors")]
-    pub model: Option<PathBuf>,
-
-    /// What weights may need beside them, and a style in words.
+    /// What is danced.
     #[command(flatten)]
-    pub conditioning: Conditioning,
-    /// How the model's steps are computed.
-    #[command(flatten)]
-    pub engine: EngineArgs,
+    pub invention: InventionArgs,
 
     /// Write figures of the run as JSON (see docs/report.md).
     #[arg(long, value_name = "FILE.json")]
@@ -138,11 +107,6 @@ pub struct Args {
     /// Channels of raw PCM on standard input, interleaved.
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub pcm_channels: u16,
-
-    /// Emergency stop: torque goes off when this file exists and does not begin
-    /// with 0. So do Enter on the terminal and the signal SIGUSR1.
-    #[arg(long, value_name = "PATH")]
-    pub estop_file: Option<PathBuf>,
 
     /// Serve a page to watch and to steer the dance with; its address is the
     /// first line on standard output (see docs/show.md). Built with --features view.

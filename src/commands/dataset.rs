@@ -30,8 +30,16 @@ Examples:
   servodance dataset build data.safetensors --motion data --music-features encodec128 --encodec encodec_24khz/model.safetensors
       with what Encodec hears beside it (see docs/conditioning.md)";
 
+const EXAMPLES: &str = "\
+Examples:
+  servodance dataset import bvh lafan1 --dance --out data
+  servodance dataset report data --sheet sheet.png
+  servodance dataset build data.safetensors --motion data
+      motion comes in, is looked over, becomes what `servodance train` reads";
+
 /// Data to train with.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     /// What to do.
     #[command(subcommand)]

@@ -6,7 +6,7 @@ use servodance_model::net::{Dtype, EngineOptions};
 /// How the model's steps are computed.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct EngineArgs {
-    /// Number format of the weights in memory: f32, f16, q8_0 or q4_0; the
+    /// Number format of the weights in memory: f32, f16, q8_0, q6 or q4_0; the
     /// file's own if left out.
     #[arg(long, value_name = "FORMAT")]
     pub dtype: Option<Dtype>,

@@ -16,7 +16,9 @@ Examples:
   servodance evaluate --data data.safetensors --minutes 20 --guidance 2
       with a dance of 20 minutes, the music counting more
   servodance evaluate --model mine.safetensors --style salsa --repeats 5
-      weights of your own, quickly";
+      weights of your own, quickly
+  servodance evaluate --texts HumanML3D --extractors t2m
+      R-Precision and MM-Dist as well, with files of your own (docs/metrics.md)";
 
 /// What `evaluate` is asked for.
 #[derive(Debug, clap::Args)]
@@ -28,6 +30,18 @@ pub struct Args {
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
+    /// Encodec's model.safetensors, for weights that hear encodec128, if it is
+    /// not in servodance/encodec_24khz in the user's data folder.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub encodec: Option<PathBuf>,
+    /// HumanML3D's folder (new_joint_vecs, texts, test.txt): how well its motions
+    /// are told by their texts, before and after the codes (docs/metrics.md).
+    #[arg(long, value_name = "DIR")]
+    pub texts: Option<PathBuf>,
+    /// The folder with the T2M extractors for --texts (model.safetensors,
+    /// words.json), if it is not servodance/t2m in the user's data folder.
+    #[arg(long, value_name = "DIR", requires = "texts")]
+    pub extractors: Option<PathBuf>,
     /// One style for all clips, in place of the style of each; an unknown one
     /// lists those that the model knows.
     #[arg(long, value_name = "NAME")]
@@ -65,6 +79,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         &Request {
             data: args.data,
             model: args.model,
+            encodec: args.encodec,
+            texts: args.texts,
+            extractors: args.extractors,
             style: args.style,
             repeats: args.repeats,
             clips: args.clips,

@@ -1,5 +1,6 @@
 //! `servodance export`.
 
+use crate::console::say;
 use crate::export::{Part, bvh, csv, gif};
 use crate::record::Recording;
 use std::path::PathBuf;
@@ -16,7 +17,7 @@ Examples:
 /// What `export` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-#[group(required = true, multiple = true, id = "outputs", args = ["gif", "bvh", "csv"])]
+#[command(group = clap::ArgGroup::new("outputs").required(true).multiple(true).args(["gif", "bvh", "csv"]))]
 pub struct Args {
     /// A recording made by `dance --record`.
     #[arg(value_name = "FILE.mcap")]
@@ -43,7 +44,7 @@ pub struct Args {
     pub csv: Option<PathBuf>,
 }
 
-/// Reads the recording and writes what is asked for.
+/// Reads the recording, writes what is asked for, and says where.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let recording = Recording::read_all(&args.recording)?;
     if let Some(path) = &args.csv {
@@ -55,6 +56,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.gif {
         let (from_s, seconds) = (args.from, args.seconds);
         gif(&recording, Part { from_s, seconds }, path)?;
+    }
+    for path in [args.csv, args.bvh, args.gif].into_iter().flatten() {
+        say!("{}", path.display());
     }
     Ok(ExitCode::SUCCESS)
 }

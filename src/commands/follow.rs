@@ -1,8 +1,7 @@
 //! `servodance follow`.
 
-use super::robot_choice::RobotChoice;
+use super::dancing::RigArgs;
 use super::stage_place::{RoleChoice, StagePlace};
-use crate::dance::IdleStyle;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -21,19 +20,9 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Which robot.
+    /// Which robot, and where it is.
     #[command(flatten)]
-    pub robot: RobotChoice,
-
-    /// Where commands go: `sim`, or `serial:/dev/ttyUSB0`; for a robot with
-    /// several buses once for each, `left=serial:/dev/ttyUSB0`.
-    #[arg(
-        long,
-        env = "SERVODANCE_BUS",
-        default_value = "sim",
-        value_name = "[NAME=]BUS"
-    )]
-    pub bus: Vec<String>,
+    pub rig: RigArgs,
 
     /// Which stage.
     #[command(flatten)]
@@ -47,10 +36,6 @@ pub struct Args {
     #[command(flatten)]
     pub role: RoleChoice,
 
-    /// What to do while nobody leads; `sway` if the robot file does not say.
-    #[arg(long, value_enum)]
-    pub idle: Option<IdleStyle>,
-
     /// Stand at rest after so many seconds alone.
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
     pub rest_after: f64,
@@ -63,11 +48,6 @@ pub struct Args {
     /// The domain of ROS 2.
     #[arg(long, env = "ROS_DOMAIN_ID", default_value_t = 0, value_name = "ID")]
     pub ros_domain: u32,
-
-    /// Emergency stop: torque goes off when this file exists and does not begin
-    /// with 0. So do Enter on the terminal and the signal SIGUSR1.
-    #[arg(long, value_name = "PATH")]
-    pub estop_file: Option<PathBuf>,
 
     /// Write figures of the run as JSON (see docs/stage.md).
     #[arg(long, value_name = "FILE.json")]
@@ -115,15 +95,15 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if !(0.0..=1e6).contains(&args.rest_after) {
         anyhow::bail!("--rest-after {} is outside 0 to 1000000", args.rest_after);
     }
-    let robot = args.robot.load()?;
+    let robot = args.rig.robot.load()?;
     let name = args.name.unwrap_or_else(|| robot.name.clone());
     if !servodance_stage::keys::is_plain(&name) {
         anyhow::bail!("--name \"{name}\" cannot be a name: letters, digits, `_`, `-` and `.` can");
     }
     let options = crate::stage::StageFollow {
         config: FollowConfig {
-            buses: choose_buses(&robot, &args.bus)?,
-            idle: args.idle.unwrap_or(robot.idle),
+            buses: choose_buses(&robot, &args.rig.bus)?,
+            idle: args.rig.idle.unwrap_or(robot.idle),
             robot,
             witness: args.witness,
         },
@@ -134,7 +114,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         rest_after_s: args.rest_after,
         ros_domain: args.ros2.then_some(args.ros_domain),
         skew: (args.clock_offset, args.clock_drift_ppm * 1e-6),
-        estop_file: args.estop_file,
+        estop_file: args.rig.estop_file,
         report: args.report,
         quiet: args.quiet,
     };

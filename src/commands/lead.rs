@@ -1,8 +1,7 @@
 //! `servodance lead`.
 
-use super::engine::EngineArgs;
+use super::dancing::InventionArgs;
 use super::stage_place::StagePlace;
-use crate::conditioning::Conditioning;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -41,25 +40,9 @@ pub struct Args {
     #[arg(long)]
     pub take_over: bool,
 
-    /// The same seed and the same input give the same dance.
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-
-    /// Dance style; an unknown one lists those that the model knows.
-    #[arg(long, value_name = "NAME")]
-    pub style: Option<String>,
-
-    /// Weights to use in place of the built-in ones.
-    #[arg(long, env = "SERVODANCE_MODEL", value_name = "FILE.safetensors")]
-    pub model: Option<PathBuf>,
-
-    /// What weights may need beside them, and a style in words.
+    /// What is danced.
     #[command(flatten)]
-    pub conditioning: Conditioning,
-
-    /// How the model's steps are computed.
-    #[command(flatten)]
-    pub engine: EngineArgs,
+    pub invention: InventionArgs,
 
     /// Write figures of the run as JSON.
     #[arg(long, value_name = "FILE.json")]
@@ -89,11 +72,11 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             (None, Some(path)) => AudioChoice::File(path),
             (None, None) => AudioChoice::BuiltIn,
         },
-        seed: args.seed,
-        style: args.style,
-        model: args.model,
-        conditioning: args.conditioning,
-        engine: args.engine.options(),
+        seed: args.invention.seed,
+        style: args.invention.style,
+        model: args.invention.model,
+        conditioning: args.invention.conditioning,
+        engine: args.invention.engine.options(),
         place: args.place.place(true, args.listen),
         stage: args.place.stage,
         take_over: args.take_over,

@@ -12,6 +12,7 @@ pub mod calibrate;
 pub mod completions;
 pub mod cue;
 pub mod dance;
+pub mod dancing;
 pub mod dataset;
 pub mod devices;
 pub mod doctor;
@@ -49,10 +50,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Exit code after Ctrl-C or SIGTERM.
 pub const INTERRUPTED: u8 = 130;
 
+const EXAMPLES: &str = "\
+Examples:
+  servodance dance
+      the built-in song on the built-in humanoid, simulated; draws dance.png
+  servodance dance song.ogg --tui
+      your song; watch and steer it in the terminal
+  servodance robot new my.urdf --out my.toml
+      a robot file for your robot, which dances in simulation at once
+  servodance doctor --robot my.toml
+      what on this machine stands in the way
+  servodance dance --help
+      each command's help has more";
+
 /// A robot hears music and dances to it.
 #[derive(Debug, Parser)]
 #[command(
     name = "servodance",
+    after_help = EXAMPLES,
     version,
     propagate_version = true,
     max_term_width = 100

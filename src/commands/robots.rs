@@ -4,8 +4,16 @@ use crate::console::say;
 use crate::robot::{BUILT_IN, Robot};
 use std::process::ExitCode;
 
+const EXAMPLES: &str = "\
+Examples:
+  servodance robots
+      whom `--robot` knows by name, and the files to copy for a robot of your own
+  servodance robot new my.urdf --out my.toml
+      or a file for any description";
+
 /// `robots` asks for nothing.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {}
 
 /// Prints the built-in robots.
@@ -19,9 +27,9 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
             robot.servos.len(),
             robot.control_hz,
             "",
-            built_in.file
+            built_in.place().display()
         );
     }
-    say!("\nYour own: copy one of these files, then --robot my-robot.toml");
+    say!("\nYour own: copy one of these files and the URDF beside it, then --robot my-robot.toml");
     Ok(ExitCode::SUCCESS)
 }

@@ -27,8 +27,9 @@ pub struct Args {
     /// Which robot.
     #[command(flatten)]
     pub robot: RobotChoice,
-    /// What other programs open: a serial port (pty), a serial CAN adapter
-    /// (slcan) or multicast (udp); pty or slcan if left out, as the robot's bus needs.
+    /// What other programs open: a serial port (pty), a serial CAN adapter (slcan), a
+    /// socket in place of either (unix) or multicast (udp); pty or slcan if left out,
+    /// as the robot's bus needs.
     #[arg(long, value_enum)]
     pub link: Option<LinkChoice>,
     /// Give the gears the play that their vendor states (15 arc minutes for XM430, XM540

@@ -45,7 +45,7 @@ pub enum What {
         /// The file to read.
         #[arg(value_name = "FILE.safetensors")]
         file: PathBuf,
-        /// f32, f16, q8_0 or q4_0.
+        /// f32, f16, q8_0, q6 or q4_0.
         #[arg(long, value_name = "FORMAT")]
         dtype: Dtype,
         /// The file to write.

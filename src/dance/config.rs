@@ -95,8 +95,8 @@ pub struct DanceConfig {
 impl DanceConfig {
     /// Checks the arguments and loads the robot.
     pub fn from_args(args: Args) -> anyhow::Result<Self> {
-        let robot = args.robot.load()?;
-        let buses = ports::choose(&robot, &args.bus)?;
+        let robot = args.rig.robot.load()?;
+        let buses = ports::choose(&robot, &args.rig.bus)?;
         let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
         let hears = args.mic.is_some();
         let speed = match (args.speed, all_simulated) {
@@ -115,17 +115,17 @@ impl DanceConfig {
         };
         Ok(Self {
             audio: audio_choice(&args)?,
-            idle: args.idle.unwrap_or(robot.idle),
+            idle: args.rig.idle.unwrap_or(robot.idle),
             robot,
             buses,
             speed,
             as_live: args.as_live,
             compensation: !args.no_compensation,
-            seed: args.seed,
-            style: args.style,
-            model: args.model,
-            conditioning: args.conditioning,
-            engine: args.engine.options(),
+            seed: args.invention.seed,
+            style: args.invention.style,
+            model: args.invention.model,
+            conditioning: args.invention.conditioning,
+            engine: args.invention.engine.options(),
             report: args.report,
             record: args.record,
             picture: (!args.no_picture).then_some(args.picture),
@@ -133,7 +133,7 @@ impl DanceConfig {
             view: args.view.then_some(args.view_bind),
             tui: args.tui,
             wait_for_start: args.wait_for_start,
-            estop_file: args.estop_file,
+            estop_file: args.rig.estop_file,
             quiet: args.quiet,
         })
     }

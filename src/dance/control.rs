@@ -486,7 +486,10 @@ impl<'a> Control<'a> {
             self.latency.arrived(step);
         }
         self.frames += 1;
-        self.retargeter.push(&step.motion);
+        match &step.posture {
+            Some(posture) => self.retargeter.push_led(&step.motion, posture),
+            None => self.retargeter.push(&step.motion),
+        }
         if let Some(steering) = &mut self.steering {
             steering.push(&step.music, &step.motion);
         }
@@ -522,7 +525,7 @@ impl<'a> Control<'a> {
                 if let Some(show) = show {
                     show.see(shown);
                 }
-                shown
+                Some((shown?, 1.0 - idle.share()))
             };
             retargeter.next_altered(motion_s, alter, targets)
         });

@@ -137,6 +137,7 @@ mod tests {
                 positions: [[0.0; 3]; JOINT_COUNT],
                 contacts: Default::default(),
             },
+            posture: None,
             chorus: Default::default(),
             features_ms: 0.0,
             model_ms: 0.0,

@@ -16,7 +16,7 @@ use servodance_audio::capture::{CaptureStats, Notice};
 use servodance_audio::source::SHORTEST_S;
 use servodance_model::Dance;
 use servodance_model::conditioning::{Encodec, HeardFrame};
-use servodance_types::{MotionFrame, MusicFrame};
+use servodance_types::{MotionFrame, MusicFrame, Posture};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TryRecvError, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Instant;
@@ -37,6 +37,8 @@ pub struct Step {
     pub music: MusicFrame,
     /// What it invented.
     pub motion: MotionFrame,
+    /// The dancer's usual posture, if it came along.
+    pub posture: Option<Posture>,
     /// What it invented beside it in other styles, with the number of each.
     pub chorus: [Option<(u8, MotionFrame)>; CHORUS],
     /// How long the features took, milliseconds.
@@ -154,6 +156,7 @@ impl Dancer {
                 return Ok(Some(Step {
                     music,
                     motion,
+                    posture: None,
                     chorus,
                     features_ms,
                     model_ms,

@@ -1,6 +1,6 @@
 //! The robot's body as the control loop sees it: a bus with its safety layer,
-//! and behind it real servos or simulated ones on a pseudo-terminal. Only the
-//! port's path differs; the driver does not know which.
+//! and behind it real servos or simulated ones behind a socket. Only the port's
+//! path differs; the driver does not know which.
 
 use super::config::Speed;
 use super::ports::BusChoice;
@@ -10,7 +10,9 @@ use anyhow::Context;
 use servodance_drivers::{
     Bus, BusLayout, BusStats, EStop, Health, SafeBus, State, Transition, open_buses,
 };
-use servodance_sim::{Cue, Happening, SimBus, SimOptions, SimServoSpec, Violations, happen};
+use servodance_sim::{
+    Cue, Happening, SimBus, SimLink, SimOptions, SimServoSpec, Violations, happen,
+};
 use servodance_types::JointState;
 use std::iter::Peekable;
 use std::path::PathBuf;
@@ -331,6 +333,8 @@ fn simulated(
         Speed::Realtime => SimOptions::realtime(layout.config.baud, control_hz),
     };
     let options = SimOptions {
+        // Nothing of the kernel's own between the two that comes late.
+        link: SimLink::Unix,
         seed: trial.seed,
         path: trial.path(),
         ..options

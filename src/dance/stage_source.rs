@@ -112,9 +112,14 @@ impl StageSource {
     /// The next frame, if there is one.
     pub(super) fn poll(&mut self) -> Next {
         match self.frames.pop() {
-            Ok(Released { motion, music }) => Next::Step(Box::new(Step {
+            Ok(Released {
+                motion,
+                music,
+                posture,
+            }) => Next::Step(Box::new(Step {
                 music,
                 motion,
+                posture: Some(posture),
                 chorus: [None; CHORUS],
                 features_ms: 0.0,
                 model_ms: 0.0,
@@ -217,6 +222,7 @@ mod tests {
                 contacts: Default::default(),
             },
             music: Default::default(),
+            posture: Default::default(),
         };
         assert!((0..WAITING).all(|i| end.hand_over(frame(i as f64))));
         assert!(!end.has_room() && !end.hand_over(frame(0.0)));

@@ -7,7 +7,7 @@ use servodance_model::metrics::mean_joint_speed;
 use servodance_model::metrics::quality::{foot_skate_ratio, jerk};
 use servodance_model::motion::{Clip, Pose};
 use servodance_model::{Generator, GeneratorOptions};
-use servodance_types::{FRAME_RATE_HZ, MusicFrame};
+use servodance_types::FRAME_RATE_HZ;
 
 /// Frames of a minute.
 const MINUTE: usize = (60.0 * FRAME_RATE_HZ) as usize;
@@ -24,8 +24,9 @@ pub fn long_dance(
     let mut dance = generator.start(options)?;
     let mut poses: Vec<Pose> = Vec::with_capacity(minutes * MINUTE);
     for (frame, heard) in music.take(minutes * MINUTE).enumerate() {
-        let time_s = frame as f64 / FRAME_RATE_HZ;
-        poses.push(dance.step(&MusicFrame { time_s, ..*heard })?.positions);
+        let mut heard = *heard;
+        heard.frame.time_s = frame as f64 / FRAME_RATE_HZ;
+        poses.push(dance.step_heard(&heard)?.positions);
     }
     let speed = mean_joint_speed(&poses, FRAME_RATE_HZ);
     let by_minute: Vec<f64> = speed.chunks(MINUTE).map(mean).collect();

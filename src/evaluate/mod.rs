@@ -9,22 +9,25 @@ mod figures;
 mod long;
 mod reference;
 mod report;
+mod texts;
 
 pub use report::{Estimate, Evaluation, LongDance};
+pub use texts::{Retrieved, TextFigures};
 
+use crate::conditioning::Conditioning;
 use crate::dance::open_generator;
 use crate::generate::open_codec;
 use figures::{Features, Scores};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use reference::{HeldOut, Reference};
-use servodance_model::conditioning::MusicKind;
+use reference::{HeldOut, Reference, Silence};
+use servodance_model::conditioning::HeardFrame;
 use servodance_model::metrics::{distance_of_dances_m, mpjpe_m};
 use servodance_model::motion::{Clip, Pose};
 use servodance_model::net::EngineOptions;
 use servodance_model::{Codec, Generator, GeneratorOptions, ModelError};
-use servodance_types::{FRAME_RATE_HZ, MusicFrame};
+use servodance_types::FRAME_RATE_HZ;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -35,10 +38,18 @@ pub struct Request {
     pub data: Option<PathBuf>,
     /// Weights, if not the built-in ones.
     pub model: Option<PathBuf>,
+    /// Encodec's weights, for a model that hears through it, if they are not in
+    /// the user's data folder.
+    pub encodec: Option<PathBuf>,
     /// One style for all; that of each clip if left out.
     pub style: Option<String>,
     /// How often everything is danced anew.
     pub repeats: usize,
+    /// HumanML3D's folder, to score motions against their texts as well.
+    pub texts: Option<PathBuf>,
+    /// The folder with the T2M extractors for that, if it is not in the user's
+    /// data folder.
+    pub extractors: Option<PathBuf>,
     /// Clips of music danced to in each repeat.
     pub clips: usize,
     /// Seconds danced to each.
@@ -73,15 +84,32 @@ pub fn evaluate(request: &Request, on_progress: impl Fn(f64) + Sync) -> anyhow::
         anyhow::bail!("--minutes {} is outside 0..1000", request.minutes);
     }
     let generator = open_generator(request.model.as_deref(), request.engine)?;
-    if generator.music_kind() == MusicKind::Encodec128 {
-        anyhow::bail!("--model: evaluate feeds servodance39, the weights hear encodec128");
-    }
+    let conditioning = Conditioning {
+        encodec: request.encodec.clone(),
+        ..Conditioning::default()
+    };
+    let encodec = conditioning.encodec(&generator)?;
     generator.start(options(request, 0))?; // an unknown style is told at once
-    let Reference { held, real } = Reference::open(request)?;
-    let codes = codes(&open_codec(request.model.as_deref())?, &real, &generator)?;
+    let Reference { held, real } =
+        Reference::open(request, generator.music_kind(), encodec.as_ref())?;
+    let frames = (request.seconds * FRAME_RATE_HZ) as usize;
+    let silence = Silence::new(encodec.as_ref(), frames)?;
+    let codec = open_codec(request.model.as_deref())?;
+    // What a user brings is looked at before minutes of work.
+    let text = match &request.texts {
+        Some(folder) => Some(texts::score(request, folder, &codec, &on_progress)?),
+        None => None,
+    };
+    let codes = codes(&codec, &real, &generator)?;
     let real_windows = Features::of(real.iter().map(Vec::as_slice));
     let repeats = in_parallel(request.repeats, &on_progress, |repeat| {
-        one_repeat(request, &generator, &held, &real_windows, repeat)
+        one_repeat(
+            request,
+            &generator,
+            (&held, &silence),
+            &real_windows,
+            repeat,
+        )
     })?;
     let long = match request.minutes {
         0 => None,
@@ -95,6 +123,7 @@ pub fn evaluate(request: &Request, on_progress: impl Fn(f64) + Sync) -> anyhow::
     let mut found =
         report::Evaluation::new(request, &codes, &repeats, real.len(), real_windows.len());
     found.long = long;
+    found.text = text;
     Ok(found)
 }
 
@@ -155,7 +184,7 @@ struct Repeat {
 fn one_repeat(
     request: &Request,
     generator: &Generator,
-    held: &[HeldOut],
+    (held, silence): (&[HeldOut], &Silence),
     real_windows: &Features,
     repeat: usize,
 ) -> anyhow::Result<Repeat> {
@@ -174,7 +203,6 @@ fn one_repeat(
         if options.style.is_none() && generator.styles().contains(&held[clip].style) {
             options.style = Some(held[clip].style.clone());
         }
-        let silence: Vec<MusicFrame> = music.iter().map(reference::silent).collect();
         let motion = dance(generator, options.clone(), music)?;
         if i == 0 {
             let mut other_seed = options.clone();
@@ -182,7 +210,7 @@ fn one_repeat(
             let other = dance(generator, other_seed, music)?;
             seeds_gap_m = distance_of_dances_m(&motion, &other).unwrap_or(0.0);
         }
-        let deaf = dance(generator, options, &silence)?;
+        let deaf = dance(generator, options, &silence.in_place_of(music))?;
         let beats_s = &held[clip].beats_s;
         controls[0].push(figures::f1(&motion, &other.beats_s));
         controls[1].push(figures::f1(&motion, &reference::between(beats_s)));
@@ -215,12 +243,12 @@ fn one_repeat(
 fn dance(
     generator: &Generator,
     options: GeneratorOptions,
-    music: &[MusicFrame],
+    music: &[HeardFrame],
 ) -> Result<Vec<Pose>, ModelError> {
     let mut dance = generator.start(options)?;
     music
         .iter()
-        .map(|frame| Ok(dance.step(frame)?.positions))
+        .map(|frame| Ok(dance.step_heard(frame)?.positions))
         .collect()
 }
 

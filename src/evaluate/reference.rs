@@ -2,7 +2,9 @@
 
 use super::Request;
 use crate::dataset;
+use crate::hearing;
 use anyhow::bail;
+use servodance_model::conditioning::{ENCODEC_RATE_HZ, Encodec, HeardFrame, Latent, MusicKind};
 use servodance_model::motion::corpus::{self, CorpusClip};
 use servodance_model::motion::index::{STYLES, Split};
 use servodance_model::motion::{Pose, decode};
@@ -20,7 +22,7 @@ pub struct HeldOut {
     /// What a dancer did.
     pub poses: Vec<Pose>,
     /// What the generator hears.
-    pub music: Vec<MusicFrame>,
+    pub music: Vec<HeardFrame>,
     /// Where the tracker found beats, seconds.
     pub beats_s: Vec<f64>,
 }
@@ -34,11 +36,16 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// The test clips of the training file, or fresh choreography.
-    pub fn open(request: &Request) -> anyhow::Result<Self> {
+    /// The test clips of the training file, or fresh choreography, with music
+    /// as this kind of features.
+    pub fn open(
+        request: &Request,
+        kind: MusicKind,
+        encodec: Option<&Encodec>,
+    ) -> anyhow::Result<Self> {
         let mut clips = match &request.data {
             Some(path) => corpus::read(path)?,
-            None => choreography(request)?,
+            None => choreography(request, encodec)?,
         };
         let fresh = request.data.is_none();
         clips.retain(|clip| clip.dance && (fresh || clip.split == Split::Test));
@@ -47,6 +54,13 @@ impl Reference {
             .iter()
             .filter_map(|clip| excerpt(clip, frames))
             .collect();
+        let deaf = |clip: &HeldOut| clip.music.iter().any(|heard| heard.latent.is_none());
+        if kind == MusicKind::Encodec128 && held.iter().any(deaf) {
+            bail!(
+                "--data: the weights hear encodec128, the file has no such latents: build it with \
+                 `servodance dataset build --music-features encodec128`"
+            );
+        }
         if held.len() < 2 {
             bail!(
                 "the reference has {} held-out clips of dance with music of {} s, at least 2 are needed",
@@ -60,7 +74,7 @@ impl Reference {
     }
 }
 
-fn choreography(request: &Request) -> anyhow::Result<Vec<CorpusClip>> {
+fn choreography(request: &Request, encodec: Option<&Encodec>) -> anyhow::Result<Vec<CorpusClip>> {
     let file = tempfile::NamedTempFile::new()?;
     let options = dataset::Options {
         motion: None,
@@ -68,7 +82,7 @@ fn choreography(request: &Request) -> anyhow::Result<Vec<CorpusClip>> {
         songs_per_clip: 1,
         choreography_minutes: request.clips as f64,
         seed: FRESH_SEED,
-        encodec: None,
+        encodec: encodec.cloned(),
     };
     dataset::build(&options, &|_| {})?;
     Ok(corpus::read(file.path())?)
@@ -78,10 +92,12 @@ fn choreography(request: &Request) -> anyhow::Result<Vec<CorpusClip>> {
 fn excerpt(clip: &CorpusClip, frames: usize) -> Option<HeldOut> {
     let from = clip.motion.len().checked_sub(frames)? / 2;
     let rows = from..from + frames;
-    let music: Vec<MusicFrame> = clip.music.as_ref()?[rows.clone()]
-        .iter()
-        .enumerate()
-        .map(|(i, vector)| MusicFrame::from_vector(vector, i as f64 / FRAME_RATE_HZ))
+    let heard = clip.music.as_ref()?[rows.clone()].iter().enumerate();
+    let music: Vec<HeardFrame> = heard
+        .map(|(i, vector)| HeardFrame {
+            frame: MusicFrame::from_vector(vector, i as f64 / FRAME_RATE_HZ),
+            latent: clip.latents.as_ref().map(|latents| latents[rows.start + i]),
+        })
         .collect();
     let beats_s = beats_s(&music);
     (beats_s.len() >= 4).then(|| HeldOut {
@@ -93,12 +109,12 @@ fn excerpt(clip: &CorpusClip, frames: usize) -> Option<HeldOut> {
 }
 
 /// The moments at which the tracked phase passes zero, seconds.
-fn beats_s(music: &[MusicFrame]) -> Vec<f64> {
-    let sure = |pair: &&[MusicFrame]| pair.iter().all(|frame| frame.beat.confidence > SURE);
+fn beats_s(music: &[HeardFrame]) -> Vec<f64> {
+    let sure = |pair: &&[HeardFrame]| pair.iter().all(|heard| heard.frame.beat.confidence > SURE);
     let passes = music.windows(2).filter(sure).filter_map(|pair| {
-        let [a, b] = [0, 1].map(|k| f64::from(pair[k].beat.phase));
+        let [a, b] = [0, 1].map(|k| f64::from(pair[k].frame.beat.phase));
         (a > 0.5 && b < 0.5)
-            .then(|| pair[0].time_s + (1.0 - a) / (1.0 - a + b).max(1e-6) / FRAME_RATE_HZ)
+            .then(|| pair[0].frame.time_s + (1.0 - a) / (1.0 - a + b).max(1e-6) / FRAME_RATE_HZ)
     });
     passes.collect()
 }
@@ -108,16 +124,37 @@ pub fn between(beats_s: &[f64]) -> Vec<f64> {
     beats_s.windows(2).map(|b| (b[0] + b[1]) / 2.0).collect()
 }
 
-/// The same moment without a sound: the features of digital silence (the first
-/// cepstral coefficient is the level, at its lowest).
-pub fn silent(frame: &MusicFrame) -> MusicFrame {
-    let mut spectral = [0.0; SPECTRAL_DIM];
-    spectral[1] = -2.0;
-    MusicFrame {
-        time_s: frame.time_s,
-        spectral,
-        beat: Beat::default(),
-        presence: 0.0,
+/// What is heard where nothing sounds.
+pub struct Silence {
+    /// What Encodec hears of it, from its beginning.
+    latents: Option<Vec<Latent>>,
+}
+
+impl Silence {
+    /// So many frames of it.
+    pub fn new(encodec: Option<&Encodec>, frames: usize) -> anyhow::Result<Self> {
+        let nothing = vec![0.0; frames * (f64::from(ENCODEC_RATE_HZ) / FRAME_RATE_HZ) as usize];
+        let heard = encodec.map(|encodec| hearing::latents(encodec, &nothing, ENCODEC_RATE_HZ));
+        Ok(Self {
+            latents: heard.transpose()?,
+        })
+    }
+
+    /// The same moments without a sound: the features of digital silence (the
+    /// first cepstral coefficient is the level, at its lowest).
+    pub fn in_place_of(&self, music: &[HeardFrame]) -> Vec<HeardFrame> {
+        let mut spectral = [0.0; SPECTRAL_DIM];
+        spectral[1] = -2.0;
+        let silent = |(i, heard): (usize, &HeardFrame)| HeardFrame {
+            frame: MusicFrame {
+                time_s: heard.frame.time_s,
+                spectral,
+                beat: Beat::default(),
+                presence: 0.0,
+            },
+            latent: self.latents.as_ref().map(|latents| latents[i]),
+        };
+        music.iter().enumerate().map(silent).collect()
     }
 }
 
@@ -127,7 +164,7 @@ mod tests {
 
     #[test]
     fn beats_are_where_the_phase_passes_zero() {
-        let music: Vec<MusicFrame> = (0..60)
+        let music: Vec<HeardFrame> = (0..60)
             .map(|i| {
                 let time_s = f64::from(i) / FRAME_RATE_HZ;
                 MusicFrame {
@@ -141,6 +178,7 @@ mod tests {
                     ..MusicFrame::default()
                 }
             })
+            .map(HeardFrame::from)
             .collect();
         let found = beats_s(&music);
         assert_eq!(found.len(), 4, "{found:?}");

@@ -1,6 +1,7 @@
 //! What an evaluation found: JSON for scripts, a table for people.
 
 use super::figures::{Distances, Scores, mean};
+use super::texts::TextFigures;
 use super::{Codes, Repeat, Request};
 use serde::Serialize;
 use std::fmt::Write;
@@ -15,7 +16,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    fn of(values: &[f64]) -> Self {
+    pub(super) fn of(values: &[f64]) -> Self {
         let mean = mean(values);
         let n = values.len() as f64;
         let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
@@ -139,6 +140,8 @@ pub struct Evaluation {
     pub seeds_gap_m: Estimate,
     /// One long dance, if asked for.
     pub long: Option<LongDance>,
+    /// Motions and what texts say of them, if asked for.
+    pub text: Option<TextFigures>,
 }
 
 impl Evaluation {
@@ -211,6 +214,7 @@ impl Evaluation {
             figure_gap_m: generated(&|s| s.figure_gap_m),
             seeds_gap_m: over(&|r| r.seeds_gap_m),
             long: None,
+            text: None,
         }
     }
 
@@ -295,11 +299,15 @@ impl Evaluation {
                 long.awakenings
             );
         }
+        if let Some(figures) = &self.text {
+            text.push('\n');
+            text.push_str(&figures.table());
+        }
         text
     }
 }
 
-fn cell(estimate: Estimate) -> String {
+pub(super) fn cell(estimate: Estimate) -> String {
     format!("{:.3} +- {:.3}", estimate.mean, estimate.ci95)
 }
 

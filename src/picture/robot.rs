@@ -14,8 +14,9 @@ pub fn standing_height_m(
     positions_rad: &[f64],
 ) -> f64 {
     let standing = robot_figure(model, world_from_root, positions_rad);
-    let heights = standing.limbs.iter().flat_map(|l| [l.from[2], l.to[2]]);
-    let highest = heights.fold(f64::NEG_INFINITY, f64::max);
+    let tops = standing.limbs.iter();
+    let tops = tops.map(|limb| limb.from[2].max(limb.to[2]) + limb.radius_m);
+    let highest = tops.fold(f64::NEG_INFINITY, f64::max);
     (highest - standing.floor_m).max(0.1) * 1.1
 }
 
@@ -51,8 +52,9 @@ pub fn robot_figure(
             side: Side::of(&model.link_names()[to]),
         }));
     }
-    let heights = limbs.iter().flat_map(|l: &Limb| [l.from[2], l.to[2]]);
-    let floor_m = heights.fold(f64::INFINITY, f64::min);
+    let feet = limbs.iter();
+    let feet = feet.map(|limb: &Limb| limb.from[2].min(limb.to[2]) - limb.radius_m);
+    let floor_m = feet.fold(f64::INFINITY, f64::min);
     let root = world_from_root.translation;
     Figure {
         limbs,

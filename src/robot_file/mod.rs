@@ -4,6 +4,8 @@
 //! before one can be used: set beside the file, blamed, completed by an editor.
 
 mod check;
+mod copies;
+mod homes;
 mod new;
 mod origin;
 mod overrides;
@@ -12,6 +14,7 @@ mod servos;
 mod text;
 
 pub use check::{Checked, check};
+pub(crate) use homes::{Homes, Stray};
 pub use new::{NewRobot, new_robot};
 pub(crate) use origin::Origin;
 pub use overrides::Overrides;

@@ -4,6 +4,8 @@
 //! it was written down is said with its figures. The file loads and dances in
 //! simulation as it is; the servos are placeholders to fill in.
 
+use super::copies::Copies;
+use super::homes::Homes;
 use super::servos::{ServoDraft, servo_drafts};
 use super::text;
 use crate::follow::{Followed, follow};
@@ -56,14 +58,6 @@ pub fn new_robot(description: &Path, out: &Path, force: bool) -> anyhow::Result<
     let source = std::fs::read_to_string(description)
         .with_context(|| format!("cannot read {}", description.display()))?;
     let findings = lint(&source);
-    let converted = out.with_extension("urdf");
-    let from_mjcf = is_mjcf(&source);
-    if from_mjcf && converted.exists() && !force {
-        bail!(
-            "{} is there already; --force overwrites it",
-            converted.display()
-        );
-    }
     if let Some(refused) = findings.iter().find(|f| f.severity == Severity::Refused) {
         bail!(
             "{}: {} `{}`: {} (all findings: servodance robot check)",
@@ -73,10 +67,14 @@ pub fn new_robot(description: &Path, out: &Path, force: bool) -> anyhow::Result<
             refused.message
         );
     }
-    let source = match from_mjcf {
-        true => urdf_from_mjcf(&source)?.0,
-        false => source,
-    };
+    let (urdf, source, copies) = beside(description, source, out)?;
+    let there = copies.iter().flat_map(Copies::places).find(|p| p.exists());
+    if let Some(there) = there.filter(|_| !force) {
+        bail!(
+            "{} is there already; --force overwrites it",
+            there.display()
+        );
+    }
     let mut draft = draft(&source)?;
     let (servos, left_out) = servo_drafts(&draft.joints);
     if servos.is_empty() {
@@ -89,10 +87,7 @@ pub fn new_robot(description: &Path, out: &Path, force: bool) -> anyhow::Result<
     let mut plan = Plan {
         name: stem(out),
         source: source.as_str(),
-        urdf: match from_mjcf {
-            true => relative(&converted, out),
-            false => relative(description, out),
-        },
+        urdf,
         draft: &mut draft,
         servos,
         left_out,
@@ -102,16 +97,35 @@ pub fn new_robot(description: &Path, out: &Path, force: bool) -> anyhow::Result<
         tried: Vec::new(),
     };
     plan.settle()?;
-    let mut files = vec![out.to_owned()];
-    if from_mjcf {
-        write_whole(&converted, source.as_bytes())?;
-        files.push(converted);
+    let (mut files, mut lines) = (vec![out.to_owned()], Vec::new());
+    if let Some(copies) = copies {
+        copies.write()?;
+        files.extend(copies.places());
+        lines.extend(copies.lines());
     }
     write_whole(out, plan.text().as_bytes())?;
-    Ok(NewRobot {
-        files,
-        lines: plan.summary(out),
-    })
+    lines.extend(plan.summary(out));
+    Ok(NewRobot { files, lines })
+}
+
+/// What the robot file calls the description, its text, and what must be copied
+/// so that all lies in the robot file's folder.
+fn beside(
+    description: &Path,
+    source: String,
+    out: &Path,
+) -> anyhow::Result<(String, String, Option<Copies>)> {
+    let folder = out.parent().unwrap_or(Path::new(""));
+    let copies = if is_mjcf(&source) {
+        Copies::of_text(&urdf_from_mjcf(&source)?.0, out)
+    } else if let Some(relative) = Homes::of_file(folder).relative(description) {
+        return Ok((relative, source, None));
+    } else {
+        Copies::of(description, &source, out)?
+    };
+    let name = out.with_extension("urdf");
+    let name = name.file_name().unwrap_or_default().to_string_lossy();
+    Ok((name.into_owned(), copies.text.clone(), Some(copies)))
 }
 
 /// Everything that goes into the file.
@@ -285,35 +299,4 @@ fn stem(out: &Path) -> String {
     } else {
         plain
     }
-}
-
-/// The description's path as the robot file says it: relative to its folder.
-fn relative(description: &Path, out: &Path) -> String {
-    let absolute = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let folder = match out.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    if description.parent() == out.parent() {
-        return description
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
-    }
-    let (to, from) = (absolute(description), absolute(folder));
-    let common = to
-        .components()
-        .zip(from.components())
-        .take_while(|(a, b)| a == b)
-        .count();
-    if common <= 1 {
-        return to.display().to_string();
-    }
-    let mut path = PathBuf::new();
-    for _ in from.components().skip(common) {
-        path.push("..");
-    }
-    path.extend(to.components().skip(common));
-    path.display().to_string()
 }

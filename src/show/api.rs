@@ -18,6 +18,7 @@ use super::scene::Scene;
 use super::socket;
 use axum::Router;
 use axum::body::Bytes;
+use axum::extract::rejection::StringRejection;
 use axum::extract::ws::Utf8Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -185,7 +186,11 @@ async fn state(State(shared): State<Arc<Shared>>) -> Response {
     as_json(frame(&shared.scene, end.newest(), estop))
 }
 
-async fn command(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: String) -> Response {
+async fn command(
+    State(shared): State<Arc<Shared>>,
+    headers: HeaderMap,
+    body: Result<String, StringRejection>,
+) -> Response {
     let kind = headers.get(header::CONTENT_TYPE);
     let kind = kind.and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     // Forms of foreign pages cannot have this type without being asked first.
@@ -193,7 +198,8 @@ async fn command(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: St
         let expected = "expected Content-Type: application/json";
         return refused((StatusCode::UNSUPPORTED_MEDIA_TYPE, expected.into()));
     }
-    match shared.ask(&body) {
+    let body = body.map_err(|unread| (unread.status(), unread.body_text()));
+    match body.and_then(|body| shared.ask(&body)) {
         Ok(()) => (StatusCode::ACCEPTED, as_json("{}".into())).into_response(),
         Err(refusal) => refused(refusal),
     }

@@ -1,22 +1,20 @@
 //! The meshes of a robot, for the page to draw.
 //!
 //! A mesh is named by the robot's description, which may come from anywhere:
-//! only files inside the robot's own folders are read, wherever `..` and links
-//! lead. What cannot be drawn is left out with a reason; the link is then
-//! drawn as if it had no mesh.
+//! only the robot's own files are read ([`Homes`]). What cannot be drawn is left
+//! out with a reason; the link is then drawn as if it had no mesh.
 
 use super::stl::{Corner, LONGEST, read};
 use crate::robot::Robot;
+use crate::robot_file::Homes;
 use servodance_retarget::{MeshVisual, RobotModel};
 use std::collections::HashMap;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// All meshes of a robot together, bytes of what browsers get.
 const MOST_BYTES: usize = 96 << 20;
-/// How far above a description its package may begin.
-const PACKAGE_DEPTH: usize = 4;
 /// Reasons that are given; more are counted.
 const REASONS: usize = 3;
 
@@ -50,13 +48,13 @@ impl Meshes {
         let Some(folder) = &robot.folder else {
             return meshes;
         };
-        let homes = Homes::of(folder, &robot.urdf);
+        let homes = Homes::of_robot(folder, &robot.urdf);
         let mut known: HashMap<&str, Option<usize>> = HashMap::new();
         let mut reasons = Vec::new();
         for visual in model.meshes() {
             let name = visual.filename.as_str();
             let part = *known.entry(name).or_insert_with(|| {
-                let triangles = homes.find(name).and_then(|path| open(&path));
+                let triangles = homes.mesh(name).and_then(|path| open(&path));
                 match triangles.and_then(|triangles| meshes.add(&triangles)) {
                     Ok(part) => Some(part),
                     Err(why) => {
@@ -100,60 +98,11 @@ impl Meshes {
     }
 }
 
-/// The folders whose files are the robot's.
-struct Homes {
-    /// Of the description.
-    beside: PathBuf,
-    /// All, the robot file's first.
-    all: Vec<PathBuf>,
-}
-
-impl Homes {
-    /// The robot file's, the description's, and that of the ROS package which
-    /// the description is in, if it says that it is one (`package.xml`).
-    fn of(folder: &Path, urdf: &Path) -> Self {
-        let urdf = folder.join(urdf);
-        let beside = urdf.parent().unwrap_or(folder).to_owned();
-        let folders = [folder.join("."), beside.join(".")];
-        let mut all: Vec<PathBuf> = folders.iter().filter_map(real).collect();
-        let above = all.last().into_iter().flat_map(|beside| beside.ancestors());
-        let mut above = above.take(PACKAGE_DEPTH);
-        let package = above.find(|folder| folder.join("package.xml").is_file());
-        all.extend(package.map(Path::to_owned));
-        Self { beside, all }
-    }
-
-    /// Where the mesh of this name is.
-    fn find(&self, name: &str) -> Result<PathBuf, String> {
-        let candidates: Vec<PathBuf> = if let Some(path) = name.strip_prefix("package://") {
-            // A package is called as its folder, or as something else.
-            let inner = path.split_once('/').map_or("", |(_, rest)| rest);
-            let places = [path, inner].into_iter();
-            let from = |place| self.all.iter().map(move |home| home.join(place));
-            places.flat_map(from).collect()
-        } else if let Some(path) = name.strip_prefix("file://") {
-            vec![path.into()]
-        } else if name.contains("://") {
-            return Err("it is not a file of the robot".into());
-        } else {
-            vec![self.beside.join(name)]
-        };
-        let found: Vec<PathBuf> = candidates.iter().filter_map(real).collect();
-        let is_ours = |path: &&PathBuf| self.all.iter().any(|home| path.starts_with(home));
-        match found.iter().find(is_ours) {
-            Some(path) => Ok(path.clone()),
-            None if found.is_empty() => Err("there is no such file".into()),
-            None => Err("it lies outside the robot's folder".into()),
-        }
-    }
-}
-
-/// Where a path leads, through `..` and links; nowhere if nothing is there.
-fn real(path: &PathBuf) -> Option<PathBuf> {
-    std::fs::canonicalize(path).ok()
-}
-
-fn open(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
+/// The triangles of a mesh that can be drawn.
+///
+/// # Errors
+/// Why it cannot, in a few words.
+pub(crate) fn open(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
     let is_stl = path
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("stl"));
@@ -162,9 +111,6 @@ fn open(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
     }
     let unreadable = |error: std::io::Error| format!("it cannot be read: {error}");
     let file = std::fs::File::open(path).map_err(unreadable)?;
-    if !file.metadata().map_err(unreadable)?.is_file() {
-        return Err("it is no file".into());
-    }
     let mut bytes = Vec::new();
     file.take(LONGEST + 1)
         .read_to_end(&mut bytes)

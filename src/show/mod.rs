@@ -36,6 +36,7 @@ mod terminal;
 pub use frame::frame;
 pub use link::{RobotEnd, ViewerEnd, link};
 pub use meshes::Meshes;
+pub(crate) use meshes::open as open_mesh;
 pub use player::Player;
 pub use request::{Action, Request, Settings};
 pub use scene::{Scene, pose_array};

@@ -7,7 +7,7 @@
 //! snapshots; it can neither wait for the loop nor be waited for.
 
 use super::ros::Ros;
-use super::{cpu_s, keys, open, shared_s};
+use super::{cpu_s, keys, open_twin, shared_s};
 use crate::dance::{
     EStopWatch, FollowConfig, Followed, IdleStyle, LeaderNow, LocalClock, StageEnd,
     follow as dance, stage_line,
@@ -19,7 +19,7 @@ use crate::show::{Request, Settings, ViewerEnd, link};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use servodance_stage::keys::Keys;
-use servodance_stage::net::{Ear, Net, Place, Voice};
+use servodance_stage::net::{Ear, Place, Twin, TwinVoice};
 use servodance_stage::wire::{Role, WireError};
 use servodance_stage::{Counters, Follower};
 use std::path::PathBuf;
@@ -104,41 +104,12 @@ pub struct FollowReport {
 
 /// Messages that were dropped, by cause.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-#[allow(missing_docs)] // see `Counters`
 pub struct Dropped {
-    pub malformed: u64,
-    pub huge: u64,
-    pub other_version: u64,
-    pub replayed: u64,
-    pub rivals: u64,
-    pub unasked: u64,
-    pub misplaced: u64,
+    /// By the follower, and why.
+    #[serde(flatten)]
+    pub counted: Counters,
     /// There was no room for them.
     pub flooded: u64,
-}
-
-impl Dropped {
-    fn of(counted: Counters, flooded: u64) -> Self {
-        let Counters {
-            malformed,
-            huge,
-            other_version,
-            replayed,
-            rivals,
-            unasked,
-            misplaced,
-        } = counted;
-        Self {
-            malformed,
-            huge,
-            other_version,
-            replayed,
-            rivals,
-            unasked,
-            misplaced,
-            flooded,
-        }
-    }
 }
 
 /// Follows until `stop` is set.
@@ -171,11 +142,11 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     // For the network's threads too: they stamp what comes. The control loop
     // says whether it is allowed.
     let _ = raise(Urgency::Capture);
-    let net = open(&options.place)?;
+    let net = open_twin(&options.place)?;
     let joints = robot.servos.iter().map(|s| s.name.clone()).collect();
     let ros = options
         .ros_domain
-        .map(|domain| Ros::start(&net, domain, &options.stage, &options.name, joints))
+        .map(|domain| Ros::start(net.first(), domain, &options.stage, &options.name, joints))
         .transpose()?;
     let (sender, inbox) = sync_channel(WAITING);
     let flooded = Arc::new(AtomicU64::new(0));
@@ -236,7 +207,10 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         mirror: seat.settings.mirror,
         amplitude: seat.settings.amplitude,
         style: role.style,
-        dropped: Dropped::of(figures.dropped, flooded.load(Ordering::Relaxed)),
+        dropped: Dropped {
+            counted: figures.dropped,
+            flooded: flooded.load(Ordering::Relaxed),
+        },
     };
     if let Some(path) = &options.report {
         let text = serde_json::to_string_pretty(&report)? + "\n";
@@ -255,7 +229,7 @@ enum News {
 
 /// Everything a follower hears; it lasts as long as what comes back.
 fn listen(
-    net: &Net,
+    net: &Twin,
     keys: &Keys,
     id: u64,
     clock: LocalClock,
@@ -265,7 +239,7 @@ fn listen(
     let mut ears = Vec::new();
     for key in [keys.frames(None), keys.roles(), keys.tell(id)] {
         let (inbox, flooded) = (inbox.clone(), Arc::clone(flooded));
-        ears.push(net.hear(&key, move |bytes| {
+        ears.extend(net.hear(&key, move |bytes| {
             let news = News::Heard(clock.now_ns(), bytes.to_vec());
             if inbox.try_send(news).is_err() {
                 flooded.fetch_add(1, Ordering::Relaxed);
@@ -273,7 +247,7 @@ fn listen(
         })?);
     }
     let (inbox, own) = (inbox.clone(), keys.clone());
-    ears.push(net.watch(&keys.leaders(), move |key, lives| {
+    ears.extend(net.watch(&keys.leaders(), move |key, lives| {
         if let (Some((instance, _)), false) = (own.read_leader(key), lives) {
             let _ = inbox.try_send(News::Gone(instance));
         }
@@ -288,7 +262,7 @@ struct Seat {
     end: StageEnd,
     viewers: ViewerEnd,
     inbox: Receiver<News>,
-    ask: Voice,
+    ask: TwinVoice,
     ros: Option<Ros>,
     /// What is danced without a role, and what the control loop was told last.
     usual: Settings,

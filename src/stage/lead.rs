@@ -22,10 +22,11 @@ use serde::{Deserialize, Serialize};
 use servodance_audio::capture::Notice;
 use servodance_model::GeneratorOptions;
 use servodance_model::net::EngineOptions;
+use servodance_retarget::PostureReader;
 use servodance_stage::keys::Keys;
 use servodance_stage::net::{Ear, Net, Place, Voice};
 use servodance_stage::wire::StageFrame;
-use servodance_stage::{Leader, Outgoing};
+use servodance_stage::{Leader, Outgoing, once};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -141,6 +142,7 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
     let frames = (0..=CHORUS as u8).map(|voice| net.voice(&keys.frames(Some(voice))));
     let mut desk = Desk {
         frames: frames.collect::<Result<_, _>>()?,
+        postures: Default::default(),
         roles: net.voice(&keys.roles())?,
         net,
         keys,
@@ -215,10 +217,12 @@ fn listen(
     let mut ears = Vec::new();
     for key in [keys.ask(None), keys.cue()] {
         let inbox = inbox.clone();
-        ears.push(net.hear(&key, move |bytes| {
+        // Followers say everything by two connections.
+        let each = once(move |bytes| {
             // What there is no room for is a flood.
             let _ = inbox.try_send(News::Heard(clock.now_ns(), bytes.to_vec()));
-        })?);
+        });
+        ears.push(net.hear(&key, each)?);
     }
     let (inbox, own) = (inbox.clone(), keys.clone());
     ears.push(net.watch(&keys.leaders(), move |key, lives| {
@@ -282,6 +286,8 @@ struct Desk {
     inbox: Receiver<News>,
     /// One a voice.
     frames: Vec<Voice>,
+    /// What is usual in the dance of each voice.
+    postures: [PostureReader; 1 + CHORUS],
     roles: Voice,
     styles: Vec<String>,
     /// The stage's own style.
@@ -366,7 +372,8 @@ impl Desk {
                     None => continue, // not wanted any more
                 },
             };
-            let frame = StageFrame::new(at_ns, &step.music, &motion);
+            let posture = self.postures[place].read(&motion);
+            let frame = StageFrame::new(at_ns, &step.music, &motion, posture);
             let message = self.leader.frames(now_ns, voice, style, frame);
             self.frames[place].say(message)?;
         }
@@ -383,8 +390,11 @@ impl Desk {
                 let clock = self.clock;
                 // What is wrong with a message was counted.
                 match self.leader.hear(at_ns, &bytes, || clock.now_ns()) {
-                    Ok(Outgoing::Tell(follower, answer)) => {
-                        self.net.say(&self.keys.tell(follower), answer)?;
+                    Ok(Outgoing::Tell(follower, messages)) => {
+                        let key = self.keys.tell(follower);
+                        for message in messages {
+                            self.net.say(&key, message)?;
+                        }
                     }
                     Ok(Outgoing::Roles(roles)) => self.roles.say(roles)?,
                     Ok(Outgoing::Nothing) | Err(_) => {}
@@ -431,6 +441,7 @@ impl Desk {
             let free = self.chorus.iter().position(Option::is_none);
             if let (false, Some(place)) = (known, free) {
                 self.chorus[place] = Some(style);
+                self.postures[place + 1] = PostureReader::default();
                 let number = place as u8 + 1;
                 self.dancer.change(Change::Voice(number, style));
             }

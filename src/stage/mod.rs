@@ -24,7 +24,7 @@ pub use shared::{cpu_s, shared_s};
 
 use anyhow::Context;
 use servodance_stage::keys::Keys;
-use servodance_stage::net::{Net, Place, exposure};
+use servodance_stage::net::{Net, Place, Twin, exposure};
 
 /// The keys of a stage.
 fn keys(stage: &str) -> anyhow::Result<Keys> {
@@ -36,8 +36,19 @@ fn keys(stage: &str) -> anyhow::Result<Keys> {
 /// Opens the network, and says loudly who else can reach it.
 fn open(place: &Place) -> anyhow::Result<Net> {
     let config = place.config()?;
-    if let Some(warning) = exposure(&config) {
+    warn(exposure(&config));
+    Ok(Net::open(config)?)
+}
+
+/// The same by two connections.
+fn open_twin(place: &Place) -> anyhow::Result<Twin> {
+    let config = place.config()?;
+    warn(exposure(&config));
+    Ok(Twin::open(config)?)
+}
+
+fn warn(exposure: Option<String>) {
+    if let Some(warning) = exposure {
         crate::console::tell!("{warning}");
     }
-    Ok(Net::open(config)?)
 }

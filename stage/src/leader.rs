@@ -9,7 +9,8 @@
 //! Nanoseconds of the leader's clock.
 
 use crate::wire::{
-    Answer, Frames, MOST_ROLES, Message, Question, Report, Role, Roles, StageFrame, WireError,
+    Answer, Frames, MOST_FRAMES, MOST_ROLES, Message, Question, Report, Role, Roles, StageFrame,
+    WireError,
 };
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
@@ -17,11 +18,16 @@ use std::collections::{BTreeMap, VecDeque};
 
 /// Frames in a message: the newest, and those that a lost message had.
 const REDUNDANT: usize = 3;
+/// Frames that are kept for who comes late: all that may not be over yet, of the
+/// longest lead and a second.
+const KEPT: usize = 80;
+/// What was to be shown before this is not sent any more, seconds.
+const OVER_S: f64 = 0.5;
 /// The shortest and the longest lead, seconds.
 const LEAST_S: f64 = 0.6;
 const MOST_S: f64 = 3.0;
 /// By how much it becomes shorter in a second.
-const SHORTER_PER_S: f64 = 0.01;
+const SHORTER_PER_S: f64 = 0.03;
 /// A follower that was not heard for so long is gone, seconds.
 const GONE_S: f64 = 5.0;
 /// Followers that are kept track of.
@@ -32,8 +38,8 @@ const CUES: usize = 1024;
 /// What came of a message that a leader got.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outgoing {
-    /// An answer to a follower.
-    Tell(u64, Vec<u8>),
+    /// Messages to a follower: an answer, then what it lacks.
+    Tell(u64, Vec<Vec<u8>>),
     /// The roles changed: to everybody.
     Roles(Vec<u8>),
     /// Nothing to send.
@@ -76,7 +82,9 @@ pub struct Leader {
 /// The last frames of one style.
 #[derive(Debug, Default)]
 struct Voice {
+    /// Of the next frame.
     number: u64,
+    style: String,
     recent: VecDeque<StageFrame>,
 }
 
@@ -111,22 +119,53 @@ impl Leader {
     pub fn frames(&mut self, now_ns: i64, voice: u8, style: &str, frame: StageFrame) -> Vec<u8> {
         let lead_ms = (self.lead_s * 1e3) as u16;
         let place = self.voices.entry(voice).or_default();
-        if place.recent.len() == REDUNDANT {
+        if place.recent.len() == KEPT {
             place.recent.pop_front();
         }
         place.recent.push_back(frame);
+        if place.style != style {
+            style.clone_into(&mut place.style);
+        }
+        place.number += 1;
+        let from = place.recent.len().saturating_sub(REDUNDANT);
         let message = Frames {
             instance: self.instance,
             term: self.term,
-            number: place.number,
+            number: place.number - 1,
             sent_ns: now_ns,
             lead_ms,
             voice,
             style: style.to_owned(),
-            frames: place.recent.iter().copied().collect(),
+            frames: place.recent.range(from..).copied().collect(),
         };
-        place.number += 1;
         Message::Frames(message).encode()
+    }
+
+    /// The frames of a voice that were sent and are not yet over.
+    fn sent_already(&self, now_ns: i64, voice: u8) -> Vec<Vec<u8>> {
+        let Some(place) = self.voices.get(&voice) else {
+            return Vec::new();
+        };
+        let over_ns = now_ns - (OVER_S * 1e9) as i64;
+        let first = place.number - place.recent.len() as u64;
+        let numbered: Vec<(u64, StageFrame)> = (first..)
+            .zip(place.recent.iter().copied())
+            .filter(|(_, frame)| frame.present_ns >= over_ns)
+            .collect();
+        let message = |part: &[(u64, StageFrame)]| {
+            let message = Frames {
+                instance: self.instance,
+                term: self.term,
+                number: part.last().map_or(0, |(number, _)| *number),
+                sent_ns: now_ns,
+                lead_ms: (self.lead_s * 1e3) as u16,
+                voice,
+                style: place.style.clone(),
+                frames: part.iter().map(|(_, frame)| *frame).collect(),
+            };
+            Message::Frames(message).encode()
+        };
+        numbered.chunks(MOST_FRAMES).map(message).collect()
     }
 
     /// Takes in a message that came at `heard_ns`; an answer is stamped by `now`.
@@ -230,7 +269,11 @@ impl Leader {
             heard_ns,
             answered_ns: now(),
         };
-        Outgoing::Tell(question.follower, Message::Answer(answer).encode())
+        let mut messages = vec![Message::Answer(answer).encode()];
+        if let Some(voice) = question.lacks {
+            messages.extend(self.sent_already(heard_ns, voice));
+        }
+        Outgoing::Tell(question.follower, messages)
     }
 
     fn note(&mut self, now_ns: i64, report: Report) {
@@ -297,7 +340,10 @@ mod tests {
         leader.hear(3 * SECOND, &bytes, || 0).unwrap();
         assert_eq!(leader.dropped, 1, "a report that was seen before");
         let later = leader.lead_s(22 * SECOND);
-        assert!((later - (MOST_S - 0.2)).abs() < 1e-9, "{later}");
+        assert!(
+            (later - (MOST_S - 20.0 * SHORTER_PER_S)).abs() < 1e-9,
+            "{later}"
+        );
         assert_eq!(leader.followers().count(), 0, "gone");
     }
 
@@ -331,10 +377,8 @@ mod tests {
         assert_eq!(amplitudes.collect::<Vec<_>>(), wanted);
     }
 
-    #[test]
-    fn every_message_carries_the_frames_before_it() {
-        let mut leader = Leader::new(0, [1; 32]);
-        let frame = |n: i64| StageFrame {
+    fn frame(n: i64) -> StageFrame {
+        StageFrame {
             present_ns: n,
             music_ns: n,
             beat: Default::default(),
@@ -342,7 +386,47 @@ mod tests {
             level: 0.0,
             contacts: Default::default(),
             positions: Default::default(),
+            posture: Default::default(),
+        }
+    }
+
+    #[test]
+    fn who_comes_late_gets_what_was_sent_and_is_not_over() {
+        let mut leader = Leader::new(0, [1; 32]);
+        for n in 0..100 {
+            leader.frames(0, 0, "hype", frame(n * SECOND / 20));
+        }
+        let question = Question {
+            follower: 7,
+            instance: leader.instance(),
+            nonce: 1,
+            lacks: Some(0),
         };
+        let bytes = Message::Question(question).encode();
+        let told = leader.hear(3 * SECOND, &bytes, || 0).unwrap();
+        let Outgoing::Tell(7, messages) = told else {
+            panic!("an answer")
+        };
+        let numbers = messages[1..].iter().flat_map(|bytes| {
+            let Ok(Message::Frames(frames)) = Message::decode(bytes) else {
+                panic!("frames")
+            };
+            let numbers: Vec<u64> = frames.numbered().map(|(number, _)| number).collect();
+            numbers
+        });
+        assert_eq!(numbers.collect::<Vec<_>>(), (50..100).collect::<Vec<_>>());
+        let bytes = Message::Question(Question {
+            lacks: None,
+            ..question
+        })
+        .encode();
+        let told = leader.hear(3 * SECOND, &bytes, || 0).unwrap();
+        assert!(matches!(told, Outgoing::Tell(7, messages) if messages.len() == 1));
+    }
+
+    #[test]
+    fn every_message_carries_the_frames_before_it() {
+        let mut leader = Leader::new(0, [1; 32]);
         let sent: Vec<Vec<u64>> = (0..5)
             .map(|n| {
                 let bytes = leader.frames(n, 0, "hype", frame(n));

@@ -13,6 +13,7 @@
 //! panic or take memory without bound.
 
 mod clock;
+mod copies;
 mod follower;
 pub mod keys;
 mod lateness;
@@ -25,6 +26,7 @@ pub mod ros2;
 pub mod wire;
 
 pub use clock::{Estimate, StageClock};
+pub use copies::once;
 pub use follower::{Counters, Due, Figures, Follower, Released};
 pub use leader::{Leader, Outgoing, Standing};
 pub use playhead::Playhead;

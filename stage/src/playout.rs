@@ -18,21 +18,35 @@ pub(crate) struct Playout {
 }
 
 impl Playout {
-    /// Takes in a frame; one whose turn is over is left out.
-    pub fn push(&mut self, number: u64, frame: &StageFrame) {
-        if self.next.is_some_and(|next| number < next) {
-            return;
+    /// Takes in a frame and says whether it is new; one whose turn is over is
+    /// left out.
+    pub fn push(&mut self, number: u64, frame: &StageFrame) -> bool {
+        let over = self.next.is_some_and(|next| number < next);
+        if over || self.waiting.contains_key(&number) {
+            return false;
         }
-        self.waiting.entry(number).or_insert(*frame);
+        self.waiting.insert(number, *frame);
         if self.waiting.len() > MOST {
             self.waiting.pop_first();
         }
+        true
     }
 
-    /// Forgets what waits; what comes next begins anew.
+    /// What comes next begins anew, with what waits already.
+    pub fn begin(&mut self) {
+        self.next = None;
+    }
+
+    /// Forgets what waits, too.
     pub fn clear(&mut self) {
         self.waiting.clear();
-        self.next = None;
+        self.begin();
+    }
+
+    /// Whether it has not begun and lacks frames from `from_ns` of music on.
+    pub fn lacks(&self, from_ns: i64) -> bool {
+        let waits = |frame: &StageFrame| frame.music_ns <= from_ns;
+        self.next.is_none() && !self.waiting.values().any(waits)
     }
 
     /// The next frame if it is its turn. Music time: before `from_ns` the first
@@ -70,6 +84,7 @@ mod tests {
             level: 0.0,
             contacts: Contacts::default(),
             positions: Default::default(),
+            posture: Default::default(),
         }
     }
 
@@ -79,6 +94,7 @@ mod tests {
         for number in [4, 3, 5, 3, 8] {
             playout.push(number, &frame(number));
         }
+        assert!(!playout.push(8, &frame(8)), "it waits already");
         let mut out = Vec::new();
         let mut pop = |playout: &mut Playout, now, soon| {
             let popped = playout.pop(0, now, soon);
@@ -88,7 +104,7 @@ mod tests {
             pop(&mut playout, 300, 10_000);
         }
         playout.push(6, &frame(6));
-        playout.push(4, &frame(4)); // its turn is over
+        assert!(!playout.push(4, &frame(4)), "its turn is over");
         for now in [300, 350, 400, 450] {
             pop(&mut playout, now, 10_000);
         }
@@ -99,7 +115,8 @@ mod tests {
     #[test]
     fn one_begins_with_what_is_not_yet_over() {
         let mut playout = Playout::default();
-        (0..20).for_each(|n| playout.push(n, &frame(n)));
+        assert!((5..20).all(|n| playout.push(n, &frame(n))));
+        assert!(playout.lacks(240) && !playout.lacks(250));
         let first = playout.pop(480, 500, 1000).unwrap();
         assert_eq!(first.music_ns, 500);
     }
@@ -107,7 +124,7 @@ mod tests {
     #[test]
     fn a_flood_takes_no_memory() {
         let mut playout = Playout::default();
-        (0..100_000).for_each(|n| playout.push(n * 7, &frame(n)));
+        assert!((0..100_000).all(|n| playout.push(n * 7, &frame(n))));
         assert_eq!(playout.waiting.len(), MOST);
     }
 }

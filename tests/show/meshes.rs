@@ -2,6 +2,7 @@
 //! else.
 
 use servodance::robot::Robot;
+use servodance::robot_file::{Overrides, new_robot};
 use servodance::show::Meshes;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -62,20 +63,29 @@ impl Home {
         self.meshes_of("urdf/neck.urdf", filename)
     }
 
-    /// The same where the description is elsewhere, seen from the robot file.
+    /// The same where the user names a description, seen from the robot file.
     fn meshes_of(&self, urdf: &str, filename: &str) -> Meshes {
-        let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
-        let read = |file: &str| std::fs::read_to_string(configs.join(file)).expect("a config");
-        let toml = read("neck.toml").replace("neck.urdf", urdf);
-        let mesh = format!("<mesh filename=\"{filename}\" scale=\"0.001 0.001 0.002\"/>");
-        let text = read("neck.urdf").replace("<box size=\"0.09 0.1 0.08\"/>", &mesh);
+        self.write_description(&format!("robot/{urdf}"), filename);
+        let toml = include_str!("../../configs/neck.toml");
         self.write("robot/robot.toml", toml.as_bytes());
-        self.write(&format!("robot/{urdf}"), text.as_bytes());
+        let named = Overrides::from_user(&[format!("urdf={urdf}")]).expect("a key");
         let file = self.at("robot/robot.toml");
-        let robot = Robot::load(file.to_str().expect("text")).expect("a robot");
-        let model = robot.retargeter().expect("a retargeter").model().clone();
-        Meshes::load(&robot, &model)
+        meshes_with(&file, &named)
     }
+
+    /// A neck whose head is this mesh.
+    fn write_description(&self, path: &str, filename: &str) {
+        let mesh = format!("<mesh filename=\"{filename}\" scale=\"0.001 0.001 0.002\"/>");
+        let text = include_str!("../../configs/neck.urdf");
+        let text = text.replace("<box size=\"0.09 0.1 0.08\"/>", &mesh);
+        self.write(path, text.as_bytes());
+    }
+}
+
+fn meshes_with(file: &Path, overrides: &Overrides) -> Meshes {
+    let robot = Robot::load_with(file.to_str().expect("text"), overrides).expect("a robot");
+    let model = robot.retargeter().expect("a retargeter").model().clone();
+    Meshes::load(&robot, &model)
 }
 
 #[test]
@@ -148,7 +158,7 @@ fn what_is_outside_missing_or_damaged_is_left_out_and_said() {
         ("../meshes/gone.stl", "no such file"),
         ("../meshes/cut.stl", "cut off"),
         ("../meshes/head.dae", "only STL"),
-        ("../meshes", "only STL"),
+        ("../meshes", "no file"),
     ] {
         let meshes = home.meshes(name);
         assert!(meshes.fixed.is_empty() && meshes.parts.is_empty(), "{name}");
@@ -156,5 +166,40 @@ fn what_is_outside_missing_or_damaged_is_left_out_and_said() {
             panic!("{name}: {:?}", meshes.left_out);
         };
         assert!(line.contains(name) && line.contains(why), "{line}");
+    }
+}
+
+#[test]
+fn a_new_robot_file_brings_what_is_drawn_of_a_description_elsewhere() {
+    let home = Home::new();
+    for folder in ["ros/neck_description/urdf", "ros/neck_description/meshes"] {
+        std::fs::create_dir_all(home.at(folder)).expect("a folder");
+    }
+    home.write("ros/neck_description/package.xml", b"<package/>");
+    home.write("ros/neck_description/meshes/face.stl", &cube(60.0));
+    let urdf = home.at("ros/neck_description/urdf/neck.urdf");
+    let toml = home.at("robot/my robot.toml");
+    for (mesh, drawn) in [
+        ("package://neck_description/meshes/face.stl", true),
+        ("../meshes/face.stl", true),
+        ("../../../strange/head.stl", false),
+        ("../meshes/face.dae", false),
+    ] {
+        home.write_description("ros/neck_description/urdf/neck.urdf", mesh);
+        let new = new_robot(&urdf, &toml, true).expect("a robot file");
+        let left = format!("not copied: mesh {mesh}: ");
+        let said = new.lines.iter().any(|line| line.starts_with(&left));
+        assert_eq!(said, !drawn, "{:?}", new.lines);
+        // The folder goes where the description is not.
+        let moved = tempfile::tempdir().expect("a folder");
+        for file in new.files.iter().rev() {
+            let target = moved.path().join(file.file_name().expect("a name"));
+            std::fs::rename(file, target).expect("moved");
+        }
+        let meshes = meshes_with(&moved.path().join("my robot.toml"), &Overrides::default());
+        assert_eq!(meshes.fixed.len(), usize::from(drawn), "{meshes:?}");
+        if drawn {
+            assert_eq!(meshes.bounds, [[[0.0; 3], [60.0; 3]]]);
+        }
     }
 }

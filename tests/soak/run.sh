@@ -7,16 +7,13 @@
 #
 # SONG.raw is played again and again: 16-bit, little endian, stereo, 48 kHz
 # (ffmpeg -i song.ogg -f s16le -ac 2 -ar 48000 song.raw).
-# As root it also gives the kernel's unbound workers real-time priority for the
-# time of the run: they carry the bytes of pseudo-terminals (and of USB serial
-# adapters), and on a machine that is busy with other work they come late.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 song=$(realpath "$1")
 seconds=${2:-3600}
 program=$(realpath "${3:-target/release/servodance}")
 work=$(mktemp -d)
-trap 'kill "${writer:-}" "${workers:-}" 2>/dev/null || true; rm -rf "$work"' EXIT
+trap 'kill "${writer:-}" 2>/dev/null || true; rm -rf "$work"' EXIT
 cd "$work"
 mkfifo fifo
 sed "s#FIFO#$work/fifo#" "$here/asound.conf" > asound.conf
@@ -27,10 +24,6 @@ sed 's/^\[bus\]$/[bus]\nreply_timeout_ms = 200.0\nwatchdog_ms = 1000/' \
 
 python3 "$here/play.py" fifo "$song" "$((seconds + 60))" &
 writer=$!
-if [ "$(id -u)" = 0 ]; then
-    bash "$here/kernel_workers.sh" "$((seconds + 30))" &
-    workers=$!
-fi
 ALSA_CONFIG_PATH=$work/asound.conf "$program" dance --robot patient.toml --mic mic \
     --report report.json --no-picture 2> errors.txt &
 dance=$!

@@ -11,12 +11,12 @@ use servodance_stage::net::{Net, Place};
 use servodance_stage::ros2::{CdrReader, Node, Topic, TopicType};
 use servodance_stage::wire::StageFrame;
 use servodance_stage::{Leader, Outgoing};
-use servodance_types::{Beat, BeatLock};
+use servodance_types::{Beat, BeatLock, Posture};
 use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
 /// A session to which a follower connects.
-fn net(at: &str) -> Net {
+pub fn net(at: &str) -> Net {
     let place = Place {
         leads: true,
         listen: vec![at.to_owned()],
@@ -58,6 +58,11 @@ fn rave(net: &Net, seconds: u64) {
             level: 1.0,
             contacts: Default::default(),
             positions: std::array::from_fn(|_| std::array::from_fn(|_| wild(&mut rng))),
+            posture: Posture {
+                heading_rad: wild(&mut rng) / 10.0,
+                sway: [wild(&mut rng) / 10.0; 2],
+                ..Posture::default()
+            },
         };
         let message = leader.frames(now_ns(), 0, "hype", frame);
         let mut other_version = message.clone();
@@ -73,8 +78,10 @@ fn rave(net: &Net, seconds: u64) {
             let Ok((at_ns, bytes)) = inbox.recv_timeout(wait) else {
                 continue;
             };
-            if let Ok(Outgoing::Tell(follower, answer)) = leader.hear(at_ns, &bytes, now_ns) {
-                net.say(&keys.tell(follower), answer).expect("it goes out");
+            if let Ok(Outgoing::Tell(follower, messages)) = leader.hear(at_ns, &bytes, now_ns) {
+                for message in messages {
+                    net.say(&keys.tell(follower), message).expect("it goes out");
+                }
             }
         }
     }
@@ -85,16 +92,7 @@ fn no_leader_can_make_a_follower_break_its_limits() {
     let program = Program::new();
     let at = endpoint();
     let net = net(&at);
-    let words = [
-        "follow",
-        "--robot",
-        "neck",
-        "--connect",
-        &at,
-        "--report",
-        "f.json",
-    ];
-    let follower = Running::start(&program, &words);
+    let follower = Running::follow(&program, &at, &["--report", "f.json"]);
     rave(&net, 10);
     follower.stop();
     let text = std::fs::read_to_string(program.path("f.json")).expect("a report");
@@ -117,18 +115,7 @@ fn ros_2_sees_the_joints_of_a_follower() {
     let program = Program::new();
     let at = endpoint();
     let net = net(&at);
-    let words = [
-        "follow",
-        "--robot",
-        "neck",
-        "--name",
-        "my-neck",
-        "--ros2",
-        "--ros-domain",
-        "7",
-        "--connect",
-        &at,
-    ];
+    let words = ["--name", "my-neck", "--ros2", "--ros-domain", "7"];
     let (sender, heard) = sync_channel(1000);
     let node = Node {
         domain: 7,
@@ -147,7 +134,7 @@ fn ros_2_sees_the_joints_of_a_follower() {
         });
         ear.expect("an ear")
     });
-    let follower = Running::start(&program, &words);
+    let follower = Running::follow(&program, &at, &words);
     for wanted in ["joint_states", "joint_commands"] {
         let read = loop {
             let (name, bytes) = heard.recv_timeout(Duration::from_secs(60)).expect(wanted);

@@ -31,6 +31,14 @@ impl Running {
         Self { child, lines }
     }
 
+    /// A simulated neck that follows whoever leads `at` this endpoint.
+    pub fn follow(program: &Program, at: &str, more: &[&str]) -> Self {
+        // It is about the network: a starved machine's servos may answer late.
+        let robot = program.unhurried_robot("neck");
+        let words = ["follow", "--robot", &robot, "--connect", at];
+        Self::start(program, &[&words, more].concat())
+    }
+
     /// Waits until it says this.
     pub fn says(&self, word: &str) -> String {
         let mut seen = Vec::new();
@@ -101,8 +109,9 @@ fn robots_in_namespaces_are_on_one_beat_and_idle_when_their_leader_is_killed() {
     assert!(figures["windows"].as_u64() > Some(20), "{figures}");
     let spread_ms = figures["spread_ms_p50"].as_f64().expect("a spread");
     assert!(spread_ms < 10.0, "{figures}");
-    // How soon all are within 10 ms for good is not held here yet: on a busy
-    // machine it misses what it should be (docs/stage.md, Measured).
+    // Of the three one came 11 s late: it moves like the others all the same.
+    let alike = figures["alike_p50"].as_f64().expect("a share");
+    assert!(alike > 0.95, "{figures}");
     assert!(figures["idle_s"].is_number(), "they go on: {figures}");
 }
 
@@ -133,16 +142,8 @@ fn a_cue_reaches_its_follower() {
     );
     let leader = Running::start(&program, &["lead", "--listen", &at]);
     leader.says("leading the stage");
-    let words = [
-        "follow",
-        "--robot",
-        "neck",
-        "--name",
-        "left",
-        "--connect",
-        &at,
-    ];
-    let follower = Running::start(&program, &[&words[..], &["--report", "f.json"]].concat());
+    let words = ["--name", "left", "--report", "f.json"];
+    let follower = Running::follow(&program, &at, &words);
     follower.says("following");
     let cue = ["cue", "left", "--canon", "2", "--mirror", "--connect", &at];
     program.succeed(&cue);
@@ -155,4 +156,6 @@ fn a_cue_reaches_its_follower() {
     let role = ["canon_beats", "mirror", "amplitude"].map(|key| report[key].clone());
     let wanted: [Value; 3] = [2.0.into(), true.into(), 0.5.into()];
     assert_eq!(role, wanted, "{report}");
+    // Each answer came by both connections, and was taken once.
+    assert_eq!(report["dropped"]["unasked"], 0, "{report}");
 }

@@ -15,7 +15,7 @@ mod music;
 pub use body::{BodyJoint, JOINT_COUNT};
 pub use clock::{Clock, ManualClock, WallClock};
 pub use joint::{JointLimits, JointState};
-pub use motion::{Contacts, MotionFrame, Point3};
+pub use motion::{Contacts, MotionFrame, Point3, Posture};
 pub use music::{Beat, BeatLock, MUSIC_DIM, MusicFrame, SPECTRAL_DIM};
 
 /// Frames a second of music features, motion tokens and human motion.

@@ -36,3 +36,20 @@ impl MotionFrame {
         self.time_s.is_finite() && self.positions.iter().flatten().all(|v| v.is_finite())
     }
 }
+
+/// How the dancer usually stood in the last seconds: slow averages, against
+/// which movement is seen. Whoever sends them along spares others the seconds
+/// that it takes to learn them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Posture {
+    /// Where it faces, radians around y from z towards x.
+    pub heading_rad: f32,
+    /// How the head leans against the chest: forward, to the left, radians.
+    pub nod_rad: [f32; 2],
+    /// Hips before the foot that carries: forward, to the left, in leg lengths.
+    pub sway: [f32; 2],
+    /// Left and right toes before the hips: forward, to the left, in leg lengths.
+    pub feet: [[f32; 2]; 2],
+    /// Height of the floor, metres.
+    pub floor_m: f32,
+}

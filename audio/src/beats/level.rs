@@ -43,8 +43,10 @@ const NEW_S: f64 = 15.0;
 /// A reading this near to what was danced goes on with it: beats and octaves
 /// apart, together.
 const NEAR: f64 = 0.15;
-/// Belief in a reading that goes on with what was danced.
+/// Belief in a reading that goes on with what was danced; while the music is new
+/// that may well have been the off-beat, and the tracker has just found the beat.
 const KEPT: f64 = 0.9;
+const KEPT_WHEN_NEW: f64 = 0.3;
 
 /// What is told of a reading.
 const VALUES: usize = 6 + 4 * VOICES;
@@ -306,6 +308,7 @@ impl Level {
     /// phase if that beat can be read so. Whether it can.
     pub(crate) fn carry_over(&mut self, danced: (f64, f64), phase: f64, bpm: f64) -> bool {
         let (danced_phase, danced_bpm) = danced;
+        let age_s = self.age_s;
         *self = Self::default();
         let now = *self;
         let off = |reading: usize| {
@@ -319,9 +322,13 @@ impl Level {
             return false;
         };
         self.reading = reading;
-        self.age_s = NEW_S;
-        self.belief = [(1.0 - KEPT) / (COUNT - 1) as f64; COUNT];
-        self.belief[reading] = KEPT;
+        self.age_s = age_s;
+        let kept = match age_s < NEW_S {
+            true => KEPT_WHEN_NEW,
+            false => KEPT,
+        };
+        self.belief = [(1.0 - kept) / (COUNT - 1) as f64; COUNT];
+        self.belief[reading] = kept;
         true
     }
 }
@@ -337,8 +344,13 @@ mod tests {
     /// danced beat is from the first of the two, beats.
     fn danced(bpm: f64, strengths: [f32; 4]) -> (f64, f64) {
         let mut level = Level::default();
+        hear(&mut level, bpm, strengths, 60.0)
+    }
+
+    /// The same for so many seconds more.
+    fn hear(level: &mut Level, bpm: f64, strengths: [f32; 4], seconds: f64) -> (f64, f64) {
         let mut phase = 0.0;
-        for hop in 0..9600 {
+        for hop in 0..(seconds / HOP_S) as usize {
             phase += bpm / 60.0 * HOP_S;
             level.count(phase.floor() as i64);
             phase = phase.fract();
@@ -373,6 +385,19 @@ mod tests {
     #[test]
     fn strong_offbeats_without_beats_are_the_beat() {
         assert_eq!(danced(124.0, [0.2, 1.0, 0.2, 1.0]), (124.0, 0.5));
+    }
+
+    #[test]
+    fn an_early_leap_onto_the_beat_is_followed_soon_a_late_one_is_not() {
+        const BEATS: [f32; 4] = [1.0, 0.3, 1.0, 0.3];
+        for (age_s, offset) in [(5.0, 0.0), (60.0, 0.5)] {
+            let mut level = Level::default();
+            hear(&mut level, 124.0, BEATS, age_s);
+            // What was danced is the off-beat of what is tracked from now on.
+            assert!(level.carry_over((0.5, 124.0), 0.0, 124.0));
+            assert_eq!(READINGS[level.reading].offset, 0.5);
+            assert_eq!(hear(&mut level, 124.0, BEATS, 9.0), (124.0, offset));
+        }
     }
 
     #[test]

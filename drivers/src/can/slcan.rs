@@ -14,10 +14,9 @@
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
-use serialport::{ClearBuffer, SerialPort};
-
 use crate::can::frame::CanFrame;
 use crate::can::link::{CanFault, CanLink, Received, Sent};
+use crate::stream::Stream;
 
 /// A line's end: well done.
 pub const CR: u8 = b'\r';
@@ -160,7 +159,7 @@ fn said(line: &[u8], end: u8) -> Option<Received> {
 
 /// A serial CAN adapter.
 pub struct SlcanLink {
-    port: Box<dyn SerialPort>,
+    port: Stream,
     lines: Lines,
     out: Vec<u8>,
     chunk: Vec<u8>,
@@ -188,12 +187,8 @@ impl SlcanLink {
             let reason = format!("slcan knows no bitrate of {bitrate}, only {BITRATES:?}");
             io::Error::new(ErrorKind::InvalidInput, reason)
         })?;
-        let port = serialport::new(path, SERIAL_BAUD)
-            .timeout(SEND_TIMEOUT)
-            .open()
-            .map_err(io::Error::from)?;
         let mut link = Self {
-            port,
+            port: Stream::open(path, SERIAL_BAUD, SEND_TIMEOUT)?,
             lines: Lines::default(),
             out: Vec::with_capacity(LONGEST_BURST + LONGEST),
             chunk: vec![0; 1024],
@@ -295,7 +290,7 @@ impl CanLink for SlcanLink {
         (self.taken, self.filled) = (0, 0);
         self.lines = Lines::default();
         self.hand_over()?;
-        Ok(self.port.clear(ClearBuffer::Input)?)
+        self.port.clear_input()
     }
 }
 

@@ -14,6 +14,7 @@ use candle_nn::ops;
 use tokenizers::{Tokenizer, TruncationParams};
 
 use super::checkpoint::{Checkpoint, file_error};
+use super::layers::{Linear, Norm};
 use crate::error::ModelError;
 
 /// Numbers of a text's vector; weights that take it have this `style_dim`.
@@ -22,7 +23,6 @@ pub const CLIP_DIM: usize = 512;
 const TOKENS_MAX: usize = 77;
 /// Width of an attention head in every CLIP.
 const HEAD_DIM: usize = 64;
-const EPSILON: f32 = 1e-5;
 
 /// Sizes of a text tower.
 #[derive(Clone, Copy, Debug)]
@@ -146,50 +146,6 @@ fn causal_mask(count: usize) -> TensorResult<Tensor> {
     let hidden = |i: usize, j: usize| if j > i { f32::NEG_INFINITY } else { 0.0 };
     let mask = (0..count * count).map(|at| hidden(at / count, at % count));
     Tensor::from_vec(mask.collect(), (count, count), &Device::Cpu)
-}
-
-#[derive(Debug)]
-struct Linear {
-    weight_t: Tensor,
-    bias: Tensor,
-}
-
-impl Linear {
-    fn load(
-        file: &Checkpoint,
-        name: &str,
-        input: usize,
-        output: usize,
-    ) -> Result<Self, ModelError> {
-        let weight = file.tensor(&format!("{name}.weight"), &[output, input])?;
-        Ok(Self {
-            weight_t: weight.t()?,
-            bias: file.tensor(&format!("{name}.bias"), &[output])?,
-        })
-    }
-
-    fn forward(&self, x: &Tensor) -> TensorResult<Tensor> {
-        x.matmul(&self.weight_t)?.broadcast_add(&self.bias)
-    }
-}
-
-#[derive(Debug)]
-struct Norm {
-    weight: Tensor,
-    bias: Tensor,
-}
-
-impl Norm {
-    fn load(file: &Checkpoint, name: &str, width: usize) -> Result<Self, ModelError> {
-        Ok(Self {
-            weight: file.tensor(&format!("{name}.weight"), &[width])?,
-            bias: file.tensor(&format!("{name}.bias"), &[width])?,
-        })
-    }
-
-    fn forward(&self, x: &Tensor) -> TensorResult<Tensor> {
-        ops::layer_norm(x, &self.weight, &self.bias, EPSILON)
-    }
 }
 
 /// Self-attention, then two linear layers; each on the normalised input.

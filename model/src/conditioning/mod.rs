@@ -4,11 +4,12 @@
 //! Both read public checkpoints that a user brings; docs/conditioning.md says
 //! which and where. [`MusicKind`] is what weights say they were trained to hear.
 
-mod checkpoint;
+pub(crate) mod checkpoint;
 mod clip;
 mod encodec;
 #[cfg(test)]
-mod golden;
+pub(crate) mod golden;
+pub(crate) mod layers;
 mod music;
 mod seanet;
 

@@ -8,7 +8,10 @@ pub mod features;
 pub mod quality;
 pub mod reconstruction;
 pub mod repetition;
+pub mod retrieval;
+pub mod t2m;
 
 pub use alignment::{Alignment, alignment, kinematic_beats_s, mean_joint_speed};
 pub use reconstruction::mpjpe_m;
 pub use repetition::{distance_of_dances_m, nearest_figure_m};
+pub use retrieval::{Retrieval, retrieval};

@@ -10,16 +10,19 @@
 //!
 //! Metadata: `clips` and `styles` (JSON lists of names) and `recipe` (JSON).
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use safetensors::tensor::{Dtype, SafeTensors};
 use servodance_types::MUSIC_DIM;
 
 use super::MotionError;
 use super::index::{ALWAYS_NAMED, STYLES, Split};
 use super::representation::{POSE_DIM, PoseVector};
-use crate::conditioning::{LATENT_DIM, Latent};
+use crate::conditioning::{LATENT_DIM, Latent, MusicKind};
+use crate::tensor_file::{self, Entry};
 
 /// One clip of the training file.
 #[derive(Clone, Debug)]
@@ -42,6 +45,19 @@ pub struct CorpusClip {
     pub synthetic: bool,
     /// 0: original motion; 1: an augmented copy (mirrored, warped).
     pub variant: usize,
+}
+
+impl CorpusClip {
+    /// What is heard in a frame, as numbers of this kind. `None`: no music is
+    /// known, or not what Encodec hears of it.
+    pub(crate) fn heard(&self, kind: MusicKind, frame: usize) -> Option<&[f32]> {
+        match kind {
+            MusicKind::Encodec128 => Some(&self.latents.as_ref()?[frame]),
+            MusicKind::Servodance39 | MusicKind::Librosa35 => {
+                Some(&self.music.as_ref()?[frame][..kind.dim()])
+            }
+        }
+    }
 }
 
 /// Writes the training file. Clips without motion are refused, as is music of
@@ -117,31 +133,38 @@ pub fn write(
         ("synthetic", column(&|clip| clip.synthetic.into())),
         ("variant", column(&|clip| clip.variant as i64)),
     ];
-    let view = |dtype, shape: &[usize], bytes| {
-        TensorView::new(dtype, shape.to_vec(), bytes).map_err(|error| content(error.to_string()))
+    let entry = |name, dtype, shape, data| Entry {
+        name,
+        dtype,
+        shape,
+        data,
     };
+    let shapes = [POSE_DIM, MUSIC_DIM, LATENT_DIM].map(|columns| [frames, columns]);
+    let rows = [clips.len()];
     let mut tensors = vec![
-        ("motion", view(Dtype::F32, &[frames, POSE_DIM], &motion)?),
-        ("music", view(Dtype::F32, &[frames, MUSIC_DIM], &music)?),
+        entry("motion", Dtype::F32, &shapes[0][..], &motion[..]),
+        entry("music", Dtype::F32, &shapes[1], &music),
     ];
     if with_latents {
-        let rows = view(Dtype::F32, &[frames, LATENT_DIM], &latents)?;
-        tensors.push(("encodec", rows));
+        tensors.push(entry("encodec", Dtype::F32, &shapes[2], &latents));
     }
     for (name, bytes) in &columns {
-        tensors.push((name, view(Dtype::I64, &[clips.len()], bytes)?));
+        tensors.push(entry(name, Dtype::I64, &rows, bytes));
     }
     let used = clips.iter().map(|clip| clip.style + 1).max();
     let named = used.unwrap_or(0).clamp(ALWAYS_NAMED, STYLES.len());
     let styles = &STYLES[..named];
     let names: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
-    let metadata = HashMap::from([
+    let metadata = BTreeMap::from([
         ("clips".to_owned(), serde_json::json!(names).to_string()),
         ("styles".to_owned(), serde_json::json!(styles).to_string()),
         ("recipe".to_owned(), recipe.to_string()),
     ]);
-    safetensors::serialize_to_file(tensors, Some(metadata), path)
-        .map_err(|error| content(error.to_string()))
+    let written = File::create(path).map(BufWriter::new).and_then(|mut out| {
+        tensor_file::write(&mut out, &metadata, tensors)?;
+        out.flush()
+    });
+    written.map_err(|error| content(error.to_string()))
 }
 
 /// Reads a training file, for scoring. A file of another layout is refused with
@@ -280,6 +303,17 @@ mod tests {
         let music = tensors.tensor("music").unwrap().data();
         assert!(music[..3 * MUSIC_DIM * 4].iter().all(|b| *b == 0));
         assert_eq!(music[3 * MUSIC_DIM * 4..][..4], 0.25f32.to_le_bytes());
+    }
+
+    #[test]
+    fn the_same_clips_are_the_same_bytes() {
+        let [a, b] = [0, 1].map(|_| {
+            let file = tempfile::NamedTempFile::new().unwrap();
+            let recipe = serde_json::json!({ "seed": 7 });
+            write(file.path(), &[clip(3, None), clip(2, Some(2))], &recipe).unwrap();
+            std::fs::read(file.path()).unwrap()
+        });
+        assert_eq!(a, b);
     }
 
     #[test]

@@ -20,7 +20,7 @@ use std::path::Path;
 use servodance_types::BodyJoint::{self, *};
 use servodance_types::{FRAME_RATE_HZ, JOINT_COUNT};
 
-use super::numpy::read_npy;
+use super::numpy::{Array, read_npy};
 use super::representation::{POSE_DIM, PoseVector, STEPS_AT, decode, encode_step, heading_rad};
 use super::rotation::{Matrix, between, multiply, transposed};
 use super::vec3::{Vec3, add, narrow, sub, turn, wide};
@@ -143,6 +143,19 @@ fn rotations(pose: &Pose, first_rad: f64, heading_rad: f64) -> [[f32; 6]; JOINT_
     out
 }
 
+/// Reads `new_joint_vecs` as they are ([T, 263] in a `.npy` file).
+pub fn read_vectors(path: &Path) -> Result<Vec<HumanMlVector>, MotionError> {
+    vectors(&read_npy(path)?).map_err(|reason| MotionError::Content {
+        path: path.to_owned(),
+        reason,
+    })
+}
+
+fn vectors(array: &Array) -> Result<Vec<HumanMlVector>, String> {
+    let rows = array.rows::<HUMANML_DIM>("vectors")?;
+    Ok(rows.iter().map(|row| row.map(|v| v as f32)).collect())
+}
+
 /// Reads `new_joint_vecs` ([T, 263]) or `new_joints` ([T, 22, 3]) from a
 /// `.npy` file, 20 frames a second.
 pub fn read_humanml(path: &Path) -> Result<Clip, MotionError> {
@@ -152,12 +165,7 @@ pub fn read_humanml(path: &Path) -> Result<Clip, MotionError> {
     };
     let array = read_npy(path)?;
     let poses = match array.shape[..] {
-        [_, HUMANML_DIM] => {
-            let rows = array.rows::<HUMANML_DIM>("vectors").map_err(content)?;
-            let vectors: Vec<HumanMlVector> =
-                rows.iter().map(|row| row.map(|v| v as f32)).collect();
-            recover(&vectors)
-        }
+        [_, HUMANML_DIM] => recover(&vectors(&array).map_err(content)?),
         [_, JOINT_COUNT, 3] => {
             let rows = array
                 .rows::<{ 3 * JOINT_COUNT }>("joints")

@@ -6,7 +6,7 @@
 //! `split`, `music` and `bone_change` may be missing: styles then follow from
 //! labels, splits from names ([`super::splits`]).
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use servodance_types::FRAME_RATE_HZ;
 
@@ -161,6 +161,13 @@ const COLUMNS: [&str; 11] = [
     "bone_change",
 ];
 
+/// Whether a name that a list of files gives leads to nowhere but into the
+/// list's own folder.
+pub fn stays_inside(name: &str) -> bool {
+    let mut parts = Path::new(name).components();
+    parts.all(|part| matches!(part, Component::Normal(_)))
+}
+
 /// Reads `folder/index.csv`, leaves out what is not on a flat floor, and
 /// assigns splits where none are written.
 pub fn read(folder: &Path) -> Result<Vec<Entry>, MotionError> {
@@ -223,8 +230,12 @@ fn entry<'a>(get: &dyn Fn(&str) -> &'a str) -> Result<(Entry, Option<Split>), St
         }
     };
     let split = told("split", Split::ALL.map(Split::name).to_vec())?.map(|at| Split::ALL[at]);
+    let name = get("clip").to_owned();
+    if !stays_inside(&name) {
+        return Err(format!("clip `{name}` leads out of the folder"));
+    }
     let entry = Entry {
-        name: get("clip").to_owned(),
+        name,
         source: get("source").to_owned(),
         licence: get("licence").to_owned(),
         dance: get("dance") == "yes",
@@ -348,6 +359,18 @@ pub(super) mod tests {
             error.contains("line 2: style `polka`: choose of everyday"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_clip_outside_the_folder_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        for clip in ["/etc/a", "../a", "home/../../a"] {
+            let index = format!("clip,source,dance,label,minutes\n{clip},b,yes,,1\n");
+            std::fs::write(folder.path().join("index.csv"), index).unwrap();
+            let error = read(folder.path()).unwrap_err().to_string();
+            let says = format!("line 2: clip `{clip}` leads out of the folder");
+            assert!(error.contains(&says), "{error}");
+        }
     }
 
     #[test]

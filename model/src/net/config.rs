@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::encoder::part_channels;
 use crate::conditioning::MusicKind;
 use crate::motion::representation::POSE_DIM;
 
@@ -194,6 +195,9 @@ impl ModelConfig {
                 self.music.dim(),
                 self.music.name()
             ));
+        }
+        for part in &self.parts {
+            part_channels(part)?;
         }
         let (vq, seq) = (&self.vq, &self.seq);
         for (name, value, limit) in [

@@ -1,14 +1,15 @@
 //! A weights file in another number format.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use half::f16;
 use safetensors::tensor::{Dtype as Stored, SafeTensors, TensorView};
 
-use super::engine::{BLOCK, Dtype, q4_block, q8_block};
-use super::weights::Weights;
+use super::engine::{BLOCK, CHUNK, Dtype, q4_block, q6_chunk, q8_block};
+use super::weights::{Weights, q6_bytes};
 use crate::error::ModelError;
+use crate::tensor_file::{self, Entry};
 
 /// One tensor of the new file.
 struct Tensor {
@@ -30,7 +31,12 @@ pub fn convert(bytes: &[u8], source: &str, dtype: Dtype) -> Result<Vec<u8>, Mode
     let weights = Weights::open(bytes, source)?;
     let tensors = SafeTensors::deserialize(bytes).map_err(|e| file(e.to_string()))?;
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| file(e.to_string()))?;
-    let metadata: HashMap<String, String> = header.metadata().clone().unwrap_or_default();
+    let metadata: BTreeMap<String, String> = header
+        .metadata()
+        .clone()
+        .unwrap_or_default()
+        .into_iter()
+        .collect();
     let mut names = tensors.names();
     names.sort_unstable();
     let mut converted = Vec::with_capacity(names.len());
@@ -41,14 +47,13 @@ pub fn convert(bytes: &[u8], source: &str, dtype: Dtype) -> Result<Vec<u8>, Mode
         }
         converted.extend(one(&weights, name, &view, dtype)?);
     }
-    let views = converted.iter().map(|t| {
-        let view = TensorView::new(t.dtype, t.shape.clone(), &t.data);
-        view.map(|view| (t.name.as_str(), view))
+    let entries = converted.iter().map(|t| Entry {
+        name: &t.name,
+        dtype: t.dtype,
+        shape: &t.shape,
+        data: &t.data,
     });
-    let views: Vec<_> = views
-        .collect::<Result<_, _>>()
-        .map_err(|e| file(e.to_string()))?;
-    safetensors::serialize(views, Some(metadata)).map_err(|e| file(e.to_string()))
+    Ok(tensor_file::bytes(&metadata, entries.collect()))
 }
 
 /// The same from file to bytes.
@@ -87,7 +92,10 @@ fn one(
     };
     let mut shape = view.shape().to_vec();
     match view.dtype() {
-        Stored::U8 if shape.len() == 2 => shape[1] *= 2,
+        Stored::U8 if shape.len() == 2 => {
+            let columns = weights.quantised_columns(name);
+            shape[1] = columns.unwrap_or(2 * shape[1]);
+        }
         Stored::F32 | Stored::F16 | Stored::I8 => {}
         other => return Ok(vec![tensor(name, other, &shape, view.data().to_vec())]),
     }
@@ -100,28 +108,46 @@ fn one(
         let data = values.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes());
         return Ok(vec![tensor(name, Stored::F16, &shape, data.collect())]);
     }
-    let (mut quants, mut scales) = (Vec::new(), Vec::new());
-    for block in values.as_chunks::<BLOCK>().0 {
-        let scale = if dtype == Dtype::Q8_0 {
-            let (block, scale) = q8_block(block);
-            quants.extend(block.map(|q| q as u8));
-            scale
-        } else {
-            let (block, scale) = q4_block(block);
-            quants.extend(block);
-            scale
-        };
-        scales.extend(scale.to_le_bytes());
-    }
-    let scale_shape = [shape[0], shape[1] / BLOCK];
-    let (stored, per_byte) = match dtype {
-        Dtype::Q8_0 => (Stored::I8, 1),
-        _ => (Stored::U8, 2),
+    let [rows, width] = [shape[0], shape[1]];
+    let packed = values.chunks_exact(width).map(|row| packed_row(row, dtype));
+    let (quants, scales): (Vec<_>, Vec<_>) = packed.unzip();
+    let (stored, row_bytes) = match dtype {
+        Dtype::Q8_0 => (Stored::I8, width),
+        Dtype::Q6 => (Stored::U8, q6_bytes(width)),
+        _ => (Stored::U8, width / 2),
     };
-    let packed = [shape[0], shape[1] / per_byte];
+    let scales = scales.concat().into_iter().flat_map(f16::to_le_bytes);
+    let scale_shape = [rows, width / BLOCK];
     let scale_name = format!("{name}.scale");
     Ok(vec![
-        tensor(name, stored, &packed, quants),
-        tensor(&scale_name, Stored::F16, &scale_shape, scales),
+        tensor(name, stored, &[rows, row_bytes], quants.concat()),
+        tensor(&scale_name, Stored::F16, &scale_shape, scales.collect()),
     ])
+}
+
+/// Bytes and scales of a row of whole blocks in a quantised format.
+fn packed_row(row: &[f32], dtype: Dtype) -> (Vec<u8>, Vec<f16>) {
+    let blocks = row.as_chunks::<BLOCK>().0;
+    match dtype {
+        Dtype::Q6 => {
+            let (mut bytes, mut scales) = (Vec::new(), Vec::new());
+            for part in row.chunks(CHUNK) {
+                let mut chunk = [0.0; CHUNK];
+                chunk[..part.len()].copy_from_slice(part);
+                let (words, of_chunk) = q6_chunk(&chunk);
+                bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+                scales.extend_from_slice(&of_chunk[..part.len() / BLOCK]);
+            }
+            (bytes, scales)
+        }
+        Dtype::Q4_0 => {
+            let (bytes, scales): (Vec<_>, _) = blocks.iter().map(q4_block).unzip();
+            (bytes.concat(), scales)
+        }
+        _ => {
+            let (quants, scales): (Vec<_>, _) = blocks.iter().map(q8_block).unzip();
+            let quants = quants.concat().into_iter();
+            (quants.map(|q| q as u8).collect(), scales)
+        }
+    }
 }

@@ -7,6 +7,8 @@
 //! pass over everything in candle ([`OneShotDecoder`], [`OneShotSeq`]). The twin
 //! in `model/reference/` trains the weights and writes the golden files.
 
+#[cfg(test)]
+pub(crate) mod absolute_tests;
 mod attention;
 mod config;
 mod convert;

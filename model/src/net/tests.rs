@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{Generator, ModelError};
 
-const TINY: &[u8] = include_bytes!("golden/tiny.safetensors");
+pub(super) const TINY: &[u8] = include_bytes!("golden/tiny.safetensors");
 const GOLDEN: &[u8] = include_bytes!("golden/golden.safetensors");
 const TOLERANCE: f32 = 1e-4;
 const STYLE: Option<usize> = Some(1);
@@ -54,16 +54,16 @@ fn bytes_as<T>(name: &str, read: impl Fn([u8; 4]) -> T) -> Vec<T> {
 }
 
 /// Rows of one code per part (the tiny model has two parts).
-fn code_rows(name: &str) -> Vec<Vec<usize>> {
+pub(super) fn code_rows(name: &str) -> Vec<Vec<usize>> {
     let codes = bytes_as(name, |b| i32::from_le_bytes(b) as usize);
     codes.chunks(2).map(<[usize]>::to_vec).collect()
 }
 
-fn floats(name: &str) -> Vec<f32> {
+pub(super) fn floats(name: &str) -> Vec<f32> {
     bytes_as(name, f32::from_le_bytes)
 }
 
-fn check_same(what: &str, found: &[f32], expected: &[f32]) {
+pub(super) fn check_same(what: &str, found: &[f32], expected: &[f32]) {
     assert_eq!(found.len(), expected.len(), "{what}");
     let gaps = found.iter().zip(expected).map(|(a, b)| (a - b).abs());
     let worst = gaps.fold(0.0, f32::max);
@@ -78,7 +78,7 @@ fn check_same(what: &str, found: &[f32], expected: &[f32]) {
     );
 }
 
-fn flat(tensor: &Tensor) -> Vec<f32> {
+pub(super) fn flat(tensor: &Tensor) -> Vec<f32> {
     tensor.flatten_all().unwrap().to_vec1().unwrap()
 }
 
@@ -114,7 +114,7 @@ fn decoded(weights: &Weights, codes: &[Vec<usize>]) -> Vec<f32> {
 }
 
 /// Hidden vectors of each lane, a frame at a time; lane 1 hears nothing.
-fn hidden(
+pub(super) fn hidden(
     weights: &Weights,
     previous: &[Vec<usize>],
     music: &[f32],
@@ -381,7 +381,7 @@ fn rewritten(bytes: &[u8], change: Change) -> Vec<u8> {
 #[test]
 fn every_number_format_is_checked_at_load() {
     const UP: &str = "seq.layers.1.ff.up.weight";
-    let cases: [(Dtype, Change, &[&str]); 7] = [
+    let cases: [(Dtype, Change, &[&str]); 8] = [
         (
             Dtype::F32,
             |t| t.retain(|t| t.0 != UP),
@@ -394,6 +394,11 @@ fn every_number_format_is_checked_at_load() {
         ),
         (
             Dtype::Q8_0,
+            |t| t.retain(|t| t.0 != UP.to_owned() + ".scale"),
+            &[".scale", "[64, 1]"],
+        ),
+        (
+            Dtype::Q6,
             |t| t.retain(|t| t.0 != UP.to_owned() + ".scale"),
             &[".scale", "[64, 1]"],
         ),
@@ -454,6 +459,7 @@ fn converted_weights_give_nearly_the_same() {
         (Dtype::F32, 0.0),
         (Dtype::F16, 1e-3),
         (Dtype::Q8_0, 2e-2),
+        (Dtype::Q6, 0.1),
         (Dtype::Q4_0, 0.4),
     ] {
         let bytes = super::convert(TINY, "tiny", dtype).unwrap();

@@ -2,9 +2,9 @@
 //!
 //! Everything is checked when it is taken out: name, shape, number format,
 //! and that each number is finite. A matrix `NAME` [rows, columns] is F32 or
-//! F16; or, quantised in blocks of 32 columns, I8 [rows, columns] (`q8_0`) or
-//! U8 [rows, columns / 2] (`q4_0`), with `NAME.scale`, F16 [rows, columns / 32],
-//! beside it.
+//! F16; or, quantised in blocks of 32 columns, I8 [rows, columns] (`q8_0`), U8
+//! [rows, 96 for each 128 columns begun] (`q6`) or U8 [rows, columns / 2]
+//! (`q4_0`), with `NAME.scale`, F16 [rows, columns / 32], beside it.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use candle_core::{Device, Tensor};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::config::ModelConfig;
-use super::engine::{BLOCK, Dtype as Packed, Matrix, q4_values};
+use super::engine::{BLOCK, CHUNK, CHUNK_WORDS, Dtype as Packed, Matrix, q4_values, q6_values};
 use super::random;
 use crate::error::ModelError;
 
@@ -99,16 +99,35 @@ impl<'a> Weights<'a> {
 
     /// The narrowest number format that a matrix of the file has.
     pub fn dtype(&self) -> Packed {
-        let stored: Vec<Dtype> = match &self.tensors {
-            Some(file) => file.iter().map(|(_, view)| view.dtype()).collect(),
-            None => Vec::new(),
+        let Some(file) = &self.tensors else {
+            return Packed::F32;
         };
-        let found = |dtype| stored.contains(&dtype);
-        match () {
-            () if found(Dtype::U8) => Packed::Q4_0,
-            () if found(Dtype::I8) => Packed::Q8_0,
-            () if found(Dtype::F16) => Packed::F16,
-            () => Packed::F32,
+        let stored = file.iter().map(|(name, view)| match view.dtype() {
+            Dtype::U8 => self.format_of_bytes(name, &view),
+            Dtype::I8 => Packed::Q8_0,
+            Dtype::F16 => Packed::F16,
+            _ => Packed::F32,
+        });
+        let narrowness = |dtype: &Packed| Packed::ALL.iter().position(|d| d == dtype);
+        stored.max_by_key(narrowness).unwrap_or(Packed::F32)
+    }
+
+    /// Columns of a quantised matrix, as its scales tell.
+    pub(crate) fn quantised_columns(&self, name: &str) -> Option<usize> {
+        let scales = self
+            .tensors
+            .as_ref()?
+            .tensor(&format!("{name}.scale"))
+            .ok()?;
+        Some(scales.shape().last()?.saturating_mul(BLOCK))
+    }
+
+    /// The format of a matrix that is stored as bytes.
+    fn format_of_bytes(&self, name: &str, view: &TensorView) -> Packed {
+        let wanted = self.quantised_columns(name).map(q6_bytes);
+        match wanted.is_some() && view.shape().last() == wanted.as_ref() {
+            true => Packed::Q6,
+            false => Packed::Q4_0,
         }
     }
 
@@ -167,6 +186,14 @@ impl<'a> Weights<'a> {
                 let quants = quants.iter().map(|b| *b as i8).collect();
                 Ok(Matrix::from_q8(width, quants, &raw_halves(scales)))
             }
+            (Some(Stored::Q6 { words, scales, .. }), Packed::Q6) => {
+                self.all_finite(name, &halves(scales))?;
+                Ok(Matrix::from_q6(
+                    width,
+                    raw_halves(words),
+                    &raw_halves(scales),
+                ))
+            }
             (Some(Stored::Q4 { quants, scales }), Packed::Q4_0) => {
                 self.all_finite(name, &halves(scales))?;
                 Ok(Matrix::from_q4(width, quants.to_vec(), &raw_halves(scales)))
@@ -224,10 +251,15 @@ impl<'a> Weights<'a> {
         let Some(file) = &self.tensors else {
             return Ok(None);
         };
-        let dtype = file.tensor(name).map(|view| view.dtype());
+        let found = file.tensor(name);
+        let dtype = found.as_ref().map(TensorView::dtype);
+        let row = found.as_ref().ok().and_then(|view| view.shape().last());
         let packed = match (dtype, shape) {
             (Ok(Dtype::I8), _) => shape.to_vec(),
-            (Ok(Dtype::U8), [rows, width]) => vec![*rows, width / 2],
+            (Ok(Dtype::U8), [rows, width]) => match q6_bytes(*width) {
+                bytes if row == Some(&bytes) => vec![*rows, bytes],
+                _ => vec![*rows, width / 2],
+            },
             _ => {
                 let view = self.view(file, name, shape, shape)?;
                 return match view.dtype() {
@@ -250,9 +282,14 @@ impl<'a> Weights<'a> {
         if scales.dtype() != Dtype::F16 {
             return Err(self.wrong_type(&scale_name, "F16", scales.dtype()));
         }
-        let (quants, scales, dtype) = (quants.data(), scales.data(), quants.dtype());
+        let (quants, scales) = (quants.data(), scales.data());
         Ok(Some(match dtype {
-            Dtype::U8 => Stored::Q4 { quants, scales },
+            Ok(Dtype::U8) if packed[1] == q6_bytes(*width) => Stored::Q6 {
+                words: quants,
+                scales,
+                width: *width,
+            },
+            Ok(Dtype::U8) => Stored::Q4 { quants, scales },
             _ => Stored::Q8 { quants, scales },
         }))
     }
@@ -295,8 +332,24 @@ impl<'a> Weights<'a> {
 enum Stored<'a> {
     F32(&'a [u8]),
     F16(&'a [u8]),
-    Q8 { quants: &'a [u8], scales: &'a [u8] },
-    Q4 { quants: &'a [u8], scales: &'a [u8] },
+    Q8 {
+        quants: &'a [u8],
+        scales: &'a [u8],
+    },
+    Q6 {
+        words: &'a [u8],
+        scales: &'a [u8],
+        width: usize,
+    },
+    Q4 {
+        quants: &'a [u8],
+        scales: &'a [u8],
+    },
+}
+
+/// Bytes of a row of `q6` chunks.
+pub(crate) fn q6_bytes(width: usize) -> usize {
+    width.div_ceil(CHUNK).saturating_mul(2 * CHUNK_WORDS)
 }
 
 impl Stored<'_> {
@@ -311,6 +364,17 @@ impl Stored<'_> {
                 };
                 blocks.flat_map(block).collect()
             }
+            Self::Q6 {
+                words,
+                scales,
+                width,
+            } => {
+                let (words, scales) = (raw_halves(words), raw_halves(scales));
+                let rows = words.chunks_exact(q6_bytes(*width) / 2);
+                let rows = rows.zip(scales.chunks_exact(width / BLOCK));
+                rows.flat_map(|(words, scales)| q6_row(words, scales, *width))
+                    .collect()
+            }
             Self::Q4 { quants, scales } => {
                 let scales = raw_halves(scales).into_iter().map(half::f16::from_bits);
                 let blocks = quants.chunks_exact(BLOCK / 2).zip(scales);
@@ -318,6 +382,17 @@ impl Stored<'_> {
             }
         }
     }
+}
+
+/// The numbers of a row of `q6` chunks, without what it was filled up with.
+fn q6_row(words: &[u16], scales: &[u16], width: usize) -> Vec<f32> {
+    let scales = scales.chunks(CHUNK / BLOCK).map(|given| {
+        std::array::from_fn(|i| half::f16::from_bits(given.get(i).copied().unwrap_or(0)))
+    });
+    let chunks = words.as_chunks().0.iter().zip(scales);
+    let mut row: Vec<f32> = chunks.flat_map(|(w, s)| q6_values(w, s)).collect();
+    row.truncate(width);
+    row
 }
 
 /// f16 numbers as f32.

@@ -5,11 +5,11 @@ use std::path::Path;
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
-use servodance_types::{MUSIC_DIM, SPECTRAL_DIM};
 use sha2::{Digest, Sha256};
 
 use super::error::TrainError;
 use super::settings::ClipWeights;
+use crate::conditioning::MusicKind;
 use crate::motion::corpus::{self, CorpusClip};
 use crate::motion::index::{STYLES, Split};
 use crate::motion::representation::{CONTACTS_AT, JOINTS_AT, POSE_DIM, STEPS_AT};
@@ -85,15 +85,31 @@ impl Data {
         norm
     }
 
-    /// Of the training music; the four numbers of the beat stay as they are.
-    pub(crate) fn music_norm(&self) -> Norm {
+    /// Of the training music; the numbers of the beat stay as they are.
+    pub(crate) fn music_norm(&self, kind: MusicKind) -> Norm {
         let clips = self.of_split(Split::Train).map(|c| &self.clips[c]);
-        let rows = clips.filter_map(|clip| clip.music.as_ref()).flatten();
-        let rows: Vec<&[f32]> = rows.map(|row| &row[..]).collect();
-        let mut norm = moments(&rows, MUSIC_DIM, 1e-3);
-        norm.mean[SPECTRAL_DIM..].fill(0.0);
-        norm.std[SPECTRAL_DIM..].fill(1.0);
+        let rows =
+            clips.flat_map(|clip| (0..clip.motion.len()).filter_map(|f| clip.heard(kind, f)));
+        let mut norm = moments(&rows.collect::<Vec<_>>(), kind.dim(), 1e-3);
+        norm.mean[kind.measured()..].fill(0.0);
+        norm.std[kind.measured()..].fill(1.0);
         norm
+    }
+
+    /// Refuses a file in which music is not known as this kind of numbers.
+    pub(crate) fn check_music(&self, kind: MusicKind) -> Result<(), TrainError> {
+        let unknown = |clip: &&CorpusClip| clip.music.is_some() && clip.heard(kind, 0).is_none();
+        match self.clips.iter().find(unknown) {
+            None => Ok(()),
+            Some(clip) => Err(TrainError::Settings(format!(
+                "model.music is {}, but the training file knows clip {} as {} only: build it \
+                 with `servodance dataset build --music-features {}`",
+                kind.name(),
+                clip.name,
+                MusicKind::default().name(),
+                kind.name()
+            ))),
+        }
     }
 
     /// The style of most dance with music.
@@ -140,16 +156,13 @@ impl Data {
 }
 
 impl Norm {
-    /// Music as stage 2 is trained on it.
-    pub fn music(&self, row: &[f32]) -> impl Iterator<Item = f32> {
+    /// Music of this kind as stage 2 is trained on it.
+    pub fn music<'a>(&'a self, kind: MusicKind, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         let normal = |i: usize| (row[i] - self.mean[i]) / self.std[i];
-        (0..MUSIC_DIM)
-            .map(|i| match i < SPECTRAL_DIM {
-                true => normal(i).clamp(-MUSIC_CLAMP, MUSIC_CLAMP),
-                false => normal(i),
-            })
-            .collect::<Vec<_>>()
-            .into_iter()
+        (0..kind.dim()).map(move |i| match i < kind.measured() {
+            true => normal(i).clamp(-MUSIC_CLAMP, MUSIC_CLAMP),
+            false => normal(i),
+        })
     }
 }
 
@@ -250,7 +263,9 @@ impl Crops {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::conditioning::LATENT_DIM;
     use rand::SeedableRng;
+    use servodance_types::MUSIC_DIM;
 
     /// A clip of smooth motion and music that only its number decides.
     pub(crate) fn clip(number: usize, frames: usize, split: Split) -> CorpusClip {
@@ -324,10 +339,32 @@ pub(crate) mod tests {
                 .windows(2)
                 .all(|pair| pair[0] == pair[1])
         );
-        let music = data.music_norm();
-        assert_eq!(music.mean[SPECTRAL_DIM..], [0.0; MUSIC_DIM - SPECTRAL_DIM]);
+        let kind = MusicKind::default();
+        let music = data.music_norm(kind);
+        assert_eq!(music.mean[kind.measured()..], [0.0; 4]);
         let row = [100.0; MUSIC_DIM];
-        let normal: Vec<f32> = music.music(&row).collect();
+        let normal: Vec<f32> = music.music(kind, &row).collect();
         assert_eq!((normal[3], normal[36]), (6.0, 100.0));
+    }
+
+    #[test]
+    fn music_that_encodec_did_not_hear_is_refused() {
+        let mut data = data();
+        assert!(data.check_music(MusicKind::Librosa35).is_ok());
+        let error = data.check_music(MusicKind::Encodec128).unwrap_err();
+        let message = error.to_string();
+        assert!(
+            message.contains("clip 0") && message.contains("encodec128"),
+            "{message}"
+        );
+        for clip in &mut data.clips {
+            let heard = |music: &Vec<_>| vec![[0.5; LATENT_DIM]; music.len()];
+            clip.latents = clip.music.as_ref().map(heard);
+        }
+        data.check_music(MusicKind::Encodec128).unwrap();
+        assert_eq!(
+            data.music_norm(MusicKind::Encodec128).mean,
+            [0.5; LATENT_DIM]
+        );
     }
 }

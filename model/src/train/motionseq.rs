@@ -44,7 +44,7 @@ pub(crate) struct Inputs {
     pub previous: Vec<Vec<u32>>,
     /// Per part the code of the frame, for the parts after it, [rows].
     pub chosen: Vec<Vec<u32>>,
-    /// Normalised music, [rows, 39].
+    /// Normalised music, [rows, music_dim].
     pub music: Vec<f32>,
     /// Whether a sequence has music.
     pub has_music: Vec<bool>,

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::codebook::CodebookSettings;
 use super::error::TrainError;
 use super::motion_loss::LossWeights;
+use crate::conditioning::MusicKind;
 use crate::net::{ModelConfig, PRESETS, Positions};
 
 /// Which stage is trained.
@@ -61,6 +62,8 @@ pub struct ModelChanges {
     pub parts: Option<Vec<String>>,
     /// Codes in a codebook.
     pub codes: Option<usize>,
+    /// The music features that stage 2 hears.
+    pub music: Option<MusicKind>,
     /// `alibi` or `sinusoidal`.
     pub positions: Option<Positions>,
     /// Whether sequences end.
@@ -297,6 +300,8 @@ impl SettingsFile {
         let change = &self.model;
         set(&mut config.parts, &change.parts);
         set(&mut config.codes, &change.codes);
+        set(&mut config.music, &change.music);
+        config.music_dim = config.music.dim();
         self.apply_to_seq(&mut config);
         let text =
             serde_json::to_string(&config).map_err(|e| TrainError::Settings(e.to_string()))?;

@@ -91,8 +91,11 @@ impl SeqStage {
         settings.model = ModelConfig {
             seq: settings.model.seq.clone(),
             preset: settings.model.preset.clone(),
+            music: settings.model.music,
+            music_dim: settings.model.music_dim,
             ..stage_one.config.clone()
         };
+        data.check_music(settings.model.music)?;
         let [mean, std] =
             ["mean", "std"].map(|name| stage_one.floats(&format!("norm.motion_{name}")));
         let codes = tokenise(&stage_one.encoder, &data, mean?, std?)?;
@@ -115,7 +118,7 @@ impl SeqStage {
         let net = MotionSeq::new(&mut make, &settings.model);
         let stage = Self {
             held: held(&data, [run.length + 1; 2], end),
-            norm: data.music_norm(),
+            norm: data.music_norm(settings.model.music),
             starts: starts(&data, &codes),
             stage_one: stage_one.tensors,
             buffers: Buffers::default(),
@@ -134,6 +137,7 @@ impl SeqStage {
     fn plain(&self, crops: &[Crop]) -> SeqBatch {
         let (length, parts) = (self.settings.run.length, self.codes[0].len());
         let end = self.settings.model.codes as u32;
+        let kind = self.settings.model.music;
         let mut batch = SeqBatch {
             inputs: Inputs {
                 batch: Batch {
@@ -164,11 +168,9 @@ impl SeqStage {
                         _ => IGNORED,
                     });
                 }
-                match &clip.music {
-                    Some(music) => inputs
-                        .music
-                        .extend(self.norm.music(&music[frame.min(last)])),
-                    None => inputs.music.extend([0.0; servodance_types::MUSIC_DIM]),
+                match clip.heard(kind, frame.min(last)) {
+                    Some(row) => inputs.music.extend(self.norm.music(kind, row)),
+                    None => inputs.music.extend(std::iter::repeat_n(0.0, kind.dim())),
                 }
             }
             inputs.has_music.push(clip.music.is_some());
@@ -205,9 +207,9 @@ impl SeqStage {
                 inputs.styles[s] = self.settings.model.seq.styles.len() as u32;
             }
             let rows = s * run.length..(s + 1) * run.length;
-            let music =
-                rows.start * servodance_types::MUSIC_DIM..rows.end * servodance_types::MUSIC_DIM;
-            veil(&mut inputs.music[music], hide, rng);
+            let kind = self.settings.model.music;
+            let music = rows.start * kind.dim()..rows.end * kind.dim();
+            veil(kind, &mut inputs.music[music], hide, rng);
             if inputs.has_music[s] && shake {
                 let frames = crop.frames.start..crop.frames.start + run.length;
                 let shaken = shaken(frames, self.data.clips[crop.clip].motion.len(), rng);
@@ -379,7 +381,7 @@ impl Stage for SeqStage {
         for (part, score) in self.settings.model.parts.iter().zip(&scores) {
             row.push((format!("acc_{part}"), score.1));
         }
-        let of_sequence = self.settings.run.length * servodance_types::MUSIC_DIM;
+        let of_sequence = self.settings.run.length * self.settings.model.music_dim;
         batch.inputs.music.rotate_right(of_sequence);
         row.push(("wrong_nll".into(), sum(&self.score(&batch, rng))));
         batch.inputs.has_music.fill(false);

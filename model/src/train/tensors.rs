@@ -1,9 +1,10 @@
-//! Named tensors as the bytes of a safetensors file: the same tensors, the same
-//! bytes. (The crate's own writer puts metadata in any order.)
+//! Named tensors as the bytes of a safetensors file, and back.
 
 use std::collections::BTreeMap;
 
 use safetensors::tensor::{Dtype, SafeTensors};
+
+use crate::tensor_file::{self, Entry};
 
 /// Numbers of a tensor.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,11 +23,11 @@ impl Numbers {
         }
     }
 
-    fn dtype(&self) -> &'static str {
+    fn dtype(&self) -> Dtype {
         match self {
-            Numbers::F32(_) => "F32",
-            Numbers::F64(_) => "F64",
-            Numbers::I32(_) => "I32",
+            Numbers::F32(_) => Dtype::F32,
+            Numbers::F64(_) => Dtype::F64,
+            Numbers::I32(_) => Dtype::I32,
         }
     }
 }
@@ -36,23 +37,18 @@ pub(crate) type Tensors = BTreeMap<String, (Vec<usize>, Numbers)>;
 
 /// A whole file.
 pub(crate) fn file(metadata: &BTreeMap<String, String>, tensors: &Tensors) -> Vec<u8> {
-    let mut header = serde_json::Map::new();
-    header.insert("__metadata__".into(), serde_json::json!(metadata));
-    let mut data = Vec::new();
-    for (name, (shape, numbers)) in tensors {
-        let start = data.len();
-        data.extend(numbers.bytes());
-        let entry = serde_json::json!({
-            "dtype": numbers.dtype(), "shape": shape, "data_offsets": [start, data.len()],
-        });
-        header.insert(name.clone(), entry);
-    }
-    let mut text = serde_json::Value::Object(header).to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(8), b' ');
-    let mut out = (text.len() as u64).to_le_bytes().to_vec();
-    out.extend(text);
-    out.extend(data);
-    out
+    let bytes: Vec<Vec<u8>> = tensors
+        .values()
+        .map(|(_, numbers)| numbers.bytes())
+        .collect();
+    let entries = tensors.iter().zip(&bytes);
+    let entries = entries.map(|((name, (shape, numbers)), data)| Entry {
+        name,
+        dtype: numbers.dtype(),
+        shape,
+        data,
+    });
+    tensor_file::bytes(metadata, entries.collect())
 }
 
 /// All tensors of a file whose names begin with one of `prefixes`: f16 and f32

@@ -23,10 +23,12 @@ use super::tensors::{Numbers, Tensors, read};
 use super::trainer::{Outcome, Trainer};
 use super::vqvae::embed;
 use crate::motion::representation::POSE_DIM;
-use crate::net::{OneShotDecoder, OneShotSeq, Positions, VqEncoder, Weights};
+use crate::net::absolute_tests;
+use crate::net::{OneShotDecoder, OneShotSeq, Positions, SeqConfig, VqEncoder, Weights};
 
 const TINY: &[u8] = include_bytes!("../net/golden/tiny.safetensors");
 const GOLDEN: &[u8] = include_bytes!("golden/step.safetensors");
+const ABSOLUTE: &[u8] = include_bytes!("golden/absolute.safetensors");
 const TOLERANCE: f32 = 1e-4;
 
 fn rng() -> ChaCha8Rng {
@@ -65,13 +67,18 @@ fn book(tensors: &Tensors, part: &str) -> Codebook {
 
 /// Stage 2 with the tiny weights, whose styles are two.
 fn stage_two(positions: Positions) -> SeqStage {
+    stage_two_of(TINY, |seq| seq.positions = positions)
+}
+
+/// The same with other weights and a change that makes the network theirs.
+fn stage_two_of(weights: &[u8], change: impl Fn(&mut SeqConfig)) -> SeqStage {
     let stage_one = StageOne::open(TINY, "tiny").unwrap();
     let mut settings = settings(StageKind::MotionSeq, |_| ());
     let tiny = Weights::open(TINY, "tiny").unwrap();
     settings.model.seq = tiny.config().seq.clone();
-    settings.model.seq.positions = positions;
+    change(&mut settings.model.seq);
     let (mut stage, _) = SeqStage::new(settings, data(), stage_one, &mut rng()).unwrap();
-    load(&mut stage.parameters, &read(TINY, &["seq."]).unwrap());
+    load(&mut stage.parameters, &read(weights, &["seq."]).unwrap());
     stage
 }
 
@@ -429,13 +436,31 @@ fn a_step_of_stage_one_is_that_of_the_twin() {
 #[test]
 fn a_step_of_stage_two_is_that_of_the_twin() {
     let golden = read(GOLDEN, &[""]).unwrap();
+    check_seq_step(&golden, stage_two(Positions::Alibi), |_| ());
+}
+
+#[test]
+fn a_step_with_absolute_positions_and_an_end_is_that_of_the_twin() {
+    let golden = read(ABSOLUTE, &[""]).unwrap();
+    let weights = absolute_tests::with_end();
+    let stage = stage_two_of(&weights, |seq| {
+        (seq.positions, seq.eos) = (Positions::Sinusoidal, true);
+    });
+    check_seq_step(&golden, stage, |targets| {
+        // The first sequence ends with its last frame.
+        (targets[0][19], targets[1][19]) = (16, super::nll::IGNORED);
+    });
+}
+
+/// One step against the golden file's, with targets changed somehow.
+fn check_seq_step(golden: &Tensors, mut stage: SeqStage, change: impl Fn(&mut Vec<Vec<u32>>)) {
     let (sequences, length) = (3, 20);
-    let lengths: Vec<usize> = codes(&golden, "in.lengths")
+    let lengths: Vec<usize> = codes(golden, "in.lengths")
         .iter()
         .map(|l| *l as usize)
         .collect();
     let of_part = |name: &str, part: usize| -> Vec<u32> {
-        codes(&golden, name)
+        codes(golden, name)
             .iter()
             .skip(part)
             .step_by(2)
@@ -455,29 +480,29 @@ fn a_step_of_stage_two_is_that_of_the_twin() {
         };
         (0..sequences * length).map(target).collect()
     };
-    let batch = SeqBatch {
+    let mut batch = SeqBatch {
         targets: chosen.iter().map(counted).collect(),
         inputs: Inputs {
             previous,
             chosen,
-            music: floats(&golden, "in.music"),
-            has_music: codes(&golden, "in.has_music")
+            music: floats(golden, "in.music"),
+            has_music: codes(golden, "in.has_music")
                 .iter()
                 .map(|h| *h == 1)
                 .collect(),
-            styles: codes(&golden, "in.style"),
+            styles: codes(golden, "in.style"),
             batch: Batch { length, lengths },
         },
     };
-    let mut stage = stage_two(Positions::Alibi);
+    change(&mut batch.targets);
     let outcome = stage.learn(&batch, &mut rng());
-    let expected = floats(&golden, "seq.loss")[0];
+    let expected = floats(golden, "seq.loss")[0];
     assert!(
         (outcome.terms[0].1 as f32 - expected).abs() < TOLERANCE * expected,
         "{:?}",
         outcome.terms
     );
-    check_step(&golden, &mut stage.parameters, &outcome.gradients);
+    check_step(golden, &mut stage.parameters, &outcome.gradients);
 }
 
 fn trainer(stage: StageKind, change: impl Fn(&mut SettingsFile)) -> Trainer {

@@ -4,12 +4,12 @@
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use servodance_types::MUSIC_DIM;
 
 use super::codebook::Codebook;
 use super::data::Data;
 use super::error::TrainError;
 use super::parameters::normal;
+use crate::conditioning::MusicKind;
 use crate::error::ModelError;
 use crate::net::VqEncoder;
 
@@ -19,7 +19,7 @@ const NEAR: usize = 8;
 const REACH: i32 = 4;
 /// How likely a frame begins another offset: every second or so.
 const NEW_OFFSET: f64 = 0.05;
-/// Timbre and chroma among the numbers of a music frame.
+/// Timbre and chroma among the numbers of a spectral music frame.
 const VEILED: std::ops::Range<usize> = 2..33;
 
 /// Codes of every clip: [clip][part][frame].
@@ -107,10 +107,15 @@ pub(crate) fn shaken(
 }
 
 /// Hides timbre and chroma of a sequence, or blurs them: few songs are many
-/// frames, and a model that can tell them apart learns them by heart.
-pub(crate) fn veil(music: &mut [f32], hide: bool, rng: &mut ChaCha8Rng) {
-    for row in music.chunks_mut(MUSIC_DIM) {
-        for value in &mut row[VEILED] {
+/// frames, and a model that can tell them apart learns them by heart. Encodec's
+/// numbers tell all at once: they stay as they are.
+pub(crate) fn veil(kind: MusicKind, music: &mut [f32], hide: bool, rng: &mut ChaCha8Rng) {
+    let veiled = match kind {
+        MusicKind::Servodance39 | MusicKind::Librosa35 => VEILED,
+        MusicKind::Encodec128 => 0..0,
+    };
+    for row in music.chunks_mut(kind.dim()) {
+        for value in &mut row[veiled.clone()] {
             *value = if hide { 0.0 } else { *value + normal(rng) };
         }
     }
@@ -152,13 +157,14 @@ mod tests {
     #[test]
     fn the_veil_leaves_energy_and_beat() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let mut music = vec![0.5; 2 * MUSIC_DIM];
-        veil(&mut music, true, &mut rng);
+        let kind = MusicKind::default();
+        let mut music = vec![0.5; 2 * kind.dim()];
+        veil(kind, &mut music, true, &mut rng);
         assert_eq!(
             (music[0], music[2], music[32], music[33]),
             (0.5, 0.0, 0.0, 0.5)
         );
-        veil(&mut music, false, &mut rng);
-        assert!(music[MUSIC_DIM + 5] != 0.0 && music[38] == 0.5);
+        veil(kind, &mut music, false, &mut rng);
+        assert!(music[kind.dim() + 5] != 0.0 && music[38] == 0.5);
     }
 }

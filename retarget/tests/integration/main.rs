@@ -4,6 +4,7 @@ mod adversarial;
 mod dance;
 mod defects;
 mod descriptions;
+mod latecomers;
 mod random_rigs;
 mod stepping;
 mod support;

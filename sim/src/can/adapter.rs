@@ -1,5 +1,5 @@
-//! The host's way to the simulated bus: an slcan adapter on a pseudo-terminal,
-//! a multicast group, or a CAN interface.
+//! The host's way to the simulated bus: an slcan adapter on a pseudo-terminal or
+//! a Unix socket, a multicast group, or a CAN interface.
 //!
 //! The slcan adapter knows `S`, `s`, `O`, `L`, `C`, `F`, `V`, `N`, `t`, `T`,
 //! `r`, `R`; it refuses frames while closed or bus-off, and everything else. Set
@@ -21,10 +21,17 @@ use servodance_drivers::can::socket::SocketLink;
 use servodance_drivers::can::udp::UdpLink;
 use servodance_drivers::can::{CanFrame, CanLink, Received};
 
+use crate::host_port::{Heard, HostPort};
+
 /// Between host and bus.
 pub(crate) trait Adapter: Send {
     /// A second handle on what the host's bytes come through.
     fn watched(&self) -> io::Result<OwnedFd>;
+
+    /// Whether that is another handle since the last call.
+    fn moved(&mut self) -> bool {
+        false
+    }
 
     /// Waits until the host has sent something, for at most `wait`.
     fn wait(&self, wait: Duration) -> io::Result<bool>;
@@ -41,7 +48,7 @@ pub(crate) trait Adapter: Send {
 
 /// A serial CAN adapter.
 pub(crate) struct SlcanAdapter {
-    master: OwnedFd,
+    port: HostPort,
     lines: Lines,
     open: bool,
     out: Vec<u8>,
@@ -56,10 +63,10 @@ pub(crate) struct SlcanAdapter {
 const QUEUE: usize = 16;
 
 impl SlcanAdapter {
-    /// Behind our end of a pseudo-terminal that does not block.
-    pub fn new(master: OwnedFd, bus_bitrate: u32) -> Self {
+    /// Behind our end of the host's port.
+    pub fn new(port: HostPort, bus_bitrate: u32) -> Self {
         Self {
-            master,
+            port,
             lines: Lines::default(),
             open: false,
             out: Vec::new(),
@@ -116,14 +123,7 @@ impl SlcanAdapter {
     }
 
     fn flush(&mut self) {
-        let mut bytes = &self.out[..];
-        while !bytes.is_empty() {
-            match nix::unistd::write(&self.master, bytes) {
-                Ok(count) => bytes = &bytes[count..],
-                Err(Errno::EINTR) => {}
-                Err(_) => break,
-            }
-        }
+        self.port.write(&self.out);
         self.out.clear();
     }
 }
@@ -143,29 +143,32 @@ pub(crate) fn readable(fd: impl AsFd, wait: Duration) -> io::Result<bool> {
 
 impl Adapter for SlcanAdapter {
     fn watched(&self) -> io::Result<OwnedFd> {
-        self.master.try_clone()
+        self.port.watched()
+    }
+
+    fn moved(&mut self) -> bool {
+        self.port.moved()
     }
 
     fn wait(&self, wait: Duration) -> io::Result<bool> {
-        readable(&self.master, wait)
+        self.port.wait(wait)
     }
 
     fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
         let mut chunk = [0; 4096];
-        match nix::unistd::read(&self.master, &mut chunk) {
-            Ok(count) => {
+        match self.port.read(&mut chunk)? {
+            Heard::Bytes(count) => {
                 let taken = chunk[..count].iter();
                 frames.extend(taken.filter_map(|byte| self.take(*byte, bus_off)));
                 self.flush();
             }
-            // Nobody has the other end open: the next one finds it closed.
-            Err(Errno::EIO) => {
+            // The next one finds it closed.
+            Heard::Nobody => {
                 self.open = false;
                 self.lines = Lines::default();
                 std::thread::sleep(Duration::from_millis(1));
             }
-            Err(Errno::EINTR | Errno::EAGAIN) => {}
-            Err(errno) => return Err(errno.into()),
+            Heard::Nothing => {}
         }
         Ok(())
     }

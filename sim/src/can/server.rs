@@ -52,6 +52,12 @@ impl CanServer {
             if waiting && self.adapter.fetch(bus_off, &mut frames).is_err() {
                 return;
             }
+            if self.adapter.moved() {
+                let Ok(watched) = self.adapter.watched() else {
+                    return;
+                };
+                self.shared.watch(watched);
+            }
             let now_s = self.shared.began.elapsed().as_secs_f64();
             self.wire_free_s = self.wire_free_s.max(now_s);
             for frame in frames.drain(..) {

@@ -2,8 +2,10 @@
 
 use std::fmt::Write;
 
-use servodance_drivers::{Bus, BusConfig, BusKind, SafeBus, SafetyConfig, Servo, State, open_bus};
-use servodance_sim::{SimBus, SimOptions, SimServoSpec};
+use servodance_drivers::{
+    Bus, BusConfig, BusKind, ReplyClock, SafeBus, SafetyConfig, Servo, State, open_bus,
+};
+use servodance_sim::{SimBus, SimOptions, SimServoSpec, WireFault};
 use servodance_types::JointState;
 
 use super::{HZ, PERIOD_S};
@@ -33,15 +35,34 @@ pub struct Outcome {
 /// Something that happens at a time, seconds.
 pub type Event<'a> = (f64, Box<dyn FnOnce(&mut SimBus) + 'a>);
 
+/// By whose clock a reply is lost.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum LostBy {
+    /// The simulation's: however busy the machine is.
+    Simulation,
+    /// The wall's, as on real servos: what a fault holds back is late.
+    Wall,
+}
+
+/// Whose clock shows what this fault does.
+pub fn clock_for(fault: WireFault) -> LostBy {
+    match fault {
+        WireFault::Late(_) => LostBy::Wall,
+        _ => LostBy::Simulation,
+    }
+}
+
 /// Dances these servos, lets `happen` take place after 2 s, goes on for 3 s more.
 pub fn dance(
     servos: &[Servo],
     specs: &[SimServoSpec],
     config: BusConfig,
+    clock: LostBy,
     happen: impl FnOnce(&mut SimBus),
 ) -> Outcome {
     let safety = SafetyConfig::at_hz(HZ);
-    play(servos, specs, config, safety, vec![(2.0, Box::new(happen))])
+    let events: Vec<Event> = vec![(2.0, Box::new(happen))];
+    play(servos, specs, config, clock, safety, events)
 }
 
 /// Dances these servos until 3 s after the last of the events.
@@ -49,6 +70,7 @@ pub fn play(
     servos: &[Servo],
     specs: &[SimServoSpec],
     config: BusConfig,
+    clock: LostBy,
     safety: SafetyConfig,
     events: Vec<Event<'_>>,
 ) -> Outcome {
@@ -63,6 +85,10 @@ pub fn play(
     let mut sim = SimBus::start(specs, options).unwrap();
     let config = BusConfig {
         accept_no_watchdog: true,
+        reply_clock: match clock {
+            LostBy::Simulation => sim.reply_clock(),
+            LostBy::Wall => ReplyClock::Wall,
+        },
         ..config
     };
     let bus = open_bus(&sim.port(), &config, servos.to_vec()).unwrap();

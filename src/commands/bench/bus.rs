@@ -3,6 +3,7 @@
 use crate::bus_tools::bench;
 use crate::console::say;
 use crate::robot::Robot;
+use crate::sim_link::LinkChoice;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -22,6 +23,10 @@ pub struct Args {
     /// Bits a second, instead of the robot file's.
     #[arg(long, value_name = "BAUD")]
     pub baud: Option<u32>,
+    /// What is between driver and simulated servos: a socket (unix), which is quick, or
+    /// the kernel's pseudo-terminal (pty, slcan), whose own time it then measures as well.
+    #[arg(long, value_enum, default_value_t = LinkChoice::Unix, value_name = "LINK")]
+    pub link: LinkChoice,
     /// Print one JSON object.
     #[arg(long)]
     pub json: bool,
@@ -30,7 +35,7 @@ pub struct Args {
 /// Measures and prints.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = Robot::load(&args.robot)?;
-    let figures = bench::run(&robot, args.baud)?;
+    let figures = bench::run(&robot, args.baud, args.link)?;
     if args.json {
         say!("{}", serde_json::to_string(&figures)?);
     } else {

@@ -5,6 +5,7 @@
 //! A lost segment stops everything behind it until it was sent again: after
 //! 200 ms (the shortest retransmission timeout of Linux) and the way there and
 //! back; lost again, after twice as long. The order of bytes is kept, as TCP does.
+//! Each connection has losses of its own.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

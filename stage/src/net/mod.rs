@@ -1,4 +1,4 @@
-//! The stage on Zenoh: one session a program.
+//! The stage on Zenoh: one session a program, two a follower ([`Twin`]).
 //!
 //! A leader is a Zenoh router that listens, everybody else a peer that connects
 //! to it; nobody is looked for by multicast, and without being told otherwise
@@ -8,8 +8,10 @@
 //! Callbacks run on threads of Zenoh: they hand bytes over and return.
 
 mod exposure;
+mod twin;
 
 pub use exposure::exposure;
+pub use twin::{Twin, TwinVoice};
 
 use crate::wire::MOST_BYTES;
 use std::path::{Path, PathBuf};
@@ -60,6 +62,11 @@ pub enum NetError {
         /// What Zenoh says.
         why: String,
     },
+    /// Somebody listens there.
+    #[error(
+        "cannot listen at {0}: it is in use already, perhaps by another leader; end that, or give --listen another port"
+    )]
+    InUse(String),
     /// Anything on an open session.
     #[error("the network failed at {what}: {why}")]
     Use {
@@ -186,6 +193,16 @@ pub struct Net {
     session: Session,
 }
 
+/// Why a session that listens at `endpoints` was not opened.
+fn refused(endpoints: &str, why: String) -> NetError {
+    if !why.contains("already in use") {
+        let what = endpoints.to_owned();
+        return NetError::Open { what, why };
+    }
+    let list = serde_json::from_str::<Vec<String>>(endpoints);
+    NetError::InUse(list.map_or_else(|_| endpoints.to_owned(), |list| list.join(", ")))
+}
+
 /// Hears until it is dropped.
 pub struct Ear(#[expect(dead_code, reason = "it hears as long as it is kept")] Subscriber<()>);
 
@@ -203,10 +220,7 @@ impl Net {
         let opened = zenoh::open(config).wait();
         opened
             .map(|session| Self { session })
-            .map_err(|error| NetError::Open {
-                what,
-                why: in_a_line(&error),
-            })
+            .map_err(|error| refused(&what, in_a_line(&error)))
     }
 
     /// The id of the session, hexadecimal.
@@ -353,5 +367,15 @@ mod tests {
             "no listener at tcp/[::1]:1: [in use (os error 98) at /a/tcp.rs:61.] at /b/c.rs:338.";
         let told = super::in_a_line(&said);
         assert_eq!(told, "no listener at tcp/[::1]:1: [in use (os error 98)]");
+    }
+
+    #[test]
+    fn a_port_that_is_in_use_is_said_in_one_clear_line() {
+        let why = "no TCP listener: [127.0.0.1:1: Address already in use (os error 98)]";
+        let told = super::refused("[\"tcp/127.0.0.1:1\"]", why.into()).to_string();
+        assert!(
+            told.starts_with("cannot listen at tcp/127.0.0.1:1: it is in use"),
+            "{told}"
+        );
     }
 }

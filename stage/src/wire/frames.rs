@@ -2,12 +2,14 @@
 
 use super::WireError;
 use super::bytes::{Put, Take};
-use servodance_types::{Beat, BeatLock, Contacts, JOINT_COUNT, MotionFrame, MusicFrame};
+use servodance_types::{Beat, BeatLock, Contacts, JOINT_COUNT, MotionFrame, MusicFrame, Posture};
 
 /// Frames in one message at most.
 pub const MOST_FRAMES: usize = 8;
 /// Points farther away than this are no dancer, metres.
 const FARTHEST_M: f32 = 1000.0;
+/// No posture has larger numbers: radians, leg lengths.
+const WIDEST: f32 = 100.0;
 /// No sound is louder or softer than this, in units of 20 dB.
 const LOUDEST: f32 = 1000.0;
 /// No music is faster than this, beats a minute.
@@ -31,6 +33,7 @@ const LEVEL: usize = 1;
 /// | 1 | u8 | beat: 0 lost, 1 locked, 2 holding |
 /// | 1 | u8 | feet on the floor: bit 0 left, bit 1 right |
 /// | 264 | 66 f32 | x, y (up), z of the 22 joints, metres |
+/// | 40 | 10 f32 | usual posture: heading, nod (2), sway (2), left foot (2), right foot (2), floor |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageFrame {
     /// When the servos shall show it, nanoseconds of the leader's clock.
@@ -47,11 +50,18 @@ pub struct StageFrame {
     pub contacts: Contacts,
     /// Joint positions, metres.
     pub positions: [[f32; 3]; JOINT_COUNT],
+    /// What is usual for the dancer; everybody sees movement against this.
+    pub posture: Posture,
 }
 
 impl StageFrame {
     /// A frame of the dance that shall be seen at `present_ns`.
-    pub fn new(present_ns: i64, music: &MusicFrame, motion: &MotionFrame) -> Self {
+    pub fn new(
+        present_ns: i64,
+        music: &MusicFrame,
+        motion: &MotionFrame,
+        posture: Posture,
+    ) -> Self {
         Self {
             present_ns,
             music_ns: (motion.time_s * 1e9).round() as i64,
@@ -60,6 +70,7 @@ impl StageFrame {
             level: music.spectral[LEVEL],
             contacts: motion.contacts,
             positions: motion.positions,
+            posture,
         }
     }
 
@@ -98,6 +109,13 @@ impl StageFrame {
         for value in self.positions.as_flattened() {
             put.f32(*value);
         }
+        let posture = &self.posture;
+        let [left, right] = posture.feet;
+        put.f32(posture.heading_rad);
+        for value in [posture.nod_rad, posture.sway, left, right].as_flattened() {
+            put.f32(*value);
+        }
+        put.f32(posture.floor_m);
     }
 
     fn read(take: &mut Take) -> Result<Self, WireError> {
@@ -124,6 +142,7 @@ impl StageFrame {
         for value in positions.as_flattened_mut() {
             *value = take.within(FARTHEST_M, "a joint")?;
         }
+        let posture = posture(take)?;
         Ok(Self {
             present_ns,
             music_ns,
@@ -135,8 +154,25 @@ impl StageFrame {
                 right: feet & 2 > 0,
             },
             positions,
+            posture,
         })
     }
+}
+
+fn posture(take: &mut Take) -> Result<Posture, WireError> {
+    let heading_rad = take.within(WIDEST, "a heading")?;
+    let mut pairs = [[0.0; 2]; 4];
+    for value in pairs.as_flattened_mut() {
+        *value = take.within(WIDEST, "a posture")?;
+    }
+    let [nod_rad, sway, left, right] = pairs;
+    Ok(Posture {
+        heading_rad,
+        nod_rad,
+        sway,
+        feet: [left, right],
+        floor_m: take.within(FARTHEST_M, "a floor")?,
+    })
 }
 
 /// A time that can be calculated with.
@@ -161,7 +197,7 @@ pub(super) fn time(take: &mut Take) -> Result<i64, WireError> {
 /// | 1 | u8 | voice: 0 the stage's own style, others for followers that want another |
 /// | 1+n | name | style of the voice |
 /// | 1 | u8 | how many frames: 1 to 8 |
-/// | 302 each | | see [`StageFrame`]; the newest is the last |
+/// | 342 each | | see [`StageFrame`]; the newest is the last |
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frames {
     /// Which leader.

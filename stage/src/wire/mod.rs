@@ -26,7 +26,7 @@ pub use time::{Answer, Question, Report};
 use bytes::{Put, Take};
 
 /// The version of the format that is written, and the only one understood.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Longer messages are refused unread.
 pub const MOST_BYTES: usize = 16 * 1024;
 /// Longest name of a follower or a style, bytes.

@@ -2,7 +2,7 @@ use super::*;
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use servodance_types::{Beat, Contacts, JOINT_COUNT};
+use servodance_types::{Beat, Contacts, JOINT_COUNT, Posture};
 
 fn frame(index: i64) -> StageFrame {
     StageFrame {
@@ -22,6 +22,13 @@ fn frame(index: i64) -> StageFrame {
             right: true,
         },
         positions: std::array::from_fn(|j| [j as f32, 0.5, -(index as f32)]),
+        posture: Posture {
+            heading_rad: -3.0,
+            nod_rad: [0.1, 0.2],
+            sway: [0.3, 0.4],
+            feet: [[0.5, 0.6], [0.7, 0.8]],
+            floor_m: -0.25,
+        },
     }
 }
 
@@ -48,6 +55,7 @@ fn messages() -> Vec<Message> {
             follower: 1,
             instance: 2,
             nonce: 3,
+            lacks: Some(1),
         }),
         Message::Answer(Answer {
             instance: 2,
@@ -98,19 +106,22 @@ fn what_is_written_is_read_and_what_is_cut_off_or_longer_is_not() {
 #[test]
 fn the_bytes_of_a_message_stay_as_they_are_documented() {
     let bytes = messages()[0].encode();
-    assert_eq!(bytes[..4], [b's', b'd', 1, 1]);
+    assert_eq!(bytes[..4], [b's', b'd', VERSION, 1]);
     assert_eq!(bytes[4..12], 7u64.to_le_bytes());
     assert_eq!(bytes[12..16], 1u32.to_le_bytes());
     assert_eq!(bytes[16..24], 41u64.to_le_bytes());
     assert_eq!(bytes[24..32], (-5i64).to_le_bytes());
     assert_eq!(bytes[32..35], [0x20, 0x03, 2]);
     assert_eq!(bytes[35..42], [5, b's', b'a', b'l', b's', b'a', 3]);
-    assert_eq!(bytes.len(), 42 + 3 * 302);
-    let newest = &bytes[42 + 2 * 302..];
+    assert_eq!(bytes.len(), 42 + 3 * 342);
+    let newest = &bytes[42 + 2 * 342..];
     assert_eq!(newest[..8], 100_000_000i64.to_le_bytes());
     assert_eq!(newest[16..20], 0.25f32.to_le_bytes());
     assert_eq!(newest[36..38], [2, 2]);
     assert_eq!(newest[38 + 21 * 12..][..4], 21f32.to_le_bytes());
+    let posture = [-3.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, -0.25f32];
+    let posture = posture.map(f32::to_le_bytes);
+    assert_eq!(newest[302..], *posture.as_flattened());
 }
 
 #[test]
@@ -127,12 +138,17 @@ fn huge_foreign_and_impossible_messages_are_refused() {
     let huge = vec![0; MOST_BYTES + 1];
     assert_eq!(Message::decode(&huge), Err(WireError::Huge(huge.len())));
     assert_eq!(Message::decode(b"GET /"), Err(WireError::Foreign));
-    assert_eq!(Message::decode(b"sd\x01\x63"), Err(WireError::Kind(99)));
+    assert_eq!(
+        Message::decode(&[b's', b'd', VERSION, 99]),
+        Err(WireError::Kind(99))
+    );
     let mut nan = frame(0);
     nan.positions[JOINT_COUNT - 1][2] = f32::NAN;
     let mut far = frame(0);
     far.present_ns = i64::MIN;
-    for (bad, what) in [(nan, "a joint"), (far, "a time")] {
+    let mut turned = frame(0);
+    turned.posture.heading_rad = 1e9;
+    for (bad, what) in [(nan, "a joint"), (far, "a time"), (turned, "a heading")] {
         let Message::Frames(mut frames) = messages().swap_remove(0) else {
             unreachable!()
         };

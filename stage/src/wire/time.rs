@@ -11,6 +11,7 @@ use super::frames::time;
 /// | 8 | u64 | follower: a random number that it drew when it began |
 /// | 8 | u64 | instance of the leader that is asked |
 /// | 8 | u64 | nonce: a random number, new in each question |
+/// | 1 | u8 | voice of which it lacks frames that were sent before; 255: none |
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Question {
     /// Who asks.
@@ -19,11 +20,18 @@ pub struct Question {
     pub instance: u64,
     /// Comes back with the answer.
     pub nonce: u64,
+    /// The voice of which frames are wanted that were sent already and are not
+    /// yet over.
+    pub lacks: Option<u8>,
 }
+
+/// No voice.
+const NO_VOICE: u8 = u8::MAX;
 
 impl Question {
     pub(super) fn write(&self, put: &mut Put) {
         put.u64(self.follower).u64(self.instance).u64(self.nonce);
+        put.u8(self.lacks.unwrap_or(NO_VOICE));
     }
 
     pub(super) fn read(take: &mut Take) -> Result<Self, WireError> {
@@ -31,6 +39,7 @@ impl Question {
             follower: take.u64()?,
             instance: take.u64()?,
             nonce: take.u64()?,
+            lacks: Some(take.u8()?).filter(|voice| *voice != NO_VOICE),
         })
     }
 }

@@ -5,6 +5,7 @@
 #![cfg(target_arch = "x86_64")]
 #![allow(unsafe_code)]
 
+use super::dtype::{BLOCK, CHUNK, CHUNK_WORDS};
 use super::lanes::Lanes;
 use std::arch::x86_64::*;
 
@@ -37,6 +38,26 @@ impl Lanes for Avx2 {
     fn store(self, to: &mut [f32; 8]) {
         // SAFETY: see the type; the reference is good for 32 bytes, any alignment.
         unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
+    }
+
+    #[inline(always)]
+    fn store_integers(self, to: &mut [i16; 8]) {
+        // SAFETY: see the type; the reference is good for 16 bytes, any alignment.
+        unsafe {
+            let nearest = _mm256_cvtps_epi32(self.0);
+            let high = _mm256_extracti128_si256::<1>(nearest);
+            let eight = _mm_packs_epi32(_mm256_castsi256_si128(nearest), high);
+            _mm_storeu_si128(to.as_mut_ptr().cast(), eight);
+        }
+    }
+
+    #[inline(always)]
+    fn store_half(self, to: &mut [u16; 8]) {
+        // SAFETY: see the type; the reference is good for 16 bytes, any alignment.
+        unsafe {
+            let eight = _mm256_cvtps_ph::<_MM_FROUND_TO_NEAREST_INT>(self.0);
+            _mm_storeu_si128(to.as_mut_ptr().cast(), eight);
+        }
     }
 
     #[inline(always)]
@@ -106,6 +127,32 @@ impl Lanes for Avx2 {
             let (low, high) = (_mm256_sub_epi16(low, eight), _mm256_sub_epi16(high, eight));
             sum_of_products(low, high, x.as_ptr())
         })
+    }
+
+    #[inline(always)]
+    fn dots_q6(words: &[u16; CHUNK_WORDS], x: &[i16; CHUNK]) -> [Self; 4] {
+        // SAFETY: see the type; 96 and 256 bytes behind the references.
+        unsafe {
+            let third = |i: usize| _mm256_loadu_si256(words.as_ptr().add(16 * i).cast());
+            let (a, b, c) = (third(0), third(1), third(2));
+            let first = |v| _mm256_srai_epi16::<10>(_mm256_slli_epi16::<10>(v));
+            let second = |v| _mm256_srai_epi16::<10>(_mm256_slli_epi16::<4>(v));
+            // Four bits on top of one, and two of `b` below them.
+            let joined = |top, low| {
+                let top = _mm256_and_si256(top, _mm256_set1_epi16(0xf000u16 as i16));
+                let low = _mm256_and_si256(low, _mm256_set1_epi16(0x0c00));
+                _mm256_srai_epi16::<10>(_mm256_or_si256(top, low))
+            };
+            let sixth = joined(a, _mm256_srli_epi16::<2>(b));
+            let last = joined(c, _mm256_srli_epi16::<4>(b));
+            let x = |block: usize| x.as_ptr().add(BLOCK * block);
+            [
+                Self(sum_of_products(first(a), second(a), x(0))),
+                Self(sum_of_products(first(b), second(b), x(1))),
+                Self(sum_of_products(first(c), second(c), x(2))),
+                Self(sum_of_products(sixth, last, x(3))),
+            ]
+        }
     }
 
     #[inline(always)]

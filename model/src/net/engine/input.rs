@@ -5,43 +5,41 @@
 //! what is lost is lost in the weights alone.
 
 use super::dtype::{BLOCK, Dtype};
-
-/// The largest integer.
-const LARGEST: f32 = 32_767.0;
+use super::kernels::{self, Cpu};
 
 /// Vectors of one width, filled up with zeros to whole blocks.
 #[derive(Clone, Debug)]
 pub(crate) struct Input {
     width: usize,
     lanes: usize,
-    quantised: bool,
+    dtype: Dtype,
     pub values: Vec<f32>,
     pub quants: Vec<i16>,
     /// Per lane as many as [`scales_width`] says, the last ones 0.
     pub scales: Vec<f32>,
 }
 
-/// Numbers in a row filled up to whole blocks.
-pub(crate) fn padded(width: usize) -> usize {
-    width.next_multiple_of(BLOCK)
+/// Numbers in a row filled up to whole chunks.
+pub(crate) fn padded(width: usize, dtype: Dtype) -> usize {
+    width.next_multiple_of(dtype.chunk())
 }
 
 /// Scales kept for a row of this width: whole eights.
 pub(crate) fn scales_width(width: usize) -> usize {
-    8 * padded(width).div_ceil(8 * BLOCK)
+    8 * width.div_ceil(8 * BLOCK)
 }
 
 impl Input {
     /// All zeros.
     pub fn new(width: usize, lanes: usize, dtype: Dtype) -> Self {
-        let quantised = dtype.is_quantised();
-        let if_quantised = |n| if quantised { n * lanes } else { 0 };
+        let if_quantised = |n| if dtype.is_quantised() { n * lanes } else { 0 };
+        let padded = padded(width, dtype);
         Self {
             width,
             lanes,
-            quantised,
-            values: vec![0.0; padded(width) * lanes],
-            quants: vec![0; if_quantised(padded(width))],
+            dtype,
+            values: vec![0.0; padded * lanes],
+            quants: vec![0; if_quantised(padded)],
             scales: vec![0.0; if_quantised(scales_width(width))],
         }
     }
@@ -53,7 +51,7 @@ impl Input {
 
     /// Width filled up.
     pub fn padded(&self) -> usize {
-        padded(self.width)
+        padded(self.width, self.dtype)
     }
 
     /// The numbers of one lane, to be written; then call [`Input::ready`].
@@ -63,7 +61,7 @@ impl Input {
     }
 
     /// Takes the products of another matrix: row by row, in each row all lanes.
-    pub fn take(&mut self, products: &[f32]) {
+    pub fn take(&mut self, cpu: Cpu, products: &[f32]) {
         let lanes = self.lanes;
         for lane in 0..lanes {
             let to = self.lane_mut(lane);
@@ -75,44 +73,20 @@ impl Input {
                     .for_each(|(to, from)| *to = *from),
             }
         }
-        self.ready();
+        self.ready(cpu);
     }
 
     /// After the numbers were written.
-    pub fn ready(&mut self) {
-        if !self.quantised {
+    pub fn ready(&mut self, cpu: Cpu) {
+        if !self.dtype.is_quantised() {
             return;
         }
-        let (padded, scales) = (self.padded(), scales_width(self.width));
-        for lane in 0..self.lanes {
-            let values = self.values[lane * padded..][..padded]
-                .as_chunks::<BLOCK>()
-                .0;
-            let quants = self.quants[lane * padded..][..padded]
-                .as_chunks_mut::<BLOCK>()
-                .0;
-            let blocks = values.iter().zip(quants);
-            for (scale, (values, quants)) in self.scales[lane * scales..].iter_mut().zip(blocks) {
-                *scale = quantise(values, quants);
-            }
+        let padded = self.padded();
+        let scales = self.scales.chunks_exact_mut(scales_width(self.width));
+        let quants = self.quants.chunks_exact_mut(padded);
+        let values = self.values.chunks_exact(padded);
+        for (scales, (quants, values)) in scales.zip(quants.zip(values)) {
+            kernels::quantise(cpu, quants, scales, values);
         }
     }
-}
-
-/// Nearest integers of a block; gives their scale.
-fn quantise(values: &[f32; BLOCK], quants: &mut [i16; BLOCK]) -> f32 {
-    // 1.5 * 2^23: adding it leaves the nearest integer in the low bits.
-    const ROUND: f32 = 12_582_912.0;
-    let largest = values
-        .iter()
-        .fold(0f32, |m, v| if v.abs() > m { v.abs() } else { m });
-    let inverse = if largest > f32::MIN_POSITIVE {
-        LARGEST / largest
-    } else {
-        0.0
-    };
-    for (quant, value) in quants.iter_mut().zip(values) {
-        *quant = (value * inverse + ROUND).to_bits() as i16;
-    }
-    largest / LARGEST
 }

@@ -3,6 +3,10 @@
 //! Every implementation computes the same bits (fused multiply-add, one order
 //! of sums), so that a dance does not depend on the processor.
 
+use half::f16;
+
+use super::dtype::{BLOCK, CHUNK, CHUNK_WORDS, q6_quant};
+
 /// Eight f32.
 pub(crate) trait Lanes: Copy {
     /// The same number eight times.
@@ -13,6 +17,10 @@ pub(crate) trait Lanes: Copy {
     fn load_half(bits: &[u16; 8]) -> Self;
     /// To memory.
     fn store(self, to: &mut [f32; 8]);
+    /// As the nearest integers (even ones in the middle), of numbers that fit.
+    fn store_integers(self, to: &mut [i16; 8]);
+    /// As the nearest f16.
+    fn store_half(self, to: &mut [u16; 8]);
     /// Sum.
     fn add(self, other: Self) -> Self;
     /// Difference.
@@ -31,6 +39,8 @@ pub(crate) trait Lanes: Copy {
     fn dot_q8(weights: &[i8; 32], x: &[i16; 32]) -> Self;
     /// Products of a `q4_0` block, summed to eight (exact).
     fn dot_q4(weights: &[u8; 16], x: &[i16; 32]) -> Self;
+    /// Products of the blocks of a `q6` chunk, each summed to eight (exact).
+    fn dots_q6(words: &[u16; CHUNK_WORDS], x: &[i16; CHUNK]) -> [Self; 4];
     /// Sum of all eight: halves, quarters, eighths.
     fn sum(self) -> f32;
     /// The sum of each, in the same order.
@@ -70,6 +80,18 @@ impl Lanes for Portable {
     #[inline(always)]
     fn store(self, to: &mut [f32; 8]) {
         *to = self.0;
+    }
+
+    #[inline(always)]
+    fn store_integers(self, to: &mut [i16; 8]) {
+        // 1.5 * 2^23: adding it leaves the nearest integer in the low bits.
+        const ROUND: f32 = 12_582_912.0;
+        *to = self.0.map(|v| (v + ROUND).to_bits() as i16);
+    }
+
+    #[inline(always)]
+    fn store_half(self, to: &mut [u16; 8]) {
+        *to = self.0.map(|v| f16::from_f32(v).to_bits());
     }
 
     #[inline(always)]
@@ -126,6 +148,16 @@ impl Lanes for Portable {
                 weights[i - 16] >> 4
             };
             (i32::from(nibble) - 8) * i32::from(x[i])
+        })
+    }
+
+    #[inline(always)]
+    fn dots_q6(words: &[u16; CHUNK_WORDS], x: &[i16; CHUNK]) -> [Self; 4] {
+        std::array::from_fn(|block| {
+            pairs(|i| {
+                let n = block * BLOCK + i;
+                i32::from(q6_quant(words, n)) * i32::from(x[n])
+            })
         })
     }
 

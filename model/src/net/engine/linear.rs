@@ -2,9 +2,8 @@
 
 use super::dtype::Dtype;
 use super::input::Input;
-use super::kernels;
+use super::kernels::{self, Cpu};
 use super::matrix::Matrix;
-use super::ops::norm_into;
 use super::pool::Team;
 use crate::error::ModelError;
 use crate::net::config::Activation;
@@ -75,10 +74,7 @@ impl Linear {
         let lanes = x.lanes();
         let cpu = team.cpu();
         self.matrix.times(team, x, out, |first, products| {
-            let of_rows = products.chunks_exact_mut(lanes);
-            for (products, bias) in of_rows.zip(&self.bias[first..]) {
-                products.iter_mut().for_each(|p| *p += bias);
-            }
+            add_each(products, &self.bias[first..], lanes);
             match after {
                 After::Nothing => {}
                 After::Activate(Activation::Gelu) => kernels::gelu(cpu, products),
@@ -90,6 +86,17 @@ impl Linear {
             }
         });
         &mut out[..self.matrix.rows() * lanes]
+    }
+}
+
+/// Adds to the products of each row, in all lanes.
+fn add_each(products: &mut [f32], bias: &[f32], lanes: usize) {
+    if lanes == 1 {
+        products.iter_mut().zip(bias).for_each(|(p, b)| *p += b);
+    } else {
+        for (products, bias) in products.chunks_exact_mut(lanes).zip(bias) {
+            products.iter_mut().for_each(|p| *p += bias);
+        }
     }
 }
 
@@ -110,15 +117,15 @@ impl Norm {
     }
 
     /// One vector.
-    pub fn one(&self, x: &[f32], out: &mut [f32]) {
-        norm_into(x, &self.weight, &self.bias, out);
+    pub fn one(&self, cpu: Cpu, x: &[f32], out: &mut [f32]) {
+        kernels::norm(cpu, out, x, &self.weight, &self.bias);
     }
 
     /// The vectors of all lanes, ready for a product.
-    pub fn forward(&self, x: &[f32], out: &mut Input) {
+    pub fn forward(&self, cpu: Cpu, x: &[f32], out: &mut Input) {
         for (lane, x) in x.chunks_exact(self.weight.len()).enumerate() {
-            self.one(x, out.lane_mut(lane));
+            self.one(cpu, x, out.lane_mut(lane));
         }
-        out.ready();
+        out.ready(cpu);
     }
 }

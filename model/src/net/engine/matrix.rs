@@ -4,17 +4,16 @@ use std::ops::RangeInclusive;
 
 use half::f16;
 
-use super::dtype::{BLOCK, Dtype, q4_block, q8_block};
+use super::dtype::{BLOCK, CHUNK, CHUNK_WORDS, Dtype, q4_block, q6_chunk, q8_block};
 use super::input::{Input, padded, scales_width};
 use super::kernels::{self, Cpu};
 use super::pool::Team;
 use super::slab::{self, Held, Piece};
 
-/// Bytes of weights that a thread takes at a time: few enough that all threads
-/// are done at nearly the same time, and many, since each piece starts cold.
-const PIECE_BYTES: RangeInclusive<usize> = 16 * 1024..=128 * 1024;
-/// Pieces that each thread takes of a matrix of middling size.
-const PIECES: usize = 4;
+/// Bytes of weights that a thread takes at a time: at last few, so that all
+/// threads are done at nearly the same time, and at first many, since each piece
+/// starts cold.
+const PIECE_BYTES: RangeInclusive<usize> = 6 * 1024..=128 * 1024;
 
 /// Rows of one width in one number format.
 #[derive(Clone, Debug)]
@@ -31,6 +30,7 @@ enum Store {
     F32(Held<f32>),
     F16(Held<u16>),
     Q8(Held<i8>, Held<u16>),
+    Q6(Held<u16>, Held<u16>),
     Q4(Held<u8>, Held<u16>),
 }
 
@@ -38,7 +38,7 @@ impl Matrix {
     /// Packs `rows` times `width` numbers.
     pub fn pack(values: &[f32], width: usize, dtype: Dtype) -> Self {
         let mut packed = Self::empty(width, dtype);
-        let mut row = vec![0.0; padded(width)];
+        let mut row = vec![0.0; padded(width, dtype)];
         for values in values.chunks_exact(width) {
             row[..width].copy_from_slice(values);
             packed.push(&row);
@@ -52,6 +52,7 @@ impl Matrix {
             Dtype::F32 => Store::F32(Held::default()),
             Dtype::F16 => Store::F16(Held::default()),
             Dtype::Q8_0 => Store::Q8(Held::default(), Held::default()),
+            Dtype::Q6 => Store::Q6(Held::default(), Held::default()),
             Dtype::Q4_0 => Store::Q4(Held::default(), Held::default()),
         };
         Self {
@@ -65,6 +66,13 @@ impl Matrix {
     pub fn from_q8(width: usize, quants: Vec<i8>, scales: &[u16]) -> Self {
         let rows = quants.len() / width;
         let store = Store::Q8(Held::Own(quants), Held::Own(spread(scales, width)));
+        Self { rows, width, store }
+    }
+
+    /// Likewise rows of `q6` chunks.
+    pub fn from_q6(width: usize, words: Vec<u16>, scales: &[u16]) -> Self {
+        let rows = words.len() / (padded(width, Dtype::Q6) / CHUNK * CHUNK_WORDS);
+        let store = Store::Q6(Held::Own(words), Held::Own(spread(scales, width)));
         Self { rows, width, store }
     }
 
@@ -91,6 +99,10 @@ impl Matrix {
                     all.extend(more.iter().copied());
                     scales.extend(more_scales.iter().copied());
                 }
+                (Store::Q6(all, scales), Store::Q6(more, more_scales)) => {
+                    all.extend(more.iter().copied());
+                    scales.extend(more_scales.iter().copied());
+                }
                 _ => unreachable!("stacked matrices are packed by the same loader"),
             }
         }
@@ -111,6 +123,14 @@ impl Matrix {
                 }
                 scales.extend(std::iter::repeat_n(0, more));
             }
+            Store::Q6(all, scales) => {
+                for chunk in row.as_chunks().0 {
+                    let (words, of_chunk) = q6_chunk(chunk);
+                    all.extend(words);
+                    scales.extend(of_chunk.map(f16::to_bits));
+                }
+                scales.extend(std::iter::repeat_n(0, more));
+            }
             Store::Q4(all, scales) => {
                 for block in row.as_chunks().0 {
                     let (bytes, scale) = q4_block(block);
@@ -127,6 +147,7 @@ impl Matrix {
             Store::F32(all) => vec![all],
             Store::F16(all) => vec![all],
             Store::Q8(all, scales) => vec![all, scales],
+            Store::Q6(all, scales) => vec![all, scales],
             Store::Q4(all, scales) => vec![all, scales],
         }
     }
@@ -142,6 +163,7 @@ impl Matrix {
             Store::F32(all) => 4 * all.len(),
             Store::F16(all) => 2 * all.len(),
             Store::Q8(all, scales) => all.len() + 2 * scales.len(),
+            Store::Q6(all, scales) => 2 * (all.len() + scales.len()),
             Store::Q4(all, scales) => all.len() + 2 * scales.len(),
         }
     }
@@ -155,15 +177,13 @@ impl Matrix {
         out: &mut [f32],
         after: impl Fn(usize, &mut [f32]) + Sync,
     ) {
-        debug_assert_eq!(x.padded(), padded(self.width));
+        debug_assert_eq!(x.padded().div_ceil(CHUNK), self.width.div_ceil(CHUNK));
         let (cpu, lanes) = (team.cpu(), x.lanes());
         let row_bytes = (self.bytes() / self.rows.max(1)).max(1);
-        let piece = self.bytes() / (PIECES * team.threads());
-        let piece = piece.clamp(*PIECE_BYTES.start(), *PIECE_BYTES.end());
-        let rows = (piece / row_bytes).clamp(1, self.rows.max(1));
+        let rows_of = |bytes: &usize| (bytes / row_bytes).max(1);
+        let rows = rows_of(PIECE_BYTES.start())..=rows_of(PIECE_BYTES.end());
         let out = &mut out[..self.rows * lanes];
-        team.share(out, rows * lanes, |piece, out| {
-            let first = piece * rows;
+        team.share_rows(out, lanes, rows, |first, out| {
             self.some_rows(cpu, first, x, out);
             after(first, out);
         });
@@ -179,6 +199,11 @@ impl Matrix {
             Store::Q8(all, scales) => {
                 let (all, scales) = (&all[from..], &scales[scale_from..]);
                 kernels::rows_q8(cpu, out, all, scales, &x.quants, &x.scales, width);
+            }
+            Store::Q6(all, scales) => {
+                let from = from / CHUNK * CHUNK_WORDS;
+                let (all, scales) = (&all[from..], &scales[scale_from..]);
+                kernels::rows_q6(cpu, out, all, scales, &x.quants, &x.scales, width);
             }
             Store::Q4(all, scales) => {
                 let (all, scales) = (&all[from / 2..], &scales[scale_from..]);

@@ -27,11 +27,14 @@ pub use dtype::Dtype;
 use kernels::Cpu;
 pub use pool::{Pool, Team, default_threads};
 
-pub(crate) use dtype::{BLOCK, q4_block, q4_values, q8_block};
+pub(crate) use dtype::{
+    BLOCK, CHUNK, CHUNK_WORDS, q4_block, q4_values, q6_chunk, q6_values, q8_block,
+};
 pub(crate) use input::Input;
+pub(crate) use kernels::styled;
 pub(crate) use linear::{After, Linear, Norm};
 pub(crate) use matrix::{Matrix, gather};
-pub(crate) use ops::{add_lane, add_positions, styled};
+pub(crate) use ops::{add_lane, add_positions};
 pub(crate) use ring::{Clock, Heads, Ring, Scene};
 
 use std::sync::Arc;

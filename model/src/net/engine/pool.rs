@@ -10,6 +10,7 @@ use std::cell::UnsafeCell;
 use std::hint;
 use std::mem;
 use std::num::NonZero;
+use std::ops::RangeInclusive;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::{self, JoinHandle};
@@ -18,6 +19,8 @@ use super::kernels::Cpu;
 
 /// Turns of a spinning thread before it lets others run.
 const SPINS: u32 = 4_000;
+/// A thread takes this part of its share of what is left.
+const SHARES: usize = 2;
 /// `state`: one more helper is at work.
 const HELPER: u64 = 1;
 /// `state`: work may be joined.
@@ -155,17 +158,36 @@ impl Team<'_> {
         size: usize,
         work: impl Fn(usize, &mut [T]) + Sync,
     ) {
-        let pieces = out.chunks_mut(size.max(1)).enumerate();
-        if self.held.is_none() || pieces.len() < 2 {
-            return pieces.for_each(|(i, piece)| work(i, piece));
-        }
-        let pieces = Mutex::new(pieces);
-        let next = || pieces.lock().unwrap_or_else(PoisonError::into_inner).next();
-        self.everybody(&|| {
-            while let Some((i, piece)) = next() {
-                work(i, piece);
-            }
+        self.share_rows(out, size, 1..=1, work);
+    }
+
+    /// Calls `work` with pieces of so many rows of `width` numbers, and the first
+    /// of them: the fewer the less is left, so that all are done together.
+    pub(crate) fn share_rows<T: Send>(
+        &self,
+        out: &mut [T],
+        width: usize,
+        rows: RangeInclusive<usize>,
+        work: impl Fn(usize, &mut [T]) + Sync,
+    ) {
+        let alone = self.held.is_none() || out.len() <= width * rows.start();
+        let left = Mutex::new(Left {
+            first: 0,
+            out,
+            width: width.max(1),
+            rows,
+            shares: SHARES * self.threads(),
         });
+        let next = || left.lock().unwrap_or_else(PoisonError::into_inner).next();
+        let everything = || {
+            while let Some((first, piece)) = next() {
+                work(first, piece);
+            }
+        };
+        match alone {
+            true => everything(),
+            false => self.everybody(&everything),
+        }
     }
 
     /// Runs `work` here and in every helper that comes in time.
@@ -194,6 +216,33 @@ impl Drop for Team<'_> {
         if self.held.is_some() {
             self.pool.shared.awake.store(false, Ordering::Release);
         }
+    }
+}
+
+/// Rows that nobody has taken yet.
+struct Left<'a, T> {
+    first: usize,
+    out: &'a mut [T],
+    width: usize,
+    rows: RangeInclusive<usize>,
+    shares: usize,
+}
+
+impl<'a, T> Iterator for Left<'a, T> {
+    type Item = (usize, &'a mut [T]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.out.is_empty() {
+            return None;
+        }
+        let left = self.out.len().div_ceil(self.width);
+        let rows = (left / self.shares).clamp(*self.rows.start(), *self.rows.end());
+        let numbers = (rows * self.width).min(self.out.len());
+        let (piece, out) = mem::take(&mut self.out).split_at_mut(numbers);
+        self.out = out;
+        let first = self.first;
+        self.first += rows;
+        Some((first, piece))
     }
 }
 
@@ -295,6 +344,30 @@ mod tests {
                 });
                 let expected = (0..counts.len()).map(|n| 1 + n as u32 / 3);
                 assert!(counts.iter().copied().eq(expected), "{counts:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn pieces_shrink_and_cover_every_row_once() {
+        for threads in [1, 2, 5] {
+            let pool = Pool::new(threads);
+            for rows in [1, 2, 9, 1000] {
+                let mut out = vec![usize::MAX; 3 * rows];
+                let sizes = Mutex::new(Vec::new());
+                pool.team()
+                    .share_rows(&mut out, 3, 2..=100, |first, piece| {
+                        sizes.lock().unwrap().push((first, piece.len() / 3));
+                        for (i, number) in piece.iter_mut().enumerate() {
+                            assert_eq!(*number, usize::MAX);
+                            *number = 3 * first + i;
+                        }
+                    });
+                assert!(out.iter().copied().eq(0..3 * rows), "{out:?}");
+                let mut sizes = sizes.into_inner().unwrap();
+                sizes.sort_unstable();
+                assert!(sizes.is_sorted_by(|one, next| one.1 >= next.1), "{sizes:?}");
+                assert!(sizes.iter().all(|(_, rows)| *rows <= 100), "{sizes:?}");
             }
         }
     }

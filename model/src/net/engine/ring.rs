@@ -3,11 +3,8 @@
 //! Order inside the ring does not matter: each slot's age gives its bias. Slots
 //! that were never written are not looked at.
 
-use half::f16;
-use half::slice::HalfFloatSliceExt;
-
 use super::dtype::Dtype;
-use super::kernels;
+use super::kernels::{self, Cpu};
 use super::pool::Team;
 
 /// Which slot of the rings is written now, and how many hold something.
@@ -80,14 +77,15 @@ impl Heads {
 #[derive(Clone, Debug)]
 enum Store {
     F32(Vec<f32>),
-    F16(Vec<f16>),
+    /// Bits of f16.
+    F16(Vec<u16>),
 }
 
 impl Store {
     fn new(length: usize, dtype: Dtype) -> Self {
         match dtype {
             Dtype::F32 => Self::F32(vec![0.0; length]),
-            _ => Self::F16(vec![f16::ZERO; length]),
+            _ => Self::F16(vec![0; length]),
         }
     }
 
@@ -98,10 +96,10 @@ impl Store {
         }
     }
 
-    fn write(&mut self, at: usize, values: &[f32]) {
+    fn write(&mut self, cpu: Cpu, at: usize, values: &[f32]) {
         match self {
             Self::F32(all) => all[at..at + values.len()].copy_from_slice(values),
-            Self::F16(all) => all[at..at + values.len()].convert_from_f32_slice(values),
+            Self::F16(all) => kernels::to_half(cpu, &mut all[at..at + values.len()], values),
         }
     }
 }
@@ -164,11 +162,11 @@ impl Scene {
     /// into its ring.
     pub fn remember(
         &mut self,
+        cpu: Cpu,
         heads: &Heads,
         ring: &mut Ring,
         slot: usize,
-        products: &[f32],
-        first: usize,
+        (products, first): (&[f32], usize),
         lane: (usize, usize),
     ) {
         let (width, padded) = (heads.width, heads.padded());
@@ -178,7 +176,7 @@ impl Scene {
         ] {
             gather(&mut self.row, products, first, lane);
             for (head, row) in self.row.chunks_exact(width).enumerate() {
-                store.write((head * heads.window + slot) * padded, row);
+                store.write(cpu, (head * heads.window + slot) * padded, row);
             }
         }
     }
@@ -197,7 +195,7 @@ impl Scene {
             match &ring.keys {
                 Store::F32(all) => kernels::scores_f32(cpu, scores, &all[slots.clone()], query),
                 Store::F16(all) => {
-                    kernels::scores_f16(cpu, scores, bits(&all[slots.clone()]), query);
+                    kernels::scores_f16(cpu, scores, &all[slots.clone()], query);
                 }
             }
             let slope = heads.slopes[head];
@@ -211,7 +209,7 @@ impl Scene {
             kernels::softmax(cpu, scores);
             match &ring.values {
                 Store::F32(all) => kernels::mix_f32(cpu, out, scores, &all[slots]),
-                Store::F16(all) => kernels::mix_f16(cpu, out, scores, bits(&all[slots])),
+                Store::F16(all) => kernels::mix_f16(cpu, out, scores, &all[slots]),
             }
         });
     }
@@ -226,12 +224,14 @@ impl Scene {
     }
 }
 
-fn bits(halves: &[f16]) -> &[u16] {
-    halves.reinterpret_cast()
-}
-
 /// Outputs from `first` on of one lane (of so many).
 fn gather(row: &mut [f32], products: &[f32], first: usize, (lane, lanes): (usize, usize)) {
-    let from = products[first * lanes + lane..].iter().step_by(lanes);
-    row.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+    let from = &products[first * lanes + lane..];
+    match lanes {
+        1 => row.copy_from_slice(&from[..row.len()]),
+        _ => row
+            .iter_mut()
+            .zip(from.iter().step_by(lanes))
+            .for_each(|(to, from)| *to = *from),
+    }
 }

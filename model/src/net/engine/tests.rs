@@ -14,7 +14,7 @@ fn products(values: &[f32], width: usize, x: &[f32], dtype: Dtype) -> Vec<f32> {
     for (lane, x) in x.chunks_exact(width).enumerate() {
         input.lane_mut(lane).copy_from_slice(x);
     }
-    input.ready();
+    input.ready(Cpu::detect());
     let with = |pool: Pool| {
         let mut out = vec![0.0; matrix.rows() * lanes];
         matrix.times(&pool.team(), &input, &mut out, |_, _| {});
@@ -44,6 +44,7 @@ fn kernels_agree_to_the_bit_and_products_are_right() {
             (Dtype::F32, 1e-6),
             (Dtype::F16, 1e-3),
             (Dtype::Q8_0, 2e-2),
+            (Dtype::Q6, 6e-2),
             (Dtype::Q4_0, 0.25),
         ] {
             let found = products(&values, width, &x, dtype);
@@ -100,6 +101,71 @@ fn activations_are_those_of_the_formula() {
         assert!(gap < 2e-6 * x.abs().max(1.0), "{x}: {found}, {expected}");
     }
     assert_ne!(After::Nothing, After::Activate(Activation::Gelu));
+}
+
+/// What a kernel makes of noise, compiled for this processor and in plain Rust.
+fn both(count: usize, kernel: impl Fn(Cpu, &[f32]) -> Vec<f32>) -> (Vec<f32>, Vec<f32>) {
+    let mut x = random::tensor("x", &[count]);
+    x.iter_mut().for_each(|x| *x = 0.3 + 4.0 * *x);
+    let made = [Cpu::detect(), Cpu::portable()].map(|cpu| kernel(cpu, &x));
+    assert_eq!(made[0], made[1], "{count}");
+    (x, made[0].clone())
+}
+
+#[test]
+fn norms_are_those_of_the_formula() {
+    for count in [8usize, 21, 256, 768] {
+        let scale = random::tensor("scale", &[count]);
+        let (x, found) = both(count, |cpu, x| {
+            let mut out = vec![0.0; count];
+            kernels::norm(cpu, &mut out, x, &scale, &scale);
+            out
+        });
+        let n = count as f64;
+        let mean = x.iter().map(|x| f64::from(*x)).sum::<f64>() / n;
+        let square = |x: &f32| (f64::from(*x) - mean).powi(2);
+        let deviation = (x.iter().map(square).sum::<f64>() / n + 1e-5).sqrt();
+        for ((x, scale), found) in x.iter().zip(&scale).zip(found) {
+            let expected = ((f64::from(*x) - mean) / deviation + 1.0) * f64::from(*scale);
+            assert!((expected - f64::from(found)).abs() < 1e-5, "{count}");
+        }
+        let (x, found) = both(count, |cpu, x| {
+            let mut out = x.to_vec();
+            kernels::styled(cpu, &mut out, &scale);
+            out
+        });
+        let size = x.iter().map(|x| f64::from(x * x)).sum::<f64>().sqrt();
+        for ((x, scale), found) in x.iter().zip(&scale).zip(found) {
+            let expected = f64::from(*x) * (1.0 + f64::from(*scale) * n.sqrt() / size);
+            assert!((expected - f64::from(found)).abs() < 1e-5, "{count}");
+        }
+    }
+}
+
+#[test]
+fn numbers_are_kept_to_half_a_step() {
+    for count in [32usize, 96, 768] {
+        let (x, found) = both(count, |cpu, x| {
+            let (mut quants, mut scales) = (vec![0; count], vec![0.0; count / 32]);
+            kernels::quantise(cpu, &mut quants, &mut scales, x);
+            let back = |i: usize| f32::from(quants[i]) * scales[i / 32];
+            (0..count).map(back).collect()
+        });
+        for (x, found) in x.iter().zip(found) {
+            assert!((x - found).abs() < 5e-4, "{x} {found}");
+        }
+    }
+    for count in [1usize, 8, 21] {
+        let (x, found) = both(count, |cpu, x| {
+            let mut bits = vec![0; count];
+            kernels::to_half(cpu, &mut bits, x);
+            let back = |bits: &u16| half::f16::from_bits(*bits).to_f32();
+            bits.iter().map(back).collect()
+        });
+        for (x, found) in x.iter().zip(found) {
+            assert_eq!(half::f16::from_f32(*x).to_f32(), found);
+        }
+    }
 }
 
 #[test]

@@ -116,7 +116,7 @@ impl VqDecoder {
         for ((to, table), code) in embedded.zip(&self.codebooks).zip(codes) {
             to.copy_from_slice(table.row(*code));
         }
-        input.ready();
+        input.ready(team.cpu());
         let nothing = After::Nothing;
         let x = self.input.forward(team, input, &mut work.products, nothing);
         work.x.copy_from_slice(x);
@@ -126,7 +126,7 @@ impl VqDecoder {
             feed_forward.step(team, work);
         }
         clock.advance();
-        self.norm.forward(&work.x, &mut work.normed);
+        self.norm.forward(team.cpu(), &work.x, &mut work.normed);
         self.output
             .forward(team, &work.normed, &mut work.products, nothing)
     }

@@ -83,17 +83,16 @@ impl AttentionWork {
     /// rings of the lanes.
     fn remember(
         &mut self,
+        team: &Team,
         heads: &Heads,
         rings: &mut [Ring],
         clock: &Clock,
-        products: &[f32],
-        first: usize,
+        given: (&[f32], usize),
     ) {
-        let lanes = rings.len();
+        let (cpu, slot, lanes) = (team.cpu(), clock.slot(), rings.len());
         for (lane, ring) in rings.iter_mut().enumerate() {
-            let slot = clock.slot();
-            self.scene
-                .remember(heads, ring, slot, products, first, (lane, lanes));
+            let lane = (lane, lanes);
+            self.scene.remember(cpu, heads, ring, slot, given, lane);
         }
     }
 
@@ -111,7 +110,7 @@ impl AttentionWork {
         for lane in 0..work.lanes {
             self.scene.found(heads, lane, self.mixed.lane_mut(lane));
         }
-        self.mixed.ready();
+        self.mixed.ready(team.cpu());
         add(team, out, &self.mixed, &mut work.products, &mut work.x);
     }
 }
@@ -179,14 +178,14 @@ impl AttentionBlock {
         work: &mut Work,
         room: &mut AttentionWork,
     ) {
-        self.norm.forward(&work.x, &mut work.normed);
+        self.norm.forward(team.cpu(), &work.x, &mut work.normed);
         let (products, lanes) = (&mut work.products, work.lanes);
         let products = self
             .ask
             .forward(team, &work.normed, products, After::Nothing);
         room.ask(heads, products, lanes);
-        let (products, first) = given.unwrap_or((products, heads.wide()));
-        room.remember(heads, rings, clock, products, first);
+        let given = given.unwrap_or((products, heads.wide()));
+        room.remember(team, heads, rings, clock, given);
         room.attend(team, heads, clock, rings, &self.out, work);
     }
 
@@ -226,12 +225,12 @@ impl FeedForward {
     }
 
     pub fn step(&self, team: &Team, work: &mut Work) {
-        self.norm.forward(&work.x, &mut work.normed);
+        self.norm.forward(team.cpu(), &work.x, &mut work.normed);
         let after = After::Activate(self.activation);
         let up = self
             .up
             .forward(team, &work.normed, &mut work.products, after);
-        work.hidden.take(up);
+        work.hidden.take(team.cpu(), up);
         add(
             team,
             &self.down,

@@ -247,14 +247,14 @@ impl MotionSeq {
             let cross = &layer.cross;
             cross.step(team, scene, music, Some(given), work, room);
             for x in work.x.chunks_exact_mut(dim) {
-                styled(x, style);
+                styled(team.cpu(), x, style);
             }
             layer.feed_forward.step(team, work);
         }
         clock.advance();
         let hidden = state.hidden.chunks_exact_mut(dim);
         for (hidden, x) in hidden.zip(work.x.chunks_exact(dim)) {
-            self.norm.one(x, hidden);
+            self.norm.one(team.cpu(), x, hidden);
         }
     }
 
@@ -274,12 +274,12 @@ impl MotionSeq {
                 None => heard.lane_mut(lane).fill(0.0),
             }
         }
-        heard.ready();
+        heard.ready(team.cpu());
         let nothing = After::Nothing;
         let products = self
             .music_in
             .forward(team, heard, &mut work.products, nothing);
-        stream.take(products);
+        stream.take(team.cpu(), products);
         for (lane, music) in music.iter().enumerate() {
             let row = stream.lane_mut(lane);
             if music.is_none() {
@@ -290,7 +290,7 @@ impl MotionSeq {
                 add_positions(row, clock.frame());
             }
         }
-        stream.ready();
+        stream.ready(team.cpu());
         self.music_kv.forward(team, stream, keys_values, nothing);
     }
 
@@ -344,7 +344,7 @@ impl MotionSeq {
         for (lane, x) in work.x.chunks_exact(work.dim).enumerate() {
             work.normed.lane_mut(lane).copy_from_slice(x);
         }
-        work.normed.ready();
+        work.normed.ready(team.cpu());
         let (lanes, classes) = (work.lanes, part.head.outputs());
         let nothing = After::Nothing;
         let products = part

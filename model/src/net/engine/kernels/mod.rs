@@ -5,6 +5,7 @@
 mod attention;
 mod functions;
 mod products;
+mod vectors;
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::Avx2;
@@ -89,6 +90,26 @@ kernel! {
 kernel! {
     /// The same with `q4_0` rows.
     rows_q4 = products::rows_of_blocks::<u8>(out: &mut [f32], weights: &[u8], scales: &[u16], x: &[i16], x_scales: &[f32], width: usize)
+}
+kernel! {
+    /// The same with rows of `q6` chunks.
+    rows_q6 = products::rows_of_chunks(out: &mut [f32], weights: &[u16], scales: &[u16], x: &[i16], x_scales: &[f32], width: usize)
+}
+kernel! {
+    /// Layer norm of `x` with scale and shift.
+    norm = vectors::norm(out: &mut [f32], x: &[f32], weight: &[f32], bias: &[f32])
+}
+kernel! {
+    /// Eq. 5 as a residual branch, in place: `x + scale * x / |x| * sqrt(dim)`.
+    styled = vectors::styled(x: &mut [f32], scale: &[f32])
+}
+kernel! {
+    /// Blocks of 32 as integers with a scale each.
+    quantise = vectors::quantise(quants: &mut [i16], scales: &mut [f32], values: &[f32])
+}
+kernel! {
+    /// Numbers as f16.
+    to_half = vectors::to_half(out: &mut [u16], values: &[f32])
 }
 kernel! {
     /// `x` to GELU(x), tanh form, in place.

@@ -1,7 +1,7 @@
 //! Rows of a matrix times vectors. The order of a row's sum does not depend on
 //! the rows around it.
 
-use super::super::dtype::BLOCK;
+use super::super::dtype::{BLOCK, CHUNK, CHUNK_WORDS};
 use super::super::lanes::Lanes;
 
 /// Numbers whose scales are taken together.
@@ -162,4 +162,58 @@ fn dot_of_blocks<L: Lanes, W: Quantised>(
         }
     }
     sums[0].add(sums[1]).sum()
+}
+
+/// Rows of chunks, one at a time as well.
+#[inline(always)]
+pub(super) fn rows_of_chunks<L: Lanes>(
+    out: &mut [f32],
+    weights: &[u16],
+    scales: &[u16],
+    x: &[i16],
+    x_scales: &[f32],
+    width: usize,
+) {
+    let lanes = x.len() / width;
+    let scales_width = 8 * width.div_ceil(GROUP);
+    let rows = weights
+        .chunks_exact(width / CHUNK * CHUNK_WORDS)
+        .zip(scales.chunks_exact(scales_width));
+    for (out, (row, scales)) in out.chunks_exact_mut(lanes).zip(rows) {
+        let (row, scales) = (row.as_chunks().0, scales.as_chunks().0);
+        let vectors = x
+            .chunks_exact(width)
+            .zip(x_scales.chunks_exact(scales_width));
+        for (out, (x, x_scales)) in out.iter_mut().zip(vectors) {
+            *out = dot_of_chunks::<L>(row, scales, x.as_chunks().0, x_scales.as_chunks().0);
+        }
+    }
+}
+
+/// A row's chunks times a vector's, in four running sums.
+#[inline(always)]
+fn dot_of_chunks<L: Lanes>(
+    row: &[[u16; CHUNK_WORDS]],
+    scales: &[[u16; 8]],
+    x: &[[i16; CHUNK]],
+    x_scales: &[[f32; 8]],
+) -> f32 {
+    let mut sums = [L::splat(0.0); 4];
+    let groups = row.chunks(2).zip(x.chunks(2));
+    for ((row, x), (scale, x_scale)) in groups.zip(scales.iter().zip(x_scales)) {
+        let mut scale_of = [0.0; 8];
+        L::load_half(scale)
+            .mul(L::load(x_scale))
+            .store(&mut scale_of);
+        for ((words, x), scales) in row.iter().zip(x).zip(scale_of.as_chunks::<4>().0) {
+            for third in words.as_chunks::<16>().0 {
+                L::fetch(third, AHEAD);
+            }
+            let dots = L::dots_q6(words, x);
+            for ((sum, dot), scale) in sums.iter_mut().zip(dots).zip(scales) {
+                *sum = dot.fma(L::splat(*scale), *sum);
+            }
+        }
+    }
+    (sums[0].add(sums[1])).add(sums[2].add(sums[3])).sum()
 }

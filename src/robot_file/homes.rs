@@ -1,0 +1,115 @@
+//! Which files are a robot's own: what its robot file and its description may
+//! name.
+//!
+//! Both may come from anybody. Files are read from inside the robot's folders
+//! alone, wherever `..` and links lead; devices, pipes and folders are no files.
+//! Only what the user names himself may lie elsewhere.
+
+use std::path::{Path, PathBuf};
+
+/// How far above a description its package may begin.
+const PACKAGE_DEPTH: usize = 4;
+
+/// Why a file is not read.
+#[derive(Debug, thiserror::Error)]
+pub enum Stray {
+    /// Nothing can be found there.
+    #[error("{0}")]
+    Missing(std::io::Error),
+    /// It is somebody else's.
+    #[error("it lies outside the robot's folder")]
+    Outside,
+    /// A device, a pipe or a folder.
+    #[error("it is no file")]
+    NoFile,
+}
+
+/// The folders whose files are the robot's.
+#[derive(Clone, Debug)]
+pub struct Homes {
+    /// Of the description.
+    beside: PathBuf,
+    /// All, without links, the robot file's first.
+    all: Vec<PathBuf>,
+}
+
+impl Homes {
+    /// The folder of a robot file alone.
+    pub fn of_file(folder: &Path) -> Self {
+        Self {
+            beside: folder.to_owned(),
+            all: real(&folder.join(".")).into_iter().collect(),
+        }
+    }
+
+    /// The robot file's, that of the description which is read, and that of the
+    /// ROS package which the description is in, if it says that it is one
+    /// (`package.xml`).
+    pub fn of_robot(folder: &Path, urdf: &Path) -> Self {
+        let urdf = folder.join(urdf);
+        let beside = urdf.parent().unwrap_or(folder).to_owned();
+        let mut all = Self::of_file(folder).all;
+        all.extend(real(&beside.join(".")));
+        let above = all.last().into_iter().flat_map(|beside| beside.ancestors());
+        let mut above = above.take(PACKAGE_DEPTH);
+        let package = above.find(|folder| folder.join("package.xml").is_file());
+        all.extend(package.map(Path::to_owned));
+        Self { beside, all }
+    }
+
+    /// Where a path leads, if that is a file of the robot.
+    ///
+    /// # Errors
+    /// It is not there, no file, or somebody else's.
+    pub fn find(&self, path: &Path) -> Result<PathBuf, Stray> {
+        let path = std::fs::canonicalize(path).map_err(Stray::Missing)?;
+        if !self.all.iter().any(|home| path.starts_with(home)) {
+            return Err(Stray::Outside);
+        }
+        match path.is_file() {
+            true => Ok(path),
+            false => Err(Stray::NoFile),
+        }
+    }
+
+    /// A file's way from the first of the folders, if it is in there.
+    pub fn relative(&self, path: &Path) -> Option<String> {
+        let path = self.find(path).ok()?;
+        let inner = path.strip_prefix(self.all.first()?).ok()?;
+        Some(inner.to_str()?.to_owned())
+    }
+
+    /// Where the mesh is that the description gives this name.
+    ///
+    /// # Errors
+    /// Why it is not read, in a few words.
+    pub fn mesh(&self, name: &str) -> Result<PathBuf, String> {
+        let candidates: Vec<PathBuf> = if let Some(path) = name.strip_prefix("package://") {
+            // A package is called as its folder, or as something else.
+            let inner = path.split_once('/').map_or("", |(_, rest)| rest);
+            let places = [path, inner].into_iter();
+            let from = |place| self.all.iter().map(move |home| home.join(place));
+            places.flat_map(from).collect()
+        } else if let Some(path) = name.strip_prefix("file://") {
+            vec![path.into()]
+        } else if name.contains("://") {
+            return Err("it is not a file of the robot".into());
+        } else {
+            vec![self.beside.join(name)]
+        };
+        let mut why = None;
+        for candidate in candidates {
+            match self.find(&candidate) {
+                Ok(path) => return Ok(path),
+                Err(Stray::Missing(_)) => {}
+                Err(stray) => why = why.or(Some(stray)),
+            }
+        }
+        Err(why.map_or("there is no such file".into(), |stray| stray.to_string()))
+    }
+}
+
+/// Where a path leads, through `..` and links; nowhere if nothing is there.
+fn real(path: &Path) -> Option<PathBuf> {
+    std::fs::canonicalize(path).ok()
+}
