@@ -43,6 +43,8 @@ pub struct Wire {
     out: Vec<u8>,
     /// How many bytes were sent last.
     sent: usize,
+    /// Whether the port was read once more after the deadline.
+    looked_late: bool,
     chunk: Vec<u8>,
     /// Counters; `cycles` and `retries` are the caller's to count.
     pub stats: BusStats,
@@ -65,6 +67,7 @@ impl Wire {
             decoder: Decoder::new(protocol),
             out: Vec::with_capacity(1024),
             sent: 0,
+            looked_late: false,
             chunk: vec![0; 1024],
             stats: BusStats::default(),
         })
@@ -130,11 +133,15 @@ impl Wire {
         };
         self.stats.bytes += self.out.len() as u64;
         self.sent = self.out.len();
+        self.looked_late = false;
         self.out.clear();
         sent.map_err(|reason| self.failed(doing, reason))
     }
 
-    /// Waits for the next packet until `deadline`.
+    /// Waits for the next packet until `deadline`. What came in time counts even if
+    /// this thread got no processor until later: after the deadline there is one
+    /// look more, and only one for all that was sent, so that noise without end
+    /// ends as well.
     pub fn receive(
         &mut self,
         deadline: Instant,
@@ -154,11 +161,11 @@ impl Wire {
             }
             let Patience { until, last } = self.clock.patience(deadline);
             let left = until.saturating_duration_since(Instant::now());
-            // In simulated time what was said is on the line by now: one look more.
-            let simulated = self.clock != ReplyClock::Wall;
-            if left.is_zero() && !simulated {
+            let late = left.is_zero();
+            if late && self.looked_late && self.clock == ReplyClock::Wall {
                 return Ok(self.timed_out());
             }
+            self.looked_late |= late;
             let read = match &mut self.port {
                 None => Err(ErrorKind::NotConnected.into()),
                 Some(port) => port
@@ -171,7 +178,7 @@ impl Wire {
                     self.stats.bytes += count as u64;
                     self.decoder.push(&self.chunk[..count]);
                 }
-                Err(error) if error.kind() == ErrorKind::TimedOut && simulated && last => {
+                Err(error) if error.kind() == ErrorKind::TimedOut && late && last => {
                     return Ok(self.timed_out());
                 }
                 Err(error)
@@ -272,6 +279,45 @@ fn choices() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A wire to a socket, and its other end.
+    #[cfg(unix)]
+    fn wire_to_here(name: &str) -> (Wire, std::os::unix::net::UnixStream) {
+        let path = std::env::temp_dir().join(format!("wire-{name}-{}", std::process::id()));
+        let listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        let at = path.to_str().unwrap();
+        let wire = Wire::open(at, 1_000_000, Protocol::Dynamixel2, ReplyClock::Wall).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        (wire, listener.accept().unwrap().0)
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_came_in_time_counts_although_it_is_looked_at_too_late() {
+        let (mut wire, mut servo) = wire_to_here("late");
+        wire.send(7, 1, &[], 7, "test").unwrap();
+        let mut status = Vec::new();
+        Protocol::Dynamixel2.encode(&mut status, 7, 0x55, &[0]);
+        servo.write_all(&status).unwrap();
+        let over = Instant::now();
+        assert_eq!(wire.receive(over, "test").unwrap(), Received::Packet);
+        assert_eq!(wire.receive(over, "test").unwrap(), Received::Nothing);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn noise_without_end_is_looked_at_once_after_the_deadline() {
+        let (mut wire, mut servo) = wire_to_here("noise");
+        wire.send(7, 1, &[], 7, "test").unwrap();
+        let noise = [0xFF, 0xFF, 0xFD, 0, 7, 4, 0, 0x55, 0, 1, 2].repeat(1000);
+        servo.write_all(&noise).unwrap();
+        let over = Instant::now();
+        let mut heard = 0;
+        while wire.receive(over, "test").unwrap() != Received::Nothing {
+            heard += 1;
+        }
+        assert!((1..=100).contains(&heard), "{heard} of 1000");
+    }
 
     #[test]
     fn a_slow_adapter_is_told_with_what_to_do() {

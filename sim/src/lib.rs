@@ -31,6 +31,7 @@ mod servo;
 mod sim_bus;
 mod spec;
 mod table;
+mod urgency;
 mod world;
 
 pub use bench::{BenchError, BusBench, bench_bus};

@@ -29,6 +29,7 @@ use crate::line::{Burst, Line, XLine};
 use crate::protocol1_line::Protocol1Line;
 use crate::servo::SimServo;
 use crate::spec::{SimClock, SimError, SimOptions, SimServoSpec, X_BAUDS};
+use crate::urgency::answer_like_hardware;
 use crate::world::World;
 
 /// How often the thread looks whether it is to end.
@@ -38,7 +39,8 @@ const WAKE: Duration = Duration::from_millis(10);
 const ATTENTIVE: Duration = Duration::from_micros(80);
 /// Being woken up is in it.
 const PROMPT: Duration = Duration::from_micros(400);
-/// Sleeps end this early; the rest is spent spinning, for the precision of a fast bus.
+/// Precise waits sleep until so long before their end; the rest is spent
+/// spinning, for the precision of a fast bus.
 const SLEEP_SLACK: Duration = Duration::from_micros(70);
 
 /// How long carrying out the host's frames may take in lockstep.
@@ -127,19 +129,31 @@ impl Shared {
         self.faults.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for a time since the start, in real time.
+    /// Waits for a time since the start, in real time, as long as a sleep takes.
+    pub fn sleep_until(&self, time_s: f64) {
+        self.sleep_early(time_s, Duration::ZERO);
+    }
+
+    /// The same to the microsecond: the processor is kept for the last of it.
     pub fn wait_until(&self, time_s: f64) {
+        let due = self.sleep_early(time_s, SLEEP_SLACK);
+        while due.is_some_and(|due| Instant::now() < due) {
+            std::hint::spin_loop();
+        }
+    }
+
+    /// Sleeps until `slack` before a time since the start; the time, if there
+    /// is anything to wait for.
+    fn sleep_early(&self, time_s: f64, slack: Duration) -> Option<Instant> {
         if self.clock == SimClock::Lockstep {
-            return;
+            return None;
         }
         let due = self.began + Duration::from_secs_f64(time_s);
-        let early = due.saturating_duration_since(Instant::now() + SLEEP_SLACK);
+        let early = due.saturating_duration_since(Instant::now() + slack);
         if !early.is_zero() {
             std::thread::sleep(early);
         }
-        while Instant::now() < due {
-            std::hint::spin_loop();
-        }
+        Some(due)
     }
 }
 
@@ -189,12 +203,17 @@ fn start_thread(
     shared.watch(far_end.watched()?);
     let thread = std::thread::Builder::new().name("simulated servos".into());
     let gone = Gone(shared.clone());
+    let in_real_time = shared.clock == SimClock::Realtime;
+    let prepare = move || match in_real_time {
+        true => answer_like_hardware(),
+        false => sleep_punctually(),
+    };
     let started = match far_end {
         FarEnd::Can(adapter) => {
             let server = CanServer::new(shared, adapter, baud);
             thread.spawn(move || {
                 let _gone = gone;
-                sleep_punctually();
+                prepare();
                 server.run();
             })
         }
@@ -208,7 +227,7 @@ fn start_thread(
             };
             thread.spawn(move || {
                 let _gone = gone;
-                sleep_punctually();
+                prepare();
                 server.run();
             })
         }
@@ -554,7 +573,7 @@ impl Server {
             if !complete {
                 continue;
             }
-            shared.wait_until(self.line_free_s);
+            self.wait_until(self.line_free_s);
             let bursts = shared.world().line.execute();
             self.send(bursts);
         }
@@ -585,10 +604,18 @@ impl Server {
         self.hand_over(&mut passed);
     }
 
+    /// Precisely for a host at the limit of its wire, at little cost for one that
+    /// rests between its cycles.
+    fn wait_until(&self, time_s: f64) {
+        match self.prompt {
+            true => self.shared.wait_until(time_s),
+            false => self.shared.sleep_until(time_s),
+        }
+    }
+
     fn hand_over(&mut self, passed: &mut Vec<u8>) {
         if !passed.is_empty() {
-            self.shared
-                .wait_until(self.line_free_s + self.shared.adapter_s);
+            self.wait_until(self.line_free_s + self.shared.adapter_s);
             self.port.write(passed);
             passed.clear();
             let realtime = self.shared.clock == SimClock::Realtime;

@@ -85,15 +85,15 @@ kernel! {
 kernel! {
     /// The same with `q8_0` rows; `x` are integers with a scale per block, and
     /// rows of scales are `8 * width.div_ceil(256)` long.
-    rows_q8 = products::rows_of_blocks::<i8>(out: &mut [f32], weights: &[i8], scales: &[u16], x: &[i16], x_scales: &[f32], width: usize)
+    rows_q8 = products::rows_of_integers::<i8>(out: &mut [f32], weights: &[i8], scales: &[u16], x: &[i16], x_scales: &[f32], width: usize)
 }
 kernel! {
     /// The same with `q4_0` rows.
-    rows_q4 = products::rows_of_blocks::<u8>(out: &mut [f32], weights: &[u8], scales: &[u16], x: &[i16], x_scales: &[f32], width: usize)
+    rows_q4 = products::rows_of_integers::<u8>(out: &mut [f32], weights: &[u8], scales: &[u16], x: &[i16], x_scales: &[f32], width: usize)
 }
 kernel! {
     /// The same with rows of `q6` chunks.
-    rows_q6 = products::rows_of_chunks(out: &mut [f32], weights: &[u16], scales: &[u16], x: &[i16], x_scales: &[f32], width: usize)
+    rows_q6 = products::rows_of_integers::<u16>(out: &mut [f32], weights: &[u16], scales: &[u16], x: &[i16], x_scales: &[f32], width: usize)
 }
 kernel! {
     /// Layer norm of `x` with scale and shift.

@@ -64,60 +64,57 @@ pub(super) fn rows<L: Lanes, S: Stored>(out: &mut [f32], weights: &[S], x: &[f32
     }
 }
 
-/// Numbers in blocks that share a scale.
+/// Integers with scales beside them: how rows of every such format are read.
 pub(super) trait Quantised: Copy {
-    /// A block.
-    type Block;
     /// Things stored for a row of so many numbers.
     fn stored(width: usize) -> usize;
-    /// A row's blocks.
-    fn blocks(row: &[Self]) -> &[Self::Block];
-    /// Products of a block, summed to eight (exact).
-    fn dot<L: Lanes>(block: &Self::Block, x: &[i16; BLOCK]) -> L;
+    /// A row times a vector, each with its scales in groups of 8 blocks.
+    fn dot<L: Lanes>(row: &[Self], scales: &[[u16; 8]], x: &[i16], x_scales: &[[f32; 8]]) -> f32;
 }
 
+/// `q8_0`.
 impl Quantised for i8 {
-    type Block = [i8; BLOCK];
-
     #[inline(always)]
     fn stored(width: usize) -> usize {
         width
     }
 
     #[inline(always)]
-    fn blocks(row: &[i8]) -> &[Self::Block] {
-        row.as_chunks().0
-    }
-
-    #[inline(always)]
-    fn dot<L: Lanes>(block: &Self::Block, x: &[i16; BLOCK]) -> L {
-        L::dot_q8(block, x)
+    fn dot<L: Lanes>(row: &[i8], scales: &[[u16; 8]], x: &[i16], x_scales: &[[f32; 8]]) -> f32 {
+        dot_of_blocks::<L, [i8; BLOCK]>(row.as_chunks().0, scales, x.as_chunks().0, x_scales)
     }
 }
 
+/// `q4_0`: two numbers a byte.
 impl Quantised for u8 {
-    type Block = [u8; BLOCK / 2];
-
     #[inline(always)]
     fn stored(width: usize) -> usize {
         width / 2
     }
 
     #[inline(always)]
-    fn blocks(row: &[u8]) -> &[Self::Block] {
-        row.as_chunks().0
-    }
-
-    #[inline(always)]
-    fn dot<L: Lanes>(block: &Self::Block, x: &[i16; BLOCK]) -> L {
-        L::dot_q4(block, x)
+    fn dot<L: Lanes>(row: &[u8], scales: &[[u16; 8]], x: &[i16], x_scales: &[[f32; 8]]) -> f32 {
+        dot_of_blocks::<L, [u8; BLOCK / 2]>(row.as_chunks().0, scales, x.as_chunks().0, x_scales)
     }
 }
 
-/// Rows of blocks. One row at a time: memory is read the faster the fewer places
-/// it is read from.
+/// `q6`: chunks of words.
+impl Quantised for u16 {
+    #[inline(always)]
+    fn stored(width: usize) -> usize {
+        width / CHUNK * CHUNK_WORDS
+    }
+
+    #[inline(always)]
+    fn dot<L: Lanes>(row: &[u16], scales: &[[u16; 8]], x: &[i16], x_scales: &[[f32; 8]]) -> f32 {
+        dot_of_chunks::<L>(row.as_chunks().0, scales, x.as_chunks().0, x_scales)
+    }
+}
+
+/// Rows of integers. One row at a time: memory is read the faster the fewer
+/// places it is read from.
 #[inline(always)]
-pub(super) fn rows_of_blocks<L: Lanes, W: Quantised>(
+pub(super) fn rows_of_integers<L: Lanes, W: Quantised>(
     out: &mut [f32],
     weights: &[W],
     scales: &[u16],
@@ -131,20 +128,40 @@ pub(super) fn rows_of_blocks<L: Lanes, W: Quantised>(
         .chunks_exact(W::stored(width))
         .zip(scales.chunks_exact(scales_width));
     for (out, (row, scales)) in out.chunks_exact_mut(lanes).zip(rows) {
-        let (row, scales) = (W::blocks(row), scales.as_chunks().0);
+        let scales = scales.as_chunks().0;
         let vectors = x
             .chunks_exact(width)
             .zip(x_scales.chunks_exact(scales_width));
         for (out, (x, x_scales)) in out.iter_mut().zip(vectors) {
-            *out = dot_of_blocks::<L, W>(row, scales, x.as_chunks().0, x_scales.as_chunks().0);
+            *out = W::dot::<L>(row, scales, x, x_scales.as_chunks().0);
         }
+    }
+}
+
+/// Numbers that share a scale.
+trait Block {
+    /// Their products with as many numbers, summed to eight (exact).
+    fn dot<L: Lanes>(&self, x: &[i16; BLOCK]) -> L;
+}
+
+impl Block for [i8; BLOCK] {
+    #[inline(always)]
+    fn dot<L: Lanes>(&self, x: &[i16; BLOCK]) -> L {
+        L::dot_q8(self, x)
+    }
+}
+
+impl Block for [u8; BLOCK / 2] {
+    #[inline(always)]
+    fn dot<L: Lanes>(&self, x: &[i16; BLOCK]) -> L {
+        L::dot_q4(self, x)
     }
 }
 
 /// A row's blocks times a vector's, in two running sums.
 #[inline(always)]
-fn dot_of_blocks<L: Lanes, W: Quantised>(
-    row: &[W::Block],
+fn dot_of_blocks<L: Lanes, B: Block>(
+    row: &[B],
     scales: &[[u16; 8]],
     x: &[[i16; BLOCK]],
     x_scales: &[[f32; 8]],
@@ -158,36 +175,10 @@ fn dot_of_blocks<L: Lanes, W: Quantised>(
             .store(&mut scale_of);
         for (i, (block, x)) in row.iter().zip(x).enumerate() {
             L::fetch(block, AHEAD);
-            sums[i % 2] = W::dot::<L>(block, x).fma(L::splat(scale_of[i]), sums[i % 2]);
+            sums[i % 2] = block.dot::<L>(x).fma(L::splat(scale_of[i]), sums[i % 2]);
         }
     }
     sums[0].add(sums[1]).sum()
-}
-
-/// Rows of chunks, one at a time as well.
-#[inline(always)]
-pub(super) fn rows_of_chunks<L: Lanes>(
-    out: &mut [f32],
-    weights: &[u16],
-    scales: &[u16],
-    x: &[i16],
-    x_scales: &[f32],
-    width: usize,
-) {
-    let lanes = x.len() / width;
-    let scales_width = 8 * width.div_ceil(GROUP);
-    let rows = weights
-        .chunks_exact(width / CHUNK * CHUNK_WORDS)
-        .zip(scales.chunks_exact(scales_width));
-    for (out, (row, scales)) in out.chunks_exact_mut(lanes).zip(rows) {
-        let (row, scales) = (row.as_chunks().0, scales.as_chunks().0);
-        let vectors = x
-            .chunks_exact(width)
-            .zip(x_scales.chunks_exact(scales_width));
-        for (out, (x, x_scales)) in out.iter_mut().zip(vectors) {
-            *out = dot_of_chunks::<L>(row, scales, x.as_chunks().0, x_scales.as_chunks().0);
-        }
-    }
 }
 
 /// A row's chunks times a vector's, in four running sums.
