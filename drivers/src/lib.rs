@@ -31,6 +31,7 @@ mod layout;
 mod limiter;
 mod link;
 mod model;
+mod owed;
 mod packet;
 mod port;
 mod probe;

@@ -12,6 +12,7 @@ use dynamixel2::instructions::packet_id::BROADCAST;
 use crate::config::BusConfig;
 use crate::error::{BusError, ConfigError, Refusal, ServoId};
 use crate::model::Model;
+use crate::owed::Question;
 use crate::packet::Protocol;
 use crate::register::Register;
 use crate::servo::{Servo, check_kind};
@@ -86,8 +87,12 @@ impl Link {
     /// When a reply of `bytes` from `servos` servos to what was just sent must
     /// be there.
     pub fn deadline(&self, bytes: usize, servos: usize) -> Instant {
-        Instant::now()
-            + self.wire.time(self.wire.sent() + bytes)
+        Instant::now() + self.wait(bytes, servos)
+    }
+
+    /// How long such a reply may take.
+    fn wait(&self, bytes: usize, servos: usize) -> Duration {
+        self.wire.time(self.wire.sent() + bytes)
             + LONGEST_RETURN_DELAY * servos as u32
             + Duration::from_secs_f64(self.config.reply_timeout_ms * 1e-3)
     }
@@ -102,14 +107,18 @@ impl Link {
         doing: &'static str,
     ) -> Result<Vec<u8>, BusError> {
         let id = self.servos[index].id;
+        let question = Question {
+            id,
+            instruction,
+            params,
+            reply,
+        };
+        let bytes = self.wire.protocol().status_bytes() + reply;
         let mut corrupt = false;
         for attempt in 0..self.tries {
             self.wire.stats.retries += u64::from(attempt > 0);
-            // Stuffing can lengthen the parameters by a third.
-            let protocol = self.wire.protocol();
-            let longest = protocol.status_length() + reply + reply / 3;
-            self.wire.send(id, instruction, params, longest, doing)?;
-            let deadline = self.deadline(protocol.status_bytes() + reply, 1);
+            self.wire.ask(&question, self.wait(bytes, 1), doing)?;
+            let deadline = self.deadline(bytes, 1);
             loop {
                 match self.wire.receive(deadline, doing)? {
                     Received::Packet => {
@@ -139,7 +148,10 @@ impl Link {
                         corrupt = true;
                         break;
                     }
-                    Received::Nothing => break,
+                    Received::Nothing => {
+                        self.wire.note_unanswered(&question);
+                        break;
+                    }
                 }
             }
         }

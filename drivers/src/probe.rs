@@ -13,6 +13,7 @@ use dynamixel2::instructions::packet_id::BROADCAST;
 use crate::error::{BusError, Refusal, ServoId};
 use crate::family::Family;
 use crate::model::Model;
+use crate::owed::Question;
 use crate::packet::Protocol;
 use crate::register::Register;
 use crate::reply_clock::ReplyClock;
@@ -355,17 +356,24 @@ impl Probe {
         doing: &'static str,
         tries: u32,
     ) -> Result<Option<(bool, Vec<u8>)>, BusError> {
-        let protocol = self.wire.protocol();
+        let question = Question {
+            id,
+            instruction,
+            params,
+            reply,
+        };
+        let bytes = 2 * self.wire.protocol().status_bytes() + params.len() + reply;
+        let wait = self.wire.time(bytes) + self.wait;
         let mut corrupt = false;
         for _ in 0..tries {
-            // Stuffing can lengthen the parameters by a third.
-            let longest = protocol.status_length() + reply + reply / 3;
-            self.wire.send(id, instruction, params, longest, doing)?;
-            let bytes = 2 * protocol.status_bytes() + params.len() + reply;
-            let deadline = Instant::now() + self.wire.time(bytes) + self.wait;
+            self.wire.ask(&question, wait, doing)?;
+            let deadline = Instant::now() + wait;
             loop {
                 match self.wire.receive(deadline, doing)? {
-                    Received::Nothing => break,
+                    Received::Nothing => {
+                        self.wire.note_unanswered(&question);
+                        break;
+                    }
                     Received::Corrupt => corrupt = true,
                     Received::Packet => {
                         let packet = self.wire.packet();
@@ -412,5 +420,53 @@ fn silent(id: u8, doing: &'static str) -> BusError {
         servos: vec![nameless(id)],
         doing,
         tries: TRIES,
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::io::{Read, Write};
+    use std::os::unix::net::{UnixListener, UnixStream};
+
+    const PATIENCE: Duration = Duration::from_millis(200);
+    const FIRST: u8 = 48;
+
+    /// A servo whose registers hold their own addresses, and that answers the
+    /// first question only when it has been asked twice.
+    fn answer_late_once(mut host: UnixStream) -> std::io::Result<()> {
+        const ADDRESS: usize = 8;
+        let mut question = [0; 14];
+        host.read_exact(&mut question)?;
+        loop {
+            host.read_exact(&mut question)?;
+            let mut status = Vec::new();
+            let params = [0, question[ADDRESS], 0, 0, 0];
+            Protocol::Dynamixel2.encode(&mut status, question[4], 0x55, &params);
+            host.write_all(&status)?;
+            if question[ADDRESS] == FIRST {
+                std::thread::sleep(PATIENCE / 20);
+                host.write_all(&status)?;
+            }
+        }
+    }
+
+    #[test]
+    fn a_late_answer_is_not_taken_for_that_of_the_next_question() {
+        let path = std::env::temp_dir().join(format!("probe-late-{}", std::process::id()));
+        let listener = UnixListener::bind(&path).unwrap();
+        let port = path.to_str().unwrap();
+        let mut probe = Probe::open(port, 1_000_000, Protocol::Dynamixel2, PATIENCE).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let servo = listener.accept().unwrap().0;
+        std::thread::spawn(move || answer_late_once(servo));
+        for address in [FIRST, 52, 20, 36] {
+            let register = Register {
+                address: address.into(),
+                size: 4,
+                name: "own address",
+            };
+            assert_eq!(probe.read(7, register).unwrap(), Some(address.into()));
+        }
     }
 }

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use crate::bus::BusStats;
 use crate::error::BusError;
+use crate::owed::{Owed, Question};
 use crate::packet::{Decoded, Decoder, Packet, Protocol};
 use crate::reply_clock::{Patience, ReplyClock};
 use crate::stream::Stream;
@@ -45,6 +46,7 @@ pub struct Wire {
     sent: usize,
     /// Whether the port was read once more after the deadline.
     looked_late: bool,
+    owed: Owed,
     chunk: Vec<u8>,
     /// Counters; `cycles` and `retries` are the caller's to count.
     pub stats: BusStats,
@@ -68,6 +70,7 @@ impl Wire {
             out: Vec::with_capacity(1024),
             sent: 0,
             looked_late: false,
+            owed: Owed::default(),
             chunk: vec![0; 1024],
             stats: BusStats::default(),
         })
@@ -76,6 +79,7 @@ impl Wire {
     /// Opens the port again, after an adapter was pulled out and put back.
     pub fn reopen(&mut self) -> Result<(), BusError> {
         self.port = None; // it is ours alone: close it first
+        self.owed.forget_all();
         self.port = Some(open(&self.path, self.baud)?);
         Ok(())
     }
@@ -100,6 +104,55 @@ impl Wire {
     pub fn hold(&mut self, id: u8, instruction: u8, params: &[u8]) {
         self.protocol.encode(&mut self.out, id, instruction, params);
         self.stats.packets += 1;
+    }
+
+    /// Sends what is held and one question. If an answer to another one is still
+    /// owed that would pass for its answer, that may come first, for `wait` at most.
+    pub fn ask(
+        &mut self,
+        question: &Question,
+        wait: Duration,
+        doing: &'static str,
+    ) -> Result<(), BusError> {
+        let Question {
+            id,
+            instruction,
+            params,
+            reply,
+        } = *question;
+        // Stuffing can lengthen the parameters by a third.
+        let longest = self.protocol.status_length() + reply + reply / 3;
+        let owed = self.owed.mistakable(question);
+        if owed > 0 {
+            self.decoder.reset(longest);
+            self.await_owed(id, owed, Instant::now() + wait, doing)?;
+        }
+        self.send(id, instruction, params, longest, doing)
+    }
+
+    /// The last question got no answer in time.
+    pub fn note_unanswered(&mut self, question: &Question) {
+        self.owed.note(question);
+    }
+
+    /// Lets so many answers of one servo come and go.
+    fn await_owed(
+        &mut self,
+        id: u8,
+        mut owed: usize,
+        deadline: Instant,
+        doing: &'static str,
+    ) -> Result<(), BusError> {
+        self.looked_late = false;
+        while owed > 0 {
+            match self.receive(deadline, doing)? {
+                Received::Packet if self.packet().id == id => owed -= 1,
+                Received::Packet | Received::Corrupt => {}
+                Received::Nothing => break,
+            }
+        }
+        self.owed.forget(id);
+        Ok(())
     }
 
     /// Sends what is held and one instruction, first throwing away what an earlier
