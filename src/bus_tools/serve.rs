@@ -71,13 +71,19 @@ pub fn serve(
         }
         std::thread::sleep(Duration::from_millis(10));
     }
+    Ok(seen(&sims))
+}
+
+/// One line about what passed and what was broken.
+fn seen(sims: &[SimBus]) -> String {
     let mut wire = WireStats::default();
-    let mut broken = Violations::default();
-    for sim in &sims {
+    let (mut broken, mut moved) = (Violations::default(), Violations::default());
+    for sim in sims {
         wire += sim.wire_stats();
         broken += sim.violations();
+        moved += sim.motion_violations();
     }
-    Ok(format!(
+    let mut line = format!(
         "{} packets in, {} out, {} bad; limits broken: position {}, velocity {}, acceleration {}",
         wire.packets_in,
         wire.packets_out,
@@ -85,5 +91,16 @@ pub fn serve(
         broken.position,
         broken.velocity,
         broken.acceleration
-    ))
+    );
+    if let Some(first) = sims
+        .iter()
+        .find_map(|sim| sim.violation_notes().into_iter().next())
+    {
+        line += &format!(
+            " ({} by what was told, {} by the motion; one of them: {first})",
+            broken.total() - moved.total(),
+            moved.total()
+        );
+    }
+    line
 }
