@@ -17,6 +17,8 @@ pub struct Registers {
     pub goal: Register,
     /// All that is read each cycle, in a row.
     pub present: Register,
+    /// Supply in 0.1 V, then a byte of temperature in Celsius.
+    pub voltage_and_temperature: Register,
 }
 
 /// What the present registers say, in the servo's units.
@@ -37,6 +39,16 @@ pub struct Identity {
     pub model_number: u16,
     /// Its firmware version.
     pub firmware: u8,
+}
+
+impl Identity {
+    /// From the bytes of both, the model number's low byte first.
+    pub fn new(model_number: [u8; 2], firmware: u8) -> Self {
+        Self {
+            model_number: u16::from_le_bytes(model_number),
+            firmware,
+        }
+    }
 }
 
 /// A servo's own limits, as its memory holds them.
@@ -64,14 +76,14 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// From a byte each, in this order.
-    pub fn from_bytes(bytes: &[u8]) -> Self {
+    /// From the bytes of [`Registers::voltage_and_temperature`].
+    pub fn new(register: Register, bytes: &[u8]) -> Self {
         match *bytes {
-            [tenth_volts, celsius] => Self {
-                tenth_volts: u64::from(tenth_volts),
+            [ref supply @ .., celsius] => Self {
+                tenth_volts: register.value(supply),
                 celsius: u64::from(celsius),
             },
-            _ => Self::default(), // a read returns what was asked for
+            [] => Self::default(), // a read returns what was asked for
         }
     }
 }
@@ -132,7 +144,11 @@ pub trait Dialect: Send {
     fn own_limits(&self, link: &mut Link, index: usize) -> Result<OwnLimits, BusError>;
 
     /// Supply and temperature: one exchange.
-    fn measure(&self, link: &mut Link, index: usize) -> Result<Measured, BusError>;
+    fn measure(&self, link: &mut Link, index: usize) -> Result<Measured, BusError> {
+        let register = self.registers().voltage_and_temperature;
+        let bytes = link.read_bytes(index, register)?;
+        Ok(Measured::new(register, &bytes))
+    }
 
     /// Torque off, then the settings that the driver relies on.
     fn set_up(
@@ -166,6 +182,18 @@ pub trait Dialect: Send {
     }
 }
 
+/// A number as Protocol 1 servos hold signed ones: magnitude below `sign_bit`,
+/// which is set for a negative one. Bits above it mean something else.
+pub fn sign_magnitude(word: u16, sign_bit: u32) -> i32 {
+    let sign = 1 << sign_bit;
+    let magnitude = i32::from(word & (sign - 1));
+    if word & sign == 0 {
+        magnitude
+    } else {
+        -magnitude
+    }
+}
+
 /// Bits of `flags` in words, `other` if none of them has a name.
 pub fn names_of(flags: u8, names: &[(u8, &str)]) -> String {
     let set: Vec<&str> = names
@@ -177,5 +205,30 @@ pub fn names_of(flags: u8, names: &[(u8, &str)]) -> String {
         format!("unknown flags {flags:#04x}")
     } else {
         set.join(", ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::register::register;
+
+    #[test]
+    fn signs_are_a_bit() {
+        let found = [5, 0x8005, 0x8000].map(|word| sign_magnitude(word, 15));
+        assert_eq!(found, [5, -5, 0]);
+        let found = [5, 0x0405, 0xFC05, 0xF805].map(|word| sign_magnitude(word, 10));
+        assert_eq!(found, [5, -5, -5, 5]);
+    }
+
+    #[test]
+    fn supply_is_all_bytes_but_the_last() {
+        let read = |size, bytes: &[u8]| {
+            let register = register(0, size, "present voltage and temperature");
+            let measured = Measured::new(register, bytes);
+            (measured.tenth_volts, measured.celsius)
+        };
+        assert_eq!(read(2, &[120, 40]), (120, 40));
+        assert_eq!(read(3, &[0x2C, 1, 40]), (300, 40));
     }
 }

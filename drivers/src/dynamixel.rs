@@ -7,7 +7,7 @@
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
-use crate::dialect::{Dialect, Identity, Measured, OwnLimits, Present, Registers};
+use crate::dialect::{Dialect, Identity, OwnLimits, Present, Registers};
 use crate::error::BusError;
 use crate::link::Link;
 use crate::packet::Protocol;
@@ -17,6 +17,13 @@ use crate::wire::Received;
 
 /// Fast Sync Read; the `dynamixel2` crate does not know it.
 const FAST_SYNC_READ: u8 = 0x8A;
+
+const REGISTERS: Registers = Registers {
+    torque: Register::TORQUE,
+    goal: Register::GOAL_POSITION,
+    present: Register::PRESENT,
+    voltage_and_temperature: Register::VOLTAGE_AND_TEMPERATURE,
+};
 
 /// The dialect of Protocol 2.0.
 pub struct DynamixelX {
@@ -101,11 +108,7 @@ impl Dialect for DynamixelX {
     }
 
     fn registers(&self) -> Registers {
-        Registers {
-            torque: Register::TORQUE,
-            goal: Register::GOAL_POSITION,
-            present: Register::PRESENT,
-        }
+        REGISTERS
     }
 
     fn identify(
@@ -118,10 +121,7 @@ impl Dialect for DynamixelX {
             return Ok(Identity::default()); // a ping returns what was asked for
         };
         self.firmware[index] = firmware;
-        Ok(Identity {
-            model_number: u16::from_le_bytes([low, high]),
-            firmware,
-        })
+        Ok(Identity::new([low, high], firmware))
     }
 
     fn condition(&self, link: &mut Link, index: usize) -> Result<Option<String>, BusError> {
@@ -148,17 +148,6 @@ impl Dialect for DynamixelX {
                 false => None,
             },
             velocity: Some(link.read(index, Register::VELOCITY_LIMIT)?),
-        })
-    }
-
-    fn measure(&self, link: &mut Link, index: usize) -> Result<Measured, BusError> {
-        let bytes = link.read_bytes(index, Register::VOLTAGE_AND_TEMPERATURE)?;
-        let &[low, high, celsius] = &bytes[..] else {
-            return Ok(Measured::default()); // a read returns what was asked for
-        };
-        Ok(Measured {
-            tenth_volts: u64::from(u16::from_le_bytes([low, high])),
-            celsius: u64::from(celsius),
         })
     }
 

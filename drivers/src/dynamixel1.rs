@@ -10,7 +10,7 @@
 use dynamixel2::instructions::instruction_id as instruction;
 
 use crate::dialect::{
-    Dialect, Identity, LimitRegisters, Measured, OwnLimits, Present, Registers, names_of,
+    Dialect, Identity, LimitRegisters, OwnLimits, Present, Registers, names_of, sign_magnitude,
 };
 use crate::error::BusError;
 use crate::link::Link;
@@ -42,6 +42,14 @@ const VOLTAGE_AND_TEMPERATURE: Register = register(42, 2, "present voltage and t
 /// MX only.
 const TORQUE_MODE: Register = register(70, 1, "torque control mode");
 const ACCELERATION: Register = register(73, 1, "goal acceleration");
+const REGISTERS: Registers = Registers {
+    torque: TORQUE,
+    goal: GOAL,
+    present: PRESENT,
+    voltage_and_temperature: VOLTAGE_AND_TEMPERATURE,
+};
+/// Of speeds; set for clockwise, which is downwards.
+const SIGN_BIT: u32 = 10;
 
 /// What a servo has against itself, by the bits of its error byte.
 const CONDITIONS: [(u8, &str); 4] = [
@@ -60,11 +68,7 @@ impl Dialect for Dynamixel1 {
     }
 
     fn registers(&self) -> Registers {
-        Registers {
-            torque: TORQUE,
-            goal: GOAL,
-            present: PRESENT,
-        }
+        REGISTERS
     }
 
     fn identify(
@@ -73,14 +77,10 @@ impl Dialect for Dynamixel1 {
         index: usize,
         _pinged: &[u8],
     ) -> Result<Identity, BusError> {
-        let bytes = link.read_bytes(index, IDENTITY)?;
-        let &[low, high, firmware] = &bytes[..] else {
-            return Ok(Identity::default()); // a read returns what was asked for
-        };
-        Ok(Identity {
-            model_number: u16::from_le_bytes([low, high]),
-            firmware,
-        })
+        match link.read_bytes(index, IDENTITY)?[..] {
+            [low, high, firmware] => Ok(Identity::new([low, high], firmware)),
+            _ => Ok(Identity::default()), // a read returns what was asked for
+        }
     }
 
     fn lacks_watchdog(&self) -> Option<&'static str> {
@@ -95,11 +95,6 @@ impl Dialect for Dynamixel1 {
 
     fn own_limits(&self, link: &mut Link, index: usize) -> Result<OwnLimits, BusError> {
         LIMITS.read(link, index)
-    }
-
-    fn measure(&self, link: &mut Link, index: usize) -> Result<Measured, BusError> {
-        let bytes = link.read_bytes(index, VOLTAGE_AND_TEMPERATURE)?;
-        Ok(Measured::from_bytes(&bytes))
     }
 
     fn set_up(
@@ -167,7 +162,7 @@ impl Dialect for Dynamixel1 {
         };
         Present {
             ticks: i32::from(u16::from_le_bytes([p0, p1])),
-            velocity: signed(u16::from_le_bytes([s0, s1])),
+            velocity: sign_magnitude(u16::from_le_bytes([s0, s1]), SIGN_BIT),
             current: 0,
         }
     }
@@ -176,16 +171,6 @@ impl Dialect for Dynamixel1 {
 /// The first servo that cannot be read with the others.
 fn asked_singly(link: &Link) -> Option<usize> {
     link.servos.iter().position(|servo| !servo.model.bulk_read)
-}
-
-/// Ten bits of magnitude; bit 10 is set for clockwise, which is downwards.
-fn signed(word: u16) -> i32 {
-    let magnitude = i32::from(word & 0x3FF);
-    if word & 0x400 == 0 {
-        magnitude
-    } else {
-        -magnitude
-    }
 }
 
 #[cfg(test)]

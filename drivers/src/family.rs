@@ -1,6 +1,7 @@
 //! Families of serial servos: where each keeps what every servo has.
 
-use crate::dialect::names_of;
+use crate::dialect::{names_of, sign_magnitude};
+use crate::feetech;
 use crate::packet::Protocol;
 use crate::register::{Register, hardware_error_names, register};
 
@@ -105,9 +106,7 @@ impl Family {
         match self {
             Self::X => raw as u32 as i32,
             Self::Ax => raw as i32,
-            // Sign and magnitude.
-            Self::Sts if raw & 0x8000 != 0 => -((raw & 0x7FFF) as i32),
-            Self::Sts => raw as i32,
+            Self::Sts => sign_magnitude(raw as u16, feetech::SIGN_BIT),
         }
     }
 
@@ -115,7 +114,7 @@ impl Family {
     pub(crate) fn error_names(self, flags: u8) -> String {
         match self {
             Self::X | Self::Ax => hardware_error_names(flags),
-            Self::Sts => names_of(flags, &crate::feetech::CONDITIONS),
+            Self::Sts => names_of(flags, &feetech::CONDITIONS),
         }
     }
 }

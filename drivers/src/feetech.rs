@@ -9,7 +9,7 @@
 use dynamixel2::instructions::instruction_id as instruction;
 
 use crate::dialect::{
-    Dialect, Identity, LimitRegisters, Measured, OwnLimits, Present, Registers, names_of,
+    Dialect, Identity, LimitRegisters, OwnLimits, Present, Registers, names_of, sign_magnitude,
 };
 use crate::error::BusError;
 use crate::link::Link;
@@ -40,6 +40,14 @@ const LOCK: Register = register(55, 1, "EEPROM lock");
 const PRESENT: Register = register(56, 15, "present state");
 const VOLTAGE_AND_TEMPERATURE: Register = register(62, 2, "present voltage and temperature");
 const STATUS: Register = register(65, 1, "status");
+const REGISTERS: Registers = Registers {
+    torque: TORQUE,
+    goal: GOAL,
+    present: PRESENT,
+    voltage_and_temperature: VOLTAGE_AND_TEMPERATURE,
+};
+/// Of everything that can be negative.
+pub(crate) const SIGN_BIT: u32 = 15;
 
 /// What a servo has against itself, by the bits of its status.
 pub(crate) const CONDITIONS: [(u8, &str); 6] = [
@@ -60,11 +68,7 @@ impl Dialect for FeetechSts {
     }
 
     fn registers(&self) -> Registers {
-        Registers {
-            torque: TORQUE,
-            goal: GOAL,
-            present: PRESENT,
-        }
+        REGISTERS
     }
 
     fn identify(
@@ -73,14 +77,10 @@ impl Dialect for FeetechSts {
         index: usize,
         _pinged: &[u8],
     ) -> Result<Identity, BusError> {
-        let bytes = link.read_bytes(index, IDENTITY)?;
-        let &[firmware, _, _, low, high] = &bytes[..] else {
-            return Ok(Identity::default()); // a read returns what was asked for
-        };
-        Ok(Identity {
-            model_number: u16::from_le_bytes([low, high]),
-            firmware,
-        })
+        match link.read_bytes(index, IDENTITY)?[..] {
+            [firmware, _, _, low, high] => Ok(Identity::new([low, high], firmware)),
+            _ => Ok(Identity::default()), // a read returns what was asked for
+        }
     }
 
     fn lacks_watchdog(&self) -> Option<&'static str> {
@@ -100,11 +100,6 @@ impl Dialect for FeetechSts {
             ticks => ticks,
         };
         Ok(OwnLimits { ticks, ..limits })
-    }
-
-    fn measure(&self, link: &mut Link, index: usize) -> Result<Measured, BusError> {
-        let bytes = link.read_bytes(index, VOLTAGE_AND_TEMPERATURE)?;
-        Ok(Measured::from_bytes(&bytes))
     }
 
     fn set_up(
@@ -131,7 +126,7 @@ impl Dialect for FeetechSts {
 
     fn parse(&self, bytes: &[u8]) -> Present {
         let word = |at: usize| match bytes.get(at..at + 2) {
-            Some(&[low, high]) => signed(u16::from_le_bytes([low, high])),
+            Some(&[low, high]) => sign_magnitude(u16::from_le_bytes([low, high]), SIGN_BIT),
             _ => 0,
         };
         Present {
@@ -147,24 +142,9 @@ impl Dialect for FeetechSts {
     }
 }
 
-/// Sign and magnitude: bit 15 is the sign.
-fn signed(word: u16) -> i32 {
-    let magnitude = i32::from(word & 0x7FFF);
-    if word & 0x8000 == 0 {
-        magnitude
-    } else {
-        -magnitude
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn signs_are_a_bit() {
-        assert_eq!((signed(5), signed(0x8005), signed(0x8000)), (5, -5, 0));
-    }
 
     #[test]
     fn flags_are_named() {

@@ -4,13 +4,14 @@
 //! comes in, what goes out holds the joint limits: see `tracker`.
 
 mod setup;
+mod standing;
 
 use k::nalgebra::{Isometry3, Translation3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Posture};
 
 use crate::arm_search::ArmSearch;
 use crate::body::BodyMap;
-use crate::body_solver::{BodySolver, Feet, Question, Role, Task};
+use crate::body_solver::{BodySolver, Question, Role, Task};
 use crate::config::{Limb, RetargetConfig, Stance};
 use crate::effort::{Carrier, Effort, EffortReport};
 use crate::guard::Guard;
@@ -21,6 +22,7 @@ use crate::stream::{LOOKAHEAD_FRAMES, MotionStream, Points};
 use crate::tracker::Tracker;
 use crate::usual::Postures;
 use crate::{Counts, RetargetError, RobotModel};
+use standing::Standing;
 
 /// Gauss-Newton steps a control cycle; the solution is warm.
 const STEPS: usize = 2;
@@ -30,10 +32,6 @@ const GENTLE_RAD_S: f64 = 0.8;
 const ARRIVING_PER_S: f64 = 3.0;
 /// Nearer to rest than this the feet can be kept in place.
 const ARRIVED_RAD: f64 = 0.003;
-/// Time constant with which a planted foot comes back to its place, seconds.
-const FOOT_RETURN_S: f64 = 0.03;
-/// A planted foot farther away has moved, metres.
-const FOOT_MOVED_M: f64 = 0.002;
 
 /// Turns human motion into joint targets for one robot.
 pub struct Retargeter {
@@ -66,40 +64,6 @@ pub struct Retargeter {
     held_root: Isometry3<f64>,
     effort: Effort,
     counts: Counts,
-}
-
-/// What only a robot on its feet has.
-struct Standing {
-    feet: Feet,
-    /// `None`: the feet stay.
-    stepper: Option<Stepper>,
-    pelvis: Pelvis,
-    legs: BodySolver,
-}
-
-impl Standing {
-    /// Where the feet are asked to be next. One that is off its place comes
-    /// back in time: to ask for all of it in one cycle takes more jerk than the
-    /// legs have at high control rates, and each correction overshoots.
-    fn feet_to_ask(&self, map: &BodyMap, poses: &[Isometry3<f64>], dt_s: f64) -> Feet {
-        let mut feet = self.feet;
-        if self.stepper.is_some() {
-            return feet;
-        }
-        let left = 1.0 - (dt_s / FOOT_RETURN_S).min(1.0);
-        for (leg, foot) in map.legs.iter().zip(&mut feet) {
-            if let Some(sole) = leg.sole {
-                let away = poses[sole].translation.vector - foot.translation.vector;
-                foot.translation.vector += away * left;
-                foot.rotation = foot.rotation.nlerp(&poses[sole].rotation, left);
-            }
-        }
-        feet
-    }
-
-    fn down(&self) -> [bool; 2] {
-        self.stepper.as_ref().map_or([true; 2], Stepper::down)
-    }
 }
 
 /// Where a joint can be next cycle by position and velocity limits alone.
@@ -478,11 +442,7 @@ impl Retargeter {
             let speed = away(joint) / farthest * speed;
             standing.legs.positions[joint] = self.trackers[joint].aim_at_speed(speed);
         }
-        standing.legs.base = root;
-        standing.pelvis.restart();
-        if let Some(stepper) = &mut standing.stepper {
-            stepper.restart(&mut standing.feet);
-        }
+        standing.restart(root);
     }
 
     /// Scales the solution around rest and lets each joint follow it.
@@ -551,13 +511,7 @@ impl Retargeter {
             self.counts.unbalanced_cycles += u64::from(support.outside_m(&com) > 0.0);
             self.counts.tipping_cycles += u64::from(support.outside_m(&zmp) > 0.0);
         }
-        let moved = (0..2).filter(|&side| down[side]).any(|side| {
-            let Some(sole) = self.map.legs[side].sole else {
-                return false;
-            };
-            let place = self.poses[sole].translation.vector;
-            (place - standing.feet[side].translation.vector).norm() > FOOT_MOVED_M
-        });
+        let moved = standing.has_moved_feet(&self.map, &self.poses);
         self.counts.feet_moved_cycles += u64::from(moved);
     }
 
@@ -567,26 +521,7 @@ impl Retargeter {
         let Some(standing) = &self.standing else {
             return self.held_root;
         };
-        let mut roots = [self.held_root; 2];
-        for (side, root) in roots.iter_mut().enumerate() {
-            if let Some(sole) = self.map.legs[side].sole {
-                let root_from_sole = self.link_pose(sole, positions);
-                *root = standing.feet[side] * root_from_sole.inverse();
-            }
-        }
-        let [left, right] = roots;
-        match standing.down() {
-            [true, false] => left,
-            [false, true] => right,
-            _ => Isometry3::from_parts(
-                Translation3::from((left.translation.vector + right.translation.vector) * 0.5),
-                left.rotation.nlerp(&right.rotation, 0.5),
-            ),
-        }
-    }
-
-    fn link_pose(&self, link: usize, positions: &[f64]) -> Isometry3<f64> {
-        self.model.link_pose(link, positions)
+        standing.world_from_root(&self.map, |link| self.model.link_pose(link, positions))
     }
 
     fn check_length(&self, actual: usize) -> Result<(), RetargetError> {
@@ -612,12 +547,8 @@ impl Retargeter {
         self.output.copy_from_slice(positions);
         let root = self.world_from_root(positions);
         if let Some(standing) = &mut self.standing {
-            standing.pelvis.restart();
-            standing.legs.base = root;
             standing.legs.positions.copy_from_slice(positions);
-            if let Some(stepper) = &mut standing.stepper {
-                stepper.restart(&mut standing.feet);
-            }
+            standing.restart(root);
         }
         self.model.place(&root, positions, &mut self.poses);
         self.effort.restart();

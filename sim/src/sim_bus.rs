@@ -8,40 +8,25 @@
 //! is handed over when its own last byte has. In lockstep wire time is only
 //! counted and the motors move with [`SimBus::advance`] alone.
 
-use std::io;
-use std::os::fd::{AsFd, OwnedFd};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use servodance_drivers::{Port, ReplyClock, sleep_punctually};
 
 use crate::body::SimServoState;
-use crate::byte_servo::ByteServo;
 use crate::can::{CanServer, build_net};
 use crate::far_end::{FarEnd, Socket};
 use crate::fault::{FaultyWire, ServoFault, WireFault};
-use crate::host_port::{Heard, HostPort};
 use crate::judge::{Judge, Violations};
-use crate::line::{Burst, Line, XLine};
-use crate::protocol1_line::Protocol1Line;
-use crate::servo::SimServo;
-use crate::spec::{SimClock, SimError, SimOptions, SimServoSpec, X_BAUDS};
+use crate::line::Line;
+use crate::serial_line::build_line;
+use crate::serial_server::SerialServer;
+use crate::shared::{Gone, Shared};
+use crate::spec::{SimClock, SimError, SimOptions, SimServoSpec};
 use crate::urgency::answer_like_hardware;
 use crate::world::World;
-
-/// How often the thread looks whether it is to end.
-const WAKE: Duration = Duration::from_millis(10);
-/// How long the thread watches the port without sleeping after a reply, if the
-/// host spoke again within [`PROMPT`] of the reply before.
-const ATTENTIVE: Duration = Duration::from_micros(80);
-/// Being woken up is in it.
-const PROMPT: Duration = Duration::from_micros(400);
-/// Precise waits sleep until so long before their end; the rest is spent
-/// spinning, for the precision of a fast bus.
-const SLEEP_SLACK: Duration = Duration::from_micros(70);
 
 /// How long carrying out the host's frames may take in lockstep.
 const LONGEST_SETTLE: Duration = Duration::from_secs(2);
@@ -71,116 +56,6 @@ impl std::ops::AddAssign for WireStats {
         self.packets_out += other.packets_out;
         self.bad_packets += other.bad_packets;
         self.wire_s += other.wire_s;
-    }
-}
-
-/// What the thread counts. Sums that do not depend on how reads cut the stream.
-#[derive(Debug, Default)]
-pub(crate) struct Traffic {
-    pub bytes_in: u64,
-    pub bytes_out: u64,
-    pub packets_out: u64,
-    pub delays_s: f64,
-}
-
-/// What the thread and its owner share.
-#[derive(Debug)]
-pub(crate) struct Shared {
-    world: Mutex<World>,
-    wire: Mutex<Traffic>,
-    faults: Mutex<FaultyWire>,
-    pub stop: AtomicBool,
-    pub bus_off: AtomicBool,
-    /// The thread carries out what it has read.
-    pub busy: AtomicBool,
-    /// A second handle on what the thread reads, while it does.
-    watched: Mutex<Option<OwnedFd>>,
-    pub clock: SimClock,
-    pub began: Instant,
-    /// Seconds a byte; 0 on CAN, where frames are counted bit by bit.
-    byte_s: f64,
-    pub adapter_s: f64,
-}
-
-impl Shared {
-    /// The world, brought up to the present in real time.
-    pub fn world(&self) -> MutexGuard<'_, World> {
-        let mut world = self.world.lock().unwrap_or_else(PoisonError::into_inner);
-        if self.clock == SimClock::Realtime {
-            world.advance_to(self.began.elapsed().as_secs_f64());
-        }
-        world
-    }
-
-    pub fn wire(&self) -> MutexGuard<'_, Traffic> {
-        self.wire.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn watched(&self) -> MutexGuard<'_, Option<OwnedFd>> {
-        self.watched.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// From now on this is what the thread reads from. `busy` is set meanwhile.
-    pub fn watch(&self, fd: OwnedFd) {
-        *self.watched() = Some(fd);
-    }
-
-    pub fn faults(&self) -> MutexGuard<'_, FaultyWire> {
-        self.faults.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Waits for a time since the start, in real time, as long as a sleep takes.
-    pub fn sleep_until(&self, time_s: f64) {
-        self.sleep_early(time_s, Duration::ZERO);
-    }
-
-    /// The same to the microsecond: the processor is kept for the last of it.
-    pub fn wait_until(&self, time_s: f64) {
-        let due = self.sleep_early(time_s, SLEEP_SLACK);
-        while due.is_some_and(|due| Instant::now() < due) {
-            std::hint::spin_loop();
-        }
-    }
-
-    /// Sleeps until `slack` before a time since the start; the time, if there
-    /// is anything to wait for.
-    fn sleep_early(&self, time_s: f64, slack: Duration) -> Option<Instant> {
-        if self.clock == SimClock::Lockstep {
-            return None;
-        }
-        let due = self.began + Duration::from_secs_f64(time_s);
-        let early = due.saturating_duration_since(Instant::now() + slack);
-        if !early.is_zero() {
-            std::thread::sleep(early);
-        }
-        Some(due)
-    }
-}
-
-impl servodance_drivers::FarEnd for Shared {
-    fn is_idle(&self) -> bool {
-        let watched = self.watched();
-        // In this order: what has been read is carried out while `busy` is set.
-        let unread = watched.as_ref().is_some_and(has_unread);
-        !unread && !self.busy.load(Ordering::SeqCst)
-    }
-}
-
-/// Whether there is something to read; that the other end is closed is not.
-fn has_unread(fd: &OwnedFd) -> bool {
-    let mut fds = [PollFd::new(fd.as_fd(), PollFlags::POLLIN)];
-    let polled = poll(&mut fds, PollTimeout::ZERO);
-    let found = fds[0].revents().unwrap_or(PollFlags::empty());
-    polled.is_ok() && found.contains(PollFlags::POLLIN)
-}
-
-/// The thread reads no more, even if it panicked: nothing is waited for.
-struct Gone(Arc<Shared>);
-
-impl Drop for Gone {
-    fn drop(&mut self) {
-        *self.0.watched() = None;
-        self.0.busy.store(false, Ordering::SeqCst);
     }
 }
 
@@ -218,13 +93,7 @@ fn start_thread(
             })
         }
         FarEnd::Serial(port) => {
-            let server = Server {
-                shared,
-                port,
-                line_free_s: 0.0,
-                handed_over: None,
-                prompt: true,
-            };
+            let server = SerialServer::new(shared, port);
             thread.spawn(move || {
                 let _gone = gone;
                 prepare();
@@ -248,23 +117,18 @@ impl SimBus {
             true => Box::new(build_net(specs, options.supply_v, period_s)?),
             false => build_line(specs, &options, period_s)?,
         };
-        let shared = Arc::new(Shared {
-            world: Mutex::new(World::new(line, period_s)),
-            wire: Mutex::new(Traffic::default()),
-            faults: Mutex::new(FaultyWire::new(options.seed)),
-            stop: AtomicBool::new(false),
-            bus_off: AtomicBool::new(false),
-            busy: AtomicBool::new(false),
-            watched: Mutex::new(None),
-            clock: options.clock,
-            began: Instant::now(),
-            byte_s: if is_can {
-                0.0
-            } else {
-                10.0 / f64::from(options.baud)
-            },
-            adapter_s: checked_adapter_s(options.adapter_s)?,
-        });
+        let byte_s = match is_can {
+            true => 0.0,
+            false => 10.0 / f64::from(options.baud),
+        };
+        let adapter_s = checked_adapter_s(options.adapter_s)?;
+        let shared = Arc::new(Shared::new(
+            World::new(line, period_s),
+            FaultyWire::new(options.seed),
+            options.clock,
+            byte_s,
+            adapter_s,
+        ));
         let socket = Socket {
             is_can,
             bitrate: options.baud,
@@ -433,193 +297,4 @@ fn checked_adapter_s(adapter_s: f64) -> Result<f64, SimError> {
         actual: adapter_s.to_string(),
         wanted: "0 to 1",
     })
-}
-
-fn baud_code(baud: u32, bauds: &[u32; 8]) -> Result<u8, SimError> {
-    match bauds.iter().position(|known| *known == baud) {
-        Some(code) => Ok(code as u8),
-        None => Err(bad_baud(baud)),
-    }
-}
-
-fn bad_baud(baud: u32) -> SimError {
-    SimError::Option {
-        key: "baud",
-        actual: baud.to_string(),
-        wanted: "a rate of the servos' baud register",
-    }
-}
-
-fn checked_supply_ohm(supply_ohm: f64) -> Result<f64, SimError> {
-    if (0.0..=10.0).contains(&supply_ohm) {
-        return Ok(supply_ohm);
-    }
-    Err(SimError::Option {
-        key: "supply_ohm",
-        actual: supply_ohm.to_string(),
-        wanted: "0 to 10",
-    })
-}
-
-fn build_line(
-    specs: &[SimServoSpec],
-    options: &SimOptions,
-    period_s: f64,
-) -> Result<Box<dyn Line>, SimError> {
-    let mut x_servos = Vec::new();
-    let mut byte_servos = Vec::new();
-    for spec in specs {
-        let model = spec.checked()?;
-        let supply_v = options.supply_v.unwrap_or(model.voltage_v);
-        if model.is_protocol1() {
-            if !model.takes_baud(options.baud) {
-                return Err(bad_baud(options.baud));
-            }
-            let servo = ByteServo::new(spec, model, options.baud, supply_v, period_s);
-            byte_servos.push(servo);
-        } else {
-            let code = baud_code(options.baud, &X_BAUDS)?;
-            x_servos.push(SimServo::new(spec, model, code, supply_v, period_s));
-        }
-    }
-    let supply_ohm = checked_supply_ohm(options.supply_ohm)?;
-    let baud = options.baud;
-    match (x_servos.is_empty(), byte_servos.is_empty()) {
-        (_, true) => Ok(Box::new(XLine::new(x_servos, baud, supply_ohm))),
-        (true, false) => Ok(Box::new(Protocol1Line::new(byte_servos, baud, supply_ohm))),
-        (false, false) => Err(SimError::Option {
-            key: "servos",
-            actual: "of two protocols".into(),
-            wanted: "of one protocol on one line",
-        }),
-    }
-}
-
-/// The thread behind the host's port.
-struct Server {
-    shared: Arc<Shared>,
-    port: HostPort,
-    /// When the line is free again, seconds since the start. Real time only.
-    line_free_s: f64,
-    /// When the last reply was handed over. Real time only.
-    handed_over: Option<Instant>,
-    /// Whether the host spoke at once when it was answered last.
-    prompt: bool,
-}
-
-impl Server {
-    fn run(mut self) {
-        let mut chunk = [0; 4096];
-        while !self.shared.stop.load(Ordering::Acquire) {
-            match self.receive(&mut chunk) {
-                Ok(Heard::Nothing) => {}
-                Ok(Heard::Bytes(count)) => {
-                    if let Some(at) = self.handed_over.take() {
-                        self.prompt = at.elapsed() < PROMPT;
-                    }
-                    self.serve(&mut chunk[..count]);
-                }
-                Ok(Heard::Nobody) => {
-                    self.shared.busy.store(false, Ordering::SeqCst);
-                    std::thread::sleep(Duration::from_millis(1));
-                }
-                Err(_) => return,
-            }
-            self.shared.busy.store(false, Ordering::SeqCst);
-        }
-    }
-
-    /// Bytes from the host, or none after a while.
-    fn receive(&mut self, chunk: &mut [u8]) -> io::Result<Heard> {
-        // A host at the limit of its wire speaks again at once: being woken up
-        // would take longer than its pause. One that rests until its next cycle
-        // is not watched for.
-        let watched = self.handed_over.filter(|_| self.prompt);
-        while watched.is_some_and(|at| at.elapsed() < ATTENTIVE) {
-            match self.port.read(chunk)? {
-                Heard::Nothing => std::hint::spin_loop(),
-                Heard::Nobody => break,
-                heard => return Ok(heard),
-            }
-        }
-        if !self.port.wait(WAKE)? {
-            return Ok(Heard::Nothing);
-        }
-        self.shared.busy.store(true, Ordering::SeqCst);
-        let heard = self.port.read(chunk)?;
-        if self.port.moved() {
-            self.shared.watch(self.port.watched()?);
-        }
-        Ok(heard)
-    }
-
-    fn serve(&mut self, bytes: &mut [u8]) {
-        let shared = self.shared.clone();
-        if shared.faults().echoes() {
-            self.port.write(bytes);
-        }
-        shared.faults().pass_instruction(bytes);
-        let now_s = shared.began.elapsed().as_secs_f64();
-        self.line_free_s = self.line_free_s.max(now_s);
-        shared.world().line.set_host_baud(self.port.baud());
-        shared.wire().bytes_in += bytes.len() as u64;
-        for &byte in &*bytes {
-            self.line_free_s += shared.byte_s;
-            // The world is not advanced for single bytes, only for what they complete.
-            let complete = {
-                let mut world = shared.world.lock().unwrap_or_else(PoisonError::into_inner);
-                world.line.push(byte)
-            };
-            if !complete {
-                continue;
-            }
-            self.wait_until(self.line_free_s);
-            let bursts = shared.world().line.execute();
-            self.send(bursts);
-        }
-    }
-
-    /// Sends replies. What follows without a pause is handed over together when
-    /// its last byte has passed, as adapters do.
-    fn send(&mut self, bursts: Vec<Burst>) {
-        let mut passed = Vec::new();
-        for burst in bursts {
-            if burst.delay_s > 0.0 {
-                self.hand_over(&mut passed);
-            }
-            self.line_free_s += burst.delay_s + burst.bytes.len() as f64 * self.shared.byte_s;
-            {
-                let mut wire = self.shared.wire();
-                wire.delays_s += burst.delay_s;
-                wire.bytes_out += burst.bytes.len() as u64;
-                wire.packets_out += 1;
-            }
-            let (bytes, late_s) = self.shared.faults().pass_reply(burst.bytes);
-            if late_s > 0.0 {
-                self.hand_over(&mut passed);
-                std::thread::sleep(Duration::from_secs_f64(late_s));
-            }
-            passed.extend(bytes);
-        }
-        self.hand_over(&mut passed);
-    }
-
-    /// Precisely for a host at the limit of its wire, at little cost for one that
-    /// rests between its cycles.
-    fn wait_until(&self, time_s: f64) {
-        match self.prompt {
-            true => self.shared.wait_until(time_s),
-            false => self.shared.sleep_until(time_s),
-        }
-    }
-
-    fn hand_over(&mut self, passed: &mut Vec<u8>) {
-        if !passed.is_empty() {
-            self.wait_until(self.line_free_s + self.shared.adapter_s);
-            self.port.write(passed);
-            passed.clear();
-            let realtime = self.shared.clock == SimClock::Realtime;
-            self.handed_over = realtime.then(Instant::now);
-        }
-    }
 }

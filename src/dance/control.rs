@@ -17,24 +17,26 @@
 //! Simulated time (`--speed max`) waits for motion; the wall clock does not:
 //! a frame that is not there is counted as late, and the robot holds.
 
-use super::chronicle::Chronicle;
-use super::config::Speed;
+use super::chronicle::{Chronicle, Decided};
+use super::cycle_clock::CycleClock;
 use super::delays::Delays;
-use super::idle::{Idle, IdleStyle};
+use super::idle::Idle;
 use super::latency::{Arrivals, Latency};
+use super::lead::Lead;
+use super::minimum_jerk::MinimumJerk;
 use super::motion_source::{Change, MotionSource, Next, Step};
 use super::overload::Sparing;
 use super::rehearsal::Rehearsal;
 use super::rig::Rig;
 use super::showing::{Cycle, Showing};
 use super::steering::{Horizon, Steering};
+use super::timing::Timing;
 use super::trace::Trace;
 use super::witness::Witness;
 use crate::drill;
-use crate::record::{Recorder, Topic};
+use crate::record::Recorder;
 use crate::robot::Robot;
-use crate::show::snapshot::BANDS;
-use crate::show::{Activity, Request, RobotEnd, pose_array};
+use crate::show::{Activity, Request, RobotEnd};
 use crate::stages::{Stage, StageClock, Times};
 use servodance_retarget::Retargeter;
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
@@ -43,18 +45,12 @@ use std::time::{Duration, Instant};
 
 /// Seconds from torque on to the music.
 const PRELUDE_S: f64 = 4.0;
-/// Share of a joint's velocity and acceleration limits used on the way to rest.
-const FINALE_EFFORT: f64 = 0.4;
 /// Seconds after the last motion frame in which the robot comes to a stop.
 const TAIL_S: f64 = 0.5;
 /// Features and token of a recording that is danced to as if it were live.
 const COMPUTING_S: f64 = 0.005;
 /// Before the first motion frame.
 const FIRST_S: f64 = -1.0 / FRAME_RATE_HZ;
-/// A cycle that is later than this many periods is a stall.
-const STALL_PERIODS: f64 = 0.5;
-/// Share of a period by which cycles come sooner until a stall is made up.
-const CATCH_UP: f64 = 0.02;
 /// How much of a live run is kept for its report, seconds.
 const LIVE_TRACE_S: f64 = 300.0;
 
@@ -69,23 +65,6 @@ pub enum Ending {
     Interrupted,
 }
 
-/// How time passes in a dance.
-#[derive(Clone, Copy, Debug)]
-pub struct Timing {
-    /// How fast it passes.
-    pub speed: Speed,
-    /// Whether audio comes in as it is played.
-    pub live: bool,
-    /// Whether a recording is danced to as if it came in live.
-    pub as_live: bool,
-    /// Whether the motion is steered onto the beat.
-    pub compensation: bool,
-    /// What to do while there is no music.
-    pub idle: IdleStyle,
-    /// Whether somebody else leads: motion comes with its time.
-    pub staged: bool,
-}
-
 /// The loop and all that it keeps.
 pub struct Control<'a> {
     robot: &'a Robot,
@@ -93,18 +72,13 @@ pub struct Control<'a> {
     retargeter: Retargeter,
     steering: Option<Steering>,
     idle: Idle,
-    /// Seconds by which motion is ahead of the music where nothing steers it.
-    even_lead_s: f64,
+    lead: Lead,
     /// Motion time of the present cycle.
     motion_s: f64,
-    /// Sum of all leads, and how many there were.
-    lead_sum_s: (f64, u64),
-    recorder: Option<Recorder>,
     stop: &'a AtomicBool,
     show: Option<Showing<'a>>,
     activity: Activity,
     stop_asked: bool,
-    speed: Speed,
     live: bool,
     staged: bool,
     /// How long after its time a frame of a recording arrives that is danced to
@@ -113,15 +87,13 @@ pub struct Control<'a> {
     music_start_s: f64,
     stood_s: f64,
     dancing: bool,
-    slip_s: f64,
-    cycle: u64,
-    started: Instant,
+    clock: CycleClock,
     targets: Vec<f64>,
     newest_s: Option<f64>,
     /// When the newest sound that the motion knows was captured, if live.
     captured: Option<Instant>,
     ended: bool,
-    /// What the recording was told of the servos' health and of safety.
+    /// What the recording is told.
     pub chronicle: Chronicle,
     /// The run so far.
     pub trace: Trace,
@@ -151,8 +123,7 @@ impl<'a> Control<'a> {
     ) -> anyhow::Result<Self> {
         let mut retargeter = robot.retargeter()?;
         let joints = robot.servos.len();
-        let Timing { speed, as_live, .. } = timing;
-        let staged = timing.staged;
+        let (as_live, staged) = (timing.as_live, timing.staged);
         let live = (timing.live || as_live) && !staged;
         let delays = Delays::new(robot, &retargeter);
         let live_s = live.then_some(delays.live_s());
@@ -170,9 +141,8 @@ impl<'a> Control<'a> {
         Ok(Self {
             steering: timing.compensation.then_some(steering),
             idle: Idle::new(timing.idle, robot.period_s()),
-            even_lead_s,
+            lead: Lead::new(even_lead_s),
             motion_s: even_lead_s - PRELUDE_S,
-            lead_sum_s: (0.0, 0),
             robot,
             rig,
             targets: retargeter.rest().to_vec(),
@@ -180,22 +150,18 @@ impl<'a> Control<'a> {
             activity: Activity::Starting,
             stop_asked: false,
             retargeter,
-            recorder,
             stop,
-            speed,
             live: timing.live || as_live,
             staged,
             arrival_s: as_live.then_some(delays.capture_s + COMPUTING_S),
             music_start_s: if staged { 0.0 } else { PRELUDE_S },
             stood_s: 0.0,
             dancing: false,
-            slip_s: 0.0,
-            cycle: 0,
-            started: Instant::now(),
+            clock: CycleClock::new(timing.speed, robot.period_s()),
             newest_s: None,
             captured: None,
             ended: false,
-            chronicle: Chronicle::default(),
+            chronicle: Chronicle::new(recorder),
             trace: Trace::new(joints),
             stages: StageClock::default(),
             latency: Latency::default(),
@@ -206,18 +172,9 @@ impl<'a> Control<'a> {
         })
     }
 
-    /// Mean of the seconds by which motion was sent ahead of the music; negative
-    /// when live audio cannot be known ahead.
-    pub fn lead_s(&self) -> f64 {
-        match self.lead_sum_s.1 {
-            0 => self.even_lead_s,
-            cycles => self.lead_sum_s.0 / cycles as f64,
-        }
-    }
-
-    /// Seconds by which motion is ahead of the music without compensation.
-    pub fn even_lead_s(&self) -> f64 {
-        self.even_lead_s
+    /// By how much motion is sent ahead of the music.
+    pub fn lead(&self) -> Lead {
+        self.lead
     }
 
     /// What the motion asked of the motors so far.
@@ -261,7 +218,7 @@ impl<'a> Control<'a> {
         }
         self.stood_s = self.rig.now_s();
         if !self.live || self.staged {
-            self.started = Instant::now();
+            self.clock.start_at(Instant::now());
         }
         self.dancing = true;
         while !self.is_over() && !self.stop_asked {
@@ -331,20 +288,15 @@ impl<'a> Control<'a> {
         }
     }
 
-    /// Ends the recording with facts known only now.
-    pub fn take_recorder(&mut self) -> Option<Recorder> {
-        self.recorder.take()
-    }
-
     /// Seconds of music at the present cycle; below zero in the prelude.
     fn time_s(&self) -> f64 {
-        self.cycle as f64 * self.robot.period_s() - self.music_start_s
+        self.clock.cycle_s() - self.music_start_s
     }
 
     /// Where in the music what is decided now belongs.
     fn music_s(&self) -> f64 {
         match self.staged {
-            true => self.motion_s - self.even_lead_s,
+            true => self.motion_s - self.lead.even_s(),
             false => self.time_s(),
         }
     }
@@ -363,8 +315,8 @@ impl<'a> Control<'a> {
     fn choose_motion_time(&mut self, time_s: f64, source: &mut MotionSource) -> anyhow::Result<()> {
         let hidden = self.idle.share() >= 1.0;
         if let MotionSource::Stage(stage) = source {
-            let moment = self.started + Duration::from_secs_f64(time_s + self.slip_s);
-            self.motion_s = stage.moment_s(moment, hidden) + self.even_lead_s;
+            let moment = self.clock.moment(time_s);
+            self.motion_s = stage.moment_s(moment, hidden) + self.lead.even_s();
             return Ok(());
         }
         self.motion_s = match &mut self.steering {
@@ -373,11 +325,10 @@ impl<'a> Control<'a> {
                 let shown_until_s = newest_s - self.retargeter.lookahead_s();
                 steering.next(time_s, shown_until_s, hidden)?
             }
-            None => time_s + self.even_lead_s,
+            None => time_s + self.lead.even_s(),
         };
         if time_s >= 0.0 {
-            self.lead_sum_s.0 += self.motion_s - time_s;
-            self.lead_sum_s.1 += 1;
+            self.lead.book(self.motion_s - time_s);
         }
         Ok(())
     }
@@ -397,7 +348,7 @@ impl<'a> Control<'a> {
             self.heed(source)?;
             if self.stop_asked {
                 self.targets.copy_from_slice(&standing);
-                self.started = Instant::now();
+                self.clock.start_at(Instant::now());
                 return Ok(true);
             }
             match source.poll()? {
@@ -413,7 +364,7 @@ impl<'a> Control<'a> {
                     arrivals.caught_up();
                     if let Some(first) = arrivals.first_cycle(self.robot.period_s()) {
                         std::thread::sleep(first.saturating_duration_since(Instant::now()));
-                        self.started = first;
+                        self.clock.start_at(first);
                         self.music_start_s = -arrivals.music_s(first);
                         return Ok(true);
                     }
@@ -427,8 +378,7 @@ impl<'a> Control<'a> {
     /// One cycle in the present pose, so that the servos' watchdogs stay fed.
     fn stand(&mut self, pose_rad: &[f64]) -> anyhow::Result<()> {
         std::thread::sleep(Duration::from_secs_f64(self.robot.period_s()));
-        self.rig
-            .cycle(self.started.elapsed().as_secs_f64(), pose_rad)?;
+        self.rig.cycle(self.clock.elapsed_s(), pose_rad)?;
         self.tell_viewers();
         Ok(())
     }
@@ -501,17 +451,9 @@ impl<'a> Control<'a> {
         self.stages.book(Stage::Features, step.features_ms);
         self.stages.book(Stage::Model, step.model_ms);
         on_frame(step.motion.time_s);
-        let at_s = step.motion.time_s + self.music_start_s;
-        if let Some(recorder) = self.recorder.as_mut().filter(|_| self.dancing) {
-            recorder.motion(at_s, &step.motion);
-            let phase = f64::from(step.music.beat.phase);
-            recorder.number(Topic::BeatPhase, at_s, phase);
-            recorder.spectrum(
-                at_s,
-                &servodance_audio::bands::<BANDS>(&step.music.spectral),
-            );
-            recorder.number(Topic::Stage(Stage::Features), at_s, step.features_ms);
-            recorder.number(Topic::Stage(Stage::Model), at_s, step.model_ms);
+        if self.dancing {
+            let at_s = step.motion.time_s + self.music_start_s;
+            self.chronicle.frame(at_s, step);
         }
     }
 
@@ -554,29 +496,15 @@ impl<'a> Control<'a> {
         let control_ms = start.elapsed().as_secs_f64() * 1e3;
         self.stages.book(Stage::Control, control_ms);
         self.record_stage(Stage::Control, control_ms);
-        self.cycle += 1;
+        self.clock.advance();
         Ok(())
     }
 
-    /// Real time: waits for the moment of this cycle. After a stall of the
-    /// machine the robot does not rush: it goes on from where it was and makes
-    /// up the lost time a little in each cycle.
+    /// Real time: waits for the moment of this cycle.
     fn pace(&mut self) {
-        if self.speed == Speed::Max {
+        let Some(late_s) = self.clock.wait() else {
             return;
-        }
-        let period_s = self.robot.period_s();
-        let grid_s = self.cycle as f64 * period_s;
-        let due_s = grid_s + self.slip_s;
-        let now_s = self.started.elapsed().as_secs_f64();
-        if now_s > due_s + STALL_PERIODS * period_s {
-            self.slip_s = now_s - grid_s;
-        } else {
-            self.slip_s = (self.slip_s - CATCH_UP * period_s).max(0.0);
-            let rest_s = (grid_s + self.slip_s - now_s).max(0.0);
-            std::thread::sleep(Duration::from_secs_f64(rest_s));
-        }
-        let late_s = self.started.elapsed().as_secs_f64() - due_s;
+        };
         if let Some(show) = &mut self.show {
             show.note_late(late_s);
         }
@@ -595,8 +523,13 @@ impl<'a> Control<'a> {
         self.robot.control_hz / self.decimation() as f64
     }
 
+    /// Whether the present cycle is one of those that traces keep.
+    fn is_sampled(&self) -> bool {
+        self.clock.cycle().is_multiple_of(self.decimation())
+    }
+
     fn keep(&mut self, time_s: f64) {
-        if time_s >= 0.0 && self.cycle.is_multiple_of(self.decimation()) {
+        if time_s >= 0.0 && self.is_sampled() {
             let targets = self.targets.iter().copied();
             self.trace.targets.push(time_s, targets);
             let reported = self.rig.states().iter().map(|s| s.position_rad);
@@ -608,73 +541,39 @@ impl<'a> Control<'a> {
     }
 
     fn record_cycle(&mut self, time_s: f64) {
-        let at_s = time_s + self.music_start_s;
-        let period_s = self.robot.period_s();
-        let decimation = self.decimation();
-        let Some(recorder) = &mut self.recorder else {
-            return;
+        let decided = Decided {
+            targets_rad: &self.targets,
+            lead_s: self.motion_s - time_s,
+            idle_share: self.idle.share(),
+            period_s: self.robot.period_s(),
+            root: self.is_sampled().then_some(&self.retargeter),
         };
-        recorder.positions(Topic::JointTargets, at_s, &self.targets);
-        recorder.number(Topic::Lead, at_s, self.motion_s - time_s);
-        recorder.number(Topic::Idle, at_s, self.idle.share());
-        recorder.positions(Topic::JointCommands, at_s, self.rig.sent_rad());
-        recorder.states(Topic::JointStates, at_s, self.rig.states());
-        if self.cycle.is_multiple_of(decimation) {
-            let positions: Vec<f64> = self.rig.states().iter().map(|s| s.position_rad).collect();
-            let root = pose_array(&self.retargeter.world_from_root(&positions));
-            recorder.pose(Topic::Root, at_s, root);
-        }
-        if let Some(truth) = self.rig.truth() {
-            // The simulation has already gone on to the end of this cycle.
-            recorder.states(Topic::ServoTruth, at_s + period_s, truth);
-        }
-        let (bytes, packets) = self.rig.wire_totals();
-        recorder.number(Topic::BusBytes, at_s, bytes as f64);
-        recorder.number(Topic::BusPackets, at_s, packets as f64);
-        let chronicle = &mut self.chronicle;
-        chronicle.write(recorder, self.rig, at_s, self.stood_s);
+        let at_s = time_s + self.music_start_s;
+        self.chronicle.cycle(at_s, self.stood_s, decided, self.rig);
     }
 
     fn record_stage(&mut self, stage: Stage, ms: f64) {
         let at_s = self.time_s() + self.music_start_s;
-        if let Some(recorder) = &mut self.recorder {
-            recorder.number(Topic::Stage(stage), at_s, ms);
-        }
+        self.chronicle.stage(at_s, stage, ms);
     }
 
     /// From the last pose to rest along a minimum-jerk path that stays far
     /// inside the limits. A hold is waited for.
     fn finale(&mut self, source: &mut MotionSource) -> anyhow::Result<Ending> {
         self.activity = Activity::Finale;
-        let from = self.targets.clone();
-        let to = self.retargeter.rest().to_vec();
-        let duration_s = self
-            .robot
-            .servos
-            .iter()
-            .zip(from.iter().zip(&to))
-            .map(|(servo, (a, b))| {
-                minimum_jerk_duration_s(
-                    (b - a).abs(),
-                    servo.limits.velocity_rad_s * FINALE_EFFORT,
-                    servo.limits.acceleration_rad_s2 * FINALE_EFFORT,
-                )
-            })
-            .fold(0.5, f64::max);
-        let cycles = (duration_s * self.robot.control_hz).ceil() as u64;
+        let limits = self.robot.servos.iter().map(|servo| &servo.limits);
+        let rest = self.retargeter.rest();
+        let way = MinimumJerk::new(&self.targets, rest, limits, self.robot.control_hz);
         let mut done = 0;
-        while done < cycles || self.is_blending_in() {
+        while done < way.cycles() || self.is_blending_in() {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Interrupted);
             }
             self.pace();
             self.heed(source)?;
             let held = self.show.as_ref().is_some_and(|show| show.hold);
-            done = (done + u64::from(!held)).min(cycles);
-            let share = minimum_jerk(done as f64 / cycles as f64);
-            for (target, (a, b)) in self.targets.iter_mut().zip(from.iter().zip(&to)) {
-                *target = a + share * (b - a);
-            }
+            done = (done + u64::from(!held)).min(way.cycles());
+            way.at(done, &mut self.targets);
             self.drive(self.time_s())?;
         }
         Ok(match self.stop_asked {
@@ -686,41 +585,5 @@ impl<'a> Control<'a> {
     /// Whether the robot is still on its way from where it was held.
     fn is_blending_in(&self) -> bool {
         self.show.is_some() && self.rig.is_ramping()
-    }
-}
-
-/// Minimum-jerk position between 0 and 1 at a share of the time
-/// (Flash and Hogan 1985).
-fn minimum_jerk(share: f64) -> f64 {
-    share.powi(3) * (10.0 + share * (-15.0 + share * 6.0))
-}
-
-/// Shortest minimum-jerk move over `distance` whose peak speed (15/8 of the
-/// mean) and peak acceleration (10/sqrt(3) of distance over time squared) stay
-/// below the limits.
-fn minimum_jerk_duration_s(distance: f64, velocity: f64, acceleration: f64) -> f64 {
-    let by_velocity = 1.875 * distance / velocity;
-    let by_acceleration = (10.0 / 3f64.sqrt() * distance / acceleration).sqrt();
-    by_velocity.max(by_acceleration)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn minimum_jerk_moves_stay_inside_their_limits() {
-        let (distance, velocity, acceleration) = (1.3, 2.0, 9.0);
-        let duration = minimum_jerk_duration_s(distance, velocity, acceleration);
-        let steps = 2000;
-        let dt = duration / f64::from(steps);
-        let at = |i: i32| distance * minimum_jerk(f64::from(i) / f64::from(steps));
-        for i in 1..steps {
-            let speed = (at(i + 1) - at(i)) / dt;
-            let change = (at(i + 1) - 2.0 * at(i) + at(i - 1)) / (dt * dt);
-            assert!(speed <= velocity * 1.001, "{speed}");
-            assert!(change.abs() <= acceleration * 1.001, "{change}");
-        }
-        assert!((at(steps) - distance).abs() < 1e-12);
     }
 }

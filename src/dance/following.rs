@@ -3,13 +3,14 @@
 //! music and without a generator.
 
 use super::config::Speed;
-use super::control::{Control, Ending, Timing};
+use super::control::{Control, Ending};
 use super::idle::IdleStyle;
 use super::motion_source::MotionSource;
 use super::ports::{self, BusChoice};
 use super::rig::Rig;
 use super::stage_source::StageSource;
 use super::tell_end;
+use super::timing::Timing;
 use super::witness::Witness;
 use crate::realtime::{OrdinaryAfterwards, Role, raise};
 use crate::report::{SafetyEvent, ViolationReport};

@@ -14,6 +14,7 @@ mod chronicle;
 mod click_test;
 mod config;
 mod control;
+mod cycle_clock;
 mod delays;
 mod estop;
 mod evening;
@@ -21,6 +22,8 @@ mod film;
 mod following;
 mod idle;
 mod latency;
+mod lead;
+mod minimum_jerk;
 mod motion_source;
 mod ordeal;
 mod overload;
@@ -33,6 +36,7 @@ mod shadow;
 mod showing;
 mod stage_source;
 mod steering;
+mod timing;
 mod trace;
 mod witness;
 
@@ -58,8 +62,9 @@ use crate::stages::Stage;
 use anyhow::Context;
 use audio::Audio;
 use chronicle::Chronicle;
-use control::{Control, Ending, Timing};
+use control::{Control, Ending};
 pub use latency::LatencyReport;
+use lead::Lead;
 use motion_source::MotionSource;
 pub use motion_source::{CHORUS, Change, Dancer, DancerThread, Heard, Next, OnNotice, Step};
 use overload::{LeftOut, Overload, Sparing};
@@ -73,6 +78,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
+use timing::Timing;
 
 /// What came of a dance.
 #[derive(Debug)]
@@ -176,14 +182,12 @@ fn perform(
     control.spare_viewers(&sparing);
     let ending = control.run(&mut source, |time_s| progress.at(time_s));
     let mut run = Run {
-        lead_s: control.lead_s(),
-        even_lead_s: control.even_lead_s(),
+        lead: control.lead(),
         paces: control.paces(),
         idled_s: control.idled_s(),
         decimation: control.decimation(),
         music_start_s: control.music_start_s(),
         trace_hz: control.trace_hz(),
-        recorder: control.take_recorder(),
         chronicle: std::mem::take(&mut control.chronicle),
         stood_s: control.stood_s(),
         frames: control.frames,
@@ -210,10 +214,8 @@ fn perform(
             event.time_s, event.from, event.to, event.cause
         ));
     }
-    if let Some(recorder) = &mut run.recorder {
-        let time_s = rig.now_s() - run.stood_s;
-        run.chronicle.write(recorder, &rig, time_s, run.stood_s);
-    }
+    let last_s = rig.now_s() - run.stood_s;
+    run.chronicle.changes(last_s, run.stood_s, &rig);
     let ending = ending?; // the first error is the one to tell
     disarmed.context("torque off could not be verified: cut the power")?;
     let wall_s = started.elapsed().as_secs_f64();
@@ -224,7 +226,7 @@ fn perform(
     let mut report = report(config, &run, &rig, &heard, model, wall_s);
     report.left_out = sparing.names();
     judge(config, &run, &mut report)?;
-    let recorded = finish_recording(config, run.recorder, &report, run.music_start_s);
+    let recorded = finish_recording(config, run.chronicle, &report, run.music_start_s);
     if let Some(path) = &config.report {
         report.write(path)?;
     }
@@ -234,7 +236,7 @@ fn perform(
         write_whole(path, &picture.png()?)?;
     }
     if let Some(path) = &config.gif {
-        film::film(config, &run.trace, run.lead_s, &report, path)?;
+        film::film(config, &run.trace, run.lead.mean_s(), &report, path)?;
     }
     recorded?;
     if let Some(counted) = report.violations.filter(|v| *v != Default::default()) {
@@ -268,14 +270,12 @@ fn tell_end(snapshot: &mut snapshot::Snapshot, rig: &Rig) {
 
 /// What the control loop leaves behind.
 struct Run {
-    lead_s: f64,
-    even_lead_s: f64,
+    lead: Lead,
     paces: [f64; 2],
     idled_s: f64,
     decimation: u64,
     music_start_s: f64,
     trace_hz: f64,
-    recorder: Option<Recorder>,
     chronicle: Chronicle,
     stood_s: f64,
     frames: u64,
@@ -357,7 +357,7 @@ fn report(
         effort: run.effort.clone().into(),
         safety: rig.safety_log(),
         replaced_music_frames: heard.replaced_music_frames,
-        lead_s: run.lead_s,
+        lead_s: run.lead.mean_s(),
         idled_s: run.idled_s,
         compensation: CompensationReport::default(),
         kinematic_beats_s: KinematicBeats::default(),
@@ -386,7 +386,7 @@ fn judge(config: &DanceConfig, run: &Run, report: &mut Report) -> anyhow::Result
     report.compensation.pace = run.paces;
     if config.compensation && config.report.is_some() {
         let motion = &run.trace.motion;
-        let shadow = shadow::shadow(&config.robot, motion, run.even_lead_s, run.decimation)?;
+        let shadow = shadow::shadow(&config.robot, motion, run.lead.even_s(), run.decimation)?;
         let targets = scores::Speed::of_joints(&shadow.targets, run.trace_hz);
         let servos = scores::Speed::of_joints(&shadow.servos, run.trace_hz);
         report.compensation.off_targets = Some(targets.scores(music_s));
@@ -399,11 +399,11 @@ fn judge(config: &DanceConfig, run: &Run, report: &mut Report) -> anyhow::Result
 /// Writes the beats and the facts that a reader needs to check the report.
 fn finish_recording(
     config: &DanceConfig,
-    recorder: Option<Recorder>,
+    chronicle: Chronicle,
     report: &Report,
     music_start_s: f64,
 ) -> anyhow::Result<()> {
-    let Some(mut recorder) = recorder else {
+    let Some(mut recorder) = chronicle.into_recorder() else {
         return Ok(());
     };
     for time_s in &report.beats.times_s {

@@ -6,11 +6,12 @@
 
 use super::audio::Audio;
 use super::config::Speed;
-use super::control::{Control, Timing};
+use super::control::Control;
 use super::idle::IdleStyle;
 use super::motion_source::{Dancer, MotionSource};
 use super::ports::BusChoice;
 use super::rig::{Rig, Trial};
+use super::timing::Timing;
 use crate::report::ViolationReport;
 use crate::robot::Robot;
 use servodance_audio::song::Song;

@@ -14,7 +14,7 @@ use servodance_drivers::can::CanFrame;
 
 use crate::can::Adapter;
 use crate::fault::Passed;
-use crate::sim_bus::Shared;
+use crate::shared::Shared;
 use crate::spec::SimClock;
 
 /// How often the thread looks whether it is to end, or a motor has something to say.

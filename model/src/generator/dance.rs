@@ -1,0 +1,311 @@
+//! One dance: music frames in, motion frames out.
+//!
+//! A step allocates nothing, but takes a millisecond: not for a motor control
+//! thread.
+
+use std::sync::Arc;
+
+use servodance_types::{MotionFrame, MusicFrame};
+
+use super::options::{AtEnd, GeneratorOptions};
+use super::stage::Stage;
+use super::watch::Watch;
+use super::{Generator, Networks};
+use crate::conditioning::{HeardFrame, MusicKind};
+use crate::error::ModelError;
+use crate::motion::representation::{Recovery, contacts, heading_rad};
+use crate::motion::{Pose, skeleton};
+use crate::net::{DecoderState, Echo, MotionSeq, Recent, Sampler, SeqState, Team};
+
+/// One dance in progress.
+#[derive(Debug)]
+pub struct Dance {
+    networks: Arc<Networks>,
+    /// With guidance a second lane dances the same without music.
+    seq: SeqState,
+    decoder: DecoderState,
+    options: GeneratorOptions,
+    sampler: Sampler,
+    recent: Recent,
+    echo: Echo,
+    logits: Vec<f32>,
+    codes: Vec<usize>,
+    /// The last good music, normalised, and the newest as it came.
+    music: Vec<f32>,
+    features: Vec<f32>,
+    bad_music_frames: u64,
+    frames: u64,
+    /// Frames of the sequence that the model sees.
+    sequence_frames: u64,
+    recovery: Recovery,
+    stage: Stage,
+    style: usize,
+    /// The style, if it has no name.
+    style_vector: Option<Vec<f32>>,
+    watch: Watch,
+}
+
+impl Dance {
+    /// A dance from one of the stored beginnings; the options are checked.
+    pub(super) fn new(
+        networks: Arc<Networks>,
+        style: usize,
+        mut sampler: Sampler,
+        options: GeneratorOptions,
+    ) -> Self {
+        let codes = networks.starting_codes(style, &mut sampler);
+        let config = &networks.config;
+        let lanes = if options.guidance == 1.0 { 1 } else { 2 };
+        let mut dance = Self {
+            seq: networks.seq.start(lanes),
+            decoder: networks.decoder.start(),
+            sampler,
+            recent: Recent::new(codes.len(), config.codes),
+            echo: Echo::new(codes.len(), config.codes),
+            logits: Vec::with_capacity(config.codes + 1),
+            codes,
+            music: vec![0.0; config.music_dim],
+            features: Vec::with_capacity(config.music_dim),
+            bad_music_frames: 0,
+            frames: 0,
+            sequence_frames: 0,
+            recovery: Recovery::default(),
+            stage: Stage::default(),
+            style,
+            style_vector: options.style_vector.clone(),
+            watch: Watch::default(),
+            options,
+            networks,
+        };
+        dance.wear();
+        dance
+    }
+
+    /// The motion of the next frame. After an error the dance stands where it
+    /// stood; start a new one.
+    ///
+    /// # Errors
+    /// Weights that hear Encodec latents: they need [`Dance::step_heard`].
+    pub fn step(&mut self, music: &MusicFrame) -> Result<MotionFrame, ModelError> {
+        self.step_heard(&HeardFrame::from(*music))
+    }
+
+    /// The same with what else was listened for.
+    ///
+    /// # Errors
+    /// Weights of another feature kind than what was listened for.
+    pub fn step_heard(&mut self, heard: &HeardFrame) -> Result<MotionFrame, ModelError> {
+        let networks = self.networks.clone();
+        let (kind, music) = (networks.config.music, &heard.frame);
+        if !heard.features(kind, &mut self.features) {
+            return Err(ModelError::MusicKind {
+                wanted: kind.name(),
+                fed: MusicKind::default().name(),
+            });
+        }
+        if !networks.normalise_music(&self.features, &mut self.music) {
+            self.bad_music_frames += 1;
+        }
+        let team = networks.engine.pool().team();
+        self.next_codes(&networks.seq, &team)?;
+        let normalised = networks.decoder.step(&team, &mut self.decoder, &self.codes);
+        let vector = networks.pose_vector(normalised);
+        drop(team);
+        if vector.iter().any(|v| !v.is_finite()) {
+            return Err(ModelError::Diverged { frame: self.frames });
+        }
+        self.frames += 1;
+        let pose = skeleton::fit(&self.recovery.push(&vector), 1.0);
+        let positions = self.stage.place(pose);
+        if self.watch.stuck(&positions, music.beat.confidence) {
+            self.wake();
+        }
+        Ok(MotionFrame {
+            time_s: music.time_s,
+            positions,
+            contacts: contacts(&vector),
+        })
+    }
+
+    /// Lives through the codes of a motion ([`crate::Codec::encode_all`]) that
+    /// ended in the pose `last`, without hearing music: the next step goes on
+    /// from there. Call it before the first step.
+    pub fn follow(&mut self, codes: &[Vec<usize>], last: &Pose) -> Result<(), ModelError> {
+        let networks = self.networks.clone();
+        let team = networks.engine.pool().team();
+        let silence = &[None, None][..self.seq.lanes()];
+        for row in codes {
+            let seq = &networks.seq;
+            seq.step(&team, &mut self.seq, &self.codes, silence);
+            let normalised = networks.decoder.step(&team, &mut self.decoder, row);
+            self.recovery.push(&networks.pose_vector(normalised));
+            self.codes.clone_from(row);
+        }
+        drop(team);
+        self.sequence_frames += codes.len() as u64;
+        let [x, _, z] = last[0];
+        let root_xz_m = [f64::from(x), f64::from(z)];
+        self.recovery.move_to(root_xz_m, heading_rad(last));
+        self.stage = Stage::at([x, z]);
+        Ok(())
+    }
+
+    /// Dances on in another style, from the pose that it is in.
+    ///
+    /// # Errors
+    /// An unknown style; the message lists those there are.
+    pub fn restyle(&mut self, style: &str) -> Result<(), ModelError> {
+        self.style = self.networks.style_index(style)?;
+        self.style_vector = None;
+        self.wear();
+        self.chain();
+        Ok(())
+    }
+
+    /// Takes on its style.
+    fn wear(&mut self) {
+        let seq = &self.networks.seq;
+        match &self.style_vector {
+            Some(vector) => seq.restyle(&mut self.seq, vector),
+            None => seq.restyle(&mut self.seq, &seq.style(Some(self.style))),
+        }
+    }
+
+    /// Begins a new sequence from the codes of the last frame: the model forgets
+    /// what was danced, not the pose, and motion goes on without a seam.
+    pub fn chain(&mut self) {
+        self.seq.restart();
+        self.sequence_frames = 0;
+    }
+
+    /// Back to before the first frame, with another seed.
+    pub fn reset(&mut self, seed: u64) {
+        self.sampler.reseed(seed);
+        self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
+        self.chain();
+        self.decoder.restart();
+        self.recent.clear();
+        self.echo.clear();
+        self.music.fill(0.0);
+        (self.bad_music_frames, self.frames) = (0, 0);
+        (self.recovery, self.stage) = (Recovery::default(), Stage::default());
+        self.watch = Watch::default();
+    }
+
+    /// Leaves guidance out from the next step on, which then takes less time, or
+    /// takes it up again from the pose that the dancer is in.
+    pub fn guide(&mut self, guided: bool) {
+        let seq = &self.networks.seq;
+        if !guided && self.seq.lanes() > 1 {
+            self.seq = seq.first_lane(&self.seq);
+        } else if guided && self.seq.lanes() == 1 && self.options.guidance != 1.0 {
+            // Both lanes remember the same past: none.
+            self.seq = seq.start(2);
+            self.wear();
+            self.chain();
+        }
+    }
+
+    /// How often a step goes through the network: twice if it is guided.
+    pub fn passes(&self) -> u32 {
+        self.seq.lanes() as u32
+    }
+
+    /// A new dance of the same networks and options in another style; it takes
+    /// as long again for each step.
+    ///
+    /// # Errors
+    /// There is no such style.
+    pub fn beside(&self, style: &str) -> Result<Dance, ModelError> {
+        let generator = Generator {
+            networks: self.networks.clone(),
+        };
+        generator.start(GeneratorOptions {
+            style: Some(style.to_owned()),
+            style_vector: None,
+            ..self.options.clone()
+        })
+    }
+
+    /// Names of the styles, as [`Generator::styles`].
+    pub fn styles(&self) -> &[String] {
+        &self.networks.config.seq.styles
+    }
+
+    /// Dances on with the random numbers of another seed.
+    pub fn reseed(&mut self, seed: u64) {
+        self.sampler.reseed(seed);
+    }
+
+    /// Forgets the past, in which the dancer stood: a model that continues
+    /// what it sees would go on standing. From the second time in a row on it
+    /// also begins at another moment of the style.
+    fn wake(&mut self) {
+        self.chain();
+        if self.watch.in_a_row > 1 {
+            self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
+        }
+    }
+
+    /// Draws the codes of the next frame.
+    fn next_codes(&mut self, seq: &MotionSeq, team: &Team) -> Result<(), ModelError> {
+        let music = [Some(&self.music[..]), None];
+        let lanes = self.seq.lanes();
+        seq.step(team, &mut self.seq, &self.codes, &music[..lanes]);
+        self.sequence_frames += 1;
+        for part in 0..self.codes.len() {
+            let code = self.draw(seq, team, part)?;
+            if code == self.networks.config.codes {
+                return match self.options.at_end {
+                    AtEnd::Stop => Err(ModelError::Ended { frame: self.frames }),
+                    AtEnd::Chain => {
+                        self.chain();
+                        self.next_codes(seq, team)
+                    }
+                };
+            }
+            self.codes[part] = code;
+        }
+        self.recent.push(&self.codes);
+        self.echo.push(&self.codes);
+        Ok(())
+    }
+
+    /// One part's code, or the number of codes for the end, which does not come
+    /// at once.
+    fn draw(&mut self, seq: &MotionSeq, team: &Team, part: usize) -> Result<usize, ModelError> {
+        let mut lanes = seq.logits(team, &mut self.seq, part, &self.codes[..part]);
+        self.logits.clear();
+        self.logits.extend(lanes.next().unwrap_or_default());
+        if let Some(deaf) = lanes.next() {
+            for (with, without) in self.logits.iter_mut().zip(deaf) {
+                *with = without + self.options.guidance * (*with - without);
+            }
+        }
+        let codes = self.networks.config.codes;
+        if self.sequence_frames == 1 {
+            self.logits.truncate(codes);
+        }
+        self.recent
+            .discourage(part, self.options.repetition, &mut self.logits[..codes]);
+        self.echo
+            .discourage(part, self.options.variety, &mut self.logits[..codes]);
+        let drawn = self.sampler.draw(&self.logits);
+        drawn.ok_or(ModelError::Diverged { frame: self.frames })
+    }
+
+    /// The codes of the last frame, one per body part.
+    pub fn codes(&self) -> &[usize] {
+        &self.codes
+    }
+
+    /// How often the dance stood still while a beat was heard, and was woken.
+    pub fn awakenings(&self) -> u64 {
+        self.watch.awakenings
+    }
+
+    /// Music frames that were not finite so far.
+    pub fn bad_music_frames(&self) -> u64 {
+        self.bad_music_frames
+    }
+}

@@ -1,0 +1,104 @@
+//! How a dance is generated, checked before it begins.
+
+use crate::error::ModelError;
+use crate::net::Sampling;
+
+/// What follows when the model says that the sequence ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AtEnd {
+    /// The next sequence, from the codes of the last frame: motion goes on.
+    #[default]
+    Chain,
+    /// Nothing: [`crate::Dance::step`] gives [`ModelError::Ended`].
+    Stop,
+}
+
+/// The style of a dance in no style: what the model learned where none was told.
+pub const NO_STYLE: &str = "none";
+
+/// How a dance is generated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GeneratorOptions {
+    /// Seed of everything random.
+    pub seed: u64,
+    /// A name out of [`crate::Generator::styles`], or [`NO_STYLE`]; `None` is
+    /// [`crate::Generator::default_style`].
+    pub style: Option<String>,
+    /// A style that is no name but a vector, as wide as the weights' styles
+    /// ([`crate::conditioning::ClipText`]); it comes before a name.
+    pub style_vector: Option<Vec<f32>>,
+    /// 0 (always the likeliest) up to 10; above 1 is wild.
+    pub temperature: f32,
+    /// Only the k likeliest codes a frame; 0 is all.
+    pub top_k: usize,
+    /// Only the likeliest codes that hold this share of the probability.
+    pub top_p: f32,
+    /// How much less likely a code gets by being repeated, 0 (not at all) to 20:
+    /// its logit falls by this times its share of the last two seconds.
+    pub repetition: f32,
+    /// How much less likely it gets to go on as the last time that the dancer
+    /// moved like now, 0 (not at all) to 20: so much a logit falls at most.
+    pub variety: f32,
+    /// Classifier-free guidance on the music: 1 is off, above 1 follows the
+    /// music more and takes some more time.
+    pub guidance: f32,
+    /// For models that know an end.
+    pub at_end: AtEnd,
+}
+
+impl Default for GeneratorOptions {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            style: None,
+            style_vector: None,
+            temperature: 0.9,
+            top_k: 0,
+            top_p: 0.95,
+            repetition: 0.0,
+            variety: 9.0,
+            guidance: 1.5,
+            at_end: AtEnd::Chain,
+        }
+    }
+}
+
+impl GeneratorOptions {
+    /// Refuses a style vector that is not `style_dim` wide or not finite, and
+    /// numbers out of range; those of [`Self::sampling`] are the sampler's to
+    /// refuse.
+    pub(super) fn check(&self, style_dim: usize) -> Result<(), ModelError> {
+        if let Some(vector) = &self.style_vector
+            && (vector.len() != style_dim || vector.iter().any(|v| !v.is_finite()))
+        {
+            return Err(ModelError::StyleWidth {
+                found: vector.len(),
+                expected: style_dim,
+            });
+        }
+        let ranges = [
+            ("guidance", self.guidance, 0.0..=10.0, "0 to 10"),
+            ("variety", self.variety, 0.0..=20.0, "0 to 20"),
+        ];
+        for (option, found, range, expected) in ranges {
+            if !range.contains(&found) {
+                return Err(ModelError::Option {
+                    option,
+                    found: found.to_string(),
+                    expected,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// How codes are drawn.
+    pub(super) fn sampling(&self) -> Sampling {
+        Sampling {
+            temperature: self.temperature,
+            top_k: self.top_k,
+            top_p: self.top_p,
+            repetition: self.repetition,
+        }
+    }
+}
