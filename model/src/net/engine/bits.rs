@@ -9,7 +9,6 @@ const EXPECTED: [(&[Dtype], u64); 2] = [
         &[Dtype::F32, Dtype::F16, Dtype::Q8_0, Dtype::Q4_0],
         0x4dd6_f633_a630_6975,
     ),
-    // Of AVX2 and plain Rust on x86-64; not yet computed on aarch64.
     (&[Dtype::Q6], 0x5d47_16d0_6f69_7475),
 ];
 
