@@ -3,15 +3,17 @@
 //! 0: done; 1: refused or failed, with one line on standard error; 2: wrong
 //! usage; 130: stopped by Ctrl-C (torque is off, files are whole).
 
+mod cli;
+
 use clap::Parser;
-use servodance::commands::Cli;
+use cli::Cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    servodance::console::tell_what_nobody_returns();
+    servodance_runtime::console::tell_what_nobody_returns();
     Cli::parse().command.run().unwrap_or_else(|error| {
         let text = one_line(&error);
-        servodance::console::stderr(format_args!("error: {text}\n"));
+        servodance_runtime::console::stderr(format_args!("error: {text}\n"));
         ExitCode::FAILURE
     })
 }

@@ -1,11 +1,11 @@
 //! Rigs of every kind, made from parts: what they have dances, what they lack
 //! is said, and the rest is held.
 
-use servodance::follow::{Followed, follow};
-use servodance::report::ViolationReport;
-use servodance::robot::Robot;
-use servodance::robot_file::new_robot;
-use servodance_model::motion::choreography::{DanceBeat, DanceStyle, choreograph};
+use servodance_runtime::follow::{Followed, follow};
+use servodance_runtime::report::ViolationReport;
+use servodance_runtime::robot::Robot;
+use servodance_runtime::robot_file::new_robot;
+use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 use std::fmt::Write;
 
 /// Builds a URDF link by link.

@@ -4,12 +4,12 @@ use crate::program::Program;
 use crate::random_robot;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance::follow::follow;
-use servodance::report::ViolationReport;
-use servodance::robot::{BUILT_IN, Robot};
-use servodance::robot_file::{check, new_robot};
-use servodance_model::motion::choreography::{DanceBeat, DanceStyle, choreograph};
 use servodance_retarget::Stance;
+use servodance_runtime::follow::follow;
+use servodance_runtime::report::ViolationReport;
+use servodance_runtime::robot::{BUILT_IN, Robot};
+use servodance_runtime::robot_file::{check, new_robot};
+use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 use std::path::{Path, PathBuf};
 
 fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
@@ -19,7 +19,7 @@ fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
 }
 
 /// Follows some seconds of dance; limits must hold.
-fn danced(robot: &Robot, seconds: f64) -> servodance::follow::Followed {
+fn danced(robot: &Robot, seconds: f64) -> servodance_runtime::follow::Followed {
     let beats: Vec<DanceBeat> = (0..(seconds * 2.0) as usize)
         .map(|beat| DanceBeat {
             time_s: beat as f64 * 0.5,

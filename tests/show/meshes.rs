@@ -1,9 +1,9 @@
 //! Meshes of a robot's description: drawn from its own folder, and from nowhere
 //! else.
 
-use servodance::robot::Robot;
-use servodance::robot_file::{Overrides, new_robot};
-use servodance::show::Meshes;
+use servodance_runtime::robot::Robot;
+use servodance_runtime::robot_file::{Overrides, new_robot};
+use servodance_runtime::show::Meshes;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 

@@ -2,9 +2,9 @@
 
 use clap::Parser;
 use rand::{Rng, SeedableRng};
-use servodance::commands::{Cli, Command};
-use servodance::dance::{DanceConfig, Evening, IdleStyle, Outcome};
-use servodance::show::{Activity, Request, ViewerEnd};
+use servodance_runtime::commands::{Cli, Command};
+use servodance_runtime::dance::{DanceConfig, Evening, IdleStyle, Outcome};
+use servodance_runtime::show::{Activity, Request, ViewerEnd};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
