@@ -3,10 +3,8 @@
 //! 0: done; 1: refused or failed, with one line on standard error; 2: wrong
 //! usage; 130: stopped by Ctrl-C (torque is off, files are whole).
 
-mod cli;
-
 use clap::Parser;
-use cli::Cli;
+use servodance::cli::Cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

@@ -63,3 +63,26 @@ fn every_code_of_a_finding_is_documented() {
         assert!(text.contains(&row), "docs/robots.md lacks: {row}");
     }
 }
+
+#[test]
+fn the_readme_shows_commands_that_parse() {
+    use clap::Parser;
+    for line in read("README.md").lines() {
+        let line = line.trim();
+        let line = line.replacen(" --features mic --", " --", 1);
+        let line = line.replacen(" --features view --", " --", 1);
+        let Some(command) = line.strip_prefix("cargo run --release -- ") else {
+            continue;
+        };
+        let words = command
+            .split('#')
+            .next()
+            .unwrap_or_default()
+            .split_whitespace();
+        let arguments = std::iter::once("servodance").chain(words);
+        if let Err(error) = servodance::cli::Cli::try_parse_from(arguments) {
+            let shows_help = error.kind() == clap::error::ErrorKind::DisplayHelp;
+            assert!(shows_help, "README: {command}: {error}");
+        }
+    }
+}

@@ -203,7 +203,7 @@ fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCo
 }
 
 /// Checks the arguments and loads the robot.
-fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
+pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
     let robot = args.rig.robot.load()?;
     let buses = choose_buses(&robot, &args.rig.bus)?;
     let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);

@@ -197,30 +197,3 @@ pub(crate) fn stop_signal() -> anyhow::Result<Arc<AtomicBool>> {
     ctrlc::set_handler(move || handler_stop.store(true, Ordering::Release))?;
     Ok(stop)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_readme_shows_commands_that_parse() {
-        for line in include_str!("../../README.md").lines() {
-            let line = line.trim();
-            let line = line.replacen(" --features mic --", " --", 1);
-            let line = line.replacen(" --features view --", " --", 1);
-            let Some(command) = line.strip_prefix("cargo run --release -- ") else {
-                continue;
-            };
-            let words = command
-                .split('#')
-                .next()
-                .unwrap_or_default()
-                .split_whitespace();
-            let arguments = std::iter::once("servodance").chain(words);
-            if let Err(error) = Cli::try_parse_from(arguments) {
-                let shows_help = error.kind() == clap::error::ErrorKind::DisplayHelp;
-                assert!(shows_help, "README: {command}: {error}");
-            }
-        }
-    }
-}

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use rand::{Rng, SeedableRng};
-use servodance_runtime::commands::{Cli, Command};
+use servodance::cli::{Cli, Command};
 use servodance_runtime::dance::{DanceConfig, Evening, IdleStyle, Outcome};
 use servodance_runtime::show::{Activity, Request, ViewerEnd};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,7 +15,7 @@ fn evening(arguments: &[&str]) -> (Evening, ViewerEnd) {
     let Command::Dance(args) = cli.command else {
         panic!("not a dance");
     };
-    let config = DanceConfig::from_args(args).expect("a dance");
+    let config = servodance::cli::dance::configuration(args).expect("a dance");
     let mut evening = Evening::new(config).expect("an evening");
     let end = evening.seat();
     (evening, end)

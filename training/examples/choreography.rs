@@ -5,8 +5,8 @@
 
 use std::process::ExitCode;
 
+use servodance_model::motion::{alignment, mean_joint_speed};
 use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
-use servodance_training::metrics::{alignment, mean_joint_speed};
 
 fn main() -> ExitCode {
     match run() {

@@ -18,9 +18,9 @@ use std::path::Path;
 use std::time::Instant;
 
 use safetensors::SafeTensors;
+use servodance_model::motion::{Alignment, alignment, mean_joint_speed};
 use servodance_model::motion::{Clip, PoseVector, decode};
 use servodance_model::{Generator, GeneratorOptions};
-use servodance_training::metrics::{Alignment, alignment, mean_joint_speed};
 use servodance_types::{Beat, FRAME_RATE_HZ, MUSIC_DIM, MotionFrame, MusicFrame, SPECTRAL_DIM};
 
 type Failure = Box<dyn Error>;
