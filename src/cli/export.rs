@@ -1,7 +1,7 @@
 //! `servodance export`.
 
-use servodance_runtime::console::say;
 use servodance_runtime::export::{Part, bvh, csv, gif};
+use servodance_runtime::process::console::say;
 use servodance_runtime::record::Recording;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -32,7 +32,7 @@ mod schema;
 
 pub use reader::{Past, Recording, Series};
 
-use crate::stages::Stage;
+use crate::pipeline::step_times::Stage;
 use clerk::Clerk;
 pub use clerk::{OnTrouble, WhenBehind};
 use schema::MessageType;

@@ -8,7 +8,7 @@ use super::copies::Copies;
 use super::homes::Homes;
 use super::servos::{ServoDraft, servo_drafts};
 use super::text;
-use crate::follow::{Followed, follow};
+use crate::offline::motion_tracking::{Followed, follow};
 use crate::output::write_whole;
 use crate::robot::{Robot, RobotError};
 use anyhow::{Context, bail};

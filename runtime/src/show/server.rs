@@ -10,9 +10,9 @@ use super::frame::frame;
 use super::guard::Token;
 use super::link::ViewerEnd;
 use super::scene::Scene;
-use crate::console::tell;
-use crate::drill;
-use crate::realtime;
+use crate::process::console::tell;
+use crate::process::failpoint;
+use crate::process::realtime;
 use anyhow::Context;
 use axum::Extension;
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -172,7 +172,7 @@ async fn make_frames(shared: Arc<Shared>) {
     let mut pressed = false;
     loop {
         clock.tick().await;
-        drill::pass("viewers");
+        failpoint::pass("viewers");
         if shared.frames.receiver_count() == 0 {
             continue;
         }

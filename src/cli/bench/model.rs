@@ -2,7 +2,7 @@
 
 use crate::cli::engine::EngineArgs;
 use servodance_lab::model_bench::{Request, run as measure};
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use servodance_model::GeneratorOptions;
 use servodance_model::net::EngineOptions;
 use servodance_runtime::output::write_whole;
-use servodance_runtime::progress::Progress;
+use servodance_runtime::process::progress::Progress;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 pub use table::Table;
