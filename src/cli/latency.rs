@@ -22,7 +22,6 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Which robot.
     #[command(flatten)]
     pub robot: RobotChoice,
 
@@ -30,8 +29,7 @@ pub struct Args {
     #[arg(long, default_value = "sim", value_name = "BUS")]
     pub bus: Vec<String>,
 
-    /// Clicks to send.
-    #[arg(long, default_value_t = 8, value_name = "N")]
+    #[arg(help = "Clicks to send", long, default_value_t = 8, value_name = "N")]
     pub clicks: u32,
 
     /// Print one JSON object.
@@ -39,7 +37,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Measures.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if !(1..=1000).contains(&args.clicks) {
         bail!("--clicks {} is outside 1..1000", args.clicks);

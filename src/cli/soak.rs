@@ -29,8 +29,12 @@ pub struct Args {
     #[arg(value_name = "AUDIO")]
     pub audio: Vec<PathBuf>,
 
-    /// Minutes of music.
-    #[arg(long, default_value_t = 60.0, value_name = "MINUTES")]
+    #[arg(
+        help = "Minutes of music",
+        long,
+        default_value_t = 60.0,
+        value_name = "MINUTES"
+    )]
     pub minutes: f64,
 
     /// Seconds of music of one dance.
@@ -57,8 +61,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
 
-    /// Show no progress.
-    #[arg(long, short)]
+    #[arg(help = "Show no progress", long, short)]
     pub quiet: bool,
 }
 

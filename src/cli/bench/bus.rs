@@ -32,7 +32,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Measures and prints.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = Robot::load(&args.robot)?;
     let figures = bench::run(&robot, args.baud, args.link)?;

@@ -46,7 +46,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Measures and prints.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let figures = measure(&Request {
         preset: args.preset,

@@ -30,7 +30,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Measures and prints.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(
         (1.0..=600.0).contains(&args.seconds),

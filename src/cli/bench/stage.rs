@@ -49,13 +49,11 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Measures and prints.
 #[cfg(not(feature = "stage"))]
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
     crate::cli::stage_place::not_built_in("bench stage")
 }
 
-/// Measures and prints.
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     use servodance_runtime::console::say;
