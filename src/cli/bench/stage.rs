@@ -71,8 +71,8 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     }
     servodance_runtime::robot::Robot::load(&args.robot)?;
     let stop = crate::cli::stop_signal()?;
-    let figures = servodance_lab::stage_bench::bench(
-        &servodance_lab::stage_bench::Trial {
+    let figures = servodance_lab::bench::stage::bench(
+        &servodance_lab::bench::stage::StageBench {
             followers: args.followers,
             robot: args.robot,
             delay_ms: args.delay_ms,

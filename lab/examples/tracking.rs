@@ -1,6 +1,6 @@
 //! How well a robot shows real dances, and what its limits cost.
 //!
-//! `cargo run --release --example tracking ROBOT CLIP.npz...`
+//! `cargo run --release -p servodance-lab --example tracking ROBOT CLIP.npz...`
 //!
 //! Follows every clip twice: as `servodance retarget` does, and free of velocity,
 //! acceleration and jerk limits. Prints a table of median angles between the

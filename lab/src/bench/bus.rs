@@ -23,10 +23,10 @@ const LONGEST_WATCHDOG_MS: u32 = 2540;
 /// How long each run lasts.
 const RUN_S: f64 = 3.0;
 
-/// What was measured.
+/// The rates that a robot's buses reach on this machine.
 #[derive(Clone, Debug, Serialize)]
-pub struct Figures {
-    /// The robot.
+pub struct BusBenchReport {
+    /// Name of the robot whose buses were measured.
     pub robot: String,
     /// What is between driver and simulated servos; the wire's own time comes on top.
     pub link: LinkChoice,
@@ -48,18 +48,18 @@ pub struct Figures {
     /// Whether the system kept the processors awake between cycles: where not,
     /// each cycle also waits for one to wake up, twice.
     pub kept_awake: bool,
-    /// Each bus.
-    pub buses: Vec<BusFigures>,
+    /// One entry for each bus of the robot.
+    pub buses: Vec<BusRate>,
 }
 
-/// What one bus reached.
+/// The rate that one bus reaches by itself.
 #[derive(Clone, Debug, Serialize)]
-pub struct BusFigures {
+pub struct BusRate {
     /// Its name; empty for an only bus.
     pub name: String,
-    /// Servos on it.
+    /// How many servos the bus has.
     pub servos: usize,
-    /// Bits a second.
+    /// Rate of the wire, bits a second.
     pub baud: u32,
     /// Cycles a second, as fast as it goes: the median over windows of 50 cycles.
     pub hz: f64,
@@ -74,10 +74,8 @@ pub struct BusFigures {
 }
 
 /// Measures every bus of the robot.
-///
-/// # Errors
-/// A rate that the servos cannot be set to, or a bus that fails.
-pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result<Figures> {
+/// Fails for: a rate that the servos cannot be set to, or a bus that fails.
+pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result<BusBenchReport> {
     let awake = Awake::keep();
     let layouts: Vec<BusLayout> = robot
         .buses
@@ -97,7 +95,7 @@ pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result
         paces.insert(hz, jitter_us);
         servos.insert(hz, count);
     }
-    Ok(Figures {
+    Ok(BusBenchReport {
         robot: robot.name.clone(),
         link,
         hz: slowest.hz,
@@ -129,11 +127,11 @@ fn at_baud(bus: &BusLayout, baud: Option<u32>) -> anyhow::Result<BusLayout> {
     })
 }
 
-fn flat_out(layout: &BusLayout, link: LinkChoice) -> anyhow::Result<BusFigures> {
+fn flat_out(layout: &BusLayout, link: LinkChoice) -> anyhow::Result<BusRate> {
     let limit_hz = wire_limit_hz(layout)?;
     let cycles = (limit_hz * RUN_S).ceil() as usize;
     let bench = bench(&layout.servos, layout, None, cycles, link)?;
-    Ok(BusFigures {
+    Ok(BusRate {
         name: layout.config.name.clone(),
         servos: layout.servos.len(),
         baud: layout.config.baud,
@@ -200,7 +198,7 @@ fn carried(layout: &BusLayout, hz: f64) -> &[Servo] {
     &layout.servos[..most.unwrap_or(0)]
 }
 
-impl fmt::Display for Figures {
+impl fmt::Display for BusBenchReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for bus in &self.buses {
             writeln!(

@@ -4,9 +4,9 @@
 //! next two seconds are within [`ONE_BEAT_S`]. What comes after it counts in the
 //! spread, however bad it is.
 
-use super::figures::Figures;
+use super::figures::StageBenchReport;
 use super::spread::{HOP_S, Together, Track, settled, windows};
-use super::{Stage, Told};
+use super::{StageTrial, TrialTimes};
 use anyhow::Context;
 use servodance_runtime::follow::Followed;
 use servodance_runtime::stage::FollowReport;
@@ -34,7 +34,7 @@ impl Stretch {
 }
 
 /// Reads what the followers left and compares.
-pub fn judge(stage: &Stage, told: &Told) -> anyhow::Result<Figures> {
+pub fn judge(stage: &StageTrial, told: &TrialTimes) -> anyhow::Result<StageBenchReport> {
     let (mut reports, mut tracks) = (Vec::new(), Vec::new());
     for (place, member) in (1..).zip(&stage.members) {
         if !member.fell {
@@ -73,7 +73,7 @@ pub fn judge(stage: &Stage, told: &Told) -> anyhow::Result<Figures> {
     let greatest = |value: fn(&FollowReport) -> f64| reports.iter().map(value).fold(0.0, f64::max);
     let sum = |value: fn(&FollowReport) -> u64| -> u64 { reports.iter().map(value).sum() };
     let trial = stage.trial;
-    Ok(Figures {
+    Ok(StageBenchReport {
         version: env!("CARGO_PKG_VERSION"),
         robot: trial.robot.clone(),
         followers: trial.followers,

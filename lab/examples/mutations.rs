@@ -1,9 +1,9 @@
 //! A hundred thousand broken robot files, URDFs and MJCF models: none may make
 //! the program panic, and what is called usable must build.
 //!
-//! `cargo run --release --example mutations [FILES] [SEED]`
+//! `cargo run --release -p servodance-lab --example mutations [FILES] [SEED]`
 
-#[path = "../tests/mutate.rs"]
+#[path = "../../tests/mutate.rs"]
 mod mutate;
 
 use mutate::mutated;
@@ -14,15 +14,15 @@ use servodance_runtime::robot::Robot;
 use servodance_runtime::robot_file::check;
 
 const TOMLS: [&str; 2] = [
-    include_str!("../configs/op3.toml"),
-    include_str!("../configs/neck.toml"),
+    include_str!("../../configs/op3.toml"),
+    include_str!("../../configs/neck.toml"),
 ];
 const URDFS: [(&str, &str); 3] = [
-    ("op3.urdf", include_str!("../configs/op3.urdf")),
-    ("neck.urdf", include_str!("../configs/neck.urdf")),
-    ("torso13.urdf", include_str!("../configs/torso13.urdf")),
+    ("op3.urdf", include_str!("../../configs/op3.urdf")),
+    ("neck.urdf", include_str!("../../configs/neck.urdf")),
+    ("torso13.urdf", include_str!("../../configs/torso13.urdf")),
 ];
-const MJCF: &str = include_str!("../tests/figure.xml");
+const MJCF: &str = include_str!("../../tests/figure.xml");
 
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);

@@ -29,7 +29,7 @@ const LOOK: Duration = Duration::from_millis(5);
 
 /// What is wrong with a link.
 #[derive(Clone, Copy, Debug)]
-pub struct Fault {
+pub struct LinkFault {
     /// Delay each way, seconds.
     pub delay_s: f64,
     /// Share of pieces that are lost, where that is modelled.
@@ -48,7 +48,7 @@ impl Relay {
     pub fn start(
         address: Ipv4Addr,
         target: SocketAddr,
-        fault: Fault,
+        fault: LinkFault,
         seed: u64,
     ) -> std::io::Result<Self> {
         let listener = TcpListener::bind((address, 0))?;
@@ -83,7 +83,7 @@ impl Relay {
 }
 
 /// One direction: a thread that reads, one that writes when it is time.
-fn pass(from: TcpStream, to: TcpStream, fault: Fault, seed: u64, cut: &Arc<AtomicBool>) {
+fn pass(from: TcpStream, to: TcpStream, fault: LinkFault, seed: u64, cut: &Arc<AtomicBool>) {
     let _ = to.set_nodelay(true);
     let (sender, pieces) = channel();
     let cut = Arc::clone(cut);
@@ -91,7 +91,7 @@ fn pass(from: TcpStream, to: TcpStream, fault: Fault, seed: u64, cut: &Arc<Atomi
     std::thread::spawn(move || write(to, &pieces, &cut));
 }
 
-fn read(mut from: TcpStream, pieces: &Sender<(Instant, Vec<u8>)>, fault: Fault, seed: u64) {
+fn read(mut from: TcpStream, pieces: &Sender<(Instant, Vec<u8>)>, fault: LinkFault, seed: u64) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut piece = vec![0; PIECE];
     let mut last = Instant::now();
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn bytes_come_whole_and_not_before_their_time() {
         let far = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-        let fault = Fault {
+        let fault = LinkFault {
             delay_s: 0.02,
             loss: 0.1,
         };

@@ -9,17 +9,16 @@
 use anyhow::Context;
 use std::path::Path;
 
-/// Length of a window and from one to the next, seconds.
+/// Length of a window, seconds.
 pub const WINDOW_S: f64 = 1.0;
-/// See [`WINDOW_S`].
+/// From the start of one window to that of the next, seconds.
 pub const HOP_S: f64 = 0.1;
 /// Shifts are looked for up to this, in steps of that, seconds.
 const FARTHEST_S: f64 = 0.4;
 const GRID_S: f64 = 0.02;
 /// Robots that move less than this tell nothing, rad/s root mean square.
 const STILL_RAD_S: f64 = 0.05;
-/// A share of one robot's movement that the other explains if they dance the
-/// same.
+/// Two robots dance the same where one explains this share of the other.
 const ALIKE: f64 = 0.7;
 /// Robots are on one beat when they stay there for this long, seconds.
 pub const HOLD_S: f64 = 2.0;

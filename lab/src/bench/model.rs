@@ -1,4 +1,4 @@
-//! What a frame of the model takes, both stages together, and what memory
+//! What a frame of the model takes, both networks together, and what memory
 //! allows on this machine at the same time.
 //!
 //! Random weights unless a file is given: time does not depend on the numbers.
@@ -23,9 +23,9 @@ const READING: Duration = Duration::from_millis(400);
 /// Most frames of context; beyond, a cache would fill the memory.
 const CONTEXT_MAX: usize = 4096;
 
-/// What is to be measured.
+/// Which model is timed, and how.
 #[derive(Clone, Debug)]
-pub struct Request {
+pub struct ModelBench {
     /// `live`, `paper` or `tiny`.
     pub preset: String,
     /// A weights file of that preset; else random weights.
@@ -36,7 +36,7 @@ pub struct Request {
     pub context: Option<usize>,
     /// The first frame that is timed; as many as the context if left out.
     pub position: Option<u64>,
-    /// Frames that are timed.
+    /// How many frames are timed.
     pub frames: usize,
     /// Also a lane without music, as for guidance.
     pub guidance: bool,
@@ -44,8 +44,8 @@ pub struct Request {
 
 /// What `bench model` prints.
 #[derive(Clone, Debug, Serialize)]
-pub struct Figures {
-    /// The sizes.
+pub struct ModelBenchReport {
+    /// Name of the preset of sizes.
     pub preset: String,
     /// Number format of the weights.
     pub dtype: &'static str,
@@ -53,11 +53,11 @@ pub struct Figures {
     pub context: usize,
     /// Position of the first frame timed.
     pub position: u64,
-    /// Threads of a step.
+    /// Threads that compute a step.
     pub threads: usize,
-    /// 2 with guidance.
+    /// Passes a frame: 1, or 2 with guidance.
     pub lanes: usize,
-    /// Frames timed.
+    /// How many frames were timed.
     pub frames: usize,
     /// Milliseconds a frame: half of them take less.
     pub ms_p50: f64,
@@ -75,11 +75,9 @@ pub struct Figures {
     pub allocations: u64,
 }
 
-/// Measures.
-///
-/// # Errors
-/// Options out of range, a file that does not fit.
-pub fn run(request: &Request) -> anyhow::Result<Figures> {
+/// Times the model frame by frame.
+/// Fails for: options out of range, or a weights file of another preset.
+pub fn run(request: &ModelBench) -> anyhow::Result<ModelBenchReport> {
     let config = ModelConfig::preset(&request.preset).with_context(|| {
         let known = PRESETS.join(", ");
         format!(
@@ -124,7 +122,7 @@ fn sized(mut config: ModelConfig, context: Option<usize>) -> anyhow::Result<Mode
     Ok(config)
 }
 
-fn measure(request: &Request, weights: Weights) -> anyhow::Result<Figures> {
+fn measure(request: &ModelBench, weights: Weights) -> anyhow::Result<ModelBenchReport> {
     let engine = Engine::new(&weights, request.engine)?;
     let seq = MotionSeq::load(&weights, &engine)?;
     let decoder = VqDecoder::load(&weights, &engine)?;
@@ -147,7 +145,7 @@ fn measure(request: &Request, weights: Weights) -> anyhow::Result<Figures> {
         times_ms[rank.clamp(1, times_ms.len()) - 1]
     };
     let read_gbps = before_gbps.max(read_gbps(weight_bytes, threads));
-    Ok(Figures {
+    Ok(ModelBenchReport {
         preset: config.preset.clone(),
         dtype: engine.dtype().name(),
         context: config.seq.window,
@@ -235,8 +233,8 @@ mod tests {
     use super::*;
     use servodance_model::net::Dtype;
 
-    fn request(preset: &str) -> Request {
-        Request {
+    fn request(preset: &str) -> ModelBench {
+        ModelBench {
             preset: preset.into(),
             file: None,
             engine: EngineOptions {
@@ -257,7 +255,7 @@ mod tests {
         assert!(found.ms_p50 > 0.0 && found.ms_p50 <= found.ms_p99);
         assert!(found.read_gbps > 0.0 && found.limit_ms > 0.0);
         assert_eq!(found.allocations, 0);
-        let wide = Request {
+        let wide = ModelBench {
             engine: EngineOptions {
                 dtype: Some(Dtype::F32),
                 ..request("tiny").engine
@@ -297,14 +295,14 @@ mod tests {
 
     #[test]
     fn what_cannot_be_measured_is_said() {
-        let text = |request: &Request| format!("{:#}", run(request).unwrap_err());
+        let text = |request: &ModelBench| format!("{:#}", run(request).unwrap_err());
         assert!(text(&request("huge")).contains("live, paper, tiny"));
-        let none = Request {
+        let none = ModelBench {
             context: Some(0),
             ..request("tiny")
         };
         assert!(text(&none).contains("--context 0"));
-        let other = Request {
+        let other = ModelBench {
             file: Some(
                 concat!(
                     env!("CARGO_MANIFEST_DIR"),

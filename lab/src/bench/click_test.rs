@@ -43,7 +43,7 @@ const HEARD: f32 = 0.3;
 
 /// What one click took, seconds.
 #[derive(Clone, Copy, Debug)]
-pub struct Passage {
+pub struct ClickDelay {
     /// From the click to its music frame.
     pub heard_s: f64,
     /// From there to the motion frame in the control loop.
@@ -54,18 +54,18 @@ pub struct Passage {
     pub moved_s: f64,
 }
 
-impl Passage {
-    /// From air to servo.
+impl ClickDelay {
+    /// The whole delay from air to servo, seconds.
     pub fn total_s(&self) -> f64 {
         self.heard_s + self.made_s + self.planned_s + self.moved_s
     }
 }
 
-/// All clicks.
+/// The delay of every click, and of the servos by themselves.
 #[derive(Clone, Debug)]
-pub struct Measured {
-    /// One a click.
-    pub passages: Vec<Passage>,
+pub struct ClickTestReport {
+    /// One entry for each click that was answered.
+    pub passages: Vec<ClickDelay>,
     /// The lag of positions behind commands at which both agree best, seconds.
     pub servo_lag_s: f64,
     /// What the model of the delays says.
@@ -85,7 +85,7 @@ pub fn measure(
     buses: &[BusChoice],
     clicks: u32,
     stop: &AtomicBool,
-) -> anyhow::Result<Measured> {
+) -> anyhow::Result<ClickTestReport> {
     let mut retargeter = robot.retargeter()?;
     let delays = Delays::new(robot, &retargeter);
     let model =
@@ -136,7 +136,7 @@ pub fn measure(
     if passages.is_empty() {
         bail!("no click moved a servo: nothing to measure");
     }
-    Ok(Measured {
+    Ok(ClickTestReport {
         passages,
         servo_lag_s: track.servo_lag_s(robot.period_s()),
         delays,
@@ -253,7 +253,7 @@ impl Track {
         self.reported.push(reported.collect());
     }
 
-    fn passages(&self) -> Vec<Passage> {
+    fn passages(&self) -> Vec<ClickDelay> {
         // Half way up is where limits and thresholds blur the least; the way
         // up begins half a frame before the frame that first shows it.
         let half_s = (f64::from(RAISING) / 2.0 - 0.5 - 0.5) / FRAME_RATE_HZ;
@@ -261,7 +261,7 @@ impl Track {
             let until_s = made_s + EVERY_S * 0.55;
             let planned_s = self.half_way_s(&self.sent, *made_s, until_s)? - half_s;
             let moved_s = self.half_way_s(&self.reported, *made_s, until_s)? - half_s;
-            Some(Passage {
+            Some(ClickDelay {
                 heard_s: heard_s - click_before_s(*frame_s),
                 made_s: made_s - heard_s,
                 planned_s: planned_s - made_s,

@@ -3,20 +3,20 @@
 use serde::Serialize;
 use std::fmt;
 
-/// What came of it.
+/// How near together the robots of a stage dance, and what faults cost.
 #[derive(Clone, Debug, Serialize)]
-pub struct Figures {
-    /// Version of servodance.
+pub struct StageBenchReport {
+    /// Version of the program under test.
     pub version: &'static str,
-    /// Which robot.
+    /// Name of the robot that all followers are.
     pub robot: String,
-    /// How many.
+    /// How many robots followed.
     pub followers: usize,
     /// Whether each program was in a namespace.
     pub namespaces: bool,
     /// Delay each way, milliseconds.
     pub delay_ms: f64,
-    /// Share that is lost.
+    /// Share of what is sent that is lost.
     pub loss: f64,
     /// Whether what a loss does to TCP was modelled, not done by the kernel.
     pub loss_modelled: bool,
@@ -26,16 +26,16 @@ pub struct Figures {
     pub windows: usize,
     /// Between the first and the last at the servos, milliseconds.
     pub spread_ms_p50: f64,
-    /// See `spread_ms_p50`.
+    /// The same in the worst hundredth of the windows, milliseconds.
     pub spread_ms_p99: f64,
-    /// See `spread_ms_p50`.
+    /// The same in the worst window, milliseconds.
     pub spread_ms_max: f64,
     /// Windows in which they did not all dance the same: somebody idled.
     pub windows_apart: usize,
     /// Share of the movement of one that the least alike other explains: median
     /// of these windows, and the first percentile.
     pub alike_p50: f64,
-    /// See `alike_p50`.
+    /// The same share in the least alike hundredth of the windows.
     pub alike_p1: f64,
     /// From the start of a late program until it is on the beat, seconds; as the
     /// two that follow, when it stays so for two seconds.
@@ -59,7 +59,7 @@ pub struct Figures {
     pub late_frames: u64,
     /// How late control cycles began, of the worst follower, milliseconds.
     pub cycle_late_ms_p99: f64,
-    /// See `cycle_late_ms_p99`.
+    /// How late the worst cycle of all followers began, milliseconds.
     pub cycle_late_ms_max: f64,
     /// Processor time of a follower's program with its simulated servos, cores: mean.
     pub cpu_cores: f64,
@@ -67,7 +67,7 @@ pub struct Figures {
     pub cpu_cores_max: f64,
 }
 
-impl fmt::Display for Figures {
+impl fmt::Display for StageBenchReport {
     fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
         let seconds = |value: Option<f64>| value.map_or("never".into(), |s| format!("{s:.1} s"));
         writeln!(

@@ -3,7 +3,7 @@
 //! Ethernet interfaces, where packets can really be lost and links really go
 //! down.
 
-use super::relay::{Fault, Relay};
+use super::relay::{LinkFault, Relay};
 use anyhow::{Context, bail};
 use std::io::Write;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
@@ -16,23 +16,21 @@ const PORT: u16 = 7448;
 /// A program gets its namespace within this.
 const NAMESPACE: Duration = Duration::from_secs(10);
 
-/// Where programs live.
+/// Where the programs of a trial are started.
 #[derive(Clone, Copy, Debug)]
 pub enum Site {
     /// On loopback; the leader at this port.
     Loopback(u16),
     /// Each in a namespace; whether the kernel can lose packets on purpose.
     Namespaces {
-        /// `nft` is there.
+        /// Whether `nft` can drop packets there.
         lossy: bool,
     },
 }
 
 impl Site {
     /// A site on loopback, or of namespaces.
-    ///
-    /// # Errors
-    /// Namespaces cannot be made here.
+    /// Fails for: namespaces cannot be made here.
     pub fn new(namespaces: bool) -> anyhow::Result<Self> {
         if !namespaces {
             let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
@@ -108,7 +106,7 @@ impl Site {
     }
 
     /// A relay between the follower at `place` and the leader.
-    pub fn relay(self, place: u8, fault: Fault, seed: u64) -> anyhow::Result<Relay> {
+    pub fn relay(self, place: u8, fault: LinkFault, seed: u64) -> anyhow::Result<Relay> {
         // The other end of a pair is there as soon as its program is; until
         // then any address of this side will do.
         let address = match self {

@@ -1,4 +1,5 @@
-//! What goes wrong in a soak: at random moments, of random kinds, from a seed.
+//! The fault plan of a soak: fault injection at random moments, of random kinds,
+//! from a seed.
 //!
 //! Each fault that can pass does pass after a while. Left out: a goal that is
 //! lost on the wire. The next one is then a double step by the judge's count,
@@ -13,10 +14,10 @@ use servodance_sim::{Cue, Happening, ServoFault, WireFault};
 /// Nothing goes wrong in the first seconds: the robot is on its way to the dance.
 const FIRST_S: f64 = 1.0;
 
-/// Something that goes wrong.
+/// A fault that the simulation injects.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fault {
-    /// What, in a few words.
+pub struct PlannedFault {
+    /// Name of the fault, one of [`FAULT_KINDS`].
     pub kind: &'static str,
     /// When it begins, seconds since torque on.
     pub at_s: f64,
@@ -24,8 +25,8 @@ pub struct Fault {
     pub cues: Vec<Cue>,
 }
 
-/// The kinds that there are.
-pub const KINDS: [&str; 13] = [
+/// Names of the faults that a plan is drawn from.
+pub const FAULT_KINDS: [&str; 13] = [
     "replies lost",
     "replies corrupt",
     "replies cut short",
@@ -42,7 +43,12 @@ pub const KINDS: [&str; 13] = [
 ];
 
 /// Faults in `seconds` of a dance, one every `every_s` on average.
-pub fn faults(robot: &Robot, seconds: f64, every_s: f64, rng: &mut ChaCha8Rng) -> Vec<Fault> {
+pub fn faults(
+    robot: &Robot,
+    seconds: f64,
+    every_s: f64,
+    rng: &mut ChaCha8Rng,
+) -> Vec<PlannedFault> {
     let mut faults = Vec::new();
     let mut at_s = FIRST_S;
     loop {
@@ -54,15 +60,15 @@ pub fn faults(robot: &Robot, seconds: f64, every_s: f64, rng: &mut ChaCha8Rng) -
     }
 }
 
-/// Their cues in the order of time.
-pub fn script(faults: &[Fault]) -> Vec<Cue> {
+/// The cues of all faults in the order of time.
+pub fn script(faults: &[PlannedFault]) -> Vec<Cue> {
     let mut cues: Vec<Cue> = faults.iter().flat_map(|fault| fault.cues.clone()).collect();
     cues.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     cues
 }
 
-fn fault(robot: &Robot, at_s: f64, rng: &mut ChaCha8Rng) -> Fault {
-    let kind = KINDS.choose(rng).copied().unwrap_or(KINDS[0]);
+fn fault(robot: &Robot, at_s: f64, rng: &mut ChaCha8Rng) -> PlannedFault {
+    let kind = FAULT_KINDS.choose(rng).copied().unwrap_or(FAULT_KINDS[0]);
     let joint = rng.random_range(0..robot.servos.len());
     let share = rng.random_range(0.02..0.3);
     let wire = |fault| Happening::Wire(Some((fault, share)));
@@ -99,7 +105,7 @@ fn fault(robot: &Robot, at_s: f64, rng: &mut ChaCha8Rng) -> Fault {
     };
     let cue = |time_s, what| Cue { time_s, what };
     let end = ends.map(|(what, after_s)| cue(at_s + after_s, what));
-    Fault {
+    PlannedFault {
         kind,
         at_s,
         cues: std::iter::once(cue(at_s, begins)).chain(end).collect(),
@@ -119,7 +125,7 @@ mod tests {
         assert_eq!(one, day(1));
         assert_ne!(one, other);
         assert!((250..500).contains(&one.len()), "{}", one.len());
-        for kind in KINDS {
+        for kind in FAULT_KINDS {
             assert!(one.iter().any(|fault| fault.kind == kind), "{kind}");
         }
         let script = script(&one);

@@ -18,14 +18,14 @@ mod relay;
 mod site;
 mod spread;
 
-pub use figures::Figures;
+pub use figures::StageBenchReport;
 
 use anyhow::{Context, bail};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use relay::{Fault, Relay};
+use relay::{LinkFault, Relay};
 use servodance_drivers::BusLayout;
 use servodance_runtime::progress::Progress;
 use servodance_runtime::robot::Robot;
@@ -48,19 +48,18 @@ const WATCHED_S: [f64; 2] = [10.0, 18.0];
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Followers are gone within this after they were told.
 const FAREWELL: Duration = Duration::from_secs(20);
-/// Servos that are simulated on a starved machine may answer late: how long a bus
-/// waits for them, and they for a command, milliseconds. It is the network that is
-/// judged here.
+/// How long a bus waits for simulated servos on a starved machine, and they for a
+/// command, milliseconds: the network is judged here, not the processor.
 const REPLY_MS: u32 = 500;
 const WATCHDOG_MS: u32 = 2000;
 /// Clocks are wrong by up to this, seconds, and millionths.
 const CLOCK_WRONG_S: f64 = 900.0;
 const CLOCK_DRIFT_PPM: f64 = 50.0;
 
-/// What is tried.
+/// How many robots dance together, behind which network.
 #[derive(Clone, Debug)]
-pub struct Trial {
-    /// Simulated robots.
+pub struct StageBench {
+    /// How many simulated robots follow.
     pub followers: usize,
     /// Which robot they all are.
     pub robot: String,
@@ -76,12 +75,10 @@ pub struct Trial {
     pub seed: u64,
 }
 
-/// Does it.
-///
-/// # Errors
-/// Programs that cannot be started or that failed.
-pub fn bench(trial: &Trial, stop: &AtomicBool) -> anyhow::Result<Figures> {
-    let mut stage = Stage::new(trial)?;
+/// Runs leader and followers through the whole trial and compares them.
+/// Fails for: programs that cannot be started or that failed.
+pub fn bench(trial: &StageBench, stop: &AtomicBool) -> anyhow::Result<StageBenchReport> {
+    let mut stage = StageTrial::new(trial)?;
     let told = stage.play(stop)?;
     judge::judge(&stage, &told)
 }
@@ -106,7 +103,7 @@ impl Drop for Program {
 
 /// When what happened, seconds of the shared clock.
 #[derive(Clone, Copy, Debug, Default)]
-struct Told {
+struct TrialTimes {
     joined_s: f64,
     steady_s: [f64; 2],
     whole_s: f64,
@@ -115,8 +112,8 @@ struct Told {
     end_s: f64,
 }
 
-struct Stage<'a> {
-    trial: &'a Trial,
+struct StageTrial<'a> {
+    trial: &'a StageBench,
     site: Site,
     folder: TempDir,
     rng: ChaCha8Rng,
@@ -127,8 +124,8 @@ struct Stage<'a> {
     began: Instant,
 }
 
-impl<'a> Stage<'a> {
-    fn new(trial: &'a Trial) -> anyhow::Result<Self> {
+impl<'a> StageTrial<'a> {
+    fn new(trial: &'a StageBench) -> anyhow::Result<Self> {
         let stage = Self {
             site: Site::new(trial.namespaces)?,
             folder: tempfile::tempdir()?,
@@ -152,8 +149,8 @@ impl<'a> Stage<'a> {
     }
 
     /// All that happens, in its order.
-    fn play(&mut self, stop: &AtomicBool) -> anyhow::Result<Told> {
-        let mut told = Told::default();
+    fn play(&mut self, stop: &AtomicBool) -> anyhow::Result<TrialTimes> {
+        let mut told = TrialTimes::default();
         let leader = self.lead()?;
         let late = self.trial.followers > 1;
         for place in 1..=self.trial.followers - usize::from(late) {
@@ -211,7 +208,7 @@ impl<'a> Stage<'a> {
     /// Starts a follower behind its network.
     fn follow(&mut self, place: usize) -> anyhow::Result<()> {
         let good = place == 1;
-        let fault = Fault {
+        let fault = LinkFault {
             delay_s: if good {
                 0.0
             } else {

@@ -21,15 +21,15 @@ const PASSES: usize = 5;
 /// Tempo and seed of the dance that is used when no motion is given.
 const BEAT_S: f64 = 0.5;
 const SEED: u64 = 1;
-/// Longest motion, seconds.
+/// The longest motion that is measured, seconds.
 const LONGEST_S: f64 = 600.0;
 
 /// What `bench retarget` prints.
 #[derive(Clone, Debug, Serialize)]
-pub struct Figures {
-    /// Name of the robot.
+pub struct RetargetBenchReport {
+    /// Which robot the motion was retargeted to.
     pub robot: String,
-    /// Its joints.
+    /// How many joints the robot has.
     pub joints: usize,
     /// Control cycles a second.
     pub control_hz: f64,
@@ -41,16 +41,14 @@ pub struct Figures {
     pub us_p50: f64,
     /// 99 of 100 cycles take less.
     pub us_p99: f64,
-    /// The slowest.
+    /// The slowest cycle takes so long.
     pub us_max: f64,
     /// Allocations in all cycles of a pass.
     pub allocations: u64,
 }
 
 /// The motion of a file, or the choreographer's dance of `seconds`.
-///
-/// # Errors
-/// What is wrong with the file.
+/// Fails for: what is wrong with the file.
 pub fn motion(file: Option<&Path>, seconds: f64) -> anyhow::Result<Clip> {
     let clip = match file {
         Some(path) => Clip::read_npz(path)?,
@@ -72,10 +70,8 @@ pub fn motion(file: Option<&Path>, seconds: f64) -> anyhow::Result<Clip> {
 }
 
 /// Retargets `clip` and measures every cycle.
-///
-/// # Errors
-/// A motion too short to measure.
-pub fn run(robot: &Robot, clip: &Clip) -> anyhow::Result<Figures> {
+/// Fails for: a motion too short to measure.
+pub fn run(robot: &Robot, clip: &Clip) -> anyhow::Result<RetargetBenchReport> {
     let frames: Vec<MotionFrame> = clip.frames();
     let cycles = (frames.len() as f64 / FRAME_RATE_HZ * robot.control_hz) as usize;
     anyhow::ensure!(
@@ -98,7 +94,7 @@ pub fn run(robot: &Robot, clip: &Clip) -> anyhow::Result<Figures> {
         .collect();
     medians.sort_by(f64::total_cmp);
     let rank = |share: f64| medians[((cycles as f64 * share).ceil() as usize).clamp(1, cycles) - 1];
-    Ok(Figures {
+    Ok(RetargetBenchReport {
         robot: robot.name.clone(),
         joints: robot.servos.len(),
         control_hz: robot.control_hz,
