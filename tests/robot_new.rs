@@ -20,7 +20,10 @@ fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
 }
 
 /// Follows some seconds of dance; limits must hold.
-fn danced(robot: &Robot, seconds: f64) -> servodance_runtime::offline::motion_tracking::Followed {
+fn danced(
+    robot: &Robot,
+    seconds: f64,
+) -> servodance_runtime::offline::motion_tracking::TrackedMotion {
     let beats: Vec<DanceBeat> = (0..(seconds * 2.0) as usize)
         .map(|beat| DanceBeat {
             time_s: beat as f64 * 0.5,

@@ -4,7 +4,7 @@
 //! [`Report::FORMAT`].
 
 use crate::control::latency::LatencyReport;
-use crate::pipeline::step_times::StageTimes;
+use crate::pipeline::step_times::StepTimes;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureStats;
 use servodance_retarget::EffortReport;
@@ -81,15 +81,15 @@ pub struct Report {
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Stages {
     /// Audio to features and beat, per 50 ms of audio.
-    pub features: StageTimes,
+    pub features: StepTimes,
     /// Features to motion, per motion frame.
-    pub model: StageTimes,
+    pub model: StepTimes,
     /// Motion to joint targets, per control cycle.
-    pub retarget: StageTimes,
+    pub retarget: StepTimes,
     /// Recording and bookkeeping, per control cycle.
-    pub control: StageTimes,
+    pub control: StepTimes,
     /// Bus exchange, per control cycle.
-    pub bus: StageTimes,
+    pub bus: StepTimes,
 }
 
 /// One change of state of the safety layer, or a remark (`from` equals `to`).

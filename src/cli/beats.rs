@@ -1,6 +1,6 @@
 //! `servodance beats`.
 
-use servodance_runtime::offline::beats::{Beats, Hearing};
+use servodance_runtime::offline::beats::{BeatTracker, Beats};
 use servodance_runtime::output::write_whole;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -5,7 +5,7 @@ use clap::Subcommand;
 use servodance_model::conditioning::{Encodec, MusicKind};
 use servodance_runtime::output::write_whole;
 use servodance_runtime::pipeline::conditioning::open_encodec;
-use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_runtime::process::progress::Progress;
 use servodance_training::dataset::{Import, Options, Report, build, import};
 use servodance_training::motion::import::Kind;
@@ -197,7 +197,7 @@ fn run_import(args: ImportArgs) -> anyhow::Result<ExitCode> {
         fps: args.fps,
     };
     let tell = |line: &str| match args.quiet {
-        true if line.starts_with("skipped") => tell!("{line}"),
+        true if line.starts_with("skipped") => stderr_line!("{line}"),
         _ => progress.note(line),
     };
     let done = import(&request, tell, |share| progress.at(100.0 * share));
@@ -211,7 +211,7 @@ fn run_import(args: ImportArgs) -> anyhow::Result<ExitCode> {
         );
     }
     if !args.quiet {
-        say!(
+        stdout_line!(
             "{}: {} clips, {:.1} minutes, {} with music; {} files skipped, {} mirrored copies left out",
             request.out.display(),
             done.clips,
@@ -233,7 +233,7 @@ fn run_report(args: ReportArgs) -> anyhow::Result<ExitCode> {
     let sheet = args.sheet.unwrap_or_else(|| args.folder.join("sheet.png"));
     write_whole(&sheet, &report.sheet(&title)?)?;
     match args.json {
-        true => say!("{}", serde_json::to_string_pretty(&report)?),
+        true => stdout_line!("{}", serde_json::to_string_pretty(&report)?),
         false => servodance_runtime::process::console::stdout(format_args!("{}", report.table())),
     }
     Ok(ExitCode::SUCCESS)
@@ -256,13 +256,13 @@ fn run_build(args: BuildArgs) -> anyhow::Result<ExitCode> {
     progress.done();
     let summary = built?;
     for reason in &summary.left_out {
-        tell!("left out: {reason}");
+        stderr_line!("left out: {reason}");
     }
     if !args.quiet {
         for (kind, minutes) in &summary.minutes {
-            say!("{minutes:7.2} min  {kind}");
+            stdout_line!("{minutes:7.2} min  {kind}");
         }
-        say!(
+        stdout_line!(
             "{} clips; captured dance {:.1} min, {:.1} of them with a beat to render music on",
             summary.clips,
             summary.captured_dance_minutes,

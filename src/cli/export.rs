@@ -1,7 +1,7 @@
 //! `servodance export`.
 
 use servodance_runtime::export::{Part, bvh, csv, gif};
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::record::Recording;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -57,7 +57,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         gif(&recording, Part { from_s, seconds }, path)?;
     }
     for path in [args.csv, args.bvh, args.gif].into_iter().flatten() {
-        say!("{}", path.display());
+        stdout_line!("{}", path.display());
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -5,7 +5,7 @@ use super::stop_signal;
 use anyhow::Context;
 use servodance_runtime::bus_tools::serve;
 use servodance_runtime::bus_tools::sim_link::LinkChoice;
-use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::console::{stderr_line, stdout_line};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -58,7 +58,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         faults: &faults,
         backlash: args.backlash,
     };
-    let served = serve::serve(&robot, serving, &stop, |port| say!("{port}"))?;
-    tell!("{served}");
+    let served = serve::serve(&robot, serving, &stop, |port| stdout_line!("{port}"))?;
+    stderr_line!("{served}");
     Ok(ExitCode::SUCCESS)
 }

@@ -2,7 +2,7 @@
 
 use servodance_model::net::Dtype;
 use servodance_runtime::output::write_whole;
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_training::weights_file::{self, Info};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -74,14 +74,14 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         What::Info { file, preset, json } => {
             let info = Info::of(file.as_deref(), preset.as_deref())?;
             match json {
-                true => say!("{}", serde_json::to_string(&info)?),
-                false => say!("{info}"),
+                true => stdout_line!("{}", serde_json::to_string(&info)?),
+                false => stdout_line!("{info}"),
             }
         }
         What::Convert { file, dtype, out } => {
             let bytes = servodance_model::net::convert_file(&file, dtype)?;
             write_whole(&out, &bytes)?;
-            say!(
+            stdout_line!(
                 "{}: {dtype}, {:.1} MB",
                 out.display(),
                 bytes.len() as f64 / 1e6
@@ -95,9 +95,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         } => {
             let rows = weights_file::compare(file.as_deref(), &data, clips)?;
             if json {
-                say!("{}", serde_json::to_string(&rows)?);
+                stdout_line!("{}", serde_json::to_string(&rows)?);
             } else {
-                rows.iter().for_each(|row| say!("{row}"));
+                rows.iter().for_each(|row| stdout_line!("{row}"));
             }
         }
     }

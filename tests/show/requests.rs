@@ -5,27 +5,27 @@ use rand::{Rng, SeedableRng};
 use servodance::cli::{Cli, Command};
 use servodance_runtime::control::idle::IdleStyle;
 use servodance_runtime::session::dance::Outcome;
-use servodance_runtime::session::dance_session::Evening;
+use servodance_runtime::session::dance_session::Session;
 use servodance_runtime::show::{Activity, Request, ViewerEnd};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// A dance in simulated time, as the command line would set it up.
-fn evening(arguments: &[&str]) -> (Evening, ViewerEnd) {
+fn evening(arguments: &[&str]) -> (Session, ViewerEnd) {
     let words = ["servodance", "dance", "--no-picture", "--quiet"];
     let cli = Cli::try_parse_from(words.iter().chain(arguments)).expect("arguments");
     let Command::Dance(args) = cli.command else {
         panic!("not a dance");
     };
     let config = servodance::cli::dance::configuration(args).expect("a dance");
-    let mut evening = Evening::new(config).expect("an evening");
+    let mut evening = Session::new(config).expect("an evening");
     let end = evening.seat();
     (evening, end)
 }
 
 /// Runs the evening while `audience` has the other end of the line.
 fn run(
-    (mut evening, mut end): (Evening, ViewerEnd),
+    (mut evening, mut end): (Session, ViewerEnd),
     audience: impl FnOnce(&mut ViewerEnd, &AtomicBool) + Send,
 ) -> Vec<anyhow::Result<Outcome>> {
     let (over, stop) = (AtomicBool::new(false), AtomicBool::new(false));

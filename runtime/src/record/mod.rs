@@ -32,7 +32,7 @@ mod schema;
 
 pub use reader::{Past, Recording, Series};
 
-use crate::pipeline::step_times::Stage;
+use crate::pipeline::step_times::PipelineStep;
 use clerk::Clerk;
 pub use clerk::{OnTrouble, WhenBehind};
 use schema::MessageType;
@@ -100,7 +100,7 @@ pub enum Topic {
     /// The URDF.
     RobotDescription,
     /// Milliseconds of one stage.
-    Stage(Stage),
+    Stage(PipelineStep),
 }
 
 impl Topic {

@@ -8,7 +8,7 @@ use super::copies::Copies;
 use super::homes::Homes;
 use super::servos::{ServoDraft, servo_drafts};
 use super::text;
-use crate::offline::motion_tracking::{Followed, follow};
+use crate::offline::motion_tracking::{TrackedMotion, track_motion};
 use crate::output::write_whole;
 use crate::robot::{Robot, RobotError};
 use anyhow::{Context, bail};
@@ -206,8 +206,8 @@ impl Plan<'_> {
         bail!("{} servos are too many for one bus", self.servos.len())
     }
 
-    fn dance(&self, robot: &Robot) -> anyhow::Result<Followed> {
-        follow(robot, &self.trial.frames(), |_, _| Ok(()))
+    fn dance(&self, robot: &Robot) -> anyhow::Result<TrackedMotion> {
+        track_motion(robot, &self.trial.frames(), |_, _| Ok(()))
     }
 
     fn parse(&self) -> anyhow::Result<Robot> {
@@ -257,7 +257,7 @@ fn code(error: &anyhow::Error) -> Option<Code> {
 }
 
 /// Whether a robot on its feet kept them and its balance.
-fn stands(followed: &Followed) -> Result<String, String> {
+fn stands(followed: &TrackedMotion) -> Result<String, String> {
     let share = |count: u64| count as f64 / followed.cycles.max(1) as f64;
     let (feet, balance) = (
         share(followed.counts.feet_moved_cycles),
@@ -275,9 +275,9 @@ fn stands(followed: &Followed) -> Result<String, String> {
     Ok("planted: both feet stay and the balance is kept".into())
 }
 
-fn danced(followed: &Followed, duration_s: f64) -> String {
+fn danced(followed: &TrackedMotion, duration_s: f64) -> String {
     let broken = followed.violations;
-    let median = Followed::quantile(&followed.direction_errors_deg, 0.5);
+    let median = TrackedMotion::quantile(&followed.direction_errors_deg, 0.5);
     let arms = match followed.direction_errors_deg.is_empty() {
         true => "no arms to compare".into(),
         false => format!("arms point within {median:.0} degrees of the dancer's (median)"),

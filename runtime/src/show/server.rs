@@ -10,7 +10,7 @@ use super::frame::frame;
 use super::guard::Token;
 use super::link::ViewerEnd;
 use super::scene::Scene;
-use crate::process::console::tell;
+use crate::process::console::stderr_line;
 use crate::process::failpoint;
 use crate::process::realtime;
 use anyhow::Context;
@@ -64,7 +64,7 @@ impl Server {
             let mut runtime = tokio::runtime::Builder::new_current_thread();
             match runtime.enable_all().build() {
                 Ok(runtime) => runtime.block_on(serve(listener, shared, stopped)),
-                Err(error) => tell!("the page cannot be served: {error}"),
+                Err(error) => stderr_line!("the page cannot be served: {error}"),
             }
         })?;
         Ok(Self {
@@ -117,7 +117,7 @@ async fn serve(
 ) {
     let listener = match TcpListener::from_std(listener) {
         Ok(listener) => listener,
-        Err(error) => return tell!("the page cannot be served: {error}"),
+        Err(error) => return stderr_line!("the page cannot be served: {error}"),
     };
     let door = tokio::spawn(welcome(listener, Arc::clone(&shared)));
     let frames = tokio::spawn(make_frames(Arc::clone(&shared)));

@@ -14,10 +14,7 @@ const LOOKS: usize = 10;
 /// What is said needs this long to be on its way.
 const LEAVE: Duration = Duration::from_millis(200);
 
-/// Gives the cue.
-///
-/// # Errors
-/// A role that cannot be; a stage without a leader.
+/// Sends the cue to the leader of the stage.
 pub fn cue(place: &Place, stage: &str, follower: &str, role: Role) -> anyhow::Result<()> {
     let role = role.checked()?;
     if role == Role::default() {
