@@ -28,7 +28,6 @@ mod family;
 mod feetech;
 mod last_words;
 mod layout;
-mod limiter;
 mod link;
 mod model;
 mod owed;
@@ -53,7 +52,6 @@ pub use error::{BusError, ConfigError, Refusal, ServoId};
 pub use family::{Family, Layout};
 pub use last_words::{Listener, hear_last_words};
 pub use layout::{BusLayout, layouts};
-pub use limiter::{Limited, Limiter};
 pub use model::{MODELS, Model};
 pub use packet::{Decoded, Decoder, Packet, Protocol, encode};
 pub use port::Port;
@@ -63,8 +61,8 @@ pub use rate::{RateCheck, check_rate, cycle_bytes};
 pub use register::Register;
 pub use reply_clock::{FarEnd, ReplyClock};
 pub use safety::{
-    Derating, EStop, Interventions, SafeBus, SafetyConfig, SafetyError, SafetySettings, ServoLost,
-    State, Transition,
+    EStop, Interventions, Limited, Limiter, SafeBus, SafetyConfig, SafetyError, ServoLost, State,
+    Transition,
 };
 pub use serial::SerialBus;
 pub use servo::Servo;

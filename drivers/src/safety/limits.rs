@@ -1,27 +1,28 @@
-//! Position, velocity and acceleration limits of one joint, relative to the last command.
+//! Position, velocity and acceleration limits of one joint, relative to the last
+//! command: every target of every bus passes here.
 //!
 //! Discrete: a command moves by `v dt` each period, and `v` changes by at most
 //! `a dt`. A target inside its limits passes through unchanged. Otherwise the
 //! command follows as fast as the limits allow and meets the target without
 //! overshoot, and never at a speed from which it could not brake before a
-//! position limit. Targets must be finite: [`crate::SafeBus`] sees to that.
+//! position limit. Targets must be finite: [`crate::SafeBus`] refuses others.
 
 use servodance_types::JointLimits;
 
-/// What one step of the limiter did.
+/// One command of the limiter, and which limits changed it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limited {
-    /// The command, radians.
+    /// Command of this period, radians.
     pub position_rad: f64,
     /// The target was beyond a position limit.
     pub position: bool,
-    /// The target was too fast.
+    /// The target was beyond the velocity limit.
     pub velocity: bool,
-    /// The target's speed changed too fast, or left no room to brake.
+    /// The target was beyond the acceleration limit, or left no room to brake.
     pub acceleration: bool,
 }
 
-/// The limiter of one joint.
+/// Keeps the commands of one joint inside its limits.
 #[derive(Clone, Debug)]
 pub struct Limiter {
     limits: JointLimits,
@@ -46,7 +47,7 @@ impl Limiter {
         }
     }
 
-    /// The last command, radians.
+    /// The command of the last period, radians.
     pub fn position_rad(&self) -> f64 {
         self.position_rad
     }

@@ -7,7 +7,7 @@
 
 use crate::bus::Health;
 
-use super::config::Derating;
+use super::config::SafetyConfig;
 
 /// The mean around which motion shrinks forgets over this time, seconds.
 const MEAN_S: f64 = 2.0;
@@ -19,18 +19,14 @@ const GROW_PER_S: f64 = 0.05;
 /// A measured limit must be reached this often in a row: one reading may be wrong.
 const STRIKES: u32 = 3;
 
-/// What is wrong with one joint, or nearly so.
+/// How close one quantity of a servo is to where the layer stops.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Severity {
-    /// 0 to 1.
+pub(super) struct Severity {
+    /// 0 where nothing is wrong, 1 where the layer stops.
     pub level: f64,
-    /// The quantity.
     pub what: &'static str,
-    /// Its value and where the safety layer stops, with the unit.
     pub actual: f64,
-    /// See `actual`.
     pub limit: f64,
-    /// See `actual`.
     pub unit: &'static str,
 }
 
@@ -58,8 +54,8 @@ impl Severity {
 
 /// One joint's condition and how much of its motion is left.
 #[derive(Clone, Debug)]
-pub struct Derate {
-    config: Derating,
+pub(super) struct Derate {
+    config: SafetyConfig,
     health: Health,
     strikes: u32,
     current_a: f64,
@@ -68,8 +64,7 @@ pub struct Derate {
 }
 
 impl Derate {
-    /// A joint of which nothing is known yet.
-    pub fn new(config: Derating) -> Self {
+    pub fn new(config: SafetyConfig) -> Self {
         Self {
             config,
             health: Health::default(),
@@ -80,8 +75,7 @@ impl Derate {
         }
     }
 
-    /// The servo was asked how it is.
-    pub fn examined(&mut self, health: Health) {
+    pub fn set_health(&mut self, health: Health) {
         self.health = health;
         let worst = self.heat().max(self.supply());
         self.strikes = if worst.level >= 1.0 {
@@ -91,24 +85,27 @@ impl Derate {
         };
     }
 
-    /// What it said last.
     pub fn health(&self) -> Health {
         self.health
     }
 
-    /// The current of this period.
-    pub fn drew(&mut self, current_a: f64, period_s: f64) {
+    /// Averages the current of this period.
+    pub fn add_current(&mut self, current_a: f64, period_s: f64) {
         if current_a.is_finite() {
             self.current_a += (current_a.abs() - self.current_a) * (period_s / CURRENT_S).min(1.0);
         }
     }
 
-    /// Of this joint alone.
+    /// Severity of heat and current, which concern this joint alone.
     pub fn own(&self) -> Severity {
         self.heat().max(self.load())
     }
 
-    /// Of the supply, which all share.
+    pub fn worst(&self) -> Severity {
+        self.supply().max(self.own())
+    }
+
+    /// Severity of the supply, which all joints share.
     pub fn supply(&self) -> Severity {
         let health = self.health;
         let (Some(volts), Some(lowest)) = (health.voltage_v, health.lowest_voltage_v) else {
@@ -139,7 +136,7 @@ impl Derate {
         })
     }
 
-    /// What the safety layer must stop for, if anything.
+    /// The condition that the layer must stop for, if any.
     pub fn fault(&self) -> Option<Severity> {
         let measured = self.heat().max(self.supply());
         if measured.level >= 1.0 && self.strikes >= STRIKES {
@@ -148,7 +145,7 @@ impl Derate {
         Some(self.load()).filter(|load| load.level >= 1.0)
     }
 
-    /// The target made smaller as `level` (0 to 1) asks, step by step.
+    /// The target with its motion shrunk step by step to what `level` (0 to 1) leaves.
     pub fn shrink(&mut self, target_rad: f64, level: f64, period_s: f64) -> f64 {
         let mean_rad = self.mean_rad.get_or_insert(target_rad);
         *mean_rad += (target_rad - *mean_rad) * (period_s / MEAN_S).min(1.0);
@@ -163,7 +160,6 @@ impl Derate {
         *mean_rad + self.share * (target_rad - *mean_rad)
     }
 
-    /// Whether the motion is smaller than asked for.
     pub fn is_derated(&self) -> bool {
         self.share < 1.0
     }
@@ -172,10 +168,9 @@ impl Derate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::SafetyConfig;
 
     fn joint() -> Derate {
-        Derate::new(SafetyConfig::at_hz(100.0).derating)
+        Derate::new(SafetyConfig::at_hz(100.0))
     }
 
     fn at(celsius: f64, volts: f64) -> Health {
@@ -199,11 +194,11 @@ mod tests {
             (77.0, 1.0),
             (90.0, 1.0),
         ] {
-            joint.examined(at(celsius, 12.0));
+            joint.set_health(at(celsius, 12.0));
             assert!((joint.own().level - level).abs() < 1e-9, "{celsius}");
         }
         for (volts, level) in [(12.0, 0.0), (9.75, 0.5), (9.0, 1.0), (17.0, 1.0)] {
-            joint.examined(at(30.0, volts));
+            joint.set_health(at(30.0, volts));
             assert!((joint.supply().level - level).abs() < 1e-9, "{volts}");
         }
     }
@@ -212,27 +207,27 @@ mod tests {
     fn one_wrong_reading_is_no_fault_and_three_are() {
         let mut joint = joint();
         for (strike, faults) in [(1, false), (2, false), (3, true)] {
-            joint.examined(at(78.0, 12.0));
+            joint.set_health(at(78.0, 12.0));
             assert_eq!(joint.fault().is_some(), faults, "{strike}");
         }
-        joint.examined(at(70.0, 12.0));
+        joint.set_health(at(70.0, 12.0));
         assert!(joint.fault().is_none());
         let unknown = Health::default();
-        joint.examined(unknown);
+        joint.set_health(unknown);
         assert_eq!(joint.own().level, 0.0);
     }
 
     #[test]
     fn current_counts_by_its_mean() {
         let mut joint = joint();
-        joint.examined(at(30.0, 12.0));
-        joint.drew(-50.0, 0.01);
+        joint.set_health(at(30.0, 12.0));
+        joint.add_current(-50.0, 0.01);
         assert_eq!(joint.own().level, 0.0, "a peak");
         for _ in 0..500 {
-            joint.drew(-2.9, 0.01);
+            joint.add_current(-2.9, 0.01);
         }
         assert!((0.4..0.6).contains(&joint.own().level), "{:?}", joint.own());
-        joint.drew(f64::NAN, 0.01);
+        joint.add_current(f64::NAN, 0.01);
         assert!(joint.own().level > 0.4);
     }
 
