@@ -18,10 +18,11 @@ use std::time::{Duration, Instant};
 
 use servodance_types::JointState;
 
-use crate::bus::{Bus, BusStats, Health, open_bus};
+use crate::bus::layout::BusLayout;
+use crate::bus::open::open_bus;
+use crate::bus::port::Port;
+use crate::bus::{Bus, BusStats, Health};
 use crate::error::{BusError, ServoId};
-use crate::layout::BusLayout;
-use crate::port::Port;
 use crate::servo::{Servo, check_cycle};
 
 /// Checking and setting up a whole bus, and turning torque off with retries.

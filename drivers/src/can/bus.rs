@@ -16,6 +16,7 @@ use std::time::Instant;
 
 use servodance_types::JointState;
 
+use crate::bus::torque_alarm;
 use crate::bus::{Bus, BusStats, Health};
 use crate::can::cia402::Cia402;
 use crate::can::exchange::{Exchange, Status};
@@ -26,10 +27,9 @@ use crate::can::odrive::Odrive;
 use crate::can::open_link;
 use crate::can::protocol::Protocol;
 use crate::can::robstride::Robstride;
-use crate::config::{BusConfig, BusKind};
 use crate::error::BusError;
-use crate::last_words;
 use crate::servo::{Servo, check_cycle, check_kind};
+use crate::{BusConfig, BusKind};
 
 /// One CAN bus of motors.
 pub struct CanBus {
@@ -380,7 +380,7 @@ impl Drop for CanBus {
         }
         if let Err(error) = self.disarm() {
             let text = format!("{error}; the motors' own watchdog stops them, where they have one");
-            last_words::say(&self.exchange.config.reply_clock, &text);
+            torque_alarm::raise(&self.exchange.config.reply_clock, &text);
         }
     }
 }

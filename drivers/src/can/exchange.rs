@@ -8,13 +8,13 @@
 use std::time::{Duration, Instant};
 
 use crate::bus::BusStats;
+use crate::bus::config::BusConfig;
+use crate::bus::reply_clock::Patience;
 use crate::can::frame::{CanFrame, worst_bits};
 use crate::can::link::{CanFault, CanLink, Received, Sent};
 use crate::can::open_link;
 use crate::can::rate::cycle_bits;
-use crate::config::BusConfig;
 use crate::error::{BusError, ServoId};
-use crate::reply_clock::Patience;
 use crate::servo::Servo;
 
 /// What a motor said last.
@@ -332,7 +332,7 @@ impl Exchange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::BusKind;
+    use crate::bus::kind::BusKind;
 
     /// A transmit queue of a few frames that empties by one at each refusal.
     struct ShortQueue {

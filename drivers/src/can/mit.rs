@@ -450,7 +450,10 @@ mod tests {
     #[test]
     fn gains_shrink_to_the_torque_limit_and_not_before() {
         let motor = MotorSettings {
-            model: crate::Model::from_name("DM-J4310").unwrap().motor.unwrap(),
+            model: crate::ServoModel::from_name("DM-J4310")
+                .unwrap()
+                .motor
+                .unwrap(),
             kp: 20.0,
             kd: 0.5,
             torque_limit_nm: 2.0,

@@ -10,8 +10,8 @@
 //! | CiA 402 | SYNC [0], heartbeat [1], N targets [6], N actual values [8], 11-bit ids |
 
 use crate::can::frame::{nominal_bits, worst_bits};
-use crate::config::{BusConfig, BusKind};
 use crate::error::ConfigError;
+use crate::{BusConfig, BusKind};
 
 /// Bits of one cycle on the wire, pauses between frames included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use crate::can::frame::CanFrame;
 use crate::can::link::{CanFault, CanLink, Received, Sent};
-use crate::stream::Stream;
+use crate::serial::wire::stream::PortStream;
 
 /// A line's end: well done.
 pub const CR: u8 = b'\r';
@@ -159,7 +159,7 @@ fn said(line: &[u8], end: u8) -> Option<Received> {
 
 /// A serial CAN adapter.
 pub struct SlcanLink {
-    port: Stream,
+    port: PortStream,
     lines: Lines,
     out: Vec<u8>,
     chunk: Vec<u8>,
@@ -188,7 +188,7 @@ impl SlcanLink {
             io::Error::new(ErrorKind::InvalidInput, reason)
         })?;
         let mut link = Self {
-            port: Stream::open(path, SERIAL_BAUD, SEND_TIMEOUT)?,
+            port: PortStream::open(path, SERIAL_BAUD, SEND_TIMEOUT)?,
             lines: Lines::default(),
             out: Vec::with_capacity(LONGEST_BURST + LONGEST),
             chunk: vec![0; 1024],

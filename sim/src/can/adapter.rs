@@ -21,7 +21,7 @@ use servodance_drivers::can::socket::SocketLink;
 use servodance_drivers::can::udp::UdpLink;
 use servodance_drivers::can::{CanFrame, CanLink, Received};
 
-use crate::host_port::{Heard, HostPort};
+use crate::serial::host_port::{Heard, HostPort};
 
 /// Between host and bus.
 pub(crate) trait Adapter: Send {

@@ -3,10 +3,10 @@
 
 use std::io;
 
+use crate::can::CAN_MODELS;
 use crate::can::frame::CanFrame;
 use crate::can::mit::damiao_fault;
 use crate::can::scan::{CanFound, CanScanner, word};
-use crate::model::MODELS;
 
 const REGISTERS: u32 = 0x7FF;
 const READ: u8 = 0x33;
@@ -57,13 +57,13 @@ fn model(scanner: &mut CanScanner, id: u8) -> io::Result<Option<&'static str>> {
         })?;
         *range = value.map_or(f64::NAN, |(_, bytes)| f64::from(f32::from_le_bytes(bytes)));
     }
-    let has_them = |name: &&crate::model::Model| {
+    let has_them = |name: &&crate::ServoModel| {
         name.motor.is_some_and(|motor| {
             let theirs = [motor.position_rad, motor.velocity_rad_s, motor.torque_nm];
             motor.has_registers && theirs == ranges
         })
     };
-    let known = MODELS
+    let known = CAN_MODELS
         .iter()
         .filter(|model| model.kind == crate::BusKind::Mit);
     Ok(known.clone().find(has_them).map(|model| model.name))
