@@ -5,7 +5,7 @@
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::motor::Motor;
-use crate::spec::SimServoSpec;
+use crate::servo::spec::SimServoSpec;
 
 /// What a servo really does, whatever it says on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -10,11 +10,12 @@ use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use servodance_drivers::Port;
 use servodance_drivers::can::CanPort;
 
+use crate::bus::options::SimLink;
 #[cfg(target_os = "linux")]
 use crate::can::InterfaceAdapter;
 use crate::can::{Adapter, MulticastAdapter, SlcanAdapter};
-use crate::host_port::HostPort;
-use crate::spec::{SimError, SimLink};
+use crate::error::SimError;
+use crate::serial::host_port::HostPort;
 
 /// What the thread of a bus serves.
 pub enum FarEnd {

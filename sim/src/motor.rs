@@ -18,7 +18,7 @@
 //!
 //! Angles are the servo's own, radians.
 
-use crate::spec::ServoModel;
+use servodance_drivers::DataSheet;
 
 /// PWM units at full duty.
 pub const FULL_PWM: f64 = 885.0;
@@ -62,17 +62,18 @@ pub struct Motor {
 
 impl Motor {
     /// A motor at rest at zero, without play.
-    pub fn new(model: &ServoModel, load_inertia_kg_m2: f64) -> Self {
-        let damping_nm_s = model.stall_torque_nm / model.no_load_rad_s();
-        let stiffness = model.stall_torque_nm / FULL_PWM_ERROR_RAD;
+    pub fn new(sheet: &DataSheet, load_inertia_kg_m2: f64) -> Self {
+        let damping_nm_s =
+            sheet.stall_torque_nm / (sheet.no_load_rpm * std::f64::consts::TAU / 60.0);
+        let stiffness = sheet.stall_torque_nm / FULL_PWM_ERROR_RAD;
         let critical_inertia = damping_nm_s * damping_nm_s / (4.0 * stiffness);
         Self {
-            stall_torque_nm: model.stall_torque_nm,
+            stall_torque_nm: sheet.stall_torque_nm,
             damping_nm_s,
             inertia_kg_m2: INERTIA_SHARE * critical_inertia + load_inertia_kg_m2,
-            friction_nm: FRICTION_SHARE * model.stall_torque_nm,
-            amperes_per_nm: model.stall_current_a / model.stall_torque_nm,
-            nominal_v: model.voltage_v,
+            friction_nm: FRICTION_SHARE * sheet.stall_torque_nm,
+            amperes_per_nm: sheet.stall_current_a / sheet.stall_torque_nm,
+            nominal_v: sheet.voltage_v,
             backlash_rad: 0.0,
             ahead_rad: 0.0,
             angle_rad: 0.0,
@@ -85,10 +86,10 @@ impl Motor {
 
     /// A motor whose rotor inertia after the gear is known: one that its
     /// controller drives by torque, so that nothing follows from a stock gain.
-    pub fn with_inertia(model: &ServoModel, inertia_kg_m2: f64) -> Self {
+    pub fn with_inertia(sheet: &DataSheet, inertia_kg_m2: f64) -> Self {
         Self {
             inertia_kg_m2,
-            ..Self::new(model, 0.0)
+            ..Self::new(sheet, 0.0)
         }
     }
 
@@ -163,7 +164,12 @@ mod tests {
     const DT_S: f64 = 0.5e-3;
 
     fn motor() -> Motor {
-        Motor::new(ServoModel::from_number(1020).unwrap(), 0.0)
+        Motor::new(
+            &servodance_drivers::ServoModel::from_number(1020)
+                .unwrap()
+                .sheet,
+            0.0,
+        )
     }
 
     #[test]

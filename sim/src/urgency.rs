@@ -1,6 +1,6 @@
 //! Simulated servos in real time have no processor of their own.
 
-use servodance_drivers::sleep_punctually;
+use servodance_drivers::sleep_precisely;
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
     set_thread_priority_and_policy, thread_native_id,
@@ -13,7 +13,7 @@ const PRIORITY: u8 = 45;
 /// Lets the calling thread run before ordinary work, as far as the system allows
 /// it: a real servo does not answer late because the host is busy.
 pub fn answer_like_hardware() {
-    sleep_punctually();
+    sleep_precisely();
     if let Ok(value) = ThreadPriorityValue::try_from(PRIORITY) {
         // Where it is refused, replies are late when the machine is busy.
         let _ = set_thread_priority_and_policy(

@@ -3,8 +3,8 @@
 //! Time is counted in steps of at most half a millisecond that divide the
 //! control period exactly, so that a run does not depend on how it is cut into calls.
 
+use crate::bus::line::Line;
 use crate::judge::{Judge, Violations};
-use crate::line::Line;
 
 /// Longest step of the motors, seconds.
 const LONGEST_STEP_S: f64 = 0.5e-3;

@@ -19,10 +19,11 @@ use std::time::{Duration, Instant};
 
 use servodance_types::JointState;
 
-use crate::bus::{Bus, BusStats, Health, open_bus};
+use crate::bus::layout::BusLayout;
+use crate::bus::open::open_bus;
+use crate::bus::port::Port;
+use crate::bus::{Bus, BusStats, Health};
 use crate::error::BusError;
-use crate::layout::BusLayout;
-use crate::port::Port;
 use crate::servo::{Servo, check_cycle};
 
 use self::thread::{BusTask, BusThread, ids};

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use servodance_types::JointState;
 
+use crate::bus::layout::BusLayout;
 use crate::bus::{Bus, BusStats};
 use crate::error::{BusError, ServoId};
-use crate::layout::BusLayout;
 use crate::servo::Servo;
 
 /// How often a thread keeps its bus alive while the others are getting ready, ...

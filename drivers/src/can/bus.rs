@@ -16,13 +16,13 @@ use std::time::Instant;
 
 use servodance_types::JointState;
 
+use crate::bus::config::BusConfig;
+use crate::bus::torque_alarm;
 use crate::bus::{Bus, BusStats, Health};
 use crate::can::exchange::{CanExchange, MotorStatus};
 use crate::can::family::{self, CanFamily};
 use crate::can::transport::{CanFrame, CanLink, open_link};
-use crate::config::BusConfig;
 use crate::error::BusError;
-use crate::last_words;
 use crate::servo::{Servo, check_cycle, check_kind};
 
 /// An open CAN bus whose motors are of one family.
@@ -373,7 +373,7 @@ impl Drop for CanBus {
         }
         if let Err(error) = self.disarm() {
             let text = format!("{error}; the motors' own watchdog stops them, where they have one");
-            last_words::say(&self.exchange.config.reply_clock, &text);
+            torque_alarm::raise(&self.exchange.config.reply_clock, &text);
         }
     }
 }

@@ -8,11 +8,11 @@
 use std::time::{Duration, Instant};
 
 use crate::bus::BusStats;
+use crate::bus::config::BusConfig;
+use crate::bus::reply_clock::Patience;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::transport::{CanFault, CanFrame, CanLink, LinkEvent, Sent, open_link, worst_bits};
-use crate::config::BusConfig;
 use crate::error::{BusError, ServoId};
-use crate::reply_clock::Patience;
 use crate::servo::Servo;
 
 /// The last report of a motor.
@@ -347,7 +347,7 @@ impl CanExchange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::BusKind;
+    use crate::bus::kind::BusKind;
 
     const FRAMES: CycleFrames = CycleFrames {
         extended: false,

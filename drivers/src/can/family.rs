@@ -7,6 +7,7 @@
 use std::io;
 
 use crate::bus::Health;
+use crate::bus::kind::BusKind;
 use crate::can::cia402::Cia402;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::exchange::{CanExchange, MotorStatus};
@@ -15,12 +16,14 @@ use crate::can::odrive::Odrive;
 use crate::can::robstride::Robstride;
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
-use crate::config::BusKind;
 use crate::error::BusError;
 use crate::servo::Servo;
+use crate::servo::model::ServoModel;
 
 /// The protocol of a family of motors.
 pub(crate) trait CanFamily: Send + Sync {
+    fn models(&self) -> &'static [ServoModel];
+
     /// The frames of one control cycle, for the rate that a bus carries.
     fn cycle_frames(&self) -> CycleFrames;
 
@@ -93,6 +96,9 @@ pub(crate) trait CanFamily: Send + Sync {
     ) -> io::Result<Vec<CanFound>>;
 }
 
+/// Every family, in the order in which messages list their models.
+pub(crate) static FAMILIES: [&dyn CanFamily; 4] = [&Mit, &Robstride, &Odrive, &Cia402];
+
 /// The family that a bus speaks; `None` for a serial bus.
 pub(crate) fn of_kind(kind: BusKind) -> Option<&'static dyn CanFamily> {
     Some(match kind {
@@ -100,6 +106,8 @@ pub(crate) fn of_kind(kind: BusKind) -> Option<&'static dyn CanFamily> {
         BusKind::Robstride => &Robstride,
         BusKind::Odrive => &Odrive,
         BusKind::Cia402 => &Cia402,
-        BusKind::Dynamixel2 | BusKind::Dynamixel1 | BusKind::Feetech => return None,
+        BusKind::Dynamixel2 | BusKind::Dynamixel1 | BusKind::Feetech | BusKind::Custom => {
+            return None;
+        }
     })
 }

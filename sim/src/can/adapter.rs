@@ -21,7 +21,7 @@ use servodance_drivers::can::transport::socket::SocketLink;
 use servodance_drivers::can::transport::udp::UdpLink;
 use servodance_drivers::can::{CanFrame, CanLink, LinkEvent};
 
-use crate::host_port::{Heard, HostPort};
+use crate::serial::host_port::{Heard, HostPort};
 
 /// Between host and bus.
 pub(crate) trait Adapter: Send {

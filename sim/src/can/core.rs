@@ -4,13 +4,15 @@
 //! Torque is `kp (goal - angle) + kd (speed wanted - speed) + feed-forward`,
 //! within the torque limit. Angles are the motor's own after the gear.
 
+use servodance_drivers::DataSheet;
 use servodance_drivers::can::MotorSettings;
 
 use crate::body::{Body, SimServoState};
+use crate::error::SimError;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::motor::Motor;
-use crate::spec::{ServoModel, SimError, SimServoSpec};
+use crate::servo::spec::SimServoSpec;
 
 const REBOOT_S: f64 = 0.5;
 const OVERLOAD_S: f64 = 1.0;
@@ -95,17 +97,10 @@ impl Core {
             reason: "is not a CAN motor".into(),
         })?;
         let torque_nm = settings.model.torque_nm;
-        let model = ServoModel {
-            name: "CAN motor",
-            number: 0,
-            stall_torque_nm: torque_nm,
-            no_load_rpm: settings.model.velocity_rad_s * 60.0 / std::f64::consts::TAU,
-            stall_current_a: torque_nm,
-            voltage_v: nominal_v,
-            current_a_per_unit: 0.0,
-        };
+        let rpm = settings.model.velocity_rad_s * 60.0 / std::f64::consts::TAU;
+        let sheet = DataSheet::new(torque_nm, rpm, torque_nm, nominal_v);
         let inertia = settings.model.rotor_inertia_kg_m2() + spec.load_inertia_kg_m2;
-        let motor = Motor::with_inertia(&model, inertia).with_backlash(spec.backlash_rad);
+        let motor = Motor::with_inertia(&sheet, inertia).with_backlash(spec.backlash_rad);
         let judge = Judge::new(&spec.name, spec.limits, period_s);
         Ok(Self {
             body: Body::new(spec, motor, judge, supply_v.unwrap_or(nominal_v)),

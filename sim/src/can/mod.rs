@@ -28,7 +28,8 @@ pub(crate) use server::CanServer;
 
 use servodance_drivers::BusKind;
 
-use crate::spec::{SimError, SimServoSpec};
+use crate::error::SimError;
+use crate::servo::spec::SimServoSpec;
 
 /// What the motors of a kind are made for, volts.
 fn nominal_v(kind: BusKind) -> f64 {

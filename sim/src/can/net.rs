@@ -9,10 +9,10 @@ use std::fmt::Debug;
 use servodance_drivers::can::CanFrame;
 
 use crate::body::SimServoState;
+use crate::bus::line::{Burst, Line};
 use crate::can::core::Core;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::line::{Burst, Line};
 
 /// A motor with its protocol.
 pub trait Device: Debug + Send {

@@ -12,10 +12,10 @@ use std::time::Duration;
 
 use servodance_drivers::can::CanFrame;
 
+use crate::bus::options::SimClock;
+use crate::bus::shared::Shared;
 use crate::can::Adapter;
 use crate::fault::Passed;
-use crate::shared::Shared;
-use crate::spec::SimClock;
 
 /// How often the thread looks whether it is to end, or a motor has something to say.
 const WAKE: Duration = Duration::from_millis(5);

@@ -13,15 +13,18 @@ mod scan;
 use std::f64::consts::TAU;
 use std::io;
 
+use crate::bus::kind::BusKind;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::exchange::{CanExchange, MotorStatus};
 use crate::can::family::CanFamily;
+use crate::can::models::drive;
 use crate::can::motor::MotorSettings;
 use crate::can::rounding::whole_range;
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
 use crate::error::BusError;
 use crate::servo::Servo;
+use crate::servo::model::ServoModel;
 
 use self::errors::{LOST, abort_name, error_name};
 use self::registers::{
@@ -45,6 +48,8 @@ const LADDER: [(u32, u16, &str); 3] = [
     (0x07, 0x23, "switched on"),
     (0x0F, OPERATION_ENABLED.1, "operation enabled"),
 ];
+
+static MODELS: [ServoModel; 1] = [drive("CiA402", BusKind::Cia402)];
 
 /// CiA 402 drives.
 pub(crate) struct Cia402;
@@ -166,6 +171,10 @@ impl Cia402 {
 }
 
 impl CanFamily for Cia402 {
+    fn models(&self) -> &'static [ServoModel] {
+        &MODELS
+    }
+
     fn cycle_frames(&self) -> CycleFrames {
         CycleFrames {
             extended: false,

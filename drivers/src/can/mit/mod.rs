@@ -14,6 +14,7 @@
 //! current of 0.
 
 pub mod framing;
+mod models;
 pub mod registers;
 mod scan;
 
@@ -28,6 +29,7 @@ use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
 use crate::error::BusError;
 use crate::servo::Servo;
+use crate::servo::model::ServoModel;
 
 use self::framing::{from_code, pack_command, position_code, span_code, to_code, unpack_reply};
 use self::registers::{
@@ -176,6 +178,10 @@ impl Mit {
 }
 
 impl CanFamily for Mit {
+    fn models(&self) -> &'static [ServoModel] {
+        models::MODELS
+    }
+
     fn cycle_frames(&self) -> CycleFrames {
         CycleFrames {
             extended: false,
@@ -336,7 +342,10 @@ mod tests {
     #[test]
     fn gains_shrink_to_the_torque_limit_and_not_before() {
         let motor = MotorSettings {
-            model: crate::Model::from_name("DM-J4310").unwrap().motor.unwrap(),
+            model: crate::ServoModel::from_name("DM-J4310")
+                .unwrap()
+                .motor
+                .unwrap(),
             kp: 20.0,
             kd: 0.5,
             torque_limit_nm: 2.0,

@@ -19,14 +19,17 @@ use std::f64::consts::TAU;
 use std::io;
 
 use crate::bus::Health;
+use crate::bus::kind::BusKind;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::exchange::{CanExchange, MotorStatus};
 use crate::can::family::CanFamily;
+use crate::can::models::drive;
 use crate::can::motor::MotorSettings;
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::{CanFrame, word};
 use crate::error::BusError;
 use crate::servo::Servo;
+use crate::servo::model::ServoModel;
 
 use self::errors::{LOST, error_names};
 use self::registers::{
@@ -41,6 +44,8 @@ const FIRMWARE: (u8, u8) = (0, 6);
 const VELOCITY_MARGIN: f64 = 1.5;
 /// Phase current that one newton metre of the motor's range stands for.
 const AMPERES_PER_NM: f64 = 2.0;
+
+static MODELS: [ServoModel; 1] = [drive("ODrive", BusKind::Odrive)];
 
 /// ODrive controllers.
 pub(crate) struct Odrive;
@@ -155,6 +160,10 @@ impl Odrive {
 }
 
 impl CanFamily for Odrive {
+    fn models(&self) -> &'static [ServoModel] {
+        &MODELS
+    }
+
     fn cycle_frames(&self) -> CycleFrames {
         CycleFrames {
             extended: false,

@@ -3,6 +3,7 @@
 //! Operation control (mode 0) is used: position, gains and torque in each command.
 //! The torque limit and the time-out (parameter 7028) are written and read back.
 
+mod models;
 pub mod registers;
 mod scan;
 
@@ -16,6 +17,7 @@ use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
 use crate::error::BusError;
 use crate::servo::Servo;
+use crate::servo::model::ServoModel;
 
 use self::registers::{
     BUS_VOLTAGE, HOST, MODE, Parameter, RUNNING, TIMEOUT, TIMEOUT_UNITS_PER_MS, TORQUE_LIMIT, id,
@@ -116,6 +118,10 @@ fn stop_frame(servo: &Servo) -> CanFrame {
 }
 
 impl CanFamily for Robstride {
+    fn models(&self) -> &'static [ServoModel] {
+        models::MODELS
+    }
+
     fn cycle_frames(&self) -> CycleFrames {
         CycleFrames {
             extended: true,

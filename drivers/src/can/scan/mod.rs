@@ -25,10 +25,10 @@ pub use inquiry::CanFound;
 use std::io;
 use std::time::{Duration, Instant};
 
+use crate::bus::kind::BusKind;
 use crate::can::family;
 use crate::can::scan::inquiry::{GROUP, ScanLink};
 use crate::can::transport::{CanLink, open_link, worst_bits};
-use crate::config::BusKind;
 use crate::error::BusError;
 
 /// The families in the order in which they are asked; ODrive decides whether the
