@@ -1,4 +1,5 @@
-//! Simulated servos in real time have no processor of their own.
+//! Priority of the thread that simulates servos in real time: they have no processor
+//! of their own.
 
 use servodance_drivers::sleep_precisely;
 use thread_priority::{
@@ -12,7 +13,7 @@ const PRIORITY: u8 = 45;
 
 /// Lets the calling thread run before ordinary work, as far as the system allows
 /// it: a real servo does not answer late because the host is busy.
-pub fn answer_like_hardware() {
+pub fn raise_priority() {
     sleep_precisely();
     if let Ok(value) = ThreadPriorityValue::try_from(PRIORITY) {
         // Where it is refused, replies are late when the machine is busy.

@@ -1,86 +1,14 @@
-//! Things that go wrong: on the wire, in a servo, at the adapter.
-//!
-//! Wire faults hit a share of the replies, chosen by a seeded generator, so
-//! that a run in lockstep can be repeated.
+//! Fault injection on a wire: replies and frames that are lost, late or damaged.
 
-/// What can happen to a reply on its way to the host.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum WireFault {
-    /// The reply is lost.
-    Drop,
-    /// The reply comes late by this much wall time, seconds.
-    Late(f64),
-    /// One bit is flipped.
-    Corrupt,
-    /// The reply ends early.
-    Truncate,
-    /// The reply comes twice.
-    Duplicate,
-    /// Random bytes come first.
-    Noise,
-    /// The host hears its own instruction before the reply, as on adapters
-    /// without direction control.
-    Echo,
-    /// One bit of the host's instruction is flipped on its way to the servos.
-    CorruptInstruction,
-}
+use crate::fault::WireFault;
+use crate::fault::random::SplitMix64;
 
-/// What can happen to a servo.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ServoFault {
-    /// Its cable is cut: it hears and says nothing, and goes on as it was.
-    Dead,
-    /// Its cable is mended: it hears and answers again.
-    Revive,
-    /// It restarts: deaf for 0.3 s, then without torque.
-    Reboot,
-    /// Its winding is this hot, Celsius.
-    Overheat(f64),
-    /// Its shaft is held; it will overload in time.
-    Jam,
-    /// Its shaft is free again.
-    Free,
-    /// It shuts down from overload now.
-    Overload,
-    /// Its supply changes, volts.
-    Supply(f64),
-    /// Somebody turns the limp joint by hand, to this many radians.
-    Moved(f64),
-    /// It is set to another rate than the bus: it hears garbage and stays silent.
-    Baud(u32),
-    /// It answers to another id; if that one is taken, both answer at once.
-    Id(u8),
-}
-
-/// A small seeded generator (SplitMix64).
-#[derive(Clone, Debug)]
-struct Dice(u64);
-
-impl Dice {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn share(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Below `bound`, which is above zero.
-    fn below(&mut self, bound: usize) -> usize {
-        (self.next() % bound.max(1) as u64) as usize
-    }
-}
-
-/// What became of a CAN frame on its way to the host.
+/// How a CAN frame of a motor reaches the host.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Passed {
+pub(crate) struct CanPassage {
     /// How often it arrives.
     pub copies: usize,
-    /// Damaged and said again, as CAN does by itself.
+    /// Damaged and sent again, as CAN does by itself.
     pub damaged: bool,
     /// How much later, seconds of wall time.
     pub late_s: f64,
@@ -88,10 +16,14 @@ pub(crate) struct Passed {
     pub noise: Vec<u8>,
 }
 
-/// The faults of one wire.
+fn hits_replies(fault: WireFault) -> bool {
+    !matches!(fault, WireFault::Echo | WireFault::CorruptInstruction)
+}
+
+/// Injects the faults of one wire.
 #[derive(Clone, Debug)]
 pub(crate) struct FaultyWire {
-    dice: Dice,
+    random: SplitMix64,
     fault: Option<(WireFault, f64)>,
     /// Replies or instructions hit so far.
     pub hits: u64,
@@ -100,7 +32,7 @@ pub(crate) struct FaultyWire {
 impl FaultyWire {
     pub fn new(seed: u64) -> Self {
         Self {
-            dice: Dice(seed),
+            random: SplitMix64(seed),
             fault: None,
             hits: 0,
         }
@@ -111,15 +43,15 @@ impl FaultyWire {
         self.fault = fault;
     }
 
-    /// The fault, if it hits this time.
+    /// The fault, if it hits this time and `concerns` it.
     fn roll(&mut self, concerns: impl Fn(WireFault) -> bool) -> Option<WireFault> {
         let (fault, share) = self.fault.filter(|(fault, _)| concerns(*fault))?;
-        let hit = self.dice.share() < share;
+        let hit = self.random.share() < share;
         self.hits += u64::from(hit);
         hit.then_some(fault)
     }
 
-    /// What the servos hear of the host's `bytes`.
+    /// Damages an instruction on its way to the servos.
     pub fn pass_instruction(&mut self, bytes: &mut [u8]) {
         let hit = self.roll(|fault| fault == WireFault::CorruptInstruction);
         if hit.is_some() && !bytes.is_empty() {
@@ -127,23 +59,22 @@ impl FaultyWire {
         }
     }
 
-    /// Whether the host hears its own bytes.
+    /// Whether the host receives its own bytes.
     pub fn echoes(&mut self) -> bool {
         self.roll(|fault| fault == WireFault::Echo).is_some()
     }
 
-    /// What the host hears of a reply, and how much later, seconds.
+    /// The reply as it reaches the host, and how much later, seconds.
     pub fn pass_reply(&mut self, mut bytes: Vec<u8>) -> (Vec<u8>, f64) {
-        let to_replies = |fault| !matches!(fault, WireFault::Echo | WireFault::CorruptInstruction);
         let mut late_s = 0.0;
-        match self.roll(to_replies) {
+        match self.roll(hits_replies) {
             Some(WireFault::Drop) => bytes.clear(),
             Some(WireFault::Late(seconds)) => late_s = seconds,
             Some(WireFault::Corrupt) => self.flip(&mut bytes),
-            Some(WireFault::Truncate) => bytes.truncate(self.dice.below(bytes.len())),
+            Some(WireFault::Truncate) => bytes.truncate(self.random.below(bytes.len())),
             Some(WireFault::Duplicate) => bytes.extend_from_within(..),
             Some(WireFault::Noise) => {
-                let noise = (0..1 + self.dice.below(20)).map(|_| self.dice.next() as u8);
+                let noise = (0..1 + self.random.below(20)).map(|_| self.random.next_u64() as u8);
                 bytes = noise.collect::<Vec<_>>().into_iter().chain(bytes).collect();
             }
             _ => {}
@@ -158,14 +89,13 @@ impl FaultyWire {
         self.roll(lost).is_some()
     }
 
-    /// What becomes of a motor's CAN frame.
-    pub fn pass_frame(&mut self) -> Passed {
-        let mut passed = Passed {
+    /// Passes a CAN frame of a motor to the host.
+    pub fn pass_frame(&mut self) -> CanPassage {
+        let mut passed = CanPassage {
             copies: 1,
-            ..Passed::default()
+            ..CanPassage::default()
         };
-        let to_replies = |fault| !matches!(fault, WireFault::Echo | WireFault::CorruptInstruction);
-        match self.roll(to_replies) {
+        match self.roll(hits_replies) {
             Some(WireFault::Drop) => passed.copies = 0,
             // Half a line of the adapter: the rest of it is noise.
             Some(WireFault::Truncate) => {
@@ -176,8 +106,8 @@ impl FaultyWire {
             Some(WireFault::Corrupt) => passed.damaged = true,
             Some(WireFault::Duplicate) => passed.copies = 2,
             Some(WireFault::Noise) => {
-                let length = 1 + self.dice.below(20);
-                passed.noise = (0..length).map(|_| self.dice.next() as u8).collect();
+                let length = 1 + self.random.below(20);
+                passed.noise = (0..length).map(|_| self.random.next_u64() as u8).collect();
                 // A burst ends: the next line is whole.
                 passed.noise.push(b'\r');
             }
@@ -187,8 +117,8 @@ impl FaultyWire {
     }
 
     fn flip(&mut self, bytes: &mut [u8]) {
-        let at = self.dice.below(bytes.len());
-        let bit = self.dice.below(8);
+        let at = self.random.below(bytes.len());
+        let bit = self.random.below(8);
         if let Some(byte) = bytes.get_mut(at) {
             *byte ^= 1 << bit;
         }

@@ -1,5 +1,5 @@
 //! What all simulated CAN motors share: the motor, its torque loop, protection,
-//! time-out and judge. What they say about it is each protocol's own.
+//! time-out and judge.
 //!
 //! Torque is `kp (goal - angle) + kd (speed wanted - speed) + feed-forward`,
 //! within the torque limit. Angles are the motor's own after the gear.
@@ -7,11 +7,11 @@
 use servodance_drivers::DataSheet;
 use servodance_drivers::can::MotorSettings;
 
-use crate::body::{Body, SimServoState};
 use crate::error::SimError;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::motor::Motor;
+use crate::servo::body::{Body, SimServoState};
+use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
 
 const REBOOT_S: f64 = 0.5;
@@ -25,53 +25,40 @@ const HIGHEST_SHARE: f64 = 1.4;
 
 /// Why a motor has turned itself off. Stays until it is cleared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Trouble {
-    /// Supply too low.
+pub(crate) enum MotorFault {
     UnderVoltage,
-    /// Supply too high.
     OverVoltage,
-    /// Too hot.
     Overheat,
     /// Held against its torque for too long.
     Overload,
-    /// No command within the time-out.
     CommunicationLost,
 }
 
-/// What a command asks of the torque loop.
+/// A command of the torque loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Command {
-    /// Goal, radians.
+pub(crate) struct TorqueCommand {
     pub goal_rad: f64,
-    /// Speed wanted, radians a second.
     pub speed_rad_s: f64,
-    /// Position gain.
     pub kp: f64,
-    /// Damping.
     pub kd: f64,
-    /// Torque on top.
     pub torque_nm: f64,
 }
 
 /// One motor without its protocol.
 #[derive(Clone, Debug)]
-pub struct Core {
-    /// What the motor's numbers mean.
+pub(crate) struct MotorCore {
     pub settings: MotorSettings,
     body: Body,
     nominal_v: f64,
-    /// Its id on the bus.
     pub id: u8,
     enabled: bool,
     /// `None` until the first command after torque on.
-    command: Option<Command>,
-    /// Most torque, newton metres.
+    command: Option<TorqueCommand>,
     pub torque_limit_nm: f64,
     /// Torque goes off after this much silence, seconds; `None` is never.
     pub timeout_s: Option<f64>,
     silent_s: f64,
-    /// What has turned it off.
-    pub trouble: Option<Trouble>,
+    pub fault: Option<MotorFault>,
     tripped: bool,
     tripped_s: Option<f64>,
     torque_nm: f64,
@@ -83,7 +70,7 @@ pub struct Core {
     repeated_s: Option<f64>,
 }
 
-impl Core {
+impl MotorCore {
     /// A motor fresh from the factory; `nominal_v` is what it is made for.
     pub fn new(
         spec: &SimServoSpec,
@@ -91,11 +78,10 @@ impl Core {
         supply_v: Option<f64>,
         period_s: f64,
     ) -> Result<Self, SimError> {
-        let settings = spec.motor.clone().ok_or_else(|| SimError::Servo {
-            joint: spec.name.clone(),
-            id: spec.id,
-            reason: "is not a CAN motor".into(),
-        })?;
+        let settings = spec
+            .motor
+            .clone()
+            .ok_or_else(|| spec.refused("is not a CAN motor".into()))?;
         let torque_nm = settings.model.torque_nm;
         let rpm = settings.model.velocity_rad_s * 60.0 / std::f64::consts::TAU;
         let sheet = DataSheet::new(torque_nm, rpm, torque_nm, nominal_v);
@@ -111,7 +97,7 @@ impl Core {
             torque_limit_nm: torque_nm,
             timeout_s: None,
             silent_s: 0.0,
-            trouble: None,
+            fault: None,
             tripped: false,
             tripped_s: None,
             torque_nm: 0.0,
@@ -123,54 +109,45 @@ impl Core {
         })
     }
 
-    /// Whether it hears and speaks.
     pub fn listens(&self) -> bool {
         self.body.listens()
     }
 
-    /// Whether it drives.
     pub fn enabled(&self) -> bool {
         self.enabled
     }
 
-    /// Simulated time, seconds.
     pub fn time_s(&self) -> f64 {
         self.body.time_s
     }
 
-    /// Its own angle, radians.
     pub fn angle_rad(&self) -> f64 {
         self.body.motor.angle_rad
     }
 
-    /// Its own speed, radians a second.
     pub fn speed_rad_s(&self) -> f64 {
         self.body.motor.speed_rad_s
     }
 
-    /// Its torque, newton metres.
     pub fn torque_nm(&self) -> f64 {
         self.torque_nm
     }
 
-    /// Winding temperature, Celsius.
     pub fn temperature_c(&self) -> f64 {
         self.body.motor.temperature_c
     }
 
-    /// Supply, volts.
     pub fn supply_v(&self) -> f64 {
         self.body.volts()
     }
 
-    /// The judge of its motion.
     pub fn judge(&self) -> &Judge {
         &self.body.judge
     }
 
-    /// Torque on, without any until the first command. Refused in trouble.
+    /// Torque on, without any until the first command. Refused while a fault lasts.
     pub fn enable(&mut self) {
-        if self.trouble.is_none() && !self.enabled {
+        if self.fault.is_none() && !self.enabled {
             self.enabled = true;
             self.tripped = false;
             self.command = None;
@@ -187,18 +164,17 @@ impl Core {
         self.body.judge.end();
     }
 
-    /// Forgets its trouble.
     pub fn clear(&mut self) {
-        self.trouble = None;
+        self.fault = None;
     }
 
-    /// It heard something that its time-out counts.
+    /// Restarts the time-out.
     pub fn feed(&mut self) {
         self.silent_s = 0.0;
     }
 
     /// A command of the torque loop; without torque it means nothing.
-    pub fn command(&mut self, command: Command) {
+    pub fn command(&mut self, command: TorqueCommand) {
         if !self.enabled {
             return;
         }
@@ -207,7 +183,7 @@ impl Core {
             let position_rad = self.body.position_rad();
             self.body.judge.begin(goal_rad, position_rad);
         }
-        let is_same = |last: Command| last.goal_rad == command.goal_rad;
+        let is_same = |last: TorqueCommand| last.goal_rad == command.goal_rad;
         self.judge_goal(goal_rad, self.command.is_some_and(is_same));
         self.command = Some(command);
     }
@@ -219,12 +195,12 @@ impl Core {
         let now_s = self.body.time_s;
         let is_later = |then_s: f64| now_s - then_s >= 0.5 * self.period_s;
         if let Some(repeated_s) = self.repeated_s.filter(|then_s| is_later(*then_s)) {
-            self.body.judge.told(repeated_s, self.told_rad);
+            self.body.judge.judge_goal(repeated_s, self.told_rad);
             self.told_s = repeated_s;
             self.repeated_s = None;
         }
         if !is_same {
-            self.body.judge.told(now_s, goal_rad);
+            self.body.judge.judge_goal(now_s, goal_rad);
             (self.told_s, self.told_rad) = (now_s, goal_rad);
             self.repeated_s = None;
         } else if is_later(self.told_s) {
@@ -242,19 +218,19 @@ impl Core {
         self.body.be_deaf_for(REBOOT_S);
     }
 
-    fn fail(&mut self, trouble: Trouble) {
-        self.trouble = Some(trouble);
+    fn fail(&mut self, fault: MotorFault) {
+        self.fault = Some(fault);
         self.disable();
     }
 
     /// Something goes wrong with it; true if its protocol must restart too.
-    pub fn suffer(&mut self, fault: ServoFault) -> bool {
-        match self.body.suffer(fault) {
+    pub fn suffer(&mut self, injected: ServoFault) -> bool {
+        match self.body.suffer(injected) {
             Some(ServoFault::Reboot) => {
                 self.reboot();
                 return true;
             }
-            Some(ServoFault::Overload) => self.fail(Trouble::Overload),
+            Some(ServoFault::Overload) => self.fail(MotorFault::Overload),
             Some(ServoFault::Id(id)) => self.id = id,
             // A controller at another bitrate never gets onto the bus.
             Some(ServoFault::Baud(_)) => {
@@ -286,13 +262,13 @@ impl Core {
             .timeout_s
             .is_some_and(|limit_s| self.silent_s > limit_s)
         {
-            self.fail(Trouble::CommunicationLost);
+            self.fail(MotorFault::CommunicationLost);
             self.tripped = true;
             self.tripped_s = Some(self.body.time_s);
         }
     }
 
-    fn drive(&mut self, command: Command) -> f64 {
+    fn drive(&mut self, command: TorqueCommand) -> f64 {
         let asked_nm = command.kp * (command.goal_rad - self.body.motor.angle_rad)
             + command.kd * (command.speed_rad_s - self.body.motor.speed_rad_s)
             + command.torque_nm;
@@ -306,24 +282,24 @@ impl Core {
         let pushes_hard = self.torque_nm.abs() > OVERLOAD_SHARE * self.torque_limit_nm;
         let stalled_s = self.body.stalled_for(dt_s, pushes_hard);
         let share = self.body.volts() / self.nominal_v;
-        if self.trouble.is_some() {
-        } else if stalled_s > OVERLOAD_S {
-            self.fail(Trouble::Overload);
+        if self.fault.is_some() {
+            return;
+        }
+        if stalled_s > OVERLOAD_S {
+            self.fail(MotorFault::Overload);
         } else if self.body.motor.temperature_c > HOTTEST_C {
-            self.fail(Trouble::Overheat);
+            self.fail(MotorFault::Overheat);
         } else if share < LOWEST_SHARE {
-            self.fail(Trouble::UnderVoltage);
+            self.fail(MotorFault::UnderVoltage);
         } else if share > HIGHEST_SHARE {
-            self.fail(Trouble::OverVoltage);
+            self.fail(MotorFault::OverVoltage);
         }
     }
 
-    /// The end of a control period: the true position is judged.
     pub fn end_period(&mut self) {
         self.body.end_period();
     }
 
-    /// The truth.
     pub fn state(&self) -> SimServoState {
         let goal = self.command.map_or(self.angle_rad(), |c| c.goal_rad);
         SimServoState {
@@ -331,7 +307,7 @@ impl Core {
             torque_enabled: self.enabled,
             watchdog_tripped: self.tripped,
             tripped_s: self.tripped_s,
-            hardware_error: self.trouble.map_or(0, |trouble| 1 << trouble as u8),
+            hardware_error: self.fault.map_or(0, |fault| 1 << fault as u8),
             ..self.body.state()
         }
     }

@@ -1,5 +1,5 @@
-//! Where the host plugs in: a pseudo-terminal, a Unix socket, a multicast group, a
-//! CAN interface.
+//! The end that the host plugs into: a pseudo-terminal, a Unix socket, a multicast
+//! group, a CAN interface.
 
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
@@ -17,15 +17,13 @@ use crate::can::{Adapter, MulticastAdapter, SlcanAdapter};
 use crate::error::SimError;
 use crate::serial::host_port::HostPort;
 
-/// What the thread of a bus serves.
-pub enum FarEnd {
-    /// A serial adapter.
+/// The adapter that the thread of a bus serves.
+pub(crate) enum HostEnd {
     Serial(HostPort),
-    /// A CAN adapter.
     Can(Box<dyn Adapter>),
 }
 
-impl FarEnd {
+impl HostEnd {
     /// A second handle, to see whether there is something to read.
     pub fn watched(&self) -> Result<OwnedFd, SimError> {
         let watched = match self {
@@ -41,20 +39,19 @@ impl FarEnd {
 
 /// How the far end is opened, the first time and after it was pulled out.
 #[derive(Clone, Debug)]
-pub struct Socket {
+pub(crate) struct HostLink {
     /// Whether CAN motors are behind it.
     pub is_can: bool,
     /// Bits a second of their bus.
     pub bitrate: u32,
-    /// What the host opens.
     pub link: SimLink,
     /// The socket, or a symbolic link that leads to the terminal of the moment.
     pub path: Option<PathBuf>,
 }
 
-impl Socket {
-    /// Opens it: our end, and what the host is to open, as a path and as a port.
-    pub fn open(&self) -> Result<(FarEnd, String, Port), SimError> {
+impl HostLink {
+    /// Opens our end; the path and the port that the host is to open.
+    pub fn open(&self) -> Result<(HostEnd, String, Port), SimError> {
         match (self.is_can, &self.link) {
             (is_can, SimLink::Terminal | SimLink::Unix) => {
                 let (host, path) = match self.link {
@@ -64,9 +61,9 @@ impl Socket {
                 Ok(if is_can {
                     let adapter = Box::new(SlcanAdapter::new(host, self.bitrate));
                     let port = Port::Can(CanPort::Slcan(path.clone()));
-                    (FarEnd::Can(adapter), path, port)
+                    (HostEnd::Can(adapter), path, port)
                 } else {
-                    (FarEnd::Serial(host), path.clone(), Port::Serial(path))
+                    (HostEnd::Serial(host), path.clone(), Port::Serial(path))
                 })
             }
             (true, SimLink::Multicast(group)) => {
@@ -76,7 +73,7 @@ impl Socket {
                         reason,
                     })?;
                 let port = Port::Can(CanPort::Udp(*group));
-                Ok((FarEnd::Can(Box::new(adapter)), group.to_string(), port))
+                Ok((HostEnd::Can(Box::new(adapter)), group.to_string(), port))
             }
             #[cfg(target_os = "linux")]
             (true, SimLink::Interface(name)) => {
@@ -85,7 +82,7 @@ impl Socket {
                     reason,
                 })?;
                 let port = Port::Can(CanPort::Socket(name.clone()));
-                Ok((FarEnd::Can(Box::new(adapter)), name.clone(), port))
+                Ok((HostEnd::Can(Box::new(adapter)), name.clone(), port))
             }
             #[cfg(not(target_os = "linux"))]
             (true, SimLink::Interface(name)) => Err(SimError::Option {
@@ -101,8 +98,7 @@ impl Socket {
         }
     }
 
-    /// Nobody may find a port at the path that is no longer ours. A socket in a
-    /// file of its own is found at the one that the host was told.
+    /// Removes the path of a port that is no longer open.
     pub fn close(&self, port_path: &str) {
         let in_a_file = self.link == SimLink::Unix && !port_path.starts_with('@');
         let own = in_a_file.then(|| PathBuf::from(port_path));
@@ -112,7 +108,7 @@ impl Socket {
         }
     }
 
-    /// A terminal: our end, and the path to open, its own or the link's.
+    /// A pseudo-terminal: our end, and the path to open, its own or the link's.
     fn terminal(&self) -> Result<(HostPort, String), SimError> {
         let (master, terminal) = open_terminal()?;
         let Some(path) = &self.path else {
@@ -127,7 +123,7 @@ impl Socket {
         Ok((HostPort::Terminal(master), path))
     }
 
-    /// A socket: our end, and what to open. Without a path it has a name and no
+    /// A Unix socket: our end, and the path to open. Without a path it has a name and no
     /// file, or where the system knows none, a temporary file.
     fn unix_socket(&self) -> Result<(HostPort, String), SimError> {
         let failed = |reason| SimError::System {

@@ -4,7 +4,7 @@
 
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::motor::Motor;
+use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
 
 /// What a servo really does, whatever it says on the wire.
@@ -118,7 +118,7 @@ impl Body {
 
     /// The end of a control period: the true position is judged.
     pub fn end_period(&mut self) {
-        self.judge.went(self.time_s, self.position_rad());
+        self.judge.judge_motion(self.time_s, self.position_rad());
     }
 
     /// Something goes wrong; what is not the body's is handed back.
