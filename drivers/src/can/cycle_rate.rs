@@ -12,7 +12,7 @@
 use crate::bus::config::BusConfig;
 use crate::bus::kind::BusKind;
 use crate::can::cycle_frames::CycleBits;
-use crate::can::family;
+use crate::can::families;
 use crate::error::ConfigError;
 
 /// Bits of one cycle of `motors` motors; none for a serial bus.
@@ -21,7 +21,7 @@ pub(crate) fn cycle_bits(kind: BusKind, motors: usize) -> CycleBits {
         nominal: 0,
         worst: 0,
     };
-    family::of_kind(kind).map_or(none, |family| family.cycle_frames().bits(motors))
+    families::of_kind(kind).map_or(none, |family| family.cycle_frames().bits(motors))
 }
 
 /// Refuses more cycles a second than the bus carries without a single stuff bit.

@@ -30,7 +30,7 @@ const ABORT_STATE: u32 = 0x0800_0022;
 
 /// Keys of objects: index << 8 | subindex.
 mod at {
-    use super::{SdoObject, registers};
+    use servodance_drivers::can::cia402::registers::{self, SdoObject};
 
     pub const fn key(object: SdoObject) -> u32 {
         (object.0 as u32) << 8 | object.1 as u32
