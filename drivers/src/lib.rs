@@ -20,7 +20,6 @@ mod bus;
 mod bus_set;
 pub mod can;
 mod error;
-mod limiter;
 mod safety;
 pub mod serial;
 mod servo;
@@ -37,10 +36,9 @@ pub use bus::torque_alarm::{TorqueAlarm, set_torque_alarm};
 pub use bus::{ArmReport, Bus, BusStats, Health};
 pub use bus_set::{BusSet, open_buses};
 pub use error::{BusError, ConfigError, Refusal, ServoId};
-pub use limiter::{Limited, Limiter};
 pub use safety::{
-    Derating, EStop, Interventions, SafeBus, SafetyConfig, SafetyError, SafetySettings, ServoLost,
-    State, Transition,
+    EStop, Interventions, Limited, Limiter, SafeBus, SafetyConfig, SafetyError, ServoLost, State,
+    Transition,
 };
 pub use serial::SerialBus;
 pub use serial::scan::{FoundServo, SerialScanner, Vitals};

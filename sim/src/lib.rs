@@ -13,37 +13,30 @@
 //! Nothing here knows a bus driver's interface: this is the wire's far end.
 
 mod bench;
-mod body;
 mod bus;
 pub mod can;
 mod error;
-mod far_end;
 mod fault;
 mod judge;
-mod motor;
 mod script;
 mod serial;
 mod servo;
-mod urgency;
-mod world;
 
 pub use bench::{BenchError, BusBench, bench_bus};
-pub use body::SimServoState;
 pub use bus::line::{Burst, Line};
 pub use bus::options::{SimClock, SimLink, SimOptions};
 pub use bus::{SimBus, WireStats};
 pub use error::SimError;
 pub use fault::{ServoFault, WireFault};
-pub use judge::{Judge, Violations};
-pub use motor::Motor;
+pub use judge::Violations;
 pub use script::{Cue, Happening, happen, parse_script};
 pub use serial::protocol1_line::Protocol1Line;
 pub use serial::protocol2_line::Protocol2Line;
 pub use serial::protocol2_packet::{
     BROADCAST, Instruction, Parsed, Parser, crc16, fast_status, status,
 };
+pub use servo::body::SimServoState;
 pub use servo::byte_servo::ByteServo;
 pub use servo::dynamixel2::XServo;
 pub use servo::dynamixel2::table::{AccessError, Table};
 pub use servo::spec::SimServoSpec;
-pub use world::World;

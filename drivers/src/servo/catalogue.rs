@@ -1,6 +1,6 @@
 //! Every servo model that this crate can drive, from the folders of the families.
 
-use crate::can::CAN_MODELS;
+use crate::can::family;
 use crate::serial::families::FAMILIES;
 use crate::servo::model::ServoModel;
 
@@ -11,7 +11,7 @@ fn serial() -> impl Iterator<Item = &'static ServoModel> {
 impl ServoModel {
     /// Every model, family by family.
     pub fn all() -> impl Iterator<Item = &'static ServoModel> {
-        serial().chain(CAN_MODELS)
+        serial().chain(family::FAMILIES.iter().flat_map(|family| family.models()))
     }
 
     /// The model with this name; a connector suffix (`-T`, `-R`) is ignored.

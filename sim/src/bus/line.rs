@@ -2,9 +2,9 @@
 
 use servodance_drivers::can::CanFrame;
 
-use crate::body::SimServoState;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
+use crate::servo::body::SimServoState;
 
 /// One reply: a pause on the line, then bytes.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,8 +27,8 @@ pub trait Line: std::fmt::Debug + Send {
     fn execute(&mut self) -> Vec<Burst>;
 
     /// Takes one CAN frame from the host; the answers in the order in which the
-    /// bus carries them. A serial line hears none.
-    fn hear(&mut self, _frame: &CanFrame) -> Vec<CanFrame> {
+    /// bus carries them. A serial line has none.
+    fn receive(&mut self, _frame: &CanFrame) -> Vec<CanFrame> {
         Vec::new()
     }
 

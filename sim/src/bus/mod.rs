@@ -8,9 +8,12 @@
 //! is handed over when its own last byte has. In lockstep wire time is only
 //! counted and the motors move with [`SimBus::advance`] alone.
 
+mod host_end;
 pub(crate) mod line;
 pub(crate) mod options;
 pub(crate) mod shared;
+mod thread_priority;
+pub(crate) mod world;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -19,20 +22,21 @@ use std::time::{Duration, Instant};
 
 use servodance_drivers::{Port, ReplyClock, sleep_precisely};
 
-use crate::body::SimServoState;
+use crate::bus::host_end::{HostEnd, HostLink};
 use crate::bus::line::Line;
 use crate::bus::options::{SimClock, SimOptions};
 use crate::bus::shared::{Gone, Shared};
+use crate::bus::thread_priority::raise_priority;
+use crate::bus::world::World;
 use crate::can::{CanServer, build_net};
 use crate::error::SimError;
-use crate::far_end::{FarEnd, Socket};
-use crate::fault::{FaultyWire, ServoFault, WireFault};
+use crate::fault::wire::FaultyWire;
+use crate::fault::{ServoFault, WireFault};
 use crate::judge::{Judge, Violations};
 use crate::serial::build::build_line;
 use crate::serial::server::SerialServer;
+use crate::servo::body::SimServoState;
 use crate::servo::spec::SimServoSpec;
-use crate::urgency::answer_like_hardware;
-use crate::world::World;
 
 /// How long carrying out the host's frames may take in lockstep.
 const LONGEST_SETTLE: Duration = Duration::from_secs(2);
@@ -71,26 +75,26 @@ pub struct SimBus {
     shared: Arc<Shared>,
     port_path: String,
     port: Port,
-    socket: Socket,
+    host_link: HostLink,
     baud: u32,
     thread: Option<JoinHandle<()>>,
 }
 
 fn start_thread(
-    far_end: FarEnd,
+    host_end: HostEnd,
     shared: Arc<Shared>,
     baud: u32,
 ) -> Result<JoinHandle<()>, SimError> {
-    shared.watch(far_end.watched()?);
+    shared.watch(host_end.watched()?);
     let thread = std::thread::Builder::new().name("simulated servos".into());
     let gone = Gone(shared.clone());
     let in_real_time = shared.clock == SimClock::Realtime;
     let prepare = move || match in_real_time {
-        true => answer_like_hardware(),
+        true => raise_priority(),
         false => sleep_precisely(),
     };
-    let started = match far_end {
-        FarEnd::Can(adapter) => {
+    let started = match host_end {
+        HostEnd::Can(adapter) => {
             let server = CanServer::new(shared, adapter, baud);
             thread.spawn(move || {
                 let _gone = gone;
@@ -98,7 +102,7 @@ fn start_thread(
                 server.run();
             })
         }
-        FarEnd::Serial(port) => {
+        HostEnd::Serial(port) => {
             let server = SerialServer::new(shared, port);
             thread.spawn(move || {
                 let _gone = gone;
@@ -120,7 +124,7 @@ impl SimBus {
         let period_s = 1.0 / checked_hz(options.control_hz)?;
         let is_can = specs.iter().any(|spec| spec.motor.is_some());
         let line: Box<dyn Line> = match is_can {
-            true => Box::new(build_net(specs, options.supply_v, period_s)?),
+            true => build_net(specs, options.supply_v, period_s)?,
             false => build_line(specs, &options, period_s)?,
         };
         Self::start_with(line, is_can, options)
@@ -150,19 +154,19 @@ impl SimBus {
             byte_s,
             adapter_s,
         ));
-        let socket = Socket {
+        let host_link = HostLink {
             is_can,
             bitrate: options.baud,
             link: options.link,
             path: options.path,
         };
-        let (far_end, port_path, port) = socket.open()?;
-        let thread = start_thread(far_end, shared.clone(), options.baud)?;
+        let (host_end, port_path, port) = host_link.open()?;
+        let thread = start_thread(host_end, shared.clone(), options.baud)?;
         Ok(Self {
             shared,
             port_path,
             port,
-            socket,
+            host_link,
             baud: options.baud,
             thread: Some(thread),
         })
@@ -257,10 +261,10 @@ impl SimBus {
     /// if the options have one. Does nothing while it is plugged in.
     pub fn replug(&mut self) -> Result<(), SimError> {
         if self.thread.is_none() {
-            let (far_end, port_path, port) = self.socket.open()?;
+            let (host_end, port_path, port) = self.host_link.open()?;
             (self.port_path, self.port) = (port_path, port);
             self.shared.stop.store(false, Ordering::Release);
-            self.thread = Some(start_thread(far_end, self.shared.clone(), self.baud)?);
+            self.thread = Some(start_thread(host_end, self.shared.clone(), self.baud)?);
         }
         Ok(())
     }
@@ -269,7 +273,7 @@ impl SimBus {
     /// The servos go on as they were, and time can still be advanced.
     pub fn unplug(&mut self) {
         self.shared.stop.store(true, Ordering::Release);
-        self.socket.close(&self.port_path);
+        self.host_link.close(&self.port_path);
         if let Some(thread) = self.thread.take() {
             // A panic in the thread has already been printed.
             let _ = thread.join();

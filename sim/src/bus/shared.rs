@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use crate::bus::options::SimClock;
-use crate::fault::FaultyWire;
-use crate::world::World;
+use crate::bus::world::World;
+use crate::fault::wire::FaultyWire;
 
 /// Precise waits sleep until so long before their end; the rest is spent
 /// spinning, for the precision of a fast bus.

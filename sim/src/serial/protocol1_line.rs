@@ -6,12 +6,12 @@
 
 use servodance_drivers::serial::{ByteMemory, instruction as code};
 
-use crate::body::SimServoState;
 use crate::bus::line::{Burst, Line};
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::serial::protocol2_packet::BROADCAST;
 use crate::serial::roster::{Device, Roster, collided};
+use crate::servo::body::SimServoState;
 use crate::servo::byte_servo::ByteServo;
 
 /// A frame from the host.

@@ -6,7 +6,6 @@
 
 use servodance_drivers::serial::instruction as code;
 
-use crate::body::SimServoState;
 use crate::bus::line::{Burst, Line};
 use crate::fault::ServoFault;
 use crate::judge::Judge;
@@ -14,6 +13,7 @@ use crate::serial::protocol2_packet::{
     BROADCAST, Instruction, Parsed, Parser, fast_status, status,
 };
 use crate::serial::roster::{Device, Roster, collided};
+use crate::servo::body::SimServoState;
 use crate::servo::dynamixel2::XServo;
 use crate::servo::dynamixel2::table::AccessError;
 

@@ -1,9 +1,9 @@
 //! The servos of one serial line, whatever they speak.
 
-use crate::body::{Body, SimServoState};
 use crate::bus::line::Burst;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
+use crate::servo::body::{Body, SimServoState};
 
 /// What a line needs of each of its servos.
 pub trait Device {

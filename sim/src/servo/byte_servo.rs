@@ -10,11 +10,11 @@
 use servodance_drivers::ServoModel;
 use servodance_drivers::serial::{ByteMemory, Register, ServiceRegisters, sign_magnitude};
 
-use crate::body::{Body, SimServoState};
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::motor::{FULL_PWM_ERROR_RAD, Motor};
 use crate::serial::roster::Device;
+use crate::servo::body::{Body, SimServoState};
+use crate::servo::motor::{FULL_PWM_ERROR_RAD, Motor};
 use crate::servo::spec::SimServoSpec;
 
 const REBOOT_S: f64 = 0.8;
@@ -248,7 +248,7 @@ impl ByteServo {
         }
         if touches(goal) && error == 0 {
             let goal_rad = self.goal_rad();
-            self.body.judge.told(self.body.time_s, goal_rad);
+            self.body.judge.judge_goal(self.body.time_s, goal_rad);
         }
         error
     }
@@ -262,7 +262,7 @@ impl ByteServo {
             self.trajectory_ticks = self.encoder_ticks();
             let (goal_rad, position_rad) = (self.goal_rad(), self.body.position_rad());
             self.body.judge.begin(goal_rad, position_rad);
-            self.body.judge.told(self.body.time_s, goal_rad);
+            self.body.judge.judge_goal(self.body.time_s, goal_rad);
         } else if !self.torque_on() {
             self.body.judge.end();
         }

@@ -1,5 +1,7 @@
 //! Simulated servos on a serial line: memory, firmware and motor of one each.
 
+pub(crate) mod body;
 pub(crate) mod byte_servo;
 pub(crate) mod dynamixel2;
+pub(crate) mod motor;
 pub(crate) mod spec;

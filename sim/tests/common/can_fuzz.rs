@@ -10,9 +10,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use servodance_drivers::can::{
-    CanBus, CanFault, CanFrame, CanLink, CanScanner, Received, Sent, slcan, udp,
-};
+use servodance_drivers::can::transport::{slcan, udp};
+use servodance_drivers::can::{CanBus, CanFault, CanFrame, CanLink, CanScanner, LinkEvent, Sent};
 use servodance_drivers::{Bus, BusConfig, BusKind, Servo, ServoConfig, servos};
 use servodance_sim::can::{WATCHDOG_ENDPOINTS, build_net};
 use servodance_sim::{Line, SimServoSpec};
@@ -148,7 +147,7 @@ fn robot(model: &str) -> Vec<Servo> {
 
 fn net(servos: &[Servo]) -> Box<dyn Line> {
     let specs: Vec<SimServoSpec> = servos.iter().map(Into::into).collect();
-    Box::new(build_net(&specs, None, 0.01).unwrap())
+    build_net(&specs, None, 0.01).unwrap()
 }
 
 /// Frames for the simulated motors, which move meanwhile.
@@ -157,7 +156,7 @@ pub fn commands(dice: &mut Dice, inputs: u64, model: &str) -> Tally {
     let servos = robot(model);
     let mut line = net(&servos);
     for k in 0..inputs {
-        match line.hear(&dice.frame()).len() {
+        match line.receive(&dice.frame()).len() {
             0 => tally.refused += 1,
             _ => tally.sound += 1,
         }
@@ -203,7 +202,7 @@ impl CanLink for DamagedLink {
         self.time_s += 1e-4;
         self.line.step(self.time_s, 1e-4, false);
         let mut said = self.line.due();
-        said.extend(self.line.hear(frame));
+        said.extend(self.line.receive(frame));
         for frame in said {
             let frame = self.damaged(frame);
             self.queue.push_back(frame);
@@ -211,22 +210,17 @@ impl CanLink for DamagedLink {
         Ok(Sent::Taken)
     }
 
-    fn receive(&mut self, _deadline: Instant) -> io::Result<Received> {
+    fn receive(&mut self, _deadline: Instant) -> io::Result<LinkEvent> {
         let next = match self.dice.below(8 * self.rarity) {
             0 => Some(self.dice.frame()),
-            1 => return Ok(Received::Fault(CanFault::Error)),
+            1 => return Ok(LinkEvent::Fault(CanFault::Error)),
             _ => self.queue.pop_front(),
         };
         let Some(frame) = next else {
-            return Ok(Received::Nothing);
+            return Ok(LinkEvent::Nothing);
         };
         self.heard.fetch_add(1, Ordering::Relaxed);
-        Ok(Received::Frame(frame))
-    }
-
-    fn clear(&mut self) -> io::Result<()> {
-        self.queue.clear();
-        Ok(())
+        Ok(LinkEvent::Frame(frame))
     }
 }
 

@@ -2,8 +2,8 @@
 
 use servodance_drivers::serial::dynamixel2::registers as at;
 
-use crate::motor::FULL_PWM;
 use crate::servo::dynamixel2::{RAD_PER_TICK, RAD_S_PER_UNIT, RAD_S2_PER_UNIT, XServo};
+use crate::servo::motor::FULL_PWM;
 
 impl XServo {
     /// Duty from -1 to 1.

@@ -4,9 +4,9 @@
 use servodance_drivers::serial::Register;
 use servodance_drivers::serial::dynamixel2::registers as at;
 
-use crate::motor::FULL_PWM;
 use crate::servo::dynamixel2::table::AccessError;
 use crate::servo::dynamixel2::{RAD_PER_TICK, RAD_S_PER_UNIT, XServo};
+use crate::servo::motor::FULL_PWM;
 
 impl XServo {
     /// A read of the control table: error number and data.
@@ -90,7 +90,7 @@ impl XServo {
                         self.set_torque(true);
                     }
                     let goal_rad = self.goal_rad();
-                    self.body.judge.told(self.body.time_s, goal_rad);
+                    self.body.judge.judge_goal(self.body.time_s, goal_rad);
                 }
                 _ => self.table.put(register, value),
             }

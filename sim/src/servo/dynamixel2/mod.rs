@@ -18,11 +18,11 @@ use servodance_drivers::serial::Register;
 use servodance_drivers::serial::dynamixel2::BAUDS;
 use servodance_drivers::serial::dynamixel2::registers as at;
 
-use crate::body::{Body, SimServoState};
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::motor::Motor;
 use crate::serial::roster::Device;
+use crate::servo::body::{Body, SimServoState};
+use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
 use table::Table;
 
@@ -246,7 +246,7 @@ impl XServo {
             let state = self.state();
             self.body.judge.begin(state.goal_rad, state.position_rad);
             // The goal it starts towards must itself be allowed.
-            self.body.judge.told(self.body.time_s, state.goal_rad);
+            self.body.judge.judge_goal(self.body.time_s, state.goal_rad);
         } else if !on {
             self.body.judge.end();
         }
