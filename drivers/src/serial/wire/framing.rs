@@ -15,7 +15,7 @@ pub enum Framing {
 
 impl Framing {
     /// Appends an instruction packet to `out`.
-    pub(crate) fn encode(self, out: &mut Vec<u8>, id: u8, instruction: u8, params: &[u8]) {
+    pub fn encode(self, out: &mut Vec<u8>, id: u8, instruction: u8, params: &[u8]) {
         match self {
             Self::Protocol2 => protocol2::encode(out, id, instruction, params),
             Self::Protocol1 => protocol1::encode(out, id, instruction, params),
