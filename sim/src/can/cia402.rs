@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use servodance_drivers::can::CanFrame;
 use servodance_drivers::can::cia402::registers::{
     self, ABORT, CYCLIC_POSITION, DOWNLOADED, EMERGENCY, HEARTBEAT, NMT_PRE_OPERATIONAL, NMT_START,
-    OPERATIONAL, PDO_OFF, RPDO, RPDO_PARAMETERS, SDO_ANSWER, SDO_REQUEST, SYNC, SdoObject, TPDO,
+    OPERATIONAL, PDO_OFF, RPDO, RPDO_PARAMETERS, SDO_ANSWER, SDO_REQUEST, SYNC, TPDO,
     TPDO_PARAMETERS, UPLOAD, mapped,
 };
 
