@@ -135,7 +135,7 @@ impl Drop for HeldLines {
 /// so does a bus that is dropped and cannot turn torque off.
 pub fn report_panics_in_one_line() {
     std::panic::set_hook(Box::new(|panic| stderr_line!("{}", panic_line(panic))));
-    servodance_drivers::hear_last_words(|text| stderr_line!("{text}"));
+    servodance_drivers::set_torque_alarm(|text| stderr_line!("{text}"));
 }
 
 fn panic_line(panic: &PanicHookInfo) -> String {

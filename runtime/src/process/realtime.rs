@@ -5,7 +5,7 @@
 //! starts threads raises itself first. No root is needed where the system
 //! grants `rtprio`; where it does not, everything works, less punctually.
 
-use servodance_drivers::sleep_punctually;
+use servodance_drivers::sleep_precisely;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use thread_priority::{
@@ -46,7 +46,7 @@ pub struct NotAllowed;
 /// Gives the calling thread, and those that it starts from now on, the
 /// priority of `role`. Their sleeps end on time, whatever the system allows.
 pub fn raise(role: ThreadRole) -> Result<(), NotAllowed> {
-    sleep_punctually();
+    sleep_precisely();
     let value = ThreadPriorityValue::try_from(role.priority()).map_err(|_| NotAllowed)?;
     set_thread_priority_and_policy(
         thread_native_id(),
