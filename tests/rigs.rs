@@ -2,9 +2,9 @@
 //! is said, and the rest is held.
 
 use servodance_runtime::follow::{Followed, follow};
-use servodance_runtime::report::ViolationReport;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::robot_file::new_robot;
+use servodance_runtime::robot::new_robot;
+use servodance_runtime::telemetry::report::ViolationReport;
 use servodance_training::choreography::trial_dance;
 use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 use std::fmt::Write;

@@ -1,11 +1,11 @@
 //! A motion file becomes a file of joint positions, inside every limit.
 
 use crate::follow::{Followed, follow};
-use crate::joint_csv::JointCsv;
-use crate::output::{PendingFile, write_whole};
-use crate::record::{Recorder, Topic, WhenBehind};
-use crate::report::{EffortFigures, ViolationReport};
 use crate::robot::Robot;
+use crate::telemetry::joint_csv::JointCsv;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
+use crate::telemetry::recorder::{Recorder, Topic, WhenBehind};
+use crate::telemetry::report::{EffortFigures, ViolationReport};
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::Clip;

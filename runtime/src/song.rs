@@ -1,6 +1,6 @@
 //! The built-in song as a file, for people who want to listen to it.
 
-use crate::output::PendingFile;
+use crate::telemetry::pending_file::PendingFile;
 use anyhow::Context;
 use servodance_audio::song::Song;
 use std::path::Path;

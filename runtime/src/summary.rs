@@ -1,7 +1,7 @@
 //! What the user reads when a dance is over.
 
 use crate::dance::DanceConfig;
-use crate::report::Report;
+use crate::telemetry::report::Report;
 use std::fmt::Write;
 
 /// A few lines: what was danced, how well, how fast, and where the files are.

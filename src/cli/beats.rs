@@ -1,7 +1,7 @@
 //! `servodance beats`.
 
 use servodance_runtime::beats::{Beats, Hearing};
-use servodance_runtime::output::write_whole;
+use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

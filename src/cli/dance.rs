@@ -9,8 +9,8 @@ use servodance_runtime::console::{say, tell};
 use servodance_runtime::dance::{
     AudioChoice, BusChoice, DanceConfig, Evening, Outcome, Speed, choose_buses, dance,
 };
-use servodance_runtime::show::{Server, TerminalView};
 use servodance_runtime::summary::summary;
+use servodance_runtime::viewer::{Server, TerminalView};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,8 +1,8 @@
 //! `servodance export`.
 
 use servodance_runtime::console::say;
-use servodance_runtime::export::{Part, bvh, csv, gif};
-use servodance_runtime::record::Recording;
+use servodance_runtime::telemetry::export::{Part, bvh, csv, gif};
+use servodance_runtime::telemetry::recorder::Recording;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

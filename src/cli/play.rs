@@ -3,8 +3,8 @@
 use super::stop_signal;
 use servodance_retarget::RobotModel;
 use servodance_runtime::console::say;
-use servodance_runtime::record::Recording;
-use servodance_runtime::show::{Meshes, Player, Scene, Server, Settings, link};
+use servodance_runtime::telemetry::recorder::Recording;
+use servodance_runtime::viewer::{Meshes, Player, Scene, Server, Settings, link};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -7,8 +7,8 @@ use servodance_lab::soak::{Music, Soak};
 use servodance_model::net::EngineOptions;
 use servodance_runtime::console::{say, tell};
 use servodance_runtime::dance::open_generator;
-use servodance_runtime::output::{PendingFile, write_whole};
 use servodance_runtime::progress::Progress;
+use servodance_runtime::telemetry::pending_file::{PendingFile, write_whole};
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -2,8 +2,8 @@
 //! else.
 
 use servodance_runtime::robot::Robot;
-use servodance_runtime::robot_file::{Overrides, new_robot};
-use servodance_runtime::show::Meshes;
+use servodance_runtime::robot::{Overrides, new_robot};
+use servodance_runtime::viewer::Meshes;
 use servodance_training::choreography::trial_dance;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;

@@ -4,7 +4,7 @@ use clap::Parser;
 use rand::{Rng, SeedableRng};
 use servodance::cli::{Cli, Command};
 use servodance_runtime::dance::{Evening, IdleStyle, Outcome};
-use servodance_runtime::show::{Activity, Request, ViewerEnd};
+use servodance_runtime::viewer::{Activity, Request, ViewerEnd};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 

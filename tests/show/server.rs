@@ -2,7 +2,7 @@
 
 use servodance_runtime::dance::IdleStyle;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::show::{
+use servodance_runtime::viewer::{
     Activity, Meshes, Request, RobotEnd, Scene, Server, Settings, link,
 };
 use std::io::{Read, Write};

@@ -6,10 +6,10 @@
 
 use super::motion_source::Step;
 use super::rig::Rig;
-use crate::record::{Notice, Recorder, Topic};
-use crate::show::pose_array;
-use crate::show::snapshot::{BANDS, state_name};
 use crate::stages::Stage;
+use crate::telemetry::recorder::{Notice, Recorder, Topic};
+use crate::viewer::pose_array;
+use crate::viewer::snapshot::{BANDS, state_name};
 use servodance_drivers::State;
 use servodance_retarget::Retargeter;
 

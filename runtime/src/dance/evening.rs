@@ -6,7 +6,7 @@
 //! dance. An emergency stop, or an error, ends a dance and not the evening.
 
 use super::{DanceConfig, Outcome, open_generator, perform, watch};
-use crate::show::{Activity, Meshes, Request, RobotEnd, Scene, Settings, ViewerEnd, snapshot};
+use crate::viewer::{Activity, Meshes, Request, RobotEnd, Scene, Settings, ViewerEnd, snapshot};
 use anyhow::bail;
 use servodance_drivers::State;
 use servodance_model::Generator;

@@ -3,10 +3,10 @@
 
 use super::DanceConfig;
 use super::trace::Trace;
-use crate::export::{Part, gif};
-use crate::record::Recording;
-use crate::report::Report;
-use crate::show::pose_array;
+use crate::telemetry::export::{Part, gif};
+use crate::telemetry::recorder::Recording;
+use crate::telemetry::report::Report;
+use crate::viewer::pose_array;
 use std::path::Path;
 
 /// Its length, seconds.

@@ -48,15 +48,15 @@ pub use ordeal::{Endured, Ordeal};
 pub use ports::{BusChoice, choose as choose_buses};
 pub use stage_source::{LeaderNow, LocalClock, StageEnd, StageSource, stage_line};
 
-use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
 use crate::realtime::{OrdinaryAfterwards, Role, raise};
-use crate::record::{Recorder, Topic, WhenBehind};
-use crate::report::{
+use crate::stages::Stage;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
+use crate::telemetry::recorder::{Recorder, Topic, WhenBehind};
+use crate::telemetry::report::{
     AlignmentReport, CaptureReport, CompensationReport, KinematicBeats, Report, Stages,
 };
-use crate::show::{Activity, RobotEnd, snapshot};
-use crate::stages::Stage;
+use crate::viewer::{Activity, RobotEnd, snapshot};
 use anyhow::Context;
 use audio::Audio;
 use chronicle::Chronicle;
@@ -340,7 +340,7 @@ fn report(
         bus_stats: rig.bus_report(),
         violations: rig.violations(),
         alignment: AlignmentReport::default(),
-        beats: crate::report::BeatReport {
+        beats: crate::telemetry::report::BeatReport {
             tempo_bpm: heard.beats.tempo_bpm,
             times_s: heard.beats.times_s.clone(),
         },

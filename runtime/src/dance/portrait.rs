@@ -2,9 +2,9 @@
 
 use super::DanceConfig;
 use super::trace::{JointTrace, Trace};
-use crate::picture::robot::{robot_figure, standing_height_m};
-use crate::picture::{DancePicture, Figure, Pose, Track};
-use crate::report::Report;
+use crate::telemetry::picture::robot::{robot_figure, standing_height_m};
+use crate::telemetry::picture::{DancePicture, Figure, Pose, Track};
+use crate::telemetry::report::Report;
 use servodance_model::motion::kinematic_beats_s;
 use servodance_retarget::Retargeter;
 

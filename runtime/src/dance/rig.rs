@@ -4,8 +4,8 @@
 
 use super::config::Speed;
 use super::ports::BusChoice;
-use crate::report::{BusReport, SafetyEvent, ViolationReport};
 use crate::robot::Robot;
+use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
 use anyhow::Context;
 use servodance_drivers::{
     Bus, BusLayout, BusStats, EStop, Health, SafeBus, State, Transition, open_buses,

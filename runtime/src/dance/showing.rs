@@ -7,8 +7,8 @@
 
 use super::overload::{LeftOut, Sparing};
 use super::rig::Rig;
-use crate::show::snapshot::{Activity, BANDS, BusNow, Event, Moment, MusicNow, state_name};
-use crate::show::{RobotEnd, Settings, pose_array};
+use crate::viewer::snapshot::{Activity, BANDS, BusNow, Event, Moment, MusicNow, state_name};
+use crate::viewer::{RobotEnd, Settings, pose_array};
 use servodance_retarget::{Points, Retargeter};
 use servodance_types::MusicFrame;
 use std::collections::VecDeque;

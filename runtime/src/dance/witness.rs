@@ -54,6 +54,6 @@ impl Witness {
             }
             text.push('\n');
         }
-        crate::output::write_whole(path, text.as_bytes())
+        crate::telemetry::pending_file::write_whole(path, text.as_bytes())
     }
 }

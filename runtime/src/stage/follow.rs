@@ -12,10 +12,10 @@ use crate::dance::{
     EStopWatch, FollowConfig, Followed, IdleStyle, LeaderNow, LocalClock, StageEnd,
     follow as dance, stage_line,
 };
-use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
 use crate::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
-use crate::show::{Request, Settings, ViewerEnd, link};
+use crate::telemetry::pending_file::{PendingFile, write_whole};
+use crate::viewer::{Request, Settings, ViewerEnd, link};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use servodance_stage::keys::Keys;

@@ -14,9 +14,9 @@ use crate::dance::{
     AudioChoice, CHORUS, Change, Dancer, DancerThread, LocalClock, Next, Speed, Step,
     open_generator,
 };
-use crate::output::{PendingFile, write_whole};
 use crate::progress::Progress;
 use crate::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
+use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::Notice;

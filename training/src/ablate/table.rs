@@ -1,7 +1,7 @@
 //! The variants beside each other: CSV for scripts, a table for people, a picture.
 
 use super::{Figure, Row, RowScores};
-use servodance_runtime::picture::dots::{Dot, Dots, Panel};
+use servodance_runtime::telemetry::picture::dots::{Dot, Dots, Panel};
 use std::fmt::Write;
 
 /// All variants, the whole model first.

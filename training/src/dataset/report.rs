@@ -8,7 +8,7 @@ use crate::motion::tempo;
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::Clip;
-use servodance_runtime::picture::{Figure, Row, Sheet};
+use servodance_runtime::telemetry::picture::{Figure, Row, Sheet};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;

@@ -4,8 +4,8 @@
 
 use crate::train::{CurveRow, StageKind};
 use anyhow::{Context, ensure};
-use servodance_runtime::output::write_whole;
-use servodance_runtime::picture::curves::{Curve, Curves, Panel};
+use servodance_runtime::telemetry::pending_file::write_whole;
+use servodance_runtime::telemetry::picture::curves::{Curve, Curves, Panel};
 use std::path::{Path, PathBuf};
 
 /// The curves so far.

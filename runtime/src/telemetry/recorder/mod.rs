@@ -25,21 +25,21 @@
 //! figures that a reader needs to check the report, and how many messages were
 //! left out because the disk was too slow (`messages_left_out`).
 
-mod book;
-mod clerk;
-mod reader;
-mod schema;
+mod mcap_file;
+mod message_types;
+mod recording;
+mod writer_thread;
 
-pub use reader::{Past, Recording, Series};
+pub use recording::{Past, Recording, Series};
 
 use crate::stages::Stage;
-use clerk::Clerk;
-pub use clerk::{OnTrouble, WhenBehind};
-use schema::MessageType;
+use message_types::MessageType;
 use servodance_stage::ros2::{CdrWriter, joint_state, pose_array};
 use servodance_types::{JointState, MotionFrame};
 use std::collections::BTreeMap;
 use std::path::Path;
+use writer_thread::Clerk;
+pub use writer_thread::{OnTrouble, WhenBehind};
 
 const JOINT_FRAME: &str = "base_link";
 const MOTION_FRAME: &str = "stage";

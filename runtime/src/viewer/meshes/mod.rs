@@ -4,9 +4,11 @@
 //! only the robot's own files are read ([`Homes`]). What cannot be drawn is left
 //! out with a reason; the link is then drawn as if it had no mesh.
 
-use super::stl::{Corner, LONGEST, read};
+mod stl;
+
+use self::stl::{Corner, LONGEST, read};
+use crate::robot::Homes;
 use crate::robot::Robot;
-use crate::robot_file::Homes;
 use servodance_retarget::{MeshVisual, RobotModel};
 use std::collections::HashMap;
 use std::io::Read;

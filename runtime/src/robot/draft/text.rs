@@ -1,6 +1,6 @@
 //! The text of a new robot file: tables with the reasons beside them.
 
-use super::new::Plan;
+use super::Plan;
 use super::servos::ServoDraft;
 use servodance_retarget::{BodyLinks, Limb, Role, Stance};
 use std::fmt::Write;

@@ -11,17 +11,17 @@ pub fn part(name: &str) -> Option<(&'static str, &'static str)> {
     const CSS: &str = "text/css; charset=utf-8";
     const SCRIPT: &str = "text/javascript; charset=utf-8";
     Some(match name {
-        "index.html" => (HTML, include_str!("page/index.html")),
-        "view.css" => (CSS, include_str!("page/view.css")),
-        "main.js" => (SCRIPT, include_str!("page/main.js")),
-        "connection.js" => (SCRIPT, include_str!("page/connection.js")),
-        "controls.js" => (SCRIPT, include_str!("page/controls.js")),
-        "panels.js" => (SCRIPT, include_str!("page/panels.js")),
-        "stage.js" => (SCRIPT, include_str!("page/stage.js")),
-        "shapes.js" => (SCRIPT, include_str!("page/shapes.js")),
-        "painter.js" => (SCRIPT, include_str!("page/painter.js")),
-        "camera.js" => (SCRIPT, include_str!("page/camera.js")),
-        "matrix.js" => (SCRIPT, include_str!("page/matrix.js")),
+        "index.html" => (HTML, include_str!("../page/index.html")),
+        "view.css" => (CSS, include_str!("../page/view.css")),
+        "main.js" => (SCRIPT, include_str!("../page/main.js")),
+        "connection.js" => (SCRIPT, include_str!("../page/connection.js")),
+        "controls.js" => (SCRIPT, include_str!("../page/controls.js")),
+        "panels.js" => (SCRIPT, include_str!("../page/panels.js")),
+        "stage.js" => (SCRIPT, include_str!("../page/stage.js")),
+        "shapes.js" => (SCRIPT, include_str!("../page/shapes.js")),
+        "painter.js" => (SCRIPT, include_str!("../page/painter.js")),
+        "camera.js" => (SCRIPT, include_str!("../page/camera.js")),
+        "matrix.js" => (SCRIPT, include_str!("../page/matrix.js")),
         _ => return None,
     })
 }

@@ -4,13 +4,17 @@
 //! it was written down is said with its figures. The file loads and dances in
 //! simulation as it is; the servos are placeholders to fill in.
 
-use super::copies::Copies;
-use super::homes::Homes;
-use super::servos::{ServoDraft, servo_drafts};
-use super::text;
+mod copies;
+mod servos;
+mod text;
+
+use self::copies::Copies;
+use self::servos::{ServoDraft, servo_drafts};
+use crate::robot::homes::Homes;
+
 use crate::follow::{Followed, follow};
-use crate::output::write_whole;
 use crate::robot::{Robot, RobotError};
+use crate::telemetry::pending_file::write_whole;
 use anyhow::{Context, bail};
 use servodance_model::motion::Clip;
 use servodance_retarget::{

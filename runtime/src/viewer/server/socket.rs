@@ -1,7 +1,7 @@
 //! One viewer on a WebSocket: the newest frame out, as fast as they can take
 //! it; requests in. What they miss is gone: only the newest counts.
 
-use super::api::{LONGEST, Shared};
+use super::routes::{LONGEST, Shared};
 use axum::Extension;
 use axum::extract::State;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};

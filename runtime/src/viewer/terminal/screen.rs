@@ -6,8 +6,8 @@
 use super::joints::{joint, layout};
 use super::keys::HELP;
 use crate::console;
-use crate::show::Scene;
-use crate::show::snapshot::{Activity, Event, Moment, MusicNow, Snapshot, state_name};
+use crate::viewer::Scene;
+use crate::viewer::snapshot::{Activity, Event, Moment, MusicNow, Snapshot, state_name};
 use clap::ValueEnum;
 use ratatui::Frame;
 use ratatui::layout::Rect;

@@ -5,7 +5,7 @@
 //! head_pan    ·······┃●········   12.3°  36°
 //! ```
 
-use crate::show::snapshot::JointNow;
+use crate::viewer::snapshot::JointNow;
 use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::{Line, Span};
 use servodance_types::JointLimits;

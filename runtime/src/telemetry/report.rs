@@ -315,7 +315,7 @@ impl Report {
     pub fn write(&self, path: &Path) -> anyhow::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
-        crate::output::write_whole(path, text.as_bytes())
+        crate::telemetry::pending_file::write_whole(path, text.as_bytes())
     }
 }
 

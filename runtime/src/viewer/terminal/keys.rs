@@ -1,7 +1,7 @@
 //! What each key asks for.
 
 use crate::dance::IdleStyle;
-use crate::show::{Request, Settings};
+use crate::viewer::{Request, Settings};
 use clap::ValueEnum;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use std::time::{Duration, Instant};

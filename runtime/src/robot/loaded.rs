@@ -2,7 +2,7 @@
 //! every servo. Degrees and ticks live there; inside, all is radians.
 
 use crate::dance::IdleStyle;
-use crate::robot_file::{Homes, Origin, Overrides, Stray};
+use crate::robot::{Homes, Origin, Overrides, Stray};
 use anyhow::{anyhow, bail};
 use serde::Deserialize;
 use servodance_drivers::{
@@ -29,8 +29,8 @@ macro_rules! built_in {
         BuiltIn {
             name: $name,
             file: concat!("configs/", $name, ".toml"),
-            toml: include_str!(concat!("../../configs/", $name, ".toml")),
-            urdf: include_str!(concat!("../../configs/", $name, ".urdf")),
+            toml: include_str!(concat!("../../../configs/", $name, ".toml")),
+            urdf: include_str!(concat!("../../../configs/", $name, ".urdf")),
         }
     };
 }

@@ -5,9 +5,9 @@
 //! go by the names that they have there; all else stays as it is. Meshes that
 //! would not be drawn are left where they are, and named.
 
-use super::homes::Homes;
-use crate::output::PendingFile;
-use crate::show::open_mesh;
+use crate::robot::homes::Homes;
+use crate::telemetry::pending_file::PendingFile;
+use crate::viewer::open_mesh;
 use anyhow::Context;
 use servodance_retarget::RobotModel;
 use std::collections::BTreeMap;

@@ -4,7 +4,7 @@
 use super::link::RobotEnd;
 use super::request::Request;
 use super::snapshot::{Activity, BANDS, Event, MusicNow, known_state};
-use crate::record::Recording;
+use crate::telemetry::recorder::Recording;
 use servodance_types::BeatLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -160,8 +160,8 @@ fn spectrum_at(recording: &Recording, time_s: f64) -> [f32; BANDS] {
 mod tests {
     use super::*;
     use crate::dance::IdleStyle;
-    use crate::record::Past;
-    use crate::show::{Settings, link};
+    use crate::telemetry::recorder::Past;
+    use crate::viewer::{Settings, link};
 
     fn settings() -> Settings {
         Settings {
@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn spectrum_heat_and_events_are_those_of_the_moment_however_it_is_reached() {
         let mut recording = Recording::default();
-        let mut heat = crate::record::Series::default();
+        let mut heat = crate::telemetry::recorder::Series::default();
         for i in 0..10 {
             let time_s = f64::from(i);
             recording.states.push(time_s, vec![0.0]);

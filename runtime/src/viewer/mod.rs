@@ -10,15 +10,9 @@
 //! held apart. The page and its API are built with the feature `view`, the terminal
 //! always.
 
-#[cfg(feature = "view")]
-mod api;
 mod frame;
-#[cfg(feature = "view")]
-mod guard;
 pub mod link;
 mod meshes;
-#[cfg(feature = "view")]
-mod page;
 mod player;
 pub mod request;
 mod scene;
@@ -28,9 +22,6 @@ mod server;
 #[path = "no_server.rs"]
 mod server;
 pub mod snapshot;
-#[cfg(feature = "view")]
-mod socket;
-mod stl;
 mod terminal;
 
 pub use frame::frame;

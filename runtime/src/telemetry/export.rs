@@ -1,11 +1,11 @@
 //! A recording becomes other files: a moving picture, BVH, CSV.
 
-use crate::joint_csv::JointCsv;
-use crate::output::{PendingFile, write_whole};
-use crate::picture::Figure;
-use crate::picture::animation::{Animation, FRAMES_HZ, Moment};
-use crate::picture::robot::{robot_figure, standing_height_m};
-use crate::record::Recording;
+use crate::telemetry::joint_csv::JointCsv;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
+use crate::telemetry::picture::Figure;
+use crate::telemetry::picture::animation::{Animation, FRAMES_HZ, Moment};
+use crate::telemetry::picture::robot::{robot_figure, standing_height_m};
+use crate::telemetry::recorder::Recording;
 use anyhow::bail;
 use servodance_model::motion::{Clip, bvh_write};
 use servodance_retarget::RobotModel;

@@ -1,7 +1,7 @@
 //! The MCAP file of a recording, written by one thread.
 
 use super::Topic;
-use crate::output::PendingFile;
+use crate::telemetry::pending_file::PendingFile;
 use mcap::records::{MessageHeader, Metadata};
 use std::collections::BTreeMap;
 use std::fs::File;

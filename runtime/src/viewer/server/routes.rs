@@ -6,16 +6,16 @@
 //! | `GET api/scene` | what does not change |
 //! | `GET api/mesh/N` | the corners of a mesh |
 //! | `GET api/state` | the newest frame |
-//! | `POST api/command` | a request: [`super::request`] |
+//! | `POST api/command` | a request: [`crate::viewer::request`] |
 //! | `GET api/live` | WebSocket: frames out, requests in |
 
-use super::frame::frame;
 use super::guard::{Token, is_own};
-use super::link::ViewerEnd;
 use super::page;
-use super::request::{Understood, understand};
-use super::scene::Scene;
 use super::socket;
+use crate::viewer::frame::frame;
+use crate::viewer::link::ViewerEnd;
+use crate::viewer::request::{Understood, understand};
+use crate::viewer::scene::Scene;
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::rejection::StringRejection;

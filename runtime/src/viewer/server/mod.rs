@@ -1,18 +1,23 @@
 //! Serves a show on the network: one thread of low priority for all viewers.
 //!
 //! What keeps a flood from mattering: the control loop is in another thread and
-//! never waits (see [`mod@super::link`]); at most [`CONNECTIONS`] are open at a time,
+//! never waits (see [`mod@crate::viewer::link`]); at most [`CONNECTIONS`] are open at a time,
 //! those beyond are closed at once; a request has to be whole within
 //! [`REQUEST_S`]; little is buffered for a slow reader, who then misses frames.
 
-use super::api::{Shared, routes};
-use super::frame::frame;
-use super::guard::Token;
-use super::link::ViewerEnd;
-use super::scene::Scene;
+mod guard;
+mod page;
+mod routes;
+mod socket;
+
+use self::guard::Token;
+use self::routes::{Shared, routes};
 use crate::console::tell;
 use crate::drill;
 use crate::realtime;
+use crate::viewer::frame::frame;
+use crate::viewer::link::ViewerEnd;
+use crate::viewer::scene::Scene;
 use anyhow::Context;
 use axum::Extension;
 use hyper_util::rt::{TokioIo, TokioTimer};

@@ -1,6 +1,6 @@
 //! Joint positions as CSV: `time_s`, then a column a joint, radians.
 
-use crate::output::PendingFile;
+use crate::telemetry::pending_file::PendingFile;
 use anyhow::Context;
 use std::fs::File;
 use std::io::{BufWriter, Write};

@@ -3,7 +3,7 @@
 //! counted where it is full, and an error ends the recording alone.
 
 use super::Topic;
-use super::book::Book;
+use super::mcap_file::Book;
 use crate::drill;
 use crate::realtime::OrdinaryAfterwards;
 use anyhow::Context;
