@@ -1,7 +1,7 @@
 //! `servodance bench model`.
 
 use crate::cli::engine::EngineArgs;
-use servodance_lab::model_bench::{Request, run as measure};
+use servodance_lab::bench::model::{ModelBench, run as measure};
 use servodance_runtime::console::say;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -46,9 +46,8 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Measures and prints.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let figures = measure(&Request {
+    let figures = measure(&ModelBench {
         preset: args.preset,
         file: args.model,
         engine: args.engine.options(),
