@@ -1,6 +1,6 @@
 //! `servodance export`.
 
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use servodance_runtime::telemetry::export::{Part, bvh, csv, gif};
 use servodance_runtime::telemetry::recorder::Recording;
 use std::path::PathBuf;

@@ -2,7 +2,7 @@
 
 use super::stop_signal;
 use servodance_retarget::RobotModel;
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use servodance_runtime::telemetry::recorder::Recording;
 use servodance_runtime::viewer::{Meshes, Player, Scene, Server, Settings, link};
 use std::net::SocketAddr;

@@ -1,6 +1,6 @@
 //! `servodance robot`: write a robot file for a description, look one over.
 
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use servodance_runtime::robot;
 use servodance_training::choreography;
 use std::path::PathBuf;

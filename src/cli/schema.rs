@@ -27,7 +27,7 @@ pub enum Of {
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.of {
-        Of::Robot => servodance_runtime::console::stdout(format_args!("{ROBOT_SCHEMA}")),
+        Of::Robot => servodance_runtime::process::console::stdout(format_args!("{ROBOT_SCHEMA}")),
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -2,7 +2,7 @@
 
 use super::{INTERRUPTED, stop_signal};
 use clap::Subcommand;
-use servodance_runtime::console::{say, tell};
+use servodance_runtime::process::console::{say, tell};
 use servodance_training::runs::{End, Outcome, Request, train};
 use servodance_training::train::StageKind;
 use std::path::PathBuf;

@@ -1,7 +1,7 @@
 //! `servodance weights`.
 
 use servodance_model::net::Dtype;
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::weights_file::{self, Info};
 use std::path::PathBuf;

@@ -3,7 +3,9 @@
 use clap::Parser;
 use rand::{Rng, SeedableRng};
 use servodance::cli::{Cli, Command};
-use servodance_runtime::dance::{Evening, IdleStyle, Outcome};
+use servodance_runtime::control::idle::IdleStyle;
+use servodance_runtime::session::dance::Outcome;
+use servodance_runtime::session::dance_session::Evening;
 use servodance_runtime::viewer::{Activity, Request, ViewerEnd};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;

@@ -1,6 +1,6 @@
 //! The page's server, asked by plain TCP and by WebSocket as strangers would.
 
-use servodance_runtime::dance::IdleStyle;
+use servodance_runtime::control::idle::IdleStyle;
 use servodance_runtime::robot::Robot;
 use servodance_runtime::viewer::{
     Activity, Meshes, Request, RobotEnd, Scene, Server, Settings, link,

@@ -6,7 +6,7 @@
 //! else the machine does falls on all of them. Medians and their ratio.
 
 use anyhow::{Context, ensure};
-use servodance_runtime::console;
+use servodance_runtime::process::console;
 use servodance_training::motion::corpus::{self, CorpusClip};
 use servodance_training::motion::index::Split;
 use servodance_training::train::{Data, SettingsFile, StageKind, StageOne, Trainer, with_threads};

@@ -1,7 +1,7 @@
 //! A robot file: one TOML that names the URDF, the bus, the retargeting and
 //! every servo. Degrees and ticks live there; inside, all is radians.
 
-use crate::dance::IdleStyle;
+use crate::control::idle::IdleStyle;
 use crate::robot::{Homes, Origin, Overrides, Stray};
 use anyhow::{anyhow, bail};
 use serde::Deserialize;

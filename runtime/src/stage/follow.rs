@@ -8,12 +8,17 @@
 
 use super::ros::Ros;
 use super::{cpu_s, keys, open_twin, shared_s};
-use crate::dance::{
-    EStopWatch, FollowConfig, Followed, IdleStyle, LeaderNow, LocalClock, StageEnd,
-    follow as dance, stage_line,
-};
-use crate::progress::Progress;
-use crate::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
+use crate::control::emergency_stop::EStopWatch;
+use crate::control::idle::IdleStyle;
+use crate::pipeline::stage_source::LeaderNow;
+use crate::pipeline::stage_source::LocalClock;
+use crate::pipeline::stage_source::StageEnd;
+use crate::pipeline::stage_source::stage_line;
+use crate::process::progress::Progress;
+use crate::process::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
+use crate::session::led_dance::FollowConfig;
+use crate::session::led_dance::Followed;
+use crate::session::led_dance::follow as dance;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::viewer::{Request, Settings, ViewerEnd, link};
 use anyhow::Context;

@@ -3,8 +3,8 @@
 //! The keys are documented in `docs/report.md`; a change of meaning raises
 //! [`Report::FORMAT`].
 
-use crate::dance::LatencyReport;
-use crate::stages::StageTimes;
+use crate::control::latency::LatencyReport;
+use crate::pipeline::step_times::StageTimes;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureStats;
 use servodance_retarget::EffortReport;

@@ -61,7 +61,7 @@ struct Beat {
 struct Settings<'a> {
     amplitude: Short,
     mirror: bool,
-    idle: crate::dance::IdleStyle,
+    idle: crate::control::idle::IdleStyle,
     style: &'a str,
     seed: u64,
 }

@@ -129,7 +129,7 @@ impl ViewerEnd {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dance::IdleStyle;
+    use crate::control::idle::IdleStyle;
 
     fn settings() -> Settings {
         Settings {

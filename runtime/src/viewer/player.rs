@@ -159,7 +159,7 @@ fn spectrum_at(recording: &Recording, time_s: f64) -> [f32; BANDS] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dance::IdleStyle;
+    use crate::control::idle::IdleStyle;
     use crate::telemetry::recorder::Past;
     use crate::viewer::{Settings, link};
 

@@ -9,7 +9,7 @@
 //! The emergency stop is not among it: it does not wait in a queue.
 
 use super::snapshot::Activity;
-use crate::dance::IdleStyle;
+use crate::control::idle::IdleStyle;
 use serde::{Deserialize, Serialize};
 
 /// What can be changed while the robot dances.

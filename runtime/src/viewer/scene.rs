@@ -2,7 +2,7 @@
 //! and what can be asked for. Viewers get it once, as JSON.
 
 use super::meshes::Meshes;
-use crate::dance::IdleStyle;
+use crate::control::idle::IdleStyle;
 use clap::ValueEnum;
 use serde_json::{Value, json};
 use servodance_retarget::nalgebra::Isometry3;

@@ -9,7 +9,7 @@ use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
 use servodance_types::{FRAME_RATE_HZ, MUSIC_DIM};
 
 use super::DatasetError;
-use servodance_runtime::hearing::{self, Ears};
+use servodance_runtime::pipeline::feature_extractor::{self, Ears};
 
 /// So many songs are tried for one clip until the listener follows the beat:
 /// a dance that is off the beat that is heard teaches to ignore it.

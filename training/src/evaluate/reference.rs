@@ -7,7 +7,7 @@ use crate::motion::index::{STYLES, Split};
 use anyhow::bail;
 use servodance_model::conditioning::{ENCODEC_RATE_HZ, Encodec, HeardFrame, Latent, MusicKind};
 use servodance_model::motion::{Pose, decode};
-use servodance_runtime::hearing;
+use servodance_runtime::pipeline::feature_extractor;
 use servodance_types::{Beat, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
 /// A choreography seed that no training file is made with.

@@ -10,9 +10,8 @@ mod text;
 
 use self::copies::Copies;
 use self::servos::{ServoDraft, servo_drafts};
+use crate::offline::motion_tracking::{Followed, follow};
 use crate::robot::homes::Homes;
-
-use crate::follow::{Followed, follow};
 use crate::robot::{Robot, RobotError};
 use crate::telemetry::pending_file::write_whole;
 use anyhow::{Context, bail};

@@ -32,7 +32,7 @@ mod writer_thread;
 
 pub use recording::{Past, Recording, Series};
 
-use crate::stages::Stage;
+use crate::pipeline::step_times::Stage;
 use message_types::MessageType;
 use servodance_stage::ros2::{CdrWriter, joint_state, pose_array};
 use servodance_types::{JointState, MotionFrame};

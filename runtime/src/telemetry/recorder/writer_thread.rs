@@ -4,8 +4,8 @@
 
 use super::Topic;
 use super::mcap_file::Book;
-use crate::drill;
-use crate::realtime::OrdinaryAfterwards;
+use crate::process::failpoint;
+use crate::process::realtime::OrdinaryAfterwards;
 use anyhow::Context;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -124,7 +124,7 @@ impl Drop for Clerk {
 
 fn write(mut book: Book, entries: &Receiver<Entry>) -> anyhow::Result<()> {
     for entry in entries {
-        drill::pass("recorder");
+        failpoint::pass("recorder");
         match entry {
             Entry::Message(topic, time_s, data) => book.message(topic, time_s, &data)?,
             Entry::Facts(facts) => book.facts(facts)?,

@@ -12,9 +12,9 @@ mod socket;
 
 use self::guard::Token;
 use self::routes::{Shared, routes};
-use crate::console::tell;
-use crate::drill;
-use crate::realtime;
+use crate::process::console::tell;
+use crate::process::failpoint;
+use crate::process::realtime;
 use crate::viewer::frame::frame;
 use crate::viewer::link::ViewerEnd;
 use crate::viewer::scene::Scene;
@@ -177,7 +177,7 @@ async fn make_frames(shared: Arc<Shared>) {
     let mut pressed = false;
     loop {
         clock.tick().await;
-        drill::pass("viewers");
+        failpoint::pass("viewers");
         if shared.frames.receiver_count() == 0 {
             continue;
         }

@@ -1,6 +1,6 @@
 //! What each key asks for.
 
-use crate::dance::IdleStyle;
+use crate::control::idle::IdleStyle;
 use crate::viewer::{Request, Settings};
 use clap::ValueEnum;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};

@@ -14,8 +14,8 @@ mod screen;
 
 use super::link::ViewerEnd;
 use super::scene::Scene;
-use crate::console::{Kept, tell};
-use crate::drill;
+use crate::process::console::{Kept, tell};
+use crate::process::failpoint;
 use anyhow::{Context, bail};
 use keys::{Keys, Meaning};
 use ratatui::Terminal;
@@ -159,7 +159,7 @@ impl View {
         let mut terminal = Terminal::new(CrosstermBackend::new(stdout()))?;
         let mut due = Instant::now();
         while !self.over.load(Ordering::Acquire) {
-            drill::pass("terminal view");
+            failpoint::pass("terminal view");
             if event::poll(due.saturating_duration_since(Instant::now()))? {
                 if let Event::Key(key) = event::read()? {
                     self.heed(keys::meaning(key));

@@ -5,7 +5,7 @@
 
 use super::joints::{joint, layout};
 use super::keys::HELP;
-use crate::console;
+use crate::process::console;
 use crate::viewer::Scene;
 use crate::viewer::snapshot::{Activity, Event, Moment, MusicNow, Snapshot, state_name};
 use clap::ValueEnum;
