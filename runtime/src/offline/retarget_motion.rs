@@ -3,12 +3,8 @@
 use crate::offline::motion_tracking::{Followed, follow};
 use crate::robot::Robot;
 use crate::telemetry::joint_csv::JointCsv;
-use crate::telemetry::joint_csv::JointCsv;
-use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::recorder::{Recorder, Topic, WhenBehind};
-use crate::telemetry::recorder::{Recorder, Topic, WhenBehind};
-use crate::telemetry::report::{EffortFigures, ViolationReport};
 use crate::telemetry::report::{EffortFigures, ViolationReport};
 use anyhow::bail;
 use serde::Serialize;
