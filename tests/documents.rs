@@ -39,7 +39,7 @@ fn every_key_of_a_report_is_documented() {
     let text = read("docs/report.md");
     let source = read("runtime/src/telemetry/report.rs");
     let report = source
-        .split("pub struct Report {")
+        .split("pub struct DanceReport {")
         .nth(1)
         .and_then(|rest| rest.split("\n}").next())
         .expect("the struct");

@@ -4,7 +4,7 @@
 use servodance_runtime::offline::motion_tracking::{Followed, follow};
 use servodance_runtime::robot::Robot;
 use servodance_runtime::robot::new_robot;
-use servodance_runtime::telemetry::report::ViolationReport;
+use servodance_runtime::telemetry::ViolationReport;
 use servodance_training::choreography::trial_dance;
 use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 use std::fmt::Write;

@@ -8,7 +8,7 @@ use servodance_retarget::Stance;
 use servodance_runtime::offline::motion_tracking::follow;
 use servodance_runtime::robot::{BUILT_IN, Robot};
 use servodance_runtime::robot::{check, new_robot};
-use servodance_runtime::telemetry::report::ViolationReport;
+use servodance_runtime::telemetry::ViolationReport;
 use servodance_training::choreography::trial_dance;
 use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 use std::path::{Path, PathBuf};

@@ -23,7 +23,7 @@ use servodance_runtime::control::idle::IdleStyle;
 use servodance_runtime::robot::Robot;
 use servodance_runtime::session::fault_run::Endured;
 use servodance_runtime::session::fault_run::Ordeal;
-use servodance_runtime::telemetry::report::ViolationReport;
+use servodance_runtime::telemetry::ViolationReport;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;

@@ -37,7 +37,7 @@ use crate::pipeline::step_times::{Stage, StageClock, Times};
 use crate::process::failpoint;
 use crate::robot::Robot;
 use crate::telemetry::recorder::Recorder;
-use crate::viewer::{Activity, Request, RobotEnd};
+use crate::viewer::{Activity, RobotEnd, ViewerRequest};
 use servodance_retarget::Retargeter;
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -246,21 +246,21 @@ impl<'a> Control<'a> {
             return Ok(());
         };
         while let Some(request) = show.end.request() {
-            show.end.settings.take(request);
+            request.apply_to(&mut show.end.settings);
             match request {
-                Request::Hold => show.hold = true,
-                Request::Resume => show.hold = false,
-                Request::Stop => {
+                ViewerRequest::Hold => show.hold = true,
+                ViewerRequest::Resume => show.hold = false,
+                ViewerRequest::Stop => {
                     self.stop_asked = true;
                     show.hold = false; // it shall not end with its arms up
                 }
-                Request::Idle(idle) => self.idle.set_style(idle),
-                Request::Style(style) => source.change(Change::Style(style))?,
-                Request::Seed(seed) => source.change(Change::Seed(seed))?,
+                ViewerRequest::Idle(idle) => self.idle.set_style(idle),
+                ViewerRequest::Style(style) => source.change(Change::Style(style))?,
+                ViewerRequest::Seed(seed) => source.change(Change::Seed(seed))?,
                 // Steered to, a little in each cycle.
-                Request::Amplitude(_) | Request::Mirror(_) => {}
+                ViewerRequest::Amplitude(_) | ViewerRequest::Mirror(_) => {}
                 // Only while waiting, or while a recording plays.
-                Request::Start | Request::Release | Request::Seek(_) => {}
+                ViewerRequest::Start | ViewerRequest::Release | ViewerRequest::Seek(_) => {}
             }
         }
         self.rig.hold(show.hold);

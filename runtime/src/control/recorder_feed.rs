@@ -7,7 +7,7 @@
 use crate::control::robot_buses::Rig;
 use crate::pipeline::motion_source::Step;
 use crate::pipeline::step_times::Stage;
-use crate::telemetry::recorder::{Notice, Recorder, Topic};
+use crate::telemetry::recorder::{Recorder, RecordingTopic, SafetyNotice};
 use crate::viewer::pose_array;
 use crate::viewer::snapshot::{BANDS, state_name};
 use servodance_drivers::State;
@@ -52,11 +52,15 @@ impl Chronicle {
         };
         recorder.motion(at_s, &step.motion);
         let phase = f64::from(step.music.beat.phase);
-        recorder.number(Topic::BeatPhase, at_s, phase);
+        recorder.number(RecordingTopic::BeatPhase, at_s, phase);
         let bands = servodance_audio::bands::<BANDS>(&step.music.spectral);
         recorder.spectrum(at_s, &bands);
-        recorder.number(Topic::Stage(Stage::Features), at_s, step.features_ms);
-        recorder.number(Topic::Stage(Stage::Model), at_s, step.model_ms);
+        recorder.number(
+            RecordingTopic::Stage(Stage::Features),
+            at_s,
+            step.features_ms,
+        );
+        recorder.number(RecordingTopic::Stage(Stage::Model), at_s, step.model_ms);
     }
 
     /// A cycle went over the bus; the recording began `stood_s` after torque
@@ -65,30 +69,30 @@ impl Chronicle {
         let Some(recorder) = &mut self.recorder else {
             return;
         };
-        recorder.positions(Topic::JointTargets, at_s, decided.targets_rad);
-        recorder.number(Topic::Lead, at_s, decided.lead_s);
-        recorder.number(Topic::Idle, at_s, decided.idle_share);
-        recorder.positions(Topic::JointCommands, at_s, rig.sent_rad());
-        recorder.states(Topic::JointStates, at_s, rig.states());
+        recorder.positions(RecordingTopic::JointTargets, at_s, decided.targets_rad);
+        recorder.number(RecordingTopic::Lead, at_s, decided.lead_s);
+        recorder.number(RecordingTopic::Idle, at_s, decided.idle_share);
+        recorder.positions(RecordingTopic::JointCommands, at_s, rig.sent_rad());
+        recorder.states(RecordingTopic::JointStates, at_s, rig.states());
         if let Some(retargeter) = decided.root {
             let positions: Vec<f64> = rig.states().iter().map(|s| s.position_rad).collect();
             let root = pose_array(&retargeter.world_from_root(&positions));
-            recorder.pose(Topic::Root, at_s, root);
+            recorder.pose(RecordingTopic::Root, at_s, root);
         }
         if let Some(truth) = rig.truth() {
             // The simulation has already gone on to the end of this cycle.
-            recorder.states(Topic::ServoTruth, at_s + decided.period_s, truth);
+            recorder.states(RecordingTopic::ServoTruth, at_s + decided.period_s, truth);
         }
         let (bytes, packets) = rig.wire_totals();
-        recorder.number(Topic::BusBytes, at_s, bytes as f64);
-        recorder.number(Topic::BusPackets, at_s, packets as f64);
+        recorder.number(RecordingTopic::BusBytes, at_s, bytes as f64);
+        recorder.number(RecordingTopic::BusPackets, at_s, packets as f64);
         self.changes(at_s, stood_s, rig);
     }
 
     /// A stage of a cycle took so long.
     pub fn stage(&mut self, at_s: f64, stage: Stage, ms: f64) {
         if let Some(recorder) = &mut self.recorder {
-            recorder.number(Topic::Stage(stage), at_s, ms);
+            recorder.number(RecordingTopic::Stage(stage), at_s, ms);
         }
     }
 
@@ -109,7 +113,7 @@ impl Chronicle {
         }
         let transitions = rig.transitions();
         for event in &transitions[self.events..] {
-            recorder.notice(Notice {
+            recorder.notice(SafetyNotice {
                 time_s: event.time_s - stood_s,
                 grave: event.to == State::Fault,
                 state: state_name(event.to),

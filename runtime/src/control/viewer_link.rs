@@ -7,8 +7,8 @@
 
 use crate::control::robot_buses::Rig;
 use crate::pipeline::load_shedding::{LeftOut, Sparing};
-use crate::viewer::snapshot::{Activity, BANDS, BusNow, Event, Moment, MusicNow, state_name};
-use crate::viewer::{RobotEnd, Settings, pose_array};
+use crate::viewer::snapshot::{Activity, BANDS, MusicStatus, RobotStatus, ViewerEvent, state_name};
+use crate::viewer::{RobotEnd, ViewerSettings, pose_array};
 use servodance_retarget::{Points, Retargeter};
 use servodance_types::MusicFrame;
 use std::collections::VecDeque;
@@ -39,7 +39,7 @@ pub struct Showing<'a> {
     /// Human poses that are taken in ahead of the robot, oldest first.
     poses: VecDeque<Option<Points>>,
     /// What was heard, by its time.
-    heard: VecDeque<(f64, MusicNow)>,
+    heard: VecDeque<(f64, MusicStatus)>,
     positions_rad: Vec<f64>,
     events_told: usize,
     amplitude: f64,
@@ -68,7 +68,7 @@ pub struct Cycle {
 impl<'a> Showing<'a> {
     /// Shows a robot whose retargeter this is, which takes on what is set.
     pub fn new(end: &'a mut RobotEnd, retargeter: &mut Retargeter, period_s: f64) -> Self {
-        let Settings {
+        let ViewerSettings {
             amplitude, mirror, ..
         } = end.settings;
         retargeter.set_amplitude(amplitude);
@@ -100,7 +100,7 @@ impl<'a> Showing<'a> {
             self.heard.pop_front();
         }
         let beat = music.beat;
-        let now = MusicNow {
+        let now = MusicStatus {
             phase: f64::from(beat.phase),
             tempo_bpm: f64::from(beat.tempo_bpm),
             confidence: f64::from(beat.confidence),
@@ -154,7 +154,7 @@ impl<'a> Showing<'a> {
             *place = state.position_rad;
         }
         let root = retargeter.world_from_root(&self.positions_rad);
-        let moment = Moment {
+        let moment = RobotStatus {
             activity: cycle.activity,
             robot_s: rig.now_s(),
             music_s: cycle.music_s,
@@ -165,7 +165,7 @@ impl<'a> Showing<'a> {
             settings: self.end.settings,
             amplitude: self.amplitude,
             hold: self.hold,
-            bus: bus_now(rig),
+            bus: rig.stats(),
             rate_hz: self.rate_hz,
             late_ms: self.late_of_late_ms.max(self.late_ms),
             late_frames: cycle.late_frames,
@@ -188,7 +188,7 @@ impl<'a> Showing<'a> {
                 joint.temperature_c = health.temperature_c.unwrap_or(f64::NAN);
             }
             for event in news {
-                snapshot.note(Event {
+                snapshot.push_event(ViewerEvent {
                     time_s: event.time_s,
                     state: state_name(event.to),
                     cause: event.cause.clone(),
@@ -209,30 +209,20 @@ impl<'a> Showing<'a> {
     }
 
     /// What is heard at a time: the last frame before it, its beat carried on.
-    fn music_at(&mut self, time_s: f64) -> MusicNow {
+    fn music_at(&mut self, time_s: f64) -> MusicStatus {
         while self.heard.get(1).is_some_and(|next| next.0 <= time_s) {
             self.heard.pop_front();
         }
         match self.heard.front() {
             Some((at_s, music)) if *at_s <= time_s => {
                 let beats = (time_s - at_s) * music.tempo_bpm / 60.0;
-                MusicNow {
+                MusicStatus {
                     phase: (music.phase + beats).rem_euclid(1.0),
                     ..*music
                 }
             }
-            _ => MusicNow::default(),
+            _ => MusicStatus::default(),
         }
-    }
-}
-
-fn bus_now(rig: &Rig) -> BusNow {
-    let stats = rig.stats();
-    BusNow {
-        cycles: stats.cycles,
-        timeouts: stats.timeouts,
-        crc_errors: stats.crc_errors,
-        retries: stats.retries,
     }
 }
 

@@ -4,7 +4,7 @@ use crate::offline::motion_tracking::{Followed, follow};
 use crate::robot::Robot;
 use crate::telemetry::joint_csv::JointCsv;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
-use crate::telemetry::recorder::{Recorder, Topic, WhenBehind};
+use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
 use crate::telemetry::report::{EffortFigures, ViolationReport};
 use anyhow::bail;
 use serde::Serialize;
@@ -183,7 +183,7 @@ impl Sink {
                 let silent = Box::new(|_: &str| ()); // `finish` tells
                 let mut recorder =
                     Recorder::create(path, names.to_vec(), WhenBehind::Wait, silent)?;
-                recorder.text(Topic::RobotDescription, 0.0, urdf_xml);
+                recorder.text(RecordingTopic::RobotDescription, 0.0, urdf_xml);
                 Ok(Sink::Recording(Box::new(recorder)))
             }
             _ => bail!(
@@ -197,7 +197,7 @@ impl Sink {
         match self {
             Sink::Csv(csv) => csv.write(time_s, positions_rad.iter().copied()),
             Sink::Recording(recorder) => {
-                recorder.positions(Topic::JointCommands, time_s, positions_rad);
+                recorder.positions(RecordingTopic::JointCommands, time_s, positions_rad);
                 Ok(())
             }
         }

@@ -1,7 +1,9 @@
 //! `robot check`: everything that is wrong or odd about a robot file or a
 //! description, each with a stable code. Nothing here panics on any file.
 
-use crate::robot::{BUILT_IN, Robot, RobotError};
+use super::built_in::BUILT_IN;
+use super::loaded::Robot;
+use super::robot_file::RobotError;
 use serde::Serialize;
 use servodance_retarget::{Code, Finding, Severity, lint, lint_limits};
 use std::path::Path;
@@ -44,8 +46,7 @@ impl Checked {
     }
 }
 
-/// Looks over a robot file (`.toml` or the name of a built-in robot) or a
-/// description.
+/// Checks a robot file (`.toml`), a built-in robot by name, or a description.
 pub fn check(file: &str) -> Checked {
     let built_in = BUILT_IN.iter().any(|robot| robot.name == file);
     let is_toml = Path::new(file).extension().is_some_and(|e| e == "toml");

@@ -1,17 +1,29 @@
-//! Robots: files that describe them, and those that come with servodance.
+//! Robots: the built-in ones, robot files, keys set beside a file, the draft of a
+//! new file and the check of an old one.
+//!
+//! | to | see |
+//! |---|---|
+//! | add a robot | `built_in` |
+//! | add a key to robot files | `robot_file`, and `configs/robot.schema.json` |
+//! | read a robot | [`Robot::load`] |
+//! | write a file for a description | [`new_robot`] |
 
+mod built_in;
 mod check;
+mod config_source;
 mod draft;
-mod homes;
 mod loaded;
-mod origin;
+pub(crate) mod meshes;
 mod overrides;
+mod robot_file;
+mod robot_folders;
 mod schema;
 
+pub use built_in::{BUILT_IN, BuiltIn};
 pub use check::{Checked, check};
 pub use draft::{NewRobot, new_robot};
-pub(crate) use homes::{Homes, Stray};
-pub use loaded::{BUILT_IN, BuiltIn, Robot, RobotError};
-pub(crate) use origin::Origin;
+pub use loaded::Robot;
+pub use meshes::Meshes;
 pub use overrides::Overrides;
+pub use robot_file::RobotError;
 pub use schema::ROBOT_SCHEMA;

@@ -5,7 +5,8 @@
 //! name or its number (`joint.l_knee.upper_deg`, `retarget.capsule.0.radius_m`).
 //! A value is TOML; what is none is text. In the environment dots are two
 //! underscores and letters are large: `SERVODANCE_SAFETY__REARM=true`. Options
-//! win over variables, later ones over earlier ones.
+//! win over variables, later ones over earlier ones. A variable that names no key
+//! is ignored with a warning.
 
 use anyhow::{anyhow, bail};
 use toml_edit::{DocumentMut, Item, Key, Table, TableLike, Value};
@@ -32,9 +33,7 @@ pub struct Overrides(Vec<Override>);
 
 impl Overrides {
     /// From options, after those from the environment.
-    ///
-    /// # Errors
-    /// An option without a key or a value.
+    /// Fails at an option without a key or a value.
     pub fn from_user(set: &[String]) -> anyhow::Result<Self> {
         let variables = std::env::vars_os();
         let variables = variables.filter_map(|(name, value)| {
@@ -57,30 +56,43 @@ impl Overrides {
     }
 
     /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// The text of a robot file with all of them set, `check`ed after each.
-    ///
-    /// # Errors
-    /// One that cannot be set, or that `check` refuses; it is named.
-    pub fn apply(
+    /// The text of a robot file with all of them set, `check`ed after each, and a
+    /// line for each variable that names no key and is ignored.
+    /// Fails at one that cannot be set, or that `check` refuses, and names it.
+    pub(super) fn apply(
         &self,
         text: &str,
         check: impl Fn(&str) -> Result<(), String>,
-    ) -> Result<String, String> {
+    ) -> Result<(String, Vec<String>), String> {
         let mut text = text.to_owned();
+        let mut ignored = Vec::new();
         for one in &self.0 {
-            let blame = |reason: String| format!("{}: {reason}", one.source);
-            text = one.apply(&text).map_err(blame)?;
-            check(&text).map_err(blame)?;
+            let set = one.apply(&text).map_err(|reason| (reason, true));
+            let checked = set.and_then(|set| match check(&set) {
+                Ok(()) => Ok(set),
+                Err(reason) => {
+                    let no_key = reason.starts_with("unknown field");
+                    Err((reason, no_key))
+                }
+            });
+            match checked {
+                Ok(set) => text = set,
+                // Options are for this program; a variable may be meant for another.
+                Err((reason, true)) if one.loose => {
+                    ignored.push(format!("{} is ignored: {reason}", one.source));
+                }
+                Err((reason, _)) => return Err(format!("{}: {reason}", one.source)),
+            }
         }
-        Ok(text)
+        Ok((text, ignored))
     }
 
     /// Which of them set a key, the last if several did.
-    pub fn source_of(&self, path: &[&str]) -> Option<&str> {
+    pub(super) fn source_of(&self, path: &[&str]) -> Option<&str> {
         let sets = |one: &&Override| {
             let parts = one.path.iter().zip(path);
             one.path.len() == path.len() && { parts }.all(|(a, b)| same(a, b, one.loose))
@@ -184,7 +196,6 @@ fn from_option(text: &str) -> anyhow::Result<Override> {
     })
 }
 
-/// TOML, or text.
 fn value_of(text: &str) -> Value {
     let text = text.trim();
     text.parse().unwrap_or_else(|_| Value::from(text))
@@ -202,7 +213,7 @@ mod tests {
             .map(|(k, v)| (k.to_string(), v.to_string()));
         let set: Vec<String> = set.iter().map(|text| text.to_string()).collect();
         let overrides = Overrides::new(variables, &set).map_err(|e| e.to_string())?;
-        let text = overrides.apply(TEXT, |_| Ok(()))?;
+        let (text, _) = overrides.apply(TEXT, |_| Ok(()))?;
         assert!(text.contains("# a comment"));
         toml::from_str(&text).map_err(|e| e.to_string())
     }
@@ -250,7 +261,30 @@ mod tests {
                 "{set}: {error}"
             );
         }
-        let error = applied(&[("SERVODANCE_NAME__X", "1")], &[]).unwrap_err();
-        assert!(error.starts_with("SERVODANCE_NAME__X: "), "{error}");
+    }
+
+    #[test]
+    fn a_variable_that_names_no_key_is_ignored_and_named() {
+        let apply = |name: &str, check: &dyn Fn(&str) -> Result<(), String>| {
+            let variable = (name.to_owned(), "1".to_owned());
+            let overrides = Overrides::new([variable], &[]).unwrap();
+            overrides.apply(TEXT, check)
+        };
+        for (name, check) in [
+            ("SERVODANCE_NAME__X", Ok(())),
+            ("SERVODANCE_JOINT__KNEE__ID", Ok(())),
+            (
+                "SERVODANCE_FOO",
+                Err("unknown field `foo`, expected `name`"),
+            ),
+        ] {
+            let check = |_: &str| check.map_err(str::to_owned);
+            let (text, ignored) = apply(name, &check).unwrap();
+            assert_eq!((text.as_str(), ignored.len()), (TEXT, 1));
+            assert!(ignored[0].starts_with(name), "{ignored:?}");
+        }
+        let refused = |_: &str| Err("invalid type".to_owned());
+        let error = apply("SERVODANCE_CONTROL_HZ", &refused).unwrap_err();
+        assert_eq!(error, "SERVODANCE_CONTROL_HZ: invalid type");
     }
 }

@@ -26,9 +26,9 @@ use crate::session::beat_scores as scores;
 use crate::session::config::{AudioChoice, DanceConfig, Speed};
 use crate::session::{animation, plot_selection, uncompensated_replay as shadow};
 use crate::telemetry::pending_file::{PendingFile, write_whole};
-use crate::telemetry::recorder::{Recorder, Topic, WhenBehind};
+use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
 use crate::telemetry::report::{
-    AlignmentReport, CaptureReport, CompensationReport, KinematicBeats, Report, Stages,
+    AlignmentReport, CaptureReport, CompensationReport, DanceReport, KinematicBeats, PipelineTimes,
 };
 use crate::viewer::{Activity, RobotEnd, snapshot};
 use anyhow::Context;
@@ -46,7 +46,7 @@ use std::time::Instant;
 #[derive(Debug)]
 pub struct Outcome {
     /// All figures.
-    pub report: Report,
+    pub report: DanceReport,
     /// Whether the user stopped it before the music was over.
     pub interrupted: bool,
 }
@@ -222,7 +222,7 @@ pub(crate) fn tell_end(snapshot: &mut snapshot::Snapshot, rig: &Rig) {
     snapshot.now.safety = rig.state();
     let transitions = rig.transitions();
     for event in &transitions[transitions.len().saturating_sub(2)..] {
-        snapshot.note(snapshot::Event {
+        snapshot.push_event(snapshot::ViewerEvent {
             time_s: event.time_s,
             state: snapshot::state_name(event.to),
             cause: event.cause.clone(),
@@ -267,9 +267,13 @@ fn open_recorder(config: &DanceConfig, progress: &Progress) -> anyhow::Result<Op
         Speed::Realtime => WhenBehind::LeaveOut,
     };
     let notes = progress.clone();
-    let on_trouble = Box::new(move |text: &str| notes.note(text));
-    let mut recorder = Recorder::create(path, joint_names, when_behind, on_trouble)?;
-    recorder.text(Topic::RobotDescription, 0.0, &config.robot.urdf_xml);
+    let on_error = Box::new(move |text: &str| notes.note(text));
+    let mut recorder = Recorder::create(path, joint_names, when_behind, on_error)?;
+    recorder.text(
+        RecordingTopic::RobotDescription,
+        0.0,
+        &config.robot.urdf_xml,
+    );
     Ok(Some(recorder))
 }
 
@@ -280,10 +284,10 @@ fn report(
     heard: &Heard,
     model: String,
     wall_s: f64,
-) -> Report {
+) -> DanceReport {
     let times = |stage| run.stages.times(stage);
-    Report {
-        version: Report::version_string(),
+    DanceReport {
+        version: DanceReport::version_string(),
         audio_s: heard.audio_s,
         frames: run.frames,
         tokens: run.frames * heard.tokens_per_frame,
@@ -294,7 +298,7 @@ fn report(
         bus: bus_choice::names(&config.robot, &config.buses),
         wall_s,
         realtime_factor: heard.audio_s / wall_s.max(1e-9),
-        stages: Stages {
+        stages: PipelineTimes {
             features: times(Stage::Features),
             model: times(Stage::Model),
             retarget: times(Stage::Retarget),
@@ -325,7 +329,7 @@ fn report(
 
 /// How well the beat was met along the way; without compensation too, if a
 /// report of it is asked for.
-fn judge(config: &DanceConfig, run: &Run, report: &mut Report) -> anyhow::Result<()> {
+fn judge(config: &DanceConfig, run: &Run, report: &mut DanceReport) -> anyhow::Result<()> {
     let music_s = &report.beats.times_s;
     let generator = scores::Speed::of_dancer(&run.trace.motion);
     let targets = scores::Speed::of_joints(&run.trace.targets, run.trace_hz);
@@ -359,14 +363,18 @@ fn judge(config: &DanceConfig, run: &Run, report: &mut Report) -> anyhow::Result
 fn finish_recording(
     config: &DanceConfig,
     chronicle: Chronicle,
-    report: &Report,
+    report: &DanceReport,
     music_start_s: f64,
 ) -> anyhow::Result<()> {
     let Some(mut recorder) = chronicle.into_recorder() else {
         return Ok(());
     };
     for time_s in &report.beats.times_s {
-        recorder.number(Topic::Beat, time_s + music_start_s, report.beats.tempo_bpm);
+        recorder.number(
+            RecordingTopic::Beat,
+            time_s + music_start_s,
+            report.beats.tempo_bpm,
+        );
     }
     let limits: Vec<serde_json::Value> = config
         .robot

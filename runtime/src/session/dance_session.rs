@@ -10,7 +10,9 @@ use crate::session::dance::Outcome;
 use crate::session::dance::open_generator;
 use crate::session::dance::perform;
 use crate::session::dance::watch;
-use crate::viewer::{Activity, Meshes, Request, RobotEnd, Scene, Settings, ViewerEnd, snapshot};
+use crate::viewer::{
+    Activity, RobotEnd, Scene, ViewerEnd, ViewerRequest, ViewerSettings, snapshot,
+};
 use anyhow::bail;
 use servodance_drivers::State;
 use servodance_model::Generator;
@@ -35,7 +37,7 @@ impl Evening {
     pub fn new(config: DanceConfig) -> anyhow::Result<Self> {
         let generator = open_generator(config.model.as_deref(), config.engine)?;
         let style = config.style.as_deref();
-        let settings = Settings {
+        let settings = ViewerSettings {
             amplitude: config.robot.retarget.amplitude,
             mirror: config.robot.retarget.mirror,
             idle: config.idle,
@@ -51,7 +53,7 @@ impl Evening {
 
     /// A viewer's end of the line; each viewer has their own.
     pub fn seat(&mut self) -> ViewerEnd {
-        self.end.seat()
+        self.end.add_viewer()
     }
 
     /// The same, waiting for `start` before each dance.
@@ -111,7 +113,7 @@ impl Evening {
 
     /// One dance as it was last set.
     fn dance(&mut self, stop: &AtomicBool) -> anyhow::Result<Outcome> {
-        let Settings {
+        let ViewerSettings {
             idle, style, seed, ..
         } = self.end.settings;
         self.config.idle = idle;
@@ -128,7 +130,7 @@ impl Evening {
             let cause = format!("{error:#}");
             self.end.publish(|snapshot| {
                 snapshot.now.activity = Activity::Over;
-                snapshot.note(snapshot::Event {
+                snapshot.push_event(snapshot::ViewerEvent {
                     time_s: snapshot.now.robot_s,
                     state: "error",
                     cause,
@@ -148,11 +150,11 @@ impl Evening {
         while !stop.load(Ordering::Relaxed) && !self.end.is_alone() {
             let mut changed = false;
             while let Some(request) = self.end.request() {
-                self.end.settings.take(request);
+                request.apply_to(&mut self.end.settings);
                 changed = true;
                 match request {
-                    Request::Start if !self.end.estop.is_pressed() => return true,
-                    Request::Release => self.end.estop.clear(),
+                    ViewerRequest::Start if !self.end.estop.is_pressed() => return true,
+                    ViewerRequest::Release => self.end.estop.clear(),
                     _ => {}
                 }
             }

@@ -20,7 +20,7 @@ use crate::session::led_dance::FollowConfig;
 use crate::session::led_dance::Followed;
 use crate::session::led_dance::follow as dance;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
-use crate::viewer::{Request, Settings, ViewerEnd, link};
+use crate::viewer::{ViewerEnd, ViewerRequest, ViewerSettings, link};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use servodance_stage::keys::Keys;
@@ -131,7 +131,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     let follower = Follower::new(&options.name, role.clone(), reach_s, rand::random());
     let clock = LocalClock::start(options.skew.0, options.skew.1);
     let (source, end) = stage_line(robot.period_s(), clock);
-    let mut settings = Settings {
+    let mut settings = ViewerSettings {
         amplitude: robot.retarget.amplitude,
         mirror: robot.retarget.mirror,
         idle: options.config.idle,
@@ -270,8 +270,8 @@ struct Seat {
     ask: TwinVoice,
     ros: Option<Ros>,
     /// What is danced without a role, and what the control loop was told last.
-    usual: Settings,
-    settings: Settings,
+    usual: ViewerSettings,
+    settings: ViewerSettings,
     rest_after: Duration,
     /// When somebody led last.
     heard: Instant,
@@ -376,9 +376,9 @@ impl Seat {
             return;
         }
         let asked = [
-            Request::Amplitude(wanted.amplitude),
-            Request::Mirror(wanted.mirror),
-            Request::Idle(wanted.idle),
+            ViewerRequest::Amplitude(wanted.amplitude),
+            ViewerRequest::Mirror(wanted.mirror),
+            ViewerRequest::Idle(wanted.idle),
         ];
         if self.viewers.ask(&asked) {
             self.settings = wanted;
@@ -387,7 +387,7 @@ impl Seat {
 }
 
 /// Takes over what a role says of a robot's settings.
-fn dress(settings: &mut Settings, role: &Role) {
+fn dress(settings: &mut ViewerSettings, role: &Role) {
     settings.mirror = role.mirror.unwrap_or(settings.mirror);
     settings.amplitude = role.amplitude.map_or(settings.amplitude, f64::from);
 }

@@ -2,30 +2,25 @@
 
 use crate::telemetry::joint_csv::JointCsv;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
-use crate::telemetry::picture::Figure;
-use crate::telemetry::picture::animation::{Animation, FRAMES_HZ, Moment};
-use crate::telemetry::picture::robot::{robot_figure, standing_height_m};
+use crate::telemetry::picture::StickFigure;
+use crate::telemetry::picture::animation::{Animation, AnimationFrame, FRAMES_HZ};
+use crate::telemetry::picture::robot_figure::{robot_figure, standing_height_m};
+use crate::telemetry::pose_array::pose_from_array;
 use crate::telemetry::recorder::Recording;
 use anyhow::bail;
 use servodance_model::motion::{Clip, bvh_write};
 use servodance_retarget::RobotModel;
-use servodance_retarget::nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use servodance_types::FRAME_RATE_HZ;
 use std::path::Path;
 
 /// A part of a recording, seconds of music.
 #[derive(Clone, Copy, Debug)]
-pub struct Part {
-    /// Its beginning.
+pub struct ExportSpan {
     pub from_s: f64,
-    /// Its length.
     pub seconds: f64,
 }
 
 /// What the servos reported, a line a control cycle.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn csv(recording: &Recording, path: &Path) -> anyhow::Result<()> {
     let names: Vec<String> = recording.joints.iter().map(|j| j.0.clone()).collect();
     let mut csv = JointCsv::create(path, &names)?;
@@ -36,9 +31,7 @@ pub fn csv(recording: &Recording, path: &Path) -> anyhow::Result<()> {
 }
 
 /// The human motion, for animation programs.
-///
-/// # Errors
-/// There is none, or the file cannot be written.
+/// Fails if there is none.
 pub fn bvh(recording: &Recording, path: &Path) -> anyhow::Result<()> {
     let poses: Vec<_> = recording
         .motion
@@ -57,10 +50,8 @@ pub fn bvh(recording: &Recording, path: &Path) -> anyhow::Result<()> {
 }
 
 /// The human and the robot, moving.
-///
-/// # Errors
-/// The part is not in the recording, or the file cannot be written.
-pub fn gif(recording: &Recording, part: Part, path: &Path) -> anyhow::Result<()> {
+/// Fails if the part is not in the recording.
+pub fn gif(recording: &Recording, part: ExportSpan, path: &Path) -> anyhow::Result<()> {
     let [first_s, last_s] = recording.span_s();
     let from_s = part.from_s.max(first_s);
     let frames = ((part.seconds.min(last_s - from_s)) * FRAMES_HZ).floor();
@@ -81,19 +72,19 @@ pub fn gif(recording: &Recording, part: Part, path: &Path) -> anyhow::Result<()>
             Some(positions) => positions.iter().map(|p| f64::from(*p)).collect(),
             None => continue,
         };
-        let root = pose(recording.root_at(time_s));
+        let root = pose_from_array(recording.root_at(time_s));
         let height_m =
             *height_m.get_or_insert_with(|| standing_height_m(&model, &root, &positions));
         let lead_s = recording.lead.at(time_s).copied().unwrap_or(0.0);
         let human = recording.motion.at(time_s + lead_s);
-        animation.push(&Moment {
+        animation.push(&AnimationFrame {
             time_s,
             since_beat_s: recording
                 .beats
                 .last_before(time_s)
                 .map(|beat| time_s - beat.0),
-            human: human.map(|points| Figure::dancer(&points.map(with_y_up))),
-            robot: Figure {
+            human: human.map(|points| StickFigure::dancer(&points.map(with_y_up))),
+            robot: StickFigure {
                 height_m,
                 ..robot_figure(&model, &root, &positions)
             },
@@ -106,9 +97,4 @@ pub fn gif(recording: &Recording, part: Part, path: &Path) -> anyhow::Result<()>
 /// The axes of human motion: x left, y up, z forward.
 fn with_y_up([forward, left, up]: [f32; 3]) -> [f32; 3] {
     [left, up, forward]
-}
-
-fn pose([x, y, z, i, j, k, w]: [f64; 7]) -> Isometry3<f64> {
-    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
-    Isometry3::from_parts(Translation3::new(x, y, z), turn)
 }

@@ -14,9 +14,6 @@ pub struct JointCsv {
 
 impl JointCsv {
     /// A file with columns of these names.
-    ///
-    /// # Errors
-    /// It cannot be written there.
     pub fn create(path: &Path, names: &[String]) -> anyhow::Result<Self> {
         let pending = PendingFile::create(path)?;
         let mut writer = pending.writer()?;
@@ -25,10 +22,6 @@ impl JointCsv {
         Ok(Self { pending, writer })
     }
 
-    /// One line.
-    ///
-    /// # Errors
-    /// It cannot be written.
     pub fn write(
         &mut self,
         time_s: f64,
@@ -43,9 +36,6 @@ impl JointCsv {
     }
 
     /// Gives the file its name.
-    ///
-    /// # Errors
-    /// It cannot be written.
     pub fn finish(mut self) -> anyhow::Result<()> {
         let flushed = self.writer.flush();
         flushed.context("cannot write the joint positions")?;

@@ -5,12 +5,11 @@
 
 use anyhow::Context;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Read, Write, copy};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// A file under construction. Dropped without [`PendingFile::finish`], it
-/// leaves nothing behind.
+/// A file under construction. Dropped without [`PendingFile::finish`], no file appears.
 #[derive(Debug)]
 pub struct PendingFile {
     target: PathBuf,
@@ -45,6 +44,17 @@ impl PendingFile {
         Ok(BufWriter::new(file))
     }
 
+    /// Starts `target` and writes everything into it that can be read.
+    pub(crate) fn filled(target: &Path, content: &mut impl Read) -> anyhow::Result<Self> {
+        let pending = Self::create(target)?;
+        let mut writer = pending.writer()?;
+        copy(content, &mut writer)
+            .and_then(|_| writer.flush())
+            .with_context(|| format!("cannot write {}", target.display()))?;
+        drop(writer);
+        Ok(pending)
+    }
+
     /// Where the file lies until then, for libraries that open it themselves.
     pub fn path(&self) -> &Path {
         self.file.path()
@@ -63,14 +73,7 @@ impl PendingFile {
 
 /// Writes `bytes` to `path`, whole or not at all.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let pending = PendingFile::create(path)?;
-    let mut writer = pending.writer()?;
-    writer
-        .write_all(bytes)
-        .and_then(|()| writer.flush())
-        .with_context(|| format!("cannot write {}", path.display()))?;
-    drop(writer);
-    pending.finish()
+    PendingFile::filled(path, &mut &bytes[..])?.finish()
 }
 
 /// Readable by everybody, as an ordinary file; temporary files are private.

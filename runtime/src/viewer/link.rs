@@ -10,61 +10,62 @@
 //! - The emergency stop goes past both ([`EStop`]): a flag that the safety layer
 //!   reads in every tick.
 
-use super::request::{Request, Settings};
+use super::request::ViewerRequest;
+use super::settings::ViewerSettings;
 use super::snapshot::Snapshot;
 use servodance_drivers::EStop;
 
 /// Requests that may wait: far more than people can press in one cycle.
 const WAITING: usize = 64;
 
-/// The control loop's end: one, with a seat for each viewer.
+/// The control loop's end: one for all viewers.
 pub struct RobotEnd {
     draft: Snapshot,
-    seats: Vec<Seat>,
+    viewers: Vec<ViewerChannel>,
     /// The emergency stop of the robot.
     pub estop: EStop,
     /// What was asked for last; kept from one dance to the next.
-    pub settings: Settings,
+    pub settings: ViewerSettings,
 }
 
 /// What one viewer is shown, and asks.
-struct Seat {
+struct ViewerChannel {
     snapshots: triple_buffer::Input<Snapshot>,
-    requests: rtrb::Consumer<Request>,
+    requests: rtrb::Consumer<ViewerRequest>,
 }
 
-/// A viewer's end.
+/// A viewer's end of the line to the control loop.
 pub struct ViewerEnd {
     snapshots: triple_buffer::Output<Snapshot>,
-    requests: rtrb::Producer<Request>,
+    requests: rtrb::Producer<ViewerRequest>,
     /// The emergency stop of the robot.
     pub estop: EStop,
 }
 
 /// A line for a robot with so many joints and one viewer.
-pub fn link(joints: usize, settings: Settings) -> (RobotEnd, ViewerEnd) {
+pub fn link(joints: usize, settings: ViewerSettings) -> (RobotEnd, ViewerEnd) {
     let mut robot = RobotEnd::new(joints, settings);
-    let viewer = robot.seat();
+    let viewer = robot.add_viewer();
     (robot, viewer)
 }
 
 impl RobotEnd {
     /// An end that nobody watches yet.
-    pub fn new(joints: usize, settings: Settings) -> Self {
+    pub fn new(joints: usize, settings: ViewerSettings) -> Self {
         Self {
             draft: Snapshot::new(joints, settings),
-            seats: Vec::new(),
+            viewers: Vec::new(),
             estop: EStop::default(),
             settings,
         }
     }
 
-    /// A seat for one viewer more: each has a slot and a ring of their own, so
+    /// A add_viewer for one viewer more: each has a slot and a ring of their own, so
     /// that none can delay another. To be taken before torque is on.
-    pub fn seat(&mut self) -> ViewerEnd {
+    pub fn add_viewer(&mut self) -> ViewerEnd {
         let (input, output) = triple_buffer::triple_buffer(&self.draft);
         let (producer, consumer) = rtrb::RingBuffer::new(WAITING);
-        self.seats.push(Seat {
+        self.viewers.push(ViewerChannel {
             snapshots: input,
             requests: consumer,
         });
@@ -76,29 +77,33 @@ impl RobotEnd {
     }
 
     /// The next request, if there is one. Never waits.
-    pub fn request(&mut self) -> Option<Request> {
-        let mut seats = self.seats.iter_mut();
-        seats.find_map(|seat| seat.requests.pop().ok())
+    pub fn request(&mut self) -> Option<ViewerRequest> {
+        let mut viewers = self.viewers.iter_mut();
+        viewers.find_map(|add_viewer| add_viewer.requests.pop().ok())
     }
 
     /// Lets `change` change the last snapshot, and shows it. Never waits.
     pub fn publish(&mut self, change: impl FnOnce(&mut Snapshot)) {
         change(&mut self.draft);
         self.draft.now.settings = self.settings;
-        for seat in &mut self.seats {
-            seat.snapshots.input_buffer_mut().copy_from(&self.draft);
-            seat.snapshots.publish();
+        for add_viewer in &mut self.viewers {
+            add_viewer
+                .snapshots
+                .input_buffer_mut()
+                .copy_from(&self.draft);
+            add_viewer.snapshots.publish();
         }
     }
 
     /// Whether all viewers are gone.
     pub fn is_alone(&self) -> bool {
-        self.seats.iter().all(|seat| seat.requests.is_abandoned())
+        self.viewers
+            .iter()
+            .all(|add_viewer| add_viewer.requests.is_abandoned())
     }
 }
 
 impl ViewerEnd {
-    /// The newest snapshot.
     pub fn newest(&mut self) -> &Snapshot {
         self.snapshots.read()
     }
@@ -109,7 +114,7 @@ impl ViewerEnd {
     }
 
     /// Asks the control loop, if there is room for all that is asked.
-    pub fn ask(&mut self, requests: &[Request]) -> bool {
+    pub fn ask(&mut self, requests: &[ViewerRequest]) -> bool {
         let room = self.requests.slots() >= requests.len();
         if room {
             for request in requests {
@@ -131,8 +136,8 @@ mod tests {
     use super::*;
     use crate::control::idle::IdleStyle;
 
-    fn settings() -> Settings {
-        Settings {
+    fn settings() -> ViewerSettings {
+        ViewerSettings {
             amplitude: 1.0,
             mirror: false,
             idle: IdleStyle::Sway,
@@ -159,12 +164,12 @@ mod tests {
     #[test]
     fn requests_keep_their_order_and_a_full_line_says_so() {
         let (mut robot, mut viewer) = link(1, settings());
-        assert!(viewer.ask(&[Request::Hold, Request::Amplitude(0.5)]));
-        assert_eq!(robot.request(), Some(Request::Hold));
-        assert_eq!(robot.request(), Some(Request::Amplitude(0.5)));
+        assert!(viewer.ask(&[ViewerRequest::Hold, ViewerRequest::Amplitude(0.5)]));
+        assert_eq!(robot.request(), Some(ViewerRequest::Hold));
+        assert_eq!(robot.request(), Some(ViewerRequest::Amplitude(0.5)));
         assert_eq!(robot.request(), None);
-        assert!((0..WAITING).all(|_| viewer.ask(&[Request::Resume])));
-        assert!(!viewer.ask(&[Request::Stop]));
+        assert!((0..WAITING).all(|_| viewer.ask(&[ViewerRequest::Resume])));
+        assert!(!viewer.ask(&[ViewerRequest::Stop]));
         drop(robot);
         assert!(viewer.is_alone());
     }
@@ -172,13 +177,16 @@ mod tests {
     #[test]
     fn two_viewers_see_the_same_and_ask_side_by_side() {
         let (mut robot, mut one) = link(1, settings());
-        let mut other = robot.seat();
+        let mut other = robot.add_viewer();
         robot.publish(|snapshot| snapshot.now.music_s = 7.0);
         assert_eq!(one.newest().now.music_s, 7.0);
         assert_eq!(other.newest().now.music_s, 7.0);
-        assert!(other.ask(&[Request::Hold]) && one.ask(&[Request::Resume]));
+        assert!(other.ask(&[ViewerRequest::Hold]) && one.ask(&[ViewerRequest::Resume]));
         let asked = [robot.request(), robot.request(), robot.request()];
-        assert_eq!(asked, [Some(Request::Resume), Some(Request::Hold), None]);
+        assert_eq!(
+            asked,
+            [Some(ViewerRequest::Resume), Some(ViewerRequest::Hold), None]
+        );
         drop(one);
         assert!(!robot.is_alone());
         drop(other);

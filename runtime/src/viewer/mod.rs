@@ -1,36 +1,36 @@
-//! The show: what whoever watches the robot sees, and what they can ask of it.
+//! Viewers: what they see of the robot, and what they can request.
 //!
 //! ```text
 //! control loop --Snapshot--> latest-value slot --> viewer thread --> browsers, terminal
 //!      ^                                                |
-//!      +--- once a cycle --- queue <------ Request -----+<--- page, API, keys
+//!      +--- once a cycle --- queue <--- ViewerRequest --+<--- page, API, keys
 //! ```
 //!
-//! The control loop never waits for a viewer: see [`mod@link`] for how the two are
-//! held apart. The page and its API are built with the feature `view`, the terminal
-//! always.
+//! The control loop never waits for a viewer: `link.rs` says how the two are held
+//! apart. The page and its API are built with the feature `view`, the terminal always.
 
+#[cfg(feature = "view")]
 mod frame;
-pub mod link;
-mod meshes;
+mod link;
 mod player;
-pub mod request;
+#[cfg_attr(not(feature = "view"), allow(dead_code))] // requests as text are the page's
+mod request;
 mod scene;
 #[cfg(feature = "view")]
 mod server;
 #[cfg(not(feature = "view"))]
-#[path = "no_server.rs"]
+#[path = "server/absent.rs"]
 mod server;
-pub mod snapshot;
+mod settings;
+pub(crate) mod snapshot;
 mod terminal;
 
-pub use frame::frame;
+pub(crate) use crate::telemetry::pose_array::pose_array;
 pub use link::{RobotEnd, ViewerEnd, link};
-pub use meshes::Meshes;
-pub(crate) use meshes::open as open_mesh;
 pub use player::Player;
-pub use request::{Action, Request, Settings};
-pub use scene::{Scene, pose_array};
+pub use request::ViewerRequest;
+pub use scene::Scene;
 pub use server::Server;
-pub use snapshot::{Activity, Snapshot};
+pub use settings::ViewerSettings;
+pub use snapshot::Activity;
 pub use terminal::TerminalView;

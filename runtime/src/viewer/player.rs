@@ -2,14 +2,13 @@
 //! the controls. Nothing moves but the picture.
 
 use super::link::RobotEnd;
-use super::request::Request;
-use super::snapshot::{Activity, BANDS, Event, MusicNow, known_state};
+use super::request::ViewerRequest;
+use super::snapshot::{Activity, BANDS, MusicStatus, ViewerEvent, known_state};
 use crate::telemetry::recorder::Recording;
 use servodance_types::BeatLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Snapshots a second.
 const RATE_HZ: f64 = 30.0;
 
 /// A recording and where it is.
@@ -34,11 +33,10 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Plays until `stop` is set; at its end the recording waits to be played
-    /// again.
+    /// Plays until `stop` is set; pauses at the end of the recording.
     pub fn run(&mut self, stop: &AtomicBool) {
         let event = self.first_event();
-        self.end.publish(|snapshot| snapshot.note(event));
+        self.end.publish(|snapshot| snapshot.push_event(event));
         let mut last = Instant::now();
         while !stop.load(Ordering::Relaxed) {
             std::thread::sleep(Duration::from_secs_f64(1.0 / RATE_HZ));
@@ -54,14 +52,14 @@ impl<'a> Player<'a> {
         let [first_s, last_s] = self.recording.span_s();
         while let Some(request) = self.end.request() {
             match request {
-                Request::Hold => self.paused = true,
-                Request::Resume => {
+                ViewerRequest::Hold => self.paused = true,
+                ViewerRequest::Resume => {
                     self.paused = false;
                     if self.time_s >= last_s {
                         self.time_s = first_s;
                     }
                 }
-                Request::Seek(time_s) if time_s.is_finite() => self.time_s = time_s,
+                ViewerRequest::Seek(time_s) if time_s.is_finite() => self.time_s = time_s,
                 _ => {}
             }
         }
@@ -72,8 +70,8 @@ impl<'a> Player<'a> {
         self.paused |= self.time_s >= last_s;
     }
 
-    fn first_event(&self) -> Event {
-        Event {
+    fn first_event(&self) -> ViewerEvent {
+        ViewerEvent {
             time_s: f64::NAN,
             state: "playing",
             cause: format!("a recording of {}", self.recording.robot),
@@ -89,13 +87,13 @@ impl<'a> Player<'a> {
         if past.len() != self.told {
             self.told = past.len();
             let first = self.first_event();
-            let events = past.into_iter().map(|(at_s, past)| Event {
+            let events = past.into_iter().map(|(at_s, past)| ViewerEvent {
                 time_s: at_s - first_s,
                 state: known_state(&past.state),
                 cause: past.cause.clone(),
             });
             let all = std::iter::once(first).chain(events);
-            self.end.publish(|snapshot| snapshot.retell(all));
+            self.end.publish(|snapshot| snapshot.replace_events(all));
         }
     }
 
@@ -131,12 +129,12 @@ impl<'a> Player<'a> {
 }
 
 /// The beat as it was heard, carried on from the last frame.
-fn music_at(recording: &Recording, time_s: f64) -> MusicNow {
+fn music_at(recording: &Recording, time_s: f64) -> MusicStatus {
     let tempo_bpm = recording.beats.at(time_s).copied().unwrap_or(0.0);
     let Some((at_s, phase)) = recording.phase.last_before(time_s) else {
-        return MusicNow::default();
+        return MusicStatus::default();
     };
-    MusicNow {
+    MusicStatus {
         phase: (phase + (time_s - at_s) * tempo_bpm / 60.0).rem_euclid(1.0),
         tempo_bpm,
         confidence: 1.0,
@@ -160,11 +158,11 @@ fn spectrum_at(recording: &Recording, time_s: f64) -> [f32; BANDS] {
 mod tests {
     use super::*;
     use crate::control::idle::IdleStyle;
-    use crate::telemetry::recorder::Past;
-    use crate::viewer::{Settings, link};
+    use crate::telemetry::recorder::RecordedEvent;
+    use crate::viewer::{ViewerSettings, link};
 
-    fn settings() -> Settings {
-        Settings {
+    fn settings() -> ViewerSettings {
+        ViewerSettings {
             amplitude: 1.0,
             mirror: false,
             idle: IdleStyle::Sway,
@@ -189,12 +187,14 @@ mod tests {
         recording.temperatures.push(heat);
         for (time_s, state, cause) in [(0.5, "running", "armed"), (6.5, "holding", "asked")] {
             let (state, cause) = (state.into(), cause.into());
-            recording.events.push(time_s, Past { state, cause });
+            recording
+                .events
+                .push(time_s, RecordedEvent { state, cause });
         }
         let (end, mut viewers) = link(1, settings());
         let mut player = Player::new(&recording, end);
         let mut at = |time_s| {
-            assert!(viewers.ask(&[Request::Hold, Request::Seek(time_s)]));
+            assert!(viewers.ask(&[ViewerRequest::Hold, ViewerRequest::Seek(time_s)]));
             player.go(0.0);
             player.show();
             let seen = viewers.newest();
@@ -219,7 +219,7 @@ mod tests {
         }
         let (end, mut viewers) = link(1, settings());
         let mut player = Player::new(&recording, end);
-        let mut after = |passed_s, requests: &[Request]| {
+        let mut after = |passed_s, requests: &[ViewerRequest]| {
             assert!(viewers.ask(requests));
             player.go(passed_s);
             player.show();
@@ -227,15 +227,15 @@ mod tests {
             (snapshot.now.music_s, snapshot.joints[0].position_rad)
         };
         assert_eq!(after(0.5, &[]).0, -0.5);
-        assert_eq!(after(0.5, &[Request::Hold]).0, -0.5);
-        let (time_s, rad) = after(0.0, &[Request::Seek(0.5)]);
+        assert_eq!(after(0.5, &[ViewerRequest::Hold]).0, -0.5);
+        let (time_s, rad) = after(0.0, &[ViewerRequest::Seek(0.5)]);
         assert!(
             (time_s - 0.5).abs() < 1e-9 && (rad - 7.5).abs() < 1e-5,
             "{rad}"
         );
-        assert_eq!(after(0.1, &[Request::Seek(f64::NAN)]).0, 0.5);
-        assert_eq!(after(9.0, &[Request::Resume]).0, 0.98);
+        assert_eq!(after(0.1, &[ViewerRequest::Seek(f64::NAN)]).0, 0.5);
+        assert_eq!(after(9.0, &[ViewerRequest::Resume]).0, 0.98);
         assert_eq!(after(9.0, &[]).0, 0.98, "it waits at the end");
-        assert_eq!(after(0.0, &[Request::Resume]).0, -1.0);
+        assert_eq!(after(0.0, &[ViewerRequest::Resume]).0, -1.0);
     }
 }

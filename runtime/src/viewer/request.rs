@@ -8,42 +8,15 @@
 //! Text is checked here once; what goes to the control loop is small and `Copy`.
 //! The emergency stop is not among it: it does not wait in a queue.
 
+use super::settings::ViewerSettings;
 use super::snapshot::Activity;
 use crate::control::idle::IdleStyle;
-use serde::{Deserialize, Serialize};
-
-/// What can be changed while the robot dances.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// Share of the movement around rest, 0 to 1.
-    pub amplitude: f64,
-    /// Whether the robot is the dancer's mirror image.
-    pub mirror: bool,
-    /// What to do while there is no music.
-    pub idle: IdleStyle,
-    /// The style, as a place in the model's list.
-    pub style: usize,
-    /// Seed of the dancer's random numbers.
-    pub seed: u64,
-}
-
-impl Settings {
-    /// Takes over what a request sets, if it sets something.
-    pub fn take(&mut self, request: Request) {
-        match request {
-            Request::Amplitude(amplitude) => self.amplitude = amplitude,
-            Request::Mirror(mirror) => self.mirror = mirror,
-            Request::Idle(idle) => self.idle = idle,
-            Request::Style(style) => self.style = style,
-            Request::Seed(seed) => self.seed = seed,
-            _ => {}
-        }
-    }
-}
+use serde::Deserialize;
 
 /// A request to the control loop, which looks once a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Request {
+#[allow(missing_docs)] // the names say it
+pub enum ViewerRequest {
     /// Torque on, and dance; only while waiting.
     Start,
     /// Brake and hold position.
@@ -54,25 +27,30 @@ pub enum Request {
     Stop,
     /// Release the emergency stop; only while waiting.
     Release,
-    /// See [`Settings::amplitude`].
     Amplitude(f64),
-    /// See [`Settings::mirror`].
     Mirror(bool),
-    /// See [`Settings::idle`].
     Idle(IdleStyle),
-    /// See [`Settings::style`].
     Style(usize),
-    /// See [`Settings::seed`].
     Seed(u64),
     /// Another moment of a recording, seconds of music; only while playing.
     Seek(f64),
 }
 
-impl Request {
+impl ViewerRequest {
+    /// Takes over the setting that this request changes; other requests change none.
+    pub fn apply_to(self, settings: &mut ViewerSettings) {
+        match self {
+            Self::Amplitude(amplitude) => settings.amplitude = amplitude,
+            Self::Mirror(mirror) => settings.mirror = mirror,
+            Self::Idle(idle) => settings.idle = idle,
+            Self::Style(style) => settings.style = style,
+            Self::Seed(seed) => settings.seed = seed,
+            _ => {}
+        }
+    }
+
     /// Whether it makes sense now; `pressed` is the emergency stop.
-    ///
-    /// # Errors
-    /// Why not, in a line for whoever asked.
+    /// The error is one line for the viewer that asked.
     pub fn possible(self, activity: Activity, pressed: bool) -> Result<(), String> {
         let waiting = activity == Activity::Waiting;
         let playing = activity == Activity::Playing;
@@ -91,33 +69,26 @@ impl Request {
 /// A request as it comes in.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Text {
+struct RequestText {
     #[serde(rename = "do")]
-    action: Option<Action>,
-    set: Option<Wanted>,
+    action: Option<ActionText>,
+    set: Option<SettingsText>,
 }
 
-/// What can be done at once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[derive(Debug, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Action {
-    /// See [`Request::Start`].
+enum ActionText {
     Start,
-    /// See [`Request::Hold`].
     Hold,
-    /// See [`Request::Resume`].
     Resume,
-    /// See [`Request::Stop`].
     Stop,
-    /// Torque off now.
     Estop,
-    /// See [`Request::Release`].
     Release,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Wanted {
+struct SettingsText {
     amplitude: Option<f64>,
     mirror: Option<bool>,
     idle: Option<IdleStyle>,
@@ -128,53 +99,51 @@ struct Wanted {
 
 /// A request that was understood.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Understood {
+pub enum ParsedRequest {
     /// Press the emergency stop.
     EStop,
     /// For the control loop, in order.
-    Requests(Vec<Request>),
+    Requests(Vec<ViewerRequest>),
 }
 
 /// Understands a request; `styles` are those that the model knows.
-///
-/// # Errors
-/// One line for whoever asked: what is wrong, and the choices.
-pub fn understand(json: &str, styles: &[String]) -> Result<Understood, String> {
-    let text: Text = serde_json::from_str(json).map_err(|error| error.to_string())?;
+/// The error is one line for the viewer: what is wrong, and the choices.
+pub fn parse_request(json: &str, styles: &[String]) -> Result<ParsedRequest, String> {
+    let text: RequestText = serde_json::from_str(json).map_err(|error| error.to_string())?;
     match (text.action, text.set) {
-        (Some(Action::Estop), _) => Ok(Understood::EStop),
-        (Some(action), None) => Ok(Understood::Requests(vec![match action {
-            Action::Start => Request::Start,
-            Action::Hold => Request::Hold,
-            Action::Resume => Request::Resume,
-            Action::Stop => Request::Stop,
-            Action::Release | Action::Estop => Request::Release,
+        (Some(ActionText::Estop), _) => Ok(ParsedRequest::EStop),
+        (Some(action), None) => Ok(ParsedRequest::Requests(vec![match action {
+            ActionText::Start => ViewerRequest::Start,
+            ActionText::Hold => ViewerRequest::Hold,
+            ActionText::Resume => ViewerRequest::Resume,
+            ActionText::Stop => ViewerRequest::Stop,
+            ActionText::Release | ActionText::Estop => ViewerRequest::Release,
         }])),
-        (None, Some(wanted)) => wanted.requests(styles).map(Understood::Requests),
+        (None, Some(wanted)) => wanted.requests(styles).map(ParsedRequest::Requests),
         _ => Err("expected either \"do\" or \"set\"".into()),
     }
 }
 
-impl Wanted {
-    fn requests(self, styles: &[String]) -> Result<Vec<Request>, String> {
+impl SettingsText {
+    fn requests(self, styles: &[String]) -> Result<Vec<ViewerRequest>, String> {
         let mut requests = Vec::new();
         if let Some(amplitude) = self.amplitude {
             if !(0.0..=1.0).contains(&amplitude) {
                 return Err(format!("amplitude is {amplitude}, expected 0 to 1"));
             }
-            requests.push(Request::Amplitude(amplitude));
+            requests.push(ViewerRequest::Amplitude(amplitude));
         }
         if let Some(style) = self.style {
             let place = styles.iter().position(|known| *known == style);
             let known = || format!("unknown style \"{style}\"; known: {}", styles.join(", "));
-            requests.push(Request::Style(place.ok_or_else(known)?));
+            requests.push(ViewerRequest::Style(place.ok_or_else(known)?));
         }
         if let Some(time_s) = self.time_s {
-            requests.push(Request::Seek(time_s));
+            requests.push(ViewerRequest::Seek(time_s));
         }
-        requests.extend(self.mirror.map(Request::Mirror));
-        requests.extend(self.idle.map(Request::Idle));
-        requests.extend(self.seed.map(Request::Seed));
+        requests.extend(self.mirror.map(ViewerRequest::Mirror));
+        requests.extend(self.idle.map(ViewerRequest::Idle));
+        requests.extend(self.seed.map(ViewerRequest::Seed));
         match requests.is_empty() {
             true => Err("nothing to set".into()),
             false => Ok(requests),
@@ -193,25 +162,25 @@ mod tests {
     #[test]
     fn requests_are_understood() {
         for (json, wanted) in [
-            (r#"{"do":"hold"}"#, vec![Request::Hold]),
+            (r#"{"do":"hold"}"#, vec![ViewerRequest::Hold]),
             (
                 r#"{"set":{"amplitude":0.5}}"#,
-                vec![Request::Amplitude(0.5)],
+                vec![ViewerRequest::Amplitude(0.5)],
             ),
             (
                 r#"{"set":{"style":"salsa","mirror":true,"idle":"rest"}}"#,
                 vec![
-                    Request::Style(1),
-                    Request::Mirror(true),
-                    Request::Idle(IdleStyle::Rest),
+                    ViewerRequest::Style(1),
+                    ViewerRequest::Mirror(true),
+                    ViewerRequest::Idle(IdleStyle::Rest),
                 ],
             ),
         ] {
-            let understood = understand(json, &styles());
-            assert_eq!(understood, Ok(Understood::Requests(wanted)), "{json}");
+            let understood = parse_request(json, &styles());
+            assert_eq!(understood, Ok(ParsedRequest::Requests(wanted)), "{json}");
         }
-        let estop = understand(r#"{"do":"estop"}"#, &styles());
-        assert_eq!(estop, Ok(Understood::EStop));
+        let estop = parse_request(r#"{"do":"estop"}"#, &styles());
+        assert_eq!(estop, Ok(ParsedRequest::EStop));
     }
 
     #[test]
@@ -229,7 +198,7 @@ mod tests {
             (r#"{"set":{"seed":-1}}"#, "-1"),
             (r#"{"set":{"idle":"jump"}}"#, "sway"),
         ] {
-            let error = understand(json, &styles()).unwrap_err();
+            let error = parse_request(json, &styles()).unwrap_err();
             assert!(error.contains(word), "{json}: {error}");
         }
     }

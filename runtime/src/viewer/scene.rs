@@ -1,11 +1,11 @@
 //! What does not change during a show: the robot's shapes, joints and limits,
 //! and what can be asked for. Viewers get it once, as JSON.
 
-use super::meshes::Meshes;
 use crate::control::idle::IdleStyle;
+use crate::robot::Meshes;
+use crate::telemetry::pose_array::pose_array;
 use clap::ValueEnum;
 use serde_json::{Value, json};
-use servodance_retarget::nalgebra::Isometry3;
 use servodance_retarget::{RobotModel, Shape};
 use servodance_types::{BodyJoint, JointLimits};
 
@@ -14,8 +14,8 @@ const STICK_M: f64 = 0.008;
 
 /// A robot to be watched.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the names say it
 pub struct Scene {
-    /// The robot's name.
     pub robot: String,
     /// Its tree and shapes.
     pub model: RobotModel,
@@ -104,10 +104,4 @@ impl Scene {
         });
         shown.chain(meshes).chain(sticks).collect()
     }
-}
-
-/// x, y, z, then the quaternion x, y, z, w.
-pub fn pose_array(pose: &Isometry3<f64>) -> [f64; 7] {
-    let ([x, y, z], turn) = (pose.translation.vector.into(), pose.rotation.coords);
-    [x, y, z, turn.x, turn.y, turn.z, turn.w]
 }

@@ -4,8 +4,8 @@
 //! nothing happens that deserves a line of text. Radians, metres, seconds; robot axes x forward,
 //! y left, z up. What is not known is NaN, and becomes `null` for viewers.
 
-use super::request::Settings;
-use servodance_drivers::State;
+use super::settings::ViewerSettings;
+use servodance_drivers::{BusStats, State};
 use servodance_types::{BeatLock, JOINT_COUNT};
 
 /// Bands of the spectrum.
@@ -27,7 +27,7 @@ pub enum Activity {
     Prelude,
     /// Dancing, or idling while there is no music.
     Dancing,
-    /// On the way to rest.
+    /// On the way to the rest pose.
     Finale,
     /// A recording is played back; nothing moves.
     Playing,
@@ -36,7 +36,7 @@ pub enum Activity {
 }
 
 impl Activity {
-    /// The word for it.
+    /// The name in frames and messages.
     pub const fn name(self) -> &'static str {
         match self {
             Activity::Waiting => "waiting",
@@ -51,22 +51,17 @@ impl Activity {
     }
 }
 
-/// One joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct JointNow {
+pub struct JointStatus {
     /// What the servo was told, inside the limits.
     pub target_rad: f64,
-    /// What it reported.
     pub position_rad: f64,
-    /// What it reported.
     pub velocity_rad_s: f64,
-    /// What it reported.
     pub current_a: f64,
-    /// When it was last asked.
     pub temperature_c: f64,
 }
 
-impl Default for JointNow {
+impl Default for JointStatus {
     fn default() -> Self {
         Self {
             target_rad: 0.0,
@@ -78,16 +73,12 @@ impl Default for JointNow {
     }
 }
 
-/// What is heard at this moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MusicNow {
+pub struct MusicStatus {
     /// Position between two beats, 0 to 1.
     pub phase: f64,
-    /// Beats a minute; 0 while unknown.
     pub tempo_bpm: f64,
-    /// How sure the beat is, 0 to 1.
     pub confidence: f64,
-    /// Whether the beat is had.
     pub lock: BeatLock,
     /// How sure it is that this is music, 0 to 1.
     pub presence: f64,
@@ -95,31 +86,19 @@ pub struct MusicNow {
     pub bands: [f32; BANDS],
 }
 
-/// The bus so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[allow(missing_docs)] // the names say it
-pub struct BusNow {
-    pub cycles: u64,
-    pub timeouts: u64,
-    pub crc_errors: u64,
-    pub retries: u64,
-}
-
 /// A change of the safety layer's state, or a remark of it.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Event {
+pub struct ViewerEvent {
     /// Seconds since torque on.
     pub time_s: f64,
-    /// The state after it.
+    /// The state after the event.
     pub state: &'static str,
-    /// Why.
     pub cause: String,
 }
 
-/// All of it that has a fixed size.
+/// The part of a snapshot that has a fixed size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment {
-    /// What the program is doing.
+pub struct RobotStatus {
     pub activity: Activity,
     /// Seconds since torque on.
     pub robot_s: f64,
@@ -129,25 +108,21 @@ pub struct Moment {
     pub root: [f64; 7],
     /// The 22 points of the human whom the robot follows, if there is one.
     pub human: Option<[[f32; 3]; JOINT_COUNT]>,
-    /// What is heard.
-    pub music: MusicNow,
+    pub music: MusicStatus,
     /// Share of idle in what is shown, 0 to 1.
     pub idle_share: f64,
-    /// What was asked for.
-    pub settings: Settings,
+    pub settings: ViewerSettings,
     /// The amplitude on its way to what was asked for.
     pub amplitude: f64,
     /// Whether somebody asked to hold (or to pause, where a recording plays).
     pub hold: bool,
-    /// The bus.
-    pub bus: BusNow,
+    pub bus: BusStats,
     /// Control cycles a second, of late.
     pub rate_hz: f64,
     /// How late the latest of the last cycles was, milliseconds.
     pub late_ms: f64,
     /// Cycles without the motion that they needed.
     pub late_frames: u64,
-    /// State of the safety layer.
     pub safety: State,
     /// Commands that the safety layer changed.
     pub interventions: u64,
@@ -155,33 +130,30 @@ pub struct Moment {
     pub violations: Option<u64>,
 }
 
-/// All of it.
 #[derive(Clone, Debug)]
 pub struct Snapshot {
-    /// What has a fixed size.
-    pub now: Moment,
-    /// The joints, in order.
-    pub joints: Vec<JointNow>,
-    events: Vec<Event>,
+    pub now: RobotStatus,
+    pub joints: Vec<JointStatus>,
+    events: Vec<ViewerEvent>,
     /// How many events there were.
     events_seen: usize,
 }
 
 impl Snapshot {
     /// Before anything happened, of a robot with so many joints.
-    pub fn new(joints: usize, settings: Settings) -> Self {
-        let now = Moment {
+    pub fn new(joints: usize, settings: ViewerSettings) -> Self {
+        let now = RobotStatus {
             activity: Activity::default(),
             robot_s: 0.0,
             music_s: 0.0,
             root: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
             human: None,
-            music: MusicNow::default(),
+            music: MusicStatus::default(),
             idle_share: 0.0,
             settings,
             amplitude: settings.amplitude,
             hold: false,
-            bus: BusNow::default(),
+            bus: BusStats::default(),
             rate_hz: 0.0,
             late_ms: 0.0,
             late_frames: 0,
@@ -191,14 +163,14 @@ impl Snapshot {
         };
         Self {
             now,
-            joints: vec![JointNow::default(); joints],
+            joints: vec![JointStatus::default(); joints],
             events: Vec::with_capacity(EVENTS),
             events_seen: 0,
         }
     }
 
-    /// Adds an event; the oldest goes.
-    pub fn note(&mut self, event: Event) {
+    /// Adds an event; drops the oldest beyond [`EVENTS`].
+    pub fn push_event(&mut self, event: ViewerEvent) {
         if self.events.len() == EVENTS {
             self.events.remove(0);
         }
@@ -206,19 +178,18 @@ impl Snapshot {
         self.events_seen += 1;
     }
 
-    /// Other events take the place of those that were told.
-    pub fn retell(&mut self, events: impl Iterator<Item = Event>) {
+    pub fn replace_events(&mut self, events: impl Iterator<Item = ViewerEvent>) {
         self.events.clear();
-        events.for_each(|event| self.note(event));
+        events.for_each(|event| self.push_event(event));
         self.events_seen += 1; // also if there are none
     }
 
     /// The newest events, oldest first.
-    pub fn events(&self) -> &[Event] {
+    pub fn events(&self) -> &[ViewerEvent] {
         &self.events
     }
 
-    /// Becomes the other; allocates only where there are new events.
+    /// Copies the other; allocates only if there are new events.
     pub fn copy_from(&mut self, other: &Self) {
         self.now = other.now;
         self.joints.clone_from(&other.joints);
@@ -229,28 +200,23 @@ impl Snapshot {
     }
 }
 
-/// The same word for a state, from a recording; unknown ones are "event".
+const STATES: [(State, &str); 6] = [
+    (State::Disarmed, "disarmed"),
+    (State::Arming, "arming"),
+    (State::Running, "running"),
+    (State::Holding, "holding"),
+    (State::Stopping, "stopping"),
+    (State::Fault, "fault"),
+];
+
+/// A state's name as it stands in a recording; unknown ones are "event".
 pub fn known_state(word: &str) -> &'static str {
-    let states = [
-        State::Disarmed,
-        State::Arming,
-        State::Running,
-        State::Holding,
-        State::Stopping,
-        State::Fault,
-    ];
-    let mut words = states.into_iter().map(state_name);
-    words.find(|known| *known == word).unwrap_or("event")
+    let known = STATES.iter().find(|(_, name)| *name == word);
+    known.map_or("event", |(_, name)| name)
 }
 
-/// The word for a state of the safety layer.
-pub const fn state_name(state: State) -> &'static str {
-    match state {
-        State::Disarmed => "disarmed",
-        State::Arming => "arming",
-        State::Running => "running",
-        State::Holding => "holding",
-        State::Stopping => "stopping",
-        State::Fault => "fault",
-    }
+/// The name of a state of the safety layer.
+pub fn state_name(state: State) -> &'static str {
+    let known = STATES.iter().find(|(of, _)| *of == state);
+    known.map_or("", |(_, name)| name)
 }

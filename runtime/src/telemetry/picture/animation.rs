@@ -4,8 +4,8 @@
 //! same bytes; after the first frame only what changed is written.
 
 use super::canvas::{Canvas, TextSize};
-use super::figure::{Figure, draw_figure};
-use super::{BEAT, FAINT, INK, PAPER};
+use super::stick_figure::{StickFigure, draw_figure};
+use super::style::{BEAT, FAINT, INK, PAPER};
 use gif::{Encoder, Frame, Repeat};
 use std::borrow::Cow;
 use std::io::Write;
@@ -18,20 +18,15 @@ const FIGURE_HEIGHT: f32 = 250.0;
 /// Steps of red, green and blue in the cube.
 const CUBE: [u32; 3] = [6, 7, 6];
 
-/// One moment.
 #[derive(Clone, Debug)]
-pub struct Moment {
-    /// Seconds of music.
+pub struct AnimationFrame {
     pub time_s: f64,
     /// Seconds since the last beat, if there was one.
     pub since_beat_s: Option<f64>,
-    /// The human, if there is one.
-    pub human: Option<Figure>,
-    /// The robot.
-    pub robot: Figure,
+    pub human: Option<StickFigure>,
+    pub robot: StickFigure,
 }
 
-/// Writes moments one after another.
 pub struct Animation<W: Write> {
     encoder: Encoder<W>,
     title: String,
@@ -40,9 +35,6 @@ pub struct Animation<W: Write> {
 
 impl<W: Write> Animation<W> {
     /// A picture with this title that is repeated for ever.
-    ///
-    /// # Errors
-    /// It cannot be written.
     pub fn new(writer: W, title: &str) -> anyhow::Result<Self> {
         let mut encoder = Encoder::new(writer, WIDTH as u16, HEIGHT as u16, &palette())?;
         encoder.set_repeat(Repeat::Infinite)?;
@@ -53,11 +45,7 @@ impl<W: Write> Animation<W> {
         })
     }
 
-    /// Adds a moment.
-    ///
-    /// # Errors
-    /// It cannot be written.
-    pub fn push(&mut self, moment: &Moment) -> anyhow::Result<()> {
+    pub fn push(&mut self, moment: &AnimationFrame) -> anyhow::Result<()> {
         let pixels = self.draw(moment)?;
         let (left, top, width, height) = match &self.last {
             Some(last) => changed(last, &pixels),
@@ -78,16 +66,12 @@ impl<W: Write> Animation<W> {
         Ok(())
     }
 
-    /// Ends the picture.
-    ///
-    /// # Errors
-    /// It cannot be written.
     pub fn finish(self) -> anyhow::Result<W> {
         Ok(self.encoder.into_inner()?)
     }
 
     /// A place in the palette for each pixel.
-    fn draw(&self, moment: &Moment) -> anyhow::Result<Vec<u8>> {
+    fn draw(&self, moment: &AnimationFrame) -> anyhow::Result<Vec<u8>> {
         let canvas = Canvas::new(WIDTH, HEIGHT, PAPER);
         let mut canvas = canvas.ok_or_else(|| anyhow::anyhow!("no room for a picture"))?;
         canvas.text((16.0, 10.0), TextSize::Medium, INK, &self.title);
@@ -178,13 +162,13 @@ mod tests {
 
     #[test]
     fn a_decoder_sees_every_moment() {
-        let robot = Figure {
+        let robot = StickFigure {
             height_m: 1.0,
-            ..Figure::default()
+            ..StickFigure::default()
         };
         let mut animation = Animation::new(Vec::new(), "title").unwrap();
         for i in 0..5 {
-            let moment = Moment {
+            let moment = AnimationFrame {
                 time_s: f64::from(i),
                 since_beat_s: Some(0.0),
                 human: None,

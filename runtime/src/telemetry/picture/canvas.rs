@@ -1,25 +1,20 @@
 //! A drawing surface: lines, dots and text on a pixmap, in pixels from the
 //! top left.
 
+use super::style::{FAINT, INK, MARGIN, PAPER, Rgba};
+use anyhow::Context;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use tiny_skia::{
     Color, FillRule, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Rect, Stroke, Transform,
 };
 
-/// A colour: red, green, blue, opacity, each 0 to 255.
-pub type Rgba = [u8; 4];
-
 /// A point in pixels.
 pub type Point = (f32, f32);
 
-/// Size of text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TextSize {
-    /// Labels.
     Small,
-    /// Section titles.
     Medium,
-    /// The title.
     Large,
 }
 
@@ -33,7 +28,6 @@ impl TextSize {
     }
 }
 
-/// A picture under construction.
 pub struct Canvas {
     pixmap: Pixmap,
 }
@@ -44,6 +38,15 @@ impl Canvas {
         let mut pixmap = Pixmap::new(width, height)?;
         pixmap.fill(color(background));
         Some(Self { pixmap })
+    }
+
+    /// A page with a headline and a line below it.
+    pub fn page(width: u32, height: f32, title: &str, subtitle: &str) -> anyhow::Result<Self> {
+        let canvas = Self::new(width, height as u32, PAPER);
+        let mut canvas = canvas.context("the picture is too large")?;
+        canvas.text((MARGIN, 22.0), TextSize::Large, INK, title);
+        canvas.text((MARGIN, 56.0), TextSize::Small, FAINT, subtitle);
+        Ok(canvas)
     }
 
     /// A connected line with round ends.
@@ -67,7 +70,6 @@ impl Canvas {
             .stroke_path(&path, &paint(rgba), &stroke, Transform::identity(), None);
     }
 
-    /// A filled circle.
     pub fn dot(&mut self, (x, y): Point, radius: f32, rgba: Rgba) {
         if let Some(path) = PathBuilder::from_circle(x, y, radius) {
             self.pixmap.fill_path(
@@ -80,7 +82,6 @@ impl Canvas {
         }
     }
 
-    /// A filled rectangle.
     pub fn rectangle(&mut self, left: f32, top: f32, width: f32, height: f32, rgba: Rgba) {
         if let Some(rect) = Rect::from_xywh(left, top, width, height) {
             self.pixmap

@@ -1,26 +1,20 @@
 //! A panel with a time axis, in pixels.
 
-use super::canvas::{Canvas, Point, Rgba};
+use super::canvas::{Canvas, Point};
+use super::style::Rgba;
 
 /// Where a plot lies on the canvas and what part of the data it shows.
 #[derive(Clone, Copy, Debug)]
 pub struct Plot {
-    /// Left edge.
     pub left: f32,
-    /// Upper edge.
     pub top: f32,
-    /// Width.
     pub width: f32,
-    /// Height.
     pub height: f32,
-    /// Shown times, seconds.
     pub x_range: (f64, f64),
-    /// Shown values.
     pub y_range: (f64, f64),
 }
 
 impl Plot {
-    /// The background.
     pub fn panel(&self, canvas: &mut Canvas, rgba: Rgba) {
         canvas.rectangle(self.left, self.top, self.width, self.height, rgba);
     }

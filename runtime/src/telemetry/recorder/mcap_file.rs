@@ -1,6 +1,6 @@
 //! The MCAP file of a recording, written by one thread.
 
-use super::Topic;
+use super::topic::RecordingTopic;
 use crate::telemetry::pending_file::PendingFile;
 use mcap::records::{MessageHeader, Metadata};
 use std::collections::BTreeMap;
@@ -8,16 +8,15 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// A recording under construction; without [`Book::finish`] no file appears.
-pub struct Book {
+/// A recording under construction; without [`McapFile::finish`] no file appears.
+pub struct McapFile {
     pending: PendingFile,
     writer: mcap::Writer<BufWriter<File>>,
     /// Identifier and newest sequence number of each topic so far.
     channels: BTreeMap<String, (u16, u32)>,
 }
 
-impl Book {
-    /// Starts a recording.
+impl McapFile {
     pub fn create(path: &Path) -> anyhow::Result<Self> {
         let pending = PendingFile::create(path)?;
         let writer = mcap::WriteOptions::new()
@@ -32,8 +31,12 @@ impl Book {
         })
     }
 
-    /// One message.
-    pub fn message(&mut self, topic: Topic, time_s: f64, data: &[u8]) -> anyhow::Result<()> {
+    pub fn message(
+        &mut self,
+        topic: RecordingTopic,
+        time_s: f64,
+        data: &[u8],
+    ) -> anyhow::Result<()> {
         let (channel_id, sequence) = self.channel(topic)?;
         let log_time = (time_s.max(0.0) * 1e9).round() as u64;
         let header = MessageHeader {
@@ -62,20 +65,20 @@ impl Book {
         self.pending.finish()
     }
 
-    fn channel(&mut self, topic: Topic) -> anyhow::Result<(u16, u32)> {
-        let name = topic.name();
-        if let Some((id, sequence)) = self.channels.get_mut(&name) {
+    fn channel(&mut self, topic: RecordingTopic) -> anyhow::Result<(u16, u32)> {
+        let (name, message_type) = topic.describe();
+        if let Some((id, sequence)) = self.channels.get_mut(&*name) {
             *sequence += 1;
             return Ok((*id, *sequence));
         }
-        let kind = topic.message_type();
-        let schema =
-            self.writer
-                .add_schema(kind.name(), "ros2msg", kind.definition().as_bytes())?;
+        let definition = message_type.definition();
+        let schema = self
+            .writer
+            .add_schema(message_type.name, "ros2msg", definition.as_bytes())?;
         let id = self
             .writer
             .add_channel(schema, &name, "cdr", &BTreeMap::new())?;
-        self.channels.insert(name, (id, 0));
+        self.channels.insert(name.into_owned(), (id, 0));
         Ok((id, 0))
     }
 }

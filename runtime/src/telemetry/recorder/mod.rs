@@ -28,169 +28,88 @@
 mod mcap_file;
 mod message_types;
 mod recording;
+mod topic;
 mod writer_thread;
 
-pub use recording::{Past, Recording, Series};
+pub use recording::{RecordedEvent, Recording, Series};
 
-use crate::pipeline::step_times::Stage;
-use message_types::MessageType;
 use servodance_stage::ros2::{CdrWriter, joint_state, pose_array};
 use servodance_types::{JointState, MotionFrame};
 use std::collections::BTreeMap;
 use std::path::Path;
-use writer_thread::Clerk;
-pub use writer_thread::{OnTrouble, WhenBehind};
+pub use topic::RecordingTopic;
+use topic::SAFETY;
+use writer_thread::WriterThread;
+pub use writer_thread::{OnRecordingError, WhenBehind};
 
 const JOINT_FRAME: &str = "base_link";
 const MOTION_FRAME: &str = "stage";
 const WORLD_FRAME: &str = "world";
 
-/// In front of the state in the names of log messages.
-pub(crate) const SAFETY: &str = "safety";
-/// Levels of rcl_interfaces/Log.
 const LOG_INFO: u8 = 20;
 const LOG_ERROR: u8 = 40;
 
 /// Something that the safety layer did.
 #[derive(Clone, Copy, Debug)]
-pub struct Notice<'a> {
+pub struct SafetyNotice<'a> {
     /// Seconds since torque on.
     pub time_s: f64,
     /// Whether it is a fault.
     pub grave: bool,
     /// The state after it.
     pub state: &'a str,
-    /// Why.
     pub cause: &'a str,
 }
 
-/// A topic of the recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Topic {
-    /// Human motion.
-    Motion,
-    /// What the retargeter asked for.
-    JointTargets,
-    /// What the safety layer let pass.
-    JointCommands,
-    /// What the servos reported.
-    JointStates,
-    /// Where the simulated servos truly were.
-    ServoTruth,
-    /// Beats of the music.
-    Beat,
-    /// The phase that the generator heard.
-    BeatPhase,
-    /// Seconds by which the targets' motion is ahead of the music.
-    Lead,
-    /// Share of idle in what is shown.
-    Idle,
-    /// Bytes on the wire so far.
-    BusBytes,
-    /// Packets on the wire so far.
-    BusPackets,
-    /// Where the root link is.
-    Root,
-    /// What is heard.
-    Spectrum,
-    /// How warm servos are.
-    Temperatures,
-    /// What the safety layer did.
-    Safety,
-    /// The URDF.
-    RobotDescription,
-    /// Milliseconds of one stage.
-    Stage(Stage),
-}
-
-impl Topic {
-    fn name(self) -> String {
-        match self {
-            Topic::Motion => "/motion".into(),
-            Topic::JointTargets => "/joint_targets".into(),
-            Topic::JointCommands => "/joint_commands".into(),
-            Topic::JointStates => "/joint_states".into(),
-            Topic::ServoTruth => "/servo_truth".into(),
-            Topic::Beat => "/beat".into(),
-            Topic::BeatPhase => "/beat_phase".into(),
-            Topic::Lead => "/lead".into(),
-            Topic::Idle => "/idle".into(),
-            Topic::BusBytes => "/bus/bytes".into(),
-            Topic::BusPackets => "/bus/packets".into(),
-            Topic::Root => "/root".into(),
-            Topic::RobotDescription => "/robot_description".into(),
-            Topic::Spectrum => "/spectrum".into(),
-            Topic::Temperatures => "/temperatures".into(),
-            Topic::Safety => "/safety".into(),
-            Topic::Stage(stage) => format!("/stage/{}", stage.name()),
-        }
-    }
-
-    const fn message_type(self) -> MessageType {
-        match self {
-            Topic::Motion => MessageType::PoseArray,
-            Topic::JointTargets | Topic::JointCommands | Topic::JointStates | Topic::ServoTruth => {
-                MessageType::JointState
-            }
-            Topic::Root => MessageType::PoseStamped,
-            Topic::Spectrum => MessageType::FloatArray,
-            Topic::Temperatures => MessageType::Temperature,
-            Topic::Safety => MessageType::Log,
-            Topic::RobotDescription => MessageType::Text,
-            _ => MessageType::Float64,
-        }
-    }
-}
-
-/// Turns what happens into messages and has a clerk write them; without
+/// Turns what happens into messages and has a writer write them; without
 /// [`Recorder::finish`] no file appears. Nothing here waits for a disk, unless
 /// [`WhenBehind::Wait`] says so; what went wrong with it is told by `finish`.
 pub struct Recorder {
-    clerk: Clerk,
+    writer: WriterThread,
     joint_names: Vec<String>,
 }
 
 impl Recorder {
     /// Starts a recording of joints with these names.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn create(
         path: &Path,
         joint_names: Vec<String>,
         when_behind: WhenBehind,
-        on_trouble: OnTrouble,
+        on_error: OnRecordingError,
     ) -> anyhow::Result<Self> {
-        let clerk = Clerk::start(path, when_behind, on_trouble)?;
-        Ok(Self { clerk, joint_names })
+        let writer = WriterThread::start(path, when_behind, on_error)?;
+        Ok(Self {
+            writer,
+            joint_names,
+        })
     }
 
     /// One number at `time_s`.
-    pub fn number(&mut self, topic: Topic, time_s: f64, value: f64) {
-        self.clerk
+    pub fn number(&mut self, topic: RecordingTopic, time_s: f64, value: f64) {
+        self.writer
             .message(topic, time_s, CdrWriter::new().f64(value).finish());
     }
 
     /// One text at `time_s`.
-    pub fn text(&mut self, topic: Topic, time_s: f64, value: &str) {
-        self.clerk
+    pub fn text(&mut self, topic: RecordingTopic, time_s: f64, value: &str) {
+        self.writer
             .message(topic, time_s, CdrWriter::new().string(value).finish());
     }
 
     /// Joint positions alone, radians.
-    pub fn positions(&mut self, topic: Topic, time_s: f64, positions_rad: &[f64]) {
+    pub fn positions(&mut self, topic: RecordingTopic, time_s: f64, positions_rad: &[f64]) {
         let mut cdr = self.joint_header(time_s);
         cdr.f64s(positions_rad.iter().copied()).u32(0).u32(0);
-        self.clerk.message(topic, time_s, cdr.finish());
+        self.writer.message(topic, time_s, cdr.finish());
     }
 
     /// Whole joint states: radians, radians a second, amperes.
-    pub fn states(&mut self, topic: Topic, time_s: f64, states: &[JointState]) {
+    pub fn states(&mut self, topic: RecordingTopic, time_s: f64, states: &[JointState]) {
         let mut cdr = self.joint_header(time_s);
         cdr.f64s(states.iter().map(|s| s.position_rad))
             .f64s(states.iter().map(|s| s.velocity_rad_s))
             .f64s(states.iter().map(|s| s.current_a));
-        self.clerk.message(topic, time_s, cdr.finish());
+        self.writer.message(topic, time_s, cdr.finish());
     }
 
     /// A human motion frame at `time_s`, turned from y up to z up, facing x.
@@ -200,17 +119,17 @@ impl Recorder {
             .iter()
             .map(|[left, up, forward]| [*forward, *left, *up].map(f64::from));
         let message = pose_array(time_s, MOTION_FRAME, points);
-        self.clerk.message(Topic::Motion, time_s, message);
+        self.writer.message(RecordingTopic::Motion, time_s, message);
     }
 
     /// A pose in the world: x, y, z, then the quaternion x, y, z, w.
-    pub fn pose(&mut self, topic: Topic, time_s: f64, pose: [f64; 7]) {
+    pub fn pose(&mut self, topic: RecordingTopic, time_s: f64, pose: [f64; 7]) {
         let mut cdr = CdrWriter::new();
         cdr.header(time_s, WORLD_FRAME);
         for value in pose {
             cdr.f64(value);
         }
-        self.clerk.message(topic, time_s, cdr.finish());
+        self.writer.message(topic, time_s, cdr.finish());
     }
 
     /// Levels of the bands of the spectrum, 0 to 1.
@@ -219,7 +138,7 @@ impl Recorder {
         let mut cdr = CdrWriter::new();
         cdr.u32(1).string("band").u32(count).u32(count).u32(0);
         let data = cdr.f32s(bands.iter().copied()).finish();
-        self.clerk.message(Topic::Spectrum, time_s, data);
+        self.writer.message(RecordingTopic::Spectrum, time_s, data);
     }
 
     /// How warm the servo of a joint is, Celsius; NaN where it does not say.
@@ -227,11 +146,12 @@ impl Recorder {
         let name = self.joint_names.get(joint).map_or("", String::as_str);
         let mut cdr = CdrWriter::new();
         let data = cdr.header(time_s, name).f64(celsius).f64(0.0).finish();
-        self.clerk.message(Topic::Temperatures, time_s, data);
+        self.writer
+            .message(RecordingTopic::Temperatures, time_s, data);
     }
 
     /// What the safety layer did.
-    pub fn notice(&mut self, notice: Notice) {
+    pub fn notice(&mut self, notice: SafetyNotice) {
         let name = format!("{SAFETY}.{}", notice.state);
         let mut cdr = CdrWriter::new();
         cdr.time(notice.time_s)
@@ -239,20 +159,19 @@ impl Recorder {
             .string(&name)
             .string(notice.cause);
         let data = cdr.string("").string("").u32(0).finish();
-        self.clerk.message(Topic::Safety, notice.time_s, data);
+        self.writer
+            .message(RecordingTopic::Safety, notice.time_s, data);
     }
 
     /// Facts about the run, as text by key.
     pub fn metadata(&mut self, facts: BTreeMap<String, String>) {
-        self.clerk.facts(facts);
+        self.writer.facts(facts);
     }
 
     /// Closes the recording and gives the file its name.
-    ///
-    /// # Errors
-    /// What went wrong since the beginning, if anything did.
+    /// The error is what went wrong since the beginning.
     pub fn finish(self) -> anyhow::Result<()> {
-        self.clerk.finish()
+        self.writer.finish()
     }
 
     fn joint_header(&self, time_s: f64) -> CdrWriter {

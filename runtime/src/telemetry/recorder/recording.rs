@@ -4,7 +4,7 @@
 //! [`KEPT_HZ`] times a second, so that an hour of twenty joints takes 60 MB.
 //! Damage is told with the file's name; nothing in a file can make it panic.
 
-use super::SAFETY;
+use super::topic::SAFETY;
 use anyhow::{Context, bail};
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -46,7 +46,6 @@ impl<T> Series<T> {
         }
     }
 
-    /// Times and values.
     pub fn iter(&self) -> impl Iterator<Item = (f64, &T)> {
         self.times_s.iter().copied().zip(&self.values)
     }
@@ -73,12 +72,13 @@ impl<T> Series<T> {
 #[derive(Clone, Debug, Deserialize)]
 struct JointFact {
     name: String,
-    #[serde(flatten)]
-    limits: Limits,
+    #[serde(flatten, with = "LimitFacts")]
+    limits: JointLimits,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
-struct Limits {
+#[derive(Deserialize)]
+#[serde(remote = "JointLimits")]
+struct LimitFacts {
     lower_rad: f64,
     upper_rad: f64,
     velocity_rad_s: f64,
@@ -87,19 +87,16 @@ struct Limits {
 
 /// What the safety layer did once.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Past {
+pub struct RecordedEvent {
     /// The state after it.
     pub state: String,
-    /// Why.
     pub cause: String,
 }
 
 /// What a recording holds. Older ones have no spectrum, temperatures and events.
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
-    /// The robot's name.
     pub robot: String,
-    /// The robot's description.
     pub urdf_xml: String,
     /// Control cycles a second.
     pub control_hz: f64,
@@ -117,7 +114,6 @@ pub struct Recording {
     pub phase: Series<f64>,
     /// By how much the motion was ahead of the music, seconds.
     pub lead: Series<f64>,
-    /// Share of idle.
     pub idle: Series<f64>,
     /// Beats: the tempo at each.
     pub beats: Series<f64>,
@@ -126,22 +122,17 @@ pub struct Recording {
     /// Celsius of each joint.
     pub temperatures: Vec<Series<f32>>,
     /// What the safety layer did.
-    pub events: Series<Past>,
+    pub events: Series<RecordedEvent>,
 }
 
 impl Recording {
     /// Reads a recording of a dance; joints about 50 times a second.
-    ///
-    /// # Errors
-    /// The file cannot be read, is damaged, or is no recording of a dance.
+    /// Fails if the file is damaged or no recording of a dance.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
         Self::read_every(path, 0.999 / KEPT_HZ)
     }
 
     /// Reads a recording of a dance with every control cycle.
-    ///
-    /// # Errors
-    /// As [`Recording::read`].
     pub fn read_all(path: &Path) -> anyhow::Result<Self> {
         Self::read_every(path, 0.0)
     }
@@ -149,9 +140,9 @@ impl Recording {
     fn read_every(path: &Path, every_s: f64) -> anyhow::Result<Self> {
         let place = || format!("cannot read the recording {}", path.display());
         let file = File::open(path).with_context(place)?;
-        let mut reading = Reading {
+        let mut reading = RecordingReader {
             every_s,
-            ..Reading::default()
+            ..RecordingReader::default()
         };
         reading.read(BufReader::new(file)).with_context(place)?;
         reading.finish().with_context(place)
@@ -173,7 +164,7 @@ impl Recording {
 
 /// A recording while it is read.
 #[derive(Default)]
-struct Reading {
+struct RecordingReader {
     recording: Recording,
     /// Least seconds between joint samples that are kept.
     every_s: f64,
@@ -183,7 +174,7 @@ struct Reading {
     joint_names: Vec<String>,
 }
 
-impl Reading {
+impl RecordingReader {
     fn read(&mut self, mut file: impl Read) -> anyhow::Result<()> {
         let options = LinearReaderOptions::default().with_record_length_limit(LONGEST);
         let mut reader = LinearReader::new_with_options(options);
@@ -283,18 +274,8 @@ impl Reading {
         if !same || joints == 0 || !all.iter().all(whole) {
             bail!("its joint states and the joints that it describes differ");
         }
-        recording.joints = facts
-            .into_iter()
-            .map(|JointFact { name, limits }| {
-                let limits = JointLimits {
-                    lower_rad: limits.lower_rad,
-                    upper_rad: limits.upper_rad,
-                    velocity_rad_s: limits.velocity_rad_s,
-                    acceleration_rad_s2: limits.acceleration_rad_s2,
-                };
-                (name, limits)
-            })
-            .collect();
+        let joints = facts.into_iter();
+        recording.joints = joints.map(|joint| (joint.name, joint.limits)).collect();
         recording.robot = self.facts.get("robot").cloned().unwrap_or_default();
         recording.control_hz = control_hz;
         recording.states.shift(-start_s);
@@ -309,20 +290,14 @@ impl Reading {
             series.shift(-start_s);
             recording.temperatures.push(series);
         }
-        let numbers = [
-            &mut recording.phase,
-            &mut recording.lead,
-            &mut recording.idle,
-            &mut recording.beats,
-        ];
-        numbers
-            .into_iter()
-            .for_each(|series| series.shift(-start_s));
+        recording.phase.shift(-start_s);
+        recording.lead.shift(-start_s);
+        recording.idle.shift(-start_s);
+        recording.beats.shift(-start_s);
         Ok(recording)
     }
 }
 
-/// Names and positions of a JointState.
 fn joints(mut cdr: CdrReader<'_>) -> Option<(Vec<String>, Vec<f32>)> {
     cdr.header()?;
     let count = cdr.u32()?;
@@ -334,7 +309,6 @@ fn joints(mut cdr: CdrReader<'_>) -> Option<(Vec<String>, Vec<f32>)> {
     Some((names, positions.into_iter().map(|p| p as f32).collect()))
 }
 
-/// The numbers of a Float32MultiArray.
 fn bands(mut cdr: CdrReader<'_>) -> Option<Vec<f32>> {
     for _ in 0..cdr.u32()? {
         cdr.string()?;
@@ -345,19 +319,17 @@ fn bands(mut cdr: CdrReader<'_>) -> Option<Vec<f32>> {
     cdr.f32s()
 }
 
-/// What a Log message says.
-fn past(mut cdr: CdrReader<'_>) -> Option<Past> {
+fn past(mut cdr: CdrReader<'_>) -> Option<RecordedEvent> {
     cdr.time()?;
     cdr.u8()?;
     let name = cdr.string()?;
     let state = name.strip_prefix(SAFETY).and_then(|s| s.strip_prefix('.'));
-    Some(Past {
+    Some(RecordedEvent {
         state: state.unwrap_or(name).to_owned(),
         cause: cdr.string()?.to_owned(),
     })
 }
 
-/// The points of a PoseArray of human joints.
 fn points(mut cdr: CdrReader<'_>) -> Option<[[f32; 3]; JOINT_COUNT]> {
     cdr.header()?;
     let count = cdr.u32()?;

@@ -2,8 +2,8 @@
 //! hold up whoever moves motors: messages wait in a queue, are left out and
 //! counted where it is full, and an error ends the recording alone.
 
-use super::Topic;
-use super::mcap_file::Book;
+use super::mcap_file::McapFile;
+use super::topic::RecordingTopic;
 use crate::process::failpoint;
 use crate::process::realtime::OrdinaryAfterwards;
 use anyhow::Context;
@@ -17,7 +17,7 @@ use std::thread::JoinHandle;
 const QUEUE: usize = 8192;
 
 /// Is told, once, that the recording has failed.
-pub type OnTrouble = Box<dyn Fn(&str) + Send>;
+pub type OnRecordingError = Box<dyn Fn(&str) + Send>;
 
 /// What to do when messages come faster than the disk takes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,39 +28,39 @@ pub enum WhenBehind {
     LeaveOut,
 }
 
-enum Entry {
-    Message(Topic, f64, Vec<u8>),
+enum WriterMessage {
+    Message(RecordingTopic, f64, Vec<u8>),
     Facts(BTreeMap<String, String>),
     /// The last one: without it no file appears.
     End,
 }
 
-/// The near end of the queue. Dropped without [`Clerk::finish`], no file appears.
-pub struct Clerk {
-    queue: Option<SyncSender<Entry>>,
+/// The near end of the queue. Dropped without [`WriterThread::finish`], no file appears.
+pub struct WriterThread {
+    queue: Option<SyncSender<WriterMessage>>,
     thread: Option<JoinHandle<anyhow::Result<()>>>,
     when_behind: WhenBehind,
     left_out: u64,
 }
 
-impl Clerk {
+impl WriterThread {
     /// Starts to write `path`; refuses what cannot be written.
     pub fn start(
         path: &Path,
         when_behind: WhenBehind,
-        on_trouble: OnTrouble,
+        on_error: OnRecordingError,
     ) -> anyhow::Result<Self> {
-        let book = Book::create(path)?;
-        let (queue, entries) = sync_channel(QUEUE);
+        let file = McapFile::create(path)?;
+        let (queue, messages) = sync_channel(QUEUE);
         let what = format!("cannot record to {}", path.display());
         let thread = std::thread::Builder::new()
             .name("recorder".into())
             .spawn(move || {
                 drop(OrdinaryAfterwards); // whoever started it may be urgent
-                let written = write(book, &entries).context(what);
+                let written = write(file, &messages).context(what);
                 if let Err(error) = &written {
-                    on_trouble(&format!("{error:#}; all else goes on"));
-                    while entries.recv().is_ok() {} // nobody waits for a place
+                    on_error(&format!("{error:#}; all else goes on"));
+                    while messages.recv().is_ok() {} // nobody waits for a place
                 }
                 written
             })
@@ -74,15 +74,15 @@ impl Clerk {
     }
 
     /// Has one message written.
-    pub fn message(&mut self, topic: Topic, time_s: f64, data: Vec<u8>) {
+    pub fn message(&mut self, topic: RecordingTopic, time_s: f64, data: Vec<u8>) {
         let Some(queue) = &self.queue else { return };
-        let entry = Entry::Message(topic, time_s, data);
+        let message = WriterMessage::Message(topic, time_s, data);
         match self.when_behind {
             WhenBehind::Wait => {
-                let _ = queue.send(entry); // `finish` tells why the thread ended
+                let _ = queue.send(message); // `finish` tells why the thread ended
             }
             WhenBehind::LeaveOut => {
-                let full = matches!(queue.try_send(entry), Err(TrySendError::Full(_)));
+                let full = matches!(queue.try_send(message), Err(TrySendError::Full(_)));
                 self.left_out += u64::from(full);
             }
         }
@@ -92,14 +92,14 @@ impl Clerk {
     pub fn facts(&mut self, mut facts: BTreeMap<String, String>) {
         facts.insert("messages_left_out".into(), self.left_out.to_string());
         if let Some(queue) = &self.queue {
-            let _ = queue.send(Entry::Facts(facts));
+            let _ = queue.send(WriterMessage::Facts(facts));
         }
     }
 
     /// Waits until all is written and the file has its name.
     pub fn finish(mut self) -> anyhow::Result<()> {
         if let Some(queue) = &self.queue {
-            let _ = queue.send(Entry::End);
+            let _ = queue.send(WriterMessage::End);
         }
         self.hang_up()
     }
@@ -114,21 +114,20 @@ impl Clerk {
     }
 }
 
-impl Drop for Clerk {
-    /// An abandoned recording leaves nothing behind, which takes the thread a
-    /// moment.
+impl Drop for WriterThread {
+    /// Waits for the thread, so that an abandoned recording leaves no file behind.
     fn drop(&mut self) {
         let _ = self.hang_up();
     }
 }
 
-fn write(mut book: Book, entries: &Receiver<Entry>) -> anyhow::Result<()> {
-    for entry in entries {
+fn write(mut file: McapFile, messages: &Receiver<WriterMessage>) -> anyhow::Result<()> {
+    for message in messages {
         failpoint::pass("recorder");
-        match entry {
-            Entry::Message(topic, time_s, data) => book.message(topic, time_s, &data)?,
-            Entry::Facts(facts) => book.facts(facts)?,
-            Entry::End => return book.finish(),
+        match message {
+            WriterMessage::Message(topic, time_s, data) => file.message(topic, time_s, &data)?,
+            WriterMessage::Facts(facts) => file.facts(facts)?,
+            WriterMessage::End => return file.finish(),
         }
     }
     Ok(())

@@ -12,9 +12,9 @@ use std::net::IpAddr;
 
 /// The secret in the address.
 #[derive(Clone, Debug)]
-pub struct Token(String);
+pub struct AccessToken(String);
 
-impl Token {
+impl AccessToken {
     /// A new one, from the system's randomness.
     pub fn random() -> Self {
         let mut bytes = [0_u8; 16];
@@ -22,7 +22,6 @@ impl Token {
         Self(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
     }
 
-    /// It, as text.
     pub fn text(&self) -> &str {
         &self.0
     }
@@ -63,12 +62,12 @@ mod tests {
 
     #[test]
     fn a_token_is_itself_and_nothing_else() {
-        let token = Token::random();
+        let token = AccessToken::random();
         assert_eq!(token.text().len(), 32);
         assert!(token.is(token.text()));
         assert!(!token.is("") && !token.is(&token.text()[1..]));
         assert!(!token.is(&format!("{}0", token.text())));
-        assert_ne!(Token::random().text(), Token::random().text());
+        assert_ne!(AccessToken::random().text(), AccessToken::random().text());
     }
 
     #[test]

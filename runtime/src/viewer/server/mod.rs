@@ -9,9 +9,11 @@ mod guard;
 mod page;
 mod routes;
 mod socket;
+mod state;
 
-use self::guard::Token;
-use self::routes::{Shared, routes};
+use self::guard::AccessToken;
+use self::routes::routes;
+use self::state::ServerState;
 use crate::process::console::tell;
 use crate::process::failpoint;
 use crate::process::realtime;
@@ -30,18 +32,16 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 use tokio::time::MissedTickBehavior;
 
-/// Connections at a time.
 const CONNECTIONS: usize = 32;
 /// A request and its answer take no longer, seconds.
 const REQUEST_S: u64 = 10;
-/// Frames a second.
 const FRAMES_HZ: f64 = 30.0;
 /// Bytes that the system may keep for a slow reader: a few frames.
 const SEND_BUFFER: usize = 64 * 1024;
 /// How long viewers have to see the end, seconds.
 const FAREWELL_S: f64 = 0.2;
 
-/// Serves until it is dropped.
+/// The server of the page; it serves until it is dropped.
 pub struct Server {
     address: String,
     stop: Option<oneshot::Sender<()>>,
@@ -50,25 +50,22 @@ pub struct Server {
 
 impl Server {
     /// Serves a scene at `bind`; port 0 is any that is free.
-    ///
-    /// # Errors
-    /// The address cannot be had.
     pub fn start(bind: SocketAddr, scene: Scene, end: ViewerEnd) -> anyhow::Result<Self> {
         let cannot = || format!("--view-bind {bind}: cannot serve the page there");
         let listener = std::net::TcpListener::bind(bind).with_context(cannot)?;
         listener.set_nonblocking(true)?;
         let port = listener.local_addr()?.port();
-        let token = Token::random();
+        let token = AccessToken::random();
         let host = SocketAddr::new(reachable(bind.ip()), port);
         let address = format!("http://{host}/{}/", token.text());
-        let shared = Arc::new(Shared::new(token, own_name(), scene, end));
+        let state = Arc::new(ServerState::new(token, own_name(), scene, end));
         let (stop, stopped) = oneshot::channel();
         let thread = std::thread::Builder::new().name("viewers".into());
         let thread = thread.spawn(move || {
             realtime::yield_to_others();
             let mut runtime = tokio::runtime::Builder::new_current_thread();
             match runtime.enable_all().build() {
-                Ok(runtime) => runtime.block_on(serve(listener, shared, stopped)),
+                Ok(runtime) => runtime.block_on(serve(listener, state, stopped)),
                 Err(error) => tell!("the page cannot be served: {error}"),
             }
         })?;
@@ -117,15 +114,15 @@ fn own_name() -> String {
 
 async fn serve(
     listener: std::net::TcpListener,
-    shared: Arc<Shared>,
+    state: Arc<ServerState>,
     stopped: oneshot::Receiver<()>,
 ) {
     let listener = match TcpListener::from_std(listener) {
         Ok(listener) => listener,
         Err(error) => return tell!("the page cannot be served: {error}"),
     };
-    let door = tokio::spawn(welcome(listener, Arc::clone(&shared)));
-    let frames = tokio::spawn(make_frames(Arc::clone(&shared)));
+    let door = tokio::spawn(welcome(listener, Arc::clone(&state)));
+    let frames = tokio::spawn(make_frames(Arc::clone(&state)));
     tokio::select! {
         // Whoever holds the other end never sends, only lets go.
         _ = stopped => tokio::time::sleep(Duration::from_secs_f64(FAREWELL_S)).await,
@@ -137,9 +134,9 @@ async fn serve(
 }
 
 /// Takes connections in, as many as there is room for.
-async fn welcome(listener: TcpListener, shared: Arc<Shared>) {
+async fn welcome(listener: TcpListener, state: Arc<ServerState>) {
     let room = Arc::new(Semaphore::new(CONNECTIONS));
-    let routes = routes(shared);
+    let routes = routes(state);
     loop {
         match listener.accept().await {
             Ok((stream, _)) => {
@@ -171,22 +168,22 @@ async fn answer(stream: TcpStream, routes: axum::Router, place: Arc<OwnedSemapho
 }
 
 /// Makes a frame of every new snapshot while somebody watches.
-async fn make_frames(shared: Arc<Shared>) {
+async fn make_frames(state: Arc<ServerState>) {
     let mut clock = tokio::time::interval(Duration::from_secs_f64(1.0 / FRAMES_HZ));
     clock.set_missed_tick_behavior(MissedTickBehavior::Skip);
     let mut pressed = false;
     loop {
         clock.tick().await;
         failpoint::pass("viewers");
-        if shared.frames.receiver_count() == 0 {
+        if state.frames.receiver_count() == 0 {
             continue;
         }
-        let mut end = shared.end();
+        let mut end = state.end();
         let estop = end.estop.is_pressed();
         if end.has_news() || estop != pressed {
             pressed = estop;
-            let text = frame(&shared.scene, end.newest(), estop);
-            shared.frames.send_replace(text.into());
+            let text = frame(&state.scene, end.newest(), estop);
+            state.frames.send_replace(text.into());
         }
     }
 }

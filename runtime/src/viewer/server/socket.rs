@@ -1,7 +1,7 @@
 //! One viewer on a WebSocket: the newest frame out, as fast as they can take
 //! it; requests in. What they miss is gone: only the newest counts.
 
-use super::routes::{LONGEST, Shared};
+use super::state::{LONGEST, ServerState};
 use axum::Extension;
 use axum::extract::State;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
@@ -18,15 +18,15 @@ const GONE_S: u64 = 5;
 const MESSAGES_PER_S: u32 = 100;
 
 /// The places that a socket keeps until it ends.
-type Place = Arc<OwnedSemaphorePermit>;
+type ConnectionSlot = Arc<OwnedSemaphorePermit>;
 
 /// Turns a request into a WebSocket, if there is room.
 pub async fn live(
-    State(shared): State<Arc<Shared>>,
-    Extension(place): Extension<Place>,
+    State(state): State<Arc<ServerState>>,
+    Extension(place): Extension<ConnectionSlot>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let Ok(seat) = Arc::clone(&shared.sockets).try_acquire_owned() else {
+    let Ok(seat) = Arc::clone(&state.sockets).try_acquire_owned() else {
         return StatusCode::SERVICE_UNAVAILABLE.into_response();
     };
     upgrade
@@ -37,7 +37,7 @@ pub async fn live(
         .max_write_buffer_size(1 << 20)
         .on_upgrade(async move |mut socket| {
             let _kept = (place, seat);
-            let farewell = watch(&mut socket, &shared).await;
+            let farewell = watch(&mut socket, &state).await;
             if let Some((code, reason)) = farewell {
                 let reason = Utf8Bytes::from(reason);
                 let close = Message::Close(Some(CloseFrame { code, reason }));
@@ -47,8 +47,8 @@ pub async fn live(
 }
 
 /// Until the viewer goes, or must: then the close code and the reason.
-async fn watch(socket: &mut WebSocket, shared: &Shared) -> Option<(u16, String)> {
-    let mut frames = shared.frames.subscribe();
+async fn watch(socket: &mut WebSocket, state: &ServerState) -> Option<(u16, String)> {
+    let mut frames = state.frames.subscribe();
     frames.mark_changed();
     let mut second = (Instant::now(), 0);
     loop {
@@ -62,7 +62,7 @@ async fn watch(socket: &mut WebSocket, shared: &Shared) -> Option<(u16, String)>
                     if second.1 > MESSAGES_PER_S {
                         return Some((close_code::POLICY, "too many messages".into()));
                     }
-                    let refusal = shared.ask(&text).err();
+                    let refusal = state.ask(&text).err();
                     match refusal {
                         Some((StatusCode::BAD_REQUEST, why)) => {
                             return Some((close_code::POLICY, short(why)));

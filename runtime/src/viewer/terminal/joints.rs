@@ -5,7 +5,7 @@
 //! head_pan    ·······┃●········   12.3°  36°
 //! ```
 
-use crate::viewer::snapshot::JointNow;
+use crate::viewer::snapshot::JointStatus;
 use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::{Line, Span};
 use servodance_types::JointLimits;
@@ -14,7 +14,6 @@ use servodance_types::JointLimits;
 const NAME: usize = 16;
 /// Room for angle and temperature.
 const FIGURES: usize = 13;
-/// The narrowest line.
 pub const NARROWEST: usize = NAME + FIGURES + 7;
 /// The widest line that is any use.
 const WIDEST: usize = NAME + FIGURES + 60;
@@ -31,7 +30,7 @@ pub fn layout(joints: usize, width: usize, lines: usize) -> (usize, usize) {
 }
 
 /// A joint in `width` cells.
-pub fn joint<'a>(name: &str, limits: &JointLimits, now: &JointNow, width: usize) -> Line<'a> {
+pub fn joint<'a>(name: &str, limits: &JointLimits, now: &JointStatus, width: usize) -> Line<'a> {
     let width = width.min(WIDEST);
     let bar = width.saturating_sub(NAME + FIGURES).max(1);
     let name: String = name.chars().take(NAME - 2).collect();
@@ -44,7 +43,7 @@ pub fn joint<'a>(name: &str, limits: &JointLimits, now: &JointNow, width: usize)
 }
 
 /// The bar: dots between the limits, the target, the position.
-fn track<'a>(limits: &JointLimits, now: &JointNow, cells: usize) -> Vec<Span<'a>> {
+fn track<'a>(limits: &JointLimits, now: &JointStatus, cells: usize) -> Vec<Span<'a>> {
     let place = |rad: f64| {
         let share = (rad - limits.lower_rad) / (limits.upper_rad - limits.lower_rad);
         // A position that is not known is no number, and stands at the left.
@@ -90,11 +89,11 @@ mod tests {
             acceleration_rad_s2: 1.0,
         };
         let at = |position_rad, target_rad, temperature_c| {
-            let now = JointNow {
+            let now = JointStatus {
                 position_rad,
                 target_rad,
                 temperature_c,
-                ..JointNow::default()
+                ..JointStatus::default()
             };
             text(&joint("elbow", &limits, &now, NAME + FIGURES + 11))
         };

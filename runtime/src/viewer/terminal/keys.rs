@@ -1,12 +1,11 @@
 //! What each key asks for.
 
 use crate::control::idle::IdleStyle;
-use crate::viewer::{Request, Settings};
+use crate::viewer::{ViewerRequest, ViewerSettings};
 use clap::ValueEnum;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use std::time::{Duration, Instant};
 
-/// A step of the amplitude.
 const AMPLITUDE_STEP: f64 = 0.1;
 /// Until then what was asked for may not be shown yet.
 const UNDER_WAY: Duration = Duration::from_millis(300);
@@ -17,41 +16,30 @@ pub const HELP: [&str; 2] = [
     "up/down amplitude  left/right style  n next seed  m mirror  i idle  x release",
 ];
 
-/// What a key means.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Meaning {
-    /// Torque off now.
+pub enum KeyAction {
     EStop,
     /// End the program, as Ctrl-C does.
     Quit,
-    /// As it is.
-    Do(Request),
+    Do(ViewerRequest),
     /// Another value than the present one.
-    Set(Change),
+    Set(SettingChange),
 }
 
-/// A change of one setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Change {
-    /// A step up.
+pub enum SettingChange {
     Louder,
-    /// A step down.
     Softer,
-    /// The style after this one.
     NextStyle,
-    /// The style before this one.
     LastStyle,
-    /// The seed after this one.
     NextSeed,
-    /// The other way round.
     Mirror,
-    /// The idle behaviour after this one.
     NextIdle,
 }
 
 /// What a key asks for, if anything.
-pub fn meaning(key: KeyEvent) -> Option<Meaning> {
-    use Meaning::{Do, EStop, Quit, Set};
+pub fn key_action(key: KeyEvent) -> Option<KeyAction> {
+    use KeyAction::{Do, EStop, Quit, Set};
     if key.kind == KeyEventKind::Release {
         return None;
     }
@@ -61,18 +49,18 @@ pub fn meaning(key: KeyEvent) -> Option<Meaning> {
     Some(match key.code {
         KeyCode::Enter | KeyCode::Esc | KeyCode::Char(' ') => EStop,
         KeyCode::Char('q') => Quit,
-        KeyCode::Char('s') => Do(Request::Start),
-        KeyCode::Char('h') => Do(Request::Hold),
-        KeyCode::Char('r') => Do(Request::Resume),
-        KeyCode::Char('e') => Do(Request::Stop),
-        KeyCode::Char('x') => Do(Request::Release),
-        KeyCode::Up => Set(Change::Louder),
-        KeyCode::Down => Set(Change::Softer),
-        KeyCode::Right => Set(Change::NextStyle),
-        KeyCode::Left => Set(Change::LastStyle),
-        KeyCode::Char('n') => Set(Change::NextSeed),
-        KeyCode::Char('m') => Set(Change::Mirror),
-        KeyCode::Char('i') => Set(Change::NextIdle),
+        KeyCode::Char('s') => Do(ViewerRequest::Start),
+        KeyCode::Char('h') => Do(ViewerRequest::Hold),
+        KeyCode::Char('r') => Do(ViewerRequest::Resume),
+        KeyCode::Char('e') => Do(ViewerRequest::Stop),
+        KeyCode::Char('x') => Do(ViewerRequest::Release),
+        KeyCode::Up => Set(SettingChange::Louder),
+        KeyCode::Down => Set(SettingChange::Softer),
+        KeyCode::Right => Set(SettingChange::NextStyle),
+        KeyCode::Left => Set(SettingChange::LastStyle),
+        KeyCode::Char('n') => Set(SettingChange::NextSeed),
+        KeyCode::Char('m') => Set(SettingChange::Mirror),
+        KeyCode::Char('i') => Set(SettingChange::NextIdle),
         _ => return None,
     })
 }
@@ -80,45 +68,46 @@ pub fn meaning(key: KeyEvent) -> Option<Meaning> {
 /// Turns changes into values, also of keys that come faster than the robot
 /// shows what it took over.
 #[derive(Debug)]
-pub struct Keys {
+pub struct SettingKeys {
     styles: usize,
-    asked: Option<(Instant, Settings)>,
+    asked: Option<(Instant, ViewerSettings)>,
 }
 
-impl Keys {
-    /// For so many styles.
+impl SettingKeys {
     pub fn new(styles: usize) -> Self {
         let asked = None;
         Self { styles, asked }
     }
 
     /// The request that changes the present settings so.
-    pub fn request(&mut self, change: Change, shown: Settings) -> Request {
+    pub fn request(&mut self, change: SettingChange, shown: ViewerSettings) -> ViewerRequest {
         let fresh = self.asked.filter(|(at, _)| at.elapsed() < UNDER_WAY);
         let mut settings = fresh.map_or(shown, |(_, settings)| settings);
         let request = self.changed(change, settings);
-        settings.take(request);
+        request.apply_to(&mut settings);
         self.asked = Some((Instant::now(), settings));
         request
     }
 
-    fn changed(&self, change: Change, settings: Settings) -> Request {
+    fn changed(&self, change: SettingChange, settings: ViewerSettings) -> ViewerRequest {
         let amplitude = |step: f64| {
             let steps = (settings.amplitude / AMPLITUDE_STEP).round() + step;
-            Request::Amplitude((steps * AMPLITUDE_STEP).clamp(0.0, 1.0))
+            ViewerRequest::Amplitude((steps * AMPLITUDE_STEP).clamp(0.0, 1.0))
         };
         let styles = self.styles.max(1);
         match change {
-            Change::Louder => amplitude(1.0),
-            Change::Softer => amplitude(-1.0),
-            Change::NextStyle => Request::Style((settings.style + 1) % styles),
-            Change::LastStyle => Request::Style((settings.style + styles - 1) % styles),
-            Change::NextSeed => Request::Seed(settings.seed.wrapping_add(1)),
-            Change::Mirror => Request::Mirror(!settings.mirror),
-            Change::NextIdle => {
+            SettingChange::Louder => amplitude(1.0),
+            SettingChange::Softer => amplitude(-1.0),
+            SettingChange::NextStyle => ViewerRequest::Style((settings.style + 1) % styles),
+            SettingChange::LastStyle => {
+                ViewerRequest::Style((settings.style + styles - 1) % styles)
+            }
+            SettingChange::NextSeed => ViewerRequest::Seed(settings.seed.wrapping_add(1)),
+            SettingChange::Mirror => ViewerRequest::Mirror(!settings.mirror),
+            SettingChange::NextIdle => {
                 let all = IdleStyle::value_variants();
                 let place = all.iter().position(|idle| *idle == settings.idle);
-                Request::Idle(all[(place.unwrap_or(0) + 1) % all.len()])
+                ViewerRequest::Idle(all[(place.unwrap_or(0) + 1) % all.len()])
             }
         }
     }
@@ -135,12 +124,12 @@ mod tests {
     #[test]
     fn the_keys_that_stop_are_those_of_the_page_and_enter() {
         for code in [KeyCode::Enter, KeyCode::Esc, KeyCode::Char(' ')] {
-            assert_eq!(meaning(key(code)), Some(Meaning::EStop), "{code:?}");
+            assert_eq!(key_action(key(code)), Some(KeyAction::EStop), "{code:?}");
         }
         let ctrl = |c| KeyEvent::new(KeyCode::Char(c), KeyModifiers::CONTROL);
-        assert_eq!(meaning(ctrl('c')), Some(Meaning::Quit));
-        assert_eq!(meaning(ctrl('h')), None);
-        assert_eq!(meaning(key(KeyCode::Char('?'))), None);
+        assert_eq!(key_action(ctrl('c')), Some(KeyAction::Quit));
+        assert_eq!(key_action(ctrl('h')), None);
+        assert_eq!(key_action(key(KeyCode::Char('?'))), None);
     }
 
     #[test]
@@ -150,7 +139,7 @@ mod tests {
                 let name = item.split(' ').next().unwrap_or_default();
                 let mut letters = name.chars();
                 if let (Some(letter), None) = (letters.next(), letters.next()) {
-                    assert!(meaning(key(KeyCode::Char(letter))).is_some(), "{item}");
+                    assert!(key_action(key(KeyCode::Char(letter))).is_some(), "{item}");
                 }
             }
         }
@@ -158,23 +147,26 @@ mod tests {
 
     #[test]
     fn keys_in_a_row_add_up_before_the_robot_shows_them() {
-        let shown = Settings {
+        let shown = ViewerSettings {
             amplitude: 0.95,
             mirror: false,
             idle: IdleStyle::Rest,
             style: 0,
             seed: u64::MAX,
         };
-        let mut keys = Keys::new(3);
+        let mut keys = SettingKeys::new(3);
         let mut after = |change| keys.request(change, shown);
-        assert_eq!(after(Change::Louder), Request::Amplitude(1.0));
-        assert_eq!(after(Change::Softer), Request::Amplitude(0.9));
-        assert_eq!(after(Change::Softer), Request::Amplitude(0.8));
-        assert_eq!(after(Change::LastStyle), Request::Style(2));
-        assert_eq!(after(Change::LastStyle), Request::Style(1));
-        assert_eq!(after(Change::NextSeed), Request::Seed(0));
-        assert_eq!(after(Change::NextIdle), Request::Idle(IdleStyle::Sway));
-        assert_eq!(after(Change::Mirror), Request::Mirror(true));
-        assert_eq!(after(Change::Mirror), Request::Mirror(false));
+        assert_eq!(after(SettingChange::Louder), ViewerRequest::Amplitude(1.0));
+        assert_eq!(after(SettingChange::Softer), ViewerRequest::Amplitude(0.9));
+        assert_eq!(after(SettingChange::Softer), ViewerRequest::Amplitude(0.8));
+        assert_eq!(after(SettingChange::LastStyle), ViewerRequest::Style(2));
+        assert_eq!(after(SettingChange::LastStyle), ViewerRequest::Style(1));
+        assert_eq!(after(SettingChange::NextSeed), ViewerRequest::Seed(0));
+        assert_eq!(
+            after(SettingChange::NextIdle),
+            ViewerRequest::Idle(IdleStyle::Sway)
+        );
+        assert_eq!(after(SettingChange::Mirror), ViewerRequest::Mirror(true));
+        assert_eq!(after(SettingChange::Mirror), ViewerRequest::Mirror(false));
     }
 }

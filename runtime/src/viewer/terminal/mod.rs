@@ -17,7 +17,7 @@ use super::scene::Scene;
 use crate::process::console::{Kept, tell};
 use crate::process::failpoint;
 use anyhow::{Context, bail};
-use keys::{Keys, Meaning};
+use keys::{KeyAction, SettingKeys};
 use ratatui::Terminal;
 use ratatui::backend::CrosstermBackend;
 use ratatui::crossterm::cursor::{Hide, Show};
@@ -47,9 +47,6 @@ pub struct TerminalView {
 
 impl TerminalView {
     /// Whether there is a terminal to show anything on.
-    ///
-    /// # Errors
-    /// There is none.
     pub fn check() -> anyhow::Result<()> {
         if !stdout().is_terminal() {
             bail!("--tui: standard output is no terminal");
@@ -59,9 +56,6 @@ impl TerminalView {
 
     /// Takes the terminal. `stop` is what Ctrl-C sets; `address` is that of the
     /// page, if there is one.
-    ///
-    /// # Errors
-    /// There is no terminal, or it cannot be set up.
     pub fn start(
         scene: Scene,
         end: ViewerEnd,
@@ -69,12 +63,12 @@ impl TerminalView {
         address: Option<&str>,
     ) -> anyhow::Result<Self> {
         Self::check()?;
-        let screen = Borrowed::take().context("--tui: the terminal cannot be set up")?;
+        let screen = RawTerminal::take().context("--tui: the terminal cannot be set up")?;
         let over = Arc::new(AtomicBool::new(false));
-        let view = View {
-            keys: Keys::new(scene.styles.len()),
+        let view = TerminalLoop {
+            keys: SettingKeys::new(scene.styles.len()),
             scene,
-            alarm: Alarm(end.estop.clone()),
+            on_panic: StopOnPanic(end.estop.clone()),
             end,
             stop: Arc::clone(stop),
             over: Arc::clone(&over),
@@ -104,18 +98,18 @@ impl Drop for TerminalView {
 
 /// The terminal as programs like this want it: each key at once, nothing
 /// echoed, a screen of its own. Dropped, it is as it was.
-struct Borrowed(());
+struct RawTerminal(());
 
-impl Borrowed {
+impl RawTerminal {
     fn take() -> std::io::Result<Self> {
         enable_raw_mode()?;
-        let borrowed = Self(());
+        let raw = Self(());
         execute!(stdout(), EnterAlternateScreen, Hide)?;
-        Ok(borrowed)
+        Ok(raw)
     }
 }
 
-impl Drop for Borrowed {
+impl Drop for RawTerminal {
     fn drop(&mut self) {
         // A terminal that is gone needs nothing.
         let _ = execute!(stdout(), Show, LeaveAlternateScreen);
@@ -124,9 +118,9 @@ impl Drop for Borrowed {
 }
 
 /// Presses the button if the thread that holds it panics.
-struct Alarm(EStop);
+struct StopOnPanic(EStop);
 
-impl Drop for Alarm {
+impl Drop for StopOnPanic {
     fn drop(&mut self) {
         if std::thread::panicking() {
             self.0.press("the terminal view broke down");
@@ -134,22 +128,21 @@ impl Drop for Alarm {
     }
 }
 
-/// What the thread has.
-struct View {
+struct TerminalLoop {
     scene: Scene,
     end: ViewerEnd,
-    keys: Keys,
+    keys: SettingKeys,
     stop: Arc<AtomicBool>,
     over: Arc<AtomicBool>,
     address: Option<String>,
     remark: Remark,
-    alarm: Alarm,
+    on_panic: StopOnPanic,
 }
 
-impl View {
-    fn run(mut self, _screen: Borrowed) {
+impl TerminalLoop {
+    fn run(mut self, _screen: RawTerminal) {
         if let Err(error) = self.show() {
-            self.alarm.0.press("the terminal went away");
+            self.on_panic.0.press("the terminal went away");
             tell!("--tui: {error}");
         }
     }
@@ -162,7 +155,7 @@ impl View {
             failpoint::pass("terminal view");
             if event::poll(due.saturating_duration_since(Instant::now()))? {
                 if let Event::Key(key) = event::read()? {
-                    self.heed(keys::meaning(key));
+                    self.apply(keys::key_action(key));
                 }
             } else {
                 self.draw(&mut terminal)?;
@@ -182,14 +175,14 @@ impl View {
     }
 
     /// Does what a key asks for, or says why not.
-    fn heed(&mut self, meaning: Option<Meaning>) {
-        let Some(meaning) = meaning else { return };
+    fn apply(&mut self, key_action: Option<KeyAction>) {
+        let Some(key_action) = key_action else { return };
         let now = self.end.newest().now;
-        let request = match meaning {
-            Meaning::EStop => return self.end.estop.press("the key"),
-            Meaning::Quit => return self.stop.store(true, Ordering::Release),
-            Meaning::Do(request) => request,
-            Meaning::Set(change) => self.keys.request(change, now.settings),
+        let request = match key_action {
+            KeyAction::EStop => return self.end.estop.press("the key"),
+            KeyAction::Quit => return self.stop.store(true, Ordering::Release),
+            KeyAction::Do(request) => request,
+            KeyAction::Set(change) => self.keys.request(change, now.settings),
         };
         let pressed = self.end.estop.is_pressed();
         let refused = request.possible(now.activity, pressed).err();

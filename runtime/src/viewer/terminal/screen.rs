@@ -7,7 +7,9 @@ use super::joints::{joint, layout};
 use super::keys::HELP;
 use crate::process::console;
 use crate::viewer::Scene;
-use crate::viewer::snapshot::{Activity, Event, Moment, MusicNow, Snapshot, state_name};
+use crate::viewer::snapshot::{
+    Activity, MusicStatus, RobotStatus, Snapshot, ViewerEvent, state_name,
+};
 use clap::ValueEnum;
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -21,13 +23,11 @@ use std::time::{Duration, Instant};
 const PHASE: usize = 16;
 /// Lines for events at least, if there is room for joints and them.
 const EVENTS: usize = 3;
-/// How long a remark stays.
 const REMARK: Duration = Duration::from_secs(4);
 /// Surer than this that it is music.
 const MUSIC: f64 = 0.45;
 /// Part of the wanted rate below which the bus is slow.
 const SLOW: f64 = 0.95;
-/// Levels of a band.
 const LEVELS: [&str; 9] = [" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"];
 
 /// Why a key was refused, for a while.
@@ -35,7 +35,6 @@ const LEVELS: [&str; 9] = [" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇",
 pub struct Remark(Option<(Instant, String)>);
 
 impl Remark {
-    /// Said now.
     pub fn new(text: String) -> Self {
         Self(Some((Instant::now(), text)))
     }
@@ -46,7 +45,6 @@ impl Remark {
     }
 }
 
-/// Draws all of it.
 pub fn draw(
     frame: &mut Frame,
     scene: &Scene,
@@ -87,7 +85,7 @@ fn badge<'a>(text: String, colour: Color) -> Span<'a> {
     .bold()
 }
 
-fn title<'a>(scene: &Scene, now: &Moment, pressed: bool) -> Line<'a> {
+fn title<'a>(scene: &Scene, now: &RobotStatus, pressed: bool) -> Line<'a> {
     let activity = match now.activity {
         Activity::Dancing => Color::Green,
         _ => Color::Yellow,
@@ -112,7 +110,7 @@ fn title<'a>(scene: &Scene, now: &Moment, pressed: bool) -> Line<'a> {
     ])
 }
 
-fn music<'a>(music: &MusicNow) -> Line<'a> {
+fn music<'a>(music: &MusicStatus) -> Line<'a> {
     let heard = music.lock != BeatLock::Lost && music.tempo_bpm > 0.0;
     let tempo = match heard {
         true => format!("{:>3.0} BPM", music.tempo_bpm),
@@ -140,7 +138,7 @@ fn music<'a>(music: &MusicNow) -> Line<'a> {
     ])
 }
 
-fn settings<'a>(scene: &Scene, now: &Moment) -> Line<'a> {
+fn settings<'a>(scene: &Scene, now: &RobotStatus) -> Line<'a> {
     let wanted = &now.settings;
     let style = scene.styles.get(wanted.style).map_or("–", String::as_str);
     let idle = wanted.idle.to_possible_value();
@@ -164,7 +162,7 @@ fn figure<'a>(text: String, bad: bool) -> Span<'a> {
     Span::styled(text, Style::new().fg(colour))
 }
 
-fn bus<'a>(scene: &Scene, now: &Moment) -> Line<'a> {
+fn bus<'a>(scene: &Scene, now: &RobotStatus) -> Line<'a> {
     let lost = now.bus.timeouts + now.bus.crc_errors;
     let slow = now.rate_hz < SLOW * scene.control_hz;
     Line::from(vec![
@@ -184,7 +182,7 @@ fn bus<'a>(scene: &Scene, now: &Moment) -> Line<'a> {
     ])
 }
 
-fn safety<'a>(now: &Moment) -> Line<'a> {
+fn safety<'a>(now: &RobotStatus) -> Line<'a> {
     let broken = match now.violations {
         Some(count) => count.to_string(),
         None => "not judged".into(),
@@ -215,7 +213,7 @@ fn joints<'a>(scene: &Scene, now: &Snapshot, width: usize, room: usize) -> Vec<L
     beside
 }
 
-fn event<'a>(event: &Event) -> Line<'a> {
+fn event<'a>(event: &ViewerEvent) -> Line<'a> {
     let colour = match event.state {
         "fault" | "error" => Color::Red,
         _ => Color::Reset,

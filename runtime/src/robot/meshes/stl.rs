@@ -3,7 +3,7 @@
 //!
 //! Refused: what is longer than [`LONGEST`] or has more than
 //! [`MOST_TRIANGLES`], what is cut off, numbers that are no numbers. Memory is
-//! taken for what the file has, never for what it claims.
+//! taken for what the file has, never for what it claims: why no crate reads them.
 
 /// Longest file that is read, bytes.
 pub const LONGEST: u64 = 32 << 20;
@@ -17,9 +17,7 @@ const RECORD: usize = 50;
 pub type Corner = [f32; 6];
 
 /// The triangles of a file.
-///
-/// # Errors
-/// Why it cannot be drawn, in a few words.
+/// The error says why it cannot be drawn.
 pub fn read(bytes: &[u8]) -> Result<Vec<[Corner; 3]>, String> {
     let corners = match binary_count(bytes) {
         Some(count) => binary(bytes, count)?,
@@ -35,9 +33,8 @@ pub fn read(bytes: &[u8]) -> Result<Vec<[Corner; 3]>, String> {
     Ok(corners.into_iter().filter_map(with_normal).collect())
 }
 
-/// The number of triangles of a binary file; `None` if it is none. Binary files
-/// may begin with "solid" as ASCII ones do, but only they fit their own count and
-/// hold zeros.
+/// The number of triangles of a binary file, else `None`. Binary files may begin
+/// with "solid" as ASCII ones do, but only they fit their own count and hold zeros.
 fn binary_count(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(80..HEADER)?.try_into().ok()?;
     let count = u32::from_le_bytes(count) as usize;

@@ -1,26 +1,24 @@
 //! A description from elsewhere, copied beside a new robot file with the meshes
 //! that the page draws of it.
 //!
-//! A robot file reads nothing outside its folder ([`Homes`]). In the copy meshes
+//! A robot file reads nothing outside its folder ([`RobotFolders`]). In the copy meshes
 //! go by the names that they have there; all else stays as it is. Meshes that
 //! would not be drawn are left where they are, and named.
 
-use crate::robot::homes::Homes;
+use crate::robot::meshes::open_mesh;
+use crate::robot::robot_folders::RobotFolders;
 use crate::telemetry::pending_file::PendingFile;
-use crate::viewer::open_mesh;
 use anyhow::Context;
 use servodance_retarget::RobotModel;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{Write, copy};
 use std::path::{Path, PathBuf};
 
 /// What is to be copied.
 #[derive(Debug)]
-pub(super) struct Copies {
+pub(super) struct DescriptionCopy {
     /// The description as it is to be written.
     pub text: String,
-    /// Where that goes.
     urdf: PathBuf,
     /// The folder of the meshes.
     folder: PathBuf,
@@ -30,7 +28,7 @@ pub(super) struct Copies {
     left: Vec<String>,
 }
 
-impl Copies {
+impl DescriptionCopy {
     /// A description with nothing beside it.
     pub fn of_text(text: &str, out: &Path) -> Self {
         let stem = out.file_stem().unwrap_or_default().to_string_lossy();
@@ -48,7 +46,7 @@ impl Copies {
         let mut copies = Self::of_text(text, out);
         let folder = description.parent().unwrap_or(Path::new(""));
         let name = Path::new(description.file_name().unwrap_or_default());
-        let homes = Homes::of_robot(folder, name);
+        let folders = RobotFolders::of_robot(folder, name);
         let model = RobotModel::new(text, &[])?;
         let mut renamed = BTreeMap::new();
         for mesh in model.meshes() {
@@ -56,7 +54,7 @@ impl Copies {
             if renamed.contains_key(name) {
                 continue;
             }
-            let new = copies.add(name, &homes).unwrap_or_else(|why| {
+            let new = copies.add(name, &folders).unwrap_or_else(|why| {
                 copies.left.push(format!("mesh {name}: {why}"));
                 name.to_owned()
             });
@@ -71,8 +69,8 @@ impl Copies {
     }
 
     /// Takes a mesh along; what the copy of the description calls it.
-    fn add(&mut self, name: &str, homes: &Homes) -> Result<String, String> {
-        let path = homes.mesh(name)?;
+    fn add(&mut self, name: &str, folders: &RobotFolders) -> Result<String, String> {
+        let path = folders.mesh(name)?;
         open_mesh(&path)?;
         let mut parts = ['"', '\''].into_iter().flat_map(|q| self.text.split(q));
         if !parts.any(|part| part == name) {
@@ -127,22 +125,11 @@ impl Copies {
     fn pending(&self) -> anyhow::Result<Vec<PendingFile>> {
         let mut all = Vec::new();
         for (path, called) in &self.meshes {
-            let target = self.folder.join(called);
-            let pending = PendingFile::create(&target)?;
-            let mut writer = pending.writer()?;
-            File::open(path)
-                .and_then(|mut file| copy(&mut file, &mut writer))
-                .and_then(|_| writer.flush())
-                .with_context(|| format!("cannot copy {}", path.display()))?;
-            all.push(pending);
+            let cannot = || format!("cannot copy {}", path.display());
+            let mut mesh = File::open(path).with_context(cannot)?;
+            all.push(PendingFile::filled(&self.folder.join(called), &mut mesh)?);
         }
-        let pending = PendingFile::create(&self.urdf)?;
-        let mut writer = pending.writer()?;
-        writer
-            .write_all(self.text.as_bytes())
-            .and_then(|()| writer.flush())
-            .with_context(|| format!("cannot write {}", self.urdf.display()))?;
-        all.push(pending);
+        all.push(PendingFile::filled(&self.urdf, &mut self.text.as_bytes())?);
         Ok(all)
     }
 }

@@ -12,7 +12,7 @@ const PACKAGE_DEPTH: usize = 4;
 
 /// Why a file is not read.
 #[derive(Debug, thiserror::Error)]
-pub enum Stray {
+pub enum FileRefused {
     /// Nothing can be found there.
     #[error("{0}")]
     Missing(std::io::Error),
@@ -26,14 +26,13 @@ pub enum Stray {
 
 /// The folders whose files are the robot's.
 #[derive(Clone, Debug)]
-pub struct Homes {
-    /// Of the description.
+pub struct RobotFolders {
     beside: PathBuf,
     /// All, without links, the robot file's first.
     all: Vec<PathBuf>,
 }
 
-impl Homes {
+impl RobotFolders {
     /// The folder of a robot file alone.
     pub fn of_file(folder: &Path) -> Self {
         Self {
@@ -42,9 +41,8 @@ impl Homes {
         }
     }
 
-    /// The robot file's, that of the description which is read, and that of the
-    /// ROS package which the description is in, if it says that it is one
-    /// (`package.xml`).
+    /// The robot file's folder, the description's, and that of the ROS package
+    /// around the description, if there is a `package.xml`.
     pub fn of_robot(folder: &Path, urdf: &Path) -> Self {
         let urdf = folder.join(urdf);
         let beside = urdf.parent().unwrap_or(folder).to_owned();
@@ -58,17 +56,14 @@ impl Homes {
     }
 
     /// Where a path leads, if that is a file of the robot.
-    ///
-    /// # Errors
-    /// It is not there, no file, or somebody else's.
-    pub fn find(&self, path: &Path) -> Result<PathBuf, Stray> {
-        let path = std::fs::canonicalize(path).map_err(Stray::Missing)?;
-        if !self.all.iter().any(|home| path.starts_with(home)) {
-            return Err(Stray::Outside);
+    pub fn find(&self, path: &Path) -> Result<PathBuf, FileRefused> {
+        let path = std::fs::canonicalize(path).map_err(FileRefused::Missing)?;
+        if !self.all.iter().any(|folder| path.starts_with(folder)) {
+            return Err(FileRefused::Outside);
         }
         match path.is_file() {
             true => Ok(path),
-            false => Err(Stray::NoFile),
+            false => Err(FileRefused::NoFile),
         }
     }
 
@@ -80,15 +75,13 @@ impl Homes {
     }
 
     /// Where the mesh is that the description gives this name.
-    ///
-    /// # Errors
-    /// Why it is not read, in a few words.
+    /// The error says why the mesh is not read.
     pub fn mesh(&self, name: &str) -> Result<PathBuf, String> {
         let candidates: Vec<PathBuf> = if let Some(path) = name.strip_prefix("package://") {
             // A package is called as its folder, or as something else.
             let inner = path.split_once('/').map_or("", |(_, rest)| rest);
             let places = [path, inner].into_iter();
-            let from = |place| self.all.iter().map(move |home| home.join(place));
+            let from = |place| self.all.iter().map(move |folder| folder.join(place));
             places.flat_map(from).collect()
         } else if let Some(path) = name.strip_prefix("file://") {
             vec![path.into()]
@@ -101,11 +94,13 @@ impl Homes {
         for candidate in candidates {
             match self.find(&candidate) {
                 Ok(path) => return Ok(path),
-                Err(Stray::Missing(_)) => {}
-                Err(stray) => why = why.or(Some(stray)),
+                Err(FileRefused::Missing(_)) => {}
+                Err(refused) => why = why.or(Some(refused)),
             }
         }
-        Err(why.map_or("there is no such file".into(), |stray| stray.to_string()))
+        Err(why.map_or("there is no such file".into(), |refused| {
+            refused.to_string()
+        }))
     }
 }
 

@@ -1,6 +1,6 @@
 //! The human dancer as a figure.
 
-use super::figure::{Figure, Limb, Side};
+use super::stick_figure::{Limb, Side, StickFigure};
 use servodance_types::{BodyJoint, JOINT_COUNT, Point3};
 
 impl Side {
@@ -16,7 +16,7 @@ impl Side {
     }
 }
 
-impl Figure {
+impl StickFigure {
     /// The human as bones between joints (metres, y up); y up becomes z up, and
     /// the body is turned to face x, as a robot does.
     pub fn dancer(positions: &[Point3; JOINT_COUNT]) -> Self {
@@ -58,7 +58,7 @@ mod tests {
         positions[BodyJoint::LeftHip as usize] = [-0.1, 1.0, 0.0]; // facing -z
         positions[BodyJoint::RightHip as usize] = [0.1, 1.0, 0.0];
         positions[BodyJoint::LeftFoot as usize] = [-0.1, 0.0, -0.2]; // toes ahead
-        let figure = Figure::dancer(&positions);
+        let figure = StickFigure::dancer(&positions);
         let foot = figure
             .limbs
             .iter()

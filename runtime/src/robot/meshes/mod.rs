@@ -1,14 +1,14 @@
 //! The meshes of a robot, for the page to draw.
 //!
 //! A mesh is named by the robot's description, which may come from anywhere:
-//! only the robot's own files are read ([`Homes`]). What cannot be drawn is left
+//! only the robot's own files are read ([`RobotFolders`]). What cannot be drawn is left
 //! out with a reason; the link is then drawn as if it had no mesh.
 
 mod stl;
 
 use self::stl::{Corner, LONGEST, read};
-use crate::robot::Homes;
 use crate::robot::Robot;
+use crate::robot::robot_folders::RobotFolders;
 use servodance_retarget::{MeshVisual, RobotModel};
 use std::collections::HashMap;
 use std::io::Read;
@@ -22,20 +22,18 @@ const REASONS: usize = 3;
 
 /// A mesh fixed to a link.
 #[derive(Clone, Debug)]
-pub struct Fixed {
+pub struct MeshInstance {
     /// Where it is, its scale and colour.
     pub visual: MeshVisual,
-    /// Which of [`Meshes::parts`].
     pub part: usize,
 }
 
 /// What a browser draws.
 #[derive(Clone, Debug, Default)]
+#[allow(missing_docs)] // the names say it
 pub struct Meshes {
-    /// Where which part is.
-    pub fixed: Vec<Fixed>,
-    /// Corners of each file, three a triangle, as little-endian 32-bit floats:
-    /// position and normal.
+    pub fixed: Vec<MeshInstance>,
+    /// Corners of each file, three a triangle: position and normal as f32, little endian.
     pub parts: Vec<Arc<[u8]>>,
     /// Lowest and highest coordinates of each part.
     pub bounds: Vec<[[f32; 3]; 2]>,
@@ -50,13 +48,13 @@ impl Meshes {
         let Some(folder) = &robot.folder else {
             return meshes;
         };
-        let homes = Homes::of_robot(folder, &robot.urdf);
+        let folders = RobotFolders::of_robot(folder, &robot.urdf);
         let mut known: HashMap<&str, Option<usize>> = HashMap::new();
         let mut reasons = Vec::new();
         for visual in model.meshes() {
             let name = visual.filename.as_str();
             let part = *known.entry(name).or_insert_with(|| {
-                let triangles = homes.mesh(name).and_then(|path| open(&path));
+                let triangles = folders.mesh(name).and_then(|path| open_mesh(&path));
                 match triangles.and_then(|triangles| meshes.add(&triangles)) {
                     Ok(part) => Some(part),
                     Err(why) => {
@@ -67,7 +65,7 @@ impl Meshes {
             });
             if let Some(part) = part {
                 let visual = visual.clone();
-                meshes.fixed.push(Fixed { visual, part });
+                meshes.fixed.push(MeshInstance { visual, part });
             }
         }
         let more = reasons.len().saturating_sub(REASONS);
@@ -101,10 +99,8 @@ impl Meshes {
 }
 
 /// The triangles of a mesh that can be drawn.
-///
-/// # Errors
-/// Why it cannot, in a few words.
-pub(crate) fn open(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
+/// The error says why it cannot be drawn.
+pub(crate) fn open_mesh(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
     let is_stl = path
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("stl"));

@@ -2,10 +2,9 @@
 //! candidate, a dot with its interval.
 
 use super::canvas::{Canvas, TextSize};
-use super::{FAINT, INK, MARGIN, PANEL, PAPER, TRACK};
+use super::style::{FAINT, HEADER, INK, MARGIN, PANEL, TRACK};
 
 const WIDTH: u32 = 1200;
-const HEADER: f32 = 92.0;
 const TITLE_HEIGHT: f32 = 28.0;
 const ROW_HEIGHT: f32 = 26.0;
 const GAP: f32 = 24.0;
@@ -14,45 +13,35 @@ const VALUE_WIDTH: f32 = 110.0;
 
 /// One candidate in one panel.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the names say it
 pub struct Dot {
-    /// Its name.
     pub name: String,
     /// Mean and half the width of the interval, if it was measured.
     pub figure: Option<(f64, f64)>,
 }
 
-/// One figure.
 #[derive(Clone, Debug)]
-pub struct Panel {
-    /// What it is.
+#[allow(missing_docs)] // the names say it
+pub struct DotPanel {
     pub title: String,
     /// The candidates, from top to bottom; the first is drawn as the yardstick.
     pub dots: Vec<Dot>,
 }
 
-/// The whole picture.
 #[derive(Clone, Debug)]
-pub struct Dots {
-    /// The headline.
+#[allow(missing_docs)] // the names say it
+pub struct DotChart {
     pub title: String,
-    /// One line below it.
     pub subtitle: String,
-    /// From top to bottom.
-    pub panels: Vec<Panel>,
+    pub panels: Vec<DotPanel>,
 }
 
-impl Dots {
+impl DotChart {
     /// The picture as PNG bytes.
-    ///
-    /// # Errors
-    /// When it is too large.
     pub fn png(&self) -> anyhow::Result<Vec<u8>> {
-        let heights = self.panels.iter().map(Panel::height);
+        let heights = self.panels.iter().map(DotPanel::height);
         let height = HEADER + heights.sum::<f32>() + MARGIN;
-        let mut canvas = Canvas::new(WIDTH, height as u32, PAPER)
-            .ok_or_else(|| anyhow::anyhow!("the picture is too large"))?;
-        canvas.text((MARGIN, 22.0), TextSize::Large, INK, &self.title);
-        canvas.text((MARGIN, 56.0), TextSize::Small, FAINT, &self.subtitle);
+        let mut canvas = Canvas::page(WIDTH, height, &self.title, &self.subtitle)?;
         let mut top = HEADER;
         for panel in &self.panels {
             panel.draw(&mut canvas, top);
@@ -62,7 +51,7 @@ impl Dots {
     }
 }
 
-impl Panel {
+impl DotPanel {
     fn height(&self) -> f32 {
         TITLE_HEIGHT + ROW_HEIGHT * self.dots.len() as f32 + GAP
     }
@@ -121,11 +110,11 @@ mod tests {
             name: "variant".into(),
             figure: *figure,
         });
-        let panel = Panel {
+        let panel = DotPanel {
             title: "error".into(),
             dots: dots.collect(),
         };
-        let dots = Dots {
+        let dots = DotChart {
             title: "Variants".into(),
             subtitle: String::new(),
             panels: vec![panel],

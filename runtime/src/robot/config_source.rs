@@ -1,20 +1,23 @@
 //! Where a key of a robot file comes from, for messages: the file and the line,
-//! or the option or variable that set it.
+//! or the option or variable that set it. `toml_edit` knows where keys stand;
+//! `figment` would know the file, and not the line.
 
 use super::overrides::Overrides;
 use toml_edit::{Document, Item, TableLike};
 
-/// A robot file and what was set beside it.
-pub struct Origin<'a> {
-    /// Name of the file.
+/// A robot file and the keys that are set beside it.
+pub struct ConfigSource<'a> {
     pub file: &'a str,
-    /// The file as it is.
     pub text: &'a str,
-    /// What was set beside it.
     pub overrides: &'a Overrides,
 }
 
-impl Origin<'_> {
+impl ConfigSource<'_> {
+    /// Whether the description is chosen by the user, not by the file.
+    pub fn sets_urdf(&self) -> bool {
+        self.overrides.source_of(&["urdf"]).is_some()
+    }
+
     /// Who is to blame for a key: `FILE:LINE`, `--set KEY=VALUE`, a variable. The
     /// file alone where it has no such key.
     pub fn place(&self, path: &[&str]) -> String {
@@ -58,12 +61,13 @@ fn line_of(text: &str, path: &[&str]) -> Option<usize> {
             },
         }
     }
-    at.map(|span| {
-        1 + text.as_bytes()[..span.start]
-            .iter()
-            .filter(|b| **b == b'\n')
-            .count()
-    })
+    at.map(|span| line_at(text, span.start))
+}
+
+/// The line, from 1, of a byte of a text.
+pub(super) fn line_at(text: &str, byte: usize) -> usize {
+    let before = &text.as_bytes()[..byte.min(text.len())];
+    1 + before.iter().filter(|b| **b == b'\n').count()
 }
 
 #[cfg(test)]
@@ -91,13 +95,13 @@ mod tests {
     fn what_was_set_beside_the_file_is_named_as_it_was_set() {
         let set = ["joint.b.id=7".to_owned()];
         let overrides = Overrides::new([], &set).unwrap();
-        let origin = Origin {
+        let source = ConfigSource {
             file: "my.toml",
             text: TEXT,
             overrides: &overrides,
         };
-        assert_eq!(origin.place(&["joint", "b", "id"]), "--set joint.b.id=7");
-        assert_eq!(origin.place(&["joint", "a", "id"]), "my.toml:11");
-        assert_eq!(origin.place(&["idle"]), "my.toml");
+        assert_eq!(source.place(&["joint", "b", "id"]), "--set joint.b.id=7");
+        assert_eq!(source.place(&["joint", "a", "id"]), "my.toml:11");
+        assert_eq!(source.place(&["idle"]), "my.toml");
     }
 }

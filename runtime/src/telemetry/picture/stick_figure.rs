@@ -1,36 +1,30 @@
 //! A body drawn as limbs, seen from the front, a little from the side and above.
 
-use super::canvas::{Canvas, Point, Rgba};
+use super::canvas::{Canvas, Point};
+use super::style::Rgba;
 
 /// Which side of the body a limb belongs to; left and right differ in colour,
 /// so that crossed arms can be told apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// The dancer's left.
     Left,
-    /// The dancer's right.
     Right,
-    /// Trunk and head.
     Middle,
 }
 
 /// A straight piece of the body, in metres: x forward, y left, z up.
 #[derive(Clone, Copy, Debug)]
 pub struct Limb {
-    /// One end.
     pub from: [f64; 3],
-    /// The other end.
     pub to: [f64; 3],
-    /// Thickness as a radius, metres.
     pub radius_m: f64,
-    /// Side of the body.
     pub side: Side,
 }
 
 /// A body in one pose.
 #[derive(Clone, Debug, Default)]
-pub struct Figure {
-    /// Its limbs.
+#[allow(missing_docs)] // the names say it
+pub struct StickFigure {
     pub limbs: Vec<Limb>,
     /// Height of the standing body, metres: every pose is drawn to one scale.
     pub height_m: f64,
@@ -48,7 +42,13 @@ const YAW_RAD: f64 = 0.38;
 const PITCH_RAD: f64 = 0.12;
 
 /// Draws the figure with its feet on a floor line, centred on `center_x`.
-pub fn draw_figure(canvas: &mut Canvas, figure: &Figure, center_x: f32, top: f32, height: f32) {
+pub fn draw_figure(
+    canvas: &mut Canvas,
+    figure: &StickFigure,
+    center_x: f32,
+    top: f32,
+    height: f32,
+) {
     let floor_y = top + height - 8.0;
     let scale = f64::from(height - 30.0) / (figure.height_m * 1.15).max(1e-6);
     canvas.line(

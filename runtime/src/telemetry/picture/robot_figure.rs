@@ -1,6 +1,6 @@
 //! The robot as a figure: x forward, y left, z up, metres.
 
-use super::figure::{Figure, Limb, Side};
+use super::stick_figure::{Limb, Side, StickFigure};
 use servodance_retarget::nalgebra::{Isometry3, Point3};
 use servodance_retarget::{RobotModel, Shape};
 
@@ -26,7 +26,7 @@ pub fn robot_figure(
     model: &RobotModel,
     world_from_root: &Isometry3<f64>,
     positions_rad: &[f64],
-) -> Figure {
+) -> StickFigure {
     let poses = model.link_poses(positions_rad);
     let mut limbs = Vec::new();
     for visual in model.visuals() {
@@ -56,7 +56,7 @@ pub fn robot_figure(
     let feet = feet.map(|limb: &Limb| limb.from[2].min(limb.to[2]) - limb.radius_m);
     let floor_m = feet.fold(f64::INFINITY, f64::min);
     let root = world_from_root.translation;
-    Figure {
+    StickFigure {
         limbs,
         height_m: 0.0,
         floor_m,
@@ -64,8 +64,7 @@ pub fn robot_figure(
     }
 }
 
-/// Half the longest side as a vector, less the rounding of the drawn ends, and
-/// the radius.
+/// The radius, and half the longest side as a vector, less the drawn ends' rounding.
 fn axis_of(shape: &Shape) -> ([f64; 3], f64) {
     match *shape {
         Shape::Sphere { radius_m } => ([0.0, 0.0, 1e-4], radius_m),

@@ -1,12 +1,12 @@
 //! The text of a new robot file: tables with the reasons beside them.
 
-use super::Plan;
-use super::servos::ServoDraft;
+use super::plan::FilePlan;
+use super::servo_draft::ServoDraft;
 use servodance_retarget::{BodyLinks, Limb, Role, Stance};
 use std::fmt::Write;
 
 /// Everything in the order that a reader needs it.
-pub(super) fn robot_file(plan: &Plan) -> String {
+pub(super) fn robot_file(plan: &FilePlan) -> String {
     let mut out = String::new();
     head(plan, &mut out);
     retarget(plan, &mut out);
@@ -19,7 +19,6 @@ pub(super) fn robot_file(plan: &Plan) -> String {
     out
 }
 
-/// A TOML string.
 fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
@@ -31,7 +30,13 @@ fn comment(text: &str) -> String {
         .collect()
 }
 
-fn head(plan: &Plan, out: &mut String) {
+fn remarks(label: &str, lines: &[String], out: &mut String) {
+    for line in lines {
+        let _ = writeln!(out, "# {label}{}.", comment(line));
+    }
+}
+
+fn head(plan: &FilePlan, out: &mut String) {
     let (baud, control_hz) = plan.rates;
     let name = quoted(&plan.name);
     let about = quoted(&format!(
@@ -62,20 +67,16 @@ baud = {baud}
     );
 }
 
-fn retarget(plan: &Plan, out: &mut String) {
+fn retarget(plan: &FilePlan, out: &mut String) {
     let config = &plan.draft.config;
     let stance = match config.stance {
         Stance::Planted => "planted",
         _ => "hung",
     };
-    let _ = writeln!(out, "\n[retarget]");
-    for line in &plan.tried {
-        let _ = writeln!(out, "# Tried: {}.", comment(line));
-    }
+    out.push_str("\n[retarget]\n");
+    remarks("Tried: ", &plan.tried, out);
     let _ = writeln!(out, "stance = \"{stance}\"");
-    for line in &plan.draft.reasons {
-        let _ = writeln!(out, "# Seen: {}.", comment(line));
-    }
+    remarks("Seen: ", &plan.draft.reasons, out);
     let _ = writeln!(
         out,
         "forward = \"{}\"\nup = \"{}\"",
@@ -83,20 +84,12 @@ fn retarget(plan: &Plan, out: &mut String) {
     );
     if config.body.left_sole.is_some() || config.body.right_sole.is_some() {
         let [length, width] = config.sole_m;
-        let _ = writeln!(
-            out,
-            "# Length and width of a sole, from its shape or the legs' length."
-        );
+        out.push_str("# Length and width of a sole, from its shape or the legs' length.\n");
         let _ = writeln!(out, "sole_m = [{length:?}, {width:?}]");
-        let _ = writeln!(
-            out,
-            "# How far it sinks at rest, of the leg length: room to move up."
-        );
+        out.push_str("# How far it sinks at rest, of the leg length: room to move up.\n");
         let _ = writeln!(out, "crouch = {:?}", config.crouch);
     }
-    for missing in &plan.draft.missing {
-        let _ = writeln!(out, "# Missing: {}.", comment(missing));
-    }
+    remarks("Missing: ", &plan.draft.missing, out);
     body(&config.body, out);
     gains(plan, out);
     rest(plan, out);
@@ -111,9 +104,8 @@ fn retarget(plan: &Plan, out: &mut String) {
         );
     }
     if !config.capsule.is_empty() {
-        let _ = writeln!(
-            out,
-            "\n# Collision capsules, from shapes; from lengths where there are only meshes."
+        out.push_str(
+            "\n# Collision capsules, from shapes; from lengths where there are only meshes.\n",
         );
     }
     for capsule in &config.capsule {
@@ -161,11 +153,9 @@ pub(super) fn parts(body: &BodyLinks) -> Vec<String> {
 }
 
 fn body(body: &BodyLinks, out: &mut String) {
-    let _ = writeln!(
-        out,
-        "\n# The link (or tip) whose origin is this point of the body."
+    out.push_str(
+        "\n# The link (or tip) whose origin is this point of the body.\n[retarget.body]\n",
     );
-    let _ = writeln!(out, "[retarget.body]");
     for (part, link) in named(body) {
         if let Some(link) = link {
             let _ = writeln!(out, "{part} = {}", quoted(link));
@@ -173,31 +163,21 @@ fn body(body: &BodyLinks, out: &mut String) {
     }
 }
 
-fn gains(plan: &Plan, out: &mut String) {
-    let _ = writeln!(
-        out,
-        "\n# How much of the movement of each limb is shown, 0 to 2."
-    );
+fn gains(plan: &FilePlan, out: &mut String) {
+    out.push_str("\n# How much of the movement of each limb is shown, 0 to 2.\n");
     for (limb, scale) in &plan.draft.scales {
         let _ = writeln!(
             out,
             "# {limb}: {scale:.2} times the dancer's length; points are scaled by it."
         );
     }
-    let _ = writeln!(out, "[retarget.gain]");
-    for limb in [
-        "left_arm",
-        "right_arm",
-        "left_leg",
-        "right_leg",
-        "head",
-        "torso",
-    ] {
-        let _ = writeln!(out, "{limb} = 1.0");
-    }
+    out.push_str(
+        "[retarget.gain]\nleft_arm = 1.0\nright_arm = 1.0\nleft_leg = 1.0\nright_leg = 1.0\n\
+         head = 1.0\ntorso = 1.0\n",
+    );
 }
 
-fn rest(plan: &Plan, out: &mut String) {
+fn rest(plan: &FilePlan, out: &mut String) {
     // Feet that stand decide where the legs are.
     let stands = plan.draft.config.stance == Stance::Planted;
     let role = |name: &str| {
@@ -218,17 +198,15 @@ fn rest(plan: &Plan, out: &mut String) {
     if rest.peek().is_none() {
         return;
     }
-    let _ = writeln!(
-        out,
-        "\n# The rest pose: arms down, as the solver finds it; degrees."
+    out.push_str(
+        "\n# The rest pose: arms down, as the solver finds it; degrees.\n[retarget.rest_deg]\n",
     );
-    let _ = writeln!(out, "[retarget.rest_deg]");
     for (name, degrees) in rest {
         let _ = writeln!(out, "{} = {degrees:?}", quoted(name));
     }
 }
 
-fn jerk(plan: &Plan, out: &mut String) {
+fn jerk(plan: &FilePlan, out: &mut String) {
     let given = plan
         .servos
         .iter()
@@ -237,11 +215,7 @@ fn jerk(plan: &Plan, out: &mut String) {
     if given.peek().is_none() {
         return;
     }
-    let _ = writeln!(
-        out,
-        "\n# Jerk limits that the description gives; degrees a second cubed."
-    );
-    let _ = writeln!(out, "[retarget.jerk_deg_s3]");
+    out.push_str("\n# Jerk limits that the description gives; degrees a second cubed.\n[retarget.jerk_deg_s3]\n");
     for (name, jerk_deg_s3) in given {
         let _ = writeln!(out, "{} = {jerk_deg_s3:?}", quoted(name));
     }
@@ -256,9 +230,7 @@ fn joint(servo: &ServoDraft, out: &mut String) {
         out,
         "\n# {role}. TO FILL IN: id, model, direction, zero_deg."
     );
-    for note in &servo.notes {
-        let _ = writeln!(out, "# {}.", comment(note));
-    }
+    remarks("", &servo.notes, out);
     let _ = write!(
         out,
         "[[joint]]\nname = {}\nid = {}\nmodel = \"{}\"\ndirection = 1\nzero_deg = {:?}\n\

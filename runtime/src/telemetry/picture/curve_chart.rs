@@ -1,22 +1,20 @@
 //! Curves over the steps of a training run: panels below each other, a few
 //! curves in each.
 
-use super::canvas::{Canvas, Rgba, TextSize};
+use super::canvas::{Canvas, TextSize};
 use super::plot::Plot;
-use super::{FAINT, INK, KINEMATIC, LIMIT, MARGIN, PANEL, PAPER, TRACK};
+use super::style::{FAINT, HEADER, INK, KINEMATIC, LIMIT, MARGIN, PANEL, Rgba, TRACK};
 
 const WIDTH: u32 = 1200;
-const HEADER: f32 = 92.0;
 const PANEL_HEIGHT: f32 = 220.0;
 const TITLE_HEIGHT: f32 = 28.0;
 /// Room for the numbers at the left edge.
 const LABEL_WIDTH: f32 = 90.0;
 const COLOURS: [Rgba; 4] = [TRACK, LIMIT, KINEMATIC, FAINT];
 
-/// One curve.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the names say it
 pub struct Curve {
-    /// Its name.
     pub name: String,
     /// Step and value; what is not finite is left out.
     pub samples: Vec<(f64, f64)>,
@@ -24,36 +22,27 @@ pub struct Curve {
 
 /// Curves with one scale.
 #[derive(Clone, Debug)]
-pub struct Panel {
-    /// What it shows.
+#[allow(missing_docs)] // the names say it
+pub struct CurvePanel {
     pub title: String,
     /// At most four curves.
     pub curves: Vec<Curve>,
 }
 
-/// The whole picture.
 #[derive(Clone, Debug)]
-pub struct Curves {
-    /// The headline.
+#[allow(missing_docs)] // the names say it
+pub struct CurveChart {
     pub title: String,
-    /// One line below it.
     pub subtitle: String,
-    /// From top to bottom.
-    pub panels: Vec<Panel>,
+    pub panels: Vec<CurvePanel>,
 }
 
-impl Curves {
+impl CurveChart {
     /// The picture as PNG bytes.
-    ///
-    /// # Errors
-    /// When it is too large.
     pub fn png(&self) -> anyhow::Result<Vec<u8>> {
         let each = TITLE_HEIGHT + PANEL_HEIGHT + 16.0;
         let height = HEADER + each * self.panels.len() as f32 + MARGIN;
-        let mut canvas = Canvas::new(WIDTH, height as u32, PAPER)
-            .ok_or_else(|| anyhow::anyhow!("the picture is too large"))?;
-        canvas.text((MARGIN, 22.0), TextSize::Large, INK, &self.title);
-        canvas.text((MARGIN, 56.0), TextSize::Small, FAINT, &self.subtitle);
+        let mut canvas = Canvas::page(WIDTH, height, &self.title, &self.subtitle)?;
         for (i, panel) in self.panels.iter().enumerate() {
             panel.draw(&mut canvas, HEADER + each * i as f32);
         }
@@ -61,7 +50,7 @@ impl Curves {
     }
 }
 
-impl Panel {
+impl CurvePanel {
     fn draw(&self, canvas: &mut Canvas, top: f32) {
         canvas.text((MARGIN, top), TextSize::Medium, INK, &self.title);
         let curves: Vec<Vec<(f64, f64)>> = self.curves.iter().map(Curve::finite).collect();
@@ -138,11 +127,11 @@ mod tests {
             name: "loss".into(),
             samples,
         };
-        let panel = Panel {
+        let panel = CurvePanel {
             title: "Loss".into(),
             curves: vec![curve],
         };
-        let curves = Curves {
+        let curves = CurveChart {
             title: "Training".into(),
             subtitle: String::new(),
             panels: vec![panel],

@@ -1,46 +1,39 @@
 //! A sheet of many motions at a glance: a row of poses each, and a histogram.
 
 use super::canvas::{Canvas, Point, TextSize};
-use super::figure::{Figure, draw_figure};
-use super::{FAINT, INK, MARGIN, PANEL, PAPER, TRACK};
+use super::stick_figure::{StickFigure, draw_figure};
+use super::style::{FAINT, HEADER, INK, MARGIN, PANEL, TRACK};
 
 const WIDTH: u32 = 1800;
-const HEADER: f32 = 92.0;
 const ROW_HEIGHT: f32 = 150.0;
 const LABEL_WIDTH: f32 = 300.0;
 const BARS_HEIGHT: f32 = 150.0;
 
 /// A motion: a few of its poses, in order.
 #[derive(Clone, Debug)]
-pub struct Row {
+#[allow(missing_docs)] // the names say it
+pub struct PoseRow {
     /// Its name, and lines below it.
     pub label: Vec<String>,
-    /// The poses.
-    pub figures: Vec<Figure>,
+    pub figures: Vec<StickFigure>,
 }
 
-/// All that the sheet shows.
 #[derive(Clone, Debug)]
-pub struct Sheet {
-    /// The headline.
+#[allow(missing_docs)] // the names say it
+pub struct ContactSheet {
     pub title: String,
-    /// One line below it.
     pub subtitle: String,
     /// What the bars count, and each bar's name and height.
     pub bars: (String, Vec<(String, f64)>),
-    /// The motions.
-    pub rows: Vec<Row>,
+    pub rows: Vec<PoseRow>,
 }
 
-impl Sheet {
+impl ContactSheet {
     /// The sheet as PNG bytes.
     pub fn png(&self) -> anyhow::Result<Vec<u8>> {
         let rows = self.rows.len() as f32;
         let height = HEADER + BARS_HEIGHT + 60.0 + rows * (ROW_HEIGHT + 8.0) + MARGIN;
-        let mut canvas = Canvas::new(WIDTH, height as u32, PAPER)
-            .ok_or_else(|| anyhow::anyhow!("the picture is too large"))?;
-        canvas.text((MARGIN, 22.0), TextSize::Large, INK, &self.title);
-        canvas.text((MARGIN, 56.0), TextSize::Small, FAINT, &self.subtitle);
+        let mut canvas = Canvas::page(WIDTH, height, &self.title, &self.subtitle)?;
         let mut top = self.bars(&mut canvas, HEADER);
         for row in &self.rows {
             row.draw(&mut canvas, top);
@@ -76,7 +69,7 @@ impl Sheet {
     }
 }
 
-impl Row {
+impl PoseRow {
     fn draw(&self, canvas: &mut Canvas, top: f32) {
         let width = WIDTH as f32 - 2.0 * MARGIN;
         canvas.rectangle(MARGIN, top, width, ROW_HEIGHT, PANEL);
