@@ -25,7 +25,7 @@ pub struct Robot {
     pub urdf_xml: String,
     /// Control cycles a second.
     pub control_hz: f64,
-    /// How long the servos take to get where they are told, seconds.
+    /// Delay from command to position, seconds.
     pub servo_lag_s: f64,
     /// What it does while there is no music.
     pub idle: IdleStyle,

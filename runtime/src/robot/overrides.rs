@@ -3,10 +3,10 @@
 //!
 //! A key is dotted (`safety.rearm`); an entry of an array of tables goes by its
 //! name or its number (`joint.l_knee.upper_deg`, `retarget.capsule.0.radius_m`).
-//! A value is TOML; what is none is text. In the environment dots are two
-//! underscores and letters are large: `SERVODANCE_SAFETY__REARM=true`. Options
-//! win over variables, later ones over earlier ones. A variable that names no key
-//! is ignored with a warning.
+//! A value is TOML, else text. In the environment a dot is two underscores, and
+//! case does not matter: `SERVODANCE_SAFETY__REARM=true`. Options win over
+//! variables, later ones over earlier ones. A variable that names no key is
+//! ignored with a warning.
 
 use anyhow::{anyhow, bail};
 use toml_edit::{DocumentMut, Item, Key, Table, TableLike, Value};

@@ -1,9 +1,8 @@
-//! Which files are a robot's own: what its robot file and its description may
-//! name.
+//! The folders whose files a robot file and its description may name.
 //!
-//! Both may come from anybody. Files are read from inside the robot's folders
-//! alone, wherever `..` and links lead; devices, pipes and folders are no files.
-//! Only what the user names himself may lie elsewhere.
+//! Both files may be untrusted. Only files inside the robot's folders are read,
+//! wherever `..` and links lead; devices, pipes and folders are refused. Only a
+//! path that the user gives may lie elsewhere.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +15,6 @@ pub enum FileRefused {
     /// Nothing can be found there.
     #[error("{0}")]
     Missing(std::io::Error),
-    /// It is somebody else's.
     #[error("it lies outside the robot's folder")]
     Outside,
     /// A device, a pipe or a folder.

@@ -1,13 +1,11 @@
-//! The ends of the line between the control loop and those who watch.
+//! The two ends of the link between the control loop and its viewers.
 //!
-//! - Snapshots go out through a **triple buffer**: the newest is all that
-//!   counts, so nobody waits for anybody. The writer copies into one of three
-//!   snapshots (no allocation) and swaps it in with one atomic operation,
-//!   whether the reader is fast, slow or gone.
-//! - Requests come in through a bounded **ring**: each one counts, none may be
-//!   skipped, and taking from an empty ring is one atomic load. When it is full
-//!   the asker is told so.
-//! - The emergency stop goes past both ([`EStop`]): a flag that the safety layer
+//! - Snapshots go out through a **triple buffer**, because only the newest counts.
+//!   The writer copies into one of three snapshots (no allocation) and swaps it in
+//!   with one atomic operation, whether the reader is fast, slow or gone.
+//! - Requests come in through a bounded **ring**, because each one counts. Taking
+//!   from an empty ring is one atomic load; a full ring refuses the request.
+//! - The emergency stop bypasses both ([`EStop`]): a flag that the safety layer
 //!   reads in every tick.
 
 use super::request::ViewerRequest;
@@ -50,7 +48,7 @@ pub fn link(joints: usize, settings: ViewerSettings) -> (RobotEnd, ViewerEnd) {
 }
 
 impl RobotEnd {
-    /// An end that nobody watches yet.
+    /// The end of a robot without viewers.
     pub fn new(joints: usize, settings: ViewerSettings) -> Self {
         Self {
             draft: Snapshot::new(joints, settings),

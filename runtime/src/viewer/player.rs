@@ -1,5 +1,5 @@
-//! Plays a recording to those who watch: the same page, a slider in place of
-//! the controls. Nothing moves but the picture.
+//! Plays a recording to viewers: the same page, with a slider in place of the
+//! controls. No servo moves.
 
 use super::link::RobotEnd;
 use super::request::ViewerRequest;
@@ -17,7 +17,7 @@ pub struct Player<'a> {
     end: RobotEnd,
     time_s: f64,
     paused: bool,
-    /// How many events viewers were told.
+    /// Events that viewers have seen.
     told: usize,
 }
 

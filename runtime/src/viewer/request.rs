@@ -1,12 +1,12 @@
-//! What may be asked of a show, and how it is written: one JSON object.
+//! Requests of viewers to the control loop, and their form in JSON.
 //!
 //! ```json
 //! {"do": "hold"}
 //! {"set": {"amplitude": 0.5, "style": "salsa"}}
 //! ```
 //!
-//! Text is checked here once; what goes to the control loop is small and `Copy`.
-//! The emergency stop is not among it: it does not wait in a queue.
+//! Text is checked here once; a request for the control loop is small and `Copy`.
+//! The emergency stop is no request: it does not wait in a queue.
 
 use super::settings::ViewerSettings;
 use super::snapshot::Activity;

@@ -1,5 +1,5 @@
-//! What does not change during a show: the robot's shapes, joints and limits,
-//! and what can be asked for. Viewers get it once, as JSON.
+//! What does not change while viewers watch: the robot's shapes, joints, limits and
+//! the requests it takes. Viewers get the scene once, as JSON.
 
 use crate::control::idle::IdleStyle;
 use crate::robot::Meshes;

@@ -1,8 +1,8 @@
-//! The state of a show at one moment, as whoever watches may see it.
+//! The state of robot and music at one moment, for viewers.
 //!
-//! Made so that the control loop can copy it without allocating, as long as
-//! nothing happens that deserves a line of text. Radians, metres, seconds; robot axes x forward,
-//! y left, z up. What is not known is NaN, and becomes `null` for viewers.
+//! The control loop copies a snapshot without allocating unless there are new
+//! events. Radians, metres, seconds; robot axes x forward, y left, z up. Unknown
+//! values are NaN, and `null` in JSON.
 
 use super::settings::ViewerSettings;
 use servodance_drivers::{BusStats, State};

@@ -3,7 +3,8 @@
 //!
 //! Refused: what is longer than [`LONGEST`] or has more than
 //! [`MOST_TRIANGLES`], what is cut off, numbers that are no numbers. Memory is
-//! taken for what the file has, never for what it claims: why no crate reads them.
+//! allocated for what the file holds, never for the count it claims; STL crates
+//! have no such bounds, so this reader stays.
 
 /// Longest file that is read, bytes.
 pub const LONGEST: u64 = 32 << 20;

@@ -63,7 +63,7 @@ pub struct SafetyNotice<'a> {
 
 /// Turns what happens into messages and has a writer write them; without
 /// [`Recorder::finish`] no file appears. Nothing here waits for a disk, unless
-/// [`WhenBehind::Wait`] says so; what went wrong with it is told by `finish`.
+/// [`WhenBehind::Wait`] says so; `finish` returns what went wrong.
 pub struct Recorder {
     writer: WriterThread,
     joint_names: Vec<String>,

@@ -1,8 +1,8 @@
-//! A recording, read back: what a player, a picture or another file needs of it.
+//! A recording read back, for the player, pictures and exports.
 //!
 //! The file is read once from beginning to end; joints are kept about
 //! [`KEPT_HZ`] times a second, so that an hour of twenty joints takes 60 MB.
-//! Damage is told with the file's name; nothing in a file can make it panic.
+//! Errors name the file; no content of a file makes the reader panic.
 
 use super::topic::SAFETY;
 use anyhow::{Context, bail};
@@ -102,7 +102,7 @@ pub struct Recording {
     pub control_hz: f64,
     /// Joints and limits, in order.
     pub joints: Vec<(String, JointLimits)>,
-    /// What the servos were told, radians.
+    /// Commands to the servos, radians.
     pub commands: Series<Vec<f32>>,
     /// What they reported, radians.
     pub states: Series<Vec<f32>>,
@@ -148,7 +148,7 @@ impl Recording {
         reading.finish().with_context(place)
     }
 
-    /// Where the root link is at a time; at the origin where nobody wrote it down.
+    /// Where the root link is at a time; at the origin if the recording lacks it.
     pub fn root_at(&self, time_s: f64) -> [f64; 7] {
         let origin = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
         self.root.at(time_s).copied().unwrap_or(origin)

@@ -1,6 +1,6 @@
-//! The thread that writes a recording. A disk that is slow, or full, must not
-//! hold up whoever moves motors: messages wait in a queue, are left out and
-//! counted where it is full, and an error ends the recording alone.
+//! The thread that writes a recording. A slow or full disk never delays the
+//! control loop: messages wait in a queue, are dropped and counted when the queue
+//! is full, and a write error ends the recording alone.
 
 use super::mcap_file::McapFile;
 use super::topic::RecordingTopic;
@@ -16,7 +16,7 @@ use std::thread::JoinHandle;
 /// less than 8 MB.
 const QUEUE: usize = 8192;
 
-/// Is told, once, that the recording has failed.
+/// Called once if the recording fails, with the reason.
 pub type OnRecordingError = Box<dyn Fn(&str) + Send>;
 
 /// What to do when messages come faster than the disk takes them.

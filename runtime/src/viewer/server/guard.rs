@@ -1,8 +1,7 @@
-//! Who may ask: whoever knows the token, from the page itself or from no page.
+//! Access control: a request needs the token, and comes from the page or no page.
 //!
-//! - Every address begins with the token, 128 random bits of each run; without
-//!   it there is nothing, on this machine too, where other users and web pages
-//!   could ask.
+//! - Every address begins with the token, 128 random bits of each run; other users
+//!   and web pages of this machine do not know it.
 //! - `Host` must be an address or a name of this machine: a foreign name that
 //!   was made to point here (DNS rebinding) is refused.
 //! - `Origin`, which browsers add, must be this page's own.

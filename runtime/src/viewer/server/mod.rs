@@ -1,6 +1,6 @@
-//! Serves a show on the network: one thread of low priority for all viewers.
+//! The web server of the page: one thread of low priority for all viewers.
 //!
-//! What keeps a flood from mattering: the control loop is in another thread and
+//! A flood of requests does not delay the dance: the control loop is in another thread and
 //! never waits (see [`mod@crate::viewer::link`]); at most [`CONNECTIONS`] are open at a time,
 //! those beyond are closed at once; a request has to be whole within
 //! [`REQUEST_S`]; little is buffered for a slow reader, who then misses frames.

@@ -1,4 +1,4 @@
-//! The HTTP side of a show; docs/show.md is for those who use it.
+//! The HTTP routes of the page and its API; docs/show.md describes their use.
 //!
 //! | under the token | what |
 //! |---|---|
@@ -41,7 +41,7 @@ pub fn routes(state: Arc<ServerState>) -> Router {
         .with_state(state)
 }
 
-/// Answers nobody without the token, and no foreign page.
+/// Refuses requests without the token, and those of foreign pages.
 async fn guard(State(state): State<Arc<ServerState>>, request: Request, next: Next) -> Response {
     let mut response = match state.refuses(&request) {
         Some(status) => status.into_response(),

@@ -1,5 +1,5 @@
-//! A joint in a line of text: where it is and where it was told to be between
-//! its limits, its angle and its temperature.
+//! A joint as a line of text: position and target between the limits, angle and
+//! temperature.
 //!
 //! ```text
 //! head_pan    ·······┃●········   12.3°  36°

@@ -1,4 +1,4 @@
-//! What each key asks for.
+//! The keys of the terminal view and the requests they make.
 
 use crate::control::idle::IdleStyle;
 use crate::viewer::{ViewerRequest, ViewerSettings};

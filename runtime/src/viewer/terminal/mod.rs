@@ -1,12 +1,12 @@
 //! The terminal view: the robot in figures and bars, and keys to steer it by.
 //!
-//! A thread of its own draws what the control loop shows and reads keys; both
-//! ways go through the [line](super::link), so nobody waits for a terminal.
-//! While it is up, what the program says waits (`console::Kept`).
+//! A thread draws snapshots and reads keys, both through [`super::link`]: the
+//! control loop never waits for a terminal. Messages of the program are held back
+//! meanwhile (`console::Kept`).
 //!
-//! The terminal is given back on every way out: end, error, Ctrl-C, panic. If
-//! the view itself breaks down, or its terminal goes away, the emergency stop is
-//! pressed: nobody could press it any more.
+//! The terminal is restored at the end, on errors, Ctrl-C and panics. If the view
+//! fails or its terminal goes away, the emergency stop is pressed, because no key
+//! could press it any more.
 
 mod joints;
 mod keys;

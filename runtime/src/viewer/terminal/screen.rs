@@ -1,4 +1,4 @@
-//! What stands where on the screen: figures, joints, events, keys.
+//! The layout of the screen: figures, joints, events, keys.
 //!
 //! Sixteen lines of eighty cells hold all that matters; more room shows more
 //! joints and events, less room leaves the last out.
