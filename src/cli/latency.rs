@@ -4,7 +4,7 @@ use super::robot_choice::RobotChoice;
 use super::stop_signal;
 use anyhow::bail;
 use serde_json::{Value, json};
-use servodance_lab::click_test::{Measured, measure as click_test};
+use servodance_lab::bench::click_test::{ClickTestReport, measure as click_test};
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::bus_choice::choose as choose_buses;
 use servodance_runtime::process::console::say;

@@ -1,6 +1,6 @@
 //! `servodance bench bus`.
 
-use servodance_lab::bus_bench as bench;
+use servodance_lab::bench::bus as bench;
 use servodance_runtime::bus_tools::sim_link::LinkChoice;
 use servodance_runtime::process::console::say;
 use servodance_runtime::robot::Robot;

@@ -1,7 +1,7 @@
 //! `servodance bench model`.
 
 use crate::cli::engine::EngineArgs;
-use servodance_lab::model_bench::{Request, run as measure};
+use servodance_lab::bench::model::{ModelBench, run as measure};
 use servodance_runtime::process::console::say;
 use std::path::PathBuf;
 use std::process::ExitCode;

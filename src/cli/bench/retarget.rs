@@ -1,6 +1,6 @@
 //! `servodance bench retarget`.
 
-use servodance_lab::retarget_bench;
+use servodance_lab::bench::retarget as retarget_bench;
 use servodance_runtime::process::console::say;
 use servodance_runtime::robot::Robot;
 use std::path::PathBuf;
