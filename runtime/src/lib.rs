@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! audio -> pipeline (features, generator) -> control (retargeter, limits, bus) -> servos
-//!                                               |-> record, show
+//!                                               |-> telemetry, viewer
 //! ```
 //!
 //! [`session`] wires one dance after another from a configuration, [`pipeline`]
@@ -34,18 +34,12 @@
 pub mod bus_tools;
 pub mod control;
 pub mod doctor;
-pub mod export;
-pub mod joint_csv;
 pub mod offline;
-pub mod output;
-pub mod picture;
 pub mod pipeline;
 pub mod process;
-pub mod record;
-pub mod report;
 pub mod robot;
-pub mod robot_file;
 pub mod session;
-pub mod show;
 #[cfg(feature = "stage")]
 pub mod stage;
+pub mod telemetry;
+pub mod viewer;

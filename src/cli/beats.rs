@@ -1,7 +1,7 @@
 //! `servodance beats`.
 
 use servodance_runtime::offline::beats::{BeatTracker, Beats};
-use servodance_runtime::output::write_whole;
+use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -15,7 +15,7 @@ use servodance_runtime::session::dance::Outcome;
 use servodance_runtime::session::dance::dance;
 use servodance_runtime::session::dance_session::Session;
 use servodance_runtime::session::summary::summary;
-use servodance_runtime::show::{Server, TerminalView};
+use servodance_runtime::viewer::{Server, TerminalView};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -3,10 +3,10 @@
 use anyhow::bail;
 use clap::Subcommand;
 use servodance_model::conditioning::{Encodec, MusicKind};
-use servodance_runtime::output::write_whole;
 use servodance_runtime::pipeline::conditioning::open_encodec;
 use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_runtime::process::progress::Progress;
+use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::dataset::{Import, Options, Report, build, import};
 use servodance_training::motion::import::Kind;
 use std::path::PathBuf;

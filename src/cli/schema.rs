@@ -1,7 +1,7 @@
 //! `servodance schema`.
 
 use clap::ValueEnum;
-use servodance_runtime::robot_file::ROBOT_SCHEMA;
+use servodance_runtime::robot::ROBOT_SCHEMA;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\

@@ -1,8 +1,8 @@
 //! `servodance weights`.
 
 use servodance_model::net::Dtype;
-use servodance_runtime::output::write_whole;
 use servodance_runtime::process::console::stdout_line;
+use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::weights_file::{self, Info};
 use std::path::PathBuf;
 use std::process::ExitCode;

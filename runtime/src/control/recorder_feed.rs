@@ -7,9 +7,9 @@
 use super::robot_buses::RobotBuses;
 use crate::pipeline::dance_step::DanceStep;
 use crate::pipeline::step_times::PipelineStep;
-use crate::record::{Notice, Recorder, Topic};
-use crate::show::pose_array;
-use crate::show::snapshot::{BANDS, state_name};
+use crate::telemetry::recorder::{SafetyNotice, Recorder, RecordingTopic};
+use crate::telemetry::pose_array::pose_array;
+use crate::viewer::snapshot::{BANDS, state_name};
 use servodance_drivers::State;
 use servodance_retarget::Retargeter;
 
@@ -49,11 +49,11 @@ impl RecorderFeed {
         };
         recorder.motion(at_s, &step.motion);
         let phase = f64::from(step.music.beat.phase);
-        recorder.number(Topic::BeatPhase, at_s, phase);
+        recorder.number(RecordingTopic::BeatPhase, at_s, phase);
         let bands = servodance_audio::bands::<BANDS>(&step.music.spectral);
         recorder.spectrum(at_s, &bands);
-        recorder.number(Topic::Stage(PipelineStep::Features), at_s, step.features_ms);
-        recorder.number(Topic::Stage(PipelineStep::Model), at_s, step.model_ms);
+        recorder.number(RecordingTopic::Stage(PipelineStep::Features), at_s, step.features_ms);
+        recorder.number(RecordingTopic::Stage(PipelineStep::Model), at_s, step.model_ms);
     }
 
     /// A cycle went over the bus; the recording began `stood_s` after torque on.
@@ -61,30 +61,30 @@ impl RecorderFeed {
         let Some(recorder) = &mut self.recorder else {
             return;
         };
-        recorder.positions(Topic::JointTargets, at_s, decision.targets_rad);
-        recorder.number(Topic::Lead, at_s, decision.lead_s);
-        recorder.number(Topic::Idle, at_s, decision.idle_share);
-        recorder.positions(Topic::JointCommands, at_s, servos.safety().sent_rad());
-        recorder.states(Topic::JointStates, at_s, servos.states());
+        recorder.positions(RecordingTopic::JointTargets, at_s, decision.targets_rad);
+        recorder.number(RecordingTopic::Lead, at_s, decision.lead_s);
+        recorder.number(RecordingTopic::Idle, at_s, decision.idle_share);
+        recorder.positions(RecordingTopic::JointCommands, at_s, servos.safety().sent_rad());
+        recorder.states(RecordingTopic::JointStates, at_s, servos.states());
         if let Some(retargeter) = decision.root {
             let positions: Vec<f64> = servos.states().iter().map(|s| s.position_rad).collect();
             let root = pose_array(&retargeter.world_from_root(&positions));
-            recorder.pose(Topic::Root, at_s, root);
+            recorder.pose(RecordingTopic::Root, at_s, root);
         }
         if let Some(truth) = servos.truth() {
             // The simulation has already gone on to the end of this cycle.
-            recorder.states(Topic::ServoTruth, at_s + decision.period_s, truth);
+            recorder.states(RecordingTopic::ServoTruth, at_s + decision.period_s, truth);
         }
         let (bytes, packets) = servos.wire_totals();
-        recorder.number(Topic::BusBytes, at_s, bytes as f64);
-        recorder.number(Topic::BusPackets, at_s, packets as f64);
+        recorder.number(RecordingTopic::BusBytes, at_s, bytes as f64);
+        recorder.number(RecordingTopic::BusPackets, at_s, packets as f64);
         self.changes(at_s, stood_s, servos);
     }
 
     /// A step of a cycle took `ms`.
     pub fn step(&mut self, at_s: f64, step: PipelineStep, ms: f64) {
         if let Some(recorder) = &mut self.recorder {
-            recorder.number(Topic::Stage(step), at_s, ms);
+            recorder.number(RecordingTopic::Stage(step), at_s, ms);
         }
     }
 
@@ -105,7 +105,7 @@ impl RecorderFeed {
         }
         let transitions = servos.safety().transitions();
         for event in &transitions[self.events..] {
-            recorder.notice(Notice {
+            recorder.notice(SafetyNotice {
                 time_s: event.time_s - stood_s,
                 grave: event.to == State::Fault,
                 state: state_name(event.to),

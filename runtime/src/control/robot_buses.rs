@@ -7,7 +7,7 @@
 
 use super::bus_choice::BusChoice;
 use crate::process::speed::Speed;
-use crate::report::{BusReport, SafetyEvent, ViolationReport};
+use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
 use crate::robot::Robot;
 use anyhow::Context;
 use servodance_drivers::{Bus, BusLayout, EStop, SafeBus, State, open_buses};

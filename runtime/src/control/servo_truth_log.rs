@@ -49,6 +49,6 @@ impl ServoTruthLog {
             }
             text.push('\n');
         }
-        crate::output::write_whole(path, text.as_bytes())
+        crate::telemetry::pending_file::write_whole(path, text.as_bytes())
     }
 }

@@ -6,8 +6,9 @@
 
 use super::robot_buses::RobotBuses;
 use crate::pipeline::load_shedding::{LeftOut, LoadShedding};
-use crate::show::snapshot::{Activity, BANDS, BusNow, Event, Moment, MusicNow, state_name};
-use crate::show::{RobotEnd, Settings, pose_array};
+use crate::viewer::snapshot::{Activity, BANDS, ViewerEvent, RobotStatus, MusicStatus, state_name};
+use crate::telemetry::pose_array::pose_array;
+use crate::viewer::{RobotEnd, ViewerSettings};
 use servodance_drivers::Transition;
 use servodance_retarget::{Points, Retargeter};
 use servodance_types::MusicFrame;
@@ -35,7 +36,7 @@ pub struct ViewerLink<'a> {
     /// Human poses that are taken in ahead of the robot, oldest first.
     poses: VecDeque<Option<Points>>,
     /// Features and beat by their time.
-    music: VecDeque<(f64, MusicNow)>,
+    music: VecDeque<(f64, MusicStatus)>,
     positions_rad: Vec<f64>,
     /// Transitions of the safety layer that viewers have got.
     events_sent: usize,
@@ -64,7 +65,7 @@ pub struct CycleView {
 impl<'a> ViewerLink<'a> {
     /// Applies the settings to `retargeter`.
     pub fn new(end: &'a mut RobotEnd, retargeter: &mut Retargeter, period_s: f64) -> Self {
-        let Settings {
+        let ViewerSettings {
             amplitude, mirror, ..
         } = end.settings;
         retargeter.set_amplitude(amplitude);
@@ -96,7 +97,7 @@ impl<'a> ViewerLink<'a> {
             self.music.pop_front();
         }
         let beat = music.beat;
-        let now = MusicNow {
+        let now = MusicStatus {
             phase: f64::from(beat.phase),
             tempo_bpm: f64::from(beat.tempo_bpm),
             confidence: f64::from(beat.confidence),
@@ -150,7 +151,7 @@ impl<'a> ViewerLink<'a> {
             *place = state.position_rad;
         }
         let root = retargeter.world_from_root(&self.positions_rad);
-        let moment = Moment {
+        let moment = RobotStatus {
             activity: cycle.activity,
             robot_s: servos.now_s(),
             music_s: cycle.music_s,
@@ -161,7 +162,7 @@ impl<'a> ViewerLink<'a> {
             settings: self.end.settings,
             amplitude: self.amplitude,
             hold: self.hold,
-            bus: bus_now(servos),
+            bus: servos.safety().stats(),
             rate_hz: self.rate_hz,
             late_ms: self.shown_late_ms.max(self.late_ms),
             late_frames: cycle.late_frames,
@@ -187,7 +188,7 @@ impl<'a> ViewerLink<'a> {
                 joint.temperature_c = health.temperature_c.unwrap_or(f64::NAN);
             }
             for event in new_events {
-                snapshot.note(event_of(event));
+                snapshot.push_event(event_of(event));
             }
         });
     }
@@ -204,30 +205,20 @@ impl<'a> ViewerLink<'a> {
     }
 
     /// The music at a time: the last frame before it, its beat carried on.
-    fn music_at(&mut self, time_s: f64) -> MusicNow {
+    fn music_at(&mut self, time_s: f64) -> MusicStatus {
         while self.music.get(1).is_some_and(|next| next.0 <= time_s) {
             self.music.pop_front();
         }
         match self.music.front() {
             Some((at_s, music)) if *at_s <= time_s => {
                 let beats = (time_s - at_s) * music.tempo_bpm / 60.0;
-                MusicNow {
+                MusicStatus {
                     phase: (music.phase + beats).rem_euclid(1.0),
                     ..*music
                 }
             }
-            _ => MusicNow::default(),
+            _ => MusicStatus::default(),
         }
-    }
-}
-
-fn bus_now(servos: &RobotBuses) -> BusNow {
-    let stats = servos.safety().stats();
-    BusNow {
-        cycles: stats.cycles,
-        timeouts: stats.timeouts,
-        crc_errors: stats.crc_errors,
-        retries: stats.retries,
     }
 }
 
@@ -242,13 +233,13 @@ pub fn publish_end(end: &mut RobotEnd, servos: &RobotBuses) {
         snapshot.now.activity = Activity::Over;
         snapshot.now.safety = servos.safety().state();
         for event in &transitions[transitions.len().saturating_sub(2)..] {
-            snapshot.note(event_of(event));
+            snapshot.push_event(event_of(event));
         }
     });
 }
 
-fn event_of(transition: &Transition) -> Event {
-    Event {
+fn event_of(transition: &Transition) -> ViewerEvent {
+    ViewerEvent {
         time_s: transition.time_s,
         state: state_name(transition.to),
         cause: transition.cause.clone(),

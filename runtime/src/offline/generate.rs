@@ -1,7 +1,7 @@
 //! Music in, a file of 22 joints out, no robot: the same features and generator
 //! as in a dance. Also the VQ-VAE alone: motion through the codes and back.
 
-use crate::output::{PendingFile, write_whole};
+use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::conditioning::Conditioning;
 use crate::pipeline::feature_extractor::FeatureExtractor;

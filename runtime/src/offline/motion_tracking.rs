@@ -4,8 +4,8 @@
 //! Retargeter and limits are those of a dance; limits are judged by the commands
 //! alone.
 
-use crate::report::ViolationReport;
 use crate::robot::Robot;
+use crate::telemetry::report::ViolationReport;
 use servodance_drivers::Limiter;
 use servodance_retarget::{Counts, EffortReport, Likeness, Segment};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};

@@ -1,10 +1,10 @@
 //! A motion file becomes a file of joint positions, inside every limit.
 
-use crate::joint_csv::JointCsv;
+use crate::telemetry::joint_csv::JointCsv;
 use crate::offline::motion_tracking::{TrackedMotion, track_motion};
-use crate::output::{PendingFile, write_whole};
-use crate::record::{Recorder, Topic, WhenBehind};
-use crate::report::{EffortFigures, ViolationReport};
+use crate::telemetry::pending_file::{PendingFile, write_whole};
+use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
+use crate::telemetry::report::{EffortFigures, ViolationReport};
 use crate::robot::Robot;
 use anyhow::bail;
 use serde::Serialize;
@@ -165,7 +165,7 @@ impl JointSink {
                 let silent = Box::new(|_: &str| ()); // `finish` tells
                 let mut recorder =
                     Recorder::create(path, names.to_vec(), WhenBehind::Wait, silent)?;
-                recorder.text(Topic::RobotDescription, 0.0, urdf_xml);
+                recorder.text(RecordingTopic::RobotDescription, 0.0, urdf_xml);
                 Ok(JointSink::Recording(Box::new(recorder)))
             }
             _ => bail!(
@@ -179,7 +179,7 @@ impl JointSink {
         match self {
             JointSink::Csv(csv) => csv.write(time_s, positions_rad.iter().copied()),
             JointSink::Recording(recorder) => {
-                recorder.positions(Topic::JointCommands, time_s, positions_rad);
+                recorder.positions(RecordingTopic::JointCommands, time_s, positions_rad);
                 Ok(())
             }
         }

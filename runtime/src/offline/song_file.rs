@@ -1,6 +1,6 @@
 //! The built-in song as a WAV file.
 
-use crate::output::PendingFile;
+use crate::telemetry::pending_file::PendingFile;
 use anyhow::Context;
 use servodance_audio::song::Song;
 use std::path::Path;

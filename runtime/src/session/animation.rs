@@ -2,11 +2,11 @@
 //! trace of the run. For other parts of a dance: `--record` and `export`.
 
 use crate::control::trace::Trace;
-use crate::export::{Part, gif};
-use crate::record::Recording;
-use crate::report::Report;
 use crate::session::config::DanceConfig;
-use crate::show::pose_array;
+use crate::telemetry::export::{ExportSpan, gif};
+use crate::telemetry::recorder::Recording;
+use crate::telemetry::report::DanceReport;
+use crate::telemetry::pose_array::pose_array;
 use std::path::Path;
 
 /// Length of the animation, seconds.
@@ -17,7 +17,7 @@ pub fn write(
     config: &DanceConfig,
     trace: &Trace,
     lead_s: f64,
-    report: &Report,
+    report: &DanceReport,
     path: &Path,
 ) -> anyhow::Result<()> {
     let [first_s, last_s] = match trace.servos.times_s() {
@@ -28,7 +28,7 @@ pub fn write(
     let from_s = first_s + (last_s - first_s - seconds) / 2.0;
     let shown = |time_s: f64| (from_s - 1.0..=from_s + seconds + 1.0).contains(&time_s);
     let recording = recording(config, trace, lead_s, report, shown)?;
-    gif(&recording, Part { from_s, seconds }, path)
+    gif(&recording, ExportSpan { from_s, seconds }, path)
 }
 
 /// That part of the run as a recording of it would be.
@@ -36,7 +36,7 @@ fn recording(
     config: &DanceConfig,
     trace: &Trace,
     lead_s: f64,
-    report: &Report,
+    report: &DanceReport,
     shown: impl Fn(f64) -> bool,
 ) -> anyhow::Result<Recording> {
     let retargeter = config.robot.retargeter()?;

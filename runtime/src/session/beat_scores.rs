@@ -5,7 +5,7 @@
 //! its local minima being the kinematic beats, against the beats of the music.
 
 use crate::control::trace::JointTrace;
-use crate::report::AlignmentScores;
+use crate::telemetry::report::AlignmentScores;
 use servodance_model::motion::{alignment, kinematic_beats_s, mean_joint_speed};
 use servodance_types::{FRAME_RATE_HZ, MotionFrame};
 

@@ -10,7 +10,7 @@ use crate::control::control_loop::{ControlLoop, Ending, disarm_cause};
 use crate::control::emergency_stop::EmergencyStopWatch;
 use crate::control::robot_buses::RobotBuses;
 use crate::control::viewer_link::publish_end;
-use crate::output::{PendingFile, write_whole};
+use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::dancer::Dancer;
 use crate::pipeline::dancer_thread::DancerThread;
@@ -19,9 +19,9 @@ use crate::pipeline::motion_source::MotionSource;
 use crate::process::progress::Progress;
 use crate::process::realtime::{NotAllowed, OrdinaryAfterwards, ThreadRole, raise};
 use crate::process::speed::Speed;
-use crate::record::{Recorder, Topic, WhenBehind};
-use crate::report::Report;
-use crate::show::RobotEnd;
+use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
+use crate::telemetry::report::DanceReport;
+use crate::viewer::RobotEnd;
 use anyhow::Context;
 use servodance_audio::capture::Notice;
 use servodance_drivers::EStop;
@@ -35,7 +35,7 @@ use std::time::Instant;
 #[derive(Debug)]
 pub struct Outcome {
     /// All figures, as `--report` writes them.
-    pub report: Report,
+    pub report: DanceReport,
     /// Whether the user stopped it before the music was over.
     pub interrupted: bool,
 }
@@ -220,9 +220,9 @@ fn open_recorder(config: &DanceConfig, progress: &Progress) -> anyhow::Result<Op
         Speed::Realtime => WhenBehind::LeaveOut,
     };
     let notes = progress.clone();
-    let on_trouble = Box::new(move |text: &str| notes.note(text));
-    let mut recorder = Recorder::create(path, joint_names, when_behind, on_trouble)?;
-    recorder.text(Topic::RobotDescription, 0.0, &config.robot.urdf_xml);
+    let on_error = Box::new(move |text: &str| notes.note(text));
+    let mut recorder = Recorder::create(path, joint_names, when_behind, on_error)?;
+    recorder.text(RecordingTopic::RobotDescription, 0.0, &config.robot.urdf_xml);
     Ok(Some(recorder))
 }
 
@@ -236,7 +236,7 @@ fn note_safety_events(servos: &RobotBuses, progress: &Progress) {
 }
 
 /// Simulated servos count broken limits; a dance with any has failed.
-fn refuse_broken_limits(report: &Report, servos: &RobotBuses) -> anyhow::Result<()> {
+fn refuse_broken_limits(report: &DanceReport, servos: &RobotBuses) -> anyhow::Result<()> {
     if let Some(counted) = report.violations.filter(|v| *v != Default::default()) {
         anyhow::bail!(
             "the simulated servos saw limits broken: {} position, {} velocity, {} acceleration; first: {}",

@@ -8,9 +8,9 @@ use crate::control::control_loop::LoopRecord;
 use crate::control::robot_buses::RobotBuses;
 use crate::pipeline::dance_step::MusicSummary;
 use crate::pipeline::step_times::PipelineStep;
-use crate::record::{Recorder, Topic};
-use crate::report::{
-    AlignmentReport, BeatReport, CaptureReport, CompensationReport, KinematicBeats, Report, Stages,
+use crate::telemetry::recorder::{Recorder, RecordingTopic};
+use crate::telemetry::report::{
+    AlignmentReport, BeatReport, CaptureReport, CompensationReport, KinematicBeats, DanceReport, PipelineTimes,
 };
 use std::collections::BTreeMap;
 
@@ -21,10 +21,10 @@ pub fn dance_report(
     servos: &RobotBuses,
     music: &MusicSummary,
     wall_s: f64,
-) -> anyhow::Result<Report> {
+) -> anyhow::Result<DanceReport> {
     let times = |step| run.log.steps.times(step);
-    let mut report = Report {
-        version: Report::version_string(),
+    let mut report = DanceReport {
+        version: DanceReport::version_string(),
         audio_s: music.audio_s,
         frames: run.input.frames,
         tokens: run.input.frames * music.tokens_per_frame,
@@ -35,7 +35,7 @@ pub fn dance_report(
         bus: bus_choice::names(&config.robot, &config.buses),
         wall_s,
         realtime_factor: music.audio_s / wall_s.max(1e-9),
-        stages: Stages {
+        stages: PipelineTimes {
             features: times(PipelineStep::Features),
             model: times(PipelineStep::Model),
             retarget: times(PipelineStep::Retarget),
@@ -68,7 +68,7 @@ pub fn dance_report(
 
 /// How well motion, targets and servos met the beat; without compensation too,
 /// if a report of it is asked for.
-fn score_beats(config: &DanceConfig, run: &LoopRecord, report: &mut Report) -> anyhow::Result<()> {
+fn score_beats(config: &DanceConfig, run: &LoopRecord, report: &mut DanceReport) -> anyhow::Result<()> {
     let music_s = &report.beats.times_s;
     let (trace, trace_hz) = (&run.log.trace, run.log.trace_hz());
     let generator = JointSpeed::of_dancer(&trace.motion);
@@ -107,14 +107,14 @@ fn score_beats(config: &DanceConfig, run: &LoopRecord, report: &mut Report) -> a
 pub fn finish_recording(
     config: &DanceConfig,
     recorder: Option<Recorder>,
-    report: &Report,
+    report: &DanceReport,
     music_start_s: f64,
 ) -> anyhow::Result<()> {
     let Some(mut recorder) = recorder else {
         return Ok(());
     };
     for time_s in &report.beats.times_s {
-        recorder.number(Topic::Beat, time_s + music_start_s, report.beats.tempo_bpm);
+        recorder.number(RecordingTopic::Beat, time_s + music_start_s, report.beats.tempo_bpm);
     }
     let servos = config.robot.servos.iter();
     let limits: Vec<serde_json::Value> = servos

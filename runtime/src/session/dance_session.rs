@@ -6,7 +6,7 @@
 
 use super::config::DanceConfig;
 use super::dance::{Outcome, open_generator, perform, watch_emergency_stop};
-use crate::show::{Activity, Meshes, Request, RobotEnd, Scene, Settings, ViewerEnd, snapshot};
+use crate::viewer::{Activity, Meshes, ViewerRequest, RobotEnd, Scene, ViewerSettings, ViewerEnd, snapshot};
 use anyhow::bail;
 use servodance_drivers::State;
 use servodance_model::Generator;
@@ -28,7 +28,7 @@ impl Session {
     pub fn new(config: DanceConfig) -> anyhow::Result<Self> {
         let generator = open_generator(config.model.as_deref(), config.engine)?;
         let style = config.style.as_deref();
-        let settings = Settings {
+        let settings = ViewerSettings {
             amplitude: config.robot.retarget.amplitude,
             mirror: config.robot.retarget.mirror,
             idle: config.idle,
@@ -44,7 +44,7 @@ impl Session {
 
     /// The end of the link for one more viewer.
     pub fn seat(&mut self) -> ViewerEnd {
-        self.end.seat()
+        self.end.add_viewer()
     }
 
     /// The same, waiting for a viewer's `start` before each dance.
@@ -98,7 +98,7 @@ impl Session {
 
     /// One dance with the settings that viewers made last.
     fn dance(&mut self, stop: &AtomicBool) -> anyhow::Result<Outcome> {
-        let Settings {
+        let ViewerSettings {
             idle, style, seed, ..
         } = self.end.settings;
         self.config.idle = idle;
@@ -115,7 +115,7 @@ impl Session {
             let cause = format!("{error:#}");
             self.end.publish(|snapshot| {
                 snapshot.now.activity = Activity::Over;
-                snapshot.note(snapshot::Event {
+                snapshot.push_event(snapshot::ViewerEvent {
                     time_s: snapshot.now.robot_s,
                     state: "error",
                     cause,
@@ -135,11 +135,11 @@ impl Session {
         while !stop.load(Ordering::Relaxed) && !self.end.is_alone() {
             let mut changed = false;
             while let Some(request) = self.end.request() {
-                self.end.settings.take(request);
+                request.apply_to(&mut self.end.settings);
                 changed = true;
                 match request {
-                    Request::Start if !self.end.estop.is_pressed() => return true,
-                    Request::Release => self.end.estop.clear(),
+                    ViewerRequest::Start if !self.end.estop.is_pressed() => return true,
+                    ViewerRequest::Release => self.end.estop.clear(),
                     _ => {}
                 }
             }

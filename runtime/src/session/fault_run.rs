@@ -13,7 +13,7 @@ use crate::pipeline::audio_input::AudioInput;
 use crate::pipeline::dancer::Dancer;
 use crate::pipeline::motion_source::MotionSource;
 use crate::process::speed::Speed;
-use crate::report::ViolationReport;
+use crate::telemetry::report::ViolationReport;
 use crate::robot::Robot;
 use servodance_audio::song::Song;
 use servodance_drivers::EStop;

@@ -1,10 +1,10 @@
 //! Plot selection: which part of a dance its picture shows, and which joints.
 
 use crate::control::trace::{JointTrace, Trace};
-use crate::picture::robot::{robot_figure, standing_height_m};
-use crate::picture::{DancePicture, Figure, Pose, Track};
-use crate::report::Report;
 use crate::session::config::DanceConfig;
+use crate::telemetry::picture::robot_figure::{robot_figure, standing_height_m};
+use crate::telemetry::picture::{BeatPose, DancePicture, JointTrack, StickFigure};
+use crate::telemetry::report::DanceReport;
 use servodance_model::motion::kinematic_beats_s;
 use servodance_retarget::Retargeter;
 
@@ -18,7 +18,7 @@ pub fn plot(
     config: &DanceConfig,
     trace: &Trace,
     trace_hz: f64,
-    report: &Report,
+    report: &DanceReport,
 ) -> anyhow::Result<DancePicture> {
     let retargeter = config.robot.retargeter()?;
     let rest = retargeter.rest();
@@ -67,7 +67,7 @@ fn song_name(config: &DanceConfig) -> String {
     }
 }
 
-fn subtitle(report: &Report) -> String {
+fn subtitle(report: &DanceReport) -> String {
     let broken = report
         .violations
         .map(|v| v.position + v.velocity + v.acceleration);
@@ -100,17 +100,17 @@ fn moments(beats_s: &[f64], audio_s: f64) -> Vec<f64> {
         .collect()
 }
 
-fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> Option<Pose> {
+fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> Option<BeatPose> {
     let frame = trace
         .motion
         .iter()
         .find(|frame| frame.time_s >= time_s - 1e-9)?;
     let index = trace.servos.index_at(time_s)?;
     let positions = trace.servos.sample(index);
-    Some(Pose {
+    Some(BeatPose {
         time_s,
-        dancer: Figure::dancer(&frame.positions),
-        robot: Figure {
+        dancer: StickFigure::dancer(&frame.positions),
+        robot: StickFigure {
             height_m,
             ..robot_figure(
                 retargeter.model(),
@@ -122,8 +122,12 @@ fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> O
 }
 
 /// The joints that moved through the widest ranges in the window.
-fn liveliest_tracks(config: &DanceConfig, servos: &JointTrace, window_s: (f64, f64)) -> Vec<Track> {
-    let mut tracks: Vec<(f64, Track)> = config
+fn liveliest_tracks(
+    config: &DanceConfig,
+    servos: &JointTrace,
+    window_s: (f64, f64),
+) -> Vec<JointTrack> {
+    let mut tracks: Vec<(f64, JointTrack)> = config
         .robot
         .servos
         .iter()
@@ -137,7 +141,7 @@ fn liveliest_tracks(config: &DanceConfig, servos: &JointTrace, window_s: (f64, f
             let (low, high) = positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| {
                 (l.min(p), h.max(p))
             });
-            let track = Track {
+            let track = JointTrack {
                 name: servo.name.clone(),
                 lower_rad: servo.limits.lower_rad,
                 upper_rad: servo.limits.upper_rad,

@@ -1,11 +1,11 @@
 //! What the user reads when a dance is over.
 
-use crate::report::Report;
 use crate::session::config::DanceConfig;
+use crate::telemetry::report::DanceReport;
 use std::fmt::Write;
 
 /// A few lines: what was danced, how well, how fast, and where the files are.
-pub fn summary(config: &DanceConfig, report: &Report) -> String {
+pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
     let mut text = String::new();
     let mut line = |label: &str, value: String| {
         // Writing to a String cannot fail.

@@ -10,12 +10,12 @@ use super::ros::Ros;
 use super::{cpu_s, keys, open_twin, shared_s};
 use crate::control::emergency_stop::EmergencyStopWatch;
 use crate::control::idle::IdleStyle;
-use crate::output::{PendingFile, write_whole};
+use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::pipeline::stage_source::{LeaderNow, LocalClock, StageSink, stage_link};
 use crate::process::progress::Progress;
 use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
 use crate::session::led_dance::{self, FollowConfig, LedDanceResult};
-use crate::show::{Request, Settings, ViewerEnd, link};
+use crate::viewer::{ViewerRequest, ViewerSettings, ViewerEnd, link};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use servodance_stage::keys::Keys;
@@ -123,7 +123,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     let follower = Follower::new(&options.name, role.clone(), reach_s, rand::random());
     let clock = LocalClock::start(options.skew.0, options.skew.1);
     let (source, sink) = stage_link(robot.period_s(), clock);
-    let mut settings = Settings {
+    let mut settings = ViewerSettings {
         amplitude: robot.retarget.amplitude,
         mirror: robot.retarget.mirror,
         idle: options.config.idle,
@@ -254,10 +254,10 @@ struct FollowerThread {
     inbox: Receiver<FollowerEvent>,
     ask: TwinVoice,
     ros: Option<Ros>,
-    /// Settings without a role.
-    base_settings: Settings,
-    /// Settings that the control loop got last.
-    settings: Settings,
+    /// ViewerSettings without a role.
+    base_settings: ViewerSettings,
+    /// ViewerSettings that the control loop got last.
+    settings: ViewerSettings,
     rest_after: Duration,
     /// When there was a leader last.
     led: Instant,
@@ -362,9 +362,9 @@ impl FollowerThread {
             return;
         }
         let asked = [
-            Request::Amplitude(wanted.amplitude),
-            Request::Mirror(wanted.mirror),
-            Request::Idle(wanted.idle),
+            ViewerRequest::Amplitude(wanted.amplitude),
+            ViewerRequest::Mirror(wanted.mirror),
+            ViewerRequest::Idle(wanted.idle),
         ];
         if self.viewers.ask(&asked) {
             self.settings = wanted;
@@ -373,7 +373,7 @@ impl FollowerThread {
 }
 
 /// Takes over what a role says of a robot's settings.
-fn apply_role(settings: &mut Settings, role: &Role) {
+fn apply_role(settings: &mut ViewerSettings, role: &Role) {
     settings.mirror = role.mirror.unwrap_or(settings.mirror);
     settings.amplitude = role.amplitude.map_or(settings.amplitude, f64::from);
 }

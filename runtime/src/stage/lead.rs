@@ -5,7 +5,7 @@
 
 use super::timeline::{Timeline, nanoseconds};
 use super::{keys, open};
-use crate::output::{PendingFile, write_whole};
+use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::conditioning::Conditioning;
 use crate::pipeline::dance_step::{DanceChange, DanceStep, EXTRA_STYLES, Polled};

@@ -333,7 +333,7 @@ fn patience(robot: &Robot) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servodance_runtime::robot_file::Overrides;
+    use servodance_runtime::robot::Overrides;
 
     #[test]
     fn every_built_in_robot_can_be_patient() {

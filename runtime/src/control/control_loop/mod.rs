@@ -31,9 +31,9 @@ use crate::pipeline::load_shedding::LoadShedding;
 use crate::pipeline::motion_source::MotionSource;
 use crate::pipeline::step_times::PipelineStep;
 use crate::process::failpoint;
-use crate::record::Recorder;
+use crate::telemetry::recorder::Recorder;
 use crate::robot::Robot;
-use crate::show::{Request, RobotEnd};
+use crate::viewer::{ViewerRequest, RobotEnd};
 use servodance_types::MusicFrame;
 use state::LoopState;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -220,21 +220,21 @@ impl<'a> ControlLoop<'a> {
             return Ok(());
         };
         while let Some(request) = viewers.end.request() {
-            viewers.end.settings.take(request);
+            request.apply_to(&mut viewers.end.settings);
             match request {
-                Request::Hold => viewers.hold = true,
-                Request::Resume => viewers.hold = false,
-                Request::Stop => {
+                ViewerRequest::Hold => viewers.hold = true,
+                ViewerRequest::Resume => viewers.hold = false,
+                ViewerRequest::Stop => {
                     self.stop_requested = true;
                     viewers.hold = false; // the end is at rest, not with raised arms
                 }
-                Request::Idle(idle) => self.plan.idle.set_style(idle),
-                Request::Style(style) => source.change(DanceChange::Style(style))?,
-                Request::Seed(seed) => source.change(DanceChange::Seed(seed))?,
+                ViewerRequest::Idle(idle) => self.plan.idle.set_style(idle),
+                ViewerRequest::Style(style) => source.change(DanceChange::Style(style))?,
+                ViewerRequest::Seed(seed) => source.change(DanceChange::Seed(seed))?,
                 // Approached a little in each cycle, by `adjust`.
-                Request::Amplitude(_) | Request::Mirror(_) => {}
+                ViewerRequest::Amplitude(_) | ViewerRequest::Mirror(_) => {}
                 // Only while waiting, or while a recording plays.
-                Request::Start | Request::Release | Request::Seek(_) => {}
+                ViewerRequest::Start | ViewerRequest::Release | ViewerRequest::Seek(_) => {}
             }
         }
         self.servos.hold(viewers.hold);

@@ -1,6 +1,6 @@
 //! The states of the control loop.
 
-use crate::show::Activity;
+use crate::viewer::Activity;
 
 /// ```text
 /// Starting ---- live music ----> Listening ---- stop requested ----+
