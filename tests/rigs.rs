@@ -54,7 +54,7 @@ impl Rig {
     }
 
     /// Draws a robot file, then follows some seconds of dance.
-    fn dance(self) -> (Robot, Followed, Vec<Vec<f64>>, Vec<String>) {
+    fn dance(self) -> (Robot, TrackedMotion, Vec<Vec<f64>>, Vec<String>) {
         let folder = tempfile::tempdir().unwrap();
         let urdf = folder.path().join("rig.urdf");
         std::fs::write(&urdf, self.0 + "</robot>").unwrap();
@@ -69,7 +69,7 @@ impl Rig {
             .collect();
         let clip = choreograph(&beats, 10.0, DanceStyle::Disco, 1);
         let mut track = Vec::new();
-        let followed = follow(&robot, &clip.frames(), |_, positions| {
+        let followed = track_motion(&robot, &clip.frames(), |_, positions| {
             track.push(positions.to_vec());
             Ok(())
         });

@@ -21,8 +21,8 @@ use servodance_drivers::ServoLost;
 use servodance_model::Generator;
 use servodance_runtime::control::idle::IdleStyle;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::session::fault_run::FaultRunResult;
 use servodance_runtime::session::fault_run::FaultRun;
+use servodance_runtime::session::fault_run::FaultRunResult;
 use servodance_runtime::telemetry::ViolationReport;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -140,7 +140,7 @@ impl Soak {
             };
             let robot = self.robot_of(&mut rng);
             let styles = generator.styles();
-            let ordeal = FaultRun {
+            let fault_run = FaultRun {
                 robot: &robot,
                 generator,
                 song: self.music.piece(round)?,
@@ -152,14 +152,14 @@ impl Soak {
             };
             let (memory, so_far_s) = (&mut summary.memory, summary.music_s);
             let mut looked_s = 0.0;
-            let endured = ordeal.endure(stop, |time_s| {
+            let result = fault_run.run(stop, |time_s| {
                 if time_s >= looked_s + LOOK_EVERY_S {
                     looked_s = time_s;
                     memory.sample(warming_up);
                     progress(so_far_s + time_s);
                 }
             })?;
-            summary.take(round, &faults, endured);
+            summary.take(round, &faults, result);
             round += 1;
         }
         summary.interrupted = stop.load(Ordering::Relaxed);
@@ -187,28 +187,28 @@ const IDLES: [IdleStyle; 3] = [IdleStyle::Sway, IdleStyle::Hold, IdleStyle::Rest
 
 impl SoakReport {
     /// Takes in what came of one dance.
-    fn take(&mut self, round: usize, faults: &[PlannedFault], endured: FaultRunResult) {
+    fn take(&mut self, round: usize, faults: &[PlannedFault], result: FaultRunResult) {
         self.dances += 1;
-        self.music_s += endured.music_s;
-        self.late_frames += endured.late_frames;
-        self.violations.position += endured.violations.position;
-        self.violations.velocity += endured.violations.velocity;
-        self.violations.acceleration += endured.violations.acceleration;
+        self.music_s += result.music_s;
+        self.late_frames += result.late_frames;
+        self.violations.position += result.violations.position;
+        self.violations.velocity += result.violations.velocity;
+        self.violations.acceleration += result.violations.acceleration;
         let mut object = |what: String| self.objections.push(format!("dance {round}: {what}"));
-        if let Some(note) = endured.violation_notes.first() {
+        if let Some(note) = result.violation_notes.first() {
             object(format!("a limit was broken: {note}"));
         }
-        if !endured.unsafe_joints.is_empty() {
+        if !result.unsafe_joints.is_empty() {
             object(format!(
                 "still driven at the end: {}",
-                endured.unsafe_joints.join(", ")
+                result.unsafe_joints.join(", ")
             ));
         }
         let happened: Vec<&PlannedFault> = faults
             .iter()
-            .filter(|f| f.at_s <= endured.robot_s)
+            .filter(|f| f.at_s <= result.robot_s)
             .collect();
-        match (&endured.stopped_by, happened.last()) {
+        match (&result.stopped_by, happened.last()) {
             (None, _) => self.finished += 1,
             (Some(cause), None) => {
                 object(format!("ended although nothing went wrong: {cause}"));
@@ -224,7 +224,7 @@ impl SoakReport {
         }
         for (place, fault) in happened.iter().enumerate() {
             let tally = self.faults.entry(fault.kind).or_default();
-            let stopped = endured.stopped_by.is_some() && place + 1 == happened.len();
+            let stopped = result.stopped_by.is_some() && place + 1 == happened.len();
             tally.happened += 1;
             tally.stopped += u64::from(stopped);
             tally.recovered += u64::from(!stopped);
@@ -280,7 +280,7 @@ impl SoakReport {
 mod tests {
     use super::*;
 
-    fn endured(stopped_by: Option<&str>, robot_s: f64) -> FaultRunResult {
+    fn result(stopped_by: Option<&str>, robot_s: f64) -> FaultRunResult {
         FaultRunResult {
             stopped_by: stopped_by.map(String::from),
             music_s: 10.0,
@@ -301,8 +301,8 @@ mod tests {
     fn faults_are_tallied_by_what_became_of_them() {
         let mut summary = SoakReport::default();
         let day = [fault("a", 1.0), fault("b", 2.0), fault("a", 9.0)];
-        summary.take(0, &day, endured(Some("b broke"), 2.5));
-        summary.take(1, &day, endured(None, 12.0));
+        summary.take(0, &day, result(Some("b broke"), 2.5));
+        summary.take(1, &day, result(None, 12.0));
         summary.judge();
         let tally = |happened, recovered, stopped| FaultTally {
             happened,
@@ -321,9 +321,9 @@ mod tests {
     fn whatever_must_not_be_is_objected_to() {
         let objections = |change: fn(&mut FaultRunResult)| {
             let mut summary = SoakReport::default();
-            let mut endured = endured(None, 12.0);
-            change(&mut endured);
-            summary.take(0, &[], endured);
+            let mut result = result(None, 12.0);
+            change(&mut result);
+            summary.take(0, &[], result);
             summary.judge();
             assert!(!summary.passed);
             summary.line()

@@ -7,8 +7,8 @@
 use super::robot_buses::RobotBuses;
 use crate::pipeline::dance_step::DanceStep;
 use crate::pipeline::step_times::PipelineStep;
-use crate::telemetry::recorder::{SafetyNotice, Recorder, RecordingTopic};
 use crate::telemetry::pose_array::pose_array;
+use crate::telemetry::recorder::{Recorder, RecordingTopic, SafetyNotice};
 use crate::viewer::snapshot::{BANDS, state_name};
 use servodance_drivers::State;
 use servodance_retarget::Retargeter;
@@ -52,8 +52,16 @@ impl RecorderFeed {
         recorder.number(RecordingTopic::BeatPhase, at_s, phase);
         let bands = servodance_audio::bands::<BANDS>(&step.music.spectral);
         recorder.spectrum(at_s, &bands);
-        recorder.number(RecordingTopic::Stage(PipelineStep::Features), at_s, step.features_ms);
-        recorder.number(RecordingTopic::Stage(PipelineStep::Model), at_s, step.model_ms);
+        recorder.number(
+            RecordingTopic::Stage(PipelineStep::Features),
+            at_s,
+            step.features_ms,
+        );
+        recorder.number(
+            RecordingTopic::Stage(PipelineStep::Model),
+            at_s,
+            step.model_ms,
+        );
     }
 
     /// A cycle went over the bus; the recording began `stood_s` after torque on.
@@ -64,7 +72,11 @@ impl RecorderFeed {
         recorder.positions(RecordingTopic::JointTargets, at_s, decision.targets_rad);
         recorder.number(RecordingTopic::Lead, at_s, decision.lead_s);
         recorder.number(RecordingTopic::Idle, at_s, decision.idle_share);
-        recorder.positions(RecordingTopic::JointCommands, at_s, servos.safety().sent_rad());
+        recorder.positions(
+            RecordingTopic::JointCommands,
+            at_s,
+            servos.safety().sent_rad(),
+        );
         recorder.states(RecordingTopic::JointStates, at_s, servos.states());
         if let Some(retargeter) = decision.root {
             let positions: Vec<f64> = servos.states().iter().map(|s| s.position_rad).collect();

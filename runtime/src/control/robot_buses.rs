@@ -7,8 +7,8 @@
 
 use super::bus_choice::BusChoice;
 use crate::process::speed::Speed;
-use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
 use crate::robot::Robot;
+use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
 use anyhow::Context;
 use servodance_drivers::{Bus, BusLayout, EStop, SafeBus, State, open_buses};
 use servodance_sim::{

@@ -6,8 +6,8 @@
 
 use super::robot_buses::RobotBuses;
 use crate::pipeline::load_shedding::{LeftOut, LoadShedding};
-use crate::viewer::snapshot::{Activity, BANDS, ViewerEvent, RobotStatus, MusicStatus, state_name};
 use crate::telemetry::pose_array::pose_array;
+use crate::viewer::snapshot::{Activity, BANDS, MusicStatus, RobotStatus, ViewerEvent, state_name};
 use crate::viewer::{RobotEnd, ViewerSettings};
 use servodance_drivers::Transition;
 use servodance_retarget::{Points, Retargeter};

@@ -1,13 +1,13 @@
 //! Music in, a file of 22 joints out, no robot: the same features and generator
 //! as in a dance. Also the VQ-VAE alone: motion through the codes and back.
 
-use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::conditioning::Conditioning;
 use crate::pipeline::feature_extractor::FeatureExtractor;
 use crate::process::progress::Progress;
 use crate::process::speed::Speed;
 use crate::session::dance::open_generator;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::{Context, bail};
 use servodance_audio::MusicAnalyzer;
 use servodance_model::conditioning::{Encodec, HeardFrame};

@@ -1,11 +1,11 @@
 //! A motion file becomes a file of joint positions, inside every limit.
 
-use crate::telemetry::joint_csv::JointCsv;
 use crate::offline::motion_tracking::{TrackedMotion, track_motion};
+use crate::robot::Robot;
+use crate::telemetry::joint_csv::JointCsv;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
 use crate::telemetry::report::{EffortFigures, ViolationReport};
-use crate::robot::Robot;
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::Clip;

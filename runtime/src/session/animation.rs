@@ -4,9 +4,9 @@
 use crate::control::trace::Trace;
 use crate::session::config::DanceConfig;
 use crate::telemetry::export::{ExportSpan, gif};
+use crate::telemetry::pose_array::pose_array;
 use crate::telemetry::recorder::Recording;
 use crate::telemetry::report::DanceReport;
-use crate::telemetry::pose_array::pose_array;
 use std::path::Path;
 
 /// Length of the animation, seconds.

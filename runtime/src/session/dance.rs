@@ -10,7 +10,6 @@ use crate::control::control_loop::{ControlLoop, Ending, disarm_cause};
 use crate::control::emergency_stop::EmergencyStopWatch;
 use crate::control::robot_buses::RobotBuses;
 use crate::control::viewer_link::publish_end;
-use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::dancer::Dancer;
 use crate::pipeline::dancer_thread::DancerThread;
@@ -19,6 +18,7 @@ use crate::pipeline::motion_source::MotionSource;
 use crate::process::progress::Progress;
 use crate::process::realtime::{NotAllowed, OrdinaryAfterwards, ThreadRole, raise};
 use crate::process::speed::Speed;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
 use crate::telemetry::report::DanceReport;
 use crate::viewer::RobotEnd;
@@ -222,7 +222,11 @@ fn open_recorder(config: &DanceConfig, progress: &Progress) -> anyhow::Result<Op
     let notes = progress.clone();
     let on_error = Box::new(move |text: &str| notes.note(text));
     let mut recorder = Recorder::create(path, joint_names, when_behind, on_error)?;
-    recorder.text(RecordingTopic::RobotDescription, 0.0, &config.robot.urdf_xml);
+    recorder.text(
+        RecordingTopic::RobotDescription,
+        0.0,
+        &config.robot.urdf_xml,
+    );
     Ok(Some(recorder))
 }
 

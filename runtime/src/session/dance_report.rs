@@ -10,7 +10,8 @@ use crate::pipeline::dance_step::MusicSummary;
 use crate::pipeline::step_times::PipelineStep;
 use crate::telemetry::recorder::{Recorder, RecordingTopic};
 use crate::telemetry::report::{
-    AlignmentReport, BeatReport, CaptureReport, CompensationReport, KinematicBeats, DanceReport, PipelineTimes,
+    AlignmentReport, BeatReport, CaptureReport, CompensationReport, DanceReport, KinematicBeats,
+    PipelineTimes,
 };
 use std::collections::BTreeMap;
 
@@ -68,7 +69,11 @@ pub fn dance_report(
 
 /// How well motion, targets and servos met the beat; without compensation too,
 /// if a report of it is asked for.
-fn score_beats(config: &DanceConfig, run: &LoopRecord, report: &mut DanceReport) -> anyhow::Result<()> {
+fn score_beats(
+    config: &DanceConfig,
+    run: &LoopRecord,
+    report: &mut DanceReport,
+) -> anyhow::Result<()> {
     let music_s = &report.beats.times_s;
     let (trace, trace_hz) = (&run.log.trace, run.log.trace_hz());
     let generator = JointSpeed::of_dancer(&trace.motion);
@@ -114,7 +119,11 @@ pub fn finish_recording(
         return Ok(());
     };
     for time_s in &report.beats.times_s {
-        recorder.number(RecordingTopic::Beat, time_s + music_start_s, report.beats.tempo_bpm);
+        recorder.number(
+            RecordingTopic::Beat,
+            time_s + music_start_s,
+            report.beats.tempo_bpm,
+        );
     }
     let servos = config.robot.servos.iter();
     let limits: Vec<serde_json::Value> = servos

@@ -6,7 +6,10 @@
 
 use super::config::DanceConfig;
 use super::dance::{Outcome, open_generator, perform, watch_emergency_stop};
-use crate::viewer::{Activity, Meshes, ViewerRequest, RobotEnd, Scene, ViewerSettings, ViewerEnd, snapshot};
+use crate::robot::Meshes;
+use crate::viewer::{
+    Activity, RobotEnd, Scene, ViewerEnd, ViewerRequest, ViewerSettings, snapshot,
+};
 use anyhow::bail;
 use servodance_drivers::State;
 use servodance_model::Generator;

@@ -5,7 +5,6 @@
 
 use super::timeline::{Timeline, nanoseconds};
 use super::{keys, open};
-use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::conditioning::Conditioning;
 use crate::pipeline::dance_step::{DanceChange, DanceStep, EXTRA_STYLES, Polled};
@@ -16,6 +15,7 @@ use crate::process::progress::Progress;
 use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
 use crate::process::speed::Speed;
 use crate::session::dance::open_generator;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::Notice;
