@@ -181,7 +181,7 @@ fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCo
         stderr_line!("the page draws a stick: {mesh}");
     }
     let server = match bind {
-        Some(bind) => Some(Server::start(bind, scene.clone(), session.seat())?),
+        Some(bind) => Some(Server::start(bind, scene.clone(), session.add_viewer())?),
         None => None,
     };
     let address = server.as_ref().map(Server::address);
@@ -189,7 +189,7 @@ fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCo
         stdout_line!("{address}");
     }
     let terminal = match tui {
-        true => Some(TerminalView::start(scene, session.seat(), stop, address)?),
+        true => Some(TerminalView::start(scene, session.add_viewer(), stop, address)?),
         false => None,
     };
     let danced = session.run(stop, |config, outcome| match outcome {

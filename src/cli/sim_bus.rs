@@ -53,12 +53,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         faults = format!("{faults}\n{text}");
     }
     let stop = stop_signal()?;
-    let serving = serve::Serving {
+    let options = serve::SimBusOptions {
         link: args.link,
         faults: &faults,
         backlash: args.backlash,
     };
-    let served = serve::serve(&robot, serving, &stop, |port| stdout_line!("{port}"))?;
+    let served = serve::serve(&robot, options, &stop, |port| stdout_line!("{port}"))?;
     stderr_line!("{served}");
     Ok(ExitCode::SUCCESS)
 }

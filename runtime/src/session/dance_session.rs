@@ -46,7 +46,7 @@ impl Session {
     }
 
     /// The end of the link for one more viewer.
-    pub fn seat(&mut self) -> ViewerEnd {
+    pub fn add_viewer(&mut self) -> ViewerEnd {
         self.end.add_viewer()
     }
 
