@@ -9,36 +9,18 @@
 //! | ODrive | N targets [8], N requests [0], N estimates [8], 11-bit ids |
 //! | CiA 402 | SYNC [0], heartbeat [1], N targets [6], N actual values [8], 11-bit ids |
 
-use crate::can::frame::{nominal_bits, worst_bits};
+use crate::can::cycle_frames::CycleBits;
+use crate::can::family;
 use crate::config::{BusConfig, BusKind};
 use crate::error::ConfigError;
 
-/// Bits of one cycle on the wire, pauses between frames included.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CycleBits {
-    /// No stuff bits.
-    pub nominal: u32,
-    /// As many stuff bits as there can be.
-    pub worst: u32,
-}
-
 /// Bits of one cycle of `motors` motors; none for a serial bus.
-pub fn cycle_bits(kind: BusKind, motors: usize) -> CycleBits {
-    let (extended, once, each): (_, &[usize], &[usize]) = match kind {
-        BusKind::Mit => (false, &[], &[8, 8]),
-        BusKind::Robstride => (true, &[], &[8, 8]),
-        BusKind::Odrive => (false, &[], &[8, 0, 8]),
-        BusKind::Cia402 => (false, &[0, 1], &[6, 8]),
-        _ => (false, &[], &[]),
+pub(crate) fn cycle_bits(kind: BusKind, motors: usize) -> CycleBits {
+    let none = CycleBits {
+        nominal: 0,
+        worst: 0,
     };
-    let sum = |bits: fn(bool, usize) -> u32| {
-        let total = |sizes: &[usize]| sizes.iter().map(|&size| bits(extended, size)).sum::<u32>();
-        total(once) + total(each) * motors as u32
-    };
-    CycleBits {
-        nominal: sum(nominal_bits),
-        worst: sum(worst_bits),
-    }
+    family::of_kind(kind).map_or(none, |family| family.cycle_frames().bits(motors))
 }
 
 /// Refuses more cycles a second than the bus carries without a single stuff bit.

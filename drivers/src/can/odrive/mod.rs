@@ -1,4 +1,4 @@
-//! ODrive controllers: CANSimple of firmware 0.6, 11-bit ids `node << 5 | command`.
+//! ODrive controllers: CANSimple of firmware 0.6.
 //!
 //! A cycle sends an input position and asks for the encoder estimates with a
 //! remote frame, so that states come when they are wanted, whatever rates are
@@ -11,112 +11,52 @@
 //! numbers belong to the firmware (`watchdog_endpoints` in the bus table).
 //! CANSimple can write velocity limit and gains but not read them back.
 
+mod errors;
+pub mod registers;
+mod scan;
+
 use std::f64::consts::TAU;
+use std::io;
 
 use crate::bus::Health;
-use crate::can::exchange::{Exchange, Status};
-use crate::can::frame::CanFrame;
+use crate::can::cycle_frames::CycleFrames;
+use crate::can::exchange::{CanExchange, MotorStatus};
+use crate::can::family::CanFamily;
 use crate::can::motor::MotorSettings;
-use crate::can::protocol::Protocol;
+use crate::can::scan::inquiry::{CanFound, ScanLink};
+use crate::can::transport::{CanFrame, word};
 use crate::error::BusError;
 use crate::servo::Servo;
 
-mod command {
-    pub const VERSION: u32 = 0x00;
-    pub const HEARTBEAT: u32 = 0x01;
-    pub const ERROR: u32 = 0x03;
-    pub const RX_SDO: u32 = 0x04;
-    pub const TX_SDO: u32 = 0x05;
-    pub const SET_STATE: u32 = 0x07;
-    pub const ENCODER: u32 = 0x09;
-    pub const MODES: u32 = 0x0B;
-    pub const INPUT_POSITION: u32 = 0x0C;
-    pub const LIMITS: u32 = 0x0F;
-    pub const TEMPERATURES: u32 = 0x15;
-    pub const CLEAR_ERRORS: u32 = 0x18;
-    pub const POSITION_GAIN: u32 = 0x1A;
-    pub const VELOCITY_GAINS: u32 = 0x1B;
-}
+use self::errors::{LOST, error_names};
+use self::registers::{
+    CLEAR_ERRORS, CLOSED_LOOP, ENCODER, ERROR, HEARTBEAT, IDLE, INPUT_POSITION, LIMITS, MODES,
+    PASSTHROUGH, POSITION_CONTROL, POSITION_GAIN, RX_SDO, SET_STATE, TEMPERATURES, TX_SDO,
+    VELOCITY_GAINS, VERSION, id, two_words,
+};
 
-const IDLE: u32 = 1;
-const CLOSED_LOOP: u8 = 8;
-const POSITION_CONTROL: u32 = 3;
-const PASSTHROUGH: u32 = 1;
-/// The firmware this speaks to.
+/// The firmware that this driver is made for.
 const FIRMWARE: (u8, u8) = (0, 6);
 /// How much faster than the joint's limit the controller may turn.
 const VELOCITY_MARGIN: f64 = 1.5;
 /// Phase current that one newton metre of the motor's range stands for.
 const AMPERES_PER_NM: f64 = 2.0;
 
-/// ODrive.
+/// ODrive controllers.
 pub(crate) struct Odrive;
 
-fn id(servo: &Servo, command: u32) -> u32 {
-    u32::from(servo.id) << 5 | command
+fn order(servo: &Servo, message: u32, data: &[u8]) -> CanFrame {
+    CanFrame::standard(id(servo.id, message), data)
 }
 
-fn order(servo: &Servo, command: u32, data: &[u8]) -> CanFrame {
-    CanFrame::standard(id(servo, command), data)
-}
-
-fn question(servo: &Servo, command: u32) -> CanFrame {
-    CanFrame::remote(id(servo, command), 8)
-}
-
-/// Two little-endian words.
-fn two(a: [u8; 4], b: [u8; 4]) -> [u8; 8] {
-    let mut data = [0; 8];
-    data[..4].copy_from_slice(&a);
-    data[4..].copy_from_slice(&b);
-    data
+fn request(servo: &Servo, message: u32) -> CanFrame {
+    CanFrame::remote(id(servo.id, message), 8)
 }
 
 /// The eight bytes of a motor's message.
-fn message(servo: &Servo, frame: &CanFrame, command: u32) -> Option<[u8; 8]> {
-    let is_ours = !frame.is_extended() && frame.id() == id(servo, command);
+fn message(servo: &Servo, frame: &CanFrame, message: u32) -> Option<[u8; 8]> {
+    let is_ours = !frame.is_extended() && frame.id() == id(servo.id, message);
     is_ours.then(|| frame.eight()).flatten()
-}
-
-fn word(data: &[u8; 8], at: usize) -> [u8; 4] {
-    [data[at], data[at + 1], data[at + 2], data[at + 3]]
-}
-
-/// What a controller says after its watchdog's time.
-const LOST: &str = "watchdog expired";
-
-/// What an error word says.
-pub(crate) fn error_names(errors: u32) -> Option<String> {
-    const NAMES: [(u32, &str); 22] = [
-        (0, "initializing"),
-        (1, "system level"),
-        (2, "timing error"),
-        (3, "missing estimate"),
-        (4, "bad configuration"),
-        (5, "driver fault"),
-        (6, "missing input"),
-        (8, "over-voltage"),
-        (9, "under-voltage"),
-        (10, "over-current of the supply"),
-        (11, "too much regeneration current"),
-        (12, "current limit violation"),
-        (13, "motor overheating"),
-        (14, "inverter overheating"),
-        (15, "velocity limit violation"),
-        (16, "position limit violation"),
-        (24, LOST),
-        (25, "emergency stop requested"),
-        (26, "spinout"),
-        (27, "brake resistor disarmed"),
-        (28, "thermistor disconnected"),
-        (30, "calibration error"),
-    ];
-    if errors == 0 {
-        return None;
-    }
-    let set = NAMES.iter().filter(|(bit, _)| errors >> bit & 1 == 1);
-    let names: Vec<&str> = set.map(|(_, name)| *name).collect();
-    Some(format!("{} (error {errors:08X})", names.join(", ")))
 }
 
 /// Error and whether the loop is closed, of a heartbeat.
@@ -134,15 +74,15 @@ fn parse_estimates(motor: &MotorSettings, data: &[u8; 8]) -> Option<(f64, f64)> 
 
 /// Waits for a heartbeat that `accept` likes, asking for it.
 fn heartbeat(
-    bus: &mut Exchange,
+    bus: &mut CanExchange,
     index: usize,
     doing: &'static str,
     closed: bool,
 ) -> Result<Option<String>, BusError> {
     let servo = bus.servos[index].clone();
-    let ask = question(&servo, command::HEARTBEAT);
+    let ask = request(&servo, HEARTBEAT);
     bus.ask(index, &ask, doing, |frame| {
-        let (errors, is_closed) = parse_heartbeat(&message(&servo, frame, command::HEARTBEAT)?);
+        let (errors, is_closed) = parse_heartbeat(&message(&servo, frame, HEARTBEAT)?);
         match errors {
             Some(errors) if closed => Some(Err(errors)),
             errors => (is_closed == closed).then_some(Ok(errors)),
@@ -150,11 +90,11 @@ fn heartbeat(
     })
 }
 
-fn estimates(bus: &mut Exchange, index: usize) -> Result<(f64, f64), BusError> {
+fn estimates(bus: &mut CanExchange, index: usize) -> Result<(f64, f64), BusError> {
     let servo = bus.servos[index].clone();
-    let ask = question(&servo, command::ENCODER);
+    let ask = request(&servo, ENCODER);
     bus.ask(index, &ask, "encoder estimates", |frame| {
-        let data = message(&servo, frame, command::ENCODER)?;
+        let data = message(&servo, frame, ENCODER)?;
         let parsed = parse_estimates(servo.motor.as_ref()?, &data);
         Some(parsed.ok_or_else(|| "the position is not a number".into()))
     })
@@ -162,7 +102,7 @@ fn estimates(bus: &mut Exchange, index: usize) -> Result<(f64, f64), BusError> {
 
 /// Writes a parameter of four bytes by its endpoint and reads it back.
 fn set_endpoint(
-    bus: &mut Exchange,
+    bus: &mut CanExchange,
     index: usize,
     (endpoint, name): (u16, &'static str),
     value: [u8; 4],
@@ -170,39 +110,33 @@ fn set_endpoint(
     let servo = bus.servos[index].clone();
     let [low, high] = endpoint.to_le_bytes();
     let deadline = bus.deadline(1);
-    let write = two([1, low, high, 0], value);
-    bus.transmit(&order(&servo, command::RX_SDO, &write), deadline, name)?;
-    let read = order(&servo, command::RX_SDO, &two([0, low, high, 0], [0; 4]));
+    let write = two_words([1, low, high, 0], value);
+    bus.transmit(&order(&servo, RX_SDO, &write), deadline, name)?;
+    let read = order(&servo, RX_SDO, &two_words([0, low, high, 0], [0; 4]));
     let actual = bus.ask(index, &read, name, |frame| {
-        let data = message(&servo, frame, command::TX_SDO)?;
+        let data = message(&servo, frame, TX_SDO)?;
         let is_answer = [data[1], data[2]] == [low, high];
         is_answer.then(|| Ok(word(&data, 4)))
     })?;
-    if actual == value {
-        return Ok(());
-    }
     let hex = |bytes: [u8; 4]| format!("{:08X}", u32::from_le_bytes(bytes));
-    Err(bus.unfit(index, name, hex(actual), hex(value)))
+    bus.verify(index, name, hex(actual), hex(value))
 }
 
 impl Odrive {
-    fn check_firmware(bus: &mut Exchange, index: usize) -> Result<(), BusError> {
+    fn check_firmware(bus: &mut CanExchange, index: usize) -> Result<(), BusError> {
         let servo = bus.servos[index].clone();
-        let ask = question(&servo, command::VERSION);
+        let ask = request(&servo, VERSION);
         let (major, minor) = bus.ask(index, &ask, "version", |frame| {
-            let data = message(&servo, frame, command::VERSION)?;
+            let data = message(&servo, frame, VERSION)?;
             Some(Ok((data[4], data[5])))
         })?;
-        if (major, minor) == FIRMWARE {
-            return Ok(());
-        }
-        let actual = format!("{major}.{minor}");
-        let wanted = format!("{}.{}", FIRMWARE.0, FIRMWARE.1);
-        Err(bus.unfit(index, "firmware", actual, wanted))
+        let [actual, wanted] =
+            [(major, minor), FIRMWARE].map(|(major, minor)| format!("{major}.{minor}"));
+        bus.verify(index, "firmware", actual, wanted)
     }
 
     fn arm_watchdog(
-        bus: &mut Exchange,
+        bus: &mut CanExchange,
         index: usize,
         notes: &mut Vec<String>,
     ) -> Result<(), BusError> {
@@ -212,40 +146,39 @@ impl Odrive {
             set_endpoint(bus, index, timeout, seconds.to_le_bytes())?;
             return set_endpoint(bus, index, (enable, "enable_watchdog"), [1, 0, 0, 0]);
         }
-        if !bus.config.accept_no_watchdog {
-            return Err(BusError::NoWatchdog {
-                servo: bus.id_of(index),
-                why: "the bus table has no watchdog_endpoints (the ids of \
-                      axis0.config.watchdog_timeout and axis0.config.enable_watchdog in the \
-                      firmware's flat_endpoints.json)"
-                    .into(),
-            });
-        }
-        notes.push(format!(
-            "{}: no watchdog: without a host it holds its last target",
-            bus.id_of(index)
-        ));
+        let why = "the bus table has no watchdog_endpoints (the ids of \
+                   axis0.config.watchdog_timeout and axis0.config.enable_watchdog in the \
+                   firmware's flat_endpoints.json)";
+        notes.push(bus.without_watchdog(index, why.into())?);
         Ok(())
     }
 }
 
-impl Protocol for Odrive {
-    fn release(&self, bus: &mut Exchange, index: usize) -> Result<Status, BusError> {
+impl CanFamily for Odrive {
+    fn cycle_frames(&self) -> CycleFrames {
+        CycleFrames {
+            extended: false,
+            once: &[],
+            each_motor: &[8, 0, 8],
+        }
+    }
+
+    fn torque_off(&self, bus: &mut CanExchange, index: usize) -> Result<MotorStatus, BusError> {
         let mut frames = Vec::with_capacity(1);
-        self.stop(&bus.servos[index], &mut frames);
+        self.torque_off_frames(&bus.servos[index], &mut frames);
         let deadline = bus.deadline(1);
         for frame in &frames {
             bus.transmit(frame, deadline, "torque off")?;
         }
         let mut fault = heartbeat(bus, index, "torque off", false)?;
-        // Silence before us is no reason to refuse us.
+        // A watchdog that expired before this program began is cleared.
         if fault.as_ref().is_some_and(|fault| fault.starts_with(LOST)) {
-            let clear = order(&bus.servos[index], command::CLEAR_ERRORS, &[0]);
+            let clear = order(&bus.servos[index], CLEAR_ERRORS, &[0]);
             bus.transmit(&clear, deadline, "clearing errors")?;
             fault = heartbeat(bus, index, "torque off", false)?;
         }
         let (position_rad, velocity_rad_s) = estimates(bus, index)?;
-        Ok(Status {
+        Ok(MotorStatus {
             position_rad,
             velocity_rad_s,
             active: false,
@@ -254,9 +187,9 @@ impl Protocol for Odrive {
         })
     }
 
-    fn prepare(
+    fn set_up(
         &self,
-        bus: &mut Exchange,
+        bus: &mut CanExchange,
         index: usize,
         notes: &mut Vec<String>,
     ) -> Result<(), BusError> {
@@ -274,23 +207,20 @@ impl Protocol for Odrive {
         let f = |value: f64| (value as f32).to_le_bytes();
         let u = |value: u32| value.to_le_bytes();
         let deadline = bus.deadline(5);
-        for (command, data) in [
+        for (message, data) in [
             (
-                command::MODES,
-                two(u(POSITION_CONTROL), u(PASSTHROUGH)).to_vec(),
+                MODES,
+                two_words(u(POSITION_CONTROL), u(PASSTHROUGH)).to_vec(),
             ),
-            (command::LIMITS, two(f(fastest), f(current_a)).to_vec()),
-            (command::POSITION_GAIN, f(position_gain).to_vec()),
-            (
-                command::VELOCITY_GAINS,
-                two(f(velocity_gain), [0; 4]).to_vec(),
-            ),
+            (LIMITS, two_words(f(fastest), f(current_a)).to_vec()),
+            (POSITION_GAIN, f(position_gain).to_vec()),
+            (VELOCITY_GAINS, two_words(f(velocity_gain), [0; 4]).to_vec()),
         ] {
-            bus.transmit(&order(&servo, command, &data), deadline, "setting up")?;
+            bus.transmit(&order(&servo, message, &data), deadline, "setting up")?;
         }
-        let ask = question(&servo, command::ERROR);
+        let ask = request(&servo, ERROR);
         bus.ask(index, &ask, "errors", |frame| {
-            let data = message(&servo, frame, command::ERROR)?;
+            let data = message(&servo, frame, ERROR)?;
             Some(match error_names(u32::from_le_bytes(word(&data, 0))) {
                 Some(errors) => Err(errors),
                 None => Ok(()),
@@ -299,15 +229,20 @@ impl Protocol for Odrive {
         Self::arm_watchdog(bus, index, notes)
     }
 
-    fn enable(&self, bus: &mut Exchange, index: usize, motor_rad: f64) -> Result<(), BusError> {
+    fn torque_on(
+        &self,
+        bus: &mut CanExchange,
+        index: usize,
+        motor_rad: f64,
+    ) -> Result<(), BusError> {
         let servo = bus.servos[index].clone();
         let mut frames = Vec::with_capacity(4);
         // A watchdog that ran out while the axis was idle left an error behind.
-        frames.push(order(&servo, command::CLEAR_ERRORS, &[0]));
+        frames.push(order(&servo, CLEAR_ERRORS, &[0]));
         let joint_rad = servo.joint_rad(motor_rad);
-        self.command(&servo, joint_rad, &Status::default(), &mut frames);
+        self.target_frames(&servo, joint_rad, &MotorStatus::default(), &mut frames);
         let state = u32::from(CLOSED_LOOP).to_le_bytes();
-        frames.push(order(&servo, command::SET_STATE, &state));
+        frames.push(order(&servo, SET_STATE, &state));
         let deadline = bus.deadline(frames.len());
         for frame in &frames {
             bus.transmit(frame, deadline, "torque on")?;
@@ -315,17 +250,17 @@ impl Protocol for Odrive {
         heartbeat(bus, index, "torque on", true).map(|_| ())
     }
 
-    fn examine(
+    fn read_health(
         &self,
-        bus: &mut Exchange,
+        bus: &mut CanExchange,
         index: usize,
-        _status: &Status,
+        _status: &MotorStatus,
     ) -> Result<Health, BusError> {
         let servo = bus.servos[index].clone();
-        let ask = question(&servo, command::TEMPERATURES);
+        let ask = request(&servo, TEMPERATURES);
         bus.once(|bus| {
             bus.ask(index, &ask, "temperatures", |frame| {
-                let data = message(&servo, frame, command::TEMPERATURES)?;
+                let data = message(&servo, frame, TEMPERATURES)?;
                 // Inverter and motor; a motor without a sensor says NaN.
                 let celsius = [0, 4].map(|at| f32::from_le_bytes(word(&data, at)));
                 let hottest = celsius.into_iter().filter(|c| c.is_finite());
@@ -337,49 +272,55 @@ impl Protocol for Odrive {
         })
     }
 
-    fn stop(&self, servo: &Servo, out: &mut Vec<CanFrame>) {
-        out.push(order(servo, command::SET_STATE, &IDLE.to_le_bytes()));
+    fn torque_off_frames(&self, servo: &Servo, out: &mut Vec<CanFrame>) {
+        out.push(order(servo, SET_STATE, &u32::from(IDLE).to_le_bytes()));
     }
 
-    fn command(&self, servo: &Servo, joint_rad: f64, _: &Status, out: &mut Vec<CanFrame>) {
+    fn target_frames(
+        &self,
+        servo: &Servo,
+        joint_rad: f64,
+        _: &MotorStatus,
+        out: &mut Vec<CanFrame>,
+    ) {
         let Some(motor) = &servo.motor else {
             return;
         };
         let joint_rad = servo.limits.clamp_rad(joint_rad);
         let turns = servo.motor_rad(joint_rad) * motor.gear_ratio / TAU;
-        let data = two((turns as f32).to_le_bytes(), [0; 4]);
-        out.push(order(servo, command::INPUT_POSITION, &data));
-        out.push(question(servo, command::ENCODER));
+        let data = two_words((turns as f32).to_le_bytes(), [0; 4]);
+        out.push(order(servo, INPUT_POSITION, &data));
+        out.push(request(servo, ENCODER));
     }
 
-    fn hear(&self, servos: &[Servo], frame: &CanFrame, status: &mut [Status]) -> Option<usize> {
+    fn parse_frame(
+        &self,
+        servos: &[Servo],
+        frame: &CanFrame,
+        status: &mut [MotorStatus],
+    ) -> Option<usize> {
         let node = frame.id() >> 5;
         let index = servos
             .iter()
             .position(|servo| u32::from(servo.id) == node)?;
         let servo = &servos[index];
-        if let Some(data) = message(servo, frame, command::ENCODER) {
+        if let Some(data) = message(servo, frame, ENCODER) {
             let (position, velocity) = parse_estimates(servo.motor.as_ref()?, &data)?;
             status[index].position_rad = position;
             status[index].velocity_rad_s = velocity;
             return Some(index);
         }
-        let data = message(servo, frame, command::HEARTBEAT)?;
+        let data = message(servo, frame, HEARTBEAT)?;
         (status[index].fault, status[index].active) = parse_heartbeat(&data);
         None
     }
-}
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn errors_are_named_with_their_number() {
-        assert_eq!(
-            error_names(1 << 24 | 1 << 13).as_deref(),
-            Some("motor overheating, watchdog expired (error 01002000)")
-        );
-        assert_eq!(error_names(0), None);
+    fn scan(
+        &self,
+        scanner: &mut ScanLink,
+        heard: &[CanFrame],
+        _may_send_standard: bool,
+    ) -> io::Result<Vec<CanFound>> {
+        scan::controllers(scanner, heard)
     }
 }

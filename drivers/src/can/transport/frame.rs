@@ -13,10 +13,8 @@ pub struct CanFrame {
 }
 
 impl CanFrame {
-    /// Highest 11-bit id.
-    pub const STANDARD_MAX: u32 = 0x7FF;
-    /// Highest 29-bit id.
-    pub const EXTENDED_MAX: u32 = 0x1FFF_FFFF;
+    pub(crate) const STANDARD_MAX: u32 = 0x7FF;
+    pub(crate) const EXTENDED_MAX: u32 = 0x1FFF_FFFF;
 
     /// A frame with an 11-bit id. Higher bits of the id and bytes past the
     /// eighth are cut off.
@@ -57,12 +55,31 @@ impl CanFrame {
         }
     }
 
+    /// The frame that a link received, with `remote_length` for a remote frame;
+    /// `None` if the id or the number of bytes is out of range.
+    pub(crate) fn from_parts(
+        id: u32,
+        extended: bool,
+        remote_length: Option<u8>,
+        data: &[u8],
+    ) -> Option<Self> {
+        let (highest, build): (u32, fn(u32, &[u8]) -> Self) = match extended {
+            true => (Self::EXTENDED_MAX, Self::extended),
+            false => (Self::STANDARD_MAX, Self::standard),
+        };
+        if id > highest || data.len() > 8 || remote_length.is_some_and(|length| length > 8) {
+            return None;
+        }
+        let frame = build(id, data);
+        Some(remote_length.map_or(frame, |length| frame.into_remote(length)))
+    }
+
     /// The id, 11 or 29 bits.
     pub fn id(&self) -> u32 {
         self.id
     }
 
-    /// Whether the id has 29 bits.
+    /// Whether the id has 29 bits instead of 11.
     pub fn is_extended(&self) -> bool {
         self.extended
     }
@@ -96,15 +113,20 @@ impl CanFrame {
     }
 }
 
+/// Four bytes of eight.
+pub(crate) fn word(data: &[u8; 8], at: usize) -> [u8; 4] {
+    [data[at], data[at + 1], data[at + 2], data[at + 3]]
+}
+
 /// Bits of a frame of `bytes` bytes with the pause between frames, no stuff bits.
-pub fn nominal_bits(extended: bool, bytes: usize) -> u32 {
+pub(crate) fn nominal_bits(extended: bool, bytes: usize) -> u32 {
     let overhead = if extended { 67 } else { 47 };
     overhead + 8 * bytes as u32
 }
 
 /// The same with the most stuff bits there can be: after the first five bits,
 /// one in every four up to the end of the checksum.
-pub fn worst_bits(extended: bool, bytes: usize) -> u32 {
+pub(crate) fn worst_bits(extended: bool, bytes: usize) -> u32 {
     let overhead = if extended { 54 } else { 34 };
     let stuffable = overhead + 8 * bytes as u32;
     nominal_bits(extended, bytes) + (stuffable - 1) / 4

@@ -2,7 +2,8 @@
 //! them: one frame a datagram, a msgpack map. For simulation, on one machine.
 //!
 //! Keys: `arbitration_id`, `is_extended_id`, `is_remote_frame`,
-//! `is_error_frame`, `dlc`, `data`, `is_fd` and some that say nothing here.
+//! `is_error_frame`, `dlc`, `data`, `is_fd` and some that are ignored. The few kinds of
+//! value are read here and not by a msgpack crate: datagrams of strangers stay bounded.
 //! Whatever is not such a map of at most 16 entries, or is no classic frame,
 //! is dropped. A datagram is looked at up to its 512th byte.
 
@@ -12,15 +13,15 @@ use std::time::{Duration, Instant};
 
 use socket2::{Domain, Protocol, Socket, Type};
 
-use crate::can::frame::CanFrame;
-use crate::can::link::{CanFault, CanLink, Received, Sent};
+use super::frame::CanFrame;
+use super::link::{CanFault, CanLink, LinkEvent, Sent};
 
 /// No frame's datagram is longer.
 const LONGEST: usize = 512;
 /// More entries than this are noise.
 const MOST_ENTRIES: usize = 16;
 
-/// The datagram of a frame.
+/// Replaces `out` with the datagram of a frame.
 pub fn encode(frame: &CanFrame, out: &mut Vec<u8>) {
     out.clear();
     out.push(0x8B); // a map of 11
@@ -57,7 +58,7 @@ fn put_flag(out: &mut Vec<u8>, key: &str, value: bool) {
 
 /// One msgpack value of the kinds that occur.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Value<'a> {
+enum Msgpack<'a> {
     Flag(bool),
     Number(u64),
     Bytes(&'a [u8]),
@@ -65,10 +66,10 @@ enum Value<'a> {
     Other,
 }
 
-/// What is left of a datagram.
-struct Reader<'a>(&'a [u8]);
+/// The part of a datagram that is not read yet.
+struct MsgpackReader<'a>(&'a [u8]);
 
-impl<'a> Reader<'a> {
+impl<'a> MsgpackReader<'a> {
     fn take(&mut self, count: usize) -> Option<&'a [u8]> {
         let (taken, rest) = self.0.split_at_checked(count)?;
         self.0 = rest;
@@ -81,24 +82,24 @@ impl<'a> Reader<'a> {
         Some(self.take(bytes)?.iter().fold(0, append))
     }
 
-    fn value(&mut self) -> Option<Value<'a>> {
+    fn value(&mut self) -> Option<Msgpack<'a>> {
         let tag = *self.take(1)?.first()?;
         let sized = |reader: &mut Self, bytes| {
             let length = usize::try_from(reader.number(bytes)?).ok()?;
-            reader.take(length).map(Value::Bytes)
+            reader.take(length).map(Msgpack::Bytes)
         };
         match tag {
-            0x00..=0x7F => Some(Value::Number(u64::from(tag))),
-            0xA0..=0xBF => self.take(usize::from(tag & 0x1F)).map(Value::Bytes),
-            0xC0 | 0xE0..=0xFF => Some(Value::Other),
-            0xC2 | 0xC3 => Some(Value::Flag(tag == 0xC3)),
+            0x00..=0x7F => Some(Msgpack::Number(u64::from(tag))),
+            0xA0..=0xBF => self.take(usize::from(tag & 0x1F)).map(Msgpack::Bytes),
+            0xC0 | 0xE0..=0xFF => Some(Msgpack::Other),
+            0xC2 | 0xC3 => Some(Msgpack::Flag(tag == 0xC3)),
             0xC4 | 0xD9 => sized(self, 1),
             0xC5 | 0xDA => sized(self, 2),
             0xC6 | 0xDB => sized(self, 4),
-            0xCA => self.take(4).map(|_| Value::Other),
-            0xCB => self.take(8).map(|_| Value::Other),
-            0xCC..=0xCF => self.number(1 << (tag - 0xCC)).map(Value::Number),
-            0xD0..=0xD3 => self.take(1 << (tag - 0xD0)).map(|_| Value::Other),
+            0xCA => self.take(4).map(|_| Msgpack::Other),
+            0xCB => self.take(8).map(|_| Msgpack::Other),
+            0xCC..=0xCF => self.number(1 << (tag - 0xCC)).map(Msgpack::Number),
+            0xD0..=0xD3 => self.take(1 << (tag - 0xD0)).map(|_| Msgpack::Other),
             _ => None,
         }
     }
@@ -113,52 +114,42 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// What a datagram says: a frame, or that a controller saw an error.
-pub fn decode(datagram: &[u8]) -> Option<Received> {
-    let mut reader = Reader(datagram);
+/// The frame of a datagram, or the error that a controller reports with it.
+pub fn decode(datagram: &[u8]) -> Option<LinkEvent> {
+    let mut reader = MsgpackReader(datagram);
     let entries = reader
         .map_entries()
         .filter(|count| *count <= MOST_ENTRIES)?;
     let (mut id, mut dlc, mut data) = (None, 0, None);
     let (mut extended, mut remote, mut error, mut fd) = (false, false, false, false);
     for _ in 0..entries {
-        let Value::Bytes(key) = reader.value()? else {
+        let Msgpack::Bytes(key) = reader.value()? else {
             return None;
         };
         match (key, reader.value()?) {
-            (b"arbitration_id", Value::Number(number)) => id = Some(number),
-            (b"dlc", Value::Number(number)) => dlc = number,
-            (b"data", Value::Bytes(bytes)) => data = Some(bytes),
-            (b"is_extended_id", Value::Flag(flag)) => extended = flag,
-            (b"is_remote_frame", Value::Flag(flag)) => remote = flag,
-            (b"is_error_frame", Value::Flag(flag)) => error = flag,
-            (b"is_fd", Value::Flag(flag)) => fd = flag,
+            (b"arbitration_id", Msgpack::Number(number)) => id = Some(number),
+            (b"dlc", Msgpack::Number(number)) => dlc = number,
+            (b"data", Msgpack::Bytes(bytes)) => data = Some(bytes),
+            (b"is_extended_id", Msgpack::Flag(flag)) => extended = flag,
+            (b"is_remote_frame", Msgpack::Flag(flag)) => remote = flag,
+            (b"is_error_frame", Msgpack::Flag(flag)) => error = flag,
+            (b"is_fd", Msgpack::Flag(flag)) => fd = flag,
             _ => {}
         }
     }
     if error {
-        return Some(Received::Fault(CanFault::Error));
+        return Some(LinkEvent::Fault(CanFault::Error));
     }
     let id = u32::try_from(id?).ok()?;
     let data = data.unwrap_or_default();
-    let highest = if extended {
-        CanFrame::EXTENDED_MAX
-    } else {
-        CanFrame::STANDARD_MAX
-    };
-    let sound = !fd && id <= highest && dlc <= 8 && (remote || data.len() as u64 == dlc);
-    if !sound {
+    if fd || dlc > 8 || !remote && data.len() as u64 != dlc {
         return None;
     }
-    let frame = match extended {
-        true => CanFrame::extended(id, data),
-        false => CanFrame::standard(id, data),
+    let frame = match remote {
+        true => CanFrame::from_parts(id, extended, Some(dlc as u8), &[]),
+        false => CanFrame::from_parts(id, extended, None, data),
     };
-    Some(Received::Frame(if remote {
-        frame.into_remote(dlc as u8)
-    } else {
-        frame
-    }))
+    frame.map(LinkEvent::Frame)
 }
 
 /// A member of a multicast group that is a CAN bus.
@@ -173,7 +164,7 @@ pub struct UdpLink {
 }
 
 impl UdpLink {
-    /// Joins a group.
+    /// Joins a multicast group of this machine.
     pub fn open(group: SocketAddrV4) -> io::Result<Self> {
         let heard = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
         heard.set_reuse_address(true)?;
@@ -218,7 +209,7 @@ impl CanLink for UdpLink {
         }
     }
 
-    fn receive(&mut self, deadline: Instant) -> io::Result<Received> {
+    fn receive(&mut self, deadline: Instant) -> io::Result<LinkEvent> {
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             self.heard.set_nonblocking(left.is_zero())?;
@@ -238,18 +229,12 @@ impl CanLink for UdpLink {
                     if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) =>
                 {
                     if left.is_zero() {
-                        return Ok(Received::Nothing);
+                        return Ok(LinkEvent::Nothing);
                     }
                 }
                 Err(error) => return Err(error),
             }
         }
-    }
-
-    fn clear(&mut self) -> io::Result<()> {
-        let now = Instant::now();
-        while self.receive(now)? != Received::Nothing {}
-        Ok(())
     }
 }
 
@@ -266,7 +251,7 @@ mod tests {
         ] {
             let mut datagram = Vec::new();
             encode(&frame, &mut datagram);
-            assert_eq!(decode(&datagram), Some(Received::Frame(frame)));
+            assert_eq!(decode(&datagram), Some(LinkEvent::Frame(frame)));
             for cut in 0..datagram.len() {
                 let kept = decode(&datagram[..cut]);
                 assert_eq!(kept, None, "cut at {cut}");
@@ -295,7 +280,7 @@ mod tests {
         put_flag(&mut datagram, "bitrate_switch", false);
         put_flag(&mut datagram, "error_state_indicator", false);
         let frame = CanFrame::standard(0x123, &[1, 2]);
-        assert_eq!(decode(&datagram), Some(Received::Frame(frame)));
+        assert_eq!(decode(&datagram), Some(LinkEvent::Frame(frame)));
     }
 
     #[test]

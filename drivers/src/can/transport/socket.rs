@@ -25,10 +25,10 @@ use socketcan::errors::{
 use socketcan::{CanDataFrame, CanErrorFrame, CanRemoteFrame, CanSocket};
 use socketcan::{EmbeddedFrame, ExtendedId, Id, Socket, SocketOptions, StandardId};
 
-use crate::can::frame::CanFrame;
-use crate::can::link::{CanFault, CanLink, Received, Sent};
+use super::frame::CanFrame;
+use super::link::{CanFault, CanLink, LinkEvent, Sent};
 
-/// What the controller is asked to report.
+/// The error classes that the controller reports.
 const REPORTED: u32 = CAN_ERR_BUSOFF
     | CAN_ERR_CRTL
     | CAN_ERR_PROT
@@ -36,15 +36,12 @@ const REPORTED: u32 = CAN_ERR_BUSOFF
     | CAN_ERR_ACK
     | CAN_ERR_BUSERROR
     | CAN_ERR_TX_TIMEOUT;
-/// More frames than a receive buffer holds: [`CanLink::clear`] ends here even
-/// if they come faster than they are thrown away.
-const MOST_WAITING: usize = 10_000;
 /// `ARPHRD_CAN`, the type of a CAN interface.
 const CAN_TYPE: &str = "280";
 /// `IFF_UP`.
 const UP: u32 = 1;
 
-/// An open CAN interface.
+/// A raw socket on a CAN interface of the system.
 #[derive(Debug)]
 pub struct SocketLink {
     socket: CanSocket,
@@ -87,7 +84,7 @@ impl CanLink for SocketLink {
         }
     }
 
-    fn receive(&mut self, deadline: Instant) -> io::Result<Received> {
+    fn receive(&mut self, deadline: Instant) -> io::Result<LinkEvent> {
         loop {
             match self.socket.read_frame() {
                 Ok(frame) => {
@@ -97,24 +94,13 @@ impl CanLink for SocketLink {
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {
                     if !self.wait(deadline)? {
-                        return Ok(Received::Nothing);
+                        return Ok(LinkEvent::Nothing);
                     }
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(explained(error)),
             }
         }
-    }
-
-    fn clear(&mut self) -> io::Result<()> {
-        for _ in 0..MOST_WAITING {
-            match self.socket.read_frame() {
-                Ok(_) => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                Err(error) => return Err(explained(error)),
-            }
-        }
-        Ok(())
     }
 }
 
@@ -123,7 +109,7 @@ fn is_full(error: &io::Error) -> bool {
     error.raw_os_error() == Some(Errno::ENOBUFS as i32) || error.kind() == ErrorKind::WouldBlock
 }
 
-/// What an error number means here.
+/// The error with what it means for a CAN interface.
 fn explained(error: io::Error) -> io::Error {
     let meaning = match error.raw_os_error().map(Errno::from_raw) {
         Some(Errno::ENETDOWN) => "the CAN interface is down: `ip link set IFACE up`",
@@ -149,19 +135,19 @@ fn to_system(frame: &CanFrame) -> io::Result<socketcan::CanFrame> {
     built.ok_or_else(|| ErrorKind::InvalidInput.into())
 }
 
-/// `None` for what nobody needs to know.
-fn from_system(frame: socketcan::CanFrame) -> Option<Received> {
+/// `None` for reports that a program cannot act on.
+fn from_system(frame: socketcan::CanFrame) -> Option<LinkEvent> {
     let ours = |id: Id, data: &[u8]| match id {
         Id::Standard(id) => CanFrame::standard(id.as_raw().into(), data),
         Id::Extended(id) => CanFrame::extended(id.as_raw(), data),
     };
     match frame {
-        socketcan::CanFrame::Data(frame) => Some(Received::Frame(ours(frame.id(), frame.data()))),
+        socketcan::CanFrame::Data(frame) => Some(LinkEvent::Frame(ours(frame.id(), frame.data()))),
         socketcan::CanFrame::Remote(frame) => {
             let length = frame.dlc().min(8) as u8;
-            Some(Received::Frame(ours(frame.id(), &[]).into_remote(length)))
+            Some(LinkEvent::Frame(ours(frame.id(), &[]).into_remote(length)))
         }
-        socketcan::CanFrame::Error(frame) => fault(&frame).map(Received::Fault),
+        socketcan::CanFrame::Error(frame) => fault(&frame).map(LinkEvent::Fault),
     }
 }
 
@@ -189,11 +175,6 @@ fn fault(frame: &CanErrorFrame) -> Option<CanFault> {
     } else {
         (controller & WARNING != 0).then_some(CanFault::Warning)
     }
-}
-
-/// The CAN interfaces of this machine, each with whether it is up.
-pub fn interfaces() -> Vec<(String, bool)> {
-    Interfaces::of_system().can()
 }
 
 /// The network interfaces in a folder like `/sys/class/net`.
@@ -279,7 +260,7 @@ mod tests {
             CanFrame::remote(0x21, 8),
         ] {
             let system = to_system(&frame).unwrap();
-            assert_eq!(from_system(system), Some(Received::Frame(frame)));
+            assert_eq!(from_system(system), Some(LinkEvent::Frame(frame)));
         }
     }
 
@@ -289,7 +270,7 @@ mod tests {
             let data = [0, controller, 0, 0, 0, 0, 0, 0];
             from_system(CanErrorFrame::new_error(bits, &data).unwrap().into())
         };
-        let fault = |fault| Some(Received::Fault(fault));
+        let fault = |fault| Some(LinkEvent::Fault(fault));
         assert_eq!(
             report(CAN_ERR_BUSOFF | CAN_ERR_CRTL, 0x30),
             fault(CanFault::BusOff)

@@ -3,7 +3,7 @@
 //! ```text
 //! tIIILDD..<CR>  data frame, 11-bit id    TIIIIIIIILDD..<CR>  29-bit id
 //! rIIIL<CR>      remote frame             RIIIIIIIIL<CR>
-//! C close, Sn bitrate n, O open, F status flags; <CR> well, <BEL> refused
+//! C close, Sn bitrate n, O open, F status flags; answers: <CR> done, <BEL> refused
 //! ```
 //!
 //! Lines are at most 31 characters; longer ones, and those that mean nothing,
@@ -14,16 +14,16 @@
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
-use crate::can::frame::CanFrame;
-use crate::can::link::{CanFault, CanLink, Received, Sent};
+use super::frame::CanFrame;
+use super::link::{CanFault, CanLink, LinkEvent, Sent};
 use crate::stream::Stream;
 
-/// A line's end: well done.
+/// Ends a line that the adapter carried out, or a frame line.
 pub const CR: u8 = b'\r';
-/// Refused.
+/// Ends the answer of an adapter that refused a line.
 pub const BEL: u8 = 7;
 /// No line is longer: `T`, 8 id, 1 length, 16 data, 4 time stamp.
-pub const LONGEST: usize = 31;
+const LONGEST: usize = 31;
 
 /// The bitrates of `S0` to `S8`.
 pub const BITRATES: [u32; 9] = [
@@ -36,7 +36,7 @@ const ERROR_PASSIVE: u8 = 1 << 5;
 const OVERRUN: u8 = 1 << 3;
 const ERROR_WARNING: u8 = 1 << 2;
 
-/// Appends a frame's line.
+/// Appends the line of a frame to `out`, its end included.
 pub fn encode(frame: &CanFrame, out: &mut Vec<u8>) {
     const HEX: &[u8; 16] = b"0123456789ABCDEF";
     let (letter, digits) = match (frame.is_remote(), frame.is_extended()) {
@@ -69,14 +69,9 @@ pub fn decode(line: &[u8]) -> Option<CanFrame> {
     };
     let (id, rest) = rest.split_at_checked(if extended { 8 } else { 3 })?;
     let id = number(id)?;
-    let highest = if extended {
-        CanFrame::EXTENDED_MAX
-    } else {
-        CanFrame::STANDARD_MAX
-    };
     let (&length, rest) = rest.split_first()?;
     let length = length.wrapping_sub(b'0');
-    if length > 8 || id > highest {
+    if length > 8 {
         return None;
     }
     let digits = if remote { 0 } else { 2 * usize::from(length) };
@@ -89,15 +84,7 @@ pub fn decode(line: &[u8]) -> Option<CanFrame> {
         *byte = number(pair)? as u8;
     }
     let data = &data[..hex.len() / 2];
-    let frame = match extended {
-        true => CanFrame::extended(id, data),
-        false => CanFrame::standard(id, data),
-    };
-    Some(if remote {
-        frame.into_remote(length)
-    } else {
-        frame
-    })
+    CanFrame::from_parts(id, extended, remote.then_some(length), data)
 }
 
 /// Up to eight hexadecimal digits.
@@ -136,10 +123,10 @@ impl Lines {
     }
 }
 
-/// What the adapter says with one line.
-fn said(line: &[u8], end: u8) -> Option<Received> {
+/// The frame or fault that a line of the adapter reports.
+fn parse_line(line: &[u8], end: u8) -> Option<LinkEvent> {
     if end == BEL {
-        return Some(Received::Fault(CanFault::Rejected));
+        return Some(LinkEvent::Fault(CanFault::Rejected));
     }
     if let [b'F', flags @ ..] = line
         && flags.len() == 2
@@ -152,12 +139,12 @@ fn said(line: &[u8], end: u8) -> Option<Received> {
             (ERROR_WARNING, CanFault::Warning),
         ];
         let raised = faults.iter().find(|(bit, _)| flags & bit != 0);
-        return raised.map(|(_, fault)| Received::Fault(*fault));
+        return raised.map(|(_, fault)| LinkEvent::Fault(*fault));
     }
-    decode(line).map(Received::Frame)
+    decode(line).map(LinkEvent::Frame)
 }
 
-/// A serial CAN adapter.
+/// An open serial CAN adapter.
 pub struct SlcanLink {
     port: Stream,
     lines: Lines,
@@ -170,7 +157,7 @@ pub struct SlcanLink {
     asked: Option<Instant>,
 }
 
-/// What a serial port is set to; USB adapters do not care.
+/// Rate of the serial port, bits a second; USB adapters ignore it.
 const SERIAL_BAUD: u32 = 1_000_000;
 const SEND_TIMEOUT: Duration = Duration::from_millis(100);
 /// No more bytes wait for the moment when answers are awaited.
@@ -222,19 +209,19 @@ impl SlcanLink {
         Ok(Sent::Taken)
     }
 
-    /// The next thing that the bytes at hand say.
-    fn next(&mut self) -> Option<Received> {
+    /// The next frame or fault among the bytes at hand.
+    fn next(&mut self) -> Option<LinkEvent> {
         while self.taken < self.filled {
             let byte = self.chunk[self.taken];
             self.taken += 1;
-            if let Some(Some(received)) = self.lines.push(byte, said) {
+            if let Some(Some(received)) = self.lines.push(byte, parse_line) {
                 return Some(received);
             }
         }
         None
     }
 
-    /// After a refusal: why?
+    /// Asks for the status flags, which tell why a frame was refused.
     fn ask_flags(&mut self) -> io::Result<()> {
         if self.asked.is_some_and(|at| at.elapsed() < ASK_AGAIN) {
             return Ok(());
@@ -258,13 +245,13 @@ impl CanLink for SlcanLink {
         self.hand_over().map(drop)
     }
 
-    fn receive(&mut self, deadline: Instant) -> io::Result<Received> {
+    fn receive(&mut self, deadline: Instant) -> io::Result<LinkEvent> {
         if self.hand_over()? == Sent::Full && Instant::now() >= deadline {
-            return Ok(Received::Nothing);
+            return Ok(LinkEvent::Nothing);
         }
         loop {
             if let Some(received) = self.next() {
-                if received == Received::Fault(CanFault::Rejected) {
+                if received == LinkEvent::Fault(CanFault::Rejected) {
                     self.ask_flags()?;
                 }
                 return Ok(received);
@@ -277,20 +264,13 @@ impl CanLink for SlcanLink {
                 Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
                 Ok(count) => (self.taken, self.filled) = (0, count),
                 Err(error) if error.kind() == ErrorKind::TimedOut && left.is_zero() => {
-                    return Ok(Received::Nothing);
+                    return Ok(LinkEvent::Nothing);
                 }
                 Err(error)
                     if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
                 Err(error) => return Err(error),
             }
         }
-    }
-
-    fn clear(&mut self) -> io::Result<()> {
-        (self.taken, self.filled) = (0, 0);
-        self.lines = Lines::default();
-        self.hand_over()?;
-        self.port.clear_input()
     }
 }
 
@@ -373,10 +353,13 @@ mod tests {
 
     #[test]
     fn flags_become_faults() {
-        let fault = |line: &[u8]| said(line, CR);
-        assert_eq!(fault(b"F80"), Some(Received::Fault(CanFault::BusOff)));
-        assert_eq!(fault(b"F24"), Some(Received::Fault(CanFault::Passive)));
+        let fault = |line: &[u8]| parse_line(line, CR);
+        assert_eq!(fault(b"F80"), Some(LinkEvent::Fault(CanFault::BusOff)));
+        assert_eq!(fault(b"F24"), Some(LinkEvent::Fault(CanFault::Passive)));
         assert_eq!(fault(b"F00"), None);
-        assert_eq!(said(b"", BEL), Some(Received::Fault(CanFault::Rejected)));
+        assert_eq!(
+            parse_line(b"", BEL),
+            Some(LinkEvent::Fault(CanFault::Rejected))
+        );
     }
 }

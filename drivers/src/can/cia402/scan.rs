@@ -1,30 +1,27 @@
-//! CANopen devices: heard by their heartbeat, or asked for their device type
+//! Scan for CANopen devices: known by their heartbeat, or asked for their device type
 //! (object 1000). Reading objects changes nothing.
 
 use std::io;
 
-use crate::can::cia402::error_name;
-use crate::can::frame::CanFrame;
-use crate::can::scan::{CanFound, CanScanner, IDS, word};
+use crate::can::cia402::errors::error_name;
+use crate::can::cia402::registers::{
+    ABORT, DEVICE_TYPE, ERROR_CODE, HEARTBEAT, REVISION, SDO_ANSWER, SDO_REQUEST, SdoObject, UPLOAD,
+};
+use crate::can::scan::inquiry::{CanFound, IDS, ScanLink};
+use crate::can::transport::{CanFrame, word};
 
-/// Index and subindex of an object.
-type Object = (u16, u8);
-
-const DEVICE_TYPE: Object = (0x1000, 0);
-const REVISION: Object = (0x1018, 3);
-const ERROR_CODE: Object = (0x603F, 0);
 const CIA402: u32 = 402;
 
-/// The devices that were heard, and those that answer if they may be asked.
-pub fn ask(
-    scanner: &mut CanScanner,
+/// The CANopen devices that were heard, and those that answer if they may be asked.
+pub fn devices(
+    scanner: &mut ScanLink,
     heard: &[CanFrame],
     may_ask: bool,
 ) -> io::Result<Vec<CanFound>> {
     let mut ids: Vec<u8> = heard.iter().filter_map(heartbeat).collect();
     if may_ask {
-        let question = |id| question(id, DEVICE_TYPE);
-        scanner.ask_all(question, |frame| {
+        let request = |id| request(id, DEVICE_TYPE);
+        scanner.ask_all(request, |frame| {
             let answers = IDS.filter(|id| answer(frame, *id, DEVICE_TYPE).is_some());
             ids.extend(answers);
         })?;
@@ -41,7 +38,7 @@ pub fn ask(
     Ok(found)
 }
 
-fn describe(scanner: &mut CanScanner, id: u8) -> io::Result<CanFound> {
+fn describe(scanner: &mut ScanLink, id: u8) -> io::Result<CanFound> {
     let device_type = read(scanner, id, DEVICE_TYPE)?.unwrap_or(0);
     if device_type & 0xFFFF != CIA402 {
         let mut one = CanFound::new(id, "CANopen");
@@ -57,26 +54,26 @@ fn describe(scanner: &mut CanScanner, id: u8) -> io::Result<CanFound> {
 
 fn heartbeat(frame: &CanFrame) -> Option<u8> {
     let is_state = matches!(frame.data(), [0 | 4 | 5 | 127]);
-    let id = u8::try_from(frame.id().checked_sub(0x700)?).ok()?;
+    let id = u8::try_from(frame.id().checked_sub(HEARTBEAT)?).ok()?;
     (is_state && !frame.is_extended() && IDS.contains(&id)).then_some(id)
 }
 
-fn question(id: u8, (index, subindex): Object) -> CanFrame {
+fn request(id: u8, (index, subindex, ..): SdoObject) -> CanFrame {
     let [low, high] = index.to_le_bytes();
-    let data = [0x40, low, high, subindex, 0, 0, 0, 0];
-    CanFrame::standard(0x600 + u32::from(id), &data)
+    let data = [UPLOAD, low, high, subindex, 0, 0, 0, 0];
+    CanFrame::standard(SDO_REQUEST + u32::from(id), &data)
 }
 
 /// The value of an object; 0 if the device has none.
-fn answer(frame: &CanFrame, id: u8, (index, subindex): Object) -> Option<u32> {
-    let is_from = !frame.is_extended() && frame.id() == 0x580 + u32::from(id);
+fn answer(frame: &CanFrame, id: u8, (index, subindex, ..): SdoObject) -> Option<u32> {
+    let is_from = !frame.is_extended() && frame.id() == SDO_ANSWER + u32::from(id);
     let data = frame.eight().filter(|_| is_from)?;
     let [low, high] = index.to_le_bytes();
     if data[1..4] != [low, high, subindex] {
         return None;
     }
     match data[0] {
-        0x80 => Some(0),
+        ABORT => Some(0),
         // Expedited, with or without a size; one or two bytes leave the rest unused.
         said @ 0x40..=0x4F => {
             let unused = match said & 1 {
@@ -89,6 +86,6 @@ fn answer(frame: &CanFrame, id: u8, (index, subindex): Object) -> Option<u32> {
     }
 }
 
-fn read(scanner: &mut CanScanner, id: u8, object: Object) -> io::Result<Option<u32>> {
-    scanner.ask_one(&question(id, object), |frame| answer(frame, id, object))
+fn read(scanner: &mut ScanLink, id: u8, object: SdoObject) -> io::Result<Option<u32>> {
+    scanner.ask_one(&request(id, object), |frame| answer(frame, id, object))
 }
