@@ -2,7 +2,7 @@
 
 use servodance_runtime::offline::retarget_motion::{self, RetargetRequest};
 use servodance_runtime::process::console::stdout_line;
-use servodance_training::motion::import::read_motion;
+use servodance_training::motion::format::read_motion;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -36,15 +36,15 @@ pub struct Args {
 
 /// Retargets and prints what came of it.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let request = RetargetRequest {
+    let request = Request {
         motion: args.motion,
         robot: args.robot,
         out: args.out,
         report: args.report,
     };
-    let lines = retarget_motion::retarget(&request, |path| Ok(read_motion(path)?))?;
+    let done = retarget_motion::retarget(&request, |path| Ok(read_motion(path)?))?;
     if !args.quiet {
-        for line in lines {
+        for line in &done.lines {
             stdout_line!("{line}");
         }
     }

@@ -204,10 +204,8 @@ impl SoakReport {
                 result.unsafe_joints.join(", ")
             ));
         }
-        let happened: Vec<&PlannedFault> = faults
-            .iter()
-            .filter(|f| f.at_s <= result.robot_s)
-            .collect();
+        let happened: Vec<&PlannedFault> =
+            faults.iter().filter(|f| f.at_s <= result.robot_s).collect();
         match (&result.stopped_by, happened.last()) {
             (None, _) => self.finished += 1,
             (Some(cause), None) => {

@@ -8,7 +8,7 @@ use servodance_audio::{AudioSource, MusicAnalyzer};
 use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
 use servodance_types::{FRAME_RATE_HZ, MUSIC_DIM};
 
-use super::DatasetError;
+use super::error::DatasetError;
 use servodance_runtime::pipeline::feature_extractor::{self, FeatureExtractor};
 
 /// So many songs are tried for one clip until the listener follows the beat:
@@ -68,7 +68,7 @@ pub(super) fn latents(
     let Some(encodec) = encodec else {
         return Ok(None);
     };
-    let heard = hearing::latents(encodec, &song.samples, song.sample_rate_hz)
+    let heard = feature_extractor::latents(encodec, &song.samples, song.sample_rate_hz)
         .map_err(|error| music_error(clip, &error))?;
     match heard.get(skip..skip + frames) {
         Some(rows) => Ok(Some(rows.to_vec())),
@@ -88,7 +88,7 @@ pub(super) fn hear_file(
 ) -> anyhow::Result<Vec<HeardFrame>> {
     let mut source = AudioSource::open(path)?;
     let rate_hz = source.sample_rate_hz();
-    let mut ears = FeatureExtractor::new(MusicAnalyzer::new(rate_hz)?, rate_hz, encodec)?;
+    let mut ears = Ears::new(MusicAnalyzer::new(rate_hz)?, rate_hz, encodec)?;
     let (mut heard, mut block) = (Vec::with_capacity(frames), Vec::new());
     while heard.len() < frames && source.next_block(&mut block)? {
         ears.push(&block)?;
