@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 /// A robot, checked and ready to be driven.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the names say it
 pub struct Robot {
     pub name: String,
     /// One line about it.

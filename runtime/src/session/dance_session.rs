@@ -5,6 +5,7 @@
 //! idle behaviour) stays; report, recording and picture are those of the last
 //! dance. An emergency stop, or an error, ends a dance and not the evening.
 
+use crate::robot::Meshes;
 use crate::session::config::DanceConfig;
 use crate::session::dance::Outcome;
 use crate::session::dance::open_generator;

@@ -68,7 +68,7 @@ pub(super) fn latents(
     let Some(encodec) = encodec else {
         return Ok(None);
     };
-    let heard = hearing::latents(encodec, &song.samples, song.sample_rate_hz)
+    let heard = feature_extractor::latents(encodec, &song.samples, song.sample_rate_hz)
         .map_err(|error| music_error(clip, &error))?;
     match heard.get(skip..skip + frames) {
         Some(rows) => Ok(Some(rows.to_vec())),
