@@ -134,7 +134,8 @@ impl Silence {
     /// So many frames of it.
     pub fn new(encodec: Option<&Encodec>, frames: usize) -> anyhow::Result<Self> {
         let nothing = vec![0.0; frames * (f64::from(ENCODEC_RATE_HZ) / FRAME_RATE_HZ) as usize];
-        let heard = encodec.map(|encodec| feature_extractor::latents(encodec, &nothing, ENCODEC_RATE_HZ));
+        let heard =
+            encodec.map(|encodec| feature_extractor::latents(encodec, &nothing, ENCODEC_RATE_HZ));
         Ok(Self {
             latents: heard.transpose()?,
         })
