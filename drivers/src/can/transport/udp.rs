@@ -156,9 +156,9 @@ pub fn decode(datagram: &[u8]) -> Option<LinkEvent> {
 #[derive(Debug)]
 pub struct UdpLink {
     group: SocketAddrV4,
-    heard: UdpSocket,
+    receiver: UdpSocket,
     /// Has a port of its own, by which our frames are known when they come back.
-    spoken: UdpSocket,
+    sender: UdpSocket,
     out: Vec<u8>,
     datagram: Vec<u8>,
 }
@@ -166,33 +166,33 @@ pub struct UdpLink {
 impl UdpLink {
     /// Joins a multicast group of this machine.
     pub fn open(group: SocketAddrV4) -> io::Result<Self> {
-        let heard = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
-        heard.set_reuse_address(true)?;
+        let receiver = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+        receiver.set_reuse_address(true)?;
         #[cfg(unix)]
-        heard.set_reuse_port(true)?;
-        heard.bind(&SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, group.port()).into())?;
-        heard.join_multicast_v4(group.ip(), &Ipv4Addr::UNSPECIFIED)?;
-        let spoken = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
+        receiver.set_reuse_port(true)?;
+        receiver.bind(&SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, group.port()).into())?;
+        receiver.join_multicast_v4(group.ip(), &Ipv4Addr::UNSPECIFIED)?;
+        let sender = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
         // This machine only.
-        spoken.set_multicast_ttl_v4(0)?;
+        sender.set_multicast_ttl_v4(0)?;
         Ok(Self {
             group,
-            heard: heard.into(),
-            spoken,
+            receiver: receiver.into(),
+            sender,
             out: Vec::with_capacity(256),
             datagram: vec![0; LONGEST],
         })
     }
 
-    /// The socket that hears the group, to wait for.
+    /// The socket that receives from the group, to wait for.
     pub fn socket(&self) -> &UdpSocket {
-        &self.heard
+        &self.receiver
     }
 
     /// One datagram, if one comes in time: its length if it is not our own.
     fn datagram(&mut self) -> io::Result<Option<usize>> {
-        let (length, from) = self.heard.recv_from(&mut self.datagram)?;
-        let ours = self.spoken.local_addr()?.port();
+        let (length, from) = self.receiver.recv_from(&mut self.datagram)?;
+        let ours = self.sender.local_addr()?.port();
         Ok((from.port() != ours).then_some(length))
     }
 }
@@ -200,7 +200,7 @@ impl UdpLink {
 impl CanLink for UdpLink {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sent> {
         encode(frame, &mut self.out);
-        match self.spoken.send_to(&self.out, self.group) {
+        match self.sender.send_to(&self.out, self.group) {
             Ok(_) => Ok(Sent::Taken),
             // ENOBUFS has no kind of its own.
             Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(Sent::Full),
@@ -212,9 +212,9 @@ impl CanLink for UdpLink {
     fn receive(&mut self, deadline: Instant) -> io::Result<LinkEvent> {
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
-            self.heard.set_nonblocking(left.is_zero())?;
+            self.receiver.set_nonblocking(left.is_zero())?;
             if !left.is_zero() {
-                self.heard
+                self.receiver
                     .set_read_timeout(Some(left.max(Duration::from_micros(1))))?;
             }
             match self.datagram() {
