@@ -1,9 +1,10 @@
-//! By whose clock a reply is late.
+//! By whose clock a reply is late: the one thing that a driver is told of a simulation.
 //!
-//! Real servos live by the clock on the wall. Where time is simulated that clock
-//! says nothing: how long a reply takes there depends on how busy the machine is.
-//! Then whoever simulates says when nothing more will come, and a reply is
-//! lost if and only if it was not given.
+//! Real servos live by the clock on the wall, and so do simulated ones in real
+//! time: then the driver knows nothing. In simulated time that clock says nothing,
+//! because how long a reply takes depends on how busy the machine is. There the
+//! simulation hands the driver a [`ReplyClock`] that says when nothing more will
+//! come, and a reply is lost if and only if it was not given.
 
 use std::fmt;
 use std::sync::Arc;

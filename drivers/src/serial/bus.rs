@@ -57,7 +57,10 @@ impl SerialBus {
     pub fn open(port: &str, config: &BusConfig, servos: Vec<Servo>) -> Result<Self, BusError> {
         match family_of(config.kind) {
             Some(family) => Self::open_family(family, port, config, servos),
-            None => Err(refused(port, "this kind of bus is no serial one".into())),
+            None => Err(refused(
+                port,
+                "a bus of this kind is on CAN, or is opened with SerialBus::open_family".into(),
+            )),
         }
     }
 

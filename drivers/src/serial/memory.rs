@@ -55,6 +55,39 @@ pub struct ByteMemory {
     pub reboots: bool,
 }
 
+impl ByteMemory {
+    /// A memory of `size` bytes, all of which may be written, with the registers that
+    /// every bus needs and nothing else.
+    pub const fn bare(registers: &'static Registers, size: usize) -> Self {
+        Self {
+            registers,
+            size,
+            ram: 0,
+            model: None,
+            return_delay: None,
+            status_level: None,
+            goal_limits: None,
+            p_gain: None,
+            offset: None,
+            goal_speed: None,
+            torque_limit: None,
+            speed: None,
+            load: None,
+            moving: None,
+            current: None,
+            protection: None,
+            last_writable: size - 1,
+            also_writable: &[],
+            factory: &[],
+            sign_bit: 15,
+            refuses_goals: false,
+            sync_read: false,
+            bulk_read: false,
+            reboots: false,
+        }
+    }
+}
+
 /// Limits at which a servo protects itself, and how it says so.
 #[allow(missing_docs)] // a register's field says which one it is
 #[derive(Clone, Copy, Debug)]

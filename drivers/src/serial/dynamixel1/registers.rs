@@ -79,21 +79,16 @@ pub(super) const LIMITS: LimitRegisters = LimitRegisters {
 };
 
 const AX_MEMORY: ByteMemory = ByteMemory {
-    registers: &REGISTERS,
-    size: 50,
     ram: 24,
     model: Some(MODEL),
     return_delay: Some(RETURN_DELAY),
     status_level: Some(STATUS_LEVEL),
     goal_limits: Some((LOWEST, HIGHEST)),
-    p_gain: None, // compliance margins and slopes are not simulated
-    offset: None,
     goal_speed: Some(SPEED),
     torque_limit: Some(TORQUE_LIMIT),
     speed: Some(PRESENT_SPEED),
     load: Some(LOAD),
     moving: Some(MOVING),
-    current: None,
     protection: Some(Protection {
         hottest: HOTTEST,
         max_voltage: MAX_VOLTAGE,
@@ -124,12 +119,10 @@ const AX_MEMORY: ByteMemory = ByteMemory {
     ],
     sign_bit: SIGN_BIT,
     refuses_goals: true,
-    sync_read: false,
-    bulk_read: false,
-    reboots: false,
+    ..ByteMemory::bare(&REGISTERS, 50)
 };
 
-/// AX-12A and AX-18A: 1024 ticks over 300 degrees.
+/// AX-12A and AX-18A; compliance margins and slopes are not simulated.
 pub(super) static AX: ByteMemory = AX_MEMORY;
 
 /// MX-28, MX-64 and MX-106 with Protocol 1.0.

@@ -75,8 +75,6 @@ pub(super) const LIMITS: LimitRegisters = LimitRegisters {
 };
 
 pub(super) static STS: ByteMemory = ByteMemory {
-    registers: &REGISTERS,
-    size: 86,
     ram: 40,
     model: Some(MODEL),
     return_delay: Some(RETURN_DELAY),
@@ -98,7 +96,6 @@ pub(super) static STS: ByteMemory = ByteMemory {
         shutdown: None,
     }),
     last_writable: 55,
-    also_writable: &[],
     factory: &[
         (FIRMWARE, 3 | 10 << 8),
         (RETURN_DELAY, 250),
@@ -114,9 +111,7 @@ pub(super) static STS: ByteMemory = ByteMemory {
         (TORQUE_LIMIT, 1000),
         (LOCK, 1),
     ],
-    sign_bit: SIGN_BIT,
-    refuses_goals: false,
     sync_read: true,
-    bulk_read: false,
     reboots: true,
+    ..ByteMemory::bare(&REGISTERS, 86)
 };

@@ -6,7 +6,7 @@ use servodance_runtime::robot_file::Overrides;
 
 /// Who, and what of the robot file is different today.
 #[derive(Debug, clap::Args)]
-pub struct RobotChoice {
+pub struct RobotFileArgs {
     /// A built-in robot (see `servodance robots`) or a robot file.
     #[arg(
         long,
@@ -23,7 +23,7 @@ pub struct RobotChoice {
     pub set: Vec<String>,
 }
 
-impl RobotChoice {
+impl RobotFileArgs {
     /// Loads it. What is wrong with the file, or with what is set.
     pub fn load(&self) -> anyhow::Result<Robot> {
         let overrides = Overrides::from_user(&self.set)?;

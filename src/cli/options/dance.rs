@@ -1,16 +1,16 @@
 //! Options of the commands that dance: with a robot, with the model.
 
 use super::engine::EngineArgs;
-use super::robot_choice::RobotChoice;
+use super::robot::RobotFileArgs;
 use servodance_runtime::conditioning::Conditioning;
 use servodance_runtime::dance::IdleStyle;
 use std::path::PathBuf;
 
 /// A robot that dances.
 #[derive(Debug, clap::Args)]
-pub struct RigArgs {
+pub struct RobotArgs {
     #[command(flatten)]
-    pub robot: RobotChoice,
+    pub robot: RobotFileArgs,
 
     /// Where commands go: `sim`, or `serial:/dev/ttyUSB0`; for a robot with
     /// several buses once for each, `left=serial:/dev/ttyUSB0`.
@@ -35,7 +35,7 @@ pub struct RigArgs {
 
 /// A dance that the model invents as the music comes.
 #[derive(Debug, clap::Args)]
-pub struct InventionArgs {
+pub struct GeneratorArgs {
     /// The same seed and the same input give the same dance.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,

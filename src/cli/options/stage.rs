@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 /// Which stage, and how it is reached.
 #[derive(Clone, Debug, clap::Args)]
-pub struct StagePlace {
+pub struct StageNetworkArgs {
     /// Name of the stage; several can share a network.
     #[arg(long, default_value = "main", value_name = "NAME")]
     pub stage: String,
@@ -21,7 +21,7 @@ pub struct StagePlace {
 }
 
 #[cfg(feature = "stage")]
-impl StagePlace {
+impl StageNetworkArgs {
     /// The same for the network.
     pub fn place(&self, leads: bool, listen: Vec<String>) -> servodance_stage::net::Place {
         servodance_stage::net::Place {
@@ -43,7 +43,7 @@ pub fn not_built_in(command: &str) -> anyhow::Result<std::process::ExitCode> {
 
 /// Which followers dance how.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub struct RoleChoice {
+pub struct RoleArgs {
     /// Dance as the mirror image, or not.
     #[arg(long, value_name = "true|false", num_args = 0..=1, default_missing_value = "true")]
     pub mirror: Option<bool>,
@@ -61,7 +61,7 @@ pub struct RoleChoice {
     pub style: Option<String>,
 }
 
-impl RoleChoice {
+impl RoleArgs {
     /// The same as a role, its values not looked at.
     pub fn role(&self) -> servodance_stage::wire::Role {
         servodance_stage::wire::Role {
