@@ -39,6 +39,7 @@ impl BuiltIn {
     }
 }
 
+/// The built-in robots by name, in the order of `servodance robots`.
 pub const BUILT_IN: &[BuiltIn] = &[
     built_in!("op3"),
     built_in!("torso13"),

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 /// A robot, checked and ready to be driven.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the names say it
 pub struct Robot {
     pub name: String,
     /// One line about it.
@@ -117,7 +118,7 @@ impl Robot {
             check_rate(&bus.config, &bus.servos, parsed.control_hz)
                 .map_err(|e| refuse(Code::BusRate, &["control_hz"], e.to_string()))?;
         }
-        let safety = parsed.safety.at_hz(parsed.control_hz).map_err(|e| {
+        let safety = parsed.safety.at(parsed.control_hz).map_err(|e| {
             let path = match &e {
                 SafetyError::Config { key, .. } => vec!["safety", *key],
                 _ => vec!["safety"],

@@ -5,7 +5,7 @@ use super::config_source::{ConfigSource, line_at};
 use crate::control::idle::IdleStyle;
 use crate::process::console::stderr_line;
 use serde::Deserialize;
-use servodance_drivers::{BusConfig, ConfigError, SafetySettings, ServoConfig, one_or_several};
+use servodance_drivers::{BusConfig, ConfigError, SafetyConfig, ServoConfig, one_or_several};
 use servodance_retarget::{Code, RetargetConfig, RetargetError};
 
 /// Why a robot file cannot be used.
@@ -46,7 +46,7 @@ pub(super) struct RobotFile {
     #[serde(rename = "bus", deserialize_with = "one_or_several")]
     pub buses: Vec<BusConfig>,
     #[serde(default)]
-    pub safety: SafetySettings,
+    pub safety: SafetyConfig,
     pub retarget: RetargetConfig,
     #[serde(rename = "joint")]
     pub joints: Vec<ServoConfig>,

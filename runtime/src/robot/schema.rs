@@ -4,6 +4,7 @@
 //! and doc texts would be attributes of types in three crates, more lines than the
 //! tests below, which hold it against the parser and the built-in robots.
 
+/// The text of `configs/robot.schema.json`.
 pub const ROBOT_SCHEMA: &str = include_str!("../../../configs/robot.schema.json");
 
 #[cfg(test)]

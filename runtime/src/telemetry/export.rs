@@ -15,6 +15,7 @@ use std::path::Path;
 
 /// A part of a recording, seconds of music.
 #[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)] // the names say it
 pub struct ExportSpan {
     pub from_s: f64,
     pub seconds: f64,

@@ -102,6 +102,7 @@ impl RobotEnd {
 }
 
 impl ViewerEnd {
+    /// The newest snapshot; the same one again if there is no newer.
     pub fn newest(&mut self) -> &Snapshot {
         self.snapshots.read()
     }

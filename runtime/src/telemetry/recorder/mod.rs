@@ -51,6 +51,7 @@ const LOG_ERROR: u8 = 40;
 
 /// Something that the safety layer did.
 #[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)] // the names say it
 pub struct SafetyNotice<'a> {
     /// Seconds since torque on.
     pub time_s: f64,

@@ -46,6 +46,7 @@ impl<T> Series<T> {
         }
     }
 
+    /// All values with their times, seconds of music.
     pub fn iter(&self) -> impl Iterator<Item = (f64, &T)> {
         self.times_s.iter().copied().zip(&self.values)
     }
@@ -87,6 +88,7 @@ struct LimitFacts {
 
 /// What the safety layer did once.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs)] // the names say it
 pub struct RecordedEvent {
     /// The state after it.
     pub state: String,
@@ -95,6 +97,7 @@ pub struct RecordedEvent {
 
 /// What a recording holds. Older ones have no spectrum, temperatures and events.
 #[derive(Clone, Debug, Default)]
+#[allow(missing_docs)] // the names say it
 pub struct Recording {
     pub robot: String,
     pub urdf_xml: String,

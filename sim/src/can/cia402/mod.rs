@@ -3,6 +3,8 @@
 //! Cyclic synchronous position only; other modes are refused. PDOs can be
 //! mapped, but only as objects in the order of the mapping parameters.
 
+mod objects;
+
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -16,6 +18,8 @@ use servodance_drivers::can::cia402::registers::{
 use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
 use crate::can::net::CanDevice;
 
+use self::objects::{self as at, ABORT_NO_OBJECT, ABORT_READ_ONLY, ABORT_STATE, WRITABLE};
+
 /// NMT states and commands that the driver does not use.
 const PRE_OPERATIONAL: u8 = 127;
 const STOPPED: u8 = 4;
@@ -23,57 +27,6 @@ const NMT_STOP: u8 = 2;
 const NMT_RESET: u8 = 129;
 const NMT_RESET_COMMUNICATION: u8 = 130;
 const HEARTBEAT_S: f64 = 0.1;
-
-const ABORT_READ_ONLY: u32 = 0x0601_0002;
-const ABORT_NO_OBJECT: u32 = 0x0602_0000;
-const ABORT_STATE: u32 = 0x0800_0022;
-
-/// Keys of objects: index << 8 | subindex.
-mod at {
-    use servodance_drivers::can::cia402::registers::{self, SdoObject};
-
-    pub const fn key(object: SdoObject) -> u32 {
-        (object.0 as u32) << 8 | object.1 as u32
-    }
-    pub const CONSUMER: u32 = key(registers::CONSUMER);
-    pub const ABORT_OPTION: u32 = key(registers::ABORT_OPTION);
-    pub const CONTROL: u32 = key(registers::CONTROL);
-    pub const STATUS: u32 = key(registers::STATUS);
-    pub const MODE: u32 = key(registers::MODE);
-    pub const MODE_SHOWN: u32 = key(registers::MODE_SHOWN);
-    pub const POSITION: u32 = key(registers::POSITION);
-    pub const MAX_TORQUE: u32 = key(registers::MAX_TORQUE);
-    pub const TORQUE: u32 = key(registers::TORQUE);
-    pub const TARGET: u32 = key(registers::TARGET);
-    pub const DEVICE_TYPE: u32 = key(registers::DEVICE_TYPE);
-    pub const ERROR_CODE: u32 = key(registers::ERROR_CODE);
-    pub const RPDO_ID: u32 = (registers::RPDO_PARAMETERS.0 as u32) << 8 | 1;
-    pub const TPDO_ID: u32 = (registers::TPDO_PARAMETERS.0 as u32) << 8 | 1;
-}
-
-/// Objects that can be written, with their bytes; they are 0 at first.
-const WRITABLE: [(u32, u8); 20] = [
-    (at::CONSUMER, 4),
-    (0x101700, 2),
-    (at::RPDO_ID, 4),
-    (0x140002, 1),
-    (0x160000, 1),
-    (0x160001, 4),
-    (0x160002, 4),
-    (0x160003, 4),
-    (at::TPDO_ID, 4),
-    (0x180002, 1),
-    (0x1A0000, 1),
-    (0x1A0001, 4),
-    (0x1A0002, 4),
-    (0x1A0003, 4),
-    (at::ABORT_OPTION, 2),
-    (at::CONTROL, 2),
-    (at::MODE, 1),
-    (at::MAX_TORQUE, 2),
-    (at::TARGET, 4),
-    (0x60C201, 1),
-];
 
 /// The drive's states, as the status word shows them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
