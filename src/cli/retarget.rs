@@ -36,15 +36,15 @@ pub struct Args {
 
 /// Retargets and prints what came of it.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let request = Request {
+    let request = RetargetRequest {
         motion: args.motion,
         robot: args.robot,
         out: args.out,
         report: args.report,
     };
-    let done = retarget_motion::retarget(&request, |path| Ok(read_motion(path)?))?;
+    let lines = retarget_motion::retarget(&request, |path| Ok(read_motion(path)?))?;
     if !args.quiet {
-        for line in &done.lines {
+        for line in lines {
             stdout_line!("{line}");
         }
     }

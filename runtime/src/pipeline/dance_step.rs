@@ -1,5 +1,8 @@
 //! What the pipeline hands to the control loop, and what may be asked of it.
 
+// Extra styles are for the leader of a stage, a feature.
+#![cfg_attr(not(feature = "stage"), allow(dead_code))]
+
 use servodance_audio::beats::BeatTrack;
 use servodance_audio::capture::CaptureStats;
 use servodance_types::{MotionFrame, MusicFrame, Posture};
@@ -48,7 +51,6 @@ impl DanceStep {
 
 /// A request to dance on in another way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(not(feature = "stage"), allow(dead_code))] // leaders have extra dances
 pub enum DanceChange {
     /// Index into the styles of the model.
     Style(usize),

@@ -88,7 +88,7 @@ pub(super) fn hear_file(
 ) -> anyhow::Result<Vec<HeardFrame>> {
     let mut source = AudioSource::open(path)?;
     let rate_hz = source.sample_rate_hz();
-    let mut ears = Ears::new(MusicAnalyzer::new(rate_hz)?, rate_hz, encodec)?;
+    let mut ears = FeatureExtractor::new(MusicAnalyzer::new(rate_hz)?, rate_hz, encodec)?;
     let (mut heard, mut block) = (Vec::with_capacity(frames), Vec::new());
     while heard.len() < frames && source.next_block(&mut block)? {
         ears.push(&block)?;
