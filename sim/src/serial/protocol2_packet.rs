@@ -83,7 +83,6 @@ impl Parser {
         })
     }
 
-
     /// Drops bytes until the rest is, or may become, a header.
     fn resync(&mut self) {
         let fits = |rest: &[u8]| {
