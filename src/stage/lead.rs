@@ -19,7 +19,7 @@ use crate::progress::Progress;
 use crate::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
-use servodance_audio::capture::Notice;
+use servodance_audio::capture::CaptureEvent;
 use servodance_model::GeneratorOptions;
 use servodance_model::net::EngineOptions;
 use servodance_retarget::PostureReader;
@@ -128,7 +128,7 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
         ..GeneratorOptions::default()
     })?;
     let notes = progress.clone();
-    let on_notice = Box::new(move |notice: &Notice| notes.note(&notice.to_string()));
+    let on_notice = Box::new(move |notice: &CaptureEvent| notes.note(&notice.to_string()));
     let mut dancer = Dancer::new(audio, dance, encodec.as_ref(), on_notice)?;
     dancer.prime()?;
 
