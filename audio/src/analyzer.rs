@@ -42,7 +42,6 @@ pub struct MusicAnalyzer {
     replaced: u64,
 }
 
-/// The analysis behind the resampler.
 struct AnalysisCore {
     recent: SlidingWindow,
     received: u64,
@@ -63,9 +62,7 @@ struct AnalysisCore {
 impl MusicAnalyzer {
     /// An analyzer for samples at `sample_rate_hz`. Frame 0, at 0 s, is ready at
     /// once and without content.
-    ///
-    /// # Errors
-    /// A sample rate outside 4 to 384 kHz.
+    /// Errors: a sample rate outside 4 to 384 kHz.
     pub fn new(sample_rate_hz: u32) -> Result<Self, AnalyzerError> {
         if !(4_000..=384_000).contains(&sample_rate_hz) {
             return Err(AnalyzerError::SampleRate(sample_rate_hz));
@@ -96,9 +93,7 @@ impl MusicAnalyzer {
     }
 
     /// An analyzer that also keeps a [`BeatHistory`], which grows with the music.
-    ///
-    /// # Errors
-    /// A sample rate outside 4 to 384 kHz.
+    /// Errors: a sample rate outside 4 to 384 kHz.
     pub fn keeping_history(sample_rate_hz: u32) -> Result<Self, AnalyzerError> {
         let mut analyzer = Self::new(sample_rate_hz)?;
         let rate_hz = f64::from(ANALYSIS_RATE_HZ) / HOP as f64;
@@ -153,7 +148,6 @@ impl MusicAnalyzer {
 }
 
 impl AnalysisCore {
-    /// Takes one sample at the analysis rate.
     fn push(&mut self, sample: f32) {
         self.recent.push(sample);
         self.features.push(sample);

@@ -47,8 +47,7 @@ pub struct MusicFrame {
     pub spectral: [f32; SPECTRAL_DIM],
     /// The tracked beat, extrapolated to `time_s`.
     pub beat: Beat,
-    /// Probability of music as opposed to silence, speech or noise, 0 to 1;
-    /// averaged over seconds.
+    /// Probability of music (not silence, speech or noise), 0 to 1, averaged over seconds.
     pub presence: f32,
 }
 

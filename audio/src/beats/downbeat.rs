@@ -13,7 +13,6 @@ const KEEP: f32 = 0.85;
 /// Share by which the downbeat must exceed the next best.
 const MARGIN: f32 = 0.35;
 
-/// Counts beats and collects downbeat probabilities.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct DownbeatCounter {
     collected: [f32; BEATS],

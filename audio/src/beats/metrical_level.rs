@@ -29,8 +29,7 @@ const SLOWEST_BPM: f64 = 60.0;
 const FASTEST_BPM: f64 = 195.0;
 /// Tempo from which octaves are counted.
 const USUAL_BPM: f64 = 122.0;
-/// Weight of the scores, log-likelihood a second, in the first [`NEW_S`] of the
-/// music and later.
+/// Weight of the scores, log-likelihood a second: in new music, and later.
 const EVIDENCE_WHEN_NEW_PER_S: f64 = 0.1;
 const EVIDENCE_PER_S: f64 = 0.05;
 /// Probability that another reading becomes right, a second.
@@ -58,7 +57,6 @@ const WEIGHTS: [f64; VALUES] = [
     -4.114, 1.069, 4.849, -2.315, -2.587, 0.477,
 ];
 
-/// A reading of the tracked beat.
 #[derive(Clone, Copy)]
 struct Level {
     /// Output beats in a tracked one.

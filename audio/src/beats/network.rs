@@ -27,7 +27,6 @@ pub(crate) struct NetworkOutput {
 }
 
 impl NetworkOutput {
-    /// The output before the first step.
     pub(crate) const SILENCE: NetworkOutput = NetworkOutput {
         beat: -9.0,
         downbeat: -9.0,
@@ -50,7 +49,6 @@ impl DenseLayer {
     }
 }
 
-/// The network and its recurrent state.
 pub(crate) struct BeatNetwork {
     dense: DenseLayer,
     /// Gates reset, update and new, from the input and from the memory.

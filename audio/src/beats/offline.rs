@@ -9,8 +9,7 @@ use super::state_space::{BELL, REACH, TEMPI, TempoStates, beat_cost, bell, perio
 /// Log-likelihood of a leap to any other tempo at a beat.
 const LEAP: f32 = -15.0;
 
-/// Finds the beats of a whole piece in the history that an analyzer kept. No
-/// music, no beats.
+/// Finds the beats of a whole piece in the history that an analyzer kept.
 pub fn track_offline(history: &BeatHistory) -> BeatTrack {
     let mut path = ViterbiPath::new();
     for &evidence in &history.evidence {
@@ -21,7 +20,6 @@ pub fn track_offline(history: &BeatHistory) -> BeatTrack {
     BeatTrack::new(times_s.filter(music).collect())
 }
 
-/// The best path to every state of tempo and phase.
 struct ViterbiPath {
     tempi: Vec<TempoStates>,
     /// Log-probabilities of the steps from each tempo to its neighbours.
@@ -71,7 +69,6 @@ impl ViterbiPath {
         self.from.push(from);
     }
 
-    /// Hops of the beats of the best path.
     fn beats(&self) -> Vec<usize> {
         let ends = self.tempi.iter().enumerate().flat_map(|(tempo, states)| {
             (0..period(tempo)).map(move |since| (states.at(since), tempo, since))

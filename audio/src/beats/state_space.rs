@@ -16,8 +16,7 @@ const PRIOR_BPM: f64 = 130.0;
 const PRIOR_OCTAVES: f64 = 0.63;
 /// Weight of the prior, log-likelihood a second, paid at each beat.
 const PRIOR_PER_S: f64 = 0.1;
-/// Width of the bell around a beat in which onsets count, seconds, and its half
-/// length in hops.
+/// The bell around a beat in which onsets count: width in seconds, half length in hops.
 const BEAT_SIGMA_S: f32 = 0.017;
 pub(super) const BELL: usize = 6;
 /// Weight of an onset's strength in the log-likelihood of a beat.

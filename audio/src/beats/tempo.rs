@@ -20,7 +20,6 @@ const LEAP: f32 = -20.0;
 /// Weight of the tempogram, log-likelihood a second.
 const TEMPOGRAM_PER_S: f32 = 0.3;
 
-/// The probability of every tempo and phase.
 pub(super) struct TempoFilter {
     tempi: Vec<TempoStates>,
     bell: [f32; BELL],
@@ -29,7 +28,6 @@ pub(super) struct TempoFilter {
     costs: [f32; TEMPI],
 }
 
-/// The most probable tempo and phase.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TempoEstimate {
     pub(super) bpm: f64,
@@ -69,7 +67,6 @@ impl TempoFilter {
         }
     }
 
-    /// Reweights the states near a beat.
     fn weigh(&mut self, evidence: f32) {
         let factors = self.bell.map(|bell| (evidence * bell).exp());
         for states in &mut self.tempi {
@@ -88,7 +85,6 @@ impl TempoFilter {
         }
     }
 
-    /// The most probable tempo with its neighbours, and the phase in it.
     pub(super) fn estimate(&self) -> TempoEstimate {
         let totals: [f32; TEMPI] = std::array::from_fn(|i| self.tempi[i].total());
         let around = |i: usize| -> f32 {

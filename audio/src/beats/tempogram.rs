@@ -10,7 +10,6 @@ const SHARPNESS: f32 = 3.2;
 /// Multiples of a period under the comb.
 const TEETH: usize = 4;
 
-/// Tempo of the last seconds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TempogramFit {
     /// Likelihood of each tempo, prior included; sums to one.
@@ -61,7 +60,6 @@ impl Tempogram {
         self.at = (self.at + 1) % lags;
     }
 
-    /// The likelihood of each tempo, and how regular the onsets are.
     pub(super) fn fit(&self) -> TempogramFit {
         comb(&self.correlation, self.energy)
     }

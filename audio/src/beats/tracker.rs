@@ -94,7 +94,6 @@ impl Tracker {
         self.silent_s > SILENCE_S
     }
 
-    /// Takes the presence of music, 0 to 1.
     pub(crate) fn set_presence(&mut self, presence: f32) {
         self.presence = presence;
     }
@@ -103,7 +102,6 @@ impl Tracker {
         self.state
     }
 
-    /// Takes one hop of onsets and the network's newest output.
     pub(crate) fn hop(&mut self, onset: &Onset, output: &NetworkOutput) {
         let hop_s = 1.0 / RATE_HZ;
         self.silent_s = if onset.audible {
@@ -129,7 +127,6 @@ impl Tracker {
         }
     }
 
-    /// Compares the oscillator with the filter's estimate.
     fn update(&mut self, elapsed_s: f64) {
         let estimate = self.filter.estimate();
         let clarity = if self.is_silent() {

@@ -27,7 +27,6 @@ use crate::features::resampler::Resampler;
 /// Samples a second of the stream.
 pub(crate) const LIVE_RATE_HZ: u32 = ANALYSIS_RATE_HZ;
 
-/// The stream of one input.
 pub(crate) struct LiveStream {
     kind: InputKind,
     supervisor: DeviceSupervisor,
@@ -40,7 +39,6 @@ pub(crate) struct LiveStream {
     created: Instant,
     /// When position 0 was captured.
     started: Option<Instant>,
-    /// Samples of the stream so far.
     delivered: u64,
     /// When the newest sample of the stream was captured.
     newest: Option<Instant>,
@@ -98,7 +96,6 @@ impl LiveStream {
         self.newest?.checked_sub(Duration::from_secs_f64(before_s))
     }
 
-    /// The next event for the user.
     pub(crate) fn next_event(&mut self) -> Option<CaptureEvent> {
         self.events.pop_front()
     }
@@ -127,7 +124,6 @@ impl LiveStream {
         }
     }
 
-    /// Reads this ring from now on.
     pub(crate) fn connect(&mut self, ring: RingReader) {
         self.stats.opened += 1;
         self.change_rate(ring.format().sample_rate_hz, self.stats.opened > 1);

@@ -67,9 +67,7 @@ pub struct InputDevice {
 }
 
 /// The inputs of the system, the default one first.
-///
-/// # Errors
-/// The system's sound interface does not answer.
+/// Errors: the system's sound interface does not answer.
 pub fn devices() -> Result<Vec<InputDevice>, DeviceError> {
     silence_alsa();
     let host = cpal::default_host();
@@ -125,9 +123,7 @@ fn first_line(text: &str) -> String {
 }
 
 /// Opens the named input, or the default one.
-///
-/// # Errors
-/// There is no such input (the error lists the known ones), or it cannot be opened.
+/// Errors: there is no such input (the error lists the known ones), or it cannot be opened.
 pub(crate) fn open_microphone(name: Option<&str>) -> Result<LiveStream, DeviceError> {
     let id = choose(name)?;
     let opener = MicrophoneOpener { id: id.clone() };
@@ -200,8 +196,7 @@ impl MicrophoneOpener {
     }
 }
 
-/// The best configuration of a device: a common rate, few channels, a format that
-/// converts without rounding.
+/// The best configuration of a device: a common rate, few channels, an exact format.
 fn best(
     configs: impl Iterator<Item = SupportedStreamConfigRange>,
 ) -> Option<(StreamConfig, SampleFormat)> {

@@ -17,9 +17,7 @@ const STAMPS: usize = 4096;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RingFormat {
-    /// Frames a second.
     pub sample_rate_hz: u32,
-    /// Interleaved samples a frame.
     pub channels: u16,
 }
 

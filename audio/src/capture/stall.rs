@@ -17,7 +17,6 @@ use super::clock::seconds_between;
 /// Stall after which a device is opened again.
 const REOPEN: Duration = Duration::from_secs(3);
 
-/// How sound comes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum InputKind {
     /// From a device, at the pace of its own clock, without end.

@@ -17,13 +17,10 @@ pub(crate) trait DeviceOpener: Send + 'static {
     type Open;
 
     /// Opens the device. A stream that breaks later is reported to `failure`.
-    ///
-    /// # Errors
-    /// One line: why it cannot be opened now.
+    /// Errors: one line: why it cannot be opened now.
     fn open(&mut self, failure: FailureReporter) -> Result<(RingReader, Self::Open), String>;
 }
 
-/// What happened to the device.
 pub(crate) enum SupervisorEvent {
     /// The device is open; its sound comes through this ring from now on.
     Opened(RingReader),

@@ -85,8 +85,7 @@ impl ChromaCens {
     }
 }
 
-/// Normalizes the sum to one and gives a quarter for each threshold exceeded;
-/// silence stays zero.
+/// Normalizes the sum to one and gives a quarter for each threshold exceeded.
 fn quantise(classes: &mut [f32; CLASSES]) {
     let sum: f32 = classes.iter().sum();
     for value in classes {

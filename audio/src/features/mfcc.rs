@@ -149,8 +149,7 @@ impl SpectralFeatures {
 }
 
 /// The smooth spectrum that the MFCC of a frame describe: levels of `N` bands
-/// evenly spaced in mel up to 5120 Hz, from 0 (80 dB or more below the running
-/// reference) to 1.
+/// evenly spaced in mel up to 5120 Hz, 0 (80 dB below the running reference) to 1.
 pub fn bands<const N: usize>(spectral: &[f32; SPECTRAL_DIM]) -> [f32; N] {
     let scale = (2.0 / MEL_BANDS as f32).sqrt() * MFCC_UNIT;
     std::array::from_fn(|band| {

@@ -26,7 +26,6 @@ const BIAS: f32 = 3.1;
 const LIMIT: f32 = 4.0;
 /// Time constant of the running mean.
 const MEMORY_S: f32 = 2.5;
-/// Initial log-odds.
 const UNKNOWN: f32 = -1.0;
 
 /// Compares the tones of a frame with those of 400 ms before.
@@ -83,7 +82,6 @@ fn tones(level: &[f32; BINS]) -> [f32; BINS] {
 /// Running estimate of the presence of music.
 pub(crate) struct MusicDetector {
     steadiness: ToneSteadiness,
-    /// Log-odds of music.
     odds: f32,
 }
 
@@ -95,8 +93,7 @@ impl MusicDetector {
         }
     }
 
-    /// Takes one frame: the chroma's magnitudes, and the network's log-odds
-    /// (`None` in silence).
+    /// Takes the chroma's magnitudes and the network's log-odds (`None` in silence).
     pub(crate) fn frame(&mut self, magnitude: &[f32], network: Option<f32>) {
         let steady = self.steadiness.frame(magnitude);
         let target = network.map_or(-LIMIT, |odds| {

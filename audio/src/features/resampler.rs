@@ -100,7 +100,6 @@ impl Resampler {
         }
     }
 
-    /// Converts the buffered input to one chunk.
     fn run(&mut self) {
         let input = SequentialSlice::new(&self.input[..], 1, self.gathered);
         let output = SequentialSlice::new_mut(&mut self.output[..], 1, CHUNK);

@@ -41,7 +41,6 @@ impl SlidingWindow {
     }
 }
 
-/// A Hann-windowed transform of fixed length.
 pub(crate) struct PowerSpectrum {
     window: Vec<f32>,
     plan: Arc<dyn RealToComplex<f32>>,

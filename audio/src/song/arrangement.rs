@@ -39,7 +39,6 @@ pub(super) fn play(spec: &SongSpec, grid: &BeatGrid, length: usize) -> Buses {
     band.buses
 }
 
-/// The choices for one song, and the buses.
 struct Band<'a> {
     spec: &'a SongSpec,
     grid: &'a BeatGrid,
@@ -190,15 +189,8 @@ impl<'a> Band<'a> {
             let pitch = pitch_of(self.spec.key, degree_shift.0) + degree_shift.1;
             // Basses live between E1 and E3.
             let midi = fold(pitch, 28, 40) + if degree_shift.1 > 0 { 12 } else { 0 };
-            self.note(
-                Part::Bass,
-                bar,
-                step,
-                hold(pattern, step),
-                midi,
-                0.5,
-                timbre,
-            );
+            let span = (bar, step, hold(pattern, step));
+            self.note(Part::Bass, span, midi, 0.5, timbre);
         }
     }
 
@@ -212,23 +204,15 @@ impl<'a> Band<'a> {
             if pattern[step % pattern.len()] != b'x' {
                 continue;
             }
-            let steps = hold(pattern, step);
+            let span = (bar, step, hold(pattern, step));
             let voices = if self.arpeggio {
                 stroke % count..stroke % count + 1
             } else {
                 0..count
             };
             for voice in voices {
-                let pitch = pitch_of(self.spec.key, degree + 2 * voice);
-                self.note(
-                    Part::Music,
-                    bar,
-                    step,
-                    steps,
-                    fold(pitch, 55, 67),
-                    0.2,
-                    timbre,
-                );
+                let midi = fold(pitch_of(self.spec.key, degree + 2 * voice), 55, 67);
+                self.note(Part::Music, span, midi, 0.2, timbre);
             }
             stroke += 1;
         }
@@ -254,15 +238,8 @@ impl<'a> Band<'a> {
                 wander
             };
             let midi = fold(pitch_of(self.spec.key, degree), 67, 79);
-            self.note(
-                Part::Music,
-                bar,
-                step,
-                hold(pattern, step),
-                midi,
-                0.25,
-                timbre,
-            );
+            let span = (bar, step, hold(pattern, step));
+            self.note(Part::Music, span, midi, 0.25, timbre);
         }
     }
 
@@ -273,24 +250,23 @@ impl<'a> Band<'a> {
         self.kit.strike(&mut self.buses.drums, at, Drum::Crash, 0.6);
         let (chords, bass) = (self.chords.1, self.bass.1);
         for voice in 0..3 {
-            let pitch = pitch_of(self.spec.key, 2 * voice);
-            self.note(Part::Music, bar, 0, 8, fold(pitch, 55, 67), 0.25, chords);
+            let midi = fold(pitch_of(self.spec.key, 2 * voice), 55, 67);
+            self.note(Part::Music, (bar, 0, 8), midi, 0.25, chords);
         }
         let root = fold(pitch_of(self.spec.key, 0), 28, 40);
-        self.note(Part::Bass, bar, 0, 8, root, 0.5, bass);
+        self.note(Part::Bass, (bar, 0, 8), root, 0.5, bass);
     }
 
-    #[allow(clippy::too_many_arguments)] // one note of a score has that many sides
+    /// Plays a note that begins at a step of a bar and lasts a number of steps.
     fn note(
         &mut self,
         part: Part,
-        bar: i64,
-        step: usize,
-        steps: usize,
+        span: (i64, usize, usize),
         midi: i32,
         gain: f32,
         timbre: Timbre,
     ) {
+        let (bar, step, steps) = span;
         let start = self.sample(bar, step);
         let beat = bar as f64 * 4.0 + step as f64 / 4.0;
         let length_s = self.grid.time_s(beat + steps as f64 / 4.0) - self.grid.time_s(beat);

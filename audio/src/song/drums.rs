@@ -32,7 +32,6 @@ impl Drum {
     };
 }
 
-/// One sample of each drum.
 pub(super) struct DrumKit {
     shots: Vec<Vec<f32>>,
 }

@@ -85,7 +85,6 @@ impl BeatGrid {
         }
     }
 
-    /// The time of a beat, whole or in part; linear between beats.
     pub(super) fn time_s(&self, beat: f64) -> f64 {
         let position = beat + self.zero as f64;
         let last = self.times_s.len() - 2;

@@ -50,7 +50,6 @@ impl Mix {
         }
     }
 
-    /// The mix of the built-in song.
     pub(super) fn demo() -> Mix {
         Mix {
             drums: 0.9,
@@ -82,7 +81,6 @@ impl Mix {
     }
 }
 
-/// The signals that are mixed.
 pub(super) struct Buses {
     pub(super) drums: Vec<f32>,
     pub(super) bass: Vec<f32>,
@@ -102,7 +100,6 @@ impl Buses {
     }
 }
 
-/// Mixes the buses to the finished song.
 pub(super) fn master(mix: &Mix, rate_hz: f32, buses: Buses, seed: u64) -> Vec<f32> {
     let duck = ducking(&buses, rate_hz, mix.ducking);
     let mut out: Vec<f32> = (0..buses.drums.len())

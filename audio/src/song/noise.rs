@@ -138,7 +138,6 @@ pub fn crowd(duration_s: f64, rate_hz: u32, seed: u64) -> Vec<f32> {
     sound.levelled()
 }
 
-/// A sound in the making, with its random choices.
 struct Sound {
     rng: ChaCha8Rng,
     rate_hz: f32,
@@ -171,7 +170,6 @@ impl Sound {
         }
     }
 
-    /// The samples with a mean square of one.
     fn levelled(mut self) -> Vec<f32> {
         let scale = 1.0 / rms(&self.samples).max(1e-9);
         self.samples.iter_mut().for_each(|s| *s *= scale);

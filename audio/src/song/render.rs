@@ -8,7 +8,7 @@ use super::spec::SongSpec;
 /// A rendered song and its true beats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Song {
-    /// Sample rate, hertz.
+    /// Sample rate of the song, hertz.
     pub sample_rate_hz: u32,
     /// Mono samples in the range -1 to 1.
     pub samples: Vec<f32>,
@@ -20,9 +20,7 @@ pub struct Song {
 
 impl SongSpec {
     /// Renders the song; the same specification gives the same samples.
-    ///
-    /// # Errors
-    /// A duration, a sample rate or a grid outside the range of [`SongError`].
+    /// Errors: a duration, a sample rate or a grid outside the range of [`SongError`].
     pub fn render(&self) -> Result<Song, SongError> {
         let grid = self.beat_grid()?;
         let length = (self.duration_s * f64::from(self.sample_rate_hz)).round() as usize;

@@ -25,7 +25,7 @@ pub struct Layers {
 }
 
 impl Layers {
-    /// All instruments.
+    /// A section in which all instruments play.
     pub const ALL: Layers = Layers::of([true; 4]);
 
     /// No instrument; a section like this begins with one closing chord.
@@ -44,8 +44,7 @@ impl Layers {
 /// A part of the song: from one bar on, these layers play.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
-    /// First bar of the section, counted from the first downbeat; bars before
-    /// it are negative.
+    /// First bar of the section; bar 0 begins at the first downbeat.
     pub first_bar: i64,
     /// The instruments that play in it.
     pub layers: Layers,
@@ -88,9 +87,7 @@ pub struct SongSpec {
 impl SongSpec {
     /// Random music whose beats are at `beats_s` (seconds; a 4/4 bar begins at
     /// the first). The grid continues at its outer tempi to fill `duration_s`.
-    ///
-    /// # Errors
-    /// A duration or a grid outside the range of [`SongError`].
+    /// Errors: a duration or a grid outside the range of [`SongError`].
     pub fn on_beats(beats_s: &[f64], duration_s: f64, seed: u64) -> Result<SongSpec, SongError> {
         let mut spec = SongSpec::random(duration_s, seed)?;
         spec.grid = Grid::Beats(beats_s.to_vec());
@@ -99,9 +96,7 @@ impl SongSpec {
     }
 
     /// Random music at a random steady tempo of its style.
-    ///
-    /// # Errors
-    /// A duration that is not above 0 and at most an hour.
+    /// Errors: a duration that is not above 0 and at most an hour.
     pub fn random(duration_s: f64, seed: u64) -> Result<SongSpec, SongError> {
         check_duration(duration_s)?;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -125,7 +120,6 @@ impl SongSpec {
         })
     }
 
-    /// The checked grid.
     pub(super) fn beat_grid(&self) -> Result<BeatGrid, SongError> {
         check_duration(self.duration_s)?;
         if !(8_000..=192_000).contains(&self.sample_rate_hz) {
@@ -134,7 +128,6 @@ impl SongSpec {
         BeatGrid::new(&self.grid, self.duration_s, self.first_downbeat)
     }
 
-    /// The section that contains `bar`.
     pub(super) fn section(&self, bar: i64) -> Section {
         let before = self.sections.iter().rev().find(|s| s.first_bar <= bar);
         let section = before.or(self.sections.first()).copied();

@@ -31,7 +31,6 @@ pub enum Style {
 
 pub(super) type DrumPattern = &'static [(Drum, &'static str)];
 
-/// Patterns and instruments of a style; one of each list is drawn for a song.
 pub(super) struct StyleSheet {
     pub(super) tempo_bpm: (f64, f64),
     /// Range of the delay of every second sixteenth, in sixteenths.

@@ -23,7 +23,6 @@ pub(super) fn white(state: &mut u32) -> f32 {
     *state as i32 as f32 / 2_147_483_648.0
 }
 
-/// Waveform of an oscillator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Wave {
     Saw,
@@ -35,7 +34,6 @@ enum Wave {
     Fm(f32, f32),
 }
 
-/// A family of timbres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Instrument {
     SubBass,
@@ -52,7 +50,6 @@ pub(super) enum Instrument {
     Flute,
 }
 
-/// Parameters of one instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Timbre {
     wave: Wave,
@@ -68,7 +65,6 @@ pub(super) struct Timbre {
 }
 
 impl Timbre {
-    /// A random timbre of this family.
     pub(super) fn random(kind: Instrument, rng: &mut ChaCha8Rng) -> Self {
         let mut r = |low: f32, high: f32| rng.random_range(low..high);
         let base = Timbre {
@@ -187,7 +183,6 @@ impl Timbre {
     }
 }
 
-/// A note to be played, in samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Note {
     pub(super) start: i64,
@@ -221,7 +216,6 @@ pub(super) fn play(out: &mut [f32], rate_hz: f32, note: Note, timbre: &Timbre) {
     }
 }
 
-/// Soft clipping that keeps the level of small signals within reach.
 fn shape(x: f32, drive: f32) -> f32 {
     let y = x * (1.0 + drive);
     y / (1.0 + drive * y.abs())
@@ -326,7 +320,6 @@ impl NoteEnvelope {
     }
 }
 
-/// Two one-pole low-passes in a row.
 #[derive(Default)]
 struct LowPass {
     coefficient: f32,

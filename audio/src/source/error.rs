@@ -63,7 +63,6 @@ pub enum SourceFault {
 }
 
 impl SourceFault {
-    /// The error of the source with this name.
     pub(super) fn of(self, name: &str) -> SourceError {
         SourceError {
             name: name.to_owned(),

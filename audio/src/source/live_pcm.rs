@@ -11,8 +11,7 @@ use crate::capture::{DeviceSupervisor, InputKind, LiveStream, RingFormat, RingWr
 /// Interval at which a full ring is checked for room.
 const FULL_WAIT: Duration = Duration::from_millis(5);
 
-/// Reads raw PCM on a thread: the live stream, and the error that the reading may
-/// end with.
+/// Reads raw PCM on a thread: the live stream, and the error that may end it.
 pub(super) fn open_live_pcm(
     mut reader: PcmReader,
 ) -> Result<(LiveStream, Receiver<SourceError>), SourceError> {

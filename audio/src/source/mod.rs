@@ -55,9 +55,7 @@ impl AudioSource {
     /// Opens a recording: wav, flac, mp3, ogg/vorbis (by content, not by name),
     /// any rate, channels averaged. Reads ahead until the recording is known to be
     /// long enough and not silent, then starts again from the beginning.
-    ///
-    /// # Errors
-    /// Any [`SourceFault`] but a raw format.
+    /// Errors: any [`SourceFault`] but a raw format.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, SourceError> {
         let path = path.as_ref();
         file::check(path)?;
@@ -73,9 +71,7 @@ impl AudioSource {
 
     /// Raw samples from any reader, for instance standard input; errors begin with
     /// `name`. Blocks are as small as the reader delivers them.
-    ///
-    /// # Errors
-    /// A format with no channels or an impossible rate.
+    /// Errors: a format with no channels or an impossible rate.
     pub fn from_reader(
         name: &str,
         reader: impl Read + Send + 'static,
@@ -90,11 +86,8 @@ impl AudioSource {
     }
 
     /// Raw samples that another program writes in real time: a thread reads ahead,
-    /// the stream keeps to the clock, and silence takes the place of sound that
-    /// does not arrive.
-    ///
-    /// # Errors
-    /// A format with no channels or an impossible rate; no thread to be had.
+    /// the stream keeps to the clock, and silence fills gaps.
+    /// Errors: a format with no channels or an impossible rate; no thread to be had.
     pub fn live_reader(
         name: &str,
         reader: impl Read + Send + 'static,
@@ -106,10 +99,7 @@ impl AudioSource {
     }
 
     /// An input of the system by id or name, the default one if `None`.
-    ///
-    /// # Errors
-    /// There is no such input (the error lists the known ones), or it cannot be
-    /// opened.
+    /// Errors: no such input (the error lists the known ones), or one that fails to open.
     #[cfg(feature = "mic")]
     pub fn microphone(name: Option<&str>) -> Result<Self, crate::capture::DeviceError> {
         let stream = crate::capture::open_microphone(name)?;
@@ -181,9 +171,7 @@ impl AudioSource {
 
     /// Replaces the content of `block` by the next samples, -1 to 1. `false` at the
     /// end of the source, with an empty block.
-    ///
-    /// # Errors
-    /// A source that breaks, or that ends before [`SHORTEST_S`].
+    /// Errors: a source that breaks, or that ends before [`SHORTEST_S`].
     pub fn next_block(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
         block.clear();
         let more = match &mut self.reader {
@@ -200,7 +188,6 @@ impl AudioSource {
 }
 
 impl LiveReader {
-    /// Waits until there is sound, or silence in its place.
     fn next_block(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
         while self.stream.read(Instant::now(), block) && block.is_empty() {
             std::thread::sleep(LIVE_POLL);

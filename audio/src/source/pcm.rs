@@ -85,7 +85,6 @@ pub struct PcmFormat {
     pub channels: u16,
 }
 
-/// Reads frames as they arrive.
 pub(crate) struct PcmReader {
     name: String,
     reader: Box<dyn Read + Send>,
@@ -153,7 +152,6 @@ impl PcmReader {
         Ok(true)
     }
 
-    /// Reads the bytes that are there; `false` at the end.
     fn read(&mut self) -> Result<bool, SourceError> {
         let mut bytes = [0u8; READ_BYTES];
         loop {

@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 /// Capacity: more than the longest canon of a slow song.
 const MOST: usize = 2048;
 
-/// The frames of one channel.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct JitterBuffer {
     waiting: BTreeMap<u64, StageFrame>,
@@ -18,8 +17,7 @@ pub(crate) struct JitterBuffer {
 }
 
 impl JitterBuffer {
-    /// Takes a frame and returns whether it is new; one whose turn is over is
-    /// dropped.
+    /// Takes a frame, unless its turn is over; returns whether it is new.
     pub fn push(&mut self, number: u64, frame: &StageFrame) -> bool {
         let over = self.next.is_some_and(|next| number < next);
         if over || self.waiting.contains_key(&number) {

@@ -56,8 +56,7 @@ const HAND_OVER_S: f64 = 0.1;
 const RESERVE: f64 = 2.5;
 /// Motion begins this long before the due time, seconds.
 const RUN_UP_S: f64 = 0.3;
-/// Gap between the motion of one leader and of the next, seconds: more than a
-/// retargeter bridges.
+/// Gap between the motion of two leaders, seconds: more than a retargeter bridges.
 const BETWEEN_S: f64 = 2.0;
 /// Error of the shown time beyond which the motion restarts, seconds.
 const FAR_S: f64 = 3.0;

@@ -12,9 +12,7 @@ const CHANNELS: usize = 8;
 
 impl Follower {
     /// Takes a message that arrived at `now_ns`.
-    ///
-    /// # Errors
-    /// A malformed message, which is counted and dropped.
+    /// Errors: a malformed message, which is counted and dropped.
     pub fn receive(&mut self, now_ns: i64, bytes: &[u8]) -> Result<(), MessageError> {
         let message = Message::decode(bytes);
         let dropped = &mut self.stats.dropped;

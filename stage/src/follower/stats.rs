@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct DropCounters {
     /// Messages of other programs, or damaged ones.
     pub malformed: u64,
-    /// Messages longer than [`MAX_BYTES`](crate::messages::MAX_BYTES).
+    /// Messages longer than 16 KiB.
     pub huge: u64,
     /// Messages of another version of the format.
     pub other_version: u64,

@@ -9,8 +9,7 @@ use std::collections::BTreeMap;
 /// recent pauses, within these bounds.
 const PAUSES: f64 = 3.0;
 const TIMEOUT_S: [f64; 2] = [0.45, 0.9];
-/// The same after a liveliness token is gone, which may be the token of one of two
-/// connections: three frames.
+/// The same after a liveliness token (of one of two connections) is gone, seconds.
 const GONE_TIMEOUT_S: f64 = 0.15;
 /// Length of a beat while the tempo is unknown, seconds.
 const DEFAULT_BEAT_S: f64 = 0.5;

@@ -2,12 +2,8 @@
 
 use super::error::MessageError;
 
-/// The version of the format that is written, and the only one understood.
-pub const VERSION: u8 = 2;
-/// Longer messages are refused unread.
-pub const MAX_BYTES: usize = 16 * 1024;
 /// Longest name of a follower or a style, bytes.
-pub const NAME_BYTES: usize = 48;
+const NAME_BYTES: usize = 48;
 /// Times are within a hundred years of zero, nanoseconds.
 const FARTHEST_NS: u64 = 3_200_000_000_000_000_000;
 
@@ -18,7 +14,6 @@ pub fn is_valid_name(word: &str) -> bool {
     !word.is_empty() && word.chars().all(plain)
 }
 
-/// The bytes of a message that are not read yet.
 pub(super) struct ByteReader<'a>(pub &'a [u8]);
 
 impl ByteReader<'_> {
@@ -43,7 +38,6 @@ impl ByteReader<'_> {
     }
 }
 
-/// A value with an encoding.
 pub(super) trait Field: Sized {
     fn write(&self, out: &mut Vec<u8>);
     fn read(input: &mut ByteReader) -> Result<Self, MessageError>;

@@ -1,6 +1,9 @@
-//! Errors of decoding.
+//! Errors of decoding, and the limits that they name.
 
-use super::codec::{MAX_BYTES, VERSION};
+/// The version of the format that is written, and the only one understood.
+pub(crate) const VERSION: u8 = 2;
+/// Longer messages are refused unread.
+pub(crate) const MAX_BYTES: usize = 16 * 1024;
 
 /// Why a message was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -5,7 +5,7 @@ use super::error::MessageError;
 use servodance_types::{Beat, BeatLock, Contacts, JOINT_COUNT, MotionFrame, MusicFrame, Posture};
 
 /// Largest number of frames in one message.
-pub const MAX_FRAMES: usize = 8;
+pub(crate) const MAX_FRAMES: usize = 8;
 /// Largest coordinate of a joint, metres.
 const FARTHEST_M: f32 = 1000.0;
 /// Largest value of a posture: radians, leg lengths.
@@ -20,7 +20,7 @@ const LEVEL: usize = 1;
 /// One motion frame with the music that it was made for.
 ///
 /// | bytes | type | value |
-/// |---|---|---|
+/// | ---: | --- | :--- |
 /// | 8 | i64 | presentation time at the servos, nanoseconds of the leader's clock |
 /// | 8 | i64 | time in the music, nanoseconds |
 /// | 4 | f32 | beat phase, 0 (on the beat) to 1 |

@@ -1,10 +1,10 @@
 //! The messages of a stage: versioned, little-endian, of bounded size.
 //!
 //! Every message begins with the same four bytes: `sd`, the version of the format
-//! (now [`VERSION`]), and the kind: 1 frames, 2 time request, 3 time reply,
+//! (now 2), and the kind: 1 frames, 2 time request, 3 time reply,
 //! 4 roles, 5 cue, 6 follower report. The rest are the fields of its type, in
 //! order; docs/stage.md has all of them. A name is one byte of length and UTF-8,
-//! at most [`NAME_BYTES`]. A message with a byte too few or too many, a number
+//! at most 48. A message with a byte too few or too many, a number
 //! that is not finite or out of its range, another version or another kind is
 //! refused whole.
 
@@ -14,13 +14,18 @@ mod frames;
 mod roles;
 mod time_sync;
 
-pub use codec::{MAX_BYTES, NAME_BYTES, VERSION, is_valid_name};
+pub use codec::is_valid_name;
 pub use error::MessageError;
-pub use frames::{Frames, MAX_FRAMES, StageFrame};
-pub use roles::{Cue, MAX_ROLES, Role, Roles};
+pub use frames::{Frames, StageFrame};
+pub use roles::{Cue, Role, Roles};
 pub use time_sync::{FollowerReport, TimeReply, TimeRequest};
 
+pub(crate) use error::MAX_BYTES;
+pub(crate) use frames::MAX_FRAMES;
+pub(crate) use roles::MAX_ROLES;
+
 use codec::{ByteReader, Field};
+use error::VERSION;
 
 const MAGIC: [u8; 2] = *b"sd";
 
@@ -68,7 +73,7 @@ messages! {
 }
 
 impl Message {
-    /// The encoded message.
+    /// Encodes the message with its header.
     pub fn encode(&self) -> Vec<u8> {
         let mut bytes = vec![MAGIC[0], MAGIC[1], VERSION];
         self.write(&mut bytes);
@@ -76,9 +81,7 @@ impl Message {
     }
 
     /// Decodes one message, which is all of `bytes`.
-    ///
-    /// # Errors
-    /// Anything but one whole message of this version.
+    /// Errors: anything but one whole message of this version.
     pub fn decode(bytes: &[u8]) -> Result<Self, MessageError> {
         if bytes.len() > MAX_BYTES {
             return Err(MessageError::Huge(bytes.len()));

@@ -4,14 +4,14 @@ use super::codec::{ByteReader, Field, is_valid_name, message_struct};
 use super::error::MessageError;
 
 /// Largest number of roles in one message.
-pub const MAX_ROLES: usize = 64;
+pub(crate) const MAX_ROLES: usize = 64;
 /// The longest canon, beats.
 const MOST_BEATS: f32 = 64.0;
 
 /// Changes to the role with which a follower was started; `None`: unchanged.
 ///
 /// | bytes | type | value |
-/// |---|---|---|
+/// | ---: | --- | :--- |
 /// | 1 | u8 | set fields: bit 0 mirror, 1 amplitude, 2 canon, 3 style |
 /// | 1 | u8 | mirror: 0 or 1 |
 /// | 4 | f32 | amplitude, 0 to 1 |
@@ -43,9 +43,7 @@ impl Role {
     }
 
     /// The role if each value is in its range.
-    ///
-    /// # Errors
-    /// The first value that is not.
+    /// Errors: the first value that is not.
     pub fn checked(self) -> Result<Self, MessageError> {
         let out = |value: Option<f32>, most: f32| value.is_some_and(|v| !(0.0..=most).contains(&v));
         if out(self.amplitude, 1.0) {

@@ -71,9 +71,7 @@ pub struct NetConfig {
 
 impl NetConfig {
     /// The Zenoh configuration of the session.
-    ///
-    /// # Errors
-    /// A file that cannot be read, an endpoint that Zenoh does not understand.
+    /// Errors: a file that cannot be read, an endpoint that Zenoh does not understand.
     pub fn config(&self) -> Result<Config, NetError> {
         let mut config = match &self.file {
             Some(file) => read(file)?,

@@ -41,8 +41,7 @@ impl Deduplicator {
     }
 }
 
-/// A callback that passes messages of several paths on, in order and without second
-/// copies.
+/// A callback that passes messages of two paths on, in order and without second copies.
 pub fn deduplicated(each: impl Fn(&[u8]) + Send + Sync + 'static) -> impl Fn(&[u8]) + Send + Sync {
     let seen = Mutex::new(Deduplicator::default());
     move |bytes| {

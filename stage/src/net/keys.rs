@@ -15,9 +15,6 @@
 
 use crate::messages::is_valid_name;
 
-/// Name of the stage when none is given.
-pub const DEFAULT_STAGE: &str = "main";
-
 /// The key expressions of one stage.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StageKeys {

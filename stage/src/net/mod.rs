@@ -20,7 +20,7 @@ mod redundant;
 mod session;
 
 pub use deduplicate::deduplicated;
-pub use keys::{DEFAULT_STAGE, StageKeys};
+pub use keys::StageKeys;
 
 #[cfg(feature = "zenoh")]
 pub use config::{LOOPBACK, NetConfig, NetError};

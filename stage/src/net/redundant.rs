@@ -20,9 +20,7 @@ pub struct RedundantSession([NetSession; PATHS]);
 
 impl RedundantSession {
     /// Opens both sessions, which connect in the background and reconnect.
-    ///
-    /// # Errors
-    /// As [`NetSession::open`].
+    /// Errors: those of [`NetSession::open`].
     pub fn open(config: Config) -> Result<Self, NetError> {
         let second = second(config.clone())?;
         // Side by side: each waits half a second for its first connection.
@@ -41,9 +39,7 @@ impl RedundantSession {
     }
 
     /// Subscribes to `key`; each message is passed on once.
-    ///
-    /// # Errors
-    /// As [`NetSession::subscribe`].
+    /// Errors: those of [`NetSession::subscribe`].
     pub fn subscribe(
         &self,
         key: &str,
@@ -57,18 +53,13 @@ impl RedundantSession {
     }
 
     /// A publisher for `key` on both sessions.
-    ///
-    /// # Errors
-    /// As [`NetSession::publisher`].
+    /// Errors: those of [`NetSession::publisher`].
     pub fn publisher(&self, key: &str) -> Result<RedundantPublisher, NetError> {
         self.both(|net| net.publisher(key)).map(RedundantPublisher)
     }
 
-    /// Watches the liveliness tokens that match, as each of the two sessions sees
-    /// them.
-    ///
-    /// # Errors
-    /// As [`NetSession::watch_liveliness`].
+    /// Watches the liveliness tokens that match on each of the two sessions.
+    /// Errors: those of [`NetSession::watch_liveliness`].
     pub fn watch_liveliness(
         &self,
         pattern: &str,
@@ -103,9 +94,7 @@ pub struct RedundantPublisher([NetPublisher; PATHS]);
 
 impl RedundantPublisher {
     /// Publishes a message on both sessions.
-    ///
-    /// # Errors
-    /// A session is over.
+    /// Errors: a session is over.
     pub fn put(&self, bytes: Vec<u8>) -> Result<(), NetError> {
         let [first, second] = &self.0;
         first.put(bytes.clone())?;

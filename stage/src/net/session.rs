@@ -38,10 +38,7 @@ pub struct LivelinessGuard(#[expect(dead_code, reason = "kept to stay alive")] L
 
 impl NetSession {
     /// Opens a session, which connects in the background and reconnects.
-    ///
-    /// # Errors
-    /// An endpoint that cannot be listened at, for example because another
-    /// leader does.
+    /// Errors: an endpoint that cannot be listened at, such as that of another leader.
     pub fn open(config: Config) -> Result<Self, NetError> {
         let what = config.get_json("listen/endpoints").unwrap_or_default();
         let opened = zenoh::open(config).wait();
@@ -57,9 +54,7 @@ impl NetSession {
 
     /// Subscribes to `key`; a message that is too long is passed on as
     /// [`MAX_BYTES`] and one bytes.
-    ///
-    /// # Errors
-    /// The session is over.
+    /// Errors: the session is over.
     pub fn subscribe(
         &self,
         key: &str,
@@ -79,9 +74,7 @@ impl NetSession {
 
     /// A publisher for `key`. Messages that the network has no room for are
     /// dropped; no call waits.
-    ///
-    /// # Errors
-    /// The session is over.
+    /// Errors: the session is over.
     pub fn publisher(&self, key: &str) -> Result<NetPublisher, NetError> {
         self.session
             .declare_publisher(key.to_owned())
@@ -94,9 +87,7 @@ impl NetSession {
     }
 
     /// Publishes one message under `key`.
-    ///
-    /// # Errors
-    /// The session is over.
+    /// Errors: the session is over.
     pub fn put(&self, key: &str, bytes: Vec<u8>) -> Result<(), NetError> {
         self.session
             .put(key, bytes)
@@ -108,9 +99,7 @@ impl NetSession {
     }
 
     /// Declares a liveliness token under `key`.
-    ///
-    /// # Errors
-    /// The session is over.
+    /// Errors: the session is over.
     pub fn declare_liveliness(&self, key: &str) -> Result<LivelinessGuard, NetError> {
         let token = self.session.liveliness().declare_token(key.to_owned());
         let token = token.wait().map(LivelinessGuard);
@@ -118,9 +107,7 @@ impl NetSession {
     }
 
     /// The keys of the liveliness tokens that match, collected for up to `wait`.
-    ///
-    /// # Errors
-    /// The session is over.
+    /// Errors: the session is over.
     pub fn live_keys(&self, pattern: &str, wait: Duration) -> Result<Vec<String>, NetError> {
         let replies = self.session.liveliness().get(pattern.to_owned());
         let replies = replies.timeout(wait).wait();
@@ -136,9 +123,7 @@ impl NetSession {
 
     /// Watches the liveliness tokens that match: calls `each` with the key, and
     /// whether the token appeared or went; present tokens are reported at once.
-    ///
-    /// # Errors
-    /// The session is over.
+    /// Errors: the session is over.
     pub fn watch_liveliness(
         &self,
         pattern: &str,
@@ -159,18 +144,14 @@ pub struct NetPublisher(Publisher<'static>);
 
 impl NetPublisher {
     /// Publishes a message under the key.
-    ///
-    /// # Errors
-    /// The session is over.
+    /// Errors: the session is over.
     pub fn put(&self, bytes: Vec<u8>) -> Result<(), NetError> {
         let put = self.0.put(bytes).wait();
         put.map_err(|error| failed(self.0.key_expr(), &error))
     }
 
     /// Publishes a message with an attachment.
-    ///
-    /// # Errors
-    /// The session is over.
+    /// Errors: the session is over.
     pub fn put_with(&self, bytes: Vec<u8>, attachment: &[u8]) -> Result<(), NetError> {
         let attachment = ZBytes::from(attachment.to_vec());
         let put = self.0.put(bytes).attachment(attachment).wait();
