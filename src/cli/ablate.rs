@@ -2,7 +2,7 @@
 
 use super::{INTERRUPTED, stop_signal};
 use servodance_runtime::console::{say, tell};
-use servodance_training::ablate::{Request, ablate};
+use servodance_training::ablate::{AblationRequest, ablate};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -61,7 +61,7 @@ pub struct Args {
 /// Trains, scores, prints the table.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let stop = stop_signal()?;
-    let request = Request {
+    let request = AblationRequest {
         config: args.config,
         data: args.data,
         latents: args.latents,

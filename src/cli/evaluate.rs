@@ -1,9 +1,9 @@
 //! `servodance evaluate`.
 
-use super::engine::{EngineArgs, SamplingArgs};
+use super::options::engine::{EngineArgs, SamplingArgs};
 use servodance_runtime::console::say;
 use servodance_runtime::progress::Progress;
-use servodance_training::evaluate::{Request, evaluate};
+use servodance_training::evaluate::{EvaluationRequest, evaluate};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -75,7 +75,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let progress = Progress::share("evaluating", args.json);
     let found = evaluate(
-        &Request {
+        &EvaluationRequest {
             data: args.data,
             model: args.model,
             encodec: args.encodec,

@@ -2,7 +2,7 @@
 
 use servodance_runtime::console::say;
 use servodance_runtime::retarget_motion::{self, Request};
-use servodance_training::motion::import::read_motion;
+use servodance_training::motion::format::read_motion;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

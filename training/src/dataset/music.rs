@@ -8,7 +8,7 @@ use servodance_audio::{AudioSource, MusicAnalyzer};
 use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
 use servodance_types::{FRAME_RATE_HZ, MUSIC_DIM};
 
-use super::DatasetError;
+use super::error::DatasetError;
 use servodance_runtime::hearing::{self, Ears};
 
 /// So many songs are tried for one clip until the listener follows the beat:
