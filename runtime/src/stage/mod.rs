@@ -46,6 +46,6 @@ fn open_twin(place: &NetConfig) -> anyhow::Result<RedundantSession> {
 
 fn warn(exposure: Option<String>) {
     if let Some(warning) = exposure {
-        crate::console::tell!("{warning}");
+        crate::process::console::tell!("{warning}");
     }
 }
