@@ -213,7 +213,7 @@ impl SimBus {
         self.shared.world().time_s()
     }
 
-    /// Limits broken so far by all servos: see [`crate::Judge`].
+    /// Limits broken so far by all servos: see `judge.rs`.
     pub fn violations(&self) -> Violations {
         self.shared.world().sum(Judge::violations)
     }

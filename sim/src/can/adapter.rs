@@ -19,7 +19,7 @@ use servodance_drivers::can::transport::slcan::{self, BEL, CR, Lines};
 #[cfg(target_os = "linux")]
 use servodance_drivers::can::transport::socket::SocketLink;
 use servodance_drivers::can::transport::udp::UdpLink;
-use servodance_drivers::can::{CanFrame, CanLink, LinkEvent};
+use servodance_drivers::can::{CanEvent, CanFrame, CanLink};
 
 use crate::serial::host_port::{Heard, HostPort};
 
@@ -208,7 +208,7 @@ impl Adapter for MulticastAdapter {
 
     fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
         let now = Instant::now();
-        while let LinkEvent::Frame(frame) = self.link.receive(now)? {
+        while let CanEvent::Frame(frame) = self.link.receive(now)? {
             if !bus_off {
                 frames.push(frame);
             }
@@ -258,8 +258,8 @@ impl Adapter for InterfaceAdapter {
         let now = Instant::now();
         loop {
             match self.link.receive(now) {
-                Ok(LinkEvent::Frame(frame)) if !bus_off => frames.push(frame),
-                Ok(LinkEvent::Nothing) => return Ok(()),
+                Ok(CanEvent::Frame(frame)) if !bus_off => frames.push(frame),
+                Ok(CanEvent::Nothing) => return Ok(()),
                 // Motors live on when the interface is taken down.
                 Err(error) if error.kind() == io::ErrorKind::NetworkDown => return Ok(()),
                 Err(error) => return Err(error),
