@@ -21,7 +21,7 @@ use servodance_drivers::can::transport::socket::SocketLink;
 use servodance_drivers::can::transport::udp::UdpLink;
 use servodance_drivers::can::{CanEvent, CanFrame, CanLink};
 
-use crate::serial::host_port::{Heard, HostPort};
+use crate::serial::host_port::{HostInput, HostPort};
 
 /// An adapter between host and bus.
 pub(crate) trait Adapter: Send {
@@ -155,18 +155,18 @@ impl Adapter for SlcanAdapter {
     fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
         let mut chunk = [0; 4096];
         match self.port.read(&mut chunk)? {
-            Heard::Bytes(count) => {
+            HostInput::Bytes(count) => {
                 let taken = chunk[..count].iter();
                 frames.extend(taken.filter_map(|byte| self.take(*byte, bus_off)));
                 self.flush();
             }
             // The next host finds the adapter closed.
-            Heard::Nobody => {
+            HostInput::Nobody => {
                 self.open = false;
                 self.lines = Lines::default();
                 std::thread::sleep(Duration::from_millis(1));
             }
-            Heard::Nothing => {}
+            HostInput::Nothing => {}
         }
         Ok(())
     }

@@ -3,14 +3,14 @@
 use crate::bus::line::Burst;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::servo::body::{Body, SimServoState};
+use crate::servo::body::{ServoBody, SimServoState};
 
 /// What a line needs of each of its servos.
-pub trait Device {
-    fn body(&self) -> &Body;
+pub trait LineServo {
+    fn body(&self) -> &ServoBody;
 
     /// Its body, to be changed.
-    fn body_mut(&mut self) -> &mut Body;
+    fn body_mut(&mut self) -> &mut ServoBody;
 
     fn id(&self) -> u8;
 
@@ -40,7 +40,7 @@ pub struct Roster<S> {
     baud: u32,
 }
 
-impl<S: Device> Roster<S> {
+impl<S: LineServo> Roster<S> {
     pub fn new(servos: Vec<S>, supply_ohm: f64, line_baud: u32) -> Self {
         Self {
             servos,
@@ -105,7 +105,7 @@ impl<S: Device> Roster<S> {
     }
 
     pub fn state(&self, index: usize) -> Option<SimServoState> {
-        self.servos.get(index).map(Device::state)
+        self.servos.get(index).map(LineServo::state)
     }
 
     pub fn suffer(&mut self, index: usize, fault: ServoFault) -> bool {
