@@ -25,8 +25,8 @@ const RUN_S: f64 = 3.0;
 
 /// The rates that a robot's buses reach on this machine.
 #[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct BusBenchReport {
-    /// Name of the robot whose buses were measured.
     pub robot: String,
     /// What is between driver and simulated servos; the wire's own time comes on top.
     pub link: LinkChoice,
@@ -48,24 +48,21 @@ pub struct BusBenchReport {
     /// Whether the system kept the processors awake between cycles: where not,
     /// each cycle also waits for one to wake up, twice.
     pub kept_awake: bool,
-    /// One entry for each bus of the robot.
     pub buses: Vec<BusRate>,
 }
 
 /// The rate that one bus reaches by itself.
 #[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct BusRate {
     /// Its name; empty for an only bus.
     pub name: String,
-    /// How many servos the bus has.
     pub servos: usize,
-    /// Rate of the wire, bits a second.
     pub baud: u32,
     /// Cycles a second, as fast as it goes: the median over windows of 50 cycles.
     pub hz: f64,
     /// The mean over the whole run, stalls of this machine included.
     pub hz_mean: f64,
-    /// What the wire carries at best.
     pub wire_limit_hz: f64,
     /// Processor time of the driver for one cycle, microseconds.
     pub cpu_us_per_cycle: f64,

@@ -197,7 +197,6 @@ fn sample(index: u64) -> f32 {
     noise * if loud { 0.8 } else { 1e-3 }
 }
 
-/// The moment of the click before `time_s`.
 fn click_before_s(time_s: f64) -> f64 {
     QUIET_S + ((time_s - QUIET_S) / EVERY_S).floor() * EVERY_S
 }
@@ -236,7 +235,6 @@ impl Raising {
     }
 }
 
-/// Commands and positions over time.
 #[derive(Default)]
 struct Track {
     /// Heard, made, and time of the motion frame.

@@ -25,6 +25,7 @@ const CONTEXT_MAX: usize = 4096;
 
 /// Which model is timed, and how.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the other names say it
 pub struct ModelBench {
     /// `live`, `paper` or `tiny`.
     pub preset: String,
@@ -36,7 +37,6 @@ pub struct ModelBench {
     pub context: Option<usize>,
     /// The first frame that is timed; as many as the context if left out.
     pub position: Option<u64>,
-    /// How many frames are timed.
     pub frames: usize,
     /// Also a lane without music, as for guidance.
     pub guidance: bool,
@@ -44,20 +44,16 @@ pub struct ModelBench {
 
 /// What `bench model` prints.
 #[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct ModelBenchReport {
-    /// Name of the preset of sizes.
     pub preset: String,
-    /// Number format of the weights.
     pub dtype: &'static str,
     /// Frames that every layer sees.
     pub context: usize,
-    /// Position of the first frame timed.
     pub position: u64,
-    /// Threads that compute a step.
     pub threads: usize,
     /// Passes a frame: 1, or 2 with guidance.
     pub lanes: usize,
-    /// How many frames were timed.
     pub frames: usize,
     /// Milliseconds a frame: half of them take less.
     pub ms_p50: f64,

@@ -82,7 +82,6 @@ impl SoakMusic {
         Ok(song)
     }
 
-    /// The beginning of a recording.
     fn read(&self, file: &PathBuf) -> anyhow::Result<Song> {
         let unreadable = || format!("cannot listen to {}", file.display());
         let mut source = AudioSource::open(file).with_context(unreadable)?;

@@ -86,7 +86,6 @@ pub fn bench(trial: &StageBench, stop: &AtomicBool) -> anyhow::Result<StageBench
 /// Programs that are ended when this is dropped.
 struct Program(Child);
 
-/// One follower of a trial.
 struct Member {
     program: Program,
     relay: Relay,
@@ -118,7 +117,6 @@ struct StageTrial<'a> {
     folder: TempDir,
     rng: ChaCha8Rng,
     members: Vec<Member>,
-    /// `--set` of every robot.
     patience: Vec<String>,
     progress: Progress,
     began: Instant,
@@ -148,7 +146,6 @@ impl<'a> StageTrial<'a> {
         settle_s + self.trial.seconds + 2.0 * AWAY_S + WATCHED_S[0] + WATCHED_S[1]
     }
 
-    /// All that happens, in its order.
     fn play(&mut self, stop: &AtomicBool) -> anyhow::Result<TrialTimes> {
         let mut told = TrialTimes::default();
         let leader = self.lead()?;
@@ -205,7 +202,6 @@ impl<'a> StageTrial<'a> {
         Ok(leader)
     }
 
-    /// Starts a follower behind its network.
     fn follow(&mut self, place: usize) -> anyhow::Result<()> {
         let good = place == 1;
         let fault = LinkFault {

@@ -136,7 +136,6 @@ impl Site {
     }
 }
 
-/// Addresses of both ends of a pair.
 fn outside(place: u8) -> Ipv4Addr {
     Ipv4Addr::new(10, 77, place, 1)
 }

@@ -203,9 +203,7 @@ impl Sums {
 
 #[derive(Clone, Copy, Debug)]
 struct Fit {
-    /// Share of the movement that is explained.
     alike: f64,
-    /// Of whichever moves more.
     speed_rad_s: f64,
 }
 
