@@ -48,7 +48,7 @@ pub enum BenchError {
     /// The simulated bus did not start.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// The driver failed.
+    /// The driver failed at a cycle, or when arming.
     #[error(transparent)]
     Bus(#[from] BusError),
     /// The configuration cannot work.

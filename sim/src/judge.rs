@@ -50,8 +50,7 @@ impl std::ops::AddAssign for Violations {
 /// How many violations are described.
 const NOTES: usize = 8;
 const RAD_PER_TICK: f64 = TAU / 4096.0;
-/// Floating-point noise, radians.
-const NOISE_RAD: f64 = 1e-9;
+const NOISE_RAD: f64 = 1e-9; // of floating-point numbers
 
 /// Counts the limits that one servo breaks.
 #[derive(Clone, Debug)]
@@ -99,8 +98,7 @@ impl Judge {
         Self { tick_rad, ..self }
     }
 
-    /// Torque comes on: from here on the joint is judged, at rest at `goal_rad`
-    /// and `position_rad`.
+    /// Torque comes on: judges from here on, at rest at `goal_rad` and `position_rad`.
     pub fn begin(&mut self, goal_rad: f64, position_rad: f64) {
         self.goals.last = Some((goal_rad, goal_rad));
         self.motion.last = Some((position_rad, position_rad));

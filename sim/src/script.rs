@@ -33,7 +33,7 @@ pub enum Happening {
 pub struct Cue {
     /// When, seconds from the start.
     pub time_s: f64,
-    /// What.
+    /// The fault, or its end.
     pub what: Happening,
 }
 
@@ -148,8 +148,7 @@ fn wire_fault(fault: &str, share: Option<f64>) -> Result<Option<(WireFault, f64)
     }
 }
 
-/// Makes it happen on these buses, of which `joints[bus]` are the places among
-/// all joints.
+/// Makes it happen on these buses, of which `joints[bus]` are the places among all joints.
 pub fn happen(
     what: &Happening,
     buses: &mut [SimBus],

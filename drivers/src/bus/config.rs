@@ -18,7 +18,7 @@ pub struct BusConfig {
     /// The name that joints and `--bus` call it by; may be empty where there is one bus only.
     #[serde(default)]
     pub name: String,
-    /// The protocol.
+    /// The protocol that its servos speak.
     pub kind: BusKind,
     /// Bits a second; `bitrate` says the same.
     #[serde(alias = "bitrate")]
@@ -36,8 +36,7 @@ pub struct BusConfig {
     /// (20 to 2540, in steps of 20).
     #[serde(default = "default_watchdog_ms")]
     pub watchdog_ms: u32,
-    /// Arm even servos that have no watchdog and would go on after a program
-    /// that is killed.
+    /// Arm even servos that have no watchdog and would go on after a program that is killed.
     #[serde(default)]
     pub accept_no_watchdog: bool,
     /// ODrive: endpoint ids of `axis0.config.watchdog_timeout` and

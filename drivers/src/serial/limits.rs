@@ -1,6 +1,6 @@
 //! The limits in a servo's own memory where they are single registers.
 
-use crate::error::BusError;
+use crate::error::BusResult;
 use crate::serial::client::ServoClient;
 use crate::serial::register::Register;
 use crate::serial::registers::OwnLimits;
@@ -17,7 +17,7 @@ pub(crate) struct LimitRegisters {
 
 impl LimitRegisters {
     /// The limits of one servo.
-    pub fn read(&self, client: &mut ServoClient, index: usize) -> Result<OwnLimits, BusError> {
+    pub fn read(&self, client: &mut ServoClient, index: usize) -> BusResult<OwnLimits> {
         let mut pair = |(low, high)| Ok((client.read(index, low)?, client.read(index, high)?));
         let tenth_volts = pair(self.volts)?;
         let (lowest, highest) = pair(self.ticks)?;

@@ -20,7 +20,6 @@ pub enum Firmware {
 pub struct ByteMemory {
     /// Those that the driver uses; the position is the first word of the present state.
     pub registers: &'static Registers,
-    /// Bytes of memory.
     pub size: usize,
     /// First address that a restart clears.
     pub ram: usize,
@@ -39,9 +38,8 @@ pub struct ByteMemory {
     pub current: Option<Register>,
     /// What makes the servo protect itself; without it nothing does.
     pub protection: Option<Protection>,
-    /// What may be written: the addresses from the id up to this one ...
+    /// What may be written: the addresses from the id up to this one, and the others.
     pub last_writable: usize,
-    /// ... and these.
     pub also_writable: &'static [usize],
     /// Factory settings other than zero.
     pub factory: &'static [(Register, u16)],

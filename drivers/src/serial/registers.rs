@@ -49,9 +49,9 @@ impl ServiceRegisters {
 /// What the present registers say, in the servo's units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Present {
-    /// Position, encoder ticks.
+    /// The position in encoder ticks.
     pub ticks: i32,
-    /// Velocity, signed.
+    /// The velocity with its sign.
     pub velocity: i32,
     /// Current, signed; 0 without a sensor.
     pub current: i16,
@@ -94,7 +94,6 @@ pub struct OwnLimits {
 /// Supply and temperature as measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Measured {
-    /// 0.1 V.
     pub tenth_volts: u64,
     pub celsius: u64,
 }

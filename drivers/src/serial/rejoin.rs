@@ -8,12 +8,12 @@
 
 use servodance_types::JointState;
 
-use crate::error::BusError;
+use crate::error::BusResult;
 use crate::serial::bus::{SerialBus, Step};
 
 impl SerialBus {
     /// The next step of a servo's way back; its state when it is back.
-    pub(super) fn advance_rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+    pub(super) fn advance_rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
         let step = match self.returning {
             Some((who, step)) if who == index => step,
             _ => Step::Find,
@@ -37,11 +37,7 @@ impl SerialBus {
     }
 
     /// One step of a servo's way back; the next one, or its state when it is back.
-    fn step_back(
-        &mut self,
-        index: usize,
-        step: Step,
-    ) -> Result<Result<JointState, Step>, BusError> {
+    fn step_back(&mut self, index: usize, step: Step) -> BusResult<Result<JointState, Step>> {
         match step {
             Step::Find | Step::FindRebooted => {
                 self.client.once(|client| client.ping(index))?;

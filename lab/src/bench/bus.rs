@@ -8,9 +8,9 @@
 use anyhow::Context;
 use serde::Serialize;
 use servodance_drivers::{BusConfig, BusLayout, Servo, check_rate};
-use servodance_runtime::realtime::Awake;
+use servodance_runtime::bus_tools::sim_link::{LinkChoice, sim_link};
+use servodance_runtime::process::realtime::Awake;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::sim_link::{LinkChoice, sim_link};
 use servodance_sim::{BusBench, bench_bus};
 use std::collections::BTreeMap;
 use std::fmt;

@@ -208,7 +208,7 @@ impl SimBus {
         }
     }
 
-    /// Simulated time, seconds.
+    /// The simulated time in seconds.
     pub fn time_s(&self) -> f64 {
         self.shared.world().time_s()
     }

@@ -33,7 +33,6 @@ impl World {
         }
     }
 
-    /// Simulated time, seconds.
     pub fn time_s(&self) -> f64 {
         self.steps as f64 * self.step_s
     }

@@ -46,7 +46,6 @@ pub(crate) trait Adapter: Send {
     fn garble(&mut self, bytes: &[u8]);
 }
 
-/// An slcan adapter.
 pub(crate) struct SlcanAdapter {
     port: HostPort,
     lines: Lines,
@@ -55,7 +54,7 @@ pub(crate) struct SlcanAdapter {
     /// Bits a second of the bus, and of the adapter.
     bus_bitrate: u32,
     bitrate: u32,
-    /// Frames that wait because nobody acknowledges them.
+    /// Frames that wait because no node acknowledges them.
     waiting: usize,
 }
 

@@ -20,7 +20,7 @@ use crate::can::net::CanDevice;
 #[derive(Debug)]
 pub(crate) struct MitMotor {
     core: MotorCore,
-    /// `None` for CubeMars.
+    /// `None` for a CubeMars motor.
     registers: Option<[[u8; 4]; REGISTER_COUNT]>,
 }
 

@@ -156,7 +156,6 @@ impl MotorCore {
         }
     }
 
-    /// Torque off.
     pub fn disable(&mut self) {
         self.enabled = false;
         self.command = None;
@@ -168,7 +167,6 @@ impl MotorCore {
         self.fault = None;
     }
 
-    /// Restarts the time-out.
     pub fn feed(&mut self) {
         self.silent_s = 0.0;
     }

@@ -21,8 +21,8 @@ pub enum WireFault {
     Duplicate,
     /// Random bytes arrive before the reply.
     Noise,
-    /// The host hears its own instruction before the reply, as on adapters
-    /// without direction control.
+    /// The host receives its own instruction before the reply, as on adapters
+    /// that do not control the direction.
     Echo,
     /// One bit of the host's instruction is flipped on its way to the servos.
     CorruptInstruction,
@@ -47,7 +47,7 @@ pub enum ServoFault {
     Overload,
     /// Its supply changes, volts.
     Supply(f64),
-    /// Somebody turns the limp joint by hand, to this many radians.
+    /// The limp joint is turned by hand, to this many radians.
     Moved(f64),
     /// It is set to another rate than the bus: it receives garbage and stays silent.
     Baud(u32),

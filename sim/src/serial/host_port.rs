@@ -20,20 +20,16 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 /// What the host said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heard {
-    /// So many bytes.
     Bytes(usize),
-    /// Nothing now.
     Nothing,
     /// There is no host: nobody has the other end open.
     Nobody,
 }
 
-/// Our end.
 #[derive(Debug)]
 pub enum HostPort {
     /// Of a pseudo-terminal that does not block.
     Terminal(OwnedFd),
-    /// Of a socket.
     Socket {
         /// Where hosts come in.
         listener: UnixListener,

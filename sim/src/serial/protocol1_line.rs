@@ -134,7 +134,6 @@ impl Protocol1Line {
     }
 }
 
-/// A status packet.
 fn answer(id: u8, status: u8, params: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0xFF, 0xFF, id, params.len() as u8 + 2, status];
     bytes.extend(params);

@@ -7,13 +7,11 @@ use crate::servo::body::{Body, SimServoState};
 
 /// What a line needs of each of its servos.
 pub trait Device {
-    /// Its body.
     fn body(&self) -> &Body;
 
     /// Its body, to be changed.
     fn body_mut(&mut self) -> &mut Body;
 
-    /// Its id.
     fn id(&self) -> u8;
 
     /// The rate at which it hears and answers, bits a second.
@@ -73,7 +71,6 @@ impl<S: Device> Roster<S> {
         heard.map(|(index, _)| index).collect()
     }
 
-    /// All who listen.
     pub fn listeners(&self) -> Vec<usize> {
         let servos = self.servos.iter().enumerate();
         let heard = servos.filter(|(_, servo)| self.hears(servo));

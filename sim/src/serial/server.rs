@@ -23,7 +23,6 @@ const ATTENTIVE: Duration = Duration::from_micros(80);
 /// Being woken up is in it.
 const PROMPT: Duration = Duration::from_micros(400);
 
-/// Serves one line.
 pub(crate) struct SerialServer {
     shared: Arc<Shared>,
     port: HostPort,

@@ -10,7 +10,7 @@ use crate::servo::spec::SimServoSpec;
 /// What a servo really does, whatever it says on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SimServoState {
-    /// Simulated time, seconds.
+    /// Simulated time since the start, seconds.
     pub time_s: f64,
     /// True joint position, radians.
     pub position_rad: f64,
@@ -20,9 +20,9 @@ pub struct SimServoState {
     pub goal_rad: f64,
     /// Motor current towards higher joint positions, amperes.
     pub current_a: f64,
-    /// Winding temperature, Celsius.
+    /// Temperature of the winding, Celsius.
     pub temperature_c: f64,
-    /// Whether it drives.
+    /// Whether torque is on.
     pub torque_enabled: bool,
     /// Whether its bus watchdog has tripped.
     pub watchdog_tripped: bool,

@@ -23,7 +23,7 @@ const OVERLOAD_SHARE: f64 = 0.8;
 /// The error of an instruction whose value is beyond a limit.
 const ANGLE_LIMIT: u8 = 1 << 1;
 
-/// One servo.
+/// One servo whose firmware keeps plain bytes.
 #[derive(Clone, Debug)]
 pub struct ByteServo {
     model: &'static ServoModel,

@@ -32,7 +32,7 @@ const FRICTION_SHARE: f64 = 0.01;
 /// Kelvin a watt and seconds of the winding: a stall overheats in about a minute.
 const THERMAL_K_PER_W: f64 = 4.0;
 const THERMAL_TIME_S: f64 = 60.0;
-/// Room temperature, Celsius.
+/// Temperature of the room, Celsius.
 pub const AMBIENT_C: f64 = 25.0;
 
 /// One motor with its gear and load.
@@ -54,7 +54,6 @@ pub struct Motor {
     pub speed_rad_s: f64,
     /// Current, amperes, positive towards higher angles.
     pub current_a: f64,
-    /// Winding temperature, Celsius.
     pub temperature_c: f64,
     /// Something holds the shaft: it cannot move.
     pub jammed: bool,

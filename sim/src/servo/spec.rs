@@ -11,7 +11,7 @@ use crate::error::SimError;
 pub struct SimServoSpec {
     /// The joint's name, for messages.
     pub name: String,
-    /// Bus id.
+    /// The id on its bus.
     pub id: u8,
     /// What the servo is. The number of a [`ServoModel`].
     pub model_number: u16,

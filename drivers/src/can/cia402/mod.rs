@@ -36,7 +36,6 @@ use self::registers::{
     STATUS, SYNC, SdoObject, TARGET, TORQUE, TPDO, TPDO_PARAMETERS, UPLOAD, download, mapped,
 };
 
-/// Our node id.
 const HOST: u32 = 127;
 /// Device profile in the low word of object 1000.
 const PROFILE: u32 = 402;
@@ -53,7 +52,6 @@ const LADDER: [(u32, u16, &str); 3] = [
 
 static MODELS: [ServoModel; 1] = [drive("CiA402", BusKind::Cia402)];
 
-/// CiA 402 drives.
 pub(crate) struct Cia402;
 
 fn sdo(servo: &Servo, command: u8, object: SdoObject, value: [u8; 4]) -> CanFrame {
@@ -231,7 +229,7 @@ impl CanFamily for Cia402 {
         let Some(motor) = &servo.motor else {
             return Ok(());
         };
-        // The drive begins to watch with the first heartbeat it hears.
+        // The drive begins to watch with the first heartbeat that it receives.
         client.send(&[heartbeat(), nmt(&servo, NMT_START)], "torque on")?;
         let hold = target_counts(&servo, motor, servo.joint_rad(motor_rad));
         set(client, TARGET, hold as u32)?;

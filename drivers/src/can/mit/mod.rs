@@ -41,7 +41,6 @@ use self::registers::{
     damiao_fault,
 };
 
-/// CubeMars and Damiao motors.
 pub(crate) struct Mit;
 
 fn settings(servo: &Servo) -> Option<&MotorSettings> {

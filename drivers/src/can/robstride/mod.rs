@@ -29,7 +29,6 @@ use self::registers::{
 /// Supply that the motors accept.
 const VOLTAGE_V: std::ops::RangeInclusive<f64> = 15.0..=60.0;
 
-/// RobStride motors.
 pub(crate) struct Robstride;
 
 fn frame(message: u32, data16: u32, servo: &Servo, data: &[u8; 8]) -> CanFrame {
@@ -216,8 +215,8 @@ impl CanFamily for Robstride {
             .iter()
             .position(|servo| u32::from(servo.id) == motor)?;
         let servo = &servos[index];
-        if let Some(heard) = parse_feedback(servo, frame) {
-            status[index] = heard;
+        if let Some(report) = parse_feedback(servo, frame) {
+            status[index] = report;
             return Some(index);
         }
         let (kind, _, data) = from_motor(servo, frame)?;

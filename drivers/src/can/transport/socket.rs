@@ -36,10 +36,8 @@ const REPORTED: u32 = CAN_ERR_BUSOFF
     | CAN_ERR_ACK
     | CAN_ERR_BUSERROR
     | CAN_ERR_TX_TIMEOUT;
-/// `ARPHRD_CAN`, the type of a CAN interface.
-const CAN_TYPE: &str = "280";
-/// `IFF_UP`.
-const UP: u32 = 1;
+const CAN_TYPE: &str = "280"; // ARPHRD_CAN
+const UP: u32 = 1; // IFF_UP
 
 /// A raw socket on a CAN interface of the system.
 #[derive(Debug)]

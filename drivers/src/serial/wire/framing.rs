@@ -6,7 +6,7 @@ use crate::serial::wire::{protocol1, protocol2};
 /// Which framing a bus has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Framing {
-    /// Dynamixel Protocol 2.0.
+    /// Dynamixel Protocol 2.0: 16-bit addresses, a CRC.
     #[default]
     Protocol2,
     /// Dynamixel Protocol 1 framing, which Feetech servos speak.

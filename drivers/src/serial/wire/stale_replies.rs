@@ -61,8 +61,7 @@ impl StaleReplies {
         });
     }
 
-    /// How many answers to other requests may come and would pass for that of
-    /// this one.
+    /// How many answers to other requests may come and would pass for that of this one.
     pub fn mistakable(&self, request: &ServoRequest) -> usize {
         let others = self.unanswered.iter().filter(|other| !other.is(request));
         others

@@ -12,11 +12,9 @@ use std::time::Duration;
 
 use serialport::{ClearBuffer, SerialPort};
 
-/// An open adapter.
 pub enum PortStream {
     /// A serial port, ours alone.
     Serial(Box<dyn SerialPort>),
-    /// A connection.
     #[cfg(unix)]
     Socket(socket::Socket),
 }

@@ -8,7 +8,7 @@ use super::figures::StageBenchReport;
 use super::spread::{HOP_S, Together, Track, settled, windows};
 use super::{StageTrial, TrialTimes};
 use anyhow::Context;
-use servodance_runtime::follow::Followed;
+use servodance_runtime::offline::motion_tracking::Followed;
 use servodance_runtime::stage::FollowReport;
 use std::path::Path;
 

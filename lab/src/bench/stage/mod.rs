@@ -27,9 +27,9 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use relay::{LinkFault, Relay};
 use servodance_drivers::BusLayout;
-use servodance_runtime::progress::Progress;
+use servodance_runtime::offline::song_file::write_demo_for;
+use servodance_runtime::process::progress::Progress;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::song::write_demo_for;
 use servodance_runtime::stage::shared_s;
 use site::Site;
 use std::net::TcpStream;
@@ -329,7 +329,7 @@ fn patience(robot: &Robot) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servodance_runtime::robot_file::Overrides;
+    use servodance_runtime::robot::Overrides;
 
     #[test]
     fn every_built_in_robot_can_be_patient() {

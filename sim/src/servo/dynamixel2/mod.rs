@@ -35,12 +35,11 @@ const REBOOT_S: f64 = 0.3;
 const OVERLOAD_S: f64 = 2.0;
 /// ... and stall is this share of the stall torque.
 const OVERLOAD_SHARE: f64 = 0.8;
-/// Hardware error bits.
 const VOLTAGE_ERROR: i64 = 1;
 const OVERHEAT_ERROR: i64 = 1 << 2;
 const OVERLOAD_ERROR: i64 = 1 << 5;
 
-/// One servo.
+/// One servo with the firmware of the X series.
 #[derive(Clone, Debug)]
 pub struct XServo {
     model: &'static ServoModel,
@@ -284,7 +283,6 @@ impl XServo {
         }
     }
 
-    /// Shutdown conditions.
     fn protect(&mut self, dt_s: f64) {
         let stall_a = self.model.sheet.stall_current_a * OVERLOAD_SHARE;
         let pushes_hard = self.body.motor.current_a.abs() > stall_a;

@@ -29,7 +29,6 @@ const RAM: u16 = 64;
 /// One past the last address.
 const END: u16 = 662;
 
-/// One field.
 #[derive(Clone, Copy, Debug)]
 struct Field {
     register: Register,
