@@ -15,12 +15,10 @@ use servodance_sim::{BusBench, bench_bus};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// The rates at which jitter is measured.
 const PACES_HZ: [u32; 3] = [100, 250, 500];
 /// How late a reply may be, and how long the host silent, before the run fails.
 const PATIENCE_MS: f64 = 500.0;
 const LONGEST_WATCHDOG_MS: u32 = 2540;
-/// How long each run lasts.
 const RUN_S: f64 = 3.0;
 
 /// The rates that a robot's buses reach on this machine.
@@ -41,7 +39,6 @@ pub struct BusBenchReport {
     pub kernel_us_per_cycle: f64,
     /// How late cycles began, 99th percentile, microseconds, at the robot's own rate.
     pub jitter_us_p99: f64,
-    /// The same at other rates.
     pub jitter_us_p99_at_hz: BTreeMap<u32, Option<f64>>,
     /// How many servos were on the buses then: all, or as many as the wires carry.
     pub jitter_servos_at_hz: BTreeMap<u32, usize>,
@@ -66,7 +63,6 @@ pub struct BusRate {
     pub wire_limit_hz: f64,
     /// Processor time of the driver for one cycle, microseconds.
     pub cpu_us_per_cycle: f64,
-    /// How much of that the kernel took.
     pub kernel_us_per_cycle: f64,
 }
 

@@ -72,7 +72,6 @@ pub struct ClickTestReport {
     pub delays: Delays,
 }
 
-/// Something that happened to one music frame.
 struct Reflex {
     frame: MotionFrame,
     /// When the frame was heard, if it is the one of a click.

@@ -16,7 +16,6 @@ use servodance_types::{FRAME_RATE_HZ, MotionFrame};
 
 use servodance_runtime::robot::Robot;
 
-/// Identical runs of which medians are taken.
 const PASSES: usize = 5;
 /// Tempo and seed of the dance that is used when no motion is given.
 const BEAT_S: f64 = 0.5;

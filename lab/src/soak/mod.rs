@@ -39,7 +39,6 @@ const WARM_UP_SHARE: f64 = 0.25;
 /// Causes of stops that are kept in words.
 const CAUSES: usize = 20;
 
-/// What is soaked, and for how long.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // the other names say it
 pub struct Soak {
@@ -63,7 +62,6 @@ pub struct FaultTally {
     pub stopped: u64,
 }
 
-/// A dance that a simulated fault ended.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[allow(missing_docs)] // the other names say it
 pub struct FaultStop {
@@ -81,9 +79,7 @@ pub struct FaultStop {
 pub struct SoakReport {
     /// Whether all was as it must be.
     pub passed: bool,
-    /// Why not, a line each.
     pub objections: Vec<String>,
-    /// Whether somebody ended it early.
     pub interrupted: bool,
     pub version: &'static str,
     pub robot: String,
@@ -94,7 +90,6 @@ pub struct SoakReport {
     pub finished: u64,
     /// What became of the faults, by their names.
     pub faults: BTreeMap<&'static str, FaultTally>,
-    /// What ended dances, the first of them.
     pub stopped_by: Vec<FaultStop>,
     pub violations: ViolationReport,
     /// Control cycles without the motion that they needed.

@@ -45,7 +45,6 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    /// Nothing has passed yet; time begins now.
     pub fn new(
         world: World,
         faults: FaultyWire,
@@ -77,7 +76,6 @@ impl Shared {
         world
     }
 
-    /// The world as it was left last.
     pub fn world_as_it_is(&self) -> MutexGuard<'_, World> {
         self.world.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -9,7 +9,6 @@ use crate::servo::body::{Body, SimServoState};
 pub trait Device {
     fn body(&self) -> &Body;
 
-    /// Its body, to be changed.
     fn body_mut(&mut self) -> &mut Body;
 
     fn id(&self) -> u8;
@@ -17,13 +16,10 @@ pub trait Device {
     /// The rate at which it hears and answers, bits a second.
     fn baud(&self) -> u32;
 
-    /// One step of firmware and motor.
     fn step(&mut self, dt_s: f64);
 
-    /// What it really does.
     fn state(&self) -> SimServoState;
 
-    /// Something goes wrong with it.
     fn suffer(&mut self, fault: ServoFault);
 }
 
@@ -33,7 +29,6 @@ pub struct Roster<S> {
     pub servos: Vec<S>,
     pub packets_in: u64,
     pub bad_packets: u64,
-    /// Resistance of the supply line, ohms.
     supply_ohm: f64,
     /// The rate of the line, and the one at which the host speaks.
     line_baud: u32,

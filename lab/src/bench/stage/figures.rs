@@ -56,7 +56,6 @@ pub struct StageBenchReport {
     pub cycle_late_ms_max: f64,
     /// Processor time of a follower's program with its simulated servos, cores: mean.
     pub cpu_cores: f64,
-    /// The same of the hungriest.
     pub cpu_cores_max: f64,
 }
 
