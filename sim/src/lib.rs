@@ -46,7 +46,6 @@ pub mod can;
 mod error;
 mod fault;
 mod judge;
-mod script;
 mod serial;
 mod servo;
 
@@ -55,16 +54,13 @@ pub use bus::line::{Burst, Line};
 pub use bus::options::{SimClock, SimLink, SimOptions};
 pub use bus::{SimBus, WireStats};
 pub use error::SimError;
+pub use fault::script::{Cue, Happening, happen, parse_script};
 pub use fault::{ServoFault, WireFault};
 pub use judge::Violations;
-pub use script::{Cue, Happening, happen, parse_script};
 pub use serial::protocol1_line::Protocol1Line;
 pub use serial::protocol2_line::Protocol2Line;
-pub use serial::protocol2_packet::{
-    BROADCAST, Instruction, Parsed, Parser, crc16, fast_status, status,
-};
+pub use serial::protocol2_packet::status;
 pub use servo::body::SimServoState;
 pub use servo::byte_servo::ByteServo;
 pub use servo::dynamixel2::XServo;
-pub use servo::dynamixel2::table::{AccessError, Table};
 pub use servo::spec::SimServoSpec;

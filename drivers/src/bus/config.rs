@@ -123,8 +123,8 @@ impl BusConfig {
 
 /// Reads `[bus]` or several `[[bus]]`.
 pub fn one_or_several<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<BusConfig>, D::Error> {
-    struct Buses;
-    impl<'de> Visitor<'de> for Buses {
+    struct BusTables;
+    impl<'de> Visitor<'de> for BusTables {
         type Value = Vec<BusConfig>;
 
         fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
@@ -141,5 +141,5 @@ pub fn one_or_several<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<BusConfi
             Vec::deserialize(SeqAccessDeserializer::new(tables))
         }
     }
-    from.deserialize_any(Buses)
+    from.deserialize_any(BusTables)
 }

@@ -36,12 +36,12 @@ pub struct SerialBus {
     pub(super) present: Vec<u8>,
     own_limits: Vec<Option<OwnLimits>>,
     /// The servo that is being taken back, and how far that is.
-    pub(super) returning: Option<(usize, Step)>,
+    pub(super) returning: Option<(usize, RejoinStep)>,
 }
 
 /// How far the return of a lost servo is: see `rejoin.rs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Step {
+pub(super) enum RejoinStep {
     Find,
     FindRebooted,
     Check,

@@ -11,7 +11,7 @@ use crate::error::BusResult;
 use crate::serial::client::ServoClient;
 use crate::serial::memory::Firmware;
 use crate::serial::register::Register;
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, Present, Registers};
+use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
 use crate::serial::wire::framing::Framing;
 use crate::servo::Servo;
 use crate::servo::model::ServoModel;
@@ -43,7 +43,7 @@ pub trait ServoFamily: Sync {
     fn cycle_bytes(&self, servos: &[Servo]) -> CycleBytes;
 
     /// What the present registers say.
-    fn parse(&self, bytes: &[u8]) -> Present;
+    fn parse(&self, bytes: &[u8]) -> PresentState;
 
     /// The position register as a number of ticks.
     fn ticks(&self, raw: u64) -> i32 {

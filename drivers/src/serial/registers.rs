@@ -47,7 +47,7 @@ impl ServiceRegisters {
 
 /// What the present registers say, in the servo's units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Present {
+pub struct PresentState {
     /// The position in encoder ticks.
     pub ticks: i32,
     /// The velocity with its sign.

@@ -128,11 +128,6 @@ impl SerialScanner {
         })
     }
 
-    /// What keeps the adapter slow, if anything does.
-    pub fn latency_note(&self) -> Option<String> {
-        self.port.latency_note()
-    }
-
     /// Everyone who answers, by id. Protocol 2.0 is asked with one broadcast; if answers came
     /// damaged (an id given twice), and in Protocol 1, every id is asked by itself.
     pub fn everyone(&mut self) -> BusResult<Vec<FoundServo>> {

@@ -26,7 +26,7 @@ pub(crate) struct Traffic {
 
 /// What the thread and its owner share.
 #[derive(Debug)]
-pub(crate) struct Shared {
+pub(crate) struct BusShared {
     world: Mutex<World>,
     wire: Mutex<Traffic>,
     faults: Mutex<FaultyWire>,
@@ -44,7 +44,8 @@ pub(crate) struct Shared {
     pub adapter_s: f64,
 }
 
-impl Shared {
+impl BusShared {
+    /// Nothing has passed yet; time begins now.
     pub fn new(
         world: World,
         faults: FaultyWire,
@@ -76,6 +77,7 @@ impl Shared {
         world
     }
 
+    /// The world as it was left last.
     pub fn world_as_it_is(&self) -> MutexGuard<'_, World> {
         self.world.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -125,7 +127,7 @@ impl Shared {
     }
 }
 
-impl servodance_drivers::FarEnd for Shared {
+impl servodance_drivers::FarEnd for BusShared {
     fn is_idle(&self) -> bool {
         let watched = self.watched();
         // In this order: what has been read is carried out while `busy` is set.
@@ -143,7 +145,7 @@ fn has_unread(fd: &OwnedFd) -> bool {
 }
 
 /// The thread reads no more, even if it panicked: nothing is waited for.
-pub(crate) struct Gone(pub Arc<Shared>);
+pub(crate) struct Gone(pub Arc<BusShared>);
 
 impl Drop for Gone {
     fn drop(&mut self) {

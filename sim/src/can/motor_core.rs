@@ -10,7 +10,7 @@ use servodance_drivers::can::MotorSettings;
 use crate::error::SimError;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::servo::body::{Body, SimServoState};
+use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
 
@@ -46,7 +46,7 @@ pub(crate) struct TorqueCommand {
 #[derive(Clone, Debug)]
 pub(crate) struct MotorCore {
     pub settings: MotorSettings,
-    body: Body,
+    body: ServoBody,
     nominal_v: f64,
     pub id: u8,
     enabled: bool,
@@ -87,7 +87,7 @@ impl MotorCore {
         let motor = Motor::with_inertia(&sheet, inertia).with_backlash(spec.backlash_rad);
         let judge = Judge::new(&spec.name, spec.limits, period_s);
         Ok(Self {
-            body: Body::new(spec, motor, judge, supply_v.unwrap_or(nominal_v)),
+            body: ServoBody::new(spec, motor, judge, supply_v.unwrap_or(nominal_v)),
             nominal_v,
             id: spec.id,
             enabled: false,

@@ -4,6 +4,7 @@
 //! that a run in lockstep can be repeated.
 
 pub(crate) mod random;
+pub(crate) mod script;
 pub(crate) mod wire;
 
 /// A fault of the wire: something that happens to replies or instructions.

@@ -10,7 +10,7 @@ use crate::bus::line::{Burst, Line};
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::serial::protocol2_packet::BROADCAST;
-use crate::serial::roster::{Device, Roster, collided};
+use crate::serial::roster::{LineServo, Roster, collided};
 use crate::servo::body::SimServoState;
 use crate::servo::byte_servo::ByteServo;
 

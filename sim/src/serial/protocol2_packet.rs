@@ -83,11 +83,6 @@ impl Parser {
         })
     }
 
-    /// Forgets a frame begun: the line was silent for too long.
-    pub fn clear(&mut self) {
-        self.buffer.clear();
-    }
-
     /// Drops bytes until the rest is, or may become, a header.
     fn resync(&mut self) {
         let fits = |rest: &[u8]| {

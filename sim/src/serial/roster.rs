@@ -3,23 +3,27 @@
 use crate::bus::line::Burst;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::servo::body::{Body, SimServoState};
+use crate::servo::body::{ServoBody, SimServoState};
 
 /// What a line needs of each of its servos.
-pub trait Device {
-    fn body(&self) -> &Body;
+pub trait LineServo {
+    fn body(&self) -> &ServoBody;
 
-    fn body_mut(&mut self) -> &mut Body;
+    /// Its body, to be changed.
+    fn body_mut(&mut self) -> &mut ServoBody;
 
     fn id(&self) -> u8;
 
     /// The rate at which it hears and answers, bits a second.
     fn baud(&self) -> u32;
 
+    /// One step of firmware and motor.
     fn step(&mut self, dt_s: f64);
 
+    /// What it really does.
     fn state(&self) -> SimServoState;
 
+    /// Something goes wrong with it.
     fn suffer(&mut self, fault: ServoFault);
 }
 
@@ -29,13 +33,14 @@ pub struct Roster<S> {
     pub servos: Vec<S>,
     pub packets_in: u64,
     pub bad_packets: u64,
+    /// Resistance of the supply line, ohms.
     supply_ohm: f64,
     /// The rate of the line, and the one at which the host speaks.
     line_baud: u32,
     baud: u32,
 }
 
-impl<S: Device> Roster<S> {
+impl<S: LineServo> Roster<S> {
     pub fn new(servos: Vec<S>, supply_ohm: f64, line_baud: u32) -> Self {
         Self {
             servos,
@@ -100,7 +105,7 @@ impl<S: Device> Roster<S> {
     }
 
     pub fn state(&self, index: usize) -> Option<SimServoState> {
-        self.servos.get(index).map(Device::state)
+        self.servos.get(index).map(LineServo::state)
     }
 
     pub fn suffer(&mut self, index: usize, fault: ServoFault) -> bool {

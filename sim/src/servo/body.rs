@@ -33,7 +33,7 @@ pub struct SimServoState {
 }
 
 #[derive(Clone, Debug)]
-pub struct Body {
+pub struct ServoBody {
     spec: SimServoSpec,
     pub motor: Motor,
     pub judge: Judge,
@@ -45,7 +45,7 @@ pub struct Body {
     stalled_s: f64,
 }
 
-impl Body {
+impl ServoBody {
     /// A body at rest where the spec says, on a supply.
     pub fn new(spec: &SimServoSpec, motor: Motor, judge: Judge, supply_v: f64) -> Self {
         Self {

@@ -12,8 +12,8 @@ use servodance_drivers::serial::{ByteMemory, Register, ServiceRegisters, sign_ma
 
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::serial::roster::Device;
-use crate::servo::body::{Body, SimServoState};
+use crate::serial::roster::LineServo;
+use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::{FULL_PWM_ERROR_RAD, Motor};
 use crate::servo::spec::SimServoSpec;
 
@@ -34,7 +34,7 @@ pub struct ByteServo {
     flags: u8,
     /// As it was written last: reading that register may give something else.
     goal: u16,
-    body: Body,
+    body: ServoBody,
     duty: f64,
     trajectory_ticks: f64,
     registered: Option<(u8, Vec<u8>)>,
@@ -60,7 +60,7 @@ impl ByteServo {
             memory: vec![0; layout.size],
             flags: 0,
             goal: 0,
-            body: Body::new(spec, motor, judge, supply_v),
+            body: ServoBody::new(spec, motor, judge, supply_v),
             model,
             duty: 0.0,
             trajectory_ticks: 0.0,
@@ -372,12 +372,12 @@ impl ByteServo {
     }
 }
 
-impl Device for ByteServo {
-    fn body(&self) -> &Body {
+impl LineServo for ByteServo {
+    fn body(&self) -> &ServoBody {
         &self.body
     }
 
-    fn body_mut(&mut self) -> &mut Body {
+    fn body_mut(&mut self) -> &mut ServoBody {
         &mut self.body
     }
 

@@ -22,8 +22,8 @@ use crate::servo::Servo;
 use crate::servo::model::ServoModel;
 
 use self::registers::{
-    BUS_VOLTAGE, HOST, MODE, Parameter, RUNNING, TIMEOUT, TIMEOUT_UNITS_PER_MS, TORQUE_LIMIT, id,
-    message,
+    BUS_VOLTAGE, HOST, MODE, MotorParameter, RUNNING, TIMEOUT, TIMEOUT_UNITS_PER_MS, TORQUE_LIMIT,
+    id, message,
 };
 
 const VOLTAGE_V: std::ops::RangeInclusive<f64> = 15.0..=60.0;
@@ -73,7 +73,7 @@ fn parse_feedback(servo: &Servo, frame: &CanFrame) -> Option<MotorStatus> {
     })
 }
 
-fn read(client: &mut MotorClient, at: Parameter) -> Result<[u8; 4], BusError> {
+fn read(client: &mut MotorClient, at: MotorParameter) -> Result<[u8; 4], BusError> {
     let [low, high] = at.0.to_le_bytes();
     let request = frame(
         message::READ,
@@ -95,7 +95,7 @@ fn read(client: &mut MotorClient, at: Parameter) -> Result<[u8; 4], BusError> {
 }
 
 /// Writes a parameter; the motor answers with a feedback.
-fn write(client: &mut MotorClient, at: Parameter, value: [u8; 4]) -> Result<(), BusError> {
+fn write(client: &mut MotorClient, at: MotorParameter, value: [u8; 4]) -> Result<(), BusError> {
     let [low, high] = at.0.to_le_bytes();
     let [a, b, c, d] = value;
     let write = frame(
@@ -110,7 +110,7 @@ fn write(client: &mut MotorClient, at: Parameter, value: [u8; 4]) -> Result<(), 
 }
 
 /// Writes a whole number and reads it back.
-fn set(client: &mut MotorClient, at: Parameter, value: u32) -> Result<(), BusError> {
+fn set(client: &mut MotorClient, at: MotorParameter, value: u32) -> Result<(), BusError> {
     write(client, at, value.to_le_bytes())?;
     let actual = u32::from_le_bytes(read(client, at)?);
     client.verify(at.1, actual, value)

@@ -4,7 +4,7 @@ use std::io::{self, ErrorKind};
 use std::time::{Duration, Instant};
 
 use crate::can::exchange::MOST_OVERDUE;
-use crate::can::transport::{CanFault, CanFrame, CanLink, LinkEvent, Sent};
+use crate::can::transport::{CanEvent, CanFault, CanFrame, CanLink, Sent};
 
 pub(crate) const IDS: std::ops::RangeInclusive<u8> = 1..=127;
 /// So many requests go out together: less than what a transmit queue holds.
@@ -108,13 +108,13 @@ impl ScanLink {
         let mut overdue = 0;
         while overdue < MOST_OVERDUE {
             match self.link.receive(deadline)? {
-                LinkEvent::Frame(frame) => take(&frame),
-                LinkEvent::Fault(CanFault::BusOff) => {
+                CanEvent::Frame(frame) => take(&frame),
+                CanEvent::Fault(CanFault::BusOff) => {
                     let reason = "bus-off: another bitrate, or nobody there?";
                     return Err(io::Error::new(ErrorKind::ConnectionAborted, reason));
                 }
-                LinkEvent::Fault(_) => {}
-                LinkEvent::Nothing => return Ok(()),
+                CanEvent::Fault(_) => {}
+                CanEvent::Nothing => return Ok(()),
             }
             overdue += u32::from(Instant::now() >= deadline);
         }

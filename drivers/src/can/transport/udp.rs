@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use socket2::{Domain, Protocol, Socket, Type};
 
 use super::frame::CanFrame;
-use super::link::{CanFault, CanLink, LinkEvent, Sent};
+use super::link::{CanEvent, CanFault, CanLink, Sent};
 
 const LONGEST: usize = 512;
 const MOST_ENTRIES: usize = 16;
@@ -105,7 +105,7 @@ impl<'a> MsgpackReader<'a> {
 }
 
 /// The frame of a datagram, or the error that a controller reports with it.
-pub fn decode(datagram: &[u8]) -> Option<LinkEvent> {
+pub fn decode(datagram: &[u8]) -> Option<CanEvent> {
     let mut reader = MsgpackReader(datagram);
     let entries = reader
         .map_entries()
@@ -128,7 +128,7 @@ pub fn decode(datagram: &[u8]) -> Option<LinkEvent> {
         }
     }
     if error {
-        return Some(LinkEvent::Fault(CanFault::Error));
+        return Some(CanEvent::Fault(CanFault::Error));
     }
     let id = u32::try_from(id?).ok()?;
     let data = data.unwrap_or_default();
@@ -139,7 +139,7 @@ pub fn decode(datagram: &[u8]) -> Option<LinkEvent> {
         true => CanFrame::from_parts(id, extended, Some(dlc as u8), &[]),
         false => CanFrame::from_parts(id, extended, None, data),
     };
-    frame.map(LinkEvent::Frame)
+    frame.map(CanEvent::Frame)
 }
 
 /// A member of a multicast group that is a CAN bus.
@@ -199,7 +199,7 @@ impl CanLink for UdpLink {
         }
     }
 
-    fn receive(&mut self, deadline: Instant) -> io::Result<LinkEvent> {
+    fn receive(&mut self, deadline: Instant) -> io::Result<CanEvent> {
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             self.receiver.set_nonblocking(left.is_zero())?;
@@ -219,7 +219,7 @@ impl CanLink for UdpLink {
                     if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) =>
                 {
                     if left.is_zero() {
-                        return Ok(LinkEvent::Nothing);
+                        return Ok(CanEvent::Nothing);
                     }
                 }
                 Err(error) => return Err(error),
@@ -241,7 +241,7 @@ mod tests {
         ] {
             let mut datagram = Vec::new();
             encode(&frame, &mut datagram);
-            assert_eq!(decode(&datagram), Some(LinkEvent::Frame(frame)));
+            assert_eq!(decode(&datagram), Some(CanEvent::Frame(frame)));
             for cut in 0..datagram.len() {
                 let kept = decode(&datagram[..cut]);
                 assert_eq!(kept, None, "cut at {cut}");
@@ -270,7 +270,7 @@ mod tests {
         put(out, "bitrate_switch", &[0xC2]);
         put(out, "error_state_indicator", &[0xC2]);
         let frame = CanFrame::standard(0x123, &[1, 2]);
-        assert_eq!(decode(&datagram), Some(LinkEvent::Frame(frame)));
+        assert_eq!(decode(&datagram), Some(CanEvent::Frame(frame)));
     }
 
     #[test]

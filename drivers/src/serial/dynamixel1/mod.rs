@@ -17,7 +17,7 @@ use crate::serial::client::ServoClient;
 use crate::serial::family::ServoFamily;
 use crate::serial::memory::Firmware;
 use crate::serial::register::{Register, names_of, sign_magnitude};
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, Present, Registers};
+use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
 use crate::serial::wire::framing::Framing;
 use crate::servo::Servo;
 use crate::servo::model::ServoModel;
@@ -78,11 +78,11 @@ impl ServoFamily for Dynamixel1 {
         CycleBytes { fast, plain }
     }
 
-    fn parse(&self, bytes: &[u8]) -> Present {
+    fn parse(&self, bytes: &[u8]) -> PresentState {
         let &[p0, p1, s0, s1, ..] = bytes else {
-            return Present::default();
+            return PresentState::default();
         };
-        Present {
+        PresentState {
             ticks: i32::from(u16::from_le_bytes([p0, p1])),
             velocity: sign_magnitude(u16::from_le_bytes([s0, s1]), SIGN_BIT),
             current: 0,

@@ -15,7 +15,7 @@ use crate::serial::client::ServoClient;
 use crate::serial::family::ServoFamily;
 use crate::serial::memory::Firmware;
 use crate::serial::register::names_of;
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, Present, Registers};
+use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
 use crate::serial::wire::framing::Framing;
 use crate::serial::wire::port::{Received, bytes_hz};
 use crate::servo::Servo;
@@ -135,11 +135,11 @@ impl ServoFamily for Dynamixel2 {
         cycle_bytes(servos.len())
     }
 
-    fn parse(&self, bytes: &[u8]) -> Present {
+    fn parse(&self, bytes: &[u8]) -> PresentState {
         let &[c0, c1, v0, v1, v2, v3, p0, p1, p2, p3] = bytes else {
-            return Present::default();
+            return PresentState::default();
         };
-        Present {
+        PresentState {
             ticks: i32::from_le_bytes([p0, p1, p2, p3]),
             velocity: i32::from_le_bytes([v0, v1, v2, v3]),
             current: i16::from_le_bytes([c0, c1]),

@@ -18,7 +18,7 @@ use crate::serial::client::ServoClient;
 use crate::serial::family::ServoFamily;
 use crate::serial::memory::Firmware;
 use crate::serial::register::{Register, names_of, sign_magnitude};
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, Present, Registers};
+use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
 use crate::serial::wire::framing::Framing;
 use crate::servo::Servo;
 use crate::servo::model::{DataSheet, ServoModel};
@@ -93,12 +93,12 @@ impl ServoFamily for Feetech {
         }
     }
 
-    fn parse(&self, bytes: &[u8]) -> Present {
+    fn parse(&self, bytes: &[u8]) -> PresentState {
         let word = |at: usize| match bytes.get(at..at + 2) {
             Some(&[low, high]) => sign_magnitude(u16::from_le_bytes([low, high]), SIGN_BIT),
             _ => 0,
         };
-        Present {
+        PresentState {
             ticks: word(0),
             velocity: word(2),
             current: word(13) as i16,

@@ -38,7 +38,7 @@ struct Field {
 
 /// The memory of one servo.
 #[derive(Clone, Debug)]
-pub struct Table {
+pub struct ControlTable {
     memory: Vec<u8>,
     fields: Vec<Field>,
     field_at: Vec<Option<u16>>,
@@ -46,7 +46,7 @@ pub struct Table {
     indirect: &'static [(u16, u16, u16)],
 }
 
-impl Table {
+impl ControlTable {
     /// A table with the model's factory settings.
     pub fn new(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Self {
         let fields = fields(model, id, baud_code, firmware);
@@ -289,8 +289,8 @@ fn pointer(pointers: u16, index: u16) -> Register {
 mod tests {
     use super::*;
 
-    fn table() -> Table {
-        Table::new(ServoModel::from_number(1020).unwrap(), 1, 4, 45)
+    fn table() -> ControlTable {
+        ControlTable::new(ServoModel::from_number(1020).unwrap(), 1, 4, 45)
     }
 
     #[test]
