@@ -139,7 +139,6 @@ fn percentile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     sorted.get(index).copied().unwrap_or(f64::NAN)
 }
 
-/// Processor time of this thread.
 fn thread_cpu_s() -> f64 {
     clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID)
         .map(|time| Duration::from(time).as_secs_f64())
