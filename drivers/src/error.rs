@@ -44,7 +44,6 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// A robot file that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // each field stands in the message above it
 pub enum ConfigError {
@@ -56,7 +55,6 @@ pub enum ConfigError {
         actual: String,
         wanted: String,
     },
-    /// Limits that do not fit together.
     #[error("joint {joint}: {reason}")]
     Limits { joint: String, reason: String },
     /// A name or an id that is already taken.
@@ -121,7 +119,6 @@ pub type BusResult<T> = Result<T, BusError>;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // each field stands in the message above it
 pub enum BusError {
-    /// The port cannot be opened.
     #[error("cannot open {port}: {reason}{choices}")]
     Open {
         port: String,
@@ -135,21 +132,18 @@ pub enum BusError {
         doing: &'static str,
         reason: std::io::Error,
     },
-    /// Servos that stay silent.
     #[error("no answer from {} ({doing}, tried {tries} times)", list(.servos))]
     Silent {
         servos: Vec<ServoId>,
         doing: &'static str,
         tries: u32,
     },
-    /// Only damaged replies came.
     #[error("only corrupt replies from {} ({doing}, tried {tries} times)", list(.servos))]
     Corrupt {
         servos: Vec<ServoId>,
         doing: &'static str,
         tries: u32,
     },
-    /// A servo refused an instruction.
     #[error("{servo} refused {doing}: {refusal}")]
     Refused {
         servo: ServoId,
@@ -164,7 +158,6 @@ pub enum BusError {
         wanted: &'static str,
         number: u16,
     },
-    /// A servo has shut itself down.
     #[error("{servo} reports a hardware error: {flags}")]
     Hardware { servo: ServoId, flags: String },
     /// A register did not keep what was written.
@@ -175,7 +168,6 @@ pub enum BusError {
         wanted: i64,
         actual: i64,
     },
-    /// Something a servo measures forbids torque.
     #[error("{servo}: {what} is {actual}, must be {wanted}")]
     Unfit {
         servo: ServoId,
@@ -190,7 +182,6 @@ pub enum BusError {
         doing: &'static str,
         reason: std::io::Error,
     },
-    /// The CAN controller has left the bus.
     #[error(
         "CAN link {port} is bus-off ({doing}): check wiring, termination and bitrate, \
          then restart the interface"
@@ -202,7 +193,6 @@ pub enum BusError {
          or it is too short (ip link set IFACE txqueuelen 100)"
     )]
     QueueFull { port: String, doing: &'static str },
-    /// A motor refused, in its own words.
     #[error("{servo} refused {doing}: {said}")]
     Said {
         servo: ServoId,

@@ -15,14 +15,12 @@ use crate::can::transport::{CanEvent, CanFault, CanFrame, CanLink, Sent, open_li
 use crate::error::{BusError, ServoId};
 use crate::servo::Servo;
 
-/// The last report of a motor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct MotorStatus {
     /// Its own angle after the gear, radians.
     pub position_rad: f64,
     /// Velocity after the gear, radians a second.
     pub velocity_rad_s: f64,
-    /// Whether torque is on.
     pub active: bool,
     /// The fault that the motor reports, in words.
     pub fault: Option<String>,
@@ -52,7 +50,6 @@ pub(crate) struct CanExchange {
     pub servos: Vec<Servo>,
     pub config: BusConfig,
     pub stats: BusStats,
-    /// How often the transmit queue was full.
     pub queue_full: u64,
     /// Attempts of an exchange; fewer while it is known that motors are silent.
     pub tries: u32,
@@ -71,7 +68,6 @@ const WAKE_EARLY_S: f64 = 200e-6;
 pub(crate) const MOST_OVERDUE: u32 = 1000;
 
 impl CanExchange {
-    /// Takes a link over. Nothing is sent.
     pub fn new(
         link: Box<dyn CanLink>,
         port: &str,
@@ -116,7 +112,6 @@ impl CanExchange {
         Instant::now() + Duration::from_secs_f64(wire_s + self.config.reply_timeout_ms * 1e-3)
     }
 
-    /// The longest frame's time on the wire.
     fn frame_s(&self) -> f64 {
         f64::from(worst_bits(true, 8)) / f64::from(self.config.baud)
     }

@@ -27,7 +27,6 @@ pub struct SafeBus<B: Bus> {
     fresh_s: f64,
     held_since_s: f64,
     hold_asked: bool,
-    /// When the commands last moved on.
     stepped_s: f64,
     /// The servo whose health is read next, and when.
     pub(super) examine: (usize, f64),

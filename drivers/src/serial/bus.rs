@@ -33,7 +33,6 @@ pub struct SerialBus {
     pub(super) client: ServoClient,
     pub(super) family: &'static dyn ServoFamily,
     armed: bool,
-    /// Everyone's present registers from the last read.
     pub(super) present: Vec<u8>,
     own_limits: Vec<Option<OwnLimits>>,
     /// The servo that is being taken back, and how far that is.
@@ -44,7 +43,6 @@ pub struct SerialBus {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RejoinStep {
     Find,
-    /// Rebooted, and not heard of since.
     FindRebooted,
     Check,
     SetUp,
@@ -119,7 +117,6 @@ impl SerialBus {
         Ok(states)
     }
 
-    /// Reads everyone's state, with retries.
     fn read_present(&mut self) -> BusResult<()> {
         self.client.begin_read();
         let damaged = self.client.port.stats.crc_errors;

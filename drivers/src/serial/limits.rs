@@ -8,15 +8,12 @@ use crate::serial::registers::OwnLimits;
 /// Where a servo of Protocol 1 keeps its own limits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LimitRegisters {
-    /// Lowest and highest supply.
     pub volts: (Register, Register),
     pub celsius: Register,
-    /// Lowest and highest goal.
     pub ticks: (Register, Register),
 }
 
 impl LimitRegisters {
-    /// The limits of one servo.
     pub fn read(&self, client: &mut ServoClient, index: usize) -> BusResult<OwnLimits> {
         let mut pair = |(low, high)| Ok((client.read(index, low)?, client.read(index, high)?));
         let tenth_volts = pair(self.volts)?;

@@ -35,7 +35,6 @@ pub use memory::{ByteMemory, Firmware, Protection};
 pub use register::{Register, sign_magnitude};
 pub use registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers, ServiceRegisters};
 
-/// The instruction numbers of both protocols.
 #[allow(missing_docs)] // the vendor's names
 pub mod instruction {
     pub use dynamixel2::instructions::instruction_id::*;

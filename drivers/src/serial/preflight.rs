@@ -55,7 +55,6 @@ impl ServoClient {
         Ok(identity)
     }
 
-    /// Refuses a servo that reports a condition.
     pub(super) fn check_condition(
         &mut self,
         family: &dyn ServoFamily,
@@ -70,7 +69,6 @@ impl ServoClient {
         }
     }
 
-    /// Supply and temperature, with one exchange.
     pub(super) fn measure(
         &mut self,
         family: &dyn ServoFamily,
@@ -84,7 +82,6 @@ impl ServoClient {
         Ok(Some(Measured::new(register, &bytes)))
     }
 
-    /// Refuses another model than the configured one.
     fn check_model(&self, index: usize, number: u16) -> BusResult<()> {
         let wanted = self.servos[index].model;
         if number == wanted.number {

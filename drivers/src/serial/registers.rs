@@ -35,7 +35,6 @@ pub struct ServiceRegisters {
 }
 
 impl ServiceRegisters {
-    /// Supply and temperature as one register.
     pub(crate) fn voltage_and_temperature(&self) -> Register {
         let size = self.voltage.size + self.temperature.size;
         Register::new(
@@ -91,7 +90,6 @@ pub struct OwnLimits {
     pub velocity: Option<u64>,
 }
 
-/// Supply and temperature as measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Measured {
     pub tenth_volts: u64,

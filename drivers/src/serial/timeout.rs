@@ -21,7 +21,6 @@ use crate::serial::client::ServoClient;
 const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
 
 impl ServoClient {
-    /// How often an exchange is tried.
     pub(crate) fn tries(&self) -> u32 {
         self.tries
     }
@@ -31,7 +30,6 @@ impl ServoClient {
         Instant::now() + self.wait(bytes, servos)
     }
 
-    /// How long such a reply may take.
     pub(super) fn wait(&self, bytes: usize, servos: usize) -> Duration {
         self.port.time(self.port.sent() + bytes)
             + LONGEST_RETURN_DELAY * servos as u32

@@ -72,7 +72,6 @@ pub struct ClickTestReport {
     pub delays: Delays,
 }
 
-/// Something that happened to one music frame.
 struct Reflex {
     frame: MotionFrame,
     /// When the frame was heard, if it is the one of a click.
@@ -197,7 +196,6 @@ fn sample(index: u64) -> f32 {
     noise * if loud { 0.8 } else { 1e-3 }
 }
 
-/// The moment of the click before `time_s`.
 fn click_before_s(time_s: f64) -> f64 {
     QUIET_S + ((time_s - QUIET_S) / EVERY_S).floor() * EVERY_S
 }
@@ -236,7 +234,6 @@ impl Raising {
     }
 }
 
-/// Commands and positions over time.
 #[derive(Default)]
 struct Track {
     /// Heard, made, and time of the motion frame.

@@ -186,7 +186,6 @@ impl Soak {
 const IDLES: [IdleStyle; 3] = [IdleStyle::Sway, IdleStyle::Hold, IdleStyle::Rest];
 
 impl SoakReport {
-    /// Takes in what came of one dance.
     fn take(&mut self, round: usize, faults: &[PlannedFault], result: FaultRunResult) {
         self.dances += 1;
         self.music_s += result.music_s;

@@ -10,11 +10,11 @@ use crate::process::console::{stderr_line, stdout_line};
 use crate::robot::Robot;
 use anyhow::bail;
 use servodance_drivers::{Bus, SafeBus, SafetyConfig, Servo, State, open_bus};
-use servodance_types::{Clock, JointState, WallClock};
+use servodance_types::JointState;
 use std::io::BufRead;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How long the joint gets to arrive after its target has.
 const SETTLE_S: f64 = 0.5;
@@ -165,7 +165,7 @@ impl StepInput {
 struct ArmedJoint {
     bus: SafeBus<Box<dyn Bus>>,
     servo: Servo,
-    clock: WallClock,
+    clock: Instant,
     period_s: f64,
     /// How far the target moves in a period.
     step_rad: f64,
@@ -177,8 +177,8 @@ struct ArmedJoint {
 
 impl ArmedJoint {
     fn arm(mut bus: SafeBus<Box<dyn Bus>>, servo: Servo, period_s: f64) -> anyhow::Result<Self> {
-        let clock = WallClock::start();
-        let report = bus.arm(clock.now_s())?;
+        let clock = Instant::now();
+        let report = bus.arm(clock.elapsed().as_secs_f64())?;
         for note in &report.notes {
             stderr_line!("{note}");
         }
@@ -210,7 +210,7 @@ impl ArmedJoint {
     /// Moves until the joint has arrived and no step can come, or `stop`.
     fn follow(&mut self, stop: &AtomicBool, mut input: StepInput) -> anyhow::Result<()> {
         let mut arrived_s = None;
-        let mut due_s = self.clock.now_s();
+        let mut due_s = self.clock.elapsed().as_secs_f64();
         while !stop.load(Ordering::Acquire) {
             let over = match input.next() {
                 Err(()) => true,
@@ -221,7 +221,7 @@ impl ArmedJoint {
                 }
             };
             self.tick()?;
-            let now_s = self.clock.now_s();
+            let now_s = self.clock.elapsed().as_secs_f64();
             // What is told lags what is wanted while the safety layer ramps in.
             if (self.bus.sent_rad()[0] - self.aim_rad).abs() > ARRIVED_RAD {
                 arrived_s = None;
@@ -262,7 +262,7 @@ impl ArmedJoint {
         } else {
             self.target_rad + self.step_rad.copysign(left_rad)
         };
-        let now_s = self.clock.now_s();
+        let now_s = self.clock.elapsed().as_secs_f64();
         self.bus.command(now_s, &[self.target_rad]);
         match self.bus.tick(now_s, &mut self.states)? {
             State::Running => Ok(()),
@@ -271,7 +271,9 @@ impl ArmedJoint {
     }
 
     fn disarm(&mut self) -> anyhow::Result<()> {
-        Ok(self.bus.disarm(self.clock.now_s(), "end of jog")?)
+        Ok(self
+            .bus
+            .disarm(self.clock.elapsed().as_secs_f64(), "end of jog")?)
     }
 }
 

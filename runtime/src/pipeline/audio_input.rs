@@ -8,7 +8,7 @@ use super::microphone::microphone;
 use crate::process::failpoint::{self, FailpointReader};
 use crate::process::speed::Speed;
 use servodance_audio::AudioSource;
-use servodance_audio::capture::{CaptureStats, Notice};
+use servodance_audio::capture::{CaptureEvent, CaptureStats};
 use servodance_audio::song::Song;
 use servodance_audio::source::PcmFormat;
 use std::path::PathBuf;
@@ -94,9 +94,9 @@ impl AudioInput {
     }
 
     /// The next thing about live sound that the user should know.
-    pub fn next_notice(&mut self) -> Option<Notice> {
+    pub fn next_notice(&mut self) -> Option<CaptureEvent> {
         match self {
-            Self::Source(source) => source.next_notice(),
+            Self::Source(source) => source.next_event(),
             Self::BuiltIn { .. } => None,
         }
     }

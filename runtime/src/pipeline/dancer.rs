@@ -9,7 +9,7 @@ use crate::process::failpoint;
 use anyhow::Context;
 use servodance_audio::MusicAnalyzer;
 use servodance_audio::beats::track_offline;
-use servodance_audio::capture::Notice;
+use servodance_audio::capture::CaptureEvent;
 use servodance_audio::source::SHORTEST_S;
 use servodance_model::Dance;
 use servodance_model::conditioning::{Encodec, HeardFrame};
@@ -20,7 +20,7 @@ use std::time::Instant;
 const LIVE_HISTORY_S: f64 = 600.0;
 
 /// Gets what the user should know about live sound.
-pub type OnNotice = Box<dyn FnMut(&Notice) + Send>;
+pub type OnNotice = Box<dyn FnMut(&CaptureEvent) + Send>;
 
 /// Feature extractor and generator on one audio input.
 pub struct Dancer {

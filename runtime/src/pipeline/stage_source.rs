@@ -14,7 +14,8 @@
 #![cfg_attr(not(feature = "stage"), allow(dead_code))]
 
 use super::dance_step::{DanceStep, Polled};
-use servodance_stage::{Due, Playhead, Released};
+use servodance_stage::clock::PlaybackClock;
+use servodance_stage::follower::{PlayoutFrame, PlayoutTime};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -63,7 +64,7 @@ impl LocalClock {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LeaderNow {
     /// Which moment of the motion is due when; `None` while unknown.
-    pub due: Option<Due>,
+    pub due: Option<PlayoutTime>,
     /// There is no leader to follow: idle.
     pub away: bool,
 }
@@ -77,16 +78,16 @@ struct Shown {
 
 /// The control loop's end of the link.
 pub struct StageSource {
-    frames: rtrb::Consumer<Released>,
+    frames: rtrb::Consumer<PlayoutFrame>,
     leader: triple_buffer::Output<LeaderNow>,
     shown: Arc<Shown>,
-    playhead: Playhead,
+    playback: PlaybackClock,
     clock: LocalClock,
 }
 
 /// The network thread's end of the link.
 pub struct StageSink {
-    frames: rtrb::Producer<Released>,
+    frames: rtrb::Producer<PlayoutFrame>,
     leader: triple_buffer::Input<LeaderNow>,
     shown: Arc<Shown>,
 }
@@ -100,7 +101,7 @@ pub fn stage_link(period_s: f64, clock: LocalClock) -> (StageSource, StageSink) 
         frames: consumer,
         leader: output,
         shown: Arc::clone(&shown),
-        playhead: Playhead::new(period_s),
+        playback: PlaybackClock::new(period_s),
         clock,
     };
     let sink = StageSink {
@@ -114,7 +115,7 @@ pub fn stage_link(period_s: f64, clock: LocalClock) -> (StageSource, StageSink) 
 impl StageSource {
     pub(crate) fn poll(&mut self) -> Polled {
         match self.frames.pop() {
-            Ok(Released {
+            Ok(PlayoutFrame {
                 motion,
                 music,
                 posture,
@@ -134,7 +135,7 @@ impl StageSource {
     pub(crate) fn moment_s(&mut self, moment: Instant, hidden: bool) -> f64 {
         let due = self.leader.read().due;
         let due_s = due.map(|due| due.at(self.clock.at(moment)));
-        let shown_s = self.playhead.next(due_s, hidden);
+        let shown_s = self.playback.next(due_s, hidden);
         let bits = shown_s.to_bits();
         self.shown.motion_bits.store(bits, Ordering::Relaxed);
         self.shown.visible.store(!hidden, Ordering::Relaxed);
@@ -144,7 +145,7 @@ impl StageSource {
 
 impl StageSink {
     /// Hands a frame over; `false` if there is no room.
-    pub fn push(&mut self, frame: Released) -> bool {
+    pub fn push(&mut self, frame: PlayoutFrame) -> bool {
         self.frames.push(frame).is_ok()
     }
 
@@ -180,7 +181,7 @@ mod tests {
         let clock = LocalClock::start(-500.0, 1e-3);
         let (mut source, mut sink) = stage_link(0.01, clock);
         let start = clock.zero;
-        let due = Due {
+        let due = PlayoutTime {
             at_ns: clock.at(start),
             motion_s: 7.0,
             rate: 1.0 / 1.001,
@@ -206,7 +207,7 @@ mod tests {
     fn frames_keep_their_order_and_silence_says_why() {
         let (mut source, mut sink) = stage_link(0.01, LocalClock::start(0.0, 0.0));
         assert!(matches!(source.poll(), Polled::Late));
-        let frame = |time_s: f64| Released {
+        let frame = |time_s: f64| PlayoutFrame {
             motion: servodance_types::MotionFrame {
                 time_s,
                 positions: Default::default(),

@@ -23,7 +23,7 @@ use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
 use crate::telemetry::report::DanceReport;
 use crate::viewer::RobotEnd;
 use anyhow::Context;
-use servodance_audio::capture::Notice;
+use servodance_audio::capture::CaptureEvent;
 use servodance_drivers::EStop;
 use servodance_model::net::EngineOptions;
 use servodance_model::{Generator, GeneratorOptions};
@@ -180,7 +180,7 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
         progress.note(&not_allowed.to_string());
     }
     let notes = progress.clone();
-    let on_notice = Box::new(move |notice: &Notice| notes.note(&notice.to_string()));
+    let on_notice = Box::new(move |notice: &CaptureEvent| notes.note(&notice.to_string()));
     let mut dancer = Dancer::new(audio, generator, encodec.as_ref(), on_notice)?;
     let shedding = LoadShedding::default();
     if config.speed == Speed::Realtime {

@@ -18,10 +18,12 @@ use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::viewer::{ViewerEnd, ViewerRequest, ViewerSettings, link};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
-use servodance_stage::keys::Keys;
-use servodance_stage::net::{Ear, Place, Twin, TwinVoice};
-use servodance_stage::wire::{Role, WireError};
-use servodance_stage::{Counters, Follower};
+use servodance_stage::Follower;
+use servodance_stage::follower::DropCounters;
+use servodance_stage::messages::{MessageError, Role};
+use servodance_stage::net::{
+    NetConfig, RedundantPublisher, RedundantSession, StageKeys, Subscription,
+};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -39,7 +41,7 @@ pub struct StageFollow {
     /// The robot and its buses.
     pub config: FollowConfig,
     /// Where the leader is to be reached.
-    pub place: Place,
+    pub place: NetConfig,
     /// Name of the stage to follow on.
     pub stage: String,
     /// Name of this follower on the stage.
@@ -107,7 +109,7 @@ pub struct FollowReport {
 pub struct Dropped {
     /// Those that the follower refused, by cause.
     #[serde(flatten)]
-    pub counted: Counters,
+    pub counted: DropCounters,
     /// Those for which there was no room.
     pub flooded: u64,
 }
@@ -149,7 +151,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     let flooded = Arc::new(AtomicU64::new(0));
     let _subscribers = subscribe(&net, &keys, follower.id(), clock, &sender, &flooded)?;
     let follower = FollowerThread {
-        ask: net.voice(&keys.ask(Some(follower.id())))?,
+        ask: net.publisher(&keys.from_follower(Some(follower.id())))?,
         follower,
         clock,
         sink,
@@ -179,7 +181,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         .join()
         .map_err(|_| anyhow::anyhow!("the thread that hears the leader broke down"));
     let (followed, thread) = (followed?, joined?.context("the network")?);
-    let (figures, role) = (thread.follower.figures(), thread.follower.role().clone());
+    let (figures, role) = (thread.follower.stats(), thread.follower.role().clone());
     let report = FollowReport {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         name: options.name.clone(),
@@ -188,7 +190,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         cpu_cores,
         lead_ms: figures.lead_s * 1e3,
         needed_ms: figures.needed_s * 1e3,
-        way_ms: figures.way_s * 1e3,
+        way_ms: figures.transit_s * 1e3,
         delay_ms: figures.clock.map_or(0.0, |clock| clock.delay_s * 1e3),
         drift_ppm: figures.clock.map_or(0.0, |clock| clock.drift * 1e6),
         lost_frames: figures.lost,
@@ -220,17 +222,17 @@ enum FollowerEvent {
 
 /// Subscribes to all that a follower receives, as long as the result lives.
 fn subscribe(
-    net: &Twin,
-    keys: &Keys,
+    net: &RedundantSession,
+    keys: &StageKeys,
     id: u64,
     clock: LocalClock,
     inbox: &SyncSender<FollowerEvent>,
     flooded: &Arc<AtomicU64>,
-) -> anyhow::Result<Vec<Ear>> {
+) -> anyhow::Result<Vec<Subscription>> {
     let mut subscribers = Vec::new();
-    for key in [keys.frames(None), keys.roles(), keys.tell(id)] {
+    for key in [keys.frames(None), keys.roles(), keys.to_follower(id)] {
         let (inbox, flooded) = (inbox.clone(), Arc::clone(flooded));
-        subscribers.extend(net.hear(&key, move |bytes| {
+        subscribers.extend(net.subscribe(&key, move |bytes| {
             let event = FollowerEvent::Heard(clock.now_ns(), bytes.to_vec());
             if inbox.try_send(event).is_err() {
                 flooded.fetch_add(1, Ordering::Relaxed);
@@ -238,8 +240,8 @@ fn subscribe(
         })?);
     }
     let (inbox, own) = (inbox.clone(), keys.clone());
-    subscribers.extend(net.watch(&keys.leaders(), move |key, lives| {
-        if let (Some((instance, _)), false) = (own.read_leader(key), lives) {
+    subscribers.extend(net.watch_liveliness(&keys.leaders(), move |key, lives| {
+        if let (Some((instance, _)), false) = (own.parse_leader(key), lives) {
             let _ = inbox.try_send(FollowerEvent::Gone(instance));
         }
     })?);
@@ -252,7 +254,7 @@ struct FollowerThread {
     sink: StageSink,
     viewers: ViewerEnd,
     inbox: Receiver<FollowerEvent>,
-    ask: TwinVoice,
+    ask: RedundantPublisher,
     ros: Option<Ros>,
     /// ViewerSettings without a role.
     base_settings: ViewerSettings,
@@ -287,10 +289,11 @@ impl FollowerThread {
 
     fn handle(&mut self, event: FollowerEvent) {
         match event {
-            FollowerEvent::Gone(instance) => self.follower.leader_gone(instance),
+            FollowerEvent::Gone(instance) => self.follower.note_leader_gone(instance),
             FollowerEvent::Heard(at_ns, bytes) => {
-                let heard = self.follower.hear(at_ns, &bytes);
-                if let (Err(error @ WireError::Version(_)), false) = (heard, self.noted_version) {
+                let heard = self.follower.receive(at_ns, &bytes);
+                if let (Err(error @ MessageError::Version(_)), false) = (heard, self.noted_version)
+                {
                     self.noted_version = true;
                     self.notes.note(&error.to_string());
                 }
@@ -300,11 +303,11 @@ impl FollowerThread {
 
     fn tick(&mut self) -> anyhow::Result<()> {
         let now_ns = self.clock.now_ns();
-        for question in self.follower.questions(now_ns) {
-            self.ask.say(question)?;
+        for question in self.follower.time_requests(now_ns) {
+            self.ask.put(question)?;
         }
         if let Some(report) = self.follower.report(now_ns) {
-            self.ask.say(report)?;
+            self.ask.put(report)?;
         }
         let (shown_s, hidden) = self.sink.shown();
         while self.sink.has_room() {
@@ -340,7 +343,7 @@ impl FollowerThread {
             self.notes.note("nobody leads any more: idling");
             return;
         }
-        let figures = self.follower.figures();
+        let figures = self.follower.stats();
         let clock = figures.clock.map_or(0.0, |clock| clock.bound_s());
         self.notes.note(&format!(
             "following {:016x}: frames come {:.0} ms ahead, its clock is known to {:.1} ms at worst",

@@ -23,7 +23,6 @@ use servodance_drivers::can::{CanEvent, CanFrame, CanLink};
 
 use crate::serial::host_port::{HostInput, HostPort};
 
-/// An adapter between host and bus.
 pub(crate) trait Adapter: Send {
     /// A second handle on the file that brings the host's bytes.
     fn watched(&self) -> io::Result<OwnedFd>;
@@ -58,7 +57,6 @@ pub(crate) struct SlcanAdapter {
     waiting: usize,
 }
 
-/// Frames that wait at most.
 const QUEUE: usize = 16;
 
 impl SlcanAdapter {
@@ -74,7 +72,6 @@ impl SlcanAdapter {
         }
     }
 
-    /// Whether frames pass between adapter and bus.
     fn on_the_bus(&self) -> bool {
         self.open && self.bitrate == self.bus_bitrate
     }
@@ -184,7 +181,6 @@ impl Adapter for SlcanAdapter {
     }
 }
 
-/// A member of a multicast group.
 pub(crate) struct MulticastAdapter {
     link: UdpLink,
 }
@@ -224,7 +220,6 @@ impl Adapter for MulticastAdapter {
     fn garble(&mut self, _bytes: &[u8]) {}
 }
 
-/// A CAN interface of this machine.
 #[cfg(target_os = "linux")]
 pub(crate) struct InterfaceAdapter {
     link: SocketLink,

@@ -29,12 +29,10 @@ pub(crate) enum MotorFault {
     UnderVoltage,
     OverVoltage,
     Overheat,
-    /// Held against its torque for too long.
     Overload,
     CommunicationLost,
 }
 
-/// A command of the torque loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct TorqueCommand {
     pub goal_rad: f64,
@@ -206,7 +204,6 @@ impl MotorCore {
         }
     }
 
-    /// Restarts: torque off, deaf for a while.
     pub fn reboot(&mut self) {
         self.disable();
         self.clear();

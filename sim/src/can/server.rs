@@ -22,7 +22,6 @@ const WAKE: Duration = Duration::from_millis(5);
 /// An error frame, and the pause after it: bits.
 const ERROR_BITS: f64 = 23.0;
 
-/// Serves the motors of one bus.
 pub(crate) struct CanServer {
     shared: Arc<BusShared>,
     adapter: Box<dyn Adapter>,

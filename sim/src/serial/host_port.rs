@@ -17,7 +17,6 @@ use std::time::Duration;
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
-/// What the host said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HostInput {
     Bytes(usize),
@@ -28,12 +27,9 @@ pub enum HostInput {
 
 #[derive(Debug)]
 pub enum HostPort {
-    /// Of a pseudo-terminal that does not block.
     Terminal(OwnedFd),
     Socket {
-        /// Where hosts come in.
         listener: UnixListener,
-        /// The one that is there.
         host: Option<UnixStream>,
         /// A host has come or gone since this was asked last.
         moved: bool,

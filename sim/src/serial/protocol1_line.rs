@@ -14,7 +14,6 @@ use crate::serial::roster::{LineServo, Roster, collided};
 use crate::servo::body::SimServoState;
 use crate::servo::byte_servo::ByteServo;
 
-/// A frame from the host.
 #[derive(Debug)]
 enum Frame {
     Sound {
@@ -22,7 +21,6 @@ enum Frame {
         instruction: u8,
         params: Vec<u8>,
     },
-    /// For this id, with a wrong checksum.
     Damaged(u8),
 }
 

@@ -23,13 +23,10 @@ const INSTRUCTION_ERROR: u8 = 2;
 const CRC_ERROR: u8 = 3;
 const LENGTH_ERROR: u8 = 5;
 
-/// No table is longer.
 const LONGEST_READ: usize = 1024;
 
-/// What a servo does after its answer.
 enum Restart {
     Reboot,
-    /// The settings of the last backup.
     Restore,
     /// Everything (0xFF), all but the id (1), all but id and baud (2).
     Factory(u8),

@@ -20,7 +20,6 @@ const WAKE: Duration = Duration::from_millis(10);
 /// How long the thread watches the port without sleeping after a reply, if the
 /// host spoke again within [`PROMPT`] of the reply before.
 const ATTENTIVE: Duration = Duration::from_micros(80);
-/// Being woken up is in it.
 const PROMPT: Duration = Duration::from_micros(400);
 
 pub(crate) struct SerialServer {

@@ -32,7 +32,6 @@ pub struct SimServoState {
     pub hardware_error: u8,
 }
 
-/// The body of one servo.
 #[derive(Clone, Debug)]
 pub struct ServoBody {
     spec: SimServoSpec,
@@ -62,12 +61,10 @@ impl ServoBody {
         }
     }
 
-    /// The joint position for the motor's angle.
     pub fn joint_rad(&self, angle_rad: f64) -> f64 {
         (angle_rad - self.spec.zero_rad) * self.spec.direction
     }
 
-    /// Where the joint is.
     pub fn position_rad(&self) -> f64 {
         self.joint_rad(self.motor.angle_rad)
     }
@@ -82,7 +79,6 @@ impl ServoBody {
         self.sag_v = sag_v;
     }
 
-    /// Whether it hears and speaks.
     pub fn listens(&self) -> bool {
         !self.dead && self.time_s >= self.deaf_until_s
     }
@@ -111,7 +107,6 @@ impl ServoBody {
         self.stalled_s
     }
 
-    /// A stall begins anew.
     pub fn forget_stall(&mut self) {
         self.stalled_s = 0.0;
     }

@@ -38,7 +38,6 @@ pub struct SimServoSpec {
 }
 
 impl SimServoSpec {
-    /// The model, if the servo makes sense.
     pub(crate) fn checked(&self) -> Result<&'static ServoModel, SimError> {
         let model = ServoModel::from_number(self.model_number)
             .ok_or_else(|| self.refused(format!("unknown model number {}", self.model_number)))?;

@@ -98,7 +98,6 @@ fn write(client: &mut MotorClient, object: SdoObject, value: u32) -> Result<(), 
     transfer(client, download(object), object, value.to_le_bytes()).map(|_| ())
 }
 
-/// Writes an object and reads it back.
 fn set(client: &mut MotorClient, object: SdoObject, value: u32) -> Result<(), BusError> {
     write(client, object, value)?;
     let actual = read(client, object)?;
@@ -132,7 +131,6 @@ fn angle_rad(motor: &MotorSettings, counts: i32) -> f64 {
     f64::from(counts) * TAU / (motor.gear_ratio * motor.counts_per_turn)
 }
 
-/// The nearest increment inside the joint's limits.
 fn target_counts(servo: &Servo, motor: &MotorSettings, joint_rad: f64) -> i32 {
     let exact = |joint_rad| counts(motor, servo.motor_rad(joint_rad));
     let (lowest, highest) = whole_range(servo, exact);

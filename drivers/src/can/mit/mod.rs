@@ -152,7 +152,6 @@ fn gain_share(motor: &MotorSettings, goal_rad: f64, status: &MotorStatus) -> f64
 }
 
 impl Mit {
-    /// A Damiao motor's ranges, mode and time-out.
     fn set_up_damiao(
         client: &mut MotorClient,
         model: MotorModel,

@@ -26,7 +26,6 @@ use self::registers::{
     id, message,
 };
 
-/// Supply that the motors accept.
 const VOLTAGE_V: std::ops::RangeInclusive<f64> = 15.0..=60.0;
 
 pub(crate) struct Robstride;

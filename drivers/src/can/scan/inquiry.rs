@@ -6,11 +6,9 @@ use std::time::{Duration, Instant};
 use crate::can::exchange::MOST_OVERDUE;
 use crate::can::transport::{CanEvent, CanFault, CanFrame, CanLink, Sent};
 
-/// The ids that are asked for.
 pub(crate) const IDS: std::ops::RangeInclusive<u8> = 1..=127;
 /// So many requests go out together: less than what a transmit queue holds.
 pub(crate) const GROUP: usize = 8;
-/// Attempts of a request to one motor.
 const TRIES: usize = 3;
 
 /// A motor, or a device, that a scan found.
@@ -43,12 +41,9 @@ impl CanFound {
     }
 }
 
-/// The link of a scan.
 pub(crate) struct ScanLink {
     pub link: Box<dyn CanLink>,
-    /// How long answers may take.
     pub wait: Duration,
-    /// The frames that were sent unasked.
     pub heard: Vec<CanFrame>,
     /// Whether requests may have 11-bit ids.
     pub may_send_standard: bool,

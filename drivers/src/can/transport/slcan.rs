@@ -30,7 +30,6 @@ pub const BITRATES: [u32; 9] = [
     10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
 ];
 
-/// Bus error, of the status flags.
 const BUS_ERROR: u8 = 1 << 7;
 const ERROR_PASSIVE: u8 = 1 << 5;
 const OVERRUN: u8 = 1 << 3;
@@ -87,7 +86,6 @@ pub fn decode(line: &[u8]) -> Option<CanFrame> {
     CanFrame::from_parts(id, extended, remote.then_some(length), data)
 }
 
-/// Up to eight hexadecimal digits.
 fn number(digits: &[u8]) -> Option<u32> {
     let nibble = |digit: &u8| char::from(*digit).to_digit(16);
     let append = |sum: u32, digit| nibble(digit).map(|nibble| sum << 4 | nibble);

@@ -28,7 +28,6 @@ use socketcan::{EmbeddedFrame, ExtendedId, Id, Socket, SocketOptions, StandardId
 use super::frame::CanFrame;
 use super::link::{CanEvent, CanFault, CanLink, Sent};
 
-/// The error classes that the controller reports.
 const REPORTED: u32 = CAN_ERR_BUSOFF
     | CAN_ERR_CRTL
     | CAN_ERR_PROT
@@ -149,7 +148,6 @@ fn from_system(frame: socketcan::CanFrame) -> Option<CanEvent> {
     }
 }
 
-/// The worst that an error frame reports.
 fn fault(frame: &CanErrorFrame) -> Option<CanFault> {
     // The second data byte has the controller's flags.
     const OVERFLOW: u8 = 0x03;

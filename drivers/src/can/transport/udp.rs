@@ -16,9 +16,7 @@ use socket2::{Domain, Protocol, Socket, Type};
 use super::frame::CanFrame;
 use super::link::{CanEvent, CanFault, CanLink, Sent};
 
-/// No frame's datagram is longer.
 const LONGEST: usize = 512;
-/// More entries than this are noise.
 const MOST_ENTRIES: usize = 16;
 
 /// Replaces `out` with the datagram of a frame.

@@ -106,7 +106,6 @@ impl ServoClient {
         self.params.len() / 3
     }
 
-    /// Sends the parameters that a request prepared.
     pub(crate) fn send_request(
         &mut self,
         instruction: u8,
@@ -174,7 +173,6 @@ impl ServoClient {
         Ok(alert)
     }
 
-    /// Whether every servo has answered.
     pub(crate) fn complete(&self) -> bool {
         self.answered.iter().all(|answered| *answered)
     }

@@ -19,12 +19,10 @@ use crate::servo::Servo;
 /// One serial bus and the servos on it.
 pub struct ServoClient {
     pub(crate) port: PacketPort,
-    /// In the order of targets and states.
     pub(crate) servos: Vec<Servo>,
     pub(crate) config: BusConfig,
     /// How often an exchange is tried; less while it is known that servos are silent.
     pub(super) tries: u32,
-    /// Parameters of the packet being built.
     params: Vec<u8>,
     /// Which servos gave their part of the read that is going on.
     pub(crate) answered: Vec<bool>,

@@ -40,9 +40,7 @@ const PUNCH: Register = Register::word(48, "punch");
 pub(super) const TORQUE_MODE: Register = Register::byte(70, "torque control mode"); // MX only
 pub(super) const ACCELERATION: Register = Register::byte(73, "goal acceleration"); // MX only
 
-/// Model number and firmware.
 pub(super) const IDENTITY: Register = Register::new(0, 3, "model number and firmware");
-/// Position, speed, load, voltage and temperature.
 pub(super) const PRESENT: Register = Register::new(36, 8, "present state");
 /// Of speeds; set for clockwise, which is downwards.
 pub(super) const SIGN_BIT: u32 = 10;

@@ -27,7 +27,6 @@ pub use models::BAUDS;
 /// Fast Sync Read; the `dynamixel2` crate does not know it.
 const FAST_SYNC_READ: u8 = 0x8A;
 
-/// The flags of the hardware error register.
 const CONDITIONS: [(u8, &str); 5] = [
     (0, "input voltage"),
     (2, "overheating"),

@@ -40,9 +40,7 @@ const MOVING: Register = Register::byte(66, "moving");
 const CURRENT: Register = Register::word(69, "present current");
 
 pub(super) const IDENTITY: Register = Register::new(0, 5, "firmware and model number");
-/// From the position to the current.
 pub(super) const PRESENT: Register = Register::new(56, 15, "present state");
-/// Of everything that can be negative.
 pub(super) const SIGN_BIT: u32 = 15;
 
 pub(super) static REGISTERS: Registers = Registers {

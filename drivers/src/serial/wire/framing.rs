@@ -34,14 +34,12 @@ impl Framing {
         self.put_number(out, register.size);
     }
 
-    /// The parameters of a Read.
     pub(crate) fn read_params(self, register: Register) -> Vec<u8> {
         let mut params = Vec::with_capacity(4);
         self.put_place(&mut params, register);
         params
     }
 
-    /// The parameters of a Write.
     pub(crate) fn write_params(self, register: Register, value: u64) -> Vec<u8> {
         let mut params = Vec::with_capacity(6);
         self.put_number(&mut params, register.address);

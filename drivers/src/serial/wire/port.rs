@@ -19,7 +19,6 @@ use crate::serial::wire::system_ports::{choices, latency_timer};
 /// Longest wait for the port to take an instruction's bytes.
 const SEND_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// The shortest wait that a port knows.
 const SHORTEST: Duration = Duration::from_micros(1);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,11 +26,9 @@ pub enum Received {
     /// A sound packet: see [`PacketPort::packet`].
     Packet,
     Corrupt,
-    /// Nothing within the deadline.
     Nothing,
 }
 
-/// The host's end of the wire.
 pub struct PacketPort {
     /// `None` while an adapter that was pulled out is waited for.
     port: Option<PortStream>,
@@ -40,7 +37,6 @@ pub struct PacketPort {
     clock: ReplyClock,
     framing: Framing,
     decoder: Decoder,
-    /// Instructions that are to be sent.
     out: Vec<u8>,
     /// How many bytes were sent last.
     sent: usize,
@@ -163,7 +159,6 @@ impl PacketPort {
         self.send_held(doing)
     }
 
-    /// Sends what is held, if anything is.
     pub fn send_held(&mut self, doing: &'static str) -> BusResult<()> {
         if self.out.is_empty() {
             return Ok(());

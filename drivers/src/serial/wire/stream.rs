@@ -13,7 +13,6 @@ use std::time::Duration;
 use serialport::{ClearBuffer, SerialPort};
 
 pub enum PortStream {
-    /// A serial port, ours alone.
     Serial(Box<dyn SerialPort>),
     #[cfg(unix)]
     Socket(socket::Socket),
@@ -96,7 +95,6 @@ mod socket {
         pub timeout: Duration,
     }
 
-    /// Whether a path leads to a socket.
     pub fn is_at(path: &str) -> bool {
         let is_name = cfg!(target_os = "linux") && path.starts_with('@');
         is_name || std::fs::metadata(path).is_ok_and(|at| at.file_type().is_socket())

@@ -33,7 +33,6 @@ impl Stretch {
     }
 }
 
-/// Reads what the followers left and compares.
 pub fn judge(stage: &StageTrial, told: &TrialTimes) -> anyhow::Result<StageBenchReport> {
     let (mut reports, mut tracks) = (Vec::new(), Vec::new());
     for (place, member) in (1..).zip(&stage.members) {

@@ -49,7 +49,6 @@ pub(crate) struct Cia402Drive {
     /// The target of the last RPDO, to take effect at the next SYNC.
     control_waiting: Option<u32>,
     watched: bool,
-    /// The last emergency that was sent.
     last_emergency: Option<MotorFault>,
     next_heartbeat_s: f64,
 }
@@ -164,7 +163,6 @@ impl Cia402Drive {
         Ok(())
     }
 
-    /// The control word moves the state machine.
     fn control(&mut self, word: u32) {
         self.settle();
         self.state = match (self.state, word & 0x8F) {

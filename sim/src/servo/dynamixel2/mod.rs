@@ -157,7 +157,6 @@ impl XServo {
         self.table.get(at::BUS_WATCHDOG) == 255
     }
 
-    /// The goal as a joint position.
     fn goal_rad(&self) -> f64 {
         let goal = self.table.get(at::GOAL_POSITION) as f64;
         self.body.joint_rad(self.angle_of_ticks(goal))

@@ -26,7 +26,6 @@ pub enum AccessError {
 
 /// First address that survives a power cycle no more.
 const RAM: u16 = 64;
-/// One past the last address.
 const END: u16 = 662;
 
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +41,6 @@ struct Field {
 pub struct ControlTable {
     memory: Vec<u8>,
     fields: Vec<Field>,
-    /// Which field each address belongs to.
     field_at: Vec<Option<u16>>,
     /// Indirect blocks: first address register, first data byte, how many.
     indirect: &'static [(u16, u16, u16)],
@@ -185,7 +183,6 @@ fn sign_extended(bytes: &[u8]) -> i64 {
     }
 }
 
-/// The layout with the model's defaults.
 fn fields(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Vec<Field> {
     let family = factory_settings(model);
     let mut fields = Vec::with_capacity(200);
