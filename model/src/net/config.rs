@@ -155,7 +155,7 @@ impl SeqConfig {
 
     /// Slopes of the self-attention heads as they are used: none with absolute
     /// positions.
-    pub(crate) fn used_slopes(&self) -> Vec<f32> {
+    pub fn used_slopes(&self) -> Vec<f32> {
         match self.positions {
             Positions::Alibi => self.slopes.clone(),
             Positions::Sinusoidal => vec![0.0; self.heads],
@@ -163,7 +163,7 @@ impl SeqConfig {
     }
 
     /// Likewise of the cross-attention heads: none in the paper's bag of music.
-    pub(crate) fn used_cross_slopes(&self) -> Vec<f32> {
+    pub fn used_cross_slopes(&self) -> Vec<f32> {
         match self.positions {
             Positions::Alibi if self.cross_aligned => self.cross_slopes.clone(),
             _ => vec![0.0; self.heads],

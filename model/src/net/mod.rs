@@ -38,5 +38,5 @@ pub use sampling::{Recent, Sampler, Sampling};
 pub use stream::{DecoderState, MotionSeq, SeqState, VqDecoder};
 pub use weights::Weights;
 
-pub(crate) use encoder::part_channels;
-pub(crate) use weights::FORMAT;
+pub use encoder::part_channels;
+pub use weights::FORMAT;

@@ -17,7 +17,7 @@ use super::random;
 use crate::error::ModelError;
 
 /// What the metadata must say for this layout.
-pub(crate) const FORMAT: &str = "servodance-model-1";
+pub const FORMAT: &str = "servodance-model-1";
 
 /// An open weights file, or random weights.
 pub struct Weights<'a> {

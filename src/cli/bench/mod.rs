@@ -1,0 +1,46 @@
+//! `servodance bench`: what the parts of this program take on this machine.
+
+pub mod bus;
+pub mod model;
+pub mod retarget;
+pub mod stage;
+
+use clap::Subcommand;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance bench bus --robot op3 --baud 4000000
+      cycles a second against the wire's limit
+  servodance bench model --preset live
+      milliseconds a frame on this computer";
+
+/// What `bench` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    #[command(subcommand)]
+    pub what: What,
+}
+
+/// What can be measured.
+#[derive(Debug, Subcommand)]
+pub enum What {
+    /// Control cycles a second over simulated servos, wire time imposed.
+    Bus(bus::Args),
+    /// Time of a frame of the model, beside what memory allows.
+    Model(model::Args),
+    /// Time and allocations of a retargeting cycle.
+    Retarget(retarget::Args),
+    /// How far apart robots on a network are, and what becomes of them when it breaks.
+    Stage(stage::Args),
+}
+
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    match args.what {
+        What::Bus(args) => bus::run(args),
+        What::Model(args) => model::run(args),
+        What::Retarget(args) => retarget::run(args),
+        What::Stage(args) => stage::run(args),
+    }
+}
