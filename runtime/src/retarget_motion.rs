@@ -9,7 +9,7 @@ use crate::robot::Robot;
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::Clip;
-use servodance_retarget::{Counts, Segment};
+use servodance_retarget::{RetargetCounts, LimbSegment};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -49,7 +49,7 @@ pub struct RetargetReport {
     /// Joint cycles in which the safety layer changed a command.
     pub interventions: u64,
     /// What gave way, by name.
-    pub counts: Counts,
+    pub counts: RetargetCounts,
     /// Median angle between the dancer's arm segments and the robot's, degrees;
     /// `null` where the robot has no arms.
     pub direction_error_median_deg: Option<f64>,
@@ -126,10 +126,10 @@ fn report(motion: &str, robot: &Robot, followed: &Followed) -> RetargetReport {
         direction_error_median_deg: error(0.5),
         direction_error_p95_deg: error(0.95),
         segment_error_median_deg: SegmentErrors {
-            upper_arm: median(Segment::UpperArm),
-            forearm: median(Segment::Forearm),
-            thigh: median(Segment::Thigh),
-            shank: median(Segment::Shank),
+            upper_arm: median(LimbSegment::UpperArm),
+            forearm: median(LimbSegment::Forearm),
+            thigh: median(LimbSegment::Thigh),
+            shank: median(LimbSegment::Shank),
         },
         effort: followed.effort.clone().into(),
         jerk_rms_rad_s3: followed.jerk_rms_rad_s3,

@@ -9,7 +9,7 @@ use servodance_drivers::{
     BusConfig, BusLayout, ConfigError, SafetyConfig, SafetyError, SafetySettings, Servo,
     ServoConfig, check_rate, layouts, one_or_several,
 };
-use servodance_retarget::{Code, RetargetConfig, RetargetError, Retargeter};
+use servodance_retarget::{DiagnosticCode, RetargetConfig, RetargetError, Retargeter};
 use servodance_types::JointLimits;
 use std::path::{Path, PathBuf};
 
@@ -63,7 +63,7 @@ pub const BUILT_IN: &[BuiltIn] = &[
 #[error("{message}")]
 pub struct RobotError {
     /// What kind of mistake it is.
-    pub code: Code,
+    pub code: DiagnosticCode,
     /// What is wrong; names the file.
     pub message: String,
     /// The description, where that is at fault.
@@ -71,7 +71,7 @@ pub struct RobotError {
 }
 
 impl RobotError {
-    fn of(code: Code, message: String) -> anyhow::Error {
+    fn of(code: DiagnosticCode, message: String) -> anyhow::Error {
         let urdf_xml = None;
         anyhow::Error::new(Self {
             code,
@@ -158,7 +158,7 @@ impl Robot {
                 known.join(", ")
             );
         }
-        let unreadable = |message: String| RobotError::of(Code::FileUnreadable, message);
+        let unreadable = |message: String| RobotError::of(DiagnosticCode::FileUnreadable, message);
         let text = std::fs::read_to_string(path)
             .map_err(|e| unreadable(format!("cannot read robot file {}: {e}", path.display())))?;
         Self::from_text_with(&text, path, overrides)
@@ -213,22 +213,22 @@ impl Robot {
             if !range.contains(&value) {
                 let (low, high) = (range.start(), range.end());
                 let what = format!("{key} = {value} is outside {low}..{high}");
-                return Err(refuse(Code::RobotFile, &[key], what));
+                return Err(refuse(DiagnosticCode::RobotFile, &[key], what));
             }
         }
         let (servos, mut buses) = layouts(parsed.buses, &parsed.joints)
-            .map_err(|e| refuse(Code::ServoMap, &config_path(&e), e.to_string()))?;
+            .map_err(|e| refuse(DiagnosticCode::ServoMap, &config_path(&e), e.to_string()))?;
         for bus in &mut buses {
             bus.config.control_hz = Some(parsed.control_hz);
             check_rate(&bus.config, &bus.servos, parsed.control_hz)
-                .map_err(|e| refuse(Code::BusRate, &["control_hz"], e.to_string()))?;
+                .map_err(|e| refuse(DiagnosticCode::BusRate, &["control_hz"], e.to_string()))?;
         }
         let safety = parsed.safety.at_hz(parsed.control_hz).map_err(|e| {
             let path = match &e {
                 SafetyError::Config { key, .. } => vec!["safety", *key],
                 _ => vec!["safety"],
             };
-            refuse(Code::RobotFile, &path, e.to_string())
+            refuse(DiagnosticCode::RobotFile, &path, e.to_string())
         })?;
         let robot = Self {
             urdf_xml: read_urdf(&parsed.urdf)?,
@@ -247,7 +247,7 @@ impl Robot {
         match robot.retargeter() {
             Ok(_) => Ok(robot),
             Err(error) => Err(anyhow::Error::new(RobotError {
-                code: Code::Retarget,
+                code: DiagnosticCode::Retarget,
                 message: format!("{}: {error}", origin.place(&retarget_path(&error))),
                 urdf_xml: Some(robot.urdf_xml),
             })),
@@ -314,7 +314,7 @@ fn description(origin: &Origin, folder: &Path, urdf: &str) -> anyhow::Result<Str
     let refuse = |code, what: String| RobotError::of(code, format!("{at}: {what}"));
     let unreadable = |why: &dyn std::fmt::Display| {
         let what = format!("cannot read urdf {}: {why}", path.display());
-        refuse(Code::FileUnreadable, what)
+        refuse(DiagnosticCode::FileUnreadable, what)
     };
     match found {
         Ok(path) => std::fs::read_to_string(path).map_err(|e| unreadable(&e)),
@@ -323,7 +323,7 @@ fn description(origin: &Origin, folder: &Path, urdf: &str) -> anyhow::Result<Str
                 "urdf {urdf:?} lies outside the robot file's folder: copy it into that folder, \
                  or name it yourself with --set urdf=FILE"
             );
-            Err(refuse(Code::FileOutside, what))
+            Err(refuse(DiagnosticCode::FileOutside, what))
         }
         Err(stray) => Err(unreadable(&stray)),
     }
@@ -338,15 +338,15 @@ fn parse(origin: &Origin) -> anyhow::Result<RobotFile> {
         let lines = origin.text.as_bytes()[..before].iter();
         let line = 1 + lines.filter(|b| **b == b'\n').count();
         let message = format!("{}:{line}: {}", origin.file, one_line(e.message()));
-        RobotError::of(Code::Toml, message)
+        RobotError::of(DiagnosticCode::Toml, message)
     })?;
     if origin.overrides.is_empty() {
         return Ok(parsed);
     }
     let check = |text: &str| read(text).map(drop).map_err(|e| one_line(e.message()));
     let text = origin.overrides.apply(origin.text, check);
-    let text = text.map_err(|message| RobotError::of(Code::Toml, message))?;
-    read(&text).map_err(|e| RobotError::of(Code::Toml, one_line(e.message())))
+    let text = text.map_err(|message| RobotError::of(DiagnosticCode::Toml, message))?;
+    read(&text).map_err(|e| RobotError::of(DiagnosticCode::Toml, one_line(e.message())))
 }
 
 /// Which key of a robot file an error is about.

@@ -2,7 +2,6 @@
 
 use k::nalgebra::{Isometry3, Point3, Vector3};
 
-/// Corners of both soles.
 const CORNERS: usize = 8;
 
 /// One edge of the support polygon: inside is `normal . p <= offset_m`.

@@ -11,14 +11,12 @@ use crate::kinematics::body_map::BodyMap;
 use crate::kinematics::chain::RobotModel;
 use crate::kinematics::shapes::{Capsule, capsule_of};
 
-/// Two capsules that could meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CapsulePair {
     one: Capsule,
     other: Capsule,
 }
 
-/// How near the two of a pair are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CapsuleGap {
     /// Between the surfaces; negative when they overlap.

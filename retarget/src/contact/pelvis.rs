@@ -28,7 +28,6 @@ const TURN_ACCELERATION: f64 = 10.0;
 /// Time to full acceleration, seconds.
 const RISE_S: f64 = 0.05;
 
-/// The pelvis target and its own limits.
 pub(crate) struct PelvisTrajectory {
     rest: Isometry3<f64>,
     leg_m: f64,
@@ -53,7 +52,6 @@ impl PelvisTrajectory {
         }
     }
 
-    /// Stands still at rest again.
     pub fn restart(&mut self) {
         self.trackers = trackers(self.dt_s, self.preview_s, self.pace);
     }
@@ -94,12 +92,10 @@ impl PelvisTrajectory {
         self.pose(&reached)
     }
 
-    /// How much work planning has been: see [`JointTracker::work`].
     pub fn work(&self) -> u64 {
         self.trackers.iter().map(JointTracker::work).sum()
     }
 
-    /// The root link's pose for these six values.
     pub fn pose(&self, [x, y, z, roll, pitch, yaw]: &[f64; 6]) -> Isometry3<f64> {
         let shift = Vector3::new(*x, *y, *z) * self.leg_m;
         Isometry3::from_parts(

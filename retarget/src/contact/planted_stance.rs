@@ -13,7 +13,6 @@ const FOOT_RETURN_S: f64 = 0.03;
 /// A planted foot farther away has moved, metres.
 const FOOT_MOVED_M: f64 = 0.002;
 
-/// What only a robot on its feet has.
 pub(crate) struct PlantedStance {
     /// Where the soles belong.
     pub feet: Feet,
@@ -43,7 +42,6 @@ impl PlantedStance {
         feet
     }
 
-    /// Which feet stand on the floor, left and right.
     pub fn down(&self) -> [bool; 2] {
         self.stepper.as_ref().map_or([true; 2], FootStepper::down)
     }

@@ -37,7 +37,6 @@ const FIRM_S: f64 = 0.1;
 /// The weight stays this far inside the standing sole, metres.
 const SAFE_EDGE_M: f64 = 0.010;
 
-/// What one foot does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum FootPhase {
     Down,
@@ -74,13 +73,11 @@ struct FootPreview {
     place: [[f64; 2]; 2],
 }
 
-/// What the stepper has to know of the robot in one cycle.
 pub(crate) struct StepContext<'a> {
     /// Soles of the last output in the world.
     pub soles: [Vector3<f64>; 2],
     /// Centre of mass (or what moves with it) of the last output.
     pub weight: Vector3<f64>,
-    /// Share of the movement to show.
     pub gain: f64,
     pub aim: &'a PoseTarget,
 }
@@ -96,7 +93,6 @@ pub(crate) struct FootStepper {
     /// The dancer's lift that was refused or danced already.
     spent: [bool; 2],
     ahead: VecDeque<FootPreview>,
-    /// Steps begun and refused.
     pub steps: u64,
     pub refused: u64,
 }
@@ -120,12 +116,10 @@ impl FootStepper {
         }
     }
 
-    /// Which feet stand.
     pub fn down(&self) -> [bool; 2] {
         self.feet.map(|foot| foot == FootPhase::Down)
     }
 
-    /// How firmly each foot is to be held.
     pub fn firmness(&self) -> [f64; 2] {
         std::array::from_fn(|side| match self.feet[side] {
             FootPhase::Down => LOOSE.powf(1.0 - (self.down_s[side] / FIRM_S).min(1.0)),
@@ -133,7 +127,6 @@ impl FootStepper {
         })
     }
 
-    /// Both feet stand at home again.
     pub fn restart(&mut self, feet: &mut Feet) {
         *feet = self.home;
         self.feet = [FootPhase::Down; 2];

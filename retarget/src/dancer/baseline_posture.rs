@@ -135,7 +135,6 @@ impl PostureSample {
     }
 }
 
-/// Learns what is usual.
 #[derive(Clone, Debug)]
 pub(crate) struct BaselineEstimator {
     dt_s: f64,
@@ -216,7 +215,6 @@ impl PostureReader {
     }
 }
 
-/// Postures that came along with frames.
 #[derive(Debug)]
 pub(crate) struct PostureTrack {
     /// By their places on the grid, ascending.
@@ -258,7 +256,6 @@ impl PostureTrack {
     }
 }
 
-/// Mean length of the legs, hip to ankle.
 fn leg_length(points: &BodyPoints) -> f64 {
     let at = |joint: BodyJoint| points[joint as usize];
     let length = |hip, knee, ankle| (at(hip) - at(knee)).norm() + (at(knee) - at(ankle)).norm();
@@ -273,7 +270,6 @@ pub(crate) fn chest_yaw(points: &BodyPoints) -> f64 {
     yaw_of(points[LeftShoulder as usize] - points[RightShoulder as usize])
 }
 
-/// See [`chest_yaw`].
 pub(crate) fn pelvis_yaw(points: &BodyPoints) -> f64 {
     yaw_of(points[LeftHip as usize] - points[RightHip as usize])
 }

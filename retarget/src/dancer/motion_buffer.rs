@@ -28,7 +28,6 @@ const FARTHEST_M: f32 = 1e5;
 /// The body's points in robot axes, metres, indexed by `BodyJoint`.
 pub type BodyPoints = [Vector3<f64>; JOINT_COUNT];
 
-/// The frames that have arrived.
 pub(crate) struct MotionBuffer {
     frames: VecDeque<BodyPoints>,
     /// Grid index of `frames[0]`.

@@ -44,7 +44,6 @@ pub(crate) struct PoseTarget {
     pub feet: [FootTarget; 2],
 }
 
-/// One foot of the dancer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct FootTarget {
     /// Off the floor, or sliding on it.

@@ -121,7 +121,6 @@ impl TorqueEstimator {
         self.cycles = 0;
     }
 
-    /// Share of the amplitude that is left.
     pub fn amplitude(&self) -> f64 {
         let hottest = self.heat.iter().copied().fold(0.0, f64::max);
         let cool = 1.0 - ((hottest - WARM) / (1.0 - WARM)).clamp(0.0, 1.0);
@@ -154,7 +153,6 @@ impl TorqueEstimator {
         self.judge();
     }
 
-    /// Moments about the axes of the joints.
     fn turn_into_torque(&mut self, model: &RobotModel) {
         self.torque_nm.fill(0.0);
         for (index, link) in model.links.iter().enumerate() {
@@ -257,7 +255,6 @@ impl TorqueEstimator {
         self.lowest = self.lowest.min(self.amplitude());
     }
 
-    /// Of the last cycle, by joint.
     #[cfg(test)]
     pub fn torque_nm(&self) -> &[f64] {
         &self.torque_nm

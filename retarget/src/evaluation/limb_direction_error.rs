@@ -37,7 +37,6 @@ pub struct LimbDirectionError {
     legs: LimbPair,
 }
 
-/// Both arms or both legs.
 #[derive(Clone, Debug)]
 struct LimbPair {
     /// Left and right, at the trunk: robot and dancer, for the heading.
@@ -46,7 +45,6 @@ struct LimbPair {
     bones: Vec<SegmentMatch>,
 }
 
-/// From one point to the next, of robot and dancer.
 #[derive(Clone, Copy, Debug)]
 struct SegmentMatch {
     segment: LimbSegment,

@@ -95,7 +95,6 @@ impl BodyMap {
         })
     }
 
-    /// Which joints move any part of the body.
     pub fn shows(&self, model: &RobotModel) -> Vec<bool> {
         let mut shows = vec![false; model.joint_names().len()];
         let (arms, legs) = (self.arms.iter(), self.legs.iter());
@@ -110,7 +109,6 @@ impl BodyMap {
         shows
     }
 
-    /// Which limb each joint moves.
     pub fn limbs(&self, model: &RobotModel) -> Vec<Limb> {
         let mut limbs = vec![Limb::Torso; model.joint_names().len()];
         let mut mark = |end: Option<usize>, stop: usize, limb: Limb| {

@@ -8,16 +8,13 @@ use k::nalgebra::{Isometry3, Point3, Vector3};
 use crate::kinematics::chain::{DrivenAncestor, JointMotion, RobotModel};
 use crate::solver::least_squares::JacobianColumn;
 
-/// A posed robot.
 #[derive(Clone, Copy)]
 pub(crate) struct PosedRobot<'a> {
     pub model: &'a RobotModel,
-    /// Of the links, in the world.
     pub poses: &'a [Isometry3<f64>],
 }
 
 impl PosedRobot<'_> {
-    /// Origin of a link.
     pub fn origin(&self, link: usize) -> Point3<f64> {
         Point3::from(self.poses[link].translation.vector)
     }
@@ -36,7 +33,6 @@ impl PosedRobot<'_> {
     }
 }
 
-/// The gathered columns; each appears once.
 pub(crate) struct Jacobian {
     joints: usize,
     columns: Vec<JacobianColumn>,
@@ -59,7 +55,6 @@ impl Jacobian {
         &self.columns
     }
 
-    /// Changes every column.
     pub fn map(&mut self, change: impl Fn(&Vector3<f64>) -> Vector3<f64>) {
         for (_, column) in &mut self.columns {
             *column = change(column);

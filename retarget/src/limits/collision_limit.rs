@@ -25,7 +25,6 @@ const BUILD_UP_S: f64 = 0.06;
 /// How much more a gap counts than staying with what was wanted.
 const FIRMNESS: f64 = 100.0;
 
-/// Changes the next positions so that arms do not meet the body.
 pub(crate) struct CollisionLimit {
     solver: BoxLeastSquares,
     jacobian: Jacobian,
@@ -82,7 +81,6 @@ impl CollisionLimit {
         true
     }
 
-    /// How much work has been done: see [`BoxLeastSquares::work`].
     pub fn work(&self) -> u64 {
         self.solver.work
     }

@@ -20,7 +20,6 @@ const MEETING_RAD_S: f64 = 0.05;
 const APPROACH_PER_S: f64 = 12.0;
 const SOFT: f64 = 0.4;
 
-/// State of one joint's output.
 pub(crate) struct JointTracker {
     /// The limits as they are; wider while a start outside of them comes back.
     limits: JointLimits,
@@ -74,7 +73,6 @@ impl JointTracker {
         self.controller.cycles() - 1
     }
 
-    /// How much work planning has been: see [`PredictiveController::work`].
     pub fn work(&self) -> u64 {
         self.controller.work()
     }

@@ -72,12 +72,10 @@ impl PredictiveController {
         }
     }
 
-    /// Cycles that the plan reaches.
     pub fn cycles(&self) -> usize {
         self.response.len()
     }
 
-    /// How much work has been done: see [`BoxLeastSquares::work`].
     pub fn work(&self) -> u64 {
         self.solver.work
     }

@@ -44,7 +44,6 @@ pub(crate) struct JointLimiter {
 }
 
 impl JointLimiter {
-    /// One cycle with `jerk`.
     pub fn next(&self, state: &TrajectoryState, jerk: f64) -> TrajectoryState {
         let acceleration = state.acceleration + jerk * self.dt_s;
         let velocity = state.velocity + acceleration * self.dt_s;

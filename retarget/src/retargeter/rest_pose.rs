@@ -28,7 +28,6 @@ const STEPPING_CROUCH: f64 = 0.15;
 /// need large ones of the knee.
 const LEAST_KNEE_RAD: f64 = 0.12;
 
-/// What the rest pose is searched with.
 pub(super) struct RestSearch<'a> {
     pub model: &'a RobotModel,
     pub map: BodyMap,
@@ -38,7 +37,6 @@ pub(super) struct RestSearch<'a> {
     pub dt_s: f64,
     /// Narrowed so that knees stay bent.
     pub limits: &'a mut [JointLimits],
-    /// Is left in the rest pose.
     pub solver: &'a mut BodySolver,
 }
 

@@ -43,7 +43,6 @@ const LONGEST_STEP: f64 = 0.25;
 /// Where the feet are to stay, in the world; `[left, right]`.
 pub(crate) type Feet = [Isometry3<f64>; 2];
 
-/// Which part of the robot a solver is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SolverScope {
     /// All of a robot on a stand.
@@ -54,7 +53,6 @@ pub(crate) enum SolverScope {
     Stance,
 }
 
-/// What a solve is for.
 #[derive(Clone, Copy)]
 pub(crate) enum SolverGoal<'a> {
     /// Show the dancer's limbs, head and chest; the root link stays at `base`.
@@ -68,7 +66,6 @@ pub(crate) enum SolverGoal<'a> {
     },
 }
 
-/// What one solve is asked.
 pub(crate) struct SolverInput<'a> {
     pub goal: SolverGoal<'a>,
     pub rest: &'a [f64],
@@ -165,18 +162,15 @@ impl BodySolver {
         f64::midpoint(length(left), length(right))
     }
 
-    /// Poses of the links in the world, at the present solution.
     pub fn poses(&mut self, model: &RobotModel) -> &[Isometry3<f64>] {
         model.place(&self.base, &self.positions, &mut self.poses);
         &self.poses
     }
 
-    /// How much work has been done: see [`BoxLeastSquares::work`].
     pub fn work(&self) -> u64 {
         self.solver.work
     }
 
-    /// Moves the solution towards the best answer.
     pub fn solve(&mut self, model: &RobotModel, input: &SolverInput) {
         for _ in 0..input.steps {
             self.step(model, input);

@@ -10,7 +10,6 @@ use k::nalgebra::Vector3;
 /// Rounds of the active set; far more than are needed from a warm start.
 const MOST_ROUNDS_PER_COLUMN: usize = 4;
 
-/// Whether a column is at a bound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BoundState {
     Free,
@@ -83,7 +82,6 @@ impl BoxLeastSquares {
         }
     }
 
-    /// Replaces the linear part.
     pub fn set_gradient(&mut self, slope: &[f64]) {
         self.g.copy_from_slice(slope);
     }

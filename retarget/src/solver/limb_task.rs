@@ -19,10 +19,8 @@ pub(crate) struct LimbTask {
     pub lengths: [f64; 2],
 }
 
-/// One aim at one pose.
 pub(crate) struct TaskRow<'a> {
     pub weight: f64,
-    /// How far the aim is missed.
     pub missed: Vector3<f64>,
     /// The part of it to take on in one step.
     pub residual: Vector3<f64>,

@@ -178,8 +178,8 @@ impl<'a> Control<'a> {
     }
 
     /// What the motion asked of the motors so far.
-    pub fn effort(&self) -> servodance_retarget::EffortReport {
-        self.retargeter.effort()
+    pub fn effort(&self) -> servodance_retarget::TorqueReport {
+        self.retargeter.torque_report()
     }
 
     /// Seconds that the robot idled.
@@ -437,7 +437,7 @@ impl<'a> Control<'a> {
         }
         self.frames += 1;
         match &step.posture {
-            Some(posture) => self.retargeter.push_led(&step.motion, posture),
+            Some(posture) => self.retargeter.push_with_posture(&step.motion, posture),
             None => self.retargeter.push(&step.motion),
         }
         if let Some(steering) = &mut self.steering {

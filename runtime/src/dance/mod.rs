@@ -71,7 +71,7 @@ use servodance_audio::capture::Notice;
 use servodance_drivers::EStop;
 use servodance_model::net::EngineOptions;
 use servodance_model::{Generator, GeneratorOptions};
-use servodance_retarget::EffortReport;
+use servodance_retarget::TorqueReport;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -280,7 +280,7 @@ struct Run {
     late_frames: u64,
     stages: crate::stages::StageClock,
     latency: Option<LatencyReport>,
-    effort: EffortReport,
+    effort: TorqueReport,
     trace: trace::Trace,
 }
 

@@ -9,7 +9,7 @@ use super::overload::{LeftOut, Sparing};
 use super::rig::Rig;
 use crate::show::snapshot::{Activity, BANDS, BusNow, Event, Moment, MusicNow, state_name};
 use crate::show::{RobotEnd, Settings, pose_array};
-use servodance_retarget::{Points, Retargeter};
+use servodance_retarget::{BodyPoints, Retargeter};
 use servodance_types::MusicFrame;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -37,7 +37,7 @@ pub struct Showing<'a> {
     every: u64,
     cycles: u64,
     /// Human poses that are taken in ahead of the robot, oldest first.
-    poses: VecDeque<Option<Points>>,
+    poses: VecDeque<Option<BodyPoints>>,
     /// What was heard, by its time.
     heard: VecDeque<(f64, MusicNow)>,
     positions_rad: Vec<f64>,
@@ -112,7 +112,7 @@ impl<'a> Showing<'a> {
     }
 
     /// Takes in the human pose that the robot will show one preview later.
-    pub fn see(&mut self, pose: Option<Points>) {
+    pub fn see(&mut self, pose: Option<BodyPoints>) {
         self.poses.push_back(pose);
         self.poses.pop_front();
     }
@@ -236,6 +236,6 @@ fn bus_now(rig: &Rig) -> BusNow {
     }
 }
 
-fn single(points: Points) -> [[f32; 3]; 22] {
+fn single(points: BodyPoints) -> [[f32; 3]; 22] {
     points.map(|p| [p.x as f32, p.y as f32, p.z as f32])
 }

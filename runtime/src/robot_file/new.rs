@@ -14,7 +14,7 @@ use crate::robot::{Robot, RobotError};
 use anyhow::{Context, bail};
 use servodance_model::motion::Clip;
 use servodance_retarget::{
-    Code, Draft, Finding, Role, Severity, Stance, draft, is_mjcf, lint, rest_deg, urdf_from_mjcf,
+    DiagnosticCode, ConfigDraft, Diagnostic, JointUse, DiagnosticSeverity, Stance, draft_config, is_mjcf, lint, rest_deg, urdf_from_mjcf,
 };
 use std::path::{Path, PathBuf};
 
@@ -61,7 +61,7 @@ pub fn new_robot(
     let source = std::fs::read_to_string(description)
         .with_context(|| format!("cannot read {}", description.display()))?;
     let findings = lint(&source);
-    if let Some(refused) = findings.iter().find(|f| f.severity == Severity::Refused) {
+    if let Some(refused) = findings.iter().find(|f| f.severity == DiagnosticSeverity::Refused) {
         bail!(
             "{}: {} `{}`: {} (all findings: servodance robot check)",
             description.display(),
@@ -78,7 +78,7 @@ pub fn new_robot(
             there.display()
         );
     }
-    let mut draft = draft(&source)?;
+    let mut draft = draft_config(&source)?;
     let (servos, left_out) = servo_drafts(&draft.joints);
     if servos.is_empty() {
         bail!(
@@ -139,10 +139,10 @@ pub(super) struct Plan<'a> {
     /// The dance that the robot is tried with.
     trial: &'a Clip,
     pub urdf: String,
-    pub draft: &'a mut Draft,
+    pub draft: &'a mut ConfigDraft,
     pub servos: Vec<ServoDraft>,
     pub left_out: Vec<String>,
-    pub findings: Vec<Finding>,
+    pub findings: Vec<Diagnostic>,
     /// Baud and control rate.
     pub rates: (u32, f64),
     /// Rest positions, degrees.
@@ -199,7 +199,7 @@ impl Plan<'_> {
         for rates in RATES {
             self.rates = rates;
             match self.parse() {
-                Err(error) if code(&error) == Some(Code::BusRate) => {}
+                Err(error) if code(&error) == Some(DiagnosticCode::BusRate) => {}
                 other => return Ok(other),
             }
         }
@@ -230,7 +230,7 @@ impl Plan<'_> {
                 .iter()
                 .map(|missing| format!("missing: {missing}")),
         );
-        let held = self.servos.iter().filter(|servo| servo.role == Role::Held);
+        let held = self.servos.iter().filter(|servo| servo.role == JointUse::Held);
         let held: Vec<&str> = held.map(|servo| servo.name.as_str()).collect();
         if !held.is_empty() {
             lines.push(format!("held at rest: {}", held.join(", ")));
@@ -252,7 +252,7 @@ impl Plan<'_> {
     }
 }
 
-fn code(error: &anyhow::Error) -> Option<Code> {
+fn code(error: &anyhow::Error) -> Option<DiagnosticCode> {
     error.downcast_ref::<RobotError>().map(|error| error.code)
 }
 

@@ -56,7 +56,6 @@ pub(crate) fn capsules(
     out
 }
 
-/// The capsule of a link's largest simple shape.
 fn largest(model: &RobotModel, link: usize) -> Option<Capsule> {
     let shapes = model.all_shapes();
     shapes

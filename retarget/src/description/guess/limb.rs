@@ -9,7 +9,6 @@ use crate::kinematics::chain::{JointMotion, RobotModel};
 /// Axes nearer to a segment than this cosine twist it; others bend it.
 const TWIST: f64 = 0.8;
 
-/// Arm or leg.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LimbKind {
     Arm,
@@ -30,7 +29,6 @@ pub(super) struct FoundLimb {
     pub path: Vec<usize>,
 }
 
-/// What a limb is looked for with.
 pub(super) struct LinkTree<'a> {
     pub model: &'a RobotModel,
     pub words: &'a [NameWords],
@@ -102,7 +100,6 @@ impl LinkTree<'_> {
             .max_by(|a, b| far(a).total_cmp(&far(b)))
     }
 
-    /// Finds top, middle and end on a path.
     pub fn limb(&self, path: Vec<usize>, kind: LimbKind) -> FoundLimb {
         let moved: Vec<usize> = path.iter().copied().filter(|&l| self.is_moved(l)).collect();
         let (Some(&first), Some(&last)) = (moved.first(), path.last()) else {
@@ -261,7 +258,6 @@ pub(super) fn limb_lengths(body: &LinkTree, found: &FoundLimb) -> [f64; 2] {
     }
 }
 
-/// Mean of points, if there are any.
 pub(super) fn mean(points: &[Point3<f64>]) -> Option<Point3<f64>> {
     let sum: Vector3<f64> = points.iter().map(|point| point.coords).sum();
     (!points.is_empty()).then(|| Point3::from(sum / points.len() as f64))

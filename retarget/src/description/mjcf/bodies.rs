@@ -11,7 +11,6 @@ use super::geoms::MjcfGeom;
 use crate::config::error::RetargetError;
 use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 
-/// The tree so far.
 #[derive(Default)]
 pub(super) struct MjcfBodies {
     links: Vec<urdf_rs::Link>,
@@ -274,7 +273,6 @@ impl MjcfBodies {
         Ok(())
     }
 
-    /// Joint equalities become mimics.
     pub fn add_mimics(
         &mut self,
         root: Node,

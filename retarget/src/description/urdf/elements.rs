@@ -47,6 +47,14 @@ impl<'f> ElementReader<'f> {
         }
     }
 
+    fn report(&mut self, code: DiagnosticCode, subject: &str, message: impl Into<String>) {
+        self.diagnostics.add(code, subject, message);
+    }
+
+    fn refuse_joint(&mut self, code: DiagnosticCode, joint: &str, reason: impl Into<String>) {
+        self.diagnostics.refuse_joint(code, joint, reason);
+    }
+
     /// The one child of this name; a second one is reported and passed over.
     fn only<'a, 'd: 'a>(
         &mut self,
@@ -58,8 +66,7 @@ impl<'f> ElementReader<'f> {
         let first = found.next();
         if found.next().is_some() {
             let message = format!("<{name}> stands twice; the first is used");
-            self.diagnostics
-                .add(DiagnosticCode::ElementTwice, subject, message);
+            self.report(DiagnosticCode::ElementTwice, subject, message);
         }
         first
     }
@@ -161,8 +168,7 @@ impl<'f> ElementReader<'f> {
         for (element, name) in [(mass, "mass"), (inertia, "inertia")] {
             if element.is_none() {
                 let message = format!("<inertial> without <{name}>; it counts as zero");
-                self.diagnostics
-                    .add(DiagnosticCode::InertialIncomplete, link, message);
+                self.report(DiagnosticCode::InertialIncomplete, link, message);
             }
         }
         let origin = self.origin(node, owner);
@@ -197,15 +203,13 @@ impl<'f> ElementReader<'f> {
         let first = shapes.next();
         if shapes.next().is_some() {
             let message = format!("the geometry of a {kind} holds two shapes; the first is used");
-            self.diagnostics
-                .add(DiagnosticCode::GeometryTwo, link, message);
+            self.report(DiagnosticCode::GeometryTwo, link, message);
         }
         let name = first.map_or("nothing", |shape| shape.tag_name().name());
         let read = first.and_then(simple_geometry);
         if read.is_none() {
             let message = format!("the geometry of a {kind} ({name}) cannot be read; left out");
-            self.diagnostics
-                .add(DiagnosticCode::GeometryUnreadable, link, message);
+            self.report(DiagnosticCode::GeometryUnreadable, link, message);
         }
         read
     }
@@ -215,8 +219,7 @@ impl<'f> ElementReader<'f> {
         let texture = children(node, "texture").next();
         if texture.is_some_and(|texture| texture.attribute("filename").is_none()) {
             let message = "a texture without a file name; left out";
-            self.diagnostics
-                .add(DiagnosticCode::TextureUnnamed, name, message);
+            self.report(DiagnosticCode::TextureUnnamed, name, message);
         }
         let color = children(node, "color").next();
         let rgba = color.and_then(|color| color.attribute("rgba"));
@@ -238,8 +241,7 @@ impl<'f> ElementReader<'f> {
             "fixed" => JointType::Fixed,
             held @ ("floating" | "planar" | "spherical") => {
                 let message = format!("a {held} joint has no one position; held fixed");
-                self.diagnostics
-                    .add(DiagnosticCode::RootFloating, &name, message);
+                self.report(DiagnosticCode::RootFloating, &name, message);
                 JointType::Fixed
             }
             other => {
@@ -247,8 +249,7 @@ impl<'f> ElementReader<'f> {
                     "type \"{other}\" is none of revolute, continuous, prismatic, fixed, \
                      floating, planar"
                 );
-                self.diagnostics
-                    .refuse_joint(DiagnosticCode::TypeUnknown, &name, reason);
+                self.refuse_joint(DiagnosticCode::TypeUnknown, &name, reason);
                 return None;
             }
         };
@@ -258,8 +259,7 @@ impl<'f> ElementReader<'f> {
         });
         let [Some(parent), Some(child)] = ends else {
             let reason = "parent or child link is not given";
-            self.diagnostics
-                .refuse_joint(DiagnosticCode::LinkUnknown, &name, reason);
+            self.refuse_joint(DiagnosticCode::LinkUnknown, &name, reason);
             return None;
         };
         let mut joint = urdf_rs::Joint {
@@ -282,8 +282,7 @@ impl<'f> ElementReader<'f> {
             joint.mimic = mimic.and_then(|mimic| self.mimic(mimic, &joint.name));
         } else if mimic.is_some() {
             let message = "a fixed joint cannot follow another; it stays";
-            self.diagnostics
-                .add(DiagnosticCode::MimicOnFixed, &joint.name, message);
+            self.report(DiagnosticCode::MimicOnFixed, &joint.name, message);
         }
         Some(joint)
     }
@@ -292,8 +291,7 @@ impl<'f> ElementReader<'f> {
         let axis = self.only(node, "axis", joint);
         if axis.and_then(|axis| axis.attribute("xyz")).is_none() {
             let message = "no axis; 1 0 0 is used";
-            self.diagnostics
-                .add(DiagnosticCode::AxisUnset, joint, message);
+            self.report(DiagnosticCode::AxisUnset, joint, message);
         }
         let xyz = self.vector(axis, "xyz", *Axis::default().xyz, Owner::Joint(joint));
         Axis { xyz: Vec3(xyz) }
@@ -328,8 +326,7 @@ impl<'f> ElementReader<'f> {
         };
         if !given.is_empty() {
             let message = format!("<limit> also gives {}", given.join(", "));
-            self.diagnostics
-                .add(DiagnosticCode::LimitExtended, joint, message);
+            self.report(DiagnosticCode::LimitExtended, joint, message);
             self.rates.insert(joint.to_owned(), rates);
         }
     }
@@ -337,8 +334,7 @@ impl<'f> ElementReader<'f> {
     fn mimic(&mut self, node: Node, joint: &str) -> Option<Mimic> {
         let Some(followed) = node.attribute("joint") else {
             let reason = "<mimic> names no joint";
-            self.diagnostics
-                .refuse_joint(DiagnosticCode::MimicUnknown, joint, reason);
+            self.refuse_joint(DiagnosticCode::MimicUnknown, joint, reason);
             return None;
         };
         let mut value =
