@@ -7,7 +7,7 @@
 use crate::report::ViolationReport;
 use crate::robot::Robot;
 use servodance_drivers::Limiter;
-use servodance_retarget::{RetargetCounts, TorqueReport, LimbDirectionError, LimbSegment};
+use servodance_retarget::{LimbDirectionError, LimbSegment, RetargetCounts, TorqueReport};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 use std::time::Instant;
 

@@ -9,7 +9,7 @@ use crate::robot::Robot;
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::Clip;
-use servodance_retarget::{RetargetCounts, LimbSegment};
+use servodance_retarget::{LimbSegment, RetargetCounts};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

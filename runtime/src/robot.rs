@@ -6,8 +6,8 @@ use crate::robot_file::{Homes, Origin, Overrides, Stray};
 use anyhow::{anyhow, bail};
 use serde::Deserialize;
 use servodance_drivers::{
-    BusConfig, BusLayout, ConfigError, SafetyConfig, SafetyError, Servo,
-    ServoConfig, check_rate, layouts, one_or_several,
+    BusConfig, BusLayout, ConfigError, SafetyConfig, SafetyError, Servo, ServoConfig, check_rate,
+    layouts, one_or_several,
 };
 use servodance_retarget::{DiagnosticCode, RetargetConfig, RetargetError, Retargeter};
 use servodance_types::JointLimits;

@@ -3,7 +3,7 @@
 
 use crate::robot::{BUILT_IN, Robot, RobotError};
 use serde::Serialize;
-use servodance_retarget::{DiagnosticCode, Diagnostic, DiagnosticSeverity, lint, lint_limits};
+use servodance_retarget::{Diagnostic, DiagnosticCode, DiagnosticSeverity, lint, lint_limits};
 use std::path::Path;
 
 /// What was found in one file.
@@ -22,7 +22,9 @@ impl Checked {
         findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
         Self {
             file: file.to_owned(),
-            usable: findings.iter().all(|f| f.severity != DiagnosticSeverity::Refused),
+            usable: findings
+                .iter()
+                .all(|f| f.severity != DiagnosticSeverity::Refused),
             findings,
         }
     }
@@ -65,13 +67,20 @@ fn check_robot(file: &str) -> Vec<Diagnostic> {
         }
         Err(error) => {
             let code = error.downcast_ref::<RobotError>().map(|e| e.code);
-            let finding = Diagnostic::new(code.unwrap_or(DiagnosticCode::RobotFile), file, format!("{error:#}"));
+            let finding = Diagnostic::new(
+                code.unwrap_or(DiagnosticCode::RobotFile),
+                file,
+                format!("{error:#}"),
+            );
             // What is wrong with the description itself is told in full.
             let description = error
                 .downcast_ref::<RobotError>()
                 .and_then(|e| e.urdf_xml.as_deref());
             let mut findings = description.map(lint).unwrap_or_default();
-            if findings.iter().all(|f| f.severity != DiagnosticSeverity::Refused) {
+            if findings
+                .iter()
+                .all(|f| f.severity != DiagnosticSeverity::Refused)
+            {
                 findings.push(finding);
             }
             findings

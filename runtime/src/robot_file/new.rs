@@ -14,7 +14,8 @@ use crate::robot::{Robot, RobotError};
 use anyhow::{Context, bail};
 use servodance_model::motion::Clip;
 use servodance_retarget::{
-    DiagnosticCode, ConfigDraft, Diagnostic, JointUse, DiagnosticSeverity, Stance, draft_config, is_mjcf, lint, rest_deg, urdf_from_mjcf,
+    ConfigDraft, Diagnostic, DiagnosticCode, DiagnosticSeverity, JointUse, Stance, draft_config,
+    is_mjcf, lint, rest_deg, urdf_from_mjcf,
 };
 use std::path::{Path, PathBuf};
 
@@ -61,7 +62,10 @@ pub fn new_robot(
     let source = std::fs::read_to_string(description)
         .with_context(|| format!("cannot read {}", description.display()))?;
     let findings = lint(&source);
-    if let Some(refused) = findings.iter().find(|f| f.severity == DiagnosticSeverity::Refused) {
+    if let Some(refused) = findings
+        .iter()
+        .find(|f| f.severity == DiagnosticSeverity::Refused)
+    {
         bail!(
             "{}: {} `{}`: {} (all findings: servodance robot check)",
             description.display(),
@@ -230,7 +234,10 @@ impl Plan<'_> {
                 .iter()
                 .map(|missing| format!("missing: {missing}")),
         );
-        let held = self.servos.iter().filter(|servo| servo.role == JointUse::Held);
+        let held = self
+            .servos
+            .iter()
+            .filter(|servo| servo.role == JointUse::Held);
         let held: Vec<&str> = held.map(|servo| servo.name.as_str()).collect();
         if !held.is_empty() {
             lines.push(format!("held at rest: {}", held.join(", ")));

@@ -2,7 +2,7 @@
 
 use super::new::Plan;
 use super::servos::ServoDraft;
-use servodance_retarget::{BodyLinks, Limb, JointUse, Stance};
+use servodance_retarget::{BodyLinks, JointUse, Limb, Stance};
 use std::fmt::Write;
 
 /// Everything in the order that a reader needs it.
