@@ -17,6 +17,35 @@
 //! | `evaluation/` | angles between the limbs of robot and dancer |
 //! | `retargeter/` | all of it, one control cycle at a time |
 //!
+//! ```
+//! use servodance_retarget::{RetargetConfig, Retargeter};
+//! use servodance_types::{BodyJoint::*, JointLimits, MotionFrame};
+//!
+//! let urdf = r#"<robot name="arm"><link name="base"/><link name="upper"/><link name="elbow"/>
+//!     <joint name="lift" type="revolute"><parent link="base"/><child link="upper"/>
+//!     <axis xyz="1 0 0"/><limit lower="0" upper="2" effort="1" velocity="3"/></joint>
+//!     <joint name="tube" type="fixed"><origin xyz="0 0 -0.3"/>
+//!     <parent link="upper"/><child link="elbow"/></joint></robot>"#;
+//! let mut config = RetargetConfig::default();
+//! config.body.left_shoulder = Some("upper".into());
+//! config.body.left_elbow = Some("elbow".into());
+//! let limits = JointLimits { lower_rad: 0.0, upper_rad: 2.0, velocity_rad_s: 3.0, acceleration_rad_s2: 20.0 };
+//! let mut robot = Retargeter::new(urdf, &config, &[("lift".into(), limits)], 100.0)?;
+//!
+//! let mut t_pose = MotionFrame { time_s: 0.0, positions: [[0.0; 3]; 22], contacts: Default::default() };
+//! for (joint, left_m) in [(LeftShoulder, 0.2), (LeftElbow, 0.5), (RightShoulder, -0.2), (RightElbow, -0.5)] {
+//!     t_pose.positions[joint as usize] = [left_m, 1.4, 0.0]; // x to the left, y up
+//! }
+//! let mut angles_rad = robot.rest().to_vec();
+//! for cycle in 0..300 {
+//!     t_pose.time_s = f64::from(cycle) / 20.0;
+//!     robot.push(&t_pose);
+//!     robot.next(f64::from(cycle) / 100.0, &mut angles_rad)?;
+//! }
+//! assert!((angles_rad[0] - std::f64::consts::FRAC_PI_2).abs() < 0.1, "{angles_rad:?}");
+//! # Ok::<(), servodance_retarget::RetargetError>(())
+//! ```
+//!
 //! Real-time promise: [`Retargeter::next`] neither allocates nor blocks. What
 //! is refused: see [`RetargetError`]; nothing here panics on any robot
 //! description or motion. `k` gives the joint tree and the forward kinematics
