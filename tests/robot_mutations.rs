@@ -5,7 +5,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use servodance_retarget::{draft_config, urdf_from_mjcf};
 use servodance_runtime::robot::Robot;
-use servodance_runtime::robot_file::check;
+use servodance_runtime::robot::check;
 
 pub const MJCF: &str = include_str!("figure.xml");
 const TOML: &str = include_str!("../configs/torso13.toml");

@@ -11,7 +11,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use servodance_retarget::{draft_config, lint, urdf_from_mjcf};
 use servodance_runtime::robot::Robot;
-use servodance_runtime::robot_file::check;
+use servodance_runtime::robot::check;
 
 const TOMLS: [&str; 2] = [
     include_str!("../../configs/op3.toml"),

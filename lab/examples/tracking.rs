@@ -13,7 +13,7 @@ use std::path::Path;
 use anyhow::Context;
 use servodance_model::motion::Clip;
 use servodance_retarget::LimbSegment;
-use servodance_runtime::follow::{Followed, follow};
+use servodance_runtime::offline::motion_tracking::{Followed, follow};
 use servodance_runtime::robot::Robot;
 use servodance_types::FRAME_RATE_HZ;
 

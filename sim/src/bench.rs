@@ -48,7 +48,7 @@ pub enum BenchError {
     /// The simulated bus did not start.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// The driver failed.
+    /// The driver failed at a cycle, or when arming.
     #[error(transparent)]
     Bus(#[from] BusError),
     /// The configuration cannot work.
@@ -139,7 +139,6 @@ fn percentile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     sorted.get(index).copied().unwrap_or(f64::NAN)
 }
 
-/// Processor time of this thread.
 fn thread_cpu_s() -> f64 {
     clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID)
         .map(|time| Duration::from(time).as_secs_f64())

@@ -85,8 +85,9 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
 
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    use servodance_runtime::console::tell;
-    use servodance_runtime::dance::{FollowConfig, choose_buses};
+    use servodance_runtime::control::bus_choice::choose as choose_buses;
+    use servodance_runtime::process::console::tell;
+    use servodance_runtime::session::led_dance::FollowConfig;
 
     if !(0.0..=1e6).contains(&args.rest_after) {
         anyhow::bail!("--rest-after {} is outside 0 to 1000000", args.rest_after);

@@ -6,7 +6,7 @@
 
 use super::consent::Consent;
 use super::plug;
-use crate::console::{say, tell};
+use crate::process::console::{say, tell};
 use crate::robot::Robot;
 use anyhow::bail;
 use servodance_drivers::{Bus, SafeBus, SafetyConfig, Servo, State, open_bus};

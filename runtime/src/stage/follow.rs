@@ -8,14 +8,19 @@
 
 use super::ros::Ros;
 use super::{cpu_s, keys, open_twin, shared_s};
-use crate::dance::{
-    EStopWatch, FollowConfig, Followed, IdleStyle, LeaderNow, LocalClock, StageEnd,
-    follow as dance, stage_line,
-};
-use crate::output::{PendingFile, write_whole};
-use crate::progress::Progress;
-use crate::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
-use crate::show::{Request, Settings, ViewerEnd, link};
+use crate::control::emergency_stop::EStopWatch;
+use crate::control::idle::IdleStyle;
+use crate::pipeline::stage_source::LeaderNow;
+use crate::pipeline::stage_source::LocalClock;
+use crate::pipeline::stage_source::StageEnd;
+use crate::pipeline::stage_source::stage_line;
+use crate::process::progress::Progress;
+use crate::process::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
+use crate::session::led_dance::FollowConfig;
+use crate::session::led_dance::Followed;
+use crate::session::led_dance::follow as dance;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
+use crate::viewer::{ViewerEnd, ViewerRequest, ViewerSettings, link};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use servodance_stage::keys::Keys;
@@ -126,7 +131,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     let follower = Follower::new(&options.name, role.clone(), reach_s, rand::random());
     let clock = LocalClock::start(options.skew.0, options.skew.1);
     let (source, end) = stage_line(robot.period_s(), clock);
-    let mut settings = Settings {
+    let mut settings = ViewerSettings {
         amplitude: robot.retarget.amplitude,
         mirror: robot.retarget.mirror,
         idle: options.config.idle,
@@ -265,8 +270,8 @@ struct Seat {
     ask: TwinVoice,
     ros: Option<Ros>,
     /// What is danced without a role, and what the control loop was told last.
-    usual: Settings,
-    settings: Settings,
+    usual: ViewerSettings,
+    settings: ViewerSettings,
     rest_after: Duration,
     /// When somebody led last.
     heard: Instant,
@@ -371,9 +376,9 @@ impl Seat {
             return;
         }
         let asked = [
-            Request::Amplitude(wanted.amplitude),
-            Request::Mirror(wanted.mirror),
-            Request::Idle(wanted.idle),
+            ViewerRequest::Amplitude(wanted.amplitude),
+            ViewerRequest::Mirror(wanted.mirror),
+            ViewerRequest::Idle(wanted.idle),
         ];
         if self.viewers.ask(&asked) {
             self.settings = wanted;
@@ -382,7 +387,7 @@ impl Seat {
 }
 
 /// Takes over what a role says of a robot's settings.
-fn dress(settings: &mut Settings, role: &Role) {
+fn dress(settings: &mut ViewerSettings, role: &Role) {
     settings.mirror = role.mirror.unwrap_or(settings.mirror);
     settings.amplitude = role.amplitude.map_or(settings.amplitude, f64::from);
 }

@@ -8,15 +8,21 @@
 //! and keeps the roles.
 
 use super::{keys, open};
-use crate::conditioning::Conditioning;
-use crate::dance::audio::Audio;
-use crate::dance::{
-    AudioChoice, CHORUS, Change, Dancer, DancerThread, LocalClock, Next, Speed, Step,
-    open_generator,
-};
-use crate::output::{PendingFile, write_whole};
-use crate::progress::Progress;
-use crate::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
+use crate::pipeline::audio_input::Audio;
+use crate::pipeline::conditioning::Conditioning;
+use crate::pipeline::motion_source::CHORUS;
+use crate::pipeline::motion_source::Change;
+use crate::pipeline::motion_source::Dancer;
+use crate::pipeline::motion_source::DancerThread;
+use crate::pipeline::motion_source::Next;
+use crate::pipeline::motion_source::Step;
+use crate::pipeline::stage_source::LocalClock;
+use crate::process::progress::Progress;
+use crate::process::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
+use crate::session::config::AudioChoice;
+use crate::session::config::Speed;
+use crate::session::dance::open_generator;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::Notice;

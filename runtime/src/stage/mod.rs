@@ -47,6 +47,6 @@ fn open_twin(place: &Place) -> anyhow::Result<Twin> {
 
 fn warn(exposure: Option<String>) {
     if let Some(warning) = exposure {
-        crate::console::tell!("{warning}");
+        crate::process::console::tell!("{warning}");
     }
 }

@@ -10,7 +10,7 @@
 //! Stamps are seconds since 1970: the time of day is read once, at the start,
 //! and goes on by the monotonic clock.
 
-use crate::show::Snapshot;
+use crate::viewer::snapshot::Snapshot;
 use rand::Rng;
 use servodance_stage::net::{Net, NetError, Token, Voice};
 use servodance_stage::ros2::{

@@ -1,0 +1,43 @@
+//! What can be wrong with a motion file.
+
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+/// What can be wrong with a motion file. The message names the file.
+#[derive(Debug, thiserror::Error)]
+pub enum MotionError {
+    /// The file cannot be read as an npz archive.
+    #[error("{path}: cannot read motion: {reason}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the reader said.
+        reason: String,
+    },
+    /// The file reads, but holds no usable motion.
+    #[error("{path}: {reason}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, with actual and expected values.
+        reason: String,
+    },
+}
+
+impl MotionError {
+    /// The file cannot be opened or decoded; `error` is what the reader said.
+    pub fn read(path: &Path, error: impl Display) -> Self {
+        Self::Read {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        }
+    }
+
+    /// The file decodes, but its content cannot be used for this reason.
+    pub fn content(path: &Path, reason: impl Into<String>) -> Self {
+        Self::Content {
+            path: path.to_owned(),
+            reason: reason.into(),
+        }
+    }
+}
