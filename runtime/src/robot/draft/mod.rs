@@ -19,7 +19,7 @@ use crate::robot::robot_folders::RobotFolders;
 use crate::telemetry::pending_file::write_whole;
 use anyhow::{Context, bail};
 use servodance_model::motion::Clip;
-use servodance_retarget::{JointUse, DiagnosticSeverity, draft_config, is_mjcf, lint, urdf_from_mjcf};
+use servodance_retarget::{DiagnosticSeverity, JointUse, draft_config, is_mjcf, lint, urdf_from_mjcf};
 use std::path::{Path, PathBuf};
 
 /// A robot file that was written.
