@@ -94,7 +94,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     }
     let robot = args.rig.robot.load()?;
     let name = args.name.unwrap_or_else(|| robot.name.clone());
-    if !servodance_stage::keys::is_plain(&name) {
+    if !servodance_stage::messages::is_valid_name(&name) {
         anyhow::bail!("--name \"{name}\" cannot be a name: letters, digits, `_`, `-` and `.` can");
     }
     let options = servodance_runtime::stage::StageFollow {

@@ -4,7 +4,7 @@
 
 use anyhow::Context;
 use servodance_audio::AudioSource;
-use servodance_audio::noise;
+use servodance_audio::song::noise;
 use servodance_audio::song::{DEFAULT_RATE_HZ, Song, SongSpec};
 use std::path::PathBuf;
 

@@ -4,7 +4,7 @@ use crate::pipeline::microphone::microphone;
 use crate::process::failpoint::{self, FailpointReader};
 use crate::session::config::{AudioChoice, Speed};
 use servodance_audio::AudioSource;
-use servodance_audio::capture::{CaptureStats, Notice};
+use servodance_audio::capture::{CaptureEvent, CaptureStats};
 use servodance_audio::song::Song;
 use std::time::Instant;
 
@@ -52,9 +52,9 @@ impl Audio {
     }
 
     /// The next thing about live sound that the user should know.
-    pub fn next_notice(&mut self) -> Option<Notice> {
+    pub fn next_notice(&mut self) -> Option<CaptureEvent> {
         match self {
-            Audio::Source(source) => source.next_notice(),
+            Audio::Source(source) => source.next_event(),
             Audio::BuiltIn(..) => None,
         }
     }

@@ -12,7 +12,7 @@ use crate::process::failpoint;
 use anyhow::Context;
 use servodance_audio::MusicAnalyzer;
 use servodance_audio::beats::{BeatTrack, track_offline};
-use servodance_audio::capture::{CaptureStats, Notice};
+use servodance_audio::capture::{CaptureEvent, CaptureStats};
 use servodance_audio::source::SHORTEST_S;
 use servodance_model::Dance;
 use servodance_model::conditioning::{Encodec, HeardFrame};
@@ -81,7 +81,7 @@ pub struct Heard {
 }
 
 /// Told what the user should know about live sound.
-pub type OnNotice = Box<dyn FnMut(&Notice) + Send>;
+pub type OnNotice = Box<dyn FnMut(&CaptureEvent) + Send>;
 
 /// Listens and dances.
 pub struct Dancer {

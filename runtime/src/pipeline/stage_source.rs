@@ -10,7 +10,8 @@
 //! newest counts.
 
 use crate::pipeline::motion_source::{CHORUS, Next, Step};
-use servodance_stage::{Due, Playhead, Released};
+use servodance_stage::clock::PlaybackClock;
+use servodance_stage::follower::{PlayoutFrame, PlayoutTime};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -60,7 +61,7 @@ impl LocalClock {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LeaderNow {
     /// Which moment of the motion is due when; `None` while nobody knows.
-    pub due: Option<Due>,
+    pub due: Option<PlayoutTime>,
     /// Nobody leads, or leads elsewhere: idle.
     pub away: bool,
 }
@@ -74,16 +75,16 @@ struct Shown {
 
 /// The control loop's end.
 pub struct StageSource {
-    frames: rtrb::Consumer<Released>,
+    frames: rtrb::Consumer<PlayoutFrame>,
     leader: triple_buffer::Output<LeaderNow>,
     shown: Arc<Shown>,
-    playhead: Playhead,
+    playback: PlaybackClock,
     clock: LocalClock,
 }
 
 /// The network's end.
 pub struct StageEnd {
-    frames: rtrb::Producer<Released>,
+    frames: rtrb::Producer<PlayoutFrame>,
     leader: triple_buffer::Input<LeaderNow>,
     shown: Arc<Shown>,
 }
@@ -97,7 +98,7 @@ pub fn stage_line(period_s: f64, clock: LocalClock) -> (StageSource, StageEnd) {
         frames: consumer,
         leader: output,
         shown: Arc::clone(&shown),
-        playhead: Playhead::new(period_s),
+        playback: PlaybackClock::new(period_s),
         clock,
     };
     let end = StageEnd {
@@ -112,7 +113,7 @@ impl StageSource {
     /// The next frame, if there is one.
     pub(crate) fn poll(&mut self) -> Next {
         match self.frames.pop() {
-            Ok(Released {
+            Ok(PlayoutFrame {
                 motion,
                 music,
                 posture,
@@ -141,7 +142,7 @@ impl StageSource {
     pub(crate) fn moment_s(&mut self, moment: Instant, hidden: bool) -> f64 {
         let due = self.leader.read().due;
         let due_s = due.map(|due| due.at(self.clock.at(moment)));
-        let shown_s = self.playhead.next(due_s, hidden);
+        let shown_s = self.playback.next(due_s, hidden);
         let bits = shown_s.to_bits();
         self.shown.motion_bits.store(bits, Ordering::Relaxed);
         self.shown.seen.store(!hidden, Ordering::Relaxed);
@@ -151,7 +152,7 @@ impl StageSource {
 
 impl StageEnd {
     /// Hands a frame over, if there is room.
-    pub fn hand_over(&mut self, frame: Released) -> bool {
+    pub fn hand_over(&mut self, frame: PlayoutFrame) -> bool {
         self.frames.push(frame).is_ok()
     }
 
@@ -189,7 +190,7 @@ mod tests {
         let clock = LocalClock::start(-500.0, 1e-3);
         let (mut source, mut end) = stage_line(0.01, clock);
         let start = clock.zero;
-        let due = Due {
+        let due = PlayoutTime {
             at_ns: clock.at(start),
             motion_s: 7.0,
             rate: 1.0 / 1.001,
@@ -215,7 +216,7 @@ mod tests {
     fn frames_keep_their_order_and_silence_says_why() {
         let (mut source, mut end) = stage_line(0.01, LocalClock::start(0.0, 0.0));
         assert!(matches!(source.poll(), Next::Late));
-        let frame = |time_s: f64| Released {
+        let frame = |time_s: f64| PlayoutFrame {
             motion: servodance_types::MotionFrame {
                 time_s,
                 positions: Default::default(),

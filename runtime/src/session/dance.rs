@@ -32,7 +32,7 @@ use crate::telemetry::report::{
 };
 use crate::viewer::{Activity, RobotEnd, snapshot};
 use anyhow::Context;
-use servodance_audio::capture::Notice;
+use servodance_audio::capture::CaptureEvent;
 use servodance_drivers::EStop;
 use servodance_model::net::EngineOptions;
 use servodance_model::{Generator, GeneratorOptions};
@@ -120,7 +120,7 @@ pub(crate) fn perform(
         progress.note(&not_allowed.to_string());
     }
     let notes = progress.clone();
-    let on_notice = Box::new(move |notice: &Notice| notes.note(&notice.to_string()));
+    let on_notice = Box::new(move |notice: &CaptureEvent| notes.note(&notice.to_string()));
     let mut dancer = Dancer::new(audio, generator, encodec.as_ref(), on_notice)?;
     let sparing = Sparing::default();
     if config.speed == Speed::Realtime {

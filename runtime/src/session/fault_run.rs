@@ -120,4 +120,4 @@ impl Ordeal<'_> {
 }
 
 /// Only live sound gives notice.
-fn drop_notice(_: &servodance_audio::capture::Notice) {}
+fn drop_notice(_: &servodance_audio::capture::CaptureEvent) {}

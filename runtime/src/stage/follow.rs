@@ -23,10 +23,12 @@ use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::viewer::{ViewerEnd, ViewerRequest, ViewerSettings, link};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
-use servodance_stage::keys::Keys;
-use servodance_stage::net::{Ear, Place, Twin, TwinVoice};
-use servodance_stage::wire::{Role, WireError};
-use servodance_stage::{Counters, Follower};
+use servodance_stage::Follower;
+use servodance_stage::follower::DropCounters;
+use servodance_stage::messages::{MessageError, Role};
+use servodance_stage::net::{
+    NetConfig, RedundantPublisher, RedundantSession, StageKeys, Subscription,
+};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -44,7 +46,7 @@ pub struct StageFollow {
     /// The robot and its buses.
     pub config: FollowConfig,
     /// Where the leader is.
-    pub place: Place,
+    pub place: NetConfig,
     /// Name of the stage.
     pub stage: String,
     /// Name of the follower.
@@ -112,7 +114,7 @@ pub struct FollowReport {
 pub struct Dropped {
     /// By the follower, and why.
     #[serde(flatten)]
-    pub counted: Counters,
+    pub counted: DropCounters,
     /// There was no room for them.
     pub flooded: u64,
 }
@@ -157,7 +159,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     let flooded = Arc::new(AtomicU64::new(0));
     let _ears = listen(&net, &keys, follower.id(), clock, &sender, &flooded)?;
     let seat = Seat {
-        ask: net.voice(&keys.ask(Some(follower.id())))?,
+        ask: net.publisher(&keys.from_follower(Some(follower.id())))?,
         follower,
         clock,
         end,
@@ -193,7 +195,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         .join()
         .map_err(|_| anyhow::anyhow!("the thread that hears the leader broke down"));
     let (followed, seat) = (followed?, seat?.context("the network")?);
-    let (figures, role) = (seat.follower.figures(), seat.follower.role().clone());
+    let (figures, role) = (seat.follower.stats(), seat.follower.role().clone());
     let report = FollowReport {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         name: options.name.clone(),
@@ -202,7 +204,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         cpu_cores,
         lead_ms: figures.lead_s * 1e3,
         needed_ms: figures.needed_s * 1e3,
-        way_ms: figures.way_s * 1e3,
+        way_ms: figures.transit_s * 1e3,
         delay_ms: figures.clock.map_or(0.0, |clock| clock.delay_s * 1e3),
         drift_ppm: figures.clock.map_or(0.0, |clock| clock.drift * 1e6),
         lost_frames: figures.lost,
@@ -234,17 +236,17 @@ enum News {
 
 /// Everything a follower hears; it lasts as long as what comes back.
 fn listen(
-    net: &Twin,
-    keys: &Keys,
+    net: &RedundantSession,
+    keys: &StageKeys,
     id: u64,
     clock: LocalClock,
     inbox: &SyncSender<News>,
     flooded: &Arc<AtomicU64>,
-) -> anyhow::Result<Vec<Ear>> {
+) -> anyhow::Result<Vec<Subscription>> {
     let mut ears = Vec::new();
-    for key in [keys.frames(None), keys.roles(), keys.tell(id)] {
+    for key in [keys.frames(None), keys.roles(), keys.to_follower(id)] {
         let (inbox, flooded) = (inbox.clone(), Arc::clone(flooded));
-        ears.extend(net.hear(&key, move |bytes| {
+        ears.extend(net.subscribe(&key, move |bytes| {
             let news = News::Heard(clock.now_ns(), bytes.to_vec());
             if inbox.try_send(news).is_err() {
                 flooded.fetch_add(1, Ordering::Relaxed);
@@ -252,8 +254,8 @@ fn listen(
         })?);
     }
     let (inbox, own) = (inbox.clone(), keys.clone());
-    ears.extend(net.watch(&keys.leaders(), move |key, lives| {
-        if let (Some((instance, _)), false) = (own.read_leader(key), lives) {
+    ears.extend(net.watch_liveliness(&keys.leaders(), move |key, lives| {
+        if let (Some((instance, _)), false) = (own.parse_leader(key), lives) {
             let _ = inbox.try_send(News::Gone(instance));
         }
     })?);
@@ -267,7 +269,7 @@ struct Seat {
     end: StageEnd,
     viewers: ViewerEnd,
     inbox: Receiver<News>,
-    ask: TwinVoice,
+    ask: RedundantPublisher,
     ros: Option<Ros>,
     /// What is danced without a role, and what the control loop was told last.
     usual: ViewerSettings,
@@ -301,10 +303,10 @@ impl Seat {
 
     fn take(&mut self, news: News) {
         match news {
-            News::Gone(instance) => self.follower.leader_gone(instance),
+            News::Gone(instance) => self.follower.note_leader_gone(instance),
             News::Heard(at_ns, bytes) => {
-                let heard = self.follower.hear(at_ns, &bytes);
-                if let (Err(error @ WireError::Version(_)), false) = (heard, self.told_version) {
+                let heard = self.follower.receive(at_ns, &bytes);
+                if let (Err(error @ MessageError::Version(_)), false) = (heard, self.told_version) {
                     self.told_version = true;
                     self.notes.note(&error.to_string());
                 }
@@ -314,11 +316,11 @@ impl Seat {
 
     fn look_around(&mut self) -> anyhow::Result<()> {
         let now_ns = self.clock.now_ns();
-        for question in self.follower.questions(now_ns) {
-            self.ask.say(question)?;
+        for question in self.follower.time_requests(now_ns) {
+            self.ask.put(question)?;
         }
         if let Some(report) = self.follower.report(now_ns) {
-            self.ask.say(report)?;
+            self.ask.put(report)?;
         }
         let (shown_s, hidden) = self.end.shown();
         while self.end.has_room() {
@@ -354,7 +356,7 @@ impl Seat {
             self.notes.note("nobody leads any more: idling");
             return;
         }
-        let figures = self.follower.figures();
+        let figures = self.follower.stats();
         let clock = figures.clock.map_or(0.0, |clock| clock.bound_s());
         self.notes.note(&format!(
             "following {:016x}: frames come {:.0} ms ahead, its clock is known to {:.1} ms at worst",
