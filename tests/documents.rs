@@ -54,7 +54,7 @@ fn every_key_of_a_report_is_documented() {
 #[test]
 fn every_code_of_a_finding_is_documented() {
     let text = read("docs/robots.md");
-    for code in servodance_retarget::Code::ALL {
+    for code in servodance_retarget::DiagnosticCode::ALL {
         let row = format!(
             "| `{code}` | {} | {} |",
             code.severity().as_str(),

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use servodance_model::motion::Clip;
-use servodance_retarget::Segment;
+use servodance_retarget::LimbSegment;
 use servodance_runtime::offline::motion_tracking::{TrackedMotion, track_motion};
 use servodance_runtime::robot::Robot;
 use servodance_types::FRAME_RATE_HZ;
@@ -76,12 +76,12 @@ fn freed(robot: &Robot) -> Robot {
 }
 
 fn figures(limited: &TrackedMotion, free: &TrackedMotion) -> Vec<f64> {
-    let median = |of: &TrackedMotion, pick: &dyn Fn(Segment) -> bool| {
+    let median = |of: &TrackedMotion, pick: &dyn Fn(LimbSegment) -> bool| {
         of.median_deg(pick).unwrap_or(f64::NAN)
     };
     vec![
-        median(limited, &|s| s == Segment::UpperArm),
-        median(limited, &|s| s == Segment::Forearm),
+        median(limited, &|s| s == LimbSegment::UpperArm),
+        median(limited, &|s| s == LimbSegment::Forearm),
         median(limited, &|s| s.is_arm()),
         median(free, &|s| s.is_arm()),
         median(limited, &|s| !s.is_arm()),

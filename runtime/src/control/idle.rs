@@ -15,7 +15,7 @@
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use servodance_model::motion::skeleton::BONE_LENGTH_M;
-use servodance_retarget::Points;
+use servodance_retarget::BodyPoints;
 use servodance_retarget::nalgebra::{Rotation3, Vector3};
 use servodance_types::BodyJoint::{self, *};
 use servodance_types::MusicFrame;
@@ -64,7 +64,7 @@ struct GroundPose {
 }
 
 impl GroundPose {
-    fn of(points: &Points) -> Self {
+    fn of(points: &BodyPoints) -> Self {
         let left = points[LeftHip as usize] - points[RightHip as usize];
         let pelvis = points[Pelvis as usize];
         Self {
@@ -75,14 +75,14 @@ impl GroundPose {
     }
 
     /// From a body at the origin that faces x to this pose.
-    fn apply(&self, points: &mut Points) {
+    fn apply(&self, points: &mut BodyPoints) {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.yaw);
         let shift = Vector3::new(self.x, self.y, 0.0);
         points.iter_mut().for_each(|p| *p = turn * *p + shift);
     }
 
     /// From this pose to the origin.
-    fn remove(&self, points: &mut Points) {
+    fn remove(&self, points: &mut BodyPoints) {
         let back = Rotation3::from_axis_angle(&Vector3::z_axis(), -self.yaw);
         let shift = Vector3::new(self.x, self.y, 0.0);
         points.iter_mut().for_each(|p| *p = back * (*p - shift));
@@ -107,10 +107,10 @@ pub struct Idle {
     /// Where the idle body stands.
     place: GroundPose,
     /// The idle body while the style is to hold, at the origin.
-    held: Option<Points>,
+    held: Option<BodyPoints>,
     /// The idle body of a style that was changed, at the origin, and how much of
     /// it is left, 1 to 0.
-    leaving: Option<(Points, f64)>,
+    leaving: Option<(BodyPoints, f64)>,
     /// Brings the dancer, who may have moved while hidden, to where the robot is.
     from: GroundPose,
     to: GroundPose,
@@ -167,7 +167,7 @@ impl Idle {
 
     /// One cycle at music time `now_s`: `dance` is the dancer's pose, if there is
     /// one; what comes back is the pose to show.
-    pub fn step(&mut self, now_s: f64, dance: Option<Points>) -> Option<Points> {
+    pub fn step(&mut self, now_s: f64, dance: Option<BodyPoints>) -> Option<BodyPoints> {
         let before = self.music;
         self.music = self.is_music(now_s);
         self.time_s += self.period_s;
@@ -204,7 +204,7 @@ impl Idle {
     }
 
     /// The idle body of this cycle at the origin.
-    fn body(&self) -> Points {
+    fn body(&self) -> BodyPoints {
         let body = match (&self.held, self.style) {
             (Some(held), _) => *held,
             (None, IdleStyle::Sway) => pose(self.time_s, 1.0),
@@ -232,7 +232,7 @@ fn eased(share: f64) -> f64 {
 }
 
 /// `share` of `b` in `a`: bone directions are mixed, lengths kept.
-fn blend(a: &Points, b: &Points, share: f64) -> Points {
+fn blend(a: &BodyPoints, b: &BodyPoints, share: f64) -> BodyPoints {
     let mut out = *a;
     out[0] = a[0].lerp(&b[0], share);
     for joint in BodyJoint::ALL {
@@ -253,7 +253,7 @@ fn blend(a: &Points, b: &Points, share: f64) -> Points {
 
 /// The idle body standing still with its arms raised to the sides and its head
 /// bent by a share: the gesture of the click test.
-pub fn greeting(raised: f64) -> Points {
+pub fn greeting(raised: f64) -> BodyPoints {
     let still = pose(0.0, 0.0);
     let mut up = still;
     for (joint, parent) in [
@@ -272,7 +272,7 @@ pub fn greeting(raised: f64) -> Points {
 }
 
 /// The idle body at the origin, facing x; `lively` scales its movement.
-fn pose(time_s: f64, lively: f64) -> Points {
+fn pose(time_s: f64, lively: f64) -> BodyPoints {
     let wave = |hz: f64, amplitude: f64| lively * amplitude * (TAU * hz * time_s).sin();
     let breath = lively * 0.5 * (1.0 - (TAU * BREATH_HZ * time_s).cos());
     let sway = wave(SWAY_HZ, 1.0);
@@ -348,7 +348,7 @@ mod tests {
     }
 
     /// A dancer who is elsewhere and turns all the time.
-    fn dancer(time_s: f64) -> Points {
+    fn dancer(time_s: f64) -> BodyPoints {
         let mut points = pose(8.0 * time_s, 1.0);
         let place = GroundPose {
             yaw: time_s,
@@ -359,7 +359,7 @@ mod tests {
         points
     }
 
-    fn fastest_m_s(a: &Points, b: &Points) -> f64 {
+    fn fastest_m_s(a: &BodyPoints, b: &BodyPoints) -> f64 {
         let steps = a.iter().zip(b).map(|(a, b)| (b - a).norm() / CYCLE_S);
         steps.fold(0.0, f64::max)
     }
@@ -393,7 +393,7 @@ mod tests {
     #[test]
     fn another_style_is_taken_up_without_a_jump() {
         let mut idle = Idle::new(IdleStyle::Sway, CYCLE_S);
-        let mut last: Option<Points> = None;
+        let mut last: Option<BodyPoints> = None;
         let styles = [IdleStyle::Rest, IdleStyle::Sway, IdleStyle::Hold];
         for cycle in 0..900 {
             if cycle % 70 == 0 {

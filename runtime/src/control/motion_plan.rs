@@ -9,7 +9,7 @@ use super::lead_time::LeadTime;
 use super::timing::{LEAD_IN_S, LoopOptions, MotionArrival};
 use crate::pipeline::dance_step::DanceStep;
 use crate::robot::Robot;
-use servodance_retarget::{Points, Retargeter};
+use servodance_retarget::{BodyPoints, Retargeter};
 use servodance_types::JointState;
 
 pub struct MotionPlan {
@@ -63,7 +63,7 @@ impl MotionPlan {
 
     pub fn push(&mut self, step: &DanceStep) {
         match &step.posture {
-            Some(posture) => self.retargeter.push_led(&step.motion, posture),
+            Some(posture) => self.retargeter.push_with_posture(&step.motion, posture),
             None => self.retargeter.push(&step.motion),
         }
         if let Some(steering) = &mut self.steering {
@@ -110,7 +110,7 @@ impl MotionPlan {
     pub fn retarget(
         &mut self,
         music_s: f64,
-        mut observe: impl FnMut(Option<Points>),
+        mut observe: impl FnMut(Option<BodyPoints>),
     ) -> anyhow::Result<()> {
         let (idle, motion_s) = (&mut self.idle, self.motion_s);
         let alter = |dance| {

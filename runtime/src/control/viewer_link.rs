@@ -10,7 +10,7 @@ use crate::telemetry::pose_array::pose_array;
 use crate::viewer::snapshot::{Activity, BANDS, MusicStatus, RobotStatus, ViewerEvent, state_name};
 use crate::viewer::{RobotEnd, ViewerSettings};
 use servodance_drivers::Transition;
-use servodance_retarget::{Points, Retargeter};
+use servodance_retarget::{BodyPoints, Retargeter};
 use servodance_types::MusicFrame;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -34,7 +34,7 @@ pub struct ViewerLink<'a> {
     every: u64,
     cycles: u64,
     /// Human poses that are taken in ahead of the robot, oldest first.
-    poses: VecDeque<Option<Points>>,
+    poses: VecDeque<Option<BodyPoints>>,
     /// Features and beat by their time.
     music: VecDeque<(f64, MusicStatus)>,
     positions_rad: Vec<f64>,
@@ -109,7 +109,7 @@ impl<'a> ViewerLink<'a> {
     }
 
     /// Takes in the human pose that the robot will show one preview later.
-    pub fn push_pose(&mut self, pose: Option<Points>) {
+    pub fn push_pose(&mut self, pose: Option<BodyPoints>) {
         self.poses.push_back(pose);
         self.poses.pop_front();
     }
@@ -222,7 +222,7 @@ impl<'a> ViewerLink<'a> {
     }
 }
 
-fn single(points: Points) -> [[f32; 3]; 22] {
+fn single(points: BodyPoints) -> [[f32; 3]; 22] {
     points.map(|p| [p.x as f32, p.y as f32, p.z as f32])
 }
 

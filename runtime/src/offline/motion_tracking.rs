@@ -7,7 +7,7 @@
 use crate::robot::Robot;
 use crate::telemetry::report::ViolationReport;
 use servodance_drivers::Limiter;
-use servodance_retarget::{Counts, EffortReport, Likeness, Segment};
+use servodance_retarget::{LimbDirectionError, LimbSegment, RetargetCounts, TorqueReport};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 use std::time::Instant;
 
@@ -21,13 +21,13 @@ pub struct TrackedMotion {
     /// Joint cycles in which the safety layer changed a command.
     pub interventions: u64,
     /// What the retargeter had to give up, counted.
-    pub counts: Counts,
+    pub counts: RetargetCounts,
     /// Angles between the dancer's arm segments and the robot's, degrees, sorted.
     pub direction_errors_deg: Vec<f64>,
     /// Angles of every limb segment, legs too, degrees.
-    pub limb_errors_deg: Vec<(Segment, f64)>,
+    pub limb_errors_deg: Vec<(LimbSegment, f64)>,
     /// Torque and heat of the motors, estimated.
-    pub effort: EffortReport,
+    pub effort: TorqueReport,
     /// Root mean square jerk over all joints, rad/s^3.
     pub jerk_rms_rad_s3: f64,
     /// Time of each cycle, microseconds, sorted.
@@ -44,7 +44,7 @@ impl TrackedMotion {
 
     /// Median angle of the segments that `pick` picks, degrees; `None` where the
     /// robot has none of them.
-    pub fn median_deg(&self, pick: impl Fn(Segment) -> bool) -> Option<f64> {
+    pub fn median_deg(&self, pick: impl Fn(LimbSegment) -> bool) -> Option<f64> {
         let picked = self.limb_errors_deg.iter().filter(|(s, _)| pick(*s));
         let mut angles: Vec<f64> = picked.map(|(_, angle)| *angle).collect();
         angles.sort_by(f64::total_cmp);
@@ -64,7 +64,7 @@ pub fn track_motion(
         .iter()
         .map(|servo| servo.name.as_str())
         .collect();
-    let likeness = Likeness::new(&robot.urdf_xml, &robot.retarget, &names)?;
+    let likeness = LimbDirectionError::new(&robot.urdf_xml, &robot.retarget, &names)?;
     let mut targets = retargeter.rest().to_vec();
     let mut limiters: Vec<Limiter> = robot
         .servos
@@ -78,10 +78,10 @@ pub fn track_motion(
         cycles: 0,
         violations: ViolationReport::default(),
         interventions: 0,
-        counts: Counts::default(),
+        counts: RetargetCounts::default(),
         direction_errors_deg: Vec::new(),
         limb_errors_deg: Vec::new(),
-        effort: retargeter.effort(),
+        effort: retargeter.torque_report(),
         jerk_rms_rad_s3: 0.0,
         cycle_us: Vec::new(),
     };
@@ -117,7 +117,7 @@ pub fn track_motion(
     tracked.counts = *retargeter.counts();
     tracked.violations = judge.broken;
     tracked.jerk_rms_rad_s3 = (judge.jerk_squares / judge.jerks.max(1) as f64).sqrt();
-    tracked.effort = retargeter.effort();
+    tracked.effort = retargeter.torque_report();
     let arms = tracked.limb_errors_deg.iter().filter(|(s, _)| s.is_arm());
     tracked.direction_errors_deg = arms.map(|(_, angle)| *angle).collect();
     tracked.direction_errors_deg.sort_by(f64::total_cmp);
@@ -125,7 +125,7 @@ pub fn track_motion(
     Ok(tracked)
 }
 
-/// Counts broken limits by positions and their first and second differences.
+/// RetargetCounts broken limits by positions and their first and second differences.
 struct LimitJudge {
     limits: Vec<JointLimits>,
     control_hz: f64,

@@ -9,7 +9,7 @@ use crate::telemetry::report::{EffortFigures, ViolationReport};
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::Clip;
-use servodance_retarget::{Counts, Segment};
+use servodance_retarget::{LimbSegment, RetargetCounts};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ struct RetargetReport {
     violations: ViolationReport,
     /// Joint cycles in which the safety layer changed a command.
     interventions: u64,
-    counts: Counts,
+    counts: RetargetCounts,
     /// Median angle between the dancer's arm segments and the robot's, degrees;
     /// `null` where the robot has no arms.
     direction_error_median_deg: Option<f64>,
@@ -108,10 +108,10 @@ fn report(motion: &str, robot: &Robot, tracked: &TrackedMotion) -> RetargetRepor
         direction_error_median_deg: error(0.5),
         direction_error_p95_deg: error(0.95),
         segment_error_median_deg: SegmentErrors {
-            upper_arm: median(Segment::UpperArm),
-            forearm: median(Segment::Forearm),
-            thigh: median(Segment::Thigh),
-            shank: median(Segment::Shank),
+            upper_arm: median(LimbSegment::UpperArm),
+            forearm: median(LimbSegment::Forearm),
+            thigh: median(LimbSegment::Thigh),
+            shank: median(LimbSegment::Shank),
         },
         effort: tracked.effort.clone().into(),
         jerk_rms_rad_s3: tracked.jerk_rms_rad_s3,

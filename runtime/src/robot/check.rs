@@ -5,7 +5,7 @@ use super::built_in::BUILT_IN;
 use super::loaded::Robot;
 use super::robot_file::RobotError;
 use serde::Serialize;
-use servodance_retarget::{Code, Finding, Severity, lint, lint_limits};
+use servodance_retarget::{Diagnostic, DiagnosticCode, DiagnosticSeverity, lint, lint_limits};
 use std::path::Path;
 
 /// What was found in one file.
@@ -16,15 +16,17 @@ pub struct Checked {
     /// Whether a robot can be built on it.
     pub usable: bool,
     /// Everything found; refusals first.
-    pub findings: Vec<Finding>,
+    pub findings: Vec<Diagnostic>,
 }
 
 impl Checked {
-    fn new(file: &str, mut findings: Vec<Finding>) -> Self {
+    fn new(file: &str, mut findings: Vec<Diagnostic>) -> Self {
         findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
         Self {
             file: file.to_owned(),
-            usable: findings.iter().all(|f| f.severity != Severity::Refused),
+            usable: findings
+                .iter()
+                .all(|f| f.severity != DiagnosticSeverity::Refused),
             findings,
         }
     }
@@ -32,16 +34,16 @@ impl Checked {
     /// The verdict in one line.
     pub fn verdict(&self) -> String {
         let count = |severity| {
-            let of = |f: &&Finding| f.severity == severity;
+            let of = |f: &&Diagnostic| f.severity == severity;
             self.findings.iter().filter(of).count()
         };
         format!(
             "{}: {}; {} refused, {} repaired, {} notes",
             self.file,
             if self.usable { "usable" } else { "refused" },
-            count(Severity::Refused),
-            count(Severity::Repaired),
-            count(Severity::Note)
+            count(DiagnosticSeverity::Refused),
+            count(DiagnosticSeverity::Repaired),
+            count(DiagnosticSeverity::Note)
         )
     }
 }
@@ -57,7 +59,7 @@ pub fn check(file: &str) -> Checked {
     Checked::new(file, findings)
 }
 
-fn check_robot(file: &str) -> Vec<Finding> {
+fn check_robot(file: &str) -> Vec<Diagnostic> {
     match Robot::load(file) {
         Ok(robot) => {
             let mut findings = lint(&robot.urdf_xml);
@@ -66,13 +68,20 @@ fn check_robot(file: &str) -> Vec<Finding> {
         }
         Err(error) => {
             let code = error.downcast_ref::<RobotError>().map(|e| e.code);
-            let finding = Finding::new(code.unwrap_or(Code::RobotFile), file, format!("{error:#}"));
+            let finding = Diagnostic::new(
+                code.unwrap_or(DiagnosticCode::RobotFile),
+                file,
+                format!("{error:#}"),
+            );
             // What is wrong with the description itself is told in full.
             let description = error
                 .downcast_ref::<RobotError>()
                 .and_then(|e| e.urdf_xml.as_deref());
             let mut findings = description.map(lint).unwrap_or_default();
-            if findings.iter().all(|f| f.severity != Severity::Refused) {
+            if findings
+                .iter()
+                .all(|f| f.severity != DiagnosticSeverity::Refused)
+            {
                 findings.push(finding);
             }
             findings
@@ -80,11 +89,11 @@ fn check_robot(file: &str) -> Vec<Finding> {
     }
 }
 
-fn check_description(path: &Path) -> Vec<Finding> {
+fn check_description(path: &Path) -> Vec<Diagnostic> {
     match std::fs::read_to_string(path) {
         Ok(text) => lint(&text),
-        Err(error) => vec![Finding::new(
-            Code::FileUnreadable,
+        Err(error) => vec![Diagnostic::new(
+            DiagnosticCode::FileUnreadable,
             path.display().to_string(),
             error.to_string(),
         )],

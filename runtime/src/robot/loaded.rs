@@ -8,7 +8,7 @@ use super::robot_folders::{FileRefused, RobotFolders};
 use crate::control::idle::IdleStyle;
 use anyhow::{anyhow, bail};
 use servodance_drivers::{BusLayout, SafetyConfig, SafetyError, Servo, check_rate, layouts};
-use servodance_retarget::{Code, RetargetConfig, Retargeter};
+use servodance_retarget::{DiagnosticCode, RetargetConfig, Retargeter};
 use servodance_types::JointLimits;
 use std::path::{Path, PathBuf};
 
@@ -69,7 +69,7 @@ impl Robot {
         }
         let text = std::fs::read_to_string(path).map_err(|e| {
             let message = format!("cannot read robot file {}: {e}", path.display());
-            RobotError::of(Code::FileUnreadable, message)
+            RobotError::of(DiagnosticCode::FileUnreadable, message)
         })?;
         Self::from_text_with(&text, path, overrides)
     }
@@ -108,22 +108,22 @@ impl Robot {
             if !range.contains(&value) {
                 let (low, high) = (range.start(), range.end());
                 let what = format!("{key} = {value} is outside {low}..{high}");
-                return Err(refuse(Code::RobotFile, &[key], what));
+                return Err(refuse(DiagnosticCode::RobotFile, &[key], what));
             }
         }
         let (servos, mut buses) = layouts(parsed.buses, &parsed.joints)
-            .map_err(|e| refuse(Code::ServoMap, &config_path(&e), e.to_string()))?;
+            .map_err(|e| refuse(DiagnosticCode::ServoMap, &config_path(&e), e.to_string()))?;
         for bus in &mut buses {
             bus.config.control_hz = Some(parsed.control_hz);
             check_rate(&bus.config, &bus.servos, parsed.control_hz)
-                .map_err(|e| refuse(Code::BusRate, &["control_hz"], e.to_string()))?;
+                .map_err(|e| refuse(DiagnosticCode::BusRate, &["control_hz"], e.to_string()))?;
         }
         let safety = parsed.safety.at(parsed.control_hz).map_err(|e| {
             let path = match &e {
                 SafetyError::Config { key, .. } => vec!["safety", *key],
                 _ => vec!["safety"],
             };
-            refuse(Code::RobotFile, &path, e.to_string())
+            refuse(DiagnosticCode::RobotFile, &path, e.to_string())
         })?;
         let robot = Self {
             urdf_xml: read_urdf(&parsed.urdf)?,
@@ -142,7 +142,7 @@ impl Robot {
         match robot.retargeter() {
             Ok(_) => Ok(robot),
             Err(error) => Err(anyhow::Error::new(RobotError {
-                code: Code::Retarget,
+                code: DiagnosticCode::Retarget,
                 message: format!("{}: {error}", source.place(&retarget_path(&error))),
                 urdf_xml: Some(robot.urdf_xml),
             })),
@@ -202,7 +202,7 @@ fn description(source: &ConfigSource, folder: &Path, urdf: &str) -> anyhow::Resu
     let refuse = |code, what: String| RobotError::of(code, format!("{at}: {what}"));
     let unreadable = |why: &dyn std::fmt::Display| {
         let what = format!("cannot read urdf {}: {why}", path.display());
-        refuse(Code::FileUnreadable, what)
+        refuse(DiagnosticCode::FileUnreadable, what)
     };
     match found {
         Ok(path) => std::fs::read_to_string(path).map_err(|e| unreadable(&e)),
@@ -211,7 +211,7 @@ fn description(source: &ConfigSource, folder: &Path, urdf: &str) -> anyhow::Resu
                 "urdf {urdf:?} lies outside the robot file's folder: copy it into that folder, \
                  or name it yourself with --set urdf=FILE"
             );
-            Err(refuse(Code::FileOutside, what))
+            Err(refuse(DiagnosticCode::FileOutside, what))
         }
         Err(stray) => Err(unreadable(&stray)),
     }

@@ -6,14 +6,14 @@ use crate::control::idle::IdleStyle;
 use crate::process::console::stderr_line;
 use serde::Deserialize;
 use servodance_drivers::{BusConfig, ConfigError, SafetyConfig, ServoConfig, one_or_several};
-use servodance_retarget::{Code, RetargetConfig, RetargetError};
+use servodance_retarget::{DiagnosticCode, RetargetConfig, RetargetError};
 
 /// Why a robot file cannot be used.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{message}")]
 pub struct RobotError {
     /// What kind of mistake it is.
-    pub code: Code,
+    pub code: DiagnosticCode,
     /// What is wrong; names the file.
     pub message: String,
     /// The description, where that is at fault.
@@ -21,7 +21,7 @@ pub struct RobotError {
 }
 
 impl RobotError {
-    pub(super) fn of(code: Code, message: String) -> anyhow::Error {
+    pub(super) fn of(code: DiagnosticCode, message: String) -> anyhow::Error {
         let urdf_xml = None;
         anyhow::Error::new(Self {
             code,
@@ -55,7 +55,7 @@ pub(super) struct RobotFile {
 /// Reads the file, then sets the keys beside it, each checked by itself.
 pub(super) fn parse(source: &ConfigSource) -> anyhow::Result<RobotFile> {
     let read = |text: &str| toml::from_str::<RobotFile>(text);
-    let refuse = |message| RobotError::of(Code::Toml, message);
+    let refuse = |message| RobotError::of(DiagnosticCode::Toml, message);
     let parsed = read(source.text).map_err(|e| {
         let line = line_at(source.text, e.span().map_or(0, |span| span.start));
         refuse(format!("{}:{line}: {}", source.file, one_line(e.message())))

@@ -55,7 +55,7 @@ pub fn dance_report(
         latency_ms: run.log.latency.report(),
         capture: music.capture.map(CaptureReport::from),
         interventions: servos.interventions(),
-        effort: run.plan.retargeter.effort().into(),
+        effort: run.plan.retargeter.torque_report().into(),
         safety: servos.safety_log(),
         replaced_music_frames: music.replaced_music_frames,
         lead_s: run.plan.lead.mean_s(),

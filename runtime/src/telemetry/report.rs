@@ -7,7 +7,7 @@ use crate::control::latency::LatencyReport;
 use crate::pipeline::step_times::StepTimes;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureStats;
-use servodance_retarget::EffortReport;
+use servodance_retarget::TorqueReport;
 use std::path::Path;
 
 /// What `dance --report` writes.
@@ -114,8 +114,8 @@ impl Default for EffortFigures {
     }
 }
 
-impl From<EffortReport> for EffortFigures {
-    fn from(effort: EffortReport) -> Self {
+impl From<TorqueReport> for EffortFigures {
+    fn from(effort: TorqueReport) -> Self {
         let share = |(joint, share)| JointShare { joint, share };
         Self {
             known_joints: effort.known_joints,
@@ -233,7 +233,7 @@ mod tests {
     use super::*;
 
     fn effort(lowest_amplitude: f64) -> EffortFigures {
-        EffortReport {
+        TorqueReport {
             known_joints: 2,
             hottest: Some(("knee".into(), 0.71)),
             strongest: Some(("hip".into(), 0.92)),

@@ -2,7 +2,7 @@
 
 use super::plan::FilePlan;
 use super::servo_draft::ServoDraft;
-use servodance_retarget::{BodyLinks, Limb, Role, Stance};
+use servodance_retarget::{BodyLinks, JointUse, Limb, Stance};
 use std::fmt::Write;
 
 /// Everything in the order that a reader needs it.
@@ -187,7 +187,7 @@ fn rest(plan: &FilePlan, out: &mut String) {
     let is_leg = |name: &str| {
         matches!(
             role(name),
-            Some(Role::Dances(Limb::LeftLeg | Limb::RightLeg))
+            Some(JointUse::Dances(Limb::LeftLeg | Limb::RightLeg))
         )
     };
     let mut rest = plan
@@ -223,7 +223,7 @@ fn jerk(plan: &FilePlan, out: &mut String) {
 
 fn joint(servo: &ServoDraft, out: &mut String) {
     let role = match servo.role {
-        Role::Dances(limb) => format!("moves the {}", limb_name(limb)),
+        JointUse::Dances(limb) => format!("moves the {}", limb_name(limb)),
         _ => "nothing to show: held at rest".into(),
     };
     let _ = writeln!(

@@ -2,7 +2,7 @@
 
 use super::servo_draft::ServoDraft;
 use servodance_model::motion::Clip;
-use servodance_retarget::{Draft, Finding};
+use servodance_retarget::{ConfigDraft, Diagnostic};
 
 /// Everything that goes into the file.
 pub(super) struct FilePlan<'a> {
@@ -11,10 +11,10 @@ pub(super) struct FilePlan<'a> {
     /// The dance that the robot is tried with.
     pub trial: &'a Clip,
     pub urdf: String,
-    pub draft: &'a mut Draft,
+    pub draft: &'a mut ConfigDraft,
     pub servos: Vec<ServoDraft>,
     pub left_out: Vec<String>,
-    pub findings: Vec<Finding>,
+    pub findings: Vec<Diagnostic>,
     /// Baud and control rate.
     pub rates: (u32, f64),
     pub rest: Vec<(String, f64)>,

@@ -1,6 +1,6 @@
 //! A servo map to fill in: placeholders that the simulation can dance with.
 
-use servodance_retarget::{DraftJoint, Role};
+use servodance_retarget::{JointDraft, JointUse};
 
 /// Bus ids there are.
 const MOST_SERVOS: usize = 252;
@@ -42,7 +42,7 @@ const PLACEHOLDERS: [Placeholder; 2] = [
 pub(super) struct ServoDraft {
     pub name: String,
     pub id: usize,
-    pub role: Role,
+    pub role: JointUse,
     pub model: &'static str,
     pub zero_deg: f64,
     pub lower_deg: f64,
@@ -56,19 +56,19 @@ pub(super) struct ServoDraft {
 }
 
 /// Servos for the joints that dance or are held, and why others have none.
-pub(super) fn servo_drafts(joints: &[DraftJoint]) -> (Vec<ServoDraft>, Vec<String>) {
+pub(super) fn servo_drafts(joints: &[JointDraft]) -> (Vec<ServoDraft>, Vec<String>) {
     let mut servos: Vec<ServoDraft> = Vec::new();
     let mut left_out = Vec::new();
     // What dances comes first, should the ids run out.
-    let dances = |joint: &&DraftJoint| matches!(joint.role, Role::Dances(_));
+    let dances = |joint: &&JointDraft| matches!(joint.role, JointUse::Dances(_));
     let ordered = joints
         .iter()
         .filter(dances)
         .chain(joints.iter().filter(|j| !dances(j)));
     for joint in ordered {
         let why_not = match joint.role {
-            Role::Wheel => Some("a wheel: not for a position servo"),
-            Role::Slides => Some("slides: held where it is"),
+            JointUse::Wheel => Some("a wheel: not for a position servo"),
+            JointUse::Slides => Some("slides: held where it is"),
             _ if servos.len() >= MOST_SERVOS => Some("no bus id is left"),
             _ => None,
         };
@@ -84,7 +84,7 @@ pub(super) fn servo_drafts(joints: &[DraftJoint]) -> (Vec<ServoDraft>, Vec<Strin
     (servos, left_out)
 }
 
-fn servo(joint: &DraftJoint, id: usize) -> Option<ServoDraft> {
+fn servo(joint: &JointDraft, id: usize) -> Option<ServoDraft> {
     let mut notes = Vec::new();
     let [small, large] = &PLACEHOLDERS;
     let strong = joint.effort_nm.is_some_and(|nm| nm > small.torque_nm);
@@ -162,10 +162,10 @@ mod tests {
     use super::*;
     use servodance_retarget::Limb;
 
-    fn joint(range_rad: Option<[f64; 2]>) -> DraftJoint {
-        DraftJoint {
+    fn joint(range_rad: Option<[f64; 2]>) -> JointDraft {
+        JointDraft {
             name: "turn".into(),
-            role: Role::Dances(Limb::Head),
+            role: JointUse::Dances(Limb::Head),
             range_rad,
             velocity_rad_s: Some(2.0),
             acceleration_rad_s2: None,
@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn joints_that_cannot_have_a_servo_are_left_out_by_name() {
         let mut wheel = joint(None);
-        wheel.role = Role::Wheel;
+        wheel.role = JointUse::Wheel;
         let (servos, left_out) = servo_drafts(&[wheel, joint(Some([0.1, 0.1001])), joint(None)]);
         assert_eq!((servos.len(), left_out.len()), (1, 2));
         assert!(

@@ -8,7 +8,7 @@ use crate::robot::loaded::Robot;
 use crate::robot::overrides::Overrides;
 use crate::robot::robot_file::RobotError;
 use anyhow::bail;
-use servodance_retarget::{Code, Stance, rest_deg};
+use servodance_retarget::{DiagnosticCode, Stance, rest_deg};
 
 /// Baud rates and control rates that are tried until the servos fit.
 pub(super) const RATES: [(u32, f64); 5] = [
@@ -71,7 +71,7 @@ impl FilePlan<'_> {
         for rates in RATES {
             self.rates = rates;
             match self.parse() {
-                Err(error) if code(&error) == Some(Code::BusRate) => {}
+                Err(error) if code(&error) == Some(DiagnosticCode::BusRate) => {}
                 other => return Ok(other),
             }
         }
@@ -92,7 +92,7 @@ impl FilePlan<'_> {
     }
 }
 
-fn code(error: &anyhow::Error) -> Option<Code> {
+fn code(error: &anyhow::Error) -> Option<DiagnosticCode> {
     error.downcast_ref::<RobotError>().map(|error| error.code)
 }
 
