@@ -1,7 +1,7 @@
 //! `servodance ablate`.
 
 use super::{INTERRUPTED, stop_signal};
-use servodance_runtime::console::{say, tell};
+use servodance_runtime::process::console::{say, tell};
 use servodance_training::ablate::{AblationRequest, ablate};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -77,7 +77,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         tell!("stopped; the same command goes on from here");
         return Ok(ExitCode::from(INTERRUPTED));
     };
-    servodance_runtime::console::stdout(format_args!("{}", table.text()));
+    servodance_runtime::process::console::stdout(format_args!("{}", table.text()));
     if !request.quiet {
         say!("\n{}", request.out.join("ablation.png").display());
     }

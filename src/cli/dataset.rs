@@ -3,10 +3,10 @@
 use anyhow::bail;
 use clap::Subcommand;
 use servodance_model::conditioning::{Encodec, MusicKind};
-use servodance_runtime::conditioning::open_encodec;
-use servodance_runtime::console::{say, tell};
-use servodance_runtime::output::write_whole;
-use servodance_runtime::progress::Progress;
+use servodance_runtime::pipeline::conditioning::open_encodec;
+use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::progress::Progress;
+use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::dataset::{DatasetOptions, DatasetReport, ImportRequest, build, import};
 use servodance_training::motion::format::MotionFormat;
 use std::path::PathBuf;
@@ -241,7 +241,7 @@ fn run_report(args: ReportArgs) -> anyhow::Result<ExitCode> {
     write_whole(&sheet, &report.sheet(&title)?)?;
     match args.json {
         true => say!("{}", serde_json::to_string_pretty(&report)?),
-        false => servodance_runtime::console::stdout(format_args!("{}", report.table())),
+        false => servodance_runtime::process::console::stdout(format_args!("{}", report.table())),
     }
     Ok(ExitCode::SUCCESS)
 }

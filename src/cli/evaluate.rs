@@ -1,8 +1,8 @@
 //! `servodance evaluate`.
 
 use super::options::engine::{EngineArgs, SamplingArgs};
-use servodance_runtime::console::say;
-use servodance_runtime::progress::Progress;
+use servodance_runtime::process::console::say;
+use servodance_runtime::process::progress::Progress;
 use servodance_training::evaluate::{EvaluationRequest, evaluate};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -96,7 +96,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.json {
         say!("{}", serde_json::to_string_pretty(&found)?);
     } else {
-        servodance_runtime::console::stdout(format_args!("{}", found.table()));
+        servodance_runtime::process::console::stdout(format_args!("{}", found.table()));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -2,7 +2,7 @@
 
 use super::{INTERRUPTED, stop_signal};
 use clap::Subcommand;
-use servodance_runtime::console::{say, tell};
+use servodance_runtime::process::console::{say, tell};
 use servodance_training::runs::{RunEnd, RunOutcome, TrainingRequest, train};
 use servodance_training::train::TrainedNetwork;
 use std::path::PathBuf;

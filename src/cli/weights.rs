@@ -1,8 +1,8 @@
 //! `servodance weights`.
 
 use servodance_model::net::Dtype;
-use servodance_runtime::console::say;
-use servodance_runtime::output::write_whole;
+use servodance_runtime::process::console::say;
+use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::weights::{self, WeightsInfo};
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -6,7 +6,7 @@
 //! else the machine does falls on all of them. Medians and their ratio.
 
 use anyhow::{Context, ensure};
-use servodance_runtime::console;
+use servodance_runtime::process::console;
 use servodance_training::dataset::Split;
 use servodance_training::dataset::training_file::{self, TrainingClip};
 use servodance_training::train::{

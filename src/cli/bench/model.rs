@@ -2,7 +2,7 @@
 
 use crate::cli::options::engine::EngineArgs;
 use servodance_lab::bench::model::{ModelBench, run as measure};
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -1,7 +1,7 @@
 //! The variants beside each other: CSV for scripts, a table for people, a picture.
 
 use super::row::{AblationRow, AblationScores, COLUMNS, MeanAndInterval};
-use servodance_runtime::picture::dots::{Dot, Dots, Panel};
+use servodance_runtime::telemetry::picture::{Dot, DotChart, DotPanel};
 use std::fmt::Write;
 
 /// All variants, the whole model first.
@@ -63,8 +63,8 @@ impl AblationTable {
     }
 
     /// A panel a figure, a dot with its interval a variant.
-    pub fn picture(&self) -> Dots {
-        let panel = |title: &str, figure: fn(&AblationScores) -> MeanAndInterval| Panel {
+    pub fn picture(&self) -> DotChart {
+        let panel = |title: &str, figure: fn(&AblationScores) -> MeanAndInterval| DotPanel {
             title: title.into(),
             dots: self
                 .rows
@@ -75,7 +75,7 @@ impl AblationTable {
                 })
                 .collect(),
         };
-        Dots {
+        DotChart {
             title: "What each part is good for".into(),
             subtitle: "each variant trained and scored alike; mean and 95 % interval over dances"
                 .into(),

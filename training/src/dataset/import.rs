@@ -18,7 +18,7 @@ use anyhow::{Context, bail};
 use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
 use servodance_model::motion::Clip;
 use servodance_model::motion::clip::MusicVector;
-use servodance_runtime::output::{PendingFile, write_whole};
+use servodance_runtime::telemetry::pending_file::{PendingFile, write_whole};
 use servodance_types::{BodyJoint, FRAME_RATE_HZ};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -10,7 +10,7 @@ use crate::motion::tempo;
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::Clip;
-use servodance_runtime::picture::{Figure, Row, Sheet};
+use servodance_runtime::telemetry::picture::{ContactSheet, PoseRow, StickFigure};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -53,7 +53,7 @@ pub struct DatasetReport {
     /// Files that cannot be read, each with the reason.
     pub(crate) unreadable: Vec<String>,
     #[serde(skip)]
-    rows: Vec<Row>,
+    rows: Vec<PoseRow>,
 }
 
 impl DatasetReport {
@@ -181,7 +181,7 @@ impl DatasetReport {
             .tempi
             .iter()
             .map(|(bpm, minutes)| (bpm.to_string(), *minutes));
-        let sheet = Sheet {
+        let sheet = ContactSheet {
             title: title.to_owned(),
             subtitle: format!("{clips} clips, {minutes:.1} minutes, {dance:.1} of them dance"),
             bars: (
@@ -194,12 +194,12 @@ impl DatasetReport {
     }
 }
 
-fn row(entry: &ClipEntry, clip: &Clip) -> Row {
+fn row(entry: &ClipEntry, clip: &Clip) -> PoseRow {
     let last = clip.poses.len() - 1;
-    let figure = |i: usize| Figure::dancer(&clip.poses[last * i / (POSES - 1)]);
+    let figure = |i: usize| StickFigure::dancer(&clip.poses[last * i / (POSES - 1)]);
     let name = entry.name.rsplit('/').next().unwrap_or(&entry.name);
     let kind = if entry.dance { "dance" } else { "no dance" };
-    Row {
+    PoseRow {
         label: vec![
             name.chars().take(32).collect(),
             entry.source.clone(),

@@ -24,9 +24,9 @@ use figures::WindowFeatures;
 use parallel::in_parallel;
 use reference::{EvaluationReference, SilentMusic};
 use repeat::one_repeat;
-use servodance_runtime::conditioning::Conditioning;
-use servodance_runtime::dance::open_generator;
-use servodance_runtime::generate::open_codec;
+use servodance_runtime::offline::generate::open_codec;
+use servodance_runtime::pipeline::conditioning::Conditioning;
+use servodance_runtime::session::dance::open_generator;
 use servodance_types::FRAME_RATE_HZ;
 
 /// Dances and scores. `on_progress` receives the share that is done, 0 to 1.

@@ -8,7 +8,7 @@ use crate::dataset::training_file::{self, TrainingClip};
 use anyhow::bail;
 use servodance_model::conditioning::{ENCODEC_RATE_HZ, Encodec, HeardFrame, Latent, MusicKind};
 use servodance_model::motion::{Pose, decode};
-use servodance_runtime::hearing;
+use servodance_runtime::pipeline::feature_extractor;
 use servodance_types::{Beat, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
 /// A choreography seed that no training file is made with.
@@ -132,7 +132,8 @@ impl SilentMusic {
     /// Silence of `frames` frames, as Encodec hears it where one is given.
     pub fn new(encodec: Option<&Encodec>, frames: usize) -> anyhow::Result<Self> {
         let nothing = vec![0.0; frames * (f64::from(ENCODEC_RATE_HZ) / FRAME_RATE_HZ) as usize];
-        let heard = encodec.map(|encodec| hearing::latents(encodec, &nothing, ENCODEC_RATE_HZ));
+        let heard =
+            encodec.map(|encodec| feature_extractor::latents(encodec, &nothing, ENCODEC_RATE_HZ));
         Ok(Self {
             latents: heard.transpose()?,
         })

@@ -19,7 +19,7 @@ use rand::{SeedableRng, rngs::StdRng};
 use serde::Serialize;
 use servodance_model::Codec;
 use servodance_model::motion::Clip;
-use servodance_runtime::conditioning::data_folder;
+use servodance_runtime::pipeline::conditioning::data_folder;
 use servodance_types::FRAME_RATE_HZ;
 use std::fmt::Write;
 use std::path::Path;

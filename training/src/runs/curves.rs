@@ -4,8 +4,8 @@
 
 use crate::train::{CurveRow, TrainedNetwork};
 use anyhow::{Context, ensure};
-use servodance_runtime::output::write_whole;
-use servodance_runtime::picture::curves::{Curve, Curves, Panel};
+use servodance_runtime::telemetry::pending_file::write_whole;
+use servodance_runtime::telemetry::picture::{Curve, CurveChart, CurvePanel};
 use std::path::{Path, PathBuf};
 
 pub struct CurveFile {
@@ -96,8 +96,8 @@ impl CurveFile {
         columns.map(|name| best.map_or(f64::NAN, |row| value(row, name)))
     }
 
-    fn picture(&self) -> Curves {
-        let panel = |title: &str, wanted: &dyn Fn(&str) -> bool| Panel {
+    fn picture(&self) -> CurveChart {
+        let panel = |title: &str, wanted: &dyn Fn(&str) -> bool| CurvePanel {
             title: title.into(),
             curves: (1..self.columns.len())
                 .filter(|c| wanted(&self.columns[*c]))
@@ -113,7 +113,7 @@ impl CurveFile {
             TrainedNetwork::MotionSeq => (&["loss", "val_nll", "wrong_nll", "silent_nll"], "acc_"),
         };
         let last = self.rows.last().map_or(0.0, |row| row[0]);
-        Curves {
+        CurveChart {
             title: format!("Training of {}", self.network.name()),
             subtitle: format!("{last} steps; val: held-out clips"),
             panels: vec![

@@ -17,8 +17,8 @@ use crate::train::{
 };
 use anyhow::{Context, bail};
 use curves::CurveFile;
-use servodance_runtime::output::write_whole;
-use servodance_runtime::progress::Progress;
+use servodance_runtime::process::progress::Progress;
+use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
