@@ -2,7 +2,7 @@
 //! joints, 20 FPS, metres, y up, the common skeleton on the floor, facing +z,
 //! with the music that is danced to, if there is some) and a list of them.
 //!
-//! A file that cannot be used is skipped, told and counted; it never stops the
+//! A file that cannot be used is skipped, reported and counted; it never stops the
 //! rest. Clips are written whole; the list is written last.
 
 use super::music::hear_file;
@@ -23,7 +23,7 @@ use servodance_types::{BodyJoint, FRAME_RATE_HZ};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Shorter clips teach nothing, seconds.
+/// Shorter clips are skipped, seconds.
 const SHORTEST_S: f64 = 1.0;
 const AUDIO: [&str; 5] = ["wav", "mp3", "flac", "ogg", "m4a"];
 
@@ -41,7 +41,7 @@ pub struct ImportRequest {
     pub licence: Option<String>,
     /// Whether it is dance (AIST++ always is).
     pub dance: bool,
-    /// The style of all clips, if not told by their names.
+    /// The style of all clips, if their names do not say it.
     pub style: Option<String>,
     /// A folder with the music: a file named as the clip, or as AIST++'s song.
     pub music: Option<PathBuf>,
@@ -68,17 +68,17 @@ pub struct ImportSummary {
     pub mirrored: usize,
 }
 
-/// Imports. `tell` is given what was guessed and what was skipped, a line at a
+/// Imports. `report` receives what was guessed and what was skipped, a line at a
 /// time; `on_progress` the share that is done.
 ///
 /// Errors: What was asked for that cannot be used, before anything is written; a folder
 /// that cannot be written to.
 pub fn import(
     request: &ImportRequest,
-    mut tell: impl FnMut(&str),
+    mut report: impl FnMut(&str),
     on_progress: impl Fn(f64),
 ) -> anyhow::Result<ImportSummary> {
-    let told = FileCorrections {
+    let corrections = FileCorrections {
         names: match &request.mapping {
             Some(path) => joint_names(path)?,
             None => GivenNames::new(),
@@ -119,10 +119,10 @@ pub fn import(
     for (number, path) in files.iter().enumerate() {
         on_progress(number as f64 / files.len() as f64);
         let name = unique(&mut names, &stem(path));
-        match import_file(request, path, &told, songs.as_ref(), &lists) {
+        match import_file(request, path, &corrections, songs.as_ref(), &lists) {
             Ok((found, lines)) => {
                 if shown != lines {
-                    tell(&format!(
+                    report(&format!(
                         "{}: joints found\n  {}",
                         path.display(),
                         lines.join("\n  ")
@@ -144,7 +144,7 @@ pub fn import(
                 fresh.push(found.entry(request, source, &name));
             }
             Err(reason) => {
-                tell(&format!("skipped {reason}"));
+                report(&format!("skipped {reason}"));
                 done.skipped.push(reason);
             }
         }
@@ -200,7 +200,7 @@ impl ImportedClip {
         name: &str,
     ) -> (ClipEntry, Option<Split>) {
         let licence = request.licence.as_deref();
-        let told = request.style.as_deref().and_then(style_number);
+        let named = request.style.as_deref().and_then(style_number);
         let entry = ClipEntry {
             name: format!("{source}/{name}"),
             source: source.to_owned(),
@@ -208,7 +208,7 @@ impl ImportedClip {
             dance: request.dance || request.kind == MotionFormat::Aist,
             label: name.to_owned(),
             minutes: self.clip.poses.len() as f64 / FRAME_RATE_HZ / 60.0,
-            written_style: told.or(self.style),
+            written_style: named.or(self.style),
             music: self.music.is_some(),
             bone_change: Some(self.bone_change),
             split: Split::Train,
@@ -221,7 +221,7 @@ impl ImportedClip {
 fn import_file(
     request: &ImportRequest,
     path: &Path,
-    told: &FileCorrections,
+    corrections: &FileCorrections,
     songs: Option<&BTreeMap<String, PathBuf>>,
     lists: &AistLists,
 ) -> Result<(ImportedClip, Vec<String>), String> {
@@ -230,7 +230,8 @@ fn import_file(
     if lists.ignored.contains(&stem) {
         return Err(named("on the data set's own list of bad clips".into()));
     }
-    let (raw, lines) = read_format(request.kind, path, told).map_err(|error| error.to_string())?;
+    let (raw, lines) =
+        read_format(request.kind, path, corrections).map_err(|error| error.to_string())?;
     let bone_change = soundness::bone_change(&raw.poses).map_err(named)?;
     if raw.duration_s() < SHORTEST_S {
         let seconds = raw.duration_s();

@@ -47,14 +47,14 @@ pub(super) fn usual_licence(kind: MotionFormat) -> &'static str {
     }
 }
 
-/// The style that an AIST++ name tells: `gJB` is ballet jazz.
+/// The style in an AIST++ name: `gJB` is ballet jazz.
 pub(super) fn aist_style(stem: &str) -> Option<usize> {
     let code = stem.get(..3)?;
     let (_, style) = GENRES.iter().find(|(genre, _)| *genre == code)?;
     style_number(style)
 }
 
-/// The song that an AIST++ name tells: `gBR_sBM_cAll_d04_mBR0_ch01` is to `mBR0`.
+/// The song in an AIST++ name: `gBR_sBM_cAll_d04_mBR0_ch01` is to `mBR0`.
 pub(super) fn aist_song(stem: &str) -> Option<&str> {
     stem.split('_').find(|part| part.starts_with('m'))
 }

@@ -85,7 +85,7 @@ pub struct FileCorrections {
 pub fn read_format(
     kind: MotionFormat,
     path: &Path,
-    told: &FileCorrections,
+    corrections: &FileCorrections,
 ) -> Result<(Clip, Vec<String>), MotionError> {
     let (mut clip, lines) = match kind {
         MotionFormat::Npz => (Clip::read_npz(path)?, Vec::new()),
@@ -93,19 +93,19 @@ pub fn read_format(
         MotionFormat::HumanMl => (read_humanml(path)?, Vec::new()),
         MotionFormat::Smpl => (read_smpl(path)?, Vec::new()),
         MotionFormat::Bvh => {
-            let named = read_bvh(path, &told.names)?;
+            let named = read_bvh(path, &corrections.names)?;
             (named.clip, named.mapping.lines())
         }
         MotionFormat::Amc => {
-            let named = read_amc(path, AMC_FPS, &told.names)?;
+            let named = read_amc(path, AMC_FPS, &corrections.names)?;
             (named.clip, named.mapping.lines())
         }
     };
-    clip.fps = told.fps.unwrap_or(clip.fps);
+    clip.fps = corrections.fps.unwrap_or(clip.fps);
     Ok((clip, lines))
 }
 
-/// Reads a file, told by its ending (an `.npz` is taken for 22 joints), on the
+/// Reads a file of the format of its ending (an `.npz` is taken for 22 joints), on the
 /// common skeleton: 20 FPS, floor at 0, above the origin, facing +z.
 pub fn read_motion(path: &Path) -> Result<(Clip, Vec<String>), MotionError> {
     let mut kinds = MotionFormat::ALL.into_iter().rev(); // 22 joints before SMPL
