@@ -8,7 +8,7 @@ use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_runtime::process::progress::Progress;
 use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::dataset::{DatasetOptions, DatasetReport, ImportRequest, build, import};
-use servodance_training::motion::format::MotionFormat;
+use servodance_training::motion::format::ImportFormat;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -63,7 +63,7 @@ pub struct ImportArgs {
     /// aist (pkl), humanml3d (npy), bvh, amc (beside its asf), smpl (npz, as in
     /// AMASS) or npz (22 joints).
     #[arg(value_parser = kind)]
-    pub kind: MotionFormat,
+    pub kind: ImportFormat,
     /// A file, or a folder of them.
     pub path: PathBuf,
     /// The folder to write to; what it holds of other imports stays.
@@ -168,14 +168,14 @@ fn music_kind(text: &str) -> Result<MusicKind, String> {
     MusicKind::from_name(text).ok_or_else(|| format!("choose one of {names}"))
 }
 
-fn kind(text: &str) -> Result<MotionFormat, String> {
-    let found = MotionFormat::ALL
+fn kind(text: &str) -> Result<ImportFormat, String> {
+    let found = ImportFormat::ALL
         .into_iter()
         .find(|kind| kind.name() == text);
     found.ok_or_else(|| {
         format!(
             "choose one of {}",
-            MotionFormat::ALL.map(MotionFormat::name).join(", ")
+            ImportFormat::ALL.map(ImportFormat::name).join(", ")
         )
     })
 }
