@@ -4,12 +4,10 @@
 
 use std::fmt;
 
-/// Which servo: the joint's name and the bus id.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServoId {
-    /// The joint it moves.
     pub joint: String,
-    /// The id on its bus.
     pub id: u8,
 }
 
@@ -47,7 +45,6 @@ impl fmt::Display for Refusal {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // each field stands in the message above it
 pub enum ConfigError {
-    /// One key of a `[[joint]]` table.
     #[error("joint {joint}: {key} is {actual}, must be {wanted}")]
     Joint {
         joint: String,
@@ -57,7 +54,6 @@ pub enum ConfigError {
     },
     #[error("joint {joint}: {reason}")]
     Limits { joint: String, reason: String },
-    /// A name or an id that is already taken.
     #[error(
         "joint {joint} (id {id}) clashes with {other} (id {other_id}): \
          names must be unique, and ids on one bus"
@@ -68,23 +64,18 @@ pub enum ConfigError {
         other: String,
         other_id: u8,
     },
-    /// No `[[joint]]` table at all.
     #[error("the robot has no [[joint]] table")]
     NoJoints,
-    /// No `[bus]` table at all.
     #[error("the robot has no [bus] table")]
     NoBus,
-    /// A place for a bus that is none.
     #[error("no such bus \"{actual}\": {reason}")]
     Port { actual: String, reason: String },
-    /// One key of the `[bus]` table.
     #[error("bus: {key} is {actual}, must be {wanted}")]
     Bus {
         key: &'static str,
         actual: String,
         wanted: &'static str,
     },
-    /// More cycles a second than the wire carries.
     #[error(
         "{servos} servos at {baud} baud carry at most {limit_hz:.0} cycles a second \
          ({bytes} bytes each), but the robot asks for {asked_hz}: raise the baud or lower control_hz"
@@ -96,7 +87,6 @@ pub enum ConfigError {
         bytes: usize,
         asked_hz: f64,
     },
-    /// More cycles a second than a CAN bus carries.
     #[error(
         "{motors} motors on CAN at {bitrate} bit/s carry at most {nominal_hz:.0} cycles a second \
          ({bits} bits each; {worst_hz:.0} with the most stuff bits), but the robot asks for \
@@ -115,7 +105,6 @@ pub enum ConfigError {
 /// What a bus operation gives, or why it failed after its retries.
 pub type BusResult<T> = Result<T, BusError>;
 
-/// A bus operation that failed, after its retries.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // each field stands in the message above it
 pub enum BusError {
@@ -125,7 +114,6 @@ pub enum BusError {
         reason: String,
         choices: String,
     },
-    /// The port failed while in use: an adapter was unplugged, for instance.
     #[error("serial port {port} failed ({doing}): {reason}")]
     Port {
         port: String,
@@ -150,7 +138,6 @@ pub enum BusError {
         doing: &'static str,
         refusal: Refusal,
     },
-    /// A servo is not the model that the robot file names.
     #[error("{servo} is model number {actual}, but the robot file says {wanted} (number {number})")]
     WrongModel {
         servo: ServoId,
@@ -160,7 +147,6 @@ pub enum BusError {
     },
     #[error("{servo} reports a hardware error: {flags}")]
     Hardware { servo: ServoId, flags: String },
-    /// A register did not keep what was written.
     #[error("{servo}: {register} reads {actual} after writing {wanted}")]
     ReadBack {
         servo: ServoId,
@@ -175,7 +161,6 @@ pub enum BusError {
         actual: String,
         wanted: String,
     },
-    /// A CAN link failed while in use: an adapter was unplugged, for instance.
     #[error("CAN link {port} failed ({doing}): {reason}")]
     Link {
         port: String,
@@ -187,7 +172,6 @@ pub enum BusError {
          then restart the interface"
     )]
     BusOff { port: String, doing: &'static str },
-    /// The transmit queue stayed full for a whole exchange's time.
     #[error(
         "CAN link {port}: the transmit queue stays full ({doing}); nobody acknowledges, \
          or it is too short (ip link set IFACE txqueuelen 100)"
@@ -199,7 +183,6 @@ pub enum BusError {
         doing: &'static str,
         said: String,
     },
-    /// More cycles a second than the wire carries without the fast read.
     #[error(
         "{why}, and {servos} servos at {baud} baud carry at most {limit_hz:.0} cycles a second \
          with a plain Sync Read ({bytes} bytes each), but the robot asks for {asked_hz}: \
@@ -213,36 +196,29 @@ pub enum BusError {
         bytes: usize,
         asked_hz: f64,
     },
-    /// A motor that would go on if this program died.
     #[error(
         "{servo}: {why}: a killed program would leave it driving; set accept_no_watchdog = true \
          in the bus table to dance all the same"
     )]
     NoWatchdog { servo: ServoId, why: String },
-    /// A target that is not a number. Nothing was sent.
     #[error("target for {servo} is {target}, not a finite number: nothing was sent")]
     NotFinite { servo: ServoId, target: f64 },
-    /// A slice of the wrong length. Nothing was sent.
     #[error("the bus has {servos} servos, but {actual} {what} were given")]
     Length {
         servos: usize,
         actual: usize,
         what: &'static str,
     },
-    /// One of several buses did not come back from what it was told to do.
     #[error("the bus of {} did not finish {doing} within {limit_s:.1} s", list(.servos))]
     Wedged {
         servos: Vec<ServoId>,
         doing: &'static str,
         limit_s: f64,
     },
-    /// A bus that cannot take one servo back while the others go on.
     #[error("{servo} cannot rejoin while the others go on")]
     NoReturn { servo: ServoId },
-    /// A cycle on a bus that is not armed.
     #[error("the bus is not armed")]
     NotArmed,
-    /// Torque off was sent, but these servos did not confirm it.
     #[error("torque may still be ON at {}: cut the power ({reason})", list(.servos))]
     TorqueUnverified {
         servos: Vec<ServoId>,
@@ -251,7 +227,14 @@ pub enum BusError {
 }
 
 impl BusError {
-    /// The same in short, where the reason is told already.
+    pub(crate) fn not_opened(port: &str, reason: impl ToString) -> Self {
+        Self::Open {
+            port: port.into(),
+            reason: reason.to_string(),
+            choices: String::new(),
+        }
+    }
+
     pub(crate) fn brief(&self) -> String {
         match self {
             Self::TorqueUnverified { servos, .. } => {

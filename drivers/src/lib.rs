@@ -64,7 +64,7 @@ pub use bus::rate::{RateCheck, check_rate};
 pub use bus::reply_clock::{FarEnd, ReplyClock};
 pub use bus::timer_slack::sleep_precisely;
 pub use bus::torque_alarm::{TorqueAlarm, set_torque_alarm};
-pub use bus::{ArmReport, Bus, BusStats, Health};
+pub use bus::{ArmReport, Bus, BusStats, Health, Notes};
 pub use bus_set::{BusSet, open_buses};
 pub use error::{BusError, BusResult, ConfigError, Refusal, ServoId};
 pub use safety::{

@@ -12,31 +12,27 @@ use crate::bus::reply_clock::ReplyClock;
 use crate::error::ConfigError;
 
 /// The `[bus]` table, or one of several `[[bus]]`.
+#[allow(missing_docs)] // docs/serial.md and docs/can.md describe every key
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct BusConfig {
     /// The name that joints and `--bus` call it by; may be empty where there is one bus only.
     #[serde(default)]
     pub name: String,
-    /// The protocol that its servos speak.
     pub kind: BusKind,
     /// Bits a second; `bitrate` says the same.
     #[serde(alias = "bitrate")]
     pub baud: u32,
-    /// How long a reply may be late, milliseconds, on top of its time on the wire.
     #[serde(default = "default_reply_timeout_ms")]
     pub reply_timeout_ms: f64,
-    /// By whose clock; a file cannot say.
     #[serde(skip)]
     pub reply_clock: ReplyClock,
-    /// How often a failed exchange is tried again before it is an error.
     #[serde(default = "default_retries")]
     pub retries: u32,
     /// The servos stop by themselves after this much silence, milliseconds
     /// (20 to 2540, in steps of 20).
     #[serde(default = "default_watchdog_ms")]
     pub watchdog_ms: u32,
-    /// Arm even servos that have no watchdog and would go on after a program that is killed.
     #[serde(default)]
     pub accept_no_watchdog: bool,
     /// ODrive: endpoint ids of `axis0.config.watchdog_timeout` and

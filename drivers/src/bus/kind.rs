@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// Which protocol a bus speaks.
+#[allow(missing_docs)] // each kind is a protocol, and each protocol a folder
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum BusKind {
@@ -10,14 +10,11 @@ pub enum BusKind {
     Dynamixel2,
     /// Dynamixel Protocol 1.0 (AX, and MX as they left the factory) over a serial port.
     Dynamixel1,
-    /// Feetech STS servos over a serial port.
     Feetech,
     /// Serial servos of a family that a program brings itself; a robot file cannot say.
     #[serde(skip)]
     Custom,
-    /// CubeMars and Damiao motors in MIT mode, on CAN.
     Mit,
-    /// RobStride motors, on CAN.
     Robstride,
     /// ODrive controllers (CANSimple, firmware 0.6), on CAN.
     Odrive,
@@ -26,7 +23,6 @@ pub enum BusKind {
 }
 
 impl BusKind {
-    /// The lowest and highest id of a servo.
     pub(crate) fn ids(self) -> (u8, u8) {
         match self {
             Self::Dynamixel2 | Self::Dynamixel1 | Self::Feetech | Self::Custom => (0, 252),

@@ -11,14 +11,11 @@ use crate::error::ConfigError;
 use crate::servo::Servo;
 use crate::servo::config::{ServoConfig, servos};
 
-/// One bus of a robot and the joints on it.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Debug, PartialEq)]
 pub struct BusLayout {
-    /// The `[bus]` table of the robot file.
     pub config: BusConfig,
-    /// Its servos, in the robot's joint order.
     pub servos: Vec<Servo>,
-    /// For each of them its place in the robot's joint order.
     pub joints: Vec<usize>,
 }
 
@@ -83,7 +80,6 @@ pub fn layouts(
     }
 }
 
-/// The buses' names: each its own where there are several.
 fn checked_names(buses: &[BusConfig]) -> Result<Vec<String>, ConfigError> {
     let names: Vec<String> = buses.iter().map(|bus| bus.name.clone()).collect();
     let bad = |actual: &str, wanted| ConfigError::Bus {

@@ -15,20 +15,14 @@ use servodance_types::JointState;
 use crate::error::{BusError, BusResult, ServoId};
 use crate::servo::Servo;
 
-/// What happened on a bus since it was opened.
+#[allow(missing_docs)] // each counter says its name
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BusStats {
-    /// Control cycles that were completed.
     pub cycles: u64,
-    /// Packets sent and received.
     pub packets: u64,
-    /// Bytes sent and received.
     pub bytes: u64,
-    /// Replies with a wrong checksum or a broken frame.
     pub crc_errors: u64,
-    /// Replies that did not come in time.
     pub timeouts: u64,
-    /// Exchanges that were tried again.
     pub retries: u64,
 }
 
@@ -43,29 +37,25 @@ impl std::ops::AddAssign for BusStats {
     }
 }
 
-/// What was found while arming.
+/// Lines for the user: what was changed, what works less well than it could.
+pub type Notes = Vec<String>;
+
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ArmReport {
-    /// Where every joint stands, in the order of [`Bus::servos`].
     pub states: Vec<JointState>,
-    /// One line each, for the user: what was changed, what works less well than it could.
-    pub notes: Vec<String>,
+    pub notes: Notes,
 }
 
 /// What a servo measures of itself, and its own limits; `None` where it does not say.
+#[allow(missing_docs)] // units stand in the names
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Health {
-    /// The temperature in degrees Celsius.
     pub temperature_c: Option<f64>,
-    /// Where it shuts down, Celsius.
     pub highest_temperature_c: Option<f64>,
-    /// The supply in volts.
     pub voltage_v: Option<f64>,
-    /// Lowest supply that it takes, volts.
     pub lowest_voltage_v: Option<f64>,
-    /// Highest supply that it takes, volts.
     pub highest_voltage_v: Option<f64>,
-    /// Highest current that it allows itself, amperes.
     pub highest_current_a: Option<f64>,
 }
 
@@ -84,7 +74,7 @@ pub trait Bus: Send {
 
     /// Checks every servo and sets it up, torque off: what must hold before any
     /// torque. Returns a line for each thing that the user should know.
-    fn prepare(&mut self) -> BusResult<Vec<String>>;
+    fn prepare(&mut self) -> BusResult<Notes>;
 
     /// Turns torque on with each joint holding where it stands; to be called
     /// after [`Bus::prepare`]. On an error every torque is off again.
@@ -149,7 +139,7 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     fn observe(&mut self) -> BusResult<Vec<JointState>> {
         (**self).observe()
     }
-    fn prepare(&mut self) -> BusResult<Vec<String>> {
+    fn prepare(&mut self) -> BusResult<Notes> {
         (**self).prepare()
     }
     fn engage(&mut self) -> BusResult<Vec<JointState>> {

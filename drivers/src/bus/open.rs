@@ -10,11 +10,7 @@ use crate::servo::Servo;
 
 /// Opens the bus that a configuration names. Nothing is sent yet.
 pub fn open_bus(port: &Port, config: &BusConfig, servos: Vec<Servo>) -> BusResult<Box<dyn Bus>> {
-    let refused = |reason: &str| BusError::Open {
-        port: port.to_string(),
-        reason: reason.into(),
-        choices: String::new(),
-    };
+    let refused = |reason| Err(BusError::not_opened(&port.to_string(), reason));
     Ok(match (config.kind, port) {
         (kind, Port::Serial(path)) if !kind.is_can() => {
             Box::new(SerialBus::open(path, config, servos)?)
@@ -23,10 +19,10 @@ pub fn open_bus(port: &Port, config: &BusConfig, servos: Vec<Servo>) -> BusResul
             Box::new(CanBus::open(&port.to_string(), config, servos)?)
         }
         (_, Port::Serial(_)) => {
-            return Err(refused("the robot file says that this bus is a CAN bus"));
+            return refused("the robot file says that this bus is a CAN bus");
         }
         (_, Port::Can(_)) => {
-            return Err(refused("the robot file says that this bus is a serial one"));
+            return refused("the robot file says that this bus is a serial one");
         }
     })
 }

@@ -9,12 +9,10 @@ use std::str::FromStr;
 use crate::can::CanPort;
 use crate::error::ConfigError;
 
-/// Where a bus is plugged in.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Port {
-    /// A serial port, by its path.
     Serial(String),
-    /// A way to a CAN bus.
     Can(CanPort),
 }
 

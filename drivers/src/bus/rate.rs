@@ -12,15 +12,12 @@ use crate::servo::Servo;
 
 /// What a bus can carry. On CAN "fast" is without stuff bits, "plain" with the
 /// most there can be, and bytes are eight bits of the wire.
+#[allow(missing_docs)] // units stand in the names
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateCheck {
-    /// Bytes of one cycle with the quickest read, Fast Sync Read for instance.
     pub fast_bytes: usize,
-    /// Bytes of one cycle with the plain read.
     pub plain_bytes: usize,
-    /// Most cycles a second with the quickest read.
     pub fast_hz: f64,
-    /// Most cycles a second with the plain read.
     pub plain_hz: f64,
 }
 

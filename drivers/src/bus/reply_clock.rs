@@ -10,7 +10,6 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How often the far end is looked at while it works.
 const LOOK_EVERY: Duration = Duration::from_millis(1);
 
 /// The far end of a line in simulated time.
@@ -30,7 +29,6 @@ pub enum ReplyClock {
     FarEnd(Arc<dyn FarEnd>),
 }
 
-/// How a port is to be read next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
     pub until: Instant,

@@ -1,9 +1,8 @@
 //! Sleeps that end when they should.
 
-/// Lets sleeps of the calling thread, and of those that it starts from now on,
-/// end on time: Linux lets those of ordinary threads end 50 us late, to gather
-/// wake-ups, which is a twentieth of a cycle of a fast bus. Everybody may do
-/// that; elsewhere it does nothing.
+/// Lets sleeps of the calling thread, and of those that it starts from now on, end on time: Linux
+/// lets those of ordinary threads end 50 us late, to gather wake-ups, which is a twentieth of a
+/// cycle of a fast bus. Everybody may do that; elsewhere it does nothing.
 pub fn sleep_precisely() {
     #[cfg(target_os = "linux")]
     {

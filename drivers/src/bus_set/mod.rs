@@ -14,7 +14,7 @@
 
 mod thread;
 
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use servodance_types::JointState;
@@ -22,21 +22,16 @@ use servodance_types::JointState;
 use crate::bus::layout::BusLayout;
 use crate::bus::open::open_bus;
 use crate::bus::port::Port;
-use crate::bus::{Bus, BusStats, Health};
-use crate::error::BusError;
+use crate::bus::{Bus, BusStats, Health, Notes};
+use crate::error::{BusError, BusResult};
 use crate::servo::{Servo, check_cycle};
 
 use self::thread::{BusTask, BusThread, ids};
 
-/// Checking and setting up a whole bus, and turning torque off with retries.
 const LONG_TASK: Duration = Duration::from_secs(20);
 
 /// Opens every bus of a robot, whose servos in joint order are `all`. Nothing is sent.
-pub fn open_buses(
-    ports: &[Port],
-    layouts: &[BusLayout],
-    all: &[Servo],
-) -> Result<Box<dyn Bus>, BusError> {
+pub fn open_buses(ports: &[Port], layouts: &[BusLayout], all: &[Servo]) -> BusResult<Box<dyn Bus>> {
     let mut buses = Vec::with_capacity(layouts.len());
     for (port, layout) in ports.iter().zip(layouts) {
         buses.push(open_bus(port, &layout.config, layout.servos.clone())?);
@@ -57,11 +52,7 @@ pub struct BusSet {
 
 impl BusSet {
     /// Takes over `buses`, each with its layout; `all` are the servos in joint order.
-    pub fn new(
-        buses: Vec<Box<dyn Bus>>,
-        layouts: &[BusLayout],
-        all: &[Servo],
-    ) -> Result<Self, BusError> {
+    pub fn new(buses: Vec<Box<dyn Bus>>, layouts: &[BusLayout], all: &[Servo]) -> BusResult<Self> {
         let threads = buses.into_iter().zip(layouts);
         Ok(Self {
             threads: threads
@@ -73,26 +64,41 @@ impl BusSet {
         })
     }
 
+    /// Gives every thread the task that `task` makes of a channel for its answer. A thread that
+    /// does not take it, or takes too long, is wedged.
+    fn ask_all<T>(
+        &mut self,
+        doing: &'static str,
+        task: impl Fn(SyncSender<BusResult<T>>) -> BusTask,
+    ) -> Vec<BusResult<T>> {
+        let asked = self.threads.iter_mut().map(|thread| {
+            let (answer, answered) = sync_channel(1);
+            thread.give(task(answer)).then_some(answered)
+        });
+        let asked: Vec<_> = asked.collect();
+        let until = Instant::now() + LONG_TASK;
+        let answers = self.threads.iter().zip(asked).map(|(thread, asked)| {
+            let left = until.saturating_duration_since(Instant::now());
+            asked
+                .and_then(|answer| answer.recv_timeout(left).ok())
+                .unwrap_or_else(|| Err(thread.wedged(doing, LONG_TASK)))
+        });
+        answers.collect()
+    }
+
     /// Calls `task` on every bus at once; the answers in the order of buses.
     fn on_all<T: Send + 'static>(
         &mut self,
         doing: &'static str,
-        task: impl Fn(&mut dyn Bus) -> Result<T, BusError> + Clone + Send + 'static,
-    ) -> Vec<Result<T, BusError>> {
-        let asked: Vec<_> = self
-            .threads
-            .iter_mut()
-            .map(|thread| {
-                let (answer, answered) = sync_channel(1);
-                let task = task.clone();
-                let sent = thread.give(BusTask::Call(Box::new(move |bus| {
-                    // The receiver is gone if it took too long.
-                    let _ = answer.send(task(bus));
-                })));
-                sent.then_some(answered)
-            })
-            .collect();
-        self.answers(asked, doing)
+        task: impl Fn(&mut dyn Bus) -> BusResult<T> + Clone + Send + 'static,
+    ) -> Vec<BusResult<T>> {
+        self.ask_all(doing, |answer| {
+            let task = task.clone();
+            BusTask::Call(Box::new(move |bus| {
+                // The receiver is gone if it took too long.
+                let _ = answer.send(task(bus));
+            }))
+        })
     }
 
     /// Calls `task` on the bus of one joint, with the joint's place there.
@@ -101,7 +107,7 @@ impl BusSet {
         index: usize,
         doing: &'static str,
         task: impl FnOnce(&mut dyn Bus, usize) -> T + Send + 'static,
-    ) -> Result<T, BusError> {
+    ) -> BusResult<T> {
         let place = |thread: &BusThread| {
             thread
                 .layout
@@ -124,26 +130,6 @@ impl BusSet {
         }
         Err(BusError::NotArmed)
     }
-
-    /// Waits for the answers; a thread that did not take its task, or takes too long,
-    /// is wedged.
-    fn answers<T>(
-        &mut self,
-        asked: Vec<Option<Receiver<Result<T, BusError>>>>,
-        doing: &'static str,
-    ) -> Vec<Result<T, BusError>> {
-        let until = Instant::now() + LONG_TASK;
-        self.threads
-            .iter()
-            .zip(asked)
-            .map(|(thread, asked)| {
-                let left = until.saturating_duration_since(Instant::now());
-                asked
-                    .and_then(|answer| answer.recv_timeout(left).ok())
-                    .unwrap_or_else(|| Err(thread.wedged(doing, LONG_TASK)))
-            })
-            .collect()
-    }
 }
 
 impl Bus for BusSet {
@@ -151,7 +137,7 @@ impl Bus for BusSet {
         &self.servos
     }
 
-    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+    fn observe(&mut self) -> BusResult<Vec<JointState>> {
         let mut states = vec![JointState::default(); self.servos.len()];
         let observed = self.on_all("reading its states", |bus| bus.observe());
         for (thread, own) in self.threads.iter().zip(observed) {
@@ -160,7 +146,7 @@ impl Bus for BusSet {
         Ok(states)
     }
 
-    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+    fn prepare(&mut self) -> BusResult<Notes> {
         let mut notes = Vec::new();
         for prepared in self.on_all("its checks", |bus| bus.prepare()) {
             notes.extend(prepared?);
@@ -168,19 +154,11 @@ impl Bus for BusSet {
         Ok(notes)
     }
 
-    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+    fn engage(&mut self) -> BusResult<Vec<JointState>> {
         self.armed = true;
-        let asked: Vec<_> = self
-            .threads
-            .iter_mut()
-            .map(|thread| {
-                let (answer, answered) = sync_channel(1);
-                thread.give(BusTask::Engage(answer)).then_some(answered)
-            })
-            .collect();
         let mut states = vec![JointState::default(); self.servos.len()];
         let mut failed = None;
-        let answers = self.answers(asked, "turning torque on");
+        let answers = self.ask_all("turning torque on", BusTask::Engage);
         for (thread, answer) in self.threads.iter().zip(answers) {
             match answer {
                 Ok(own) => thread.layout.scatter(&own, &mut states),
@@ -197,7 +175,7 @@ impl Bus for BusSet {
         }
     }
 
-    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError> {
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> BusResult<()> {
         if !self.armed {
             return Err(BusError::NotArmed);
         }
@@ -221,7 +199,7 @@ impl Bus for BusSet {
         failed.map_or(Ok(()), Err)
     }
 
-    fn disarm(&mut self) -> Result<(), BusError> {
+    fn disarm(&mut self) -> BusResult<()> {
         let mut doubtful = Vec::new();
         let mut reasons = Vec::new();
         let ended = self.on_all("turning torque off", |bus| bus.disarm());
@@ -252,7 +230,7 @@ impl Bus for BusSet {
         self.armed
     }
 
-    fn examine(&mut self, index: usize) -> Result<Health, BusError> {
+    fn examine(&mut self, index: usize) -> BusResult<Health> {
         self.on_one(index, "a servo's state", |bus, own| bus.examine(own))?
     }
 
@@ -261,11 +239,11 @@ impl Bus for BusSet {
         aside.unwrap_or(false)
     }
 
-    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+    fn rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
         self.on_one(index, "taking a servo back", |bus, own| bus.rejoin(own))?
     }
 
-    fn reopen(&mut self) -> Result<(), BusError> {
+    fn reopen(&mut self) -> BusResult<()> {
         let reopened = self.on_all("opening its port", |bus| bus.reopen());
         reopened.into_iter().collect()
     }

@@ -8,14 +8,13 @@ use servodance_types::JointState;
 
 use crate::bus::layout::BusLayout;
 use crate::bus::{Bus, BusStats};
-use crate::error::{BusError, ServoId};
+use crate::error::{BusError, BusResult, ServoId};
 use crate::servo::Servo;
 
 /// How often a thread keeps its bus alive while the others are getting ready, ...
 const KEEP_ALIVE: Duration = Duration::from_millis(15);
 const GETTING_READY: Duration = Duration::from_secs(1);
 
-/// One bus's part of a cycle, passed to the thread and back.
 #[derive(Default)]
 pub(super) struct CycleBuffers {
     targets_rad: Vec<f64>,
@@ -24,21 +23,19 @@ pub(super) struct CycleBuffers {
 
 struct CycleOutcome {
     buffers: CycleBuffers,
-    result: Result<(), BusError>,
+    result: BusResult<()>,
     stats: BusStats,
 }
 
-/// A call on a bus, made by its thread.
 pub(super) type BusJob = Box<dyn FnOnce(&mut dyn Bus) + Send>;
 
 pub(super) enum BusTask {
     Cycle(CycleBuffers),
     Call(BusJob),
     /// Torque is on: keep the bus alive until the next task.
-    Engage(SyncSender<Result<Vec<JointState>, BusError>>),
+    Engage(SyncSender<BusResult<Vec<JointState>>>),
 }
 
-/// One bus, its thread, and the task under way.
 pub(super) struct BusThread {
     pub layout: BusLayout,
     pub tasks: Option<SyncSender<BusTask>>,
@@ -50,16 +47,15 @@ pub(super) struct BusThread {
 }
 
 impl BusThread {
-    pub fn start(bus: Box<dyn Bus>, layout: BusLayout) -> Result<Self, BusError> {
+    pub fn start(bus: Box<dyn Bus>, layout: BusLayout) -> BusResult<Self> {
         let (tasks, given) = sync_channel(1);
         let (done, cycled) = sync_channel(1);
         let handle = std::thread::Builder::new()
             .name(format!("bus {}", layout.config.name))
             .spawn(move || work(bus, &given, &done))
-            .map_err(|reason| BusError::Open {
-                port: layout.config.name.clone(),
-                reason: format!("no thread for this bus: {reason}"),
-                choices: String::new(),
+            .map_err(|reason| {
+                let reason = format!("no thread for this bus: {reason}");
+                BusError::not_opened(&layout.config.name, reason)
             })?;
         Ok(Self {
             buffers: Some(CycleBuffers {
@@ -84,7 +80,6 @@ impl BusThread {
                 .is_some_and(|tasks| tasks.try_send(task).is_ok())
     }
 
-    /// Takes the buffers of an overdue cycle back if the cycle has ended.
     pub fn take_back(&mut self) {
         if self.buffers.is_none()
             && let Ok(cycled) = self.cycled.try_recv()
@@ -94,7 +89,7 @@ impl BusThread {
         }
     }
 
-    pub fn begin_cycle(&mut self, targets_rad: &[f64]) -> Result<(), BusError> {
+    pub fn begin_cycle(&mut self, targets_rad: &[f64]) -> BusResult<()> {
         self.take_back();
         let limit = self.layout.config.longest_cycle(self.layout.servos.len());
         let Some(mut buffers) = self.buffers.take() else {
@@ -108,7 +103,7 @@ impl BusThread {
         }
     }
 
-    pub fn end_cycle(&mut self, began: Instant, states: &mut [JointState]) -> Result<(), BusError> {
+    pub fn end_cycle(&mut self, began: Instant, states: &mut [JointState]) -> BusResult<()> {
         let limit = self.layout.config.longest_cycle(self.layout.servos.len());
         let left = (began + limit).saturating_duration_since(Instant::now());
         let Ok(cycled) = self.cycled.recv_timeout(left) else {

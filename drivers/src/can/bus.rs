@@ -18,13 +18,13 @@ use servodance_types::JointState;
 
 use crate::bus::config::BusConfig;
 use crate::bus::torque_alarm;
-use crate::bus::{Bus, BusStats, Health};
+use crate::bus::{Bus, BusStats, Health, Notes};
 use crate::can::client::MotorClient;
 use crate::can::exchange::{CanExchange, MotorStatus};
 use crate::can::families;
 use crate::can::family::CanFamily;
 use crate::can::transport::{CanFrame, CanLink, open_link};
-use crate::error::BusError;
+use crate::error::{BusError, BusResult};
 use crate::servo::{Servo, check_cycle, check_kind};
 
 /// An open CAN bus whose motors are of one family.
@@ -35,23 +35,17 @@ pub struct CanBus {
     answered: Vec<bool>,
     frames: Vec<CanFrame>,
     aside: Vec<bool>,
-    /// The motor that is being taken back, and whether it is set up already.
     returning: Option<(usize, bool)>,
     armed: bool,
 }
 
 impl CanBus {
     /// Opens the port. Nothing is sent before [`Bus::arm`].
-    pub fn open(port: &str, config: &BusConfig, servos: Vec<Servo>) -> Result<Self, BusError> {
-        let refused = |reason: String| BusError::Open {
-            port: port.into(),
-            reason,
-            choices: String::new(),
-        };
+    pub fn open(port: &str, config: &BusConfig, servos: Vec<Servo>) -> BusResult<Self> {
         let config = config
             .clone()
             .checked()
-            .map_err(|error| refused(error.to_string()))?;
+            .map_err(|error| BusError::not_opened(port, error))?;
         let link = open_link(port, config.baud)?;
         Self::over(link, port, config, servos)
     }
@@ -62,15 +56,10 @@ impl CanBus {
         port: &str,
         config: BusConfig,
         servos: Vec<Servo>,
-    ) -> Result<Self, BusError> {
-        let refused = |reason: String| BusError::Open {
-            port: port.into(),
-            reason,
-            choices: String::new(),
-        };
-        check_kind(&servos, config.kind).map_err(refused)?;
+    ) -> BusResult<Self> {
+        check_kind(&servos, config.kind).map_err(|reason| BusError::not_opened(port, reason))?;
         let Some(family) = families::of_kind(config.kind) else {
-            return Err(refused("the bus is not on CAN".into()));
+            return Err(BusError::not_opened(port, "the bus is not on CAN"));
         };
         let count = servos.len();
         Ok(Self {
@@ -97,7 +86,7 @@ impl CanBus {
         }
     }
 
-    fn torque_off(&mut self, index: usize) -> Result<MotorStatus, BusError> {
+    fn torque_off(&mut self, index: usize) -> BusResult<MotorStatus> {
         self.family.torque_off(&mut self.client(index))
     }
 
@@ -109,8 +98,7 @@ impl CanBus {
         result
     }
 
-    /// Checks and sets up every motor, torque off.
-    fn check_and_set_up(&mut self) -> Result<Vec<String>, BusError> {
+    fn check_and_set_up(&mut self) -> BusResult<Notes> {
         let mut notes = Vec::new();
         self.aside.fill(false);
         self.returning = None;
@@ -123,7 +111,7 @@ impl CanBus {
         Ok(notes)
     }
 
-    fn torque_on(&mut self) -> Result<Vec<JointState>, BusError> {
+    fn torque_on(&mut self) -> BusResult<Vec<JointState>> {
         let mut holds_rad = Vec::with_capacity(self.status.len());
         for index in 0..self.status.len() {
             self.status[index] = self.torque_off(index)?;
@@ -144,8 +132,7 @@ impl CanBus {
         Ok(states)
     }
 
-    /// Torque off everywhere; one error names all silent motors.
-    fn release_all(&mut self) -> Result<(), BusError> {
+    fn release_all(&mut self) -> BusResult<()> {
         let mut silent = Vec::new();
         for index in 0..self.status.len() {
             match self.torque_off(index) {
@@ -160,21 +147,19 @@ impl CanBus {
         Err(self.exchange.silent(silent, "torque off"))
     }
 
-    fn check_fault(&self, index: usize) -> Result<(), BusError> {
+    fn check_fault(&self, index: usize) -> BusResult<()> {
         match &self.status[index].fault {
             Some(fault) => Err(self.exchange.faulty(index, fault)),
             None => Ok(()),
         }
     }
 
-    /// The joint position that keeps a joint where it stands.
-    fn hold_rad(&self, index: usize) -> Result<f64, BusError> {
+    fn hold_rad(&self, index: usize) -> BusResult<f64> {
         let servo = &self.exchange.servos[index];
         servo.holding_rad(servo.joint_rad(self.status[index].position_rad))
     }
 
-    /// One target out and one report in for every motor, with retries.
-    fn exchange_all(&mut self, targets_rad: &[f64]) -> Result<(), BusError> {
+    fn exchange_all(&mut self, targets_rad: &[f64]) -> BusResult<()> {
         const DOING: &str = "target and state";
         // Frames that came unasked since the last cycle.
         let now = Instant::now();
@@ -229,8 +214,7 @@ impl CanBus {
         (!is_echo).then(|| self.family.parse_frame(servos, frame, &mut self.status))?
     }
 
-    /// Refuses a motor that reports a fault or has left its control loop.
-    fn check_all(&self) -> Result<(), BusError> {
+    fn check_all(&self) -> BusResult<()> {
         for (index, status) in self.status.iter().enumerate() {
             if self.aside[index] {
                 continue;
@@ -262,7 +246,7 @@ impl CanBus {
     }
 
     /// Sends torque off to every motor without waiting for answers.
-    fn stop_all(&mut self) -> Result<(), BusError> {
+    fn stop_all(&mut self) -> BusResult<()> {
         let mut frames = Vec::new();
         for servo in &self.exchange.servos {
             self.family.torque_off_frames(servo, &mut frames);
@@ -279,18 +263,18 @@ impl Bus for CanBus {
         &self.exchange.servos
     }
 
-    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+    fn observe(&mut self) -> BusResult<Vec<JointState>> {
         self.release_all()?;
         let mut states = vec![JointState::default(); self.status.len()];
         self.copy_states(&mut states);
         Ok(states)
     }
 
-    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+    fn prepare(&mut self) -> BusResult<Notes> {
         self.check_and_set_up()
     }
 
-    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+    fn engage(&mut self) -> BusResult<Vec<JointState>> {
         self.torque_on().inspect_err(|_| {
             if self.armed {
                 // The first error is the one to report; `is_armed` stays true
@@ -300,7 +284,7 @@ impl Bus for CanBus {
         })
     }
 
-    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError> {
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> BusResult<()> {
         if !self.armed {
             return Err(BusError::NotArmed);
         }
@@ -311,7 +295,7 @@ impl Bus for CanBus {
         Ok(())
     }
 
-    fn disarm(&mut self) -> Result<(), BusError> {
+    fn disarm(&mut self) -> BusResult<()> {
         // All at once first: no motor waits for a silent neighbour.
         let stopped = self.stop_all();
         let mut reason = stopped.err().map(|error| error.to_string());
@@ -348,7 +332,7 @@ impl Bus for CanBus {
         self.exchange.stats
     }
 
-    fn examine(&mut self, index: usize) -> Result<Health, BusError> {
+    fn examine(&mut self, index: usize) -> BusResult<Health> {
         let (family, status) = (self.family, self.status[index].clone());
         self.once(|bus| family.read_health(&mut bus.client(index), &status))
     }
@@ -358,7 +342,7 @@ impl Bus for CanBus {
         true
     }
 
-    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+    fn rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
         let is_set_up = self.returning == Some((index, true));
         self.returning = None;
         self.status[index] = self.once(|bus| bus.torque_off(index))?;
@@ -377,7 +361,7 @@ impl Bus for CanBus {
         Ok(Some(self.joint_state(index)))
     }
 
-    fn reopen(&mut self) -> Result<(), BusError> {
+    fn reopen(&mut self) -> BusResult<()> {
         self.exchange.reopen()
     }
 }

@@ -4,7 +4,7 @@
 use crate::bus::config::BusConfig;
 use crate::can::exchange::CanExchange;
 use crate::can::transport::CanFrame;
-use crate::error::BusError;
+use crate::error::{BusError, BusResult};
 use crate::servo::Servo;
 
 /// Reaches the motor at `index` of a bus.
@@ -28,7 +28,7 @@ impl MotorClient<'_> {
         request: &CanFrame,
         doing: &'static str,
         accept: impl Fn(&Servo, &CanFrame) -> Option<Result<T, String>>,
-    ) -> Result<T, BusError> {
+    ) -> BusResult<T> {
         for attempt in 0..self.bus.tries {
             self.bus.stats.retries += u64::from(attempt > 0);
             let deadline = self.bus.deadline(2 + self.bus.servos.len());
@@ -52,14 +52,14 @@ impl MotorClient<'_> {
     }
 
     /// Sends frames without waiting for answers.
-    pub fn send(&mut self, frames: &[CanFrame], doing: &'static str) -> Result<(), BusError> {
+    pub fn send(&mut self, frames: &[CanFrame], doing: &'static str) -> BusResult<()> {
         let deadline = self.bus.deadline(frames.len());
         let mut frames = frames.iter();
         frames.try_for_each(|frame| self.bus.transmit(frame, deadline, doing))
     }
 
     /// The note for the user where a motor without watchdog is accepted.
-    pub fn without_watchdog(&self, why: String) -> Result<String, BusError> {
+    pub fn without_watchdog(&self, why: String) -> BusResult<String> {
         let servo = self.bus.id_of(self.index);
         if !self.config().accept_no_watchdog {
             return Err(BusError::NoWatchdog { servo, why });
@@ -69,7 +69,6 @@ impl MotorClient<'_> {
         ))
     }
 
-    /// The error of a quantity that forbids torque.
     pub fn unfit(
         &self,
         what: &'static str,
@@ -84,13 +83,12 @@ impl MotorClient<'_> {
         }
     }
 
-    /// Refuses a setting that reads back as another value.
     pub fn verify<T: PartialEq + ToString>(
         &self,
         what: &'static str,
         actual: T,
         wanted: T,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         match actual == wanted {
             true => Ok(()),
             false => Err(self.unfit(what, actual, wanted)),
@@ -98,7 +96,7 @@ impl MotorClient<'_> {
     }
 
     /// The same for a number that the motor keeps as f32.
-    pub fn verify_f32(&self, what: &'static str, actual: f64, wanted: f64) -> Result<(), BusError> {
+    pub fn verify_f32(&self, what: &'static str, actual: f64, wanted: f64) -> BusResult<()> {
         if (actual - wanted).abs() <= 1e-5 * wanted.abs().max(1.0) {
             return Ok(());
         }

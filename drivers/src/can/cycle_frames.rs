@@ -11,7 +11,6 @@ pub(crate) struct CycleFrames {
     each_motor: &'static [usize],
 }
 
-/// Bits of one cycle on the wire, pauses between frames included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct CycleBits {
     pub nominal: u32,

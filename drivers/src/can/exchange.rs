@@ -12,7 +12,7 @@ use crate::bus::config::BusConfig;
 use crate::bus::reply_clock::Patience;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::transport::{CanEvent, CanFault, CanFrame, CanLink, Sent, open_link, worst_bits};
-use crate::error::{BusError, ServoId};
+use crate::error::{BusError, BusResult, ServoId};
 use crate::servo::Servo;
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -22,13 +22,11 @@ pub(crate) struct MotorStatus {
     /// Velocity after the gear, radians a second.
     pub velocity_rad_s: f64,
     pub active: bool,
-    /// The fault that the motor reports, in words.
     pub fault: Option<String>,
     /// Temperature, Celsius; `None` where reports have none.
     pub temperature_c: Option<f64>,
 }
 
-/// Stands in for a link while it is opened again.
 struct ClosedLink;
 
 impl CanLink for ClosedLink {
@@ -41,22 +39,17 @@ impl CanLink for ClosedLink {
     }
 }
 
-/// One CAN bus, its motors, and the state of the exchanges with them.
 pub(crate) struct CanExchange {
     link: Box<dyn CanLink>,
     port: String,
     frames: CycleFrames,
-    /// The motors, in the order of targets and states.
     pub servos: Vec<Servo>,
     pub config: BusConfig,
     pub stats: BusStats,
     pub queue_full: u64,
-    /// Attempts of an exchange; fewer while it is known that motors are silent.
     pub tries: u32,
-    /// What was taken in a row although the time was up.
     overdue: u32,
-    /// The least time that a motor's command and answer took so far, as part of
-    /// a cycle, seconds.
+    /// The least time that a motor's command and answer took so far, as part of a cycle, seconds.
     quickest_s: Option<f64>,
 }
 
@@ -89,8 +82,7 @@ impl CanExchange {
         }
     }
 
-    /// Closes the link and opens it again. Nothing is sent.
-    pub fn reopen(&mut self) -> Result<(), BusError> {
+    pub fn reopen(&mut self) -> BusResult<()> {
         // An adapter is open once: the old one goes first.
         self.link = Box::new(ClosedLink);
         self.link = open_link(&self.port, self.config.baud)?;
@@ -122,7 +114,7 @@ impl CanExchange {
         frame: &CanFrame,
         deadline: Instant,
         doing: &'static str,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         loop {
             let sent = self.link.send(frame);
             match sent.map_err(|reason| self.failed(doing, reason))? {
@@ -142,11 +134,10 @@ impl CanExchange {
         Ok(())
     }
 
-    /// Sleeps until nearly all of `motors` motors can have answered, so that
-    /// their answers are taken together: a wake-up for each would cost more than
-    /// all else in a cycle. The wire cannot be faster than without stuff bits; a
-    /// simulated one can, which the cycles before have shown.
-    pub fn rest(&mut self, motors: usize, doing: &'static str) -> Result<(), BusError> {
+    /// Sleeps until nearly all of `motors` motors can have answered, so that their answers are
+    /// taken together: a wake-up for each would cost more than all else in a cycle. The wire cannot
+    /// be faster than without stuff bits; a simulated one can, which the cycles before have shown.
+    pub fn rest(&mut self, motors: usize, doing: &'static str) -> BusResult<()> {
         let flushed = self.link.flush();
         flushed.map_err(|reason| self.failed(doing, reason))?;
         let bits = self.frames.bits(motors).nominal;
@@ -172,7 +163,7 @@ impl CanExchange {
         &mut self,
         deadline: Instant,
         doing: &'static str,
-    ) -> Result<Option<CanFrame>, BusError> {
+    ) -> BusResult<Option<CanFrame>> {
         loop {
             if self.is_over(deadline) {
                 return Ok(None);
@@ -204,7 +195,6 @@ impl CanExchange {
         }
     }
 
-    /// Whether the time is up and what was there already has been taken.
     fn is_over(&mut self, deadline: Instant) -> bool {
         let in_time = Instant::now() < deadline;
         if in_time || self.overdue == MOST_OVERDUE {
@@ -246,7 +236,6 @@ mod tests {
 
     const FRAMES: CycleFrames = CycleFrames::new(false, &[], &[8, 8]);
 
-    /// A transmit queue of a few frames that empties by one at each refusal.
     struct ShortQueue {
         room: usize,
         sent: usize,

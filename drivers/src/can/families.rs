@@ -8,7 +8,6 @@ use crate::can::mit::Mit;
 use crate::can::odrive::Odrive;
 use crate::can::robstride::Robstride;
 
-/// Every family, in the order in which messages list their models.
 pub(crate) static CAN_FAMILIES: [&dyn CanFamily; 4] = [&Mit, &Robstride, &Odrive, &Cia402];
 
 /// The family that a bus speaks; `None` for a serial bus.

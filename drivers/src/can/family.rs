@@ -6,39 +6,34 @@
 
 use std::io;
 
-use crate::bus::Health;
+use crate::bus::{Health, Notes};
 use crate::can::client::MotorClient;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::exchange::MotorStatus;
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
-use crate::error::BusError;
+use crate::error::BusResult;
 use crate::servo::Servo;
 use crate::servo::model::ServoModel;
 
 pub(crate) trait CanFamily: Send + Sync {
     fn models(&self) -> &'static [ServoModel];
 
-    /// The frames of one control cycle, for the rate that a bus carries.
     fn cycle_frames(&self) -> CycleFrames;
 
     /// Turns one motor's torque off and reads its position and faults. The motor
     /// confirms both; one that cannot say whether it drives confirms by answering.
-    fn torque_off(&self, client: &mut MotorClient) -> Result<MotorStatus, BusError>;
+    fn torque_off(&self, client: &mut MotorClient) -> BusResult<MotorStatus>;
 
     /// Checks and sets up one motor whose torque is off: model, ranges, modes,
     /// limits, watchdog, each read back. Notes are for the user.
-    fn set_up(&self, client: &mut MotorClient, notes: &mut Vec<String>) -> Result<(), BusError>;
+    fn set_up(&self, client: &mut MotorClient, notes: &mut Notes) -> BusResult<()>;
 
     /// Turns torque on so that the motor holds `motor_rad`, confirmed.
-    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> Result<(), BusError>;
+    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> BusResult<()>;
 
     /// Reads the health of one motor; `status` is its last report.
-    fn read_health(
-        &self,
-        _client: &mut MotorClient,
-        status: &MotorStatus,
-    ) -> Result<Health, BusError> {
+    fn read_health(&self, _client: &mut MotorClient, status: &MotorStatus) -> BusResult<Health> {
         Ok(Health {
             temperature_c: status.temperature_c,
             ..Health::default()
@@ -48,8 +43,7 @@ pub(crate) trait CanFamily: Send + Sync {
     /// Frames that turn one motor's torque off, to be sent without waiting.
     fn torque_off_frames(&self, servo: &Servo, out: &mut Vec<CanFrame>);
 
-    /// Frames that send one motor its target and make it report; `status` is its
-    /// last report.
+    /// Frames that send one motor its target and make it report; `status` is its last report.
     fn target_frames(
         &self,
         servo: &Servo,
@@ -69,6 +63,5 @@ pub(crate) trait CanFamily: Send + Sync {
         status: &mut [MotorStatus],
     ) -> Option<usize>;
 
-    /// The motors of this family that were heard or that answer, by id.
     fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>>;
 }

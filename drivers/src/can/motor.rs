@@ -5,14 +5,11 @@
 //! override a range; motors that can tell theirs are asked, and refused if
 //! they differ.
 
-/// The ranges and abilities of a motor model.
+#[allow(missing_docs)] // units stand in the names
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotorModel {
-    /// Positions are +- this, radians.
     pub position_rad: f64,
-    /// Velocities are +- this, radians a second.
     pub velocity_rad_s: f64,
-    /// Torques are +- this, newton metres.
     pub torque_nm: f64,
     /// Position gain from 0 to this, newton metres a radian.
     pub kp_max: f64,
@@ -28,7 +25,6 @@ pub struct MotorModel {
 const INERTIA_PER_NM: f64 = 2.5e-4;
 /// Stock damping against the peak torque, seconds a radian.
 const DAMPING_SHARE: f64 = 0.055;
-/// How far above critical damping the stock gains are, squared.
 const OVERDAMPED: f64 = 1.375;
 
 impl MotorModel {
@@ -49,21 +45,16 @@ impl MotorModel {
     }
 }
 
-/// The settings of one motor, checked.
+#[allow(missing_docs)] // units stand in the names
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotorSettings {
-    /// Its ranges, overrides applied.
     pub model: MotorModel,
-    /// Position gain, newton metres a radian of the joint.
     pub kp: f64,
-    /// Damping, newton metre seconds a radian of the joint.
     pub kd: f64,
-    /// Most torque, newton metres.
     pub torque_limit_nm: f64,
     /// Turns of the motor for one of the joint (ODrive, CiA 402; the others
     /// have their gear inside).
     pub gear_ratio: f64,
-    /// The id that replies come with (Damiao's MST_ID).
     pub reply_id: u16,
     /// Position increments a turn of the motor (CiA 402).
     pub counts_per_turn: f64,

@@ -16,7 +16,6 @@ impl<B: Bus> SafeBus<B> {
         levels.fold(0.0, f64::max)
     }
 
-    /// Reads one servo's health when it is due; faults at a limit.
     pub(super) fn watch_health(
         &mut self,
         now_s: f64,
@@ -51,7 +50,6 @@ impl<B: Bus> SafeBus<B> {
         Ok(())
     }
 
-    /// The joint with the worst condition, if that makes its motion smaller.
     fn derated(&self) -> Option<usize> {
         let level = |joint: &SafeJoint| joint.derate.worst().level;
         let joints = self.joints.iter().enumerate();

@@ -8,15 +8,13 @@ use serde::Deserialize;
 use super::error::SafetyError;
 
 /// What the layer does when one servo is lost: silent, or shut down by itself.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum ServoLost {
-    /// Torque goes off everywhere.
     #[default]
     Stop,
-    /// The others hold until it is back, then the motion goes on.
     Hold,
-    /// The others go on; it joins in again when it is back.
     DanceOn,
 }
 
@@ -25,33 +23,24 @@ pub enum ServoLost {
 /// Derating: between where it begins and where it ends the motion of a servo close to
 /// a limit of its own shrinks linearly down to `derate_to`; at the end the layer
 /// stops, before the servo does so by itself.
+#[allow(missing_docs)] // units stand in the names; docs/serial.md explains the table
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields, default)]
 pub struct SafetyConfig {
-    /// Control periods a second, which the robot file has elsewhere.
     #[serde(skip)]
     pub control_hz: f64,
-    /// The policy for a lost servo: `stop`, `hold` or `dance_on`.
     pub on_servo_lost: ServoLost,
-    /// How long the others hold and wait for a lost servo, seconds.
     pub rejoin_s: f64,
-    /// Whether torque comes back by itself after an adapter was pulled out and put back.
     pub rearm: bool,
     /// How long the layer waits for an adapter, seconds; only with `rearm`.
     pub reconnect_s: f64,
-    /// Targets older than this are stale, seconds.
     pub stale_after_s: f64,
-    /// Stale targets are held this long before torque goes off, seconds.
     pub hold_s: f64,
-    /// Targets are blended in over this time, seconds.
     pub ramp_s: f64,
-    /// A joint further than this from its command ..., degrees
     pub following_error_deg: f64,
-    /// ... for longer than this faults, seconds.
     pub following_error_s: f64,
-    /// Derating begins this far below the servo's own temperature limit, Celsius, ...
+    /// Derating begins this far below the servo's own temperature limit, Celsius, ends at the next.
     pub temperature_margin_c: f64,
-    /// ... and ends this far below it.
     pub temperature_fault_c: f64,
     /// Derating begins this far above the lowest supply that the servo takes, volts;
     /// ends there. A supply above the highest stops at once.

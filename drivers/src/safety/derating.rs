@@ -19,7 +19,6 @@ const GROW_PER_S: f64 = 0.05;
 /// A measured limit must be reached this often in a row: one reading may be wrong.
 const STRIKES: u32 = 3;
 
-/// How close one quantity of a servo is to where the layer stops.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Severity {
     /// 0 where nothing is wrong, 1 where the layer stops.
@@ -52,7 +51,6 @@ impl Severity {
     }
 }
 
-/// One joint's condition and how much of its motion is left.
 #[derive(Clone, Debug)]
 pub(super) struct Derate {
     config: SafetyConfig,
@@ -95,7 +93,6 @@ impl Derate {
         }
     }
 
-    /// Severity of heat and current, which concern this joint alone.
     pub fn own(&self) -> Severity {
         self.heat().max(self.load())
     }

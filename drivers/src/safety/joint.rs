@@ -6,14 +6,12 @@ use super::config::SafetyConfig;
 use super::derating::Derate;
 use super::limits::Limiter;
 
-/// One joint between its targets and its commands.
 pub(super) struct SafeJoint {
     pub limiter: Limiter,
     pub target_rad: f64,
     pub ramp_from_rad: f64,
     /// When its ramp began; `None` before the first targets.
     pub ramp_began_s: Option<f64>,
-    /// Since when it has been away from its command.
     pub away_since_s: Option<f64>,
     pub derate: Derate,
     pub lost: Option<LostServo>,
@@ -49,7 +47,6 @@ impl SafeJoint {
 pub(super) struct LostServo {
     pub since_s: f64,
     pub next_try_s: f64,
-    /// Why it could not come back last time.
     pub reason: String,
 }
 

@@ -9,16 +9,12 @@
 
 use servodance_types::JointLimits;
 
-/// One command of the limiter, and which limits changed it.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limited {
-    /// Command of this period, radians.
     pub position_rad: f64,
-    /// The target was beyond a position limit.
     pub position: bool,
-    /// The target was beyond the velocity limit.
     pub velocity: bool,
-    /// The target was beyond the acceleration limit, or left no room to brake.
     pub acceleration: bool,
 }
 
@@ -32,7 +28,6 @@ pub struct Limiter {
     target_rad: f64,
 }
 
-/// Rounding that is not a violation, relative to a limit.
 const SLACK: f64 = 1e-6;
 
 impl Limiter {
@@ -96,9 +91,8 @@ impl Limiter {
     /// The highest speed of a period after which braking still ends within
     /// `room_rad`, that period included.
     ///
-    /// Braking from `v` takes n periods and covers
-    /// `n v dt - a dt^2 n (n - 1) / 2`; n is the least for which `n (n + 1) / 2`
-    /// steps of `a dt^2` fill the room.
+    /// Braking from `v` takes n periods and covers `n v dt - a dt^2 n (n - 1) / 2`; n is the least
+    /// for which `n (n + 1) / 2` steps of `a dt^2` fill the room.
     fn stopping_speed(&self, room_rad: f64) -> f64 {
         if room_rad <= 0.0 {
             return 0.0;
@@ -125,7 +119,6 @@ mod tests {
     };
     const PERIOD_S: f64 = 0.01;
 
-    /// Runs targets through and checks every command against every limit.
     fn check(targets: impl IntoIterator<Item = f64>) -> Vec<Limited> {
         let mut limiter = Limiter::new(LIMITS, PERIOD_S, 0.0);
         let (mut last, mut speed) = (0.0, 0.0);

@@ -9,7 +9,6 @@ use super::state::State;
 use crate::bus::Bus;
 use crate::error::BusError;
 
-/// Seconds between two attempts to take back a servo or an adapter.
 pub(super) const TRY_AGAIN_S: f64 = 0.25;
 
 impl<B: Bus> SafeBus<B> {
@@ -30,7 +29,6 @@ impl<B: Bus> SafeBus<B> {
         Ok(())
     }
 
-    /// Waits for an adapter that was pulled out, checks the bus and arms it.
     pub(super) fn reconnect(
         &mut self,
         now_s: f64,

@@ -45,7 +45,6 @@ impl<B: Bus> SafeBus<B> {
         Ok(())
     }
 
-    /// The servos that an error names; none if it is not about single servos.
     fn indices_of(&self, error: &BusError) -> Vec<usize> {
         let named = match error {
             BusError::Silent { servos, .. } | BusError::Corrupt { servos, .. } => &servos[..],
@@ -64,7 +63,6 @@ impl<B: Bus> SafeBus<B> {
         self.joints.iter().position(|joint| joint.lost.is_some())
     }
 
-    /// Does one step of the way back of one lost servo.
     pub(super) fn rejoin_lost(&mut self, now_s: f64, states: &mut [JointState]) {
         let due = |joint: &SafeJoint| joint.lost.as_ref().is_some_and(|l| l.next_try_s <= now_s);
         let Some(index) = self.joints.iter().position(due) else {

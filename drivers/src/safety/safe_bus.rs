@@ -11,7 +11,6 @@ use super::state::{Interventions, State, Transition};
 use crate::bus::{ArmReport, Bus, BusStats, Health};
 use crate::error::{BusError, ServoId};
 
-/// Remarks and transitions beyond this number are not kept.
 const KEPT: usize = 1000;
 
 /// A bus whose targets stay inside the joints' limits; every error turns torque off.
@@ -28,7 +27,6 @@ pub struct SafeBus<B: Bus> {
     held_since_s: f64,
     hold_asked: bool,
     stepped_s: f64,
-    /// The servo whose health is read next, and when.
     pub(super) examine: (usize, f64),
     pub(super) adapter: Option<LostAdapter>,
 }
@@ -127,6 +125,11 @@ impl<B: Bus> SafeBus<B> {
         self.hold_asked = hold;
     }
 
+    fn begin_hold(&mut self, now_s: f64, cause: &str) {
+        self.enter(now_s, State::Holding, cause);
+        self.held_since_s = now_s;
+    }
+
     fn begin_ramp(&mut self, now_s: f64) {
         for (joint, &sent) in self.joints.iter_mut().zip(&self.sent_rad) {
             joint.ramp_from_rad = sent;
@@ -169,7 +172,6 @@ impl<B: Bus> SafeBus<B> {
         Ok(self.state)
     }
 
-    /// Changes between running and holding, or stops after a hold that was too long.
     fn choose_to_hold(&mut self, now_s: f64) -> Result<(), SafetyError> {
         let age_s = now_s - self.fresh_s;
         // A clock that is not a number counts as stale too.
@@ -180,21 +182,12 @@ impl<B: Bus> SafeBus<B> {
         let held_s = now_s - self.held_since_s;
         match (self.state, missing) {
             (State::Running, None) if stale => {
-                self.enter(
-                    now_s,
-                    State::Holding,
-                    &format!("targets are {age_s:.3} s old"),
-                );
-                self.held_since_s = now_s;
+                self.begin_hold(now_s, &format!("targets are {age_s:.3} s old"));
             }
-            (State::Running, None) if self.hold_asked => {
-                self.enter(now_s, State::Holding, "asked to hold");
-                self.held_since_s = now_s;
-            }
+            (State::Running, None) if self.hold_asked => self.begin_hold(now_s, "asked to hold"),
             (State::Running, Some(index)) => {
                 let who = self.id_of(index);
-                self.enter(now_s, State::Holding, &format!("waiting for {who}"));
-                self.held_since_s = now_s;
+                self.begin_hold(now_s, &format!("waiting for {who}"));
             }
             (State::Holding, _) if stale && held_s >= self.config.hold_s => {
                 self.disarm(now_s, &format!("no fresh targets for {age_s:.3} s"))?;
@@ -206,18 +199,14 @@ impl<B: Bus> SafeBus<B> {
             (State::Holding, None) if !stale && self.hold_asked => self.held_since_s = now_s,
             (State::Holding, None) if !stale => {
                 self.begin_ramp(now_s);
-                self.enter(
-                    now_s,
-                    State::Running,
-                    "targets are fresh and every servo is there",
-                );
+                let cause = "targets are fresh and every servo is there";
+                self.enter(now_s, State::Running, cause);
             }
             _ => {}
         }
         Ok(())
     }
 
-    /// Computes the commands towards the targets: blended in, derated and limited.
     fn follow(&mut self, now_s: f64) {
         let period_s = self.config.period_s();
         let supply = self.worst_supply();
@@ -248,7 +237,6 @@ impl<B: Bus> SafeBus<B> {
         }
     }
 
-    /// Faults if a joint stays far from its command: it is blocked, or limp.
     fn watch_following(&mut self, now_s: f64, states: &[JointState]) -> Result<(), SafetyError> {
         let mut stuck = None;
         for (index, (joint, state)) in self.joints.iter_mut().zip(states).enumerate() {
@@ -312,7 +300,6 @@ impl<B: Bus> SafeBus<B> {
         self.fault_of(now_s, SafetyError::Bus(error))
     }
 
-    /// Torque off for an error; the error, or that torque may still be on.
     pub(super) fn fault_of(&mut self, now_s: f64, error: SafetyError) -> SafetyError {
         let text = error.to_string();
         let cause = text.strip_suffix(TORQUE_IS_OFF).unwrap_or(&text).to_owned();
@@ -392,5 +379,4 @@ impl<B: Bus> SafeBus<B> {
     }
 }
 
-/// How errors end whose torque is verified off.
 const TORQUE_IS_OFF: &str = "; torque is off";

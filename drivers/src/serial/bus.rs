@@ -20,7 +20,7 @@
 use servodance_types::JointState;
 
 use crate::bus::config::BusConfig;
-use crate::bus::{Bus, BusStats, Health, torque_alarm};
+use crate::bus::{Bus, BusStats, Health, Notes, torque_alarm};
 use crate::error::{BusError, BusResult};
 use crate::serial::client::ServoClient;
 use crate::serial::families::family_of;
@@ -35,7 +35,6 @@ pub struct SerialBus {
     armed: bool,
     pub(super) present: Vec<u8>,
     own_limits: Vec<Option<OwnLimits>>,
-    /// The servo that is being taken back, and how far that is.
     pub(super) returning: Option<(usize, RejoinStep)>,
 }
 
@@ -55,9 +54,9 @@ impl SerialBus {
     pub fn open(port: &str, config: &BusConfig, servos: Vec<Servo>) -> BusResult<Self> {
         match family_of(config.kind) {
             Some(family) => Self::open_family(family, port, config, servos),
-            None => Err(refused(
+            None => Err(BusError::not_opened(
                 port,
-                "a bus of this kind is on CAN, or is opened with SerialBus::open_family".into(),
+                "a bus of this kind is on CAN, or is opened with SerialBus::open_family",
             )),
         }
     }
@@ -71,9 +70,9 @@ impl SerialBus {
         servos: Vec<Servo>,
     ) -> BusResult<Self> {
         let config = config.clone().checked();
-        let config = config.map_err(|error| refused(port, error.to_string()))?;
+        let config = config.map_err(|error| BusError::not_opened(port, error))?;
         let is_known = |servo: &Servo| family.models().iter().any(|model| model == servo.model);
-        check_models(&servos, is_known).map_err(|reason| refused(port, reason))?;
+        check_models(&servos, is_known).map_err(|reason| BusError::not_opened(port, reason))?;
         let size = usize::from(family.registers().present.size);
         Ok(Self {
             present: vec![0; size * servos.len()],
@@ -90,7 +89,6 @@ impl SerialBus {
         Ok(())
     }
 
-    /// The goal at which a servo holds, and its own watchdog.
     pub(super) fn hold_here(&mut self, index: usize) -> BusResult<()> {
         let present = self.family.parse(self.bytes_of(index));
         let goal = self.client.holding_goal(index, present.ticks)?;
@@ -145,7 +143,6 @@ impl SerialBus {
         self.client.servos[index].state(present.ticks, present.velocity, present.current)
     }
 
-    /// The states of all who are in the cycle.
     fn copy_states(&self, states: &mut [JointState]) {
         for (index, state) in states.iter_mut().enumerate() {
             if !self.client.aside[index] {
@@ -168,7 +165,7 @@ impl Bus for SerialBus {
         Ok(states)
     }
 
-    fn prepare(&mut self) -> BusResult<Vec<String>> {
+    fn prepare(&mut self) -> BusResult<Notes> {
         let mut notes: Vec<String> = self.client.port.latency_note().into_iter().collect();
         self.client.aside.fill(false);
         self.returning = None;
@@ -275,13 +272,5 @@ impl Drop for SerialBus {
             let clock = &self.client.config.reply_clock;
             torque_alarm::raise(clock, &format!("{error}{rest}"));
         }
-    }
-}
-
-fn refused(port: &str, reason: String) -> BusError {
-    BusError::Open {
-        port: port.into(),
-        reason,
-        choices: String::new(),
     }
 }

@@ -7,6 +7,7 @@
 
 use std::fmt;
 
+use crate::bus::Notes;
 use crate::error::BusResult;
 use crate::serial::client::ServoClient;
 use crate::serial::memory::Firmware;
@@ -81,12 +82,7 @@ pub trait ServoFamily: Sync {
     }
 
     /// Torque off, then the settings that the driver relies on.
-    fn set_up(
-        &self,
-        client: &mut ServoClient,
-        index: usize,
-        notes: &mut Vec<String>,
-    ) -> BusResult<()> {
+    fn set_up(&self, client: &mut ServoClient, index: usize, notes: &mut Notes) -> BusResult<()> {
         client.settle(index, self.registers().torque, 0, notes)
     }
 
@@ -96,7 +92,7 @@ pub trait ServoFamily: Sync {
     }
 
     /// Finds the best way to read everyone.
-    fn choose_read(&self, _client: &mut ServoClient, _notes: &mut Vec<String>) -> BusResult<()> {
+    fn choose_read(&self, _client: &mut ServoClient, _notes: &mut Notes) -> BusResult<()> {
         Ok(())
     }
 

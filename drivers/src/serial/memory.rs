@@ -42,7 +42,6 @@ pub struct ByteMemory {
     pub factory: &'static [(Register, u16)],
     /// The bit that is the sign of a speed.
     pub sign_bit: u32,
-    /// A goal beyond the limits is refused; otherwise it is moved to the limit.
     pub refuses_goals: bool,
     pub sync_read: bool,
     pub bulk_read: bool,
@@ -82,7 +81,6 @@ impl ByteMemory {
     }
 }
 
-/// Limits at which a servo protects itself, and how it says so.
 #[allow(missing_docs)] // a register's field says which one it is
 #[derive(Clone, Copy, Debug)]
 pub struct Protection {

@@ -32,8 +32,7 @@ impl ServoClient {
             return Ok(None);
         };
         if let Some(measured) = self.measure(family, index)? {
-            let (lowest, highest) = own.tenth_volts;
-            self.check_voltage(index, measured.tenth_volts, lowest, highest)?;
+            self.check_voltage(index, measured.tenth_volts, own.tenth_volts)?;
             self.check_temperature(index, measured.celsius, own.celsius)?;
         }
         self.check_goal_range(index, own.ticks)?;
@@ -82,6 +81,15 @@ impl ServoClient {
         Ok(Some(Measured::new(register, &bytes)))
     }
 
+    fn unfit(&self, index: usize, what: &'static str, actual: String, wanted: String) -> BusError {
+        BusError::Unfit {
+            servo: self.id_of(index),
+            what,
+            actual,
+            wanted,
+        }
+    }
+
     fn check_model(&self, index: usize, number: u16) -> BusResult<()> {
         let wanted = self.servos[index].model;
         if number == wanted.number {
@@ -100,52 +108,44 @@ impl ServoClient {
     }
 
     /// Refuses a supply (0.1 V) outside the servo's own limits.
-    fn check_voltage(
-        &self,
-        index: usize,
-        present: u64,
-        lowest: u64,
-        highest: u64,
-    ) -> BusResult<()> {
+    fn check_voltage(&self, index: usize, present: u64, own: (u64, u64)) -> BusResult<()> {
+        let (lowest, highest) = own;
         let volts = |units: u64| format!("{:.1} V", units as f64 * 0.1);
         if (lowest..=highest).contains(&present) {
             return Ok(());
         }
-        Err(BusError::Unfit {
-            servo: self.id_of(index),
-            what: "input voltage",
-            actual: volts(present),
-            wanted: format!("{} to {}", volts(lowest), volts(highest)),
-        })
+        Err(self.unfit(
+            index,
+            "input voltage",
+            volts(present),
+            format!("{} to {}", volts(lowest), volts(highest)),
+        ))
     }
 
-    /// Refuses a temperature (Celsius) at the servo's own limit.
     fn check_temperature(&self, index: usize, present: u64, limit: u64) -> BusResult<()> {
         if present < limit {
             return Ok(());
         }
-        Err(BusError::Unfit {
-            servo: self.id_of(index),
-            what: "temperature",
-            actual: format!("{present} C"),
-            wanted: format!("below {limit} C"),
-        })
+        Err(self.unfit(
+            index,
+            "temperature",
+            format!("{present} C"),
+            format!("below {limit} C"),
+        ))
     }
 
-    /// Refuses another firmware than the robot file wants.
     fn check_firmware(&self, index: usize, actual: u8) -> BusResult<()> {
         match self.servos[index].firmware {
-            Some(wanted) if wanted != actual => Err(BusError::Unfit {
-                servo: self.id_of(index),
-                what: "firmware",
-                actual: actual.to_string(),
-                wanted: format!("{wanted}, as the robot file says"),
-            }),
+            Some(wanted) if wanted != actual => Err(self.unfit(
+                index,
+                "firmware",
+                actual.to_string(),
+                format!("{wanted}, as the robot file says"),
+            )),
             _ => Ok(()),
         }
     }
 
-    /// Refuses a servo whose own velocity limit (in its units) cuts the joint's.
     fn check_velocity(&self, index: usize, own: Option<u64>) -> BusResult<()> {
         let servo = &self.servos[index];
         let asked_deg_s = servo.limits.velocity_rad_s.to_degrees();
@@ -154,25 +154,24 @@ impl ServoClient {
         if asked_deg_s <= own_deg_s {
             return Ok(());
         }
-        Err(BusError::Unfit {
-            servo: self.id_of(index),
-            what: "velocity limit in the servo, degrees a second,",
-            actual: format!("{own_deg_s:.1}"),
-            wanted: format!("at least velocity_deg_s = {asked_deg_s:.1}"),
-        })
+        Err(self.unfit(
+            index,
+            "velocity limit in the servo, degrees a second,",
+            format!("{own_deg_s:.1}"),
+            format!("at least velocity_deg_s = {asked_deg_s:.1}"),
+        ))
     }
 
-    /// Refuses a servo whose own position limits cut the joint's range.
     fn check_goal_range(&self, index: usize, own: (i32, i32)) -> BusResult<()> {
         let (lowest, highest) = self.servos[index].goal_range_ticks();
         if lowest >= own.0 && highest <= own.1 {
             return Ok(());
         }
-        Err(BusError::Unfit {
-            servo: self.id_of(index),
-            what: "position limits in the servo, ticks,",
-            actual: format!("{} to {}", own.0, own.1),
-            wanted: format!("at least {lowest} to {highest}"),
-        })
+        Err(self.unfit(
+            index,
+            "position limits in the servo, ticks,",
+            format!("{} to {}", own.0, own.1),
+            format!("at least {lowest} to {highest}"),
+        ))
     }
 }

@@ -2,14 +2,12 @@
 
 use std::ops::Range;
 
-/// Where a value stands in a servo's memory.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Register {
-    /// The address of the first byte.
     pub address: u16,
     /// How many bytes, little-endian; more than 8 where several values are read in a row.
     pub size: u16,
-    /// The name in messages and errors.
     pub name: &'static str,
 }
 

@@ -2,31 +2,26 @@
 
 use crate::serial::register::Register;
 
-/// What a bus needs of every family.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug)]
 pub struct Registers {
     /// 1 turns torque on.
     pub torque: Register,
-    /// The goal position, ticks.
     pub goal: Register,
-    /// Everything that is read each cycle, in a row.
     pub present: Register,
     /// What the tools for one servo need; `None` leaves the family out of scans.
     pub service: Option<ServiceRegisters>,
 }
 
 /// What `scan`, `ping` and `set-id` need, and the check of supply and temperature.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServiceRegisters {
-    /// The permanent bus id.
     pub id: Register,
-    /// The highest id that a servo can be given.
     pub last_id: u8,
-    /// The present position, ticks.
     pub position: Register,
     /// The supply in 0.1 V; the temperature stands right behind it.
     pub voltage: Register,
-    /// The temperature in whole degrees Celsius.
     pub temperature: Register,
     /// What is wrong, as flags; `None` where only the flags of an answer tell.
     pub status: Option<Register>,
@@ -45,23 +40,19 @@ impl ServiceRegisters {
     }
 }
 
-/// What the present registers say, in the servo's units.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PresentState {
-    /// The position in encoder ticks.
     pub ticks: i32,
-    /// The velocity with its sign.
     pub velocity: i32,
     /// Current, signed; 0 without a sensor.
     pub current: i16,
 }
 
-/// What a servo says it is.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
-    /// The vendor's number of its model.
     pub model_number: u16,
-    /// The version of its firmware.
     pub firmware: u8,
 }
 
@@ -75,14 +66,12 @@ impl Identity {
     }
 }
 
-/// A servo's own limits, as its memory holds them.
+#[allow(missing_docs)] // units stand in the names
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OwnLimits {
     /// Lowest and highest supply, 0.1 V.
     pub tenth_volts: (u64, u64),
-    /// The temperature at which it shuts down, Celsius.
     pub celsius: u64,
-    /// Lowest and highest goal, ticks.
     pub ticks: (i32, i32),
     /// Highest current, in the servo's units; `None` without a sensor.
     pub current: Option<u64>,
@@ -109,12 +98,10 @@ impl Measured {
     }
 }
 
-/// Bytes of one control cycle on the wire.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CycleBytes {
-    /// With the family's quickest way to read everyone.
     pub fast: usize,
-    /// With the plain one.
     pub plain: usize,
 }
 

@@ -12,7 +12,6 @@ use crate::error::BusResult;
 use crate::serial::bus::{RejoinStep, SerialBus};
 
 impl SerialBus {
-    /// The next step of a servo's way back; its state when it is back.
     pub(super) fn advance_rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
         let step = match self.returning {
             Some((who, step)) if who == index => step,

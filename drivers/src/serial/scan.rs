@@ -21,15 +21,12 @@ use crate::serial::wire::port::{PacketPort, Received};
 use crate::serial::wire::stale_replies::ServoRequest;
 use crate::servo::model::ServoModel;
 
-/// How often a question is asked before its answer counts as missing.
 const TRIES: u32 = 2;
-/// How long each id may wait for its turn to answer a broadcast.
 const BROADCAST_TURN: Duration = Duration::from_millis(3);
 
 /// Where every family of Protocol 1 says who it is, each in its own order.
 const START: Register = Register::new(0, 6, "model");
 
-/// The families of a framing of which a servo can be looked at alone.
 fn families(
     framing: Framing,
 ) -> impl Iterator<Item = (&'static dyn ServoFamily, &'static ServiceRegisters)> {
@@ -53,22 +50,16 @@ fn recognised(
     (own_id == [id]).then_some(identity)
 }
 
-/// A servo that answered.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FoundServo {
-    /// The rate at which it answered.
     pub baud: u32,
-    /// The id to which it answered.
     pub id: u8,
-    /// The vendor's number of its model.
     pub model_number: u16,
-    /// The model's name, if it is known here.
     pub model: Option<&'static str>,
-    /// The version of its firmware.
     pub firmware: u8,
     /// Its hardware errors in words; `None` without any.
     pub hardware_error: Option<String>,
-    /// The family that it belongs to.
     pub family: &'static dyn ServoFamily,
     service: &'static ServiceRegisters,
 }
@@ -80,16 +71,12 @@ impl FoundServo {
     }
 }
 
-/// How a servo is.
+#[allow(missing_docs)] // units stand in the names
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vitals {
-    /// The supply in volts.
     pub voltage_v: f64,
-    /// The temperature in degrees Celsius.
     pub temperature_c: u8,
-    /// Where it stands, encoder ticks.
     pub position_ticks: i32,
-    /// Whether it holds that position with force.
     pub torque_enabled: bool,
 }
 
@@ -118,8 +105,7 @@ impl SerialScanner {
         }
     }
 
-    /// Opens `port`. `wait` is how long a servo may take to answer beyond the
-    /// time on the wire.
+    /// Opens `port`. `wait` is how long a servo may take to answer beyond the time on the wire.
     pub fn open(port: &str, baud: u32, framing: Framing, wait: Duration) -> BusResult<Self> {
         Ok(Self {
             port: PacketPort::open(port, baud, framing, ReplyClock::Wall)?,
@@ -165,7 +151,6 @@ impl SerialScanner {
         Ok(found)
     }
 
-    /// Somebody answers there, but nobody can make out what.
     fn unreadable(&self, id: u8) -> Option<FoundServo> {
         let (family, service) = families(self.port.framing()).next()?;
         Some(FoundServo {
@@ -222,7 +207,6 @@ impl SerialScanner {
         }
     }
 
-    /// Which servo it is that answered a ping.
     fn identify(&mut self, id: u8, alert: bool, answer: &[u8]) -> BusResult<Option<FoundServo>> {
         let known = match self.port.framing() {
             Framing::Protocol2 => families(Framing::Protocol2)
@@ -349,7 +333,6 @@ impl SerialScanner {
         }
     }
 
-    /// Writes a register; no answer is an answer, a refusal is not.
     fn send_write(&mut self, id: u8, register: Register, value: u64) -> BusResult<()> {
         let params = self.port.framing().write_params(register, value);
         match self.ask(id, instruction::WRITE, &params, 0, register.name, 1) {
@@ -358,8 +341,7 @@ impl SerialScanner {
         }
     }
 
-    /// One instruction to one id: alert bit and parameters of its answer,
-    /// `None` if nobody answers.
+    /// One instruction to one id: alert bit and parameters of its answer, `None` if nobody answers.
     fn ask(
         &mut self,
         id: u8,

@@ -9,7 +9,7 @@
 //!
 //! The deadline is the time on the wire, the longest return delay of each servo,
 //! and `reply_timeout_ms`. A reply that comes after it does not pass for that of
-//! the next request (`wire/stale_replies.rs`). `drivers/src/safety/lost.rs`
+//! the next request (`wire/stale_replies.rs`). `safety/lost_servo.rs`
 //! decides what becomes of the robot, `rejoin.rs` takes a servo back.
 
 use std::time::{Duration, Instant};
@@ -44,7 +44,6 @@ impl ServoClient {
         result
     }
 
-    /// The error for those who gave no sound answer.
     pub(crate) fn unanswered(
         &self,
         servos: Vec<ServoId>,
@@ -67,7 +66,6 @@ impl ServoClient {
         }
     }
 
-    /// Pings everyone and returns the answers; silent servos are all named at once.
     pub(crate) fn ping_all(&mut self) -> BusResult<Vec<Vec<u8>>> {
         let mut silent = Vec::new();
         let mut answers = Vec::with_capacity(self.servos.len());

@@ -14,79 +14,68 @@ use crate::servo::model::ServoModel;
 
 /// One `[[joint]]` table. The keys from `kp` on are for CAN motors only, and
 /// `firmware` is for serial servos only.
+#[allow(missing_docs)] // docs/serial.md and docs/can.md describe every key
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct ServoConfig {
-    /// The joint's name in the robot description.
     pub name: String,
-    /// The bus it is on; left out where there is one bus only.
     #[serde(default)]
     pub bus: Option<String>,
-    /// Bus id: 0 to 252 on a serial bus, 1 to 127 on CAN (ODrive 0 to 63).
     pub id: u8,
-    /// Model name, e.g. `XM430-W350`.
     pub model: String,
-    /// The firmware that a serial servo must have, as `servodance scan` shows
-    /// it; any if left out.
+    /// The firmware that a serial servo must have, as `servodance scan` shows it; any if left out.
     pub firmware: Option<u8>,
-    /// +1 or -1: the servo's direction against the joint axis.
     pub direction: i8,
     /// Servo angle, degrees (0 to 360, centre 180), where the joint reads zero;
     /// for a CAN motor its own angle after the gear, of either sign.
     pub zero_deg: f64,
-    /// Lowest joint position, degrees.
     pub lower_deg: f64,
-    /// Highest joint position, degrees.
     pub upper_deg: f64,
-    /// Highest speed, degrees a second.
     pub velocity_deg_s: f64,
-    /// Highest acceleration, degrees a second squared.
     pub acceleration_deg_s2: f64,
-    /// Position gain, newton metres a radian; fits the model if left out.
     pub kp: Option<f64>,
-    /// Damping, newton metre seconds a radian; fits the model if left out.
     pub kd: Option<f64>,
-    /// Most torque, newton metres; the model's if left out.
     pub torque_limit_nm: Option<f64>,
-    /// The motor's position range, +- radians, where it differs from the model's.
     pub position_range_rad: Option<f64>,
-    /// The motor's velocity range, +- radians a second, likewise.
     pub velocity_range_rad_s: Option<f64>,
-    /// The motor's torque range, +- newton metres, likewise.
     pub torque_range_nm: Option<f64>,
-    /// Turns of the motor for one of the joint: ODrive and CiA 402. Default 1.
     pub gear_ratio: Option<f64>,
-    /// The id that replies come with: Damiao's MST_ID. Default 0.
     pub reply_id: Option<u16>,
-    /// Position increments a turn of the motor: CiA 402. Default 65536.
     pub counts_per_turn: Option<f64>,
 }
 
 impl ServoConfig {
-    /// The servo in radians, if the table makes sense.
-    pub fn servo(&self) -> Result<Servo, ConfigError> {
-        let bad = |key, actual: String, wanted: String| ConfigError::Joint {
+    fn bad(
+        &self,
+        key: &'static str,
+        actual: impl ToString,
+        wanted: impl Into<String>,
+    ) -> ConfigError {
+        ConfigError::Joint {
             joint: self.name.clone(),
             key,
-            actual,
-            wanted,
-        };
+            actual: actual.to_string(),
+            wanted: wanted.into(),
+        }
+    }
+
+    /// The servo in radians, if the table makes sense.
+    pub fn servo(&self) -> Result<Servo, ConfigError> {
         if self.name.is_empty() {
-            return Err(bad("name", "\"\"".into(), "a joint name".into()));
+            return Err(self.bad("name", "\"\"", "a joint name"));
         }
         let model = ServoModel::from_name(&self.model).ok_or_else(|| {
             let names: Vec<_> = ServoModel::all().map(|model| model.name).collect();
             let wanted = format!("one of {}", names.join(", "));
-            bad("model", format!("{:?}", self.model), wanted)
+            self.bad("model", format!("{:?}", self.model), wanted)
         })?;
         let (lowest, highest) = model.kind.ids();
         if !(lowest..=highest).contains(&self.id) {
             let wanted = format!("{lowest} to {highest}");
-            return Err(bad("id", self.id.to_string(), wanted));
+            return Err(self.bad("id", self.id, wanted));
         }
         if self.direction.abs() != 1 {
-            let actual = self.direction.to_string();
-            return Err(bad("direction", actual, "1 or -1".into()));
+            return Err(self.bad("direction", self.direction, "1 or -1"));
         }
         let zeros = if model.motor.is_some() {
             -3.6e4..=3.6e4
@@ -95,7 +84,7 @@ impl ServoConfig {
         };
         if !zeros.contains(&self.zero_deg) {
             let wanted = format!("{} to {}", zeros.start(), zeros.end());
-            return Err(bad("zero_deg", self.zero_deg.to_string(), wanted));
+            return Err(self.bad("zero_deg", self.zero_deg, wanted));
         }
         let limits = JointLimits {
             lower_rad: self.lower_deg.to_radians(),
@@ -125,16 +114,14 @@ impl ServoConfig {
         Ok(servo)
     }
 
-    /// A CAN motor's settings; a serial servo may have none.
     fn motor_settings(&self, model: &ServoModel) -> Result<Option<MotorSettings>, ConfigError> {
         if let Some(stock) = &model.motor {
             if self.firmware.is_some() {
-                return Err(ConfigError::Joint {
-                    joint: self.name.clone(),
-                    key: "firmware",
-                    actual: "given".into(),
-                    wanted: format!("left out: {} is a CAN motor", model.name),
-                });
+                return Err(self.bad(
+                    "firmware",
+                    "given",
+                    format!("left out: {} is a CAN motor", model.name),
+                ));
             }
             return self.settings_with(stock).map(Some);
         }
@@ -151,27 +138,20 @@ impl ServoConfig {
         ];
         match given.into_iter().find(|(_, is_given)| *is_given) {
             None => Ok(None),
-            Some((key, _)) => Err(ConfigError::Joint {
-                joint: self.name.clone(),
+            Some((key, _)) => Err(self.bad(
                 key,
-                actual: "given".into(),
-                wanted: format!("left out: {} is no CAN motor", model.name),
-            }),
+                "given",
+                format!("left out: {} is no CAN motor", model.name),
+            )),
         }
     }
 
-    /// The CAN keys, with the stock value where a key is left out.
     fn settings_with(&self, stock: &MotorModel) -> Result<MotorSettings, ConfigError> {
         let within = |key, value: f64, low: f64, high: f64| {
             if value > low && value <= high {
                 return Ok(value);
             }
-            Err(ConfigError::Joint {
-                joint: self.name.clone(),
-                key,
-                actual: value.to_string(),
-                wanted: format!("above {low}, at most {high}"),
-            })
+            Err(self.bad(key, value, format!("above {low}, at most {high}")))
         };
         let or = |value: Option<f64>, stock: f64| value.unwrap_or(stock);
         let position = or(self.position_range_rad, stock.position_rad);
@@ -200,18 +180,12 @@ impl ServoConfig {
 
     /// The limits must lie within what the motor's numbers can say.
     fn check_motor_reach(&self, servo: &Servo, motor: &MotorSettings) -> Result<(), ConfigError> {
-        let bad = |key, actual: String, wanted: String| ConfigError::Joint {
-            joint: self.name.clone(),
-            key,
-            actual,
-            wanted,
-        };
         let range = motor.model.position_rad;
         for (key, joint_deg) in [("lower_deg", self.lower_deg), ("upper_deg", self.upper_deg)] {
             let motor_rad = servo.motor_rad(joint_deg.to_radians());
             if motor_rad.abs() > range {
                 let motor_deg = motor_rad.to_degrees();
-                return Err(bad(
+                return Err(self.bad(
                     key,
                     format!("{joint_deg} (motor angle {motor_deg:.1} degrees)"),
                     format!("a motor angle of +-{:.1} degrees", range.to_degrees()),
@@ -221,11 +195,7 @@ impl ServoConfig {
         let fastest_deg_s = motor.model.velocity_rad_s.to_degrees();
         if self.velocity_deg_s > fastest_deg_s {
             let wanted = format!("at most {fastest_deg_s:.0}, the motor's range");
-            return Err(bad(
-                "velocity_deg_s",
-                self.velocity_deg_s.to_string(),
-                wanted,
-            ));
+            return Err(self.bad("velocity_deg_s", self.velocity_deg_s, wanted));
         }
         Ok(())
     }
@@ -236,18 +206,17 @@ impl ServoConfig {
         for (key, joint_deg) in [("lower_deg", self.lower_deg), ("upper_deg", self.upper_deg)] {
             let servo_rad = servo.zero_rad + servo.direction * joint_deg.to_radians();
             if !(-1e-9..=last_tick_rad + 1e-9).contains(&servo_rad) {
-                return Err(ConfigError::Joint {
-                    joint: self.name.clone(),
+                return Err(self.bad(
                     key,
-                    actual: format!(
+                    format!(
                         "{joint_deg} (servo angle {:.1} degrees)",
                         servo_rad.to_degrees()
                     ),
-                    wanted: format!(
+                    format!(
                         "a servo angle of 0 to {:.1} degrees",
                         last_tick_rad.to_degrees()
                     ),
-                });
+                ));
             }
         }
         let (lowest, highest) = servo.goal_range_ticks();

@@ -13,17 +13,15 @@ use servodance_types::{JointLimits, JointState};
 
 use crate::bus::kind::BusKind;
 use crate::can::MotorSettings;
-use crate::error::{BusError, ServoId};
+use crate::error::{BusError, BusResult, ServoId};
 use crate::servo::model::ServoModel;
 
 /// A checked servo. Made by [`crate::servos`].
+#[allow(missing_docs)] // units stand in the names
 #[derive(Clone, Debug, PartialEq)]
 pub struct Servo {
-    /// The joint it moves.
     pub name: String,
-    /// The id on its bus.
     pub id: u8,
-    /// The vendor's model and its units.
     pub model: &'static ServoModel,
     /// The firmware that it must have; any if `None`.
     pub firmware: Option<u8>,
@@ -31,7 +29,6 @@ pub struct Servo {
     pub direction: f64,
     /// The servo's angle where the joint reads zero, radians.
     pub zero_rad: f64,
-    /// What the joint may do.
     pub limits: JointLimits,
     /// What only a CAN motor has; `None` for a serial servo.
     pub motor: Option<MotorSettings>,
@@ -43,7 +40,7 @@ const REST_TOLERANCE_RAD: f64 = 0.05;
 
 impl Servo {
     /// The joint position that keeps a joint where it stands; refused far outside its limits.
-    pub(crate) fn holding_rad(&self, position_rad: f64) -> Result<f64, BusError> {
+    pub(crate) fn holding_rad(&self, position_rad: f64) -> BusResult<f64> {
         let limits = self.limits;
         let outside = (limits.lower_rad - position_rad).max(position_rad - limits.upper_rad);
         // Not a number counts as outside.
@@ -123,7 +120,6 @@ impl ServoId {
     }
 }
 
-/// Refuses a model that does not speak what its bus does.
 pub(crate) fn check_models(
     servos: &[Servo],
     speaks: impl Fn(&Servo) -> bool,
@@ -137,18 +133,13 @@ pub(crate) fn check_models(
     }
 }
 
-/// The same by the kind of the bus.
 pub(crate) fn check_kind(servos: &[Servo], kind: BusKind) -> Result<(), String> {
     check_models(servos, |servo| servo.model.kind == kind)
 }
 
 /// What every cycle checks before anything is sent: a finite target and a
 /// place for the state of each servo.
-pub(crate) fn check_cycle(
-    servos: &[Servo],
-    targets_rad: &[f64],
-    states: usize,
-) -> Result<(), BusError> {
+pub(crate) fn check_cycle(servos: &[Servo], targets_rad: &[f64], states: usize) -> BusResult<()> {
     for (actual, what) in [(targets_rad.len(), "targets"), (states, "states")] {
         if actual != servos.len() {
             return Err(BusError::Length {
@@ -158,11 +149,8 @@ pub(crate) fn check_cycle(
             });
         }
     }
-    match servos
-        .iter()
-        .zip(targets_rad)
-        .find(|(_, target)| !target.is_finite())
-    {
+    let mut targets = servos.iter().zip(targets_rad);
+    match targets.find(|(_, target)| !target.is_finite()) {
         Some((servo, &target)) => Err(BusError::NotFinite {
             servo: ServoId::of(servo),
             target,

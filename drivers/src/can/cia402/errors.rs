@@ -1,9 +1,7 @@
 //! Error and abort codes of CiA 402 drives in words.
 
-/// Error of a drive that misses our heartbeat.
 pub(super) const LOST: &str = "heartbeat lost";
 
-/// The name of the code with which a drive refuses an SDO.
 pub(super) fn abort_name(code: u32) -> String {
     let name = match code {
         0x0601_0000 => "unsupported access",

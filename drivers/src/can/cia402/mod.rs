@@ -14,6 +14,7 @@ mod scan;
 use std::f64::consts::TAU;
 use std::io;
 
+use crate::bus::Notes;
 use crate::bus::kind::BusKind;
 use crate::can::client::MotorClient;
 use crate::can::cycle_frames::CycleFrames;
@@ -24,7 +25,7 @@ use crate::can::motor::MotorSettings;
 use crate::can::rounding::whole_range;
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
-use crate::error::BusError;
+use crate::error::BusResult;
 use crate::servo::Servo;
 use crate::servo::model::ServoModel;
 
@@ -41,7 +42,6 @@ const HOST: u32 = 127;
 const PROFILE: u32 = 402;
 /// Value of [`ABORT_OPTION`]: switch the voltage off.
 const DISABLE_VOLTAGE: u32 = 2;
-/// Mask and value of the status word with torque on.
 const OPERATION_ENABLED: (u16, u16) = (0x6F, 0x27);
 /// Control words on the way to torque, and the status word each must bring.
 const LADDER: [(u32, u16, &str); 3] = [
@@ -67,7 +67,7 @@ fn transfer(
     command: u8,
     object: SdoObject,
     value: [u8; 4],
-) -> Result<[u8; 4], BusError> {
+) -> BusResult<[u8; 4]> {
     let request = sdo(client.servo(), command, object, value);
     let [low, high] = object.0.to_le_bytes();
     client.ask(&request, object.3, |servo, frame| {
@@ -88,29 +88,28 @@ fn transfer(
     })
 }
 
-fn read(client: &mut MotorClient, object: SdoObject) -> Result<u32, BusError> {
+fn read(client: &mut MotorClient, object: SdoObject) -> BusResult<u32> {
     let bytes = transfer(client, UPLOAD, object, [0; 4])?;
     let unused = 8 * (4 - u32::from(object.2));
     Ok(u32::from_le_bytes(bytes) << unused >> unused)
 }
 
-fn write(client: &mut MotorClient, object: SdoObject, value: u32) -> Result<(), BusError> {
+fn write(client: &mut MotorClient, object: SdoObject, value: u32) -> BusResult<()> {
     transfer(client, download(object), object, value.to_le_bytes()).map(|_| ())
 }
 
-fn set(client: &mut MotorClient, object: SdoObject, value: u32) -> Result<(), BusError> {
+fn set(client: &mut MotorClient, object: SdoObject, value: u32) -> BusResult<()> {
     write(client, object, value)?;
     let actual = read(client, object)?;
     client.verify(object.3, actual, value)
 }
 
-/// Maps objects into a PDO with this id.
 fn map_pdo(
     client: &mut MotorClient,
     (communication, mapping): (u16, u16),
     id: u32,
     objects: &[SdoObject],
-) -> Result<(), BusError> {
+) -> BusResult<()> {
     const NAME: &str = "PDO mapping";
     write(client, (communication, 1, 4, NAME), id | PDO_OFF)?;
     write(client, (communication, 2, 1, NAME), 1)?;
@@ -122,7 +121,6 @@ fn map_pdo(
     set(client, (communication, 1, 4, NAME), id)
 }
 
-/// Increments of the motor for an angle after the gear.
 fn counts(motor: &MotorSettings, motor_rad: f64) -> f64 {
     motor_rad / TAU * motor.gear_ratio * motor.counts_per_turn
 }
@@ -150,8 +148,7 @@ fn heartbeat() -> CanFrame {
 }
 
 impl Cia402 {
-    /// The fault of a drive with this status word.
-    fn fault(client: &mut MotorClient, status: u16) -> Result<Option<String>, BusError> {
+    fn fault(client: &mut MotorClient, status: u16) -> BusResult<Option<String>> {
         if status & FAULT == 0 {
             return Ok(None);
         }
@@ -169,7 +166,7 @@ impl CanFamily for Cia402 {
         CycleFrames::new(false, &[0, 1], &[6, 8])
     }
 
-    fn torque_off(&self, client: &mut MotorClient) -> Result<MotorStatus, BusError> {
+    fn torque_off(&self, client: &mut MotorClient) -> BusResult<MotorStatus> {
         write(client, CONTROL, 0)?;
         let status = read(client, STATUS)? as u16;
         if is_enabled(status) {
@@ -197,7 +194,7 @@ impl CanFamily for Cia402 {
         })
     }
 
-    fn set_up(&self, client: &mut MotorClient, _notes: &mut Vec<String>) -> Result<(), BusError> {
+    fn set_up(&self, client: &mut MotorClient, _notes: &mut Notes) -> BusResult<()> {
         let servo = client.servo().clone();
         let id = u32::from(servo.id);
         let device = read(client, DEVICE_TYPE)?;
@@ -222,7 +219,7 @@ impl CanFamily for Cia402 {
         set(client, CONSUMER, watched)
     }
 
-    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> Result<(), BusError> {
+    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> BusResult<()> {
         let servo = client.servo().clone();
         let Some(motor) = &servo.motor else {
             return Ok(());

@@ -57,7 +57,6 @@ pub(crate) fn pack_command([p, v, kp, kd, t]: [u32; 5]) -> [u8; 8] {
     bits.into_iter().fold(0_u64, append).to_be_bytes()
 }
 
-/// The codes of a command: position, velocity, position gain, damping, torque.
 pub fn unpack_command(data: [u8; 8]) -> [u32; 5] {
     let word = u64::from_be_bytes(data);
     let field = |shift: u32, bits: u32| (word >> shift) as u32 & ((1 << bits) - 1);
@@ -114,7 +113,6 @@ mod tests {
         assert_eq!(unpack_reply(&reply[..5]), None);
     }
 
-    /// The command of the published protocol that asks for nothing.
     #[test]
     fn zero_has_its_published_bytes() {
         let [p, v, t] =

@@ -22,7 +22,7 @@ mod scan;
 
 use std::io;
 
-use crate::bus::Health;
+use crate::bus::{Health, Notes};
 use crate::can::client::MotorClient;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::exchange::MotorStatus;
@@ -30,7 +30,7 @@ use crate::can::family::CanFamily;
 use crate::can::motor::{MotorModel, MotorSettings};
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
-use crate::error::BusError;
+use crate::error::BusResult;
 use crate::servo::Servo;
 use crate::servo::model::ServoModel;
 
@@ -108,7 +108,7 @@ fn access(
     command: u8,
     (register, name): MitRegister,
     value: [u8; 4],
-) -> Result<[u8; 4], BusError> {
+) -> BusResult<[u8; 4]> {
     let [a, b, c, d] = value;
     let data = [client.servo().id, 0, command, register, a, b, c, d];
     let question = CanFrame::standard(REGISTER_ID, &data);
@@ -117,7 +117,7 @@ fn access(
     })
 }
 
-fn read(client: &mut MotorClient, at: MitRegister) -> Result<[u8; 4], BusError> {
+fn read(client: &mut MotorClient, at: MitRegister) -> BusResult<[u8; 4]> {
     access(client, READ, at, [0; 4])
 }
 
@@ -127,8 +127,8 @@ fn set(
     client: &mut MotorClient,
     at: MitRegister,
     value: u32,
-    notes: Option<&mut Vec<String>>,
-) -> Result<(), BusError> {
+    notes: Option<&mut Notes>,
+) -> BusResult<()> {
     let old = u32::from_le_bytes(read(client, at)?);
     if old == value {
         return Ok(());
@@ -155,8 +155,8 @@ impl Mit {
     fn set_up_damiao(
         client: &mut MotorClient,
         model: MotorModel,
-        notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
+        notes: &mut Notes,
+    ) -> BusResult<()> {
         for (at, wanted) in [
             (PMAX, model.position_rad),
             (VMAX, model.velocity_rad_s),
@@ -183,7 +183,7 @@ impl CanFamily for Mit {
         CycleFrames::new(false, &[], &[8, 8])
     }
 
-    fn torque_off(&self, client: &mut MotorClient) -> Result<MotorStatus, BusError> {
+    fn torque_off(&self, client: &mut MotorClient) -> BusResult<MotorStatus> {
         let has_registers = settings(client.servo()).is_some_and(|motor| motor.model.has_registers);
         let ask = |client: &mut MotorClient, last| {
             let request = mode_command(client.servo(), last);
@@ -203,7 +203,7 @@ impl CanFamily for Mit {
         Ok(status)
     }
 
-    fn set_up(&self, client: &mut MotorClient, notes: &mut Vec<String>) -> Result<(), BusError> {
+    fn set_up(&self, client: &mut MotorClient, notes: &mut Notes) -> BusResult<()> {
         let Some(model) = settings(client.servo()).map(|motor| motor.model) else {
             return Ok(());
         };
@@ -218,7 +218,7 @@ impl CanFamily for Mit {
         Ok(())
     }
 
-    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> Result<(), BusError> {
+    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> BusResult<()> {
         let servo = client.servo().clone();
         let on = mode_command(&servo, ENABLE);
         client.ask(&on, "torque on", |servo, frame| {
@@ -243,11 +243,7 @@ impl CanFamily for Mit {
         Ok(())
     }
 
-    fn read_health(
-        &self,
-        client: &mut MotorClient,
-        status: &MotorStatus,
-    ) -> Result<Health, BusError> {
+    fn read_health(&self, client: &mut MotorClient, status: &MotorStatus) -> BusResult<Health> {
         let motor = settings(client.servo());
         let limit = match motor.is_some_and(|motor| motor.model.has_registers) {
             true => {

@@ -13,7 +13,6 @@ pub const READ: u8 = 0x33; // Register request: the motor answers with the regis
 pub const WRITE: u8 = 0x55; // Register request: the motor stores the value and answers with it
 pub const REFRESH: u8 = 0xCC; // Register request ("refresh"): the motor answers with a reply of MIT mode
 
-/// A register: its number, and its name in messages.
 pub type MitRegister = (u8, &'static str);
 
 // Supply at which the motor shuts down, volts (f32).

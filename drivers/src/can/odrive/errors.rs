@@ -1,6 +1,5 @@
 //! The error word of an ODrive controller in words.
 
-/// Error of a controller whose watchdog has expired.
 pub(super) const LOST: &str = "watchdog expired";
 
 /// The names of the bits of an error word; `None` without errors.

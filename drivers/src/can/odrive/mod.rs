@@ -19,8 +19,8 @@ mod scan;
 use std::f64::consts::TAU;
 use std::io;
 
-use crate::bus::Health;
 use crate::bus::kind::BusKind;
+use crate::bus::{Health, Notes};
 use crate::can::client::MotorClient;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::exchange::MotorStatus;
@@ -29,7 +29,7 @@ use crate::can::models::drive;
 use crate::can::motor::MotorSettings;
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::{CanFrame, word};
-use crate::error::BusError;
+use crate::error::BusResult;
 use crate::servo::Servo;
 use crate::servo::model::ServoModel;
 
@@ -40,9 +40,7 @@ use self::registers::{
     VELOCITY_GAINS, VERSION, id, two_words,
 };
 
-/// The firmware that this driver is made for.
 const FIRMWARE: (u8, u8) = (0, 6);
-/// How much faster than the joint's limit the controller may turn.
 const VELOCITY_MARGIN: f64 = 1.5;
 /// Phase current that one newton metre of the motor's range stands for.
 const AMPERES_PER_NM: f64 = 2.0;
@@ -65,13 +63,11 @@ fn message(servo: &Servo, frame: &CanFrame, message: u32) -> Option<[u8; 8]> {
     is_ours.then(|| frame.eight()).flatten()
 }
 
-/// Error and whether the loop is closed, of a heartbeat.
 fn parse_heartbeat(data: &[u8; 8]) -> (Option<String>, bool) {
     let errors = u32::from_le_bytes(word(data, 0));
     (error_names(errors), data[4] == CLOSED_LOOP)
 }
 
-/// Angle and speed of the joint's axis, of encoder estimates.
 fn parse_estimates(motor: &MotorSettings, data: &[u8; 8]) -> Option<(f64, f64)> {
     let turns = |at| f64::from(f32::from_le_bytes(word(data, at))) / motor.gear_ratio * TAU;
     let (position, velocity) = (turns(0), turns(4));
@@ -83,7 +79,7 @@ fn heartbeat(
     client: &mut MotorClient,
     doing: &'static str,
     closed: bool,
-) -> Result<Option<String>, BusError> {
+) -> BusResult<Option<String>> {
     let ask = request(client.servo(), HEARTBEAT);
     client.ask(&ask, doing, |servo, frame| {
         let (errors, is_closed) = parse_heartbeat(&message(servo, frame, HEARTBEAT)?);
@@ -94,7 +90,7 @@ fn heartbeat(
     })
 }
 
-fn estimates(client: &mut MotorClient) -> Result<(f64, f64), BusError> {
+fn estimates(client: &mut MotorClient) -> BusResult<(f64, f64)> {
     let ask = request(client.servo(), ENCODER);
     client.ask(&ask, "encoder estimates", |servo, frame| {
         let data = message(servo, frame, ENCODER)?;
@@ -108,7 +104,7 @@ fn set_endpoint(
     client: &mut MotorClient,
     (endpoint, name): (u16, &'static str),
     value: [u8; 4],
-) -> Result<(), BusError> {
+) -> BusResult<()> {
     let [low, high] = endpoint.to_le_bytes();
     let write = two_words([1, low, high, 0], value);
     client.send(&[order(client.servo(), RX_SDO, &write)], name)?;
@@ -127,7 +123,7 @@ fn set_endpoint(
 }
 
 impl Odrive {
-    fn check_firmware(client: &mut MotorClient) -> Result<(), BusError> {
+    fn check_firmware(client: &mut MotorClient) -> BusResult<()> {
         let ask = request(client.servo(), VERSION);
         let (major, minor) = client.ask(&ask, "version", |servo, frame| {
             let data = message(servo, frame, VERSION)?;
@@ -138,7 +134,7 @@ impl Odrive {
         client.verify("firmware", actual, wanted)
     }
 
-    fn arm_watchdog(client: &mut MotorClient, notes: &mut Vec<String>) -> Result<(), BusError> {
+    fn arm_watchdog(client: &mut MotorClient, notes: &mut Notes) -> BusResult<()> {
         if let Some([timeout, enable]) = client.config().watchdog_endpoints {
             let seconds = (f64::from(client.config().watchdog_ms) * 1e-3) as f32;
             let timeout = (timeout, "watchdog_timeout");
@@ -162,7 +158,7 @@ impl CanFamily for Odrive {
         CycleFrames::new(false, &[], &[8, 0, 8])
     }
 
-    fn torque_off(&self, client: &mut MotorClient) -> Result<MotorStatus, BusError> {
+    fn torque_off(&self, client: &mut MotorClient) -> BusResult<MotorStatus> {
         let idle = u32::from(IDLE).to_le_bytes();
         client.send(&[order(client.servo(), SET_STATE, &idle)], "torque off")?;
         let mut fault = heartbeat(client, "torque off", false)?;
@@ -182,7 +178,7 @@ impl CanFamily for Odrive {
         })
     }
 
-    fn set_up(&self, client: &mut MotorClient, notes: &mut Vec<String>) -> Result<(), BusError> {
+    fn set_up(&self, client: &mut MotorClient, notes: &mut Notes) -> BusResult<()> {
         Self::check_firmware(client)?;
         let servo = client.servo().clone();
         let Some(motor) = &servo.motor else {
@@ -215,7 +211,7 @@ impl CanFamily for Odrive {
         Self::arm_watchdog(client, notes)
     }
 
-    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> Result<(), BusError> {
+    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> BusResult<()> {
         let servo = client.servo().clone();
         let mut frames = Vec::with_capacity(4);
         // A watchdog that ran out while the axis was idle left an error behind.
@@ -228,11 +224,7 @@ impl CanFamily for Odrive {
         heartbeat(client, "torque on", true).map(|_| ())
     }
 
-    fn read_health(
-        &self,
-        client: &mut MotorClient,
-        _status: &MotorStatus,
-    ) -> Result<Health, BusError> {
+    fn read_health(&self, client: &mut MotorClient, _status: &MotorStatus) -> BusResult<Health> {
         let ask = request(client.servo(), TEMPERATURES);
         client.ask(&ask, "temperatures", |servo, frame| {
             let data = message(servo, frame, TEMPERATURES)?;

@@ -10,6 +10,7 @@ mod scan;
 
 use std::io;
 
+use crate::bus::Notes;
 use crate::can::client::MotorClient;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::exchange::MotorStatus;
@@ -17,7 +18,7 @@ use crate::can::family::CanFamily;
 use crate::can::mit::framing::{from_code, position_code, span_code, to_code};
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
-use crate::error::BusError;
+use crate::error::BusResult;
 use crate::servo::Servo;
 use crate::servo::model::ServoModel;
 
@@ -73,7 +74,7 @@ fn parse_feedback(servo: &Servo, frame: &CanFrame) -> Option<MotorStatus> {
     })
 }
 
-fn read(client: &mut MotorClient, at: MotorParameter) -> Result<[u8; 4], BusError> {
+fn read(client: &mut MotorClient, at: MotorParameter) -> BusResult<[u8; 4]> {
     let [low, high] = at.0.to_le_bytes();
     let request = frame(
         message::READ,
@@ -94,8 +95,7 @@ fn read(client: &mut MotorClient, at: MotorParameter) -> Result<[u8; 4], BusErro
     })
 }
 
-/// Writes a parameter; the motor answers with a feedback.
-fn write(client: &mut MotorClient, at: MotorParameter, value: [u8; 4]) -> Result<(), BusError> {
+fn write(client: &mut MotorClient, at: MotorParameter, value: [u8; 4]) -> BusResult<()> {
     let [low, high] = at.0.to_le_bytes();
     let [a, b, c, d] = value;
     let write = frame(
@@ -109,8 +109,7 @@ fn write(client: &mut MotorClient, at: MotorParameter, value: [u8; 4]) -> Result
     })
 }
 
-/// Writes a whole number and reads it back.
-fn set(client: &mut MotorClient, at: MotorParameter, value: u32) -> Result<(), BusError> {
+fn set(client: &mut MotorClient, at: MotorParameter, value: u32) -> BusResult<()> {
     write(client, at, value.to_le_bytes())?;
     let actual = u32::from_le_bytes(read(client, at)?);
     client.verify(at.1, actual, value)
@@ -129,7 +128,7 @@ impl CanFamily for Robstride {
         CycleFrames::new(true, &[], &[8, 8])
     }
 
-    fn torque_off(&self, client: &mut MotorClient) -> Result<MotorStatus, BusError> {
+    fn torque_off(&self, client: &mut MotorClient) -> BusResult<MotorStatus> {
         let stop = stop_frame(client.servo());
         client.ask(&stop, "torque off", |servo, frame| {
             let status = parse_feedback(servo, frame)?;
@@ -137,7 +136,7 @@ impl CanFamily for Robstride {
         })
     }
 
-    fn set_up(&self, client: &mut MotorClient, _notes: &mut Vec<String>) -> Result<(), BusError> {
+    fn set_up(&self, client: &mut MotorClient, _notes: &mut Notes) -> BusResult<()> {
         let volts = f64::from(f32::from_le_bytes(read(client, BUS_VOLTAGE)?));
         if !VOLTAGE_V.contains(&volts) {
             let wanted = format!("{} to {} V", VOLTAGE_V.start(), VOLTAGE_V.end());
@@ -156,7 +155,7 @@ impl CanFamily for Robstride {
         set(client, TIMEOUT, timeout)
     }
 
-    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> Result<(), BusError> {
+    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> BusResult<()> {
         let servo = client.servo().clone();
         let on = frame(message::ENABLE, HOST, &servo, &[0; 8]);
         let mut orders = vec![on];

@@ -23,7 +23,6 @@ pub mod message {
     pub const FAULT: u32 = 21; // The motor's detailed faults, sent unasked
 }
 
-/// A parameter: its index, and its name in messages.
 pub type MotorParameter = (u16, &'static str);
 
 // Run mode; 0 is operation control. Changes with torque off only.

@@ -22,7 +22,6 @@ pub fn motors(scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
     Ok(found)
 }
 
-/// The id in an answer to "get id".
 fn answer(frame: &CanFrame) -> Option<u8> {
     let (id, data) = (frame.id(), frame.eight());
     let motor = u8::try_from(id >> 8 & 0xFFFF).ok()?;

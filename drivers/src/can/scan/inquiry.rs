@@ -7,24 +7,19 @@ use crate::can::exchange::MOST_OVERDUE;
 use crate::can::transport::{CanEvent, CanFault, CanFrame, CanLink, Sent};
 
 pub(crate) const IDS: std::ops::RangeInclusive<u8> = 1..=127;
-/// So many requests go out together: less than what a transmit queue holds.
 pub(crate) const GROUP: usize = 8;
 const TRIES: usize = 3;
 
-/// A motor, or a device, that a scan found.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CanFound {
-    /// Its id on the bus (the node number of CANopen and ODrive).
     pub id: u8,
-    /// The protocol it speaks, e.g. `RobStride`.
     pub family: &'static str,
     /// Its model; `None` where the motor cannot tell.
     pub model: Option<&'static str>,
     /// Its firmware; `None` where the motor cannot tell.
     pub firmware: Option<String>,
-    /// More that it tells of itself, e.g. its supply voltage.
     pub detail: Option<String>,
-    /// The fault that it reports, in words.
     pub error: Option<String>,
 }
 
@@ -86,7 +81,6 @@ impl ScanLink {
         Ok(answer)
     }
 
-    /// Sends a request; waits for room in the transmit queue.
     fn send(&mut self, request: &CanFrame) -> io::Result<()> {
         let deadline = Instant::now() + 10 * self.wait;
         while self.link.send(request)? == Sent::Full {

@@ -29,7 +29,7 @@ use crate::bus::kind::BusKind;
 use crate::can::families;
 use crate::can::scan::inquiry::{GROUP, ScanLink};
 use crate::can::transport::{CanLink, open_link, worst_bits};
-use crate::error::BusError;
+use crate::error::BusResult;
 
 /// The families in the order in which they are asked; ODrive decides whether the
 /// others may use 11-bit ids.
@@ -41,7 +41,6 @@ const ORDER: [BusKind; 4] = [
 ];
 /// Factory settings send a heartbeat ten times a second, or once.
 const LISTEN: Duration = Duration::from_millis(1200);
-/// How long the answers to one group of requests may take.
 const WAIT: Duration = Duration::from_millis(20);
 
 /// A CAN bus to be scanned for motors.
@@ -52,7 +51,7 @@ pub struct CanScanner {
 
 impl CanScanner {
     /// Opens a port: see [`crate::can::CanPort`]. Nothing is sent.
-    pub fn open(port: &str, bitrate: u32) -> Result<Self, BusError> {
+    pub fn open(port: &str, bitrate: u32) -> BusResult<Self> {
         let bits = worst_bits(true, 8) * 2 * GROUP as u32;
         let wire_s = f64::from(bits) / f64::from(bitrate);
         let wait = WAIT + Duration::from_secs_f64(wire_s);

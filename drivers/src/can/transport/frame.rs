@@ -16,8 +16,7 @@ impl CanFrame {
     pub(crate) const STANDARD_MAX: u32 = 0x7FF;
     pub(crate) const EXTENDED_MAX: u32 = 0x1FFF_FFFF;
 
-    /// A frame with an 11-bit id. Higher bits of the id and bytes past the
-    /// eighth are cut off.
+    /// A frame with an 11-bit id. Higher bits of the id and bytes past the eighth are cut off.
     pub fn standard(id: u32, data: &[u8]) -> Self {
         Self::with(id & Self::STANDARD_MAX, false, data)
     }

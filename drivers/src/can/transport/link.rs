@@ -7,41 +7,31 @@ use std::time::Instant;
 
 use super::frame::CanFrame;
 
-/// Whether a link took a frame that was offered to it.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sent {
-    /// The controller or adapter took it.
     Taken,
     /// No room in the transmit queue (ENOBUFS): nothing was sent, try again
     /// when a frame's time has passed.
     Full,
 }
 
-/// What a link received within its deadline.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CanEvent {
-    /// A frame of another node, or an echo of our own.
     Frame(CanFrame),
-    /// The controller reports a fault of the bus.
     Fault(CanFault),
-    /// Neither frame nor fault came within the deadline.
     Nothing,
 }
 
-/// A fault of the bus that a CAN controller or adapter reports.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CanFault {
-    /// Error counters are high (warning level).
     Warning,
-    /// The controller may no longer disturb others: it is close to bus-off.
     Passive,
-    /// A damaged frame was seen, or nobody acknowledged one.
     Error,
-    /// Frames came faster than they were fetched; some are lost.
     Overrun,
-    /// The adapter refused or lost a frame that it was to send.
     Rejected,
-    /// The controller has left the bus. Nothing gets through until it restarts.
     BusOff,
 }
 

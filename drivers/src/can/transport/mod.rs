@@ -11,9 +11,13 @@
 mod frame;
 mod link;
 mod port;
+// The simulated adapters speak the same protocols; nobody else needs these modules.
+#[doc(hidden)]
 pub mod slcan;
 #[cfg(target_os = "linux")]
+#[doc(hidden)]
 pub mod socket;
+#[doc(hidden)]
 pub mod udp;
 
 pub use frame::CanFrame;
@@ -21,15 +25,11 @@ pub(crate) use frame::{nominal_bits, word, worst_bits};
 pub use link::{CanEvent, CanFault, CanLink, Sent};
 pub use port::CanPort;
 
-use crate::error::BusError;
+use crate::error::{BusError, BusResult};
 
 /// Opens the way to a CAN bus that `port` names: see [`CanPort`].
-pub(crate) fn open_link(port: &str, bitrate: u32) -> Result<Box<dyn CanLink>, BusError> {
-    let refused = |reason: String| BusError::Open {
-        port: port.into(),
-        reason,
-        choices: String::new(),
-    };
+pub(crate) fn open_link(port: &str, bitrate: u32) -> BusResult<Box<dyn CanLink>> {
+    let refused = |reason: String| BusError::not_opened(port, reason);
     let opened: std::io::Result<Box<dyn CanLink>> = match CanPort::parse(port).map_err(refused)? {
         CanPort::Slcan(path) => {
             slcan::SlcanLink::open(&path, bitrate).map(|link| Box::new(link) as _)

@@ -1,11 +1,9 @@
 //! The port of a CAN bus as text: which kind of link, and where.
 
-/// A port string, parsed.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CanPort {
-    /// `can:IFACE`: a network interface of the system.
     Socket(String),
-    /// `slcan:PATH`: the path of a serial adapter.
     Slcan(String),
     /// `udp:GROUP:PORT`: an IPv4 multicast group.
     Udp(std::net::SocketAddrV4),

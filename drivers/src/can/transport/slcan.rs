@@ -18,9 +18,7 @@ use super::frame::CanFrame;
 use super::link::{CanEvent, CanFault, CanLink, Sent};
 use crate::serial::wire::stream::PortStream;
 
-/// Ends a line that the adapter carried out, or a frame line.
 pub const CR: u8 = b'\r';
-/// Ends the answer of an adapter that refused a line.
 pub const BEL: u8 = 7;
 /// No line is longer: `T`, 8 id, 1 length, 16 data, 4 time stamp.
 const LONGEST: usize = 31;
@@ -99,13 +97,11 @@ fn number(digits: &[u8]) -> Option<u32> {
 #[derive(Clone, Debug, Default)]
 pub struct Lines {
     line: Vec<u8>,
-    /// The line is too long: everything up to its end is noise.
     overlong: bool,
 }
 
 impl Lines {
-    /// Takes one byte. At a line's end `take` gets the line and what ended it
-    /// ([`CR`] or [`BEL`]).
+    /// Takes one byte. At a line's end `take` gets the line and what ended it ([`CR`] or [`BEL`]).
     pub fn push<T>(&mut self, byte: u8, take: impl FnOnce(&[u8], u8) -> T) -> Option<T> {
         if byte != CR && byte != BEL {
             self.overlong |= self.line.len() >= LONGEST;
@@ -121,7 +117,6 @@ impl Lines {
     }
 }
 
-/// The frame or fault that a line of the adapter reports.
 fn parse_line(line: &[u8], end: u8) -> Option<CanEvent> {
     if end == BEL {
         return Some(CanEvent::Fault(CanFault::Rejected));
@@ -142,7 +137,6 @@ fn parse_line(line: &[u8], end: u8) -> Option<CanEvent> {
     decode(line).map(CanEvent::Frame)
 }
 
-/// An open serial CAN adapter.
 pub struct SlcanLink {
     port: PortStream,
     lines: Lines,
@@ -151,7 +145,6 @@ pub struct SlcanLink {
     /// How much of `chunk` is filled and how much of that is taken.
     filled: usize,
     taken: usize,
-    /// When the status flags were asked for last.
     asked: Option<Instant>,
 }
 
@@ -160,12 +153,10 @@ const SERIAL_BAUD: u32 = 1_000_000;
 const SEND_TIMEOUT: Duration = Duration::from_millis(100);
 /// No more bytes wait for the moment when answers are awaited.
 const LONGEST_BURST: usize = 1024;
-/// The status flags are asked for no more often than this.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
 
 impl SlcanLink {
-    /// Opens the adapter at `path` for this program alone, and its CAN side at
-    /// `bitrate`.
+    /// Opens the adapter at `path` for this program alone, and its CAN side at `bitrate`.
     pub fn open(path: &str, bitrate: u32) -> io::Result<Self> {
         let code = BITRATES.iter().position(|known| *known == bitrate);
         let code = code.ok_or_else(|| {
@@ -219,7 +210,6 @@ impl SlcanLink {
         None
     }
 
-    /// Asks for the status flags, which tell why a frame was refused.
     fn ask_flags(&mut self) -> io::Result<()> {
         if self.asked.is_some_and(|at| at.elapsed() < ASK_AGAIN) {
             return Ok(());

@@ -38,7 +38,6 @@ const REPORTED: u32 = CAN_ERR_BUSOFF
 const CAN_TYPE: &str = "280"; // ARPHRD_CAN
 const UP: u32 = 1; // IFF_UP
 
-/// A raw socket on a CAN interface of the system.
 #[derive(Debug)]
 pub struct SocketLink {
     socket: CanSocket,
@@ -101,12 +100,10 @@ impl CanLink for SocketLink {
     }
 }
 
-/// No room: in the interface's queue, or in the socket's own.
 fn is_full(error: &io::Error) -> bool {
     error.raw_os_error() == Some(Errno::ENOBUFS as i32) || error.kind() == ErrorKind::WouldBlock
 }
 
-/// The error with what it means for a CAN interface.
 fn explained(error: io::Error) -> io::Error {
     let meaning = match error.raw_os_error().map(Errno::from_raw) {
         Some(Errno::ENETDOWN) => "the CAN interface is down: `ip link set IFACE up`",
@@ -209,7 +206,6 @@ impl Interfaces<'_> {
         found
     }
 
-    /// Refuses what cannot be opened, with what can be done about it.
     fn check(&self, name: &str) -> io::Result<()> {
         if self.is_can(name) && self.is_up(name) {
             return Ok(());

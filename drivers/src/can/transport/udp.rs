@@ -46,17 +46,14 @@ fn put(out: &mut Vec<u8>, key: &str, value: &[u8]) {
     out.extend(value);
 }
 
-/// One msgpack value of the kinds that occur.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Msgpack<'a> {
     Flag(bool),
     Number(u64),
     Bytes(&'a [u8]),
-    /// Nil, and numbers that are not whole or below zero.
     Other,
 }
 
-/// The part of a datagram that is not read yet.
 struct MsgpackReader<'a>(&'a [u8]);
 
 impl<'a> MsgpackReader<'a> {
@@ -104,7 +101,6 @@ impl<'a> MsgpackReader<'a> {
     }
 }
 
-/// The frame of a datagram, or the error that a controller reports with it.
 pub fn decode(datagram: &[u8]) -> Option<CanEvent> {
     let mut reader = MsgpackReader(datagram);
     let entries = reader
@@ -142,7 +138,6 @@ pub fn decode(datagram: &[u8]) -> Option<CanEvent> {
     frame.map(CanEvent::Frame)
 }
 
-/// A member of a multicast group that is a CAN bus.
 #[derive(Debug)]
 pub struct UdpLink {
     group: SocketAddrV4,
@@ -154,7 +149,6 @@ pub struct UdpLink {
 }
 
 impl UdpLink {
-    /// Joins a multicast group of this machine.
     pub fn open(group: SocketAddrV4) -> io::Result<Self> {
         let receiver = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
         receiver.set_reuse_address(true)?;
@@ -174,7 +168,6 @@ impl UdpLink {
         })
     }
 
-    /// The socket that receives from the group, to wait for.
     pub fn socket(&self) -> &UdpSocket {
         &self.receiver
     }

@@ -10,8 +10,7 @@ use crate::serial::wire::port::Received;
 use crate::servo::Servo;
 
 impl ServoClient {
-    /// Sends one value of `register` to every servo that is not left out, in
-    /// one packet; no reply.
+    /// Sends one value of `register` to every servo that is not left out, in one packet; no reply.
     pub(crate) fn sync_write(
         &mut self,
         register: Register,
@@ -21,7 +20,6 @@ impl ServoClient {
         self.port.send_held(register.name)
     }
 
-    /// The same, sent together with the next instruction.
     pub(crate) fn hold_sync_write(
         &mut self,
         register: Register,
@@ -73,7 +71,6 @@ impl ServoClient {
         })
     }
 
-    /// A new read of everyone begins: who is left out need not answer.
     pub(crate) fn begin_read(&mut self) {
         self.answered.copy_from_slice(&self.aside);
     }

@@ -8,6 +8,7 @@ mod everyone;
 
 use dynamixel2::instructions::instruction_id as instruction;
 
+use crate::bus::Notes;
 use crate::bus::config::BusConfig;
 use crate::error::{BusError, BusResult, Refusal, ServoId};
 use crate::serial::register::Register;
@@ -24,15 +25,12 @@ pub struct ServoClient {
     /// How often an exchange is tried; less while it is known that servos are silent.
     pub(super) tries: u32,
     params: Vec<u8>,
-    /// Which servos gave their part of the read that is going on.
     pub(crate) answered: Vec<bool>,
-    /// Servos that are left out of cycles: lost, and not back yet.
     pub(crate) aside: Vec<bool>,
     /// Whether the last answer to [`ServoClient::transfer`] had its alert bit set.
     alert: bool,
     /// The error byte of that answer, as it came.
     pub(crate) flags: u8,
-    /// The firmware of each servo, as it said when it was checked last.
     pub(crate) firmware: Vec<u8>,
     /// Everyone answers the Fast Sync Read of Protocol 2.0.
     pub(crate) fast_read: bool,
@@ -182,7 +180,7 @@ impl ServoClient {
         index: usize,
         register: Register,
         value: u64,
-        notes: &mut Vec<String>,
+        notes: &mut Notes,
     ) -> BusResult<()> {
         let old = self.read(index, register)?;
         if old != value {
@@ -210,7 +208,6 @@ impl ServoClient {
         })
     }
 
-    /// The goal that keeps a joint where it stands.
     pub(crate) fn holding_goal(&self, index: usize, ticks: i32) -> BusResult<i32> {
         let servo = &self.servos[index];
         let hold_rad = servo.holding_rad(servo.position_rad(ticks))?;

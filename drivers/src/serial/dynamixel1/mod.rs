@@ -12,6 +12,7 @@ mod registers;
 
 use dynamixel2::instructions::instruction_id as instruction;
 
+use crate::bus::Notes;
 use crate::error::BusResult;
 use crate::serial::client::ServoClient;
 use crate::serial::family::ServoFamily;
@@ -119,12 +120,7 @@ impl ServoFamily for Dynamixel1 {
         LIMITS.read(client, index).map(Some)
     }
 
-    fn set_up(
-        &self,
-        client: &mut ServoClient,
-        index: usize,
-        notes: &mut Vec<String>,
-    ) -> BusResult<()> {
+    fn set_up(&self, client: &mut ServoClient, index: usize, notes: &mut Notes) -> BusResult<()> {
         // Answers to writes first: without them nothing can be read back.
         if client.read(index, STATUS_LEVEL)? != 2 {
             client.write_unheard(index, STATUS_LEVEL, 2)?;
@@ -143,7 +139,7 @@ impl ServoFamily for Dynamixel1 {
         Ok(())
     }
 
-    fn choose_read(&self, client: &mut ServoClient, notes: &mut Vec<String>) -> BusResult<()> {
+    fn choose_read(&self, client: &mut ServoClient, notes: &mut Notes) -> BusResult<()> {
         if let Some(index) = asked_singly(&client.servos) {
             let servo = client.id_of(index);
             let model = client.servos[index].model.name;
@@ -163,7 +159,6 @@ impl ServoFamily for Dynamixel1 {
     }
 }
 
-/// The first servo that cannot be read with the others.
 fn asked_singly(servos: &[Servo]) -> Option<usize> {
     servos.iter().position(|servo| !servo.model.bulk_read)
 }

@@ -42,7 +42,6 @@ pub(super) const ACCELERATION: Register = Register::byte(73, "goal acceleration"
 
 pub(super) const IDENTITY: Register = Register::new(0, 3, "model number and firmware");
 pub(super) const PRESENT: Register = Register::new(36, 8, "present state");
-/// Of speeds; set for clockwise, which is downwards.
 pub(super) const SIGN_BIT: u32 = 10;
 
 pub(super) static REGISTERS: Registers = Registers {

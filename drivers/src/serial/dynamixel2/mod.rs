@@ -10,6 +10,7 @@ pub mod registers;
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
+use crate::bus::Notes;
 use crate::error::{BusError, BusResult};
 use crate::serial::client::ServoClient;
 use crate::serial::family::ServoFamily;
@@ -38,7 +39,6 @@ const CONDITIONS: [(u8, &str); 5] = [
 /// Dynamixel X, and MX with Protocol 2.0.
 pub struct Dynamixel2;
 
-/// One Fast Sync Read of everyone; stops at the first damage.
 fn fast_read(client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<usize>> {
     let register = PRESENT;
     let size = usize::from(register.size);
@@ -78,8 +78,9 @@ fn fast_read(client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<u
         return Ok(alert);
     }
 }
+
 /// The plain Sync Read it is, if the wire carries that as often as the robot asks.
-fn fall_back(client: &ServoClient, why: String, notes: &mut Vec<String>) -> BusResult<()> {
+fn fall_back(client: &ServoClient, why: String, notes: &mut Notes) -> BusResult<()> {
     let asked_hz = client.config.control_hz.unwrap_or(0.0);
     let bytes = cycle_bytes(client.servos.len()).plain;
     let limit_hz = bytes_hz(client.config.baud, bytes);
@@ -184,12 +185,7 @@ impl ServoFamily for Dynamixel2 {
         }))
     }
 
-    fn set_up(
-        &self,
-        client: &mut ServoClient,
-        index: usize,
-        notes: &mut Vec<String>,
-    ) -> BusResult<()> {
+    fn set_up(&self, client: &mut ServoClient, index: usize, notes: &mut Notes) -> BusResult<()> {
         client.settle(index, TORQUE, 0, notes)?;
         client.settle(index, STATUS_RETURN_LEVEL, 2, notes)?;
         client.settle(index, RETURN_DELAY, 0, notes)?;
@@ -207,8 +203,7 @@ impl ServoFamily for Dynamixel2 {
         client.set(index, BUS_WATCHDOG, units)
     }
 
-    /// Fast Sync Read where the firmware has it and a probe succeeds.
-    fn choose_read(&self, client: &mut ServoClient, notes: &mut Vec<String>) -> BusResult<()> {
+    fn choose_read(&self, client: &mut ServoClient, notes: &mut Notes) -> BusResult<()> {
         client.fast_read = false;
         let firmware = client.servos.iter().zip(&client.firmware);
         let old = firmware

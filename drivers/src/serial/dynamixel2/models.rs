@@ -11,157 +11,64 @@ pub static BAUDS: [u32; 8] = [
     9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000,
 ];
 
-/// No firmware of these answers Fast Sync Read.
 const NEVER: u8 = u8::MAX;
+/// Amperes a unit of current of the XM and XH models.
+const XM_A: f64 = 2.69e-3;
 
-const fn model(
-    name: &'static str,
-    number: u16,
-    current_a_per_unit: Option<f64>,
-    fast_read_firmware: u8,
-    sheet: DataSheet,
-) -> ServoModel {
+/// Name, number, amperes a unit of current (0 without a sensor), first firmware with Fast Sync
+/// Read; stall torque (Nm), no-load speed (rpm), stall current (A) at a supply (V), play (arcmin).
+type Row = (&'static str, u16, f64, u8, [f64; 5]);
+
+const ROWS: [Row; 17] = [
+    ("MX-28", 30, 0.0, NEVER, [2.5, 55.0, 1.4, 12.0, 0.0]),
+    ("MX-64", 311, 3.36e-3, NEVER, [6.0, 63.0, 4.1, 12.0, 0.0]),
+    ("MX-106", 321, 3.36e-3, NEVER, [8.4, 45.0, 5.2, 12.0, 0.0]),
+    ("XH430-W350", 1000, XM_A, 45, [3.4, 30.0, 1.3, 12.0, 0.0]),
+    ("XH430-W210", 1010, XM_A, 45, [2.5, 50.0, 1.3, 12.0, 0.0]),
+    ("XM430-W350", 1020, XM_A, 45, [4.1, 46.0, 2.3, 12.0, 15.0]),
+    ("XM430-W210", 1030, XM_A, 45, [3.0, 77.0, 2.3, 12.0, 15.0]),
+    ("XL430-W250", 1060, 0.0, 45, [1.5, 61.0, 1.4, 12.0, 0.0]),
+    ("XC430-W150", 1070, 0.0, 45, [1.6, 106.0, 1.4, 12.0, 0.0]),
+    ("XH540-W270", 1100, XM_A, 45, [9.9, 39.0, 4.9, 12.0, 15.0]),
+    ("XM540-W270", 1120, XM_A, 45, [10.6, 30.0, 4.4, 12.0, 15.0]),
+    ("XL330-M077", 1190, 1e-3, 46, [0.215, 383.0, 1.47, 5.0, 0.0]),
+    ("XL330-M288", 1200, 1e-3, 46, [0.52, 103.0, 1.47, 5.0, 0.0]),
+    ("XC330-T181", 1210, 1e-3, 46, [0.76, 104.0, 0.8, 12.0, 0.0]),
+    ("XC330-T288", 1220, 1e-3, 46, [0.95, 69.0, 0.8, 12.0, 0.0]),
+    ("XC330-M181", 1230, 1e-3, 46, [0.6, 129.0, 1.8, 5.0, 0.0]),
+    ("XC330-M288", 1240, 1e-3, 46, [0.93, 81.0, 1.8, 5.0, 0.0]),
+];
+
+const fn model((name, number, current_a, fast_read_firmware, sheet): Row) -> ServoModel {
+    let [torque_nm, rpm, stall_a, voltage_v, backlash_arcmin] = sheet;
     ServoModel {
         name,
         number,
-        current_a_per_unit,
+        current_a_per_unit: if current_a > 0.0 {
+            Some(current_a)
+        } else {
+            None
+        },
         velocity_rad_s_per_unit: 0.229 * TAU / 60.0,
         fast_read_firmware,
         rad_per_tick: TAU / 4096.0,
         last_tick: 4095,
         bulk_read: true,
         kind: BusKind::Dynamixel2,
-        sheet,
+        sheet: DataSheet {
+            backlash_arcmin,
+            ..DataSheet::new(torque_nm, rpm, stall_a, voltage_v)
+        },
         motor: None,
     }
 }
 
-const fn with_play(sheet: DataSheet) -> DataSheet {
-    DataSheet {
-        backlash_arcmin: 15.0,
-        ..sheet
+pub(super) static MODELS: &[ServoModel] = &{
+    let mut models = [const { model(ROWS[0]) }; ROWS.len()];
+    let mut place = 1;
+    while place < ROWS.len() {
+        models[place] = model(ROWS[place]);
+        place += 1;
     }
-}
-
-/// Name, number, amperes a unit of current, first firmware with Fast Sync Read, data sheet.
-pub(super) static MODELS: &[ServoModel] = &[
-    model(
-        "MX-28",
-        30,
-        None,
-        NEVER,
-        DataSheet::new(2.5, 55.0, 1.4, 12.0),
-    ),
-    model(
-        "MX-64",
-        311,
-        Some(3.36e-3),
-        NEVER,
-        DataSheet::new(6.0, 63.0, 4.1, 12.0),
-    ),
-    model(
-        "MX-106",
-        321,
-        Some(3.36e-3),
-        NEVER,
-        DataSheet::new(8.4, 45.0, 5.2, 12.0),
-    ),
-    model(
-        "XH430-W350",
-        1000,
-        Some(2.69e-3),
-        45,
-        DataSheet::new(3.4, 30.0, 1.3, 12.0),
-    ),
-    model(
-        "XH430-W210",
-        1010,
-        Some(2.69e-3),
-        45,
-        DataSheet::new(2.5, 50.0, 1.3, 12.0),
-    ),
-    model(
-        "XM430-W350",
-        1020,
-        Some(2.69e-3),
-        45,
-        with_play(DataSheet::new(4.1, 46.0, 2.3, 12.0)),
-    ),
-    model(
-        "XM430-W210",
-        1030,
-        Some(2.69e-3),
-        45,
-        with_play(DataSheet::new(3.0, 77.0, 2.3, 12.0)),
-    ),
-    model(
-        "XL430-W250",
-        1060,
-        None,
-        45,
-        DataSheet::new(1.5, 61.0, 1.4, 12.0),
-    ),
-    model(
-        "XC430-W150",
-        1070,
-        None,
-        45,
-        DataSheet::new(1.6, 106.0, 1.4, 12.0),
-    ),
-    model(
-        "XH540-W270",
-        1100,
-        Some(2.69e-3),
-        45,
-        with_play(DataSheet::new(9.9, 39.0, 4.9, 12.0)),
-    ),
-    model(
-        "XM540-W270",
-        1120,
-        Some(2.69e-3),
-        45,
-        with_play(DataSheet::new(10.6, 30.0, 4.4, 12.0)),
-    ),
-    model(
-        "XL330-M077",
-        1190,
-        Some(1e-3),
-        46,
-        DataSheet::new(0.215, 383.0, 1.47, 5.0),
-    ),
-    model(
-        "XL330-M288",
-        1200,
-        Some(1e-3),
-        46,
-        DataSheet::new(0.52, 103.0, 1.47, 5.0),
-    ),
-    model(
-        "XC330-T181",
-        1210,
-        Some(1e-3),
-        46,
-        DataSheet::new(0.76, 104.0, 0.8, 12.0),
-    ),
-    model(
-        "XC330-T288",
-        1220,
-        Some(1e-3),
-        46,
-        DataSheet::new(0.95, 69.0, 0.8, 12.0),
-    ),
-    model(
-        "XC330-M181",
-        1230,
-        Some(1e-3),
-        46,
-        DataSheet::new(0.6, 129.0, 1.8, 5.0),
-    ),
-    model(
-        "XC330-M288",
-        1240,
-        Some(1e-3),
-        46,
-        DataSheet::new(0.93, 81.0, 1.8, 5.0),
-    ),
-];
+    models
+};

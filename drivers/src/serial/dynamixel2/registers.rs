@@ -63,7 +63,6 @@ pub const PRESENT_VOLTAGE: Register = Register::new(144, 2, "present input volta
 pub const PRESENT_TEMPERATURE: Register = Register::new(146, 1, "present temperature");
 pub const BACKUP_READY: Register = Register::new(147, 1, "backup ready");
 
-/// Present current, velocity and position in a row.
 pub(super) const PRESENT: Register = Register::new(126, 10, "present state");
 
 pub(super) static REGISTERS: Registers = Registers {

@@ -12,6 +12,7 @@ use std::f64::consts::TAU;
 
 use dynamixel2::instructions::instruction_id as instruction;
 
+use crate::bus::Notes;
 use crate::bus::kind::BusKind;
 use crate::error::BusResult;
 use crate::serial::client::ServoClient;
@@ -50,7 +51,6 @@ static MODELS: &[ServoModel] = &[ServoModel {
     motor: None,
 }];
 
-/// In the order of the baud register's values.
 static BAUDS: [u32; 8] = [
     1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400,
 ];
@@ -143,12 +143,7 @@ impl ServoFamily for Feetech {
         Ok(Some(OwnLimits { ticks, ..limits }))
     }
 
-    fn set_up(
-        &self,
-        client: &mut ServoClient,
-        index: usize,
-        notes: &mut Vec<String>,
-    ) -> BusResult<()> {
+    fn set_up(&self, client: &mut ServoClient, index: usize, notes: &mut Notes) -> BusResult<()> {
         client.settle(index, TORQUE, 0, notes)?;
         client.write(index, LOCK, 0)?;
         client.settle(index, STATUS_LEVEL, 1, notes)?;

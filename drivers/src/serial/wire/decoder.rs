@@ -45,8 +45,7 @@ impl<'a> Packet<'a> {
         &self.body[1..]
     }
 
-    /// The blocks of a fast reply that carries `size` bytes a servo:
-    /// error byte, id, data.
+    /// The blocks of a fast reply that carries `size` bytes a servo: error byte, id, data.
     pub fn blocks(&self, size: usize) -> impl Iterator<Item = (u8, u8, &'a [u8])> + use<'a> {
         self.body
             .chunks(size + 4)
@@ -75,7 +74,6 @@ pub struct Decoder {
     id: u8,
     body: Vec<u8>,
     flags: u8,
-    /// Our own instructions, which an adapter may echo.
     echo: Vec<u8>,
 }
 

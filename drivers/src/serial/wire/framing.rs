@@ -3,7 +3,7 @@
 use crate::serial::register::Register;
 use crate::serial::wire::{protocol1, protocol2};
 
-/// Which framing a bus has.
+#[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Framing {
     /// Dynamixel Protocol 2.0: 16-bit addresses, a CRC.
@@ -28,7 +28,6 @@ impl Framing {
         out.extend_from_slice(&bytes[..count]);
     }
 
-    /// Appends a register's address and size as parameters hold them.
     pub(crate) fn put_place(self, out: &mut Vec<u8>, register: Register) {
         self.put_number(out, register.address);
         self.put_number(out, register.size);
@@ -63,7 +62,6 @@ impl Framing {
         }
     }
 
-    /// The parameters that answer a ping: model and firmware, or nothing.
     pub(crate) fn ping_params(self) -> usize {
         match self {
             Self::Protocol2 => 3,

@@ -40,7 +40,6 @@ pub struct PacketPort {
     out: Vec<u8>,
     /// How many bytes were sent last.
     sent: usize,
-    /// Whether the port was read once more after the deadline.
     looked_late: bool,
     stale: StaleReplies,
     chunk: Vec<u8>,
@@ -67,7 +66,6 @@ impl PacketPort {
         })
     }
 
-    /// Opens the port again, after an adapter was pulled out and put back.
     pub fn reopen(&mut self) -> BusResult<()> {
         self.port = None; // it is ours alone: close it first
         self.stale.forget_all();
@@ -124,7 +122,6 @@ impl PacketPort {
         self.stale.note(request);
     }
 
-    /// Lets so many answers of one servo come and go.
     fn drain_stale(
         &mut self,
         id: u8,
@@ -228,7 +225,6 @@ impl PacketPort {
         self.decoder.packet()
     }
 
-    /// What keeps a USB adapter slow, if anything does: its latency timer.
     pub fn latency_note(&self) -> Option<String> {
         latency_timer(&self.path)?.note(&self.path)
     }
@@ -264,7 +260,6 @@ fn open(path: &str, baud: u32) -> BusResult<PortStream> {
 mod tests {
     use super::*;
 
-    /// A wire to a socket, and its other end.
     #[cfg(unix)]
     fn wire_to_here(name: &str) -> (PacketPort, std::os::unix::net::UnixStream) {
         let path = std::env::temp_dir().join(format!("wire-{name}-{}", std::process::id()));

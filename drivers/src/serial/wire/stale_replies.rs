@@ -6,7 +6,6 @@
 //! another register. So requests without an answer are remembered, and a request
 //! that could be given a stale reply lets that come first.
 
-/// Most requests that are remembered; a servo that is gone asks for no more.
 const MOST: usize = 16;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,7 +16,6 @@ pub struct ServoRequest<'a> {
     pub reply: usize,
 }
 
-/// A request that timed out, and how often.
 #[derive(Debug)]
 struct Unanswered {
     id: u8,
@@ -34,7 +32,6 @@ impl Unanswered {
     }
 }
 
-/// The requests of one port that timed out.
 #[derive(Debug, Default)]
 pub struct StaleReplies {
     unanswered: Vec<Unanswered>,
@@ -72,7 +69,6 @@ impl StaleReplies {
         self.unanswered.retain(|other| other.id != id);
     }
 
-    /// Nothing that was asked before is answered any more.
     pub fn forget_all(&mut self) {
         self.unanswered.clear();
     }

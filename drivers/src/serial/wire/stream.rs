@@ -29,7 +29,6 @@ impl PortStream {
         Ok(Self::Serial(port))
     }
 
-    /// How long reading and writing wait at most.
     pub fn set_timeout(&mut self, timeout: Duration) -> io::Result<()> {
         match self {
             Self::Serial(port) => Ok(port.set_timeout(timeout)?),
@@ -41,7 +40,6 @@ impl PortStream {
         }
     }
 
-    /// Throws away what came in and was not read.
     pub fn clear_input(&mut self) -> io::Result<()> {
         match self {
             Self::Serial(port) => Ok(port.clear(ClearBuffer::Input)?),
@@ -79,8 +77,6 @@ impl Write for PortStream {
     }
 }
 
-/// What came of a call that may have had to wait: too late is `TimedOut`, as
-/// serial ports say it.
 #[cfg(unix)]
 mod socket {
     use super::*;
@@ -157,7 +153,6 @@ mod socket {
         }
     }
 
-    /// Another thread was quicker: nothing there after all.
     fn late(result: io::Result<usize>) -> io::Result<usize> {
         result.map_err(|error| match error.kind() {
             ErrorKind::WouldBlock => ErrorKind::TimedOut.into(),

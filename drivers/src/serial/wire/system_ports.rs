@@ -4,11 +4,11 @@
 use std::path::Path;
 
 /// How long a USB adapter (FTDI) collects bytes before it passes them on.
+#[allow(missing_docs)] // units stand in the names
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LatencyTimer {
     /// Milliseconds; 1 is the best, 16 the default.
     pub latency_ms: u32,
-    /// The file that sets it.
     pub file: String,
 }
 
@@ -50,7 +50,6 @@ pub fn available_ports() -> Vec<String> {
     ports.into_iter().map(|port| port.port_name).collect()
 }
 
-/// The ports of this machine, for the end of an error message.
 pub(super) fn choices() -> String {
     let ports = available_ports();
     if ports.is_empty() {
