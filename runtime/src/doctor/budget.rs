@@ -1,7 +1,7 @@
 //! Processor time of a dance: hearing, inventing, retargeting, on this machine.
 
 use super::Finding;
-use crate::pipeline::feature_extractor::Ears;
+use crate::pipeline::feature_extractor::FeatureExtractor;
 use crate::robot::Robot;
 use servodance_audio::MusicAnalyzer;
 use servodance_audio::song::Song;
@@ -59,7 +59,7 @@ fn frame_times_ms(
 ) -> anyhow::Result<Vec<f64>> {
     let song = Song::demo();
     let analyzer = MusicAnalyzer::new(song.sample_rate_hz)?;
-    let mut ears = Ears::new(analyzer, song.sample_rate_hz, encodec)?;
+    let mut ears = FeatureExtractor::new(analyzer, song.sample_rate_hz, encodec)?;
     let mut dance = generator.start(GeneratorOptions::default())?;
     let mut retargeter = robot.retargeter()?;
     let mut targets = retargeter.rest().to_vec();

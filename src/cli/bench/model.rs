@@ -2,7 +2,7 @@
 
 use crate::cli::options::engine::EngineArgs;
 use servodance_lab::bench::model::{ModelBench, run as measure};
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -57,10 +57,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         guidance: args.guidance,
     })?;
     if args.json {
-        say!("{}", serde_json::to_string(&figures)?);
+        stdout_line!("{}", serde_json::to_string(&figures)?);
         return Ok(ExitCode::SUCCESS);
     }
-    say!(
+    stdout_line!(
         "{} {}, context {}, {} threads: {:.2} ms a frame p50, {:.2} p99 ({} frames from {}{})",
         figures.preset,
         figures.dtype,
@@ -76,7 +76,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             ""
         }
     );
-    say!(
+    stdout_line!(
         "limit {:.2} ms: {:.1} MB of weights at {:.1} GB/s read here; keys and values {:.1} MB more",
         figures.limit_ms,
         figures.weight_bytes as f64 / 1e6,

@@ -11,7 +11,7 @@ use crate::dataset::clip_entry::{ClipEntry, Split};
 use crate::dataset::index;
 use crate::dataset::splits::assign_splits;
 use crate::dataset::styles::{STYLES, style_number};
-use crate::motion::format::{FileCorrections, MotionFormat, read_format};
+use crate::motion::format::{FileCorrections, ImportFormat, read_format};
 use crate::motion::named_skeleton::GivenNames;
 use crate::motion::soundness;
 use anyhow::{Context, bail};
@@ -31,7 +31,7 @@ const AUDIO: [&str; 5] = ["wav", "mp3", "flac", "ogg", "m4a"];
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // explained by `servodance dataset import --help`
 pub struct ImportRequest {
-    pub kind: MotionFormat,
+    pub kind: ImportFormat,
     /// A file, or a folder with files of that kind at any depth.
     pub path: PathBuf,
     /// The folder to write to; clips of other imports in it stay.
@@ -101,7 +101,7 @@ pub fn import(
     }
     let mut files = motion_files(request.kind, &request.path)?;
     let mut done = ImportSummary::default();
-    if request.kind == MotionFormat::HumanMl {
+    if request.kind == ImportFormat::HumanMl {
         let all = files.len();
         files.retain(|path| !stem(path).starts_with('M'));
         done.mirrored = all - files.len();
@@ -205,7 +205,7 @@ impl ImportedClip {
             name: format!("{source}/{name}"),
             source: source.to_owned(),
             licence: licence.unwrap_or(usual_licence(request.kind)).to_owned(),
-            dance: request.dance || request.kind == MotionFormat::Aist,
+            dance: request.dance || request.kind == ImportFormat::Aist,
             label: name.to_owned(),
             minutes: self.clip.poses.len() as f64 / FRAME_RATE_HZ / 60.0,
             written_style: named.or(self.style),
@@ -250,7 +250,7 @@ fn import_file(
         return Err(named("a position is not finite after normalisation".into()));
     }
     let song = match request.kind {
-        MotionFormat::Aist => aist_song(&stem).unwrap_or(&stem),
+        ImportFormat::Aist => aist_song(&stem).unwrap_or(&stem),
         _ => &stem,
     };
     let music = match songs.map(|songs| songs.get(song)) {
@@ -265,7 +265,7 @@ fn import_file(
     if let Some(music) = &music {
         clip.poses.truncate(music.len());
     }
-    let style = (request.kind == MotionFormat::Aist)
+    let style = (request.kind == ImportFormat::Aist)
         .then(|| aist_style(&stem))
         .flatten();
     let split = lists.split(&stem);
@@ -329,7 +329,7 @@ fn existing_entries(folder: &Path) -> anyhow::Result<BTreeMap<String, ClipEntry>
 }
 
 /// All files of a kind under a path, sorted.
-fn motion_files(kind: MotionFormat, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+fn motion_files(kind: ImportFormat, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if path.is_file() {
         return Ok(vec![path.to_owned()]);
     }
