@@ -9,9 +9,9 @@ mod mutate;
 use mutate::mutated;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance::robot::Robot;
-use servodance::robot_file::check;
 use servodance_retarget::{draft, lint, urdf_from_mjcf};
+use servodance_runtime::robot::Robot;
+use servodance_runtime::robot_file::check;
 
 const TOMLS: [&str; 2] = [
     include_str!("../configs/op3.toml"),

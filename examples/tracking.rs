@@ -11,10 +11,10 @@
 use std::path::Path;
 
 use anyhow::Context;
-use servodance::follow::{Followed, follow};
-use servodance::robot::Robot;
 use servodance_model::motion::Clip;
 use servodance_retarget::Segment;
+use servodance_runtime::follow::{Followed, follow};
+use servodance_runtime::robot::Robot;
 use servodance_types::FRAME_RATE_HZ;
 
 /// Times the limits: far beyond what any dance asks for.

@@ -1,47 +1,9 @@
-//! servodance: a robot hears music and dances to it.
+//! The command line of servodance: [`cli`] has one file a command.
 //!
-//! This crate puts the parts together: [`robot`] files, the [`dance`] from
-//! sound to servo, its [`report`], [`record`]ing and [`picture`]. The parts
-//! themselves are crates of their own; ARCHITECTURE.md maps them.
+//! What the commands do stands in library crates: `servodance-runtime` (a dance),
+//! `servodance-training` (weights) and `servodance-lab` (benches and soak).
 
-// A reader that goes away is no reason to panic: see `console`.
+// A closed standard output is no reason to panic: see `servodance_runtime::console`.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
-pub mod ablate;
-pub mod beats;
-pub mod bus_tools;
-pub mod commands;
-pub mod conditioning;
-pub mod console;
-pub mod dance;
-pub mod dataset;
-pub mod doctor;
-pub mod drill;
-pub mod evaluate;
-pub mod export;
-pub mod follow;
-pub mod generate;
-pub mod hearing;
-pub mod joint_csv;
-pub mod listening;
-pub mod model_bench;
-pub mod output;
-pub mod picture;
-pub mod progress;
-pub mod realtime;
-pub mod record;
-pub mod report;
-pub mod retarget_bench;
-pub mod retarget_motion;
-pub mod robot;
-pub mod robot_file;
-pub mod show;
-pub mod sim_link;
-pub mod soak;
-pub mod song;
-#[cfg(feature = "stage")]
-pub mod stage;
-pub mod stages;
-pub mod summary;
-pub mod train;
-pub mod weights_file;
+pub mod cli;

@@ -4,14 +4,14 @@
 //! usage; 130: stopped by Ctrl-C (torque is off, files are whole).
 
 use clap::Parser;
-use servodance::commands::Cli;
+use servodance::cli::Cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    servodance::console::tell_what_nobody_returns();
+    servodance_runtime::console::tell_what_nobody_returns();
     Cli::parse().command.run().unwrap_or_else(|error| {
         let text = one_line(&error);
-        servodance::console::stderr(format_args!("error: {text}\n"));
+        servodance_runtime::console::stderr(format_args!("error: {text}\n"));
         ExitCode::FAILURE
     })
 }

@@ -2,8 +2,8 @@
 
 use crate::conditioning::write_encodec;
 use crate::program::Program;
-use servodance_model::motion::corpus;
-use servodance_model::motion::index::Split;
+use servodance_training::motion::corpus;
+use servodance_training::motion::index::Split;
 
 const SETTINGS: &str = "\
 preset = \"tiny\"

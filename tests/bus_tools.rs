@@ -2,7 +2,7 @@
 //! against simulated servos that judge what it did.
 
 use crate::program::Program;
-use servodance::robot::Robot;
+use servodance_runtime::robot::Robot;
 use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};

@@ -2,7 +2,7 @@
 //! those over both kinds of link.
 
 use crate::program::Program;
-use servodance::robot::Robot;
+use servodance_runtime::robot::Robot;
 use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command, Stdio};

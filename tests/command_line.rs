@@ -45,7 +45,7 @@ fn every_command_has_a_manual_page_and_is_completed() {
 #[test]
 fn every_command_teaches_by_example() {
     use clap::CommandFactory;
-    let mut program = servodance::commands::Cli::command();
+    let mut program = servodance::cli::Cli::command();
     let help = program.render_long_help().to_string();
     assert!(help.contains("Examples:"), "{help}");
     let commands = program.get_subcommands_mut();

@@ -5,10 +5,10 @@ use crate::program::Program;
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use serde_json::{Value, json};
-use servodance::hearing::Ears;
 use servodance_audio::MusicAnalyzer;
 use servodance_model::conditioning::{Encodec, HeardFrame};
 use servodance_model::motion::Clip;
+use servodance_runtime::hearing::Ears;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 

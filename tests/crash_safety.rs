@@ -5,8 +5,8 @@
 
 use crate::program::Program;
 use crate::torque_off::{alone, signal};
-use servodance::robot::Robot;
 use servodance_audio::song::SongSpec;
+use servodance_runtime::robot::Robot;
 use servodance_sim::{SimBus, SimOptions, SimServoSpec};
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -399,6 +399,9 @@ fn sources() -> Vec<(std::path::PathBuf, String)> {
         "types/src",
         "audio/src",
         "model/src",
+        "training/src",
+        "runtime/src",
+        "lab/src",
         "retarget/src",
         "drivers/src",
         "sim/src",
@@ -425,7 +428,7 @@ fn sources() -> Vec<(std::path::PathBuf, String)> {
 /// messages are times of day, which others read and no robot here.
 #[test]
 fn only_clocks_that_never_jump_are_used() {
-    let stamps = std::path::Path::new("src/stage/ros.rs");
+    let stamps = std::path::Path::new("runtime/src/stage/ros.rs");
     for (path, text) in sources() {
         if path.ends_with(stamps) {
             continue;

@@ -1,9 +1,9 @@
 //! `dataset`: motion comes in, is looked over, becomes a training file.
 
 use crate::program::Program;
-use servodance_model::motion::corpus;
-use servodance_model::motion::index::{self, Split};
 use servodance_model::motion::{Clip, Pose};
+use servodance_training::motion::corpus;
+use servodance_training::motion::index::{self, Split};
 
 /// A folder `in` with a dance as npz and BVH.
 fn dancer() -> (Program, Clip) {

@@ -37,7 +37,7 @@ fn every_path_of_the_architecture_exists() {
 #[test]
 fn every_key_of_a_report_is_documented() {
     let text = read("docs/report.md");
-    let source = read("src/report.rs");
+    let source = read("runtime/src/report.rs");
     let report = source
         .split("pub struct Report {")
         .nth(1)
@@ -80,7 +80,7 @@ fn the_readme_shows_commands_that_parse() {
             .unwrap_or_default()
             .split_whitespace();
         let arguments = std::iter::once("servodance").chain(words);
-        if let Err(error) = servodance::commands::Cli::try_parse_from(arguments) {
+        if let Err(error) = servodance::cli::Cli::try_parse_from(arguments) {
             let shows_help = error.kind() == clap::error::ErrorKind::DisplayHelp;
             assert!(shows_help, "README: {command}: {error}");
         }

@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-const T2M: &[u8] = include_bytes!("../model/src/metrics/t2m/golden/t2m.safetensors");
+const T2M: &[u8] = include_bytes!("../training/src/metrics/t2m/golden/t2m.safetensors");
 
 #[test]
 fn evaluation_prints_every_figure_with_its_interval() {

@@ -1,8 +1,8 @@
 //! Motion as files: `generate` and `reconstruct`.
 
 use crate::program::Program;
-use servodance_model::metrics::mpjpe_m;
 use servodance_model::motion::Clip;
+use servodance_model::motion::mpjpe_m;
 
 fn clip(program: &Program, arguments: &[&str], file: &str) -> Clip {
     program.succeed(&[arguments, &["--out", file, "--quiet"]].concat());

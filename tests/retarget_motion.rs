@@ -5,13 +5,13 @@ use crate::program::Program;
 /// Some seconds of the choreographer as a BVH file.
 fn dance(program: &Program) {
     let beats: Vec<_> = (0..16)
-        .map(|beat| servodance_model::motion::choreography::DanceBeat {
+        .map(|beat| servodance_training::choreography::DanceBeat {
             time_s: f64::from(beat) * 0.5,
             downbeat: beat % 4 == 0,
         })
         .collect();
-    let style = servodance_model::motion::choreography::DanceStyle::Groove;
-    let clip = servodance_model::motion::choreography::choreograph(&beats, 8.0, style, 1);
+    let style = servodance_training::choreography::DanceStyle::Groove;
+    let clip = servodance_training::choreography::choreograph(&beats, 8.0, style, 1);
     clip.write_npz(program.path("dance.npz")).expect("the npz");
     let bvh = servodance_model::motion::bvh_write::bvh(&clip);
     std::fs::write(program.path("dance.bvh"), bvh).expect("the BVH");

@@ -1,11 +1,12 @@
 //! Rigs of every kind, made from parts: what they have dances, what they lack
 //! is said, and the rest is held.
 
-use servodance::follow::{Followed, follow};
-use servodance::report::ViolationReport;
-use servodance::robot::Robot;
-use servodance::robot_file::new_robot;
-use servodance_model::motion::choreography::{DanceBeat, DanceStyle, choreograph};
+use servodance_runtime::follow::{Followed, follow};
+use servodance_runtime::report::ViolationReport;
+use servodance_runtime::robot::Robot;
+use servodance_runtime::robot_file::new_robot;
+use servodance_training::choreography::trial_dance;
+use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 use std::fmt::Write;
 
 /// Builds a URDF link by link.
@@ -58,7 +59,7 @@ impl Rig {
         let urdf = folder.path().join("rig.urdf");
         std::fs::write(&urdf, self.0 + "</robot>").unwrap();
         let out = folder.path().join("rig.toml");
-        let said = new_robot(&urdf, &out, false).unwrap().lines;
+        let said = new_robot(&urdf, &out, false, &trial_dance()).unwrap().lines;
         let robot = Robot::load(&out.display().to_string()).unwrap();
         let beats: Vec<DanceBeat> = (0..20)
             .map(|beat| DanceBeat {
@@ -226,7 +227,7 @@ fn a_loop_is_expressed_by_a_table() {
     let urdf = folder.path().join("rig.urdf");
     std::fs::write(&urdf, rig.0 + "</robot>").unwrap();
     let out = folder.path().join("rig.toml");
-    new_robot(&urdf, &out, false).unwrap();
+    new_robot(&urdf, &out, false, &trial_dance()).unwrap();
     let text = std::fs::read_to_string(&out).unwrap();
     let couple = "\n[[retarget.couple]]\njoint = \"left_crank\"\nfollows = \"left_elbow\"\n";
     let load = |text: String| {

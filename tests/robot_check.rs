@@ -16,7 +16,7 @@ fn codes(json: &serde_json::Value) -> Vec<&str> {
 #[test]
 fn every_built_in_robot_is_usable() {
     let program = Program::new();
-    for robot in servodance::robot::BUILT_IN {
+    for robot in servodance_runtime::robot::BUILT_IN {
         let (exit, json) = checked(&program, robot.name);
         assert_eq!((exit, &json["usable"]), (Some(0), &true.into()), "{json}");
     }

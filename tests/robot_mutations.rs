@@ -3,9 +3,9 @@
 use crate::mutate::mutated;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance::robot::Robot;
-use servodance::robot_file::check;
 use servodance_retarget::{draft, urdf_from_mjcf};
+use servodance_runtime::robot::Robot;
+use servodance_runtime::robot_file::check;
 
 pub const MJCF: &str = include_str!("figure.xml");
 const TOML: &str = include_str!("../configs/torso13.toml");

@@ -4,12 +4,13 @@ use crate::program::Program;
 use crate::random_robot;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance::follow::follow;
-use servodance::report::ViolationReport;
-use servodance::robot::{BUILT_IN, Robot};
-use servodance::robot_file::{check, new_robot};
-use servodance_model::motion::choreography::{DanceBeat, DanceStyle, choreograph};
 use servodance_retarget::Stance;
+use servodance_runtime::follow::follow;
+use servodance_runtime::report::ViolationReport;
+use servodance_runtime::robot::{BUILT_IN, Robot};
+use servodance_runtime::robot_file::{check, new_robot};
+use servodance_training::choreography::trial_dance;
+use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 use std::path::{Path, PathBuf};
 
 fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
@@ -19,7 +20,7 @@ fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
 }
 
 /// Follows some seconds of dance; limits must hold.
-fn danced(robot: &Robot, seconds: f64) -> servodance::follow::Followed {
+fn danced(robot: &Robot, seconds: f64) -> servodance_runtime::follow::Followed {
     let beats: Vec<DanceBeat> = (0..(seconds * 2.0) as usize)
         .map(|beat| DanceBeat {
             time_s: beat as f64 * 0.5,
@@ -44,7 +45,7 @@ fn built_in_descriptions_give_the_robots_that_people_wrote() {
         let written = Robot::load(built_in.name).unwrap();
         let urdf = write(folder.path(), "my.urdf", &written.urdf_xml);
         let out = folder.path().join("my.toml");
-        new_robot(&urdf, &out, true).unwrap();
+        new_robot(&urdf, &out, true, &trial_dance()).unwrap();
         let new = Robot::load(&out.display().to_string()).unwrap();
         assert_eq!(
             new.retarget.stance, written.retarget.stance,
@@ -107,7 +108,7 @@ fn jerk_limits_of_the_description_are_taken_over() {
     let text = include_str!("../configs/neck.urdf").replacen("<limit ", "<limit jerk=\"50\" ", 1);
     let urdf = write(folder.path(), "my.urdf", &text);
     let out = folder.path().join("my.toml");
-    new_robot(&urdf, &out, true).unwrap();
+    new_robot(&urdf, &out, true, &trial_dance()).unwrap();
     let robot = Robot::load(&out.display().to_string()).unwrap();
     let given: Vec<f64> = robot.retarget.jerk_deg_s3.values().copied().collect();
     assert_eq!(given.len(), 1);
@@ -125,7 +126,7 @@ fn random_robots_are_checked_drafted_and_danced_without_a_broken_limit() {
         let text = random_robot::urdf(&mut rng, 12, round % 2 == 0);
         let urdf = write(folder.path(), "my.urdf", &text);
         let usable = check(&urdf.display().to_string()).usable;
-        match new_robot(&urdf, &out, true) {
+        match new_robot(&urdf, &out, true, &trial_dance()) {
             Ok(_) => {
                 assert!(usable, "round {round}: {text}");
                 let robot = Robot::load(&out.display().to_string()).unwrap();
@@ -153,7 +154,7 @@ fn a_robot_that_looks_along_another_axis_is_seen_to() {
     let turned = tail.replacen("<origin xyz=\"", "<origin rpy=\"0 0 -1.5707963\" xyz=\"", 1);
     let urdf = write(folder.path(), "my.urdf", &format!("{head}{turned}"));
     let out = folder.path().join("my.toml");
-    new_robot(&urdf, &out, false).unwrap();
+    new_robot(&urdf, &out, false, &trial_dance()).unwrap();
     let robot = Robot::load(&out.display().to_string()).unwrap();
     assert_eq!(
         (robot.retarget.forward.as_str(), robot.retarget.up.as_str()),

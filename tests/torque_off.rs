@@ -2,7 +2,7 @@
 //! test's own: the program opens it as a serial port, as it would real servos.
 
 use crate::program::Program;
-use servodance::robot::Robot;
+use servodance_runtime::robot::Robot;
 use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
 use std::io::{Read, Write};
 use std::process::{Child, Command, Stdio};

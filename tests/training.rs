@@ -3,8 +3,8 @@
 use crate::program::Program;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use servodance_model::motion::corpus::{self, CorpusClip};
-use servodance_model::motion::index::Split;
+use servodance_training::motion::corpus::{self, CorpusClip};
+use servodance_training::motion::index::Split;
 use std::path::Path;
 use std::process::Stdio;
 use std::sync::OnceLock;

@@ -9,14 +9,12 @@
 
 mod codec;
 pub mod conditioning;
-mod error;
+pub mod error;
 pub mod generator;
 mod likelihood;
-pub mod metrics;
 pub mod motion;
 pub mod net;
-mod tensor_file;
-pub mod train;
+pub mod tensor_file;
 
 pub use codec::Codec;
 pub use error::ModelError;

@@ -1,7 +1,7 @@
 //! A recording is read back and becomes other files.
 
 use crate::program::Program;
-use servodance::record::{Recorder, Recording, Topic, WhenBehind};
+use servodance_runtime::record::{Recorder, Recording, Topic, WhenBehind};
 use std::collections::BTreeMap;
 
 fn recorded() -> Program {

@@ -1,9 +1,10 @@
 //! Meshes of a robot's description: drawn from its own folder, and from nowhere
 //! else.
 
-use servodance::robot::Robot;
-use servodance::robot_file::{Overrides, new_robot};
-use servodance::show::Meshes;
+use servodance_runtime::robot::Robot;
+use servodance_runtime::robot_file::{Overrides, new_robot};
+use servodance_runtime::show::Meshes;
+use servodance_training::choreography::trial_dance;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -186,7 +187,7 @@ fn a_new_robot_file_brings_what_is_drawn_of_a_description_elsewhere() {
         ("../meshes/face.dae", false),
     ] {
         home.write_description("ros/neck_description/urdf/neck.urdf", mesh);
-        let new = new_robot(&urdf, &toml, true).expect("a robot file");
+        let new = new_robot(&urdf, &toml, true, &trial_dance()).expect("a robot file");
         let left = format!("not copied: mesh {mesh}: ");
         let said = new.lines.iter().any(|line| line.starts_with(&left));
         assert_eq!(said, !drawn, "{:?}", new.lines);

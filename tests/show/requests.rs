@@ -2,9 +2,9 @@
 
 use clap::Parser;
 use rand::{Rng, SeedableRng};
-use servodance::commands::{Cli, Command};
-use servodance::dance::{DanceConfig, Evening, IdleStyle, Outcome};
-use servodance::show::{Activity, Request, ViewerEnd};
+use servodance::cli::{Cli, Command};
+use servodance_runtime::dance::{Evening, IdleStyle, Outcome};
+use servodance_runtime::show::{Activity, Request, ViewerEnd};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ fn evening(arguments: &[&str]) -> (Evening, ViewerEnd) {
     let Command::Dance(args) = cli.command else {
         panic!("not a dance");
     };
-    let config = DanceConfig::from_args(args).expect("a dance");
+    let config = servodance::cli::dance::configuration(args).expect("a dance");
     let mut evening = Evening::new(config).expect("an evening");
     let end = evening.seat();
     (evening, end)

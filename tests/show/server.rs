@@ -1,8 +1,10 @@
 //! The page's server, asked by plain TCP and by WebSocket as strangers would.
 
-use servodance::dance::IdleStyle;
-use servodance::robot::Robot;
-use servodance::show::{Activity, Meshes, Request, RobotEnd, Scene, Server, Settings, link};
+use servodance_runtime::dance::IdleStyle;
+use servodance_runtime::robot::Robot;
+use servodance_runtime::show::{
+    Activity, Meshes, Request, RobotEnd, Scene, Server, Settings, link,
+};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};

@@ -147,7 +147,7 @@ fn ros_2_sees_the_joints_of_a_follower() {
         let names: Vec<_> = (0..cdr.u32().expect("a count"))
             .map(|_| cdr.string())
             .collect();
-        let robot = servodance::robot::Robot::load("neck").expect("the robot");
+        let robot = servodance_runtime::robot::Robot::load("neck").expect("the robot");
         let joints = robot.servos.iter().map(|servo| Some(servo.name.as_str()));
         assert_eq!(names, joints.collect::<Vec<_>>());
         let positions = cdr.f64s().expect("positions");

@@ -32,7 +32,7 @@ struct Entry {
 
 /// An open checkpoint.
 #[derive(Debug)]
-pub(crate) struct Checkpoint {
+pub struct Checkpoint {
     path: PathBuf,
     file: Mutex<File>,
     entries: BTreeMap<String, Entry>,
@@ -173,7 +173,7 @@ fn chunks<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> + '_ {
     bytes.as_chunks::<N>().0.iter().copied()
 }
 
-pub(crate) fn file_error(path: &Path, reason: String) -> ModelError {
+pub fn file_error(path: &Path, reason: String) -> ModelError {
     ModelError::File {
         source_name: path.display().to_string(),
         reason,

@@ -11,7 +11,7 @@ const EPSILON: f32 = 1e-5;
 
 /// `x W^T + b`, as PyTorch keeps it.
 #[derive(Debug)]
-pub(crate) struct Linear {
+pub struct Linear {
     weight_t: Tensor,
     bias: Tensor,
 }
@@ -39,7 +39,7 @@ impl Linear {
 
 /// Layer normalisation over the last dimension.
 #[derive(Debug)]
-pub(crate) struct Norm {
+pub struct Norm {
     weight: Tensor,
     bias: Tensor,
 }

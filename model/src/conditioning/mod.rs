@@ -4,12 +4,12 @@
 //! Both read public checkpoints that a user brings; docs/conditioning.md says
 //! which and where. [`MusicKind`] is what weights say they were trained to hear.
 
-pub(crate) mod checkpoint;
+pub mod checkpoint;
 mod clip;
 mod encodec;
 #[cfg(test)]
 pub(crate) mod golden;
-pub(crate) mod layers;
+pub mod layers;
 mod music;
 mod seanet;
 

@@ -52,7 +52,7 @@ impl MusicKind {
 
     /// How many of them are measured (and clamped when they are far out); the
     /// others are the beat, of a known range.
-    pub(crate) const fn measured(self) -> usize {
+    pub const fn measured(self) -> usize {
         match self {
             Self::Servodance39 | Self::Librosa35 => SPECTRAL_DIM,
             Self::Encodec128 => LATENT_DIM,
@@ -81,7 +81,7 @@ impl From<MusicFrame> for HeardFrame {
 impl HeardFrame {
     /// Writes the numbers that a kind of features consists of; false if they
     /// were not listened for.
-    pub(crate) fn features(&self, kind: MusicKind, out: &mut Vec<f32>) -> bool {
+    pub fn features(&self, kind: MusicKind, out: &mut Vec<f32>) -> bool {
         out.clear();
         match (kind, &self.latent) {
             (MusicKind::Encodec128, None) => return false,

@@ -16,7 +16,7 @@ const PARTS: [&str; 8] = [
 
 /// Which of the 137 numbers the encoder of a part sees; the error lists the
 /// parts that there are.
-pub(crate) fn part_channels(part: &str) -> Result<Vec<usize>, String> {
+pub fn part_channels(part: &str) -> Result<Vec<usize>, String> {
     let known = || {
         format!(
             "part `{part}` is unknown; expected one of: {}",

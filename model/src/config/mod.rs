@@ -13,7 +13,7 @@ use crate::motion::representation::POSE_DIM;
 mod body_parts;
 mod presets;
 
-pub(crate) use body_parts::part_channels;
+pub use body_parts::part_channels;
 pub use presets::PRESETS;
 
 /// What stands between the two layers of a feed-forward block.
@@ -161,7 +161,7 @@ impl SeqConfig {
 
     /// Slopes of the self-attention heads as they are used: none with absolute
     /// positions.
-    pub(crate) fn used_slopes(&self) -> Vec<f32> {
+    pub fn used_slopes(&self) -> Vec<f32> {
         match self.positions {
             Positions::Alibi => self.slopes.clone(),
             Positions::Sinusoidal => vec![0.0; self.heads],
@@ -169,7 +169,7 @@ impl SeqConfig {
     }
 
     /// Likewise of the cross-attention heads: none in the paper's bag of music.
-    pub(crate) fn used_cross_slopes(&self) -> Vec<f32> {
+    pub fn used_cross_slopes(&self) -> Vec<f32> {
         match self.positions {
             Positions::Alibi if self.cross_aligned => self.cross_slopes.clone(),
             _ => vec![0.0; self.heads],

@@ -201,7 +201,7 @@ impl Networks {
 
     /// The numbers as the network was trained on them, in `music`; false, and
     /// nothing is changed, if one of them is not finite.
-    pub(crate) fn normalise_music(&self, features: &[f32], music: &mut [f32]) -> bool {
+    pub fn normalise_music(&self, features: &[f32], music: &mut [f32]) -> bool {
         if features.iter().any(|v| !v.is_finite()) {
             return false;
         }

@@ -4,29 +4,19 @@
 //! Units: metres, seconds, radians; y up. Nothing here knows of music audio;
 //! beats come in as times in seconds.
 
-pub mod aist;
-pub mod asf;
-pub mod bvh;
+pub mod alignment;
 pub mod bvh_write;
-pub mod choreography;
 pub mod clip;
-pub mod corpus;
-pub mod humanml;
-pub mod import;
-pub mod index;
-pub mod named_skeleton;
-mod numpy;
-mod pickle;
+pub mod numpy;
+pub mod reconstruction;
 pub mod representation;
-mod rotation;
+pub mod rotation;
 pub mod skeleton;
-pub mod smpl;
-pub mod soundness;
-pub mod splits;
-pub mod tempo;
-pub(crate) mod vec3;
+pub mod vec3;
 
+pub use alignment::{Alignment, alignment, kinematic_beats_s, mean_joint_speed};
 pub use clip::{Clip, MotionError};
+pub use reconstruction::mpjpe_m;
 pub use representation::{POSE_DIM, PoseVector, Recovery, decode, encode};
 
 use servodance_types::{JOINT_COUNT, Point3};

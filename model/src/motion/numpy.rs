@@ -19,7 +19,7 @@ const LONGEST_HEADER: usize = 65_536;
 
 /// An array of numbers, the last index running fastest.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Array {
+pub struct Array {
     pub shape: Vec<usize>,
     pub values: Vec<f64>,
 }
@@ -47,7 +47,7 @@ impl Array {
 }
 
 /// Reads a `.npy` file.
-pub(super) fn read_npy(path: &Path) -> Result<Array, MotionError> {
+pub fn read_npy(path: &Path) -> Result<Array, MotionError> {
     let read = |reason: String| MotionError::Read {
         path: path.to_owned(),
         reason,
@@ -57,7 +57,7 @@ pub(super) fn read_npy(path: &Path) -> Result<Array, MotionError> {
 }
 
 /// An `.npz` archive.
-pub(super) struct Npz {
+pub struct Npz {
     path: PathBuf,
     archive: ZipArchive<BufReader<File>>,
 }

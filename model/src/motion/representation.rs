@@ -95,7 +95,7 @@ pub fn encode(poses: &[Pose]) -> Vec<PoseVector> {
         .collect()
 }
 
-pub(super) fn encode_step(now: &Pose, next: &Pose, heading: f64, next_heading: f64) -> PoseVector {
+pub fn encode_step(now: &Pose, next: &Pose, heading: f64, next_heading: f64) -> PoseVector {
     let mut out = [0.0; POSE_DIM];
     let (now, next) = (now.map(wide), next.map(wide));
     let root_step = turn(sub(next[0], now[0]), -next_heading);

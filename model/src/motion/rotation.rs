@@ -3,25 +3,25 @@
 use super::vec3::{Vec3, cross, dot, norm, scale, unit_or};
 
 /// Rows of a rotation matrix.
-pub(super) type Matrix = [Vec3; 3];
+pub type Matrix = [Vec3; 3];
 
-pub(super) const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+pub const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-pub(super) fn apply(m: &Matrix, v: Vec3) -> Vec3 {
+pub fn apply(m: &Matrix, v: Vec3) -> Vec3 {
     m.map(|row| dot(row, v))
 }
 
-pub(super) fn transposed(m: &Matrix) -> Matrix {
+pub fn transposed(m: &Matrix) -> Matrix {
     std::array::from_fn(|i| [m[0][i], m[1][i], m[2][i]])
 }
 
-pub(super) fn multiply(a: &Matrix, b: &Matrix) -> Matrix {
+pub fn multiply(a: &Matrix, b: &Matrix) -> Matrix {
     let columns = transposed(b);
     a.map(|row| columns.map(|column| dot(row, column)))
 }
 
 /// A turn by the length of `vector`, radians, about its direction (Rodrigues).
-pub(super) fn about(vector: Vec3) -> Matrix {
+pub fn about(vector: Vec3) -> Matrix {
     let angle = norm(vector);
     if angle < 1e-12 {
         return IDENTITY;
@@ -50,7 +50,7 @@ pub(super) fn about(vector: Vec3) -> Matrix {
 
 /// The shortest turn that takes the direction of `from` to that of `to`; none
 /// where they are opposite or have no direction.
-pub(super) fn between(from: Vec3, to: Vec3) -> Matrix {
+pub fn between(from: Vec3, to: Vec3) -> Matrix {
     let (from, to) = (unit_or(from, [0.0; 3]), unit_or(to, [0.0; 3]));
     let axis = cross(from, to);
     let sin = norm(axis);

@@ -105,7 +105,7 @@ fn bend_share(source: &[Vec3], hip: usize, knee: usize) -> f64 {
 
 /// The two joints of a limb that starts at `root`, bends towards `pole` and
 /// reaches for `target` (as far as it can): middle joint and end.
-pub(crate) fn two_bone(root: Vec3, target: Vec3, pole: Vec3, lengths: [f64; 2]) -> [Vec3; 2] {
+pub fn two_bone(root: Vec3, target: Vec3, pole: Vec3, lengths: [f64; 2]) -> [Vec3; 2] {
     let [upper, lower] = lengths;
     let axis = unit_or(sub(target, root), [0.0, -1.0, 0.0]);
     let longest = (upper + lower) * 0.9999;

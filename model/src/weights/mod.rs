@@ -29,7 +29,7 @@ pub(crate) use packed::{PackedMatrix, PackedNumbers, gather, padded, scales_widt
 use packed::q6_bytes;
 
 /// What the metadata must say for this layout.
-pub(crate) const FORMAT: &str = "servodance-model-1";
+pub const FORMAT: &str = "servodance-model-1";
 
 /// An open weights file, or random weights.
 pub struct Weights<'a> {

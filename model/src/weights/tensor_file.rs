@@ -10,7 +10,7 @@ use safetensors::tensor::Dtype;
 
 /// A tensor to be written.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Entry<'a> {
+pub struct Entry<'a> {
     pub name: &'a str,
     pub dtype: Dtype,
     pub shape: &'a [usize],
@@ -19,7 +19,7 @@ pub(crate) struct Entry<'a> {
 }
 
 /// Writes a whole file. Wide numbers come first, so that all are aligned.
-pub(crate) fn write(
+pub fn write(
     out: &mut impl Write,
     metadata: &BTreeMap<String, String>,
     mut tensors: Vec<Entry>,
@@ -29,7 +29,7 @@ pub(crate) fn write(
 }
 
 /// The same in memory.
-pub(crate) fn bytes(metadata: &BTreeMap<String, String>, mut tensors: Vec<Entry>) -> Vec<u8> {
+pub fn bytes(metadata: &BTreeMap<String, String>, mut tensors: Vec<Entry>) -> Vec<u8> {
     let mut out = header(metadata, &mut tensors);
     tensors.iter().for_each(|t| out.extend(t.data));
     out

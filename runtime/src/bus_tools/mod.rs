@@ -1,0 +1,18 @@
+//! Looking at a bus and setting it up: what people need before a robot dances.
+//!
+//! [`scan`] and [`ping`] only ask. [`set_id`], [`calibrate`] and [`jog`] change
+//! or move something on what may be a live robot, and ask first ([`Consent`]).
+//! [`serve`] is the simulated far end.
+
+pub mod calibrate;
+mod consent;
+pub mod jog;
+mod listen;
+pub mod ping;
+mod plug;
+pub mod scan;
+pub mod serve;
+pub mod set_id;
+
+pub use consent::Consent;
+pub use listen::ProtocolChoice;

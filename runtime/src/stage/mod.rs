@@ -1,0 +1,52 @@
+//! The stage: one leader that hears and invents, any number of followers that
+//! dance, each by its own robot, limits and safety layer.
+//!
+//! ```text
+//! lead:   music -> generator -> frames with their time ----> network
+//! follow: network -> Follower -> stage line -> control loop -> servos
+//! ```
+//!
+//! What goes over the network and how time is told is the crate
+//! `servodance-stage`; here it meets the dance. Built with the feature `stage`.
+
+mod cue;
+mod follow;
+mod lead;
+mod ros;
+mod shared;
+
+pub use cue::cue;
+pub use follow::{FollowReport, StageFollow, follow};
+pub use lead::{LeadReport, StageLead, lead};
+pub use shared::{cpu_s, shared_s};
+
+use anyhow::Context;
+use servodance_stage::keys::Keys;
+use servodance_stage::net::{Net, Place, Twin, exposure};
+
+/// The keys of a stage.
+fn keys(stage: &str) -> anyhow::Result<Keys> {
+    Keys::new(stage).with_context(|| {
+        format!("--stage \"{stage}\" cannot be a name: letters, digits, `_`, `-` and `.` can")
+    })
+}
+
+/// Opens the network, and says loudly who else can reach it.
+fn open(place: &Place) -> anyhow::Result<Net> {
+    let config = place.config()?;
+    warn(exposure(&config));
+    Ok(Net::open(config)?)
+}
+
+/// The same by two connections.
+fn open_twin(place: &Place) -> anyhow::Result<Twin> {
+    let config = place.config()?;
+    warn(exposure(&config));
+    Ok(Twin::open(config)?)
+}
+
+fn warn(exposure: Option<String>) {
+    if let Some(warning) = exposure {
+        crate::console::tell!("{warning}");
+    }
+}

@@ -1,0 +1,54 @@
+//! `servodance beats`.
+
+use servodance_runtime::beats::{Beats, Hearing};
+use servodance_runtime::output::write_whole;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance beats song.ogg
+      one beat a line, in seconds
+  servodance beats song.ogg --causal --out live.txt
+      as the robot hears them live
+  servodance beats song.ogg --json
+      with the tempo, as one JSON object";
+
+/// What `beats` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// The recording.
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Call each beat from what came before it, as live; else the whole
+    /// recording is known.
+    #[arg(long)]
+    pub causal: bool,
+    /// The file to write; standard output if left out.
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Write one JSON object: tracker, audio_s, tempo_bpm, times_s.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Finds the beats and writes them.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let hearing = if args.causal {
+        Hearing::Causal
+    } else {
+        Hearing::Offline
+    };
+    let beats = Beats::find(&args.file, hearing)?;
+    let text = if args.json {
+        beats.to_json()?
+    } else {
+        beats.to_lines()
+    };
+    match args.out {
+        Some(path) => write_whole(&path, text.as_bytes())?,
+        None => servodance_runtime::console::stdout(format_args!("{text}")),
+    }
+    Ok(ExitCode::SUCCESS)
+}

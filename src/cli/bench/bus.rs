@@ -1,0 +1,45 @@
+//! `servodance bench bus`.
+
+use servodance_lab::bus_bench as bench;
+use servodance_runtime::console::say;
+use servodance_runtime::robot::Robot;
+use servodance_runtime::sim_link::LinkChoice;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance bench bus --robot op3 --baud 4000000
+      cycles a second against what the wire carries, processor time, jitter
+  servodance bench bus --robot op3 --json
+      the same as one JSON object";
+
+/// What `bench bus` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// A built-in robot, or a robot file.
+    #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
+    pub robot: String,
+    /// Bits a second, instead of the robot file's.
+    #[arg(long, value_name = "BAUD")]
+    pub baud: Option<u32>,
+    /// What is between driver and simulated servos: a socket (unix), which is quick, or
+    /// the kernel's pseudo-terminal (pty, slcan), whose own time it then measures as well.
+    #[arg(long, value_enum, default_value_t = LinkChoice::Unix, value_name = "LINK")]
+    pub link: LinkChoice,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Measures and prints.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let robot = Robot::load(&args.robot)?;
+    let figures = bench::run(&robot, args.baud, args.link)?;
+    if args.json {
+        say!("{}", serde_json::to_string(&figures)?);
+    } else {
+        servodance_runtime::console::stdout(format_args!("{figures}"));
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,62 @@
+//! `servodance bench retarget`.
+
+use servodance_lab::retarget_bench;
+use servodance_runtime::console::say;
+use servodance_runtime::robot::Robot;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance bench retarget --robot op3
+  servodance bench retarget --robot op3 --motion dance.npz --json";
+
+/// What `bench retarget` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// A built-in robot, or a robot file.
+    #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
+    pub robot: String,
+    /// The motion: .npz with `positions` [T, 22, 3] in metres (y up) and `fps`;
+    /// else a dance by the choreographer.
+    #[arg(long, value_name = "FILE.npz")]
+    pub motion: Option<PathBuf>,
+    /// Most seconds of motion.
+    #[arg(long, default_value_t = 60.0, value_name = "S")]
+    pub seconds: f64,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Measures and prints.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    anyhow::ensure!(
+        (1.0..=600.0).contains(&args.seconds),
+        "--seconds {} is outside 1..600",
+        args.seconds
+    );
+    let robot = Robot::load(&args.robot)?;
+    let clip = retarget_bench::motion(args.motion.as_deref(), args.seconds)?;
+    let figures = retarget_bench::run(&robot, &clip)?;
+    if args.json {
+        say!("{}", serde_json::to_string(&figures)?);
+    } else {
+        say!(
+            "{} ({} joints at {:.0} Hz), {}: {:.1} us a cycle mean, {:.1} p50, {:.1} p99, {:.1} max; \
+             {} allocations in {} cycles",
+            figures.robot,
+            figures.joints,
+            figures.control_hz,
+            clip.name,
+            figures.us_mean,
+            figures.us_p50,
+            figures.us_p99,
+            figures.us_max,
+            figures.allocations,
+            figures.cycles
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}

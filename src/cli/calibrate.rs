@@ -1,0 +1,51 @@
+//! `servodance calibrate`.
+
+use servodance_runtime::bus_tools::Consent;
+use servodance_runtime::bus_tools::calibrate::Calibration;
+use servodance_runtime::console::say;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance calibrate --robot my-robot.toml --bus serial:/dev/ttyUSB0
+      torque off, move the robot into its rest pose by hand, zeros go into the file
+  servodance calibrate --robot my-robot.toml --bus serial:/dev/ttyUSB0 --directions
+      then move each joint towards its positive end: directions too
+  servodance calibrate --robot my-robot.toml --bus serial:/dev/ttyUSB0 --output new.toml
+      leave the file as it is and write another";
+
+/// What `calibrate` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// The robot file.
+    #[arg(long, value_name = "FILE.toml")]
+    pub robot: String,
+    /// Where its servos are: serial:PATH, can:IFACE, slcan:PATH; NAME=... for each
+    /// bus of a robot with several.
+    #[arg(long, value_name = "BUS", required = true)]
+    pub bus: Vec<String>,
+    /// Find directions too.
+    #[arg(long)]
+    pub directions: bool,
+    /// Write here instead, beside the same URDF.
+    #[arg(long, value_name = "FILE.toml")]
+    pub output: Option<PathBuf>,
+    /// Do not ask (Enter, or the end of standard input, still says when the pose is there).
+    #[arg(long)]
+    pub yes: bool,
+}
+
+/// Measures, shows, and writes.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let calibration = Calibration {
+        robot: &args.robot,
+        ports: &args.bus,
+        output: args.output.as_deref(),
+        directions: args.directions,
+    };
+    let written = calibration.run(Consent::from_flag(args.yes), |line| say!("{line}"))?;
+    say!("wrote {}", written.display());
+    Ok(ExitCode::SUCCESS)
+}

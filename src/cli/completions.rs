@@ -1,0 +1,28 @@
+//! `servodance completions`.
+
+use super::Cli;
+use clap::CommandFactory;
+use clap_complete::Shell;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance completions bash > ~/.local/share/bash-completion/completions/servodance
+  servodance completions zsh > ~/.zfunc/_servodance
+  servodance completions fish > ~/.config/fish/completions/servodance.fish";
+
+/// Which shell.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// The shell to complete commands in.
+    pub shell: Shell,
+}
+
+/// Prints the script to standard output.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut Cli::command(), "servodance", &mut script);
+    servodance_runtime::console::stdout(format_args!("{}", String::from_utf8_lossy(&script)));
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,43 @@
+//! `servodance cue`.
+
+use super::stage_place::{RoleChoice, StagePlace};
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance cue left --canon 4
+      the follower named left dances four beats after the leader from now on
+  servodance cue all --amplitude 0.5 --mirror false
+  servodance cue right --style hype
+      the leader invents a second dance for it, in that style";
+
+/// What `cue` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Name of the follower; `all`: everybody.
+    #[arg(value_name = "FOLLOWER")]
+    pub follower: String,
+
+    /// What it shall do; what is not given stays as it is.
+    #[command(flatten)]
+    pub role: RoleChoice,
+
+    /// Which stage.
+    #[command(flatten)]
+    pub place: StagePlace,
+}
+
+/// Gives the cue.
+#[cfg(not(feature = "stage"))]
+pub fn run(_: Args) -> anyhow::Result<ExitCode> {
+    super::stage_place::not_built_in("cue")
+}
+
+/// Gives the cue.
+#[cfg(feature = "stage")]
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let place = args.place.place(false, Vec::new());
+    servodance_runtime::stage::cue(&place, &args.place.stage, &args.follower, args.role.role())?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,271 @@
+//! `servodance dance`.
+
+use super::dancing::{InventionArgs, RigArgs};
+use super::{INTERRUPTED, stop_signal};
+use anyhow::bail;
+use servodance_audio::source::PcmEncoding;
+use servodance_audio::source::PcmFormat;
+use servodance_runtime::console::{say, tell};
+use servodance_runtime::dance::{
+    AudioChoice, BusChoice, DanceConfig, Evening, Outcome, Speed, choose_buses, dance,
+};
+use servodance_runtime::show::{Server, TerminalView};
+use servodance_runtime::summary::summary;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance dance
+      the built-in song on the built-in humanoid, simulated, as fast as possible
+  servodance dance song.ogg --robot op3 --report out.json --record out.mcap
+      your song, with a report for scripts and a recording for robotics viewers
+  servodance dance song.ogg --gif dance.gif
+      ten seconds to show to people
+  servodance dance song.mp3 --bus serial:/dev/ttyUSB0
+      a real robot, in real time (hold its power switch)
+  servodance dance --mic
+      what the default microphone hears (built with --features mic)
+  servodance dance --mic --robot my-robot.toml --bus serial:/dev/ttyUSB0 --view --wait-for-start
+      an evening: start, hold, stop and style from a page in the browser
+  servodance dance song.mp3 --bus serial:/dev/ttyUSB0 --tui
+      the same over a terminal, on a machine without a screen, say
+  arecord -f S16_LE -r 48000 -c 1 -t raw | servodance dance - --pcm-rate 48000 --speed realtime
+      dance to whatever a capture program hears";
+
+/// What `dance` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = EXAMPLES,
+    group = clap::ArgGroup::new("watched").args(["view", "tui"]).multiple(true)
+)]
+pub struct Args {
+    /// The recording (wav, flac, mp3, ogg), or `-` for raw PCM on standard
+    /// input; the built-in song if left out.
+    #[arg(value_name = "AUDIO")]
+    pub audio: Option<PathBuf>,
+
+    /// Dance to what a microphone hears now: the default one, or one that
+    /// `servodance devices` lists.
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
+    pub mic: Option<Option<String>>,
+
+    /// Which robot, and where it is.
+    #[command(flatten)]
+    pub rig: RigArgs,
+
+    /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
+    #[arg(long, value_enum)]
+    pub speed: Option<Speed>,
+
+    /// Dance to the recording as if it came in live: nothing is known ahead.
+    #[arg(long)]
+    pub as_live: bool,
+
+    /// Leave the timing of the motion as it is: do not steer it so that the
+    /// servos meet the beat.
+    #[arg(long)]
+    pub no_compensation: bool,
+
+    /// What is danced.
+    #[command(flatten)]
+    pub invention: InventionArgs,
+
+    /// Write figures of the run as JSON (see docs/report.md).
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+
+    /// Record everything as MCAP, for robotics viewers.
+    #[arg(long, value_name = "FILE.mcap")]
+    pub record: Option<PathBuf>,
+
+    /// Where the picture of the dance goes.
+    #[arg(long, default_value = "dance.png", value_name = "FILE.png")]
+    pub picture: PathBuf,
+
+    /// Draw no picture.
+    #[arg(long, conflicts_with = "picture")]
+    pub no_picture: bool,
+
+    /// Draw a moving picture too: ten seconds from the middle of the dance, the
+    /// human beside the robot. For another part: --record, then `servodance
+    /// export FILE.mcap --gif FILE.gif --from 20 --seconds 8`.
+    #[arg(long, value_name = "FILE.gif")]
+    pub gif: Option<PathBuf>,
+
+    /// Sample rate of raw PCM on standard input, hertz.
+    #[arg(long, default_value_t = 48_000, value_name = "HZ")]
+    pub pcm_rate: u32,
+
+    /// Sample format of raw PCM on standard input.
+    #[arg(
+        long,
+        default_value = "s16le",
+        value_name = "u8|s16le|s24le|s32le|f32le"
+    )]
+    pub pcm_format: PcmEncoding,
+
+    /// Channels of raw PCM on standard input, interleaved.
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub pcm_channels: u16,
+
+    /// Serve a page to watch and to steer the dance with; its address is the
+    /// first line on standard output (see docs/show.md). Built with --features view.
+    #[arg(long)]
+    pub view: bool,
+
+    /// Where the page is served; anything but this machine's own address makes
+    /// it reachable for whoever has the address with its token.
+    #[arg(
+        long,
+        default_value = "127.0.0.1:0",
+        value_name = "IP:PORT",
+        requires = "view"
+    )]
+    pub view_bind: SocketAddr,
+
+    /// Show the dance in this terminal and steer it by keys: start, hold, resume,
+    /// end, amplitude, style, seed, mirror, idle; Enter, Esc or Space is the
+    /// emergency stop (see docs/show.md).
+    #[arg(long, visible_alias = "terminal")]
+    pub tui: bool,
+
+    /// Wait, torque off, until the page or a key says start, before each dance;
+    /// end by Ctrl-C.
+    #[arg(long, requires = "watched")]
+    pub wait_for_start: bool,
+
+    /// Print only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Dances.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let config = configuration(args)?;
+    let stop = stop_signal()?;
+    if config.view.is_some() || config.tui {
+        return watched(config, &stop);
+    }
+    let outcome = dance(&config, &stop)?;
+    report(&config, &outcome);
+    if outcome.interrupted {
+        tell!("stopped; torque is off");
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn report(config: &DanceConfig, outcome: &Outcome) {
+    if !config.quiet {
+        servodance_runtime::console::stdout(format_args!("{}", summary(config, &outcome.report)));
+    }
+}
+
+/// Dances for whoever opens the page or sits at the terminal.
+fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCode> {
+    let (waits, bind, tui) = (config.wait_for_start, config.view, config.tui);
+    if tui {
+        TerminalView::check()?;
+    }
+    let mut evening = Evening::new(config)?;
+    let scene = evening.scene()?;
+    for mesh in &scene.meshes.left_out {
+        tell!("the page draws a stick: {mesh}");
+    }
+    let server = match bind {
+        Some(bind) => Some(Server::start(bind, scene.clone(), evening.seat())?),
+        None => None,
+    };
+    let address = server.as_ref().map(Server::address);
+    if let Some(address) = address {
+        say!("{address}");
+    }
+    let terminal = match tui {
+        true => Some(TerminalView::start(scene, evening.seat(), stop, address)?),
+        false => None,
+    };
+    let danced = evening.run(stop, |config, outcome| match outcome {
+        Ok(outcome) => report(config, outcome),
+        Err(error) if waits => tell!("error: {error:#}"),
+        Err(_) => {} // told by `main`
+    });
+    drop(terminal); // what comes now is for the usual terminal
+    danced?;
+    if stop.load(Ordering::Acquire) {
+        tell!("stopped; torque is off");
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Checks the arguments and loads the robot.
+pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
+    let robot = args.rig.robot.load()?;
+    let buses = choose_buses(&robot, &args.rig.bus)?;
+    let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
+    let hears = args.mic.is_some();
+    let speed = match (args.speed, all_simulated) {
+        (Some(Speed::Max), _) if hears => {
+            bail!("--speed max needs a recording: a microphone lives in real time")
+        }
+        (Some(Speed::Max), false) => {
+            bail!("--speed max needs the simulated bus: real servos live in real time")
+        }
+        (Some(Speed::Max), _) if args.view || args.tui => {
+            bail!("--speed max cannot be watched: --view and --tui live in real time")
+        }
+        (Some(speed), _) => speed,
+        (None, true) if !hears && !args.view && !args.tui => Speed::Max,
+        (None, _) => Speed::Realtime,
+    };
+    Ok(DanceConfig {
+        audio: audio_choice(&args)?,
+        idle: args.rig.idle.unwrap_or(robot.idle),
+        robot,
+        buses,
+        speed,
+        as_live: args.as_live,
+        compensation: !args.no_compensation,
+        seed: args.invention.seed,
+        style: args.invention.style,
+        model: args.invention.model,
+        conditioning: args.invention.conditioning,
+        engine: args.invention.engine.options(),
+        report: args.report,
+        record: args.record,
+        picture: (!args.no_picture).then_some(args.picture),
+        gif: args.gif,
+        view: args.view.then_some(args.view_bind),
+        tui: args.tui,
+        wait_for_start: args.wait_for_start,
+        estop_file: args.rig.estop_file,
+        quiet: args.quiet,
+    })
+}
+
+fn audio_choice(args: &Args) -> anyhow::Result<AudioChoice> {
+    if let Some(device) = &args.mic {
+        return Ok(AudioChoice::Microphone(device.clone()));
+    }
+    match &args.audio {
+        None => Ok(AudioChoice::BuiltIn),
+        Some(path) if path.as_os_str() == "-" => {
+            if !(8_000..=384_000).contains(&args.pcm_rate) {
+                bail!("--pcm-rate {} is outside 8000..384000", args.pcm_rate);
+            }
+            if !(1..=16).contains(&args.pcm_channels) {
+                bail!("--pcm-channels {} is outside 1..16", args.pcm_channels);
+            }
+            Ok(AudioChoice::Stdin(PcmFormat {
+                encoding: args.pcm_format,
+                sample_rate_hz: args.pcm_rate,
+                channels: args.pcm_channels,
+            }))
+        }
+        Some(path) => Ok(AudioChoice::File(path.clone())),
+    }
+}

@@ -1,0 +1,22 @@
+//! `servodance devices`.
+
+use servodance_runtime::listening::input_table;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance devices
+      the inputs of this machine, the default one first
+  servodance dance --mic hw:CARD=1,DEV=0
+      dance to one of them";
+
+/// `devices` takes no arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {}
+
+/// Prints one line an input.
+pub fn run(_args: Args) -> anyhow::Result<ExitCode> {
+    servodance_runtime::console::stdout(format_args!("{}", input_table()?));
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,74 @@
+//! `servodance doctor`.
+
+use super::robot_choice::RobotChoice;
+use servodance_model::net::EngineOptions;
+use servodance_runtime::conditioning::Conditioning;
+use servodance_runtime::console::say;
+use servodance_runtime::dance::open_generator;
+use servodance_runtime::doctor::{Finding, Verdict, examine};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance doctor
+      is this machine fit to dance the built-in humanoid in real time?
+  servodance doctor --robot my-robot.toml --json
+      the same for your robot, for scripts (exit status 1 if anything is bad)";
+
+/// What `doctor` looks at.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Which robot.
+    #[command(flatten)]
+    pub robot: RobotChoice,
+
+    /// Weights to use in place of the built-in ones.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub model: Option<PathBuf>,
+
+    /// Encodec's model.safetensors, for weights that hear through it.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub encodec: Option<PathBuf>,
+
+    /// Print the findings as JSON: area, verdict (good, warning, bad), what, remedy.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Prints what was found; fails where a dance is not possible.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let robot = args.robot.load()?;
+    let generator = open_generator(args.model.as_deref(), EngineOptions::default())?;
+    let conditioning = Conditioning {
+        encodec: args.encodec,
+        ..Conditioning::default()
+    };
+    let encodec = conditioning.encodec(&generator)?;
+    let findings = examine(&robot, &generator, encodec.as_ref())?;
+    if args.json {
+        say!("{}", serde_json::to_string_pretty(&findings)?);
+    } else {
+        for finding in &findings {
+            print(finding);
+        }
+    }
+    let bad = findings.iter().any(|f| f.verdict == Verdict::Bad);
+    Ok(match bad {
+        true => ExitCode::FAILURE,
+        false => ExitCode::SUCCESS,
+    })
+}
+
+fn print(finding: &Finding) {
+    let mark = match finding.verdict {
+        Verdict::Good => "ok     ",
+        Verdict::Warning => "warning",
+        Verdict::Bad => "BAD    ",
+    };
+    say!("{mark}  {:<10}{}", finding.area, finding.what);
+    if let Some(remedy) = &finding.remedy {
+        say!("{:21}-> {remedy}", "");
+    }
+}

@@ -1,0 +1,64 @@
+//! `servodance export`.
+
+use servodance_runtime::console::say;
+use servodance_runtime::export::{Part, bvh, csv, gif};
+use servodance_runtime::record::Recording;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance dance song.ogg --record out.mcap
+  servodance export out.mcap --gif dance.gif --from 20 --seconds 8
+      the human and the robot, moving, for people
+  servodance export out.mcap --bvh human.bvh --csv joints.csv
+      the human for animation programs, the robot for scripts";
+
+/// What `export` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+#[command(group = clap::ArgGroup::new("outputs").required(true).multiple(true).args(["gif", "bvh", "csv"]))]
+pub struct Args {
+    /// A recording made by `dance --record`.
+    #[arg(value_name = "FILE.mcap")]
+    pub recording: PathBuf,
+
+    /// A moving picture.
+    #[arg(long, value_name = "FILE.gif")]
+    pub gif: Option<PathBuf>,
+
+    /// Where in the music it begins, seconds.
+    #[arg(long, default_value_t = 0.0, value_name = "SECONDS", requires = "gif")]
+    pub from: f64,
+
+    /// How long it is.
+    #[arg(long, default_value_t = 10.0, value_name = "SECONDS", requires = "gif")]
+    pub seconds: f64,
+
+    /// The human motion: joint angles.
+    #[arg(long, value_name = "FILE.bvh")]
+    pub bvh: Option<PathBuf>,
+
+    /// What the servos reported: a line a control cycle, radians.
+    #[arg(long, value_name = "FILE.csv")]
+    pub csv: Option<PathBuf>,
+}
+
+/// Reads the recording, writes what is asked for, and says where.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let recording = Recording::read_all(&args.recording)?;
+    if let Some(path) = &args.csv {
+        csv(&recording, path)?;
+    }
+    if let Some(path) = &args.bvh {
+        bvh(&recording, path)?;
+    }
+    if let Some(path) = &args.gif {
+        let (from_s, seconds) = (args.from, args.seconds);
+        gif(&recording, Part { from_s, seconds }, path)?;
+    }
+    for path in [args.csv, args.bvh, args.gif].into_iter().flatten() {
+        say!("{}", path.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,134 @@
+//! `servodance follow`.
+
+use super::dancing::RigArgs;
+use super::stage_place::{RoleChoice, StagePlace};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance follow --robot op3
+      a simulated robot dances what `servodance lead` on this machine leads
+  servodance follow --robot my-robot.toml --bus serial:/dev/ttyUSB0 --connect tcp/192.168.1.5:7448
+      a real robot follows a leader on another machine
+  servodance follow --robot neck --name left --mirror --canon 4
+      as the mirror image, four beats later; `servodance cue left` changes that
+  servodance follow --robot op3 --ros2 --connect tcp/127.0.0.1:7448 --connect tcp/127.0.0.1:7447
+      a ROS 2 machine whose Zenoh router is here sees its joints";
+
+/// What `follow` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Which robot, and where it is.
+    #[command(flatten)]
+    pub rig: RigArgs,
+
+    /// Which stage.
+    #[command(flatten)]
+    pub place: StagePlace,
+
+    /// Name of the follower, for cues; the robot's if left out.
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+
+    /// How it dances unless a cue says otherwise.
+    #[command(flatten)]
+    pub role: RoleChoice,
+
+    /// Stand at rest after so many seconds alone.
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
+    pub rest_after: f64,
+
+    /// Be seen by ROS 2 as a node with joint states, joint commands and the
+    /// skeleton that is followed.
+    #[arg(long)]
+    pub ros2: bool,
+
+    /// The domain of ROS 2.
+    #[arg(long, env = "ROS_DOMAIN_ID", default_value_t = 0, value_name = "ID")]
+    pub ros_domain: u32,
+
+    /// Write figures of the run as JSON (see docs/stage.md).
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+
+    /// Print only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+
+    /// For trials: a clock that is wrong by so many seconds.
+    #[arg(
+        long,
+        default_value_t = 0.0,
+        hide = true,
+        allow_negative_numbers = true
+    )]
+    pub clock_offset: f64,
+
+    /// For trials: a clock that is fast by so many millionths.
+    #[arg(
+        long,
+        default_value_t = 0.0,
+        hide = true,
+        allow_negative_numbers = true
+    )]
+    pub clock_drift_ppm: f64,
+
+    /// For trials: where the servos were when.
+    #[arg(long, hide = true)]
+    pub witness: Option<PathBuf>,
+}
+
+/// Follows.
+#[cfg(not(feature = "stage"))]
+pub fn run(_: Args) -> anyhow::Result<ExitCode> {
+    super::stage_place::not_built_in("follow")
+}
+
+/// Follows.
+#[cfg(feature = "stage")]
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    use servodance_runtime::console::tell;
+    use servodance_runtime::dance::{FollowConfig, choose_buses};
+
+    if !(0.0..=1e6).contains(&args.rest_after) {
+        anyhow::bail!("--rest-after {} is outside 0 to 1000000", args.rest_after);
+    }
+    let robot = args.rig.robot.load()?;
+    let name = args.name.unwrap_or_else(|| robot.name.clone());
+    if !servodance_stage::keys::is_plain(&name) {
+        anyhow::bail!("--name \"{name}\" cannot be a name: letters, digits, `_`, `-` and `.` can");
+    }
+    let options = servodance_runtime::stage::StageFollow {
+        config: FollowConfig {
+            buses: choose_buses(&robot, &args.rig.bus)?,
+            idle: args.rig.idle.unwrap_or(robot.idle),
+            robot,
+            witness: args.witness,
+        },
+        place: args.place.place(false, Vec::new()),
+        stage: args.place.stage,
+        name,
+        role: args.role.role(),
+        rest_after_s: args.rest_after,
+        ros_domain: args.ros2.then_some(args.ros_domain),
+        skew: (args.clock_offset, args.clock_drift_ppm * 1e-6),
+        estop_file: args.rig.estop_file,
+        report: args.report,
+        quiet: args.quiet,
+    };
+    let stop = super::stop_signal()?;
+    let report = servodance_runtime::stage::follow(&options, &stop)?;
+    let broken = report.followed.violations.unwrap_or_default();
+    if broken != Default::default() {
+        anyhow::bail!(
+            "the simulated servos saw limits broken: {} position, {} velocity, {} acceleration",
+            broken.position,
+            broken.velocity,
+            broken.acceleration
+        );
+    }
+    tell!("stopped; torque is off");
+    Ok(ExitCode::from(super::INTERRUPTED))
+}

@@ -1,0 +1,72 @@
+//! `servodance jog`.
+
+use super::{INTERRUPTED, stop_signal};
+use servodance_runtime::bus_tools::Consent;
+use servodance_runtime::bus_tools::jog::{Jog, Step};
+use servodance_runtime::console::say;
+use servodance_runtime::robot::Robot;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance jog l_knee --robot op3 --bus serial:/dev/ttyUSB0
+      then type steps in degrees: 5, -5, =30 for an angle, q (or Ctrl-C) for the end
+  servodance jog l_knee --robot op3 --bus serial:/dev/ttyUSB0 --by=-5
+      one step; torque goes off when the joint has arrived";
+
+/// What `jog` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// The joint.
+    #[arg(value_name = "JOINT")]
+    pub joint: String,
+    /// A built-in robot (see `servodance robots`) or a robot file.
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    pub robot: String,
+    /// Where its servos are: serial:PATH, can:IFACE, slcan:PATH.
+    #[arg(long, value_name = "BUS", required = true)]
+    pub bus: Vec<String>,
+    /// Move by this much, degrees, and end.
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
+    pub by: Option<f64>,
+    /// Move to this angle, degrees, and end.
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        allow_hyphen_values = true,
+        conflicts_with = "by"
+    )]
+    pub to: Option<f64>,
+    /// How fast, degrees a second.
+    #[arg(long, value_name = "DEGREES_A_SECOND", default_value_t = 20.0)]
+    pub speed: f64,
+    /// Do not ask.
+    #[arg(long)]
+    pub yes: bool,
+}
+
+/// Moves the joint inside its limits; torque is off in the end.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let robot = Robot::load(&args.robot)?;
+    let step = match (args.by, args.to) {
+        (Some(degrees), _) => Some(Step::parse(&degrees.to_string())?),
+        (None, Some(degrees)) => Some(Step::parse(&format!("={degrees}"))?),
+        (None, None) => None,
+    };
+    let stop = stop_signal()?;
+    let jog = Jog {
+        robot: &robot,
+        joint: &args.joint,
+        ports: &args.bus,
+        step,
+        speed_deg_s: args.speed,
+    };
+    let moved = jog.run(Consent::from_flag(args.yes), &stop)?;
+    say!("{moved}");
+    if stop.load(Ordering::Acquire) {
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}

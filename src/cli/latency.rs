@@ -1,0 +1,163 @@
+//! `servodance latency`.
+
+use super::robot_choice::RobotChoice;
+use super::stop_signal;
+use anyhow::bail;
+use serde_json::{Value, json};
+use servodance_lab::click_test::{Measured, measure as click_test};
+use servodance_runtime::console::say;
+use servodance_runtime::dance::{BusChoice, choose_buses};
+use servodance_runtime::robot::Robot;
+use std::fmt::Write;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance latency
+      the built-in humanoid, simulated, in real time
+  servodance latency --robot my.toml --bus serial:/dev/ttyUSB0
+      a real robot: it raises its arms and nods at every click (hold its power switch)";
+
+/// What `latency` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Which robot.
+    #[command(flatten)]
+    pub robot: RobotChoice,
+
+    /// Where commands go, as for `dance`.
+    #[arg(long, default_value = "sim", value_name = "BUS")]
+    pub bus: Vec<String>,
+
+    /// Clicks to send.
+    #[arg(long, default_value_t = 8, value_name = "N")]
+    pub clicks: u32,
+
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Measures.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    if !(1..=1000).contains(&args.clicks) {
+        bail!("--clicks {} is outside 1..1000", args.clicks);
+    }
+    let robot = args.robot.load()?;
+    let buses: Vec<BusChoice> = choose_buses(&robot, &args.bus)?;
+    let stop = stop_signal()?;
+    let measured = click_test(&robot, &buses, args.clicks, &stop)?;
+    match args.json {
+        true => say!("{:#}", json_of(&robot, &measured)),
+        false => servodance_runtime::console::stdout(format_args!("{}", table(&robot, &measured))),
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A stage that was measured: what it holds, by the model and by the clicks.
+struct Row {
+    name: &'static str,
+    parts: &'static [usize],
+    measured_ms: f64,
+}
+
+/// What was measured between two moments, and the modelled delays in between.
+fn rows(measured: &Measured) -> [Row; 3] {
+    let median_ms = |part: fn(&servodance_lab::click_test::Passage) -> f64| {
+        let mut all: Vec<f64> = measured.passages.iter().map(part).collect();
+        all.sort_by(f64::total_cmp);
+        all[all.len() / 2] * 1e3
+    };
+    [
+        Row {
+            name: "hear: air to music frame",
+            parts: &[0, 1],
+            measured_ms: median_ms(|p| p.heard_s),
+        },
+        Row {
+            name: "decide: music frame to target",
+            parts: &[2, 3, 4, 5],
+            measured_ms: median_ms(|p| p.made_s + p.planned_s),
+        },
+        Row {
+            name: "move: target to position",
+            parts: &[6],
+            measured_ms: median_ms(|p| p.moved_s),
+        },
+    ]
+}
+
+fn table(robot: &Robot, measured: &Measured) -> String {
+    let named = measured.delays.named();
+    let mut text = String::new();
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        text,
+        "{:<32}{:>12}{:>14}",
+        "stage", "expected ms", "measured ms"
+    );
+    for row in rows(measured) {
+        let expected: f64 = row.parts.iter().map(|part| named[*part].1).sum();
+        let _ = writeln!(
+            text,
+            "{:<32}{:>12.0}{:>14.0}",
+            row.name,
+            expected * 1e3,
+            row.measured_ms
+        );
+        for part in row.parts {
+            let (name, seconds) = named[*part];
+            let _ = writeln!(text, "  {name:<30}{:>12.0}", seconds * 1e3);
+        }
+    }
+    let _ = writeln!(
+        text,
+        "{:<32}{:>12.0}{:>14.0}",
+        "air to servo",
+        measured.delays.total_s() * 1e3,
+        total_ms(measured)
+    );
+    let _ = writeln!(
+        text,
+        "servo_lag_s = {:.3}   # {} has {:.3}; positions follow commands best at this lag",
+        measured.servo_lag_s, robot.name, robot.servo_lag_s
+    );
+    text
+}
+
+fn total_ms(measured: &Measured) -> f64 {
+    let mut all: Vec<f64> = measured.passages.iter().map(|p| p.total_s()).collect();
+    all.sort_by(f64::total_cmp);
+    all[all.len() / 2] * 1e3
+}
+
+fn json_of(robot: &Robot, measured: &Measured) -> Value {
+    let expected: serde_json::Map<String, Value> = measured
+        .delays
+        .named()
+        .iter()
+        .map(|(name, seconds)| ((*name).to_owned(), json!(seconds * 1e3)))
+        .collect();
+    let clicks: Vec<Value> = measured
+        .passages
+        .iter()
+        .map(|p| {
+            json!({
+                "heard_ms": p.heard_s * 1e3,
+                "made_ms": p.made_s * 1e3,
+                "planned_ms": p.planned_s * 1e3,
+                "moved_ms": p.moved_s * 1e3,
+            })
+        })
+        .collect();
+    json!({
+        "robot": robot.name,
+        "expected_ms": expected,
+        "expected_total_ms": measured.delays.total_s() * 1e3,
+        "measured_total_ms": total_ms(measured),
+        "clicks": clicks,
+        "servo_lag_s": measured.servo_lag_s,
+        "servo_lag_s_of_file": robot.servo_lag_s,
+    })
+}

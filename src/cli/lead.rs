@@ -1,0 +1,101 @@
+//! `servodance lead`.
+
+use super::dancing::InventionArgs;
+use super::stage_place::StagePlace;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance lead song.ogg
+      for followers on this machine; the music begins in 4 s
+  servodance lead --mic --listen tcp/0.0.0.0:7448
+      for followers on the network (read docs/stage.md, Security, first)
+  servodance lead song.ogg --connect tcp/192.168.1.5:7448 --listen tcp/0.0.0.0:7448 --take-over
+      take the place of the leader at 192.168.1.5; followers that are to come
+      along were started with --connect for both";
+
+/// What `lead` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// The recording (wav, flac, mp3, ogg); the built-in song if left out.
+    #[arg(value_name = "AUDIO")]
+    pub audio: Option<PathBuf>,
+
+    /// Lead to what a microphone hears now: the default one, or one that
+    /// `servodance devices` lists.
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
+    pub mic: Option<Option<String>>,
+
+    /// Which stage.
+    #[command(flatten)]
+    pub place: StagePlace,
+
+    /// Where followers connect; tcp/127.0.0.1:7448 if left out. May be given again.
+    #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
+    pub listen: Vec<String>,
+
+    /// Take the place of a leader that is there; without it that is refused.
+    #[arg(long)]
+    pub take_over: bool,
+
+    /// What is danced.
+    #[command(flatten)]
+    pub invention: InventionArgs,
+
+    /// Write figures of the run as JSON.
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+
+    /// Print only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Leads.
+#[cfg(not(feature = "stage"))]
+pub fn run(_: Args) -> anyhow::Result<ExitCode> {
+    super::stage_place::not_built_in("lead")
+}
+
+/// Leads.
+#[cfg(feature = "stage")]
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    use servodance_runtime::console::{say, tell};
+    use servodance_runtime::dance::AudioChoice;
+
+    let stop = super::stop_signal()?;
+    let lead = servodance_runtime::stage::StageLead {
+        audio: match (args.mic, args.audio) {
+            (Some(device), _) => AudioChoice::Microphone(device),
+            (None, Some(path)) => AudioChoice::File(path),
+            (None, None) => AudioChoice::BuiltIn,
+        },
+        seed: args.invention.seed,
+        style: args.invention.style,
+        model: args.invention.model,
+        conditioning: args.invention.conditioning,
+        engine: args.invention.engine.options(),
+        place: args.place.place(true, args.listen),
+        stage: args.place.stage,
+        take_over: args.take_over,
+        report: args.report,
+        quiet: args.quiet,
+    };
+    let led = servodance_runtime::stage::lead(&lead, &stop)?;
+    if led.interrupted {
+        tell!("stopped; followers idle");
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    }
+    if !args.quiet {
+        say!(
+            "{} frames for {} followers, {} late; sent up to {:.0} ms ahead",
+            led.frames,
+            led.followers,
+            led.late_frames,
+            led.lead_ms_max
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}

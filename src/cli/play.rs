@@ -1,0 +1,68 @@
+//! `servodance play`.
+
+use super::stop_signal;
+use servodance_retarget::RobotModel;
+use servodance_runtime::console::say;
+use servodance_runtime::record::Recording;
+use servodance_runtime::show::{Meshes, Player, Scene, Server, Settings, link};
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance dance song.ogg --record out.mcap
+  servodance play out.mcap --view
+      prints an address: open it in a browser; Ctrl-C ends it";
+
+/// What `play` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// A recording made by `dance --record`.
+    #[arg(value_name = "FILE.mcap")]
+    pub recording: PathBuf,
+
+    /// Play it on a page, whose address is the first line on standard output;
+    /// so far there is no other way. Built with --features view.
+    #[arg(long)]
+    pub view: bool,
+
+    /// Where the page is served; anything but this machine's own address makes
+    /// it reachable for whoever has the address with its token.
+    #[arg(long, default_value = "127.0.0.1:0", value_name = "IP:PORT")]
+    pub view_bind: SocketAddr,
+}
+
+/// Plays.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let recording = Recording::read(&args.recording)?;
+    let scene = scene(&recording)?;
+    let settings = Settings {
+        amplitude: 1.0,
+        mirror: false,
+        idle: Default::default(),
+        style: 0,
+        seed: 0,
+    };
+    let stop = stop_signal()?;
+    let (end, viewers) = link(recording.joints.len(), settings);
+    let server = Server::start(args.view_bind, scene, viewers)?;
+    say!("{}", server.address());
+    Player::new(&recording, end).run(&stop);
+    Ok(ExitCode::SUCCESS)
+}
+
+fn scene(recording: &Recording) -> anyhow::Result<Scene> {
+    let names: Vec<&str> = recording.joints.iter().map(|j| j.0.as_str()).collect();
+    Ok(Scene {
+        robot: recording.robot.clone(),
+        model: RobotModel::new(&recording.urdf_xml, &names)?,
+        meshes: Meshes::default(), // their files are not in a recording
+        joints: recording.joints.clone(),
+        styles: Vec::new(),
+        control_hz: recording.control_hz,
+        waits: false,
+        recording_s: Some(recording.span_s()),
+    })
+}

@@ -1,0 +1,99 @@
+//! `servodance robot`: write a robot file for a description, look one over.
+
+use servodance_runtime::console::say;
+use servodance_runtime::robot_file;
+use servodance_training::choreography;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance robot new my.urdf --out my.toml
+      a complete robot file from the description alone; it dances in simulation at once
+  servodance robot check my.urdf
+      what is wrong or odd about a description, and what is done about it
+  servodance robot check my.toml --json
+      the same for a whole robot file, for scripts; exit code 1 if it is refused";
+
+/// What `robot` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub action: Action,
+}
+
+/// What can be done with a robot file.
+#[derive(Debug, clap::Subcommand)]
+pub enum Action {
+    /// Write a complete robot file for a description; guesses are explained in it.
+    New(NewArgs),
+    /// Look over a robot file or a description: exit code 0 usable, 1 refused.
+    Check(CheckArgs),
+}
+
+/// What `robot new` is asked for.
+#[derive(Debug, clap::Args)]
+pub struct NewArgs {
+    /// The description: a URDF (a xacro must be expanded first) or an MJCF model.
+    #[arg(value_name = "FILE")]
+    pub description: PathBuf,
+    /// The robot file to write.
+    #[arg(long, value_name = "FILE.toml")]
+    pub out: PathBuf,
+    /// Overwrite it if it is there.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// What `robot check` is asked for.
+#[derive(Debug, clap::Args)]
+pub struct CheckArgs {
+    /// A robot file (.toml), a built-in robot, or a description (.urdf, .xml).
+    #[arg(value_name = "FILE")]
+    pub file: String,
+    /// Print JSON: file, usable, findings (code, severity, subject, message).
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Does it.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    match args.action {
+        Action::New(args) => new(&args),
+        Action::Check(args) => check(&args),
+    }
+}
+
+fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
+    let written = robot_file::new_robot(
+        &args.description,
+        &args.out,
+        args.force,
+        &choreography::trial_dance(),
+    )?;
+    for file in &written.files {
+        say!("{}", file.display());
+    }
+    for line in &written.lines {
+        say!("{line}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
+    let checked = robot_file::check(&args.file);
+    if args.json {
+        say!("{}", serde_json::to_string_pretty(&checked)?);
+    } else {
+        for finding in &checked.findings {
+            say!("{finding}");
+        }
+        say!("{}", checked.verdict());
+    }
+    Ok(match checked.usable {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::FAILURE,
+    })
+}

@@ -1,0 +1,35 @@
+//! `servodance robots`.
+
+use servodance_runtime::console::say;
+use servodance_runtime::robot::{BUILT_IN, Robot};
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance robots
+      whom `--robot` knows by name, and the files to copy for a robot of your own
+  servodance robot new my.urdf --out my.toml
+      or a file for any description";
+
+/// `robots` asks for nothing.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {}
+
+/// Prints the built-in robots.
+pub fn run(_: Args) -> anyhow::Result<ExitCode> {
+    for built_in in BUILT_IN {
+        let robot = Robot::load(built_in.name)?;
+        say!(
+            "{:<10}{} ({} servos, {:.0} Hz)\n{:<10}{}",
+            robot.name,
+            robot.description,
+            robot.servos.len(),
+            robot.control_hz,
+            "",
+            built_in.place().display()
+        );
+    }
+    say!("\nYour own: copy one of these files and the URDF beside it, then --robot my-robot.toml");
+    Ok(ExitCode::SUCCESS)
+}

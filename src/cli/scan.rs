@@ -1,0 +1,44 @@
+//! `servodance scan`.
+
+use servodance_runtime::bus_tools::{ProtocolChoice, scan};
+use servodance_runtime::console::{say, tell};
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance scan
+      the serial ports of this machine, with the latency timers of USB adapters
+  servodance scan /dev/ttyUSB0
+      every servo that answers, at every usual rate: id, model, firmware, volts, errors
+  servodance scan /dev/ttyUSB0 --baud 1000000 --protocol 1
+      Feetech and old Dynamixel servos at one rate
+  servodance scan can:can0
+  servodance scan slcan:/dev/ttyACM0
+      motors on CAN: ODrive, RobStride, Damiao, CANopen; nothing moves, but a bus that
+      is in use at another bitrate than an adapter tries is disturbed";
+
+/// What `scan` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// The serial port, or a CAN bus: can:IFACE, slcan:PATH, udp:GROUP:PORT. The serial
+    /// ports of this machine are listed if left out.
+    #[arg(value_name = "PORT")]
+    pub port: Option<String>,
+    /// Only this baud rate, or bitrate of an slcan adapter.
+    #[arg(long, value_name = "BAUD")]
+    pub baud: Option<u32>,
+    /// Only this protocol of serial servos.
+    #[arg(long, value_enum, default_value_t)]
+    pub protocol: ProtocolChoice,
+}
+
+/// Prints a line for each servo, or for each port.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let say = |line: &str| say!("{line}");
+    match args.port {
+        Some(port) => scan::scan(&port, args.baud, args.protocol, say, |n| tell!("{n}"))?,
+        None => scan::ports().iter().for_each(|line| say(line)),
+    }
+    Ok(ExitCode::SUCCESS)
+}

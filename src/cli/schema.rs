@@ -1,0 +1,35 @@
+//! `servodance schema`.
+
+use clap::ValueEnum;
+use servodance_runtime::robot_file::ROBOT_SCHEMA;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance schema robot > robot.schema.json
+      then `#:schema ./robot.schema.json` as the first line of a robot file: editors that know
+      JSON Schema for TOML (Taplo, VS Code's Even Better TOML) complete and check it";
+
+/// What `schema` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Of which file.
+    #[arg(value_enum)]
+    pub of: Of,
+}
+
+/// Files that have a schema.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Of {
+    /// The robot file.
+    Robot,
+}
+
+/// Prints the schema.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    match args.of {
+        Of::Robot => servodance_runtime::console::stdout(format_args!("{ROBOT_SCHEMA}")),
+    }
+    Ok(ExitCode::SUCCESS)
+}

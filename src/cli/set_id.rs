@@ -1,0 +1,45 @@
+//! `servodance set-id`.
+
+use servodance_runtime::bus_tools::{Consent, ProtocolChoice, set_id};
+use servodance_runtime::console::say;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance set-id /dev/ttyUSB0 1 14
+      the servo that answers to 1 answers to 14 from now on; connect new servos one by one
+  servodance set-id /dev/ttyUSB0 1 14 --yes
+      without asking, for scripts";
+
+/// What `set-id` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// The serial port.
+    #[arg(value_name = "PORT")]
+    pub port: String,
+    /// The id it has.
+    #[arg(value_name = "OLD")]
+    pub old: u16,
+    /// The id it is to have.
+    #[arg(value_name = "NEW")]
+    pub new: u16,
+    /// Only this baud rate.
+    #[arg(long, value_name = "BAUD")]
+    pub baud: Option<u32>,
+    /// Only this protocol.
+    #[arg(long, value_enum, default_value_t)]
+    pub protocol: ProtocolChoice,
+    /// Do not ask.
+    #[arg(long)]
+    pub yes: bool,
+}
+
+/// Changes the id and reads it back.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let consent = Consent::from_flag(args.yes);
+    let ids = (args.old, args.new);
+    let done = set_id::set_id(&args.port, ids, args.baud, args.protocol, consent)?;
+    say!("{done}");
+    Ok(ExitCode::SUCCESS)
+}

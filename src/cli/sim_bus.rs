@@ -1,0 +1,66 @@
+//! `servodance sim-bus`.
+
+use super::robot_choice::RobotChoice;
+use super::stop_signal;
+use anyhow::Context;
+use servodance_runtime::bus_tools::serve;
+use servodance_runtime::console::{say, tell};
+use servodance_runtime::sim_link::LinkChoice;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance sim-bus --robot op3
+      the first line is the serial port to open; Ctrl-C or SIGTERM ends it
+  servodance sim-bus --robot my-can-robot.toml --link udp
+      motors on CAN for python-can's udp_multicast; the first line is GROUP:PORT
+  servodance sim-bus --robot op3 --fault '3s l_knee reboot' --fault '8s wire corrupt 0.01'
+      things go wrong by script
+  servodance dance --bus serial:/dev/pts/7
+      dance on it from another terminal, as on real servos";
+
+/// What `sim-bus` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Which robot.
+    #[command(flatten)]
+    pub robot: RobotChoice,
+    /// What other programs open: a serial port (pty), a serial CAN adapter (slcan), a
+    /// socket in place of either (unix) or multicast (udp); pty or slcan if left out,
+    /// as the robot's bus needs.
+    #[arg(long, value_enum)]
+    pub link: Option<LinkChoice>,
+    /// Give the gears the play that their vendor states (15 arc minutes for XM430, XM540
+    /// and XH540; none for the others).
+    #[arg(long)]
+    pub backlash: bool,
+    /// Something that goes wrong: TIME JOINT|wire|adapter WHAT VALUE (some have none), such as
+    /// "3s l_knee dead" or "5s wire corrupt 0.01"; may be given again.
+    #[arg(long, value_name = "FAULT")]
+    pub fault: Vec<String>,
+    /// A file with a fault on each line.
+    #[arg(long, value_name = "FILE")]
+    pub faults: Option<PathBuf>,
+}
+
+/// Serves until stopped.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let robot = args.robot.load()?;
+    let mut faults = args.fault.join("\n");
+    if let Some(file) = &args.faults {
+        let text = std::fs::read_to_string(file)
+            .with_context(|| format!("cannot read faults {}", file.display()))?;
+        faults = format!("{faults}\n{text}");
+    }
+    let stop = stop_signal()?;
+    let serving = serve::Serving {
+        link: args.link,
+        faults: &faults,
+        backlash: args.backlash,
+    };
+    let served = serve::serve(&robot, serving, &stop, |port| say!("{port}"))?;
+    tell!("{served}");
+    Ok(ExitCode::SUCCESS)
+}

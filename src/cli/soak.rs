@@ -1,0 +1,108 @@
+//! `servodance soak`.
+
+use super::robot_choice::RobotChoice;
+use super::{INTERRUPTED, stop_signal};
+use anyhow::bail;
+use servodance_lab::soak::{Music, Soak};
+use servodance_model::net::EngineOptions;
+use servodance_runtime::console::{say, tell};
+use servodance_runtime::dance::open_generator;
+use servodance_runtime::output::{PendingFile, write_whole};
+use servodance_runtime::progress::Progress;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance soak
+      an hour of music on the built-in humanoid, in simulated time
+  servodance soak --minutes 480 --robot my-robot.toml --report soak.json
+      a night on your robot's simulated servos
+  servodance soak a.ogg b.mp3 --piece 180
+      the first three minutes of your recordings, in turn";
+
+/// What `soak` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Recordings to dance to; music, noise and silence are made if left out.
+    #[arg(value_name = "AUDIO")]
+    pub audio: Vec<PathBuf>,
+
+    /// Minutes of music.
+    #[arg(long, default_value_t = 60.0, value_name = "MINUTES")]
+    pub minutes: f64,
+
+    /// Seconds of music of one dance.
+    #[arg(long, default_value_t = 120.0, value_name = "SECONDS")]
+    pub piece: f64,
+
+    /// Seconds between two faults, on average.
+    #[arg(long, default_value_t = 40.0, value_name = "SECONDS")]
+    pub fault_every: f64,
+
+    /// Whose servos are simulated.
+    #[command(flatten)]
+    pub robot: RobotChoice,
+
+    /// Weights to use in place of the built-in ones.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub model: Option<PathBuf>,
+
+    /// The same seed meets the same faults.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+
+    /// Write all figures as JSON.
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+
+    /// Show no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Soaks; fails if anything was as it must not be.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    for (option, value, range) in [
+        ("--minutes", args.minutes, 0.1..=100_000.0),
+        ("--piece", args.piece, 5.0..=3600.0),
+        ("--fault-every", args.fault_every, 0.1..=1e6),
+    ] {
+        if !range.contains(&value) {
+            bail!(
+                "{option} {value} is outside {} to {}",
+                range.start(),
+                range.end()
+            );
+        }
+    }
+    let report = args.report.as_deref().map(PendingFile::create);
+    drop(report.transpose()?); // only to learn early whether it can be written
+    let soak = Soak {
+        robot: args.robot.load()?,
+        music: Music::new(args.audio, args.piece, args.seed),
+        piece_s: args.piece,
+        total_s: args.minutes * 60.0,
+        fault_every_s: args.fault_every,
+        seed: args.seed,
+    };
+    let generator = open_generator(args.model.as_deref(), EngineOptions::default())?;
+    let stop = stop_signal()?;
+    let progress = Progress::new(Some(soak.total_s), args.quiet);
+    let summary = soak.run(&generator, &stop, |music_s| progress.at(music_s))?;
+    progress.done();
+    if let Some(path) = &args.report {
+        let text = serde_json::to_string_pretty(&summary)? + "\n";
+        write_whole(path, text.as_bytes())?;
+    }
+    say!("{}", summary.line());
+    for objection in &summary.objections {
+        tell!("{objection}");
+    }
+    Ok(match (summary.passed, summary.interrupted) {
+        (false, _) => ExitCode::FAILURE,
+        (true, true) => ExitCode::from(INTERRUPTED),
+        (true, false) => ExitCode::SUCCESS,
+    })
+}

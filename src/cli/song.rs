@@ -1,0 +1,27 @@
+//! `servodance song`.
+
+use servodance_runtime::console::say;
+use servodance_runtime::song::write_demo;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance song --out song.wav && servodance dance song.wav
+      the same dance as without a recording; a player can play the song to it";
+
+/// What `song` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// The file to write.
+    #[arg(long, default_value = "servodance-song.wav", value_name = "FILE.wav")]
+    pub out: PathBuf,
+}
+
+/// Writes the built-in song and prints where.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    write_demo(&args.out)?;
+    say!("{}", args.out.display());
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,156 @@
+//! `servodance train`: vqvae, motionseq.
+
+use super::{INTERRUPTED, stop_signal};
+use clap::Subcommand;
+use servodance_runtime::console::{say, tell};
+use servodance_training::runs::{End, Outcome, Request, train};
+use servodance_training::train::StageKind;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance dataset build data.safetensors --motion data --songs 4 --choreography 90
+  servodance train vqvae --config train.toml       motion to codes and back
+  servodance train motionseq --config train.toml   codes from music
+  servodance generate song.ogg --model runs/live/motionseq/weights.safetensors --out dance.npz
+  servodance train motionseq --config train.toml --resume   after Ctrl-C
+
+train.toml, every key of which is in docs/training.md:
+  preset = \"live\"              # live, paper or tiny
+  data = \"data.safetensors\"
+  out = \"runs/live\"            # seen from the folder of this file
+  [vqvae]
+  steps = 4000
+  [motionseq]
+  steps = 5000
+  batch = 16
+
+In OUT/vqvae and OUT/motionseq: last.safetensors (to go on from),
+weights.safetensors (of the best line so far), curves.csv, curves.png.";
+
+/// Learns weights.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Which stage.
+    #[command(subcommand)]
+    pub stage: Stage,
+}
+
+/// The stages.
+#[derive(Debug, Subcommand)]
+pub enum Stage {
+    /// Stage 1, the VQ-VAE: motion to one code a body part and frame, and back.
+    #[command(after_help = EXAMPLES)]
+    Vqvae(StageArgs),
+    /// Stage 2, MotionSeq: the next codes from the codes before and the music.
+    #[command(after_help = EXAMPLES)]
+    Motionseq(SeqArgs),
+}
+
+/// What `train motionseq` is asked for.
+#[derive(Debug, clap::Args)]
+pub struct SeqArgs {
+    /// The weights of stage 1; OUT/vqvae/weights.safetensors if left out.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub stage_one: Option<PathBuf>,
+    /// What both stages take.
+    #[command(flatten)]
+    pub run: StageArgs,
+}
+
+/// What both stages are asked for.
+#[derive(Debug, clap::Args)]
+pub struct StageArgs {
+    /// The settings.
+    #[arg(long, value_name = "FILE.toml")]
+    pub config: PathBuf,
+    /// The training file, in place of that in the settings.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub data: Option<PathBuf>,
+    /// The folder to write to, in place of that in the settings.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Everything random follows from it.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Threads to work with; they change no number.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Stop when so many steps are taken, to go on later.
+    #[arg(long, value_name = "STEP")]
+    pub until: Option<u64>,
+    /// Go on from the checkpoint in the folder, to the same bytes as if it had
+    /// never been stopped.
+    #[arg(long)]
+    pub resume: bool,
+    /// Print only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Trains and says where the files are.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    let (stage, stage_one, args) = match args.stage {
+        Stage::Vqvae(args) => (StageKind::VqVae, None, args),
+        Stage::Motionseq(args) => (StageKind::MotionSeq, args.stage_one, args.run),
+    };
+    let request = Request {
+        stage,
+        config: args.config,
+        data: args.data,
+        out: args.out,
+        stage_one,
+        seed: args.seed,
+        threads: args.threads,
+        until: args.until,
+        resume: args.resume,
+        quiet: args.quiet,
+    };
+    let stop = stop_signal()?;
+    let outcome = train(&request, &stop)?;
+    if outcome.end == End::Stopped {
+        tell!("stopped at {}", goes_on(&outcome, &request));
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    if !request.quiet {
+        say!("{}", told(&outcome, &request));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn told(outcome: &Outcome, request: &Request) -> String {
+    let weights = outcome.folder.join("weights.safetensors");
+    let weights = weights.display();
+    match outcome.end {
+        End::Until => format!("paused at {}", goes_on(outcome, request)),
+        End::Early => format!(
+            "{weights}: no improvement any more after {} steps",
+            outcome.steps
+        ),
+        _ => format!("{weights}: {} steps", outcome.steps),
+    }
+}
+
+fn goes_on(outcome: &Outcome, request: &Request) -> String {
+    let mut command = format!(
+        "servodance train {} --config {}",
+        request.stage.name(),
+        request.config.display()
+    );
+    let given = [
+        ("data", &request.data),
+        ("out", &request.out),
+        ("stage-one", &request.stage_one),
+    ];
+    for (name, path) in given {
+        if let Some(path) = path {
+            command += &format!(" --{name} {}", path.display());
+        }
+    }
+    if let Some(seed) = request.seed {
+        command += &format!(" --seed {seed}");
+    }
+    format!("step {}; to go on: {command} --resume", outcome.steps)
+}

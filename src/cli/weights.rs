@@ -1,0 +1,107 @@
+//! `servodance weights`.
+
+use servodance_model::net::Dtype;
+use servodance_runtime::console::say;
+use servodance_runtime::output::write_whole;
+use servodance_training::weights_file::{self, Info};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  servodance weights info
+      what the built-in weights are
+  servodance weights convert mine.safetensors --dtype q8_0 --out small.safetensors
+      the same with 8 bits a weight; use it by --model
+  servodance weights compare small.safetensors --data data.safetensors
+      what that costs, on held-out motion";
+
+/// What `weights` is asked for.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub what: What,
+}
+
+/// What can be done with a weights file.
+#[derive(Debug, clap::Subcommand)]
+pub enum What {
+    /// Check every tensor and say what the file holds.
+    Info {
+        /// The file; the built-in weights if left out.
+        #[arg(value_name = "FILE.safetensors")]
+        file: Option<PathBuf>,
+        /// Refuse any other preset.
+        #[arg(long, value_name = "NAME")]
+        preset: Option<String>,
+        /// Print one JSON object.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Write the weights in another number format.
+    Convert {
+        /// The file to read.
+        #[arg(value_name = "FILE.safetensors")]
+        file: PathBuf,
+        /// f32, f16, q8_0, q6 or q4_0.
+        #[arg(long, value_name = "FORMAT")]
+        dtype: Dtype,
+        /// The file to write.
+        #[arg(long, value_name = "FILE.safetensors")]
+        out: PathBuf,
+    },
+    /// Score each number format on held-out motion: error of stage 1,
+    /// likelihood of stage 2.
+    Compare {
+        /// The file; the built-in weights if left out.
+        #[arg(value_name = "FILE.safetensors")]
+        file: Option<PathBuf>,
+        /// A training file with held-out dance (`servodance dataset build`).
+        #[arg(long, value_name = "FILE.safetensors")]
+        data: PathBuf,
+        /// Most clips of each kind.
+        #[arg(long, default_value_t = 24, value_name = "N")]
+        clips: usize,
+        /// Print one JSON array.
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+/// Does it.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    match args.what {
+        What::Info { file, preset, json } => {
+            let info = Info::of(file.as_deref(), preset.as_deref())?;
+            match json {
+                true => say!("{}", serde_json::to_string(&info)?),
+                false => say!("{info}"),
+            }
+        }
+        What::Convert { file, dtype, out } => {
+            let bytes = servodance_model::net::convert_file(&file, dtype)?;
+            write_whole(&out, &bytes)?;
+            say!(
+                "{}: {dtype}, {:.1} MB",
+                out.display(),
+                bytes.len() as f64 / 1e6
+            );
+        }
+        What::Compare {
+            file,
+            data,
+            clips,
+            json,
+        } => {
+            let rows = weights_file::compare(file.as_deref(), &data, clips)?;
+            if json {
+                say!("{}", serde_json::to_string(&rows)?);
+            } else {
+                rows.iter().for_each(|row| say!("{row}"));
+            }
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}

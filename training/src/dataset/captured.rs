@@ -1,0 +1,170 @@
+//! Captured motion: one skeleton, mirrored copies, its own music or some where
+//! there is a beat.
+
+use std::path::Path;
+
+use crate::motion::corpus::CorpusClip;
+use crate::motion::index::{self, Entry};
+use crate::motion::tempo::{self, KinematicTempo};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use servodance_model::conditioning::Latent;
+use servodance_model::motion::{Clip, encode};
+use servodance_types::FRAME_RATE_HZ;
+
+use super::sources::terms;
+use super::{DatasetError, Options, Summary, music};
+
+/// Music is rendered where the beats meet the motion this well (F1).
+const USABLE_F1: f64 = 0.6;
+/// The music plays this long before the motion begins, so that the listener
+/// has found the beat, as a dancer who joins in has.
+const PRE_ROLL_FRAMES: usize = 160;
+
+pub(super) fn collect(
+    folder: &Path,
+    options: &Options,
+    clips: &mut Vec<CorpusClip>,
+    summary: &mut Summary,
+    on_progress: &dyn Fn(f64),
+) -> Result<(), DatasetError> {
+    let entries = index::read(folder)?;
+    let count = entries.len() as f64;
+    for (number, entry) in entries.into_iter().enumerate() {
+        on_progress(number as f64 / count);
+        let own = match entry.music {
+            true => Clip::read_music(&entry.path(folder))?,
+            false => None,
+        };
+        let own_latents = match own.is_some() && options.encodec.is_some() {
+            true => Some(own_latents(&entry, folder)?),
+            false => None,
+        };
+        let original = match Clip::read_npz(entry.path(folder)) {
+            Ok(clip) => clip,
+            Err(error) => {
+                summary.left_out.push(error.to_string());
+                continue;
+            }
+        };
+        let normal = original.normalised();
+        let tempo = (entry.dance && own.is_none())
+            .then(|| tempo::estimate(&normal))
+            .flatten()
+            .filter(|tempo| tempo.f1 >= USABLE_F1);
+        if entry.dance {
+            summary.captured_dance_minutes += entry.minutes;
+        }
+        if tempo.is_some() {
+            summary.captured_dance_with_beat_minutes += entry.minutes;
+        }
+        summary.terms.insert(
+            entry.source.clone(),
+            terms(&entry.source, &entry.licence).to_owned(),
+        );
+        let copies = [(original.clone(), false), (original.mirrored(), true)];
+        for (clip, mirrored) in copies {
+            let mut plain = without_music(&entry, &clip, mirrored);
+            if let Some(music) = &own {
+                plain.motion.truncate(music.len());
+                plain.music = Some(music[..plain.motion.len()].to_vec());
+                let rows = own_latents.as_ref();
+                plain.latents =
+                    rows.map(|rows| rows[..plain.motion.len().min(rows.len())].to_vec());
+            }
+            clips.push(plain);
+            if let Some(tempo) = &tempo {
+                with_music(&entry, &clip, mirrored, tempo, options, clips)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What Encodec hears of a clip's own music.
+fn own_latents(entry: &Entry, folder: &Path) -> Result<Vec<Latent>, DatasetError> {
+    Clip::read_latents(&entry.path(folder))?.ok_or_else(|| {
+        let reason = "its file has music without `encodec`; import it again with --music-features encodec128";
+        music::music_error(&entry.name, &reason)
+    })
+}
+
+fn without_music(entry: &Entry, clip: &Clip, mirrored: bool) -> CorpusClip {
+    let suffix = if mirrored { "#mirrored" } else { "" };
+    CorpusClip {
+        name: format!("{}{suffix}", entry.name),
+        motion: encode(&clip.normalised().poses),
+        music: None,
+        latents: None,
+        style: entry.style(),
+        split: entry.split,
+        dance: entry.dance,
+        synthetic: false,
+        variant: mirrored.into(),
+    }
+}
+
+/// The clip, its beats on a steady grid, with several songs on that grid. The
+/// first song has the clip's own tempo, the others up to 15 % more or less.
+fn with_music(
+    entry: &Entry,
+    clip: &Clip,
+    mirrored: bool,
+    tempo: &KinematicTempo,
+    options: &Options,
+    clips: &mut Vec<CorpusClip>,
+) -> Result<(), DatasetError> {
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed ^ name_seed(&entry.name));
+    let smooth = Clip {
+        fps: FRAME_RATE_HZ,
+        ..clip.normalised()
+    };
+    for song in 0..options.songs_per_clip {
+        let stretch = if song == 0 {
+            1.0
+        } else {
+            rng.random_range(0.87..1.15)
+        };
+        let (warped, grid) = tempo::onto_grid(&smooth, tempo, tempo.period_s * stretch);
+        let motion = encode(&warped.normalised().poses);
+        let pre_roll_s = PRE_ROLL_FRAMES as f64 / FRAME_RATE_HZ;
+        let beats: Vec<f64> = grid.iter().map(|beat| beat + pre_roll_s).collect();
+        let suffix = if mirrored { "mirrored, " } else { "" };
+        let name = format!("{}#{suffix}song {song}", entry.name);
+        let duration_s = (PRE_ROLL_FRAMES + motion.len() + 4) as f64 / FRAME_RATE_HZ;
+        let (mut heard, mut last) = (Vec::new(), None);
+        for _ in 0..music::ATTEMPTS {
+            let sounding = music::on_beats(&name, &beats, duration_s, rng.random())?;
+            let sounding = last.insert(sounding);
+            let (samples, rate) = (&sounding.samples, sounding.sample_rate_hz);
+            heard = music::hear(&name, samples, rate, PRE_ROLL_FRAMES, motion.len())?;
+            if music::followed(&heard, &grid) > music::FOLLOWED {
+                break;
+            }
+        }
+        let encodec = options.encodec.as_ref();
+        let latents = match &last {
+            Some(song) => music::latents(&name, song, PRE_ROLL_FRAMES, motion.len(), encodec)?,
+            None => None,
+        };
+        clips.push(CorpusClip {
+            name,
+            motion,
+            music: Some(heard),
+            latents,
+            style: entry.style(),
+            split: entry.split,
+            dance: true,
+            synthetic: false,
+            variant: (mirrored || song > 0).into(),
+        });
+    }
+    Ok(())
+}
+
+/// A number that depends on a name alone (FNV-1a).
+fn name_seed(name: &str) -> u64 {
+    name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
+    })
+}

@@ -1,0 +1,190 @@
+//! Held-out dance with its music: what the generator is compared with.
+
+use super::Request;
+use crate::dataset;
+use crate::motion::corpus::{self, CorpusClip};
+use crate::motion::index::{STYLES, Split};
+use anyhow::bail;
+use servodance_model::conditioning::{ENCODEC_RATE_HZ, Encodec, HeardFrame, Latent, MusicKind};
+use servodance_model::motion::{Pose, decode};
+use servodance_runtime::hearing;
+use servodance_types::{Beat, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
+
+/// A choreography seed that no training file is made with.
+const FRESH_SEED: u64 = 770_077;
+/// Beats that the tracker is less sure of do not count.
+const SURE: f32 = 0.5;
+
+/// A clip that the generator has not seen.
+pub struct HeldOut {
+    /// The style of the dance.
+    pub style: String,
+    /// What a dancer did.
+    pub poses: Vec<Pose>,
+    /// What the generator hears.
+    pub music: Vec<HeardFrame>,
+    /// Where the tracker found beats, seconds.
+    pub beats_s: Vec<f64>,
+}
+
+/// What there is to compare with.
+pub struct Reference {
+    /// Music to dance to, and what a dancer did to it.
+    pub held: Vec<HeldOut>,
+    /// All held-out dance, whole, with and without music; no copies.
+    pub real: Vec<Vec<Pose>>,
+}
+
+impl Reference {
+    /// The test clips of the training file, or fresh choreography, with music
+    /// as this kind of features.
+    pub fn open(
+        request: &Request,
+        kind: MusicKind,
+        encodec: Option<&Encodec>,
+    ) -> anyhow::Result<Self> {
+        let mut clips = match &request.data {
+            Some(path) => corpus::read(path)?,
+            None => choreography(request, encodec)?,
+        };
+        let fresh = request.data.is_none();
+        clips.retain(|clip| clip.dance && (fresh || clip.split == Split::Test));
+        let frames = (request.seconds * FRAME_RATE_HZ) as usize;
+        let held: Vec<HeldOut> = clips
+            .iter()
+            .filter_map(|clip| excerpt(clip, frames))
+            .collect();
+        let deaf = |clip: &HeldOut| clip.music.iter().any(|heard| heard.latent.is_none());
+        if kind == MusicKind::Encodec128 && held.iter().any(deaf) {
+            bail!(
+                "--data: the weights hear encodec128, the file has no such latents: build it with \
+                 `servodance dataset build --music-features encodec128`"
+            );
+        }
+        if held.len() < 2 {
+            bail!(
+                "the reference has {} held-out clips of dance with music of {} s, at least 2 are needed",
+                held.len(),
+                request.seconds
+            );
+        }
+        let originals = clips.iter().filter(|clip| clip.variant == 0);
+        let real = originals.map(|clip| decode(&clip.motion)).collect();
+        Ok(Self { held, real })
+    }
+}
+
+fn choreography(request: &Request, encodec: Option<&Encodec>) -> anyhow::Result<Vec<CorpusClip>> {
+    let file = tempfile::NamedTempFile::new()?;
+    let options = dataset::Options {
+        motion: None,
+        out: file.path().to_owned(),
+        songs_per_clip: 1,
+        choreography_minutes: request.clips as f64,
+        seed: FRESH_SEED,
+        encodec: encodec.cloned(),
+    };
+    dataset::build(&options, &|_| {})?;
+    Ok(corpus::read(file.path())?)
+}
+
+/// The middle of a clip, if it is long enough and has a beat.
+fn excerpt(clip: &CorpusClip, frames: usize) -> Option<HeldOut> {
+    let from = clip.motion.len().checked_sub(frames)? / 2;
+    let rows = from..from + frames;
+    let heard = clip.music.as_ref()?[rows.clone()].iter().enumerate();
+    let music: Vec<HeardFrame> = heard
+        .map(|(i, vector)| HeardFrame {
+            frame: MusicFrame::from_vector(vector, i as f64 / FRAME_RATE_HZ),
+            latent: clip.latents.as_ref().map(|latents| latents[rows.start + i]),
+        })
+        .collect();
+    let beats_s = beats_s(&music);
+    (beats_s.len() >= 4).then(|| HeldOut {
+        style: STYLES[clip.style].to_owned(),
+        poses: decode(&clip.motion[rows]),
+        music,
+        beats_s,
+    })
+}
+
+/// The moments at which the tracked phase passes zero, seconds.
+fn beats_s(music: &[HeardFrame]) -> Vec<f64> {
+    let sure = |pair: &&[HeardFrame]| pair.iter().all(|heard| heard.frame.beat.confidence > SURE);
+    let passes = music.windows(2).filter(sure).filter_map(|pair| {
+        let [a, b] = [0, 1].map(|k| f64::from(pair[k].frame.beat.phase));
+        (a > 0.5 && b < 0.5)
+            .then(|| pair[0].frame.time_s + (1.0 - a) / (1.0 - a + b).max(1e-6) / FRAME_RATE_HZ)
+    });
+    passes.collect()
+}
+
+/// The moments halfway between two beats.
+pub fn between(beats_s: &[f64]) -> Vec<f64> {
+    beats_s.windows(2).map(|b| (b[0] + b[1]) / 2.0).collect()
+}
+
+/// What is heard where nothing sounds.
+pub struct Silence {
+    /// What Encodec hears of it, from its beginning.
+    latents: Option<Vec<Latent>>,
+}
+
+impl Silence {
+    /// So many frames of it.
+    pub fn new(encodec: Option<&Encodec>, frames: usize) -> anyhow::Result<Self> {
+        let nothing = vec![0.0; frames * (f64::from(ENCODEC_RATE_HZ) / FRAME_RATE_HZ) as usize];
+        let heard = encodec.map(|encodec| hearing::latents(encodec, &nothing, ENCODEC_RATE_HZ));
+        Ok(Self {
+            latents: heard.transpose()?,
+        })
+    }
+
+    /// The same moments without a sound: the features of digital silence (the
+    /// first cepstral coefficient is the level, at its lowest).
+    pub fn in_place_of(&self, music: &[HeardFrame]) -> Vec<HeardFrame> {
+        let mut spectral = [0.0; SPECTRAL_DIM];
+        spectral[1] = -2.0;
+        let silent = |(i, heard): (usize, &HeardFrame)| HeardFrame {
+            frame: MusicFrame {
+                time_s: heard.frame.time_s,
+                spectral,
+                beat: Beat::default(),
+                presence: 0.0,
+            },
+            latent: self.latents.as_ref().map(|latents| latents[i]),
+        };
+        music.iter().enumerate().map(silent).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn beats_are_where_the_phase_passes_zero() {
+        let music: Vec<HeardFrame> = (0..60)
+            .map(|i| {
+                let time_s = f64::from(i) / FRAME_RATE_HZ;
+                MusicFrame {
+                    time_s,
+                    beat: Beat {
+                        phase: ((time_s - 0.23) / 0.5).rem_euclid(1.0) as f32,
+                        tempo_bpm: 120.0,
+                        confidence: if i < 40 { 1.0 } else { 0.2 },
+                        ..Beat::default()
+                    },
+                    ..MusicFrame::default()
+                }
+            })
+            .map(HeardFrame::from)
+            .collect();
+        let found = beats_s(&music);
+        assert_eq!(found.len(), 4, "{found:?}");
+        for (found, wanted) in found.iter().zip([0.23, 0.73, 1.23, 1.73]) {
+            assert!((found - wanted).abs() < 1e-6, "{found}");
+        }
+        assert!((between(&found)[0] - 0.48).abs() < 1e-6);
+    }
+}

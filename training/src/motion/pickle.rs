@@ -1,0 +1,417 @@
+//! Reads numbers and numpy arrays out of a Python pickle; runs nothing of it.
+//!
+//! Only what dictionaries of arrays are made of has a meaning here; any other
+//! object is passed over. Arrays of f32 and f64, little-endian, C order.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
+
+use servodance_model::motion::numpy::Array;
+
+/// Deepest tuple or list that is looked into.
+const MOST_STACK: usize = 100_000;
+
+#[derive(Clone, Debug)]
+enum Value {
+    Int(i64),
+    Float(f64),
+    Text(Rc<str>),
+    Bytes(Rc<[u8]>),
+    Tuple(Rc<[Value]>),
+    Dict(Rc<RefCell<Vec<(Value, Value)>>>),
+    Global(Rc<str>),
+    /// Size of an item in bytes; big-endian or not of numbers: 0.
+    Dtype(Rc<RefCell<usize>>),
+    Array(Rc<RefCell<Array>>),
+    Other,
+}
+
+/// The arrays and numbers of the dictionary that a pickle holds, by key.
+///
+/// # Errors
+/// What of the pickle cannot be read.
+pub(super) fn arrays(bytes: &[u8]) -> Result<HashMap<String, Array>, String> {
+    let mut machine = Machine {
+        rest: bytes,
+        stack: Vec::new(),
+        marks: Vec::new(),
+        memo: HashMap::new(),
+    };
+    let Value::Dict(items) = machine.run()? else {
+        return Err("the pickle holds no dictionary".into());
+    };
+    let mut out = HashMap::new();
+    for (key, value) in items.borrow().iter() {
+        let Value::Text(key) = key else {
+            continue;
+        };
+        let number = |value: f64| Array {
+            shape: Vec::new(),
+            values: vec![value],
+        };
+        let array = match value {
+            Value::Array(array) => array.borrow().clone(),
+            Value::Int(value) => number(*value as f64),
+            Value::Float(value) => number(*value),
+            _ => continue,
+        };
+        out.insert(key.to_string(), array);
+    }
+    Ok(out)
+}
+
+struct Machine<'a> {
+    rest: &'a [u8],
+    stack: Vec<Value>,
+    marks: Vec<usize>,
+    memo: HashMap<usize, Value>,
+}
+
+impl<'a> Machine<'a> {
+    fn run(&mut self) -> Result<Value, String> {
+        loop {
+            let [code] = *self.take(1)?.first_chunk::<1>().ok_or("no code")?;
+            if code == b'.' {
+                return self.pop();
+            }
+            self.step(code)?;
+            if self.stack.len() > MOST_STACK || self.marks.len() > MOST_STACK {
+                return Err("the pickle is nested too deep".into());
+            }
+        }
+    }
+
+    fn step(&mut self, code: u8) -> Result<(), String> {
+        match code {
+            0x80 => drop(self.take(1)?),
+            0x95 => drop(self.take(8)?),
+            b'(' => self.marks.push(self.stack.len()),
+            b'0' => drop(self.pop()?),
+            b'}' => self.push(Value::Dict(Rc::default())),
+            b']' | b'N' | 0x88 | 0x89 => self.push(Value::Other),
+            b')' => self.push(Value::Tuple(Rc::from([]))),
+            0x94 => self.remember(self.memo.len())?,
+            b'q' => {
+                let at = self.length(1)?;
+                self.remember(at)?;
+            }
+            b'r' => {
+                let at = self.length(4)?;
+                self.remember(at)?;
+            }
+            b'h' => {
+                let at = self.length(1)?;
+                self.recall(at)?;
+            }
+            b'j' => {
+                let at = self.length(4)?;
+                self.recall(at)?;
+            }
+            b'X' | b'T' => self.text(4)?,
+            0x8c | b'U' => self.text(1)?,
+            0x8d => self.text(8)?,
+            b'B' => self.bytes(4)?,
+            b'C' => self.bytes(1)?,
+            0x8e | 0x96 => self.bytes(8)?,
+            b'J' | b'K' | b'M' | 0x8a => self.int(code)?,
+            b'G' => {
+                let bytes = self.take(8)?.first_chunk::<8>().ok_or("short")?;
+                self.push(Value::Float(f64::from_be_bytes(*bytes)));
+            }
+            b'c' => {
+                let (module, name) = (self.line()?, self.line()?);
+                self.push(Value::Global(format!("{module} {name}").into()));
+            }
+            0x93 => {
+                let (name, module) = (self.pop()?, self.pop()?);
+                let global = match (module, name) {
+                    (Value::Text(module), Value::Text(name)) => format!("{module} {name}").into(),
+                    _ => "".into(),
+                };
+                self.push(Value::Global(global));
+            }
+            0x85..=0x87 => {
+                let at = self.stack.len().checked_sub(usize::from(code - 0x84));
+                self.tuple(at.ok_or("an empty stack")?);
+            }
+            b't' => {
+                let at = self.mark()?;
+                self.tuple(at);
+            }
+            b'R' | 0x81 => {
+                let (arguments, function) = (self.pop()?, self.pop()?);
+                let made = reduce(&function, &arguments)?;
+                self.push(made);
+            }
+            b'b' => {
+                let state = self.pop()?;
+                build(self.stack.last().ok_or("an empty stack")?, &state)?;
+            }
+            b's' => {
+                let (value, key) = (self.pop()?, self.pop()?);
+                self.set(vec![key, value])?;
+            }
+            b'u' => {
+                let at = self.mark()?;
+                let items = self.stack.split_off(at.min(self.stack.len()));
+                self.set(items)?;
+            }
+            b'a' => drop(self.pop()?),
+            b'e' => {
+                let at = self.mark()?;
+                self.stack.truncate(at);
+            }
+            other => return Err(format!("pickle code {other:#04x} is not known here")),
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
+        if count > self.rest.len() {
+            return Err("the pickle ends too soon".into());
+        }
+        let (taken, rest) = self.rest.split_at(count);
+        self.rest = rest;
+        Ok(taken)
+    }
+
+    /// A little-endian length of so many bytes.
+    fn length(&mut self, bytes: usize) -> Result<usize, String> {
+        let mut wide = [0; 8];
+        wide[..bytes].copy_from_slice(self.take(bytes)?);
+        usize::try_from(u64::from_le_bytes(wide)).map_err(|_| "a length is too large".into())
+    }
+
+    fn line(&mut self) -> Result<String, String> {
+        let end = self
+            .rest
+            .iter()
+            .position(|b| *b == b'\n')
+            .ok_or("a line does not end")?;
+        let line = self.take(end + 1)?;
+        Ok(String::from_utf8_lossy(&line[..end]).into_owned())
+    }
+
+    fn text(&mut self, bytes: usize) -> Result<(), String> {
+        let length = self.length(bytes)?;
+        let text = self.take(length)?;
+        match std::str::from_utf8(text) {
+            Ok(text) => self.push(Value::Text(text.into())),
+            // Python 2 wrote bytes as text.
+            Err(_) => self.push(Value::Bytes(text.into())),
+        }
+        Ok(())
+    }
+
+    fn bytes(&mut self, bytes: usize) -> Result<(), String> {
+        let length = self.length(bytes)?;
+        let taken = self.take(length)?;
+        self.push(Value::Bytes(taken.into()));
+        Ok(())
+    }
+
+    fn int(&mut self, code: u8) -> Result<(), String> {
+        let count = match code {
+            b'J' => 4,
+            b'M' => 2,
+            b'K' => 1,
+            _ => self.length(1)?,
+        };
+        if count > 8 {
+            return Err("a whole number is too large".into());
+        }
+        let bytes = self.take(count)?;
+        let negative = matches!(code, b'J' | 0x8a) && bytes.last().is_some_and(|b| *b >= 0x80);
+        let mut wide = if negative { [0xff; 8] } else { [0; 8] };
+        wide[..count].copy_from_slice(bytes);
+        self.push(Value::Int(i64::from_le_bytes(wide)));
+        Ok(())
+    }
+
+    fn push(&mut self, value: Value) {
+        self.stack.push(value);
+    }
+
+    fn pop(&mut self) -> Result<Value, String> {
+        self.stack.pop().ok_or_else(|| "an empty stack".into())
+    }
+
+    fn mark(&mut self) -> Result<usize, String> {
+        self.marks.pop().ok_or_else(|| "no mark".into())
+    }
+
+    fn tuple(&mut self, at: usize) {
+        let items = self.stack.split_off(at.min(self.stack.len()));
+        self.push(Value::Tuple(items.into()));
+    }
+
+    fn remember(&mut self, at: usize) -> Result<(), String> {
+        let value = self.stack.last().ok_or("an empty stack")?.clone();
+        self.memo.insert(at, value);
+        Ok(())
+    }
+
+    fn recall(&mut self, at: usize) -> Result<(), String> {
+        let value = self
+            .memo
+            .get(&at)
+            .ok_or("nothing is remembered there")?
+            .clone();
+        self.push(value);
+        Ok(())
+    }
+
+    fn set(&mut self, items: Vec<Value>) -> Result<(), String> {
+        let Some(Value::Dict(dict)) = self.stack.last() else {
+            return Ok(());
+        };
+        let mut items = items.into_iter();
+        while let (Some(key), Some(value)) = (items.next(), items.next()) {
+            // A dictionary in itself would never be freed, and holds no array.
+            if !matches!(value, Value::Dict(_)) {
+                dict.borrow_mut().push((key, value));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a call that makes arrays makes; `Other` for any other call.
+fn reduce(function: &Value, arguments: &Value) -> Result<Value, String> {
+    let (Value::Global(name), Value::Tuple(arguments)) = (function, arguments) else {
+        return Ok(Value::Other);
+    };
+    let name = name.rsplit(['.', ' ']).next().unwrap_or_default();
+    Ok(match (name, &arguments[..]) {
+        ("_reconstruct", _) => Value::Array(Rc::default()),
+        ("dtype", [Value::Text(kind), ..]) => {
+            let size = match &**kind {
+                "f4" | "<f4" | "float32" => 4,
+                "f8" | "<f8" | "float64" => 8,
+                _ => 0,
+            };
+            Value::Dtype(Rc::new(RefCell::new(size)))
+        }
+        ("encode", [Value::Text(text), ..]) => {
+            let bytes: Vec<u8> = text.chars().map(|c| c as u32 as u8).collect();
+            Value::Bytes(bytes.into())
+        }
+        (
+            "_frombuffer",
+            [
+                Value::Bytes(bytes),
+                Value::Dtype(size),
+                Value::Tuple(shape),
+                ..,
+            ],
+        ) => {
+            let array = array(bytes, *size.borrow(), shape)?;
+            Value::Array(Rc::new(RefCell::new(array)))
+        }
+        ("scalar", [Value::Dtype(size), Value::Bytes(bytes)]) => {
+            let array = array(bytes, *size.borrow(), &[])?;
+            Value::Array(Rc::new(RefCell::new(array)))
+        }
+        _ => Value::Other,
+    })
+}
+
+/// Gives an array or a type its state.
+fn build(object: &Value, state: &Value) -> Result<(), String> {
+    match (object, state) {
+        (Value::Array(made), Value::Tuple(state)) => {
+            if let [
+                _,
+                Value::Tuple(shape),
+                Value::Dtype(size),
+                _,
+                Value::Bytes(bytes),
+            ] = &state[..]
+            {
+                *made.borrow_mut() = array(bytes, *size.borrow(), shape)?;
+            } else if let [
+                _,
+                Value::Tuple(shape),
+                Value::Dtype(size),
+                _,
+                Value::Text(text),
+            ] = &state[..]
+            {
+                *made.borrow_mut() = array(text.as_bytes(), *size.borrow(), shape)?;
+            }
+        }
+        (Value::Dtype(size), Value::Tuple(state)) => {
+            if let [_, Value::Text(order), ..] = &state[..]
+                && &**order == ">"
+            {
+                *size.borrow_mut() = 0;
+            }
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+fn array(bytes: &[u8], item: usize, shape: &[Value]) -> Result<Array, String> {
+    if item == 0 {
+        // Of something else than numbers: not looked at.
+        return Ok(Array::default());
+    }
+    let sides: Option<Vec<usize>> = shape
+        .iter()
+        .map(|side| match side {
+            Value::Int(side) => usize::try_from(*side).ok(),
+            _ => None,
+        })
+        .collect();
+    let shape = sides.ok_or("an array has no shape")?;
+    let count = shape
+        .iter()
+        .try_fold(1_usize, |product, side| product.checked_mul(*side));
+    if count.and_then(|count| count.checked_mul(item)) != Some(bytes.len()) {
+        return Err(format!(
+            "an array of shape {shape:?} has {} bytes",
+            bytes.len()
+        ));
+    }
+    let values = match item {
+        4 => bytes
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|b| f32::from_le_bytes(*b).into())
+            .collect(),
+        _ => bytes
+            .as_chunks::<8>()
+            .0
+            .iter()
+            .map(|b| f64::from_le_bytes(*b))
+            .collect(),
+    };
+    Ok(Array { shape, values })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_bytes_make_it_panic(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+            let _ = arrays(&bytes);
+        }
+
+        #[test]
+        fn no_change_of_a_good_file_makes_it_panic(
+            at in any::<prop::sample::Index>(),
+            byte in any::<u8>(),
+        ) {
+            let mut bytes = include_bytes!("golden/aist.pkl").to_vec();
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+            let _ = arrays(&bytes);
+        }
+    }
+}

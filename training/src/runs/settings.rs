@@ -1,0 +1,38 @@
+//! The settings file: TOML. What is not known there is refused with its line.
+
+use super::Request;
+use crate::train::SettingsFile;
+use anyhow::{Context, anyhow, ensure};
+use std::path::{Path, PathBuf};
+
+/// Most threads that make sense.
+const MOST_THREADS: usize = 256;
+
+/// The file with what the request gives in its place. Paths in the file are
+/// seen from its folder.
+pub fn read(path: &Path, request: &Request) -> anyhow::Result<SettingsFile> {
+    let name = path.display();
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
+    let mut file: SettingsFile = toml::from_str(&text).map_err(|error| {
+        let line = error.span().map_or(1, |span| {
+            let before = &text.as_bytes()[..span.start.min(text.len())];
+            1 + before.iter().filter(|byte| **byte == b'\n').count()
+        });
+        anyhow!("{name}:{line}: {}", error.message().replace('\n', " "))
+    })?;
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let from_here = |path: &Option<PathBuf>| path.as_ref().map(|path| folder.join(path));
+    let given =
+        |here: &Option<PathBuf>, there: &Option<PathBuf>| here.clone().or_else(|| from_here(there));
+    file.data = given(&request.data, &file.data);
+    file.out = given(&request.out, &file.out);
+    file.stage_one = given(&request.stage_one, &file.stage_one);
+    file.seed = request.seed.or(file.seed);
+    file.threads = request.threads.or(file.threads);
+    let threads = file.threads.unwrap_or(1);
+    ensure!(
+        (1..=MOST_THREADS).contains(&threads),
+        "{name}: threads is {threads}, expected 1 to {MOST_THREADS}"
+    );
+    Ok(file)
+}

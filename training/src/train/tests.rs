@@ -1,0 +1,159 @@
+//! Both stages whole: against the networks that run, against the twin, against
+//! differences, and against themselves when stopped and continued. Here is what
+//! these tests share: both stages with the tiny weights, and batches for them.
+
+mod gradients;
+mod network;
+mod runs;
+mod twin;
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::codebook::Codebook;
+use super::data::tests::data;
+use super::motion_loss::MotionLoss;
+use super::motionseq::Inputs;
+use super::nll::IGNORED;
+use super::parameters::{Parameters, normal};
+use super::settings::{Settings, SettingsFile, StageKind};
+use super::stage1::{MotionBatch, VqStage};
+use super::stage2::{SeqBatch, SeqStage, StageOne};
+use super::tape::Batch;
+use super::tensors::{Numbers, Tensors, read};
+use super::{LossWeights, Preset, checkpoint};
+use servodance_model::motion::representation::POSE_DIM;
+use servodance_model::net::{Positions, SeqConfig, Weights};
+
+const TINY: &[u8] = include_bytes!("../../../model/src/net/golden/tiny.safetensors");
+const TOLERANCE: f32 = 1e-4;
+
+fn rng() -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(2)
+}
+
+fn settings(stage: StageKind, change: impl FnOnce(&mut SettingsFile)) -> Settings {
+    let mut file = SettingsFile {
+        preset: Preset::Tiny,
+        ..SettingsFile::default()
+    };
+    file.quantise.noise = 0.0;
+    change(&mut file);
+    file.resolve(stage).unwrap()
+}
+
+/// Stage 1 with the tiny weights.
+fn stage_one() -> VqStage {
+    let mut stage = VqStage::new(settings(StageKind::VqVae, |_| ()), data(), &mut rng()).unwrap();
+    let tiny = read(TINY, &["vq.", "norm."]).unwrap();
+    load(&mut stage.parameters, &tiny);
+    stage.books = ["lower", "upper"].map(|part| book(&tiny, part)).to_vec();
+    stage.ready = true;
+    let norm = |name: &str| floats(&tiny, &format!("norm.motion_{name}"));
+    let weights = LossWeights {
+        position: 0.5,
+        ..Default::default()
+    };
+    stage.loss = MotionLoss::new(norm("mean"), norm("std"), weights);
+    stage
+}
+
+fn book(tensors: &Tensors, part: &str) -> Codebook {
+    Codebook::new(floats(tensors, &format!("vq.codebook.{part}")), 8)
+}
+
+/// Stage 2 with the tiny weights, whose styles are two.
+fn stage_two(positions: Positions) -> SeqStage {
+    stage_two_of(TINY, |seq| seq.positions = positions)
+}
+
+/// The same with other weights and a change that makes the network theirs.
+fn stage_two_of(weights: &[u8], change: impl Fn(&mut SeqConfig)) -> SeqStage {
+    let stage_one = StageOne::open(TINY, "tiny").unwrap();
+    let mut settings = settings(StageKind::MotionSeq, |_| ());
+    let tiny = Weights::open(TINY, "tiny").unwrap();
+    settings.model.seq = tiny.config().seq.clone();
+    change(&mut settings.model.seq);
+    let (mut stage, _) = SeqStage::new(settings, data(), stage_one, &mut rng()).unwrap();
+    load(&mut stage.parameters, &read(weights, &["seq."]).unwrap());
+    stage
+}
+
+fn floats(tensors: &Tensors, name: &str) -> Vec<f32> {
+    match &tensors[name].1 {
+        Numbers::F32(values) => values.clone(),
+        other => panic!("{name}: {other:?}"),
+    }
+}
+
+fn codes(tensors: &Tensors, name: &str) -> Vec<u32> {
+    match &tensors[name].1 {
+        Numbers::I32(values) => values.iter().map(|v| *v as u32).collect(),
+        other => panic!("{name}: {other:?}"),
+    }
+}
+
+fn load(parameters: &mut Parameters, from: &Tensors) {
+    for parameter in parameters.iter_mut() {
+        let values = checkpoint::floats(from, &parameter.name, parameter.values.len());
+        parameter.values = values.unwrap();
+    }
+}
+
+fn check_same(what: &str, found: &[f32], expected: &[f32]) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    let largest = expected.iter().fold(0f32, |m, v| m.max(v.abs()));
+    for (i, (f, e)) in found.iter().zip(expected).enumerate() {
+        assert!(
+            (f - e).abs() <= TOLERANCE * largest.max(1.0),
+            "{what}, {i}: {f} and {e}"
+        );
+    }
+}
+
+fn noise(count: usize) -> Vec<f32> {
+    let mut rng = rng();
+    (0..count).map(|_| normal(&mut rng)).collect()
+}
+
+fn motion_batch(lengths: &[usize], length: usize) -> MotionBatch {
+    let stage = stage_one();
+    let batch = Batch {
+        length,
+        lengths: lengths.to_vec(),
+    };
+    let real = stage.loss.restored(&noise(batch.rows() * POSE_DIM));
+    MotionBatch { real, batch }
+}
+
+fn seq_batch(lengths: &[usize], length: usize) -> SeqBatch {
+    let mut rng = rng();
+    let batch = Batch {
+        length,
+        lengths: lengths.to_vec(),
+    };
+    let rows = batch.rows();
+    let mut some = || {
+        (0..rows)
+            .map(|_| rng.random_range(0..16))
+            .collect::<Vec<u32>>()
+    };
+    let chosen = vec![some(), some()];
+    let counted = |codes: &Vec<u32>| {
+        let real = |r: usize| r % length < lengths[r / length];
+        (0..rows)
+            .map(|r| if real(r) { codes[r] } else { IGNORED })
+            .collect()
+    };
+    SeqBatch {
+        targets: chosen.iter().map(counted).collect(),
+        inputs: Inputs {
+            previous: vec![some(), some()],
+            chosen,
+            music: noise(rows * 39),
+            has_music: (0..lengths.len()).map(|s| s != 1).collect(),
+            styles: (0..lengths.len() as u32).map(|s| s % 3).collect(),
+            batch,
+        },
+    }
+}

@@ -1,0 +1,176 @@
+//! Whole runs: stopped and continued, with threads, refused, ended, validated.
+
+use super::super::QuantiseSettings;
+use super::super::data::tests::data;
+use super::super::nll::IGNORED;
+use super::super::settings::{SettingsFile, StageKind};
+use super::super::stage2::{SeqBatch, SeqStage, StageOne};
+use super::super::trainer::Trainer;
+use super::{TINY, rng, settings};
+use servodance_model::net::{OneShotDecoder, OneShotSeq, VqEncoder, Weights};
+
+fn trainer(stage: StageKind, change: impl Fn(&mut SettingsFile)) -> Trainer {
+    let settings = settings(stage, |file| {
+        for part in [&mut file.vqvae, &mut file.motionseq] {
+            part.steps = Some(12);
+            part.report = Some(4);
+            part.dropout = Some(0.1);
+        }
+        file.quantise = QuantiseSettings {
+            free_steps: 4,
+            noise: 0.2,
+        };
+        change(file);
+    });
+    let stage_one = (stage == StageKind::MotionSeq).then(|| StageOne::open(TINY, "tiny").unwrap());
+    Trainer::new(settings, data(), stage_one).unwrap()
+}
+
+fn go(trainer: &mut Trainer, until: u64) {
+    while trainer.steps_taken() < until {
+        trainer.step().unwrap();
+        if trainer.line_is_due() {
+            trainer.line();
+        }
+    }
+}
+
+#[test]
+fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
+    for stage in [StageKind::VqVae, StageKind::MotionSeq] {
+        let mut straight = trainer(stage, |_| ());
+        go(&mut straight, 12);
+        for stop in [2, 4, 7] {
+            let mut first = trainer(stage, |_| ());
+            go(&mut first, stop);
+            let bytes = first.checkpoint();
+            let mut second = trainer(stage, |_| ());
+            second.resume(&bytes).unwrap();
+            assert_eq!(
+                second.checkpoint(),
+                bytes,
+                "{stage:?}: what was read is not what was written"
+            );
+            go(&mut second, 12);
+            assert!(
+                second.checkpoint() == straight.checkpoint(),
+                "{stage:?}, stopped at {stop}"
+            );
+            assert!(
+                second.weights() == straight.weights(),
+                "{stage:?}, stopped at {stop}"
+            );
+        }
+        // And it is no run that never changes.
+        let mut other = trainer(stage, |file| file.seed = Some(9));
+        go(&mut other, 12);
+        assert!(other.weights() != straight.weights());
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit_of_a_run() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| {
+            let mut trainer = trainer(StageKind::VqVae, |_| ());
+            go(&mut trainer, 8);
+            trainer.checkpoint()
+        })
+    };
+    assert!(run(1) == run(3));
+}
+
+#[test]
+fn a_checkpoint_of_another_run_is_refused_by_what_differs() {
+    let bytes = trainer(StageKind::VqVae, |_| ()).checkpoint();
+    let error = |change: &dyn Fn(&mut SettingsFile)| {
+        let mut other = trainer(StageKind::VqVae, change);
+        other.resume(&bytes).unwrap_err().to_string()
+    };
+    let text = error(&|file| file.vqvae.batch = Some(5));
+    assert!(text.contains("`run.batch` is 4, expected 5"), "{text}");
+    let text = error(&|file| file.model.codes = Some(32));
+    assert!(text.contains("`model.codes` is 16, expected 32"), "{text}");
+    let mut other = trainer(StageKind::MotionSeq, |_| ());
+    let text = other.resume(&bytes).unwrap_err().to_string();
+    assert!(text.contains("is") && text.contains("expected"), "{text}");
+    let text = trainer(StageKind::VqVae, |_| ())
+        .resume(&bytes[..2000])
+        .unwrap_err()
+        .to_string();
+    assert!(text.contains("not a whole checkpoint"), "{text}");
+}
+
+#[test]
+fn learning_goes_on_only_while_it_helps() {
+    // A rate that moves nothing: no line is better than the first.
+    let mut idle = trainer(StageKind::MotionSeq, |file| {
+        file.motionseq.learning_rate = Some(1e-30);
+        file.motionseq.weight_decay = Some(0.0);
+        file.motionseq.patience = Some(2);
+        file.motionseq.report = Some(1);
+    });
+    let mut lines = Vec::new();
+    for _ in 0..3 {
+        idle.step().unwrap();
+        lines.push(idle.line());
+    }
+    let found: Vec<(bool, bool)> = lines.iter().map(|line| (line.best, line.stale)).collect();
+    assert_eq!(found, [(true, false), (false, false), (false, true)]);
+}
+
+#[test]
+fn what_was_learned_loads_and_the_end_is_learned_where_sequences_end() {
+    let mut stage = trainer(StageKind::VqVae, |_| ());
+    go(&mut stage, 12);
+    let weights = stage.weights();
+    let opened = Weights::open(&weights, "trained").unwrap();
+    VqEncoder::load(&opened).unwrap();
+    OneShotDecoder::load(&opened).unwrap();
+    let settings = settings(StageKind::MotionSeq, |file| {
+        file.model.eos = Some(true);
+        file.motionseq.steps = Some(4);
+    });
+    let stage_one = StageOne::open(&weights, "trained").unwrap();
+    let mut rng = rng();
+    let (stage, _) = SeqStage::new(settings.clone(), data(), stage_one.clone(), &mut rng).unwrap();
+    let (mut ends, mut rows) = (0, 0);
+    for _ in 0..200 {
+        let SeqBatch { inputs, targets } = stage.draw(&mut rng);
+        let length = inputs.batch.length;
+        for (r, target) in targets[0].iter().enumerate() {
+            rows += 1;
+            if *target == 16 {
+                ends += 1;
+                // The last of its sequence, and the other part has no more to say.
+                assert_eq!(r % length + 1, inputs.batch.lengths[r / length]);
+                assert_eq!(targets[1][r], IGNORED);
+            }
+        }
+    }
+    assert!(ends > 5 && ends < rows / 20, "{ends} of {rows}");
+    let mut trainer = Trainer::new(settings, data(), Some(stage_one)).unwrap();
+    go(&mut trainer, 4);
+    let weights = trainer.weights();
+    OneShotSeq::load(&Weights::open(&weights, "trained").unwrap()).unwrap();
+    servodance_model::Generator::from_bytes(&weights, "trained").unwrap();
+}
+
+#[test]
+fn validation_leaves_the_run_as_it_is() {
+    for stage in [StageKind::VqVae, StageKind::MotionSeq] {
+        let mut run = trainer(stage, |_| ());
+        go(&mut run, 5);
+        let before = run.weights();
+        let scores = |trainer: &mut Trainer| {
+            let mut rng = rng();
+            trainer.stage_mut().validate(&mut rng).unwrap()
+        };
+        assert_eq!(scores(&mut run), scores(&mut run));
+        assert!(run.weights() == before);
+    }
+}
