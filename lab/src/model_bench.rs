@@ -12,9 +12,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use serde::Serialize;
-use servodance_model::net::{
-    Engine, EngineOptions, ModelConfig, MotionSeq, PRESETS, VqDecoder, Weights,
-};
+use servodance_model::config::{ModelConfig, PRESETS};
+use servodance_model::engine::{Engine, EngineOptions};
+use servodance_model::motionseq::MotionSeq;
+use servodance_model::vqvae::VqDecoder;
+use servodance_model::weights::Weights;
 
 /// Frames before those that are timed.
 const WARM_UP: usize = 10;
@@ -233,7 +235,7 @@ fn read_gbps(bytes: usize, threads: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servodance_model::net::Dtype;
+    use servodance_model::weights::Dtype;
 
     fn request(preset: &str) -> Request {
         Request {

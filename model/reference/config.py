@@ -1,4 +1,4 @@
-"""Model configuration: one JSON object, the same in Rust (`model/src/net/config.rs`).
+"""Model configuration: one JSON object, the same in Rust (`model/src/config/mod.rs`).
 
 Lengths are frames (20 a second). The presets: `live` is what ships, `paper`
 has the sizes of the MAGMA paper, `tiny` is for the golden files of the tests.

@@ -14,7 +14,7 @@ use servodance_audio::MusicAnalyzer;
 use servodance_model::conditioning::{Encodec, HeardFrame};
 use servodance_model::motion::mpjpe_m;
 use servodance_model::motion::{Clip, bvh_write};
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_model::{Codec, GeneratorOptions, ModelError};
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 use std::collections::VecDeque;

@@ -1,7 +1,7 @@
 //! `servodance doctor`.
 
 use super::robot_choice::RobotChoice;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_runtime::conditioning::Conditioning;
 use servodance_runtime::console::say;
 use servodance_runtime::dance::open_generator;

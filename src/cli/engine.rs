@@ -1,7 +1,8 @@
 //! Options of every command that runs the model.
 
 use servodance_model::GeneratorOptions;
-use servodance_model::net::{Dtype, EngineOptions};
+use servodance_model::engine::EngineOptions;
+use servodance_model::weights::Dtype;
 
 /// How the model's steps are computed.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]

@@ -4,7 +4,7 @@ use super::robot_choice::RobotChoice;
 use super::{INTERRUPTED, stop_signal};
 use anyhow::bail;
 use servodance_lab::soak::{Music, Soak};
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_runtime::console::{say, tell};
 use servodance_runtime::dance::open_generator;
 use servodance_runtime::output::{PendingFile, write_whole};

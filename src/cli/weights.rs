@@ -1,6 +1,6 @@
 //! `servodance weights`.
 
-use servodance_model::net::Dtype;
+use servodance_model::weights::Dtype;
 use servodance_runtime::console::say;
 use servodance_runtime::output::write_whole;
 use servodance_training::weights_file::{self, Info};
@@ -81,7 +81,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             }
         }
         What::Convert { file, dtype, out } => {
-            let bytes = servodance_model::net::convert_file(&file, dtype)?;
+            let bytes = servodance_model::weights::convert_file(&file, dtype)?;
             write_whole(&out, &bytes)?;
             say!(
                 "{}: {dtype}, {:.1} MB",

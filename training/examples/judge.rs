@@ -151,7 +151,7 @@ fn judge_length(
         frames.push(dance.step(heard)?);
         ms.push(begin.elapsed().as_secs_f64() * 1e3);
     }
-    println!("woken {} times", dance.awakenings());
+    println!("woken {} times", dance.restarts());
     ms.sort_by(f64::total_cmp);
     let at = |share: f64| ms[((ms.len() - 1) as f64 * share) as usize];
     println!(

@@ -9,7 +9,7 @@ use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::mpjpe_m;
 use servodance_model::motion::{Clip, decode};
-use servodance_model::net::{Dtype, Weights, convert};
+use servodance_model::weights::{Dtype, Weights, convert};
 use servodance_model::{Codec, Generator, ModelError};
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 

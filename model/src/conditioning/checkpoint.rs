@@ -15,6 +15,7 @@ use std::sync::Mutex;
 use candle_core::{Device, Tensor};
 use serde::Deserialize;
 
+use crate::engine::candle::TensorSource;
 use crate::error::ModelError;
 
 /// What a file begins with that was cloned without its content.
@@ -167,6 +168,12 @@ fn entries(header: &[u8]) -> Result<BTreeMap<String, Entry>, String> {
             Ok((name, entry))
         })
         .collect()
+}
+
+impl TensorSource for Checkpoint {
+    fn tensor(&self, name: &str, shape: &[usize]) -> Result<Tensor, ModelError> {
+        Checkpoint::tensor(self, name, shape)
+    }
 }
 
 fn chunks<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> + '_ {

@@ -9,10 +9,14 @@ mod clip;
 mod encodec;
 #[cfg(test)]
 pub(crate) mod golden;
-pub mod layers;
 mod music;
 mod seanet;
+mod style;
 
 pub use clip::{CLIP_DIM, ClipText};
 pub use encodec::{ENCODEC_RATE_HZ, Encodec, EncodecStream, LATENT_DIM, Latent};
+pub use crate::engine::candle::{TensorLinear, TensorNorm};
 pub use music::{HeardFrame, MusicKind};
+pub use style::NO_STYLE;
+
+pub(crate) use style::{StyleConditioning, style_index};

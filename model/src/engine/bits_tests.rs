@@ -2,6 +2,9 @@
 //! plain Rust on aarch64 (under an emulator: see docs/speed.md).
 
 use super::*;
+use crate::engine::kernels::Cpu;
+use crate::engine::product::product;
+use crate::weights::{Dtype, PackedMatrix};
 
 /// What the numbers below come to in these formats, as their bits' FNV-1a hash.
 const EXPECTED: [(&[Dtype], u64); 2] = [
@@ -26,7 +29,7 @@ fn noise(count: usize, seed: u32) -> Vec<f32> {
 
 /// GELU of products in a format.
 fn products(team: &Team, dtype: Dtype, (rows, width, lanes): (usize, usize, usize)) -> Vec<f32> {
-    let matrix = Matrix::pack(&noise(rows * width, 7), width, dtype);
+    let matrix = PackedMatrix::pack(&noise(rows * width, 7), width, dtype);
     let mut x = Input::new(width, lanes, dtype);
     for lane in 0..lanes {
         let values = noise(width, 11 + lane as u32);
@@ -34,35 +37,31 @@ fn products(team: &Team, dtype: Dtype, (rows, width, lanes): (usize, usize, usiz
     }
     x.ready(team.cpu());
     let mut out = vec![0.0; rows * lanes];
-    matrix.times(team, &x, &mut out, |_, out| {
+    product(&matrix, team, &x, &mut out, |_, out| {
         kernels::gelu(team.cpu(), out);
     });
     out
 }
 
-/// Attention over a ring that comes round twice.
+/// Attention over a cache that comes round twice.
 fn attention(team: &Team, dtype: Dtype) -> Vec<f32> {
-    let slopes = (1..=8).map(|h| 0.5 / h as f32).collect();
-    let heads = Heads::new(slopes, 20, 45);
-    let (mut ring, mut scene) = (Ring::new(&heads, dtype), Scene::new(&heads, 1));
-    let (mut clock, mut all) = (Clock::new(45), Vec::new());
-    let mut out = vec![0.0; heads.wide()];
+    let shape = AttentionShape {
+        slopes: (1..=8).map(|h| 0.5 / h as f32).collect(),
+        width: 20,
+        window: 45,
+    };
+    let mut caches = [KvCache::new(&shape, dtype)];
+    let mut scratch = AttentionScratch::new(&shape, 1, Dtype::F32);
+    let (mut position, mut all) = (CachePosition::new(45), Vec::new());
     for frame in 0..100 {
-        let numbers = noise(3 * heads.wide(), 100 + frame);
+        let numbers = noise(3 * shape.wide(), 100 + frame);
         let products: Vec<f32> = numbers.iter().map(|v| 3.0 * v).collect();
-        scene.ask(&heads, &products, 0, (0, 1));
-        scene.remember(
-            team.cpu(),
-            &heads,
-            &mut ring,
-            clock.slot(),
-            (&products, heads.wide()),
-            (0, 1),
-        );
-        scene.attend(team, &heads, &clock, std::slice::from_ref(&ring));
-        scene.found(&heads, 0, &mut out);
-        all.extend_from_slice(&out);
-        clock.advance();
+        scratch.set_queries(&shape, &products);
+        let given = (&products[..], shape.wide());
+        scratch.store(team, &shape, &mut caches, position.slot(), given);
+        let attended = scratch.attend(team, &shape, &position, &caches);
+        all.extend_from_slice(&attended.values[..shape.wide()]);
+        position.advance();
     }
     all
 }

@@ -116,8 +116,8 @@ impl KvCache {
     pub fn new(shape: &AttentionShape, dtype: Dtype) -> Self {
         let length = shape.slopes.len() * shape.window * shape.padded();
         Self {
-            pub(super) keys: CacheNumbers::new(length, dtype),
-            pub(super) values: CacheNumbers::new(length, dtype),
+            keys: CacheNumbers::new(length, dtype),
+            values: CacheNumbers::new(length, dtype),
         }
     }
 

@@ -1,14 +1,17 @@
 //! The fast kernels against plain Rust (the same bits), the quantised ones
 //! against the numbers that they stand for, and any number of threads.
 
-use super::*;
-use crate::net::config::Activation;
-use crate::net::random;
 use proptest::prelude::*;
+
+use super::*;
+use crate::config::Activation;
+use crate::engine::kernels::Cpu;
+use crate::engine::product::product;
+use crate::weights::{Dtype, PackedMatrix, q4_block, q4_values, q8_block, random};
 
 /// A product with pools of both kernels and several threads.
 fn products(values: &[f32], width: usize, x: &[f32], dtype: Dtype) -> Vec<f32> {
-    let matrix = Matrix::pack(values, width, dtype);
+    let matrix = PackedMatrix::pack(values, width, dtype);
     let lanes = x.len() / width;
     let mut input = Input::new(width, lanes, dtype);
     for (lane, x) in x.chunks_exact(width).enumerate() {
@@ -16,8 +19,8 @@ fn products(values: &[f32], width: usize, x: &[f32], dtype: Dtype) -> Vec<f32> {
     }
     input.ready(Cpu::detect());
     let with = |pool: Pool| {
-        let mut out = vec![0.0; matrix.rows() * lanes];
-        matrix.times(&pool.team(), &input, &mut out, |_, _| {});
+        let mut out = vec![0.0; matrix.rows * lanes];
+        product(&matrix, &pool.team(), &input, &mut out, |_, _| {});
         out
     };
     let fast = with(Pool::new(3));

@@ -10,13 +10,13 @@ const WALL_RADIUS_M: f32 = 3.0;
 /// Keeps the dancer near where it began: the further out, the less of every
 /// outward step counts. Inward steps and standing feet are left alone.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Stage {
+pub(super) struct FloorBounds {
     /// Root of the last frame as recovered, and as shown (x, z).
     recovered: [f32; 2],
     shown: [f32; 2],
 }
 
-impl Stage {
+impl FloorBounds {
     /// Stands at a point (x, z) of the recovered motion.
     pub fn at(root: [f32; 2]) -> Self {
         Self {
@@ -54,11 +54,11 @@ mod tests {
     use servodance_types::JOINT_COUNT;
 
     #[test]
-    fn a_straight_walk_stays_on_the_stage() {
-        let mut stage = Stage::default();
+    fn a_straight_walk_stays_within_bounds() {
+        let mut floor = FloorBounds::default();
         for i in 0..20_000 {
             let root = [0.05 * i as f32, 1.0, 0.02 * i as f32];
-            let placed = stage.place([root; JOINT_COUNT]);
+            let placed = floor.place([root; JOINT_COUNT]);
             let distance = placed[0][0].hypot(placed[0][2]);
             assert!(distance < WALL_RADIUS_M + 0.1, "{distance} m at frame {i}");
         }
@@ -66,8 +66,8 @@ mod tests {
 
     #[test]
     fn near_the_start_nothing_is_moved() {
-        let mut stage = Stage::default();
+        let mut floor = FloorBounds::default();
         let pose = [[0.3, 1.0, -0.5]; JOINT_COUNT];
-        assert_eq!(stage.place(pose), pose);
+        assert_eq!(floor.place(pose), pose);
     }
 }

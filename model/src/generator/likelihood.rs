@@ -5,7 +5,7 @@ use servodance_types::MusicFrame;
 
 use crate::conditioning::{HeardFrame, MusicKind};
 use crate::error::ModelError;
-use crate::generator::Generator;
+use super::Generator;
 
 /// What the model says of the codes of a dance, frame by frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,7 +32,7 @@ impl Generator {
         let seq = &networks.seq;
         let team = networks.engine.pool().team();
         let mut state = seq.start(1);
-        seq.restyle(&mut state, &seq.style(style));
+        seq.set_style(&mut state, seq.style(style));
         let mut found = Likelihood::default();
         let kind = self.music_kind();
         let (mut features, mut heard) = (Vec::new(), vec![0.0; kind.dim()]);
@@ -44,10 +44,10 @@ impl Generator {
                 });
             }
             networks.normalise_music(&features, &mut heard);
-            seq.step(&team, &mut state, &pair[0], &[Some(&heard)]);
+            seq.step(&team, &mut state, &pair[0], &[Some(&heard)])?;
             let mut likeliest = Vec::with_capacity(pair[1].len());
             for (part, code) in pair[1].iter().enumerate() {
-                let mut lanes = seq.logits(&team, &mut state, part, &pair[1]);
+                let mut lanes = seq.logits(&team, &mut state, part, &pair[1])?;
                 let logits = lanes.next().unwrap_or_default();
                 let (nll, best) = surprise(logits, *code);
                 found.nll += nll;

@@ -7,25 +7,28 @@
 //! nothing, but takes a millisecond: not for a motor control thread.
 
 mod dance;
+mod floor;
+mod likelihood;
 mod options;
-mod stage;
-mod watch;
+mod stall;
 
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::conditioning::MusicKind;
+use crate::conditioning::{MusicKind, style_index};
+use crate::config::ModelConfig;
+use crate::engine::{Engine, EngineOptions};
 use crate::error::ModelError;
 use crate::motion::representation::{POSE_DIM, PoseVector};
-use crate::net::{
-    Dtype, Engine, EngineOptions, ModelConfig, MotionSeq, Sampler, VqDecoder, Weights,
-};
+use crate::motionseq::MotionSeq;
+use crate::sampling::Sampler;
+use crate::vqvae::VqDecoder;
+use crate::weights::{BUILT_IN, Weights};
 
 pub use dance::Dance;
-pub use options::{AtEnd, GeneratorOptions, NO_STYLE};
+pub use likelihood::Likelihood;
+pub use options::{AtEnd, GeneratorOptions};
 
-/// The trained weights, part of the program so that it runs by itself.
-pub(crate) const BUILT_IN: &[u8] = include_bytes!("../weights/live.safetensors");
 /// Normalised features are clamped to this many deviations, except the beat.
 const MUSIC_CLAMP: f32 = 6.0;
 
@@ -132,12 +135,6 @@ impl Generator {
         self.networks.config.music
     }
 
-    /// Number format of the weights in memory, and threads of a step.
-    pub fn computed_with(&self) -> (Dtype, usize) {
-        let engine = &self.networks.engine;
-        (engine.dtype(), engine.pool().threads())
-    }
-
     /// Where the weights came from: data, date, figures (JSON).
     pub fn provenance(&self) -> &str {
         &self.networks.provenance
@@ -176,15 +173,7 @@ impl Generator {
 
 impl Networks {
     fn style_index(&self, name: &str) -> Result<usize, ModelError> {
-        let styles = &self.config.seq.styles;
-        if name == NO_STYLE && !styles.iter().any(|style| style == name) {
-            return Ok(styles.len()); // the null style's row is behind the others
-        }
-        let found = styles.iter().position(|style| style == name);
-        found.ok_or_else(|| ModelError::UnknownStyle {
-            found: name.to_owned(),
-            known: styles.iter().cloned().chain([NO_STYLE.into()]).collect(),
-        })
+        style_index(&self.config.seq.styles, name)
     }
 
     /// One of the stored beginnings, of this style if there is one.

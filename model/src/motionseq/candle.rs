@@ -254,7 +254,10 @@ impl CandleSeqState {
     }
 
     pub fn first_lane(&self) -> TensorResult<Self> {
-        let first = |caches: &[TensorCache]| caches.iter().map(TensorCache::first_lane).collect();
+        let first = |caches: &[TensorCache]| {
+            let first = caches.iter().map(TensorCache::first_lane);
+            first.collect::<TensorResult<_>>()
+        };
         Ok(Self {
             lanes: 1,
             own: first(&self.own)?,

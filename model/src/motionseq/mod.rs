@@ -19,4 +19,4 @@ mod own;
 pub use network::{MotionSeq, SeqState};
 
 #[cfg(test)]
-pub(crate) use candle::CandleSeq;
+pub(crate) use candle::{CandleSeq, CandleSeqState};

@@ -71,9 +71,13 @@ impl MotionSeq {
         self.styles.vector(style)
     }
 
+    pub(crate) fn scales(&self, style: &[f32]) -> Vec<f32> {
+        self.styles.scales(style)
+    }
+
     /// Dances on in the style of a vector.
     pub fn set_style(&self, state: &mut SeqState, style: &[f32]) {
-        let scales = self.styles.scales(style);
+        let scales = self.scales(style);
         match &mut state.0 {
             State::Own(state) => state.style = scales,
             State::Candle(state) => state.style = scales,

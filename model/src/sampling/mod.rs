@@ -5,9 +5,13 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::error::ModelError;
 
+mod repetition_penalty;
+
+pub(crate) use repetition_penalty::{PenaltyStrength, RepetitionPenalty};
+
 /// How codes are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sampling {
+pub(crate) struct Sampling {
     /// Logits are divided by it; 0 takes the likeliest code.
     pub temperature: f32,
     /// Only the k likeliest codes; 0 is all.
@@ -21,94 +25,30 @@ pub struct Sampling {
 impl Sampling {
     /// Refuses what cannot be drawn from.
     pub fn checked(self) -> Result<Self, ModelError> {
+        let refuse = |option, found: f32, expected| {
+            Err(ModelError::Option {
+                option,
+                found: found.to_string(),
+                expected,
+            })
+        };
         if !(0.0..=10.0).contains(&self.temperature) {
-            return Err(ModelError::Option {
-                option: "temperature",
-                found: self.temperature.to_string(),
-                expected: "0 to 10",
-            });
+            return refuse("temperature", self.temperature, "0 to 10");
         }
         if !(self.top_p > 0.0 && self.top_p <= 1.0) {
-            return Err(ModelError::Option {
-                option: "top_p",
-                found: self.top_p.to_string(),
-                expected: "above 0, up to 1",
-            });
+            return refuse("top_p", self.top_p, "above 0, up to 1");
         }
         if !(0.0..=20.0).contains(&self.repetition) {
-            return Err(ModelError::Option {
-                option: "repetition",
-                found: self.repetition.to_string(),
-                expected: "0 to 20",
-            });
+            return refuse("repetition", self.repetition, "0 to 20");
         }
         Ok(self)
-    }
-}
-
-/// Frames of which repetition is counted: two seconds.
-const RECENT_FRAMES: usize = 40;
-
-/// What was danced in the last two seconds, for less of it.
-#[derive(Clone, Debug)]
-pub struct Recent {
-    codes: usize,
-    /// How often each code of each part came.
-    counts: Vec<u16>,
-    /// Codes of the last frames, the oldest at `next`.
-    frames: Vec<usize>,
-    next: usize,
-    filled: usize,
-}
-
-impl Recent {
-    /// Nothing yet.
-    pub fn new(parts: usize, codes: usize) -> Self {
-        Self {
-            codes,
-            counts: vec![0; parts * codes],
-            frames: vec![0; parts * RECENT_FRAMES],
-            next: 0,
-            filled: 0,
-        }
-    }
-
-    /// Nothing again.
-    pub fn clear(&mut self) {
-        self.counts.fill(0);
-        (self.next, self.filled) = (0, 0);
-    }
-
-    /// Counts the codes of a frame, one per part.
-    pub fn push(&mut self, codes: &[usize]) {
-        let slot = &mut self.frames[self.next * codes.len()..][..codes.len()];
-        for (part, (old, new)) in slot.iter_mut().zip(codes).enumerate() {
-            if self.filled == RECENT_FRAMES {
-                self.counts[part * self.codes + *old] -= 1;
-            }
-            self.counts[part * self.codes + new] += 1;
-            *old = *new;
-        }
-        self.next = (self.next + 1) % RECENT_FRAMES;
-        self.filled = (self.filled + 1).min(RECENT_FRAMES);
-    }
-
-    /// Makes the codes of one part that came less likely.
-    pub fn discourage(&self, part: usize, strength: f32, logits: &mut [f32]) {
-        if strength == 0.0 {
-            return;
-        }
-        let counts = &self.counts[part * self.codes..][..self.codes];
-        for (logit, count) in logits.iter_mut().zip(counts) {
-            *logit -= strength * f32::from(*count) / RECENT_FRAMES as f32;
-        }
     }
 }
 
 /// Draws codes; the same seed draws the same codes on every machine that
 /// computes the same logits.
 #[derive(Clone, Debug)]
-pub struct Sampler {
+pub(crate) struct Sampler {
     sampling: Sampling,
     rng: ChaCha8Rng,
     order: Vec<u32>,
@@ -186,14 +126,17 @@ fn nucleus(order: &mut Vec<u32>, top_p: f32, weight: impl Fn(&u32) -> f64) -> f6
 mod tests {
     use super::*;
 
-    fn sampler(temperature: f32, top_k: usize, top_p: f32) -> Sampler {
-        let sampling = Sampling {
+    fn sampling(temperature: f32, top_k: usize, top_p: f32) -> Sampling {
+        Sampling {
             temperature,
             top_k,
             top_p,
             repetition: 0.0,
-        };
-        Sampler::new(sampling, 5).unwrap()
+        }
+    }
+
+    fn sampler(temperature: f32, top_k: usize, top_p: f32) -> Sampler {
+        Sampler::new(sampling(temperature, top_k, top_p), 5).unwrap()
     }
 
     fn share_of(sampler: &mut Sampler, logits: &[f32], code: usize) -> f64 {
@@ -230,13 +173,7 @@ mod tests {
     #[test]
     fn the_same_seed_draws_the_same_codes() {
         let draws = |seed| -> Vec<_> {
-            let sampling = Sampling {
-                temperature: 1.0,
-                top_k: 0,
-                top_p: 1.0,
-                repetition: 0.0,
-            };
-            let mut sampler = Sampler::new(sampling, seed).unwrap();
+            let mut sampler = Sampler::new(sampling(1.0, 0, 1.0), seed).unwrap();
             (0..50).map(|_| sampler.draw(&[0.0; 64])).collect()
         };
         assert_eq!(draws(1), draws(1));
@@ -244,30 +181,8 @@ mod tests {
     }
 
     #[test]
-    fn only_what_came_in_the_last_two_seconds_gets_less_likely() {
-        let mut recent = Recent::new(2, 4);
-        let logits_of = |recent: &Recent, part| {
-            let mut logits = [1.0; 4];
-            recent.discourage(part, 8.0, &mut logits);
-            logits
-        };
-        (0..10).for_each(|_| recent.push(&[2, 0]));
-        assert_eq!(logits_of(&recent, 0), [1.0, 1.0, -1.0, 1.0]);
-        assert_eq!(logits_of(&recent, 1), [-1.0, 1.0, 1.0, 1.0]);
-        (0..35).for_each(|_| recent.push(&[3, 0]));
-        assert_eq!(logits_of(&recent, 0), [1.0, 1.0, 0.0, -6.0]);
-        recent.clear();
-        assert_eq!(logits_of(&recent, 1), [1.0; 4]);
-    }
-
-    #[test]
     fn impossible_options_are_refused_by_name() {
-        let sampling = Sampling {
-            temperature: f32::NAN,
-            top_k: 0,
-            top_p: 1.0,
-            repetition: 0.0,
-        };
+        let sampling = sampling(f32::NAN, 0, 1.0);
         let error = Sampler::new(sampling, 0).unwrap_err().to_string();
         assert!(error.contains("temperature"), "{error}");
         assert!(sampling.checked().is_err());

@@ -1,8 +1,109 @@
-//! What was danced in the last half minute, so that it is not danced again.
+//! Repetition penalty: logits of what was danced before fall before a code is drawn.
 //!
-//! A model with little material falls back into the same figures. [`Echo`]
-//! compares the last frames with the frames of every moment that it remembers;
-//! where they are alike, what followed then becomes less likely now.
+//! There are two, added up. One counts how often a code came in the last two
+//! seconds (option `repetition`). The other is for whole figures (option
+//! `variety`), into which a model with little material falls back: the last frames
+//! are compared with those of every moment of the last half minute; where they are
+//! alike, the code that followed then becomes less likely now.
+
+/// How much the logits fall.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PenaltyStrength {
+    /// For a code that came in each of the last frames; less in proportion.
+    pub repetition: f32,
+    /// For a code that goes on with a figure just as the last time.
+    pub variety: f32,
+}
+
+/// Both penalties and the codes that they remember.
+#[derive(Clone, Debug)]
+pub(crate) struct RepetitionPenalty {
+    recent: RecentCodes,
+    figures: RepeatedFigures,
+}
+
+impl RepetitionPenalty {
+    /// Without a past, for `parts` of `codes` codes each.
+    pub fn new(parts: usize, codes: usize) -> Self {
+        Self {
+            recent: RecentCodes::new(parts, codes),
+            figures: RepeatedFigures::new(parts, codes),
+        }
+    }
+
+    /// Forgets the past.
+    pub fn clear(&mut self) {
+        self.recent.clear();
+        self.figures.clear();
+    }
+
+    /// Remembers the codes of a frame, one per part.
+    pub fn push(&mut self, codes: &[usize]) {
+        self.recent.push(codes);
+        self.figures.push(codes);
+    }
+
+    /// Lowers the logits of one part.
+    pub fn apply(&mut self, part: usize, strength: PenaltyStrength, logits: &mut [f32]) {
+        self.recent.apply(part, strength.repetition, logits);
+        self.figures.apply(part, strength.variety, logits);
+    }
+}
+
+/// Frames of which codes are counted: two seconds.
+const RECENT_FRAMES: usize = 40;
+
+/// How often each code came in the last two seconds.
+#[derive(Clone, Debug)]
+struct RecentCodes {
+    codes: usize,
+    /// For each code of each part.
+    counts: Vec<u16>,
+    /// Codes of the last frames, the oldest at `next`.
+    frames: Vec<usize>,
+    next: usize,
+    filled: usize,
+}
+
+impl RecentCodes {
+    fn new(parts: usize, codes: usize) -> Self {
+        Self {
+            codes,
+            counts: vec![0; parts * codes],
+            frames: vec![0; parts * RECENT_FRAMES],
+            next: 0,
+            filled: 0,
+        }
+    }
+
+    fn clear(&mut self) {
+        self.counts.fill(0);
+        (self.next, self.filled) = (0, 0);
+    }
+
+    fn push(&mut self, codes: &[usize]) {
+        let slot = &mut self.frames[self.next * codes.len()..][..codes.len()];
+        for (part, (old, new)) in slot.iter_mut().zip(codes).enumerate() {
+            if self.filled == RECENT_FRAMES {
+                self.counts[part * self.codes + *old] -= 1;
+            }
+            self.counts[part * self.codes + new] += 1;
+            *old = *new;
+        }
+        self.next = (self.next + 1) % RECENT_FRAMES;
+        self.filled = (self.filled + 1).min(RECENT_FRAMES);
+    }
+
+    fn apply(&self, part: usize, strength: f32, logits: &mut [f32]) {
+        if strength == 0.0 {
+            return;
+        }
+        let counts = &self.counts[part * self.codes..][..self.codes];
+        for (logit, count) in logits.iter_mut().zip(counts) {
+            *logit -= strength * f32::from(*count) / RECENT_FRAMES as f32;
+        }
+    }
+}
 
 /// Frames that are remembered: 32 seconds.
 const MEMORY_FRAMES: usize = 640;
@@ -13,9 +114,9 @@ const NEAREST_FRAMES: usize = 40;
 /// a second, so that one differing code does not hide a repetition.
 const KEPT: f32 = 0.9;
 
-/// Codes of the past, and how much the present is like it.
+/// Codes of the last half minute, and how much the present is like each moment.
 #[derive(Clone, Debug)]
-pub struct Echo {
+struct RepeatedFigures {
     parts: usize,
     /// Codes of the last frames, one row a frame, the next one to `next`.
     rows: Vec<usize>,
@@ -28,9 +129,8 @@ pub struct Echo {
     worst: Vec<f32>,
 }
 
-impl Echo {
-    /// Nothing yet, for `parts` of `codes` codes each.
-    pub fn new(parts: usize, codes: usize) -> Self {
+impl RepeatedFigures {
+    fn new(parts: usize, codes: usize) -> Self {
         Self {
             parts,
             rows: vec![0; parts * MEMORY_FRAMES],
@@ -41,14 +141,12 @@ impl Echo {
         }
     }
 
-    /// Nothing again.
-    pub fn clear(&mut self) {
+    fn clear(&mut self) {
         (self.next, self.filled) = (0, 0);
         self.likeness.fill(0.0);
     }
 
-    /// Remembers the codes of a frame, one per part.
-    pub fn push(&mut self, codes: &[usize]) {
+    fn push(&mut self, codes: &[usize]) {
         for lag in NEAREST_FRAMES..=self.filled {
             let then = self.row(lag);
             let same = codes.iter().zip(then).filter(|(a, b)| a == b).count();
@@ -62,7 +160,7 @@ impl Echo {
 
     /// Makes the codes of one part less likely that followed when the dancer
     /// last moved as now: a logit falls by up to `strength`.
-    pub fn discourage(&mut self, part: usize, strength: f32, logits: &mut [f32]) {
+    fn apply(&mut self, part: usize, strength: f32, logits: &mut [f32]) {
         if strength == 0.0 {
             return;
         }
@@ -90,10 +188,10 @@ mod tests {
 
     /// Logits of part 0 after `frames` frames of a dance of one part.
     fn logits_after(frames: usize, code: impl Fn(usize) -> usize) -> Vec<f32> {
-        let mut echo = Echo::new(1, 200);
-        (0..frames).for_each(|t| echo.push(&[code(t)]));
+        let mut figures = RepeatedFigures::new(1, 200);
+        (0..frames).for_each(|t| figures.push(&[code(t)]));
         let mut logits = vec![0.0; 200];
-        echo.discourage(0, 2.0, &mut logits);
+        figures.apply(0, 2.0, &mut logits);
         logits
     }
 
@@ -121,11 +219,28 @@ mod tests {
     fn the_past_is_forgotten_after_half_a_minute_and_when_told() {
         let once_again = |t: usize| if t < 660 { 60 + t % 100 } else { t - 660 };
         assert!(logits_after(680, once_again)[20] == 0.0);
-        let mut echo = Echo::new(1, 200);
-        (0..120).for_each(|t| echo.push(&[t % 50]));
-        echo.clear();
+        let mut figures = RepeatedFigures::new(1, 200);
+        (0..120).for_each(|t| figures.push(&[t % 50]));
+        figures.clear();
         let mut logits = vec![0.0; 200];
-        echo.discourage(0, 2.0, &mut logits);
+        figures.apply(0, 2.0, &mut logits);
         assert!(logits.iter().all(|l| *l == 0.0));
+    }
+
+    #[test]
+    fn only_what_came_in_the_last_two_seconds_gets_less_likely() {
+        let mut recent = RecentCodes::new(2, 4);
+        let logits_of = |recent: &RecentCodes, part| {
+            let mut logits = [1.0; 4];
+            recent.apply(part, 8.0, &mut logits);
+            logits
+        };
+        (0..10).for_each(|_| recent.push(&[2, 0]));
+        assert_eq!(logits_of(&recent, 0), [1.0, 1.0, -1.0, 1.0]);
+        assert_eq!(logits_of(&recent, 1), [-1.0, 1.0, 1.0, 1.0]);
+        (0..35).for_each(|_| recent.push(&[3, 0]));
+        assert_eq!(logits_of(&recent, 0), [1.0, 1.0, 0.0, -6.0]);
+        recent.clear();
+        assert_eq!(logits_of(&recent, 1), [1.0; 4]);
     }
 }

@@ -5,14 +5,16 @@ use std::collections::BTreeMap;
 
 use safetensors::SafeTensors;
 
-use super::tests::{TINY, check_same, code_rows, flat, floats, hidden};
-use super::{OneShotSeq, Positions, Weights};
-use crate::tensor_file::{self, Entry};
+use super::{TINY, check_same, code_rows, danced_at_once, floats, hidden, slices};
+use crate::config::Positions;
+use crate::engine::EngineKind;
+use crate::weights::Weights;
+use crate::weights::tensor_file::{self, Entry};
 
 const GOLDEN: &[u8] = include_bytes!("golden/absolute.safetensors");
 
 /// The tiny model with absolute positions and one row more in its first head.
-pub(crate) fn with_end() -> Vec<u8> {
+fn with_end() -> Vec<u8> {
     let tensors = SafeTensors::deserialize(TINY).unwrap();
     let (_, header) = SafeTensors::read_metadata(TINY).unwrap();
     let mut metadata: BTreeMap<String, String> =
@@ -58,14 +60,15 @@ fn both_ways_of_computing_agree_with_the_twin() {
     previous.rotate_right(1);
     previous[0].clone_from(&codes[0]);
     let music = floats("music");
-    let seq = OneShotSeq::load(&weights).unwrap();
-    let whole = seq.one_shot(&previous, Some(&music), Some(1)).unwrap();
-    check_same("hidden", &flat(&whole), &golden("hidden"));
+    let (seq, mut whole) = danced_at_once(&weights, &previous, Some(&music), Some(1));
+    check_same("hidden", whole.hidden(), &golden("hidden"));
     for (part, classes) in [(0, 17), (1, 16)] {
-        let logits = flat(&seq.logits(part, &whole, &codes).unwrap());
+        let logits = seq.logits(&mut whole, part, &slices(&codes)).unwrap();
         assert_eq!(logits.len(), classes * codes.len());
-        check_same("logits", &logits, &golden(&format!("logits{part}")));
+        check_same("logits", logits, &golden(&format!("logits{part}")));
     }
-    let [streamed, _] = hidden(&weights, &previous, &music, 1);
-    check_same("streamed", &streamed, &golden("hidden"));
+    for kind in EngineKind::ALL {
+        let [streamed, _] = hidden(&weights, kind, &previous, &music, 1);
+        check_same("streamed", &streamed, &golden("hidden"));
+    }
 }

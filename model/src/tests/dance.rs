@@ -3,8 +3,9 @@
 use proptest::prelude::*;
 use servodance_types::{Beat, MotionFrame, MusicFrame, SPECTRAL_DIM};
 
-use super::super::{OneShotDecoder, Weights};
-use super::{TINY, check_same, decoded};
+use super::{TINY, check_same, decoded, decoded_at_once};
+use crate::engine::EngineKind;
+use crate::weights::Weights;
 use crate::{AtEnd, Dance, Generator, GeneratorOptions, ModelError};
 
 fn start(seed: u64, guidance: f32) -> Dance {
@@ -54,16 +55,16 @@ fn guidance_can_be_left_out_and_taken_up_again() {
     let mut dance = start(3, 4.0);
     assert_eq!(dance.passes(), 2);
     let guided = dance.step(&music(0)).unwrap();
-    dance.guide(false);
+    dance.guide(false).unwrap();
     assert_eq!(dance.passes(), 1);
     let alone = dance.step(&music(1)).unwrap();
-    dance.guide(true);
+    dance.guide(true).unwrap();
     assert_eq!(dance.passes(), 2);
     let again = dance.step(&music(2)).unwrap();
     assert!(guided.time_s < alone.time_s && alone.time_s < again.time_s);
     // A dance that was never guided stays so.
     let mut unguided = start(3, 1.0);
-    unguided.guide(true);
+    unguided.guide(true).unwrap();
     assert_eq!(unguided.passes(), 1);
 }
 
@@ -93,12 +94,8 @@ fn chained_sequences_are_one_motion() {
     }
     // Stage 1 went on over every seam, as if the codes had come in one piece.
     let weights = Weights::open(TINY, "tiny").unwrap();
-    let whole = decoded(&weights, &codes);
-    let one_pass = OneShotDecoder::load(&weights)
-        .unwrap()
-        .one_shot(&codes)
-        .unwrap();
-    check_same("motion", &whole, &one_pass.concat());
+    let whole = decoded(&weights, EngineKind::Own, &codes);
+    check_same("motion", &whole, &decoded_at_once(&weights, &codes));
     // And the sequences did begin anew: without the seams it goes elsewhere.
     let mut unbroken = start(3, 1.0);
     let gone_on: Vec<_> = (0..40)

@@ -1,11 +1,14 @@
 //! Weights in other number formats.
 
-use super::super::{Dtype, Engine, EngineOptions, VqDecoder, Weights, convert};
-use super::{Golden, TINY, decoded};
+use super::{Golden, TINY};
+use crate::engine::{Engine, EngineKind, EngineOptions};
+use crate::weights::{Dtype, Weights, convert};
 
 #[test]
 fn converted_weights_give_nearly_the_same() {
     let g = Golden::load();
+    let decoded =
+        |weights: &Weights, codes: &[Vec<usize>]| super::decoded(weights, EngineKind::Own, codes);
     let expected = decoded(&Weights::open(TINY, "tiny").unwrap(), &g.codes);
     let size = expected.iter().map(|v| v * v).sum::<f32>();
     for (dtype, tolerance) in [
@@ -30,11 +33,10 @@ fn converted_weights_give_nearly_the_same() {
         );
         // What is kept as blocks is what a wider format makes of it.
         let options = EngineOptions {
-            dtype: Some(dtype),
             threads: Some(1),
+            ..EngineOptions::default()
         };
-        let engine = Engine::new(&weights, options).unwrap();
-        assert_eq!(VqDecoder::load(&weights, &engine).unwrap().dtype(), dtype);
+        assert_eq!(Engine::new(&weights, options).unwrap().dtype(), dtype);
         let wide = convert(&bytes, "converted", Dtype::F32).unwrap();
         let wide = Weights::open(&wide, "wide").unwrap();
         assert_eq!(decoded(&wide, &g.codes), found);

@@ -4,18 +4,20 @@
 //! `golden/` is written by `model/reference/golden.py`: a tiny model with
 //! random weights, and what the twin computes with it.
 
+mod absolute;
 mod dance;
+mod engines;
 mod formats;
 mod refusals;
 mod streaming;
 mod twin;
 
-use candle_core::Tensor;
 use safetensors::SafeTensors;
 
-use super::{
-    Dtype, Engine, EngineOptions, MotionSeq, OneShotDecoder, OneShotSeq, VqDecoder, Weights,
-};
+use crate::engine::{Engine, EngineKind, EngineOptions};
+use crate::motionseq::{CandleSeq, CandleSeqState, MotionSeq};
+use crate::vqvae::{CandleDecoder, VqDecoder};
+use crate::weights::{Dtype, Weights};
 
 pub(super) const TINY: &[u8] = include_bytes!("golden/tiny.safetensors");
 const GOLDEN: &[u8] = include_bytes!("golden/golden.safetensors");
@@ -23,8 +25,7 @@ const TOLERANCE: f32 = 1e-4;
 const STYLE: Option<usize> = Some(1);
 
 struct Golden {
-    decoder: OneShotDecoder,
-    seq: OneShotSeq,
+    weights: Weights<'static>,
     codes: Vec<Vec<usize>>,
     previous: Vec<Vec<usize>>,
     music: Vec<f32>,
@@ -32,19 +33,45 @@ struct Golden {
 
 impl Golden {
     fn load() -> Self {
-        let weights = Weights::open(TINY, "tiny").unwrap();
         let codes = code_rows("codes");
         let mut previous = codes.clone();
         previous.rotate_right(1);
         previous[0] = codes[0].clone();
         Self {
-            decoder: OneShotDecoder::load(&weights).unwrap(),
-            seq: OneShotSeq::load(&weights).unwrap(),
+            weights: Weights::open(TINY, "tiny").unwrap(),
             codes,
             previous,
             music: floats("music"),
         }
     }
+}
+
+fn slices(rows: &[Vec<usize>]) -> Vec<&[usize]> {
+    rows.iter().map(Vec::as_slice).collect()
+}
+
+/// Motion of the codes, all frames at once, by the candle engine.
+fn decoded_at_once(weights: &Weights, codes: &[Vec<usize>]) -> Vec<f32> {
+    let decoder = CandleDecoder::load(weights, Dtype::F32).unwrap();
+    let mut state = decoder.start();
+    let motion = decoder.frames(&mut state, &slices(codes)).unwrap();
+    motion.to_vec()
+}
+
+/// MotionSeq after all frames at once, by the candle engine.
+fn danced_at_once(
+    weights: &Weights,
+    previous: &[Vec<usize>],
+    music: Option<&[f32]>,
+    style: Option<usize>,
+) -> (CandleSeq, CandleSeqState) {
+    let engine = engine(weights, EngineKind::Own);
+    let styled = MotionSeq::load(weights, &engine).unwrap();
+    let seq = CandleSeq::load(weights, Dtype::F32).unwrap();
+    let mut state = seq.start(1);
+    state.style = styled.scales(styled.style(style));
+    seq.frames(&mut state, &slices(previous), &[music]).unwrap();
+    (seq, state)
 }
 
 fn bytes_as<T>(name: &str, read: impl Fn([u8; 4]) -> T) -> Vec<T> {
@@ -83,13 +110,10 @@ pub(super) fn check_same(what: &str, found: &[f32], expected: &[f32]) {
     );
 }
 
-pub(super) fn flat(tensor: &Tensor) -> Vec<f32> {
-    tensor.flatten_all().unwrap().to_vec1().unwrap()
-}
-
 /// Two threads, f32.
-fn engine(weights: &Weights) -> Engine {
+fn engine(weights: &Weights, kind: EngineKind) -> Engine {
     let options = EngineOptions {
+        kind,
         dtype: Some(Dtype::F32),
         threads: Some(2),
     };
@@ -97,32 +121,32 @@ fn engine(weights: &Weights) -> Engine {
 }
 
 /// Motion of the codes, a frame at a time.
-fn decoded(weights: &Weights, codes: &[Vec<usize>]) -> Vec<f32> {
-    let engine = engine(weights);
+fn decoded(weights: &Weights, kind: EngineKind, codes: &[Vec<usize>]) -> Vec<f32> {
+    let engine = engine(weights, kind);
     let decoder = VqDecoder::load(weights, &engine).unwrap();
     let mut state = decoder.start();
     let team = engine.pool().team();
-    let frames = codes.iter();
-    frames
-        .flat_map(|codes| decoder.step(&team, &mut state, codes).to_vec())
-        .collect()
+    let mut step = |codes: &Vec<usize>| decoder.step(&team, &mut state, codes).unwrap().to_vec();
+    codes.iter().flat_map(&mut step).collect()
 }
 
 /// Hidden vectors of each lane, a frame at a time; lane 1 hears nothing.
-pub(super) fn hidden(
+fn hidden(
     weights: &Weights,
+    kind: EngineKind,
     previous: &[Vec<usize>],
     music: &[f32],
     lanes: usize,
 ) -> [Vec<f32>; 2] {
-    let engine = engine(weights);
+    let engine = engine(weights, kind);
     let seq = MotionSeq::load(weights, &engine).unwrap();
     let mut state = seq.start(lanes);
-    seq.restyle(&mut state, &seq.style(STYLE));
+    seq.set_style(&mut state, seq.style(STYLE));
     let team = engine.pool().team();
     let mut found = [Vec::new(), Vec::new()];
     for (codes, music) in previous.iter().zip(music.chunks(39)) {
-        seq.step(&team, &mut state, codes, &[Some(music), None][..lanes]);
+        seq.step(&team, &mut state, codes, &[Some(music), None][..lanes])
+            .unwrap();
         for (lane, found) in found.iter_mut().enumerate().take(lanes) {
             found.extend(state.hidden(lane));
         }

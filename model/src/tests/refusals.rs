@@ -2,8 +2,8 @@
 
 use safetensors::SafeTensors;
 
-use super::super::{Dtype, Weights, convert};
 use super::TINY;
+use crate::weights::{Dtype, Weights, convert};
 use crate::{Generator, ModelError};
 
 /// The tiny file with one change to its header or data.

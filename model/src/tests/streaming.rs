@@ -1,9 +1,14 @@
 //! A piece at a time against everything in one pass.
 
-use super::super::{
-    Activation, ModelConfig, MotionSeq, OneShotDecoder, OneShotSeq, Positions, VqEncoder, Weights,
+use super::{
+    Golden, STYLE, TINY, check_same, danced_at_once, decoded, decoded_at_once, engine, hidden,
+    slices,
 };
-use super::{Golden, STYLE, TINY, check_same, decoded, engine, flat, hidden};
+use crate::config::{Activation, ModelConfig, Positions};
+use crate::engine::EngineKind;
+use crate::motionseq::MotionSeq;
+use crate::vqvae::VqEncoder;
+use crate::weights::Weights;
 
 #[test]
 fn long_motion_is_encoded_as_in_one_pass() {
@@ -20,11 +25,16 @@ fn long_motion_is_encoded_as_in_one_pass() {
 #[test]
 fn two_lanes_give_what_two_dances_give() {
     let g = Golden::load();
-    let weights = Weights::open(TINY, "tiny").unwrap();
-    let [heard, deaf] = hidden(&weights, &g.previous, &g.music, 2);
-    assert_eq!(heard, hidden(&weights, &g.previous, &g.music, 1)[0]);
-    let expected = g.seq.one_shot(&g.previous, None, STYLE).unwrap();
-    check_same("deaf", &deaf, &flat(&expected));
+    for kind in EngineKind::ALL {
+        let run = |lanes| hidden(&g.weights, kind, &g.previous, &g.music, lanes);
+        let [heard, deaf] = run(2);
+        match kind {
+            EngineKind::Own => assert_eq!(heard, run(1)[0]),
+            EngineKind::Candle => check_same("heard", &heard, &run(1)[0]),
+        }
+        let (_, expected) = danced_at_once(&g.weights, &g.previous, None, STYLE);
+        check_same("deaf", &deaf, expected.hidden());
+    }
 }
 
 /// Small networks of the shapes that the tiny file does not have.
@@ -53,38 +63,32 @@ fn a_frame_at_a_time_gives_what_one_pass_gives() {
             .collect();
         let music: Vec<f32> = (0..30 * 39).map(|i| (i as f32 * 0.37).sin()).collect();
         let what = &weights.config().preset;
-        let one_shot = OneShotDecoder::load(&weights).unwrap();
-        check_same(
-            what,
-            &decoded(&weights, &rows),
-            &one_shot.one_shot(&rows).unwrap().concat(),
-        );
-        let seq = OneShotSeq::load(&weights).unwrap();
-        let expected = seq.one_shot(&rows, Some(&music), STYLE).unwrap();
-        check_same(
-            what,
-            &hidden(&weights, &rows, &music, 1)[0],
-            &flat(&expected),
-        );
-        let found = logits(&weights, &rows[0], &music[..39]);
-        let first = expected.narrow(0, 0, 1).unwrap();
-        for (part, found) in found.iter().enumerate() {
-            let expected = seq.logits(part, &first, &rows[..1]).unwrap();
-            check_same(what, found, &flat(&expected));
+        let motion = decoded_at_once(&weights, &rows);
+        let (seq, mut expected) = danced_at_once(&weights, &rows, Some(&music), STYLE);
+        for kind in EngineKind::ALL {
+            check_same(what, &decoded(&weights, kind, &rows), &motion);
+            let found = &hidden(&weights, kind, &rows, &music, 1)[0];
+            check_same(what, found, expected.hidden());
+            let found = logits(&weights, kind, &rows[0], &music[..39]);
+            for (part, found) in found.iter().enumerate() {
+                let all = seq.logits(&mut expected, part, &slices(&rows)).unwrap();
+                check_same(what, found, &all[..found.len()]);
+            }
         }
     }
 }
 
 /// Logits of every part at the first frame.
-fn logits(weights: &Weights, codes: &[usize], music: &[f32]) -> Vec<Vec<f32>> {
-    let engine = engine(weights);
+fn logits(weights: &Weights, kind: EngineKind, codes: &[usize], music: &[f32]) -> Vec<Vec<f32>> {
+    let engine = engine(weights, kind);
     let seq = MotionSeq::load(weights, &engine).unwrap();
     let mut state = seq.start(1);
-    seq.restyle(&mut state, &seq.style(STYLE));
+    seq.set_style(&mut state, seq.style(STYLE));
     let team = engine.pool().team();
-    seq.step(&team, &mut state, codes, &[Some(music)]);
+    seq.step(&team, &mut state, codes, &[Some(music)])
+        .unwrap();
     let mut of_part = |part| -> Vec<f32> {
-        let lanes = seq.logits(&team, &mut state, part, &codes[..part]);
+        let lanes = seq.logits(&team, &mut state, part, &codes[..part]).unwrap();
         lanes.flatten().copied().collect()
     };
     (0..codes.len()).map(&mut of_part).collect()
@@ -93,21 +97,22 @@ fn logits(weights: &Weights, codes: &[usize], music: &[f32]) -> Vec<Vec<f32>> {
 #[test]
 fn another_start_forgets_the_past() {
     let g = Golden::load();
-    let weights = Weights::open(TINY, "tiny").unwrap();
-    let engine = engine(&weights);
-    let seq = MotionSeq::load(&weights, &engine).unwrap();
-    let mut state = seq.start(1);
-    let team = engine.pool().team();
-    let mut run = || -> Vec<f32> {
-        let frames = g.previous.iter().zip(g.music.chunks(39)).take(5);
-        let mut step = |(codes, music): (&Vec<usize>, _)| {
-            seq.step(&team, &mut state, codes, &[Some(music)]);
-            state.hidden(0).to_vec()
+    for kind in EngineKind::ALL {
+        let engine = engine(&g.weights, kind);
+        let seq = MotionSeq::load(&g.weights, &engine).unwrap();
+        let mut state = seq.start(1);
+        let team = engine.pool().team();
+        let mut run = || -> Vec<f32> {
+            let frames = g.previous.iter().zip(g.music.chunks(39)).take(5);
+            let mut step = |(codes, music): (&Vec<usize>, _)| {
+                seq.step(&team, &mut state, codes, &[Some(music)]).unwrap();
+                state.hidden(0).to_vec()
+            };
+            let found = frames.flat_map(&mut step).collect();
+            state.restart();
+            found
         };
-        let found = frames.flat_map(&mut step).collect();
-        state.restart();
-        found
-    };
-    let first = run();
-    assert_eq!(first, run());
+        let first = run();
+        assert_eq!(first, run());
+    }
 }

@@ -1,26 +1,27 @@
-//! The networks against what the PyTorch twin computes.
+//! Both engines against what the PyTorch twin computes.
 
-use super::super::{VqEncoder, Weights};
-use super::{Golden, STYLE, TINY, check_same, code_rows, decoded, flat, floats, hidden};
+use super::{
+    Golden, STYLE, TINY, check_same, code_rows, danced_at_once, decoded, decoded_at_once, floats,
+    hidden, slices,
+};
+use crate::engine::EngineKind;
+use crate::vqvae::VqEncoder;
+use crate::weights::Weights;
 
 #[test]
-fn one_shot_decoding_agrees_with_the_twin() {
+fn decoding_at_once_agrees_with_the_twin() {
     let g = Golden::load();
-    check_same(
-        "motion",
-        &g.decoder.one_shot(&g.codes).unwrap().concat(),
-        &floats("motion"),
-    );
+    let motion = decoded_at_once(&g.weights, &g.codes);
+    check_same("motion", &motion, &floats("motion"));
 }
 
 #[test]
 fn streaming_decoding_agrees_with_the_twin() {
-    let weights = Weights::open(TINY, "tiny").unwrap();
-    check_same(
-        "motion",
-        &decoded(&weights, &code_rows("codes")),
-        &floats("motion"),
-    );
+    let g = Golden::load();
+    for kind in EngineKind::ALL {
+        let motion = decoded(&g.weights, kind, &g.codes);
+        check_same(kind.name(), &motion, &floats("motion"));
+    }
 }
 
 #[test]
@@ -33,18 +34,14 @@ fn encoding_gives_the_codes_of_the_twin() {
 }
 
 #[test]
-fn one_shot_motionseq_agrees_with_the_twin() {
+fn motionseq_at_once_agrees_with_the_twin() {
     let g = Golden::load();
     for (name, music, style) in [("heard", Some(&g.music[..]), STYLE), ("deaf", None, None)] {
-        let hidden = g.seq.one_shot(&g.previous, music, style).unwrap();
-        check_same(name, &flat(&hidden), &floats(&format!("{name}_hidden")));
+        let (seq, mut state) = danced_at_once(&g.weights, &g.previous, music, style);
+        check_same(name, state.hidden(), &floats(&format!("{name}_hidden")));
         for part in 0..2 {
-            let logits = g.seq.logits(part, &hidden, &g.codes).unwrap();
-            check_same(
-                name,
-                &flat(&logits),
-                &floats(&format!("{name}_logits{part}")),
-            );
+            let logits = seq.logits(&mut state, part, &slices(&g.codes)).unwrap();
+            check_same(name, logits, &floats(&format!("{name}_logits{part}")));
         }
     }
 }
@@ -52,7 +49,8 @@ fn one_shot_motionseq_agrees_with_the_twin() {
 #[test]
 fn streaming_motionseq_agrees_with_the_twin() {
     let g = Golden::load();
-    let weights = Weights::open(TINY, "tiny").unwrap();
-    let [heard, _] = hidden(&weights, &g.previous, &g.music, 1);
-    check_same("hidden", &heard, &floats("heard_hidden"));
+    for kind in EngineKind::ALL {
+        let [heard, _] = hidden(&g.weights, kind, &g.previous, &g.music, 1);
+        check_same(kind.name(), &heard, &floats("heard_hidden"));
+    }
 }

@@ -6,11 +6,12 @@
 
 use std::path::Path;
 
+use super::{VqDecoder, VqEncoder};
+use crate::engine::{Engine, EngineOptions};
 use crate::error::ModelError;
-use crate::generator::BUILT_IN;
 use crate::motion::representation::{POSE_DIM, PoseVector, Recovery};
 use crate::motion::{Clip, Pose, encode, skeleton};
-use crate::net::{Engine, EngineOptions, VqDecoder, VqEncoder, Weights};
+use crate::weights::{BUILT_IN, Weights};
 
 /// Encoders, codebooks and decoder of a weights file.
 #[derive(Clone, Debug)]
@@ -80,7 +81,7 @@ impl Codec {
         let mut recovery = Recovery::default();
         let mut poses = Vec::with_capacity(codes.len());
         for row in codes {
-            let normalised = self.decoder.step(&team, &mut state, row);
+            let normalised = self.decoder.step(&team, &mut state, row)?;
             let vector = std::array::from_fn(|i| normalised[i] * self.std[i] + self.mean[i]);
             poses.push(skeleton::fit(&recovery.push(&vector), 1.0));
         }

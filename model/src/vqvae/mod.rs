@@ -14,3 +14,6 @@ mod own;
 pub use codec::Codec;
 pub use decoder::{DecoderState, VqDecoder};
 pub use encoder::VqEncoder;
+
+#[cfg(test)]
+pub(crate) use candle::CandleDecoder;

@@ -17,16 +17,21 @@ use crate::error::ModelError;
 mod convert;
 mod dtype;
 mod packed;
-mod random;
+pub(crate) mod random;
 mod slab;
-pub(crate) mod tensor_file;
+pub mod tensor_file;
 
 pub use convert::{convert, convert_file};
 pub use dtype::Dtype;
 pub(crate) use dtype::{BLOCK, CHUNK, CHUNK_WORDS, q6_quant};
+#[cfg(test)]
+pub(crate) use dtype::{q4_block, q4_values, q8_block};
 pub(crate) use packed::{PackedMatrix, PackedNumbers, gather, padded, scales_width};
 
 use packed::q6_bytes;
+
+/// The trained weights, part of the program so that it runs by itself.
+pub(crate) const BUILT_IN: &[u8] = include_bytes!("../../weights/live.safetensors");
 
 /// What the metadata must say for this layout.
 pub const FORMAT: &str = "servodance-model-1";

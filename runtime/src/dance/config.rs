@@ -6,7 +6,7 @@ use crate::conditioning::Conditioning;
 use crate::robot::Robot;
 use clap::ValueEnum;
 use servodance_audio::source::PcmFormat;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 

@@ -69,7 +69,7 @@ use overload::{LeftOut, Overload, Sparing};
 use rig::Rig;
 use servodance_audio::capture::Notice;
 use servodance_drivers::EStop;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_model::{Generator, GeneratorOptions};
 use servodance_retarget::EffortReport;
 use std::collections::BTreeMap;

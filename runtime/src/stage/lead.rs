@@ -21,7 +21,7 @@ use anyhow::bail;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::Notice;
 use servodance_model::GeneratorOptions;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_retarget::PostureReader;
 use servodance_stage::keys::Keys;
 use servodance_stage::net::{Ear, Net, Place, Voice};

@@ -16,7 +16,7 @@ use crate::train::{SettingsFile, StageKind};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use servodance_model::GeneratorOptions;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_runtime::output::write_whole;
 use servodance_runtime::progress::Progress;
 use std::path::{Path, PathBuf};

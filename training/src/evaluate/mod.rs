@@ -23,7 +23,7 @@ use reference::{HeldOut, Reference, Silence};
 use servodance_model::conditioning::HeardFrame;
 use servodance_model::motion::mpjpe_m;
 use servodance_model::motion::{Clip, Pose};
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_model::{Codec, Generator, GeneratorOptions, ModelError};
 use servodance_runtime::conditioning::Conditioning;
 use servodance_runtime::dance::open_generator;

@@ -13,7 +13,8 @@ use super::optimizer::AdamW;
 use super::parameters::Parameters;
 use super::tensors::{Numbers, Tensors, file, read as read_tensors};
 use super::trainer::Tally;
-use servodance_model::net::{FORMAT, ModelConfig};
+use servodance_model::config::ModelConfig;
+use servodance_model::weights::FORMAT;
 
 /// The metadata key; its value holds the format's version and the run.
 const KEY: &str = "servodance-training-1";

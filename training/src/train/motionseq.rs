@@ -7,7 +7,7 @@ use super::layers::{
 use super::ops::Sight;
 use super::parameters::{Id, Init};
 use super::tape::{Batch, Tape, Value};
-use servodance_model::net::{ModelConfig, Positions};
+use servodance_model::config::{ModelConfig, Positions};
 
 /// Standard deviation of new code embeddings.
 const EMBEDDING: Init = Init::Normal(0.32);

@@ -9,7 +9,7 @@ use super::codebook::CodebookSettings;
 use super::error::TrainError;
 use super::motion_loss::LossWeights;
 use servodance_model::conditioning::MusicKind;
-use servodance_model::net::{ModelConfig, PRESETS, Positions};
+use servodance_model::config::{ModelConfig, PRESETS, Positions};
 
 /// Which stage is trained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

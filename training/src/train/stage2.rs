@@ -17,7 +17,9 @@ use super::tokens::{ClipCodes, corrupt, corruption, neighbours, shaken, tokenise
 use super::trainer::{Named, Outcome, Stage};
 use crate::motion::index::{STYLES, Split};
 use servodance_model::motion::representation::{CONTACTS_AT, POSE_DIM, STEPS_AT};
-use servodance_model::net::{ModelConfig, VqEncoder, Weights};
+use servodance_model::config::ModelConfig;
+use servodance_model::vqvae::VqEncoder;
+use servodance_model::weights::Weights;
 
 /// Sequences that are validated on, and the seed that draws them.
 const HELD_SEQUENCES: usize = 32;

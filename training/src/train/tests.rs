@@ -23,9 +23,10 @@ use super::tape::Batch;
 use super::tensors::{Numbers, Tensors, read};
 use super::{LossWeights, Preset, checkpoint};
 use servodance_model::motion::representation::POSE_DIM;
-use servodance_model::net::{Positions, SeqConfig, Weights};
+use servodance_model::config::{Positions, SeqConfig};
+use servodance_model::weights::Weights;
 
-const TINY: &[u8] = include_bytes!("../../../model/src/net/golden/tiny.safetensors");
+const TINY: &[u8] = include_bytes!("../../../model/src/tests/golden/tiny.safetensors");
 const TOLERANCE: f32 = 1e-4;
 
 fn rng() -> ChaCha8Rng {

@@ -10,8 +10,8 @@ use super::data::Data;
 use super::error::TrainError;
 use super::parameters::normal;
 use servodance_model::conditioning::MusicKind;
-use servodance_model::error::ModelError;
-use servodance_model::net::VqEncoder;
+use servodance_model::ModelError;
+use servodance_model::vqvae::VqEncoder;
 
 /// A near code is one of so many nearest others.
 const NEAR: usize = 8;

@@ -271,7 +271,7 @@ impl Trainer {
         value
     }
 
-    /// The weights file of what was learned so far, which `servodance_model::net` loads:
+    /// The weights file of what was learned so far, which `servodance_model::weights` loads:
     /// that of stage 1 lacks what belongs to stage 2.
     pub fn weights(&mut self) -> Vec<u8> {
         let mut tensors = self.stage.weights();

@@ -4,7 +4,7 @@ use super::codebook::Codebook;
 use super::layers::{Dropout, Layer, Linear, Maker, Norm, Widths};
 use super::ops::Sight;
 use super::tape::{Batch, Tape, Value};
-use servodance_model::net::{ModelConfig, part_channels};
+use servodance_model::config::{ModelConfig, part_channels};
 
 /// The encoder of one body part.
 #[derive(Clone, Debug)]

@@ -62,10 +62,13 @@ impl TensorCache {
     /// The first lane alone, with all that it holds.
     pub fn first_lane(&self) -> TensorResult<Self> {
         let first = |held: &Tensor| held.narrow(0, 0, 1)?.contiguous();
-        let past = self.past.as_ref().map(|[keys, values]| Ok([first(keys)?, first(values)?]));
+        let past = match &self.past {
+            Some([keys, values]) => Some([first(keys)?, first(values)?]),
+            None => None,
+        };
         Ok(Self {
             lanes: 1,
-            past: past.transpose()?,
+            past,
             ..*self
         })
     }

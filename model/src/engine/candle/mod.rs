@@ -20,7 +20,7 @@ use crate::weights::{Dtype, Weights};
 const EPSILON: f32 = 1e-5;
 
 /// Where layers take their weights from.
-pub(crate) trait TensorSource {
+pub trait TensorSource {
     /// A tensor of exactly this shape, f32 on the CPU.
     fn tensor(&self, name: &str, shape: &[usize]) -> Result<Tensor, ModelError>;
 }
@@ -50,7 +50,7 @@ impl TensorSource for RoundedWeights<'_> {
 
 /// `x W^T + b`.
 #[derive(Clone, Debug)]
-pub(crate) struct TensorLinear {
+pub struct TensorLinear {
     weight_t: Tensor,
     bias: Tensor,
 }
@@ -81,7 +81,7 @@ impl TensorLinear {
 
 /// Layer norm with scale and shift over the last dimension.
 #[derive(Clone, Debug)]
-pub(crate) struct TensorNorm {
+pub struct TensorNorm {
     weight: Tensor,
     bias: Tensor,
 }

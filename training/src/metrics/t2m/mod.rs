@@ -19,8 +19,8 @@ use words::{KINDS, WORD_DIM, Words};
 
 use crate::motion::humanml::{HUMANML_DIM, HumanMlVector};
 use servodance_model::conditioning::checkpoint::Checkpoint;
-use servodance_model::conditioning::layers::Linear;
-use servodance_model::error::ModelError;
+use servodance_model::conditioning::TensorLinear as Linear;
+use servodance_model::ModelError;
 
 /// Numbers of a point.
 pub const POINT_DIM: usize = 512;

@@ -12,7 +12,7 @@ use candle_core::{Device, Result as TensorResult, Tensor};
 use serde::Deserialize;
 
 use servodance_model::conditioning::checkpoint::{Checkpoint, file_error};
-use servodance_model::error::ModelError;
+use servodance_model::ModelError;
 
 /// Numbers of a word's vector.
 pub(super) const WORD_DIM: usize = 300;

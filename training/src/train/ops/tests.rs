@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{Heads, Sight};
 use crate::train::parameters::{Id, Init, Parameters};
 use crate::train::tape::{Batch, Buffers, Tape, Value};
-use servodance_model::net::Activation;
+use servodance_model::config::Activation;
 
 const STEP: f32 = 1e-2;
 

@@ -8,7 +8,7 @@ use super::super::tape::Batch;
 use super::super::trainer::Outcome;
 use super::{check_same, motion_batch, rng, seq_batch, stage_one, stage_two};
 use servodance_model::motion::representation::POSE_DIM;
-use servodance_model::net::Positions;
+use servodance_model::config::Positions;
 
 /// A gradient for every parameter, and the right one: along the gradient itself,
 /// along a random direction, and in single numbers.

@@ -7,7 +7,8 @@ use super::super::settings::{SettingsFile, StageKind};
 use super::super::stage2::{SeqBatch, SeqStage, StageOne};
 use super::super::trainer::Trainer;
 use super::{TINY, rng, settings};
-use servodance_model::net::{OneShotDecoder, OneShotSeq, VqEncoder, Weights};
+use servodance_model::vqvae::VqEncoder;
+use servodance_model::weights::Weights;
 
 fn trainer(stage: StageKind, change: impl Fn(&mut SettingsFile)) -> Trainer {
     let settings = settings(stage, |file| {
@@ -130,7 +131,7 @@ fn what_was_learned_loads_and_the_end_is_learned_where_sequences_end() {
     let weights = stage.weights();
     let opened = Weights::open(&weights, "trained").unwrap();
     VqEncoder::load(&opened).unwrap();
-    OneShotDecoder::load(&opened).unwrap();
+    servodance_model::Codec::from_bytes(&weights, "trained").unwrap();
     let settings = settings(StageKind::MotionSeq, |file| {
         file.model.eos = Some(true);
         file.motionseq.steps = Some(4);
@@ -156,7 +157,6 @@ fn what_was_learned_loads_and_the_end_is_learned_where_sequences_end() {
     let mut trainer = Trainer::new(settings, data(), Some(stage_one)).unwrap();
     go(&mut trainer, 4);
     let weights = trainer.weights();
-    OneShotSeq::load(&Weights::open(&weights, "trained").unwrap()).unwrap();
     servodance_model::Generator::from_bytes(&weights, "trained").unwrap();
 }
 

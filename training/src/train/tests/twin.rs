@@ -1,7 +1,7 @@
 //! One training step against the PyTorch twin's.
 //!
 //! `golden/` is written by `model/reference/golden_step.py`: one training step
-//! of the twin from the weights in `net/golden/tiny.safetensors`.
+//! of the twin from the weights in `tests/golden/tiny.safetensors`.
 
 use super::super::motionseq::Inputs;
 use super::super::nll::IGNORED;
@@ -14,8 +14,8 @@ use super::super::tensors::{Tensors, read};
 use super::TINY;
 use super::{TOLERANCE, check_same, codes, floats, rng, stage_one, stage_two, stage_two_of};
 use safetensors::SafeTensors;
-use servodance_model::net::Positions;
-use servodance_model::tensor_file::{self, Entry};
+use servodance_model::config::Positions;
+use servodance_model::weights::tensor_file::{self, Entry};
 use std::collections::BTreeMap;
 
 const GOLDEN: &[u8] = include_bytes!("../golden/step.safetensors");
