@@ -6,4 +6,5 @@
 // A closed standard output is no reason to panic: see `servodance_runtime::console`.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+#[doc(hidden)] // for the binary and the tests of the program
 pub mod cli;

@@ -1,4 +1,4 @@
-//! No file makes it panic. `examples/mutations.rs` runs a hundred thousand.
+//! No file makes it panic. `lab/examples/mutations.rs` runs a hundred thousand.
 
 use crate::mutate::mutated;
 use rand::SeedableRng;

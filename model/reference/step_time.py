@@ -1,5 +1,5 @@
 """Times training steps of the twin: for every line on standard input one step,
-its milliseconds on standard output. `examples/train_step.rs` takes turns with it.
+its milliseconds on standard output. `training/examples/train_step.rs` takes turns with it.
 
     python step_time.py vqvae|motionseq BATCH LENGTH THREADS f32|bf16
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use common::can::*;
 use common::*;
-use servodance_drivers::can::udp::UdpLink;
+use servodance_drivers::can::transport::udp::UdpLink;
 use servodance_drivers::can::{CanBus, CanScanner};
 use servodance_drivers::{Bus, BusConfig};
 use servodance_sim::{ServoFault, SimBus, SimLink, SimOptions};

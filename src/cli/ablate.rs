@@ -28,11 +28,10 @@ pub struct Args {
     /// Settings of the whole model.
     #[arg(long, value_name = "FILE.toml")]
     pub config: PathBuf,
-    /// The training file.
-    #[arg(long, value_name = "FILE.safetensors")]
+    #[arg(help = "The training file", long, value_name = "FILE.safetensors")]
     pub data: PathBuf,
-    /// The same built with `--music-features encodec128`, for the variant that
-    /// hears Encodec latents.
+    /// The same built with `--music-features encodec128`, for the variant
+    /// that hears Encodec latents.
     #[arg(long, value_name = "FILE.safetensors")]
     pub latents: Option<PathBuf>,
     /// The Encodec that these latents are of, if it is not in

@@ -18,11 +18,10 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// The recording.
-    #[arg(value_name = "FILE")]
+    #[arg(help = "The recording", value_name = "FILE")]
     pub file: PathBuf,
-    /// Call each beat from what came before it, as live; else the whole
-    /// recording is known.
+    /// Call each beat from what came before it, as live; else the
+    /// whole recording is known.
     #[arg(long)]
     pub causal: bool,
     /// The file to write; standard output if left out.

@@ -19,15 +19,13 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// The robot file.
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(help = "The robot file", long, value_name = "FILE.toml")]
     pub robot: String,
     /// Where its servos are: serial:PATH, can:IFACE, slcan:PATH; NAME=... for each
     /// bus of a robot with several.
     #[arg(long, value_name = "BUS", required = true)]
     pub bus: Vec<String>,
-    /// Find directions too.
-    #[arg(long)]
+    #[arg(help = "Find directions too", long)]
     pub directions: bool,
     /// Write here instead, beside the same URDF.
     #[arg(long, value_name = "FILE.toml")]

@@ -11,7 +11,6 @@ Examples:
   servodance completions zsh > ~/.zfunc/_servodance
   servodance completions fish > ~/.config/fish/completions/servodance.fish";
 
-/// Which shell.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

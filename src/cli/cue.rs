@@ -23,18 +23,15 @@ pub struct Args {
     #[command(flatten)]
     pub role: RoleChoice,
 
-    /// Which stage.
     #[command(flatten)]
     pub place: StagePlace,
 }
 
-/// Gives the cue.
 #[cfg(not(feature = "stage"))]
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
     super::stage_place::not_built_in("cue")
 }
 
-/// Gives the cue.
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let place = args.place.place(false, Vec::new());

@@ -48,8 +48,8 @@ pub struct Args {
     #[arg(value_name = "AUDIO")]
     pub audio: Option<PathBuf>,
 
-    /// Dance to what a microphone hears now: the default one, or one that
-    /// `servodance devices` lists.
+    /// Dance to what a microphone hears now: the default one, or one
+    /// that `servodance devices` lists.
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
     pub mic: Option<Option<String>>,
 
@@ -70,7 +70,6 @@ pub struct Args {
     #[arg(long)]
     pub no_compensation: bool,
 
-    /// What is danced.
     #[command(flatten)]
     pub invention: InventionArgs,
 
@@ -86,8 +85,7 @@ pub struct Args {
     #[arg(long, default_value = "dance.png", value_name = "FILE.png")]
     pub picture: PathBuf,
 
-    /// Draw no picture.
-    #[arg(long, conflicts_with = "picture")]
+    #[arg(help = "Draw no picture", long, conflicts_with = "picture")]
     pub no_picture: bool,
 
     /// Draw a moving picture too: ten seconds from the middle of the dance, the
@@ -133,17 +131,15 @@ pub struct Args {
     #[arg(long, visible_alias = "terminal")]
     pub tui: bool,
 
-    /// Wait, torque off, until the page or a key says start, before each dance;
-    /// end by Ctrl-C.
+    /// Wait, torque off, until the page or a key says start, before each
+    /// dance; end by Ctrl-C.
     #[arg(long, requires = "watched")]
     pub wait_for_start: bool,
 
-    /// Print only errors.
-    #[arg(long, short)]
+    #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
 }
 
-/// Dances.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let config = configuration(args)?;
     let stop = stop_signal()?;

@@ -9,7 +9,6 @@ use std::path::PathBuf;
 /// A robot that dances.
 #[derive(Debug, clap::Args)]
 pub struct RigArgs {
-    /// Which robot.
     #[command(flatten)]
     pub robot: RobotChoice,
 

@@ -41,7 +41,6 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// What to do.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -125,8 +124,12 @@ pub struct BuildArgs {
     /// Songs for every captured dance with a beat.
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub songs: usize,
-    /// Minutes of choreography.
-    #[arg(long, default_value_t = 90.0, value_name = "MINUTES")]
+    #[arg(
+        help = "Minutes of choreography",
+        long,
+        default_value_t = 90.0,
+        value_name = "MINUTES"
+    )]
     pub choreography: f64,
     /// Which features of the music are written.
     #[command(flatten)]
@@ -134,8 +137,7 @@ pub struct BuildArgs {
     /// Everything random follows from it.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// No progress bar.
-    #[arg(long, short)]
+    #[arg(help = "No progress bar", long, short)]
     pub quiet: bool,
 }
 
@@ -171,7 +173,6 @@ fn kind(text: &str) -> Result<Kind, String> {
     found.ok_or_else(|| format!("choose one of {}", Kind::ALL.map(Kind::name).join(", ")))
 }
 
-/// Does it.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.command {
         Command::Import(args) => run_import(args),

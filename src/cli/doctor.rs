@@ -20,7 +20,6 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Which robot.
     #[command(flatten)]
     pub robot: RobotChoice,
 

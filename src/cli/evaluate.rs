@@ -72,7 +72,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Prints the figures.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let progress = Progress::share("evaluating", args.json);
     let found = evaluate(

@@ -23,8 +23,7 @@ pub struct Args {
     #[arg(value_name = "FILE.mcap")]
     pub recording: PathBuf,
 
-    /// A moving picture.
-    #[arg(long, value_name = "FILE.gif")]
+    #[arg(help = "A moving picture", long, value_name = "FILE.gif")]
     pub gif: Option<PathBuf>,
 
     /// Where in the music it begins, seconds.

@@ -24,7 +24,6 @@ pub struct Args {
     #[command(flatten)]
     pub rig: RigArgs,
 
-    /// Which stage.
     #[command(flatten)]
     pub place: StagePlace,
 
@@ -53,8 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
 
-    /// Print only errors.
-    #[arg(long, short)]
+    #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
 
     /// For trials: a clock that is wrong by so many seconds.
@@ -80,13 +78,11 @@ pub struct Args {
     pub witness: Option<PathBuf>,
 }
 
-/// Follows.
 #[cfg(not(feature = "stage"))]
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
     super::stage_place::not_built_in("follow")
 }
 
-/// Follows.
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     use servodance_runtime::console::tell;

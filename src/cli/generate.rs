@@ -58,15 +58,14 @@ pub struct Args {
     /// How codes are drawn.
     #[command(flatten)]
     pub sampling: SamplingArgs,
-    /// Stop where a model that knows an end says so; else a new sequence goes on
-    /// from there.
+    /// Stop where a model that knows an end says so; else a new sequence
+    /// goes on from there.
     #[arg(long)]
     pub until_end: bool,
     /// How the model's steps are computed.
     #[command(flatten)]
     pub engine: EngineArgs,
-    /// Print only errors.
-    #[arg(long, short)]
+    #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
 }
 

@@ -19,8 +19,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// The joint.
-    #[arg(value_name = "JOINT")]
+    #[arg(help = "The joint", value_name = "JOINT")]
     pub joint: String,
     /// A built-in robot (see `servodance robots`) or a robot file.
     #[arg(long, value_name = "NAME|FILE.toml")]
@@ -42,8 +41,7 @@ pub struct Args {
     /// How fast, degrees a second.
     #[arg(long, value_name = "DEGREES_A_SECOND", default_value_t = 20.0)]
     pub speed: f64,
-    /// Do not ask.
-    #[arg(long)]
+    #[arg(help = "Do not ask", long)]
     pub yes: bool,
 }
 

@@ -4,7 +4,7 @@ use super::robot_choice::RobotChoice;
 use super::stop_signal;
 use anyhow::bail;
 use serde_json::{Value, json};
-use servodance_lab::click_test::{Measured, measure as click_test};
+use servodance_lab::bench::click_test::{ClickTestReport, measure as click_test};
 use servodance_runtime::console::say;
 use servodance_runtime::dance::{BusChoice, choose_buses};
 use servodance_runtime::robot::Robot;
@@ -22,7 +22,6 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Which robot.
     #[command(flatten)]
     pub robot: RobotChoice,
 
@@ -30,8 +29,7 @@ pub struct Args {
     #[arg(long, default_value = "sim", value_name = "BUS")]
     pub bus: Vec<String>,
 
-    /// Clicks to send.
-    #[arg(long, default_value_t = 8, value_name = "N")]
+    #[arg(help = "Clicks to send", long, default_value_t = 8, value_name = "N")]
     pub clicks: u32,
 
     /// Print one JSON object.
@@ -39,7 +37,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Measures.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if !(1..=1000).contains(&args.clicks) {
         bail!("--clicks {} is outside 1..1000", args.clicks);
@@ -63,8 +60,8 @@ struct Row {
 }
 
 /// What was measured between two moments, and the modelled delays in between.
-fn rows(measured: &Measured) -> [Row; 3] {
-    let median_ms = |part: fn(&servodance_lab::click_test::Passage) -> f64| {
+fn rows(measured: &ClickTestReport) -> [Row; 3] {
+    let median_ms = |part: fn(&servodance_lab::bench::click_test::ClickDelay) -> f64| {
         let mut all: Vec<f64> = measured.passages.iter().map(part).collect();
         all.sort_by(f64::total_cmp);
         all[all.len() / 2] * 1e3
@@ -88,7 +85,7 @@ fn rows(measured: &Measured) -> [Row; 3] {
     ]
 }
 
-fn table(robot: &Robot, measured: &Measured) -> String {
+fn table(robot: &Robot, measured: &ClickTestReport) -> String {
     let named = measured.delays.named();
     let mut text = String::new();
     // Writing to a String cannot fail.
@@ -126,13 +123,13 @@ fn table(robot: &Robot, measured: &Measured) -> String {
     text
 }
 
-fn total_ms(measured: &Measured) -> f64 {
+fn total_ms(measured: &ClickTestReport) -> f64 {
     let mut all: Vec<f64> = measured.passages.iter().map(|p| p.total_s()).collect();
     all.sort_by(f64::total_cmp);
     all[all.len() / 2] * 1e3
 }
 
-fn json_of(robot: &Robot, measured: &Measured) -> Value {
+fn json_of(robot: &Robot, measured: &ClickTestReport) -> Value {
     let expected: serde_json::Map<String, Value> = measured
         .delays
         .named()

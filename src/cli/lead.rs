@@ -23,12 +23,11 @@ pub struct Args {
     #[arg(value_name = "AUDIO")]
     pub audio: Option<PathBuf>,
 
-    /// Lead to what a microphone hears now: the default one, or one that
-    /// `servodance devices` lists.
+    /// Lead to what a microphone hears now: the default one, or one
+    /// that `servodance devices` lists.
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
     pub mic: Option<Option<String>>,
 
-    /// Which stage.
     #[command(flatten)]
     pub place: StagePlace,
 
@@ -40,7 +39,6 @@ pub struct Args {
     #[arg(long)]
     pub take_over: bool,
 
-    /// What is danced.
     #[command(flatten)]
     pub invention: InventionArgs,
 
@@ -48,18 +46,15 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
 
-    /// Print only errors.
-    #[arg(long, short)]
+    #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
 }
 
-/// Leads.
 #[cfg(not(feature = "stage"))]
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
     super::stage_place::not_built_in("lead")
 }
 
-/// Leads.
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     use servodance_runtime::console::{say, tell};

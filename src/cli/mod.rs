@@ -73,7 +73,6 @@ Examples:
     max_term_width = 100
 )]
 pub struct Cli {
-    /// What to do.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -148,10 +147,8 @@ pub enum Command {
 }
 
 impl Command {
-    /// Does it.
-    ///
-    /// # Errors
-    /// What the user gave that cannot be used, or what failed on the way.
+    /// Does it. What the user gave that cannot be used, or what
+    /// failed on the way.
     pub fn run(self) -> anyhow::Result<ExitCode> {
         match self {
             Command::Ablate(args) => ablate::run(args),

@@ -32,8 +32,7 @@ pub struct Args {
     /// Only this baud rate.
     #[arg(long, value_name = "BAUD")]
     pub baud: Option<u32>,
-    /// Only this protocol.
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(help = "Only this protocol", long, value_enum, default_value_t)]
     pub protocol: ProtocolChoice,
 }
 

@@ -34,7 +34,6 @@ pub struct Args {
     pub view_bind: SocketAddr,
 }
 
-/// Plays.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let recording = Recording::read(&args.recording)?;
     let scene = scene(&recording)?;

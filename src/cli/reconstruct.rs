@@ -22,8 +22,8 @@ pub struct Args {
     /// The file to write: .npz (positions) or .bvh (joint angles).
     #[arg(long, value_name = "FILE.npz|FILE.bvh")]
     pub out: PathBuf,
-    /// Also write the original at 20 FPS on the common skeleton, frame by frame
-    /// beside the reconstruction.
+    /// Also write the original at 20 FPS on the common skeleton, frame by
+    /// frame beside the reconstruction.
     #[arg(long, value_name = "FILE.npz|FILE.bvh")]
     pub original: Option<PathBuf>,
     /// Weights to use in place of the built-in ones.

@@ -23,15 +23,14 @@ pub struct Args {
     /// A built-in robot (see `servodance robots`) or a robot file.
     #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
     pub robot: String,
-    /// Joint positions: `time_s` and a column of radians a joint (.csv), or a
-    /// recording (.mcap).
+    /// Joint positions: `time_s` and a column of radians a joint (.csv),
+    /// or a recording (.mcap).
     #[arg(long, value_name = "FILE.csv|.mcap")]
     pub out: PathBuf,
     /// Write figures as JSON.
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-    /// Print only errors.
-    #[arg(long, short)]
+    #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
 }
 

@@ -19,7 +19,6 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// What to do.
     #[command(subcommand)]
     pub action: Action,
 }
@@ -58,7 +57,6 @@ pub struct CheckArgs {
     pub json: bool,
 }
 
-/// Does it.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.action {
         Action::New(args) => new(&args),

@@ -16,18 +16,15 @@ pub struct RobotChoice {
     )]
     pub robot: String,
 
-    /// Set a key of the robot file for this run, such as `safety.rearm=true` or
-    /// `joint.l_knee.upper_deg=90`; may be given again. The environment does it too:
-    /// `SERVODANCE_SAFETY__REARM=true`.
+    /// Set a key of the robot file for this run, such as `safety.rearm=true`
+    /// or `joint.l_knee.upper_deg=90`; may be given again. The environment
+    /// does it too: `SERVODANCE_SAFETY__REARM=true`.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 }
 
 impl RobotChoice {
-    /// Loads it.
-    ///
-    /// # Errors
-    /// What is wrong with the file, or with what is set.
+    /// Loads it. What is wrong with the file, or with what is set.
     pub fn load(&self) -> anyhow::Result<Robot> {
         let overrides = Overrides::from_user(&self.set)?;
         Robot::load_with(&self.robot, &overrides).context("--robot")

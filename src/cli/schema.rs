@@ -14,19 +14,17 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Of which file.
-    #[arg(value_enum)]
+    #[arg(help = "Of which file", value_enum)]
     pub of: Of,
 }
 
 /// Files that have a schema.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Of {
-    /// The robot file.
+    #[value(help = "The robot file")]
     Robot,
 }
 
-/// Prints the schema.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.of {
         Of::Robot => servodance_runtime::console::stdout(format_args!("{ROBOT_SCHEMA}")),

@@ -15,8 +15,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// The serial port.
-    #[arg(value_name = "PORT")]
+    #[arg(help = "The serial port", value_name = "PORT")]
     pub port: String,
     /// The id it has.
     #[arg(value_name = "OLD")]
@@ -27,11 +26,9 @@ pub struct Args {
     /// Only this baud rate.
     #[arg(long, value_name = "BAUD")]
     pub baud: Option<u32>,
-    /// Only this protocol.
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(help = "Only this protocol", long, value_enum, default_value_t)]
     pub protocol: ProtocolChoice,
-    /// Do not ask.
-    #[arg(long)]
+    #[arg(help = "Do not ask", long)]
     pub yes: bool,
 }
 

@@ -24,7 +24,6 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Which robot.
     #[command(flatten)]
     pub robot: RobotChoice,
     /// What other programs open: a serial port (pty), a serial CAN adapter (slcan), a
@@ -45,7 +44,6 @@ pub struct Args {
     pub faults: Option<PathBuf>,
 }
 
-/// Serves until stopped.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = args.robot.load()?;
     let mut faults = args.fault.join("\n");

@@ -3,7 +3,7 @@
 use super::robot_choice::RobotChoice;
 use super::{INTERRUPTED, stop_signal};
 use anyhow::bail;
-use servodance_lab::soak::{Music, Soak};
+use servodance_lab::soak::{Soak, SoakMusic};
 use servodance_model::engine::EngineOptions;
 use servodance_runtime::console::{say, tell};
 use servodance_runtime::dance::open_generator;
@@ -29,8 +29,12 @@ pub struct Args {
     #[arg(value_name = "AUDIO")]
     pub audio: Vec<PathBuf>,
 
-    /// Minutes of music.
-    #[arg(long, default_value_t = 60.0, value_name = "MINUTES")]
+    #[arg(
+        help = "Minutes of music",
+        long,
+        default_value_t = 60.0,
+        value_name = "MINUTES"
+    )]
     pub minutes: f64,
 
     /// Seconds of music of one dance.
@@ -57,8 +61,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
 
-    /// Show no progress.
-    #[arg(long, short)]
+    #[arg(help = "Show no progress", long, short)]
     pub quiet: bool,
 }
 
@@ -81,7 +84,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     drop(report.transpose()?); // only to learn early whether it can be written
     let soak = Soak {
         robot: args.robot.load()?,
-        music: Music::new(args.audio, args.piece, args.seed),
+        music: SoakMusic::new(args.audio, args.piece, args.seed),
         piece_s: args.piece,
         total_s: args.minutes * 60.0,
         fault_every_s: args.fault_every,

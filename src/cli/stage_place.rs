@@ -14,8 +14,8 @@ pub struct StagePlace {
     #[arg(long, value_name = "PROTOCOL/HOST:PORT")]
     pub connect: Vec<String>,
 
-    /// Zenoh's own configuration (JSON5), for TLS, access control and other
-    /// networks; see docs/stage.md.
+    /// Zenoh's own configuration (JSON5), for TLS, access control and
+    /// other networks; see docs/stage.md.
     #[arg(long, value_name = "FILE.json5")]
     pub zenoh_config: Option<PathBuf>,
 }

@@ -29,16 +29,14 @@ train.toml, every key of which is in docs/training.md:
 In OUT/vqvae and OUT/motionseq: last.safetensors (to go on from),
 weights.safetensors (of the best line so far), curves.csv, curves.png.";
 
-/// Learns weights.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Which stage.
     #[command(subcommand)]
     pub stage: Stage,
 }
 
-/// The stages.
+/// One subcommand for each network of the model.
 #[derive(Debug, Subcommand)]
 pub enum Stage {
     /// Stage 1, the VQ-VAE: motion to one code a body part and frame, and back.
@@ -63,8 +61,7 @@ pub struct SeqArgs {
 /// What both stages are asked for.
 #[derive(Debug, clap::Args)]
 pub struct StageArgs {
-    /// The settings.
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(help = "The settings", long, value_name = "FILE.toml")]
     pub config: PathBuf,
     /// The training file, in place of that in the settings.
     #[arg(long, value_name = "FILE.safetensors")]
@@ -81,12 +78,11 @@ pub struct StageArgs {
     /// Stop when so many steps are taken, to go on later.
     #[arg(long, value_name = "STEP")]
     pub until: Option<u64>,
-    /// Go on from the checkpoint in the folder, to the same bytes as if it had
-    /// never been stopped.
+    /// Go on from the checkpoint in the folder, to the same bytes as if it
+    /// had never been stopped.
     #[arg(long)]
     pub resume: bool,
-    /// Print only errors.
-    #[arg(long, short)]
+    #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
 }
 

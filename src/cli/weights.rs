@@ -20,7 +20,6 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// What to do.
     #[command(subcommand)]
     pub what: What,
 }
@@ -70,7 +69,6 @@ pub enum What {
     },
 }
 
-/// Does it.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.what {
         What::Info { file, preset, json } => {

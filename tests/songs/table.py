@@ -1,4 +1,4 @@
-"""The tables of docs/live.md: how far off the beat dancer and servos are.
+"""The tables of docs/measurements/timing.md: how far off the beat dancer and servos are.
 
     python tests/songs/table.py SERVODANCE SONG.ogg ... [--as-live] [--robot NAME]
 

@@ -1,5 +1,5 @@
 //! How long a training step takes, in turns with the PyTorch twin:
-//! `cargo run --release --example train_step -- PYTHON [THREADS] [ROUNDS]`
+//! `cargo run --release -p servodance-training --example train_step -- PYTHON [THREADS] [ROUNDS]`
 //!
 //! Preset `live`, both stages, the same batch sizes; PYTHON needs torch. One
 //! step of ours, one of the twin's in f32, one in bfloat16, and again: whatever

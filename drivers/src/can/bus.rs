@@ -1,12 +1,12 @@
-//! A bus of CAN motors: one driver, whatever the protocol.
+//! A bus of CAN motors: one driver for every family ([`crate::can::family`]).
 //!
-//! A cycle sends every motor its target, rests while the wire is busy, and
-//! collects every motor's report; who is missing is asked again, at most
-//! `retries` times.
+//! A cycle sends every motor its target, sleeps while the wire is busy, and
+//! collects every motor's report; motors whose report is missing get their target
+//! again, at most `retries` times.
 //!
-//! Real-time promise: a sound cycle takes its wire time and allocates nothing.
-//! A damaged one ends within its bound: wire time and reply timeout, times the
-//! tries.
+//! Real-time promise: a cycle without errors takes its wire time and allocates
+//! nothing. A cycle with errors ends within its bound: wire time and reply timeout,
+//! times the tries.
 //!
 //! Refused before torque: a silent motor, ranges other than configured, a motor
 //! that reports a fault, a joint outside its limits, a motor without a watchdog
@@ -17,30 +17,24 @@ use std::time::Instant;
 use servodance_types::JointState;
 
 use crate::bus::{Bus, BusStats, Health};
-use crate::can::cia402::Cia402;
-use crate::can::exchange::{Exchange, Status};
-use crate::can::frame::CanFrame;
-use crate::can::link::CanLink;
-use crate::can::mit::Mit;
-use crate::can::odrive::Odrive;
-use crate::can::open_link;
-use crate::can::protocol::Protocol;
-use crate::can::robstride::Robstride;
-use crate::config::{BusConfig, BusKind};
+use crate::can::exchange::{CanExchange, MotorStatus};
+use crate::can::family::{self, CanFamily};
+use crate::can::transport::{CanFrame, CanLink, open_link};
+use crate::config::BusConfig;
 use crate::error::BusError;
 use crate::last_words;
 use crate::servo::{Servo, check_cycle, check_kind};
 
-/// One CAN bus of motors.
+/// An open CAN bus whose motors are of one family.
 pub struct CanBus {
-    exchange: Exchange,
-    protocol: Box<dyn Protocol>,
-    status: Vec<Status>,
+    exchange: CanExchange,
+    family: &'static dyn CanFamily,
+    status: Vec<MotorStatus>,
     answered: Vec<bool>,
     frames: Vec<CanFrame>,
-    /// Who is left out of cycles.
+    /// Which motors are left out of cycles.
     aside: Vec<bool>,
-    /// Who is on the way back, and whether it is set up already.
+    /// The motor that is being taken back, and whether it is set up already.
     returning: Option<(usize, bool)>,
     armed: bool,
 }
@@ -53,8 +47,10 @@ impl CanBus {
             reason,
             choices: String::new(),
         };
-        let checked = config.clone().checked();
-        let config = checked.map_err(|error| refused(error.to_string()))?;
+        let config = config
+            .clone()
+            .checked()
+            .map_err(|error| refused(error.to_string()))?;
         let link = open_link(port, config.baud)?;
         Self::over(link, port, config, servos)
     }
@@ -72,21 +68,18 @@ impl CanBus {
             choices: String::new(),
         };
         check_kind(&servos, config.kind).map_err(refused)?;
-        let protocol: Box<dyn Protocol> = match config.kind {
-            BusKind::Mit => Box::new(Mit),
-            BusKind::Robstride => Box::new(Robstride),
-            BusKind::Odrive => Box::new(Odrive),
-            BusKind::Cia402 => Box::new(Cia402),
-            _ => return Err(refused("the bus is not on CAN".into())),
+        let Some(family) = family::of_kind(config.kind) else {
+            return Err(refused("the bus is not on CAN".into()));
         };
+        let count = servos.len();
         Ok(Self {
-            status: vec![Status::default(); servos.len()],
-            answered: vec![false; servos.len()],
-            aside: vec![false; servos.len()],
+            status: vec![MotorStatus::default(); count],
+            answered: vec![false; count],
+            aside: vec![false; count],
             returning: None,
-            frames: Vec::with_capacity(2 * servos.len() + 2),
-            exchange: Exchange::new(link, port, config, servos),
-            protocol,
+            frames: Vec::with_capacity(2 * count + 2),
+            exchange: CanExchange::new(link, port, config, servos, family.cycle_frames()),
+            family,
             armed: false,
         })
     }
@@ -96,7 +89,7 @@ impl CanBus {
         self.exchange.queue_full
     }
 
-    /// Everything that must hold before any torque.
+    /// Checks and sets up every motor, torque off.
     fn check_and_set_up(&mut self) -> Result<Vec<String>, BusError> {
         let mut notes = Vec::new();
         self.aside.fill(false);
@@ -104,8 +97,7 @@ impl CanBus {
         self.release_all()?;
         for index in 0..self.status.len() {
             self.check_fault(index)?;
-            self.protocol
-                .prepare(&mut self.exchange, index, &mut notes)?;
+            self.family.set_up(&mut self.exchange, index, &mut notes)?;
         }
         Ok(notes)
     }
@@ -113,7 +105,7 @@ impl CanBus {
     fn torque_on(&mut self) -> Result<Vec<JointState>, BusError> {
         let mut holds_rad = Vec::with_capacity(self.status.len());
         for index in 0..self.status.len() {
-            self.status[index] = self.protocol.release(&mut self.exchange, index)?;
+            self.status[index] = self.family.torque_off(&mut self.exchange, index)?;
             self.check_fault(index)?;
             holds_rad.push(self.hold_rad(index)?);
         }
@@ -121,7 +113,8 @@ impl CanBus {
         self.armed = true;
         for (index, &joint_rad) in holds_rad.iter().enumerate() {
             let motor_rad = self.exchange.servos[index].motor_rad(joint_rad);
-            self.protocol.enable(&mut self.exchange, index, motor_rad)?;
+            self.family
+                .torque_on(&mut self.exchange, index, motor_rad)?;
             self.status[index].active = true;
         }
         let mut states = vec![JointState::default(); self.status.len()];
@@ -130,11 +123,11 @@ impl CanBus {
         Ok(states)
     }
 
-    /// Torque off everywhere; all who are silent are named at once.
+    /// Torque off everywhere; one error names all silent motors.
     fn release_all(&mut self) -> Result<(), BusError> {
         let mut silent = Vec::new();
         for index in 0..self.status.len() {
-            match self.protocol.release(&mut self.exchange, index) {
+            match self.family.torque_off(&mut self.exchange, index) {
                 Ok(status) => self.status[index] = status,
                 Err(BusError::Silent { servos, .. }) => silent.extend(servos),
                 Err(error) => return Err(error),
@@ -162,10 +155,10 @@ impl CanBus {
     /// One target out and one report in for every motor, with retries.
     fn exchange_all(&mut self, targets_rad: &[f64]) -> Result<(), BusError> {
         const DOING: &str = "target and state";
-        // What came by itself since the last cycle.
+        // Frames that came unasked since the last cycle.
         let now = Instant::now();
         while let Some(frame) = self.exchange.receive(now, DOING)? {
-            self.hear(&frame);
+            self.take_frame(&frame);
         }
         self.answered.copy_from_slice(&self.aside);
         for attempt in 0..self.exchange.tries() {
@@ -175,10 +168,10 @@ impl CanBus {
                 if !self.answered[index] {
                     let (target, status) = (targets_rad[index], &self.status[index]);
                     let frames = &mut self.frames;
-                    self.protocol.command(servo, target, status, frames);
+                    self.family.target_frames(servo, target, status, frames);
                 }
             }
-            self.protocol.conclude(&mut self.frames);
+            self.family.cycle_end_frames(&mut self.frames);
             let began = Instant::now();
             let asked = self.answered.iter().filter(|answered| !**answered).count();
             let deadline = self.exchange.deadline(2 * self.frames.len());
@@ -192,7 +185,7 @@ impl CanBus {
                     self.exchange.stats.timeouts += 1;
                     break;
                 };
-                if let Some(index) = self.hear(&frame) {
+                if let Some(index) = self.take_frame(&frame) {
                     self.answered[index] = true;
                 }
             }
@@ -207,15 +200,15 @@ impl CanBus {
         Err(self.exchange.silent(missing, DOING))
     }
 
-    /// Takes in what was said; who reported its position with it. Some adapters
-    /// return what they sent: that says nothing.
-    fn hear(&mut self, frame: &CanFrame) -> Option<usize> {
+    /// Updates the status from a frame; the motor that reported its position with it.
+    /// Some adapters return our own frames: those are ignored.
+    fn take_frame(&mut self, frame: &CanFrame) -> Option<usize> {
         let is_echo = self.frames.contains(frame);
         let servos = &self.exchange.servos;
-        (!is_echo).then(|| self.protocol.hear(servos, frame, &mut self.status))?
+        (!is_echo).then(|| self.family.parse_frame(servos, frame, &mut self.status))?
     }
 
-    /// No motor may complain, or have left its control loop.
+    /// Refuses a motor that reports a fault or has left its control loop.
     fn check_all(&self) -> Result<(), BusError> {
         for (index, status) in self.status.iter().enumerate() {
             if self.aside[index] {
@@ -247,11 +240,11 @@ impl CanBus {
         }
     }
 
-    /// Torque off to everyone without waiting, as often as things are tried.
+    /// Sends torque off to every motor without waiting for answers.
     fn stop_all(&mut self) -> Result<(), BusError> {
         let mut frames = Vec::new();
         for servo in &self.exchange.servos {
-            self.protocol.stop(servo, &mut frames);
+            self.family.torque_off_frames(servo, &mut frames);
         }
         let deadline = self.exchange.deadline(frames.len());
         frames
@@ -298,17 +291,17 @@ impl Bus for CanBus {
     }
 
     fn disarm(&mut self) -> Result<(), BusError> {
-        // Everyone at once first: nobody waits for a silent neighbour.
+        // All at once first: no motor waits for a silent neighbour.
         let stopped = self.stop_all();
         let mut reason = stopped.err().map(|error| error.to_string());
         let mut doubtful = Vec::new();
         for index in 0..self.status.len() {
             // After the first silent motor the others get one try each.
             let released = if doubtful.is_empty() {
-                self.protocol.release(&mut self.exchange, index)
+                self.family.torque_off(&mut self.exchange, index)
             } else {
                 self.exchange
-                    .once(|exchange| self.protocol.release(exchange, index))
+                    .once(|exchange| self.family.torque_off(exchange, index))
             };
             match released {
                 Ok(status) => self.status[index] = status,
@@ -338,7 +331,7 @@ impl Bus for CanBus {
 
     fn examine(&mut self, index: usize) -> Result<Health, BusError> {
         let status = &self.status[index];
-        self.protocol.examine(&mut self.exchange, index, status)
+        self.family.read_health(&mut self.exchange, index, status)
     }
 
     fn set_aside(&mut self, index: usize) -> bool {
@@ -349,19 +342,19 @@ impl Bus for CanBus {
     fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
         let is_set_up = self.returning == Some((index, true));
         self.returning = None;
-        let protocol = &self.protocol;
-        let found = self.exchange.once(|bus| protocol.release(bus, index));
+        let family = self.family;
+        let found = self.exchange.once(|bus| family.torque_off(bus, index));
         self.status[index] = found?;
         self.check_fault(index)?;
         if !is_set_up {
-            let set_up = |bus: &mut Exchange| protocol.prepare(bus, index, &mut Vec::new());
+            let set_up = |bus: &mut CanExchange| family.set_up(bus, index, &mut Vec::new());
             self.exchange.once(set_up)?;
             self.returning = Some((index, true));
             return Ok(None);
         }
         let joint_rad = self.hold_rad(index)?;
         let motor_rad = self.exchange.servos[index].motor_rad(joint_rad);
-        let on = |bus: &mut Exchange| self.protocol.enable(bus, index, motor_rad);
+        let on = |bus: &mut CanExchange| family.torque_on(bus, index, motor_rad);
         self.exchange.once(on)?;
         self.status[index].active = true;
         self.aside[index] = false;

@@ -1,67 +1,60 @@
-//! Exchanges with the motors of one CAN bus, whatever they speak.
+//! Requests to and answers from the motors of one CAN bus, whatever their family.
 //!
-//! Sending with pacing, waiting for an answer, retries, and the name of who is
-//! to blame. Every exchange is bounded: wire time at the most stuff bits and the
+//! Sending with pacing, waiting for an answer, retries, and the servo that an error
+//! names. Every exchange is bounded: wire time at the most stuff bits and the
 //! reply timeout, times the tries. A full transmit queue (ENOBUFS) is waited
 //! out for a frame's time and tried again within the same bound.
 
 use std::time::{Duration, Instant};
 
 use crate::bus::BusStats;
-use crate::can::frame::{CanFrame, worst_bits};
-use crate::can::link::{CanFault, CanLink, Received, Sent};
-use crate::can::open_link;
-use crate::can::rate::cycle_bits;
+use crate::can::cycle_frames::CycleFrames;
+use crate::can::transport::{CanFault, CanFrame, CanLink, LinkEvent, Sent, open_link, worst_bits};
 use crate::config::BusConfig;
 use crate::error::{BusError, ServoId};
 use crate::reply_clock::Patience;
 use crate::servo::Servo;
 
-/// What a motor said last.
+/// The last report of a motor.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Status {
+pub(crate) struct MotorStatus {
     /// Its own angle after the gear, radians.
     pub position_rad: f64,
-    /// Radians a second.
+    /// Velocity after the gear, radians a second.
     pub velocity_rad_s: f64,
-    /// Whether it drives.
+    /// Whether torque is on.
     pub active: bool,
-    /// What it complains about.
+    /// The fault that the motor reports, in words.
     pub fault: Option<String>,
-    /// Its temperature, Celsius, where its reports say so.
+    /// Temperature, Celsius; `None` where reports have none.
     pub temperature_c: Option<f64>,
 }
 
-/// A link that has been given up.
-struct Closed;
+/// Stands in for a link while it is opened again.
+struct ClosedLink;
 
-impl CanLink for Closed {
+impl CanLink for ClosedLink {
     fn send(&mut self, _frame: &CanFrame) -> std::io::Result<Sent> {
         Err(std::io::ErrorKind::NotConnected.into())
     }
 
-    fn receive(&mut self, _deadline: Instant) -> std::io::Result<Received> {
+    fn receive(&mut self, _deadline: Instant) -> std::io::Result<LinkEvent> {
         Err(std::io::ErrorKind::NotConnected.into())
-    }
-
-    fn clear(&mut self) -> std::io::Result<()> {
-        Ok(())
     }
 }
 
-/// One CAN bus and who is on it.
-pub(crate) struct Exchange {
+/// One CAN bus, its motors, and the state of the exchanges with them.
+pub(crate) struct CanExchange {
     link: Box<dyn CanLink>,
     port: String,
+    frames: CycleFrames,
     /// The motors, in the order of targets and states.
     pub servos: Vec<Servo>,
-    /// The checked configuration.
     pub config: BusConfig,
-    /// Counters.
     pub stats: BusStats,
     /// How often the transmit queue was full.
     pub queue_full: u64,
-    /// How often an exchange is tried; less while it is known that motors are silent.
+    /// Attempts of an exchange; fewer while it is known that motors are silent.
     tries: u32,
     /// What was taken in a row although the time was up.
     overdue: u32,
@@ -77,10 +70,17 @@ const WAKE_EARLY_S: f64 = 200e-6;
 /// frames or faults without an end: more than a bus carries in a tenth of a second.
 pub(crate) const MOST_OVERDUE: u32 = 1000;
 
-impl Exchange {
+impl CanExchange {
     /// Takes a link over. Nothing is sent.
-    pub fn new(link: Box<dyn CanLink>, port: &str, config: BusConfig, servos: Vec<Servo>) -> Self {
+    pub fn new(
+        link: Box<dyn CanLink>,
+        port: &str,
+        config: BusConfig,
+        servos: Vec<Servo>,
+        frames: CycleFrames,
+    ) -> Self {
         Self {
+            frames,
             link,
             port: port.into(),
             tries: config.retries + 1,
@@ -93,29 +93,23 @@ impl Exchange {
         }
     }
 
-    /// Opens the link again. Nothing is sent.
+    /// Closes the link and opens it again. Nothing is sent.
     pub fn reopen(&mut self) -> Result<(), BusError> {
         // An adapter is open once: the old one goes first.
-        self.link = Box::new(Closed);
+        self.link = Box::new(ClosedLink);
         self.link = open_link(&self.port, self.config.baud)?;
         Ok(())
     }
 
-    /// How often an exchange is tried.
     pub fn tries(&self) -> u32 {
         self.tries
     }
 
-    /// Who is at `index`.
+    /// The servo at `index`, as errors name it.
     pub fn id_of(&self, index: usize) -> ServoId {
-        let servo = &self.servos[index];
-        ServoId {
-            joint: servo.name.clone(),
-            id: servo.id,
-        }
+        ServoId::of(&self.servos[index])
     }
 
-    /// Who is at these indices.
     pub fn ids_of(&self, indices: impl IntoIterator<Item = usize>) -> Vec<ServoId> {
         indices.into_iter().map(|index| self.id_of(index)).collect()
     }
@@ -164,7 +158,7 @@ impl Exchange {
     pub fn rest(&mut self, motors: usize, doing: &'static str) -> Result<(), BusError> {
         let flushed = self.link.flush();
         flushed.map_err(|reason| self.failed(doing, reason))?;
-        let bits = cycle_bits(self.config.kind, motors).nominal;
+        let bits = self.frames.bits(motors).nominal;
         let wire_s = f64::from(bits) / f64::from(self.config.baud);
         let best_s = self.quickest_s.unwrap_or(0.0) * motors as f64;
         let rest_s = wire_s.min(best_s) - WAKE_EARLY_S;
@@ -174,7 +168,7 @@ impl Exchange {
         Ok(())
     }
 
-    /// Everyone of `motors` motors has answered after `took`.
+    /// Notes that all of `motors` motors answered within `took`.
     pub fn answered_after(&mut self, motors: usize, took: Duration) {
         let each_s = took.as_secs_f64() / motors.max(1) as f64;
         let quickest_s = self.quickest_s.unwrap_or(each_s);
@@ -198,20 +192,20 @@ impl Exchange {
             let Patience { until, last } = self.config.reply_clock.patience(deadline);
             let received = self.link.receive(until);
             match received.map_err(|reason| self.failed(doing, reason))? {
-                Received::Frame(frame) => {
+                LinkEvent::Frame(frame) => {
                     self.stats.packets += 1;
                     self.stats.bytes += frame.data().len() as u64;
                     return Ok(Some(frame));
                 }
-                Received::Fault(CanFault::BusOff) => {
+                LinkEvent::Fault(CanFault::BusOff) => {
                     return Err(BusError::BusOff {
                         port: self.port.clone(),
                         doing,
                     });
                 }
-                Received::Fault(_) => self.stats.crc_errors += 1,
-                Received::Nothing if !last => {}
-                Received::Nothing => {
+                LinkEvent::Fault(_) => self.stats.crc_errors += 1,
+                LinkEvent::Nothing if !last => {}
+                LinkEvent::Nothing => {
                     self.overdue = 0;
                     return Ok(None);
                 }
@@ -230,19 +224,19 @@ impl Exchange {
         false
     }
 
-    /// Sends a question to one motor until `accept` finds its answer: a value,
-    /// or why the motor refuses, in words.
+    /// Sends a request to one motor until `accept` finds its answer: a value, or why
+    /// the motor refuses, in words.
     pub fn ask<T>(
         &mut self,
         index: usize,
-        question: &CanFrame,
+        request: &CanFrame,
         doing: &'static str,
         accept: impl Fn(&CanFrame) -> Option<Result<T, String>>,
     ) -> Result<T, BusError> {
         for attempt in 0..self.tries {
             self.stats.retries += u64::from(attempt > 0);
             let deadline = self.deadline(2 + self.servos.len());
-            self.transmit(question, deadline, doing)?;
+            self.transmit(request, deadline, doing)?;
             while let Some(frame) = self.receive(deadline, doing)? {
                 match accept(&frame) {
                     Some(Ok(value)) => return Ok(value),
@@ -255,7 +249,7 @@ impl Exchange {
         Err(self.silent(vec![self.id_of(index)], doing))
     }
 
-    /// Does something without retries.
+    /// Runs `exchange` without retries.
     pub fn once<T>(&mut self, exchange: impl FnOnce(&mut Self) -> T) -> T {
         let tries = std::mem::replace(&mut self.tries, 1);
         let result = exchange(self);
@@ -263,8 +257,7 @@ impl Exchange {
         result
     }
 
-    /// A motor refuses.
-    pub fn said(&self, index: usize, doing: &'static str, said: String) -> BusError {
+    fn said(&self, index: usize, doing: &'static str, said: String) -> BusError {
         BusError::Said {
             servo: self.id_of(index),
             doing,
@@ -272,7 +265,6 @@ impl Exchange {
         }
     }
 
-    /// Motors do not answer.
     pub fn silent(&self, servos: Vec<ServoId>, doing: &'static str) -> BusError {
         BusError::Silent {
             servos,
@@ -281,7 +273,6 @@ impl Exchange {
         }
     }
 
-    /// A motor complains.
     pub fn faulty(&self, index: usize, fault: &str) -> BusError {
         BusError::Hardware {
             servo: self.id_of(index),
@@ -289,7 +280,18 @@ impl Exchange {
         }
     }
 
-    /// A quantity that forbids torque.
+    /// The note for the user where a motor without watchdog is accepted.
+    pub fn without_watchdog(&self, index: usize, why: String) -> Result<String, BusError> {
+        let servo = self.id_of(index);
+        if !self.config.accept_no_watchdog {
+            return Err(BusError::NoWatchdog { servo, why });
+        }
+        Ok(format!(
+            "{servo}: no watchdog: without a host it holds its last target"
+        ))
+    }
+
+    /// The error of a quantity that forbids torque.
     pub fn unfit(
         &self,
         index: usize,
@@ -305,15 +307,28 @@ impl Exchange {
         }
     }
 
-    /// A setting that was written must read back as itself.
-    pub fn same(
+    /// Refuses a setting that reads back as another value.
+    pub fn verify<T: PartialEq + ToString>(
+        &self,
+        index: usize,
+        what: &'static str,
+        actual: T,
+        wanted: T,
+    ) -> Result<(), BusError> {
+        match actual == wanted {
+            true => Ok(()),
+            false => Err(self.unfit(index, what, actual, wanted)),
+        }
+    }
+
+    /// The same for a number that the motor keeps as f32.
+    pub fn verify_f32(
         &self,
         index: usize,
         what: &'static str,
         actual: f64,
         wanted: f64,
     ) -> Result<(), BusError> {
-        // Settings are f32 in the motors.
         if (actual - wanted).abs() <= 1e-5 * wanted.abs().max(1.0) {
             return Ok(());
         }
@@ -334,6 +349,12 @@ mod tests {
     use super::*;
     use crate::config::BusKind;
 
+    const FRAMES: CycleFrames = CycleFrames {
+        extended: false,
+        once: &[],
+        each_motor: &[8, 8],
+    };
+
     /// A transmit queue of a few frames that empties by one at each refusal.
     struct ShortQueue {
         room: usize,
@@ -352,26 +373,22 @@ mod tests {
             Ok(Sent::Taken)
         }
 
-        fn receive(&mut self, _deadline: Instant) -> std::io::Result<Received> {
+        fn receive(&mut self, _deadline: Instant) -> std::io::Result<LinkEvent> {
             Ok(match self.sent {
-                0 => Received::Fault(CanFault::BusOff),
-                _ => Received::Nothing,
+                0 => LinkEvent::Fault(CanFault::BusOff),
+                _ => LinkEvent::Nothing,
             })
-        }
-
-        fn clear(&mut self) -> std::io::Result<()> {
-            Ok(())
         }
     }
 
-    fn exchange(room: usize, stuck: bool) -> Exchange {
+    fn exchange(room: usize, stuck: bool) -> CanExchange {
         let link = ShortQueue {
             room,
             sent: 0,
             stuck,
         };
         let config = BusConfig::of_kind(BusKind::Mit, 1_000_000);
-        Exchange::new(Box::new(link), "can:test", config, Vec::new())
+        CanExchange::new(Box::new(link), "can:test", config, Vec::new(), FRAMES)
     }
 
     #[test]
@@ -395,28 +412,30 @@ mod tests {
     }
 
     /// A bus on which the same comes again and again without a pause.
-    struct Storm(Received);
+    struct Storm(LinkEvent);
 
     impl CanLink for Storm {
         fn send(&mut self, _frame: &CanFrame) -> std::io::Result<Sent> {
             Ok(Sent::Taken)
         }
 
-        fn receive(&mut self, _deadline: Instant) -> std::io::Result<Received> {
+        fn receive(&mut self, _deadline: Instant) -> std::io::Result<LinkEvent> {
             Ok(self.0)
-        }
-
-        fn clear(&mut self) -> std::io::Result<()> {
-            Ok(())
         }
     }
 
     #[test]
     fn a_storm_of_faults_or_frames_ends_at_the_deadline() {
-        let stranger = Received::Frame(CanFrame::standard(0x123, &[]));
-        for storm in [Received::Fault(CanFault::Error), stranger] {
+        let stranger = LinkEvent::Frame(CanFrame::standard(0x123, &[]));
+        for storm in [LinkEvent::Fault(CanFault::Error), stranger] {
             let config = BusConfig::of_kind(BusKind::Mit, 1_000_000);
-            let mut bus = Exchange::new(Box::new(Storm(storm)), "can:test", config, Vec::new());
+            let mut bus = CanExchange::new(
+                Box::new(Storm(storm)),
+                "can:test",
+                config,
+                Vec::new(),
+                FRAMES,
+            );
             for wait_ms in [0, 20, 0] {
                 let deadline = Instant::now() + Duration::from_millis(wait_ms);
                 let mut taken = 0u64;
@@ -425,7 +444,7 @@ mod tests {
                 }
                 assert!(Instant::now() >= deadline);
                 // What was there already is taken all the same.
-                let frames = matches!(storm, Received::Frame(_));
+                let frames = matches!(storm, LinkEvent::Frame(_));
                 assert!(!frames || taken >= u64::from(MOST_OVERDUE), "{taken}");
             }
         }

@@ -13,9 +13,9 @@ pub const FLAT: f64 = 0.05;
 pub struct Memory {
     /// The most during the warm-up.
     pub warm_up_mib: f64,
-    /// The most since.
+    /// The most after the warm-up.
     pub highest_mib: f64,
-    /// At the end.
+    /// Resident memory at the end of the soak.
     pub last_mib: f64,
     /// How often it was looked at since the warm-up.
     pub samples: u64,
@@ -39,8 +39,8 @@ impl Memory {
         }
     }
 
-    /// Share by which the highest is above the warm-up's; `None` where too
-    /// little is known.
+    /// Share by which the highest is above the warm-up's; `None` before the
+    /// second sample after it.
     pub fn growth(&self) -> Option<f64> {
         let known = self.samples > 0 && self.warm_up_mib > 0.0;
         known.then(|| self.highest_mib / self.warm_up_mib - 1.0)

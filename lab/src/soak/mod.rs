@@ -6,14 +6,14 @@
 //! dance in which nothing went wrong reached its end, and resident memory stayed
 //! flat after a warm-up. Faults may end a dance: safely, then the next begins.
 
+mod fault_plan;
 mod memory;
-mod mischief;
 mod music;
 
 pub use memory::Memory;
-pub use music::Music;
+pub use music::SoakMusic;
 
-use mischief::{Fault, faults, script};
+use fault_plan::{PlannedFault, faults, script};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -26,12 +26,11 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// In every so many dances nothing goes wrong.
+/// One dance in so many has no fault.
 const CALM_EVERY: usize = 4;
 /// Memory is looked at this often, seconds of music.
 const LOOK_EVERY_S: f64 = 5.0;
-/// A warm-up is no longer than this, seconds of music, once all kinds of pieces
-/// were met.
+/// Longest warm-up, seconds of music, once every kind of piece was danced.
 const WARM_UP_S: f64 = 600.0;
 /// It is no longer than this share of a soak either.
 const WARM_UP_SHARE: f64 = 0.25;
@@ -41,23 +40,23 @@ const CAUSES: usize = 20;
 /// What is soaked, and for how long.
 #[derive(Clone, Debug)]
 pub struct Soak {
-    /// Who dances.
+    /// The robot whose servos are simulated.
     pub robot: Robot,
-    /// To what.
-    pub music: Music,
+    /// The pieces that are danced to.
+    pub music: SoakMusic,
     /// Length of a piece, seconds.
     pub piece_s: f64,
     /// Seconds of music in all.
     pub total_s: f64,
     /// A fault every so many seconds, on average.
     pub fault_every_s: f64,
-    /// Of everything random.
+    /// Seed of everything random.
     pub seed: u64,
 }
 
 /// What became of the faults of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Tally {
+pub struct FaultTally {
     /// How often it happened.
     pub happened: u64,
     /// The dance went on.
@@ -68,8 +67,8 @@ pub struct Tally {
 
 /// A dance that a simulated fault ended.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Stop {
-    /// The fault.
+pub struct FaultStop {
+    /// Name of the fault.
     pub fault: &'static str,
     /// When it began, seconds since torque on.
     pub at_s: f64,
@@ -78,59 +77,57 @@ pub struct Stop {
     pub said: String,
 }
 
-/// What came of a soak.
+/// The verdict on a soak, and its figures.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Summary {
+pub struct SoakReport {
     /// Whether all was as it must be.
     pub passed: bool,
     /// Why not, a line each.
     pub objections: Vec<String>,
     /// Whether somebody ended it early.
     pub interrupted: bool,
-    /// Version of servodance.
+    /// Version of the program that danced.
     pub version: &'static str,
     /// Name of the robot.
     pub robot: String,
-    /// Of everything random.
+    /// Seed of everything random.
     pub seed: u64,
     /// Seconds of music danced to.
     pub music_s: f64,
     /// Seconds on the clock.
     pub wall_s: f64,
-    /// Dances, and those that reached their end.
+    /// All dances that were begun.
     pub dances: u64,
-    /// See `dances`.
+    /// Dances that reached their end.
     pub finished: u64,
-    /// By kind.
-    pub faults: BTreeMap<&'static str, Tally>,
+    /// What became of the faults, by their names.
+    pub faults: BTreeMap<&'static str, FaultTally>,
     /// What ended dances, the first of them.
-    pub stopped_by: Vec<Stop>,
+    pub stopped_by: Vec<FaultStop>,
     /// Limits broken at the simulated servos.
     pub violations: ViolationReport,
     /// Control cycles without the motion that they needed.
     pub late_frames: u64,
-    /// Resident memory.
+    /// Resident memory of the program over the soak.
     pub memory: Memory,
 }
 
 impl Soak {
-    /// Does it. `progress` is told the seconds of music so far; `stop` ends it.
-    ///
-    /// # Errors
-    /// Music that cannot be read, a dance that cannot begin.
+    /// Dances until the time is over. `progress` is told the seconds of music so far; `stop` ends it.
+    /// Fails for: music that cannot be read, a dance that cannot begin.
     pub fn run(
         &self,
         generator: &Generator,
         stop: &AtomicBool,
         mut progress: impl FnMut(f64),
-    ) -> anyhow::Result<Summary> {
+    ) -> anyhow::Result<SoakReport> {
         let began = Instant::now();
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        let mut summary = Summary {
+        let mut summary = SoakReport {
             version: env!("CARGO_PKG_VERSION"),
             robot: self.robot.name.clone(),
             seed: self.seed,
-            ..Summary::default()
+            ..SoakReport::default()
         };
         let mut round = 0;
         while summary.music_s < self.total_s && !stop.load(Ordering::Relaxed) {
@@ -186,9 +183,9 @@ impl Soak {
 
 const IDLES: [IdleStyle; 3] = [IdleStyle::Sway, IdleStyle::Hold, IdleStyle::Rest];
 
-impl Summary {
+impl SoakReport {
     /// Takes in what came of one dance.
-    fn take(&mut self, round: usize, faults: &[Fault], endured: Endured) {
+    fn take(&mut self, round: usize, faults: &[PlannedFault], endured: Endured) {
         self.dances += 1;
         self.music_s += endured.music_s;
         self.late_frames += endured.late_frames;
@@ -205,7 +202,7 @@ impl Summary {
                 endured.unsafe_joints.join(", ")
             ));
         }
-        let happened: Vec<&Fault> = faults
+        let happened: Vec<&PlannedFault> = faults
             .iter()
             .filter(|f| f.at_s <= endured.robot_s)
             .collect();
@@ -215,7 +212,7 @@ impl Summary {
                 object(format!("ended although nothing went wrong: {cause}"));
             }
             (Some(cause), Some(fault)) if self.stopped_by.len() < CAUSES => {
-                self.stopped_by.push(Stop {
+                self.stopped_by.push(FaultStop {
                     fault: fault.kind,
                     at_s: fault.at_s,
                     said: cause.clone(),
@@ -245,7 +242,7 @@ impl Summary {
 
     /// All of it in one line.
     pub fn line(&self) -> String {
-        let sum = |of: fn(&Tally) -> u64| self.faults.values().map(of).sum::<u64>();
+        let sum = |of: fn(&FaultTally) -> u64| self.faults.values().map(of).sum::<u64>();
         let v = self.violations;
         let memory = match self.memory.growth() {
             Some(growth) => format!(
@@ -293,19 +290,19 @@ mod tests {
         }
     }
 
-    fn fault(kind: &'static str, at_s: f64) -> Fault {
+    fn fault(kind: &'static str, at_s: f64) -> PlannedFault {
         let cues = Vec::new();
-        Fault { kind, at_s, cues }
+        PlannedFault { kind, at_s, cues }
     }
 
     #[test]
     fn faults_are_tallied_by_what_became_of_them() {
-        let mut summary = Summary::default();
+        let mut summary = SoakReport::default();
         let day = [fault("a", 1.0), fault("b", 2.0), fault("a", 9.0)];
         summary.take(0, &day, endured(Some("b broke"), 2.5));
         summary.take(1, &day, endured(None, 12.0));
         summary.judge();
-        let tally = |happened, recovered, stopped| Tally {
+        let tally = |happened, recovered, stopped| FaultTally {
             happened,
             recovered,
             stopped,
@@ -321,7 +318,7 @@ mod tests {
     #[test]
     fn whatever_must_not_be_is_objected_to() {
         let objections = |change: fn(&mut Endured)| {
-            let mut summary = Summary::default();
+            let mut summary = SoakReport::default();
             let mut endured = endured(None, 12.0);
             change(&mut endured);
             summary.take(0, &[], endured);
@@ -348,9 +345,9 @@ mod tests {
             last_mib: 106.0,
             samples: 1,
         };
-        let mut summary = Summary {
+        let mut summary = SoakReport {
             memory,
-            ..Summary::default()
+            ..SoakReport::default()
         };
         summary.judge();
         assert!(!summary.passed && summary.line().contains("grew by 6.0 %"));

@@ -26,13 +26,13 @@ pub const KINDS: [&str; 7] = [
 
 /// Pieces one after another.
 #[derive(Clone, Debug)]
-pub struct Music {
+pub struct SoakMusic {
     files: Vec<PathBuf>,
     piece_s: f64,
     seed: u64,
 }
 
-impl Music {
+impl SoakMusic {
     /// From these recordings, or made here if there are none.
     pub fn new(files: Vec<PathBuf>, piece_s: f64, seed: u64) -> Self {
         Self {
@@ -51,9 +51,7 @@ impl Music {
     }
 
     /// The piece of a round.
-    ///
-    /// # Errors
-    /// A recording that cannot be read.
+    /// Fails for: a recording that cannot be read.
     pub fn piece(&self, round: usize) -> anyhow::Result<Song> {
         match self.files.is_empty() {
             true => self.made(round),
@@ -110,7 +108,7 @@ mod tests {
 
     #[test]
     fn pieces_are_as_long_as_each_other_and_of_every_kind() {
-        let music = Music::new(Vec::new(), 3.0, 7);
+        let music = SoakMusic::new(Vec::new(), 3.0, 7);
         let pieces: Vec<Song> = (0..KINDS.len()).map(|i| music.piece(i).unwrap()).collect();
         let loudness = |song: &Song| noise::rms(&song.samples);
         for (kind, piece) in KINDS.iter().zip(&pieces) {

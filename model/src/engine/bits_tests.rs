@@ -1,5 +1,5 @@
 //! The same bits on every processor: what AVX2 gives here was also computed by
-//! plain Rust on aarch64 (under an emulator: see docs/speed.md).
+//! plain Rust on aarch64 (under an emulator: see docs/measurements/model-speed.md).
 
 use super::*;
 use crate::engine::kernels::Cpu;

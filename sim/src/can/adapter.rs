@@ -15,11 +15,11 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 #[cfg(target_os = "linux")]
 use servodance_drivers::can::Sent;
-use servodance_drivers::can::slcan::{self, BEL, CR, Lines};
+use servodance_drivers::can::transport::slcan::{self, BEL, CR, Lines};
 #[cfg(target_os = "linux")]
-use servodance_drivers::can::socket::SocketLink;
-use servodance_drivers::can::udp::UdpLink;
-use servodance_drivers::can::{CanFrame, CanLink, Received};
+use servodance_drivers::can::transport::socket::SocketLink;
+use servodance_drivers::can::transport::udp::UdpLink;
+use servodance_drivers::can::{CanFrame, CanLink, LinkEvent};
 
 use crate::host_port::{Heard, HostPort};
 
@@ -212,7 +212,7 @@ impl Adapter for MulticastAdapter {
     fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
         // What is there already.
         let now = Instant::now();
-        while let Received::Frame(frame) = self.link.receive(now)? {
+        while let LinkEvent::Frame(frame) = self.link.receive(now)? {
             if !bus_off {
                 frames.push(frame);
             }
@@ -263,8 +263,8 @@ impl Adapter for InterfaceAdapter {
         let now = Instant::now();
         loop {
             match self.link.receive(now) {
-                Ok(Received::Frame(frame)) if !bus_off => frames.push(frame),
-                Ok(Received::Nothing) => return Ok(()),
+                Ok(LinkEvent::Frame(frame)) if !bus_off => frames.push(frame),
+                Ok(LinkEvent::Nothing) => return Ok(()),
                 // Motors live on when the interface is taken down.
                 Err(error) if error.kind() == io::ErrorKind::NetworkDown => return Ok(()),
                 Err(error) => return Err(error),

@@ -10,9 +10,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use servodance_drivers::can::{
-    CanBus, CanFault, CanFrame, CanLink, CanScanner, Received, Sent, slcan, udp,
-};
+use servodance_drivers::can::transport::{slcan, udp};
+use servodance_drivers::can::{CanBus, CanFault, CanFrame, CanLink, CanScanner, LinkEvent, Sent};
 use servodance_drivers::{Bus, BusConfig, BusKind, Servo, ServoConfig, servos};
 use servodance_sim::can::{WATCHDOG_ENDPOINTS, build_net};
 use servodance_sim::{Line, SimServoSpec};
@@ -211,22 +210,17 @@ impl CanLink for DamagedLink {
         Ok(Sent::Taken)
     }
 
-    fn receive(&mut self, _deadline: Instant) -> io::Result<Received> {
+    fn receive(&mut self, _deadline: Instant) -> io::Result<LinkEvent> {
         let next = match self.dice.below(8 * self.rarity) {
             0 => Some(self.dice.frame()),
-            1 => return Ok(Received::Fault(CanFault::Error)),
+            1 => return Ok(LinkEvent::Fault(CanFault::Error)),
             _ => self.queue.pop_front(),
         };
         let Some(frame) = next else {
-            return Ok(Received::Nothing);
+            return Ok(LinkEvent::Nothing);
         };
         self.heard.fetch_add(1, Ordering::Relaxed);
-        Ok(Received::Frame(frame))
-    }
-
-    fn clear(&mut self) -> io::Result<()> {
-        self.queue.clear();
-        Ok(())
+        Ok(LinkEvent::Frame(frame))
     }
 }
 

@@ -1,6 +1,6 @@
 //! `servodance bench bus`.
 
-use servodance_lab::bus_bench as bench;
+use servodance_lab::bench::bus as bench;
 use servodance_runtime::console::say;
 use servodance_runtime::robot::Robot;
 use servodance_runtime::sim_link::LinkChoice;
@@ -32,7 +32,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Measures and prints.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = Robot::load(&args.robot)?;
     let figures = bench::run(&robot, args.baud, args.link)?;

@@ -19,7 +19,6 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// What to measure.
     #[command(subcommand)]
     pub what: What,
 }
@@ -37,7 +36,6 @@ pub enum What {
     Stage(stage::Args),
 }
 
-/// Measures it.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.what {
         What::Bus(args) => bus::run(args),

@@ -1,6 +1,6 @@
 //! `servodance bench retarget`.
 
-use servodance_lab::retarget_bench;
+use servodance_lab::bench::retarget as retarget_bench;
 use servodance_runtime::console::say;
 use servodance_runtime::robot::Robot;
 use std::path::PathBuf;
@@ -30,7 +30,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Measures and prints.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(
         (1.0..=600.0).contains(&args.seconds),

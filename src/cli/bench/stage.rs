@@ -49,13 +49,11 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Measures and prints.
 #[cfg(not(feature = "stage"))]
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
     crate::cli::stage_place::not_built_in("bench stage")
 }
 
-/// Measures and prints.
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     use servodance_runtime::console::say;
@@ -73,8 +71,8 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     }
     servodance_runtime::robot::Robot::load(&args.robot)?;
     let stop = crate::cli::stop_signal()?;
-    let figures = servodance_lab::stage_bench::bench(
-        &servodance_lab::stage_bench::Trial {
+    let figures = servodance_lab::bench::stage::bench(
+        &servodance_lab::bench::stage::StageBench {
             followers: args.followers,
             robot: args.robot,
             delay_ms: args.delay_ms,

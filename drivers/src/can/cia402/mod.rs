@@ -1,0 +1,347 @@
+//! CiA 402 drives over CANopen, cyclic synchronous position.
+//!
+//! The PDOs are mapped by this driver, with the drive pre-operational. Objects
+//! are written with torque off and read back. When our heartbeat ends, the drive
+//! switches its voltage off (6007 = 2).
+//!
+//! The drive's own position loop is used, so `kp` and `kd` mean nothing here.
+
+mod errors;
+pub mod registers;
+mod scan;
+
+use std::f64::consts::TAU;
+use std::io;
+
+use crate::can::cycle_frames::CycleFrames;
+use crate::can::exchange::{CanExchange, MotorStatus};
+use crate::can::family::CanFamily;
+use crate::can::motor::MotorSettings;
+use crate::can::rounding::whole_range;
+use crate::can::scan::inquiry::{CanFound, ScanLink};
+use crate::can::transport::CanFrame;
+use crate::error::BusError;
+use crate::servo::Servo;
+
+use self::errors::{LOST, abort_name, error_name};
+use self::registers::{
+    ABORT, ABORT_OPTION, CONSUMER, CONTROL, CYCLIC_POSITION, DEVICE_TYPE, DOWNLOADED, EMERGENCY,
+    ERROR_CODE, FAULT, FAULT_RESET, HEARTBEAT, MAX_TORQUE, MODE, MODE_SHOWN, NMT_PRE_OPERATIONAL,
+    NMT_START, OPERATIONAL, PDO_OFF, POSITION, RPDO, RPDO_PARAMETERS, SDO_ANSWER, SDO_REQUEST,
+    STATUS, SYNC, SdoObject, TARGET, TORQUE, TPDO, TPDO_PARAMETERS, UPLOAD, download, mapped,
+};
+
+/// Our node id.
+const HOST: u32 = 127;
+/// Device profile in the low word of object 1000.
+const PROFILE: u32 = 402;
+/// Value of [`ABORT_OPTION`]: switch the voltage off.
+const DISABLE_VOLTAGE: u32 = 2;
+/// Mask and value of the status word with torque on.
+const OPERATION_ENABLED: (u16, u16) = (0x6F, 0x27);
+/// Control words on the way to torque, and the status word each must bring.
+const LADDER: [(u32, u16, &str); 3] = [
+    (0x06, 0x21, "ready to switch on"),
+    (0x07, 0x23, "switched on"),
+    (0x0F, OPERATION_ENABLED.1, "operation enabled"),
+];
+
+/// CiA 402 drives.
+pub(crate) struct Cia402;
+
+fn sdo(servo: &Servo, command: u8, object: SdoObject, value: [u8; 4]) -> CanFrame {
+    let [low, high] = object.0.to_le_bytes();
+    let [a, b, c, d] = value;
+    let data = [command, low, high, object.1, a, b, c, d];
+    CanFrame::standard(SDO_REQUEST + u32::from(servo.id), &data)
+}
+
+/// Sends one SDO; the value bytes of the answer.
+fn transfer(
+    bus: &mut CanExchange,
+    index: usize,
+    command: u8,
+    object: SdoObject,
+    value: [u8; 4],
+) -> Result<[u8; 4], BusError> {
+    let servo = bus.servos[index].clone();
+    let request = sdo(&servo, command, object, value);
+    let [low, high] = object.0.to_le_bytes();
+    bus.ask(index, &request, object.3, |frame| {
+        if frame.is_extended() || frame.id() != SDO_ANSWER + u32::from(servo.id) {
+            return None;
+        }
+        let [said, l, h, sub, value @ ..] = frame.eight()?;
+        if [l, h, sub] != [low, high, object.1] {
+            return None;
+        }
+        match said {
+            ABORT => Some(Err(abort_name(u32::from_le_bytes(value)))),
+            DOWNLOADED if command != UPLOAD => Some(Ok(value)),
+            // Expedited, with or without a size.
+            0x42..=0x4F if command == UPLOAD => Some(Ok(value)),
+            _ => None,
+        }
+    })
+}
+
+fn read(bus: &mut CanExchange, index: usize, object: SdoObject) -> Result<u32, BusError> {
+    let bytes = transfer(bus, index, UPLOAD, object, [0; 4])?;
+    let unused = 8 * (4 - u32::from(object.2));
+    Ok(u32::from_le_bytes(bytes) << unused >> unused)
+}
+
+fn write(
+    bus: &mut CanExchange,
+    index: usize,
+    object: SdoObject,
+    value: u32,
+) -> Result<(), BusError> {
+    transfer(bus, index, download(object), object, value.to_le_bytes()).map(|_| ())
+}
+
+/// Writes an object and reads it back.
+fn set(bus: &mut CanExchange, index: usize, object: SdoObject, value: u32) -> Result<(), BusError> {
+    write(bus, index, object, value)?;
+    let actual = read(bus, index, object)?;
+    bus.verify(index, object.3, actual, value)
+}
+
+/// Maps objects into a PDO with this id.
+fn map_pdo(
+    bus: &mut CanExchange,
+    index: usize,
+    (communication, mapping): (u16, u16),
+    id: u32,
+    objects: &[SdoObject],
+) -> Result<(), BusError> {
+    const NAME: &str = "PDO mapping";
+    write(bus, index, (communication, 1, 4, NAME), id | PDO_OFF)?;
+    write(bus, index, (communication, 2, 1, NAME), 1)?;
+    write(bus, index, (mapping, 0, 1, NAME), 0)?;
+    for (entry, object) in (1..).zip(objects) {
+        set(bus, index, (mapping, entry, 4, NAME), mapped(*object))?;
+    }
+    set(bus, index, (mapping, 0, 1, NAME), objects.len() as u32)?;
+    set(bus, index, (communication, 1, 4, NAME), id)
+}
+
+/// Increments of the motor for an angle after the gear.
+fn counts(motor: &MotorSettings, motor_rad: f64) -> f64 {
+    motor_rad / TAU * motor.gear_ratio * motor.counts_per_turn
+}
+
+fn angle_rad(motor: &MotorSettings, counts: i32) -> f64 {
+    f64::from(counts) * TAU / (motor.gear_ratio * motor.counts_per_turn)
+}
+
+/// The nearest increment inside the joint's limits.
+fn target_counts(servo: &Servo, motor: &MotorSettings, joint_rad: f64) -> i32 {
+    let exact = |joint_rad| counts(motor, servo.motor_rad(joint_rad));
+    let (lowest, highest) = whole_range(servo, exact);
+    exact(joint_rad).round().clamp(lowest, highest) as i32
+}
+
+fn is_enabled(status: u16) -> bool {
+    status & OPERATION_ENABLED.0 == OPERATION_ENABLED.1
+}
+
+fn nmt(servo: &Servo, command: u8) -> CanFrame {
+    CanFrame::standard(0, &[command, servo.id])
+}
+
+fn heartbeat() -> CanFrame {
+    CanFrame::standard(HEARTBEAT + HOST, &[OPERATIONAL])
+}
+
+impl Cia402 {
+    /// The fault of a drive with this status word.
+    fn fault(bus: &mut CanExchange, index: usize, status: u16) -> Result<Option<String>, BusError> {
+        if status & FAULT == 0 {
+            return Ok(None);
+        }
+        let code = read(bus, index, ERROR_CODE)?;
+        Ok(Some(format!("fault, {}", error_name(code as u16))))
+    }
+}
+
+impl CanFamily for Cia402 {
+    fn cycle_frames(&self) -> CycleFrames {
+        CycleFrames {
+            extended: false,
+            once: &[0, 1],
+            each_motor: &[6, 8],
+        }
+    }
+
+    fn torque_off(&self, bus: &mut CanExchange, index: usize) -> Result<MotorStatus, BusError> {
+        write(bus, index, CONTROL, 0)?;
+        let status = read(bus, index, STATUS)? as u16;
+        if is_enabled(status) {
+            return Err(bus.unfit(
+                index,
+                STATUS.3,
+                format!("{status:04X}"),
+                "off after control word 0",
+            ));
+        }
+        let mut fault = Self::fault(bus, index, status)?;
+        // A heartbeat that was lost before this program began is cleared.
+        if fault.as_ref().is_some_and(|fault| fault.contains(LOST)) {
+            write(bus, index, CONTROL, FAULT_RESET)?;
+            let status = read(bus, index, STATUS)? as u16;
+            fault = Self::fault(bus, index, status)?;
+        }
+        let position = read(bus, index, POSITION)? as i32;
+        let motor = bus.servos[index].motor.as_ref();
+        Ok(MotorStatus {
+            position_rad: motor.map_or(f64::NAN, |motor| angle_rad(motor, position)),
+            velocity_rad_s: 0.0,
+            active: false,
+            fault,
+            temperature_c: None,
+        })
+    }
+
+    fn set_up(
+        &self,
+        bus: &mut CanExchange,
+        index: usize,
+        _notes: &mut Vec<String>,
+    ) -> Result<(), BusError> {
+        let servo = bus.servos[index].clone();
+        let id = u32::from(servo.id);
+        let device = read(bus, index, DEVICE_TYPE)?;
+        if device & 0xFFFF != PROFILE {
+            let actual = format!("profile {}", device & 0xFFFF);
+            return Err(bus.unfit(index, DEVICE_TYPE.3, actual, "profile 402"));
+        }
+        let deadline = bus.deadline(1);
+        bus.transmit(&nmt(&servo, NMT_PRE_OPERATIONAL), deadline, "setting up")?;
+        map_pdo(bus, index, RPDO_PARAMETERS, RPDO + id, &[CONTROL, TARGET])?;
+        let reported = [STATUS, POSITION, TORQUE];
+        map_pdo(bus, index, TPDO_PARAMETERS, TPDO + id, &reported)?;
+        write(bus, index, MODE, CYCLIC_POSITION)?;
+        let mode = read(bus, index, MODE_SHOWN)?;
+        bus.verify(index, MODE_SHOWN.3, mode, CYCLIC_POSITION)?;
+        if let Some(motor) = &servo.motor {
+            let share = motor.torque_limit_nm / motor.model.torque_nm;
+            let per_mille = (share * 1000.0).round() as u32;
+            set(bus, index, MAX_TORQUE, per_mille)?;
+        }
+        set(bus, index, ABORT_OPTION, DISABLE_VOLTAGE)?;
+        let watched = HOST << 16 | bus.config.watchdog_ms;
+        set(bus, index, CONSUMER, watched)
+    }
+
+    fn torque_on(
+        &self,
+        bus: &mut CanExchange,
+        index: usize,
+        motor_rad: f64,
+    ) -> Result<(), BusError> {
+        let servo = bus.servos[index].clone();
+        let Some(motor) = &servo.motor else {
+            return Ok(());
+        };
+        // The drive begins to watch with the first heartbeat it hears.
+        let deadline = bus.deadline(2);
+        bus.transmit(&heartbeat(), deadline, "torque on")?;
+        bus.transmit(&nmt(&servo, NMT_START), deadline, "torque on")?;
+        let hold = target_counts(&servo, motor, servo.joint_rad(motor_rad));
+        set(bus, index, TARGET, hold as u32)?;
+        for (control, wanted, name) in LADDER {
+            write(bus, index, CONTROL, control)?;
+            let status = read(bus, index, STATUS)? as u16;
+            if let Some(fault) = Self::fault(bus, index, status)? {
+                return Err(bus.faulty(index, &fault));
+            }
+            if status & OPERATION_ENABLED.0 != wanted {
+                let actual = format!("{status:04X}");
+                return Err(bus.unfit(index, STATUS.3, actual, name));
+            }
+        }
+        bus.transmit(&heartbeat(), deadline, "torque on")
+    }
+
+    fn torque_off_frames(&self, servo: &Servo, out: &mut Vec<CanFrame>) {
+        out.push(sdo(servo, download(CONTROL), CONTROL, [0; 4]));
+    }
+
+    fn target_frames(
+        &self,
+        servo: &Servo,
+        joint_rad: f64,
+        _: &MotorStatus,
+        out: &mut Vec<CanFrame>,
+    ) {
+        let Some(motor) = &servo.motor else {
+            return;
+        };
+        let mut data = [0; 6];
+        data[..2].copy_from_slice(&0x0Fu16.to_le_bytes());
+        let target = target_counts(servo, motor, joint_rad);
+        data[2..].copy_from_slice(&target.to_le_bytes());
+        out.push(CanFrame::standard(RPDO + u32::from(servo.id), &data));
+    }
+
+    fn cycle_end_frames(&self, out: &mut Vec<CanFrame>) {
+        out.push(heartbeat());
+        out.push(CanFrame::standard(SYNC, &[]));
+    }
+
+    fn parse_frame(
+        &self,
+        servos: &[Servo],
+        frame: &CanFrame,
+        status: &mut [MotorStatus],
+    ) -> Option<usize> {
+        if frame.is_extended() {
+            return None;
+        }
+        let node = frame.id() & 0x7F;
+        let index = servos
+            .iter()
+            .position(|servo| u32::from(servo.id) == node)?;
+        let motor = servos[index].motor.as_ref()?;
+        let status = &mut status[index];
+        match (frame.id() & 0x780, frame.data()) {
+            (TPDO, &[s0, s1, p0, p1, p2, p3, _, _]) => {
+                let word = u16::from_le_bytes([s0, s1]);
+                let position = i32::from_le_bytes([p0, p1, p2, p3]);
+                status.position_rad = angle_rad(motor, position);
+                status.active = is_enabled(word);
+                if word & FAULT != 0 && status.fault.is_none() {
+                    status.fault = Some(format!("fault (status word {word:04X})"));
+                }
+                Some(index)
+            }
+            (EMERGENCY, &[c0, c1, ..]) => {
+                let code = u16::from_le_bytes([c0, c1]);
+                status.fault = (code != 0).then(|| error_name(code));
+                None
+            }
+            _ => None,
+        }
+    }
+
+    fn scan(
+        &self,
+        scanner: &mut ScanLink,
+        heard: &[CanFrame],
+        may_send_standard: bool,
+    ) -> io::Result<Vec<CanFound>> {
+        scan::devices(scanner, heard, may_send_standard)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn expedited_downloads_have_their_published_command_bytes() {
+        let commands = [1, 2, 4].map(|bytes| download((0x6060, 0, bytes, "")));
+        assert_eq!(commands, [0x2F, 0x2B, 0x23]);
+    }
+}

@@ -1,0 +1,364 @@
+//! MIT mode: CubeMars and Damiao motors, 11-bit ids.
+//!
+//! Damiao motors have registers as well: the ranges are read and must be those of the
+//! configuration, and the time-out is set and read back. CubeMars motors have none:
+//! their ranges are believed, and arming them needs `accept_no_watchdog`. The reply of
+//! a CubeMars motor does not say whether it drives: its answer alone confirms torque off.
+//!
+//! MIT mode has no torque limit but the motor's own peak. The gains keep
+//! `torque_limit_nm`: where they would ask for more than that, from where the motor
+//! stood last, both shrink until they ask for the limit. Between two commands a joint
+//! that is pushed about may exceed it by what the (shrunk) gains make of the push.
+//!
+//! The reply carries torque, not current: [`servodance_types::JointState`] shows a
+//! current of 0.
+
+pub mod framing;
+pub mod registers;
+mod scan;
+
+use std::io;
+
+use crate::bus::Health;
+use crate::can::cycle_frames::CycleFrames;
+use crate::can::exchange::{CanExchange, MotorStatus};
+use crate::can::family::CanFamily;
+use crate::can::motor::{MotorModel, MotorSettings};
+use crate::can::scan::inquiry::{CanFound, ScanLink};
+use crate::can::transport::CanFrame;
+use crate::error::BusError;
+use crate::servo::Servo;
+
+use self::framing::{from_code, pack_command, position_code, span_code, to_code, unpack_reply};
+use self::registers::{
+    CLEAR, DISABLE, ENABLE, LOST, MIT_MODE, MODE, MitRegister, OVER_TEMPERATURE, PMAX, READ,
+    REGISTER_ID, REPLY_ID, TIMEOUT, TIMEOUT_UNITS_PER_MS, TMAX, VMAX, WRITE, cubemars_fault,
+    damiao_fault,
+};
+
+/// CubeMars and Damiao motors.
+pub(crate) struct Mit;
+
+fn settings(servo: &Servo) -> Option<&MotorSettings> {
+    servo.motor.as_ref()
+}
+
+fn mode_command(servo: &Servo, last: u8) -> CanFrame {
+    let mut data = [0xFF; 8];
+    data[7] = last;
+    CanFrame::standard(u32::from(servo.id), &data)
+}
+
+/// The report in a motor's reply; `None` if the frame is none of this motor.
+fn parse_reply(servo: &Servo, frame: &CanFrame) -> Option<MotorStatus> {
+    let motor = settings(servo)?;
+    if frame.is_extended() || frame.is_remote() {
+        return None;
+    }
+    let data = frame.data();
+    let (first, [p, v, _]) = (*data.first()?, unpack_reply(data)?);
+    let model = &motor.model;
+    // Damiao: inverter, then coil; CubeMars: the motor.
+    let celsius = |at: usize| data.get(at).map(|byte| f64::from(*byte));
+    let (fault, active, temperature_c) = if model.has_registers {
+        let is_ours = frame.id() == u32::from(motor.reply_id) && first & 0xF == servo.id & 0xF;
+        if !is_ours || data.len() != 8 {
+            return None;
+        }
+        let nibble = first >> 4;
+        let name = damiao_fault(nibble).map(|name| format!("{name} (error {nibble:X})"));
+        let hottest = celsius(6).into_iter().chain(celsius(7)).reduce(f64::max);
+        (name, nibble == 1, hottest)
+    } else {
+        let from = [u32::from(motor.reply_id), u32::from(servo.id)];
+        if first != servo.id || !from.contains(&frame.id()) {
+            return None;
+        }
+        let code = data.get(7).copied().unwrap_or(0);
+        let name = cubemars_fault(code).map(|name| format!("{name} (error {code})"));
+        (name, true, celsius(6))
+    };
+    Some(MotorStatus {
+        position_rad: from_code(p, model.position_rad, 16),
+        velocity_rad_s: from_code(v, model.velocity_rad_s, 12),
+        active,
+        fault,
+        temperature_c,
+    })
+}
+
+/// The bytes of a register that a Damiao motor answers with.
+fn parse_register(servo: &Servo, frame: &CanFrame, command: u8, register: u8) -> Option<[u8; 4]> {
+    let motor = settings(servo)?;
+    if frame.is_extended() || frame.id() != u32::from(motor.reply_id) {
+        return None;
+    }
+    let [id, high, said, which, value @ ..] = frame.eight()?;
+    let is_ours = id == servo.id && high == 0 && said == command && which == register;
+    is_ours.then_some(value)
+}
+
+/// Reads or writes a register; its bytes afterwards.
+fn access(
+    bus: &mut CanExchange,
+    index: usize,
+    command: u8,
+    (register, name): MitRegister,
+    value: [u8; 4],
+) -> Result<[u8; 4], BusError> {
+    let servo = bus.servos[index].clone();
+    let [a, b, c, d] = value;
+    let data = [servo.id, 0, command, register, a, b, c, d];
+    let question = CanFrame::standard(REGISTER_ID, &data);
+    bus.ask(index, &question, name, |frame| {
+        parse_register(&servo, frame, command, register).map(Ok)
+    })
+}
+
+fn read(bus: &mut CanExchange, index: usize, at: MitRegister) -> Result<[u8; 4], BusError> {
+    access(bus, index, READ, at, [0; 4])
+}
+
+/// Writes a whole number where it differs and reads it back; `notes` gets the change
+/// of a register that the motor keeps without power.
+fn set(
+    bus: &mut CanExchange,
+    index: usize,
+    at: MitRegister,
+    value: u32,
+    notes: Option<&mut Vec<String>>,
+) -> Result<(), BusError> {
+    let old = u32::from_le_bytes(read(bus, index, at)?);
+    if old == value {
+        return Ok(());
+    }
+    access(bus, index, WRITE, at, value.to_le_bytes())?;
+    let now = u32::from_le_bytes(read(bus, index, at)?);
+    bus.verify(index, at.1, now, value)?;
+    if let Some(notes) = notes {
+        let servo = bus.id_of(index);
+        notes.push(format!("{servo}: {} changed from {old} to {value}", at.1));
+    }
+    Ok(())
+}
+
+/// How much of the gains a command may have, 0 to 1, so that the torque that it
+/// asks for where the motor stood last stays within the limit.
+fn gain_share(motor: &MotorSettings, goal_rad: f64, status: &MotorStatus) -> f64 {
+    let error_rad = goal_rad - status.position_rad;
+    let asked_nm = motor.kp * error_rad - motor.kd * status.velocity_rad_s;
+    (motor.torque_limit_nm / asked_nm.abs()).min(1.0)
+}
+
+impl Mit {
+    /// A Damiao motor's ranges, mode and time-out.
+    fn set_up_damiao(
+        bus: &mut CanExchange,
+        index: usize,
+        model: MotorModel,
+        notes: &mut Vec<String>,
+    ) -> Result<(), BusError> {
+        for (at, wanted) in [
+            (PMAX, model.position_rad),
+            (VMAX, model.velocity_rad_s),
+            (TMAX, model.torque_nm),
+        ] {
+            let actual = f32::from_le_bytes(read(bus, index, at)?);
+            bus.verify_f32(index, at.1, f64::from(actual), wanted)?;
+        }
+        let reply_id = settings(&bus.servos[index]).map_or(0, |motor| u32::from(motor.reply_id));
+        let actual = u32::from_le_bytes(read(bus, index, REPLY_ID)?);
+        bus.verify(index, REPLY_ID.1, actual, reply_id)?;
+        set(bus, index, MODE, MIT_MODE, Some(notes))?;
+        let timeout = bus.config.watchdog_ms * TIMEOUT_UNITS_PER_MS;
+        set(bus, index, TIMEOUT, timeout, None)
+    }
+}
+
+impl CanFamily for Mit {
+    fn cycle_frames(&self) -> CycleFrames {
+        CycleFrames {
+            extended: false,
+            once: &[],
+            each_motor: &[8, 8],
+        }
+    }
+
+    fn torque_off(&self, bus: &mut CanExchange, index: usize) -> Result<MotorStatus, BusError> {
+        let servo = bus.servos[index].clone();
+        let has_registers = settings(&servo).is_some_and(|motor| motor.model.has_registers);
+        let ask = |bus: &mut CanExchange, last| {
+            bus.ask(index, &mode_command(&servo, last), "torque off", |frame| {
+                let status = parse_reply(&servo, frame)?;
+                // A reply that was under way before still shows torque on.
+                (!has_registers || !status.active).then_some(Ok(status))
+            })
+        };
+        let mut status = ask(bus, DISABLE)?;
+        // A time-out before this program began is cleared.
+        let fault = status.fault.as_deref().unwrap_or_default();
+        if fault.starts_with(LOST) {
+            status = ask(bus, CLEAR)?;
+        }
+        status.active = false;
+        Ok(status)
+    }
+
+    fn set_up(
+        &self,
+        bus: &mut CanExchange,
+        index: usize,
+        notes: &mut Vec<String>,
+    ) -> Result<(), BusError> {
+        let Some(model) = settings(&bus.servos[index]).map(|motor| motor.model) else {
+            return Ok(());
+        };
+        if model.has_registers {
+            return Self::set_up_damiao(bus, index, model, notes);
+        }
+        let name = bus.servos[index].model.name;
+        let note = bus.without_watchdog(index, format!("{name} has no watchdog in MIT mode"))?;
+        notes.push(format!(
+            "{note}; its ranges cannot be read and are believed"
+        ));
+        Ok(())
+    }
+
+    fn torque_on(
+        &self,
+        bus: &mut CanExchange,
+        index: usize,
+        motor_rad: f64,
+    ) -> Result<(), BusError> {
+        let servo = bus.servos[index].clone();
+        let on = mode_command(&servo, ENABLE);
+        bus.ask(index, &on, "torque on", |frame| {
+            let status = parse_reply(&servo, frame)?;
+            match status.fault {
+                Some(fault) => Some(Err(fault)),
+                None => status.active.then_some(Ok(())),
+            }
+        })?;
+        // Until its first command the motor is on without torque.
+        let mut hold = Vec::with_capacity(1);
+        let here = MotorStatus {
+            position_rad: motor_rad,
+            ..MotorStatus::default()
+        };
+        self.target_frames(&servo, servo.joint_rad(motor_rad), &here, &mut hold);
+        for frame in &hold {
+            bus.ask(index, frame, "hold position", |frame| {
+                parse_reply(&servo, frame).map(|_| Ok(()))
+            })?;
+        }
+        Ok(())
+    }
+
+    fn read_health(
+        &self,
+        bus: &mut CanExchange,
+        index: usize,
+        status: &MotorStatus,
+    ) -> Result<Health, BusError> {
+        let motor = settings(&bus.servos[index]);
+        let limit = match motor.is_some_and(|motor| motor.model.has_registers) {
+            true => {
+                let limit = bus.once(|bus| read(bus, index, OVER_TEMPERATURE));
+                Some(f32::from_le_bytes(limit?))
+            }
+            false => None,
+        };
+        Ok(Health {
+            temperature_c: status.temperature_c,
+            highest_temperature_c: limit.map(f64::from),
+            ..Health::default()
+        })
+    }
+
+    fn torque_off_frames(&self, servo: &Servo, out: &mut Vec<CanFrame>) {
+        out.push(mode_command(servo, DISABLE));
+    }
+
+    fn target_frames(
+        &self,
+        servo: &Servo,
+        joint_rad: f64,
+        status: &MotorStatus,
+        out: &mut Vec<CanFrame>,
+    ) {
+        let Some(motor) = settings(servo) else {
+            return;
+        };
+        let model = &motor.model;
+        let position = position_code(servo, model.position_rad, joint_rad);
+        let share = gain_share(motor, from_code(position, model.position_rad, 16), status);
+        // Downwards: the limit is not passed by rounding either.
+        let gain = |code: u32| (f64::from(code) * share) as u32;
+        let data = pack_command([
+            position,
+            to_code(0.0, model.velocity_rad_s, 12),
+            gain(span_code(motor.kp, model.kp_max, 12)),
+            gain(span_code(motor.kd, model.kd_max, 12)),
+            to_code(0.0, model.torque_nm, 12),
+        ]);
+        out.push(CanFrame::standard(u32::from(servo.id), &data));
+    }
+
+    fn parse_frame(
+        &self,
+        servos: &[Servo],
+        frame: &CanFrame,
+        status: &mut [MotorStatus],
+    ) -> Option<usize> {
+        let mut replies = servos.iter().map(|servo| parse_reply(servo, frame));
+        let index = replies.position(|reply| reply.is_some())?;
+        status[index] = parse_reply(&servos[index], frame)?;
+        Some(index)
+    }
+
+    fn scan(
+        &self,
+        scanner: &mut ScanLink,
+        _heard: &[CanFrame],
+        may_send_standard: bool,
+    ) -> io::Result<Vec<CanFound>> {
+        match may_send_standard {
+            true => scan::damiao_motors(scanner),
+            false => Ok(Vec::new()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gains_shrink_to_the_torque_limit_and_not_before() {
+        let motor = MotorSettings {
+            model: crate::Model::from_name("DM-J4310").unwrap().motor.unwrap(),
+            kp: 20.0,
+            kd: 0.5,
+            torque_limit_nm: 2.0,
+            gear_ratio: 1.0,
+            reply_id: 0,
+            counts_per_turn: 1.0,
+        };
+        let at = |position_rad, velocity_rad_s| MotorStatus {
+            position_rad,
+            velocity_rad_s,
+            ..MotorStatus::default()
+        };
+        for (position_rad, velocity_rad_s, share) in [
+            (1.0, 0.0, 1.0),
+            (0.95, 0.0, 1.0),
+            (0.8, 0.0, 0.5),
+            (1.2, 0.0, 0.5),
+            // Braking counts too.
+            (1.0, 8.0, 0.5),
+        ] {
+            let seen = gain_share(&motor, 1.0, &at(position_rad, velocity_rad_s));
+            assert!((seen - share).abs() < 1e-9, "{seen} at {position_rad}");
+        }
+    }
+}

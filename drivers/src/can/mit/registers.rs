@@ -1,0 +1,89 @@
+//! Ids, commands, registers and error codes of MIT mode.
+//!
+//! Only Damiao motors have registers: four bytes each, little-endian.
+
+/// First value of the last byte that makes a frame a mode command, after seven FF.
+pub const FIRST_MODE_COMMAND: u8 = CLEAR;
+/// Mode command: clears faults (Damiao).
+pub const CLEAR: u8 = 0xFB;
+/// Mode command: torque on, without any until the first target.
+pub const ENABLE: u8 = 0xFC;
+/// Mode command: torque off.
+pub const DISABLE: u8 = 0xFD;
+
+/// Id of requests to registers: motor id (u16), command, register, value.
+pub const REGISTER_ID: u32 = 0x7FF;
+/// Register request: the motor answers with the register's value.
+pub const READ: u8 = 0x33;
+/// Register request: the motor stores the value and answers with it.
+pub const WRITE: u8 = 0x55;
+/// Register request ("refresh"): the motor answers with a reply of MIT mode.
+pub const REFRESH: u8 = 0xCC;
+
+/// A register: its number, and its name in messages.
+pub type MitRegister = (u8, &'static str);
+
+/// Supply at which the motor shuts down, volts (f32).
+pub const UNDER_VOLTAGE: MitRegister = (0, "UV_Value (V)");
+/// Temperature at which the motor shuts down, Celsius (f32).
+pub const OVER_TEMPERATURE: MitRegister = (2, "OT_Value (C)");
+/// Id of the motor's replies.
+pub const REPLY_ID: MitRegister = (7, "MST_ID");
+/// Id that the motor listens to.
+pub const MOTOR_ID: MitRegister = (8, "ESC_ID");
+/// Time without commands after which torque goes off, units of 50 us; 0 is never.
+/// The unit is of the vendor's register list; almond-bot/axol, pull request 163, has
+/// it so from the motors themselves.
+pub const TIMEOUT: MitRegister = (9, "TIMEOUT (50 us)");
+/// Control mode; see [`MIT_MODE`].
+pub const MODE: MitRegister = (10, "CTRL_MODE");
+/// Firmware version.
+pub const FIRMWARE: MitRegister = (14, "sw_ver");
+/// Range of positions, +- radians (f32).
+pub const PMAX: MitRegister = (21, "PMAX (rad)");
+/// Range of velocities, +- radians a second (f32).
+pub const VMAX: MitRegister = (22, "VMAX (rad/s)");
+/// Range of torques, +- newton metres (f32).
+pub const TMAX: MitRegister = (23, "TMAX (Nm)");
+/// Highest supply that the motor takes, volts (f32).
+pub const OVER_VOLTAGE: MitRegister = (29, "OV_Value (V)");
+/// How many registers a motor keeps.
+pub const REGISTER_COUNT: usize = 37;
+
+/// Units of [`TIMEOUT`] a millisecond.
+pub const TIMEOUT_UNITS_PER_MS: u32 = 20;
+/// Value of [`MODE`] for MIT mode.
+pub const MIT_MODE: u32 = 1;
+
+/// Fault of a motor whose time-out has passed.
+pub(super) const LOST: &str = "communication lost";
+
+/// The fault of Damiao's error nibble; `None` for 0 (disabled) and 1 (enabled).
+pub(super) fn damiao_fault(nibble: u8) -> Option<&'static str> {
+    Some(match nibble {
+        0 | 1 => return None,
+        8 => "over-voltage",
+        9 => "under-voltage",
+        0xA => "over-current",
+        0xB => "MOSFET overheating",
+        0xC => "coil overheating",
+        0xD => LOST,
+        0xE => "overload",
+        _ => "an unknown error",
+    })
+}
+
+/// The fault of a CubeMars error byte.
+pub(super) fn cubemars_fault(code: u8) -> Option<&'static str> {
+    Some(match code {
+        0 => return None,
+        1 => "motor overheating",
+        2 => "over-current",
+        3 => "over-voltage",
+        4 => "under-voltage",
+        5 => "encoder fault",
+        6 => "MOSFET overheating",
+        7 => "motor stalled",
+        _ => "an unknown error",
+    })
+}

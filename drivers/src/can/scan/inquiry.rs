@@ -1,0 +1,124 @@
+//! Requests of a scan, and what it finds.
+
+use std::io::{self, ErrorKind};
+use std::time::{Duration, Instant};
+
+use crate::can::exchange::MOST_OVERDUE;
+use crate::can::transport::{CanFault, CanFrame, CanLink, LinkEvent, Sent};
+
+/// The ids that are asked for.
+pub(crate) const IDS: std::ops::RangeInclusive<u8> = 1..=127;
+/// So many requests go out together: less than what a transmit queue holds.
+pub(crate) const GROUP: usize = 8;
+/// Attempts of a request to one motor.
+const TRIES: usize = 3;
+
+/// A motor, or a device, that a scan found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CanFound {
+    /// Its id on the bus (the node number of CANopen and ODrive).
+    pub id: u8,
+    /// The protocol it speaks, e.g. `RobStride`.
+    pub family: &'static str,
+    /// Its model; `None` where the motor cannot tell.
+    pub model: Option<&'static str>,
+    /// Its firmware; `None` where the motor cannot tell.
+    pub firmware: Option<String>,
+    /// More that it tells of itself, e.g. its supply voltage.
+    pub detail: Option<String>,
+    /// The fault that it reports, in words.
+    pub error: Option<String>,
+}
+
+impl CanFound {
+    pub(crate) fn new(id: u8, family: &'static str) -> Self {
+        Self {
+            id,
+            family,
+            model: None,
+            firmware: None,
+            detail: None,
+            error: None,
+        }
+    }
+}
+
+/// The link of a scan.
+pub(crate) struct ScanLink {
+    pub link: Box<dyn CanLink>,
+    /// How long answers may take.
+    pub wait: Duration,
+}
+
+impl ScanLink {
+    /// Asks every id; `take` gets every frame that comes meanwhile.
+    pub fn ask_all(
+        &mut self,
+        request: impl Fn(u8) -> CanFrame,
+        mut take: impl FnMut(&CanFrame),
+    ) -> io::Result<()> {
+        let requests: Vec<CanFrame> = IDS.map(request).collect();
+        for group in requests.chunks(GROUP) {
+            for request in group {
+                self.send(request)?;
+            }
+            self.receive(Instant::now() + self.wait, &mut take)?;
+        }
+        Ok(())
+    }
+
+    /// Asks one motor until `accept` finds its answer; `None` if it stays silent.
+    pub fn ask_one<T>(
+        &mut self,
+        request: &CanFrame,
+        accept: impl Fn(&CanFrame) -> Option<T>,
+    ) -> io::Result<Option<T>> {
+        let mut answer = None;
+        for _ in 0..TRIES {
+            self.send(request)?;
+            let deadline = Instant::now() + self.wait;
+            self.receive(deadline, |frame| {
+                answer = answer.take().or_else(|| accept(frame))
+            })?;
+            if answer.is_some() {
+                break;
+            }
+        }
+        Ok(answer)
+    }
+
+    /// Sends a request; waits for room in the transmit queue.
+    fn send(&mut self, request: &CanFrame) -> io::Result<()> {
+        let deadline = Instant::now() + 10 * self.wait;
+        while self.link.send(request)? == Sent::Full {
+            if Instant::now() >= deadline {
+                let reason = "the transmit queue stays full: nobody acknowledges";
+                return Err(io::Error::new(ErrorKind::TimedOut, reason));
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+
+    /// Every frame until `deadline`.
+    pub fn receive(
+        &mut self,
+        deadline: Instant,
+        mut take: impl FnMut(&CanFrame),
+    ) -> io::Result<()> {
+        let mut overdue = 0;
+        while overdue < MOST_OVERDUE {
+            match self.link.receive(deadline)? {
+                LinkEvent::Frame(frame) => take(&frame),
+                LinkEvent::Fault(CanFault::BusOff) => {
+                    let reason = "bus-off: another bitrate, or nobody there?";
+                    return Err(io::Error::new(ErrorKind::ConnectionAborted, reason));
+                }
+                LinkEvent::Fault(_) => {}
+                LinkEvent::Nothing => return Ok(()),
+            }
+            overdue += u32::from(Instant::now() >= deadline);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,49 @@
+//! Ways to a CAN bus, and the frames that travel on it.
+//!
+//! | port | what it is |
+//! |---|---|
+//! | `can:IFACE` | a CAN interface of the system (SocketCAN, Linux only), bitrate set by the system |
+//! | `slcan:PATH` | a serial CAN adapter that speaks the ASCII protocol of LAWICEL |
+//! | `udp:GROUP:PORT` | frames as multicast datagrams, as python-can's `udp_multicast` does: for simulation |
+//!
+//! A new way implements [`CanLink`] and gets its line in [`open_link`].
+
+mod frame;
+mod link;
+mod port;
+pub mod slcan;
+#[cfg(target_os = "linux")]
+pub mod socket;
+pub mod udp;
+
+pub use frame::CanFrame;
+pub(crate) use frame::{nominal_bits, word, worst_bits};
+pub use link::{CanFault, CanLink, LinkEvent, Sent};
+pub use port::CanPort;
+
+use crate::error::BusError;
+
+/// Opens the way to a CAN bus that `port` names: see [`CanPort`].
+pub(crate) fn open_link(port: &str, bitrate: u32) -> Result<Box<dyn CanLink>, BusError> {
+    let refused = |reason: String| BusError::Open {
+        port: port.into(),
+        reason,
+        choices: String::new(),
+    };
+    let opened: std::io::Result<Box<dyn CanLink>> = match CanPort::parse(port).map_err(refused)? {
+        CanPort::Slcan(path) => {
+            slcan::SlcanLink::open(&path, bitrate).map(|link| Box::new(link) as _)
+        }
+        CanPort::Udp(group) => udp::UdpLink::open(group).map(|link| Box::new(link) as _),
+        #[cfg(target_os = "linux")]
+        CanPort::Socket(interface) => {
+            socket::SocketLink::open(&interface).map(|link| Box::new(link) as _)
+        }
+        #[cfg(not(target_os = "linux"))]
+        CanPort::Socket(_) => Err(std::io::Error::new(
+            std::io::ErrorKind::Unsupported,
+            "CAN interfaces need Linux; use a serial adapter, slcan:PATH",
+        )),
+    };
+    opened.map_err(|error| refused(error.to_string()))
+}

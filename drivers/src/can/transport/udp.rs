@@ -1,0 +1,292 @@
+//! CAN frames as multicast datagrams, as python-can's `udp_multicast` sends
+//! them: one frame a datagram, a msgpack map. For simulation, on one machine.
+//!
+//! Keys: `arbitration_id`, `is_extended_id`, `is_remote_frame`,
+//! `is_error_frame`, `dlc`, `data`, `is_fd` and some that are ignored. The few kinds of
+//! value are read here and not by a msgpack crate: datagrams of strangers stay bounded.
+//! Whatever is not such a map of at most 16 entries, or is no classic frame,
+//! is dropped. A datagram is looked at up to its 512th byte.
+
+use std::io::{self, ErrorKind};
+use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
+use std::time::{Duration, Instant};
+
+use socket2::{Domain, Protocol, Socket, Type};
+
+use super::frame::CanFrame;
+use super::link::{CanFault, CanLink, LinkEvent, Sent};
+
+/// No frame's datagram is longer.
+const LONGEST: usize = 512;
+/// More entries than this are noise.
+const MOST_ENTRIES: usize = 16;
+
+/// Replaces `out` with the datagram of a frame.
+pub fn encode(frame: &CanFrame, out: &mut Vec<u8>) {
+    out.clear();
+    out.push(0x8B); // a map of 11
+    put_text(out, "timestamp");
+    out.push(0xCB);
+    out.extend([0; 8]);
+    put_text(out, "arbitration_id");
+    out.push(0xCE);
+    out.extend(frame.id().to_be_bytes());
+    put_flag(out, "is_extended_id", frame.is_extended());
+    put_flag(out, "is_remote_frame", frame.is_remote());
+    put_flag(out, "is_error_frame", false);
+    put_text(out, "channel");
+    out.push(0xC0);
+    put_text(out, "dlc");
+    out.push(frame.length());
+    put_text(out, "data");
+    out.extend([0xC4, frame.data().len() as u8]);
+    out.extend(frame.data());
+    put_flag(out, "is_fd", false);
+    put_flag(out, "bitrate_switch", false);
+    put_flag(out, "error_state_indicator", false);
+}
+
+fn put_text(out: &mut Vec<u8>, text: &str) {
+    out.push(0xA0 | text.len() as u8);
+    out.extend(text.as_bytes());
+}
+
+fn put_flag(out: &mut Vec<u8>, key: &str, value: bool) {
+    put_text(out, key);
+    out.push(0xC2 | u8::from(value));
+}
+
+/// One msgpack value of the kinds that occur.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Msgpack<'a> {
+    Flag(bool),
+    Number(u64),
+    Bytes(&'a [u8]),
+    /// Nil, and numbers that are not whole or below zero.
+    Other,
+}
+
+/// The part of a datagram that is not read yet.
+struct MsgpackReader<'a>(&'a [u8]);
+
+impl<'a> MsgpackReader<'a> {
+    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (taken, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(taken)
+    }
+
+    /// A big-endian number of `bytes` bytes, at most eight.
+    fn number(&mut self, bytes: usize) -> Option<u64> {
+        let append = |sum, byte: &u8| sum << 8 | u64::from(*byte);
+        Some(self.take(bytes)?.iter().fold(0, append))
+    }
+
+    fn value(&mut self) -> Option<Msgpack<'a>> {
+        let tag = *self.take(1)?.first()?;
+        let sized = |reader: &mut Self, bytes| {
+            let length = usize::try_from(reader.number(bytes)?).ok()?;
+            reader.take(length).map(Msgpack::Bytes)
+        };
+        match tag {
+            0x00..=0x7F => Some(Msgpack::Number(u64::from(tag))),
+            0xA0..=0xBF => self.take(usize::from(tag & 0x1F)).map(Msgpack::Bytes),
+            0xC0 | 0xE0..=0xFF => Some(Msgpack::Other),
+            0xC2 | 0xC3 => Some(Msgpack::Flag(tag == 0xC3)),
+            0xC4 | 0xD9 => sized(self, 1),
+            0xC5 | 0xDA => sized(self, 2),
+            0xC6 | 0xDB => sized(self, 4),
+            0xCA => self.take(4).map(|_| Msgpack::Other),
+            0xCB => self.take(8).map(|_| Msgpack::Other),
+            0xCC..=0xCF => self.number(1 << (tag - 0xCC)).map(Msgpack::Number),
+            0xD0..=0xD3 => self.take(1 << (tag - 0xD0)).map(|_| Msgpack::Other),
+            _ => None,
+        }
+    }
+
+    fn map_entries(&mut self) -> Option<usize> {
+        let tag = *self.take(1)?.first()?;
+        match tag {
+            0x80..=0x8F => Some(usize::from(tag & 0xF)),
+            0xDE => self.number(2).map(|count| count as usize),
+            _ => None,
+        }
+    }
+}
+
+/// The frame of a datagram, or the error that a controller reports with it.
+pub fn decode(datagram: &[u8]) -> Option<LinkEvent> {
+    let mut reader = MsgpackReader(datagram);
+    let entries = reader
+        .map_entries()
+        .filter(|count| *count <= MOST_ENTRIES)?;
+    let (mut id, mut dlc, mut data) = (None, 0, None);
+    let (mut extended, mut remote, mut error, mut fd) = (false, false, false, false);
+    for _ in 0..entries {
+        let Msgpack::Bytes(key) = reader.value()? else {
+            return None;
+        };
+        match (key, reader.value()?) {
+            (b"arbitration_id", Msgpack::Number(number)) => id = Some(number),
+            (b"dlc", Msgpack::Number(number)) => dlc = number,
+            (b"data", Msgpack::Bytes(bytes)) => data = Some(bytes),
+            (b"is_extended_id", Msgpack::Flag(flag)) => extended = flag,
+            (b"is_remote_frame", Msgpack::Flag(flag)) => remote = flag,
+            (b"is_error_frame", Msgpack::Flag(flag)) => error = flag,
+            (b"is_fd", Msgpack::Flag(flag)) => fd = flag,
+            _ => {}
+        }
+    }
+    if error {
+        return Some(LinkEvent::Fault(CanFault::Error));
+    }
+    let id = u32::try_from(id?).ok()?;
+    let data = data.unwrap_or_default();
+    if fd || dlc > 8 || !remote && data.len() as u64 != dlc {
+        return None;
+    }
+    let frame = match remote {
+        true => CanFrame::from_parts(id, extended, Some(dlc as u8), &[]),
+        false => CanFrame::from_parts(id, extended, None, data),
+    };
+    frame.map(LinkEvent::Frame)
+}
+
+/// A member of a multicast group that is a CAN bus.
+#[derive(Debug)]
+pub struct UdpLink {
+    group: SocketAddrV4,
+    heard: UdpSocket,
+    /// Has a port of its own, by which our frames are known when they come back.
+    spoken: UdpSocket,
+    out: Vec<u8>,
+    datagram: Vec<u8>,
+}
+
+impl UdpLink {
+    /// Joins a multicast group of this machine.
+    pub fn open(group: SocketAddrV4) -> io::Result<Self> {
+        let heard = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+        heard.set_reuse_address(true)?;
+        #[cfg(unix)]
+        heard.set_reuse_port(true)?;
+        heard.bind(&SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, group.port()).into())?;
+        heard.join_multicast_v4(group.ip(), &Ipv4Addr::UNSPECIFIED)?;
+        let spoken = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
+        // This machine only.
+        spoken.set_multicast_ttl_v4(0)?;
+        Ok(Self {
+            group,
+            heard: heard.into(),
+            spoken,
+            out: Vec::with_capacity(256),
+            datagram: vec![0; LONGEST],
+        })
+    }
+
+    /// The socket that hears the group, to wait for.
+    pub fn socket(&self) -> &UdpSocket {
+        &self.heard
+    }
+
+    /// One datagram, if one comes in time: its length if it is not our own.
+    fn datagram(&mut self) -> io::Result<Option<usize>> {
+        let (length, from) = self.heard.recv_from(&mut self.datagram)?;
+        let ours = self.spoken.local_addr()?.port();
+        Ok((from.port() != ours).then_some(length))
+    }
+}
+
+impl CanLink for UdpLink {
+    fn send(&mut self, frame: &CanFrame) -> io::Result<Sent> {
+        encode(frame, &mut self.out);
+        match self.spoken.send_to(&self.out, self.group) {
+            Ok(_) => Ok(Sent::Taken),
+            // ENOBUFS has no kind of its own.
+            Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(Sent::Full),
+            Err(error) if error.raw_os_error() == Some(105) => Ok(Sent::Full),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn receive(&mut self, deadline: Instant) -> io::Result<LinkEvent> {
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            self.heard.set_nonblocking(left.is_zero())?;
+            if !left.is_zero() {
+                self.heard
+                    .set_read_timeout(Some(left.max(Duration::from_micros(1))))?;
+            }
+            match self.datagram() {
+                Ok(None) => {}
+                Ok(Some(length)) => {
+                    if let Some(received) = decode(&self.datagram[..length]) {
+                        return Ok(received);
+                    }
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) =>
+                {
+                    if left.is_zero() {
+                        return Ok(LinkEvent::Nothing);
+                    }
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_frame_comes_back() {
+        for frame in [
+            CanFrame::standard(0x7FF, &[]),
+            CanFrame::extended(0x1FFF_FFFF, &[1, 2, 3, 4, 5, 6, 7, 8]),
+            CanFrame::remote(0x21, 8),
+        ] {
+            let mut datagram = Vec::new();
+            encode(&frame, &mut datagram);
+            assert_eq!(decode(&datagram), Some(LinkEvent::Frame(frame)));
+            for cut in 0..datagram.len() {
+                let kept = decode(&datagram[..cut]);
+                assert_eq!(kept, None, "cut at {cut}");
+            }
+        }
+    }
+
+    /// `msgpack.packb` of python-can 4.6 for id 0x123, data 01 02.
+    #[test]
+    fn a_datagram_of_python_can_is_read() {
+        let mut datagram = vec![0x8B];
+        put_text(&mut datagram, "timestamp");
+        datagram.extend([0xCB, 0x41, 0xD9, 0x5F, 0x3E, 0x12, 0x34, 0x56, 0x78]);
+        put_text(&mut datagram, "arbitration_id");
+        datagram.extend([0xCD, 0x01, 0x23]);
+        put_flag(&mut datagram, "is_extended_id", false);
+        put_flag(&mut datagram, "is_remote_frame", false);
+        put_flag(&mut datagram, "is_error_frame", false);
+        put_text(&mut datagram, "channel");
+        datagram.push(0xC0);
+        put_text(&mut datagram, "dlc");
+        datagram.push(2);
+        put_text(&mut datagram, "data");
+        datagram.extend([0xC4, 2, 1, 2]);
+        put_flag(&mut datagram, "is_fd", false);
+        put_flag(&mut datagram, "bitrate_switch", false);
+        put_flag(&mut datagram, "error_state_indicator", false);
+        let frame = CanFrame::standard(0x123, &[1, 2]);
+        assert_eq!(decode(&datagram), Some(LinkEvent::Frame(frame)));
+    }
+
+    #[test]
+    fn lengths_that_lie_are_no_frames() {
+        assert_eq!(decode(&[0xDE, 0xFF, 0xFF]), None);
+        assert_eq!(decode(&[0x81, 0xC6, 0xFF, 0xFF, 0xFF, 0xFF]), None);
+        assert_eq!(decode(&[]), None);
+    }
+}

@@ -1,0 +1,10 @@
+//! Measurements of the product's parts, each with the figure that limits it: a
+//! bus against its wire, the model against memory bandwidth, robots on a stage
+//! against each other, a click against the motion that answers it.
+
+pub mod bus;
+pub mod click_test;
+pub mod model;
+pub mod retarget;
+#[cfg(feature = "stage")]
+pub mod stage;

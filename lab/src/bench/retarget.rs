@@ -1,0 +1,158 @@
+//! How long a control cycle of retargeting takes, and what it allocates.
+//!
+//! Every cycle of one motion is timed in several identical passes, and the
+//! median of its times counts: what else runs on the machine would otherwise be
+//! most of the 99th percentile. Allocations are counted by the allocator, in
+//! the thread that retargets, over all cycles of a pass.
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::Context;
+use serde::Serialize;
+use servodance_model::motion::Clip;
+use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
+use servodance_types::{FRAME_RATE_HZ, MotionFrame};
+
+use servodance_runtime::robot::Robot;
+
+/// Identical runs of which medians are taken.
+const PASSES: usize = 5;
+/// Tempo and seed of the dance that is used when no motion is given.
+const BEAT_S: f64 = 0.5;
+const SEED: u64 = 1;
+/// The longest motion that is measured, seconds.
+const LONGEST_S: f64 = 600.0;
+
+/// What `bench retarget` prints.
+#[derive(Clone, Debug, Serialize)]
+pub struct RetargetBenchReport {
+    /// Which robot the motion was retargeted to.
+    pub robot: String,
+    /// How many joints the robot has.
+    pub joints: usize,
+    /// Control cycles a second.
+    pub control_hz: f64,
+    /// Cycles that were timed.
+    pub cycles: usize,
+    /// Microseconds a cycle: mean.
+    pub us_mean: f64,
+    /// Half of the cycles take less.
+    pub us_p50: f64,
+    /// 99 of 100 cycles take less.
+    pub us_p99: f64,
+    /// The slowest cycle takes so long.
+    pub us_max: f64,
+    /// Allocations in all cycles of a pass.
+    pub allocations: u64,
+}
+
+/// The motion of a file, or the choreographer's dance of `seconds`.
+/// Fails for: what is wrong with the file.
+pub fn motion(file: Option<&Path>, seconds: f64) -> anyhow::Result<Clip> {
+    let clip = match file {
+        Some(path) => Clip::read_npz(path)?,
+        None => {
+            let beats: Vec<DanceBeat> = (0..(seconds / BEAT_S) as usize)
+                .map(|beat| DanceBeat {
+                    time_s: beat as f64 * BEAT_S,
+                    downbeat: beat % 4 == 0,
+                })
+                .collect();
+            choreograph(&beats, seconds, DanceStyle::Groove, SEED)
+        }
+    };
+    let shown = clip.duration_s().min(seconds.min(LONGEST_S));
+    let mut clip = clip.resampled(FRAME_RATE_HZ);
+    clip.poses
+        .truncate(((shown * FRAME_RATE_HZ) as usize).max(1));
+    Ok(clip)
+}
+
+/// Retargets `clip` and measures every cycle.
+/// Fails for: a motion too short to measure.
+pub fn run(robot: &Robot, clip: &Clip) -> anyhow::Result<RetargetBenchReport> {
+    let frames: Vec<MotionFrame> = clip.frames();
+    let cycles = (frames.len() as f64 / FRAME_RATE_HZ * robot.control_hz) as usize;
+    anyhow::ensure!(
+        cycles >= 100,
+        "{}: {} frames are too few to measure; give at least a second",
+        clip.name,
+        frames.len()
+    );
+    let mut times_us = vec![[0.0; PASSES]; cycles];
+    let mut allocations = 0;
+    for pass in 0..PASSES {
+        allocations = allocations.max(one_pass(robot, &frames, &mut times_us, pass)?);
+    }
+    let mut medians: Vec<f64> = times_us
+        .iter_mut()
+        .map(|times| {
+            times.sort_by(f64::total_cmp);
+            times[PASSES / 2]
+        })
+        .collect();
+    medians.sort_by(f64::total_cmp);
+    let rank = |share: f64| medians[((cycles as f64 * share).ceil() as usize).clamp(1, cycles) - 1];
+    Ok(RetargetBenchReport {
+        robot: robot.name.clone(),
+        joints: robot.servos.len(),
+        control_hz: robot.control_hz,
+        cycles,
+        us_mean: medians.iter().sum::<f64>() / cycles as f64,
+        us_p50: rank(0.5),
+        us_p99: rank(0.99),
+        us_max: rank(1.0),
+        allocations,
+    })
+}
+
+/// One run over all frames; says how often it allocated.
+fn one_pass(
+    robot: &Robot,
+    frames: &[MotionFrame],
+    times_us: &mut [[f64; PASSES]],
+    pass: usize,
+) -> anyhow::Result<u64> {
+    let mut retargeter = robot.retargeter()?;
+    let mut targets = retargeter.rest().to_vec();
+    let mut waiting = frames.iter().peekable();
+    let mut result = Ok(());
+    let counted = allocation_counter::measure(|| {
+        for (cycle, times) in times_us.iter_mut().enumerate() {
+            let time_s = cycle as f64 * robot.period_s();
+            let needed_s = time_s + retargeter.lookahead_s();
+            let begin = Instant::now();
+            while let Some(frame) = waiting.next_if(|frame| frame.time_s <= needed_s) {
+                retargeter.push(frame);
+            }
+            result = retargeter.next(time_s, &mut targets);
+            times[pass] = begin.elapsed().as_secs_f64() * 1e6;
+        }
+    });
+    result.context("retargeting failed")?;
+    Ok(counted.count_total)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use servodance_runtime::robot::BUILT_IN;
+
+    #[test]
+    fn no_built_in_robot_allocates_in_a_cycle() {
+        let clip = motion(None, 5.0).unwrap();
+        for built_in in BUILT_IN {
+            let figures = run(&Robot::load(built_in.name).unwrap(), &clip).unwrap();
+            assert_eq!(figures.allocations, 0, "{}", built_in.name);
+            assert!(figures.us_mean > 0.0 && figures.us_p50 <= figures.us_p99);
+        }
+    }
+
+    #[test]
+    fn a_motion_too_short_is_refused() {
+        let clip = motion(None, 0.5).unwrap();
+        let error = run(&Robot::load("neck").unwrap(), &clip).unwrap_err();
+        assert!(error.to_string().contains("too few"), "{error}");
+    }
+}

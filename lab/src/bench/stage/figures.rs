@@ -1,0 +1,137 @@
+//! What came of a trial: one line of JSON, or a table to be read.
+
+use serde::Serialize;
+use std::fmt;
+
+/// How near together the robots of a stage dance, and what faults cost.
+#[derive(Clone, Debug, Serialize)]
+pub struct StageBenchReport {
+    /// Version of the program under test.
+    pub version: &'static str,
+    /// Name of the robot that all followers are.
+    pub robot: String,
+    /// How many robots followed.
+    pub followers: usize,
+    /// Whether each program was in a namespace.
+    pub namespaces: bool,
+    /// Delay each way, milliseconds.
+    pub delay_ms: f64,
+    /// Share of what is sent that is lost.
+    pub loss: f64,
+    /// Whether what a loss does to TCP was modelled, not done by the kernel.
+    pub loss_modelled: bool,
+    /// Followers that ended by themselves and are not in what follows.
+    pub followers_fallen: usize,
+    /// Windows of a second in which all danced the same.
+    pub windows: usize,
+    /// Between the first and the last at the servos, milliseconds.
+    pub spread_ms_p50: f64,
+    /// The same in the worst hundredth of the windows, milliseconds.
+    pub spread_ms_p99: f64,
+    /// The same in the worst window, milliseconds.
+    pub spread_ms_max: f64,
+    /// Windows in which they did not all dance the same: somebody idled.
+    pub windows_apart: usize,
+    /// Share of the movement of one that the least alike other explains: median
+    /// of these windows, and the first percentile.
+    pub alike_p50: f64,
+    /// The same share in the least alike hundredth of the windows.
+    pub alike_p1: f64,
+    /// From the start of a late program until it is on the beat, seconds; as the
+    /// two that follow, when it stays so for two seconds.
+    pub join_s: Option<f64>,
+    /// From the end of a cut of 3 s until all are on one beat again, seconds.
+    pub recovery_s: Option<f64>,
+    /// From the death of the leader until the last follower idles, seconds.
+    pub idle_s: Option<f64>,
+    /// From the start of the next leader's program until all are on one beat;
+    /// its music begins 4 s after it is ready.
+    pub leader_recovery_s: Option<f64>,
+    /// Limits broken at the simulated servos.
+    pub violations: u64,
+    /// How long before their time frames were sent at last, milliseconds.
+    pub lead_ms: f64,
+    /// Longest way of a frame in the last half minute, milliseconds.
+    pub way_ms: f64,
+    /// Frames that never came, all followers.
+    pub lost_frames: u64,
+    /// Control cycles without their frame, all followers.
+    pub late_frames: u64,
+    /// How late control cycles began, of the worst follower, milliseconds.
+    pub cycle_late_ms_p99: f64,
+    /// How late the worst cycle of all followers began, milliseconds.
+    pub cycle_late_ms_max: f64,
+    /// Processor time of a follower's program with its simulated servos, cores: mean.
+    pub cpu_cores: f64,
+    /// The same of the hungriest.
+    pub cpu_cores_max: f64,
+}
+
+impl fmt::Display for StageBenchReport {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let seconds = |value: Option<f64>| value.map_or("never".into(), |s| format!("{s:.1} s"));
+        writeln!(
+            out,
+            "{} x {}, {} ms each way, {} % lost{}",
+            self.followers,
+            self.robot,
+            self.delay_ms,
+            self.loss * 100.0,
+            if self.loss_modelled {
+                " (modelled)"
+            } else {
+                ""
+            }
+        )?;
+        writeln!(
+            out,
+            "spread at the servos   p50 {:.1} ms, p99 {:.1} ms, worst {:.1} ms of {} windows; {} apart, alike {:.3}",
+            self.spread_ms_p50,
+            self.spread_ms_p99,
+            self.spread_ms_max,
+            self.windows,
+            self.windows_apart,
+            self.alike_p50
+        )?;
+        if self.followers_fallen > 0 {
+            writeln!(
+                out,
+                "fallen                 {} ended by themselves and are not counted",
+                self.followers_fallen
+            )?;
+        }
+        writeln!(
+            out,
+            "late joiner            {} until on the beat",
+            seconds(self.join_s)
+        )?;
+        writeln!(
+            out,
+            "links cut for 3 s      {} until on one beat",
+            seconds(self.recovery_s)
+        )?;
+        writeln!(
+            out,
+            "leader killed          {} until all idle; the next one: {} from its start",
+            seconds(self.idle_s),
+            seconds(self.leader_recovery_s)
+        )?;
+        writeln!(
+            out,
+            "frames                 sent {:.0} ms ahead, {:.0} ms on their way at most; {} lost, {} late",
+            self.lead_ms, self.way_ms, self.lost_frames, self.late_frames
+        )?;
+        writeln!(
+            out,
+            "control cycles         p99 {:.1} ms, worst {:.1} ms late",
+            self.cycle_late_ms_p99, self.cycle_late_ms_max
+        )?;
+        writeln!(
+            out,
+            "processor              {:.1} % of a core a follower, {:.1} % the hungriest",
+            self.cpu_cores * 100.0,
+            self.cpu_cores_max * 100.0
+        )?;
+        writeln!(out, "limits broken          {}", self.violations)
+    }
+}
