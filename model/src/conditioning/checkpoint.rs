@@ -31,7 +31,7 @@ struct Entry {
     data_offsets: (u64, u64),
 }
 
-/// An open checkpoint.
+/// An open checkpoint whose header was checked.
 #[derive(Debug)]
 pub struct Checkpoint {
     path: PathBuf,
@@ -180,6 +180,7 @@ fn chunks<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> + '_ {
     bytes.as_chunks::<N>().0.iter().copied()
 }
 
+/// An error about the file at `path`.
 pub fn file_error(path: &Path, reason: String) -> ModelError {
     ModelError::File {
         source_name: path.display().to_string(),

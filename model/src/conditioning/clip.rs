@@ -32,14 +32,14 @@ struct Sizes {
     layers: usize,
 }
 
-/// Of `openai/clip-vit-base-patch32`.
+/// The sizes of `openai/clip-vit-base-patch32`.
 const PUBLIC: Sizes = Sizes {
     vocabulary: 49_408,
     width: 512,
     layers: 12,
 };
 
-/// The text encoder.
+/// CLIP's text encoder with its tokenizer.
 #[derive(Debug)]
 pub struct ClipText {
     source: String,
@@ -178,7 +178,6 @@ impl Layer {
         })
     }
 
-    /// Tokens [n, width].
     fn forward(&self, x: &Tensor, mask: &Tensor) -> TensorResult<Tensor> {
         let x = (x + self.attended(&self.norms[0].forward(x)?, mask)?)?;
         let inner = self.up.forward(&self.norms[1].forward(&x)?)?;

@@ -12,8 +12,7 @@ use crate::weights::{Dtype, Weights};
 /// The style of a dance in no style: what the model learned from dances without one.
 pub const NO_STYLE: &str = "none";
 
-/// The row of a style in the table of vectors; that of [`NO_STYLE`] is behind
-/// the named ones.
+/// The row of a style in the table of vectors; [`NO_STYLE`] has the last one.
 pub(crate) fn style_index(styles: &[String], name: &str) -> Result<usize, ModelError> {
     let found = styles.iter().position(|style| style == name);
     let found = found.or((name == NO_STYLE).then_some(styles.len()));

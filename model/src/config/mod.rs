@@ -6,14 +6,14 @@
 
 use serde::{Deserialize, Serialize};
 
-
-use crate::conditioning::MusicKind;
 use crate::motion::representation::POSE_DIM;
 
 mod body_parts;
+mod music_kind;
 mod presets;
 
 pub use body_parts::part_channels;
+pub use music_kind::{LATENT_DIM, MusicKind};
 pub use presets::PRESETS;
 
 /// What stands between the two layers of a feed-forward block.
@@ -22,7 +22,7 @@ pub use presets::PRESETS;
 pub enum Activation {
     /// GELU, tanh form (the paper's).
     Gelu,
-    /// The squared ReLU.
+    /// The squared ReLU, of the built-in weights.
     Relu2,
 }
 
@@ -38,7 +38,7 @@ pub enum Positions {
     Sinusoidal,
 }
 
-/// Sizes of both stages.
+/// Sizes of both networks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
@@ -57,37 +57,36 @@ pub struct ModelConfig {
     pub codes: usize,
     /// Width of a code.
     pub code_dim: usize,
-    /// Feed-forward activation.
+    /// Activation of all feed-forward blocks.
     pub activation: Activation,
-    /// Stage 1.
+    /// Sizes of the VQ-VAE.
     pub vq: VqConfig,
-    /// Stage 2.
+    /// Sizes of MotionSeq.
     pub seq: SeqConfig,
 }
 
-/// Stage 1, the VQ-VAE.
+/// Sizes of the VQ-VAE: the encoders, the decoder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VqConfig {
-    /// Model width.
+    /// Width of the vectors between layers.
     pub dim: usize,
-    /// Attention heads.
+    /// Attention heads of each layer.
     pub heads: usize,
-    /// Width of a head, here and in the encoders; without it heads share the
-    /// model width.
+    /// Width of a head, here and in the encoders; without it heads share `dim`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub head_dim: Option<usize>,
-    /// Feed-forward width.
+    /// Width inside a feed-forward block.
     pub ff: usize,
     /// Width of a part's encoder.
     pub encoder_dim: usize,
-    /// Encoder layers.
+    /// Layers of a part's encoder.
     pub encoder_layers: usize,
     /// Frames an encoder layer sees to each side.
     pub encoder_window: usize,
     /// ALiBi slope of each encoder head.
     pub encoder_slopes: Vec<f32>,
-    /// Decoder layers.
+    /// Layers of the decoder.
     pub decoder_layers: usize,
     /// Frames a decoder layer sees, its own among them.
     pub decoder_window: usize,
@@ -95,20 +94,20 @@ pub struct VqConfig {
     pub decoder_slopes: Vec<f32>,
 }
 
-/// Stage 2, MotionSeq.
+/// Sizes of MotionSeq, the causal transformer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SeqConfig {
-    /// Model width.
+    /// Width of the vectors between layers.
     pub dim: usize,
-    /// Attention heads.
+    /// Attention heads of each layer.
     pub heads: usize,
     /// Width of a head; without it heads share the model width.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub head_dim: Option<usize>,
-    /// Feed-forward width.
+    /// Width inside a feed-forward block.
     pub ff: usize,
-    /// Layers.
+    /// Layers of the transformer.
     pub layers: usize,
     /// Frames a layer sees, its own among them.
     pub window: usize,
@@ -159,8 +158,8 @@ impl SeqConfig {
         self.head_dim.unwrap_or(self.dim / self.heads)
     }
 
-    /// Slopes of the self-attention heads as they are used: none with absolute
-    /// positions.
+    /// Slopes of the self-attention heads as they are used: zeros with absolute
+    /// positions instead of ALiBi.
     pub fn used_slopes(&self) -> Vec<f32> {
         match self.positions {
             Positions::Alibi => self.slopes.clone(),
@@ -184,8 +183,7 @@ impl ModelConfig {
         self.codes + usize::from(self.seq.eos && part == 0)
     }
 
-    /// Parses and checks; the error names the field, what it is and what it
-    /// should be.
+    /// Parses and checks; the error names the field, its value and the range.
     pub fn from_json(text: &str) -> Result<Self, String> {
         let config: Self = serde_json::from_str(text).map_err(|e| e.to_string())?;
         config.check()?;

@@ -5,8 +5,8 @@
 #![cfg(target_arch = "x86_64")]
 #![allow(unsafe_code)]
 
-use crate::weights::{BLOCK, CHUNK, CHUNK_WORDS};
 use super::lanes::Lanes;
+use crate::weights::{BLOCK, CHUNK, CHUNK_WORDS};
 use std::arch::x86_64::*;
 
 /// Eight f32 in a register. Used only inside functions that are compiled for

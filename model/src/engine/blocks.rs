@@ -22,8 +22,7 @@ pub(crate) struct BlockScratch {
 }
 
 impl BlockScratch {
-    /// For vectors of `dim`, products of up to `widest` and feed-forward blocks
-    /// of `ff` numbers.
+    /// For vectors of `dim`, products of up to `widest`, feed-forward blocks of `ff`.
     pub fn new(dim: usize, widest: usize, ff: usize, lanes: usize, dtype: Dtype) -> Self {
         Self {
             lanes,
@@ -80,7 +79,13 @@ impl AttentionBlock {
             AttentionKind::Cross => ("norm2", "cross", "q", wide),
         };
         let linear = |layer: &str, input, output| {
-            PackedLinear::load(w, &format!("{name}.{attention}.{layer}"), input, output, dtype)
+            PackedLinear::load(
+                w,
+                &format!("{name}.{attention}.{layer}"),
+                input,
+                output,
+                dtype,
+            )
         };
         Ok(Self {
             norm: LayerNorm::load(w, &format!("{name}.{norm}"), dim)?,
@@ -89,8 +94,8 @@ impl AttentionBlock {
         })
     }
 
-    /// `given` are the products that hold keys and values, from an output on;
-    /// none for self-attention.
+    /// `given`: of cross-attention, the products that hold keys and values, from an
+    /// output on.
     pub fn step(
         &self,
         team: &Team,
@@ -150,11 +155,15 @@ impl FeedForwardBlock {
     pub fn step(&self, team: &Team, work: &mut BlockScratch) {
         self.norm.forward(team.cpu(), &work.x, &mut work.normed);
         let products = &mut work.products;
-        let up = self
-            .up
-            .forward(team, &work.normed, products, self.activate);
+        let up = self.up.forward(team, &work.normed, products, self.activate);
         work.hidden.take(team.cpu(), up);
-        add(team, &self.down, &work.hidden, &mut work.products, &mut work.x);
+        add(
+            team,
+            &self.down,
+            &work.hidden,
+            &mut work.products,
+            &mut work.x,
+        );
     }
 
     /// The matrices, in the order of their use.

@@ -20,7 +20,6 @@ pub(crate) struct Input {
 }
 
 impl Input {
-    /// All zeros.
     pub fn new(width: usize, lanes: usize, dtype: Dtype) -> Self {
         let if_quantised = |n| if dtype.is_quantised() { n * lanes } else { 0 };
         let padded = padded(width, dtype);
@@ -34,12 +33,10 @@ impl Input {
         }
     }
 
-    /// How many vectors.
     pub fn lanes(&self) -> usize {
         self.lanes
     }
 
-    /// Width filled up.
     pub fn padded(&self) -> usize {
         padded(self.width, self.dtype)
     }

@@ -55,14 +55,6 @@ pub(crate) struct AttentionShape {
 }
 
 impl AttentionShape {
-    pub fn new(slopes: Vec<f32>, width: usize, window: usize) -> Self {
-        Self {
-            window,
-            width,
-            slopes,
-        }
-    }
-
     /// Width of all heads together.
     pub fn wide(&self) -> usize {
         self.width * self.slopes.len()
@@ -78,7 +70,6 @@ impl AttentionShape {
 #[derive(Clone, Debug)]
 pub(super) enum CacheNumbers {
     F32(Vec<f32>),
-    /// Bits of f16.
     F16(Vec<u16>),
 }
 

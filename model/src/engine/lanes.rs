@@ -7,29 +7,22 @@ use half::f16;
 
 use crate::weights::{BLOCK, CHUNK, CHUNK_WORDS, q6_quant};
 
-/// Eight f32.
+/// Eight f32 numbers, in a register or an array.
 pub(crate) trait Lanes: Copy {
     /// The same number eight times.
     fn splat(value: f32) -> Self;
-    /// From memory.
     fn load(values: &[f32; 8]) -> Self;
     /// From f16 in memory.
     fn load_half(bits: &[u16; 8]) -> Self;
-    /// To memory.
     fn store(self, to: &mut [f32; 8]);
     /// As the nearest integers (even ones in the middle), of numbers that fit.
     fn store_integers(self, to: &mut [i16; 8]);
     /// As the nearest f16.
     fn store_half(self, to: &mut [u16; 8]);
-    /// Sum.
     fn add(self, other: Self) -> Self;
-    /// Difference.
     fn sub(self, other: Self) -> Self;
-    /// Product.
     fn mul(self, other: Self) -> Self;
-    /// Quotient.
     fn div(self, other: Self) -> Self;
-    /// The larger ones.
     fn max(self, other: Self) -> Self;
     /// `self * factor + term`, rounded once.
     fn fma(self, factor: Self, term: Self) -> Self;

@@ -60,8 +60,7 @@ pub struct EngineOptions {
     pub kind: EngineKind,
     /// Number format of the packed weights; none is the file's own.
     pub dtype: Option<Dtype>,
-    /// Threads a step uses, the caller's among them; none is
-    /// [`default_threads`].
+    /// Threads of a step, the caller's among them; none is [`default_threads`].
     pub threads: Option<usize>,
 }
 
@@ -94,7 +93,7 @@ impl Engine {
         })
     }
 
-    /// Which engine computes.
+    /// Which engine the networks were loaded for.
     pub fn kind(&self) -> EngineKind {
         self.kind
     }

@@ -112,7 +112,10 @@ impl Pool {
     /// Threads that work, the caller's among them.
     pub fn threads(&self) -> usize {
         let tensors = self.tensors.as_ref();
-        tensors.map_or(1 + self.helpers.len(), rayon::ThreadPool::current_num_threads)
+        tensors.map_or(
+            1 + self.helpers.len(),
+            rayon::ThreadPool::current_num_threads,
+        )
     }
 
     /// Borrows the helpers for a while; alone if somebody else has them.

@@ -7,9 +7,8 @@ use super::kernels::{self, Cpu};
 use super::pool::Team;
 use crate::weights::{CHUNK, CHUNK_WORDS, PackedMatrix, PackedNumbers, scales_width};
 
-/// Bytes of weights that a thread takes at a time: at last few, so that all
-/// threads are done at nearly the same time, and at first many, since each piece
-/// starts cold.
+/// Bytes of weights that a thread takes at a time: at first many, since each piece
+/// starts cold; at last few, so that all threads are done at nearly the same time.
 const PIECE_BYTES: RangeInclusive<usize> = 6 * 1024..=128 * 1024;
 
 /// Products into `out`: for each row those of all lanes. `after` is called
@@ -49,7 +48,15 @@ fn some_rows(matrix: &PackedMatrix, cpu: Cpu, first: usize, x: &Input, out: &mut
             kernels::rows_q6(cpu, out, all, scales(), quants, x_scales, width);
         }
         PackedNumbers::Q4(all) => {
-            kernels::rows_q4(cpu, out, &all[from / 2..], scales(), quants, x_scales, width);
+            kernels::rows_q4(
+                cpu,
+                out,
+                &all[from / 2..],
+                scales(),
+                quants,
+                x_scales,
+                width,
+            );
         }
     }
 }

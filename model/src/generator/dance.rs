@@ -84,17 +84,13 @@ impl Dance {
 
     /// The motion of the next frame. After an error the dance stands where it
     /// stood; start a new one.
-    ///
-    /// # Errors
-    /// Weights that hear Encodec latents: they need [`Dance::step_heard`].
+    /// Weights that hear Encodec latents need [`Dance::step_heard`].
     pub fn step(&mut self, music: &MusicFrame) -> Result<MotionFrame, ModelError> {
         self.step_heard(&HeardFrame::from(*music))
     }
 
-    /// The same with what else was listened for.
-    ///
-    /// # Errors
-    /// Weights of another feature kind than what was listened for.
+    /// The same with what else was listened for; fails for weights of another
+    /// feature kind.
     pub fn step_heard(&mut self, heard: &HeardFrame) -> Result<MotionFrame, ModelError> {
         let networks = self.networks.clone();
         let (kind, music) = (networks.config.music, &heard.frame);
@@ -195,9 +191,6 @@ impl Dance {
 
     /// Leaves guidance out from the next step on, which then takes less time, or
     /// takes it up again from the pose that the dancer is in.
-    ///
-    /// # Errors
-    /// The engine refuses an operation.
     pub fn guide(&mut self, guided: bool) -> Result<(), ModelError> {
         let seq = &self.networks.seq;
         if !guided && self.seq.lanes() > 1 {
@@ -275,8 +268,7 @@ impl Dance {
         Ok(())
     }
 
-    /// One part's code, or the number of codes for the end, which does not come
-    /// at once.
+    /// One part's code, or the number of codes for the end (never in the first frame).
     fn draw(&mut self, seq: &MotionSeq, team: &Team, part: usize) -> Result<usize, ModelError> {
         let mut lanes = seq.logits(team, &mut self.seq, part, &self.codes[..part])?;
         self.logits.clear();

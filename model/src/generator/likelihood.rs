@@ -3,9 +3,9 @@
 
 use servodance_types::MusicFrame;
 
+use super::Generator;
 use crate::conditioning::{HeardFrame, MusicKind};
 use crate::error::ModelError;
-use super::Generator;
 
 /// What the model says of the codes of a dance, frame by frame.
 #[derive(Clone, Debug, Default, PartialEq)]

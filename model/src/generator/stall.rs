@@ -66,7 +66,8 @@ mod tests {
         assert!((0..200).all(|_| !detector.stalled(&pose, 0.0)));
         let restarts = (0..100).filter(|_| detector.stalled(&pose, 0.9)).count();
         assert_eq!((restarts, detector.in_a_row), (5, 5));
-        let moving = (0..100).filter(|i| detector.stalled(&[[0.03 * *i as f32; 3]; JOINT_COUNT], 0.9));
+        let moving =
+            (0..100).filter(|i| detector.stalled(&[[0.03 * *i as f32; 3]; JOINT_COUNT], 0.9));
         assert_eq!(moving.count(), 0);
         assert_eq!((detector.in_a_row, detector.restarts), (0, 5));
     }

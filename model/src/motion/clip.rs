@@ -4,38 +4,18 @@
 //! y up) and `fps`. Refuses files without frames, with another joint count or
 //! with numbers that are not finite.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use candle_core::{Device, Tensor};
 use servodance_types::{BodyJoint, FRAME_RATE_HZ, JOINT_COUNT, MUSIC_DIM, MotionFrame};
 
 use super::Pose;
+use super::error::MotionError;
 use super::numpy::Npz;
 use super::representation::{contacts, encode, headings_rad};
 use super::skeleton;
 use super::vec3::{narrow, sub, turn, wide};
 use crate::conditioning::{LATENT_DIM, Latent};
-
-/// What can be wrong with a motion file. The message names the file.
-#[derive(Debug, thiserror::Error)]
-pub enum MotionError {
-    /// The file cannot be read as an npz archive.
-    #[error("{path}: cannot read motion: {reason}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the reader said.
-        reason: String,
-    },
-    /// The file reads, but holds no usable motion.
-    #[error("{path}: {reason}")]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, with actual and expected values.
-        reason: String,
-    },
-}
 
 /// What is heard in one frame.
 pub type MusicVector = [f32; MUSIC_DIM];

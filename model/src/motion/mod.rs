@@ -7,6 +7,7 @@
 pub mod alignment;
 pub mod bvh_write;
 pub mod clip;
+mod error;
 pub mod numpy;
 pub mod reconstruction;
 pub mod representation;
@@ -15,7 +16,8 @@ pub mod skeleton;
 pub mod vec3;
 
 pub use alignment::{Alignment, alignment, kinematic_beats_s, mean_joint_speed};
-pub use clip::{Clip, MotionError};
+pub use clip::Clip;
+pub use error::MotionError;
 pub use reconstruction::mpjpe_m;
 pub use representation::{POSE_DIM, PoseVector, Recovery, decode, encode};
 

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use zip::ZipArchive;
 
-use super::MotionError;
+use super::error::MotionError;
 
 /// Numbers that are kept at most: an hour of 100 joints at 60 frames a second.
 const MOST_NUMBERS: usize = 64_000_000;
@@ -20,7 +20,9 @@ const LONGEST_HEADER: usize = 65_536;
 /// An array of numbers, the last index running fastest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Array {
+    /// Length of each dimension.
     pub shape: Vec<usize>,
+    /// All numbers, `shape` multiplied.
     pub values: Vec<f64>,
 }
 
@@ -56,13 +58,14 @@ pub fn read_npy(path: &Path) -> Result<Array, MotionError> {
     array(BufReader::new(file)).map_err(read)
 }
 
-/// An `.npz` archive.
+/// An open `.npz` archive of arrays.
 pub struct Npz {
     path: PathBuf,
     archive: ZipArchive<BufReader<File>>,
 }
 
 impl Npz {
+    /// Opens an archive; arrays are read when they are asked for.
     pub fn open(path: &Path) -> Result<Self, MotionError> {
         let read = |reason: String| MotionError::Read {
             path: path.to_owned(),

@@ -36,9 +36,8 @@ impl CandleHead {
             format!("seq.refine_norm.{part}"),
             format!("seq.refine.{part}"),
         );
-        let load = || {
-            TensorFeedForward::load(&rounded, (&norm, &name), (dim, dim), config.activation)
-        };
+        let load =
+            || TensorFeedForward::load(&rounded, (&norm, &name), (dim, dim), config.activation);
         let head = format!("seq.head.{part}");
         Ok(Self {
             refine: (index > 0).then(load).transpose()?,
@@ -54,7 +53,6 @@ pub(crate) struct CandleSeq {
     music_dim: usize,
     dtype: Dtype,
     music_in: TensorLinear,
-    /// [1, dim]
     music_null: Tensor,
     layers: Vec<CandleLayer>,
     norm: TensorNorm,
@@ -238,10 +236,14 @@ impl CandleSeq {
     }
 
     pub fn bytes(&self) -> usize {
-        let layer = |l: &CandleLayer| l.attention.bytes() + l.cross.bytes() + l.feed_forward.bytes();
+        let layer =
+            |l: &CandleLayer| l.attention.bytes() + l.cross.bytes() + l.feed_forward.bytes();
         let layers: usize = self.layers.iter().map(layer).sum();
         let refine = |head: &CandleHead| head.refine.as_ref().map_or(0, TensorFeedForward::bytes);
-        let heads = self.heads.iter().map(|head| refine(head) + head.head.bytes());
+        let heads = self
+            .heads
+            .iter()
+            .map(|head| refine(head) + head.head.bytes());
         self.music_in.bytes() + layers + heads.sum::<usize>()
     }
 }

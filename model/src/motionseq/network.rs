@@ -20,8 +20,7 @@ enum Network {
     Candle(CandleSeq),
 }
 
-/// Where one dance stands, in every lane; it belongs to the network that started
-/// it.
+/// Where one dance stands, in every lane; for the network that started it.
 #[derive(Clone, Debug)]
 pub struct SeqState(State);
 
@@ -125,8 +124,7 @@ impl MotionSeq {
         Ok(logits.chunks_exact(logits.len() / lanes))
     }
 
-    /// Bytes of keys and values that a step of so many lanes reads once the
-    /// window is full.
+    /// Bytes of keys and values that a step reads with full windows.
     pub fn cache_bytes(&self, lanes: usize) -> usize {
         match &self.network {
             Network::Own(network) => network.cache_bytes(lanes),

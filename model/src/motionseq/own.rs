@@ -213,7 +213,9 @@ impl OwnSeq {
             layer.attention.step(team, at, own, None, work, scratch);
             let at = (&self.cross_shape, &*position);
             let given = (&keys_values[..], i * 2 * self.cross_shape.wide());
-            layer.cross.step(team, at, music, Some(given), work, scratch);
+            layer
+                .cross
+                .step(team, at, music, Some(given), work, scratch);
             for x in work.x.chunks_exact_mut(dim) {
                 styled(team.cpu(), x, style);
             }

@@ -31,7 +31,6 @@ impl RepetitionPenalty {
         }
     }
 
-    /// Forgets the past.
     pub fn clear(&mut self) {
         self.recent.clear();
         self.figures.clear();

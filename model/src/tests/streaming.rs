@@ -85,8 +85,7 @@ fn logits(weights: &Weights, kind: EngineKind, codes: &[usize], music: &[f32]) -
     let mut state = seq.start(1);
     seq.set_style(&mut state, seq.style(STYLE));
     let team = engine.pool().team();
-    seq.step(&team, &mut state, codes, &[Some(music)])
-        .unwrap();
+    seq.step(&team, &mut state, codes, &[Some(music)]).unwrap();
     let mut of_part = |part| -> Vec<f32> {
         let lanes = seq.logits(&team, &mut state, part, &codes[..part]).unwrap();
         lanes.flatten().copied().collect()

@@ -3,8 +3,8 @@
 use candle_core::{Device, Tensor};
 
 use super::codebook::Codebooks;
-use crate::engine::candle::{RoundedWeights, TensorCache, TensorTransformer, TransformerSizes};
 use crate::engine::AttentionWindow;
+use crate::engine::candle::{RoundedWeights, TensorCache, TensorTransformer, TransformerSizes};
 use crate::error::ModelError;
 use crate::weights::{Dtype, Weights};
 

@@ -46,7 +46,6 @@ impl Codebooks {
 /// The codebook of one body part, for quantisation.
 #[derive(Clone, Debug)]
 pub(crate) struct NearestCode {
-    /// [code_dim, codes]
     vectors_t: Tensor,
     /// Squared length of each vector, [codes].
     squared: Tensor,

@@ -78,7 +78,7 @@ impl VqDecoder {
 }
 
 impl DecoderState {
-    /// Forgets all frames.
+    /// Forgets all frames: the next one is the first again.
     pub fn restart(&mut self) {
         self.jump(0);
     }

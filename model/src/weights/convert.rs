@@ -68,8 +68,7 @@ fn is_scale(name: &str, tensors: &SafeTensors) -> bool {
     of.is_some_and(|of| matches!(of.dtype(), Stored::I8 | Stored::U8))
 }
 
-/// Whether vectors are multiplied with it, in whole blocks: not a table that is
-/// looked up.
+/// Whether vectors are multiplied with it in whole blocks (tables are looked up).
 fn is_matrix(name: &str, shape: &[usize]) -> bool {
     let looked_up = ["seq.embed.", "seq.given.", "seq.style."];
     matches!(shape, [_, width] if width.is_multiple_of(BLOCK))
@@ -118,6 +117,11 @@ fn one(
     let scale_name = format!("{name}.scale");
     Ok(vec![
         tensor(name, stored, &packed_shape, bytes),
-        tensor(&scale_name, Stored::F16, &[rows, width / BLOCK], scales.collect()),
+        tensor(
+            &scale_name,
+            Stored::F16,
+            &[rows, width / BLOCK],
+            scales.collect(),
+        ),
     ])
 }

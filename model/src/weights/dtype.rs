@@ -26,9 +26,9 @@ pub(crate) const CHUNK_WORDS: usize = 48;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Dtype {
-    /// 32-bit floating point.
+    /// 32-bit floating point: 32 bits a weight.
     F32,
-    /// 16-bit floating point.
+    /// 16-bit floating point: 16 bits a weight.
     F16,
     /// 8-bit integers, a scale for 32 of them: 8.5 bits a weight.
     #[serde(rename = "q8_0")]

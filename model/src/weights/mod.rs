@@ -266,7 +266,9 @@ impl<'a> Weights<'a> {
                 return match (view.dtype(), shape.len()) {
                     (StoredAs::F32, _) => Ok(Some(Stored::F32(view.data()))),
                     (StoredAs::F16, _) => Ok(Some(Stored::F16(view.data()))),
-                    (StoredAs::I8, n) if n != 2 => Err(self.wrong_type(name, "F32 or F16", StoredAs::I8)),
+                    (StoredAs::I8, n) if n != 2 => {
+                        Err(self.wrong_type(name, "F32 or F16", StoredAs::I8))
+                    }
                     (other, _) => Err(self.wrong_type(name, "F32, F16, I8 or U8", other)),
                 };
             }

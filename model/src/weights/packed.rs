@@ -38,7 +38,6 @@ pub(crate) struct PackedMatrix {
 #[derive(Clone, Debug)]
 pub(crate) enum PackedNumbers {
     F32(Held<f32>),
-    /// Bits of f16.
     F16(Held<u16>),
     Q8(Held<i8>),
     Q6(Held<u16>),
@@ -72,9 +71,14 @@ impl PackedMatrix {
         }
     }
 
-    /// A quantised matrix out of the bytes of a file, of a width that is whole
-    /// blocks.
-    pub fn from_file(rows: usize, width: usize, dtype: Dtype, bytes: &[u8], scales: &[u16]) -> Self {
+    /// A quantised matrix out of a file; its width is whole blocks.
+    pub fn from_file(
+        rows: usize,
+        width: usize,
+        dtype: Dtype,
+        bytes: &[u8],
+        scales: &[u16],
+    ) -> Self {
         let (blocks, wide) = (width / BLOCK, scales_width(width));
         let mut spread = vec![0; rows * wide];
         for (to, from) in spread
@@ -84,9 +88,7 @@ impl PackedMatrix {
             to[..blocks].copy_from_slice(from);
         }
         let numbers = match dtype {
-            Dtype::Q8_0 => {
-                PackedNumbers::Q8(Held::Own(bytes.iter().map(|b| *b as i8).collect()))
-            }
+            Dtype::Q8_0 => PackedNumbers::Q8(Held::Own(bytes.iter().map(|b| *b as i8).collect())),
             Dtype::Q6 => {
                 let words = bytes.as_chunks().0.iter().copied();
                 PackedNumbers::Q6(Held::Own(words.map(u16::from_le_bytes).collect()))

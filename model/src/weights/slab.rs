@@ -56,7 +56,6 @@ pub(crate) trait Piece {
     fn take(&mut self) -> Box<dyn AsRef<[u8]>>;
     /// Where they lie now.
     fn place(&mut self, slab: &Arc<MmapMut>, range: Range<usize>);
-    /// How many bytes.
     fn size(&self) -> usize;
 }
 

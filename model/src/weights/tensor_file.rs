@@ -11,10 +11,13 @@ use safetensors::tensor::Dtype;
 /// A tensor to be written.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry<'a> {
+    /// The name, once in a file.
     pub name: &'a str,
+    /// Number format of `data`.
     pub dtype: Dtype,
+    /// Sizes, the slowest dimension first.
     pub shape: &'a [usize],
-    /// Its numbers, little endian.
+    /// The numbers, little endian.
     pub data: &'a [u8],
 }
 

@@ -69,6 +69,7 @@ impl TensorLinear {
         })
     }
 
+    /// Bytes of the weights, as f32.
     pub fn bytes(&self) -> usize {
         4 * (self.weight_t.elem_count() + self.bias.elem_count())
     }
@@ -87,6 +88,7 @@ pub struct TensorNorm {
 }
 
 impl TensorNorm {
+    /// `NAME.weight` and `NAME.bias`, both [dim].
     pub fn load(w: &impl TensorSource, name: &str, dim: usize) -> Result<Self, ModelError> {
         Ok(Self {
             weight: w.tensor(&format!("{name}.weight"), &[dim])?,
@@ -94,13 +96,13 @@ impl TensorNorm {
         })
     }
 
+    /// Rows [n, dim], each normalised by itself.
     pub fn forward(&self, x: &Tensor) -> TensorResult<Tensor> {
         ops::layer_norm(x, &self.weight, &self.bias, EPSILON)
     }
 }
 
-/// Layer norm and two linear layers with an activation between them, added to
-/// what comes in.
+/// Layer norm, linear layer, activation, linear layer; added to what comes in.
 #[derive(Clone, Debug)]
 pub(crate) struct TensorFeedForward {
     norm: TensorNorm,

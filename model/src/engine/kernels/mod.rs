@@ -40,7 +40,6 @@ impl Cpu {
         Self(Kind::Portable)
     }
 
-    /// Its name.
     pub fn name(self) -> &'static str {
         match self.0 {
             Kind::Portable => "portable",
@@ -108,7 +107,7 @@ kernel! {
     quantise = vectors::quantise(quants: &mut [i16], scales: &mut [f32], values: &[f32])
 }
 kernel! {
-    /// Numbers as f16.
+    /// The nearest f16 of each number.
     to_half = vectors::to_half(out: &mut [u16], values: &[f32])
 }
 kernel! {

@@ -1,8 +1,8 @@
 //! Rows of a matrix times vectors. The order of a row's sum does not depend on
 //! the rows around it.
 
-use crate::weights::{BLOCK, CHUNK, CHUNK_WORDS};
 use super::super::lanes::Lanes;
+use crate::weights::{BLOCK, CHUNK, CHUNK_WORDS};
 
 /// Numbers whose scales are taken together.
 const GROUP: usize = 8 * BLOCK;
@@ -11,7 +11,6 @@ const AHEAD: usize = 2048;
 
 /// Eight numbers of a row: how f32 and f16 rows are read by the same code.
 pub(super) trait Stored: Copy {
-    /// As f32.
     fn load<L: Lanes>(values: &[Self; 8]) -> L;
 }
 
@@ -72,7 +71,6 @@ pub(super) trait Quantised: Copy {
     fn dot<L: Lanes>(row: &[Self], scales: &[[u16; 8]], x: &[i16], x_scales: &[[f32; 8]]) -> f32;
 }
 
-/// `q8_0`.
 impl Quantised for i8 {
     #[inline(always)]
     fn stored(width: usize) -> usize {

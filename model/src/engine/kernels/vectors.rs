@@ -1,8 +1,8 @@
 //! What is done to a vector between two products: norm, style, and the forms in
 //! which products and caches take it.
 
-use crate::weights::BLOCK;
 use super::super::lanes::Lanes;
+use crate::weights::BLOCK;
 
 /// Layer norm's epsilon, PyTorch's default.
 const EPSILON: f32 = 1e-5;
