@@ -4,8 +4,6 @@
 
 use std::fmt;
 
-use crate::servo::Servo;
-
 /// Which servo: the joint's name and the bus id.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServoId {
@@ -13,16 +11,6 @@ pub struct ServoId {
     pub joint: String,
     /// Its bus id.
     pub id: u8,
-}
-
-impl ServoId {
-    /// Who this is.
-    pub fn of(servo: &Servo) -> Self {
-        Self {
-            joint: servo.name.clone(),
-            id: servo.id,
-        }
-    }
 }
 
 impl fmt::Display for ServoId {

@@ -5,67 +5,47 @@
 //! ```
 //!
 //! [`Bus`] is one bus of servos; [`SerialBus`] drives Dynamixel (Protocol 2.0 and
-//! 1.0) and Feetech STS servos; [`can`] has
-//! the motors on CAN; [`BusSet`] runs several buses side by side. [`SafeBus`]
-//! wraps any bus, and programs that move real motors hand their targets to it
-//! and never to a bus directly.
+//! 1.0) and Feetech STS servos; [`can`] has the motors on CAN; [`BusSet`] runs
+//! several buses side by side. [`SafeBus`] wraps any bus, and programs that move
+//! real motors hand their targets to it and never to a bus directly.
 //!
 //! Units are radians, seconds and amperes; degrees exist in [`ServoConfig`]
 //! (the robot file) and encoder ticks in [`Servo`] and below.
 //!
-//! The simulated servos are in `servodance-sim`, which implements the wire's far end:
-//! nothing in this crate knows whether a port is real.
+//! The simulated servos are in `servodance-sim`, which implements the wire's far
+//! end: nothing in this crate knows whether a port is real, except how long a
+//! reply is waited for ([`ReplyClock`]).
 
 mod bus;
 mod bus_set;
 pub mod can;
-mod config;
-mod dialect;
-mod dynamixel;
-mod dynamixel1;
 mod error;
-mod family;
-mod feetech;
-mod last_words;
-mod layout;
-mod limiter;
-mod link;
-mod model;
-mod owed;
-mod packet;
-mod port;
-mod probe;
-mod protocol1;
-mod punctual;
-mod rate;
-mod register;
-mod reply_clock;
 mod safety;
-mod serial;
+pub mod serial;
 mod servo;
-mod stream;
-mod wire;
 
-pub use bus::{ArmReport, Bus, BusStats, Health, open_bus};
+pub use bus::config::{BusConfig, one_or_several};
+pub use bus::kind::BusKind;
+pub use bus::layout::{BusLayout, layouts};
+pub use bus::open::open_bus;
+pub use bus::port::Port;
+pub use bus::rate::{RateCheck, check_rate};
+pub use bus::reply_clock::{FarEnd, ReplyClock};
+pub use bus::timer_slack::sleep_precisely;
+pub use bus::torque_alarm::{TorqueAlarm, set_torque_alarm};
+pub use bus::{ArmReport, Bus, BusStats, Health};
 pub use bus_set::{BusSet, open_buses};
-pub use config::{BusConfig, BusKind, ServoConfig, one_or_several, servos};
 pub use error::{BusError, ConfigError, Refusal, ServoId};
-pub use family::{Family, Layout};
-pub use last_words::{Listener, hear_last_words};
-pub use layout::{BusLayout, layouts};
-pub use limiter::{Limited, Limiter};
-pub use model::{MODELS, Model};
-pub use packet::{Decoded, Decoder, Packet, Protocol, encode};
-pub use port::Port;
-pub use probe::{Found, Probe, Vitals};
-pub use punctual::sleep_punctually;
-pub use rate::{RateCheck, check_rate, cycle_bytes};
-pub use register::Register;
-pub use reply_clock::{FarEnd, ReplyClock};
 pub use safety::{
-    Derating, EStop, Interventions, SafeBus, SafetyConfig, SafetyError, SafetySettings, ServoLost,
-    State, Transition,
+    EStop, Interventions, Limited, Limiter, SafeBus, SafetyConfig, SafetyError, ServoLost, State,
+    Transition,
 };
 pub use serial::SerialBus;
+pub use serial::scan::{FoundServo, SerialScanner, Vitals};
+pub use serial::wire::decoder::{Decoded, Decoder, Packet};
+pub use serial::wire::framing::Framing;
+pub use serial::wire::protocol2::encode;
+pub use serial::wire::system_ports::{LatencyTimer, available_ports, latency_timer};
 pub use servo::Servo;
-pub use wire::{LatencyTimer, available_ports, latency_timer};
+pub use servo::config::{ServoConfig, servos};
+pub use servo::model::{DataSheet, ServoModel};

@@ -132,7 +132,7 @@ impl Drop for Kept {
 /// so does a bus that is dropped and cannot turn torque off.
 pub fn tell_what_nobody_returns() {
     std::panic::set_hook(Box::new(|panic| tell!("{}", panic_line(panic))));
-    servodance_drivers::hear_last_words(|text| tell!("{text}"));
+    servodance_drivers::set_torque_alarm(|text| tell!("{text}"));
 }
 
 fn panic_line(panic: &PanicHookInfo) -> String {

@@ -5,7 +5,7 @@
 //! starts threads raises itself first. No root is needed where the system
 //! grants `rtprio`; where it does not, everything works, less punctually.
 
-use servodance_drivers::sleep_punctually;
+use servodance_drivers::sleep_precisely;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use thread_priority::{
@@ -49,7 +49,7 @@ pub struct NotAllowed;
 /// # Errors
 /// The system does not allow it; nothing has changed then.
 pub fn raise(role: Role) -> Result<(), NotAllowed> {
-    sleep_punctually();
+    sleep_precisely();
     let value = ThreadPriorityValue::try_from(role.priority()).map_err(|_| NotAllowed)?;
     set_thread_priority_and_policy(
         thread_native_id(),

@@ -6,7 +6,7 @@ use crate::robot_file::{Homes, Origin, Overrides, Stray};
 use anyhow::{anyhow, bail};
 use serde::Deserialize;
 use servodance_drivers::{
-    BusConfig, BusLayout, ConfigError, SafetyConfig, SafetyError, SafetySettings, Servo,
+    BusConfig, BusLayout, ConfigError, SafetyConfig, SafetyError, Servo,
     ServoConfig, check_rate, layouts, one_or_several,
 };
 use servodance_retarget::{Code, RetargetConfig, RetargetError, Retargeter};
@@ -96,7 +96,7 @@ struct RobotFile {
     #[serde(rename = "bus", deserialize_with = "one_or_several")]
     buses: Vec<BusConfig>,
     #[serde(default)]
-    safety: SafetySettings,
+    safety: SafetyConfig,
     retarget: RetargetConfig,
     #[serde(rename = "joint")]
     joints: Vec<ServoConfig>,
@@ -223,7 +223,7 @@ impl Robot {
             check_rate(&bus.config, &bus.servos, parsed.control_hz)
                 .map_err(|e| refuse(Code::BusRate, &["control_hz"], e.to_string()))?;
         }
-        let safety = parsed.safety.at_hz(parsed.control_hz).map_err(|e| {
+        let safety = parsed.safety.at(parsed.control_hz).map_err(|e| {
             let path = match &e {
                 SafetyError::Config { key, .. } => vec!["safety", *key],
                 _ => vec!["safety"],

@@ -1,7 +1,7 @@
 //! Measures a driver against simulated servos:
 //! `bench [SERVOS] [BAUD] [ADAPTER_MS] [HZ|max] [MODEL] [pty|unix]`.
 
-use servodance_drivers::{BusConfig, Model, ServoConfig, servos};
+use servodance_drivers::{BusConfig, ServoConfig, ServoModel, servos};
 use servodance_sim::can::WATCHDOG_ENDPOINTS;
 use servodance_sim::{SimLink, bench_bus};
 
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some("unix") => SimLink::Unix,
         _ => SimLink::Terminal,
     };
-    let known = Model::from_name(&model).ok_or("unknown model")?;
+    let known = ServoModel::from_name(&model).ok_or("unknown model")?;
     let is_damiao = known.motor.is_some_and(|motor| motor.has_registers);
     let joint = |id: u8| ServoConfig {
         name: format!("joint_{id}"),

@@ -4,10 +4,9 @@
 //! instruction parsers with whole servos behind them, so that every damaged
 //! instruction that still has a sound checksum is carried out as well.
 
-use servodance_drivers::{Decoded, Decoder, Protocol, ServoConfig, servos};
-use servodance_sim::{
-    ByteServo, Line, Protocol1Line, ServoModel, SimServo, SimServoSpec, XLine, status,
-};
+use servodance_drivers::serial::{Firmware, family_of};
+use servodance_drivers::{Decoded, Decoder, Framing, ServoConfig, ServoModel, servos};
+use servodance_sim::{ByteServo, Line, Protocol1Line, Protocol2Line, SimServoSpec, XServo, status};
 
 /// SplitMix64.
 struct Dice(u64);
@@ -36,14 +35,14 @@ impl Dice {
 
     /// A packet with a sound checksum around arbitrary contents, often damaged
     /// afterwards.
-    fn input(&mut self, protocol: Protocol, to_host: bool) -> Vec<u8> {
+    fn input(&mut self, protocol: Framing, to_host: bool) -> Vec<u8> {
         const CODES: [u8; 15] = [
             1, 2, 3, 4, 5, 6, 8, 0x10, 0x82, 0x83, 0x8A, 0x92, 0x93, 0x9A, 0x55,
         ];
         let params: Vec<u8> = (0..self.below(24)).map(|_| self.byte()).collect();
         let id = [1, 2, 0xFE, self.byte()][self.below(4) as usize];
         let mut bytes = Vec::new();
-        if to_host && protocol == Protocol::Dynamixel2 {
+        if to_host && protocol == Framing::Protocol2 {
             bytes = status(id, self.byte(), &params);
         } else {
             let code = CODES[self.below(CODES.len() as u64) as usize];
@@ -67,7 +66,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .unwrap_or("1000000".into())
         .parse()?;
     let mut dice = Dice(1);
-    for protocol in [Protocol::Dynamixel2, Protocol::Protocol1] {
+    for protocol in [Framing::Protocol2, Framing::Protocol1] {
         let mut decoder = Decoder::new(protocol);
         let (mut sound, mut corrupt) = (0u64, 0u64);
         for _ in 0..inputs {
@@ -90,8 +89,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut line = fresh_line(model)?;
         let mut packets = (0, 0);
         let protocol = match model {
-            "STS3215" => Protocol::Protocol1,
-            _ => Protocol::Dynamixel2,
+            "STS3215" => Framing::Protocol1,
+            _ => Framing::Protocol2,
         };
         let mut replies = 0;
         for k in 0..inputs {
@@ -136,19 +135,19 @@ fn fresh_line(model: &str) -> Result<Box<dyn Line>, Box<dyn std::error::Error>> 
         .iter()
         .map(Into::into)
         .collect();
-    let known = ServoModel::from_number(specs[0].model_number).ok_or("unknown model")?;
-    if known.is_protocol1() {
-        let servo = |spec| ByteServo::new(spec, known, 1_000_000, 12.0, 0.01);
-        return Ok(Box::new(Protocol1Line::new(
-            specs.iter().map(servo).collect(),
-            1_000_000,
-            0.0,
-        )));
-    }
-    let servo = |spec| SimServo::new(spec, known, 4, 12.0, 0.01);
-    Ok(Box::new(XLine::new(
-        specs.iter().map(servo).collect(),
-        2_000_000,
-        0.0,
-    )))
+    let known = ServoModel::from_name(model).ok_or("unknown model")?;
+    let family = family_of(known.kind).ok_or("no serial servo")?;
+    let line: Box<dyn Line> = match family.firmware(known) {
+        Firmware::Bytes(memory) => {
+            let servo = |spec| ByteServo::new(spec, known, memory, 1_000_000, 12.0, 0.01);
+            let servos = specs.iter().map(servo).collect();
+            Box::new(Protocol1Line::new(servos, 1_000_000, 0.0))
+        }
+        Firmware::DynamixelX => {
+            let servo = |spec| XServo::new(spec, known, 4, 12.0, 0.01);
+            let servos = specs.iter().map(servo).collect();
+            Box::new(Protocol2Line::new(servos, 2_000_000, 0.0))
+        }
+    };
+    Ok(line)
 }

@@ -7,7 +7,7 @@
 
 use std::io::{Read, Write};
 
-use servodance_drivers::{Model, ServoConfig, servos};
+use servodance_drivers::{ServoConfig, ServoModel, servos};
 use servodance_sim::{SimBus, SimLink, SimOptions, SimServoSpec};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(group) => SimLink::Multicast(group.parse()?),
         None => SimLink::Terminal,
     };
-    let is_can = Model::from_name(&model).is_some_and(|model| model.motor.is_some());
+    let is_can = ServoModel::from_name(&model).is_some_and(|model| model.motor.is_some());
     let joint = |id: u8| ServoConfig {
         name: format!("joint_{id}"),
         id,

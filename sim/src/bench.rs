@@ -9,12 +9,14 @@ use nix::sys::{
 };
 use nix::time::{ClockId, clock_gettime};
 use servodance_drivers::{
-    Bus, BusConfig, BusError, ConfigError, Servo, check_rate, open_bus, sleep_punctually,
+    Bus, BusConfig, BusError, ConfigError, Servo, check_rate, open_bus, sleep_precisely,
 };
 use servodance_types::{Clock, JointState, WallClock};
 
-use crate::sim_bus::SimBus;
-use crate::spec::{SimError, SimLink, SimOptions, SimServoSpec};
+use crate::bus::SimBus;
+use crate::bus::options::{SimLink, SimOptions};
+use crate::error::SimError;
+use crate::servo::spec::SimServoSpec;
 
 /// Cycles of one window: their rates are compared, so that a machine that stalls
 /// for a moment does not decide the figure.
@@ -65,7 +67,7 @@ pub fn bench_bus(
     adapter_s: f64,
     link: SimLink,
 ) -> Result<BusBench, BenchError> {
-    sleep_punctually();
+    sleep_precisely();
     let limits = check_rate(config, servos, control_hz.unwrap_or(1.0))?;
     let specs: Vec<SimServoSpec> = servos.iter().map(Into::into).collect();
     let options = SimOptions {

@@ -1,8 +1,8 @@
-//! Did a servo stay inside its joint's limits? Judged at the servo itself.
+//! Whether a servo stays inside its joint's limits, judged at the servo itself.
 //!
-//! Two things are judged while torque is on: what it was **told** (each goal
+//! Two things are judged while torque is on: its **goals** (each goal
 //! position, and the first and second difference of consecutive goals, one goal
-//! a control period) and where it **went** (true position at every control
+//! a control period) and its **motion** (true position at every control
 //! period, and its differences: velocity and acceleration averaged over one
 //! period).
 //!
@@ -12,8 +12,8 @@
 //! A motor without overshoot that follows goals inside these bounds stays
 //! inside them, so the same allowance holds for the true motion.
 //!
-//! A goal that is lost on the wire makes the next one a double step: what was
-//! told then counts, although the host did nothing wrong.
+//! A goal that is lost on the wire makes the next one a double step, which counts, although
+//! the host did nothing wrong.
 //!
 //! Not judged: torque off, a shaft that something holds, and the emergency stop of the servo's own watchdog.
 
@@ -24,16 +24,16 @@ use servodance_types::JointLimits;
 /// Limits broken, counted once for every servo and control period.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Violations {
-    /// Positions beyond a limit.
+    /// Positions beyond the joint's range.
     pub position: u64,
-    /// Periods that were too fast.
+    /// Periods beyond the velocity limit.
     pub velocity: u64,
-    /// Periods with too large a change of speed.
+    /// Periods beyond the acceleration limit.
     pub acceleration: u64,
 }
 
 impl Violations {
-    /// All of them.
+    /// The sum over position, velocity and acceleration.
     pub fn total(&self) -> u64 {
         self.position + self.velocity + self.acceleration
     }
@@ -47,33 +47,33 @@ impl std::ops::AddAssign for Violations {
     }
 }
 
-/// How many violations are kept in words.
+/// How many violations are described.
 const NOTES: usize = 8;
 const RAD_PER_TICK: f64 = TAU / 4096.0;
 /// Floating-point noise, radians.
 const NOISE_RAD: f64 = 1e-9;
 
-/// The judge of one servo.
+/// Counts the limits that one servo breaks.
 #[derive(Clone, Debug)]
 pub struct Judge {
     name: String,
     limits: JointLimits,
     period_s: f64,
-    told: Track,
-    went: Track,
+    goals: JudgedTrack,
+    motion: JudgedTrack,
     notes: Vec<String>,
     tick_rad: f64,
 }
 
-/// Positions of one kind.
+/// The goals, or the true positions, of one servo.
 #[derive(Clone, Debug, Default)]
-struct Track {
+struct JudgedTrack {
     /// The last one and the one before, radians.
     last: Option<(f64, f64)>,
     violations: Violations,
 }
 
-impl Track {
+impl JudgedTrack {
     fn follow(&mut self, now_rad: f64, broken: Violations) {
         self.violations += broken;
         self.last = self.last.map(|(last_rad, _)| (now_rad, last_rad));
@@ -87,14 +87,14 @@ impl Judge {
             name: name.into(),
             limits,
             period_s,
-            told: Track::default(),
-            went: Track::default(),
+            goals: JudgedTrack::default(),
+            motion: JudgedTrack::default(),
             notes: Vec::new(),
             tick_rad: RAD_PER_TICK,
         }
     }
 
-    /// The same for another encoder.
+    /// Judges with the ticks of another encoder.
     pub fn with_tick(self, tick_rad: f64) -> Self {
         Self { tick_rad, ..self }
     }
@@ -102,35 +102,35 @@ impl Judge {
     /// Torque comes on: from here on the joint is judged, at rest at `goal_rad`
     /// and `position_rad`.
     pub fn begin(&mut self, goal_rad: f64, position_rad: f64) {
-        self.told.last = Some((goal_rad, goal_rad));
-        self.went.last = Some((position_rad, position_rad));
+        self.goals.last = Some((goal_rad, goal_rad));
+        self.motion.last = Some((position_rad, position_rad));
     }
 
     /// Torque goes off: nothing is judged until the next [`Judge::begin`].
     pub fn end(&mut self) {
-        self.told.last = None;
-        self.went.last = None;
+        self.goals.last = None;
+        self.motion.last = None;
     }
 
     /// Something outside moves or stops the joint: its motion is not judged
-    /// until the next [`Judge::begin`], what it is told still is.
+    /// until the next [`Judge::begin`], its goals still are.
     pub fn excuse_motion(&mut self) {
-        self.went.last = None;
+        self.motion.last = None;
     }
 
-    /// A goal arrived.
-    pub fn told(&mut self, time_s: f64, goal_rad: f64) {
-        let broken = self.judge(self.told.last, time_s, goal_rad, "was told");
-        self.told.follow(goal_rad, broken);
+    /// Judges a goal that arrived.
+    pub fn judge_goal(&mut self, time_s: f64, goal_rad: f64) {
+        let broken = self.judge(self.goals.last, time_s, goal_rad, "was told");
+        self.goals.follow(goal_rad, broken);
     }
 
     /// A control period ended at this true position.
-    pub fn went(&mut self, time_s: f64, position_rad: f64) {
-        let broken = self.judge(self.went.last, time_s, position_rad, "went");
-        self.went.follow(position_rad, broken);
+    pub fn judge_motion(&mut self, time_s: f64, position_rad: f64) {
+        let broken = self.judge(self.motion.last, time_s, position_rad, "went");
+        self.motion.follow(position_rad, broken);
     }
 
-    /// What a step from the `last` two positions breaks.
+    /// The limits that a step from the `last` two positions breaks.
     fn judge(
         &mut self,
         last: Option<(f64, f64)>,
@@ -182,24 +182,18 @@ impl Judge {
         }
     }
 
-    /// What the joint was told to break so far.
-    pub fn told_violations(&self) -> Violations {
-        self.told.violations
-    }
-
-    /// What the joint broke by its true motion so far.
+    /// Violations of the true motion alone.
     pub fn motion_violations(&self) -> Violations {
-        self.went.violations
+        self.motion.violations
     }
 
-    /// Both.
+    /// Violations of goals and true motion.
     pub fn violations(&self) -> Violations {
-        let mut sum = self.told.violations;
-        sum += self.went.violations;
+        let mut sum = self.goals.violations;
+        sum += self.motion.violations;
         sum
     }
 
-    /// The first violations in words.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -221,7 +215,7 @@ mod tests {
         let mut judge = Judge::new("elbow", limits, PERIOD_S);
         judge.begin(goals[0], goals[0]);
         for (k, goal) in goals.iter().enumerate().skip(1) {
-            judge.told(k as f64 * PERIOD_S, *goal);
+            judge.judge_goal(k as f64 * PERIOD_S, *goal);
         }
         judge.violations()
     }
@@ -262,10 +256,10 @@ mod tests {
             acceleration_rad_s2: 1.0,
         };
         let mut judge = Judge::new("elbow", limits, PERIOD_S);
-        judge.went(0.0, 3.0);
+        judge.judge_motion(0.0, 3.0);
         judge.begin(0.0, 0.0);
         judge.end();
-        judge.told(0.0, 3.0);
+        judge.judge_goal(0.0, 3.0);
         assert_eq!(judge.violations().total(), 0);
     }
 }

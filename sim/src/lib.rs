@@ -13,42 +13,30 @@
 //! Nothing here knows a bus driver's interface: this is the wire's far end.
 
 mod bench;
-mod body;
-mod byte_servo;
+mod bus;
 pub mod can;
-mod far_end;
+mod error;
 mod fault;
-mod host_port;
 mod judge;
-mod layout;
-mod line;
-mod motor;
-mod packet;
-mod protocol1_line;
-mod roster;
 mod script;
-mod serial_line;
-mod serial_server;
+mod serial;
 mod servo;
-mod shared;
-mod sim_bus;
-mod spec;
-mod table;
-mod urgency;
-mod world;
 
 pub use bench::{BenchError, BusBench, bench_bus};
-pub use body::SimServoState;
-pub use byte_servo::ByteServo;
+pub use bus::line::{Burst, Line};
+pub use bus::options::{SimClock, SimLink, SimOptions};
+pub use bus::{SimBus, WireStats};
+pub use error::SimError;
 pub use fault::{ServoFault, WireFault};
-pub use judge::{Judge, Violations};
-pub use line::{Burst, Line, XLine};
-pub use motor::Motor;
-pub use packet::{BROADCAST, Instruction, Parsed, Parser, crc16, fast_status, status};
-pub use protocol1_line::Protocol1Line;
+pub use judge::Violations;
 pub use script::{Cue, Happening, happen, parse_script};
-pub use servo::SimServo;
-pub use sim_bus::{SimBus, WireStats};
-pub use spec::{MODELS, ServoModel, SimClock, SimError, SimLink, SimOptions, SimServoSpec};
-pub use table::{AccessError, Table};
-pub use world::World;
+pub use serial::protocol1_line::Protocol1Line;
+pub use serial::protocol2_line::Protocol2Line;
+pub use serial::protocol2_packet::{
+    BROADCAST, Instruction, Parsed, Parser, crc16, fast_status, status,
+};
+pub use servo::body::SimServoState;
+pub use servo::byte_servo::ByteServo;
+pub use servo::dynamixel2::XServo;
+pub use servo::dynamixel2::table::{AccessError, Table};
+pub use servo::spec::SimServoSpec;

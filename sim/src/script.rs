@@ -11,9 +11,9 @@
 //! Refused with the line: a time that is none, somebody unknown, a fault that
 //! is unknown or lacks its value.
 
+use crate::bus::SimBus;
+use crate::error::SimError;
 use crate::fault::{ServoFault, WireFault};
-use crate::sim_bus::SimBus;
-use crate::spec::SimError;
 
 /// Something that is to happen.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use servodance_drivers::{Bus, BusConfig, BusError, Probe, Protocol, SerialBus};
+use servodance_drivers::{Bus, BusConfig, BusError, Framing, SerialBus, SerialScanner};
 use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
 use servodance_types::JointState;
 
@@ -123,7 +123,8 @@ fn a_servo_at_another_rate_is_silent_until_it_is_spoken_to_at_that_rate() {
     assert!(sim.set_servo_fault(1, ServoFault::Baud(57_600)));
     let wait = std::time::Duration::from_millis(300);
     let found = |baud| {
-        let mut probe = Probe::open(sim.port_path(), baud, Protocol::Dynamixel2, wait).unwrap();
+        let mut probe =
+            SerialScanner::open(sim.port_path(), baud, Framing::Protocol2, wait).unwrap();
         let ids = (1..=3).filter(|id| probe.ping(*id).unwrap().is_some());
         ids.collect::<Vec<u8>>()
     };
@@ -492,7 +493,7 @@ fn a_scan_finds_everyone_with_model_firmware_and_errors() {
     sim.set_servo_fault(7, ServoFault::Overload);
     sim.set_servo_fault(9, ServoFault::Dead);
     let wait = std::time::Duration::from_millis(300);
-    let mut probe = Probe::open(sim.port_path(), BAUD, Protocol::Dynamixel2, wait).unwrap();
+    let mut probe = SerialScanner::open(sim.port_path(), BAUD, Framing::Protocol2, wait).unwrap();
     let found = probe.everyone().unwrap();
     let ids: Vec<u8> = found.iter().map(|servo| servo.id).collect();
     assert_eq!(ids, (1..=20).filter(|id| *id != 10).collect::<Vec<u8>>());
@@ -519,13 +520,13 @@ fn an_id_is_changed_only_where_it_answers_and_with_torque_off() {
     let wait = std::time::Duration::from_millis(300);
     let mut torque_on = Vec::new();
     for id in 1..=3 {
-        Protocol::Dynamixel2.encode(&mut torque_on, id, 3, &[64, 0, 1]);
+        Framing::Protocol2.encode(&mut torque_on, id, 3, &[64, 0, 1]);
     }
     let mut port = serialport::new(sim.port_path(), BAUD).open().unwrap();
     port.write_all(&torque_on).unwrap();
     while !sim.servo(2).unwrap().torque_enabled {}
     drop(port);
-    let mut probe = Probe::open(sim.port_path(), BAUD, Protocol::Dynamixel2, wait).unwrap();
+    let mut probe = SerialScanner::open(sim.port_path(), BAUD, Framing::Protocol2, wait).unwrap();
     let found = probe.ping(2).unwrap().unwrap();
     probe.set_id(&found, 42).unwrap();
     assert_eq!(probe.ping(2).unwrap(), None);

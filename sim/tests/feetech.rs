@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use servodance_drivers::{Bus, BusKind, Probe, Protocol, SafeBus, SafetyConfig, SerialBus};
+use servodance_drivers::{Bus, BusKind, Framing, SafeBus, SafetyConfig, SerialBus, SerialScanner};
 use servodance_sim::{ServoFault, SimBus, SimOptions};
 use servodance_types::JointState;
 
@@ -92,7 +92,8 @@ fn an_sts_servo_is_found_and_renamed() {
     let (_, sim, bus) = start(2);
     drop(bus);
     let wait = std::time::Duration::from_millis(300);
-    let mut probe = Probe::open(sim.port_path(), STS_BAUD, Protocol::Protocol1, wait).unwrap();
+    let mut probe =
+        SerialScanner::open(sim.port_path(), STS_BAUD, Framing::Protocol1, wait).unwrap();
     let found = probe.ping(2).unwrap().unwrap();
     assert_eq!((found.model, found.firmware), (Some("STS3215"), 3));
     sim.set_servo_fault(1, ServoFault::Moved(-0.1));

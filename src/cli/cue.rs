@@ -1,6 +1,6 @@
 //! `servodance cue`.
 
-use super::stage_place::{RoleChoice, StagePlace};
+use super::options::stage::{RoleArgs, StageNetworkArgs};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -21,15 +21,15 @@ pub struct Args {
 
     /// What it shall do; what is not given stays as it is.
     #[command(flatten)]
-    pub role: RoleChoice,
+    pub role: RoleArgs,
 
     #[command(flatten)]
-    pub place: StagePlace,
+    pub place: StageNetworkArgs,
 }
 
 #[cfg(not(feature = "stage"))]
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
-    super::stage_place::not_built_in("cue")
+    super::options::stage::not_built_in("cue")
 }
 
 #[cfg(feature = "stage")]

@@ -1,6 +1,6 @@
 //! `servodance dance`.
 
-use super::dancing::{InventionArgs, RigArgs};
+use super::options::dance::{GeneratorArgs, RobotArgs};
 use super::{INTERRUPTED, stop_signal};
 use anyhow::bail;
 use servodance_audio::source::PcmEncoding;
@@ -55,7 +55,7 @@ pub struct Args {
 
     /// Which robot, and where it is.
     #[command(flatten)]
-    pub rig: RigArgs,
+    pub rig: RobotArgs,
 
     /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
     #[arg(long, value_enum)]
@@ -71,7 +71,7 @@ pub struct Args {
     pub no_compensation: bool,
 
     #[command(flatten)]
-    pub invention: InventionArgs,
+    pub invention: GeneratorArgs,
 
     /// Write figures of the run as JSON (see docs/report.md).
     #[arg(long, value_name = "FILE.json")]

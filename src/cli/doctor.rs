@@ -1,6 +1,6 @@
 //! `servodance doctor`.
 
-use super::robot_choice::RobotChoice;
+use super::options::robot::RobotFileArgs;
 use servodance_model::engine::EngineOptions;
 use servodance_runtime::conditioning::Conditioning;
 use servodance_runtime::console::say;
@@ -21,7 +21,7 @@ Examples:
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
-    pub robot: RobotChoice,
+    pub robot: RobotFileArgs,
 
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]

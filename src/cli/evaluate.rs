@@ -1,6 +1,6 @@
 //! `servodance evaluate`.
 
-use super::engine::{EngineArgs, SamplingArgs};
+use super::options::engine::{EngineArgs, SamplingArgs};
 use servodance_runtime::console::say;
 use servodance_runtime::progress::Progress;
 use servodance_training::evaluate::{Request, evaluate};

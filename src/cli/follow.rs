@@ -1,7 +1,7 @@
 //! `servodance follow`.
 
-use super::dancing::RigArgs;
-use super::stage_place::{RoleChoice, StagePlace};
+use super::options::dance::RobotArgs;
+use super::options::stage::{RoleArgs, StageNetworkArgs};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -22,10 +22,10 @@ Examples:
 pub struct Args {
     /// Which robot, and where it is.
     #[command(flatten)]
-    pub rig: RigArgs,
+    pub rig: RobotArgs,
 
     #[command(flatten)]
-    pub place: StagePlace,
+    pub place: StageNetworkArgs,
 
     /// Name of the follower, for cues; the robot's if left out.
     #[arg(long, value_name = "NAME")]
@@ -33,7 +33,7 @@ pub struct Args {
 
     /// How it dances unless a cue says otherwise.
     #[command(flatten)]
-    pub role: RoleChoice,
+    pub role: RoleArgs,
 
     /// Stand at rest after so many seconds alone.
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
@@ -80,7 +80,7 @@ pub struct Args {
 
 #[cfg(not(feature = "stage"))]
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
-    super::stage_place::not_built_in("follow")
+    super::options::stage::not_built_in("follow")
 }
 
 #[cfg(feature = "stage")]

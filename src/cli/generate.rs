@@ -1,6 +1,6 @@
 //! `servodance generate`.
 
-use super::engine::{EngineArgs, SamplingArgs};
+use super::options::engine::{EngineArgs, SamplingArgs};
 use servodance_model::{AtEnd, GeneratorOptions};
 use servodance_runtime::conditioning::Conditioning;
 use servodance_runtime::console::say;

@@ -1,6 +1,6 @@
 //! `servodance latency`.
 
-use super::robot_choice::RobotChoice;
+use super::options::robot::RobotFileArgs;
 use super::stop_signal;
 use anyhow::bail;
 use serde_json::{Value, json};
@@ -23,7 +23,7 @@ Examples:
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
-    pub robot: RobotChoice,
+    pub robot: RobotFileArgs,
 
     /// Where commands go, as for `dance`.
     #[arg(long, default_value = "sim", value_name = "BUS")]

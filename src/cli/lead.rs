@@ -1,7 +1,7 @@
 //! `servodance lead`.
 
-use super::dancing::InventionArgs;
-use super::stage_place::StagePlace;
+use super::options::dance::GeneratorArgs;
+use super::options::stage::StageNetworkArgs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -29,7 +29,7 @@ pub struct Args {
     pub mic: Option<Option<String>>,
 
     #[command(flatten)]
-    pub place: StagePlace,
+    pub place: StageNetworkArgs,
 
     /// Where followers connect; tcp/127.0.0.1:7448 if left out. May be given again.
     #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
@@ -40,7 +40,7 @@ pub struct Args {
     pub take_over: bool,
 
     #[command(flatten)]
-    pub invention: InventionArgs,
+    pub invention: GeneratorArgs,
 
     /// Write figures of the run as JSON.
     #[arg(long, value_name = "FILE.json")]
@@ -52,7 +52,7 @@ pub struct Args {
 
 #[cfg(not(feature = "stage"))]
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
-    super::stage_place::not_built_in("lead")
+    super::options::stage::not_built_in("lead")
 }
 
 #[cfg(feature = "stage")]

@@ -1,6 +1,6 @@
 //! `servodance sim-bus`.
 
-use super::robot_choice::RobotChoice;
+use super::options::robot::RobotFileArgs;
 use super::stop_signal;
 use anyhow::Context;
 use servodance_runtime::bus_tools::serve;
@@ -25,7 +25,7 @@ Examples:
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
-    pub robot: RobotChoice,
+    pub robot: RobotFileArgs,
     /// What other programs open: a serial port (pty), a serial CAN adapter (slcan), a
     /// socket in place of either (unix) or multicast (udp); pty or slcan if left out,
     /// as the robot's bus needs.

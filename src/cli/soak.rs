@@ -1,6 +1,6 @@
 //! `servodance soak`.
 
-use super::robot_choice::RobotChoice;
+use super::options::robot::RobotFileArgs;
 use super::{INTERRUPTED, stop_signal};
 use anyhow::bail;
 use servodance_lab::soak::{Soak, SoakMusic};
@@ -47,7 +47,7 @@ pub struct Args {
 
     /// Whose servos are simulated.
     #[command(flatten)]
-    pub robot: RobotChoice,
+    pub robot: RobotFileArgs,
 
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]

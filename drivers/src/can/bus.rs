@@ -16,13 +16,15 @@ use std::time::Instant;
 
 use servodance_types::JointState;
 
+use crate::bus::config::BusConfig;
+use crate::bus::torque_alarm;
 use crate::bus::{Bus, BusStats, Health};
+use crate::can::client::MotorClient;
 use crate::can::exchange::{CanExchange, MotorStatus};
-use crate::can::family::{self, CanFamily};
+use crate::can::families;
+use crate::can::family::CanFamily;
 use crate::can::transport::{CanFrame, CanLink, open_link};
-use crate::config::BusConfig;
 use crate::error::BusError;
-use crate::last_words;
 use crate::servo::{Servo, check_cycle, check_kind};
 
 /// An open CAN bus whose motors are of one family.
@@ -68,7 +70,7 @@ impl CanBus {
             choices: String::new(),
         };
         check_kind(&servos, config.kind).map_err(refused)?;
-        let Some(family) = family::of_kind(config.kind) else {
+        let Some(family) = families::of_kind(config.kind) else {
             return Err(refused("the bus is not on CAN".into()));
         };
         let count = servos.len();
@@ -89,6 +91,25 @@ impl CanBus {
         self.exchange.queue_full
     }
 
+    fn client(&mut self, index: usize) -> MotorClient<'_> {
+        MotorClient {
+            bus: &mut self.exchange,
+            index,
+        }
+    }
+
+    fn torque_off(&mut self, index: usize) -> Result<MotorStatus, BusError> {
+        self.family.torque_off(&mut self.client(index))
+    }
+
+    /// Runs exchanges without retries.
+    fn once<T>(&mut self, exchanges: impl FnOnce(&mut Self) -> T) -> T {
+        let tries = std::mem::replace(&mut self.exchange.tries, 1);
+        let result = exchanges(self);
+        self.exchange.tries = tries;
+        result
+    }
+
     /// Checks and sets up every motor, torque off.
     fn check_and_set_up(&mut self) -> Result<Vec<String>, BusError> {
         let mut notes = Vec::new();
@@ -97,7 +118,8 @@ impl CanBus {
         self.release_all()?;
         for index in 0..self.status.len() {
             self.check_fault(index)?;
-            self.family.set_up(&mut self.exchange, index, &mut notes)?;
+            let family = self.family;
+            family.set_up(&mut self.client(index), &mut notes)?;
         }
         Ok(notes)
     }
@@ -105,7 +127,7 @@ impl CanBus {
     fn torque_on(&mut self) -> Result<Vec<JointState>, BusError> {
         let mut holds_rad = Vec::with_capacity(self.status.len());
         for index in 0..self.status.len() {
-            self.status[index] = self.family.torque_off(&mut self.exchange, index)?;
+            self.status[index] = self.torque_off(index)?;
             self.check_fault(index)?;
             holds_rad.push(self.hold_rad(index)?);
         }
@@ -113,8 +135,8 @@ impl CanBus {
         self.armed = true;
         for (index, &joint_rad) in holds_rad.iter().enumerate() {
             let motor_rad = self.exchange.servos[index].motor_rad(joint_rad);
-            self.family
-                .torque_on(&mut self.exchange, index, motor_rad)?;
+            let family = self.family;
+            family.torque_on(&mut self.client(index), motor_rad)?;
             self.status[index].active = true;
         }
         let mut states = vec![JointState::default(); self.status.len()];
@@ -127,7 +149,7 @@ impl CanBus {
     fn release_all(&mut self) -> Result<(), BusError> {
         let mut silent = Vec::new();
         for index in 0..self.status.len() {
-            match self.family.torque_off(&mut self.exchange, index) {
+            match self.torque_off(index) {
                 Ok(status) => self.status[index] = status,
                 Err(BusError::Silent { servos, .. }) => silent.extend(servos),
                 Err(error) => return Err(error),
@@ -161,7 +183,7 @@ impl CanBus {
             self.take_frame(&frame);
         }
         self.answered.copy_from_slice(&self.aside);
-        for attempt in 0..self.exchange.tries() {
+        for attempt in 0..self.exchange.tries {
             self.exchange.stats.retries += u64::from(attempt > 0);
             self.frames.clear();
             for (index, servo) in self.exchange.servos.iter().enumerate() {
@@ -297,11 +319,9 @@ impl Bus for CanBus {
         let mut doubtful = Vec::new();
         for index in 0..self.status.len() {
             // After the first silent motor the others get one try each.
-            let released = if doubtful.is_empty() {
-                self.family.torque_off(&mut self.exchange, index)
-            } else {
-                self.exchange
-                    .once(|exchange| self.family.torque_off(exchange, index))
+            let released = match doubtful.is_empty() {
+                true => self.torque_off(index),
+                false => self.once(|bus| bus.torque_off(index)),
             };
             match released {
                 Ok(status) => self.status[index] = status,
@@ -330,8 +350,8 @@ impl Bus for CanBus {
     }
 
     fn examine(&mut self, index: usize) -> Result<Health, BusError> {
-        let status = &self.status[index];
-        self.family.read_health(&mut self.exchange, index, status)
+        let (family, status) = (self.family, self.status[index].clone());
+        self.once(|bus| family.read_health(&mut bus.client(index), &status))
     }
 
     fn set_aside(&mut self, index: usize) -> bool {
@@ -342,20 +362,17 @@ impl Bus for CanBus {
     fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
         let is_set_up = self.returning == Some((index, true));
         self.returning = None;
-        let family = self.family;
-        let found = self.exchange.once(|bus| family.torque_off(bus, index));
-        self.status[index] = found?;
+        self.status[index] = self.once(|bus| bus.torque_off(index))?;
         self.check_fault(index)?;
+        let family = self.family;
         if !is_set_up {
-            let set_up = |bus: &mut CanExchange| family.set_up(bus, index, &mut Vec::new());
-            self.exchange.once(set_up)?;
+            self.once(|bus| family.set_up(&mut bus.client(index), &mut Vec::new()))?;
             self.returning = Some((index, true));
             return Ok(None);
         }
         let joint_rad = self.hold_rad(index)?;
         let motor_rad = self.exchange.servos[index].motor_rad(joint_rad);
-        let on = |bus: &mut CanExchange| family.torque_on(bus, index, motor_rad);
-        self.exchange.once(on)?;
+        self.once(|bus| family.torque_on(&mut bus.client(index), motor_rad))?;
         self.status[index].active = true;
         self.aside[index] = false;
         Ok(Some(self.joint_state(index)))
@@ -373,7 +390,7 @@ impl Drop for CanBus {
         }
         if let Err(error) = self.disarm() {
             let text = format!("{error}; the motors' own watchdog stops them, where they have one");
-            last_words::say(&self.exchange.config.reply_clock, &text);
+            torque_alarm::raise(&self.exchange.config.reply_clock, &text);
         }
     }
 }

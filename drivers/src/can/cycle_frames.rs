@@ -6,9 +6,9 @@ use crate::can::transport::{nominal_bits, worst_bits};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CycleFrames {
     /// Whether ids have 29 bits.
-    pub extended: bool,
-    pub once: &'static [usize],
-    pub each_motor: &'static [usize],
+    extended: bool,
+    once: &'static [usize],
+    each_motor: &'static [usize],
 }
 
 /// Bits of one cycle on the wire, pauses between frames included.
@@ -21,6 +21,14 @@ pub(crate) struct CycleBits {
 }
 
 impl CycleFrames {
+    pub const fn new(extended: bool, once: &'static [usize], each_motor: &'static [usize]) -> Self {
+        Self {
+            extended,
+            once,
+            each_motor,
+        }
+    }
+
     pub fn bits(&self, motors: usize) -> CycleBits {
         let sum = |bits: fn(bool, usize) -> u32| {
             let total = |sizes: &[usize]| {

@@ -9,9 +9,10 @@
 //! | ODrive | N targets [8], N requests [0], N estimates [8], 11-bit ids |
 //! | CiA 402 | SYNC [0], heartbeat [1], N targets [6], N actual values [8], 11-bit ids |
 
+use crate::bus::config::BusConfig;
+use crate::bus::kind::BusKind;
 use crate::can::cycle_frames::CycleBits;
-use crate::can::family;
-use crate::config::{BusConfig, BusKind};
+use crate::can::families;
 use crate::error::ConfigError;
 
 /// Bits of one cycle of `motors` motors; none for a serial bus.
@@ -20,7 +21,7 @@ pub(crate) fn cycle_bits(kind: BusKind, motors: usize) -> CycleBits {
         nominal: 0,
         worst: 0,
     };
-    family::of_kind(kind).map_or(none, |family| family.cycle_frames().bits(motors))
+    families::of_kind(kind).map_or(none, |family| family.cycle_frames().bits(motors))
 }
 
 /// Refuses more cycles a second than the bus carries without a single stuff bit.

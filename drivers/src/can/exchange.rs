@@ -8,11 +8,11 @@
 use std::time::{Duration, Instant};
 
 use crate::bus::BusStats;
+use crate::bus::config::BusConfig;
+use crate::bus::reply_clock::Patience;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::transport::{CanFault, CanFrame, CanLink, LinkEvent, Sent, open_link, worst_bits};
-use crate::config::BusConfig;
 use crate::error::{BusError, ServoId};
-use crate::reply_clock::Patience;
 use crate::servo::Servo;
 
 /// The last report of a motor.
@@ -55,7 +55,7 @@ pub(crate) struct CanExchange {
     /// How often the transmit queue was full.
     pub queue_full: u64,
     /// Attempts of an exchange; fewer while it is known that motors are silent.
-    tries: u32,
+    pub tries: u32,
     /// What was taken in a row although the time was up.
     overdue: u32,
     /// The least time that a motor's command and answer took so far, as part of
@@ -99,10 +99,6 @@ impl CanExchange {
         self.link = Box::new(ClosedLink);
         self.link = open_link(&self.port, self.config.baud)?;
         Ok(())
-    }
-
-    pub fn tries(&self) -> u32 {
-        self.tries
     }
 
     /// The servo at `index`, as errors name it.
@@ -224,47 +220,6 @@ impl CanExchange {
         false
     }
 
-    /// Sends a request to one motor until `accept` finds its answer: a value, or why
-    /// the motor refuses, in words.
-    pub fn ask<T>(
-        &mut self,
-        index: usize,
-        request: &CanFrame,
-        doing: &'static str,
-        accept: impl Fn(&CanFrame) -> Option<Result<T, String>>,
-    ) -> Result<T, BusError> {
-        for attempt in 0..self.tries {
-            self.stats.retries += u64::from(attempt > 0);
-            let deadline = self.deadline(2 + self.servos.len());
-            self.transmit(request, deadline, doing)?;
-            while let Some(frame) = self.receive(deadline, doing)? {
-                match accept(&frame) {
-                    Some(Ok(value)) => return Ok(value),
-                    Some(Err(said)) => return Err(self.said(index, doing, said)),
-                    None => {}
-                }
-            }
-            self.stats.timeouts += 1;
-        }
-        Err(self.silent(vec![self.id_of(index)], doing))
-    }
-
-    /// Runs `exchange` without retries.
-    pub fn once<T>(&mut self, exchange: impl FnOnce(&mut Self) -> T) -> T {
-        let tries = std::mem::replace(&mut self.tries, 1);
-        let result = exchange(self);
-        self.tries = tries;
-        result
-    }
-
-    fn said(&self, index: usize, doing: &'static str, said: String) -> BusError {
-        BusError::Said {
-            servo: self.id_of(index),
-            doing,
-            said,
-        }
-    }
-
     pub fn silent(&self, servos: Vec<ServoId>, doing: &'static str) -> BusError {
         BusError::Silent {
             servos,
@@ -280,61 +235,6 @@ impl CanExchange {
         }
     }
 
-    /// The note for the user where a motor without watchdog is accepted.
-    pub fn without_watchdog(&self, index: usize, why: String) -> Result<String, BusError> {
-        let servo = self.id_of(index);
-        if !self.config.accept_no_watchdog {
-            return Err(BusError::NoWatchdog { servo, why });
-        }
-        Ok(format!(
-            "{servo}: no watchdog: without a host it holds its last target"
-        ))
-    }
-
-    /// The error of a quantity that forbids torque.
-    pub fn unfit(
-        &self,
-        index: usize,
-        what: &'static str,
-        actual: impl ToString,
-        wanted: impl ToString,
-    ) -> BusError {
-        BusError::Unfit {
-            servo: self.id_of(index),
-            what,
-            actual: actual.to_string(),
-            wanted: wanted.to_string(),
-        }
-    }
-
-    /// Refuses a setting that reads back as another value.
-    pub fn verify<T: PartialEq + ToString>(
-        &self,
-        index: usize,
-        what: &'static str,
-        actual: T,
-        wanted: T,
-    ) -> Result<(), BusError> {
-        match actual == wanted {
-            true => Ok(()),
-            false => Err(self.unfit(index, what, actual, wanted)),
-        }
-    }
-
-    /// The same for a number that the motor keeps as f32.
-    pub fn verify_f32(
-        &self,
-        index: usize,
-        what: &'static str,
-        actual: f64,
-        wanted: f64,
-    ) -> Result<(), BusError> {
-        if (actual - wanted).abs() <= 1e-5 * wanted.abs().max(1.0) {
-            return Ok(());
-        }
-        Err(self.unfit(index, what, actual, wanted))
-    }
-
     fn failed(&self, doing: &'static str, reason: std::io::Error) -> BusError {
         BusError::Link {
             port: self.port.clone(),
@@ -347,13 +247,9 @@ impl CanExchange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::BusKind;
+    use crate::bus::kind::BusKind;
 
-    const FRAMES: CycleFrames = CycleFrames {
-        extended: false,
-        once: &[],
-        each_motor: &[8, 8],
-    };
+    const FRAMES: CycleFrames = CycleFrames::new(false, &[], &[8, 8]);
 
     /// A transmit queue of a few frames that empties by one at each refusal.
     struct ShortQueue {

@@ -9,11 +9,14 @@
 
 mod bus;
 pub mod cia402;
+mod client;
 mod cycle_frames;
 mod cycle_rate;
 mod exchange;
+pub(crate) mod families;
 mod family;
 pub mod mit;
+mod models;
 mod motor;
 pub mod odrive;
 pub mod robstride;

@@ -5,9 +5,6 @@
 //! override a range; motors that can tell theirs are asked, and refused if
 //! they differ.
 
-use crate::config::ServoConfig;
-use crate::error::ConfigError;
-
 /// The ranges and abilities of a motor model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotorModel {
@@ -36,13 +33,13 @@ const OVERDAMPED: f64 = 1.375;
 
 impl MotorModel {
     /// The stock damping.
-    fn stock_kd(&self) -> f64 {
+    pub(crate) fn stock_kd(&self) -> f64 {
         (DAMPING_SHARE * self.torque_nm).min(self.kd_max)
     }
 
     /// The stock position gain for a damping: overdamped with the rotor that a
     /// motor of this torque has, so that a joint without load does not overshoot.
-    fn stock_kp(&self, kd: f64) -> f64 {
+    pub(crate) fn stock_kp(&self, kd: f64) -> f64 {
         let inertia = INERTIA_PER_NM * self.torque_nm;
         (kd * kd / (4.0 * OVERDAMPED * inertia)).min(self.kp_max)
     }
@@ -71,44 +68,4 @@ pub struct MotorSettings {
     pub reply_id: u16,
     /// Position increments a turn of the motor (CiA 402).
     pub counts_per_turn: f64,
-}
-
-impl MotorSettings {
-    /// From the robot file.
-    pub(crate) fn resolve(config: &ServoConfig, stock: &MotorModel) -> Result<Self, ConfigError> {
-        let within = |key, value: f64, low: f64, high: f64| {
-            if value > low && value <= high {
-                return Ok(value);
-            }
-            Err(ConfigError::Joint {
-                joint: config.name.clone(),
-                key,
-                actual: value.to_string(),
-                wanted: format!("above {low}, at most {high}"),
-            })
-        };
-        let or = |value: Option<f64>, stock: f64| value.unwrap_or(stock);
-        let position = or(config.position_range_rad, stock.position_rad);
-        let velocity = or(config.velocity_range_rad_s, stock.velocity_rad_s);
-        let torque = or(config.torque_range_nm, stock.torque_nm);
-        let model = MotorModel {
-            position_rad: within("position_range_rad", position, 0.0, 1e4)?,
-            velocity_rad_s: within("velocity_range_rad_s", velocity, 0.0, 1e4)?,
-            torque_nm: within("torque_range_nm", torque, 0.0, 1e4)?,
-            ..*stock
-        };
-        let kd = or(config.kd, model.stock_kd());
-        let kp = or(config.kp, model.stock_kp(kd));
-        let torque_limit = or(config.torque_limit_nm, model.torque_nm);
-        let counts = or(config.counts_per_turn, 65_536.0);
-        Ok(Self {
-            model,
-            kp: within("kp", kp, 0.0, model.kp_max)?,
-            kd: within("kd", kd, 0.0, model.kd_max)?,
-            torque_limit_nm: within("torque_limit_nm", torque_limit, 0.0, model.torque_nm)?,
-            gear_ratio: within("gear_ratio", or(config.gear_ratio, 1.0), 0.0, 1e4)?,
-            reply_id: config.reply_id.unwrap_or(0),
-            counts_per_turn: within("counts_per_turn", counts, 0.0, 1e8)?,
-        })
-    }
 }

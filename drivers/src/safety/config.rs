@@ -1,13 +1,13 @@
-//! How the safety layer behaves: the `[safety]` table of a robot file.
+//! The settings of the safety layer: the `[safety]` table of a robot file.
 //!
 //! Every key may be left out. Refused, with the key named: numbers that are not
 //! finite or outside their range, unknown keys and policies.
 
 use serde::Deserialize;
 
-use super::SafetyError;
+use super::error::SafetyError;
 
-/// What to do when one servo is lost: silent, or shut down by itself.
+/// What the layer does when one servo is lost: silent, or shut down by itself.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum ServoLost {
@@ -20,92 +20,55 @@ pub enum ServoLost {
     DanceOn,
 }
 
-/// When motion is made smaller because a servo is close to a limit of its own.
+/// The settings of the safety layer, checked by [`SafetyConfig::at`].
 ///
-/// Between where it begins and where it ends the motion shrinks linearly down
-/// to `derate_to`; at the end the safety layer stops, before the servo does so
-/// by itself.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Derating {
-    /// Begins this far below the servo's own temperature limit, Celsius, ...
-    pub temperature_margin_c: f64,
-    /// ... and ends this far below it.
-    pub temperature_fault_c: f64,
-    /// Begins this far above the lowest supply that the servo takes, volts;
-    /// ends there. A supply above the highest stops at once.
-    pub voltage_margin_v: f64,
-    /// Begins at this share of the servo's own current limit, averaged over a
-    /// second; ends at the limit.
-    pub current_share: f64,
-    /// How small the motion becomes, as a share.
-    pub derate_to: f64,
-}
-
-/// How the safety layer behaves.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Derating: between where it begins and where it ends the motion of a servo close to
+/// a limit of its own shrinks linearly down to `derate_to`; at the end the layer
+/// stops, before the servo does so by itself.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
 pub struct SafetyConfig {
-    /// Control periods a second.
+    /// Control periods a second, which the robot file has elsewhere.
+    #[serde(skip)]
     pub control_hz: f64,
+    /// The policy for a lost servo: `stop`, `hold` or `dance_on`.
+    pub on_servo_lost: ServoLost,
+    /// How long the others hold and wait for a lost servo, seconds.
+    pub rejoin_s: f64,
+    /// Whether torque may come back by itself after an adapter was pulled out
+    /// and put back.
+    pub rearm: bool,
+    /// How long the layer waits for an adapter, seconds; only with `rearm`.
+    pub reconnect_s: f64,
     /// Targets older than this are stale, seconds.
     pub stale_after_s: f64,
     /// Stale targets are held this long before torque goes off, seconds.
     pub hold_s: f64,
     /// Targets are blended in over this time, seconds.
     pub ramp_s: f64,
-    /// A joint further than this from its command ..., radians
-    pub following_error_rad: f64,
+    /// A joint further than this from its command ..., degrees
+    pub following_error_deg: f64,
     /// ... for longer than this faults, seconds.
     pub following_error_s: f64,
-    /// What to do when a servo is lost.
-    pub on_servo_lost: ServoLost,
-    /// How long a lost servo is waited for while the others hold, seconds.
-    pub rejoin_s: f64,
-    /// Whether torque may come back by itself after an adapter was pulled out
-    /// and put back.
-    pub rearm: bool,
-    /// How long an adapter is waited for, seconds; only with `rearm`.
-    pub reconnect_s: f64,
-    /// When motion is made smaller.
-    pub derating: Derating,
-}
-
-/// The `[safety]` table.
-#[derive(Clone, Debug, Deserialize, PartialEq)]
-#[serde(deny_unknown_fields, default)]
-pub struct SafetySettings {
-    /// `stop`, `hold` or `dance_on`.
-    pub on_servo_lost: ServoLost,
-    /// See [`SafetyConfig::rejoin_s`].
-    pub rejoin_s: f64,
-    /// See [`SafetyConfig::rearm`].
-    pub rearm: bool,
-    /// See [`SafetyConfig::reconnect_s`].
-    pub reconnect_s: f64,
-    /// See [`SafetyConfig::stale_after_s`].
-    pub stale_after_s: f64,
-    /// See [`SafetyConfig::hold_s`].
-    pub hold_s: f64,
-    /// See [`SafetyConfig::ramp_s`].
-    pub ramp_s: f64,
-    /// See [`SafetyConfig::following_error_rad`]; here in degrees.
-    pub following_error_deg: f64,
-    /// See [`SafetyConfig::following_error_s`].
-    pub following_error_s: f64,
-    /// See [`Derating::temperature_margin_c`].
+    /// Derating begins this far below the servo's own temperature limit, Celsius, ...
     pub temperature_margin_c: f64,
-    /// See [`Derating::temperature_fault_c`].
+    /// ... and ends this far below it.
     pub temperature_fault_c: f64,
-    /// See [`Derating::voltage_margin_v`].
+    /// Derating begins this far above the lowest supply that the servo takes, volts;
+    /// ends there. A supply above the highest stops at once.
     pub voltage_margin_v: f64,
-    /// See [`Derating::current_share`].
+    /// Derating begins at this share of the servo's own current limit, averaged over a
+    /// second; ends at the limit.
     pub current_share: f64,
-    /// See [`Derating::derate_to`].
+    /// The share of the motion that is left where derating ends.
     pub derate_to: f64,
 }
 
-impl Default for SafetySettings {
+impl Default for SafetyConfig {
     fn default() -> Self {
         Self {
+            // Not usable before `at` has set it.
+            control_hz: 0.0,
             on_servo_lost: ServoLost::Stop,
             rejoin_s: 10.0,
             rearm: false,
@@ -124,75 +87,47 @@ impl Default for SafetySettings {
     }
 }
 
-impl SafetySettings {
-    /// The same at a control rate, if the numbers make sense.
-    pub fn at_hz(&self, control_hz: f64) -> Result<SafetyConfig, SafetyError> {
-        self.unchecked(control_hz).checked()
-    }
-
-    fn unchecked(&self, control_hz: f64) -> SafetyConfig {
-        SafetyConfig {
+impl SafetyConfig {
+    /// The default settings at a control rate.
+    pub fn at_hz(control_hz: f64) -> Self {
+        Self {
             control_hz,
-            stale_after_s: self.stale_after_s,
-            hold_s: self.hold_s,
-            ramp_s: self.ramp_s,
-            following_error_rad: self.following_error_deg.to_radians(),
-            following_error_s: self.following_error_s,
-            on_servo_lost: self.on_servo_lost,
-            rejoin_s: self.rejoin_s,
-            rearm: self.rearm,
-            reconnect_s: self.reconnect_s,
-            derating: Derating {
-                temperature_margin_c: self.temperature_margin_c,
-                temperature_fault_c: self.temperature_fault_c,
-                voltage_margin_v: self.voltage_margin_v,
-                current_share: self.current_share,
-                derate_to: self.derate_to,
-            },
+            ..Self::default()
         }
     }
-}
 
-impl SafetyConfig {
-    /// The usual values at a control rate.
-    pub fn at_hz(control_hz: f64) -> Self {
-        SafetySettings::default().unchecked(control_hz)
+    /// These settings at a control rate; refused with the key if a number is out of
+    /// range.
+    pub fn at(self, control_hz: f64) -> Result<Self, SafetyError> {
+        Self { control_hz, ..self }.checked()
     }
 
-    /// The same, if it makes sense.
-    pub fn checked(self) -> Result<Self, SafetyError> {
-        let Derating {
-            temperature_margin_c,
-            temperature_fault_c,
-            voltage_margin_v,
-            current_share,
-            derate_to,
-        } = self.derating;
+    pub(super) fn period_s(&self) -> f64 {
+        1.0 / self.control_hz
+    }
+
+    pub(super) fn checked(self) -> Result<Self, SafetyError> {
         let tiny = f64::MIN_POSITIVE;
+        let coolest_c = self.temperature_fault_c + 0.1;
         for (key, actual, lowest, highest) in [
             ("control_hz", self.control_hz, tiny, 1e4),
             ("stale_after_s", self.stale_after_s, tiny, 10.0),
             ("hold_s", self.hold_s, 0.0, 60.0),
             ("ramp_s", self.ramp_s, 0.0, 60.0),
-            (
-                "following_error_deg",
-                self.following_error_rad.to_degrees(),
-                tiny,
-                180.0,
-            ),
+            ("following_error_deg", self.following_error_deg, tiny, 180.0),
             ("following_error_s", self.following_error_s, tiny, 10.0),
             ("rejoin_s", self.rejoin_s, 0.0, 3600.0),
             ("reconnect_s", self.reconnect_s, 0.0, 3600.0),
-            ("temperature_fault_c", temperature_fault_c, 0.0, 50.0),
+            ("temperature_fault_c", self.temperature_fault_c, 0.0, 50.0),
             (
                 "temperature_margin_c",
-                temperature_margin_c,
-                temperature_fault_c + 0.1,
+                self.temperature_margin_c,
+                coolest_c,
                 60.0,
             ),
-            ("voltage_margin_v", voltage_margin_v, 0.01, 10.0),
-            ("current_share", current_share, 0.05, 0.99),
-            ("derate_to", derate_to, 0.0, 1.0),
+            ("voltage_margin_v", self.voltage_margin_v, 0.01, 10.0),
+            ("current_share", self.current_share, 0.05, 0.99),
+            ("derate_to", self.derate_to, 0.0, 1.0),
         ] {
             // Not a number is outside every range.
             if !(lowest..=highest).contains(&actual) {
@@ -213,11 +148,11 @@ mod tests {
 
     #[test]
     fn the_table_is_read_and_its_numbers_are_checked() {
-        let read = |text: &str| toml::from_str::<SafetySettings>(text);
-        assert_eq!(read("").unwrap(), SafetySettings::default());
+        let read = |text: &str| toml::from_str::<SafetyConfig>(text);
+        assert_eq!(read("").unwrap(), SafetyConfig::default());
         let config = read("on_servo_lost = \"dance_on\"\nrearm = true\n")
             .unwrap()
-            .at_hz(100.0)
+            .at(100.0)
             .unwrap();
         assert_eq!(
             (config.on_servo_lost, config.rearm),
@@ -232,7 +167,7 @@ mod tests {
             ("temperature_margin_c = 2.0", "temperature_margin_c"),
             ("following_error_deg = 0.0", "following_error_deg"),
         ] {
-            let error = read(text).unwrap().at_hz(100.0).unwrap_err().to_string();
+            let error = read(text).unwrap().at(100.0).unwrap_err().to_string();
             assert!(error.contains(key), "{text}: {error}");
         }
     }

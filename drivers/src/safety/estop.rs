@@ -10,12 +10,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[derive(Clone, Debug, Default)]
 pub struct EStop {
     pressed: Arc<AtomicBool>,
-    /// Who pressed it first.
     cause: Arc<Mutex<Option<String>>>,
 }
 
 impl EStop {
-    /// Presses it. Torque goes off at the next tick, and the button stays down.
+    /// Presses the button. Torque goes off at the next tick, and the button stays down.
     pub fn press(&self, cause: &str) {
         let mut first = self.cause.lock().unwrap_or_else(PoisonError::into_inner);
         first.get_or_insert_with(|| cause.into());
@@ -27,18 +26,18 @@ impl EStop {
         self.pressed.clone()
     }
 
-    /// Whether it is down.
+    /// Whether the button is down.
     pub fn is_pressed(&self) -> bool {
         self.pressed.load(Ordering::Acquire)
     }
 
-    /// Who pressed it.
+    /// What pressed the button first; a flag leaves no name.
     pub fn cause(&self) -> String {
         let cause = self.cause.lock().unwrap_or_else(PoisonError::into_inner);
         cause.clone().unwrap_or_else(|| "a signal".into())
     }
 
-    /// Releases it. Torque stays off until somebody arms again.
+    /// Releases the button. Torque stays off until somebody arms again.
     pub fn clear(&self) {
         let mut cause = self.cause.lock().unwrap_or_else(PoisonError::into_inner);
         *cause = None;

@@ -1,15 +1,13 @@
-//! What the safety layer is doing, and why it stopped.
+//! States of the safety layer, their changes, and what it changed.
 
-use crate::error::{BusError, ServoId};
-
-/// Where the safety layer is: see the diagram of this module's parent.
+/// A state of the safety layer: see the diagram of this module's parent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// Torque is off.
+    /// Torque is off and nothing is sent.
     Disarmed,
     /// Servos are being checked and set up.
     Arming,
-    /// Targets are followed.
+    /// Targets are followed inside the limits.
     Running,
     /// No fresh targets: braked, holding position.
     Holding,
@@ -22,13 +20,13 @@ pub enum State {
 /// One change of state; a remark where `from` equals `to`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transition {
-    /// When, on the caller's clock.
+    /// Time on the caller's clock, seconds.
     pub time_s: f64,
-    /// State before.
+    /// The state before the change.
     pub from: State,
-    /// State after.
+    /// The state after the change.
     pub to: State,
-    /// Why.
+    /// The cause, in words for the user.
     pub cause: String,
 }
 
@@ -40,81 +38,14 @@ pub struct Interventions {
     pub nan: u64,
     /// Targets beyond a position limit.
     pub position: u64,
-    /// Targets that were too fast.
+    /// Targets beyond the velocity limit.
     pub velocity: u64,
-    /// Targets whose speed changed too fast.
+    /// Targets beyond the acceleration limit.
     pub acceleration: u64,
-    /// Ticks without fresh targets.
+    /// Ticks that braked because no fresh targets came.
     pub stale: u64,
     /// Ticks that came too early and did nothing.
     pub early: u64,
     /// Targets made smaller for a servo close to its own limits.
     pub derated: u64,
-}
-
-/// Why the safety layer stopped, or never began.
-#[derive(Debug, thiserror::Error)]
-pub enum SafetyError {
-    /// A value of [`SafetyConfig`](super::SafetyConfig) that makes no sense.
-    #[error("safety: {key} is {actual}, must be positive and at most {highest}")]
-    Config {
-        /// Which value.
-        key: &'static str,
-        /// What it is.
-        actual: f64,
-        /// The most that it may be.
-        highest: f64,
-    },
-    /// The bus failed, and every torque is verified off.
-    #[error("{0}; torque is off")]
-    Bus(#[source] BusError),
-    /// The bus failed, and so did turning torque off.
-    #[error("{cause}; {}", torque.brief())]
-    Unsafe {
-        /// What failed first.
-        cause: String,
-        /// Why torque may still be on, with the joints.
-        torque: BusError,
-    },
-    /// A joint does not go where it is told.
-    #[error(
-        "{servo} is {error_deg:.1} degrees from its command for more than {after_s} s \
-         (blocked, overloaded, rebooted, or held by its own watchdog while this program was kept from running?); torque is off"
-    )]
-    Following {
-        /// Which servo.
-        servo: ServoId,
-        /// How far off, degrees.
-        error_deg: f64,
-        /// The allowed time.
-        after_s: f64,
-    },
-    /// A servo is at a limit of its own.
-    #[error("{servo}: {what} is {actual:.1} {unit}, the limit is {limit:.1} {unit}; torque is off")]
-    Condition {
-        /// Which servo.
-        servo: ServoId,
-        /// The quantity.
-        what: &'static str,
-        /// Its value.
-        actual: f64,
-        /// Where the safety layer stops.
-        limit: f64,
-        /// The unit of both.
-        unit: &'static str,
-    },
-    /// The emergency stop was pressed; it must be cleared on purpose.
-    #[error("emergency stop ({cause}): torque is off until it is cleared")]
-    EStop {
-        /// Who pressed it.
-        cause: String,
-    },
-    /// A call that the state does not allow.
-    #[error("cannot {call} in state {state:?}")]
-    State {
-        /// What was called.
-        call: &'static str,
-        /// The state.
-        state: State,
-    },
 }

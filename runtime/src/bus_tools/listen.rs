@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 use clap::ValueEnum;
-use servodance_drivers::{Found, Probe, Protocol, latency_timer};
+use servodance_drivers::{FoundServo, Framing, SerialScanner, latency_timer};
 use std::time::Duration;
 
 /// How long a servo may take to answer, on top of the time on the wire, behind
@@ -28,11 +28,11 @@ pub enum ProtocolChoice {
 }
 
 impl ProtocolChoice {
-    fn protocols(self) -> &'static [Protocol] {
+    fn protocols(self) -> &'static [Framing] {
         match self {
-            Self::All => &Probe::PROTOCOLS,
-            Self::Two => &[Protocol::Dynamixel2],
-            Self::One => &[Protocol::Protocol1],
+            Self::All => &SerialScanner::FRAMINGS,
+            Self::Two => &[Framing::Protocol2],
+            Self::One => &[Framing::Protocol1],
         }
     }
 }
@@ -87,13 +87,13 @@ impl Ear {
     }
 
     /// Every framing and rate that is listened to.
-    pub fn channels(&self) -> Vec<(Protocol, u32)> {
+    pub fn channels(&self) -> Vec<(Framing, u32)> {
         let protocols = self.protocol.protocols().iter();
         protocols
             .flat_map(|&protocol| {
                 let bauds = match self.baud {
                     Some(baud) => vec![baud],
-                    None => Probe::bauds(protocol).to_vec(),
+                    None => SerialScanner::bauds(protocol).to_vec(),
                 };
                 bauds.into_iter().map(move |baud| (protocol, baud))
             })
@@ -101,15 +101,15 @@ impl Ear {
     }
 
     /// Opens the port.
-    pub fn probe(&self, protocol: Protocol, baud: u32) -> anyhow::Result<Probe> {
-        Ok(Probe::open(&self.path, baud, protocol, self.wait)?)
+    pub fn probe(&self, protocol: Framing, baud: u32) -> anyhow::Result<SerialScanner> {
+        Ok(SerialScanner::open(&self.path, baud, protocol, self.wait)?)
     }
 
     /// The servo with this id, at the first rate where it answers, and the way to it.
-    pub fn find(&self, id: u8) -> anyhow::Result<(Probe, Found)> {
+    pub fn find(&self, id: u8) -> anyhow::Result<(SerialScanner, FoundServo)> {
         for (protocol, baud) in self.channels() {
             let wait = self.wait.max(PATIENCE_WITH_ONE);
-            let mut probe = Probe::open(&self.path, baud, protocol, wait)?;
+            let mut probe = SerialScanner::open(&self.path, baud, protocol, wait)?;
             if let Some(found) = probe.ping(id)? {
                 return Ok((probe, found));
             }
@@ -132,10 +132,10 @@ impl Ear {
 }
 
 /// One servo in one line: who, then how.
-pub fn line(found: &Found, vitals: &str) -> String {
-    let protocol = match found.family.protocol() {
-        Protocol::Dynamixel2 => "2.0",
-        Protocol::Protocol1 => "1",
+pub fn line(found: &FoundServo, vitals: &str) -> String {
+    let protocol = match found.family.framing() {
+        Framing::Protocol2 => "2.0",
+        Framing::Protocol1 => "1",
     };
     format!(
         "{} baud  protocol {protocol}  id {:>3}  {} ({})  firmware {}  {vitals}  {}",
@@ -150,7 +150,7 @@ pub fn line(found: &Found, vitals: &str) -> String {
 
 /// How a servo is, in words. A servo that answers a ping but cannot be read
 /// has a namesake.
-pub fn vitals(probe: &mut Probe, found: &Found) -> String {
+pub fn vitals(probe: &mut SerialScanner, found: &FoundServo) -> String {
     match probe.vitals(found) {
         Ok(Some(vitals)) => format!(
             "{:.1} V  {} C  at {}  torque {}",

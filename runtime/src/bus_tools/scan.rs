@@ -3,7 +3,7 @@
 use super::listen::{Ear, ProtocolChoice, line, vitals};
 use anyhow::bail;
 use servodance_drivers::can::{CanFound, CanPort, CanScanner};
-use servodance_drivers::{Protocol, available_ports, latency_timer};
+use servodance_drivers::{Framing, available_ports, latency_timer};
 
 /// The bitrates of a serial CAN adapter, the usual ones first.
 const BITRATES: [u32; 9] = [
@@ -49,8 +49,8 @@ pub fn scan(
     for (protocol, baud) in ear.channels() {
         let mut probe = ear.probe(protocol, baud)?;
         note(&match protocol {
-            Protocol::Dynamixel2 => format!("{baud} baud, protocol 2.0"),
-            Protocol::Protocol1 => format!("{baud} baud, protocol 1: asking 254 ids"),
+            Framing::Protocol2 => format!("{baud} baud, protocol 2.0"),
+            Framing::Protocol1 => format!("{baud} baud, protocol 1: asking 254 ids"),
         });
         for servo in probe.everyone()? {
             count += 1;

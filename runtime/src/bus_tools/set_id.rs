@@ -27,7 +27,7 @@ pub fn set_id(
     let ear = Ear::new(port, baud, protocol)?;
     let (mut probe, servo) = ear.find(old)?;
     let model = servo.model.unwrap_or("servo of an unknown model");
-    let last = servo.family.layout().last_id;
+    let last = servo.last_id();
     if new > last {
         bail!("id {new} is out of range: 0 to {last} for {model}");
     }

@@ -1,9 +1,9 @@
-//! The host's way to the simulated bus: an slcan adapter on a pseudo-terminal or
+//! The adapter between host and simulated bus: an slcan adapter on a pseudo-terminal or
 //! a Unix socket, a multicast group, or a CAN interface.
 //!
 //! The slcan adapter knows `S`, `s`, `O`, `L`, `C`, `F`, `V`, `N`, `t`, `T`,
 //! `r`, `R`; it refuses frames while closed or bus-off, and everything else. Set
-//! to another bitrate than the bus has, it hears nothing, and nobody acknowledges
+//! to another bitrate than the bus has, it receives nothing, and no node acknowledges
 //! what it sends: its queue fills up, then frames are refused.
 
 use std::io;
@@ -21,14 +21,14 @@ use servodance_drivers::can::transport::socket::SocketLink;
 use servodance_drivers::can::transport::udp::UdpLink;
 use servodance_drivers::can::{CanFrame, CanLink, LinkEvent};
 
-use crate::host_port::{Heard, HostPort};
+use crate::serial::host_port::{Heard, HostPort};
 
-/// Between host and bus.
+/// An adapter between host and bus.
 pub(crate) trait Adapter: Send {
-    /// A second handle on what the host's bytes come through.
+    /// A second handle on the file that brings the host's bytes.
     fn watched(&self) -> io::Result<OwnedFd>;
 
-    /// Whether that is another handle since the last call.
+    /// Whether `watched` is another file since the last call.
     fn moved(&mut self) -> bool {
         false
     }
@@ -42,11 +42,11 @@ pub(crate) trait Adapter: Send {
     /// Hands a frame to the host; what its buffer does not hold is lost.
     fn deliver(&mut self, frame: &CanFrame);
 
-    /// Hands bytes that mean nothing to the host, where there are bytes at all.
+    /// Hands noise to the host, on an adapter of bytes.
     fn garble(&mut self, bytes: &[u8]);
 }
 
-/// A serial CAN adapter.
+/// An slcan adapter.
 pub(crate) struct SlcanAdapter {
     port: HostPort,
     lines: Lines,
@@ -59,11 +59,10 @@ pub(crate) struct SlcanAdapter {
     waiting: usize,
 }
 
-/// How many frames wait at most.
+/// Frames that wait at most.
 const QUEUE: usize = 16;
 
 impl SlcanAdapter {
-    /// Behind our end of the host's port.
     pub fn new(port: HostPort, bus_bitrate: u32) -> Self {
         Self {
             port,
@@ -76,7 +75,7 @@ impl SlcanAdapter {
         }
     }
 
-    /// Whether it hears the bus, and is heard.
+    /// Whether frames pass between adapter and bus.
     fn on_the_bus(&self) -> bool {
         self.open && self.bitrate == self.bus_bitrate
     }
@@ -162,7 +161,7 @@ impl Adapter for SlcanAdapter {
                 frames.extend(taken.filter_map(|byte| self.take(*byte, bus_off)));
                 self.flush();
             }
-            // The next one finds it closed.
+            // The next host finds the adapter closed.
             Heard::Nobody => {
                 self.open = false;
                 self.lines = Lines::default();
@@ -186,13 +185,12 @@ impl Adapter for SlcanAdapter {
     }
 }
 
-/// A multicast group.
+/// A member of a multicast group.
 pub(crate) struct MulticastAdapter {
     link: UdpLink,
 }
 
 impl MulticastAdapter {
-    /// Joins the group.
     pub fn open(group: SocketAddrV4) -> io::Result<Self> {
         Ok(Self {
             link: UdpLink::open(group)?,
@@ -210,7 +208,6 @@ impl Adapter for MulticastAdapter {
     }
 
     fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
-        // What is there already.
         let now = Instant::now();
         while let LinkEvent::Frame(frame) = self.link.receive(now)? {
             if !bus_off {
@@ -221,7 +218,7 @@ impl Adapter for MulticastAdapter {
     }
 
     fn deliver(&mut self, frame: &CanFrame) {
-        // Lost, as it would be on a bus that nobody listens to.
+        // Lost, as on a bus without listeners.
         let _ = self.link.send(frame);
     }
 
@@ -241,7 +238,6 @@ impl InterfaceAdapter {
     /// ... and how often it does: a motor without a bus loses its frame.
     const MOST_REPEATS: u32 = 1000;
 
-    /// Opens an interface that is up.
     pub fn open(interface: &str) -> io::Result<Self> {
         Ok(Self {
             link: SocketLink::open(interface)?,

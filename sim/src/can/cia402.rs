@@ -7,48 +7,77 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use servodance_drivers::can::CanFrame;
+use servodance_drivers::can::cia402::registers::{
+    self, ABORT, CYCLIC_POSITION, DOWNLOADED, EMERGENCY, HEARTBEAT, NMT_PRE_OPERATIONAL, NMT_START,
+    OPERATIONAL, PDO_OFF, RPDO, RPDO_PARAMETERS, SDO_ANSWER, SDO_REQUEST, SYNC, TPDO,
+    TPDO_PARAMETERS, UPLOAD, mapped,
+};
 
-use crate::can::core::{Command, Core, Trouble};
-use crate::can::net::Device;
+use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
+use crate::can::net::CanDevice;
 
+/// NMT states and commands that the driver does not use.
 const PRE_OPERATIONAL: u8 = 127;
-const OPERATIONAL: u8 = 5;
 const STOPPED: u8 = 4;
+const NMT_STOP: u8 = 2;
+const NMT_RESET: u8 = 129;
+const NMT_RESET_COMMUNICATION: u8 = 130;
 const HEARTBEAT_S: f64 = 0.1;
-const CYCLIC_POSITION: u32 = 8;
-const PDO_OFF: u32 = 1 << 31;
 
 const ABORT_READ_ONLY: u32 = 0x0601_0002;
 const ABORT_NO_OBJECT: u32 = 0x0602_0000;
 const ABORT_STATE: u32 = 0x0800_0022;
 
-/// Objects that can be written, with their bytes; what they hold at first is 0.
+/// Keys of objects: index << 8 | subindex.
+mod at {
+    use servodance_drivers::can::cia402::registers::{self, SdoObject};
+
+    pub const fn key(object: SdoObject) -> u32 {
+        (object.0 as u32) << 8 | object.1 as u32
+    }
+    pub const CONSUMER: u32 = key(registers::CONSUMER);
+    pub const ABORT_OPTION: u32 = key(registers::ABORT_OPTION);
+    pub const CONTROL: u32 = key(registers::CONTROL);
+    pub const STATUS: u32 = key(registers::STATUS);
+    pub const MODE: u32 = key(registers::MODE);
+    pub const MODE_SHOWN: u32 = key(registers::MODE_SHOWN);
+    pub const POSITION: u32 = key(registers::POSITION);
+    pub const MAX_TORQUE: u32 = key(registers::MAX_TORQUE);
+    pub const TORQUE: u32 = key(registers::TORQUE);
+    pub const TARGET: u32 = key(registers::TARGET);
+    pub const DEVICE_TYPE: u32 = key(registers::DEVICE_TYPE);
+    pub const ERROR_CODE: u32 = key(registers::ERROR_CODE);
+    pub const RPDO_ID: u32 = (registers::RPDO_PARAMETERS.0 as u32) << 8 | 1;
+    pub const TPDO_ID: u32 = (registers::TPDO_PARAMETERS.0 as u32) << 8 | 1;
+}
+
+/// Objects that can be written, with their bytes; they are 0 at first.
 const WRITABLE: [(u32, u8); 20] = [
-    (0x101601, 4),
+    (at::CONSUMER, 4),
     (0x101700, 2),
-    (0x140001, 4),
+    (at::RPDO_ID, 4),
     (0x140002, 1),
     (0x160000, 1),
     (0x160001, 4),
     (0x160002, 4),
     (0x160003, 4),
-    (0x180001, 4),
+    (at::TPDO_ID, 4),
     (0x180002, 1),
     (0x1A0000, 1),
     (0x1A0001, 4),
     (0x1A0002, 4),
     (0x1A0003, 4),
-    (0x600700, 2),
-    (0x604000, 2),
-    (0x606000, 1),
-    (0x607200, 2),
-    (0x607A00, 4),
+    (at::ABORT_OPTION, 2),
+    (at::CONTROL, 2),
+    (at::MODE, 1),
+    (at::MAX_TORQUE, 2),
+    (at::TARGET, 4),
     (0x60C201, 1),
 ];
 
 /// The drive's states, as the status word shows them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+enum DriveState {
     SwitchOnDisabled,
     ReadyToSwitchOn,
     SwitchedOn,
@@ -56,33 +85,33 @@ enum State {
     Fault,
 }
 
-/// One drive.
+/// One CiA 402 drive.
 #[derive(Debug)]
-pub struct Cia402Drive {
-    core: Core,
+pub(crate) struct Cia402Drive {
+    core: MotorCore,
     nmt: u8,
-    state: State,
+    state: DriveState,
     /// Values by index << 8 | subindex.
     objects: BTreeMap<u32, u32>,
     /// The target of the last RPDO, to take effect at the next SYNC.
     control_waiting: Option<u32>,
     watched: bool,
     /// The last emergency that was sent.
-    told: Option<Trouble>,
+    last_emergency: Option<MotorFault>,
     next_heartbeat_s: f64,
 }
 
 impl Cia402Drive {
     /// A drive fresh from the factory but for its node id.
-    pub fn new(core: Core) -> Self {
+    pub fn new(core: MotorCore) -> Self {
         let mut drive = Self {
             core,
             nmt: PRE_OPERATIONAL,
-            state: State::SwitchOnDisabled,
+            state: DriveState::SwitchOnDisabled,
             objects: BTreeMap::new(),
             control_waiting: None,
             watched: false,
-            told: None,
+            last_emergency: None,
             next_heartbeat_s: HEARTBEAT_S,
         };
         drive.restart();
@@ -102,20 +131,20 @@ impl Cia402Drive {
     }
 
     fn error_code(&self) -> u16 {
-        match self.core.trouble {
+        match self.core.fault {
             None => 0,
-            Some(Trouble::OverVoltage) => 0x3210,
-            Some(Trouble::UnderVoltage) => 0x3220,
-            Some(Trouble::Overheat) => 0x4310,
-            Some(Trouble::Overload) => 0x7121,
-            Some(Trouble::CommunicationLost) => 0x8130,
+            Some(MotorFault::OverVoltage) => 0x3210,
+            Some(MotorFault::UnderVoltage) => 0x3220,
+            Some(MotorFault::Overheat) => 0x4310,
+            Some(MotorFault::Overload) => 0x7121,
+            Some(MotorFault::CommunicationLost) => 0x8130,
         }
     }
 
-    /// Trouble of the motor shows in the state.
+    /// Shows a fault of the motor in the state.
     fn settle(&mut self) {
-        if self.core.trouble.is_some() {
-            self.state = State::Fault;
+        if self.core.fault.is_some() {
+            self.state = DriveState::Fault;
         }
     }
 
@@ -123,11 +152,11 @@ impl Cia402Drive {
         // Voltage enabled, remote.
         0x0210
             | match self.state {
-                State::SwitchOnDisabled => 0x40,
-                State::ReadyToSwitchOn => 0x21,
-                State::SwitchedOn => 0x23,
-                State::OperationEnabled => 0x27,
-                State::Fault => 0x08,
+                DriveState::SwitchOnDisabled => 0x40,
+                DriveState::ReadyToSwitchOn => 0x21,
+                DriveState::SwitchedOn => 0x23,
+                DriveState::OperationEnabled => 0x27,
+                DriveState::Fault => 0x08,
             }
     }
 
@@ -136,16 +165,16 @@ impl Cia402Drive {
         let position = (self.core.angle_rad() * self.counts_per_rad()).round() as i32;
         let torque = self.core.torque_nm() / self.core.settings.model.torque_nm;
         Some(match object {
-            0x100000 => (0x0002_0192, 4),
-            0x100100 => (u32::from(self.core.trouble.is_some()), 1),
+            at::DEVICE_TYPE => (0x0002_0192, 4),
+            0x100100 => (u32::from(self.core.fault.is_some()), 1),
             0x101800 => (4, 1),
             0x101801..=0x101804 => (0, 4),
             0x101600 => (1, 1),
-            0x603F00 => (u32::from(self.error_code()), 2),
-            0x604100 => (self.status_word(), 2),
-            0x606100 => (self.stored(0x606000), 1),
-            0x606400 => (position as u32, 4),
-            0x607700 => ((torque * 1000.0).round() as i16 as u16 as u32, 2),
+            at::ERROR_CODE => (u32::from(self.error_code()), 2),
+            at::STATUS => (self.status_word(), 2),
+            at::MODE_SHOWN => (self.stored(at::MODE), 1),
+            at::POSITION => (position as u32, 4),
+            at::TORQUE => ((torque * 1000.0).round() as i16 as u16 as u32, 2),
             _ => {
                 let known = WRITABLE.iter().find(|(known, _)| *known == object);
                 (self.stored(object), known?.1)
@@ -167,13 +196,13 @@ impl Cia402Drive {
         let unused = 8 * (4 - u32::from(*bytes));
         self.objects.insert(object, value << unused >> unused);
         match object {
-            0x604000 => self.control(value),
-            0x607200 => {
+            at::CONTROL => self.control(value),
+            at::MAX_TORQUE => {
                 let share = f64::from(value) / 1000.0;
                 let most_nm = self.core.settings.model.torque_nm;
                 self.core.torque_limit_nm = (share * most_nm).min(most_nm);
             }
-            0x101601 => {
+            at::CONSUMER => {
                 self.watched = false;
                 self.core.timeout_s = None;
             }
@@ -186,24 +215,28 @@ impl Cia402Drive {
     fn control(&mut self, word: u32) {
         self.settle();
         self.state = match (self.state, word & 0x8F) {
-            (State::Fault, command) if command & 0x80 != 0 => {
+            (DriveState::Fault, command) if command & 0x80 != 0 => {
                 self.core.clear();
-                self.told = None;
-                State::SwitchOnDisabled
+                self.last_emergency = None;
+                DriveState::SwitchOnDisabled
             }
-            (State::Fault, _) => State::Fault,
+            (DriveState::Fault, _) => DriveState::Fault,
             // Disable voltage, quick stop.
-            (_, command) if command & 0x02 == 0 || command & 0x04 == 0 => State::SwitchOnDisabled,
-            (State::SwitchOnDisabled, 0x06) => State::ReadyToSwitchOn,
-            (State::ReadyToSwitchOn, 0x07) => State::SwitchedOn,
-            (State::SwitchedOn, 0x0F) if self.stored(0x606000) == CYCLIC_POSITION => {
-                State::OperationEnabled
+            (_, command) if command & 0x02 == 0 || command & 0x04 == 0 => {
+                DriveState::SwitchOnDisabled
             }
-            (State::SwitchedOn | State::OperationEnabled, 0x06) => State::ReadyToSwitchOn,
-            (State::OperationEnabled, 0x07) => State::SwitchedOn,
+            (DriveState::SwitchOnDisabled, 0x06) => DriveState::ReadyToSwitchOn,
+            (DriveState::ReadyToSwitchOn, 0x07) => DriveState::SwitchedOn,
+            (DriveState::SwitchedOn, 0x0F) if self.stored(at::MODE) == CYCLIC_POSITION => {
+                DriveState::OperationEnabled
+            }
+            (DriveState::SwitchedOn | DriveState::OperationEnabled, 0x06) => {
+                DriveState::ReadyToSwitchOn
+            }
+            (DriveState::OperationEnabled, 0x07) => DriveState::SwitchedOn,
             (state, _) => state,
         };
-        if self.state != State::OperationEnabled {
+        if self.state != DriveState::OperationEnabled {
             self.core.disable();
         } else if !self.core.enabled() {
             self.core.enable();
@@ -213,9 +246,9 @@ impl Cia402Drive {
 
     /// The target becomes a goal of the drive's own loop, which has stock gains.
     fn follow(&mut self) {
-        let target = self.stored(0x607A00) as i32;
+        let target = self.stored(at::TARGET) as i32;
         let (kp, kd) = (self.core.settings.kp, self.core.settings.kd);
-        self.core.command(Command {
+        self.core.command(TorqueCommand {
             goal_rad: f64::from(target) / self.counts_per_rad(),
             speed_rad_s: 0.0,
             kp,
@@ -228,21 +261,21 @@ impl Cia402Drive {
         let [command, low, high, sub, value @ ..] = data;
         let object = u32::from(u16::from_le_bytes([low, high])) << 8 | u32::from(sub);
         let answer = match command {
-            0x40 => match self.read(object) {
+            UPLOAD => match self.read(object) {
                 Some((value, bytes)) => Ok((0x43 | (4 - bytes) << 2, value)),
                 None => Err(ABORT_NO_OBJECT),
             },
             0x23 | 0x27 | 0x2B | 0x2F | 0x22 => {
                 let written = self.write(object, u32::from_le_bytes(value));
-                written.map(|()| (0x60, 0))
+                written.map(|()| (DOWNLOADED, 0))
             }
             // Segmented and block transfers are not there.
             _ => Err(0x0504_0001),
         };
-        let (said, value) = answer.unwrap_or_else(|abort| (0x80, abort));
+        let (said, value) = answer.unwrap_or_else(|abort| (ABORT, abort));
         let [a, b, c, d] = value.to_le_bytes();
         let data = [said, low, high, sub, a, b, c, d];
-        CanFrame::standard(0x580 + self.id(), &data)
+        CanFrame::standard(SDO_ANSWER + self.id(), &data)
     }
 
     /// Objects of a mapping: number and bytes.
@@ -256,15 +289,15 @@ impl Cia402Drive {
 
     fn take_rpdo(&mut self, data: &[u8]) {
         let mut rest = data;
-        for (object, bytes) in self.mapping(0x1600) {
+        for (object, bytes) in self.mapping(RPDO_PARAMETERS.1.into()) {
             let Some((taken, later)) = rest.split_at_checked(bytes.min(4)) else {
                 return;
             };
             let append = |sum, byte: &u8| sum << 8 | u32::from(*byte);
             let value = taken.iter().rev().fold(0, append);
             match object {
-                0x604000 => self.control_waiting = Some(value),
-                0x607A00 => {
+                at::CONTROL => self.control_waiting = Some(value),
+                at::TARGET => {
                     self.objects.insert(object, value);
                 }
                 _ => {}
@@ -280,12 +313,12 @@ impl Cia402Drive {
                 self.follow();
             }
         }
-        let id = self.stored(0x180001);
+        let id = self.stored(at::TPDO_ID);
         if id & PDO_OFF != 0 {
             return;
         }
         let mut data = Vec::with_capacity(8);
-        for (object, bytes) in self.mapping(0x1A00) {
+        for (object, bytes) in self.mapping(TPDO_PARAMETERS.1.into()) {
             let (value, _) = self.read(object).unwrap_or((0, 4));
             data.extend(value.to_le_bytes().iter().take(bytes));
         }
@@ -294,25 +327,25 @@ impl Cia402Drive {
 
     fn set_nmt(&mut self, command: u8, out: &mut Vec<CanFrame>) {
         match command {
-            1 => self.nmt = OPERATIONAL,
-            2 => self.nmt = STOPPED,
-            128 => self.nmt = PRE_OPERATIONAL,
-            129 | 130 => {
+            NMT_START => self.nmt = OPERATIONAL,
+            NMT_STOP => self.nmt = STOPPED,
+            NMT_PRE_OPERATIONAL => self.nmt = PRE_OPERATIONAL,
+            NMT_RESET | NMT_RESET_COMMUNICATION => {
                 self.core.disable();
                 self.restart();
-                out.push(CanFrame::standard(0x700 + self.id(), &[0]));
+                out.push(CanFrame::standard(HEARTBEAT + self.id(), &[0]));
             }
             _ => return,
         }
         if self.nmt != OPERATIONAL && self.core.enabled() {
-            self.state = State::SwitchOnDisabled;
+            self.state = DriveState::SwitchOnDisabled;
             self.core.disable();
         }
     }
 
     /// A heartbeat of the node that 1016 names.
     fn heartbeat_of(&mut self, node: u32) {
-        let watched = self.stored(0x101601);
+        let watched = self.stored(at::CONSUMER);
         if watched >> 16 & 0x7F != node || watched & 0xFFFF == 0 {
             return;
         }
@@ -322,16 +355,16 @@ impl Cia402Drive {
     }
 }
 
-impl Device for Cia402Drive {
-    fn core(&self) -> &Core {
+impl CanDevice for Cia402Drive {
+    fn core(&self) -> &MotorCore {
         &self.core
     }
 
-    fn core_mut(&mut self) -> &mut Core {
+    fn core_mut(&mut self) -> &mut MotorCore {
         &mut self.core
     }
 
-    fn hear(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>) {
+    fn receive(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>) {
         if frame.is_extended() || frame.is_remote() {
             return;
         }
@@ -341,56 +374,65 @@ impl Device for Cia402Drive {
             (0, &[command, node]) if node == 0 || node == self.core.id => {
                 self.set_nmt(command, out);
             }
-            (0x080, _) if self.nmt == OPERATIONAL => self.sync(out),
-            (0x701..=0x77F, _) => self.heartbeat_of(id - 0x700),
-            _ if id == 0x600 + self.id() && self.nmt != STOPPED => {
+            (SYNC, _) if self.nmt == OPERATIONAL => self.sync(out),
+            (0x701..=0x77F, _) => self.heartbeat_of(id - HEARTBEAT),
+            _ if id == SDO_REQUEST + self.id() && self.nmt != STOPPED => {
                 if let Some(data) = frame.eight() {
                     out.push(self.sdo(data));
                 }
             }
-            _ if id == self.stored(0x140001) && self.nmt == OPERATIONAL => self.take_rpdo(data),
+            _ if id == self.stored(at::RPDO_ID) && self.nmt == OPERATIONAL => self.take_rpdo(data),
             _ => {}
         }
     }
 
     fn due(&mut self, out: &mut Vec<CanFrame>) {
         self.settle();
-        if self.core.trouble != self.told {
-            self.told = self.core.trouble;
+        if self.core.fault != self.last_emergency {
+            self.last_emergency = self.core.fault;
             let [low, high] = self.error_code().to_le_bytes();
-            let data = [low, high, u8::from(self.told.is_some()), 0, 0, 0, 0, 0];
-            out.push(CanFrame::standard(0x080 + self.id(), &data));
+            let data = [
+                low,
+                high,
+                u8::from(self.last_emergency.is_some()),
+                0,
+                0,
+                0,
+                0,
+                0,
+            ];
+            out.push(CanFrame::standard(EMERGENCY + self.id(), &data));
         }
         if self.core.time_s() >= self.next_heartbeat_s {
             self.next_heartbeat_s = self.core.time_s() + HEARTBEAT_S;
-            out.push(CanFrame::standard(0x700 + self.id(), &[self.nmt]));
+            out.push(CanFrame::standard(HEARTBEAT + self.id(), &[self.nmt]));
         }
     }
 
     fn renamed(&mut self) {
-        self.objects.insert(0x140001, 0x200 + self.id());
-        self.objects.insert(0x180001, 0x180 + self.id());
+        self.objects.insert(at::RPDO_ID, RPDO + self.id());
+        self.objects.insert(at::TPDO_ID, TPDO + self.id());
     }
 
     fn restart(&mut self) {
         let id = self.id();
         self.nmt = PRE_OPERATIONAL;
-        self.state = State::SwitchOnDisabled;
+        self.state = DriveState::SwitchOnDisabled;
         self.control_waiting = None;
         self.watched = false;
-        self.told = None;
+        self.last_emergency = None;
         self.objects.clear();
         for (object, value) in [
-            (0x140001, 0x200 + id),
-            (0x180001, 0x180 + id),
+            (at::RPDO_ID, RPDO + id),
+            (at::TPDO_ID, TPDO + id),
             (0x160000, 2),
-            (0x160001, 0x6040_0010),
-            (0x160002, 0x607A_0020),
+            (0x160001, mapped(registers::CONTROL)),
+            (0x160002, mapped(registers::TARGET)),
             (0x1A0000, 2),
-            (0x1A0001, 0x6041_0010),
-            (0x1A0002, 0x6064_0020),
-            (0x607200, 1000),
-            (0x600700, 1),
+            (0x1A0001, mapped(registers::STATUS)),
+            (0x1A0002, mapped(registers::POSITION)),
+            (at::MAX_TORQUE, 1000),
+            (at::ABORT_OPTION, 1),
         ] {
             self.objects.insert(object, value);
         }

@@ -1,4 +1,5 @@
-//! Simulated CAN motors, exact to the frame.
+//! Simulated CAN motors, exact to the frame. Each family takes its registers from the
+//! folder of that family in `servodance-drivers`.
 //!
 //! ```text
 //! any program <-> slcan on a pseudo-terminal, multicast, or SocketCAN <-> server thread
@@ -7,19 +8,14 @@
 
 mod adapter;
 mod cia402;
-mod core;
 mod mit;
+mod motor_core;
 mod net;
 mod odrive;
 mod robstride;
 mod server;
 
-pub use cia402::Cia402Drive;
-pub use core::{Command, Core, Trouble};
-pub use mit::MitMotor;
-pub use net::{CanNet, Device};
-pub use odrive::{OdriveAxis, WATCHDOG_ENDPOINTS};
-pub use robstride::RobstrideMotor;
+pub use odrive::WATCHDOG_ENDPOINTS;
 
 #[cfg(target_os = "linux")]
 pub(crate) use adapter::InterfaceAdapter;
@@ -28,24 +24,34 @@ pub(crate) use server::CanServer;
 
 use servodance_drivers::BusKind;
 
-use crate::spec::{SimError, SimServoSpec};
+use crate::bus::line::Line;
+use crate::can::cia402::Cia402Drive;
+use crate::can::mit::MitMotor;
+use crate::can::motor_core::MotorCore;
+use crate::can::net::{CanDevice, CanNet};
+use crate::can::odrive::OdriveAxis;
+use crate::can::robstride::RobstrideMotor;
+use crate::error::SimError;
+use crate::servo::spec::SimServoSpec;
 
-/// What the motors of a kind are made for, volts.
-fn nominal_v(kind: BusKind) -> f64 {
-    match kind {
-        BusKind::Robstride | BusKind::Cia402 => 48.0,
-        _ => 24.0,
-    }
-}
-
-/// A bus with these motors; all must speak the same protocol.
+/// A bus with these motors, which must be of one family; `supply_v` is each family's
+/// nominal supply if left out, `period_s` the control period.
 pub fn build_net(
     specs: &[SimServoSpec],
     supply_v: Option<f64>,
     period_s: f64,
-) -> Result<CanNet, SimError> {
+) -> Result<Box<dyn Line>, SimError> {
     let kind = specs.first().map_or(BusKind::Mit, |spec| spec.kind);
-    let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(specs.len());
+    let (nominal_v, build): (f64, fn(MotorCore) -> Box<dyn CanDevice>) = match kind {
+        BusKind::Mit => (24.0, |core| Box::new(MitMotor::new(core))),
+        BusKind::Robstride => (48.0, |core| Box::new(RobstrideMotor::new(core))),
+        BusKind::Odrive => (24.0, |core| Box::new(OdriveAxis::new(core))),
+        BusKind::Cia402 => (48.0, |core| Box::new(Cia402Drive::new(core))),
+        BusKind::Dynamixel2 | BusKind::Dynamixel1 | BusKind::Feetech | BusKind::Custom => {
+            return Err(specs[0].refused("is not a CAN motor".into()));
+        }
+    };
+    let mut devices = Vec::with_capacity(specs.len());
     for spec in specs {
         if spec.kind != kind {
             return Err(SimError::Option {
@@ -54,13 +60,7 @@ pub fn build_net(
                 wanted: "of one protocol on one line",
             });
         }
-        let core = Core::new(spec, nominal_v(kind), supply_v, period_s)?;
-        devices.push(match kind {
-            BusKind::Robstride => Box::new(RobstrideMotor::new(core)),
-            BusKind::Odrive => Box::new(OdriveAxis::new(core)),
-            BusKind::Cia402 => Box::new(Cia402Drive::new(core)),
-            _ => Box::new(MitMotor::new(core)),
-        });
+        devices.push(build(MotorCore::new(spec, nominal_v, supply_v, period_s)?));
     }
-    Ok(CanNet::new(devices))
+    Ok(Box::new(CanNet::new(devices)))
 }

@@ -1,4 +1,4 @@
-//! Motors on one CAN bus.
+//! Motors on one CAN bus, and arbitration between them.
 //!
 //! Motors that answer with the same id at once disturb each other: different
 //! data destroys both frames, as the error frames of a real bus would in the
@@ -8,45 +8,42 @@ use std::fmt::Debug;
 
 use servodance_drivers::can::CanFrame;
 
-use crate::body::SimServoState;
-use crate::can::core::Core;
+use crate::bus::line::{Burst, Line};
+use crate::can::motor_core::MotorCore;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::line::{Burst, Line};
+use crate::servo::body::SimServoState;
 
-/// A motor with its protocol.
-pub trait Device: Debug + Send {
-    /// The motor.
-    fn core(&self) -> &Core;
+/// A simulated motor with its protocol.
+pub(crate) trait CanDevice: Debug + Send {
+    fn core(&self) -> &MotorCore;
 
-    /// The motor, to be changed.
-    fn core_mut(&mut self) -> &mut Core;
+    fn core_mut(&mut self) -> &mut MotorCore;
 
-    /// Takes a frame; adds its answers.
-    fn hear(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>);
+    /// Takes a frame; adds the answers to `out`.
+    fn receive(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>);
 
-    /// Adds what it says by itself.
+    /// Adds the frames that it sends unasked.
     fn due(&mut self, _out: &mut Vec<CanFrame>) {}
 
-    /// Its protocol begins anew.
+    /// Resets its protocol after a reboot.
     fn restart(&mut self) {}
 
-    /// It has another id.
+    /// Its id has changed.
     fn renamed(&mut self) {}
 }
 
-/// A bus of motors.
+/// The motors on one bus.
 #[derive(Debug)]
-pub struct CanNet {
-    devices: Vec<Box<dyn Device>>,
+pub(crate) struct CanNet {
+    devices: Vec<Box<dyn CanDevice>>,
     frames_in: u64,
-    /// Frames destroyed by motors that spoke at once.
+    /// Frames destroyed by motors that answered at once.
     collisions: u64,
 }
 
 impl CanNet {
-    /// A bus with these motors.
-    pub fn new(devices: Vec<Box<dyn Device>>) -> Self {
+    pub fn new(devices: Vec<Box<dyn CanDevice>>) -> Self {
         Self {
             devices,
             frames_in: 0,
@@ -54,8 +51,8 @@ impl CanNet {
         }
     }
 
-    /// What is left of frames that were offered at once, in the order in which
-    /// the bus carries them: the lowest id first.
+    /// The frames that survive of those offered at once, in the order in which the bus
+    /// carries them: the lowest id first.
     fn arbitrate(&mut self, mut offered: Vec<(usize, CanFrame)>) -> Vec<CanFrame> {
         offered.sort_by_key(|(device, frame)| (arbitration_key(frame), *device));
         let mut carried: Vec<CanFrame> = Vec::with_capacity(offered.len());
@@ -92,13 +89,13 @@ impl Line for CanNet {
         Vec::new()
     }
 
-    fn hear(&mut self, frame: &CanFrame) -> Vec<CanFrame> {
+    fn receive(&mut self, frame: &CanFrame) -> Vec<CanFrame> {
         self.frames_in += 1;
         let mut offered = Vec::new();
         let mut answers = Vec::new();
         for (index, device) in self.devices.iter_mut().enumerate() {
             if device.core().listens() {
-                device.hear(frame, &mut answers);
+                device.receive(frame, &mut answers);
                 offered.extend(answers.drain(..).map(|answer| (index, answer)));
             }
         }
@@ -107,11 +104,11 @@ impl Line for CanNet {
 
     fn due(&mut self) -> Vec<CanFrame> {
         let mut offered = Vec::new();
-        let mut said = Vec::new();
+        let mut sent = Vec::new();
         for (index, device) in self.devices.iter_mut().enumerate() {
             if device.core().listens() {
-                device.due(&mut said);
-                offered.extend(said.drain(..).map(|frame| (index, frame)));
+                device.due(&mut sent);
+                offered.extend(sent.drain(..).map(|frame| (index, frame)));
             }
         }
         self.arbitrate(offered)

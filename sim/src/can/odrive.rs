@@ -6,20 +6,23 @@
 use std::f64::consts::TAU;
 
 use servodance_drivers::can::CanFrame;
+use servodance_drivers::can::odrive::registers::{
+    BUS_VOLTAGE, CLEAR_ERRORS, CLOSED_LOOP, ENCODER, ERROR, ESTOP, HEARTBEAT, IDLE, INPUT_POSITION,
+    LIMITS, MODES, PASSTHROUGH, POSITION_CONTROL, POSITION_GAIN, REBOOT, RX_SDO, SET_STATE,
+    TEMPERATURES, TORQUES, TX_SDO, VELOCITY_GAINS, VERSION, id, two_words,
+};
 
-use crate::can::core::{Command, Core, Trouble};
-use crate::can::net::Device;
+use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
+use crate::can::net::CanDevice;
 
-const IDLE: u8 = 1;
-const CLOSED_LOOP: u8 = 8;
 const HEARTBEAT_S: f64 = 0.1;
 /// The endpoints of the simulated firmware's watchdog: time-out, enable.
 pub const WATCHDOG_ENDPOINTS: [u16; 2] = [153, 154];
 
-/// One axis.
+/// One axis of a controller.
 #[derive(Debug)]
-pub struct OdriveAxis {
-    core: Core,
+pub(crate) struct OdriveAxis {
+    core: MotorCore,
     input_turns: f32,
     position_gain: f32,
     velocity_gain: f32,
@@ -33,7 +36,7 @@ pub struct OdriveAxis {
 
 impl OdriveAxis {
     /// An axis fresh from the factory but for its node id.
-    pub fn new(core: Core) -> Self {
+    pub fn new(core: MotorCore) -> Self {
         let mut axis = Self {
             core,
             input_turns: 0.0,
@@ -51,13 +54,13 @@ impl OdriveAxis {
     }
 
     fn errors(&self) -> u32 {
-        match self.core.trouble {
+        match self.core.fault {
             None => 0,
-            Some(Trouble::OverVoltage) => 1 << 8,
-            Some(Trouble::UnderVoltage) => 1 << 9,
-            Some(Trouble::Overload) => 1 << 12,
-            Some(Trouble::Overheat) => 1 << 13,
-            Some(Trouble::CommunicationLost) => 1 << 24,
+            Some(MotorFault::OverVoltage) => 1 << 8,
+            Some(MotorFault::UnderVoltage) => 1 << 9,
+            Some(MotorFault::Overload) => 1 << 12,
+            Some(MotorFault::Overheat) => 1 << 13,
+            Some(MotorFault::CommunicationLost) => 1 << 24,
         }
     }
 
@@ -66,8 +69,8 @@ impl OdriveAxis {
         self.core.settings.gear_ratio / TAU
     }
 
-    fn say(&self, command: u32, data: &[u8]) -> CanFrame {
-        CanFrame::standard(u32::from(self.core.id) << 5 | command, data)
+    fn message(&self, message: u32, data: &[u8]) -> CanFrame {
+        CanFrame::standard(id(self.core.id, message), data)
     }
 
     fn heartbeat(&self) -> CanFrame {
@@ -77,31 +80,31 @@ impl OdriveAxis {
             IDLE
         };
         let [a, b, c, d] = self.errors().to_le_bytes();
-        self.say(0x01, &[a, b, c, d, state, 0, 0, 0])
+        self.message(HEARTBEAT, &[a, b, c, d, state, 0, 0, 0])
     }
 
     /// The answer to a remote frame.
-    fn answer(&self, command: u32) -> Option<CanFrame> {
+    fn answer(&self, message: u32) -> Option<CanFrame> {
         let f = |value: f64| (value as f32).to_le_bytes();
         let core = &self.core;
-        let data = match command {
+        let data = match message {
             // Protocol 2, hardware 5.2, firmware 0.6.10.
-            0x00 => [2, 5, 2, 0, 0, 6, 10, 0],
-            0x01 => return Some(self.heartbeat()),
-            0x03 => two(
+            VERSION => [2, 5, 2, 0, 0, 6, 10, 0],
+            HEARTBEAT => return Some(self.heartbeat()),
+            ERROR => two_words(
                 self.errors().to_le_bytes(),
                 self.disarm_reason.to_le_bytes(),
             ),
-            0x09 => two(
+            ENCODER => two_words(
                 f(core.angle_rad() * self.turns_per_rad()),
                 f(core.speed_rad_s() * self.turns_per_rad()),
             ),
-            0x14 => two(f(core.torque_nm()), f(core.torque_nm())),
-            0x15 => two(f(core.temperature_c()), f(core.temperature_c())),
-            0x17 => two(f(core.supply_v()), f(0.0)),
+            TORQUES => two_words(f(core.torque_nm()), f(core.torque_nm())),
+            TEMPERATURES => two_words(f(core.temperature_c()), f(core.temperature_c())),
+            BUS_VOLTAGE => two_words(f(core.supply_v()), f(0.0)),
             _ => return None,
         };
-        Some(self.say(command, &data))
+        Some(self.message(message, &data))
     }
 
     /// Position and velocity gain as gains of the joint's axis.
@@ -109,8 +112,8 @@ impl OdriveAxis {
         let gear = self.core.settings.gear_ratio;
         let kd = f64::from(self.velocity_gain) * gear * gear / TAU;
         let goal_rad = f64::from(self.input_turns) / self.turns_per_rad();
-        if self.modes == [3, 1] && goal_rad.is_finite() {
-            self.core.command(Command {
+        if self.modes == [POSITION_CONTROL, PASSTHROUGH] && goal_rad.is_finite() {
+            self.core.command(TorqueCommand {
                 goal_rad,
                 speed_rad_s: 0.0,
                 kp: kd * f64::from(self.position_gain),
@@ -143,10 +146,10 @@ impl OdriveAxis {
         let endpoint = u16::from_le_bytes([low, high]);
         let [timeout, enable] = WATCHDOG_ENDPOINTS;
         if opcode == 1 {
-            match endpoint {
-                _ if endpoint == timeout => self.watchdog_s = f32::from_le_bytes(value),
-                _ if endpoint == enable => self.watchdog_enabled = value[0] != 0,
-                _ => {}
+            if endpoint == timeout {
+                self.watchdog_s = f32::from_le_bytes(value);
+            } else if endpoint == enable {
+                self.watchdog_enabled = value[0] != 0;
             }
             self.apply_watchdog();
         } else {
@@ -155,16 +158,9 @@ impl OdriveAxis {
                 _ if endpoint == enable => [u8::from(self.watchdog_enabled), 0, 0, 0],
                 _ => return,
             };
-            out.push(self.say(0x05, &two([0, low, high, 0], value)));
+            out.push(self.message(TX_SDO, &two_words([0, low, high, 0], value)));
         }
     }
-}
-
-/// Two little-endian words.
-fn two(a: [u8; 4], b: [u8; 4]) -> [u8; 8] {
-    let [a0, a1, a2, a3] = a;
-    let [b0, b1, b2, b3] = b;
-    [a0, a1, a2, a3, b0, b1, b2, b3]
 }
 
 fn float(data: &[u8], at: usize) -> Option<f32> {
@@ -172,16 +168,16 @@ fn float(data: &[u8], at: usize) -> Option<f32> {
     Some(f32::from_le_bytes(bytes.try_into().ok()?))
 }
 
-impl Device for OdriveAxis {
-    fn core(&self) -> &Core {
+impl CanDevice for OdriveAxis {
+    fn core(&self) -> &MotorCore {
         &self.core
     }
 
-    fn core_mut(&mut self) -> &mut Core {
+    fn core_mut(&mut self) -> &mut MotorCore {
         &mut self.core
     }
 
-    fn hear(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>) {
+    fn receive(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>) {
         let is_ours = !frame.is_extended() && frame.id() >> 5 == u32::from(self.core.id);
         if !is_ours {
             return;
@@ -193,43 +189,43 @@ impl Device for OdriveAxis {
         }
         let data = frame.data();
         let word = |at: usize| float(data, at).map(f32::to_bits);
-        let was_trouble = self.core.trouble;
+        let was_faulty = self.core.fault;
         match command {
-            0x02 => self.core.disable(),
-            0x04 => {
+            ESTOP => self.core.disable(),
+            RX_SDO => {
                 if let Some(data) = frame.eight() {
                     self.access(data, out);
                 }
             }
-            0x07 => {
+            SET_STATE => {
                 if let Some(state) = word(0) {
                     self.core.feed();
                     self.request_state(state);
                 }
             }
-            0x0B => {
+            MODES => {
                 if let (Some(control), Some(input)) = (word(0), word(4)) {
                     self.modes = [control, input];
                 }
             }
-            0x0C => {
+            INPUT_POSITION => {
                 if let Some(turns) = float(data, 0) {
                     self.core.feed();
                     self.input_turns = turns;
                     self.follow();
                 }
             }
-            0x0F => self.velocity_limit = float(data, 0).unwrap_or(self.velocity_limit),
-            0x16 => {
+            LIMITS => self.velocity_limit = float(data, 0).unwrap_or(self.velocity_limit),
+            REBOOT => {
                 self.core.reboot();
                 self.restart();
             }
-            0x18 => self.core.clear(),
-            0x1A => self.position_gain = float(data, 0).unwrap_or(self.position_gain),
-            0x1B => self.velocity_gain = float(data, 0).unwrap_or(self.velocity_gain),
+            CLEAR_ERRORS => self.core.clear(),
+            POSITION_GAIN => self.position_gain = float(data, 0).unwrap_or(self.position_gain),
+            VELOCITY_GAINS => self.velocity_gain = float(data, 0).unwrap_or(self.velocity_gain),
             _ => {}
         }
-        if was_trouble.is_some() {
+        if was_faulty.is_some() {
             self.disarm_reason = self.errors();
         }
     }
@@ -246,7 +242,7 @@ impl Device for OdriveAxis {
         self.position_gain = 20.0;
         self.velocity_gain = 0.167;
         self.velocity_limit = 10.0;
-        self.modes = [3, 1];
+        self.modes = [POSITION_CONTROL, PASSTHROUGH];
         self.watchdog_s = 0.0;
         self.watchdog_enabled = false;
         self.disarm_reason = 0;

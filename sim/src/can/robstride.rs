@@ -1,36 +1,31 @@
 //! Simulated RobStride motors.
 
 use servodance_drivers::can::CanFrame;
+use servodance_drivers::can::mit::framing::{from_code, from_span_code};
+use servodance_drivers::can::robstride::registers::{
+    BUS_VOLTAGE, EVERY_HOST, HOST, MODE, RUNNING, TIMEOUT, TIMEOUT_UNITS_PER_MS, TORQUE_LIMIT, id,
+    message,
+};
 
-use crate::can::core::{Command, Core, Trouble};
-use crate::can::net::Device;
+use crate::can::mit::code;
+use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
+use crate::can::net::CanDevice;
 
-mod kind {
-    pub const GET_ID: u32 = 0;
-    pub const CONTROL: u32 = 1;
-    pub const FEEDBACK: u32 = 2;
-    pub const ENABLE: u32 = 3;
-    pub const STOP: u32 = 4;
-    pub const READ: u32 = 17;
-    pub const WRITE: u32 = 18;
-}
+/// Indices of parameters that are only read: position and speed.
+const POSITION: [u16; 2] = [0x7016, 0x7019];
+const SPEED: u16 = 0x701B;
 
-/// The parameters that are kept.
-const MODE: u16 = 0x7005;
-const TORQUE_LIMIT: u16 = 0x700B;
-const TIMEOUT: u16 = 0x7028;
-
-/// One motor.
+/// One RobStride motor.
 #[derive(Debug)]
-pub struct RobstrideMotor {
-    core: Core,
+pub(crate) struct RobstrideMotor {
+    core: MotorCore,
     mode: u32,
     timeout_units: u32,
 }
 
 impl RobstrideMotor {
     /// A motor fresh from the factory but for its id.
-    pub fn new(core: Core) -> Self {
+    pub fn new(core: MotorCore) -> Self {
         Self {
             core,
             mode: 0,
@@ -39,139 +34,133 @@ impl RobstrideMotor {
     }
 
     fn faults(&self) -> u32 {
-        match self.core.trouble {
-            None | Some(Trouble::CommunicationLost) => 0,
-            Some(Trouble::UnderVoltage | Trouble::OverVoltage) => 1,
-            Some(Trouble::Overheat) => 1 << 2,
-            Some(Trouble::Overload) => 1 << 4,
+        match self.core.fault {
+            None | Some(MotorFault::CommunicationLost) => 0,
+            Some(MotorFault::UnderVoltage | MotorFault::OverVoltage) => 1,
+            Some(MotorFault::Overheat) => 1 << 2,
+            Some(MotorFault::Overload) => 1 << 4,
         }
     }
 
     fn feedback(&self, host: u32) -> CanFrame {
         let core = &self.core;
         let model = &core.settings.model;
-        let code = |value: f64, range: f64| {
-            let share = (value + range) / (2.0 * range);
-            (share * 65_535.0).round().clamp(0.0, 65_535.0) as u16
-        };
         let words = [
-            code(core.angle_rad(), model.position_rad),
-            code(core.speed_rad_s(), model.velocity_rad_s),
-            code(core.torque_nm(), model.torque_nm),
-            (core.temperature_c() * 10.0).round().clamp(0.0, 65_535.0) as u16,
+            code(core.angle_rad(), model.position_rad, 16),
+            code(core.speed_rad_s(), model.velocity_rad_s, 16),
+            code(core.torque_nm(), model.torque_nm, 16),
+            (core.temperature_c() * 10.0).round().clamp(0.0, 65_535.0) as u32,
         ];
         let mut data = [0; 8];
         for (pair, word) in data.chunks_exact_mut(2).zip(words) {
-            pair.copy_from_slice(&word.to_be_bytes());
+            pair.copy_from_slice(&(word as u16).to_be_bytes());
         }
-        let mode = if core.enabled() { 2 } else { 0 };
-        let bits = mode << 22 | self.faults() << 16 | u32::from(core.id) << 8;
-        CanFrame::extended(kind::FEEDBACK << 24 | bits | host, &data)
+        let mode = if core.enabled() { RUNNING } else { 0 };
+        let data16 = mode << 14 | self.faults() << 8 | u32::from(core.id);
+        CanFrame::extended(id(message::FEEDBACK, data16, host), &data)
     }
 
     fn parameter(&self, index: u16) -> Option<[u8; 4]> {
         let f = |value: f64| (value as f32).to_le_bytes();
         Some(match index {
-            MODE => self.mode.to_le_bytes(),
-            TORQUE_LIMIT => f(self.core.torque_limit_nm),
-            0x7016 | 0x7019 => f(self.core.angle_rad()),
-            0x701B => f(self.core.speed_rad_s()),
-            0x701C => f(self.core.supply_v()),
-            TIMEOUT => self.timeout_units.to_le_bytes(),
+            _ if index == MODE.0 => self.mode.to_le_bytes(),
+            _ if index == TORQUE_LIMIT.0 => f(self.core.torque_limit_nm),
+            _ if POSITION.contains(&index) => f(self.core.angle_rad()),
+            SPEED => f(self.core.speed_rad_s()),
+            _ if index == BUS_VOLTAGE.0 => f(self.core.supply_v()),
+            _ if index == TIMEOUT.0 => self.timeout_units.to_le_bytes(),
             _ => return None,
         })
     }
 
     fn set_parameter(&mut self, index: u16, value: [u8; 4]) {
-        match index {
-            // The mode changes with torque off only.
-            MODE if !self.core.enabled() => self.mode = u32::from_le_bytes(value) & 0xFF,
-            TORQUE_LIMIT => {
-                let asked_nm = f64::from(f32::from_le_bytes(value));
-                let most_nm = self.core.settings.model.torque_nm;
-                if asked_nm >= 0.0 {
-                    self.core.torque_limit_nm = asked_nm.min(most_nm);
-                }
+        if index == MODE.0 && !self.core.enabled() {
+            self.mode = u32::from_le_bytes(value) & 0xFF;
+        } else if index == TORQUE_LIMIT.0 {
+            let asked_nm = f64::from(f32::from_le_bytes(value));
+            let most_nm = self.core.settings.model.torque_nm;
+            if asked_nm >= 0.0 {
+                self.core.torque_limit_nm = asked_nm.min(most_nm);
             }
-            TIMEOUT => {
-                self.timeout_units = u32::from_le_bytes(value);
-                let seconds = f64::from(self.timeout_units) / 20_000.0;
-                self.core.timeout_s = (seconds > 0.0).then_some(seconds);
-            }
-            _ => {}
+        } else if index == TIMEOUT.0 {
+            self.timeout_units = u32::from_le_bytes(value);
+            let seconds = f64::from(self.timeout_units) * 1e-3 / f64::from(TIMEOUT_UNITS_PER_MS);
+            self.core.timeout_s = (seconds > 0.0).then_some(seconds);
         }
     }
 
     fn control(&mut self, torque: u32, data: [u8; 8]) {
         let model = self.core.settings.model;
-        let word = |at: usize| f64::from(u16::from_be_bytes([data[at], data[at + 1]])) / 65_535.0;
-        let around = |share: f64, range: f64| (2.0 * share - 1.0) * range;
+        let word = |at: usize| u32::from(u16::from_be_bytes([data[at], data[at + 1]]));
         if self.mode != 0 {
             return;
         }
-        self.core.command(Command {
-            goal_rad: around(word(0), model.position_rad),
-            speed_rad_s: around(word(2), model.velocity_rad_s),
-            kp: word(4) * model.kp_max,
-            kd: word(6) * model.kd_max,
-            torque_nm: around(f64::from(torque) / 65_535.0, model.torque_nm),
+        self.core.command(TorqueCommand {
+            goal_rad: from_code(word(0), model.position_rad, 16),
+            speed_rad_s: from_code(word(2), model.velocity_rad_s, 16),
+            kp: from_span_code(word(4), model.kp_max, 16),
+            kd: from_span_code(word(6), model.kd_max, 16),
+            torque_nm: from_code(torque, model.torque_nm, 16),
         });
     }
 }
 
-impl Device for RobstrideMotor {
-    fn core(&self) -> &Core {
+impl CanDevice for RobstrideMotor {
+    fn core(&self) -> &MotorCore {
         &self.core
     }
 
-    fn core_mut(&mut self) -> &mut Core {
+    fn core_mut(&mut self) -> &mut MotorCore {
         &mut self.core
     }
 
-    fn hear(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>) {
-        let id = frame.id();
-        let is_ours = frame.is_extended() && id & 0xFF == u32::from(self.core.id);
+    fn receive(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>) {
+        let frame_id = frame.id();
+        let is_ours = frame.is_extended() && frame_id & 0xFF == u32::from(self.core.id);
         let Some(data) = frame.eight().filter(|_| is_ours) else {
             return;
         };
         self.core.feed();
-        let data16 = id >> 8 & 0xFFFF;
+        let data16 = frame_id >> 8 & 0xFFFF;
         let host = data16 & 0xFF;
         let motor = u32::from(self.core.id);
         let index = u16::from_le_bytes([data[0], data[1]]);
-        match id >> 24 {
-            kind::GET_ID => {
+        match frame_id >> 24 {
+            message::GET_ID => {
                 let unique = [b's', b'i', b'm', 0, 0, 0, 0, self.core.id];
-                out.push(CanFrame::extended(motor << 8 | 0xFE, &unique));
+                out.push(CanFrame::extended(
+                    id(message::GET_ID, motor, EVERY_HOST),
+                    &unique,
+                ));
             }
-            kind::CONTROL => {
+            message::CONTROL => {
                 self.control(data16, data);
-                out.push(self.feedback(0xFD));
+                out.push(self.feedback(HOST));
             }
-            kind::ENABLE => {
+            message::ENABLE => {
                 self.core.enable();
                 out.push(self.feedback(host));
             }
-            kind::STOP => {
+            message::STOP => {
                 self.core.disable();
                 if data[0] == 1 {
                     self.core.clear();
                 }
                 // Silence is no fault here: the motor is stopped already.
-                if self.core.trouble == Some(Trouble::CommunicationLost) {
+                if self.core.fault == Some(MotorFault::CommunicationLost) {
                     self.core.clear();
                 }
                 out.push(self.feedback(host));
             }
-            kind::READ => {
+            message::READ => {
                 let value = self.parameter(index);
                 let refused = u32::from(value.is_none());
                 let [a, b, c, d] = value.unwrap_or_default();
                 let answer = [data[0], data[1], 0, 0, a, b, c, d];
-                let bits = refused << 16 | motor << 8 | host;
-                out.push(CanFrame::extended(kind::READ << 24 | bits, &answer));
+                let answered = id(message::READ, refused << 8 | motor, host);
+                out.push(CanFrame::extended(answered, &answer));
             }
-            kind::WRITE => {
+            message::WRITE => {
                 self.set_parameter(index, [data[4], data[5], data[6], data[7]]);
                 out.push(self.feedback(host));
             }

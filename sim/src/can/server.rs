@@ -3,7 +3,7 @@
 //!
 //! In real time a frame takes effect when its last bit has passed (no stuff
 //! bits), and an answer is handed over when its own has. In lockstep wire time
-//! is only counted, and what motors say by themselves goes out in front of the
+//! is only counted, and what motors send unasked goes out in front of the
 //! next answer, so that a run can be repeated.
 
 use std::sync::Arc;
@@ -12,17 +12,17 @@ use std::time::Duration;
 
 use servodance_drivers::can::CanFrame;
 
+use crate::bus::options::SimClock;
+use crate::bus::shared::Shared;
 use crate::can::Adapter;
-use crate::fault::Passed;
-use crate::shared::Shared;
-use crate::spec::SimClock;
+use crate::fault::wire::CanPassage;
 
-/// How often the thread looks whether it is to end, or a motor has something to say.
+/// How often the thread looks whether it is to end, or a motor sends unasked.
 const WAKE: Duration = Duration::from_millis(5);
 /// An error frame, and the pause after it: bits.
 const ERROR_BITS: f64 = 23.0;
 
-/// Serves one bus.
+/// Serves the motors of one bus.
 pub(crate) struct CanServer {
     shared: Arc<Shared>,
     adapter: Box<dyn Adapter>,
@@ -71,7 +71,7 @@ impl CanServer {
         }
     }
 
-    /// A frame from the host takes its time, then the motors hear it.
+    /// A frame from the host takes its time, then the motors receive it.
     fn serve(&mut self, frame: &CanFrame) {
         self.pass(frame);
         if self.shared.faults().echoes() {
@@ -84,12 +84,12 @@ impl CanServer {
         self.shared.wait_until(self.wire_free_s);
         let answers = {
             let mut world = self.shared.world();
-            let mut said = match self.shared.clock {
+            let mut frames = match self.shared.clock {
                 SimClock::Lockstep => world.line.due(),
                 SimClock::Realtime => Vec::new(),
             };
-            said.extend(world.line.hear(frame));
-            said
+            frames.extend(world.line.receive(frame));
+            frames
         };
         self.answer(answers);
     }
@@ -110,14 +110,14 @@ impl CanServer {
         }
         for frame in frames {
             self.pass(&frame);
-            let Passed {
+            let CanPassage {
                 copies,
                 damaged,
                 late_s,
                 noise,
             } = self.shared.faults().pass_frame();
             if damaged {
-                // The sender sees the error and says it again.
+                // The sender sees the error and repeats the frame.
                 self.occupy(ERROR_BITS);
                 self.pass(&frame);
             }

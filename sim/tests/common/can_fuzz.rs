@@ -147,7 +147,7 @@ fn robot(model: &str) -> Vec<Servo> {
 
 fn net(servos: &[Servo]) -> Box<dyn Line> {
     let specs: Vec<SimServoSpec> = servos.iter().map(Into::into).collect();
-    Box::new(build_net(&specs, None, 0.01).unwrap())
+    build_net(&specs, None, 0.01).unwrap()
 }
 
 /// Frames for the simulated motors, which move meanwhile.
@@ -156,7 +156,7 @@ pub fn commands(dice: &mut Dice, inputs: u64, model: &str) -> Tally {
     let servos = robot(model);
     let mut line = net(&servos);
     for k in 0..inputs {
-        match line.hear(&dice.frame()).len() {
+        match line.receive(&dice.frame()).len() {
             0 => tally.refused += 1,
             _ => tally.sound += 1,
         }
@@ -202,7 +202,7 @@ impl CanLink for DamagedLink {
         self.time_s += 1e-4;
         self.line.step(self.time_s, 1e-4, false);
         let mut said = self.line.due();
-        said.extend(self.line.hear(frame));
+        said.extend(self.line.receive(frame));
         for frame in said {
             let frame = self.damaged(frame);
             self.queue.push_back(frame);

@@ -1,6 +1,6 @@
 //! `servodance bench model`.
 
-use crate::cli::engine::EngineArgs;
+use crate::cli::options::engine::EngineArgs;
 use servodance_lab::bench::model::{ModelBench, ModelBenchReport, run as measure};
 use servodance_model::EngineKind;
 use servodance_runtime::console::say;

@@ -51,7 +51,7 @@ pub struct Args {
 
 #[cfg(not(feature = "stage"))]
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
-    crate::cli::stage_place::not_built_in("bench stage")
+    crate::cli::options::stage::not_built_in("bench stage")
 }
 
 #[cfg(feature = "stage")]

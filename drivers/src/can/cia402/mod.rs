@@ -7,21 +7,26 @@
 //! The drive's own position loop is used, so `kp` and `kd` mean nothing here.
 
 mod errors;
+#[doc(hidden)] // public for the simulated motors alone
 pub mod registers;
 mod scan;
 
 use std::f64::consts::TAU;
 use std::io;
 
+use crate::bus::kind::BusKind;
+use crate::can::client::MotorClient;
 use crate::can::cycle_frames::CycleFrames;
-use crate::can::exchange::{CanExchange, MotorStatus};
+use crate::can::exchange::MotorStatus;
 use crate::can::family::CanFamily;
+use crate::can::models::drive;
 use crate::can::motor::MotorSettings;
 use crate::can::rounding::whole_range;
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
 use crate::error::BusError;
 use crate::servo::Servo;
+use crate::servo::model::ServoModel;
 
 use self::errors::{LOST, abort_name, error_name};
 use self::registers::{
@@ -46,6 +51,8 @@ const LADDER: [(u32, u16, &str); 3] = [
     (0x0F, OPERATION_ENABLED.1, "operation enabled"),
 ];
 
+static MODELS: [ServoModel; 1] = [drive("CiA402", BusKind::Cia402)];
+
 /// CiA 402 drives.
 pub(crate) struct Cia402;
 
@@ -58,16 +65,14 @@ fn sdo(servo: &Servo, command: u8, object: SdoObject, value: [u8; 4]) -> CanFram
 
 /// Sends one SDO; the value bytes of the answer.
 fn transfer(
-    bus: &mut CanExchange,
-    index: usize,
+    client: &mut MotorClient,
     command: u8,
     object: SdoObject,
     value: [u8; 4],
 ) -> Result<[u8; 4], BusError> {
-    let servo = bus.servos[index].clone();
-    let request = sdo(&servo, command, object, value);
+    let request = sdo(client.servo(), command, object, value);
     let [low, high] = object.0.to_le_bytes();
-    bus.ask(index, &request, object.3, |frame| {
+    client.ask(&request, object.3, |servo, frame| {
         if frame.is_extended() || frame.id() != SDO_ANSWER + u32::from(servo.id) {
             return None;
         }
@@ -85,45 +90,39 @@ fn transfer(
     })
 }
 
-fn read(bus: &mut CanExchange, index: usize, object: SdoObject) -> Result<u32, BusError> {
-    let bytes = transfer(bus, index, UPLOAD, object, [0; 4])?;
+fn read(client: &mut MotorClient, object: SdoObject) -> Result<u32, BusError> {
+    let bytes = transfer(client, UPLOAD, object, [0; 4])?;
     let unused = 8 * (4 - u32::from(object.2));
     Ok(u32::from_le_bytes(bytes) << unused >> unused)
 }
 
-fn write(
-    bus: &mut CanExchange,
-    index: usize,
-    object: SdoObject,
-    value: u32,
-) -> Result<(), BusError> {
-    transfer(bus, index, download(object), object, value.to_le_bytes()).map(|_| ())
+fn write(client: &mut MotorClient, object: SdoObject, value: u32) -> Result<(), BusError> {
+    transfer(client, download(object), object, value.to_le_bytes()).map(|_| ())
 }
 
 /// Writes an object and reads it back.
-fn set(bus: &mut CanExchange, index: usize, object: SdoObject, value: u32) -> Result<(), BusError> {
-    write(bus, index, object, value)?;
-    let actual = read(bus, index, object)?;
-    bus.verify(index, object.3, actual, value)
+fn set(client: &mut MotorClient, object: SdoObject, value: u32) -> Result<(), BusError> {
+    write(client, object, value)?;
+    let actual = read(client, object)?;
+    client.verify(object.3, actual, value)
 }
 
 /// Maps objects into a PDO with this id.
 fn map_pdo(
-    bus: &mut CanExchange,
-    index: usize,
+    client: &mut MotorClient,
     (communication, mapping): (u16, u16),
     id: u32,
     objects: &[SdoObject],
 ) -> Result<(), BusError> {
     const NAME: &str = "PDO mapping";
-    write(bus, index, (communication, 1, 4, NAME), id | PDO_OFF)?;
-    write(bus, index, (communication, 2, 1, NAME), 1)?;
-    write(bus, index, (mapping, 0, 1, NAME), 0)?;
+    write(client, (communication, 1, 4, NAME), id | PDO_OFF)?;
+    write(client, (communication, 2, 1, NAME), 1)?;
+    write(client, (mapping, 0, 1, NAME), 0)?;
     for (entry, object) in (1..).zip(objects) {
-        set(bus, index, (mapping, entry, 4, NAME), mapped(*object))?;
+        set(client, (mapping, entry, 4, NAME), mapped(*object))?;
     }
-    set(bus, index, (mapping, 0, 1, NAME), objects.len() as u32)?;
-    set(bus, index, (communication, 1, 4, NAME), id)
+    set(client, (mapping, 0, 1, NAME), objects.len() as u32)?;
+    set(client, (communication, 1, 4, NAME), id)
 }
 
 /// Increments of the motor for an angle after the gear.
@@ -156,44 +155,43 @@ fn heartbeat() -> CanFrame {
 
 impl Cia402 {
     /// The fault of a drive with this status word.
-    fn fault(bus: &mut CanExchange, index: usize, status: u16) -> Result<Option<String>, BusError> {
+    fn fault(client: &mut MotorClient, status: u16) -> Result<Option<String>, BusError> {
         if status & FAULT == 0 {
             return Ok(None);
         }
-        let code = read(bus, index, ERROR_CODE)?;
+        let code = read(client, ERROR_CODE)?;
         Ok(Some(format!("fault, {}", error_name(code as u16))))
     }
 }
 
 impl CanFamily for Cia402 {
-    fn cycle_frames(&self) -> CycleFrames {
-        CycleFrames {
-            extended: false,
-            once: &[0, 1],
-            each_motor: &[6, 8],
-        }
+    fn models(&self) -> &'static [ServoModel] {
+        &MODELS
     }
 
-    fn torque_off(&self, bus: &mut CanExchange, index: usize) -> Result<MotorStatus, BusError> {
-        write(bus, index, CONTROL, 0)?;
-        let status = read(bus, index, STATUS)? as u16;
+    fn cycle_frames(&self) -> CycleFrames {
+        CycleFrames::new(false, &[0, 1], &[6, 8])
+    }
+
+    fn torque_off(&self, client: &mut MotorClient) -> Result<MotorStatus, BusError> {
+        write(client, CONTROL, 0)?;
+        let status = read(client, STATUS)? as u16;
         if is_enabled(status) {
-            return Err(bus.unfit(
-                index,
+            return Err(client.unfit(
                 STATUS.3,
                 format!("{status:04X}"),
                 "off after control word 0",
             ));
         }
-        let mut fault = Self::fault(bus, index, status)?;
+        let mut fault = Self::fault(client, status)?;
         // A heartbeat that was lost before this program began is cleared.
         if fault.as_ref().is_some_and(|fault| fault.contains(LOST)) {
-            write(bus, index, CONTROL, FAULT_RESET)?;
-            let status = read(bus, index, STATUS)? as u16;
-            fault = Self::fault(bus, index, status)?;
+            write(client, CONTROL, FAULT_RESET)?;
+            let status = read(client, STATUS)? as u16;
+            fault = Self::fault(client, status)?;
         }
-        let position = read(bus, index, POSITION)? as i32;
-        let motor = bus.servos[index].motor.as_ref();
+        let position = read(client, POSITION)? as i32;
+        let motor = client.servo().motor.as_ref();
         Ok(MotorStatus {
             position_rad: motor.map_or(f64::NAN, |motor| angle_rad(motor, position)),
             velocity_rad_s: 0.0,
@@ -203,65 +201,52 @@ impl CanFamily for Cia402 {
         })
     }
 
-    fn set_up(
-        &self,
-        bus: &mut CanExchange,
-        index: usize,
-        _notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
-        let servo = bus.servos[index].clone();
+    fn set_up(&self, client: &mut MotorClient, _notes: &mut Vec<String>) -> Result<(), BusError> {
+        let servo = client.servo().clone();
         let id = u32::from(servo.id);
-        let device = read(bus, index, DEVICE_TYPE)?;
+        let device = read(client, DEVICE_TYPE)?;
         if device & 0xFFFF != PROFILE {
             let actual = format!("profile {}", device & 0xFFFF);
-            return Err(bus.unfit(index, DEVICE_TYPE.3, actual, "profile 402"));
+            return Err(client.unfit(DEVICE_TYPE.3, actual, "profile 402"));
         }
-        let deadline = bus.deadline(1);
-        bus.transmit(&nmt(&servo, NMT_PRE_OPERATIONAL), deadline, "setting up")?;
-        map_pdo(bus, index, RPDO_PARAMETERS, RPDO + id, &[CONTROL, TARGET])?;
+        client.send(&[nmt(&servo, NMT_PRE_OPERATIONAL)], "setting up")?;
+        map_pdo(client, RPDO_PARAMETERS, RPDO + id, &[CONTROL, TARGET])?;
         let reported = [STATUS, POSITION, TORQUE];
-        map_pdo(bus, index, TPDO_PARAMETERS, TPDO + id, &reported)?;
-        write(bus, index, MODE, CYCLIC_POSITION)?;
-        let mode = read(bus, index, MODE_SHOWN)?;
-        bus.verify(index, MODE_SHOWN.3, mode, CYCLIC_POSITION)?;
+        map_pdo(client, TPDO_PARAMETERS, TPDO + id, &reported)?;
+        write(client, MODE, CYCLIC_POSITION)?;
+        let mode = read(client, MODE_SHOWN)?;
+        client.verify(MODE_SHOWN.3, mode, CYCLIC_POSITION)?;
         if let Some(motor) = &servo.motor {
             let share = motor.torque_limit_nm / motor.model.torque_nm;
             let per_mille = (share * 1000.0).round() as u32;
-            set(bus, index, MAX_TORQUE, per_mille)?;
+            set(client, MAX_TORQUE, per_mille)?;
         }
-        set(bus, index, ABORT_OPTION, DISABLE_VOLTAGE)?;
-        let watched = HOST << 16 | bus.config.watchdog_ms;
-        set(bus, index, CONSUMER, watched)
+        set(client, ABORT_OPTION, DISABLE_VOLTAGE)?;
+        let watched = HOST << 16 | client.config().watchdog_ms;
+        set(client, CONSUMER, watched)
     }
 
-    fn torque_on(
-        &self,
-        bus: &mut CanExchange,
-        index: usize,
-        motor_rad: f64,
-    ) -> Result<(), BusError> {
-        let servo = bus.servos[index].clone();
+    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> Result<(), BusError> {
+        let servo = client.servo().clone();
         let Some(motor) = &servo.motor else {
             return Ok(());
         };
         // The drive begins to watch with the first heartbeat it hears.
-        let deadline = bus.deadline(2);
-        bus.transmit(&heartbeat(), deadline, "torque on")?;
-        bus.transmit(&nmt(&servo, NMT_START), deadline, "torque on")?;
+        client.send(&[heartbeat(), nmt(&servo, NMT_START)], "torque on")?;
         let hold = target_counts(&servo, motor, servo.joint_rad(motor_rad));
-        set(bus, index, TARGET, hold as u32)?;
+        set(client, TARGET, hold as u32)?;
         for (control, wanted, name) in LADDER {
-            write(bus, index, CONTROL, control)?;
-            let status = read(bus, index, STATUS)? as u16;
-            if let Some(fault) = Self::fault(bus, index, status)? {
-                return Err(bus.faulty(index, &fault));
+            write(client, CONTROL, control)?;
+            let status = read(client, STATUS)? as u16;
+            if let Some(fault) = Self::fault(client, status)? {
+                return Err(client.bus.faulty(client.index, &fault));
             }
             if status & OPERATION_ENABLED.0 != wanted {
                 let actual = format!("{status:04X}");
-                return Err(bus.unfit(index, STATUS.3, actual, name));
+                return Err(client.unfit(STATUS.3, actual, name));
             }
         }
-        bus.transmit(&heartbeat(), deadline, "torque on")
+        client.send(&[heartbeat()], "torque on")
     }
 
     fn torque_off_frames(&self, servo: &Servo, out: &mut Vec<CanFrame>) {
@@ -325,13 +310,8 @@ impl CanFamily for Cia402 {
         }
     }
 
-    fn scan(
-        &self,
-        scanner: &mut ScanLink,
-        heard: &[CanFrame],
-        may_send_standard: bool,
-    ) -> io::Result<Vec<CanFound>> {
-        scan::devices(scanner, heard, may_send_standard)
+    fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
+        scan::devices(scanner)
     }
 }
 

@@ -13,12 +13,9 @@ use crate::can::transport::{CanFrame, word};
 const CIA402: u32 = 402;
 
 /// The CANopen devices that were heard, and those that answer if they may be asked.
-pub fn devices(
-    scanner: &mut ScanLink,
-    heard: &[CanFrame],
-    may_ask: bool,
-) -> io::Result<Vec<CanFound>> {
-    let mut ids: Vec<u8> = heard.iter().filter_map(heartbeat).collect();
+pub fn devices(scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
+    let mut ids: Vec<u8> = scanner.heard.iter().filter_map(heartbeat).collect();
+    let may_ask = scanner.may_send_standard;
     if may_ask {
         let request = |id| request(id, DEVICE_TYPE);
         scanner.ask_all(request, |frame| {

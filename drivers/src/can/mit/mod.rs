@@ -13,21 +13,26 @@
 //! The reply carries torque, not current: [`servodance_types::JointState`] shows a
 //! current of 0.
 
+#[doc(hidden)]
 pub mod framing;
+mod models;
+#[doc(hidden)] // public for the simulated motors alone
 pub mod registers;
 mod scan;
 
 use std::io;
 
 use crate::bus::Health;
+use crate::can::client::MotorClient;
 use crate::can::cycle_frames::CycleFrames;
-use crate::can::exchange::{CanExchange, MotorStatus};
+use crate::can::exchange::MotorStatus;
 use crate::can::family::CanFamily;
 use crate::can::motor::{MotorModel, MotorSettings};
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
 use crate::error::BusError;
 use crate::servo::Servo;
+use crate::servo::model::ServoModel;
 
 use self::framing::{from_code, pack_command, position_code, span_code, to_code, unpack_reply};
 use self::registers::{
@@ -100,43 +105,40 @@ fn parse_register(servo: &Servo, frame: &CanFrame, command: u8, register: u8) ->
 
 /// Reads or writes a register; its bytes afterwards.
 fn access(
-    bus: &mut CanExchange,
-    index: usize,
+    client: &mut MotorClient,
     command: u8,
     (register, name): MitRegister,
     value: [u8; 4],
 ) -> Result<[u8; 4], BusError> {
-    let servo = bus.servos[index].clone();
     let [a, b, c, d] = value;
-    let data = [servo.id, 0, command, register, a, b, c, d];
+    let data = [client.servo().id, 0, command, register, a, b, c, d];
     let question = CanFrame::standard(REGISTER_ID, &data);
-    bus.ask(index, &question, name, |frame| {
-        parse_register(&servo, frame, command, register).map(Ok)
+    client.ask(&question, name, |servo, frame| {
+        parse_register(servo, frame, command, register).map(Ok)
     })
 }
 
-fn read(bus: &mut CanExchange, index: usize, at: MitRegister) -> Result<[u8; 4], BusError> {
-    access(bus, index, READ, at, [0; 4])
+fn read(client: &mut MotorClient, at: MitRegister) -> Result<[u8; 4], BusError> {
+    access(client, READ, at, [0; 4])
 }
 
 /// Writes a whole number where it differs and reads it back; `notes` gets the change
 /// of a register that the motor keeps without power.
 fn set(
-    bus: &mut CanExchange,
-    index: usize,
+    client: &mut MotorClient,
     at: MitRegister,
     value: u32,
     notes: Option<&mut Vec<String>>,
 ) -> Result<(), BusError> {
-    let old = u32::from_le_bytes(read(bus, index, at)?);
+    let old = u32::from_le_bytes(read(client, at)?);
     if old == value {
         return Ok(());
     }
-    access(bus, index, WRITE, at, value.to_le_bytes())?;
-    let now = u32::from_le_bytes(read(bus, index, at)?);
-    bus.verify(index, at.1, now, value)?;
+    access(client, WRITE, at, value.to_le_bytes())?;
+    let now = u32::from_le_bytes(read(client, at)?);
+    client.verify(at.1, now, value)?;
     if let Some(notes) = notes {
-        let servo = bus.id_of(index);
+        let servo = client.bus.id_of(client.index);
         notes.push(format!("{servo}: {} changed from {old} to {value}", at.1));
     }
     Ok(())
@@ -153,8 +155,7 @@ fn gain_share(motor: &MotorSettings, goal_rad: f64, status: &MotorStatus) -> f64
 impl Mit {
     /// A Damiao motor's ranges, mode and time-out.
     fn set_up_damiao(
-        bus: &mut CanExchange,
-        index: usize,
+        client: &mut MotorClient,
         model: MotorModel,
         notes: &mut Vec<String>,
     ) -> Result<(), BusError> {
@@ -163,77 +164,67 @@ impl Mit {
             (VMAX, model.velocity_rad_s),
             (TMAX, model.torque_nm),
         ] {
-            let actual = f32::from_le_bytes(read(bus, index, at)?);
-            bus.verify_f32(index, at.1, f64::from(actual), wanted)?;
+            let actual = f32::from_le_bytes(read(client, at)?);
+            client.verify_f32(at.1, f64::from(actual), wanted)?;
         }
-        let reply_id = settings(&bus.servos[index]).map_or(0, |motor| u32::from(motor.reply_id));
-        let actual = u32::from_le_bytes(read(bus, index, REPLY_ID)?);
-        bus.verify(index, REPLY_ID.1, actual, reply_id)?;
-        set(bus, index, MODE, MIT_MODE, Some(notes))?;
-        let timeout = bus.config.watchdog_ms * TIMEOUT_UNITS_PER_MS;
-        set(bus, index, TIMEOUT, timeout, None)
+        let reply_id = settings(client.servo()).map_or(0, |motor| u32::from(motor.reply_id));
+        let actual = u32::from_le_bytes(read(client, REPLY_ID)?);
+        client.verify(REPLY_ID.1, actual, reply_id)?;
+        set(client, MODE, MIT_MODE, Some(notes))?;
+        let timeout = client.config().watchdog_ms * TIMEOUT_UNITS_PER_MS;
+        set(client, TIMEOUT, timeout, None)
     }
 }
 
 impl CanFamily for Mit {
-    fn cycle_frames(&self) -> CycleFrames {
-        CycleFrames {
-            extended: false,
-            once: &[],
-            each_motor: &[8, 8],
-        }
+    fn models(&self) -> &'static [ServoModel] {
+        models::MODELS
     }
 
-    fn torque_off(&self, bus: &mut CanExchange, index: usize) -> Result<MotorStatus, BusError> {
-        let servo = bus.servos[index].clone();
-        let has_registers = settings(&servo).is_some_and(|motor| motor.model.has_registers);
-        let ask = |bus: &mut CanExchange, last| {
-            bus.ask(index, &mode_command(&servo, last), "torque off", |frame| {
-                let status = parse_reply(&servo, frame)?;
+    fn cycle_frames(&self) -> CycleFrames {
+        CycleFrames::new(false, &[], &[8, 8])
+    }
+
+    fn torque_off(&self, client: &mut MotorClient) -> Result<MotorStatus, BusError> {
+        let has_registers = settings(client.servo()).is_some_and(|motor| motor.model.has_registers);
+        let ask = |client: &mut MotorClient, last| {
+            let request = mode_command(client.servo(), last);
+            client.ask(&request, "torque off", |servo, frame| {
+                let status = parse_reply(servo, frame)?;
                 // A reply that was under way before still shows torque on.
                 (!has_registers || !status.active).then_some(Ok(status))
             })
         };
-        let mut status = ask(bus, DISABLE)?;
+        let mut status = ask(client, DISABLE)?;
         // A time-out before this program began is cleared.
         let fault = status.fault.as_deref().unwrap_or_default();
         if fault.starts_with(LOST) {
-            status = ask(bus, CLEAR)?;
+            status = ask(client, CLEAR)?;
         }
         status.active = false;
         Ok(status)
     }
 
-    fn set_up(
-        &self,
-        bus: &mut CanExchange,
-        index: usize,
-        notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
-        let Some(model) = settings(&bus.servos[index]).map(|motor| motor.model) else {
+    fn set_up(&self, client: &mut MotorClient, notes: &mut Vec<String>) -> Result<(), BusError> {
+        let Some(model) = settings(client.servo()).map(|motor| motor.model) else {
             return Ok(());
         };
         if model.has_registers {
-            return Self::set_up_damiao(bus, index, model, notes);
+            return Self::set_up_damiao(client, model, notes);
         }
-        let name = bus.servos[index].model.name;
-        let note = bus.without_watchdog(index, format!("{name} has no watchdog in MIT mode"))?;
+        let name = client.servo().model.name;
+        let note = client.without_watchdog(format!("{name} has no watchdog in MIT mode"))?;
         notes.push(format!(
             "{note}; its ranges cannot be read and are believed"
         ));
         Ok(())
     }
 
-    fn torque_on(
-        &self,
-        bus: &mut CanExchange,
-        index: usize,
-        motor_rad: f64,
-    ) -> Result<(), BusError> {
-        let servo = bus.servos[index].clone();
+    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> Result<(), BusError> {
+        let servo = client.servo().clone();
         let on = mode_command(&servo, ENABLE);
-        bus.ask(index, &on, "torque on", |frame| {
-            let status = parse_reply(&servo, frame)?;
+        client.ask(&on, "torque on", |servo, frame| {
+            let status = parse_reply(servo, frame)?;
             match status.fault {
                 Some(fault) => Some(Err(fault)),
                 None => status.active.then_some(Ok(())),
@@ -247,8 +238,8 @@ impl CanFamily for Mit {
         };
         self.target_frames(&servo, servo.joint_rad(motor_rad), &here, &mut hold);
         for frame in &hold {
-            bus.ask(index, frame, "hold position", |frame| {
-                parse_reply(&servo, frame).map(|_| Ok(()))
+            client.ask(frame, "hold position", |servo, frame| {
+                parse_reply(servo, frame).map(|_| Ok(()))
             })?;
         }
         Ok(())
@@ -256,14 +247,13 @@ impl CanFamily for Mit {
 
     fn read_health(
         &self,
-        bus: &mut CanExchange,
-        index: usize,
+        client: &mut MotorClient,
         status: &MotorStatus,
     ) -> Result<Health, BusError> {
-        let motor = settings(&bus.servos[index]);
+        let motor = settings(client.servo());
         let limit = match motor.is_some_and(|motor| motor.model.has_registers) {
             true => {
-                let limit = bus.once(|bus| read(bus, index, OVER_TEMPERATURE));
+                let limit = read(client, OVER_TEMPERATURE);
                 Some(f32::from_le_bytes(limit?))
             }
             false => None,
@@ -316,13 +306,8 @@ impl CanFamily for Mit {
         Some(index)
     }
 
-    fn scan(
-        &self,
-        scanner: &mut ScanLink,
-        _heard: &[CanFrame],
-        may_send_standard: bool,
-    ) -> io::Result<Vec<CanFound>> {
-        match may_send_standard {
+    fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
+        match scanner.may_send_standard {
             true => scan::damiao_motors(scanner),
             false => Ok(Vec::new()),
         }
@@ -336,7 +321,10 @@ mod tests {
     #[test]
     fn gains_shrink_to_the_torque_limit_and_not_before() {
         let motor = MotorSettings {
-            model: crate::Model::from_name("DM-J4310").unwrap().motor.unwrap(),
+            model: crate::ServoModel::from_name("DM-J4310")
+                .unwrap()
+                .motor
+                .unwrap(),
             kp: 20.0,
             kd: 0.5,
             torque_limit_nm: 2.0,

@@ -2,61 +2,43 @@
 //!
 //! Only Damiao motors have registers: four bytes each, little-endian.
 
-/// First value of the last byte that makes a frame a mode command, after seven FF.
+// First value of the last byte that makes a frame a mode command, after seven FF.
 pub const FIRST_MODE_COMMAND: u8 = CLEAR;
-/// Mode command: clears faults (Damiao).
-pub const CLEAR: u8 = 0xFB;
-/// Mode command: torque on, without any until the first target.
-pub const ENABLE: u8 = 0xFC;
-/// Mode command: torque off.
-pub const DISABLE: u8 = 0xFD;
+pub const CLEAR: u8 = 0xFB; // Mode command: clears faults (Damiao)
+pub const ENABLE: u8 = 0xFC; // Mode command: torque on, without any until the first target
+pub const DISABLE: u8 = 0xFD; // Mode command: torque off
 
-/// Id of requests to registers: motor id (u16), command, register, value.
-pub const REGISTER_ID: u32 = 0x7FF;
-/// Register request: the motor answers with the register's value.
-pub const READ: u8 = 0x33;
-/// Register request: the motor stores the value and answers with it.
-pub const WRITE: u8 = 0x55;
-/// Register request ("refresh"): the motor answers with a reply of MIT mode.
-pub const REFRESH: u8 = 0xCC;
+pub const REGISTER_ID: u32 = 0x7FF; // Id of requests to registers: motor id (u16), command, register, value
+pub const READ: u8 = 0x33; // Register request: the motor answers with the register's value
+pub const WRITE: u8 = 0x55; // Register request: the motor stores the value and answers with it
+pub const REFRESH: u8 = 0xCC; // Register request ("refresh"): the motor answers with a reply of MIT mode
 
 /// A register: its number, and its name in messages.
 pub type MitRegister = (u8, &'static str);
 
-/// Supply at which the motor shuts down, volts (f32).
+// Supply at which the motor shuts down, volts (f32).
 pub const UNDER_VOLTAGE: MitRegister = (0, "UV_Value (V)");
-/// Temperature at which the motor shuts down, Celsius (f32).
+// Temperature at which the motor shuts down, Celsius (f32).
 pub const OVER_TEMPERATURE: MitRegister = (2, "OT_Value (C)");
-/// Id of the motor's replies.
-pub const REPLY_ID: MitRegister = (7, "MST_ID");
-/// Id that the motor listens to.
-pub const MOTOR_ID: MitRegister = (8, "ESC_ID");
-/// Time without commands after which torque goes off, units of 50 us; 0 is never.
-/// The unit is of the vendor's register list; almond-bot/axol, pull request 163, has
-/// it so from the motors themselves.
+pub const REPLY_ID: MitRegister = (7, "MST_ID"); // Id of the motor's replies
+pub const MOTOR_ID: MitRegister = (8, "ESC_ID"); // Id that the motor listens to
+// Time without commands after which torque goes off, units of 50 us; 0 is never.
+// The unit is of the vendor's register list; almond-bot/axol, pull request 163, has
+// it so from the motors themselves.
 pub const TIMEOUT: MitRegister = (9, "TIMEOUT (50 us)");
-/// Control mode; see [`MIT_MODE`].
-pub const MODE: MitRegister = (10, "CTRL_MODE");
-/// Firmware version.
-pub const FIRMWARE: MitRegister = (14, "sw_ver");
-/// Range of positions, +- radians (f32).
-pub const PMAX: MitRegister = (21, "PMAX (rad)");
-/// Range of velocities, +- radians a second (f32).
-pub const VMAX: MitRegister = (22, "VMAX (rad/s)");
-/// Range of torques, +- newton metres (f32).
-pub const TMAX: MitRegister = (23, "TMAX (Nm)");
-/// Highest supply that the motor takes, volts (f32).
+pub const MODE: MitRegister = (10, "CTRL_MODE"); // Control mode; see MIT_MODE
+pub const FIRMWARE: MitRegister = (14, "sw_ver"); // Firmware version
+pub const PMAX: MitRegister = (21, "PMAX (rad)"); // Range of positions, +- radians (f32)
+pub const VMAX: MitRegister = (22, "VMAX (rad/s)"); // Range of velocities, +- radians a second (f32)
+pub const TMAX: MitRegister = (23, "TMAX (Nm)"); // Range of torques, +- newton metres (f32)
+// Highest supply that the motor takes, volts (f32).
 pub const OVER_VOLTAGE: MitRegister = (29, "OV_Value (V)");
-/// How many registers a motor keeps.
-pub const REGISTER_COUNT: usize = 37;
+pub const REGISTER_COUNT: usize = 37; // How many registers a motor keeps
 
-/// Units of [`TIMEOUT`] a millisecond.
-pub const TIMEOUT_UNITS_PER_MS: u32 = 20;
-/// Value of [`MODE`] for MIT mode.
-pub const MIT_MODE: u32 = 1;
+pub const TIMEOUT_UNITS_PER_MS: u32 = 20; // Units of TIMEOUT a millisecond
+pub const MIT_MODE: u32 = 1; // Value of MODE for MIT mode
 
-/// Fault of a motor whose time-out has passed.
-pub(super) const LOST: &str = "communication lost";
+pub(super) const LOST: &str = "communication lost"; // Fault of a motor whose time-out has passed
 
 /// The fault of Damiao's error nibble; `None` for 0 (disabled) and 1 (enabled).
 pub(super) fn damiao_fault(nibble: u8) -> Option<&'static str> {

@@ -3,13 +3,13 @@
 
 use std::io;
 
+use crate::can::mit::models::MODELS;
 use crate::can::mit::registers::{
     FIRMWARE, PMAX, READ, REFRESH, REGISTER_ID, TMAX, VMAX, damiao_fault,
 };
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::{CanFrame, word};
-use crate::config::BusKind;
-use crate::model::{MODELS, Model};
+use crate::servo::model::ServoModel;
 
 /// The Damiao motors that answer.
 pub fn damiao_motors(scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
@@ -54,14 +54,13 @@ fn model(scanner: &mut ScanLink, id: u8) -> io::Result<Option<&'static str>> {
         })?;
         *range = value.map_or(f64::NAN, |(_, bytes)| f64::from(f32::from_le_bytes(bytes)));
     }
-    let has_them = |name: &&Model| {
+    let has_them = |name: &&ServoModel| {
         name.motor.is_some_and(|motor| {
             let theirs = [motor.position_rad, motor.velocity_rad_s, motor.torque_nm];
             motor.has_registers && theirs == ranges
         })
     };
-    let known = MODELS.iter().filter(|model| model.kind == BusKind::Mit);
-    Ok(known.clone().find(has_them).map(|model| model.name))
+    Ok(MODELS.iter().find(has_them).map(|model| model.name))
 }
 
 /// The fault that it reports; a motor that does not know the request stays silent.

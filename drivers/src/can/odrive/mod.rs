@@ -12,6 +12,7 @@
 //! CANSimple can write velocity limit and gains but not read them back.
 
 mod errors;
+#[doc(hidden)] // public for the simulated motors alone
 pub mod registers;
 mod scan;
 
@@ -19,14 +20,18 @@ use std::f64::consts::TAU;
 use std::io;
 
 use crate::bus::Health;
+use crate::bus::kind::BusKind;
+use crate::can::client::MotorClient;
 use crate::can::cycle_frames::CycleFrames;
-use crate::can::exchange::{CanExchange, MotorStatus};
+use crate::can::exchange::MotorStatus;
 use crate::can::family::CanFamily;
+use crate::can::models::drive;
 use crate::can::motor::MotorSettings;
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::{CanFrame, word};
 use crate::error::BusError;
 use crate::servo::Servo;
+use crate::servo::model::ServoModel;
 
 use self::errors::{LOST, error_names};
 use self::registers::{
@@ -41,6 +46,8 @@ const FIRMWARE: (u8, u8) = (0, 6);
 const VELOCITY_MARGIN: f64 = 1.5;
 /// Phase current that one newton metre of the motor's range stands for.
 const AMPERES_PER_NM: f64 = 2.0;
+
+static MODELS: [ServoModel; 1] = [drive("ODrive", BusKind::Odrive)];
 
 /// ODrive controllers.
 pub(crate) struct Odrive;
@@ -74,15 +81,13 @@ fn parse_estimates(motor: &MotorSettings, data: &[u8; 8]) -> Option<(f64, f64)> 
 
 /// Waits for a heartbeat that `accept` likes, asking for it.
 fn heartbeat(
-    bus: &mut CanExchange,
-    index: usize,
+    client: &mut MotorClient,
     doing: &'static str,
     closed: bool,
 ) -> Result<Option<String>, BusError> {
-    let servo = bus.servos[index].clone();
-    let ask = request(&servo, HEARTBEAT);
-    bus.ask(index, &ask, doing, |frame| {
-        let (errors, is_closed) = parse_heartbeat(&message(&servo, frame, HEARTBEAT)?);
+    let ask = request(client.servo(), HEARTBEAT);
+    client.ask(&ask, doing, |servo, frame| {
+        let (errors, is_closed) = parse_heartbeat(&message(servo, frame, HEARTBEAT)?);
         match errors {
             Some(errors) if closed => Some(Err(errors)),
             errors => (is_closed == closed).then_some(Ok(errors)),
@@ -90,11 +95,10 @@ fn heartbeat(
     })
 }
 
-fn estimates(bus: &mut CanExchange, index: usize) -> Result<(f64, f64), BusError> {
-    let servo = bus.servos[index].clone();
-    let ask = request(&servo, ENCODER);
-    bus.ask(index, &ask, "encoder estimates", |frame| {
-        let data = message(&servo, frame, ENCODER)?;
+fn estimates(client: &mut MotorClient) -> Result<(f64, f64), BusError> {
+    let ask = request(client.servo(), ENCODER);
+    client.ask(&ask, "encoder estimates", |servo, frame| {
+        let data = message(servo, frame, ENCODER)?;
         let parsed = parse_estimates(servo.motor.as_ref()?, &data);
         Some(parsed.ok_or_else(|| "the position is not a number".into()))
     })
@@ -102,82 +106,74 @@ fn estimates(bus: &mut CanExchange, index: usize) -> Result<(f64, f64), BusError
 
 /// Writes a parameter of four bytes by its endpoint and reads it back.
 fn set_endpoint(
-    bus: &mut CanExchange,
-    index: usize,
+    client: &mut MotorClient,
     (endpoint, name): (u16, &'static str),
     value: [u8; 4],
 ) -> Result<(), BusError> {
-    let servo = bus.servos[index].clone();
     let [low, high] = endpoint.to_le_bytes();
-    let deadline = bus.deadline(1);
     let write = two_words([1, low, high, 0], value);
-    bus.transmit(&order(&servo, RX_SDO, &write), deadline, name)?;
-    let read = order(&servo, RX_SDO, &two_words([0, low, high, 0], [0; 4]));
-    let actual = bus.ask(index, &read, name, |frame| {
-        let data = message(&servo, frame, TX_SDO)?;
+    client.send(&[order(client.servo(), RX_SDO, &write)], name)?;
+    let read = order(
+        client.servo(),
+        RX_SDO,
+        &two_words([0, low, high, 0], [0; 4]),
+    );
+    let actual = client.ask(&read, name, |servo, frame| {
+        let data = message(servo, frame, TX_SDO)?;
         let is_answer = [data[1], data[2]] == [low, high];
         is_answer.then(|| Ok(word(&data, 4)))
     })?;
     let hex = |bytes: [u8; 4]| format!("{:08X}", u32::from_le_bytes(bytes));
-    bus.verify(index, name, hex(actual), hex(value))
+    client.verify(name, hex(actual), hex(value))
 }
 
 impl Odrive {
-    fn check_firmware(bus: &mut CanExchange, index: usize) -> Result<(), BusError> {
-        let servo = bus.servos[index].clone();
-        let ask = request(&servo, VERSION);
-        let (major, minor) = bus.ask(index, &ask, "version", |frame| {
-            let data = message(&servo, frame, VERSION)?;
+    fn check_firmware(client: &mut MotorClient) -> Result<(), BusError> {
+        let ask = request(client.servo(), VERSION);
+        let (major, minor) = client.ask(&ask, "version", |servo, frame| {
+            let data = message(servo, frame, VERSION)?;
             Some(Ok((data[4], data[5])))
         })?;
         let [actual, wanted] =
             [(major, minor), FIRMWARE].map(|(major, minor)| format!("{major}.{minor}"));
-        bus.verify(index, "firmware", actual, wanted)
+        client.verify("firmware", actual, wanted)
     }
 
-    fn arm_watchdog(
-        bus: &mut CanExchange,
-        index: usize,
-        notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
-        if let Some([timeout, enable]) = bus.config.watchdog_endpoints {
-            let seconds = (f64::from(bus.config.watchdog_ms) * 1e-3) as f32;
+    fn arm_watchdog(client: &mut MotorClient, notes: &mut Vec<String>) -> Result<(), BusError> {
+        if let Some([timeout, enable]) = client.config().watchdog_endpoints {
+            let seconds = (f64::from(client.config().watchdog_ms) * 1e-3) as f32;
             let timeout = (timeout, "watchdog_timeout");
-            set_endpoint(bus, index, timeout, seconds.to_le_bytes())?;
-            return set_endpoint(bus, index, (enable, "enable_watchdog"), [1, 0, 0, 0]);
+            set_endpoint(client, timeout, seconds.to_le_bytes())?;
+            return set_endpoint(client, (enable, "enable_watchdog"), [1, 0, 0, 0]);
         }
         let why = "the bus table has no watchdog_endpoints (the ids of \
                    axis0.config.watchdog_timeout and axis0.config.enable_watchdog in the \
                    firmware's flat_endpoints.json)";
-        notes.push(bus.without_watchdog(index, why.into())?);
+        notes.push(client.without_watchdog(why.into())?);
         Ok(())
     }
 }
 
 impl CanFamily for Odrive {
-    fn cycle_frames(&self) -> CycleFrames {
-        CycleFrames {
-            extended: false,
-            once: &[],
-            each_motor: &[8, 0, 8],
-        }
+    fn models(&self) -> &'static [ServoModel] {
+        &MODELS
     }
 
-    fn torque_off(&self, bus: &mut CanExchange, index: usize) -> Result<MotorStatus, BusError> {
-        let mut frames = Vec::with_capacity(1);
-        self.torque_off_frames(&bus.servos[index], &mut frames);
-        let deadline = bus.deadline(1);
-        for frame in &frames {
-            bus.transmit(frame, deadline, "torque off")?;
-        }
-        let mut fault = heartbeat(bus, index, "torque off", false)?;
+    fn cycle_frames(&self) -> CycleFrames {
+        CycleFrames::new(false, &[], &[8, 0, 8])
+    }
+
+    fn torque_off(&self, client: &mut MotorClient) -> Result<MotorStatus, BusError> {
+        let idle = u32::from(IDLE).to_le_bytes();
+        client.send(&[order(client.servo(), SET_STATE, &idle)], "torque off")?;
+        let mut fault = heartbeat(client, "torque off", false)?;
         // A watchdog that expired before this program began is cleared.
         if fault.as_ref().is_some_and(|fault| fault.starts_with(LOST)) {
-            let clear = order(&bus.servos[index], CLEAR_ERRORS, &[0]);
-            bus.transmit(&clear, deadline, "clearing errors")?;
-            fault = heartbeat(bus, index, "torque off", false)?;
+            let clear = order(client.servo(), CLEAR_ERRORS, &[0]);
+            client.send(&[clear], "clearing errors")?;
+            fault = heartbeat(client, "torque off", false)?;
         }
-        let (position_rad, velocity_rad_s) = estimates(bus, index)?;
+        let (position_rad, velocity_rad_s) = estimates(client)?;
         Ok(MotorStatus {
             position_rad,
             velocity_rad_s,
@@ -187,14 +183,9 @@ impl CanFamily for Odrive {
         })
     }
 
-    fn set_up(
-        &self,
-        bus: &mut CanExchange,
-        index: usize,
-        notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
-        Self::check_firmware(bus, index)?;
-        let servo = bus.servos[index].clone();
+    fn set_up(&self, client: &mut MotorClient, notes: &mut Vec<String>) -> Result<(), BusError> {
+        Self::check_firmware(client)?;
+        let servo = client.servo().clone();
         let Some(motor) = &servo.motor else {
             return Ok(());
         };
@@ -206,36 +197,27 @@ impl CanFamily for Odrive {
         let velocity_gain = motor.kd * TAU / (gear * gear);
         let f = |value: f64| (value as f32).to_le_bytes();
         let u = |value: u32| value.to_le_bytes();
-        let deadline = bus.deadline(5);
-        for (message, data) in [
-            (
-                MODES,
-                two_words(u(POSITION_CONTROL), u(PASSTHROUGH)).to_vec(),
-            ),
-            (LIMITS, two_words(f(fastest), f(current_a)).to_vec()),
-            (POSITION_GAIN, f(position_gain).to_vec()),
-            (VELOCITY_GAINS, two_words(f(velocity_gain), [0; 4]).to_vec()),
-        ] {
-            bus.transmit(&order(&servo, message, &data), deadline, "setting up")?;
-        }
+        let modes = two_words(u(POSITION_CONTROL), u(PASSTHROUGH));
+        let settings = [
+            order(&servo, MODES, &modes),
+            order(&servo, LIMITS, &two_words(f(fastest), f(current_a))),
+            order(&servo, POSITION_GAIN, &f(position_gain)),
+            order(&servo, VELOCITY_GAINS, &two_words(f(velocity_gain), [0; 4])),
+        ];
+        client.send(&settings, "setting up")?;
         let ask = request(&servo, ERROR);
-        bus.ask(index, &ask, "errors", |frame| {
-            let data = message(&servo, frame, ERROR)?;
+        client.ask(&ask, "errors", |servo, frame| {
+            let data = message(servo, frame, ERROR)?;
             Some(match error_names(u32::from_le_bytes(word(&data, 0))) {
                 Some(errors) => Err(errors),
                 None => Ok(()),
             })
         })?;
-        Self::arm_watchdog(bus, index, notes)
+        Self::arm_watchdog(client, notes)
     }
 
-    fn torque_on(
-        &self,
-        bus: &mut CanExchange,
-        index: usize,
-        motor_rad: f64,
-    ) -> Result<(), BusError> {
-        let servo = bus.servos[index].clone();
+    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> Result<(), BusError> {
+        let servo = client.servo().clone();
         let mut frames = Vec::with_capacity(4);
         // A watchdog that ran out while the axis was idle left an error behind.
         frames.push(order(&servo, CLEAR_ERRORS, &[0]));
@@ -243,32 +225,25 @@ impl CanFamily for Odrive {
         self.target_frames(&servo, joint_rad, &MotorStatus::default(), &mut frames);
         let state = u32::from(CLOSED_LOOP).to_le_bytes();
         frames.push(order(&servo, SET_STATE, &state));
-        let deadline = bus.deadline(frames.len());
-        for frame in &frames {
-            bus.transmit(frame, deadline, "torque on")?;
-        }
-        heartbeat(bus, index, "torque on", true).map(|_| ())
+        client.send(&frames, "torque on")?;
+        heartbeat(client, "torque on", true).map(|_| ())
     }
 
     fn read_health(
         &self,
-        bus: &mut CanExchange,
-        index: usize,
+        client: &mut MotorClient,
         _status: &MotorStatus,
     ) -> Result<Health, BusError> {
-        let servo = bus.servos[index].clone();
-        let ask = request(&servo, TEMPERATURES);
-        bus.once(|bus| {
-            bus.ask(index, &ask, "temperatures", |frame| {
-                let data = message(&servo, frame, TEMPERATURES)?;
-                // Inverter and motor; a motor without a sensor says NaN.
-                let celsius = [0, 4].map(|at| f32::from_le_bytes(word(&data, at)));
-                let hottest = celsius.into_iter().filter(|c| c.is_finite());
-                Some(Ok(Health {
-                    temperature_c: hottest.reduce(f32::max).map(f64::from),
-                    ..Health::default()
-                }))
-            })
+        let ask = request(client.servo(), TEMPERATURES);
+        client.ask(&ask, "temperatures", |servo, frame| {
+            let data = message(servo, frame, TEMPERATURES)?;
+            // Inverter and motor; a motor without a sensor says NaN.
+            let celsius = [0, 4].map(|at| f32::from_le_bytes(word(&data, at)));
+            let hottest = celsius.into_iter().filter(|c| c.is_finite());
+            Some(Ok(Health {
+                temperature_c: hottest.reduce(f32::max).map(f64::from),
+                ..Health::default()
+            }))
         })
     }
 
@@ -315,12 +290,7 @@ impl CanFamily for Odrive {
         None
     }
 
-    fn scan(
-        &self,
-        scanner: &mut ScanLink,
-        heard: &[CanFrame],
-        _may_send_standard: bool,
-    ) -> io::Result<Vec<CanFound>> {
-        scan::controllers(scanner, heard)
+    fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
+        scan::controllers(scanner)
     }
 }

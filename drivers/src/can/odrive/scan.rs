@@ -9,8 +9,8 @@ use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::{CanFrame, word};
 
 /// The controllers whose heartbeat was heard.
-pub fn controllers(scanner: &mut ScanLink, heard: &[CanFrame]) -> io::Result<Vec<CanFound>> {
-    let nodes: BTreeMap<u8, u32> = heard.iter().filter_map(heartbeat).collect();
+pub fn controllers(scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
+    let nodes: BTreeMap<u8, u32> = scanner.heard.iter().filter_map(heartbeat).collect();
     let mut found = Vec::with_capacity(nodes.len());
     for (node, errors) in nodes {
         let mut one = CanFound::new(node, "ODrive");

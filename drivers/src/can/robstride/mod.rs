@@ -3,19 +3,23 @@
 //! Operation control (mode 0) is used: position, gains and torque in each command.
 //! The torque limit and the time-out (parameter 7028) are written and read back.
 
+mod models;
+#[doc(hidden)] // public for the simulated motors alone
 pub mod registers;
 mod scan;
 
 use std::io;
 
+use crate::can::client::MotorClient;
 use crate::can::cycle_frames::CycleFrames;
-use crate::can::exchange::{CanExchange, MotorStatus};
+use crate::can::exchange::MotorStatus;
 use crate::can::family::CanFamily;
 use crate::can::mit::framing::{from_code, position_code, span_code, to_code};
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::CanFrame;
 use crate::error::BusError;
 use crate::servo::Servo;
+use crate::servo::model::ServoModel;
 
 use self::registers::{
     BUS_VOLTAGE, HOST, MODE, Parameter, RUNNING, TIMEOUT, TIMEOUT_UNITS_PER_MS, TORQUE_LIMIT, id,
@@ -71,12 +75,16 @@ fn parse_feedback(servo: &Servo, frame: &CanFrame) -> Option<MotorStatus> {
     })
 }
 
-fn read(bus: &mut CanExchange, index: usize, at: Parameter) -> Result<[u8; 4], BusError> {
-    let servo = bus.servos[index].clone();
+fn read(client: &mut MotorClient, at: Parameter) -> Result<[u8; 4], BusError> {
     let [low, high] = at.0.to_le_bytes();
-    let request = frame(message::READ, HOST, &servo, &[low, high, 0, 0, 0, 0, 0, 0]);
-    bus.ask(index, &request, at.1, |frame| {
-        let (kind, refused, data) = from_motor(&servo, frame)?;
+    let request = frame(
+        message::READ,
+        HOST,
+        client.servo(),
+        &[low, high, 0, 0, 0, 0, 0, 0],
+    );
+    client.ask(&request, at.1, |servo, frame| {
+        let (kind, refused, data) = from_motor(servo, frame)?;
         let [l, h, _, _, value @ ..] = data;
         if kind != message::READ || [l, h] != [low, high] {
             return None;
@@ -89,26 +97,25 @@ fn read(bus: &mut CanExchange, index: usize, at: Parameter) -> Result<[u8; 4], B
 }
 
 /// Writes a parameter; the motor answers with a feedback.
-fn write(
-    bus: &mut CanExchange,
-    index: usize,
-    at: Parameter,
-    value: [u8; 4],
-) -> Result<(), BusError> {
-    let servo = bus.servos[index].clone();
+fn write(client: &mut MotorClient, at: Parameter, value: [u8; 4]) -> Result<(), BusError> {
     let [low, high] = at.0.to_le_bytes();
     let [a, b, c, d] = value;
-    let write = frame(message::WRITE, HOST, &servo, &[low, high, 0, 0, a, b, c, d]);
-    bus.ask(index, &write, at.1, |frame| {
-        parse_feedback(&servo, frame).map(|_| Ok(()))
+    let write = frame(
+        message::WRITE,
+        HOST,
+        client.servo(),
+        &[low, high, 0, 0, a, b, c, d],
+    );
+    client.ask(&write, at.1, |servo, frame| {
+        parse_feedback(servo, frame).map(|_| Ok(()))
     })
 }
 
 /// Writes a whole number and reads it back.
-fn set(bus: &mut CanExchange, index: usize, at: Parameter, value: u32) -> Result<(), BusError> {
-    write(bus, index, at, value.to_le_bytes())?;
-    let actual = u32::from_le_bytes(read(bus, index, at)?);
-    bus.verify(index, at.1, actual, value)
+fn set(client: &mut MotorClient, at: Parameter, value: u32) -> Result<(), BusError> {
+    write(client, at, value.to_le_bytes())?;
+    let actual = u32::from_le_bytes(read(client, at)?);
+    client.verify(at.1, actual, value)
 }
 
 fn stop_frame(servo: &Servo) -> CanFrame {
@@ -116,60 +123,50 @@ fn stop_frame(servo: &Servo) -> CanFrame {
 }
 
 impl CanFamily for Robstride {
-    fn cycle_frames(&self) -> CycleFrames {
-        CycleFrames {
-            extended: true,
-            once: &[],
-            each_motor: &[8, 8],
-        }
+    fn models(&self) -> &'static [ServoModel] {
+        models::MODELS
     }
 
-    fn torque_off(&self, bus: &mut CanExchange, index: usize) -> Result<MotorStatus, BusError> {
-        let servo = bus.servos[index].clone();
-        bus.ask(index, &stop_frame(&servo), "torque off", |frame| {
-            let status = parse_feedback(&servo, frame)?;
+    fn cycle_frames(&self) -> CycleFrames {
+        CycleFrames::new(true, &[], &[8, 8])
+    }
+
+    fn torque_off(&self, client: &mut MotorClient) -> Result<MotorStatus, BusError> {
+        let stop = stop_frame(client.servo());
+        client.ask(&stop, "torque off", |servo, frame| {
+            let status = parse_feedback(servo, frame)?;
             (!status.active).then_some(Ok(status))
         })
     }
 
-    fn set_up(
-        &self,
-        bus: &mut CanExchange,
-        index: usize,
-        _notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
-        let volts = f64::from(f32::from_le_bytes(read(bus, index, BUS_VOLTAGE)?));
+    fn set_up(&self, client: &mut MotorClient, _notes: &mut Vec<String>) -> Result<(), BusError> {
+        let volts = f64::from(f32::from_le_bytes(read(client, BUS_VOLTAGE)?));
         if !VOLTAGE_V.contains(&volts) {
             let wanted = format!("{} to {} V", VOLTAGE_V.start(), VOLTAGE_V.end());
             let actual = format!("{volts:.1} V");
-            return Err(bus.unfit(index, BUS_VOLTAGE.1, actual, wanted));
+            return Err(client.unfit(BUS_VOLTAGE.1, actual, wanted));
         }
-        set(bus, index, MODE, 0)?;
-        let motor = bus.servos[index].motor.as_ref();
+        set(client, MODE, 0)?;
+        let motor = client.servo().motor.as_ref();
         let limit_nm = motor.map_or(0.0, |motor| motor.torque_limit_nm);
         let value = (limit_nm as f32).to_le_bytes();
-        write(bus, index, TORQUE_LIMIT, value)?;
-        let actual = f32::from_le_bytes(read(bus, index, TORQUE_LIMIT)?);
+        write(client, TORQUE_LIMIT, value)?;
+        let actual = f32::from_le_bytes(read(client, TORQUE_LIMIT)?);
         let name = TORQUE_LIMIT.1;
-        bus.verify_f32(index, name, f64::from(actual), limit_nm)?;
-        let timeout = bus.config.watchdog_ms * TIMEOUT_UNITS_PER_MS;
-        set(bus, index, TIMEOUT, timeout)
+        client.verify_f32(name, f64::from(actual), limit_nm)?;
+        let timeout = client.config().watchdog_ms * TIMEOUT_UNITS_PER_MS;
+        set(client, TIMEOUT, timeout)
     }
 
-    fn torque_on(
-        &self,
-        bus: &mut CanExchange,
-        index: usize,
-        motor_rad: f64,
-    ) -> Result<(), BusError> {
-        let servo = bus.servos[index].clone();
+    fn torque_on(&self, client: &mut MotorClient, motor_rad: f64) -> Result<(), BusError> {
+        let servo = client.servo().clone();
         let on = frame(message::ENABLE, HOST, &servo, &[0; 8]);
         let mut orders = vec![on];
         let joint_rad = servo.joint_rad(motor_rad);
         self.target_frames(&servo, joint_rad, &MotorStatus::default(), &mut orders);
         for order in &orders {
-            bus.ask(index, order, "torque on", |frame| {
-                let status = parse_feedback(&servo, frame)?;
+            client.ask(order, "torque on", |servo, frame| {
+                let status = parse_feedback(servo, frame)?;
                 match status.fault {
                     Some(fault) => Some(Err(fault)),
                     None => status.active.then_some(Ok(())),
@@ -232,12 +229,7 @@ impl CanFamily for Robstride {
         None
     }
 
-    fn scan(
-        &self,
-        scanner: &mut ScanLink,
-        _heard: &[CanFrame],
-        _may_send_standard: bool,
-    ) -> io::Result<Vec<CanFound>> {
+    fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
         scan::motors(scanner)
     }
 }

@@ -8,49 +8,35 @@
 //! parameters type 17 read, 18 write: index u16, 0, 0, value, little-endian
 //! ```
 
-/// Id of the host on the bus.
-pub const HOST: u32 = 0xFD;
-/// Addressee of an answer to [`message::GET_ID`]: every host.
-pub const EVERY_HOST: u32 = 0xFE;
+pub const HOST: u32 = 0xFD; // Id of the host on the bus
+pub const EVERY_HOST: u32 = 0xFE; // Addressee of an answer to GET_ID: every host
 
 /// Types of message, bits 24 to 28 of an id.
 pub mod message {
-    /// Asks for the motor's id and unique number.
-    pub const GET_ID: u32 = 0;
-    /// Position, velocity, gains and torque of operation control.
-    pub const CONTROL: u32 = 1;
-    /// The motor's report.
-    pub const FEEDBACK: u32 = 2;
-    /// Turns torque on.
-    pub const ENABLE: u32 = 3;
-    /// Turns torque off; a first byte of 1 clears faults too.
-    pub const STOP: u32 = 4;
-    /// Reads a parameter.
-    pub const READ: u32 = 17;
-    /// Writes a parameter; the motor answers with a feedback.
-    pub const WRITE: u32 = 18;
-    /// The motor's detailed faults, sent unasked.
-    pub const FAULT: u32 = 21;
+    pub const GET_ID: u32 = 0; // Asks for the motor's id and unique number
+    pub const CONTROL: u32 = 1; // Position, velocity, gains and torque of operation control
+    pub const FEEDBACK: u32 = 2; // The motor's report
+    pub const ENABLE: u32 = 3; // Turns torque on
+    pub const STOP: u32 = 4; // Turns torque off; a first byte of 1 clears faults too
+    pub const READ: u32 = 17; // Reads a parameter
+    pub const WRITE: u32 = 18; // Writes a parameter; the motor answers with a feedback
+    pub const FAULT: u32 = 21; // The motor's detailed faults, sent unasked
 }
 
 /// A parameter: its index, and its name in messages.
 pub type Parameter = (u16, &'static str);
 
-/// Run mode; 0 is operation control. Changes with torque off only.
+// Run mode; 0 is operation control. Changes with torque off only.
 pub const MODE: Parameter = (0x7005, "run mode (7005)");
-/// Most torque, newton metres (f32).
-pub const TORQUE_LIMIT: Parameter = (0x700B, "torque limit (700B)");
-/// Supply, volts (f32, read only).
-pub const BUS_VOLTAGE: Parameter = (0x701C, "bus voltage (701C)");
-/// Time without commands after which torque goes off, units of 50 us; 0 is never.
-/// From RobStride's parameter list (canTimeout), as repeated on
-/// motorbridge.seeedstudio.com/reference/robstride-parameter-tables.
+pub const TORQUE_LIMIT: Parameter = (0x700B, "torque limit (700B)"); // Most torque, newton metres (f32)
+pub const BUS_VOLTAGE: Parameter = (0x701C, "bus voltage (701C)"); // Supply, volts (f32, read only)
+// Time without commands after which torque goes off, units of 50 us; 0 is never.
+// From RobStride's parameter list (canTimeout), as repeated on
+// motorbridge.seeedstudio.com/reference/robstride-parameter-tables.
 pub const TIMEOUT: Parameter = (0x7028, "CAN time-out (7028)");
 
-/// Units of [`TIMEOUT`] a millisecond.
-pub const TIMEOUT_UNITS_PER_MS: u32 = 20;
-/// Mode bits of a feedback's id while torque is on.
-pub const RUNNING: u32 = 2;
+pub const TIMEOUT_UNITS_PER_MS: u32 = 20; // Units of TIMEOUT a millisecond
+pub const RUNNING: u32 = 2; // Mode bits of a feedback's id while torque is on
 
 /// The 29-bit id of a message.
 pub fn id(message: u32, data16: u32, addressee: u32) -> u32 {

@@ -48,6 +48,10 @@ pub(crate) struct ScanLink {
     pub link: Box<dyn CanLink>,
     /// How long answers may take.
     pub wait: Duration,
+    /// The frames that were sent unasked.
+    pub heard: Vec<CanFrame>,
+    /// Whether requests may have 11-bit ids.
+    pub may_send_standard: bool,
 }
 
 impl ScanLink {

@@ -25,10 +25,10 @@ pub use inquiry::CanFound;
 use std::io;
 use std::time::{Duration, Instant};
 
-use crate::can::family;
+use crate::bus::kind::BusKind;
+use crate::can::families;
 use crate::can::scan::inquiry::{GROUP, ScanLink};
 use crate::can::transport::{CanLink, open_link, worst_bits};
-use crate::config::BusKind;
 use crate::error::BusError;
 
 /// The families in the order in which they are asked; ODrive decides whether the
@@ -63,7 +63,12 @@ impl CanScanner {
     /// A bus over a link that is open already. `wait` is how long an answer may
     /// take, `listen` how long the scanner listens first.
     pub fn over(link: Box<dyn CanLink>, listen: Duration, wait: Duration) -> Self {
-        let link = ScanLink { link, wait };
+        let link = ScanLink {
+            link,
+            wait,
+            heard: Vec::new(),
+            may_send_standard: false,
+        };
         Self { link, listen }
     }
 
@@ -76,16 +81,13 @@ impl CanScanner {
         let mut heard = Vec::new();
         let deadline = Instant::now() + self.listen;
         self.link.receive(deadline, |frame| heard.push(*frame))?;
+        self.link.heard = heard;
+        self.link.may_send_standard = false;
         let mut found = Vec::new();
-        let mut may_send_standard = false;
-        for kind in ORDER {
-            if let Some(family) = family::of_kind(kind) {
-                found.extend(family.scan(&mut self.link, &heard, may_send_standard)?);
-            }
-            may_send_standard = match kind {
-                BusKind::Odrive => found.is_empty(),
-                _ => may_send_standard,
-            };
+        for family in ORDER.into_iter().filter_map(families::of_kind) {
+            // The first family decides: on a bus with an ODrive all others are careful.
+            found.extend(family.scan(&mut self.link)?);
+            self.link.may_send_standard |= found.is_empty();
         }
         Ok(found)
     }

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use super::frame::CanFrame;
 use super::link::{CanFault, CanLink, LinkEvent, Sent};
-use crate::stream::Stream;
+use crate::serial::wire::stream::PortStream;
 
 /// Ends a line that the adapter carried out, or a frame line.
 pub const CR: u8 = b'\r';
@@ -146,7 +146,7 @@ fn parse_line(line: &[u8], end: u8) -> Option<LinkEvent> {
 
 /// An open serial CAN adapter.
 pub struct SlcanLink {
-    port: Stream,
+    port: PortStream,
     lines: Lines,
     out: Vec<u8>,
     chunk: Vec<u8>,
@@ -175,7 +175,7 @@ impl SlcanLink {
             io::Error::new(ErrorKind::InvalidInput, reason)
         })?;
         let mut link = Self {
-            port: Stream::open(path, SERIAL_BAUD, SEND_TIMEOUT)?,
+            port: PortStream::open(path, SERIAL_BAUD, SEND_TIMEOUT)?,
             lines: Lines::default(),
             out: Vec::with_capacity(LONGEST_BURST + LONGEST),
             chunk: vec![0; 1024],

@@ -1,0 +1,184 @@
+//! A bus of servos: the interface of every kind ([`Bus`]), and what all kinds share.
+
+pub(crate) mod config;
+pub(crate) mod kind;
+pub(crate) mod layout;
+pub(crate) mod open;
+pub(crate) mod port;
+pub(crate) mod rate;
+pub(crate) mod reply_clock;
+pub(crate) mod timer_slack;
+pub(crate) mod torque_alarm;
+
+use servodance_types::JointState;
+
+use crate::error::{BusError, ServoId};
+use crate::servo::Servo;
+
+/// What happened on a bus since it was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BusStats {
+    /// Completed control cycles.
+    pub cycles: u64,
+    /// Packets sent and received.
+    pub packets: u64,
+    /// Bytes sent and received.
+    pub bytes: u64,
+    /// Replies with a wrong checksum or a broken frame.
+    pub crc_errors: u64,
+    /// Replies that did not come in time.
+    pub timeouts: u64,
+    /// Exchanges tried again.
+    pub retries: u64,
+}
+
+impl std::ops::AddAssign for BusStats {
+    fn add_assign(&mut self, other: Self) {
+        self.cycles += other.cycles;
+        self.packets += other.packets;
+        self.bytes += other.bytes;
+        self.crc_errors += other.crc_errors;
+        self.timeouts += other.timeouts;
+        self.retries += other.retries;
+    }
+}
+
+/// What arming found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ArmReport {
+    /// Where every joint stands, in the order of [`Bus::servos`].
+    pub states: Vec<JointState>,
+    /// One line each, for the user: what was changed, what works less well than it could.
+    pub notes: Vec<String>,
+}
+
+/// What a servo measures of itself, and its own limits; `None` where it does
+/// not say.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Health {
+    /// Temperature, Celsius.
+    pub temperature_c: Option<f64>,
+    /// Where it shuts down, Celsius.
+    pub highest_temperature_c: Option<f64>,
+    /// Supply, volts.
+    pub voltage_v: Option<f64>,
+    /// Lowest supply that it takes, volts.
+    pub lowest_voltage_v: Option<f64>,
+    /// Highest supply that it takes, volts.
+    pub highest_voltage_v: Option<f64>,
+    /// Highest current that it allows itself, amperes.
+    pub highest_current_a: Option<f64>,
+}
+
+/// Servos that take targets and return states once a control cycle.
+///
+/// A bus turns torque off when it is dropped. It is not a safety layer: wrap it
+/// in [`crate::SafeBus`].
+pub trait Bus: Send {
+    /// The servos, in the order of targets and states.
+    fn servos(&self) -> &[Servo];
+
+    /// Reads every joint's state, for a bus at rest: never turns torque on,
+    /// writes no register. Silent servos are named. Serial servos keep the torque
+    /// they have; CAN motors lose it, because they answer no other question.
+    fn observe(&mut self) -> Result<Vec<JointState>, BusError>;
+
+    /// Checks every servo and sets it up, torque off: what must hold before any
+    /// torque. Returns a line for each thing that the user should know.
+    fn prepare(&mut self) -> Result<Vec<String>, BusError>;
+
+    /// Turns torque on with each joint holding where it stands; to be called
+    /// after [`Bus::prepare`]. On an error every torque is off again.
+    ///
+    /// The servos' own watchdog runs from here on: the first cycle must follow
+    /// within its time.
+    fn engage(&mut self) -> Result<Vec<JointState>, BusError>;
+
+    /// [`Bus::prepare`], then [`Bus::engage`].
+    fn arm(&mut self) -> Result<ArmReport, BusError> {
+        let notes = self.prepare()?;
+        let states = self.engage()?;
+        Ok(ArmReport { states, notes })
+    }
+
+    /// Sends one target a joint (radians, finite) and reads one state a joint.
+    ///
+    /// Bounded in time: wire time, plus the reply timeout and retries. A target
+    /// beyond a position limit is moved to the limit.
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError>;
+
+    /// Turns every torque off and verifies it. An error names each joint whose
+    /// torque may still be on. Safe to call at any time.
+    fn disarm(&mut self) -> Result<(), BusError>;
+
+    /// Whether torque is on, as far as this side knows.
+    fn is_armed(&self) -> bool;
+
+    /// Counters since the bus was opened.
+    fn stats(&self) -> BusStats;
+
+    /// Asks one servo how it is: one short exchange, not tried again.
+    fn examine(&mut self, _index: usize) -> Result<Health, BusError> {
+        Ok(Health::default())
+    }
+
+    /// Leaves a servo out of cycles from now on: it gets no goals, its state
+    /// stays, and its silence is no error. False where the bus cannot do that.
+    fn set_aside(&mut self, _index: usize) -> bool {
+        false
+    }
+
+    /// One step, short enough to be done between two cycles, of taking a servo
+    /// back that was set aside: found, rebooted if it shut itself down, checked,
+    /// set up, and torque on where it stands. Its state when it is back; `None`
+    /// while there is more to do. After an error the way begins anew.
+    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+        Err(BusError::NoReturn {
+            servo: ServoId::of(&self.servos()[index]),
+        })
+    }
+
+    /// Opens the port again after it failed. Nothing is sent.
+    fn reopen(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
+}
+
+impl<B: Bus + ?Sized> Bus for Box<B> {
+    fn servos(&self) -> &[Servo] {
+        (**self).servos()
+    }
+    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+        (**self).observe()
+    }
+    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+        (**self).prepare()
+    }
+    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+        (**self).engage()
+    }
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError> {
+        (**self).cycle(targets_rad, states)
+    }
+    fn disarm(&mut self) -> Result<(), BusError> {
+        (**self).disarm()
+    }
+    fn is_armed(&self) -> bool {
+        (**self).is_armed()
+    }
+    fn stats(&self) -> BusStats {
+        (**self).stats()
+    }
+    fn examine(&mut self, index: usize) -> Result<Health, BusError> {
+        (**self).examine(index)
+    }
+    fn set_aside(&mut self, index: usize) -> bool {
+        (**self).set_aside(index)
+    }
+    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+        (**self).rejoin(index)
+    }
+    fn reopen(&mut self) -> Result<(), BusError> {
+        (**self).reopen()
+    }
+}

@@ -1,0 +1,36 @@
+//! From a port and a configuration to an open bus, serial or CAN.
+
+use crate::bus::Bus;
+use crate::bus::config::BusConfig;
+use crate::bus::port::Port;
+use crate::can::CanBus;
+use crate::error::BusError;
+use crate::serial::SerialBus;
+use crate::servo::Servo;
+
+/// Opens the bus that a configuration names. Nothing is sent yet.
+pub fn open_bus(
+    port: &Port,
+    config: &BusConfig,
+    servos: Vec<Servo>,
+) -> Result<Box<dyn Bus>, BusError> {
+    let refused = |reason: &str| BusError::Open {
+        port: port.to_string(),
+        reason: reason.into(),
+        choices: String::new(),
+    };
+    Ok(match (config.kind, port) {
+        (kind, Port::Serial(path)) if !kind.is_can() => {
+            Box::new(SerialBus::open(path, config, servos)?)
+        }
+        (kind, Port::Can(_)) if kind.is_can() => {
+            Box::new(CanBus::open(&port.to_string(), config, servos)?)
+        }
+        (_, Port::Serial(_)) => {
+            return Err(refused("the robot file says that this bus is a CAN bus"));
+        }
+        (_, Port::Can(_)) => {
+            return Err(refused("the robot file says that this bus is a serial one"));
+        }
+    })
+}

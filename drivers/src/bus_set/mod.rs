@@ -1,0 +1,300 @@
+//! Several buses side by side, as one.
+//!
+//! Each bus has a thread of its own, so that a cycle takes as long as its
+//! slowest bus and not the sum. States and targets are in the robot's joint
+//! order; no buffer is allocated in a cycle.
+//!
+//! One bus that fails makes the cycle fail, with its servos named: the safety
+//! layer then turns torque off on all of them. A bus that does not come back
+//! within its deadline ([`crate::BusConfig::longest_cycle`]) is left alone and reported as
+//! wedged; its servos are stopped by their own watchdogs.
+//!
+//! No bus gets torque before every bus has passed its checks. A bus that is
+//! ready before the others is kept alive by its thread, for a second at most.
+
+mod thread;
+
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::time::{Duration, Instant};
+
+use servodance_types::JointState;
+
+use crate::bus::layout::BusLayout;
+use crate::bus::open::open_bus;
+use crate::bus::port::Port;
+use crate::bus::{Bus, BusStats, Health};
+use crate::error::BusError;
+use crate::servo::{Servo, check_cycle};
+
+use self::thread::{BusTask, BusThread, ids};
+
+/// Checking and setting up a whole bus, and turning torque off with retries.
+const LONG_TASK: Duration = Duration::from_secs(20);
+
+/// Opens every bus of a robot; nothing is sent yet. `all` are its servos in
+/// joint order.
+pub fn open_buses(
+    ports: &[Port],
+    layouts: &[BusLayout],
+    all: &[Servo],
+) -> Result<Box<dyn Bus>, BusError> {
+    let mut buses = Vec::with_capacity(layouts.len());
+    for (port, layout) in ports.iter().zip(layouts) {
+        buses.push(open_bus(port, &layout.config, layout.servos.clone())?);
+    }
+    match (layouts, buses.len()) {
+        ([_], 1) => Ok(buses.remove(0)),
+        _ => Ok(Box::new(BusSet::new(buses, layouts, all)?)),
+    }
+}
+
+/// Several buses as one bus.
+pub struct BusSet {
+    threads: Vec<BusThread>,
+    servos: Vec<Servo>,
+    armed: bool,
+    cycles: u64,
+}
+
+impl BusSet {
+    /// Takes over `buses`, each with its layout; `all` are the servos in joint order.
+    pub fn new(
+        buses: Vec<Box<dyn Bus>>,
+        layouts: &[BusLayout],
+        all: &[Servo],
+    ) -> Result<Self, BusError> {
+        let threads = buses.into_iter().zip(layouts);
+        Ok(Self {
+            threads: threads
+                .map(|(bus, layout)| BusThread::start(bus, layout.clone()))
+                .collect::<Result<_, _>>()?,
+            servos: all.to_vec(),
+            armed: false,
+            cycles: 0,
+        })
+    }
+
+    /// Calls `task` on every bus at once; the answers in the order of buses.
+    fn on_all<T: Send + 'static>(
+        &mut self,
+        doing: &'static str,
+        task: impl Fn(&mut dyn Bus) -> Result<T, BusError> + Clone + Send + 'static,
+    ) -> Vec<Result<T, BusError>> {
+        let asked: Vec<_> = self
+            .threads
+            .iter_mut()
+            .map(|thread| {
+                let (answer, answered) = sync_channel(1);
+                let task = task.clone();
+                let sent = thread.give(BusTask::Call(Box::new(move |bus| {
+                    // Nobody waits any more if it took too long.
+                    let _ = answer.send(task(bus));
+                })));
+                sent.then_some(answered)
+            })
+            .collect();
+        self.answers(asked, doing)
+    }
+
+    /// Calls `task` on the bus of one joint, with the joint's place there.
+    fn on_one<T: Send + 'static>(
+        &mut self,
+        index: usize,
+        doing: &'static str,
+        task: impl FnOnce(&mut dyn Bus, usize) -> T + Send + 'static,
+    ) -> Result<T, BusError> {
+        let place = |thread: &BusThread| {
+            thread
+                .layout
+                .joints
+                .iter()
+                .position(|&joint| joint == index)
+        };
+        for thread in &mut self.threads {
+            let Some(own) = place(thread) else { continue };
+            let (answer, answered) = sync_channel(1);
+            let given = thread.give(BusTask::Call(Box::new(move |bus| {
+                // Nobody waits any more if it took too long.
+                let _ = answer.send(task(bus, own));
+            })));
+            let answer = given.then(|| answered.recv_timeout(LONG_TASK));
+            return match answer {
+                Some(Ok(answer)) => Ok(answer),
+                _ => Err(thread.wedged(doing, LONG_TASK)),
+            };
+        }
+        Err(BusError::NotArmed)
+    }
+
+    /// Waits for the answers; a thread that did not take its task, or takes too long,
+    /// is wedged.
+    fn answers<T>(
+        &mut self,
+        asked: Vec<Option<Receiver<Result<T, BusError>>>>,
+        doing: &'static str,
+    ) -> Vec<Result<T, BusError>> {
+        let until = Instant::now() + LONG_TASK;
+        self.threads
+            .iter()
+            .zip(asked)
+            .map(|(thread, asked)| {
+                let left = until.saturating_duration_since(Instant::now());
+                asked
+                    .and_then(|answer| answer.recv_timeout(left).ok())
+                    .unwrap_or_else(|| Err(thread.wedged(doing, LONG_TASK)))
+            })
+            .collect()
+    }
+}
+
+impl Bus for BusSet {
+    fn servos(&self) -> &[Servo] {
+        &self.servos
+    }
+
+    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+        let mut states = vec![JointState::default(); self.servos.len()];
+        let observed = self.on_all("reading its states", |bus| bus.observe());
+        for (thread, own) in self.threads.iter().zip(observed) {
+            thread.layout.scatter(&own?, &mut states);
+        }
+        Ok(states)
+    }
+
+    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+        let mut notes = Vec::new();
+        for prepared in self.on_all("its checks", |bus| bus.prepare()) {
+            notes.extend(prepared?);
+        }
+        Ok(notes)
+    }
+
+    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+        self.armed = true;
+        let asked: Vec<_> = self
+            .threads
+            .iter_mut()
+            .map(|thread| {
+                let (answer, answered) = sync_channel(1);
+                thread.give(BusTask::Engage(answer)).then_some(answered)
+            })
+            .collect();
+        let mut states = vec![JointState::default(); self.servos.len()];
+        let mut failed = None;
+        let answers = self.answers(asked, "turning torque on");
+        for (thread, answer) in self.threads.iter().zip(answers) {
+            match answer {
+                Ok(own) => thread.layout.scatter(&own, &mut states),
+                Err(error) => failed = failed.or(Some(error)),
+            }
+        }
+        match failed {
+            None => Ok(states),
+            Some(error) => {
+                // The first error is the one to report; drop tries again.
+                let _ = self.disarm();
+                Err(error)
+            }
+        }
+    }
+
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError> {
+        if !self.armed {
+            return Err(BusError::NotArmed);
+        }
+        check_cycle(&self.servos, targets_rad, states.len())?;
+        let began = Instant::now();
+        let mut failed = None;
+        for thread in &mut self.threads {
+            if let Err(error) = thread.begin_cycle(targets_rad) {
+                failed = failed.or(Some(error));
+            }
+        }
+        for thread in &mut self.threads {
+            // CycleBuffers still here: the thread did not begin.
+            if thread.buffers.is_none()
+                && let Err(error) = thread.end_cycle(began, states)
+            {
+                failed = failed.or(Some(error));
+            }
+        }
+        self.cycles += 1;
+        failed.map_or(Ok(()), Err)
+    }
+
+    fn disarm(&mut self) -> Result<(), BusError> {
+        let mut doubtful = Vec::new();
+        let mut reasons = Vec::new();
+        let ended = self.on_all("turning torque off", |bus| bus.disarm());
+        for (thread, ended) in self.threads.iter().zip(ended) {
+            match ended {
+                Ok(()) => {}
+                Err(BusError::TorqueUnverified { servos, reason }) => {
+                    doubtful.extend(servos);
+                    reasons.push(reason);
+                }
+                Err(error) => {
+                    doubtful.extend(ids(&thread.layout.servos));
+                    reasons.push(error.to_string());
+                }
+            }
+        }
+        if doubtful.is_empty() {
+            self.armed = false;
+            return Ok(());
+        }
+        Err(BusError::TorqueUnverified {
+            servos: doubtful,
+            reason: reasons.join("; "),
+        })
+    }
+
+    fn is_armed(&self) -> bool {
+        self.armed
+    }
+
+    fn examine(&mut self, index: usize) -> Result<Health, BusError> {
+        self.on_one(index, "a servo's state", |bus, own| bus.examine(own))?
+    }
+
+    fn set_aside(&mut self, index: usize) -> bool {
+        let aside = self.on_one(index, "leaving out a servo", |bus, own| bus.set_aside(own));
+        aside.unwrap_or(false)
+    }
+
+    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+        self.on_one(index, "taking a servo back", |bus, own| bus.rejoin(own))?
+    }
+
+    fn reopen(&mut self) -> Result<(), BusError> {
+        let reopened = self.on_all("opening its port", |bus| bus.reopen());
+        reopened.into_iter().collect()
+    }
+
+    fn stats(&self) -> BusStats {
+        let mut sum = BusStats::default();
+        for thread in &self.threads {
+            sum += thread.stats;
+        }
+        BusStats {
+            cycles: self.cycles,
+            ..sum
+        }
+    }
+}
+
+impl Drop for BusSet {
+    fn drop(&mut self) {
+        for thread in &mut self.threads {
+            thread.take_back();
+            thread.tasks = None; // the thread drops its bus, torque off, and ends
+        }
+        for thread in &mut self.threads {
+            // A wedged thread cannot be waited for.
+            if let Some(handle) = thread.handle.take().filter(|_| thread.buffers.is_some()) {
+                // A panic there has already been printed.
+                let _ = handle.join();
+            }
+        }
+    }
+}

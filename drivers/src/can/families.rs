@@ -1,0 +1,25 @@
+//! The one list of CAN motor families. A kind of bus without its family here does not
+//! compile.
+
+use crate::bus::kind::BusKind;
+use crate::can::cia402::Cia402;
+use crate::can::family::CanFamily;
+use crate::can::mit::Mit;
+use crate::can::odrive::Odrive;
+use crate::can::robstride::Robstride;
+
+/// Every family, in the order in which messages list their models.
+pub(crate) static CAN_FAMILIES: [&dyn CanFamily; 4] = [&Mit, &Robstride, &Odrive, &Cia402];
+
+/// The family that a bus speaks; `None` for a serial bus.
+pub(crate) fn of_kind(kind: BusKind) -> Option<&'static dyn CanFamily> {
+    Some(match kind {
+        BusKind::Mit => &Mit,
+        BusKind::Robstride => &Robstride,
+        BusKind::Odrive => &Odrive,
+        BusKind::Cia402 => &Cia402,
+        BusKind::Dynamixel2 | BusKind::Dynamixel1 | BusKind::Feetech | BusKind::Custom => {
+            return None;
+        }
+    })
+}

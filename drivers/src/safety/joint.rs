@@ -1,0 +1,63 @@
+//! What the safety layer keeps of one joint, and of an adapter that was pulled out.
+
+use servodance_types::JointLimits;
+
+use super::config::SafetyConfig;
+use super::derating::Derate;
+use super::limits::Limiter;
+
+/// One joint between its targets and its commands.
+pub(super) struct SafeJoint {
+    pub limiter: Limiter,
+    pub target_rad: f64,
+    pub ramp_from_rad: f64,
+    /// When its ramp began; `None` before the first targets.
+    pub ramp_began_s: Option<f64>,
+    /// Since when it has been away from its command.
+    pub away_since_s: Option<f64>,
+    pub derate: Derate,
+    pub lost: Option<LostServo>,
+}
+
+impl SafeJoint {
+    /// A joint that stands at `position_rad` and is held there.
+    pub fn new(limits: JointLimits, position_rad: f64, config: &SafetyConfig) -> Self {
+        let held = limits.clamp_rad(position_rad);
+        Self {
+            limiter: Limiter::new(limits, config.period_s(), held),
+            target_rad: held,
+            ramp_from_rad: held,
+            ramp_began_s: None,
+            away_since_s: None,
+            derate: Derate::new(*config),
+            lost: None,
+        }
+    }
+
+    /// The share of the targets that is followed, 0 to 1; `None` before any came.
+    /// Quintic: speed and acceleration are zero at both ends.
+    pub fn ramp_weight(&self, now_s: f64, ramp_s: f64) -> Option<f64> {
+        let elapsed_s = now_s - self.ramp_began_s?;
+        if elapsed_s >= ramp_s {
+            return Some(1.0);
+        }
+        let u = (elapsed_s / ramp_s).clamp(0.0, 1.0);
+        Some(u * u * u * (10.0 + u * (6.0 * u - 15.0)))
+    }
+}
+
+/// A servo that is set aside.
+pub(super) struct LostServo {
+    pub since_s: f64,
+    pub next_try_s: f64,
+    /// Why it could not come back last time.
+    pub reason: String,
+}
+
+/// An adapter that was pulled out.
+pub(super) struct LostAdapter {
+    pub since_s: f64,
+    pub next_try_s: f64,
+    /// Whether the layer waits for it.
+    pub waiting: bool,
+}

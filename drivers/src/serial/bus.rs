@@ -1,0 +1,290 @@
+//! One serial bus of servos, whatever their family.
+//!
+//! A cycle is one Sync Write of every goal position and one read of everyone's
+//! present registers, in the best way that the family has, handed to the port
+//! together.
+//!
+//! Real-time promise: a sound cycle takes its wire time and, where everyone is
+//! read with one instruction, allocates nothing. A damaged one is tried again
+//! at most `retries` times, each bounded by the reply timeout.
+//!
+//! Refused before torque: a silent servo, another model or firmware than
+//! configured, a hardware error, a supply or temperature outside the servo's own
+//! limits, own position or velocity limits that cut the joint's, a joint that
+//! stands outside its limits, a family without a watchdog (unless
+//! `accept_no_watchdog` is set).
+//!
+//! A servo that is lost can be set aside: the others are cycled on without it, and
+//! `rejoin.rs` takes it back between two cycles.
+
+use servodance_types::JointState;
+
+use crate::bus::config::BusConfig;
+use crate::bus::{Bus, BusStats, Health, torque_alarm};
+use crate::error::BusError;
+use crate::serial::client::ServoClient;
+use crate::serial::families::family_of;
+use crate::serial::family::ServoFamily;
+use crate::serial::registers::OwnLimits;
+use crate::servo::{Servo, check_cycle, check_models};
+
+/// One serial bus.
+pub struct SerialBus {
+    pub(super) client: ServoClient,
+    pub(super) family: &'static dyn ServoFamily,
+    armed: bool,
+    /// Everyone's present registers from the last read.
+    pub(super) present: Vec<u8>,
+    own_limits: Vec<Option<OwnLimits>>,
+    /// The servo that is being taken back, and how far that is.
+    pub(super) returning: Option<(usize, Step)>,
+}
+
+/// How far the return of a lost servo is: see `rejoin.rs`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Step {
+    Find,
+    /// Rebooted, and not heard of since.
+    FindRebooted,
+    Check,
+    SetUp,
+    Engage,
+}
+
+impl SerialBus {
+    /// Opens the port of a bus whose family this crate knows. Nothing is sent before
+    /// [`Bus::prepare`].
+    pub fn open(port: &str, config: &BusConfig, servos: Vec<Servo>) -> Result<Self, BusError> {
+        match family_of(config.kind) {
+            Some(family) => Self::open_family(family, port, config, servos),
+            None => Err(refused(
+                port,
+                "a bus of this kind is on CAN, or is opened with SerialBus::open_family".into(),
+            )),
+        }
+    }
+
+    /// Opens the port of a bus of any family: one that this crate does not know,
+    /// for instance, with [`crate::BusKind::Custom`].
+    pub fn open_family(
+        family: &'static dyn ServoFamily,
+        port: &str,
+        config: &BusConfig,
+        servos: Vec<Servo>,
+    ) -> Result<Self, BusError> {
+        let config = config.clone().checked();
+        let config = config.map_err(|error| refused(port, error.to_string()))?;
+        let is_known = |servo: &Servo| family.models().iter().any(|model| model == servo.model);
+        check_models(&servos, is_known).map_err(|reason| refused(port, reason))?;
+        let size = usize::from(family.registers().present.size);
+        Ok(Self {
+            present: vec![0; size * servos.len()],
+            own_limits: vec![None; servos.len()],
+            client: ServoClient::open(port, config, servos, family.framing())?,
+            family,
+            armed: false,
+            returning: None,
+        })
+    }
+
+    pub(super) fn check(&mut self, index: usize, pinged: &[u8]) -> Result<(), BusError> {
+        self.own_limits[index] = self.client.check(self.family, index, pinged)?;
+        Ok(())
+    }
+
+    /// The goal at which a servo holds, and its own watchdog.
+    pub(super) fn hold_here(&mut self, index: usize) -> Result<(), BusError> {
+        let present = self.family.parse(self.bytes_of(index));
+        let goal = self.client.holding_goal(index, present.ticks)?;
+        let register = self.family.registers().goal;
+        let raw = u64::from(goal as u32) & ((1 << (8 * register.size)) - 1);
+        self.client.set(index, register, raw)?;
+        self.family.arm_watchdog(&mut self.client, index)
+    }
+
+    fn torque_on(&mut self) -> Result<Vec<JointState>, BusError> {
+        self.read_present()?;
+        let servos = 0..self.client.servos.len();
+        servos.clone().try_for_each(|index| self.hold_here(index))?;
+        // From here on torque may be on, whatever goes wrong.
+        self.armed = true;
+        let torque = self.family.registers().torque;
+        self.client.sync_write(torque, |_, _| 1)?;
+        for index in servos {
+            self.client.expect(index, torque, 1)?;
+        }
+        self.read_present()?;
+        let mut states = vec![JointState::default(); self.client.servos.len()];
+        self.copy_states(&mut states);
+        Ok(states)
+    }
+
+    /// Reads everyone's state, with retries.
+    fn read_present(&mut self) -> Result<(), BusError> {
+        self.client.begin_read();
+        let damaged = self.client.port.stats.crc_errors;
+        for attempt in 0..self.client.tries() {
+            self.client.port.stats.retries += u64::from(attempt > 0);
+            let alert = self.family.read_all(&mut self.client, &mut self.present)?;
+            // The servo has something to say against itself.
+            alert.map_or(Ok(()), |index| {
+                self.client.check_condition(self.family, index)
+            })?;
+            if self.client.complete() {
+                return Ok(());
+            }
+        }
+        let corrupt = self.client.port.stats.crc_errors > damaged;
+        Err(self.client.name_the_silent(corrupt))
+    }
+
+    fn bytes_of(&self, index: usize) -> &[u8] {
+        let size = usize::from(self.family.registers().present.size);
+        &self.present[index * size..][..size]
+    }
+
+    pub(super) fn state_of(&self, index: usize) -> JointState {
+        let present = self.family.parse(self.bytes_of(index));
+        self.client.servos[index].state(present.ticks, present.velocity, present.current)
+    }
+
+    /// The states of all who are in the cycle.
+    fn copy_states(&self, states: &mut [JointState]) {
+        for (index, state) in states.iter_mut().enumerate() {
+            if !self.client.aside[index] {
+                *state = self.state_of(index);
+            }
+        }
+    }
+}
+
+impl Bus for SerialBus {
+    fn servos(&self) -> &[Servo] {
+        &self.client.servos
+    }
+
+    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+        self.client.ping_all()?;
+        self.read_present()?;
+        let mut states = vec![JointState::default(); self.client.servos.len()];
+        self.copy_states(&mut states);
+        Ok(states)
+    }
+
+    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+        let mut notes: Vec<String> = self.client.port.latency_note().into_iter().collect();
+        self.client.aside.fill(false);
+        self.returning = None;
+        for (index, pinged) in self.client.ping_all()?.into_iter().enumerate() {
+            self.check(index, &pinged)?;
+        }
+        if self.family.lacks_watchdog().is_some() {
+            notes.push(
+                "these servos have no watchdog: without a host they hold their last goal".into(),
+            );
+        }
+        for index in 0..self.client.servos.len() {
+            self.family.set_up(&mut self.client, index, &mut notes)?;
+        }
+        self.family.choose_read(&mut self.client, &mut notes)?;
+        Ok(notes)
+    }
+
+    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+        self.torque_on().inspect_err(|_| {
+            if self.armed {
+                // The first error is the one to report; `is_armed` stays true
+                // if torque could not be verified off, and drop tries again.
+                let _ = self.disarm();
+            }
+        })
+    }
+
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError> {
+        if !self.armed {
+            return Err(BusError::NotArmed);
+        }
+        check_cycle(&self.client.servos, targets_rad, states.len())?;
+        let goal = self.family.registers().goal;
+        self.client
+            .hold_sync_write(goal, |index, servo| servo.goal_ticks(targets_rad[index]));
+        self.read_present()?;
+        // Where everyone is set aside nobody was asked.
+        self.client.port.send_held(goal.name)?;
+        self.copy_states(states);
+        self.client.port.stats.cycles += 1;
+        Ok(())
+    }
+
+    fn disarm(&mut self) -> Result<(), BusError> {
+        self.returning = None;
+        self.client.torque_off(self.family.registers().torque)?;
+        self.armed = false;
+        Ok(())
+    }
+
+    fn is_armed(&self) -> bool {
+        self.armed
+    }
+
+    fn stats(&self) -> BusStats {
+        self.client.port.stats
+    }
+
+    fn examine(&mut self, index: usize) -> Result<Health, BusError> {
+        let family = self.family;
+        let measured = self.client.once(|client| client.measure(family, index))?;
+        let (Some(measured), Some(own)) = (measured, self.own_limits[index]) else {
+            return Ok(Health::default());
+        };
+        let units = self.client.servos[index].model.current_a_per_unit;
+        Ok(Health {
+            temperature_c: Some(measured.celsius as f64),
+            highest_temperature_c: Some(own.celsius as f64),
+            voltage_v: Some(measured.tenth_volts as f64 * 0.1),
+            lowest_voltage_v: Some(own.tenth_volts.0 as f64 * 0.1),
+            highest_voltage_v: Some(own.tenth_volts.1 as f64 * 0.1),
+            highest_current_a: own
+                .current
+                .zip(units)
+                .map(|(most, unit)| most as f64 * unit),
+        })
+    }
+
+    fn set_aside(&mut self, index: usize) -> bool {
+        self.client.aside[index] = true;
+        true
+    }
+
+    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+        self.advance_rejoin(index)
+    }
+
+    fn reopen(&mut self) -> Result<(), BusError> {
+        self.client.port.reopen()
+    }
+}
+
+impl Drop for SerialBus {
+    fn drop(&mut self) {
+        if !self.armed {
+            return;
+        }
+        if let Err(error) = self.disarm() {
+            let rest = match self.family.lacks_watchdog() {
+                None => "; the servos' own watchdog stops them",
+                Some(_) => "",
+            };
+            let clock = &self.client.config.reply_clock;
+            torque_alarm::raise(clock, &format!("{error}{rest}"));
+        }
+    }
+}
+
+fn refused(port: &str, reason: String) -> BusError {
+    BusError::Open {
+        port: port.into(),
+        reason,
+        choices: String::new(),
+    }
+}

@@ -1,0 +1,212 @@
+//! Instructions to every servo at once: one packet out, a status packet from each.
+
+use dynamixel2::instructions::instruction_id as instruction;
+use dynamixel2::instructions::packet_id::BROADCAST;
+
+use crate::error::{BusError, Refusal};
+use crate::serial::client::ServoClient;
+use crate::serial::register::Register;
+use crate::serial::wire::port::Received;
+use crate::servo::Servo;
+
+impl ServoClient {
+    /// Sends one value of `register` to every servo that is not left out, in one
+    /// packet; no reply.
+    pub(crate) fn sync_write(
+        &mut self,
+        register: Register,
+        value: impl Fn(usize, &Servo) -> i32,
+    ) -> Result<(), BusError> {
+        self.hold_sync_write(register, value);
+        self.port.send_held(register.name)
+    }
+
+    /// The same, sent together with the next instruction.
+    pub(crate) fn hold_sync_write(
+        &mut self,
+        register: Register,
+        value: impl Fn(usize, &Servo) -> i32,
+    ) {
+        self.params.clear();
+        self.port.framing().put_place(&mut self.params, register);
+        for (index, servo) in self.servos.iter().enumerate() {
+            if self.aside[index] {
+                continue;
+            }
+            self.params.push(servo.id);
+            let bytes = value(index, servo).to_le_bytes();
+            self.params.extend(&bytes[..usize::from(register.size)]);
+        }
+        self.port
+            .hold(BROADCAST, instruction::SYNC_WRITE, &self.params);
+    }
+
+    /// Torque off to everyone, those left out too, and the servos of which that
+    /// is not certain.
+    pub(crate) fn torque_off(&mut self, torque: Register) -> Result<(), BusError> {
+        self.aside.fill(false);
+        // Broadcast first: it needs no reply and reaches everyone at once.
+        let mut reason = String::new();
+        for _ in 0..self.tries {
+            if let Err(error) = self.sync_write(torque, |_, _| 0) {
+                reason = error.to_string();
+            }
+        }
+        let mut doubtful = Vec::new();
+        for index in 0..self.servos.len() {
+            // After the first silent servo the others get one try each.
+            let confirmed = if doubtful.is_empty() {
+                self.set(index, torque, 0)
+            } else {
+                self.once(|client| client.set(index, torque, 0))
+            };
+            if let Err(error) = confirmed {
+                reason = error.to_string();
+                doubtful.push(index);
+            }
+        }
+        if doubtful.is_empty() {
+            return Ok(());
+        }
+        Err(BusError::TorqueUnverified {
+            servos: doubtful.iter().map(|&index| self.id_of(index)).collect(),
+            reason,
+        })
+    }
+
+    /// A new read of everyone begins: who is left out need not answer.
+    pub(crate) fn begin_read(&mut self) {
+        self.answered.copy_from_slice(&self.aside);
+    }
+
+    /// Address, size and the ids of those who have not answered, ready in the
+    /// parameters; how many they are.
+    pub(crate) fn read_request(&mut self, register: Register) -> usize {
+        self.params.clear();
+        self.port.framing().put_place(&mut self.params, register);
+        let before = self.params.len();
+        for (index, servo) in self.servos.iter().enumerate() {
+            if !self.answered[index] {
+                self.params.push(servo.id);
+            }
+        }
+        self.params.len() - before
+    }
+
+    /// Length, id and address of those who have not answered, as a Bulk Read of
+    /// Protocol 1 has them, ready in the parameters; how many they are.
+    pub(crate) fn bulk_request(&mut self, register: Register) -> usize {
+        self.params.clear();
+        self.params.push(0);
+        for (servo, answered) in self.servos.iter().zip(&self.answered) {
+            if !answered {
+                let [size, address] = [register.size as u8, register.address as u8];
+                self.params.extend([size, servo.id, address]);
+            }
+        }
+        self.params.len() / 3
+    }
+
+    /// Sends the parameters that a request prepared.
+    pub(crate) fn send_request(
+        &mut self,
+        instruction: u8,
+        longest: usize,
+        doing: &'static str,
+    ) -> Result<(), BusError> {
+        self.port
+            .send(BROADCAST, instruction, &self.params, longest, doing)
+    }
+
+    /// One plain Sync Read of those who have not answered yet, into `data`
+    /// (register size a servo). The first servo that raised its alert bit.
+    pub fn sync_read(
+        &mut self,
+        register: Register,
+        data: &mut [u8],
+    ) -> Result<Option<usize>, BusError> {
+        let count = self.read_request(register);
+        self.collect(instruction::SYNC_READ, count, register, data)
+    }
+
+    /// Sends a prepared request to `count` servos and takes their status
+    /// packets into `data`. The first servo that raised its alert bit.
+    pub(crate) fn collect(
+        &mut self,
+        instruction: u8,
+        count: usize,
+        register: Register,
+        data: &mut [u8],
+    ) -> Result<Option<usize>, BusError> {
+        let size = usize::from(register.size);
+        let framing = self.port.framing();
+        let longest = framing.status_length() + size + size / 3;
+        self.send_request(instruction, longest, register.name)?;
+        let bytes = count * (framing.status_bytes() + size);
+        let deadline = self.deadline(bytes, count);
+        let mut alert = None;
+        let mut open = count;
+        let mut damaged = 0;
+        while open > damaged {
+            match self.port.receive(deadline, register.name)? {
+                Received::Packet => {}
+                // Whoever was damaged does not speak again: do not wait for it.
+                Received::Corrupt => {
+                    damaged += 1;
+                    continue;
+                }
+                Received::Nothing => break,
+            }
+            let packet = self.port.packet();
+            let index = self.servos.iter().position(|servo| servo.id == packet.id);
+            let Some(index) = index.filter(|&index| !self.answered[index]) else {
+                continue;
+            };
+            if packet.error() != 0 {
+                return Err(BusError::Refused {
+                    servo: self.id_of(index),
+                    doing: register.name,
+                    refusal: Refusal(packet.error()),
+                });
+            }
+            if packet.params().len() == size {
+                data[index * size..][..size].copy_from_slice(packet.params());
+                self.answered[index] = true;
+                alert = alert.or(packet.alert().then_some(index));
+                open -= 1;
+            }
+        }
+        Ok(alert)
+    }
+
+    /// Whether every servo has answered.
+    pub(crate) fn complete(&self) -> bool {
+        self.answered.iter().all(|answered| *answered)
+    }
+
+    /// Reads those who have not answered yet one by one, each once, into `data`
+    /// (register size a servo). The first servo that raised its alert bit.
+    pub fn read_each(
+        &mut self,
+        register: Register,
+        data: &mut [u8],
+    ) -> Result<Option<usize>, BusError> {
+        let size = usize::from(register.size);
+        let mut alert = None;
+        for index in 0..self.servos.len() {
+            if self.answered[index] {
+                continue;
+            }
+            match self.once(|client| client.read_bytes(index, register)) {
+                Ok(bytes) => {
+                    data[index * size..][..size].copy_from_slice(&bytes);
+                    self.answered[index] = true;
+                    alert = alert.or(self.alert.then_some(index));
+                }
+                Err(BusError::Silent { .. } | BusError::Corrupt { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(alert)
+    }
+}

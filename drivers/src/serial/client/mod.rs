@@ -1,0 +1,227 @@
+//! Requests to the servos of one serial bus and their replies, in either framing.
+//!
+//! Instructions, retries, read-back, and the names of the servos to blame. Every
+//! exchange is bounded: wire time, return delay and the reply timeout, times
+//! the tries (`timeout.rs`). Nothing here knows what the registers mean.
+
+mod everyone;
+
+use dynamixel2::instructions::instruction_id as instruction;
+
+use crate::bus::config::BusConfig;
+use crate::error::{BusError, Refusal, ServoId};
+use crate::serial::register::Register;
+use crate::serial::wire::framing::Framing;
+use crate::serial::wire::port::{PacketPort, Received};
+use crate::serial::wire::stale_replies::ServoRequest;
+use crate::servo::Servo;
+
+/// One serial bus and the servos on it.
+pub struct ServoClient {
+    pub(crate) port: PacketPort,
+    /// In the order of targets and states.
+    pub(crate) servos: Vec<Servo>,
+    /// Checked.
+    pub(crate) config: BusConfig,
+    /// How often an exchange is tried; less while it is known that servos are silent.
+    pub(super) tries: u32,
+    /// Parameters of the packet being built.
+    params: Vec<u8>,
+    /// Which servos gave their part of the read that is going on.
+    pub(crate) answered: Vec<bool>,
+    /// Servos that are left out of cycles: lost, and not back yet.
+    pub(crate) aside: Vec<bool>,
+    /// Whether the last answer to [`ServoClient::transfer`] had its alert bit set.
+    alert: bool,
+    /// The error byte of that answer, as it came.
+    pub(crate) flags: u8,
+    /// The firmware of each servo, as it said when it was checked last.
+    pub(crate) firmware: Vec<u8>,
+    /// Everyone answers the Fast Sync Read of Protocol 2.0.
+    pub(crate) fast_read: bool,
+}
+
+impl ServoClient {
+    /// Opens the port; `config` is checked. Nothing is sent.
+    pub(crate) fn open(
+        port: &str,
+        config: BusConfig,
+        servos: Vec<Servo>,
+        framing: Framing,
+    ) -> Result<Self, BusError> {
+        Ok(Self {
+            port: PacketPort::open(port, config.baud, framing, config.reply_clock.clone())?,
+            answered: vec![false; servos.len()],
+            aside: vec![false; servos.len()],
+            alert: false,
+            flags: 0,
+            firmware: vec![0; servos.len()],
+            fast_read: false,
+            params: Vec::with_capacity(8 + 5 * servos.len()),
+            servos,
+            tries: config.retries + 1,
+            config,
+        })
+    }
+
+    /// The servos, in the order of targets and states.
+    pub fn servos(&self) -> &[Servo] {
+        &self.servos
+    }
+
+    /// The joint and id of the servo at `index`.
+    pub(crate) fn id_of(&self, index: usize) -> ServoId {
+        ServoId::of(&self.servos[index])
+    }
+
+    /// One instruction to one servo; the `reply` parameters of its status packet.
+    pub fn transfer(
+        &mut self,
+        index: usize,
+        instruction: u8,
+        params: &[u8],
+        reply: usize,
+        doing: &'static str,
+    ) -> Result<Vec<u8>, BusError> {
+        let id = self.servos[index].id;
+        let request = ServoRequest {
+            id,
+            instruction,
+            params,
+            reply,
+        };
+        let bytes = self.port.framing().status_bytes() + reply;
+        let mut corrupt = false;
+        for attempt in 0..self.tries {
+            self.port.stats.retries += u64::from(attempt > 0);
+            self.port.ask(&request, self.wait(bytes, 1), doing)?;
+            let deadline = self.deadline(bytes, 1);
+            loop {
+                match self.port.receive(deadline, doing)? {
+                    Received::Packet => {
+                        let packet = self.port.packet();
+                        if packet.id != id {
+                            continue;
+                        }
+                        // The servo heard a damaged instruction: say it again.
+                        if packet.error() == Refusal::CRC.0 {
+                            self.port.stats.crc_errors += 1;
+                            corrupt = true;
+                            break;
+                        }
+                        if packet.error() != 0 {
+                            return Err(BusError::Refused {
+                                servo: self.id_of(index),
+                                doing,
+                                refusal: Refusal(packet.error()),
+                            });
+                        }
+                        if packet.params().len() == reply {
+                            (self.alert, self.flags) = (packet.alert(), packet.flags());
+                            return Ok(packet.params().to_vec());
+                        }
+                    }
+                    Received::Corrupt => {
+                        corrupt = true;
+                        break;
+                    }
+                    Received::Nothing => {
+                        self.port.note_unanswered(&request);
+                        break;
+                    }
+                }
+            }
+        }
+        Err(self.unanswered(vec![self.id_of(index)], corrupt, doing))
+    }
+
+    /// The error byte of the last answer, as it came: in Protocol 1 flags.
+    pub fn flags(&self) -> u8 {
+        self.flags
+    }
+
+    /// The unsigned value of a register.
+    pub fn read(&mut self, index: usize, register: Register) -> Result<u64, BusError> {
+        Ok(register.value(&self.read_bytes(index, register)?))
+    }
+
+    /// The bytes of a register, or of several in a row.
+    pub fn read_bytes(&mut self, index: usize, register: Register) -> Result<Vec<u8>, BusError> {
+        let params = self.port.framing().read_params(register);
+        let size = usize::from(register.size);
+        self.transfer(index, instruction::READ, &params, size, register.name)
+    }
+
+    /// Writes a register; the servo confirms.
+    pub fn write(&mut self, index: usize, register: Register, value: u64) -> Result<(), BusError> {
+        let params = self.port.framing().write_params(register, value);
+        self.transfer(index, instruction::WRITE, &params, 0, register.name)?;
+        Ok(())
+    }
+
+    /// Writes a register of a servo that may not answer writes.
+    pub fn write_unheard(
+        &mut self,
+        index: usize,
+        register: Register,
+        value: u64,
+    ) -> Result<(), BusError> {
+        match self.once(|client| client.write(index, register, value)) {
+            Err(BusError::Silent { .. }) => Ok(()),
+            written => written,
+        }
+    }
+
+    /// Asks one servo whether it is there: the parameters of its answer.
+    pub fn ping(&mut self, index: usize) -> Result<Vec<u8>, BusError> {
+        let reply = self.port.framing().ping_params();
+        self.transfer(index, instruction::PING, &[], reply, "ping")
+    }
+
+    /// Writes a register and reads it back.
+    pub fn set(&mut self, index: usize, register: Register, value: u64) -> Result<(), BusError> {
+        self.write(index, register, value)?;
+        self.expect(index, register, value)
+    }
+
+    /// Writes a register only if it holds another value; says so in the notes.
+    pub fn settle(
+        &mut self,
+        index: usize,
+        register: Register,
+        value: u64,
+        notes: &mut Vec<String>,
+    ) -> Result<(), BusError> {
+        let old = self.read(index, register)?;
+        if old != value {
+            self.set(index, register, value)?;
+            let servo = self.id_of(index);
+            notes.push(format!(
+                "{servo}: {} changed from {old} to {value}",
+                register.name
+            ));
+        }
+        Ok(())
+    }
+
+    /// Checks that a register holds a value.
+    pub fn expect(&mut self, index: usize, register: Register, value: u64) -> Result<(), BusError> {
+        let actual = self.read(index, register)?;
+        if actual == value {
+            return Ok(());
+        }
+        Err(BusError::ReadBack {
+            servo: self.id_of(index),
+            register: register.name,
+            wanted: value as i64,
+            actual: actual as i64,
+        })
+    }
+
+    /// The goal that keeps a joint where it stands.
+    pub(crate) fn holding_goal(&self, index: usize, ticks: i32) -> Result<i32, BusError> {
+        let servo = &self.servos[index];
+        let hold_rad = servo.holding_rad(servo.position_rad(ticks))?;
+        Ok(servo.goal_ticks(hold_rad))
+    }
+}

@@ -1,0 +1,150 @@
+//! The memory of AX servos, and of MX with Protocol 1.0, as the vendor's manuals have it.
+
+#![allow(missing_docs)] // each register says its own name
+
+use crate::serial::limits::LimitRegisters;
+use crate::serial::memory::{ByteMemory, Protection};
+use crate::serial::register::Register;
+use crate::serial::registers::{Registers, ServiceRegisters};
+
+const fn byte(address: u16, name: &'static str) -> Register {
+    Register::new(address, 1, name)
+}
+
+const fn word(address: u16, name: &'static str) -> Register {
+    Register::new(address, 2, name)
+}
+
+const MODEL: Register = word(0, "model number");
+const FIRMWARE: Register = byte(2, "firmware");
+const ID: Register = byte(3, "id");
+const BAUD: Register = byte(4, "baud rate");
+pub(super) const RETURN_DELAY: Register = byte(5, "return delay time");
+const LOWEST: Register = word(6, "clockwise angle limit");
+const HIGHEST: Register = word(8, "counterclockwise angle limit");
+const HOTTEST: Register = byte(11, "temperature limit");
+const MIN_VOLTAGE: Register = byte(12, "lowest voltage");
+const MAX_VOLTAGE: Register = byte(13, "highest voltage");
+pub(super) const MAX_TORQUE: Register = word(14, "maximum torque");
+pub(super) const STATUS_LEVEL: Register = byte(16, "status return level");
+const ALARM_LED: Register = byte(17, "alarm LED");
+const SHUTDOWN: Register = byte(18, "shutdown");
+pub(super) const TORQUE: Register = byte(24, "torque enable");
+const CW_MARGIN: Register = byte(26, "clockwise compliance margin");
+const CCW_MARGIN: Register = byte(27, "counterclockwise compliance margin");
+const CW_SLOPE: Register = byte(28, "clockwise compliance slope");
+const CCW_SLOPE: Register = byte(29, "counterclockwise compliance slope");
+const P_GAIN: Register = byte(28, "P gain");
+const GOAL: Register = word(30, "goal position");
+pub(super) const SPEED: Register = word(32, "moving speed");
+pub(super) const TORQUE_LIMIT: Register = word(34, "torque limit");
+const POSITION: Register = word(36, "present position");
+const PRESENT_SPEED: Register = word(38, "present speed");
+const LOAD: Register = word(40, "present load");
+const VOLTAGE: Register = byte(42, "present input voltage");
+const TEMPERATURE: Register = byte(43, "present temperature");
+const MOVING: Register = byte(46, "moving");
+const PUNCH: Register = word(48, "punch");
+/// MX only.
+pub(super) const TORQUE_MODE: Register = byte(70, "torque control mode");
+/// MX only.
+pub(super) const ACCELERATION: Register = byte(73, "goal acceleration");
+
+/// Model number and firmware.
+pub(super) const IDENTITY: Register = Register::new(0, 3, "model number and firmware");
+/// Position, speed, load, voltage and temperature.
+pub(super) const PRESENT: Register = Register::new(36, 8, "present state");
+/// Of speeds; set for clockwise, which is downwards.
+pub(super) const SIGN_BIT: u32 = 10;
+
+pub(super) static REGISTERS: Registers = Registers {
+    torque: TORQUE,
+    goal: GOAL,
+    present: PRESENT,
+    service: Some(ServiceRegisters {
+        id: ID,
+        last_id: 253,
+        position: POSITION,
+        voltage: VOLTAGE,
+        temperature: TEMPERATURE,
+        status: None,
+        lock: None,
+    }),
+};
+
+pub(super) const LIMITS: LimitRegisters = LimitRegisters {
+    volts: (MIN_VOLTAGE, MAX_VOLTAGE),
+    celsius: HOTTEST,
+    ticks: (LOWEST, HIGHEST),
+};
+
+const AX_MEMORY: ByteMemory = ByteMemory {
+    ram: 24,
+    model: Some(MODEL),
+    return_delay: Some(RETURN_DELAY),
+    status_level: Some(STATUS_LEVEL),
+    goal_limits: Some((LOWEST, HIGHEST)),
+    goal_speed: Some(SPEED),
+    torque_limit: Some(TORQUE_LIMIT),
+    speed: Some(PRESENT_SPEED),
+    load: Some(LOAD),
+    moving: Some(MOVING),
+    protection: Some(Protection {
+        hottest: HOTTEST,
+        max_voltage: MAX_VOLTAGE,
+        min_voltage: MIN_VOLTAGE,
+        conditions: (1, 1 << 2, 1 << 5),
+        shutdown: Some(SHUTDOWN),
+    }),
+    last_writable: 35,
+    also_writable: &[44, 47, 48, 49],
+    factory: &[
+        (FIRMWARE, 24),
+        (BAUD, 1),
+        (RETURN_DELAY, 250),
+        (HIGHEST, 1023),
+        (HOTTEST, 70),
+        (MIN_VOLTAGE, 60),
+        (MAX_VOLTAGE, 140),
+        (MAX_TORQUE, 1023),
+        (STATUS_LEVEL, 2),
+        (ALARM_LED, 36),
+        (SHUTDOWN, 36),
+        (CW_MARGIN, 1),
+        (CCW_MARGIN, 1),
+        (CW_SLOPE, 32),
+        (CCW_SLOPE, 32),
+        (TORQUE_LIMIT, 1023),
+        (PUNCH, 32),
+    ],
+    sign_bit: SIGN_BIT,
+    refuses_goals: true,
+    ..ByteMemory::bare(&REGISTERS, 50)
+};
+
+/// AX-12A and AX-18A; compliance margins and slopes are not simulated.
+pub(super) static AX: ByteMemory = AX_MEMORY;
+
+/// MX-28, MX-64 and MX-106 with Protocol 1.0.
+pub(super) static MX1: ByteMemory = ByteMemory {
+    size: 74,
+    p_gain: Some(P_GAIN),
+    also_writable: &[44, 47, 48, 49, 70, 71, 72, 73],
+    factory: &[
+        (FIRMWARE, 36),
+        (BAUD, 34),
+        (RETURN_DELAY, 250),
+        (HIGHEST, 4095),
+        (HOTTEST, 80),
+        (MIN_VOLTAGE, 60),
+        (MAX_VOLTAGE, 160),
+        (MAX_TORQUE, 1023),
+        (STATUS_LEVEL, 2),
+        (ALARM_LED, 36),
+        (SHUTDOWN, 36),
+        (P_GAIN, 32),
+        (TORQUE_LIMIT, 1023),
+    ],
+    bulk_read: true,
+    ..AX_MEMORY
+};

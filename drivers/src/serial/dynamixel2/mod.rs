@@ -1,0 +1,284 @@
+//! X series servos, and MX with Protocol 2.0.
+//!
+//! Everyone is read with a Fast Sync Read where all servos answer it (probed
+//! once, when arming), else with a plain Sync Read; which one is said. A plain
+//! one that the wire does not carry at the robot's rate is refused.
+
+mod models;
+pub mod registers;
+
+use dynamixel2::instructions::instruction_id as instruction;
+use dynamixel2::instructions::packet_id::BROADCAST;
+
+use crate::error::BusError;
+use crate::serial::client::ServoClient;
+use crate::serial::family::ServoFamily;
+use crate::serial::memory::Firmware;
+use crate::serial::register::names_of;
+use crate::serial::registers::{CycleBytes, Identity, OwnLimits, Present, Registers};
+use crate::serial::wire::framing::Framing;
+use crate::serial::wire::port::{Received, bytes_hz};
+use crate::servo::Servo;
+use crate::servo::model::ServoModel;
+use registers::*;
+
+pub use models::BAUDS;
+
+/// Fast Sync Read; the `dynamixel2` crate does not know it.
+const FAST_SYNC_READ: u8 = 0x8A;
+
+/// The flags of the hardware error register.
+const CONDITIONS: [(u8, &str); 5] = [
+    (0, "input voltage"),
+    (2, "overheating"),
+    (3, "encoder"),
+    (4, "electrical shock"),
+    (5, "overload"),
+];
+
+/// Dynamixel X, and MX with Protocol 2.0.
+pub struct Dynamixel2;
+
+/// One Fast Sync Read of everyone; stops at the first damage.
+fn fast_read(client: &mut ServoClient, present: &mut [u8]) -> Result<Option<usize>, BusError> {
+    let register = PRESENT;
+    let size = usize::from(register.size);
+    // One packet for all: a part of it is no answer.
+    client.begin_read();
+    let count = client.read_request(register);
+    if count == 0 {
+        return Ok(None);
+    }
+    let length = 1 + count * (size + 4);
+    client.send_request(FAST_SYNC_READ, length, register.name)?;
+    let deadline = client.deadline(7 + length, 1);
+    loop {
+        match client.port.receive(deadline, register.name)? {
+            Received::Packet => {}
+            Received::Corrupt | Received::Nothing => return Ok(None),
+        }
+        let packet = client.port.packet();
+        if packet.id != BROADCAST {
+            continue;
+        }
+        let mut alert = None;
+        let mut index = 0;
+        for (error, id, data) in packet.blocks(size) {
+            while client.aside.get(index) == Some(&true) {
+                index += 1;
+            }
+            let expected = client.servos.get(index);
+            if expected.is_none_or(|servo| servo.id != id) || error & 0x7F != 0 {
+                return Ok(None);
+            }
+            present[index * size..][..size].copy_from_slice(data);
+            client.answered[index] = true;
+            alert = alert.or((error & 0x80 != 0).then_some(index));
+            index += 1;
+        }
+        return Ok(alert);
+    }
+}
+/// The plain Sync Read it is, if the wire carries that as often as the robot asks.
+fn fall_back(client: &ServoClient, why: String, notes: &mut Vec<String>) -> Result<(), BusError> {
+    let asked_hz = client.config.control_hz.unwrap_or(0.0);
+    let bytes = cycle_bytes(client.servos.len()).plain;
+    let limit_hz = bytes_hz(client.config.baud, bytes);
+    if asked_hz > limit_hz {
+        return Err(BusError::PlainTooSlow {
+            why,
+            servos: client.servos.len(),
+            baud: client.config.baud,
+            limit_hz,
+            bytes,
+            asked_hz,
+        });
+    }
+    notes.push(format!("plain Sync Read: {why}"));
+    Ok(())
+}
+
+/// | goals out | request | reply fast | reply plain |
+/// |---|---|---|---|
+/// | 14 + N(1 + 4) | 14 + N | 8 + N(10 + 4) | N(11 + 10) |
+fn cycle_bytes(servos: usize) -> CycleBytes {
+    let out = 14 + servos * 5 + 14 + servos;
+    CycleBytes {
+        fast: out + 8 + servos * 14,
+        plain: out + servos * 21,
+    }
+}
+
+impl ServoFamily for Dynamixel2 {
+    fn name(&self) -> &'static str {
+        "Dynamixel 2"
+    }
+
+    fn framing(&self) -> Framing {
+        Framing::Protocol2
+    }
+
+    fn models(&self) -> &'static [ServoModel] {
+        models::MODELS
+    }
+
+    fn bauds(&self, _model: &ServoModel) -> &'static [u32] {
+        &models::BAUDS
+    }
+
+    fn registers(&self) -> &'static Registers {
+        &REGISTERS
+    }
+
+    fn firmware(&self, _model: &ServoModel) -> Firmware {
+        Firmware::DynamixelX
+    }
+
+    fn cycle_bytes(&self, servos: &[Servo]) -> CycleBytes {
+        cycle_bytes(servos.len())
+    }
+
+    fn parse(&self, bytes: &[u8]) -> Present {
+        let &[c0, c1, v0, v1, v2, v3, p0, p1, p2, p3] = bytes else {
+            return Present::default();
+        };
+        Present {
+            ticks: i32::from_le_bytes([p0, p1, p2, p3]),
+            velocity: i32::from_le_bytes([v0, v1, v2, v3]),
+            current: i16::from_le_bytes([c0, c1]),
+        }
+    }
+
+    fn identity(&self, pinged: &[u8]) -> Option<Identity> {
+        Some(match *pinged {
+            [low, high, firmware] => Identity::new([low, high], firmware),
+            _ => Identity::default(), // a ping returns what was asked for
+        })
+    }
+
+    fn conditions(&self) -> &'static [(u8, &'static str)] {
+        &CONDITIONS
+    }
+
+    fn condition(
+        &self,
+        client: &mut ServoClient,
+        index: usize,
+    ) -> Result<Option<String>, BusError> {
+        let flags = client.read(index, HARDWARE_ERROR)? as u8;
+        let words = || {
+            let names = names_of(flags, &CONDITIONS);
+            format!("{names}; only a reboot or a power cycle clears it")
+        };
+        Ok((flags != 0).then(words))
+    }
+
+    fn own_limits(
+        &self,
+        client: &mut ServoClient,
+        index: usize,
+    ) -> Result<Option<OwnLimits>, BusError> {
+        let lowest_volts = client.read(index, MIN_VOLTAGE)?;
+        let highest_volts = client.read(index, MAX_VOLTAGE)?;
+        let lowest = client.read(index, MIN_POSITION)? as i32;
+        let highest = client.read(index, MAX_POSITION)? as i32;
+        let senses_current = client.servos[index].model.current_a_per_unit.is_some();
+        Ok(Some(OwnLimits {
+            tenth_volts: (lowest_volts, highest_volts),
+            celsius: client.read(index, TEMPERATURE_LIMIT)?,
+            ticks: (lowest, highest),
+            current: match senses_current {
+                true => Some(client.read(index, CURRENT_LIMIT)?),
+                false => None,
+            },
+            velocity: Some(client.read(index, VELOCITY_LIMIT)?),
+        }))
+    }
+
+    fn set_up(
+        &self,
+        client: &mut ServoClient,
+        index: usize,
+        notes: &mut Vec<String>,
+    ) -> Result<(), BusError> {
+        client.settle(index, TORQUE, 0, notes)?;
+        client.settle(index, STATUS_RETURN_LEVEL, 2, notes)?;
+        client.settle(index, RETURN_DELAY, 0, notes)?;
+        client.settle(index, DRIVE_MODE, 0, notes)?;
+        client.settle(index, OPERATING_MODE, 3, notes)?;
+        // A tripped watchdog refuses goals until it is cleared.
+        client.write(index, BUS_WATCHDOG, 0)?;
+        // No profile: the host shapes the motion.
+        client.settle(index, PROFILE_ACCELERATION, 0, notes)?;
+        client.settle(index, PROFILE_VELOCITY, 0, notes)
+    }
+
+    fn arm_watchdog(&self, client: &mut ServoClient, index: usize) -> Result<(), BusError> {
+        let units = u64::from(client.config.watchdog_ms / 20);
+        client.set(index, BUS_WATCHDOG, units)
+    }
+
+    /// Fast Sync Read where the firmware has it and a probe succeeds.
+    fn choose_read(
+        &self,
+        client: &mut ServoClient,
+        notes: &mut Vec<String>,
+    ) -> Result<(), BusError> {
+        client.fast_read = false;
+        let firmware = client.servos.iter().zip(&client.firmware);
+        let old = firmware
+            .clone()
+            .position(|(servo, &version)| version < servo.model.fast_read_firmware);
+        if let Some(index) = old {
+            let servo = client.id_of(index);
+            let why = format!(
+                "{servo} runs firmware {}, Fast Sync Read needs {}",
+                client.firmware[index], client.servos[index].model.fast_read_firmware
+            );
+            return fall_back(client, why, notes);
+        }
+        let mut probe = vec![0; usize::from(PRESENT.size) * client.servos.len()];
+        for _ in 0..client.tries() {
+            fast_read(client, &mut probe)?;
+            if client.complete() {
+                client.fast_read = true;
+                return Ok(());
+            }
+        }
+        let why = "the bus did not answer the Fast Sync Read probe";
+        fall_back(client, why.into(), notes)
+    }
+
+    fn read_all(
+        &self,
+        client: &mut ServoClient,
+        present: &mut [u8],
+    ) -> Result<Option<usize>, BusError> {
+        if client.fast_read {
+            fast_read(client, present)
+        } else {
+            client.sync_read(PRESENT, present)
+        }
+    }
+
+    fn reboot(&self, client: &mut ServoClient, index: usize) -> Result<bool, BusError> {
+        client.transfer(index, instruction::REBOOT, &[], 0, "reboot")?;
+        Ok(true)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twenty_servos_match_the_published_limits() {
+        let bytes = cycle_bytes(20);
+        assert_eq!((bytes.fast, bytes.plain), (436, 568));
+        let hz = |baud| bytes_hz(baud, bytes.fast).round();
+        assert_eq!(
+            [1_000_000, 2_000_000, 4_000_000].map(hz),
+            [229.0, 459.0, 917.0]
+        );
+    }
+}

@@ -1,0 +1,145 @@
+//! What one family of serial servos does differently from the others.
+//!
+//! [`crate::SerialBus`] knows how a bus is checked, armed, cycled and left; a
+//! family knows its registers, framing, models, rates and instructions. Each family
+//! is one folder beside this file, registered in [`crate::serial::families`];
+//! `docs/guides/add-a-servo-family.md` leads through adding one.
+
+use std::fmt;
+
+use crate::error::BusError;
+use crate::serial::client::ServoClient;
+use crate::serial::memory::Firmware;
+use crate::serial::register::Register;
+use crate::serial::registers::{CycleBytes, Identity, OwnLimits, Present, Registers};
+use crate::serial::wire::framing::Framing;
+use crate::servo::Servo;
+use crate::servo::model::ServoModel;
+
+/// One family of serial servos.
+///
+/// `index` is a servo's place on its bus, `notes` takes a line for each thing that
+/// the user should know. Methods with a default are for families that can do more.
+pub trait ServoFamily: Sync {
+    /// Its name, for debugging.
+    fn name(&self) -> &'static str;
+
+    /// How its packets are framed.
+    fn framing(&self) -> Framing;
+
+    /// The models that it has.
+    fn models(&self) -> &'static [ServoModel];
+
+    /// The rates that a model can be set to, in the order of its baud register.
+    fn bauds(&self, model: &ServoModel) -> &'static [u32];
+
+    /// The registers that every cycle needs.
+    fn registers(&self) -> &'static Registers;
+
+    /// The firmware that the simulator runs for a model.
+    fn firmware(&self, model: &ServoModel) -> Firmware;
+
+    /// What one cycle of these servos puts on the wire.
+    fn cycle_bytes(&self, servos: &[Servo]) -> CycleBytes;
+
+    /// What the present registers say.
+    fn parse(&self, bytes: &[u8]) -> Present;
+
+    /// The position register as a number of ticks.
+    fn ticks(&self, raw: u64) -> i32 {
+        raw as i32
+    }
+
+    /// Where model number and firmware stand; `None` where a ping tells them.
+    fn identity_register(&self) -> Option<Register> {
+        None
+    }
+
+    /// What those bytes say; `None` from servos that do not say what they are.
+    fn identity(&self, _bytes: &[u8]) -> Option<Identity> {
+        None
+    }
+
+    /// Why a servo cannot stop by itself when the host goes silent; `None`
+    /// where it can.
+    fn lacks_watchdog(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// The conditions that a servo reports, by the bits of its flags.
+    fn conditions(&self) -> &'static [(u8, &'static str)] {
+        &[]
+    }
+
+    /// The condition that a servo reports, in words; `None` when it is well.
+    fn condition(
+        &self,
+        _client: &mut ServoClient,
+        _index: usize,
+    ) -> Result<Option<String>, BusError> {
+        Ok(None)
+    }
+
+    /// The limits in a servo's memory; `None` where it keeps none.
+    fn own_limits(
+        &self,
+        _client: &mut ServoClient,
+        _index: usize,
+    ) -> Result<Option<OwnLimits>, BusError> {
+        Ok(None)
+    }
+
+    /// Torque off, then the settings that the driver relies on.
+    fn set_up(
+        &self,
+        client: &mut ServoClient,
+        index: usize,
+        notes: &mut Vec<String>,
+    ) -> Result<(), BusError> {
+        client.settle(index, self.registers().torque, 0, notes)
+    }
+
+    /// Arms the servo's own watchdog and reads it back.
+    fn arm_watchdog(&self, _client: &mut ServoClient, _index: usize) -> Result<(), BusError> {
+        Ok(())
+    }
+
+    /// Finds the best way to read everyone.
+    fn choose_read(
+        &self,
+        _client: &mut ServoClient,
+        _notes: &mut Vec<String>,
+    ) -> Result<(), BusError> {
+        Ok(())
+    }
+
+    /// Asks those who have not answered for their present registers, once.
+    /// Returns the first servo that raised its alert bit.
+    fn read_all(
+        &self,
+        client: &mut ServoClient,
+        present: &mut [u8],
+    ) -> Result<Option<usize>, BusError> {
+        client.read_each(self.registers().present, present)
+    }
+
+    /// Restarts a servo that has shut itself down; it is deaf for a while.
+    /// False where there is no such instruction.
+    fn reboot(&self, _client: &mut ServoClient, _index: usize) -> Result<bool, BusError> {
+        Ok(false)
+    }
+}
+
+impl fmt::Debug for dyn ServoFamily {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl PartialEq for dyn ServoFamily {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name()
+    }
+}
+
+impl Eq for dyn ServoFamily {}

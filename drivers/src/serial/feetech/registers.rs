@@ -1,0 +1,117 @@
+//! The memory of Feetech STS servos, as the vendor's tables have it.
+
+#![allow(missing_docs)] // each register says its own name
+
+use crate::serial::limits::LimitRegisters;
+use crate::serial::memory::{ByteMemory, Protection};
+use crate::serial::register::Register;
+use crate::serial::registers::{Registers, ServiceRegisters};
+
+const fn byte(address: u16, name: &'static str) -> Register {
+    Register::new(address, 1, name)
+}
+
+const fn word(address: u16, name: &'static str) -> Register {
+    Register::new(address, 2, name)
+}
+
+const FIRMWARE: Register = word(0, "firmware, major and minor");
+const MODEL: Register = word(3, "model number");
+const ID: Register = byte(5, "id");
+pub(super) const RETURN_DELAY: Register = byte(7, "return delay time");
+pub(super) const STATUS_LEVEL: Register = byte(8, "status return level");
+const LOWEST: Register = word(9, "minimum angle limit");
+const HIGHEST: Register = word(11, "maximum angle limit");
+const HOTTEST: Register = byte(13, "temperature limit");
+const MAX_VOLTAGE: Register = byte(14, "maximum voltage");
+const MIN_VOLTAGE: Register = byte(15, "minimum voltage");
+const MAX_TORQUE: Register = word(16, "maximum torque");
+const P_GAIN: Register = byte(21, "P gain");
+const D_GAIN: Register = byte(22, "D gain");
+const CURRENT_PROTECTION: Register = word(28, "protection current");
+const OFFSET: Register = word(31, "position offset");
+pub(super) const MODE: Register = byte(33, "operating mode");
+pub(super) const TORQUE: Register = byte(40, "torque enable");
+pub(super) const ACCELERATION: Register = byte(41, "acceleration");
+const GOAL: Register = word(42, "goal position");
+pub(super) const GOAL_TIME: Register = word(44, "goal time");
+pub(super) const GOAL_SPEED: Register = word(46, "goal speed");
+const TORQUE_LIMIT: Register = word(48, "torque limit");
+pub(super) const LOCK: Register = byte(55, "EEPROM lock");
+const POSITION: Register = word(56, "present position");
+const SPEED: Register = word(58, "present speed");
+const LOAD: Register = word(60, "present load");
+const VOLTAGE: Register = byte(62, "present input voltage");
+const TEMPERATURE: Register = byte(63, "present temperature");
+pub(super) const STATUS: Register = byte(65, "status");
+const MOVING: Register = byte(66, "moving");
+const CURRENT: Register = word(69, "present current");
+
+pub(super) const IDENTITY: Register = Register::new(0, 5, "firmware and model number");
+/// From the position to the current.
+pub(super) const PRESENT: Register = Register::new(56, 15, "present state");
+/// Of everything that can be negative.
+pub(super) const SIGN_BIT: u32 = 15;
+
+pub(super) static REGISTERS: Registers = Registers {
+    torque: TORQUE,
+    goal: GOAL,
+    present: PRESENT,
+    service: Some(ServiceRegisters {
+        id: ID,
+        last_id: 253,
+        position: POSITION,
+        voltage: VOLTAGE,
+        temperature: TEMPERATURE,
+        status: Some(STATUS),
+        lock: Some(LOCK),
+    }),
+};
+
+pub(super) const LIMITS: LimitRegisters = LimitRegisters {
+    volts: (MIN_VOLTAGE, MAX_VOLTAGE),
+    celsius: HOTTEST,
+    ticks: (LOWEST, HIGHEST),
+};
+
+pub(super) static STS: ByteMemory = ByteMemory {
+    ram: 40,
+    model: Some(MODEL),
+    return_delay: Some(RETURN_DELAY),
+    status_level: Some(STATUS_LEVEL),
+    goal_limits: Some((LOWEST, HIGHEST)),
+    p_gain: Some(P_GAIN),
+    offset: Some(OFFSET),
+    goal_speed: Some(GOAL_SPEED),
+    torque_limit: Some(TORQUE_LIMIT),
+    speed: Some(SPEED),
+    load: Some(LOAD),
+    moving: Some(MOVING),
+    current: Some(CURRENT),
+    protection: Some(Protection {
+        hottest: HOTTEST,
+        max_voltage: MAX_VOLTAGE,
+        min_voltage: MIN_VOLTAGE,
+        conditions: (1, 1 << 2, 1 << 5),
+        shutdown: None,
+    }),
+    last_writable: 55,
+    factory: &[
+        (FIRMWARE, 3 | 10 << 8),
+        (RETURN_DELAY, 250),
+        (STATUS_LEVEL, 1),
+        (HIGHEST, 4095),
+        (HOTTEST, 70),
+        (MAX_VOLTAGE, 140),
+        (MIN_VOLTAGE, 40),
+        (MAX_TORQUE, 1000),
+        (P_GAIN, 32),
+        (D_GAIN, 32),
+        (CURRENT_PROTECTION, 310),
+        (TORQUE_LIMIT, 1000),
+        (LOCK, 1),
+    ],
+    sync_read: true,
+    reboots: true,
+    ..ByteMemory::bare(&REGISTERS, 86)
+};

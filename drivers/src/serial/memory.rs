@@ -1,0 +1,102 @@
+//! How a servo's firmware keeps its memory: what the simulator needs of a family
+//! beyond what the driver reads and writes.
+
+use crate::serial::register::Register;
+use crate::serial::registers::Registers;
+
+/// Which simulated firmware a servo runs.
+#[derive(Clone, Copy, Debug)]
+pub enum Firmware {
+    /// That of the Dynamixel X series: a control table that refuses what is out of
+    /// range, modes, profiles, indirect addresses (`sim/src/servo/dynamixel2/`).
+    DynamixelX,
+    /// Plain bytes with a position loop, Protocol 1 (`sim/src/servo/byte_servo.rs`).
+    Bytes(&'static ByteMemory),
+}
+
+/// The memory of a servo that keeps plain bytes. What is `None` does not exist.
+#[allow(missing_docs)] // a register's field says which one it is
+#[derive(Debug)]
+pub struct ByteMemory {
+    /// Those that the driver uses; the position is the first word of the present state.
+    pub registers: &'static Registers,
+    /// Bytes of memory.
+    pub size: usize,
+    /// First address that a restart clears.
+    pub ram: usize,
+    pub model: Option<Register>,
+    pub return_delay: Option<Register>,
+    pub status_level: Option<Register>,
+    /// Lowest and highest goal.
+    pub goal_limits: Option<(Register, Register)>,
+    pub p_gain: Option<Register>,
+    pub offset: Option<Register>,
+    pub goal_speed: Option<Register>,
+    pub torque_limit: Option<Register>,
+    pub speed: Option<Register>,
+    pub load: Option<Register>,
+    pub moving: Option<Register>,
+    pub current: Option<Register>,
+    /// What makes the servo protect itself; without it nothing does.
+    pub protection: Option<Protection>,
+    /// What may be written: the addresses from the id up to this one ...
+    pub last_writable: usize,
+    /// ... and these.
+    pub also_writable: &'static [usize],
+    /// Factory settings other than zero.
+    pub factory: &'static [(Register, u16)],
+    /// The bit that is the sign of a speed.
+    pub sign_bit: u32,
+    /// A goal beyond the limits is refused; otherwise it is moved to the limit.
+    pub refuses_goals: bool,
+    /// Instructions that not all servos know.
+    pub sync_read: bool,
+    pub bulk_read: bool,
+    pub reboots: bool,
+}
+
+impl ByteMemory {
+    /// A memory of `size` bytes, all of which may be written, with the registers that
+    /// every bus needs and nothing else.
+    pub const fn bare(registers: &'static Registers, size: usize) -> Self {
+        Self {
+            registers,
+            size,
+            ram: 0,
+            model: None,
+            return_delay: None,
+            status_level: None,
+            goal_limits: None,
+            p_gain: None,
+            offset: None,
+            goal_speed: None,
+            torque_limit: None,
+            speed: None,
+            load: None,
+            moving: None,
+            current: None,
+            protection: None,
+            last_writable: size - 1,
+            also_writable: &[],
+            factory: &[],
+            sign_bit: 15,
+            refuses_goals: false,
+            sync_read: false,
+            bulk_read: false,
+            reboots: false,
+        }
+    }
+}
+
+/// Limits at which a servo protects itself, and how it says so.
+#[allow(missing_docs)] // a register's field says which one it is
+#[derive(Clone, Copy, Debug)]
+pub struct Protection {
+    pub hottest: Register,
+    pub max_voltage: Register,
+    pub min_voltage: Register,
+    /// The bits of voltage, heat and overload in an answer's error byte.
+    pub conditions: (u8, u8, u8),
+    /// Which conditions cut torque; `None`: all of them.
+    pub shutdown: Option<Register>,
+}

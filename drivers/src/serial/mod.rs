@@ -1,0 +1,45 @@
+//! Servos on a serial bus: requests and replies, and the families that differ.
+//!
+//! ```text
+//! SerialBus (arm, cycle, disarm)  -> ServoClient (requests, retries) -> wire/ (packets, port)
+//!     |  preflight.rs, rejoin.rs          timeout.rs
+//!     `-> ServoFamily: dynamixel2/, dynamixel1/, feetech/ (registers, models, rates)
+//! ```
+//!
+//! The `dynamixel2` crate gives the instruction numbers and the CRC of Protocol 2.0;
+//! its own bus is not used, because it knows neither Protocol 1 nor Fast Sync Read
+//! and blocks for as long as a damaged packet says.
+
+pub(crate) mod bus;
+mod client;
+pub mod dynamixel1;
+pub mod dynamixel2;
+pub(crate) mod families;
+mod family;
+pub mod feetech;
+mod limits;
+mod memory;
+mod preflight;
+mod register;
+mod registers;
+mod rejoin;
+pub(crate) mod scan;
+mod timeout;
+pub(crate) mod wire;
+
+pub use bus::SerialBus;
+pub use client::ServoClient;
+pub use families::{FAMILIES, family_of};
+pub use family::ServoFamily;
+pub use memory::{ByteMemory, Firmware, Protection};
+pub use register::{Register, sign_magnitude};
+pub use registers::{CycleBytes, Identity, OwnLimits, Present, Registers, ServiceRegisters};
+
+/// The instruction numbers of both protocols.
+#[allow(missing_docs)] // the vendor's names
+pub mod instruction {
+    pub use dynamixel2::instructions::instruction_id::*;
+    pub const BACKUP: u8 = 0x20;
+    pub const FAST_SYNC_READ: u8 = 0x8A;
+    pub const FAST_BULK_READ: u8 = 0x9A;
+}

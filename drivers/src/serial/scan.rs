@@ -1,0 +1,524 @@
+//! One servo at a time, before there is a robot: who is on a serial bus, how it
+//! is, and which id it has.
+//!
+//! Nothing here turns torque on. Pings and reads are safe at any time;
+//! [`SerialScanner::set_id`] turns the servo's torque off first. Every call is bounded
+//! by the wire time and the wait that the caller chose, times [`TRIES`].
+
+use std::time::{Duration, Instant};
+
+use dynamixel2::instructions::instruction_id as instruction;
+use dynamixel2::instructions::packet_id::BROADCAST;
+
+use crate::bus::reply_clock::ReplyClock;
+use crate::error::{BusError, Refusal, ServoId};
+use crate::serial::families::FAMILIES;
+use crate::serial::family::ServoFamily;
+use crate::serial::register::{Register, names_of};
+use crate::serial::registers::{Identity, ServiceRegisters};
+use crate::serial::wire::framing::Framing;
+use crate::serial::wire::port::{PacketPort, Received};
+use crate::serial::wire::stale_replies::ServoRequest;
+use crate::servo::model::ServoModel;
+
+/// How often a question is asked before its answer counts as missing.
+const TRIES: u32 = 2;
+/// How long each id may wait for its turn to answer a broadcast.
+const BROADCAST_TURN: Duration = Duration::from_millis(3);
+
+/// Where every family of Protocol 1 says who it is, each in its own order.
+const START: Register = Register::new(0, 6, "model");
+
+/// The families of a framing of which a servo can be looked at alone.
+fn families(
+    framing: Framing,
+) -> impl Iterator<Item = (&'static dyn ServoFamily, &'static ServiceRegisters)> {
+    let of_framing = FAMILIES
+        .iter()
+        .filter(move |family| family.framing() == framing);
+    of_framing.filter_map(|&family| Some((family, family.registers().service.as_ref()?)))
+}
+
+/// What a servo of Protocol 1 says it is, if the beginning of its memory has its id
+/// where this family keeps it.
+fn recognised(
+    family: &dyn ServoFamily,
+    service: &ServiceRegisters,
+    id: u8,
+    start: &[u8],
+) -> Option<Identity> {
+    let own_id = start.get(service.id.range())?;
+    let bytes = start.get(family.identity_register()?.range())?;
+    let identity = family.identity(bytes)?;
+    (own_id == [id]).then_some(identity)
+}
+
+/// A servo that answered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FoundServo {
+    /// The rate at which it answered.
+    pub baud: u32,
+    /// Its id.
+    pub id: u8,
+    /// Its model number.
+    pub model_number: u16,
+    /// The model's name, if it is known here.
+    pub model: Option<&'static str>,
+    /// Its firmware version.
+    pub firmware: u8,
+    /// Its hardware errors in words; `None` without any.
+    pub hardware_error: Option<String>,
+    /// The family that it belongs to.
+    pub family: &'static dyn ServoFamily,
+    service: &'static ServiceRegisters,
+}
+
+impl FoundServo {
+    /// The highest id that it can be given.
+    pub fn last_id(&self) -> u8 {
+        self.service.last_id
+    }
+}
+
+/// How a servo is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vitals {
+    /// Supply, volts.
+    pub voltage_v: f64,
+    /// Temperature, Celsius.
+    pub temperature_c: u8,
+    /// Where it stands, encoder ticks.
+    pub position_ticks: i32,
+    /// Whether it holds that position with force.
+    pub torque_enabled: bool,
+}
+
+/// A serial port at one rate and one framing.
+pub struct SerialScanner {
+    port: PacketPort,
+    baud: u32,
+    wait: Duration,
+}
+
+impl SerialScanner {
+    /// The framings that are looked for.
+    pub const FRAMINGS: [Framing; 2] = [Framing::Protocol2, Framing::Protocol1];
+
+    /// The rates that servos of a framing can be set to, the usual ones first: the order of
+    /// a scan, which no order of a baud register gives.
+    pub fn bauds(framing: Framing) -> &'static [u32] {
+        match framing {
+            Framing::Protocol2 => &[
+                57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 115_200, 9_600,
+            ],
+            Framing::Protocol1 => &[
+                1_000_000, 57_600, 500_000, 115_200, 250_000, 200_000, 128_000, 76_800, 38_400,
+                19_200, 9_600,
+            ],
+        }
+    }
+
+    /// Opens `port`. `wait` is how long a servo may take to answer beyond the
+    /// time on the wire.
+    pub fn open(port: &str, baud: u32, framing: Framing, wait: Duration) -> Result<Self, BusError> {
+        Ok(Self {
+            port: PacketPort::open(port, baud, framing, ReplyClock::Wall)?,
+            baud,
+            wait,
+        })
+    }
+
+    /// What keeps the adapter slow, if anything does.
+    pub fn latency_note(&self) -> Option<String> {
+        self.port.latency_note()
+    }
+
+    /// Everyone who answers, by id. Protocol 2.0 is asked with one broadcast; if
+    /// answers came damaged (an id given twice), and in Protocol 1, every id is
+    /// asked by itself.
+    pub fn everyone(&mut self) -> Result<Vec<FoundServo>, BusError> {
+        let mut found = match self.port.framing() {
+            Framing::Protocol2 => match self.broadcast_ping()? {
+                Some(found) => found,
+                None => self.sweep()?,
+            },
+            Framing::Protocol1 => self.sweep()?,
+        };
+        found.sort_by_key(|servo| servo.id);
+        Ok(found)
+    }
+
+    /// Asks every id once, and where somebody lives the silent ones once more: a
+    /// rate that nobody uses takes no longer for it.
+    fn sweep(&mut self) -> Result<Vec<FoundServo>, BusError> {
+        let mut found = Vec::new();
+        let mut silent: Vec<u8> = (0..BROADCAST).collect();
+        for _ in 0..TRIES {
+            let mut still = Vec::new();
+            for id in silent {
+                match self.ping_tries(id, 1) {
+                    Ok(Some(servo)) => found.push(servo),
+                    Ok(None) => still.push(id),
+                    Err(BusError::Corrupt { .. }) => found.extend(self.unreadable(id)),
+                    Err(error) => return Err(error),
+                }
+            }
+            silent = still;
+            if found.is_empty() {
+                break;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Somebody answers there, but nobody can make out what.
+    fn unreadable(&self, id: u8) -> Option<FoundServo> {
+        let (family, service) = families(self.port.framing()).next()?;
+        Some(FoundServo {
+            baud: self.baud,
+            id,
+            model_number: 0,
+            model: None,
+            firmware: 0,
+            hardware_error: Some("only damaged answers: is this id given twice?".into()),
+            family,
+            service,
+        })
+    }
+
+    /// `None` if an answer came damaged.
+    fn broadcast_ping(&mut self) -> Result<Option<Vec<FoundServo>>, BusError> {
+        const DOING: &str = "broadcast ping";
+        const STATUS_BYTES: usize = 14;
+        self.port
+            .send(BROADCAST, instruction::PING, &[], 7, DOING)?;
+        let turns = self.port.time(253 * STATUS_BYTES) + 253 * BROADCAST_TURN;
+        let deadline = Instant::now() + turns + self.wait;
+        let mut answers = Vec::new();
+        let mut damaged = false;
+        loop {
+            match self.port.receive(deadline, DOING)? {
+                Received::Nothing if damaged => return Ok(None),
+                Received::Nothing => break,
+                Received::Corrupt => damaged = true,
+                Received::Packet => {
+                    let packet = self.port.packet();
+                    answers.push((packet.id, packet.alert(), packet.params().to_vec()));
+                }
+            }
+        }
+        let found = answers.into_iter();
+        found
+            .map(|(id, alert, params)| self.identify(id, alert, &params))
+            .collect::<Result<Vec<_>, _>>()
+            .map(|found| Some(found.into_iter().flatten().collect()))
+    }
+
+    /// Asks one id; `None` if nobody answers.
+    pub fn ping(&mut self, id: u8) -> Result<Option<FoundServo>, BusError> {
+        self.ping_tries(id, TRIES)
+    }
+
+    fn ping_tries(&mut self, id: u8, tries: u32) -> Result<Option<FoundServo>, BusError> {
+        let reply = self.port.framing().ping_params();
+        let answer = self.ask(id, instruction::PING, &[], reply, "ping", tries)?;
+        match answer {
+            Some((alert, params)) => self.identify(id, alert, &params),
+            None => Ok(None),
+        }
+    }
+
+    /// Which servo it is that answered a ping.
+    fn identify(
+        &mut self,
+        id: u8,
+        alert: bool,
+        answer: &[u8],
+    ) -> Result<Option<FoundServo>, BusError> {
+        let known = match self.port.framing() {
+            Framing::Protocol2 => families(Framing::Protocol2)
+                .find_map(|(family, service)| Some((family, service, family.identity(answer)?))),
+            Framing::Protocol1 => self.read_bytes(id, START)?.and_then(|start| {
+                let families: Vec<_> = families(Framing::Protocol1).collect();
+                families.into_iter().rev().find_map(|(family, service)| {
+                    let identity = recognised(family, service, id, &start)?;
+                    Some((family, service, identity))
+                })
+            }),
+        };
+        let Some((family, service, identity)) = known else {
+            return Ok(None);
+        };
+        let mut found = FoundServo {
+            baud: self.baud,
+            id,
+            model_number: identity.model_number,
+            model: ServoModel::from_number(identity.model_number).map(|model| model.name),
+            firmware: identity.firmware,
+            hardware_error: None,
+            family,
+            service,
+        };
+        if alert {
+            let flags = match service.status {
+                Some(register) => self.read(id, register)?,
+                None => None,
+            };
+            let words = flags.map(|flags| names_of(flags as u8, family.conditions()));
+            found.hardware_error = Some(words.unwrap_or_else(|| "not told".into()));
+        }
+        Ok(Some(found))
+    }
+
+    /// How a servo is; `None` if it falls silent.
+    pub fn vitals(&mut self, servo: &FoundServo) -> Result<Option<Vitals>, BusError> {
+        let service = servo.service;
+        let mut values = [0; 4];
+        let registers = [
+            service.voltage,
+            service.temperature,
+            service.position,
+            servo.family.registers().torque,
+        ];
+        for (value, register) in values.iter_mut().zip(registers) {
+            match self.read(servo.id, register)? {
+                Some(read) => *value = read,
+                None => return Ok(None),
+            }
+        }
+        let [voltage, temperature, position, torque] = values;
+        Ok(Some(Vitals {
+            voltage_v: voltage as f64 * 0.1,
+            temperature_c: temperature as u8,
+            position_ticks: servo.family.ticks(position),
+            torque_enabled: torque != 0,
+        }))
+    }
+
+    /// Turns a servo's torque off and reads it back.
+    pub fn torque_off(&mut self, servo: &FoundServo) -> Result<(), BusError> {
+        self.set(servo.id, servo.family.registers().torque, 0)
+    }
+
+    /// Gives a servo another id, in its permanent memory: torque off first, the
+    /// id read back where it then answers. The caller has looked that `id` is
+    /// free.
+    pub fn set_id(&mut self, servo: &FoundServo, id: u8) -> Result<(), BusError> {
+        let service = servo.service;
+        self.torque_off(servo)?;
+        if let Some(lock) = service.lock {
+            self.write(servo.id, lock, 0)?;
+        }
+        // Some firmware confirms from the old id, some from the new one, some
+        // not at all: the id that is read back decides.
+        self.send_write(servo.id, service.id, u64::from(id))?;
+        let actual = self.read(id, service.id)?;
+        if actual != Some(u64::from(id)) {
+            return Err(silent(id, service.id.name));
+        }
+        match service.lock {
+            Some(lock) => self.write(id, lock, 1),
+            None => Ok(()),
+        }
+    }
+
+    /// Reads a register; `None` if nobody answers.
+    pub fn read(&mut self, id: u8, register: Register) -> Result<Option<u64>, BusError> {
+        let bytes = self.read_bytes(id, register)?;
+        Ok(bytes.map(|bytes| register.value(&bytes)))
+    }
+
+    fn read_bytes(&mut self, id: u8, register: Register) -> Result<Option<Vec<u8>>, BusError> {
+        let params = self.port.framing().read_params(register);
+        let size = usize::from(register.size);
+        let read = instruction::READ;
+        let answer = self.ask(id, read, &params, size, register.name, TRIES)?;
+        Ok(answer.map(|(_, bytes)| bytes))
+    }
+
+    /// Writes a register; the servo must confirm.
+    fn write(&mut self, id: u8, register: Register, value: u64) -> Result<(), BusError> {
+        let params = self.port.framing().write_params(register, value);
+        let write = instruction::WRITE;
+        match self.ask(id, write, &params, 0, register.name, TRIES)? {
+            Some(_) => Ok(()),
+            None => Err(silent(id, register.name)),
+        }
+    }
+
+    /// Writes a register and reads it back.
+    fn set(&mut self, id: u8, register: Register, value: u64) -> Result<(), BusError> {
+        self.write(id, register, value)?;
+        match self.read(id, register)? {
+            Some(actual) if actual == value => Ok(()),
+            Some(actual) => Err(BusError::ReadBack {
+                servo: nameless(id),
+                register: register.name,
+                wanted: value as i64,
+                actual: actual as i64,
+            }),
+            None => Err(silent(id, register.name)),
+        }
+    }
+
+    /// Writes a register; no answer is an answer, a refusal is not.
+    fn send_write(&mut self, id: u8, register: Register, value: u64) -> Result<(), BusError> {
+        let params = self.port.framing().write_params(register, value);
+        match self.ask(id, instruction::WRITE, &params, 0, register.name, 1) {
+            Err(BusError::Corrupt { .. }) | Ok(_) => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// One instruction to one id: alert bit and parameters of its answer, `None`
+    /// if nobody answers.
+    fn ask(
+        &mut self,
+        id: u8,
+        instruction: u8,
+        params: &[u8],
+        reply: usize,
+        doing: &'static str,
+        tries: u32,
+    ) -> Result<Option<(bool, Vec<u8>)>, BusError> {
+        let request = ServoRequest {
+            id,
+            instruction,
+            params,
+            reply,
+        };
+        let bytes = 2 * self.port.framing().status_bytes() + params.len() + reply;
+        let wait = self.port.time(bytes) + self.wait;
+        let mut corrupt = false;
+        for _ in 0..tries {
+            self.port.ask(&request, wait, doing)?;
+            let deadline = Instant::now() + wait;
+            loop {
+                match self.port.receive(deadline, doing)? {
+                    Received::Nothing => {
+                        self.port.note_unanswered(&request);
+                        break;
+                    }
+                    Received::Corrupt => corrupt = true,
+                    Received::Packet => {
+                        let packet = self.port.packet();
+                        if packet.id != id {
+                            continue;
+                        }
+                        match Refusal(packet.error()) {
+                            Refusal(0) if packet.params().len() == reply => {
+                                return Ok(Some((packet.alert(), packet.params().to_vec())));
+                            }
+                            Refusal(0) | Refusal::CRC => corrupt = true,
+                            refusal => {
+                                return Err(BusError::Refused {
+                                    servo: nameless(id),
+                                    doing,
+                                    refusal,
+                                });
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        if corrupt {
+            return Err(BusError::Corrupt {
+                servos: vec![nameless(id)],
+                doing,
+                tries,
+            });
+        }
+        Ok(None)
+    }
+}
+
+fn nameless(id: u8) -> ServoId {
+    ServoId {
+        joint: "servo".into(),
+        id,
+    }
+}
+
+fn silent(id: u8, doing: &'static str) -> BusError {
+    BusError::Silent {
+        servos: vec![nameless(id)],
+        doing,
+        tries: TRIES,
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::io::{Read, Write};
+    use std::os::unix::net::{UnixListener, UnixStream};
+
+    const PATIENCE: Duration = Duration::from_millis(200);
+    const FIRST: u8 = 48;
+
+    #[test]
+    fn protocol_1_families_are_told_apart_by_where_their_id_is() {
+        // STS3215, id 7; AX-12, id 7; MX-28, id 7 with a return delay of 0.
+        for (start, found) in [
+            ([3, 10, 0, 9, 3, 7], &["Feetech STS"][..]),
+            ([12, 0, 24, 7, 1, 250], &["Dynamixel 1"]),
+            ([29, 0, 40, 7, 34, 0], &["Dynamixel 1"]),
+            ([0; 6], &[]),
+        ] {
+            let known = families(Framing::Protocol1);
+            let known = known.filter_map(|(family, service)| {
+                recognised(family, service, 7, &start).map(|identity| (family.name(), identity))
+            });
+            let known: Vec<_> = known.collect();
+            let names: Vec<_> = known.iter().map(|(name, _)| *name).collect();
+            assert_eq!(names, found);
+        }
+        let ax = recognised(
+            &crate::serial::dynamixel1::Dynamixel1,
+            service_of_ax(),
+            7,
+            &[12, 0, 24, 7, 1, 250],
+        );
+        let ax = ax.unwrap();
+        assert_eq!((ax.model_number, ax.firmware), (12, 24));
+    }
+
+    fn service_of_ax() -> &'static ServiceRegisters {
+        families(Framing::Protocol1).next().unwrap().1
+    }
+
+    /// A servo whose registers hold their own addresses, and that answers the
+    /// first question only when it has been asked twice.
+    fn answer_late_once(mut host: UnixStream) -> std::io::Result<()> {
+        const ADDRESS: usize = 8;
+        let mut question = [0; 14];
+        host.read_exact(&mut question)?;
+        loop {
+            host.read_exact(&mut question)?;
+            let mut status = Vec::new();
+            let params = [0, question[ADDRESS], 0, 0, 0];
+            Framing::Protocol2.encode(&mut status, question[4], 0x55, &params);
+            host.write_all(&status)?;
+            if question[ADDRESS] == FIRST {
+                std::thread::sleep(PATIENCE / 20);
+                host.write_all(&status)?;
+            }
+        }
+    }
+
+    #[test]
+    fn a_late_answer_is_not_taken_for_that_of_the_next_question() {
+        let path = std::env::temp_dir().join(format!("probe-late-{}", std::process::id()));
+        let listener = UnixListener::bind(&path).unwrap();
+        let port = path.to_str().unwrap();
+        let mut probe = SerialScanner::open(port, 1_000_000, Framing::Protocol2, PATIENCE).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let servo = listener.accept().unwrap().0;
+        std::thread::spawn(move || answer_late_once(servo));
+        for address in [FIRST, 52, 20, 36] {
+            let register = Register::new(address.into(), 4, "own address");
+            assert_eq!(probe.read(7, register).unwrap(), Some(address.into()));
+        }
+    }
+}

@@ -1,0 +1,419 @@
+//! The `[[joint]]` tables of a robot file, and their check.
+//!
+//! The one place where degrees exist. Refused, with the joint named: unknown
+//! keys and models, a direction other than 1 or -1, limits that are not finite
+//! or inverted or out of the servo's single turn, ids used twice.
+
+use serde::Deserialize;
+use servodance_types::JointLimits;
+
+use crate::can::{MotorModel, MotorSettings};
+use crate::error::ConfigError;
+use crate::servo::Servo;
+use crate::servo::model::ServoModel;
+
+/// One `[[joint]]` table. The keys from `kp` on are for CAN motors only, and
+/// `firmware` is for serial servos only.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct ServoConfig {
+    /// The joint's name in the robot description.
+    pub name: String,
+    /// The bus it is on; left out where there is one bus only.
+    #[serde(default)]
+    pub bus: Option<String>,
+    /// Bus id: 0 to 252 on a serial bus, 1 to 127 on CAN (ODrive 0 to 63).
+    pub id: u8,
+    /// Model name, e.g. `XM430-W350`.
+    pub model: String,
+    /// The firmware that a serial servo must have, as `servodance scan` shows
+    /// it; any if left out.
+    pub firmware: Option<u8>,
+    /// +1 or -1: the servo's direction against the joint axis.
+    pub direction: i8,
+    /// Servo angle, degrees (0 to 360, centre 180), where the joint reads zero;
+    /// for a CAN motor its own angle after the gear, of either sign.
+    pub zero_deg: f64,
+    /// Lowest joint position, degrees.
+    pub lower_deg: f64,
+    /// Highest joint position, degrees.
+    pub upper_deg: f64,
+    /// Highest speed, degrees a second.
+    pub velocity_deg_s: f64,
+    /// Highest acceleration, degrees a second squared.
+    pub acceleration_deg_s2: f64,
+    /// Position gain, newton metres a radian; fits the model if left out.
+    pub kp: Option<f64>,
+    /// Damping, newton metre seconds a radian; fits the model if left out.
+    pub kd: Option<f64>,
+    /// Most torque, newton metres; the model's if left out.
+    pub torque_limit_nm: Option<f64>,
+    /// The motor's position range, +- radians, where it differs from the model's.
+    pub position_range_rad: Option<f64>,
+    /// The motor's velocity range, +- radians a second, likewise.
+    pub velocity_range_rad_s: Option<f64>,
+    /// The motor's torque range, +- newton metres, likewise.
+    pub torque_range_nm: Option<f64>,
+    /// Turns of the motor for one of the joint: ODrive and CiA 402. Default 1.
+    pub gear_ratio: Option<f64>,
+    /// The id that replies come with: Damiao's MST_ID. Default 0.
+    pub reply_id: Option<u16>,
+    /// Position increments a turn of the motor: CiA 402. Default 65536.
+    pub counts_per_turn: Option<f64>,
+}
+
+impl ServoConfig {
+    /// The servo in radians, if the table makes sense.
+    pub fn servo(&self) -> Result<Servo, ConfigError> {
+        let bad = |key, actual: String, wanted: String| ConfigError::Joint {
+            joint: self.name.clone(),
+            key,
+            actual,
+            wanted,
+        };
+        if self.name.is_empty() {
+            return Err(bad("name", "\"\"".into(), "a joint name".into()));
+        }
+        let model = ServoModel::from_name(&self.model).ok_or_else(|| {
+            let names: Vec<_> = ServoModel::all().map(|model| model.name).collect();
+            let wanted = format!("one of {}", names.join(", "));
+            bad("model", format!("{:?}", self.model), wanted)
+        })?;
+        let (lowest, highest) = model.kind.ids();
+        if !(lowest..=highest).contains(&self.id) {
+            let wanted = format!("{lowest} to {highest}");
+            return Err(bad("id", self.id.to_string(), wanted));
+        }
+        if self.direction.abs() != 1 {
+            let actual = self.direction.to_string();
+            return Err(bad("direction", actual, "1 or -1".into()));
+        }
+        let zeros = if model.motor.is_some() {
+            -3.6e4..=3.6e4
+        } else {
+            0.0..=360.0
+        };
+        if !zeros.contains(&self.zero_deg) {
+            let wanted = format!("{} to {}", zeros.start(), zeros.end());
+            return Err(bad("zero_deg", self.zero_deg.to_string(), wanted));
+        }
+        let limits = JointLimits {
+            lower_rad: self.lower_deg.to_radians(),
+            upper_rad: self.upper_deg.to_radians(),
+            velocity_rad_s: self.velocity_deg_s.to_radians(),
+            acceleration_rad_s2: self.acceleration_deg_s2.to_radians(),
+        }
+        .checked()
+        .map_err(|reason| ConfigError::Limits {
+            joint: self.name.clone(),
+            reason,
+        })?;
+        let servo = Servo {
+            name: self.name.clone(),
+            id: self.id,
+            model,
+            firmware: self.firmware,
+            direction: f64::from(self.direction),
+            zero_rad: self.zero_deg.to_radians(),
+            limits,
+            motor: self.motor_settings(model)?,
+        };
+        match &servo.motor {
+            Some(motor) => self.check_motor_reach(&servo, motor)?,
+            None => return self.check_reach(servo),
+        }
+        Ok(servo)
+    }
+
+    /// A CAN motor's settings; a serial servo may have none.
+    fn motor_settings(&self, model: &ServoModel) -> Result<Option<MotorSettings>, ConfigError> {
+        if let Some(stock) = &model.motor {
+            if self.firmware.is_some() {
+                return Err(ConfigError::Joint {
+                    joint: self.name.clone(),
+                    key: "firmware",
+                    actual: "given".into(),
+                    wanted: format!("left out: {} is a CAN motor", model.name),
+                });
+            }
+            return self.settings_with(stock).map(Some);
+        }
+        let given = [
+            ("kp", self.kp.is_some()),
+            ("kd", self.kd.is_some()),
+            ("torque_limit_nm", self.torque_limit_nm.is_some()),
+            ("position_range_rad", self.position_range_rad.is_some()),
+            ("velocity_range_rad_s", self.velocity_range_rad_s.is_some()),
+            ("torque_range_nm", self.torque_range_nm.is_some()),
+            ("gear_ratio", self.gear_ratio.is_some()),
+            ("reply_id", self.reply_id.is_some()),
+            ("counts_per_turn", self.counts_per_turn.is_some()),
+        ];
+        match given.into_iter().find(|(_, is_given)| *is_given) {
+            None => Ok(None),
+            Some((key, _)) => Err(ConfigError::Joint {
+                joint: self.name.clone(),
+                key,
+                actual: "given".into(),
+                wanted: format!("left out: {} is no CAN motor", model.name),
+            }),
+        }
+    }
+
+    /// The CAN keys, with the stock value where a key is left out.
+    fn settings_with(&self, stock: &MotorModel) -> Result<MotorSettings, ConfigError> {
+        let within = |key, value: f64, low: f64, high: f64| {
+            if value > low && value <= high {
+                return Ok(value);
+            }
+            Err(ConfigError::Joint {
+                joint: self.name.clone(),
+                key,
+                actual: value.to_string(),
+                wanted: format!("above {low}, at most {high}"),
+            })
+        };
+        let or = |value: Option<f64>, stock: f64| value.unwrap_or(stock);
+        let position = or(self.position_range_rad, stock.position_rad);
+        let velocity = or(self.velocity_range_rad_s, stock.velocity_rad_s);
+        let torque = or(self.torque_range_nm, stock.torque_nm);
+        let model = MotorModel {
+            position_rad: within("position_range_rad", position, 0.0, 1e4)?,
+            velocity_rad_s: within("velocity_range_rad_s", velocity, 0.0, 1e4)?,
+            torque_nm: within("torque_range_nm", torque, 0.0, 1e4)?,
+            ..*stock
+        };
+        let kd = or(self.kd, model.stock_kd());
+        let kp = or(self.kp, model.stock_kp(kd));
+        let torque_limit = or(self.torque_limit_nm, model.torque_nm);
+        let counts = or(self.counts_per_turn, 65_536.0);
+        Ok(MotorSettings {
+            model,
+            kp: within("kp", kp, 0.0, model.kp_max)?,
+            kd: within("kd", kd, 0.0, model.kd_max)?,
+            torque_limit_nm: within("torque_limit_nm", torque_limit, 0.0, model.torque_nm)?,
+            gear_ratio: within("gear_ratio", or(self.gear_ratio, 1.0), 0.0, 1e4)?,
+            reply_id: self.reply_id.unwrap_or(0),
+            counts_per_turn: within("counts_per_turn", counts, 0.0, 1e8)?,
+        })
+    }
+
+    /// The limits must lie within what the motor's numbers can say.
+    fn check_motor_reach(&self, servo: &Servo, motor: &MotorSettings) -> Result<(), ConfigError> {
+        let bad = |key, actual: String, wanted: String| ConfigError::Joint {
+            joint: self.name.clone(),
+            key,
+            actual,
+            wanted,
+        };
+        let range = motor.model.position_rad;
+        for (key, joint_deg) in [("lower_deg", self.lower_deg), ("upper_deg", self.upper_deg)] {
+            let motor_rad = servo.motor_rad(joint_deg.to_radians());
+            if motor_rad.abs() > range {
+                let motor_deg = motor_rad.to_degrees();
+                return Err(bad(
+                    key,
+                    format!("{joint_deg} (motor angle {motor_deg:.1} degrees)"),
+                    format!("a motor angle of +-{:.1} degrees", range.to_degrees()),
+                ));
+            }
+        }
+        let fastest_deg_s = motor.model.velocity_rad_s.to_degrees();
+        if self.velocity_deg_s > fastest_deg_s {
+            let wanted = format!("at most {fastest_deg_s:.0}, the motor's range");
+            return Err(bad(
+                "velocity_deg_s",
+                self.velocity_deg_s.to_string(),
+                wanted,
+            ));
+        }
+        Ok(())
+    }
+
+    /// The limits must lie within the servo's single turn.
+    fn check_reach(&self, servo: Servo) -> Result<Servo, ConfigError> {
+        let last_tick_rad = f64::from(servo.model.last_tick) * servo.model.rad_per_tick;
+        for (key, joint_deg) in [("lower_deg", self.lower_deg), ("upper_deg", self.upper_deg)] {
+            let servo_rad = servo.zero_rad + servo.direction * joint_deg.to_radians();
+            if !(-1e-9..=last_tick_rad + 1e-9).contains(&servo_rad) {
+                return Err(ConfigError::Joint {
+                    joint: self.name.clone(),
+                    key,
+                    actual: format!(
+                        "{joint_deg} (servo angle {:.1} degrees)",
+                        servo_rad.to_degrees()
+                    ),
+                    wanted: format!(
+                        "a servo angle of 0 to {:.1} degrees",
+                        last_tick_rad.to_degrees()
+                    ),
+                });
+            }
+        }
+        let (lowest, highest) = servo.goal_range_ticks();
+        if lowest > highest {
+            return Err(ConfigError::Limits {
+                joint: self.name.clone(),
+                reason: "lower and upper limit lie between two encoder ticks".into(),
+            });
+        }
+        Ok(servo)
+    }
+}
+
+/// All joints of a robot file, checked one by one and against each other.
+pub fn servos(configs: &[ServoConfig]) -> Result<Vec<Servo>, ConfigError> {
+    if configs.is_empty() {
+        return Err(ConfigError::NoJoints);
+    }
+    let mut servos: Vec<Servo> = Vec::with_capacity(configs.len());
+    for config in configs {
+        let servo = config.servo()?;
+        let clash = configs.iter().zip(&servos).find(|(other_config, other)| {
+            other.name == servo.name || (other_config.bus == config.bus && other.id == servo.id)
+        });
+        if let Some((_, other)) = clash {
+            return Err(ConfigError::Twice {
+                joint: servo.name,
+                id: servo.id,
+                other: other.name.clone(),
+                other_id: other.id,
+            });
+        }
+        servos.push(servo);
+    }
+    Ok(servos)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bus::config::{BusConfig, one_or_several};
+    use crate::bus::layout::layouts;
+
+    #[derive(Debug, Deserialize)]
+    struct File {
+        #[serde(deserialize_with = "one_or_several")]
+        bus: Vec<BusConfig>,
+        joint: Vec<ServoConfig>,
+    }
+
+    const GOOD: &str = r#"
+        [bus]
+        kind = "dynamixel2"
+        baud = 2_000_000
+        [[joint]]
+        name = "l_knee"
+        id = 14
+        model = "XM430-W350"
+        direction = -1
+        zero_deg = 180.0
+        lower_deg = -18.0
+        upper_deg = 126.0
+        velocity_deg_s = 230.0
+        acceleration_deg_s2 = 2300.0
+    "#;
+
+    /// The error that `GOOD` with one text replaced gives.
+    fn complaint(from: &str, to: &str) -> String {
+        let text = GOOD.replace(from, to);
+        assert_ne!(text, GOOD);
+        match toml::from_str::<File>(&text) {
+            Err(error) => error.to_string(),
+            Ok(file) => match layouts(file.bus, &file.joint) {
+                Err(error) => error.to_string(),
+                other => panic!("accepted: {other:?}"),
+            },
+        }
+    }
+
+    #[test]
+    fn good_file_is_read() {
+        let file: File = toml::from_str(GOOD).unwrap();
+        assert_eq!(file.bus, [BusConfig::dynamixel2(2_000_000)]);
+        let servo = &servos(&file.joint).unwrap()[0];
+        assert_eq!((servo.id, servo.direction), (14, -1.0));
+        assert!((servo.limits.upper_rad - 2.199).abs() < 1e-3);
+    }
+
+    #[test]
+    fn several_buses_are_an_array() {
+        let text = GOOD
+            .replace("[bus]", "[[bus]]\nname = \"left\"")
+            .replace("[[joint]]", "[[bus]]\nname = \"right\"\nkind = \"feetech\"\nbaud = 1_000_000\n[[joint]]\nbus = \"left\"");
+        let file: File = toml::from_str(&text).unwrap();
+        let names: Vec<&str> = file.bus.iter().map(|bus| bus.name.as_str()).collect();
+        assert_eq!(names, ["left", "right"]);
+        assert_eq!(file.joint[0].bus.as_deref(), Some("left"));
+    }
+
+    #[test]
+    fn bad_tables_name_the_joint_and_the_key() {
+        for (from, to, says) in [
+            (
+                "direction = -1",
+                "direction = 2",
+                "joint l_knee: direction is 2, must be 1 or -1",
+            ),
+            (
+                "XM430-W350",
+                "XM430",
+                "joint l_knee: model is \"XM430\", must be one of AX-12A",
+            ),
+            ("id = 14", "id = 253", "joint l_knee: id is 253"),
+            (
+                "upper_deg = 126.0",
+                "upper_deg = -20.0",
+                "joint l_knee: lower limit",
+            ),
+            (
+                "upper_deg = 126.0",
+                "upper_deg = nan",
+                "joint l_knee: a limit is not a finite",
+            ),
+            (
+                "upper_deg = 126.0",
+                "upper_deg = 190.0",
+                "joint l_knee: upper_deg is 190",
+            ),
+            (
+                "velocity_deg_s = 230.0",
+                "velocity_deg_s = 0.0",
+                "must be above zero",
+            ),
+            (
+                "zero_deg = 180.0",
+                "zero_deg = nan",
+                "joint l_knee: zero_deg is NaN",
+            ),
+            ("id = 14", "idd = 14", "unknown field `idd`"),
+            (
+                "\"dynamixel2\"",
+                "\"dynamixel9\"",
+                "unknown variant `dynamixel9`",
+            ),
+            ("baud = 2_000_000", "baud = 2", "bus: baud is 2"),
+            (
+                "baud = 2_000_000",
+                "baud = 57600\nwatchdog_ms = 0",
+                "bus: watchdog_ms is 0",
+            ),
+        ] {
+            let error = complaint(from, to);
+            assert!(error.contains(says), "{from} -> {to}: {error}");
+        }
+    }
+
+    #[test]
+    fn an_id_used_twice_is_refused() {
+        let file: File = toml::from_str(GOOD).unwrap();
+        let mut second = file.joint[0].clone();
+        second.name = "r_knee".into();
+        let error = servos(&[file.joint[0].clone(), second]).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains("r_knee (id 14) clashes with l_knee (id 14)")
+        );
+    }
+}

@@ -1,0 +1,58 @@
+//! The wire's far end: what the host sends goes in, what the servos reply comes out.
+
+use servodance_drivers::can::CanFrame;
+
+use crate::fault::ServoFault;
+use crate::judge::Judge;
+use crate::servo::body::SimServoState;
+
+/// One reply: a pause on the line, then bytes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Burst {
+    /// Who speaks.
+    pub servo: usize,
+    /// Silence before the first byte, seconds.
+    pub delay_s: f64,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// Servos on one wire.
+pub trait Line: std::fmt::Debug + Send {
+    /// Takes one byte from the host. True if it completed something, to be
+    /// carried out by [`Line::execute`] when its time on the wire has passed.
+    fn push(&mut self, byte: u8) -> bool;
+
+    /// Carries out what was completed; returns the replies in order.
+    fn execute(&mut self) -> Vec<Burst>;
+
+    /// Takes one CAN frame from the host; the answers in the order in which the
+    /// bus carries them. A serial line has none.
+    fn receive(&mut self, _frame: &CanFrame) -> Vec<CanFrame> {
+        Vec::new()
+    }
+
+    /// CAN frames that motors send by themselves by now.
+    fn due(&mut self) -> Vec<CanFrame> {
+        Vec::new()
+    }
+
+    /// The rate at which the host speaks from now on, bits a second. CAN adapters
+    /// see to that by themselves.
+    fn set_host_baud(&mut self, _baud: u32) {}
+
+    /// One step of every servo, ending at `time_s`.
+    fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool);
+
+    /// The judges of the servos, in order.
+    fn judges(&self) -> Vec<&Judge>;
+
+    /// What one servo really does.
+    fn state(&self, index: usize) -> Option<SimServoState>;
+
+    /// Something goes wrong with one servo; false if there is none.
+    fn suffer(&mut self, index: usize, fault: ServoFault) -> bool;
+
+    /// Sound and damaged packets from the host so far.
+    fn packets(&self) -> (u64, u64);
+}

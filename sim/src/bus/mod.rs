@@ -1,0 +1,325 @@
+//! A bus of simulated servos behind a pseudo-terminal (or a Unix socket, or a
+//! multicast group).
+//!
+//! A thread serves the pseudo-terminal: any program may open
+//! [`SimBus::port_path`] and talk as to a serial adapter. The baud rate of a
+//! pseudo-terminal means nothing, so the wire's time is imposed here: in real
+//! time an instruction takes effect when its last byte has passed, and a reply
+//! is handed over when its own last byte has. In lockstep wire time is only
+//! counted and the motors move with [`SimBus::advance`] alone.
+
+mod host_end;
+pub(crate) mod line;
+pub(crate) mod options;
+pub(crate) mod shared;
+mod thread_priority;
+pub(crate) mod world;
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use servodance_drivers::{Port, ReplyClock, sleep_precisely};
+
+use crate::bus::host_end::{HostEnd, HostLink};
+use crate::bus::line::Line;
+use crate::bus::options::{SimClock, SimOptions};
+use crate::bus::shared::{Gone, Shared};
+use crate::bus::thread_priority::raise_priority;
+use crate::bus::world::World;
+use crate::can::{CanServer, build_net};
+use crate::error::SimError;
+use crate::fault::wire::FaultyWire;
+use crate::fault::{ServoFault, WireFault};
+use crate::judge::{Judge, Violations};
+use crate::serial::build::build_line;
+use crate::serial::server::SerialServer;
+use crate::servo::body::SimServoState;
+use crate::servo::spec::SimServoSpec;
+
+/// How long carrying out the host's frames may take in lockstep.
+const LONGEST_SETTLE: Duration = Duration::from_secs(2);
+
+/// What passed over the simulated wire.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WireStats {
+    /// Bytes from the host.
+    pub bytes_in: u64,
+    /// Bytes to the host.
+    pub bytes_out: u64,
+    /// Sound instructions from the host.
+    pub packets_in: u64,
+    /// Status packets (or pieces of a fast one) to the host.
+    pub packets_out: u64,
+    /// Damaged frames from the host.
+    pub bad_packets: u64,
+    /// Time that the line was busy: ten bits a byte, and return delays. Seconds.
+    pub wire_s: f64,
+}
+
+impl std::ops::AddAssign for WireStats {
+    fn add_assign(&mut self, other: Self) {
+        self.bytes_in += other.bytes_in;
+        self.bytes_out += other.bytes_out;
+        self.packets_in += other.packets_in;
+        self.packets_out += other.packets_out;
+        self.bad_packets += other.bad_packets;
+        self.wire_s += other.wire_s;
+    }
+}
+
+/// A running simulated bus. Dropping it ends its thread and closes the port.
+#[derive(Debug)]
+pub struct SimBus {
+    shared: Arc<Shared>,
+    port_path: String,
+    port: Port,
+    host_link: HostLink,
+    baud: u32,
+    thread: Option<JoinHandle<()>>,
+}
+
+fn start_thread(
+    host_end: HostEnd,
+    shared: Arc<Shared>,
+    baud: u32,
+) -> Result<JoinHandle<()>, SimError> {
+    shared.watch(host_end.watched()?);
+    let thread = std::thread::Builder::new().name("simulated servos".into());
+    let gone = Gone(shared.clone());
+    let in_real_time = shared.clock == SimClock::Realtime;
+    let prepare = move || match in_real_time {
+        true => raise_priority(),
+        false => sleep_precisely(),
+    };
+    let started = match host_end {
+        HostEnd::Can(adapter) => {
+            let server = CanServer::new(shared, adapter, baud);
+            thread.spawn(move || {
+                let _gone = gone;
+                prepare();
+                server.run();
+            })
+        }
+        HostEnd::Serial(port) => {
+            let server = SerialServer::new(shared, port);
+            thread.spawn(move || {
+                let _gone = gone;
+                prepare();
+                server.run();
+            })
+        }
+    };
+    started.map_err(|reason| SimError::System {
+        what: "starting a thread",
+        reason,
+    })
+}
+
+impl SimBus {
+    /// Starts a bus with these servos. Every servo has the bus's baud rate;
+    /// all else is as it leaves the factory (return delay 500 us, torque off).
+    pub fn start(specs: &[SimServoSpec], options: SimOptions) -> Result<Self, SimError> {
+        let period_s = 1.0 / checked_hz(options.control_hz)?;
+        let is_can = specs.iter().any(|spec| spec.motor.is_some());
+        let line: Box<dyn Line> = match is_can {
+            true => build_net(specs, options.supply_v, period_s)?,
+            false => build_line(specs, &options, period_s)?,
+        };
+        Self::start_with(line, is_can, options)
+    }
+
+    /// Starts a bus with a line of serial servos of any family: one that the
+    /// drivers do not know, for instance.
+    pub fn start_line(line: Box<dyn Line>, options: SimOptions) -> Result<Self, SimError> {
+        Self::start_with(line, false, options)
+    }
+
+    fn start_with(
+        line: Box<dyn Line>,
+        is_can: bool,
+        options: SimOptions,
+    ) -> Result<Self, SimError> {
+        let period_s = 1.0 / checked_hz(options.control_hz)?;
+        let byte_s = match is_can {
+            true => 0.0,
+            false => 10.0 / f64::from(options.baud),
+        };
+        let adapter_s = checked_adapter_s(options.adapter_s)?;
+        let shared = Arc::new(Shared::new(
+            World::new(line, period_s),
+            FaultyWire::new(options.seed),
+            options.clock,
+            byte_s,
+            adapter_s,
+        ));
+        let host_link = HostLink {
+            is_can,
+            bitrate: options.baud,
+            link: options.link,
+            path: options.path,
+        };
+        let (host_end, port_path, port) = host_link.open()?;
+        let thread = start_thread(host_end, shared.clone(), options.baud)?;
+        Ok(Self {
+            shared,
+            port_path,
+            port,
+            host_link,
+            baud: options.baud,
+            thread: Some(thread),
+        })
+    }
+
+    /// The serial port to open, e.g. `/dev/pts/3`, or the multicast group.
+    pub fn port_path(&self) -> &str {
+        &self.port_path
+    }
+
+    /// The same for a driver's `open_bus`.
+    pub fn port(&self) -> Port {
+        self.port.clone()
+    }
+
+    /// Moves simulated time on, in lockstep. Does nothing in real time.
+    pub fn advance(&self, dt_s: f64) {
+        if self.shared.clock == SimClock::Lockstep {
+            self.settle();
+            self.shared.world().advance(dt_s);
+        }
+    }
+
+    /// By whose clock a driver of this bus knows that no reply will come.
+    pub fn reply_clock(&self) -> ReplyClock {
+        match self.shared.clock {
+            SimClock::Lockstep => ReplyClock::FarEnd(self.shared.clone()),
+            SimClock::Realtime => ReplyClock::Wall,
+        }
+    }
+
+    /// What the host has sent belongs to the time before: waits until it is
+    /// carried out (a thread that does not get on is not waited for).
+    fn settle(&self) {
+        use servodance_drivers::FarEnd;
+        let began = Instant::now();
+        while !self.shared.is_idle() && began.elapsed() < LONGEST_SETTLE {
+            std::thread::sleep(Duration::from_micros(20));
+        }
+    }
+
+    /// Simulated time, seconds.
+    pub fn time_s(&self) -> f64 {
+        self.shared.world().time_s()
+    }
+
+    /// Limits broken so far by all servos: see [`crate::Judge`].
+    pub fn violations(&self) -> Violations {
+        self.shared.world().sum(Judge::violations)
+    }
+
+    /// Those of them that the true motion broke.
+    pub fn motion_violations(&self) -> Violations {
+        self.shared.world().sum(Judge::motion_violations)
+    }
+
+    /// The first violations of each servo in words.
+    pub fn violation_notes(&self) -> Vec<String> {
+        let world = self.shared.world();
+        let judges = world.line.judges().into_iter();
+        judges
+            .flat_map(|judge| judge.notes().iter().cloned())
+            .collect()
+    }
+
+    /// What the servo at `index` (in the order of the specs) really does.
+    pub fn servo(&self, index: usize) -> Option<SimServoState> {
+        self.shared.world().line.state(index)
+    }
+
+    /// From now on `fault` hits this share (0 to 1) of the replies; `None` ends it.
+    pub fn set_wire_fault(&self, fault: Option<(WireFault, f64)>) {
+        self.shared.faults().set(fault);
+    }
+
+    /// How many replies or instructions a wire fault has hit.
+    pub fn wire_fault_hits(&self) -> u64 {
+        self.shared.faults().hits
+    }
+
+    /// Something happens to one servo: false if there is none at `index`.
+    pub fn set_servo_fault(&self, index: usize, fault: ServoFault) -> bool {
+        self.shared.world().line.suffer(index, fault)
+    }
+
+    /// The CAN controller of the adapter leaves the bus, or comes back.
+    pub fn set_bus_off(&self, bus_off: bool) {
+        self.shared.bus_off.store(bus_off, Ordering::Release);
+    }
+
+    /// The adapter is put back: the port can be opened again, at the same path
+    /// if the options have one. Does nothing while it is plugged in.
+    pub fn replug(&mut self) -> Result<(), SimError> {
+        if self.thread.is_none() {
+            let (host_end, port_path, port) = self.host_link.open()?;
+            (self.port_path, self.port) = (port_path, port);
+            self.shared.stop.store(false, Ordering::Release);
+            self.thread = Some(start_thread(host_end, self.shared.clone(), self.baud)?);
+        }
+        Ok(())
+    }
+
+    /// The adapter is pulled out: the port fails for whoever has it open.
+    /// The servos go on as they were, and time can still be advanced.
+    pub fn unplug(&mut self) {
+        self.shared.stop.store(true, Ordering::Release);
+        self.host_link.close(&self.port_path);
+        if let Some(thread) = self.thread.take() {
+            // A panic in the thread has already been printed.
+            let _ = thread.join();
+        }
+    }
+
+    /// What passed over the wire.
+    pub fn wire_stats(&self) -> WireStats {
+        let (packets_in, bad_packets) = self.shared.world().line.packets();
+        let traffic = self.shared.wire();
+        let bytes = (traffic.bytes_in + traffic.bytes_out) as f64;
+        WireStats {
+            bytes_in: traffic.bytes_in,
+            bytes_out: traffic.bytes_out,
+            packets_in,
+            packets_out: traffic.packets_out,
+            bad_packets,
+            wire_s: bytes * self.shared.byte_s + traffic.delays_s,
+        }
+    }
+}
+
+impl Drop for SimBus {
+    fn drop(&mut self) {
+        self.unplug();
+    }
+}
+
+fn checked_hz(control_hz: f64) -> Result<f64, SimError> {
+    if (1.0..=10_000.0).contains(&control_hz) {
+        return Ok(control_hz);
+    }
+    Err(SimError::Option {
+        key: "control_hz",
+        actual: control_hz.to_string(),
+        wanted: "1 to 10000",
+    })
+}
+
+fn checked_adapter_s(adapter_s: f64) -> Result<f64, SimError> {
+    if (0.0..=1.0).contains(&adapter_s) {
+        return Ok(adapter_s);
+    }
+    Err(SimError::Option {
+        key: "adapter_s",
+        actual: adapter_s.to_string(),
+        wanted: "0 to 1",
+    })
+}

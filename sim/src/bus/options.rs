@@ -1,0 +1,79 @@
+//! How a bus of simulated servos behaves.
+
+use std::net::SocketAddrV4;
+use std::path::PathBuf;
+
+/// Who moves time on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SimClock {
+    /// The machine's clock; replies are held back until their wire time has passed.
+    Realtime,
+    /// [`crate::SimBus::advance`] only; wire time is counted, not waited for.
+    Lockstep,
+}
+
+/// What the host opens to reach the servos.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum SimLink {
+    /// A serial adapter on a pseudo-terminal, an slcan adapter for CAN motors.
+    #[default]
+    Terminal,
+    /// The same on a Unix socket: quicker, for programs that know sockets.
+    Unix,
+    /// A multicast group of this machine, as python-can's `udp_multicast`: CAN only.
+    Multicast(SocketAddrV4),
+    /// A CAN interface of this machine (a virtual one, for instance): CAN only.
+    Interface(String),
+}
+
+/// How a bus of simulated servos behaves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimOptions {
+    /// What the host opens.
+    pub link: SimLink,
+    /// Who moves time on.
+    pub clock: SimClock,
+    /// Bits a second of the wire and of every servo.
+    pub baud: u32,
+    /// Control periods a second: the time over which rates are judged.
+    pub control_hz: f64,
+    /// Supply voltage; `None` is each model's nominal voltage.
+    pub supply_v: Option<f64>,
+    /// What a USB adapter adds before the host sees a reply, seconds. Real time only.
+    pub adapter_s: f64,
+    /// Resistance of the supply and its cable, ohms: what all servos of the line
+    /// draw makes the supply sag. 0 is an ideal supply.
+    pub supply_ohm: f64,
+    /// Seed of everything random: faults.
+    pub seed: u64,
+    /// Where the port is found, also after the adapter was pulled out and put back:
+    /// a symbolic link to a terminal, or the socket itself. Without one the port
+    /// has a new path then.
+    pub path: Option<PathBuf>,
+}
+
+impl SimOptions {
+    /// Simulated time, moved on by the control loop; the same commands give
+    /// the same bytes and states.
+    pub fn lockstep(baud: u32, control_hz: f64) -> Self {
+        Self {
+            link: SimLink::Terminal,
+            clock: SimClock::Lockstep,
+            baud,
+            control_hz,
+            supply_v: None,
+            adapter_s: 0.0,
+            supply_ohm: 0.0,
+            seed: 0,
+            path: None,
+        }
+    }
+
+    /// The machine's time.
+    pub fn realtime(baud: u32, control_hz: f64) -> Self {
+        Self {
+            clock: SimClock::Realtime,
+            ..Self::lockstep(baud, control_hz)
+        }
+    }
+}

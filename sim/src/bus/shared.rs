@@ -1,0 +1,155 @@
+//! What the thread behind a simulated bus and the bus's owner share.
+
+use std::os::fd::{AsFd, OwnedFd};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+
+use crate::bus::options::SimClock;
+use crate::bus::world::World;
+use crate::fault::wire::FaultyWire;
+
+/// Precise waits sleep until so long before their end; the rest is spent
+/// spinning, for the precision of a fast bus.
+const SLEEP_SLACK: Duration = Duration::from_micros(70);
+
+/// What the thread counts. Sums that do not depend on how reads cut the stream.
+#[derive(Debug, Default)]
+pub(crate) struct Traffic {
+    pub bytes_in: u64,
+    pub bytes_out: u64,
+    pub packets_out: u64,
+    pub delays_s: f64,
+}
+
+/// What the thread and its owner share.
+#[derive(Debug)]
+pub(crate) struct Shared {
+    world: Mutex<World>,
+    wire: Mutex<Traffic>,
+    faults: Mutex<FaultyWire>,
+    pub stop: AtomicBool,
+    pub bus_off: AtomicBool,
+    /// The thread carries out what it has read.
+    pub busy: AtomicBool,
+    /// A second handle on what the thread reads, while it does.
+    watched: Mutex<Option<OwnedFd>>,
+    pub clock: SimClock,
+    pub began: Instant,
+    /// Seconds a byte; 0 on CAN, where frames are counted bit by bit.
+    pub byte_s: f64,
+    /// Between the last byte of a reply and its arrival at the host.
+    pub adapter_s: f64,
+}
+
+impl Shared {
+    /// Nothing has passed yet; time begins now.
+    pub fn new(
+        world: World,
+        faults: FaultyWire,
+        clock: SimClock,
+        byte_s: f64,
+        adapter_s: f64,
+    ) -> Self {
+        Self {
+            world: Mutex::new(world),
+            wire: Mutex::new(Traffic::default()),
+            faults: Mutex::new(faults),
+            stop: AtomicBool::new(false),
+            bus_off: AtomicBool::new(false),
+            busy: AtomicBool::new(false),
+            watched: Mutex::new(None),
+            clock,
+            began: Instant::now(),
+            byte_s,
+            adapter_s,
+        }
+    }
+
+    /// The world, brought up to the present in real time.
+    pub fn world(&self) -> MutexGuard<'_, World> {
+        let mut world = self.world_as_it_is();
+        if self.clock == SimClock::Realtime {
+            world.advance_to(self.began.elapsed().as_secs_f64());
+        }
+        world
+    }
+
+    /// The world as it was left last.
+    pub fn world_as_it_is(&self) -> MutexGuard<'_, World> {
+        self.world.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub fn wire(&self) -> MutexGuard<'_, Traffic> {
+        self.wire.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn watched(&self) -> MutexGuard<'_, Option<OwnedFd>> {
+        self.watched.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// From now on this is what the thread reads from. `busy` is set meanwhile.
+    pub fn watch(&self, fd: OwnedFd) {
+        *self.watched() = Some(fd);
+    }
+
+    pub fn faults(&self) -> MutexGuard<'_, FaultyWire> {
+        self.faults.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for a time since the start, in real time, as long as a sleep takes.
+    pub fn sleep_until(&self, time_s: f64) {
+        self.sleep_early(time_s, Duration::ZERO);
+    }
+
+    /// The same to the microsecond: the processor is kept for the last of it.
+    pub fn wait_until(&self, time_s: f64) {
+        let due = self.sleep_early(time_s, SLEEP_SLACK);
+        while due.is_some_and(|due| Instant::now() < due) {
+            std::hint::spin_loop();
+        }
+    }
+
+    /// Sleeps until `slack` before a time since the start; the time, if there
+    /// is anything to wait for.
+    fn sleep_early(&self, time_s: f64, slack: Duration) -> Option<Instant> {
+        if self.clock == SimClock::Lockstep {
+            return None;
+        }
+        let due = self.began + Duration::from_secs_f64(time_s);
+        let early = due.saturating_duration_since(Instant::now() + slack);
+        if !early.is_zero() {
+            std::thread::sleep(early);
+        }
+        Some(due)
+    }
+}
+
+impl servodance_drivers::FarEnd for Shared {
+    fn is_idle(&self) -> bool {
+        let watched = self.watched();
+        // In this order: what has been read is carried out while `busy` is set.
+        let unread = watched.as_ref().is_some_and(has_unread);
+        !unread && !self.busy.load(Ordering::SeqCst)
+    }
+}
+
+/// Whether there is something to read; that the other end is closed is not.
+fn has_unread(fd: &OwnedFd) -> bool {
+    let mut fds = [PollFd::new(fd.as_fd(), PollFlags::POLLIN)];
+    let polled = poll(&mut fds, PollTimeout::ZERO);
+    let found = fds[0].revents().unwrap_or(PollFlags::empty());
+    polled.is_ok() && found.contains(PollFlags::POLLIN)
+}
+
+/// The thread reads no more, even if it panicked: nothing is waited for.
+pub(crate) struct Gone(pub Arc<Shared>);
+
+impl Drop for Gone {
+    fn drop(&mut self) {
+        *self.0.watched() = None;
+        self.0.busy.store(false, Ordering::SeqCst);
+    }
+}

@@ -1,0 +1,56 @@
+//! Fault injection: what goes wrong on the wire, in a servo, at the adapter.
+//!
+//! Wire faults hit a share of the replies, chosen by a seeded generator, so
+//! that a run in lockstep can be repeated.
+
+pub(crate) mod random;
+pub(crate) mod wire;
+
+/// A fault of the wire: something that happens to replies or instructions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum WireFault {
+    /// The reply never arrives.
+    Drop,
+    /// The reply comes late by this much wall time, seconds.
+    Late(f64),
+    /// One bit of the reply is flipped.
+    Corrupt,
+    /// The end of the reply is missing.
+    Truncate,
+    /// The reply arrives twice.
+    Duplicate,
+    /// Random bytes arrive before the reply.
+    Noise,
+    /// The host hears its own instruction before the reply, as on adapters
+    /// without direction control.
+    Echo,
+    /// One bit of the host's instruction is flipped on its way to the servos.
+    CorruptInstruction,
+}
+
+/// A fault of one servo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ServoFault {
+    /// Its cable is cut: it neither receives nor answers, and goes on as it was.
+    Dead,
+    /// Its cable is mended: it receives and answers again.
+    Revive,
+    /// It restarts: silent for 0.3 s, then without torque.
+    Reboot,
+    /// Its winding is this hot, Celsius.
+    Overheat(f64),
+    /// Its shaft is held; it will overload in time.
+    Jam,
+    /// Its shaft is free again.
+    Free,
+    /// It shuts down from overload now.
+    Overload,
+    /// Its supply changes, volts.
+    Supply(f64),
+    /// Somebody turns the limp joint by hand, to this many radians.
+    Moved(f64),
+    /// It is set to another rate than the bus: it receives garbage and stays silent.
+    Baud(u32),
+    /// It answers to another id; if that one is taken, both answer at once.
+    Id(u8),
+}

@@ -1,0 +1,72 @@
+//! The far end of a serial line, built from the models of its servos.
+
+use servodance_drivers::serial::{Firmware, family_of};
+
+use crate::bus::line::Line;
+use crate::bus::options::SimOptions;
+use crate::error::SimError;
+use crate::serial::protocol1_line::Protocol1Line;
+use crate::serial::protocol2_line::Protocol2Line;
+use crate::servo::byte_servo::ByteServo;
+use crate::servo::dynamixel2::XServo;
+use crate::servo::spec::SimServoSpec;
+
+fn bad_baud(baud: u32) -> SimError {
+    SimError::Option {
+        key: "baud",
+        actual: baud.to_string(),
+        wanted: "a rate of the servos' baud register",
+    }
+}
+
+fn checked_supply_ohm(supply_ohm: f64) -> Result<f64, SimError> {
+    if (0.0..=10.0).contains(&supply_ohm) {
+        return Ok(supply_ohm);
+    }
+    Err(SimError::Option {
+        key: "supply_ohm",
+        actual: supply_ohm.to_string(),
+        wanted: "0 to 10",
+    })
+}
+
+/// All servos speak one protocol and have the rate of the options.
+pub(crate) fn build_line(
+    specs: &[SimServoSpec],
+    options: &SimOptions,
+    period_s: f64,
+) -> Result<Box<dyn Line>, SimError> {
+    let mut x_servos = Vec::new();
+    let mut byte_servos = Vec::new();
+    for spec in specs {
+        let model = spec.checked()?;
+        let supply_v = options.supply_v.unwrap_or(model.sheet.voltage_v);
+        let family =
+            family_of(model.kind).ok_or_else(|| spec.refused("is on no serial bus".into()))?;
+        let code = family
+            .bauds(model)
+            .iter()
+            .position(|baud| *baud == options.baud);
+        let code = code.ok_or_else(|| bad_baud(options.baud))?;
+        match family.firmware(model) {
+            Firmware::Bytes(memory) => {
+                let servo = ByteServo::new(spec, model, memory, options.baud, supply_v, period_s);
+                byte_servos.push(servo);
+            }
+            Firmware::DynamixelX => {
+                x_servos.push(XServo::new(spec, model, code as u8, supply_v, period_s));
+            }
+        }
+    }
+    let supply_ohm = checked_supply_ohm(options.supply_ohm)?;
+    let baud = options.baud;
+    match (x_servos.is_empty(), byte_servos.is_empty()) {
+        (_, true) => Ok(Box::new(Protocol2Line::new(x_servos, baud, supply_ohm))),
+        (true, false) => Ok(Box::new(Protocol1Line::new(byte_servos, baud, supply_ohm))),
+        (false, false) => Err(SimError::Option {
+            key: "servos",
+            actual: "of two protocols".into(),
+            wanted: "of one protocol on one line",
+        }),
+    }
+}

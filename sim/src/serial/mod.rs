@@ -1,0 +1,9 @@
+//! The far end of a serial line: the host's port, the servos' packets.
+
+pub(crate) mod build;
+pub(crate) mod host_port;
+pub(crate) mod protocol1_line;
+pub(crate) mod protocol2_line;
+pub(crate) mod protocol2_packet;
+pub(crate) mod roster;
+pub(crate) mod server;

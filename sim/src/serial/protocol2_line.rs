@@ -1,0 +1,354 @@
+//! Servos on one wire that speak Dynamixel Protocol 2.0.
+//!
+//! Servos of one bus share a line, so a reply to a Sync or Bulk Read waits for
+//! the one before it. A servo that is missing from the list breaks that chain:
+//! those behind it wait for it and stay silent, as real ones do.
+
+use servodance_drivers::serial::instruction as code;
+
+use crate::bus::line::{Burst, Line};
+use crate::fault::ServoFault;
+use crate::judge::Judge;
+use crate::serial::protocol2_packet::{
+    BROADCAST, Instruction, Parsed, Parser, fast_status, status,
+};
+use crate::serial::roster::{Device, Roster, collided};
+use crate::servo::body::SimServoState;
+use crate::servo::dynamixel2::XServo;
+use crate::servo::dynamixel2::table::AccessError;
+
+/// Status errors that are not about the control table.
+const RESULT_FAIL: u8 = 1;
+const INSTRUCTION_ERROR: u8 = 2;
+const CRC_ERROR: u8 = 3;
+const LENGTH_ERROR: u8 = 5;
+
+/// No table is longer.
+const LONGEST_READ: usize = 1024;
+
+/// What a servo does after its answer.
+enum Restart {
+    Reboot,
+    /// The settings of the last backup.
+    Restore,
+    /// Everything (0xFF), all but the id (1), all but id and baud (2).
+    Factory(u8),
+}
+
+/// One servo's part of a sync or bulk read.
+struct Part {
+    id: u8,
+    address: u16,
+    size: u16,
+}
+
+/// Servos that speak Dynamixel Protocol 2.0.
+#[derive(Clone, Debug)]
+pub struct Protocol2Line {
+    parser: Parser,
+    parsed: Option<Parsed>,
+    roster: Roster<XServo>,
+}
+
+impl Line for Protocol2Line {
+    fn push(&mut self, byte: u8) -> bool {
+        self.parsed = self.parser.push(byte);
+        self.parsed.is_some()
+    }
+
+    fn execute(&mut self) -> Vec<Burst> {
+        match self.parsed.take() {
+            None => Vec::new(),
+            Some(Parsed::BadCrc(id)) => {
+                self.roster.bad_packets += 1;
+                let addressed = self.find(id);
+                addressed.map_or_else(Vec::new, |index| vec![self.reply(index, CRC_ERROR, &[])])
+            }
+            Some(Parsed::Instruction(instruction)) => {
+                self.roster.packets_in += 1;
+                for index in self.roster.listeners() {
+                    self.roster.servos[index].feed_watchdog();
+                }
+                self.dispatch(&instruction)
+            }
+        }
+    }
+
+    fn set_host_baud(&mut self, baud: u32) {
+        self.roster.set_host_baud(baud);
+    }
+
+    fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool) {
+        self.roster.step(time_s, dt_s, period_ends);
+    }
+
+    fn judges(&self) -> Vec<&Judge> {
+        self.roster.judges()
+    }
+
+    fn state(&self, index: usize) -> Option<SimServoState> {
+        self.roster.state(index)
+    }
+
+    fn suffer(&mut self, index: usize, fault: ServoFault) -> bool {
+        self.roster.suffer(index, fault)
+    }
+
+    fn packets(&self) -> (u64, u64) {
+        (self.roster.packets_in, self.roster.bad_packets)
+    }
+}
+
+impl Protocol2Line {
+    /// A line of this rate with these servos on a supply of this resistance.
+    pub fn new(servos: Vec<XServo>, baud: u32, supply_ohm: f64) -> Self {
+        Self {
+            parser: Parser::default(),
+            parsed: None,
+            roster: Roster::new(servos, supply_ohm, baud),
+        }
+    }
+
+    fn dispatch(&mut self, instruction: &Instruction) -> Vec<Burst> {
+        let params = &instruction.params;
+        match instruction.code {
+            code::SYNC_READ => self.chain(&sync_parts(params)),
+            code::BULK_READ => self.chain(&bulk_parts(params)),
+            code::FAST_SYNC_READ => self.fast_chain(&sync_parts(params)),
+            code::FAST_BULK_READ => self.fast_chain(&bulk_parts(params)),
+            code::SYNC_WRITE => self.sync_write(params),
+            code::BULK_WRITE => self.bulk_write(params),
+            _ if instruction.id == BROADCAST => self.broadcast(instruction),
+            _ => {
+                let addressed = self.find_all(instruction.id);
+                let answers = addressed.into_iter();
+                collided(
+                    answers
+                        .filter_map(|index| self.single(index, instruction))
+                        .collect(),
+                )
+            }
+        }
+    }
+
+    fn find(&self, id: u8) -> Option<usize> {
+        self.find_all(id).first().copied()
+    }
+
+    fn find_all(&self, id: u8) -> Vec<usize> {
+        self.roster.find_all(id)
+    }
+
+    fn reply(&self, index: usize, error: u8, params: &[u8]) -> Burst {
+        let servo = &self.roster.servos[index];
+        Burst {
+            servo: index,
+            delay_s: servo.return_delay_s(),
+            bytes: status(servo.id(), error | servo.alert_bit(), params),
+        }
+    }
+
+    fn broadcast(&mut self, instruction: &Instruction) -> Vec<Burst> {
+        if instruction.code == code::PING {
+            let mut order = self.roster.listeners();
+            order.sort_by_key(|&index| self.roster.servos[index].id());
+            return order
+                .into_iter()
+                .map(|index| self.reply(index, 0, &self.roster.servos[index].ping()))
+                .collect();
+        }
+        // The rest is carried out without an answer; a broadcast Read means nothing.
+        let is_read = instruction.code == code::READ;
+        for index in self.roster.listeners() {
+            if !is_read {
+                self.single(index, instruction);
+            }
+        }
+        Vec::new()
+    }
+
+    /// An instruction to one servo, and its answer if its return level gives one.
+    fn single(&mut self, index: usize, instruction: &Instruction) -> Option<Burst> {
+        let params = &instruction.params[..];
+        let level = self.roster.servos[index].return_level();
+        let servo = &mut self.roster.servos[index];
+        let done = |result: Result<(), AccessError>| result.err().map_or(0, |error| error as u8);
+        let mut restart = None;
+        let error = match instruction.code {
+            code::PING => {
+                let data = servo.ping();
+                return Some(self.reply(index, 0, &data));
+            }
+            code::READ => {
+                let reply = match *params {
+                    [a0, a1, s0, s1] => {
+                        let address = u16::from_le_bytes([a0, a1]);
+                        let read = servo.read(address, u16::from_le_bytes([s0, s1]));
+                        read.map_err(|error| error as u8)
+                    }
+                    _ => Err(LENGTH_ERROR),
+                };
+                return (level >= 1).then(|| match reply {
+                    Ok(data) => self.reply(index, 0, &data),
+                    Err(error) => self.reply(index, error, &[]),
+                });
+            }
+            code::WRITE => addressed(params, |address, data| done(servo.write(address, data))),
+            code::REG_WRITE => {
+                addressed(params, |address, data| done(servo.register(address, data)))
+            }
+            code::ACTION if servo.act() => 0,
+            code::CLEAR if *params == [0x01, 0x44, 0x58, 0x4C, 0x22] => {
+                u8::from(!servo.clear_turns())
+            }
+            code::BACKUP if *params == [0x01, 0x43, 0x54, 0x52, 0x4C] => u8::from(!servo.back_up()),
+            code::BACKUP if *params == [0x02, 0x43, 0x54, 0x52, 0x4C] && servo.has_backup() => {
+                restart = Some(Restart::Restore);
+                0
+            }
+            code::BACKUP => RESULT_FAIL,
+            code::REBOOT => {
+                restart = Some(Restart::Reboot);
+                0
+            }
+            code::FACTORY_RESET if matches!(params, [0xFF | 1 | 2]) => {
+                restart = Some(Restart::Factory(params[0]));
+                0
+            }
+            _ => INSTRUCTION_ERROR,
+        };
+        // The answer leaves before the memory goes.
+        let burst = (level >= 2).then(|| self.reply(index, error, &[]));
+        match restart {
+            Some(Restart::Reboot) => self.roster.servos[index].reboot(),
+            Some(Restart::Restore) => self.roster.servos[index].restore_backup(),
+            Some(Restart::Factory(kind)) => {
+                self.roster.servos[index].factory_reset(kind != 0xFF, kind == 2);
+            }
+            None => {}
+        }
+        burst
+    }
+
+    /// Status packets one after the other, up to the first servo that is missing.
+    fn chain(&mut self, parts: &[Part]) -> Vec<Burst> {
+        let mut bursts = Vec::with_capacity(parts.len());
+        for part in parts {
+            let Some(index) = self.find(part.id) else {
+                break;
+            };
+            if self.roster.servos[index].return_level() == 0 {
+                break;
+            }
+            let mut answers = Vec::with_capacity(1);
+            for index in self.find_all(part.id) {
+                answers.push(
+                    match self.roster.servos[index].read(part.address, part.size) {
+                        Ok(data) => self.reply(index, 0, &data),
+                        Err(error) => self.reply(index, error as u8, &[]),
+                    },
+                );
+            }
+            bursts.extend(collided(answers));
+        }
+        bursts
+    }
+
+    /// One status packet that the servos send piece by piece.
+    fn fast_chain(&mut self, parts: &[Part]) -> Vec<Burst> {
+        let mut blocks = Vec::with_capacity(parts.len());
+        let mut speakers = Vec::with_capacity(parts.len());
+        for part in parts {
+            let Some(index) = self.find(part.id) else {
+                break;
+            };
+            let servo = &mut self.roster.servos[index];
+            let too_long = usize::from(part.size) > LONGEST_READ;
+            if !servo.knows_fast_reads() || servo.return_level() == 0 || too_long {
+                break;
+            }
+            // A refused read still fills its place in the packet.
+            let (error, data) = match servo.read(part.address, part.size) {
+                Ok(data) => (0, data),
+                Err(error) => (error as u8, vec![0; usize::from(part.size)]),
+            };
+            blocks.push((error | servo.alert_bit(), part.id, data));
+            speakers.push(index);
+        }
+        let announced = 1 + parts
+            .iter()
+            .map(|part| usize::from(part.size) + 4)
+            .sum::<usize>();
+        let first_delay_s = speakers
+            .first()
+            .map_or(0.0, |&index| self.roster.servos[index].return_delay_s());
+        fast_status(&blocks, announced)
+            .into_iter()
+            .zip(speakers)
+            .enumerate()
+            .map(|(place, (bytes, servo))| Burst {
+                servo,
+                delay_s: if place == 0 { first_delay_s } else { 0.0 },
+                bytes,
+            })
+            .collect()
+    }
+
+    fn sync_write(&mut self, params: &[u8]) -> Vec<Burst> {
+        let Some((&[a0, a1, s0, s1], rest)) = params.split_first_chunk() else {
+            return Vec::new();
+        };
+        let address = u16::from_le_bytes([a0, a1]);
+        let size = usize::from(u16::from_le_bytes([s0, s1]));
+        for item in rest.chunks_exact(1 + size) {
+            for index in self.find_all(item[0]) {
+                // Refused writes of a broadcast are not answered.
+                let _ = self.roster.servos[index].write(address, &item[1..]);
+            }
+        }
+        Vec::new()
+    }
+
+    fn bulk_write(&mut self, params: &[u8]) -> Vec<Burst> {
+        let mut rest = params;
+        while let Some((&[id, a0, a1, s0, s1], tail)) = rest.split_first_chunk() {
+            let size = usize::from(u16::from_le_bytes([s0, s1]));
+            let Some((data, after)) = tail.split_at_checked(size) else {
+                break;
+            };
+            for index in self.find_all(id) {
+                let _ = self.roster.servos[index].write(u16::from_le_bytes([a0, a1]), data);
+            }
+            rest = after;
+        }
+        Vec::new()
+    }
+}
+
+/// Splits an address off and hands on the rest; the status error.
+fn addressed(params: &[u8], then: impl FnOnce(u16, &[u8]) -> u8) -> u8 {
+    match params.split_first_chunk() {
+        Some((&[low, high], data)) => then(u16::from_le_bytes([low, high]), data),
+        None => LENGTH_ERROR,
+    }
+}
+
+fn sync_parts(params: &[u8]) -> Vec<Part> {
+    let Some((&[a0, a1, s0, s1], ids)) = params.split_first_chunk() else {
+        return Vec::new();
+    };
+    let address = u16::from_le_bytes([a0, a1]);
+    let size = u16::from_le_bytes([s0, s1]);
+    ids.iter().map(|&id| Part { id, address, size }).collect()
+}
+
+fn bulk_parts(params: &[u8]) -> Vec<Part> {
+    params
+        .chunks_exact(5)
+        .map(|item| Part {
+            id: item[0],
+            address: u16::from_le_bytes([item[1], item[2]]),
+            size: u16::from_le_bytes([item[3], item[4]]),
+        })
+        .collect()
+}

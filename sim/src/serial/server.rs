@@ -1,0 +1,162 @@
+//! The thread behind the host's serial port: wire time, faults, bytes to and
+//! from the host.
+//!
+//! In real time an instruction takes effect when its last byte has passed, and
+//! a reply is handed over when its own last byte has. In lockstep wire time is
+//! only counted.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use crate::bus::line::Burst;
+use crate::bus::options::SimClock;
+use crate::bus::shared::Shared;
+use crate::serial::host_port::{Heard, HostPort};
+
+/// How often the thread looks whether it is to end.
+const WAKE: Duration = Duration::from_millis(10);
+/// How long the thread watches the port without sleeping after a reply, if the
+/// host spoke again within [`PROMPT`] of the reply before.
+const ATTENTIVE: Duration = Duration::from_micros(80);
+/// Being woken up is in it.
+const PROMPT: Duration = Duration::from_micros(400);
+
+/// Serves one line.
+pub(crate) struct SerialServer {
+    shared: Arc<Shared>,
+    port: HostPort,
+    /// When the line is free again, seconds since the start. Real time only.
+    line_free_s: f64,
+    /// When the last reply was handed over. Real time only.
+    handed_over: Option<Instant>,
+    /// Whether the host spoke at once when it was answered last.
+    prompt: bool,
+}
+
+impl SerialServer {
+    /// Its host is taken to be quick until it is known.
+    pub fn new(shared: Arc<Shared>, port: HostPort) -> Self {
+        Self {
+            shared,
+            port,
+            line_free_s: 0.0,
+            handed_over: None,
+            prompt: true,
+        }
+    }
+
+    /// Until it is told to stop, or the port fails.
+    pub fn run(mut self) {
+        let mut chunk = [0; 4096];
+        while !self.shared.stop.load(Ordering::Acquire) {
+            match self.receive(&mut chunk) {
+                Ok(Heard::Nothing) => {}
+                Ok(Heard::Bytes(count)) => {
+                    if let Some(at) = self.handed_over.take() {
+                        self.prompt = at.elapsed() < PROMPT;
+                    }
+                    self.serve(&mut chunk[..count]);
+                }
+                Ok(Heard::Nobody) => {
+                    self.shared.busy.store(false, Ordering::SeqCst);
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                Err(_) => return,
+            }
+            self.shared.busy.store(false, Ordering::SeqCst);
+        }
+    }
+
+    /// Bytes from the host, or none after a while.
+    fn receive(&mut self, chunk: &mut [u8]) -> io::Result<Heard> {
+        // A host at the limit of its wire speaks again at once: being woken up
+        // would take longer than its pause. One that rests until its next cycle
+        // is not watched for.
+        let watched = self.handed_over.filter(|_| self.prompt);
+        while watched.is_some_and(|at| at.elapsed() < ATTENTIVE) {
+            match self.port.read(chunk)? {
+                Heard::Nothing => std::hint::spin_loop(),
+                Heard::Nobody => break,
+                heard => return Ok(heard),
+            }
+        }
+        if !self.port.wait(WAKE)? {
+            return Ok(Heard::Nothing);
+        }
+        self.shared.busy.store(true, Ordering::SeqCst);
+        let heard = self.port.read(chunk)?;
+        if self.port.moved() {
+            self.shared.watch(self.port.watched()?);
+        }
+        Ok(heard)
+    }
+
+    fn serve(&mut self, bytes: &mut [u8]) {
+        let shared = self.shared.clone();
+        if shared.faults().echoes() {
+            self.port.write(bytes);
+        }
+        shared.faults().pass_instruction(bytes);
+        let now_s = shared.began.elapsed().as_secs_f64();
+        self.line_free_s = self.line_free_s.max(now_s);
+        shared.world().line.set_host_baud(self.port.baud());
+        shared.wire().bytes_in += bytes.len() as u64;
+        for &byte in &*bytes {
+            self.line_free_s += shared.byte_s;
+            // The world is not advanced for single bytes, only for what they complete.
+            let complete = shared.world_as_it_is().line.push(byte);
+            if !complete {
+                continue;
+            }
+            self.wait_until(self.line_free_s);
+            let bursts = shared.world().line.execute();
+            self.send(bursts);
+        }
+    }
+
+    /// Sends replies. What follows without a pause is handed over together when
+    /// its last byte has passed, as adapters do.
+    fn send(&mut self, bursts: Vec<Burst>) {
+        let mut passed = Vec::new();
+        for burst in bursts {
+            if burst.delay_s > 0.0 {
+                self.hand_over(&mut passed);
+            }
+            self.line_free_s += burst.delay_s + burst.bytes.len() as f64 * self.shared.byte_s;
+            {
+                let mut wire = self.shared.wire();
+                wire.delays_s += burst.delay_s;
+                wire.bytes_out += burst.bytes.len() as u64;
+                wire.packets_out += 1;
+            }
+            let (bytes, late_s) = self.shared.faults().pass_reply(burst.bytes);
+            if late_s > 0.0 {
+                self.hand_over(&mut passed);
+                std::thread::sleep(Duration::from_secs_f64(late_s));
+            }
+            passed.extend(bytes);
+        }
+        self.hand_over(&mut passed);
+    }
+
+    /// Precisely for a host at the limit of its wire, at little cost for one that
+    /// rests between its cycles.
+    fn wait_until(&self, time_s: f64) {
+        match self.prompt {
+            true => self.shared.wait_until(time_s),
+            false => self.shared.sleep_until(time_s),
+        }
+    }
+
+    fn hand_over(&mut self, passed: &mut Vec<u8>) {
+        if !passed.is_empty() {
+            self.wait_until(self.line_free_s + self.shared.adapter_s);
+            self.port.write(passed);
+            passed.clear();
+            let realtime = self.shared.clock == SimClock::Realtime;
+            self.handed_over = realtime.then(Instant::now);
+        }
+    }
+}

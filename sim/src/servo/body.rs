@@ -1,0 +1,156 @@
+//! What every simulated servo is, whatever it speaks: a motor in a joint, its
+//! judge and supply, and what can happen to those. Angles of the motor are its
+//! own, radians after the gear.
+
+use crate::fault::ServoFault;
+use crate::judge::Judge;
+use crate::servo::motor::Motor;
+use crate::servo::spec::SimServoSpec;
+
+/// What a servo really does, whatever it says on the wire.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SimServoState {
+    /// Simulated time, seconds.
+    pub time_s: f64,
+    /// True joint position, radians.
+    pub position_rad: f64,
+    /// True joint velocity, radians a second.
+    pub velocity_rad_s: f64,
+    /// The goal it holds, joint radians.
+    pub goal_rad: f64,
+    /// Motor current towards higher joint positions, amperes.
+    pub current_a: f64,
+    /// Winding temperature, Celsius.
+    pub temperature_c: f64,
+    /// Whether it drives.
+    pub torque_enabled: bool,
+    /// Whether its bus watchdog has tripped.
+    pub watchdog_tripped: bool,
+    /// When it tripped last, simulated seconds.
+    pub tripped_s: Option<f64>,
+    /// The hardware error register.
+    pub hardware_error: u8,
+}
+
+/// The body of one servo.
+#[derive(Clone, Debug)]
+pub struct Body {
+    spec: SimServoSpec,
+    pub motor: Motor,
+    pub judge: Judge,
+    supply_v: f64,
+    sag_v: f64,
+    pub time_s: f64,
+    deaf_until_s: f64,
+    dead: bool,
+    stalled_s: f64,
+}
+
+impl Body {
+    /// A body at rest where the spec says, on a supply.
+    pub fn new(spec: &SimServoSpec, motor: Motor, judge: Judge, supply_v: f64) -> Self {
+        Self {
+            motor: motor.at(spec.zero_rad + spec.direction * spec.initial_rad),
+            judge,
+            spec: spec.clone(),
+            supply_v,
+            sag_v: 0.0,
+            time_s: 0.0,
+            deaf_until_s: 0.0,
+            dead: false,
+            stalled_s: 0.0,
+        }
+    }
+
+    /// The joint position for the motor's angle.
+    pub fn joint_rad(&self, angle_rad: f64) -> f64 {
+        (angle_rad - self.spec.zero_rad) * self.spec.direction
+    }
+
+    /// Where the joint is.
+    pub fn position_rad(&self) -> f64 {
+        self.joint_rad(self.motor.angle_rad)
+    }
+
+    /// The supply at its terminals, volts.
+    pub fn volts(&self) -> f64 {
+        self.supply_v - self.sag_v
+    }
+
+    /// What the others on the line make the supply sag by, volts.
+    pub fn set_sag_v(&mut self, sag_v: f64) {
+        self.sag_v = sag_v;
+    }
+
+    /// Whether it hears and speaks.
+    pub fn listens(&self) -> bool {
+        !self.dead && self.time_s >= self.deaf_until_s
+    }
+
+    /// It restarts: for a while it hears nothing.
+    pub fn be_deaf_for(&mut self, seconds: f64) {
+        self.deaf_until_s = self.time_s + seconds;
+        self.stalled_s = 0.0;
+    }
+
+    /// One step of the motor with its gravity; `None` is no torque.
+    pub fn step(&mut self, dt_s: f64, duty: Option<f64>) {
+        let joint_rad = self.position_rad();
+        let gravity_nm = -self.spec.direction * self.spec.gravity_nm * joint_rad.sin();
+        self.motor.step(dt_s, duty, self.volts(), gravity_nm);
+    }
+
+    /// For how long it has been pushing hard without moving, seconds.
+    pub fn stalled_for(&mut self, dt_s: f64, pushes_hard: bool) -> f64 {
+        let stands = self.motor.speed_rad_s.abs() < 0.1;
+        self.stalled_s = if pushes_hard && stands {
+            self.stalled_s + dt_s
+        } else {
+            0.0
+        };
+        self.stalled_s
+    }
+
+    /// A stall begins anew.
+    pub fn forget_stall(&mut self) {
+        self.stalled_s = 0.0;
+    }
+
+    /// The end of a control period: the true position is judged.
+    pub fn end_period(&mut self) {
+        self.judge.judge_motion(self.time_s, self.position_rad());
+    }
+
+    /// Something goes wrong; what is not the body's is handed back.
+    pub fn suffer(&mut self, fault: ServoFault) -> Option<ServoFault> {
+        match fault {
+            ServoFault::Dead => self.dead = true,
+            ServoFault::Revive => self.dead = false,
+            ServoFault::Free => self.motor.jammed = false,
+            ServoFault::Overheat(celsius) => self.motor.temperature_c = celsius,
+            ServoFault::Jam => {
+                self.motor.jammed = true;
+                self.judge.excuse_motion();
+            }
+            ServoFault::Supply(volts) => self.supply_v = volts,
+            ServoFault::Moved(joint_rad) => {
+                self.motor.angle_rad = self.spec.zero_rad + self.spec.direction * joint_rad;
+            }
+            other => return Some(other),
+        }
+        None
+    }
+
+    /// The truth, of a servo that has no torque and holds no goal.
+    pub fn state(&self) -> SimServoState {
+        SimServoState {
+            time_s: self.time_s,
+            position_rad: self.position_rad(),
+            velocity_rad_s: self.spec.direction * self.motor.speed_rad_s,
+            goal_rad: self.position_rad(),
+            current_a: self.spec.direction * self.motor.current_a,
+            temperature_c: self.motor.temperature_c,
+            ..SimServoState::default()
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! The servo's memory as the host sees it: what may be read and written when, and
+//! what a write sets off.
+
+use servodance_drivers::serial::Register;
+use servodance_drivers::serial::dynamixel2::registers as at;
+
+use crate::servo::dynamixel2::table::AccessError;
+use crate::servo::dynamixel2::{RAD_PER_TICK, RAD_S_PER_UNIT, XServo};
+use crate::servo::motor::FULL_PWM;
+
+impl XServo {
+    /// A read of the control table: error number and data.
+    pub fn read(&mut self, address: u16, size: u16) -> Result<Vec<u8>, AccessError> {
+        self.refresh();
+        self.table.read(address, size)
+    }
+
+    /// A write to the control table.
+    pub fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), AccessError> {
+        let writes = self.checked(address, bytes)?;
+        self.apply(&writes);
+        Ok(())
+    }
+
+    /// A write that waits for an action.
+    pub fn register(&mut self, address: u16, bytes: &[u8]) -> Result<(), AccessError> {
+        self.registered = Some(self.checked(address, bytes)?);
+        self.table.put(at::REGISTERED, 1);
+        Ok(())
+    }
+
+    /// Carries out the registered write; false if there is none.
+    pub fn act(&mut self) -> bool {
+        let Some(writes) = self.registered.take() else {
+            return false;
+        };
+        self.table.put(at::REGISTERED, 0);
+        self.apply(&writes);
+        true
+    }
+
+    fn checked(&self, address: u16, bytes: &[u8]) -> Result<Vec<(Register, i64)>, AccessError> {
+        let writes = self.table.check_write(address, bytes, self.torque_on())?;
+        for (register, value) in &writes {
+            self.check_value(*register, *value)?;
+        }
+        Ok(writes)
+    }
+
+    /// Ranges that depend on other registers.
+    fn check_value(&self, register: Register, value: i64) -> Result<(), AccessError> {
+        let within = |range: std::ops::RangeInclusive<i64>| {
+            if range.contains(&value) {
+                Ok(())
+            } else {
+                Err(AccessError::Limit)
+            }
+        };
+        let limit = |register| self.table.get(register);
+        let goals = at::GOAL_PWM.address..=at::GOAL_POSITION.address;
+        if goals.contains(&register.address) && self.watchdog_tripped() {
+            return Err(AccessError::Range);
+        }
+        match register {
+            at::OPERATING_MODE if ![0, 1, 3, 4, 5, 16].contains(&value) => Err(AccessError::Range),
+            at::DRIVE_MODE if value & 4 != 0 => Err(AccessError::Range),
+            at::GOAL_POSITION if limit(at::OPERATING_MODE) == 3 => {
+                within(limit(at::MIN_POSITION)..=limit(at::MAX_POSITION))
+            }
+            at::GOAL_VELOCITY => within(-limit(at::VELOCITY_LIMIT)..=limit(at::VELOCITY_LIMIT)),
+            at::GOAL_CURRENT => within(-limit(at::CURRENT_LIMIT)..=limit(at::CURRENT_LIMIT)),
+            at::GOAL_PWM => within(-limit(at::PWM_LIMIT)..=limit(at::PWM_LIMIT)),
+            _ => Ok(()),
+        }
+    }
+
+    fn apply(&mut self, writes: &[(Register, i64)]) {
+        for &(register, value) in writes {
+            match register {
+                at::TORQUE => self.set_torque(value == 1),
+                at::OPERATING_MODE => self.set_mode(value),
+                at::BUS_WATCHDOG => {
+                    self.table.put(register, value);
+                    self.feed_watchdog();
+                }
+                at::GOAL_POSITION => {
+                    self.table.put(register, value);
+                    let by_goal = self.table.get(at::DRIVE_MODE) & 8 != 0;
+                    if by_goal && !self.torque_on() {
+                        self.set_torque(true);
+                    }
+                    let goal_rad = self.goal_rad();
+                    self.body.judge.judge_goal(self.body.time_s, goal_rad);
+                }
+                _ => self.table.put(register, value),
+            }
+        }
+    }
+
+    /// Brings the present-value registers up to date.
+    fn refresh(&mut self) {
+        let sign = self.drive_sign();
+        let moving = self.body.motor.speed_rad_s.abs() / RAD_S_PER_UNIT
+            > self.table.get(at::MOVING_THRESHOLD) as f64;
+        let effort = match self.model.current_a_per_unit {
+            None => self.duty * 1000.0,
+            Some(unit) => self.body.motor.current_a / unit,
+        };
+        for (register, value) in [
+            (at::TICK_MS, (self.body.time_s * 1e3) as i64 % 32768),
+            (at::MOVING, i64::from(moving)),
+            (
+                at::PRESENT_PWM,
+                (sign * self.duty * FULL_PWM).round() as i64,
+            ),
+            (at::PRESENT_CURRENT, (sign * effort).round() as i64),
+            (
+                at::PRESENT_VELOCITY,
+                (sign * self.body.motor.speed_rad_s / RAD_S_PER_UNIT).round() as i64,
+            ),
+            (at::PRESENT_POSITION, self.present_ticks()),
+            (
+                at::VELOCITY_TRAJECTORY,
+                (self.trajectory_speed * RAD_PER_TICK / RAD_S_PER_UNIT).round() as i64,
+            ),
+            (
+                at::POSITION_TRAJECTORY,
+                self.trajectory_ticks.round() as i64,
+            ),
+            (
+                at::PRESENT_VOLTAGE,
+                (self.body.volts() * 10.0).round() as i64,
+            ),
+            (
+                at::PRESENT_TEMPERATURE,
+                self.body.motor.temperature_c.round() as i64,
+            ),
+        ] {
+            self.table.put(register, value);
+        }
+    }
+}
