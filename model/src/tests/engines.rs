@@ -61,8 +61,8 @@ fn both_engines_draw_the_same_codes() {
         temperature: 0.0,
         ..sampled.clone()
     };
-    check(None, &sampled, 400);
-    check(None, &greedy, 400);
+    check(None, &sampled, 250);
+    check(None, &greedy, 250);
 }
 
 #[test]
