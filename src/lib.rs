@@ -3,7 +3,7 @@
 //! What the commands do stands in library crates: `servodance-runtime` (a dance),
 //! `servodance-training` (weights) and `servodance-lab` (benches and soak).
 
-// A closed standard output is no reason to panic: see `servodance_runtime::console`.
+// A closed standard output is no reason to panic: see `servodance_runtime::process::console`.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 #[doc(hidden)] // for the binary and the tests of the program

@@ -8,10 +8,10 @@ use servodance::cli::Cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    servodance_runtime::console::tell_what_nobody_returns();
+    servodance_runtime::process::console::tell_what_nobody_returns();
     Cli::parse().command.run().unwrap_or_else(|error| {
         let text = one_line(&error);
-        servodance_runtime::console::stderr(format_args!("error: {text}\n"));
+        servodance_runtime::process::console::stderr(format_args!("error: {text}\n"));
         ExitCode::FAILURE
     })
 }

@@ -2,8 +2,8 @@
 
 use crate::conditioning::write_encodec;
 use crate::program::Program;
-use servodance_training::motion::corpus;
-use servodance_training::motion::index::Split;
+use servodance_training::dataset::Split;
+use servodance_training::dataset::training_file;
 
 const SETTINGS: &str = "\
 preset = \"tiny\"
@@ -18,14 +18,14 @@ steps = 20
 fn program() -> Program {
     let program = Program::new();
     program.succeed(&["dataset", "build", "built", "--choreography", "4", "-q"]);
-    let mut clips = corpus::read(&program.path("built")).unwrap();
+    let mut clips = training_file::read(&program.path("built")).unwrap();
     let splits = [Split::Train, Split::Validation, Split::Test, Split::Test];
     assert_eq!(clips.len(), splits.len());
     for (clip, split) in clips.iter_mut().zip(splits) {
         clip.split = split;
     }
     let data = program.path("data.safetensors");
-    corpus::write(&data, &clips, &serde_json::json!({})).unwrap();
+    training_file::write(&data, &clips, &serde_json::json!({})).unwrap();
     std::fs::write(program.path("train.toml"), SETTINGS).unwrap();
     program
 }
@@ -93,14 +93,14 @@ fn a_variant_can_hear_encodec_and_its_weights_are_like_others() {
     let program = program();
     write_encodec(&program.path("encodec.safetensors"));
     // Latents of no music: what is tried is the way of the numbers.
-    let mut clips = corpus::read(&program.path("data.safetensors")).unwrap();
+    let mut clips = training_file::read(&program.path("data.safetensors")).unwrap();
     for clip in &mut clips {
         let latent = |at: usize| std::array::from_fn(|k| ((at * 7 + k * 3) as f32).sin());
         let latents = |music: &Vec<_>| (0..music.len()).map(latent).collect();
         clip.latents = clip.music.as_ref().map(latents);
     }
     let latents = program.path("latents.safetensors");
-    corpus::write(&latents, &clips, &serde_json::json!({})).unwrap();
+    training_file::write(&latents, &clips, &serde_json::json!({})).unwrap();
 
     let encodec = ["--encodec", "encodec.safetensors"];
     let only = ["--only", "encodec", "--latents"];

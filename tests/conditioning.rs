@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use servodance_audio::MusicAnalyzer;
 use servodance_model::conditioning::{Encodec, HeardFrame};
 use servodance_model::motion::Clip;
-use servodance_runtime::hearing::Ears;
+use servodance_runtime::pipeline::feature_extractor::Ears;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 

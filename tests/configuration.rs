@@ -57,6 +57,19 @@ fn every_mistake_is_blamed_on_who_made_it() {
 }
 
 #[test]
+fn a_variable_that_names_no_key_is_warned_of_and_the_dance_goes_on() {
+    let program = Program::new();
+    let mut command = program.command(&with(&[]));
+    let output = command.env("SERVODANCE_COLOUR", "red").output();
+    let output = output.expect("it runs");
+    assert!(output.status.success());
+    let said = String::from_utf8(output.stderr).expect("text");
+    let warnings: Vec<&str> = said.lines().filter(|l| l.contains("COLOUR")).collect();
+    assert_eq!(warnings.len(), 1, "{said}");
+    assert!(warnings[0].contains("expected one of `name`"), "{said}");
+}
+
+#[test]
 fn what_is_wrong_in_a_robot_file_is_named_with_its_line() {
     let program = Program::new();
     let urdf = include_str!("../configs/neck.urdf");

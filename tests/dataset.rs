@@ -2,8 +2,8 @@
 
 use crate::program::Program;
 use servodance_model::motion::{Clip, Pose};
-use servodance_training::motion::corpus;
-use servodance_training::motion::index::{self, Split};
+use servodance_training::dataset::training_file;
+use servodance_training::dataset::{Split, index};
 
 /// A folder `in` with a dance as npz and BVH.
 fn dancer() -> (Program, Clip) {
@@ -141,7 +141,7 @@ fn a_dance_with_its_music_becomes_training_data() {
     told(&program, &[&import[..], &["--music", "songs"]].concat());
     let build = ["dataset", "build", "data.safetensors", "--motion", "data"];
     told(&program, &[&build[..], &["--choreography", "0"]].concat());
-    let clips = corpus::read(&program.path("data.safetensors")).unwrap();
+    let clips = training_file::read(&program.path("data.safetensors")).unwrap();
     assert_eq!(clips.len(), 2, "the dance and its mirror image");
     for found in &clips {
         let music = found.music.as_ref().expect("its own music");

@@ -37,9 +37,9 @@ fn every_path_of_the_architecture_exists() {
 #[test]
 fn every_key_of_a_report_is_documented() {
     let text = read("docs/report.md");
-    let source = read("runtime/src/report.rs");
+    let source = read("runtime/src/telemetry/report.rs");
     let report = source
-        .split("pub struct Report {")
+        .split("pub struct DanceReport {")
         .nth(1)
         .and_then(|rest| rest.split("\n}").next())
         .expect("the struct");
@@ -54,7 +54,7 @@ fn every_key_of_a_report_is_documented() {
 #[test]
 fn every_code_of_a_finding_is_documented() {
     let text = read("docs/robots.md");
-    for code in servodance_retarget::Code::ALL {
+    for code in servodance_retarget::DiagnosticCode::ALL {
         let row = format!(
             "| `{code}` | {} | {} |",
             code.severity().as_str(),

@@ -1,10 +1,10 @@
 //! Rigs of every kind, made from parts: what they have dances, what they lack
 //! is said, and the rest is held.
 
-use servodance_runtime::follow::{Followed, follow};
-use servodance_runtime::report::ViolationReport;
+use servodance_runtime::offline::motion_tracking::{Followed, follow};
 use servodance_runtime::robot::Robot;
-use servodance_runtime::robot_file::new_robot;
+use servodance_runtime::robot::new_robot;
+use servodance_runtime::telemetry::ViolationReport;
 use servodance_training::choreography::trial_dance;
 use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 use std::fmt::Write;

@@ -3,9 +3,9 @@
 use crate::mutate::mutated;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance_retarget::{draft, urdf_from_mjcf};
+use servodance_retarget::{draft_config, urdf_from_mjcf};
 use servodance_runtime::robot::Robot;
-use servodance_runtime::robot_file::check;
+use servodance_runtime::robot::check;
 
 pub const MJCF: &str = include_str!("figure.xml");
 const TOML: &str = include_str!("../configs/torso13.toml");
@@ -28,11 +28,11 @@ fn two_thousand_broken_files_make_no_panic() {
         let checked = check(&path("my.urdf"));
         assert_eq!(
             checked.usable,
-            draft(&urdf).is_ok(),
+            draft_config(&urdf).is_ok(),
             "round {round}: {checked:#?}"
         );
         match urdf_from_mjcf(&mutated(&mut rng, MJCF)) {
-            Ok((urdf, _)) => drop(draft(&urdf)),
+            Ok((urdf, _)) => drop(draft_config(&urdf)),
             Err(error) => assert!(!error.to_string().contains('\n')),
         }
         usable += usize::from(checked.usable) + usize::from(loads);

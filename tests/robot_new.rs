@@ -5,10 +5,10 @@ use crate::random_robot;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use servodance_retarget::Stance;
-use servodance_runtime::follow::follow;
-use servodance_runtime::report::ViolationReport;
+use servodance_runtime::offline::motion_tracking::follow;
 use servodance_runtime::robot::{BUILT_IN, Robot};
-use servodance_runtime::robot_file::{check, new_robot};
+use servodance_runtime::robot::{check, new_robot};
+use servodance_runtime::telemetry::ViolationReport;
 use servodance_training::choreography::trial_dance;
 use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
 }
 
 /// Follows some seconds of dance; limits must hold.
-fn danced(robot: &Robot, seconds: f64) -> servodance_runtime::follow::Followed {
+fn danced(robot: &Robot, seconds: f64) -> servodance_runtime::offline::motion_tracking::Followed {
     let beats: Vec<DanceBeat> = (0..(seconds * 2.0) as usize)
         .map(|beat| DanceBeat {
             time_s: beat as f64 * 0.5,

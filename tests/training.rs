@@ -3,8 +3,8 @@
 use crate::program::Program;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use servodance_training::motion::corpus::{self, CorpusClip};
-use servodance_training::motion::index::Split;
+use servodance_training::dataset::Split;
+use servodance_training::dataset::training_file::{self, TrainingClip};
 use std::path::Path;
 use std::process::Stdio;
 use std::sync::OnceLock;
@@ -32,7 +32,7 @@ report = 10
 ";
 
 /// Clips of choreography, two of them at least.
-fn choreography() -> Vec<CorpusClip> {
+fn choreography() -> Vec<TrainingClip> {
     static BUILT: OnceLock<Vec<u8>> = OnceLock::new();
     let program = Program::new();
     let path = program.path("built");
@@ -41,7 +41,7 @@ fn choreography() -> Vec<CorpusClip> {
         std::fs::read(&path).unwrap()
     });
     std::fs::write(&path, built).unwrap();
-    corpus::read(&path).unwrap()
+    training_file::read(&path).unwrap()
 }
 
 /// A training file of the first two, of these splits.
@@ -50,7 +50,7 @@ pub fn write_clips(path: &Path, splits: [Split; 2]) {
     for (clip, split) in clips.iter_mut().zip(splits) {
         clip.split = split;
     }
-    corpus::write(path, &clips[..2], &serde_json::json!({})).unwrap();
+    training_file::write(path, &clips[..2], &serde_json::json!({})).unwrap();
 }
 
 fn program() -> Program {

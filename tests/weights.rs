@@ -4,7 +4,7 @@ use crate::program::Program;
 use crate::training::write_clips;
 use safetensors::SafeTensors;
 use serde_json::Value;
-use servodance_training::motion::index::Split;
+use servodance_training::dataset::Split;
 
 const TINY: &[u8] = include_bytes!("../model/src/tests/golden/tiny.safetensors");
 

@@ -3,7 +3,7 @@
 
 use std::error::Error;
 
-use servodance_audio::noise::{crowd, hiss, knocks, motors, speech};
+use servodance_audio::song::noise::{crowd, hiss, knocks, motors, speech};
 
 const RATE_HZ: u32 = 22_050;
 

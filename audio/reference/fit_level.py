@@ -1,4 +1,4 @@
-"""Fits the weights by which the level of the beat is chosen (`audio/src/beats/level.rs`).
+"""Fits the weights by which the level of the beat is chosen (`audio/src/beats/metrical_level.rs`).
 
     cargo build --release -p servodance-audio --examples
     python audio/reference/fit_level.py EXAMPLES_FOLDER [--songs FOLDER] [--real 60] [--slow-weight 0.1]

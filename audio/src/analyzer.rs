@@ -1,40 +1,36 @@
-//! Samples in, music features and beat out, 20 frames a second, causal.
+//! The analyzer: samples in, music features and beat out, 20 frames a second.
 //!
-//! Frame `k` is at `k / 20` seconds and knows only samples before that time:
+//! Frame `k` is at `k / 20` seconds and depends only on samples before that time:
 //! no lookahead. Look-back: 200 ms (envelope, MFCC), 1.4 s (chroma), some
 //! seconds of running references and of beat memory. The beat's phase is
 //! extrapolated to the frame's time over all delays of the analysis, so that
 //! phase 0 is where the beat is audible.
 //!
-//! The numbers are the same to the bit whatever the block sizes. Memory is
-//! constant as long as frames are taken out; a push allocates nothing except
-//! when the queue of frames grows. Samples that are not finite become 0 and are
-//! counted. For files use [`AudioSource`](crate::AudioSource) in front.
+//! The result is the same to the bit for all block sizes. Memory is constant as
+//! long as frames are taken out; a push allocates only when the queue of frames
+//! grows. Samples that are not finite become 0 and are counted.
 
 use std::collections::VecDeque;
 
 use servodance_types::{BeatLock, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
-use crate::beats::belief::evidence;
-use crate::beats::history::BeatCaller;
-use crate::beats::network::{Heard, Network};
-use crate::beats::tracker::Tracker;
-use crate::beats::{History, LevelReading, hearing};
-use crate::onset::{HOP, LATENCY_S, Onset, OnsetDetector};
-use crate::presence::Presence;
-use crate::resample::Resampler;
-use crate::spectral::{BEAT, SpectralFeatures};
-use crate::spectrum::Sliding;
+use crate::beats::{
+    BeatCaller, BeatHistory, BeatNetwork, MetricalReading, NetworkOutput, Tracker, evidence, input,
+};
+use crate::features::ANALYSIS_RATE_HZ;
+use crate::features::mfcc::{BEAT, SpectralFeatures};
+use crate::features::music_detector::MusicDetector;
+use crate::features::onset_strength::{HOP, LATENCY_S, Onset, OnsetDetector};
+use crate::features::resampler::Resampler;
+use crate::features::spectrum::SlidingWindow;
 
-/// Samples a second inside the analysis.
-pub const ANALYSIS_RATE_HZ: u32 = 20_480;
-/// Analysis samples a frame.
+/// Samples a frame at the analysis rate.
 const FRAME_HOP: u64 = 1024;
 
 /// Why an analyzer cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AnalyzerError {
-    /// The rate is not one of audio.
+    /// The sample rate in hertz is outside the range that is analyzed.
     #[error("the sample rate must be 4000 to 384000 Hz, not {0}")]
     SampleRate(u32),
 }
@@ -42,47 +38,47 @@ pub enum AnalyzerError {
 /// Computes [`MusicFrame`]s from a stream of mono samples.
 pub struct MusicAnalyzer {
     resampler: Resampler,
-    core: Core,
+    core: AnalysisCore,
     replaced: u64,
 }
 
-/// The analysis behind the resampler.
-struct Core {
-    recent: Sliding,
+struct AnalysisCore {
+    recent: SlidingWindow,
     received: u64,
     features: SpectralFeatures,
     onsets: OnsetDetector,
     older: Option<Onset>,
-    network: Network,
-    heard: Heard,
+    network: BeatNetwork,
+    output: NetworkOutput,
     tracker: Tracker,
-    presence: Presence,
+    detector: MusicDetector,
     frames: VecDeque<MusicFrame>,
     caller: BeatCaller,
-    history: Option<History>,
-    /// From an audible onset to the hop in which it is strongest.
+    history: Option<BeatHistory>,
+    /// From an audible onset to the hop in which its strength peaks.
     beat_delay_s: f64,
 }
 
 impl MusicAnalyzer {
-    /// An analyzer for samples at `sample_rate_hz`. Frame 0, at 0 s, is ready
-    /// at once: it knows nothing yet.
+    /// An analyzer for samples at `sample_rate_hz`. Frame 0, at 0 s, is ready at
+    /// once and without content.
+    /// Errors: a sample rate outside 4 to 384 kHz.
     pub fn new(sample_rate_hz: u32) -> Result<Self, AnalyzerError> {
         if !(4_000..=384_000).contains(&sample_rate_hz) {
             return Err(AnalyzerError::SampleRate(sample_rate_hz));
         }
         let resampler = Resampler::new(sample_rate_hz, ANALYSIS_RATE_HZ);
         let look_back = SpectralFeatures::LOOK_BACK.max(OnsetDetector::LOOK_BACK);
-        let mut core = Core {
-            recent: Sliding::new(look_back),
+        let mut core = AnalysisCore {
+            recent: SlidingWindow::new(look_back),
             received: 0,
             features: SpectralFeatures::new(ANALYSIS_RATE_HZ),
             onsets: OnsetDetector::new(ANALYSIS_RATE_HZ),
             older: None,
-            network: Network::new(),
-            heard: Heard::SILENCE,
+            network: BeatNetwork::new(),
+            output: NetworkOutput::SILENCE,
             tracker: Tracker::new(),
-            presence: Presence::new(),
+            detector: MusicDetector::new(),
             frames: VecDeque::new(),
             caller: BeatCaller::default(),
             history: None,
@@ -96,69 +92,69 @@ impl MusicAnalyzer {
         })
     }
 
-    /// An analyzer that also keeps its [`History`], which grows with the music.
+    /// An analyzer that also keeps a [`BeatHistory`], which grows with the music.
+    /// Errors: a sample rate outside 4 to 384 kHz.
     pub fn keeping_history(sample_rate_hz: u32) -> Result<Self, AnalyzerError> {
         let mut analyzer = Self::new(sample_rate_hz)?;
         let rate_hz = f64::from(ANALYSIS_RATE_HZ) / HOP as f64;
         let first_s = 1.0 / rate_hz - analyzer.core.beat_delay_s;
-        analyzer.core.history = Some(History {
+        analyzer.core.history = Some(BeatHistory {
             rate_hz,
             first_s,
-            ..History::default()
+            ..BeatHistory::default()
         });
         Ok(analyzer)
     }
 
-    /// What was kept, if the analyzer was made to keep it.
-    pub fn history(&self) -> Option<&History> {
+    /// The history, if the analyzer was made to keep one.
+    pub fn history(&self) -> Option<&BeatHistory> {
         self.core.history.as_ref()
     }
 
-    /// Lets go of the history before a time, seconds, so that a live source may
-    /// go on for ever in constant memory.
+    /// Drops the history before `time_s`, so that a live source may run without
+    /// end in constant memory.
     pub fn forget_before(&mut self, time_s: f64) {
         if let Some(history) = &mut self.core.history {
             history.forget_before(time_s);
         }
     }
 
-    /// Takes mono samples, any number of them.
+    /// Takes mono samples, a block of any length.
     pub fn push(&mut self, samples: &[f32]) {
         for &sample in samples {
             let finite = sample.is_finite();
             self.replaced += u64::from(!finite);
             let core = &mut self.core;
-            self.resampler
-                .push(if finite { sample } else { 0.0 }, |s| core.take(s));
+            let sample = if finite { sample } else { 0.0 };
+            self.resampler.push(sample, |s| core.push(s));
         }
     }
 
-    /// The next frame, if its time has come.
+    /// The next frame, if all its samples are there.
     pub fn pop(&mut self) -> Option<MusicFrame> {
         self.core.frames.pop_front()
     }
 
-    /// The readings of the tracked beat that compete, now; none without a beat.
-    /// For fitting the weights by which one is chosen.
-    pub fn beat_readings(&self) -> Vec<LevelReading> {
+    /// The metrical readings of the tracked beat at the newest sample, for fitting
+    /// the weights of the choice; none without a beat.
+    pub fn beat_readings(&self) -> Vec<MetricalReading> {
         self.core.tracker.readings(self.core.beat_delay_s)
     }
 
-    /// How many samples were not finite and became 0.
+    /// Number of samples that were not finite and became 0.
     pub fn replaced_samples(&self) -> u64 {
         self.replaced
     }
 }
 
-impl Core {
-    /// Takes one sample at the analysis rate.
-    fn take(&mut self, sample: f32) {
+impl AnalysisCore {
+    fn push(&mut self, sample: f32) {
         self.recent.push(sample);
         self.features.push(sample);
         self.received += 1;
         if self.received.is_multiple_of(HOP as u64) {
             let onset = self.onsets.hop(&self.recent);
-            self.hear(onset);
+            self.hop(onset);
         }
         if self.received.is_multiple_of(FRAME_HOP) {
             self.emit();
@@ -166,17 +162,17 @@ impl Core {
     }
 
     /// Takes one hop of onsets; every second one completes a network step.
-    fn hear(&mut self, onset: Onset) {
+    fn hop(&mut self, onset: Onset) {
         let evidence = evidence(onset.strength);
         match self.older.take() {
-            Some(older) => self.heard = self.network.step(&hearing::input(&older, &onset)),
+            Some(older) => self.output = self.network.step(&input(&older, &onset)),
             None => self.older = Some(onset),
         }
-        self.tracker.hop(&onset, &self.heard);
-        self.remember(evidence);
+        self.tracker.hop(&onset, &self.output);
+        self.record(evidence);
     }
 
-    fn remember(&mut self, evidence: f32) {
+    fn record(&mut self, evidence: f32) {
         let Some(history) = &mut self.history else {
             return;
         };
@@ -197,15 +193,15 @@ impl Core {
             self.features.frame(&self.recent)
         };
         if index > 0 {
-            let music = (!self.tracker.silent()).then_some(self.heard.music);
-            self.presence.frame(self.features.tones(), music);
-            self.tracker.music(self.presence.value());
+            let network = (!self.tracker.is_silent()).then_some(self.output.music);
+            self.detector.frame(self.features.fine_magnitude(), network);
+            self.tracker.set_presence(self.detector.presence());
             if let Some(history) = &mut self.history {
-                history.presence.push(self.presence.value());
+                history.presence.push(self.detector.presence());
             }
         }
         let beat = self.tracker.beat(self.beat_delay_s);
-        // The frame nearest to the beat is marked: it lies within half a frame.
+        // The frame nearest to the beat is marked.
         let half_frame = beat.tempo_bpm / 60.0 / (2.0 * FRAME_RATE_HZ as f32);
         let near = beat.phase < half_frame || beat.phase >= 1.0 - half_frame;
         spectral[BEAT] = f32::from(u8::from(near && beat.confidence >= 0.5));
@@ -213,7 +209,7 @@ impl Core {
             time_s: index as f64 / FRAME_RATE_HZ,
             spectral,
             beat,
-            presence: self.presence.value(),
+            presence: self.detector.presence(),
         });
     }
 }

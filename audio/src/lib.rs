@@ -1,22 +1,42 @@
-//! Music in: recordings or raw samples to timed blocks, features and beats.
+//! Music in: from recordings, raw samples or a microphone to music features and
+//! beats, 20 frames a second, causally.
 //!
-//! [`MusicAnalyzer`] turns samples into [`MusicFrame`](servodance_types::MusicFrame)s,
-//! causally, 20 times a second; an [`AudioSource`] brings the samples. [`song`] renders music by code with known beats.
+//! | module | part |
+//! |---|---|
+//! | [`source`] | [`AudioSource`]: decoded files, raw PCM, live sound as mono blocks |
+//! | [`capture`] | microphones: ring behind the callback, stalls, reconnection |
+//! | `features` | [`Resampler`], spectra, MFCC, chroma, onset strength, music detection |
+//! | [`beats`] | tempo, phase, metrical level, downbeat; causal and offline trackers |
+//! | [`song`] | songs and noises rendered by code, with known beats |
+//! | `analyzer` | [`MusicAnalyzer`]: all of the analysis behind `push` and `pop` |
+//!
+//! Units: seconds since the first sample, hertz, beats a minute, decibels;
+//! samples are mono, -1 to 1. Not here: motion (`model`) and the timing of live
+//! sound against servos (the binary).
+//!
+//! ```
+//! use servodance_audio::{MusicAnalyzer, song::{SongSpec, Style}};
+//!
+//! let mut spec = SongSpec::random(8.0, 1)?;
+//! spec.style = Style::House;
+//! let song = spec.render()?;
+//! let mut analyzer = MusicAnalyzer::new(song.sample_rate_hz)?;
+//! analyzer.push(&song.samples);
+//! let last = std::iter::from_fn(|| analyzer.pop()).last().expect("frames");
+//! let true_bpm = 60.0 / (song.beats_s[1] - song.beats_s[0]);
+//! assert!((f64::from(last.beat.tempo_bpm) / true_bpm - 1.0).abs() < 0.03);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod analyzer;
 pub mod beats;
 pub mod capture;
-mod chroma;
-pub mod noise;
-mod onset;
-mod presence;
-mod resample;
+mod features;
 pub mod song;
 pub mod source;
-mod spectral;
-mod spectrum;
 
-pub use analyzer::{ANALYSIS_RATE_HZ, AnalyzerError, MusicAnalyzer};
-pub use resample::Resampler;
+pub use analyzer::{AnalyzerError, MusicAnalyzer};
+pub use features::ANALYSIS_RATE_HZ;
+pub use features::mfcc::bands;
+pub use features::resampler::Resampler;
 pub use source::AudioSource;
-pub use spectral::{ENVELOPE_UNIT_DB, LEVEL_UNIT_DB, MFCC_UNIT, bands};

@@ -2,7 +2,7 @@
 //! jump to another song. The truth is known, since the songs are rendered.
 
 use servodance_audio::MusicAnalyzer;
-use servodance_audio::noise::{crowd, hiss, knocks, mix, motors, speech};
+use servodance_audio::song::noise::{crowd, hiss, knocks, mix, motors, speech};
 use servodance_audio::song::{Grid, Layers, Mix, Section, Song, SongSpec, Style};
 use servodance_types::{BeatLock, MusicFrame};
 

@@ -9,6 +9,37 @@
 //! several buses side by side. [`SafeBus`] wraps any bus, and programs that move
 //! real motors hand their targets to it and never to a bus directly.
 //!
+//! ```
+//! use servodance_drivers::{BusConfig, SafeBus, SafetyConfig, SerialBus, ServoConfig, servos};
+//! use servodance_sim::{SimBus, SimOptions};
+//!
+//! let joint: ServoConfig = toml::from_str(
+//!     r#"name = "neck"
+//!     id = 1
+//!     model = "XL430-W250"
+//!     direction = 1
+//!     zero_deg = 180.0
+//!     lower_deg = -60.0
+//!     upper_deg = 60.0
+//!     velocity_deg_s = 200.0
+//!     acceleration_deg_s2 = 2000.0"#,
+//! )?;
+//! let servos = servos(&[joint])?;
+//! let sim = SimBus::start(&[(&servos[0]).into()], SimOptions::lockstep(1_000_000, 100.0))?;
+//! let mut config = BusConfig::dynamixel2(1_000_000);
+//! config.reply_clock = sim.reply_clock(); // a real port has none: leave this out
+//! let bus = SerialBus::open(sim.port_path(), &config, servos)?;
+//! let mut bus = SafeBus::new(bus, SafetyConfig::at_hz(100.0))?;
+//! let mut states = bus.arm(0.0)?.states;
+//! for cycle in 0..400 {
+//!     bus.command(f64::from(cycle) * 0.01, &[0.3]);
+//!     bus.tick(f64::from(cycle) * 0.01, &mut states)?;
+//!     sim.advance(0.01);
+//! }
+//! assert!((states[0].position_rad - 0.3).abs() < 0.02);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! Units are radians, seconds and amperes; degrees exist in [`ServoConfig`]
 //! (the robot file) and encoder ticks in [`Servo`] and below.
 //!
@@ -35,7 +66,7 @@ pub use bus::timer_slack::sleep_precisely;
 pub use bus::torque_alarm::{TorqueAlarm, set_torque_alarm};
 pub use bus::{ArmReport, Bus, BusStats, Health};
 pub use bus_set::{BusSet, open_buses};
-pub use error::{BusError, ConfigError, Refusal, ServoId};
+pub use error::{BusError, BusResult, ConfigError, Refusal, ServoId};
 pub use safety::{
     EStop, Interventions, Limited, Limiter, SafeBus, SafetyConfig, SafetyError, ServoLost, State,
     Transition,

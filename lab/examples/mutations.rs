@@ -9,9 +9,9 @@ mod mutate;
 use mutate::mutated;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance_retarget::{draft, lint, urdf_from_mjcf};
+use servodance_retarget::{draft_config, lint, urdf_from_mjcf};
 use servodance_runtime::robot::Robot;
-use servodance_runtime::robot_file::check;
+use servodance_runtime::robot::check;
 
 const TOMLS: [&str; 2] = [
     include_str!("../../configs/op3.toml"),
@@ -47,15 +47,15 @@ fn main() -> anyhow::Result<()> {
             }
             1 => {
                 let urdf = mutated(&mut rng, URDFS[pick % URDFS.len()].1);
-                let refused = servodance_retarget::Severity::Refused;
+                let refused = servodance_retarget::DiagnosticSeverity::Refused;
                 let clean = lint(&urdf)
                     .iter()
                     .all(|finding| finding.severity != refused);
-                anyhow::ensure!(clean == draft(&urdf).is_ok(), "file {file}: {urdf}");
+                anyhow::ensure!(clean == draft_config(&urdf).is_ok(), "file {file}: {urdf}");
                 clean
             }
             _ => match urdf_from_mjcf(&mutated(&mut rng, MJCF)) {
-                Ok((urdf, _)) => draft(&urdf).is_ok(),
+                Ok((urdf, _)) => draft_config(&urdf).is_ok(),
                 Err(_) => false,
             },
         };

@@ -12,8 +12,8 @@ use std::path::Path;
 
 use anyhow::Context;
 use servodance_model::motion::Clip;
-use servodance_retarget::Segment;
-use servodance_runtime::follow::{Followed, follow};
+use servodance_retarget::LimbSegment;
+use servodance_runtime::offline::motion_tracking::{Followed, follow};
 use servodance_runtime::robot::Robot;
 use servodance_types::FRAME_RATE_HZ;
 
@@ -77,10 +77,10 @@ fn freed(robot: &Robot) -> Robot {
 
 fn figures(limited: &Followed, free: &Followed) -> Vec<f64> {
     let median =
-        |of: &Followed, pick: &dyn Fn(Segment) -> bool| of.median_deg(pick).unwrap_or(f64::NAN);
+        |of: &Followed, pick: &dyn Fn(LimbSegment) -> bool| of.median_deg(pick).unwrap_or(f64::NAN);
     vec![
-        median(limited, &|s| s == Segment::UpperArm),
-        median(limited, &|s| s == Segment::Forearm),
+        median(limited, &|s| s == LimbSegment::UpperArm),
+        median(limited, &|s| s == LimbSegment::Forearm),
         median(limited, &|s| s.is_arm()),
         median(free, &|s| s.is_arm()),
         median(limited, &|s| !s.is_arm()),

@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "{mean:.1} us mean, {:.1} us p99, {:?}, {:?}",
         p99.unwrap_or(0.0),
         robot.counts(),
-        robot.effort()
+        robot.torque_report()
     );
     Ok(())
 }

@@ -5,55 +5,79 @@
 //! pictures and figures. Radians, metres, seconds; robot axes are x forward,
 //! y left, z up.
 //!
+//! | folder | what is in it |
+//! |---|---|
+//! | `description/` | URDF and MJCF: one parse, one repair; body parts guessed, oddities found, a first configuration |
+//! | `kinematics/` | the chain (forward kinematics), the Jacobian, which link is which body part |
+//! | `dancer/` | frames as a spline, baseline posture, what a pose asks of the robot |
+//! | `solver/` | whole-body inverse kinematics as boxed least squares, search for better arms |
+//! | `limits/` | position, velocity, acceleration and jerk limits of every cycle; arms kept off the body |
+//! | `contact/` | planted stance, steps, pelvis, balance, capsules |
+//! | `dynamics/` | torque and heat of the motors, estimated |
+//! | `evaluation/` | angles between the limbs of robot and dancer |
+//! | `retargeter/` | all of it, one control cycle at a time |
+//!
+//! ```
+//! use servodance_retarget::{RetargetConfig, Retargeter};
+//! use servodance_types::{BodyJoint::*, JointLimits, MotionFrame};
+//!
+//! let urdf = r#"<robot name="arm"><link name="base"/><link name="upper"/><link name="elbow"/>
+//!     <joint name="lift" type="revolute"><parent link="base"/><child link="upper"/>
+//!     <axis xyz="1 0 0"/><limit lower="0" upper="2" effort="1" velocity="3"/></joint>
+//!     <joint name="tube" type="fixed"><origin xyz="0 0 -0.3"/>
+//!     <parent link="upper"/><child link="elbow"/></joint></robot>"#;
+//! let mut config = RetargetConfig::default();
+//! config.body.left_shoulder = Some("upper".into());
+//! config.body.left_elbow = Some("elbow".into());
+//! let limits = JointLimits { lower_rad: 0.0, upper_rad: 2.0, velocity_rad_s: 3.0, acceleration_rad_s2: 20.0 };
+//! let mut robot = Retargeter::new(urdf, &config, &[("lift".into(), limits)], 100.0)?;
+//!
+//! let mut t_pose = MotionFrame { time_s: 0.0, positions: [[0.0; 3]; 22], contacts: Default::default() };
+//! for (joint, left_m) in [(LeftShoulder, 0.2), (LeftElbow, 0.5), (RightShoulder, -0.2), (RightElbow, -0.5)] {
+//!     t_pose.positions[joint as usize] = [left_m, 1.4, 0.0]; // x to the left, y up
+//! }
+//! let mut angles_rad = robot.rest().to_vec();
+//! for cycle in 0..300 {
+//!     t_pose.time_s = f64::from(cycle) / 20.0;
+//!     robot.push(&t_pose);
+//!     robot.next(f64::from(cycle) / 100.0, &mut angles_rad)?;
+//! }
+//! assert!((angles_rad[0] - std::f64::consts::FRAC_PI_2).abs() < 0.1, "{angles_rad:?}");
+//! # Ok::<(), servodance_retarget::RetargetError>(())
+//! ```
+//!
 //! Real-time promise: [`Retargeter::next`] neither allocates nor blocks. What
-//! it refuses: see [`RetargetError`]; nothing here panics on any robot
-//! description or motion. Talking to servos is the `drivers` crate's work.
+//! is refused: see [`RetargetError`]; nothing here panics on any robot
+//! description or motion. `k` gives the joint tree and the forward kinematics
+//! that ours is checked against, `nalgebra` (through `k`) vectors and rotations.
+//! Talking to servos is the `drivers` crate's work.
 
-mod arm_search;
-mod balance;
-mod body;
-mod body_solver;
-mod collision;
-mod columns;
 mod config;
-mod counts;
-mod draft;
-mod effort;
-mod envelope;
-mod error;
-mod finding;
-mod guard;
-mod guess;
-mod human;
-mod likeness;
-mod limb;
-mod lint;
-mod mjcf;
-mod model;
-mod pelvis;
-mod preview;
+mod contact;
+mod dancer;
+mod description;
+mod dynamics;
+mod evaluation;
+mod kinematics;
+mod limits;
 mod retargeter;
 mod solver;
-mod stepper;
-mod stream;
-mod tracker;
-mod urdf;
-mod usual;
 
+pub use config::error::RetargetError;
 pub use config::{
-    BodyLinks, CapsuleConfig, Couple, Gains, Limb, RetargetConfig, Stance, Tip, TorqueConfig,
-    Weights,
+    BodyLinks, CapsuleConfig, Gains, JointCoupling, Limb, RetargetConfig, Stance, TaskWeights, Tip,
+    TorqueConfig,
 };
-pub use counts::Counts;
-pub use draft::{Draft, DraftJoint, Role, draft, rest_deg};
-pub use effort::EffortReport;
-pub use error::RetargetError;
-pub use finding::{Code, Finding, Severity};
+pub use dancer::baseline_posture::PostureReader;
+pub use dancer::motion_buffer::BodyPoints;
+pub use description::diagnostic::{Diagnostic, DiagnosticCode, DiagnosticSeverity};
+pub use description::draft::{ConfigDraft, JointDraft, JointUse, draft_config, rest_deg};
+pub use description::lint::{lint, lint_limits};
+pub use description::mjcf::{is_mjcf, urdf_from_mjcf};
+pub use dynamics::joint_torque::TorqueReport;
+pub use evaluation::limb_direction_error::{LimbDirectionError, LimbSegment};
 pub use k::nalgebra;
-pub use likeness::{Likeness, Segment};
-pub use lint::{lint, lint_limits};
-pub use mjcf::{is_mjcf, urdf_from_mjcf};
-pub use model::{MeshVisual, RobotModel, Shape, Visual};
+pub use kinematics::chain::RobotModel;
+pub use kinematics::shapes::{MeshVisual, Shape, Visual};
 pub use retargeter::Retargeter;
-pub use stream::Points;
-pub use usual::PostureReader;
+pub use retargeter::counts::RetargetCounts;

@@ -1,6 +1,6 @@
 //! Measuring a driver against simulated servos in real time, wire time imposed.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 #[cfg(target_os = "linux")]
 use nix::sys::{
@@ -11,7 +11,7 @@ use nix::time::{ClockId, clock_gettime};
 use servodance_drivers::{
     Bus, BusConfig, BusError, ConfigError, Servo, check_rate, open_bus, sleep_precisely,
 };
-use servodance_types::{Clock, JointState, WallClock};
+use servodance_types::JointState;
 
 use crate::bus::SimBus;
 use crate::bus::options::{SimLink, SimOptions};
@@ -48,7 +48,7 @@ pub enum BenchError {
     /// The simulated bus did not start.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// The driver failed.
+    /// The driver failed at a cycle, or when arming.
     #[error(transparent)]
     Bus(#[from] BusError),
     /// The configuration cannot work.
@@ -117,17 +117,17 @@ fn run(
     count: usize,
 ) -> Result<Vec<(f64, f64)>, BusError> {
     let mut times = Vec::with_capacity(count);
-    let clock = WallClock::start();
+    let clock = Instant::now();
     for k in 0..count {
         if let Some(hz) = control_hz {
-            let wait_s = k as f64 / hz - clock.now_s();
+            let wait_s = k as f64 / hz - clock.elapsed().as_secs_f64();
             if wait_s > 0.0 {
                 std::thread::sleep(Duration::from_secs_f64(wait_s));
             }
         }
-        let began_s = clock.now_s();
+        let began_s = clock.elapsed().as_secs_f64();
         bus.cycle(targets, states)?;
-        times.push((began_s, clock.now_s()));
+        times.push((began_s, clock.elapsed().as_secs_f64()));
     }
     Ok(times)
 }
@@ -139,7 +139,6 @@ fn percentile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     sorted.get(index).copied().unwrap_or(f64::NAN)
 }
 
-/// Processor time of this thread.
 fn thread_cpu_s() -> f64 {
     clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID)
         .map(|time| Duration::from(time).as_secs_f64())

@@ -47,13 +47,10 @@ impl std::ops::AddAssign for Violations {
     }
 }
 
-/// How many violations are described.
 const NOTES: usize = 8;
 const RAD_PER_TICK: f64 = TAU / 4096.0;
-/// Floating-point noise, radians.
-const NOISE_RAD: f64 = 1e-9;
+const NOISE_RAD: f64 = 1e-9; // of floating-point numbers
 
-/// Counts the limits that one servo breaks.
 #[derive(Clone, Debug)]
 pub struct Judge {
     name: String,
@@ -94,13 +91,11 @@ impl Judge {
         }
     }
 
-    /// Judges with the ticks of another encoder.
     pub fn with_tick(self, tick_rad: f64) -> Self {
         Self { tick_rad, ..self }
     }
 
-    /// Torque comes on: from here on the joint is judged, at rest at `goal_rad`
-    /// and `position_rad`.
+    /// Torque comes on: judges from here on, at rest at `goal_rad` and `position_rad`.
     pub fn begin(&mut self, goal_rad: f64, position_rad: f64) {
         self.goals.last = Some((goal_rad, goal_rad));
         self.motion.last = Some((position_rad, position_rad));
@@ -118,7 +113,6 @@ impl Judge {
         self.motion.last = None;
     }
 
-    /// Judges a goal that arrived.
     pub fn judge_goal(&mut self, time_s: f64, goal_rad: f64) {
         let broken = self.judge(self.goals.last, time_s, goal_rad, "was told");
         self.goals.follow(goal_rad, broken);
@@ -182,12 +176,10 @@ impl Judge {
         }
     }
 
-    /// Violations of the true motion alone.
     pub fn motion_violations(&self) -> Violations {
         self.motion.violations
     }
 
-    /// Violations of goals and true motion.
     pub fn violations(&self) -> Violations {
         let mut sum = self.goals.violations;
         sum += self.motion.violations;

@@ -60,7 +60,10 @@ fn torque_is_off_after_drop() {
 
 #[test]
 fn a_motor_without_commands_stops_by_itself() {
-    for kind in KINDS.into_iter().filter(|kind| *kind != Kind::CubeMars) {
+    for kind in KINDS
+        .into_iter()
+        .filter(|kind| *kind != MotorKind::CubeMars)
+    {
         let (servos, sim, mut bus) = start(kind, 3);
         bus.arm().unwrap();
         sim.advance(0.095);
@@ -78,7 +81,10 @@ fn a_motor_without_commands_stops_by_itself() {
 
 #[test]
 fn the_default_watchdog_takes_the_torque_within_200_ms() {
-    for kind in KINDS.into_iter().filter(|kind| *kind != Kind::CubeMars) {
+    for kind in KINDS
+        .into_iter()
+        .filter(|kind| *kind != MotorKind::CubeMars)
+    {
         let servos = can_robot(kind, 2);
         let sim = SimBus::start(&specs(&servos), SimOptions::lockstep(BITRATE, HZ)).unwrap();
         let config = BusConfig {
@@ -96,7 +102,7 @@ fn the_default_watchdog_takes_the_torque_within_200_ms() {
 
 #[test]
 fn a_torque_limit_holds_in_mit_mode_whatever_is_asked() {
-    for kind in [Kind::CubeMars, Kind::Damiao] {
+    for kind in [MotorKind::CubeMars, MotorKind::Damiao] {
         let mut servos = can_robot(kind, 2);
         for servo in &mut servos {
             servo.motor.as_mut().unwrap().torque_limit_nm = 1.5;
@@ -129,11 +135,11 @@ fn a_torque_limit_holds_in_mit_mode_whatever_is_asked() {
 fn a_motor_without_a_watchdog_is_refused_unless_accepted() {
     for (kind, says) in [
         (
-            Kind::CubeMars,
+            MotorKind::CubeMars,
             "joint_1 (id 1): AK80-9 has no watchdog in MIT mode: a killed",
         ),
         (
-            Kind::Odrive,
+            MotorKind::Odrive,
             "joint_1 (id 1): the bus table has no watchdog_endpoints",
         ),
     ] {
@@ -173,11 +179,11 @@ fn silent_motors_are_all_named_at_once() {
 
 #[test]
 fn ranges_that_differ_are_refused_with_both() {
-    let servos = can_robot(Kind::Damiao, 2);
+    let servos = can_robot(MotorKind::Damiao, 2);
     let mut specs = specs(&servos);
     specs[1].motor.as_mut().unwrap().model.velocity_rad_s = 45.0;
     let sim = SimBus::start(&specs, SimOptions::lockstep(BITRATE, HZ)).unwrap();
-    let mut bus = open(Kind::Damiao, &sim, &servos);
+    let mut bus = open(MotorKind::Damiao, &sim, &servos);
     let error = bus.arm().unwrap_err().to_string();
     assert_eq!(error, "joint_2 (id 2): VMAX (rad/s) is 45, must be 30");
     assert!(!any_torque(&sim, &servos));
@@ -202,7 +208,7 @@ fn a_joint_outside_its_limits_gets_no_torque() {
 
 #[test]
 fn a_bus_of_other_motors_is_refused() {
-    let servos = can_robot(Kind::Robstride, 1);
+    let servos = can_robot(MotorKind::Robstride, 1);
     let config = BusConfig::of_kind(BusKind::Mit, BITRATE);
     let error =
         servodance_drivers::open_bus(&"udp:239.74.163.9:43199".parse().unwrap(), &config, servos);

@@ -11,16 +11,16 @@ use common::*;
 use servodance_drivers::BusConfig;
 use servodance_sim::{ServoFault, SimBus, WireFault};
 
-fn dance(kind: Kind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
+fn dance(kind: MotorKind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
     dance_by(LostBy::Simulation, kind, happen)
 }
 
-fn on_the_wire(kind: Kind, fault: WireFault, share: f64) -> Outcome {
+fn on_the_wire(kind: MotorKind, fault: WireFault, share: f64) -> Outcome {
     let happen = |sim: &mut SimBus| sim.set_wire_fault(Some((fault, share)));
     dance_by(clock_for(fault), kind, happen)
 }
 
-fn dance_by(clock: LostBy, kind: Kind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
+fn dance_by(clock: LostBy, kind: MotorKind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
     let servos = can_robot(kind, 5);
     let config = BusConfig {
         reply_timeout_ms: 200.0,
@@ -31,22 +31,22 @@ fn dance_by(clock: LostBy, kind: Kind, happen: impl FnOnce(&mut SimBus)) -> Outc
 }
 
 /// What each motor calls an overload, and overheating.
-fn names(kind: Kind) -> [&'static str; 3] {
+fn names(kind: MotorKind) -> [&'static str; 3] {
     match kind {
-        Kind::CubeMars => ["motor stalled", "motor overheating", "under-voltage"],
-        Kind::Damiao => ["overload (error E)", "coil overheating", "under-voltage"],
-        Kind::Robstride => ["overload", "overheating", "under-voltage"],
-        Kind::Odrive => [
+        MotorKind::CubeMars => ["motor stalled", "motor overheating", "under-voltage"],
+        MotorKind::Damiao => ["overload (error E)", "coil overheating", "under-voltage"],
+        MotorKind::Robstride => ["overload", "overheating", "under-voltage"],
+        MotorKind::Odrive => [
             "current limit violation",
             "motor overheating",
             "under-voltage",
         ],
-        Kind::Cia402 => ["motor blocked", "overheating", "under-voltage"],
+        MotorKind::Cia402 => ["motor blocked", "overheating", "under-voltage"],
     }
 }
 
 /// The part of the table for one kind of motor.
-fn every_fault(kind: Kind) {
+fn every_fault(kind: MotorKind) {
     let mut table = String::from(HEAD);
     wire_faults(kind, &mut table);
     motor_faults(kind, &mut table);
@@ -58,30 +58,30 @@ fn every_fault(kind: Kind) {
 
 #[test]
 fn every_fault_of_cubemars_motors_ends_safely_and_is_told() {
-    every_fault(Kind::CubeMars);
+    every_fault(MotorKind::CubeMars);
 }
 
 #[test]
 fn every_fault_of_damiao_motors_ends_safely_and_is_told() {
-    every_fault(Kind::Damiao);
+    every_fault(MotorKind::Damiao);
 }
 
 #[test]
 fn every_fault_of_robstride_motors_ends_safely_and_is_told() {
-    every_fault(Kind::Robstride);
+    every_fault(MotorKind::Robstride);
 }
 
 #[test]
 fn every_fault_of_odrive_controllers_ends_safely_and_is_told() {
-    every_fault(Kind::Odrive);
+    every_fault(MotorKind::Odrive);
 }
 
 #[test]
 fn every_fault_of_cia402_drives_ends_safely_and_is_told() {
-    every_fault(Kind::Cia402);
+    every_fault(MotorKind::Cia402);
 }
 
-fn wire_faults(kind: Kind, table: &mut String) {
+fn wire_faults(kind: MotorKind, table: &mut String) {
     for (name, fault, share) in [
         ("0.5 % of replies lost", WireFault::Drop, 0.005),
         ("0.5 % of replies cut short", WireFault::Truncate, 0.005),
@@ -119,7 +119,7 @@ fn wire_faults(kind: Kind, table: &mut String) {
     assert!(error.contains("torque may still be ON"), "{what}: {error}");
 }
 
-fn motor_faults(kind: Kind, table: &mut String) {
+fn motor_faults(kind: MotorKind, table: &mut String) {
     let [overload, heat, voltage] = names(kind);
     let silent = "no answer from joint_3 (id 3) (target and state";
     for (name, fault, says) in [
@@ -142,7 +142,7 @@ fn motor_faults(kind: Kind, table: &mut String) {
     }
 }
 
-fn adapter_faults(kind: Kind, table: &mut String) {
+fn adapter_faults(kind: MotorKind, table: &mut String) {
     let outcome = dance(kind, |sim| sim.set_bus_off(true));
     let what = format!("{kind:?}, bus-off");
     row(table, &what, &outcome);

@@ -18,7 +18,7 @@ struct Rig {
     _folder: tempfile::TempDir,
 }
 
-fn rig(kind: Kind, safety: SafetyConfig) -> Rig {
+fn rig(kind: MotorKind, safety: SafetyConfig) -> Rig {
     let servos = can_robot(kind, 5);
     let folder = tempfile::tempdir().unwrap();
     let options = SimOptions {
@@ -102,7 +102,7 @@ fn an_adapter_that_comes_back_is_checked_and_armed_again_if_allowed() {
         let torque = |sim: &SimBus, index| sim.servo(index).unwrap().torque_enabled;
         let torques = |sim: &SimBus| (0..5).filter(|index| torque(sim, *index)).count();
         // CubeMars motors have no watchdog: they hold.
-        let held = if kind == Kind::CubeMars { 5 } else { 0 };
+        let held = if kind == MotorKind::CubeMars { 5 } else { 0 };
         assert_eq!(torques(&rig.sim), held, "{kind:?}");
         rig.sim.replug().unwrap();
         assert_eq!(rig.dance(3.0), State::Running, "{kind:?}");

@@ -13,13 +13,13 @@ use servodance_drivers::{Bus, BusConfig};
 use servodance_sim::{ServoFault, SimBus, SimLink, SimOptions};
 
 /// What a scan tells of each kind of motor.
-fn told(kind: Kind) -> Option<(&'static str, Option<&'static str>, Option<&'static str>)> {
+fn told(kind: MotorKind) -> Option<(&'static str, Option<&'static str>, Option<&'static str>)> {
     match kind {
-        Kind::CubeMars => None,
-        Kind::Damiao => Some(("Damiao", Some("DM-J4310"), Some("20500"))),
-        Kind::Robstride => Some(("RobStride", None, None)),
-        Kind::Odrive => Some(("ODrive", None, Some("0.6.10"))),
-        Kind::Cia402 => Some(("CiA 402", None, Some("revision 00000000"))),
+        MotorKind::CubeMars => None,
+        MotorKind::Damiao => Some(("Damiao", Some("DM-J4310"), Some("20500"))),
+        MotorKind::Robstride => Some(("RobStride", None, None)),
+        MotorKind::Odrive => Some(("ODrive", None, Some("0.6.10"))),
+        MotorKind::Cia402 => Some(("CiA 402", None, Some("revision 00000000"))),
     }
 }
 
@@ -41,7 +41,10 @@ fn everyone_who_can_be_asked_is_found_and_nobody_moves() {
         };
         let mut bus = CanBus::open(&format!("udp:{group}"), &config, servos.clone()).unwrap();
         // Those without a heartbeat of ours to wait for keep their torque meanwhile.
-        let waits_for_us = matches!(kind, Kind::Damiao | Kind::Robstride | Kind::Cia402);
+        let waits_for_us = matches!(
+            kind,
+            MotorKind::Damiao | MotorKind::Robstride | MotorKind::Cia402
+        );
         if !waits_for_us {
             bus.arm().unwrap();
         }
@@ -75,9 +78,12 @@ fn everyone_who_can_be_asked_is_found_and_nobody_moves() {
 #[test]
 fn what_a_motor_complains_about_is_told() {
     for (kind, says) in [
-        (Kind::Damiao, "overload (error E)"),
-        (Kind::Odrive, "current limit violation (error 00001000)"),
-        (Kind::Cia402, "motor blocked (code 7121)"),
+        (MotorKind::Damiao, "overload (error E)"),
+        (
+            MotorKind::Odrive,
+            "current limit violation (error 00001000)",
+        ),
+        (MotorKind::Cia402, "motor blocked (code 7121)"),
     ] {
         let servos = can_robot(kind, 2);
         let sim = SimBus::start(&specs(&servos), SimOptions::realtime(BITRATE, HZ)).unwrap();
@@ -91,7 +97,7 @@ fn what_a_motor_complains_about_is_told() {
 
 #[test]
 fn at_another_bitrate_nobody_is_heard_and_nothing_reaches_the_bus() {
-    let servos = can_robot(Kind::Damiao, 2);
+    let servos = can_robot(MotorKind::Damiao, 2);
     let sim = SimBus::start(&specs(&servos), SimOptions::realtime(BITRATE, HZ)).unwrap();
     let mut scanner = CanScanner::open(&sim.port().to_string(), 500_000).unwrap();
     let error = scanner.everyone().unwrap_err().to_string();

@@ -5,7 +5,7 @@
 use std::f64::consts::{PI, TAU};
 
 use servodance_drivers::serial::{
-    ByteMemory, CycleBytes, Firmware, Present, Register, Registers, ServoFamily,
+    ByteMemory, CycleBytes, Firmware, PresentState, Register, Registers, ServoFamily,
 };
 use servodance_drivers::{
     BusConfig, BusKind, DataSheet, Framing, SafeBus, SafetyConfig, SerialBus, Servo, ServoModel,
@@ -73,10 +73,10 @@ impl ServoFamily for TwoRegisters {
         }
     }
 
-    fn parse(&self, bytes: &[u8]) -> Present {
-        Present {
+    fn parse(&self, bytes: &[u8]) -> PresentState {
+        PresentState {
             ticks: self.ticks(POSITION.value(bytes)),
-            ..Present::default()
+            ..PresentState::default()
         }
     }
 

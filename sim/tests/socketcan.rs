@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use common::can::*;
 use common::*;
 use servodance_drivers::can::transport::socket::SocketLink;
-use servodance_drivers::can::{CanBus, CanFault, CanFrame, CanLink, LinkEvent, Sent};
+use servodance_drivers::can::{CanBus, CanEvent, CanFault, CanFrame, CanLink, Sent};
 use servodance_drivers::{Bus, BusConfig, SafeBus, SafetyConfig, SafetyError, Servo};
 use servodance_sim::{SimBus, SimLink, SimOptions};
 use servodance_types::JointState;
@@ -85,13 +85,13 @@ fn frames_of_both_id_sizes_pass_between_two_sockets() {
             _ => CanFrame::remote(k, 8),
         };
         assert_eq!(host.send(&frame).unwrap(), Sent::Taken);
-        assert_eq!(motor.receive(soon()).unwrap(), LinkEvent::Frame(frame));
+        assert_eq!(motor.receive(soon()).unwrap(), CanEvent::Frame(frame));
     }
     // Nobody hears himself, and a deadline in the past does not wait.
-    assert_eq!(host.receive(Instant::now()).unwrap(), LinkEvent::Nothing);
+    assert_eq!(host.receive(Instant::now()).unwrap(), CanEvent::Nothing);
     motor.send(&CanFrame::standard(1, &[1])).unwrap();
-    assert!(matches!(host.receive(soon()).unwrap(), LinkEvent::Frame(_)));
-    assert_eq!(host.receive(Instant::now()).unwrap(), LinkEvent::Nothing);
+    assert!(matches!(host.receive(soon()).unwrap(), CanEvent::Frame(_)));
+    assert_eq!(host.receive(Instant::now()).unwrap(), CanEvent::Nothing);
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn a_full_queue_is_told_and_empties_again() {
     }
     assert!(full > 0, "the queue of ten frames took a hundred at once");
     for k in 0..100 {
-        assert_eq!(motor.receive(soon()).unwrap(), LinkEvent::Frame(frame(k)));
+        assert_eq!(motor.receive(soon()).unwrap(), CanEvent::Frame(frame(k)));
     }
     drop(wire);
 }
@@ -129,7 +129,7 @@ fn error_frames_of_the_controller_are_faults() {
     ] {
         let frame = CanErrorFrame::new_error(bits, &[0, flags, 0, 0, 0, 0, 0, 0]).unwrap();
         controller.write_frame(&frame).unwrap();
-        assert_eq!(host.receive(soon()).unwrap(), LinkEvent::Fault(fault));
+        assert_eq!(host.receive(soon()).unwrap(), CanEvent::Fault(fault));
     }
 }
 
@@ -148,7 +148,7 @@ fn an_interface_taken_down_is_an_error_until_it_is_back() {
     assert!(refused.contains("`sudo ip link set"), "{refused}");
     drop(down);
     host.send(&frame).unwrap();
-    assert_eq!(motor.receive(soon()).unwrap(), LinkEvent::Frame(frame));
+    assert_eq!(motor.receive(soon()).unwrap(), CanEvent::Frame(frame));
 }
 
 #[test]
@@ -164,7 +164,7 @@ fn a_missing_interface_is_refused_with_those_there_are() {
 
 /// A robot of twenty motors at `SERVODANCE_CAN`, in real time: the machine may
 /// stall, so replies may be late and nothing is asserted about time.
-fn twenty(kind: Kind) -> (Vec<Servo>, SimBus, BusConfig) {
+fn twenty(kind: MotorKind) -> (Vec<Servo>, SimBus, BusConfig) {
     let servos = can_robot(kind, 20);
     let options = SimOptions {
         link: SimLink::Interface(interface()),
@@ -200,7 +200,7 @@ fn dance(safe: &mut SafeBus<CanBus>, cycles: usize) -> Result<f64, SafetyError> 
     Ok(worst_rad)
 }
 
-fn dances_without_loss(kind: Kind) {
+fn dances_without_loss(kind: MotorKind) {
     let (servos, sim, config) = twenty(kind);
     let port = sim.port().to_string();
     let bus = CanBus::open(&port, &config, servos.clone()).unwrap();
@@ -233,19 +233,19 @@ fn dances_without_loss(kind: Kind) {
 #[test]
 #[ignore = "needs a CAN interface"]
 fn twenty_mit_motors_dance_without_losing_a_frame() {
-    dances_without_loss(Kind::Damiao);
+    dances_without_loss(MotorKind::Damiao);
 }
 
 #[test]
 #[ignore = "needs a CAN interface"]
 fn twenty_robstride_motors_dance_without_losing_a_frame() {
-    dances_without_loss(Kind::Robstride);
+    dances_without_loss(MotorKind::Robstride);
 }
 
 #[test]
 #[ignore = "needs a CAN interface"]
 fn a_short_queue_is_paced_and_nothing_is_lost() {
-    let (servos, sim, config) = twenty(Kind::Damiao);
+    let (servos, sim, config) = twenty(MotorKind::Damiao);
     let wire = Wire::at(&interface());
     let port = sim.port().to_string();
     let mut bus = CanBus::open(&port, &config, servos.clone()).unwrap();
@@ -265,7 +265,7 @@ fn a_short_queue_is_paced_and_nothing_is_lost() {
 #[test]
 #[ignore = "needs a CAN interface"]
 fn an_interface_that_goes_down_stops_every_motor_by_its_watchdog() {
-    let (servos, sim, config) = twenty(Kind::Damiao);
+    let (servos, sim, config) = twenty(MotorKind::Damiao);
     let config = BusConfig {
         reply_timeout_ms: 100.0,
         ..config
@@ -294,7 +294,7 @@ fn an_interface_that_goes_down_stops_every_motor_by_its_watchdog() {
 #[test]
 #[ignore = "needs a CAN interface"]
 fn bus_off_ends_the_dance_and_the_watchdogs_stop_the_motors() {
-    let (servos, sim, config) = twenty(Kind::Robstride);
+    let (servos, sim, config) = twenty(MotorKind::Robstride);
     let mut bus = CanBus::open(&sim.port().to_string(), &config, servos.clone()).unwrap();
     let mut states = bus.arm().unwrap().states;
     let held: Vec<f64> = states.iter().map(|state| state.position_rad).collect();

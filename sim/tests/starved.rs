@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::can::{Kind, can_patient, can_robot};
+use common::can::{MotorKind, can_patient, can_robot};
 use common::*;
 use servodance_drivers::can::CanBus;
 use servodance_drivers::{Bus, BusConfig, BusError, ReplyClock, Servo};
@@ -28,9 +28,9 @@ fn serial(reply_timeout_ms: f64, by_the_wall: bool) -> (Vec<Servo>, SimBus, Box<
 
 /// The same of motors on CAN.
 fn can(reply_timeout_ms: f64, by_the_wall: bool) -> (Vec<Servo>, SimBus, Box<dyn Bus>) {
-    let servos = can_robot(Kind::Damiao, JOINTS);
+    let servos = can_robot(MotorKind::Damiao, JOINTS);
     let sim = SimBus::start(&specs(&servos), SimOptions::lockstep(1_000_000, HZ)).unwrap();
-    let config = can_patient(Kind::Damiao);
+    let config = can_patient(MotorKind::Damiao);
     let config = config_of(config, &sim, reply_timeout_ms, by_the_wall);
     let bus = CanBus::open(&sim.port().to_string(), &config, servos.clone()).unwrap();
     (servos, sim, Box::new(bus))

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::can::{Kind, can_patient, can_robot};
+use common::can::{MotorKind, can_patient, can_robot};
 use common::*;
 use servodance_drivers::can::CanBus;
 use servodance_drivers::{Bus, BusConfig, BusError, Servo, encode};
@@ -52,12 +52,12 @@ fn servos_answer_as_behind_a_terminal() {
 
 #[test]
 fn motors_behind_a_serial_adapter_answer_as_behind_a_terminal() {
-    let servos = can_robot(Kind::Damiao, JOINTS);
+    let servos = can_robot(MotorKind::Damiao, JOINTS);
     let run = |link| {
         let sim = start(&servos, SimOptions::lockstep(1_000_000, HZ), link);
         let config = BusConfig {
             reply_clock: sim.reply_clock(),
-            ..can_patient(Kind::Damiao)
+            ..can_patient(MotorKind::Damiao)
         };
         let mut bus = CanBus::open(&sim.port().to_string(), &config, servos.clone()).unwrap();
         hundred_cycles(&sim, &mut bus)

@@ -1,8 +1,8 @@
 //! `servodance ablate`.
 
 use super::{INTERRUPTED, stop_signal};
-use servodance_runtime::console::{say, tell};
-use servodance_training::ablate::{Request, ablate};
+use servodance_runtime::process::console::{say, tell};
+use servodance_training::ablate::{AblationRequest, ablate};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -61,7 +61,7 @@ pub struct Args {
 /// Trains, scores, prints the table.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let stop = stop_signal()?;
-    let request = Request {
+    let request = AblationRequest {
         config: args.config,
         data: args.data,
         latents: args.latents,
@@ -77,7 +77,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         tell!("stopped; the same command goes on from here");
         return Ok(ExitCode::from(INTERRUPTED));
     };
-    servodance_runtime::console::stdout(format_args!("{}", table.text()));
+    servodance_runtime::process::console::stdout(format_args!("{}", table.text()));
     if !request.quiet {
         say!("\n{}", request.out.join("ablation.png").display());
     }

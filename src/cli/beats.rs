@@ -1,7 +1,7 @@
 //! `servodance beats`.
 
-use servodance_runtime::beats::{Beats, Hearing};
-use servodance_runtime::output::write_whole;
+use servodance_runtime::offline::beats::{Beats, Hearing};
+use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -47,7 +47,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     };
     match args.out {
         Some(path) => write_whole(&path, text.as_bytes())?,
-        None => servodance_runtime::console::stdout(format_args!("{text}")),
+        None => servodance_runtime::process::console::stdout(format_args!("{text}")),
     }
     Ok(ExitCode::SUCCESS)
 }

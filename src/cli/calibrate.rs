@@ -2,7 +2,7 @@
 
 use servodance_runtime::bus_tools::Consent;
 use servodance_runtime::bus_tools::calibrate::Calibration;
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -22,6 +22,9 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "servodance", &mut script);
-    servodance_runtime::console::stdout(format_args!("{}", String::from_utf8_lossy(&script)));
+    servodance_runtime::process::console::stdout(format_args!(
+        "{}",
+        String::from_utf8_lossy(&script)
+    ));
     Ok(ExitCode::SUCCESS)
 }

@@ -5,12 +5,17 @@ use super::{INTERRUPTED, stop_signal};
 use anyhow::bail;
 use servodance_audio::source::PcmEncoding;
 use servodance_audio::source::PcmFormat;
-use servodance_runtime::console::{say, tell};
-use servodance_runtime::dance::{
-    AudioChoice, BusChoice, DanceConfig, Evening, Outcome, Speed, choose_buses, dance,
-};
-use servodance_runtime::show::{Server, TerminalView};
-use servodance_runtime::summary::summary;
+use servodance_runtime::control::bus_choice::BusChoice;
+use servodance_runtime::control::bus_choice::choose as choose_buses;
+use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::session::config::AudioChoice;
+use servodance_runtime::session::config::DanceConfig;
+use servodance_runtime::session::config::Speed;
+use servodance_runtime::session::dance::Outcome;
+use servodance_runtime::session::dance::dance;
+use servodance_runtime::session::dance_session::Evening;
+use servodance_runtime::session::summary::summary;
+use servodance_runtime::viewer::{Server, TerminalView};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -157,7 +162,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 
 fn report(config: &DanceConfig, outcome: &Outcome) {
     if !config.quiet {
-        servodance_runtime::console::stdout(format_args!("{}", summary(config, &outcome.report)));
+        servodance_runtime::process::console::stdout(format_args!(
+            "{}",
+            summary(config, &outcome.report)
+        ));
     }
 }
 

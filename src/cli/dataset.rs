@@ -3,12 +3,12 @@
 use anyhow::bail;
 use clap::Subcommand;
 use servodance_model::conditioning::{Encodec, MusicKind};
-use servodance_runtime::conditioning::open_encodec;
-use servodance_runtime::console::{say, tell};
-use servodance_runtime::output::write_whole;
-use servodance_runtime::progress::Progress;
-use servodance_training::dataset::{Import, Options, Report, build, import};
-use servodance_training::motion::import::Kind;
+use servodance_runtime::pipeline::conditioning::open_encodec;
+use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::progress::Progress;
+use servodance_runtime::telemetry::pending_file::write_whole;
+use servodance_training::dataset::{DatasetOptions, DatasetReport, ImportRequest, build, import};
+use servodance_training::motion::format::MotionFormat;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -63,7 +63,7 @@ pub struct ImportArgs {
     /// aist (pkl), humanml3d (npy), bvh, amc (beside its asf), smpl (npz, as in
     /// AMASS) or npz (22 joints).
     #[arg(value_parser = kind)]
-    pub kind: Kind,
+    pub kind: MotionFormat,
     /// A file, or a folder of them.
     pub path: PathBuf,
     /// The folder to write to; what it holds of other imports stays.
@@ -168,9 +168,16 @@ fn music_kind(text: &str) -> Result<MusicKind, String> {
     MusicKind::from_name(text).ok_or_else(|| format!("choose one of {names}"))
 }
 
-fn kind(text: &str) -> Result<Kind, String> {
-    let found = Kind::ALL.into_iter().find(|kind| kind.name() == text);
-    found.ok_or_else(|| format!("choose one of {}", Kind::ALL.map(Kind::name).join(", ")))
+fn kind(text: &str) -> Result<MotionFormat, String> {
+    let found = MotionFormat::ALL
+        .into_iter()
+        .find(|kind| kind.name() == text);
+    found.ok_or_else(|| {
+        format!(
+            "choose one of {}",
+            MotionFormat::ALL.map(MotionFormat::name).join(", ")
+        )
+    })
 }
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
@@ -183,7 +190,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 
 fn run_import(args: ImportArgs) -> anyhow::Result<ExitCode> {
     let progress = Progress::share("importing", args.quiet);
-    let request = Import {
+    let request = ImportRequest {
         kind: args.kind,
         path: args.path,
         out: args.out,
@@ -226,7 +233,7 @@ fn run_import(args: ImportArgs) -> anyhow::Result<ExitCode> {
 
 fn run_report(args: ReportArgs) -> anyhow::Result<ExitCode> {
     let progress = Progress::share("looking", args.json);
-    let report = Report::of(&args.folder, |share| progress.at(100.0 * share));
+    let report = DatasetReport::of(&args.folder, |share| progress.at(100.0 * share));
     progress.done();
     let report = report?;
     let title = format!("Motion in {}", args.folder.display());
@@ -234,7 +241,7 @@ fn run_report(args: ReportArgs) -> anyhow::Result<ExitCode> {
     write_whole(&sheet, &report.sheet(&title)?)?;
     match args.json {
         true => say!("{}", serde_json::to_string_pretty(&report)?),
-        false => servodance_runtime::console::stdout(format_args!("{}", report.table())),
+        false => servodance_runtime::process::console::stdout(format_args!("{}", report.table())),
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -244,7 +251,7 @@ fn run_build(args: BuildArgs) -> anyhow::Result<ExitCode> {
         bail!("--choreography {} is outside 0..10000", args.choreography);
     }
     let progress = Progress::share("building", args.quiet);
-    let options = Options {
+    let options = DatasetOptions {
         motion: args.motion,
         out: args.out,
         songs_per_clip: args.songs,

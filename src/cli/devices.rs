@@ -1,6 +1,6 @@
 //! `servodance devices`.
 
-use servodance_runtime::listening::input_table;
+use servodance_runtime::pipeline::microphone::input_table;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -17,6 +17,6 @@ pub struct Args {}
 
 /// Prints one line an input.
 pub fn run(_args: Args) -> anyhow::Result<ExitCode> {
-    servodance_runtime::console::stdout(format_args!("{}", input_table()?));
+    servodance_runtime::process::console::stdout(format_args!("{}", input_table()?));
     Ok(ExitCode::SUCCESS)
 }

@@ -2,10 +2,10 @@
 
 use super::options::robot::RobotFileArgs;
 use servodance_model::engine::EngineOptions;
-use servodance_runtime::conditioning::Conditioning;
-use servodance_runtime::console::say;
-use servodance_runtime::dance::open_generator;
 use servodance_runtime::doctor::{Finding, Verdict, examine};
+use servodance_runtime::pipeline::conditioning::Conditioning;
+use servodance_runtime::process::console::say;
+use servodance_runtime::session::dance::open_generator;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

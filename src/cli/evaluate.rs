@@ -1,9 +1,9 @@
 //! `servodance evaluate`.
 
 use super::options::engine::{EngineArgs, SamplingArgs};
-use servodance_runtime::console::say;
-use servodance_runtime::progress::Progress;
-use servodance_training::evaluate::{Request, evaluate};
+use servodance_runtime::process::console::say;
+use servodance_runtime::process::progress::Progress;
+use servodance_training::evaluate::{EvaluationRequest, evaluate};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -75,7 +75,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let progress = Progress::share("evaluating", args.json);
     let found = evaluate(
-        &Request {
+        &EvaluationRequest {
             data: args.data,
             model: args.model,
             encodec: args.encodec,
@@ -96,7 +96,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.json {
         say!("{}", serde_json::to_string_pretty(&found)?);
     } else {
-        servodance_runtime::console::stdout(format_args!("{}", found.table()));
+        servodance_runtime::process::console::stdout(format_args!("{}", found.table()));
     }
     Ok(ExitCode::SUCCESS)
 }

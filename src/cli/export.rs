@@ -1,8 +1,8 @@
 //! `servodance export`.
 
-use servodance_runtime::console::say;
-use servodance_runtime::export::{Part, bvh, csv, gif};
-use servodance_runtime::record::Recording;
+use servodance_runtime::process::console::say;
+use servodance_runtime::telemetry::export::{ExportSpan, bvh, csv, gif};
+use servodance_runtime::telemetry::recorder::Recording;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -54,7 +54,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     }
     if let Some(path) = &args.gif {
         let (from_s, seconds) = (args.from, args.seconds);
-        gif(&recording, Part { from_s, seconds }, path)?;
+        gif(&recording, ExportSpan { from_s, seconds }, path)?;
     }
     for path in [args.csv, args.bvh, args.gif].into_iter().flatten() {
         say!("{}", path.display());

@@ -85,15 +85,16 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
 
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    use servodance_runtime::console::tell;
-    use servodance_runtime::dance::{FollowConfig, choose_buses};
+    use servodance_runtime::control::bus_choice::choose as choose_buses;
+    use servodance_runtime::process::console::tell;
+    use servodance_runtime::session::led_dance::FollowConfig;
 
     if !(0.0..=1e6).contains(&args.rest_after) {
         anyhow::bail!("--rest-after {} is outside 0 to 1000000", args.rest_after);
     }
     let robot = args.rig.robot.load()?;
     let name = args.name.unwrap_or_else(|| robot.name.clone());
-    if !servodance_stage::keys::is_plain(&name) {
+    if !servodance_stage::messages::is_valid_name(&name) {
         anyhow::bail!("--name \"{name}\" cannot be a name: letters, digits, `_`, `-` and `.` can");
     }
     let options = servodance_runtime::stage::StageFollow {

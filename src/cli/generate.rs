@@ -2,10 +2,10 @@
 
 use super::options::engine::{EngineArgs, SamplingArgs};
 use servodance_model::{AtEnd, GeneratorOptions};
-use servodance_runtime::conditioning::Conditioning;
-use servodance_runtime::console::say;
-use servodance_runtime::dance::AudioChoice;
-use servodance_runtime::generate::{MotionFormat, Request, generate, write_motion};
+use servodance_runtime::offline::generate::{MotionFormat, Request, generate, write_motion};
+use servodance_runtime::pipeline::conditioning::Conditioning;
+use servodance_runtime::process::console::say;
+use servodance_runtime::session::config::AudioChoice;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

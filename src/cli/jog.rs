@@ -3,7 +3,7 @@
 use super::{INTERRUPTED, stop_signal};
 use servodance_runtime::bus_tools::Consent;
 use servodance_runtime::bus_tools::jog::{Jog, Step};
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use servodance_runtime::robot::Robot;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;

@@ -5,8 +5,9 @@ use super::stop_signal;
 use anyhow::bail;
 use serde_json::{Value, json};
 use servodance_lab::bench::click_test::{ClickTestReport, measure as click_test};
-use servodance_runtime::console::say;
-use servodance_runtime::dance::{BusChoice, choose_buses};
+use servodance_runtime::control::bus_choice::BusChoice;
+use servodance_runtime::control::bus_choice::choose as choose_buses;
+use servodance_runtime::process::console::say;
 use servodance_runtime::robot::Robot;
 use std::fmt::Write;
 use std::process::ExitCode;
@@ -47,7 +48,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let measured = click_test(&robot, &buses, args.clicks, &stop)?;
     match args.json {
         true => say!("{:#}", json_of(&robot, &measured)),
-        false => servodance_runtime::console::stdout(format_args!("{}", table(&robot, &measured))),
+        false => servodance_runtime::process::console::stdout(format_args!(
+            "{}",
+            table(&robot, &measured)
+        )),
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -57,8 +57,8 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
 
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    use servodance_runtime::console::{say, tell};
-    use servodance_runtime::dance::AudioChoice;
+    use servodance_runtime::process::console::{say, tell};
+    use servodance_runtime::session::config::AudioChoice;
 
     let stop = super::stop_signal()?;
     let lead = servodance_runtime::stage::StageLead {

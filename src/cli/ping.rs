@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 use servodance_runtime::bus_tools::{ProtocolChoice, ping};
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use servodance_runtime::robot::Robot;
 use std::process::ExitCode;
 

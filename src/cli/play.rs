@@ -2,9 +2,10 @@
 
 use super::stop_signal;
 use servodance_retarget::RobotModel;
-use servodance_runtime::console::say;
-use servodance_runtime::record::Recording;
-use servodance_runtime::show::{Meshes, Player, Scene, Server, Settings, link};
+use servodance_runtime::process::console::say;
+use servodance_runtime::robot::Meshes;
+use servodance_runtime::telemetry::recorder::Recording;
+use servodance_runtime::viewer::{Player, Scene, Server, ViewerSettings, link};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -37,7 +38,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let recording = Recording::read(&args.recording)?;
     let scene = scene(&recording)?;
-    let settings = Settings {
+    let settings = ViewerSettings {
         amplitude: 1.0,
         mirror: false,
         idle: Default::default(),

@@ -1,7 +1,7 @@
 //! `servodance reconstruct`.
 
-use servodance_runtime::console::say;
-use servodance_runtime::generate::{MotionFormat, reconstruct, write_motion};
+use servodance_runtime::offline::generate::{MotionFormat, reconstruct, write_motion};
+use servodance_runtime::process::console::say;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -1,7 +1,7 @@
 //! `servodance robot`: write a robot file for a description, look one over.
 
-use servodance_runtime::console::say;
-use servodance_runtime::robot_file;
+use servodance_runtime::process::console::say;
+use servodance_runtime::robot;
 use servodance_training::choreography;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -65,7 +65,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 }
 
 fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
-    let written = robot_file::new_robot(
+    let written = robot::new_robot(
         &args.description,
         &args.out,
         args.force,
@@ -81,7 +81,7 @@ fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
-    let checked = robot_file::check(&args.file);
+    let checked = robot::check(&args.file);
     if args.json {
         say!("{}", serde_json::to_string_pretty(&checked)?);
     } else {

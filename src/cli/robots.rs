@@ -1,6 +1,6 @@
 //! `servodance robots`.
 
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use servodance_runtime::robot::{BUILT_IN, Robot};
 use std::process::ExitCode;
 

@@ -1,7 +1,7 @@
 //! `servodance scan`.
 
 use servodance_runtime::bus_tools::{ProtocolChoice, scan};
-use servodance_runtime::console::{say, tell};
+use servodance_runtime::process::console::{say, tell};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\

@@ -1,7 +1,7 @@
 //! `servodance schema`.
 
 use clap::ValueEnum;
-use servodance_runtime::robot_file::ROBOT_SCHEMA;
+use servodance_runtime::robot::ROBOT_SCHEMA;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -27,7 +27,7 @@ pub enum Of {
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.of {
-        Of::Robot => servodance_runtime::console::stdout(format_args!("{ROBOT_SCHEMA}")),
+        Of::Robot => servodance_runtime::process::console::stdout(format_args!("{ROBOT_SCHEMA}")),
     }
     Ok(ExitCode::SUCCESS)
 }

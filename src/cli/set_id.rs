@@ -1,7 +1,7 @@
 //! `servodance set-id`.
 
 use servodance_runtime::bus_tools::{Consent, ProtocolChoice, set_id};
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\

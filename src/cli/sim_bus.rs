@@ -4,8 +4,8 @@ use super::options::robot::RobotFileArgs;
 use super::stop_signal;
 use anyhow::Context;
 use servodance_runtime::bus_tools::serve;
-use servodance_runtime::console::{say, tell};
-use servodance_runtime::sim_link::LinkChoice;
+use servodance_runtime::bus_tools::sim_link::LinkChoice;
+use servodance_runtime::process::console::{say, tell};
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -5,10 +5,10 @@ use super::{INTERRUPTED, stop_signal};
 use anyhow::bail;
 use servodance_lab::soak::{Soak, SoakMusic};
 use servodance_model::engine::EngineOptions;
-use servodance_runtime::console::{say, tell};
-use servodance_runtime::dance::open_generator;
-use servodance_runtime::output::{PendingFile, write_whole};
-use servodance_runtime::progress::Progress;
+use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::progress::Progress;
+use servodance_runtime::session::dance::open_generator;
+use servodance_runtime::telemetry::pending_file::{PendingFile, write_whole};
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -1,7 +1,7 @@
 //! `servodance song`.
 
-use servodance_runtime::console::say;
-use servodance_runtime::song::write_demo;
+use servodance_runtime::offline::song_file::write_demo;
+use servodance_runtime::process::console::say;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -2,9 +2,9 @@
 
 use super::{INTERRUPTED, stop_signal};
 use clap::Subcommand;
-use servodance_runtime::console::{say, tell};
-use servodance_training::runs::{End, Outcome, Request, train};
-use servodance_training::train::StageKind;
+use servodance_runtime::process::console::{say, tell};
+use servodance_training::runs::{RunEnd, RunOutcome, TrainingRequest, train};
+use servodance_training::train::TrainedNetwork;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -33,15 +33,15 @@ weights.safetensors (of the best line so far), curves.csv, curves.png.";
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(subcommand)]
-    pub stage: Stage,
+    pub command: TrainCommand,
 }
 
 /// One subcommand for each network of the model.
 #[derive(Debug, Subcommand)]
-pub enum Stage {
+pub enum TrainCommand {
     /// Stage 1, the VQ-VAE: motion to one code a body part and frame, and back.
     #[command(after_help = EXAMPLES)]
-    Vqvae(StageArgs),
+    Vqvae(TrainRunArgs),
     /// Stage 2, MotionSeq: the next codes from the codes before and the music.
     #[command(after_help = EXAMPLES)]
     Motionseq(SeqArgs),
@@ -55,12 +55,12 @@ pub struct SeqArgs {
     pub stage_one: Option<PathBuf>,
     /// What both stages take.
     #[command(flatten)]
-    pub run: StageArgs,
+    pub run: TrainRunArgs,
 }
 
 /// What both stages are asked for.
 #[derive(Debug, clap::Args)]
-pub struct StageArgs {
+pub struct TrainRunArgs {
     #[arg(help = "The settings", long, value_name = "FILE.toml")]
     pub config: PathBuf,
     /// The training file, in place of that in the settings.
@@ -88,16 +88,16 @@ pub struct StageArgs {
 
 /// Trains and says where the files are.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let (stage, stage_one, args) = match args.stage {
-        Stage::Vqvae(args) => (StageKind::VqVae, None, args),
-        Stage::Motionseq(args) => (StageKind::MotionSeq, args.stage_one, args.run),
+    let (network, stage_one, args) = match args.command {
+        TrainCommand::Vqvae(args) => (TrainedNetwork::VqVae, None, args),
+        TrainCommand::Motionseq(args) => (TrainedNetwork::MotionSeq, args.stage_one, args.run),
     };
-    let request = Request {
-        stage,
+    let request = TrainingRequest {
+        network,
         config: args.config,
         data: args.data,
         out: args.out,
-        stage_one,
+        vqvae_weights: stage_one,
         seed: args.seed,
         threads: args.threads,
         until: args.until,
@@ -106,7 +106,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     };
     let stop = stop_signal()?;
     let outcome = train(&request, &stop)?;
-    if outcome.end == End::Stopped {
+    if outcome.end == RunEnd::Stopped {
         tell!("stopped at {}", goes_on(&outcome, &request));
         return Ok(ExitCode::from(INTERRUPTED));
     }
@@ -116,12 +116,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn told(outcome: &Outcome, request: &Request) -> String {
+fn told(outcome: &RunOutcome, request: &TrainingRequest) -> String {
     let weights = outcome.folder.join("weights.safetensors");
     let weights = weights.display();
     match outcome.end {
-        End::Until => format!("paused at {}", goes_on(outcome, request)),
-        End::Early => format!(
+        RunEnd::Until => format!("paused at {}", goes_on(outcome, request)),
+        RunEnd::Early => format!(
             "{weights}: no improvement any more after {} steps",
             outcome.steps
         ),
@@ -129,16 +129,16 @@ fn told(outcome: &Outcome, request: &Request) -> String {
     }
 }
 
-fn goes_on(outcome: &Outcome, request: &Request) -> String {
+fn goes_on(outcome: &RunOutcome, request: &TrainingRequest) -> String {
     let mut command = format!(
         "servodance train {} --config {}",
-        request.stage.name(),
+        request.network.name(),
         request.config.display()
     );
     let given = [
         ("data", &request.data),
         ("out", &request.out),
-        ("stage-one", &request.stage_one),
+        ("stage-one", &request.vqvae_weights),
     ];
     for (name, path) in given {
         if let Some(path) = path {

@@ -1,9 +1,9 @@
 //! `servodance weights`.
 
 use servodance_model::weights::Dtype;
-use servodance_runtime::console::say;
-use servodance_runtime::output::write_whole;
-use servodance_training::weights_file::{self, Info};
+use servodance_runtime::process::console::say;
+use servodance_runtime::telemetry::pending_file::write_whole;
+use servodance_training::weights::{self, WeightsInfo};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -72,7 +72,7 @@ pub enum What {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.what {
         What::Info { file, preset, json } => {
-            let info = Info::of(file.as_deref(), preset.as_deref())?;
+            let info = WeightsInfo::of(file.as_deref(), preset.as_deref())?;
             match json {
                 true => say!("{}", serde_json::to_string(&info)?),
                 false => say!("{info}"),
@@ -93,7 +93,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             clips,
             json,
         } => {
-            let rows = weights_file::compare(file.as_deref(), &data, clips)?;
+            let rows = weights::compare(file.as_deref(), &data, clips)?;
             if json {
                 say!("{}", serde_json::to_string(&rows)?);
             } else {

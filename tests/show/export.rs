@@ -1,7 +1,7 @@
 //! A recording is read back and becomes other files.
 
 use crate::program::Program;
-use servodance_runtime::record::{Recorder, Recording, Topic, WhenBehind};
+use servodance_runtime::telemetry::recorder::{Recorder, Recording, RecordingTopic, WhenBehind};
 use std::collections::BTreeMap;
 
 fn recorded() -> Program {
@@ -95,8 +95,8 @@ fn an_older_recording_is_still_read() {
     let complain = Box::new(|text: &str| panic!("{text}"));
     let recorder = Recorder::create(&path, joints, WhenBehind::Wait, complain);
     let mut recorder = recorder.expect("a recorder");
-    recorder.positions(Topic::JointStates, 0.0, &[0.25]);
-    recorder.positions(Topic::JointStates, 1.0, &[0.5]);
+    recorder.positions(RecordingTopic::JointStates, 0.0, &[0.25]);
+    recorder.positions(RecordingTopic::JointStates, 1.0, &[0.5]);
     let limits = r#"[{"name": "knee", "lower_rad": -1, "upper_rad": 1,
         "velocity_rad_s": 1, "acceleration_rad_s2": 1}]"#;
     let fact = |(key, value): (&str, &str)| (key.to_owned(), value.to_owned());

@@ -77,7 +77,7 @@ fn flood(page: &Page, over: &AtomicBool) -> u64 {
             let thrown = &thrown;
             scope.spawn(move || {
                 // Real ones have machines of their own.
-                servodance_runtime::realtime::yield_to_others();
+                servodance_runtime::process::realtime::yield_to_others();
                 while !over.load(Ordering::Relaxed) {
                     throw();
                     thrown.fetch_add(1, Ordering::Relaxed);

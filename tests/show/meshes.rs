@@ -2,8 +2,7 @@
 //! else.
 
 use servodance_runtime::robot::Robot;
-use servodance_runtime::robot_file::{Overrides, new_robot};
-use servodance_runtime::show::Meshes;
+use servodance_runtime::robot::{Meshes, Overrides, new_robot};
 use servodance_training::choreography::trial_dance;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;

@@ -3,8 +3,10 @@
 use clap::Parser;
 use rand::{Rng, SeedableRng};
 use servodance::cli::{Cli, Command};
-use servodance_runtime::dance::{Evening, IdleStyle, Outcome};
-use servodance_runtime::show::{Activity, Request, ViewerEnd};
+use servodance_runtime::control::idle::IdleStyle;
+use servodance_runtime::session::dance::Outcome;
+use servodance_runtime::session::dance_session::Evening;
+use servodance_runtime::viewer::{Activity, ViewerEnd, ViewerRequest};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -74,16 +76,16 @@ fn requests_rain_in_and_no_limit_is_broken() {
             }
             let request = match (rng.random_range(0..8), activity) {
                 // Held for ever, simulated time would never end.
-                (_, Activity::Finale) => Request::Resume,
-                (0, _) => Request::Hold,
-                (1 | 2, _) => Request::Resume,
-                (3, _) => Request::Amplitude(rng.random_range(0.0..=1.0)),
-                (4, _) => Request::Mirror(rng.random()),
-                (5, _) => Request::Idle(
+                (_, Activity::Finale) => ViewerRequest::Resume,
+                (0, _) => ViewerRequest::Hold,
+                (1 | 2, _) => ViewerRequest::Resume,
+                (3, _) => ViewerRequest::Amplitude(rng.random_range(0.0..=1.0)),
+                (4, _) => ViewerRequest::Mirror(rng.random()),
+                (5, _) => ViewerRequest::Idle(
                     [IdleStyle::Sway, IdleStyle::Hold, IdleStyle::Rest][rng.random_range(0..3)],
                 ),
-                (6, _) => Request::Style(rng.random_range(0..8)),
-                _ => Request::Seed(rng.random()),
+                (6, _) => ViewerRequest::Style(rng.random_range(0..8)),
+                _ => ViewerRequest::Seed(rng.random()),
             };
             asked += u64::from(end.ask(&[request]));
             std::thread::sleep(Duration::from_micros(300));
@@ -101,9 +103,9 @@ fn requests_rain_in_and_no_limit_is_broken() {
 fn stop_leads_to_rest_and_torque_off_from_a_hold_too() {
     let outcomes = run(evening(&["--robot", "neck"]), |end, _| {
         wait_for(end, Activity::Dancing);
-        end.ask(&[Request::Hold]);
+        end.ask(&[ViewerRequest::Hold]);
         std::thread::sleep(Duration::from_millis(20));
-        end.ask(&[Request::Stop]);
+        end.ask(&[ViewerRequest::Stop]);
     });
     let outcome = outcomes[0].as_ref().expect("a dance");
     let safety = &outcome.report.safety;
@@ -121,19 +123,19 @@ fn an_evening_waits_for_start_and_survives_an_emergency_stop() {
     let outcomes = run(waiting, |end, stop| {
         for round in 0..2 {
             wait_for(end, Activity::Waiting);
-            end.ask(&[Request::Amplitude(0.25), Request::Start]);
+            end.ask(&[ViewerRequest::Amplitude(0.25), ViewerRequest::Start]);
             wait_for(end, Activity::Dancing);
             assert_eq!(end.newest().now.settings.amplitude, 0.25);
             if round == 0 {
                 end.estop.press("the test");
                 wait_for(end, Activity::Waiting);
-                end.ask(&[Request::Start]);
+                end.ask(&[ViewerRequest::Start]);
                 std::thread::sleep(Duration::from_millis(100));
                 assert_eq!(end.newest().now.activity, Activity::Waiting, "still down");
-                end.ask(&[Request::Release]);
+                end.ask(&[ViewerRequest::Release]);
             }
         }
-        end.ask(&[Request::Stop]);
+        end.ask(&[ViewerRequest::Stop]);
         wait_for(end, Activity::Waiting);
         stop.store(true, Ordering::Release);
     });

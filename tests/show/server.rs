@@ -1,9 +1,9 @@
 //! The page's server, asked by plain TCP and by WebSocket as strangers would.
 
-use servodance_runtime::dance::IdleStyle;
-use servodance_runtime::robot::Robot;
-use servodance_runtime::show::{
-    Activity, Meshes, Request, RobotEnd, Scene, Server, Settings, link,
+use servodance_runtime::control::idle::IdleStyle;
+use servodance_runtime::robot::{Meshes, Robot};
+use servodance_runtime::viewer::{
+    Activity, RobotEnd, Scene, Server, ViewerRequest, ViewerSettings, link,
 };
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -19,7 +19,7 @@ struct Page {
 
 fn page() -> Page {
     let robot = Robot::load("op3").expect("the built-in robot");
-    let settings = Settings {
+    let settings = ViewerSettings {
         amplitude: 1.0,
         mirror: false,
         idle: IdleStyle::Sway,
@@ -100,7 +100,7 @@ impl Page {
             .map_err(|e| e.to_string())
     }
 
-    fn next_request(&mut self) -> Option<Request> {
+    fn next_request(&mut self) -> Option<ViewerRequest> {
         let until = Instant::now() + Duration::from_secs(10);
         while Instant::now() < until {
             if let Some(request) = self.robot.request() {
@@ -137,12 +137,12 @@ fn the_page_its_parts_the_scene_and_the_state_are_served() {
 fn a_command_reaches_the_control_loop_and_a_stop_the_button() {
     let mut page = page();
     assert_eq!(page.command(JSON, r#"{"set":{"style":"salsa"}}"#).0, 202);
-    assert_eq!(page.next_request(), Some(Request::Style(1)));
+    assert_eq!(page.next_request(), Some(ViewerRequest::Style(1)));
     let mut socket = page.socket(None).expect("a socket");
     socket
         .send(Message::text(r#"{"do":"hold"}"#))
         .expect("sent");
-    assert_eq!(page.next_request(), Some(Request::Hold));
+    assert_eq!(page.next_request(), Some(ViewerRequest::Hold));
     assert_eq!(page.command(JSON, r#"{"do":"start"}"#).0, 409);
     assert!(!page.robot.estop.is_pressed());
     assert_eq!(page.command(JSON, r#"{"do":"estop"}"#).0, 202);
@@ -192,7 +192,7 @@ fn foreign_pages_are_refused() {
     assert_eq!(page.robot.request(), None);
     assert_eq!(page.command(&format!("{JSON}{own}"), hold).0, 202);
     assert!(page.socket(Some(&format!("http://{}", page.at()))).is_ok());
-    assert_eq!(page.next_request(), Some(Request::Hold));
+    assert_eq!(page.next_request(), Some(ViewerRequest::Hold));
 }
 
 #[test]

@@ -6,38 +6,37 @@ use crate::program::Program;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
-use servodance_stage::keys::Keys;
-use servodance_stage::net::{Net, Place};
+use servodance_stage::messages::StageFrame;
+use servodance_stage::net::{NetConfig, NetSession, StageKeys};
 use servodance_stage::ros2::{CdrReader, Node, Topic, TopicType};
-use servodance_stage::wire::StageFrame;
 use servodance_stage::{Leader, Outgoing};
 use servodance_types::{Beat, BeatLock, Posture};
 use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
 /// A session to which a follower connects.
-pub fn net(at: &str) -> Net {
-    let place = Place {
+pub fn net(at: &str) -> NetSession {
+    let place = NetConfig {
         leads: true,
         listen: vec![at.to_owned()],
-        ..Place::default()
+        ..NetConfig::default()
     };
-    Net::open(place.config().expect("a configuration")).expect("a session")
+    NetSession::open(place.config().expect("a configuration")).expect("a session")
 }
 
 /// Leads with the wildest motion that the format allows, and says nonsense.
-fn rave(net: &Net, seconds: u64) {
-    let keys = Keys::new("main").expect("a name");
+fn rave(net: &NetSession, seconds: u64) {
+    let keys = StageKeys::new("main").expect("a name");
     let mut rng = ChaCha8Rng::seed_from_u64(4);
     let mut leader = Leader::new(3, [5; 32]);
     let began = Instant::now();
     let now_ns = move || began.elapsed().as_nanos() as i64;
     let (sender, inbox) = sync_channel(1000);
-    let _ear = net.hear(&keys.ask(None), move |bytes| {
+    let _ear = net.subscribe(&keys.from_follower(None), move |bytes| {
         let _ = sender.try_send((now_ns(), bytes.to_vec()));
     });
     let _token = net
-        .token(&keys.leader(leader.instance(), 3))
+        .declare_liveliness(&keys.leader(leader.instance(), 3))
         .expect("a token");
     let key = keys.frames(Some(0));
     let mut sent: Vec<Vec<u8>> = Vec::new();
@@ -71,16 +70,17 @@ fn rave(net: &Net, seconds: u64) {
         let nonsense = vec![rng.random(); rng.random_range(0..200)];
         sent.push(message.clone());
         for bytes in [message, replayed, other_version, nonsense, vec![7; 40_000]] {
-            net.say(&key, bytes).expect("it goes out");
+            net.put(&key, bytes).expect("it goes out");
         }
         while began.elapsed() < Duration::from_millis(50 * index as u64) {
             let wait = Duration::from_millis(5);
             let Ok((at_ns, bytes)) = inbox.recv_timeout(wait) else {
                 continue;
             };
-            if let Ok(Outgoing::Tell(follower, messages)) = leader.hear(at_ns, &bytes, now_ns) {
+            if let Ok(Outgoing::Reply(follower, messages)) = leader.receive(at_ns, &bytes, now_ns) {
                 for message in messages {
-                    net.say(&keys.tell(follower), message).expect("it goes out");
+                    net.put(&keys.to_follower(follower), message)
+                        .expect("it goes out");
                 }
             }
         }
@@ -129,7 +129,7 @@ fn ros_2_sees_the_joints_of_a_follower() {
     };
     let _ears = ["joint_states", "joint_commands"].map(|name| {
         let sender = sender.clone();
-        let ear = net.hear(&node.key(&topic(name)), move |bytes| {
+        let ear = net.subscribe(&node.key(&topic(name)), move |bytes| {
             let _ = sender.try_send((name, bytes.to_vec()));
         });
         ear.expect("an ear")
@@ -154,7 +154,7 @@ fn ros_2_sees_the_joints_of_a_follower() {
         assert_eq!(positions.len(), names.len());
     }
     let tokens = net
-        .tokens("@ros2_lv/7/**", Duration::from_secs(2))
+        .live_keys("@ros2_lv/7/**", Duration::from_secs(2))
         .expect("tokens");
     for part in [
         "/NN/%/%main%my_neck/servodance",

@@ -1,33 +1,28 @@
-//! Judges weights: dances to held-out music, scored on the beat against
-//! controls, then one long dance.
+//! Judges weights: dances to held-out music, scored on the beat against controls.
 //!
-//! `cargo run --release -p servodance-model --example judge -- WEIGHTS DATASET
-//! [--temperature 0.9] [--top-p 0.95] [--guidance 1.5] [--style NAME] [--clips 16]
-//! [--minutes 5] [--seed 1] [--out FOLDER]`
+//! `cargo run --release -p servodance-training --example judge -- WEIGHTS DATASET
+//! [--temperature 0.9] [--top-p 0.95] [--guidance 1.5] [--style NAME] [--clips 16] [--seed 1]`
 //!
-//! `--style each` scores every style by itself on all clips.
-//!
-//! Controls: the same motion against the beats of another song and against
-//! its own beats moved by half a beat; and the dance to silence against the
-//! beats it did not hear. `DATASET` is a file with music (model/MODEL_CARD.md).
+//! `--style each` scores every style by itself on all clips. Controls: the same
+//! motion against the beats of another song and against its own beats moved by
+//! half a beat; and the dance to silence against the beats it did not hear.
+//! `DATASET` is a training file with validation music. All other figures, and
+//! long dances, are those of `servodance evaluate`.
 
 use std::collections::HashMap;
 use std::error::Error;
-use std::f32::consts::TAU;
 use std::path::Path;
-use std::time::Instant;
 
-use safetensors::SafeTensors;
-use servodance_model::motion::{Alignment, alignment, mean_joint_speed};
-use servodance_model::motion::{Clip, PoseVector, decode};
+use servodance_model::motion::{Alignment, Pose, alignment, decode, mean_joint_speed};
 use servodance_model::{Generator, GeneratorOptions};
-use servodance_types::{Beat, FRAME_RATE_HZ, MUSIC_DIM, MotionFrame, MusicFrame, SPECTRAL_DIM};
+use servodance_training::dataset::{Split, training_file};
+use servodance_types::{Beat, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
 type Failure = Box<dyn Error>;
 
 /// One clip of the data set.
 struct Held {
-    motion: Vec<PoseVector>,
+    poses: Vec<Pose>,
     music: Vec<MusicFrame>,
 }
 
@@ -59,30 +54,20 @@ fn main() -> Result<(), Failure> {
         ..GeneratorOptions::default()
     };
     let generator = Generator::load(Path::new(weights))?;
-    let bytes = std::fs::read(data)?;
-    let held = held_out(
-        &SafeTensors::deserialize(&bytes)?,
-        number("clips", 16.0)? as usize,
-    )?;
+    let held = held_out(Path::new(data), number("clips", 16.0)? as usize)?;
     println!("{options:?}, {} clips", held.len());
-    if options.style.as_deref() == Some("each") {
-        for style in generator.styles() {
-            options.style = Some(style.clone());
-            println!("-- {style}");
-            judge_clips(&generator, &options, &held)?;
-        }
-        return Ok(());
+    if options.style.as_deref() != Some("each") {
+        return judge(&generator, &options, &held);
     }
-    judge_clips(&generator, &options, &held)?;
-    let minutes = number("minutes", 5.0)?;
-    judge_length(&generator, &options, &held, minutes, named.get("out"))
+    for style in generator.styles() {
+        options.style = Some(style.clone());
+        println!("-- {style}");
+        judge(&generator, &options, &held)?;
+    }
+    Ok(())
 }
 
-fn judge_clips(
-    generator: &Generator,
-    options: &GeneratorOptions,
-    held: &[Held],
-) -> Result<(), Failure> {
+fn judge(generator: &Generator, options: &GeneratorOptions, held: &[Held]) -> Result<(), Failure> {
     let mut scores: Vec<(&str, Vec<Alignment>)> = [
         "real motion",
         "generated",
@@ -97,16 +82,12 @@ fn judge_clips(
         options.seed += i as u64;
         let beats = beats_s(&clip.music);
         let wrong = beats_s(&held[(i + held.len() / 2) % held.len()].music);
-        let half = beats
-            .windows(2)
-            .map(|b| (b[0] + b[1]) / 2.0)
-            .collect::<Vec<_>>();
-        let danced = dance(generator, &options, &clip.music)?;
+        let half: Vec<f64> = beats.windows(2).map(|b| (b[0] + b[1]) / 2.0).collect();
         let silence: Vec<MusicFrame> = clip.music.iter().map(silent).collect();
+        let danced = dance(generator, &options, &clip.music)?;
         let unheard = dance(generator, &options, &silence)?;
-        let speed = mean_joint_speed(&poses(&danced), FRAME_RATE_HZ);
-        let real = mean_joint_speed(&decode(&clip.motion), FRAME_RATE_HZ);
-        let deaf = mean_joint_speed(&poses(&unheard), FRAME_RATE_HZ);
+        let [real, speed, deaf] =
+            [&clip.poses, &danced, &unheard].map(|poses| mean_joint_speed(poses, FRAME_RATE_HZ));
         for (row, (speed, beats)) in scores.iter_mut().zip([
             (&real, &beats),
             (&speed, &beats),
@@ -129,122 +110,14 @@ fn judge_clips(
     Ok(())
 }
 
-/// All held-out music in a row, over and over: does the dance freeze or drift?
-fn judge_length(
-    generator: &Generator,
-    options: &GeneratorOptions,
-    held: &[Held],
-    minutes: f64,
-    out: Option<&String>,
-) -> Result<(), Failure> {
-    let count = (minutes * 60.0 * FRAME_RATE_HZ) as usize;
-    let music: Vec<MusicFrame> = held
-        .iter()
-        .flat_map(|clip| clip.music.iter().copied())
-        .collect();
-    let music: Vec<MusicFrame> = music.into_iter().cycle().take(count).collect();
-    let mut dance = generator.start(options.clone())?;
-    let mut ms = Vec::with_capacity(count);
-    let mut frames = Vec::with_capacity(count);
-    for heard in &music {
-        let begin = Instant::now();
-        frames.push(dance.step(heard)?);
-        ms.push(begin.elapsed().as_secs_f64() * 1e3);
-    }
-    println!("woken {} times", dance.restarts());
-    ms.sort_by(f64::total_cmp);
-    let at = |share: f64| ms[((ms.len() - 1) as f64 * share) as usize];
-    println!(
-        "a step takes {:.2} ms (p50), {:.2} ms (p99)",
-        at(0.5),
-        at(0.99)
-    );
-    let all = poses(&frames);
-    let speed = mean_joint_speed(&all, FRAME_RATE_HZ);
-    let per_piece = count.div_ceil(10).max(1);
-    let pieces: Vec<String> = speed
-        .chunks(per_piece)
-        .map(|piece| format!("{:.2}", piece.iter().sum::<f64>() / piece.len() as f64))
-        .collect();
-    println!("mean joint speed by tenths, m/s: {}", pieces.join(" "));
-    let still = speed.iter().filter(|v| **v < 0.05).count();
-    let far = all
-        .iter()
-        .map(|p| p[0][0].hypot(p[0][2]))
-        .fold(0.0, f32::max);
-    println!(
-        "frames below 0.05 m/s: {:.1} %; furthest from the start {far:.2} m",
-        100.0 * still as f64 / speed.len() as f64
-    );
-    feet(&frames);
-    if let Some(folder) = out {
-        std::fs::create_dir_all(folder)?;
-        let clip = Clip {
-            name: "long".into(),
-            fps: FRAME_RATE_HZ,
-            poses: all,
-        };
-        clip.write_npz(Path::new(folder).join("long.npz"))?;
-    }
-    Ok(())
-}
-
-/// How far feet slide while the model says that they stand, and jerk.
-fn feet(frames: &[MotionFrame]) {
-    let (mut slid, mut stood, mut lowest) = (0.0, 0, 0.0f32);
-    for pair in frames.windows(2) {
-        for (down, ankle, toe) in [
-            (|f: &MotionFrame| f.contacts.left, 7, 10),
-            (|f: &MotionFrame| f.contacts.right, 8, 11),
-        ] as [(fn(&MotionFrame) -> bool, usize, usize); 2]
-        {
-            if down(&pair[0]) && down(&pair[1]) {
-                let moved = |j: usize| {
-                    let (a, b) = (pair[0].positions[j], pair[1].positions[j]);
-                    (b[0] - a[0]).hypot(b[2] - a[2])
-                };
-                slid += moved(ankle).min(moved(toe));
-                stood += 1;
-            }
-        }
-        lowest = pair[0]
-            .positions
-            .iter()
-            .fold(lowest, |low, p| low.min(p[1]));
-    }
-    println!(
-        "standing feet slide {:.1} mm a frame, stand in {:.0} % of frames; lowest joint {:.3} m",
-        1e3 * slid / stood.max(1) as f32,
-        50.0 * stood as f64 / frames.len() as f64,
-        lowest
-    );
-    let jerks = frames.windows(4).flat_map(|w| {
-        (0..22).map(move |j| {
-            let squared = (0..3).map(|k| {
-                let x = |i: usize| f64::from(w[i].positions[j][k]);
-                (x(3) - 3.0 * x(2) + 3.0 * x(1) - x(0)).powi(2)
-            });
-            squared.sum::<f64>().sqrt() * FRAME_RATE_HZ.powi(3)
-        })
-    });
-    let (sum, n) = jerks.fold((0.0, 0u64), |(s, n), j| (s + j, n + 1));
-    println!("mean jerk {:.0} m/s^3", sum / n.max(1) as f64);
-}
-
 fn dance(
     generator: &Generator,
     options: &GeneratorOptions,
     music: &[MusicFrame],
-) -> Result<Vec<MotionFrame>, Failure> {
+) -> Result<Vec<Pose>, Failure> {
     let mut dance = generator.start(options.clone())?;
-    Ok(music
-        .iter()
-        .map(|heard| dance.step(heard))
-        .collect::<Result<_, _>>()?)
-}
-
-fn poses(frames: &[MotionFrame]) -> Vec<servodance_model::motion::Pose> {
-    frames.iter().map(|frame| frame.positions).collect()
+    let poses = music.iter().map(|heard| Ok(dance.step(heard)?.positions));
+    poses.collect()
 }
 
 /// The same moment without a sound: the features of digital silence (the first
@@ -262,10 +135,9 @@ fn silent(frame: &MusicFrame) -> MusicFrame {
 
 /// The moments at which the tracked phase passes zero, seconds.
 fn beats_s(music: &[MusicFrame]) -> Vec<f64> {
-    let sure =
-        |pair: &&[MusicFrame]| pair[0].beat.confidence > 0.5 && pair[1].beat.confidence > 0.5;
+    let sure = |pair: &&[MusicFrame]| pair.iter().all(|heard| heard.beat.confidence > 0.5);
     let passes = music.windows(2).filter(sure).filter_map(|pair| {
-        let (a, b) = (f64::from(pair[0].beat.phase), f64::from(pair[1].beat.phase));
+        let [a, b] = [0, 1].map(|k| f64::from(pair[k].beat.phase));
         (a > 0.5 && b < 0.5)
             .then(|| pair[0].time_s + (1.0 - a) / (1.0 - a + b).max(1e-6) / FRAME_RATE_HZ)
     });
@@ -273,61 +145,17 @@ fn beats_s(music: &[MusicFrame]) -> Vec<f64> {
 }
 
 /// Validation clips with music, spread over the file.
-fn held_out(file: &SafeTensors, count: usize) -> Result<Vec<Held>, Failure> {
-    let integers = |name: &str| -> Result<Vec<usize>, Failure> {
-        let view = file.tensor(name)?;
-        let rows = view.data().as_chunks::<8>().0.iter();
-        Ok(rows.map(|b| i64::from_le_bytes(*b) as usize).collect())
-    };
-    let floats = |name: &str| -> Result<Vec<f32>, Failure> {
-        let view = file.tensor(name)?;
-        let rows = view.data().as_chunks::<4>().0.iter();
-        Ok(rows.map(|b| f32::from_le_bytes(*b)).collect())
-    };
-    let (motion, music) = (floats("motion")?, floats("music")?);
-    let (starts, lengths) = (integers("clip_start")?, integers("clip_length")?);
-    let (split, has_music) = (integers("split")?, integers("has_music")?);
-    let all: Vec<usize> = (0..starts.len())
-        .filter(|&c| split[c] == 1 && has_music[c] == 1 && lengths[c] > 200)
-        .collect();
-    let step = (all.len() / count.max(1)).max(1);
-    let held = all.iter().step_by(step).take(count).map(|&c| {
-        let rows = starts[c]..starts[c] + lengths[c];
+fn held_out(path: &Path, count: usize) -> Result<Vec<Held>, Failure> {
+    let mut clips = training_file::read(path)?;
+    clips.retain(|c| c.split == Split::Validation && c.music.is_some() && c.motion.len() > 200);
+    let step = (clips.len() / count.max(1)).max(1);
+    let held = clips.iter().step_by(step).take(count).map(|clip| {
+        let frame = |(i, v)| MusicFrame::from_vector(v, i as f64 / FRAME_RATE_HZ);
+        let music = clip.music.iter().flatten();
         Held {
-            motion: rows
-                .clone()
-                .map(|r| std::array::from_fn(|i| motion[137 * r + i]))
-                .collect(),
-            music: rows
-                .clone()
-                .map(|r| {
-                    music_frame(
-                        &music[MUSIC_DIM * r..],
-                        (r - rows.start) as f64 / FRAME_RATE_HZ,
-                    )
-                })
-                .collect(),
+            poses: decode(&clip.motion),
+            music: music.enumerate().map(frame).collect(),
         }
     });
     Ok(held.collect())
-}
-
-/// The inverse of [`MusicFrame::vector`].
-fn music_frame(v: &[f32], time_s: f64) -> MusicFrame {
-    let confidence = v[SPECTRAL_DIM + 3];
-    MusicFrame {
-        time_s,
-        spectral: std::array::from_fn(|i| v[i]),
-        beat: Beat {
-            phase: (v[SPECTRAL_DIM].atan2(v[SPECTRAL_DIM + 1]) / TAU).rem_euclid(1.0),
-            tempo_bpm: if confidence > 0.0 {
-                120.0 * v[SPECTRAL_DIM + 2].exp2()
-            } else {
-                0.0
-            },
-            confidence,
-            ..Beat::default()
-        },
-        ..MusicFrame::default()
-    }
 }

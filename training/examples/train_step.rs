@@ -6,10 +6,12 @@
 //! else the machine does falls on all of them. Medians and their ratio.
 
 use anyhow::{Context, ensure};
-use servodance_runtime::console;
-use servodance_training::motion::corpus::{self, CorpusClip};
-use servodance_training::motion::index::Split;
-use servodance_training::train::{Data, SettingsFile, StageKind, StageOne, Trainer, with_threads};
+use servodance_runtime::process::console;
+use servodance_training::dataset::Split;
+use servodance_training::dataset::training_file::{self, TrainingClip};
+use servodance_training::train::{
+    SettingsFile, TrainedNetwork, Trainer, TrainingData, VqVaeWeights, with_threads,
+};
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
 use std::time::Instant;
@@ -21,13 +23,18 @@ fn main() -> anyhow::Result<()> {
         .context("usage: train_step PYTHON [THREADS] [ROUNDS]")?;
     let number = |at: usize, default: usize| args.get(at).map_or(Ok(default), |text| text.parse());
     let (threads, rounds) = (number(1, 2)?, number(2, 7)?);
-    for stage in [StageKind::VqVae, StageKind::MotionSeq] {
+    for stage in [TrainedNetwork::VqVae, TrainedNetwork::MotionSeq] {
         with_threads(threads, || compare(stage, python, threads, rounds))?;
     }
     Ok(())
 }
 
-fn compare(stage: StageKind, python: &str, threads: usize, rounds: usize) -> anyhow::Result<()> {
+fn compare(
+    stage: TrainedNetwork,
+    python: &str,
+    threads: usize,
+    rounds: usize,
+) -> anyhow::Result<()> {
     let mut ours = trainer(stage)?;
     let run = ours.settings().run.clone();
     let mut twins = ["f32", "bf16"].map(|precision| {
@@ -67,13 +74,13 @@ fn compare(stage: StageKind, python: &str, threads: usize, rounds: usize) -> any
 }
 
 /// A trainer on motion and music of random numbers.
-fn trainer(stage: StageKind) -> anyhow::Result<Trainer> {
+fn trainer(stage: TrainedNetwork) -> anyhow::Result<Trainer> {
     let mut state = 1u32;
     let mut noise = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (state >> 8) as f32 / 8_388_608.0 - 1.0
     };
-    let clip = CorpusClip {
+    let clip = TrainingClip {
         name: "noise".into(),
         motion: (0..2000)
             .map(|_| std::array::from_fn(|_| noise()))
@@ -91,17 +98,17 @@ fn trainer(stage: StageKind) -> anyhow::Result<Trainer> {
         variant: 0,
     };
     let file = tempfile::NamedTempFile::new()?;
-    corpus::write(file.path(), &[clip], &serde_json::json!({}))?;
+    training_file::write(file.path(), &[clip], &serde_json::json!({}))?;
     let mut settings = SettingsFile::default();
     settings.quantise.free_steps = 0;
     let shipped = include_bytes!("../../model/weights/live.safetensors");
     let stage_one = match stage {
-        StageKind::VqVae => None,
-        StageKind::MotionSeq => Some(StageOne::open(shipped, "built-in weights")?),
+        TrainedNetwork::VqVae => None,
+        TrainedNetwork::MotionSeq => Some(VqVaeWeights::open(shipped, "built-in weights")?),
     };
     Ok(Trainer::new(
         settings.resolve(stage)?,
-        Data::read(file.path())?,
+        TrainingData::read(file.path())?,
         stage_one,
     )?)
 }
@@ -115,7 +122,7 @@ struct Twin {
 impl Twin {
     fn start(
         python: &str,
-        stage: StageKind,
+        stage: TrainedNetwork,
         sizes: &[String; 3],
         precision: &str,
     ) -> anyhow::Result<Self> {

@@ -1,17 +1,15 @@
 //! The 22 joints of the human body: SMPL without hands.
 
-/// How many joints a human frame has.
+/// Number of joints in a frame of human motion.
 pub const JOINT_COUNT: usize = 22;
 
 macro_rules! body_joints {
     ($($variant:ident $name:literal $parent:expr;)*) => {
-        /// A joint of the 22-joint human skeleton (SMPL order, hands left out).
-        ///
-        /// Index arrays with `joint as usize`; a `[T; JOINT_COUNT]` never has
-        /// the wrong length, as a list with names could.
+        /// A joint of the 22-joint human skeleton (SMPL order without hands); the
+        /// index of the arrays `[T; JOINT_COUNT]`.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[repr(u8)]
-        #[allow(missing_docs)] // the names say it
+        #[allow(missing_docs)] // the variant names are the documentation
         pub enum BodyJoint { $($variant),* }
 
         impl BodyJoint {
@@ -23,7 +21,7 @@ macro_rules! body_joints {
                 match self { $(BodyJoint::$variant => $name),* }
             }
 
-            /// The joint that this one hangs from; `None` for the pelvis.
+            /// The parent joint in the skeleton; `None` for the pelvis.
             pub const fn parent(self) -> Option<BodyJoint> {
                 use BodyJoint::*;
                 match self { $($variant => $parent),* }
@@ -58,20 +56,16 @@ body_joints! {
 }
 
 impl BodyJoint {
-    /// The joint with this file name, if there is one.
+    /// The joint with this name in motion files, if there is one.
     pub fn from_name(name: &str) -> Option<BodyJoint> {
         Self::ALL.into_iter().find(|joint| joint.name() == name)
     }
 
     /// The joint on the other side of the body; a middle joint is its own mirror.
     pub fn mirrored(self) -> BodyJoint {
-        let name = self.name();
-        let other = match name.split_once('_') {
-            Some(("left", rest)) => Self::from_name(&format!("right_{rest}")),
-            Some(("right", rest)) => Self::from_name(&format!("left_{rest}")),
-            _ => None,
-        };
-        other.unwrap_or(self)
+        let (side, part) = self.name().split_once('_').unwrap_or_default();
+        let other_side = if side == "left" { "right" } else { "left" };
+        Self::from_name(&format!("{other_side}_{part}")).unwrap_or(self)
     }
 }
 

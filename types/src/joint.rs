@@ -1,31 +1,25 @@
-//! One robot joint: what it may do and what it does.
+//! Limits and measured state of one robot joint.
 
 /// The limits of one robot joint. Every field is finite, `lower <= upper`,
 /// and the rates are positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimits {
-    /// Lowest position, radians.
+    /// Lowest allowed position, radians.
     pub lower_rad: f64,
-    /// Highest position, radians.
+    /// Highest allowed position, radians.
     pub upper_rad: f64,
-    /// Highest speed, radians a second.
+    /// Highest allowed speed, radians a second.
     pub velocity_rad_s: f64,
-    /// Highest acceleration, radians a second squared.
+    /// Highest allowed acceleration, radians a second squared.
     pub acceleration_rad_s2: f64,
 }
 
 impl JointLimits {
-    /// The same limits, if they are usable; else what is wrong with them.
+    /// Returns the limits if they are usable, otherwise the reason in one line.
     pub fn checked(self) -> Result<Self, String> {
-        let finite = [
-            self.lower_rad,
-            self.upper_rad,
-            self.velocity_rad_s,
-            self.acceleration_rad_s2,
-        ]
-        .iter()
-        .all(|v| v.is_finite());
-        if !finite {
+        let rates = [self.velocity_rad_s, self.acceleration_rad_s2];
+        let positions = [self.lower_rad, self.upper_rad];
+        if !positions.iter().chain(&rates).all(|v| v.is_finite()) {
             return Err("a limit is not a finite number".into());
         }
         if self.lower_rad >= self.upper_rad {
@@ -34,24 +28,24 @@ impl JointLimits {
                 self.lower_rad, self.upper_rad
             ));
         }
-        if self.velocity_rad_s <= 0.0 || self.acceleration_rad_s2 <= 0.0 {
+        if rates.iter().any(|rate| *rate <= 0.0) {
             return Err("velocity and acceleration limits must be above zero".into());
         }
         Ok(self)
     }
 
-    /// `position_rad` moved to the nearest allowed position.
+    /// The allowed position that is nearest to `position_rad`, radians.
     pub fn clamp_rad(&self, position_rad: f64) -> f64 {
         position_rad.clamp(self.lower_rad, self.upper_rad)
     }
 }
 
-/// What a servo said of itself in one cycle.
+/// The state that a servo reports in one control cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointState {
-    /// Position, radians, in the robot's joint convention.
+    /// Position in the robot's joint convention, radians.
     pub position_rad: f64,
-    /// Velocity, radians a second.
+    /// Measured velocity, radians a second.
     pub velocity_rad_s: f64,
     /// Motor current, amperes; positive pushes towards higher positions.
     pub current_a: f64,

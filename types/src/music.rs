@@ -1,4 +1,4 @@
-//! What the generator hears of the music, 20 times a second.
+//! Music features and beat, 20 times a second: the input of the motion generator.
 
 use std::f32::consts::TAU;
 
@@ -10,50 +10,47 @@ pub const SPECTRAL_DIM: usize = 35;
 /// `sin`, `cos`, tempo and confidence.
 pub const MUSIC_DIM: usize = SPECTRAL_DIM + 4;
 
-/// Whether a beat tracker has the beat.
+/// Lock state of the beat tracker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum BeatLock {
-    /// No beat: silence, noise, or music not yet understood.
+    /// No beat: silence, noise, or music whose beat is not found yet.
     #[default]
     Lost,
-    /// The beat is followed.
+    /// The tracker follows the beat.
     Locked,
-    /// The music became unclear (a break): the last beat goes on.
+    /// The music became unclear (a break); the last beat is extrapolated.
     Holding,
 }
 
-/// The state of the beat as a causal tracker knows it at one moment.
+/// The beat at one moment, estimated from the past alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Beat {
     /// Position between two beats, 0 (on the beat) up to 1 (the next beat).
     pub phase: f32,
     /// Tempo in beats a minute; 0 while unknown.
     pub tempo_bpm: f32,
-    /// How sure the tracker is, 0 to 1. Below a half the phase is a guess.
+    /// Confidence of the tracker, 0 to 1. Below 0.5 the phase is a guess.
     pub confidence: f32,
-    /// Whether the beat is had, with hysteresis: steadier than `confidence`.
+    /// Lock state; has hysteresis and changes more slowly than `confidence`.
     pub lock: BeatLock,
-    /// Which beat of a bar of four the last beat was, 0 being the downbeat: a
-    /// guess, `None` while there is none.
+    /// Index of the last beat in a bar of four, 0 being the downbeat; `None`
+    /// while no downbeat stands out.
     pub beat_in_bar: Option<u8>,
 }
 
-/// Music features at one motion frame: everything heard up to `time_s`, and
-/// nothing after it.
+/// Music features at one motion frame, computed from the samples before `time_s`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MusicFrame {
-    /// Seconds since the music began.
+    /// Time since the music began, seconds.
     pub time_s: f64,
     /// The 35 features of AIST++, computed causally.
     pub spectral: [f32; SPECTRAL_DIM],
-    /// The tracked beat.
+    /// The tracked beat, extrapolated to `time_s`.
     pub beat: Beat,
-    /// Whether this is music at all, as against silence, speech or noise:
-    /// 0 surely not, 1 surely. Steady over seconds.
+    /// Probability of music (not silence, speech or noise), 0 to 1, averaged over seconds.
     pub presence: f32,
 }
 
-/// Silence at the beginning of time.
 impl Default for MusicFrame {
     fn default() -> Self {
         Self {
@@ -66,31 +63,28 @@ impl Default for MusicFrame {
 }
 
 impl MusicFrame {
-    /// What the generator is conditioned on: the 35 features, then the sine
-    /// and cosine of the beat phase (both scaled by the confidence), the tempo
-    /// as octaves from 120 BPM (0 while unknown), and the confidence.
+    /// The generator's conditioning vector: the 35 features, then the sine and
+    /// cosine of the beat phase (both scaled by the confidence), the tempo as
+    /// octaves from 120 BPM (0 while unknown), and the confidence.
     pub fn vector(&self) -> [f32; MUSIC_DIM] {
         let mut out = [0.0; MUSIC_DIM];
-        out[..SPECTRAL_DIM].copy_from_slice(&self.spectral);
-        let Beat {
-            phase,
-            tempo_bpm,
-            confidence,
-            ..
-        } = self.beat;
-        out[SPECTRAL_DIM] = (TAU * phase).sin() * confidence;
-        out[SPECTRAL_DIM + 1] = (TAU * phase).cos() * confidence;
-        out[SPECTRAL_DIM + 2] = if tempo_bpm > 0.0 {
-            (tempo_bpm / 120.0).log2()
+        let (spectral, beat_values) = out.split_at_mut(SPECTRAL_DIM);
+        spectral.copy_from_slice(&self.spectral);
+        let beat = self.beat;
+        let (sine, cosine) = ((TAU * beat.phase).sin(), (TAU * beat.phase).cos());
+        let known = beat.tempo_bpm > 0.0;
+        let octaves = if known {
+            (beat.tempo_bpm / 120.0).log2()
         } else {
             0.0
         };
-        out[SPECTRAL_DIM + 3] = confidence;
+        let confidence = beat.confidence;
+        beat_values.copy_from_slice(&[sine * confidence, cosine * confidence, octaves, confidence]);
         out
     }
 
-    /// The frame that has this [`MusicFrame::vector`]; what the vector does not
-    /// hold is as in [`Beat::default`]. Without confidence there is no beat.
+    /// The inverse of [`MusicFrame::vector`]; fields that the vector lacks are as
+    /// in [`Beat::default`]. Without confidence there is no beat.
     pub fn from_vector(vector: &[f32; MUSIC_DIM], time_s: f64) -> Self {
         let [sine, cosine, octaves, confidence] = std::array::from_fn(|i| vector[SPECTRAL_DIM + i]);
         let heard = confidence > 0.0;

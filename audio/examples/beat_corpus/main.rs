@@ -16,7 +16,7 @@ use std::io::Write;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use servodance_audio::beats::inputs_of;
-use servodance_audio::noise;
+use servodance_audio::song::noise;
 use servodance_audio::song::{SongSpec, Style};
 
 const RATE_HZ: u32 = 22_050;

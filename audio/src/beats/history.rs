@@ -1,31 +1,31 @@
-//! What an analyzer keeps for scoring when asked to; grows with the music
-//! unless what is old is let go of.
+//! The history that an analyzer keeps for scoring: beat evidence, presence of
+//! music, and the beats called live. Grows with the music unless old parts are
+//! dropped.
 
-use super::offline::BeatTrack;
 use servodance_types::FRAME_RATE_HZ;
 
-/// Frames after which music has been noticed: four seconds.
+/// Frames within which the detector notices music: four seconds.
 const NOTICED_FRAMES: usize = 80;
 
-/// The evidence of beats over a whole piece, and the beats as they were called live.
+/// Beat evidence over a whole piece, and the beats as they were called live.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct History {
+pub struct BeatHistory {
     /// Values a second of `evidence`.
     pub rate_hz: f64,
-    /// When the first value was audible, seconds; may be a little negative.
+    /// Time of the first value, seconds; may be a little negative.
     pub first_s: f64,
     /// Evidence of a beat in each hop, log-odds.
     pub evidence: Vec<f32>,
     /// Presence of music, 20 a second, from `first_presence_s` on.
     pub presence: Vec<f32>,
-    /// When the first value of `presence` was known, seconds.
+    /// Time of the first value of `presence`, seconds.
     pub first_presence_s: f64,
     /// Beats called by the causal tracker while it had the beat, seconds.
     pub beats_s: Vec<f64>,
 }
 
-impl History {
-    /// Lets go of what is older than `time_s`, once it is worth the copying.
+impl BeatHistory {
+    /// Drops values older than `time_s`, once at least half of them are.
     pub(crate) fn forget_before(&mut self, time_s: f64) {
         let gone = ((time_s - self.first_s) * self.rate_hz).floor();
         let gone = (gone.max(0.0) as usize).min(self.evidence.len());
@@ -41,26 +41,45 @@ impl History {
         self.beats_s.retain(|beat| *beat >= time_s);
     }
 
-    /// When value `index` was audible, seconds.
+    /// Time at which value `index` of the evidence was audible, seconds.
     pub fn time_s(&self, index: usize) -> f64 {
         self.first_s + index as f64 / self.rate_hz
     }
 
-    /// Whether music was noticed at this time or soon after.
+    /// Whether music is detected at this time or soon after.
     pub(crate) fn music_at(&self, time_s: f64) -> bool {
         let first = ((time_s - self.first_presence_s).max(0.0) * FRAME_RATE_HZ) as usize;
         let mut soon = self.presence.iter().skip(first).take(NOTICED_FRAMES);
         soon.any(|&presence| presence > 0.5)
     }
 
-    /// The beats as they were called live.
+    /// The beats that the causal tracker called live.
     pub fn live_track(&self) -> BeatTrack {
         let heard = self.beats_s.iter().copied();
         BeatTrack::new(heard.filter(|&time_s| time_s >= 0.0).collect())
     }
 }
 
-/// Notices when the phase of the beat passes zero.
+/// Beat times and tempo of a piece.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BeatTrack {
+    /// Median tempo, beats a minute; 0 if there are fewer than two beats.
+    pub tempo_bpm: f64,
+    /// Beat times in seconds, increasing.
+    pub times_s: Vec<f64>,
+}
+
+impl BeatTrack {
+    pub(super) fn new(times_s: Vec<f64>) -> Self {
+        let mut intervals: Vec<f64> = times_s.windows(2).map(|w| w[1] - w[0]).collect();
+        intervals.sort_by(f64::total_cmp);
+        let median_s = intervals.get(intervals.len() / 2);
+        let tempo_bpm = median_s.map_or(0.0, |s| 60.0 / s);
+        Self { tempo_bpm, times_s }
+    }
+}
+
+/// Calls a beat when the phase wraps from one to zero.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct BeatCaller {
     phase: f32,
@@ -78,10 +97,7 @@ impl BeatCaller {
         }
         let period_s = 60.0 / f64::from(tempo_bpm);
         let beat_s = now_s - f64::from(phase) * period_s;
-        let again = self
-            .last_s
-            .is_some_and(|last| beat_s - last < 0.5 * period_s);
-        if again {
+        if { self.last_s }.is_some_and(|last| beat_s - last < 0.5 * period_s) {
             return None;
         }
         self.last_s = Some(beat_s);

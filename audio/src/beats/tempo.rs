@@ -1,129 +1,128 @@
-//! Which tempi the last seconds suggest: autocorrelation and a harmonic comb.
+//! Decides tempo and phase of the beat: a filter over the states of
+//! [`state_space`](super::state_space), updated at every hop.
 //!
-//! Constant memory and the same work every hop.
+//! Each state carries the likelihood of the best path to it, not the sum over
+//! all paths: the best path changes less often. At every hop the states near a
+//! beat are reweighted by the onset strength. At a beat the tempo may change a
+//! little or, rarely, to any other; the tempi that the
+//! [tempogram](super::tempogram) suggests gain a little. Constant memory.
+//!
+//! The [tracker](super::tracker) follows the [`TempoEstimate`] smoothly; the
+//! [metrical level](super::metrical_level) decides between a period, its half
+//! and its double.
 
-/// Hops a second of the onset strength that tempi are counted in.
-pub(crate) const RATE_HZ: f64 = 160.0;
-/// Shortest period in hops: 192 BPM.
-const SHORTEST: usize = 50;
-/// Tempi: every whole number of hops down to 59 BPM, fastest first.
-pub(crate) const TEMPI: usize = 113;
+use super::state_space::{
+    BELL, REACH, TEMPI, TempoStates, beat_cost, bell, bpm, period, prior, steps,
+};
 
-/// Middle and width of the bell of usual tempi.
-const USUAL_BPM: f64 = 130.0;
-const USUAL_OCTAVES: f64 = 0.63;
-/// How far the best tempo stands out from the others.
-const SHARPNESS: f32 = 3.2;
-/// Periods that the comb looks at.
-const TEETH: usize = 4;
+/// Log-likelihood of a leap to any other tempo at a beat: another song.
+const LEAP: f32 = -20.0;
+/// Weight of the tempogram, log-likelihood a second.
+const TEMPOGRAM_PER_S: f32 = 0.3;
 
-/// The period of a tempo in hops.
-pub(crate) const fn period(index: usize) -> usize {
-    SHORTEST + index
+pub(super) struct TempoFilter {
+    tempi: Vec<TempoStates>,
+    bell: [f32; BELL],
+    steps: Vec<[f32; 2 * REACH + 1]>,
+    /// [`beat_cost`] of each tempo as a factor.
+    costs: [f32; TEMPI],
 }
 
-/// A tempo in beats a minute.
-pub(crate) fn bpm(index: usize) -> f64 {
-    60.0 * RATE_HZ / period(index) as f64
-}
-
-/// What a stretch of onsets says of the tempo.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct TempoFit {
-    /// How likely each tempo is, prior included; sums to one.
-    pub(crate) likelihood: [f32; TEMPI],
-    /// How regular the onsets are: their autocorrelation at the best tempo,
-    /// about 0.1 for speech and noise, above 0.2 for most music.
-    pub(crate) clarity: f32,
+pub(super) struct TempoEstimate {
+    pub(super) bpm: f64,
+    /// Beats since the last beat, 0 to 1.
+    pub(super) phase: f64,
+    /// Probability of this tempo and phase and their near neighbours, 0 to 1.
+    pub(super) mass: f32,
 }
 
-/// The autocorrelation of the onset strength with exponential forgetting.
-pub(crate) struct Tempogram {
-    history: Vec<f32>,
-    at: usize,
-    correlation: Vec<f32>,
-    keep: f32,
-    mean: f32,
-    energy: f32,
-}
-
-impl Tempogram {
-    /// Time constant of the forgetting, seconds.
-    const MEMORY_S: f64 = 7.5;
-
-    pub(crate) fn new() -> Self {
-        let lags = longest_lag();
+impl TempoFilter {
+    pub(super) fn new() -> Self {
+        let sum: f32 = (0..TEMPI).map(prior).sum();
+        let states = |i| TempoStates::filled(i, prior(i) / sum / period(i) as f32);
         Self {
-            history: vec![0.0; lags],
-            at: 0,
-            correlation: vec![0.0; lags],
-            keep: (-1.0 / (Self::MEMORY_S * RATE_HZ)).exp() as f32,
-            mean: 0.0,
-            energy: 0.0,
+            tempi: (0..TEMPI).map(states).collect(),
+            bell: bell(),
+            steps: steps(),
+            costs: std::array::from_fn(|i| beat_cost(i).exp()),
         }
     }
 
-    pub(crate) fn push(&mut self, strength: f32) {
-        self.mean += (1.0 - self.keep) * (strength - self.mean);
-        let now = strength - self.mean;
-        self.energy = self.keep * self.energy + now * now;
-        let lags = self.history.len();
-        self.history[self.at] = now;
-        let (new, old) = self.history.split_at(self.at + 1);
-        // correlation[lag] pairs now with the value `lag` hops ago.
-        let values = new.iter().rev().chain(old.iter().rev());
-        for (c, h) in self.correlation.iter_mut().zip(values) {
-            *c = self.keep * *c + now * h;
+    /// Advances one hop with this evidence for a beat, log-odds.
+    pub(super) fn hop(&mut self, evidence: f32) {
+        self.advance();
+        self.weigh(evidence);
+    }
+
+    fn advance(&mut self) {
+        let arrived: [f32; TEMPI] = std::array::from_fn(|i| self.tempi[i].advance());
+        let leap = LEAP.exp() * arrived.iter().fold(0.0f32, |m, &v| m.max(v));
+        for (to, states) in self.tempi.iter_mut().enumerate() {
+            let first = to.saturating_sub(REACH);
+            let last = (to + REACH).min(TEMPI - 1);
+            let near =
+                (first..=last).map(|from| self.steps[from][to + REACH - from] * arrived[from]);
+            *states.at_mut(0) = self.costs[to] * near.fold(leap, f32::max);
         }
-        self.at = (self.at + 1) % lags;
     }
 
-    /// How well each tempo fits what was heard lately.
-    pub(crate) fn fit(&self) -> TempoFit {
-        comb(&self.correlation, self.energy)
-    }
-}
-
-/// Lags that the comb may look at, hops.
-const fn longest_lag() -> usize {
-    TEETH * period(TEMPI - 1) + 4
-}
-
-/// Sums the autocorrelation at multiples of each period.
-fn comb(correlation: &[f32], energy: f32) -> TempoFit {
-    let mut fit = [0.0f32; TEMPI];
-    for (i, value) in fit.iter_mut().enumerate() {
-        let period = period(i) as f64;
-        let (mut sum, mut weights) = (0.0, 0.0);
-        for tooth in 1..=TEETH {
-            let weight = 1.0 / tooth as f32;
-            sum += weight * at_lag(correlation, period * tooth as f64);
-            weights += weight;
+    fn weigh(&mut self, evidence: f32) {
+        let factors = self.bell.map(|bell| (evidence * bell).exp());
+        for states in &mut self.tempi {
+            states.near_beat(|state, distance| *state *= factors[distance]);
         }
-        *value = (sum / weights / (energy + 1e-3)).max(0.0);
     }
-    let peak = fit.iter().fold(1e-6f32, |m, &v| m.max(v));
-    let mut sum = 0.0;
-    for (i, value) in fit.iter_mut().enumerate() {
-        *value = (*value / peak).powf(SHARPNESS) * prior_of(bpm(i)) + 1e-5;
-        sum += *value;
-    }
-    fit.iter_mut().for_each(|v| *v /= sum);
-    TempoFit {
-        likelihood: fit,
-        clarity: peak,
-    }
-}
 
-fn at_lag(correlation: &[f32], lag: f64) -> f32 {
-    let whole = (lag as usize).min(correlation.len() - 2);
-    let part = (lag - whole as f64) as f32;
-    let (a, b) = (correlation[whole], correlation[whole + 1]);
-    a + part.min(1.0) * (b - a)
-}
+    /// Normalizes the sum to one and mixes in the likelihoods of the tempogram
+    /// for the `elapsed_s` since the last call; due every few hops.
+    pub(super) fn mix_in(&mut self, tempogram: &[f32; TEMPI], elapsed_s: f32) {
+        let total: f32 = self.tempi.iter().map(TempoStates::total).sum();
+        let scale = 1.0 / total.max(1e-30);
+        for (states, likelihood) in self.tempi.iter_mut().zip(tempogram) {
+            let gain = TEMPOGRAM_PER_S * (likelihood * TEMPI as f32).ln();
+            states.scale(scale * (1.0 + elapsed_s * gain).max(0.5));
+        }
+    }
 
-/// What tempi are usual: a bell over octaves.
-pub(crate) fn prior_of(bpm: f64) -> f32 {
-    let octaves = (bpm / USUAL_BPM).log2() / USUAL_OCTAVES;
-    (-0.5 * octaves * octaves).exp() as f32
+    pub(super) fn estimate(&self) -> TempoEstimate {
+        let totals: [f32; TEMPI] = std::array::from_fn(|i| self.tempi[i].total());
+        let around = |i: usize| -> f32 {
+            let reach = period(i) / 40;
+            totals[i.saturating_sub(reach)..(i + reach + 1).min(TEMPI)]
+                .iter()
+                .sum()
+        };
+        let best = (0..TEMPI)
+            .max_by(|&a, &b| around(a).total_cmp(&around(b)))
+            .unwrap_or(0);
+        let phase = self.tempi[best].likeliest() as f64 / period(best) as f64;
+        let reach = period(best) / 20;
+        let low = best.saturating_sub(reach);
+        let high = (best + reach + 1).min(TEMPI);
+        // Mean tempo of the neighbourhood; mass near the phase.
+        let (mut mass, mut turn, mut weight) = (0.0f32, 0.0f64, 0.0f64);
+        let (mut sin, mut cos) = (0.0f64, 0.0f64);
+        for (i, states) in self.tempi.iter().enumerate().take(high).skip(low) {
+            let period = period(i);
+            weight += f64::from(totals[i]);
+            turn += f64::from(totals[i]) * bpm(i).ln();
+            let reach = period as i64 / 8;
+            let centre = (phase * period as f64).round() as i64;
+            for offset in -reach..=reach {
+                let since = (centre + offset).rem_euclid(period as i64) as usize;
+                let value = states.at(since);
+                mass += value;
+                let angle = offset as f64 / period as f64;
+                sin += f64::from(value) * angle;
+                cos += f64::from(value);
+            }
+        }
+        let shift = if cos > 0.0 { sin / cos } else { 0.0 };
+        TempoEstimate {
+            bpm: (turn / weight.max(1e-30)).exp(),
+            phase: (phase + shift).rem_euclid(1.0),
+            mass,
+        }
+    }
 }

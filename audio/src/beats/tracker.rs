@@ -1,4 +1,4 @@
-//! The causal beat tracker: belief in, a steady oscillator out.
+//! The causal beat tracker: a steady oscillator that follows the tempo filter.
 //!
 //! ```text
 //!            confident                unsure
@@ -8,32 +8,34 @@
 //!    +-- silence, no music ----+- unsure HOLD_S --+
 //! ```
 //!
-//! While locked the oscillator follows the belief by small corrections, so that
-//! its phase never jumps for one late drum; a different tempo or phase that
-//! stays believed for a while is taken over at once.
+//! While locked the oscillator follows the filter's estimate by small
+//! corrections, so that its phase never jumps for one late drum. An estimate
+//! that contradicts the oscillator for a while is taken over at once.
 
-use super::bar::Bar;
-use super::belief::{Belief, Estimate, evidence};
-use super::level::{Level, LevelReading};
-use super::network::{Heard, sigmoid};
-use super::tempo::{RATE_HZ, TempoFit, Tempogram};
-use crate::onset::Onset;
+use super::downbeat::DownbeatCounter;
+use super::metrical_level::{MetricalLevel, MetricalReading};
+use super::network::NetworkOutput;
+use super::state_space::{RATE_HZ, evidence};
+use super::tempo::{TempoEstimate, TempoFilter};
+use super::tempogram::{Tempogram, TempogramFit};
+use crate::features::onset_strength::Onset;
+use crate::features::spectrum::sigmoid;
 use servodance_types::{Beat, BeatLock};
 
-/// Confidence to lock, and below which a lock is held only.
+/// Confidence that locks, and confidence below which a lock only holds.
 const LOCK: f32 = 0.4;
 const UNLOCK: f32 = 0.25;
-/// Presence of music needed to lock; absent for so long, the lock is lost.
+/// Presence of music that a lock needs, and how long it may be absent.
 const MUSIC: f32 = 0.5;
 const ABSENT_S: f64 = 4.0;
 /// Clarity of the tempogram for noise and speech, and for music.
 const IRREGULAR: f32 = 0.1;
 const REGULAR: f32 = 0.2;
-/// How long a lock is held without confidence.
+/// Longest hold without confidence.
 const HOLD_S: f64 = 7.0;
-/// Silence for so long ends the music.
+/// Silence that ends the music.
 const SILENCE_S: f64 = 1.5;
-/// A contradicting belief must last so long before it is followed.
+/// How long a contradicting estimate must last before it is taken over.
 const PATIENCE_S: f64 = 0.3;
 /// The same for half, double or the off-beat of what is followed.
 const LEVEL_PATIENCE_S: f64 = 1.0;
@@ -44,11 +46,10 @@ const LAG_PULL_PER_S2: f64 = 1.3;
 /// Share of the tempo error that is corrected in one second.
 const TEMPO_PULL_PER_S: f64 = 0.8;
 
-/// Follows the beat hop by hop.
 pub(crate) struct Tracker {
     tempogram: Tempogram,
-    belief: Belief,
-    fit: TempoFit,
+    filter: TempoFilter,
+    fit: TempogramFit,
     hops: u64,
     state: BeatLock,
     phase: f64,
@@ -59,12 +60,12 @@ pub(crate) struct Tracker {
     unsure_s: f64,
     silent_s: f64,
     contradicted_s: f64,
-    level: Level,
-    bar: Bar,
+    level: MetricalLevel,
+    downbeats: DownbeatCounter,
 }
 
-/// Hops between two looks at the tempogram and the belief.
-const LOOK_EVERY: u64 = 8;
+/// Hops between two comparisons of the oscillator with the filter.
+const UPDATE_EVERY: u64 = 8;
 
 impl Tracker {
     pub(crate) fn new() -> Self {
@@ -72,7 +73,7 @@ impl Tracker {
         Self {
             fit: tempogram.fit(),
             tempogram,
-            belief: Belief::new(),
+            filter: TempoFilter::new(),
             hops: 0,
             state: BeatLock::Lost,
             phase: 0.0,
@@ -83,18 +84,17 @@ impl Tracker {
             unsure_s: 0.0,
             silent_s: f64::INFINITY,
             contradicted_s: 0.0,
-            level: Level::default(),
-            bar: Bar::default(),
+            level: MetricalLevel::default(),
+            downbeats: DownbeatCounter::default(),
         }
     }
 
-    /// Whether there was no sound for a while.
-    pub(crate) fn silent(&self) -> bool {
+    /// Whether silence has ended the music.
+    pub(crate) fn is_silent(&self) -> bool {
         self.silent_s > SILENCE_S
     }
 
-    /// Takes how present music is, 0 to 1.
-    pub(crate) fn music(&mut self, presence: f32) {
+    pub(crate) fn set_presence(&mut self, presence: f32) {
         self.presence = presence;
     }
 
@@ -102,8 +102,7 @@ impl Tracker {
         self.state
     }
 
-    /// Takes one hop of onsets, and what the network says of it.
-    pub(crate) fn hop(&mut self, onset: &Onset, heard: &Heard) {
+    pub(crate) fn hop(&mut self, onset: &Onset, output: &NetworkOutput) {
         let hop_s = 1.0 / RATE_HZ;
         self.silent_s = if onset.audible {
             0.0
@@ -111,28 +110,26 @@ impl Tracker {
             self.silent_s + hop_s
         };
         self.tempogram.push(onset.strength);
-        self.belief.hop(evidence(onset.strength));
+        self.filter.hop(evidence(onset.strength));
         let phase = self.phase + self.bpm / 60.0 * hop_s;
         self.phase = phase.rem_euclid(1.0);
         self.level.count(phase.floor() as i64);
-        let voices = [onset.groups[0], onset.groups[1], sigmoid(heard.beat)];
-        self.level.hear(self.phase, self.bpm, voices);
-        let (danced, _) = self.level.apply(self.phase, self.bpm);
-        self.bar
-            .hear(danced.rem_euclid(1.0), sigmoid(heard.downbeat));
+        let parts = [onset.groups[0], onset.groups[1], sigmoid(output.beat)];
+        self.level.push(self.phase, self.bpm, parts);
+        let phase = self.level.apply(self.phase, self.bpm).0.rem_euclid(1.0);
+        self.downbeats.push(phase, sigmoid(output.downbeat));
         self.hops += 1;
-        if self.hops.is_multiple_of(LOOK_EVERY) {
-            let elapsed_s = LOOK_EVERY as f64 * hop_s;
+        if self.hops.is_multiple_of(UPDATE_EVERY) {
+            let elapsed_s = UPDATE_EVERY as f64 * hop_s;
             self.fit = self.tempogram.fit();
-            self.belief.settle(&self.fit.likelihood, elapsed_s as f32);
-            self.look(elapsed_s);
+            self.filter.mix_in(&self.fit.likelihood, elapsed_s as f32);
+            self.update(elapsed_s);
         }
     }
 
-    /// Compares the oscillator with the belief.
-    fn look(&mut self, elapsed_s: f64) {
-        let estimate = self.belief.estimate();
-        let clarity = if self.silent() {
+    fn update(&mut self, elapsed_s: f64) {
+        let estimate = self.filter.estimate();
+        let clarity = if self.is_silent() {
             0.0
         } else {
             let regular = (self.fit.clarity - IRREGULAR) / (REGULAR - IRREGULAR);
@@ -141,7 +138,7 @@ impl Tracker {
         };
         let pull = (2.0 * elapsed_s) as f32;
         self.confidence += pull.min(1.0) * (clarity - self.confidence);
-        if self.silent() {
+        if self.is_silent() {
             self.confidence = 0.0;
         }
         self.absent_s = if self.presence > MUSIC {
@@ -158,14 +155,14 @@ impl Tracker {
             BeatLock::Locked | BeatLock::Holding => {
                 self.follow(estimate, elapsed_s);
                 if self.level.choose(self.bpm, elapsed_s) {
-                    self.bar = Bar::default();
+                    self.downbeats = DownbeatCounter::default();
                 }
             }
         }
     }
 
-    fn change_state(&mut self, estimate: Estimate, elapsed_s: f64) {
-        if self.silent() || self.absent_s > ABSENT_S {
+    fn change_state(&mut self, estimate: TempoEstimate, elapsed_s: f64) {
+        if self.is_silent() || self.absent_s > ABSENT_S {
             self.state = BeatLock::Lost;
             return;
         }
@@ -176,7 +173,7 @@ impl Tracker {
                 self.contradicted_s = 0.0;
                 self.phase = estimate.phase;
                 self.bpm = estimate.bpm;
-                self.level.begin();
+                self.level.restart();
             }
             BeatLock::Locked if self.confidence < UNLOCK => {
                 self.state = BeatLock::Holding;
@@ -193,7 +190,7 @@ impl Tracker {
         }
     }
 
-    fn follow(&mut self, estimate: Estimate, elapsed_s: f64) {
+    fn follow(&mut self, estimate: TempoEstimate, elapsed_s: f64) {
         let error = wrap(estimate.phase - self.phase);
         let tempo_error = (estimate.bpm / self.bpm).ln();
         if tempo_error.abs() < 0.06 && error.abs() < 0.15 {
@@ -211,7 +208,7 @@ impl Tracker {
         if self.confidence > UNLOCK {
             self.contradicted_s += elapsed_s;
         }
-        // Another level of the same beat is doubtful news: wait longer.
+        // Another metrical level of the same beat is doubtful: wait longer.
         let octave = (estimate.bpm / self.bpm).log2();
         let related = (octave - octave.round()).abs() < 0.06;
         let patience_s = if related {
@@ -220,19 +217,19 @@ impl Tracker {
             PATIENCE_S
         };
         if self.contradicted_s > patience_s {
-            let danced = self.level.apply(self.phase, self.bpm);
+            let output = self.level.apply(self.phase, self.bpm);
             self.phase = estimate.phase;
             self.bpm = estimate.bpm;
-            if !self.level.carry_over(danced, self.phase, self.bpm) {
-                self.bar = Bar::default();
+            if !self.level.carry_over(output, self.phase, self.bpm) {
+                self.downbeats = DownbeatCounter::default();
             }
             self.contradicted_s = 0.0;
         }
     }
 
-    /// Every reading of the beat `ahead_s` seconds after the newest hop; none
-    /// without a beat.
-    pub(crate) fn readings(&self, ahead_s: f64) -> Vec<LevelReading> {
+    /// Every metrical reading of the beat `ahead_s` seconds after the newest hop;
+    /// none without a beat.
+    pub(crate) fn readings(&self, ahead_s: f64) -> Vec<MetricalReading> {
         if self.state == BeatLock::Lost {
             return Vec::new();
         }
@@ -254,7 +251,9 @@ impl Tracker {
             lock: self.state,
             beat_in_bar: match self.state {
                 BeatLock::Lost => None,
-                BeatLock::Locked | BeatLock::Holding => self.bar.beat_in_bar(f64::from(phase)),
+                BeatLock::Locked | BeatLock::Holding => {
+                    self.downbeats.beat_in_bar(f64::from(phase))
+                }
             },
         }
     }

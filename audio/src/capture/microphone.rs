@@ -1,12 +1,12 @@
 //! Microphones and other inputs of the system's sound interface, through cpal.
 //!
-//! The callback copies into the link and returns. Blocks are short (3.3 ms where
+//! The callback copies into the ring and returns. Blocks are short (3.3 ms where
 //! the device allows it), because each waits for its own last sample.
 
-use super::keeper::{Failure, Keeper, LinkEvent, Opener};
-use super::link::{LinkFormat, LinkReader, LinkWriter, link};
-use super::listener::{Kind, Listener};
-use crate::source::SourceError;
+use super::live_stream::LiveStream;
+use super::ring::{RingFormat, RingReader, RingWriter, ring};
+use super::stall::InputKind;
+use super::supervisor::{DeviceOpener, DeviceSupervisor, FailureReporter, SupervisorEvent};
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
 use cpal::{
     BufferSize, ErrorKind, FromSample, Sample as _, SampleFormat, SizedSample, StreamConfig,
@@ -14,43 +14,69 @@ use cpal::{
 };
 use std::time::{Duration, Instant};
 
-/// Blocks a second asked of a device.
+/// Blocks a second requested from a device.
 const BLOCKS_HZ: u32 = 300;
-/// Rates from the best to the least; all hold what the analysis hears.
+/// Rates in order of preference; all carry the band of the analysis.
 const PREFERRED_RATES_HZ: [u32; 6] = [48_000, 44_100, 96_000, 32_000, 22_050, 16_000];
-/// How long opening a device may take before it is given up.
+/// Longest time that opening a device may take.
 const OPEN_PATIENCE: Duration = Duration::from_secs(10);
-/// A driver that claims a longer delay than this is not believed.
+/// Longest delay that a driver is believed to have.
 const LONGEST_DELAY: Duration = Duration::from_millis(250);
+
+/// Why an input of the system cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum DeviceError {
+    /// No input of the system has this id or name.
+    #[error("no microphone \"{name}\"; there are: {}", list(.known))]
+    Unknown {
+        /// The id or name as given by the user.
+        name: String,
+        /// Ids of the inputs of the system.
+        known: Vec<String>,
+    },
+    /// The input cannot be opened or queried.
+    #[error("{name}: {reason}")]
+    Failed {
+        /// Name of the input for the user.
+        name: String,
+        /// The error of the sound interface in one line.
+        reason: String,
+    },
+}
+
+fn list(names: &[String]) -> String {
+    match names {
+        [] => "none".to_owned(),
+        names => names.join(", "),
+    }
+}
 
 /// An input of the system.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Device {
-    /// What `--mic` takes.
+pub struct InputDevice {
+    /// Identifier, the argument of `--mic`.
     pub id: String,
-    /// What people call it.
+    /// Name for display, in one line.
     pub name: String,
-    /// Rates that it can deliver, hertz; a range as its two ends.
+    /// Rates that the device can deliver, hertz; a range as its two ends.
     pub rates_hz: Vec<(u32, u32)>,
-    /// Numbers of channels that it can deliver.
+    /// Numbers of channels that the device can deliver.
     pub channels: Vec<u16>,
-    /// Whether it is taken when none is named.
+    /// Whether the system uses this device when none is named.
     pub is_default: bool,
 }
 
-/// The inputs there are, the default one first.
-///
-/// # Errors
-/// The system's sound interface does not answer.
-pub fn devices() -> Result<Vec<Device>, SourceError> {
-    keep_quiet();
+/// The inputs of the system, the default one first.
+/// Errors: the system's sound interface does not answer.
+pub fn devices() -> Result<Vec<InputDevice>, DeviceError> {
+    silence_alsa();
     let host = cpal::default_host();
     let default = host.default_input_device().and_then(|d| d.id().ok());
-    let inputs = host.input_devices().map_err(|error| SourceError::Device {
+    let inputs = host.input_devices().map_err(|error| DeviceError::Failed {
         name: "the sound interface".to_owned(),
         reason: in_one_line(&error),
     })?;
-    let mut found: Vec<Device> = Vec::new();
+    let mut found: Vec<InputDevice> = Vec::new();
     for input in inputs {
         let (Ok(id), Ok(configs)) = (input.id(), input.supported_input_configs()) else {
             continue;
@@ -59,7 +85,7 @@ pub fn devices() -> Result<Vec<Device>, SourceError> {
         if configs.is_empty() || found.iter().any(|d| d.id == id.id()) {
             continue;
         }
-        found.push(Device {
+        found.push(InputDevice {
             is_default: default.as_ref() == Some(&id),
             id: id.id().to_owned(),
             name: input.description().map_or_else(
@@ -78,10 +104,9 @@ pub fn devices() -> Result<Vec<Device>, SourceError> {
     Ok(found)
 }
 
-/// ALSA's library prints what it tries and cannot open on standard error.
-/// What matters is in the errors that it returns; the text goes to a buffer of
-/// this thread, a new one at each call.
-fn keep_quiet() {
+/// Keeps ALSA's library from printing failed attempts on standard error; the
+/// errors that it returns are enough. The text goes to a buffer of this thread.
+fn silence_alsa() {
     #[cfg(target_os = "linux")]
     let _ = alsa::Output::local_error_handler();
 }
@@ -97,68 +122,59 @@ fn first_line(text: &str) -> String {
     text.lines().next().unwrap_or_default().to_owned()
 }
 
-/// Listens to the named input, or to the default one.
-///
-/// # Errors
-/// There is no such input (the error lists those there are), or it cannot be
-/// opened.
-pub(crate) fn listen_to_microphone(name: Option<&str>) -> Result<Listener, SourceError> {
+/// Opens the named input, or the default one.
+/// Errors: there is no such input (the error lists the known ones), or it cannot be opened.
+pub(crate) fn open_microphone(name: Option<&str>) -> Result<LiveStream, DeviceError> {
     let id = choose(name)?;
     let opener = MicrophoneOpener { id: id.clone() };
-    let unreadable = |reason: String| SourceError::Device {
-        name: device_name(&id),
+    let failed = |reason: String| DeviceError::Failed {
+        name: match &id {
+            Some(id) => format!("microphone {id}"),
+            None => "the default microphone".to_owned(),
+        },
         reason,
     };
-    let keeper = Keeper::start(opener).map_err(|error| unreadable(error.to_string()))?;
-    match keeper.first_event(OPEN_PATIENCE) {
-        Some(LinkEvent::Opened(link)) => {
-            let mut listener = Listener::new(Kind::Device, keeper, Instant::now());
-            listener.connect(link);
-            Ok(listener)
+    let supervisor = DeviceSupervisor::start(opener).map_err(|error| failed(error.to_string()))?;
+    match supervisor.first_event(OPEN_PATIENCE) {
+        Some(SupervisorEvent::Opened(ring)) => {
+            let mut stream = LiveStream::new(InputKind::Device, supervisor, Instant::now());
+            stream.connect(ring);
+            Ok(stream)
         }
-        Some(LinkEvent::Failed(reason)) => Err(unreadable(reason)),
-        None => Err(unreadable("opening it takes too long".to_owned())),
-    }
-}
-
-/// What errors call the device.
-pub(crate) fn device_name(id: &Option<String>) -> String {
-    match id {
-        Some(id) => format!("microphone {id}"),
-        None => "the default microphone".to_owned(),
+        Some(SupervisorEvent::Failed(reason)) => Err(failed(reason)),
+        None => Err(failed("opening it takes too long".to_owned())),
     }
 }
 
 /// The id of the input with this id or name.
-fn choose(name: Option<&str>) -> Result<Option<String>, SourceError> {
+fn choose(name: Option<&str>) -> Result<Option<String>, DeviceError> {
     let Some(name) = name else { return Ok(None) };
     let known = devices()?;
-    let is_meant = |d: &&Device| d.id == name || d.name.eq_ignore_ascii_case(name);
+    let is_meant = |d: &&InputDevice| d.id == name || d.name.eq_ignore_ascii_case(name);
     match known.iter().find(is_meant) {
         Some(device) => Ok(Some(device.id.clone())),
-        None => Err(SourceError::UnknownDevice {
+        None => Err(DeviceError::Unknown {
             name: name.to_owned(),
             known: known.into_iter().map(|d| d.id).collect(),
         }),
     }
 }
 
-/// Opens one device, again and again.
 struct MicrophoneOpener {
-    /// The default input if `None`.
+    /// Identifier; `None` for the default input.
     id: Option<String>,
 }
 
-impl Opener for MicrophoneOpener {
-    type Stream = cpal::Stream;
+impl DeviceOpener for MicrophoneOpener {
+    type Open = cpal::Stream;
 
-    fn open(&mut self, failure: Failure) -> Result<(LinkReader, cpal::Stream), String> {
-        keep_quiet();
+    fn open(&mut self, failure: FailureReporter) -> Result<(RingReader, cpal::Stream), String> {
+        silence_alsa();
         let device = self.find().ok_or("it is not there")?;
         let configs = device.supported_input_configs();
         let configs = configs.map_err(|error| in_one_line(&error))?;
         let (config, format) = best(configs).ok_or("it has no format that can be used")?;
-        let (writer, reader) = link(LinkFormat {
+        let (writer, reader) = ring(RingFormat {
             sample_rate_hz: config.sample_rate,
             channels: config.channels,
         });
@@ -180,8 +196,7 @@ impl MicrophoneOpener {
     }
 }
 
-/// The best of what a device can do: a rate that is common, few channels, a
-/// format that is copied without rounding.
+/// The best configuration of a device: a common rate, few channels, an exact format.
 fn best(
     configs: impl Iterator<Item = SupportedStreamConfigRange>,
 ) -> Option<(StreamConfig, SampleFormat)> {
@@ -205,7 +220,7 @@ fn best(
     Some((config, range.sample_format()))
 }
 
-/// Formats that can be read, the best first.
+/// Supported formats in order of preference.
 const FORMATS: [SampleFormat; 5] = [
     SampleFormat::I16,
     SampleFormat::F32,
@@ -218,8 +233,8 @@ fn build(
     device: &cpal::Device,
     config: StreamConfig,
     format: SampleFormat,
-    writer: LinkWriter,
-    failure: Failure,
+    writer: RingWriter,
+    failure: FailureReporter,
 ) -> Result<cpal::Stream, cpal::Error> {
     match format {
         SampleFormat::I16 => capture::<i16>(device, config, writer, failure),
@@ -233,16 +248,16 @@ fn build(
 fn capture<T: SizedSample>(
     device: &cpal::Device,
     config: StreamConfig,
-    mut writer: LinkWriter,
-    failure: Failure,
+    mut writer: RingWriter,
+    failure: FailureReporter,
 ) -> Result<cpal::Stream, cpal::Error>
 where
     f32: FromSample<T>,
 {
     let frames_a_second = f64::from(config.sample_rate) * f64::from(config.channels);
     let on_data = move |block: &[T], info: &cpal::InputCallbackInfo| {
-        // The driver says when the first sample was captured; the newest came
-        // a block later, and no driver knows the future.
+        // The driver reports the capture time of the first sample; the newest came
+        // a block later, and not in the future.
         let stamp = info.timestamp();
         let delay = stamp
             .callback
@@ -254,10 +269,10 @@ where
         writer.write(block.iter().map(|s| f32::from_sample(*s)), captured);
     };
     let on_error = move |error: cpal::Error| match error.kind() {
-        // The stream goes on. What an overrun of the device lost is seen by
-        // the listener as sound that stayed away.
+        // The stream goes on. An overrun of the device is seen by the live stream
+        // as sound that stayed away.
         ErrorKind::Xrun | ErrorKind::DeviceChanged | ErrorKind::RealtimeDenied => {}
-        _ => failure.tell(in_one_line(&error)),
+        _ => failure.report(in_one_line(&error)),
     };
     device.build_input_stream(config, on_data, on_error, None)
 }

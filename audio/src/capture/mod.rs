@@ -1,37 +1,40 @@
-//! Sound as it happens: a microphone, or raw samples that a program writes.
+//! Live sound: microphones and other devices, and what keeps their sound steady.
 //!
 //! ```text
-//! capture callback --(lock-free ring)--> Listener: one rate, the clock's pace
-//!        ^ opened again when lost             | silence while there is no sound
+//! capture callback --(lock-free ring)--> LiveStream: one rate, the clock's pace
+//!        ^ DeviceSupervisor: opened again    | silence while no sound arrives (stall)
 //! ```
 //!
-//! `link` is the ring: its writer only copies, so it may run in a capture
-//! callback. `listener` turns what arrives into a mono stream at
-//! [`ANALYSIS_RATE_HZ`](crate::ANALYSIS_RATE_HZ) that keeps to the wall clock
-//! whatever the device does, so that music time goes on. What a user should
-//! know comes out as [`Notice`]s, once each.
+//! `ring` copies only, so that its writer may run in a capture callback.
+//! `live_stream` makes a mono stream that keeps to the wall clock whatever the
+//! device does, so that music time goes on. `stall` says what a stalled input
+//! does. What the user should know comes out as [`CaptureEvent`]s, once each.
 //!
-//! A queue, not a latest value: every sample counts for the beat. What is too
-//! old to be danced to is dropped by the listener, and said.
+//! A queue, not a latest value: every sample counts for the beat. Sound that is
+//! too old to be danced to is dropped by the stream, and reported.
 
-// Without a microphone nothing is opened twice, and tests still look at it.
-#[cfg_attr(not(feature = "mic"), allow(dead_code))]
-mod keeper;
-mod link;
-#[cfg_attr(not(feature = "mic"), allow(dead_code))]
-mod listener;
+mod clock;
+mod event;
+mod live_stream;
 #[cfg(feature = "mic")]
 mod microphone;
-mod notice;
-mod pipe;
+mod ring;
+mod stall;
+// Without microphones no device is opened twice; tests still run this code.
+#[cfg_attr(not(feature = "mic"), allow(dead_code))]
+mod supervisor;
 
-pub use notice::{CaptureStats, Notice};
+pub use event::{CaptureEvent, CaptureStats};
+#[cfg(feature = "mic")]
+pub use microphone::{DeviceError, InputDevice, devices};
 
 #[cfg(feature = "mic")]
-pub use microphone::{Device, devices};
+pub(crate) use microphone::open_microphone;
 
-#[cfg(feature = "mic")]
-pub(crate) use microphone::listen_to_microphone;
+pub(crate) use live_stream::{LIVE_RATE_HZ, LiveStream};
+pub(crate) use ring::{RingFormat, RingWriter, ring};
+pub(crate) use stall::InputKind;
+pub(crate) use supervisor::DeviceSupervisor;
 
-pub(crate) use listener::{LIVE_RATE_HZ, Listener};
-pub(crate) use pipe::listen_to_pipe;
+#[cfg(test)]
+mod tests;

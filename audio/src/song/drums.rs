@@ -3,9 +3,8 @@
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::voice::{sine, white};
+use super::synth::{sine, white};
 
-/// What can be struck.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Drum {
     Kick,
@@ -24,24 +23,15 @@ pub(super) enum Drum {
 }
 
 impl Drum {
-    const ALL: [Drum; 13] = [
-        Drum::Kick,
-        Drum::Snare,
-        Drum::Clap,
-        Drum::ClosedHat,
-        Drum::OpenHat,
-        Drum::Rim,
-        Drum::Clave,
-        Drum::Cowbell,
-        Drum::HighConga,
-        Drum::LowConga,
-        Drum::Shaker,
-        Drum::Tom,
-        Drum::Crash,
-    ];
+    const ALL: [Drum; 13] = {
+        use Drum::*;
+        [
+            Kick, Snare, Clap, ClosedHat, OpenHat, Rim, Clave, Cowbell, HighConga, LowConga,
+            Shaker, Tom, Crash,
+        ]
+    };
 }
 
-/// One sample of each drum.
 pub(super) struct DrumKit {
     shots: Vec<Vec<f32>>,
 }

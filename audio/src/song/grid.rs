@@ -1,17 +1,17 @@
-//! From beats to seconds and back: the one clock of a song.
+//! The beat grid of a song: from beats to seconds.
 
-use super::{SongError, SongSpec};
+use super::error::SongError;
 
-/// Some beats at one tempo.
+/// A number of beats at one tempo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TempoStep {
-    /// How many beats.
+    /// Number of beats at this tempo.
     pub beats: usize,
     /// Beats a minute, 30 to 300.
     pub bpm: f64,
 }
 
-/// Where the beats of a song are.
+/// Times of the beats of a song.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Grid {
     /// Tempi one after the other; the first beat is at 0 s.
@@ -47,14 +47,12 @@ pub(super) struct BeatGrid {
 }
 
 impl BeatGrid {
-    pub(super) fn new(spec: &SongSpec) -> Result<Self, SongError> {
-        if !(spec.duration_s > 0.0 && spec.duration_s <= 3600.0) {
-            return Err(SongError::Duration(spec.duration_s));
-        }
-        if !(8_000..=192_000).contains(&spec.sample_rate_hz) {
-            return Err(SongError::SampleRate(spec.sample_rate_hz));
-        }
-        let given = spec.grid.times_s();
+    pub(super) fn new(
+        grid: &Grid,
+        duration_s: f64,
+        first_downbeat: usize,
+    ) -> Result<Self, SongError> {
+        let given = grid.times_s();
         if given.len() < 2 {
             return Err(SongError::TooFewBeats(given.len()));
         }
@@ -65,10 +63,10 @@ impl BeatGrid {
                 return Err(SongError::Interval { index, interval_s });
             }
         }
-        Ok(Self::covering(&given, spec.duration_s, spec.first_downbeat))
+        Ok(Self::covering(&given, duration_s, first_downbeat))
     }
 
-    /// Goes on at the outer tempi to one bar beyond either end of the song.
+    /// Continues at the outer tempi to one bar beyond either end of the song.
     fn covering(given: &[f64], duration_s: f64, first_downbeat: usize) -> Self {
         let (first, last) = (given[0], given[given.len() - 1]);
         let lead_s = given[1] - first;
@@ -87,7 +85,6 @@ impl BeatGrid {
         }
     }
 
-    /// The time of a beat, whole or in part; linear between beats.
     pub(super) fn time_s(&self, beat: f64) -> f64 {
         let position = beat + self.zero as f64;
         let last = self.times_s.len() - 2;
@@ -103,7 +100,7 @@ impl BeatGrid {
         -(beats_before / 4)..(beats_after / 4)
     }
 
-    /// Beats from 0 s up to `duration_s`, and which of them open a bar.
+    /// Beats from 0 s up to `duration_s`, and the indices of those that open a bar.
     pub(super) fn truth(&self, duration_s: f64) -> (Vec<f64>, Vec<usize>) {
         let mut beats_s = Vec::new();
         let mut downbeats = Vec::new();

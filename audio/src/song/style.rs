@@ -6,14 +6,14 @@
 //! `x` play, `-` hold. Everywhere `.` is silence.
 
 use super::drums::Drum;
-use super::voice::Instrument;
+use super::synth::Instrument;
 
 use Drum::*;
 use Instrument::*;
 
-/// The kind of music.
+/// Style of a song.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[allow(missing_docs)] // the names say it
+#[allow(missing_docs)] // the variant names are the documentation
 pub enum Style {
     House,
     Disco,
@@ -31,7 +31,6 @@ pub enum Style {
 
 pub(super) type DrumPattern = &'static [(Drum, &'static str)];
 
-/// What a style is made of; one pattern of each list is drawn for a song.
 pub(super) struct StyleSheet {
     pub(super) tempo_bpm: (f64, f64),
     /// Range of the delay of every second sixteenth, in sixteenths.
@@ -43,47 +42,30 @@ pub(super) struct StyleSheet {
     pub(super) bass_kind: &'static [Instrument],
     pub(super) chord_kind: &'static [Instrument],
     pub(super) lead_kind: &'static [Instrument],
-    /// Chords with sevenths.
+    /// Whether chords have sevenths.
     pub(super) sevenths: bool,
 }
 
 impl Style {
-    /// All styles.
-    pub const ALL: [Style; 12] = [
-        Style::House,
-        Style::Disco,
-        Style::HipHop,
-        Style::Rock,
-        Style::Funk,
-        Style::Salsa,
-        Style::Ballad,
-        Style::Electro,
-        Style::Reggaeton,
-        Style::Techno,
-        Style::Soul,
-        Style::Trap,
-    ];
+    /// All styles in the order of their declaration.
+    pub const ALL: [Style; 12] = {
+        use Style::*;
+        [
+            House, Disco, HipHop, Rock, Funk, Salsa, Ballad, Electro, Reggaeton, Techno, Soul, Trap,
+        ]
+    };
 
-    /// The tempi at which the style is usually played.
+    /// Lowest and highest usual tempo of the style, beats a minute.
     pub fn tempo_range_bpm(self) -> (f64, f64) {
         self.sheet().tempo_bpm
     }
 
     pub(super) fn sheet(self) -> &'static StyleSheet {
-        match self {
-            Style::House => &HOUSE,
-            Style::Disco => &DISCO,
-            Style::HipHop => &HIP_HOP,
-            Style::Rock => &ROCK,
-            Style::Funk => &FUNK,
-            Style::Salsa => &SALSA,
-            Style::Ballad => &BALLAD,
-            Style::Electro => &ELECTRO,
-            Style::Reggaeton => &REGGAETON,
-            Style::Techno => &TECHNO,
-            Style::Soul => &SOUL,
-            Style::Trap => &TRAP,
-        }
+        const SHEETS: [&StyleSheet; Style::ALL.len()] = [
+            &HOUSE, &DISCO, &HIP_HOP, &ROCK, &FUNK, &SALSA, &BALLAD, &ELECTRO, &REGGAETON, &TECHNO,
+            &SOUL, &TRAP,
+        ];
+        SHEETS[self as usize]
     }
 }
 

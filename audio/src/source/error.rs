@@ -1,130 +1,86 @@
-//! What can be wrong with a source of sound.
+//! Errors of sources of sound.
 
 use std::io;
 
-use super::SHORTEST_S;
+/// The shortest recording that can be danced to, seconds.
+pub const SHORTEST_S: f64 = 0.5;
 
-/// Why a source gives no music. Every message is one line and names the source.
+/// Why a source gives no music: one line that begins with the source's name.
 #[derive(Debug, thiserror::Error)]
-pub enum SourceError {
+#[error("{name}: {fault}")]
+pub struct SourceError {
+    /// The path or name of the source as given by the user.
+    pub name: String,
+    /// The fault of that source.
+    pub fault: SourceFault,
+}
+
+/// The fault of a source.
+#[derive(Debug, thiserror::Error)]
+pub enum SourceFault {
     /// The path leads nowhere.
-    #[error("{name}: no such file")]
-    NotFound {
-        /// The path as given.
-        name: String,
-    },
+    #[error("no such file")]
+    NotFound,
     /// The system refuses to read it (a folder, no permission, a bad disk).
-    #[error("{name}: cannot be read: {error}")]
-    Unreadable {
-        /// The path or name as given.
-        name: String,
-        /// What the system says.
-        error: io::Error,
-    },
-    /// There is not one byte in it.
-    #[error("{name}: is empty")]
-    Empty {
-        /// The path or name as given.
-        name: String,
-    },
+    #[error("cannot be read: {0}")]
+    Unreadable(io::Error),
+    /// The source holds not one byte.
+    #[error("is empty")]
+    Empty,
     /// The content is of none of the known kinds.
-    #[error("{name}: is not an audio file (wav, flac, mp3 and ogg/vorbis can be read)")]
-    NotAudio {
-        /// The path as given.
-        name: String,
-    },
-    /// A known container with a codec that is not built in.
-    #[error("{name}: its audio codec is not supported ({detail}); convert it to wav or flac")]
-    UnsupportedCodec {
-        /// The path as given.
-        name: String,
-        /// What the decoder says.
-        detail: String,
-    },
-    /// It looks like audio, but nothing in it can be decoded.
-    #[error("{name}: is corrupt: {detail}")]
-    Corrupt {
-        /// The path as given.
-        name: String,
-        /// What the decoder says.
-        detail: String,
-    },
-    /// Too little to dance to.
-    #[error("{name}: lasts {seconds:.2} s; at least {SHORTEST_S} s are needed")]
-    TooShort {
-        /// The path or name as given.
-        name: String,
-        /// Its length.
-        seconds: f64,
-    },
-    /// There is nothing to hear in it.
-    #[error("{name}: is silent from beginning to end")]
-    Silent {
-        /// The path as given.
-        name: String,
-    },
+    #[error("is not an audio file (wav, flac, mp3 and ogg/vorbis can be read)")]
+    NotAudio,
+    /// A known container with a codec that is not built in; the decoder's words.
+    #[error("its audio codec is not supported ({0}); convert it to wav or flac")]
+    UnsupportedCodec(String),
+    /// It looks like audio, but nothing in it can be decoded; the decoder's words.
+    #[error("is corrupt: {0}")]
+    Corrupt(String),
+    /// Shorter than [`SHORTEST_S`]; its length in seconds.
+    #[error("lasts {0:.2} s; at least {SHORTEST_S} s are needed")]
+    TooShort(f64),
+    /// The recording never rises above -80 dB of full scale.
+    #[error("is silent from beginning to end")]
+    Silent,
     /// The sample rate changes on the way, as in some joined streams.
-    #[error("{name}: its sample rate changes from {from_hz} to {to_hz} Hz; convert it to one rate")]
+    #[error("its sample rate changes from {from_hz} to {to_hz} Hz; convert it to one rate")]
     RateChange {
-        /// The path as given.
-        name: String,
-        /// The rate at the beginning.
+        /// The rate at the beginning, hertz.
         from_hz: u32,
-        /// The rate after it.
+        /// The rate after the change, hertz.
         to_hz: u32,
-    },
-    /// No input of the system has this id or name.
-    #[error("no microphone \"{name}\"; there are: {}", list(.known))]
-    UnknownDevice {
-        /// The name as given.
-        name: String,
-        /// Ids of those there are.
-        known: Vec<String>,
-    },
-    /// An input of the system cannot be opened or asked.
-    #[error("{name}: {reason}")]
-    Device {
-        /// What it is called.
-        name: String,
-        /// What the system says, in one line.
-        reason: String,
     },
     /// The raw format has no channels or an impossible rate.
     #[error(
-        "{name}: raw audio needs 1 to 64 channels at 4000 to 384000 Hz, not {channels} at {sample_rate_hz} Hz"
+        "raw audio needs 1 to 64 channels at 4000 to 384000 Hz, not {channels} at {sample_rate_hz} Hz"
     )]
     Format {
-        /// The name as given.
-        name: String,
-        /// Channels asked for.
+        /// The requested number of channels.
         channels: u16,
-        /// Rate asked for.
+        /// The requested rate, hertz.
         sample_rate_hz: u32,
     },
 }
 
-impl SourceError {
-    pub(super) fn io(name: &str, error: io::Error) -> Self {
-        let name = name.to_owned();
+impl SourceFault {
+    pub(super) fn of(self, name: &str) -> SourceError {
+        SourceError {
+            name: name.to_owned(),
+            fault: self,
+        }
+    }
+
+    pub(super) fn io(error: io::Error) -> Self {
         match error.kind() {
-            io::ErrorKind::NotFound => Self::NotFound { name },
-            _ => Self::Unreadable { name, error },
+            io::ErrorKind::NotFound => Self::NotFound,
+            _ => Self::Unreadable(error),
         }
     }
 
-    pub(super) fn short(name: &str, seconds: f64) -> Self {
-        let name = name.to_owned();
-        if seconds == 0.0 {
-            Self::Empty { name }
-        } else {
-            Self::TooShort { name, seconds }
+    pub(super) fn short(seconds: f64) -> Self {
+        match seconds {
+            0.0 => Self::Empty,
+            _ => Self::TooShort(seconds),
         }
-    }
-}
-
-fn list(names: &[String]) -> String {
-    match names {
-        [] => "none".to_owned(),
-        names => names.join(", "),
     }
 }

@@ -11,20 +11,23 @@ use symphonia::core::formats::{FormatOptions, FormatReader, Track, TrackType};
 use symphonia::core::io::{MediaSourceStream, MediaSourceStreamOptions};
 use symphonia::core::meta::MetadataOptions;
 
-use super::{AUDIBLE, SHORTEST_S, SourceError};
+use super::error::{SHORTEST_S, SourceError, SourceFault};
 
-/// How the known kinds of file begin.
+/// A recording that never rises above this (-80 dB of full scale) is silent.
+const AUDIBLE: f32 = 1e-4;
+
+/// First bytes of the known kinds of file.
 const MAGICS: [&[u8; 4]; 3] = [b"RIFF", b"fLaC", b"OggS"];
 
-/// After so many broken packets in a row the rest is given up.
+/// Broken packets in a row after which reading ends.
 const PATIENCE: u64 = 1000;
 
-/// Time missing between two packets: shorter is rounding, longer is a new
-/// beginning rather than a loss.
+/// Time missing between two packets that counts as loss: shorter is rounding,
+/// longer is a new beginning.
 const GAP_S: std::ops::Range<f64> = 0.005..30.0;
 
-/// Decodes one track of a file. What was lost is replaced by silence, so that
-/// everything after it stays in time.
+/// Decodes one track of a file. Silence replaces lost packets, so that everything
+/// after them stays in time.
 pub(super) struct FileReader {
     name: String,
     format: Box<dyn FormatReader>,
@@ -37,17 +40,17 @@ pub(super) struct FileReader {
     tick_s: Option<f64>,
     /// Time stamp of the first packet, seconds.
     origin_s: Option<f64>,
-    /// Samples delivered, replaced ones included.
+    /// Samples delivered, replacements included.
     delivered: u64,
     decoded: u64,
     skipped: u64,
-    /// What `skipped` was at the last gap.
+    /// Value of `skipped` at the last gap.
     skipped_before: u64,
     skipped_in_a_row: u64,
     fault: Option<String>,
 }
 
-/// Reads a file until it has proved long enough and audible.
+/// Reads a file until it is known to be long enough and audible.
 pub(super) fn check(path: &Path) -> Result<(), SourceError> {
     let mut reader = FileReader::open(path)?;
     let mut block = Vec::new();
@@ -62,7 +65,7 @@ pub(super) fn check(path: &Path) -> Result<(), SourceError> {
         match more {
             true if audible && seconds >= SHORTEST_S => return Ok(()),
             true => {}
-            false => return Err(reader.verdict(seconds, audible)),
+            false => return Err(reader.verdict(seconds)),
         }
     }
 }
@@ -70,15 +73,15 @@ pub(super) fn check(path: &Path) -> Result<(), SourceError> {
 impl FileReader {
     pub(super) fn open(path: &Path) -> Result<Self, SourceError> {
         let name = path.display().to_string();
-        let unreadable = |error| SourceError::io(&name, error);
+        let unreadable = |error| SourceFault::io(error).of(&name);
         let file = File::open(path).map_err(unreadable)?;
         let metadata = file.metadata().map_err(unreadable)?;
         if metadata.is_dir() {
             let error = std::io::Error::other("it is a folder");
-            return Err(SourceError::Unreadable { name, error });
+            return Err(SourceFault::Unreadable(error).of(&name));
         }
         if metadata.is_file() && metadata.len() == 0 {
-            return Err(SourceError::Empty { name });
+            return Err(SourceFault::Empty.of(&name));
         }
         let stream = MediaSourceStream::new(Box::new(file), MediaSourceStreamOptions::default());
         let format = symphonia::default::get_probe()
@@ -93,19 +96,14 @@ impl FileReader {
     }
 
     fn on_format(name: String, format: Box<dyn FormatReader>) -> Result<Self, SourceError> {
-        let corrupt = |detail: &str| SourceError::Corrupt {
-            name: name.clone(),
-            detail: detail.to_owned(),
-        };
-        let track = format
-            .default_track(TrackType::Audio)
-            .ok_or_else(|| SourceError::NotAudio { name: name.clone() })?;
+        let no_rate = SourceFault::Corrupt("it does not say its sample rate".to_owned());
+        let track = audio_track(&name, &*format)?;
         let decoder = decoder_for(&name, track)?;
         let sample_rate_hz = decoder
             .codec_params()
             .sample_rate
             .filter(|rate| *rate > 0)
-            .ok_or_else(|| corrupt("it does not say its sample rate"))?;
+            .ok_or_else(|| no_rate.of(&name))?;
         let duration_s = track
             .num_frames
             .filter(|&frames| frames > 0)
@@ -151,7 +149,7 @@ impl FileReader {
                 Ok(Some(_)) => continue,
                 Ok(None) => return Ok(false),
                 Err(Fault::ResetRequired) => {
-                    self.next_chapter()?;
+                    self.restart()?;
                     continue;
                 }
                 // A file that was cut short ends here.
@@ -159,28 +157,24 @@ impl FileReader {
                     self.fault = Some("it was cut short".to_owned());
                     return Ok(false);
                 }
-                Err(Fault::IoError(error)) => return Err(SourceError::io(&self.name, error)),
+                Err(Fault::IoError(error)) => return Err(SourceFault::io(error).of(&self.name)),
                 Err(fault) => {
-                    self.fault = Some(fault.to_string());
-                    self.skip();
+                    self.skip(&fault);
                     continue;
                 }
             };
             let audio = match self.decoder.decode(&packet) {
                 Ok(audio) => audio,
                 Err(fault) => {
-                    self.fault = Some(fault.to_string());
-                    self.skip();
+                    self.skip(&fault);
                     continue;
                 }
             };
             let rate_hz = audio.spec().rate();
             if rate_hz != self.sample_rate_hz {
-                return Err(SourceError::RateChange {
-                    name: self.name.clone(),
-                    from_hz: self.sample_rate_hz,
-                    to_hz: rate_hz,
-                });
+                let from_hz = self.sample_rate_hz;
+                let to_hz = rate_hz;
+                return Err(SourceFault::RateChange { from_hz, to_hz }.of(&self.name));
             }
             let channels = audio.spec().channels().count().max(1);
             audio.copy_to_vec_interleaved(&mut self.interleaved);
@@ -200,7 +194,7 @@ impl FileReader {
         Ok(false)
     }
 
-    /// How many samples are missing before the packet with this time stamp.
+    /// Samples missing before the packet with this time stamp.
     fn lost_before(&mut self, ticks: i64) -> usize {
         let Some(tick_s) = self.tick_s else { return 0 };
         let rate_hz = f64::from(self.sample_rate_hz);
@@ -211,49 +205,47 @@ impl FileReader {
             return 0;
         }
         if self.skipped == self.skipped_before {
-            // The container left it out itself.
+            // The container itself lacks the packet.
             self.skipped += 1;
         }
         self.skipped_before = self.skipped;
         (gap_s * rate_hz).round() as usize
     }
 
-    fn skip(&mut self) {
+    fn skip(&mut self, fault: &Fault) {
+        self.fault = Some(fault.to_string());
         self.skipped += 1;
         self.skipped_in_a_row += 1;
     }
 
-    /// A joined stream begins anew: a new decoder for its track.
-    fn next_chapter(&mut self) -> Result<(), SourceError> {
-        let track = self.format.default_track(TrackType::Audio);
-        let track = track.ok_or_else(|| SourceError::NotAudio {
-            name: self.name.clone(),
-        })?;
+    /// Continues with the next part of a joined stream: a new decoder.
+    fn restart(&mut self) -> Result<(), SourceError> {
+        let track = audio_track(&self.name, &*self.format)?;
         self.decoder = decoder_for(&self.name, track)?;
         self.track = track.id;
         Ok(())
     }
 
-    /// What is wrong with a file that ended after `seconds`, if anything.
-    fn verdict(self, seconds: f64, audible: bool) -> SourceError {
-        let name = self.name;
-        if self.decoded == 0 {
-            let detail = self.fault.unwrap_or_else(|| "it holds no sound".to_owned());
-            SourceError::Corrupt { name, detail }
+    /// The error of a file that ended after `seconds` too short or silent.
+    fn verdict(self, seconds: f64) -> SourceError {
+        let fault = if self.decoded == 0 {
+            SourceFault::Corrupt(self.fault.unwrap_or_else(|| "it holds no sound".to_owned()))
         } else if seconds < SHORTEST_S {
-            SourceError::TooShort { name, seconds }
+            SourceFault::TooShort(seconds)
         } else {
-            debug_assert!(!audible);
-            SourceError::Silent { name }
-        }
+            SourceFault::Silent
+        };
+        fault.of(&self.name)
     }
 }
 
+fn audio_track<'a>(name: &str, format: &'a dyn FormatReader) -> Result<&'a Track, SourceError> {
+    let track = format.default_track(TrackType::Audio);
+    track.ok_or_else(|| SourceFault::NotAudio.of(name))
+}
+
 fn decoder_for(name: &str, track: &Track) -> Result<Box<dyn AudioDecoder>, SourceError> {
-    let unsupported = |detail: String| SourceError::UnsupportedCodec {
-        name: name.to_owned(),
-        detail,
-    };
+    let unsupported = |detail: String| SourceFault::UnsupportedCodec(detail).of(name);
     let params = track.codec_params.as_ref().and_then(|p| p.audio());
     let params = params.ok_or_else(|| unsupported("unknown codec".to_owned()))?;
     symphonia::default::get_codecs()
@@ -266,19 +258,13 @@ fn not_probed(name: &str, fault: Fault) -> SourceError {
     let known = File::open(name)
         .and_then(|mut file| file.read_exact(&mut magic))
         .is_ok_and(|()| MAGICS.contains(&&magic));
-    let name = name.to_owned();
-    match fault {
+    let fault = match fault {
         Fault::IoError(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => {
-            SourceError::Unreadable { name, error }
+            SourceFault::Unreadable(error)
         }
-        Fault::DecodeError(detail) => SourceError::Corrupt {
-            name,
-            detail: detail.to_owned(),
-        },
-        _ if known => SourceError::Corrupt {
-            name,
-            detail: "no sound can be found in it".to_owned(),
-        },
-        _ => SourceError::NotAudio { name },
-    }
+        Fault::DecodeError(detail) => SourceFault::Corrupt(detail.to_owned()),
+        _ if known => SourceFault::Corrupt("no sound can be found in it".to_owned()),
+        _ => SourceFault::NotAudio,
+    };
+    fault.of(name)
 }

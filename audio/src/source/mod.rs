@@ -1,9 +1,9 @@
-//! Where sound comes from: a recording, raw samples from any reader, or live.
+//! Sources of sound: a recording, raw samples from any reader, or live sound.
 //!
 //! An [`AudioSource`] gives mono blocks at its own rate, in order, without ever
-//! holding the whole recording. It blocks while it reads, so it belongs on a
-//! thread of its own when the robot is live. A live source keeps to the clock:
-//! where no sound comes it gives silence (see [`capture`](crate::capture)).
+//! holding the whole recording. Reading blocks, so a source belongs on a thread
+//! of its own when the robot is live. A live source keeps to the clock: silence
+//! takes the place of sound that does not arrive (see [`capture`](crate::capture)).
 //!
 //! Refused, each with its own error that names the source: no such file,
 //! nothing in it, no audio in it, nothing decodable, silence, less than
@@ -11,27 +11,24 @@
 
 mod error;
 mod file;
-pub(crate) mod pcm;
+mod live_pcm;
+mod pcm;
 
 use std::io::Read;
 use std::path::Path;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
-pub use error::SourceError;
+pub use error::{SHORTEST_S, SourceError, SourceFault};
 pub use pcm::{PcmEncoding, PcmFormat, UnknownEncoding};
 
-use crate::capture::{CaptureStats, LIVE_RATE_HZ, Listener, Notice, listen_to_pipe};
+use crate::capture::{CaptureEvent, CaptureStats, LIVE_RATE_HZ, LiveStream};
 use file::FileReader;
+use live_pcm::open_live_pcm;
 use pcm::PcmReader;
 
-/// How often a live source looks for sound while it waits for some.
+/// Interval at which a live source polls for sound.
 const LIVE_POLL: Duration = Duration::from_millis(1);
-
-/// The least that can be danced to, seconds.
-pub const SHORTEST_S: f64 = 0.5;
-/// A recording that never rises above this (-80 dB of full scale) is silent.
-const AUDIBLE: f32 = 1e-4;
 
 /// A stream of mono samples.
 pub struct AudioSource {
@@ -39,166 +36,164 @@ pub struct AudioSource {
     sample_rate_hz: u32,
     duration_s: Option<f64>,
     samples: u64,
-    reader: Reader,
+    reader: SourceReader,
 }
 
-enum Reader {
+enum SourceReader {
     File(FileReader),
     Pcm(PcmReader),
-    Live(Box<Live>),
+    Live(Box<LiveReader>),
 }
 
-/// Sound as it happens.
-struct Live {
-    listener: Listener,
-    /// Why a pipe ended before its end.
+struct LiveReader {
+    stream: LiveStream,
+    /// The error that ended a PCM stream early.
     failures: Option<Receiver<SourceError>>,
 }
 
 impl AudioSource {
-    /// Opens a recording: wav, flac, mp3, ogg/vorbis (by content, not by
-    /// name), any rate, channels averaged. Reads ahead until it has proved
+    /// Opens a recording: wav, flac, mp3, ogg/vorbis (by content, not by name),
+    /// any rate, channels averaged. Reads ahead until the recording is known to be
     /// long enough and not silent, then starts again from the beginning.
+    /// Errors: any [`SourceFault`] but a raw format.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, SourceError> {
         let path = path.as_ref();
         file::check(path)?;
         let reader = FileReader::open(path)?;
+        let (name, rate_hz) = (path.display().to_string(), reader.sample_rate_hz());
+        let duration_s = reader.duration_s();
+        let source = Self::new(&name, rate_hz, SourceReader::File(reader));
         Ok(Self {
-            name: path.display().to_string(),
-            sample_rate_hz: reader.sample_rate_hz(),
-            duration_s: reader.duration_s(),
-            samples: 0,
-            reader: Reader::File(reader),
+            duration_s,
+            ..source
         })
     }
 
-    /// Raw samples from any reader, for instance standard input; `name` is
-    /// what errors call it. Blocks are as small as the reader delivers them.
+    /// Raw samples from any reader, for instance standard input; errors begin with
+    /// `name`. Blocks are as small as the reader delivers them.
+    /// Errors: a format with no channels or an impossible rate.
     pub fn from_reader(
         name: &str,
         reader: impl Read + Send + 'static,
         format: PcmFormat,
     ) -> Result<Self, SourceError> {
-        Ok(Self {
-            name: name.to_owned(),
-            sample_rate_hz: format.sample_rate_hz,
-            duration_s: None,
-            samples: 0,
-            reader: Reader::Pcm(PcmReader::new(name, Box::new(reader), format)?),
-        })
+        let reader = PcmReader::new(name, Box::new(reader), format)?;
+        Ok(Self::new(
+            name,
+            format.sample_rate_hz,
+            SourceReader::Pcm(reader),
+        ))
     }
 
-    /// Raw samples as another program writes them, in real time: a thread reads
-    /// ahead, the stream keeps to the clock, and silence takes the place of
-    /// what does not come.
+    /// Raw samples that another program writes in real time: a thread reads ahead,
+    /// the stream keeps to the clock, and silence fills gaps.
+    /// Errors: a format with no channels or an impossible rate; no thread to be had.
     pub fn live_reader(
         name: &str,
         reader: impl Read + Send + 'static,
         format: PcmFormat,
     ) -> Result<Self, SourceError> {
         let reader = PcmReader::new(name, Box::new(reader), format)?;
-        let (listener, failures) = listen_to_pipe(reader)?;
-        Ok(Self::live(name, listener, Some(failures)))
+        let (stream, failures) = open_live_pcm(reader)?;
+        Ok(Self::live(name, stream, Some(failures)))
     }
 
     /// An input of the system by id or name, the default one if `None`.
-    ///
-    /// # Errors
-    /// There is none of that name (the error lists those there are), or it
-    /// cannot be opened.
+    /// Errors: no such input (the error lists the known ones), or one that fails to open.
     #[cfg(feature = "mic")]
-    pub fn microphone(name: Option<&str>) -> Result<Self, SourceError> {
-        let listener = crate::capture::listen_to_microphone(name)?;
-        Ok(Self::live(name.unwrap_or("default"), listener, None))
+    pub fn microphone(name: Option<&str>) -> Result<Self, crate::capture::DeviceError> {
+        let stream = crate::capture::open_microphone(name)?;
+        Ok(Self::live(name.unwrap_or("default"), stream, None))
     }
 
-    fn live(name: &str, listener: Listener, failures: Option<Receiver<SourceError>>) -> Self {
+    fn live(name: &str, stream: LiveStream, failures: Option<Receiver<SourceError>>) -> Self {
+        let reader = LiveReader { stream, failures };
+        Self::new(name, LIVE_RATE_HZ, SourceReader::Live(Box::new(reader)))
+    }
+
+    fn new(name: &str, sample_rate_hz: u32, reader: SourceReader) -> Self {
         Self {
             name: name.to_owned(),
-            sample_rate_hz: LIVE_RATE_HZ,
+            sample_rate_hz,
             duration_s: None,
             samples: 0,
-            reader: Reader::Live(Box::new(Live { listener, failures })),
+            reader,
         }
     }
 
-    /// When the sound at this position was captured; `None` if not live.
+    fn live_stream(&self) -> Option<&LiveStream> {
+        match &self.reader {
+            SourceReader::Live(live) => Some(&live.stream),
+            _ => None,
+        }
+    }
+
+    /// Capture time of the sound at this position; `None` if not live.
     pub fn captured_at(&self, position_s: f64) -> Option<Instant> {
-        match &self.reader {
-            Reader::Live(live) => live.listener.captured_at(position_s),
-            _ => None,
-        }
+        self.live_stream()?.captured_at(position_s)
     }
 
-    /// The next thing about live sound that the user should know.
-    pub fn next_notice(&mut self) -> Option<Notice> {
+    /// The next event of a live source that the user should know.
+    pub fn next_event(&mut self) -> Option<CaptureEvent> {
         match &mut self.reader {
-            Reader::Live(live) => live.listener.next_notice(),
+            SourceReader::Live(live) => live.stream.next_event(),
             _ => None,
         }
     }
 
-    /// Totals of a live source.
+    /// Totals of a live source; `None` if not live.
     pub fn capture_stats(&self) -> Option<CaptureStats> {
-        match &self.reader {
-            Reader::Live(live) => Some(live.listener.stats()),
-            _ => None,
-        }
+        Some(self.live_stream()?.stats())
     }
 
-    /// What errors call the source: the path or the name given.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Samples a second.
+    /// Sample rate of the blocks, hertz.
     pub fn sample_rate_hz(&self) -> u32 {
         self.sample_rate_hz
     }
 
-    /// Length in seconds, if the file says it.
+    /// Length in seconds, if the file states it.
     pub fn duration_s(&self) -> Option<f64> {
         self.duration_s
     }
 
-    /// Seconds delivered so far.
+    /// Position behind the newest block, seconds.
     pub fn position_s(&self) -> f64 {
         self.samples as f64 / f64::from(self.sample_rate_hz)
     }
 
-    /// Broken packets that were left out so far.
+    /// Number of broken packets skipped so far.
     pub fn skipped_packets(&self) -> u64 {
         match &self.reader {
-            Reader::File(reader) => reader.skipped_packets(),
-            Reader::Pcm(_) | Reader::Live(_) => 0,
+            SourceReader::File(reader) => reader.skipped_packets(),
+            SourceReader::Pcm(_) | SourceReader::Live(_) => 0,
         }
     }
 
-    /// Puts the next samples, -1 to 1, into `block` in place of what it held.
-    /// `false` at the end of the source, with an empty block.
+    /// Replaces the content of `block` by the next samples, -1 to 1. `false` at the
+    /// end of the source, with an empty block.
+    /// Errors: a source that breaks, or that ends before [`SHORTEST_S`].
     pub fn next_block(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
         block.clear();
         let more = match &mut self.reader {
-            Reader::File(reader) => reader.next_block(block)?,
-            Reader::Pcm(reader) => reader.next_block(block)?,
-            Reader::Live(live) => live.next_block(block)?,
+            SourceReader::File(reader) => reader.next_block(block)?,
+            SourceReader::Pcm(reader) => reader.next_block(block)?,
+            SourceReader::Live(live) => live.next_block(block)?,
         };
         self.samples += block.len() as u64;
         if !more && self.position_s() < SHORTEST_S {
-            return Err(SourceError::short(&self.name, self.position_s()));
+            return Err(SourceFault::short(self.position_s()).of(&self.name));
         }
         Ok(more)
     }
 }
 
-impl Live {
-    /// Waits until there is something to hear, or silence in its place.
+impl LiveReader {
     fn next_block(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
-        while self.listener.take(Instant::now(), block) && block.is_empty() {
+        while self.stream.read(Instant::now(), block) && block.is_empty() {
             std::thread::sleep(LIVE_POLL);
         }
         if !block.is_empty() {
-            return Ok(true); // a failure is told when all before it was heard
+            return Ok(true); // an error is returned after all sound before it
         }
         match self.failures.as_ref().and_then(|f| f.try_recv().ok()) {
             Some(error) => Err(error),

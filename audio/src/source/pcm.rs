@@ -4,12 +4,12 @@ use std::fmt;
 use std::io::{ErrorKind, Read};
 use std::str::FromStr;
 
-use super::SourceError;
+use super::error::{SourceError, SourceFault};
 
-/// Bytes asked for at once: small, so that live sound arrives soon.
+/// Bytes read at once: few, so that live sound arrives soon.
 const READ_BYTES: usize = 4096;
 
-/// How one sample is written.
+/// Encoding of one sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PcmEncoding {
     /// Unsigned bytes, 128 is silence.
@@ -25,28 +25,18 @@ pub enum PcmEncoding {
 }
 
 impl PcmEncoding {
-    /// All encodings.
-    pub const ALL: [PcmEncoding; 5] =
-        [Self::U8, Self::S16Le, Self::S24Le, Self::S32Le, Self::F32Le];
-
-    /// The name as ffmpeg and ALSA's tools spell it in lower case.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::U8 => "u8",
-            Self::S16Le => "s16le",
-            Self::S24Le => "s24le",
-            Self::S32Le => "s32le",
-            Self::F32Le => "f32le",
-        }
-    }
+    /// All encodings with their names, as ffmpeg and ALSA's tools spell them in
+    /// lower case, and the bytes of a sample.
+    pub(super) const TABLE: [(Self, &'static str, usize); 5] = [
+        (Self::U8, "u8", 1),
+        (Self::S16Le, "s16le", 2),
+        (Self::S24Le, "s24le", 3),
+        (Self::S32Le, "s32le", 4),
+        (Self::F32Le, "f32le", 4),
+    ];
 
     const fn bytes(self) -> usize {
-        match self {
-            Self::U8 => 1,
-            Self::S16Le => 2,
-            Self::S24Le => 3,
-            Self::S32Le | Self::F32Le => 4,
-        }
+        Self::TABLE[self as usize].2
     }
 
     /// One sample from exactly [`Self::bytes`] bytes.
@@ -66,11 +56,11 @@ impl PcmEncoding {
 
 impl fmt::Display for PcmEncoding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+        f.write_str(Self::TABLE[*self as usize].1)
     }
 }
 
-/// The name is of no known encoding.
+/// No encoding has this name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown sample format {0:?}; known are u8, s16le, s24le, s32le, f32le")]
 pub struct UnknownEncoding(String);
@@ -79,23 +69,22 @@ impl FromStr for PcmEncoding {
     type Err = UnknownEncoding;
 
     fn from_str(name: &str) -> Result<Self, UnknownEncoding> {
-        let known = Self::ALL.into_iter().find(|e| e.name() == name);
-        known.ok_or_else(|| UnknownEncoding(name.to_owned()))
+        let known = Self::TABLE.into_iter().find(|row| row.1 == name);
+        known.map_or_else(|| Err(UnknownEncoding(name.to_owned())), |row| Ok(row.0))
     }
 }
 
-/// What raw samples are.
+/// Format of raw samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PcmFormat {
-    /// How one sample is written.
+    /// Encoding of one sample.
     pub encoding: PcmEncoding,
-    /// Frames a second.
+    /// Sample rate, frames a second.
     pub sample_rate_hz: u32,
-    /// Samples a frame; they are averaged.
+    /// Samples in a frame, which are averaged to mono.
     pub channels: u16,
 }
 
-/// Reads frames as they come.
 pub(crate) struct PcmReader {
     name: String,
     reader: Box<dyn Read + Send>,
@@ -112,11 +101,16 @@ impl PcmReader {
     ) -> Result<Self, SourceError> {
         let rate_ok = (4_000..=384_000).contains(&format.sample_rate_hz);
         if !rate_ok || !(1..=64).contains(&format.channels) {
-            return Err(SourceError::Format {
-                name: name.to_owned(),
-                channels: format.channels,
-                sample_rate_hz: format.sample_rate_hz,
-            });
+            let PcmFormat {
+                channels,
+                sample_rate_hz,
+                ..
+            } = format;
+            let fault = SourceFault::Format {
+                channels,
+                sample_rate_hz,
+            };
+            return Err(fault.of(name));
         }
         Ok(Self {
             name: name.to_owned(),
@@ -126,12 +120,10 @@ impl PcmReader {
         })
     }
 
-    /// What errors call it.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
-    /// What its samples are.
     pub(crate) fn format(&self) -> PcmFormat {
         self.format
     }
@@ -160,7 +152,6 @@ impl PcmReader {
         Ok(true)
     }
 
-    /// Takes what is there; `false` at the end.
     fn read(&mut self) -> Result<bool, SourceError> {
         let mut bytes = [0u8; READ_BYTES];
         loop {
@@ -171,7 +162,7 @@ impl PcmReader {
                     return Ok(true);
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(SourceError::io(&self.name, error)),
+                Err(error) => return Err(SourceFault::io(error).of(&self.name)),
             }
         }
     }

@@ -165,7 +165,7 @@ fn raw_samples_of_all_encodings_are_read() {
         (PcmEncoding::F32Le, value.to_le_bytes().to_vec()),
     ];
     for (encoding, bytes) in cases {
-        assert_eq!(encoding.name().parse(), Ok(encoding));
+        assert_eq!(encoding.to_string().parse(), Ok(encoding));
         let format = PcmFormat {
             encoding,
             sample_rate_hz: 8_000,

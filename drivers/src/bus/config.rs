@@ -18,7 +18,7 @@ pub struct BusConfig {
     /// The name that joints and `--bus` call it by; may be empty where there is one bus only.
     #[serde(default)]
     pub name: String,
-    /// The protocol.
+    /// The protocol that its servos speak.
     pub kind: BusKind,
     /// Bits a second; `bitrate` says the same.
     #[serde(alias = "bitrate")]
@@ -36,8 +36,7 @@ pub struct BusConfig {
     /// (20 to 2540, in steps of 20).
     #[serde(default = "default_watchdog_ms")]
     pub watchdog_ms: u32,
-    /// Arm even servos that have no watchdog and would go on after a program
-    /// that is killed.
+    /// Arm even servos that have no watchdog and would go on after a program that is killed.
     #[serde(default)]
     pub accept_no_watchdog: bool,
     /// ODrive: endpoint ids of `axis0.config.watchdog_timeout` and
@@ -124,8 +123,8 @@ impl BusConfig {
 
 /// Reads `[bus]` or several `[[bus]]`.
 pub fn one_or_several<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<BusConfig>, D::Error> {
-    struct Buses;
-    impl<'de> Visitor<'de> for Buses {
+    struct BusTables;
+    impl<'de> Visitor<'de> for BusTables {
         type Value = Vec<BusConfig>;
 
         fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
@@ -142,5 +141,5 @@ pub fn one_or_several<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<BusConfi
             Vec::deserialize(SeqAccessDeserializer::new(tables))
         }
     }
-    from.deserialize_any(Buses)
+    from.deserialize_any(BusTables)
 }

@@ -14,7 +14,7 @@ use crate::servo::config::{ServoConfig, servos};
 /// One bus of a robot and the joints on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BusLayout {
-    /// The bus.
+    /// The `[bus]` table of the robot file.
     pub config: BusConfig,
     /// Its servos, in the robot's joint order.
     pub servos: Vec<Servo>,

@@ -12,13 +12,13 @@ pub(crate) mod torque_alarm;
 
 use servodance_types::JointState;
 
-use crate::error::{BusError, ServoId};
+use crate::error::{BusError, BusResult, ServoId};
 use crate::servo::Servo;
 
 /// What happened on a bus since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BusStats {
-    /// Completed control cycles.
+    /// Control cycles that were completed.
     pub cycles: u64,
     /// Packets sent and received.
     pub packets: u64,
@@ -28,7 +28,7 @@ pub struct BusStats {
     pub crc_errors: u64,
     /// Replies that did not come in time.
     pub timeouts: u64,
-    /// Exchanges tried again.
+    /// Exchanges that were tried again.
     pub retries: u64,
 }
 
@@ -43,7 +43,7 @@ impl std::ops::AddAssign for BusStats {
     }
 }
 
-/// What arming found.
+/// What was found while arming.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ArmReport {
     /// Where every joint stands, in the order of [`Bus::servos`].
@@ -52,15 +52,14 @@ pub struct ArmReport {
     pub notes: Vec<String>,
 }
 
-/// What a servo measures of itself, and its own limits; `None` where it does
-/// not say.
+/// What a servo measures of itself, and its own limits; `None` where it does not say.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Health {
-    /// Temperature, Celsius.
+    /// The temperature in degrees Celsius.
     pub temperature_c: Option<f64>,
     /// Where it shuts down, Celsius.
     pub highest_temperature_c: Option<f64>,
-    /// Supply, volts.
+    /// The supply in volts.
     pub voltage_v: Option<f64>,
     /// Lowest supply that it takes, volts.
     pub lowest_voltage_v: Option<f64>,
@@ -72,8 +71,8 @@ pub struct Health {
 
 /// Servos that take targets and return states once a control cycle.
 ///
-/// A bus turns torque off when it is dropped. It is not a safety layer: wrap it
-/// in [`crate::SafeBus`].
+/// A bus turns torque off when it is dropped. It is not a safety layer:
+/// wrap it in [`crate::SafeBus`].
 pub trait Bus: Send {
     /// The servos, in the order of targets and states.
     fn servos(&self) -> &[Servo];
@@ -81,21 +80,20 @@ pub trait Bus: Send {
     /// Reads every joint's state, for a bus at rest: never turns torque on,
     /// writes no register. Silent servos are named. Serial servos keep the torque
     /// they have; CAN motors lose it, because they answer no other question.
-    fn observe(&mut self) -> Result<Vec<JointState>, BusError>;
+    fn observe(&mut self) -> BusResult<Vec<JointState>>;
 
     /// Checks every servo and sets it up, torque off: what must hold before any
     /// torque. Returns a line for each thing that the user should know.
-    fn prepare(&mut self) -> Result<Vec<String>, BusError>;
+    fn prepare(&mut self) -> BusResult<Vec<String>>;
 
     /// Turns torque on with each joint holding where it stands; to be called
     /// after [`Bus::prepare`]. On an error every torque is off again.
     ///
-    /// The servos' own watchdog runs from here on: the first cycle must follow
-    /// within its time.
-    fn engage(&mut self) -> Result<Vec<JointState>, BusError>;
+    /// The servos' own watchdog runs from here on: the first cycle must follow within its time.
+    fn engage(&mut self) -> BusResult<Vec<JointState>>;
 
-    /// [`Bus::prepare`], then [`Bus::engage`].
-    fn arm(&mut self) -> Result<ArmReport, BusError> {
+    /// Both steps to torque: [`Bus::prepare`], then [`Bus::engage`].
+    fn arm(&mut self) -> BusResult<ArmReport> {
         let notes = self.prepare()?;
         let states = self.engage()?;
         Ok(ArmReport { states, notes })
@@ -105,11 +103,11 @@ pub trait Bus: Send {
     ///
     /// Bounded in time: wire time, plus the reply timeout and retries. A target
     /// beyond a position limit is moved to the limit.
-    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError>;
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> BusResult<()>;
 
     /// Turns every torque off and verifies it. An error names each joint whose
     /// torque may still be on. Safe to call at any time.
-    fn disarm(&mut self) -> Result<(), BusError>;
+    fn disarm(&mut self) -> BusResult<()>;
 
     /// Whether torque is on, as far as this side knows.
     fn is_armed(&self) -> bool;
@@ -118,7 +116,7 @@ pub trait Bus: Send {
     fn stats(&self) -> BusStats;
 
     /// Asks one servo how it is: one short exchange, not tried again.
-    fn examine(&mut self, _index: usize) -> Result<Health, BusError> {
+    fn examine(&mut self, _index: usize) -> BusResult<Health> {
         Ok(Health::default())
     }
 
@@ -132,14 +130,14 @@ pub trait Bus: Send {
     /// back that was set aside: found, rebooted if it shut itself down, checked,
     /// set up, and torque on where it stands. Its state when it is back; `None`
     /// while there is more to do. After an error the way begins anew.
-    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+    fn rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
         Err(BusError::NoReturn {
             servo: ServoId::of(&self.servos()[index]),
         })
     }
 
     /// Opens the port again after it failed. Nothing is sent.
-    fn reopen(&mut self) -> Result<(), BusError> {
+    fn reopen(&mut self) -> BusResult<()> {
         Ok(())
     }
 }
@@ -148,19 +146,19 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     fn servos(&self) -> &[Servo] {
         (**self).servos()
     }
-    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+    fn observe(&mut self) -> BusResult<Vec<JointState>> {
         (**self).observe()
     }
-    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+    fn prepare(&mut self) -> BusResult<Vec<String>> {
         (**self).prepare()
     }
-    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+    fn engage(&mut self) -> BusResult<Vec<JointState>> {
         (**self).engage()
     }
-    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError> {
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> BusResult<()> {
         (**self).cycle(targets_rad, states)
     }
-    fn disarm(&mut self) -> Result<(), BusError> {
+    fn disarm(&mut self) -> BusResult<()> {
         (**self).disarm()
     }
     fn is_armed(&self) -> bool {
@@ -169,16 +167,16 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     fn stats(&self) -> BusStats {
         (**self).stats()
     }
-    fn examine(&mut self, index: usize) -> Result<Health, BusError> {
+    fn examine(&mut self, index: usize) -> BusResult<Health> {
         (**self).examine(index)
     }
     fn set_aside(&mut self, index: usize) -> bool {
         (**self).set_aside(index)
     }
-    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+    fn rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
         (**self).rejoin(index)
     }
-    fn reopen(&mut self) -> Result<(), BusError> {
+    fn reopen(&mut self) -> BusResult<()> {
         (**self).reopen()
     }
 }

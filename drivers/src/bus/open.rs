@@ -4,16 +4,12 @@ use crate::bus::Bus;
 use crate::bus::config::BusConfig;
 use crate::bus::port::Port;
 use crate::can::CanBus;
-use crate::error::BusError;
+use crate::error::{BusError, BusResult};
 use crate::serial::SerialBus;
 use crate::servo::Servo;
 
 /// Opens the bus that a configuration names. Nothing is sent yet.
-pub fn open_bus(
-    port: &Port,
-    config: &BusConfig,
-    servos: Vec<Servo>,
-) -> Result<Box<dyn Bus>, BusError> {
+pub fn open_bus(port: &Port, config: &BusConfig, servos: Vec<Servo>) -> BusResult<Box<dyn Bus>> {
     let refused = |reason: &str| BusError::Open {
         port: port.to_string(),
         reason: reason.into(),

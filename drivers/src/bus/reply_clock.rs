@@ -33,7 +33,6 @@ pub enum ReplyClock {
 /// How a port is to be read next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
-    /// Until then.
     pub until: Instant,
     /// Whether what does not come by then never will.
     pub last: bool,

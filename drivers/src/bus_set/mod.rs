@@ -31,8 +31,7 @@ use self::thread::{BusTask, BusThread, ids};
 /// Checking and setting up a whole bus, and turning torque off with retries.
 const LONG_TASK: Duration = Duration::from_secs(20);
 
-/// Opens every bus of a robot; nothing is sent yet. `all` are its servos in
-/// joint order.
+/// Opens every bus of a robot, whose servos in joint order are `all`. Nothing is sent.
 pub fn open_buses(
     ports: &[Port],
     layouts: &[BusLayout],
@@ -87,7 +86,7 @@ impl BusSet {
                 let (answer, answered) = sync_channel(1);
                 let task = task.clone();
                 let sent = thread.give(BusTask::Call(Box::new(move |bus| {
-                    // Nobody waits any more if it took too long.
+                    // The receiver is gone if it took too long.
                     let _ = answer.send(task(bus));
                 })));
                 sent.then_some(answered)
@@ -114,7 +113,7 @@ impl BusSet {
             let Some(own) = place(thread) else { continue };
             let (answer, answered) = sync_channel(1);
             let given = thread.give(BusTask::Call(Box::new(move |bus| {
-                // Nobody waits any more if it took too long.
+                // The receiver is gone if it took too long.
                 let _ = answer.send(task(bus, own));
             })));
             let answer = given.then(|| answered.recv_timeout(LONG_TASK));

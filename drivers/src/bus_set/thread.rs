@@ -13,7 +13,6 @@ use crate::servo::Servo;
 
 /// How often a thread keeps its bus alive while the others are getting ready, ...
 const KEEP_ALIVE: Duration = Duration::from_millis(15);
-/// ... and for how long.
 const GETTING_READY: Duration = Duration::from_secs(1);
 
 /// One bus's part of a cycle, passed to the thread and back.
@@ -23,7 +22,6 @@ pub(super) struct CycleBuffers {
     states: Vec<JointState>,
 }
 
-/// The end of a cycle.
 struct CycleOutcome {
     buffers: CycleBuffers,
     result: Result<(), BusError>,

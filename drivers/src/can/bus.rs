@@ -34,7 +34,6 @@ pub struct CanBus {
     status: Vec<MotorStatus>,
     answered: Vec<bool>,
     frames: Vec<CanFrame>,
-    /// Which motors are left out of cycles.
     aside: Vec<bool>,
     /// The motor that is being taken back, and whether it is set up already.
     returning: Option<(usize, bool)>,

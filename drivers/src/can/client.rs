@@ -22,8 +22,7 @@ impl MotorClient<'_> {
         &self.bus.config
     }
 
-    /// Sends a request until `accept` finds its answer: a value, or why the motor
-    /// refuses, in words.
+    /// Sends a request until `accept` finds its answer: a value, or the motor's refusal.
     pub fn ask<T>(
         &mut self,
         request: &CanFrame,

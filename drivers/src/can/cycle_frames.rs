@@ -14,7 +14,6 @@ pub(crate) struct CycleFrames {
 /// Bits of one cycle on the wire, pauses between frames included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct CycleBits {
-    /// Without stuff bits.
     pub nominal: u32,
     /// With as many stuff bits as there can be.
     pub worst: u32,

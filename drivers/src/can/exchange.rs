@@ -11,18 +11,16 @@ use crate::bus::BusStats;
 use crate::bus::config::BusConfig;
 use crate::bus::reply_clock::Patience;
 use crate::can::cycle_frames::CycleFrames;
-use crate::can::transport::{CanFault, CanFrame, CanLink, LinkEvent, Sent, open_link, worst_bits};
+use crate::can::transport::{CanEvent, CanFault, CanFrame, CanLink, Sent, open_link, worst_bits};
 use crate::error::{BusError, ServoId};
 use crate::servo::Servo;
 
-/// The last report of a motor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct MotorStatus {
     /// Its own angle after the gear, radians.
     pub position_rad: f64,
     /// Velocity after the gear, radians a second.
     pub velocity_rad_s: f64,
-    /// Whether torque is on.
     pub active: bool,
     /// The fault that the motor reports, in words.
     pub fault: Option<String>,
@@ -38,7 +36,7 @@ impl CanLink for ClosedLink {
         Err(std::io::ErrorKind::NotConnected.into())
     }
 
-    fn receive(&mut self, _deadline: Instant) -> std::io::Result<LinkEvent> {
+    fn receive(&mut self, _deadline: Instant) -> std::io::Result<CanEvent> {
         Err(std::io::ErrorKind::NotConnected.into())
     }
 }
@@ -52,7 +50,6 @@ pub(crate) struct CanExchange {
     pub servos: Vec<Servo>,
     pub config: BusConfig,
     pub stats: BusStats,
-    /// How often the transmit queue was full.
     pub queue_full: u64,
     /// Attempts of an exchange; fewer while it is known that motors are silent.
     pub tries: u32,
@@ -71,7 +68,6 @@ const WAKE_EARLY_S: f64 = 200e-6;
 pub(crate) const MOST_OVERDUE: u32 = 1000;
 
 impl CanExchange {
-    /// Takes a link over. Nothing is sent.
     pub fn new(
         link: Box<dyn CanLink>,
         port: &str,
@@ -116,7 +112,6 @@ impl CanExchange {
         Instant::now() + Duration::from_secs_f64(wire_s + self.config.reply_timeout_ms * 1e-3)
     }
 
-    /// The longest frame's time on the wire.
     fn frame_s(&self) -> f64 {
         f64::from(worst_bits(true, 8)) / f64::from(self.config.baud)
     }
@@ -188,20 +183,20 @@ impl CanExchange {
             let Patience { until, last } = self.config.reply_clock.patience(deadline);
             let received = self.link.receive(until);
             match received.map_err(|reason| self.failed(doing, reason))? {
-                LinkEvent::Frame(frame) => {
+                CanEvent::Frame(frame) => {
                     self.stats.packets += 1;
                     self.stats.bytes += frame.data().len() as u64;
                     return Ok(Some(frame));
                 }
-                LinkEvent::Fault(CanFault::BusOff) => {
+                CanEvent::Fault(CanFault::BusOff) => {
                     return Err(BusError::BusOff {
                         port: self.port.clone(),
                         doing,
                     });
                 }
-                LinkEvent::Fault(_) => self.stats.crc_errors += 1,
-                LinkEvent::Nothing if !last => {}
-                LinkEvent::Nothing => {
+                CanEvent::Fault(_) => self.stats.crc_errors += 1,
+                CanEvent::Nothing if !last => {}
+                CanEvent::Nothing => {
                     self.overdue = 0;
                     return Ok(None);
                 }
@@ -269,10 +264,10 @@ mod tests {
             Ok(Sent::Taken)
         }
 
-        fn receive(&mut self, _deadline: Instant) -> std::io::Result<LinkEvent> {
+        fn receive(&mut self, _deadline: Instant) -> std::io::Result<CanEvent> {
             Ok(match self.sent {
-                0 => LinkEvent::Fault(CanFault::BusOff),
-                _ => LinkEvent::Nothing,
+                0 => CanEvent::Fault(CanFault::BusOff),
+                _ => CanEvent::Nothing,
             })
         }
     }
@@ -308,22 +303,22 @@ mod tests {
     }
 
     /// A bus on which the same comes again and again without a pause.
-    struct Storm(LinkEvent);
+    struct Storm(CanEvent);
 
     impl CanLink for Storm {
         fn send(&mut self, _frame: &CanFrame) -> std::io::Result<Sent> {
             Ok(Sent::Taken)
         }
 
-        fn receive(&mut self, _deadline: Instant) -> std::io::Result<LinkEvent> {
+        fn receive(&mut self, _deadline: Instant) -> std::io::Result<CanEvent> {
             Ok(self.0)
         }
     }
 
     #[test]
     fn a_storm_of_faults_or_frames_ends_at_the_deadline() {
-        let stranger = LinkEvent::Frame(CanFrame::standard(0x123, &[]));
-        for storm in [LinkEvent::Fault(CanFault::Error), stranger] {
+        let stranger = CanEvent::Frame(CanFrame::standard(0x123, &[]));
+        for storm in [CanEvent::Fault(CanFault::Error), stranger] {
             let config = BusConfig::of_kind(BusKind::Mit, 1_000_000);
             let mut bus = CanExchange::new(
                 Box::new(Storm(storm)),
@@ -340,7 +335,7 @@ mod tests {
                 }
                 assert!(Instant::now() >= deadline);
                 // What was there already is taken all the same.
-                let frames = matches!(storm, LinkEvent::Frame(_));
+                let frames = matches!(storm, CanEvent::Frame(_));
                 assert!(!frames || taken >= u64::from(MOST_OVERDUE), "{taken}");
             }
         }

@@ -16,7 +16,6 @@ use crate::error::BusError;
 use crate::servo::Servo;
 use crate::servo::model::ServoModel;
 
-/// The protocol of a family of motors.
 pub(crate) trait CanFamily: Send + Sync {
     fn models(&self) -> &'static [ServoModel];
 
@@ -59,7 +58,6 @@ pub(crate) trait CanFamily: Send + Sync {
         out: &mut Vec<CanFrame>,
     );
 
-    /// Frames that end a cycle's targets.
     fn cycle_end_frames(&self, _out: &mut Vec<CanFrame>) {}
 
     /// Updates `status` from a frame of any motor. The index of a motor that

@@ -28,4 +28,4 @@ pub use bus::CanBus;
 pub(crate) use cycle_rate::{check_can_rate, cycle_bits};
 pub use motor::{MotorModel, MotorSettings};
 pub use scan::{CanFound, CanScanner};
-pub use transport::{CanFault, CanFrame, CanLink, CanPort, LinkEvent, Sent};
+pub use transport::{CanEvent, CanFault, CanFrame, CanLink, CanPort, Sent};

@@ -32,7 +32,6 @@ const DAMPING_SHARE: f64 = 0.055;
 const OVERDAMPED: f64 = 1.375;
 
 impl MotorModel {
-    /// The stock damping.
     pub(crate) fn stock_kd(&self) -> f64 {
         (DAMPING_SHARE * self.torque_nm).min(self.kd_max)
     }

@@ -11,7 +11,7 @@ use super::error::SafetyError;
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum ServoLost {
-    /// Torque off everywhere.
+    /// Torque goes off everywhere.
     #[default]
     Stop,
     /// The others hold until it is back, then the motion goes on.
@@ -35,8 +35,7 @@ pub struct SafetyConfig {
     pub on_servo_lost: ServoLost,
     /// How long the others hold and wait for a lost servo, seconds.
     pub rejoin_s: f64,
-    /// Whether torque may come back by itself after an adapter was pulled out
-    /// and put back.
+    /// Whether torque comes back by itself after an adapter was pulled out and put back.
     pub rearm: bool,
     /// How long the layer waits for an adapter, seconds; only with `rearm`.
     pub reconnect_s: f64,
@@ -96,8 +95,7 @@ impl SafetyConfig {
         }
     }
 
-    /// These settings at a control rate; refused with the key if a number is out of
-    /// range.
+    /// These settings at a control rate; a number out of range is refused by its key.
     pub fn at(self, control_hz: f64) -> Result<Self, SafetyError> {
         Self { control_hz, ..self }.checked()
     }

@@ -89,7 +89,6 @@ impl Derate {
         self.health
     }
 
-    /// Averages the current of this period.
     pub fn add_current(&mut self, current_a: f64, period_s: f64) {
         if current_a.is_finite() {
             self.current_a += (current_a.abs() - self.current_a) * (period_s / CURRENT_S).min(1.0);

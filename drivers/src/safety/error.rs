@@ -27,11 +27,11 @@ pub enum SafetyError {
         /// Why torque may still be on, with the joints.
         torque: BusError,
     },
-    /// A joint stays away from its command.
     #[error(
         "{servo} is {error_deg:.1} degrees from its command for more than {after_s} s \
          (blocked, overloaded, rebooted, or held by its own watchdog while this program was kept from running?); torque is off"
     )]
+    /// A joint stays away from its command.
     Following {
         /// The servo that does not follow.
         servo: ServoId,

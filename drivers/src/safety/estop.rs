@@ -4,9 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An emergency stop button: clones press the same button, from any thread.
-///
-/// [`EStop::flag`] is for those who may do no more than set a flag (a signal
-/// handler). Only [`EStop::clear`] releases the button.
+/// Only [`EStop::clear`] releases the button.
 #[derive(Clone, Debug, Default)]
 pub struct EStop {
     pressed: Arc<AtomicBool>,
@@ -21,23 +19,18 @@ impl EStop {
         self.pressed.store(true, Ordering::Release);
     }
 
-    /// The bare button: `true` is pressed.
-    pub fn flag(&self) -> Arc<AtomicBool> {
-        self.pressed.clone()
-    }
-
     /// Whether the button is down.
     pub fn is_pressed(&self) -> bool {
         self.pressed.load(Ordering::Acquire)
     }
 
-    /// What pressed the button first; a flag leaves no name.
+    /// What pressed the button first; empty while nothing has.
     pub fn cause(&self) -> String {
         let cause = self.cause.lock().unwrap_or_else(PoisonError::into_inner);
-        cause.clone().unwrap_or_else(|| "a signal".into())
+        cause.clone().unwrap_or_default()
     }
 
-    /// Releases the button. Torque stays off until somebody arms again.
+    /// Releases the button. Torque stays off until the next arming.
     pub fn clear(&self) {
         let mut cause = self.cause.lock().unwrap_or_else(PoisonError::into_inner);
         *cause = None;
@@ -58,10 +51,6 @@ mod tests {
         assert_eq!(button.cause(), "the key");
         button.clear();
         assert!(!button.is_pressed());
-        button.flag().store(true, Ordering::Release);
-        assert_eq!(
-            (button.is_pressed(), button.cause()),
-            (true, "a signal".into())
-        );
+        assert!(!button.is_pressed() && button.cause().is_empty());
     }
 }

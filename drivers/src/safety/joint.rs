@@ -46,7 +46,6 @@ impl SafeJoint {
     }
 }
 
-/// A servo that is set aside.
 pub(super) struct LostServo {
     pub since_s: f64,
     pub next_try_s: f64,
@@ -54,10 +53,8 @@ pub(super) struct LostServo {
     pub reason: String,
 }
 
-/// An adapter that was pulled out.
 pub(super) struct LostAdapter {
     pub since_s: f64,
     pub next_try_s: f64,
-    /// Whether the layer waits for it.
     pub waiting: bool,
 }

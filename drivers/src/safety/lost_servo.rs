@@ -60,7 +60,6 @@ impl<B: Bus> SafeBus<B> {
         places.iter().filter(new).copied().collect()
     }
 
-    /// The first servo that is set aside.
     pub(super) fn missing(&self) -> Option<usize> {
         self.joints.iter().position(|joint| joint.lost.is_some())
     }

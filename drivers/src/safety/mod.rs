@@ -28,7 +28,7 @@
 //!   tick and stays latched until [`EStop::clear`].
 //! - A joint that stays away from its command faults the bus (a blocked arm).
 //! - A servo close to its own limits of heat, supply or current moves less
-//!   ([`Derating`]); at the limit the bus faults before the servo goes limp.
+//!   (`derating.rs`); at the limit the bus faults before the servo goes limp.
 //! - A **lost servo** (silent, or shut down by itself) stops everything, or is
 //!   set aside by policy ([`ServoLost`]) while the others hold or dance on: it
 //!   is rebooted where needed, checked, and blended in from where it stands.

@@ -14,8 +14,7 @@ use crate::error::{BusError, ServoId};
 /// Remarks and transitions beyond this number are not kept.
 const KEPT: usize = 1000;
 
-/// A bus whose targets are kept inside the joints' limits, with torque off on every
-/// error.
+/// A bus whose targets stay inside the joints' limits; every error turns torque off.
 pub struct SafeBus<B: Bus> {
     pub(super) bus: B,
     pub(super) config: SafetyConfig,
@@ -28,7 +27,6 @@ pub struct SafeBus<B: Bus> {
     fresh_s: f64,
     held_since_s: f64,
     hold_asked: bool,
-    /// When the commands last moved on.
     stepped_s: f64,
     /// The servo whose health is read next, and when.
     pub(super) examine: (usize, f64),
@@ -316,8 +314,8 @@ impl<B: Bus> SafeBus<B> {
 
     /// Torque off for an error; the error, or that torque may still be on.
     pub(super) fn fault_of(&mut self, now_s: f64, error: SafetyError) -> SafetyError {
-        let told = error.to_string();
-        let cause = told.strip_suffix(TORQUE_IS_OFF).unwrap_or(&told).to_owned();
+        let text = error.to_string();
+        let cause = text.strip_suffix(TORQUE_IS_OFF).unwrap_or(&text).to_owned();
         self.enter(now_s, State::Fault, &cause);
         match self.bus.disarm() {
             Ok(()) => error,

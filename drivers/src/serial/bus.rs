@@ -21,30 +21,28 @@ use servodance_types::JointState;
 
 use crate::bus::config::BusConfig;
 use crate::bus::{Bus, BusStats, Health, torque_alarm};
-use crate::error::BusError;
+use crate::error::{BusError, BusResult};
 use crate::serial::client::ServoClient;
 use crate::serial::families::family_of;
 use crate::serial::family::ServoFamily;
 use crate::serial::registers::OwnLimits;
 use crate::servo::{Servo, check_cycle, check_models};
 
-/// One serial bus.
+/// A serial bus of servos of one family.
 pub struct SerialBus {
     pub(super) client: ServoClient,
     pub(super) family: &'static dyn ServoFamily,
     armed: bool,
-    /// Everyone's present registers from the last read.
     pub(super) present: Vec<u8>,
     own_limits: Vec<Option<OwnLimits>>,
     /// The servo that is being taken back, and how far that is.
-    pub(super) returning: Option<(usize, Step)>,
+    pub(super) returning: Option<(usize, RejoinStep)>,
 }
 
 /// How far the return of a lost servo is: see `rejoin.rs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Step {
+pub(super) enum RejoinStep {
     Find,
-    /// Rebooted, and not heard of since.
     FindRebooted,
     Check,
     SetUp,
@@ -52,9 +50,9 @@ pub(super) enum Step {
 }
 
 impl SerialBus {
-    /// Opens the port of a bus whose family this crate knows. Nothing is sent before
-    /// [`Bus::prepare`].
-    pub fn open(port: &str, config: &BusConfig, servos: Vec<Servo>) -> Result<Self, BusError> {
+    /// Opens the port of a bus whose family this crate knows. Nothing
+    /// is sent before [`Bus::prepare`].
+    pub fn open(port: &str, config: &BusConfig, servos: Vec<Servo>) -> BusResult<Self> {
         match family_of(config.kind) {
             Some(family) => Self::open_family(family, port, config, servos),
             None => Err(refused(
@@ -71,7 +69,7 @@ impl SerialBus {
         port: &str,
         config: &BusConfig,
         servos: Vec<Servo>,
-    ) -> Result<Self, BusError> {
+    ) -> BusResult<Self> {
         let config = config.clone().checked();
         let config = config.map_err(|error| refused(port, error.to_string()))?;
         let is_known = |servo: &Servo| family.models().iter().any(|model| model == servo.model);
@@ -87,13 +85,13 @@ impl SerialBus {
         })
     }
 
-    pub(super) fn check(&mut self, index: usize, pinged: &[u8]) -> Result<(), BusError> {
+    pub(super) fn check(&mut self, index: usize, pinged: &[u8]) -> BusResult<()> {
         self.own_limits[index] = self.client.check(self.family, index, pinged)?;
         Ok(())
     }
 
     /// The goal at which a servo holds, and its own watchdog.
-    pub(super) fn hold_here(&mut self, index: usize) -> Result<(), BusError> {
+    pub(super) fn hold_here(&mut self, index: usize) -> BusResult<()> {
         let present = self.family.parse(self.bytes_of(index));
         let goal = self.client.holding_goal(index, present.ticks)?;
         let register = self.family.registers().goal;
@@ -102,7 +100,7 @@ impl SerialBus {
         self.family.arm_watchdog(&mut self.client, index)
     }
 
-    fn torque_on(&mut self) -> Result<Vec<JointState>, BusError> {
+    fn torque_on(&mut self) -> BusResult<Vec<JointState>> {
         self.read_present()?;
         let servos = 0..self.client.servos.len();
         servos.clone().try_for_each(|index| self.hold_here(index))?;
@@ -119,8 +117,7 @@ impl SerialBus {
         Ok(states)
     }
 
-    /// Reads everyone's state, with retries.
-    fn read_present(&mut self) -> Result<(), BusError> {
+    fn read_present(&mut self) -> BusResult<()> {
         self.client.begin_read();
         let damaged = self.client.port.stats.crc_errors;
         for attempt in 0..self.client.tries() {
@@ -163,7 +160,7 @@ impl Bus for SerialBus {
         &self.client.servos
     }
 
-    fn observe(&mut self) -> Result<Vec<JointState>, BusError> {
+    fn observe(&mut self) -> BusResult<Vec<JointState>> {
         self.client.ping_all()?;
         self.read_present()?;
         let mut states = vec![JointState::default(); self.client.servos.len()];
@@ -171,7 +168,7 @@ impl Bus for SerialBus {
         Ok(states)
     }
 
-    fn prepare(&mut self) -> Result<Vec<String>, BusError> {
+    fn prepare(&mut self) -> BusResult<Vec<String>> {
         let mut notes: Vec<String> = self.client.port.latency_note().into_iter().collect();
         self.client.aside.fill(false);
         self.returning = None;
@@ -190,7 +187,7 @@ impl Bus for SerialBus {
         Ok(notes)
     }
 
-    fn engage(&mut self) -> Result<Vec<JointState>, BusError> {
+    fn engage(&mut self) -> BusResult<Vec<JointState>> {
         self.torque_on().inspect_err(|_| {
             if self.armed {
                 // The first error is the one to report; `is_armed` stays true
@@ -200,7 +197,7 @@ impl Bus for SerialBus {
         })
     }
 
-    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> Result<(), BusError> {
+    fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> BusResult<()> {
         if !self.armed {
             return Err(BusError::NotArmed);
         }
@@ -216,7 +213,7 @@ impl Bus for SerialBus {
         Ok(())
     }
 
-    fn disarm(&mut self) -> Result<(), BusError> {
+    fn disarm(&mut self) -> BusResult<()> {
         self.returning = None;
         self.client.torque_off(self.family.registers().torque)?;
         self.armed = false;
@@ -231,7 +228,7 @@ impl Bus for SerialBus {
         self.client.port.stats
     }
 
-    fn examine(&mut self, index: usize) -> Result<Health, BusError> {
+    fn examine(&mut self, index: usize) -> BusResult<Health> {
         let family = self.family;
         let measured = self.client.once(|client| client.measure(family, index))?;
         let (Some(measured), Some(own)) = (measured, self.own_limits[index]) else {
@@ -256,11 +253,11 @@ impl Bus for SerialBus {
         true
     }
 
-    fn rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+    fn rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
         self.advance_rejoin(index)
     }
 
-    fn reopen(&mut self) -> Result<(), BusError> {
+    fn reopen(&mut self) -> BusResult<()> {
         self.client.port.reopen()
     }
 }

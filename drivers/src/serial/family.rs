@@ -7,11 +7,11 @@
 
 use std::fmt;
 
-use crate::error::BusError;
+use crate::error::BusResult;
 use crate::serial::client::ServoClient;
 use crate::serial::memory::Firmware;
 use crate::serial::register::Register;
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, Present, Registers};
+use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
 use crate::serial::wire::framing::Framing;
 use crate::servo::Servo;
 use crate::servo::model::ServoModel;
@@ -43,7 +43,7 @@ pub trait ServoFamily: Sync {
     fn cycle_bytes(&self, servos: &[Servo]) -> CycleBytes;
 
     /// What the present registers say.
-    fn parse(&self, bytes: &[u8]) -> Present;
+    fn parse(&self, bytes: &[u8]) -> PresentState;
 
     /// The position register as a number of ticks.
     fn ticks(&self, raw: u64) -> i32 {
@@ -60,8 +60,7 @@ pub trait ServoFamily: Sync {
         None
     }
 
-    /// Why a servo cannot stop by itself when the host goes silent; `None`
-    /// where it can.
+    /// Why a servo cannot stop by itself when the host goes silent; `None` where it can.
     fn lacks_watchdog(&self) -> Option<&'static str> {
         None
     }
@@ -72,20 +71,12 @@ pub trait ServoFamily: Sync {
     }
 
     /// The condition that a servo reports, in words; `None` when it is well.
-    fn condition(
-        &self,
-        _client: &mut ServoClient,
-        _index: usize,
-    ) -> Result<Option<String>, BusError> {
+    fn condition(&self, _client: &mut ServoClient, _index: usize) -> BusResult<Option<String>> {
         Ok(None)
     }
 
     /// The limits in a servo's memory; `None` where it keeps none.
-    fn own_limits(
-        &self,
-        _client: &mut ServoClient,
-        _index: usize,
-    ) -> Result<Option<OwnLimits>, BusError> {
+    fn own_limits(&self, _client: &mut ServoClient, _index: usize) -> BusResult<Option<OwnLimits>> {
         Ok(None)
     }
 
@@ -95,37 +86,29 @@ pub trait ServoFamily: Sync {
         client: &mut ServoClient,
         index: usize,
         notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         client.settle(index, self.registers().torque, 0, notes)
     }
 
     /// Arms the servo's own watchdog and reads it back.
-    fn arm_watchdog(&self, _client: &mut ServoClient, _index: usize) -> Result<(), BusError> {
+    fn arm_watchdog(&self, _client: &mut ServoClient, _index: usize) -> BusResult<()> {
         Ok(())
     }
 
     /// Finds the best way to read everyone.
-    fn choose_read(
-        &self,
-        _client: &mut ServoClient,
-        _notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
+    fn choose_read(&self, _client: &mut ServoClient, _notes: &mut Vec<String>) -> BusResult<()> {
         Ok(())
     }
 
     /// Asks those who have not answered for their present registers, once.
     /// Returns the first servo that raised its alert bit.
-    fn read_all(
-        &self,
-        client: &mut ServoClient,
-        present: &mut [u8],
-    ) -> Result<Option<usize>, BusError> {
+    fn read_all(&self, client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<usize>> {
         client.read_each(self.registers().present, present)
     }
 
     /// Restarts a servo that has shut itself down; it is deaf for a while.
     /// False where there is no such instruction.
-    fn reboot(&self, _client: &mut ServoClient, _index: usize) -> Result<bool, BusError> {
+    fn reboot(&self, _client: &mut ServoClient, _index: usize) -> BusResult<bool> {
         Ok(false)
     }
 }

@@ -20,14 +20,11 @@ pub enum Firmware {
 pub struct ByteMemory {
     /// Those that the driver uses; the position is the first word of the present state.
     pub registers: &'static Registers,
-    /// Bytes of memory.
     pub size: usize,
-    /// First address that a restart clears.
     pub ram: usize,
     pub model: Option<Register>,
     pub return_delay: Option<Register>,
     pub status_level: Option<Register>,
-    /// Lowest and highest goal.
     pub goal_limits: Option<(Register, Register)>,
     pub p_gain: Option<Register>,
     pub offset: Option<Register>,
@@ -39,17 +36,14 @@ pub struct ByteMemory {
     pub current: Option<Register>,
     /// What makes the servo protect itself; without it nothing does.
     pub protection: Option<Protection>,
-    /// What may be written: the addresses from the id up to this one ...
+    /// What may be written: the addresses from the id up to this one, and the others.
     pub last_writable: usize,
-    /// ... and these.
     pub also_writable: &'static [usize],
-    /// Factory settings other than zero.
     pub factory: &'static [(Register, u16)],
     /// The bit that is the sign of a speed.
     pub sign_bit: u32,
     /// A goal beyond the limits is refused; otherwise it is moved to the limit.
     pub refuses_goals: bool,
-    /// Instructions that not all servos know.
     pub sync_read: bool,
     pub bulk_read: bool,
     pub reboots: bool,

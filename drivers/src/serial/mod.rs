@@ -33,9 +33,8 @@ pub use families::{FAMILIES, family_of};
 pub use family::ServoFamily;
 pub use memory::{ByteMemory, Firmware, Protection};
 pub use register::{Register, sign_magnitude};
-pub use registers::{CycleBytes, Identity, OwnLimits, Present, Registers, ServiceRegisters};
+pub use registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers, ServiceRegisters};
 
-/// The instruction numbers of both protocols.
 #[allow(missing_docs)] // the vendor's names
 pub mod instruction {
     pub use dynamixel2::instructions::instruction_id::*;

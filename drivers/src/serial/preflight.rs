@@ -1,7 +1,7 @@
 //! The checks before any torque: what a servo says of itself, held against the
 //! robot file. What does not fit is refused with both figures.
 
-use crate::error::BusError;
+use crate::error::{BusError, BusResult};
 use crate::serial::client::ServoClient;
 use crate::serial::family::ServoFamily;
 use crate::serial::registers::{Identity, Measured, OwnLimits};
@@ -15,7 +15,7 @@ impl ServoClient {
         family: &dyn ServoFamily,
         index: usize,
         pinged: &[u8],
-    ) -> Result<Option<OwnLimits>, BusError> {
+    ) -> BusResult<Option<OwnLimits>> {
         if let Some(identity) = self.identify(family, index, pinged)? {
             self.check_model(index, identity.model_number)?;
             self.check_firmware(index, identity.firmware)?;
@@ -46,7 +46,7 @@ impl ServoClient {
         family: &dyn ServoFamily,
         index: usize,
         pinged: &[u8],
-    ) -> Result<Option<Identity>, BusError> {
+    ) -> BusResult<Option<Identity>> {
         let identity = match family.identity_register() {
             Some(register) => family.identity(&self.read_bytes(index, register)?),
             None => family.identity(pinged),
@@ -55,12 +55,11 @@ impl ServoClient {
         Ok(identity)
     }
 
-    /// Refuses a servo that reports a condition.
     pub(super) fn check_condition(
         &mut self,
         family: &dyn ServoFamily,
         index: usize,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         match family.condition(self, index)? {
             None => Ok(()),
             Some(flags) => Err(BusError::Hardware {
@@ -70,12 +69,11 @@ impl ServoClient {
         }
     }
 
-    /// Supply and temperature, with one exchange.
     pub(super) fn measure(
         &mut self,
         family: &dyn ServoFamily,
         index: usize,
-    ) -> Result<Option<Measured>, BusError> {
+    ) -> BusResult<Option<Measured>> {
         let Some(service) = &family.registers().service else {
             return Ok(None);
         };
@@ -84,8 +82,7 @@ impl ServoClient {
         Ok(Some(Measured::new(register, &bytes)))
     }
 
-    /// Refuses another model than the configured one.
-    fn check_model(&self, index: usize, number: u16) -> Result<(), BusError> {
+    fn check_model(&self, index: usize, number: u16) -> BusResult<()> {
         let wanted = self.servos[index].model;
         if number == wanted.number {
             return Ok(());
@@ -109,7 +106,7 @@ impl ServoClient {
         present: u64,
         lowest: u64,
         highest: u64,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         let volts = |units: u64| format!("{:.1} V", units as f64 * 0.1);
         if (lowest..=highest).contains(&present) {
             return Ok(());
@@ -123,7 +120,7 @@ impl ServoClient {
     }
 
     /// Refuses a temperature (Celsius) at the servo's own limit.
-    fn check_temperature(&self, index: usize, present: u64, limit: u64) -> Result<(), BusError> {
+    fn check_temperature(&self, index: usize, present: u64, limit: u64) -> BusResult<()> {
         if present < limit {
             return Ok(());
         }
@@ -136,7 +133,7 @@ impl ServoClient {
     }
 
     /// Refuses another firmware than the robot file wants.
-    fn check_firmware(&self, index: usize, actual: u8) -> Result<(), BusError> {
+    fn check_firmware(&self, index: usize, actual: u8) -> BusResult<()> {
         match self.servos[index].firmware {
             Some(wanted) if wanted != actual => Err(BusError::Unfit {
                 servo: self.id_of(index),
@@ -149,7 +146,7 @@ impl ServoClient {
     }
 
     /// Refuses a servo whose own velocity limit (in its units) cuts the joint's.
-    fn check_velocity(&self, index: usize, own: Option<u64>) -> Result<(), BusError> {
+    fn check_velocity(&self, index: usize, own: Option<u64>) -> BusResult<()> {
         let servo = &self.servos[index];
         let asked_deg_s = servo.limits.velocity_rad_s.to_degrees();
         let unit_deg_s = servo.model.velocity_rad_s_per_unit.to_degrees();
@@ -166,7 +163,7 @@ impl ServoClient {
     }
 
     /// Refuses a servo whose own position limits cut the joint's range.
-    fn check_goal_range(&self, index: usize, own: (i32, i32)) -> Result<(), BusError> {
+    fn check_goal_range(&self, index: usize, own: (i32, i32)) -> BusResult<()> {
         let (lowest, highest) = self.servos[index].goal_range_ticks();
         if lowest >= own.0 && highest <= own.1 {
             return Ok(());

@@ -23,6 +23,16 @@ impl Register {
         }
     }
 
+    /// A register of one byte.
+    pub const fn byte(address: u16, name: &'static str) -> Self {
+        Self::new(address, 1, name)
+    }
+
+    /// A register of two bytes.
+    pub const fn word(address: u16, name: &'static str) -> Self {
+        Self::new(address, 2, name)
+    }
+
     /// The unsigned value in `bytes` (little-endian, at most 8 bytes).
     pub fn value(self, bytes: &[u8]) -> u64 {
         bytes

@@ -35,7 +35,6 @@ pub struct ServiceRegisters {
 }
 
 impl ServiceRegisters {
-    /// Supply and temperature as one register.
     pub(crate) fn voltage_and_temperature(&self) -> Register {
         let size = self.voltage.size + self.temperature.size;
         Register::new(
@@ -48,10 +47,10 @@ impl ServiceRegisters {
 
 /// What the present registers say, in the servo's units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Present {
-    /// Position, encoder ticks.
+pub struct PresentState {
+    /// The position in encoder ticks.
     pub ticks: i32,
-    /// Velocity, signed.
+    /// The velocity with its sign.
     pub velocity: i32,
     /// Current, signed; 0 without a sensor.
     pub current: i16,
@@ -91,10 +90,8 @@ pub struct OwnLimits {
     pub velocity: Option<u64>,
 }
 
-/// Supply and temperature as measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Measured {
-    /// 0.1 V.
     pub tenth_volts: u64,
     pub celsius: u64,
 }

@@ -8,19 +8,19 @@
 
 use servodance_types::JointState;
 
-use crate::error::BusError;
-use crate::serial::bus::{SerialBus, Step};
+use crate::error::BusResult;
+use crate::serial::bus::{RejoinStep, SerialBus};
 
 impl SerialBus {
     /// The next step of a servo's way back; its state when it is back.
-    pub(super) fn advance_rejoin(&mut self, index: usize) -> Result<Option<JointState>, BusError> {
+    pub(super) fn advance_rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
         let step = match self.returning {
             Some((who, step)) if who == index => step,
-            _ => Step::Find,
+            _ => RejoinStep::Find,
         };
         // A servo that was rebooted is waited for; all else begins anew.
         let again = match step {
-            Step::FindRebooted => Some((index, step)),
+            RejoinStep::FindRebooted => Some((index, step)),
             _ => None,
         };
         self.returning = again;
@@ -40,32 +40,32 @@ impl SerialBus {
     fn step_back(
         &mut self,
         index: usize,
-        step: Step,
-    ) -> Result<Result<JointState, Step>, BusError> {
+        step: RejoinStep,
+    ) -> BusResult<Result<JointState, RejoinStep>> {
         match step {
-            Step::Find | Step::FindRebooted => {
+            RejoinStep::Find | RejoinStep::FindRebooted => {
                 self.client.once(|client| client.ping(index))?;
                 let condition = self.family.condition(&mut self.client, index)?;
-                if condition.is_some() && step == Step::Find {
+                if condition.is_some() && step == RejoinStep::Find {
                     return Ok(Err(match self.family.reboot(&mut self.client, index)? {
-                        true => Step::FindRebooted,
-                        false => Step::SetUp,
+                        true => RejoinStep::FindRebooted,
+                        false => RejoinStep::SetUp,
                     }));
                 }
-                Ok(Err(Step::Check))
+                Ok(Err(RejoinStep::Check))
             }
-            Step::Check => {
+            RejoinStep::Check => {
                 let pinged = self.client.ping(index)?;
                 self.check(index, &pinged)?;
-                Ok(Err(Step::SetUp))
+                Ok(Err(RejoinStep::SetUp))
             }
-            Step::SetUp => {
+            RejoinStep::SetUp => {
                 let mut already_told = Vec::new();
                 self.family
                     .set_up(&mut self.client, index, &mut already_told)?;
-                Ok(Err(Step::Engage))
+                Ok(Err(RejoinStep::Engage))
             }
-            Step::Engage => {
+            RejoinStep::Engage => {
                 self.client.check_condition(self.family, index)?;
                 let registers = self.family.registers();
                 let bytes = self.client.read_bytes(index, registers.present)?;

@@ -11,7 +11,7 @@ use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
 use crate::bus::reply_clock::ReplyClock;
-use crate::error::{BusError, Refusal, ServoId};
+use crate::error::{BusError, BusResult, Refusal, ServoId};
 use crate::serial::families::FAMILIES;
 use crate::serial::family::ServoFamily;
 use crate::serial::register::{Register, names_of};
@@ -58,13 +58,13 @@ fn recognised(
 pub struct FoundServo {
     /// The rate at which it answered.
     pub baud: u32,
-    /// Its id.
+    /// The id to which it answered.
     pub id: u8,
-    /// Its model number.
+    /// The vendor's number of its model.
     pub model_number: u16,
     /// The model's name, if it is known here.
     pub model: Option<&'static str>,
-    /// Its firmware version.
+    /// The version of its firmware.
     pub firmware: u8,
     /// Its hardware errors in words; `None` without any.
     pub hardware_error: Option<String>,
@@ -83,9 +83,9 @@ impl FoundServo {
 /// How a servo is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vitals {
-    /// Supply, volts.
+    /// The supply in volts.
     pub voltage_v: f64,
-    /// Temperature, Celsius.
+    /// The temperature in degrees Celsius.
     pub temperature_c: u8,
     /// Where it stands, encoder ticks.
     pub position_ticks: i32,
@@ -120,7 +120,7 @@ impl SerialScanner {
 
     /// Opens `port`. `wait` is how long a servo may take to answer beyond the
     /// time on the wire.
-    pub fn open(port: &str, baud: u32, framing: Framing, wait: Duration) -> Result<Self, BusError> {
+    pub fn open(port: &str, baud: u32, framing: Framing, wait: Duration) -> BusResult<Self> {
         Ok(Self {
             port: PacketPort::open(port, baud, framing, ReplyClock::Wall)?,
             baud,
@@ -128,15 +128,9 @@ impl SerialScanner {
         })
     }
 
-    /// What keeps the adapter slow, if anything does.
-    pub fn latency_note(&self) -> Option<String> {
-        self.port.latency_note()
-    }
-
-    /// Everyone who answers, by id. Protocol 2.0 is asked with one broadcast; if
-    /// answers came damaged (an id given twice), and in Protocol 1, every id is
-    /// asked by itself.
-    pub fn everyone(&mut self) -> Result<Vec<FoundServo>, BusError> {
+    /// Everyone who answers, by id. Protocol 2.0 is asked with one broadcast; if answers came
+    /// damaged (an id given twice), and in Protocol 1, every id is asked by itself.
+    pub fn everyone(&mut self) -> BusResult<Vec<FoundServo>> {
         let mut found = match self.port.framing() {
             Framing::Protocol2 => match self.broadcast_ping()? {
                 Some(found) => found,
@@ -150,7 +144,7 @@ impl SerialScanner {
 
     /// Asks every id once, and where somebody lives the silent ones once more: a
     /// rate that nobody uses takes no longer for it.
-    fn sweep(&mut self) -> Result<Vec<FoundServo>, BusError> {
+    fn sweep(&mut self) -> BusResult<Vec<FoundServo>> {
         let mut found = Vec::new();
         let mut silent: Vec<u8> = (0..BROADCAST).collect();
         for _ in 0..TRIES {
@@ -187,7 +181,7 @@ impl SerialScanner {
     }
 
     /// `None` if an answer came damaged.
-    fn broadcast_ping(&mut self) -> Result<Option<Vec<FoundServo>>, BusError> {
+    fn broadcast_ping(&mut self) -> BusResult<Option<Vec<FoundServo>>> {
         const DOING: &str = "broadcast ping";
         const STATUS_BYTES: usize = 14;
         self.port
@@ -215,11 +209,11 @@ impl SerialScanner {
     }
 
     /// Asks one id; `None` if nobody answers.
-    pub fn ping(&mut self, id: u8) -> Result<Option<FoundServo>, BusError> {
+    pub fn ping(&mut self, id: u8) -> BusResult<Option<FoundServo>> {
         self.ping_tries(id, TRIES)
     }
 
-    fn ping_tries(&mut self, id: u8, tries: u32) -> Result<Option<FoundServo>, BusError> {
+    fn ping_tries(&mut self, id: u8, tries: u32) -> BusResult<Option<FoundServo>> {
         let reply = self.port.framing().ping_params();
         let answer = self.ask(id, instruction::PING, &[], reply, "ping", tries)?;
         match answer {
@@ -229,12 +223,7 @@ impl SerialScanner {
     }
 
     /// Which servo it is that answered a ping.
-    fn identify(
-        &mut self,
-        id: u8,
-        alert: bool,
-        answer: &[u8],
-    ) -> Result<Option<FoundServo>, BusError> {
+    fn identify(&mut self, id: u8, alert: bool, answer: &[u8]) -> BusResult<Option<FoundServo>> {
         let known = match self.port.framing() {
             Framing::Protocol2 => families(Framing::Protocol2)
                 .find_map(|(family, service)| Some((family, service, family.identity(answer)?))),
@@ -271,7 +260,7 @@ impl SerialScanner {
     }
 
     /// How a servo is; `None` if it falls silent.
-    pub fn vitals(&mut self, servo: &FoundServo) -> Result<Option<Vitals>, BusError> {
+    pub fn vitals(&mut self, servo: &FoundServo) -> BusResult<Option<Vitals>> {
         let service = servo.service;
         let mut values = [0; 4];
         let registers = [
@@ -296,14 +285,13 @@ impl SerialScanner {
     }
 
     /// Turns a servo's torque off and reads it back.
-    pub fn torque_off(&mut self, servo: &FoundServo) -> Result<(), BusError> {
+    pub fn torque_off(&mut self, servo: &FoundServo) -> BusResult<()> {
         self.set(servo.id, servo.family.registers().torque, 0)
     }
 
-    /// Gives a servo another id, in its permanent memory: torque off first, the
-    /// id read back where it then answers. The caller has looked that `id` is
-    /// free.
-    pub fn set_id(&mut self, servo: &FoundServo, id: u8) -> Result<(), BusError> {
+    /// Gives a servo another id, in its permanent memory: torque off first, the id read back
+    /// where it then answers. The caller has looked that `id` is free.
+    pub fn set_id(&mut self, servo: &FoundServo, id: u8) -> BusResult<()> {
         let service = servo.service;
         self.torque_off(servo)?;
         if let Some(lock) = service.lock {
@@ -323,12 +311,12 @@ impl SerialScanner {
     }
 
     /// Reads a register; `None` if nobody answers.
-    pub fn read(&mut self, id: u8, register: Register) -> Result<Option<u64>, BusError> {
+    pub fn read(&mut self, id: u8, register: Register) -> BusResult<Option<u64>> {
         let bytes = self.read_bytes(id, register)?;
         Ok(bytes.map(|bytes| register.value(&bytes)))
     }
 
-    fn read_bytes(&mut self, id: u8, register: Register) -> Result<Option<Vec<u8>>, BusError> {
+    fn read_bytes(&mut self, id: u8, register: Register) -> BusResult<Option<Vec<u8>>> {
         let params = self.port.framing().read_params(register);
         let size = usize::from(register.size);
         let read = instruction::READ;
@@ -337,7 +325,7 @@ impl SerialScanner {
     }
 
     /// Writes a register; the servo must confirm.
-    fn write(&mut self, id: u8, register: Register, value: u64) -> Result<(), BusError> {
+    fn write(&mut self, id: u8, register: Register, value: u64) -> BusResult<()> {
         let params = self.port.framing().write_params(register, value);
         let write = instruction::WRITE;
         match self.ask(id, write, &params, 0, register.name, TRIES)? {
@@ -347,7 +335,7 @@ impl SerialScanner {
     }
 
     /// Writes a register and reads it back.
-    fn set(&mut self, id: u8, register: Register, value: u64) -> Result<(), BusError> {
+    pub fn set(&mut self, id: u8, register: Register, value: u64) -> BusResult<()> {
         self.write(id, register, value)?;
         match self.read(id, register)? {
             Some(actual) if actual == value => Ok(()),
@@ -362,7 +350,7 @@ impl SerialScanner {
     }
 
     /// Writes a register; no answer is an answer, a refusal is not.
-    fn send_write(&mut self, id: u8, register: Register, value: u64) -> Result<(), BusError> {
+    fn send_write(&mut self, id: u8, register: Register, value: u64) -> BusResult<()> {
         let params = self.port.framing().write_params(register, value);
         match self.ask(id, instruction::WRITE, &params, 0, register.name, 1) {
             Err(BusError::Corrupt { .. }) | Ok(_) => Ok(()),
@@ -370,8 +358,8 @@ impl SerialScanner {
         }
     }
 
-    /// One instruction to one id: alert bit and parameters of its answer, `None`
-    /// if nobody answers.
+    /// One instruction to one id: alert bit and parameters of its answer,
+    /// `None` if nobody answers.
     fn ask(
         &mut self,
         id: u8,
@@ -380,7 +368,7 @@ impl SerialScanner {
         reply: usize,
         doing: &'static str,
         tries: u32,
-    ) -> Result<Option<(bool, Vec<u8>)>, BusError> {
+    ) -> BusResult<Option<(bool, Vec<u8>)>> {
         let request = ServoRequest {
             id,
             instruction,

@@ -14,25 +14,22 @@
 
 use std::time::{Duration, Instant};
 
-use crate::error::{BusError, ServoId};
+use crate::error::{BusError, BusResult, ServoId};
 use crate::serial::client::ServoClient;
 
 /// Return delay that a servo has before it is set to zero: 254 units of 2 us.
 const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
 
 impl ServoClient {
-    /// How often an exchange is tried.
     pub(crate) fn tries(&self) -> u32 {
         self.tries
     }
 
-    /// When a reply of `bytes` from `servos` servos to what was just sent must
-    /// be there.
+    /// When a reply of `bytes` from `servos` servos to what was just sent must be there.
     pub(crate) fn deadline(&self, bytes: usize, servos: usize) -> Instant {
         Instant::now() + self.wait(bytes, servos)
     }
 
-    /// How long such a reply may take.
     pub(super) fn wait(&self, bytes: usize, servos: usize) -> Duration {
         self.port.time(self.port.sent() + bytes)
             + LONGEST_RETURN_DELAY * servos as u32
@@ -71,7 +68,7 @@ impl ServoClient {
     }
 
     /// Pings everyone and returns the answers; silent servos are all named at once.
-    pub(crate) fn ping_all(&mut self) -> Result<Vec<Vec<u8>>, BusError> {
+    pub(crate) fn ping_all(&mut self) -> BusResult<Vec<Vec<u8>>> {
         let mut silent = Vec::new();
         let mut answers = Vec::with_capacity(self.servos.len());
         for index in 0..self.servos.len() {

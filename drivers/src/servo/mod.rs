@@ -21,9 +21,9 @@ use crate::servo::model::ServoModel;
 pub struct Servo {
     /// The joint it moves.
     pub name: String,
-    /// Its bus id.
+    /// The id on its bus.
     pub id: u8,
-    /// What it is.
+    /// The vendor's model and its units.
     pub model: &'static ServoModel,
     /// The firmware that it must have; any if `None`.
     pub firmware: Option<u8>,
@@ -42,8 +42,7 @@ pub struct Servo {
 const REST_TOLERANCE_RAD: f64 = 0.05;
 
 impl Servo {
-    /// The joint position that keeps a joint where it stands; refused far outside
-    /// its limits.
+    /// The joint position that keeps a joint where it stands; refused far outside its limits.
     pub(crate) fn holding_rad(&self, position_rad: f64) -> Result<f64, BusError> {
         let limits = self.limits;
         let outside = (limits.lower_rad - position_rad).max(position_rad - limits.upper_rad);

@@ -14,9 +14,9 @@ pub struct DataSheet {
     pub stall_torque_nm: f64,
     /// No-load speed, revolutions a minute.
     pub no_load_rpm: f64,
-    /// Stall current, amperes.
+    /// The current at stall, amperes.
     pub stall_current_a: f64,
-    /// Nominal supply, volts.
+    /// The supply of these figures, volts.
     pub voltage_v: f64,
     /// Play of the gear, arc minutes; 0 where the vendor does not state one.
     pub backlash_arcmin: f64,
@@ -35,7 +35,7 @@ impl DataSheet {
     }
 }
 
-/// One servo model.
+/// One model of a servo, serial or CAN.
 #[derive(Debug, PartialEq)]
 pub struct ServoModel {
     /// The vendor's name without the connector suffix, e.g. `XM430-W350`.

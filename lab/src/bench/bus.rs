@@ -8,25 +8,23 @@
 use anyhow::Context;
 use serde::Serialize;
 use servodance_drivers::{BusConfig, BusLayout, Servo, check_rate};
-use servodance_runtime::realtime::Awake;
+use servodance_runtime::bus_tools::sim_link::{LinkChoice, sim_link};
+use servodance_runtime::process::realtime::Awake;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::sim_link::{LinkChoice, sim_link};
 use servodance_sim::{BusBench, bench_bus};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// The rates at which jitter is measured.
 const PACES_HZ: [u32; 3] = [100, 250, 500];
 /// How late a reply may be, and how long the host silent, before the run fails.
 const PATIENCE_MS: f64 = 500.0;
 const LONGEST_WATCHDOG_MS: u32 = 2540;
-/// How long each run lasts.
 const RUN_S: f64 = 3.0;
 
 /// The rates that a robot's buses reach on this machine.
 #[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct BusBenchReport {
-    /// Name of the robot whose buses were measured.
     pub robot: String,
     /// What is between driver and simulated servos; the wire's own time comes on top.
     pub link: LinkChoice,
@@ -41,35 +39,30 @@ pub struct BusBenchReport {
     pub kernel_us_per_cycle: f64,
     /// How late cycles began, 99th percentile, microseconds, at the robot's own rate.
     pub jitter_us_p99: f64,
-    /// The same at other rates.
     pub jitter_us_p99_at_hz: BTreeMap<u32, Option<f64>>,
     /// How many servos were on the buses then: all, or as many as the wires carry.
     pub jitter_servos_at_hz: BTreeMap<u32, usize>,
     /// Whether the system kept the processors awake between cycles: where not,
     /// each cycle also waits for one to wake up, twice.
     pub kept_awake: bool,
-    /// One entry for each bus of the robot.
     pub buses: Vec<BusRate>,
 }
 
 /// The rate that one bus reaches by itself.
 #[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct BusRate {
     /// Its name; empty for an only bus.
     pub name: String,
-    /// How many servos the bus has.
     pub servos: usize,
-    /// Rate of the wire, bits a second.
     pub baud: u32,
     /// Cycles a second, as fast as it goes: the median over windows of 50 cycles.
     pub hz: f64,
     /// The mean over the whole run, stalls of this machine included.
     pub hz_mean: f64,
-    /// What the wire carries at best.
     pub wire_limit_hz: f64,
     /// Processor time of the driver for one cycle, microseconds.
     pub cpu_us_per_cycle: f64,
-    /// How much of that the kernel took.
     pub kernel_us_per_cycle: f64,
 }
 

@@ -15,14 +15,14 @@ use servodance_audio::MusicAnalyzer;
 use servodance_drivers::EStop;
 use servodance_model::engine::EngineOptions;
 use servodance_model::{Dance, GeneratorOptions};
-use servodance_runtime::dance::Speed;
-use servodance_runtime::dance::delays::Delays;
-use servodance_runtime::dance::estop::EStopWatch;
-use servodance_runtime::dance::idle;
-use servodance_runtime::dance::open_generator;
-use servodance_runtime::dance::ports::BusChoice;
-use servodance_runtime::dance::rig::Rig;
+use servodance_runtime::control::bus_choice::BusChoice;
+use servodance_runtime::control::delays::Delays;
+use servodance_runtime::control::emergency_stop::EStopWatch;
+use servodance_runtime::control::idle;
+use servodance_runtime::control::robot_buses::Rig;
 use servodance_runtime::robot::Robot;
+use servodance_runtime::session::config::Speed;
+use servodance_runtime::session::dance::open_generator;
 use servodance_types::{Contacts, FRAME_RATE_HZ, MotionFrame};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -72,7 +72,6 @@ pub struct ClickTestReport {
     pub delays: Delays,
 }
 
-/// Something that happened to one music frame.
 struct Reflex {
     frame: MotionFrame,
     /// When the frame was heard, if it is the one of a click.
@@ -197,7 +196,6 @@ fn sample(index: u64) -> f32 {
     noise * if loud { 0.8 } else { 1e-3 }
 }
 
-/// The moment of the click before `time_s`.
 fn click_before_s(time_s: f64) -> f64 {
     QUIET_S + ((time_s - QUIET_S) / EVERY_S).floor() * EVERY_S
 }
@@ -236,7 +234,6 @@ impl Raising {
     }
 }
 
-/// Commands and positions over time.
 #[derive(Default)]
 struct Track {
     /// Heard, made, and time of the motion frame.

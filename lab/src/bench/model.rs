@@ -19,27 +19,24 @@ use servodance_model::motionseq::MotionSeq;
 use servodance_model::vqvae::VqDecoder;
 use servodance_model::weights::Weights;
 
-/// Frames before those that are timed.
 const WARM_UP: usize = 10;
 /// How long bandwidth is measured, before and after.
 const READING: Duration = Duration::from_millis(400);
 /// Most frames of context; beyond, a cache would fill the memory.
 const CONTEXT_MAX: usize = 4096;
 
-/// Which model is timed, and how.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the other names say it
 pub struct ModelBench {
     /// `live`, `paper` or `tiny`.
     pub preset: String,
     /// A weights file of that preset; else random weights.
     pub file: Option<std::path::PathBuf>,
-    /// Number format and threads.
     pub engine: EngineOptions,
     /// Frames that every layer sees; the preset's own if left out.
     pub context: Option<usize>,
     /// The first frame that is timed; as many as the context if left out.
     pub position: Option<u64>,
-    /// How many frames are timed.
     pub frames: usize,
     /// Also a lane without music, as for guidance.
     pub guidance: bool,
@@ -47,26 +44,20 @@ pub struct ModelBench {
 
 /// What `bench model` prints.
 #[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct ModelBenchReport {
-    /// Name of the preset of sizes.
     pub preset: String,
-    /// Number format of the weights.
     pub dtype: &'static str,
-    /// Frames that every layer sees.
     pub context: usize,
-    /// Position of the first frame timed.
     pub position: u64,
-    /// Threads that compute a step.
     pub threads: usize,
     /// Passes a frame: 1, or 2 with guidance.
     pub lanes: usize,
-    /// How many frames were timed.
     pub frames: usize,
     /// Milliseconds a frame: half of them take less.
     pub ms_p50: f64,
     /// 99 of 100 take less.
     pub ms_p99: f64,
-    /// Bytes of weights that a frame reads.
     pub weight_bytes: usize,
     /// Bytes of keys and values that a frame reads.
     pub cache_bytes: usize,
@@ -74,7 +65,6 @@ pub struct ModelBenchReport {
     pub read_gbps: f64,
     /// What reading the weights takes at that rate, milliseconds.
     pub limit_ms: f64,
-    /// Allocations in all timed frames.
     pub allocations: u64,
 }
 
@@ -112,7 +102,6 @@ fn name(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// The preset with another context.
 fn sized(mut config: ModelConfig, context: Option<usize>) -> anyhow::Result<ModelConfig> {
     if let Some(context) = context {
         anyhow::ensure!(
@@ -196,7 +185,11 @@ fn frame_times_ms(
         frame()?;
     }
     let (mut times_ms, mut outcome) = (vec![0.0; frames], Ok(()));
-    let mut all = || times_ms.iter_mut().try_for_each(|ms| frame().map(|took| *ms = took));
+    let mut all = || {
+        times_ms
+            .iter_mut()
+            .try_for_each(|ms| frame().map(|took| *ms = took))
+    };
     let allocated = allocation_counter::measure(|| outcome = all());
     outcome?;
     Ok((times_ms, allocated.count_total))

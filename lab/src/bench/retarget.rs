@@ -16,7 +16,6 @@ use servodance_types::{FRAME_RATE_HZ, MotionFrame};
 
 use servodance_runtime::robot::Robot;
 
-/// Identical runs of which medians are taken.
 const PASSES: usize = 5;
 /// Tempo and seed of the dance that is used when no motion is given.
 const BEAT_S: f64 = 0.5;
@@ -26,24 +25,16 @@ const LONGEST_S: f64 = 600.0;
 
 /// What `bench retarget` prints.
 #[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct RetargetBenchReport {
-    /// Which robot the motion was retargeted to.
     pub robot: String,
-    /// How many joints the robot has.
     pub joints: usize,
-    /// Control cycles a second.
     pub control_hz: f64,
-    /// Cycles that were timed.
     pub cycles: usize,
-    /// Microseconds a cycle: mean.
     pub us_mean: f64,
-    /// Half of the cycles take less.
     pub us_p50: f64,
-    /// 99 of 100 cycles take less.
     pub us_p99: f64,
-    /// The slowest cycle takes so long.
     pub us_max: f64,
-    /// Allocations in all cycles of a pass.
     pub allocations: u64,
 }
 

@@ -14,7 +14,6 @@ use servodance_sim::{Cue, Happening, ServoFault, WireFault};
 /// Nothing goes wrong in the first seconds: the robot is on its way to the dance.
 const FIRST_S: f64 = 1.0;
 
-/// A fault that the simulation injects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannedFault {
     /// Name of the fault, one of [`FAULT_KINDS`].

@@ -19,9 +19,11 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use servodance_drivers::ServoLost;
 use servodance_model::Generator;
-use servodance_runtime::dance::{Endured, IdleStyle, Ordeal};
-use servodance_runtime::report::ViolationReport;
+use servodance_runtime::control::idle::IdleStyle;
 use servodance_runtime::robot::Robot;
+use servodance_runtime::session::fault_run::Endured;
+use servodance_runtime::session::fault_run::Ordeal;
+use servodance_runtime::telemetry::ViolationReport;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -37,20 +39,15 @@ const WARM_UP_SHARE: f64 = 0.25;
 /// Causes of stops that are kept in words.
 const CAUSES: usize = 20;
 
-/// What is soaked, and for how long.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the other names say it
 pub struct Soak {
-    /// The robot whose servos are simulated.
     pub robot: Robot,
-    /// The pieces that are danced to.
     pub music: SoakMusic,
-    /// Length of a piece, seconds.
     pub piece_s: f64,
-    /// Seconds of music in all.
     pub total_s: f64,
     /// A fault every so many seconds, on average.
     pub fault_every_s: f64,
-    /// Seed of everything random.
     pub seed: u64,
 }
 
@@ -65,10 +62,9 @@ pub struct FaultTally {
     pub stopped: u64,
 }
 
-/// A dance that a simulated fault ended.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct FaultStop {
-    /// Name of the fault.
     pub fault: &'static str,
     /// When it began, seconds since torque on.
     pub at_s: f64,
@@ -79,36 +75,25 @@ pub struct FaultStop {
 
 /// The verdict on a soak, and its figures.
 #[derive(Clone, Debug, Default, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct SoakReport {
     /// Whether all was as it must be.
     pub passed: bool,
-    /// Why not, a line each.
     pub objections: Vec<String>,
-    /// Whether somebody ended it early.
     pub interrupted: bool,
-    /// Version of the program that danced.
     pub version: &'static str,
-    /// Name of the robot.
     pub robot: String,
-    /// Seed of everything random.
     pub seed: u64,
-    /// Seconds of music danced to.
     pub music_s: f64,
-    /// Seconds on the clock.
     pub wall_s: f64,
-    /// All dances that were begun.
     pub dances: u64,
-    /// Dances that reached their end.
     pub finished: u64,
     /// What became of the faults, by their names.
     pub faults: BTreeMap<&'static str, FaultTally>,
-    /// What ended dances, the first of them.
     pub stopped_by: Vec<FaultStop>,
-    /// Limits broken at the simulated servos.
     pub violations: ViolationReport,
     /// Control cycles without the motion that they needed.
     pub late_frames: u64,
-    /// Resident memory of the program over the soak.
     pub memory: Memory,
 }
 
@@ -184,7 +169,6 @@ impl Soak {
 const IDLES: [IdleStyle; 3] = [IdleStyle::Sway, IdleStyle::Hold, IdleStyle::Rest];
 
 impl SoakReport {
-    /// Takes in what came of one dance.
     fn take(&mut self, round: usize, faults: &[PlannedFault], endured: Endured) {
         self.dances += 1;
         self.music_s += endured.music_s;

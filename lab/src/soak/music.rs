@@ -4,13 +4,12 @@
 
 use anyhow::Context;
 use servodance_audio::AudioSource;
-use servodance_audio::noise;
+use servodance_audio::song::noise;
 use servodance_audio::song::{DEFAULT_RATE_HZ, Song, SongSpec};
 use std::path::PathBuf;
 
 /// Loudness of what is no music (root mean square of full scale).
 const NOISE_RMS: f32 = 0.1;
-/// Music this much above a crowd, decibels.
 const ABOVE_CROWD_DB: f32 = 6.0;
 
 /// Names of the kinds of pieces that are made here, in their order.
@@ -82,7 +81,6 @@ impl SoakMusic {
         Ok(song)
     }
 
-    /// The beginning of a recording.
     fn read(&self, file: &PathBuf) -> anyhow::Result<Song> {
         let unreadable = || format!("cannot listen to {}", file.display());
         let mut source = AudioSource::open(file).with_context(unreadable)?;

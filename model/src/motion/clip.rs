@@ -36,10 +36,7 @@ impl Clip {
     /// the file's stem as its name.
     pub fn read_npz(path: impl AsRef<Path>) -> Result<Self, MotionError> {
         let path = path.as_ref();
-        let content = |reason: String| MotionError::Content {
-            path: path.to_owned(),
-            reason,
-        };
+        let content = |reason: String| MotionError::content(path, reason);
         let mut npz = Npz::open(path)?;
         let (positions, fps) = (npz.need("positions")?, npz.need("fps")?);
         let fps = match fps.values[..] {
@@ -70,12 +67,26 @@ impl Clip {
         }
         let (points, _) = flat.as_chunks::<3>();
         let (poses, _) = points.as_chunks::<JOINT_COUNT>();
+        Ok(Self::of_file(path, fps, poses.to_vec()))
+    }
+
+    /// Poses at `fps` frames a second, named after the stem of a file.
+    pub fn of_file(path: &Path, fps: f64, poses: Vec<Pose>) -> Self {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        Ok(Self {
+        Self {
             name: name.into_owned(),
             fps,
-            poses: poses.to_vec(),
-        })
+            poses,
+        }
+    }
+
+    /// Poses at the generator's 20 frames a second, without a name.
+    pub fn of_frames(poses: Vec<Pose>) -> Self {
+        Self {
+            name: String::new(),
+            fps: FRAME_RATE_HZ,
+            poses,
+        }
     }
 
     /// Writes `positions` float32 [T, 22, 3] and `fps` float32 to an npz file.
@@ -108,10 +119,7 @@ impl Clip {
             }
             Tensor::write_npz(&arrays, path)
         };
-        write().map_err(|error| MotionError::Read {
-            path: path.to_owned(),
-            reason: error.to_string(),
-        })
+        write().map_err(|error| MotionError::read(path, error))
     }
 
     /// Reads the `music` [T, 39] of a clip's npz file, if it has some.
@@ -247,10 +255,7 @@ fn read_rows<const N: usize>(path: &Path, key: &str) -> Result<Option<Vec<[f32; 
         return Ok(None);
     };
     let rows = array.rows::<N>(key);
-    let rows = rows.map_err(|reason| MotionError::Content {
-        path: path.to_owned(),
-        reason,
-    })?;
+    let rows = rows.map_err(|reason| MotionError::content(path, reason))?;
     Ok(Some(rows.iter().map(|row| row.map(|v| v as f32)).collect()))
 }
 

@@ -1,6 +1,7 @@
 //! What can be wrong with a motion file.
 
-use std::path::PathBuf;
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
 
 /// What can be wrong with a motion file. The message names the file.
 #[derive(Debug, thiserror::Error)]
@@ -8,14 +9,26 @@ use std::path::PathBuf;
 pub enum MotionError {
     /// The file cannot be read as an npz archive.
     #[error("{path}: cannot read motion: {reason}")]
-    Read {
-        path: PathBuf,
-        reason: String,
-    },
+    Read { path: PathBuf, reason: String },
     /// The file reads, but holds no usable motion.
     #[error("{path}: {reason}")]
-    Content {
-        path: PathBuf,
-        reason: String,
-    },
+    Content { path: PathBuf, reason: String },
+}
+
+impl MotionError {
+    /// The file cannot be opened or decoded; `error` is what the reader said.
+    pub fn read(path: &Path, error: impl Display) -> Self {
+        Self::Read {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        }
+    }
+
+    /// The file decodes, but its content cannot be used for this reason.
+    pub fn content(path: &Path, reason: impl Into<String>) -> Self {
+        Self::Content {
+            path: path.to_owned(),
+            reason: reason.into(),
+        }
+    }
 }

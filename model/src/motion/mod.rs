@@ -1,5 +1,5 @@
 //! Human motion as numbers: clips of 22 joint positions, one skeleton for
-//! all, the 137 numbers a frame that the networks see, and a choreographer.
+//! all, and the 137 numbers a frame that the networks see.
 //!
 //! Units: metres, seconds, radians; y up. Nothing here knows of music audio;
 //! beats come in as times in seconds.
@@ -7,7 +7,7 @@
 pub mod alignment;
 pub mod bvh_write;
 pub mod clip;
-mod error;
+pub mod error;
 pub mod numpy;
 pub mod reconstruction;
 pub mod representation;

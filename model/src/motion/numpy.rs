@@ -3,6 +3,9 @@
 //! Everything becomes f64. A header that promises more than the file holds is
 //! refused before memory is taken for it; so are objects, texts and big-endian
 //! numbers.
+//!
+//! Hand-written because the crate `npyz` brings a second `zip` (0.6) and a parser
+//! generator, and candle's reader has neither the limits nor all number kinds.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -50,12 +53,8 @@ impl Array {
 
 /// Reads a `.npy` file.
 pub fn read_npy(path: &Path) -> Result<Array, MotionError> {
-    let read = |reason: String| MotionError::Read {
-        path: path.to_owned(),
-        reason,
-    };
-    let file = File::open(path).map_err(|error| read(error.to_string()))?;
-    array(BufReader::new(file)).map_err(read)
+    let file = File::open(path).map_err(|error| MotionError::read(path, error))?;
+    array(BufReader::new(file)).map_err(|reason| MotionError::read(path, reason))
 }
 
 /// An open `.npz` archive of arrays.
@@ -67,15 +66,11 @@ pub struct Npz {
 impl Npz {
     /// Opens an archive; arrays are read when they are asked for.
     pub fn open(path: &Path) -> Result<Self, MotionError> {
-        let read = |reason: String| MotionError::Read {
-            path: path.to_owned(),
-            reason,
-        };
-        let file = File::open(path).map_err(|error| read(error.to_string()))?;
+        let file = File::open(path).map_err(|error| MotionError::read(path, error))?;
         let archive = ZipArchive::new(BufReader::new(file));
         Ok(Self {
             path: path.to_owned(),
-            archive: archive.map_err(|error| read(error.to_string()))?,
+            archive: archive.map_err(|error| MotionError::read(path, error))?,
         })
     }
 
@@ -96,17 +91,14 @@ impl Npz {
         let entry = self.archive.by_name(&format!("{key}.npy"));
         let read = entry.map_err(|error| error.to_string());
         let read = read.and_then(array).map(Some);
-        read.map_err(|reason| MotionError::Read {
-            path: self.path.clone(),
-            reason: format!("array `{key}`: {reason}"),
-        })
+        read.map_err(|reason| MotionError::read(&self.path, format!("array `{key}`: {reason}")))
     }
 
     /// An array that must be there; the error lists those that are.
     pub fn need(&mut self, key: &str) -> Result<Array, MotionError> {
-        self.get(key)?.ok_or_else(|| MotionError::Content {
-            path: self.path.clone(),
-            reason: format!("no array `{key}`; the file has {:?}", self.names()),
+        self.get(key)?.ok_or_else(|| {
+            let reason = format!("no array `{key}`; the file has {:?}", self.names());
+            MotionError::content(&self.path, reason)
         })
     }
 }

@@ -151,7 +151,11 @@ pub fn endure(robot: &Robot, cycles: usize, seed: u64) -> f64 {
             "seed {seed}, cycle {cycle}"
         );
     }
-    println!("{:?}\n{:?}", retargeter.counts(), retargeter.effort());
+    println!(
+        "{:?}\n{:?}",
+        retargeter.counts(),
+        retargeter.torque_report()
+    );
     farthest
 }
 

@@ -16,8 +16,8 @@ fn a_dance_keeps_every_limit_and_the_feet_stay() {
     let model = retargeter.model();
     let feet = ["l_sole", "r_sole"].map(|name| model.link(name).unwrap());
     let places = |positions: &[f64]| {
-        let points = model.link_points(positions);
-        feet.map(|foot| Vector3::from(points[foot]))
+        let poses = model.link_poses(positions);
+        feet.map(|foot| poses[foot].translation.vector)
     };
     // However the body moves, the feet keep their distance and stay level.
     let apart = |positions: &[f64]| {
@@ -134,11 +134,7 @@ fn the_output_is_on_time() {
     let delay = (-20..=20)
         .max_by(|a, b| score(*a).total_cmp(&score(*b)))
         .unwrap();
-    let stated = (robot.retargeter().latency_s() * CONTROL_HZ).round() as i32;
-    assert!(
-        (delay - stated).abs() <= 2,
-        "{delay} cycles late, {stated} stated"
-    );
+    assert!(delay.abs() <= 2, "{delay} cycles late");
 }
 
 #[test]
@@ -261,11 +257,11 @@ fn arms_held_overhead_end_up_overhead() {
     let mut retargeter = robot.retargeter();
     let track = follow(&mut retargeter, &frames);
     assert_eq!(violations(&track, &robot), [0; 4]);
-    let points = retargeter.model().link_points(track.last().unwrap());
+    let poses = retargeter.model().link_poses(track.last().unwrap());
     for letter in ["l", "r"] {
         let at = |part: &str| {
             let link = retargeter.model().link(&format!("{letter}_{part}"));
-            Vector3::from(points[link.unwrap()])
+            poses[link.unwrap()].translation.vector
         };
         let away = (at("el_link") - at("sho_roll_link"))
             .angle(&up)

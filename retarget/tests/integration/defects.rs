@@ -1,7 +1,7 @@
 //! Defects as they are found in public descriptions: each has its code, and
 //! names joint or link.
 
-use servodance_retarget::{Code, Finding, RobotModel, Severity, lint};
+use servodance_retarget::{Diagnostic, DiagnosticCode, DiagnosticSeverity, RobotModel, lint};
 
 /// A description whose one moving joint `turn` and whose link `arm` hold this.
 fn urdf(joint_type: &str, joint: &str, link: &str, more: &str) -> String {
@@ -17,7 +17,7 @@ const MASS: &str = r#"<inertial><mass value="1"/>
 const AXIS: &str = r#"<axis xyz="0 0 1"/>"#;
 const GOOD: &str = r#"<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="2" velocity="3"/>"#;
 
-fn found(text: &str, code: Code) -> Finding {
+fn found(text: &str, code: DiagnosticCode) -> Diagnostic {
     let findings = lint(text);
     let finding = findings.iter().find(|finding| finding.code == code);
     finding
@@ -35,7 +35,8 @@ fn limit(lower: &str, upper: &str, effort: &str, velocity: &str) -> String {
 fn a_good_description_has_no_findings() {
     let mut found = lint(&urdf("revolute", GOOD, MASS, ""));
     // One arm without a partner shows no forward.
-    found.retain(|f| ![Code::ForwardAssumed, Code::PartsNone].contains(&f.code));
+    found
+        .retain(|f| ![DiagnosticCode::ForwardAssumed, DiagnosticCode::PartsNone].contains(&f.code));
     assert_eq!(found, []);
 }
 
@@ -46,125 +47,135 @@ fn joints_of_public_descriptions_are_named_with_their_values() {
         (
             "revolute",
             limit("-1", "1", "2", "100"),
-            Code::VelocityPlaceholder,
+            DiagnosticCode::VelocityPlaceholder,
             "100",
         ),
         (
             "revolute",
             limit("-1", "1", "2", "0"),
-            Code::VelocityUnset,
+            DiagnosticCode::VelocityUnset,
             "0",
         ),
         (
             "revolute",
             limit("-1", "1", "1000", "3"),
-            Code::EffortPlaceholder,
+            DiagnosticCode::EffortPlaceholder,
             "1000",
         ),
         (
             "revolute",
             limit("-1", "1", "0", "3"),
-            Code::EffortUnset,
+            DiagnosticCode::EffortUnset,
             "0",
         ),
         (
             "revolute",
             limit("-2.8274", "2.8274", "2", "3"),
-            Code::RangePlaceholder,
+            DiagnosticCode::RangePlaceholder,
             "0.90 pi",
         ),
         (
             "revolute",
             limit("-3.14159", pi, "2", "3"),
-            Code::RangePlaceholder,
+            DiagnosticCode::RangePlaceholder,
             "1.00 pi",
         ),
         (
             "revolute",
             limit("-2.5", "3.1", "2", "3"),
-            Code::RangeWide,
+            DiagnosticCode::RangeWide,
             "321 degrees",
         ),
         (
             "revolute",
             limit("1", "-1", "2", "3"),
-            Code::RangeInverted,
+            DiagnosticCode::RangeInverted,
             "exchanged",
         ),
         (
             "revolute",
             limit("2", "1", "2", "3"),
-            Code::RangeUnusable,
+            DiagnosticCode::RangeUnusable,
             "lower limit 2",
         ),
         (
             "revolute",
             limit("0.5", "1", "2", "3"),
-            Code::ZeroOutside,
+            DiagnosticCode::ZeroOutside,
             "0.5 to 1",
         ),
         (
             "revolute",
             limit("0", "0", "2", "3"),
-            Code::RangeUnset,
+            DiagnosticCode::RangeUnset,
             "both",
         ),
         (
             "revolute",
             limit("-inf", "1", "2", "3"),
-            Code::NumberUnusable,
+            DiagnosticCode::NumberUnusable,
             "-inf",
         ),
         (
             "revolute",
             limit("-1", "one", "2", "3"),
-            Code::NumberUnreadable,
+            DiagnosticCode::NumberUnreadable,
             "one",
         ),
-        ("revolute", AXIS.into(), Code::VelocityUnset, "0"),
+        ("revolute", AXIS.into(), DiagnosticCode::VelocityUnset, "0"),
         (
             "revolute",
             r#"<axis xyz="0 0 0"/>"#.into(),
-            Code::AxisZero,
+            DiagnosticCode::AxisZero,
             "0 0 0",
         ),
         (
             "revolute",
             r#"<axis xyz="0 1 1"/>"#.into(),
-            Code::AxisTilted,
+            DiagnosticCode::AxisTilted,
             "45 degrees",
         ),
         (
             "revolute",
             r#"<axis xyz="0 1"/>"#.into(),
-            Code::NumberUnreadable,
+            DiagnosticCode::NumberUnreadable,
             "3 number",
         ),
-        ("revolute", "<axis/>".into(), Code::AxisUnset, "1 0 0"),
+        (
+            "revolute",
+            "<axis/>".into(),
+            DiagnosticCode::AxisUnset,
+            "1 0 0",
+        ),
         (
             "revolute",
             format!("{AXIS}{AXIS}"),
-            Code::ElementTwice,
+            DiagnosticCode::ElementTwice,
             "<axis>",
         ),
         (
             "continuous",
             GOOD.into(),
-            Code::JointContinuous,
+            DiagnosticCode::JointContinuous,
             "without end",
         ),
-        ("prismatic", GOOD.into(), Code::JointPrismatic, "held"),
-        ("hinge", GOOD.into(), Code::TypeUnknown, "hinge"),
+        (
+            "prismatic",
+            GOOD.into(),
+            DiagnosticCode::JointPrismatic,
+            "held",
+        ),
+        ("hinge", GOOD.into(), DiagnosticCode::TypeUnknown, "hinge"),
         (
             "revolute",
             format!("{GOOD}<mimic joint='x'/>"),
-            Code::MimicUnknown,
+            DiagnosticCode::MimicUnknown,
             "`x`",
         ),
         (
             "revolute",
             format!("{GOOD}<mimic joint='turn'/>"),
-            Code::MimicCircle,
+            DiagnosticCode::MimicCircle,
             "circle",
         ),
         (
@@ -172,7 +183,7 @@ fn joints_of_public_descriptions_are_named_with_their_values() {
             format!(
                 "{AXIS}<limit lower='-1' upper='1' effort='1' velocity='1' acceleration='9' jerk='5'/>"
             ),
-            Code::LimitExtended,
+            DiagnosticCode::LimitExtended,
             "acceleration 9",
         ),
     ] {
@@ -189,30 +200,34 @@ fn links_of_public_descriptions_are_named_with_their_values() {
     let mass = |kg: &str| MASS.replace("value=\"1\"", &format!("value=\"{kg}\""));
     let small = shape(r#"<box size="0.01 0.01 0.01"/>"#);
     for (link, code, says) in [
-        (shape(&mesh.repeat(2)), Code::GeometryTwo, "the first"),
-        (shape(""), Code::GeometryUnreadable, "nothing"),
-        (shape("<mesh/>"), Code::GeometryUnreadable, "mesh"),
+        (
+            shape(&mesh.repeat(2)),
+            DiagnosticCode::GeometryTwo,
+            "the first",
+        ),
+        (shape(""), DiagnosticCode::GeometryUnreadable, "nothing"),
+        (shape("<mesh/>"), DiagnosticCode::GeometryUnreadable, "mesh"),
         (
             shape("<box size='1 x 1'/>"),
-            Code::GeometryUnreadable,
+            DiagnosticCode::GeometryUnreadable,
             "box",
         ),
-        (mass("-1"), Code::MassUnusable, "-1"),
-        (mass("NaN"), Code::MassUnusable, "NaN"),
-        (mass("1e9"), Code::MassUnusable, "1000000000"),
+        (mass("-1"), DiagnosticCode::MassUnusable, "-1"),
+        (mass("NaN"), DiagnosticCode::MassUnusable, "NaN"),
+        (mass("1e9"), DiagnosticCode::MassUnusable, "1000000000"),
         (
             format!("{small}{MASS}"),
-            Code::MassAbsurd,
+            DiagnosticCode::MassAbsurd,
             "heavier than lead",
         ),
         (
             "<inertial><mass value='1'/></inertial>".into(),
-            Code::InertialIncomplete,
+            DiagnosticCode::InertialIncomplete,
             "inertia",
         ),
         (
             MASS.replace("izz=\"0.1\"", "izz=\"9\""),
-            Code::InertiaAbsurd,
+            DiagnosticCode::InertiaAbsurd,
             "9",
         ),
     ] {
@@ -233,19 +248,24 @@ fn what_stands_around_is_found_as_well() {
     let loop_joint = "<joint name='back' type='revolute'><parent link='base'/>\
         <child link='arm'/><axis xyz='0 0 1'/></joint>";
     for (link, more, code, subject) in [
-        (texture, "", Code::TextureUnnamed, "skin"),
-        (MASS, floating, Code::RootFloating, "free"),
-        (MASS, fixed_mimic, Code::MimicOnFixed, "still"),
-        (MASS, loop_joint, Code::ParentsTwo, "robot"),
-        (MASS, "<link name='alone'/>", Code::RootsMany, "robot"),
+        (texture, "", DiagnosticCode::TextureUnnamed, "skin"),
+        (MASS, floating, DiagnosticCode::RootFloating, "free"),
+        (MASS, fixed_mimic, DiagnosticCode::MimicOnFixed, "still"),
+        (MASS, loop_joint, DiagnosticCode::ParentsTwo, "robot"),
+        (
+            MASS,
+            "<link name='alone'/>",
+            DiagnosticCode::RootsMany,
+            "robot",
+        ),
         (
             MASS,
             "<gazebo:plugin a='b'/>",
-            Code::PrefixUndeclared,
+            DiagnosticCode::PrefixUndeclared,
             "gazebo",
         ),
-        (MASS, "<link/>", Code::NameMissing, "robot"),
-        (MASS, "<xacro:include/>", Code::Xacro, "robot"),
+        (MASS, "<link/>", DiagnosticCode::NameMissing, "robot"),
+        (MASS, "<xacro:include/>", DiagnosticCode::Xacro, "robot"),
     ] {
         let finding = found(&urdf("revolute", GOOD, link, more), code);
         assert_eq!(finding.subject, subject, "{finding}");
@@ -255,7 +275,7 @@ fn what_stands_around_is_found_as_well() {
 #[test]
 fn what_stands_behind_the_robot_is_passed_over() {
     let text = urdf("revolute", GOOD, MASS, "") + "\n\u{0} trailing";
-    assert_eq!(found(&text, Code::TextBehind).subject, "robot");
+    assert_eq!(found(&text, DiagnosticCode::TextBehind).subject, "robot");
     assert!(RobotModel::new(&text, &["turn"]).is_ok());
 }
 
@@ -267,7 +287,9 @@ fn what_is_repaired_builds_and_what_is_refused_does_not() {
         limit("2", "1", "1", "1"),
     ] {
         let text = urdf("revolute", &joint, "", "");
-        let refused = lint(&text).iter().any(|f| f.severity == Severity::Refused);
+        let refused = lint(&text)
+            .iter()
+            .any(|f| f.severity == DiagnosticSeverity::Refused);
         assert_eq!(RobotModel::new(&text, &[]).is_err(), refused, "{text}");
     }
 }
@@ -277,13 +299,14 @@ fn vectors_with_commas_are_read_and_said_and_decimal_commas_are_refused() {
     let joint = |xyz: &str| GOOD.replacen("<axis", &format!("<origin xyz=\"{xyz}\"/><axis"), 1);
     let text = |xyz: &str| urdf("revolute", &joint(xyz), MASS, "");
     for xyz in ["0.1, 0.2, 0.3", "0.1,0.2,0.3"] {
-        let finding = found(&text(xyz), Code::NumberCommas);
+        let finding = found(&text(xyz), DiagnosticCode::NumberCommas);
         assert!(finding.message.contains(xyz), "{finding:?}");
-        assert_eq!(finding.severity, Severity::Repaired);
+        assert_eq!(finding.severity, DiagnosticSeverity::Repaired);
         let model = RobotModel::new(&text(xyz), &["turn"]).unwrap();
-        assert_eq!(model.link_points(&[0.0])[1], [0.1, 0.2, 0.3]);
+        let place = model.link_poses(&[0.0])[1].translation.vector;
+        assert_eq!(<[f64; 3]>::from(place), [0.1, 0.2, 0.3]);
     }
     for xyz in ["0,1 0,2 0,3", "0,5 1", "1,2,3,4", "0.1,,0.3"] {
-        found(&text(xyz), Code::NumberUnreadable);
+        found(&text(xyz), DiagnosticCode::NumberUnreadable);
     }
 }

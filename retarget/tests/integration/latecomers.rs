@@ -27,7 +27,7 @@ fn track(robot: &Robot, start_s: f64, mirror: bool, told: bool) -> Vec<Vec<f64>>
     let first = (start_s * FRAME_RATE_HZ) as usize;
     for (frame, posture) in led().iter().skip(first) {
         match told {
-            true => retargeter.push_led(frame, posture),
+            true => retargeter.push_with_posture(frame, posture),
             false => retargeter.push(frame),
         }
     }

@@ -31,10 +31,10 @@ fn march(seconds: f64) -> Vec<MotionFrame> {
 fn soles(robot: &Retargeter, positions: &[f64]) -> ([Vector3<f64>; 2], [bool; 2]) {
     let model = robot.model();
     let root = robot.world_from_root(positions);
-    let points = model.link_points(positions);
+    let poses = model.link_poses(positions);
     let at = |name: &str| {
         let link = model.link(name).expect("a sole");
-        (root * servodance_retarget::nalgebra::Point3::from(points[link])).coords
+        (root * poses[link]).translation.vector
     };
     let down = robot.feet_down().expect("on its feet");
     (["l_sole", "r_sole"].map(at), down)

@@ -11,8 +11,8 @@
 
 use super::consent::{Consent, pause};
 use super::plug;
-use crate::output::write_whole;
 use crate::robot::{BUILT_IN, Robot};
+use crate::telemetry::pending_file::write_whole;
 use anyhow::{Context, bail};
 use servodance_drivers::{Bus, Port, Servo, open_buses};
 use std::f64::consts::TAU;

@@ -1,6 +1,6 @@
 //! Asking before something happens to a live robot.
 
-use crate::console::tell;
+use crate::process::console::tell;
 use anyhow::{Context, bail};
 use std::io::{BufRead, IsTerminal, Write};
 
@@ -31,7 +31,7 @@ impl Consent {
         if !std::io::stdin().is_terminal() {
             bail!("{what} There is no terminal to ask on: --yes agrees beforehand");
         }
-        crate::console::stderr(format_args!("{what} Go on? [y/N] "));
+        crate::process::console::stderr(format_args!("{what} Go on? [y/N] "));
         std::io::stderr().flush()?;
         let answer = read_line()?;
         if matches!(answer.trim(), "y" | "Y" | "yes") {

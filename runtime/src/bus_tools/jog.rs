@@ -6,15 +6,15 @@
 
 use super::consent::Consent;
 use super::plug;
-use crate::console::{say, tell};
+use crate::process::console::{say, tell};
 use crate::robot::Robot;
 use anyhow::bail;
 use servodance_drivers::{Bus, SafeBus, SafetyConfig, Servo, State, open_bus};
-use servodance_types::{Clock, JointState, WallClock};
+use servodance_types::JointState;
 use std::io::BufRead;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How long the joint gets to arrive after its target has.
 const SETTLE_S: f64 = 0.5;
@@ -166,7 +166,7 @@ impl Orders {
 struct Joint {
     bus: SafeBus<Box<dyn Bus>>,
     servo: Servo,
-    clock: WallClock,
+    clock: Instant,
     period_s: f64,
     /// How far the target moves in a period.
     step_rad: f64,
@@ -179,8 +179,8 @@ struct Joint {
 
 impl Joint {
     fn arm(mut bus: SafeBus<Box<dyn Bus>>, servo: Servo, period_s: f64) -> anyhow::Result<Self> {
-        let clock = WallClock::start();
-        let report = bus.arm(clock.now_s())?;
+        let clock = Instant::now();
+        let report = bus.arm(clock.elapsed().as_secs_f64())?;
         for note in &report.notes {
             tell!("{note}");
         }
@@ -212,7 +212,7 @@ impl Joint {
     /// Moves until the joint has arrived and no order can come, or `stop`.
     fn follow(&mut self, stop: &AtomicBool, mut orders: Orders) -> anyhow::Result<()> {
         let mut arrived_s = None;
-        let mut due_s = self.clock.now_s();
+        let mut due_s = self.clock.elapsed().as_secs_f64();
         while !stop.load(Ordering::Acquire) {
             let over = match orders.next() {
                 Err(()) => true,
@@ -223,7 +223,7 @@ impl Joint {
                 }
             };
             self.tick()?;
-            let now_s = self.clock.now_s();
+            let now_s = self.clock.elapsed().as_secs_f64();
             // What is told lags what is wanted while the safety layer ramps in.
             if (self.bus.sent_rad()[0] - self.aim_rad).abs() > ARRIVED_RAD {
                 arrived_s = None;
@@ -264,7 +264,7 @@ impl Joint {
         } else {
             self.target_rad + self.step_rad.copysign(left_rad)
         };
-        let now_s = self.clock.now_s();
+        let now_s = self.clock.elapsed().as_secs_f64();
         self.bus.command(now_s, &[self.target_rad]);
         match self.bus.tick(now_s, &mut self.states)? {
             State::Running => Ok(()),
@@ -273,7 +273,9 @@ impl Joint {
     }
 
     fn disarm(&mut self) -> anyhow::Result<()> {
-        Ok(self.bus.disarm(self.clock.now_s(), "end of jog")?)
+        Ok(self
+            .bus
+            .disarm(self.clock.elapsed().as_secs_f64(), "end of jog")?)
     }
 }
 

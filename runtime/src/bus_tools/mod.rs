@@ -13,6 +13,7 @@ mod plug;
 pub mod scan;
 pub mod serve;
 pub mod set_id;
+pub mod sim_link;
 
 pub use consent::Consent;
 pub use listen::ProtocolChoice;

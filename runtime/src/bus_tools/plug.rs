@@ -1,8 +1,8 @@
 //! Which port each bus of a robot is behind, for tools that need real servos
 //! (or those of `sim-bus`).
 
-use crate::dance::BusChoice;
-use crate::dance::ports::choose;
+use crate::control::bus_choice::BusChoice;
+use crate::control::bus_choice::choose;
 use crate::robot::Robot;
 use anyhow::{Context, bail};
 use servodance_drivers::{BusLayout, Port};

@@ -1,7 +1,7 @@
 //! Serving a robot's simulated servos to other programs.
 
+use crate::bus_tools::sim_link::{LinkChoice, sim_link};
 use crate::robot::Robot;
-use crate::sim_link::{LinkChoice, sim_link};
 use servodance_sim::{
     Happening, SimBus, SimLink, SimOptions, SimServoSpec, Violations, WireStats, happen,
     parse_script,

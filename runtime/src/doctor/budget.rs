@@ -1,7 +1,7 @@
 //! Processor time of a dance: hearing, inventing, retargeting, on this machine.
 
 use super::Finding;
-use crate::hearing::Ears;
+use crate::pipeline::feature_extractor::Ears;
 use crate::robot::Robot;
 use servodance_audio::MusicAnalyzer;
 use servodance_audio::song::Song;

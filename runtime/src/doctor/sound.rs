@@ -1,7 +1,7 @@
 //! Where sound can come from.
 
 use super::Finding;
-use crate::listening::input_table;
+use crate::pipeline::microphone::input_table;
 
 /// The microphones, where they are built in.
 pub fn inputs() -> Finding {

@@ -1,7 +1,7 @@
 //! The operating system: priorities, punctuality, clock rates.
 
 use super::Finding;
-use crate::realtime::{Role, raise};
+use crate::process::realtime::{Role, raise};
 use std::path::Path;
 use std::time::{Duration, Instant};
 

@@ -3,9 +3,9 @@
 use super::{keys, open};
 use anyhow::bail;
 use rand::Rng;
-use servodance_stage::keys::is_plain;
-use servodance_stage::net::Place;
-use servodance_stage::wire::{Cue, Message, Role};
+use servodance_stage::messages::is_valid_name;
+use servodance_stage::messages::{Cue, Message, Role};
+use servodance_stage::net::NetConfig;
 use std::time::Duration;
 
 /// How long a leader is looked for.
@@ -18,7 +18,7 @@ const LEAVE: Duration = Duration::from_millis(200);
 ///
 /// # Errors
 /// A role that cannot be; a stage without a leader.
-pub fn cue(place: &Place, stage: &str, follower: &str, role: Role) -> anyhow::Result<()> {
+pub fn cue(place: &NetConfig, stage: &str, follower: &str, role: Role) -> anyhow::Result<()> {
     let role = role.checked()?;
     if role == Role::default() {
         bail!("nothing to change: give --mirror, --amplitude, --canon or --style");
@@ -29,7 +29,7 @@ pub fn cue(place: &Place, stage: &str, follower: &str, role: Role) -> anyhow::Re
     let keys = keys(stage)?;
     let net = open(place)?;
     for _ in 0..LOOKS {
-        if net.tokens(&keys.leaders(), LOOK)?.is_empty() {
+        if net.live_keys(&keys.leaders(), LOOK)?.is_empty() {
             std::thread::sleep(LOOK / 4);
             continue;
         }
@@ -38,14 +38,14 @@ pub fn cue(place: &Place, stage: &str, follower: &str, role: Role) -> anyhow::Re
             follower: follower.to_owned(),
             role,
         });
-        net.say(&keys.cue(), message.encode())?;
+        net.put(&keys.cue(), message.encode())?;
         std::thread::sleep(LEAVE);
         return Ok(());
     }
     bail!("nobody leads the stage \"{stage}\" at {}", whom(place))
 }
 
-fn whom(place: &Place) -> String {
+fn whom(place: &NetConfig) -> String {
     match place.connect.as_slice() {
         [] => servodance_stage::net::LOOPBACK.to_owned(),
         endpoints => endpoints.join(", "),

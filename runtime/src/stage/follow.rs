@@ -8,20 +8,27 @@
 
 use super::ros::Ros;
 use super::{cpu_s, keys, open_twin, shared_s};
-use crate::dance::{
-    EStopWatch, FollowConfig, Followed, IdleStyle, LeaderNow, LocalClock, StageEnd,
-    follow as dance, stage_line,
-};
-use crate::output::{PendingFile, write_whole};
-use crate::progress::Progress;
-use crate::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
-use crate::show::{Request, Settings, ViewerEnd, link};
+use crate::control::emergency_stop::EStopWatch;
+use crate::control::idle::IdleStyle;
+use crate::pipeline::stage_source::LeaderNow;
+use crate::pipeline::stage_source::LocalClock;
+use crate::pipeline::stage_source::StageEnd;
+use crate::pipeline::stage_source::stage_line;
+use crate::process::progress::Progress;
+use crate::process::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
+use crate::session::led_dance::FollowConfig;
+use crate::session::led_dance::Followed;
+use crate::session::led_dance::follow as dance;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
+use crate::viewer::{ViewerEnd, ViewerRequest, ViewerSettings, link};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
-use servodance_stage::keys::Keys;
-use servodance_stage::net::{Ear, Place, Twin, TwinVoice};
-use servodance_stage::wire::{Role, WireError};
-use servodance_stage::{Counters, Follower};
+use servodance_stage::Follower;
+use servodance_stage::follower::DropCounters;
+use servodance_stage::messages::{MessageError, Role};
+use servodance_stage::net::{
+    NetConfig, RedundantPublisher, RedundantSession, StageKeys, Subscription,
+};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -39,7 +46,7 @@ pub struct StageFollow {
     /// The robot and its buses.
     pub config: FollowConfig,
     /// Where the leader is.
-    pub place: Place,
+    pub place: NetConfig,
     /// Name of the stage.
     pub stage: String,
     /// Name of the follower.
@@ -107,7 +114,7 @@ pub struct FollowReport {
 pub struct Dropped {
     /// By the follower, and why.
     #[serde(flatten)]
-    pub counted: Counters,
+    pub counted: DropCounters,
     /// There was no room for them.
     pub flooded: u64,
 }
@@ -126,7 +133,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     let follower = Follower::new(&options.name, role.clone(), reach_s, rand::random());
     let clock = LocalClock::start(options.skew.0, options.skew.1);
     let (source, end) = stage_line(robot.period_s(), clock);
-    let mut settings = Settings {
+    let mut settings = ViewerSettings {
         amplitude: robot.retarget.amplitude,
         mirror: robot.retarget.mirror,
         idle: options.config.idle,
@@ -152,7 +159,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     let flooded = Arc::new(AtomicU64::new(0));
     let _ears = listen(&net, &keys, follower.id(), clock, &sender, &flooded)?;
     let seat = Seat {
-        ask: net.voice(&keys.ask(Some(follower.id())))?,
+        ask: net.publisher(&keys.from_follower(Some(follower.id())))?,
         follower,
         clock,
         end,
@@ -188,7 +195,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         .join()
         .map_err(|_| anyhow::anyhow!("the thread that hears the leader broke down"));
     let (followed, seat) = (followed?, seat?.context("the network")?);
-    let (figures, role) = (seat.follower.figures(), seat.follower.role().clone());
+    let (figures, role) = (seat.follower.stats(), seat.follower.role().clone());
     let report = FollowReport {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         name: options.name.clone(),
@@ -197,7 +204,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         cpu_cores,
         lead_ms: figures.lead_s * 1e3,
         needed_ms: figures.needed_s * 1e3,
-        way_ms: figures.way_s * 1e3,
+        way_ms: figures.transit_s * 1e3,
         delay_ms: figures.clock.map_or(0.0, |clock| clock.delay_s * 1e3),
         drift_ppm: figures.clock.map_or(0.0, |clock| clock.drift * 1e6),
         lost_frames: figures.lost,
@@ -229,17 +236,17 @@ enum News {
 
 /// Everything a follower hears; it lasts as long as what comes back.
 fn listen(
-    net: &Twin,
-    keys: &Keys,
+    net: &RedundantSession,
+    keys: &StageKeys,
     id: u64,
     clock: LocalClock,
     inbox: &SyncSender<News>,
     flooded: &Arc<AtomicU64>,
-) -> anyhow::Result<Vec<Ear>> {
+) -> anyhow::Result<Vec<Subscription>> {
     let mut ears = Vec::new();
-    for key in [keys.frames(None), keys.roles(), keys.tell(id)] {
+    for key in [keys.frames(None), keys.roles(), keys.to_follower(id)] {
         let (inbox, flooded) = (inbox.clone(), Arc::clone(flooded));
-        ears.extend(net.hear(&key, move |bytes| {
+        ears.extend(net.subscribe(&key, move |bytes| {
             let news = News::Heard(clock.now_ns(), bytes.to_vec());
             if inbox.try_send(news).is_err() {
                 flooded.fetch_add(1, Ordering::Relaxed);
@@ -247,8 +254,8 @@ fn listen(
         })?);
     }
     let (inbox, own) = (inbox.clone(), keys.clone());
-    ears.extend(net.watch(&keys.leaders(), move |key, lives| {
-        if let (Some((instance, _)), false) = (own.read_leader(key), lives) {
+    ears.extend(net.watch_liveliness(&keys.leaders(), move |key, lives| {
+        if let (Some((instance, _)), false) = (own.parse_leader(key), lives) {
             let _ = inbox.try_send(News::Gone(instance));
         }
     })?);
@@ -262,11 +269,11 @@ struct Seat {
     end: StageEnd,
     viewers: ViewerEnd,
     inbox: Receiver<News>,
-    ask: TwinVoice,
+    ask: RedundantPublisher,
     ros: Option<Ros>,
     /// What is danced without a role, and what the control loop was told last.
-    usual: Settings,
-    settings: Settings,
+    usual: ViewerSettings,
+    settings: ViewerSettings,
     rest_after: Duration,
     /// When somebody led last.
     heard: Instant,
@@ -296,10 +303,10 @@ impl Seat {
 
     fn take(&mut self, news: News) {
         match news {
-            News::Gone(instance) => self.follower.leader_gone(instance),
+            News::Gone(instance) => self.follower.note_leader_gone(instance),
             News::Heard(at_ns, bytes) => {
-                let heard = self.follower.hear(at_ns, &bytes);
-                if let (Err(error @ WireError::Version(_)), false) = (heard, self.told_version) {
+                let heard = self.follower.receive(at_ns, &bytes);
+                if let (Err(error @ MessageError::Version(_)), false) = (heard, self.told_version) {
                     self.told_version = true;
                     self.notes.note(&error.to_string());
                 }
@@ -309,11 +316,11 @@ impl Seat {
 
     fn look_around(&mut self) -> anyhow::Result<()> {
         let now_ns = self.clock.now_ns();
-        for question in self.follower.questions(now_ns) {
-            self.ask.say(question)?;
+        for question in self.follower.time_requests(now_ns) {
+            self.ask.put(question)?;
         }
         if let Some(report) = self.follower.report(now_ns) {
-            self.ask.say(report)?;
+            self.ask.put(report)?;
         }
         let (shown_s, hidden) = self.end.shown();
         while self.end.has_room() {
@@ -349,7 +356,7 @@ impl Seat {
             self.notes.note("nobody leads any more: idling");
             return;
         }
-        let figures = self.follower.figures();
+        let figures = self.follower.stats();
         let clock = figures.clock.map_or(0.0, |clock| clock.bound_s());
         self.notes.note(&format!(
             "following {:016x}: frames come {:.0} ms ahead, its clock is known to {:.1} ms at worst",
@@ -371,9 +378,9 @@ impl Seat {
             return;
         }
         let asked = [
-            Request::Amplitude(wanted.amplitude),
-            Request::Mirror(wanted.mirror),
-            Request::Idle(wanted.idle),
+            ViewerRequest::Amplitude(wanted.amplitude),
+            ViewerRequest::Mirror(wanted.mirror),
+            ViewerRequest::Idle(wanted.idle),
         ];
         if self.viewers.ask(&asked) {
             self.settings = wanted;
@@ -382,7 +389,7 @@ impl Seat {
 }
 
 /// Takes over what a role says of a robot's settings.
-fn dress(settings: &mut Settings, role: &Role) {
+fn dress(settings: &mut ViewerSettings, role: &Role) {
     settings.mirror = role.mirror.unwrap_or(settings.mirror);
     settings.amplitude = role.amplitude.map_or(settings.amplitude, f64::from);
 }

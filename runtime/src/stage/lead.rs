@@ -8,25 +8,32 @@
 //! and keeps the roles.
 
 use super::{keys, open};
-use crate::conditioning::Conditioning;
-use crate::dance::audio::Audio;
-use crate::dance::{
-    AudioChoice, CHORUS, Change, Dancer, DancerThread, LocalClock, Next, Speed, Step,
-    open_generator,
-};
-use crate::output::{PendingFile, write_whole};
-use crate::progress::Progress;
-use crate::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
+use crate::pipeline::audio_input::Audio;
+use crate::pipeline::conditioning::Conditioning;
+use crate::pipeline::motion_source::CHORUS;
+use crate::pipeline::motion_source::Change;
+use crate::pipeline::motion_source::Dancer;
+use crate::pipeline::motion_source::DancerThread;
+use crate::pipeline::motion_source::Next;
+use crate::pipeline::motion_source::Step;
+use crate::pipeline::stage_source::LocalClock;
+use crate::process::progress::Progress;
+use crate::process::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
+use crate::session::config::AudioChoice;
+use crate::session::config::Speed;
+use crate::session::dance::open_generator;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
-use servodance_audio::capture::Notice;
+use servodance_audio::capture::CaptureEvent;
 use servodance_model::GeneratorOptions;
 use servodance_model::engine::EngineOptions;
 use servodance_retarget::PostureReader;
-use servodance_stage::keys::Keys;
-use servodance_stage::net::{Ear, Net, Place, Voice};
-use servodance_stage::wire::StageFrame;
-use servodance_stage::{Leader, Outgoing, once};
+use servodance_stage::messages::StageFrame;
+use servodance_stage::net::{
+    NetConfig, NetPublisher, NetSession, StageKeys, Subscription, deduplicated,
+};
+use servodance_stage::{Leader, Outgoing};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -67,7 +74,7 @@ pub struct StageLead {
     /// How the model's steps are computed.
     pub engine: EngineOptions,
     /// Where others connect.
-    pub place: Place,
+    pub place: NetConfig,
     /// Name of the stage.
     pub stage: String,
     /// Take the place of a leader that is there.
@@ -128,7 +135,7 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
         ..GeneratorOptions::default()
     })?;
     let notes = progress.clone();
-    let on_notice = Box::new(move |notice: &Notice| notes.note(&notice.to_string()));
+    let on_notice = Box::new(move |notice: &CaptureEvent| notes.note(&notice.to_string()));
     let mut dancer = Dancer::new(audio, dance, encodec.as_ref(), on_notice)?;
     dancer.prime()?;
 
@@ -138,12 +145,12 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
     let leader = Leader::new(term, rand::random());
     let (sender, inbox) = sync_channel(WAITING);
     let _ears = listen(&net, &keys, clock, &sender)?;
-    let _token = net.token(&keys.leader(leader.instance(), term))?;
-    let frames = (0..=CHORUS as u8).map(|voice| net.voice(&keys.frames(Some(voice))));
+    let _token = net.declare_liveliness(&keys.leader(leader.instance(), term))?;
+    let frames = (0..=CHORUS as u8).map(|voice| net.publisher(&keys.frames(Some(voice))));
     let mut desk = Desk {
         frames: frames.collect::<Result<_, _>>()?,
         postures: Default::default(),
-        roles: net.voice(&keys.roles())?,
+        roles: net.publisher(&keys.roles())?,
         net,
         keys,
         leader,
@@ -181,15 +188,15 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
 }
 
 /// The term to lead in; refused where somebody leads.
-fn term(net: &Net, keys: &Keys, options: &StageLead) -> anyhow::Result<u32> {
+fn term(net: &NetSession, keys: &StageKeys, options: &StageLead) -> anyhow::Result<u32> {
     // Connections come up in the background.
     let began = Instant::now();
     let mut there = Vec::new();
     while there.is_empty() && began.elapsed() < LOOK {
-        there = net.tokens(&keys.leaders(), LOOK / 4)?;
+        there = net.live_keys(&keys.leaders(), LOOK / 4)?;
         std::thread::sleep(LOOK / 20);
     }
-    let leaders = there.iter().filter_map(|key| keys.read_leader(key));
+    let leaders = there.iter().filter_map(|key| keys.parse_leader(key));
     let Some((instance, term)) = leaders.max_by_key(|(_, term)| *term) else {
         return Ok(0);
     };
@@ -209,24 +216,24 @@ enum News {
 }
 
 fn listen(
-    net: &Net,
-    keys: &Keys,
+    net: &NetSession,
+    keys: &StageKeys,
     clock: LocalClock,
     inbox: &SyncSender<News>,
-) -> anyhow::Result<Vec<Ear>> {
+) -> anyhow::Result<Vec<Subscription>> {
     let mut ears = Vec::new();
-    for key in [keys.ask(None), keys.cue()] {
+    for key in [keys.from_follower(None), keys.cue()] {
         let inbox = inbox.clone();
         // Followers say everything by two connections.
-        let each = once(move |bytes| {
+        let each = deduplicated(move |bytes| {
             // What there is no room for is a flood.
             let _ = inbox.try_send(News::Heard(clock.now_ns(), bytes.to_vec()));
         });
-        ears.push(net.hear(&key, each)?);
+        ears.push(net.subscribe(&key, each)?);
     }
     let (inbox, own) = (inbox.clone(), keys.clone());
-    ears.push(net.watch(&keys.leaders(), move |key, lives| {
-        if let (Some((instance, term)), true) = (own.read_leader(key), lives) {
+    ears.push(net.watch_liveliness(&keys.leaders(), move |key, lives| {
+        if let (Some((instance, term)), true) = (own.parse_leader(key), lives) {
             let _ = inbox.try_send(News::Leader(instance, term));
         }
     })?);
@@ -279,16 +286,16 @@ impl Timeline {
 
 /// Everything that the leading thread keeps.
 struct Desk {
-    net: Net,
-    keys: Keys,
+    net: NetSession,
+    keys: StageKeys,
     leader: Leader,
     clock: LocalClock,
     inbox: Receiver<News>,
     /// One a voice.
-    frames: Vec<Voice>,
+    frames: Vec<NetPublisher>,
     /// What is usual in the dance of each voice.
     postures: [PostureReader; 1 + CHORUS],
-    roles: Voice,
+    roles: NetPublisher,
     styles: Vec<String>,
     /// The stage's own style.
     style: String,
@@ -350,7 +357,7 @@ impl Desk {
             if self.again.elapsed() >= AGAIN {
                 self.again = Instant::now();
                 let roles = self.leader.roles();
-                self.roles.say(roles)?;
+                self.roles.put(roles)?;
                 self.arrange();
             }
         }
@@ -375,7 +382,7 @@ impl Desk {
             let posture = self.postures[place].read(&motion);
             let frame = StageFrame::new(at_ns, &step.music, &motion, posture);
             let message = self.leader.frames(now_ns, voice, style, frame);
-            self.frames[place].say(message)?;
+            self.frames[place].put(message)?;
         }
         Ok(())
     }
@@ -389,14 +396,14 @@ impl Desk {
             News::Heard(at_ns, bytes) => {
                 let clock = self.clock;
                 // What is wrong with a message was counted.
-                match self.leader.hear(at_ns, &bytes, || clock.now_ns()) {
-                    Ok(Outgoing::Tell(follower, messages)) => {
-                        let key = self.keys.tell(follower);
+                match self.leader.receive(at_ns, &bytes, || clock.now_ns()) {
+                    Ok(Outgoing::Reply(follower, messages)) => {
+                        let key = self.keys.to_follower(follower);
                         for message in messages {
-                            self.net.say(&key, message)?;
+                            self.net.put(&key, message)?;
                         }
                     }
-                    Ok(Outgoing::Roles(roles)) => self.roles.say(roles)?,
+                    Ok(Outgoing::Roles(roles)) => self.roles.put(roles)?,
                     Ok(Outgoing::Nothing) | Err(_) => {}
                 }
                 let followers = self.leader.followers().count();

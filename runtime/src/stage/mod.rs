@@ -21,32 +21,31 @@ pub use lead::{LeadReport, StageLead, lead};
 pub use shared::{cpu_s, shared_s};
 
 use anyhow::Context;
-use servodance_stage::keys::Keys;
-use servodance_stage::net::{Net, Place, Twin, exposure};
+use servodance_stage::net::{NetConfig, NetSession, RedundantSession, StageKeys, exposure_warning};
 
 /// The keys of a stage.
-fn keys(stage: &str) -> anyhow::Result<Keys> {
-    Keys::new(stage).with_context(|| {
+fn keys(stage: &str) -> anyhow::Result<StageKeys> {
+    StageKeys::new(stage).with_context(|| {
         format!("--stage \"{stage}\" cannot be a name: letters, digits, `_`, `-` and `.` can")
     })
 }
 
 /// Opens the network, and says loudly who else can reach it.
-fn open(place: &Place) -> anyhow::Result<Net> {
+fn open(place: &NetConfig) -> anyhow::Result<NetSession> {
     let config = place.config()?;
-    warn(exposure(&config));
-    Ok(Net::open(config)?)
+    warn(exposure_warning(&config));
+    Ok(NetSession::open(config)?)
 }
 
 /// The same by two connections.
-fn open_twin(place: &Place) -> anyhow::Result<Twin> {
+fn open_twin(place: &NetConfig) -> anyhow::Result<RedundantSession> {
     let config = place.config()?;
-    warn(exposure(&config));
-    Ok(Twin::open(config)?)
+    warn(exposure_warning(&config));
+    Ok(RedundantSession::open(config)?)
 }
 
 fn warn(exposure: Option<String>) {
     if let Some(warning) = exposure {
-        crate::console::tell!("{warning}");
+        crate::process::console::tell!("{warning}");
     }
 }

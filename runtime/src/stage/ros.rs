@@ -10,9 +10,9 @@
 //! Stamps are seconds since 1970: the time of day is read once, at the start,
 //! and goes on by the monotonic clock.
 
-use crate::show::Snapshot;
+use crate::viewer::snapshot::Snapshot;
 use rand::Rng;
-use servodance_stage::net::{Net, NetError, Token, Voice};
+use servodance_stage::net::{LivelinessGuard, NetError, NetPublisher, NetSession};
 use servodance_stage::ros2::{
     Attachment, Node, Topic, TopicType, joint_state, pose_array, ros_word,
 };
@@ -30,7 +30,7 @@ pub struct Ros {
     states: Publisher,
     commands: Publisher,
     skeleton: Publisher,
-    _node: Token,
+    _node: LivelinessGuard,
     start: Instant,
     start_since_1970: Duration,
     next: Instant,
@@ -38,8 +38,8 @@ pub struct Ros {
 
 /// One publisher.
 struct Publisher {
-    voice: Voice,
-    _token: Token,
+    voice: NetPublisher,
+    _token: LivelinessGuard,
     id: [u8; 16],
     number: i64,
 }
@@ -50,7 +50,7 @@ impl Ros {
     /// # Errors
     /// The session is over.
     pub fn start(
-        net: &Net,
+        net: &NetSession,
         domain: u32,
         stage: &str,
         name: &str,
@@ -62,12 +62,12 @@ impl Ros {
             namespace: format!("{}/{}", ros_word(stage), ros_word(name)),
             name: "servodance".to_owned(),
         };
-        let token = net.token(&node.token())?;
+        let token = net.declare_liveliness(&node.token())?;
         let publisher = |entity, name, message| -> Result<Publisher, NetError> {
             let topic = Topic { name, message };
             Ok(Publisher {
-                voice: net.voice(&node.key(&topic))?,
-                _token: net.token(&node.publisher_token(entity, &topic))?,
+                voice: net.publisher(&node.key(&topic))?,
+                _token: net.declare_liveliness(&node.publisher_token(entity, &topic))?,
                 id: rand::rng().random(),
                 number: 0,
             })
@@ -129,6 +129,6 @@ impl Publisher {
             time_ns: now.as_nanos() as i64,
             publisher: self.id,
         };
-        self.voice.say_with(bytes, &attachment.bytes())
+        self.voice.put_with(bytes, &attachment.bytes())
     }
 }

@@ -40,7 +40,6 @@ impl HostEnd {
 /// How the far end is opened, the first time and after it was pulled out.
 #[derive(Clone, Debug)]
 pub(crate) struct HostLink {
-    /// Whether CAN motors are behind it.
     pub is_can: bool,
     /// Bits a second of their bus.
     pub bitrate: u32,

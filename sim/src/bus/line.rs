@@ -9,11 +9,11 @@ use crate::servo::body::SimServoState;
 /// One reply: a pause on the line, then bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Burst {
-    /// Who speaks.
+    /// The place of the servo that speaks.
     pub servo: usize,
     /// Silence before the first byte, seconds.
     pub delay_s: f64,
-    /// The bytes.
+    /// What passes over the wire.
     pub bytes: Vec<u8>,
 }
 

@@ -25,7 +25,7 @@ use servodance_drivers::{Port, ReplyClock, sleep_precisely};
 use crate::bus::host_end::{HostEnd, HostLink};
 use crate::bus::line::Line;
 use crate::bus::options::{SimClock, SimOptions};
-use crate::bus::shared::{Gone, Shared};
+use crate::bus::shared::{BusShared, Gone};
 use crate::bus::thread_priority::raise_priority;
 use crate::bus::world::World;
 use crate::can::{CanServer, build_net};
@@ -72,7 +72,7 @@ impl std::ops::AddAssign for WireStats {
 /// A running simulated bus. Dropping it ends its thread and closes the port.
 #[derive(Debug)]
 pub struct SimBus {
-    shared: Arc<Shared>,
+    shared: Arc<BusShared>,
     port_path: String,
     port: Port,
     host_link: HostLink,
@@ -82,7 +82,7 @@ pub struct SimBus {
 
 fn start_thread(
     host_end: HostEnd,
-    shared: Arc<Shared>,
+    shared: Arc<BusShared>,
     baud: u32,
 ) -> Result<JoinHandle<()>, SimError> {
     shared.watch(host_end.watched()?);
@@ -147,7 +147,7 @@ impl SimBus {
             false => 10.0 / f64::from(options.baud),
         };
         let adapter_s = checked_adapter_s(options.adapter_s)?;
-        let shared = Arc::new(Shared::new(
+        let shared = Arc::new(BusShared::new(
             World::new(line, period_s),
             FaultyWire::new(options.seed),
             options.clock,
@@ -208,12 +208,12 @@ impl SimBus {
         }
     }
 
-    /// Simulated time, seconds.
+    /// The simulated time in seconds.
     pub fn time_s(&self) -> f64 {
         self.shared.world().time_s()
     }
 
-    /// Limits broken so far by all servos: see [`crate::Judge`].
+    /// Limits broken so far by all servos: see `judge.rs`.
     pub fn violations(&self) -> Violations {
         self.shared.world().sum(Judge::violations)
     }

@@ -69,7 +69,7 @@ impl SimOptions {
         }
     }
 
-    /// The machine's time.
+    /// The machine's time: servos move by the wall's clock.
     pub fn realtime(baud: u32, control_hz: f64) -> Self {
         Self {
             clock: SimClock::Realtime,

@@ -26,7 +26,7 @@ pub(crate) struct Traffic {
 
 /// What the thread and its owner share.
 #[derive(Debug)]
-pub(crate) struct Shared {
+pub(crate) struct BusShared {
     world: Mutex<World>,
     wire: Mutex<Traffic>,
     faults: Mutex<FaultyWire>,
@@ -44,7 +44,7 @@ pub(crate) struct Shared {
     pub adapter_s: f64,
 }
 
-impl Shared {
+impl BusShared {
     /// Nothing has passed yet; time begins now.
     pub fn new(
         world: World,
@@ -127,7 +127,7 @@ impl Shared {
     }
 }
 
-impl servodance_drivers::FarEnd for Shared {
+impl servodance_drivers::FarEnd for BusShared {
     fn is_idle(&self) -> bool {
         let watched = self.watched();
         // In this order: what has been read is carried out while `busy` is set.
@@ -145,7 +145,7 @@ fn has_unread(fd: &OwnedFd) -> bool {
 }
 
 /// The thread reads no more, even if it panicked: nothing is waited for.
-pub(crate) struct Gone(pub Arc<Shared>);
+pub(crate) struct Gone(pub Arc<BusShared>);
 
 impl Drop for Gone {
     fn drop(&mut self) {

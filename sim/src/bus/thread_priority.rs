@@ -7,8 +7,7 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// Above the control loop that waits for the servos, below what the kernel does
-/// itself (50).
+/// Above the control loop that waits for the servos, below what the kernel does itself (50).
 const PRIORITY: u8 = 45;
 
 /// Lets the calling thread run before ordinary work, as far as the system allows

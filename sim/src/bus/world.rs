@@ -9,10 +9,8 @@ use crate::judge::{Judge, Violations};
 /// Longest step of the motors, seconds.
 const LONGEST_STEP_S: f64 = 0.5e-3;
 
-/// A line of servos in time.
 #[derive(Debug)]
 pub struct World {
-    /// The servos on their wire.
     pub line: Box<dyn Line>,
     steps: u64,
     steps_a_period: u64,
@@ -33,7 +31,6 @@ impl World {
         }
     }
 
-    /// Simulated time, seconds.
     pub fn time_s(&self) -> f64 {
         self.steps as f64 * self.step_s
     }
@@ -57,7 +54,6 @@ impl World {
         }
     }
 
-    /// A sum over all servos' judges.
     pub fn sum(&self, count: impl Fn(&Judge) -> Violations) -> Violations {
         let mut sum = Violations::default();
         for judge in self.line.judges() {

@@ -19,11 +19,10 @@ use servodance_drivers::can::transport::slcan::{self, BEL, CR, Lines};
 #[cfg(target_os = "linux")]
 use servodance_drivers::can::transport::socket::SocketLink;
 use servodance_drivers::can::transport::udp::UdpLink;
-use servodance_drivers::can::{CanFrame, CanLink, LinkEvent};
+use servodance_drivers::can::{CanEvent, CanFrame, CanLink};
 
-use crate::serial::host_port::{Heard, HostPort};
+use crate::serial::host_port::{HostInput, HostPort};
 
-/// An adapter between host and bus.
 pub(crate) trait Adapter: Send {
     /// A second handle on the file that brings the host's bytes.
     fn watched(&self) -> io::Result<OwnedFd>;
@@ -46,7 +45,6 @@ pub(crate) trait Adapter: Send {
     fn garble(&mut self, bytes: &[u8]);
 }
 
-/// An slcan adapter.
 pub(crate) struct SlcanAdapter {
     port: HostPort,
     lines: Lines,
@@ -55,11 +53,10 @@ pub(crate) struct SlcanAdapter {
     /// Bits a second of the bus, and of the adapter.
     bus_bitrate: u32,
     bitrate: u32,
-    /// Frames that wait because nobody acknowledges them.
+    /// Frames that wait because no node acknowledges them.
     waiting: usize,
 }
 
-/// Frames that wait at most.
 const QUEUE: usize = 16;
 
 impl SlcanAdapter {
@@ -75,7 +72,6 @@ impl SlcanAdapter {
         }
     }
 
-    /// Whether frames pass between adapter and bus.
     fn on_the_bus(&self) -> bool {
         self.open && self.bitrate == self.bus_bitrate
     }
@@ -156,18 +152,18 @@ impl Adapter for SlcanAdapter {
     fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
         let mut chunk = [0; 4096];
         match self.port.read(&mut chunk)? {
-            Heard::Bytes(count) => {
+            HostInput::Bytes(count) => {
                 let taken = chunk[..count].iter();
                 frames.extend(taken.filter_map(|byte| self.take(*byte, bus_off)));
                 self.flush();
             }
             // The next host finds the adapter closed.
-            Heard::Nobody => {
+            HostInput::Nobody => {
                 self.open = false;
                 self.lines = Lines::default();
                 std::thread::sleep(Duration::from_millis(1));
             }
-            Heard::Nothing => {}
+            HostInput::Nothing => {}
         }
         Ok(())
     }
@@ -185,7 +181,6 @@ impl Adapter for SlcanAdapter {
     }
 }
 
-/// A member of a multicast group.
 pub(crate) struct MulticastAdapter {
     link: UdpLink,
 }
@@ -209,7 +204,7 @@ impl Adapter for MulticastAdapter {
 
     fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
         let now = Instant::now();
-        while let LinkEvent::Frame(frame) = self.link.receive(now)? {
+        while let CanEvent::Frame(frame) = self.link.receive(now)? {
             if !bus_off {
                 frames.push(frame);
             }
@@ -225,7 +220,6 @@ impl Adapter for MulticastAdapter {
     fn garble(&mut self, _bytes: &[u8]) {}
 }
 
-/// A CAN interface of this machine.
 #[cfg(target_os = "linux")]
 pub(crate) struct InterfaceAdapter {
     link: SocketLink,
@@ -259,8 +253,8 @@ impl Adapter for InterfaceAdapter {
         let now = Instant::now();
         loop {
             match self.link.receive(now) {
-                Ok(LinkEvent::Frame(frame)) if !bus_off => frames.push(frame),
-                Ok(LinkEvent::Nothing) => return Ok(()),
+                Ok(CanEvent::Frame(frame)) if !bus_off => frames.push(frame),
+                Ok(CanEvent::Nothing) => return Ok(()),
                 // Motors live on when the interface is taken down.
                 Err(error) if error.kind() == io::ErrorKind::NetworkDown => return Ok(()),
                 Err(error) => return Err(error),

@@ -16,11 +16,10 @@ use servodance_drivers::can::mit::registers::{
 use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
 use crate::can::net::CanDevice;
 
-/// One motor, CubeMars or Damiao.
 #[derive(Debug)]
 pub(crate) struct MitMotor {
     core: MotorCore,
-    /// `None` for CubeMars.
+    /// `None` for a CubeMars motor.
     registers: Option<[[u8; 4]; REGISTER_COUNT]>,
 }
 
@@ -107,7 +106,6 @@ impl MitMotor {
         });
     }
 
-    /// Serves a request to a register.
     fn access(&mut self, data: [u8; 8], out: &mut Vec<CanFrame>) {
         let [low, high, command, which, value @ ..] = data;
         let reply_id = self.reply_id();
@@ -136,7 +134,6 @@ impl MitMotor {
         self.apply();
     }
 
-    /// Applies the registers to the motor.
     fn apply(&mut self) {
         if let Some(registers) = &self.registers {
             let units = u32::from_le_bytes(registers[usize::from(TIMEOUT.0)]);

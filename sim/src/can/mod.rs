@@ -34,6 +34,8 @@ use crate::can::robstride::RobstrideMotor;
 use crate::error::SimError;
 use crate::servo::spec::SimServoSpec;
 
+type BuildDevice = fn(MotorCore) -> Box<dyn CanDevice>;
+
 /// A bus with these motors, which must be of one family; `supply_v` is each family's
 /// nominal supply if left out, `period_s` the control period.
 pub fn build_net(
@@ -42,7 +44,7 @@ pub fn build_net(
     period_s: f64,
 ) -> Result<Box<dyn Line>, SimError> {
     let kind = specs.first().map_or(BusKind::Mit, |spec| spec.kind);
-    let (nominal_v, build): (f64, fn(MotorCore) -> Box<dyn CanDevice>) = match kind {
+    let (nominal_v, build): (f64, BuildDevice) = match kind {
         BusKind::Mit => (24.0, |core| Box::new(MitMotor::new(core))),
         BusKind::Robstride => (48.0, |core| Box::new(RobstrideMotor::new(core))),
         BusKind::Odrive => (24.0, |core| Box::new(OdriveAxis::new(core))),

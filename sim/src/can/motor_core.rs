@@ -10,7 +10,7 @@ use servodance_drivers::can::MotorSettings;
 use crate::error::SimError;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::servo::body::{Body, SimServoState};
+use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
 
@@ -29,12 +29,10 @@ pub(crate) enum MotorFault {
     UnderVoltage,
     OverVoltage,
     Overheat,
-    /// Held against its torque for too long.
     Overload,
     CommunicationLost,
 }
 
-/// A command of the torque loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct TorqueCommand {
     pub goal_rad: f64,
@@ -48,7 +46,7 @@ pub(crate) struct TorqueCommand {
 #[derive(Clone, Debug)]
 pub(crate) struct MotorCore {
     pub settings: MotorSettings,
-    body: Body,
+    body: ServoBody,
     nominal_v: f64,
     pub id: u8,
     enabled: bool,
@@ -89,7 +87,7 @@ impl MotorCore {
         let motor = Motor::with_inertia(&sheet, inertia).with_backlash(spec.backlash_rad);
         let judge = Judge::new(&spec.name, spec.limits, period_s);
         Ok(Self {
-            body: Body::new(spec, motor, judge, supply_v.unwrap_or(nominal_v)),
+            body: ServoBody::new(spec, motor, judge, supply_v.unwrap_or(nominal_v)),
             nominal_v,
             id: spec.id,
             enabled: false,
@@ -156,7 +154,6 @@ impl MotorCore {
         }
     }
 
-    /// Torque off.
     pub fn disable(&mut self) {
         self.enabled = false;
         self.command = None;
@@ -168,7 +165,6 @@ impl MotorCore {
         self.fault = None;
     }
 
-    /// Restarts the time-out.
     pub fn feed(&mut self) {
         self.silent_s = 0.0;
     }
@@ -208,7 +204,6 @@ impl MotorCore {
         }
     }
 
-    /// Restarts: torque off, deaf for a while.
     pub fn reboot(&mut self) {
         self.disable();
         self.clear();

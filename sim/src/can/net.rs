@@ -14,7 +14,6 @@ use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::servo::body::SimServoState;
 
-/// A simulated motor with its protocol.
 pub(crate) trait CanDevice: Debug + Send {
     fn core(&self) -> &MotorCore;
 
@@ -23,17 +22,13 @@ pub(crate) trait CanDevice: Debug + Send {
     /// Takes a frame; adds the answers to `out`.
     fn receive(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>);
 
-    /// Adds the frames that it sends unasked.
     fn due(&mut self, _out: &mut Vec<CanFrame>) {}
 
-    /// Resets its protocol after a reboot.
     fn restart(&mut self) {}
 
-    /// Its id has changed.
     fn renamed(&mut self) {}
 }
 
-/// The motors on one bus.
 #[derive(Debug)]
 pub(crate) struct CanNet {
     devices: Vec<Box<dyn CanDevice>>,

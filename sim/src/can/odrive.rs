@@ -19,7 +19,6 @@ const HEARTBEAT_S: f64 = 0.1;
 /// The endpoints of the simulated firmware's watchdog: time-out, enable.
 pub const WATCHDOG_ENDPOINTS: [u16; 2] = [153, 154];
 
-/// One axis of a controller.
 #[derive(Debug)]
 pub(crate) struct OdriveAxis {
     core: MotorCore,
@@ -83,7 +82,6 @@ impl OdriveAxis {
         self.message(HEARTBEAT, &[a, b, c, d, state, 0, 0, 0])
     }
 
-    /// The answer to a remote frame.
     fn answer(&self, message: u32) -> Option<CanFrame> {
         let f = |value: f64| (value as f32).to_le_bytes();
         let core = &self.core;
@@ -140,7 +138,6 @@ impl OdriveAxis {
         self.core.timeout_s = armed.then_some(seconds);
     }
 
-    /// A parameter by its endpoint.
     fn access(&mut self, data: [u8; 8], out: &mut Vec<CanFrame>) {
         let [opcode, low, high, _, value @ ..] = data;
         let endpoint = u16::from_le_bytes([low, high]);

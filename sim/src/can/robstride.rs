@@ -15,7 +15,6 @@ use crate::can::net::CanDevice;
 const POSITION: [u16; 2] = [0x7016, 0x7019];
 const SPEED: u16 = 0x701B;
 
-/// One RobStride motor.
 #[derive(Debug)]
 pub(crate) struct RobstrideMotor {
     core: MotorCore,

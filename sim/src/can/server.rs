@@ -13,7 +13,7 @@ use std::time::Duration;
 use servodance_drivers::can::CanFrame;
 
 use crate::bus::options::SimClock;
-use crate::bus::shared::Shared;
+use crate::bus::shared::BusShared;
 use crate::can::Adapter;
 use crate::fault::wire::CanPassage;
 
@@ -22,9 +22,8 @@ const WAKE: Duration = Duration::from_millis(5);
 /// An error frame, and the pause after it: bits.
 const ERROR_BITS: f64 = 23.0;
 
-/// Serves the motors of one bus.
 pub(crate) struct CanServer {
-    shared: Arc<Shared>,
+    shared: Arc<BusShared>,
     adapter: Box<dyn Adapter>,
     bit_s: f64,
     /// When the wire is free again, seconds since the start. Real time only.
@@ -32,7 +31,7 @@ pub(crate) struct CanServer {
 }
 
 impl CanServer {
-    pub fn new(shared: Arc<Shared>, adapter: Box<dyn Adapter>, bitrate: u32) -> Self {
+    pub fn new(shared: Arc<BusShared>, adapter: Box<dyn Adapter>, bitrate: u32) -> Self {
         Self {
             shared,
             adapter,

@@ -4,6 +4,7 @@
 //! that a run in lockstep can be repeated.
 
 pub(crate) mod random;
+pub(crate) mod script;
 pub(crate) mod wire;
 
 /// A fault of the wire: something that happens to replies or instructions.
@@ -21,8 +22,8 @@ pub enum WireFault {
     Duplicate,
     /// Random bytes arrive before the reply.
     Noise,
-    /// The host hears its own instruction before the reply, as on adapters
-    /// without direction control.
+    /// The host receives its own instruction before the reply, as on adapters
+    /// that do not control the direction.
     Echo,
     /// One bit of the host's instruction is flipped on its way to the servos.
     CorruptInstruction,
@@ -47,7 +48,7 @@ pub enum ServoFault {
     Overload,
     /// Its supply changes, volts.
     Supply(f64),
-    /// Somebody turns the limp joint by hand, to this many radians.
+    /// The limp joint is turned by hand, to this many radians.
     Moved(f64),
     /// It is set to another rate than the bus: it receives garbage and stays silent.
     Baud(u32),

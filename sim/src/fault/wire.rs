@@ -6,7 +6,6 @@ use crate::fault::random::SplitMix64;
 /// How a CAN frame of a motor reaches the host.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CanPassage {
-    /// How often it arrives.
     pub copies: usize,
     /// Damaged and sent again, as CAN does by itself.
     pub damaged: bool,
@@ -20,12 +19,10 @@ fn hits_replies(fault: WireFault) -> bool {
     !matches!(fault, WireFault::Echo | WireFault::CorruptInstruction)
 }
 
-/// Injects the faults of one wire.
 #[derive(Clone, Debug)]
 pub(crate) struct FaultyWire {
     random: SplitMix64,
     fault: Option<(WireFault, f64)>,
-    /// Replies or instructions hit so far.
     pub hits: u64,
 }
 

@@ -17,27 +17,19 @@ use std::time::Duration;
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
-/// What the host said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Heard {
-    /// So many bytes.
+pub enum HostInput {
     Bytes(usize),
-    /// Nothing now.
     Nothing,
     /// There is no host: nobody has the other end open.
     Nobody,
 }
 
-/// Our end.
 #[derive(Debug)]
 pub enum HostPort {
-    /// Of a pseudo-terminal that does not block.
     Terminal(OwnedFd),
-    /// Of a socket.
     Socket {
-        /// Where hosts come in.
         listener: UnixListener,
-        /// The one that is there.
         host: Option<UnixStream>,
         /// A host has come or gone since this was asked last.
         moved: bool,
@@ -126,7 +118,7 @@ impl HostPort {
     }
 
     /// What the host has said, without waiting. An error ends the port.
-    pub fn read(&mut self, chunk: &mut [u8]) -> io::Result<Heard> {
+    pub fn read(&mut self, chunk: &mut [u8]) -> io::Result<HostInput> {
         if let Self::Socket { host: None, .. } = self {
             self.admit();
         }
@@ -136,7 +128,7 @@ impl HostPort {
                 Err(Errno::EIO) => Ok(0),
                 read => read.map_err(io::Error::from),
             },
-            Self::Socket { host: None, .. } => return Ok(Heard::Nobody),
+            Self::Socket { host: None, .. } => return Ok(HostInput::Nobody),
             Self::Socket {
                 host: Some(host), ..
             } => host.read(chunk),
@@ -144,11 +136,11 @@ impl HostPort {
         let gone = |kind| matches!(kind, ErrorKind::ConnectionReset | ErrorKind::BrokenPipe);
         match read {
             Ok(0) => Ok(self.nobody()),
-            Ok(count) => Ok(Heard::Bytes(count)),
+            Ok(count) => Ok(HostInput::Bytes(count)),
             Err(error) => match error.kind() {
                 ErrorKind::WouldBlock | ErrorKind::Interrupted => {
                     self.admit();
-                    Ok(Heard::Nothing)
+                    Ok(HostInput::Nothing)
                 }
                 kind if gone(kind) => Ok(self.nobody()),
                 _ => Err(error),
@@ -156,11 +148,11 @@ impl HostPort {
         }
     }
 
-    fn nobody(&mut self) -> Heard {
+    fn nobody(&mut self) -> HostInput {
         if let Self::Socket { host, moved, .. } = self {
             (*host, *moved) = (None, true);
         }
-        Heard::Nobody
+        HostInput::Nobody
     }
 
     /// Hands bytes to the host; what its buffer does not hold is lost, as on a wire.
@@ -198,7 +190,7 @@ impl HostPort {
 mod tests {
     use super::*;
 
-    fn said(port: &mut HostPort) -> Heard {
+    fn said(port: &mut HostPort) -> HostInput {
         assert!(port.wait(Duration::from_secs(1)).unwrap());
         port.read(&mut [0; 8]).unwrap()
     }
@@ -208,25 +200,25 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path().join("port");
         let mut port = HostPort::listen(&at).unwrap();
-        assert_eq!(port.read(&mut [0; 8]).unwrap(), Heard::Nobody);
+        assert_eq!(port.read(&mut [0; 8]).unwrap(), HostInput::Nobody);
         port.write(b"to nobody");
 
         let mut first = UnixStream::connect(&at).unwrap();
-        assert_eq!(said(&mut port), Heard::Nothing);
+        assert_eq!(said(&mut port), HostInput::Nothing);
         assert!(port.moved() && !port.moved());
         let mut second = UnixStream::connect(&at).unwrap();
-        assert_eq!(said(&mut port), Heard::Nothing);
+        assert_eq!(said(&mut port), HostInput::Nothing);
         assert_eq!(second.read(&mut [0; 8]).unwrap(), 0);
 
         first.write_all(b"one").unwrap();
-        assert_eq!(said(&mut port), Heard::Bytes(3));
+        assert_eq!(said(&mut port), HostInput::Bytes(3));
         assert!(!port.moved());
         drop(first);
-        assert_eq!(said(&mut port), Heard::Nobody);
+        assert_eq!(said(&mut port), HostInput::Nobody);
         assert!(port.moved());
         let mut third = UnixStream::connect(&at).unwrap();
         third.write_all(b"three").unwrap();
-        assert_eq!(said(&mut port), Heard::Bytes(5));
+        assert_eq!(said(&mut port), HostInput::Bytes(5));
     }
 
     #[test]
@@ -246,7 +238,7 @@ mod tests {
         let at = folder.path().join("port");
         let mut port = HostPort::listen(&at).unwrap();
         let _host = UnixStream::connect(&at).unwrap();
-        assert_eq!(said(&mut port), Heard::Nothing);
+        assert_eq!(said(&mut port), HostInput::Nothing);
         (0..10_000).for_each(|_| port.write(&[0; 1024]));
     }
 }

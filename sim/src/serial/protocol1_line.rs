@@ -10,11 +10,10 @@ use crate::bus::line::{Burst, Line};
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::serial::protocol2_packet::BROADCAST;
-use crate::serial::roster::{Device, Roster, collided};
+use crate::serial::roster::{LineServo, Roster, collided};
 use crate::servo::body::SimServoState;
 use crate::servo::byte_servo::ByteServo;
 
-/// A frame from the host.
 #[derive(Debug)]
 enum Frame {
     Sound {
@@ -22,7 +21,6 @@ enum Frame {
         instruction: u8,
         params: Vec<u8>,
     },
-    /// For this id, with a wrong checksum.
     Damaged(u8),
 }
 
@@ -134,7 +132,6 @@ impl Protocol1Line {
     }
 }
 
-/// A status packet.
 fn answer(id: u8, status: u8, params: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0xFF, 0xFF, id, params.len() as u8 + 2, status];
     bytes.extend(params);

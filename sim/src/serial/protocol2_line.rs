@@ -12,7 +12,7 @@ use crate::judge::Judge;
 use crate::serial::protocol2_packet::{
     BROADCAST, Instruction, Parsed, Parser, fast_status, status,
 };
-use crate::serial::roster::{Device, Roster, collided};
+use crate::serial::roster::{LineServo, Roster, collided};
 use crate::servo::body::SimServoState;
 use crate::servo::dynamixel2::XServo;
 use crate::servo::dynamixel2::table::AccessError;
@@ -23,20 +23,17 @@ const INSTRUCTION_ERROR: u8 = 2;
 const CRC_ERROR: u8 = 3;
 const LENGTH_ERROR: u8 = 5;
 
-/// No table is longer.
 const LONGEST_READ: usize = 1024;
 
-/// What a servo does after its answer.
 enum Restart {
     Reboot,
-    /// The settings of the last backup.
     Restore,
     /// Everything (0xFF), all but the id (1), all but id and baud (2).
     Factory(u8),
 }
 
 /// One servo's part of a sync or bulk read.
-struct Part {
+struct ReadPart {
     id: u8,
     address: u16,
     size: u16,
@@ -231,7 +228,7 @@ impl Protocol2Line {
     }
 
     /// Status packets one after the other, up to the first servo that is missing.
-    fn chain(&mut self, parts: &[Part]) -> Vec<Burst> {
+    fn chain(&mut self, parts: &[ReadPart]) -> Vec<Burst> {
         let mut bursts = Vec::with_capacity(parts.len());
         for part in parts {
             let Some(index) = self.find(part.id) else {
@@ -255,7 +252,7 @@ impl Protocol2Line {
     }
 
     /// One status packet that the servos send piece by piece.
-    fn fast_chain(&mut self, parts: &[Part]) -> Vec<Burst> {
+    fn fast_chain(&mut self, parts: &[ReadPart]) -> Vec<Burst> {
         let mut blocks = Vec::with_capacity(parts.len());
         let mut speakers = Vec::with_capacity(parts.len());
         for part in parts {
@@ -333,19 +330,21 @@ fn addressed(params: &[u8], then: impl FnOnce(u16, &[u8]) -> u8) -> u8 {
     }
 }
 
-fn sync_parts(params: &[u8]) -> Vec<Part> {
+fn sync_parts(params: &[u8]) -> Vec<ReadPart> {
     let Some((&[a0, a1, s0, s1], ids)) = params.split_first_chunk() else {
         return Vec::new();
     };
     let address = u16::from_le_bytes([a0, a1]);
     let size = u16::from_le_bytes([s0, s1]);
-    ids.iter().map(|&id| Part { id, address, size }).collect()
+    ids.iter()
+        .map(|&id| ReadPart { id, address, size })
+        .collect()
 }
 
-fn bulk_parts(params: &[u8]) -> Vec<Part> {
+fn bulk_parts(params: &[u8]) -> Vec<ReadPart> {
     params
         .chunks_exact(5)
-        .map(|item| Part {
+        .map(|item| ReadPart {
             id: item[0],
             address: u16::from_le_bytes([item[1], item[2]]),
             size: u16::from_le_bytes([item[3], item[4]]),

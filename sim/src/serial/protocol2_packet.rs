@@ -30,16 +30,16 @@ pub fn crc16(start: u16, bytes: &[u8]) -> u16 {
 pub struct Instruction {
     /// The addressed servo, or [`BROADCAST`].
     pub id: u8,
-    /// What to do.
+    /// The instruction number of the vendor.
     pub code: u8,
-    /// Its parameters.
+    /// The parameters without stuffing.
     pub params: Vec<u8>,
 }
 
 /// What the parser found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Parsed {
-    /// A sound instruction.
+    /// An instruction that came in sound.
     Instruction(Instruction),
     /// A frame for this id with a wrong checksum.
     BadCrc(u8),
@@ -81,11 +81,6 @@ impl Parser {
                 params: unstuffed(&body[8..]),
             })
         })
-    }
-
-    /// Forgets a frame begun: the line was silent for too long.
-    pub fn clear(&mut self) {
-        self.buffer.clear();
     }
 
     /// Drops bytes until the rest is, or may become, a header.

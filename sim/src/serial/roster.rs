@@ -3,17 +3,15 @@
 use crate::bus::line::Burst;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::servo::body::{Body, SimServoState};
+use crate::servo::body::{ServoBody, SimServoState};
 
 /// What a line needs of each of its servos.
-pub trait Device {
-    /// Its body.
-    fn body(&self) -> &Body;
+pub trait LineServo {
+    fn body(&self) -> &ServoBody;
 
     /// Its body, to be changed.
-    fn body_mut(&mut self) -> &mut Body;
+    fn body_mut(&mut self) -> &mut ServoBody;
 
-    /// Its id.
     fn id(&self) -> u8;
 
     /// The rate at which it hears and answers, bits a second.
@@ -42,7 +40,7 @@ pub struct Roster<S> {
     baud: u32,
 }
 
-impl<S: Device> Roster<S> {
+impl<S: LineServo> Roster<S> {
     pub fn new(servos: Vec<S>, supply_ohm: f64, line_baud: u32) -> Self {
         Self {
             servos,
@@ -73,7 +71,6 @@ impl<S: Device> Roster<S> {
         heard.map(|(index, _)| index).collect()
     }
 
-    /// All who listen.
     pub fn listeners(&self) -> Vec<usize> {
         let servos = self.servos.iter().enumerate();
         let heard = servos.filter(|(_, servo)| self.hears(servo));
@@ -108,7 +105,7 @@ impl<S: Device> Roster<S> {
     }
 
     pub fn state(&self, index: usize) -> Option<SimServoState> {
-        self.servos.get(index).map(Device::state)
+        self.servos.get(index).map(LineServo::state)
     }
 
     pub fn suffer(&mut self, index: usize, fault: ServoFault) -> bool {

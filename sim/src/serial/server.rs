@@ -12,20 +12,18 @@ use std::time::{Duration, Instant};
 
 use crate::bus::line::Burst;
 use crate::bus::options::SimClock;
-use crate::bus::shared::Shared;
-use crate::serial::host_port::{Heard, HostPort};
+use crate::bus::shared::BusShared;
+use crate::serial::host_port::{HostInput, HostPort};
 
 /// How often the thread looks whether it is to end.
 const WAKE: Duration = Duration::from_millis(10);
 /// How long the thread watches the port without sleeping after a reply, if the
 /// host spoke again within [`PROMPT`] of the reply before.
 const ATTENTIVE: Duration = Duration::from_micros(80);
-/// Being woken up is in it.
 const PROMPT: Duration = Duration::from_micros(400);
 
-/// Serves one line.
 pub(crate) struct SerialServer {
-    shared: Arc<Shared>,
+    shared: Arc<BusShared>,
     port: HostPort,
     /// When the line is free again, seconds since the start. Real time only.
     line_free_s: f64,
@@ -37,7 +35,7 @@ pub(crate) struct SerialServer {
 
 impl SerialServer {
     /// Its host is taken to be quick until it is known.
-    pub fn new(shared: Arc<Shared>, port: HostPort) -> Self {
+    pub fn new(shared: Arc<BusShared>, port: HostPort) -> Self {
         Self {
             shared,
             port,
@@ -52,14 +50,14 @@ impl SerialServer {
         let mut chunk = [0; 4096];
         while !self.shared.stop.load(Ordering::Acquire) {
             match self.receive(&mut chunk) {
-                Ok(Heard::Nothing) => {}
-                Ok(Heard::Bytes(count)) => {
+                Ok(HostInput::Nothing) => {}
+                Ok(HostInput::Bytes(count)) => {
                     if let Some(at) = self.handed_over.take() {
                         self.prompt = at.elapsed() < PROMPT;
                     }
                     self.serve(&mut chunk[..count]);
                 }
-                Ok(Heard::Nobody) => {
+                Ok(HostInput::Nobody) => {
                     self.shared.busy.store(false, Ordering::SeqCst);
                     std::thread::sleep(Duration::from_millis(1));
                 }
@@ -70,20 +68,20 @@ impl SerialServer {
     }
 
     /// Bytes from the host, or none after a while.
-    fn receive(&mut self, chunk: &mut [u8]) -> io::Result<Heard> {
+    fn receive(&mut self, chunk: &mut [u8]) -> io::Result<HostInput> {
         // A host at the limit of its wire speaks again at once: being woken up
         // would take longer than its pause. One that rests until its next cycle
         // is not watched for.
         let watched = self.handed_over.filter(|_| self.prompt);
         while watched.is_some_and(|at| at.elapsed() < ATTENTIVE) {
             match self.port.read(chunk)? {
-                Heard::Nothing => std::hint::spin_loop(),
-                Heard::Nobody => break,
+                HostInput::Nothing => std::hint::spin_loop(),
+                HostInput::Nobody => break,
                 heard => return Ok(heard),
             }
         }
         if !self.port.wait(WAKE)? {
-            return Ok(Heard::Nothing);
+            return Ok(HostInput::Nothing);
         }
         self.shared.busy.store(true, Ordering::SeqCst);
         let heard = self.port.read(chunk)?;

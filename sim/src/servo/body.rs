@@ -10,7 +10,7 @@ use crate::servo::spec::SimServoSpec;
 /// What a servo really does, whatever it says on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SimServoState {
-    /// Simulated time, seconds.
+    /// Simulated time since the start, seconds.
     pub time_s: f64,
     /// True joint position, radians.
     pub position_rad: f64,
@@ -20,9 +20,9 @@ pub struct SimServoState {
     pub goal_rad: f64,
     /// Motor current towards higher joint positions, amperes.
     pub current_a: f64,
-    /// Winding temperature, Celsius.
+    /// Temperature of the winding, Celsius.
     pub temperature_c: f64,
-    /// Whether it drives.
+    /// Whether torque is on.
     pub torque_enabled: bool,
     /// Whether its bus watchdog has tripped.
     pub watchdog_tripped: bool,
@@ -32,9 +32,8 @@ pub struct SimServoState {
     pub hardware_error: u8,
 }
 
-/// The body of one servo.
 #[derive(Clone, Debug)]
-pub struct Body {
+pub struct ServoBody {
     spec: SimServoSpec,
     pub motor: Motor,
     pub judge: Judge,
@@ -46,7 +45,7 @@ pub struct Body {
     stalled_s: f64,
 }
 
-impl Body {
+impl ServoBody {
     /// A body at rest where the spec says, on a supply.
     pub fn new(spec: &SimServoSpec, motor: Motor, judge: Judge, supply_v: f64) -> Self {
         Self {
@@ -62,12 +61,10 @@ impl Body {
         }
     }
 
-    /// The joint position for the motor's angle.
     pub fn joint_rad(&self, angle_rad: f64) -> f64 {
         (angle_rad - self.spec.zero_rad) * self.spec.direction
     }
 
-    /// Where the joint is.
     pub fn position_rad(&self) -> f64 {
         self.joint_rad(self.motor.angle_rad)
     }
@@ -82,7 +79,6 @@ impl Body {
         self.sag_v = sag_v;
     }
 
-    /// Whether it hears and speaks.
     pub fn listens(&self) -> bool {
         !self.dead && self.time_s >= self.deaf_until_s
     }
@@ -111,7 +107,6 @@ impl Body {
         self.stalled_s
     }
 
-    /// A stall begins anew.
     pub fn forget_stall(&mut self) {
         self.stalled_s = 0.0;
     }

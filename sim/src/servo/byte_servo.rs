@@ -12,8 +12,8 @@ use servodance_drivers::serial::{ByteMemory, Register, ServiceRegisters, sign_ma
 
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::serial::roster::Device;
-use crate::servo::body::{Body, SimServoState};
+use crate::serial::roster::LineServo;
+use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::{FULL_PWM_ERROR_RAD, Motor};
 use crate::servo::spec::SimServoSpec;
 
@@ -23,7 +23,7 @@ const OVERLOAD_SHARE: f64 = 0.8;
 /// The error of an instruction whose value is beyond a limit.
 const ANGLE_LIMIT: u8 = 1 << 1;
 
-/// One servo.
+/// One servo whose firmware keeps plain bytes.
 #[derive(Clone, Debug)]
 pub struct ByteServo {
     model: &'static ServoModel,
@@ -31,13 +31,11 @@ pub struct ByteServo {
     memory: Vec<u8>,
     /// As the memory holds it, where the memory has it.
     id: u8,
-    /// The condition that it reports.
     flags: u8,
     /// As it was written last: reading that register may give something else.
     goal: u16,
-    body: Body,
+    body: ServoBody,
     duty: f64,
-    /// Where the speed-limited trajectory is, ticks.
     trajectory_ticks: f64,
     registered: Option<(u8, Vec<u8>)>,
     baud: u32,
@@ -62,7 +60,7 @@ impl ByteServo {
             memory: vec![0; layout.size],
             flags: 0,
             goal: 0,
-            body: Body::new(spec, motor, judge, supply_v),
+            body: ServoBody::new(spec, motor, judge, supply_v),
             model,
             duty: 0.0,
             trajectory_ticks: 0.0,
@@ -76,7 +74,6 @@ impl ByteServo {
         servo
     }
 
-    /// Factory settings from an address on.
     fn restore(&mut self, from: usize) {
         self.memory[from..].fill(0);
         for &(register, value) in self.layout.factory {
@@ -97,7 +94,6 @@ impl ByteServo {
         self.put(self.layout.registers.goal, self.goal);
     }
 
-    /// The present state begins with the position.
     fn position(&self) -> Register {
         Register {
             size: 2,
@@ -177,7 +173,6 @@ impl ByteServo {
         f64::from(sign_magnitude(self.get_or(self.layout.offset, 0), 11))
     }
 
-    /// The encoder less the offset, turns counted.
     fn encoder_ticks(&self) -> f64 {
         (self.body.motor.angle_rad / self.model.rad_per_tick).round() - self.offset_ticks()
     }
@@ -349,7 +344,6 @@ impl ByteServo {
         }
     }
 
-    /// Brings the present-value registers up to date.
     fn refresh(&mut self) {
         let layout = self.layout;
         let position = as_sign_magnitude(self.encoder_ticks(), 15);
@@ -378,12 +372,12 @@ impl ByteServo {
     }
 }
 
-impl Device for ByteServo {
-    fn body(&self) -> &Body {
+impl LineServo for ByteServo {
+    fn body(&self) -> &ServoBody {
         &self.body
     }
 
-    fn body_mut(&mut self) -> &mut Body {
+    fn body_mut(&mut self) -> &mut ServoBody {
         &mut self.body
     }
 

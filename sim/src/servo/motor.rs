@@ -20,22 +20,18 @@
 
 use servodance_drivers::DataSheet;
 
-/// PWM units at full duty.
 pub const FULL_PWM: f64 = 885.0;
 /// Radians of position error at which the stock gain of 800 asks for full PWM:
 /// 885 / (800 / 128) ticks.
 pub const FULL_PWM_ERROR_RAD: f64 = FULL_PWM / 6.25 * std::f64::consts::TAU / 4096.0;
 /// Rotor inertia against the one at which the stock loop is critically damped.
 const INERTIA_SHARE: f64 = 0.78;
-/// Coulomb friction against stall torque.
 const FRICTION_SHARE: f64 = 0.01;
 /// Kelvin a watt and seconds of the winding: a stall overheats in about a minute.
 const THERMAL_K_PER_W: f64 = 4.0;
 const THERMAL_TIME_S: f64 = 60.0;
-/// Room temperature, Celsius.
 pub const AMBIENT_C: f64 = 25.0;
 
-/// One motor with its gear and load.
 #[derive(Clone, Debug)]
 pub struct Motor {
     stall_torque_nm: f64,
@@ -54,9 +50,7 @@ pub struct Motor {
     pub speed_rad_s: f64,
     /// Current, amperes, positive towards higher angles.
     pub current_a: f64,
-    /// Winding temperature, Celsius.
     pub temperature_c: f64,
-    /// Something holds the shaft: it cannot move.
     pub jammed: bool,
 }
 

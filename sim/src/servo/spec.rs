@@ -11,7 +11,7 @@ use crate::error::SimError;
 pub struct SimServoSpec {
     /// The joint's name, for messages.
     pub name: String,
-    /// Bus id.
+    /// The id on its bus.
     pub id: u8,
     /// What the servo is. The number of a [`ServoModel`].
     pub model_number: u16,
@@ -38,7 +38,6 @@ pub struct SimServoSpec {
 }
 
 impl SimServoSpec {
-    /// The model, if the servo makes sense.
     pub(crate) fn checked(&self) -> Result<&'static ServoModel, SimError> {
         let model = ServoModel::from_number(self.model_number)
             .ok_or_else(|| self.refused(format!("unknown model number {}", self.model_number)))?;

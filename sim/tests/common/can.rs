@@ -11,7 +11,7 @@ pub const BITRATE: u32 = 1_000_000;
 
 /// The motors that are simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MotorKind {
     CubeMars,
     Damiao,
     Robstride,
@@ -19,15 +19,15 @@ pub enum Kind {
     Cia402,
 }
 
-pub const KINDS: [Kind; 5] = [
-    Kind::CubeMars,
-    Kind::Damiao,
-    Kind::Robstride,
-    Kind::Odrive,
-    Kind::Cia402,
+pub const KINDS: [MotorKind; 5] = [
+    MotorKind::CubeMars,
+    MotorKind::Damiao,
+    MotorKind::Robstride,
+    MotorKind::Odrive,
+    MotorKind::Cia402,
 ];
 
-impl Kind {
+impl MotorKind {
     pub fn model(self) -> &'static str {
         match self {
             Self::CubeMars => "AK80-9",
@@ -49,8 +49,8 @@ impl Kind {
 }
 
 /// `count` joints, every other one mounted in reverse.
-pub fn can_robot(kind: Kind, count: u8) -> Vec<Servo> {
-    let geared = matches!(kind, Kind::Odrive | Kind::Cia402);
+pub fn can_robot(kind: MotorKind, count: u8) -> Vec<Servo> {
+    let geared = matches!(kind, MotorKind::Odrive | MotorKind::Cia402);
     let joint = |k: u8| ServoConfig {
         name: format!("joint_{k}"),
         id: k,
@@ -62,28 +62,28 @@ pub fn can_robot(kind: Kind, count: u8) -> Vec<Servo> {
         velocity_deg_s: 230.0,
         acceleration_deg_s2: 2300.0,
         gear_ratio: geared.then_some(9.0),
-        reply_id: (kind == Kind::Damiao).then_some(0x100 + u16::from(k)),
+        reply_id: (kind == MotorKind::Damiao).then_some(0x100 + u16::from(k)),
         ..Default::default()
     };
     servos(&(1..=count).map(joint).collect::<Vec<_>>()).unwrap()
 }
 
 /// A reply may be late by a stall of the machine, never by the simulation.
-pub fn can_patient(kind: Kind) -> BusConfig {
+pub fn can_patient(kind: MotorKind) -> BusConfig {
     BusConfig {
         reply_timeout_ms: 2000.0,
         watchdog_ms: 100,
-        accept_no_watchdog: kind == Kind::CubeMars,
-        watchdog_endpoints: (kind == Kind::Odrive).then_some(WATCHDOG_ENDPOINTS),
+        accept_no_watchdog: kind == MotorKind::CubeMars,
+        watchdog_endpoints: (kind == MotorKind::Odrive).then_some(WATCHDOG_ENDPOINTS),
         ..BusConfig::of_kind(kind.bus(), BITRATE)
     }
 }
 
-pub fn open(kind: Kind, sim: &SimBus, servos: &[Servo]) -> CanBus {
+pub fn open(kind: MotorKind, sim: &SimBus, servos: &[Servo]) -> CanBus {
     CanBus::open(&sim.port().to_string(), &can_patient(kind), servos.to_vec()).unwrap()
 }
 
-pub fn start(kind: Kind, count: u8) -> (Vec<Servo>, SimBus, CanBus) {
+pub fn start(kind: MotorKind, count: u8) -> (Vec<Servo>, SimBus, CanBus) {
     let servos = can_robot(kind, count);
     let sim = SimBus::start(&specs(&servos), SimOptions::lockstep(BITRATE, HZ)).unwrap();
     let bus = open(kind, &sim, &servos);

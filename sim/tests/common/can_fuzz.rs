@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use servodance_drivers::can::transport::{slcan, udp};
-use servodance_drivers::can::{CanBus, CanFault, CanFrame, CanLink, CanScanner, LinkEvent, Sent};
+use servodance_drivers::can::{CanBus, CanEvent, CanFault, CanFrame, CanLink, CanScanner, Sent};
 use servodance_drivers::{Bus, BusConfig, BusKind, Servo, ServoConfig, servos};
 use servodance_sim::can::{WATCHDOG_ENDPOINTS, build_net};
 use servodance_sim::{Line, SimServoSpec};
@@ -210,17 +210,17 @@ impl CanLink for DamagedLink {
         Ok(Sent::Taken)
     }
 
-    fn receive(&mut self, _deadline: Instant) -> io::Result<LinkEvent> {
+    fn receive(&mut self, _deadline: Instant) -> io::Result<CanEvent> {
         let next = match self.dice.below(8 * self.rarity) {
             0 => Some(self.dice.frame()),
-            1 => return Ok(LinkEvent::Fault(CanFault::Error)),
+            1 => return Ok(CanEvent::Fault(CanFault::Error)),
             _ => self.queue.pop_front(),
         };
         let Some(frame) = next else {
-            return Ok(LinkEvent::Nothing);
+            return Ok(CanEvent::Nothing);
         };
         self.heard.fetch_add(1, Ordering::Relaxed);
-        Ok(LinkEvent::Frame(frame))
+        Ok(CanEvent::Frame(frame))
     }
 }
 

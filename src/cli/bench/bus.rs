@@ -1,9 +1,9 @@
 //! `servodance bench bus`.
 
 use servodance_lab::bench::bus as bench;
-use servodance_runtime::console::say;
+use servodance_runtime::bus_tools::sim_link::LinkChoice;
+use servodance_runtime::process::console::say;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::sim_link::LinkChoice;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -38,7 +38,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.json {
         say!("{}", serde_json::to_string(&figures)?);
     } else {
-        servodance_runtime::console::stdout(format_args!("{figures}"));
+        servodance_runtime::process::console::stdout(format_args!("{figures}"));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -3,7 +3,7 @@
 use crate::cli::options::engine::EngineArgs;
 use servodance_lab::bench::model::{ModelBench, ModelBenchReport, run as measure};
 use servodance_model::EngineKind;
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

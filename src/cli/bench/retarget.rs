@@ -1,7 +1,7 @@
 //! `servodance bench retarget`.
 
 use servodance_lab::bench::retarget as retarget_bench;
-use servodance_runtime::console::say;
+use servodance_runtime::process::console::say;
 use servodance_runtime::robot::Robot;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -56,7 +56,7 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
 
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    use servodance_runtime::console::say;
+    use servodance_runtime::process::console::say;
 
     for (option, value, range) in [
         ("--followers", args.followers as f64, 1.0..=64.0),
@@ -86,7 +86,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.json {
         say!("{}", serde_json::to_string(&figures)?);
     } else {
-        servodance_runtime::console::stdout(format_args!("{figures}"));
+        servodance_runtime::process::console::stdout(format_args!("{figures}"));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -2,8 +2,8 @@
 
 use super::engine::EngineArgs;
 use super::robot::RobotFileArgs;
-use servodance_runtime::conditioning::Conditioning;
-use servodance_runtime::dance::IdleStyle;
+use servodance_runtime::control::idle::IdleStyle;
+use servodance_runtime::pipeline::conditioning::Conditioning;
 use std::path::PathBuf;
 
 /// A robot that dances.

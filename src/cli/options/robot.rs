@@ -1,8 +1,8 @@
 //! Which robot a command is for: the same options for all that drive one.
 
 use anyhow::Context;
+use servodance_runtime::robot::Overrides;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::robot_file::Overrides;
 
 /// Who, and what of the robot file is different today.
 #[derive(Debug, clap::Args)]

@@ -23,8 +23,8 @@ pub struct StageNetworkArgs {
 #[cfg(feature = "stage")]
 impl StageNetworkArgs {
     /// The same for the network.
-    pub fn place(&self, leads: bool, listen: Vec<String>) -> servodance_stage::net::Place {
-        servodance_stage::net::Place {
+    pub fn place(&self, leads: bool, listen: Vec<String>) -> servodance_stage::net::NetConfig {
+        servodance_stage::net::NetConfig {
             leads,
             listen,
             connect: self.connect.clone(),
@@ -63,8 +63,8 @@ pub struct RoleArgs {
 
 impl RoleArgs {
     /// The same as a role, its values not looked at.
-    pub fn role(&self) -> servodance_stage::wire::Role {
-        servodance_stage::wire::Role {
+    pub fn role(&self) -> servodance_stage::messages::Role {
+        servodance_stage::messages::Role {
             mirror: self.mirror,
             amplitude: self.amplitude,
             canon_beats: self.canon,

@@ -1,7 +1,7 @@
 use super::*;
-use crate::copies::Copies;
-use crate::playhead::Playhead;
-use crate::wire::{Cue, StageFrame};
+use crate::clock::PlaybackClock;
+use crate::messages::{Cue, StageFrame};
+use crate::net::Deduplicator;
 use crate::{Leader, Outgoing};
 use rand_chacha::ChaCha8Rng;
 
@@ -90,11 +90,11 @@ struct World {
     /// Connections, if what is lost stalls what comes after it: the leader's to
     /// the follower, and back.
     tcp: Vec<[Tcp; 2]>,
-    copies: Copies,
+    copies: Deduplicator,
     /// Messages on their way to the follower.
     flying: Vec<(i64, Vec<u8>)>,
     follower: Follower,
-    playhead: Playhead,
+    playback: PlaybackClock,
     idle: f64,
     /// Music time of the newest frame that was handed over, motion time of it.
     frames: Vec<(f64, f64)>,
@@ -110,10 +110,10 @@ impl World {
             jitter_ns: delay_ms * 300_000,
             loss,
             tcp: Vec::new(),
-            copies: Copies::default(),
+            copies: Deduplicator::default(),
             flying: Vec::new(),
             follower: Follower::new("neck", Role::default(), REACH_S, [9; 32]),
-            playhead: Playhead::new(0.01),
+            playback: PlaybackClock::new(0.01),
             idle: 1.0,
             frames: Vec::new(),
             shown: 0.0,
@@ -166,10 +166,10 @@ impl World {
             come.sort_by_key(|(at_ns, _)| *at_ns);
             for (at_ns, bytes) in come {
                 if self.copies.is_new(&bytes) {
-                    let _ = self.follower.hear(at_ns, &bytes);
+                    let _ = self.follower.receive(at_ns, &bytes);
                 }
             }
-            let mut questions = self.follower.questions(now_ns);
+            let mut questions = self.follower.time_requests(now_ns);
             questions.extend(self.follower.report(now_ns));
             for bytes in questions {
                 // The first copy is answered.
@@ -178,8 +178,8 @@ impl World {
                 };
                 for lead in leads.iter_mut() {
                     let heard = lead.clock(at_ns) + lead.ahead_ns;
-                    let out = lead.leader.hear(heard, &bytes, || heard + 1000);
-                    if let Ok(Outgoing::Tell(_, messages)) = out {
+                    let out = lead.leader.receive(heard, &bytes, || heard + 1000);
+                    if let Ok(Outgoing::Reply(_, messages)) = out {
                         for message in messages {
                             self.fly(at_ns, &message);
                         }
@@ -203,7 +203,7 @@ impl World {
         let away = self.follower.is_leaving(now_ns) || self.follower.due(now_ns).is_none();
         self.idle = (self.idle + if away { 0.01 } else { -0.01 }).clamp(0.0, 1.0);
         let due_s = self.follower.due(now_ns).map(|due| due.at(now_ns));
-        self.shown = self.playhead.next(due_s, hidden);
+        self.shown = self.playback.next(due_s, hidden);
     }
 
     /// Seconds by which what is shown differs from the leader's music.
@@ -224,7 +224,7 @@ fn a_follower_is_on_time_through_delay_jitter_and_loss() {
             worst = worst.max(world.error_s(&lead).abs());
         }
         assert!(worst < 0.003, "{delay_ms} ms {loss}: {worst}");
-        let figures = world.follower.figures();
+        let figures = world.follower.stats();
         assert_eq!((figures.joined, figures.left, figures.lost), (1, 0, 0));
         let steps = world.frames.windows(2).map(|w| w[1].0 - w[0].0);
         assert!(steps.into_iter().all(|s| (s - 0.05).abs() < 1e-6));
@@ -241,12 +241,12 @@ fn what_stalls_one_connection_is_ridden_out_by_another() {
     let [one, two] = [1, 2].map(|connections| {
         let (mut world, mut lead) = (World::stalling(50, 0.05, connections), Lead::new(0, 1));
         world.run(5.0, &mut [&mut lead]);
-        let (mut faded_s, before) = (0.0, world.follower.figures().dropped);
+        let (mut faded_s, before) = (0.0, world.follower.stats().dropped);
         for _ in 0..2400 {
             world.run(0.05, &mut [&mut lead]);
             faded_s += if world.idle > 0.0 { 0.05 } else { 0.0 };
         }
-        let figures = world.follower.figures();
+        let figures = world.follower.stats();
         assert_eq!(figures.dropped, before, "second copies are no replays");
         let error_s = world.error_s(&lead);
         assert!(error_s.abs() < 0.003, "{error_s}");
@@ -265,7 +265,7 @@ fn the_lead_grows_with_the_way() {
     let mut leads = [5, 200].map(|delay_ms| {
         let (mut world, mut lead) = (World::new(delay_ms, 0.0), Lead::new(0, 1));
         world.run(10.0, &mut [&mut lead]);
-        world.follower.figures().lead_s
+        world.follower.stats().lead_s
     });
     leads[0] += 0.1;
     assert!(leads[0] < leads[1], "{leads:?}");
@@ -284,14 +284,14 @@ fn a_lost_leader_is_left_within_half_a_second_and_joined_again() {
     world.run(2.5, &mut [&mut lead]);
     assert_eq!(world.idle, 0.0);
     assert!(world.error_s(&lead).abs() < 0.003);
-    assert_eq!(world.follower.figures().joined, 2);
+    assert_eq!(world.follower.stats().joined, 2);
     // A sign of life goes, but the leader is heard by another connection.
-    world.follower.leader_gone(lead.leader.instance());
+    world.follower.note_leader_gone(lead.leader.instance());
     world.run(1.0, &mut [&mut lead]);
-    assert_eq!((world.idle, world.follower.figures().joined), (0.0, 2));
+    assert_eq!((world.idle, world.follower.stats().joined), (0.0, 2));
     // It goes, and nothing more is heard: sooner than by silence alone.
     world.run(0.05, &mut []);
-    world.follower.leader_gone(lead.leader.instance());
+    world.follower.note_leader_gone(lead.leader.instance());
     world.run(0.15, &mut []);
     assert!(world.follower.is_leaving(world.now_ns));
 }
@@ -308,7 +308,7 @@ fn a_silence_that_ends_in_time_is_a_dip_in_the_dance_and_no_more() {
         assert_eq!(world.idle, 0.0);
     }
     assert!((0.2..0.6).contains(&faded), "{faded}");
-    let figures = world.follower.figures();
+    let figures = world.follower.stats();
     assert_eq!((figures.joined, figures.left, figures.lost), (1, 0, 0));
     let steps = world.frames.windows(2).map(|w| w[1].0 - w[0].0);
     assert!(steps.into_iter().all(|s| (s - 0.05).abs() < 1e-6));
@@ -327,10 +327,10 @@ fn the_next_leader_is_followed_and_the_old_one_never_again() {
     assert!(world.error_s(&second).abs() < 0.003);
     let motion = |i: usize| world.frames[i].0;
     assert!(motion(old) - motion(old - 1) > 1.0, "motion begins anew");
-    let replayed = world.follower.figures().dropped.replayed;
+    let replayed = world.follower.stats().dropped.replayed;
     world.run(1.0, &mut [&mut first, &mut second]);
     assert_eq!(world.follower.leader(), Some(second.leader.instance()));
-    assert!(world.follower.figures().dropped.replayed > replayed + 10);
+    assert!(world.follower.stats().dropped.replayed > replayed + 10);
 }
 
 #[test]
@@ -341,7 +341,7 @@ fn a_second_leader_is_not_heeded_unless_it_took_over() {
     world.run(5.0, &mut [&mut first, &mut rival]);
     assert_eq!(world.follower.leader(), Some(first.leader.instance()));
     assert_eq!(world.idle, 0.0);
-    assert!(world.follower.figures().dropped.rivals > 50);
+    assert!(world.follower.stats().dropped.rivals > 50);
     let mut next = Lead::new(1, 3);
     world.run(5.0, &mut [&mut first, &mut next]);
     assert_eq!(world.follower.leader(), Some(next.leader.instance()));
@@ -366,12 +366,12 @@ fn a_recording_of_a_leader_moves_nobody() {
     let recorded: Vec<Vec<u8>> = (1..500).flat_map(|t| lead.send(t * STEP_NS)).collect();
     for (i, bytes) in recorded.iter().cycle().take(2000).enumerate() {
         let at_ns = i as i64 * STEP_NS;
-        let _ = world.follower.hear(at_ns, bytes);
-        world.follower.questions(at_ns);
+        let _ = world.follower.receive(at_ns, bytes);
+        world.follower.time_requests(at_ns);
         assert_eq!(world.follower.next_frame(at_ns, None, true), None);
     }
     assert_eq!(world.follower.leader(), None);
-    assert!(world.follower.figures().dropped.replayed > 1000);
+    assert!(world.follower.stats().dropped.replayed > 1000);
 }
 
 #[test]
@@ -386,15 +386,15 @@ fn a_canon_is_so_many_beats_late() {
             ..Role::default()
         },
     });
-    let out = lead.leader.hear(0, &cue.encode(), || 0).unwrap();
+    let out = lead.leader.receive(0, &cue.encode(), || 0).unwrap();
     let Outgoing::Roles(bytes) = out else {
         panic!("roles")
     };
-    world.follower.hear(world.now_ns, &bytes).unwrap();
+    world.follower.receive(world.now_ns, &bytes).unwrap();
     world.run(12.0, &mut [&mut lead]);
     let error_s = world.error_s(&lead);
     assert!((error_s + 1.5).abs() < 0.003, "{error_s}");
-    assert_eq!(world.follower.figures().left, 0, "the dance slowed down");
+    assert_eq!(world.follower.stats().left, 0, "the dance slowed down");
 }
 
 #[test]
@@ -412,10 +412,10 @@ fn a_cue_outlives_the_leader_that_it_was_given_to() {
         Message::Cue(cue).encode()
     };
     let give = |world: &mut World, lead: &mut Lead, role| {
-        let Ok(Outgoing::Roles(bytes)) = lead.leader.hear(0, &cue(role), || 0) else {
+        let Ok(Outgoing::Roles(bytes)) = lead.leader.receive(0, &cue(role), || 0) else {
             panic!("roles")
         };
-        world.follower.hear(world.now_ns, &bytes).unwrap();
+        world.follower.receive(world.now_ns, &bytes).unwrap();
     };
     let (half, mirrored) = (Some(0.5), Some(true));
     world.run(5.0, &mut [&mut first]);
@@ -429,7 +429,7 @@ fn a_cue_outlives_the_leader_that_it_was_given_to() {
     world.run(4.0, &mut [&mut second]);
     assert_eq!(world.follower.leader(), Some(second.leader.instance()));
     let bytes = second.leader.roles(); // it knows of no cue
-    world.follower.hear(world.now_ns, &bytes).unwrap();
+    world.follower.receive(world.now_ns, &bytes).unwrap();
     assert_eq!(world.follower.role().amplitude, half);
     let mirror = Role {
         mirror: mirrored,
@@ -443,20 +443,20 @@ fn a_cue_outlives_the_leader_that_it_was_given_to() {
 #[test]
 fn who_comes_late_to_a_long_lead_is_sent_what_is_due_now() {
     let (mut world, mut lead) = (World::new(20, 0.0), Lead::new(0, 1));
-    let needy = crate::wire::Report {
+    let needy = crate::messages::FollowerReport {
         follower: 9,
         instance: lead.leader.instance(),
         number: 1,
         needed_ms: 3000,
-        way_ms: 0,
+        transit_ms: 0,
         lost: 0,
         name: "needy".into(),
         style: String::new(),
     };
     world.now_ns = 10 * SECOND;
     let heard_ns = lead.clock(world.now_ns) + lead.ahead_ns;
-    let report = Message::Report(needy).encode();
-    lead.leader.hear(heard_ns, &report, || heard_ns).unwrap();
+    let report = Message::FollowerReport(needy).encode();
+    lead.leader.receive(heard_ns, &report, || heard_ns).unwrap();
     lead.send(world.now_ns);
     lead.send(world.now_ns); // everything until 13 s, to nobody
     assert!(lead.sent >= 260, "{}", lead.sent);
@@ -470,20 +470,23 @@ fn who_comes_late_to_a_long_lead_is_sent_what_is_due_now() {
 fn what_is_damaged_is_counted_and_dropped() {
     let (mut world, mut lead) = (World::new(10, 0.0), Lead::new(0, 1));
     world.run(3.0, &mut [&mut lead]);
-    let before = world.follower.figures().dropped;
+    let before = world.follower.stats().dropped;
     let mut frames = lead.send(100 * SECOND).pop().unwrap();
     frames[2] = 77;
     for bytes in [&b"hello"[..], &frames, &vec![0; 1 << 20], &frames[..40]] {
-        assert!(world.follower.hear(world.now_ns, bytes).is_err());
+        assert!(world.follower.receive(world.now_ns, bytes).is_err());
     }
-    let answer = Message::Answer(crate::wire::Answer {
+    let answer = Message::TimeReply(crate::messages::TimeReply {
         instance: lead.leader.instance(),
         nonce: 5,
-        heard_ns: 0,
-        answered_ns: 0,
+        received_ns: 0,
+        replied_ns: 0,
     });
-    world.follower.hear(world.now_ns, &answer.encode()).unwrap();
-    let after = world.follower.figures().dropped;
+    world
+        .follower
+        .receive(world.now_ns, &answer.encode())
+        .unwrap();
+    let after = world.follower.stats().dropped;
     assert_eq!(after.malformed, before.malformed + 1);
     assert_eq!(after.huge, before.huge + 1);
     assert_eq!(after.other_version, before.other_version + 2);

@@ -1,14 +1,14 @@
-//! Who beside this machine can reach a session, and what protects it.
+//! Warns about a session that other machines can reach without protection.
 
 use serde_json::Value;
 use zenoh::Config;
 
-/// Transports that are encrypted and know who is at the other end.
+/// Transports that are encrypted and authenticate the other end.
 const ENCRYPTED: [&str; 2] = ["tls", "quic"];
 
-/// What the user must know of a session that others can reach: a line, or
-/// nothing.
-pub fn exposure(config: &Config) -> Option<String> {
+/// The warning about a session that others can reach without TLS or access
+/// control, in one line; `None` without need.
+pub fn exposure_warning(config: &Config) -> Option<String> {
     let value = |key: &str| {
         let text = config.get_json(key).unwrap_or_default();
         serde_json::from_str::<Value>(&text).unwrap_or_default()
@@ -66,17 +66,17 @@ fn is_loopback(endpoint: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Place;
+    use super::super::config::NetConfig;
     use super::*;
 
     fn warning(leads: bool, endpoint: &str) -> Option<String> {
-        let place = Place {
+        let place = NetConfig {
             leads,
             listen: if leads { vec![endpoint.into()] } else { vec![] },
             connect: if leads { vec![] } else { vec![endpoint.into()] },
             file: None,
         };
-        exposure(&place.config().expect(endpoint))
+        exposure_warning(&place.config().expect(endpoint))
     }
 
     #[test]
@@ -103,23 +103,23 @@ mod tests {
 
     #[test]
     fn tls_with_access_control_is_silent() {
-        let place = Place {
+        let place = NetConfig {
             leads: true,
             listen: vec!["tls/0.0.0.0:7448".into()],
-            ..Place::default()
+            ..NetConfig::default()
         };
         let mut config = place.config().unwrap();
         let control = r#"{ enabled: true, default_permission: "deny",
             rules: [], subjects: [], policies: [] }"#;
         config.insert_json5("access_control", control).unwrap();
-        assert_eq!(exposure(&config), None);
+        assert_eq!(exposure_warning(&config), None);
     }
 
     #[test]
     fn what_zenoh_does_not_know_is_refused_with_the_option() {
-        let place = Place {
+        let place = NetConfig {
             listen: vec!["nonsense".into()],
-            ..Place::default()
+            ..NetConfig::default()
         };
         let error = place.config().unwrap_err().to_string();
         assert!(error.starts_with("--listen"), "{error}");

@@ -4,22 +4,17 @@
 //! Little-endian plain CDR version 1: a four-byte header, then every number
 //! aligned to its own size, counted from the end of the header.
 
-/// Builds one CDR message.
+/// Writes one CDR message.
 #[derive(Debug)]
 pub struct CdrWriter {
     bytes: Vec<u8>,
-}
-
-impl Default for CdrWriter {
-    fn default() -> Self {
-        Self::new()
-    }
 }
 
 impl CdrWriter {
     const HEADER: [u8; 4] = [0, 1, 0, 0];
 
     /// An empty message with its header.
+    #[allow(clippy::new_without_default)] // one name for one thing
     pub fn new() -> Self {
         Self {
             bytes: Self::HEADER.to_vec(),
@@ -46,12 +41,7 @@ impl CdrWriter {
         self
     }
 
-    /// A 32-bit signed number.
-    pub fn i32(&mut self, value: i32) -> &mut Self {
-        self.u32(value as u32)
-    }
-
-    /// A 64-bit float.
+    /// Appends a 64-bit float.
     pub fn f64(&mut self, value: f64) -> &mut Self {
         self.align(8);
         self.bytes.extend(value.to_le_bytes());
@@ -75,7 +65,7 @@ impl CdrWriter {
         self
     }
 
-    /// A sequence of short floats.
+    /// Appends a sequence of 32-bit floats.
     pub fn f32s(&mut self, values: impl ExactSizeIterator<Item = f32>) -> &mut Self {
         self.u32(values.len() as u32);
         for value in values {
@@ -84,10 +74,10 @@ impl CdrWriter {
         self
     }
 
-    /// `builtin_interfaces/Time`.
+    /// Appends a `builtin_interfaces/Time` in seconds.
     pub fn time(&mut self, time_s: f64) -> &mut Self {
         let nanoseconds = (time_s * 1e9).round() as i64;
-        self.i32(nanoseconds.div_euclid(1_000_000_000) as i32)
+        self.u32(nanoseconds.div_euclid(1_000_000_000) as i32 as u32)
             .u32(nanoseconds.rem_euclid(1_000_000_000) as u32)
     }
 
@@ -96,14 +86,13 @@ impl CdrWriter {
         self.time(time_s).string(frame)
     }
 
-    /// The finished message.
+    /// Takes the finished message out.
     pub fn finish(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.bytes)
     }
 }
 
-/// Takes one CDR message apart. Nothing that comes in can make it panic, or
-/// take memory that the message does not have.
+/// Reads one CDR message without panic or an allocation larger than the message.
 #[derive(Clone, Copy, Debug)]
 pub struct CdrReader<'a> {
     body: &'a [u8],
@@ -111,7 +100,7 @@ pub struct CdrReader<'a> {
 }
 
 impl<'a> CdrReader<'a> {
-    /// A message; `None` if it is no little-endian plain CDR.
+    /// A reader of this message; `None` if it is not little-endian plain CDR.
     pub fn new(message: &'a [u8]) -> Option<Self> {
         let body = message.strip_prefix(&CdrWriter::HEADER)?;
         Some(Self { body, at: 0 })
@@ -133,12 +122,12 @@ impl<'a> CdrReader<'a> {
         self.take().map(u32::from_le_bytes)
     }
 
-    /// A 64-bit float.
+    /// Reads a 64-bit float.
     pub fn f64(&mut self) -> Option<f64> {
         self.take().map(f64::from_le_bytes)
     }
 
-    /// A string.
+    /// Reads a string, without its closing zero.
     pub fn string(&mut self) -> Option<&'a str> {
         let length = self.u32()? as usize;
         let end = self.at.checked_add(length)?;
@@ -147,31 +136,34 @@ impl<'a> CdrReader<'a> {
         std::str::from_utf8(bytes.strip_suffix(&[0])?).ok()
     }
 
-    /// A sequence of floats.
+    /// Reads a sequence of 64-bit floats.
     pub fn f64s(&mut self) -> Option<Vec<f64>> {
-        let length = self.u32()? as usize;
-        let fits = length <= self.body.len() / 8;
-        fits.then(|| (0..length).map(|_| self.f64()).collect())?
+        self.sequence(8, Self::f64)
     }
 
-    /// A sequence of short floats.
+    /// Reads a sequence of 32-bit floats.
     pub fn f32s(&mut self) -> Option<Vec<f32>> {
-        let length = self.u32()? as usize;
-        let fits = length <= self.body.len() / 4;
-        fits.then(|| {
-            (0..length)
-                .map(|_| self.u32().map(f32::from_bits))
-                .collect()
-        })?
+        self.sequence(4, |reader| reader.u32().map(f32::from_bits))
     }
 
-    /// `builtin_interfaces/Time`, left out.
+    /// A sequence of items of so many bytes each.
+    fn sequence<T>(
+        &mut self,
+        bytes: usize,
+        item: impl Fn(&mut Self) -> Option<T>,
+    ) -> Option<Vec<T>> {
+        let length = self.u32()? as usize;
+        let fits = length <= self.body.len() / bytes;
+        fits.then(|| (0..length).map(|_| item(self)).collect())?
+    }
+
+    /// Skips the time stamp `builtin_interfaces/Time`.
     pub fn time(&mut self) -> Option<()> {
         self.u32()?;
         self.u32().map(drop)
     }
 
-    /// `std_msgs/Header`; its frame.
+    /// Reads a `std_msgs/Header` and returns its frame.
     pub fn header(&mut self) -> Option<&'a str> {
         self.time()?;
         self.string()

@@ -3,8 +3,7 @@
 use super::cdr::CdrWriter;
 
 /// `sensor_msgs/msg/JointState` without its numbers: time in seconds, frame and
-/// joint names. Three sequences of floats belong behind it: positions,
-/// velocities, efforts.
+/// joint names. Three sequences of floats follow: positions, velocities, efforts.
 pub fn joint_state<'a>(
     time_s: f64,
     frame: &str,

@@ -1,4 +1,4 @@
-//! Names: the key of a topic, the signs of life of a node and its publishers,
+//! Names: the key of a topic, the liveliness tokens of a node and its publishers,
 //! the attachment of a sample.
 //!
 //! ```text
@@ -7,17 +7,17 @@
 //! @ros2_lv/<domain>/<session>/<node>/<entity>/MP/%/<namespace>/<name>/<topic>/<type>/<hash>/<qos>
 //! ```
 //!
-//! In signs of life `%` stands for `/`, and alone for an enclave that is not set.
+//! In liveliness tokens `%` stands for `/`, and alone for an enclave that is not set.
 
 /// Reliable, volatile, the last ten kept, all else as ROS 2 has it by default.
 const QOS: &str = "::,10:,:,:,,";
 
-/// The types that are published.
+/// Message types that are published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TopicType {
-    /// `sensor_msgs/msg/JointState`.
+    /// The message type `sensor_msgs/msg/JointState`.
     JointState,
-    /// `geometry_msgs/msg/PoseArray`.
+    /// The message type `geometry_msgs/msg/PoseArray`.
     PoseArray,
 }
 
@@ -43,26 +43,26 @@ impl TopicType {
     }
 }
 
-/// A node of ROS 2 as others see it.
+/// A ROS 2 node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Node {
-    /// `ROS_DOMAIN_ID`.
+    /// ROS domain of the node (`ROS_DOMAIN_ID`).
     pub domain: u32,
-    /// Id of the Zenoh session.
+    /// Hexadecimal id of the Zenoh session.
     pub session: String,
     /// Namespace without slashes at its ends, such as `stage/op3`.
     pub namespace: String,
-    /// Name.
+    /// Name of the node, a [`ros_word`].
     pub name: String,
 }
 
 impl Node {
-    /// Its sign of life.
+    /// The liveliness token of the node.
     pub fn token(&self) -> String {
         self.begin(0, "NN")
     }
 
-    /// The sign of life of a publisher, the `entity`th of this node.
+    /// The liveliness token of a publisher, the `entity`th of this node.
     pub fn publisher_token(&self, entity: u32, topic: &Topic) -> String {
         let begin = self.begin(entity, "MP");
         let name = format!("%{}", mangled(&self.qualified(topic)));
@@ -70,7 +70,7 @@ impl Node {
         format!("{begin}/{name}/{wire_name}/{hash}/{QOS}")
     }
 
-    /// The key under which a topic of this node lies.
+    /// The Zenoh key of a topic of this node.
     pub fn key(&self, topic: &Topic) -> String {
         let (wire_name, hash) = (topic.message.wire_name(), topic.message.hash());
         let name = self.qualified(topic);
@@ -100,18 +100,18 @@ impl Node {
 pub struct Topic {
     /// Name inside the node's namespace.
     pub name: &'static str,
-    /// What lies there.
+    /// Type of the messages.
     pub message: TopicType,
 }
 
-/// What is attached to each sample: number, time, publisher.
+/// The attachment of each sample: number, time, publisher.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Attachment {
     /// One more for each sample of a publisher, from 1.
     pub number: i64,
-    /// When it was made, nanoseconds since 1970.
+    /// Time of the sample, nanoseconds since 1970.
     pub time_ns: i64,
-    /// Which publisher.
+    /// Random identifier of the publisher.
     pub publisher: [u8; 16],
 }
 
@@ -131,8 +131,7 @@ fn mangled(name: &str) -> String {
     name.replace('/', "%")
 }
 
-/// A word as ROS 2 allows it in a name: letters, digits, underscores, no digit
-/// first.
+/// A word as ROS 2 names allow it: letters, digits, underscores, no digit first.
 pub fn ros_word(word: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
     let word: String = word.chars().map(plain).collect();

@@ -7,35 +7,36 @@
 //! goes on where it stood. Small budgets rank variants, they do not measure them:
 //! intervals are over dances, not over trainings.
 
+mod row;
 mod table;
 mod variant;
 
-use crate::evaluate::{self, Evaluation, evaluate};
+use crate::evaluate::{self, evaluate};
+use crate::runs::curves::CurveFile;
 use crate::runs::{self, train};
-use crate::train::{SettingsFile, StageKind};
+use crate::train::{SettingsFile, TrainedNetwork};
 use anyhow::Context;
-use serde::{Deserialize, Serialize};
+use row::{AblationRow, AblationScores};
 use servodance_model::GeneratorOptions;
 use servodance_model::engine::EngineOptions;
-use servodance_runtime::output::write_whole;
-use servodance_runtime::progress::Progress;
+use servodance_runtime::process::progress::Progress;
+use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-pub use table::Table;
-pub use variant::{VARIANTS, Variant};
+pub use table::AblationTable;
+pub use variant::{AblationVariant, VARIANTS};
 
-/// What is asked for.
+/// What an ablation trains, on which data, and where it writes.
 #[derive(Clone, Debug)]
-pub struct Request {
+#[allow(missing_docs)] // explained by `servodance ablate --help`
+pub struct AblationRequest {
     /// Settings of the whole model, as `servodance train` reads them.
     pub config: PathBuf,
-    /// The training file.
     pub data: PathBuf,
     /// The same with Encodec latents; without it that variant is left out.
     pub latents: Option<PathBuf>,
     /// The Encodec that these are of, if it is not in the user's data folder.
     pub encodec: Option<PathBuf>,
-    /// The folder to write to.
     pub out: PathBuf,
     /// Names of the variants beside the whole model; all if empty.
     pub only: Vec<String>,
@@ -43,57 +44,22 @@ pub struct Request {
     pub repeats: usize,
     /// Clips of music danced to in each repeat.
     pub clips: usize,
-    /// Threads to train with.
     pub threads: Option<usize>,
-    /// Print only errors and the table.
     pub quiet: bool,
-}
-
-/// A mean and half the width of its 95 % interval.
-type Figure = (f64, f64);
-
-/// What a variant reached.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
-    /// The variant.
-    pub name: String,
-    /// What differs from the whole model.
-    pub what: String,
-    /// Likelihood of held-out codes, nats a frame, at its best line; between
-    /// variants with other codes it says nothing.
-    pub nll: f64,
-    /// How much worse that gets with another clip's music: does it listen?
-    pub nll_for_music: f64,
-    /// Scores of its dances.
-    pub scores: RowScores,
-}
-
-/// Figures of [`Evaluation`]: mean and 95 % interval.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs)] // as in `Evaluation`
-pub struct RowScores {
-    pub mpjpe_mm: Figure,
-    pub codes_used: Figure,
-    pub fact: Figure,
-    pub f1: Figure,
-    pub f1_silence: Figure,
-    pub fid_k: Figure,
-    pub fid_g: Figure,
-    pub dist_k: Figure,
-    pub dist_g: Figure,
-    pub jerk: Figure,
 }
 
 /// Trains and scores every variant. `None` if `stop` was set on the way.
 ///
-/// # Errors
-/// Settings or data that cannot be used, a variant that does not exist.
-pub fn ablate(request: &Request, stop: &AtomicBool) -> anyhow::Result<Option<Table>> {
-    let chosen = chosen(request)?;
+/// Errors: Settings or data that cannot be used, a variant that does not exist.
+pub fn ablate(
+    request: &AblationRequest,
+    stop: &AtomicBool,
+) -> anyhow::Result<Option<AblationTable>> {
+    let chosen = chosen_variants(request)?;
     let name = request.config.display();
     let whole =
         std::fs::read_to_string(&request.config).with_context(|| format!("cannot read {name}"))?;
-    let planned: Vec<(&Variant, String)> = chosen
+    let planned: Vec<(&AblationVariant, String)> = chosen
         .into_iter()
         .map(|variant| Ok((variant, checked_settings(variant, &whole)?)))
         .collect::<anyhow::Result<_>>()
@@ -105,7 +71,7 @@ pub fn ablate(request: &Request, stop: &AtomicBool) -> anyhow::Result<Option<Tab
         let row = match std::fs::read(&told) {
             Ok(bytes) => serde_json::from_slice(&bytes)
                 .with_context(|| format!("{} is not what ablate wrote", told.display()))?,
-            Err(_) => match one(request, variant, &settings, &folder, stop)? {
+            Err(_) => match train_and_score(request, variant, &settings, &folder, stop)? {
                 None => return Ok(None),
                 Some(row) => {
                     write_whole(&told, &serde_json::to_vec_pretty(&row)?)?;
@@ -115,23 +81,22 @@ pub fn ablate(request: &Request, stop: &AtomicBool) -> anyhow::Result<Option<Tab
         };
         rows.push(row);
     }
-    let table = Table { rows };
+    let table = AblationTable { rows };
     write_whole(&request.out.join("ablation.csv"), table.csv().as_bytes())?;
     write_whole(&request.out.join("ablation.png"), &table.picture().png()?)?;
     Ok(Some(table))
 }
 
-/// Refused before anything is trained.
-fn checked_settings(variant: &Variant, whole: &str) -> anyhow::Result<String> {
+fn checked_settings(variant: &AblationVariant, whole: &str) -> anyhow::Result<String> {
     let settings = variant.settings(whole)?;
     let file: SettingsFile = toml::from_str(&settings)?;
-    for stage in [StageKind::VqVae, StageKind::MotionSeq] {
-        file.resolve(stage)?;
+    for network in [TrainedNetwork::VqVae, TrainedNetwork::MotionSeq] {
+        file.resolve(network)?;
     }
     Ok(settings)
 }
 
-fn chosen(request: &Request) -> anyhow::Result<Vec<&'static Variant>> {
+fn chosen_variants(request: &AblationRequest) -> anyhow::Result<Vec<&'static AblationVariant>> {
     let names = || VARIANTS.iter().map(|variant| variant.name);
     for asked in &request.only {
         if !names().any(|name| name == asked) {
@@ -139,13 +104,13 @@ fn chosen(request: &Request) -> anyhow::Result<Vec<&'static Variant>> {
             anyhow::bail!("no variant is called `{asked}`; there are {known}");
         }
     }
-    let wanted = |variant: &&Variant| {
+    let wanted = |variant: &&AblationVariant| {
         let asked = request.only.iter().any(|name| name == variant.name);
         variant.name == VARIANTS[0].name
             || asked
             || request.only.is_empty() && (!variant.latents || request.latents.is_some())
     };
-    let chosen: Vec<&Variant> = VARIANTS.iter().filter(wanted).collect();
+    let chosen: Vec<&AblationVariant> = VARIANTS.iter().filter(wanted).collect();
     if chosen.iter().any(|variant| variant.latents) && request.latents.is_none() {
         anyhow::bail!(
             "`encodec` needs --latents: the same data by `servodance dataset build --music-features encodec128`"
@@ -154,14 +119,14 @@ fn chosen(request: &Request) -> anyhow::Result<Vec<&'static Variant>> {
     Ok(chosen)
 }
 
-/// Trains both stages of a variant and scores it.
-fn one(
-    request: &Request,
-    variant: &Variant,
+/// Trains both networks of a variant and scores it.
+fn train_and_score(
+    request: &AblationRequest,
+    variant: &AblationVariant,
     settings: &str,
     folder: &Path,
     stop: &AtomicBool,
-) -> anyhow::Result<Option<Row>> {
+) -> anyhow::Result<Option<AblationRow>> {
     let progress = Progress::share("training", request.quiet);
     progress.note(&format!("{}: {}", variant.name, variant.what));
     progress.done();
@@ -174,22 +139,25 @@ fn one(
         true => folder.to_owned(),
         false => request.out.join(VARIANTS[0].name),
     };
-    let stages = [
-        (StageKind::VqVae, variant.own_codes, &request.data),
-        (StageKind::MotionSeq, true, data),
+    let networks = [
+        (TrainedNetwork::VqVae, variant.own_codes, &request.data),
+        (TrainedNetwork::MotionSeq, true, data),
     ];
-    for (stage, needed, data) in stages {
+    for (network, needed, data) in networks {
         if !needed {
             continue;
         }
-        let begun = folder.join(stage.name()).join("last.safetensors").exists();
+        let begun = folder
+            .join(network.name())
+            .join("last.safetensors")
+            .exists();
         train(
-            &runs::Request {
-                stage,
+            &runs::TrainingRequest {
+                network,
                 config: config.clone(),
                 data: Some(data.clone()),
                 out: Some(folder.to_owned()),
-                stage_one: Some(codes_of.join("vqvae/weights.safetensors")),
+                vqvae_weights: Some(codes_of.join("vqvae/weights.safetensors")),
                 seed: None,
                 threads: request.threads,
                 until: None,
@@ -202,9 +170,15 @@ fn one(
             return Ok(None);
         }
     }
-    let (nll, wrong) = best_line(&folder.join("motionseq/curves.csv"))?;
-    let scores = scored(request, variant, folder)?;
-    Ok(Some(Row {
+    let curves = CurveFile::open(
+        &folder.join("motionseq"),
+        u64::MAX,
+        TrainedNetwork::MotionSeq,
+    )?;
+    // The line of the weights that were kept.
+    let [nll, wrong] = curves.best("val_nll", ["val_nll", "wrong_nll"]);
+    let scores = scores_of(request, variant, folder)?;
+    Ok(Some(AblationRow {
         name: variant.name.into(),
         what: variant.what.into(),
         nll,
@@ -214,15 +188,19 @@ fn one(
 }
 
 /// What a variant learns from and is scored on.
-fn data<'a>(request: &'a Request, variant: &Variant) -> &'a PathBuf {
+fn data<'a>(request: &'a AblationRequest, variant: &AblationVariant) -> &'a PathBuf {
     let latents = request.latents.as_ref().filter(|_| variant.latents);
     latents.unwrap_or(&request.data)
 }
 
-fn scored(request: &Request, variant: &Variant, folder: &Path) -> anyhow::Result<RowScores> {
+fn scores_of(
+    request: &AblationRequest,
+    variant: &AblationVariant,
+    folder: &Path,
+) -> anyhow::Result<AblationScores> {
     let progress = Progress::share("evaluating", request.quiet);
     let found = evaluate(
-        &evaluate::Request {
+        &evaluate::EvaluationRequest {
             data: Some(data(request, variant).clone()),
             encodec: request.encodec.clone().filter(|_| variant.latents),
             texts: None,
@@ -240,47 +218,5 @@ fn scored(request: &Request, variant: &Variant, folder: &Path) -> anyhow::Result
         |share| progress.at(100.0 * share),
     )?;
     progress.done();
-    Ok(RowScores::from(&found))
-}
-
-impl From<&Evaluation> for RowScores {
-    fn from(found: &Evaluation) -> Self {
-        let figure = |estimate: evaluate::Estimate| (estimate.mean, estimate.ci95);
-        Self {
-            mpjpe_mm: figure(found.mpjpe_mm),
-            codes_used: figure(found.codes_used),
-            fact: figure(found.beat.own.fact),
-            f1: figure(found.beat.own.f1),
-            f1_silence: figure(found.beat.silence),
-            fid_k: figure(found.fid_k),
-            fid_g: figure(found.fid_g),
-            dist_k: figure(found.dist_k),
-            dist_g: figure(found.dist_g),
-            jerk: figure(found.jerk),
-        }
-    }
-}
-
-/// `val_nll` and `wrong_nll` of the line with the best `val_nll`: that of the
-/// weights that were kept. Not a number where no clips were held out.
-fn best_line(csv: &Path) -> anyhow::Result<(f64, f64)> {
-    let text =
-        std::fs::read_to_string(csv).with_context(|| format!("cannot read {}", csv.display()))?;
-    let mut lines = text.lines();
-    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
-    let column = |name: &str| header.iter().position(|column| *column == name);
-    let (Some(nll), Some(wrong)) = (column("val_nll"), column("wrong_nll")) else {
-        return Ok((f64::NAN, f64::NAN));
-    };
-    let number = |fields: &[&str], at: usize| {
-        let field = fields.get(at).copied().unwrap_or_default();
-        field.parse().unwrap_or(f64::NAN)
-    };
-    let lines = lines.map(|line| {
-        let fields: Vec<&str> = line.split(',').collect();
-        (number(&fields, nll), number(&fields, wrong))
-    });
-    let finite = lines.filter(|line| line.0.is_finite());
-    let best = finite.min_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(best.unwrap_or((f64::NAN, f64::NAN)))
+    Ok(AblationScores::from(&found))
 }

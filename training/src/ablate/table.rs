@@ -1,33 +1,17 @@
 //! The variants beside each other: CSV for scripts, a table for people, a picture.
 
-use super::{Figure, Row, RowScores};
-use servodance_runtime::picture::dots::{Dot, Dots, Panel};
+use super::row::{AblationRow, AblationScores, COLUMNS, MeanAndInterval};
+use servodance_runtime::telemetry::picture::{Dot, DotChart, DotPanel};
 use std::fmt::Write;
 
 /// All variants, the whole model first.
 #[derive(Clone, Debug)]
-pub struct Table {
+pub struct AblationTable {
     /// In the order of [`super::VARIANTS`].
-    pub rows: Vec<Row>,
+    pub(super) rows: Vec<AblationRow>,
 }
 
-/// A figure's name, and how to get it.
-type Column = (&'static str, fn(&RowScores) -> Figure);
-
-const COLUMNS: [Column; 10] = [
-    ("mpjpe_mm", |s| s.mpjpe_mm),
-    ("codes_used", |s| s.codes_used),
-    ("fact", |s| s.fact),
-    ("f1", |s| s.f1),
-    ("f1_silence", |s| s.f1_silence),
-    ("fid_k", |s| s.fid_k),
-    ("fid_g", |s| s.fid_g),
-    ("dist_k", |s| s.dist_k),
-    ("dist_g", |s| s.dist_g),
-    ("jerk", |s| s.jerk),
-];
-
-impl Table {
+impl AblationTable {
     /// A line a variant; two fields a figure, the mean and half the interval.
     pub fn csv(&self) -> String {
         let mut text = "variant,nll,nll_for_music".to_owned();
@@ -46,14 +30,14 @@ impl Table {
         text
     }
 
-    /// Markdown.
+    /// The table in Markdown, one row a variant.
     pub fn text(&self) -> String {
         let mut text = "| variant | error, mm | codes used | nll | for music | FACT | F1 \
                         | to silence | FID kinetic | FID geometric | jerk |\n\
                         |---|---|---|---|---|---|---|---|---|---|---|\n"
             .to_owned();
         for row in &self.rows {
-            let cell = |figure: fn(&RowScores) -> Figure, digits: usize| {
+            let cell = |figure: fn(&AblationScores) -> MeanAndInterval, digits: usize| {
                 let (mean, ci95) = figure(&row.scores);
                 format!("{mean:.digits$} ± {ci95:.digits$}")
             };
@@ -79,8 +63,8 @@ impl Table {
     }
 
     /// A panel a figure, a dot with its interval a variant.
-    pub fn picture(&self) -> Dots {
-        let panel = |title: &str, figure: fn(&RowScores) -> Figure| Panel {
+    pub fn picture(&self) -> DotChart {
+        let panel = |title: &str, figure: fn(&AblationScores) -> MeanAndInterval| DotPanel {
             title: title.into(),
             dots: self
                 .rows
@@ -91,7 +75,7 @@ impl Table {
                 })
                 .collect(),
         };
-        Dots {
+        DotChart {
             title: "What each part is good for".into(),
             subtitle: "each variant trained and scored alike; mean and 95 % interval over dances"
                 .into(),
@@ -113,12 +97,12 @@ mod tests {
     #[test]
     fn every_row_has_as_many_fields_as_the_header() {
         let [a, b] = [(0.5, 0.25), (2.0, 1.0)];
-        let row = Row {
+        let row = AblationRow {
             name: "encodec".into(),
             what: "other ears".into(),
             nll: 12.5,
             nll_for_music: 0.25,
-            scores: RowScores {
+            scores: AblationScores {
                 mpjpe_mm: a,
                 codes_used: a,
                 fact: a,
@@ -131,7 +115,7 @@ mod tests {
                 jerk: a,
             },
         };
-        let table = Table { rows: vec![row] };
+        let table = AblationTable { rows: vec![row] };
         let csv = table.csv();
         let fields: Vec<usize> = csv.lines().map(|l| l.split(',').count()).collect();
         assert_eq!(fields, [3 + 2 * COLUMNS.len(); 2], "{csv}");

@@ -5,14 +5,14 @@ use anyhow::{Context, anyhow};
 use toml_edit::{DocumentMut, Item, Table, Value, value};
 
 /// One way to build and train the model.
-pub struct Variant {
+pub struct AblationVariant {
     /// Its name, and that of its folder.
     pub name: &'static str,
     /// What differs from the whole model, for people.
     pub what: &'static str,
     /// The settings that differ: table, key, value.
     changes: fn() -> Vec<(&'static str, &'static str, Value)>,
-    /// Whether motion becomes other codes: then stage 1 is trained anew.
+    /// Whether motion becomes other codes: then the VQ-VAE is trained anew.
     pub own_codes: bool,
     /// Whether it learns from the training file with Encodec latents.
     pub latents: bool,
@@ -20,7 +20,7 @@ pub struct Variant {
     pub style: Option<&'static str>,
 }
 
-const WHOLE: Variant = Variant {
+const WHOLE: AblationVariant = AblationVariant {
     name: "whole",
     what: "as in the settings",
     changes: Vec::new,
@@ -30,16 +30,16 @@ const WHOLE: Variant = Variant {
 };
 
 /// All of them; the first is the whole model, whose codes the others use.
-pub const VARIANTS: [Variant; 8] = [
+pub const VARIANTS: [AblationVariant; 8] = [
     WHOLE,
-    Variant {
+    AblationVariant {
         name: "sinusoidal",
         what: "absolute positions in place of ALiBi",
         changes: || vec![("model", "positions", "sinusoidal".into())],
         own_codes: false,
         ..WHOLE
     },
-    Variant {
+    AblationVariant {
         name: "no-style",
         what: "the style is never told",
         changes: || vec![("tokens", "style_drop", 1.0.into())],
@@ -47,21 +47,21 @@ pub const VARIANTS: [Variant; 8] = [
         style: Some("none"),
         ..WHOLE
     },
-    Variant {
+    AblationVariant {
         name: "not-aligned",
         what: "music without its order and time (the paper's cross-attention)",
         changes: || vec![("model", "cross_aligned", false.into())],
         own_codes: false,
         ..WHOLE
     },
-    Variant {
+    AblationVariant {
         name: "librosa35",
         what: "35 features without the tracked beat",
         changes: || vec![("model", "music", "librosa35".into())],
         own_codes: false,
         ..WHOLE
     },
-    Variant {
+    AblationVariant {
         name: "encodec",
         what: "128 Encodec latents in place of features and beat",
         changes: || vec![("model", "music", "encodec128".into())],
@@ -69,7 +69,7 @@ pub const VARIANTS: [Variant; 8] = [
         latents: true,
         ..WHOLE
     },
-    Variant {
+    AblationVariant {
         name: "plain-codebook",
         what: "codes begin at random and never begin anew",
         changes: || {
@@ -80,7 +80,7 @@ pub const VARIANTS: [Variant; 8] = [
         },
         ..WHOLE
     },
-    Variant {
+    AblationVariant {
         name: "one-codebook",
         what: "one code of 1024 for the whole body",
         changes: || {
@@ -94,11 +94,10 @@ pub const VARIANTS: [Variant; 8] = [
     },
 ];
 
-impl Variant {
+impl AblationVariant {
     /// The settings of this variant, from those of the whole model.
     ///
-    /// # Errors
-    /// Settings that are no TOML, or have a number where a table belongs.
+    /// Errors: Settings that are no TOML, or have a number where a table belongs.
     pub fn settings(&self, whole: &str) -> anyhow::Result<String> {
         let mut document: DocumentMut = whole.parse()?;
         for key in ["data", "out", "stage_one"] {
@@ -119,16 +118,17 @@ impl Variant {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::{SettingsFile, StageKind};
+    use crate::train::{SettingsFile, TrainedNetwork};
     use servodance_model::conditioning::MusicKind;
 
     #[test]
     fn every_variant_is_a_settings_file_that_says_something_else() {
         let whole = "preset = \"tiny\"\ndata = \"d\"\n[tokens]\nnoise = 0.1\n";
-        let resolved = |variant: &Variant| {
+        let resolved = |variant: &AblationVariant| {
             let file: SettingsFile = toml::from_str(&variant.settings(whole).unwrap()).unwrap();
             assert_eq!((file.data.clone(), file.tokens.noise), (None, 0.1));
-            [StageKind::VqVae, StageKind::MotionSeq].map(|stage| file.resolve(stage).unwrap())
+            [TrainedNetwork::VqVae, TrainedNetwork::MotionSeq]
+                .map(|network| file.resolve(network).unwrap())
         };
         let first = resolved(&VARIANTS[0]);
         for variant in &VARIANTS[1..] {

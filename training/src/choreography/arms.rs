@@ -6,89 +6,69 @@
 use servodance_model::motion::vec3::{Vec3, add, lerp, unit_or};
 
 /// Upper arm and forearm.
-pub(crate) type Arm = [Vec3; 2];
+pub(crate) type ArmDirections = [Vec3; 2];
 
-const REST: Arm = [[0.20, -0.97, 0.02], [0.12, -0.93, 0.32]];
-const READY: Arm = [[0.40, -0.90, -0.12], [-0.10, 0.25, 0.95]];
-const FRONT_SWING: Arm = [[0.15, -0.75, 0.62], [-0.25, 0.30, 0.92]];
-const BACK_SWING: Arm = [[0.35, -0.75, -0.55], [0.10, -0.45, 0.88]];
-const OUT: Arm = [[0.95, -0.02, 0.22], [0.96, 0.05, 0.25]];
-const LOW_V: Arm = [[0.70, -0.70, 0.12], [0.72, -0.62, 0.25]];
-const HIGH_V: Arm = [[0.62, 0.74, 0.20], [0.45, 0.88, 0.12]];
-const UP: Arm = [[0.25, 0.94, 0.20], [0.08, 0.99, 0.05]];
-const CACTUS: Arm = [[0.92, -0.02, 0.30], [0.22, 0.95, 0.18]];
-const HANGING: Arm = [[0.93, 0.05, 0.25], [0.10, -0.98, 0.12]];
-const AHEAD: Arm = [[0.22, -0.15, 0.96], [0.02, 0.05, 0.99]];
-const BENT_AHEAD: Arm = [[0.25, -0.90, 0.30], [0.02, 0.10, 0.99]];
-const PUNCH: Arm = [[0.02, -0.08, 0.99], [-0.22, 0.06, 0.97]];
-const GUARD: Arm = [[0.35, -0.75, 0.45], [-0.25, 0.90, 0.35]];
-const CROSSED: Arm = [[0.10, -0.55, 0.82], [-0.88, 0.28, 0.38]];
-const CLAP: Arm = [[0.18, -0.62, 0.76], [-0.66, 0.35, 0.66]];
-const CLAP_HIGH: Arm = [[0.35, 0.86, 0.36], [-0.72, 0.66, 0.20]];
-const HIP: Arm = [[0.78, -0.58, -0.22], [-0.62, -0.62, 0.45]];
-const POINT_UP: Arm = [[0.72, 0.62, 0.30], [0.68, 0.70, 0.18]];
-const POINT_DOWN: Arm = [[0.02, -0.72, 0.70], [-0.72, -0.55, 0.42]];
-const ELBOW_UP: Arm = [[0.90, 0.35, 0.25], [0.70, -0.62, 0.35]];
-const HAND_UP: Arm = [[0.90, -0.25, 0.30], [0.72, 0.62, 0.28]];
-const SHOULDER: Arm = [[0.75, -0.25, 0.60], [-0.45, 0.85, 0.05]];
-const SWEEP_ACROSS: Arm = [[-0.10, 0.35, 0.93], [-0.75, 0.55, 0.35]];
-const ROLL_HIGH: Arm = [[0.32, -0.62, 0.72], [-0.92, 0.22, 0.30]];
-const ROLL_LOW: Arm = [[0.30, -0.80, 0.50], [-0.86, -0.12, 0.50]];
-const OVERHEAD: Arm = [[0.55, 0.80, 0.20], [-0.45, 0.85, 0.30]];
-const OVERHEAD_OUT: Arm = [[0.75, 0.62, 0.10], [0.60, 0.75, -0.20]];
-const SNAP: Arm = [[0.60, -0.62, 0.40], [0.35, 0.80, 0.50]];
+const REST: ArmDirections = [[0.20, -0.97, 0.02], [0.12, -0.93, 0.32]];
+const READY: ArmDirections = [[0.40, -0.90, -0.12], [-0.10, 0.25, 0.95]];
+const FRONT_SWING: ArmDirections = [[0.15, -0.75, 0.62], [-0.25, 0.30, 0.92]];
+const BACK_SWING: ArmDirections = [[0.35, -0.75, -0.55], [0.10, -0.45, 0.88]];
+const OUT: ArmDirections = [[0.95, -0.02, 0.22], [0.96, 0.05, 0.25]];
+const LOW_V: ArmDirections = [[0.70, -0.70, 0.12], [0.72, -0.62, 0.25]];
+const HIGH_V: ArmDirections = [[0.62, 0.74, 0.20], [0.45, 0.88, 0.12]];
+const UP: ArmDirections = [[0.25, 0.94, 0.20], [0.08, 0.99, 0.05]];
+const CACTUS: ArmDirections = [[0.92, -0.02, 0.30], [0.22, 0.95, 0.18]];
+const HANGING: ArmDirections = [[0.93, 0.05, 0.25], [0.10, -0.98, 0.12]];
+const AHEAD: ArmDirections = [[0.22, -0.15, 0.96], [0.02, 0.05, 0.99]];
+const BENT_AHEAD: ArmDirections = [[0.25, -0.90, 0.30], [0.02, 0.10, 0.99]];
+const PUNCH: ArmDirections = [[0.02, -0.08, 0.99], [-0.22, 0.06, 0.97]];
+const GUARD: ArmDirections = [[0.35, -0.75, 0.45], [-0.25, 0.90, 0.35]];
+const CROSSED: ArmDirections = [[0.10, -0.55, 0.82], [-0.88, 0.28, 0.38]];
+const CLAP: ArmDirections = [[0.18, -0.62, 0.76], [-0.66, 0.35, 0.66]];
+const CLAP_HIGH: ArmDirections = [[0.35, 0.86, 0.36], [-0.72, 0.66, 0.20]];
+const HIP: ArmDirections = [[0.78, -0.58, -0.22], [-0.62, -0.62, 0.45]];
+const POINT_UP: ArmDirections = [[0.72, 0.62, 0.30], [0.68, 0.70, 0.18]];
+const POINT_DOWN: ArmDirections = [[0.02, -0.72, 0.70], [-0.72, -0.55, 0.42]];
+const ELBOW_UP: ArmDirections = [[0.90, 0.35, 0.25], [0.70, -0.62, 0.35]];
+const HAND_UP: ArmDirections = [[0.90, -0.25, 0.30], [0.72, 0.62, 0.28]];
+const SHOULDER: ArmDirections = [[0.75, -0.25, 0.60], [-0.45, 0.85, 0.05]];
+const SWEEP_ACROSS: ArmDirections = [[-0.10, 0.35, 0.93], [-0.75, 0.55, 0.35]];
+const ROLL_HIGH: ArmDirections = [[0.32, -0.62, 0.72], [-0.92, 0.22, 0.30]];
+const ROLL_LOW: ArmDirections = [[0.30, -0.80, 0.50], [-0.86, -0.12, 0.50]];
+const OVERHEAD: ArmDirections = [[0.55, 0.80, 0.20], [-0.45, 0.85, 0.30]];
+const OVERHEAD_OUT: ArmDirections = [[0.75, 0.62, 0.10], [0.60, 0.75, -0.20]];
+const SNAP: ArmDirections = [[0.60, -0.62, 0.40], [0.35, 0.80, 0.50]];
 
 /// The arm figures. Numbers in brackets: counts until they repeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Arms {
-    /// Bent arms swing against each other (2).
-    Swing,
-    /// Straight arms out to the low V and in (2).
-    LowV,
-    /// Low V, high V (2).
-    HighV,
-    /// Clap on every second count (2).
-    Clap,
-    /// Clap over the head on every second count (2).
-    ClapHigh,
-    /// Punches in turn (2).
-    Punch,
-    /// Palms push the ceiling (2).
-    RaiseRoof,
-    /// Point up and out, point down and across; then the other arm (8).
-    Point,
-    /// A wave through both arms and back (4).
-    Wave,
-    /// Forearms roll about each other (2).
-    Roll,
-    /// Crossed before the chest, open (2).
-    CrossOpen,
-    /// Both hands sweep from high left to high right (4).
-    Sweep,
-    /// One hand circles over the head (4).
-    Lasso,
-    /// Fingers snap at the sides in turn (2).
-    Snap,
-    /// Right angles, one arm up, one hanging (4).
-    Robot,
-    /// Forearms ahead, turned out, up, down (4).
-    RobotAhead,
-    /// Bent arms of a couple dancer, in turn (2).
-    Salsa,
-    /// Hands on the hips (2).
-    Hips,
-    /// Hand to the shoulder, hand to the sky, in turn (4).
-    ShoulderSky,
-    /// Arms out, elbows pulled down (2).
-    PullDown,
+    Swing,      // bent arms swing against each other (2)
+    LowV,       // straight arms out to the low V and in (2)
+    HighV,      // low V, high V (2)
+    Clap,       // clap on every second count (2)
+    ClapHigh,   // clap over the head on every second count (2)
+    Punch,      // punches in turn (2)
+    RaiseRoof,  // palms push the ceiling (2)
+    Point,      // point up and out, point down and across; then the other arm (8)
+    Wave,       // a wave through both arms and back (4)
+    Roll,       // forearms roll about each other (2)
+    CrossOpen,  // crossed before the chest, open (2)
+    Sweep,      // both hands sweep from high left to high right (4)
+    Lasso,      // one hand circles over the head (4)
+    Snap,       // fingers snap at the sides in turn (2)
+    Robot,      // right angles, one arm up, one hanging (4)
+    RobotAhead, // forearms ahead, turned out, up, down (4)
+    Salsa,      // bent arms of a couple dancer, in turn (2)
+    Hips,       // hands on the hips (2)
+    SkyPoint,   // hand to the shoulder, hand to the sky, in turn (4)
+    PullDown,   // arms out, elbows pulled down (2)
 }
 
 impl Arms {
     /// Left and right arm on `count`.
-    pub(crate) fn arms(self, count: usize) -> [Arm; 2] {
+    pub(crate) fn arms(self, count: usize) -> [ArmDirections; 2] {
         let even = count.is_multiple_of(2);
-        let turns = |a: Arm, b: Arm| if even { [a, b] } else { [b, a] };
-        let both = |a: Arm, b: Arm| if even { [a; 2] } else { [b; 2] };
+        let turns = |a: ArmDirections, b: ArmDirections| if even { [a, b] } else { [b, a] };
+        let both = |a: ArmDirections, b: ArmDirections| if even { [a; 2] } else { [b; 2] };
         match self {
             Self::Swing => turns(FRONT_SWING, BACK_SWING),
             Self::LowV => both(LOW_V, READY),
@@ -137,7 +117,7 @@ impl Arms {
             ][count % 4],
             Self::Salsa => turns(FRONT_SWING, blend(READY, BACK_SWING, 0.5)),
             Self::Hips => both(HIP, blend(HIP, READY, 0.2)),
-            Self::ShoulderSky => {
+            Self::SkyPoint => {
                 [[SHOULDER, REST], [UP, REST], [REST, SHOULDER], [REST, UP]][count % 4]
             }
             Self::PullDown => both(HIGH_V, blend(GUARD, HIP, 0.35)),
@@ -146,7 +126,7 @@ impl Arms {
 }
 
 /// What the arms do while there is no music.
-pub(crate) fn resting(sway: f64) -> [Arm; 2] {
+pub(crate) fn resting(sway: f64) -> [ArmDirections; 2] {
     [
         blend(REST, READY, 0.10 + 0.06 * sway),
         blend(REST, READY, 0.10 - 0.06 * sway),
@@ -155,7 +135,7 @@ pub(crate) fn resting(sway: f64) -> [Arm; 2] {
 
 /// Between two arms, by direction. The path bends ahead, so that an arm that
 /// crosses over does not go through the body.
-pub(crate) fn blend(a: Arm, b: Arm, t: f64) -> Arm {
+pub(crate) fn blend(a: ArmDirections, b: ArmDirections, t: f64) -> ArmDirections {
     std::array::from_fn(|i| {
         let way = 1.0 - a[i].iter().zip(&b[i]).map(|(a, b)| a * b).sum::<f64>();
         let ahead = 0.22 * way * (1.0 - (2.0 * t - 1.0).powi(2));
@@ -168,7 +148,7 @@ pub(crate) fn blend(a: Arm, b: Arm, t: f64) -> Arm {
 }
 
 /// `arm` drawn towards rest (`size` below 1) or away from it.
-pub(crate) fn sized(arm: Arm, size: f64) -> Arm {
+pub(crate) fn sized(arm: ArmDirections, size: f64) -> ArmDirections {
     if size >= 1.0 {
         arm
     } else {

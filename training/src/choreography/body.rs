@@ -19,7 +19,7 @@ const STANDING_M: f64 = 0.955;
 
 /// One foot: the place of its toes, and how it is held there.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Foot {
+pub(crate) struct FootPlacement {
     pub(crate) x: f64,
     pub(crate) z: f64,
     /// Where the toes point, from ahead to the left.
@@ -32,9 +32,9 @@ pub(crate) struct Foot {
 
 /// Everything that the body does in one moment.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Controls {
-    /// Left, right.
-    pub(crate) feet: [Foot; 2],
+pub(crate) struct BodyControls {
+    /// The left foot, then the right one.
+    pub(crate) feet: [FootPlacement; 2],
     /// Place of the pelvis over the floor: x, z.
     pub(crate) pelvis: [f64; 2],
     /// How far the pelvis is below an upright stance.
@@ -46,8 +46,7 @@ pub(crate) struct Controls {
     pub(crate) arms: [[Vec3; 2]; 2],
 }
 
-/// Angles of pelvis, spine and head: pitch is forwards, roll and twist are to
-/// the left.
+/// Angles of pelvis, spine and head: pitch is forwards, roll and twist are to the left.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Torso {
     pub(crate) pelvis: [f64; 3],
@@ -82,9 +81,9 @@ impl Torso {
 }
 
 /// Columns: where the x, y and z axes go.
-type Rotation = [Vec3; 3];
+type AxisColumns = [Vec3; 3];
 
-fn rotation([pitch, roll, twist]: [f64; 3]) -> Rotation {
+fn rotation([pitch, roll, twist]: [f64; 3]) -> AxisColumns {
     let tilt = |v: Vec3| {
         let (s, c) = pitch.sin_cos();
         let v = [v[0], c * v[1] - s * v[2], s * v[1] + c * v[2]];
@@ -99,11 +98,11 @@ fn rotation([pitch, roll, twist]: [f64; 3]) -> Rotation {
     ]
 }
 
-fn rotate(r: &Rotation, v: Vec3) -> Vec3 {
+fn rotate(r: &AxisColumns, v: Vec3) -> Vec3 {
     add(add(scale(r[0], v[0]), scale(r[1], v[1])), scale(r[2], v[2]))
 }
 
-fn chain(a: &Rotation, b: &Rotation) -> Rotation {
+fn chain(a: &AxisColumns, b: &AxisColumns) -> AxisColumns {
     b.map(|axis| rotate(a, axis))
 }
 
@@ -125,13 +124,13 @@ fn upright(joint: BodyJoint) -> Vec3 {
     }
 }
 
-fn bone(joint: BodyJoint, frame: &Rotation) -> Vec3 {
+fn bone(joint: BodyJoint, frame: &AxisColumns) -> Vec3 {
     let direction = unit_or(upright(joint), [0.0, 1.0, 0.0]);
     rotate(frame, scale(direction, BONE_LENGTH_M[joint as usize]))
 }
 
 /// The positions of all joints.
-pub(crate) fn pose(controls: &Controls) -> Pose {
+pub(crate) fn pose(controls: &BodyControls) -> Pose {
     use BodyJoint::*;
     let torso = &controls.torso;
     let [pitch, roll, twist] = torso.pelvis;
@@ -215,7 +214,7 @@ pub(crate) fn pose(controls: &Controls) -> Pose {
 
 /// Ankle and toe of a foot, in that order. The toes carry the foot, so a
 /// heel can rise without the foot moving.
-fn ankle_and_toe(foot: &Foot) -> [Vec3; 2] {
+fn ankle_and_toe(foot: &FootPlacement) -> [Vec3; 2] {
     let length = BONE_LENGTH_M[BodyJoint::LeftFoot as usize];
     let flat = (ANKLE_RISE_M / length).asin();
     // A foot in the air hangs.
@@ -270,13 +269,13 @@ mod tests {
     use super::*;
     use servodance_model::motion::skeleton::bone_length_m;
 
-    fn standing() -> Controls {
-        let foot = |x| Foot {
+    fn standing() -> BodyControls {
+        let foot = |x| FootPlacement {
             x,
             z: 0.1,
-            ..Foot::default()
+            ..FootPlacement::default()
         };
-        Controls {
+        BodyControls {
             feet: [foot(0.11), foot(-0.11)],
             pelvis: [0.0, 0.0],
             drop: 0.02,
@@ -291,7 +290,7 @@ mod tests {
         let mut controls = standing();
         controls.yaw = 0.7;
         controls.torso.spine = [0.4, -0.3, 0.5];
-        controls.feet[1] = Foot {
+        controls.feet[1] = FootPlacement {
             x: -0.6,
             z: 0.4,
             yaw: 0.3,

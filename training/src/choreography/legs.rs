@@ -4,7 +4,7 @@
 //! in the dancer's frame, for a dancer who begins with the right foot. Between
 //! counts feet are carried, pelvis and weight follow.
 
-use super::body::Foot;
+use super::body::FootPlacement;
 use super::track::{bump, minimum_jerk, mix};
 
 /// Half the distance between the toes of a dancer at rest.
@@ -14,8 +14,8 @@ const TOES_AHEAD_M: f64 = 0.10;
 
 /// Feet, weight and pelvis on one count.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Stance {
-    pub(crate) feet: [Foot; 2],
+pub(crate) struct StepStance {
+    pub(crate) feet: [FootPlacement; 2],
     /// Share of the weight on the right foot.
     pub(crate) weight: f64,
     pub(crate) drop: f64,
@@ -29,49 +29,32 @@ pub(crate) struct Stance {
 /// The step figures. Numbers in brackets: counts until they repeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Steps {
-    /// Weight to and fro on both feet (2).
-    Bounce,
-    /// Wide stance, weight from side to side (2).
-    Sway,
-    /// Side, touch, side, touch (4).
-    StepTouch,
-    /// Side, close, side, touch, and back (8).
-    TwoStep,
-    /// Side, behind, side, touch, and back (8).
-    Grapevine,
-    /// Knee up, down, other knee up, down (4).
-    March,
-    /// Kick, close, other kick, close (4).
-    Kick,
-    /// Heel ahead, close, other heel, close (4).
-    HeelTap,
-    /// Step, kick, step back, touch behind (4).
-    Charleston,
-    /// Far to the side, deep, and back (4).
-    Lunge,
-    /// Feet apart, feet together, in hops (2).
-    Jack,
-    /// Down and up (2).
-    Squat,
-    /// On the balls of the feet, heels and hips against each other (2).
-    Twist,
-    /// Forward and back basic of salsa on one (8).
-    Salsa,
-    /// Side basic of salsa (8).
-    SalsaSide,
-    /// Once around in four steps, then four counts in place (8).
-    Turn,
-    /// Walk four ahead, four back (8).
-    Walk,
+    Bounce,     // weight to and fro on both feet (2)
+    Sway,       // wide stance, weight from side to side (2)
+    StepTouch,  // side, touch, side, touch (4)
+    TwoStep,    // side, close, side, touch, and back (8)
+    Grapevine,  // side, behind, side, touch, and back (8)
+    March,      // knee up, down, other knee up, down (4)
+    Kick,       // kick, close, other kick, close (4)
+    HeelTap,    // heel ahead, close, other heel, close (4)
+    Charleston, // step, kick, step back, touch behind (4)
+    Lunge,      // far to the side, deep, and back (4)
+    Jack,       // feet apart, feet together, in hops (2)
+    Squat,      // down and up (2)
+    Twist,      // on the balls of the feet, heels and hips against each other (2)
+    Salsa,      // forward and back basic of salsa on one (8)
+    SalsaSide,  // side basic of salsa (8)
+    Turn,       // once around in four steps, then four counts in place (8)
+    Walk,       // walk four ahead, four back (8)
 }
 
-impl Stance {
+impl StepStance {
     pub(crate) fn home() -> Self {
-        let foot = |x: f64| Foot {
+        let foot = |x: f64| FootPlacement {
             x,
             z: TOES_AHEAD_M,
             yaw: x,
-            ..Foot::default()
+            ..FootPlacement::default()
         };
         Self {
             feet: [foot(HOME_M), foot(-HOME_M)],
@@ -170,7 +153,12 @@ impl Stance {
     }
 
     /// The stance on the way from `self` to `to`: feet, pelvis, drop, yaw.
-    pub(crate) fn towards(&self, to: &Self, u: f64, snap: f64) -> ([Foot; 2], [f64; 2], f64, f64) {
+    pub(crate) fn towards(
+        &self,
+        to: &Self,
+        u: f64,
+        snap: f64,
+    ) -> ([FootPlacement; 2], [f64; 2], f64, f64) {
         let feet = std::array::from_fn(|side| {
             let [from, until] = to.window[side];
             let share = (u - from) / (until - from);
@@ -187,7 +175,7 @@ impl Stance {
                 &[b.x, b.z, b.yaw, b.heel, b.lift],
                 t,
             );
-            Foot {
+            FootPlacement {
                 x,
                 z,
                 yaw,
@@ -204,15 +192,13 @@ impl Stance {
 
 impl Steps {
     /// The stance arrived at on `count`, for steps of `size` (1 is usual).
-    pub(crate) fn stance(self, count: usize, size: f64) -> Stance {
-        let home = Stance::home();
-        let side = |k: usize, even: Stance| {
-            if k.is_multiple_of(2) {
-                even
-            } else {
-                even.mirrored()
-            }
+    pub(crate) fn stance(self, count: usize, size: f64) -> StepStance {
+        let home = StepStance::home();
+        let side = |k: usize, stance: StepStance| match k.is_multiple_of(2) {
+            true => stance,
+            false => stance.mirrored(),
         };
+        let even = count.is_multiple_of(2);
         let h = HOME_M;
         match self {
             Self::Bounce => side(count, home.weight(0.68, 0.05 * size).heel(0, 0.25 * size)),
@@ -255,7 +241,7 @@ impl Steps {
             Self::March => {
                 let up = home.right(-h, 0.10).lift(1, 0.24 * size).weight(0.06, 0.0);
                 let down = home.weight(0.55, 0.05);
-                side(count / 2, if count.is_multiple_of(2) { up } else { down })
+                side(count / 2, if even { up } else { down })
             }
             Self::Kick => {
                 let kick = home
@@ -263,10 +249,7 @@ impl Steps {
                     .lift(1, 0.26 * size)
                     .weight(0.02, 0.03);
                 let close = home.weight(0.6, 0.05);
-                side(
-                    count / 2,
-                    if count.is_multiple_of(2) { kick } else { close },
-                )
+                side(count / 2, if even { kick } else { close })
             }
             Self::HeelTap => {
                 let tap = home
@@ -274,7 +257,7 @@ impl Steps {
                     .heel(1, -0.45)
                     .weight(0.1, 0.08);
                 let close = home.weight(0.6, 0.02);
-                side(count / 2, if count.is_multiple_of(2) { tap } else { close })
+                side(count / 2, if even { tap } else { close })
             }
             Self::Charleston => {
                 let z = 0.22 * size;
@@ -296,23 +279,12 @@ impl Steps {
                     .right(-h - 0.42 * size, 0.06)
                     .weight(0.82, 0.12 * size)
                     .heel(0, 0.4);
-                side(
-                    count / 2,
-                    if count.is_multiple_of(2) {
-                        lunge
-                    } else {
-                        home.weight(0.45, 0.0)
-                    },
-                )
+                side(count / 2, if even { lunge } else { home.weight(0.45, 0.0) })
             }
             Self::Jack => {
                 let w = h + 0.20 * size;
                 let apart = home.left(w, 0.0).right(-w, 0.0).weight(0.5, 0.09);
-                let mut stance = if count.is_multiple_of(2) {
-                    apart
-                } else {
-                    home.weight(0.5, 0.05)
-                };
+                let mut stance = if even { apart } else { home.weight(0.5, 0.05) };
                 stance.hop = 0.05 * size;
                 stance
             }
@@ -320,11 +292,7 @@ impl Steps {
                 let w = h + 0.08;
                 let wide = home.left(w, 0.0).right(-w, 0.0);
                 let low = wide.weight(0.5, 0.20 * size);
-                if count.is_multiple_of(2) {
-                    low
-                } else {
-                    wide.weight(0.5, 0.0)
-                }
+                if even { low } else { wide.weight(0.5, 0.0) }
             }
             Self::Twist => {
                 let mut twist = home
@@ -388,7 +356,7 @@ impl Steps {
             Self::Walk => {
                 let place = [1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0][count % 8] * 0.2 * size;
                 let before = [0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0][count % 8] * 0.2 * size;
-                let stance = if count.is_multiple_of(2) {
+                let stance = if even {
                     home.right(-h, place)
                         .left(h, before)
                         .weight(0.88, 0.04)

@@ -25,12 +25,12 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use servodance_types::FRAME_RATE_HZ;
 
-use self::arms::{Arm, Arms};
-use self::body::{Controls, Torso};
-use self::legs::{Stance, Steps};
-use self::style::Manner;
+use self::arms::{ArmDirections, Arms};
+use self::body::{BodyControls, Torso};
+use self::legs::{StepStance, Steps};
+use self::style::StyleParameters;
 use self::torso::Trunk;
-use self::track::{Track, bump, minimum_jerk, mix};
+use self::track::{KeyTrack, bump, minimum_jerk, mix};
 use servodance_model::motion::Clip;
 
 /// One beat of the music to dance to.
@@ -67,7 +67,7 @@ pub fn trial_dance() -> Clip {
 
 /// Dances for `duration_s` seconds on `beats` (sorted by time).
 pub fn choreograph(beats: &[DanceBeat], duration_s: f64, style: DanceStyle, seed: u64) -> Clip {
-    let mut dancer = Dancer::new(style, seed);
+    let mut dancer = Choreographer::new(style, seed);
     for stretch in stretches(beats) {
         dancer.idle_until(stretch[0].time_s);
         dancer.dance(stretch);
@@ -118,7 +118,7 @@ struct Phrase {
 
 /// What is this dancer's own: nobody dances a figure like another.
 #[derive(Clone, Copy, Debug)]
-struct Person {
+struct DancerTraits {
     size: f64,
     arm_size: f64,
     posture: f64,
@@ -128,23 +128,24 @@ struct Person {
     phases: [f64; 8],
 }
 
-struct Dancer {
+struct Choreographer {
     rng: ChaCha8Rng,
-    manner: Manner,
-    person: Person,
+    style: DanceStyle,
+    parameters: StyleParameters,
+    traits: DancerTraits,
     place: [f64; 2],
     facing: f64,
-    feet: Track<Stance>,
-    torso: Track<[f64; 13]>,
-    arms: Track<[Arm; 2]>,
+    feet: KeyTrack<StepStance>,
+    torso: KeyTrack<[f64; 13]>,
+    arms: KeyTrack<[ArmDirections; 2]>,
     /// How much bounce and nod: 0 idle, 1 dancing.
-    spirit: Track<f64>,
+    energy: KeyTrack<f64>,
 }
 
-impl Dancer {
+impl Choreographer {
     fn new(style: DanceStyle, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let person = Person {
+        let traits = DancerTraits {
             size: rng.random_range(0.9..1.25),
             arm_size: rng.random_range(0.85..1.15),
             posture: rng.random_range(-0.03..0.09),
@@ -156,14 +157,15 @@ impl Dancer {
             phases: std::array::from_fn(|_| rng.random_range(0.0..TAU)),
         };
         Self {
-            manner: style.manner(),
-            person,
+            style,
+            parameters: style.parameters(),
+            traits,
             place: [0.0; 2],
             facing: 0.0,
-            feet: Track::starting_with(Stance::home()),
-            torso: Track::starting_with(Torso::default().to_array()),
-            arms: Track::starting_with(arms::resting(0.0)),
-            spirit: Track::starting_with(0.0),
+            feet: KeyTrack::starting_with(StepStance::home()),
+            torso: KeyTrack::starting_with(Torso::default().to_array()),
+            arms: KeyTrack::starting_with(arms::resting(0.0)),
+            energy: KeyTrack::starting_with(0.0),
             rng,
         }
     }
@@ -175,15 +177,15 @@ impl Dancer {
             return;
         }
         let calm_s = (start_s + 0.7).min(end_s);
-        let home = Stance::home().placed(self.place, self.facing);
+        let home = StepStance::home().placed(self.place, self.facing);
         let home = home.following(self.feet.last());
         self.feet.push(calm_s, home);
         self.torso.push(calm_s, [0.0; 13]);
         self.arms.push(calm_s, arms::resting(0.0));
         if start_s > 0.0 {
-            self.spirit.push(start_s, 1.0);
+            self.energy.push(start_s, 1.0);
         }
-        self.spirit.push(calm_s, 0.0);
+        self.energy.push(calm_s, 0.0);
         let mut t = calm_s;
         loop {
             t += self.rng.random_range(1.4..3.2);
@@ -219,7 +221,7 @@ impl Dancer {
         self.feet.push(ready_s, stance);
         self.torso.push(ready_s, torso);
         self.arms.push(ready_s, arms);
-        self.spirit.push(ready_s, 0.0);
+        self.energy.push(ready_s, 0.0);
     }
 
     /// Dances one stretch of beats: finds the groove, then phrase by phrase.
@@ -279,27 +281,27 @@ impl Dancer {
             let rest = arms::resting(0.0);
             let arms = [0, 1].map(|side| arms::blend(rest[side], arms[side], 0.6 * growth));
             self.arms.push(beat.time_s, arms);
-            self.spirit.push(beat.time_s, growth);
+            self.energy.push(beat.time_s, growth);
         }
     }
 
     fn phrase(&mut self, pace: f64, after: Option<Steps>) -> Phrase {
         let rng = &mut self.rng;
-        let mut pick = || -> Steps { *self.manner.steps.choose(rng).unwrap_or(&Steps::Bounce) };
+        let mut pick = || -> Steps { *self.style.steps().choose(rng).unwrap_or(&Steps::Bounce) };
         let mut steps = pick();
         if Some(steps) == after {
             steps = pick();
         }
         let rng = &mut self.rng;
-        let arms = *self.manner.arms.choose(rng).unwrap_or(&Arms::Swing);
-        let other_arms = *self.manner.arms.choose(rng).unwrap_or(&Arms::Swing);
+        let arms = *self.style.arms().choose(rng).unwrap_or(&Arms::Swing);
+        let other_arms = *self.style.arms().choose(rng).unwrap_or(&Arms::Swing);
         Phrase {
             steps,
             arms,
             other_arms,
-            trunk: *self.manner.trunks.choose(rng).unwrap_or(&Trunk::Groove),
+            trunk: *self.style.trunks().choose(rng).unwrap_or(&Trunk::Groove),
             mirrored: rng.random_bool(0.5),
-            size: (self.person.size * pace * rng.random_range(0.9..1.15)).clamp(0.7, 1.3),
+            size: (self.traits.size * pace * rng.random_range(0.9..1.15)).clamp(0.7, 1.3),
         }
     }
 
@@ -337,7 +339,7 @@ impl Dancer {
             } else {
                 self.push_arms(time_s, figure, count, phrase.mirrored);
             }
-            self.spirit.push(time_s, 1.0);
+            self.energy.push(time_s, 1.0);
         }
         if counts.len() == 8 {
             let turn = phrase.steps.turns_rad();
@@ -345,7 +347,7 @@ impl Dancer {
         }
     }
 
-    fn step_to(&mut self, time_s: f64, stance: Stance) {
+    fn step_to(&mut self, time_s: f64, stance: StepStance) {
         let stance = stance.placed(self.place, self.facing);
         let stance = stance.following(self.feet.last());
         self.feet.push(time_s, stance);
@@ -364,8 +366,8 @@ impl Dancer {
         if mirrored {
             arms.swap(0, 1);
         }
-        for (arm, habit) in arms.iter_mut().zip(self.person.arm_habit) {
-            *arm = arms::sized(*arm, self.person.arm_size);
+        for (arm, habit) in arms.iter_mut().zip(self.traits.arm_habit) {
+            *arm = arms::sized(*arm, self.traits.arm_size);
             for (direction, habit) in arm.iter_mut().zip(habit) {
                 for (value, habit) in direction.iter_mut().zip(habit) {
                     *value += habit + self.rng.random_range(-0.05..0.05);
@@ -376,8 +378,8 @@ impl Dancer {
     }
 
     /// Everything at one moment: keys, bounce and nod, breath and life.
-    fn controls(&self, time_s: f64, beats: &[DanceBeat]) -> Controls {
-        let snap = self.manner.snap;
+    fn controls(&self, time_s: f64, beats: &[DanceBeat]) -> BodyControls {
+        let snap = self.parameters.snap;
         let (from, to, u) = self.feet.around(time_s);
         let (feet, pelvis, mut drop, yaw) = from.towards(to, u, snap);
         let (from, to, u) = self.torso.around(time_s);
@@ -385,20 +387,20 @@ impl Dancer {
         let (from, to, u) = self.arms.around(time_s);
         let t = minimum_jerk(u, snap);
         let mut arms = [0, 1].map(|side| arms::blend(from[side], to[side], t));
-        let (from, to, u) = self.spirit.around(time_s);
-        let spirit = from + (to - from) * minimum_jerk(u, 1.0);
+        let (from, to, u) = self.energy.around(time_s);
+        let energy = from + (to - from) * minimum_jerk(u, 1.0);
 
         // Down on the beat, up between; quicker up than down.
         let phase = beat_phase(beats, time_s);
         let rise = bump(phase.powf(0.8));
-        drop += spirit * self.person.bounce * self.manner.bounce_m * (0.5 - rise);
-        torso.head[0] += spirit * self.manner.nod_rad * (0.5 - rise);
+        drop += energy * self.traits.bounce * self.parameters.bounce_m * (0.5 - rise);
+        torso.head[0] += energy * self.parameters.nod_rad * (0.5 - rise);
 
         let wave =
-            |k: usize, period_s: f64| (TAU * time_s / period_s + self.person.phases[k]).sin();
-        let breath = wave(0, 3.7 - 1.2 * spirit);
-        torso.spine[0] += self.person.posture + 0.012 * breath;
-        torso.spine[1] += self.person.lean + 0.02 * wave(1, 5.3);
+            |k: usize, period_s: f64| (TAU * time_s / period_s + self.traits.phases[k]).sin();
+        let breath = wave(0, 3.7 - 1.2 * energy);
+        torso.spine[0] += self.traits.posture + 0.012 * breath;
+        torso.spine[1] += self.traits.lean + 0.02 * wave(1, 5.3);
         torso.spine[2] += 0.025 * wave(2, 7.1);
         torso.head[1] += 0.03 * wave(3, 4.1);
         torso.head[2] += 0.05 * wave(4, 6.1);
@@ -408,7 +410,7 @@ impl Dancer {
         for arm in &mut arms {
             arm[1][1] += 0.03 * wave(7, 3.1);
         }
-        Controls {
+        BodyControls {
             feet,
             pelvis,
             drop,

@@ -9,7 +9,7 @@ use super::torso::Trunk;
 pub enum DanceStyle {
     /// Relaxed club dancing: side steps, sways, waves.
     Groove,
-    /// Pointing, clapping, turning.
+    /// Arms point and clap, the body turns around.
     Disco,
     /// Sharp stops and right angles.
     Robot,
@@ -19,12 +19,9 @@ pub enum DanceStyle {
     Salsa,
 }
 
-/// The figures and manners of a style.
-pub(crate) struct Manner {
-    pub(crate) steps: &'static [Steps],
-    pub(crate) arms: &'static [Arms],
-    pub(crate) trunks: &'static [Trunk],
-    /// See [`super::track::minimum_jerk`].
+/// How the figures of a style are danced.
+pub(crate) struct StyleParameters {
+    /// Exponent of the time share, see [`super::track::minimum_jerk`].
     pub(crate) snap: f64,
     /// Rise of the body between beats, metres.
     pub(crate) bounce_m: f64,
@@ -33,7 +30,7 @@ pub(crate) struct Manner {
 }
 
 impl DanceStyle {
-    /// Every style.
+    /// Every style, in the order in which choreography takes turns.
     pub const ALL: [Self; 5] = [
         Self::Groove,
         Self::Disco,
@@ -42,7 +39,7 @@ impl DanceStyle {
         Self::Salsa,
     ];
 
-    /// The name of the style in data sets, one of [`crate::motion::index::STYLES`].
+    /// The name of the style in data sets, one of [`crate::dataset::STYLES`].
     pub fn name(self) -> &'static str {
         match self {
             Self::Groove => "groove",
@@ -53,153 +50,58 @@ impl DanceStyle {
         }
     }
 
-    pub(crate) fn manner(self) -> Manner {
+    pub(crate) fn parameters(self) -> StyleParameters {
+        let (snap, bounce_m, nod_rad) = match self {
+            Self::Groove => (1.0, 0.055, 0.16),
+            Self::Disco => (1.1, 0.045, 0.10),
+            Self::Robot => (1.35, 0.0, 0.0),
+            Self::Hype => (1.2, 0.075, 0.20),
+            Self::Salsa => (1.0, 0.02, 0.03),
+        };
+        StyleParameters {
+            snap,
+            bounce_m,
+            nod_rad,
+        }
+    }
+
+    /// Step figures to choose from; one named twice is danced more often.
+    pub(crate) fn steps(self) -> &'static [Steps] {
+        use Steps::*;
         match self {
-            Self::Groove => Manner {
-                steps: &[
-                    Steps::StepTouch,
-                    Steps::TwoStep,
-                    Steps::Sway,
-                    Steps::Bounce,
-                    Steps::HeelTap,
-                    Steps::Twist,
-                    Steps::Lunge,
-                    Steps::Walk,
-                ],
-                arms: &[
-                    Arms::Swing,
-                    Arms::Snap,
-                    Arms::Wave,
-                    Arms::CrossOpen,
-                    Arms::LowV,
-                    Arms::Roll,
-                    Arms::ShoulderSky,
-                    Arms::PullDown,
-                    Arms::Clap,
-                ],
-                trunks: &[
-                    Trunk::Groove,
-                    Trunk::Sway,
-                    Trunk::BodyRoll,
-                    Trunk::HipCircle,
-                    Trunk::ChestPop,
-                    Trunk::Shoulders,
-                    Trunk::Lean,
-                ],
-                snap: 1.0,
-                bounce_m: 0.055,
-                nod_rad: 0.16,
-            },
-            Self::Disco => Manner {
-                steps: &[
-                    Steps::StepTouch,
-                    Steps::Grapevine,
-                    Steps::Sway,
-                    Steps::Turn,
-                    Steps::Lunge,
-                    Steps::Kick,
-                    Steps::Twist,
-                    Steps::Walk,
-                ],
-                arms: &[
-                    Arms::Point,
-                    Arms::Roll,
-                    Arms::Sweep,
-                    Arms::Clap,
-                    Arms::HighV,
-                    Arms::Lasso,
-                    Arms::Hips,
-                    Arms::Swing,
-                ],
-                trunks: &[
-                    Trunk::Sway,
-                    Trunk::Twist,
-                    Trunk::HipSide,
-                    Trunk::Groove,
-                    Trunk::HipCircle,
-                ],
-                snap: 1.1,
-                bounce_m: 0.045,
-                nod_rad: 0.10,
-            },
-            Self::Robot => Manner {
-                steps: &[
-                    Steps::Bounce,
-                    Steps::March,
-                    Steps::Lunge,
-                    Steps::Turn,
-                    Steps::Sway,
-                    Steps::HeelTap,
-                    Steps::Squat,
-                ],
-                arms: &[
-                    Arms::Robot,
-                    Arms::RobotAhead,
-                    Arms::Punch,
-                    Arms::CrossOpen,
-                    Arms::PullDown,
-                ],
-                trunks: &[Trunk::Robot, Trunk::ChestPop, Trunk::Twist, Trunk::DownUp],
-                snap: 1.35,
-                bounce_m: 0.0,
-                nod_rad: 0.0,
-            },
-            Self::Hype => Manner {
-                steps: &[
-                    Steps::Jack,
-                    Steps::March,
-                    Steps::Kick,
-                    Steps::Charleston,
-                    Steps::Squat,
-                    Steps::TwoStep,
-                    Steps::Bounce,
-                    Steps::Lunge,
-                ],
-                arms: &[
-                    Arms::Punch,
-                    Arms::RaiseRoof,
-                    Arms::HighV,
-                    Arms::ClapHigh,
-                    Arms::Swing,
-                    Arms::Lasso,
-                    Arms::PullDown,
-                ],
-                trunks: &[
-                    Trunk::Groove,
-                    Trunk::Twist,
-                    Trunk::ChestPop,
-                    Trunk::DownUp,
-                    Trunk::BodyRoll,
-                ],
-                snap: 1.2,
-                bounce_m: 0.075,
-                nod_rad: 0.20,
-            },
-            Self::Salsa => Manner {
-                steps: &[
-                    Steps::Salsa,
-                    Steps::SalsaSide,
-                    Steps::Salsa,
-                    Steps::Turn,
-                    Steps::StepTouch,
-                ],
-                arms: &[
-                    Arms::Salsa,
-                    Arms::Swing,
-                    Arms::Sweep,
-                    Arms::Hips,
-                    Arms::CrossOpen,
-                ],
-                trunks: &[
-                    Trunk::HipSide,
-                    Trunk::HipSide,
-                    Trunk::HipCircle,
-                    Trunk::Sway,
-                ],
-                snap: 1.0,
-                bounce_m: 0.02,
-                nod_rad: 0.03,
-            },
+            Self::Groove => &[
+                StepTouch, TwoStep, Sway, Bounce, HeelTap, Twist, Lunge, Walk,
+            ],
+            Self::Disco => &[StepTouch, Grapevine, Sway, Turn, Lunge, Kick, Twist, Walk],
+            Self::Robot => &[Bounce, March, Lunge, Turn, Sway, HeelTap, Squat],
+            Self::Hype => &[Jack, March, Kick, Charleston, Squat, TwoStep, Bounce, Lunge],
+            Self::Salsa => &[Salsa, SalsaSide, Salsa, Turn, StepTouch],
+        }
+    }
+
+    /// Arm figures to choose from.
+    pub(crate) fn arms(self) -> &'static [Arms] {
+        use Arms::*;
+        match self {
+            Self::Groove => &[
+                Swing, Snap, Wave, CrossOpen, LowV, Roll, SkyPoint, PullDown, Clap,
+            ],
+            Self::Disco => &[Point, Roll, Sweep, Clap, HighV, Lasso, Hips, Swing],
+            Self::Robot => &[Robot, RobotAhead, Punch, CrossOpen, PullDown],
+            Self::Hype => &[Punch, RaiseRoof, HighV, ClapHigh, Swing, Lasso, PullDown],
+            Self::Salsa => &[Salsa, Swing, Sweep, Hips, CrossOpen],
+        }
+    }
+
+    /// Torso figures to choose from.
+    pub(crate) fn trunks(self) -> &'static [Trunk] {
+        use Trunk::*;
+        match self {
+            Self::Groove => &[Groove, Sway, BodyRoll, HipCircle, ChestPop, Shoulders, Lean],
+            Self::Disco => &[Sway, Twist, HipSide, Groove, HipCircle],
+            Self::Robot => &[Robot, ChestPop, Twist, DownUp],
+            Self::Hype => &[Groove, Twist, ChestPop, DownUp, BodyRoll],
+            Self::Salsa => &[HipSide, HipSide, HipCircle, Sway],
         }
     }
 }

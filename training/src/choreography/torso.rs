@@ -5,28 +5,17 @@ use super::body::Torso;
 /// The torso figures. Numbers in brackets: counts until they repeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trunk {
-    /// A small forward groove (2).
-    Groove,
-    /// Ribs to the side, hips against them (2).
-    Sway,
-    /// Shoulders turn against the hips (2).
-    Twist,
-    /// Chest out, chest in (2).
-    ChestPop,
-    /// A roll from the hips up to the chest (2).
-    BodyRoll,
-    /// Hips around (4).
-    HipCircle,
-    /// Hips from side to side, the salsa way (2).
-    HipSide,
-    /// A long lean, held, and the other side (4).
-    Lean,
-    /// Stiff: turn, straighten, turn, straighten (4).
-    Robot,
-    /// Shoulders up in turn (2).
-    Shoulders,
-    /// Bent far down, up tall (4).
-    DownUp,
+    Groove,    // a small forward groove (2)
+    Sway,      // ribs to the side, hips against them (2)
+    Twist,     // shoulders turn against the hips (2)
+    ChestPop,  // chest out, chest in (2)
+    BodyRoll,  // a roll from the hips up to the chest (2)
+    HipCircle, // hips around (4)
+    HipSide,   // hips from side to side, the salsa way (2)
+    Lean,      // a long lean, held, and the other side (4)
+    Robot,     // stiff: turn, straighten, turn, straighten (4)
+    Shoulders, // shoulders up in turn (2)
+    DownUp,    // bent far down, up tall (4)
 }
 
 impl Trunk {

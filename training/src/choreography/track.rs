@@ -17,11 +17,11 @@ pub(crate) fn bump(u: f64) -> f64 {
 
 /// Keys of one part of the body, in order of time.
 #[derive(Clone, Debug)]
-pub(crate) struct Track<K> {
+pub(crate) struct KeyTrack<K> {
     keys: Vec<(f64, K)>,
 }
 
-impl<K: Clone> Track<K> {
+impl<K: Clone> KeyTrack<K> {
     pub(crate) fn starting_with(key: K) -> Self {
         Self {
             keys: vec![(0.0, key)],
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn track_names_the_keys_around() {
-        let mut track = Track::starting_with('a');
+        let mut track = KeyTrack::starting_with('a');
         track.push(1.0, 'b');
         track.push(3.0, 'c');
         assert_eq!(track.around(2.0), (&'b', &'c', 0.5));

@@ -1,10 +1,11 @@
-//! Captured motion: one skeleton, mirrored copies, its own music or some where
-//! there is a beat.
+//! Captured motion and its mirrored copies, with their own music, or with music
+//! rendered on the beats of the motion.
 
 use std::path::Path;
 
-use crate::motion::corpus::CorpusClip;
-use crate::motion::index::{self, Entry};
+use crate::dataset::clip_entry::ClipEntry;
+use crate::dataset::index;
+use crate::dataset::training_file::TrainingClip;
 use crate::motion::tempo::{self, KinematicTempo};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -12,8 +13,10 @@ use servodance_model::conditioning::Latent;
 use servodance_model::motion::{Clip, encode};
 use servodance_types::FRAME_RATE_HZ;
 
+use super::error::DatasetError;
+use super::music;
+use super::options::{DatasetOptions, DatasetSummary};
 use super::sources::terms;
-use super::{DatasetError, Options, Summary, music};
 
 /// Music is rendered where the beats meet the motion this well (F1).
 const USABLE_F1: f64 = 0.6;
@@ -23,9 +26,9 @@ const PRE_ROLL_FRAMES: usize = 160;
 
 pub(super) fn collect(
     folder: &Path,
-    options: &Options,
-    clips: &mut Vec<CorpusClip>,
-    summary: &mut Summary,
+    options: &DatasetOptions,
+    clips: &mut Vec<TrainingClip>,
+    summary: &mut DatasetSummary,
     on_progress: &dyn Fn(f64),
 ) -> Result<(), DatasetError> {
     let entries = index::read(folder)?;
@@ -82,16 +85,16 @@ pub(super) fn collect(
 }
 
 /// What Encodec hears of a clip's own music.
-fn own_latents(entry: &Entry, folder: &Path) -> Result<Vec<Latent>, DatasetError> {
+fn own_latents(entry: &ClipEntry, folder: &Path) -> Result<Vec<Latent>, DatasetError> {
     Clip::read_latents(&entry.path(folder))?.ok_or_else(|| {
         let reason = "its file has music without `encodec`; import it again with --music-features encodec128";
         music::music_error(&entry.name, &reason)
     })
 }
 
-fn without_music(entry: &Entry, clip: &Clip, mirrored: bool) -> CorpusClip {
+fn without_music(entry: &ClipEntry, clip: &Clip, mirrored: bool) -> TrainingClip {
     let suffix = if mirrored { "#mirrored" } else { "" };
-    CorpusClip {
+    TrainingClip {
         name: format!("{}{suffix}", entry.name),
         motion: encode(&clip.normalised().poses),
         music: None,
@@ -107,12 +110,12 @@ fn without_music(entry: &Entry, clip: &Clip, mirrored: bool) -> CorpusClip {
 /// The clip, its beats on a steady grid, with several songs on that grid. The
 /// first song has the clip's own tempo, the others up to 15 % more or less.
 fn with_music(
-    entry: &Entry,
+    entry: &ClipEntry,
     clip: &Clip,
     mirrored: bool,
     tempo: &KinematicTempo,
-    options: &Options,
-    clips: &mut Vec<CorpusClip>,
+    options: &DatasetOptions,
+    clips: &mut Vec<TrainingClip>,
 ) -> Result<(), DatasetError> {
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed ^ name_seed(&entry.name));
     let smooth = Clip {
@@ -147,7 +150,7 @@ fn with_music(
             Some(song) => music::latents(&name, song, PRE_ROLL_FRAMES, motion.len(), encodec)?,
             None => None,
         };
-        clips.push(CorpusClip {
+        clips.push(TrainingClip {
             name,
             motion,
             music: Some(heard),

@@ -7,37 +7,37 @@
 
 use super::music::hear_file;
 use super::sources::{aist_song, aist_style, usual_licence, usual_source};
-use crate::motion::import::{Kind, Told, read_kind};
-use crate::motion::index::{self, Entry, STYLES, Split, style_number};
+use crate::dataset::clip_entry::{ClipEntry, Split};
+use crate::dataset::index;
+use crate::dataset::splits::assign_splits;
+use crate::dataset::styles::{STYLES, style_number};
+use crate::motion::format::{FileCorrections, MotionFormat, read_format};
 use crate::motion::named_skeleton::GivenNames;
 use crate::motion::soundness;
-use crate::motion::splits::assign_splits;
 use anyhow::{Context, bail};
 use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
 use servodance_model::motion::Clip;
 use servodance_model::motion::clip::MusicVector;
-use servodance_runtime::output::{PendingFile, write_whole};
+use servodance_runtime::telemetry::pending_file::{PendingFile, write_whole};
 use servodance_types::{BodyJoint, FRAME_RATE_HZ};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Shorter clips teach nothing, seconds.
 const SHORTEST_S: f64 = 1.0;
-/// How files with music end.
 const AUDIO: [&str; 5] = ["wav", "mp3", "flac", "ogg", "m4a"];
 
-/// What is to be imported.
+/// Which files to import, what they do not say themselves, where to write.
 #[derive(Clone, Debug)]
-pub struct Import {
-    /// What the files are.
-    pub kind: Kind,
+#[allow(missing_docs)] // explained by `servodance dataset import --help`
+pub struct ImportRequest {
+    pub kind: MotionFormat,
     /// A file, or a folder with files of that kind at any depth.
     pub path: PathBuf,
     /// The folder to write to; clips of other imports in it stay.
     pub out: PathBuf,
     /// Whose motion it is, a word; the kind's name if left out.
     pub source: Option<String>,
-    /// On what terms.
     pub licence: Option<String>,
     /// Whether it is dance (AIST++ always is).
     pub dance: bool,
@@ -53,14 +53,14 @@ pub struct Import {
     pub fps: Option<f64>,
 }
 
-/// What was imported.
+/// What came of an import.
 #[derive(Clone, Debug, Default)]
-pub struct Imported {
-    /// Clips written.
+pub struct ImportSummary {
+    /// Clips that were written.
     pub clips: usize,
-    /// Their minutes.
+    /// Minutes of motion in them.
     pub minutes: f64,
-    /// How many have their music.
+    /// Clips that hold the music they are danced to.
     pub with_music: usize,
     /// Files that were not used, each with the reason.
     pub skipped: Vec<String>,
@@ -71,17 +71,16 @@ pub struct Imported {
 /// Imports. `tell` is given what was guessed and what was skipped, a line at a
 /// time; `on_progress` the share that is done.
 ///
-/// # Errors
-/// What was asked for that cannot be used, before anything is written; a folder
+/// Errors: What was asked for that cannot be used, before anything is written; a folder
 /// that cannot be written to.
 pub fn import(
-    request: &Import,
+    request: &ImportRequest,
     mut tell: impl FnMut(&str),
     on_progress: impl Fn(f64),
-) -> anyhow::Result<Imported> {
-    let told = Told {
+) -> anyhow::Result<ImportSummary> {
+    let told = FileCorrections {
         names: match &request.mapping {
-            Some(path) => mapping(path)?,
+            Some(path) => joint_names(path)?,
             None => GivenNames::new(),
         },
         fps: request.fps,
@@ -100,27 +99,27 @@ pub fn import(
     if source.is_empty() || source.contains(['/', '\\', ',', '"']) || source.starts_with('.') {
         bail!("--source \"{source}\": a plain word is needed, it becomes a folder");
     }
-    let mut files = files(request.kind, &request.path)?;
-    let mut done = Imported::default();
-    if request.kind == Kind::HumanMl {
+    let mut files = motion_files(request.kind, &request.path)?;
+    let mut done = ImportSummary::default();
+    if request.kind == MotionFormat::HumanMl {
         let all = files.len();
         files.retain(|path| !stem(path).starts_with('M'));
         done.mirrored = all - files.len();
     }
     let songs = match &request.music {
-        Some(folder) => Some(songs(folder)?),
+        Some(folder) => Some(audio_files(folder)?),
         None => None,
     };
-    let lists = Lists::near(&request.path);
+    let lists = AistLists::near(&request.path);
     let folder = request.out.join(source);
-    let mut all = known(&request.out)?;
+    let mut all = existing_entries(&request.out)?;
     std::fs::create_dir_all(&folder)
         .with_context(|| format!("cannot write {}", folder.display()))?;
     let (mut fresh, mut names, mut shown) = (Vec::new(), BTreeSet::new(), Vec::new());
     for (number, path) in files.iter().enumerate() {
         on_progress(number as f64 / files.len() as f64);
         let name = unique(&mut names, &stem(path));
-        match one(request, path, &told, songs.as_ref(), &lists) {
+        match import_file(request, path, &told, songs.as_ref(), &lists) {
             Ok((found, lines)) => {
                 if shown != lines {
                     tell(&format!(
@@ -150,7 +149,7 @@ pub fn import(
             }
         }
     }
-    let mut undecided: Vec<Entry> = fresh
+    let mut undecided: Vec<ClipEntry> = fresh
         .iter()
         .filter(|e| e.1.is_none())
         .map(|e| e.0.clone())
@@ -158,12 +157,12 @@ pub fn import(
     assign_splits(&mut undecided);
     let decided = fresh
         .into_iter()
-        .filter_map(|(entry, split)| split.map(|split| Entry { split, ..entry }));
+        .filter_map(|(entry, split)| split.map(|split| ClipEntry { split, ..entry }));
     for entry in decided.chain(undecided) {
         all.insert(entry.name.clone(), entry);
     }
     if done.clips > 0 {
-        let entries: Vec<Entry> = all.into_values().collect();
+        let entries: Vec<ClipEntry> = all.into_values().collect();
         write_whole(
             &request.out.join("index.csv"),
             index::text(&entries).as_bytes(),
@@ -172,8 +171,7 @@ pub fn import(
     Ok(done)
 }
 
-/// A clip that can be used.
-struct Found {
+struct ImportedClip {
     clip: Clip,
     music: Option<Vec<HeardFrame>>,
     bone_change: f64,
@@ -181,7 +179,7 @@ struct Found {
     split: Option<Split>,
 }
 
-impl Found {
+impl ImportedClip {
     fn music_vectors(&self) -> Option<Vec<MusicVector>> {
         let music = self.music.as_ref()?;
         Some(music.iter().map(|heard| heard.frame.vector()).collect())
@@ -195,17 +193,22 @@ impl Found {
             .collect()
     }
 
-    fn entry(&self, request: &Import, source: &str, name: &str) -> (Entry, Option<Split>) {
+    fn entry(
+        &self,
+        request: &ImportRequest,
+        source: &str,
+        name: &str,
+    ) -> (ClipEntry, Option<Split>) {
         let licence = request.licence.as_deref();
         let told = request.style.as_deref().and_then(style_number);
-        let entry = Entry {
+        let entry = ClipEntry {
             name: format!("{source}/{name}"),
             source: source.to_owned(),
             licence: licence.unwrap_or(usual_licence(request.kind)).to_owned(),
-            dance: request.dance || request.kind == Kind::Aist,
+            dance: request.dance || request.kind == MotionFormat::Aist,
             label: name.to_owned(),
             minutes: self.clip.poses.len() as f64 / FRAME_RATE_HZ / 60.0,
-            told_style: told.or(self.style),
+            written_style: told.or(self.style),
             music: self.music.is_some(),
             bone_change: Some(self.bone_change),
             split: Split::Train,
@@ -215,19 +218,19 @@ impl Found {
 }
 
 /// Reads, checks and normalises one file. The error names it.
-fn one(
-    request: &Import,
+fn import_file(
+    request: &ImportRequest,
     path: &Path,
-    told: &Told,
+    told: &FileCorrections,
     songs: Option<&BTreeMap<String, PathBuf>>,
-    lists: &Lists,
-) -> Result<(Found, Vec<String>), String> {
+    lists: &AistLists,
+) -> Result<(ImportedClip, Vec<String>), String> {
     let named = |reason: String| format!("{}: {reason}", path.display());
     let stem = stem(path);
     if lists.ignored.contains(&stem) {
         return Err(named("on the data set's own list of bad clips".into()));
     }
-    let (raw, lines) = read_kind(request.kind, path, told).map_err(|error| error.to_string())?;
+    let (raw, lines) = read_format(request.kind, path, told).map_err(|error| error.to_string())?;
     let bone_change = soundness::bone_change(&raw.poses).map_err(named)?;
     if raw.duration_s() < SHORTEST_S {
         let seconds = raw.duration_s();
@@ -246,7 +249,7 @@ fn one(
         return Err(named("a position is not finite after normalisation".into()));
     }
     let song = match request.kind {
-        Kind::Aist => aist_song(&stem).unwrap_or(&stem),
+        MotionFormat::Aist => aist_song(&stem).unwrap_or(&stem),
         _ => &stem,
     };
     let music = match songs.map(|songs| songs.get(song)) {
@@ -261,11 +264,11 @@ fn one(
     if let Some(music) = &music {
         clip.poses.truncate(music.len());
     }
-    let style = (request.kind == Kind::Aist)
+    let style = (request.kind == MotionFormat::Aist)
         .then(|| aist_style(&stem))
         .flatten();
     let split = lists.split(&stem);
-    let found = Found {
+    let found = ImportedClip {
         clip,
         music,
         bone_change,
@@ -277,12 +280,12 @@ fn one(
 
 /// What AIST++ says of its clips in files of its own.
 #[derive(Default)]
-struct Lists {
+struct AistLists {
     ignored: BTreeSet<String>,
     splits: BTreeMap<String, Split>,
 }
 
-impl Lists {
+impl AistLists {
     /// `ignore_list.txt` and `splits/crossmodal_*.txt` in the folder or above it.
     fn near(path: &Path) -> Self {
         let mut lists = Self::default();
@@ -313,7 +316,7 @@ impl Lists {
 }
 
 /// The entries that the folder has already.
-fn known(folder: &Path) -> anyhow::Result<BTreeMap<String, Entry>> {
+fn existing_entries(folder: &Path) -> anyhow::Result<BTreeMap<String, ClipEntry>> {
     if !folder.join("index.csv").exists() {
         return Ok(BTreeMap::new());
     }
@@ -325,7 +328,7 @@ fn known(folder: &Path) -> anyhow::Result<BTreeMap<String, Entry>> {
 }
 
 /// All files of a kind under a path, sorted.
-fn files(kind: Kind, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+fn motion_files(kind: MotionFormat, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if path.is_file() {
         return Ok(vec![path.to_owned()]);
     }
@@ -344,7 +347,6 @@ fn files(kind: Kind, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(out)
 }
 
-/// All files under a folder.
 fn walk(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let (mut folders, mut out) = (vec![folder.to_owned()], Vec::new());
     while let Some(folder) = folders.pop() {
@@ -380,7 +382,7 @@ fn unique(names: &mut BTreeSet<String>, stem: &str) -> String {
 }
 
 /// Music files of a folder by their names without the ending.
-fn songs(folder: &Path) -> anyhow::Result<BTreeMap<String, PathBuf>> {
+fn audio_files(folder: &Path) -> anyhow::Result<BTreeMap<String, PathBuf>> {
     let is_audio = |path: &PathBuf| {
         let ending = path.extension().and_then(|e| e.to_str());
         ending.is_some_and(|e| AUDIO.contains(&&*e.to_ascii_lowercase()))
@@ -398,7 +400,7 @@ fn songs(folder: &Path) -> anyhow::Result<BTreeMap<String, PathBuf>> {
 }
 
 /// Body joints and what a skeleton calls them.
-fn mapping(path: &Path) -> anyhow::Result<GivenNames> {
+fn joint_names(path: &Path) -> anyhow::Result<GivenNames> {
     let name = path.display();
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
     let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {

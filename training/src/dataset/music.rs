@@ -8,8 +8,8 @@ use servodance_audio::{AudioSource, MusicAnalyzer};
 use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
 use servodance_types::{FRAME_RATE_HZ, MUSIC_DIM};
 
-use super::DatasetError;
-use servodance_runtime::hearing::{self, Ears};
+use super::error::DatasetError;
+use servodance_runtime::pipeline::feature_extractor::{self, Ears};
 
 /// So many songs are tried for one clip until the listener follows the beat:
 /// a dance that is off the beat that is heard teaches to ignore it.
@@ -68,7 +68,7 @@ pub(super) fn latents(
     let Some(encodec) = encodec else {
         return Ok(None);
     };
-    let heard = hearing::latents(encodec, &song.samples, song.sample_rate_hz)
+    let heard = feature_extractor::latents(encodec, &song.samples, song.sample_rate_hz)
         .map_err(|error| music_error(clip, &error))?;
     match heard.get(skip..skip + frames) {
         Some(rows) => Ok(Some(rows.to_vec())),

@@ -2,13 +2,15 @@
 //! the motion is, and a sheet of pictures.
 
 use super::sources::terms;
+use crate::dataset::clip_entry::ClipEntry;
+use crate::dataset::index;
+use crate::dataset::styles::STYLES;
 use crate::metrics::quality::foot_skate_ratio;
-use crate::motion::index::{self, Entry, STYLES};
 use crate::motion::tempo;
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::Clip;
-use servodance_runtime::picture::{Figure, Row, Sheet};
+use servodance_runtime::telemetry::picture::{ContactSheet, PoseRow, StickFigure};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -22,51 +24,42 @@ const POSES: usize = 9;
 
 /// The clips of one source on the same terms.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct SourceReport {
-    /// Whose motion it is.
-    pub source: String,
-    /// On what terms.
-    pub licence: String,
-    /// Clips that can be read.
-    pub clips: usize,
-    /// Their minutes.
-    pub minutes: f64,
-    /// Minutes of dance.
-    pub dance_minutes: f64,
+pub(crate) struct SourceReport {
+    pub(crate) source: String,
+    pub(crate) licence: String,
+    pub(crate) clips: usize,
+    pub(crate) minutes: f64,
+    pub(crate) dance_minutes: f64,
     /// Minutes with the music that is danced to.
-    pub music_minutes: f64,
+    pub(crate) music_minutes: f64,
     /// The largest change of a bone's length before the clips came to the
     /// common skeleton, as a share (95 % of frames of the worst clip); none
     /// where it was not measured.
-    pub bone_change: Option<f64>,
+    pub(crate) bone_change: Option<f64>,
     /// Mean share of contact frames in which a foot skates.
-    pub foot_skate: f64,
+    pub(crate) foot_skate: f64,
 }
 
-/// What is in a folder.
+/// What a folder of clips holds; serialised as the JSON of `dataset report`.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Report {
-    /// By source and terms.
-    pub sources: Vec<SourceReport>,
-    /// Minutes by split.
-    pub splits: BTreeMap<&'static str, f64>,
-    /// Minutes by style.
-    pub styles: BTreeMap<&'static str, f64>,
+pub struct DatasetReport {
+    pub(crate) sources: Vec<SourceReport>,
+    pub(crate) splits: BTreeMap<&'static str, f64>,
+    pub(crate) styles: BTreeMap<&'static str, f64>,
     /// Minutes of dance by tempo of the motion: from so many beats a minute on.
-    pub tempi: BTreeMap<usize, f64>,
+    pub(crate) tempi: BTreeMap<usize, f64>,
     /// Minutes of dance too short or too slow to have a tempo.
-    pub no_tempo_minutes: f64,
+    pub(crate) no_tempo_minutes: f64,
     /// Files that cannot be read, each with the reason.
-    pub unreadable: Vec<String>,
+    pub(crate) unreadable: Vec<String>,
     #[serde(skip)]
-    rows: Vec<Row>,
+    rows: Vec<PoseRow>,
 }
 
-impl Report {
+impl DatasetReport {
     /// Looks over a folder. `on_progress` is told the share that is done.
     ///
-    /// # Errors
-    /// An index that cannot be read, or that lists nothing.
+    /// Errors: An index that cannot be read, or that lists nothing.
     pub fn of(folder: &Path, on_progress: impl Fn(f64)) -> anyhow::Result<Self> {
         let entries = index::read(folder)?;
         if entries.is_empty() {
@@ -93,7 +86,7 @@ impl Report {
         Ok(report)
     }
 
-    fn add(&mut self, entry: &Entry, clip: &Clip) {
+    fn add(&mut self, entry: &ClipEntry, clip: &Clip) {
         let minutes = clip.duration_s() / 60.0;
         *self.splits.entry(entry.split.name()).or_default() += minutes;
         *self.styles.entry(STYLES[entry.style()]).or_default() += minutes;
@@ -136,7 +129,7 @@ impl Report {
         }
     }
 
-    /// A table for people.
+    /// The report as a table for a terminal.
     pub fn table(&self) -> String {
         let mut text = format!(
             "{:<16}{:>6}{:>9}{:>9}{:>9}{:>13}{:>12}  terms\n",
@@ -176,7 +169,7 @@ impl Report {
         text
     }
 
-    /// The sheet of pictures, PNG.
+    /// A sheet of pictures of the motions as a PNG file.
     pub fn sheet(&self, title: &str) -> anyhow::Result<Vec<u8>> {
         let (mut clips, mut minutes, mut dance) = (0, 0.0, 0.0);
         for source in &self.sources {
@@ -188,7 +181,7 @@ impl Report {
             .tempi
             .iter()
             .map(|(bpm, minutes)| (bpm.to_string(), *minutes));
-        let sheet = Sheet {
+        let sheet = ContactSheet {
             title: title.to_owned(),
             subtitle: format!("{clips} clips, {minutes:.1} minutes, {dance:.1} of them dance"),
             bars: (
@@ -201,12 +194,12 @@ impl Report {
     }
 }
 
-fn row(entry: &Entry, clip: &Clip) -> Row {
+fn row(entry: &ClipEntry, clip: &Clip) -> PoseRow {
     let last = clip.poses.len() - 1;
-    let figure = |i: usize| Figure::dancer(&clip.poses[last * i / (POSES - 1)]);
+    let figure = |i: usize| StickFigure::dancer(&clip.poses[last * i / (POSES - 1)]);
     let name = entry.name.rsplit('/').next().unwrap_or(&entry.name);
     let kind = if entry.dance { "dance" } else { "no dance" };
-    Row {
+    PoseRow {
         label: vec![
             name.chars().take(32).collect(),
             entry.source.clone(),

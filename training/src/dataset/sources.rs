@@ -1,8 +1,8 @@
 //! Whose motion it is, and on what terms.
 
+use crate::dataset::styles::style_number;
 use crate::motion::aist::GENRES;
-use crate::motion::import::Kind;
-use crate::motion::index::style_number;
+use crate::motion::format::MotionFormat;
 
 /// Known sources of captured motion, by the first part of a clip's name, and
 /// the words that they ask for.
@@ -31,19 +31,19 @@ pub(super) fn terms<'a>(source: &str, licence: &'a str) -> &'a str {
 }
 
 /// What a kind of files is called as a source, if the user says nothing.
-pub(super) fn usual_source(kind: Kind) -> &'static str {
+pub(super) fn usual_source(kind: MotionFormat) -> &'static str {
     kind.name()
 }
 
 /// The terms that most files of a kind have.
-pub(super) fn usual_licence(kind: Kind) -> &'static str {
+pub(super) fn usual_licence(kind: MotionFormat) -> &'static str {
     match kind {
-        Kind::Aist => {
+        MotionFormat::Aist => {
             "AIST++ annotations: CC BY 4.0; dances and music: the AIST Dance Video Database's terms"
         }
-        Kind::HumanMl => "HumanML3D: the terms of AMASS and HumanAct12, research only",
-        Kind::Smpl => "AMASS: the terms of its sources, most of them research only",
-        Kind::Bvh | Kind::Amc | Kind::Npz => "",
+        MotionFormat::HumanMl => "HumanML3D: the terms of AMASS and HumanAct12, research only",
+        MotionFormat::Smpl => "AMASS: the terms of its sources, most of them research only",
+        MotionFormat::Bvh | MotionFormat::Amc | MotionFormat::Npz => "",
     }
 }
 

@@ -1,8 +1,9 @@
 //! Choreography on rendered songs: every style, 70 to 180 BPM, silences, breaks.
 
 use crate::choreography::{DanceBeat, DanceStyle, choreograph};
-use crate::motion::corpus::CorpusClip;
-use crate::motion::index::{Split, style_number};
+use crate::dataset::clip_entry::Split;
+use crate::dataset::styles::style_number;
+use crate::dataset::training_file::TrainingClip;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use servodance_audio::song::{Grid, Song, SongSpec, TempoStep};
@@ -10,26 +11,32 @@ use servodance_model::conditioning::Encodec;
 use servodance_model::motion::encode;
 use servodance_types::FRAME_RATE_HZ;
 
-use super::{DatasetError, Options, music};
+use super::error::DatasetError;
+use super::music;
+use super::options::DatasetOptions;
 
 /// Length of one choreography, seconds.
 const CLIP_S: f64 = 60.0;
 
 pub(super) fn collect(
-    options: &Options,
-    clips: &mut Vec<CorpusClip>,
+    options: &DatasetOptions,
+    clips: &mut Vec<TrainingClip>,
     on_progress: &dyn Fn(f64),
 ) -> Result<(), DatasetError> {
     let count = (options.choreography_minutes * 60.0 / CLIP_S).ceil() as usize;
     for number in 0..count {
         on_progress(number as f64 / count as f64);
         let seed = options.seed.wrapping_mul(1000).wrapping_add(number as u64);
-        clips.push(one(number, seed, options.encodec.as_ref())?);
+        clips.push(choreographed_clip(number, seed, options.encodec.as_ref())?);
     }
     Ok(())
 }
 
-fn one(number: usize, seed: u64, encodec: Option<&Encodec>) -> Result<CorpusClip, DatasetError> {
+fn choreographed_clip(
+    number: usize,
+    seed: u64,
+    encodec: Option<&Encodec>,
+) -> Result<TrainingClip, DatasetError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let style = DanceStyle::ALL[number % DanceStyle::ALL.len()];
     let name = format!("choreography/{} {number}", style.name());
@@ -37,10 +44,10 @@ fn one(number: usize, seed: u64, encodec: Option<&Encodec>) -> Result<CorpusClip
     let (mut beats, mut heard) = (Vec::new(), Vec::new());
     let mut sounding = None;
     for _ in 0..music::ATTEMPTS {
-        let song = sounding.insert(song(&name, &mut rng)?);
-        let silences = silences(&mut rng);
-        silence(song, &silences, &mut rng);
-        beats = heard_beats(song, &silences);
+        let song = sounding.insert(random_song(&name, &mut rng)?);
+        let silences = random_silences(&mut rng);
+        fade_out(song, &silences, &mut rng);
+        beats = audible_beats(song, &silences);
         heard = music::hear(&name, &song.samples, song.sample_rate_hz, 0, frames)?;
         let times: Vec<f64> = beats.iter().map(|beat| beat.time_s).collect();
         if music::followed(&heard, &times) > music::FOLLOWED {
@@ -52,7 +59,7 @@ fn one(number: usize, seed: u64, encodec: Option<&Encodec>) -> Result<CorpusClip
         None => None,
     };
     let motion = encode(&choreograph(&beats, CLIP_S, style, rng.random()).poses);
-    Ok(CorpusClip {
+    Ok(TrainingClip {
         name,
         motion,
         music: Some(heard),
@@ -70,17 +77,16 @@ fn one(number: usize, seed: u64, encodec: Option<&Encodec>) -> Result<CorpusClip
     })
 }
 
-/// A song at a tempo of its style or of the whole range, one in five with a
-/// change of tempo.
-fn song(name: &str, rng: &mut ChaCha8Rng) -> Result<Song, DatasetError> {
+/// A song at a tempo of its style or of the whole range, one in five with a change of tempo.
+fn random_song(name: &str, rng: &mut ChaCha8Rng) -> Result<Song, DatasetError> {
     let error = |error| music::music_error(name, &error);
     let mut spec = SongSpec::random(CLIP_S + 0.2, rng.random()).map_err(error)?;
     let wide = rng.random_bool(0.5);
     if wide {
-        spec.grid = Grid::Tempo(vec![steady(rng, CLIP_S)]);
+        spec.grid = Grid::Tempo(vec![steady_tempo(rng, CLIP_S)]);
     }
     if rng.random_bool(0.2) {
-        let first = steady(rng, rng.clone().random_range(20.0..40.0));
+        let first = steady_tempo(rng, rng.clone().random_range(20.0..40.0));
         let change = rng.random_range(0.75..1.33);
         let bpm = (first.bpm * change).clamp(70.0, 180.0);
         let second = TempoStep {
@@ -92,7 +98,7 @@ fn song(name: &str, rng: &mut ChaCha8Rng) -> Result<Song, DatasetError> {
     spec.render().map_err(error)
 }
 
-fn steady(rng: &mut ChaCha8Rng, seconds: f64) -> TempoStep {
+fn steady_tempo(rng: &mut ChaCha8Rng, seconds: f64) -> TempoStep {
     // Mostly 95 to 140, as music is; sometimes anything from 70 to 180.
     let bpm = if rng.random_bool(0.6) {
         rng.random_range(95.0..140.0)
@@ -107,7 +113,7 @@ fn steady(rng: &mut ChaCha8Rng, seconds: f64) -> TempoStep {
 
 /// Where no music plays: half of the songs begin late, a third breaks off in
 /// the middle, a third ends early.
-fn silences(rng: &mut ChaCha8Rng) -> Vec<(f64, f64)> {
+fn random_silences(rng: &mut ChaCha8Rng) -> Vec<(f64, f64)> {
     let mut out = Vec::new();
     if rng.random_bool(0.5) {
         out.push((0.0, rng.random_range(0.5..6.0)));
@@ -123,7 +129,7 @@ fn silences(rng: &mut ChaCha8Rng) -> Vec<(f64, f64)> {
 }
 
 /// Fades the song out of the silences; a quiet room is left.
-fn silence(song: &mut Song, silences: &[(f64, f64)], rng: &mut ChaCha8Rng) {
+fn fade_out(song: &mut Song, silences: &[(f64, f64)], rng: &mut ChaCha8Rng) {
     const FADE_S: f64 = 0.08;
     let rate = f64::from(song.sample_rate_hz);
     let room = 10f32.powf(rng.random_range(-5.0..-2.5));
@@ -137,7 +143,7 @@ fn silence(song: &mut Song, silences: &[(f64, f64)], rng: &mut ChaCha8Rng) {
     }
 }
 
-fn heard_beats(song: &Song, silences: &[(f64, f64)]) -> Vec<DanceBeat> {
+fn audible_beats(song: &Song, silences: &[(f64, f64)]) -> Vec<DanceBeat> {
     let quiet = |t: f64| {
         silences
             .iter()

@@ -1,13 +1,12 @@
 //! The figures of a set of dances.
 
-use crate::metrics::distribution::{Distribution, DistributionError, compare_by};
+use crate::metrics::distribution::{Distribution, DistributionError, compare};
 use crate::metrics::features::{Acceleration, geometric, kinetic};
-use crate::metrics::nearest_figure_m;
-use crate::metrics::quality::{foot_skate_ratio, freezing, jerk, pfc};
+use crate::metrics::quality::{foot_skate_ratio, frozen_ratio, mean_jerk_m_s3, pfc};
+use crate::metrics::repetition::nearest_figure_m;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use servodance_model::motion::{Clip, Pose};
-use servodance_model::motion::{alignment, mean_joint_speed};
+use servodance_model::motion::{Alignment, Clip, Pose, alignment, mean_joint_speed};
 use servodance_types::FRAME_RATE_HZ;
 
 /// Distributions compare windows of ten seconds.
@@ -15,7 +14,7 @@ pub const WINDOW_FRAMES: usize = 200;
 
 /// Means over one set of dances.
 #[derive(Clone, Debug, Default)]
-pub struct Scores {
+pub struct DanceScores {
     pub fact: f64,
     pub bailando: f64,
     pub f1: f64,
@@ -26,36 +25,32 @@ pub struct Scores {
     /// From a figure of four beats to the most similar one, metres.
     pub figure_gap_m: f64,
     /// Against the real set; of real motion, one half against the other.
-    pub distances: Option<Distances>,
+    pub distances: Option<FeatureDistances>,
 }
 
 /// Fréchet distances and diversity.
 #[derive(Clone, Copy, Debug)]
-pub struct Distances {
+pub struct FeatureDistances {
     pub kinetic: Distribution,
     pub kinetic_published: Distribution,
     pub geometric: Distribution,
 }
 
-impl Scores {
+impl DanceScores {
     /// Of dances with the beats of their music, seconds.
     pub fn of<'a>(dances: impl Iterator<Item = (&'a [Pose], &'a [f64])>) -> Self {
         let mut rows: Vec<[f64; 8]> = Vec::new();
         for (poses, beats_s) in dances {
-            let beat = alignment(
-                &mean_joint_speed(poses, FRAME_RATE_HZ),
-                FRAME_RATE_HZ,
-                beats_s,
-            );
-            let clip = clip(poses);
+            let beat = beat_alignment(poses, beats_s);
+            let clip = Clip::of_frames(poses.to_vec());
             rows.push([
                 beat.fact,
                 beat.bailando,
                 beat.f1,
                 pfc(&clip).unwrap_or(0.0),
                 foot_skate_ratio(&clip).unwrap_or(0.0),
-                jerk(&clip).mean_m_s3,
-                freezing(poses, FRAME_RATE_HZ).frozen_ratio,
+                mean_jerk_m_s3(&clip),
+                frozen_ratio(poses, FRAME_RATE_HZ),
                 nearest_figure_m(&clip, beats_s).unwrap_or(f64::NAN),
             ]);
         }
@@ -86,40 +81,27 @@ impl Scores {
     }
 }
 
-/// F1 of kinematic against music beats.
-pub fn f1(poses: &[Pose], beats_s: &[f64]) -> f64 {
-    alignment(
-        &mean_joint_speed(poses, FRAME_RATE_HZ),
-        FRAME_RATE_HZ,
-        beats_s,
-    )
-    .f1
+/// Kinematic beats of a dance against music beats, seconds.
+pub fn beat_alignment(poses: &[Pose], beats_s: &[f64]) -> Alignment {
+    let speed = mean_joint_speed(poses, FRAME_RATE_HZ);
+    alignment(&speed, FRAME_RATE_HZ, beats_s)
 }
 
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-fn clip(poses: &[Pose]) -> Clip {
-    Clip {
-        name: String::new(),
-        fps: FRAME_RATE_HZ,
-        poses: poses.to_vec(),
-    }
-}
-
 /// The features of every window of a set of dances.
 #[derive(Clone, Debug, Default)]
-pub struct Features {
-    /// Kinetic, kinetic as published, geometric.
+pub struct WindowFeatures {
     windows: Vec<[Vec<f64>; 3]>,
 }
 
-impl Features {
+impl WindowFeatures {
     pub fn of<'a>(dances: impl Iterator<Item = &'a [Pose]>) -> Self {
         let windows = dances.flat_map(|poses| poses.chunks_exact(WINDOW_FRAMES));
         let features = windows.filter_map(|poses| {
-            let window = clip(poses);
+            let window = Clip::of_frames(poses.to_vec());
             Some([
                 kinetic(&window, Acceleration::Correct)?.to_vec(),
                 kinetic(&window, Acceleration::Published)?.to_vec(),
@@ -136,12 +118,16 @@ impl Features {
     }
 
     /// This set against a real one, both normalised by `yardstick`.
-    pub fn against(&self, real: &Self, yardstick: &Self) -> Result<Distances, DistributionError> {
+    pub fn against(
+        &self,
+        real: &Self,
+        yardstick: &Self,
+    ) -> Result<FeatureDistances, DistributionError> {
         let kind = |k: usize| -> Result<Distribution, DistributionError> {
             let column = |set: &Self| set.windows.iter().map(|w| w[k].clone()).collect();
-            compare_by(&column(yardstick), &column(real), &column(self))
+            compare(&column(yardstick), &column(real), &column(self))
         };
-        Ok(Distances {
+        Ok(FeatureDistances {
             kinetic: kind(0)?,
             kinetic_published: kind(1)?,
             geometric: kind(2)?,

@@ -1,15 +1,13 @@
 //! One long dance: does it die down, drift or begin to jitter?
 
 use super::figures::mean;
-use super::reference::HeldOut;
+use super::reference::HeldOutClip;
 use super::report::LongDance;
-use crate::metrics::quality::{foot_skate_ratio, jerk};
-use servodance_model::motion::mean_joint_speed;
-use servodance_model::motion::{Clip, Pose};
+use crate::metrics::quality::{foot_skate_ratio, mean_jerk_m_s3};
+use servodance_model::motion::{Clip, Pose, mean_joint_speed};
 use servodance_model::{Generator, GeneratorOptions};
 use servodance_types::FRAME_RATE_HZ;
 
-/// Frames of a minute.
 const MINUTE: usize = (60.0 * FRAME_RATE_HZ) as usize;
 
 /// Dances so many minutes to all held-out music in a row, over and over, with
@@ -17,7 +15,7 @@ const MINUTE: usize = (60.0 * FRAME_RATE_HZ) as usize;
 pub fn long_dance(
     generator: &Generator,
     options: GeneratorOptions,
-    held: &[HeldOut],
+    held: &[HeldOutClip],
     minutes: usize,
 ) -> anyhow::Result<LongDance> {
     let music = held.iter().flat_map(|clip| &clip.music).cycle();
@@ -30,20 +28,20 @@ pub fn long_dance(
     }
     let speed = mean_joint_speed(&poses, FRAME_RATE_HZ);
     let by_minute: Vec<f64> = speed.chunks(MINUTE).map(mean).collect();
-    let first = clip(&poses[..MINUTE]);
-    let last = clip(&poses[poses.len() - MINUTE..]);
+    let first = Clip::of_frames(poses[..MINUTE].to_vec());
+    let last = Clip::of_frames(poses[poses.len() - MINUTE..].to_vec());
     let height = |clip: &Clip| {
         let heights = clip.poses.iter().map(|pose| f64::from(pose[0][1]));
         mean(&heights.collect::<Vec<_>>())
     };
-    let whole = clip(&poses);
+    let whole = Clip::of_frames(poses.clone());
     Ok(LongDance {
         minutes,
         speed_kept: by_minute[minutes - 1] / by_minute[0],
         slowest_minute: by_minute.iter().copied().fold(f64::INFINITY, f64::min) / mean(&by_minute),
         height_drift_m: height(&last) - height(&first),
-        jerk: jerk(&whole).mean_m_s3,
-        jerk_kept: jerk(&last).mean_m_s3 / jerk(&first).mean_m_s3,
+        jerk: mean_jerk_m_s3(&whole),
+        jerk_kept: mean_jerk_m_s3(&last) / mean_jerk_m_s3(&first),
         foot_skate: foot_skate_ratio(&whole).unwrap_or(0.0),
         furthest_m: poses
             .iter()
@@ -51,12 +49,4 @@ pub fn long_dance(
             .fold(0.0, f64::max),
         awakenings: dance.restarts(),
     })
-}
-
-fn clip(poses: &[Pose]) -> Clip {
-    Clip {
-        name: String::new(),
-        fps: FRAME_RATE_HZ,
-        poses: poses.to_vec(),
-    }
 }

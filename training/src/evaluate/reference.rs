@@ -1,13 +1,14 @@
 //! Held-out dance with its music: what the generator is compared with.
 
-use super::Request;
+use super::request::EvaluationRequest;
 use crate::dataset;
-use crate::motion::corpus::{self, CorpusClip};
-use crate::motion::index::{STYLES, Split};
+use crate::dataset::clip_entry::Split;
+use crate::dataset::styles::STYLES;
+use crate::dataset::training_file::{self, TrainingClip};
 use anyhow::bail;
 use servodance_model::conditioning::{ENCODEC_RATE_HZ, Encodec, HeardFrame, Latent, MusicKind};
 use servodance_model::motion::{Pose, decode};
-use servodance_runtime::hearing;
+use servodance_runtime::pipeline::feature_extractor;
 use servodance_types::{Beat, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
 /// A choreography seed that no training file is made with.
@@ -16,45 +17,41 @@ const FRESH_SEED: u64 = 770_077;
 const SURE: f32 = 0.5;
 
 /// A clip that the generator has not seen.
-pub struct HeldOut {
-    /// The style of the dance.
+pub struct HeldOutClip {
     pub style: String,
-    /// What a dancer did.
     pub poses: Vec<Pose>,
-    /// What the generator hears.
     pub music: Vec<HeardFrame>,
     /// Where the tracker found beats, seconds.
     pub beats_s: Vec<f64>,
 }
 
-/// What there is to compare with.
-pub struct Reference {
+pub struct EvaluationReference {
     /// Music to dance to, and what a dancer did to it.
-    pub held: Vec<HeldOut>,
+    pub held: Vec<HeldOutClip>,
     /// All held-out dance, whole, with and without music; no copies.
     pub real: Vec<Vec<Pose>>,
 }
 
-impl Reference {
+impl EvaluationReference {
     /// The test clips of the training file, or fresh choreography, with music
     /// as this kind of features.
     pub fn open(
-        request: &Request,
+        request: &EvaluationRequest,
         kind: MusicKind,
         encodec: Option<&Encodec>,
     ) -> anyhow::Result<Self> {
         let mut clips = match &request.data {
-            Some(path) => corpus::read(path)?,
+            Some(path) => training_file::read(path)?,
             None => choreography(request, encodec)?,
         };
         let fresh = request.data.is_none();
         clips.retain(|clip| clip.dance && (fresh || clip.split == Split::Test));
         let frames = (request.seconds * FRAME_RATE_HZ) as usize;
-        let held: Vec<HeldOut> = clips
+        let held: Vec<HeldOutClip> = clips
             .iter()
             .filter_map(|clip| excerpt(clip, frames))
             .collect();
-        let deaf = |clip: &HeldOut| clip.music.iter().any(|heard| heard.latent.is_none());
+        let deaf = |clip: &HeldOutClip| clip.music.iter().any(|heard| heard.latent.is_none());
         if kind == MusicKind::Encodec128 && held.iter().any(deaf) {
             bail!(
                 "--data: the weights hear encodec128, the file has no such latents: build it with \
@@ -74,9 +71,12 @@ impl Reference {
     }
 }
 
-fn choreography(request: &Request, encodec: Option<&Encodec>) -> anyhow::Result<Vec<CorpusClip>> {
+fn choreography(
+    request: &EvaluationRequest,
+    encodec: Option<&Encodec>,
+) -> anyhow::Result<Vec<TrainingClip>> {
     let file = tempfile::NamedTempFile::new()?;
-    let options = dataset::Options {
+    let options = dataset::DatasetOptions {
         motion: None,
         out: file.path().to_owned(),
         songs_per_clip: 1,
@@ -85,11 +85,11 @@ fn choreography(request: &Request, encodec: Option<&Encodec>) -> anyhow::Result<
         encodec: encodec.cloned(),
     };
     dataset::build(&options, &|_| {})?;
-    Ok(corpus::read(file.path())?)
+    Ok(training_file::read(file.path())?)
 }
 
 /// The middle of a clip, if it is long enough and has a beat.
-fn excerpt(clip: &CorpusClip, frames: usize) -> Option<HeldOut> {
+fn excerpt(clip: &TrainingClip, frames: usize) -> Option<HeldOutClip> {
     let from = clip.motion.len().checked_sub(frames)? / 2;
     let rows = from..from + frames;
     let heard = clip.music.as_ref()?[rows.clone()].iter().enumerate();
@@ -100,7 +100,7 @@ fn excerpt(clip: &CorpusClip, frames: usize) -> Option<HeldOut> {
         })
         .collect();
     let beats_s = beats_s(&music);
-    (beats_s.len() >= 4).then(|| HeldOut {
+    (beats_s.len() >= 4).then(|| HeldOutClip {
         style: STYLES[clip.style].to_owned(),
         poses: decode(&clip.motion[rows]),
         music,
@@ -119,22 +119,21 @@ fn beats_s(music: &[HeardFrame]) -> Vec<f64> {
     passes.collect()
 }
 
-/// The moments halfway between two beats.
 pub fn between(beats_s: &[f64]) -> Vec<f64> {
     beats_s.windows(2).map(|b| (b[0] + b[1]) / 2.0).collect()
 }
 
-/// What is heard where nothing sounds.
-pub struct Silence {
+pub struct SilentMusic {
     /// What Encodec hears of it, from its beginning.
     latents: Option<Vec<Latent>>,
 }
 
-impl Silence {
+impl SilentMusic {
     /// So many frames of it.
     pub fn new(encodec: Option<&Encodec>, frames: usize) -> anyhow::Result<Self> {
         let nothing = vec![0.0; frames * (f64::from(ENCODEC_RATE_HZ) / FRAME_RATE_HZ) as usize];
-        let heard = encodec.map(|encodec| hearing::latents(encodec, &nothing, ENCODEC_RATE_HZ));
+        let heard =
+            encodec.map(|encodec| feature_extractor::latents(encodec, &nothing, ENCODEC_RATE_HZ));
         Ok(Self {
             latents: heard.transpose()?,
         })

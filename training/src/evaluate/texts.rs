@@ -1,24 +1,25 @@
-//! Do motions still tell what their texts say, once they went through the codes?
-//! R-Precision and MM-Dist on HumanML3D's test set, as the MAGMA paper scores
-//! its VQ-VAE (Table 1), with extractors that a user brings.
+//! How well motions match their texts, before and after the VQ-VAE: R-Precision
+//! and MM-Dist on HumanML3D's test set, as the MAGMA paper scores its VQ-VAE
+//! (Table 1), with extractors that a user brings.
 //!
 //! Every repeat pools the pairs anew, 32 at a time, with one of each motion's
 //! texts. Beside the figures stand those of the real motions, which bound them,
 //! and those of real motions with another's text, which are chance.
 
-use super::report::{Estimate, cell};
-use super::{Request, in_parallel};
+use super::estimate::{MeanEstimate, cell};
+use super::parallel::in_parallel;
+use super::request::EvaluationRequest;
+use crate::dataset::index::stays_inside;
 use crate::metrics::retrieval::{POOL, Retrieval, retrieval};
 use crate::metrics::t2m::{Extractors, FRAMES_A_STEP, MOST_FRAMES};
 use crate::motion::humanml::{HumanMlVector, encode, read_vectors, recover};
-use crate::motion::index::stays_inside;
 use anyhow::{Context, ensure};
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{SeedableRng, rngs::StdRng};
 use serde::Serialize;
 use servodance_model::Codec;
 use servodance_model::motion::Clip;
-use servodance_runtime::conditioning::data_folder;
+use servodance_runtime::pipeline::conditioning::data_folder;
 use servodance_types::FRAME_RATE_HZ;
 use std::fmt::Write;
 use std::path::Path;
@@ -30,42 +31,36 @@ const BATCH: usize = 32;
 
 /// R-Precision and MM-Dist; mean and interval over repeats.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Retrieved {
+pub(crate) struct RetrievalEstimates {
     /// Share of texts whose motion is the nearest of 32.
-    pub r_precision_1: Estimate,
-    /// One of the two nearest.
-    pub r_precision_2: Estimate,
-    /// One of the three nearest.
-    pub r_precision_3: Estimate,
+    pub(crate) r_precision_1: MeanEstimate,
+    pub(crate) r_precision_2: MeanEstimate,
+    pub(crate) r_precision_3: MeanEstimate,
     /// Distance of a text to its motion.
-    pub mm_dist: Estimate,
+    pub(crate) mm_dist: MeanEstimate,
 }
 
 /// Motions and what texts say of them.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct TextFigures {
-    /// Motions with a text.
-    pub pairs: usize,
-    /// Motions of the test set that are missing, cannot be read, or are too
-    /// short or long.
-    pub left_out: usize,
+pub(crate) struct TextFigures {
+    pub(crate) pairs: usize,
+    /// Motions of the test set that are missing, cannot be read, or are too short or long.
+    pub(crate) left_out: usize,
     /// Motions that went through the codes and back.
-    pub reconstructed: Retrieved,
-    /// The same motions as they were.
-    pub real: Retrieved,
+    pub(crate) reconstructed: RetrievalEstimates,
+    pub(crate) real: RetrievalEstimates,
     /// The same with the text of another motion: chance.
-    pub other_text: Retrieved,
+    pub(crate) other_text: RetrievalEstimates,
 }
 
 impl TextFigures {
-    /// A table for people.
     pub fn table(&self) -> String {
         let mut text = format!(
             "{} motions and their texts ({} left out)\n{:<36}{:>18}{:>20}{:>20}\n",
             self.pairs, self.left_out, "", "reconstructed", "real", "another's text"
         );
-        type Row = (&'static str, fn(&Retrieved) -> Estimate);
-        let rows: [Row; 4] = [
+        type RetrievalRow = (&'static str, fn(&RetrievalEstimates) -> MeanEstimate);
+        let rows: [RetrievalRow; 4] = [
             ("R-Precision, top 1", |r| r.r_precision_1),
             ("R-Precision, top 2", |r| r.r_precision_2),
             ("R-Precision, top 3", |r| r.r_precision_3),
@@ -81,10 +76,10 @@ impl TextFigures {
     }
 }
 
-impl Retrieved {
+impl RetrievalEstimates {
     fn over(repeats: &[Retrieval]) -> Self {
         let over = |value: &dyn Fn(&Retrieval) -> f64| {
-            Estimate::of(&repeats.iter().map(value).collect::<Vec<_>>())
+            MeanEstimate::of(&repeats.iter().map(value).collect::<Vec<_>>())
         };
         Self {
             r_precision_1: over(&|r| r.r_precision[0]),
@@ -96,13 +91,13 @@ impl Retrieved {
 }
 
 /// A motion and its texts as tokens `word/KIND`.
-struct Pair {
+struct MotionTextPair {
     motion: Vec<HumanMlVector>,
     texts: Vec<Vec<String>>,
 }
 
 /// The same as points of the extractors' space.
-struct Points {
+struct PairPoints {
     real: Vec<f32>,
     reconstructed: Vec<f32>,
     texts: Vec<Vec<f32>>,
@@ -110,11 +105,10 @@ struct Points {
 
 /// Scores the test set in HumanML3D's folder.
 ///
-/// # Errors
-/// Extractors or texts that are not there or of another layout; fewer pairs
-/// than one pool.
+/// Errors: Extractors or texts that are not there or of another layout; fewer
+/// pairs than one pool.
 pub fn score(
-    request: &Request,
+    request: &EvaluationRequest,
     folder: &Path,
     codec: &Codec,
     on_progress: &(impl Fn(f64) + Sync),
@@ -127,19 +121,19 @@ pub fn score(
         folder.display(),
         pairs.len()
     );
-    let batches: Vec<&[Pair]> = pairs.chunks(BATCH).collect();
+    let batches: Vec<&[MotionTextPair]> = pairs.chunks(BATCH).collect();
     let points = in_parallel(batches.len(), on_progress, |number| {
         points(batches[number], &extractors, codec)
     })?;
-    let points: Vec<Points> = points.into_iter().flatten().collect();
+    let points: Vec<PairPoints> = points.into_iter().flatten().collect();
     let mut found = [const { Vec::new() }; 3];
     for repeat in 0..request.repeats as u64 {
         let mut rng = StdRng::seed_from_u64(request.seed + repeat);
-        for (found, one) in found.iter_mut().zip(once(&points, &mut rng)) {
+        for (found, one) in found.iter_mut().zip(score_pools(&points, &mut rng)) {
             found.extend(one);
         }
     }
-    let [reconstructed, real, other_text] = found.map(|repeats| Retrieved::over(&repeats));
+    let [reconstructed, real, other_text] = found.map(|repeats| RetrievalEstimates::over(&repeats));
     Ok(TextFigures {
         pairs: points.len(),
         left_out,
@@ -150,10 +144,10 @@ pub fn score(
 }
 
 /// Pooled once: reconstructed, real, real with another's text.
-fn once(points: &[Points], rng: &mut StdRng) -> [Option<Retrieval>; 3] {
-    let mut order: Vec<&Points> = points.iter().collect();
+fn score_pools(points: &[PairPoints], rng: &mut StdRng) -> [Option<Retrieval>; 3] {
+    let mut order: Vec<&PairPoints> = points.iter().collect();
     order.shuffle(rng);
-    let text = |p: &&'_ Points| p.texts.choose(rng).map_or(&[][..], Vec::as_slice).to_vec();
+    let text = |p: &&'_ PairPoints| p.texts.choose(rng).map_or(&[][..], Vec::as_slice).to_vec();
     let texts: Vec<Vec<f32>> = order.iter().map(text).collect();
     let mut texts: Vec<&[f32]> = texts.iter().map(Vec::as_slice).collect();
     let reconstructed: Vec<&[f32]> = order.iter().map(|p| p.reconstructed.as_slice()).collect();
@@ -175,7 +169,11 @@ fn open_extractors(folder: Option<&Path>) -> anyhow::Result<Extractors> {
     )
 }
 
-fn points(pairs: &[Pair], extractors: &Extractors, codec: &Codec) -> anyhow::Result<Vec<Points>> {
+fn points(
+    pairs: &[MotionTextPair],
+    extractors: &Extractors,
+    codec: &Codec,
+) -> anyhow::Result<Vec<PairPoints>> {
     let reconstructed: Vec<Vec<HumanMlVector>> = pairs
         .iter()
         .map(|pair| through_the_codes(&pair.motion, codec))
@@ -191,7 +189,7 @@ fn points(pairs: &[Pair], extractors: &Extractors, codec: &Codec) -> anyhow::Res
             .map(|text| text.iter().map(String::as_str).collect())
             .collect();
         let views: Vec<&[&str]> = tokens.iter().map(Vec::as_slice).collect();
-        points.push(Points {
+        points.push(PairPoints {
             real,
             reconstructed,
             texts: extractors.texts(&views)?,
@@ -200,22 +198,18 @@ fn points(pairs: &[Pair], extractors: &Extractors, codec: &Codec) -> anyhow::Res
     Ok(points)
 }
 
-/// HumanML3D's vectors of what stage 1 makes of a motion.
+/// HumanML3D's vectors of what the VQ-VAE makes of a motion.
 fn through_the_codes(
     motion: &[HumanMlVector],
     codec: &Codec,
 ) -> anyhow::Result<Vec<HumanMlVector>> {
-    let clip = Clip {
-        name: String::new(),
-        fps: FRAME_RATE_HZ,
-        poses: recover(motion),
-    };
+    let clip = Clip::of_frames(recover(motion));
     let back = codec.decode("", &codec.encode(&clip)?)?;
     Ok(encode(&back.poses))
 }
 
 /// The pairs of `test.txt`, and how many motions were left out.
-fn pairs(folder: &Path) -> anyhow::Result<(Vec<Pair>, usize)> {
+fn pairs(folder: &Path) -> anyhow::Result<(Vec<MotionTextPair>, usize)> {
     let list = folder.join("test.txt");
     let names = std::fs::read_to_string(&list).with_context(|| {
         format!(
@@ -242,9 +236,9 @@ fn pairs(folder: &Path) -> anyhow::Result<(Vec<Pair>, usize)> {
     Ok((pairs, left_out))
 }
 
-/// A motion with its texts; parts of it that have texts of their own are pairs
-/// of their own.
-fn parts(motion: &[HumanMlVector], texts: &str) -> Vec<Pair> {
+/// A motion with its texts; parts of it that have texts of their own are
+/// pairs of their own.
+fn parts(motion: &[HumanMlVector], texts: &str) -> Vec<MotionTextPair> {
     let mut whole = Vec::new();
     let mut pairs = Vec::new();
     for line in texts.lines() {
@@ -267,9 +261,9 @@ fn parts(motion: &[HumanMlVector], texts: &str) -> Vec<Pair> {
     pairs
 }
 
-fn pair(motion: &[HumanMlVector], texts: Vec<Vec<String>>) -> Option<Pair> {
+fn pair(motion: &[HumanMlVector], texts: Vec<Vec<String>>) -> Option<MotionTextPair> {
     let frames = motion.len().min(MOST_FRAMES) / FRAMES_A_STEP * FRAMES_A_STEP;
-    (FRAMES.contains(&motion.len()) && !texts.is_empty()).then(|| Pair {
+    (FRAMES.contains(&motion.len()) && !texts.is_empty()).then(|| MotionTextPair {
         motion: motion[..frames].to_vec(),
         texts,
     })

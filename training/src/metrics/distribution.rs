@@ -1,12 +1,13 @@
 //! Two sets of motions compared: Fréchet distance (FID) and diversity (Dist).
 //!
-//! Both sets are normalised by the **real** set's mean and deviation. A set
+//! Both sets are normalised by the **real** set's mean and deviation: a set
 //! normalised by its own would hide wrong scale and shift.
 
-/// Feature vectors of one set of motions, all of one length.
-pub type Features = Vec<Vec<f64>>;
+use nalgebra::DMatrix;
 
-/// Why two sets cannot be compared.
+/// Feature vectors of one set of motions, all of one length.
+pub type FeatureVectors = Vec<Vec<f64>>;
+
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DistributionError {
     /// A covariance needs two motions at least.
@@ -14,20 +15,12 @@ pub enum DistributionError {
     TooFew {
         /// `yardstick`, `real` or `generated`.
         set: &'static str,
-        /// How many there are.
         count: usize,
     },
-    /// The vectors have different lengths.
     #[error("a feature vector has {actual} numbers, {expected} expected")]
-    Length {
-        /// Numbers of the vector.
-        actual: usize,
-        /// Numbers of the first vector.
-        expected: usize,
-    },
+    Length { actual: usize, expected: usize },
 }
 
-/// Generated motion against real motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distribution {
     /// Fréchet distance between Gaussians fitted to both sets.
@@ -38,18 +31,13 @@ pub struct Distribution {
     pub dist_real: f64,
 }
 
-/// Compares the features of generated motions with those of real ones.
-/// Features that do not vary in the real set count unscaled.
-pub fn compare(real: &Features, generated: &Features) -> Result<Distribution, DistributionError> {
-    compare_by(real, real, generated)
-}
-
-/// The same, normalised by a third set: for two parts of one real set, which
-/// are to be measured with the yardstick of the whole.
-pub fn compare_by(
-    yardstick: &Features,
-    real: &Features,
-    generated: &Features,
+/// Compares the features of generated motions with those of real ones, both
+/// normalised by `yardstick`: the real set, or the whole that two compared parts
+/// come from. Features that do not vary in the yardstick count unscaled.
+pub fn compare(
+    yardstick: &FeatureVectors,
+    real: &FeatureVectors,
+    generated: &FeatureVectors,
 ) -> Result<Distribution, DistributionError> {
     let sets = [
         ("yardstick", yardstick),
@@ -76,7 +64,7 @@ pub fn compare_by(
             if deviation > 1e-9 { deviation } else { 1.0 }
         })
         .collect();
-    let normal = |features: &Features| -> Features {
+    let normal = |features: &FeatureVectors| -> FeatureVectors {
         let one = |v: &Vec<f64>| {
             (0..expected)
                 .map(|k| (v[k] - mean[k]) / deviation[k])
@@ -92,14 +80,14 @@ pub fn compare_by(
     })
 }
 
-fn mean(features: &Features) -> Vec<f64> {
+fn mean(features: &FeatureVectors) -> Vec<f64> {
     let sum = |k: usize| features.iter().map(|v| v[k]).sum::<f64>();
     (0..features[0].len())
         .map(|k| sum(k) / features.len() as f64)
         .collect()
 }
 
-fn mean_distance(features: &Features) -> f64 {
+fn mean_distance(features: &FeatureVectors) -> f64 {
     let (mut sum, mut pairs) = (0.0, 0);
     for (i, a) in features.iter().enumerate() {
         for b in &features[..i] {
@@ -113,7 +101,7 @@ fn mean_distance(features: &Features) -> f64 {
 
 /// |m1 - m2|^2 + tr(C1 + C2 - 2 (C1 C2)^1/2), with the trace of the root from
 /// the symmetric C1^1/2 C2 C1^1/2, which has the same eigenvalues.
-fn frechet(a: &Features, b: &Features) -> f64 {
+fn frechet(a: &FeatureVectors, b: &FeatureVectors) -> f64 {
     let (mean_a, mean_b) = (mean(a), mean(b));
     let (cov_a, cov_b) = (covariance(a, &mean_a), covariance(b, &mean_b));
     let shift: f64 = mean_a
@@ -121,109 +109,24 @@ fn frechet(a: &Features, b: &Features) -> f64 {
         .zip(&mean_b)
         .map(|(a, b)| (a - b).powi(2))
         .sum();
-    let root = cov_a.clone().symmetric_root();
-    let (values, _) = root.times(&cov_b).times(&root).eigen();
-    let cross: f64 = values.iter().map(|v| v.max(0.0).sqrt()).sum();
+    let root = symmetric_root(cov_a.clone());
+    let cross = (&root * &cov_b * &root).symmetric_eigenvalues();
+    let cross: f64 = cross.iter().map(|v| v.max(0.0).sqrt()).sum();
     // Rounding alone could make it negative.
     (shift + cov_a.trace() + cov_b.trace() - 2.0 * cross).max(0.0)
 }
 
-fn covariance(features: &Features, mean: &[f64]) -> Matrix {
-    let n = mean.len();
-    let mut out = Matrix::zeros(n);
-    for v in features {
-        for i in 0..n {
-            for j in 0..n {
-                out.0[i][j] += (v[i] - mean[i]) * (v[j] - mean[j]);
-            }
-        }
-    }
-    let count = (features.len() - 1) as f64;
-    out.0.iter_mut().flatten().for_each(|value| *value /= count);
-    out
+fn covariance(features: &FeatureVectors, mean: &[f64]) -> DMatrix<f64> {
+    let centred = |n: usize, k: usize| features[n][k] - mean[k];
+    let centred = DMatrix::from_fn(features.len(), mean.len(), centred);
+    centred.tr_mul(&centred) / (features.len() - 1) as f64
 }
 
-/// A square matrix, row by row.
-#[derive(Clone)]
-struct Matrix(Vec<Vec<f64>>);
-
-impl Matrix {
-    fn zeros(n: usize) -> Self {
-        Self(vec![vec![0.0; n]; n])
-    }
-
-    fn trace(&self) -> f64 {
-        self.0.iter().enumerate().map(|(i, row)| row[i]).sum()
-    }
-
-    fn times(&self, other: &Self) -> Self {
-        let n = self.0.len();
-        let mut out = Self::zeros(n);
-        for (row, target) in self.0.iter().zip(&mut out.0) {
-            for (value, other_row) in row.iter().zip(&other.0) {
-                for (sum, x) in target.iter_mut().zip(other_row) {
-                    *sum += value * x;
-                }
-            }
-        }
-        out
-    }
-
-    /// The root of a symmetric matrix without negative eigenvalues.
-    fn symmetric_root(self) -> Self {
-        let n = self.0.len();
-        let (values, vectors) = self.eigen();
-        let mut out = Self::zeros(n);
-        for i in 0..n {
-            for j in 0..n {
-                out.0[i][j] = (0..n)
-                    .map(|k| vectors.0[i][k] * values[k].max(0.0).sqrt() * vectors.0[j][k])
-                    .sum();
-            }
-        }
-        out
-    }
-
-    /// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by
-    /// Jacobi's rotations.
-    fn eigen(mut self) -> (Vec<f64>, Self) {
-        let n = self.0.len();
-        let a = &mut self.0;
-        let mut vectors = Self::zeros(n);
-        for (i, row) in vectors.0.iter_mut().enumerate() {
-            row[i] = 1.0;
-        }
-        let scale: f64 = a.iter().flatten().map(|v| v * v).sum();
-        for _ in 0..60 {
-            let mut off = 0.0;
-            for p in 0..n {
-                for q in p + 1..n {
-                    off += a[p][q] * a[p][q];
-                    if a[p][q].abs() < 1e-300 {
-                        continue;
-                    }
-                    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-                    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-                    let c = 1.0 / (t * t + 1.0).sqrt();
-                    let s = t * c;
-                    for row in a.iter_mut() {
-                        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-                    }
-                    let (upper, lower) = a.split_at_mut(q);
-                    for (x, y) in upper[p].iter_mut().zip(&mut lower[0]) {
-                        (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
-                    }
-                    for row in vectors.0.iter_mut() {
-                        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-                    }
-                }
-            }
-            if off <= 1e-24 * scale {
-                break;
-            }
-        }
-        ((0..n).map(|i| a[i][i]).collect(), vectors)
-    }
+/// The root of a symmetric matrix without negative eigenvalues.
+fn symmetric_root(matrix: DMatrix<f64>) -> DMatrix<f64> {
+    let eigen = matrix.symmetric_eigen();
+    let roots = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
+    &eigen.eigenvectors * DMatrix::from_diagonal(&roots) * eigen.eigenvectors.transpose()
 }
 
 #[cfg(test)]
@@ -234,7 +137,7 @@ mod tests {
     const GOLDEN_FID: f64 = 2.0759522039498943;
     const GOLDEN_DISTANCE: f64 = 3.018135564363522;
 
-    fn set(formula: impl Fn(f64, f64) -> f64) -> Features {
+    fn set(formula: impl Fn(f64, f64) -> f64) -> FeatureVectors {
         (0..30)
             .map(|n| {
                 (0..5)
@@ -244,7 +147,7 @@ mod tests {
             .collect()
     }
 
-    fn real() -> Features {
+    fn real() -> FeatureVectors {
         set(|n, k| (1.3 * n + 2.1 * k).sin() * (1.0 + k) + 0.5 * k)
     }
 
@@ -252,14 +155,14 @@ mod tests {
     fn distances_match_the_independent_script() {
         let made =
             set(|n, k| (0.7 * n + 1.9 * k).cos() * (1.5 + 0.5 * k) + 0.3 * (n * (k + 1.0)).sin());
-        let result = compare(&real(), &made).unwrap();
+        let result = compare(&real(), &real(), &made).unwrap();
         assert!((result.fid - GOLDEN_FID).abs() < 1e-6, "{result:?}");
         assert!((result.dist - GOLDEN_DISTANCE).abs() < 1e-9, "{result:?}");
     }
 
     #[test]
     fn a_set_is_no_distance_from_itself() {
-        let result = compare(&real(), &real()).unwrap();
+        let result = compare(&real(), &real(), &real()).unwrap();
         assert!(result.fid < 1e-6, "{result:?}");
         assert_eq!(result.dist, result.dist_real);
     }
@@ -274,7 +177,7 @@ mod tests {
             let deviation = (squares / n).sqrt();
             moved.iter_mut().for_each(|v| v[k] += deviation);
         }
-        let result = compare(&real(), &moved).unwrap();
+        let result = compare(&real(), &real(), &moved).unwrap();
         assert!((result.fid - 5.0).abs() < 1e-6, "{result:?}");
     }
 
@@ -282,13 +185,13 @@ mod tests {
     fn twice_the_size_is_twice_as_diverse() {
         let mut large = real();
         large.iter_mut().flatten().for_each(|v| *v *= 2.0);
-        let result = compare(&real(), &large).unwrap();
+        let result = compare(&real(), &real(), &large).unwrap();
         assert!((result.dist / result.dist_real - 2.0).abs() < 1e-9);
     }
 
     #[test]
     fn too_few_motions_are_named() {
-        let error = compare(&real(), &vec![vec![0.0; 5]]).unwrap_err();
+        let error = compare(&real(), &real(), &vec![vec![0.0; 5]]).unwrap_err();
         assert_eq!(
             error.to_string(),
             "generated set has 1 motions, at least 2 are needed"

@@ -15,22 +15,18 @@ use servodance_types::{BodyJoint, JOINT_COUNT};
 use servodance_model::motion::vec3::{Vec3, add, cross, dot, norm, scale, sub, wide};
 use servodance_model::motion::{Clip, Pose};
 
-/// Numbers of [`kinetic`].
 pub const KINETIC_DIM: usize = 3 * JOINT_COUNT;
-/// Numbers of [`geometric`].
 pub const GEOMETRIC_DIM: usize = 32;
 
 const RATE_HZ: f64 = 60.0;
 const WINDOW: isize = 2;
 
-/// How the acceleration is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Acceleration {
     /// By its definition: the step of the velocity.
     Correct,
-    /// As the extractor behind published figures does: a misplaced bracket
-    /// takes the velocity before as `p[i] - p[i-1] / dt`. Only for comparing
-    /// with papers.
+    /// As the extractor behind published figures does: a misplaced bracket takes
+    /// the velocity before as `p[i] - p[i-1] / dt`. Only for comparing with papers.
     Published,
 }
 
@@ -88,7 +84,7 @@ pub fn geometric(clip: &Clip) -> Option<[f64; GEOMETRIC_DIM]> {
     let positions = at_60_fps(clip)?;
     let mut counts = [0.0; GEOMETRIC_DIM];
     for pair in positions.windows(2) {
-        let relations = Relations {
+        let relations = JointRelations {
             before: pair[0].map(wide),
             now: pair[1].map(wide),
         };
@@ -117,12 +113,12 @@ const HIPS_M: f64 = 0.1192;
 const GEOMETRIC_RATE_HZ: f64 = 120.0;
 
 /// Joint positions of two frames that follow each other.
-struct Relations {
+struct JointRelations {
     before: [Vec3; JOINT_COUNT],
     now: [Vec3; JOINT_COUNT],
 }
 
-impl Relations {
+impl JointRelations {
     fn all(&self) -> [bool; GEOMETRIC_DIM] {
         use BodyJoint::*;
         let (arm, shoulders, hips) = (UPPER_ARM_M, SHOULDERS_M, HIPS_M);
@@ -186,7 +182,6 @@ impl Relations {
         sub(self.at(to), self.at(from))
     }
 
-    /// Height over the lowest joint.
     fn height(&self, joint: BodyJoint) -> f64 {
         let lowest = self.now.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
         self.at(joint)[1] - lowest

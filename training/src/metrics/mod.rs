@@ -2,12 +2,9 @@
 //!
 //! Offline: nothing here is made for the control loop.
 
-pub mod distribution;
-pub mod features;
+pub(crate) mod distribution;
+pub(crate) mod features;
 pub mod quality;
-pub mod repetition;
-pub mod retrieval;
-pub mod t2m;
-
-pub use repetition::{distance_of_dances_m, nearest_figure_m};
-pub use retrieval::{Retrieval, retrieval};
+pub(crate) mod repetition;
+pub(crate) mod retrieval;
+pub(crate) mod t2m;

@@ -1,11 +1,10 @@
-//! Is the motion physical, and does it stay alive? Skating, plausibility,
-//! jerk and freezing of one motion. Y up, metres, seconds.
+//! Foot skating, physical plausibility, jerk and freezing of one motion. Y up,
+//! metres, seconds.
 
 use servodance_types::BodyJoint;
 
-use servodance_model::motion::mean_joint_speed;
 use servodance_model::motion::vec3::{Vec3, add, norm, scale, sub, wide};
-use servodance_model::motion::{Clip, Pose};
+use servodance_model::motion::{Clip, Pose, mean_joint_speed};
 
 /// Toes below this height stand on the floor, metres.
 const CONTACT_HEIGHT_M: f64 = 0.05;
@@ -69,80 +68,31 @@ pub fn pfc(clip: &Clip) -> Option<f64> {
     Some(sum / accelerations.len() as f64 * 1e4)
 }
 
-/// Mean and largest jerk over all joints, m/s^3.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Jerk {
-    /// Mean over joints and frames.
-    pub mean_m_s3: f64,
-    /// The largest of any joint in any frame.
-    pub peak_m_s3: f64,
-}
-
-/// The jerk of a motion at its own frame rate; zero below four frames. Compare
-/// only motions of one frame rate.
-pub fn jerk(clip: &Clip) -> Jerk {
-    let mut jerk = Jerk::default();
-    let mut count = 0.0;
+/// Mean jerk over joints and frames at the motion's own frame rate, m/s^3; zero
+/// below four frames. Compare only motions of one frame rate.
+pub fn mean_jerk_m_s3(clip: &Clip) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
     for w in clip.poses.windows(4) {
         for joint in BodyJoint::ALL {
             let [a, b, c, d]: [Vec3; 4] = std::array::from_fn(|k| wide(w[k][joint as usize]));
             let third = sub(sub(d, a), scale(sub(c, b), 3.0));
-            let size = norm(third) * clip.fps.powi(3);
-            jerk.mean_m_s3 += size;
-            jerk.peak_m_s3 = jerk.peak_m_s3.max(size);
+            sum += norm(third) * clip.fps.powi(3);
             count += 1.0;
         }
     }
-    if count > 0.0 {
-        jerk.mean_m_s3 /= count;
-    }
-    jerk
+    sum / f64::max(count, 1.0)
 }
 
-/// Whether a motion dies down.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Freezing {
-    /// Mean joint speed of every full second, m/s.
-    pub per_second_m_s: Vec<f64>,
-    /// Its straight-line slope, m/s a second: below zero it dies down.
-    pub slope_m_s2: f64,
-    /// Speed of the last fifth over that of the first, 1 when nothing is lost;
-    /// 0 for motion that never moved.
-    pub kept: f64,
-    /// Share of seconds slower than a tenth of the mean.
-    pub frozen_ratio: f64,
-}
-
-/// The course of the motion's magnitude over time.
-pub fn freezing(poses: &[Pose], rate_hz: f64) -> Freezing {
+/// Share of seconds whose mean joint speed is below a tenth of the mean of all
+/// seconds; 0 below one second.
+pub fn frozen_ratio(poses: &[Pose], rate_hz: f64) -> f64 {
     let speed = mean_joint_speed(poses, rate_hz);
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let second = (rate_hz.round() as usize).max(1);
     let seconds: Vec<f64> = speed.chunks_exact(second).map(mean).collect();
-    let n = seconds.len();
-    if n == 0 {
-        return Freezing::default();
-    }
-    let (middle, average) = ((n - 1) as f64 / 2.0, mean(&seconds));
-    let (mut covariance, mut variance) = (0.0, 0.0);
-    for (i, value) in seconds.iter().enumerate() {
-        let t = i as f64 - middle;
-        covariance += t * (value - average);
-        variance += t * t;
-    }
-    let fifth = (n / 5).max(1);
-    let (first, last) = (mean(&seconds[..fifth]), mean(&seconds[n - fifth..]));
+    let average = mean(&seconds);
     let frozen = seconds.iter().filter(|v| **v < 0.1 * average).count();
-    Freezing {
-        slope_m_s2: if variance > 0.0 {
-            covariance / variance
-        } else {
-            0.0
-        },
-        kept: if first > 0.0 { last / first } else { 0.0 },
-        frozen_ratio: frozen as f64 / n as f64,
-        per_second_m_s: seconds,
-    }
+    frozen as f64 / seconds.len().max(1) as f64
 }
 
 #[cfg(test)]
@@ -202,18 +152,16 @@ mod tests {
     fn a_cubic_has_its_jerk() {
         // x = t^3: jerk 6 m/s^3.
         let cubic = clip(20, 20.0, |i, _| [(i as f32 / 20.0).powi(3), 0.0, 0.0]);
-        let jerk = jerk(&cubic);
-        assert!((jerk.mean_m_s3 - 6.0).abs() < 0.05, "{jerk:?}");
+        let jerk = mean_jerk_m_s3(&cubic);
+        assert!((jerk - 6.0).abs() < 0.05, "{jerk}");
     }
 
     #[test]
     fn motion_that_stops_half_way_is_frozen() {
         let stopping = clip(201, 20.0, |i, _| [0.05 * i.min(100) as f32, 0.0, 0.0]);
-        let course = freezing(&stopping.poses, 20.0);
-        assert!(course.kept < 0.01 && course.slope_m_s2 < -0.1, "{course:?}");
-        assert!((course.frozen_ratio - 0.5).abs() < 0.11, "{course:?}");
+        let frozen = frozen_ratio(&stopping.poses, 20.0);
+        assert!((frozen - 0.5).abs() < 0.11, "{frozen}");
         let steady = clip(201, 20.0, |i, _| [0.05 * i as f32, 0.0, 0.0]);
-        let course = freezing(&steady.poses, 20.0);
-        assert!((course.kept - 1.0).abs() < 1e-3 && course.frozen_ratio == 0.0);
+        assert_eq!(frozen_ratio(&steady.poses, 20.0), 0.0);
     }
 }

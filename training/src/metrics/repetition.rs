@@ -1,4 +1,4 @@
-//! Does a dance repeat itself? Figures of four beats compared with each other.
+//! Repetition within a dance: figures of four beats compared with each other.
 
 use servodance_types::JOINT_COUNT;
 
@@ -6,13 +6,12 @@ use servodance_model::motion::representation::heading_rad;
 use servodance_model::motion::vec3::{norm, sub, turn, wide};
 use servodance_model::motion::{Clip, Pose};
 
-/// Beats of a figure.
 const BEATS: usize = 4;
 /// Poses that a figure is compared by.
 const POSES: usize = 16;
 
 /// Poses of one figure as seen from the body: place and heading removed.
-type Figure = Vec<[[f64; 3]; JOINT_COUNT]>;
+type FigurePoses = Vec<[[f64; 3]; JOINT_COUNT]>;
 
 /// How far each figure of four beats is from the most similar other one of the
 /// same dance: mean distance of the same joints, metres, averaged over figures.
@@ -25,7 +24,7 @@ pub fn nearest_figure_m(clip: &Clip, beats_s: &[f64]) -> Option<f64> {
         .copied()
         .filter(|t| (0.0..=end_s).contains(t))
         .collect();
-    let figures: Vec<Figure> = beats
+    let figures: Vec<FigurePoses> = beats
         .windows(BEATS + 1)
         .map(|span| figure(clip, span[0], span[BEATS]))
         .collect();
@@ -43,11 +42,11 @@ pub fn nearest_figure_m(clip: &Clip, beats_s: &[f64]) -> Option<f64> {
 /// in the same frame, metres, place and heading removed. `None` without frames.
 pub fn distance_of_dances_m(a: &[Pose], b: &[Pose]) -> Option<f64> {
     let frames = a.len().min(b.len());
-    let [a, b] = [a, b].map(|poses| -> Figure { poses[..frames].iter().map(local).collect() });
+    let [a, b] = [a, b].map(|poses| -> FigurePoses { poses[..frames].iter().map(local).collect() });
     (frames > 0).then(|| distance_m(&a, &b))
 }
 
-fn figure(clip: &Clip, from_s: f64, to_s: f64) -> Figure {
+fn figure(clip: &Clip, from_s: f64, to_s: f64) -> FigurePoses {
     let at = |i: usize| from_s + (to_s - from_s) * i as f64 / POSES as f64;
     (0..POSES).map(|i| local(&clip.pose_at(at(i)))).collect()
 }
@@ -58,7 +57,7 @@ fn local(pose: &Pose) -> [[f64; 3]; JOINT_COUNT] {
     pose.map(|point| turn(sub(wide(point), [x, 0.0, z]), -heading))
 }
 
-fn distance_m(a: &Figure, b: &Figure) -> f64 {
+fn distance_m(a: &FigurePoses, b: &FigurePoses) -> f64 {
     let pairs = a.as_flattened().iter().zip(b.as_flattened());
     let sum: f64 = pairs.map(|(p, q)| norm(sub(*p, *q))).sum();
     sum / (a.len() * JOINT_COUNT) as f64

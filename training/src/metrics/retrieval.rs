@@ -1,5 +1,5 @@
-//! Do motions tell what their texts say? R-Precision and MM-Dist, of points
-//! that the T2M extractors ([`super::t2m`]) gave them.
+//! R-Precision and MM-Dist: how well motions match their texts, as points that
+//! the T2M extractors ([`super::t2m`]) compute.
 //!
 //! As where the published figures come from: in pools of 32 pairs, each text
 //! looks for its motion among the 32. (Papers say that a motion looks for its

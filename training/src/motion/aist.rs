@@ -29,14 +29,8 @@ const ANGLES: usize = 72;
 
 /// Reads `smpl_poses`, `smpl_trans` and `smpl_scaling`.
 pub fn read_aist(path: &Path) -> Result<Clip, MotionError> {
-    let bytes = std::fs::read(path).map_err(|error| MotionError::Read {
-        path: path.to_owned(),
-        reason: error.to_string(),
-    })?;
-    let content = |reason: String| MotionError::Content {
-        path: path.to_owned(),
-        reason,
-    };
+    let bytes = std::fs::read(path).map_err(|error| MotionError::read(path, error))?;
+    let content = |reason: String| MotionError::content(path, reason);
     let arrays = arrays(&bytes).map_err(content)?;
     let get = |key: &str| {
         let mut names: Vec<_> = arrays.keys().map(String::as_str).collect();
@@ -69,12 +63,7 @@ pub fn read_aist(path: &Path) -> Result<Clip, MotionError> {
         let (angles, _) = angles.as_chunks::<3>();
         pose(angles, scale(*place, 1.0 / size))
     });
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    Ok(Clip {
-        name: name.into_owned(),
-        fps: FPS,
-        poses: poses.collect(),
-    })
+    Ok(Clip::of_file(path, FPS, poses.collect()))
 }
 
 #[cfg(test)]

@@ -7,61 +7,46 @@
 
 use std::path::Path;
 
-use super::named_skeleton::{GivenNames, Joint, Mapping, map_joints, settle};
+use super::named_skeleton::{FileJoint, GivenNames, JointMapping, map_joints, settle};
 use servodance_model::motion::rotation::{IDENTITY, Matrix, about, apply, multiply};
 use servodance_model::motion::vec3::{Vec3, add, narrow};
 use servodance_model::motion::{Clip, MotionError, Pose};
 
-/// More joints than any body has.
 const MOST_JOINTS: usize = 1000;
 /// Numbers that are kept at most: an hour of 100 joints at 60 frames a second.
 const MOST_NUMBERS: usize = 64_000_000;
 
-/// One channel of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Channel {
+enum BvhChannel {
     Move(usize),
     Turn(usize),
 }
 
 /// A skeleton and its channels, as written.
 #[derive(Debug, Default)]
-struct Skeleton {
-    joints: Vec<Joint>,
-    channels: Vec<Vec<Channel>>,
+struct BvhSkeleton {
+    joints: Vec<FileJoint>,
+    channels: Vec<Vec<BvhChannel>>,
 }
 
 /// Motion with the names that it was found by.
 #[derive(Clone, Debug)]
-pub struct Named {
-    /// The motion.
+pub struct NamedMotion {
     pub clip: Clip,
     /// Which joint of the file each body joint is.
-    pub mapping: Mapping,
+    pub mapping: JointMapping,
 }
 
 /// Reads a BVH file; `given` corrects the guess of which joint is which.
-pub fn read_bvh(path: &Path, given: &GivenNames) -> Result<Named, MotionError> {
-    let text = std::fs::read(path).map_err(|error| MotionError::Read {
-        path: path.to_owned(),
-        reason: error.to_string(),
-    })?;
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    parse_bvh(&String::from_utf8_lossy(&text), path, &name, given)
+pub fn read_bvh(path: &Path, given: &GivenNames) -> Result<NamedMotion, MotionError> {
+    let text = std::fs::read(path).map_err(|error| MotionError::read(path, error))?;
+    parse_bvh(&String::from_utf8_lossy(&text), path, given)
 }
 
 /// Reads the text of a BVH file; `path` is for messages.
-pub fn parse_bvh(
-    text: &str,
-    path: &Path,
-    name: &str,
-    given: &GivenNames,
-) -> Result<Named, MotionError> {
-    let content = |reason: String| MotionError::Content {
-        path: path.to_owned(),
-        reason,
-    };
-    let mut words = Words::new(text);
+fn parse_bvh(text: &str, path: &Path, given: &GivenNames) -> Result<NamedMotion, MotionError> {
+    let content = |reason: String| MotionError::content(path, reason);
+    let mut words = BvhWords::new(text);
     let (skeleton, fps, values) = parse(&mut words).map_err(content)?;
     let mapping = map_joints(&skeleton.joints, given).map_err(content)?;
     let width: usize = skeleton.channels.iter().map(Vec::len).sum();
@@ -72,22 +57,18 @@ pub fn parse_bvh(
         poses.push(mapping.pose(&points).map(narrow));
     }
     settle(&mut poses).map_err(content)?;
-    Ok(Named {
-        clip: Clip {
-            name: name.to_owned(),
-            fps,
-            poses,
-        },
+    Ok(NamedMotion {
+        clip: Clip::of_file(path, fps, poses),
         mapping,
     })
 }
 
-type Parsed = (Skeleton, f64, Vec<f64>);
+type ParsedBvh = (BvhSkeleton, f64, Vec<f64>);
 
-fn parse(words: &mut Words) -> Result<Parsed, String> {
+fn parse(words: &mut BvhWords) -> Result<ParsedBvh, String> {
     words.expect("HIERARCHY")?;
     words.expect("ROOT")?;
-    let mut skeleton = Skeleton::default();
+    let mut skeleton = BvhSkeleton::default();
     joint(words, None, &mut skeleton)?;
     words.expect("MOTION")?;
     words.expect("Frames:")?;
@@ -116,7 +97,11 @@ fn parse(words: &mut Words) -> Result<Parsed, String> {
 
 /// A joint with all below it; an end site is a joint without channels. Depth
 /// is kept on a list, not on the stack.
-fn joint(words: &mut Words, parent: Option<usize>, skeleton: &mut Skeleton) -> Result<(), String> {
+fn joint(
+    words: &mut BvhWords,
+    parent: Option<usize>,
+    skeleton: &mut BvhSkeleton,
+) -> Result<(), String> {
     let name = words.line_rest()?;
     let mut open = vec![begin(words, name, parent, skeleton)?];
     while let Some(&at) = open.last() {
@@ -148,16 +133,16 @@ fn joint(words: &mut Words, parent: Option<usize>, skeleton: &mut Skeleton) -> R
 }
 
 fn begin(
-    words: &mut Words,
+    words: &mut BvhWords,
     name: String,
     parent: Option<usize>,
-    skeleton: &mut Skeleton,
+    skeleton: &mut BvhSkeleton,
 ) -> Result<usize, String> {
     words.expect("{")?;
     if skeleton.joints.len() >= MOST_JOINTS {
         return Err(words.error(&format!("more than {MOST_JOINTS} joints")));
     }
-    skeleton.joints.push(Joint {
+    skeleton.joints.push(FileJoint {
         name,
         parent,
         offset: [0.0; 3],
@@ -166,7 +151,7 @@ fn begin(
     Ok(skeleton.joints.len() - 1)
 }
 
-fn channels(words: &mut Words) -> Result<Vec<Channel>, String> {
+fn channels(words: &mut BvhWords) -> Result<Vec<BvhChannel>, String> {
     let count = words.number()?;
     if !(0.0..=6.0).contains(&count) {
         return Err(words.error(&format!("{count} channels, expected 0 to 6")));
@@ -177,15 +162,15 @@ fn channels(words: &mut Words) -> Result<Vec<Channel>, String> {
             let (axis, kind) = word.split_at(word.len().min(1));
             let axis = "XYZ".find(axis).filter(|_| !axis.is_empty());
             match (axis, kind.to_ascii_lowercase().as_str()) {
-                (Some(axis), "position") => Ok(Channel::Move(axis)),
-                (Some(axis), "rotation") => Ok(Channel::Turn(axis)),
+                (Some(axis), "position") => Ok(BvhChannel::Move(axis)),
+                (Some(axis), "rotation") => Ok(BvhChannel::Turn(axis)),
                 _ => Err(words.error(&format!("\"{word}\" is no channel"))),
             }
         })
         .collect()
 }
 
-impl Skeleton {
+impl BvhSkeleton {
     /// Where all joints are in one frame.
     fn place(&self, frame: &[f64], points: &mut [Vec3]) {
         let mut turns: Vec<Matrix> = Vec::with_capacity(self.joints.len());
@@ -197,11 +182,11 @@ impl Skeleton {
             for channel in &self.channels[index] {
                 let value = values.next().copied().unwrap_or(0.0);
                 match *channel {
-                    Channel::Move(axis) => {
+                    BvhChannel::Move(axis) => {
                         shift[axis] = value;
                         moved = true;
                     }
-                    Channel::Turn(axis) => {
+                    BvhChannel::Turn(axis) => {
                         let mut vector = [0.0; 3];
                         vector[axis] = value.to_radians();
                         turn = multiply(&turn, &about(vector));
@@ -225,13 +210,13 @@ impl Skeleton {
 }
 
 /// Words of a text with the line that each stands in.
-struct Words<'a> {
+struct BvhWords<'a> {
     lines: std::iter::Enumerate<std::str::Lines<'a>>,
     line: std::str::SplitWhitespace<'a>,
     number: usize,
 }
 
-impl<'a> Words<'a> {
+impl<'a> BvhWords<'a> {
     fn new(text: &'a str) -> Self {
         Self {
             lines: text.trim_start_matches('\u{feff}').lines().enumerate(),
@@ -327,8 +312,8 @@ mod tests {
         )
     }
 
-    fn read(text: &str) -> Result<Named, MotionError> {
-        parse_bvh(text, Path::new("dance.bvh"), "dance", &GivenNames::new())
+    fn read(text: &str) -> Result<NamedMotion, MotionError> {
+        parse_bvh(text, Path::new("dance.bvh"), &GivenNames::new())
     }
 
     const MIXAMO: [&str; 8] = [

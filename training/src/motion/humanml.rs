@@ -28,7 +28,6 @@ use servodance_model::motion::rotation::{Matrix, between, multiply, transposed};
 use servodance_model::motion::vec3::{Vec3, add, narrow, sub, turn, wide};
 use servodance_model::motion::{Clip, MotionError, Pose};
 
-/// Numbers a frame.
 pub const HUMANML_DIM: usize = 263;
 /// Numbers of the 21 rotations; they begin where our own joint steps do.
 const ROTATIONS: usize = 6 * (JOINT_COUNT - 1);
@@ -43,7 +42,6 @@ const CHAINS: [&[BodyJoint]; 5] = [
     &[Spine3, LeftCollar, LeftShoulder, LeftElbow, LeftWrist],
 ];
 
-/// One frame.
 pub type HumanMlVector = [f32; HUMANML_DIM];
 
 /// Where the bone to a joint points at rest.
@@ -147,10 +145,7 @@ fn rotations(pose: &Pose, first_rad: f64, heading_rad: f64) -> [[f32; 6]; JOINT_
 
 /// Reads `new_joint_vecs` as they are ([T, 263] in a `.npy` file).
 pub fn read_vectors(path: &Path) -> Result<Vec<HumanMlVector>, MotionError> {
-    vectors(&read_npy(path)?).map_err(|reason| MotionError::Content {
-        path: path.to_owned(),
-        reason,
-    })
+    vectors(&read_npy(path)?).map_err(|reason| MotionError::content(path, reason))
 }
 
 fn vectors(array: &Array) -> Result<Vec<HumanMlVector>, String> {
@@ -161,10 +156,7 @@ fn vectors(array: &Array) -> Result<Vec<HumanMlVector>, String> {
 /// Reads `new_joint_vecs` ([T, 263]) or `new_joints` ([T, 22, 3]) from a
 /// `.npy` file, 20 frames a second.
 pub fn read_humanml(path: &Path) -> Result<Clip, MotionError> {
-    let content = |reason: String| MotionError::Content {
-        path: path.to_owned(),
-        reason,
-    };
+    let content = |reason: String| MotionError::content(path, reason);
     let array = read_npy(path)?;
     let poses = match array.shape[..] {
         [_, HUMANML_DIM] => recover(&vectors(&array).map_err(content)?),
@@ -184,12 +176,7 @@ pub fn read_humanml(path: &Path) -> Result<Clip, MotionError> {
             )));
         }
     };
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    Ok(Clip {
-        name: name.into_owned(),
-        fps: FRAME_RATE_HZ,
-        poses,
-    })
+    Ok(Clip::of_file(path, FRAME_RATE_HZ, poses))
 }
 
 #[cfg(test)]

@@ -1,16 +1,13 @@
-//! Motion capture comes in: importers of the usual formats onto the 22-joint
-//! skeleton, checks, splits, and the corpus file that training reads.
+//! Motion of other programs: six file formats onto the 22-joint skeleton,
+//! checks of what was read, and the tempo of a motion.
 
-pub mod aist;
-pub mod asf;
-pub mod bvh;
-pub mod corpus;
-pub mod humanml;
-pub mod import;
-pub mod index;
-pub mod named_skeleton;
+mod acclaim;
+pub(crate) mod aist;
+mod bvh;
+pub mod format;
+pub(crate) mod humanml;
+pub(crate) mod named_skeleton;
 mod pickle;
-pub mod smpl;
-pub mod soundness;
-pub mod splits;
-pub mod tempo;
+mod smpl;
+pub(crate) mod soundness;
+pub(crate) mod tempo;

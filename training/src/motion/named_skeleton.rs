@@ -14,18 +14,15 @@ use servodance_model::motion::{Pose, skeleton};
 /// Which joint of the file a body joint is, where the guess is to be corrected.
 pub type GivenNames = BTreeMap<BodyJoint, String>;
 
-/// A joint of a file.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Joint {
+pub(super) struct FileJoint {
     pub name: String,
     pub parent: Option<usize>,
     pub offset: Vec3,
 }
 
-/// Where a body joint comes from.
 #[derive(Clone, Debug, PartialEq)]
-enum Source {
-    /// A joint of the file.
+enum JointSource {
     Joint(usize),
     /// Along the way between two joints of the file.
     Between(Vec<usize>, f64),
@@ -33,8 +30,8 @@ enum Source {
 
 /// Which joint of the file each body joint is.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mapping {
-    sources: Vec<Source>,
+pub struct JointMapping {
+    sources: Vec<JointSource>,
     names: Vec<String>,
 }
 
@@ -55,15 +52,15 @@ const ACCLAIM: &[&str] = &[
 /// Shares of the way from pelvis to neck at which the three spine joints are.
 const SPINE_SHARES: [f64; 3] = [0.239, 0.498, 0.602];
 
-impl Mapping {
+impl JointMapping {
     /// `body joint: joint of the file`, a line each.
     pub fn lines(&self) -> Vec<String> {
         let named = BodyJoint::ALL.iter().zip(&self.sources);
         named
             .map(|(joint, source)| {
                 let from = match source {
-                    Source::Joint(at) => self.names[*at].clone(),
-                    Source::Between(way, share) => {
+                    JointSource::Joint(at) => self.names[*at].clone(),
+                    JointSource::Between(way, share) => {
                         let end = |at: Option<&usize>| at.map_or("", |at| &self.names[*at]);
                         let (first, last) = (end(way.first()), end(way.last()));
                         format!("{:.0} % of the way from {first} to {last}", share * 100.0)
@@ -74,11 +71,10 @@ impl Mapping {
             .collect()
     }
 
-    /// The 22 points of a frame.
     pub(super) fn pose(&self, points: &[Vec3]) -> [Vec3; JOINT_COUNT] {
-        let at = |source: &Source| match source {
-            Source::Joint(at) => points[*at],
-            Source::Between(way, share) => along(way, *share, points),
+        let at = |source: &JointSource| match source {
+            JointSource::Joint(at) => points[*at],
+            JointSource::Between(way, share) => along(way, *share, points),
         };
         std::array::from_fn(|joint| at(&self.sources[joint]))
     }
@@ -138,9 +134,8 @@ fn plain(name: &str) -> (Option<usize>, String) {
 
 /// Finds the body in a skeleton.
 ///
-/// # Errors
-/// Names the part that is not found and the joints there are.
-pub(super) fn map_joints(joints: &[Joint], given: &GivenNames) -> Result<Mapping, String> {
+/// Errors: Names the part that is not found and the joints there are.
+pub(super) fn map_joints(joints: &[FileJoint], given: &GivenNames) -> Result<JointMapping, String> {
     let names: Vec<(Option<usize>, String)> = joints.iter().map(|j| plain(&j.name)).collect();
     let find = |side: Option<usize>, any: &[&str]| {
         any.iter()
@@ -172,11 +167,11 @@ pub(super) fn map_joints(joints: &[Joint], given: &GivenNames) -> Result<Mapping
     }
     let is = |joint: BodyJoint| told.get(&joint).copied();
     let child = |at: usize| joints.iter().position(|joint| joint.parent == Some(at));
-    let mut sources: Vec<Option<Source>> = vec![None; JOINT_COUNT];
-    let mut set = |joint: BodyJoint, source: Source| sources[joint as usize] = Some(source);
+    let mut sources: Vec<Option<JointSource>> = vec![None; JOINT_COUNT];
+    let mut set = |joint: BodyJoint, source: JointSource| sources[joint as usize] = Some(source);
     let pelvis = is(BodyJoint::Pelvis).or_else(|| find(None, &["hips", "pelvis", "hip", "root"]));
     let pelvis = pelvis.unwrap_or(0);
-    set(BodyJoint::Pelvis, Source::Joint(pelvis));
+    set(BodyJoint::Pelvis, JointSource::Joint(pelvis));
     let mut shoulders = [0; 2];
     for side in 0..2 {
         let word = ["left", "right"][side];
@@ -221,10 +216,10 @@ pub(super) fn map_joints(joints: &[Joint], given: &GivenNames) -> Result<Mapping
             ("elbow", elbow),
             ("wrist", wrist),
         ] {
-            set(body(part), Source::Joint(at));
+            set(body(part), JointSource::Joint(at));
         }
         if let Some(collar) = collar {
-            set(body("collar"), Source::Joint(collar));
+            set(body("collar"), JointSource::Joint(collar));
         }
     }
     let neck = is(BodyJoint::Neck).or_else(|| find(None, &["neck", "lowerneck", "neck1", "neck0"]));
@@ -234,8 +229,8 @@ pub(super) fn map_joints(joints: &[Joint], given: &GivenNames) -> Result<Mapping
     let neck = neck.or_else(|| head.and_then(|head| joints[head].parent));
     let neck = neck.ok_or_else(|| missing("neck"))?;
     let head = head.unwrap_or(neck);
-    set(BodyJoint::Neck, Source::Joint(neck));
-    set(BodyJoint::Head, Source::Joint(head));
+    set(BodyJoint::Neck, JointSource::Joint(neck));
+    set(BodyJoint::Head, JointSource::Joint(head));
     let mut spine = vec![neck];
     while let Some(parent) = spine.last().and_then(|&at| joints[at].parent) {
         spine.push(parent);
@@ -248,10 +243,10 @@ pub(super) fn map_joints(joints: &[Joint], given: &GivenNames) -> Result<Mapping
         .into_iter()
         .zip(SPINE_SHARES)
     {
-        let told = is(joint).map(Source::Joint);
+        let told = is(joint).map(JointSource::Joint);
         set(
             joint,
-            told.unwrap_or_else(|| Source::Between(spine.clone(), share)),
+            told.unwrap_or_else(|| JointSource::Between(spine.clone(), share)),
         );
     }
     for (side, joint) in [BodyJoint::LeftCollar, BodyJoint::RightCollar]
@@ -259,13 +254,13 @@ pub(super) fn map_joints(joints: &[Joint], given: &GivenNames) -> Result<Mapping
         .enumerate()
     {
         if sources[joint as usize].is_none() {
-            sources[joint as usize] = Some(Source::Between(vec![neck, shoulders[side]], 0.4));
+            sources[joint as usize] = Some(JointSource::Between(vec![neck, shoulders[side]], 0.4));
         }
     }
-    Ok(Mapping {
+    Ok(JointMapping {
         sources: sources
             .into_iter()
-            .map(|source| source.unwrap_or(Source::Joint(pelvis)))
+            .map(|source| source.unwrap_or(JointSource::Joint(pelvis)))
             .collect(),
         names: joints.iter().map(|joint| joint.name.clone()).collect(),
     })
@@ -295,8 +290,7 @@ pub(super) fn stand_up(poses: &mut [Pose]) {
 
 /// Y up and the usual leg length, for files that say neither axes nor unit.
 ///
-/// # Errors
-/// Names the frame with a position that is not finite.
+/// Errors: Names the frame with a position that is not finite.
 pub(super) fn settle(poses: &mut [Pose]) -> Result<(), String> {
     if lies_along_z(poses) {
         stand_up(poses);
@@ -336,14 +330,14 @@ mod tests {
     }
 
     /// A skeleton whose parents are told by indentation.
-    fn skeleton(text: &str) -> Vec<Joint> {
+    fn skeleton(text: &str) -> Vec<FileJoint> {
         let mut open: Vec<(usize, usize)> = Vec::new();
         let mut joints = Vec::new();
         for line in text.lines().filter(|line| !line.trim().is_empty()) {
             let depth = line.len() - line.trim_start().len();
             open.retain(|(other, _)| *other < depth);
             for (k, name) in line.split_whitespace().enumerate() {
-                joints.push(Joint {
+                joints.push(FileJoint {
                     name: name.into(),
                     parent: open.last().map(|(_, at)| *at),
                     offset: [0.0; 3],

@@ -13,13 +13,13 @@ use servodance_model::motion::numpy::Array;
 const MOST_STACK: usize = 100_000;
 
 #[derive(Clone, Debug)]
-enum Value {
+enum PickleValue {
     Int(i64),
     Float(f64),
     Text(Rc<str>),
     Bytes(Rc<[u8]>),
-    Tuple(Rc<[Value]>),
-    Dict(Rc<RefCell<Vec<(Value, Value)>>>),
+    Tuple(Rc<[PickleValue]>),
+    Dict(Rc<RefCell<Vec<(PickleValue, PickleValue)>>>),
     Global(Rc<str>),
     /// Size of an item in bytes; big-endian or not of numbers: 0.
     Dtype(Rc<RefCell<usize>>),
@@ -29,21 +29,20 @@ enum Value {
 
 /// The arrays and numbers of the dictionary that a pickle holds, by key.
 ///
-/// # Errors
-/// What of the pickle cannot be read.
+/// Errors: What of the pickle cannot be read.
 pub(super) fn arrays(bytes: &[u8]) -> Result<HashMap<String, Array>, String> {
-    let mut machine = Machine {
+    let mut machine = PickleMachine {
         rest: bytes,
         stack: Vec::new(),
         marks: Vec::new(),
         memo: HashMap::new(),
     };
-    let Value::Dict(items) = machine.run()? else {
+    let PickleValue::Dict(items) = machine.run()? else {
         return Err("the pickle holds no dictionary".into());
     };
     let mut out = HashMap::new();
     for (key, value) in items.borrow().iter() {
-        let Value::Text(key) = key else {
+        let PickleValue::Text(key) = key else {
             continue;
         };
         let number = |value: f64| Array {
@@ -51,9 +50,9 @@ pub(super) fn arrays(bytes: &[u8]) -> Result<HashMap<String, Array>, String> {
             values: vec![value],
         };
         let array = match value {
-            Value::Array(array) => array.borrow().clone(),
-            Value::Int(value) => number(*value as f64),
-            Value::Float(value) => number(*value),
+            PickleValue::Array(array) => array.borrow().clone(),
+            PickleValue::Int(value) => number(*value as f64),
+            PickleValue::Float(value) => number(*value),
             _ => continue,
         };
         out.insert(key.to_string(), array);
@@ -61,15 +60,15 @@ pub(super) fn arrays(bytes: &[u8]) -> Result<HashMap<String, Array>, String> {
     Ok(out)
 }
 
-struct Machine<'a> {
+struct PickleMachine<'a> {
     rest: &'a [u8],
-    stack: Vec<Value>,
+    stack: Vec<PickleValue>,
     marks: Vec<usize>,
-    memo: HashMap<usize, Value>,
+    memo: HashMap<usize, PickleValue>,
 }
 
-impl<'a> Machine<'a> {
-    fn run(&mut self) -> Result<Value, String> {
+impl<'a> PickleMachine<'a> {
+    fn run(&mut self) -> Result<PickleValue, String> {
         loop {
             let [code] = *self.take(1)?.first_chunk::<1>().ok_or("no code")?;
             if code == b'.' {
@@ -88,9 +87,9 @@ impl<'a> Machine<'a> {
             0x95 => drop(self.take(8)?),
             b'(' => self.marks.push(self.stack.len()),
             b'0' => drop(self.pop()?),
-            b'}' => self.push(Value::Dict(Rc::default())),
-            b']' | b'N' | 0x88 | 0x89 => self.push(Value::Other),
-            b')' => self.push(Value::Tuple(Rc::from([]))),
+            b'}' => self.push(PickleValue::Dict(Rc::default())),
+            b']' | b'N' | 0x88 | 0x89 => self.push(PickleValue::Other),
+            b')' => self.push(PickleValue::Tuple(Rc::from([]))),
             0x94 => self.remember(self.memo.len())?,
             b'q' => {
                 let at = self.length(1)?;
@@ -117,19 +116,21 @@ impl<'a> Machine<'a> {
             b'J' | b'K' | b'M' | 0x8a => self.int(code)?,
             b'G' => {
                 let bytes = self.take(8)?.first_chunk::<8>().ok_or("short")?;
-                self.push(Value::Float(f64::from_be_bytes(*bytes)));
+                self.push(PickleValue::Float(f64::from_be_bytes(*bytes)));
             }
             b'c' => {
                 let (module, name) = (self.line()?, self.line()?);
-                self.push(Value::Global(format!("{module} {name}").into()));
+                self.push(PickleValue::Global(format!("{module} {name}").into()));
             }
             0x93 => {
                 let (name, module) = (self.pop()?, self.pop()?);
                 let global = match (module, name) {
-                    (Value::Text(module), Value::Text(name)) => format!("{module} {name}").into(),
+                    (PickleValue::Text(module), PickleValue::Text(name)) => {
+                        format!("{module} {name}").into()
+                    }
                     _ => "".into(),
                 };
-                self.push(Value::Global(global));
+                self.push(PickleValue::Global(global));
             }
             0x85..=0x87 => {
                 let at = self.stack.len().checked_sub(usize::from(code - 0x84));
@@ -197,9 +198,9 @@ impl<'a> Machine<'a> {
         let length = self.length(bytes)?;
         let text = self.take(length)?;
         match std::str::from_utf8(text) {
-            Ok(text) => self.push(Value::Text(text.into())),
+            Ok(text) => self.push(PickleValue::Text(text.into())),
             // Python 2 wrote bytes as text.
-            Err(_) => self.push(Value::Bytes(text.into())),
+            Err(_) => self.push(PickleValue::Bytes(text.into())),
         }
         Ok(())
     }
@@ -207,7 +208,7 @@ impl<'a> Machine<'a> {
     fn bytes(&mut self, bytes: usize) -> Result<(), String> {
         let length = self.length(bytes)?;
         let taken = self.take(length)?;
-        self.push(Value::Bytes(taken.into()));
+        self.push(PickleValue::Bytes(taken.into()));
         Ok(())
     }
 
@@ -225,15 +226,15 @@ impl<'a> Machine<'a> {
         let negative = matches!(code, b'J' | 0x8a) && bytes.last().is_some_and(|b| *b >= 0x80);
         let mut wide = if negative { [0xff; 8] } else { [0; 8] };
         wide[..count].copy_from_slice(bytes);
-        self.push(Value::Int(i64::from_le_bytes(wide)));
+        self.push(PickleValue::Int(i64::from_le_bytes(wide)));
         Ok(())
     }
 
-    fn push(&mut self, value: Value) {
+    fn push(&mut self, value: PickleValue) {
         self.stack.push(value);
     }
 
-    fn pop(&mut self) -> Result<Value, String> {
+    fn pop(&mut self) -> Result<PickleValue, String> {
         self.stack.pop().ok_or_else(|| "an empty stack".into())
     }
 
@@ -243,7 +244,7 @@ impl<'a> Machine<'a> {
 
     fn tuple(&mut self, at: usize) {
         let items = self.stack.split_off(at.min(self.stack.len()));
-        self.push(Value::Tuple(items.into()));
+        self.push(PickleValue::Tuple(items.into()));
     }
 
     fn remember(&mut self, at: usize) -> Result<(), String> {
@@ -262,14 +263,14 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    fn set(&mut self, items: Vec<Value>) -> Result<(), String> {
-        let Some(Value::Dict(dict)) = self.stack.last() else {
+    fn set(&mut self, items: Vec<PickleValue>) -> Result<(), String> {
+        let Some(PickleValue::Dict(dict)) = self.stack.last() else {
             return Ok(());
         };
         let mut items = items.into_iter();
         while let (Some(key), Some(value)) = (items.next(), items.next()) {
             // A dictionary in itself would never be freed, and holds no array.
-            if !matches!(value, Value::Dict(_)) {
+            if !matches!(value, PickleValue::Dict(_)) {
                 dict.borrow_mut().push((key, value));
             }
         }
@@ -278,71 +279,71 @@ impl<'a> Machine<'a> {
 }
 
 /// What a call that makes arrays makes; `Other` for any other call.
-fn reduce(function: &Value, arguments: &Value) -> Result<Value, String> {
-    let (Value::Global(name), Value::Tuple(arguments)) = (function, arguments) else {
-        return Ok(Value::Other);
+fn reduce(function: &PickleValue, arguments: &PickleValue) -> Result<PickleValue, String> {
+    let (PickleValue::Global(name), PickleValue::Tuple(arguments)) = (function, arguments) else {
+        return Ok(PickleValue::Other);
     };
     let name = name.rsplit(['.', ' ']).next().unwrap_or_default();
     Ok(match (name, &arguments[..]) {
-        ("_reconstruct", _) => Value::Array(Rc::default()),
-        ("dtype", [Value::Text(kind), ..]) => {
+        ("_reconstruct", _) => PickleValue::Array(Rc::default()),
+        ("dtype", [PickleValue::Text(kind), ..]) => {
             let size = match &**kind {
                 "f4" | "<f4" | "float32" => 4,
                 "f8" | "<f8" | "float64" => 8,
                 _ => 0,
             };
-            Value::Dtype(Rc::new(RefCell::new(size)))
+            PickleValue::Dtype(Rc::new(RefCell::new(size)))
         }
-        ("encode", [Value::Text(text), ..]) => {
+        ("encode", [PickleValue::Text(text), ..]) => {
             let bytes: Vec<u8> = text.chars().map(|c| c as u32 as u8).collect();
-            Value::Bytes(bytes.into())
+            PickleValue::Bytes(bytes.into())
         }
         (
             "_frombuffer",
             [
-                Value::Bytes(bytes),
-                Value::Dtype(size),
-                Value::Tuple(shape),
+                PickleValue::Bytes(bytes),
+                PickleValue::Dtype(size),
+                PickleValue::Tuple(shape),
                 ..,
             ],
         ) => {
             let array = array(bytes, *size.borrow(), shape)?;
-            Value::Array(Rc::new(RefCell::new(array)))
+            PickleValue::Array(Rc::new(RefCell::new(array)))
         }
-        ("scalar", [Value::Dtype(size), Value::Bytes(bytes)]) => {
+        ("scalar", [PickleValue::Dtype(size), PickleValue::Bytes(bytes)]) => {
             let array = array(bytes, *size.borrow(), &[])?;
-            Value::Array(Rc::new(RefCell::new(array)))
+            PickleValue::Array(Rc::new(RefCell::new(array)))
         }
-        _ => Value::Other,
+        _ => PickleValue::Other,
     })
 }
 
 /// Gives an array or a type its state.
-fn build(object: &Value, state: &Value) -> Result<(), String> {
+fn build(object: &PickleValue, state: &PickleValue) -> Result<(), String> {
     match (object, state) {
-        (Value::Array(made), Value::Tuple(state)) => {
+        (PickleValue::Array(made), PickleValue::Tuple(state)) => {
             if let [
                 _,
-                Value::Tuple(shape),
-                Value::Dtype(size),
+                PickleValue::Tuple(shape),
+                PickleValue::Dtype(size),
                 _,
-                Value::Bytes(bytes),
+                PickleValue::Bytes(bytes),
             ] = &state[..]
             {
                 *made.borrow_mut() = array(bytes, *size.borrow(), shape)?;
             } else if let [
                 _,
-                Value::Tuple(shape),
-                Value::Dtype(size),
+                PickleValue::Tuple(shape),
+                PickleValue::Dtype(size),
                 _,
-                Value::Text(text),
+                PickleValue::Text(text),
             ] = &state[..]
             {
                 *made.borrow_mut() = array(text.as_bytes(), *size.borrow(), shape)?;
             }
         }
-        (Value::Dtype(size), Value::Tuple(state)) => {
-            if let [_, Value::Text(order), ..] = &state[..]
+        (PickleValue::Dtype(size), PickleValue::Tuple(state)) => {
+            if let [_, PickleValue::Text(order), ..] = &state[..]
                 && &**order == ">"
             {
                 *size.borrow_mut() = 0;
@@ -353,7 +354,7 @@ fn build(object: &Value, state: &Value) -> Result<(), String> {
     Ok(())
 }
 
-fn array(bytes: &[u8], item: usize, shape: &[Value]) -> Result<Array, String> {
+fn array(bytes: &[u8], item: usize, shape: &[PickleValue]) -> Result<Array, String> {
     if item == 0 {
         // Of something else than numbers: not looked at.
         return Ok(Array::default());
@@ -361,7 +362,7 @@ fn array(bytes: &[u8], item: usize, shape: &[Value]) -> Result<Array, String> {
     let sides: Option<Vec<usize>> = shape
         .iter()
         .map(|side| match side {
-            Value::Int(side) => usize::try_from(*side).ok(),
+            PickleValue::Int(side) => usize::try_from(*side).ok(),
             _ => None,
         })
         .collect();

@@ -20,15 +20,11 @@ use servodance_model::motion::{Clip, MotionError, Pose};
 
 /// Angles of the joints that all these models share.
 const BODY_ANGLES: usize = 3 * JOINT_COUNT;
-/// What files call the frame rate.
 const RATES: [&str; 4] = ["mocap_framerate", "mocap_frame_rate", "fps", "frame_rate"];
 
 /// Reads `poses` [T, 72, 156 or 165], `trans` [T, 3] and the frame rate.
 pub fn read_smpl(path: &Path) -> Result<Clip, MotionError> {
-    let content = |reason: String| MotionError::Content {
-        path: path.to_owned(),
-        reason,
-    };
+    let content = |reason: String| MotionError::content(path, reason);
     let mut npz = Npz::open(path)?;
     let (angles, places) = (npz.need("poses")?, npz.need("trans")?);
     let fps = RATES.iter().find_map(|key| npz.get(key).transpose());
@@ -70,12 +66,7 @@ pub fn read_smpl(path: &Path) -> Result<Clip, MotionError> {
     if lies_along_z(&poses) {
         stand_up(&mut poses);
     }
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    Ok(Clip {
-        name: name.into_owned(),
-        fps,
-        poses,
-    })
+    Ok(Clip::of_file(path, fps, poses))
 }
 
 /// The angles of the body joints, a vector each.

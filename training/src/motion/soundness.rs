@@ -1,5 +1,5 @@
-//! Is a motion fit to learn from? Bones that keep their length, left and right
-//! that stay where they are.
+//! Checks that a motion is fit for training: bones keep their length, left and
+//! right are not exchanged.
 //!
 //! Look at motion as it was read: on the common skeleton every bone has its
 //! length again.
@@ -23,8 +23,7 @@ const BACKWARDS: f64 = 0.8;
 /// The largest change of a bone's length, as a share of its median: the 95th
 /// percentile over frames.
 ///
-/// # Errors
-/// What is wrong with the motion: no frames, a bone without length, bones that
+/// Errors: What is wrong with the motion: no frames, a bone without length, bones that
 /// change, left and right exchanged.
 pub fn bone_change(poses: &[Pose]) -> Result<f64, String> {
     if poses.is_empty() {

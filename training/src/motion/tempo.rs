@@ -1,4 +1,4 @@
-//! Does captured motion have a beat, and where? Kinematic beats and tempo.
+//! Kinematic beats and tempo of captured motion.
 //!
 //! People slow down on the beat. Beat times are the path through the minima of
 //! the mean joint speed that keeps a steady interval (dynamic programming, the
@@ -31,10 +31,8 @@ const SURROGATES: usize = 40;
 /// The usual beat, seconds, and the width of that belief in octaves.
 const USUAL: (f64, f64) = (0.52, 0.45);
 
-/// The beat of a motion clip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KinematicTempo {
-    /// Mean interval, seconds.
     pub period_s: f64,
     /// Beat times within the clip, sorted.
     pub beats_s: Vec<f64>,
@@ -58,7 +56,7 @@ pub fn estimate(clip: &Clip) -> Option<KinematicTempo> {
     let scores =
         |hits: &[f64]| -> Vec<f64> { periods.iter().map(|p| path(hits, p * RATE_HZ).0).collect() };
     let mut rng = ChaCha8Rng::seed_from_u64(clip.poses.len() as u64);
-    let spectrum = Spectrum::of(&hits);
+    let spectrum = SmoothSpectrum::of(&hits);
     let nulls: Vec<Vec<f64>> = (0..SURROGATES)
         .map(|_| scores(&spectrum.noise(&mut rng)))
         .collect();
@@ -213,12 +211,12 @@ fn column_statistics(rows: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
 
 /// The broad spectrum of a signal below 6 Hz (above it, speed carries no
 /// beat): lines are smeared out, because a line is what a beat looks like.
-struct Spectrum {
+struct SmoothSpectrum {
     amplitudes: Vec<f64>,
     length: usize,
 }
 
-impl Spectrum {
+impl SmoothSpectrum {
     const TOP_HZ: f64 = 6.0;
     const SMEAR_HZ: f64 = 1.0;
 

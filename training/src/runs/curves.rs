@@ -2,28 +2,27 @@
 //!
 //! A run that goes on keeps the lines up to where it goes on from.
 
-use crate::train::{CurveRow, StageKind};
+use crate::train::{CurveRow, TrainedNetwork};
 use anyhow::{Context, ensure};
-use servodance_runtime::output::write_whole;
-use servodance_runtime::picture::curves::{Curve, Curves, Panel};
+use servodance_runtime::telemetry::pending_file::write_whole;
+use servodance_runtime::telemetry::picture::{Curve, CurveChart, CurvePanel};
 use std::path::{Path, PathBuf};
 
-/// The curves so far.
 pub struct CurveFile {
     csv: PathBuf,
     png: PathBuf,
-    stage: StageKind,
+    network: TrainedNetwork,
     columns: Vec<String>,
     rows: Vec<Vec<f64>>,
 }
 
 impl CurveFile {
     /// Those in the folder up to a step.
-    pub fn open(folder: &Path, up_to: u64, stage: StageKind) -> anyhow::Result<Self> {
+    pub fn open(folder: &Path, up_to: u64, network: TrainedNetwork) -> anyhow::Result<Self> {
         let mut curves = Self {
             csv: folder.join("curves.csv"),
             png: folder.join("curves.png"),
-            stage,
+            network,
             columns: Vec::new(),
             rows: Vec::new(),
         };
@@ -59,7 +58,6 @@ impl CurveFile {
         Ok(())
     }
 
-    /// Another line; writes both files.
     pub fn add(&mut self, line: &CurveRow) -> anyhow::Result<()> {
         let names = line.values.iter().map(|(name, _)| name.clone());
         let columns: Vec<String> = std::iter::once("step".to_owned()).chain(names).collect();
@@ -88,8 +86,18 @@ impl CurveFile {
         write_whole(&self.png, &self.picture().png()?)
     }
 
-    fn picture(&self) -> Curves {
-        let panel = |title: &str, wanted: &dyn Fn(&str) -> bool| Panel {
+    /// The line with the least finite value in a column, as the values of some
+    /// columns; not a number where a column is missing or never finite.
+    pub fn best<const N: usize>(&self, by: &str, columns: [&str; N]) -> [f64; N] {
+        let place = |name: &str| self.columns.iter().position(|column| column == name);
+        let value = |row: &[f64], name: &str| place(name).map_or(f64::NAN, |at| row[at]);
+        let finite = self.rows.iter().filter(|row| value(row, by).is_finite());
+        let best = finite.min_by(|a, b| value(a, by).total_cmp(&value(b, by)));
+        columns.map(|name| best.map_or(f64::NAN, |row| value(row, name)))
+    }
+
+    fn picture(&self) -> CurveChart {
+        let panel = |title: &str, wanted: &dyn Fn(&str) -> bool| CurvePanel {
             title: title.into(),
             curves: (1..self.columns.len())
                 .filter(|c| wanted(&self.columns[*c]))
@@ -100,13 +108,13 @@ impl CurveFile {
                 })
                 .collect(),
         };
-        let (score, parts): (&[&str], &str) = match self.stage {
-            StageKind::VqVae => (&["loss", "val_loss"], "_used"),
-            StageKind::MotionSeq => (&["loss", "val_nll", "wrong_nll", "silent_nll"], "acc_"),
+        let (score, parts): (&[&str], &str) = match self.network {
+            TrainedNetwork::VqVae => (&["loss", "val_loss"], "_used"),
+            TrainedNetwork::MotionSeq => (&["loss", "val_nll", "wrong_nll", "silent_nll"], "acc_"),
         };
         let last = self.rows.last().map_or(0.0, |row| row[0]);
-        Curves {
-            title: format!("Training of {}", self.stage.name()),
+        CurveChart {
+            title: format!("Training of {}", self.network.name()),
             subtitle: format!("{last} steps; val: held-out clips"),
             panels: vec![
                 panel("Loss", &|name| score.contains(&name)),

@@ -5,76 +5,52 @@
 //! Refused settings and data leave nothing behind. A run that is stopped saves
 //! a checkpoint first, and goes on from it to the same bytes.
 
-mod curves;
+pub(crate) mod curves;
+mod request;
 mod settings;
 
+pub use request::TrainingRequest;
+
 use crate::train::{
-    CurveRow, Data, Settings, SettingsFile, StageKind, StageOne, StepReport, Trainer, with_threads,
+    CurveRow, SettingsFile, StepReport, TrainedNetwork, Trainer, TrainingData, TrainingSettings,
+    VqVaeWeights, with_threads,
 };
 use anyhow::{Context, bail};
 use curves::CurveFile;
-use servodance_runtime::output::write_whole;
-use servodance_runtime::progress::Progress;
+use servodance_runtime::process::progress::Progress;
+use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What is asked for; what is given here goes before what the file says.
-#[derive(Clone, Debug)]
-pub struct Request {
-    /// Which stage.
-    pub stage: StageKind,
-    /// The settings, a TOML file.
-    pub config: PathBuf,
-    /// The training file.
-    pub data: Option<PathBuf>,
-    /// The folder to write to.
-    pub out: Option<PathBuf>,
-    /// Weights of stage 1, for stage 2.
-    pub stage_one: Option<PathBuf>,
-    /// Everything random follows from it.
-    pub seed: Option<u64>,
-    /// Threads to work with.
-    pub threads: Option<usize>,
-    /// Stop, to go on later, when so many steps are taken.
-    pub until: Option<u64>,
-    /// Go on from the checkpoint.
-    pub resume: bool,
-    /// Print only errors.
-    pub quiet: bool,
-}
-
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
-    /// All steps are taken.
+pub enum RunEnd {
+    /// All steps of the settings are taken.
     Done,
     /// The scores had not improved for long enough.
     Early,
-    /// At the step asked for.
+    /// At the step that `until` names.
     Until,
-    /// By Ctrl-C.
+    /// By `stop`, at a Ctrl-C; a checkpoint is saved.
     Stopped,
 }
 
-/// What came of it.
+/// Where a run stands when it returns.
 #[derive(Clone, Debug)]
-pub struct Outcome {
-    /// How it ended.
-    pub end: End,
-    /// Steps taken in all.
+pub struct RunOutcome {
+    /// How the run came to its end.
+    pub end: RunEnd,
+    /// Steps taken since the first start.
     pub steps: u64,
-    /// The folder of the stage.
+    /// The folder with checkpoint, weights and curves.
     pub folder: PathBuf,
-    /// The last line of the curves.
-    pub last: Option<CurveRow>,
 }
 
-/// The files of a stage.
-struct Files {
+struct RunFolder {
     folder: PathBuf,
 }
 
-impl Files {
+impl RunFolder {
     fn checkpoint(&self) -> PathBuf {
         self.folder.join("last.safetensors")
     }
@@ -86,18 +62,17 @@ impl Files {
 
 /// Trains until the end, `until`, or until `stop` is set.
 ///
-/// # Errors
-/// Settings, data or checkpoint that cannot be used; a loss that is no number.
-pub fn train(request: &Request, stop: &AtomicBool) -> anyhow::Result<Outcome> {
+/// Errors: Settings, data or checkpoint that cannot be used; a loss that is no number.
+pub fn train(request: &TrainingRequest, stop: &AtomicBool) -> anyhow::Result<RunOutcome> {
     let file = settings::read(&request.config, request)?;
     let config = request.config.display();
     let resolved = file
-        .resolve(request.stage)
+        .resolve(request.network)
         .with_context(|| format!("{config}"))?;
-    let data = needed(&file.data, "data", request)?;
-    let out = needed(&file.out, "out", request)?;
-    let files = Files {
-        folder: out.join(request.stage.name()),
+    let data = required_path(&file.data, "data", request)?;
+    let out = required_path(&file.out, "out", request)?;
+    let files = RunFolder {
+        folder: out.join(request.network.name()),
     };
     let checkpoint = checkpoint(&files, request.resume)?;
     with_threads(file.threads.unwrap_or(0), || {
@@ -113,7 +88,11 @@ pub fn train(request: &Request, stop: &AtomicBool) -> anyhow::Result<Outcome> {
     })
 }
 
-fn needed(path: &Option<PathBuf>, key: &str, request: &Request) -> anyhow::Result<PathBuf> {
+fn required_path(
+    path: &Option<PathBuf>,
+    key: &str,
+    request: &TrainingRequest,
+) -> anyhow::Result<PathBuf> {
     let missing = || {
         format!(
             "{}: `{key}` is missing (or give --{key})",
@@ -124,7 +103,7 @@ fn needed(path: &Option<PathBuf>, key: &str, request: &Request) -> anyhow::Resul
 }
 
 /// The checkpoint to go on from. One that would be overwritten is refused.
-fn checkpoint(files: &Files, resume: bool) -> anyhow::Result<Option<Vec<u8>>> {
+fn checkpoint(files: &RunFolder, resume: bool) -> anyhow::Result<Option<Vec<u8>>> {
     let path = files.checkpoint();
     let name = path.display();
     match (resume, path.exists()) {
@@ -143,53 +122,52 @@ fn checkpoint(files: &Files, resume: bool) -> anyhow::Result<Option<Vec<u8>>> {
 
 fn trainer(
     file: &SettingsFile,
-    settings: Settings,
+    settings: TrainingSettings,
     data: &Path,
     out: &Path,
 ) -> anyhow::Result<Trainer> {
-    let data = Data::read(data)?;
-    let stage_one = match settings.stage {
-        StageKind::VqVae => None,
-        StageKind::MotionSeq => {
+    let data = TrainingData::read(data)?;
+    let vqvae_weights = match settings.network {
+        TrainedNetwork::VqVae => None,
+        TrainedNetwork::MotionSeq => {
             let in_out = out
-                .join(StageKind::VqVae.name())
+                .join(TrainedNetwork::VqVae.name())
                 .join("weights.safetensors");
-            let path = file.stage_one.clone().unwrap_or(in_out);
+            let path = file.vqvae_weights.clone().unwrap_or(in_out);
             let name = path.display();
             let bytes = std::fs::read(&path).with_context(|| {
                 format!("cannot read the weights of stage 1, {name} (`servodance train vqvae` makes them)")
             })?;
-            Some(StageOne::open(&bytes, &name.to_string())?)
+            Some(VqVaeWeights::open(&bytes, &name.to_string())?)
         }
     };
-    Ok(Trainer::new(settings, data, stage_one)?)
+    Ok(Trainer::new(settings, data, vqvae_weights)?)
 }
 
 fn run(
-    request: &Request,
+    request: &TrainingRequest,
     mut trainer: Trainer,
-    files: Files,
+    files: RunFolder,
     stop: &AtomicBool,
-) -> anyhow::Result<Outcome> {
+) -> anyhow::Result<RunOutcome> {
     let steps = trainer.settings().run.steps;
     let every = trainer.settings().run.checkpoint;
     let until = request.until.unwrap_or(steps).min(steps);
-    let mut curves = CurveFile::open(&files.folder, trainer.steps_taken(), request.stage)?;
+    let mut curves = CurveFile::open(&files.folder, trainer.steps_taken(), request.network)?;
     let progress = Progress::steps(steps, trainer.steps_taken(), request.quiet);
-    let (mut early, mut last) = (false, None);
+    let mut early = false;
     while trainer.steps_taken() < until && !early && !stop.load(Ordering::Acquire) {
         let step = trainer.step();
         let report = step.with_context(|| format!("{} is as it was", files.folder.display()))?;
-        progress.step(report.step, in_short(&report));
-        if trainer.line_is_due() {
-            let line = trainer.line();
-            progress.note(&line_of_text(&line));
+        progress.step(report.step, progress_text(&report));
+        if trainer.curve_row_is_due() {
+            let line = trainer.curve_row();
+            progress.note(&curve_text(&line));
             curves.add(&line)?;
             if line.best {
                 write_whole(&files.weights(), &trainer.weights())?;
             }
             early = line.stale;
-            last = Some(line);
         }
         if trainer.steps_taken().is_multiple_of(every) {
             write_whole(&files.checkpoint(), &trainer.checkpoint())?;
@@ -202,21 +180,19 @@ fn run(
     }
     let taken = trainer.steps_taken();
     let end = match (taken >= steps, early, taken >= until) {
-        (true, ..) => End::Done,
-        (_, true, _) => End::Early,
-        (.., true) => End::Until,
-        _ => End::Stopped,
+        (true, ..) => RunEnd::Done,
+        (_, true, _) => RunEnd::Early,
+        (.., true) => RunEnd::Until,
+        _ => RunEnd::Stopped,
     };
-    Ok(Outcome {
+    Ok(RunOutcome {
         end,
         steps: taken,
         folder: files.folder,
-        last,
     })
 }
 
-/// What stands beside the bar.
-fn in_short(report: &StepReport) -> String {
+fn progress_text(report: &StepReport) -> String {
     let loss = report.terms.first().map_or(0.0, |term| term.1);
     let used = report.terms.iter().find(|(name, _)| name == "codes_used");
     let used = used.map_or(String::new(), |(_, share)| {
@@ -228,7 +204,7 @@ fn in_short(report: &StepReport) -> String {
     )
 }
 
-fn line_of_text(line: &CurveRow) -> String {
+fn curve_text(line: &CurveRow) -> String {
     let mut text = format!("step {}:", line.step);
     for (name, value) in line.values.iter().filter(|(_, value)| value.is_finite()) {
         text += &format!(" {name} {value:.4}");

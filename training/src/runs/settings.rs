@@ -1,16 +1,15 @@
 //! The settings file: TOML. What is not known there is refused with its line.
 
-use super::Request;
+use super::request::TrainingRequest;
 use crate::train::SettingsFile;
 use anyhow::{Context, anyhow, ensure};
 use std::path::{Path, PathBuf};
 
-/// Most threads that make sense.
 const MOST_THREADS: usize = 256;
 
 /// The file with what the request gives in its place. Paths in the file are
 /// seen from its folder.
-pub fn read(path: &Path, request: &Request) -> anyhow::Result<SettingsFile> {
+pub fn read(path: &Path, request: &TrainingRequest) -> anyhow::Result<SettingsFile> {
     let name = path.display();
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
     let mut file: SettingsFile = toml::from_str(&text).map_err(|error| {
@@ -26,7 +25,7 @@ pub fn read(path: &Path, request: &Request) -> anyhow::Result<SettingsFile> {
         |here: &Option<PathBuf>, there: &Option<PathBuf>| here.clone().or_else(|| from_here(there));
     file.data = given(&request.data, &file.data);
     file.out = given(&request.out, &file.out);
-    file.stage_one = given(&request.stage_one, &file.stage_one);
+    file.vqvae_weights = given(&request.vqvae_weights, &file.vqvae_weights);
     file.seed = request.seed.or(file.seed);
     file.threads = request.threads.or(file.threads);
     let threads = file.threads.unwrap_or(1);

@@ -1,34 +1,32 @@
 //! The files of a run: checkpoints and weights, as bytes.
 //!
 //! A checkpoint holds the parameters under their names in the weights file,
-//! both moments of AdamW (`adam.`), what else the stage needs (`state.`), and
+//! both moments of AdamW (`adam.`), what else the network needs (`state.`), and
 //! in its metadata what the run was asked for: it is refused by any other run.
 
 use std::collections::BTreeMap;
 
 use serde_json::Value;
 
+use super::curve_tally::CurveTally;
 use super::error::TrainError;
 use super::optimizer::AdamW;
-use super::parameters::Parameters;
-use super::tensors::{Numbers, Tensors, file, read as read_tensors};
-use super::trainer::Tally;
+use super::tensors::{Numbers, Tensors, file, floats, read as read_tensors};
+use crate::train::autodiff::parameters::Parameters;
 use servodance_model::config::ModelConfig;
 use servodance_model::weights::FORMAT;
 
 /// The metadata key; its value holds the format's version and the run.
 const KEY: &str = "servodance-training-1";
 
-/// What a checkpoint gave.
-pub(crate) struct Read {
+pub(crate) struct CheckpointContents {
     pub parameters: Vec<Vec<f32>>,
     pub adam: AdamW,
     pub step: u64,
-    pub tally: Tally,
+    pub tally: CurveTally,
     pub state: Tensors,
 }
 
-/// Parameters under their names.
 pub(crate) fn insert(tensors: &mut Tensors, parameters: &Parameters) {
     for parameter in parameters.iter() {
         let numbers = Numbers::F32(parameter.values.clone());
@@ -36,13 +34,12 @@ pub(crate) fn insert(tensors: &mut Tensors, parameters: &Parameters) {
     }
 }
 
-/// The bytes of a checkpoint.
 pub(crate) fn write(
     run: &Value,
     parameters: &Parameters,
     adam: &AdamW,
     step: u64,
-    tally: &Tally,
+    tally: &CurveTally,
     state: Tensors,
 ) -> Vec<u8> {
     let mut tensors = state;
@@ -77,8 +74,11 @@ pub(crate) fn write(
     )
 }
 
-/// Reads a checkpoint of this run.
-pub(crate) fn read(bytes: &[u8], run: &Value, parameters: &Parameters) -> Result<Read, TrainError> {
+pub(crate) fn read(
+    bytes: &[u8],
+    run: &Value,
+    parameters: &Parameters,
+) -> Result<CheckpointContents, TrainError> {
     let broken = TrainError::Checkpoint;
     let tensors = read_tensors(bytes, &[""]).map_err(broken)?;
     let about = about(bytes)?;
@@ -88,7 +88,7 @@ pub(crate) fn read(bytes: &[u8], run: &Value, parameters: &Parameters) -> Result
         number.ok_or_else(|| TrainError::Checkpoint(format!("no `{key}`")))
     };
     let take = |prefix: &str| -> Result<Vec<Vec<f32>>, TrainError> {
-        let one = |p: &super::parameters::Parameter| {
+        let one = |p: &crate::train::autodiff::parameters::Parameter| {
             floats(&tensors, &format!("{prefix}{}", p.name), p.values.len())
         };
         parameters
@@ -106,7 +106,7 @@ pub(crate) fn read(bytes: &[u8], run: &Value, parameters: &Parameters) -> Result
         .iter()
         .map(|name| name.as_str().unwrap_or_default().to_owned());
     let best = doubles("tally.best")?;
-    Ok(Read {
+    Ok(CheckpointContents {
         parameters: take("")?,
         adam: AdamW {
             first: take("adam.first.")?,
@@ -114,7 +114,7 @@ pub(crate) fn read(bytes: &[u8], run: &Value, parameters: &Parameters) -> Result
             steps: number("adam_steps")?,
         },
         step: number("step")?,
-        tally: Tally {
+        tally: CurveTally {
             sums: names.zip(doubles("tally.sums")?).collect(),
             count: number("count")?,
             best: best.first().copied().unwrap_or(f64::INFINITY),
@@ -182,18 +182,6 @@ fn in_words(value: &Value) -> String {
     }
 }
 
-/// A tensor of so many f32.
-pub(crate) fn floats(tensors: &Tensors, name: &str, count: usize) -> Result<Vec<f32>, String> {
-    match tensors.get(name) {
-        Some((_, Numbers::F32(values))) if values.len() == count => Ok(values.clone()),
-        Some((shape, _)) => Err(format!(
-            "tensor `{name}` has shape {shape:?}, expected {count} numbers"
-        )),
-        None => Err(format!("tensor `{name}` is missing")),
-    }
-}
-
-/// The bytes of a weights file.
 pub(crate) fn weights_file(
     config: &ModelConfig,
     default_style: &str,

@@ -1,16 +1,15 @@
-//! The training file in memory, and random crops of it.
+//! The training file in memory.
 
 use std::ops::Range;
 use std::path::Path;
 
-use rand::Rng;
-use rand_chacha::ChaCha8Rng;
 use sha2::{Digest, Sha256};
 
 use super::error::TrainError;
 use super::settings::ClipWeights;
-use crate::motion::corpus::{self, CorpusClip};
-use crate::motion::index::{STYLES, Split};
+use crate::dataset::clip_entry::Split;
+use crate::dataset::styles::STYLES;
+use crate::dataset::training_file::{self, TrainingClip};
 use servodance_model::conditioning::MusicKind;
 use servodance_model::motion::representation::{CONTACTS_AT, JOINTS_AT, POSE_DIM, STEPS_AT};
 
@@ -18,8 +17,7 @@ use servodance_model::motion::representation::{CONTACTS_AT, JOINTS_AT, POSE_DIM,
 const COUNTED_FRAMES: usize = 4000;
 /// What normalised spectral features are clamped to, as in the generator.
 const MUSIC_CLAMP: f32 = 6.0;
-/// Numbers that share one scale: yaw step, root step, root height, positions,
-/// velocities, contacts.
+/// Numbers that share one scale: yaw step, root step, root height, positions, velocities, contacts.
 const GROUPS: [Range<usize>; 6] = [
     0..1,
     1..JOINTS_AT - 1,
@@ -29,27 +27,26 @@ const GROUPS: [Range<usize>; 6] = [
     CONTACTS_AT..POSE_DIM,
 ];
 
-/// All clips, and what they are.
+/// The clips of a training file, and the hash that checkpoints remember.
 #[derive(Clone, Debug)]
-pub struct Data {
-    /// The clips.
-    pub(crate) clips: Vec<CorpusClip>,
+pub struct TrainingData {
+    pub(crate) clips: Vec<TrainingClip>,
     /// SHA-256 of the file, in hexadecimal.
     pub(crate) sha256: String,
 }
 
 /// Mean and deviation of each number.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Norm {
+pub(crate) struct Normalisation {
     pub mean: Vec<f32>,
     pub std: Vec<f32>,
 }
 
-impl Data {
+impl TrainingData {
     /// Reads a training file (`servodance dataset build`). One without clips to
     /// train with is refused.
     pub fn read(path: &Path) -> Result<Self, TrainError> {
-        let clips = corpus::read(path)?;
+        let clips = training_file::read(path)?;
         let bytes = std::fs::read(path)
             .map_err(|e| TrainError::Settings(format!("{}: {e}", path.display())))?;
         let sha256 = Sha256::digest(&bytes)
@@ -64,14 +61,12 @@ impl Data {
         Ok(data)
     }
 
-    /// The clips of a split.
     pub(crate) fn of_split(&self, split: Split) -> impl Iterator<Item = usize> + '_ {
         (0..self.clips.len()).filter(move |c| self.clips[*c].split == split)
     }
 
-    /// Of the training motion; the deviation averaged within each group, as
-    /// HumanML3D does.
-    pub(crate) fn motion_norm(&self) -> Norm {
+    /// Of the training motion; the deviation averaged within each group, as HumanML3D does.
+    pub(crate) fn motion_norm(&self) -> Normalisation {
         let rows = self
             .of_split(Split::Train)
             .flat_map(|c| &self.clips[c].motion);
@@ -86,10 +81,10 @@ impl Data {
     }
 
     /// Of the training music; the numbers of the beat stay as they are.
-    pub(crate) fn music_norm(&self, kind: MusicKind) -> Norm {
+    pub(crate) fn music_norm(&self, kind: MusicKind) -> Normalisation {
         let clips = self.of_split(Split::Train).map(|c| &self.clips[c]);
         let rows =
-            clips.flat_map(|clip| (0..clip.motion.len()).filter_map(|f| clip.heard(kind, f)));
+            clips.flat_map(|clip| (0..clip.motion.len()).filter_map(|f| clip.music_row(kind, f)));
         let mut norm = moments(&rows.collect::<Vec<_>>(), kind.dim(), 1e-3);
         norm.mean[kind.measured()..].fill(0.0);
         norm.std[kind.measured()..].fill(1.0);
@@ -98,7 +93,8 @@ impl Data {
 
     /// Refuses a file in which music is not known as this kind of numbers.
     pub(crate) fn check_music(&self, kind: MusicKind) -> Result<(), TrainError> {
-        let unknown = |clip: &&CorpusClip| clip.music.is_some() && clip.heard(kind, 0).is_none();
+        let unknown =
+            |clip: &&TrainingClip| clip.music.is_some() && clip.music_row(kind, 0).is_none();
         match self.clips.iter().find(unknown) {
             None => Ok(()),
             Some(clip) => Err(TrainError::Settings(format!(
@@ -113,7 +109,7 @@ impl Data {
     }
 
     /// The style of most dance with music.
-    pub(crate) fn usual_style(&self) -> usize {
+    pub(crate) fn most_common_style(&self) -> usize {
         let mut frames = [0; STYLES.len()];
         for c in self.of_split(Split::Train) {
             let clip = &self.clips[c];
@@ -125,7 +121,7 @@ impl Data {
     }
 
     /// How often each clip of a list is to be shown: weight times length.
-    pub(crate) fn shown(&self, clips: &[usize], weights: &ClipWeights) -> Vec<f64> {
+    pub(crate) fn sampling_weights(&self, clips: &[usize], weights: &ClipWeights) -> Vec<f64> {
         let of_clip = |c: &usize| {
             let clip = &self.clips[*c];
             let kind = match (clip.synthetic, clip.dance) {
@@ -155,8 +151,8 @@ impl Data {
     }
 }
 
-impl Norm {
-    /// Music of this kind as stage 2 is trained on it.
+impl Normalisation {
+    /// Music of this kind as MotionSeq is trained on it.
     pub fn music<'a>(&'a self, kind: MusicKind, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         let normal = |i: usize| (row[i] - self.mean[i]) / self.std[i];
         (0..kind.dim()).map(move |i| match i < kind.measured() {
@@ -167,7 +163,7 @@ impl Norm {
 }
 
 /// Mean and deviation (at least `floor`) of every column.
-fn moments(rows: &[&[f32]], columns: usize, floor: f64) -> Norm {
+fn moments(rows: &[&[f32]], columns: usize, floor: f64) -> Normalisation {
     let (mut sums, count) = (vec![0.0f64; columns], rows.len() as f64);
     for row in rows {
         sums.iter_mut()
@@ -182,96 +178,23 @@ fn moments(rows: &[&[f32]], columns: usize, floor: f64) -> Norm {
         }
     }
     let deviation = |s: &f64| (s / (count - 1.0).max(1.0)).sqrt().max(floor) as f32;
-    Norm {
+    Normalisation {
         std: squares.iter().map(deviation).collect(),
         mean: mean.iter().map(|m| *m as f32).collect(),
     }
 }
 
-/// Part of a clip.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Crop {
-    /// The clip.
-    pub clip: usize,
-    /// Its frames.
-    pub frames: Range<usize>,
-}
-
-/// Random crops: a clip by how often it is to be shown, a length, then a start.
-#[derive(Clone, Debug)]
-pub(crate) struct Crops {
-    clips: Vec<usize>,
-    /// Frames of each.
-    frames: Vec<usize>,
-    /// Sums of how often the clips up to each are shown.
-    up_to: Vec<f64>,
-    lengths: [usize; 2],
-}
-
-impl Crops {
-    /// Of these clips with at least `lengths[0]` frames where that many are
-    /// there, at most `lengths[1]`; clips of fewer than 2 frames are left out.
-    /// `beyond` more frames are taken to follow the last of each clip.
-    pub fn new(
-        data: &Data,
-        clips: &[usize],
-        shown: &[f64],
-        lengths: [usize; 2],
-        beyond: usize,
-    ) -> Option<Self> {
-        let mut crops = Self {
-            clips: Vec::new(),
-            frames: Vec::new(),
-            up_to: Vec::new(),
-            lengths,
-        };
-        let mut sum = 0.0;
-        for (clip, shown) in clips.iter().zip(shown) {
-            let frames = data.clips[*clip].motion.len();
-            if frames >= 2 && *shown > 0.0 {
-                sum += shown;
-                crops.clips.push(*clip);
-                crops.frames.push(frames + beyond);
-                crops.up_to.push(sum);
-            }
-        }
-        (!crops.clips.is_empty()).then_some(crops)
-    }
-
-    /// The next crops.
-    pub fn draw(&self, count: usize, rng: &mut ChaCha8Rng) -> Vec<Crop> {
-        (0..count).map(|_| self.one(rng)).collect()
-    }
-
-    fn one(&self, rng: &mut ChaCha8Rng) -> Crop {
-        let total = self.up_to.last().copied().unwrap_or(1.0);
-        let at = rng.random_range(0.0..total);
-        let pick = self
-            .up_to
-            .partition_point(|sum| *sum <= at)
-            .min(self.clips.len() - 1);
-        let wanted = rng.random_range(self.lengths[0]..=self.lengths[1]);
-        let frames = wanted.min(self.frames[pick]);
-        let start = rng.random_range(0..=self.frames[pick] - frames);
-        Crop {
-            clip: self.clips[pick],
-            frames: start..start + frames,
-        }
-    }
-}
-
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use rand::SeedableRng;
     use servodance_model::conditioning::LATENT_DIM;
     use servodance_types::MUSIC_DIM;
 
     /// A clip of smooth motion and music that only its number decides.
-    pub(crate) fn clip(number: usize, frames: usize, split: Split) -> CorpusClip {
+    fn clip(number: usize, frames: usize, split: Split) -> TrainingClip {
         let wave =
             |t: usize, c: usize| ((t as f32 * 0.3 + (c * 7 + number * 3) as f32) * 0.7).sin();
-        CorpusClip {
+        TrainingClip {
             name: format!("clip {number}"),
             motion: (0..frames)
                 .map(|t| std::array::from_fn(|c| 0.1 * wave(t, c)))
@@ -290,49 +213,26 @@ pub(crate) mod tests {
         }
     }
 
-    pub(crate) fn data() -> Data {
-        let split = |n: usize| {
-            if n % 4 == 2 {
-                Split::Validation
-            } else {
-                Split::Train
+    impl TrainingData {
+        /// Eight clips, two of them for validation.
+        pub fn example() -> Self {
+            let split = |n: usize| {
+                if n % 4 == 2 {
+                    Split::Validation
+                } else {
+                    Split::Train
+                }
+            };
+            Self {
+                clips: (0..8).map(|n| clip(n, 40 + 13 * n, split(n))).collect(),
+                sha256: "test".into(),
             }
-        };
-        Data {
-            clips: (0..8).map(|n| clip(n, 40 + 13 * n, split(n))).collect(),
-            sha256: "test".into(),
         }
-    }
-
-    #[test]
-    fn crops_stay_inside_their_clips_and_have_mixed_lengths() {
-        let data = data();
-        let clips: Vec<usize> = data.of_split(Split::Train).collect();
-        let crops = Crops::new(
-            &data,
-            &clips,
-            &data.shown(&clips, &ClipWeights::default()),
-            [8, 64],
-            0,
-        )
-        .unwrap();
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let drawn = crops.draw(500, &mut rng);
-        for crop in &drawn {
-            assert!(clips.contains(&crop.clip));
-            assert!(crop.frames.end <= data.clips[crop.clip].motion.len());
-            assert!((8..=64).contains(&crop.frames.len()));
-        }
-        let lengths: std::collections::HashSet<usize> =
-            drawn.iter().map(|c| c.frames.len()).collect();
-        assert!(lengths.len() > 30, "{lengths:?}");
-        let shown: std::collections::HashSet<usize> = drawn.iter().map(|c| c.clip).collect();
-        assert_eq!(shown.len(), clips.len());
     }
 
     #[test]
     fn groups_share_their_deviation_and_the_beat_stays_as_it_is() {
-        let data = data();
+        let data = TrainingData::example();
         let norm = data.motion_norm();
         assert!(
             norm.std[STEPS_AT..CONTACTS_AT]
@@ -349,7 +249,7 @@ pub(crate) mod tests {
 
     #[test]
     fn music_that_encodec_did_not_hear_is_refused() {
-        let mut data = data();
+        let mut data = TrainingData::example();
         assert!(data.check_music(MusicKind::Librosa35).is_ok());
         let error = data.check_music(MusicKind::Encodec128).unwrap_err();
         let message = error.to_string();

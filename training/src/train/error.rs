@@ -7,11 +7,11 @@ use servodance_model::motion::MotionError;
 
 /// An error of training. Nothing is written when one is returned.
 #[derive(Debug, Error)]
+#[allow(missing_docs)] // the messages say it
 pub enum TrainError {
-    /// The data cannot be read.
     #[error(transparent)]
     Data(#[from] MotionError),
-    /// The weights of stage 1 cannot be used.
+    /// The weights of the VQ-VAE cannot be used.
     #[error(transparent)]
     Model(#[from] ModelError),
     /// A setting is out of its range, or does not fit the data.
@@ -20,20 +20,13 @@ pub enum TrainError {
     /// The checkpoint is no whole checkpoint of this program.
     #[error("not a whole checkpoint: {0}")]
     Checkpoint(String),
-    /// The checkpoint belongs to another run.
     #[error("checkpoint of another run: `{field}` is {found}, expected {expected}")]
     OtherRun {
-        /// The setting, with dots.
         field: String,
-        /// What the configuration says.
         expected: String,
-        /// What the checkpoint was made with.
         found: String,
     },
     /// The loss is no number any more: start again with a lower learning rate.
     #[error("the loss at step {step} is not finite; try a lower learning_rate")]
-    Diverged {
-        /// Steps taken before.
-        step: u64,
-    },
+    Diverged { step: u64 },
 }

@@ -1,29 +1,27 @@
-//! The learned parts that both stages are made of, on the tape: the trainable
+//! The learned parts that both networks are made of, on the tape: the trainable
 //! form of what [`servodance_model::engine`] runs, under the same names.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::ops::{Heads, Sight};
-use super::parameters::{Id, Init, Parameters};
-use super::tape::{Batch, Tape, Value};
+use crate::train::autodiff::ops::{AttentionInputs, AttentionMask};
+use crate::train::autodiff::parameters::{ParamId, ParamInit, Parameters};
+use crate::train::autodiff::tape::{Batch, Tape, Var};
 use servodance_model::config::Activation;
 
 /// Makes parameters: where they go and where their first numbers come from.
-pub(crate) struct Maker<'a> {
-    /// Where they go.
+pub(crate) struct ParamBuilder<'a> {
     pub parameters: &'a mut Parameters,
-    /// Where their first numbers come from.
     pub rng: &'a mut ChaCha8Rng,
 }
 
-impl Maker<'_> {
+impl ParamBuilder<'_> {
     /// A tensor that weight decay leaves alone.
-    pub fn tensor(&mut self, name: String, shape: &[usize], init: Init) -> Id {
+    pub fn tensor(&mut self, name: String, shape: &[usize], init: ParamInit) -> ParamId {
         self.parameters.add(name, shape, init, false, self.rng)
     }
 
-    fn matrix(&mut self, name: String, shape: &[usize], init: Init) -> Id {
+    fn matrix(&mut self, name: String, shape: &[usize], init: ParamInit) -> ParamId {
         self.parameters.add(name, shape, init, true, self.rng)
     }
 }
@@ -32,9 +30,7 @@ impl Maker<'_> {
 /// sequence, the same at every frame.
 #[derive(Debug)]
 pub(crate) struct Dropout<'a> {
-    /// Share of them.
     pub rate: f32,
-    /// What decides.
     pub rng: &'a mut ChaCha8Rng,
 }
 
@@ -43,11 +39,11 @@ impl Dropout<'_> {
     fn onto(
         &mut self,
         t: &mut Tape,
-        linear: &Linear,
-        x: Value,
-        residual: Value,
+        linear: &LinearLayer,
+        x: Var,
+        residual: Var,
         batch: &Batch,
-    ) -> Value {
+    ) -> Var {
         if self.rate == 0.0 {
             return linear.onto(t, x, residual);
         }
@@ -70,75 +66,78 @@ impl Dropout<'_> {
 
 /// `x W^T + b`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Linear {
-    weight: Id,
-    bias: Id,
+pub(crate) struct LinearLayer {
+    weight: ParamId,
+    bias: ParamId,
 }
 
-impl Linear {
+impl LinearLayer {
     /// Uniform within one over the square root of the inputs, as in PyTorch.
-    pub fn new(make: &mut Maker, name: &str, inputs: usize, outputs: usize) -> Self {
-        let init = Init::Uniform((inputs as f32).powf(-0.5));
+    pub fn new(make: &mut ParamBuilder, name: &str, inputs: usize, outputs: usize) -> Self {
+        let init = ParamInit::Uniform((inputs as f32).powf(-0.5));
         Self::begun(make, name, inputs, outputs, init)
     }
 
-    /// Begun in another way.
-    pub fn begun(make: &mut Maker, name: &str, inputs: usize, outputs: usize, init: Init) -> Self {
+    pub fn begun(
+        make: &mut ParamBuilder,
+        name: &str,
+        inputs: usize,
+        outputs: usize,
+        init: ParamInit,
+    ) -> Self {
         Self {
             weight: make.matrix(format!("{name}.weight"), &[outputs, inputs], init),
             bias: make.tensor(format!("{name}.bias"), &[outputs], init),
         }
     }
 
-    pub fn forward(&self, t: &mut Tape, x: Value) -> Value {
+    pub fn forward(&self, t: &mut Tape, x: Var) -> Var {
         t.affine(x, self.weight, self.bias, None)
     }
 
-    /// Plus a residual.
-    pub fn onto(&self, t: &mut Tape, x: Value, residual: Value) -> Value {
+    pub fn onto(&self, t: &mut Tape, x: Var, residual: Var) -> Var {
         t.affine(x, self.weight, self.bias, Some(residual))
     }
 }
 
-/// Layer norm.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Norm {
-    weight: Id,
-    bias: Id,
+pub(crate) struct LayerNorm {
+    weight: ParamId,
+    bias: ParamId,
 }
 
-impl Norm {
-    pub fn new(make: &mut Maker, name: &str, dim: usize) -> Self {
+impl LayerNorm {
+    pub fn new(make: &mut ParamBuilder, name: &str, dim: usize) -> Self {
         Self {
-            weight: make.tensor(format!("{name}.weight"), &[dim], Init::Constant(1.0)),
-            bias: make.tensor(format!("{name}.bias"), &[dim], Init::Constant(0.0)),
+            weight: make.tensor(format!("{name}.weight"), &[dim], ParamInit::Constant(1.0)),
+            bias: make.tensor(format!("{name}.bias"), &[dim], ParamInit::Constant(0.0)),
         }
     }
 
-    pub fn forward(&self, t: &mut Tape, x: Value) -> Value {
+    pub fn forward(&self, t: &mut Tape, x: Var) -> Var {
         t.layer_norm(x, self.weight, self.bias)
     }
 }
 
 /// Two linear layers with an activation between them, onto a residual.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct FeedForward {
-    up: Linear,
-    down: Linear,
+pub(crate) struct FeedForwardLayer {
+    up: LinearLayer,
+    down: LinearLayer,
     activation: Activation,
 }
 
-impl FeedForward {
+impl FeedForwardLayer {
     pub fn new(
-        make: &mut Maker,
+        make: &mut ParamBuilder,
         name: &str,
         dim: usize,
         hidden: usize,
         activation: Activation,
     ) -> Self {
         Self {
-            up: Linear::new(make, &format!("{name}.up"), dim, hidden),
-            down: Linear::new(make, &format!("{name}.down"), hidden, dim),
+            up: LinearLayer::new(make, &format!("{name}.up"), dim, hidden),
+            down: LinearLayer::new(make, &format!("{name}.down"), hidden, dim),
             activation,
         }
     }
@@ -146,11 +145,11 @@ impl FeedForward {
     pub fn onto(
         &self,
         t: &mut Tape,
-        x: Value,
-        residual: Value,
+        x: Var,
+        residual: Var,
         batch: &Batch,
         drop: &mut Dropout,
-    ) -> Value {
+    ) -> Var {
         let wide = self.up.forward(t, x);
         let active = t.activate(wide, self.activation);
         drop.onto(t, &self.down, active, residual, batch)
@@ -159,107 +158,115 @@ impl FeedForward {
 
 /// Width of a model and of what its heads share.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Widths {
-    /// The model's.
+pub(crate) struct LayerWidths {
     pub dim: usize,
     /// Heads times the width of a head.
     pub inner: usize,
-    /// The feed-forward's.
     pub hidden: usize,
 }
 
-/// Self-attention, onto a residual.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct SelfAttention {
-    qkv: Linear,
-    out: Linear,
+pub(crate) struct SelfAttentionLayer {
+    qkv: LinearLayer,
+    out: LinearLayer,
 }
 
-impl SelfAttention {
-    pub fn new(make: &mut Maker, name: &str, widths: Widths) -> Self {
-        let Widths { dim, inner, .. } = widths;
+impl SelfAttentionLayer {
+    pub fn new(make: &mut ParamBuilder, name: &str, widths: LayerWidths) -> Self {
+        let LayerWidths { dim, inner, .. } = widths;
         Self {
-            qkv: Linear::new(make, &format!("{name}.qkv"), dim, 3 * inner),
-            out: Linear::new(make, &format!("{name}.out"), inner, dim),
+            qkv: LinearLayer::new(make, &format!("{name}.qkv"), dim, 3 * inner),
+            out: LinearLayer::new(make, &format!("{name}.out"), inner, dim),
         }
     }
 
     pub fn onto(
         &self,
         t: &mut Tape,
-        x: Value,
-        residual: Value,
-        (sight, batch): (&Sight, &Batch),
+        x: Var,
+        residual: Var,
+        (mask, batch): (&AttentionMask, &Batch),
         drop: &mut Dropout,
-    ) -> Value {
+    ) -> Var {
         let packed = self.qkv.forward(t, x);
-        let mixed = t.attention(Heads::Own(packed), sight, batch);
+        let mixed = t.attention(AttentionInputs::Own(packed), mask, batch);
         drop.onto(t, &self.out, mixed, residual, batch)
     }
 }
 
 /// Cross-attention: queries from the motion, keys and values from the music.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct CrossAttention {
-    q: Linear,
-    kv: Linear,
-    out: Linear,
+pub(crate) struct CrossAttentionLayer {
+    q: LinearLayer,
+    kv: LinearLayer,
+    out: LinearLayer,
 }
 
-impl CrossAttention {
-    pub fn new(make: &mut Maker, name: &str, widths: Widths) -> Self {
-        let Widths { dim, inner, .. } = widths;
+impl CrossAttentionLayer {
+    pub fn new(make: &mut ParamBuilder, name: &str, widths: LayerWidths) -> Self {
+        let LayerWidths { dim, inner, .. } = widths;
         Self {
-            q: Linear::new(make, &format!("{name}.q"), dim, inner),
-            kv: Linear::new(make, &format!("{name}.kv"), dim, 2 * inner),
-            out: Linear::new(make, &format!("{name}.out"), inner, dim),
+            q: LinearLayer::new(make, &format!("{name}.q"), dim, inner),
+            kv: LinearLayer::new(make, &format!("{name}.kv"), dim, 2 * inner),
+            out: LinearLayer::new(make, &format!("{name}.out"), inner, dim),
         }
     }
 
     pub fn onto(
         &self,
         t: &mut Tape,
-        (x, music): (Value, Value),
-        residual: Value,
-        (sight, batch): (&Sight, &Batch),
+        (x, music): (Var, Var),
+        residual: Var,
+        (mask, batch): (&AttentionMask, &Batch),
         drop: &mut Dropout,
-    ) -> Value {
+    ) -> Var {
         let (queries, memory) = (self.q.forward(t, x), self.kv.forward(t, music));
-        let mixed = t.attention(Heads::Cross(queries, memory), sight, batch);
+        let mixed = t.attention(AttentionInputs::Cross(queries, memory), mask, batch);
         drop.onto(t, &self.out, mixed, residual, batch)
     }
 }
 
-/// A pre-norm layer of stage 1: self-attention, then feed-forward.
+/// A pre-norm layer of the VQ-VAE: self-attention, then feed-forward.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Layer {
-    norm1: Norm,
-    attention: SelfAttention,
-    norm2: Norm,
-    feed_forward: FeedForward,
+pub(crate) struct TransformerLayer {
+    norm1: LayerNorm,
+    attention: SelfAttentionLayer,
+    norm2: LayerNorm,
+    feed_forward: FeedForwardLayer,
 }
 
-impl Layer {
-    pub fn new(make: &mut Maker, name: &str, widths: Widths, activation: Activation) -> Self {
-        let Widths { dim, hidden, .. } = widths;
+impl TransformerLayer {
+    pub fn new(
+        make: &mut ParamBuilder,
+        name: &str,
+        widths: LayerWidths,
+        activation: Activation,
+    ) -> Self {
+        let LayerWidths { dim, hidden, .. } = widths;
         Self {
-            norm1: Norm::new(make, &format!("{name}.norm1"), dim),
-            attention: SelfAttention::new(make, &format!("{name}.attn"), widths),
-            norm2: Norm::new(make, &format!("{name}.norm2"), dim),
-            feed_forward: FeedForward::new(make, &format!("{name}.ff"), dim, hidden, activation),
+            norm1: LayerNorm::new(make, &format!("{name}.norm1"), dim),
+            attention: SelfAttentionLayer::new(make, &format!("{name}.attn"), widths),
+            norm2: LayerNorm::new(make, &format!("{name}.norm2"), dim),
+            feed_forward: FeedForwardLayer::new(
+                make,
+                &format!("{name}.ff"),
+                dim,
+                hidden,
+                activation,
+            ),
         }
     }
 
     pub fn forward(
         &self,
         t: &mut Tape,
-        x: Value,
-        sight: &Sight,
+        x: Var,
+        mask: &AttentionMask,
         batch: &Batch,
         drop: &mut Dropout,
-    ) -> Value {
+    ) -> Var {
         let normal = self.norm1.forward(t, x);
-        let x = self.attention.onto(t, normal, x, (sight, batch), drop);
+        let x = self.attention.onto(t, normal, x, (mask, batch), drop);
         let normal = self.norm2.forward(t, x);
         self.feed_forward.onto(t, normal, x, batch, drop)
     }

@@ -1,48 +1,42 @@
-//! Training of both stages: a tape with its own operations ([`servodance_model::engine`] only
+//! Training of both networks: a tape with its own operations ([`servodance_model::engine`] only
 //! goes forward), AdamW, codebooks that learn by moving averages, checkpoints
 //! that continue to the bit.
 //!
 //! Start at [`Trainer`]: settings ([`SettingsFile`], filled up from a preset),
-//! data ([`Data`]), then step by step. The same numbers follow from the same
+//! data ([`TrainingData`]), then step by step. The same numbers follow from the same
 //! settings and data on the same machine, whatever the number of threads and
 //! however often the run was stopped. Files, progress and pictures are the
 //! caller's (`servodance train`). The twin in PyTorch, `model/reference/`, has
 //! the same networks and losses, and checks these.
 
+mod autodiff;
 mod checkpoint;
-mod codebook;
+mod crops;
+mod curve_tally;
 mod data;
 mod error;
-mod lanes;
 mod layers;
-mod motion_loss;
 mod motionseq;
-mod nll;
-mod ops;
+mod network_training;
 mod optimizer;
-mod parameters;
-mod product;
 mod settings;
-mod stage1;
-mod stage2;
-mod tape;
 mod tensors;
 #[cfg(test)]
 mod tests;
-mod tokens;
 mod trainer;
 mod vqvae;
 
-pub use codebook::CodebookSettings;
-pub use data::Data;
+pub use data::TrainingData;
 pub use error::TrainError;
-pub use motion_loss::LossWeights;
+pub use motionseq::vqvae_weights::VqVaeWeights;
+pub use network_training::NamedValues;
 pub use settings::{
-    ClipWeights, ModelChanges, Preset, QuantiseSettings, Settings, SettingsFile, StageFile,
-    StageKind, StageSettings, TokenSettings,
+    ClipWeights, ModelChanges, Preset, QuantiseSettings, RunOverrides, RunSettings, SettingsFile,
+    TokenSettings, TrainedNetwork, TrainingSettings,
 };
-pub use stage2::StageOne;
-pub use trainer::{CurveRow, Named, StepReport, Trainer};
+pub use trainer::{CurveRow, StepReport, Trainer};
+pub use vqvae::codebook::CodebookSettings;
+pub use vqvae::loss::LossWeights;
 
 /// Does something with so many threads; 0: as many as the machine has.
 pub fn with_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {

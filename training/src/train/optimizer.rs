@@ -2,12 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::parameters::{ParameterGradients, Parameters};
+use crate::train::autodiff::parameters::{ParameterGradients, Parameters};
 
 /// Added to the square root of the second moment, PyTorch's default.
 const EPSILON: f32 = 1e-8;
 
-/// How AdamW moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AdamSettings {
     /// Share of the past in the moments.
@@ -90,16 +89,16 @@ pub(crate) fn learning_rate(peak: f64, step: u64, warm_up: u64, steps: u64) -> f
 
 #[cfg(test)]
 mod tests {
-    use super::super::parameters::Init;
     use super::*;
+    use crate::train::autodiff::parameters::ParamInit;
     use rand::SeedableRng;
 
     #[test]
     fn the_first_step_moves_every_number_by_the_learning_rate() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
         let mut parameters = Parameters::default();
-        parameters.add("a".into(), &[2], Init::Constant(1.0), true, &mut rng);
-        parameters.add("b".into(), &[1], Init::Constant(1.0), false, &mut rng);
+        parameters.add("a".into(), &[2], ParamInit::Constant(1.0), true, &mut rng);
+        parameters.add("b".into(), &[1], ParamInit::Constant(1.0), false, &mut rng);
         let gradients = ParameterGradients(vec![vec![0.3, -0.2], vec![0.1]]);
         let settings = AdamSettings {
             betas: [0.9, 0.98],
@@ -128,7 +127,7 @@ mod tests {
     fn a_long_gradient_is_shortened() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
         let mut parameters = Parameters::default();
-        parameters.add("a".into(), &[2], Init::Constant(0.0), false, &mut rng);
+        parameters.add("a".into(), &[2], ParamInit::Constant(0.0), false, &mut rng);
         let mut adam = AdamW::new(&parameters);
         let settings = AdamSettings {
             betas: [0.9, 0.98],

@@ -6,7 +6,6 @@ use safetensors::tensor::{Dtype, SafeTensors};
 
 use servodance_model::weights::tensor_file::{self, Entry};
 
-/// Numbers of a tensor.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Numbers {
     F32(Vec<f32>),
@@ -35,7 +34,6 @@ impl Numbers {
 /// Tensors by name, each with its shape.
 pub(crate) type Tensors = BTreeMap<String, (Vec<usize>, Numbers)>;
 
-/// A whole file.
 pub(crate) fn file(metadata: &BTreeMap<String, String>, tensors: &Tensors) -> Vec<u8> {
     let bytes: Vec<Vec<u8>> = tensors
         .values()
@@ -80,6 +78,16 @@ pub(crate) fn read(bytes: &[u8], prefixes: &[&str]) -> Result<Tensors, String> {
         tensors.insert(name, (view.shape().to_vec(), numbers));
     }
     Ok(tensors)
+}
+
+pub(crate) fn floats(tensors: &Tensors, name: &str, count: usize) -> Result<Vec<f32>, String> {
+    match tensors.get(name) {
+        Some((_, Numbers::F32(values))) if values.len() == count => Ok(values.clone()),
+        Some((shape, _)) => Err(format!(
+            "tensor `{name}` has shape {shape:?}, expected {count} numbers"
+        )),
+        None => Err(format!("tensor `{name}` is missing")),
+    }
 }
 
 #[cfg(test)]

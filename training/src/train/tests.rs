@@ -1,6 +1,6 @@
 //! Both stages whole: against the networks that run, against the twin, against
 //! differences, and against themselves when stopped and continued. Here is what
-//! these tests share: both stages with the tiny weights, and batches for them.
+//! these tests share: both networks with the tiny weights, and batches for them.
 
 mod gradients;
 mod network;
@@ -10,20 +10,21 @@ mod twin;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::codebook::Codebook;
-use super::data::tests::data;
-use super::motion_loss::MotionLoss;
-use super::motionseq::Inputs;
-use super::nll::IGNORED;
-use super::parameters::{Parameters, normal};
-use super::settings::{Settings, SettingsFile, StageKind};
-use super::stage1::{MotionBatch, VqStage};
-use super::stage2::{SeqBatch, SeqStage, StageOne};
-use super::tape::Batch;
+use super::data::TrainingData;
+use super::settings::{SettingsFile, TrainedNetwork, TrainingSettings};
 use super::tensors::{Numbers, Tensors, read};
-use super::{LossWeights, Preset, checkpoint};
-use servodance_model::motion::representation::POSE_DIM;
+use super::{LossWeights, Preset};
+use crate::train::autodiff::parameters::{Parameters, normal};
+use crate::train::autodiff::tape::Batch;
+use crate::train::motionseq::network::MotionSeqInputs;
+use crate::train::motionseq::nll::IGNORED;
+use crate::train::motionseq::training::{MotionSeqTraining, SeqBatch};
+use crate::train::motionseq::vqvae_weights::VqVaeWeights;
+use crate::train::vqvae::codebook::LearnedCodebook;
+use crate::train::vqvae::loss::MotionLoss;
+use crate::train::vqvae::training::{MotionBatch, VqVaeTraining};
 use servodance_model::config::{Positions, SeqConfig};
+use servodance_model::motion::representation::POSE_DIM;
 use servodance_model::weights::Weights;
 
 const TINY: &[u8] = include_bytes!("../../../model/src/tests/golden/tiny.safetensors");
@@ -33,7 +34,7 @@ fn rng() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(2)
 }
 
-fn settings(stage: StageKind, change: impl FnOnce(&mut SettingsFile)) -> Settings {
+fn settings(stage: TrainedNetwork, change: impl FnOnce(&mut SettingsFile)) -> TrainingSettings {
     let mut file = SettingsFile {
         preset: Preset::Tiny,
         ..SettingsFile::default()
@@ -43,9 +44,14 @@ fn settings(stage: StageKind, change: impl FnOnce(&mut SettingsFile)) -> Setting
     file.resolve(stage).unwrap()
 }
 
-/// Stage 1 with the tiny weights.
-fn stage_one() -> VqStage {
-    let mut stage = VqStage::new(settings(StageKind::VqVae, |_| ()), data(), &mut rng()).unwrap();
+/// The VQ-VAE with the tiny weights.
+fn vqvae_training() -> VqVaeTraining {
+    let mut stage = VqVaeTraining::new(
+        settings(TrainedNetwork::VqVae, |_| ()),
+        TrainingData::example(),
+        &mut rng(),
+    )
+    .unwrap();
     let tiny = read(TINY, &["vq.", "norm."]).unwrap();
     load(&mut stage.parameters, &tiny);
     stage.books = ["lower", "upper"].map(|part| book(&tiny, part)).to_vec();
@@ -59,23 +65,29 @@ fn stage_one() -> VqStage {
     stage
 }
 
-fn book(tensors: &Tensors, part: &str) -> Codebook {
-    Codebook::new(floats(tensors, &format!("vq.codebook.{part}")), 8)
+fn book(tensors: &Tensors, part: &str) -> LearnedCodebook {
+    LearnedCodebook::new(floats(tensors, &format!("vq.codebook.{part}")), 8)
 }
 
-/// Stage 2 with the tiny weights, whose styles are two.
-fn stage_two(positions: Positions) -> SeqStage {
-    stage_two_of(TINY, |seq| seq.positions = positions)
+/// MotionSeq with the tiny weights, whose styles are two.
+fn motionseq_training(positions: Positions) -> MotionSeqTraining {
+    motionseq_training_of(TINY, |seq| seq.positions = positions)
 }
 
 /// The same with other weights and a change that makes the network theirs.
-fn stage_two_of(weights: &[u8], change: impl Fn(&mut SeqConfig)) -> SeqStage {
-    let stage_one = StageOne::open(TINY, "tiny").unwrap();
-    let mut settings = settings(StageKind::MotionSeq, |_| ());
+fn motionseq_training_of(weights: &[u8], change: impl Fn(&mut SeqConfig)) -> MotionSeqTraining {
+    let vqvae_training = VqVaeWeights::open(TINY, "tiny").unwrap();
+    let mut settings = settings(TrainedNetwork::MotionSeq, |_| ());
     let tiny = Weights::open(TINY, "tiny").unwrap();
     settings.model.seq = tiny.config().seq.clone();
     change(&mut settings.model.seq);
-    let (mut stage, _) = SeqStage::new(settings, data(), stage_one, &mut rng()).unwrap();
+    let (mut stage, _) = MotionSeqTraining::new(
+        settings,
+        TrainingData::example(),
+        vqvae_training,
+        &mut rng(),
+    )
+    .unwrap();
     load(&mut stage.parameters, &read(weights, &["seq."]).unwrap());
     stage
 }
@@ -96,7 +108,7 @@ fn codes(tensors: &Tensors, name: &str) -> Vec<u32> {
 
 fn load(parameters: &mut Parameters, from: &Tensors) {
     for parameter in parameters.iter_mut() {
-        let values = checkpoint::floats(from, &parameter.name, parameter.values.len());
+        let values = super::tensors::floats(from, &parameter.name, parameter.values.len());
         parameter.values = values.unwrap();
     }
 }
@@ -118,7 +130,7 @@ fn noise(count: usize) -> Vec<f32> {
 }
 
 fn motion_batch(lengths: &[usize], length: usize) -> MotionBatch {
-    let stage = stage_one();
+    let stage = vqvae_training();
     let batch = Batch {
         length,
         lengths: lengths.to_vec(),
@@ -148,7 +160,7 @@ fn seq_batch(lengths: &[usize], length: usize) -> SeqBatch {
     };
     SeqBatch {
         targets: chosen.iter().map(counted).collect(),
-        inputs: Inputs {
+        inputs: MotionSeqInputs {
             previous: vec![some(), some()],
             chosen,
             music: noise(rows * 39),

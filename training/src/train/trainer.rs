@@ -9,115 +9,82 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::checkpoint;
-use super::data::Data;
+use super::curve_tally::CurveTally;
+use super::data::TrainingData;
 use super::error::TrainError;
+use super::network_training::{NamedValues, NetworkTraining};
 use super::optimizer::{AdamSettings, AdamW, learning_rate};
-use super::parameters::{ParameterGradients, Parameters};
-use super::settings::{Settings, StageKind};
-use super::stage1::VqStage;
-use super::stage2::{SeqStage, StageOne};
-use super::tensors::Tensors;
+use super::settings::{TrainedNetwork, TrainingSettings};
+use crate::train::motionseq::training::MotionSeqTraining;
+use crate::train::motionseq::vqvae_weights::VqVaeWeights;
+use crate::train::vqvae::training::VqVaeTraining;
 
-/// Numbers with names, in order; the first is to be made small.
-pub type Named = Vec<(String, f64)>;
-
-/// What a batch taught.
-pub(crate) struct Outcome {
-    /// Terms of the loss; the first is the loss.
-    pub terms: Named,
-    pub gradients: ParameterGradients,
-}
-
-/// What differs between the stages.
-pub(crate) trait Stage {
-    fn parameters(&mut self) -> &mut Parameters;
-    /// Loss and gradients of the batch of a step.
-    fn step(&mut self, step: u64, rng: &mut ChaCha8Rng) -> Outcome;
-    /// Scores on held-out clips; none where none are held out.
-    fn validate(&mut self, rng: &mut ChaCha8Rng) -> Option<Named>;
-    /// What a checkpoint holds beside parameters and optimiser.
-    fn state(&self) -> Tensors;
-    fn restore(&mut self, tensors: &Tensors) -> Result<(), String>;
-    /// What a weights file holds beside parameters.
-    fn weights(&self) -> Tensors;
-    fn default_style(&self) -> usize;
-}
-
-/// What one step did.
+/// Loss and learning rate of one step.
 #[derive(Clone, Debug)]
 pub struct StepReport {
-    /// Steps taken so far.
+    /// Steps taken, this one among them.
     pub step: u64,
-    /// Learning rate of this step.
+    /// The learning rate of this step.
     pub learning_rate: f64,
     /// Terms of the loss; the first is the loss.
-    pub terms: Named,
+    pub terms: NamedValues,
 }
 
-/// One line of the curves.
+/// One line of the curves, with what the trainer concludes from it.
 #[derive(Clone, Debug)]
 pub struct CurveRow {
-    /// Steps taken so far.
+    /// Steps taken when the row was made.
     pub step: u64,
     /// Means since the line before, then scores on held-out clips.
-    pub values: Named,
+    pub values: NamedValues,
     /// Whether no line before had a better score.
     pub best: bool,
     /// Whether the scores have not improved for as long as the settings allow.
     pub stale: bool,
 }
 
-/// What is remembered from line to line.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Tally {
-    /// Sums since the last line, by column.
-    pub sums: Named,
-    pub count: u64,
-    /// The best score so far, and how many lines ago it was.
-    pub best: f64,
-    pub since_best: u64,
-}
-
 /// A run that can be taken step by step.
 pub struct Trainer {
-    settings: Settings,
+    settings: TrainingSettings,
     data_sha256: String,
-    stage: Box<dyn Stage>,
+    training: Box<dyn NetworkTraining>,
     adam: AdamW,
     step: u64,
-    tally: Tally,
+    tally: CurveTally,
     /// Parameters and weights of the best line.
     styles: Vec<String>,
 }
 
 impl Trainer {
-    /// A run before its first step. Stage 2 needs the weights of stage 1.
+    /// A run before its first step. MotionSeq needs the weights of the VQ-VAE.
     pub fn new(
-        settings: Settings,
-        data: Data,
-        stage_one: Option<StageOne>,
+        settings: TrainingSettings,
+        data: TrainingData,
+        vqvae_weights: Option<VqVaeWeights>,
     ) -> Result<Self, TrainError> {
         let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
         let data_sha256 = data.sha256.clone();
-        let (mut stage, settings): (Box<dyn Stage>, Settings) = match (settings.stage, stage_one) {
-            (StageKind::VqVae, _) => (
-                Box::new(VqStage::new(settings.clone(), data, &mut rng)?),
-                settings,
-            ),
-            (StageKind::MotionSeq, Some(stage_one)) => {
-                let (stage, settings) = SeqStage::new(settings, data, stage_one, &mut rng)?;
-                (Box::new(stage), settings)
-            }
-            (StageKind::MotionSeq, None) => {
-                return Err(TrainError::Settings(
-                    "stage 2 needs the weights of stage 1".into(),
-                ));
-            }
-        };
+        let (mut training, settings): (Box<dyn NetworkTraining>, TrainingSettings) =
+            match (settings.network, vqvae_weights) {
+                (TrainedNetwork::VqVae, _) => (
+                    Box::new(VqVaeTraining::new(settings.clone(), data, &mut rng)?),
+                    settings,
+                ),
+                (TrainedNetwork::MotionSeq, Some(vqvae_weights)) => {
+                    let (training, settings) =
+                        MotionSeqTraining::new(settings, data, vqvae_weights, &mut rng)?;
+                    (Box::new(training), settings)
+                }
+                (TrainedNetwork::MotionSeq, None) => {
+                    return Err(TrainError::Settings(
+                        "stage 2 needs the weights of stage 1".into(),
+                    ));
+                }
+            };
         Ok(Self {
-            adam: AdamW::new(stage.parameters()),
+            adam: AdamW::new(training.parameters()),
             styles: settings.model.seq.styles.clone(),
-            tally: Tally {
+            tally: CurveTally {
                 sums: Vec::new(),
                 count: 0,
                 best: f64::INFINITY,
@@ -126,27 +93,22 @@ impl Trainer {
             step: 0,
             settings,
             data_sha256,
-            stage,
+            training,
         })
     }
 
-    /// What the run is asked for.
-    pub fn settings(&self) -> &Settings {
+    /// The settings of the run, with everything filled in.
+    pub fn settings(&self) -> &TrainingSettings {
         &self.settings
     }
 
-    /// Steps taken so far.
+    /// Steps taken so far, over all starts.
     pub fn steps_taken(&self) -> u64 {
         self.step
     }
 
-    /// Numbers that are learned.
-    pub fn parameter_count(&mut self) -> usize {
-        self.stage.parameters().iter().map(|p| p.values.len()).sum()
-    }
-
     /// Whether the next line of the curves is due.
-    pub fn line_is_due(&self) -> bool {
+    pub fn curve_row_is_due(&self) -> bool {
         self.step.is_multiple_of(self.settings.run.report) || self.step == self.settings.run.steps
     }
 
@@ -156,10 +118,9 @@ impl Trainer {
         rng
     }
 
-    /// The next step.
+    /// Takes the next step of the run.
     ///
-    /// # Errors
-    /// When the loss is not finite; the parameters are as before.
+    /// Errors: When the loss is not finite; the parameters are as before.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let run = &self.settings.run;
         let rate = learning_rate(run.learning_rate, self.step, run.warm_up, run.steps);
@@ -168,8 +129,8 @@ impl Trainer {
             weight_decay: run.weight_decay,
             clip: run.clip,
         };
-        let mut outcome = self.stage.step(self.step, &mut self.rng(0));
-        let parameters = self.stage.parameters();
+        let mut outcome = self.training.step(self.step, &mut self.rng(0));
+        let parameters = self.training.parameters();
         let norm = self
             .adam
             .step(parameters, &outcome.gradients, rate as f32, &adam);
@@ -186,9 +147,9 @@ impl Trainer {
         })
     }
 
-    /// The line of the curves that is due: means since the last one, and scores
-    /// on held-out clips.
-    pub fn line(&mut self) -> CurveRow {
+    /// The line of the curves that is due: means since the last one, and
+    /// scores on held-out clips.
+    pub fn curve_row(&mut self) -> CurveRow {
         let run = &self.settings.run;
         let rate = learning_rate(
             run.learning_rate,
@@ -199,7 +160,7 @@ impl Trainer {
         let mut values = vec![("learning_rate".to_owned(), rate)];
         values.extend(self.tally.take_means());
         let mut rng = self.rng(1);
-        let scores = self.stage.validate(&mut rng);
+        let scores = self.training.validate(&mut rng);
         let score = scores
             .as_ref()
             .and_then(|row| row.first())
@@ -224,15 +185,15 @@ impl Trainer {
     }
 
     #[cfg(test)]
-    pub(crate) fn stage_mut(&mut self) -> &mut dyn Stage {
-        &mut *self.stage
+    pub(crate) fn training_mut(&mut self) -> &mut dyn NetworkTraining {
+        &mut *self.training
     }
 
     /// Everything that is needed to go on, as the bytes of a file.
     pub fn checkpoint(&mut self) -> Vec<u8> {
         let fingerprint = self.fingerprint();
-        let state = self.stage.state();
-        let parameters = self.stage.parameters();
+        let state = self.training.state();
+        let parameters = self.training.parameters();
         checkpoint::write(
             &fingerprint,
             parameters,
@@ -245,17 +206,16 @@ impl Trainer {
 
     /// Goes on from a checkpoint of the same run.
     ///
-    /// # Errors
-    /// When it is not whole, or of another run: then the first setting that
-    /// differs is named.
+    /// Errors: When it is not whole, or of another run: then the first
+    /// setting that differs is named.
     pub fn resume(&mut self, bytes: &[u8]) -> Result<(), TrainError> {
         let fingerprint = self.fingerprint();
-        let parameters = self.stage.parameters();
+        let parameters = self.training.parameters();
         let read = checkpoint::read(bytes, &fingerprint, parameters)?;
-        self.stage
+        self.training
             .restore(&read.state)
             .map_err(TrainError::Checkpoint)?;
-        for (parameter, values) in self.stage.parameters().iter_mut().zip(read.parameters) {
+        for (parameter, values) in self.training.parameters().iter_mut().zip(read.parameters) {
             parameter.values = values;
         }
         self.adam = read.adam;
@@ -264,7 +224,6 @@ impl Trainer {
         Ok(())
     }
 
-    /// What the numbers follow from.
     fn fingerprint(&self) -> serde_json::Value {
         let mut value = serde_json::json!(self.settings);
         value["data_sha256"] = self.data_sha256.clone().into();
@@ -272,13 +231,13 @@ impl Trainer {
     }
 
     /// The weights file of what was learned so far, which `servodance_model::weights` loads:
-    /// that of stage 1 lacks what belongs to stage 2.
+    /// that of the VQ-VAE lacks what belongs to MotionSeq.
     pub fn weights(&mut self) -> Vec<u8> {
-        let mut tensors = self.stage.weights();
-        let style = self.styles[self.stage.default_style()].clone();
+        let mut tensors = self.training.weights();
+        let style = self.styles[self.training.default_style()].clone();
         let steps = format!(
             "{}_steps",
-            if self.settings.stage == StageKind::VqVae {
+            if self.settings.network == TrainedNetwork::VqVae {
                 "vq"
             } else {
                 "seq"
@@ -288,31 +247,7 @@ impl Trainer {
             "data_sha256": self.data_sha256, "seed": self.settings.seed, "trained by": "servodance train",
         });
         provenance[steps] = self.step.into();
-        checkpoint::insert(&mut tensors, self.stage.parameters());
+        checkpoint::insert(&mut tensors, self.training.parameters());
         checkpoint::weights_file(&self.settings.model, &style, &provenance, &tensors)
-    }
-}
-
-impl Tally {
-    fn add(&mut self, terms: &Named) {
-        if self.sums.len() != terms.len() {
-            self.sums = terms.iter().map(|(name, _)| (name.clone(), 0.0)).collect();
-            self.count = 0;
-        }
-        for (sum, (_, value)) in self.sums.iter_mut().zip(terms) {
-            sum.1 += value;
-        }
-        self.count += 1;
-    }
-
-    fn take_means(&mut self) -> Named {
-        let count = self.count.max(1) as f64;
-        let means = self
-            .sums
-            .iter()
-            .map(|(name, sum)| (name.clone(), sum / count))
-            .collect();
-        (self.sums, self.count) = (Vec::new(), 0);
-        means
     }
 }

@@ -36,7 +36,6 @@ use self::registers::{
     STATUS, SYNC, SdoObject, TARGET, TORQUE, TPDO, TPDO_PARAMETERS, UPLOAD, download, mapped,
 };
 
-/// Our node id.
 const HOST: u32 = 127;
 /// Device profile in the low word of object 1000.
 const PROFILE: u32 = 402;
@@ -53,7 +52,6 @@ const LADDER: [(u32, u16, &str); 3] = [
 
 static MODELS: [ServoModel; 1] = [drive("CiA402", BusKind::Cia402)];
 
-/// CiA 402 drives.
 pub(crate) struct Cia402;
 
 fn sdo(servo: &Servo, command: u8, object: SdoObject, value: [u8; 4]) -> CanFrame {
@@ -100,7 +98,6 @@ fn write(client: &mut MotorClient, object: SdoObject, value: u32) -> Result<(), 
     transfer(client, download(object), object, value.to_le_bytes()).map(|_| ())
 }
 
-/// Writes an object and reads it back.
 fn set(client: &mut MotorClient, object: SdoObject, value: u32) -> Result<(), BusError> {
     write(client, object, value)?;
     let actual = read(client, object)?;
@@ -134,7 +131,6 @@ fn angle_rad(motor: &MotorSettings, counts: i32) -> f64 {
     f64::from(counts) * TAU / (motor.gear_ratio * motor.counts_per_turn)
 }
 
-/// The nearest increment inside the joint's limits.
 fn target_counts(servo: &Servo, motor: &MotorSettings, joint_rad: f64) -> i32 {
     let exact = |joint_rad| counts(motor, servo.motor_rad(joint_rad));
     let (lowest, highest) = whole_range(servo, exact);
@@ -231,7 +227,7 @@ impl CanFamily for Cia402 {
         let Some(motor) = &servo.motor else {
             return Ok(());
         };
-        // The drive begins to watch with the first heartbeat it hears.
+        // The drive begins to watch with the first heartbeat that it receives.
         client.send(&[heartbeat(), nmt(&servo, NMT_START)], "torque on")?;
         let hold = target_counts(&servo, motor, servo.joint_rad(motor_rad));
         set(client, TARGET, hold as u32)?;

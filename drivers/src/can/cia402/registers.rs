@@ -55,7 +55,7 @@ pub const FAULT_RESET: u32 = 0x80; // Bit of the control word that clears a faul
 
 /// An object as an entry of a PDO mapping: index, subindex, bits.
 pub const fn mapped(object: SdoObject) -> u32 {
-    (object.0 as u32) << 16 | (object.1 as u32) << 8 | 8 * object.2 as u32
+    (object.0 as u32) << 16 | (object.1 as u32) << 8 | (8 * object.2 as u32)
 }
 
 /// SDO command that writes an object of 1, 2 or 4 bytes in one frame.

@@ -41,7 +41,6 @@ use self::registers::{
     damiao_fault,
 };
 
-/// CubeMars and Damiao motors.
 pub(crate) struct Mit;
 
 fn settings(servo: &Servo) -> Option<&MotorSettings> {
@@ -153,7 +152,6 @@ fn gain_share(motor: &MotorSettings, goal_rad: f64, status: &MotorStatus) -> f64
 }
 
 impl Mit {
-    /// A Damiao motor's ranges, mode and time-out.
     fn set_up_damiao(
         client: &mut MotorClient,
         model: MotorModel,

@@ -11,7 +11,6 @@ use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::{CanFrame, word};
 use crate::servo::model::ServoModel;
 
-/// The Damiao motors that answer.
 pub fn damiao_motors(scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
     let mut answers = Vec::new();
     scanner.ask_all(
@@ -45,7 +44,6 @@ fn answer(frame: &CanFrame, register: u8) -> Option<(u8, [u8; 4])> {
     is_answer.then(|| (data[0], word(&data, 4)))
 }
 
-/// The model that has the motor's ranges.
 fn model(scanner: &mut ScanLink, id: u8) -> io::Result<Option<&'static str>> {
     let mut ranges = [f64::NAN; 3];
     for (range, register) in ranges.iter_mut().zip([PMAX.0, VMAX.0, TMAX.0]) {

@@ -49,7 +49,6 @@ const AMPERES_PER_NM: f64 = 2.0;
 
 static MODELS: [ServoModel; 1] = [drive("ODrive", BusKind::Odrive)];
 
-/// ODrive controllers.
 pub(crate) struct Odrive;
 
 fn order(servo: &Servo, message: u32, data: &[u8]) -> CanFrame {

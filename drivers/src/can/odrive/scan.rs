@@ -8,7 +8,6 @@ use crate::can::odrive::registers::{HEARTBEAT, LAST_STATE, VERSION, id};
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::{CanFrame, word};
 
-/// The controllers whose heartbeat was heard.
 pub fn controllers(scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
     let nodes: BTreeMap<u8, u32> = scanner.heard.iter().filter_map(heartbeat).collect();
     let mut found = Vec::with_capacity(nodes.len());

@@ -22,14 +22,12 @@ use crate::servo::Servo;
 use crate::servo::model::ServoModel;
 
 use self::registers::{
-    BUS_VOLTAGE, HOST, MODE, Parameter, RUNNING, TIMEOUT, TIMEOUT_UNITS_PER_MS, TORQUE_LIMIT, id,
-    message,
+    BUS_VOLTAGE, HOST, MODE, MotorParameter, RUNNING, TIMEOUT, TIMEOUT_UNITS_PER_MS, TORQUE_LIMIT,
+    id, message,
 };
 
-/// Supply that the motors accept.
 const VOLTAGE_V: std::ops::RangeInclusive<f64> = 15.0..=60.0;
 
-/// RobStride motors.
 pub(crate) struct Robstride;
 
 fn frame(message: u32, data16: u32, servo: &Servo, data: &[u8; 8]) -> CanFrame {
@@ -75,7 +73,7 @@ fn parse_feedback(servo: &Servo, frame: &CanFrame) -> Option<MotorStatus> {
     })
 }
 
-fn read(client: &mut MotorClient, at: Parameter) -> Result<[u8; 4], BusError> {
+fn read(client: &mut MotorClient, at: MotorParameter) -> Result<[u8; 4], BusError> {
     let [low, high] = at.0.to_le_bytes();
     let request = frame(
         message::READ,
@@ -97,7 +95,7 @@ fn read(client: &mut MotorClient, at: Parameter) -> Result<[u8; 4], BusError> {
 }
 
 /// Writes a parameter; the motor answers with a feedback.
-fn write(client: &mut MotorClient, at: Parameter, value: [u8; 4]) -> Result<(), BusError> {
+fn write(client: &mut MotorClient, at: MotorParameter, value: [u8; 4]) -> Result<(), BusError> {
     let [low, high] = at.0.to_le_bytes();
     let [a, b, c, d] = value;
     let write = frame(
@@ -112,7 +110,7 @@ fn write(client: &mut MotorClient, at: Parameter, value: [u8; 4]) -> Result<(), 
 }
 
 /// Writes a whole number and reads it back.
-fn set(client: &mut MotorClient, at: Parameter, value: u32) -> Result<(), BusError> {
+fn set(client: &mut MotorClient, at: MotorParameter, value: u32) -> Result<(), BusError> {
     write(client, at, value.to_le_bytes())?;
     let actual = u32::from_le_bytes(read(client, at)?);
     client.verify(at.1, actual, value)
@@ -216,8 +214,8 @@ impl CanFamily for Robstride {
             .iter()
             .position(|servo| u32::from(servo.id) == motor)?;
         let servo = &servos[index];
-        if let Some(heard) = parse_feedback(servo, frame) {
-            status[index] = heard;
+        if let Some(report) = parse_feedback(servo, frame) {
+            status[index] = report;
             return Some(index);
         }
         let (kind, _, data) = from_motor(servo, frame)?;

@@ -24,16 +24,16 @@ pub mod message {
 }
 
 /// A parameter: its index, and its name in messages.
-pub type Parameter = (u16, &'static str);
+pub type MotorParameter = (u16, &'static str);
 
 // Run mode; 0 is operation control. Changes with torque off only.
-pub const MODE: Parameter = (0x7005, "run mode (7005)");
-pub const TORQUE_LIMIT: Parameter = (0x700B, "torque limit (700B)"); // Most torque, newton metres (f32)
-pub const BUS_VOLTAGE: Parameter = (0x701C, "bus voltage (701C)"); // Supply, volts (f32, read only)
+pub const MODE: MotorParameter = (0x7005, "run mode (7005)");
+pub const TORQUE_LIMIT: MotorParameter = (0x700B, "torque limit (700B)"); // Most torque, newton metres (f32)
+pub const BUS_VOLTAGE: MotorParameter = (0x701C, "bus voltage (701C)"); // Supply, volts (f32, read only)
 // Time without commands after which torque goes off, units of 50 us; 0 is never.
 // From RobStride's parameter list (canTimeout), as repeated on
 // motorbridge.seeedstudio.com/reference/robstride-parameter-tables.
-pub const TIMEOUT: Parameter = (0x7028, "CAN time-out (7028)");
+pub const TIMEOUT: MotorParameter = (0x7028, "CAN time-out (7028)");
 
 pub const TIMEOUT_UNITS_PER_MS: u32 = 20; // Units of TIMEOUT a millisecond
 pub const RUNNING: u32 = 2; // Mode bits of a feedback's id while torque is on

@@ -7,7 +7,6 @@ use crate::can::robstride::registers::{BUS_VOLTAGE, EVERY_HOST, HOST, id, messag
 use crate::can::scan::inquiry::{CanFound, ScanLink};
 use crate::can::transport::{CanFrame, word};
 
-/// The motors that answer.
 pub fn motors(scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
     let mut ids = Vec::new();
     let request = |motor: u8| CanFrame::extended(id(message::GET_ID, HOST, motor.into()), &[0; 8]);

@@ -4,13 +4,11 @@ use std::io::{self, ErrorKind};
 use std::time::{Duration, Instant};
 
 use crate::can::exchange::MOST_OVERDUE;
-use crate::can::transport::{CanFault, CanFrame, CanLink, LinkEvent, Sent};
+use crate::can::transport::{CanEvent, CanFault, CanFrame, CanLink, Sent};
 
-/// The ids that are asked for.
 pub(crate) const IDS: std::ops::RangeInclusive<u8> = 1..=127;
 /// So many requests go out together: less than what a transmit queue holds.
 pub(crate) const GROUP: usize = 8;
-/// Attempts of a request to one motor.
 const TRIES: usize = 3;
 
 /// A motor, or a device, that a scan found.
@@ -43,12 +41,9 @@ impl CanFound {
     }
 }
 
-/// The link of a scan.
 pub(crate) struct ScanLink {
     pub link: Box<dyn CanLink>,
-    /// How long answers may take.
     pub wait: Duration,
-    /// The frames that were sent unasked.
     pub heard: Vec<CanFrame>,
     /// Whether requests may have 11-bit ids.
     pub may_send_standard: bool,
@@ -113,13 +108,13 @@ impl ScanLink {
         let mut overdue = 0;
         while overdue < MOST_OVERDUE {
             match self.link.receive(deadline)? {
-                LinkEvent::Frame(frame) => take(&frame),
-                LinkEvent::Fault(CanFault::BusOff) => {
+                CanEvent::Frame(frame) => take(&frame),
+                CanEvent::Fault(CanFault::BusOff) => {
                     let reason = "bus-off: another bitrate, or nobody there?";
                     return Err(io::Error::new(ErrorKind::ConnectionAborted, reason));
                 }
-                LinkEvent::Fault(_) => {}
-                LinkEvent::Nothing => return Ok(()),
+                CanEvent::Fault(_) => {}
+                CanEvent::Nothing => return Ok(()),
             }
             overdue += u32::from(Instant::now() >= deadline);
         }

@@ -39,8 +39,7 @@ const ORDER: [BusKind; 4] = [
     BusKind::Mit,
     BusKind::Cia402,
 ];
-/// Heartbeats come ten times a second as ODrive and drives leave the factory,
-/// or once.
+/// Factory settings send a heartbeat ten times a second, or once.
 const LISTEN: Duration = Duration::from_millis(1200);
 /// How long the answers to one group of requests may take.
 const WAIT: Duration = Duration::from_millis(20);

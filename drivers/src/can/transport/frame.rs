@@ -63,14 +63,14 @@ impl CanFrame {
         remote_length: Option<u8>,
         data: &[u8],
     ) -> Option<Self> {
-        let (highest, build): (u32, fn(u32, &[u8]) -> Self) = match extended {
-            true => (Self::EXTENDED_MAX, Self::extended),
-            false => (Self::STANDARD_MAX, Self::standard),
+        let highest = match extended {
+            true => Self::EXTENDED_MAX,
+            false => Self::STANDARD_MAX,
         };
         if id > highest || data.len() > 8 || remote_length.is_some_and(|length| length > 8) {
             return None;
         }
-        let frame = build(id, data);
+        let frame = Self::with(id, extended, data);
         Some(remote_length.map_or(frame, |length| frame.into_remote(length)))
     }
 

@@ -19,7 +19,7 @@ pub enum Sent {
 
 /// What a link received within its deadline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LinkEvent {
+pub enum CanEvent {
     /// A frame of another node, or an echo of our own.
     Frame(CanFrame),
     /// The controller reports a fault of the bus.
@@ -58,5 +58,5 @@ pub trait CanLink: Send {
 
     /// The next frame or fault, waiting until `deadline` at most; with a
     /// deadline in the past, what is there already.
-    fn receive(&mut self, deadline: Instant) -> io::Result<LinkEvent>;
+    fn receive(&mut self, deadline: Instant) -> io::Result<CanEvent>;
 }

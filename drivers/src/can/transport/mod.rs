@@ -6,7 +6,7 @@
 //! | `slcan:PATH` | a serial CAN adapter that speaks the ASCII protocol of LAWICEL |
 //! | `udp:GROUP:PORT` | frames as multicast datagrams, as python-can's `udp_multicast` does: for simulation |
 //!
-//! A new way implements [`CanLink`] and gets its line in [`open_link`].
+//! A new way implements [`CanLink`] and gets its line in `open_link`.
 
 mod frame;
 mod link;
@@ -18,7 +18,7 @@ pub mod udp;
 
 pub use frame::CanFrame;
 pub(crate) use frame::{nominal_bits, word, worst_bits};
-pub use link::{CanFault, CanLink, LinkEvent, Sent};
+pub use link::{CanEvent, CanFault, CanLink, Sent};
 pub use port::CanPort;
 
 use crate::error::BusError;

@@ -15,7 +15,7 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
 use super::frame::CanFrame;
-use super::link::{CanFault, CanLink, LinkEvent, Sent};
+use super::link::{CanEvent, CanFault, CanLink, Sent};
 use crate::serial::wire::stream::PortStream;
 
 /// Ends a line that the adapter carried out, or a frame line.
@@ -30,7 +30,6 @@ pub const BITRATES: [u32; 9] = [
     10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
 ];
 
-/// Bus error, of the status flags.
 const BUS_ERROR: u8 = 1 << 7;
 const ERROR_PASSIVE: u8 = 1 << 5;
 const OVERRUN: u8 = 1 << 3;
@@ -87,7 +86,6 @@ pub fn decode(line: &[u8]) -> Option<CanFrame> {
     CanFrame::from_parts(id, extended, remote.then_some(length), data)
 }
 
-/// Up to eight hexadecimal digits.
 fn number(digits: &[u8]) -> Option<u32> {
     let nibble = |digit: &u8| char::from(*digit).to_digit(16);
     let append = |sum: u32, digit| nibble(digit).map(|nibble| sum << 4 | nibble);
@@ -124,9 +122,9 @@ impl Lines {
 }
 
 /// The frame or fault that a line of the adapter reports.
-fn parse_line(line: &[u8], end: u8) -> Option<LinkEvent> {
+fn parse_line(line: &[u8], end: u8) -> Option<CanEvent> {
     if end == BEL {
-        return Some(LinkEvent::Fault(CanFault::Rejected));
+        return Some(CanEvent::Fault(CanFault::Rejected));
     }
     if let [b'F', flags @ ..] = line
         && flags.len() == 2
@@ -139,9 +137,9 @@ fn parse_line(line: &[u8], end: u8) -> Option<LinkEvent> {
             (ERROR_WARNING, CanFault::Warning),
         ];
         let raised = faults.iter().find(|(bit, _)| flags & bit != 0);
-        return raised.map(|(_, fault)| LinkEvent::Fault(*fault));
+        return raised.map(|(_, fault)| CanEvent::Fault(*fault));
     }
-    decode(line).map(LinkEvent::Frame)
+    decode(line).map(CanEvent::Frame)
 }
 
 /// An open serial CAN adapter.
@@ -210,7 +208,7 @@ impl SlcanLink {
     }
 
     /// The next frame or fault among the bytes at hand.
-    fn next(&mut self) -> Option<LinkEvent> {
+    fn next(&mut self) -> Option<CanEvent> {
         while self.taken < self.filled {
             let byte = self.chunk[self.taken];
             self.taken += 1;
@@ -245,13 +243,13 @@ impl CanLink for SlcanLink {
         self.hand_over().map(drop)
     }
 
-    fn receive(&mut self, deadline: Instant) -> io::Result<LinkEvent> {
+    fn receive(&mut self, deadline: Instant) -> io::Result<CanEvent> {
         if self.hand_over()? == Sent::Full && Instant::now() >= deadline {
-            return Ok(LinkEvent::Nothing);
+            return Ok(CanEvent::Nothing);
         }
         loop {
             if let Some(received) = self.next() {
-                if received == LinkEvent::Fault(CanFault::Rejected) {
+                if received == CanEvent::Fault(CanFault::Rejected) {
                     self.ask_flags()?;
                 }
                 return Ok(received);
@@ -264,7 +262,7 @@ impl CanLink for SlcanLink {
                 Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
                 Ok(count) => (self.taken, self.filled) = (0, count),
                 Err(error) if error.kind() == ErrorKind::TimedOut && left.is_zero() => {
-                    return Ok(LinkEvent::Nothing);
+                    return Ok(CanEvent::Nothing);
                 }
                 Err(error)
                     if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
@@ -354,12 +352,12 @@ mod tests {
     #[test]
     fn flags_become_faults() {
         let fault = |line: &[u8]| parse_line(line, CR);
-        assert_eq!(fault(b"F80"), Some(LinkEvent::Fault(CanFault::BusOff)));
-        assert_eq!(fault(b"F24"), Some(LinkEvent::Fault(CanFault::Passive)));
+        assert_eq!(fault(b"F80"), Some(CanEvent::Fault(CanFault::BusOff)));
+        assert_eq!(fault(b"F24"), Some(CanEvent::Fault(CanFault::Passive)));
         assert_eq!(fault(b"F00"), None);
         assert_eq!(
             parse_line(b"", BEL),
-            Some(LinkEvent::Fault(CanFault::Rejected))
+            Some(CanEvent::Fault(CanFault::Rejected))
         );
     }
 }

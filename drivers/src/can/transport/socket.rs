@@ -26,9 +26,8 @@ use socketcan::{CanDataFrame, CanErrorFrame, CanRemoteFrame, CanSocket};
 use socketcan::{EmbeddedFrame, ExtendedId, Id, Socket, SocketOptions, StandardId};
 
 use super::frame::CanFrame;
-use super::link::{CanFault, CanLink, LinkEvent, Sent};
+use super::link::{CanEvent, CanFault, CanLink, Sent};
 
-/// The error classes that the controller reports.
 const REPORTED: u32 = CAN_ERR_BUSOFF
     | CAN_ERR_CRTL
     | CAN_ERR_PROT
@@ -36,10 +35,8 @@ const REPORTED: u32 = CAN_ERR_BUSOFF
     | CAN_ERR_ACK
     | CAN_ERR_BUSERROR
     | CAN_ERR_TX_TIMEOUT;
-/// `ARPHRD_CAN`, the type of a CAN interface.
-const CAN_TYPE: &str = "280";
-/// `IFF_UP`.
-const UP: u32 = 1;
+const CAN_TYPE: &str = "280"; // ARPHRD_CAN
+const UP: u32 = 1; // IFF_UP
 
 /// A raw socket on a CAN interface of the system.
 #[derive(Debug)]
@@ -84,7 +81,7 @@ impl CanLink for SocketLink {
         }
     }
 
-    fn receive(&mut self, deadline: Instant) -> io::Result<LinkEvent> {
+    fn receive(&mut self, deadline: Instant) -> io::Result<CanEvent> {
         loop {
             match self.socket.read_frame() {
                 Ok(frame) => {
@@ -94,7 +91,7 @@ impl CanLink for SocketLink {
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {
                     if !self.wait(deadline)? {
-                        return Ok(LinkEvent::Nothing);
+                        return Ok(CanEvent::Nothing);
                     }
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -136,22 +133,21 @@ fn to_system(frame: &CanFrame) -> io::Result<socketcan::CanFrame> {
 }
 
 /// `None` for reports that a program cannot act on.
-fn from_system(frame: socketcan::CanFrame) -> Option<LinkEvent> {
+fn from_system(frame: socketcan::CanFrame) -> Option<CanEvent> {
     let ours = |id: Id, data: &[u8]| match id {
         Id::Standard(id) => CanFrame::standard(id.as_raw().into(), data),
         Id::Extended(id) => CanFrame::extended(id.as_raw(), data),
     };
     match frame {
-        socketcan::CanFrame::Data(frame) => Some(LinkEvent::Frame(ours(frame.id(), frame.data()))),
+        socketcan::CanFrame::Data(frame) => Some(CanEvent::Frame(ours(frame.id(), frame.data()))),
         socketcan::CanFrame::Remote(frame) => {
             let length = frame.dlc().min(8) as u8;
-            Some(LinkEvent::Frame(ours(frame.id(), &[]).into_remote(length)))
+            Some(CanEvent::Frame(ours(frame.id(), &[]).into_remote(length)))
         }
-        socketcan::CanFrame::Error(frame) => fault(&frame).map(LinkEvent::Fault),
+        socketcan::CanFrame::Error(frame) => fault(&frame).map(CanEvent::Fault),
     }
 }
 
-/// The worst that an error frame reports.
 fn fault(frame: &CanErrorFrame) -> Option<CanFault> {
     // The second data byte has the controller's flags.
     const OVERFLOW: u8 = 0x03;
@@ -260,7 +256,7 @@ mod tests {
             CanFrame::remote(0x21, 8),
         ] {
             let system = to_system(&frame).unwrap();
-            assert_eq!(from_system(system), Some(LinkEvent::Frame(frame)));
+            assert_eq!(from_system(system), Some(CanEvent::Frame(frame)));
         }
     }
 
@@ -270,7 +266,7 @@ mod tests {
             let data = [0, controller, 0, 0, 0, 0, 0, 0];
             from_system(CanErrorFrame::new_error(bits, &data).unwrap().into())
         };
-        let fault = |fault| Some(LinkEvent::Fault(fault));
+        let fault = |fault| Some(CanEvent::Fault(fault));
         assert_eq!(
             report(CAN_ERR_BUSOFF | CAN_ERR_CRTL, 0x30),
             fault(CanFault::BusOff)

@@ -14,46 +14,36 @@ use std::time::{Duration, Instant};
 use socket2::{Domain, Protocol, Socket, Type};
 
 use super::frame::CanFrame;
-use super::link::{CanFault, CanLink, LinkEvent, Sent};
+use super::link::{CanEvent, CanFault, CanLink, Sent};
 
-/// No frame's datagram is longer.
 const LONGEST: usize = 512;
-/// More entries than this are noise.
 const MOST_ENTRIES: usize = 16;
 
 /// Replaces `out` with the datagram of a frame.
 pub fn encode(frame: &CanFrame, out: &mut Vec<u8>) {
+    let flag = |value: bool| [0xC2 | u8::from(value)];
+    let [a, b, c, d] = frame.id().to_be_bytes();
     out.clear();
     out.push(0x8B); // a map of 11
-    put_text(out, "timestamp");
-    out.push(0xCB);
-    out.extend([0; 8]);
-    put_text(out, "arbitration_id");
-    out.push(0xCE);
-    out.extend(frame.id().to_be_bytes());
-    put_flag(out, "is_extended_id", frame.is_extended());
-    put_flag(out, "is_remote_frame", frame.is_remote());
-    put_flag(out, "is_error_frame", false);
-    put_text(out, "channel");
-    out.push(0xC0);
-    put_text(out, "dlc");
-    out.push(frame.length());
-    put_text(out, "data");
-    out.extend([0xC4, frame.data().len() as u8]);
+    put(out, "timestamp", &[0xCB, 0, 0, 0, 0, 0, 0, 0, 0]);
+    put(out, "arbitration_id", &[0xCE, a, b, c, d]);
+    put(out, "is_extended_id", &flag(frame.is_extended()));
+    put(out, "is_remote_frame", &flag(frame.is_remote()));
+    put(out, "is_error_frame", &flag(false));
+    put(out, "channel", &[0xC0]);
+    put(out, "dlc", &[frame.length()]);
+    put(out, "data", &[0xC4, frame.data().len() as u8]);
     out.extend(frame.data());
-    put_flag(out, "is_fd", false);
-    put_flag(out, "bitrate_switch", false);
-    put_flag(out, "error_state_indicator", false);
+    put(out, "is_fd", &flag(false));
+    put(out, "bitrate_switch", &flag(false));
+    put(out, "error_state_indicator", &flag(false));
 }
 
-fn put_text(out: &mut Vec<u8>, text: &str) {
-    out.push(0xA0 | text.len() as u8);
-    out.extend(text.as_bytes());
-}
-
-fn put_flag(out: &mut Vec<u8>, key: &str, value: bool) {
-    put_text(out, key);
-    out.push(0xC2 | u8::from(value));
+/// Appends a key and the bytes of its value.
+fn put(out: &mut Vec<u8>, key: &str, value: &[u8]) {
+    out.push(0xA0 | key.len() as u8);
+    out.extend(key.as_bytes());
+    out.extend(value);
 }
 
 /// One msgpack value of the kinds that occur.
@@ -115,7 +105,7 @@ impl<'a> MsgpackReader<'a> {
 }
 
 /// The frame of a datagram, or the error that a controller reports with it.
-pub fn decode(datagram: &[u8]) -> Option<LinkEvent> {
+pub fn decode(datagram: &[u8]) -> Option<CanEvent> {
     let mut reader = MsgpackReader(datagram);
     let entries = reader
         .map_entries()
@@ -138,7 +128,7 @@ pub fn decode(datagram: &[u8]) -> Option<LinkEvent> {
         }
     }
     if error {
-        return Some(LinkEvent::Fault(CanFault::Error));
+        return Some(CanEvent::Fault(CanFault::Error));
     }
     let id = u32::try_from(id?).ok()?;
     let data = data.unwrap_or_default();
@@ -149,16 +139,16 @@ pub fn decode(datagram: &[u8]) -> Option<LinkEvent> {
         true => CanFrame::from_parts(id, extended, Some(dlc as u8), &[]),
         false => CanFrame::from_parts(id, extended, None, data),
     };
-    frame.map(LinkEvent::Frame)
+    frame.map(CanEvent::Frame)
 }
 
 /// A member of a multicast group that is a CAN bus.
 #[derive(Debug)]
 pub struct UdpLink {
     group: SocketAddrV4,
-    heard: UdpSocket,
+    receiver: UdpSocket,
     /// Has a port of its own, by which our frames are known when they come back.
-    spoken: UdpSocket,
+    sender: UdpSocket,
     out: Vec<u8>,
     datagram: Vec<u8>,
 }
@@ -166,33 +156,33 @@ pub struct UdpLink {
 impl UdpLink {
     /// Joins a multicast group of this machine.
     pub fn open(group: SocketAddrV4) -> io::Result<Self> {
-        let heard = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
-        heard.set_reuse_address(true)?;
+        let receiver = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+        receiver.set_reuse_address(true)?;
         #[cfg(unix)]
-        heard.set_reuse_port(true)?;
-        heard.bind(&SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, group.port()).into())?;
-        heard.join_multicast_v4(group.ip(), &Ipv4Addr::UNSPECIFIED)?;
-        let spoken = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
+        receiver.set_reuse_port(true)?;
+        receiver.bind(&SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, group.port()).into())?;
+        receiver.join_multicast_v4(group.ip(), &Ipv4Addr::UNSPECIFIED)?;
+        let sender = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
         // This machine only.
-        spoken.set_multicast_ttl_v4(0)?;
+        sender.set_multicast_ttl_v4(0)?;
         Ok(Self {
             group,
-            heard: heard.into(),
-            spoken,
+            receiver: receiver.into(),
+            sender,
             out: Vec::with_capacity(256),
             datagram: vec![0; LONGEST],
         })
     }
 
-    /// The socket that hears the group, to wait for.
+    /// The socket that receives from the group, to wait for.
     pub fn socket(&self) -> &UdpSocket {
-        &self.heard
+        &self.receiver
     }
 
     /// One datagram, if one comes in time: its length if it is not our own.
     fn datagram(&mut self) -> io::Result<Option<usize>> {
-        let (length, from) = self.heard.recv_from(&mut self.datagram)?;
-        let ours = self.spoken.local_addr()?.port();
+        let (length, from) = self.receiver.recv_from(&mut self.datagram)?;
+        let ours = self.sender.local_addr()?.port();
         Ok((from.port() != ours).then_some(length))
     }
 }
@@ -200,7 +190,7 @@ impl UdpLink {
 impl CanLink for UdpLink {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sent> {
         encode(frame, &mut self.out);
-        match self.spoken.send_to(&self.out, self.group) {
+        match self.sender.send_to(&self.out, self.group) {
             Ok(_) => Ok(Sent::Taken),
             // ENOBUFS has no kind of its own.
             Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(Sent::Full),
@@ -209,12 +199,12 @@ impl CanLink for UdpLink {
         }
     }
 
-    fn receive(&mut self, deadline: Instant) -> io::Result<LinkEvent> {
+    fn receive(&mut self, deadline: Instant) -> io::Result<CanEvent> {
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
-            self.heard.set_nonblocking(left.is_zero())?;
+            self.receiver.set_nonblocking(left.is_zero())?;
             if !left.is_zero() {
-                self.heard
+                self.receiver
                     .set_read_timeout(Some(left.max(Duration::from_micros(1))))?;
             }
             match self.datagram() {
@@ -229,7 +219,7 @@ impl CanLink for UdpLink {
                     if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) =>
                 {
                     if left.is_zero() {
-                        return Ok(LinkEvent::Nothing);
+                        return Ok(CanEvent::Nothing);
                     }
                 }
                 Err(error) => return Err(error),
@@ -251,7 +241,7 @@ mod tests {
         ] {
             let mut datagram = Vec::new();
             encode(&frame, &mut datagram);
-            assert_eq!(decode(&datagram), Some(LinkEvent::Frame(frame)));
+            assert_eq!(decode(&datagram), Some(CanEvent::Frame(frame)));
             for cut in 0..datagram.len() {
                 let kept = decode(&datagram[..cut]);
                 assert_eq!(kept, None, "cut at {cut}");
@@ -263,24 +253,24 @@ mod tests {
     #[test]
     fn a_datagram_of_python_can_is_read() {
         let mut datagram = vec![0x8B];
-        put_text(&mut datagram, "timestamp");
-        datagram.extend([0xCB, 0x41, 0xD9, 0x5F, 0x3E, 0x12, 0x34, 0x56, 0x78]);
-        put_text(&mut datagram, "arbitration_id");
-        datagram.extend([0xCD, 0x01, 0x23]);
-        put_flag(&mut datagram, "is_extended_id", false);
-        put_flag(&mut datagram, "is_remote_frame", false);
-        put_flag(&mut datagram, "is_error_frame", false);
-        put_text(&mut datagram, "channel");
-        datagram.push(0xC0);
-        put_text(&mut datagram, "dlc");
-        datagram.push(2);
-        put_text(&mut datagram, "data");
-        datagram.extend([0xC4, 2, 1, 2]);
-        put_flag(&mut datagram, "is_fd", false);
-        put_flag(&mut datagram, "bitrate_switch", false);
-        put_flag(&mut datagram, "error_state_indicator", false);
+        let out = &mut datagram;
+        put(
+            out,
+            "timestamp",
+            &[0xCB, 0x41, 0xD9, 0x5F, 0x3E, 0x12, 0x34, 0x56, 0x78],
+        );
+        put(out, "arbitration_id", &[0xCD, 0x01, 0x23]);
+        put(out, "is_extended_id", &[0xC2]);
+        put(out, "is_remote_frame", &[0xC2]);
+        put(out, "is_error_frame", &[0xC2]);
+        put(out, "channel", &[0xC0]);
+        put(out, "dlc", &[2]);
+        put(out, "data", &[0xC4, 2, 1, 2]);
+        put(out, "is_fd", &[0xC2]);
+        put(out, "bitrate_switch", &[0xC2]);
+        put(out, "error_state_indicator", &[0xC2]);
         let frame = CanFrame::standard(0x123, &[1, 2]);
-        assert_eq!(decode(&datagram), Some(LinkEvent::Frame(frame)));
+        assert_eq!(decode(&datagram), Some(CanEvent::Frame(frame)));
     }
 
     #[test]

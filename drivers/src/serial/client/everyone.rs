@@ -3,20 +3,20 @@
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
-use crate::error::{BusError, Refusal};
+use crate::error::{BusError, BusResult, Refusal};
 use crate::serial::client::ServoClient;
 use crate::serial::register::Register;
 use crate::serial::wire::port::Received;
 use crate::servo::Servo;
 
 impl ServoClient {
-    /// Sends one value of `register` to every servo that is not left out, in one
-    /// packet; no reply.
+    /// Sends one value of `register` to every servo that is not left out, in
+    /// one packet; no reply.
     pub(crate) fn sync_write(
         &mut self,
         register: Register,
         value: impl Fn(usize, &Servo) -> i32,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         self.hold_sync_write(register, value);
         self.port.send_held(register.name)
     }
@@ -41,9 +41,8 @@ impl ServoClient {
             .hold(BROADCAST, instruction::SYNC_WRITE, &self.params);
     }
 
-    /// Torque off to everyone, those left out too, and the servos of which that
-    /// is not certain.
-    pub(crate) fn torque_off(&mut self, torque: Register) -> Result<(), BusError> {
+    /// Torque off to everyone, those left out too, and the servos of which that is not certain.
+    pub(crate) fn torque_off(&mut self, torque: Register) -> BusResult<()> {
         self.aside.fill(false);
         // Broadcast first: it needs no reply and reaches everyone at once.
         let mut reason = String::new();
@@ -107,24 +106,19 @@ impl ServoClient {
         self.params.len() / 3
     }
 
-    /// Sends the parameters that a request prepared.
     pub(crate) fn send_request(
         &mut self,
         instruction: u8,
         longest: usize,
         doing: &'static str,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         self.port
             .send(BROADCAST, instruction, &self.params, longest, doing)
     }
 
     /// One plain Sync Read of those who have not answered yet, into `data`
     /// (register size a servo). The first servo that raised its alert bit.
-    pub fn sync_read(
-        &mut self,
-        register: Register,
-        data: &mut [u8],
-    ) -> Result<Option<usize>, BusError> {
+    pub fn sync_read(&mut self, register: Register, data: &mut [u8]) -> BusResult<Option<usize>> {
         let count = self.read_request(register);
         self.collect(instruction::SYNC_READ, count, register, data)
     }
@@ -137,7 +131,7 @@ impl ServoClient {
         count: usize,
         register: Register,
         data: &mut [u8],
-    ) -> Result<Option<usize>, BusError> {
+    ) -> BusResult<Option<usize>> {
         let size = usize::from(register.size);
         let framing = self.port.framing();
         let longest = framing.status_length() + size + size / 3;
@@ -179,18 +173,13 @@ impl ServoClient {
         Ok(alert)
     }
 
-    /// Whether every servo has answered.
     pub(crate) fn complete(&self) -> bool {
         self.answered.iter().all(|answered| *answered)
     }
 
     /// Reads those who have not answered yet one by one, each once, into `data`
     /// (register size a servo). The first servo that raised its alert bit.
-    pub fn read_each(
-        &mut self,
-        register: Register,
-        data: &mut [u8],
-    ) -> Result<Option<usize>, BusError> {
+    pub fn read_each(&mut self, register: Register, data: &mut [u8]) -> BusResult<Option<usize>> {
         let size = usize::from(register.size);
         let mut alert = None;
         for index in 0..self.servos.len() {

@@ -9,7 +9,7 @@ mod everyone;
 use dynamixel2::instructions::instruction_id as instruction;
 
 use crate::bus::config::BusConfig;
-use crate::error::{BusError, Refusal, ServoId};
+use crate::error::{BusError, BusResult, Refusal, ServoId};
 use crate::serial::register::Register;
 use crate::serial::wire::framing::Framing;
 use crate::serial::wire::port::{PacketPort, Received};
@@ -19,13 +19,10 @@ use crate::servo::Servo;
 /// One serial bus and the servos on it.
 pub struct ServoClient {
     pub(crate) port: PacketPort,
-    /// In the order of targets and states.
     pub(crate) servos: Vec<Servo>,
-    /// Checked.
     pub(crate) config: BusConfig,
     /// How often an exchange is tried; less while it is known that servos are silent.
     pub(super) tries: u32,
-    /// Parameters of the packet being built.
     params: Vec<u8>,
     /// Which servos gave their part of the read that is going on.
     pub(crate) answered: Vec<bool>,
@@ -48,7 +45,7 @@ impl ServoClient {
         config: BusConfig,
         servos: Vec<Servo>,
         framing: Framing,
-    ) -> Result<Self, BusError> {
+    ) -> BusResult<Self> {
         Ok(Self {
             port: PacketPort::open(port, config.baud, framing, config.reply_clock.clone())?,
             answered: vec![false; servos.len()],
@@ -82,7 +79,7 @@ impl ServoClient {
         params: &[u8],
         reply: usize,
         doing: &'static str,
-    ) -> Result<Vec<u8>, BusError> {
+    ) -> BusResult<Vec<u8>> {
         let id = self.servos[index].id;
         let request = ServoRequest {
             id,
@@ -141,31 +138,26 @@ impl ServoClient {
     }
 
     /// The unsigned value of a register.
-    pub fn read(&mut self, index: usize, register: Register) -> Result<u64, BusError> {
+    pub fn read(&mut self, index: usize, register: Register) -> BusResult<u64> {
         Ok(register.value(&self.read_bytes(index, register)?))
     }
 
     /// The bytes of a register, or of several in a row.
-    pub fn read_bytes(&mut self, index: usize, register: Register) -> Result<Vec<u8>, BusError> {
+    pub fn read_bytes(&mut self, index: usize, register: Register) -> BusResult<Vec<u8>> {
         let params = self.port.framing().read_params(register);
         let size = usize::from(register.size);
         self.transfer(index, instruction::READ, &params, size, register.name)
     }
 
     /// Writes a register; the servo confirms.
-    pub fn write(&mut self, index: usize, register: Register, value: u64) -> Result<(), BusError> {
+    pub fn write(&mut self, index: usize, register: Register, value: u64) -> BusResult<()> {
         let params = self.port.framing().write_params(register, value);
         self.transfer(index, instruction::WRITE, &params, 0, register.name)?;
         Ok(())
     }
 
     /// Writes a register of a servo that may not answer writes.
-    pub fn write_unheard(
-        &mut self,
-        index: usize,
-        register: Register,
-        value: u64,
-    ) -> Result<(), BusError> {
+    pub fn write_unheard(&mut self, index: usize, register: Register, value: u64) -> BusResult<()> {
         match self.once(|client| client.write(index, register, value)) {
             Err(BusError::Silent { .. }) => Ok(()),
             written => written,
@@ -173,13 +165,13 @@ impl ServoClient {
     }
 
     /// Asks one servo whether it is there: the parameters of its answer.
-    pub fn ping(&mut self, index: usize) -> Result<Vec<u8>, BusError> {
+    pub fn ping(&mut self, index: usize) -> BusResult<Vec<u8>> {
         let reply = self.port.framing().ping_params();
         self.transfer(index, instruction::PING, &[], reply, "ping")
     }
 
     /// Writes a register and reads it back.
-    pub fn set(&mut self, index: usize, register: Register, value: u64) -> Result<(), BusError> {
+    pub fn set(&mut self, index: usize, register: Register, value: u64) -> BusResult<()> {
         self.write(index, register, value)?;
         self.expect(index, register, value)
     }
@@ -191,7 +183,7 @@ impl ServoClient {
         register: Register,
         value: u64,
         notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         let old = self.read(index, register)?;
         if old != value {
             self.set(index, register, value)?;
@@ -205,7 +197,7 @@ impl ServoClient {
     }
 
     /// Checks that a register holds a value.
-    pub fn expect(&mut self, index: usize, register: Register, value: u64) -> Result<(), BusError> {
+    pub fn expect(&mut self, index: usize, register: Register, value: u64) -> BusResult<()> {
         let actual = self.read(index, register)?;
         if actual == value {
             return Ok(());
@@ -219,7 +211,7 @@ impl ServoClient {
     }
 
     /// The goal that keeps a joint where it stands.
-    pub(crate) fn holding_goal(&self, index: usize, ticks: i32) -> Result<i32, BusError> {
+    pub(crate) fn holding_goal(&self, index: usize, ticks: i32) -> BusResult<i32> {
         let servo = &self.servos[index];
         let hold_rad = servo.holding_rad(servo.position_rad(ticks))?;
         Ok(servo.goal_ticks(hold_rad))

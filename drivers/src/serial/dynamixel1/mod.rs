@@ -12,12 +12,12 @@ mod registers;
 
 use dynamixel2::instructions::instruction_id as instruction;
 
-use crate::error::BusError;
+use crate::error::BusResult;
 use crate::serial::client::ServoClient;
 use crate::serial::family::ServoFamily;
 use crate::serial::memory::Firmware;
 use crate::serial::register::{Register, names_of, sign_magnitude};
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, Present, Registers};
+use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
 use crate::serial::wire::framing::Framing;
 use crate::servo::Servo;
 use crate::servo::model::ServoModel;
@@ -65,9 +65,8 @@ impl ServoFamily for Dynamixel1 {
         })
     }
 
-    /// | goals out | request | replies | each asked by itself |
-    /// |---|---|---|---|
-    /// | 8 + N(1 + 2) | 7 + 3N | N(6 + 8) | N(8 + 6 + 8) |
+    /// Goals out 8 + N(1 + 2); request 7 + 3N and replies N(6 + 8), or where each is asked by
+    /// itself N(8 + 6 + 8).
     fn cycle_bytes(&self, servos: &[Servo]) -> CycleBytes {
         let count = servos.len();
         let out = 8 + count * 3;
@@ -79,11 +78,11 @@ impl ServoFamily for Dynamixel1 {
         CycleBytes { fast, plain }
     }
 
-    fn parse(&self, bytes: &[u8]) -> Present {
+    fn parse(&self, bytes: &[u8]) -> PresentState {
         let &[p0, p1, s0, s1, ..] = bytes else {
-            return Present::default();
+            return PresentState::default();
         };
-        Present {
+        PresentState {
             ticks: i32::from(u16::from_le_bytes([p0, p1])),
             velocity: sign_magnitude(u16::from_le_bytes([s0, s1]), SIGN_BIT),
             current: 0,
@@ -109,22 +108,14 @@ impl ServoFamily for Dynamixel1 {
         &CONDITIONS
     }
 
-    fn condition(
-        &self,
-        client: &mut ServoClient,
-        index: usize,
-    ) -> Result<Option<String>, BusError> {
+    fn condition(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<String>> {
         client.ping(index)?;
         let mask = CONDITIONS.iter().fold(0, |mask, (bit, _)| mask | 1 << bit);
         let flags = client.flags() & mask;
         Ok((flags != 0).then(|| names_of(flags, &CONDITIONS)))
     }
 
-    fn own_limits(
-        &self,
-        client: &mut ServoClient,
-        index: usize,
-    ) -> Result<Option<OwnLimits>, BusError> {
+    fn own_limits(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<OwnLimits>> {
         LIMITS.read(client, index).map(Some)
     }
 
@@ -133,7 +124,7 @@ impl ServoFamily for Dynamixel1 {
         client: &mut ServoClient,
         index: usize,
         notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         // Answers to writes first: without them nothing can be read back.
         if client.read(index, STATUS_LEVEL)? != 2 {
             client.write_unheard(index, STATUS_LEVEL, 2)?;
@@ -152,11 +143,7 @@ impl ServoFamily for Dynamixel1 {
         Ok(())
     }
 
-    fn choose_read(
-        &self,
-        client: &mut ServoClient,
-        notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
+    fn choose_read(&self, client: &mut ServoClient, notes: &mut Vec<String>) -> BusResult<()> {
         if let Some(index) = asked_singly(&client.servos) {
             let servo = client.id_of(index);
             let model = client.servos[index].model.name;
@@ -167,11 +154,7 @@ impl ServoFamily for Dynamixel1 {
         Ok(())
     }
 
-    fn read_all(
-        &self,
-        client: &mut ServoClient,
-        present: &mut [u8],
-    ) -> Result<Option<usize>, BusError> {
+    fn read_all(&self, client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<usize>> {
         if asked_singly(&client.servos).is_some() {
             return client.read_each(PRESENT, present);
         }

@@ -7,52 +7,40 @@ use crate::serial::memory::{ByteMemory, Protection};
 use crate::serial::register::Register;
 use crate::serial::registers::{Registers, ServiceRegisters};
 
-const fn byte(address: u16, name: &'static str) -> Register {
-    Register::new(address, 1, name)
-}
+const MODEL: Register = Register::word(0, "model number");
+const FIRMWARE: Register = Register::byte(2, "firmware");
+const ID: Register = Register::byte(3, "id");
+const BAUD: Register = Register::byte(4, "baud rate");
+pub(super) const RETURN_DELAY: Register = Register::byte(5, "return delay time");
+const LOWEST: Register = Register::word(6, "clockwise angle limit");
+const HIGHEST: Register = Register::word(8, "counterclockwise angle limit");
+const HOTTEST: Register = Register::byte(11, "temperature limit");
+const MIN_VOLTAGE: Register = Register::byte(12, "lowest voltage");
+const MAX_VOLTAGE: Register = Register::byte(13, "highest voltage");
+pub(super) const MAX_TORQUE: Register = Register::word(14, "maximum torque");
+pub(super) const STATUS_LEVEL: Register = Register::byte(16, "status return level");
+const ALARM_LED: Register = Register::byte(17, "alarm LED");
+const SHUTDOWN: Register = Register::byte(18, "shutdown");
+pub(super) const TORQUE: Register = Register::byte(24, "torque enable");
+const CW_MARGIN: Register = Register::byte(26, "clockwise compliance margin");
+const CCW_MARGIN: Register = Register::byte(27, "counterclockwise compliance margin");
+const CW_SLOPE: Register = Register::byte(28, "clockwise compliance slope");
+const CCW_SLOPE: Register = Register::byte(29, "counterclockwise compliance slope");
+const P_GAIN: Register = Register::byte(28, "P gain");
+const GOAL: Register = Register::word(30, "goal position");
+pub(super) const SPEED: Register = Register::word(32, "moving speed");
+pub(super) const TORQUE_LIMIT: Register = Register::word(34, "torque limit");
+const POSITION: Register = Register::word(36, "present position");
+const PRESENT_SPEED: Register = Register::word(38, "present speed");
+const LOAD: Register = Register::word(40, "present load");
+const VOLTAGE: Register = Register::byte(42, "present input voltage");
+const TEMPERATURE: Register = Register::byte(43, "present temperature");
+const MOVING: Register = Register::byte(46, "moving");
+const PUNCH: Register = Register::word(48, "punch");
+pub(super) const TORQUE_MODE: Register = Register::byte(70, "torque control mode"); // MX only
+pub(super) const ACCELERATION: Register = Register::byte(73, "goal acceleration"); // MX only
 
-const fn word(address: u16, name: &'static str) -> Register {
-    Register::new(address, 2, name)
-}
-
-const MODEL: Register = word(0, "model number");
-const FIRMWARE: Register = byte(2, "firmware");
-const ID: Register = byte(3, "id");
-const BAUD: Register = byte(4, "baud rate");
-pub(super) const RETURN_DELAY: Register = byte(5, "return delay time");
-const LOWEST: Register = word(6, "clockwise angle limit");
-const HIGHEST: Register = word(8, "counterclockwise angle limit");
-const HOTTEST: Register = byte(11, "temperature limit");
-const MIN_VOLTAGE: Register = byte(12, "lowest voltage");
-const MAX_VOLTAGE: Register = byte(13, "highest voltage");
-pub(super) const MAX_TORQUE: Register = word(14, "maximum torque");
-pub(super) const STATUS_LEVEL: Register = byte(16, "status return level");
-const ALARM_LED: Register = byte(17, "alarm LED");
-const SHUTDOWN: Register = byte(18, "shutdown");
-pub(super) const TORQUE: Register = byte(24, "torque enable");
-const CW_MARGIN: Register = byte(26, "clockwise compliance margin");
-const CCW_MARGIN: Register = byte(27, "counterclockwise compliance margin");
-const CW_SLOPE: Register = byte(28, "clockwise compliance slope");
-const CCW_SLOPE: Register = byte(29, "counterclockwise compliance slope");
-const P_GAIN: Register = byte(28, "P gain");
-const GOAL: Register = word(30, "goal position");
-pub(super) const SPEED: Register = word(32, "moving speed");
-pub(super) const TORQUE_LIMIT: Register = word(34, "torque limit");
-const POSITION: Register = word(36, "present position");
-const PRESENT_SPEED: Register = word(38, "present speed");
-const LOAD: Register = word(40, "present load");
-const VOLTAGE: Register = byte(42, "present input voltage");
-const TEMPERATURE: Register = byte(43, "present temperature");
-const MOVING: Register = byte(46, "moving");
-const PUNCH: Register = word(48, "punch");
-/// MX only.
-pub(super) const TORQUE_MODE: Register = byte(70, "torque control mode");
-/// MX only.
-pub(super) const ACCELERATION: Register = byte(73, "goal acceleration");
-
-/// Model number and firmware.
 pub(super) const IDENTITY: Register = Register::new(0, 3, "model number and firmware");
-/// Position, speed, load, voltage and temperature.
 pub(super) const PRESENT: Register = Register::new(36, 8, "present state");
 /// Of speeds; set for clockwise, which is downwards.
 pub(super) const SIGN_BIT: u32 = 10;

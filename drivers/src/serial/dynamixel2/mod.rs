@@ -10,12 +10,12 @@ pub mod registers;
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
-use crate::error::BusError;
+use crate::error::{BusError, BusResult};
 use crate::serial::client::ServoClient;
 use crate::serial::family::ServoFamily;
 use crate::serial::memory::Firmware;
 use crate::serial::register::names_of;
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, Present, Registers};
+use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
 use crate::serial::wire::framing::Framing;
 use crate::serial::wire::port::{Received, bytes_hz};
 use crate::servo::Servo;
@@ -27,7 +27,6 @@ pub use models::BAUDS;
 /// Fast Sync Read; the `dynamixel2` crate does not know it.
 const FAST_SYNC_READ: u8 = 0x8A;
 
-/// The flags of the hardware error register.
 const CONDITIONS: [(u8, &str); 5] = [
     (0, "input voltage"),
     (2, "overheating"),
@@ -40,7 +39,7 @@ const CONDITIONS: [(u8, &str); 5] = [
 pub struct Dynamixel2;
 
 /// One Fast Sync Read of everyone; stops at the first damage.
-fn fast_read(client: &mut ServoClient, present: &mut [u8]) -> Result<Option<usize>, BusError> {
+fn fast_read(client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<usize>> {
     let register = PRESENT;
     let size = usize::from(register.size);
     // One packet for all: a part of it is no answer.
@@ -80,7 +79,7 @@ fn fast_read(client: &mut ServoClient, present: &mut [u8]) -> Result<Option<usiz
     }
 }
 /// The plain Sync Read it is, if the wire carries that as often as the robot asks.
-fn fall_back(client: &ServoClient, why: String, notes: &mut Vec<String>) -> Result<(), BusError> {
+fn fall_back(client: &ServoClient, why: String, notes: &mut Vec<String>) -> BusResult<()> {
     let asked_hz = client.config.control_hz.unwrap_or(0.0);
     let bytes = cycle_bytes(client.servos.len()).plain;
     let limit_hz = bytes_hz(client.config.baud, bytes);
@@ -98,9 +97,7 @@ fn fall_back(client: &ServoClient, why: String, notes: &mut Vec<String>) -> Resu
     Ok(())
 }
 
-/// | goals out | request | reply fast | reply plain |
-/// |---|---|---|---|
-/// | 14 + N(1 + 4) | 14 + N | 8 + N(10 + 4) | N(11 + 10) |
+/// Goals out 14 + N(1 + 4), request 14 + N, reply 8 + N(10 + 4) fast or N(11 + 10) plain.
 fn cycle_bytes(servos: usize) -> CycleBytes {
     let out = 14 + servos * 5 + 14 + servos;
     CycleBytes {
@@ -138,11 +135,11 @@ impl ServoFamily for Dynamixel2 {
         cycle_bytes(servos.len())
     }
 
-    fn parse(&self, bytes: &[u8]) -> Present {
+    fn parse(&self, bytes: &[u8]) -> PresentState {
         let &[c0, c1, v0, v1, v2, v3, p0, p1, p2, p3] = bytes else {
-            return Present::default();
+            return PresentState::default();
         };
-        Present {
+        PresentState {
             ticks: i32::from_le_bytes([p0, p1, p2, p3]),
             velocity: i32::from_le_bytes([v0, v1, v2, v3]),
             current: i16::from_le_bytes([c0, c1]),
@@ -160,11 +157,7 @@ impl ServoFamily for Dynamixel2 {
         &CONDITIONS
     }
 
-    fn condition(
-        &self,
-        client: &mut ServoClient,
-        index: usize,
-    ) -> Result<Option<String>, BusError> {
+    fn condition(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<String>> {
         let flags = client.read(index, HARDWARE_ERROR)? as u8;
         let words = || {
             let names = names_of(flags, &CONDITIONS);
@@ -173,11 +166,7 @@ impl ServoFamily for Dynamixel2 {
         Ok((flags != 0).then(words))
     }
 
-    fn own_limits(
-        &self,
-        client: &mut ServoClient,
-        index: usize,
-    ) -> Result<Option<OwnLimits>, BusError> {
+    fn own_limits(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<OwnLimits>> {
         let lowest_volts = client.read(index, MIN_VOLTAGE)?;
         let highest_volts = client.read(index, MAX_VOLTAGE)?;
         let lowest = client.read(index, MIN_POSITION)? as i32;
@@ -200,7 +189,7 @@ impl ServoFamily for Dynamixel2 {
         client: &mut ServoClient,
         index: usize,
         notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         client.settle(index, TORQUE, 0, notes)?;
         client.settle(index, STATUS_RETURN_LEVEL, 2, notes)?;
         client.settle(index, RETURN_DELAY, 0, notes)?;
@@ -213,17 +202,13 @@ impl ServoFamily for Dynamixel2 {
         client.settle(index, PROFILE_VELOCITY, 0, notes)
     }
 
-    fn arm_watchdog(&self, client: &mut ServoClient, index: usize) -> Result<(), BusError> {
+    fn arm_watchdog(&self, client: &mut ServoClient, index: usize) -> BusResult<()> {
         let units = u64::from(client.config.watchdog_ms / 20);
         client.set(index, BUS_WATCHDOG, units)
     }
 
     /// Fast Sync Read where the firmware has it and a probe succeeds.
-    fn choose_read(
-        &self,
-        client: &mut ServoClient,
-        notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
+    fn choose_read(&self, client: &mut ServoClient, notes: &mut Vec<String>) -> BusResult<()> {
         client.fast_read = false;
         let firmware = client.servos.iter().zip(&client.firmware);
         let old = firmware
@@ -249,11 +234,7 @@ impl ServoFamily for Dynamixel2 {
         fall_back(client, why.into(), notes)
     }
 
-    fn read_all(
-        &self,
-        client: &mut ServoClient,
-        present: &mut [u8],
-    ) -> Result<Option<usize>, BusError> {
+    fn read_all(&self, client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<usize>> {
         if client.fast_read {
             fast_read(client, present)
         } else {
@@ -261,7 +242,7 @@ impl ServoFamily for Dynamixel2 {
         }
     }
 
-    fn reboot(&self, client: &mut ServoClient, index: usize) -> Result<bool, BusError> {
+    fn reboot(&self, client: &mut ServoClient, index: usize) -> BusResult<bool> {
         client.transfer(index, instruction::REBOOT, &[], 0, "reboot")?;
         Ok(true)
     }

@@ -36,7 +36,6 @@ const fn model(
     }
 }
 
-/// A gear whose play the manual states.
 const fn with_play(sheet: DataSheet) -> DataSheet {
     DataSheet {
         backlash_arcmin: 15.0,

@@ -13,12 +13,12 @@ use std::f64::consts::TAU;
 use dynamixel2::instructions::instruction_id as instruction;
 
 use crate::bus::kind::BusKind;
-use crate::error::BusError;
+use crate::error::BusResult;
 use crate::serial::client::ServoClient;
 use crate::serial::family::ServoFamily;
 use crate::serial::memory::Firmware;
 use crate::serial::register::{Register, names_of, sign_magnitude};
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, Present, Registers};
+use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
 use crate::serial::wire::framing::Framing;
 use crate::servo::Servo;
 use crate::servo::model::{DataSheet, ServoModel};
@@ -55,7 +55,7 @@ static BAUDS: [u32; 8] = [
     1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400,
 ];
 
-/// Feetech STS.
+/// Feetech STS servos, as they leave the factory.
 pub struct Feetech;
 
 impl ServoFamily for Feetech {
@@ -83,9 +83,7 @@ impl ServoFamily for Feetech {
         Firmware::Bytes(&STS)
     }
 
-    /// | goals out | request | replies |
-    /// |---|---|---|
-    /// | 8 + N(1 + 2) | 8 + N | N(6 + 15) |
+    /// Goals out 8 + N(1 + 2), request 8 + N, replies N(6 + 15).
     fn cycle_bytes(&self, servos: &[Servo]) -> CycleBytes {
         let count = servos.len();
         let bytes = 8 + count * 3 + 8 + count + count * 21;
@@ -95,12 +93,12 @@ impl ServoFamily for Feetech {
         }
     }
 
-    fn parse(&self, bytes: &[u8]) -> Present {
+    fn parse(&self, bytes: &[u8]) -> PresentState {
         let word = |at: usize| match bytes.get(at..at + 2) {
             Some(&[low, high]) => sign_magnitude(u16::from_le_bytes([low, high]), SIGN_BIT),
             _ => 0,
         };
-        Present {
+        PresentState {
             ticks: word(0),
             velocity: word(2),
             current: word(13) as i16,
@@ -130,20 +128,12 @@ impl ServoFamily for Feetech {
         &CONDITIONS
     }
 
-    fn condition(
-        &self,
-        client: &mut ServoClient,
-        index: usize,
-    ) -> Result<Option<String>, BusError> {
+    fn condition(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<String>> {
         let flags = client.read(index, STATUS)? as u8;
         Ok((flags != 0).then(|| names_of(flags, &CONDITIONS)))
     }
 
-    fn own_limits(
-        &self,
-        client: &mut ServoClient,
-        index: usize,
-    ) -> Result<Option<OwnLimits>, BusError> {
+    fn own_limits(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<OwnLimits>> {
         let limits = LIMITS.read(client, index)?;
         // Both limits zero is a servo without limits.
         let ticks = match limits.ticks {
@@ -158,7 +148,7 @@ impl ServoFamily for Feetech {
         client: &mut ServoClient,
         index: usize,
         notes: &mut Vec<String>,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         client.settle(index, TORQUE, 0, notes)?;
         client.write(index, LOCK, 0)?;
         client.settle(index, STATUS_LEVEL, 1, notes)?;
@@ -171,15 +161,11 @@ impl ServoFamily for Feetech {
         client.settle(index, GOAL_SPEED, 0, notes)
     }
 
-    fn read_all(
-        &self,
-        client: &mut ServoClient,
-        present: &mut [u8],
-    ) -> Result<Option<usize>, BusError> {
+    fn read_all(&self, client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<usize>> {
         client.sync_read(PRESENT, present)
     }
 
-    fn reboot(&self, client: &mut ServoClient, index: usize) -> Result<bool, BusError> {
+    fn reboot(&self, client: &mut ServoClient, index: usize) -> BusResult<bool> {
         client.transfer(index, instruction::REBOOT, &[], 0, "reboot")?;
         Ok(true)
     }

@@ -7,50 +7,40 @@ use crate::serial::memory::{ByteMemory, Protection};
 use crate::serial::register::Register;
 use crate::serial::registers::{Registers, ServiceRegisters};
 
-const fn byte(address: u16, name: &'static str) -> Register {
-    Register::new(address, 1, name)
-}
-
-const fn word(address: u16, name: &'static str) -> Register {
-    Register::new(address, 2, name)
-}
-
-const FIRMWARE: Register = word(0, "firmware, major and minor");
-const MODEL: Register = word(3, "model number");
-const ID: Register = byte(5, "id");
-pub(super) const RETURN_DELAY: Register = byte(7, "return delay time");
-pub(super) const STATUS_LEVEL: Register = byte(8, "status return level");
-const LOWEST: Register = word(9, "minimum angle limit");
-const HIGHEST: Register = word(11, "maximum angle limit");
-const HOTTEST: Register = byte(13, "temperature limit");
-const MAX_VOLTAGE: Register = byte(14, "maximum voltage");
-const MIN_VOLTAGE: Register = byte(15, "minimum voltage");
-const MAX_TORQUE: Register = word(16, "maximum torque");
-const P_GAIN: Register = byte(21, "P gain");
-const D_GAIN: Register = byte(22, "D gain");
-const CURRENT_PROTECTION: Register = word(28, "protection current");
-const OFFSET: Register = word(31, "position offset");
-pub(super) const MODE: Register = byte(33, "operating mode");
-pub(super) const TORQUE: Register = byte(40, "torque enable");
-pub(super) const ACCELERATION: Register = byte(41, "acceleration");
-const GOAL: Register = word(42, "goal position");
-pub(super) const GOAL_TIME: Register = word(44, "goal time");
-pub(super) const GOAL_SPEED: Register = word(46, "goal speed");
-const TORQUE_LIMIT: Register = word(48, "torque limit");
-pub(super) const LOCK: Register = byte(55, "EEPROM lock");
-const POSITION: Register = word(56, "present position");
-const SPEED: Register = word(58, "present speed");
-const LOAD: Register = word(60, "present load");
-const VOLTAGE: Register = byte(62, "present input voltage");
-const TEMPERATURE: Register = byte(63, "present temperature");
-pub(super) const STATUS: Register = byte(65, "status");
-const MOVING: Register = byte(66, "moving");
-const CURRENT: Register = word(69, "present current");
+const FIRMWARE: Register = Register::word(0, "firmware, major and minor");
+const MODEL: Register = Register::word(3, "model number");
+const ID: Register = Register::byte(5, "id");
+pub(super) const RETURN_DELAY: Register = Register::byte(7, "return delay time");
+pub(super) const STATUS_LEVEL: Register = Register::byte(8, "status return level");
+const LOWEST: Register = Register::word(9, "minimum angle limit");
+const HIGHEST: Register = Register::word(11, "maximum angle limit");
+const HOTTEST: Register = Register::byte(13, "temperature limit");
+const MAX_VOLTAGE: Register = Register::byte(14, "maximum voltage");
+const MIN_VOLTAGE: Register = Register::byte(15, "minimum voltage");
+const MAX_TORQUE: Register = Register::word(16, "maximum torque");
+const P_GAIN: Register = Register::byte(21, "P gain");
+const D_GAIN: Register = Register::byte(22, "D gain");
+const CURRENT_PROTECTION: Register = Register::word(28, "protection current");
+const OFFSET: Register = Register::word(31, "position offset");
+pub(super) const MODE: Register = Register::byte(33, "operating mode");
+pub(super) const TORQUE: Register = Register::byte(40, "torque enable");
+pub(super) const ACCELERATION: Register = Register::byte(41, "acceleration");
+const GOAL: Register = Register::word(42, "goal position");
+pub(super) const GOAL_TIME: Register = Register::word(44, "goal time");
+pub(super) const GOAL_SPEED: Register = Register::word(46, "goal speed");
+const TORQUE_LIMIT: Register = Register::word(48, "torque limit");
+pub(super) const LOCK: Register = Register::byte(55, "EEPROM lock");
+const POSITION: Register = Register::word(56, "present position");
+const SPEED: Register = Register::word(58, "present speed");
+const LOAD: Register = Register::word(60, "present load");
+const VOLTAGE: Register = Register::byte(62, "present input voltage");
+const TEMPERATURE: Register = Register::byte(63, "present temperature");
+pub(super) const STATUS: Register = Register::byte(65, "status");
+const MOVING: Register = Register::byte(66, "moving");
+const CURRENT: Register = Register::word(69, "present current");
 
 pub(super) const IDENTITY: Register = Register::new(0, 5, "firmware and model number");
-/// From the position to the current.
 pub(super) const PRESENT: Register = Register::new(56, 15, "present state");
-/// Of everything that can be negative.
 pub(super) const SIGN_BIT: u32 = 15;
 
 pub(super) static REGISTERS: Registers = Registers {

@@ -13,7 +13,7 @@ use dynamixel2::instructions::packet_id::BROADCAST;
 use crate::serial::wire::framing::Framing;
 use crate::serial::wire::{protocol1, protocol2};
 
-/// A status packet.
+/// A status packet that came in sound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packet<'a> {
     /// Who sent it; the broadcast id for a Fast Sync Read reply.
@@ -106,7 +106,7 @@ impl Decoder {
         }
     }
 
-    /// Adds received bytes.
+    /// Adds bytes as they were received.
     pub fn push(&mut self, bytes: &[u8]) {
         self.buffer.extend_from_slice(bytes);
     }

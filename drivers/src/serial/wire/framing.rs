@@ -6,7 +6,7 @@ use crate::serial::wire::{protocol1, protocol2};
 /// Which framing a bus has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Framing {
-    /// Dynamixel Protocol 2.0.
+    /// Dynamixel Protocol 2.0: 16-bit addresses, a CRC.
     #[default]
     Protocol2,
     /// Dynamixel Protocol 1 framing, which Feetech servos speak.
@@ -34,14 +34,12 @@ impl Framing {
         self.put_number(out, register.size);
     }
 
-    /// The parameters of a Read.
     pub(crate) fn read_params(self, register: Register) -> Vec<u8> {
         let mut params = Vec::with_capacity(4);
         self.put_place(&mut params, register);
         params
     }
 
-    /// The parameters of a Write.
     pub(crate) fn write_params(self, register: Register, value: u64) -> Vec<u8> {
         let mut params = Vec::with_capacity(6);
         self.put_number(&mut params, register.address);

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use crate::bus::BusStats;
 use crate::bus::reply_clock::{Patience, ReplyClock};
-use crate::error::BusError;
+use crate::error::{BusError, BusResult};
 use crate::serial::wire::decoder::{Decoded, Decoder, Packet};
 use crate::serial::wire::framing::Framing;
 use crate::serial::wire::stale_replies::{ServoRequest, StaleReplies};
@@ -19,21 +19,16 @@ use crate::serial::wire::system_ports::{choices, latency_timer};
 /// Longest wait for the port to take an instruction's bytes.
 const SEND_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// The shortest wait that a port knows.
 const SHORTEST: Duration = Duration::from_micros(1);
 
-/// What came back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Received {
     /// A sound packet: see [`PacketPort::packet`].
     Packet,
-    /// A damaged one.
     Corrupt,
-    /// Nothing within the deadline.
     Nothing,
 }
 
-/// The host's end of the wire.
 pub struct PacketPort {
     /// `None` while an adapter that was pulled out is waited for.
     port: Option<PortStream>,
@@ -42,7 +37,6 @@ pub struct PacketPort {
     clock: ReplyClock,
     framing: Framing,
     decoder: Decoder,
-    /// Instructions that are to be sent.
     out: Vec<u8>,
     /// How many bytes were sent last.
     sent: usize,
@@ -56,12 +50,7 @@ pub struct PacketPort {
 
 impl PacketPort {
     /// Opens `path` (8 data bits, no parity, 1 stop bit).
-    pub fn open(
-        path: &str,
-        baud: u32,
-        framing: Framing,
-        clock: ReplyClock,
-    ) -> Result<Self, BusError> {
+    pub fn open(path: &str, baud: u32, framing: Framing, clock: ReplyClock) -> BusResult<Self> {
         Ok(Self {
             port: Some(open(path, baud)?),
             path: path.into(),
@@ -79,14 +68,13 @@ impl PacketPort {
     }
 
     /// Opens the port again, after an adapter was pulled out and put back.
-    pub fn reopen(&mut self) -> Result<(), BusError> {
+    pub fn reopen(&mut self) -> BusResult<()> {
         self.port = None; // it is ours alone: close it first
         self.stale.forget_all();
         self.port = Some(open(&self.path, self.baud)?);
         Ok(())
     }
 
-    /// The framing.
     pub fn framing(&self) -> Framing {
         self.framing
     }
@@ -115,7 +103,7 @@ impl PacketPort {
         request: &ServoRequest,
         wait: Duration,
         doing: &'static str,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         let ServoRequest {
             id,
             instruction,
@@ -143,7 +131,7 @@ impl PacketPort {
         mut count: usize,
         deadline: Instant,
         doing: &'static str,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         self.looked_late = false;
         while count > 0 {
             match self.receive(deadline, doing)? {
@@ -156,9 +144,8 @@ impl PacketPort {
         Ok(())
     }
 
-    /// Sends what is held and one instruction, first throwing away what an earlier
-    /// exchange left behind. Replies longer than `longest` (length field) will be
-    /// taken for damage.
+    /// Sends what is held and one instruction, first throwing away what an earlier exchange left
+    /// behind. Replies longer than `longest` (length field) will be taken for damage.
     pub fn send(
         &mut self,
         id: u8,
@@ -166,14 +153,13 @@ impl PacketPort {
         params: &[u8],
         longest: usize,
         doing: &'static str,
-    ) -> Result<(), BusError> {
+    ) -> BusResult<()> {
         self.hold(id, instruction, params);
         self.decoder.reset(longest);
         self.send_held(doing)
     }
 
-    /// Sends what is held, if anything is.
-    pub fn send_held(&mut self, doing: &'static str) -> Result<(), BusError> {
+    pub fn send_held(&mut self, doing: &'static str) -> BusResult<()> {
         if self.out.is_empty() {
             return Ok(());
         }
@@ -192,15 +178,10 @@ impl PacketPort {
         sent.map_err(|reason| self.failed(doing, reason))
     }
 
-    /// Waits for the next packet until `deadline`. What came in time counts even if
-    /// this thread got no processor until later: after the deadline there is one
-    /// look more, and only one for all that was sent, so that noise without end
-    /// ends as well.
-    pub fn receive(
-        &mut self,
-        deadline: Instant,
-        doing: &'static str,
-    ) -> Result<Received, BusError> {
+    /// Waits for the next packet until `deadline`. What came in time counts even if this thread
+    /// got no processor until later: after the deadline there is one look more, and only one for
+    /// all that was sent, so that noise without end ends as well.
+    pub fn receive(&mut self, deadline: Instant, doing: &'static str) -> BusResult<Received> {
         loop {
             match self.decoder.advance() {
                 Decoded::Packet => {
@@ -271,7 +252,7 @@ pub fn bytes_hz(baud: u32, bytes: usize) -> f64 {
     f64::from(baud) / (10.0 * bytes as f64)
 }
 
-fn open(path: &str, baud: u32) -> Result<PortStream, BusError> {
+fn open(path: &str, baud: u32) -> BusResult<PortStream> {
     PortStream::open(path, baud, SEND_TIMEOUT).map_err(|error| BusError::Open {
         port: path.into(),
         reason: error.to_string(),

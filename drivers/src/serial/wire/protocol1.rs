@@ -6,7 +6,6 @@
 //! An echo of the host's own instruction is told from a status packet by its
 //! bytes; that of a ping cannot be.
 
-/// Header, id and length.
 pub const PREFIX: usize = 4;
 
 /// Appends an instruction packet to `out`.
@@ -17,7 +16,6 @@ pub fn encode(out: &mut Vec<u8>, id: u8, instruction: u8, params: &[u8]) {
     out.push(checksum(&out[start + 2..]));
 }
 
-/// The complement of the sum.
 pub fn checksum(bytes: &[u8]) -> u8 {
     !bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte))
 }

@@ -9,13 +9,11 @@
 /// Most requests that are remembered; a servo that is gone asks for no more.
 const MOST: usize = 16;
 
-/// One instruction to one servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServoRequest<'a> {
     pub id: u8,
     pub instruction: u8,
     pub params: &'a [u8],
-    /// How many parameters the answer has.
     pub reply: usize,
 }
 
@@ -43,7 +41,6 @@ pub struct StaleReplies {
 }
 
 impl StaleReplies {
-    /// No answer came in time.
     pub fn note(&mut self, request: &ServoRequest) {
         if let Some(same) = self.unanswered.iter_mut().find(|other| other.is(request)) {
             same.times += 1;
@@ -61,8 +58,7 @@ impl StaleReplies {
         });
     }
 
-    /// How many answers to other requests may come and would pass for that of
-    /// this one.
+    /// How many answers to other requests may come and would pass for that of this one.
     pub fn mistakable(&self, request: &ServoRequest) -> usize {
         let others = self.unanswered.iter().filter(|other| !other.is(request));
         others

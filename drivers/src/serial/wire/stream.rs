@@ -12,11 +12,8 @@ use std::time::Duration;
 
 use serialport::{ClearBuffer, SerialPort};
 
-/// An open adapter.
 pub enum PortStream {
-    /// A serial port, ours alone.
     Serial(Box<dyn SerialPort>),
-    /// A connection.
     #[cfg(unix)]
     Socket(socket::Socket),
 }
@@ -98,7 +95,6 @@ mod socket {
         pub timeout: Duration,
     }
 
-    /// Whether a path leads to a socket.
     pub fn is_at(path: &str) -> bool {
         let is_name = cfg!(target_os = "linux") && path.starts_with('@');
         is_name || std::fs::metadata(path).is_ok_and(|at| at.file_type().is_socket())

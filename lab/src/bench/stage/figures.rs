@@ -5,18 +5,13 @@ use std::fmt;
 
 /// How near together the robots of a stage dance, and what faults cost.
 #[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct StageBenchReport {
-    /// Version of the program under test.
     pub version: &'static str,
-    /// Name of the robot that all followers are.
     pub robot: String,
-    /// How many robots followed.
     pub followers: usize,
-    /// Whether each program was in a namespace.
     pub namespaces: bool,
-    /// Delay each way, milliseconds.
     pub delay_ms: f64,
-    /// Share of what is sent that is lost.
     pub loss: f64,
     /// Whether what a loss does to TCP was modelled, not done by the kernel.
     pub loss_modelled: bool,
@@ -47,13 +42,11 @@ pub struct StageBenchReport {
     /// From the start of the next leader's program until all are on one beat;
     /// its music begins 4 s after it is ready.
     pub leader_recovery_s: Option<f64>,
-    /// Limits broken at the simulated servos.
     pub violations: u64,
     /// How long before their time frames were sent at last, milliseconds.
     pub lead_ms: f64,
     /// Longest way of a frame in the last half minute, milliseconds.
     pub way_ms: f64,
-    /// Frames that never came, all followers.
     pub lost_frames: u64,
     /// Control cycles without their frame, all followers.
     pub late_frames: u64,
@@ -63,7 +56,6 @@ pub struct StageBenchReport {
     pub cycle_late_ms_max: f64,
     /// Processor time of a follower's program with its simulated servos, cores: mean.
     pub cpu_cores: f64,
-    /// The same of the hungriest.
     pub cpu_cores_max: f64,
 }
 

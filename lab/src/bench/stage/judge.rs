@@ -8,7 +8,7 @@ use super::figures::StageBenchReport;
 use super::spread::{HOP_S, Together, Track, settled, windows};
 use super::{StageTrial, TrialTimes};
 use anyhow::Context;
-use servodance_runtime::follow::Followed;
+use servodance_runtime::offline::motion_tracking::Followed;
 use servodance_runtime::stage::FollowReport;
 use std::path::Path;
 
@@ -33,7 +33,6 @@ impl Stretch {
     }
 }
 
-/// Reads what the followers left and compares.
 pub fn judge(stage: &StageTrial, told: &TrialTimes) -> anyhow::Result<StageBenchReport> {
     let (mut reports, mut tracks) = (Vec::new(), Vec::new());
     for (place, member) in (1..).zip(&stage.members) {

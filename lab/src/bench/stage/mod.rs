@@ -27,9 +27,9 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use relay::{LinkFault, Relay};
 use servodance_drivers::BusLayout;
-use servodance_runtime::progress::Progress;
+use servodance_runtime::offline::song_file::write_demo_for;
+use servodance_runtime::process::progress::Progress;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::song::write_demo_for;
 use servodance_runtime::stage::shared_s;
 use site::Site;
 use std::net::TcpStream;
@@ -44,7 +44,6 @@ const SETTLE_S: [f64; 2] = [11.0, 7.0];
 const AWAY_S: f64 = 3.0;
 /// How long it is watched what becomes of it.
 const WATCHED_S: [f64; 2] = [10.0, 18.0];
-/// A leader listens within this.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Followers are gone within this after they were told.
 const FAREWELL: Duration = Duration::from_secs(20);
@@ -59,9 +58,7 @@ const CLOCK_DRIFT_PPM: f64 = 50.0;
 /// How many robots dance together, behind which network.
 #[derive(Clone, Debug)]
 pub struct StageBench {
-    /// How many simulated robots follow.
     pub followers: usize,
-    /// Which robot they all are.
     pub robot: String,
     /// Delay of the network each way, milliseconds.
     pub delay_ms: f64,
@@ -69,9 +66,7 @@ pub struct StageBench {
     pub loss: f64,
     /// Seconds that are measured before things go wrong.
     pub seconds: f64,
-    /// Each program in a namespace.
     pub namespaces: bool,
-    /// Of the clocks and of the network.
     pub seed: u64,
 }
 
@@ -86,7 +81,6 @@ pub fn bench(trial: &StageBench, stop: &AtomicBool) -> anyhow::Result<StageBench
 /// Programs that are ended when this is dropped.
 struct Program(Child);
 
-/// One follower of a trial.
 struct Member {
     program: Program,
     relay: Relay,
@@ -118,7 +112,6 @@ struct StageTrial<'a> {
     folder: TempDir,
     rng: ChaCha8Rng,
     members: Vec<Member>,
-    /// `--set` of every robot.
     patience: Vec<String>,
     progress: Progress,
     began: Instant,
@@ -148,7 +141,6 @@ impl<'a> StageTrial<'a> {
         settle_s + self.trial.seconds + 2.0 * AWAY_S + WATCHED_S[0] + WATCHED_S[1]
     }
 
-    /// All that happens, in its order.
     fn play(&mut self, stop: &AtomicBool) -> anyhow::Result<TrialTimes> {
         let mut told = TrialTimes::default();
         let leader = self.lead()?;
@@ -205,7 +197,6 @@ impl<'a> StageTrial<'a> {
         Ok(leader)
     }
 
-    /// Starts a follower behind its network.
     fn follow(&mut self, place: usize) -> anyhow::Result<()> {
         let good = place == 1;
         let fault = LinkFault {
@@ -333,7 +324,7 @@ fn patience(robot: &Robot) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servodance_runtime::robot_file::Overrides;
+    use servodance_runtime::robot::Overrides;
 
     #[test]
     fn every_built_in_robot_can_be_patient() {

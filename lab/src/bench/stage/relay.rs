@@ -18,7 +18,6 @@ use std::time::{Duration, Instant};
 
 /// Linux sends again after this at the earliest, seconds.
 const RESEND_S: f64 = 0.2;
-/// And at the latest.
 const RESEND_MAX_S: f64 = 4.0;
 /// Share of the delay that is jitter on top.
 const JITTER: f64 = 0.2;
@@ -27,7 +26,6 @@ const PIECE: usize = 16 * 1024;
 /// A partitioned link looks this often whether it is whole again.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// What is wrong with a link.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkFault {
     /// Delay each way, seconds.
@@ -38,7 +36,6 @@ pub struct LinkFault {
 
 /// A relay. Its threads end with the connections they serve.
 pub struct Relay {
-    /// Where a follower connects.
     pub address: SocketAddr,
     cut: Arc<AtomicBool>,
 }

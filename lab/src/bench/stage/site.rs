@@ -11,15 +11,12 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// The leader's port inside its namespace.
 const PORT: u16 = 7448;
-/// A program gets its namespace within this.
 const NAMESPACE: Duration = Duration::from_secs(10);
 
 /// Where the programs of a trial are started.
 #[derive(Clone, Copy, Debug)]
 pub enum Site {
-    /// On loopback; the leader at this port.
     Loopback(u16),
     /// Each in a namespace; whether the kernel can lose packets on purpose.
     Namespaces {
@@ -43,12 +40,10 @@ impl Site {
         Ok(Self::Namespaces { lossy })
     }
 
-    /// Whether lost packets are modelled.
     pub fn models_loss(self) -> bool {
         !matches!(self, Self::Namespaces { lossy: true })
     }
 
-    /// Where the leader listens.
     pub fn listen(self) -> String {
         match self {
             Self::Loopback(port) => format!("tcp/127.0.0.1:{port}"),
@@ -56,7 +51,6 @@ impl Site {
         }
     }
 
-    /// Where it is reached from here.
     pub fn leader(self) -> SocketAddr {
         match self {
             Self::Loopback(port) => (Ipv4Addr::LOCALHOST, port).into(),
@@ -136,7 +130,6 @@ impl Site {
     }
 }
 
-/// Addresses of both ends of a pair.
 fn outside(place: u8) -> Ipv4Addr {
     Ipv4Addr::new(10, 77, place, 1)
 }

@@ -28,7 +28,6 @@ pub const HOLD_S: f64 = 2.0;
 pub struct Track {
     times_s: Vec<f64>,
     idle: Vec<f64>,
-    /// One row a sample.
     positions_rad: Vec<Vec<f64>>,
 }
 
@@ -37,14 +36,12 @@ pub struct Track {
 pub enum Match {
     /// Neither moves enough, or one has no samples.
     Nothing,
-    /// They do not dance the same.
     Otherwise,
     /// It is so many seconds later; the share of movement that this explains.
     Later(f64, f64),
 }
 
 impl Track {
-    /// Reads what a witness wrote.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
         let text = std::fs::read_to_string(path)
             .with_context(|| format!("cannot read {}", path.display()))?;
@@ -203,19 +200,15 @@ impl Sums {
 
 #[derive(Clone, Copy, Debug)]
 struct Fit {
-    /// Share of the movement that is explained.
     alike: f64,
-    /// Of whichever moves more.
     speed_rad_s: f64,
 }
 
-/// How robots are together in a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Together {
     /// So many seconds between the first and the last; how alike the least alike
     /// is, 0 to 1.
     Within(f64, f64),
-    /// They do not all dance the same.
     Apart,
     /// They stand still, or there is too little of them.
     Unknown,

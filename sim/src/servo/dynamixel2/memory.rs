@@ -47,7 +47,6 @@ impl XServo {
         Ok(writes)
     }
 
-    /// Ranges that depend on other registers.
     fn check_value(&self, register: Register, value: i64) -> Result<(), AccessError> {
         let within = |range: std::ops::RangeInclusive<i64>| {
             if range.contains(&value) {
@@ -97,7 +96,6 @@ impl XServo {
         }
     }
 
-    /// Brings the present-value registers up to date.
     fn refresh(&mut self) {
         let sign = self.drive_sign();
         let moving = self.body.motor.speed_rad_s.abs() / RAD_S_PER_UNIT

@@ -20,11 +20,11 @@ use servodance_drivers::serial::dynamixel2::registers as at;
 
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::serial::roster::Device;
-use crate::servo::body::{Body, SimServoState};
+use crate::serial::roster::LineServo;
+use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
-use table::Table;
+use table::ControlTable;
 
 const RAD_PER_TICK: f64 = TAU / 4096.0;
 const RAD_S_PER_UNIT: f64 = 0.229 * TAU / 60.0;
@@ -35,18 +35,17 @@ const REBOOT_S: f64 = 0.3;
 const OVERLOAD_S: f64 = 2.0;
 /// ... and stall is this share of the stall torque.
 const OVERLOAD_SHARE: f64 = 0.8;
-/// Hardware error bits.
 const VOLTAGE_ERROR: i64 = 1;
 const OVERHEAT_ERROR: i64 = 1 << 2;
 const OVERLOAD_ERROR: i64 = 1 << 5;
 
-/// One servo.
+/// One servo with the firmware of the X series.
 #[derive(Clone, Debug)]
 pub struct XServo {
     model: &'static ServoModel,
-    table: Table,
-    body: Body,
-    backup: Option<Table>,
+    table: ControlTable,
+    body: ServoBody,
+    backup: Option<ControlTable>,
     registered: Option<Vec<(Register, i64)>>,
     /// Where the profile is, ticks, and its speed, ticks a second.
     trajectory_ticks: f64,
@@ -70,8 +69,8 @@ impl XServo {
             Motor::new(&model.sheet, spec.load_inertia_kg_m2).with_backlash(spec.backlash_rad);
         let judge = Judge::new(&spec.name, spec.limits, period_s);
         let mut servo = Self {
-            table: Table::new(model, spec.id, baud_code, spec.firmware),
-            body: Body::new(spec, motor, judge, supply_v),
+            table: ControlTable::new(model, spec.id, baud_code, spec.firmware),
+            body: ServoBody::new(spec, motor, judge, supply_v),
             model,
             backup: None,
             registered: None,
@@ -158,7 +157,6 @@ impl XServo {
         self.table.get(at::BUS_WATCHDOG) == 255
     }
 
-    /// The goal as a joint position.
     fn goal_rad(&self) -> f64 {
         let goal = self.table.get(at::GOAL_POSITION) as f64;
         self.body.joint_rad(self.angle_of_ticks(goal))
@@ -284,7 +282,6 @@ impl XServo {
         }
     }
 
-    /// Shutdown conditions.
     fn protect(&mut self, dt_s: f64) {
         let stall_a = self.model.sheet.stall_current_a * OVERLOAD_SHARE;
         let pushes_hard = self.body.motor.current_a.abs() > stall_a;
@@ -302,12 +299,12 @@ impl XServo {
     }
 }
 
-impl Device for XServo {
-    fn body(&self) -> &Body {
+impl LineServo for XServo {
+    fn body(&self) -> &ServoBody {
         &self.body
     }
 
-    fn body_mut(&mut self) -> &mut Body {
+    fn body_mut(&mut self) -> &mut ServoBody {
         &mut self.body
     }
 

@@ -26,10 +26,8 @@ pub enum AccessError {
 
 /// First address that survives a power cycle no more.
 const RAM: u16 = 64;
-/// One past the last address.
 const END: u16 = 662;
 
-/// One field.
 #[derive(Clone, Copy, Debug)]
 struct Field {
     register: Register,
@@ -40,16 +38,15 @@ struct Field {
 
 /// The memory of one servo.
 #[derive(Clone, Debug)]
-pub struct Table {
+pub struct ControlTable {
     memory: Vec<u8>,
     fields: Vec<Field>,
-    /// Which field each address belongs to.
     field_at: Vec<Option<u16>>,
     /// Indirect blocks: first address register, first data byte, how many.
     indirect: &'static [(u16, u16, u16)],
 }
 
-impl Table {
+impl ControlTable {
     /// A table with the model's factory settings.
     pub fn new(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Self {
         let fields = fields(model, id, baud_code, firmware);
@@ -186,7 +183,6 @@ fn sign_extended(bytes: &[u8]) -> i64 {
     }
 }
 
-/// The layout with the model's defaults.
 fn fields(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Vec<Field> {
     let family = factory_settings(model);
     let mut fields = Vec::with_capacity(200);
@@ -293,8 +289,8 @@ fn pointer(pointers: u16, index: u16) -> Register {
 mod tests {
     use super::*;
 
-    fn table() -> Table {
-        Table::new(ServoModel::from_number(1020).unwrap(), 1, 4, 45)
+    fn table() -> ControlTable {
+        ControlTable::new(ServoModel::from_number(1020).unwrap(), 1, 4, 45)
     }
 
     #[test]

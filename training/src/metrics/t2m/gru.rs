@@ -5,16 +5,15 @@
 use candle_core::{D, Device, Result as TensorResult, Tensor};
 use candle_nn::ops::{leaky_relu, sigmoid};
 
+use servodance_model::ModelError;
 use servodance_model::conditioning::checkpoint::Checkpoint;
 use servodance_model::conditioning::{TensorLinear as Linear, TensorNorm as Norm};
-use servodance_model::ModelError;
 
 /// Slope below zero of every leaky ReLU here.
 pub(super) const LEAK: f64 = 0.2;
 
-/// One direction.
 #[derive(Debug)]
-struct Direction {
+struct GruDirection {
     input_t: Tensor,
     input_bias: Tensor,
     recurrent_t: Tensor,
@@ -23,7 +22,7 @@ struct Direction {
     start: Tensor,
 }
 
-impl Direction {
+impl GruDirection {
     fn load(
         file: &Checkpoint,
         name: &str,
@@ -80,17 +79,16 @@ impl Direction {
     }
 }
 
-/// Sequences in, a vector each out.
 #[derive(Debug)]
-pub(super) struct Reader {
+pub(super) struct GruReader {
     input: Linear,
-    directions: [Direction; 2],
+    directions: [GruDirection; 2],
     inner: Linear,
     norm: Norm,
     output: Linear,
 }
 
-impl Reader {
+impl GruReader {
     /// The tensors whose names begin with `name`.
     pub fn load(
         file: &Checkpoint,
@@ -101,8 +99,8 @@ impl Reader {
         Ok(Self {
             input: Linear::load(file, &format!("{name}.input_emb"), input, width)?,
             directions: [
-                Direction::load(file, name, width, false)?,
-                Direction::load(file, name, width, true)?,
+                GruDirection::load(file, name, width, false)?,
+                GruDirection::load(file, name, width, true)?,
             ],
             inner: Linear::load(file, &out(0), 2 * width, width)?,
             norm: Norm::load(file, &out(1), width)?,

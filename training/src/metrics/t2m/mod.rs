@@ -14,40 +14,33 @@ use std::path::Path;
 
 use candle_core::{Device, Tensor};
 use candle_nn::ops::leaky_relu;
-use gru::{LEAK, Reader};
-use words::{KINDS, WORD_DIM, Words};
+use gru::{GruReader, LEAK};
+use words::{KINDS, WORD_DIM, WordTable};
 
 use crate::motion::humanml::{HUMANML_DIM, HumanMlVector};
-use servodance_model::conditioning::checkpoint::Checkpoint;
-use servodance_model::conditioning::TensorLinear as Linear;
 use servodance_model::ModelError;
+use servodance_model::conditioning::TensorLinear as Linear;
+use servodance_model::conditioning::checkpoint::Checkpoint;
 
-/// Numbers of a point.
 pub const POINT_DIM: usize = 512;
-/// Frames of a motion that become one step; a motion's length is cut to a
-/// multiple of it.
+/// Frames of a motion that become one step; a motion's length is cut to a multiple of it.
 pub const FRAMES_A_STEP: usize = 4;
-/// Longest motion, frames.
 pub const MOST_FRAMES: usize = 196;
 
-/// The vectors' numbers but the contacts.
 const HEARD: usize = HUMANML_DIM - 4;
-/// Width of the motion's GRU.
 const MOTION_WIDTH: usize = 1024;
-/// Width and stride of both convolutions.
 const KERNEL: usize = 4;
 
-/// Both extractors.
 #[derive(Debug)]
 pub struct Extractors {
     mean: Tensor,
     deviation: Tensor,
     convolutions: [(Tensor, Tensor); 2],
     movement: Linear,
-    motion: Reader,
+    motion: GruReader,
     kinds: Linear,
-    text: Reader,
-    words: Words,
+    text: GruReader,
+    words: WordTable,
 }
 
 impl Extractors {
@@ -66,22 +59,20 @@ impl Extractors {
             deviation: file.tensor("std", &[HUMANML_DIM])?,
             convolutions: [convolution(0, HEARD)?, convolution(3, POINT_DIM)?],
             movement: Linear::load(&file, "movement_encoder.out_net", POINT_DIM, POINT_DIM)?,
-            motion: Reader::load(
+            motion: GruReader::load(
                 &file,
                 "motion_encoder",
                 [POINT_DIM, MOTION_WIDTH, POINT_DIM],
             )?,
             kinds: Linear::load(&file, "text_encoder.pos_emb", KINDS, WORD_DIM)?,
-            text: Reader::load(&file, "text_encoder", [WORD_DIM, POINT_DIM, POINT_DIM])?,
-            words: Words::load(&folder.join("words.json"), &file)?,
+            text: GruReader::load(&file, "text_encoder", [WORD_DIM, POINT_DIM, POINT_DIM])?,
+            words: WordTable::load(&folder.join("words.json"), &file)?,
         })
     }
 
-    /// Points of motions, each cut to [`MOST_FRAMES`] and a multiple of
-    /// [`FRAMES_A_STEP`].
+    /// Points of motions, each cut to [`MOST_FRAMES`] and a multiple of [`FRAMES_A_STEP`].
     ///
-    /// # Errors
-    /// A motion that is too short for one step.
+    /// Errors: A motion that is too short for one step.
     pub fn motions(&self, motions: &[&[HumanMlVector]]) -> Result<Vec<Vec<f32>>, ModelError> {
         let steps = motions.iter().map(|motion| self.steps(motion));
         let steps: Vec<Tensor> = steps.collect::<Result<_, _>>()?;

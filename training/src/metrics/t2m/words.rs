@@ -11,12 +11,10 @@ use std::path::Path;
 use candle_core::{Device, Result as TensorResult, Tensor};
 use serde::Deserialize;
 
-use servodance_model::conditioning::checkpoint::{Checkpoint, file_error};
 use servodance_model::ModelError;
+use servodance_model::conditioning::checkpoint::{Checkpoint, file_error};
 
-/// Numbers of a word's vector.
 pub(super) const WORD_DIM: usize = 300;
-/// Kinds of words.
 pub(super) const KINDS: usize = 15;
 /// Tokens of a text that count; what follows is left out.
 const MOST_TOKENS: usize = 20;
@@ -25,10 +23,9 @@ const OTHER: &str = "OTHER";
 /// Stands for words that are not in the list.
 const UNKNOWN: &str = "unk";
 
-/// `words.json`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct List {
+struct WordList {
     /// The words of the rows of `words.weight`.
     words: Vec<String>,
     /// Names of the kinds, in the encoder's order.
@@ -39,7 +36,7 @@ struct List {
 
 /// Vectors and kinds of all known words.
 #[derive(Debug)]
-pub(super) struct Words {
+pub(super) struct WordTable {
     vectors: Tensor,
     rows: HashMap<String, u32>,
     kinds: HashMap<String, usize>,
@@ -48,12 +45,12 @@ pub(super) struct Words {
     other: usize,
 }
 
-impl Words {
+impl WordTable {
     /// `words.json`, and `words.weight` of the checkpoint.
     pub fn load(path: &Path, file: &Checkpoint) -> Result<Self, ModelError> {
         let failed = |reason: String| file_error(path, reason);
         let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
-        let list: List =
+        let list: WordList =
             serde_json::from_str(&text).map_err(|e| failed(format!("not a list of words: {e}")))?;
         if list.kinds.len() != KINDS {
             let found = list.kinds.len();

@@ -2,13 +2,13 @@
 
 use rand::Rng;
 
-use super::super::parameters::{ParameterGradients, Parameters, normal};
-use super::super::stage1::MotionBatch;
-use super::super::tape::Batch;
-use super::super::trainer::Outcome;
-use super::{check_same, motion_batch, rng, seq_batch, stage_one, stage_two};
-use servodance_model::motion::representation::POSE_DIM;
+use super::super::network_training::BatchOutcome;
+use super::{check_same, motion_batch, motionseq_training, rng, seq_batch, vqvae_training};
+use crate::train::autodiff::parameters::{ParameterGradients, Parameters, normal};
+use crate::train::autodiff::tape::Batch;
+use crate::train::vqvae::training::MotionBatch;
 use servodance_model::config::Positions;
+use servodance_model::motion::representation::POSE_DIM;
 
 /// A gradient for every parameter, and the right one: along the gradient itself,
 /// along a random direction, and in single numbers.
@@ -75,9 +75,9 @@ fn check_gradients(
 
 #[test]
 fn every_gradient_of_stage_one_is_that_of_the_loss() {
-    let mut stage = stage_one();
+    let mut stage = vqvae_training();
     let batch = motion_batch(&[14, 9], 14);
-    let Outcome { gradients, .. } = stage.learn(&batch, false, &mut rng());
+    let BatchOutcome { gradients, .. } = stage.learn(&batch, false, &mut rng());
     let mut parameters = stage.parameters.clone();
     check_gradients(&mut parameters, &gradients, |moved| {
         stage.parameters = moved.clone();
@@ -87,7 +87,7 @@ fn every_gradient_of_stage_one_is_that_of_the_loss() {
 
 #[test]
 fn with_codes_every_parameter_of_stage_one_learns() {
-    let mut stage = stage_one();
+    let mut stage = vqvae_training();
     let outcome = stage.learn(&motion_batch(&[14, 9], 14), true, &mut rng());
     for (parameter, gradient) in stage.parameters.iter().zip(&outcome.gradients.0) {
         assert!(
@@ -101,9 +101,9 @@ fn with_codes_every_parameter_of_stage_one_learns() {
 #[test]
 fn every_gradient_of_stage_two_is_that_of_the_loss() {
     for positions in [Positions::Alibi, Positions::Sinusoidal] {
-        let mut stage = stage_two(positions);
+        let mut stage = motionseq_training(positions);
         let batch = seq_batch(&[12, 12, 7], 12);
-        let Outcome { gradients, .. } = stage.learn(&batch, &mut rng());
+        let BatchOutcome { gradients, .. } = stage.learn(&batch, &mut rng());
         let mut parameters = stage.parameters.clone();
         check_gradients(&mut parameters, &gradients, |moved| {
             stage.parameters = moved.clone();
@@ -126,7 +126,7 @@ fn padding_changes_neither_loss_nor_gradient() {
             lengths: vec![9],
         },
     };
-    let [a, b] = [&second, &padded].map(|batch| stage_one().learn(batch, true, &mut rng()));
+    let [a, b] = [&second, &padded].map(|batch| vqvae_training().learn(batch, true, &mut rng()));
     assert!((a.terms[0].1 - b.terms[0].1).abs() < 1e-5 * a.terms[0].1.abs());
     for (a, b) in a.gradients.0.iter().zip(&b.gradients.0) {
         check_same("gradient", a, b);

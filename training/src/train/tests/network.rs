@@ -1,12 +1,12 @@
 //! Both stages against the networks that run.
 
 use super::super::layers::Dropout;
-use super::super::tape::{Batch, Buffers, Tape};
-use super::super::vqvae::embed;
-use super::{TINY, check_same, noise, rng, seq_batch, stage_one, stage_two};
-use servodance_model::motion::representation::POSE_DIM;
+use super::{TINY, check_same, motionseq_training, noise, rng, seq_batch, vqvae_training};
+use crate::train::autodiff::tape::{Batch, BufferPool, Tape};
+use crate::train::vqvae::network::embed;
 use servodance_model::config::Positions;
 use servodance_model::engine::{Engine, EngineOptions};
+use servodance_model::motion::representation::POSE_DIM;
 use servodance_model::motionseq::MotionSeq;
 use servodance_model::vqvae::{VqDecoder, VqEncoder};
 use servodance_model::weights::{Dtype, Weights};
@@ -22,7 +22,7 @@ fn engine(weights: &Weights) -> Engine {
 
 #[test]
 fn stage_one_computes_what_the_networks_that_run_compute() {
-    let stage = stage_one();
+    let stage = vqvae_training();
     let weights = Weights::open(TINY, "tiny").unwrap();
     let encoder = VqEncoder::load(&weights).unwrap();
     let engine = engine(&weights);
@@ -30,7 +30,7 @@ fn stage_one_computes_what_the_networks_that_run_compute() {
     let frames = 70;
     let normal = noise(frames * POSE_DIM);
     let batch = Batch::full(1, frames);
-    let mut t = Tape::new(&stage.parameters, Buffers::default());
+    let mut t = Tape::new(&stage.parameters, BufferPool::default());
     let mut drop_rng = rng();
     let mut drop = Dropout {
         rate: 0.0,
@@ -54,12 +54,15 @@ fn stage_one_computes_what_the_networks_that_run_compute() {
 
 #[test]
 fn stage_two_computes_what_the_networks_that_run_compute() {
-    let (stage, frames) = (stage_two(Positions::Alibi), 60);
+    let (stage, frames) = (motionseq_training(Positions::Alibi), 60);
     let weights = Weights::open(TINY, "tiny").unwrap();
     let engine = engine(&weights);
-    let (seq, team) = (MotionSeq::load(&weights, &engine).unwrap(), engine.pool().team());
+    let (seq, team) = (
+        MotionSeq::load(&weights, &engine).unwrap(),
+        engine.pool().team(),
+    );
     let batch = seq_batch(&[frames, frames], frames);
-    let mut t = Tape::new(&stage.parameters, Buffers::default());
+    let mut t = Tape::new(&stage.parameters, BufferPool::default());
     let mut drop_rng = rng();
     let mut drop = Dropout {
         rate: 0.0,

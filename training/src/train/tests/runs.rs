@@ -1,16 +1,17 @@
 //! Whole runs: stopped and continued, with threads, refused, ended, validated.
 
 use super::super::QuantiseSettings;
-use super::super::data::tests::data;
-use super::super::nll::IGNORED;
-use super::super::settings::{SettingsFile, StageKind};
-use super::super::stage2::{SeqBatch, SeqStage, StageOne};
+use super::super::data::TrainingData;
+use super::super::settings::{SettingsFile, TrainedNetwork};
 use super::super::trainer::Trainer;
 use super::{TINY, rng, settings};
+use crate::train::motionseq::nll::IGNORED;
+use crate::train::motionseq::training::{MotionSeqTraining, SeqBatch};
+use crate::train::motionseq::vqvae_weights::VqVaeWeights;
 use servodance_model::vqvae::VqEncoder;
 use servodance_model::weights::Weights;
 
-fn trainer(stage: StageKind, change: impl Fn(&mut SettingsFile)) -> Trainer {
+fn trainer(stage: TrainedNetwork, change: impl Fn(&mut SettingsFile)) -> Trainer {
     let settings = settings(stage, |file| {
         for part in [&mut file.vqvae, &mut file.motionseq] {
             part.steps = Some(12);
@@ -23,22 +24,23 @@ fn trainer(stage: StageKind, change: impl Fn(&mut SettingsFile)) -> Trainer {
         };
         change(file);
     });
-    let stage_one = (stage == StageKind::MotionSeq).then(|| StageOne::open(TINY, "tiny").unwrap());
-    Trainer::new(settings, data(), stage_one).unwrap()
+    let vqvae_training =
+        (stage == TrainedNetwork::MotionSeq).then(|| VqVaeWeights::open(TINY, "tiny").unwrap());
+    Trainer::new(settings, TrainingData::example(), vqvae_training).unwrap()
 }
 
 fn go(trainer: &mut Trainer, until: u64) {
     while trainer.steps_taken() < until {
         trainer.step().unwrap();
-        if trainer.line_is_due() {
-            trainer.line();
+        if trainer.curve_row_is_due() {
+            trainer.curve_row();
         }
     }
 }
 
 #[test]
 fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
-    for stage in [StageKind::VqVae, StageKind::MotionSeq] {
+    for stage in [TrainedNetwork::VqVae, TrainedNetwork::MotionSeq] {
         let mut straight = trainer(stage, |_| ());
         go(&mut straight, 12);
         for stop in [2, 4, 7] {
@@ -77,7 +79,7 @@ fn the_number_of_threads_changes_no_bit_of_a_run() {
             .build()
             .unwrap();
         pool.install(|| {
-            let mut trainer = trainer(StageKind::VqVae, |_| ());
+            let mut trainer = trainer(TrainedNetwork::VqVae, |_| ());
             go(&mut trainer, 8);
             trainer.checkpoint()
         })
@@ -87,19 +89,19 @@ fn the_number_of_threads_changes_no_bit_of_a_run() {
 
 #[test]
 fn a_checkpoint_of_another_run_is_refused_by_what_differs() {
-    let bytes = trainer(StageKind::VqVae, |_| ()).checkpoint();
+    let bytes = trainer(TrainedNetwork::VqVae, |_| ()).checkpoint();
     let error = |change: &dyn Fn(&mut SettingsFile)| {
-        let mut other = trainer(StageKind::VqVae, change);
+        let mut other = trainer(TrainedNetwork::VqVae, change);
         other.resume(&bytes).unwrap_err().to_string()
     };
     let text = error(&|file| file.vqvae.batch = Some(5));
     assert!(text.contains("`run.batch` is 4, expected 5"), "{text}");
     let text = error(&|file| file.model.codes = Some(32));
     assert!(text.contains("`model.codes` is 16, expected 32"), "{text}");
-    let mut other = trainer(StageKind::MotionSeq, |_| ());
+    let mut other = trainer(TrainedNetwork::MotionSeq, |_| ());
     let text = other.resume(&bytes).unwrap_err().to_string();
     assert!(text.contains("is") && text.contains("expected"), "{text}");
-    let text = trainer(StageKind::VqVae, |_| ())
+    let text = trainer(TrainedNetwork::VqVae, |_| ())
         .resume(&bytes[..2000])
         .unwrap_err()
         .to_string();
@@ -109,7 +111,7 @@ fn a_checkpoint_of_another_run_is_refused_by_what_differs() {
 #[test]
 fn learning_goes_on_only_while_it_helps() {
     // A rate that moves nothing: no line is better than the first.
-    let mut idle = trainer(StageKind::MotionSeq, |file| {
+    let mut idle = trainer(TrainedNetwork::MotionSeq, |file| {
         file.motionseq.learning_rate = Some(1e-30);
         file.motionseq.weight_decay = Some(0.0);
         file.motionseq.patience = Some(2);
@@ -118,7 +120,7 @@ fn learning_goes_on_only_while_it_helps() {
     let mut lines = Vec::new();
     for _ in 0..3 {
         idle.step().unwrap();
-        lines.push(idle.line());
+        lines.push(idle.curve_row());
     }
     let found: Vec<(bool, bool)> = lines.iter().map(|line| (line.best, line.stale)).collect();
     assert_eq!(found, [(true, false), (false, false), (false, true)]);
@@ -126,19 +128,25 @@ fn learning_goes_on_only_while_it_helps() {
 
 #[test]
 fn what_was_learned_loads_and_the_end_is_learned_where_sequences_end() {
-    let mut stage = trainer(StageKind::VqVae, |_| ());
+    let mut stage = trainer(TrainedNetwork::VqVae, |_| ());
     go(&mut stage, 12);
     let weights = stage.weights();
     let opened = Weights::open(&weights, "trained").unwrap();
     VqEncoder::load(&opened).unwrap();
     servodance_model::Codec::from_bytes(&weights, "trained").unwrap();
-    let settings = settings(StageKind::MotionSeq, |file| {
+    let settings = settings(TrainedNetwork::MotionSeq, |file| {
         file.model.eos = Some(true);
         file.motionseq.steps = Some(4);
     });
-    let stage_one = StageOne::open(&weights, "trained").unwrap();
+    let vqvae_training = VqVaeWeights::open(&weights, "trained").unwrap();
     let mut rng = rng();
-    let (stage, _) = SeqStage::new(settings.clone(), data(), stage_one.clone(), &mut rng).unwrap();
+    let (stage, _) = MotionSeqTraining::new(
+        settings.clone(),
+        TrainingData::example(),
+        vqvae_training.clone(),
+        &mut rng,
+    )
+    .unwrap();
     let (mut ends, mut rows) = (0, 0);
     for _ in 0..200 {
         let SeqBatch { inputs, targets } = stage.draw(&mut rng);
@@ -154,7 +162,8 @@ fn what_was_learned_loads_and_the_end_is_learned_where_sequences_end() {
         }
     }
     assert!(ends > 5 && ends < rows / 20, "{ends} of {rows}");
-    let mut trainer = Trainer::new(settings, data(), Some(stage_one)).unwrap();
+    let mut trainer =
+        Trainer::new(settings, TrainingData::example(), Some(vqvae_training)).unwrap();
     go(&mut trainer, 4);
     let weights = trainer.weights();
     servodance_model::Generator::from_bytes(&weights, "trained").unwrap();
@@ -162,13 +171,13 @@ fn what_was_learned_loads_and_the_end_is_learned_where_sequences_end() {
 
 #[test]
 fn validation_leaves_the_run_as_it_is() {
-    for stage in [StageKind::VqVae, StageKind::MotionSeq] {
+    for stage in [TrainedNetwork::VqVae, TrainedNetwork::MotionSeq] {
         let mut run = trainer(stage, |_| ());
         go(&mut run, 5);
         let before = run.weights();
         let scores = |trainer: &mut Trainer| {
             let mut rng = rng();
-            trainer.stage_mut().validate(&mut rng).unwrap()
+            trainer.training_mut().validate(&mut rng).unwrap()
         };
         assert_eq!(scores(&mut run), scores(&mut run));
         assert!(run.weights() == before);

@@ -3,16 +3,18 @@
 //! `golden/` is written by `model/reference/golden_step.py`: one training step
 //! of the twin from the weights in `tests/golden/tiny.safetensors`.
 
-use super::super::motionseq::Inputs;
-use super::super::nll::IGNORED;
 use super::super::optimizer::{AdamSettings, AdamW};
-use super::super::parameters::{ParameterGradients, Parameters};
-use super::super::stage1::MotionBatch;
-use super::super::stage2::{SeqBatch, SeqStage};
-use super::super::tape::Batch;
 use super::super::tensors::{Tensors, read};
-use super::TINY;
-use super::{TOLERANCE, check_same, codes, floats, rng, stage_one, stage_two, stage_two_of};
+use super::{
+    TINY, TOLERANCE, check_same, codes, floats, motionseq_training, motionseq_training_of, rng,
+    vqvae_training,
+};
+use crate::train::autodiff::parameters::{ParameterGradients, Parameters};
+use crate::train::autodiff::tape::Batch;
+use crate::train::motionseq::network::MotionSeqInputs;
+use crate::train::motionseq::nll::IGNORED;
+use crate::train::motionseq::training::{MotionSeqTraining, SeqBatch};
+use crate::train::vqvae::training::MotionBatch;
 use safetensors::SafeTensors;
 use servodance_model::config::Positions;
 use servodance_model::weights::tensor_file::{self, Entry};
@@ -59,7 +61,7 @@ fn check_step(golden: &Tensors, parameters: &mut Parameters, gradients: &Paramet
 #[test]
 fn a_step_of_stage_one_is_that_of_the_twin() {
     let golden = read(GOLDEN, &[""]).unwrap();
-    let mut stage = stage_one();
+    let mut stage = vqvae_training();
     let batch = MotionBatch {
         real: floats(&golden, "in.motion"),
         batch: Batch::full(3, 20),
@@ -88,14 +90,14 @@ fn a_step_of_stage_one_is_that_of_the_twin() {
 #[test]
 fn a_step_of_stage_two_is_that_of_the_twin() {
     let golden = read(GOLDEN, &[""]).unwrap();
-    check_seq_step(&golden, stage_two(Positions::Alibi), |_| ());
+    check_seq_step(&golden, motionseq_training(Positions::Alibi), |_| ());
 }
 
 #[test]
 fn a_step_with_absolute_positions_and_an_end_is_that_of_the_twin() {
     let golden = read(ABSOLUTE, &[""]).unwrap();
     let weights = with_end();
-    let stage = stage_two_of(&weights, |seq| {
+    let stage = motionseq_training_of(&weights, |seq| {
         (seq.positions, seq.eos) = (Positions::Sinusoidal, true);
     });
     check_seq_step(&golden, stage, |targets| {
@@ -105,7 +107,11 @@ fn a_step_with_absolute_positions_and_an_end_is_that_of_the_twin() {
 }
 
 /// One step against the golden file's, with targets changed somehow.
-fn check_seq_step(golden: &Tensors, mut stage: SeqStage, change: impl Fn(&mut Vec<Vec<u32>>)) {
+fn check_seq_step(
+    golden: &Tensors,
+    mut stage: MotionSeqTraining,
+    change: impl Fn(&mut Vec<Vec<u32>>),
+) {
     let (sequences, length) = (3, 20);
     let lengths: Vec<usize> = codes(golden, "in.lengths")
         .iter()
@@ -130,7 +136,7 @@ fn check_seq_step(golden: &Tensors, mut stage: SeqStage, change: impl Fn(&mut Ve
     };
     let mut batch = SeqBatch {
         targets: chosen.iter().map(counted).collect(),
-        inputs: Inputs {
+        inputs: MotionSeqInputs {
             previous,
             chosen,
             music: floats(golden, "in.music"),

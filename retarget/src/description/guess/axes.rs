@@ -1,0 +1,140 @@
+//! Up and forward in the root link's frame.
+
+use k::nalgebra::{Point3, Vector3};
+
+use super::limb::{FoundLimb, LinkTree, mean};
+use super::shape::corners_of;
+
+/// Axes of the root link that point forward and up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct BodyAxes {
+    pub forward: Vector3<f64>,
+    pub up: Vector3<f64>,
+    /// Whether it was seen, or only assumed.
+    pub seen: bool,
+}
+
+impl BodyAxes {
+    /// As a robot file says it: `x`, `-y`, …
+    pub fn name(axis: &Vector3<f64>) -> &'static str {
+        let names = [["x", "-x"], ["y", "-y"], ["z", "-z"]];
+        let at = axis.iamax();
+        names[at][usize::from(axis[at] < 0.0)]
+    }
+
+    /// Whether the root link looks along x and z is up.
+    pub fn is_usual(&self) -> bool {
+        self.forward == Vector3::x() && self.up == Vector3::z()
+    }
+}
+
+/// The axis of the frame nearest to a direction.
+fn nearest_axis(direction: Vector3<f64>) -> Vector3<f64> {
+    let at = direction.iamax();
+    let mut axis = Vector3::zeros();
+    axis[at] = direction[at].signum();
+    axis
+}
+
+pub(super) fn find(
+    body: &LinkTree,
+    arms: &[FoundLimb; 2],
+    legs: &[FoundLimb; 2],
+    head: Option<usize>,
+    chest: usize,
+    reasons: &mut Vec<String>,
+) -> BodyAxes {
+    let tops = |limbs: &[FoundLimb; 2]| {
+        let [left, right] = [0, 1].map(|i| limbs[i].top.map(|link| body.at(link)));
+        left.zip(right)
+    };
+    let usual = BodyAxes {
+        forward: Vector3::x(),
+        up: Vector3::z(),
+        seen: false,
+    };
+    let pairs = [tops(arms), tops(legs)];
+    let across: Vector3<f64> = pairs
+        .iter()
+        .flatten()
+        .map(|(left, right)| left - right)
+        .sum();
+    if across.norm() < 1e-3 {
+        reasons.push("no pair of limbs to see forward by: x forward, z up are assumed".into());
+        return usual;
+    }
+    let left = nearest_axis(across);
+    let both = |pair: &Option<(Point3<f64>, Point3<f64>)>| {
+        pair.as_ref()
+            .map(|(left, right)| Point3::from((left.coords + right.coords) * 0.5))
+    };
+    let shoulders = both(&pairs[0]);
+    let hips = both(&pairs[1]);
+    let feet: Vec<_> = legs
+        .iter()
+        .filter_map(|leg| leg.path.last())
+        .map(|&l| body.at(l))
+        .collect();
+    let top = shoulders.or(head.map(|head| body.at(head)));
+    let upward = match (hips, mean(&feet), top, head) {
+        (Some(hips), Some(feet), _, _) if (hips - feet).norm() > 1e-2 => hips - feet,
+        (_, _, Some(shoulders), Some(head)) if (body.at(head) - shoulders).norm() > 1e-2 => {
+            body.at(head) - shoulders
+        }
+        (_, _, Some(top), _) => top - body.at(if chest == 0 { 0 } else { chest }),
+        _ => Vector3::z(),
+    };
+    // What lies across is not up.
+    let upward = upward - left * left.dot(&upward);
+    let up = match upward.norm() > 1e-2 {
+        true => nearest_axis(upward),
+        false if left.z == 0.0 => Vector3::z(),
+        false => Vector3::y(),
+    };
+    let forward = left.cross(&up);
+    reasons.push(format!(
+        "left is {} of the root link (from right to left limbs) and up is {}: so forward is {}",
+        BodyAxes::name(&left),
+        BodyAxes::name(&up),
+        BodyAxes::name(&forward)
+    ));
+    BodyAxes {
+        forward,
+        up,
+        seen: true,
+    }
+}
+
+/// The middle of a foot's underside, in its link's frame, and its length and
+/// width in metres, if the foot has a shape.
+pub(super) fn sole(
+    body: &LinkTree,
+    link: usize,
+    axes: &BodyAxes,
+) -> Option<(Point3<f64>, [f64; 2])> {
+    let drives_above = |link: usize| body.model.drives_above(link);
+    let foot = body
+        .model
+        .ancestors(link)
+        .take_while(|&up| drives_above(up) == drives_above(link))
+        .last();
+    let corners = corners_of(body.model, foot.unwrap_or(link), body.poses);
+    if corners.is_empty() {
+        return None;
+    }
+    let span = |axis: Vector3<f64>| {
+        let along = corners.iter().map(|corner| corner.coords.dot(&axis));
+        let low = along.clone().fold(f64::INFINITY, f64::min);
+        (low, along.fold(f64::NEG_INFINITY, f64::max))
+    };
+    let left = axes.up.cross(&axes.forward);
+    let (back, front) = span(axes.forward);
+    let (right, leftmost) = span(left);
+    let (bottom, _) = span(axes.up);
+    let at = axes.forward * f64::midpoint(back, front)
+        + left * f64::midpoint(right, leftmost)
+        + axes.up * bottom;
+    let size_m = [front - back, leftmost - right].map(|size| (size * 0.95).clamp(0.005, 1.0));
+    let in_link = body.poses[link].inverse() * Point3::from(at);
+    Some((in_link, size_m))
+}

@@ -1,0 +1,264 @@
+//! One arm or leg: from the trunk to its end, and where it bends.
+
+use k::nalgebra::{Isometry3, Point3, Vector3};
+
+use super::shape::far_end;
+use super::words::{ANKLE, ELBOW, FOREARM, HAND, KNEE, NameWords, SHANK, SOLE};
+use crate::kinematics::chain::{JointMotion, RobotModel};
+
+/// Axes nearer to a segment than this cosine twist it; others bend it.
+const TWIST: f64 = 0.8;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LimbKind {
+    Arm,
+    Leg,
+}
+
+/// The points of one limb. Link indices; the end may be a new point on a link.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct FoundLimb {
+    pub top: Option<usize>,
+    pub middle: Option<usize>,
+    pub end: Option<usize>,
+    /// The last link of a leg.
+    pub sole: Option<usize>,
+    /// Where the end is, in the frame of the named link, if no link's origin is.
+    pub tip: Option<(usize, Point3<f64>)>,
+    /// Links from the first moving one on.
+    pub path: Vec<usize>,
+}
+
+pub(super) struct LinkTree<'a> {
+    pub model: &'a RobotModel,
+    pub words: &'a [NameWords],
+    pub poses: &'a [Isometry3<f64>],
+    pub children: &'a [Vec<usize>],
+}
+
+impl LinkTree<'_> {
+    pub fn at(&self, link: usize) -> Point3<f64> {
+        Point3::from(self.poses[link].translation.vector)
+    }
+
+    /// Whether the joint right above `link` is driven.
+    pub fn is_moved(&self, link: usize) -> bool {
+        let above = self.model.links[link].parent;
+        above.is_some_and(|above| self.model.drives_above(link) > self.model.drives_above(above))
+    }
+
+    /// Driven joints below `link` along the longest way.
+    pub fn moved_below(&self, link: usize) -> usize {
+        let below = self.children[link].iter();
+        below
+            .map(|&child| usize::from(self.is_moved(child)) + self.moved_below(child))
+            .max()
+            .unwrap_or(0)
+    }
+
+    /// From `start` along the limb to where it ends or splits into fingers.
+    pub fn path(&self, start: usize, kind: LimbKind) -> Vec<usize> {
+        let mut path = vec![start];
+        let mut at = start;
+        loop {
+            let moving: Vec<usize> = self.children[at]
+                .iter()
+                .copied()
+                .filter(|&child| self.is_moved(child) || self.moved_below(child) > 0)
+                .collect();
+            let bends = path.iter().filter(|&&link| self.is_moved(link)).count();
+            let fingers = moving.iter().all(|&c| self.words[c].is_finger());
+            let next = match moving[..] {
+                [] => None,
+                [only] if !(fingers && bends > 1) => Some(only),
+                _ if bends > 2 => None,
+                _ => moving
+                    .into_iter()
+                    .max_by_key(|&child| self.moved_below(child)),
+            };
+            let next = next.or_else(|| self.named_end(at, kind));
+            let Some(next) = next else {
+                return path;
+            };
+            path.push(next);
+            at = next;
+        }
+    }
+
+    /// A fixed child whose name says that it is the limb's end.
+    fn named_end(&self, link: usize, kind: LimbKind) -> Option<usize> {
+        let names = match kind {
+            LimbKind::Arm => HAND,
+            LimbKind::Leg => SOLE,
+        };
+        let far = |child: &usize| (self.at(*child) - self.at(link)).norm();
+        self.children[link]
+            .iter()
+            .copied()
+            .filter(|&child| !self.is_moved(child) && self.words[child].has(names))
+            .filter(|child| far(child) > 1e-3)
+            .max_by(|a, b| far(a).total_cmp(&far(b)))
+    }
+
+    pub fn limb(&self, path: Vec<usize>, kind: LimbKind) -> FoundLimb {
+        let moved: Vec<usize> = path.iter().copied().filter(|&l| self.is_moved(l)).collect();
+        let (Some(&first), Some(&last)) = (moved.first(), path.last()) else {
+            return FoundLimb::default();
+        };
+        let mut found = FoundLimb {
+            path: path.clone(),
+            ..FoundLimb::default()
+        };
+        let mut end = self.at(last);
+        if kind == LimbKind::Arm || !self.words[last].has(SOLE) {
+            // A last link whose origin is on its joint says nothing of its length.
+            if let Some(&tip_link) = moved.last()
+                && (self.at(last) - self.at(tip_link)).norm() < 5e-3
+                && let Some(far) = far_end(self.model, tip_link, self.poses)
+                && kind == LimbKind::Arm
+            {
+                found.tip = Some((tip_link, self.poses[tip_link].inverse() * far));
+                end = far;
+            }
+        }
+        let middle = self.middle(&moved, end, kind);
+        found.middle = middle;
+        let Some(middle) = middle else {
+            // One segment: the limb's end takes the middle's place.
+            found.top = Some(self.top(&moved[..1], end).unwrap_or(first));
+            found.end = Some(last);
+            return found;
+        };
+        let above: Vec<usize> = moved.iter().copied().take_while(|&l| l != middle).collect();
+        found.top = self.top(&above, self.at(middle));
+        match kind {
+            LimbKind::Arm => self.hand(&mut found, middle, last, end),
+            LimbKind::Leg => self.foot(&mut found, middle, &moved, last),
+        }
+        found
+    }
+
+    /// The elbow or knee: by name, else the bend nearest to half the length.
+    fn middle(&self, moved: &[usize], end: Point3<f64>, kind: LimbKind) -> Option<usize> {
+        let tiers: &[&[&str]] = match kind {
+            LimbKind::Arm => &[ELBOW, FOREARM],
+            LimbKind::Leg => &[KNEE, SHANK],
+        };
+        let first = self.at(*moved.first()?);
+        let apart = |link: usize| (self.at(link) - first).norm();
+        let whole = (end - first)
+            .norm()
+            .max(moved.iter().map(|&l| apart(l)).fold(0.0, f64::max));
+        for tier in tiers {
+            let named = moved
+                .iter()
+                .skip(1)
+                .copied()
+                .find(|&link| self.words[link].has(tier) && apart(link) > 0.1 * whole);
+            if named.is_some() {
+                return named;
+            }
+        }
+        // Lengths along the limb.
+        let mut along = vec![0.0];
+        for pair in moved.windows(2) {
+            let step = (self.at(pair[1]) - self.at(pair[0])).norm();
+            along.push(along.last().copied().unwrap_or(0.0) + step);
+        }
+        let last = moved
+            .last()
+            .map_or(0.0, |&link| (end - self.at(link)).norm());
+        let length = along.last().copied().unwrap_or(0.0) + last;
+        if length < 1e-3 {
+            return None;
+        }
+        (1..moved.len())
+            .filter(|&i| (0.2..0.8).contains(&(along[i] / length)))
+            .filter(|&i| !self.twists(moved[i], end))
+            .min_by(|&a, &b| {
+                let off = |i: usize| (along[i] / length - 0.5).abs();
+                off(a).total_cmp(&off(b))
+            })
+            .map(|i| moved[i])
+    }
+
+    /// The joint that the upper segment turns about: the last that bends it.
+    fn top(&self, above: &[usize], middle: Point3<f64>) -> Option<usize> {
+        let far = |link: usize| (middle - self.at(link)).norm();
+        let farthest = above.iter().map(|&link| far(link)).fold(0.0, f64::max);
+        above
+            .iter()
+            .rev()
+            .copied()
+            .find(|&link| far(link) > 0.6 * farthest && !self.twists(link, middle))
+            .or_else(|| above.last().copied())
+    }
+
+    /// Whether the joint of `link` turns about the line to `to`.
+    fn twists(&self, link: usize, to: Point3<f64>) -> bool {
+        let JointMotion::Revolute(axis) = self.model.links[link].motion else {
+            return true;
+        };
+        let line = to - self.at(link);
+        line.try_normalize(1e-6)
+            .is_some_and(|line| (self.poses[link] * axis.into_inner()).dot(&line).abs() > TWIST)
+    }
+
+    fn hand(&self, found: &mut FoundLimb, elbow: usize, last: usize, end: Point3<f64>) {
+        let whole = (end - self.at(elbow)).norm();
+        let far = |link: usize| (self.at(link) - self.at(elbow)).norm();
+        let below = found
+            .path
+            .iter()
+            .copied()
+            .skip_while(|&l| l != elbow)
+            .skip(1);
+        let named = below
+            .filter(|&link| self.words[link].has(HAND) && far(link) > 0.4 * whole)
+            .find(|&link| far(link) > 5e-3);
+        let plain = (far(last) > 0.25 * whole && far(last) > 5e-3).then_some(last);
+        found.end = named.or(plain).or(match found.tip {
+            Some(_) => None,
+            None => Some(last),
+        });
+        if found.end.is_some() {
+            found.tip = None;
+        }
+    }
+
+    fn foot(&self, found: &mut FoundLimb, knee: usize, moved: &[usize], last: usize) {
+        let far = |link: usize| (self.at(link) - self.at(knee)).norm();
+        let below = || moved.iter().copied().skip_while(|&l| l != knee).skip(1);
+        let farthest = below().map(far).fold(0.0, f64::max);
+        let named = below().find(|&l| self.words[l].has(ANKLE) && far(l) > 0.4 * farthest);
+        let first = below().find(|&l| far(l) > 0.5 * farthest && far(l) > 5e-3);
+        found.end = named.or(first).or((far(last) > 5e-3).then_some(last));
+        found.sole = Some(last);
+    }
+}
+
+/// The length from top to middle and from middle to end, metres.
+pub(super) fn limb_lengths(body: &LinkTree, found: &FoundLimb) -> [f64; 2] {
+    let end = match (&found.tip, found.end) {
+        (Some((link, at)), _) => Some(body.poses[*link] * at),
+        (None, Some(link)) => Some(body.at(link)),
+        _ => None,
+    };
+    let distance = |a: Option<Point3<f64>>, b: Option<Point3<f64>>| match (a, b) {
+        (Some(a), Some(b)) => (b - a).norm(),
+        _ => 0.0,
+    };
+    let (top, middle) = (
+        found.top.map(|l| body.at(l)),
+        found.middle.map(|l| body.at(l)),
+    );
+    match middle {
+        Some(_) => [distance(top, middle), distance(middle, end)],
+        None => [distance(top, end), 0.0],
+    }
+}
+
+pub(super) fn mean(points: &[Point3<f64>]) -> Option<Point3<f64>> {
+    let sum: Vector3<f64> = points.iter().map(|point| point.coords).sum();
+    (!points.is_empty()).then(|| Point3::from(sum / points.len() as f64))
+}

@@ -1,0 +1,100 @@
+//! Limbs without telling names: chains that mirror each other.
+
+use k::nalgebra::{Point3, Vector3};
+
+use super::limb::{LimbKind, LinkTree};
+
+/// First moving links of `[arms, legs]`, each `[left, right]`, by geometry
+/// alone; z is taken as up unless the chains lie across it.
+pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
+    let mut pairs = Vec::new();
+    for parent in 0..body.model.links.len() {
+        let starts: Vec<usize> = (1..body.model.links.len())
+            .filter(|&link| body.is_moved(link) && carrier(body, link) == parent)
+            .collect();
+        for (index, &one) in starts.iter().enumerate() {
+            for &other in &starts[index + 1..] {
+                if let Some(axis) = mirror_axis(body, one, other) {
+                    pairs.push((one, other, axis));
+                }
+            }
+        }
+    }
+    // The lateral axis most pairs agree on.
+    let votes = |axis: usize| pairs.iter().filter(|pair| pair.2 == axis).count();
+    let Some(lateral) = [1, 0, 2]
+        .into_iter()
+        .max_by_key(|&axis| (votes(axis), axis == 1))
+    else {
+        return Default::default();
+    };
+    let up = if lateral == 2 { 1 } else { 2 };
+    let lowest = |pair: &(usize, usize, usize)| end(body, pair.0)[up];
+    let mut pairs: Vec<_> = pairs.into_iter().filter(|pair| pair.2 == lateral).collect();
+    pairs.sort_by(|a, b| lowest(a).total_cmp(&lowest(b)));
+    // Left is y where forward is x, and -x where forward is y.
+    let sign = if lateral == 0 { -1.0 } else { 1.0 };
+    let sided = |pair: &(usize, usize, usize)| {
+        let first_is_left = sign * (end(body, pair.0)[lateral] - end(body, pair.1)[lateral]) > 0.0;
+        match first_is_left {
+            true => [Some(pair.0), Some(pair.1)],
+            false => [Some(pair.1), Some(pair.0)],
+        }
+    };
+    let none = [None, None];
+    match &pairs[..] {
+        [] => [none, none],
+        [only] => match stands(body, only.0, up) {
+            true => [none, sided(only)],
+            false => [sided(only), none],
+        },
+        [legs, .., arms] if stands(body, legs.0, up) => [sided(arms), sided(legs)],
+        [.., arms] => [sided(arms), none],
+    }
+}
+
+/// The link that carries a chain: the nearest above that is moved, or the root.
+fn carrier(body: &LinkTree, link: usize) -> usize {
+    let mut above = body.model.ancestors(link).skip(1);
+    above.find(|&up| body.is_moved(up)).unwrap_or(0)
+}
+
+/// End of the chain that starts at a link.
+fn end(body: &LinkTree, start: usize) -> Point3<f64> {
+    let path = body.path(start, LimbKind::Arm);
+    body.at(path.last().copied().unwrap_or(start))
+}
+
+/// Whether a chain has the joints of a leg and hangs below its beginning.
+fn stands(body: &LinkTree, start: usize, up: usize) -> bool {
+    let down = body.at(start) - end(body, start);
+    1 + body.moved_below(start) >= 5 && down[up] > 0.7 * down.norm()
+}
+
+/// The axis across which two chains mirror each other, if they do.
+fn mirror_axis(body: &LinkTree, one: usize, other: usize) -> Option<usize> {
+    let paths = [one, other].map(|start| body.path(start, LimbKind::Arm));
+    let [first, second] = &paths;
+    if first.len() != second.len() || 1 + body.moved_below(one) < 2 {
+        return None;
+    }
+    let points = |path: &[usize]| path.iter().map(|&l| body.at(l)).collect::<Vec<_>>();
+    let (a, b) = (points(first), points(second));
+    let size = a
+        .iter()
+        .chain(&b)
+        .map(|p| (p - a[0]).norm())
+        .fold(0.0, f64::max);
+    (0..3).find(|&axis| {
+        let apart = (a[0][axis] - b[0][axis])
+            .abs()
+            .max((a[a.len() - 1] - b[b.len() - 1])[axis].abs());
+        let mirrored = |p: &Point3<f64>, q: &Point3<f64>| {
+            let mut sum: Vector3<f64> = p.coords - q.coords;
+            // Positions across add up to the same for every pair of points.
+            sum[axis] = p[axis] + q[axis] - (a[0][axis] + b[0][axis]);
+            sum.norm() < 0.05 * size + 1e-4
+        };
+        apart > 0.05 * size && a.iter().zip(&b).all(|(p, q)| mirrored(p, q))
+    })
+}

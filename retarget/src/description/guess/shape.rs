@@ -1,0 +1,91 @@
+//! Sizes of links: what moves together as one body, and how far it reaches.
+
+use k::nalgebra::{Isometry3, Point3, Vector3};
+
+use crate::kinematics::chain::RobotModel;
+use crate::kinematics::shapes::{Shape, Visual};
+
+/// Corners of a shape's bounding box, in its link's frame.
+fn corners(visual: &Visual) -> Vec<Point3<f64>> {
+    let half = match visual.shape {
+        Shape::Box { size_m } => Vector3::from(size_m) / 2.0,
+        Shape::Cylinder { radius_m, length_m } => Vector3::new(radius_m, radius_m, length_m / 2.0),
+        Shape::Sphere { radius_m } => Vector3::repeat(radius_m),
+    };
+    let mut out = Vec::with_capacity(8);
+    for x in [-1.0, 1.0] {
+        for y in [-1.0, 1.0] {
+            for z in [-1.0, 1.0] {
+                let corner = Point3::new(x * half.x, y * half.y, z * half.z);
+                out.push(visual.pose_in_link * corner);
+            }
+        }
+    }
+    out
+}
+
+/// Links that are rigid with `link`, itself first.
+pub(super) fn rigid_with(model: &RobotModel, link: usize) -> Vec<usize> {
+    let same = |other: &usize| {
+        model.is_below(*other, link) && model.drives_above(*other) == model.drives_above(link)
+    };
+    (link..model.links.len()).filter(same).collect()
+}
+
+/// Corners of all shapes that are rigid with `link`, in the root's frame.
+pub(super) fn corners_of(
+    model: &RobotModel,
+    link: usize,
+    poses: &[Isometry3<f64>],
+) -> Vec<Point3<f64>> {
+    let body = rigid_with(model, link);
+    let shapes = model.all_shapes();
+    shapes
+        .filter(|shape| body.contains(&shape.link))
+        .flat_map(|shape| {
+            let pose = poses[shape.link];
+            corners(shape).into_iter().map(move |corner| pose * corner)
+        })
+        .filter(|corner| corner.coords.iter().all(|v| v.is_finite()))
+        .collect()
+}
+
+/// Where the body of `link` ends: the middle of its far side along the way its
+/// mass or shape lies from its origin. Root's frame; `None` without either.
+pub(super) fn far_end(
+    model: &RobotModel,
+    link: usize,
+    poses: &[Isometry3<f64>],
+) -> Option<Point3<f64>> {
+    let origin = Point3::from(poses[link].translation.vector);
+    let corners = corners_of(model, link, poses);
+    let mass_at = |body: &usize| {
+        (
+            poses[*body] * model.links[*body].com,
+            model.links[*body].mass_kg,
+        )
+    };
+    let weights: Vec<_> = rigid_with(model, link).iter().map(mass_at).collect();
+    let mass: f64 = weights.iter().map(|(_, kg)| kg).sum();
+    let middle = if !corners.is_empty() {
+        corners.iter().map(|c| c - origin).sum::<Vector3<f64>>() / corners.len() as f64
+    } else if mass > 0.0 {
+        weights
+            .iter()
+            .map(|(at, kg)| (at - origin) * *kg)
+            .sum::<Vector3<f64>>()
+            / mass
+    } else {
+        return None;
+    };
+    let way = middle.try_normalize(1e-3)?;
+    // Mass alone lies about half way.
+    let reach = match corners.is_empty() {
+        true => 2.0 * middle.norm(),
+        false => corners
+            .iter()
+            .map(|c| (c - origin).dot(&way))
+            .fold(0.0, f64::max),
+    };
+    (reach > 5e-3).then(|| origin + way * reach)
+}

@@ -1,0 +1,165 @@
+//! What the names of links and joints say: side and part of the body.
+//!
+//! `LShoulderPitch`, `l_sho_pitch`, `arm_left_1_joint`, `RARM_JOINT0` and
+//! `leftForeArm` all say it, each in its way.
+
+use crate::kinematics::chain::RobotModel;
+
+pub(crate) const ELBOW: &[&str] = &["elbow", "el", "elb"];
+pub(crate) const FOREARM: &[&str] = &["forearm", "lowerarm", "lower", "fore"];
+pub(crate) const HAND: &[&str] = &[
+    "hand",
+    "wrist",
+    "palm",
+    "gripper",
+    "tip",
+    "fist",
+    "ee",
+    "tool",
+    "endeffector",
+];
+const ARM: &[&str] = &["shoulder", "sho", "arm", "upperarm", "humerus", "biceps"];
+const FINGER: &[&str] = &[
+    "finger", "fingers", "thumb", "index", "middle", "ring", "pinky", "little",
+];
+pub(crate) const KNEE: &[&str] = &["knee"];
+pub(crate) const SHANK: &[&str] = &["shank", "calf", "shin", "tibia", "lowerleg"];
+const LEG: &[&str] = &["hip", "thigh", "femur", "leg", "upperleg", "upleg"];
+pub(crate) const ANKLE: &[&str] = &["ankle", "ank"];
+pub(crate) const SOLE: &[&str] = &["sole", "foot", "toe"];
+pub(crate) const HEAD: &[&str] = &["head", "skull", "neck"];
+const ON_HEAD: &[&str] = &[
+    "eye", "eyes", "camera", "jaw", "mouth", "lid", "ear", "antenna", "lip", "brow",
+];
+const WHEEL: &[&str] = &["wheel", "wheels", "caster", "castor", "track", "roller"];
+
+/// Left or right: index into pairs.
+pub(crate) const SIDES: [&str; 2] = ["left", "right"];
+
+/// What the names around one link say.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct NameWords(Vec<String>);
+
+impl NameWords {
+    /// From the name of the link and of the joint above it.
+    pub fn of(model: &RobotModel, link: usize) -> Self {
+        let mut words = Vec::new();
+        for name in [&model.link_names()[link], &model.parent_joints[link]] {
+            words.extend(split(name));
+        }
+        Self(words)
+    }
+
+    pub fn has(&self, any: &[&str]) -> bool {
+        self.0.iter().any(|word| any.contains(&word.as_str()))
+    }
+
+    /// 0 left, 1 right.
+    pub fn side(&self) -> Option<usize> {
+        let [left, right] = SIDES.map(|side| self.has(&[side]));
+        match (left, right) {
+            (true, false) => Some(0),
+            (false, true) => Some(1),
+            _ => None,
+        }
+    }
+
+    pub fn is_arm(&self) -> bool {
+        [ARM, ELBOW, FOREARM, HAND, FINGER]
+            .iter()
+            .any(|part| self.has(part))
+            && !self.is_leg()
+    }
+
+    pub fn is_leg(&self) -> bool {
+        [LEG, KNEE, SHANK, ANKLE, SOLE]
+            .iter()
+            .any(|part| self.has(part))
+    }
+
+    pub fn is_head(&self) -> bool {
+        self.has(HEAD) && !self.has(ON_HEAD)
+    }
+
+    pub fn is_wheel(&self) -> bool {
+        self.has(WHEEL)
+    }
+
+    pub fn is_finger(&self) -> bool {
+        self.has(FINGER)
+    }
+}
+
+/// Lower-case words; sides written out, also where they are glued to a part.
+fn split(name: &str) -> Vec<String> {
+    let letters: Vec<char> = name.chars().collect();
+    let mut raw = vec![String::new()];
+    for (index, &letter) in letters.iter().enumerate() {
+        let before = index.checked_sub(1).map(|i| letters[i]);
+        let after = letters.get(index + 1);
+        // aB and ABc: a new word begins at B.
+        let begins = letter.is_uppercase()
+            && (before.is_some_and(|b| b.is_lowercase())
+                || (before.is_some_and(|b| b.is_uppercase())
+                    && after.is_some_and(|a| a.is_lowercase())));
+        if begins || !letter.is_alphabetic() {
+            raw.push(String::new());
+        }
+        if let (true, Some(word)) = (letter.is_alphabetic(), raw.last_mut()) {
+            word.extend(letter.to_lowercase());
+        }
+    }
+    raw.retain(|word| !word.is_empty());
+    raw.iter().flat_map(|word| unglue(word)).collect()
+}
+
+fn unglue(word: &str) -> Vec<String> {
+    let parts = [
+        ARM, ELBOW, FOREARM, HAND, LEG, KNEE, SHANK, ANKLE, SOLE, FINGER, WHEEL,
+    ];
+    let known = |rest: &str| rest.len() > 2 && parts.iter().any(|part| part.contains(&rest));
+    let sides = [
+        ("left", "left"),
+        ("right", "right"),
+        ("l", "left"),
+        ("r", "right"),
+    ];
+    if parts.iter().any(|part| part.contains(&word)) {
+        return vec![word.to_owned()];
+    }
+    for (mark, side) in sides {
+        if word == mark {
+            return vec![side.to_owned()];
+        }
+        let rest = word.strip_prefix(mark).or_else(|| word.strip_suffix(mark));
+        if let Some(rest) = rest.filter(|rest| known(rest)) {
+            return vec![side.to_owned(), rest.to_owned()];
+        }
+    }
+    vec![word.to_owned()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sides_and_parts_are_read_from_every_usual_style() {
+        for (name, side, arm, leg) in [
+            ("LShoulderPitch", Some(0), true, false),
+            ("r_sho_roll_link", Some(1), true, false),
+            ("arm_left_4_joint", Some(0), true, false),
+            ("RARM_JOINT3", Some(1), true, false),
+            ("leftForeArm", Some(0), true, false),
+            ("rleg_jnt2", Some(1), false, true),
+            ("left_hip_yaw_link", Some(0), false, true),
+            ("ankle_roll_l", Some(0), false, true),
+            ("torso_yaw", None, false, false),
+            ("wheel_right", Some(1), false, false),
+        ] {
+            let words = NameWords(split(name));
+            let read = (words.side(), words.is_arm(), words.is_leg());
+            assert_eq!(read, (side, arm, leg), "{name}: {words:?}");
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! Limits, kinds and mirror partners of single joints.
+
+use std::f64::consts::PI;
+
+use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
+use crate::description::joints::mimic_numbers;
+
+/// Faster than servos turn, rad/s: a placeholder.
+pub(super) const PLACEHOLDER_RAD_S: f64 = 50.0;
+/// More than joints give, N m: a placeholder.
+const PLACEHOLDER_NM: f64 = 1000.0;
+/// Ranges wider than this are suspicious for a servo, radians.
+const WIDE_RAD: f64 = 315.0 * PI / 180.0;
+
+pub(super) fn lint_joint(
+    joint: &urdf_rs::Joint,
+    robot: &urdf_rs::Robot,
+    diagnostics: &mut Diagnostics,
+) {
+    lint_kind(joint, diagnostics);
+    lint_limit(joint, diagnostics);
+    lint_mirror(joint, robot, diagnostics);
+}
+
+fn lint_kind(joint: &urdf_rs::Joint, diagnostics: &mut Diagnostics) {
+    let name = &joint.name;
+    match joint.joint_type {
+        urdf_rs::JointType::Continuous => {
+            let message = "turns without end; the servo map's limits hold, counted through";
+            diagnostics.add(DiagnosticCode::JointContinuous, name, message);
+        }
+        urdf_rs::JointType::Prismatic => {
+            let message = "slides; held at rest unless the servo map has it";
+            diagnostics.add(DiagnosticCode::JointPrismatic, name, message);
+        }
+        _ => {}
+    }
+    if let Some(mimic) = &joint.mimic {
+        let (multiplier, offset) = mimic_numbers(mimic);
+        let message = format!(
+            "follows `{}`: {multiplier} times its position plus {offset}",
+            mimic.joint
+        );
+        diagnostics.add(DiagnosticCode::JointMimic, name, message);
+    }
+}
+
+fn lint_limit(joint: &urdf_rs::Joint, diagnostics: &mut Diagnostics) {
+    let limit = &joint.limit;
+    let mut say = |code, message: String| diagnostics.add(code, &joint.name, message);
+    if joint.mimic.is_none() {
+        if limit.velocity.is_nan() || limit.velocity <= 0.0 {
+            let message = format!(
+                "velocity limit {} means unset; the servo map's is used",
+                limit.velocity
+            );
+            say(DiagnosticCode::VelocityUnset, message);
+        } else if limit.velocity > PLACEHOLDER_RAD_S {
+            let message = format!(
+                "velocity limit {} rad/s is a placeholder; the servo map's is used",
+                limit.velocity
+            );
+            say(DiagnosticCode::VelocityPlaceholder, message);
+        }
+        if limit.effort.is_nan() || limit.effort <= 0.0 {
+            let message = format!("effort limit {} means unset", limit.effort);
+            say(DiagnosticCode::EffortUnset, message);
+        } else if limit.effort >= PLACEHOLDER_NM {
+            let message = format!("effort limit {} is a placeholder", limit.effort);
+            say(DiagnosticCode::EffortPlaceholder, message);
+        }
+    }
+    if joint.joint_type == urdf_rs::JointType::Continuous {
+        return;
+    }
+    let (lower, upper) = (limit.lower, limit.upper);
+    if lower == upper {
+        let message = format!("both position limits are {lower}; the servo map's are used");
+        say(DiagnosticCode::RangeUnset, message);
+    } else if !(lower..=upper).contains(&0.0) {
+        let message =
+            format!("zero is outside {lower} to {upper}; the nearest limit stands for it");
+        say(DiagnosticCode::ZeroOutside, message);
+    }
+    if joint.joint_type != urdf_rs::JointType::Revolute {
+        return;
+    }
+    let share = upper / PI;
+    let round = [0.9, 1.0, 2.0]
+        .iter()
+        .any(|known| (share - known).abs() < 2e-3);
+    if (round && (lower + upper).abs() < 0.01) || upper - lower > 20.0 {
+        let message = format!("{lower} to {upper} ({share:.2} pi both ways) is a placeholder");
+        say(DiagnosticCode::RangePlaceholder, message);
+    } else if upper - lower > WIDE_RAD {
+        let degrees = (upper - lower).to_degrees();
+        let message = format!("range of {degrees:.0} degrees: a servo may not turn so far");
+        say(DiagnosticCode::RangeWide, message);
+    }
+}
+
+/// Left and right should allow the same, counted either way round.
+fn lint_mirror(joint: &urdf_rs::Joint, robot: &urdf_rs::Robot, diagnostics: &mut Diagnostics) {
+    let Some(other_name) = right_of(&joint.name) else {
+        return;
+    };
+    let Some(other) = robot.joints.iter().find(|other| other.name == other_name) else {
+        let message = format!("there is no `{other_name}`");
+        diagnostics.add(DiagnosticCode::SideMissing, &joint.name, message);
+        return;
+    };
+    let (a, b) = (&joint.limit, &other.limit);
+    let near = |x: f64, y: f64| (x - y).abs() < 0.02;
+    let same = near(a.lower, b.lower) && near(a.upper, b.upper);
+    let opposite = near(a.lower, -b.upper) && near(a.upper, -b.lower);
+    if !same && !opposite {
+        let message = format!(
+            "{} to {}, but `{other_name}` {} to {}: is a sign wrong?",
+            a.lower, a.upper, b.lower, b.upper
+        );
+        diagnostics.add(DiagnosticCode::SidesDiffer, &joint.name, message);
+    }
+}
+
+/// The name of the same joint on the right side.
+fn right_of(name: &str) -> Option<String> {
+    for (left, right) in [("left", "right"), ("Left", "Right")] {
+        if name.contains(left) {
+            return Some(name.replacen(left, right, 1));
+        }
+    }
+    match name.strip_prefix("l_") {
+        Some(rest) => Some(format!("r_{rest}")),
+        None => name.strip_suffix("_l").map(|rest| format!("{rest}_r")),
+    }
+}

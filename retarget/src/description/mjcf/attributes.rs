@@ -1,0 +1,203 @@
+//! Attributes with their defaults: classes, units, orientations.
+
+use std::collections::HashMap;
+
+use k::nalgebra::{
+    Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3,
+};
+use roxmltree::Node;
+
+use crate::config::error::RetargetError;
+
+/// Defaults by class, element and attribute.
+type DefaultClasses = HashMap<String, HashMap<(String, String), String>>;
+
+/// How values are read in one file.
+pub(super) struct MjcfAttributes {
+    classes: DefaultClasses,
+    /// Radians in one unit of angle.
+    angle: f64,
+    euler: Vec<char>,
+    pub autolimits: bool,
+}
+
+fn child<'a, 'd>(node: Node<'a, 'd>, name: &str) -> Option<Node<'a, 'd>> {
+    node.children().find(|child| child.has_tag_name(name))
+}
+
+impl MjcfAttributes {
+    pub fn new(root: Node) -> Result<Self, RetargetError> {
+        let compiler = child(root, "compiler");
+        let setting = |key: &str| compiler.and_then(|compiler| compiler.attribute(key));
+        if setting("coordinate") == Some("global") {
+            let reason = "compiler coordinate=\"global\" is not supported: use local";
+            return Err(RetargetError::Mjcf(reason.into()));
+        }
+        let euler = setting("eulerseq").unwrap_or("xyz");
+        if euler.len() != 3 || !euler.chars().all(|c| "xyzXYZ".contains(c)) {
+            return Err(RetargetError::Mjcf(format!("eulerseq \"{euler}\" is none")));
+        }
+        let mut classes = DefaultClasses::new();
+        for default in root.children().filter(|node| node.has_tag_name("default")) {
+            let name = default.attribute("class").unwrap_or("main");
+            add_class(default, name, &HashMap::new(), &mut classes);
+        }
+        Ok(Self {
+            classes,
+            angle: match setting("angle") {
+                Some("radian") => 1.0,
+                _ => 1.0_f64.to_radians(),
+            },
+            euler: euler.chars().collect(),
+            autolimits: setting("autolimits") != Some("false"),
+        })
+    }
+
+    /// An attribute of `node`, or its class's. `childclass` is the class that
+    /// the bodies around it ask for.
+    pub fn text<'a>(&'a self, node: Node<'a, '_>, childclass: &str, key: &str) -> Option<&'a str> {
+        let class = node.attribute("class").unwrap_or(childclass);
+        node.attribute(key).or_else(|| {
+            let defaults = self
+                .classes
+                .get(class)
+                .or_else(|| self.classes.get("main"))?;
+            let element = node.tag_name().name().to_owned();
+            defaults.get(&(element, key.to_owned())).map(String::as_str)
+        })
+    }
+
+    /// All numbers of an attribute; `None` if it is not there.
+    pub fn numbers(
+        &self,
+        node: Node,
+        childclass: &str,
+        key: &str,
+    ) -> Result<Option<Vec<f64>>, RetargetError> {
+        let Some(text) = self.text(node, childclass, key) else {
+            return Ok(None);
+        };
+        let parsed: Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
+        match parsed {
+            Ok(values) if values.iter().all(|v| v.is_finite() && v.abs() < 1e9) => Ok(Some(values)),
+            _ => {
+                let line = node.document().text_pos_at(node.range().start).row;
+                let element = node.tag_name().name();
+                Err(RetargetError::Mjcf(format!(
+                    "line {line}: <{element} {key}=\"{text}\"> holds no usable numbers"
+                )))
+            }
+        }
+    }
+
+    /// Exactly `N` numbers, or what stands for them.
+    pub fn vector<const N: usize>(
+        &self,
+        node: Node,
+        childclass: &str,
+        key: &str,
+        default: [f64; N],
+    ) -> Result<[f64; N], RetargetError> {
+        let values = self.numbers(node, childclass, key)?;
+        let values = values
+            .as_deref()
+            .and_then(|values| values.first_chunk::<N>());
+        Ok(values.copied().unwrap_or(default))
+    }
+
+    /// An angle of the file in radians.
+    pub fn radians(&self, angle: f64) -> f64 {
+        angle * self.angle
+    }
+
+    /// `pos` and whichever orientation is given.
+    pub fn pose(&self, node: Node, childclass: &str) -> Result<Isometry3<f64>, RetargetError> {
+        let at = self.vector(node, childclass, "pos", [0.0; 3])?;
+        let turned = self.orientation(node, childclass)?;
+        Ok(Isometry3::from_parts(
+            Translation3::from(Vector3::from(at)),
+            turned,
+        ))
+    }
+
+    fn orientation(
+        &self,
+        node: Node,
+        childclass: &str,
+    ) -> Result<UnitQuaternion<f64>, RetargetError> {
+        let given = |key| self.numbers(node, childclass, key);
+        if let Some([w, x, y, z]) = given("quat")?.as_deref() {
+            let quaternion = Quaternion::new(*w, *x, *y, *z);
+            return Ok(UnitQuaternion::try_new(quaternion, 1e-9).unwrap_or_default());
+        }
+        if let Some([x, y, z, angle]) = given("axisangle")?.as_deref() {
+            let axis = Unit::try_new(Vector3::new(*x, *y, *z), 1e-9);
+            let turn = |axis| UnitQuaternion::from_axis_angle(&axis, self.radians(*angle));
+            return Ok(axis.map_or_else(UnitQuaternion::identity, turn));
+        }
+        if let Some([a, b, c]) = given("euler")?.as_deref() {
+            return Ok(self.euler([*a, *b, *c]));
+        }
+        if let Some([a, b, c, d, e, f]) = given("xyaxes")?.as_deref() {
+            let x = Vector3::new(*a, *b, *c).try_normalize(1e-9);
+            let y = Vector3::new(*d, *e, *f);
+            let y = x.and_then(|x| (y - x * x.dot(&y)).try_normalize(1e-9));
+            if let (Some(x), Some(y)) = (x, y) {
+                let axes = Matrix3::from_columns(&[x, y, x.cross(&y)]);
+                let rotation = Rotation3::from_matrix_unchecked(axes);
+                return Ok(UnitQuaternion::from_rotation_matrix(&rotation));
+            }
+        }
+        if let Some([x, y, z]) = given("zaxis")?.as_deref() {
+            return Ok(from_z(Vector3::new(*x, *y, *z)));
+        }
+        Ok(UnitQuaternion::identity())
+    }
+
+    fn euler(&self, angles: [f64; 3]) -> UnitQuaternion<f64> {
+        let mut turned = UnitQuaternion::identity();
+        for (letter, angle) in self.euler.iter().zip(angles) {
+            let axis = match letter.to_ascii_lowercase() {
+                'x' => Vector3::x_axis(),
+                'y' => Vector3::y_axis(),
+                _ => Vector3::z_axis(),
+            };
+            let step = UnitQuaternion::from_axis_angle(&axis, self.radians(angle));
+            // Small letters turn about the turned axes, capitals about fixed ones.
+            turned = match letter.is_lowercase() {
+                true => turned * step,
+                false => step * turned,
+            };
+        }
+        turned
+    }
+}
+
+/// The smallest turn that brings z to a direction.
+pub(super) fn from_z(direction: Vector3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::rotation_between(&Vector3::z(), &direction).unwrap_or_else(|| {
+        UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
+    })
+}
+
+fn add_class(
+    default: Node,
+    name: &str,
+    inherited: &HashMap<(String, String), String>,
+    classes: &mut DefaultClasses,
+) {
+    let mut own = inherited.clone();
+    let elements = || default.children().filter(Node::is_element);
+    for element in elements().filter(|element| !element.has_tag_name("default")) {
+        for attribute in element.attributes() {
+            let key = (element.tag_name().name().into(), attribute.name().into());
+            own.insert(key, attribute.value().into());
+        }
+    }
+    for nested in elements().filter(|element| element.has_tag_name("default")) {
+        if let Some(class) = nested.attribute("class") {
+            add_class(nested, class, &own, classes);
+        }
+    }
+    classes.insert(name.into(), own);
+}

@@ -1,0 +1,406 @@
+//! Bodies and joints of an MJCF model as links and joints of a tree.
+
+use std::collections::HashSet;
+
+use k::nalgebra::{Isometry3, Point3, Translation3, Vector3};
+use roxmltree::Node;
+use urdf_rs::{Axis, Inertia, Inertial, JointLimit, JointType, LinkName, Mass, Mimic, Pose, Vec3};
+
+use super::attributes::MjcfAttributes;
+use super::geoms::MjcfGeom;
+use crate::config::error::RetargetError;
+use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
+
+#[derive(Default)]
+pub(super) struct MjcfBodies {
+    links: Vec<urdf_rs::Link>,
+    joints: Vec<urdf_rs::Joint>,
+    names: HashSet<String>,
+}
+
+/// What is around a body: the link that carries it, the frame of the carrier's
+/// body in that link, and the class that the carrier asks for.
+#[derive(Clone, Copy)]
+struct Surroundings<'a> {
+    carrier: Option<(usize, Isometry3<f64>)>,
+    class: &'a str,
+}
+
+impl MjcfBodies {
+    /// The body with the most joints, and all below it.
+    pub fn read(
+        root: Node,
+        attributes: &MjcfAttributes,
+        diagnostics: &mut Diagnostics,
+    ) -> Result<Self, RetargetError> {
+        let worlds = root.children().filter(|n| n.has_tag_name("worldbody"));
+        let bodies = worlds.flat_map(|world| world.children());
+        let mut bodies: Vec<Node> = bodies.filter(|n| n.has_tag_name("body")).collect();
+        let joints = |body: &Node| {
+            let all = body.descendants();
+            all.filter(|n| n.has_tag_name("joint")).count()
+        };
+        bodies.sort_by_key(|body| std::cmp::Reverse(joints(body)));
+        let Some(robot) = bodies.first() else {
+            let reason = "there is no <body> in <worldbody>";
+            return Err(RetargetError::Mjcf(reason.into()));
+        };
+        for other in &bodies[1..] {
+            let name = other.attribute("name").unwrap_or("(unnamed)");
+            let message = "an object beside the robot: left out";
+            diagnostics.add(DiagnosticCode::MjcfLeftOut, name, message);
+        }
+        let mut tree = Self::default();
+        let world = robot
+            .parent()
+            .and_then(|world| world.attribute("childclass"));
+        let around = Surroundings {
+            carrier: None,
+            class: world.unwrap_or("main"),
+        };
+        tree.add_body(*robot, around, attributes, diagnostics)?;
+        Ok(tree)
+    }
+
+    pub fn robot(self, name: &str) -> urdf_rs::Robot {
+        urdf_rs::Robot {
+            name: name.to_owned(),
+            links: self.links,
+            joints: self.joints,
+            materials: Vec::new(),
+        }
+    }
+
+    /// A name that no other link or joint has.
+    fn unique(&mut self, wanted: Option<&str>, otherwise: String) -> String {
+        let base = match wanted {
+            Some(name) if !name.trim().is_empty() => name.to_owned(),
+            _ => otherwise,
+        };
+        let mut name = base.clone();
+        let mut count = 1;
+        while !self.names.insert(name.clone()) {
+            count += 1;
+            name = format!("{base}_{count}");
+        }
+        name
+    }
+
+    fn add_link(&mut self, name: String) -> usize {
+        self.links.push(urdf_rs::Link {
+            name,
+            inertial: Inertial::default(),
+            visual: Vec::new(),
+            collision: Vec::new(),
+        });
+        self.links.len() - 1
+    }
+
+    /// Adds a link below `parent` and the joint between them.
+    fn add_joint(
+        &mut self,
+        joint_name: String,
+        link_name: String,
+        joint_type: JointType,
+        parent: usize,
+        origin: &Isometry3<f64>,
+    ) -> usize {
+        self.joints.push(urdf_rs::Joint {
+            name: joint_name,
+            joint_type,
+            origin: pose(origin),
+            parent: LinkName {
+                link: self.links[parent].name.clone(),
+            },
+            child: LinkName {
+                link: link_name.clone(),
+            },
+            axis: Axis::default(),
+            limit: JointLimit::default(),
+            calibration: None,
+            dynamics: None,
+            mimic: None,
+            safety_controller: None,
+        });
+        self.add_link(link_name)
+    }
+
+    /// Adds a body and those in it.
+    fn add_body(
+        &mut self,
+        node: Node,
+        around: Surroundings,
+        attributes: &MjcfAttributes,
+        diagnostics: &mut Diagnostics,
+    ) -> Result<(), RetargetError> {
+        let class = node.attribute("childclass").unwrap_or(around.class);
+        let number = self.links.len();
+        let name = self.unique(node.attribute("name"), format!("body_{number}"));
+        let pose = attributes.pose(node, class)?;
+        let elements = |tag: &'static str| node.children().filter(move |c| c.has_tag_name(tag));
+        let mut carrier = around.carrier.map(|(link, in_link)| (link, in_link * pose));
+        for (index, joint) in elements("joint").enumerate() {
+            let Some(on) = carrier else {
+                let kind = attributes.text(joint, class, "type").unwrap_or("hinge");
+                diagnostics.add(
+                    DiagnosticCode::MjcfLeftOut,
+                    joint.attribute("name").unwrap_or(kind),
+                    "a joint of the root against the world: held",
+                );
+                continue;
+            };
+            let fallback = format!("{name}_joint_{index}");
+            let end = self.add_hinges(joint, on, class, fallback, attributes, diagnostics)?;
+            carrier = Some(end);
+        }
+        // The last joint's link is the body itself, its frame at the anchor.
+        let (link, frame) = match carrier {
+            Some((link, in_link)) if link >= number => {
+                self.links[link].name.clone_from(&name);
+                if let Some(joint) = self.joints.last_mut() {
+                    joint.child.link = name;
+                }
+                (link, in_link)
+            }
+            Some((parent, in_link)) => {
+                let joint = self.unique(None, format!("{name}_fixed"));
+                let link = self.add_joint(joint, name, JointType::Fixed, parent, &in_link);
+                (link, Isometry3::identity())
+            }
+            None => (self.add_link(name), Isometry3::identity()),
+        };
+        self.add_shapes_and_mass(node, link, frame, class, attributes, diagnostics)?;
+        for child in elements("body") {
+            let around = Surroundings {
+                carrier: Some((link, frame)),
+                class,
+            };
+            self.add_body(child, around, attributes, diagnostics)?;
+        }
+        Ok(())
+    }
+
+    /// Adds one joint of a body below a link and a frame in that; three for a
+    /// ball. Where the body's frame is then.
+    fn add_hinges(
+        &mut self,
+        joint: Node,
+        (mut link, mut in_link): (usize, Isometry3<f64>),
+        class: &str,
+        fallback: String,
+        attributes: &MjcfAttributes,
+        diagnostics: &mut Diagnostics,
+    ) -> Result<(usize, Isometry3<f64>), RetargetError> {
+        let kind = attributes.text(joint, class, "type").unwrap_or("hinge");
+        let axes: &[[f64; 3]] = match kind {
+            "ball" => &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            "free" => return Ok((link, in_link)),
+            _ => &[attributes.vector(joint, class, "axis", [0.0, 0.0, 1.0])?],
+        };
+        let anchor = attributes.vector(joint, class, "pos", [0.0; 3])?;
+        let anchor = Translation3::from(Vector3::from(anchor));
+        let plain = self.unique(joint.attribute("name"), fallback);
+        if kind == "ball" {
+            let message = "a ball joint: three hinges stand for it";
+            diagnostics.add(DiagnosticCode::MjcfBall, &plain, message);
+        }
+        for (axis, letter) in axes.iter().zip(["x", "y", "z"]) {
+            let name = match kind {
+                "ball" => self.unique(None, format!("{plain}_{letter}")),
+                _ => plain.clone(),
+            };
+            let range = range(joint, class, kind, attributes)?;
+            let joint_type = match (kind, range) {
+                ("slide", _) => JointType::Prismatic,
+                (_, Some(_)) => JointType::Revolute,
+                (_, None) => JointType::Continuous,
+            };
+            let [lower, upper] = range.unwrap_or_default();
+            let effort = attributes.numbers(joint, class, "actuatorfrcrange")?;
+            let link_name = format!("{name}_link");
+            link = self.add_joint(name, link_name, joint_type, link, &(in_link * anchor));
+            if let Some(added) = self.joints.last_mut() {
+                added.axis = Axis { xyz: Vec3(*axis) };
+                added.limit = JointLimit {
+                    lower,
+                    upper,
+                    effort: effort.and_then(|r| r.last().copied()).unwrap_or(0.0).abs(),
+                    velocity: 0.0,
+                };
+            }
+            in_link = anchor.inverse().into();
+        }
+        Ok((link, in_link))
+    }
+
+    fn add_shapes_and_mass(
+        &mut self,
+        node: Node,
+        link: usize,
+        frame: Isometry3<f64>,
+        class: &str,
+        attributes: &MjcfAttributes,
+        diagnostics: &mut Diagnostics,
+    ) -> Result<(), RetargetError> {
+        let mut geoms = Vec::new();
+        let mut meshes = 0;
+        for node in node.children().filter(|child| child.has_tag_name("geom")) {
+            match MjcfGeom::read(node, frame, class, attributes)? {
+                Some(geom) => geoms.push(geom),
+                None => meshes += 1,
+            }
+        }
+        let link = &mut self.links[link];
+        if meshes > 0 {
+            let message = format!("{meshes} shapes that are no box, cylinder or ball: left out");
+            diagnostics.add(DiagnosticCode::MjcfLeftOut, &link.name, message);
+        }
+        link.visual = geoms.iter().map(|geom| geom.visual(pose)).collect();
+        let given = node.children().find(|child| child.has_tag_name("inertial"));
+        let (mass_kg, com, moments) = match given {
+            Some(inertial) => {
+                let pose = frame * attributes.pose(inertial, class)?;
+                let [mass_kg] = attributes.vector(inertial, class, "mass", [0.0])?;
+                let diagonal = attributes.vector(inertial, class, "diaginertia", [0.0; 3])?;
+                let full = attributes.vector(inertial, class, "fullinertia", diagonal)?;
+                (mass_kg, Point3::from(pose.translation.vector), full)
+            }
+            None => mass_of(&geoms),
+        };
+        if mass_kg != 0.0 {
+            link.inertial = inertial(mass_kg, com, moments);
+        }
+        Ok(())
+    }
+
+    pub fn add_mimics(
+        &mut self,
+        root: Node,
+        attributes: &MjcfAttributes,
+        diagnostics: &mut Diagnostics,
+    ) {
+        let equalities = root.children().filter(|n| n.has_tag_name("equality"));
+        let pairs = equalities.flat_map(|equality| equality.children());
+        for pair in pairs.filter(|node| node.has_tag_name("joint")) {
+            let (Some(follower), Some(leader)) =
+                (pair.attribute("joint1"), pair.attribute("joint2"))
+            else {
+                continue;
+            };
+            let known = |name: &str| self.joints.iter().any(|joint| joint.name == name);
+            let law = attributes.vector(pair, "main", "polycoef", [0.0, 1.0, 0.0, 0.0, 0.0]);
+            let (true, true, Ok(law)) = (known(follower), known(leader), law) else {
+                continue;
+            };
+            if law[2..].iter().any(|part| *part != 0.0) {
+                let message = "follows by a curve: taken as a line";
+                diagnostics.add(DiagnosticCode::MjcfLeftOut, follower, message);
+            }
+            for joint in self.joints.iter_mut().filter(|j| j.name == follower) {
+                joint.mimic = Some(Mimic {
+                    joint: leader.to_owned(),
+                    multiplier: Some(law[1]),
+                    offset: Some(law[0]),
+                });
+            }
+        }
+    }
+
+    /// Strength of the motors, where the joints do not say it.
+    pub fn add_effort_limits(&mut self, root: Node, attributes: &MjcfAttributes) {
+        let actuators = root.children().filter(|n| n.has_tag_name("actuator"));
+        for motor in actuators.flat_map(|actuator| actuator.children()) {
+            let Some(name) = motor.attribute("joint") else {
+                continue;
+            };
+            let numbers = |key: &str| attributes.numbers(motor, "main", key).ok().flatten();
+            let last = |key: &str| numbers(key)?.last().copied();
+            let gear = numbers("gear").and_then(|values| values.first().copied());
+            let control = match motor.has_tag_name("motor") {
+                true => last("ctrlrange"),
+                false => None,
+            };
+            let Some(force) = last("forcerange").or(control) else {
+                continue;
+            };
+            for joint in self.joints.iter_mut().filter(|j| j.name == name) {
+                if joint.limit.effort == 0.0 {
+                    joint.limit.effort = (force * gear.unwrap_or(1.0)).abs();
+                }
+            }
+        }
+    }
+}
+
+/// Mass, its centre and rough moments of a body from its shapes.
+fn mass_of(geoms: &[MjcfGeom]) -> (f64, Point3<f64>, [f64; 3]) {
+    let at = |geom: &MjcfGeom| Point3::from(geom.pose.translation.vector);
+    let mass_kg: f64 = geoms.iter().map(|geom| geom.mass_kg).sum();
+    let moments = geoms.iter().map(|geom| at(geom).coords * geom.mass_kg);
+    let sum: Vector3<f64> = moments.sum();
+    let com = match mass_kg > 0.0 {
+        true => Point3::from(sum / mass_kg),
+        false => Point3::origin(),
+    };
+    let about_com = |geom: &MjcfGeom| {
+        let apart = (at(geom) - com).norm_squared();
+        geom.mass_kg * (0.4 * geom.reach_m * geom.reach_m + apart)
+    };
+    (mass_kg, com, [geoms.iter().map(about_com).sum(); 3])
+}
+
+/// Rounded as the converted file has it, so that both are one robot.
+fn pose(pose: &Isometry3<f64>) -> Pose {
+    let (roll, pitch, yaw) = pose.rotation.euler_angles();
+    Pose {
+        xyz: Vec3(<[f64; 3]>::from(pose.translation.vector).map(to_nanometres)),
+        rpy: Vec3([roll, pitch, yaw].map(to_nanometres)),
+    }
+}
+
+fn inertial(value: f64, com: Point3<f64>, moments: [f64; 3]) -> Inertial {
+    let [ixx, iyy, izz] = moments.map(|m| format!("{m:.6e}").parse().unwrap_or(m));
+    Inertial {
+        origin: Pose {
+            xyz: Vec3(<[f64; 3]>::from(com.coords).map(to_nanometres)),
+            rpy: Vec3::default(),
+        },
+        mass: Mass { value },
+        inertia: Inertia {
+            ixx,
+            iyy,
+            izz,
+            ..Inertia::default()
+        },
+    }
+}
+
+fn to_nanometres(value: f64) -> f64 {
+    format!("{value:.9}").parse().unwrap_or(value)
+}
+
+fn range(
+    joint: Node,
+    class: &str,
+    kind: &str,
+    attributes: &MjcfAttributes,
+) -> Result<Option<[f64; 2]>, RetargetError> {
+    let given = attributes.numbers(joint, class, "range")?;
+    let limited = match attributes.text(joint, class, "limited") {
+        Some("true") => true,
+        Some("false") => false,
+        _ => attributes.autolimits && given.is_some(),
+    };
+    let Some([low, high]) = given.as_deref().and_then(|r| r.first_chunk::<2>()).copied() else {
+        return Ok(None);
+    };
+    if !limited {
+        return Ok(None);
+    }
+    Ok(Some(match kind {
+        "slide" => [low, high],
+        // One angle from the middle, any way.
+        "ball" => [-attributes.radians(high), attributes.radians(high)],
+        _ => [attributes.radians(low), attributes.radians(high)],
+    }))
+}

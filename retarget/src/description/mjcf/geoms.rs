@@ -1,0 +1,102 @@
+//! Shapes of an MJCF body, with the masses that they stand for.
+
+use std::f64::consts::PI;
+
+use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use roxmltree::Node;
+use urdf_rs::{Color, Geometry, Material, Pose, Vec3, Vec4, Visual};
+
+use super::attributes::{MjcfAttributes, from_z};
+use crate::config::error::RetargetError;
+
+/// Density of shapes without mass, kg/m^3.
+const DENSITY: f64 = 1000.0;
+
+/// A box, cylinder or ball in its link's frame.
+pub(super) struct MjcfGeom {
+    pub pose: Isometry3<f64>,
+    pub mass_kg: f64,
+    /// Radius of a ball about it.
+    pub reach_m: f64,
+    geometry: Geometry,
+    rgba: [f64; 4],
+}
+
+impl MjcfGeom {
+    /// `None` for meshes and the like. `frame`: the body's frame in the link's.
+    pub fn read(
+        node: Node,
+        frame: Isometry3<f64>,
+        class: &str,
+        attributes: &MjcfAttributes,
+    ) -> Result<Option<Self>, RetargetError> {
+        let mut pose = attributes.pose(node, class)?;
+        let size = attributes.numbers(node, class, "size")?.unwrap_or_default();
+        let part = |index: usize| size.get(index).copied().unwrap_or(0.0).abs();
+        let kind = attributes.text(node, class, "type").unwrap_or("sphere");
+        let mut half_length = part(1);
+        if let Some([a, b, c, d, e, f]) = attributes.numbers(node, class, "fromto")?.as_deref() {
+            let (from, to) = (Vector3::new(*a, *b, *c), Vector3::new(*d, *e, *f));
+            half_length = (to - from).norm() / 2.0;
+            let turned = match half_length > 1e-9 {
+                true => from_z(to - from),
+                false => UnitQuaternion::identity(),
+            };
+            pose = Isometry3::from_parts(Translation3::from((from + to) / 2.0), turned);
+        }
+        let fromto = attributes.text(node, class, "fromto").is_some();
+        let radius = part(0);
+        let (geometry, volume, reach_m) = match kind {
+            "sphere" => {
+                let volume = 4.0 / 3.0 * PI * radius.powi(3);
+                (Geometry::Sphere { radius }, volume, radius)
+            }
+            "capsule" | "cylinder" => {
+                let (caps, ends) = match kind {
+                    "capsule" => (radius, 4.0 / 3.0 * PI * radius.powi(3)),
+                    _ => (0.0, 0.0),
+                };
+                let length = 2.0 * (half_length + caps);
+                let volume = PI * radius * radius * 2.0 * half_length + ends;
+                let geometry = Geometry::Cylinder { radius, length };
+                (geometry, volume, half_length.max(radius))
+            }
+            "box" | "ellipsoid" => {
+                let half = match fromto {
+                    true => [radius, radius, half_length],
+                    false => [part(0), part(1), part(2)],
+                };
+                let share = if kind == "box" { 8.0 } else { 4.0 / 3.0 * PI };
+                let volume = share * half.iter().product::<f64>();
+                let size = Vec3(half.map(|h| 2.0 * h));
+                let reach_m = half.into_iter().fold(0.0, f64::max);
+                (Geometry::Box { size }, volume, reach_m)
+            }
+            _ => return Ok(None),
+        };
+        let [density] = attributes.vector(node, class, "density", [DENSITY])?;
+        let [mass_kg] = attributes.vector(node, class, "mass", [density * volume])?;
+        Ok(Some(Self {
+            pose: frame * pose,
+            mass_kg: mass_kg.max(0.0),
+            reach_m,
+            geometry,
+            rgba: attributes.vector(node, class, "rgba", [0.5, 0.5, 0.5, 1.0])?,
+        }))
+    }
+
+    pub fn visual(&self, pose: impl Fn(&Isometry3<f64>) -> Pose) -> Visual {
+        Visual {
+            name: None,
+            origin: pose(&self.pose),
+            geometry: self.geometry.clone(),
+            material: Some(Material {
+                name: String::new(),
+                color: Some(Color {
+                    rgba: Vec4(self.rgba),
+                }),
+                texture: None,
+            }),
+        }
+    }
+}

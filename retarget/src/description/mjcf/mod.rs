@@ -1,0 +1,94 @@
+//! An MJCF model becomes the same robot in memory as a URDF: bodies, joints,
+//! simple shapes, masses.
+//!
+//! Read: `compiler` (angle, eulerseq, autolimits), nested `default` classes,
+//! `childclass`, several joints a body, joint anchors, all orientations,
+//! `inertial` or masses from shapes, `fromto`, joint equalities (as mimics) and
+//! the strength of motors. Left out, and reported: meshes, tendons, `connect`
+//! and `weld` equalities, objects around the robot, ball joints as such (three
+//! hinges stand for one). Refused: `include`, global coordinates.
+//! Metres, kilograms, radians.
+
+mod attributes;
+mod bodies;
+mod geoms;
+mod urdf_text;
+
+use roxmltree::Node;
+
+use crate::config::error::RetargetError;
+use crate::description::diagnostic::{Diagnostic, DiagnosticCode, Diagnostics};
+use crate::description::xml::{check_depth, parse};
+use attributes::MjcfAttributes;
+use bodies::MjcfBodies;
+
+/// Whether a text is an MJCF model, by its root element.
+pub fn is_mjcf(text: &str) -> bool {
+    let mut rest = text;
+    while let Some(at) = rest.find('<') {
+        rest = &rest[at + 1..];
+        match rest.strip_prefix("!--") {
+            Some(comment) => rest = comment.split_once("-->").map_or("", |(_, after)| after),
+            None if rest.starts_with(['?', '!']) => {}
+            None => return rest.starts_with("mujoco"),
+        }
+    }
+    false
+}
+
+/// The URDF of an MJCF model, and what was left out or approximated.
+///
+/// # Errors
+/// A text that cannot be converted; says why.
+pub fn urdf_from_mjcf(text: &str) -> Result<(String, Vec<Diagnostic>), RetargetError> {
+    let mut diagnostics = Diagnostics::default();
+    let robot = read(text, &mut diagnostics)?;
+    Ok((urdf_text::urdf_text(&robot), diagnostics.list))
+}
+
+/// The robot of an MJCF model.
+pub(super) fn read(
+    text: &str,
+    diagnostics: &mut Diagnostics,
+) -> Result<urdf_rs::Robot, RetargetError> {
+    check_depth(text)?;
+    let document = parse(text).map_err(|error| RetargetError::Mjcf(error.to_string()))?;
+    let root = document.root_element();
+    if root.tag_name().name() != "mujoco" {
+        let name = root.tag_name().name();
+        return Err(RetargetError::Mjcf(format!("the root element is <{name}>")));
+    }
+    if root.descendants().any(|node| node.has_tag_name("include")) {
+        let reason = "it includes other files: save it as one file first";
+        return Err(RetargetError::Mjcf(reason.into()));
+    }
+    let attributes = MjcfAttributes::new(root)?;
+    let mut bodies = MjcfBodies::read(root, &attributes, diagnostics)?;
+    bodies.add_mimics(root, &attributes, diagnostics);
+    bodies.add_effort_limits(root, &attributes);
+    report_left_out(root, diagnostics);
+    Ok(bodies.robot(root.attribute("model").unwrap_or("robot")))
+}
+
+fn report_left_out(root: Node, diagnostics: &mut Diagnostics) {
+    for (element, what) in [
+        (
+            "connect",
+            "closes a loop: let a joint follow by [[retarget.couple]]",
+        ),
+        ("weld", "ties two bodies: not converted"),
+        (
+            "tendon",
+            "not converted: let joints follow by [[retarget.couple]]",
+        ),
+        ("flex", "not converted"),
+        ("composite", "not converted"),
+    ] {
+        let found = root.descendants().filter(|n| n.has_tag_name(element));
+        let count = found.count();
+        if count > 0 {
+            let message = format!("{count} times in the file; {what}");
+            diagnostics.add(DiagnosticCode::MjcfLeftOut, element, message);
+        }
+    }
+}

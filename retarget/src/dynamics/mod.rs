@@ -1,0 +1,3 @@
+//! Forces and moments.
+
+pub(crate) mod joint_torque;

@@ -1,0 +1,420 @@
+//! The robot's kinematic chain as flat arrays: forward kinematics without locks
+//! or allocation.
+//!
+//! Built once from `k`'s tree, whose forward kinematics locks and caches each
+//! node: fit for checking this one (a test does), not for a control loop. Links
+//! come parents before children; link 0 is the root. Positions are radians
+//! (metres for prismatic joints) in the order of the joints the model was built
+//! with; joints that are not among them stay at their rest position. Poses are
+//! in the root link's frame.
+
+use std::collections::HashMap;
+
+use k::nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
+
+use crate::config::error::{RetargetError, choices};
+use crate::config::{CapsuleConfig, RetargetConfig, Tip};
+use crate::description::{Description, held_position, is_driven};
+use crate::kinematics::shapes::{Capsule, LinkShapes, MeshVisual, Visual};
+
+/// Effort limits from here on are placeholders.
+const PLACEHOLDER_NM: f64 = 1000.0;
+
+/// How a link moves against its parent.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum JointMotion {
+    Fixed,
+    Revolute(Unit<Vector3<f64>>),
+    Prismatic(Unit<Vector3<f64>>),
+}
+
+/// Position of a link's joint: `scale * positions[joint] + offset`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct JointDrive {
+    pub joint: usize,
+    pub scale: f64,
+    pub offset: f64,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct ChainLink {
+    pub parent: Option<usize>,
+    origin: Isometry3<f64>,
+    pub motion: JointMotion,
+    /// `None`: held at `held`.
+    pub drive: Option<JointDrive>,
+    held: f64,
+    pub mass_kg: f64,
+    pub com: Point3<f64>,
+}
+
+impl ChainLink {
+    /// Pose in the parent link's frame.
+    pub fn local(&self, positions: &[f64]) -> Isometry3<f64> {
+        let position = self.drive.map_or(self.held, |drive| {
+            drive.scale * positions.get(drive.joint).copied().unwrap_or(0.0) + drive.offset
+        });
+        match self.motion {
+            JointMotion::Fixed => self.origin,
+            JointMotion::Revolute(axis) => {
+                self.origin * UnitQuaternion::from_axis_angle(&axis, position)
+            }
+            JointMotion::Prismatic(axis) => {
+                self.origin * Translation3::from(axis.into_inner() * position)
+            }
+        }
+    }
+}
+
+/// A driven joint between a link and the root: which column of the Jacobian it
+/// is, and the link that it moves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DrivenAncestor {
+    pub joint: usize,
+    pub link: usize,
+    pub scale: f64,
+}
+
+/// A robot's tree, masses and shapes.
+#[derive(Clone, Debug)]
+pub struct RobotModel {
+    joint_names: Vec<String>,
+    link_names: Vec<String>,
+    /// Name of the joint above each link.
+    pub(crate) parent_joints: Vec<String>,
+    pub(crate) links: Vec<ChainLink>,
+    /// For each link the driven joints between it and the root, root first.
+    pub(crate) driven_ancestors: Vec<Vec<DrivenAncestor>>,
+    segments: Vec<(usize, usize)>,
+    shapes: LinkShapes,
+    /// Capsules of the robot file.
+    pub(crate) capsules: Vec<Capsule>,
+    mass_kg: f64,
+    /// Effort limit of each driven joint; `None` where unset or a placeholder.
+    pub(crate) effort_nm: Vec<Option<f64>>,
+}
+
+impl RobotModel {
+    /// Builds the model of a URDF whose driven joints are `joints`, in order.
+    ///
+    /// # Errors
+    /// Names the joint or link that is missing or unusable.
+    pub fn new(urdf_xml: &str, joints: &[&str]) -> Result<Self, RetargetError> {
+        Self::of_description(&Description::from_urdf(urdf_xml)?, joints)
+    }
+
+    /// The same, with the points, capsules and couplings of a robot file.
+    ///
+    /// # Errors
+    /// Names the joint or link that is missing or unusable.
+    pub fn configured(
+        urdf_xml: &str,
+        joints: &[&str],
+        config: &RetargetConfig,
+    ) -> Result<Self, RetargetError> {
+        let mut description = Description::from_urdf(urdf_xml)?;
+        for coupling in &config.couple {
+            description.couple(coupling)?;
+        }
+        let mut model = Self::of_description(&description, joints)?;
+        model.add_tips(&config.tip)?;
+        model.add_capsules(&config.capsule)?;
+        Ok(model)
+    }
+
+    pub(crate) fn of_description(
+        description: &Description,
+        joints: &[&str],
+    ) -> Result<Self, RetargetError> {
+        let column = columns(description, joints)?;
+        let mut model = Self {
+            joint_names: joints.iter().map(|name| name.to_string()).collect(),
+            link_names: Vec::new(),
+            parent_joints: Vec::new(),
+            links: Vec::new(),
+            driven_ancestors: Vec::new(),
+            segments: Vec::new(),
+            shapes: LinkShapes::default(),
+            capsules: Vec::new(),
+            mass_kg: 0.0,
+            effort_nm: vec![None; joints.len()],
+        };
+        for joint in &description.robot.joints {
+            let effort = joint.limit.effort;
+            let is_given = effort > 0.0 && effort < PLACEHOLDER_NM;
+            if let (Some(&index), true) = (column.get(joint.name.as_str()), is_given) {
+                model.effort_nm[index] = Some(effort);
+            }
+        }
+        model.add_links(description, &column);
+        model.mass_kg = model.links.iter().map(|link| link.mass_kg).sum();
+        Ok(model)
+    }
+
+    fn add_links(&mut self, description: &Description, column: &HashMap<&str, usize>) {
+        let joints = description.robot.joints.iter();
+        let joints: HashMap<&str, &urdf_rs::Joint> =
+            joints.map(|joint| (joint.name.as_str(), joint)).collect();
+        let mut nodes: Vec<k::Node<f64>> = Vec::new();
+        for node in description.chain.iter() {
+            let index = self.links.len();
+            let name = node.joint().name.clone();
+            let parent = node
+                .parent()
+                .and_then(|parent| nodes.iter().position(|known| *known == parent));
+            let motion = match node.joint().joint_type {
+                k::JointType::Fixed => JointMotion::Fixed,
+                k::JointType::Rotational { axis } => JointMotion::Revolute(axis),
+                k::JointType::Linear { axis } => JointMotion::Prismatic(axis),
+            };
+            let drive = drive_of(&name, &joints, column);
+            let mut link = ChainLink {
+                parent,
+                origin: node.origin(),
+                motion,
+                drive,
+                held: joints
+                    .get(name.as_str())
+                    .map_or(0.0, |joint| held_position(joint)),
+                mass_kg: 0.0,
+                com: Point3::origin(),
+            };
+            let mut link_name = String::new();
+            if let Some(body) = node.link().as_ref() {
+                link.mass_kg = body.inertial.mass;
+                link.com = Point3::from(body.inertial.origin().translation.vector);
+                link_name.clone_from(&body.name);
+                self.shapes.add(index, body);
+            }
+            self.add_link(link, link_name, name);
+            if let (Some(drive), false) = (drive, matches!(motion, JointMotion::Fixed)) {
+                self.driven_ancestors[index].push(DrivenAncestor {
+                    joint: drive.joint,
+                    link: index,
+                    scale: drive.scale,
+                });
+            }
+            nodes.push(node.clone());
+        }
+    }
+
+    /// Adds a link that no driven joint moves against its parent.
+    fn add_link(&mut self, link: ChainLink, name: String, parent_joint: String) {
+        let above = |parent: usize| self.driven_ancestors[parent].clone();
+        let ancestors = link.parent.map_or_else(Vec::new, above);
+        self.driven_ancestors.push(ancestors);
+        self.segments
+            .extend(link.parent.map(|parent| (parent, self.links.len())));
+        self.links.push(link);
+        self.link_names.push(name);
+        self.parent_joints.push(parent_joint);
+    }
+
+    /// Names of the joints, in the order of all position slices.
+    pub fn joint_names(&self) -> &[String] {
+        &self.joint_names
+    }
+
+    /// Names of the links, root first, parents before children.
+    pub fn link_names(&self) -> &[String] {
+        &self.link_names
+    }
+
+    /// Index of the link called `name`.
+    pub fn link(&self, name: &str) -> Option<usize> {
+        self.link_names.iter().position(|other| other == name)
+    }
+
+    /// Pairs of link indices, parent and child: the sticks of a stick figure.
+    pub fn segments(&self) -> &[(usize, usize)] {
+        &self.segments
+    }
+
+    /// Boxes, cylinders and balls to draw; meshes are left out.
+    pub fn visuals(&self) -> &[Visual] {
+        &self.shapes.visuals
+    }
+
+    /// Meshes to draw, by the names that the description gives them.
+    pub fn meshes(&self) -> &[MeshVisual] {
+        &self.shapes.meshes
+    }
+
+    /// Simple shapes for collision, then those to draw.
+    pub(crate) fn all_shapes(&self) -> impl Iterator<Item = &Visual> {
+        self.shapes.solids.iter().chain(&self.shapes.visuals)
+    }
+
+    /// Adds points as massless links, after all others.
+    pub(crate) fn add_tips(&mut self, tips: &[Tip]) -> Result<(), RetargetError> {
+        for tip in tips {
+            let parent = self.named(&tip.link, "tip")?;
+            if self.link(&tip.name).is_some() {
+                return Err(RetargetError::Link {
+                    link: tip.name.clone(),
+                    reason: "a tip may not have the name of a link".into(),
+                });
+            }
+            let link = ChainLink {
+                parent: Some(parent),
+                origin: Translation3::from(Vector3::from(tip.at_m)).into(),
+                motion: JointMotion::Fixed,
+                drive: None,
+                held: 0.0,
+                mass_kg: 0.0,
+                com: Point3::origin(),
+            };
+            self.add_link(link, tip.name.clone(), tip.name.clone());
+        }
+        Ok(())
+    }
+
+    fn add_capsules(&mut self, capsules: &[CapsuleConfig]) -> Result<(), RetargetError> {
+        for capsule in capsules {
+            self.capsules.push(Capsule {
+                link: self.named(&capsule.link, "capsule")?,
+                ends: [capsule.from_m, capsule.to_m].map(Point3::from),
+                radius_m: capsule.radius_m,
+            });
+        }
+        Ok(())
+    }
+
+    /// The link called `link`, asked for as `part`.
+    pub(crate) fn named(&self, link: &str, part: &str) -> Result<usize, RetargetError> {
+        self.link(link).ok_or_else(|| RetargetError::NoSuchLink {
+            part: part.into(),
+            name: link.into(),
+            choices: choices(self.link_names.iter().map(String::as_str)),
+        })
+    }
+
+    /// Pose of each link in the root link's frame. Missing positions count as 0.
+    pub fn link_poses(&self, positions: &[f64]) -> Vec<Isometry3<f64>> {
+        let mut poses = vec![Isometry3::identity(); self.links.len()];
+        self.place(&Isometry3::identity(), positions, &mut poses);
+        poses
+    }
+
+    /// Forward kinematics into `poses` (one a link), the root being at `root`.
+    pub(crate) fn place(
+        &self,
+        root: &Isometry3<f64>,
+        positions: &[f64],
+        poses: &mut [Isometry3<f64>],
+    ) {
+        for (index, link) in self.links.iter().enumerate() {
+            let base = link.parent.map_or(*root, |parent| poses[parent]);
+            poses[index] = base * link.local(positions);
+        }
+    }
+
+    /// Pose of one link in the root link's frame, without allocating.
+    pub(crate) fn link_pose(&self, link: usize, positions: &[f64]) -> Isometry3<f64> {
+        let mut pose = Isometry3::identity();
+        for index in self.ancestors(link) {
+            pose = self.links[index].local(positions) * pose;
+        }
+        pose
+    }
+
+    /// How many driven joints there are between a link and the root.
+    pub(crate) fn drives_above(&self, link: usize) -> usize {
+        self.driven_ancestors[link].len()
+    }
+
+    /// Whether `link` is `ancestor` or hangs below it.
+    pub(crate) fn is_below(&self, link: usize, ancestor: usize) -> bool {
+        self.ancestors(link).any(|above| above == ancestor)
+    }
+
+    /// `link`, its parent, … up to the root.
+    pub(crate) fn ancestors(&self, link: usize) -> impl Iterator<Item = usize> + '_ {
+        std::iter::successors(Some(link), |&at| self.links[at].parent)
+    }
+
+    /// The deepest link above both.
+    pub(crate) fn common_ancestor(&self, one: usize, other: usize) -> usize {
+        self.ancestors(one)
+            .find(|&above| self.is_below(other, above))
+            .unwrap_or(0)
+    }
+
+    /// Centre of mass of the links at `poses`; their root where nothing weighs.
+    pub(crate) fn centre_of_mass(&self, poses: &[Isometry3<f64>]) -> Point3<f64> {
+        if self.mass_kg <= 0.0 {
+            return Point3::from(poses[0].translation.vector);
+        }
+        let links = self.links.iter().zip(poses);
+        let moments = links.map(|(link, pose)| (pose * link.com).coords * link.mass_kg);
+        let sum: Vector3<f64> = moments.sum();
+        Point3::from(sum / self.mass_kg)
+    }
+}
+
+/// Column of each driven joint name, or why there is none.
+fn columns<'a>(
+    description: &Description,
+    joints: &[&'a str],
+) -> Result<HashMap<&'a str, usize>, RetargetError> {
+    let all = description.robot.joints.iter();
+    let movable: Vec<&urdf_rs::Joint> = all.filter(|joint| is_driven(joint)).collect();
+    let mut column = HashMap::new();
+    for (index, name) in joints.iter().enumerate() {
+        let Some(joint) = movable.iter().find(|joint| joint.name == *name) else {
+            return Err(RetargetError::NoSuchJoint {
+                name: name.to_string(),
+                choices: choices(movable.iter().map(|joint| joint.name.as_str())),
+            });
+        };
+        let refused = |reason: String| RetargetError::Joint {
+            joint: name.to_string(),
+            reason,
+        };
+        if let Some(mimic) = &joint.mimic {
+            let followed = &mimic.joint;
+            return Err(refused(format!(
+                "follows `{followed}` and cannot be driven itself"
+            )));
+        }
+        if column.insert(*name, index).is_some() {
+            return Err(refused("is in the servo map twice".into()));
+        }
+    }
+    Ok(column)
+}
+
+/// Follows mimics down to a driven joint.
+fn drive_of(
+    name: &str,
+    joints: &HashMap<&str, &urdf_rs::Joint>,
+    column: &HashMap<&str, usize>,
+) -> Option<JointDrive> {
+    let (mut scale, mut offset, mut at) = (1.0, 0.0, name);
+    for _ in 0..=joints.len() {
+        if let Some(&joint) = column.get(at) {
+            return Some(JointDrive {
+                joint,
+                scale,
+                offset,
+            });
+        }
+        let mimic = joints.get(at)?.mimic.as_ref()?;
+        offset += scale * mimic.offset.unwrap_or(0.0);
+        scale *= mimic.multiplier.unwrap_or(1.0);
+        at = mimic.joint.as_str();
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masses_of_all_links_add_up() {
+        let op3 = include_str!("../../../configs/op3.urdf");
+        let model = RobotModel::new(op3, &[]).unwrap();
+        assert!((model.mass_kg - 3.15).abs() < 1e-9);
+    }
+}

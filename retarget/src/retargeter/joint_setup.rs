@@ -1,0 +1,119 @@
+//! Limits and strength of the joints as configured, and the way up.
+
+use std::collections::BTreeMap;
+
+use k::nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use servodance_types::JointLimits;
+
+use crate::config::RetargetConfig;
+use crate::config::error::{RetargetError, choices};
+use crate::dynamics::joint_torque::TorqueEstimator;
+use crate::kinematics::chain::RobotModel;
+
+/// The limits as used: rates lowered to `margin`.
+pub(super) fn usable_limits(
+    joints: &[(String, JointLimits)],
+    margin: f64,
+) -> Result<Vec<JointLimits>, RetargetError> {
+    joints
+        .iter()
+        .map(|(name, limits)| {
+            let checked = limits.checked().map_err(|reason| RetargetError::Joint {
+                joint: name.clone(),
+                reason,
+            })?;
+            Ok(JointLimits {
+                velocity_rad_s: checked.velocity_rad_s * margin,
+                acceleration_rad_s2: checked.acceleration_rad_s2 * margin,
+                ..checked
+            })
+        })
+        .collect()
+}
+
+/// Torque and heat of the motors: limits as configured, else the URDF's.
+pub(super) fn torque_estimator(
+    model: &RobotModel,
+    config: &RetargetConfig,
+    dt_s: f64,
+) -> Result<TorqueEstimator, RetargetError> {
+    let mut limits = model.effort_nm.clone();
+    for (joint, limit) in by_joint(model, &config.torque.limit_nm)? {
+        limits[joint] = Some(limit);
+    }
+    Ok(TorqueEstimator::new(
+        model,
+        limits,
+        config.torque.clone(),
+        dt_s,
+    ))
+}
+
+/// Jerk limits: as configured, else from the rise time.
+pub(super) fn jerk_limits(
+    model: &RobotModel,
+    limits: &[JointLimits],
+    config: &RetargetConfig,
+) -> Result<Vec<f64>, RetargetError> {
+    let rise = |limits: &JointLimits| limits.acceleration_rad_s2 / config.jerk_rise_s;
+    let mut jerk: Vec<f64> = limits.iter().map(rise).collect();
+    for (joint, degrees) in by_joint(model, &config.jerk_deg_s3)? {
+        jerk[joint] = degrees.to_radians() * config.margin;
+    }
+    Ok(jerk)
+}
+
+/// Values given by joint name, by joint index.
+pub(super) fn by_joint(
+    model: &RobotModel,
+    values: &BTreeMap<String, f64>,
+) -> Result<Vec<(usize, f64)>, RetargetError> {
+    let names = model.joint_names();
+    values
+        .iter()
+        .map(|(name, &value)| {
+            let index = names.iter().position(|other| other == name);
+            index
+                .map(|index| (index, value))
+                .ok_or_else(|| RetargetError::NoSuchJoint {
+                    name: name.clone(),
+                    choices: choices(names.iter().map(String::as_str)),
+                })
+        })
+        .collect()
+}
+
+/// Rotation that brings the configured forward axis to x and the up axis to z.
+pub(super) fn upright_rotation(
+    config: &RetargetConfig,
+) -> Result<UnitQuaternion<f64>, RetargetError> {
+    let forward = axis("forward", &config.forward)?;
+    let up = axis("up", &config.up)?;
+    if forward.dot(&up) != 0.0 {
+        return Err(RetargetError::Config {
+            key: "up".into(),
+            value: config.up.clone(),
+            expected: format!("expected an axis other than forward = {}", config.forward),
+        });
+    }
+    let rows = Matrix3::from_columns(&[forward, up.cross(&forward), up]).transpose();
+    Ok(UnitQuaternion::from_rotation_matrix(
+        &Rotation3::from_matrix_unchecked(rows),
+    ))
+}
+
+fn axis(key: &str, name: &str) -> Result<Vector3<f64>, RetargetError> {
+    match name.trim_start_matches('+') {
+        "x" => Ok(Vector3::x()),
+        "y" => Ok(Vector3::y()),
+        "z" => Ok(Vector3::z()),
+        "-x" => Ok(-Vector3::x()),
+        "-y" => Ok(-Vector3::y()),
+        "-z" => Ok(-Vector3::z()),
+        _ => Err(RetargetError::Config {
+            key: key.into(),
+            value: name.into(),
+            expected: "expected one of x, y, z, -x, -y, -z".into(),
+        }),
+    }
+}

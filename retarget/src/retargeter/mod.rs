@@ -1,0 +1,295 @@
+//! From human frames to joint targets: the robot, its state and its settings.
+//! One control cycle is in `cycle`.
+
+pub(crate) mod counts;
+mod cycle;
+mod joint_setup;
+mod rest_pose;
+
+use k::nalgebra::{Isometry3, Translation3};
+use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Posture};
+
+use crate::config::error::RetargetError;
+use crate::config::{Gains, Limb, RetargetConfig, Stance};
+use crate::contact::planted_stance::PlantedStance;
+use crate::dancer::baseline_posture::PostureTrack;
+use crate::dancer::motion_buffer::{LOOKAHEAD_FRAMES, MotionBuffer};
+use crate::dancer::pose_target::{HeadingReference, PoseReader};
+use crate::dynamics::joint_torque::{TorqueEstimator, TorqueReport};
+use crate::kinematics::body_map::BodyMap;
+use crate::kinematics::chain::RobotModel;
+use crate::limits::collision_limit::CollisionLimit;
+use crate::limits::joint_tracker::JointTracker;
+use crate::solver::arm_search::ArmSearch;
+use crate::solver::body_solver::{BodySolver, SolverScope};
+use counts::RetargetCounts;
+use rest_pose::RestSearch;
+
+/// Turns human motion into joint targets for one robot.
+pub struct Retargeter {
+    model: RobotModel,
+    map: BodyMap,
+    limits: Vec<JointLimits>,
+    jerk_rad_s3: Vec<f64>,
+    limbs: Vec<Limb>,
+    /// Joints between the pelvis and a planted foot.
+    stands_on: Vec<bool>,
+    rest: Vec<f64>,
+    gains: Gains,
+    amplitude: f64,
+    mirror: bool,
+    dt_s: f64,
+    preview_s: f64,
+    motion: MotionBuffer,
+    postures: PostureTrack,
+    reader: PoseReader,
+    solver: BodySolver,
+    search: ArmSearch,
+    stance: Option<PlantedStance>,
+    trackers: Vec<JointTracker>,
+    bounds: Vec<(f64, f64)>,
+    leg_bounds: Vec<(f64, f64)>,
+    collision_limit: CollisionLimit,
+    wanted: Vec<f64>,
+    output: Vec<f64>,
+    poses: Vec<Isometry3<f64>>,
+    /// The root link of a robot on a stand.
+    upright: Isometry3<f64>,
+    torque: TorqueEstimator,
+    counts: RetargetCounts,
+}
+
+impl Retargeter {
+    /// Prepares the robot of a URDF text whose actuated joints are `joints`, in
+    /// the order of all position slices.
+    ///
+    /// # Errors
+    /// Names the joint, link or key that is wrong, and lists the choices.
+    pub fn new(
+        urdf_xml: &str,
+        config: &RetargetConfig,
+        joints: &[(String, JointLimits)],
+        control_hz: f64,
+    ) -> Result<Self, RetargetError> {
+        config.check()?;
+        if !(1.0..=10_000.0).contains(&control_hz) {
+            return Err(RetargetError::Config {
+                key: "control_hz".into(),
+                value: control_hz.to_string(),
+                expected: "expected 1 to 10000".into(),
+            });
+        }
+        let names: Vec<&str> = joints.iter().map(|(name, _)| name.as_str()).collect();
+        let model = RobotModel::configured(urdf_xml, &names, config)?;
+        let mut limits = joint_setup::usable_limits(joints, config.margin)?;
+        let jerk_rad_s3 = joint_setup::jerk_limits(&model, &limits, config)?;
+        let map = BodyMap::new(&model, config)?;
+        let upright = joint_setup::upright_rotation(config)?;
+        let dt_s = 1.0 / control_hz;
+
+        let stands = config.stance.stands();
+        let scope = match stands {
+            true => SolverScope::Upper,
+            false => SolverScope::Hung,
+        };
+        let mut solver = BodySolver::new(&model, map, config.weights, &limits, upright, scope);
+        let waist = model.drives_above(map.chest) > 0;
+        let heading = match (config.stance, waist) {
+            (Stance::Planted | Stance::Stepping, _) => HeadingReference::Slow,
+            (Stance::Hung, true) => HeadingReference::Pelvis,
+            (Stance::Hung, false) => HeadingReference::Chest,
+        };
+        let search = ArmSearch::new(&model, &map, config.weights, &limits, dt_s);
+        let limbs = map.limbs(&model);
+        let is_leg = |limb: &Limb| matches!(limb, Limb::LeftLeg | Limb::RightLeg);
+        let bounds = limits.iter().map(|l| (l.lower_rad, l.upper_rad)).collect();
+        let upright = Isometry3::from_parts(Translation3::identity(), upright);
+        let torque = joint_setup::torque_estimator(&model, config, dt_s)?;
+        let stance = RestSearch {
+            model: &model,
+            map,
+            config,
+            upright,
+            dt_s,
+            limits: &mut limits,
+            solver: &mut solver,
+        }
+        .run()?;
+        let rest = solver.positions.clone();
+        let mut retargeter = Self {
+            stands_on: limbs.iter().map(|l| stands && is_leg(l)).collect(),
+            limbs,
+            gains: config.gain,
+            amplitude: config.amplitude,
+            mirror: config.mirror,
+            dt_s,
+            preview_s: config.preview_s,
+            motion: MotionBuffer::new(),
+            postures: PostureTrack::new(),
+            reader: PoseReader::new(heading, dt_s),
+            stance,
+            trackers: Vec::new(),
+            leg_bounds: vec![(0.0, 0.0); limits.len()],
+            bounds,
+            collision_limit: CollisionLimit::new(limits.len(), dt_s),
+            wanted: vec![0.0; limits.len()],
+            output: vec![0.0; limits.len()],
+            poses: vec![Isometry3::identity(); model.links.len()],
+            upright,
+            torque,
+            counts: RetargetCounts::default(),
+            model,
+            map,
+            limits,
+            jerk_rad_s3,
+            solver,
+            search,
+            rest: rest.clone(),
+        };
+        retargeter.start_at(&rest);
+        Ok(retargeter)
+    }
+
+    /// The robot's tree and shapes.
+    pub fn model(&self) -> &RobotModel {
+        &self.model
+    }
+
+    /// The natural pose, arms down: radians. The first output, if not seeded.
+    pub fn rest(&self) -> &[f64] {
+        &self.rest
+    }
+
+    /// Starts, standing still, from where the robot really is.
+    ///
+    /// # Errors
+    /// A wrong number of positions, or one that is not finite (joint named).
+    pub fn seed(&mut self, present_rad: &[f64]) -> Result<(), RetargetError> {
+        self.check_length(present_rad.len())?;
+        if let Some(index) = present_rad.iter().position(|p| !p.is_finite()) {
+            return Err(RetargetError::NotFinite {
+                joint: self.model.joint_names()[index].clone(),
+            });
+        }
+        self.start_at(present_rad);
+        Ok(())
+    }
+
+    /// Takes in the next human frame. Frames that cannot be used are counted.
+    pub fn push(&mut self, frame: &MotionFrame) {
+        self.motion.push(frame, &mut self.counts);
+    }
+
+    /// Takes in the next human frame of a dance that another program has watched
+    /// for longer, with the baseline posture known there: several robots that
+    /// began at different times move alike by it.
+    pub fn push_with_posture(&mut self, frame: &MotionFrame, posture: &Posture) {
+        self.push(frame);
+        if frame.is_finite() {
+            self.postures.push(frame.time_s, posture);
+        }
+    }
+
+    /// How far ahead of the output the human pose is taken in, seconds.
+    pub fn preview_s(&self) -> f64 {
+        self.trackers
+            .first()
+            .map_or(self.preview_s, |t| t.preview_cycles() as f64 * self.dt_s)
+    }
+
+    /// How far beyond the asked time frames must have been pushed, seconds.
+    pub fn lookahead_s(&self) -> f64 {
+        LOOKAHEAD_FRAMES as f64 / FRAME_RATE_HZ + self.preview_s()
+    }
+
+    /// Events so far: limits that held a joint back, frames that were refused.
+    pub fn counts(&self) -> &RetargetCounts {
+        &self.counts
+    }
+
+    /// What the motion cost the motors so far: estimated torque and heat.
+    pub fn torque_report(&self) -> TorqueReport {
+        self.torque.report(self.model.joint_names())
+    }
+
+    #[cfg(test)]
+    pub(crate) fn torque_nm(&self) -> &[f64] {
+        self.torque.torque_nm()
+    }
+
+    /// Work of all solvers so far: multiplications of their factorisations and of
+    /// the search for better arms, roughly. Differences between cycles show how
+    /// evenly the work is spread, on a busy machine as well.
+    pub fn work(&self) -> u64 {
+        let stance = self.stance.as_ref();
+        self.solver.work()
+            + self.search.work()
+            + self.collision_limit.work()
+            + self.trackers.iter().map(JointTracker::work).sum::<u64>()
+            + stance.map_or(0, |s| s.legs.work() + s.pelvis.work())
+    }
+
+    /// Sets the share of the movement around the rest pose, 0 to 1.
+    pub fn set_amplitude(&mut self, amplitude: f64) {
+        if amplitude.is_finite() {
+            self.amplitude = amplitude.clamp(0.0, 1.0);
+        }
+    }
+
+    /// Dances as the mirror image, or not.
+    pub fn set_mirror(&mut self, mirror: bool) {
+        self.mirror = mirror;
+    }
+
+    /// Scales the movement of one limb, 0 to 2.
+    pub fn set_gain(&mut self, limb: Limb, gain: f64) {
+        if gain.is_finite() {
+            *self.gains.of_mut(limb) = gain.clamp(0.0, 2.0);
+        }
+    }
+
+    /// Which feet stand on the floor, left and right; `None` on a stand.
+    pub fn feet_down(&self) -> Option<[bool; 2]> {
+        self.stance.as_ref().map(PlantedStance::down)
+    }
+
+    /// Where the root link is, in a world with its floor at z = 0 (planted) or
+    /// its origin in the root link (hung), while the joints are at `positions`.
+    pub fn world_from_root(&self, positions: &[f64]) -> Isometry3<f64> {
+        let Some(stance) = &self.stance else {
+            return self.upright;
+        };
+        stance.world_from_root(&self.map, |link| self.model.link_pose(link, positions))
+    }
+
+    fn check_length(&self, actual: usize) -> Result<(), RetargetError> {
+        let expected = self.limits.len();
+        match actual == expected {
+            true => Ok(()),
+            false => Err(RetargetError::Length { expected, actual }),
+        }
+    }
+
+    fn start_at(&mut self, positions: &[f64]) {
+        let (dt_s, preview_s) = (self.dt_s, self.preview_s);
+        let limits = self.limits.iter().zip(&self.jerk_rad_s3);
+        self.trackers = positions
+            .iter()
+            .zip(limits)
+            .map(|(&position, (&limits, &jerk))| {
+                JointTracker::new(limits, jerk, dt_s, position, preview_s)
+            })
+            .collect();
+        for (joint, &position) in positions.iter().enumerate() {
+            self.solver.positions[joint] = self.limits[joint].clamp_rad(position);
+        }
+        self.output.copy_from_slice(positions);
+        let root = self.world_from_root(positions);
+        if let Some(stance) = &mut self.stance {
+            stance.legs.positions.copy_from_slice(positions);
+            stance.restart(root);
+        }
+        self.model.place(&root, positions, &mut self.poses);
+        self.torque.restart();
+    }
+}

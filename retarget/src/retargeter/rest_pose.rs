@@ -1,0 +1,207 @@
+//! The rest pose, and the stance of a robot on its feet.
+
+use k::nalgebra::Isometry3;
+use servodance_types::JointLimits;
+
+use super::joint_setup::by_joint;
+use crate::config::error::RetargetError;
+use crate::config::{RetargetConfig, Stance};
+use crate::contact::balance::SupportPolygon;
+use crate::contact::capsules;
+use crate::contact::pelvis::PelvisTrajectory;
+use crate::contact::planted_stance::PlantedStance;
+use crate::contact::stepping::FootStepper;
+use crate::dancer::pose_target::PoseTarget;
+use crate::kinematics::body_map::BodyMap;
+use crate::kinematics::chain::RobotModel;
+use crate::solver::body_solver::{BodySolver, SolverGoal, SolverInput, SolverScope};
+
+/// Gauss-Newton steps to find the rest pose from nothing.
+const REST_STEPS: usize = 200;
+/// How much more slowly the pelvis of a stepping robot speeds up: on one foot
+/// there is less room for balance.
+const STEPPING_PACE: f64 = 0.5;
+/// Least crouch of a stepping robot, leg lengths: a leg that is nearly straight
+/// cannot reach for the next place.
+const STEPPING_CROUCH: f64 = 0.15;
+/// Knees are never straighter: near straight, small steps of the pelvis would
+/// need large ones of the knee.
+const LEAST_KNEE_RAD: f64 = 0.12;
+
+pub(super) struct RestSearch<'a> {
+    pub model: &'a RobotModel,
+    pub map: BodyMap,
+    pub config: &'a RetargetConfig,
+    /// The root link when the robot stands upright.
+    pub upright: Isometry3<f64>,
+    pub dt_s: f64,
+    /// Narrowed so that knees stay bent.
+    pub limits: &'a mut [JointLimits],
+    pub solver: &'a mut BodySolver,
+}
+
+impl RestSearch<'_> {
+    /// Moves the solver to the rest pose: its answer to an upright dancer, arms
+    /// down, with the configured joints put where the configuration says. Gives
+    /// the stance of a robot on its feet.
+    pub fn run(&mut self) -> Result<Option<PlantedStance>, RetargetError> {
+        let fixed = self.fixed_joints()?;
+        let limits = self.limits.iter();
+        let far: Vec<(f64, f64)> = limits.map(|l| (l.lower_rad, l.upper_rad)).collect();
+        let zero: Vec<f64> = self.solver.positions.clone();
+        self.solver.solve(
+            self.model,
+            &SolverInput {
+                goal: SolverGoal::Dance(&PoseTarget::standing()),
+                rest: &zero,
+                steps: REST_STEPS,
+                bounds: &far,
+            },
+        );
+        let stance = match self.config.stance.stands() {
+            true => Some(self.stand(self.checked_leg_length()?, &far)),
+            false => None,
+        };
+        for &(joint, position) in &fixed {
+            self.solver.positions[joint] = position;
+        }
+        self.keep_knees_bent(&zero, &far);
+        let poses = self.solver.poses(self.model).to_vec();
+        self.solver.pairs = capsules::pairs(self.model, &self.map, &poses);
+        Ok(stance)
+    }
+
+    /// Joint indices and positions of `[retarget.rest_deg]`, inside the limits.
+    fn fixed_joints(&self) -> Result<Vec<(usize, f64)>, RetargetError> {
+        let given = by_joint(self.model, &self.config.rest_deg)?.into_iter();
+        let inside = |(joint, degrees): (usize, f64)| {
+            let position = self.limits[joint].clamp_rad(degrees.to_radians());
+            (joint, position)
+        };
+        Ok(given.map(inside).collect())
+    }
+
+    fn checked_leg_length(&self) -> Result<f64, RetargetError> {
+        let length = self.solver.leg_length();
+        if self.map.legs.iter().all(|leg| leg.sole.is_some()) && length >= 1e-3 {
+            return Ok(length);
+        }
+        let value = match self.config.stance {
+            Stance::Planted => "planted",
+            Stance::Stepping => "stepping",
+            Stance::Hung => "hung",
+        };
+        Err(RetargetError::Config {
+            key: "stance".into(),
+            value: value.into(),
+            expected: format!(
+                "a robot on its feet needs hip, knee, ankle and sole of both legs in \
+                 [retarget.body]; found left {:?}, right {:?}; or use stance = \"hung\"",
+                self.leg_names(0),
+                self.leg_names(1)
+            ),
+        })
+    }
+
+    fn leg_names(&self, side: usize) -> Vec<&str> {
+        let leg = self.map.legs[side];
+        let links = [leg.hip, leg.knee, leg.ankle, leg.sole].into_iter();
+        let names = links.flatten().map(|link| &self.model.link_names()[link]);
+        names.map(String::as_str).collect()
+    }
+
+    /// Knees bend one way: the side of straight that most of their range is on.
+    fn keep_knees_bent(&mut self, zero: &[f64], far: &[(f64, f64)]) {
+        for leg in self.map.legs {
+            let (Some(hip), Some(knee), Some(ankle)) = (leg.hip, leg.knee, leg.ankle) else {
+                continue;
+            };
+            let Some(ancestor) = self.model.driven_ancestors[knee].last() else {
+                continue;
+            };
+            let joint = ancestor.joint;
+            let (lower, upper) = far[joint];
+            let mut positions = zero.to_vec();
+            let mut length_at = |position: f64| {
+                positions[joint] = position;
+                let hip = self.model.link_pose(hip, &positions);
+                let ankle = self.model.link_pose(ankle, &positions);
+                (hip.translation.vector - ankle.translation.vector).norm()
+            };
+            let steps = 200;
+            let place = |k: i32| lower + (upper - lower) * f64::from(k) / f64::from(steps);
+            let straight = (0..=steps)
+                .map(place)
+                .max_by(|a, b| length_at(*a).total_cmp(&length_at(*b)))
+                .unwrap_or(lower);
+            let limits = &mut self.limits[joint];
+            if upper - straight > straight - lower {
+                limits.lower_rad = (straight + LEAST_KNEE_RAD).clamp(lower, upper - 1e-3);
+            } else {
+                limits.upper_rad = (straight - LEAST_KNEE_RAD).clamp(lower + 1e-3, upper);
+            }
+            self.solver.positions[joint] = limits.clamp_rad(self.solver.positions[joint]);
+        }
+    }
+
+    /// Puts the robot on its feet, sunk a little, its weight between them.
+    fn stand(&mut self, leg_m: f64, far: &[(f64, f64)]) -> PlantedStance {
+        let mut legs = BodySolver::new(
+            self.model,
+            self.map,
+            self.config.weights,
+            self.limits,
+            self.upright.rotation,
+            SolverScope::Stance,
+        );
+        let start = self.solver.positions.clone();
+        legs.positions.clone_from(&start);
+        legs.base = self.upright;
+        let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
+        let poses = legs.poses(self.model);
+        let heights = soles.map(|sole| poses[sole].translation.z);
+        let mut feet = soles.map(|sole| poses[sole]);
+        for foot in &mut feet {
+            foot.translation.z = 0.0;
+        }
+        let middle = (feet[0].translation.vector + feet[1].translation.vector) * 0.5;
+        let mut root = self.upright;
+        let steps = self.config.stance == Stance::Stepping;
+        let (crouch, pace) = match steps {
+            true => (self.config.crouch.max(STEPPING_CROUCH), STEPPING_PACE),
+            false => (self.config.crouch, 1.0),
+        };
+        root.translation.z -= heights[0].min(heights[1]) + crouch * leg_m;
+        for _ in 0..20 {
+            legs.solve(
+                self.model,
+                &SolverInput {
+                    goal: SolverGoal::Stand {
+                        root: &root,
+                        feet: &feet,
+                        firmness: [1.0; 2],
+                    },
+                    rest: &start,
+                    steps: REST_STEPS / 10,
+                    bounds: far,
+                },
+            );
+            let poses = legs.poses(self.model);
+            let com = self.model.centre_of_mass(poses);
+            root.translation.x -= 0.7 * (com.x - middle.x);
+            root.translation.y -= 0.7 * (com.y - middle.y);
+        }
+        self.solver.positions.clone_from(&legs.positions);
+        self.solver.base = legs.base;
+        let (sole_m, dt_s, preview_s) = (self.config.sole_m, self.dt_s, self.config.preview_s);
+        legs.support = Some(SupportPolygon::new(&feet, sole_m));
+        let cycles = (preview_s / dt_s).round() as usize;
+        PlantedStance {
+            // What was reached, not what was asked: rest is then an equilibrium.
+            pelvis: PelvisTrajectory::new(legs.base, leg_m, dt_s, preview_s, pace),
+            feet,
+            stepper: steps.then(|| FootStepper::new(feet, leg_m, sole_m, dt_s, cycles)),
+            legs,
+        }
+    }
+}

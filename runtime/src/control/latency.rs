@@ -1,0 +1,153 @@
+//! From sound to command, measured in every live run on the program's own
+//! clock.
+//!
+//! A music frame's newest sample was captured at some moment. `ready`: until
+//! the motion frame made from it can be used by the control loop. `command`:
+//! until the first command that was decided with it known, its beat steering
+//! that command, is on the wire. How late the motion is shown on purpose, to be
+//! on a beat, is no part of this (`lead_s` in the report). Constant memory.
+
+use crate::pipeline::motion_source::Step;
+use crate::pipeline::step_times::{StageTimes, Times};
+use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
+
+/// Percentiles of the way from sound to command, milliseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LatencyReport {
+    /// From a captured sample to a motion frame that can be used.
+    pub ready: StageTimes,
+    /// From a captured sample to the first command decided with it known.
+    pub command: StageTimes,
+}
+
+/// Keeps the times of one run.
+#[derive(Debug, Default)]
+pub struct Latency {
+    /// When the sound of each frame was captured that waits for a command.
+    waiting: Vec<Instant>,
+    ready_ms: Times,
+    command_ms: Times,
+}
+
+impl Latency {
+    /// A motion frame came.
+    pub fn arrived(&mut self, step: &Step) {
+        let Some(captured) = step.captured else {
+            return;
+        };
+        self.ready_ms.book(milliseconds(captured, step.ready));
+        self.waiting.push(captured);
+    }
+
+    /// A command went out at `now`.
+    pub fn sent(&mut self, now: Instant) {
+        for captured in self.waiting.drain(..) {
+            self.command_ms.book(milliseconds(captured, now));
+        }
+    }
+
+    /// Percentiles so far; `None` if the audio was not live.
+    pub fn report(&self) -> Option<LatencyReport> {
+        (!self.ready_ms.is_empty()).then(|| LatencyReport {
+            ready: self.ready_ms.percentiles(),
+            command: self.command_ms.percentiles(),
+        })
+    }
+}
+
+/// Live frames that are looked at before the first cycle.
+const LOOKED_AT: usize = 8;
+/// Kept between the arrival of a frame and the cycle that uses it.
+const MARGIN: Duration = Duration::from_micros(2500);
+
+/// How the first live frames arrive, so that the control cycles can be placed
+/// just after them: a frame that waits for its cycle is latency.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Arrivals {
+    /// Whether what was there before the beginning is used up.
+    is_live: bool,
+    seen: usize,
+    /// From sound to frame, the longest seen.
+    longest: Duration,
+    /// Time of the newest frame, when its sound was captured.
+    newest: Option<(f64, Instant)>,
+}
+
+impl Arrivals {
+    /// A frame came.
+    pub fn note(&mut self, step: &Step) {
+        let captured = step.captured.unwrap_or(step.ready);
+        self.newest = Some((step.motion.time_s, captured));
+        if self.is_live {
+            self.seen += 1;
+            let took = step.ready.saturating_duration_since(captured);
+            self.longest = self.longest.max(took);
+        }
+    }
+
+    /// No frame is waiting: from here on they come as they are made.
+    pub fn caught_up(&mut self) {
+        self.is_live |= self.newest.is_some();
+    }
+
+    /// When the first cycle shall be; `None` before enough frames were seen.
+    pub fn first_cycle(&self, period_s: f64) -> Option<Instant> {
+        let (_, captured) = self.newest.filter(|_| self.seen >= LOOKED_AT)?;
+        let mut first = captured + self.longest + MARGIN;
+        let now = Instant::now();
+        while first < now {
+            first += Duration::from_secs_f64(period_s);
+        }
+        Some(first)
+    }
+
+    /// The time in the music at a moment.
+    pub fn music_s(&self, moment: Instant) -> f64 {
+        self.newest.map_or(0.0, |(time_s, captured)| {
+            time_s + moment.saturating_duration_since(captured).as_secs_f64()
+        })
+    }
+}
+
+fn milliseconds(from: Instant, to: Instant) -> f64 {
+    to.saturating_duration_since(from).as_secs_f64() * 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use servodance_types::{Beat, JOINT_COUNT, MotionFrame, MusicFrame, SPECTRAL_DIM};
+
+    #[test]
+    fn a_frame_counts_from_its_sound_to_the_command_after_it() {
+        let start = Instant::now();
+        let at = |ms: u64| start + Duration::from_millis(ms);
+        let mut latency = Latency::default();
+        latency.sent(at(5)); // nothing was known yet
+        latency.arrived(&Step {
+            music: MusicFrame {
+                time_s: 0.0,
+                spectral: [0.0; SPECTRAL_DIM],
+                beat: Beat::default(),
+                presence: 0.0,
+            },
+            motion: MotionFrame {
+                time_s: 0.0,
+                positions: [[0.0; 3]; JOINT_COUNT],
+                contacts: Default::default(),
+            },
+            posture: None,
+            chorus: Default::default(),
+            features_ms: 0.0,
+            model_ms: 0.0,
+            captured: Some(at(10)),
+            ready: at(18),
+        });
+        latency.sent(at(22));
+        latency.sent(at(30));
+        let report = latency.report().expect("it was live");
+        assert_eq!((report.ready.max_ms, report.command.max_ms), (8.0, 12.0));
+        assert_eq!(Latency::default().report(), None);
+    }
+}

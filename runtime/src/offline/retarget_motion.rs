@@ -1,0 +1,218 @@
+//! A motion file becomes a file of joint positions, inside every limit.
+
+use crate::offline::motion_tracking::{Followed, follow};
+use crate::robot::Robot;
+use crate::telemetry::joint_csv::JointCsv;
+use crate::telemetry::pending_file::{PendingFile, write_whole};
+use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
+use crate::telemetry::report::{EffortFigures, ViolationReport};
+use anyhow::bail;
+use serde::Serialize;
+use servodance_model::motion::Clip;
+use servodance_retarget::{LimbSegment, RetargetCounts};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// What is to be done.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// The motion file.
+    pub motion: PathBuf,
+    /// A built-in robot or a robot file.
+    pub robot: String,
+    /// Where the joint positions go.
+    pub out: PathBuf,
+    /// Where the figures go.
+    pub report: Option<PathBuf>,
+}
+
+/// What came of it, for people.
+#[derive(Clone, Debug)]
+pub struct Done {
+    /// A line each.
+    pub lines: Vec<String>,
+}
+
+/// The figures.
+#[derive(Clone, Debug, Serialize)]
+pub struct RetargetReport {
+    /// The motion's name.
+    pub motion: String,
+    /// The robot's name.
+    pub robot: String,
+    /// Control cycles a second.
+    pub control_hz: f64,
+    /// Control cycles.
+    pub cycles: u64,
+    /// Limits broken by the commands.
+    pub violations: ViolationReport,
+    /// Joint cycles in which the safety layer changed a command.
+    pub interventions: u64,
+    /// What gave way, by name.
+    pub counts: RetargetCounts,
+    /// Median angle between the dancer's arm segments and the robot's, degrees;
+    /// `null` where the robot has no arms.
+    pub direction_error_median_deg: Option<f64>,
+    /// 95 of 100 are smaller.
+    pub direction_error_p95_deg: Option<f64>,
+    /// Median angle by segment, degrees, legs too: they follow from pelvis and
+    /// feet where the robot stands. `null` where the robot has none.
+    pub segment_error_median_deg: SegmentErrors,
+    /// Torque and heat of the motors, estimated.
+    pub effort: EffortFigures,
+    /// Root mean square jerk, rad/s^3.
+    pub jerk_rms_rad_s3: f64,
+    /// Mean time of a retargeting cycle, microseconds.
+    pub us_mean: f64,
+    /// 99 of 100 cycles take less.
+    pub us_p99: f64,
+}
+
+/// An angle for each kind of limb segment.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(missing_docs)] // the names say it
+pub struct SegmentErrors {
+    pub upper_arm: Option<f64>,
+    pub forearm: Option<f64>,
+    pub thigh: Option<f64>,
+    pub shank: Option<f64>,
+}
+
+/// Reads, follows, writes; nothing is written if anything is refused.
+///
+/// # Errors
+/// What is wrong with motion, robot or output.
+pub fn retarget(
+    request: &Request,
+    read_motion: impl FnOnce(&Path) -> anyhow::Result<(Clip, Vec<String>)>,
+) -> anyhow::Result<Done> {
+    let robot = Robot::load(&request.robot)?;
+    let names: Vec<String> = robot
+        .servos
+        .iter()
+        .map(|servo| servo.name.clone())
+        .collect();
+    let mut sink = Sink::create(&request.out, &names, &robot.urdf_xml)?;
+    let report_file = request.report.as_deref().map(PendingFile::create);
+    drop(report_file.transpose()?); // only to learn early whether it can be written
+    let (clip, mut lines) = read_motion(&request.motion)?;
+    let followed = follow(&robot, &clip.frames(), |time_s, positions_rad| {
+        sink.write(time_s, positions_rad)
+    })?;
+    let report = report(&clip.name, &robot, &followed);
+    sink.finish(&robot)?;
+    if let Some(path) = &request.report {
+        let mut text = serde_json::to_string_pretty(&report)?;
+        text.push('\n');
+        write_whole(path, text.as_bytes())?;
+    }
+    lines.extend(summary(&report, &request.out));
+    Ok(Done { lines })
+}
+
+fn report(motion: &str, robot: &Robot, followed: &Followed) -> RetargetReport {
+    let errors = &followed.direction_errors_deg;
+    let error = |share| (!errors.is_empty()).then(|| Followed::quantile(errors, share));
+    let median = |segment| followed.median_deg(|other| other == segment);
+    let times = &followed.cycle_us;
+    RetargetReport {
+        motion: motion.to_owned(),
+        robot: robot.name.clone(),
+        control_hz: robot.control_hz,
+        cycles: followed.cycles,
+        violations: followed.violations,
+        interventions: followed.interventions,
+        counts: followed.counts,
+        direction_error_median_deg: error(0.5),
+        direction_error_p95_deg: error(0.95),
+        segment_error_median_deg: SegmentErrors {
+            upper_arm: median(LimbSegment::UpperArm),
+            forearm: median(LimbSegment::Forearm),
+            thigh: median(LimbSegment::Thigh),
+            shank: median(LimbSegment::Shank),
+        },
+        effort: followed.effort.clone().into(),
+        jerk_rms_rad_s3: followed.jerk_rms_rad_s3,
+        us_mean: times.iter().sum::<f64>() / times.len().max(1) as f64,
+        us_p99: Followed::quantile(times, 0.99),
+    }
+}
+
+fn summary(report: &RetargetReport, out: &Path) -> Vec<String> {
+    let broken = report.violations;
+    let mut lines = vec![format!(
+        "{}: {} cycles of {} on {}",
+        out.display(),
+        report.cycles,
+        report.motion,
+        report.robot
+    )];
+    if let (Some(median), Some(p95)) = (
+        report.direction_error_median_deg,
+        report.direction_error_p95_deg,
+    ) {
+        lines.push(format!(
+            "arms point within {median:.1} degrees of the dancer's (median), {p95:.1} (95 %)"
+        ));
+    }
+    lines.push(format!(
+        "limits broken: {} position, {} velocity, {} acceleration; {} commands changed by the \
+         safety layer; {:.0} us a cycle",
+        broken.position, broken.velocity, broken.acceleration, report.interventions, report.us_mean
+    ));
+    lines.extend(
+        report
+            .effort
+            .line()
+            .map(|effort| format!("motors: {effort}")),
+    );
+    lines
+}
+
+/// Where joint positions go.
+enum Sink {
+    Csv(JointCsv),
+    Recording(Box<Recorder>),
+}
+
+impl Sink {
+    fn create(path: &Path, names: &[String], urdf_xml: &str) -> anyhow::Result<Self> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("csv") => Ok(Sink::Csv(JointCsv::create(path, names)?)),
+            Some("mcap") => {
+                let silent = Box::new(|_: &str| ()); // `finish` tells
+                let mut recorder =
+                    Recorder::create(path, names.to_vec(), WhenBehind::Wait, silent)?;
+                recorder.text(RecordingTopic::RobotDescription, 0.0, urdf_xml);
+                Ok(Sink::Recording(Box::new(recorder)))
+            }
+            _ => bail!(
+                "{}: joint positions go to a .csv or .mcap file",
+                path.display()
+            ),
+        }
+    }
+
+    fn write(&mut self, time_s: f64, positions_rad: &[f64]) -> anyhow::Result<()> {
+        match self {
+            Sink::Csv(csv) => csv.write(time_s, positions_rad.iter().copied()),
+            Sink::Recording(recorder) => {
+                recorder.positions(RecordingTopic::JointCommands, time_s, positions_rad);
+                Ok(())
+            }
+        }
+    }
+
+    fn finish(self, robot: &Robot) -> anyhow::Result<()> {
+        match self {
+            Sink::Csv(csv) => csv.finish(),
+            Sink::Recording(mut recorder) => {
+                recorder.metadata(BTreeMap::from([
+                    ("robot".to_owned(), robot.name.clone()),
+                    ("control_hz".to_owned(), robot.control_hz.to_string()),
+                ]));
+                recorder.finish()
+            }
+        }
+    }
+}

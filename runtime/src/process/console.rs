@@ -1,0 +1,150 @@
+//! What the program says, on standard output and standard error.
+//!
+//! Whoever reads it may go away (`servodance robots | head -1`). That is no
+//! reason to panic, least of all while motors move: what nobody hears is lost.
+//! `println!` and its kin are not used elsewhere (a lint sees to it).
+//!
+//! While something draws on the terminal ([`Kept`]) lines wait for their turn,
+//! panics too; those of a stream that goes elsewhere are passed on at once.
+
+use std::collections::VecDeque;
+use std::fmt::Arguments;
+use std::io::{IsTerminal, Write};
+use std::panic::PanicHookInfo;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Lines that wait at most; the oldest go.
+const WAITING: usize = 1000;
+
+/// Prints a line on standard output, which may be closed.
+#[macro_export]
+macro_rules! say {
+    ($($text:tt)*) => {
+        $crate::process::console::stdout(format_args!("{}\n", format_args!($($text)*)))
+    };
+}
+
+/// Prints a line on standard error, which may be closed.
+#[macro_export]
+macro_rules! tell {
+    ($($text:tt)*) => {
+        $crate::process::console::stderr(format_args!("{}\n", format_args!($($text)*)))
+    };
+}
+
+pub use {say, tell};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stream {
+    Output,
+    Error,
+}
+
+impl Stream {
+    fn write(self, text: &str) {
+        let _ = match self {
+            Self::Output => {
+                let mut out = std::io::stdout().lock();
+                out.write_all(text.as_bytes()).and_then(|()| out.flush())
+            }
+            Self::Error => std::io::stderr().lock().write_all(text.as_bytes()),
+        };
+    }
+
+    fn is_terminal(self) -> bool {
+        match self {
+            Self::Output => std::io::stdout().is_terminal(),
+            Self::Error => std::io::stderr().is_terminal(),
+        }
+    }
+}
+
+/// What waits; `None` while the terminal is free.
+static WAITS: Mutex<Option<VecDeque<(Stream, String)>>> = Mutex::new(None);
+
+fn waits() -> MutexGuard<'static, Option<VecDeque<(Stream, String)>>> {
+    WAITS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Text on standard output, at once unless it must wait.
+pub fn stdout(text: Arguments) {
+    tell_or_keep(Stream::Output, text);
+}
+
+/// Text on standard error, at once unless it must wait.
+pub fn stderr(text: Arguments) {
+    tell_or_keep(Stream::Error, text);
+}
+
+fn tell_or_keep(stream: Stream, text: Arguments) {
+    let text = text.to_string();
+    let kept = waits().as_mut().is_some_and(|lines| {
+        if lines.len() == WAITING {
+            lines.pop_front();
+        }
+        lines.push_back((stream, text.clone()));
+        stream.is_terminal()
+    });
+    if !kept {
+        stream.write(&text);
+    }
+}
+
+/// Whether lines wait.
+pub fn is_kept() -> bool {
+    waits().is_some()
+}
+
+/// The newest lines that were said since lines wait, oldest first.
+pub fn newest(count: usize) -> Vec<String> {
+    let waits = waits();
+    let lines = waits.iter().flatten().flat_map(|(_, text)| text.lines());
+    let lines: Vec<&str> = lines.filter(|line| !line.trim().is_empty()).collect();
+    let from = lines.len().saturating_sub(count);
+    lines[from..].iter().map(ToString::to_string).collect()
+}
+
+/// Until it is dropped, lines for the terminal wait; then they are said.
+#[derive(Debug)]
+#[must_use]
+pub struct Kept(());
+
+impl Kept {
+    /// From now on.
+    pub fn begin() -> Self {
+        *waits() = Some(VecDeque::new());
+        Self(())
+    }
+}
+
+impl Drop for Kept {
+    fn drop(&mut self) {
+        let lines = waits().take();
+        for (stream, text) in lines.into_iter().flatten() {
+            if stream.is_terminal() {
+                stream.write(&text);
+            }
+        }
+    }
+}
+
+/// From now on a thread that panics says so in one line on standard error, and
+/// so does a bus that is dropped and cannot turn torque off.
+pub fn tell_what_nobody_returns() {
+    std::panic::set_hook(Box::new(|panic| tell!("{}", panic_line(panic))));
+    servodance_drivers::set_torque_alarm(|text| tell!("{text}"));
+}
+
+fn panic_line(panic: &PanicHookInfo) -> String {
+    let thread = std::thread::current();
+    let payload = panic.payload();
+    let owned = payload.downcast_ref::<String>().map(String::as_str);
+    let text = payload.downcast_ref::<&str>().copied().or(owned);
+    let place = panic.location().map(ToString::to_string);
+    format!(
+        "a mistake in this program: the thread \"{}\" broke down at {}: {}",
+        thread.name().unwrap_or("?"),
+        place.unwrap_or_default(),
+        text.unwrap_or("no reason given").replace('\n', " ")
+    )
+}

@@ -1,0 +1,7 @@
+//! What belongs to the whole process: standard output, progress bar, thread
+//! priorities, failpoints for tests.
+
+pub mod console;
+pub mod failpoint;
+pub mod progress;
+pub mod realtime;

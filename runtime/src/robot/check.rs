@@ -1,0 +1,101 @@
+//! `robot check`: everything that is wrong or odd about a robot file or a
+//! description, each with a stable code. Nothing here panics on any file.
+
+use super::built_in::BUILT_IN;
+use super::loaded::Robot;
+use super::robot_file::RobotError;
+use serde::Serialize;
+use servodance_retarget::{Diagnostic, DiagnosticCode, DiagnosticSeverity, lint, lint_limits};
+use std::path::Path;
+
+/// What was found in one file.
+#[derive(Clone, Debug, Serialize)]
+pub struct Checked {
+    /// The file, as it was given.
+    pub file: String,
+    /// Whether a robot can be built on it.
+    pub usable: bool,
+    /// Everything found; refusals first.
+    pub findings: Vec<Diagnostic>,
+}
+
+impl Checked {
+    fn new(file: &str, mut findings: Vec<Diagnostic>) -> Self {
+        findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+        Self {
+            file: file.to_owned(),
+            usable: findings
+                .iter()
+                .all(|f| f.severity != DiagnosticSeverity::Refused),
+            findings,
+        }
+    }
+
+    /// The verdict in one line.
+    pub fn verdict(&self) -> String {
+        let count = |severity| {
+            let of = |f: &&Diagnostic| f.severity == severity;
+            self.findings.iter().filter(of).count()
+        };
+        format!(
+            "{}: {}; {} refused, {} repaired, {} notes",
+            self.file,
+            if self.usable { "usable" } else { "refused" },
+            count(DiagnosticSeverity::Refused),
+            count(DiagnosticSeverity::Repaired),
+            count(DiagnosticSeverity::Note)
+        )
+    }
+}
+
+/// Checks a robot file (`.toml`), a built-in robot by name, or a description.
+pub fn check(file: &str) -> Checked {
+    let built_in = BUILT_IN.iter().any(|robot| robot.name == file);
+    let is_toml = Path::new(file).extension().is_some_and(|e| e == "toml");
+    let findings = match built_in || is_toml {
+        true => check_robot(file),
+        false => check_description(Path::new(file)),
+    };
+    Checked::new(file, findings)
+}
+
+fn check_robot(file: &str) -> Vec<Diagnostic> {
+    match Robot::load(file) {
+        Ok(robot) => {
+            let mut findings = lint(&robot.urdf_xml);
+            findings.extend(lint_limits(&robot.urdf_xml, &robot.joint_limits()));
+            findings
+        }
+        Err(error) => {
+            let code = error.downcast_ref::<RobotError>().map(|e| e.code);
+            let finding = Diagnostic::new(
+                code.unwrap_or(DiagnosticCode::RobotFile),
+                file,
+                format!("{error:#}"),
+            );
+            // What is wrong with the description itself is told in full.
+            let description = error
+                .downcast_ref::<RobotError>()
+                .and_then(|e| e.urdf_xml.as_deref());
+            let mut findings = description.map(lint).unwrap_or_default();
+            if findings
+                .iter()
+                .all(|f| f.severity != DiagnosticSeverity::Refused)
+            {
+                findings.push(finding);
+            }
+            findings
+        }
+    }
+}
+
+fn check_description(path: &Path) -> Vec<Diagnostic> {
+    match std::fs::read_to_string(path) {
+        Ok(text) => lint(&text),
+        Err(error) => vec![Diagnostic::new(
+            DiagnosticCode::FileUnreadable,
+            path.display().to_string(),
+            error.to_string(),
+        )],
+    }
+}

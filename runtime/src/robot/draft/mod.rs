@@ -1,0 +1,166 @@
+//! `robot new`: a complete robot file from a description alone.
+//!
+//! Guesses are explained as comments where they stand; what was tried before
+//! it was written down is said with its figures. The file loads and dances in
+//! simulation as it is; the servos are placeholders to fill in.
+
+mod description_copy;
+mod file_text;
+mod plan;
+mod servo_draft;
+mod trials;
+
+use self::description_copy::DescriptionCopy;
+use self::file_text::{parts, robot_file};
+use self::plan::FilePlan;
+use self::servo_draft::servo_drafts;
+use self::trials::RATES;
+use crate::robot::robot_folders::RobotFolders;
+use crate::telemetry::pending_file::write_whole;
+use anyhow::{Context, bail};
+use servodance_model::motion::Clip;
+use servodance_retarget::{DiagnosticSeverity, JointUse, draft_config, is_mjcf, lint, urdf_from_mjcf};
+use std::path::{Path, PathBuf};
+
+/// A robot file that was written.
+#[derive(Clone, Debug)]
+pub struct NewRobot {
+    /// The files, robot file first.
+    pub files: Vec<PathBuf>,
+    /// What was seen and done, a line each.
+    pub lines: Vec<String>,
+}
+
+/// Writes a robot file for a description.
+/// Refuses a description with a fatal finding, and a file that is there already
+/// unless `force` is set.
+pub fn new_robot(
+    description: &Path,
+    out: &Path,
+    force: bool,
+    trial: &Clip,
+) -> anyhow::Result<NewRobot> {
+    if out.extension().is_none_or(|extension| extension != "toml") {
+        bail!("{}: a robot file ends in .toml", out.display());
+    }
+    if out.exists() && !force {
+        bail!("{} is there already; --force overwrites it", out.display());
+    }
+    let source = std::fs::read_to_string(description)
+        .with_context(|| format!("cannot read {}", description.display()))?;
+    let findings = lint(&source);
+    if let Some(refused) = findings.iter().find(|f| f.severity == DiagnosticSeverity::Refused) {
+        bail!(
+            "{}: {} `{}`: {} (all findings: servodance robot check)",
+            description.display(),
+            refused.code,
+            refused.subject,
+            refused.message
+        );
+    }
+    let (urdf, source, copies) = beside(description, source, out)?;
+    let there = copies
+        .iter()
+        .flat_map(DescriptionCopy::places)
+        .find(|p| p.exists());
+    if let Some(there) = there.filter(|_| !force) {
+        bail!(
+            "{} is there already; --force overwrites it",
+            there.display()
+        );
+    }
+    let mut draft = draft_config(&source)?;
+    let (servos, left_out) = servo_drafts(&draft.joints);
+    if servos.is_empty() {
+        bail!(
+            "{}: no joint can have a servo ({})",
+            description.display(),
+            left_out.join("; ")
+        );
+    }
+    let mut plan = FilePlan {
+        name: stem(out),
+        source: source.as_str(),
+        trial,
+        urdf,
+        draft: &mut draft,
+        servos,
+        left_out,
+        findings,
+        rates: RATES[0],
+        rest: Vec::new(),
+        tried: Vec::new(),
+    };
+    plan.settle()?;
+    let (mut files, mut lines) = (vec![out.to_owned()], Vec::new());
+    if let Some(copies) = copies {
+        copies.write()?;
+        files.extend(copies.places());
+        lines.extend(copies.lines());
+    }
+    write_whole(out, robot_file(&plan).as_bytes())?;
+    lines.extend(summary(&plan, out));
+    Ok(NewRobot { files, lines })
+}
+
+/// What the robot file calls the description, its text, and what must be copied
+/// so that all lies in the robot file's folder.
+fn beside(
+    description: &Path,
+    source: String,
+    out: &Path,
+) -> anyhow::Result<(String, String, Option<DescriptionCopy>)> {
+    let folder = out.parent().unwrap_or(Path::new(""));
+    let copies = if is_mjcf(&source) {
+        DescriptionCopy::of_text(&urdf_from_mjcf(&source)?.0, out)
+    } else if let Some(relative) = RobotFolders::of_file(folder).relative(description) {
+        return Ok((relative, source, None));
+    } else {
+        DescriptionCopy::of(description, &source, out)?
+    };
+    let name = out.with_extension("urdf");
+    let name = name.file_name().unwrap_or_default().to_string_lossy();
+    Ok((name.into_owned(), copies.text.clone(), Some(copies)))
+}
+
+/// What was seen and done, a line each.
+fn summary(plan: &FilePlan, out: &Path) -> Vec<String> {
+    let mut lines: Vec<String> = plan.draft.reasons.clone();
+    lines.extend(parts(&plan.draft.config.body));
+    lines.extend(
+        plan.draft
+            .missing
+            .iter()
+            .map(|missing| format!("missing: {missing}")),
+    );
+    let held = plan.servos.iter().filter(|servo| servo.role == JointUse::Held);
+    let held: Vec<&str> = held.map(|servo| servo.name.as_str()).collect();
+    if !held.is_empty() {
+        lines.push(format!("held at rest: {}", held.join(", ")));
+    }
+    lines.extend(
+        plan.left_out
+            .iter()
+            .map(|joint| format!("no servo: {joint}")),
+    );
+    let odd = plan.findings.iter();
+    lines.extend(odd.map(|finding| format!("found: {finding}")));
+    lines.extend(plan.tried.iter().map(|line| format!("tried: {line}")));
+    lines.push(format!(
+        "{} servos are placeholders: fill in id, model, direction and zero_deg, then",
+        plan.servos.len()
+    ));
+    lines.push(format!("  servodance dance --robot {}", out.display()));
+    lines
+}
+
+/// A name for the robot from that of its file.
+fn stem(out: &Path) -> String {
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    let plain: String = stem.chars().filter(|c| !c.is_control()).collect();
+    if plain.is_empty() {
+        "robot".into()
+    } else {
+        plain
+    }
+}

@@ -1,0 +1,130 @@
+//! Rates, crouch and stance of a new robot, settled by dancing with it.
+
+use super::file_text::robot_file;
+use super::plan::FilePlan;
+use crate::offline::motion_tracking::{Followed, follow};
+use crate::robot::config_source::ConfigSource;
+use crate::robot::loaded::Robot;
+use crate::robot::overrides::Overrides;
+use crate::robot::robot_file::RobotError;
+use anyhow::bail;
+use servodance_retarget::{DiagnosticCode, Stance, rest_deg};
+
+/// Baud rates and control rates that are tried until the servos fit.
+pub(super) const RATES: [(u32, f64); 5] = [
+    (1_000_000, 100.0),
+    (2_000_000, 100.0),
+    (4_000_000, 100.0),
+    (4_000_000, 50.0),
+    (4_000_000, 20.0),
+];
+/// Crouches of a standing robot that are tried in turn, as shares of its leg length.
+const CROUCHES: [f64; 3] = [0.05, 0.12, 0.2];
+/// Share of cycles that may go wrong before a robot is put on a stand.
+const TOLERATED: f64 = 1e-3;
+
+impl FilePlan<'_> {
+    /// Finds rates that the bus can carry and a stance that holds in a dance.
+    pub(super) fn settle(&mut self) -> anyhow::Result<()> {
+        if self.draft.config.stance == Stance::Planted {
+            match self.stand()? {
+                Ok(line) => self.tried.push(line),
+                Err(why) => {
+                    let line = format!("planted was tried and given up ({why}): hung on a stand");
+                    self.tried.push(line);
+                    self.draft.config.stance = Stance::Hung;
+                }
+            }
+        }
+        let robot = self.fitting_robot()??;
+        self.rest = rest_deg(
+            &robot.urdf_xml,
+            &robot.retarget,
+            &robot.joint_limits(),
+            robot.control_hz,
+        )?;
+        let followed = self.dance(&self.parse()?)?;
+        let duration_s = self.trial.frames().len() as f64 / servodance_types::FRAME_RATE_HZ;
+        self.tried.push(danced(&followed, duration_s));
+        Ok(())
+    }
+
+    /// Whether the robot can stay on its feet, and why not.
+    fn stand(&mut self) -> anyhow::Result<Result<String, String>> {
+        let mut verdict = Err(String::new());
+        for crouch in CROUCHES {
+            self.draft.config.crouch = crouch;
+            verdict = match self.fitting_robot()? {
+                Ok(robot) => stands(&self.dance(&robot)?),
+                Err(error) => Err(format!("{error:#}")),
+            };
+            if verdict.is_ok() {
+                break;
+            }
+        }
+        Ok(verdict)
+    }
+
+    /// The robot at the first rates that the bus carries; the inner error is
+    /// of the robot, the outer of the rates.
+    fn fitting_robot(&mut self) -> anyhow::Result<anyhow::Result<Robot>> {
+        for rates in RATES {
+            self.rates = rates;
+            match self.parse() {
+                Err(error) if code(&error) == Some(DiagnosticCode::BusRate) => {}
+                other => return Ok(other),
+            }
+        }
+        bail!("{} servos are too many for one bus", self.servos.len())
+    }
+
+    fn dance(&self, robot: &Robot) -> anyhow::Result<Followed> {
+        follow(robot, &self.trial.frames(), |_, _| Ok(()))
+    }
+
+    fn parse(&self) -> anyhow::Result<Robot> {
+        let source = ConfigSource {
+            file: "the new robot file",
+            text: &robot_file(self),
+            overrides: &Overrides::default(),
+        };
+        Robot::from_source(&source, |_| Ok(self.source.to_owned()))
+    }
+}
+
+fn code(error: &anyhow::Error) -> Option<DiagnosticCode> {
+    error.downcast_ref::<RobotError>().map(|error| error.code)
+}
+
+/// Whether a robot on its feet kept them and its balance.
+fn stands(followed: &Followed) -> Result<String, String> {
+    let share = |count: u64| count as f64 / followed.cycles.max(1) as f64;
+    let (feet, balance) = (
+        share(followed.counts.feet_moved_cycles),
+        share(followed.counts.unbalanced_cycles),
+    );
+    if feet > TOLERATED {
+        return Err(format!("a foot slipped in {:.1} % of cycles", feet * 100.0));
+    }
+    if balance > TOLERATED {
+        return Err(format!(
+            "out of balance in {:.1} % of cycles",
+            balance * 100.0
+        ));
+    }
+    Ok("planted: both feet stay and the balance is kept".into())
+}
+
+fn danced(followed: &Followed, duration_s: f64) -> String {
+    let broken = followed.violations;
+    let median = Followed::quantile(&followed.direction_errors_deg, 0.5);
+    let arms = match followed.direction_errors_deg.is_empty() {
+        true => "no arms to compare".into(),
+        false => format!("arms point within {median:.0} degrees of the dancer's (median)"),
+    };
+    format!(
+        "{duration_s:.0} s of dance: {} limits broken, {} cycles with an arm touching the body; {arms}",
+        broken.position + broken.velocity + broken.acceleration,
+        followed.counts.collision_cycles,
+    )
+}

@@ -1,0 +1,218 @@
+//! A robot that was loaded from its file and checked. Radians, metres, seconds.
+
+use super::built_in::BUILT_IN;
+use super::config_source::ConfigSource;
+use super::overrides::Overrides;
+use super::robot_file::{RobotError, config_path, parse, retarget_path};
+use super::robot_folders::{FileRefused, RobotFolders};
+use crate::control::idle::IdleStyle;
+use anyhow::{anyhow, bail};
+use servodance_drivers::{BusLayout, SafetyConfig, SafetyError, Servo, check_rate, layouts};
+use servodance_retarget::{DiagnosticCode, RetargetConfig, Retargeter};
+use servodance_types::JointLimits;
+use std::path::{Path, PathBuf};
+
+/// A robot, checked and ready to be driven.
+#[derive(Clone, Debug)]
+#[allow(missing_docs)] // the names say it
+pub struct Robot {
+    pub name: String,
+    /// One line about it.
+    pub description: String,
+    /// The folder of its file; none if it is built in.
+    pub folder: Option<PathBuf>,
+    /// Where its URDF is, seen from there.
+    pub urdf: PathBuf,
+    pub urdf_xml: String,
+    /// Control cycles a second.
+    pub control_hz: f64,
+    /// Delay from command to position, seconds.
+    pub servo_lag_s: f64,
+    /// What it does while there is no music.
+    pub idle: IdleStyle,
+    /// The buses, and which joints are on each.
+    pub buses: Vec<BusLayout>,
+    /// How the safety layer behaves.
+    pub safety: SafetyConfig,
+    /// How human motion becomes this robot's.
+    pub retarget: RetargetConfig,
+    /// The servos, in joint order.
+    pub servos: Vec<Servo>,
+}
+
+impl Robot {
+    /// A built-in robot by name, or a robot file by path.
+    pub fn load(name_or_file: &str) -> anyhow::Result<Self> {
+        Self::load_with(name_or_file, &Overrides::default())
+    }
+
+    /// The same with keys that are set beside the file.
+    pub fn load_with(name_or_file: &str, overrides: &Overrides) -> anyhow::Result<Self> {
+        if let Some(built_in) = BUILT_IN.iter().find(|r| r.name == name_or_file) {
+            let source = ConfigSource {
+                file: built_in.file,
+                text: built_in.toml,
+                overrides,
+            };
+            return Self::from_source(&source, |urdf| match source.sets_urdf() {
+                true => description(&source, Path::new(""), urdf),
+                false => Ok(built_in.urdf.to_owned()),
+            });
+        }
+        let path = Path::new(name_or_file);
+        if path.extension().is_none() && !path.exists() {
+            let known: Vec<&str> = BUILT_IN.iter().map(|r| r.name).collect();
+            bail!(
+                "unknown robot \"{name_or_file}\"; built in: {}; or give a robot file (.toml)",
+                known.join(", ")
+            );
+        }
+        let text = std::fs::read_to_string(path).map_err(|e| {
+            let message = format!("cannot read robot file {}: {e}", path.display());
+            RobotError::of(DiagnosticCode::FileUnreadable, message)
+        })?;
+        Self::from_text_with(&text, path, overrides)
+    }
+
+    /// The robot that the file at `path` describes when it holds `text`.
+    pub fn from_text(text: &str, path: &Path) -> anyhow::Result<Self> {
+        Self::from_text_with(text, path, &Overrides::default())
+    }
+
+    fn from_text_with(text: &str, path: &Path, overrides: &Overrides) -> anyhow::Result<Self> {
+        let file = &path.display().to_string();
+        let source = ConfigSource {
+            file,
+            text,
+            overrides,
+        };
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let robot = Self::from_source(&source, |urdf| description(&source, folder, urdf))?;
+        let folder = Some(folder.to_owned());
+        Ok(Self { folder, ..robot })
+    }
+
+    /// Parses and checks a robot file with what is set beside it.
+    pub(super) fn from_source(
+        source: &ConfigSource,
+        read_urdf: impl FnOnce(&str) -> anyhow::Result<String>,
+    ) -> anyhow::Result<Self> {
+        let refuse = |code, path: &[&str], what: String| {
+            RobotError::of(code, format!("{}: {what}", source.place(path)))
+        };
+        let parsed = parse(source)?;
+        for (key, value, range) in [
+            ("control_hz", parsed.control_hz, 20.0..=1000.0),
+            ("servo_lag_s", parsed.servo_lag_s, 0.0..=0.5),
+        ] {
+            if !range.contains(&value) {
+                let (low, high) = (range.start(), range.end());
+                let what = format!("{key} = {value} is outside {low}..{high}");
+                return Err(refuse(DiagnosticCode::RobotFile, &[key], what));
+            }
+        }
+        let (servos, mut buses) = layouts(parsed.buses, &parsed.joints)
+            .map_err(|e| refuse(DiagnosticCode::ServoMap, &config_path(&e), e.to_string()))?;
+        for bus in &mut buses {
+            bus.config.control_hz = Some(parsed.control_hz);
+            check_rate(&bus.config, &bus.servos, parsed.control_hz)
+                .map_err(|e| refuse(DiagnosticCode::BusRate, &["control_hz"], e.to_string()))?;
+        }
+        let safety = parsed.safety.at(parsed.control_hz).map_err(|e| {
+            let path = match &e {
+                SafetyError::Config { key, .. } => vec!["safety", *key],
+                _ => vec!["safety"],
+            };
+            refuse(DiagnosticCode::RobotFile, &path, e.to_string())
+        })?;
+        let robot = Self {
+            urdf_xml: read_urdf(&parsed.urdf)?,
+            urdf: parsed.urdf.into(),
+            folder: None,
+            name: parsed.name,
+            description: parsed.description,
+            control_hz: parsed.control_hz,
+            servo_lag_s: parsed.servo_lag_s,
+            idle: parsed.idle,
+            buses,
+            safety,
+            retarget: parsed.retarget,
+            servos,
+        };
+        match robot.retargeter() {
+            Ok(_) => Ok(robot),
+            Err(error) => Err(anyhow::Error::new(RobotError {
+                code: DiagnosticCode::Retarget,
+                message: format!("{}: {error}", source.place(&retarget_path(&error))),
+                urdf_xml: Some(robot.urdf_xml),
+            })),
+        }
+    }
+
+    /// Every driven joint and its limits, in joint order.
+    pub fn joint_limits(&self) -> Vec<(String, JointLimits)> {
+        let servos = self.servos.iter();
+        servos
+            .map(|servo| (servo.name.clone(), servo.limits))
+            .collect()
+    }
+
+    /// The servo of a joint.
+    /// The error lists the joints there are.
+    pub fn servo(&self, joint: &str) -> anyhow::Result<&Servo> {
+        let known = || {
+            let names: Vec<&str> = self.servos.iter().map(|s| s.name.as_str()).collect();
+            names.join(", ")
+        };
+        let found = self.servos.iter().find(|servo| servo.name == joint);
+        found.ok_or_else(|| {
+            anyhow!(
+                "robot {} has no joint \"{joint}\"; its joints: {}",
+                self.name,
+                known()
+            )
+        })
+    }
+
+    /// A fresh retargeter for this robot.
+    pub fn retargeter(&self) -> anyhow::Result<Retargeter> {
+        Ok(Retargeter::new(
+            &self.urdf_xml,
+            &self.retarget,
+            &self.joint_limits(),
+            self.control_hz,
+        )?)
+    }
+
+    /// Seconds between two control cycles.
+    pub fn period_s(&self) -> f64 {
+        1.0 / self.control_hz
+    }
+}
+
+/// Reads the description that a robot file in this folder names: one of the
+/// robot's own files, unless the user named it himself.
+fn description(source: &ConfigSource, folder: &Path, urdf: &str) -> anyhow::Result<String> {
+    let path = folder.join(urdf);
+    let found = match source.sets_urdf() {
+        true => Ok(path.clone()),
+        false => RobotFolders::of_file(folder).find(&path),
+    };
+    let at = source.place(&["urdf"]);
+    let refuse = |code, what: String| RobotError::of(code, format!("{at}: {what}"));
+    let unreadable = |why: &dyn std::fmt::Display| {
+        let what = format!("cannot read urdf {}: {why}", path.display());
+        refuse(DiagnosticCode::FileUnreadable, what)
+    };
+    match found {
+        Ok(path) => std::fs::read_to_string(path).map_err(|e| unreadable(&e)),
+        Err(FileRefused::Outside) => {
+            let what = format!(
+                "urdf {urdf:?} lies outside the robot file's folder: copy it into that folder, \
+                 or name it yourself with --set urdf=FILE"
+            );
+            Err(refuse(DiagnosticCode::FileOutside, what))
+        }
+        Err(stray) => Err(unreadable(&stray)),
+    }
+}

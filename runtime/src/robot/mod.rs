@@ -1,0 +1,29 @@
+//! Robots: the built-in ones, robot files, keys set beside a file, the draft of a
+//! new file and the check of an old one.
+//!
+//! | to | see |
+//! |---|---|
+//! | add a robot | `built_in` |
+//! | add a key to robot files | `robot_file`, and `configs/robot.schema.json` |
+//! | read a robot | [`Robot::load`] |
+//! | write a file for a description | [`new_robot`] |
+
+mod built_in;
+mod check;
+mod config_source;
+mod draft;
+mod loaded;
+pub(crate) mod meshes;
+mod overrides;
+mod robot_file;
+mod robot_folders;
+mod schema;
+
+pub use built_in::{BUILT_IN, BuiltIn};
+pub use check::{Checked, check};
+pub use draft::{NewRobot, new_robot};
+pub use loaded::Robot;
+pub use meshes::Meshes;
+pub use overrides::Overrides;
+pub use robot_file::RobotError;
+pub use schema::ROBOT_SCHEMA;

@@ -1,0 +1,92 @@
+//! What the user reads when a dance is over.
+
+use crate::session::config::DanceConfig;
+use crate::telemetry::report::DanceReport;
+use std::fmt::Write;
+
+/// A few lines: what was danced, how well, how fast, and where the files are.
+pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
+    let mut text = String::new();
+    let mut line = |label: &str, value: String| {
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "{label:<10}{value}");
+    };
+    line(
+        "danced",
+        format!(
+            "{:.1} s of music in {:.1} s ({:.1}x real time), {} frames, seed {}, model {}",
+            report.audio_s,
+            report.wall_s,
+            report.realtime_factor,
+            report.frames,
+            report.seed,
+            report.model
+        ),
+    );
+    let beats = report.beats.times_s.len();
+    line(
+        "beats",
+        match (beats, report.alignment.servos.f1) {
+            (0, _) | (_, None) => "none found in this audio".into(),
+            (_, Some(f1)) => format!(
+                "{beats} at {:.0} BPM; within 100 ms of them (F1): dancer {:.2}, servos {f1:.2}, {:.0} ms off",
+                report.beats.tempo_bpm,
+                report.alignment.generator.f1.unwrap_or_default(),
+                report.alignment.servos.error_ms.unwrap_or_default(),
+            ),
+        },
+    );
+    line(
+        "robot",
+        format!(
+            "{} on {}: {} cycles at {:.0} Hz, {} bytes, {} errors, {} late",
+            report.robot,
+            report.bus,
+            report.bus_stats.cycles,
+            report.bus_stats.rate_hz,
+            report.bus_stats.bytes,
+            report.bus_stats.crc_errors + report.bus_stats.timeouts,
+            report.late_frames
+        ),
+    );
+    if let Some(latency) = &report.latency_ms {
+        line(
+            "latency",
+            format!(
+                "sample in to command out, beyond the frame of 50 ms: median {:.1} ms, p99 {:.1} ms",
+                latency.command.p50_ms, latency.command.p99_ms
+            ),
+        );
+    }
+    line(
+        "limits",
+        match report.violations {
+            Some(v) => format!(
+                "broken at the servos: position {}, velocity {}, acceleration {}",
+                v.position, v.velocity, v.acceleration
+            ),
+            None => "held by the safety layer (real servos: nobody independent looked)".into(),
+        },
+    );
+    if let Some(effort) = report.effort.line() {
+        line("motors", effort);
+    }
+    let remarks = report.safety.iter().filter(|event| !event.routine);
+    if let Some(last) = remarks.clone().next_back() {
+        let count = remarks.count();
+        line(
+            "safety",
+            format!("{count} remarks, the last: {}", last.cause),
+        );
+    }
+    for (label, path) in [
+        ("picture", &config.picture),
+        ("report", &config.report),
+        ("recording", &config.record),
+    ] {
+        if let Some(path) = path {
+            line(label, path.display().to_string());
+        }
+    }
+    text
+}

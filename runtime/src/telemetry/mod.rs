@@ -1,0 +1,19 @@
+//! What a run leaves behind: the recording, the report, pictures and other files.
+//!
+//! | to | see |
+//! |---|---|
+//! | write MCAP | `recorder/mcap_file.rs`; what goes into it: [`recorder`] |
+//! | read MCAP | [`recorder::Recording`] |
+//! | add a key to the report | `report.rs` and `docs/report.md` |
+//! | draw a picture | [`picture`] |
+//! | write BVH, CSV or GIF | [`export`] |
+
+pub mod export;
+pub(crate) mod joint_csv;
+pub mod pending_file;
+pub mod picture;
+pub(crate) mod pose_array;
+pub mod recorder;
+pub(crate) mod report;
+
+pub use report::ViolationReport;

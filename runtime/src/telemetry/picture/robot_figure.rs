@@ -1,0 +1,86 @@
+//! The robot as a figure: x forward, y left, z up, metres.
+
+use super::stick_figure::{Limb, Side, StickFigure};
+use servodance_retarget::nalgebra::{Isometry3, Point3};
+use servodance_retarget::{RobotModel, Shape};
+
+/// Thickness of a link without shapes, metres.
+const STICK_M: f64 = 0.008;
+
+/// Height of the robot in a pose: one scale for all its poses.
+pub fn standing_height_m(
+    model: &RobotModel,
+    world_from_root: &Isometry3<f64>,
+    positions_rad: &[f64],
+) -> f64 {
+    let standing = robot_figure(model, world_from_root, positions_rad);
+    let tops = standing.limbs.iter();
+    let tops = tops.map(|limb| limb.from[2].max(limb.to[2]) + limb.radius_m);
+    let highest = tops.fold(f64::NEG_INFINITY, f64::max);
+    (highest - standing.floor_m).max(0.1) * 1.1
+}
+
+/// The robot as its visual shapes, each drawn along its longest side; as sticks
+/// between its links where it has none.
+pub fn robot_figure(
+    model: &RobotModel,
+    world_from_root: &Isometry3<f64>,
+    positions_rad: &[f64],
+) -> StickFigure {
+    let poses = model.link_poses(positions_rad);
+    let mut limbs = Vec::new();
+    for visual in model.visuals() {
+        let world_from_visual = world_from_root * poses[visual.link] * visual.pose_in_link;
+        let (half_axis, radius_m) = axis_of(&visual.shape);
+        let end = |sign: f64| {
+            let point = world_from_visual * Point3::from(half_axis.map(|v| v * sign));
+            [point.x, point.y, point.z]
+        };
+        limbs.push(Limb {
+            from: end(-1.0),
+            to: end(1.0),
+            radius_m,
+            side: Side::of(&model.link_names()[visual.link]),
+        });
+    }
+    if limbs.is_empty() {
+        let at = |link: usize| (world_from_root * poses[link]).translation.vector.into();
+        limbs.extend(model.segments().iter().map(|&(from, to)| Limb {
+            from: at(from),
+            to: at(to),
+            radius_m: STICK_M,
+            side: Side::of(&model.link_names()[to]),
+        }));
+    }
+    let feet = limbs.iter();
+    let feet = feet.map(|limb: &Limb| limb.from[2].min(limb.to[2]) - limb.radius_m);
+    let floor_m = feet.fold(f64::INFINITY, f64::min);
+    let root = world_from_root.translation;
+    StickFigure {
+        limbs,
+        height_m: 0.0,
+        floor_m,
+        center: [root.x, root.y],
+    }
+}
+
+/// The radius, and half the longest side as a vector, less the drawn ends' rounding.
+fn axis_of(shape: &Shape) -> ([f64; 3], f64) {
+    match *shape {
+        Shape::Sphere { radius_m } => ([0.0, 0.0, 1e-4], radius_m),
+        Shape::Cylinder { radius_m, length_m } => {
+            ([0.0, 0.0, (length_m / 2.0 - radius_m).max(1e-4)], radius_m)
+        }
+        Shape::Box { size_m } => {
+            let longest = (0..3).fold(0, |a, b| if size_m[b] > size_m[a] { b } else { a });
+            let others: Vec<f64> = (0..3)
+                .filter(|i| *i != longest)
+                .map(|i| size_m[i])
+                .collect();
+            let radius_m = (others[0] + others[1]) / 4.0;
+            let mut axis = [0.0; 3];
+            axis[longest] = (size_m[longest] / 2.0 - radius_m).max(1e-4);
+            (axis, radius_m)
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! A body drawn as limbs, seen from the front, a little from the side and above.
+
+use super::canvas::{Canvas, Point};
+use super::style::Rgba;
+
+/// Which side of the body a limb belongs to; left and right differ in colour,
+/// so that crossed arms can be told apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    Left,
+    Right,
+    Middle,
+}
+
+/// A straight piece of the body, in metres: x forward, y left, z up.
+#[derive(Clone, Copy, Debug)]
+pub struct Limb {
+    pub from: [f64; 3],
+    pub to: [f64; 3],
+    pub radius_m: f64,
+    pub side: Side,
+}
+
+/// A body in one pose.
+#[derive(Clone, Debug, Default)]
+#[allow(missing_docs)] // the names say it
+pub struct StickFigure {
+    pub limbs: Vec<Limb>,
+    /// Height of the standing body, metres: every pose is drawn to one scale.
+    pub height_m: f64,
+    /// Where the floor is, metres (z).
+    pub floor_m: f64,
+    /// The point of the ground plane that is drawn in the middle, metres (x, y).
+    pub center: [f64; 2],
+}
+
+const LEFT: [f64; 3] = [232.0, 126.0, 44.0];
+const RIGHT: [f64; 3] = [42.0, 110.0, 178.0];
+const MIDDLE: [f64; 3] = [84.0, 90.0, 102.0];
+const FLOOR: Rgba = [206, 208, 214, 255];
+const YAW_RAD: f64 = 0.38;
+const PITCH_RAD: f64 = 0.12;
+
+/// Draws the figure with its feet on a floor line, centred on `center_x`.
+pub fn draw_figure(
+    canvas: &mut Canvas,
+    figure: &StickFigure,
+    center_x: f32,
+    top: f32,
+    height: f32,
+) {
+    let floor_y = top + height - 8.0;
+    let scale = f64::from(height - 30.0) / (figure.height_m * 1.15).max(1e-6);
+    canvas.line(
+        &[(center_x - 44.0, floor_y), (center_x + 44.0, floor_y)],
+        1.5,
+        FLOOR,
+    );
+    let view = |p: [f64; 3]| -> (Point, f64) {
+        let (x, y, z) = (
+            p[0] - figure.center[0],
+            p[1] - figure.center[1],
+            p[2] - figure.floor_m,
+        );
+        let (sin, cos) = YAW_RAD.sin_cos();
+        let (near, side) = (x * cos - y * sin, x * sin + y * cos);
+        let up = z * PITCH_RAD.cos() - near * PITCH_RAD.sin();
+        let at = (
+            center_x + (side * scale) as f32,
+            floor_y - (up * scale) as f32,
+        );
+        (at, near)
+    };
+
+    let mut limbs: Vec<(f64, Limb)> = figure
+        .limbs
+        .iter()
+        .map(|limb| ((view(limb.from).1 + view(limb.to).1) / 2.0, *limb))
+        .collect();
+    limbs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for (near, limb) in limbs {
+        let width = ((2.0 * limb.radius_m * scale) as f32).max(2.0);
+        let rgba = shade(limb.side, near / figure.height_m.max(1e-6));
+        canvas.line(&[view(limb.from).0, view(limb.to).0], width, rgba);
+    }
+}
+
+/// Nearer limbs are drawn in fuller colour.
+fn shade(side: Side, nearness: f64) -> Rgba {
+    let base = match side {
+        Side::Left => LEFT,
+        Side::Right => RIGHT,
+        Side::Middle => MIDDLE,
+    };
+    let fade = (0.25 - nearness).clamp(0.0, 0.5);
+    let channel = |value: f64| (value + (235.0 - value) * fade) as u8;
+    [channel(base[0]), channel(base[1]), channel(base[2]), 255]
+}

@@ -1,0 +1,167 @@
+//! A snapshot as JSON for viewers, link poses and all: what docs/show.md calls
+//! a frame. Made by the viewer thread.
+
+use super::scene::Scene;
+use super::snapshot::{JointStatus, Snapshot, state_name};
+use crate::control::idle::IdleStyle;
+use crate::telemetry::pose_array::{pose_array, pose_from_array};
+use serde::Serialize;
+use servodance_types::BeatLock;
+
+/// A number with four decimals; `null` if it is none.
+#[derive(Clone, Copy)]
+struct Rounded(f64);
+
+impl Serialize for Rounded {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0.is_finite() {
+            true => serializer.serialize_f64((self.0 * 1e4).round() / 1e4),
+            false => serializer.serialize_none(),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct FrameJson<'a> {
+    activity: &'static str,
+    safety: &'static str,
+    estop: bool,
+    hold: bool,
+    robot_s: Rounded,
+    music_s: Rounded,
+    links: Vec<[Rounded; 7]>,
+    human: Option<Vec<[Rounded; 3]>>,
+    targets_rad: Vec<Rounded>,
+    positions_rad: Vec<Rounded>,
+    velocities_rad_s: Vec<Rounded>,
+    currents_a: Vec<Rounded>,
+    temperatures_c: Vec<Rounded>,
+    beat: BeatJson,
+    bands: Vec<Rounded>,
+    idle_share: Rounded,
+    amplitude: Rounded,
+    settings: SettingsJson<'a>,
+    bus: BusJson,
+    late_ms: Rounded,
+    late_frames: u64,
+    interventions: u64,
+    violations: Option<u64>,
+    events: Vec<EventJson<'a>>,
+}
+
+#[derive(Serialize)]
+struct BeatJson {
+    phase: Rounded,
+    tempo_bpm: Rounded,
+    confidence: Rounded,
+    lock: &'static str,
+    presence: Rounded,
+}
+
+#[derive(Serialize)]
+struct SettingsJson<'a> {
+    amplitude: Rounded,
+    mirror: bool,
+    idle: IdleStyle,
+    style: &'a str,
+    seed: u64,
+}
+
+#[derive(Serialize)]
+struct BusJson {
+    rate_hz: Rounded,
+    cycles: u64,
+    timeouts: u64,
+    crc_errors: u64,
+    retries: u64,
+}
+
+#[derive(Serialize)]
+struct EventJson<'a> {
+    time_s: Rounded,
+    state: &'a str,
+    cause: &'a str,
+}
+
+/// The frame of a snapshot.
+pub fn frame(scene: &Scene, snapshot: &Snapshot, estop: bool) -> String {
+    let now = &snapshot.now;
+    let joint = |value: fn(&JointStatus) -> f64| {
+        snapshot.joints.iter().map(|j| Rounded(value(j))).collect()
+    };
+    let settings = &now.settings;
+    let frame = FrameJson {
+        activity: now.activity.name(),
+        safety: state_name(now.safety),
+        estop,
+        hold: now.hold,
+        robot_s: Rounded(now.robot_s),
+        music_s: Rounded(now.music_s),
+        links: links(scene, snapshot),
+        human: now.human.as_ref().map(|points| {
+            let short = |p: &[f32; 3]| p.map(|v| Rounded(f64::from(v)));
+            points.iter().map(short).collect()
+        }),
+        targets_rad: joint(|j| j.target_rad),
+        positions_rad: joint(|j| j.position_rad),
+        velocities_rad_s: joint(|j| j.velocity_rad_s),
+        currents_a: joint(|j| j.current_a),
+        temperatures_c: joint(|j| j.temperature_c),
+        beat: BeatJson {
+            phase: Rounded(now.music.phase),
+            tempo_bpm: Rounded(now.music.tempo_bpm),
+            confidence: Rounded(now.music.confidence),
+            lock: match now.music.lock {
+                BeatLock::Lost => "lost",
+                BeatLock::Locked => "locked",
+                BeatLock::Holding => "holding",
+            },
+            presence: Rounded(now.music.presence),
+        },
+        bands: now.music.bands.map(|b| Rounded(f64::from(b))).to_vec(),
+        idle_share: Rounded(now.idle_share),
+        amplitude: Rounded(now.amplitude),
+        settings: SettingsJson {
+            amplitude: Rounded(settings.amplitude),
+            mirror: settings.mirror,
+            idle: settings.idle,
+            style: scene.styles.get(settings.style).map_or("", String::as_str),
+            seed: settings.seed,
+        },
+        bus: BusJson {
+            rate_hz: Rounded(now.rate_hz),
+            cycles: now.bus.cycles,
+            timeouts: now.bus.timeouts,
+            crc_errors: now.bus.crc_errors,
+            retries: now.bus.retries,
+        },
+        late_ms: Rounded(now.late_ms),
+        late_frames: now.late_frames,
+        interventions: now.interventions,
+        violations: now.violations,
+        events: snapshot
+            .events()
+            .iter()
+            .map(|event| EventJson {
+                time_s: Rounded(event.time_s),
+                state: event.state,
+                cause: &event.cause,
+            })
+            .collect(),
+    };
+    // Numbers and text only: nothing here can fail.
+    serde_json::to_string(&frame).unwrap_or_default()
+}
+
+/// Pose of every link in the world.
+fn links(scene: &Scene, snapshot: &Snapshot) -> Vec<[Rounded; 7]> {
+    let positions: Vec<f64> = snapshot.joints.iter().map(|j| j.position_rad).collect();
+    let world_from_root = pose_from_array(snapshot.now.root);
+    let poses = scene.model.link_poses(&positions);
+    let in_world = poses
+        .iter()
+        .map(|root_from_link| world_from_root * root_from_link);
+    in_world
+        .map(|pose| pose_array(&pose).map(Rounded))
+        .collect()
+}

@@ -1,0 +1,36 @@
+//! Viewers: what they see of the robot, and what they can request.
+//!
+//! ```text
+//! control loop --Snapshot--> latest-value slot --> viewer thread --> browsers, terminal
+//!      ^                                                |
+//!      +--- once a cycle --- queue <--- ViewerRequest --+<--- page, API, keys
+//! ```
+//!
+//! The control loop never waits for a viewer: `link.rs` says how the two are held
+//! apart. The page and its API are built with the feature `view`, the terminal always.
+
+#[cfg(feature = "view")]
+mod frame;
+mod link;
+mod player;
+#[cfg_attr(not(feature = "view"), allow(dead_code))] // requests as text are the page's
+mod request;
+mod scene;
+#[cfg(feature = "view")]
+mod server;
+#[cfg(not(feature = "view"))]
+#[path = "server/absent.rs"]
+mod server;
+mod settings;
+pub(crate) mod snapshot;
+mod terminal;
+
+pub(crate) use crate::telemetry::pose_array::pose_array;
+pub use link::{RobotEnd, ViewerEnd, link};
+pub use player::Player;
+pub use request::ViewerRequest;
+pub use scene::Scene;
+pub use server::Server;
+pub use settings::ViewerSettings;
+pub use snapshot::Activity;
+pub use terminal::TerminalView;

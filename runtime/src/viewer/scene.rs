@@ -1,0 +1,107 @@
+//! What does not change while viewers watch: the robot's shapes, joints, limits and
+//! the requests it takes. Viewers get the scene once, as JSON.
+
+use crate::control::idle::IdleStyle;
+use crate::robot::Meshes;
+use crate::telemetry::pose_array::pose_array;
+use clap::ValueEnum;
+use serde_json::{Value, json};
+use servodance_retarget::{RobotModel, Shape};
+use servodance_types::{BodyJoint, JointLimits};
+
+/// Thickness of a link without shapes, metres.
+const STICK_M: f64 = 0.008;
+
+/// A robot to be watched.
+#[derive(Clone, Debug)]
+#[allow(missing_docs)] // the names say it
+pub struct Scene {
+    pub robot: String,
+    /// Its tree and shapes.
+    pub model: RobotModel,
+    /// Its meshes, for those who draw them.
+    pub meshes: Meshes,
+    /// Joint names and limits, in order.
+    pub joints: Vec<(String, JointLimits)>,
+    /// Styles that can be asked for.
+    pub styles: Vec<String>,
+    /// Control cycles a second.
+    pub control_hz: f64,
+    /// Whether somebody must say `start`, and may say it again.
+    pub waits: bool,
+    /// First and last moment of a recording, seconds of music.
+    pub recording_s: Option<[f64; 2]>,
+}
+
+impl Scene {
+    /// The scene for viewers: see docs/show.md.
+    pub fn json(&self) -> Value {
+        let joints = self.joints.iter().map(|(name, limits)| {
+            json!({
+                "name": name,
+                "lower_rad": limits.lower_rad,
+                "upper_rad": limits.upper_rad,
+                "velocity_rad_s": limits.velocity_rad_s,
+            })
+        });
+        let bones = BodyJoint::ALL.into_iter().filter_map(|joint| {
+            let parent = joint.parent()?;
+            Some([parent as usize, joint as usize])
+        });
+        let idle = IdleStyle::value_variants().iter();
+        json!({
+            "robot": self.robot,
+            "version": env!("CARGO_PKG_VERSION"),
+            "control_hz": self.control_hz,
+            "waits": self.waits,
+            "recording_s": self.recording_s,
+            "joints": joints.collect::<Vec<_>>(),
+            "links": self.model.link_names(),
+            "shapes": self.shapes(),
+            "bones": bones.collect::<Vec<_>>(),
+            "human_joints": BodyJoint::ALL.map(BodyJoint::name),
+            "styles": self.styles,
+            "idle": idle.collect::<Vec<_>>(),
+        })
+    }
+
+    /// Shapes and meshes fixed to links; a stick to every link that has neither.
+    fn shapes(&self) -> Vec<Value> {
+        let visuals = self.model.visuals();
+        let shown = visuals.iter().map(|visual| {
+            let mut shape = match visual.shape {
+                Shape::Box { size_m } => json!({ "box": size_m }),
+                Shape::Cylinder { radius_m, length_m } => {
+                    json!({ "cylinder": [radius_m, length_m] })
+                }
+                Shape::Sphere { radius_m } => json!({ "sphere": radius_m }),
+            };
+            shape["link"] = json!(visual.link);
+            shape["pose"] = json!(pose_array(&visual.pose_in_link));
+            shape["rgba"] = json!(visual.rgba);
+            shape
+        });
+        let meshes = self.meshes.fixed.iter().map(|fixed| {
+            let visual = &fixed.visual;
+            json!({
+                "mesh": fixed.part,
+                "bounds": self.meshes.bounds[fixed.part],
+                "scale": visual.scale,
+                "link": visual.link,
+                "pose": pose_array(&visual.pose_in_link),
+                "rgba": visual.rgba,
+            })
+        });
+        let with_mesh = |link| self.meshes.fixed.iter().any(|f| f.visual.link == link);
+        let with_shape = |link| visuals.iter().any(|visual| visual.link == link);
+        let bare = |link: &usize| !with_shape(*link) && !with_mesh(*link);
+        let poses = self.model.link_poses(&[]);
+        let sticks = self.model.segments().iter().filter(|(_, to)| bare(to));
+        let sticks = sticks.map(|(from, to)| {
+            let end = poses[*from].inverse() * poses[*to];
+            let end: [f64; 3] = end.translation.vector.into();
+            json!({ "link": from, "stick": end, "radius": STICK_M })
+        });
+        shown.chain(meshes).chain(sticks).collect()
+    }
+}

@@ -1,0 +1,21 @@
+//! In place of the server, where it is not built in.
+
+#![allow(missing_docs)] // as in `mod.rs`
+
+use super::link::ViewerEnd;
+use super::scene::Scene;
+use anyhow::bail;
+use std::convert::Infallible;
+use std::net::SocketAddr;
+
+pub struct Server(Infallible);
+
+impl Server {
+    pub fn start(_: SocketAddr, _: Scene, _: ViewerEnd) -> anyhow::Result<Self> {
+        bail!("--view: this program was built without its page; build with --features view")
+    }
+
+    pub fn address(&self) -> &str {
+        match self.0 {}
+    }
+}

@@ -1,0 +1,126 @@
+//! The HTTP routes of the page and its API; docs/show.md describes their use.
+//!
+//! | under the token | what |
+//! |---|---|
+//! | `GET ` (the page), `GET NAME` | the page and its parts |
+//! | `GET api/scene` | what does not change |
+//! | `GET api/mesh/N` | the corners of a mesh |
+//! | `GET api/state` | the newest frame |
+//! | `POST api/command` | a request: [`crate::viewer::request`] |
+//! | `GET api/live` | WebSocket: frames out, requests in |
+
+use super::page;
+use super::socket;
+use super::state::{LONGEST, RequestRefusal, ServerState};
+use crate::viewer::frame::frame;
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::rejection::StringRejection;
+use axum::extract::{DefaultBodyLimit, Path, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use serde_json::json;
+use std::sync::Arc;
+
+pub fn routes(state: Arc<ServerState>) -> Router {
+    let inner = Router::new()
+        .route("/api/scene", get(scene))
+        .route("/api/mesh/{part}", get(mesh))
+        .route("/api/state", get(newest_frame))
+        .route("/api/command", post(command))
+        .route("/api/live", get(socket::live))
+        .route("/{name}", get(part));
+    let top = format!("/{}", state.token.text());
+    Router::new()
+        .route(&format!("{top}/"), get(index))
+        .nest(&top, inner)
+        .layer(DefaultBodyLimit::max(LONGEST))
+        .layer(from_fn_with_state(Arc::clone(&state), guard))
+        .with_state(state)
+}
+
+/// Refuses requests without the token, and those of foreign pages.
+async fn guard(State(state): State<Arc<ServerState>>, request: Request, next: Next) -> Response {
+    let mut response = match state.refuses(&request) {
+        Some(status) => status.into_response(),
+        None => next.run(request).await,
+    };
+    // One request a connection, unless it becomes a WebSocket.
+    let upgraded = response.status() == StatusCode::SWITCHING_PROTOCOLS;
+    let headers = response.headers_mut();
+    if !upgraded {
+        headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
+    for (name, value) in [
+        (header::CONTENT_SECURITY_POLICY, page::POLICY),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::X_FRAME_OPTIONS, "DENY"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::CACHE_CONTROL, "no-store"),
+    ] {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+async fn index() -> Response {
+    part(Path("index.html".into())).await
+}
+
+async fn part(Path(name): Path<String>) -> Response {
+    match page::part(&name) {
+        Some((kind, text)) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+async fn scene(State(state): State<Arc<ServerState>>) -> Response {
+    as_json(state.scene_json.clone())
+}
+
+async fn mesh(State(state): State<Arc<ServerState>>, Path(part): Path<usize>) -> Response {
+    const BYTES: &str = "application/octet-stream";
+    match state.scene.meshes.parts.get(part) {
+        // Kept once, however many fetch it.
+        Some(corners) => {
+            let corners = Bytes::from_owner(Arc::clone(corners));
+            ([(header::CONTENT_TYPE, BYTES)], corners).into_response()
+        }
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+async fn newest_frame(State(state): State<Arc<ServerState>>) -> Response {
+    let mut end = state.end();
+    let estop = end.estop.is_pressed();
+    as_json(frame(&state.scene, end.newest(), estop))
+}
+
+async fn command(
+    State(state): State<Arc<ServerState>>,
+    headers: HeaderMap,
+    body: Result<String, StringRejection>,
+) -> Response {
+    let kind = headers.get(header::CONTENT_TYPE);
+    let kind = kind.and_then(|kind| kind.to_str().ok()).unwrap_or_default();
+    // Forms of foreign pages cannot have this type without being asked first.
+    if !kind.starts_with("application/json") {
+        let expected = "expected Content-Type: application/json";
+        return refused((StatusCode::UNSUPPORTED_MEDIA_TYPE, expected.into()));
+    }
+    let body = body.map_err(|unread| (unread.status(), unread.body_text()));
+    match body.and_then(|body| state.ask(&body)) {
+        Ok(()) => (StatusCode::ACCEPTED, as_json("{}".into())).into_response(),
+        Err(refusal) => refused(refusal),
+    }
+}
+
+fn refused((status, why): RequestRefusal) -> Response {
+    (status, as_json(json!({ "error": why }).to_string())).into_response()
+}
+
+fn as_json(text: String) -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], text).into_response()
+}

@@ -1,0 +1,103 @@
+//! One viewer on a WebSocket: the newest frame out, as fast as they can take
+//! it; requests in. What they miss is gone: only the newest counts.
+
+use super::state::{LONGEST, ServerState};
+use axum::Extension;
+use axum::extract::State;
+use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use serde_json::json;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::OwnedSemaphorePermit;
+
+/// A viewer that takes nothing for so long is gone, seconds.
+const GONE_S: u64 = 5;
+/// More messages a second are no person.
+const MESSAGES_PER_S: u32 = 100;
+
+/// The places that a socket keeps until it ends.
+type ConnectionSlot = Arc<OwnedSemaphorePermit>;
+
+/// Turns a request into a WebSocket, if there is room.
+pub async fn live(
+    State(state): State<Arc<ServerState>>,
+    Extension(place): Extension<ConnectionSlot>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let Ok(seat) = Arc::clone(&state.sockets).try_acquire_owned() else {
+        return StatusCode::SERVICE_UNAVAILABLE.into_response();
+    };
+    upgrade
+        .max_message_size(LONGEST)
+        .max_frame_size(LONGEST)
+        .read_buffer_size(LONGEST)
+        .write_buffer_size(0)
+        .max_write_buffer_size(1 << 20)
+        .on_upgrade(async move |mut socket| {
+            let _kept = (place, seat);
+            let farewell = watch(&mut socket, &state).await;
+            if let Some((code, reason)) = farewell {
+                let reason = Utf8Bytes::from(reason);
+                let close = Message::Close(Some(CloseFrame { code, reason }));
+                let _ = send(&mut socket, close).await; // they may be gone already
+            }
+        })
+}
+
+/// Until the viewer goes, or must: then the close code and the reason.
+async fn watch(socket: &mut WebSocket, state: &ServerState) -> Option<(u16, String)> {
+    let mut frames = state.frames.subscribe();
+    frames.mark_changed();
+    let mut second = (Instant::now(), 0);
+    loop {
+        tokio::select! {
+            message = socket.recv() => match message?.ok()? {
+                Message::Text(text) => {
+                    if second.0.elapsed() > Duration::from_secs(1) {
+                        second = (Instant::now(), 0);
+                    }
+                    second.1 += 1;
+                    if second.1 > MESSAGES_PER_S {
+                        return Some((close_code::POLICY, "too many messages".into()));
+                    }
+                    let refusal = state.ask(&text).err();
+                    match refusal {
+                        Some((StatusCode::BAD_REQUEST, why)) => {
+                            return Some((close_code::POLICY, short(why)));
+                        }
+                        Some((_, why)) => {
+                            let text = json!({ "refused": why }).to_string();
+                            send(socket, Message::Text(text.into())).await?;
+                        }
+                        None => {}
+                    }
+                }
+                Message::Binary(_) => {
+                    return Some((close_code::UNSUPPORTED, "expected text".into()));
+                }
+                Message::Close(_) => return None,
+                Message::Ping(_) | Message::Pong(_) => {}
+            },
+            changed = frames.changed() => {
+                changed.ok()?;
+                let frame = frames.borrow_and_update().clone();
+                send(socket, Message::Text(frame)).await?;
+            }
+        }
+    }
+}
+
+/// Sends, or gives up on a viewer that takes nothing.
+async fn send(socket: &mut WebSocket, message: Message) -> Option<()> {
+    let sent = tokio::time::timeout(Duration::from_secs(GONE_S), socket.send(message)).await;
+    sent.ok()?.ok()
+}
+
+/// A close reason holds 123 bytes.
+fn short(mut reason: String) -> String {
+    let end = (0..=120).rev().find(|end| reason.is_char_boundary(*end));
+    reason.truncate(end.unwrap_or_default().min(reason.len()));
+    reason
+}

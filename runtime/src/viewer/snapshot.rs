@@ -1,0 +1,222 @@
+//! The state of robot and music at one moment, for viewers.
+//!
+//! The control loop copies a snapshot without allocating unless there are new
+//! events. Radians, metres, seconds; robot axes x forward, y left, z up. Unknown
+//! values are NaN, and `null` in JSON.
+
+use super::settings::ViewerSettings;
+use servodance_drivers::{BusStats, State};
+use servodance_types::{BeatLock, JOINT_COUNT};
+
+/// Bands of the spectrum.
+pub const BANDS: usize = 32;
+/// Events of the safety layer that are kept in view.
+pub const EVENTS: usize = 8;
+
+/// What the program is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Activity {
+    /// Torque is off until somebody says `start`.
+    #[default]
+    Waiting,
+    /// Servos are being checked.
+    Starting,
+    /// Standing until live music comes.
+    Listening,
+    /// On the way to the first pose.
+    Prelude,
+    /// Dancing, or idling while there is no music.
+    Dancing,
+    /// On the way to the rest pose.
+    Finale,
+    /// A recording is played back; nothing moves.
+    Playing,
+    /// Torque is off and the program ends.
+    Over,
+}
+
+impl Activity {
+    /// The name in frames and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Activity::Waiting => "waiting",
+            Activity::Starting => "starting",
+            Activity::Listening => "listening",
+            Activity::Prelude => "prelude",
+            Activity::Dancing => "dancing",
+            Activity::Finale => "finale",
+            Activity::Playing => "playing",
+            Activity::Over => "over",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointStatus {
+    /// What the servo was told, inside the limits.
+    pub target_rad: f64,
+    pub position_rad: f64,
+    pub velocity_rad_s: f64,
+    pub current_a: f64,
+    pub temperature_c: f64,
+}
+
+impl Default for JointStatus {
+    fn default() -> Self {
+        Self {
+            target_rad: 0.0,
+            position_rad: 0.0,
+            velocity_rad_s: 0.0,
+            current_a: 0.0,
+            temperature_c: f64::NAN,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MusicStatus {
+    /// Position between two beats, 0 to 1.
+    pub phase: f64,
+    pub tempo_bpm: f64,
+    pub confidence: f64,
+    pub lock: BeatLock,
+    /// How sure it is that this is music, 0 to 1.
+    pub presence: f64,
+    /// Level of each band, 0 to 1, low to high.
+    pub bands: [f32; BANDS],
+}
+
+/// A change of the safety layer's state, or a remark of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ViewerEvent {
+    /// Seconds since torque on.
+    pub time_s: f64,
+    /// The state after the event.
+    pub state: &'static str,
+    pub cause: String,
+}
+
+/// The part of a snapshot that has a fixed size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RobotStatus {
+    pub activity: Activity,
+    /// Seconds since torque on.
+    pub robot_s: f64,
+    /// Seconds of music; below zero before it.
+    pub music_s: f64,
+    /// `world_from_root`: x, y, z, then the quaternion x, y, z, w.
+    pub root: [f64; 7],
+    /// The 22 points of the human whom the robot follows, if there is one.
+    pub human: Option<[[f32; 3]; JOINT_COUNT]>,
+    pub music: MusicStatus,
+    /// Share of idle in what is shown, 0 to 1.
+    pub idle_share: f64,
+    pub settings: ViewerSettings,
+    /// The amplitude on its way to what was asked for.
+    pub amplitude: f64,
+    /// Whether somebody asked to hold (or to pause, where a recording plays).
+    pub hold: bool,
+    pub bus: BusStats,
+    /// Control cycles a second, of late.
+    pub rate_hz: f64,
+    /// How late the latest of the last cycles was, milliseconds.
+    pub late_ms: f64,
+    /// Cycles without the motion that they needed.
+    pub late_frames: u64,
+    pub safety: State,
+    /// Commands that the safety layer changed.
+    pub interventions: u64,
+    /// Limits broken at simulated servos; `None` on real ones.
+    pub violations: Option<u64>,
+}
+
+#[derive(Clone, Debug)]
+pub struct Snapshot {
+    pub now: RobotStatus,
+    pub joints: Vec<JointStatus>,
+    events: Vec<ViewerEvent>,
+    /// How many events there were.
+    events_seen: usize,
+}
+
+impl Snapshot {
+    /// Before anything happened, of a robot with so many joints.
+    pub fn new(joints: usize, settings: ViewerSettings) -> Self {
+        let now = RobotStatus {
+            activity: Activity::default(),
+            robot_s: 0.0,
+            music_s: 0.0,
+            root: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+            human: None,
+            music: MusicStatus::default(),
+            idle_share: 0.0,
+            settings,
+            amplitude: settings.amplitude,
+            hold: false,
+            bus: BusStats::default(),
+            rate_hz: 0.0,
+            late_ms: 0.0,
+            late_frames: 0,
+            safety: State::Disarmed,
+            interventions: 0,
+            violations: None,
+        };
+        Self {
+            now,
+            joints: vec![JointStatus::default(); joints],
+            events: Vec::with_capacity(EVENTS),
+            events_seen: 0,
+        }
+    }
+
+    /// Adds an event; drops the oldest beyond [`EVENTS`].
+    pub fn push_event(&mut self, event: ViewerEvent) {
+        if self.events.len() == EVENTS {
+            self.events.remove(0);
+        }
+        self.events.push(event);
+        self.events_seen += 1;
+    }
+
+    pub fn replace_events(&mut self, events: impl Iterator<Item = ViewerEvent>) {
+        self.events.clear();
+        events.for_each(|event| self.push_event(event));
+        self.events_seen += 1; // also if there are none
+    }
+
+    /// The newest events, oldest first.
+    pub fn events(&self) -> &[ViewerEvent] {
+        &self.events
+    }
+
+    /// Copies the other; allocates only if there are new events.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.now = other.now;
+        self.joints.clone_from(&other.joints);
+        if self.events_seen != other.events_seen {
+            self.events.clone_from(&other.events);
+            self.events_seen = other.events_seen;
+        }
+    }
+}
+
+const STATES: [(State, &str); 6] = [
+    (State::Disarmed, "disarmed"),
+    (State::Arming, "arming"),
+    (State::Running, "running"),
+    (State::Holding, "holding"),
+    (State::Stopping, "stopping"),
+    (State::Fault, "fault"),
+];
+
+/// A state's name as it stands in a recording; unknown ones are "event".
+pub fn known_state(word: &str) -> &'static str {
+    let known = STATES.iter().find(|(_, name)| *name == word);
+    known.map_or("event", |(_, name)| name)
+}
+
+/// The name of a state of the safety layer.
+pub fn state_name(state: State) -> &'static str {
+    let known = STATES.iter().find(|(of, _)| *of == state);
+    known.map_or("", |(_, name)| name)
+}

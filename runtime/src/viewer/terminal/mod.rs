@@ -1,0 +1,196 @@
+//! The terminal view: the robot in figures and bars, and keys to steer it by.
+//!
+//! A thread draws snapshots and reads keys, both through [`super::link`]: the
+//! control loop never waits for a terminal. Messages of the program are held back
+//! meanwhile (`console::Kept`).
+//!
+//! The terminal is restored at the end, on errors, Ctrl-C and panics. If the view
+//! fails or its terminal goes away, the emergency stop is pressed, because no key
+//! could press it any more.
+
+mod joints;
+mod keys;
+mod screen;
+
+use super::link::ViewerEnd;
+use super::scene::Scene;
+use crate::process::console::{Kept, tell};
+use crate::process::failpoint;
+use anyhow::{Context, bail};
+use keys::{KeyAction, SettingKeys};
+use ratatui::Terminal;
+use ratatui::backend::CrosstermBackend;
+use ratatui::crossterm::cursor::{Hide, Show};
+use ratatui::crossterm::event::{self, Event};
+use ratatui::crossterm::execute;
+use ratatui::crossterm::terminal::{
+    EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
+};
+use screen::{Remark, draw};
+use servodance_drivers::EStop;
+use std::io::{IsTerminal, Stdout, stdout};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Pictures a second: as many as eyes follow in text.
+const FRAMES_HZ: f64 = 15.0;
+
+/// A terminal that shows a dance until this is dropped.
+pub struct TerminalView {
+    over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+    /// Dropped after the thread has given the terminal back.
+    _kept: Kept,
+}
+
+impl TerminalView {
+    /// Whether there is a terminal to show anything on.
+    pub fn check() -> anyhow::Result<()> {
+        if !stdout().is_terminal() {
+            bail!("--tui: standard output is no terminal");
+        }
+        Ok(())
+    }
+
+    /// Takes the terminal. `stop` is what Ctrl-C sets; `address` is that of the
+    /// page, if there is one.
+    pub fn start(
+        scene: Scene,
+        end: ViewerEnd,
+        stop: &Arc<AtomicBool>,
+        address: Option<&str>,
+    ) -> anyhow::Result<Self> {
+        Self::check()?;
+        let screen = RawTerminal::take().context("--tui: the terminal cannot be set up")?;
+        let over = Arc::new(AtomicBool::new(false));
+        let view = TerminalLoop {
+            keys: SettingKeys::new(scene.styles.len()),
+            scene,
+            on_panic: StopOnPanic(end.estop.clone()),
+            end,
+            stop: Arc::clone(stop),
+            over: Arc::clone(&over),
+            address: address.map(str::to_owned),
+            remark: Remark::default(),
+        };
+        let kept = Kept::begin();
+        let thread = std::thread::Builder::new().name("terminal view".into());
+        let thread = thread.spawn(move || view.run(screen))?;
+        Ok(Self {
+            over,
+            thread: Some(thread),
+            _kept: kept,
+        })
+    }
+}
+
+impl Drop for TerminalView {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            // A panic there has been told, and has pressed the button.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The terminal as programs like this want it: each key at once, nothing
+/// echoed, a screen of its own. Dropped, it is as it was.
+struct RawTerminal(());
+
+impl RawTerminal {
+    fn take() -> std::io::Result<Self> {
+        enable_raw_mode()?;
+        let raw = Self(());
+        execute!(stdout(), EnterAlternateScreen, Hide)?;
+        Ok(raw)
+    }
+}
+
+impl Drop for RawTerminal {
+    fn drop(&mut self) {
+        // A terminal that is gone needs nothing.
+        let _ = execute!(stdout(), Show, LeaveAlternateScreen);
+        let _ = disable_raw_mode();
+    }
+}
+
+/// Presses the button if the thread that holds it panics.
+struct StopOnPanic(EStop);
+
+impl Drop for StopOnPanic {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.press("the terminal view broke down");
+        }
+    }
+}
+
+struct TerminalLoop {
+    scene: Scene,
+    end: ViewerEnd,
+    keys: SettingKeys,
+    stop: Arc<AtomicBool>,
+    over: Arc<AtomicBool>,
+    address: Option<String>,
+    remark: Remark,
+    on_panic: StopOnPanic,
+}
+
+impl TerminalLoop {
+    fn run(mut self, _screen: RawTerminal) {
+        if let Err(error) = self.show() {
+            self.on_panic.0.press("the terminal went away");
+            tell!("--tui: {error}");
+        }
+    }
+
+    /// Draws and listens until it is over.
+    fn show(&mut self) -> std::io::Result<()> {
+        let mut terminal = Terminal::new(CrosstermBackend::new(stdout()))?;
+        let mut due = Instant::now();
+        while !self.over.load(Ordering::Acquire) {
+            failpoint::pass("terminal view");
+            if event::poll(due.saturating_duration_since(Instant::now()))? {
+                if let Event::Key(key) = event::read()? {
+                    self.apply(keys::key_action(key));
+                }
+            } else {
+                self.draw(&mut terminal)?;
+                due = Instant::now() + Duration::from_secs_f64(1.0 / FRAMES_HZ);
+            }
+        }
+        Ok(())
+    }
+
+    fn draw(&mut self, terminal: &mut Terminal<CrosstermBackend<Stdout>>) -> std::io::Result<()> {
+        let pressed = self.end.estop.is_pressed();
+        let now = self.end.newest();
+        let (scene, remark) = (&self.scene, &self.remark);
+        let address = self.address.as_deref();
+        terminal.draw(|frame| draw(frame, scene, now, pressed, remark, address))?;
+        Ok(())
+    }
+
+    /// Does what a key asks for, or says why not.
+    fn apply(&mut self, key_action: Option<KeyAction>) {
+        let Some(key_action) = key_action else { return };
+        let now = self.end.newest().now;
+        let request = match key_action {
+            KeyAction::EStop => return self.end.estop.press("the key"),
+            KeyAction::Quit => return self.stop.store(true, Ordering::Release),
+            KeyAction::Do(request) => request,
+            KeyAction::Set(change) => self.keys.request(change, now.settings),
+        };
+        let pressed = self.end.estop.is_pressed();
+        let refused = request.possible(now.activity, pressed).err();
+        let refused = match refused {
+            None if self.end.ask(&[request]) => None,
+            None => Some("too many requests".into()),
+            why => why,
+        };
+        self.remark = refused.map_or_else(Remark::default, Remark::new);
+    }
+}

@@ -1,0 +1,213 @@
+//! Faults by script: `TIME WHO WHAT [VALUE]`, one a line, `#` begins a comment.
+//!
+//! ```text
+//! 3s    joint_3  dead           dead, revive, reboot, jam, free, overload,
+//! 4s    joint_3  overheat 85    overheat CELSIUS, supply VOLTS, id N, baud N
+//! 5s    wire     corrupt 0.01   drop, late (60 ms), corrupt, truncate, duplicate,
+//! 6s    wire     clear          noise, echo, corrupt-instruction: each with a SHARE
+//! 7s    adapter  gone           gone, back; bus-off, bus-on (CAN)
+//! ```
+//!
+//! Refused with the line: a time that is none, somebody unknown, a fault that
+//! is unknown or lacks its value.
+
+use crate::bus::SimBus;
+use crate::error::SimError;
+use crate::fault::{ServoFault, WireFault};
+
+/// Something that is to happen.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Happening {
+    /// To the servo at this place among all joints.
+    Servo(usize, ServoFault),
+    /// To the wire of every bus, for this share of the replies; `None` ends it.
+    Wire(Option<(WireFault, f64)>),
+    /// The adapters are pulled out (true) or put back.
+    Adapter(bool),
+    /// The CAN controllers leave the bus (true) or come back.
+    BusOff(bool),
+}
+
+/// A line of a script.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cue {
+    /// When, seconds from the start.
+    pub time_s: f64,
+    /// The fault, or its end.
+    pub what: Happening,
+}
+
+/// The lines of a script in the order of time; `joints` are the names of all servos.
+pub fn parse_script(text: &str, joints: &[&str]) -> Result<Vec<Cue>, SimError> {
+    let mut cues = Vec::new();
+    for line in text.lines() {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        if !line.is_empty() {
+            cues.push(parse_line(line, joints)?);
+        }
+    }
+    cues.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    Ok(cues)
+}
+
+fn parse_line(line: &str, joints: &[&str]) -> Result<Cue, SimError> {
+    let bad = |reason: String| SimError::Script {
+        line: line.into(),
+        reason,
+    };
+    let mut words = line.split_whitespace();
+    let mut word = |what: &str| words.next().ok_or_else(|| bad(format!("no {what}")));
+    let time = word("time")?;
+    let time_s = time.strip_suffix('s').and_then(|t| t.parse().ok());
+    let time_s = time_s
+        .filter(|t: &f64| (0.0..=1e6).contains(t))
+        .ok_or_else(|| bad(format!("\"{time}\" is no time like 3.5s")))?;
+    let (who, fault) = (word("joint, wire or adapter")?, word("fault")?);
+    let value: Option<f64> = match words.next() {
+        None => None,
+        Some(text) => {
+            let value = text.parse().ok().filter(|value: &f64| value.is_finite());
+            Some(value.ok_or_else(|| bad(format!("\"{text}\" is no number")))?)
+        }
+    };
+    if let Some(more) = words.next() {
+        return Err(bad(format!("\"{more}\" is one word too many")));
+    }
+    let what = match who {
+        "wire" => Happening::Wire(wire_fault(fault, value).map_err(bad)?),
+        "adapter" => match fault {
+            "gone" => Happening::Adapter(true),
+            "back" => Happening::Adapter(false),
+            "bus-off" => Happening::BusOff(true),
+            "bus-on" => Happening::BusOff(false),
+            _ => return Err(bad("an adapter can be gone, back, bus-off or bus-on".into())),
+        },
+        joint => {
+            let place = joints.iter().position(|known| *known == joint);
+            let place = place.ok_or_else(|| {
+                let names = joints.join(", ");
+                bad(format!("no \"{joint}\"; there are wire, adapter, {names}"))
+            })?;
+            Happening::Servo(place, servo_fault(fault, value).map_err(bad)?)
+        }
+    };
+    Ok(Cue { time_s, what })
+}
+
+fn servo_fault(fault: &str, value: Option<f64>) -> Result<ServoFault, String> {
+    let needed = value.ok_or_else(|| format!("{fault} needs a number"));
+    Ok(match fault {
+        "dead" => ServoFault::Dead,
+        "revive" => ServoFault::Revive,
+        "reboot" => ServoFault::Reboot,
+        "jam" => ServoFault::Jam,
+        "free" => ServoFault::Free,
+        "overload" => ServoFault::Overload,
+        "overheat" => ServoFault::Overheat(needed?),
+        "supply" => ServoFault::Supply(needed?),
+        "baud" => match needed? {
+            baud if (1.0..=1e7).contains(&baud) && baud.fract() == 0.0 => {
+                ServoFault::Baud(baud as u32)
+            }
+            baud => return Err(format!("baud {baud} is not 1 to 10000000")),
+        },
+        "id" => match needed? {
+            id if (0.0..=252.0).contains(&id) && id.fract() == 0.0 => ServoFault::Id(id as u8),
+            id => return Err(format!("id {id} is not 0 to 252")),
+        },
+        _ => {
+            return Err(format!(
+                "no fault \"{fault}\"; a servo can be dead, revive, reboot, jam, free, overload, \
+                 overheat CELSIUS, supply VOLTS, id N, baud N"
+            ));
+        }
+    })
+}
+
+fn wire_fault(fault: &str, share: Option<f64>) -> Result<Option<(WireFault, f64)>, String> {
+    let kind = match fault {
+        "clear" => return Ok(None),
+        "drop" => WireFault::Drop,
+        "late" => WireFault::Late(0.06),
+        "corrupt" => WireFault::Corrupt,
+        "truncate" => WireFault::Truncate,
+        "duplicate" => WireFault::Duplicate,
+        "noise" => WireFault::Noise,
+        "echo" => WireFault::Echo,
+        "corrupt-instruction" => WireFault::CorruptInstruction,
+        _ => {
+            return Err(format!(
+                "no fault \"{fault}\"; a wire can clear, drop, late, corrupt, truncate, duplicate, \
+                 noise, echo, corrupt-instruction"
+            ));
+        }
+    };
+    match share {
+        Some(share) if (0.0..=1.0).contains(&share) => Ok(Some((kind, share))),
+        _ => Err(format!("{fault} needs a share of 0 to 1")),
+    }
+}
+
+/// Makes it happen on these buses, of which `joints[bus]` are the places among all joints.
+pub fn happen(
+    what: &Happening,
+    buses: &mut [SimBus],
+    joints: &[Vec<usize>],
+) -> Result<(), SimError> {
+    for (bus, joints) in buses.iter_mut().zip(joints) {
+        match what {
+            Happening::Servo(place, fault) => {
+                if let Some(own) = joints.iter().position(|joint| joint == place) {
+                    bus.set_servo_fault(own, *fault);
+                }
+            }
+            Happening::Wire(fault) => bus.set_wire_fault(*fault),
+            Happening::Adapter(true) => bus.unplug(),
+            Happening::Adapter(false) => bus.replug()?,
+            Happening::BusOff(off) => bus.set_bus_off(*off),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const JOINTS: [&str; 2] = ["neck", "knee"];
+
+    #[test]
+    fn a_script_is_read_in_the_order_of_time() {
+        let text = "# a bad day\n4s knee overheat 85\n\n1.5s wire corrupt 0.1 # a little\n2s adapter gone\n3s adapter back\n5s wire clear\n6s neck id 2";
+        let cues = parse_script(text, &JOINTS).unwrap();
+        let times: Vec<f64> = cues.iter().map(|cue| cue.time_s).collect();
+        assert_eq!(times, [1.5, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(
+            cues[3].what,
+            Happening::Servo(1, ServoFault::Overheat(85.0))
+        );
+        assert_eq!(cues[5].what, Happening::Servo(0, ServoFault::Id(2)));
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_the_line() {
+        for (line, says) in [
+            ("knee dead", "\"knee\" is no time"),
+            ("1s", "no joint, wire or adapter"),
+            ("1s elbow dead", "there are wire, adapter, neck, knee"),
+            ("1s knee sad", "a servo can be dead"),
+            ("1s knee overheat", "overheat needs a number"),
+            ("1s knee overheat nan", "is no number"),
+            ("1s knee id 300", "id 300 is not 0 to 252"),
+            ("1s knee baud 0.5", "baud 0.5 is not 1"),
+            ("1s wire drop", "drop needs a share"),
+            ("1s wire drop 2", "drop needs a share"),
+            ("1s adapter lost", "gone, back"),
+            ("-1s knee dead", "is no time"),
+            ("1s knee dead 1 2", "one word too many"),
+        ] {
+            let error = parse_script(line, &JOINTS).unwrap_err().to_string();
+            assert!(error.contains(says) && error.contains(line), "{error}");
+        }
+    }
+}

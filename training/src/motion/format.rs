@@ -1,0 +1,121 @@
+//! Motion files of other programs and data sets: six kinds.
+
+use std::path::Path;
+
+use super::acclaim::read_amc;
+use super::aist::read_aist;
+use super::bvh::read_bvh;
+use super::humanml::read_humanml;
+use super::named_skeleton::GivenNames;
+use super::smpl::read_smpl;
+use servodance_model::motion::{Clip, MotionError};
+
+/// Frames a second of Acclaim files, which do not say it: CMU's usual rate.
+const AMC_FPS: f64 = 120.0;
+
+/// The format of a motion file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MotionFormat {
+    /// SMPL angles in a pickle, as in AIST++.
+    Aist,
+    /// HumanML3D's vectors or joints, `.npy`.
+    HumanMl,
+    /// Biovision hierarchy: any skeleton.
+    Bvh,
+    /// Acclaim, `.amc` beside its `.asf`.
+    Amc,
+    /// SMPL, SMPL-H or SMPL-X angles, `.npz`, as in AMASS.
+    Smpl,
+    /// 22 joint positions, `.npz`, as this program writes them.
+    Npz,
+}
+
+impl MotionFormat {
+    /// Every format; of two that fit a file name the last is the usual one.
+    pub const ALL: [MotionFormat; 6] = [
+        MotionFormat::Aist,
+        MotionFormat::HumanMl,
+        MotionFormat::Bvh,
+        MotionFormat::Amc,
+        MotionFormat::Smpl,
+        MotionFormat::Npz,
+    ];
+
+    /// The word on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            MotionFormat::Aist => "aist",
+            MotionFormat::HumanMl => "humanml3d",
+            MotionFormat::Bvh => "bvh",
+            MotionFormat::Amc => "amc",
+            MotionFormat::Smpl => "smpl",
+            MotionFormat::Npz => "npz",
+        }
+    }
+
+    /// Endings of file names, in small letters.
+    pub fn endings(self) -> &'static [&'static str] {
+        match self {
+            MotionFormat::Aist => &["pkl", "pickle"],
+            MotionFormat::HumanMl => &["npy"],
+            MotionFormat::Bvh => &["bvh"],
+            MotionFormat::Amc => &["amc"],
+            MotionFormat::Smpl | MotionFormat::Npz => &["npz"],
+        }
+    }
+
+    /// Whether a file's name is that of this kind.
+    pub fn fits(self, path: &Path) -> bool {
+        let ending = path.extension().and_then(|e| e.to_str());
+        ending.is_some_and(|ending| self.endings().contains(&&*ending.to_ascii_lowercase()))
+    }
+}
+
+/// What a file does not say of itself.
+#[derive(Clone, Debug, Default)]
+pub struct FileCorrections {
+    /// Which joint of a BVH or Acclaim skeleton a body joint is, where the guess is wrong.
+    pub names: GivenNames,
+    /// Frames a second, in place of what the file says or is taken for.
+    pub fps: Option<f64>,
+}
+
+/// Reads a file as it is: its own size, place and frame rate. With it comes
+/// what was guessed, a line each.
+pub fn read_format(
+    kind: MotionFormat,
+    path: &Path,
+    told: &FileCorrections,
+) -> Result<(Clip, Vec<String>), MotionError> {
+    let (mut clip, lines) = match kind {
+        MotionFormat::Npz => (Clip::read_npz(path)?, Vec::new()),
+        MotionFormat::Aist => (read_aist(path)?, Vec::new()),
+        MotionFormat::HumanMl => (read_humanml(path)?, Vec::new()),
+        MotionFormat::Smpl => (read_smpl(path)?, Vec::new()),
+        MotionFormat::Bvh => {
+            let named = read_bvh(path, &told.names)?;
+            (named.clip, named.mapping.lines())
+        }
+        MotionFormat::Amc => {
+            let named = read_amc(path, AMC_FPS, &told.names)?;
+            (named.clip, named.mapping.lines())
+        }
+    };
+    clip.fps = told.fps.unwrap_or(clip.fps);
+    Ok((clip, lines))
+}
+
+/// Reads a file, told by its ending (an `.npz` is taken for 22 joints), on the
+/// common skeleton: 20 FPS, floor at 0, above the origin, facing +z.
+pub fn read_motion(path: &Path) -> Result<(Clip, Vec<String>), MotionError> {
+    let mut kinds = MotionFormat::ALL.into_iter().rev(); // 22 joints before SMPL
+    let kind = kinds.find(|kind| kind.fits(path));
+    let kind = kind.ok_or_else(|| {
+        MotionError::content(
+            path,
+            "a motion file ends in .npz (22 joints), .bvh, .pkl (AIST++), .amc or .npy (HumanML3D)",
+        )
+    })?;
+    let (clip, lines) = read_format(kind, path, &FileCorrections::default())?;
+    Ok((clip.normalised(), lines))
+}

@@ -1,0 +1,29 @@
+//! What the trainer needs of a network: batches, gradients, validation, state.
+
+use rand_chacha::ChaCha8Rng;
+
+use super::autodiff::parameters::{ParameterGradients, Parameters};
+use super::tensors::Tensors;
+
+/// Numbers with names, in order; the first is to be made small.
+pub type NamedValues = Vec<(String, f64)>;
+
+pub(crate) struct BatchOutcome {
+    /// Terms of the loss; the first is the loss.
+    pub terms: NamedValues,
+    pub gradients: ParameterGradients,
+}
+
+pub(crate) trait NetworkTraining {
+    fn parameters(&mut self) -> &mut Parameters;
+    /// Loss and gradients of the batch of a step.
+    fn step(&mut self, step: u64, rng: &mut ChaCha8Rng) -> BatchOutcome;
+    /// Scores on held-out clips; none where none are held out.
+    fn validate(&mut self, rng: &mut ChaCha8Rng) -> Option<NamedValues>;
+    /// What a checkpoint holds beside parameters and optimiser.
+    fn state(&self) -> Tensors;
+    fn restore(&mut self, tensors: &Tensors) -> Result<(), String>;
+    /// What a weights file holds beside parameters.
+    fn weights(&self) -> Tensors;
+    fn default_style(&self) -> usize;
+}

@@ -1,0 +1,141 @@
+//! The VQ-VAE on the tape: an encoder a body part, and the causal decoder.
+
+use super::codebook::LearnedCodebook;
+use crate::train::autodiff::ops::AttentionMask;
+use crate::train::autodiff::tape::{Batch, Tape, Var};
+use crate::train::layers::{
+    Dropout, LayerNorm, LayerWidths, LinearLayer, ParamBuilder, TransformerLayer,
+};
+use servodance_model::config::{ModelConfig, part_channels};
+
+#[derive(Clone, Debug)]
+struct PartEncoder {
+    /// Which of the 137 numbers it sees.
+    channels: Vec<usize>,
+    input: LinearLayer,
+    layers: Vec<TransformerLayer>,
+    norm: LayerNorm,
+    output: LinearLayer,
+}
+
+/// The networks of the VQ-VAE; their numbers are in the parameters.
+#[derive(Clone, Debug)]
+pub(crate) struct VqVaeNetwork {
+    encoders: Vec<PartEncoder>,
+    encoder_mask: AttentionMask,
+    input: LinearLayer,
+    layers: Vec<TransformerLayer>,
+    norm: LayerNorm,
+    output: LinearLayer,
+    decoder_mask: AttentionMask,
+    motion_dim: usize,
+}
+
+impl VqVaeNetwork {
+    /// New parameters for this configuration; an unknown body part is an error
+    /// that lists those that there are.
+    pub fn new(make: &mut ParamBuilder, config: &ModelConfig) -> Result<Self, String> {
+        let vq = &config.vq;
+        let widths = LayerWidths {
+            dim: vq.encoder_dim,
+            inner: vq.encoder_slopes.len() * vq.encoder_head_dim(),
+            hidden: 4 * vq.encoder_dim,
+        };
+        let mut encoders = Vec::new();
+        for part in &config.parts {
+            let channels = part_channels(part)?;
+            let name = |rest: &str| format!("vq.encoder.{part}.{rest}");
+            encoders.push(PartEncoder {
+                input: LinearLayer::new(make, &name("input"), channels.len(), widths.dim),
+                layers: (0..vq.encoder_layers)
+                    .map(|i| {
+                        TransformerLayer::new(
+                            make,
+                            &name(&format!("layers.{i}")),
+                            widths,
+                            config.activation,
+                        )
+                    })
+                    .collect(),
+                norm: LayerNorm::new(make, &name("norm"), widths.dim),
+                output: LinearLayer::new(make, &name("output"), widths.dim, config.code_dim),
+                channels,
+            });
+        }
+        let widths = LayerWidths {
+            dim: vq.dim,
+            inner: vq.heads * vq.decoder_head_dim(),
+            hidden: vq.ff,
+        };
+        let wide = config.parts.len() * config.code_dim;
+        Ok(Self {
+            encoders,
+            encoder_mask: AttentionMask {
+                slopes: vq.encoder_slopes.clone(),
+                window: vq.encoder_window,
+                ahead: vq.encoder_window,
+            },
+            input: LinearLayer::new(make, "vq.decoder.input", wide, vq.dim),
+            layers: (0..vq.decoder_layers)
+                .map(|i| {
+                    let name = format!("vq.decoder.layers.{i}");
+                    TransformerLayer::new(make, &name, widths, config.activation)
+                })
+                .collect(),
+            norm: LayerNorm::new(make, "vq.decoder.norm", vq.dim),
+            output: LinearLayer::new(make, "vq.decoder.output", vq.dim, config.motion_dim),
+            decoder_mask: AttentionMask {
+                slopes: vq.decoder_slopes.clone(),
+                window: vq.decoder_window,
+                ahead: 0,
+            },
+            motion_dim: config.motion_dim,
+        })
+    }
+
+    /// Continuous codes of every part, [rows, code_dim], of normalised motion.
+    pub fn latents(
+        &self,
+        t: &mut Tape,
+        motion: &[f32],
+        batch: &Batch,
+        drop: &mut Dropout,
+    ) -> Vec<Var> {
+        let of_part = |encoder: &PartEncoder| {
+            let rows = motion.chunks(self.motion_dim);
+            let seen = rows
+                .flat_map(|row| encoder.channels.iter().map(|c| row[*c]))
+                .collect();
+            let seen = t.constant(seen, encoder.channels.len());
+            let mut x = encoder.input.forward(t, seen);
+            for layer in &encoder.layers {
+                x = layer.forward(t, x, &self.encoder_mask, batch, drop);
+            }
+            let x = encoder.norm.forward(t, x);
+            encoder.output.forward(t, x)
+        };
+        self.encoders.iter().map(of_part).collect()
+    }
+
+    /// Normalised motion [rows, 137] from the code vectors of all parts side by side.
+    pub fn decode(&self, t: &mut Tape, codes: Var, batch: &Batch, drop: &mut Dropout) -> Var {
+        let mut x = self.input.forward(t, codes);
+        for layer in &self.layers {
+            x = layer.forward(t, x, &self.decoder_mask, batch, drop);
+        }
+        let x = self.norm.forward(t, x);
+        self.output.forward(t, x)
+    }
+}
+
+/// Code vectors of all parts side by side.
+pub(crate) fn embed(books: &[LearnedCodebook], codes: &[Vec<u32>]) -> Vec<f32> {
+    let rows = codes.first().map_or(0, Vec::len);
+    let mut out = Vec::with_capacity(rows * books.iter().map(LearnedCodebook::dim).sum::<usize>());
+    for row in 0..rows {
+        for (book, codes) in books.iter().zip(codes) {
+            out.extend_from_slice(book.code(codes[row]));
+        }
+    }
+    out
+}

@@ -1,0 +1,430 @@
+//! Training of the VQ-VAE: batches, the step, validation, its part of files.
+
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+
+use super::codebook::{LearnedCodebook, usage};
+use super::loss::{MotionLoss, MotionLossTerms, displacements, joints};
+use super::network::{VqVaeNetwork, embed};
+use crate::dataset::clip_entry::Split;
+use crate::train::autodiff::parameters::{Parameters, normal};
+use crate::train::autodiff::tape::{Batch, BufferPool, Tape, Var};
+use crate::train::crops::Crops;
+use crate::train::data::{Normalisation, TrainingData};
+use crate::train::error::TrainError;
+use crate::train::layers::{Dropout, ParamBuilder};
+use crate::train::network_training::{BatchOutcome, NamedValues, NetworkTraining};
+use crate::train::settings::TrainingSettings;
+use crate::train::tensors::{Numbers, Tensors, floats};
+use servodance_model::motion::representation::POSE_DIM;
+
+const K_MEANS_BATCHES: usize = 12;
+/// A noisy code is one of so many nearest.
+const NEAR: usize = 8;
+/// Clips that are validated on, and frames of each.
+const HELD_CLIPS: usize = 24;
+const HELD_FRAMES: usize = 800;
+/// What is validated, before the usage of each codebook.
+const VALIDATED: [&str; 3] = ["val_loss", "val_mpjpe_mm", "val_move_mm"];
+
+/// The VQ-VAE and what it learns from.
+pub(crate) struct VqVaeTraining {
+    settings: TrainingSettings,
+    data: TrainingData,
+    crops: Crops,
+    held: Vec<usize>,
+    pub(crate) parameters: Parameters,
+    pub(crate) net: VqVaeNetwork,
+    pub(crate) books: Vec<LearnedCodebook>,
+    /// Whether the codes have had their k-means.
+    pub(crate) ready: bool,
+    pub(crate) loss: MotionLoss,
+    buffers: BufferPool,
+}
+
+/// A batch of crops, padded to one length.
+pub(crate) struct MotionBatch {
+    /// Motion as it is, [rows, 137]; padding repeats the last frame.
+    pub real: Vec<f32>,
+    pub batch: Batch,
+}
+
+impl VqVaeTraining {
+    pub fn new(
+        settings: TrainingSettings,
+        data: TrainingData,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Self, TrainError> {
+        let clips: Vec<usize> = data.of_split(Split::Train).collect();
+        let shown = data.sampling_weights(&clips, &settings.clips);
+        let lengths = [settings.run.min_length, settings.run.length];
+        let crops = Crops::new(&data, &clips, &shown, lengths, 0)
+            .ok_or_else(|| TrainError::Settings("no clip to train with has 2 frames".into()))?;
+        let Normalisation { mean, std } = data.motion_norm();
+        let mut parameters = Parameters::default();
+        let mut make = ParamBuilder {
+            parameters: &mut parameters,
+            rng,
+        };
+        let net = VqVaeNetwork::new(&mut make, &settings.model).map_err(TrainError::Settings)?;
+        let config = &settings.model;
+        let mut book = || {
+            let count = config.codes * config.code_dim;
+            LearnedCodebook::new((0..count).map(|_| normal(rng)).collect(), config.code_dim)
+        };
+        Ok(Self {
+            books: config.parts.iter().map(|_| book()).collect(),
+            held: held(&data),
+            loss: MotionLoss::new(mean, std, settings.loss),
+            parameters,
+            net,
+            ready: false,
+            buffers: BufferPool::default(),
+            settings,
+            data,
+            crops,
+        })
+    }
+
+    fn draw(&self, rng: &mut ChaCha8Rng) -> MotionBatch {
+        let length = self.settings.run.length;
+        let crops = self.crops.draw(self.settings.run.batch, rng);
+        let mut real = Vec::with_capacity(crops.len() * length * POSE_DIM);
+        for crop in &crops {
+            let motion = &self.data.clips[crop.clip].motion;
+            let rows =
+                (0..length).map(|i| motion[(crop.frames.start + i).min(crop.frames.end - 1)]);
+            rows.for_each(|row| real.extend_from_slice(&row));
+        }
+        let lengths = crops.iter().map(|crop| crop.frames.len()).collect();
+        MotionBatch {
+            real,
+            batch: Batch { length, lengths },
+        }
+    }
+
+    /// First codes, from the latents of some batches.
+    fn initialise_codebooks(&mut self, rng: &mut ChaCha8Rng) {
+        let mut rows = vec![Vec::new(); self.books.len()];
+        for _ in 0..K_MEANS_BATCHES {
+            let MotionBatch { real, batch } = self.draw(rng);
+            let mut t = Tape::new(&self.parameters, std::mem::take(&mut self.buffers));
+            let mut drop = Dropout { rate: 0.0, rng };
+            let latents = self
+                .net
+                .latents(&mut t, &self.loss.normalised(&real), &batch, &mut drop);
+            for (rows, latent) in rows.iter_mut().zip(latents) {
+                rows.extend(real_rows(&t, latent, &batch));
+            }
+            self.buffers = t.end();
+        }
+        for (book, rows) in self.books.iter_mut().zip(&rows) {
+            book.k_means(rows, self.settings.codebook.k_means_rounds, rng);
+        }
+        self.ready = true;
+    }
+
+    /// Loss and gradients of one batch; moves the codes.
+    pub(crate) fn learn(
+        &mut self,
+        MotionBatch { real, batch }: &MotionBatch,
+        with_codes: bool,
+        rng: &mut ChaCha8Rng,
+    ) -> BatchOutcome {
+        let mut t = Tape::new(&self.parameters, std::mem::take(&mut self.buffers));
+        let rate = self.settings.run.dropout;
+        let mut drop = Dropout { rate, rng };
+        let normalised = self.loss.normalised(real);
+        let latents = self.net.latents(&mut t, &normalised, batch, &mut drop);
+        let mut seeds = Vec::new();
+        let (mut commit, mut used) = (0.0, Vec::new());
+        let codes = match with_codes {
+            false => t.beside(&latents),
+            true => {
+                let mut chosen = Vec::new();
+                for (book, latent) in self.books.iter_mut().zip(&latents) {
+                    let quantised = quantise(&t, *latent, book, &self.settings, batch, drop.rng);
+                    commit += quantised.commit;
+                    used.push(quantised.used);
+                    seeds.push((*latent, quantised.gradient));
+                    chosen.push(quantised.replacement);
+                }
+                let wide = self
+                    .books
+                    .iter()
+                    .map(LearnedCodebook::dim)
+                    .collect::<Vec<_>>();
+                t.straight_through(&latents, side_by_side(&chosen, &wide))
+            }
+        };
+        let out = self.net.decode(&mut t, codes, batch, &mut drop);
+        let (terms, gradient) = self.loss.evaluate(t.data(out), real, batch);
+        seeds.push((out, gradient));
+        let (gradients, buffers) = t.backward(seeds);
+        self.buffers = buffers;
+        let loss =
+            terms.weighted(&self.loss.weights) + f64::from(self.loss.weights.commit) * commit;
+        let mut named = vec![
+            ("loss".into(), loss),
+            ("huber".into(), terms.huber),
+            ("position".into(), terms.position),
+            ("velocity".into(), terms.velocity),
+            ("jerk".into(), terms.jerk),
+            ("commit".into(), commit),
+        ];
+        let share = used.iter().sum::<f64>() / used.len().max(1) as f64;
+        named.push(("codes_used".into(), share));
+        BatchOutcome {
+            terms: named,
+            gradients,
+        }
+    }
+
+    fn usage_names(&self) -> impl Iterator<Item = String> + use<> {
+        let parts = self.settings.model.parts.clone();
+        let names = |part: String| [format!("{part}_used"), format!("{part}_perplexity")];
+        parts.into_iter().flat_map(names)
+    }
+
+    /// Codes of a motion, one vector a part.
+    fn encode(
+        &self,
+        t: &mut Tape,
+        real: &[f32],
+        batch: &Batch,
+        rng: &mut ChaCha8Rng,
+    ) -> Vec<Vec<u32>> {
+        let mut drop = Dropout { rate: 0.0, rng };
+        let latents = self
+            .net
+            .latents(t, &self.loss.normalised(real), batch, &mut drop);
+        let books = self.books.iter().zip(latents);
+        books
+            .map(|(book, latent)| book.nearest(t.data(latent)))
+            .collect()
+    }
+}
+
+struct QuantisedPart {
+    /// Codes in place of latents; padding keeps its latents.
+    replacement: Vec<f32>,
+    /// Of the weighted commit loss by the latents.
+    gradient: Vec<f32>,
+    commit: f64,
+    used: f64,
+}
+
+/// Codes of one part: moves the codebook, then what goes on to the decoder.
+fn quantise(
+    t: &Tape,
+    latent: Var,
+    book: &mut LearnedCodebook,
+    settings: &TrainingSettings,
+    batch: &Batch,
+    rng: &mut ChaCha8Rng,
+) -> QuantisedPart {
+    let rows: Vec<f32> = real_rows(t, latent, batch).collect();
+    let nearest = book.nearest(&rows);
+    book.update(&rows, &nearest, &settings.codebook, rng);
+    let dim = book.dim();
+    let mut replacement = t.data(latent).to_vec();
+    let mut gradient = vec![0.0; replacement.len()];
+    let mut commit = 0.0;
+    let share = 1.0 / rows.len() as f32;
+    for (row, (code, z)) in batch.real_rows().zip(nearest.iter().zip(rows.chunks(dim))) {
+        let at = row * dim..(row + 1) * dim;
+        for ((g, z), c) in gradient[at.clone()].iter_mut().zip(z).zip(book.code(*code)) {
+            commit += f64::from((z - c) * (z - c) * share);
+            *g = 2.0 * settings.loss.commit * (z - c) * share;
+        }
+        let noisy = rng.random::<f32>() < settings.quantise.noise;
+        let code = match noisy {
+            true => book.neighbours(z, NEAR)[rng.random_range(0..NEAR.min(book.len()))],
+            false => *code,
+        };
+        replacement[at].copy_from_slice(book.code(code));
+    }
+    QuantisedPart {
+        replacement,
+        gradient,
+        commit,
+        used: usage(&nearest, book.len()).0,
+    }
+}
+
+/// The rows of a value that are no padding.
+fn real_rows<'a>(t: &'a Tape, value: Var, batch: &'a Batch) -> impl Iterator<Item = f32> + 'a {
+    let (data, wide) = (t.data(value), t.columns(value));
+    let row = move |r: usize| data[r * wide..(r + 1) * wide].iter().copied();
+    batch.real_rows().flat_map(row)
+}
+
+/// Columns of all parts beside each other.
+fn side_by_side(parts: &[Vec<f32>], wide: &[usize]) -> Vec<f32> {
+    let rows = parts[0].len() / wide[0];
+    let mut out = Vec::with_capacity(parts.iter().map(Vec::len).sum());
+    for row in 0..rows {
+        for (part, wide) in parts.iter().zip(wide) {
+            out.extend_from_slice(&part[row * wide..][..*wide]);
+        }
+    }
+    out
+}
+
+/// Held-out clips: captured dance as it was danced, where there is some.
+fn held(data: &TrainingData) -> Vec<usize> {
+    let all: Vec<usize> = data
+        .of_split(Split::Validation)
+        .filter(|c| data.clips[*c].motion.len() > 2)
+        .collect();
+    let danced = |c: &&usize| {
+        let clip = &data.clips[**c];
+        clip.dance && clip.variant == 0 && !clip.synthetic
+    };
+    let best: Vec<usize> = all.iter().filter(danced).copied().collect();
+    let mut held = if best.is_empty() { all } else { best };
+    held.truncate(HELD_CLIPS);
+    held
+}
+
+impl NetworkTraining for VqVaeTraining {
+    fn parameters(&mut self) -> &mut Parameters {
+        &mut self.parameters
+    }
+
+    fn step(&mut self, step: u64, rng: &mut ChaCha8Rng) -> BatchOutcome {
+        let quantise = step >= self.settings.quantise.free_steps;
+        if quantise && !self.ready {
+            self.initialise_codebooks(rng);
+        }
+        let batch = self.draw(rng);
+        self.learn(&batch, quantise, rng)
+    }
+
+    fn validate(&mut self, rng: &mut ChaCha8Rng) -> Option<NamedValues> {
+        if self.held.is_empty() {
+            return None;
+        }
+        if !self.ready {
+            // Nothing to say before there are codes, in the same columns.
+            let names = VALIDATED
+                .map(str::to_owned)
+                .into_iter()
+                .chain(self.usage_names());
+            return Some(names.map(|name| (name, f64::NAN)).collect());
+        }
+        let mut sum = MotionLossTerms::default();
+        let (mut frames, mut pairs) = (0.0, 0.0);
+        let (mut apart_mm, mut moved_mm) = (0.0, 0.0);
+        let mut codes = vec![Vec::new(); self.books.len()];
+        for clip in &self.held {
+            let motion = &self.data.clips[*clip].motion;
+            let real = motion[..motion.len().min(HELD_FRAMES)].as_flattened();
+            let batch = Batch::full(1, real.len() / POSE_DIM);
+            let mut t = Tape::new(&self.parameters, std::mem::take(&mut self.buffers));
+            let found = self.encode(&mut t, real, &batch, rng);
+            let vectors = embed(&self.books, &found);
+            let wide = vectors.len() / batch.length;
+            let vectors = t.constant(vectors, wide);
+            let mut drop = Dropout { rate: 0.0, rng };
+            let out = self.net.decode(&mut t, vectors, &batch, &mut drop);
+            let (terms, _) = self.loss.evaluate(t.data(out), real, &batch);
+            let restored = self.loss.restored(t.data(out));
+            self.buffers = t.end();
+            let weight = batch.length as f64;
+            sum.add(&terms, weight);
+            frames += weight;
+            for (a, b) in restored.chunks(POSE_DIM).zip(real.chunks(POSE_DIM)) {
+                apart_mm += 1e3 * mean_apart(&joints(a), &joints(b));
+            }
+            for (a, b) in displacements(&restored).iter().zip(&displacements(real)) {
+                moved_mm += 1e3 * mean_apart(a, b);
+                pairs += 1.0;
+            }
+            codes
+                .iter_mut()
+                .zip(found)
+                .for_each(|(all, more)| all.extend(more));
+        }
+        let mean = MotionLossTerms {
+            huber: sum.huber / frames,
+            position: sum.position / frames,
+            velocity: sum.velocity / frames,
+            jerk: sum.jerk / frames,
+        };
+        let errors = [
+            mean.weighted(&self.loss.weights),
+            apart_mm / frames,
+            moved_mm / f64::max(pairs, 1.0),
+        ];
+        let total = self.settings.model.codes;
+        let usages = codes
+            .iter()
+            .flat_map(|codes| <[f64; 2]>::from(usage(codes, total)));
+        let names = VALIDATED
+            .map(str::to_owned)
+            .into_iter()
+            .chain(self.usage_names());
+        Some(names.zip(errors.into_iter().chain(usages)).collect())
+    }
+
+    fn state(&self) -> Tensors {
+        let mut tensors = self.weights();
+        let config = &self.settings.model;
+        for (part, book) in config.parts.iter().zip(&self.books) {
+            let shape = vec![config.codes, config.code_dim];
+            let name = |what: &str| format!("state.{what}.{part}");
+            tensors.insert(
+                name("embed_avg"),
+                (shape, Numbers::F32(book.embed_avg.clone())),
+            );
+            let sizes = Numbers::F32(book.cluster_size.clone());
+            tensors.insert(name("cluster_size"), (vec![config.codes], sizes));
+        }
+        let ready = Numbers::I32(vec![i32::from(self.ready)]);
+        tensors.insert("state.ready".into(), (vec![1], ready));
+        tensors
+    }
+
+    fn restore(&mut self, tensors: &Tensors) -> Result<(), String> {
+        for (part, book) in self.settings.model.parts.iter().zip(&mut self.books) {
+            book.embed = floats(tensors, &format!("vq.codebook.{part}"), book.embed.len())?;
+            let name = |what: &str| format!("state.{what}.{part}");
+            book.embed_avg = floats(tensors, &name("embed_avg"), book.embed_avg.len())?;
+            book.cluster_size = floats(tensors, &name("cluster_size"), book.cluster_size.len())?;
+        }
+        self.ready = match tensors.get("state.ready") {
+            Some((_, Numbers::I32(ready))) => ready.first() == Some(&1),
+            _ => return Err("tensor `state.ready` is missing".into()),
+        };
+        Ok(())
+    }
+
+    fn weights(&self) -> Tensors {
+        let config = &self.settings.model;
+        let mut tensors = Tensors::new();
+        for (part, book) in config.parts.iter().zip(&self.books) {
+            let shape = vec![config.codes, config.code_dim];
+            let embed = Numbers::F32(book.embed.clone());
+            tensors.insert(format!("vq.codebook.{part}"), (shape, embed));
+        }
+        for (name, values) in [("mean", &self.loss.mean), ("std", &self.loss.std)] {
+            let numbers = Numbers::F32(values.clone());
+            tensors.insert(format!("norm.motion_{name}"), (vec![POSE_DIM], numbers));
+        }
+        tensors
+    }
+
+    fn default_style(&self) -> usize {
+        self.data.most_common_style()
+    }
+}
+
+/// Mean distance of 22 points.
+fn mean_apart(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
+    let distance = |(a, b): (&[f32; 3], &[f32; 3])| {
+        let square = |k: usize| f64::from(a[k] - b[k]).powi(2);
+        (square(0) + square(1) + square(2)).sqrt()
+    };
+    a.iter().zip(b).map(distance).sum::<f64>() / a.len() as f64
+}
