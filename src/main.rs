@@ -8,7 +8,7 @@ use servodance::cli::Cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    servodance_runtime::process::console::tell_what_nobody_returns();
+    servodance_runtime::process::console::report_panics_in_one_line();
     Cli::parse().command.run().unwrap_or_else(|error| {
         let text = one_line(&error);
         servodance_runtime::process::console::stderr(format_args!("error: {text}\n"));

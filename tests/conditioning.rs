@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use servodance_audio::MusicAnalyzer;
 use servodance_model::conditioning::{Encodec, HeardFrame};
 use servodance_model::motion::Clip;
-use servodance_runtime::pipeline::feature_extractor::Ears;
+use servodance_runtime::pipeline::feature_extractor::FeatureExtractor;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
@@ -246,7 +246,7 @@ fn a_style_in_words_needs_weights_and_files_for_it() {
 fn hear(encodec: &Encodec, samples: &[f32], block: usize) -> Vec<HeardFrame> {
     let rate_hz = 48_000;
     let analyzer = MusicAnalyzer::new(rate_hz).unwrap();
-    let mut ears = Ears::new(analyzer, rate_hz, Some(encodec)).unwrap();
+    let mut ears = FeatureExtractor::new(analyzer, rate_hz, Some(encodec)).unwrap();
     let mut heard = Vec::new();
     for block in samples.chunks(block) {
         ears.push(block).unwrap();

@@ -84,7 +84,7 @@ impl Stage {
     /// The same with a drill.
     fn drill(drill: &str, arguments: &[&str]) -> Self {
         Self::new(arguments, |command| {
-            command.env("SERVODANCE_DRILL", drill);
+            command.env("SERVODANCE_FAILPOINT", drill);
         })
     }
 
@@ -235,7 +235,9 @@ fn full_disk() -> Row {
 fn listening(drill: &str, played_s: f64) -> Stage {
     let live = ["-", "--speed", "realtime", "--pcm-rate", "22050"];
     let mut stage = Stage::start(Program::unhurried_robot, &live, |command| {
-        command.stdin(Stdio::piped()).env("SERVODANCE_DRILL", drill);
+        command
+            .stdin(Stdio::piped())
+            .env("SERVODANCE_FAILPOINT", drill);
     });
     let song = SongSpec::random(played_s, 3).and_then(|spec| spec.render());
     let song = song.expect("a song");

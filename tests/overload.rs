@@ -15,7 +15,7 @@ fn a_slow_generator_costs_picture_viewers_and_guidance_not_control() {
     // A guided step goes through the model twice: 50 ms are too long, 25 are not.
     let output = program
         .command(&[&arguments[..], &files].concat())
-        .env("SERVODANCE_DRILL", "slow:model@25")
+        .env("SERVODANCE_FAILPOINT", "slow:model@25")
         .output()
         .expect("it runs");
     let said = String::from_utf8_lossy(&output.stderr);

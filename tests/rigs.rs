@@ -1,7 +1,7 @@
 //! Rigs of every kind, made from parts: what they have dances, what they lack
 //! is said, and the rest is held.
 
-use servodance_runtime::offline::motion_tracking::{Followed, follow};
+use servodance_runtime::offline::motion_tracking::{TrackedMotion, track_motion};
 use servodance_runtime::robot::Robot;
 use servodance_runtime::robot::new_robot;
 use servodance_runtime::telemetry::ViolationReport;
@@ -54,7 +54,7 @@ impl Rig {
     }
 
     /// Draws a robot file, then follows some seconds of dance.
-    fn dance(self) -> (Robot, Followed, Vec<Vec<f64>>, Vec<String>) {
+    fn dance(self) -> (Robot, TrackedMotion, Vec<Vec<f64>>, Vec<String>) {
         let folder = tempfile::tempdir().unwrap();
         let urdf = folder.path().join("rig.urdf");
         std::fs::write(&urdf, self.0 + "</robot>").unwrap();
@@ -69,7 +69,7 @@ impl Rig {
             .collect();
         let clip = choreograph(&beats, 10.0, DanceStyle::Disco, 1);
         let mut track = Vec::new();
-        let followed = follow(&robot, &clip.frames(), |_, positions| {
+        let followed = track_motion(&robot, &clip.frames(), |_, positions| {
             track.push(positions.to_vec());
             Ok(())
         });

@@ -5,7 +5,7 @@ use crate::random_robot;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use servodance_retarget::Stance;
-use servodance_runtime::offline::motion_tracking::follow;
+use servodance_runtime::offline::motion_tracking::track_motion;
 use servodance_runtime::robot::{BUILT_IN, Robot};
 use servodance_runtime::robot::{check, new_robot};
 use servodance_runtime::telemetry::ViolationReport;
@@ -20,7 +20,10 @@ fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
 }
 
 /// Follows some seconds of dance; limits must hold.
-fn danced(robot: &Robot, seconds: f64) -> servodance_runtime::offline::motion_tracking::Followed {
+fn danced(
+    robot: &Robot,
+    seconds: f64,
+) -> servodance_runtime::offline::motion_tracking::TrackedMotion {
     let beats: Vec<DanceBeat> = (0..(seconds * 2.0) as usize)
         .map(|beat| DanceBeat {
             time_s: beat as f64 * 0.5,
@@ -28,7 +31,7 @@ fn danced(robot: &Robot, seconds: f64) -> servodance_runtime::offline::motion_tr
         })
         .collect();
     let clip = choreograph(&beats, seconds, DanceStyle::Hype, 3);
-    let followed = follow(robot, &clip.frames(), |_, _| Ok(())).unwrap();
+    let followed = track_motion(robot, &clip.frames(), |_, _| Ok(())).unwrap();
     assert_eq!(
         followed.violations,
         ViolationReport::default(),

@@ -39,7 +39,7 @@ impl Screen {
         let basics = ["dance", "--robot", &robot, "--tui", "--no-picture"];
         let line = || Stdio::from(terminal.slave.try_clone().expect("the line"));
         let mut command = program.command(&[&basics[..], arguments].concat());
-        command.env("SERVODANCE_DRILL", drill);
+        command.env("SERVODANCE_FAILPOINT", drill);
         command.stdin(line()).stdout(line()).stderr(line());
         let child = command.spawn().expect("it starts");
         let keys = File::from(terminal.master);

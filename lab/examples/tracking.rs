@@ -13,7 +13,7 @@ use std::path::Path;
 use anyhow::Context;
 use servodance_model::motion::Clip;
 use servodance_retarget::LimbSegment;
-use servodance_runtime::offline::motion_tracking::{Followed, follow};
+use servodance_runtime::offline::motion_tracking::{TrackedMotion, track_motion};
 use servodance_runtime::robot::Robot;
 use servodance_types::FRAME_RATE_HZ;
 
@@ -35,8 +35,8 @@ fn main() -> anyhow::Result<()> {
     for path in args {
         let clip = Clip::read_npz(Path::new(&path))?.resampled(FRAME_RATE_HZ);
         let frames = clip.frames();
-        let limited = follow(&robot, &frames, |_, _| Ok(()))?;
-        let unlimited = follow(&free, &frames, |_, _| Ok(()))?;
+        let limited = track_motion(&robot, &frames, |_, _| Ok(()))?;
+        let unlimited = track_motion(&free, &frames, |_, _| Ok(()))?;
         let row = figures(&limited, &unlimited);
         let broken = limited.violations;
         let broken = broken.position + broken.velocity + broken.acceleration;
@@ -56,7 +56,7 @@ fn main() -> anyhow::Result<()> {
     ] {
         let row: Vec<f64> = columns
             .iter()
-            .map(|c| Followed::quantile(c, share))
+            .map(|c| TrackedMotion::quantile(c, share))
             .collect();
         println!("{} |", line(name, &row));
     }
@@ -75,9 +75,10 @@ fn freed(robot: &Robot) -> Robot {
     free
 }
 
-fn figures(limited: &Followed, free: &Followed) -> Vec<f64> {
-    let median =
-        |of: &Followed, pick: &dyn Fn(LimbSegment) -> bool| of.median_deg(pick).unwrap_or(f64::NAN);
+fn figures(limited: &TrackedMotion, free: &TrackedMotion) -> Vec<f64> {
+    let median = |of: &TrackedMotion, pick: &dyn Fn(LimbSegment) -> bool| {
+        of.median_deg(pick).unwrap_or(f64::NAN)
+    };
     vec![
         median(limited, &|s| s == LimbSegment::UpperArm),
         median(limited, &|s| s == LimbSegment::Forearm),

@@ -1,7 +1,7 @@
 //! `servodance ablate`.
 
 use super::{INTERRUPTED, stop_signal};
-use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_training::ablate::{AblationRequest, ablate};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -74,12 +74,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         quiet: args.quiet,
     };
     let Some(table) = ablate(&request, &stop)? else {
-        tell!("stopped; the same command goes on from here");
+        stderr_line!("stopped; the same command goes on from here");
         return Ok(ExitCode::from(INTERRUPTED));
     };
     servodance_runtime::process::console::stdout(format_args!("{}", table.text()));
     if !request.quiet {
-        say!("\n{}", request.out.join("ablation.png").display());
+        stdout_line!("\n{}", request.out.join("ablation.png").display());
     }
     Ok(ExitCode::SUCCESS)
 }

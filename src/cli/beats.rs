@@ -1,6 +1,6 @@
 //! `servodance beats`.
 
-use servodance_runtime::offline::beats::{Beats, Hearing};
+use servodance_runtime::offline::beats::{BeatTracker, Beats};
 use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -35,9 +35,9 @@ pub struct Args {
 /// Finds the beats and writes them.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let hearing = if args.causal {
-        Hearing::Causal
+        BeatTracker::Causal
     } else {
-        Hearing::Offline
+        BeatTracker::Offline
     };
     let beats = Beats::find(&args.file, hearing)?;
     let text = if args.json {

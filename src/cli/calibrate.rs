@@ -2,7 +2,7 @@
 
 use servodance_runtime::bus_tools::Consent;
 use servodance_runtime::bus_tools::calibrate::Calibration;
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -43,7 +43,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         output: args.output.as_deref(),
         directions: args.directions,
     };
-    let written = calibration.run(Consent::from_flag(args.yes), |line| say!("{line}"))?;
-    say!("wrote {}", written.display());
+    let written = calibration.run(Consent::from_flag(args.yes), |line| stdout_line!("{line}"))?;
+    stdout_line!("wrote {}", written.display());
     Ok(ExitCode::SUCCESS)
 }

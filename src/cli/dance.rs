@@ -7,13 +7,13 @@ use servodance_audio::source::PcmEncoding;
 use servodance_audio::source::PcmFormat;
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::bus_choice::choose as choose_buses;
-use servodance_runtime::process::console::{say, tell};
-use servodance_runtime::session::config::AudioChoice;
+use servodance_runtime::pipeline::audio_input::AudioChoice;
+use servodance_runtime::process::console::{stderr_line, stdout_line};
+use servodance_runtime::process::speed::Speed;
 use servodance_runtime::session::config::DanceConfig;
-use servodance_runtime::session::config::Speed;
 use servodance_runtime::session::dance::Outcome;
 use servodance_runtime::session::dance::dance;
-use servodance_runtime::session::dance_session::Evening;
+use servodance_runtime::session::dance_session::Session;
 use servodance_runtime::session::summary::summary;
 use servodance_runtime::viewer::{Server, TerminalView};
 use std::net::SocketAddr;
@@ -154,7 +154,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let outcome = dance(&config, &stop)?;
     report(&config, &outcome);
     if outcome.interrupted {
-        tell!("stopped; torque is off");
+        stderr_line!("stopped; torque is off");
         return Ok(ExitCode::from(INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
@@ -175,32 +175,37 @@ fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCo
     if tui {
         TerminalView::check()?;
     }
-    let mut evening = Evening::new(config)?;
-    let scene = evening.scene()?;
+    let mut session = Session::new(config)?;
+    let scene = session.scene()?;
     for mesh in &scene.meshes.left_out {
-        tell!("the page draws a stick: {mesh}");
+        stderr_line!("the page draws a stick: {mesh}");
     }
     let server = match bind {
-        Some(bind) => Some(Server::start(bind, scene.clone(), evening.seat())?),
+        Some(bind) => Some(Server::start(bind, scene.clone(), session.add_viewer())?),
         None => None,
     };
     let address = server.as_ref().map(Server::address);
     if let Some(address) = address {
-        say!("{address}");
+        stdout_line!("{address}");
     }
     let terminal = match tui {
-        true => Some(TerminalView::start(scene, evening.seat(), stop, address)?),
+        true => Some(TerminalView::start(
+            scene,
+            session.add_viewer(),
+            stop,
+            address,
+        )?),
         false => None,
     };
-    let danced = evening.run(stop, |config, outcome| match outcome {
+    let danced = session.run(stop, |config, outcome| match outcome {
         Ok(outcome) => report(config, outcome),
-        Err(error) if waits => tell!("error: {error:#}"),
+        Err(error) if waits => stderr_line!("error: {error:#}"),
         Err(_) => {} // told by `main`
     });
     drop(terminal); // what comes now is for the usual terminal
     danced?;
     if stop.load(Ordering::Acquire) {
-        tell!("stopped; torque is off");
+        stderr_line!("stopped; torque is off");
         return Ok(ExitCode::from(INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)

@@ -4,11 +4,11 @@ use anyhow::bail;
 use clap::Subcommand;
 use servodance_model::conditioning::{Encodec, MusicKind};
 use servodance_runtime::pipeline::conditioning::open_encodec;
-use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_runtime::process::progress::Progress;
 use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::dataset::{DatasetOptions, DatasetReport, ImportRequest, build, import};
-use servodance_training::motion::format::MotionFormat;
+use servodance_training::motion::format::ImportFormat;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -63,7 +63,7 @@ pub struct ImportArgs {
     /// aist (pkl), humanml3d (npy), bvh, amc (beside its asf), smpl (npz, as in
     /// AMASS) or npz (22 joints).
     #[arg(value_parser = kind)]
-    pub kind: MotionFormat,
+    pub kind: ImportFormat,
     /// A file, or a folder of them.
     pub path: PathBuf,
     /// The folder to write to; what it holds of other imports stays.
@@ -168,14 +168,14 @@ fn music_kind(text: &str) -> Result<MusicKind, String> {
     MusicKind::from_name(text).ok_or_else(|| format!("choose one of {names}"))
 }
 
-fn kind(text: &str) -> Result<MotionFormat, String> {
-    let found = MotionFormat::ALL
+fn kind(text: &str) -> Result<ImportFormat, String> {
+    let found = ImportFormat::ALL
         .into_iter()
         .find(|kind| kind.name() == text);
     found.ok_or_else(|| {
         format!(
             "choose one of {}",
-            MotionFormat::ALL.map(MotionFormat::name).join(", ")
+            ImportFormat::ALL.map(ImportFormat::name).join(", ")
         )
     })
 }
@@ -204,7 +204,7 @@ fn run_import(args: ImportArgs) -> anyhow::Result<ExitCode> {
         fps: args.fps,
     };
     let tell = |line: &str| match args.quiet {
-        true if line.starts_with("skipped") => tell!("{line}"),
+        true if line.starts_with("skipped") => stderr_line!("{line}"),
         _ => progress.note(line),
     };
     let done = import(&request, tell, |share| progress.at(100.0 * share));
@@ -218,7 +218,7 @@ fn run_import(args: ImportArgs) -> anyhow::Result<ExitCode> {
         );
     }
     if !args.quiet {
-        say!(
+        stdout_line!(
             "{}: {} clips, {:.1} minutes, {} with music; {} files skipped, {} mirrored copies left out",
             request.out.display(),
             done.clips,
@@ -240,7 +240,7 @@ fn run_report(args: ReportArgs) -> anyhow::Result<ExitCode> {
     let sheet = args.sheet.unwrap_or_else(|| args.folder.join("sheet.png"));
     write_whole(&sheet, &report.sheet(&title)?)?;
     match args.json {
-        true => say!("{}", serde_json::to_string_pretty(&report)?),
+        true => stdout_line!("{}", serde_json::to_string_pretty(&report)?),
         false => servodance_runtime::process::console::stdout(format_args!("{}", report.table())),
     }
     Ok(ExitCode::SUCCESS)
@@ -263,13 +263,13 @@ fn run_build(args: BuildArgs) -> anyhow::Result<ExitCode> {
     progress.done();
     let summary = built?;
     for reason in &summary.left_out {
-        tell!("left out: {reason}");
+        stderr_line!("left out: {reason}");
     }
     if !args.quiet {
         for (kind, minutes) in &summary.minutes {
-            say!("{minutes:7.2} min  {kind}");
+            stdout_line!("{minutes:7.2} min  {kind}");
         }
-        say!(
+        stdout_line!(
             "{} clips; captured dance {:.1} min, {:.1} of them with a beat to render music on",
             summary.clips,
             summary.captured_dance_minutes,

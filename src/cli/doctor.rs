@@ -4,7 +4,7 @@ use super::options::robot::RobotFileArgs;
 use servodance_model::engine::EngineOptions;
 use servodance_runtime::doctor::{Finding, Verdict, examine};
 use servodance_runtime::pipeline::conditioning::Conditioning;
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::session::dance::open_generator;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -47,7 +47,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let encodec = conditioning.encodec(&generator)?;
     let findings = examine(&robot, &generator, encodec.as_ref())?;
     if args.json {
-        say!("{}", serde_json::to_string_pretty(&findings)?);
+        stdout_line!("{}", serde_json::to_string_pretty(&findings)?);
     } else {
         for finding in &findings {
             print(finding);
@@ -66,8 +66,8 @@ fn print(finding: &Finding) {
         Verdict::Warning => "warning",
         Verdict::Bad => "BAD    ",
     };
-    say!("{mark}  {:<10}{}", finding.area, finding.what);
+    stdout_line!("{mark}  {:<10}{}", finding.area, finding.what);
     if let Some(remedy) = &finding.remedy {
-        say!("{:21}-> {remedy}", "");
+        stdout_line!("{:21}-> {remedy}", "");
     }
 }

@@ -1,7 +1,7 @@
 //! `servodance evaluate`.
 
 use super::options::engine::{EngineArgs, SamplingArgs};
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::process::progress::Progress;
 use servodance_training::evaluate::{EvaluationRequest, evaluate};
 use std::path::PathBuf;
@@ -94,7 +94,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     )?;
     progress.done();
     if args.json {
-        say!("{}", serde_json::to_string_pretty(&found)?);
+        stdout_line!("{}", serde_json::to_string_pretty(&found)?);
     } else {
         servodance_runtime::process::console::stdout(format_args!("{}", found.table()));
     }

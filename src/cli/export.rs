@@ -1,6 +1,6 @@
 //! `servodance export`.
 
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::telemetry::export::{ExportSpan, bvh, csv, gif};
 use servodance_runtime::telemetry::recorder::Recording;
 use std::path::PathBuf;
@@ -57,7 +57,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         gif(&recording, ExportSpan { from_s, seconds }, path)?;
     }
     for path in [args.csv, args.bvh, args.gif].into_iter().flatten() {
-        say!("{}", path.display());
+        stdout_line!("{}", path.display());
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -86,7 +86,7 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     use servodance_runtime::control::bus_choice::choose as choose_buses;
-    use servodance_runtime::process::console::tell;
+    use servodance_runtime::process::console::stderr_line;
     use servodance_runtime::session::led_dance::FollowConfig;
 
     if !(0.0..=1e6).contains(&args.rest_after) {
@@ -102,7 +102,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             buses: choose_buses(&robot, &args.rig.bus)?,
             idle: args.rig.idle.unwrap_or(robot.idle),
             robot,
-            witness: args.witness,
+            servo_truth: args.witness,
         },
         place: args.place.place(false, Vec::new()),
         stage: args.place.stage,
@@ -126,6 +126,6 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             broken.acceleration
         );
     }
-    tell!("stopped; torque is off");
+    stderr_line!("stopped; torque is off");
     Ok(ExitCode::from(super::INTERRUPTED))
 }

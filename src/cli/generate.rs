@@ -2,10 +2,12 @@
 
 use super::options::engine::{EngineArgs, SamplingArgs};
 use servodance_model::{AtEnd, GeneratorOptions};
-use servodance_runtime::offline::generate::{MotionFormat, Request, generate, write_motion};
+use servodance_runtime::offline::generate::{
+    GenerateRequest, MotionFormat, generate, write_motion,
+};
+use servodance_runtime::pipeline::audio_input::AudioChoice;
 use servodance_runtime::pipeline::conditioning::Conditioning;
-use servodance_runtime::process::console::say;
-use servodance_runtime::session::config::AudioChoice;
+use servodance_runtime::process::console::stdout_line;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -72,7 +74,7 @@ pub struct Args {
 /// Writes the motion and prints what it is.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     MotionFormat::of(&args.out)?;
-    let clip = generate(&Request {
+    let clip = generate(&GenerateRequest {
         audio: args.audio.map_or(AudioChoice::BuiltIn, AudioChoice::File),
         seconds: args.seconds,
         seed: args.seed,
@@ -93,7 +95,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     })?;
     write_motion(&args.out, &clip)?;
     if !args.quiet {
-        say!(
+        stdout_line!(
             "{}: {} frames, {:.2} s at {} FPS",
             args.out.display(),
             clip.poses.len(),

@@ -2,8 +2,8 @@
 
 use super::{INTERRUPTED, stop_signal};
 use servodance_runtime::bus_tools::Consent;
-use servodance_runtime::bus_tools::jog::{Jog, Step};
-use servodance_runtime::process::console::say;
+use servodance_runtime::bus_tools::jog::{Jog, JogStep};
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::Robot;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
@@ -49,8 +49,8 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = Robot::load(&args.robot)?;
     let step = match (args.by, args.to) {
-        (Some(degrees), _) => Some(Step::parse(&degrees.to_string())?),
-        (None, Some(degrees)) => Some(Step::parse(&format!("={degrees}"))?),
+        (Some(degrees), _) => Some(JogStep::parse(&degrees.to_string())?),
+        (None, Some(degrees)) => Some(JogStep::parse(&format!("={degrees}"))?),
         (None, None) => None,
     };
     let stop = stop_signal()?;
@@ -62,7 +62,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         speed_deg_s: args.speed,
     };
     let moved = jog.run(Consent::from_flag(args.yes), &stop)?;
-    say!("{moved}");
+    stdout_line!("{moved}");
     if stop.load(Ordering::Acquire) {
         return Ok(ExitCode::from(INTERRUPTED));
     }

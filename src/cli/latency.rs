@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use servodance_lab::bench::click_test::{ClickTestReport, measure as click_test};
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::bus_choice::choose as choose_buses;
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::Robot;
 use std::fmt::Write;
 use std::process::ExitCode;
@@ -47,7 +47,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let stop = stop_signal()?;
     let measured = click_test(&robot, &buses, args.clicks, &stop)?;
     match args.json {
-        true => say!("{:#}", json_of(&robot, &measured)),
+        true => stdout_line!("{:#}", json_of(&robot, &measured)),
         false => servodance_runtime::process::console::stdout(format_args!(
             "{}",
             table(&robot, &measured)

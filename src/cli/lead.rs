@@ -57,8 +57,8 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
 
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    use servodance_runtime::process::console::{say, tell};
-    use servodance_runtime::session::config::AudioChoice;
+    use servodance_runtime::pipeline::audio_input::AudioChoice;
+    use servodance_runtime::process::console::{stderr_line, stdout_line};
 
     let stop = super::stop_signal()?;
     let lead = servodance_runtime::stage::StageLead {
@@ -80,11 +80,11 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     };
     let led = servodance_runtime::stage::lead(&lead, &stop)?;
     if led.interrupted {
-        tell!("stopped; followers idle");
+        stderr_line!("stopped; followers idle");
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     if !args.quiet {
-        say!(
+        stdout_line!(
             "{} frames for {} followers, {} late; sent up to {:.0} ms ahead",
             led.frames,
             led.followers,

@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 use servodance_runtime::bus_tools::{ProtocolChoice, ping};
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::Robot;
 use std::process::ExitCode;
 
@@ -50,7 +50,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         (None, None) => bail!("which servo? give an id, or --robot for all joints of a robot"),
     };
     for line in lines {
-        say!("{line}");
+        stdout_line!("{line}");
     }
     Ok(ExitCode::SUCCESS)
 }

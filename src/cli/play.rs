@@ -2,7 +2,7 @@
 
 use super::stop_signal;
 use servodance_retarget::RobotModel;
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::Meshes;
 use servodance_runtime::telemetry::recorder::Recording;
 use servodance_runtime::viewer::{Player, Scene, Server, ViewerSettings, link};
@@ -48,7 +48,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let stop = stop_signal()?;
     let (end, viewers) = link(recording.joints.len(), settings);
     let server = Server::start(args.view_bind, scene, viewers)?;
-    say!("{}", server.address());
+    stdout_line!("{}", server.address());
     Player::new(&recording, end).run(&stop);
     Ok(ExitCode::SUCCESS)
 }

@@ -1,7 +1,7 @@
 //! `servodance reconstruct`.
 
 use servodance_runtime::offline::generate::{MotionFormat, reconstruct, write_motion};
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -41,7 +41,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.original {
         write_motion(path, &done.original)?;
     }
-    say!(
+    stdout_line!(
         "{}: {} frames at {} FPS, mean joint error {:.1} mm",
         args.out.display(),
         done.reconstructed.poses.len(),

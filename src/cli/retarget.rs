@@ -1,7 +1,7 @@
 //! `servodance retarget`.
 
-use servodance_runtime::offline::retarget_motion::{self, Request};
-use servodance_runtime::process::console::say;
+use servodance_runtime::offline::retarget_motion::{self, RetargetRequest};
+use servodance_runtime::process::console::stdout_line;
 use servodance_training::motion::format::read_motion;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -36,16 +36,16 @@ pub struct Args {
 
 /// Retargets and prints what came of it.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let request = Request {
+    let request = RetargetRequest {
         motion: args.motion,
         robot: args.robot,
         out: args.out,
         report: args.report,
     };
-    let done = retarget_motion::retarget(&request, |path| Ok(read_motion(path)?))?;
+    let lines = retarget_motion::retarget(&request, |path| Ok(read_motion(path)?))?;
     if !args.quiet {
-        for line in &done.lines {
-            say!("{line}");
+        for line in lines {
+            stdout_line!("{line}");
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -1,6 +1,6 @@
 //! `servodance robot`: write a robot file for a description, look one over.
 
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot;
 use servodance_training::choreography;
 use std::path::PathBuf;
@@ -72,10 +72,10 @@ fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
         &choreography::trial_dance(),
     )?;
     for file in &written.files {
-        say!("{}", file.display());
+        stdout_line!("{}", file.display());
     }
     for line in &written.lines {
-        say!("{line}");
+        stdout_line!("{line}");
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -83,12 +83,12 @@ fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
 fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     let checked = robot::check(&args.file);
     if args.json {
-        say!("{}", serde_json::to_string_pretty(&checked)?);
+        stdout_line!("{}", serde_json::to_string_pretty(&checked)?);
     } else {
         for finding in &checked.findings {
-            say!("{finding}");
+            stdout_line!("{finding}");
         }
-        say!("{}", checked.verdict());
+        stdout_line!("{}", checked.verdict());
     }
     Ok(match checked.usable {
         true => ExitCode::SUCCESS,

@@ -1,6 +1,6 @@
 //! `servodance robots`.
 
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::{BUILT_IN, Robot};
 use std::process::ExitCode;
 
@@ -20,7 +20,7 @@ pub struct Args {}
 pub fn run(_: Args) -> anyhow::Result<ExitCode> {
     for built_in in BUILT_IN {
         let robot = Robot::load(built_in.name)?;
-        say!(
+        stdout_line!(
             "{:<10}{} ({} servos, {:.0} Hz)\n{:<10}{}",
             robot.name,
             robot.description,
@@ -30,6 +30,8 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
             built_in.place().display()
         );
     }
-    say!("\nYour own: copy one of these files and the URDF beside it, then --robot my-robot.toml");
+    stdout_line!(
+        "\nYour own: copy one of these files and the URDF beside it, then --robot my-robot.toml"
+    );
     Ok(ExitCode::SUCCESS)
 }

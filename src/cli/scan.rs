@@ -1,7 +1,7 @@
 //! `servodance scan`.
 
 use servodance_runtime::bus_tools::{ProtocolChoice, scan};
-use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::console::{stderr_line, stdout_line};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -35,9 +35,11 @@ pub struct Args {
 
 /// Prints a line for each servo, or for each port.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let say = |line: &str| say!("{line}");
+    let say = |line: &str| stdout_line!("{line}");
     match args.port {
-        Some(port) => scan::scan(&port, args.baud, args.protocol, say, |n| tell!("{n}"))?,
+        Some(port) => scan::scan(&port, args.baud, args.protocol, say, |n| {
+            stderr_line!("{n}")
+        })?,
         None => scan::ports().iter().for_each(|line| say(line)),
     }
     Ok(ExitCode::SUCCESS)

@@ -1,7 +1,7 @@
 //! `servodance set-id`.
 
 use servodance_runtime::bus_tools::{Consent, ProtocolChoice, set_id};
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -37,6 +37,6 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let consent = Consent::from_flag(args.yes);
     let ids = (args.old, args.new);
     let done = set_id::set_id(&args.port, ids, args.baud, args.protocol, consent)?;
-    say!("{done}");
+    stdout_line!("{done}");
     Ok(ExitCode::SUCCESS)
 }

@@ -5,7 +5,7 @@ use super::stop_signal;
 use anyhow::Context;
 use servodance_runtime::bus_tools::serve;
 use servodance_runtime::bus_tools::sim_link::LinkChoice;
-use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::console::{stderr_line, stdout_line};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -53,12 +53,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         faults = format!("{faults}\n{text}");
     }
     let stop = stop_signal()?;
-    let serving = serve::Serving {
+    let options = serve::SimBusOptions {
         link: args.link,
         faults: &faults,
         backlash: args.backlash,
     };
-    let served = serve::serve(&robot, serving, &stop, |port| say!("{port}"))?;
-    tell!("{served}");
+    let served = serve::serve(&robot, options, &stop, |port| stdout_line!("{port}"))?;
+    stderr_line!("{served}");
     Ok(ExitCode::SUCCESS)
 }

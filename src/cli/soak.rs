@@ -5,7 +5,7 @@ use super::{INTERRUPTED, stop_signal};
 use anyhow::bail;
 use servodance_lab::soak::{Soak, SoakMusic};
 use servodance_model::engine::EngineOptions;
-use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_runtime::process::progress::Progress;
 use servodance_runtime::session::dance::open_generator;
 use servodance_runtime::telemetry::pending_file::{PendingFile, write_whole};
@@ -99,9 +99,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         let text = serde_json::to_string_pretty(&summary)? + "\n";
         write_whole(path, text.as_bytes())?;
     }
-    say!("{}", summary.line());
+    stdout_line!("{}", summary.line());
     for objection in &summary.objections {
-        tell!("{objection}");
+        stderr_line!("{objection}");
     }
     Ok(match (summary.passed, summary.interrupted) {
         (false, _) => ExitCode::FAILURE,

@@ -1,7 +1,7 @@
 //! `servodance song`.
 
 use servodance_runtime::offline::song_file::write_demo;
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -22,6 +22,6 @@ pub struct Args {
 /// Writes the built-in song and prints where.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     write_demo(&args.out)?;
-    say!("{}", args.out.display());
+    stdout_line!("{}", args.out.display());
     Ok(ExitCode::SUCCESS)
 }

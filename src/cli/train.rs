@@ -2,7 +2,7 @@
 
 use super::{INTERRUPTED, stop_signal};
 use clap::Subcommand;
-use servodance_runtime::process::console::{say, tell};
+use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_training::runs::{RunEnd, RunOutcome, TrainingRequest, train};
 use servodance_training::train::TrainedNetwork;
 use std::path::PathBuf;
@@ -107,11 +107,11 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let stop = stop_signal()?;
     let outcome = train(&request, &stop)?;
     if outcome.end == RunEnd::Stopped {
-        tell!("stopped at {}", goes_on(&outcome, &request));
+        stderr_line!("stopped at {}", goes_on(&outcome, &request));
         return Ok(ExitCode::from(INTERRUPTED));
     }
     if !request.quiet {
-        say!("{}", told(&outcome, &request));
+        stdout_line!("{}", told(&outcome, &request));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,7 +1,7 @@
 //! `servodance weights`.
 
 use servodance_model::weights::Dtype;
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::weights::{self, WeightsInfo};
 use std::path::PathBuf;
@@ -74,14 +74,14 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         What::Info { file, preset, json } => {
             let info = WeightsInfo::of(file.as_deref(), preset.as_deref())?;
             match json {
-                true => say!("{}", serde_json::to_string(&info)?),
-                false => say!("{info}"),
+                true => stdout_line!("{}", serde_json::to_string(&info)?),
+                false => stdout_line!("{info}"),
             }
         }
         What::Convert { file, dtype, out } => {
             let bytes = servodance_model::weights::convert_file(&file, dtype)?;
             write_whole(&out, &bytes)?;
-            say!(
+            stdout_line!(
                 "{}: {dtype}, {:.1} MB",
                 out.display(),
                 bytes.len() as f64 / 1e6
@@ -95,9 +95,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         } => {
             let rows = weights::compare(file.as_deref(), &data, clips)?;
             if json {
-                say!("{}", serde_json::to_string(&rows)?);
+                stdout_line!("{}", serde_json::to_string(&rows)?);
             } else {
-                rows.iter().for_each(|row| say!("{row}"));
+                rows.iter().for_each(|row| stdout_line!("{row}"));
             }
         }
     }

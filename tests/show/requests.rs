@@ -5,27 +5,27 @@ use rand::{Rng, SeedableRng};
 use servodance::cli::{Cli, Command};
 use servodance_runtime::control::idle::IdleStyle;
 use servodance_runtime::session::dance::Outcome;
-use servodance_runtime::session::dance_session::Evening;
+use servodance_runtime::session::dance_session::Session;
 use servodance_runtime::viewer::{Activity, ViewerEnd, ViewerRequest};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// A dance in simulated time, as the command line would set it up.
-fn evening(arguments: &[&str]) -> (Evening, ViewerEnd) {
+fn session(arguments: &[&str]) -> (Session, ViewerEnd) {
     let words = ["servodance", "dance", "--no-picture", "--quiet"];
     let cli = Cli::try_parse_from(words.iter().chain(arguments)).expect("arguments");
     let Command::Dance(args) = cli.command else {
         panic!("not a dance");
     };
     let config = servodance::cli::dance::configuration(args).expect("a dance");
-    let mut evening = Evening::new(config).expect("an evening");
-    let end = evening.seat();
-    (evening, end)
+    let mut session = Session::new(config).expect("a session");
+    let end = session.add_viewer();
+    (session, end)
 }
 
-/// Runs the evening while `audience` has the other end of the line.
+/// Runs the session while `audience` has the other end of the line.
 fn run(
-    (mut evening, mut end): (Evening, ViewerEnd),
+    (mut session, mut end): (Session, ViewerEnd),
     audience: impl FnOnce(&mut ViewerEnd, &AtomicBool) + Send,
 ) -> Vec<anyhow::Result<Outcome>> {
     let (over, stop) = (AtomicBool::new(false), AtomicBool::new(false));
@@ -38,7 +38,7 @@ fn run(
                 std::thread::sleep(Duration::from_millis(5));
             }
         });
-        let result = evening.run(&stop, |_, outcome| {
+        let result = session.run(&stop, |_, outcome| {
             outcomes.push(match outcome {
                 Ok(outcome) => Ok(Outcome {
                     report: outcome.report.clone(),
@@ -67,7 +67,7 @@ fn wait_for(end: &mut ViewerEnd, activity: Activity) {
 fn requests_rain_in_and_no_limit_is_broken() {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(8);
     let mut asked = 0;
-    let outcomes = run(evening(&["--robot", "op3"]), |end, _| {
+    let outcomes = run(session(&["--robot", "op3"]), |end, _| {
         wait_for(end, Activity::Dancing);
         loop {
             let activity = end.newest().now.activity;
@@ -101,7 +101,7 @@ fn requests_rain_in_and_no_limit_is_broken() {
 
 #[test]
 fn stop_leads_to_rest_and_torque_off_from_a_hold_too() {
-    let outcomes = run(evening(&["--robot", "neck"]), |end, _| {
+    let outcomes = run(session(&["--robot", "neck"]), |end, _| {
         wait_for(end, Activity::Dancing);
         end.ask(&[ViewerRequest::Hold]);
         std::thread::sleep(Duration::from_millis(20));
@@ -118,8 +118,8 @@ fn stop_leads_to_rest_and_torque_off_from_a_hold_too() {
 #[test]
 fn an_evening_waits_for_start_and_survives_an_emergency_stop() {
     // `--view` lives in real time; here only the waiting is asked for.
-    let (evening, end) = evening(&["--robot", "neck"]);
-    let waiting = (evening.waiting_for_start(), end);
+    let (session, end) = session(&["--robot", "neck"]);
+    let waiting = (session.waiting_for_start(), end);
     let outcomes = run(waiting, |end, stop| {
         for round in 0..2 {
             wait_for(end, Activity::Waiting);

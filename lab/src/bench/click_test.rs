@@ -17,11 +17,11 @@ use servodance_model::engine::EngineOptions;
 use servodance_model::{Dance, GeneratorOptions};
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::delays::Delays;
-use servodance_runtime::control::emergency_stop::EStopWatch;
+use servodance_runtime::control::emergency_stop::EmergencyStopWatch;
 use servodance_runtime::control::idle;
-use servodance_runtime::control::robot_buses::Rig;
+use servodance_runtime::control::robot_buses::RobotBuses;
+use servodance_runtime::process::speed::Speed;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::session::config::Speed;
 use servodance_runtime::session::dance::open_generator;
 use servodance_types::{Contacts, FRAME_RATE_HZ, MotionFrame};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -90,8 +90,8 @@ pub fn measure(
     let model =
         open_generator(None, EngineOptions::default())?.start(GeneratorOptions::default())?;
     let estop = EStop::default();
-    let _watch = EStopWatch::start(&estop, None, true)?;
-    let mut rig = Rig::open(robot, buses, Speed::Realtime, &estop)?;
+    let _watch = EmergencyStopWatch::start(&estop, None, true)?;
+    let mut rig = RobotBuses::open(robot, buses, Speed::Realtime, &estop)?;
     rig.arm()?;
     let present: Vec<f64> = rig.states().iter().map(|s| s.position_rad).collect();
     retargeter.seed(&present)?;
@@ -122,7 +122,7 @@ pub fn measure(
         rig.cycle(now_s, &targets)?;
         track.push(
             now_s,
-            rig.sent_rad(),
+            rig.safety().sent_rad(),
             rig.states().iter().map(|s| s.position_rad),
         );
         cycle += 1;

@@ -21,8 +21,8 @@ use servodance_drivers::ServoLost;
 use servodance_model::Generator;
 use servodance_runtime::control::idle::IdleStyle;
 use servodance_runtime::robot::Robot;
-use servodance_runtime::session::fault_run::Endured;
-use servodance_runtime::session::fault_run::Ordeal;
+use servodance_runtime::session::fault_run::FaultRun;
+use servodance_runtime::session::fault_run::FaultRunResult;
 use servodance_runtime::telemetry::ViolationReport;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -39,15 +39,20 @@ const WARM_UP_SHARE: f64 = 0.25;
 /// Causes of stops that are kept in words.
 const CAUSES: usize = 20;
 
+/// What is soaked, and for how long.
 #[derive(Clone, Debug)]
-#[allow(missing_docs)] // the other names say it
 pub struct Soak {
+    /// The robot whose servos are simulated.
     pub robot: Robot,
+    /// The pieces that are danced to.
     pub music: SoakMusic,
+    /// Length of a piece, seconds.
     pub piece_s: f64,
+    /// Seconds of music in all.
     pub total_s: f64,
     /// A fault every so many seconds, on average.
     pub fault_every_s: f64,
+    /// Seed of everything random.
     pub seed: u64,
 }
 
@@ -62,9 +67,10 @@ pub struct FaultTally {
     pub stopped: u64,
 }
 
+/// A dance that a simulated fault ended.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[allow(missing_docs)] // the other names say it
 pub struct FaultStop {
+    /// Name of the fault.
     pub fault: &'static str,
     /// When it began, seconds since torque on.
     pub at_s: f64,
@@ -75,25 +81,36 @@ pub struct FaultStop {
 
 /// The verdict on a soak, and its figures.
 #[derive(Clone, Debug, Default, Serialize)]
-#[allow(missing_docs)] // the other names say it
 pub struct SoakReport {
     /// Whether all was as it must be.
     pub passed: bool,
+    /// Why not, a line each.
     pub objections: Vec<String>,
+    /// Whether somebody ended it early.
     pub interrupted: bool,
+    /// Version of the program that danced.
     pub version: &'static str,
+    /// Name of the robot.
     pub robot: String,
+    /// Seed of everything random.
     pub seed: u64,
+    /// Seconds of music danced to.
     pub music_s: f64,
+    /// Seconds on the clock.
     pub wall_s: f64,
+    /// All dances that were begun.
     pub dances: u64,
+    /// Dances that reached their end.
     pub finished: u64,
     /// What became of the faults, by their names.
     pub faults: BTreeMap<&'static str, FaultTally>,
+    /// What ended dances, the first of them.
     pub stopped_by: Vec<FaultStop>,
+    /// Limits broken at the simulated servos.
     pub violations: ViolationReport,
     /// Control cycles without the motion that they needed.
     pub late_frames: u64,
+    /// Resident memory of the program over the soak.
     pub memory: Memory,
 }
 
@@ -123,7 +140,7 @@ impl Soak {
             };
             let robot = self.robot_of(&mut rng);
             let styles = generator.styles();
-            let ordeal = Ordeal {
+            let fault_run = FaultRun {
                 robot: &robot,
                 generator,
                 song: self.music.piece(round)?,
@@ -135,14 +152,14 @@ impl Soak {
             };
             let (memory, so_far_s) = (&mut summary.memory, summary.music_s);
             let mut looked_s = 0.0;
-            let endured = ordeal.endure(stop, |time_s| {
+            let result = fault_run.run(stop, |time_s| {
                 if time_s >= looked_s + LOOK_EVERY_S {
                     looked_s = time_s;
                     memory.sample(warming_up);
                     progress(so_far_s + time_s);
                 }
             })?;
-            summary.take(round, &faults, endured);
+            summary.take(round, &faults, result);
             round += 1;
         }
         summary.interrupted = stop.load(Ordering::Relaxed);
@@ -169,28 +186,26 @@ impl Soak {
 const IDLES: [IdleStyle; 3] = [IdleStyle::Sway, IdleStyle::Hold, IdleStyle::Rest];
 
 impl SoakReport {
-    fn take(&mut self, round: usize, faults: &[PlannedFault], endured: Endured) {
+    fn take(&mut self, round: usize, faults: &[PlannedFault], result: FaultRunResult) {
         self.dances += 1;
-        self.music_s += endured.music_s;
-        self.late_frames += endured.late_frames;
-        self.violations.position += endured.violations.position;
-        self.violations.velocity += endured.violations.velocity;
-        self.violations.acceleration += endured.violations.acceleration;
+        self.music_s += result.music_s;
+        self.late_frames += result.late_frames;
+        self.violations.position += result.violations.position;
+        self.violations.velocity += result.violations.velocity;
+        self.violations.acceleration += result.violations.acceleration;
         let mut object = |what: String| self.objections.push(format!("dance {round}: {what}"));
-        if let Some(note) = endured.violation_notes.first() {
+        if let Some(note) = result.violation_notes.first() {
             object(format!("a limit was broken: {note}"));
         }
-        if !endured.unsafe_joints.is_empty() {
+        if !result.unsafe_joints.is_empty() {
             object(format!(
                 "still driven at the end: {}",
-                endured.unsafe_joints.join(", ")
+                result.unsafe_joints.join(", ")
             ));
         }
-        let happened: Vec<&PlannedFault> = faults
-            .iter()
-            .filter(|f| f.at_s <= endured.robot_s)
-            .collect();
-        match (&endured.stopped_by, happened.last()) {
+        let happened: Vec<&PlannedFault> =
+            faults.iter().filter(|f| f.at_s <= result.robot_s).collect();
+        match (&result.stopped_by, happened.last()) {
             (None, _) => self.finished += 1,
             (Some(cause), None) => {
                 object(format!("ended although nothing went wrong: {cause}"));
@@ -206,7 +221,7 @@ impl SoakReport {
         }
         for (place, fault) in happened.iter().enumerate() {
             let tally = self.faults.entry(fault.kind).or_default();
-            let stopped = endured.stopped_by.is_some() && place + 1 == happened.len();
+            let stopped = result.stopped_by.is_some() && place + 1 == happened.len();
             tally.happened += 1;
             tally.stopped += u64::from(stopped);
             tally.recovered += u64::from(!stopped);
@@ -262,8 +277,8 @@ impl SoakReport {
 mod tests {
     use super::*;
 
-    fn endured(stopped_by: Option<&str>, robot_s: f64) -> Endured {
-        Endured {
+    fn result(stopped_by: Option<&str>, robot_s: f64) -> FaultRunResult {
+        FaultRunResult {
             stopped_by: stopped_by.map(String::from),
             music_s: 10.0,
             robot_s,
@@ -283,8 +298,8 @@ mod tests {
     fn faults_are_tallied_by_what_became_of_them() {
         let mut summary = SoakReport::default();
         let day = [fault("a", 1.0), fault("b", 2.0), fault("a", 9.0)];
-        summary.take(0, &day, endured(Some("b broke"), 2.5));
-        summary.take(1, &day, endured(None, 12.0));
+        summary.take(0, &day, result(Some("b broke"), 2.5));
+        summary.take(1, &day, result(None, 12.0));
         summary.judge();
         let tally = |happened, recovered, stopped| FaultTally {
             happened,
@@ -301,11 +316,11 @@ mod tests {
 
     #[test]
     fn whatever_must_not_be_is_objected_to() {
-        let objections = |change: fn(&mut Endured)| {
+        let objections = |change: fn(&mut FaultRunResult)| {
             let mut summary = SoakReport::default();
-            let mut endured = endured(None, 12.0);
-            change(&mut endured);
-            summary.take(0, &[], endured);
+            let mut result = result(None, 12.0);
+            change(&mut result);
+            summary.take(0, &[], result);
             summary.judge();
             assert!(!summary.passed);
             summary.line()

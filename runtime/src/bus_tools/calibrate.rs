@@ -1,4 +1,4 @@
-//! Zeros and directions of a robot file, from the robot itself.
+//! Zeros and directions of a robot file, measured on the robot.
 //!
 //! Torque goes off, people put the robot into its rest pose, and where each
 //! servo then stands is where its joint reads zero. With directions asked for,
@@ -22,12 +22,12 @@ use toml_edit::{DocumentMut, Table, Value};
 /// A joint moved by less than this keeps its direction, radians.
 const CLEAR_MOVE_RAD: f64 = 0.1;
 
-/// What is to be done.
+/// Options of `servodance calibrate`.
 #[derive(Debug)]
 pub struct Calibration<'a> {
     /// The robot file, or a built-in robot.
     pub robot: &'a str,
-    /// The port of each of its buses.
+    /// The port of each bus of the robot.
     pub ports: &'a [String],
     /// Where the calibrated file goes; over the robot file if left out.
     pub output: Option<&'a Path>,
@@ -35,9 +35,9 @@ pub struct Calibration<'a> {
     pub directions: bool,
 }
 
-/// One joint's new settings.
+/// New settings of one joint.
 #[derive(Clone, Debug, PartialEq)]
-struct Found {
+struct JointSettings {
     joint: String,
     zero_deg: f64,
     direction: i8,
@@ -89,7 +89,7 @@ impl Calibration<'_> {
         Ok((source, target))
     }
 
-    fn measure(&self, bus: &mut dyn Bus, robot: &Robot) -> anyhow::Result<Vec<Found>> {
+    fn measure(&self, bus: &mut dyn Bus, robot: &Robot) -> anyhow::Result<Vec<JointSettings>> {
         let leaves_out_zero = |servo: &&Servo| servo.limits.clamp_rad(0.0) != 0.0;
         let exceptions: Vec<String> = robot
             .servos
@@ -132,7 +132,7 @@ fn rest(servo: &Servo) -> String {
 
 /// The settings with which the joint reads its rest position at `rest_rad`,
 /// given what it reads with the old ones.
-fn found(servo: &Servo, rest_rad: f64, positive_rad: f64) -> Found {
+fn found(servo: &Servo, rest_rad: f64, positive_rad: f64) -> JointSettings {
     let moved_rad = positive_rad - rest_rad;
     let direction = if moved_rad <= -CLEAR_MOVE_RAD {
         -servo.direction
@@ -146,7 +146,7 @@ fn found(servo: &Servo, rest_rad: f64, positive_rad: f64) -> Found {
         None => zero_rad.rem_euclid(TAU),
         Some(_) => zero_rad,
     };
-    Found {
+    JointSettings {
         joint: servo.name.clone(),
         // A thousandth of a degree is a hundredth of an encoder tick.
         zero_deg: (zero_rad.to_degrees() * 1e3).round() / 1e3,
@@ -155,7 +155,7 @@ fn found(servo: &Servo, rest_rad: f64, positive_rad: f64) -> Found {
 }
 
 /// Old and new, a line a joint.
-fn table(servos: &[Servo], found: &[Found]) -> Vec<String> {
+fn table(servos: &[Servo], found: &[JointSettings]) -> Vec<String> {
     let mut lines = vec![format!(
         "{:<14} {:>3}  {:>9} -> {:>9}  {:>9}",
         "joint", "id", "zero_deg", "zero_deg", "direction"
@@ -176,7 +176,7 @@ fn table(servos: &[Servo], found: &[Found]) -> Vec<String> {
 }
 
 /// The file with new zeros and directions, and nothing else changed.
-fn edit(text: &str, found: &[Found]) -> anyhow::Result<String> {
+fn edit(text: &str, found: &[JointSettings]) -> anyhow::Result<String> {
     let mut document: DocumentMut = text.parse().context("the robot file is no TOML")?;
     let joints = document
         .get_mut("joint")
@@ -190,15 +190,15 @@ fn edit(text: &str, found: &[Found]) -> anyhow::Result<String> {
             .iter_mut()
             .find(named)
             .with_context(|| format!("the robot file has no [[joint]] \"{}\"", found.joint))?;
-        put(table, "zero_deg", Value::from(found.zero_deg));
-        put(table, "direction", Value::from(i64::from(found.direction)));
+        set_value(table, "zero_deg", Value::from(found.zero_deg));
+        set_value(table, "direction", Value::from(i64::from(found.direction)));
     }
     Ok(document.to_string())
 }
 
 /// Replaces a value; blanks and comments around it stay, and so does one that
 /// says the same already.
-fn put(table: &mut Table, key: &str, mut value: Value) {
+fn set_value(table: &mut Table, key: &str, mut value: Value) {
     if let Some(old) = table.get(key).and_then(|item| item.as_value()) {
         let number = |value: &Value| value.as_float().or(value.as_integer().map(|i| i as f64));
         if number(old) == number(&value) {
@@ -236,12 +236,12 @@ mod tests {
         let text = "\
 # My robot.\nname = \"x\"\n\n[[joint]]\nname = \"a\" # left\nzero_deg = 180.0   # horn up\ndirection = 1\n\n[[joint]]\nname = \"b\"\nzero_deg = 90\ndirection = -1 # mirrored\n";
         let found = [
-            Found {
+            JointSettings {
                 joint: "a".into(),
                 zero_deg: 171.5,
                 direction: -1,
             },
-            Found {
+            JointSettings {
                 joint: "b".into(),
                 zero_deg: 90.0,
                 direction: -1,

@@ -1,6 +1,6 @@
 //! Asking before something happens to a live robot.
 
-use crate::process::console::tell;
+use crate::process::console::stderr_line;
 use anyhow::{Context, bail};
 use std::io::{BufRead, IsTerminal, Write};
 
@@ -9,21 +9,18 @@ use std::io::{BufRead, IsTerminal, Write};
 pub enum Consent {
     /// Ask on the terminal; without one, refuse.
     Ask,
-    /// `--yes`.
+    /// The user gave `--yes`.
     Given,
 }
 
 impl Consent {
-    /// What `--yes` means.
+    /// Consent by the flag `--yes`.
     pub fn from_flag(yes: bool) -> Self {
         if yes { Self::Given } else { Self::Ask }
     }
 
     /// Goes on if the user agrees to `what`, a sentence that names what will
     /// happen and to whom.
-    ///
-    /// # Errors
-    /// The user does not agree, or there is no terminal to ask on.
     pub fn obtain(self, what: &str) -> anyhow::Result<()> {
         if self == Self::Given {
             return Ok(());
@@ -43,7 +40,7 @@ impl Consent {
 
 /// Waits for Enter; the end of standard input is as good.
 pub fn pause(what: &str) -> anyhow::Result<()> {
-    tell!("{what}, then press Enter");
+    stderr_line!("{what}, then press Enter");
     read_line().map(drop)
 }
 

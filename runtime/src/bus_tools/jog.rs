@@ -6,7 +6,7 @@
 
 use super::consent::Consent;
 use super::plug;
-use crate::process::console::{say, tell};
+use crate::process::console::{stderr_line, stdout_line};
 use crate::robot::Robot;
 use anyhow::bail;
 use servodance_drivers::{Bus, SafeBus, SafetyConfig, Servo, State, open_bus};
@@ -24,14 +24,14 @@ const ARRIVED_RAD: f64 = 1e-3;
 
 /// A change of the target, degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Step {
-    /// From where the target is.
+pub enum JogStep {
+    /// By an amount from the present target.
     By(f64),
-    /// Wherever the target is.
+    /// To an angle, wherever the target is.
     To(f64),
 }
 
-impl Step {
+impl JogStep {
     /// Reads `5`, `+5`, `-5` (by) and `=30` (to).
     pub fn parse(text: &str) -> anyhow::Result<Self> {
         let (step, number): (fn(f64) -> Self, &str) = match text.strip_prefix('=') {
@@ -64,18 +64,18 @@ impl Step {
     }
 }
 
-/// What is to be done.
+/// Options of `servodance jog`.
 #[derive(Debug)]
 pub struct Jog<'a> {
     /// The robot of the joint.
     pub robot: &'a Robot,
-    /// Which joint.
+    /// The joint to move, by name.
     pub joint: &'a str,
     /// The port of its bus, or of every bus of the robot.
     pub ports: &'a [String],
     /// One step, then the end; without it, steps from standard input.
-    pub step: Option<Step>,
-    /// How fast the target moves.
+    pub step: Option<JogStep>,
+    /// Speed of the target, degrees a second.
     pub speed_deg_s: f64,
 }
 
@@ -92,7 +92,7 @@ impl Jog<'_> {
                 servo.name
             );
         }
-        if let Some(step @ Step::To(_)) = self.step {
+        if let Some(step @ JogStep::To(_)) = self.step {
             step.target_rad(0.0, &servo)?;
         }
         consent.obtain(&format!(
@@ -102,14 +102,14 @@ impl Jog<'_> {
         ))?;
         let bus = open_bus(&port, &layout.config, layout.servos)?;
         let bus = SafeBus::new(bus, SafetyConfig::at_hz(self.robot.control_hz))?;
-        let mut joint = Joint::arm(bus, servo, self.robot.period_s())?;
+        let mut joint = ArmedJoint::arm(bus, servo, self.robot.period_s())?;
         let from_deg = joint.position_deg();
         joint.step_rad = self.speed_deg_s.to_radians() * self.robot.period_s();
         let moved = match self.step {
             Some(step) => joint
                 .aim(step)
-                .and_then(|()| joint.follow(stop, Orders::none())),
-            None => joint.follow(stop, Orders::from_stdin()),
+                .and_then(|()| joint.follow(stop, StepInput::none())),
+            None => joint.follow(stop, StepInput::from_stdin()),
         };
         let to_deg = joint.position_deg();
         let stopped = joint.disarm();
@@ -123,9 +123,9 @@ impl Jog<'_> {
 }
 
 /// Steps that come in while the joint moves.
-struct Orders(Option<Receiver<String>>);
+struct StepInput(Option<Receiver<String>>);
 
-impl Orders {
+impl StepInput {
     fn none() -> Self {
         Self(None)
     }
@@ -162,27 +162,25 @@ impl Orders {
     }
 }
 
-/// One armed joint.
-struct Joint {
+struct ArmedJoint {
     bus: SafeBus<Box<dyn Bus>>,
     servo: Servo,
     clock: Instant,
     period_s: f64,
     /// How far the target moves in a period.
     step_rad: f64,
-    /// Where it is to end.
     aim_rad: f64,
-    /// Where it is told to be now.
+    /// The target of the present cycle.
     target_rad: f64,
     states: [JointState; 1],
 }
 
-impl Joint {
+impl ArmedJoint {
     fn arm(mut bus: SafeBus<Box<dyn Bus>>, servo: Servo, period_s: f64) -> anyhow::Result<Self> {
         let clock = Instant::now();
         let report = bus.arm(clock.elapsed().as_secs_f64())?;
         for note in &report.notes {
-            tell!("{note}");
+            stderr_line!("{note}");
         }
         let Some(state) = report.states.first() else {
             bail!("{} told no state", servo.name);
@@ -204,21 +202,21 @@ impl Joint {
         self.states[0].position_rad.to_degrees()
     }
 
-    fn aim(&mut self, step: Step) -> anyhow::Result<()> {
+    fn aim(&mut self, step: JogStep) -> anyhow::Result<()> {
         self.aim_rad = step.target_rad(self.aim_rad, &self.servo)?;
         Ok(())
     }
 
-    /// Moves until the joint has arrived and no order can come, or `stop`.
-    fn follow(&mut self, stop: &AtomicBool, mut orders: Orders) -> anyhow::Result<()> {
+    /// Moves until the joint has arrived and no step can come, or `stop`.
+    fn follow(&mut self, stop: &AtomicBool, mut input: StepInput) -> anyhow::Result<()> {
         let mut arrived_s = None;
         let mut due_s = self.clock.elapsed().as_secs_f64();
         while !stop.load(Ordering::Acquire) {
-            let over = match orders.next() {
+            let over = match input.next() {
                 Err(()) => true,
                 Ok(None) => false,
-                Ok(Some(order)) => {
-                    self.obey(&order);
+                Ok(Some(line)) => {
+                    self.apply_line(&line);
                     false
                 }
             };
@@ -237,18 +235,18 @@ impl Joint {
         Ok(())
     }
 
-    /// One line from the user. What it asks wrongly is said, and nothing moves.
-    fn obey(&mut self, order: &str) {
-        let order = order.trim();
-        let result = match order {
+    /// One line from the user. After a mistake nothing moves.
+    fn apply_line(&mut self, line: &str) {
+        let line = line.trim();
+        let result = match line {
             "" => Ok(()),
-            _ => Step::parse(order).and_then(|step| self.aim(step)),
+            _ => JogStep::parse(line).and_then(|step| self.aim(step)),
         };
         if let Err(error) = result {
-            tell!("{error}");
+            stderr_line!("{error}");
         }
         let state = self.states[0];
-        say!(
+        stdout_line!(
             "{} at {:.1} degrees, {:.2} A, going to {:.1}",
             self.servo.name,
             state.position_rad.to_degrees(),
@@ -288,7 +286,7 @@ mod tests {
         let robot = Robot::load("neck").unwrap();
         let servo = robot.servo("neck_tilt").unwrap();
         let to_deg = |text: &str| {
-            let target = Step::parse(text)?.target_rad(0.1f64.to_radians(), servo)?;
+            let target = JogStep::parse(text)?.target_rad(0.1f64.to_radians(), servo)?;
             anyhow::Ok(target.to_degrees())
         };
         assert!((to_deg("5").unwrap() - 5.1).abs() < 1e-9);

@@ -13,7 +13,7 @@ const PATIENCE: Duration = Duration::from_millis(10);
 /// other 252, and a busy computer may be late itself.
 const PATIENCE_WITH_ONE: Duration = Duration::from_millis(100);
 
-/// Which framings to look for.
+/// Framings to look for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum ProtocolChoice {
     /// All of them.
@@ -54,16 +54,16 @@ fn serial_path(port: &str) -> anyhow::Result<&str> {
     Ok(path)
 }
 
-/// Where and how to listen.
+/// A serial port, and the rates and framings to try on it.
 #[derive(Clone, Debug)]
-pub struct Ear {
+pub struct SerialListener {
     path: String,
     baud: Option<u32>,
     protocol: ProtocolChoice,
     wait: Duration,
 }
 
-impl Ear {
+impl SerialListener {
     /// On a serial port; at every usual rate unless one is given.
     pub fn new(port: &str, baud: Option<u32>, protocol: ProtocolChoice) -> anyhow::Result<Self> {
         let path = serial_path(port)?.to_owned();
@@ -81,7 +81,6 @@ impl Ear {
         })
     }
 
-    /// The port's path.
     pub fn path(&self) -> &str {
         &self.path
     }
@@ -100,7 +99,6 @@ impl Ear {
             .collect()
     }
 
-    /// Opens the port.
     pub fn probe(&self, protocol: Framing, baud: u32) -> anyhow::Result<SerialScanner> {
         Ok(SerialScanner::open(&self.path, baud, protocol, self.wait)?)
     }
@@ -122,7 +120,7 @@ impl Ear {
         );
     }
 
-    /// What was listened to, in words.
+    /// The rates that were tried, in words.
     pub fn rates(&self) -> String {
         match self.baud {
             Some(baud) => format!("{baud} baud"),
@@ -148,8 +146,8 @@ pub fn line(found: &FoundServo, vitals: &str) -> String {
     )
 }
 
-/// How a servo is, in words. A servo that answers a ping but cannot be read
-/// has a namesake.
+/// State of a servo in words. One that answers a ping but cannot be read shares
+/// its id with another.
 pub fn vitals(probe: &mut SerialScanner, found: &FoundServo) -> String {
     match probe.vitals(found) {
         Ok(Some(vitals)) => format!(

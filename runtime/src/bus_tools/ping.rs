@@ -1,6 +1,6 @@
-//! Is it there, and how is it?
+//! Whether a servo answers, and its state.
 
-use super::listen::{Ear, ProtocolChoice, line, vitals};
+use super::listen::{ProtocolChoice, SerialListener, line, vitals};
 use super::plug;
 use crate::robot::Robot;
 use servodance_drivers::{open_bus, open_buses};
@@ -12,7 +12,7 @@ pub fn servo(
     baud: Option<u32>,
     protocol: ProtocolChoice,
 ) -> anyhow::Result<String> {
-    let (mut probe, found) = Ear::new(port, baud, protocol)?.find(id)?;
+    let (mut probe, found) = SerialListener::new(port, baud, protocol)?.find(id)?;
     let vitals = vitals(&mut probe, &found);
     Ok(line(&found, &vitals))
 }

@@ -1,5 +1,5 @@
-//! Which port each bus of a robot is behind, for tools that need real servos
-//! (or those of `sim-bus`).
+//! The ports of a robot's buses, for tools that need real servos (or those of
+//! `sim-bus`).
 
 use crate::control::bus_choice::BusChoice;
 use crate::control::bus_choice::choose;

@@ -1,6 +1,6 @@
-//! Who is on a bus.
+//! The servos on a bus.
 
-use super::listen::{Ear, ProtocolChoice, line, vitals};
+use super::listen::{ProtocolChoice, SerialListener, line, vitals};
 use anyhow::bail;
 use servodance_drivers::can::{CanFound, CanPort, CanScanner};
 use servodance_drivers::{Framing, available_ports, latency_timer};
@@ -41,13 +41,14 @@ pub fn scan(
         }
         return scan_can(port, &can, baud, found, note);
     }
-    let ear = Ear::new(port, baud, protocol)?;
-    if let Some(text) = latency_timer(ear.path()).and_then(|timer| timer.note(ear.path())) {
+    let listener = SerialListener::new(port, baud, protocol)?;
+    if let Some(text) = latency_timer(listener.path()).and_then(|timer| timer.note(listener.path()))
+    {
         note(&text);
     }
     let mut count = 0;
-    for (protocol, baud) in ear.channels() {
-        let mut probe = ear.probe(protocol, baud)?;
+    for (protocol, baud) in listener.channels() {
+        let mut probe = listener.probe(protocol, baud)?;
         note(&match protocol {
             Framing::Protocol2 => format!("{baud} baud, protocol 2.0"),
             Framing::Protocol1 => format!("{baud} baud, protocol 1: asking 254 ids"),
@@ -60,8 +61,8 @@ pub fn scan(
     if count == 0 {
         bail!(
             "{}: no servo answered at {}; check power, wiring and direction control of the adapter",
-            ear.path(),
-            ear.rates()
+            listener.path(),
+            listener.rates()
         );
     }
     Ok(())

@@ -9,28 +9,28 @@ use servodance_sim::{
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How the servos are served.
+/// Options of `servodance sim-bus`.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Serving<'a> {
-    /// What other programs open; the bus's own kind if left out.
+pub struct SimBusOptions<'a> {
+    /// What other programs open; the usual kind of the bus if left out.
     pub link: Option<LinkChoice>,
-    /// What goes wrong, a line each.
+    /// Faults to inject, a line each (sim/reference/faults.md).
     pub faults: &'a str,
     /// Whether gears have the play that their vendor states.
     pub backlash: bool,
 }
 
-/// Serves the robot's servos in real time until `stop` is set; `ready` is told
+/// Serves the robot's servos in real time until `stop` is set; `ready` gets
 /// the serial port to open, `NAME=PORT` for each bus where there are several.
 /// Returns one line about what was seen.
 pub fn serve(
     robot: &Robot,
-    serving: Serving<'_>,
+    options: SimBusOptions<'_>,
     stop: &AtomicBool,
     ready: impl Fn(&str),
 ) -> anyhow::Result<String> {
     let names: Vec<&str> = robot.servos.iter().map(|s| s.name.as_str()).collect();
-    let cues = parse_script(serving.faults, &names)?;
+    let cues = parse_script(options.faults, &names)?;
     // An adapter that comes back is to be found where it was.
     let pluggable = cues
         .iter()
@@ -41,14 +41,14 @@ pub fn serve(
     let mut sims = Vec::with_capacity(robot.buses.len());
     for (place, bus) in robot.buses.iter().enumerate() {
         let specs = bus.servos.iter().map(SimServoSpec::from);
-        let specs: Vec<SimServoSpec> = match serving.backlash {
+        let specs: Vec<SimServoSpec> = match options.backlash {
             true => specs.map(SimServoSpec::with_stated_backlash).collect(),
             false => specs.collect(),
         };
-        let link = sim_link(&bus.config, serving.link, place)?;
+        let link = sim_link(&bus.config, options.link, place)?;
         // A socket in a file can be opened by anybody.
         let has_path = pluggable || link == SimLink::Unix;
-        let options = SimOptions {
+        let sim_options = SimOptions {
             link,
             path: has_path.then(|| {
                 let name = format!("servodance-{}-{place}", std::process::id());
@@ -56,7 +56,7 @@ pub fn serve(
             }),
             ..SimOptions::realtime(bus.config.baud, robot.control_hz)
         };
-        sims.push(SimBus::start(&specs, options)?);
+        sims.push(SimBus::start(&specs, sim_options)?);
     }
     for (bus, sim) in robot.buses.iter().zip(&sims) {
         match bus.config.name.as_str() {
@@ -71,11 +71,11 @@ pub fn serve(
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    Ok(seen(&sims))
+    Ok(summary(&sims))
 }
 
 /// One line about what passed and what was broken.
-fn seen(sims: &[SimBus]) -> String {
+fn summary(sims: &[SimBus]) -> String {
     let mut wire = WireStats::default();
     let (mut broken, mut moved) = (Violations::default(), Violations::default());
     for sim in sims {

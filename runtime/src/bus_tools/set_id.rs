@@ -1,11 +1,10 @@
-//! Another id for one servo.
+//! A new id for one servo.
 
 use super::consent::Consent;
-use super::listen::{Ear, ProtocolChoice};
+use super::listen::{ProtocolChoice, SerialListener};
 use anyhow::{Context, bail};
 
-/// Gives the servo that answers to `old` the id `new`, for good. Returns what
-/// was done.
+/// Gives the servo with id `old` the id `new`, for good. Returns a line about it.
 ///
 /// Refused: an id out of range or in use, a servo that does not answer, and one
 /// that shares its id with another (both would change).
@@ -24,8 +23,8 @@ pub fn set_id(
     if old == new {
         bail!("the servo has id {old} already");
     }
-    let ear = Ear::new(port, baud, protocol)?;
-    let (mut probe, servo) = ear.find(old)?;
+    let listener = SerialListener::new(port, baud, protocol)?;
+    let (mut probe, servo) = listener.find(old)?;
     let model = servo.model.unwrap_or("servo of an unknown model");
     let last = servo.last_id();
     if new > last {
@@ -44,7 +43,7 @@ pub fn set_id(
     consent.obtain(&format!(
         "The {model} with id {old} on {} ({} baud) will have id {new} from now on. \
          Its torque goes off: hold what it carries.",
-        ear.path(),
+        listener.path(),
         servo.baud
     ))?;
     probe.set_id(&servo, new)?;

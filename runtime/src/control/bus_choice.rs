@@ -1,4 +1,4 @@
-//! Where each bus of the robot is plugged in: the values of `--bus`.
+//! The port of each bus of the robot: the values of `--bus`.
 //!
 //! `sim` stands for every bus. Refused, with the buses' names listed: a bus
 //! that is unknown, given twice, or left without a port.
@@ -10,7 +10,7 @@ use servodance_drivers::{BusLayout, Port};
 /// Where commands of one bus go.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BusChoice {
-    /// Simulated servos.
+    /// Servos that this program simulates.
     Sim,
     /// Real servos behind a port.
     Port(Port),
@@ -26,7 +26,6 @@ impl BusChoice {
         })?))
     }
 
-    /// The name in reports.
     fn name(&self) -> String {
         match self {
             Self::Sim => "sim".into(),
@@ -35,8 +34,7 @@ impl BusChoice {
     }
 }
 
-/// One choice for each bus of the robot, from values like `sim`, `serial:PATH`
-/// and `NAME=serial:PATH`.
+/// One choice a bus, from values like `sim`, `serial:PATH`, `NAME=serial:PATH`.
 pub fn choose(robot: &Robot, given: &[String]) -> anyhow::Result<Vec<BusChoice>> {
     choose_for(&robot.buses, given)
 }
@@ -82,7 +80,7 @@ fn choose_for(buses: &[BusLayout], given: &[String]) -> anyhow::Result<Vec<BusCh
     }
 }
 
-/// All of them in one word or a few, for reports.
+/// All choices in a few words, for reports.
 pub fn names(robot: &Robot, choices: &[BusChoice]) -> String {
     if choices.iter().all(|choice| *choice == BusChoice::Sim) {
         return BusChoice::Sim.name();

@@ -4,7 +4,7 @@
 //! After a stall of the machine the robot does not rush: it goes on from where
 //! it was and makes up the lost time a little in each cycle.
 
-use crate::session::config::Speed;
+use crate::process::speed::Speed;
 use std::time::{Duration, Instant};
 
 /// A cycle that is later than this many periods is a stall.
@@ -12,7 +12,6 @@ const STALL_PERIODS: f64 = 0.5;
 /// Share of a period by which cycles come sooner until a stall is made up.
 const CATCH_UP: f64 = 0.02;
 
-/// Counts cycles and waits for them.
 #[derive(Clone, Debug)]
 pub struct CycleClock {
     speed: Speed,
@@ -35,12 +34,11 @@ impl CycleClock {
         }
     }
 
-    /// Lets it have started at another moment.
+    /// Sets another moment as the start.
     pub fn start_at(&mut self, moment: Instant) {
         self.started = moment;
     }
 
-    /// The present cycle.
     pub fn cycle(&self) -> u64 {
         self.cycle
     }
@@ -50,7 +48,6 @@ impl CycleClock {
         self.cycle as f64 * self.period_s
     }
 
-    /// The present cycle is done.
     pub fn advance(&mut self) {
         self.cycle += 1;
     }
@@ -78,8 +75,7 @@ impl CycleClock {
         Some(self.elapsed_s() - due_s)
     }
 
-    /// Seconds after the start at which the present cycle is to be, if it is
-    /// `now_s` by now.
+    /// When the present cycle is to be, seconds after the start; it is `now_s`.
     fn place(&mut self, now_s: f64) -> f64 {
         let grid_s = self.cycle_s();
         if now_s > grid_s + self.slip_s + STALL_PERIODS * self.period_s {

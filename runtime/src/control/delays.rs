@@ -1,5 +1,4 @@
-//! All delay between air and servo, each part with its name, summed in one
-//! place. Seconds.
+//! The delays between air and servo by name, and their sum. Seconds.
 //!
 //! ```text
 //! air -> capture -> features -> token -> hand-over -> interpolation -> limits -> bus, motor -> horn
@@ -14,7 +13,7 @@ const CAPTURE_S: f64 = 0.01;
 /// What computing and threads may take, so that live motion is never waited for.
 const HAND_OVER_S: f64 = 0.03;
 
-/// The parts of the way.
+/// Each part of the delay, seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Delays {
     /// Sound waits for its block to be full.
@@ -34,7 +33,7 @@ pub struct Delays {
 }
 
 impl Delays {
-    /// Of this robot.
+    /// The delays of one robot.
     pub fn new(robot: &Robot, retargeter: &Retargeter) -> Self {
         Self {
             capture_s: CAPTURE_S,
@@ -47,8 +46,7 @@ impl Delays {
         }
     }
 
-    /// From the time of a live motion frame to its being there for sure, beside
-    /// the capture.
+    /// From the time of a live frame until it is certainly there, capture excepted.
     pub fn live_s(&self) -> f64 {
         self.token_s + self.hand_over_s
     }

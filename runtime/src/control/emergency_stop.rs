@@ -1,4 +1,4 @@
-//! The ways to press the emergency stop of a dance: a key, a signal, a file.
+//! The emergency stop of a dance: a key, a signal, a file.
 //!
 //! - Enter, where standard input is a terminal.
 //! - `SIGUSR1` (`pkill -USR1 servodance`).
@@ -7,8 +7,8 @@
 //!   be read counts as pressed.
 //!
 //! The button stays down ([`EStop`]): a file that goes away again does not
-//! release it. A watch that breaks down presses the button: nobody would hear
-//! the next who wants to.
+//! release it. A watch that panics presses the button, because nothing would
+//! notice the next press.
 
 use crate::process::failpoint;
 use servodance_drivers::EStop;
@@ -23,18 +23,15 @@ use std::time::Duration;
 /// How often the file and the signal are looked at.
 const EVERY: Duration = Duration::from_millis(10);
 
-/// Watches until it is dropped.
-pub struct EStopWatch {
+/// Watches the three ways until it is dropped.
+pub struct EmergencyStopWatch {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl EStopWatch {
+impl EmergencyStopWatch {
     /// Watches the signal, and the file if there is one. `keyboard`: standard
     /// input is free for the key.
-    ///
-    /// # Errors
-    /// If the system refuses a handler or a thread.
     pub fn start(estop: &EStop, file: Option<PathBuf>, keyboard: bool) -> anyhow::Result<Self> {
         let signal = Arc::new(AtomicBool::new(false));
         signal_hook::flag::register(SIGUSR1, Arc::clone(&signal))?;
@@ -78,7 +75,7 @@ impl Drop for PressedByPanic {
     }
 }
 
-impl Drop for EStopWatch {
+impl Drop for EmergencyStopWatch {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
@@ -107,7 +104,7 @@ fn cause_of(file: &Path) -> String {
     format!("the file {}", file.display())
 }
 
-/// Whether the file says so.
+/// Whether the file stands for a pressed button.
 fn is_pressed(file: &Path) -> bool {
     match std::fs::read(file) {
         Ok(bytes) => bytes.trim_ascii_start().first() != Some(&b'0'),
@@ -136,7 +133,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("stop");
         let estop = EStop::default();
-        let _watch = EStopWatch::start(&estop, Some(file.clone()), false).unwrap();
+        let _watch = EmergencyStopWatch::start(&estop, Some(file.clone()), false).unwrap();
         assert!(!estop.is_pressed());
         std::fs::write(&file, "").unwrap();
         while !estop.is_pressed() {

@@ -21,7 +21,7 @@ use servodance_types::BodyJoint::{self, *};
 use servodance_types::MusicFrame;
 use std::f64::consts::TAU;
 
-/// Surer than this that it is music: dance. Less sure than that: idle.
+/// Presence of music above which the robot dances, and below which it idles.
 const MUSIC: f32 = 0.45;
 const NO_MUSIC: f32 = 0.3;
 /// From dance to idle and back, seconds.
@@ -57,13 +57,13 @@ pub enum IdleStyle {
 
 /// Where a body stands and which way it faces.
 #[derive(Clone, Copy, Debug, Default)]
-struct Place {
+struct GroundPose {
     yaw: f64,
     x: f64,
     y: f64,
 }
 
-impl Place {
+impl GroundPose {
     fn of(points: &BodyPoints) -> Self {
         let left = points[LeftHip as usize] - points[RightHip as usize];
         let pelvis = points[Pelvis as usize];
@@ -74,15 +74,15 @@ impl Place {
         }
     }
 
-    /// Points of a body at the origin that faces x, brought here.
-    fn bring(&self, points: &mut BodyPoints) {
+    /// From a body at the origin that faces x to this pose.
+    fn apply(&self, points: &mut BodyPoints) {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.yaw);
         let shift = Vector3::new(self.x, self.y, 0.0);
         points.iter_mut().for_each(|p| *p = turn * *p + shift);
     }
 
-    /// The other way round.
-    fn take(&self, points: &mut BodyPoints) {
+    /// From this pose to the origin.
+    fn remove(&self, points: &mut BodyPoints) {
         let back = Rotation3::from_axis_angle(&Vector3::z_axis(), -self.yaw);
         let shift = Vector3::new(self.x, self.y, 0.0);
         points.iter_mut().for_each(|p| *p = back * (*p - shift));
@@ -96,7 +96,7 @@ pub struct Idle {
     period_s: f64,
     /// Whether there is music.
     music: bool,
-    /// When it was heard last, and how sure that it is music.
+    /// Time and presence of music of the newest frame.
     heard: Option<(f64, f32)>,
     /// When it was last louder than silence.
     loud_s: f64,
@@ -105,15 +105,15 @@ pub struct Idle {
     time_s: f64,
     idled_cycles: u64,
     /// Where the idle body stands.
-    place: Place,
+    place: GroundPose,
     /// The idle body while the style is to hold, at the origin.
     held: Option<BodyPoints>,
     /// The idle body of a style that was changed, at the origin, and how much of
     /// it is left, 1 to 0.
     leaving: Option<(BodyPoints, f64)>,
-    /// Brings the dancer, who may have moved unseen, to where the robot is.
-    from: Place,
-    to: Place,
+    /// Brings the dancer, who may have moved while hidden, to where the robot is.
+    from: GroundPose,
+    to: GroundPose,
 }
 
 impl Idle {
@@ -128,15 +128,15 @@ impl Idle {
             faded: 1.0,
             time_s: 0.0,
             idled_cycles: 0,
-            place: Place::default(),
+            place: GroundPose::default(),
             held: None,
             leaving: None,
-            from: Place::default(),
-            to: Place::default(),
+            from: GroundPose::default(),
+            to: GroundPose::default(),
         }
     }
 
-    /// Takes in how sure it is that there is music.
+    /// Takes in level and presence of music.
     pub fn hear(&mut self, music: &MusicFrame) {
         self.heard = Some((music.time_s, music.presence));
         if music.spectral[LEVEL] > SILENT_LEVEL {
@@ -144,8 +144,7 @@ impl Idle {
         }
     }
 
-    /// Another style from now on; an idle body gets there over the same time as
-    /// from a dance.
+    /// Another style from now on, faded in as slowly as from a dance.
     pub fn set_style(&mut self, style: IdleStyle) {
         if style == self.style {
             return;
@@ -175,18 +174,18 @@ impl Idle {
         self.idled_cycles += u64::from(self.faded > 0.5 && now_s >= 0.0);
         let mut dance = dance?;
         if before != self.music && self.faded >= 1.0 {
-            // The dancer is not seen: he may begin where the robot is.
-            self.from = Place::of(&dance);
+            // The dancer is hidden: the dance may begin where the robot is.
+            self.from = GroundPose::of(&dance);
             self.to = self.place;
         }
-        self.from.take(&mut dance);
-        self.to.bring(&mut dance);
+        self.from.remove(&mut dance);
+        self.to.apply(&mut dance);
         if before != self.music && self.faded <= 0.0 {
-            self.place = Place::of(&dance);
+            self.place = GroundPose::of(&dance);
             self.leaving = None;
             self.held = (self.style == IdleStyle::Hold).then(|| {
                 let mut held = dance;
-                self.place.take(&mut held);
+                self.place.remove(&mut held);
                 held
             });
         }
@@ -200,7 +199,7 @@ impl Idle {
         }
         self.leaving = self.leaving.filter(|(_, left)| *left > 0.0);
         let mut idle = self.body();
-        self.place.bring(&mut idle);
+        self.place.apply(&mut idle);
         Some(blend(&dance, &idle, self.share()))
     }
 
@@ -253,7 +252,7 @@ fn blend(a: &BodyPoints, b: &BodyPoints, share: f64) -> BodyPoints {
 }
 
 /// The idle body standing still with its arms raised to the sides and its head
-/// bent by a share: what a click is answered with.
+/// bent by a share: the gesture of the click test.
 pub fn greeting(raised: f64) -> BodyPoints {
     let still = pose(0.0, 0.0);
     let mut up = still;
@@ -351,12 +350,12 @@ mod tests {
     /// A dancer who is elsewhere and turns all the time.
     fn dancer(time_s: f64) -> BodyPoints {
         let mut points = pose(8.0 * time_s, 1.0);
-        let place = Place {
+        let place = GroundPose {
             yaw: time_s,
             x: 1.0 + 0.2 * time_s,
             y: -0.5,
         };
-        place.bring(&mut points);
+        place.apply(&mut points);
         points
     }
 

@@ -1,53 +1,52 @@
 //! From sound to command, measured in every live run on the program's own
 //! clock.
 //!
-//! A music frame's newest sample was captured at some moment. `ready`: until
-//! the motion frame made from it can be used by the control loop. `command`:
-//! until the first command that was decided with it known, its beat steering
-//! that command, is on the wire. How late the motion is shown on purpose, to be
-//! on a beat, is no part of this (`lead_s` in the report). Constant memory.
+//! Both times begin when the newest sample of a music frame was captured.
+//! `ready`: until the control loop can use the motion frame made from it.
+//! `command`: until the first command that was decided with it known is on the
+//! wire. Motion that is shown late on purpose, to be on a beat, is no part of
+//! this (`lead_s` in the report). Constant memory.
 
-use crate::pipeline::motion_source::Step;
-use crate::pipeline::step_times::{StageTimes, Times};
+use crate::pipeline::dance_step::DanceStep;
+use crate::pipeline::step_times::{DurationLog, StepTimes};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
-/// Percentiles of the way from sound to command, milliseconds.
+/// Percentiles of the time from sound to command, milliseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LatencyReport {
     /// From a captured sample to a motion frame that can be used.
-    pub ready: StageTimes,
+    pub ready: StepTimes,
     /// From a captured sample to the first command decided with it known.
-    pub command: StageTimes,
+    pub command: StepTimes,
 }
 
-/// Keeps the times of one run.
 #[derive(Debug, Default)]
-pub struct Latency {
-    /// When the sound of each frame was captured that waits for a command.
+pub(crate) struct LatencyLog {
+    /// Capture times of the frames that wait for a command.
     waiting: Vec<Instant>,
-    ready_ms: Times,
-    command_ms: Times,
+    ready_ms: DurationLog,
+    command_ms: DurationLog,
 }
 
-impl Latency {
+impl LatencyLog {
     /// A motion frame came.
-    pub fn arrived(&mut self, step: &Step) {
+    pub fn arrived(&mut self, step: &DanceStep) {
         let Some(captured) = step.captured else {
             return;
         };
-        self.ready_ms.book(milliseconds(captured, step.ready));
+        self.ready_ms.push(milliseconds(captured, step.ready));
         self.waiting.push(captured);
     }
 
     /// A command went out at `now`.
     pub fn sent(&mut self, now: Instant) {
         for captured in self.waiting.drain(..) {
-            self.command_ms.book(milliseconds(captured, now));
+            self.command_ms.push(milliseconds(captured, now));
         }
     }
 
-    /// Percentiles so far; `None` if the audio was not live.
+    /// `None` if the audio was not live.
     pub fn report(&self) -> Option<LatencyReport> {
         (!self.ready_ms.is_empty()).then(|| LatencyReport {
             ready: self.ready_ms.percentiles(),
@@ -56,16 +55,16 @@ impl Latency {
     }
 }
 
-/// Live frames that are looked at before the first cycle.
-const LOOKED_AT: usize = 8;
+/// Live frames that are timed before the first cycle.
+const TIMED: usize = 8;
 /// Kept between the arrival of a frame and the cycle that uses it.
 const MARGIN: Duration = Duration::from_micros(2500);
 
 /// How the first live frames arrive, so that the control cycles can be placed
 /// just after them: a frame that waits for its cycle is latency.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Arrivals {
-    /// Whether what was there before the beginning is used up.
+pub(crate) struct Arrivals {
+    /// Whether the frames that were there at the beginning are used up.
     is_live: bool,
     seen: usize,
     /// From sound to frame, the longest seen.
@@ -75,8 +74,7 @@ pub struct Arrivals {
 }
 
 impl Arrivals {
-    /// A frame came.
-    pub fn note(&mut self, step: &Step) {
+    pub fn push(&mut self, step: &DanceStep) {
         let captured = step.captured.unwrap_or(step.ready);
         self.newest = Some((step.motion.time_s, captured));
         if self.is_live {
@@ -93,7 +91,7 @@ impl Arrivals {
 
     /// When the first cycle shall be; `None` before enough frames were seen.
     pub fn first_cycle(&self, period_s: f64) -> Option<Instant> {
-        let (_, captured) = self.newest.filter(|_| self.seen >= LOOKED_AT)?;
+        let (_, captured) = self.newest.filter(|_| self.seen >= TIMED)?;
         let mut first = captured + self.longest + MARGIN;
         let now = Instant::now();
         while first < now {
@@ -123,9 +121,9 @@ mod tests {
     fn a_frame_counts_from_its_sound_to_the_command_after_it() {
         let start = Instant::now();
         let at = |ms: u64| start + Duration::from_millis(ms);
-        let mut latency = Latency::default();
+        let mut latency = LatencyLog::default();
         latency.sent(at(5)); // nothing was known yet
-        latency.arrived(&Step {
+        latency.arrived(&DanceStep {
             music: MusicFrame {
                 time_s: 0.0,
                 spectral: [0.0; SPECTRAL_DIM],
@@ -138,7 +136,7 @@ mod tests {
                 contacts: Default::default(),
             },
             posture: None,
-            chorus: Default::default(),
+            extra_styles: Default::default(),
             features_ms: 0.0,
             model_ms: 0.0,
             captured: Some(at(10)),
@@ -148,6 +146,6 @@ mod tests {
         latency.sent(at(30));
         let report = latency.report().expect("it was live");
         assert_eq!((report.ready.max_ms, report.command.max_ms), (8.0, 12.0));
-        assert_eq!(Latency::default().report(), None);
+        assert_eq!(LatencyLog::default().report(), None);
     }
 }

@@ -1,16 +1,16 @@
 //! By how many seconds motion is sent ahead of the music; below zero when live
 //! audio cannot be known ahead.
 
-/// The lead where nothing bends it, and the mean of what it was.
+/// The lead without steering, and the mean over the cycles.
 #[derive(Clone, Copy, Debug)]
-pub struct Lead {
+pub struct LeadTime {
     even_s: f64,
     sum_s: f64,
     cycles: u64,
 }
 
-impl Lead {
-    /// None booked yet; without compensation it is always `even_s`.
+impl LeadTime {
+    /// No cycle yet; without compensation the lead is always `even_s`.
     pub fn new(even_s: f64) -> Self {
         Self {
             even_s,
@@ -19,18 +19,17 @@ impl Lead {
         }
     }
 
-    /// Where nothing steers the motion, seconds.
+    /// Lead where nothing steers the motion, seconds.
     pub fn even_s(&self) -> f64 {
         self.even_s
     }
 
-    /// The lead of one cycle, seconds.
-    pub fn book(&mut self, lead_s: f64) {
+    pub fn push(&mut self, lead_s: f64) {
         self.sum_s += lead_s;
         self.cycles += 1;
     }
 
-    /// Mean of the cycles so far, seconds.
+    /// Mean over the cycles so far, seconds.
     pub fn mean_s(&self) -> f64 {
         match self.cycles {
             0 => self.even_s,

@@ -1,14 +1,14 @@
-//! A way from one pose to another along a minimum-jerk path that stays far
-//! inside the limits. Radians; it begins and ends standing still.
+//! A minimum-jerk path from one pose to another, far inside the limits. Radians;
+//! it begins and ends at zero speed.
 
 use servodance_types::JointLimits;
 
 /// Share of a joint's velocity and acceleration limits that is used.
 const EFFORT: f64 = 0.4;
-/// Shortest way, seconds.
+/// Duration of the shortest path, seconds.
 const SHORTEST_S: f64 = 0.5;
 
-/// The way of all joints, which begin and arrive together.
+/// The path of all joints, which begin and arrive together.
 #[derive(Clone, Debug)]
 pub struct MinimumJerk {
     from_rad: Vec<f64>,
@@ -41,7 +41,7 @@ impl MinimumJerk {
         }
     }
 
-    /// Control cycles that it takes.
+    /// Length of the path in control cycles.
     pub fn cycles(&self) -> u64 {
         self.cycles
     }
@@ -62,9 +62,9 @@ fn minimum_jerk(share: f64) -> f64 {
     share.powi(3) * (10.0 + share * (-15.0 + share * 6.0))
 }
 
-/// Shortest minimum-jerk move over `distance` whose peak speed (15/8 of the
-/// mean) and peak acceleration (10/sqrt(3) of distance over time squared) stay
-/// below the limits.
+/// Duration of the shortest minimum-jerk move over `distance` inside the limits:
+/// its peak speed is 15/8 of the mean, its peak acceleration 10/sqrt(3) of
+/// distance over time squared.
 fn shortest_s(distance: f64, velocity: f64, acceleration: f64) -> f64 {
     let by_velocity = 1.875 * distance / velocity;
     let by_acceleration = (10.0 / 3f64.sqrt() * distance / acceleration).sqrt();

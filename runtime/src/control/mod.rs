@@ -4,19 +4,23 @@
 //! `emergency_stop` what ends it at once. The safety layer below it, with what
 //! happens when a servo does not answer, is `servodance_drivers::safety`.
 
-pub mod beat_sync;
+pub(crate) mod beat_sync;
 pub mod bus_choice;
-pub mod control_loop;
-pub mod cycle_clock;
+pub(crate) mod control_loop;
+pub(crate) mod cycle_clock;
 pub mod delays;
 pub mod emergency_stop;
 pub mod idle;
 pub mod latency;
-pub mod lead_time;
-pub mod minimum_jerk;
-pub mod recorder_feed;
+pub(crate) mod lead_time;
+pub(crate) mod loop_clock;
+pub(crate) mod loop_log;
+pub(crate) mod minimum_jerk;
+pub(crate) mod motion_input;
+pub(crate) mod motion_plan;
+pub(crate) mod recorder_feed;
 pub mod robot_buses;
-pub mod servo_truth_log;
-pub mod timing;
-pub mod trace;
-pub mod viewer_link;
+pub(crate) mod servo_truth_log;
+pub(crate) mod timing;
+pub(crate) mod trace;
+pub(crate) mod viewer_link;

@@ -1,43 +1,40 @@
-//! What the recording of a run is told: every frame and every cycle, and only
-//! when it changes, temperatures and what the safety layer did. Without a
-//! recording all of it does nothing.
+//! The recording side of the control loop: every frame and every cycle, and,
+//! when they change, temperatures and events of the safety layer. Without a
+//! recorder all of it does nothing.
 //!
 //! Times are those of the recording, seconds from its first cycle.
 
-use crate::control::robot_buses::Rig;
-use crate::pipeline::motion_source::Step;
-use crate::pipeline::step_times::Stage;
+use super::robot_buses::RobotBuses;
+use crate::pipeline::dance_step::DanceStep;
+use crate::pipeline::step_times::PipelineStep;
+use crate::telemetry::pose_array::pose_array;
 use crate::telemetry::recorder::{Recorder, RecordingTopic, SafetyNotice};
-use crate::viewer::pose_array;
 use crate::viewer::snapshot::{BANDS, state_name};
 use servodance_drivers::State;
 use servodance_retarget::Retargeter;
 
-/// The recording, if there is one, and what was written down so far.
 #[derive(Default)]
-pub struct Chronicle {
+pub struct RecorderFeed {
     recorder: Option<Recorder>,
     temperatures_c: Vec<Option<f64>>,
+    /// Transitions of the safety layer that are recorded.
     events: usize,
 }
 
 /// What only the control loop knows of a cycle.
 #[derive(Clone, Copy)]
-pub struct Decided<'a> {
+pub struct CycleDecision<'a> {
     /// What the retargeter asked for, radians.
     pub targets_rad: &'a [f64],
     /// Seconds by which the motion is ahead of the music.
     pub lead_s: f64,
-    /// Share of idle.
     pub idle_share: f64,
-    /// Seconds to the next cycle.
     pub period_s: f64,
-    /// Knows where the root is, in cycles in which that is told.
+    /// For the pose of the root, in cycles that record it.
     pub root: Option<&'a Retargeter>,
 }
 
-impl Chronicle {
-    /// For this recording.
+impl RecorderFeed {
     pub fn new(recorder: Option<Recorder>) -> Self {
         Self {
             recorder,
@@ -46,7 +43,7 @@ impl Chronicle {
     }
 
     /// A motion frame came.
-    pub fn frame(&mut self, at_s: f64, step: &Step) {
+    pub fn frame(&mut self, at_s: f64, step: &DanceStep) {
         let Some(recorder) = &mut self.recorder else {
             return;
         };
@@ -56,62 +53,69 @@ impl Chronicle {
         let bands = servodance_audio::bands::<BANDS>(&step.music.spectral);
         recorder.spectrum(at_s, &bands);
         recorder.number(
-            RecordingTopic::Stage(Stage::Features),
+            RecordingTopic::Stage(PipelineStep::Features),
             at_s,
             step.features_ms,
         );
-        recorder.number(RecordingTopic::Stage(Stage::Model), at_s, step.model_ms);
+        recorder.number(
+            RecordingTopic::Stage(PipelineStep::Model),
+            at_s,
+            step.model_ms,
+        );
     }
 
-    /// A cycle went over the bus; the recording began `stood_s` after torque
-    /// was on.
-    pub fn cycle(&mut self, at_s: f64, stood_s: f64, decided: Decided, rig: &Rig) {
+    /// A cycle went over the bus; the recording began `stood_s` after torque on.
+    pub fn cycle(&mut self, at_s: f64, stood_s: f64, decision: CycleDecision, servos: &RobotBuses) {
         let Some(recorder) = &mut self.recorder else {
             return;
         };
-        recorder.positions(RecordingTopic::JointTargets, at_s, decided.targets_rad);
-        recorder.number(RecordingTopic::Lead, at_s, decided.lead_s);
-        recorder.number(RecordingTopic::Idle, at_s, decided.idle_share);
-        recorder.positions(RecordingTopic::JointCommands, at_s, rig.sent_rad());
-        recorder.states(RecordingTopic::JointStates, at_s, rig.states());
-        if let Some(retargeter) = decided.root {
-            let positions: Vec<f64> = rig.states().iter().map(|s| s.position_rad).collect();
+        recorder.positions(RecordingTopic::JointTargets, at_s, decision.targets_rad);
+        recorder.number(RecordingTopic::Lead, at_s, decision.lead_s);
+        recorder.number(RecordingTopic::Idle, at_s, decision.idle_share);
+        recorder.positions(
+            RecordingTopic::JointCommands,
+            at_s,
+            servos.safety().sent_rad(),
+        );
+        recorder.states(RecordingTopic::JointStates, at_s, servos.states());
+        if let Some(retargeter) = decision.root {
+            let positions: Vec<f64> = servos.states().iter().map(|s| s.position_rad).collect();
             let root = pose_array(&retargeter.world_from_root(&positions));
             recorder.pose(RecordingTopic::Root, at_s, root);
         }
-        if let Some(truth) = rig.truth() {
+        if let Some(truth) = servos.truth() {
             // The simulation has already gone on to the end of this cycle.
-            recorder.states(RecordingTopic::ServoTruth, at_s + decided.period_s, truth);
+            recorder.states(RecordingTopic::ServoTruth, at_s + decision.period_s, truth);
         }
-        let (bytes, packets) = rig.wire_totals();
+        let (bytes, packets) = servos.wire_totals();
         recorder.number(RecordingTopic::BusBytes, at_s, bytes as f64);
         recorder.number(RecordingTopic::BusPackets, at_s, packets as f64);
-        self.changes(at_s, stood_s, rig);
+        self.changes(at_s, stood_s, servos);
     }
 
-    /// A stage of a cycle took so long.
-    pub fn stage(&mut self, at_s: f64, stage: Stage, ms: f64) {
+    /// A step of a cycle took `ms`.
+    pub fn step(&mut self, at_s: f64, step: PipelineStep, ms: f64) {
         if let Some(recorder) = &mut self.recorder {
-            recorder.number(RecordingTopic::Stage(stage), at_s, ms);
+            recorder.number(RecordingTopic::Stage(step), at_s, ms);
         }
     }
 
-    /// Temperatures and what the safety layer did, as far as it is new.
-    pub fn changes(&mut self, at_s: f64, stood_s: f64, rig: &Rig) {
+    /// Temperatures and safety events that are new.
+    pub fn changes(&mut self, at_s: f64, stood_s: f64, servos: &RobotBuses) {
         let Some(recorder) = &mut self.recorder else {
             return;
         };
-        for (joint, health) in rig.health().enumerate() {
+        for (joint, health) in servos.safety().health().enumerate() {
             if self.temperatures_c.len() == joint {
                 self.temperatures_c.push(None);
             }
-            let told = &mut self.temperatures_c[joint];
-            if *told != health.temperature_c {
-                *told = health.temperature_c;
+            let recorded = &mut self.temperatures_c[joint];
+            if *recorded != health.temperature_c {
+                *recorded = health.temperature_c;
                 recorder.temperature(joint, at_s, health.temperature_c.unwrap_or(f64::NAN));
             }
         }
-        let transitions = rig.transitions();
+        let transitions = servos.safety().transitions();
         for event in &transitions[self.events..] {
             recorder.notice(SafetyNotice {
                 time_s: event.time_s - stood_s,
@@ -123,7 +127,7 @@ impl Chronicle {
         self.events = transitions.len();
     }
 
-    /// The recording, to be ended with facts known only now.
+    /// The recorder, to be finished with what is known only at the end.
     pub fn into_recorder(self) -> Option<Recorder> {
         self.recorder
     }

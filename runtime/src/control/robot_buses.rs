@@ -1,15 +1,16 @@
-//! The robot's body as the control loop sees it: a bus with its safety layer,
-//! and behind it real servos or simulated ones behind a socket. Only the port's
-//! path differs; the driver does not know which.
+//! The robot's buses as the control loop sees them: the safety layer, and below
+//! it real servos, or simulated ones at the other end of a socket.
+//!
+//! The drivers are the same for both. Two things tell a simulated bus apart: its
+//! port, and in simulated time the clock by which replies are waited for
+//! (`reply_clock`).
 
-use crate::control::bus_choice::BusChoice;
+use super::bus_choice::BusChoice;
+use crate::process::speed::Speed;
 use crate::robot::Robot;
-use crate::session::config::Speed;
 use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
 use anyhow::Context;
-use servodance_drivers::{
-    Bus, BusLayout, BusStats, EStop, Health, SafeBus, State, Transition, open_buses,
-};
+use servodance_drivers::{Bus, BusLayout, EStop, SafeBus, State, open_buses};
 use servodance_sim::{
     Cue, Happening, SimBus, SimLink, SimOptions, SimServoSpec, Violations, happen,
 };
@@ -22,21 +23,21 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// (`SimBus::reply_clock`): a busy machine must not look like a lost reply, or
 /// runs would not be repeatable. This is for a program that has gone wrong.
 const LOCKSTEP_TIMEOUT_MS: f64 = 60_000.0;
-/// Slower than this a joint stands, radians a second.
+/// Slower than this a joint stands still, radians a second.
 const STILL_RAD_S: f64 = 0.01;
 
-/// What goes wrong at simulated servos.
+/// Faults to inject at simulated servos.
 #[derive(Clone, Debug, Default)]
-pub struct Trial {
+pub struct FaultPlan {
     /// In the order of time, seconds since torque on.
     pub faults: Vec<Cue>,
     /// Which replies a fault of the wire hits.
     pub seed: u64,
 }
 
-impl Trial {
-    /// A path at which the port of a bus is found again after its adapter was
-    /// pulled out and put back; none is needed where that does not happen.
+impl FaultPlan {
+    /// A path at which the port is found again after its adapter was unplugged
+    /// and plugged in; `None` where that does not happen.
     fn path(&self) -> Option<PathBuf> {
         static PORTS: AtomicU64 = AtomicU64::new(0);
         let unplugs = |cue: &Cue| matches!(cue.what, Happening::Adapter(_));
@@ -49,13 +50,13 @@ impl Trial {
 }
 
 /// A robot on its buses. Dropped at any moment, it turns torque off.
-pub struct Rig {
-    // Before `sims`: torque off must still find servos that answer.
+pub struct RobotBuses {
+    // Before `sims`, so dropped first: torque off needs servos that answer.
     bus: SafeBus<Box<dyn Bus>>,
     /// For each simulated bus its place among the robot's buses.
     sims: Vec<(usize, SimBus)>,
     layouts: Vec<BusLayout>,
-    /// What is yet to go wrong.
+    /// Faults that are still to come.
     faults: Peekable<std::vec::IntoIter<Cue>>,
     period_s: f64,
     states: Vec<JointState>,
@@ -63,7 +64,7 @@ pub struct Rig {
     now_s: f64,
 }
 
-impl Rig {
+impl RobotBuses {
     /// Opens the buses; no servo moves and none is powered yet.
     pub fn open(
         robot: &Robot,
@@ -71,16 +72,16 @@ impl Rig {
         speed: Speed,
         estop: &EStop,
     ) -> anyhow::Result<Self> {
-        Self::open_on_trial(robot, choices, speed, estop, Trial::default())
+        Self::open_with_faults(robot, choices, speed, estop, FaultPlan::default())
     }
 
-    /// The same where things go wrong at simulated servos.
-    pub fn open_on_trial(
+    /// The same with faults at simulated servos.
+    pub fn open_with_faults(
         robot: &Robot,
         choices: &[BusChoice],
         speed: Speed,
         estop: &EStop,
-        trial: Trial,
+        faults: FaultPlan,
     ) -> anyhow::Result<Self> {
         let mut layouts = robot.buses.clone();
         let mut sims = Vec::new();
@@ -91,7 +92,7 @@ impl Rig {
             }
             ports.push(match choice {
                 BusChoice::Sim => {
-                    let sim = simulated(layout, robot.control_hz, speed, &trial)?;
+                    let sim = simulated(layout, robot.control_hz, speed, &faults)?;
                     let port = sim.port();
                     layout.config.reply_clock = sim.reply_clock();
                     sims.push((place, sim));
@@ -106,7 +107,7 @@ impl Rig {
             bus: SafeBus::new(bus, robot.safety)?.with_estop(estop.clone()),
             sims,
             layouts,
-            faults: trial.faults.into_iter().peekable(),
+            faults: faults.faults.into_iter().peekable(),
             period_s: robot.period_s(),
             states: vec![JointState::default(); joints],
             truth: vec![JointState::default(); joints],
@@ -119,13 +120,13 @@ impl Rig {
     pub fn arm(&mut self) -> anyhow::Result<Vec<String>> {
         let armed = self.bus.arm(0.0)?;
         self.states.copy_from_slice(&armed.states);
-        Ok(together(&armed.notes))
+        Ok(merge_notes(&armed.notes))
     }
 
     /// One control cycle: targets through the limits to the wire, states back.
     /// `now_s` counts from torque on.
     pub fn cycle(&mut self, now_s: f64, targets_rad: &[f64]) -> anyhow::Result<()> {
-        self.strike(now_s)?;
+        self.inject_faults(now_s)?;
         self.bus.command(now_s, targets_rad);
         self.bus.tick(now_s, &mut self.states)?;
         for (place, sim) in &self.sims {
@@ -144,8 +145,7 @@ impl Rig {
         Ok(())
     }
 
-    /// Lets happen what is due to go wrong.
-    fn strike(&mut self, now_s: f64) -> anyhow::Result<()> {
+    fn inject_faults(&mut self, now_s: f64) -> anyhow::Result<()> {
         while let Some(cue) = self.faults.next_if(|cue| cue.time_s <= now_s) {
             for (place, sim) in &mut self.sims {
                 let joints = std::slice::from_ref(&self.layouts[*place].joints);
@@ -155,8 +155,8 @@ impl Rig {
         Ok(())
     }
 
-    /// Lets simulated time go on after the end, without anybody at the bus.
-    pub fn let_be(&self, seconds: f64) {
+    /// Simulated time goes on without any traffic on the bus.
+    pub fn advance_silently(&self, seconds: f64) {
         for (_, sim) in &self.sims {
             sim.advance(seconds);
         }
@@ -185,17 +185,16 @@ impl Rig {
         self.now_s
     }
 
-    /// Torque off, verified.
+    /// Turns torque off and verifies it.
     pub fn disarm(&mut self, cause: &str) -> anyhow::Result<()> {
         Ok(self.bus.disarm(self.now_s, cause)?)
     }
 
-    /// What the servos reported last.
+    /// What the servos reported last, one a joint.
     pub fn states(&self) -> &[JointState] {
         &self.states
     }
 
-    /// Whether no servo is real.
     fn all_simulated(&self) -> bool {
         self.sims.len() == self.layouts.len()
     }
@@ -205,9 +204,9 @@ impl Rig {
         self.all_simulated().then_some(self.truth.as_slice())
     }
 
-    /// What the last cycle really commanded, radians.
-    pub fn sent_rad(&self) -> &[f64] {
-        self.bus.sent_rad()
+    /// The safety layer: last commands, state, health, counters, events.
+    pub fn safety(&self) -> &SafeBus<Box<dyn Bus>> {
+        &self.bus
     }
 
     /// Brakes and holds position, or follows targets again.
@@ -220,27 +219,7 @@ impl Rig {
         self.bus.is_ramping(self.now_s)
     }
 
-    /// State of the safety layer.
-    pub fn state(&self) -> State {
-        self.bus.state()
-    }
-
-    /// What each servo said of itself when it was last asked.
-    pub fn health(&self) -> impl Iterator<Item = Health> + '_ {
-        self.bus.health()
-    }
-
-    /// Counters of the buses.
-    pub fn stats(&self) -> BusStats {
-        self.bus.stats()
-    }
-
-    /// What the safety layer did, as it keeps it.
-    pub fn transitions(&self) -> &[Transition] {
-        self.bus.transitions()
-    }
-
-    /// What the safety layer did and why, in order.
+    /// What the safety layer did and why, in order, for the report.
     pub fn safety_log(&self) -> Vec<SafetyEvent> {
         let transitions = self.bus.transitions().iter();
         transitions
@@ -254,7 +233,7 @@ impl Rig {
             .collect()
     }
 
-    /// Totals of the wire.
+    /// Totals of the wire, for the report.
     pub fn bus_report(&self) -> BusReport {
         let stats = self.bus.stats();
         let robot_s = self.now_s + self.period_s;
@@ -285,7 +264,7 @@ impl Rig {
         })
     }
 
-    /// The first violations, in words.
+    /// The first violations, one sentence each.
     pub fn violation_notes(&self) -> Vec<String> {
         let notes = self.sims.iter().map(|(_, sim)| sim.violation_notes());
         notes.flatten().collect()
@@ -302,7 +281,7 @@ impl Rig {
             + counted.derated
     }
 
-    /// Bytes and packets so far.
+    /// Bytes and packets so far, as counted below the safety layer.
     pub fn wire_totals(&self) -> (u64, u64) {
         let stats = self.bus.bus().stats();
         (stats.bytes, stats.packets)
@@ -325,7 +304,7 @@ fn simulated(
     layout: &BusLayout,
     control_hz: f64,
     speed: Speed,
-    trial: &Trial,
+    faults: &FaultPlan,
 ) -> anyhow::Result<SimBus> {
     let specs: Vec<SimServoSpec> = layout.servos.iter().map(SimServoSpec::from).collect();
     let options = match speed {
@@ -333,17 +312,17 @@ fn simulated(
         Speed::Realtime => SimOptions::realtime(layout.config.baud, control_hz),
     };
     let options = SimOptions {
-        // Nothing of the kernel's own between the two that comes late.
+        // A socket: no terminal of the kernel in between that delays bytes.
         link: SimLink::Unix,
-        seed: trial.seed,
-        path: trial.path(),
+        seed: faults.seed,
+        path: faults.path(),
         ..options
     };
     SimBus::start(&specs, options).context("cannot start the simulated bus")
 }
 
 /// Notes that say the same of many servos (`NAME (id N): TEXT`) become one.
-fn together(notes: &[String]) -> Vec<String> {
+fn merge_notes(notes: &[String]) -> Vec<String> {
     let text = |note: &'_ String| note.split_once("): ").map(|(_, text)| text.to_owned());
     let mut lines: Vec<String> = Vec::new();
     for note in notes {
@@ -375,7 +354,7 @@ mod tests {
         ]
         .map(String::from);
         assert_eq!(
-            together(&notes),
+            merge_notes(&notes),
             [
                 "2 servos: return delay time changed from 250 to 0",
                 "knee (id 2): 61 degrees"

@@ -1,21 +1,30 @@
-//! How time passes in a dance: what the control loop is told of it beforehand.
+//! What the control loop must know of time and music before it starts.
 
-use crate::control::idle::IdleStyle;
-use crate::session::config::Speed;
+use super::idle::IdleStyle;
+use crate::process::speed::Speed;
 
-/// How time passes in a dance.
+/// From torque on to the music: the robot goes to its first pose, seconds.
+pub const LEAD_IN_S: f64 = 4.0;
+
+/// When motion becomes known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MotionArrival {
+    /// Ahead of the music, which is a recording.
+    Ahead,
+    /// After the music, which comes in as it is played.
+    Live,
+    /// A recording, danced to as if it came in live.
+    AsLive,
+    /// From the leader of a stage, with the time to show it.
+    Led,
+}
+
+/// Options of one run of the control loop.
 #[derive(Clone, Copy, Debug)]
-pub struct Timing {
-    /// How fast it passes.
+pub struct LoopOptions {
     pub speed: Speed,
-    /// Whether audio comes in as it is played.
-    pub live: bool,
-    /// Whether a recording is danced to as if it came in live.
-    pub as_live: bool,
+    pub arrival: MotionArrival,
     /// Whether the motion is steered onto the beat.
     pub compensation: bool,
-    /// What to do while there is no music.
     pub idle: IdleStyle,
-    /// Whether somebody else leads: motion comes with its time.
-    pub staged: bool,
 }

@@ -13,7 +13,6 @@ pub struct JointTrace {
 }
 
 impl JointTrace {
-    /// An empty trace of so many joints.
     pub fn new(joints: usize) -> Self {
         Self {
             joints,
@@ -22,21 +21,18 @@ impl JointTrace {
         }
     }
 
-    /// Keeps one sample.
     pub fn push(&mut self, time_s: f64, positions_rad: impl Iterator<Item = f64>) {
         self.times_s.push(time_s);
         self.positions_rad.extend(positions_rad.take(self.joints));
         debug_assert_eq!(self.positions_rad.len(), self.times_s.len() * self.joints);
     }
 
-    /// Lets go of the samples before a time.
     fn forget_before(&mut self, time_s: f64) {
         let gone = self.times_s.partition_point(|t| *t < time_s);
         self.times_s.drain(..gone);
         self.positions_rad.drain(..gone * self.joints);
     }
 
-    /// Times of the samples, seconds.
     pub fn times_s(&self) -> &[f64] {
         &self.times_s
     }
@@ -79,10 +75,8 @@ impl JointTrace {
     }
 }
 
-/// The whole run.
 #[derive(Clone, Debug)]
 pub struct Trace {
-    /// The generator's motion.
     pub motion: Vec<MotionFrame>,
     /// What the retargeter asked for.
     pub targets: JointTrace,
@@ -91,7 +85,6 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// An empty trace of a robot with so many joints.
     pub fn new(joints: usize) -> Self {
         Self {
             motion: Vec::new(),
@@ -100,8 +93,8 @@ impl Trace {
         }
     }
 
-    /// Lets go of what is older than `most_s`, once in a while: at most twice
-    /// that is there at any time.
+    /// Drops samples older than `most_s` once in a while: at most twice that is
+    /// kept at any time.
     pub fn keep_newest(&mut self, most_s: f64) {
         let ends = (self.motion.first(), self.motion.last());
         let (Some(first), Some(last)) = ends else {

@@ -33,7 +33,7 @@ pub struct Finding {
     pub area: &'static str,
     /// How bad it is.
     pub verdict: Verdict,
-    /// What was found.
+    /// The finding in one sentence.
     pub what: String,
     /// What to do about it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -67,9 +67,6 @@ impl Finding {
 }
 
 /// Looks at everything that a dance of `robot` with `generator` needs.
-///
-/// # Errors
-/// The generator or the retargeter fails, which is no matter of the machine.
 pub fn examine(
     robot: &Robot,
     generator: &Generator,

@@ -1,7 +1,7 @@
 //! The operating system: priorities, punctuality, clock rates.
 
 use super::Finding;
-use crate::process::realtime::{Role, raise};
+use crate::process::realtime::{ThreadRole, raise};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ const NAP: Duration = Duration::from_millis(1);
 /// Whether the control loop may go before all other work. Tried in a thread of
 /// its own, which ends with it.
 pub fn priority() -> Finding {
-    let tried = std::thread::spawn(|| raise(Role::Control)).join();
+    let tried = std::thread::spawn(|| raise(ThreadRole::Control)).join();
     match tried {
         Ok(Ok(())) => Finding::good("priority", "real-time priority is granted"),
         _ => Finding::warning(
@@ -25,7 +25,7 @@ pub fn priority() -> Finding {
 /// How late the system wakes a thread that sleeps, against the control period.
 pub fn timer(period_s: f64) -> Finding {
     let late_ms = std::thread::spawn(|| {
-        let _ = raise(Role::Control); // as the control loop does
+        let _ = raise(ThreadRole::Control); // as the control loop does
         let mut late_ms: Vec<f64> = (0..NAPS).map(|_| nap_lateness_ms()).collect();
         late_ms.sort_by(f64::total_cmp);
         late_ms[NAPS * 99 / 100]

@@ -5,11 +5,11 @@ use servodance_audio::beats::track_offline;
 use servodance_audio::{AudioSource, MusicAnalyzer};
 use std::path::Path;
 
-/// Which of the two trackers is asked.
+/// The two ways of beat tracking.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Hearing {
-    /// As it is heard live: each beat called from what came before it.
+pub enum BeatTracker {
+    /// As in a live dance: each beat is called from what came before it.
     Causal,
     /// With the whole recording known.
     Offline,
@@ -19,8 +19,8 @@ pub enum Hearing {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Beats {
     /// Which tracker found them.
-    pub tracker: Hearing,
-    /// Seconds of audio.
+    pub tracker: BeatTracker,
+    /// Length of the audio, seconds.
     pub audio_s: f64,
     /// Median tempo; 0 where there are fewer than two beats.
     pub tempo_bpm: f64,
@@ -29,11 +29,8 @@ pub struct Beats {
 }
 
 impl Beats {
-    /// Listens to a recording.
-    ///
-    /// # Errors
-    /// A file that cannot be read, or that holds no sound.
-    pub fn find(path: &Path, tracker: Hearing) -> anyhow::Result<Self> {
+    /// Tracks the beats of an audio file.
+    pub fn find(path: &Path, tracker: BeatTracker) -> anyhow::Result<Self> {
         let mut source = AudioSource::open(path)?;
         let mut analyzer = MusicAnalyzer::keeping_history(source.sample_rate_hz())?;
         let (mut block, mut samples) = (Vec::new(), 0);
@@ -44,8 +41,8 @@ impl Beats {
         }
         let history = analyzer.history().cloned().unwrap_or_default();
         let track = match tracker {
-            Hearing::Causal => history.live_track(),
-            Hearing::Offline => track_offline(&history),
+            BeatTracker::Causal => history.live_track(),
+            BeatTracker::Offline => track_offline(&history),
         };
         Ok(Self {
             tracker,
@@ -61,7 +58,7 @@ impl Beats {
         lines.collect()
     }
 
-    /// One JSON object.
+    /// The beats as one JSON object and a newline.
     pub fn to_json(&self) -> anyhow::Result<String> {
         Ok(serde_json::to_string(self)? + "\n")
     }

@@ -1,14 +1,11 @@
-//! Motion by itself: music in, a file of 22 joints out, no robot.
-//!
-//! The same analyzer and generator as in a dance, so what a researcher scores
-//! is what a robot dances. Also stage 1 alone: motion through the codes and back.
+//! Music in, a file of 22 joints out, no robot: the same features and generator
+//! as in a dance. Also the VQ-VAE alone: motion through the codes and back.
 
-use crate::pipeline::audio_input::Audio;
+use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::conditioning::Conditioning;
-use crate::pipeline::feature_extractor::Ears;
+use crate::pipeline::feature_extractor::FeatureExtractor;
 use crate::process::progress::Progress;
-use crate::session::config::AudioChoice;
-use crate::session::config::Speed;
+use crate::process::speed::Speed;
 use crate::session::dance::open_generator;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::{Context, bail};
@@ -23,14 +20,14 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 /// Longest look into the future, seconds.
-pub const LOOKAHEAD_MAX_S: f64 = 5.0;
+const LOOKAHEAD_MAX_S: f64 = 5.0;
 /// Longest motion, seconds: a day.
 const SECONDS_MAX: f64 = 86_400.0;
 
-/// What motion is to be made.
+/// The motion that is wanted.
 #[derive(Clone, Debug)]
-pub struct Request {
-    /// The music.
+pub struct GenerateRequest {
+    /// Where the music comes from.
     pub audio: AudioChoice,
     /// How much motion, seconds; all of the music if left out. Music that is
     /// over sooner is played again from its start.
@@ -49,13 +46,13 @@ pub struct Request {
     pub lookahead_s: f64,
     /// Weights, if not the built-in ones.
     pub model: Option<PathBuf>,
-    /// What those weights may need beside them, and a style in words.
+    /// Files that those weights may need, and a style in words.
     pub conditioning: Conditioning,
-    /// No progress bar.
+    /// Whether there is no progress bar.
     pub quiet: bool,
 }
 
-/// How a motion file is written; told by its ending.
+/// Format of a motion file, by the ending of its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionFormat {
     /// `positions` [T, 22, 3] and `fps`, for programs.
@@ -65,7 +62,7 @@ pub enum MotionFormat {
 }
 
 impl MotionFormat {
-    /// The format that a file's name asks for.
+    /// The format for this file name; refuses other endings.
     pub fn of(path: &Path) -> anyhow::Result<Self> {
         match path.extension().and_then(|e| e.to_str()) {
             Some("npz") => Ok(Self::Npz),
@@ -78,7 +75,7 @@ impl MotionFormat {
     }
 }
 
-/// Writes the clip, whole or not at all.
+/// Writes the whole clip, or no file.
 pub fn write_motion(path: &Path, clip: &Clip) -> anyhow::Result<()> {
     match MotionFormat::of(path)? {
         MotionFormat::Npz => {
@@ -90,11 +87,8 @@ pub fn write_motion(path: &Path, clip: &Clip) -> anyhow::Result<()> {
     }
 }
 
-/// Makes the motion.
-///
-/// # Errors
-/// What was asked for that cannot be used, before any work is done.
-pub fn generate(request: &Request) -> anyhow::Result<Clip> {
+/// Generates the motion; refuses bad requests before any work is done.
+pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
     if let Some(seconds) = request.seconds
         && !(0.05..=SECONDS_MAX).contains(&seconds)
     {
@@ -120,7 +114,7 @@ pub fn generate(request: &Request) -> anyhow::Result<Clip> {
             _ => bail!("{}: one frame is no motion to go on from", start.display()),
         }
     }
-    let mut music = Music::open(request, encodec.as_ref())?;
+    let mut music = MusicFeed::open(request, encodec.as_ref())?;
     let progress = Progress::new(request.seconds.or(music.audio.duration_s()), request.quiet);
     let mut poses = Vec::new();
     while let Some(heard) = music.next()? {
@@ -139,7 +133,7 @@ pub fn generate(request: &Request) -> anyhow::Result<Clip> {
     })
 }
 
-/// A motion, and what stage 1 makes of it.
+/// A motion, and what the VQ-VAE makes of it.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
     /// The original at 20 FPS on the common skeleton, without its last frame.
@@ -166,7 +160,7 @@ pub fn reconstruct(motion: &Path, model: Option<&Path>) -> anyhow::Result<Recons
     })
 }
 
-/// Stage 1 of the weights in a file, or of those that are built in.
+/// The VQ-VAE of the weights in a file, or of those that are built in.
 pub fn open_codec(model: Option<&Path>) -> anyhow::Result<Codec> {
     Ok(match model {
         Some(path) => Codec::load(path)?,
@@ -175,10 +169,10 @@ pub fn open_codec(model: Option<&Path>) -> anyhow::Result<Codec> {
 }
 
 /// Music frames, as many as asked for, with the beat known some frames ahead.
-struct Music {
+struct MusicFeed {
     choice: AudioChoice,
-    audio: Audio,
-    ears: Ears,
+    audio: AudioInput,
+    features: FeatureExtractor,
     block: Vec<f32>,
     /// Frames still to give; `None` is until the music is over.
     left: Option<usize>,
@@ -187,15 +181,15 @@ struct Music {
     ended: bool,
 }
 
-impl Music {
-    fn open(request: &Request, encodec: Option<&Encodec>) -> anyhow::Result<Self> {
-        let audio = Audio::open(&request.audio, Speed::Max)?;
+impl MusicFeed {
+    fn open(request: &GenerateRequest, encodec: Option<&Encodec>) -> anyhow::Result<Self> {
+        let audio = AudioInput::open(&request.audio, Speed::Max)?;
         let rate_hz = audio.sample_rate_hz();
         let analyzer = MusicAnalyzer::new(rate_hz)?;
         let frames = |seconds: f64| (seconds * FRAME_RATE_HZ).round() as usize;
         Ok(Self {
             choice: request.audio.clone(),
-            ears: Ears::new(analyzer, rate_hz, encodec)?,
+            features: FeatureExtractor::new(analyzer, rate_hz, encodec)?,
             audio,
             block: Vec::new(),
             left: request.seconds.map(frames),
@@ -210,7 +204,7 @@ impl Music {
             return Ok(None);
         }
         while self.waiting.len() <= self.lookahead && !self.ended {
-            match self.ears.pop() {
+            match self.features.pop() {
                 Some(heard) => self.waiting.push_back(heard),
                 None => self.listen()?,
             }
@@ -229,9 +223,9 @@ impl Music {
 
     fn listen(&mut self) -> anyhow::Result<()> {
         if self.audio.next_block(&mut self.block)? {
-            self.ears.push(&self.block)?;
+            self.features.push(&self.block)?;
         } else if self.left.is_some() {
-            self.audio = Audio::open(&self.choice, Speed::Max)?;
+            self.audio = AudioInput::open(&self.choice, Speed::Max)?;
         } else {
             self.ended = true;
         }
@@ -239,8 +233,7 @@ impl Music {
     }
 }
 
-/// The beat at `time_s` as known at the later frame `ahead`; `None` while no
-/// tempo is known.
+/// The beat at `time_s` by what the later frame `ahead` knows, if it has a tempo.
 fn rolled_back(ahead: &MusicFrame, time_s: f64) -> Option<servodance_types::Beat> {
     let mut beat = ahead.beat;
     let beats = (ahead.time_s - time_s) * f64::from(beat.tempo_bpm) / 60.0;

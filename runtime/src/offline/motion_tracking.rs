@@ -1,8 +1,8 @@
-//! A known motion becomes joint commands: the way of a dance without its
-//! music, servos and clock.
+//! A known motion becomes joint commands: a dance without music, servos and
+//! clock.
 //!
-//! The retargeter and the limits of the safety layer are those of
-//! [`crate::session::dance`]; the judge looks at the commands alone.
+//! Retargeter and limits are those of a dance; limits are judged by the commands
+//! alone.
 
 use crate::robot::Robot;
 use crate::telemetry::report::ViolationReport;
@@ -11,16 +11,16 @@ use servodance_retarget::{LimbDirectionError, LimbSegment, RetargetCounts, Torqu
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 use std::time::Instant;
 
-/// What came of following a motion.
+/// Commands for a whole motion, measured.
 #[derive(Clone, Debug)]
-pub struct Followed {
-    /// Control cycles.
+pub struct TrackedMotion {
+    /// Number of control cycles.
     pub cycles: u64,
     /// Limits broken by the commands.
     pub violations: ViolationReport,
     /// Joint cycles in which the safety layer changed a command.
     pub interventions: u64,
-    /// What gave way.
+    /// What the retargeter had to give up, counted.
     pub counts: RetargetCounts,
     /// Angles between the dancer's arm segments and the robot's, degrees, sorted.
     pub direction_errors_deg: Vec<f64>,
@@ -34,7 +34,7 @@ pub struct Followed {
     pub cycle_us: Vec<f64>,
 }
 
-impl Followed {
+impl TrackedMotion {
     /// A quantile (0 to 1) of sorted values; 0 where there are none.
     pub fn quantile(sorted: &[f64], share: f64) -> f64 {
         let last = sorted.len().saturating_sub(1);
@@ -52,13 +52,12 @@ impl Followed {
     }
 }
 
-/// Follows `frames` from rest; `each` gets the time and the commands of every
-/// control cycle.
-pub fn follow(
+/// Tracks `frames` from rest; `each` gets time and commands of every cycle.
+pub fn track_motion(
     robot: &Robot,
     frames: &[MotionFrame],
     mut each: impl FnMut(f64, &[f64]) -> anyhow::Result<()>,
-) -> anyhow::Result<Followed> {
+) -> anyhow::Result<TrackedMotion> {
     let mut retargeter = robot.retargeter()?;
     let names: Vec<&str> = robot
         .servos
@@ -73,9 +72,9 @@ pub fn follow(
         .zip(&targets)
         .map(|(servo, rest)| Limiter::new(servo.limits, robot.period_s(), *rest))
         .collect();
-    let mut judge = Judge::new(robot, &targets);
+    let mut judge = LimitJudge::new(robot, &targets);
     let mut waiting = frames.iter().peekable();
-    let mut followed = Followed {
+    let mut tracked = TrackedMotion {
         cycles: 0,
         violations: ViolationReport::default(),
         interventions: 0,
@@ -97,38 +96,37 @@ pub fn follow(
         }
         let begin = Instant::now();
         retargeter.next(time_s, &mut targets)?;
-        followed.cycle_us.push(begin.elapsed().as_secs_f64() * 1e6);
+        tracked.cycle_us.push(begin.elapsed().as_secs_f64() * 1e6);
         for (target, limiter) in targets.iter_mut().zip(&mut limiters) {
             let limited = limiter.step(*target);
             let changed = limited.position || limited.velocity || limited.acceleration;
-            followed.interventions += u64::from(changed);
+            tracked.interventions += u64::from(changed);
             *target = limited.position_rad;
         }
-        judge.see(&targets);
+        judge.push(&targets);
         if let Some(frame) = frames.get(next_frame).filter(|f| f.time_s <= time_s + 1e-9) {
             let root = retargeter.world_from_root(&targets);
             likeness.compare(&root, &targets, frame, |segment, angle| {
-                followed.limb_errors_deg.push((segment, angle));
+                tracked.limb_errors_deg.push((segment, angle));
             });
             next_frame += 1;
         }
         each(time_s, &targets)?;
     }
-    followed.cycles = cycles;
-    followed.counts = *retargeter.counts();
-    followed.violations = judge.broken;
-    followed.jerk_rms_rad_s3 = (judge.jerk_squares / judge.jerks.max(1) as f64).sqrt();
-    followed.effort = retargeter.torque_report();
-    let arms = followed.limb_errors_deg.iter().filter(|(s, _)| s.is_arm());
-    followed.direction_errors_deg = arms.map(|(_, angle)| *angle).collect();
-    followed.direction_errors_deg.sort_by(f64::total_cmp);
-    followed.cycle_us.sort_by(f64::total_cmp);
-    Ok(followed)
+    tracked.cycles = cycles;
+    tracked.counts = *retargeter.counts();
+    tracked.violations = judge.broken;
+    tracked.jerk_rms_rad_s3 = (judge.jerk_squares / judge.jerks.max(1) as f64).sqrt();
+    tracked.effort = retargeter.torque_report();
+    let arms = tracked.limb_errors_deg.iter().filter(|(s, _)| s.is_arm());
+    tracked.direction_errors_deg = arms.map(|(_, angle)| *angle).collect();
+    tracked.direction_errors_deg.sort_by(f64::total_cmp);
+    tracked.cycle_us.sort_by(f64::total_cmp);
+    Ok(tracked)
 }
 
-/// Counts broken limits by their definition alone: positions, first and second
-/// differences.
-struct Judge {
+/// RetargetCounts broken limits by positions and their first and second differences.
+struct LimitJudge {
     limits: Vec<JointLimits>,
     control_hz: f64,
     /// The last three commands of each joint, newest last.
@@ -138,7 +136,7 @@ struct Judge {
     jerks: u64,
 }
 
-impl Judge {
+impl LimitJudge {
     fn new(robot: &Robot, start: &[f64]) -> Self {
         Self {
             limits: robot.servos.iter().map(|servo| servo.limits).collect(),
@@ -150,7 +148,7 @@ impl Judge {
         }
     }
 
-    fn see(&mut self, positions: &[f64]) {
+    fn push(&mut self, positions: &[f64]) {
         let hz = self.control_hz;
         for ((limit, last), &now) in self.limits.iter().zip(&mut self.last).zip(positions) {
             let [a, b, c] = *last;

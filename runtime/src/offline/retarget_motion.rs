@@ -1,6 +1,6 @@
 //! A motion file becomes a file of joint positions, inside every limit.
 
-use crate::offline::motion_tracking::{Followed, follow};
+use crate::offline::motion_tracking::{TrackedMotion, track_motion};
 use crate::robot::Robot;
 use crate::telemetry::joint_csv::JointCsv;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
@@ -13,10 +13,10 @@ use servodance_retarget::{LimbSegment, RetargetCounts};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What is to be done.
+/// The motion, the robot, and the files to write.
 #[derive(Clone, Debug)]
-pub struct Request {
-    /// The motion file.
+pub struct RetargetRequest {
+    /// The motion file to read.
     pub motion: PathBuf,
     /// A built-in robot or a robot file.
     pub robot: String,
@@ -26,80 +26,62 @@ pub struct Request {
     pub report: Option<PathBuf>,
 }
 
-/// What came of it, for people.
-#[derive(Clone, Debug)]
-pub struct Done {
-    /// A line each.
-    pub lines: Vec<String>,
-}
-
-/// The figures.
+/// The figures of `retarget --report`.
 #[derive(Clone, Debug, Serialize)]
-pub struct RetargetReport {
-    /// The motion's name.
-    pub motion: String,
-    /// The robot's name.
-    pub robot: String,
-    /// Control cycles a second.
-    pub control_hz: f64,
-    /// Control cycles.
-    pub cycles: u64,
-    /// Limits broken by the commands.
-    pub violations: ViolationReport,
+struct RetargetReport {
+    motion: String,
+    robot: String,
+    control_hz: f64,
+    cycles: u64,
+    violations: ViolationReport,
     /// Joint cycles in which the safety layer changed a command.
-    pub interventions: u64,
-    /// What gave way, by name.
-    pub counts: RetargetCounts,
+    interventions: u64,
+    counts: RetargetCounts,
     /// Median angle between the dancer's arm segments and the robot's, degrees;
     /// `null` where the robot has no arms.
-    pub direction_error_median_deg: Option<f64>,
+    direction_error_median_deg: Option<f64>,
     /// 95 of 100 are smaller.
-    pub direction_error_p95_deg: Option<f64>,
+    direction_error_p95_deg: Option<f64>,
     /// Median angle by segment, degrees, legs too: they follow from pelvis and
     /// feet where the robot stands. `null` where the robot has none.
-    pub segment_error_median_deg: SegmentErrors,
-    /// Torque and heat of the motors, estimated.
-    pub effort: EffortFigures,
-    /// Root mean square jerk, rad/s^3.
-    pub jerk_rms_rad_s3: f64,
+    segment_error_median_deg: SegmentErrors,
+    effort: EffortFigures,
+    jerk_rms_rad_s3: f64,
     /// Mean time of a retargeting cycle, microseconds.
-    pub us_mean: f64,
+    us_mean: f64,
     /// 99 of 100 cycles take less.
-    pub us_p99: f64,
+    us_p99: f64,
 }
 
 /// An angle for each kind of limb segment.
 #[derive(Clone, Copy, Debug, Serialize)]
-#[allow(missing_docs)] // the names say it
-pub struct SegmentErrors {
-    pub upper_arm: Option<f64>,
-    pub forearm: Option<f64>,
-    pub thigh: Option<f64>,
-    pub shank: Option<f64>,
+struct SegmentErrors {
+    upper_arm: Option<f64>,
+    forearm: Option<f64>,
+    thigh: Option<f64>,
+    shank: Option<f64>,
 }
 
-/// Reads, follows, writes; nothing is written if anything is refused.
-///
-/// # Errors
-/// What is wrong with motion, robot or output.
+/// Reads the motion, tracks it, writes the files; returns lines for the user.
+/// Nothing is written if anything is refused.
 pub fn retarget(
-    request: &Request,
+    request: &RetargetRequest,
     read_motion: impl FnOnce(&Path) -> anyhow::Result<(Clip, Vec<String>)>,
-) -> anyhow::Result<Done> {
+) -> anyhow::Result<Vec<String>> {
     let robot = Robot::load(&request.robot)?;
     let names: Vec<String> = robot
         .servos
         .iter()
         .map(|servo| servo.name.clone())
         .collect();
-    let mut sink = Sink::create(&request.out, &names, &robot.urdf_xml)?;
+    let mut sink = JointSink::create(&request.out, &names, &robot.urdf_xml)?;
     let report_file = request.report.as_deref().map(PendingFile::create);
     drop(report_file.transpose()?); // only to learn early whether it can be written
     let (clip, mut lines) = read_motion(&request.motion)?;
-    let followed = follow(&robot, &clip.frames(), |time_s, positions_rad| {
+    let tracked = track_motion(&robot, &clip.frames(), |time_s, positions_rad| {
         sink.write(time_s, positions_rad)
     })?;
-    let report = report(&clip.name, &robot, &followed);
+    let report = report(&clip.name, &robot, &tracked);
     sink.finish(&robot)?;
     if let Some(path) = &request.report {
         let mut text = serde_json::to_string_pretty(&report)?;
@@ -107,22 +89,22 @@ pub fn retarget(
         write_whole(path, text.as_bytes())?;
     }
     lines.extend(summary(&report, &request.out));
-    Ok(Done { lines })
+    Ok(lines)
 }
 
-fn report(motion: &str, robot: &Robot, followed: &Followed) -> RetargetReport {
-    let errors = &followed.direction_errors_deg;
-    let error = |share| (!errors.is_empty()).then(|| Followed::quantile(errors, share));
-    let median = |segment| followed.median_deg(|other| other == segment);
-    let times = &followed.cycle_us;
+fn report(motion: &str, robot: &Robot, tracked: &TrackedMotion) -> RetargetReport {
+    let errors = &tracked.direction_errors_deg;
+    let error = |share| (!errors.is_empty()).then(|| TrackedMotion::quantile(errors, share));
+    let median = |segment| tracked.median_deg(|other| other == segment);
+    let times = &tracked.cycle_us;
     RetargetReport {
         motion: motion.to_owned(),
         robot: robot.name.clone(),
         control_hz: robot.control_hz,
-        cycles: followed.cycles,
-        violations: followed.violations,
-        interventions: followed.interventions,
-        counts: followed.counts,
+        cycles: tracked.cycles,
+        violations: tracked.violations,
+        interventions: tracked.interventions,
+        counts: tracked.counts,
         direction_error_median_deg: error(0.5),
         direction_error_p95_deg: error(0.95),
         segment_error_median_deg: SegmentErrors {
@@ -131,10 +113,10 @@ fn report(motion: &str, robot: &Robot, followed: &Followed) -> RetargetReport {
             thigh: median(LimbSegment::Thigh),
             shank: median(LimbSegment::Shank),
         },
-        effort: followed.effort.clone().into(),
-        jerk_rms_rad_s3: followed.jerk_rms_rad_s3,
+        effort: tracked.effort.clone().into(),
+        jerk_rms_rad_s3: tracked.jerk_rms_rad_s3,
         us_mean: times.iter().sum::<f64>() / times.len().max(1) as f64,
-        us_p99: Followed::quantile(times, 0.99),
+        us_p99: TrackedMotion::quantile(times, 0.99),
     }
 }
 
@@ -170,21 +152,21 @@ fn summary(report: &RetargetReport, out: &Path) -> Vec<String> {
 }
 
 /// Where joint positions go.
-enum Sink {
+enum JointSink {
     Csv(JointCsv),
     Recording(Box<Recorder>),
 }
 
-impl Sink {
+impl JointSink {
     fn create(path: &Path, names: &[String], urdf_xml: &str) -> anyhow::Result<Self> {
         match path.extension().and_then(|e| e.to_str()) {
-            Some("csv") => Ok(Sink::Csv(JointCsv::create(path, names)?)),
+            Some("csv") => Ok(JointSink::Csv(JointCsv::create(path, names)?)),
             Some("mcap") => {
                 let silent = Box::new(|_: &str| ()); // `finish` tells
                 let mut recorder =
                     Recorder::create(path, names.to_vec(), WhenBehind::Wait, silent)?;
                 recorder.text(RecordingTopic::RobotDescription, 0.0, urdf_xml);
-                Ok(Sink::Recording(Box::new(recorder)))
+                Ok(JointSink::Recording(Box::new(recorder)))
             }
             _ => bail!(
                 "{}: joint positions go to a .csv or .mcap file",
@@ -195,8 +177,8 @@ impl Sink {
 
     fn write(&mut self, time_s: f64, positions_rad: &[f64]) -> anyhow::Result<()> {
         match self {
-            Sink::Csv(csv) => csv.write(time_s, positions_rad.iter().copied()),
-            Sink::Recording(recorder) => {
+            JointSink::Csv(csv) => csv.write(time_s, positions_rad.iter().copied()),
+            JointSink::Recording(recorder) => {
                 recorder.positions(RecordingTopic::JointCommands, time_s, positions_rad);
                 Ok(())
             }
@@ -205,8 +187,8 @@ impl Sink {
 
     fn finish(self, robot: &Robot) -> anyhow::Result<()> {
         match self {
-            Sink::Csv(csv) => csv.finish(),
-            Sink::Recording(mut recorder) => {
+            JointSink::Csv(csv) => csv.finish(),
+            JointSink::Recording(mut recorder) => {
                 recorder.metadata(BTreeMap::from([
                     ("robot".to_owned(), robot.name.clone()),
                     ("control_hz".to_owned(), robot.control_hz.to_string()),

@@ -1,4 +1,4 @@
-//! The built-in song as a file, for people who want to listen to it.
+//! The built-in song as a WAV file.
 
 use crate::telemetry::pending_file::PendingFile;
 use anyhow::Context;
@@ -10,7 +10,7 @@ pub fn write_demo(path: &Path) -> anyhow::Result<()> {
     write_demo_for(path, 0.0)
 }
 
-/// The same again and again until it lasts `seconds`; once at least.
+/// Writes the song repeated until it lasts `seconds`; once at least.
 pub fn write_demo_for(path: &Path, seconds: f64) -> anyhow::Result<()> {
     let song = Song::demo();
     let times = (seconds / song.duration_s()).ceil().max(1.0) as usize;

@@ -1,25 +1,57 @@
-//! The music of a dance, whatever it comes from, as mono blocks.
+//! The music of a dance as mono blocks, wherever it comes from.
+//!
+//! A microphone or a live pipe that stalls does not block the dance: the audio
+//! crate (`servodance_audio::capture`) fills the hole with silence and gives a
+//! notice, and the robot idles while it lasts.
 
-use crate::pipeline::microphone::microphone;
+use super::microphone::microphone;
 use crate::process::failpoint::{self, FailpointReader};
-use crate::session::config::{AudioChoice, Speed};
+use crate::process::speed::Speed;
 use servodance_audio::AudioSource;
 use servodance_audio::capture::{CaptureEvent, CaptureStats};
 use servodance_audio::song::Song;
+use servodance_audio::source::PcmFormat;
+use std::path::PathBuf;
 use std::time::Instant;
 
-/// Samples that the built-in song is handed over in.
+/// Samples in a block of the built-in song.
 const BLOCK: usize = 1024;
 
-/// An open source of music.
-pub enum Audio {
-    /// A recording, raw PCM or a microphone.
-    Source(Box<AudioSource>),
-    /// The built-in song, and how much of it was heard.
-    BuiltIn(Box<Song>, usize),
+/// Where the music comes from.
+#[derive(Clone, Debug)]
+pub enum AudioChoice {
+    /// The song rendered by this program.
+    BuiltIn,
+    /// An audio file (WAV, FLAC, MP3, Ogg).
+    File(PathBuf),
+    /// Raw PCM on standard input.
+    Stdin(PcmFormat),
+    /// An input of the system by id or name; the default one if `None`.
+    Microphone(Option<String>),
 }
 
-impl Audio {
+impl AudioChoice {
+    /// Whether sound comes in as it happens, without a look ahead.
+    pub fn is_live(&self, speed: Speed) -> bool {
+        match self {
+            AudioChoice::BuiltIn | AudioChoice::File(_) => false,
+            AudioChoice::Stdin(_) => speed == Speed::Realtime,
+            AudioChoice::Microphone(_) => true,
+        }
+    }
+}
+
+/// An open source of music.
+pub(crate) enum AudioInput {
+    Source(Box<AudioSource>),
+    BuiltIn {
+        song: Box<Song>,
+        /// Samples that were read so far.
+        read: usize,
+    },
+}
+
+impl AudioInput {
     /// Opens what was chosen; refuses what cannot be danced to.
     pub fn open(choice: &AudioChoice, speed: Speed) -> anyhow::Result<Self> {
         let open_pipe = match choice.is_live(speed) {
@@ -27,7 +59,7 @@ impl Audio {
             false => AudioSource::from_reader,
         };
         let source = match choice {
-            AudioChoice::BuiltIn => return Ok(Audio::BuiltIn(Box::new(Song::demo()), 0)),
+            AudioChoice::BuiltIn => return Ok(Self::song(Song::demo())),
             AudioChoice::File(path) => AudioSource::open(path)?,
             AudioChoice::Stdin(format) => {
                 let (reader, place) = (std::io::stdin(), "pipe");
@@ -35,51 +67,57 @@ impl Audio {
             }
             AudioChoice::Microphone(name) => microphone(name.as_deref())?,
         };
-        Ok(Audio::Source(Box::new(source)))
+        Ok(Self::Source(Box::new(source)))
     }
 
-    /// Whether sound comes in as it happens.
+    pub fn song(song: Song) -> Self {
+        Self::BuiltIn {
+            song: Box::new(song),
+            read: 0,
+        }
+    }
+
+    fn source(&self) -> Option<&AudioSource> {
+        match self {
+            Self::Source(source) => Some(source),
+            Self::BuiltIn { .. } => None,
+        }
+    }
+
     pub fn is_live(&self) -> bool {
         self.capture_stats().is_some()
     }
 
     /// When the sound at this position was captured; `None` if not live.
     pub fn captured_at(&self, position_s: f64) -> Option<Instant> {
-        match self {
-            Audio::Source(source) => source.captured_at(position_s),
-            Audio::BuiltIn(..) => None,
-        }
+        self.source()?.captured_at(position_s)
     }
 
     /// The next thing about live sound that the user should know.
     pub fn next_notice(&mut self) -> Option<CaptureEvent> {
         match self {
-            Audio::Source(source) => source.next_event(),
-            Audio::BuiltIn(..) => None,
+            Self::Source(source) => source.next_event(),
+            Self::BuiltIn { .. } => None,
         }
     }
 
-    /// Totals of live sound.
+    /// Totals of live sound; `None` if not live.
     pub fn capture_stats(&self) -> Option<CaptureStats> {
-        match self {
-            Audio::Source(source) => source.capture_stats(),
-            Audio::BuiltIn(..) => None,
-        }
+        self.source()?.capture_stats()
     }
 
-    /// Samples a second.
     pub fn sample_rate_hz(&self) -> u32 {
         match self {
-            Audio::Source(source) => source.sample_rate_hz(),
-            Audio::BuiltIn(song, _) => song.sample_rate_hz,
+            Self::Source(source) => source.sample_rate_hz(),
+            Self::BuiltIn { song, .. } => song.sample_rate_hz,
         }
     }
 
     /// Length in seconds, where it is known beforehand.
     pub fn duration_s(&self) -> Option<f64> {
         match self {
-            Audio::Source(source) => source.duration_s(),
-            Audio::BuiltIn(song, _) => Some(song.duration_s()),
+            Self::Source(source) => source.duration_s(),
+            Self::BuiltIn { song, .. } => Some(song.duration_s()),
         }
     }
 
@@ -87,12 +125,12 @@ impl Audio {
     pub fn next_block(&mut self, block: &mut Vec<f32>) -> anyhow::Result<bool> {
         failpoint::pass("audio");
         match self {
-            Audio::Source(source) => Ok(source.next_block(block)?),
-            Audio::BuiltIn(song, heard) => {
-                let end = song.samples.len().min(*heard + BLOCK);
+            Self::Source(source) => Ok(source.next_block(block)?),
+            Self::BuiltIn { song, read } => {
+                let end = song.samples.len().min(*read + BLOCK);
                 block.clear();
-                block.extend_from_slice(&song.samples[*heard..end]);
-                *heard = end;
+                block.extend_from_slice(&song.samples[*read..end]);
+                *read = end;
                 Ok(!block.is_empty())
             }
         }

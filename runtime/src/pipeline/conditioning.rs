@@ -25,10 +25,6 @@ pub struct Conditioning {
 
 impl Conditioning {
     /// The encoder for weights that hear through it.
-    ///
-    /// # Errors
-    /// It is wanted and not there, not readable or not what it should be; or it
-    /// is given to weights that hear something else.
     pub fn encodec(&self, generator: &Generator) -> anyhow::Result<Option<Encodec>> {
         match (generator.music_kind(), &self.encodec) {
             (MusicKind::Encodec128, path) => open_encodec(path.as_deref()).map(Some),
@@ -42,10 +38,6 @@ impl Conditioning {
     }
 
     /// The style in words as the weights take it, if there is one.
-    ///
-    /// # Errors
-    /// Weights whose styles are no texts; files that are not there or not what
-    /// they should be.
     pub fn style_vector(&self, generator: &Generator) -> anyhow::Result<Option<Vec<f32>>> {
         let Some(text) = &self.style_text else {
             return Ok(None);
@@ -69,9 +61,6 @@ impl Conditioning {
 }
 
 /// Encodec out of a file, or out of the user's data folder.
-///
-/// # Errors
-/// The file is not there, torn, or of another layout.
 pub fn open_encodec(path: Option<&Path>) -> anyhow::Result<Encodec> {
     let path = match path {
         Some(path) => path.to_owned(),

@@ -1,5 +1,5 @@
-//! From sound to what the dance hears: features and beat, 20 frames a second,
-//! and Encodec latents beside them for weights that were trained on those.
+//! Music features and beat from sound, 20 frames a second, and Encodec latents
+//! beside them for weights that were trained on those.
 //!
 //! Causal: frame `k` knows the samples before `k / 20` seconds, its latent too
 //! (before the first sample it was silent). Where a recording ends its last
@@ -9,34 +9,30 @@ use servodance_audio::{MusicAnalyzer, Resampler};
 use servodance_model::conditioning::{ENCODEC_RATE_HZ, Encodec, EncodecStream, HeardFrame, Latent};
 use std::collections::VecDeque;
 
-/// Listens to one stream of mono samples.
-pub struct Ears {
+/// Features of one stream of mono samples.
+pub struct FeatureExtractor {
     analyzer: MusicAnalyzer,
-    encodec: Option<EncodecEar>,
+    encodec: Option<LatentExtractor>,
 }
 
-struct EncodecEar {
+struct LatentExtractor {
     resampler: Resampler,
     stream: EncodecStream,
     block: Vec<f32>,
     ready: VecDeque<Latent>,
 }
 
-impl Ears {
-    /// Ears for samples at the rate that the analyzer was made for; latents are
-    /// heard with an `encodec` only.
-    ///
-    /// # Errors
-    /// An encoder that fails.
+impl FeatureExtractor {
+    /// The rate is that of the analyzer; latents come with an `encodec` only.
     pub fn new(
         analyzer: MusicAnalyzer,
         sample_rate_hz: u32,
         encodec: Option<&Encodec>,
     ) -> anyhow::Result<Self> {
-        let ear = encodec.map(|encodec| EncodecEar::new(encodec, sample_rate_hz));
+        let latents = encodec.map(|encodec| LatentExtractor::new(encodec, sample_rate_hz));
         Ok(Self {
             analyzer,
-            encodec: ear.transpose()?,
+            encodec: latents.transpose()?,
         })
     }
 
@@ -44,26 +40,26 @@ impl Ears {
     pub fn push(&mut self, samples: &[f32]) -> anyhow::Result<()> {
         self.analyzer.push(samples);
         match &mut self.encodec {
-            Some(ear) => ear.push(samples),
+            Some(latents) => latents.push(samples),
             None => Ok(()),
         }
     }
 
     /// The next frame, if its time has come.
     pub fn pop(&mut self) -> Option<HeardFrame> {
-        let Some(ear) = &mut self.encodec else {
+        let Some(latents) = &mut self.encodec else {
             return self.analyzer.pop().map(HeardFrame::from);
         };
-        let latent = *ear.ready.front()?;
+        let latent = *latents.ready.front()?;
         let frame = self.analyzer.pop()?;
-        ear.ready.pop_front();
+        latents.ready.pop_front();
         Some(HeardFrame {
             frame,
             latent: Some(latent),
         })
     }
 
-    /// The analyzer, for its history.
+    /// The analyzer, which keeps the history of features and beats.
     pub fn analyzer(&self) -> &MusicAnalyzer {
         &self.analyzer
     }
@@ -74,23 +70,20 @@ impl Ears {
     }
 }
 
-/// The latents of a whole recording, 20 a second from 0 s on, as a stream hears
-/// them; after its end it is silent.
-///
-/// # Errors
-/// An encoder that fails.
+/// The latents of a whole recording, 20 a second from 0 s on, as a stream would
+/// give them; after its end it is silent.
 pub fn latents(
     encodec: &Encodec,
     samples: &[f32],
     sample_rate_hz: u32,
 ) -> anyhow::Result<Vec<Latent>> {
-    let mut ear = EncodecEar::new(encodec, sample_rate_hz)?;
-    ear.push(samples)?;
-    ear.push(&vec![0.0; sample_rate_hz as usize / 10])?;
-    Ok(ear.ready.into())
+    let mut latents = LatentExtractor::new(encodec, sample_rate_hz)?;
+    latents.push(samples)?;
+    latents.push(&vec![0.0; sample_rate_hz as usize / 10])?;
+    Ok(latents.ready.into())
 }
 
-impl EncodecEar {
+impl LatentExtractor {
     fn new(encodec: &Encodec, sample_rate_hz: u32) -> anyhow::Result<Self> {
         let (stream, silence) = encodec.start_in_silence()?;
         Ok(Self {

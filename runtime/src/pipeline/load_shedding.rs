@@ -1,4 +1,5 @@
-//! What is left out while the machine is too slow, in this order, never control:
+//! Load shedding: what is left out while the machine is too slow, in this order,
+//! never control:
 //!
 //! | level | left out | what it gives |
 //! |---|---|---|
@@ -7,8 +8,8 @@
 //! | 3 | guidance of the generator | half the time of a step |
 //! | 4 | the generator: a held figure | nearly all of it |
 //!
-//! The load is the share of its time that a motion frame takes to be heard and
-//! invented. Above [`HIGH`] for a second one thing more is left out; below [`LOW`]
+//! The load is the share of its time that a motion frame takes in
+//! feature extractor and generator. Above [`HIGH`] for a second one thing more is left out; below [`LOW`]
 //! for ten seconds one comes back (the picture does not). Time is counted in
 //! motion frames. In simulated time nothing is ever left out: it waits.
 
@@ -28,10 +29,10 @@ const BETTER_AFTER: u32 = 10 * FRAME_RATE_HZ as u32;
 /// A frame that takes longer than this many counts as this: one stall is no load.
 const LONGEST: f64 = 3.0;
 
-/// What is left out: this and all before it.
+/// A level of load shedding: this and all before it are left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LeftOut {
-    /// Nothing.
+    /// The machine keeps up.
     #[default]
     Nothing,
     /// No picture is drawn at the end.
@@ -45,15 +46,15 @@ pub enum LeftOut {
 }
 
 impl LeftOut {
-    /// Everything that can be, in the order in which it is.
-    pub const ORDER: [LeftOut; 4] = [
+    /// All levels above `Nothing`, rising.
+    const ORDER: [LeftOut; 4] = [
         LeftOut::Picture,
         LeftOut::Viewers,
         LeftOut::Guidance,
         LeftOut::Generator,
     ];
 
-    /// The name in reports.
+    /// The name that reports use.
     pub const fn name(self) -> &'static str {
         match self {
             LeftOut::Nothing => "nothing",
@@ -82,25 +83,24 @@ impl LeftOut {
     }
 }
 
-/// What is left out at the moment, for whoever has to know: clones are told too.
+/// The present and the highest level, shared by all clones.
 #[derive(Clone, Debug, Default)]
-pub struct Sparing {
+pub struct LoadShedding {
     now: Arc<AtomicU8>,
     most: Arc<AtomicU8>,
 }
 
-impl Sparing {
-    /// What is left out now.
+impl LoadShedding {
     pub fn now(&self) -> LeftOut {
         LeftOut::at(self.now.load(Ordering::Relaxed).into())
     }
 
-    /// What was left out at any time.
+    /// The most that was left out at any time.
     pub fn most(&self) -> LeftOut {
         LeftOut::at(self.most.load(Ordering::Relaxed).into())
     }
 
-    /// The names of all that was, in order.
+    /// Names of all that was left out at any time, in order.
     pub fn names(&self) -> Vec<String> {
         let all = LeftOut::ORDER.into_iter();
         let left_out = all.take_while(|what| *what <= self.most());
@@ -113,39 +113,39 @@ impl Sparing {
     }
 }
 
-/// Told, in a line, what is left out from now on, or back.
+/// Gets a line for the user whenever the level changes.
 pub type OnChange = Box<dyn FnMut(&str) + Send>;
 
-/// Watches the load and decides.
-pub struct Overload {
-    sparing: Sparing,
+/// Measures the load and sets the level.
+pub struct OverloadWatch {
+    shedding: LoadShedding,
     on_change: OnChange,
     load: f64,
     frames: u32,
 }
 
-impl Overload {
-    /// A watch that tells `sparing`.
-    pub fn new(sparing: Sparing, on_change: OnChange) -> Self {
+impl OverloadWatch {
+    /// A watch that sets the level of `shedding`.
+    pub fn new(shedding: LoadShedding, on_change: OnChange) -> Self {
         Self {
-            sparing,
+            shedding,
             on_change,
             load: 0.0,
             frames: 0,
         }
     }
 
-    /// Takes in what one motion frame took.
+    /// Takes in the milliseconds that one motion frame took.
     pub fn note(&mut self, work_ms: f64) {
         let share = (work_ms * 1e-3 * FRAME_RATE_HZ).min(LONGEST);
         self.load += (share - self.load) / AVERAGED;
         self.frames += 1;
-        let level = self.sparing.now();
+        let level = self.shedding.now();
         if self.load > HIGH && self.frames >= WORSE_AFTER && level < LeftOut::Generator {
             let next = LeftOut::at(level as usize + 1);
             let percent = self.load * 100.0;
             let means = next.means();
-            self.go(
+            self.set_level(
                 next,
                 &format!(
                     "hearing and inventing take {percent:.0} % of the time that there is: {means}"
@@ -154,20 +154,19 @@ impl Overload {
         } else if self.load < LOW && self.frames >= BETTER_AFTER && level > LeftOut::Picture {
             let next = LeftOut::at(level as usize - 1);
             let name = level.name();
-            self.go(
+            self.set_level(
                 next,
                 &format!("the machine keeps up again: back with the {name}"),
             );
         }
     }
 
-    /// What is left out now.
     pub fn left_out(&self) -> LeftOut {
-        self.sparing.now()
+        self.shedding.now()
     }
 
-    fn go(&mut self, level: LeftOut, why: &str) {
-        self.sparing.set(level);
+    fn set_level(&mut self, level: LeftOut, why: &str) {
+        self.shedding.set(level);
         self.frames = 0;
         (self.on_change)(why);
     }
@@ -177,13 +176,20 @@ impl Overload {
 mod tests {
     use super::*;
 
-    fn watch() -> (Overload, Sparing) {
-        let sparing = Sparing::default();
-        (Overload::new(sparing.clone(), Box::new(|_| ())), sparing)
+    fn watch() -> (OverloadWatch, LoadShedding) {
+        let shedding = LoadShedding::default();
+        (
+            OverloadWatch::new(shedding.clone(), Box::new(|_| ())),
+            shedding,
+        )
     }
 
     /// The levels passed through while frames take `work_ms(level)`.
-    fn levels(watch: &mut Overload, frames: u32, work_ms: impl Fn(LeftOut) -> f64) -> Vec<LeftOut> {
+    fn levels(
+        watch: &mut OverloadWatch,
+        frames: u32,
+        work_ms: impl Fn(LeftOut) -> f64,
+    ) -> Vec<LeftOut> {
         let mut seen = vec![watch.left_out()];
         for _ in 0..frames {
             watch.note(work_ms(watch.left_out()));
@@ -197,21 +203,21 @@ mod tests {
     #[test]
     fn the_order_is_picture_viewers_guidance_generator_and_back() {
         use LeftOut::{Generator, Guidance, Nothing, Picture, Viewers};
-        let (mut watch, sparing) = watch();
+        let (mut watch, shedding) = watch();
         let worse = levels(&mut watch, 200, |_| 100.0);
         assert_eq!(worse, [Nothing, Picture, Viewers, Guidance, Generator]);
         let better = levels(&mut watch, 2000, |_| 5.0);
         assert_eq!(better, [Generator, Guidance, Viewers, Picture]);
-        assert_eq!(sparing.most(), Generator);
+        assert_eq!(shedding.most(), Generator);
         assert_eq!(
-            sparing.names(),
+            shedding.names(),
             ["picture", "viewers", "guidance", "generator"]
         );
     }
 
     #[test]
     fn no_more_is_left_out_than_need_be() {
-        let (mut watch, sparing) = watch();
+        let (mut watch, shedding) = watch();
         // Guidance is half of the work.
         let work_ms = |level| match level >= LeftOut::Guidance {
             true => 30.0,
@@ -219,18 +225,18 @@ mod tests {
         };
         levels(&mut watch, 2000, work_ms);
         assert_eq!(
-            (sparing.now(), sparing.most()),
+            (shedding.now(), shedding.most()),
             (LeftOut::Guidance, LeftOut::Guidance)
         );
     }
 
     #[test]
     fn a_stall_now_and_then_is_no_overload() {
-        let (mut watch, sparing) = watch();
+        let (mut watch, shedding) = watch();
         for frame in 0..1000 {
             watch.note(if frame % 100 == 0 { 2000.0 } else { 10.0 });
         }
-        assert_eq!(sparing.most(), LeftOut::Nothing);
-        assert!(sparing.names().is_empty());
+        assert_eq!(shedding.most(), LeftOut::Nothing);
+        assert!(shedding.names().is_empty());
     }
 }

@@ -4,19 +4,12 @@
 use servodance_audio::AudioSource;
 
 /// Opens an input by id or name, the default one if `None`.
-///
-/// # Errors
-/// There is none of that name, it cannot be opened, or microphones are not
-/// built in.
 #[cfg(feature = "mic")]
 pub fn microphone(name: Option<&str>) -> anyhow::Result<AudioSource> {
     Ok(AudioSource::microphone(name)?)
 }
 
 /// The inputs of this machine as text: a line each, the default one first.
-///
-/// # Errors
-/// The system does not say, or microphones are not built in.
 #[cfg(feature = "mic")]
 pub fn input_table() -> anyhow::Result<String> {
     use std::fmt::Write;
@@ -68,18 +61,12 @@ const NOT_BUILT_IN: &str = "microphones are not built in; build with: \
     cargo build --release --features mic (on Debian first: apt install libasound2-dev pkg-config)";
 
 /// Says how to build it in.
-///
-/// # Errors
-/// Always.
 #[cfg(not(feature = "mic"))]
 pub fn microphone(_name: Option<&str>) -> anyhow::Result<AudioSource> {
     anyhow::bail!(NOT_BUILT_IN)
 }
 
 /// Says how to build it in.
-///
-/// # Errors
-/// Always.
 #[cfg(not(feature = "mic"))]
 pub fn input_table() -> anyhow::Result<String> {
     anyhow::bail!(NOT_BUILT_IN)

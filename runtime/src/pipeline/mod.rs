@@ -9,9 +9,12 @@
 
 pub mod audio_input;
 pub mod conditioning;
+pub(crate) mod dance_step;
+pub(crate) mod dancer;
+pub(crate) mod dancer_thread;
 pub mod feature_extractor;
-pub mod load_shedding;
+pub(crate) mod load_shedding;
 pub mod microphone;
-pub mod motion_source;
-pub mod stage_source;
+pub(crate) mod motion_source;
+pub(crate) mod stage_source;
 pub mod step_times;

@@ -1,4 +1,5 @@
-//! The line between the control loop of a robot on a stage and its network.
+//! The link between the control loop of a robot on a stage and its network
+//! thread.
 //!
 //! ```text
 //! network --frames--> ring -----------------> control loop
@@ -6,22 +7,24 @@
 //!         <--what is shown, whether it is seen-- atomics --+
 //! ```
 //!
-//! Neither waits for the other: frames are kept in order, of the rest only the
-//! newest counts.
+//! Neither waits for the other: frames are a queue, everything else is a latest
+//! value.
 
-use crate::pipeline::motion_source::{CHORUS, Next, Step};
+// The network thread is built in with the feature `stage` alone.
+#![cfg_attr(not(feature = "stage"), allow(dead_code))]
+
+use super::dance_step::{DanceStep, Polled};
 use servodance_stage::clock::PlaybackClock;
 use servodance_stage::follower::{PlayoutFrame, PlayoutTime};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Frames that may wait in the ring: the network hands them over when it is
-/// nearly their turn.
+/// Frames that the ring holds; they come when it is nearly their turn.
 const WAITING: usize = 128;
 
-/// A follower's own monotonic clock: nanoseconds since it was made, or, for
-/// trials, of a clock that is set wrong and runs wrong.
+/// The monotonic clock of one program, nanoseconds; for tests it may be set
+/// wrong and run fast.
 #[derive(Clone, Copy, Debug)]
 pub struct LocalClock {
     zero: Instant,
@@ -39,13 +42,13 @@ impl LocalClock {
         }
     }
 
-    /// What it reads at a moment, nanoseconds; before it was made it stood.
+    /// Its reading at a moment; it stands still before `start`.
     pub fn at(&self, moment: Instant) -> i64 {
         let since = moment.saturating_duration_since(self.zero).as_nanos() as i64;
         self.offset_ns + since + (since as f64 * self.drift) as i64
     }
 
-    /// What it reads now, nanoseconds.
+    /// Its reading at this moment, nanoseconds.
     pub fn now_ns(&self) -> i64 {
         self.at(Instant::now())
     }
@@ -57,23 +60,23 @@ impl LocalClock {
     }
 }
 
-/// What the network knows of the leader at this moment.
+/// What the network thread knows of the leader.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LeaderNow {
-    /// Which moment of the motion is due when; `None` while nobody knows.
+    /// Which moment of the motion is due when; `None` while unknown.
     pub due: Option<PlayoutTime>,
-    /// Nobody leads, or leads elsewhere: idle.
+    /// There is no leader to follow: idle.
     pub away: bool,
 }
 
-/// What the robot shows.
+/// Which moment of the motion the robot shows, and whether it is visible.
 #[derive(Debug, Default)]
 struct Shown {
     motion_bits: AtomicU64,
-    seen: AtomicBool,
+    visible: AtomicBool,
 }
 
-/// The control loop's end.
+/// The control loop's end of the link.
 pub struct StageSource {
     frames: rtrb::Consumer<PlayoutFrame>,
     leader: triple_buffer::Output<LeaderNow>,
@@ -82,15 +85,15 @@ pub struct StageSource {
     clock: LocalClock,
 }
 
-/// The network's end.
-pub struct StageEnd {
+/// The network thread's end of the link.
+pub struct StageSink {
     frames: rtrb::Producer<PlayoutFrame>,
     leader: triple_buffer::Input<LeaderNow>,
     shown: Arc<Shown>,
 }
 
-/// A line for a control loop of this period; what is due is told by `clock`.
-pub fn stage_line(period_s: f64, clock: LocalClock) -> (StageSource, StageEnd) {
+/// A link for a control loop of this period; due times are those of `clock`.
+pub fn stage_link(period_s: f64, clock: LocalClock) -> (StageSource, StageSink) {
     let (producer, consumer) = rtrb::RingBuffer::new(WAITING);
     let (input, output) = triple_buffer::triple_buffer(&LeaderNow::default());
     let shown = Arc::new(Shown::default());
@@ -101,82 +104,70 @@ pub fn stage_line(period_s: f64, clock: LocalClock) -> (StageSource, StageEnd) {
         playback: PlaybackClock::new(period_s),
         clock,
     };
-    let end = StageEnd {
+    let sink = StageSink {
         frames: producer,
         leader: input,
         shown,
     };
-    (source, end)
+    (source, sink)
 }
 
 impl StageSource {
-    /// The next frame, if there is one.
-    pub(crate) fn poll(&mut self) -> Next {
+    pub(crate) fn poll(&mut self) -> Polled {
         match self.frames.pop() {
             Ok(PlayoutFrame {
                 motion,
                 music,
                 posture,
-            }) => Next::Step(Box::new(Step {
-                music,
-                motion,
-                posture: Some(posture),
-                chorus: [None; CHORUS],
-                features_ms: 0.0,
-                model_ms: 0.0,
-                captured: None,
-                ready: Instant::now(),
-            })),
-            Err(_) if self.leader.read().away => Next::Away,
-            Err(_) => Next::Late,
+            }) => Polled::Step(Box::new(DanceStep::received(music, motion, posture))),
+            Err(_) if self.leader.read().away => Polled::Away,
+            Err(_) => Polled::Late,
         }
     }
 
-    /// Whether motion is due now.
+    /// Whether a leader expects motion to be shown now.
     pub(crate) fn is_led(&mut self) -> bool {
         let leader = self.leader.read();
         leader.due.is_some() && !leader.away
     }
 
-    /// Which moment of the motion to show at `moment`; `hidden`: it is not seen.
+    /// Which moment of the motion to show at `moment`; `hidden`: idle covers it.
     pub(crate) fn moment_s(&mut self, moment: Instant, hidden: bool) -> f64 {
         let due = self.leader.read().due;
         let due_s = due.map(|due| due.at(self.clock.at(moment)));
         let shown_s = self.playback.next(due_s, hidden);
         let bits = shown_s.to_bits();
         self.shown.motion_bits.store(bits, Ordering::Relaxed);
-        self.shown.seen.store(!hidden, Ordering::Relaxed);
+        self.shown.visible.store(!hidden, Ordering::Relaxed);
         shown_s
     }
 }
 
-impl StageEnd {
-    /// Hands a frame over, if there is room.
-    pub fn hand_over(&mut self, frame: PlayoutFrame) -> bool {
+impl StageSink {
+    /// Hands a frame over; `false` if there is no room.
+    pub fn push(&mut self, frame: PlayoutFrame) -> bool {
         self.frames.push(frame).is_ok()
     }
 
-    /// Whether there is room for a frame.
     pub fn has_room(&self) -> bool {
         self.frames.slots() > 0
     }
 
-    /// Tells what is known of the leader now.
-    pub fn tell(&mut self, now: LeaderNow) {
+    pub fn set_leader(&mut self, now: LeaderNow) {
         self.leader.write(now);
     }
 
-    /// The moment of motion that is shown, and whether it is hidden.
+    /// The moment of the motion that is shown, and whether it is hidden.
     pub fn shown(&self) -> (f64, bool) {
         let bits = self.shown.motion_bits.load(Ordering::Relaxed);
         (
             f64::from_bits(bits),
-            !self.shown.seen.load(Ordering::Relaxed),
+            !self.shown.visible.load(Ordering::Relaxed),
         )
     }
 
-    /// Whether the control loop's end is gone.
-    pub fn is_alone(&self) -> bool {
+    /// Whether the control loop has ended.
+    pub fn is_abandoned(&self) -> bool {
         self.frames.is_abandoned()
     }
 }
@@ -188,7 +179,7 @@ mod tests {
     #[test]
     fn what_is_shown_follows_what_is_due_by_a_clock_that_is_wrong() {
         let clock = LocalClock::start(-500.0, 1e-3);
-        let (mut source, mut end) = stage_line(0.01, clock);
+        let (mut source, mut sink) = stage_link(0.01, clock);
         let start = clock.zero;
         let due = PlayoutTime {
             at_ns: clock.at(start),
@@ -196,7 +187,7 @@ mod tests {
             rate: 1.0 / 1.001,
         };
         assert!(!source.is_led());
-        end.tell(LeaderNow {
+        sink.set_leader(LeaderNow {
             due: Some(due),
             away: false,
         });
@@ -208,14 +199,14 @@ mod tests {
                 (shown_s - 7.0 - cycle as f64 * 0.01).abs() < 1e-5,
                 "{shown_s}"
             );
-            assert_eq!(end.shown(), (shown_s, cycle < 2));
+            assert_eq!(sink.shown(), (shown_s, cycle < 2));
         }
     }
 
     #[test]
     fn frames_keep_their_order_and_silence_says_why() {
-        let (mut source, mut end) = stage_line(0.01, LocalClock::start(0.0, 0.0));
-        assert!(matches!(source.poll(), Next::Late));
+        let (mut source, mut sink) = stage_link(0.01, LocalClock::start(0.0, 0.0));
+        assert!(matches!(source.poll(), Polled::Late));
         let frame = |time_s: f64| PlayoutFrame {
             motion: servodance_types::MotionFrame {
                 time_s,
@@ -225,18 +216,18 @@ mod tests {
             music: Default::default(),
             posture: Default::default(),
         };
-        assert!((0..WAITING).all(|i| end.hand_over(frame(i as f64))));
-        assert!(!end.has_room() && !end.hand_over(frame(0.0)));
-        end.tell(LeaderNow {
+        assert!((0..WAITING).all(|i| sink.push(frame(i as f64))));
+        assert!(!sink.has_room() && !sink.push(frame(0.0)));
+        sink.set_leader(LeaderNow {
             due: None,
             away: true,
         });
         for i in 0..WAITING {
-            let Next::Step(step) = source.poll() else {
+            let Polled::Step(step) = source.poll() else {
                 panic!("a frame")
             };
             assert_eq!(step.motion.time_s, i as f64);
         }
-        assert!(matches!(source.poll(), Next::Away));
+        assert!(matches!(source.poll(), Polled::Away));
     }
 }

@@ -1,12 +1,12 @@
-//! How long each stage of the pipeline takes: one sample a call, percentiles
+//! How long each step of the pipeline takes: one sample a call, percentiles
 //! at the end. Wall-clock milliseconds; never used to decide anything.
 
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// A stage of the way from sound to servo.
+/// A step of the way from sound to servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
+pub enum PipelineStep {
     /// Audio to music features and beat, once a motion frame (50 ms of audio).
     Features,
     /// Features to tokens to a motion frame, once a motion frame.
@@ -19,40 +19,40 @@ pub enum Stage {
     Bus,
 }
 
-impl Stage {
-    /// All stages, in the order in which sound passes them.
-    pub const ALL: [Stage; 5] = [
-        Stage::Features,
-        Stage::Model,
-        Stage::Retarget,
-        Stage::Control,
-        Stage::Bus,
+impl PipelineStep {
+    /// All steps, in the order in which sound passes them.
+    pub const ALL: [PipelineStep; 5] = [
+        PipelineStep::Features,
+        PipelineStep::Model,
+        PipelineStep::Retarget,
+        PipelineStep::Control,
+        PipelineStep::Bus,
     ];
 
-    /// The name in reports and recordings.
+    /// The name that reports and recordings use.
     pub const fn name(self) -> &'static str {
         match self {
-            Stage::Features => "features",
-            Stage::Model => "model",
-            Stage::Retarget => "retarget",
-            Stage::Control => "control",
-            Stage::Bus => "bus",
+            PipelineStep::Features => "features",
+            PipelineStep::Model => "model",
+            PipelineStep::Retarget => "retarget",
+            PipelineStep::Control => "control",
+            PipelineStep::Bus => "bus",
         }
     }
 }
 
-/// Percentiles of one stage, milliseconds. All zero when it never ran.
+/// Percentiles of a duration, milliseconds. All zero where there was no sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct StageTimes {
-    /// Median.
+pub struct StepTimes {
+    /// Median of all samples.
     pub p50_ms: f64,
-    /// 99th percentile.
+    /// 99th percentile of all samples.
     pub p99_ms: f64,
-    /// Longest.
+    /// The longest of all samples.
     pub max_ms: f64,
 }
 
-impl StageTimes {
+impl StepTimes {
     /// Nearest-rank percentiles of `samples_ms`.
     pub fn of(samples_ms: &[f64]) -> Self {
         let mut sorted = samples_ms.to_vec();
@@ -79,14 +79,14 @@ const KEPT: usize = 1 << 14;
 /// minutes, then every second, every fourth and so on, evenly over the run. The
 /// longest is never let go.
 #[derive(Clone, Debug)]
-pub struct Times {
+pub(crate) struct DurationLog {
     kept_ms: Vec<f64>,
     longest_ms: f64,
     seen: u64,
     stride: u64,
 }
 
-impl Default for Times {
+impl Default for DurationLog {
     fn default() -> Self {
         Self {
             kept_ms: Vec::new(),
@@ -97,9 +97,8 @@ impl Default for Times {
     }
 }
 
-impl Times {
-    /// Adds one, milliseconds.
-    pub fn book(&mut self, ms: f64) {
+impl DurationLog {
+    pub fn push(&mut self, ms: f64) {
         self.longest_ms = self.longest_ms.max(ms);
         if self.seen.is_multiple_of(self.stride) {
             if self.kept_ms.len() == KEPT {
@@ -117,45 +116,41 @@ impl Times {
         self.seen += 1;
     }
 
-    /// Whether there was none.
     pub fn is_empty(&self) -> bool {
         self.seen == 0
     }
 
-    /// Nearest-rank percentiles.
-    pub fn percentiles(&self) -> StageTimes {
-        StageTimes {
+    pub fn percentiles(&self) -> StepTimes {
+        StepTimes {
             max_ms: self.longest_ms,
-            ..StageTimes::of(&self.kept_ms)
+            ..StepTimes::of(&self.kept_ms)
         }
     }
 }
 
-/// Times of every stage.
+/// Durations of every step.
 #[derive(Clone, Debug, Default)]
-pub struct StageClock {
-    times: [Times; Stage::ALL.len()],
+pub(crate) struct StepClock {
+    durations: [DurationLog; PipelineStep::ALL.len()],
 }
 
-impl StageClock {
-    /// Runs `work` and books its time under `stage`; also returns the time, in
-    /// milliseconds.
-    pub fn time<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> (T, f64) {
+impl StepClock {
+    /// Runs `work` and keeps its time; returns that too, in milliseconds.
+    pub fn time<T>(&mut self, step: PipelineStep, work: impl FnOnce() -> T) -> (T, f64) {
         let start = Instant::now();
         let result = work();
         let ms = start.elapsed().as_secs_f64() * 1e3;
-        self.book(stage, ms);
+        self.push(step, ms);
         (result, ms)
     }
 
-    /// Books a time that was measured elsewhere.
-    pub fn book(&mut self, stage: Stage, ms: f64) {
-        self.times[stage as usize].book(ms);
+    /// Keeps a time that was measured elsewhere.
+    pub fn push(&mut self, step: PipelineStep, ms: f64) {
+        self.durations[step as usize].push(ms);
     }
 
-    /// Percentiles of one stage.
-    pub fn times(&self, stage: Stage) -> StageTimes {
-        self.times[stage as usize].percentiles()
+    pub fn times(&self, step: PipelineStep) -> StepTimes {
+        self.durations[step as usize].percentiles()
     }
 }
 
@@ -166,22 +161,22 @@ mod tests {
     #[test]
     fn percentiles_are_nearest_rank() {
         let samples: Vec<f64> = (1..=200).rev().map(f64::from).collect();
-        let times = StageTimes::of(&samples);
+        let times = StepTimes::of(&samples);
         assert_eq!(
             (times.p50_ms, times.p99_ms, times.max_ms),
             (100.0, 198.0, 200.0)
         );
-        assert_eq!(StageTimes::of(&[]), StageTimes::default());
+        assert_eq!(StepTimes::of(&[]), StepTimes::default());
     }
 
     #[test]
     fn hours_of_times_take_no_more_memory_and_keep_their_percentiles() {
-        let mut times = Times::default();
+        let mut times = DurationLog::default();
         // Without a period that every sixteenth of them could fall into.
         for i in 0..1_000_000u64 {
-            times.book((i.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64 % 1000.0);
+            times.push((i.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64 % 1000.0);
         }
-        times.book(5000.0);
+        times.push(5000.0);
         assert!(times.kept_ms.len() <= KEPT);
         let told = times.percentiles();
         assert!((told.p50_ms - 500.0).abs() < 10.0, "{told:?}");

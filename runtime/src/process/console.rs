@@ -1,11 +1,11 @@
-//! What the program says, on standard output and standard error.
+//! Lines on standard output and standard error.
 //!
-//! Whoever reads it may go away (`servodance robots | head -1`). That is no
-//! reason to panic, least of all while motors move: what nobody hears is lost.
+//! The reader of a pipe may go away (`servodance robots | head -1`). That is no
+//! reason to panic, least of all while motors move: such output is dropped.
 //! `println!` and its kin are not used elsewhere (a lint sees to it).
 //!
-//! While something draws on the terminal ([`Kept`]) lines wait for their turn,
-//! panics too; those of a stream that goes elsewhere are passed on at once.
+//! While the terminal view draws ([`HeldLines`]), lines for the terminal wait,
+//! panics too; lines of a redirected stream are passed on at once.
 
 use std::collections::VecDeque;
 use std::fmt::Arguments;
@@ -18,7 +18,7 @@ const WAITING: usize = 1000;
 
 /// Prints a line on standard output, which may be closed.
 #[macro_export]
-macro_rules! say {
+macro_rules! stdout_line {
     ($($text:tt)*) => {
         $crate::process::console::stdout(format_args!("{}\n", format_args!($($text)*)))
     };
@@ -26,13 +26,13 @@ macro_rules! say {
 
 /// Prints a line on standard error, which may be closed.
 #[macro_export]
-macro_rules! tell {
+macro_rules! stderr_line {
     ($($text:tt)*) => {
         $crate::process::console::stderr(format_args!("{}\n", format_args!($($text)*)))
     };
 }
 
-pub use {say, tell};
+pub use {stderr_line, stdout_line};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stream {
@@ -59,67 +59,70 @@ impl Stream {
     }
 }
 
-/// What waits; `None` while the terminal is free.
-static WAITS: Mutex<Option<VecDeque<(Stream, String)>>> = Mutex::new(None);
+/// Lines that wait; `None` while the terminal is free.
+static HELD: Mutex<Option<VecDeque<(Stream, String)>>> = Mutex::new(None);
 
-fn waits() -> MutexGuard<'static, Option<VecDeque<(Stream, String)>>> {
-    WAITS.lock().unwrap_or_else(PoisonError::into_inner)
+fn held() -> MutexGuard<'static, Option<VecDeque<(Stream, String)>>> {
+    HELD.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Text on standard output, at once unless it must wait.
 pub fn stdout(text: Arguments) {
-    tell_or_keep(Stream::Output, text);
+    write_or_hold(Stream::Output, text);
 }
 
 /// Text on standard error, at once unless it must wait.
 pub fn stderr(text: Arguments) {
-    tell_or_keep(Stream::Error, text);
+    write_or_hold(Stream::Error, text);
 }
 
-fn tell_or_keep(stream: Stream, text: Arguments) {
+fn write_or_hold(stream: Stream, text: Arguments) {
     let text = text.to_string();
-    let kept = waits().as_mut().is_some_and(|lines| {
+    let is_held = held().as_mut().is_some_and(|lines| {
         if lines.len() == WAITING {
             lines.pop_front();
         }
         lines.push_back((stream, text.clone()));
         stream.is_terminal()
     });
-    if !kept {
+    if !is_held {
         stream.write(&text);
     }
 }
 
-/// Whether lines wait.
-pub fn is_kept() -> bool {
-    waits().is_some()
+/// Whether lines wait at present.
+pub fn is_holding() -> bool {
+    held().is_some()
 }
 
-/// The newest lines that were said since lines wait, oldest first.
+/// The newest of the lines that wait, oldest first.
 pub fn newest(count: usize) -> Vec<String> {
-    let waits = waits();
-    let lines = waits.iter().flatten().flat_map(|(_, text)| text.lines());
+    let lines_held = held();
+    let lines = lines_held
+        .iter()
+        .flatten()
+        .flat_map(|(_, text)| text.lines());
     let lines: Vec<&str> = lines.filter(|line| !line.trim().is_empty()).collect();
     let from = lines.len().saturating_sub(count);
     lines[from..].iter().map(ToString::to_string).collect()
 }
 
-/// Until it is dropped, lines for the terminal wait; then they are said.
+/// Until it is dropped, lines for the terminal wait; then they are printed.
 #[derive(Debug)]
 #[must_use]
-pub struct Kept(());
+pub struct HeldLines(());
 
-impl Kept {
-    /// From now on.
+impl HeldLines {
+    /// Lines wait from now on.
     pub fn begin() -> Self {
-        *waits() = Some(VecDeque::new());
+        *held() = Some(VecDeque::new());
         Self(())
     }
 }
 
-impl Drop for Kept {
+impl Drop for HeldLines {
     fn drop(&mut self) {
-        let lines = waits().take();
+        let lines = held().take();
         for (stream, text) in lines.into_iter().flatten() {
             if stream.is_terminal() {
                 stream.write(&text);
@@ -130,9 +133,9 @@ impl Drop for Kept {
 
 /// From now on a thread that panics says so in one line on standard error, and
 /// so does a bus that is dropped and cannot turn torque off.
-pub fn tell_what_nobody_returns() {
-    std::panic::set_hook(Box::new(|panic| tell!("{}", panic_line(panic))));
-    servodance_drivers::set_torque_alarm(|text| tell!("{text}"));
+pub fn report_panics_in_one_line() {
+    std::panic::set_hook(Box::new(|panic| stderr_line!("{}", panic_line(panic))));
+    servodance_drivers::set_torque_alarm(|text| stderr_line!("{text}"));
 }
 
 fn panic_line(panic: &PanicHookInfo) -> String {

@@ -2,6 +2,7 @@
 //! priorities, failpoints for tests.
 
 pub mod console;
-pub mod failpoint;
+pub(crate) mod failpoint;
 pub mod progress;
 pub mod realtime;
+pub mod speed;

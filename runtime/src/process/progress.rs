@@ -1,6 +1,6 @@
-//! What the user sees while it works: a bar on standard error.
+//! The progress bar on standard error.
 
-use crate::process::console::{is_kept, tell};
+use crate::process::console::{is_holding, stderr_line};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// A progress bar in seconds of music, shared by its clones; says nothing when quiet.
@@ -21,32 +21,29 @@ impl Progress {
             Some(_) => "dancing {bar:40} {pos}/{len} s of music, {eta} left",
             None => "dancing {spinner} {pos} s of music",
         };
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style.progress_chars("=> "));
-        }
-        if quiet || is_kept() {
+        if quiet || is_holding() {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
-        Self { bar, quiet }
+        Self { bar, quiet }.styled(template)
+    }
+
+    fn styled(self, template: &str) -> Self {
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            self.bar.set_style(style.progress_chars("=> "));
+        }
+        self
     }
 
     /// A bar in per cent of other work.
     pub fn share(what: &'static str, quiet: bool) -> Self {
-        let progress = Self::new(Some(100.0), quiet);
         let template = format!("{what} {{bar:40}} {{pos}} %, {{eta}} left");
-        if let Ok(style) = ProgressStyle::with_template(&template) {
-            progress.bar.set_style(style.progress_chars("=> "));
-        }
-        progress
+        Self::new(Some(100.0), quiet).styled(&template)
     }
 
     /// A bar in steps of training, from the first that is still to be taken.
     pub fn steps(total: u64, first: u64, quiet: bool) -> Self {
-        let progress = Self::new(Some(total as f64), quiet);
         let template = "{bar:20} {pos}/{len} steps, {msg}, {eta} left";
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            progress.bar.set_style(style.progress_chars("=> "));
-        }
+        let progress = Self::new(Some(total as f64), quiet).styled(template);
         progress.bar.set_position(first);
         progress.bar.reset_eta();
         progress
@@ -69,11 +66,11 @@ impl Progress {
     /// One line for the user, above the bar.
     pub fn note(&self, text: &str) {
         if !self.quiet {
-            self.bar.suspend(|| tell!("{text}"));
+            self.bar.suspend(|| stderr_line!("{text}"));
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar from the terminal.
     pub fn done(&self) {
         self.bar.finish_and_clear();
     }

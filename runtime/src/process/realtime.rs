@@ -15,7 +15,7 @@ use thread_priority::{
 
 /// What a thread is for; the later in this list, the more urgent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub enum ThreadRole {
     /// Features and motion, 20 times a second.
     Model,
     /// Takes sound from the device.
@@ -24,13 +24,13 @@ pub enum Role {
     Control,
 }
 
-impl Role {
+impl ThreadRole {
     /// Above ordinary work, below what the kernel does itself (50).
     const fn priority(self) -> u8 {
         match self {
-            Role::Model => 20,
-            Role::Capture => 30,
-            Role::Control => 40,
+            ThreadRole::Model => 20,
+            ThreadRole::Capture => 30,
+            ThreadRole::Control => 40,
         }
     }
 }
@@ -45,10 +45,7 @@ pub struct NotAllowed;
 
 /// Gives the calling thread, and those that it starts from now on, the
 /// priority of `role`. Their sleeps end on time, whatever the system allows.
-///
-/// # Errors
-/// The system does not allow it; nothing has changed then.
-pub fn raise(role: Role) -> Result<(), NotAllowed> {
+pub fn raise(role: ThreadRole) -> Result<(), NotAllowed> {
     sleep_precisely();
     let value = ThreadPriorityValue::try_from(role.priority()).map_err(|_| NotAllowed)?;
     set_thread_priority_and_policy(
@@ -119,7 +116,7 @@ mod tests {
         {
             let _afterwards = OrdinaryAfterwards;
             let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-            match raise(Role::Control) {
+            match raise(ThreadRole::Control) {
                 Ok(()) => assert_eq!(policy(), fifo),
                 Err(NotAllowed) => assert_eq!(policy(), before),
             }

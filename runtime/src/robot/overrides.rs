@@ -14,7 +14,7 @@ use toml_edit::{DocumentMut, Item, Key, Table, TableLike, Value};
 /// Beginning of the variables.
 const PREFIX: &str = "SERVODANCE_";
 /// Variables that are something else.
-const RESERVED: [&str; 4] = ["ROBOT", "BUS", "MODEL", "DRILL"];
+const RESERVED: [&str; 4] = ["ROBOT", "BUS", "MODEL", "FAILPOINT"];
 
 /// One key that is set.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 
 use super::config_source::{ConfigSource, line_at};
 use crate::control::idle::IdleStyle;
-use crate::process::console::tell;
+use crate::process::console::stderr_line;
 use serde::Deserialize;
 use servodance_drivers::{BusConfig, ConfigError, SafetyConfig, ServoConfig, one_or_several};
 use servodance_retarget::{DiagnosticCode, RetargetConfig, RetargetError};
@@ -66,7 +66,7 @@ pub(super) fn parse(source: &ConfigSource) -> anyhow::Result<RobotFile> {
     let check = |text: &str| read(text).map(drop).map_err(|e| one_line(e.message()));
     let (text, ignored) = source.overrides.apply(source.text, check).map_err(refuse)?;
     for variable in ignored {
-        tell!("warning: {variable}");
+        stderr_line!("warning: {variable}");
     }
     read(&text).map_err(|e| refuse(one_line(e.message())))
 }

@@ -1,19 +1,19 @@
-//! The moving picture of a dance: ten seconds from its middle, out of what is
-//! kept of a run anyway. Other parts of a dance are for `--record` and `export`.
+//! The animation of a dance (GIF): ten seconds from its middle, drawn from the
+//! trace of the run. For other parts of a dance: `--record` and `export`.
 
 use crate::control::trace::Trace;
 use crate::session::config::DanceConfig;
 use crate::telemetry::export::{ExportSpan, gif};
+use crate::telemetry::pose_array::pose_array;
 use crate::telemetry::recorder::Recording;
 use crate::telemetry::report::DanceReport;
-use crate::viewer::pose_array;
 use std::path::Path;
 
-/// Its length, seconds.
+/// Length of the animation, seconds.
 const LENGTH_S: f64 = 10.0;
 
-/// Draws it; `lead_s` is by how much the motion was ahead of the music.
-pub fn film(
+/// Draws and writes the file; the motion was `lead_s` ahead of the music.
+pub fn write(
     config: &DanceConfig,
     trace: &Trace,
     lead_s: f64,

@@ -1,4 +1,4 @@
-//! Beat alignment along the way: the dancer, the joint targets, the servos.
+//! Beat alignment of the motion, the joint targets and the servos.
 //!
 //! All three are scored alike: mean joint speed of positions sampled about
 //! twenty times a second (metres of the 22 joints, radians of the robot's),
@@ -9,15 +9,15 @@ use crate::telemetry::report::AlignmentScores;
 use servodance_model::motion::{alignment, kinematic_beats_s, mean_joint_speed};
 use servodance_types::{FRAME_RATE_HZ, MotionFrame};
 
-/// A speed over time: what pauses in it are the kinematic beats.
-pub struct Speed {
+/// Mean joint speed over time; its local minima are the kinematic beats.
+pub struct JointSpeed {
     values: Vec<f64>,
     rate_hz: f64,
     /// Time of the first value, seconds of music.
     first_s: f64,
 }
 
-impl Speed {
+impl JointSpeed {
     /// Of the 22 human joints.
     pub fn of_dancer(motion: &[MotionFrame]) -> Self {
         let poses: Vec<_> = motion.iter().map(|frame| frame.positions).collect();
@@ -28,7 +28,7 @@ impl Speed {
         }
     }
 
-    /// Of a robot's joints.
+    /// Of the joints of a robot.
     pub fn of_joints(trace: &JointTrace, trace_hz: f64) -> Self {
         Self {
             values: trace.mean_speed(trace_hz),
@@ -37,7 +37,7 @@ impl Speed {
         }
     }
 
-    /// When it pauses, seconds of music.
+    /// Times of its pauses, seconds of music.
     pub fn beats_s(&self) -> Vec<f64> {
         let mut beats_s = kinematic_beats_s(&self.values, self.rate_hz);
         beats_s.iter_mut().for_each(|beat| *beat += self.first_s);

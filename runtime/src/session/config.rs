@@ -1,54 +1,22 @@
-//! What a dance is to be, checked once: nothing here is text any more.
+//! The configuration of a dance, checked once: nothing here is text any more.
 
 use crate::control::bus_choice::BusChoice;
 use crate::control::idle::IdleStyle;
+use crate::control::timing::{LoopOptions, MotionArrival};
+use crate::pipeline::audio_input::AudioChoice;
 use crate::pipeline::conditioning::Conditioning;
+use crate::process::speed::Speed;
 use crate::robot::Robot;
-use clap::ValueEnum;
-use servodance_audio::source::PcmFormat;
 use servodance_model::engine::EngineOptions;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-/// Where the music comes from.
-#[derive(Clone, Debug)]
-pub enum AudioChoice {
-    /// The song rendered by this program.
-    BuiltIn,
-    /// A recording.
-    File(PathBuf),
-    /// Raw PCM on standard input.
-    Stdin(PcmFormat),
-    /// An input of the system by id or name; the default one if `None`.
-    Microphone(Option<String>),
-}
-
-impl AudioChoice {
-    /// Whether sound comes in as it happens, without a look ahead.
-    pub fn is_live(&self, speed: Speed) -> bool {
-        match self {
-            AudioChoice::BuiltIn | AudioChoice::File(_) => false,
-            AudioChoice::Stdin(_) => speed == Speed::Realtime,
-            AudioChoice::Microphone(_) => true,
-        }
-    }
-}
-
-/// How fast time passes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Speed {
-    /// As fast as the machine can; time is simulated and runs are repeatable.
-    Max,
-    /// By the clock on the wall.
-    Realtime,
-}
-
-/// A whole dance.
+/// Everything that decides a dance.
 #[derive(Clone, Debug)]
 pub struct DanceConfig {
     /// Where the music comes from.
     pub audio: AudioChoice,
-    /// Who dances.
+    /// The robot that dances.
     pub robot: Robot,
     /// Where commands go, for each bus of the robot.
     pub buses: Vec<BusChoice>,
@@ -62,11 +30,11 @@ pub struct DanceConfig {
     pub idle: IdleStyle,
     /// Seed of the generator.
     pub seed: u64,
-    /// Style, if asked for.
+    /// Style, if not the default one.
     pub style: Option<String>,
     /// Weights, if not the built-in ones.
     pub model: Option<PathBuf>,
-    /// What those weights may need beside them, and a style in words.
+    /// Files that those weights may need, and a style in words.
     pub conditioning: Conditioning,
     /// How the model's steps are computed.
     pub engine: EngineOptions,
@@ -76,16 +44,32 @@ pub struct DanceConfig {
     pub record: Option<PathBuf>,
     /// Where the picture goes.
     pub picture: Option<PathBuf>,
-    /// Where the moving picture goes.
+    /// Where the animation goes.
     pub gif: Option<PathBuf>,
-    /// Where viewers are served, if they are.
+    /// Address of the page for viewers, if there is one.
     pub view: Option<SocketAddr>,
     /// Whether the terminal shows the dance and takes keys.
     pub tui: bool,
-    /// Whether each dance waits for somebody to say `start`.
+    /// Whether each dance waits for a viewer's `start`.
     pub wait_for_start: bool,
     /// A file that is the emergency stop.
     pub estop_file: Option<PathBuf>,
-    /// Print only errors.
+    /// Whether only errors are printed.
     pub quiet: bool,
+}
+
+impl DanceConfig {
+    /// The part that the control loop needs.
+    pub(super) fn loop_options(&self) -> LoopOptions {
+        LoopOptions {
+            speed: self.speed,
+            arrival: match (self.as_live, self.audio.is_live(self.speed)) {
+                (true, _) => MotionArrival::AsLive,
+                (false, true) => MotionArrival::Live,
+                (false, false) => MotionArrival::Ahead,
+            },
+            compensation: self.compensation,
+            idle: self.idle,
+        }
+    }
 }

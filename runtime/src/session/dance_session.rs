@@ -1,16 +1,12 @@
-//! An evening: one dance, or one after another whenever somebody who watches
-//! says `start`.
+//! A session: one dance, or one after another, each begun by a viewer's `start`.
 //!
 //! Torque is off between dances. What was set (style, seed, amplitude, mirror,
 //! idle behaviour) stays; report, recording and picture are those of the last
-//! dance. An emergency stop, or an error, ends a dance and not the evening.
+//! dance. An emergency stop, or an error, ends a dance and not the session.
 
+use super::config::DanceConfig;
+use super::dance::{Outcome, open_generator, perform, watch_emergency_stop};
 use crate::robot::Meshes;
-use crate::session::config::DanceConfig;
-use crate::session::dance::Outcome;
-use crate::session::dance::open_generator;
-use crate::session::dance::perform;
-use crate::session::dance::watch;
 use crate::viewer::{
     Activity, RobotEnd, Scene, ViewerEnd, ViewerRequest, ViewerSettings, snapshot,
 };
@@ -20,21 +16,18 @@ use servodance_model::Generator;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// How often somebody may have said `start`.
-const EVERY: Duration = Duration::from_millis(20);
+/// How often requests are looked at while the session waits.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
-/// A robot, its music, and the line to those who watch.
-pub struct Evening {
+/// A robot, its music, and the link to its viewers.
+pub struct Session {
     config: DanceConfig,
     generator: Generator,
     end: RobotEnd,
 }
 
-impl Evening {
-    /// Everything that can be loaded before somebody watches.
-    ///
-    /// # Errors
-    /// A model that cannot be loaded, a style that it does not know.
+impl Session {
+    /// Loads all that can be loaded before the first dance.
     pub fn new(config: DanceConfig) -> anyhow::Result<Self> {
         let generator = open_generator(config.model.as_deref(), config.engine)?;
         let style = config.style.as_deref();
@@ -52,21 +45,18 @@ impl Evening {
         })
     }
 
-    /// A viewer's end of the line; each viewer has their own.
-    pub fn seat(&mut self) -> ViewerEnd {
+    /// The end of the link for one more viewer.
+    pub fn add_viewer(&mut self) -> ViewerEnd {
         self.end.add_viewer()
     }
 
-    /// The same, waiting for `start` before each dance.
+    /// The same, waiting for a viewer's `start` before each dance.
     pub fn waiting_for_start(mut self) -> Self {
         self.config.wait_for_start = true;
         self
     }
 
-    /// What those who watch are told once.
-    ///
-    /// # Errors
-    /// A robot that cannot be drawn.
+    /// What viewers get once, before the first snapshot.
     pub fn scene(&self) -> anyhow::Result<Scene> {
         let robot = &self.config.robot;
         let model = robot.retargeter()?.model().clone();
@@ -86,17 +76,14 @@ impl Evening {
         })
     }
 
-    /// Dances, `each` being told of every dance. With `wait_for_start` it goes
-    /// on until `stop` is set; otherwise there is one dance.
-    ///
-    /// # Errors
-    /// That of a single dance. Of several, `each` is told.
+    /// Dances; `each` gets the outcome of every dance. With `wait_for_start` the
+    /// session goes on until `stop` is set; otherwise there is one dance.
     pub fn run(
         &mut self,
         stop: &AtomicBool,
         mut each: impl FnMut(&DanceConfig, &anyhow::Result<Outcome>),
     ) -> anyhow::Result<()> {
-        let _watch = watch(&self.config, &self.end.estop)?;
+        let _watch = watch_emergency_stop(&self.config, &self.end.estop)?;
         if !self.config.wait_for_start {
             let outcome = self.dance(stop);
             each(&self.config, &outcome);
@@ -112,7 +99,7 @@ impl Evening {
         Ok(())
     }
 
-    /// One dance as it was last set.
+    /// One dance with the settings that viewers made last.
     fn dance(&mut self, stop: &AtomicBool) -> anyhow::Result<Outcome> {
         let ViewerSettings {
             idle, style, seed, ..
@@ -121,8 +108,8 @@ impl Evening {
         self.config.seed = seed;
         let styles = self.generator.styles();
         let style = styles[style.min(styles.len() - 1)].clone();
-        let usual = style == self.generator.default_style() && self.config.style.is_none();
-        self.config.style = (!usual).then_some(style);
+        let is_default = style == self.generator.default_style() && self.config.style.is_none();
+        self.config.style = (!is_default).then_some(style);
         self.end.publish(|s| s.now.activity = Activity::Starting);
         let estop = self.end.estop.clone();
         let end = Some(&mut self.end);
@@ -141,7 +128,7 @@ impl Evening {
         outcome
     }
 
-    /// Waits for `start`; false if the evening is over.
+    /// Waits for `start`; false if the session is over.
     fn wait(&mut self, stop: &AtomicBool) -> bool {
         self.end.publish(|snapshot| {
             snapshot.now.activity = Activity::Waiting;
@@ -162,7 +149,7 @@ impl Evening {
             if changed {
                 self.end.publish(|_| {});
             }
-            std::thread::sleep(EVERY);
+            std::thread::sleep(POLL_INTERVAL);
         }
         false
     }

@@ -1,18 +1,19 @@
-//! A dance in simulation while things go wrong, judged at the servos: the whole
-//! way from sound to servo in simulated time, the same parts as any dance.
+//! A fault run: a dance in simulation while faults are injected, judged at the
+//! servos. Simulated time, all other parts as in any dance.
 //!
-//! What came of it is told whether the dance reached its end or not. Nothing is
-//! written, nobody watches.
+//! The result is given whether the dance reached its end or not. Nothing is
+//! written, nothing is shown.
 
 use crate::control::bus_choice::BusChoice;
-use crate::control::control_loop::Control;
+use crate::control::control_loop::ControlLoop;
 use crate::control::idle::IdleStyle;
-use crate::control::robot_buses::{Rig, Trial};
-use crate::control::timing::Timing;
-use crate::pipeline::audio_input::Audio;
-use crate::pipeline::motion_source::{Dancer, MotionSource};
+use crate::control::robot_buses::{FaultPlan, RobotBuses};
+use crate::control::timing::{LoopOptions, MotionArrival};
+use crate::pipeline::audio_input::AudioInput;
+use crate::pipeline::dancer::Dancer;
+use crate::pipeline::motion_source::MotionSource;
+use crate::process::speed::Speed;
 use crate::robot::Robot;
-use crate::session::config::Speed;
 use crate::telemetry::report::ViolationReport;
 use servodance_audio::song::Song;
 use servodance_drivers::EStop;
@@ -20,24 +21,24 @@ use servodance_model::{Generator, GeneratorOptions};
 use servodance_sim::Cue;
 use std::sync::atomic::AtomicBool;
 
-/// After the end the servos are left alone for this long, seconds: their own
-/// watchdogs stop those that cannot be reached.
-const AFTERWARDS_S: f64 = 1.0;
+/// After the end the bus is silent for this long, seconds: servos that cannot be
+/// reached are stopped by their own watchdogs.
+const SILENCE_S: f64 = 1.0;
 
-/// What a robot is to dance through.
+/// What to dance, and the faults to inject.
 #[derive(Clone, Debug)]
-pub struct Ordeal<'a> {
-    /// Who dances.
+pub struct FaultRun<'a> {
+    /// The robot whose servos are simulated.
     pub robot: &'a Robot,
-    /// Who invents the motion.
+    /// The model, loaded once for many runs.
     pub generator: &'a Generator,
-    /// To what.
+    /// The music to dance to.
     pub song: Song,
-    /// What goes wrong, in the order of time: seconds since torque on.
+    /// Faults in the order of time, seconds since torque on.
     pub faults: Vec<Cue>,
     /// Decides the dance, and which replies faults hit.
     pub seed: u64,
-    /// Style, if not the usual one.
+    /// Style, if not the default one.
     pub style: Option<String>,
     /// What is done while there is no music.
     pub idle: IdleStyle,
@@ -45,9 +46,9 @@ pub struct Ordeal<'a> {
     pub as_live: bool,
 }
 
-/// What came of it.
+/// Result of a fault run.
 #[derive(Clone, Debug)]
-pub struct Endured {
+pub struct FaultRunResult {
     /// Why the dance ended before its time, if it did.
     pub stopped_by: Option<String>,
     /// Seconds of music that were danced to.
@@ -56,7 +57,7 @@ pub struct Endured {
     pub robot_s: f64,
     /// Limits broken, as the simulated servos counted them.
     pub violations: ViolationReport,
-    /// The first of them in words.
+    /// The first broken limits, one sentence each.
     pub violation_notes: Vec<String>,
     /// Joints whose servos still drove after the end.
     pub unsafe_joints: Vec<String>,
@@ -64,60 +65,70 @@ pub struct Endured {
     pub late_frames: u64,
 }
 
-impl Ordeal<'_> {
-    /// Dances. `on_frame` is told the time of each new motion frame; `stop`
-    /// ends it early.
-    ///
-    /// # Errors
-    /// The dance could not begin.
-    pub fn endure(self, stop: &AtomicBool, on_frame: impl FnMut(f64)) -> anyhow::Result<Endured> {
+impl<'a> FaultRun<'a> {
+    /// A run without faults: seed 1, default style, music known ahead.
+    pub fn new(robot: &'a Robot, generator: &'a Generator, song: Song) -> Self {
+        Self {
+            robot,
+            generator,
+            song,
+            faults: Vec::new(),
+            seed: 1,
+            style: None,
+            idle: robot.idle,
+            as_live: false,
+        }
+    }
+
+    /// Dances; fails if the dance cannot begin. `on_frame` gets the time of each
+    /// new motion frame; `stop` ends the run early.
+    pub fn run(
+        self,
+        stop: &AtomicBool,
+        on_frame: impl FnMut(f64),
+    ) -> anyhow::Result<FaultRunResult> {
         let dance = self.generator.start(GeneratorOptions {
             seed: self.seed,
             style: self.style,
             ..GeneratorOptions::default()
         })?;
-        let audio = Audio::BuiltIn(Box::new(self.song), 0);
-        let mut source = MotionSource::Inline(Box::new(Dancer::new(
-            audio,
-            dance,
-            None,
-            Box::new(drop_notice),
-        )?));
-        let trial = Trial {
+        let audio = AudioInput::song(self.song);
+        // Only live sound gives notices.
+        let dancer = Dancer::new(audio, dance, None, Box::new(|_| ()))?;
+        let mut source = MotionSource::Inline(Box::new(dancer));
+        let faults = FaultPlan {
             faults: self.faults,
             seed: self.seed,
         };
-        let timing = Timing {
+        let options = LoopOptions {
             speed: Speed::Max,
-            live: false,
-            as_live: self.as_live,
+            arrival: match self.as_live {
+                true => MotionArrival::AsLive,
+                false => MotionArrival::Ahead,
+            },
             compensation: true,
             idle: self.idle,
-            staged: false,
         };
         let buses = vec![BusChoice::Sim; self.robot.buses.len()];
         let estop = EStop::default();
-        let mut rig = Rig::open_on_trial(self.robot, &buses, timing.speed, &estop, trial)?;
-        rig.arm()?;
-        let mut control = Control::new(self.robot, &mut rig, None, timing, None, stop)?;
+        let mut servos =
+            RobotBuses::open_with_faults(self.robot, &buses, options.speed, &estop, faults)?;
+        servos.arm()?;
+        let mut control = ControlLoop::new(self.robot, &mut servos, None, options, None, stop)?;
         let ending = control.run(&mut source, on_frame);
-        let late_frames = control.late_frames;
-        drop(control);
-        let disarmed = rig.disarm("the end");
+        let late_frames = control.into_record().input.late_frames;
+        let disarmed = servos.disarm("the end");
         let stopped_by = ending.map(drop).and(disarmed).err();
-        rig.let_be(AFTERWARDS_S);
-        Ok(Endured {
+        servos.advance_silently(SILENCE_S);
+        Ok(FaultRunResult {
             stopped_by: stopped_by.map(|error| format!("{error:#}")),
-            music_s: source.heard()?.audio_s,
+            music_s: source.finish()?.audio_s,
             // A cycle that failed is not counted there.
-            robot_s: rig.now_s() + self.robot.period_s() + 1e-9,
-            violations: rig.violations().unwrap_or_default(),
-            violation_notes: rig.violation_notes(),
-            unsafe_joints: rig.unsafe_joints(),
+            robot_s: servos.now_s() + self.robot.period_s() + 1e-9,
+            violations: servos.violations().unwrap_or_default(),
+            violation_notes: servos.violation_notes(),
+            unsafe_joints: servos.unsafe_joints(),
             late_frames,
         })
     }
 }
-
-/// Only live sound gives notice.
-fn drop_notice(_: &servodance_audio::capture::CaptureEvent) {}

@@ -1,19 +1,19 @@
-//! A dance whose motion comes from the leader of a stage: the same rig,
-//! retargeter, idle behaviour and safety layer as in [`crate::session::dance`], without
-//! music and without a generator.
+//! A dance whose motion comes from the leader of a stage: the same control loop,
+//! retargeter and safety layer as in [`super::dance`], without music and without
+//! a generator.
 
 use crate::control::bus_choice::{self, BusChoice};
-use crate::control::control_loop::{Control, Ending};
+use crate::control::control_loop::{ControlLoop, disarm_cause};
 use crate::control::idle::IdleStyle;
-use crate::control::robot_buses::Rig;
-use crate::control::servo_truth_log::Witness;
-use crate::control::timing::Timing;
+use crate::control::robot_buses::RobotBuses;
+use crate::control::servo_truth_log::ServoTruthLog;
+use crate::control::timing::{LoopOptions, MotionArrival};
+use crate::control::viewer_link::publish_end;
 use crate::pipeline::motion_source::MotionSource;
 use crate::pipeline::stage_source::StageSource;
-use crate::process::realtime::{OrdinaryAfterwards, Role, raise};
+use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
+use crate::process::speed::Speed;
 use crate::robot::Robot;
-use crate::session::config::Speed;
-use crate::session::dance::tell_end;
 use crate::telemetry::report::{SafetyEvent, ViolationReport};
 use crate::viewer::RobotEnd;
 use anyhow::Context;
@@ -21,25 +21,25 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
-/// Cycles that a witness has room for: ten minutes at 100 a second.
-const WITNESSED: usize = 60_000;
+/// Cycles that the servo truth log has room for: ten minutes at 100 a second.
+const LOGGED_CYCLES: usize = 60_000;
 
-/// Who follows, and how.
+/// The robot that is led, and its buses.
 #[derive(Clone, Debug)]
 pub struct FollowConfig {
-    /// Who.
+    /// The robot that dances.
     pub robot: Robot,
     /// Where commands go, for each bus of the robot.
     pub buses: Vec<BusChoice>,
-    /// What to do while nobody leads.
+    /// What to do while there is no leader.
     pub idle: IdleStyle,
-    /// Where it is written when the servos were where, for trials.
-    pub witness: Option<PathBuf>,
+    /// Where the servo truth log goes, for tests of many robots side by side.
+    pub servo_truth: Option<PathBuf>,
 }
 
-/// What came of it.
+/// Result of a led dance.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Followed {
+pub struct LedDanceResult {
     /// Name of the robot.
     pub robot: String,
     /// The bus: `sim`, `serial:PATH`, or `NAME=PORT` for each of several.
@@ -50,9 +50,9 @@ pub struct Followed {
     pub frames: u64,
     /// Control cycles for which motion was due and no frame was there.
     pub late_frames: u64,
-    /// The latest control cycle, milliseconds, and the 99th percentile.
+    /// Lateness of the latest control cycle, milliseconds.
     pub late_ms_max: f64,
-    /// See `late_ms_max`.
+    /// Lateness of control cycles, 99th percentile, milliseconds.
     pub late_ms_p99: f64,
     /// Seconds that the robot idled.
     pub idled_s: f64,
@@ -65,76 +65,60 @@ pub struct Followed {
 }
 
 /// Follows until `stop` is set. `shared_s` reads the clock that all programs of
-/// this machine share.
-///
-/// # Errors
-/// Buses that cannot be opened, servos that fail; torque is off by then.
+/// this machine share; `note` gets lines for the user.
 pub fn follow(
     config: &FollowConfig,
     source: StageSource,
-    end: &mut RobotEnd,
+    viewers: &mut RobotEnd,
     stop: &AtomicBool,
     shared_s: impl Fn() -> f64,
-    tell: impl Fn(&str),
-) -> anyhow::Result<Followed> {
+    note: impl Fn(&str),
+) -> anyhow::Result<LedDanceResult> {
     let robot = &config.robot;
-    let estop = end.estop.clone();
+    let estop = viewers.estop.clone();
     let afterwards = OrdinaryAfterwards;
-    if let Err(not_allowed) = raise(Role::Control) {
-        tell(&not_allowed.to_string());
+    if let Err(not_allowed) = raise(ThreadRole::Control) {
+        note(&not_allowed.to_string());
     }
-    let mut rig = Rig::open(robot, &config.buses, Speed::Realtime, &estop)?;
-    for note in rig.arm()? {
-        tell(&note);
-    }
-    let timing = Timing {
+    let options = LoopOptions {
         speed: Speed::Realtime,
-        live: true,
-        as_live: false,
+        arrival: MotionArrival::Led,
         compensation: false,
         idle: config.idle,
-        staged: true,
     };
+    let mut servos = RobotBuses::open(robot, &config.buses, options.speed, &estop)?;
+    for text in servos.arm()? {
+        note(&text);
+    }
     let mut source = MotionSource::Stage(Box::new(source));
-    let mut control = Control::new(robot, &mut rig, None, timing, Some(&mut *end), stop)?;
-    let joints = robot.servos.len();
-    control.witness = config
-        .witness
+    let link = Some(&mut *viewers);
+    let mut control = ControlLoop::new(robot, &mut servos, None, options, link, stop)?;
+    control.log.servo_truth = config
+        .servo_truth
         .is_some()
-        .then(|| Witness::new(joints, WITNESSED, shared_s));
+        .then(|| ServoTruthLog::new(robot.servos.len(), LOGGED_CYCLES, shared_s));
     let ending = control.run(&mut source, |_| ());
-    let witness = control.witness.take();
-    let (late_ms_p99, late_ms_max) = control.lateness_ms();
-    let mut followed = Followed {
-        robot: robot.name.clone(),
-        bus: bus_choice::names(robot, &config.buses),
-        control_hz: robot.control_hz,
-        frames: control.frames,
-        late_frames: control.late_frames,
-        late_ms_max,
-        late_ms_p99,
-        idled_s: control.idled_s(),
-        violations: None,
-        interventions: 0,
-        safety: Vec::new(),
-    };
-    drop(control);
-    let cause = match &ending {
-        Ok(Ending::Finished) => "the stage is over",
-        Ok(Ending::Stopped) => "stopped on request",
-        Ok(Ending::Interrupted) => "stopped by the user",
-        Err(_) => "an error",
-    };
-    let disarmed = rig.disarm(cause);
-    end.publish(|snapshot| tell_end(snapshot, &rig));
+    let run = control.into_record();
+    let disarmed = servos.disarm(disarm_cause(&ending, "the stage is over"));
+    publish_end(viewers, &servos);
     drop(afterwards);
-    followed.violations = rig.violations();
-    followed.interventions = rig.interventions();
-    followed.safety = rig.safety_log();
-    if let (Some(witness), Some(path)) = (witness, &config.witness) {
-        witness.write(path)?;
+    if let (Some(log), Some(path)) = (&run.log.servo_truth, &config.servo_truth) {
+        log.write(path)?;
     }
     ending?;
     disarmed.context("torque off could not be verified: cut the power")?;
-    Ok(followed)
+    let lateness = run.log.lateness.percentiles();
+    Ok(LedDanceResult {
+        robot: robot.name.clone(),
+        bus: bus_choice::names(robot, &config.buses),
+        control_hz: robot.control_hz,
+        frames: run.input.frames,
+        late_frames: run.input.late_frames,
+        late_ms_max: lateness.max_ms,
+        late_ms_p99: lateness.p99_ms,
+        idled_s: run.plan.idle.idled_s(),
+        violations: servos.violations(),
+        interventions: servos.interventions(),
+        safety: servos.safety_log(),
+    })
 }

@@ -1,13 +1,14 @@
 //! Whole dances: configuration, wiring, one dance after another, and the files
 //! that a dance leaves behind.
 
-pub mod animation;
-pub mod beat_scores;
+pub(crate) mod animation;
+pub(crate) mod beat_scores;
 pub mod config;
 pub mod dance;
+pub(crate) mod dance_report;
 pub mod dance_session;
 pub mod fault_run;
 pub mod led_dance;
-pub mod plot_selection;
+pub(crate) mod plot_selection;
 pub mod summary;
-pub mod uncompensated_replay;
+pub(crate) mod uncompensated_replay;

@@ -1,4 +1,4 @@
-//! Which part of a dance its picture shows, and how its figures are built.
+//! Plot selection: which part of a dance its picture shows, and which joints.
 
 use crate::control::trace::{JointTrace, Trace};
 use crate::session::config::DanceConfig;
@@ -14,8 +14,7 @@ const POSES: usize = 14;
 const OFFBEAT_STEP_S: f64 = 0.5;
 const TRACKS: usize = 8;
 
-/// The picture of a run.
-pub fn portrait(
+pub fn plot(
     config: &DanceConfig,
     trace: &Trace,
     trace_hz: f64,
@@ -58,10 +57,10 @@ pub fn portrait(
 
 fn song_name(config: &DanceConfig) -> String {
     match &config.audio {
-        crate::session::config::AudioChoice::BuiltIn => "its built-in song".into(),
-        crate::session::config::AudioChoice::Stdin(_)
-        | crate::session::config::AudioChoice::Microphone(_) => "live audio".into(),
-        crate::session::config::AudioChoice::File(path) => path
+        crate::pipeline::audio_input::AudioChoice::BuiltIn => "its built-in song".into(),
+        crate::pipeline::audio_input::AudioChoice::Stdin(_)
+        | crate::pipeline::audio_input::AudioChoice::Microphone(_) => "live audio".into(),
+        crate::pipeline::audio_input::AudioChoice::File(path) => path
             .file_name()
             .map(|name| name.to_string_lossy().into_owned())
             .unwrap_or_default(),

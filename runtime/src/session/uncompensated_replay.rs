@@ -1,50 +1,48 @@
-//! The same dance without compensation: what the servos would have done.
+//! Replay of a dance without compensation: what the servos would have done.
 //!
-//! After the dance its motion is danced once more at an even pace, by a fresh
-//! retargeter on simulated servos of its own, in simulated time. Nothing of it
-//! touches the dance that was.
+//! After the dance its motion is run once more at an even pace, by a fresh
+//! retargeter on simulated servos of its own, in simulated time. The report sets
+//! its beat alignment beside that of the dance.
 
 use crate::control::bus_choice;
-use crate::control::robot_buses::Rig;
+use crate::control::robot_buses::RobotBuses;
+use crate::control::timing::LEAD_IN_S;
 use crate::control::trace::JointTrace;
+use crate::process::speed::Speed;
 use crate::robot::Robot;
-use crate::session::config::Speed;
 use servodance_drivers::EStop;
 use servodance_types::MotionFrame;
 
-/// Seconds of dance that are danced again; a longer one is judged by its beginning.
-pub const MOST_S: f64 = 600.0;
-/// Seconds from torque on to the music.
-const PRELUDE_S: f64 = 4.0;
+/// Seconds of the dance that are replayed; a longer one is judged by its beginning.
+const MOST_S: f64 = 600.0;
 
-/// Targets and servos of an uncompensated dance.
-pub struct Shadow {
-    /// What the retargeter asked for.
+pub struct Replay {
+    /// What the retargeter asked for, radians.
     pub targets: JointTrace,
-    /// What the servos reported.
+    /// What the servos reported, radians.
     pub servos: JointTrace,
 }
 
-/// Dances `motion` once more, sent `lead_s` ahead of the music; one sample of
+/// Replays `motion`, sent `lead_s` ahead of the music; one sample of
 /// the traces every `decimation` cycles.
-pub fn shadow(
+pub fn replay(
     robot: &Robot,
     motion: &[MotionFrame],
     lead_s: f64,
     decimation: u64,
-) -> anyhow::Result<Shadow> {
-    let mut rig = Rig::open(
+) -> anyhow::Result<Replay> {
+    let mut servos = RobotBuses::open(
         robot,
         &bus_choice::choose(robot, &["sim".to_owned()])?,
         Speed::Max,
         &EStop::default(),
     )?;
-    rig.arm()?;
+    servos.arm()?;
     let mut retargeter = robot.retargeter()?;
-    let mut targets: Vec<f64> = rig.states().iter().map(|s| s.position_rad).collect();
+    let mut targets: Vec<f64> = servos.states().iter().map(|s| s.position_rad).collect();
     retargeter.seed(&targets)?;
     let joints = targets.len();
-    let mut shadow = Shadow {
+    let mut replay = Replay {
         targets: JointTrace::new(joints),
         servos: JointTrace::new(joints),
     };
@@ -56,7 +54,7 @@ pub fn shadow(
     let mut cycle = 0_u64;
     loop {
         let robot_s = cycle as f64 * robot.period_s();
-        let time_s = first_s + robot_s - PRELUDE_S;
+        let time_s = first_s + robot_s - LEAD_IN_S;
         if time_s > end_s {
             break;
         }
@@ -65,14 +63,14 @@ pub fn shadow(
             retargeter.push(frame);
         }
         retargeter.next(time_s + lead_s, &mut targets)?;
-        rig.cycle(robot_s, &targets)?;
+        servos.cycle(robot_s, &targets)?;
         if time_s >= first_s - 1e-9 && cycle.is_multiple_of(decimation) {
-            shadow.targets.push(time_s, targets.iter().copied());
-            let reported = rig.states().iter().map(|s| s.position_rad);
-            shadow.servos.push(time_s, reported);
+            replay.targets.push(time_s, targets.iter().copied());
+            let reported = servos.states().iter().map(|s| s.position_rad);
+            replay.servos.push(time_s, reported);
         }
         cycle += 1;
     }
-    rig.disarm("the music is over")?;
-    Ok(shadow)
+    servos.disarm("the music is over")?;
+    Ok(replay)
 }

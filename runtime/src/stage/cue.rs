@@ -14,16 +14,13 @@ const LOOKS: usize = 10;
 /// What is said needs this long to be on its way.
 const LEAVE: Duration = Duration::from_millis(200);
 
-/// Gives the cue.
-///
-/// # Errors
-/// A role that cannot be; a stage without a leader.
+/// Sends the cue to the leader of the stage.
 pub fn cue(place: &NetConfig, stage: &str, follower: &str, role: Role) -> anyhow::Result<()> {
     let role = role.checked()?;
     if role == Role::default() {
         bail!("nothing to change: give --mirror, --amplitude, --canon or --style");
     }
-    if !is_plain(follower) {
+    if !is_valid_name(follower) {
         bail!("\"{follower}\" cannot be the name of a follower; `all` means everybody");
     }
     let keys = keys(stage)?;

@@ -1,24 +1,19 @@
-//! `servodance follow`: a robot that dances what somebody else leads.
+//! `servodance follow`: a robot that dances the motion of a leader.
 //!
 //! Two threads beside those of Zenoh: the control loop, which is that of
-//! `dance`, and the seat, which hears the leader, keeps its clock and hands
-//! frames over when it is nearly their turn. The seat is to the control loop what
-//! viewers are: it may ask for amplitude, mirror and idle behaviour, and sees
-//! snapshots; it can neither wait for the loop nor be waited for.
+//! `dance`, and the follower thread, which receives from the leader, keeps its
+//! clock and hands frames over when it is nearly their time. To the control loop
+//! the follower thread is a viewer: it may ask for amplitude, mirror and idle
+//! behaviour, and gets snapshots; neither waits for the other.
 
 use super::ros::Ros;
 use super::{cpu_s, keys, open_twin, shared_s};
-use crate::control::emergency_stop::EStopWatch;
+use crate::control::emergency_stop::EmergencyStopWatch;
 use crate::control::idle::IdleStyle;
-use crate::pipeline::stage_source::LeaderNow;
-use crate::pipeline::stage_source::LocalClock;
-use crate::pipeline::stage_source::StageEnd;
-use crate::pipeline::stage_source::stage_line;
+use crate::pipeline::stage_source::{LeaderNow, LocalClock, StageSink, stage_link};
 use crate::process::progress::Progress;
-use crate::process::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
-use crate::session::led_dance::FollowConfig;
-use crate::session::led_dance::Followed;
-use crate::session::led_dance::follow as dance;
+use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
+use crate::session::led_dance::{self, FollowConfig, LedDanceResult};
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::viewer::{ViewerEnd, ViewerRequest, ViewerSettings, link};
 use anyhow::Context;
@@ -35,23 +30,23 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
-/// Messages that may wait for the seat.
+/// Messages that may wait for the follower thread.
 const WAITING: usize = 1024;
-/// The seat looks around this often.
-const EVERY: Duration = Duration::from_millis(10);
+/// The follower thread waits for messages at most this long.
+const LONGEST_WAIT: Duration = Duration::from_millis(10);
 
-/// Who follows whom.
+/// The robot that follows, and the network.
 #[derive(Clone, Debug)]
 pub struct StageFollow {
     /// The robot and its buses.
     pub config: FollowConfig,
-    /// Where the leader is.
+    /// Where the leader is to be reached.
     pub place: NetConfig,
-    /// Name of the stage.
+    /// Name of the stage to follow on.
     pub stage: String,
-    /// Name of the follower.
+    /// Name of this follower on the stage.
     pub name: String,
-    /// How it dances unless it is told otherwise.
+    /// How it dances until the leader gives it another role.
     pub role: Role,
     /// Seconds alone after which it stands at rest.
     pub rest_after_s: f64,
@@ -59,25 +54,25 @@ pub struct StageFollow {
     pub ros_domain: Option<u32>,
     /// By how much its clock is wrong, seconds, and fast, seconds a second.
     pub skew: (f64, f64),
-    /// An emergency stop.
+    /// A file that is the emergency stop.
     pub estop_file: Option<PathBuf>,
-    /// Where the figures go.
+    /// Where the report goes.
     pub report: Option<PathBuf>,
-    /// Print only errors.
+    /// Whether only errors are printed.
     pub quiet: bool,
 }
 
-/// What came of it.
+/// The figures of a follower.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FollowReport {
-    /// Version of servodance.
+    /// Version of this program.
     pub version: String,
-    /// Name of the follower.
+    /// Name of this follower on the stage.
     pub name: String,
-    /// What the robot did.
+    /// The figures of its control loop.
     #[serde(flatten)]
-    pub followed: Followed,
-    /// Seconds on the clock.
+    pub followed: LedDanceResult,
+    /// Duration by the clock on the wall, seconds.
     pub wall_s: f64,
     /// Processor time of the whole program over that, 1 being a core.
     pub cpu_cores: f64,
@@ -91,7 +86,7 @@ pub struct FollowReport {
     pub delay_ms: f64,
     /// By how much the leader's clock is faster, millionths.
     pub drift_ppm: f64,
-    /// Frames that never came.
+    /// Number of frames that never came.
     pub lost_frames: u64,
     /// How often a leader was followed.
     pub joined: u64,
@@ -112,17 +107,14 @@ pub struct FollowReport {
 /// Messages that were dropped, by cause.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Dropped {
-    /// By the follower, and why.
+    /// Those that the follower refused, by cause.
     #[serde(flatten)]
     pub counted: DropCounters,
-    /// There was no room for them.
+    /// Those for which there was no room.
     pub flooded: u64,
 }
 
 /// Follows until `stop` is set.
-///
-/// # Errors
-/// What cannot be used, what failed on the way; torque is off by then.
 pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<FollowReport> {
     let robot = &options.config.robot;
     let report = options.report.as_deref().map(PendingFile::create);
@@ -132,7 +124,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     let reach_s = robot.retargeter()?.lookahead_s() + robot.servo_lag_s;
     let follower = Follower::new(&options.name, role.clone(), reach_s, rand::random());
     let clock = LocalClock::start(options.skew.0, options.skew.1);
-    let (source, end) = stage_line(robot.period_s(), clock);
+    let (source, sink) = stage_link(robot.period_s(), clock);
     let mut settings = ViewerSettings {
         amplitude: robot.retarget.amplitude,
         mirror: robot.retarget.mirror,
@@ -140,15 +132,15 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         style: 0,
         seed: 0,
     };
-    let usual = settings;
-    dress(&mut settings, &role);
+    let base_settings = settings;
+    apply_role(&mut settings, &role);
     let (mut robot_end, viewers) = link(robot.servos.len(), settings);
-    let _watch = EStopWatch::start(&robot_end.estop, options.estop_file.clone(), true)?;
+    let _watch = EmergencyStopWatch::start(&robot_end.estop, options.estop_file.clone(), true)?;
     let progress = Progress::new(None, options.quiet);
     let afterwards = OrdinaryAfterwards;
     // For the network's threads too: they stamp what comes. The control loop
     // says whether it is allowed.
-    let _ = raise(Urgency::Capture);
+    let _ = raise(ThreadRole::Capture);
     let net = open_twin(&options.place)?;
     let joints = robot.servos.iter().map(|s| s.name.clone()).collect();
     let ros = options
@@ -157,45 +149,39 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         .transpose()?;
     let (sender, inbox) = sync_channel(WAITING);
     let flooded = Arc::new(AtomicU64::new(0));
-    let _ears = listen(&net, &keys, follower.id(), clock, &sender, &flooded)?;
-    let seat = Seat {
+    let _subscribers = subscribe(&net, &keys, follower.id(), clock, &sender, &flooded)?;
+    let follower = FollowerThread {
         ask: net.publisher(&keys.from_follower(Some(follower.id())))?,
         follower,
         clock,
-        end,
+        sink,
         viewers,
         inbox,
         ros,
-        usual,
+        base_settings,
         settings,
         rest_after: Duration::from_secs_f64(options.rest_after_s),
-        heard: Instant::now(),
+        led: Instant::now(),
         alone: true,
-        told_version: false,
+        noted_version: false,
         notes: progress.clone(),
     };
     let (began, cpu) = (Instant::now(), cpu_s());
-    let seat = std::thread::Builder::new()
+    let follower = std::thread::Builder::new()
         .name("seat".into())
-        .spawn(move || seat.run())?;
-    let tell = |text: &str| progress.note(text);
-    let followed = dance(
-        &options.config,
-        source,
-        &mut robot_end,
-        stop,
-        shared_s,
-        tell,
-    );
+        .spawn(move || follower.run())?;
+    let note = |text: &str| progress.note(text);
+    let (config, end) = (&options.config, &mut robot_end);
+    let followed = led_dance::follow(config, source, end, stop, shared_s, note);
     drop(afterwards);
     let wall_s = began.elapsed().as_secs_f64();
     let cpu_cores = (cpu_s() - cpu) / wall_s;
     progress.done();
-    let seat = seat
+    let joined = follower
         .join()
         .map_err(|_| anyhow::anyhow!("the thread that hears the leader broke down"));
-    let (followed, seat) = (followed?, seat?.context("the network")?);
-    let (figures, role) = (seat.follower.stats(), seat.follower.role().clone());
+    let (followed, thread) = (followed?, joined?.context("the network")?);
+    let (figures, role) = (thread.follower.stats(), thread.follower.role().clone());
     let report = FollowReport {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         name: options.name.clone(),
@@ -211,8 +197,8 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         joined: figures.joined,
         rejoined: figures.left,
         canon_beats: role.canon_beats.unwrap_or_default().into(),
-        mirror: seat.settings.mirror,
-        amplitude: seat.settings.amplitude,
+        mirror: thread.settings.mirror,
+        amplitude: thread.settings.amplitude,
         style: role.style,
         dropped: Dropped {
             counted: figures.dropped,
@@ -227,94 +213,95 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
 }
 
 /// Something that came over the network.
-enum News {
+enum FollowerEvent {
     /// A message, and when it came.
     Heard(i64, Vec<u8>),
     /// A leader's sign of life went away.
     Gone(u64),
 }
 
-/// Everything a follower hears; it lasts as long as what comes back.
-fn listen(
+/// Subscribes to all that a follower receives, as long as the result lives.
+fn subscribe(
     net: &RedundantSession,
     keys: &StageKeys,
     id: u64,
     clock: LocalClock,
-    inbox: &SyncSender<News>,
+    inbox: &SyncSender<FollowerEvent>,
     flooded: &Arc<AtomicU64>,
 ) -> anyhow::Result<Vec<Subscription>> {
-    let mut ears = Vec::new();
+    let mut subscribers = Vec::new();
     for key in [keys.frames(None), keys.roles(), keys.to_follower(id)] {
         let (inbox, flooded) = (inbox.clone(), Arc::clone(flooded));
-        ears.extend(net.subscribe(&key, move |bytes| {
-            let news = News::Heard(clock.now_ns(), bytes.to_vec());
-            if inbox.try_send(news).is_err() {
+        subscribers.extend(net.subscribe(&key, move |bytes| {
+            let event = FollowerEvent::Heard(clock.now_ns(), bytes.to_vec());
+            if inbox.try_send(event).is_err() {
                 flooded.fetch_add(1, Ordering::Relaxed);
             }
         })?);
     }
     let (inbox, own) = (inbox.clone(), keys.clone());
-    ears.extend(net.watch_liveliness(&keys.leaders(), move |key, lives| {
+    subscribers.extend(net.watch_liveliness(&keys.leaders(), move |key, lives| {
         if let (Some((instance, _)), false) = (own.parse_leader(key), lives) {
-            let _ = inbox.try_send(News::Gone(instance));
+            let _ = inbox.try_send(FollowerEvent::Gone(instance));
         }
     })?);
-    Ok(ears)
+    Ok(subscribers)
 }
 
-/// What the network does for one robot.
-struct Seat {
+struct FollowerThread {
     follower: Follower,
     clock: LocalClock,
-    end: StageEnd,
+    sink: StageSink,
     viewers: ViewerEnd,
-    inbox: Receiver<News>,
+    inbox: Receiver<FollowerEvent>,
     ask: RedundantPublisher,
     ros: Option<Ros>,
-    /// What is danced without a role, and what the control loop was told last.
-    usual: ViewerSettings,
+    /// Settings without a role.
+    base_settings: ViewerSettings,
+    /// Settings that the control loop got last.
     settings: ViewerSettings,
     rest_after: Duration,
-    /// When somebody led last.
-    heard: Instant,
+    /// When there was a leader last.
+    led: Instant,
     alone: bool,
-    told_version: bool,
+    noted_version: bool,
     notes: Progress,
 }
 
-impl Seat {
-    /// Until the control loop is gone.
+impl FollowerThread {
+    /// Runs until the control loop has ended.
     fn run(mut self) -> anyhow::Result<Self> {
-        while !self.end.is_alone() {
-            match self.inbox.recv_timeout(EVERY) {
-                Ok(news) => {
-                    self.take(news);
-                    while let Ok(news) = self.inbox.try_recv() {
-                        self.take(news);
+        while !self.sink.is_abandoned() {
+            match self.inbox.recv_timeout(LONGEST_WAIT) {
+                Ok(event) => {
+                    self.handle(event);
+                    while let Ok(event) = self.inbox.try_recv() {
+                        self.handle(event);
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
-            self.look_around()?;
+            self.tick()?;
         }
         Ok(self)
     }
 
-    fn take(&mut self, news: News) {
-        match news {
-            News::Gone(instance) => self.follower.note_leader_gone(instance),
-            News::Heard(at_ns, bytes) => {
+    fn handle(&mut self, event: FollowerEvent) {
+        match event {
+            FollowerEvent::Gone(instance) => self.follower.note_leader_gone(instance),
+            FollowerEvent::Heard(at_ns, bytes) => {
                 let heard = self.follower.receive(at_ns, &bytes);
-                if let (Err(error @ MessageError::Version(_)), false) = (heard, self.told_version) {
-                    self.told_version = true;
+                if let (Err(error @ MessageError::Version(_)), false) = (heard, self.noted_version)
+                {
+                    self.noted_version = true;
                     self.notes.note(&error.to_string());
                 }
             }
         }
     }
 
-    fn look_around(&mut self) -> anyhow::Result<()> {
+    fn tick(&mut self) -> anyhow::Result<()> {
         let now_ns = self.clock.now_ns();
         for question in self.follower.time_requests(now_ns) {
             self.ask.put(question)?;
@@ -322,20 +309,20 @@ impl Seat {
         if let Some(report) = self.follower.report(now_ns) {
             self.ask.put(report)?;
         }
-        let (shown_s, hidden) = self.end.shown();
-        while self.end.has_room() {
+        let (shown_s, hidden) = self.sink.shown();
+        while self.sink.has_room() {
             let frame = self.follower.next_frame(now_ns, Some(shown_s), hidden);
             match frame {
-                Some(frame) => self.end.hand_over(frame),
+                Some(frame) => self.sink.push(frame),
                 None => break,
             };
         }
-        self.end.tell(LeaderNow {
+        self.sink.set_leader(LeaderNow {
             due: self.follower.due(now_ns),
             away: self.follower.is_leaving(now_ns),
         });
-        self.tell_changes(now_ns);
-        self.play_role();
+        self.note_changes(now_ns);
+        self.apply_settings();
         if let Some(ros) = self.ros.as_mut().filter(|ros| ros.is_due()) {
             ros.publish(self.viewers.newest())?;
         }
@@ -343,10 +330,10 @@ impl Seat {
     }
 
     /// Says who leads, when that changes.
-    fn tell_changes(&mut self, now_ns: i64) {
+    fn note_changes(&mut self, now_ns: i64) {
         let alone = self.follower.is_alone(now_ns);
         if !alone {
-            self.heard = Instant::now();
+            self.led = Instant::now();
         }
         if alone == self.alone {
             return;
@@ -366,12 +353,12 @@ impl Seat {
         ));
     }
 
-    /// Asks the control loop for what the role says, and for rest when it is
-    /// alone for long.
-    fn play_role(&mut self) {
-        let mut wanted = self.usual;
-        dress(&mut wanted, self.follower.role());
-        if self.alone && self.heard.elapsed() > self.rest_after {
+    /// Asks the control loop for the settings of the role; for rest after long
+    /// without a leader.
+    fn apply_settings(&mut self) {
+        let mut wanted = self.base_settings;
+        apply_role(&mut wanted, self.follower.role());
+        if self.alone && self.led.elapsed() > self.rest_after {
             wanted.idle = IdleStyle::Rest;
         }
         if wanted == self.settings {
@@ -389,7 +376,7 @@ impl Seat {
 }
 
 /// Takes over what a role says of a robot's settings.
-fn dress(settings: &mut ViewerSettings, role: &Role) {
+fn apply_role(settings: &mut ViewerSettings, role: &Role) {
     settings.mirror = role.mirror.unwrap_or(settings.mirror);
     settings.amplitude = role.amplitude.map_or(settings.amplitude, f64::from);
 }

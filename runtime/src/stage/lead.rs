@@ -1,26 +1,19 @@
-//! `servodance lead`: hears music, invents the dance, and sends it to whoever
-//! follows.
+//! `servodance lead`: makes the dance from music and sends it to all followers.
 //!
-//! A recording begins [`PRELUDE_S`] after the start, so that followers are on
-//! their way to the first pose; live music is shown as late as the neediest
-//! follower needs, in whole beats where there is a beat. One thread hears and
-//! invents ahead of time, one (this) sends frames when it is their time, answers
-//! and keeps the roles.
+//! Two threads: the dancer thread computes motion ahead of time; the leader loop
+//! sends frames when it is their time, answers followers and keeps the roles.
 
+use super::timeline::{Timeline, nanoseconds};
 use super::{keys, open};
-use crate::pipeline::audio_input::Audio;
+use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::conditioning::Conditioning;
-use crate::pipeline::motion_source::CHORUS;
-use crate::pipeline::motion_source::Change;
-use crate::pipeline::motion_source::Dancer;
-use crate::pipeline::motion_source::DancerThread;
-use crate::pipeline::motion_source::Next;
-use crate::pipeline::motion_source::Step;
+use crate::pipeline::dance_step::{DanceChange, DanceStep, EXTRA_STYLES, Polled};
+use crate::pipeline::dancer::Dancer;
+use crate::pipeline::dancer_thread::DancerThread;
 use crate::pipeline::stage_source::LocalClock;
 use crate::process::progress::Progress;
-use crate::process::realtime::{OrdinaryAfterwards, Role as Urgency, raise};
-use crate::session::config::AudioChoice;
-use crate::session::config::Speed;
+use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
+use crate::process::speed::Speed;
 use crate::session::dance::open_generator;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::bail;
@@ -39,56 +32,48 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
-/// Seconds until a recording begins.
-const PRELUDE_S: f64 = 4.0;
 /// How long other leaders are looked for.
 const LOOK: Duration = Duration::from_millis(1200);
-/// Messages that may wait.
+/// Messages that may wait for the leader loop.
 const WAITING: usize = 4096;
-/// Looks around at least this often.
-const EVERY: Duration = Duration::from_millis(5);
-/// Roles are sent again, and wanted styles looked over, this often.
-const AGAIN: Duration = Duration::from_secs(1);
+/// The leader loop waits for messages at most this long.
+const LONGEST_WAIT: Duration = Duration::from_millis(5);
+/// Roles are sent again, and wanted styles collected, this often.
+const ROLE_INTERVAL: Duration = Duration::from_secs(1);
 /// After the last frame the leader stays for this, seconds.
 const TAIL_S: f64 = 0.5;
-/// Hearing and inventing live music take at most this, seconds.
-const INVENTING_S: f64 = 0.15;
-/// Live motion is moved to another delay by so much in a second.
-const DELAY_CHANGE: f64 = 0.1;
-/// The capture times of live music are followed by this share a frame.
-const CAPTURE_SHARE: f64 = 0.02;
 
-/// What is led, and where.
+/// The dance to lead, and the network.
 #[derive(Clone, Debug)]
 pub struct StageLead {
-    /// The music.
+    /// Where the music comes from.
     pub audio: AudioChoice,
     /// Seed of the generator.
     pub seed: u64,
-    /// Style, if asked for.
+    /// Style, if not the default one.
     pub style: Option<String>,
     /// Weights, if not the built-in ones.
     pub model: Option<PathBuf>,
-    /// What those weights may need beside them.
+    /// Files that those weights may need.
     pub conditioning: Conditioning,
     /// How the model's steps are computed.
     pub engine: EngineOptions,
-    /// Where others connect.
+    /// Network addresses at which followers connect.
     pub place: NetConfig,
-    /// Name of the stage.
+    /// Name of the stage to lead.
     pub stage: String,
-    /// Take the place of a leader that is there.
+    /// Whether to replace a leader that is there.
     pub take_over: bool,
-    /// Where the figures go.
+    /// Where the report goes.
     pub report: Option<PathBuf>,
-    /// Print only errors.
+    /// Whether only errors are printed.
     pub quiet: bool,
 }
 
-/// What came of it.
+/// The figures of a led dance.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct LeadReport {
-    /// Version of servodance.
+    /// Version of this program.
     pub version: String,
     /// Frames that were sent, without those of other styles.
     pub frames: u64,
@@ -96,31 +81,28 @@ pub struct LeadReport {
     pub late_frames: u64,
     /// The last lead, milliseconds.
     pub lead_ms: f64,
-    /// The longest lead.
+    /// The longest lead, milliseconds.
     pub lead_ms_max: f64,
-    /// Followers at most.
+    /// The largest number of followers at a time.
     pub followers: usize,
-    /// Messages that were dropped.
+    /// Number of messages that were dropped.
     pub dropped: u64,
-    /// Another leader took over.
+    /// Whether another leader took over.
     pub taken_over: bool,
-    /// The user stopped it.
+    /// Whether the user stopped it.
     pub interrupted: bool,
 }
 
 /// Leads until the music is over, another takes over, or `stop` is set.
-///
-/// # Errors
-/// What cannot be used, a stage that has a leader, what failed on the way.
 pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport> {
     let report = options.report.as_deref().map(PendingFile::create);
     drop(report.transpose()?); // only to learn early whether it can be written
     let keys = keys(&options.stage)?;
     let progress = Progress::new(None, options.quiet);
     let afterwards = OrdinaryAfterwards;
-    let _ = raise(Urgency::Capture);
-    let audio = Audio::open(&options.audio, Speed::Realtime)?;
-    let _ = raise(Urgency::Model);
+    let _ = raise(ThreadRole::Capture);
+    let audio = AudioInput::open(&options.audio, Speed::Realtime)?;
+    let _ = raise(ThreadRole::Model);
     let generator = open_generator(options.model.as_deref(), options.engine)?;
     let encodec = options.conditioning.encodec(&generator)?;
     let style = match &options.style {
@@ -144,10 +126,10 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
     let clock = LocalClock::start(0.0, 0.0);
     let leader = Leader::new(term, rand::random());
     let (sender, inbox) = sync_channel(WAITING);
-    let _ears = listen(&net, &keys, clock, &sender)?;
+    let _subscribers = subscribe(&net, &keys, clock, &sender)?;
     let _token = net.declare_liveliness(&keys.leader(leader.instance(), term))?;
-    let frames = (0..=CHORUS as u8).map(|voice| net.publisher(&keys.frames(Some(voice))));
-    let mut desk = Desk {
+    let frames = (0..=EXTRA_STYLES as u8).map(|voice| net.publisher(&keys.frames(Some(voice))));
+    let mut leading = LeaderLoop {
         frames: frames.collect::<Result<_, _>>()?,
         postures: Default::default(),
         roles: net.publisher(&keys.roles())?,
@@ -158,28 +140,28 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
         inbox,
         styles,
         style,
-        chorus: [None; CHORUS],
+        extra_styles: [None; EXTRA_STYLES],
         dancer: DancerThread::start(dancer)?,
         timeline: Timeline::default(),
         report: LeadReport {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             ..LeadReport::default()
         },
-        again: Instant::now(),
+        roles_sent: Instant::now(),
         rival: None,
     };
     progress.note(&format!(
         "leading the stage \"{}\" as {:016x}",
         options.stage,
-        desk.leader.instance()
+        leading.leader.instance()
     ));
-    let led = desk.run(stop, &progress);
+    let led = leading.run(stop, &progress);
     drop(afterwards);
     progress.done();
-    desk.report.dropped = desk.leader.dropped;
-    let report = desk.report.clone();
+    leading.report.dropped = leading.leader.dropped;
+    let report = leading.report.clone();
     led?;
-    desk.dancer.heard()?;
+    leading.dancer.finish()?;
     if let Some(path) = &options.report {
         let text = serde_json::to_string_pretty(&report)? + "\n";
         write_whole(path, text.as_bytes())?;
@@ -209,116 +191,71 @@ fn term(net: &NetSession, keys: &StageKeys, options: &StageLead) -> anyhow::Resu
     Ok(term.saturating_add(1))
 }
 
-/// Something that came over the network.
-enum News {
+/// Something that came over the network, with its time by the local clock.
+enum LeaderEvent {
     Heard(i64, Vec<u8>),
     Leader(u64, u32),
 }
 
-fn listen(
+fn subscribe(
     net: &NetSession,
     keys: &StageKeys,
     clock: LocalClock,
-    inbox: &SyncSender<News>,
+    inbox: &SyncSender<LeaderEvent>,
 ) -> anyhow::Result<Vec<Subscription>> {
-    let mut ears = Vec::new();
+    let mut subscribers = Vec::new();
     for key in [keys.from_follower(None), keys.cue()] {
         let inbox = inbox.clone();
         // Followers say everything by two connections.
         let each = deduplicated(move |bytes| {
-            // What there is no room for is a flood.
-            let _ = inbox.try_send(News::Heard(clock.now_ns(), bytes.to_vec()));
+            // A full inbox is a flood: the message is dropped.
+            let _ = inbox.try_send(LeaderEvent::Heard(clock.now_ns(), bytes.to_vec()));
         });
-        ears.push(net.subscribe(&key, each)?);
+        subscribers.push(net.subscribe(&key, each)?);
     }
     let (inbox, own) = (inbox.clone(), keys.clone());
-    ears.push(net.watch_liveliness(&keys.leaders(), move |key, lives| {
+    subscribers.push(net.watch_liveliness(&keys.leaders(), move |key, lives| {
         if let (Some((instance, term)), true) = (own.parse_leader(key), lives) {
-            let _ = inbox.try_send(News::Leader(instance, term));
+            let _ = inbox.try_send(LeaderEvent::Leader(instance, term));
         }
     })?);
-    Ok(ears)
+    Ok(subscribers)
 }
 
-/// When the motion of which moment of the music is shown.
-#[derive(Clone, Copy, Debug, Default)]
-struct Timeline {
-    /// The leader's clock at the beginning of the music, nanoseconds.
-    start_ns: Option<i64>,
-    /// How much later than it was captured live music is shown, seconds.
-    delay_s: Option<f64>,
-    newest_ns: i64,
-}
-
-impl Timeline {
-    /// When to show a step, nanoseconds of the leader's clock.
-    fn place(&mut self, step: &Step, clock: LocalClock, needed_s: f64) -> i64 {
-        let music_ns = nanoseconds(step.motion.time_s);
-        let present_ns = match step.captured {
-            None => *self
-                .start_ns
-                .get_or_insert_with(|| clock.now_ns() + nanoseconds(PRELUDE_S)),
-            Some(captured) => {
-                let seen_ns = clock.at(captured) - music_ns;
-                let start_ns = self.start_ns.get_or_insert(seen_ns);
-                *start_ns += ((seen_ns - *start_ns) as f64 * CAPTURE_SHARE) as i64;
-                *start_ns + nanoseconds(self.delay_s(step, needed_s))
-            }
-        } + music_ns;
-        self.newest_ns = self.newest_ns.max(present_ns);
-        present_ns
-    }
-
-    /// How late live motion is shown: as few whole beats as will do.
-    fn delay_s(&mut self, step: &Step, needed_s: f64) -> f64 {
-        let least_s = needed_s + INVENTING_S;
-        let tempo = f64::from(step.music.beat.tempo_bpm);
-        let wanted_s = match tempo > 0.0 {
-            true => (least_s * tempo / 60.0).ceil() * 60.0 / tempo,
-            false => least_s,
-        };
-        let most = DELAY_CHANGE / servodance_types::FRAME_RATE_HZ;
-        let delay_s = self.delay_s.get_or_insert(wanted_s);
-        *delay_s += (wanted_s - *delay_s).clamp(-most, most);
-        *delay_s
-    }
-}
-
-/// Everything that the leading thread keeps.
-struct Desk {
+struct LeaderLoop {
     net: NetSession,
     keys: StageKeys,
     leader: Leader,
     clock: LocalClock,
-    inbox: Receiver<News>,
-    /// One a voice.
+    inbox: Receiver<LeaderEvent>,
+    /// One publisher a voice.
     frames: Vec<NetPublisher>,
-    /// What is usual in the dance of each voice.
-    postures: [PostureReader; 1 + CHORUS],
+    /// Baseline posture of each voice.
+    postures: [PostureReader; 1 + EXTRA_STYLES],
     roles: NetPublisher,
     styles: Vec<String>,
     /// The stage's own style.
     style: String,
     /// Styles of the other voices, by their places in `styles`.
-    chorus: [Option<usize>; CHORUS],
+    extra_styles: [Option<usize>; EXTRA_STYLES],
     dancer: DancerThread,
     timeline: Timeline,
     report: LeadReport,
-    again: Instant,
+    roles_sent: Instant,
     /// Another leader: its instance and term.
     rival: Option<(u64, u32)>,
 }
 
-impl Desk {
+impl LeaderLoop {
     fn run(&mut self, stop: &AtomicBool, progress: &Progress) -> anyhow::Result<()> {
-        let mut next: Option<(i64, Box<Step>)> = None;
+        let mut next: Option<(i64, Box<DanceStep>)> = None;
         let mut ended = false;
         loop {
             if stop.load(Ordering::Relaxed) {
                 self.report.interrupted = true;
                 return Ok(());
             }
-            if self.is_beaten(progress)? {
+            if self.is_replaced(progress)? {
                 self.report.taken_over = true;
                 return Ok(());
             }
@@ -328,12 +265,12 @@ impl Desk {
             self.report.lead_ms_max = self.report.lead_ms_max.max(lead_s * 1e3);
             while next.is_none() && !ended {
                 match self.dancer.poll()? {
-                    Next::Step(step) => {
+                    Polled::Step(step) => {
                         let at_ns = self.timeline.place(&step, self.clock, lead_s);
                         next = Some((at_ns, step));
                     }
-                    Next::Ended => ended = true,
-                    Next::Late | Next::Away => break,
+                    Polled::Ended => ended = true,
+                    Polled::Late | Polled::Away => break,
                 }
             }
             if ended && next.is_none() && now_ns > self.timeline.newest_ns + nanoseconds(TAIL_S) {
@@ -347,36 +284,44 @@ impl Desk {
                 continue; // the next one may be due as well
             }
             let until_ns = next.as_ref().map(|(at_ns, _)| at_ns - nanoseconds(lead_s));
-            let wait = until_ns.map_or(EVERY, |at_ns| self.clock.until(at_ns).min(EVERY));
-            if let Ok(news) = self.inbox.recv_timeout(wait) {
-                self.take(news)?;
-                while let Ok(news) = self.inbox.try_recv() {
-                    self.take(news)?;
+            let wait = until_ns.map_or(LONGEST_WAIT, |at_ns| {
+                self.clock.until(at_ns).min(LONGEST_WAIT)
+            });
+            if let Ok(event) = self.inbox.recv_timeout(wait) {
+                self.handle(event)?;
+                while let Ok(event) = self.inbox.try_recv() {
+                    self.handle(event)?;
                 }
             }
-            if self.again.elapsed() >= AGAIN {
-                self.again = Instant::now();
+            if self.roles_sent.elapsed() >= ROLE_INTERVAL {
+                self.roles_sent = Instant::now();
                 let roles = self.leader.roles();
                 self.roles.put(roles)?;
-                self.arrange();
+                self.assign_styles();
             }
         }
     }
 
-    /// Sends a frame in every style.
-    fn send(&mut self, now_ns: i64, at_ns: i64, lead_s: f64, step: &Step) -> anyhow::Result<()> {
+    /// Sends a frame in the main style and in all extra styles.
+    fn send(
+        &mut self,
+        now_ns: i64,
+        at_ns: i64,
+        lead_s: f64,
+        step: &DanceStep,
+    ) -> anyhow::Result<()> {
         let late_ns = now_ns - (at_ns - nanoseconds(lead_s));
         let is_late = late_ns > nanoseconds(1.0 / servodance_types::FRAME_RATE_HZ);
         self.report.late_frames += u64::from(is_late && step.captured.is_none());
         self.report.frames += 1;
         let own = (0, step.motion);
-        for (voice, motion) in std::iter::once(own).chain(step.chorus.into_iter().flatten()) {
+        for (voice, motion) in std::iter::once(own).chain(step.extra_styles.into_iter().flatten()) {
             let place = usize::from(voice);
             let style = match place.checked_sub(1) {
                 None => &self.style,
-                Some(other) => match self.chorus.get(other).copied().flatten() {
+                Some(other) => match self.extra_styles.get(other).copied().flatten() {
                     Some(style) => &self.styles[style],
-                    None => continue, // not wanted any more
+                    None => continue, // dropped by now
                 },
             };
             let posture = self.postures[place].read(&motion);
@@ -387,15 +332,15 @@ impl Desk {
         Ok(())
     }
 
-    fn take(&mut self, news: News) -> anyhow::Result<()> {
-        match news {
-            News::Leader(instance, term) if instance != self.leader.instance() => {
+    fn handle(&mut self, event: LeaderEvent) -> anyhow::Result<()> {
+        match event {
+            LeaderEvent::Leader(instance, term) if instance != self.leader.instance() => {
                 self.rival = Some((instance, term));
             }
-            News::Leader(..) => {}
-            News::Heard(at_ns, bytes) => {
+            LeaderEvent::Leader(..) => {}
+            LeaderEvent::Heard(at_ns, bytes) => {
                 let clock = self.clock;
-                // What is wrong with a message was counted.
+                // Bad messages are counted by `receive`.
                 match self.leader.receive(at_ns, &bytes, || clock.now_ns()) {
                     Ok(Outgoing::Reply(follower, messages)) => {
                         let key = self.keys.to_follower(follower);
@@ -413,8 +358,8 @@ impl Desk {
         Ok(())
     }
 
-    /// Whether another leader is to lead.
-    fn is_beaten(&mut self, progress: &Progress) -> anyhow::Result<bool> {
+    /// Whether another leader leads from now on.
+    fn is_replaced(&mut self, progress: &Progress) -> anyhow::Result<bool> {
         let Some((instance, term)) = self.rival.take() else {
             return Ok(false);
         };
@@ -428,8 +373,8 @@ impl Desk {
         Ok(false)
     }
 
-    /// Begins and ends voices as followers want styles.
-    fn arrange(&mut self) {
+    /// Begins and ends extra dances for the styles that followers want.
+    fn assign_styles(&mut self) {
         let wanted = self.leader.followers().map(|f| f.style.as_str());
         let mut wanted: Vec<usize> = wanted
             .filter(|style| *style != self.style)
@@ -437,25 +382,21 @@ impl Desk {
             .collect();
         wanted.sort_unstable();
         wanted.dedup();
-        for (number, place) in (1..).zip(&mut self.chorus) {
+        for (number, place) in (1..).zip(&mut self.extra_styles) {
             if place.is_some_and(|style| !wanted.contains(&style)) {
                 *place = None;
-                self.dancer.change(Change::Hush(number));
+                self.dancer.change(DanceChange::DropExtra(number));
             }
         }
         for style in wanted {
-            let known = self.chorus.contains(&Some(style));
-            let free = self.chorus.iter().position(Option::is_none);
+            let known = self.extra_styles.contains(&Some(style));
+            let free = self.extra_styles.iter().position(Option::is_none);
             if let (false, Some(place)) = (known, free) {
-                self.chorus[place] = Some(style);
+                self.extra_styles[place] = Some(style);
                 self.postures[place + 1] = PostureReader::default();
                 let number = place as u8 + 1;
-                self.dancer.change(Change::Voice(number, style));
+                self.dancer.change(DanceChange::AddExtra(number, style));
             }
         }
     }
-}
-
-fn nanoseconds(seconds: f64) -> i64 {
-    (seconds * 1e9).round() as i64
 }

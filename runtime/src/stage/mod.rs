@@ -14,6 +14,7 @@ mod follow;
 mod lead;
 mod ros;
 mod shared;
+mod timeline;
 
 pub use cue::cue;
 pub use follow::{FollowReport, StageFollow, follow};
@@ -46,6 +47,6 @@ fn open_twin(place: &NetConfig) -> anyhow::Result<RedundantSession> {
 
 fn warn(exposure: Option<String>) {
     if let Some(warning) = exposure {
-        crate::process::console::tell!("{warning}");
+        crate::process::console::stderr_line!("{warning}");
     }
 }

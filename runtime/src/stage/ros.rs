@@ -36,7 +36,6 @@ pub struct Ros {
     next: Instant,
 }
 
-/// One publisher.
 struct Publisher {
     voice: NetPublisher,
     _token: LivelinessGuard,
@@ -46,9 +45,6 @@ struct Publisher {
 
 impl Ros {
     /// A node in this domain.
-    ///
-    /// # Errors
-    /// The session is over.
     pub fn start(
         net: &NetSession,
         domain: u32,
@@ -91,9 +87,6 @@ impl Ros {
     }
 
     /// Publishes what is seen of the robot now.
-    ///
-    /// # Errors
-    /// The session is over.
     pub fn publish(&mut self, seen: &Snapshot) -> Result<(), NetError> {
         self.next = Instant::now() + EVERY;
         let now = self.start_since_1970 + self.start.elapsed();

@@ -4,7 +4,7 @@
 //! against this file; a change of meaning raises [`DanceReport::FORMAT`].
 
 use crate::control::latency::LatencyReport;
-use crate::pipeline::step_times::StageTimes;
+use crate::pipeline::step_times::StepTimes;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureStats;
 use servodance_retarget::TorqueReport;
@@ -47,11 +47,11 @@ pub struct DanceReport {
 
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct PipelineTimes {
-    pub features: StageTimes,
-    pub model: StageTimes,
-    pub retarget: StageTimes,
-    pub control: StageTimes,
-    pub bus: StageTimes,
+    pub features: StepTimes,
+    pub model: StepTimes,
+    pub retarget: StepTimes,
+    pub control: StepTimes,
+    pub bus: StepTimes,
 }
 
 /// One change of state of the safety layer, or a remark (`from` equals `to`).

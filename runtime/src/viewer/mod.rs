@@ -25,7 +25,6 @@ mod settings;
 pub(crate) mod snapshot;
 mod terminal;
 
-pub(crate) use crate::telemetry::pose_array::pose_array;
 pub use link::{RobotEnd, ViewerEnd, link};
 pub use player::Player;
 pub use request::ViewerRequest;

@@ -2,7 +2,7 @@
 
 use servodance_lab::bench::bus as bench;
 use servodance_runtime::bus_tools::sim_link::LinkChoice;
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::Robot;
 use std::process::ExitCode;
 
@@ -36,7 +36,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = Robot::load(&args.robot)?;
     let figures = bench::run(&robot, args.baud, args.link)?;
     if args.json {
-        say!("{}", serde_json::to_string(&figures)?);
+        stdout_line!("{}", serde_json::to_string(&figures)?);
     } else {
         servodance_runtime::process::console::stdout(format_args!("{figures}"));
     }

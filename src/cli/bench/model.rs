@@ -3,7 +3,7 @@
 use crate::cli::options::engine::EngineArgs;
 use servodance_lab::bench::model::{ModelBench, ModelBenchReport, run as measure};
 use servodance_model::EngineKind;
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -63,7 +63,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let figures = measure(&bench)?;
     let Some(asked) = asked else {
         if args.json {
-            say!("{}", serde_json::to_string(&figures)?);
+            stdout_line!("{}", serde_json::to_string(&figures)?);
         } else {
             print(&figures);
         }
@@ -80,14 +80,14 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             asked.name(): figures,
             bench.engine.kind.name(): others,
         });
-        say!("{both}");
+        stdout_line!("{both}");
         return Ok(ExitCode::SUCCESS);
     }
     for (kind, figures) in [(asked, &figures), (bench.engine.kind, &others)] {
-        say!("engine {kind}");
+        stdout_line!("engine {kind}");
         print(figures);
     }
-    say!(
+    stdout_line!(
         "{asked} takes {:.2} times as long as {}",
         figures.ms_p50 / others.ms_p50,
         bench.engine.kind
@@ -96,7 +96,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 }
 
 fn print(figures: &ModelBenchReport) {
-    say!(
+    stdout_line!(
         "{} {}, context {}, {} threads: {:.2} ms a frame p50, {:.2} p99 ({} frames from {}{})",
         figures.preset,
         figures.dtype,
@@ -112,7 +112,7 @@ fn print(figures: &ModelBenchReport) {
             ""
         }
     );
-    say!(
+    stdout_line!(
         "limit {:.2} ms: {:.1} MB of weights at {:.1} GB/s read here; keys and values {:.1} MB more",
         figures.limit_ms,
         figures.weight_bytes as f64 / 1e6,

@@ -1,7 +1,7 @@
 //! `servodance bench retarget`.
 
 use servodance_lab::bench::retarget as retarget_bench;
-use servodance_runtime::process::console::say;
+use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::Robot;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -40,9 +40,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let clip = retarget_bench::motion(args.motion.as_deref(), args.seconds)?;
     let figures = retarget_bench::run(&robot, &clip)?;
     if args.json {
-        say!("{}", serde_json::to_string(&figures)?);
+        stdout_line!("{}", serde_json::to_string(&figures)?);
     } else {
-        say!(
+        stdout_line!(
             "{} ({} joints at {:.0} Hz), {}: {:.1} us a cycle mean, {:.1} p50, {:.1} p99, {:.1} max; \
              {} allocations in {} cycles",
             figures.robot,

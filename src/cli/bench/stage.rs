@@ -56,7 +56,7 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
 
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    use servodance_runtime::process::console::say;
+    use servodance_runtime::process::console::stdout_line;
 
     for (option, value, range) in [
         ("--followers", args.followers as f64, 1.0..=64.0),
@@ -84,7 +84,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         &stop,
     )?;
     if args.json {
-        say!("{}", serde_json::to_string(&figures)?);
+        stdout_line!("{}", serde_json::to_string(&figures)?);
     } else {
         servodance_runtime::process::console::stdout(format_args!("{figures}"));
     }

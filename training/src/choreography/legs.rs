@@ -1,6 +1,6 @@
 //! Step figures: where the feet are on every count of eight.
 //!
-//! A figure tells for each count the stance that is arrived at on that count,
+//! A figure gives for each count the stance that is reached on that count,
 //! in the dancer's frame, for a dancer who begins with the right foot. Between
 //! counts feet are carried, pelvis and weight follow.
 

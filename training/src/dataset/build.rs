@@ -8,7 +8,7 @@ use super::training_file::{self, TrainingClip};
 use super::{captured, synthetic};
 
 /// Builds the training file. A motion file that cannot be read is left out and
-/// named in the summary; an unreadable index is an error. `on_progress` is told
+/// named in the summary; an unreadable index is an error. `on_progress` receives
 /// the share that is done.
 pub fn build(
     options: &DatasetOptions,

@@ -2,7 +2,7 @@
 //! joints, 20 FPS, metres, y up, the common skeleton on the floor, facing +z,
 //! with the music that is danced to, if there is some) and a list of them.
 //!
-//! A file that cannot be used is skipped, told and counted; it never stops the
+//! A file that cannot be used is skipped, reported and counted; it never stops the
 //! rest. Clips are written whole; the list is written last.
 
 use super::music::hear_file;
@@ -11,7 +11,7 @@ use crate::dataset::clip_entry::{ClipEntry, Split};
 use crate::dataset::index;
 use crate::dataset::splits::assign_splits;
 use crate::dataset::styles::{STYLES, style_number};
-use crate::motion::format::{FileCorrections, MotionFormat, read_format};
+use crate::motion::format::{FileCorrections, ImportFormat, read_format};
 use crate::motion::named_skeleton::GivenNames;
 use crate::motion::soundness;
 use anyhow::{Context, bail};
@@ -23,7 +23,7 @@ use servodance_types::{BodyJoint, FRAME_RATE_HZ};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Shorter clips teach nothing, seconds.
+/// Shorter clips are skipped, seconds.
 const SHORTEST_S: f64 = 1.0;
 const AUDIO: [&str; 5] = ["wav", "mp3", "flac", "ogg", "m4a"];
 
@@ -31,7 +31,7 @@ const AUDIO: [&str; 5] = ["wav", "mp3", "flac", "ogg", "m4a"];
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // explained by `servodance dataset import --help`
 pub struct ImportRequest {
-    pub kind: MotionFormat,
+    pub kind: ImportFormat,
     /// A file, or a folder with files of that kind at any depth.
     pub path: PathBuf,
     /// The folder to write to; clips of other imports in it stay.
@@ -41,7 +41,7 @@ pub struct ImportRequest {
     pub licence: Option<String>,
     /// Whether it is dance (AIST++ always is).
     pub dance: bool,
-    /// The style of all clips, if not told by their names.
+    /// The style of all clips, if their names do not say it.
     pub style: Option<String>,
     /// A folder with the music: a file named as the clip, or as AIST++'s song.
     pub music: Option<PathBuf>,
@@ -68,17 +68,17 @@ pub struct ImportSummary {
     pub mirrored: usize,
 }
 
-/// Imports. `tell` is given what was guessed and what was skipped, a line at a
+/// Imports. `report` receives what was guessed and what was skipped, a line at a
 /// time; `on_progress` the share that is done.
 ///
 /// Errors: What was asked for that cannot be used, before anything is written; a folder
 /// that cannot be written to.
 pub fn import(
     request: &ImportRequest,
-    mut tell: impl FnMut(&str),
+    mut report: impl FnMut(&str),
     on_progress: impl Fn(f64),
 ) -> anyhow::Result<ImportSummary> {
-    let told = FileCorrections {
+    let corrections = FileCorrections {
         names: match &request.mapping {
             Some(path) => joint_names(path)?,
             None => GivenNames::new(),
@@ -101,7 +101,7 @@ pub fn import(
     }
     let mut files = motion_files(request.kind, &request.path)?;
     let mut done = ImportSummary::default();
-    if request.kind == MotionFormat::HumanMl {
+    if request.kind == ImportFormat::HumanMl {
         let all = files.len();
         files.retain(|path| !stem(path).starts_with('M'));
         done.mirrored = all - files.len();
@@ -119,10 +119,10 @@ pub fn import(
     for (number, path) in files.iter().enumerate() {
         on_progress(number as f64 / files.len() as f64);
         let name = unique(&mut names, &stem(path));
-        match import_file(request, path, &told, songs.as_ref(), &lists) {
+        match import_file(request, path, &corrections, songs.as_ref(), &lists) {
             Ok((found, lines)) => {
                 if shown != lines {
-                    tell(&format!(
+                    report(&format!(
                         "{}: joints found\n  {}",
                         path.display(),
                         lines.join("\n  ")
@@ -144,7 +144,7 @@ pub fn import(
                 fresh.push(found.entry(request, source, &name));
             }
             Err(reason) => {
-                tell(&format!("skipped {reason}"));
+                report(&format!("skipped {reason}"));
                 done.skipped.push(reason);
             }
         }
@@ -200,15 +200,15 @@ impl ImportedClip {
         name: &str,
     ) -> (ClipEntry, Option<Split>) {
         let licence = request.licence.as_deref();
-        let told = request.style.as_deref().and_then(style_number);
+        let named = request.style.as_deref().and_then(style_number);
         let entry = ClipEntry {
             name: format!("{source}/{name}"),
             source: source.to_owned(),
             licence: licence.unwrap_or(usual_licence(request.kind)).to_owned(),
-            dance: request.dance || request.kind == MotionFormat::Aist,
+            dance: request.dance || request.kind == ImportFormat::Aist,
             label: name.to_owned(),
             minutes: self.clip.poses.len() as f64 / FRAME_RATE_HZ / 60.0,
-            written_style: told.or(self.style),
+            written_style: named.or(self.style),
             music: self.music.is_some(),
             bone_change: Some(self.bone_change),
             split: Split::Train,
@@ -221,7 +221,7 @@ impl ImportedClip {
 fn import_file(
     request: &ImportRequest,
     path: &Path,
-    told: &FileCorrections,
+    corrections: &FileCorrections,
     songs: Option<&BTreeMap<String, PathBuf>>,
     lists: &AistLists,
 ) -> Result<(ImportedClip, Vec<String>), String> {
@@ -230,7 +230,8 @@ fn import_file(
     if lists.ignored.contains(&stem) {
         return Err(named("on the data set's own list of bad clips".into()));
     }
-    let (raw, lines) = read_format(request.kind, path, told).map_err(|error| error.to_string())?;
+    let (raw, lines) =
+        read_format(request.kind, path, corrections).map_err(|error| error.to_string())?;
     let bone_change = soundness::bone_change(&raw.poses).map_err(named)?;
     if raw.duration_s() < SHORTEST_S {
         let seconds = raw.duration_s();
@@ -249,7 +250,7 @@ fn import_file(
         return Err(named("a position is not finite after normalisation".into()));
     }
     let song = match request.kind {
-        MotionFormat::Aist => aist_song(&stem).unwrap_or(&stem),
+        ImportFormat::Aist => aist_song(&stem).unwrap_or(&stem),
         _ => &stem,
     };
     let music = match songs.map(|songs| songs.get(song)) {
@@ -264,7 +265,7 @@ fn import_file(
     if let Some(music) = &music {
         clip.poses.truncate(music.len());
     }
-    let style = (request.kind == MotionFormat::Aist)
+    let style = (request.kind == ImportFormat::Aist)
         .then(|| aist_style(&stem))
         .flatten();
     let split = lists.split(&stem);
@@ -328,7 +329,7 @@ fn existing_entries(folder: &Path) -> anyhow::Result<BTreeMap<String, ClipEntry>
 }
 
 /// All files of a kind under a path, sorted.
-fn motion_files(kind: MotionFormat, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+fn motion_files(kind: ImportFormat, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if path.is_file() {
         return Ok(vec![path.to_owned()]);
     }

@@ -1,6 +1,6 @@
-//! Data to learn from: motion of other programs comes in ([`import`]), is looked
-//! over ([`DatasetReport`]), and becomes the training file ([`build`]): motion, the
-//! music that it is danced to, splits.
+//! Training data: [`import`] brings motion of other programs into a folder of
+//! clips, [`DatasetReport`] describes the folder, and [`build`] writes the training
+//! file with motion, music and splits.
 //!
 //! Captured motion has no music here, so music is rendered on its beats, or on
 //! the beats that a choreography is then made for. The features are those that

@@ -9,7 +9,7 @@ use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
 use servodance_types::{FRAME_RATE_HZ, MUSIC_DIM};
 
 use super::error::DatasetError;
-use servodance_runtime::pipeline::feature_extractor::{self, Ears};
+use servodance_runtime::pipeline::feature_extractor::{self, FeatureExtractor};
 
 /// So many songs are tried for one clip until the listener follows the beat:
 /// a dance that is off the beat that is heard teaches to ignore it.
@@ -88,7 +88,7 @@ pub(super) fn hear_file(
 ) -> anyhow::Result<Vec<HeardFrame>> {
     let mut source = AudioSource::open(path)?;
     let rate_hz = source.sample_rate_hz();
-    let mut ears = Ears::new(MusicAnalyzer::new(rate_hz)?, rate_hz, encodec)?;
+    let mut ears = FeatureExtractor::new(MusicAnalyzer::new(rate_hz)?, rate_hz, encodec)?;
     let (mut heard, mut block) = (Vec::with_capacity(frames), Vec::new());
     while heard.len() < frames && source.next_block(&mut block)? {
         ears.push(&block)?;

@@ -57,7 +57,7 @@ pub struct DatasetReport {
 }
 
 impl DatasetReport {
-    /// Looks over a folder. `on_progress` is told the share that is done.
+    /// Reads all clips of a folder. `on_progress` receives the share that is done.
     ///
     /// Errors: An index that cannot be read, or that lists nothing.
     pub fn of(folder: &Path, on_progress: impl Fn(f64)) -> anyhow::Result<Self> {

@@ -2,7 +2,7 @@
 
 use crate::dataset::styles::style_number;
 use crate::motion::aist::GENRES;
-use crate::motion::format::MotionFormat;
+use crate::motion::format::ImportFormat;
 
 /// Known sources of captured motion, by the first part of a clip's name, and
 /// the words that they ask for.
@@ -31,30 +31,30 @@ pub(super) fn terms<'a>(source: &str, licence: &'a str) -> &'a str {
 }
 
 /// What a kind of files is called as a source, if the user says nothing.
-pub(super) fn usual_source(kind: MotionFormat) -> &'static str {
+pub(super) fn usual_source(kind: ImportFormat) -> &'static str {
     kind.name()
 }
 
 /// The terms that most files of a kind have.
-pub(super) fn usual_licence(kind: MotionFormat) -> &'static str {
+pub(super) fn usual_licence(kind: ImportFormat) -> &'static str {
     match kind {
-        MotionFormat::Aist => {
+        ImportFormat::Aist => {
             "AIST++ annotations: CC BY 4.0; dances and music: the AIST Dance Video Database's terms"
         }
-        MotionFormat::HumanMl => "HumanML3D: the terms of AMASS and HumanAct12, research only",
-        MotionFormat::Smpl => "AMASS: the terms of its sources, most of them research only",
-        MotionFormat::Bvh | MotionFormat::Amc | MotionFormat::Npz => "",
+        ImportFormat::HumanMl => "HumanML3D: the terms of AMASS and HumanAct12, research only",
+        ImportFormat::Smpl => "AMASS: the terms of its sources, most of them research only",
+        ImportFormat::Bvh | ImportFormat::Amc | ImportFormat::Npz => "",
     }
 }
 
-/// The style that an AIST++ name tells: `gJB` is ballet jazz.
+/// The style in an AIST++ name: `gJB` is ballet jazz.
 pub(super) fn aist_style(stem: &str) -> Option<usize> {
     let code = stem.get(..3)?;
     let (_, style) = GENRES.iter().find(|(genre, _)| *genre == code)?;
     style_number(style)
 }
 
-/// The song that an AIST++ name tells: `gBR_sBM_cAll_d04_mBR0_ch01` is to `mBR0`.
+/// The song in an AIST++ name: `gBR_sBM_cAll_d04_mBR0_ch01` is to `mBR0`.
 pub(super) fn aist_song(stem: &str) -> Option<&str> {
     stem.split('_').find(|part| part.starts_with('m'))
 }

@@ -29,7 +29,7 @@ use servodance_runtime::pipeline::conditioning::Conditioning;
 use servodance_runtime::session::dance::open_generator;
 use servodance_types::FRAME_RATE_HZ;
 
-/// Dances and scores. `on_progress` is told the share that is done.
+/// Dances and scores. `on_progress` receives the share that is done, 0 to 1.
 ///
 /// Errors: What was asked for that cannot be used; a reference too small to compare with.
 pub fn evaluate(
@@ -56,7 +56,7 @@ pub fn evaluate(
         ..Conditioning::default()
     };
     let encodec = conditioning.encodec(&generator)?;
-    generator.start(request.options(0))?; // an unknown style is told at once
+    generator.start(request.options(0))?; // an unknown style fails before the work
     let EvaluationReference { held, real } =
         EvaluationReference::open(request, generator.music_kind(), encodec.as_ref())?;
     let frames = (request.seconds * FRAME_RATE_HZ) as usize;

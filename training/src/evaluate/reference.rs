@@ -129,7 +129,7 @@ pub struct SilentMusic {
 }
 
 impl SilentMusic {
-    /// So many frames of it.
+    /// Silence of `frames` frames, as Encodec hears it where one is given.
     pub fn new(encodec: Option<&Encodec>, frames: usize) -> anyhow::Result<Self> {
         let nothing = vec![0.0; frames * (f64::from(ENCODEC_RATE_HZ) / FRAME_RATE_HZ) as usize];
         let heard =

@@ -5,7 +5,7 @@
 //! looks for its motion among the 32. (Papers say that a motion looks for its
 //! text; the code of T2M and of those after it does it this way around.)
 
-/// Pairs that are told from each other.
+/// Motion-text pairs that compete with each other.
 pub const POOL: usize = 32;
 
 /// Means over all pools.

@@ -2,7 +2,7 @@
 //!
 //! A joint is where a bone begins: `lfemur` is the left hip. Size and up axis
 //! are set as for BVH. The files say no frame rate; CMU's is mostly 120.
-//! Refuses, with file and line, what is not Acclaim, numbers that are none and
+//! Refuses, with file and line, what is not Acclaim, invalid numbers and
 //! bones that the skeleton does not have.
 
 use std::collections::HashMap;

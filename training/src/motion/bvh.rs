@@ -2,8 +2,8 @@
 //!
 //! Positions only; the size is set so that the legs have the common length
 //! (files say neither unit nor scale), z-up files are turned to y-up. Refuses,
-//! with file and line: what is not BVH, numbers that are none, more frames than
-//! memory should hold, and skeletons without arms and legs that can be told.
+//! with file and line: what is not BVH, invalid numbers, more frames than
+//! memory should hold, and skeletons whose arms and legs cannot be identified.
 
 use std::path::Path;
 

@@ -15,7 +15,7 @@ const AMC_FPS: f64 = 120.0;
 
 /// The format of a motion file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MotionFormat {
+pub enum ImportFormat {
     /// SMPL angles in a pickle, as in AIST++.
     Aist,
     /// HumanML3D's vectors or joints, `.npy`.
@@ -30,37 +30,37 @@ pub enum MotionFormat {
     Npz,
 }
 
-impl MotionFormat {
+impl ImportFormat {
     /// Every format; of two that fit a file name the last is the usual one.
-    pub const ALL: [MotionFormat; 6] = [
-        MotionFormat::Aist,
-        MotionFormat::HumanMl,
-        MotionFormat::Bvh,
-        MotionFormat::Amc,
-        MotionFormat::Smpl,
-        MotionFormat::Npz,
+    pub const ALL: [ImportFormat; 6] = [
+        ImportFormat::Aist,
+        ImportFormat::HumanMl,
+        ImportFormat::Bvh,
+        ImportFormat::Amc,
+        ImportFormat::Smpl,
+        ImportFormat::Npz,
     ];
 
     /// The word on the command line.
     pub fn name(self) -> &'static str {
         match self {
-            MotionFormat::Aist => "aist",
-            MotionFormat::HumanMl => "humanml3d",
-            MotionFormat::Bvh => "bvh",
-            MotionFormat::Amc => "amc",
-            MotionFormat::Smpl => "smpl",
-            MotionFormat::Npz => "npz",
+            ImportFormat::Aist => "aist",
+            ImportFormat::HumanMl => "humanml3d",
+            ImportFormat::Bvh => "bvh",
+            ImportFormat::Amc => "amc",
+            ImportFormat::Smpl => "smpl",
+            ImportFormat::Npz => "npz",
         }
     }
 
     /// Endings of file names, in small letters.
     pub fn endings(self) -> &'static [&'static str] {
         match self {
-            MotionFormat::Aist => &["pkl", "pickle"],
-            MotionFormat::HumanMl => &["npy"],
-            MotionFormat::Bvh => &["bvh"],
-            MotionFormat::Amc => &["amc"],
-            MotionFormat::Smpl | MotionFormat::Npz => &["npz"],
+            ImportFormat::Aist => &["pkl", "pickle"],
+            ImportFormat::HumanMl => &["npy"],
+            ImportFormat::Bvh => &["bvh"],
+            ImportFormat::Amc => &["amc"],
+            ImportFormat::Smpl | ImportFormat::Npz => &["npz"],
         }
     }
 
@@ -83,32 +83,32 @@ pub struct FileCorrections {
 /// Reads a file as it is: its own size, place and frame rate. With it comes
 /// what was guessed, a line each.
 pub fn read_format(
-    kind: MotionFormat,
+    kind: ImportFormat,
     path: &Path,
-    told: &FileCorrections,
+    corrections: &FileCorrections,
 ) -> Result<(Clip, Vec<String>), MotionError> {
     let (mut clip, lines) = match kind {
-        MotionFormat::Npz => (Clip::read_npz(path)?, Vec::new()),
-        MotionFormat::Aist => (read_aist(path)?, Vec::new()),
-        MotionFormat::HumanMl => (read_humanml(path)?, Vec::new()),
-        MotionFormat::Smpl => (read_smpl(path)?, Vec::new()),
-        MotionFormat::Bvh => {
-            let named = read_bvh(path, &told.names)?;
+        ImportFormat::Npz => (Clip::read_npz(path)?, Vec::new()),
+        ImportFormat::Aist => (read_aist(path)?, Vec::new()),
+        ImportFormat::HumanMl => (read_humanml(path)?, Vec::new()),
+        ImportFormat::Smpl => (read_smpl(path)?, Vec::new()),
+        ImportFormat::Bvh => {
+            let named = read_bvh(path, &corrections.names)?;
             (named.clip, named.mapping.lines())
         }
-        MotionFormat::Amc => {
-            let named = read_amc(path, AMC_FPS, &told.names)?;
+        ImportFormat::Amc => {
+            let named = read_amc(path, AMC_FPS, &corrections.names)?;
             (named.clip, named.mapping.lines())
         }
     };
-    clip.fps = told.fps.unwrap_or(clip.fps);
+    clip.fps = corrections.fps.unwrap_or(clip.fps);
     Ok((clip, lines))
 }
 
-/// Reads a file, told by its ending (an `.npz` is taken for 22 joints), on the
+/// Reads a file of the format of its ending (an `.npz` is taken for 22 joints), on the
 /// common skeleton: 20 FPS, floor at 0, above the origin, facing +z.
 pub fn read_motion(path: &Path) -> Result<(Clip, Vec<String>), MotionError> {
-    let mut kinds = MotionFormat::ALL.into_iter().rev(); // 22 joints before SMPL
+    let mut kinds = ImportFormat::ALL.into_iter().rev(); // 22 joints before SMPL
     let kind = kinds.find(|kind| kind.fits(path));
     let kind = kind.ok_or_else(|| {
         MotionError::content(

@@ -2,6 +2,9 @@
 //!
 //! Only what dictionaries of arrays are made of has a meaning here; any other
 //! object is passed over. Arrays of f32 and f64, little-endian, C order.
+//!
+//! Hand-written because `serde-pickle` cannot rebuild numpy arrays: it refuses calls
+//! (`REDUCE`) of numpy's functions, or puts None in their place.
 
 use std::cell::RefCell;
 use std::collections::HashMap;

@@ -13,7 +13,7 @@ use servodance_model::motion::vec3::{norm, sub, turn, wide};
 
 /// A bone off its usual length by this share is broken in that frame.
 const BROKEN: f64 = 0.25;
-/// So many frames may be broken.
+/// Share of frames that may be broken.
 const BROKEN_FRAMES: f64 = 0.02;
 /// Left and right count as exchanged where that brings the length this near.
 const MENDED: f64 = 0.1;

@@ -3,7 +3,7 @@
 use crate::train::TrainedNetwork;
 use std::path::PathBuf;
 
-/// What is asked for; what is given here goes before what the file says.
+/// One run of `servodance train`; values here take precedence over the file.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // explained by `servodance train vqvae --help`
 pub struct TrainingRequest {

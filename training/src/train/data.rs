@@ -65,7 +65,7 @@ impl TrainingData {
         (0..self.clips.len()).filter(move |c| self.clips[*c].split == split)
     }
 
-    /// Of the training motion; the deviation averaged within each group, as HumanML3D does.
+    /// Statistics of the training motion; the deviation is averaged within each group, as HumanML3D does.
     pub(crate) fn motion_norm(&self) -> Normalisation {
         let rows = self
             .of_split(Split::Train)
@@ -80,7 +80,7 @@ impl TrainingData {
         norm
     }
 
-    /// Of the training music; the numbers of the beat stay as they are.
+    /// Statistics of the training music; the numbers of the beat stay as they are.
     pub(crate) fn music_norm(&self, kind: MusicKind) -> Normalisation {
         let clips = self.of_split(Split::Train).map(|c| &self.clips[c]);
         let rows =

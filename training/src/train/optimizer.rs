@@ -38,7 +38,7 @@ impl AdamW {
         }
     }
 
-    /// One step against the gradients; tells their norm before clipping. A norm
+    /// One step against the gradients; returns their norm before clipping. A norm
     /// that is not finite moves nothing.
     pub fn step(
         &mut self,

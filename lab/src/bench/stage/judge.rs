@@ -8,7 +8,7 @@ use super::figures::StageBenchReport;
 use super::spread::{HOP_S, Together, Track, settled, windows};
 use super::{StageTrial, TrialTimes};
 use anyhow::Context;
-use servodance_runtime::offline::motion_tracking::Followed;
+use servodance_runtime::offline::motion_tracking::TrackedMotion;
 use servodance_runtime::stage::FollowReport;
 use std::path::Path;
 
@@ -66,7 +66,7 @@ pub fn judge(stage: &StageTrial, told: &TrialTimes) -> anyhow::Result<StageBench
     }
     spreads_ms.sort_by(f64::total_cmp);
     alike.sort_by(f64::total_cmp);
-    let spread = |share: f64| Followed::quantile(&spreads_ms, share);
+    let spread = |share: f64| TrackedMotion::quantile(&spreads_ms, share);
     let idle_s = { tracks.iter() }.map(|track| track.idles_s(told.killed_s, true));
     let idle_s = idle_s.collect::<Option<Vec<f64>>>();
     let greatest = |value: fn(&FollowReport) -> f64| reports.iter().map(value).fold(0.0, f64::max);
@@ -86,8 +86,8 @@ pub fn judge(stage: &StageTrial, told: &TrialTimes) -> anyhow::Result<StageBench
         spread_ms_p99: spread(0.99),
         spread_ms_max: spread(1.0),
         windows_apart: apart,
-        alike_p50: Followed::quantile(&alike, 0.5),
-        alike_p1: Followed::quantile(&alike, 0.01),
+        alike_p50: TrackedMotion::quantile(&alike, 0.5),
+        alike_p1: TrackedMotion::quantile(&alike, 0.01),
         join_s: join.settled_s,
         recovery_s: recovery.settled_s,
         idle_s: idle_s.map(|all| all.into_iter().fold(0.0, f64::max) - told.killed_s),

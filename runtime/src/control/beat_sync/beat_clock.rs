@@ -22,8 +22,7 @@ pub struct BeatClock {
 }
 
 impl BeatClock {
-    /// Takes in what the tracker heard.
-    pub fn hear(&mut self, music: &MusicFrame) {
+    pub fn push(&mut self, music: &MusicFrame) {
         let beat = music.beat;
         let usable = beat.phase.is_finite() && (20.0..=400.0).contains(&beat.tempo_bpm);
         if beat.lock == BeatLock::Lost || !usable {
@@ -100,7 +99,7 @@ mod tests {
         let mut clock = BeatClock::default();
         for k in 0..100 {
             let time_s = f64::from(k) * 0.05;
-            clock.hear(&frame(time_s, 0.3 + 2.0 * time_s, 120.0));
+            clock.push(&frame(time_s, 0.3 + 2.0 * time_s, 120.0));
         }
         let count = clock.count_at(3.1).unwrap();
         assert!((count - 6.5).abs() < 1e-4, "{count}");
@@ -111,9 +110,9 @@ mod tests {
     #[test]
     fn a_lost_beat_ends_the_count() {
         let mut clock = BeatClock::default();
-        clock.hear(&frame(0.0, 0.0, 120.0));
+        clock.push(&frame(0.0, 0.0, 120.0));
         assert!(clock.period_s().is_some());
-        clock.hear(&MusicFrame::default());
+        clock.push(&MusicFrame::default());
         assert_eq!(clock.period_s(), None);
         assert_eq!(clock.count_at(0.0), None);
     }

@@ -2,9 +2,9 @@
 //! the music's beats at the servo horn.
 //!
 //! ```text
-//! motion frames --> rehearsal --> kinematic beats, ahead --+
-//!                                                          +--> pace --> motion time
-//! music frames ---> beat clock --> beats, predicted -------+
+//! motion frames --> trajectory preview --> kinematic beats, ahead --+
+//!                                                                   +--> pace --> motion time
+//! music frames ---> beat clock ----------> beats, predicted --------+
 //! ```
 //!
 //! What is decided now is seen later: the retargeter plans `preview_s` ahead
@@ -18,14 +18,13 @@
 //! of tempo changes that delay at the same bounded pace. Seconds; motion time
 //! and music time are one clock.
 
-use crate::control::beat_sync::beat_clock::BeatClock;
-use crate::control::beat_sync::trajectory_preview::Rehearsal;
+use super::beat_clock::BeatClock;
+use super::trajectory_preview::TrajectoryPreview;
 use servodance_types::{MotionFrame, MusicFrame};
 
-/// The slowest and the fastest pace of the motion.
-pub const SLOWEST: f64 = 0.8;
-/// See [`SLOWEST`].
-pub const FASTEST: f64 = 1.25;
+/// Bounds of the pace of the motion.
+const SLOWEST: f64 = 0.8;
+const FASTEST: f64 = 1.25;
 /// Fastest change of the pace, 1/s.
 const PACE_CHANGE_PER_S: f64 = 6.0;
 /// A kinematic beat this near to a music beat was made for it, beats.
@@ -41,9 +40,9 @@ const FAR_S: f64 = 0.5;
 /// One whole beat more or less of delay is worth it beyond this, seconds.
 const DELAY_SLACK_S: f64 = 0.15;
 /// Delay of live motion while no tempo is known: in beats of this length.
-const USUAL_PERIOD_S: f64 = 0.5;
+const DEFAULT_PERIOD_S: f64 = 0.5;
 
-/// What stands between a decision and its being seen.
+/// Delays between a decision and its being seen.
 #[derive(Clone, Copy, Debug)]
 pub struct Horizon {
     /// From input to output of the retargeter, seconds.
@@ -56,9 +55,9 @@ pub struct Horizon {
 }
 
 /// The time of the motion, cycle by cycle.
-pub struct Steering {
+pub struct BeatSteering {
     clock: BeatClock,
-    rehearsal: Rehearsal,
+    preview: TrajectoryPreview,
     horizon: Horizon,
     period_s: f64,
     /// Motion time of the present cycle; `None` before the first.
@@ -68,13 +67,12 @@ pub struct Steering {
     beats_late: u32,
 }
 
-impl Steering {
-    /// Steering for a robot whose retargeter `rehearsal` has a copy of, with
-    /// one decision each `period_s`.
-    pub fn new(rehearsal: Rehearsal, horizon: Horizon, period_s: f64) -> Self {
+impl BeatSteering {
+    /// `preview` has a copy of the robot's retargeter; one decision each `period_s`.
+    pub fn new(preview: TrajectoryPreview, horizon: Horizon, period_s: f64) -> Self {
         let mut steering = Self {
             clock: BeatClock::default(),
-            rehearsal,
+            preview,
             horizon,
             period_s,
             motion_s: None,
@@ -82,27 +80,26 @@ impl Steering {
             paces: [1.0; 2],
             beats_late: 0,
         };
-        steering.beats_late = steering.fewest_beats_late(USUAL_PERIOD_S);
+        steering.beats_late = steering.fewest_beats_late(DEFAULT_PERIOD_S);
         steering
     }
 
     /// Seconds of motion that must be known beyond the motion time for
     /// kinematic beats to be seen in time.
     pub fn foresight_s(&self) -> f64 {
-        self.horizon.preview_s + self.rehearsal.delay_s() + FORESIGHT_S
+        self.horizon.preview_s + self.preview.delay_s() + FORESIGHT_S
     }
 
-    /// Takes in the next step of the dance.
     pub fn push(&mut self, music: &MusicFrame, motion: &MotionFrame) {
-        self.clock.hear(music);
-        self.rehearsal.push(motion);
+        self.clock.push(music);
+        self.preview.push(motion);
     }
 
     /// The motion time for the cycle at music time `now_s`. Live motion can be
     /// shown up to `shown_until_s`, beyond which it is waited for. While the
     /// motion is `hidden` its time may jump.
     pub fn next(&mut self, now_s: f64, shown_until_s: f64, hidden: bool) -> anyhow::Result<f64> {
-        self.rehearsal.advance()?;
+        self.preview.advance()?;
         self.choose_delay();
         let home_s = now_s + self.lead_s();
         let far = |last_s: f64| hidden && (home_s - last_s).abs() > FAR_S;
@@ -138,24 +135,22 @@ impl Steering {
     /// By how much motion is ahead of the music where nothing is to be met;
     /// below zero when live.
     pub fn lead_s(&self) -> f64 {
-        let period_s = self.clock.period_s().unwrap_or(USUAL_PERIOD_S);
+        let period_s = self.clock.period_s().unwrap_or(DEFAULT_PERIOD_S);
         self.horizon.servo_lag_s - f64::from(self.beats_late) * period_s
     }
 
     /// The pace at which the next kinematic beat after `motion_s` meets its
     /// music beat, `motion_s` being seen at `seen_s`.
     fn pace_to_next_beat(&self, motion_s: f64, seen_s: f64) -> Option<f64> {
-        self.rehearsal
-            .beats_after(motion_s)
-            .find_map(|kinematic_s| {
-                let count = self.clock.count_at(kinematic_s)?;
-                let meant = count.round();
-                if (count - meant).abs() > MEANT_BEATS {
-                    return None;
-                }
-                let due_s = self.clock.time_of(meant + f64::from(self.beats_late))?;
-                (due_s - seen_s > GONE_S).then(|| (kinematic_s - motion_s) / (due_s - seen_s))
-            })
+        self.preview.beats_after(motion_s).find_map(|kinematic_s| {
+            let count = self.clock.count_at(kinematic_s)?;
+            let meant = count.round();
+            if (count - meant).abs() > MEANT_BEATS {
+                return None;
+            }
+            let due_s = self.clock.time_of(meant + f64::from(self.beats_late))?;
+            (due_s - seen_s > GONE_S).then(|| (kinematic_s - motion_s) / (due_s - seen_s))
+        })
     }
 
     /// Keeps the delay of live motion as few whole beats as will do.
@@ -256,7 +251,11 @@ mod tests {
             servo_lag_s: 0.05,
             live_s,
         };
-        let mut steering = Steering::new(Rehearsal::new(retargeter, CYCLE_S), horizon, CYCLE_S);
+        let mut steering = BeatSteering::new(
+            TrajectoryPreview::new(retargeter, CYCLE_S),
+            horizon,
+            CYCLE_S,
+        );
         let (mut frame, mut last) = (0, None);
         let mut errors = Vec::new();
         for cycle in 0..2000 {

@@ -1,7 +1,7 @@
-//! The robot's own kinematic beats, known before they are danced.
+//! Trajectory preview: the robot's own kinematic beats before they are danced.
 //!
-//! A second retargeter dances the same motion at an even pace, as far ahead as
-//! the motion reaches. Where its joints pause, the robot's will pause: a
+//! A second retargeter runs the same motion at an even pace, as far ahead as the
+//! motion reaches. Where its joints pause, the robot's will pause: a
 //! kinematic beat is a local minimum of the mean joint speed (lower than all
 //! within a sixth of a second, as `model::metrics::alignment` has it). It costs
 //! as much as retargeting does, a twentieth of a millisecond a cycle. Seconds of
@@ -15,20 +15,19 @@ use std::collections::VecDeque;
 const AROUND_S: f64 = 1.0 / 6.0;
 /// Speed is taken over steps of this length, as long as a motion frame.
 const STEP_S: f64 = 0.05;
-/// Cycles rehearsed at most in one call, so that a call takes bounded time.
+/// Cycles computed at most in one call, so that a call takes bounded time.
 const MOST_CYCLES: usize = 16;
-/// Motion that starts anew this far away is rehearsed from there.
+/// Motion that starts anew this far away is previewed from there.
 const FAR_S: f64 = 3.0;
-/// Rehearsed before the first frame, seconds: the preview must fill.
+/// Computed before the first frame, seconds: the retargeter's preview must fill.
 const RUN_UP_S: f64 = 0.5;
-/// Beats kept.
+/// Kinematic beats that are kept.
 const KEPT: usize = 64;
 
-/// A retargeter that runs ahead.
-pub struct Rehearsal {
+pub struct TrajectoryPreview {
     retargeter: Retargeter,
     period_s: f64,
-    /// Next moment to be rehearsed; `None` before the first frame.
+    /// Next moment to be computed; `None` before the first frame.
     next_s: Option<f64>,
     newest_s: f64,
     /// The last positions, oldest first, one a cycle.
@@ -38,8 +37,7 @@ pub struct Rehearsal {
     beats_s: VecDeque<f64>,
 }
 
-impl Rehearsal {
-    /// Ready for the first frame.
+impl TrajectoryPreview {
     pub fn new(retargeter: Retargeter, period_s: f64) -> Self {
         Self {
             retargeter,
@@ -57,7 +55,6 @@ impl Rehearsal {
         self.retargeter.lookahead_s() + AROUND_S + STEP_S
     }
 
-    /// Takes in the next motion frame.
     pub fn push(&mut self, frame: &MotionFrame) {
         self.retargeter.push(frame);
         self.newest_s = frame.time_s;
@@ -69,7 +66,7 @@ impl Rehearsal {
         }
     }
 
-    /// Rehearses what has come in, a bounded piece of it.
+    /// Computes what has come in, a bounded piece of it.
     pub fn advance(&mut self) -> anyhow::Result<()> {
         for _ in 0..MOST_CYCLES {
             let Some(now_s) = self.next_s else { break };
@@ -110,13 +107,13 @@ impl Rehearsal {
         }
         self.speeds.push_back(speed);
         if self.speeds.len() > 2 * around {
-            self.judge(now_s - (reach + around) as f64 * self.period_s, around);
+            self.find_beat(now_s - (reach + around) as f64 * self.period_s, around);
         }
         Ok(())
     }
 
     /// Keeps the middle of the known speeds if it is the lowest of all.
-    fn judge(&mut self, middle_s: f64, middle: usize) {
+    fn find_beat(&mut self, middle_s: f64, middle: usize) {
         let lowest = self.speeds[middle];
         let mut others = self.speeds.iter().enumerate().filter(|(i, _)| *i != middle);
         if !others.all(|(_, speed)| lowest < *speed) {

@@ -19,7 +19,9 @@ use crate::robot::robot_folders::RobotFolders;
 use crate::telemetry::pending_file::write_whole;
 use anyhow::{Context, bail};
 use servodance_model::motion::Clip;
-use servodance_retarget::{DiagnosticSeverity, JointUse, draft_config, is_mjcf, lint, urdf_from_mjcf};
+use servodance_retarget::{
+    DiagnosticSeverity, JointUse, draft_config, is_mjcf, lint, urdf_from_mjcf,
+};
 use std::path::{Path, PathBuf};
 
 /// A robot file that was written.
@@ -49,7 +51,10 @@ pub fn new_robot(
     let source = std::fs::read_to_string(description)
         .with_context(|| format!("cannot read {}", description.display()))?;
     let findings = lint(&source);
-    if let Some(refused) = findings.iter().find(|f| f.severity == DiagnosticSeverity::Refused) {
+    if let Some(refused) = findings
+        .iter()
+        .find(|f| f.severity == DiagnosticSeverity::Refused)
+    {
         bail!(
             "{}: {} `{}`: {} (all findings: servodance robot check)",
             description.display(),
@@ -133,7 +138,10 @@ fn summary(plan: &FilePlan, out: &Path) -> Vec<String> {
             .iter()
             .map(|missing| format!("missing: {missing}")),
     );
-    let held = plan.servos.iter().filter(|servo| servo.role == JointUse::Held);
+    let held = plan
+        .servos
+        .iter()
+        .filter(|servo| servo.role == JointUse::Held);
     let held: Vec<&str> = held.map(|servo| servo.name.as_str()).collect();
     if !held.is_empty() {
         lines.push(format!("held at rest: {}", held.join(", ")));

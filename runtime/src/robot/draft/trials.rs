@@ -2,7 +2,7 @@
 
 use super::file_text::robot_file;
 use super::plan::FilePlan;
-use crate::offline::motion_tracking::{Followed, follow};
+use crate::offline::motion_tracking::{TrackedMotion, track_motion};
 use crate::robot::config_source::ConfigSource;
 use crate::robot::loaded::Robot;
 use crate::robot::overrides::Overrides;
@@ -78,8 +78,8 @@ impl FilePlan<'_> {
         bail!("{} servos are too many for one bus", self.servos.len())
     }
 
-    fn dance(&self, robot: &Robot) -> anyhow::Result<Followed> {
-        follow(robot, &self.trial.frames(), |_, _| Ok(()))
+    fn dance(&self, robot: &Robot) -> anyhow::Result<TrackedMotion> {
+        track_motion(robot, &self.trial.frames(), |_, _| Ok(()))
     }
 
     fn parse(&self) -> anyhow::Result<Robot> {
@@ -97,7 +97,7 @@ fn code(error: &anyhow::Error) -> Option<DiagnosticCode> {
 }
 
 /// Whether a robot on its feet kept them and its balance.
-fn stands(followed: &Followed) -> Result<String, String> {
+fn stands(followed: &TrackedMotion) -> Result<String, String> {
     let share = |count: u64| count as f64 / followed.cycles.max(1) as f64;
     let (feet, balance) = (
         share(followed.counts.feet_moved_cycles),
@@ -115,9 +115,9 @@ fn stands(followed: &Followed) -> Result<String, String> {
     Ok("planted: both feet stay and the balance is kept".into())
 }
 
-fn danced(followed: &Followed, duration_s: f64) -> String {
+fn danced(followed: &TrackedMotion, duration_s: f64) -> String {
     let broken = followed.violations;
-    let median = Followed::quantile(&followed.direction_errors_deg, 0.5);
+    let median = TrackedMotion::quantile(&followed.direction_errors_deg, 0.5);
     let arms = match followed.direction_errors_deg.is_empty() {
         true => "no arms to compare".into(),
         false => format!("arms point within {median:.0} degrees of the dancer's (median)"),

@@ -4,7 +4,7 @@ use super::message_types::{
     FLOAT_ARRAY, FLOAT64, JOINT_STATE, LOG, MessageType, POSE_ARRAY, POSE_STAMPED, STRING,
     TEMPERATURE,
 };
-use crate::pipeline::step_times::Stage;
+use crate::pipeline::step_times::PipelineStep;
 use std::borrow::Cow;
 
 /// First part of the name in messages of the safety layer: `safety.STATE`.
@@ -30,7 +30,7 @@ pub enum RecordingTopic {
     Temperatures,
     Safety,
     RobotDescription,
-    Stage(Stage),
+    Stage(PipelineStep),
 }
 
 impl RecordingTopic {

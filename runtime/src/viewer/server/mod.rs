@@ -14,7 +14,7 @@ mod state;
 use self::guard::AccessToken;
 use self::routes::routes;
 use self::state::ServerState;
-use crate::process::console::tell;
+use crate::process::console::stderr_line;
 use crate::process::failpoint;
 use crate::process::realtime;
 use crate::viewer::frame::frame;
@@ -66,7 +66,7 @@ impl Server {
             let mut runtime = tokio::runtime::Builder::new_current_thread();
             match runtime.enable_all().build() {
                 Ok(runtime) => runtime.block_on(serve(listener, state, stopped)),
-                Err(error) => tell!("the page cannot be served: {error}"),
+                Err(error) => stderr_line!("the page cannot be served: {error}"),
             }
         })?;
         Ok(Self {
@@ -119,7 +119,7 @@ async fn serve(
 ) {
     let listener = match TcpListener::from_std(listener) {
         Ok(listener) => listener,
-        Err(error) => return tell!("the page cannot be served: {error}"),
+        Err(error) => return stderr_line!("the page cannot be served: {error}"),
     };
     let door = tokio::spawn(welcome(listener, Arc::clone(&state)));
     let frames = tokio::spawn(make_frames(Arc::clone(&state)));

@@ -14,7 +14,7 @@ mod screen;
 
 use super::link::ViewerEnd;
 use super::scene::Scene;
-use crate::process::console::{Kept, tell};
+use crate::process::console::{HeldLines, stderr_line};
 use crate::process::failpoint;
 use anyhow::{Context, bail};
 use keys::{KeyAction, SettingKeys};
@@ -42,7 +42,7 @@ pub struct TerminalView {
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
     /// Dropped after the thread has given the terminal back.
-    _kept: Kept,
+    _kept: HeldLines,
 }
 
 impl TerminalView {
@@ -75,7 +75,7 @@ impl TerminalView {
             address: address.map(str::to_owned),
             remark: Remark::default(),
         };
-        let kept = Kept::begin();
+        let kept = HeldLines::begin();
         let thread = std::thread::Builder::new().name("terminal view".into());
         let thread = thread.spawn(move || view.run(screen))?;
         Ok(Self {
@@ -143,7 +143,7 @@ impl TerminalLoop {
     fn run(mut self, _screen: RawTerminal) {
         if let Err(error) = self.show() {
             self.on_panic.0.press("the terminal went away");
-            tell!("--tui: {error}");
+            stderr_line!("--tui: {error}");
         }
     }
 

@@ -1,5 +1,5 @@
 //! The extractors that text-to-motion papers score with: motion and text as
-//! points of one space, near each other where they tell the same.
+//! points of one space, near each other where text and motion match.
 //!
 //! The networks of Guo et al. (T2M): two convolutions over HumanML3D's vectors
 //! and a GRU in both directions over what they give; a GRU in both directions

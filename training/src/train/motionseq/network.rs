@@ -26,7 +26,7 @@ struct MotionSeqLayer {
 }
 
 #[derive(Clone, Debug)]
-struct PartHead {
+struct CodeHead {
     embed: ParamId,
     /// Tells later parts this part's code; none for the last.
     given: Option<ParamId>,
@@ -59,7 +59,7 @@ pub(crate) struct MotionSeqNetwork {
     style: ParamId,
     layers: Vec<MotionSeqLayer>,
     norm: LayerNorm,
-    parts: Vec<PartHead>,
+    parts: Vec<CodeHead>,
     mask: AttentionMask,
     cross_mask: AttentionMask,
 }
@@ -100,7 +100,7 @@ impl MotionSeqNetwork {
                 .collect(),
             norm: LayerNorm::new(make, "seq.norm", dim),
             parts: (0..config.parts.len())
-                .map(|i| PartHead::new(make, i, config))
+                .map(|i| CodeHead::new(make, i, config))
                 .collect(),
             mask,
             cross_mask,
@@ -201,7 +201,7 @@ impl MotionSeqLayer {
     }
 }
 
-impl PartHead {
+impl CodeHead {
     fn new(make: &mut ParamBuilder, index: usize, config: &ModelConfig) -> Self {
         let (dim, codes, part) = (config.seq.dim, config.codes, &config.parts[index]);
         let table = |kind: &str| format!("seq.{kind}.{part}.weight");

@@ -106,8 +106,8 @@ pub(crate) fn jittered(
 }
 
 /// Hides timbre and chroma of a sequence, or blurs them: few songs are many
-/// frames, and a model that can tell them apart learns them by heart. Encodec's
-/// numbers tell all at once: they stay as they are.
+/// frames, and a model that can distinguish songs memorises them. Encodec latents
+/// mix timbre and rhythm: they stay as they are.
 pub(crate) fn drop_features(kind: MusicKind, music: &mut [f32], hide: bool, rng: &mut ChaCha8Rng) {
     let veiled = match kind {
         MusicKind::Servodance39 | MusicKind::Librosa35 => DROPPED_FEATURES,

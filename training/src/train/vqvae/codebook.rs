@@ -19,7 +19,7 @@ use crate::train::autodiff::matmul::{MatrixView, MatrixViewMut, Threads, WriteMo
 pub struct CodebookSettings {
     /// Share of the past that an update keeps.
     pub decay: f32,
-    /// Moving count below which a code begins anew; 0 never.
+    /// Moving count below which a code is restarted; 0 for never.
     pub dead_below: f32,
     /// Rounds of k-means before the first use.
     pub k_means_rounds: usize,
@@ -158,7 +158,7 @@ impl LearnedCodebook {
     }
 
     /// One moving-average step over real rows and their codes; then dead codes
-    /// begin anew at rows drawn from them. Tells how many did.
+    /// restart at rows drawn from them. Returns how many did.
     pub fn update(
         &mut self,
         x: &[f32],
@@ -192,7 +192,7 @@ impl LearnedCodebook {
         dead.len()
     }
 
-    /// A code begins anew: code, moving sum and moving count together.
+    /// Restarts a code: code, moving sum and moving count together.
     fn restart(&mut self, code: usize, row: &[f32]) {
         let at = code * self.dim..(code + 1) * self.dim;
         self.embed[at.clone()].copy_from_slice(row);

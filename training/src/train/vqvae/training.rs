@@ -208,7 +208,7 @@ impl VqVaeTraining {
 struct QuantisedPart {
     /// Codes in place of latents; padding keeps its latents.
     replacement: Vec<f32>,
-    /// Of the weighted commit loss by the latents.
+    /// Gradient of the weighted commit loss by the latents.
     gradient: Vec<f32>,
     commit: f64,
     used: f64,

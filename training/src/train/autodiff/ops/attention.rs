@@ -53,7 +53,7 @@ struct Attention {
     heads: AttentionInputs,
     mask: AttentionMask,
     batch: Batch,
-    /// Of the weights of each row: [sequence, head, frame].
+    /// Logarithm of the sum of each row of weights, [sequence, head, frame].
     log_sums: Vec<f32>,
 }
 
