@@ -40,14 +40,12 @@ pub enum ModelError {
     /// A motion that no figure can be made of.
     #[error("the motion has {found} frames, at least {expected} are needed")]
     TooShort { found: usize, expected: usize },
-    /// A weight is NaN or infinite.
     #[error("{source_name}: tensor `{tensor}` holds a number that is not finite, at index {index}")]
     NotFinite {
         source_name: String,
         tensor: String,
         index: usize,
     },
-    /// No style has this name.
     #[error("unknown style `{found}`; choose one of: {}", known.join(", "))]
     UnknownStyle { found: String, known: Vec<String> },
     /// The weights were trained on music features of another kind.
@@ -72,7 +70,6 @@ pub enum ModelError {
     /// The model says that the dance is over, and was asked to stop there.
     #[error("the model ends the dance at frame {frame}")]
     Ended { frame: u64 },
-    /// The tensor library refused an operation.
     #[error("tensor operation: {0}")]
     Tensor(#[from] candle_core::Error),
 }

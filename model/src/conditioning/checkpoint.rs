@@ -23,7 +23,6 @@ const LFS_POINTER: &[u8; 8] = b"version ";
 /// Headers of real checkpoints are some hundred KiB.
 const HEADER_MAX: u64 = 100_000_000;
 
-/// What the header says of one tensor.
 #[derive(Debug, Deserialize)]
 struct Entry {
     dtype: String,
@@ -37,7 +36,6 @@ pub struct Checkpoint {
     path: PathBuf,
     file: Mutex<File>,
     entries: BTreeMap<String, Entry>,
-    /// Where the numbers begin.
     data_start: u64,
 }
 
@@ -156,7 +154,6 @@ impl Checkpoint {
     }
 }
 
-/// The tensors that a header lists.
 fn entries(header: &[u8]) -> Result<BTreeMap<String, Entry>, String> {
     let mut listed: BTreeMap<String, serde_json::Value> =
         serde_json::from_slice(header).map_err(|e| e.to_string())?;

@@ -24,7 +24,6 @@ const TOKENS_MAX: usize = 77;
 /// Width of an attention head in every CLIP.
 const HEAD_DIM: usize = 64;
 
-/// Sizes of a text tower.
 #[derive(Clone, Copy, Debug)]
 struct Sizes {
     vocabulary: usize,

@@ -156,7 +156,6 @@ mod tests {
         Golden::open(include_bytes!("golden/encodec.safetensors"))
     }
 
-    /// Loads a checkpoint whose manifest was changed.
     fn load(change: impl Fn(&mut Manifest)) -> Result<Encodec, ModelError> {
         let file = tempfile::NamedTempFile::new().unwrap();
         let mut manifest = golden().weights();

@@ -22,10 +22,8 @@ pub(super) fn subtract(cpu: Cpu, scores: &mut [f32], slope: f32, slot: usize) {
     kernels::fade(cpu, older, slope, oldest as f32);
 }
 
-/// Which frames a frame attends to.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AttentionWindow {
-    /// Frames seen, the frame itself among them.
     pub frames: usize,
     /// Frames seen that lie ahead; 0 is causal.
     pub ahead: usize,

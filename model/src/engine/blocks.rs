@@ -14,7 +14,6 @@ use crate::weights::{Dtype, PackedMatrix, Weights};
 pub(crate) struct BlockScratch {
     pub lanes: usize,
     pub dim: usize,
-    /// One vector after another.
     pub x: Vec<f32>,
     pub normed: Input,
     pub products: Vec<f32>,
@@ -48,7 +47,6 @@ fn add(team: &Team, layer: &PackedLinear, input: &Input, products: &mut [f32], x
     }
 }
 
-/// Layer norm and attention.
 #[derive(Clone, Debug)]
 pub(crate) struct AttentionBlock {
     norm: LayerNorm,

@@ -56,7 +56,6 @@ impl Input {
         self.ready(cpu);
     }
 
-    /// After the numbers were written.
     pub fn ready(&mut self, cpu: Cpu) {
         if !self.dtype.is_quantised() {
             return;

@@ -50,12 +50,10 @@ impl CachePosition {
 pub(crate) struct AttentionShape {
     pub window: usize,
     pub width: usize,
-    /// ALiBi slope of each head.
     pub slopes: Vec<f32>,
 }
 
 impl AttentionShape {
-    /// Width of all heads together.
     pub fn wide(&self) -> usize {
         self.width * self.slopes.len()
     }
@@ -112,7 +110,6 @@ impl KvCache {
         }
     }
 
-    /// Bytes of all slots.
     pub fn bytes(&self) -> usize {
         self.keys.bytes() + self.values.bytes()
     }

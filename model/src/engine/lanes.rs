@@ -9,7 +9,6 @@ use crate::weights::{BLOCK, CHUNK, CHUNK_WORDS, q6_quant};
 
 /// Eight f32 numbers, in a register or an array.
 pub(crate) trait Lanes: Copy {
-    /// The same number eight times.
     fn splat(value: f32) -> Self;
     fn load(values: &[f32; 8]) -> Self;
     /// From f16 in memory.
@@ -34,7 +33,6 @@ pub(crate) trait Lanes: Copy {
     fn dot_q4(weights: &[u8; 16], x: &[i16; 32]) -> Self;
     /// Products of the blocks of a `q6` chunk, each summed to eight (exact).
     fn dots_q6(words: &[u16; CHUNK_WORDS], x: &[i16; CHUNK]) -> [Self; 4];
-    /// Sum of all eight: halves, quarters, eighths.
     fn sum(self) -> f32;
     /// The sum of each, in the same order.
     fn sums(of: [Self; 8]) -> Self;

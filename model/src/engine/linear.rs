@@ -45,12 +45,10 @@ impl PackedLinear {
         Self { matrix, bias }
     }
 
-    /// The matrix, to be moved.
     pub fn matrix(&mut self) -> &mut PackedMatrix {
         &mut self.matrix
     }
 
-    /// Numbers that come out of a lane.
     pub fn outputs(&self) -> usize {
         self.bias.len()
     }
@@ -96,7 +94,6 @@ fn add_each(products: &mut [f32], bias: &[f32], lanes: usize) {
     }
 }
 
-/// Layer norm with scale and shift.
 #[derive(Clone, Debug)]
 pub(crate) struct LayerNorm {
     weight: Vec<f32>,

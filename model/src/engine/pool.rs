@@ -42,7 +42,6 @@ pub struct Pool {
     cpu: Cpu,
     shared: Arc<Shared>,
     helpers: Vec<JoinHandle<()>>,
-    /// Held by the one who is helped.
     busy: Mutex<()>,
     /// The threads of the candle engine, which divides work by itself.
     tensors: Option<rayon::ThreadPool>,
@@ -154,7 +153,6 @@ pub struct Team<'a> {
 }
 
 impl Team<'_> {
-    /// The kernels in use.
     pub(crate) fn cpu(&self) -> Cpu {
         self.pool.cpu
     }
@@ -243,7 +241,6 @@ impl Drop for Team<'_> {
     }
 }
 
-/// Rows that nobody has taken yet.
 struct Left<'a, T> {
     first: usize,
     out: &'a mut [T],
@@ -285,7 +282,6 @@ impl Drop for Closing<'_> {
 }
 
 impl Shared {
-    /// What a helper does all its life.
     fn help(&self) {
         let mut last_turn = 0;
         while !self.quit.load(Ordering::Acquire) {

@@ -42,7 +42,6 @@ pub struct Dance {
     recovery: Recovery,
     floor: FloorBounds,
     style: usize,
-    /// The style, if it has no name.
     style_vector: Option<Vec<f32>>,
     stall: StallDetector,
 }
@@ -245,7 +244,6 @@ impl Dance {
         }
     }
 
-    /// Draws the codes of the next frame.
     fn next_codes(&mut self, seq: &MotionSeq, team: &Team) -> Result<(), ModelError> {
         let music = [Some(&self.music[..]), None];
         let lanes = self.seq.lanes();

@@ -88,7 +88,6 @@ impl GeneratorOptions {
         Ok(())
     }
 
-    /// How codes are drawn.
     pub(super) fn sampling(&self) -> Sampling {
         Sampling {
             temperature: self.temperature,

@@ -45,7 +45,6 @@ impl StallDetector {
     }
 }
 
-/// How far the joints moved on average.
 fn mean_step_m(a: &Pose, b: &Pose) -> f32 {
     let step = |(p, q): (&[f32; 3], &[f32; 3])| {
         let squared: f32 = p.iter().zip(q).map(|(x, y)| (y - x).powi(2)).sum();

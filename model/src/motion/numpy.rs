@@ -103,7 +103,6 @@ impl Npz {
     }
 }
 
-/// Reads magic, header and numbers.
 fn array(mut file: impl Read) -> Result<Array, String> {
     let mut start = [0; 8];
     let short = |_| "the array ends too soon".to_owned();
@@ -153,7 +152,6 @@ fn array(mut file: impl Read) -> Result<Array, String> {
     Ok(Array { shape, values })
 }
 
-/// The kinds of numbers that are read.
 #[derive(Clone, Copy)]
 enum Kind {
     F16,

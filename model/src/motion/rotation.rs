@@ -3,7 +3,6 @@
 
 use super::vec3::{Vec3, cross, dot, norm, scale, unit_or};
 
-/// Rows of a rotation matrix.
 pub type Matrix = [Vec3; 3];
 
 pub const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

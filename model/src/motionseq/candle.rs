@@ -12,7 +12,6 @@ use crate::engine::{AttentionWindow, attention_bias};
 use crate::error::ModelError;
 use crate::weights::{Dtype, Weights};
 
-/// Self-attention, cross-attention on music, style, feed-forward.
 #[derive(Clone, Debug)]
 struct CandleLayer {
     attention: TensorAttention,
@@ -20,7 +19,6 @@ struct CandleLayer {
     feed_forward: TensorFeedForward,
 }
 
-/// A body part's output.
 #[derive(Clone, Debug)]
 struct CandleHead {
     /// Of parts after the first, which see the codes chosen before.
@@ -46,7 +44,6 @@ impl CandleHead {
     }
 }
 
-/// The weights of MotionSeq, as tensors.
 #[derive(Clone, Debug)]
 pub(crate) struct CandleSeq {
     config: SeqConfig,
@@ -60,7 +57,6 @@ pub(crate) struct CandleSeq {
     heads: Vec<CandleHead>,
 }
 
-/// Where one dance stands, in every lane.
 #[derive(Clone, Debug)]
 pub(crate) struct CandleSeqState {
     lanes: usize,

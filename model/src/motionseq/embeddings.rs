@@ -6,7 +6,6 @@ use crate::engine::EmbeddingTable;
 use crate::error::ModelError;
 use crate::weights::Weights;
 
-/// The tables of all body parts.
 #[derive(Clone, Debug)]
 pub(super) struct CodeEmbeddings {
     /// The code of the frame before, one table for each part.

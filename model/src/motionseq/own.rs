@@ -10,7 +10,6 @@ use crate::engine::{
 use crate::error::ModelError;
 use crate::weights::{Dtype, Weights, gather};
 
-/// Self-attention, cross-attention on music, style, feed-forward.
 #[derive(Clone, Debug)]
 struct OwnLayer {
     attention: AttentionBlock,
@@ -18,7 +17,6 @@ struct OwnLayer {
     feed_forward: FeedForwardBlock,
 }
 
-/// A body part's output.
 #[derive(Clone, Debug)]
 struct OwnHead {
     /// Of parts after the first, which see the codes chosen before.
@@ -49,7 +47,6 @@ impl OwnHead {
     }
 }
 
-/// The weights of MotionSeq, packed.
 #[derive(Clone, Debug)]
 pub(super) struct OwnSeq {
     config: SeqConfig,
@@ -67,21 +64,17 @@ pub(super) struct OwnSeq {
     heads: Vec<OwnHead>,
 }
 
-/// Where one dance stands, in every lane.
 #[derive(Clone, Debug)]
 pub(super) struct OwnSeqState {
     position: CachePosition,
-    /// Layer by layer, in each all lanes.
     own: Vec<KvCache>,
     music: Vec<KvCache>,
-    /// The style's scale for every layer.
     pub style: Vec<f32>,
     heard: Input,
     stream: Input,
     keys_values: Vec<f32>,
     work: BlockScratch,
     scratch: AttentionScratch,
-    /// Lane by lane: what the heads read.
     hidden: Vec<f32>,
     head_work: BlockScratch,
     logits: Vec<f32>,

@@ -9,7 +9,6 @@ mod repetition_penalty;
 
 pub(crate) use repetition_penalty::{PenaltyStrength, RepetitionPenalty};
 
-/// How codes are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sampling {
     /// Logits are divided by it; 0 takes the likeliest code.
@@ -23,7 +22,6 @@ pub(crate) struct Sampling {
 }
 
 impl Sampling {
-    /// Refuses what cannot be drawn from.
     pub fn checked(self) -> Result<Self, ModelError> {
         let refuse = |option, found: f32, expected| {
             Err(ModelError::Option {
@@ -64,7 +62,6 @@ impl Sampler {
         })
     }
 
-    /// Begins the random sequence of another seed.
     pub fn reseed(&mut self, seed: u64) {
         self.rng = ChaCha8Rng::seed_from_u64(seed);
     }

@@ -6,7 +6,6 @@
 //! are compared with those of every moment of the last half minute; where they are
 //! alike, the code that followed then becomes less likely now.
 
-/// How much the logits fall.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PenaltyStrength {
     /// For a code that came in each of the last frames; less in proportion.
@@ -42,7 +41,6 @@ impl RepetitionPenalty {
         self.figures.push(codes);
     }
 
-    /// Lowers the logits of one part.
     pub fn apply(&mut self, part: usize, strength: PenaltyStrength, logits: &mut [f32]) {
         self.recent.apply(part, strength.repetition, logits);
         self.figures.apply(part, strength.variety, logits);
@@ -56,7 +54,6 @@ const RECENT_FRAMES: usize = 40;
 #[derive(Clone, Debug)]
 struct RecentCodes {
     codes: usize,
-    /// For each code of each part.
     counts: Vec<u16>,
     /// Codes of the last frames, the oldest at `next`.
     frames: Vec<usize>,

@@ -8,7 +8,6 @@ use crate::engine::candle::{RoundedWeights, TensorCache, TensorTransformer, Tran
 use crate::error::ModelError;
 use crate::weights::{Dtype, Weights};
 
-/// The decoder's weights, as tensors.
 #[derive(Clone, Debug)]
 pub(crate) struct CandleDecoder {
     dtype: Dtype,
@@ -16,11 +15,9 @@ pub(crate) struct CandleDecoder {
     transformer: TensorTransformer,
 }
 
-/// Where one stream of frames stands.
 #[derive(Clone, Debug)]
 pub(crate) struct CandleDecoderState {
     caches: Vec<TensorCache>,
-    /// The last frame's numbers.
     motion: Vec<f32>,
 }
 
@@ -50,7 +47,6 @@ impl CandleDecoder {
         })
     }
 
-    /// A stream before its first frame.
     pub fn start(&self) -> CandleDecoderState {
         CandleDecoderState {
             caches: self.transformer.start(self.dtype),

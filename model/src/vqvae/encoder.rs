@@ -18,7 +18,6 @@ use crate::weights::{Dtype, Weights};
 /// Frames whose codes one piece gives.
 const PIECE_FRAMES: usize = 512;
 
-/// The encoder of one body part.
 #[derive(Clone, Debug)]
 struct PartEncoder {
     /// Which of the 137 numbers it sees.
@@ -97,7 +96,6 @@ impl PartEncoder {
         })
     }
 
-    /// The nearest code of each frame.
     fn codes(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<u32>, ModelError> {
         let seen: Vec<f32> = motion
             .iter()

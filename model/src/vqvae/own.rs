@@ -8,7 +8,6 @@ use crate::engine::{
 use crate::error::ModelError;
 use crate::weights::{Dtype, Weights, gather};
 
-/// The decoder's weights, packed.
 #[derive(Clone, Debug)]
 pub(super) struct OwnDecoder {
     dtype: Dtype,
@@ -22,7 +21,6 @@ pub(super) struct OwnDecoder {
     output: PackedLinear,
 }
 
-/// Where one stream of frames stands.
 #[derive(Clone, Debug)]
 pub(super) struct OwnDecoderState {
     position: CachePosition,
@@ -76,7 +74,6 @@ impl OwnDecoder {
         gather([input].into_iter().chain(layers).chain([output]));
     }
 
-    /// A stream before its first frame.
     pub fn start(&self) -> OwnDecoderState {
         let dtype = self.dtype;
         let widest = (3 * self.shape.wide()).max(self.output.outputs());

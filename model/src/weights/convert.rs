@@ -10,7 +10,6 @@ use super::tensor_file::{self, Entry};
 use super::{BLOCK, Dtype, PackedMatrix, Weights};
 use crate::error::ModelError;
 
-/// One tensor of the new file.
 struct Tensor {
     name: String,
     dtype: Stored,

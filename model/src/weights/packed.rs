@@ -213,7 +213,6 @@ impl PackedMatrix {
         }
     }
 
-    /// Bytes that a product reads.
     pub fn bytes(&self) -> usize {
         self.numbers().size() + self.scales.size()
     }

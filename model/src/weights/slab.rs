@@ -16,9 +16,7 @@ const LARGE_PAGE: usize = 2 << 20;
 /// Numbers by themselves, or in a slab with others.
 #[derive(Clone, Debug)]
 pub(crate) enum Held<T> {
-    /// While they are put together.
     Own(Vec<T>),
-    /// Bytes of a slab.
     In(Arc<MmapMut>, Range<usize>),
 }
 
@@ -50,11 +48,9 @@ impl<T: Pod> Extend<T> for Held<T> {
     }
 }
 
-/// What a slab is made of.
 pub(crate) trait Piece {
     /// The bytes; afterwards there are none.
     fn take(&mut self) -> Box<dyn AsRef<[u8]>>;
-    /// Where they lie now.
     fn place(&mut self, slab: &Arc<MmapMut>, range: Range<usize>);
     fn size(&self) -> usize;
 }

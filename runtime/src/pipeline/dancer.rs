@@ -63,7 +63,6 @@ impl Dancer {
         })
     }
 
-    /// The same with load shedding.
     pub fn shedding(mut self, overload: OverloadWatch) -> Self {
         self.overload = Some(overload);
         self

@@ -59,7 +59,6 @@ pub struct DanceConfig {
 }
 
 impl DanceConfig {
-    /// The part that the control loop needs.
     pub(super) fn loop_options(&self) -> LoopOptions {
         LoopOptions {
             speed: self.speed,

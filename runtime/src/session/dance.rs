@@ -201,7 +201,6 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
     })
 }
 
-/// Simulated time needs no priority.
 fn raise_in(speed: Speed, role: ThreadRole) -> Result<(), NotAllowed> {
     match speed {
         Speed::Max => Ok(()),

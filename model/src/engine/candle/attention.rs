@@ -41,7 +41,6 @@ impl TensorCache {
         }
     }
 
-    /// Frames that are held.
     pub fn frames(&self) -> usize {
         self.past.as_ref().map_or(0, |[keys, _]| keys.dims()[2])
     }

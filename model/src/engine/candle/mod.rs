@@ -19,7 +19,6 @@ use crate::weights::{Dtype, Weights};
 /// Layer norm's epsilon, PyTorch's default.
 const EPSILON: f32 = 1e-5;
 
-/// Where layers take their weights from.
 pub trait TensorSource {
     /// A tensor of exactly this shape, f32 on the CPU.
     fn tensor(&self, name: &str, shape: &[usize]) -> Result<Tensor, ModelError>;
@@ -161,7 +160,6 @@ pub(crate) struct TransformerSizes {
     pub output: usize,
     pub layers: usize,
     pub head_width: usize,
-    /// ALiBi slope of each head.
     pub slopes: Vec<f32>,
     pub window: AttentionWindow,
     pub activation: Activation,
@@ -203,7 +201,6 @@ impl TensorTransformer {
         self.layers.iter().map(cache).collect()
     }
 
-    /// Bytes of all matrices.
     pub fn bytes(&self) -> usize {
         let layers = self.layers.iter().map(|(a, f)| a.bytes() + f.bytes());
         self.input.bytes() + layers.sum::<usize>() + self.output.bytes()

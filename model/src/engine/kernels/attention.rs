@@ -10,7 +10,6 @@ const LINE: usize = 64;
 /// How far ahead they are fetched, bytes.
 const AHEAD: usize = 2048;
 
-/// A score for each key.
 #[inline(always)]
 pub(super) fn scores<L: Lanes, S: Stored>(scores: &mut [f32], keys: &[S], query: &[f32]) {
     let width = query.len();
@@ -52,7 +51,6 @@ fn dots<L: Lanes, S: Stored, const N: usize>(
     sums
 }
 
-/// Values, weighted and summed.
 #[inline(always)]
 pub(super) fn mix<L: Lanes, S: Stored>(out: &mut [f32], weights: &[f32], values: &[S]) {
     let mut column = 0;

@@ -11,7 +11,6 @@ mod vectors;
 use super::avx2::Avx2;
 use super::lanes::Portable;
 
-/// Which compilation of the kernels runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cpu(Kind);
 
@@ -23,7 +22,6 @@ enum Kind {
 }
 
 impl Cpu {
-    /// The best for this processor.
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2")

@@ -12,7 +12,6 @@ const LARGEST: f32 = 32_767.0;
 /// What a sum is taken of. Not a closure: see `functions`.
 trait Term: Copy {
     fn of<L: Lanes>(self, x: L) -> L;
-    /// A number that adds nothing.
     fn nothing(self) -> f32;
 }
 
@@ -46,7 +45,6 @@ impl Term for SquareFrom {
     }
 }
 
-/// In eight running sums.
 #[inline(always)]
 fn sum<L: Lanes>(x: &[f32], term: impl Term) -> f32 {
     let (eights, rest) = x.as_chunks::<8>();
