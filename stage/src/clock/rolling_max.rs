@@ -19,6 +19,7 @@ impl Default for RollingMax {
 }
 
 impl RollingMax {
+    /// Takes a value at this time.
     pub fn push(&mut self, now_ns: i64, value: f64) {
         let second = now_ns.div_euclid(1_000_000_000);
         let passed = second.saturating_sub(self.second);

@@ -104,10 +104,12 @@ pub struct Follower {
     current: Option<TrackedLeader>,
     candidate: Option<TrackedLeader>,
     retired: VecDeque<u64>,
+    /// Open requests: nonce, instance, time.
     pending: VecDeque<(u64, u64, i64)>,
     /// Motion time less music time of the current leader, seconds.
     base_s: f64,
     channel: u8,
+    /// The motion is being hidden.
     leaving: bool,
     /// Motion time of the newest frame that was handed out.
     newest_s: f64,
@@ -347,6 +349,7 @@ impl Follower {
         self.stats.joined += 1;
     }
 
+    /// Rejoins the same leader on this channel.
     fn rejoin(&mut self, channel: u8) {
         if let Some(leader) = &mut self.current {
             match channel == self.channel {

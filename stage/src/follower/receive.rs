@@ -110,6 +110,7 @@ impl Follower {
         }
     }
 
+    /// Whether a new leader becomes the candidate.
     fn consider(&mut self, now_ns: i64, frames: &Frames) -> bool {
         let beats = |leader: &TrackedLeader| leader.is_lost(now_ns) || frames.term > leader.term;
         let better =

@@ -26,7 +26,9 @@ pub(super) struct TrackedLeader {
     pub transits: RollingMax,
     /// A token of the leader is gone, and no message has arrived since.
     pub gone: bool,
+    /// Newest frame number of each channel.
     pub newest: BTreeMap<u8, u64>,
+    /// Channels by their style.
     pub styles: BTreeMap<String, u8>,
     pub buffer: JitterBuffer,
     /// Leader's clock less music time, nanoseconds, by the newest frame.
@@ -34,6 +36,7 @@ pub(super) struct TrackedLeader {
     pub lead_s: f64,
     pub beat_s: f64,
     pub roles_number: u64,
+    /// When the next time request is due.
     pub request_ns: i64,
     /// When the next request to resend is allowed.
     resend_ns: i64,

@@ -95,6 +95,7 @@ message_struct! {
 /// changes, and again every second for followers that join late.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Roles {
+    /// Instance of the leader.
     pub instance: u64,
     /// Number of leaders that led before this one.
     pub term: u32,
@@ -114,6 +115,7 @@ pub struct Cue {
     pub nonce: u64,
     /// Name of the follower; `all`: everybody.
     pub follower: String,
+    /// The change of the role.
     pub role: Role,
 }
 }

@@ -13,6 +13,7 @@ message_struct! {
 pub struct TimeRequest {
     /// Random number that the follower drew when it started.
     pub follower: u64,
+    /// Instance of the leader that is asked.
     pub instance: u64,
     /// Random number, new in each request; the reply repeats it.
     pub nonce: u64,
@@ -23,9 +24,12 @@ pub struct TimeRequest {
 }
 
 message_struct! {
+/// The leader replies with its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimeReply {
+    /// Instance of the leader that replies.
     pub instance: u64,
+    /// The nonce of the request.
     pub nonce: u64,
     /// Arrival of the request, nanoseconds of the leader's clock.
     pub received_ns: i64,
@@ -38,7 +42,9 @@ message_struct! {
 /// State of a follower, so that the leader sends frames early enough.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FollowerReport {
+    /// The follower's random number.
     pub follower: u64,
+    /// Instance of the leader that it follows.
     pub instance: u64,
     /// Number of this report, one more for each.
     pub number: u32,
@@ -48,6 +54,7 @@ pub struct FollowerReport {
     pub transit_ms: u16,
     /// Number of frames that never arrived.
     pub lost: u32,
+    /// Name of the follower.
     pub name: String,
     /// The style that the follower prefers; empty: any.
     pub style: String,
