@@ -218,7 +218,7 @@ impl Trainer {
         value
     }
 
-    /// The weights file for `servodance_model::net`; of the VQ-VAE without what is MotionSeq's.
+    /// The weights file for `servodance_model::weights`; of the VQ-VAE without MotionSeq's part.
     pub fn weights(&mut self) -> Vec<u8> {
         let mut tensors = self.training.weights();
         let style = self.styles[self.training.default_style()].clone();
