@@ -97,8 +97,8 @@ impl Codebook {
     }
 }
 
-/// The sum of the codes of the rows [n, 128]: each codebook codes what the ones
-/// before left over.
+/// The sum of the codes of the rows [n, 128]: each codebook codes what the
+/// ones before left over.
 fn quantised(codebooks: &[Codebook], rows: &Tensor) -> TensorResult<Tensor> {
     let mut sum = rows.zeros_like()?;
     for codebook in codebooks {

@@ -92,8 +92,8 @@ impl AttentionBlock {
         })
     }
 
-    /// `given`: of cross-attention, the products that hold keys and values, from an
-    /// output on.
+    /// `given`: of cross-attention, the products that hold keys and values,
+    /// from an output on.
     pub fn step(
         &self,
         team: &Team,

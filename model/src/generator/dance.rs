@@ -88,8 +88,8 @@ impl Dance {
         self.step_heard(&HeardFrame::from(*music))
     }
 
-    /// The same with what else was listened for; fails for weights of another
-    /// feature kind.
+    /// The same with what else was listened for; fails for weights
+    /// of another feature kind.
     pub fn step_heard(&mut self, heard: &HeardFrame) -> Result<MotionFrame, ModelError> {
         let networks = self.networks.clone();
         let (kind, music) = (networks.config.music, &heard.frame);
@@ -149,9 +149,7 @@ impl Dance {
     }
 
     /// Dances on in another style, from the pose that it is in.
-    ///
-    /// # Errors
-    /// An unknown style; the message lists those there are.
+    /// Fails for: an unknown style; the message lists those there are.
     pub fn set_style(&mut self, style: &str) -> Result<(), ModelError> {
         self.style = self.networks.style_index(style)?;
         self.style_vector = None;
@@ -210,9 +208,7 @@ impl Dance {
 
     /// A new dance of the same networks and options in another style; it takes
     /// as long again for each step.
-    ///
-    /// # Errors
-    /// There is no such style.
+    /// Fails for: there is no such style.
     pub fn beside(&self, style: &str) -> Result<Dance, ModelError> {
         let generator = Generator {
             networks: self.networks.clone(),

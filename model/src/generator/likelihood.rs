@@ -19,9 +19,7 @@ pub struct Likelihood {
 impl Generator {
     /// Of codes ([`crate::Codec::encode`]) from the second frame on, each given
     /// those before it and the music up to it, in a style of the model.
-    ///
-    /// # Errors
-    /// Weights that hear other features than these.
+    /// Fails for: weights that hear other features than these.
     pub fn likelihood(
         &self,
         codes: &[Vec<usize>],

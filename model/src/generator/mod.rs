@@ -151,9 +151,7 @@ impl Generator {
     }
 
     /// Where a style stands in [`Generator::styles`].
-    ///
-    /// # Errors
-    /// There is none of that name; the message lists those there are.
+    /// Fails for: there is none of that name; the message lists those there are.
     pub fn style_index(&self, name: &str) -> Result<usize, ModelError> {
         self.networks.style_index(name)
     }

@@ -18,8 +18,8 @@ pub enum AtEnd {
 pub struct GeneratorOptions {
     /// Seed of everything random.
     pub seed: u64,
-    /// A name out of [`crate::Generator::styles`] or [`crate::NO_STYLE`]; if left
-    /// out, [`crate::Generator::default_style`].
+    /// A name out of [`crate::Generator::styles`] or [`crate::NO_STYLE`];
+    /// if left out, [`crate::Generator::default_style`].
     pub style: Option<String>,
     /// A style that is no name but a vector, as wide as the weights' styles
     /// ([`crate::conditioning::ClipText`]); it comes before a name.

@@ -95,8 +95,8 @@ pub fn encode(poses: &[Pose]) -> Vec<PoseVector> {
         .collect()
 }
 
-/// The numbers of one frame from its pose, the next one, and their headings in
-/// radians.
+/// The numbers of one frame from its pose, the next one, and
+/// their headings in radians.
 pub fn encode_step(now: &Pose, next: &Pose, heading: f64, next_heading: f64) -> PoseVector {
     let mut out = [0.0; POSE_DIM];
     let (now, next) = (now.map(wide), next.map(wide));

@@ -49,8 +49,8 @@ impl Codec {
     }
 
     /// One code per body part for each frame but the last (a frame's numbers
-    /// hold the step to the next). The clip is brought to 20 FPS and the common
-    /// skeleton first ([`Clip::normalised`]).
+    /// hold the step to the next). The clip is brought to 20 FPS and the
+    /// common skeleton first ([`Clip::normalised`]).
     pub fn encode(&self, clip: &Clip) -> Result<Vec<Vec<usize>>, ModelError> {
         self.encode_poses(&clip.normalised().poses)
     }
@@ -73,8 +73,8 @@ impl Codec {
         self.encoder.encode(&normalised)
     }
 
-    /// The motion of the codes: 20 FPS, the common skeleton, from the origin,
-    /// facing +z.
+    /// The motion of the codes: 20 FPS, the common skeleton, from
+    /// the origin, facing +z.
     pub fn decode(&self, name: &str, codes: &[Vec<usize>]) -> Result<Clip, ModelError> {
         let team = self.engine.pool().team();
         let mut state = self.decoder.start();

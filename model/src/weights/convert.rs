@@ -17,10 +17,10 @@ struct Tensor {
     data: Vec<u8>,
 }
 
-/// The bytes of the file `bytes` (called `source` in errors) with its matrices
-/// in `dtype`. Tables, biases and norms become f16 (f32 where the matrices do);
-/// what normalises data stays f32, integers stay what they are. Every number is
-/// checked.
+/// The bytes of the file `bytes` (called `source` in errors) with its
+/// matrices in `dtype`. Tables, biases and norms become f16 (f32 where the
+/// matrices do); what normalises data stays f32, integers stay what they are.
+/// Every number is checked.
 pub fn convert(bytes: &[u8], source: &str, dtype: Dtype) -> Result<Vec<u8>, ModelError> {
     let file = |reason: String| ModelError::File {
         source_name: source.to_owned(),

@@ -16,7 +16,6 @@ pub(crate) struct ParamBuilder<'a> {
 }
 
 impl ParamBuilder<'_> {
-    /// A tensor that weight decay leaves alone.
     pub fn tensor(&mut self, name: String, shape: &[usize], init: ParamInit) -> ParamId {
         self.parameters.add(name, shape, init, false, self.rng)
     }
@@ -26,8 +25,7 @@ impl ParamBuilder<'_> {
     }
 }
 
-/// Channels that are dropped at random while training: whole ones of a
-/// sequence, the same at every frame.
+/// Drops whole channels of a sequence at random, the same at every frame.
 #[derive(Debug)]
 pub(crate) struct Dropout<'a> {
     pub rate: f32,
@@ -160,7 +158,6 @@ impl FeedForwardLayer {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LayerWidths {
     pub dim: usize,
-    /// Heads times the width of a head.
     pub inner: usize,
     pub hidden: usize,
 }

@@ -12,7 +12,6 @@ use servodance_model::{Codec, Generator, ModelError};
 pub struct WeightsInfo {
     file: String,
     preset: String,
-    /// The narrowest number format of its matrices.
     dtype: &'static str,
     bytes: usize,
     encoders: bool,

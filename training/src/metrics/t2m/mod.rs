@@ -44,8 +44,7 @@ pub struct Extractors {
 }
 
 impl Extractors {
-    /// Reads `model.safetensors` and `words.json` in a folder. A file that is
-    /// missing, torn or of another layout is named with what is wrong.
+    /// Reads `model.safetensors` and `words.json`. Fails with the file and what is wrong.
     pub fn load(folder: &Path) -> Result<Self, ModelError> {
         let file = Checkpoint::open(&folder.join("model.safetensors"))?;
         let convolution = |layer: usize, input: usize| {
@@ -71,8 +70,7 @@ impl Extractors {
     }
 
     /// Points of motions, each cut to [`MOST_FRAMES`] and a multiple of [`FRAMES_A_STEP`].
-    ///
-    /// Errors: A motion that is too short for one step.
+    /// Fails on a motion that is too short for one step.
     pub fn motions(&self, motions: &[&[HumanMlVector]]) -> Result<Vec<Vec<f32>>, ModelError> {
         let steps = motions.iter().map(|motion| self.steps(motion));
         let steps: Vec<Tensor> = steps.collect::<Result<_, _>>()?;

@@ -34,10 +34,8 @@ struct CodeHead {
     head: LinearLayer,
 }
 
-/// What MotionSeq hears and reads, sequences one after another.
 #[derive(Clone, Debug)]
 pub(crate) struct MotionSeqInputs {
-    /// Which frames are real.
     pub batch: Batch,
     /// Per part the code of the frame before, [rows].
     pub previous: Vec<Vec<u32>>,

@@ -241,7 +241,6 @@ impl MotionSeqTraining {
     }
 }
 
-/// Share of targets that have the largest logit.
 fn right(logits: &[f32], targets: &[u32]) -> f64 {
     let classes = logits.len() / targets.len();
     let largest = |row: &[f32]| {
@@ -289,8 +288,7 @@ impl NetworkTraining for MotionSeqTraining {
         self.learn(&batch, rng)
     }
 
-    /// Likelihood of held-out clips with their music, with another clip's and
-    /// with none: what the music is worth.
+    /// With their music, with another clip's and with none: what the music is worth.
     fn validate(&mut self, rng: &mut ChaCha8Rng) -> Option<NamedValues> {
         let held = self.held.as_ref()?;
         let crops = held.draw(HELD_SEQUENCES, &mut ChaCha8Rng::seed_from_u64(HELD_SEED));

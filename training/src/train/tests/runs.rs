@@ -177,7 +177,7 @@ fn validation_leaves_the_run_as_it_is() {
         let before = run.weights();
         let scores = |trainer: &mut Trainer| {
             let mut rng = rng();
-            trainer.training_mut().validate(&mut rng).unwrap()
+            trainer.training.validate(&mut rng).unwrap()
         };
         assert_eq!(scores(&mut run), scores(&mut run));
         assert!(run.weights() == before);
