@@ -81,15 +81,6 @@ impl ServoClient {
         Ok(Some(Measured::new(register, &bytes)))
     }
 
-    fn unfit(&self, index: usize, what: &'static str, actual: String, wanted: String) -> BusError {
-        BusError::Unfit {
-            servo: self.id_of(index),
-            what,
-            actual,
-            wanted,
-        }
-    }
-
     fn check_model(&self, index: usize, number: u16) -> BusResult<()> {
         let wanted = self.servos[index].model;
         if number == wanted.number {
@@ -114,34 +105,34 @@ impl ServoClient {
         if (lowest..=highest).contains(&present) {
             return Ok(());
         }
-        Err(self.unfit(
-            index,
-            "input voltage",
-            volts(present),
-            format!("{} to {}", volts(lowest), volts(highest)),
-        ))
+        Err(BusError::Unfit {
+            servo: self.id_of(index),
+            what: "input voltage",
+            actual: volts(present),
+            wanted: format!("{} to {}", volts(lowest), volts(highest)),
+        })
     }
 
     fn check_temperature(&self, index: usize, present: u64, limit: u64) -> BusResult<()> {
         if present < limit {
             return Ok(());
         }
-        Err(self.unfit(
-            index,
-            "temperature",
-            format!("{present} C"),
-            format!("below {limit} C"),
-        ))
+        Err(BusError::Unfit {
+            servo: self.id_of(index),
+            what: "temperature",
+            actual: format!("{present} C"),
+            wanted: format!("below {limit} C"),
+        })
     }
 
     fn check_firmware(&self, index: usize, actual: u8) -> BusResult<()> {
         match self.servos[index].firmware {
-            Some(wanted) if wanted != actual => Err(self.unfit(
-                index,
-                "firmware",
-                actual.to_string(),
-                format!("{wanted}, as the robot file says"),
-            )),
+            Some(wanted) if wanted != actual => Err(BusError::Unfit {
+                servo: self.id_of(index),
+                what: "firmware",
+                actual: actual.to_string(),
+                wanted: format!("{wanted}, as the robot file says"),
+            }),
             _ => Ok(()),
         }
     }
@@ -154,12 +145,12 @@ impl ServoClient {
         if asked_deg_s <= own_deg_s {
             return Ok(());
         }
-        Err(self.unfit(
-            index,
-            "velocity limit in the servo, degrees a second,",
-            format!("{own_deg_s:.1}"),
-            format!("at least velocity_deg_s = {asked_deg_s:.1}"),
-        ))
+        Err(BusError::Unfit {
+            servo: self.id_of(index),
+            what: "velocity limit in the servo, degrees a second,",
+            actual: format!("{own_deg_s:.1}"),
+            wanted: format!("at least velocity_deg_s = {asked_deg_s:.1}"),
+        })
     }
 
     fn check_goal_range(&self, index: usize, own: (i32, i32)) -> BusResult<()> {
@@ -167,11 +158,11 @@ impl ServoClient {
         if lowest >= own.0 && highest <= own.1 {
             return Ok(());
         }
-        Err(self.unfit(
-            index,
-            "position limits in the servo, ticks,",
-            format!("{} to {}", own.0, own.1),
-            format!("at least {lowest} to {highest}"),
-        ))
+        Err(BusError::Unfit {
+            servo: self.id_of(index),
+            what: "position limits in the servo, ticks,",
+            actual: format!("{} to {}", own.0, own.1),
+            wanted: format!("at least {lowest} to {highest}"),
+        })
     }
 }
