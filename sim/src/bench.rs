@@ -22,14 +22,12 @@ use crate::servo::spec::SimServoSpec;
 /// for a moment does not decide the figure.
 const WINDOW: usize = 50;
 
-/// What a bus reached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BusBench {
     /// Cycles a second, goals out and states in: the median over windows of 50 cycles.
     pub hz: f64,
     /// Cycles a second over the whole run, stalls of the machine included.
     pub hz_mean: f64,
-    /// What the wire carries at best.
     pub wire_limit_hz: f64,
     /// How long a cycle took, median, microseconds.
     pub cycle_us_p50: f64,
@@ -42,16 +40,12 @@ pub struct BusBench {
     pub jitter_us_p99: f64,
 }
 
-/// Why a measurement failed.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// The simulated bus did not start.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// The driver failed at a cycle, or when arming.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// The configuration cannot work.
     #[error(transparent)]
     Config(#[from] ConfigError),
 }

@@ -24,16 +24,12 @@ use servodance_types::JointLimits;
 /// Limits broken, counted once for every servo and control period.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Violations {
-    /// Positions beyond the joint's range.
     pub position: u64,
-    /// Periods beyond the velocity limit.
     pub velocity: u64,
-    /// Periods beyond the acceleration limit.
     pub acceleration: u64,
 }
 
 impl Violations {
-    /// The sum over position, velocity and acceleration.
     pub fn total(&self) -> u64 {
         self.position + self.velocity + self.acceleration
     }
@@ -62,7 +58,6 @@ pub struct Judge {
     tick_rad: f64,
 }
 
-/// The goals, or the true positions, of one servo.
 #[derive(Clone, Debug, Default)]
 struct JudgedTrack {
     /// The last one and the one before, radians.
@@ -118,7 +113,6 @@ impl Judge {
         self.goals.follow(goal_rad, broken);
     }
 
-    /// A control period ended at this true position.
     pub fn judge_motion(&mut self, time_s: f64, position_rad: f64) {
         let broken = self.judge(self.motion.last, time_s, position_rad, "went");
         self.motion.follow(position_rad, broken);
@@ -212,7 +206,6 @@ mod tests {
         judge.violations()
     }
 
-    /// Constant acceleration up to a speed, then constant speed.
     fn run(acceleration: f64, top: f64) -> Vec<f64> {
         let (mut position, mut speed) = (-0.99, 0.0);
         let mut goals = vec![position];

@@ -17,7 +17,6 @@ use crate::can::{Adapter, MulticastAdapter, SlcanAdapter};
 use crate::error::SimError;
 use crate::serial::host_port::HostPort;
 
-/// The adapter that the thread of a bus serves.
 pub(crate) enum HostEnd {
     Serial(HostPort),
     Can(Box<dyn Adapter>),

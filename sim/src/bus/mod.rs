@@ -41,18 +41,13 @@ use crate::servo::spec::SimServoSpec;
 /// How long carrying out the host's frames may take in lockstep.
 const LONGEST_SETTLE: Duration = Duration::from_secs(2);
 
-/// What passed over the simulated wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WireStats {
-    /// Bytes from the host.
     pub bytes_in: u64,
-    /// Bytes to the host.
     pub bytes_out: u64,
-    /// Sound instructions from the host.
     pub packets_in: u64,
     /// Status packets (or pieces of a fast one) to the host.
     pub packets_out: u64,
-    /// Damaged frames from the host.
     pub bad_packets: u64,
     /// Time that the line was busy: ten bits a byte, and return delays. Seconds.
     pub wire_s: f64,
@@ -218,12 +213,10 @@ impl SimBus {
         self.shared.world().sum(Judge::violations)
     }
 
-    /// Those of them that the true motion broke.
     pub fn motion_violations(&self) -> Violations {
         self.shared.world().sum(Judge::motion_violations)
     }
 
-    /// The first violations of each servo in words.
     pub fn violation_notes(&self) -> Vec<String> {
         let world = self.shared.world();
         let judges = world.line.judges().into_iter();
@@ -280,7 +273,6 @@ impl SimBus {
         }
     }
 
-    /// What passed over the wire.
     pub fn wire_stats(&self) -> WireStats {
         let (packets_in, bad_packets) = self.shared.world().line.packets();
         let traffic = self.shared.wire();

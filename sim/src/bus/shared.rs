@@ -32,7 +32,6 @@ pub(crate) struct BusShared {
     faults: Mutex<FaultyWire>,
     pub stop: AtomicBool,
     pub bus_off: AtomicBool,
-    /// The thread carries out what it has read.
     pub busy: AtomicBool,
     /// A second handle on what the thread reads, while it does.
     watched: Mutex<Option<OwnedFd>>,
@@ -45,7 +44,6 @@ pub(crate) struct BusShared {
 }
 
 impl BusShared {
-    /// Nothing has passed yet; time begins now.
     pub fn new(
         world: World,
         faults: FaultyWire,
@@ -77,7 +75,6 @@ impl BusShared {
         world
     }
 
-    /// The world as it was left last.
     pub fn world_as_it_is(&self) -> MutexGuard<'_, World> {
         self.world.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -42,7 +42,6 @@ impl MitMotor {
         u32::from(self.core.settings.reply_id)
     }
 
-    /// The reply to every command and mode command.
     fn feedback(&self) -> CanFrame {
         let core = &self.core;
         let model = &core.settings.model;

@@ -17,9 +17,7 @@ use crate::servo::spec::SimServoSpec;
 const REBOOT_S: f64 = 0.5;
 const OVERLOAD_S: f64 = 1.0;
 const OVERLOAD_SHARE: f64 = 0.8;
-/// The motor protects itself from here on, Celsius.
 const HOTTEST_C: f64 = 90.0;
-/// Supply against nominal at which the motor protects itself.
 const LOWEST_SHARE: f64 = 0.6;
 const HIGHEST_SHARE: f64 = 1.4;
 
@@ -64,7 +62,6 @@ pub(crate) struct MotorCore {
     /// The last goal that was judged, of the joint, and when it came.
     told_s: f64,
     told_rad: f64,
-    /// When the same came again in a later period.
     repeated_s: Option<f64>,
 }
 

@@ -33,7 +33,6 @@ pub(crate) trait CanDevice: Debug + Send {
 pub(crate) struct CanNet {
     devices: Vec<Box<dyn CanDevice>>,
     frames_in: u64,
-    /// Frames destroyed by motors that answered at once.
     collisions: u64,
 }
 

@@ -16,7 +16,6 @@ use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
 use crate::can::net::CanDevice;
 
 const HEARTBEAT_S: f64 = 0.1;
-/// The endpoints of the simulated firmware's watchdog: time-out, enable.
 pub const WATCHDOG_ENDPOINTS: [u16; 2] = [153, 154];
 
 #[derive(Debug)]

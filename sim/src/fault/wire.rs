@@ -7,11 +7,9 @@ use crate::fault::random::SplitMix64;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CanPassage {
     pub copies: usize,
-    /// Damaged and sent again, as CAN does by itself.
     pub damaged: bool,
     /// How much later, seconds of wall time.
     pub late_s: f64,
-    /// Bytes in front of it that mean nothing.
     pub noise: Vec<u8>,
 }
 
@@ -48,7 +46,6 @@ impl FaultyWire {
         hit.then_some(fault)
     }
 
-    /// Damages an instruction on its way to the servos.
     pub fn pass_instruction(&mut self, bytes: &mut [u8]) {
         let hit = self.roll(|fault| fault == WireFault::CorruptInstruction);
         if hit.is_some() && !bytes.is_empty() {

@@ -67,7 +67,6 @@ impl SerialServer {
         }
     }
 
-    /// Bytes from the host, or none after a while.
     fn receive(&mut self, chunk: &mut [u8]) -> io::Result<HostInput> {
         // A host at the limit of its wire speaks again at once: being woken up
         // would take longer than its pause. One that rests until its next cycle

@@ -20,15 +20,11 @@ pub struct SimServoState {
     pub goal_rad: f64,
     /// Motor current towards higher joint positions, amperes.
     pub current_a: f64,
-    /// Temperature of the winding, Celsius.
     pub temperature_c: f64,
-    /// Whether torque is on.
     pub torque_enabled: bool,
-    /// Whether its bus watchdog has tripped.
     pub watchdog_tripped: bool,
     /// When it tripped last, simulated seconds.
     pub tripped_s: Option<f64>,
-    /// The hardware error register.
     pub hardware_error: u8,
 }
 
@@ -38,7 +34,8 @@ pub struct ServoBody {
     pub motor: Motor,
     pub judge: Judge,
     supply_v: f64,
-    sag_v: f64,
+    /// What the others on the line make the supply sag by, volts.
+    pub sag_v: f64,
     pub time_s: f64,
     deaf_until_s: f64,
     dead: bool,
@@ -74,16 +71,10 @@ impl ServoBody {
         self.supply_v - self.sag_v
     }
 
-    /// What the others on the line make the supply sag by, volts.
-    pub fn set_sag_v(&mut self, sag_v: f64) {
-        self.sag_v = sag_v;
-    }
-
     pub fn listens(&self) -> bool {
         !self.dead && self.time_s >= self.deaf_until_s
     }
 
-    /// It restarts: for a while it hears nothing.
     pub fn be_deaf_for(&mut self, seconds: f64) {
         self.deaf_until_s = self.time_s + seconds;
         self.stalled_s = 0.0;

@@ -12,7 +12,7 @@ use servodance_drivers::serial::{ByteMemory, Register, ServiceRegisters, sign_ma
 
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::serial::roster::LineServo;
+use crate::serial::serial_line::LineServo;
 use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::{FULL_PWM_ERROR_RAD, Motor};
 use crate::servo::spec::SimServoSpec;
@@ -131,22 +131,18 @@ impl ByteServo {
         self.put_if(self.service().map(|service| service.id), u16::from(id));
     }
 
-    /// Where its family keeps what.
     pub fn memory(&self) -> &'static ByteMemory {
         self.layout
     }
 
-    /// Seconds between an instruction and its reply.
     pub fn return_delay_s(&self) -> f64 {
         f64::from(self.get_or(self.layout.return_delay, 0)) * 2e-6
     }
 
-    /// Whether it answers reads.
     pub fn answers_reads(&self) -> bool {
         self.status_level() >= self.writes_level() - 1
     }
 
-    /// Whether it answers writes.
     pub fn answers_writes(&self) -> bool {
         self.status_level() >= self.writes_level()
     }
@@ -155,12 +151,10 @@ impl ByteServo {
         self.get_or(self.layout.status_level, 2)
     }
 
-    /// The return level from which on writes are answered.
     fn writes_level(&self) -> u16 {
         if self.layout.sync_read { 1 } else { 2 }
     }
 
-    /// The condition that every answer carries.
     pub fn status(&self) -> u8 {
         self.flags
     }
@@ -263,12 +257,10 @@ impl ByteServo {
         }
     }
 
-    /// A write that waits for an action.
     pub fn register(&mut self, address: u8, bytes: &[u8]) {
         self.registered = Some((address, bytes.to_vec()));
     }
 
-    /// Carries out the registered write.
     pub fn act(&mut self) {
         if let Some((address, bytes)) = self.registered.take() {
             self.write(address, &bytes);

@@ -28,7 +28,6 @@ const NMT_RESET: u8 = 129;
 const NMT_RESET_COMMUNICATION: u8 = 130;
 const HEARTBEAT_S: f64 = 0.1;
 
-/// The drive's states, as the status word shows them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum DriveState {
     SwitchOnDisabled,
@@ -93,7 +92,6 @@ impl Cia402Drive {
         }
     }
 
-    /// Shows a fault of the motor in the state.
     fn settle(&mut self) {
         if self.core.fault.is_some() {
             self.state = DriveState::Fault;

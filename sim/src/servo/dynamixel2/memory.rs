@@ -15,14 +15,12 @@ impl XServo {
         self.table.read(address, size)
     }
 
-    /// A write to the control table.
     pub fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), AccessError> {
         let writes = self.checked(address, bytes)?;
         self.apply(&writes);
         Ok(())
     }
 
-    /// A write that waits for an action.
     pub fn register(&mut self, address: u16, bytes: &[u8]) -> Result<(), AccessError> {
         self.registered = Some(self.checked(address, bytes)?);
         self.table.put(at::REGISTERED, 1);

@@ -20,7 +20,7 @@ use servodance_drivers::serial::dynamixel2::registers as at;
 
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::serial::roster::LineServo;
+use crate::serial::serial_line::LineServo;
 use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
@@ -29,9 +29,7 @@ use table::ControlTable;
 const RAD_PER_TICK: f64 = TAU / 4096.0;
 const RAD_S_PER_UNIT: f64 = 0.229 * TAU / 60.0;
 const RAD_S2_PER_UNIT: f64 = 214.577 * TAU / 3600.0;
-/// How long a servo is deaf after a reboot.
 const REBOOT_S: f64 = 0.3;
-/// Stall for this long is an overload, ...
 const OVERLOAD_S: f64 = 2.0;
 /// ... and stall is this share of the stall torque.
 const OVERLOAD_SHARE: f64 = 0.8;
@@ -39,7 +37,6 @@ const VOLTAGE_ERROR: i64 = 1;
 const OVERHEAT_ERROR: i64 = 1 << 2;
 const OVERLOAD_ERROR: i64 = 1 << 5;
 
-/// One servo with the firmware of the X series.
 #[derive(Clone, Debug)]
 pub struct XServo {
     model: &'static ServoModel,
@@ -97,7 +94,6 @@ impl XServo {
         self.trajectory_speed = 0.0;
     }
 
-    /// Microseconds between an instruction and its reply.
     pub fn return_delay_s(&self) -> f64 {
         self.table.get(at::RETURN_DELAY) as f64 * 2e-6
     }
@@ -107,7 +103,6 @@ impl XServo {
         self.table.get(at::STATUS_RETURN_LEVEL)
     }
 
-    /// Whether it knows the fast reads.
     pub fn knows_fast_reads(&self) -> bool {
         self.table.get(at::FIRMWARE) as u8 >= self.model.fast_read_firmware
     }
@@ -117,7 +112,6 @@ impl XServo {
         u8::from(self.table.get(at::HARDWARE_ERROR) != 0) << 7
     }
 
-    /// Model number and firmware: what a ping returns.
     pub fn ping(&self) -> [u8; 3] {
         let [low, high] = (self.table.get(at::MODEL) as u16).to_le_bytes();
         [low, high, self.table.get(at::FIRMWARE) as u8]
@@ -176,7 +170,6 @@ impl XServo {
         (ticks - offset) * self.drive_sign() * RAD_PER_TICK
     }
 
-    /// The encoder through offset and drive mode, turns counted.
     fn encoder_ticks(&self) -> f64 {
         let raw = (self.body.motor.angle_rad / RAD_PER_TICK).round();
         raw * self.drive_sign() + self.table.get(at::HOMING_OFFSET) as f64
@@ -191,7 +184,6 @@ impl XServo {
         }
     }
 
-    /// Any instruction on the bus feeds the watchdog.
     pub fn feed_watchdog(&mut self) {
         self.fed_s = self.body.time_s;
     }
@@ -212,7 +204,6 @@ impl XServo {
         self.reboot();
     }
 
-    /// Forgets whole turns; refused while the motor turns.
     pub fn clear_turns(&mut self) -> bool {
         if self.body.motor.speed_rad_s.abs() > RAD_S_PER_UNIT {
             return false;
@@ -250,7 +241,6 @@ impl XServo {
         }
     }
 
-    /// A mode change resets gains, profiles and goals.
     fn set_mode(&mut self, mode: i64) {
         let keep = [
             at::STATUS_RETURN_LEVEL,

@@ -14,17 +14,13 @@ use crate::servo::dynamixel2::factory::{factory_settings, indirect_blocks};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum AccessError {
-    /// Outside the range of the field.
     Range = 4,
-    /// Part of a field.
     Length = 5,
-    /// Beyond another register's limit.
     Limit = 6,
     /// Read-only, undefined, or EEPROM while torque is on.
     Access = 7,
 }
 
-/// First address that survives a power cycle no more.
 const RAM: u16 = 64;
 const END: u16 = 662;
 
@@ -36,7 +32,6 @@ struct Field {
     default: i64,
 }
 
-/// The memory of one servo.
 #[derive(Clone, Debug)]
 pub struct ControlTable {
     memory: Vec<u8>,
@@ -47,7 +42,6 @@ pub struct ControlTable {
 }
 
 impl ControlTable {
-    /// A table with the model's factory settings.
     pub fn new(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Self {
         let fields = fields(model, id, baud_code, firmware);
         let mut field_at = vec![None; usize::from(END)];
@@ -69,7 +63,6 @@ impl ControlTable {
         self.reset(RAM);
     }
 
-    /// Defaults for everything: a factory reset.
     pub fn reset_all(&mut self) {
         self.reset(0);
     }
@@ -82,7 +75,6 @@ impl ControlTable {
         }
     }
 
-    /// The signed value of a register.
     pub fn get(&self, register: Register) -> i64 {
         sign_extended(&self.memory[register.range()])
     }
