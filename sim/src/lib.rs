@@ -50,9 +50,10 @@ mod serial;
 mod servo;
 
 pub use bench::{BenchError, BusBench, bench_bus};
+pub use bus::SimBus;
 pub use bus::line::{Burst, Line};
 pub use bus::options::{SimClock, SimLink, SimOptions};
-pub use bus::{SimBus, WireStats};
+pub use bus::shared::WireStats;
 pub use error::SimError;
 pub use fault::script::{Cue, Happening, happen, parse_script};
 pub use fault::{ServoFault, WireFault};

@@ -25,7 +25,7 @@ use servodance_drivers::{Port, ReplyClock, sleep_precisely};
 use crate::bus::host_end::{HostEnd, HostLink};
 use crate::bus::line::Line;
 use crate::bus::options::{SimClock, SimOptions};
-use crate::bus::shared::{BusShared, Gone};
+use crate::bus::shared::{BusShared, Gone, WireStats};
 use crate::bus::thread_priority::raise_priority;
 use crate::bus::world::World;
 use crate::can::{CanServer, build_net};
@@ -40,29 +40,6 @@ use crate::servo::spec::SimServoSpec;
 
 /// How long carrying out the host's frames may take in lockstep.
 const LONGEST_SETTLE: Duration = Duration::from_secs(2);
-
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WireStats {
-    pub bytes_in: u64,
-    pub bytes_out: u64,
-    pub packets_in: u64,
-    /// Status packets (or pieces of a fast one) to the host.
-    pub packets_out: u64,
-    pub bad_packets: u64,
-    /// Time that the line was busy: ten bits a byte, and return delays. Seconds.
-    pub wire_s: f64,
-}
-
-impl std::ops::AddAssign for WireStats {
-    fn add_assign(&mut self, other: Self) {
-        self.bytes_in += other.bytes_in;
-        self.bytes_out += other.bytes_out;
-        self.packets_in += other.packets_in;
-        self.packets_out += other.packets_out;
-        self.bad_packets += other.bad_packets;
-        self.wire_s += other.wire_s;
-    }
-}
 
 /// A running simulated bus. Dropping it ends its thread and closes the port.
 #[derive(Debug)]
@@ -88,35 +65,29 @@ fn start_thread(
         true => raise_priority(),
         false => sleep_precisely(),
     };
-    let started = match host_end {
+    let serve: Box<dyn FnOnce() + Send> = match host_end {
         HostEnd::Can(adapter) => {
             let server = CanServer::new(shared, adapter, baud);
-            thread.spawn(move || {
-                let _gone = gone;
-                prepare();
-                server.run();
-            })
+            Box::new(move || server.run())
         }
         HostEnd::Serial(port) => {
             let server = SerialServer::new(shared, port);
-            thread.spawn(move || {
-                let _gone = gone;
-                prepare();
-                server.run();
-            })
+            Box::new(move || server.run())
         }
     };
-    started.map_err(|reason| SimError::System {
-        what: "starting a thread",
-        reason,
-    })
+    let started = thread.spawn(move || {
+        let _gone = gone;
+        prepare();
+        serve();
+    });
+    started.map_err(SimError::system("starting a thread"))
 }
 
 impl SimBus {
     /// Starts a bus with these servos. Every servo has the bus's baud rate;
     /// all else is as it leaves the factory (return delay 500 us, torque off).
     pub fn start(specs: &[SimServoSpec], options: SimOptions) -> Result<Self, SimError> {
-        let period_s = 1.0 / checked_hz(options.control_hz)?;
+        let period_s = period_s(&options)?;
         let is_can = specs.iter().any(|spec| spec.motor.is_some());
         let line: Box<dyn Line> = match is_can {
             true => build_net(specs, options.supply_v, period_s)?,
@@ -136,12 +107,12 @@ impl SimBus {
         is_can: bool,
         options: SimOptions,
     ) -> Result<Self, SimError> {
-        let period_s = 1.0 / checked_hz(options.control_hz)?;
+        let period_s = period_s(&options)?;
         let byte_s = match is_can {
             true => 0.0,
             false => 10.0 / f64::from(options.baud),
         };
-        let adapter_s = checked_adapter_s(options.adapter_s)?;
+        let adapter_s = SimError::checked("adapter_s", options.adapter_s, 0.0..=1.0, "0 to 1")?;
         let shared = Arc::new(BusShared::new(
             World::new(line, period_s),
             FaultyWire::new(options.seed),
@@ -275,15 +246,13 @@ impl SimBus {
 
     pub fn wire_stats(&self) -> WireStats {
         let (packets_in, bad_packets) = self.shared.world().line.packets();
-        let traffic = self.shared.wire();
+        let traffic = *self.shared.wire();
         let bytes = (traffic.bytes_in + traffic.bytes_out) as f64;
         WireStats {
-            bytes_in: traffic.bytes_in,
-            bytes_out: traffic.bytes_out,
             packets_in,
-            packets_out: traffic.packets_out,
             bad_packets,
-            wire_s: bytes * self.shared.byte_s + traffic.delays_s,
+            wire_s: bytes * self.shared.byte_s + traffic.wire_s,
+            ..traffic
         }
     }
 }
@@ -294,24 +263,8 @@ impl Drop for SimBus {
     }
 }
 
-fn checked_hz(control_hz: f64) -> Result<f64, SimError> {
-    if (1.0..=10_000.0).contains(&control_hz) {
-        return Ok(control_hz);
-    }
-    Err(SimError::Option {
-        key: "control_hz",
-        actual: control_hz.to_string(),
-        wanted: "1 to 10000",
-    })
-}
-
-fn checked_adapter_s(adapter_s: f64) -> Result<f64, SimError> {
-    if (0.0..=1.0).contains(&adapter_s) {
-        return Ok(adapter_s);
-    }
-    Err(SimError::Option {
-        key: "adapter_s",
-        actual: adapter_s.to_string(),
-        wanted: "0 to 1",
-    })
+fn period_s(options: &SimOptions) -> Result<f64, SimError> {
+    let range = 1.0..=10_000.0;
+    let hz = SimError::checked("control_hz", options.control_hz, range, "1 to 10000")?;
+    Ok(1.0 / hz)
 }

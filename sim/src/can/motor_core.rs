@@ -44,10 +44,10 @@ pub(crate) struct TorqueCommand {
 #[derive(Clone, Debug)]
 pub(crate) struct MotorCore {
     pub settings: MotorSettings,
-    body: ServoBody,
+    pub body: ServoBody,
     nominal_v: f64,
     pub id: u8,
-    enabled: bool,
+    pub enabled: bool,
     /// `None` until the first command after torque on.
     command: Option<TorqueCommand>,
     pub torque_limit_nm: f64,
@@ -57,7 +57,7 @@ pub(crate) struct MotorCore {
     pub fault: Option<MotorFault>,
     tripped: bool,
     tripped_s: Option<f64>,
-    torque_nm: f64,
+    pub torque_nm: f64,
     period_s: f64,
     /// The last goal that was judged, of the joint, and when it came.
     told_s: f64,
@@ -104,18 +104,6 @@ impl MotorCore {
         })
     }
 
-    pub fn listens(&self) -> bool {
-        self.body.listens()
-    }
-
-    pub fn enabled(&self) -> bool {
-        self.enabled
-    }
-
-    pub fn time_s(&self) -> f64 {
-        self.body.time_s
-    }
-
     pub fn angle_rad(&self) -> f64 {
         self.body.motor.angle_rad
     }
@@ -124,20 +112,10 @@ impl MotorCore {
         self.body.motor.speed_rad_s
     }
 
-    pub fn torque_nm(&self) -> f64 {
-        self.torque_nm
-    }
-
-    pub fn temperature_c(&self) -> f64 {
-        self.body.motor.temperature_c
-    }
-
-    pub fn supply_v(&self) -> f64 {
-        self.body.volts()
-    }
-
-    pub fn judge(&self) -> &Judge {
-        &self.body.judge
+    /// What a family shows for the present fault: the first code for none, then in the
+    /// order of [`MotorFault`].
+    pub fn fault_code<T: Copy>(&self, codes: [T; 6]) -> T {
+        codes[self.fault.map_or(0, |fault| 1 + fault as usize)]
     }
 
     /// Torque on, without any until the first command. Refused while a fault lasts.
@@ -250,10 +228,8 @@ impl MotorCore {
             return;
         }
         self.silent_s += dt_s;
-        if self
-            .timeout_s
-            .is_some_and(|limit_s| self.silent_s > limit_s)
-        {
+        let is_over = |limit_s| self.silent_s > limit_s;
+        if self.timeout_s.is_some_and(is_over) {
             self.fail(MotorFault::CommunicationLost);
             self.tripped = true;
             self.tripped_s = Some(self.body.time_s);
@@ -286,10 +262,6 @@ impl MotorCore {
         } else if share > HIGHEST_SHARE {
             self.fail(MotorFault::OverVoltage);
         }
-    }
-
-    pub fn end_period(&mut self) {
-        self.body.end_period();
     }
 
     pub fn state(&self) -> SimServoState {

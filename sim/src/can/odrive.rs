@@ -12,7 +12,7 @@ use servodance_drivers::can::odrive::registers::{
     TEMPERATURES, TORQUES, TX_SDO, VELOCITY_GAINS, VERSION, id, two_words,
 };
 
-use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
+use crate::can::motor_core::{MotorCore, TorqueCommand};
 use crate::can::net::CanDevice;
 
 const HEARTBEAT_S: f64 = 0.1;
@@ -52,14 +52,8 @@ impl OdriveAxis {
     }
 
     fn errors(&self) -> u32 {
-        match self.core.fault {
-            None => 0,
-            Some(MotorFault::OverVoltage) => 1 << 8,
-            Some(MotorFault::UnderVoltage) => 1 << 9,
-            Some(MotorFault::Overload) => 1 << 12,
-            Some(MotorFault::Overheat) => 1 << 13,
-            Some(MotorFault::CommunicationLost) => 1 << 24,
-        }
+        let codes = [0, 1 << 9, 1 << 8, 1 << 13, 1 << 12, 1 << 24];
+        self.core.fault_code(codes)
     }
 
     /// Turns of the motor for a radian of the joint's axis.
@@ -72,11 +66,7 @@ impl OdriveAxis {
     }
 
     fn heartbeat(&self) -> CanFrame {
-        let state = if self.core.enabled() {
-            CLOSED_LOOP
-        } else {
-            IDLE
-        };
+        let state = [IDLE, CLOSED_LOOP][usize::from(self.core.enabled)];
         let [a, b, c, d] = self.errors().to_le_bytes();
         self.message(HEARTBEAT, &[a, b, c, d, state, 0, 0, 0])
     }
@@ -96,9 +86,12 @@ impl OdriveAxis {
                 f(core.angle_rad() * self.turns_per_rad()),
                 f(core.speed_rad_s() * self.turns_per_rad()),
             ),
-            TORQUES => two_words(f(core.torque_nm()), f(core.torque_nm())),
-            TEMPERATURES => two_words(f(core.temperature_c()), f(core.temperature_c())),
-            BUS_VOLTAGE => two_words(f(core.supply_v()), f(0.0)),
+            TORQUES => two_words(f(core.torque_nm), f(core.torque_nm)),
+            TEMPERATURES => two_words(
+                f(core.body.motor.temperature_c),
+                f(core.body.motor.temperature_c),
+            ),
+            BUS_VOLTAGE => two_words(f(core.body.volts()), f(0.0)),
             _ => return None,
         };
         Some(self.message(message, &data))
@@ -112,10 +105,9 @@ impl OdriveAxis {
         if self.modes == [POSITION_CONTROL, PASSTHROUGH] && goal_rad.is_finite() {
             self.core.command(TorqueCommand {
                 goal_rad,
-                speed_rad_s: 0.0,
                 kp: kd * f64::from(self.position_gain),
                 kd,
-                torque_nm: 0.0,
+                ..TorqueCommand::default()
             });
         }
     }
@@ -227,8 +219,8 @@ impl CanDevice for OdriveAxis {
     }
 
     fn due(&mut self, out: &mut Vec<CanFrame>) {
-        if self.core.time_s() >= self.next_heartbeat_s {
-            self.next_heartbeat_s = self.core.time_s() + HEARTBEAT_S;
+        if self.core.body.time_s >= self.next_heartbeat_s {
+            self.next_heartbeat_s = self.core.body.time_s + HEARTBEAT_S;
             out.push(self.heartbeat());
         }
     }

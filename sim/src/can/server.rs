@@ -99,7 +99,7 @@ impl CanServer {
 
     fn occupy(&mut self, bits: f64) {
         self.wire_free_s += bits * self.bit_s;
-        self.shared.wire().delays_s += bits * self.bit_s;
+        self.shared.wire().wire_s += bits * self.bit_s;
     }
 
     /// Frames to the host, each when it has passed; faults happen to them here.

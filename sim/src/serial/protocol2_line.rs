@@ -163,12 +163,10 @@ impl Protocol2Line {
             }
             let mut answers = Vec::with_capacity(1);
             for index in self.find_all(part.id) {
-                answers.push(
-                    match self.servos[index].read(part.address, part.size) {
-                        Ok(data) => self.reply(index, 0, &data),
-                        Err(error) => self.reply(index, error as u8, &[]),
-                    },
-                );
+                answers.push(match self.servos[index].read(part.address, part.size) {
+                    Ok(data) => self.reply(index, 0, &data),
+                    Err(error) => self.reply(index, error as u8, &[]),
+                });
             }
             bursts.extend(collided(answers));
         }

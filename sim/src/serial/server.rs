@@ -124,7 +124,7 @@ impl SerialServer {
             self.line_free_s += burst.delay_s + burst.bytes.len() as f64 * self.shared.byte_s;
             {
                 let mut wire = self.shared.wire();
-                wire.delays_s += burst.delay_s;
+                wire.wire_s += burst.delay_s;
                 wire.bytes_out += burst.bytes.len() as u64;
                 wire.packets_out += 1;
             }
