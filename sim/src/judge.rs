@@ -23,6 +23,7 @@ use servodance_types::JointLimits;
 
 /// Limits broken, counted once for every servo and control period.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(missing_docs)] // the names say it
 pub struct Violations {
     pub position: u64,
     pub velocity: u64,
@@ -30,6 +31,7 @@ pub struct Violations {
 }
 
 impl Violations {
+    /// The sum over all three limits.
     pub fn total(&self) -> u64 {
         self.position + self.velocity + self.acceleration
     }
@@ -53,16 +55,16 @@ pub struct Judge {
     limits: JointLimits,
     period_s: f64,
     goals: JudgedTrack,
-    motion: JudgedTrack,
-    notes: Vec<String>,
-    tick_rad: f64,
+    pub motion: JudgedTrack,
+    pub notes: Vec<String>,
+    pub tick_rad: f64,
 }
 
 #[derive(Clone, Debug, Default)]
-struct JudgedTrack {
-    /// The last one and the one before, radians.
-    last: Option<(f64, f64)>,
-    violations: Violations,
+pub struct JudgedTrack {
+    /// The last one and the one before, radians; `None` while it is not judged.
+    pub last: Option<(f64, f64)>,
+    pub violations: Violations,
 }
 
 impl JudgedTrack {
@@ -86,10 +88,6 @@ impl Judge {
         }
     }
 
-    pub fn with_tick(self, tick_rad: f64) -> Self {
-        Self { tick_rad, ..self }
-    }
-
     /// Torque comes on: judges from here on, at rest at `goal_rad` and `position_rad`.
     pub fn begin(&mut self, goal_rad: f64, position_rad: f64) {
         self.goals.last = Some((goal_rad, goal_rad));
@@ -99,12 +97,6 @@ impl Judge {
     /// Torque goes off: nothing is judged until the next [`Judge::begin`].
     pub fn end(&mut self) {
         self.goals.last = None;
-        self.motion.last = None;
-    }
-
-    /// Something outside moves or stops the joint: its motion is not judged
-    /// until the next [`Judge::begin`], its goals still are.
-    pub fn excuse_motion(&mut self) {
         self.motion.last = None;
     }
 
@@ -142,11 +134,8 @@ impl Judge {
             broken.velocity = 1;
             let velocity = moved / self.period_s;
             let limit = limits.velocity_rad_s;
-            self.note(
-                time_s,
-                verb,
-                format!("at {velocity:.3} rad/s, limit {limit:.3}"),
-            );
+            let what = format!("at {velocity:.3} rad/s, limit {limit:.3}");
+            self.note(time_s, verb, what);
         }
         let turned = moved - (last_rad - before_rad);
         let allowed = limits.acceleration_rad_s2 * self.period_s * self.period_s;
@@ -154,34 +143,24 @@ impl Judge {
             broken.acceleration = 1;
             let acceleration = turned / (self.period_s * self.period_s);
             let limit = limits.acceleration_rad_s2;
-            self.note(
-                time_s,
-                verb,
-                format!("with {acceleration:.1} rad/s2, limit {limit:.1}"),
-            );
+            let what = format!("with {acceleration:.1} rad/s2, limit {limit:.1}");
+            self.note(time_s, verb, what);
         }
         broken
     }
 
     fn note(&mut self, time_s: f64, verb: &str, what: String) {
         if self.notes.len() < NOTES {
+            let name = &self.name;
             self.notes
-                .push(format!("{time_s:.3} s: {} {verb} {what}", self.name));
+                .push(format!("{time_s:.3} s: {name} {verb} {what}"));
         }
-    }
-
-    pub fn motion_violations(&self) -> Violations {
-        self.motion.violations
     }
 
     pub fn violations(&self) -> Violations {
         let mut sum = self.goals.violations;
         sum += self.motion.violations;
         sum
-    }
-
-    pub fn notes(&self) -> &[String] {
-        &self.notes
     }
 }
 

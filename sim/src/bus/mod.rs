@@ -48,26 +48,24 @@ pub struct SimBus {
     port_path: String,
     port: Port,
     host_link: HostLink,
-    baud: u32,
     thread: Option<JoinHandle<()>>,
 }
 
 fn start_thread(
     host_end: HostEnd,
     shared: Arc<BusShared>,
-    baud: u32,
+    bitrate: u32,
 ) -> Result<JoinHandle<()>, SimError> {
     shared.watch(host_end.watched()?);
     let thread = std::thread::Builder::new().name("simulated servos".into());
     let gone = Gone(shared.clone());
-    let in_real_time = shared.clock == SimClock::Realtime;
-    let prepare = move || match in_real_time {
-        true => raise_priority(),
-        false => sleep_precisely(),
+    let prepare = match shared.clock {
+        SimClock::Realtime => raise_priority,
+        SimClock::Lockstep => sleep_precisely,
     };
     let serve: Box<dyn FnOnce() + Send> = match host_end {
         HostEnd::Can(adapter) => {
-            let server = CanServer::new(shared, adapter, baud);
+            let server = CanServer::new(shared, adapter, bitrate);
             Box::new(move || server.run())
         }
         HostEnd::Serial(port) => {
@@ -84,8 +82,7 @@ fn start_thread(
 }
 
 impl SimBus {
-    /// Starts a bus with these servos. Every servo has the bus's baud rate;
-    /// all else is as it leaves the factory (return delay 500 us, torque off).
+    /// Starts a bus with these servos, as they leave the factory but for the bus's rate.
     pub fn start(specs: &[SimServoSpec], options: SimOptions) -> Result<Self, SimError> {
         let period_s = period_s(&options)?;
         let is_can = specs.iter().any(|spec| spec.motor.is_some());
@@ -96,8 +93,7 @@ impl SimBus {
         Self::start_with(line, is_can, options)
     }
 
-    /// Starts a bus with a line of serial servos of any family: one that the
-    /// drivers do not know, for instance.
+    /// Starts a bus with a line of serial servos, also of a family that no driver knows.
     pub fn start_line(line: Box<dyn Line>, options: SimOptions) -> Result<Self, SimError> {
         Self::start_with(line, false, options)
     }
@@ -133,7 +129,6 @@ impl SimBus {
             port_path,
             port,
             host_link,
-            baud: options.baud,
             thread: Some(thread),
         })
     }
@@ -164,8 +159,7 @@ impl SimBus {
         }
     }
 
-    /// What the host has sent belongs to the time before: waits until it is
-    /// carried out (a thread that does not get on is not waited for).
+    /// Waits until what the host has sent is carried out, unless the thread is stuck.
     fn settle(&self) {
         use servodance_drivers::FarEnd;
         let began = Instant::now();
@@ -184,16 +178,16 @@ impl SimBus {
         self.shared.world().sum(Judge::violations)
     }
 
+    /// Limits that the true motion broke, whatever the goals were.
     pub fn motion_violations(&self) -> Violations {
-        self.shared.world().sum(Judge::motion_violations)
+        self.shared.world().sum(|judge| judge.motion.violations)
     }
 
+    /// The first eight violations of each servo in words.
     pub fn violation_notes(&self) -> Vec<String> {
         let world = self.shared.world();
         let judges = world.line.judges().into_iter();
-        judges
-            .flat_map(|judge| judge.notes().iter().cloned())
-            .collect()
+        judges.flat_map(|judge| judge.notes.clone()).collect()
     }
 
     /// What the servo at `index` (in the order of the specs) really does.
@@ -221,20 +215,22 @@ impl SimBus {
         self.shared.bus_off.store(bus_off, Ordering::Release);
     }
 
-    /// The adapter is put back: the port can be opened again, at the same path
-    /// if the options have one. Does nothing while it is plugged in.
+    /// The adapter is put back, at the same path if the options have one.
     pub fn replug(&mut self) -> Result<(), SimError> {
         if self.thread.is_none() {
             let (host_end, port_path, port) = self.host_link.open()?;
             (self.port_path, self.port) = (port_path, port);
             self.shared.stop.store(false, Ordering::Release);
-            self.thread = Some(start_thread(host_end, self.shared.clone(), self.baud)?);
+            self.thread = Some(start_thread(
+                host_end,
+                self.shared.clone(),
+                self.host_link.bitrate,
+            )?);
         }
         Ok(())
     }
 
-    /// The adapter is pulled out: the port fails for whoever has it open.
-    /// The servos go on as they were, and time can still be advanced.
+    /// The adapter is pulled out: the port fails, the servos go on as they were.
     pub fn unplug(&mut self) {
         self.shared.stop.store(true, Ordering::Release);
         self.host_link.close(&self.port_path);
@@ -244,6 +240,7 @@ impl SimBus {
         }
     }
 
+    /// Bytes, packets and busy time since the start.
     pub fn wire_stats(&self) -> WireStats {
         let (packets_in, bad_packets) = self.shared.world().line.packets();
         let traffic = *self.shared.wire();

@@ -9,7 +9,6 @@ use servodance_drivers::can::MotorSettings;
 
 use crate::error::SimError;
 use crate::fault::ServoFault;
-use crate::judge::Judge;
 use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
@@ -80,11 +79,12 @@ impl MotorCore {
         let torque_nm = settings.model.torque_nm;
         let rpm = settings.model.velocity_rad_s * 60.0 / std::f64::consts::TAU;
         let sheet = DataSheet::new(torque_nm, rpm, torque_nm, nominal_v);
-        let inertia = settings.model.rotor_inertia_kg_m2() + spec.load_inertia_kg_m2;
-        let motor = Motor::with_inertia(&sheet, inertia).with_backlash(spec.backlash_rad);
-        let judge = Judge::new(&spec.name, spec.limits, period_s);
+        // Driven by torque: its inertia does not follow from a stock gain.
+        let mut motor = Motor::new(&sheet, 0.0);
+        // Driven by torque: its inertia does not follow from a stock gain.
+        motor.inertia_kg_m2 = settings.model.rotor_inertia_kg_m2() + spec.load_inertia_kg_m2;
         Ok(Self {
-            body: ServoBody::new(spec, motor, judge, supply_v.unwrap_or(nominal_v)),
+            body: ServoBody::new(spec, motor, period_s, supply_v.unwrap_or(nominal_v)),
             nominal_v,
             id: spec.id,
             enabled: false,
@@ -125,7 +125,7 @@ impl MotorCore {
             self.tripped = false;
             self.command = None;
             self.silent_s = 0.0;
-            self.body.forget_stall();
+            self.body.stalled_s = 0.0;
         }
     }
 

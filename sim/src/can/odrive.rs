@@ -16,6 +16,7 @@ use crate::can::motor_core::{MotorCore, TorqueCommand};
 use crate::can::net::CanDevice;
 
 const HEARTBEAT_S: f64 = 0.1;
+/// Endpoints of the simulated firmware's watchdog, as 0.6.10 numbers them: time-out, enable.
 pub const WATCHDOG_ENDPOINTS: [u16; 2] = [153, 154];
 
 #[derive(Debug)]

@@ -14,11 +14,8 @@ pub fn crc16(start: u16, bytes: &[u8]) -> u16 {
     bytes.iter().fold(start, |mut crc, byte| {
         crc ^= u16::from(*byte) << 8;
         for _ in 0..8 {
-            crc = if crc & 0x8000 != 0 {
-                crc << 1 ^ 0x8005
-            } else {
-                crc << 1
-            };
+            let carry = crc >> 15;
+            crc = crc << 1 ^ carry * 0x8005;
         }
         crc
     })
@@ -79,12 +76,8 @@ impl Parser {
 
     /// Drops bytes until the rest is, or may become, a header.
     fn resync(&mut self) {
-        let fits = |rest: &[u8]| {
-            rest.iter()
-                .zip(HEADER)
-                .all(|(byte, wanted)| *byte == wanted)
-        };
-        while !fits(&self.buffer) {
+        let differs = |(byte, wanted): (&u8, u8)| *byte != wanted;
+        while self.buffer.iter().zip(HEADER).any(differs) {
             self.buffer.remove(0);
         }
     }
@@ -115,6 +108,7 @@ fn next_run(run: usize, byte: u8) -> usize {
     }
 }
 
+/// A status packet from one servo, parameters stuffed.
 pub fn status(id: u8, error: u8, params: &[u8]) -> Vec<u8> {
     let mut body = vec![error];
     let mut run = 0;

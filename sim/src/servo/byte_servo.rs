@@ -11,7 +11,6 @@ use servodance_drivers::ServoModel;
 use servodance_drivers::serial::{ByteMemory, Register, ServiceRegisters, sign_magnitude};
 
 use crate::fault::ServoFault;
-use crate::judge::Judge;
 use crate::serial::serial_line::LineServo;
 use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::{FULL_PWM_ERROR_RAD, Motor};
@@ -51,22 +50,21 @@ impl ByteServo {
         supply_v: f64,
         period_s: f64,
     ) -> Self {
-        let motor =
-            Motor::new(&model.sheet, spec.load_inertia_kg_m2).with_backlash(spec.backlash_rad);
-        let judge = Judge::new(&spec.name, spec.limits, period_s).with_tick(model.rad_per_tick);
+        let motor = Motor::new(&model.sheet, spec.load_inertia_kg_m2);
         let mut servo = Self {
             id: spec.id,
             layout,
             memory: vec![0; layout.size],
             flags: 0,
             goal: 0,
-            body: ServoBody::new(spec, motor, judge, supply_v),
+            body: ServoBody::new(spec, motor, period_s, supply_v),
             model,
             duty: 0.0,
             trajectory_ticks: 0.0,
             registered: None,
             baud,
         };
+        servo.body.judge.tick_rad = model.rad_per_tick;
         servo.restore(0);
         servo.put_if(layout.model, model.number);
         servo.put_id(spec.id);
@@ -87,7 +85,7 @@ impl ByteServo {
         self.restore(self.layout.ram);
         self.flags = 0;
         self.registered = None;
-        self.body.forget_stall();
+        self.body.stalled_s = 0.0;
         self.body.judge.end();
         self.refresh();
         self.goal = self.get(self.position());
@@ -131,19 +129,19 @@ impl ByteServo {
         self.put_if(self.service().map(|service| service.id), u16::from(id));
     }
 
-    pub fn memory(&self) -> &'static ByteMemory {
+    pub(crate) fn memory(&self) -> &'static ByteMemory {
         self.layout
     }
 
-    pub fn return_delay_s(&self) -> f64 {
+    pub(crate) fn return_delay_s(&self) -> f64 {
         f64::from(self.get_or(self.layout.return_delay, 0)) * 2e-6
     }
 
-    pub fn answers_reads(&self) -> bool {
+    pub(crate) fn answers_reads(&self) -> bool {
         self.status_level() >= self.writes_level() - 1
     }
 
-    pub fn answers_writes(&self) -> bool {
+    pub(crate) fn answers_writes(&self) -> bool {
         self.status_level() >= self.writes_level()
     }
 
@@ -155,7 +153,7 @@ impl ByteServo {
         if self.layout.sync_read { 1 } else { 2 }
     }
 
-    pub fn status(&self) -> u8 {
+    pub(crate) fn status(&self) -> u8 {
         self.flags
     }
 
@@ -186,7 +184,7 @@ impl ByteServo {
     }
 
     /// `size` bytes from `address` on; none where there is no memory.
-    pub fn read(&mut self, address: u8, size: u8) -> Vec<u8> {
+    pub(crate) fn read(&mut self, address: u8, size: u8) -> Vec<u8> {
         self.refresh();
         let start = usize::from(address);
         let end = start + usize::from(size);
@@ -194,7 +192,7 @@ impl ByteServo {
     }
 
     /// Stores bytes; what is read-only stays. The error flags of the answer.
-    pub fn write(&mut self, address: u8, bytes: &[u8]) -> u8 {
+    pub(crate) fn write(&mut self, address: u8, bytes: &[u8]) -> u8 {
         let layout = self.layout;
         let (goal, torque) = (layout.registers.goal, layout.registers.torque);
         let start = usize::from(address);
@@ -257,24 +255,24 @@ impl ByteServo {
         }
     }
 
-    pub fn register(&mut self, address: u8, bytes: &[u8]) {
+    pub(crate) fn register(&mut self, address: u8, bytes: &[u8]) {
         self.registered = Some((address, bytes.to_vec()));
     }
 
-    pub fn act(&mut self) {
+    pub(crate) fn act(&mut self) {
         if let Some((address, bytes)) = self.registered.take() {
             self.write(address, &bytes);
         }
     }
 
     /// Restarts: memory from the torque switch on lost; deaf for a while.
-    pub fn reboot(&mut self) {
+    pub(crate) fn reboot(&mut self) {
         self.boot();
         self.body.be_deaf_for(REBOOT_S);
     }
 
     /// Factory settings for everything but the model; the id is 1 again.
-    pub fn factory_reset(&mut self) {
+    pub(crate) fn factory_reset(&mut self) {
         self.restore(0);
         self.put_if(self.layout.model, self.model.number);
         self.put_id(1);
