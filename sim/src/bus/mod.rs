@@ -197,12 +197,12 @@ impl SimBus {
 
     /// From now on `fault` hits this share (0 to 1) of the replies; `None` ends it.
     pub fn set_wire_fault(&self, fault: Option<(WireFault, f64)>) {
-        self.shared.faults().set(fault);
+        self.shared.faults().fault = fault;
     }
 
     /// How many replies or instructions a wire fault has hit.
     pub fn wire_fault_hits(&self) -> u64 {
-        self.shared.faults().hits
+        self.shared.faults().hit_count
     }
 
     /// Something happens to one servo: false if there is none at `index`.

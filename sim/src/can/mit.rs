@@ -65,7 +65,7 @@ impl MitMotor {
 
     fn mode_command(&mut self, last: u8) {
         match last {
-            CLEAR => self.core.clear(),
+            CLEAR => self.core.fault = None,
             ENABLE => self.core.enable(),
             DISABLE => self.core.disable(),
             // FE: set zero. The joint would move in its limits: not simulated.
@@ -152,7 +152,7 @@ impl CanDevice for MitMotor {
         if frame.id() != u32::from(self.core.id) {
             return;
         }
-        self.core.feed();
+        self.core.silent_s = 0.0;
         match data {
             [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last] if last >= FIRST_MODE_COMMAND => {
                 self.mode_command(last);

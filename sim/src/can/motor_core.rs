@@ -52,7 +52,7 @@ pub(crate) struct MotorCore {
     pub torque_limit_nm: f64,
     /// Torque goes off after this much silence, seconds; `None` is never.
     pub timeout_s: Option<f64>,
-    silent_s: f64,
+    pub silent_s: f64,
     pub fault: Option<MotorFault>,
     tripped: bool,
     tripped_s: Option<f64>,
@@ -136,14 +136,6 @@ impl MotorCore {
         self.body.judge.end();
     }
 
-    pub fn clear(&mut self) {
-        self.fault = None;
-    }
-
-    pub fn feed(&mut self) {
-        self.silent_s = 0.0;
-    }
-
     /// A command of the torque loop; without torque it means nothing.
     pub fn command(&mut self, command: TorqueCommand) {
         if !self.enabled {
@@ -181,7 +173,7 @@ impl MotorCore {
 
     pub fn reboot(&mut self) {
         self.disable();
-        self.clear();
+        self.fault = None;
         self.tripped = false;
         self.timeout_s = None;
         self.torque_limit_nm = self.settings.model.torque_nm;
@@ -193,7 +185,7 @@ impl MotorCore {
         self.disable();
     }
 
-    /// Something goes wrong with it; true if its protocol must restart too.
+    /// True if its protocol must restart too.
     pub fn suffer(&mut self, injected: ServoFault) -> bool {
         match self.body.suffer(injected) {
             Some(ServoFault::Reboot) => {

@@ -188,7 +188,7 @@ impl CanDevice for OdriveAxis {
             }
             SET_STATE => {
                 if let Some(state) = word(0) {
-                    self.core.feed();
+                    self.core.silent_s = 0.0;
                     self.request_state(state);
                 }
             }
@@ -199,7 +199,7 @@ impl CanDevice for OdriveAxis {
             }
             INPUT_POSITION => {
                 if let Some(turns) = float(data, 0) {
-                    self.core.feed();
+                    self.core.silent_s = 0.0;
                     self.input_turns = turns;
                     self.follow();
                 }
@@ -209,7 +209,7 @@ impl CanDevice for OdriveAxis {
                 self.core.reboot();
                 self.restart();
             }
-            CLEAR_ERRORS => self.core.clear(),
+            CLEAR_ERRORS => self.core.fault = None,
             POSITION_GAIN => self.position_gain = float(data, 0).unwrap_or(self.position_gain),
             VELOCITY_GAINS => self.velocity_gain = float(data, 0).unwrap_or(self.velocity_gain),
             _ => {}

@@ -113,7 +113,7 @@ impl CanDevice for RobstrideMotor {
         let Some(data) = frame.eight().filter(|_| is_ours) else {
             return;
         };
-        self.core.feed();
+        self.core.silent_s = 0.0;
         let data16 = frame_id >> 8 & 0xFFFF;
         let host = data16 & 0xFF;
         let motor = u32::from(self.core.id);
@@ -134,12 +134,9 @@ impl CanDevice for RobstrideMotor {
             }
             message::STOP => {
                 self.core.disable();
-                if data[0] == 1 {
-                    self.core.clear();
-                }
                 // Silence is no fault here: the motor is stopped already.
-                if self.core.fault == Some(MotorFault::CommunicationLost) {
-                    self.core.clear();
+                if data[0] == 1 || self.core.fault == Some(MotorFault::CommunicationLost) {
+                    self.core.fault = None;
                 }
                 out.push(self.feedback(host));
             }

@@ -24,7 +24,7 @@ impl Protocol1Line {
         Burst {
             servo: index,
             delay_s: servo.return_delay_s(),
-            bytes: answer(servo.id(), servo.status() | error, params),
+            bytes: answer(servo.id(), servo.flags | error, params),
         }
     }
 
@@ -40,18 +40,18 @@ impl Protocol1Line {
             (code::WRITE, [address, data @ ..]) => error = servo.write(*address, data),
             (code::REG_WRITE, [address, data @ ..]) => servo.register(*address, data),
             (code::ACTION, _) => servo.act(),
-            (code::REBOOT, _) if servo.memory().reboots => {
+            (code::REBOOT, _) if servo.layout.reboots => {
                 let reply = self.reply(index, 0, &[]);
                 self.servos[index].reboot();
                 return Some(reply);
             }
-            (code::FACTORY_RESET, _) if !servo.memory().reboots => {
+            (code::FACTORY_RESET, _) if !servo.layout.reboots => {
                 let reply = self.reply(index, 0, &[]);
                 self.servos[index].factory_reset();
                 return Some(reply);
             }
             // Feetech's servos say nothing to what they do not know.
-            _ if servo.memory().sync_read => return None,
+            _ if servo.layout.sync_read => return None,
             _ => error = INSTRUCTION_ERROR,
         }
         let answers = self.servos[index].answers_writes();
@@ -65,7 +65,7 @@ impl Protocol1Line {
         for &(id, address, size) in parts {
             let mut answers = Vec::with_capacity(1);
             for index in self.find_all(id) {
-                if knows(self.servos[index].memory()) {
+                if knows(self.servos[index].layout) {
                     let data = self.servos[index].read(address, size);
                     answers.push(self.reply(index, 0, &data));
                 }
@@ -143,7 +143,7 @@ impl LineProtocol for ByteServo {
                 line.bad_packets += 1;
                 let index = line.find_all(id).first().copied();
                 // Feetech's servos say nothing to a damaged instruction.
-                let index = index.filter(|&i| !line.servos[i].memory().sync_read);
+                let index = index.filter(|&i| !line.servos[i].layout.sync_read);
                 return index.map_or_else(Vec::new, |i| vec![line.reply(i, CHECKSUM_ERROR, &[])]);
             }
             Parsed::Instruction(instruction) => instruction,

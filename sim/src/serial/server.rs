@@ -1,9 +1,5 @@
-//! The thread behind the host's serial port: wire time, faults, bytes to and
-//! from the host.
-//!
-//! In real time an instruction takes effect when its last byte has passed, and
-//! a reply is handed over when its own last byte has. In lockstep wire time is
-//! only counted.
+//! The thread behind the host's serial port: wire time (see [`crate::SimBus`]), faults,
+//! bytes to and from the host.
 
 use std::io;
 use std::sync::Arc;
@@ -13,6 +9,7 @@ use std::time::{Duration, Instant};
 use crate::bus::line::Burst;
 use crate::bus::options::SimClock;
 use crate::bus::shared::BusShared;
+use crate::fault::WireFault;
 use crate::serial::host_port::{HostInput, HostPort};
 
 /// How often the thread looks whether it is to end.
@@ -92,7 +89,7 @@ impl SerialServer {
 
     fn serve(&mut self, bytes: &mut [u8]) {
         let shared = self.shared.clone();
-        if shared.faults().echoes() {
+        if shared.faults().hits(WireFault::Echo) {
             self.port.write(bytes);
         }
         shared.faults().pass_instruction(bytes);

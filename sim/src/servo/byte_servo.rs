@@ -26,11 +26,12 @@ const ANGLE_LIMIT: u8 = 1 << 1;
 #[derive(Clone, Debug)]
 pub struct ByteServo {
     model: &'static ServoModel,
-    layout: &'static ByteMemory,
+    pub(crate) layout: &'static ByteMemory,
     memory: Vec<u8>,
     /// As the memory holds it, where the memory has it.
     id: u8,
-    flags: u8,
+    /// The condition that every answer carries.
+    pub(crate) flags: u8,
     /// As it was written last: reading that register may give something else.
     goal: u16,
     body: ServoBody,
@@ -129,10 +130,6 @@ impl ByteServo {
         self.put_if(self.service().map(|service| service.id), u16::from(id));
     }
 
-    pub(crate) fn memory(&self) -> &'static ByteMemory {
-        self.layout
-    }
-
     pub(crate) fn return_delay_s(&self) -> f64 {
         f64::from(self.get_or(self.layout.return_delay, 0)) * 2e-6
     }
@@ -151,10 +148,6 @@ impl ByteServo {
 
     fn writes_level(&self) -> u16 {
         if self.layout.sync_read { 1 } else { 2 }
-    }
-
-    pub(crate) fn status(&self) -> u8 {
-        self.flags
     }
 
     fn torque_on(&self) -> bool {
@@ -286,8 +279,7 @@ impl ByteServo {
     fn raise(&mut self, bits: u8) {
         self.flags |= bits;
         let shutdown = self.layout.protection.and_then(|own| own.shutdown);
-        let shuts_down = shutdown.is_none_or(|shutdown| self.get(shutdown) as u8 & bits != 0);
-        if shuts_down {
+        if shutdown.is_none_or(|shutdown| self.get(shutdown) as u8 & bits != 0) {
             self.put(self.layout.registers.torque, 0);
             if shutdown.is_some() {
                 self.put_if(self.layout.torque_limit, 0);
@@ -341,16 +333,12 @@ impl ByteServo {
         let speed = self.body.motor.speed_rad_s / self.model.rad_per_tick / self.speed_ticks_s();
         let speed = speed.round();
         self.put_if(layout.speed, as_sign_magnitude(speed, layout.sign_bit));
-        self.put_if(
-            layout.load,
-            as_sign_magnitude((self.duty * 1e3).round(), 10),
-        );
+        let load = as_sign_magnitude((self.duty * 1e3).round(), 10);
+        self.put_if(layout.load, load);
         self.put_if(layout.moving, u16::from(speed.abs() > 5.0));
         if let Some(service) = self.service() {
-            self.put(
-                service.voltage,
-                (self.body.volts() * 10.0).round() as u8 as u16,
-            );
+            let tenths = (self.body.volts() * 10.0).round() as u8;
+            self.put(service.voltage, u16::from(tenths));
             let celsius = self.body.motor.temperature_c.round() as u8;
             self.put(service.temperature, u16::from(celsius));
             self.put_if(service.status, u16::from(self.flags));
@@ -383,7 +371,7 @@ impl LineServo for ByteServo {
         SimServoState {
             goal_rad: self.goal_rad(),
             torque_enabled: self.torque_on(),
-            hardware_error: self.status(),
+            hardware_error: self.flags,
             ..self.body.state()
         }
     }

@@ -159,7 +159,7 @@ impl Cia402Drive {
         self.settle();
         self.state = match (self.state, word & 0x8F) {
             (DriveState::Fault, command) if command & 0x80 != 0 => {
-                self.core.clear();
+                self.core.fault = None;
                 self.last_emergency = None;
                 DriveState::SwitchOnDisabled
             }
@@ -292,7 +292,7 @@ impl Cia402Drive {
         }
         self.watched = true;
         self.core.timeout_s = Some(f64::from(watched & 0xFFFF) * 1e-3);
-        self.core.feed();
+        self.core.silent_s = 0.0;
     }
 }
 

@@ -23,7 +23,7 @@ use crate::serial::serial_line::LineServo;
 use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
-use table::ControlTable;
+use table::{ControlTable, RAM};
 
 const RAD_PER_TICK: f64 = TAU / 4096.0;
 const RAD_S_PER_UNIT: f64 = 0.229 * TAU / 60.0;
@@ -81,7 +81,7 @@ impl XServo {
     }
 
     fn boot(&mut self) {
-        self.table.reset_ram();
+        self.table.reset(RAM);
         self.registered = None;
         self.body.stalled_s = 0.0;
         self.integral = 0.0;
@@ -192,7 +192,7 @@ impl XServo {
     pub(crate) fn factory_reset(&mut self, keep_id: bool, keep_baud: bool) {
         let id = self.table.get(at::ID);
         let baud = self.table.get(at::BAUD);
-        self.table.reset_all();
+        self.table.reset(0);
         self.table.put(at::ID, if keep_id { id } else { 1 });
         self.table.put(at::BAUD, if keep_baud { baud } else { 1 });
         self.reboot();
@@ -243,7 +243,7 @@ impl XServo {
         ];
         let kept = keep.map(|register| self.table.get(register));
         if self.table.get(at::OPERATING_MODE) != mode {
-            self.table.reset_ram();
+            self.table.reset(RAM);
             for (register, value) in keep.into_iter().zip(kept) {
                 self.table.put(register, value);
             }
