@@ -59,7 +59,7 @@ fn frame_times_ms(
 ) -> anyhow::Result<Vec<f64>> {
     let song = Song::demo();
     let analyzer = MusicAnalyzer::new(song.sample_rate_hz)?;
-    let mut ears = FeatureExtractor::new(analyzer, song.sample_rate_hz, encodec)?;
+    let mut features = FeatureExtractor::new(analyzer, song.sample_rate_hz, encodec)?;
     let mut dance = generator.start(GeneratorOptions::default())?;
     let mut retargeter = robot.retargeter()?;
     let mut targets = retargeter.rest().to_vec();
@@ -69,8 +69,8 @@ fn frame_times_ms(
     let mut times_ms = Vec::with_capacity(blocks);
     for samples in song.samples.chunks_exact(block).take(blocks) {
         let start = Instant::now();
-        ears.push(samples)?;
-        while let Some(heard) = ears.pop() {
+        features.push(samples)?;
+        while let Some(heard) = features.pop() {
             let frame = dance.step_heard(&heard)?;
             retargeter.push(&frame);
             while cycle as f64 * robot.period_s() + retargeter.lookahead_s() <= frame.time_s {

@@ -256,9 +256,9 @@ struct FollowerThread {
     inbox: Receiver<FollowerEvent>,
     ask: RedundantPublisher,
     ros: Option<Ros>,
-    /// ViewerSettings without a role.
+    /// Settings without a role.
     base_settings: ViewerSettings,
-    /// ViewerSettings that the control loop got last.
+    /// Settings that the control loop got last.
     settings: ViewerSettings,
     rest_after: Duration,
     /// When there was a leader last.

@@ -340,7 +340,7 @@ impl LeaderLoop {
             LeaderEvent::Leader(..) => {}
             LeaderEvent::Heard(at_ns, bytes) => {
                 let clock = self.clock;
-                // Bad messages are counted by `hear`.
+                // Bad messages are counted by `receive`.
                 match self.leader.receive(at_ns, &bytes, || clock.now_ns()) {
                     Ok(Outgoing::Reply(follower, messages)) => {
                         let key = self.keys.to_follower(follower);
