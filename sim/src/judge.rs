@@ -23,17 +23,15 @@ use servodance_types::JointLimits;
 
 /// Limits broken, counted once for every servo and control period.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(missing_docs)] // the names say it
 pub struct Violations {
-    /// Positions beyond the joint's range.
     pub position: u64,
-    /// Periods beyond the velocity limit.
     pub velocity: u64,
-    /// Periods beyond the acceleration limit.
     pub acceleration: u64,
 }
 
 impl Violations {
-    /// The sum over position, velocity and acceleration.
+    /// The sum over all three limits.
     pub fn total(&self) -> u64 {
         self.position + self.velocity + self.acceleration
     }
@@ -57,17 +55,16 @@ pub struct Judge {
     limits: JointLimits,
     period_s: f64,
     goals: JudgedTrack,
-    motion: JudgedTrack,
-    notes: Vec<String>,
-    tick_rad: f64,
+    pub motion: JudgedTrack,
+    pub notes: Vec<String>,
+    pub tick_rad: f64,
 }
 
-/// The goals, or the true positions, of one servo.
 #[derive(Clone, Debug, Default)]
-struct JudgedTrack {
-    /// The last one and the one before, radians.
-    last: Option<(f64, f64)>,
-    violations: Violations,
+pub struct JudgedTrack {
+    /// The last one and the one before, radians; `None` while it is not judged.
+    pub last: Option<(f64, f64)>,
+    pub violations: Violations,
 }
 
 impl JudgedTrack {
@@ -91,10 +88,6 @@ impl Judge {
         }
     }
 
-    pub fn with_tick(self, tick_rad: f64) -> Self {
-        Self { tick_rad, ..self }
-    }
-
     /// Torque comes on: judges from here on, at rest at `goal_rad` and `position_rad`.
     pub fn begin(&mut self, goal_rad: f64, position_rad: f64) {
         self.goals.last = Some((goal_rad, goal_rad));
@@ -107,18 +100,11 @@ impl Judge {
         self.motion.last = None;
     }
 
-    /// Something outside moves or stops the joint: its motion is not judged
-    /// until the next [`Judge::begin`], its goals still are.
-    pub fn excuse_motion(&mut self) {
-        self.motion.last = None;
-    }
-
     pub fn judge_goal(&mut self, time_s: f64, goal_rad: f64) {
         let broken = self.judge(self.goals.last, time_s, goal_rad, "was told");
         self.goals.follow(goal_rad, broken);
     }
 
-    /// A control period ended at this true position.
     pub fn judge_motion(&mut self, time_s: f64, position_rad: f64) {
         let broken = self.judge(self.motion.last, time_s, position_rad, "went");
         self.motion.follow(position_rad, broken);
@@ -148,11 +134,8 @@ impl Judge {
             broken.velocity = 1;
             let velocity = moved / self.period_s;
             let limit = limits.velocity_rad_s;
-            self.note(
-                time_s,
-                verb,
-                format!("at {velocity:.3} rad/s, limit {limit:.3}"),
-            );
+            let what = format!("at {velocity:.3} rad/s, limit {limit:.3}");
+            self.note(time_s, verb, what);
         }
         let turned = moved - (last_rad - before_rad);
         let allowed = limits.acceleration_rad_s2 * self.period_s * self.period_s;
@@ -160,34 +143,24 @@ impl Judge {
             broken.acceleration = 1;
             let acceleration = turned / (self.period_s * self.period_s);
             let limit = limits.acceleration_rad_s2;
-            self.note(
-                time_s,
-                verb,
-                format!("with {acceleration:.1} rad/s2, limit {limit:.1}"),
-            );
+            let what = format!("with {acceleration:.1} rad/s2, limit {limit:.1}");
+            self.note(time_s, verb, what);
         }
         broken
     }
 
     fn note(&mut self, time_s: f64, verb: &str, what: String) {
         if self.notes.len() < NOTES {
+            let name = &self.name;
             self.notes
-                .push(format!("{time_s:.3} s: {} {verb} {what}", self.name));
+                .push(format!("{time_s:.3} s: {name} {verb} {what}"));
         }
-    }
-
-    pub fn motion_violations(&self) -> Violations {
-        self.motion.violations
     }
 
     pub fn violations(&self) -> Violations {
         let mut sum = self.goals.violations;
         sum += self.motion.violations;
         sum
-    }
-
-    pub fn notes(&self) -> &[String] {
-        &self.notes
     }
 }
 
@@ -212,7 +185,6 @@ mod tests {
         judge.violations()
     }
 
-    /// Constant acceleration up to a speed, then constant speed.
     fn run(acceleration: f64, top: f64) -> Vec<f64> {
         let (mut position, mut speed) = (-0.99, 0.0);
         let mut goals = vec![position];

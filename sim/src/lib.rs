@@ -15,7 +15,7 @@
 //!
 //! Units are radians, seconds, newton metres and amperes. Drivers are in
 //! `servodance-drivers`; this crate takes from there registers and framing, and not the
-//! bus drivers, which only [`bench_bus`] uses.
+//! bus drivers.
 //!
 //! ```
 //! use servodance_drivers::{BusConfig, ServoConfig, open_bus, servos};
@@ -40,7 +40,6 @@
 //! # }
 //! ```
 
-mod bench;
 mod bus;
 pub mod can;
 mod error;
@@ -49,10 +48,10 @@ mod judge;
 mod serial;
 mod servo;
 
-pub use bench::{BenchError, BusBench, bench_bus};
+pub use bus::SimBus;
 pub use bus::line::{Burst, Line};
 pub use bus::options::{SimClock, SimLink, SimOptions};
-pub use bus::{SimBus, WireStats};
+pub use bus::shared::WireStats;
 pub use error::SimError;
 pub use fault::script::{Cue, Happening, happen, parse_script};
 pub use fault::{ServoFault, WireFault};

@@ -5,13 +5,13 @@
 //! gives the robot's rate. Figures are this machine's, and those of a machine
 //! with other work to do are worse.
 
+use crate::bench::bus_cycles::{BusBench, bench_bus};
 use anyhow::Context;
 use serde::Serialize;
 use servodance_drivers::{BusConfig, BusLayout, Servo, check_rate};
 use servodance_runtime::bus_tools::sim_link::{LinkChoice, sim_link};
 use servodance_runtime::process::realtime::Awake;
 use servodance_runtime::robot::Robot;
-use servodance_sim::{BusBench, bench_bus};
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -145,14 +145,7 @@ fn bench(
     link: LinkChoice,
 ) -> anyhow::Result<BusBench> {
     let link = sim_link(&layout.config, Some(link), 0)?;
-    Ok(bench_bus(
-        servos,
-        &layout.config,
-        control_hz,
-        cycles,
-        0.0,
-        link,
-    )?)
+    bench_bus(servos, &layout.config, control_hz, cycles, 0.0, link)
 }
 
 fn wire_limit_hz(layout: &BusLayout) -> anyhow::Result<f64> {

@@ -3,6 +3,7 @@
 //! against each other, a click against the motion that answers it.
 
 pub mod bus;
+pub mod bus_cycles;
 pub mod click_test;
 pub mod model;
 pub mod retarget;

@@ -5,19 +5,17 @@ use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::pty::openpty;
+use nix::unistd::ttyname;
 use servodance_drivers::Port;
 use servodance_drivers::can::CanPort;
 
 use crate::bus::options::SimLink;
-#[cfg(target_os = "linux")]
-use crate::can::InterfaceAdapter;
-use crate::can::{Adapter, MulticastAdapter, SlcanAdapter};
+use crate::can::{Adapter, LinkAdapter, SlcanAdapter};
 use crate::error::SimError;
 use crate::serial::host_port::HostPort;
 
-/// The adapter that the thread of a bus serves.
 pub(crate) enum HostEnd {
     Serial(HostPort),
     Can(Box<dyn Adapter>),
@@ -30,10 +28,7 @@ impl HostEnd {
             Self::Can(adapter) => adapter.watched(),
             Self::Serial(port) => port.watched(),
         };
-        watched.map_err(|reason| SimError::System {
-            what: "watching an adapter",
-            reason,
-        })
+        watched.map_err(SimError::system("watching an adapter"))
     }
 }
 
@@ -66,20 +61,15 @@ impl HostLink {
                 })
             }
             (true, SimLink::Multicast(group)) => {
-                let adapter =
-                    MulticastAdapter::open(*group).map_err(|reason| SimError::System {
-                        what: "joining a multicast group",
-                        reason,
-                    })?;
+                let failed = SimError::system("joining a multicast group");
+                let adapter = LinkAdapter::open_group(*group).map_err(failed)?;
                 let port = Port::Can(CanPort::Udp(*group));
                 Ok((HostEnd::Can(Box::new(adapter)), group.to_string(), port))
             }
             #[cfg(target_os = "linux")]
             (true, SimLink::Interface(name)) => {
-                let adapter = InterfaceAdapter::open(name).map_err(|reason| SimError::System {
-                    what: "opening a CAN interface",
-                    reason,
-                })?;
+                let failed = SimError::system("opening a CAN interface");
+                let adapter = LinkAdapter::open_interface(name).map_err(failed)?;
                 let port = Port::Can(CanPort::Socket(name.clone()));
                 Ok((HostEnd::Can(Box::new(adapter)), name.clone(), port))
             }
@@ -114,10 +104,8 @@ impl HostLink {
             return Ok((HostPort::Terminal(master), terminal));
         };
         self.close(&terminal);
-        std::os::unix::fs::symlink(&terminal, path).map_err(|reason| SimError::System {
-            what: "linking the port",
-            reason,
-        })?;
+        let failed = SimError::system("linking the port");
+        std::os::unix::fs::symlink(&terminal, path).map_err(failed)?;
         let path = path.to_string_lossy().into_owned();
         Ok((HostPort::Terminal(master), path))
     }
@@ -125,10 +113,7 @@ impl HostLink {
     /// A Unix socket: our end, and the path to open. Without a path it has a name and no
     /// file, or where the system knows none, a temporary file.
     fn unix_socket(&self) -> Result<(HostPort, String), SimError> {
-        let failed = |reason| SimError::System {
-            what: "opening a Unix socket",
-            reason,
-        };
+        let failed = SimError::system("opening a Unix socket");
         let path = match &self.path {
             Some(path) => path.clone(),
             None => {
@@ -136,10 +121,9 @@ impl HostLink {
                 let count = COUNT.fetch_add(1, Ordering::Relaxed);
                 let name = format!("servodance-{}-{count}", std::process::id());
                 #[cfg(target_os = "linux")]
-                return match HostPort::listen_by_name(&name) {
-                    Ok(port) => Ok((port, format!("@{name}"))),
-                    Err(reason) => Err(failed(reason)),
-                };
+                return HostPort::listen_by_name(&name)
+                    .map(|port| (port, format!("@{name}")))
+                    .map_err(failed);
                 #[cfg(not(target_os = "linux"))]
                 std::env::temp_dir().join(name)
             }
@@ -151,17 +135,11 @@ impl HostLink {
 
 /// A pseudo-terminal: our end, and the path of the other.
 fn open_terminal() -> Result<(OwnedFd, String), SimError> {
-    let failed = |what: &'static str| {
-        move |errno: Errno| SimError::System {
-            what,
-            reason: errno.into(),
-        }
-    };
-    let pty = nix::pty::openpty(None, None).map_err(failed("opening a pseudo-terminal"))?;
-    let path = nix::unistd::ttyname(&pty.slave).map_err(failed("naming a pseudo-terminal"))?;
+    let pty = openpty(None, None).map_err(SimError::system("opening a pseudo-terminal"))?;
+    let path = ttyname(&pty.slave).map_err(SimError::system("naming a pseudo-terminal"))?;
     // A host that does not read must not stop the servos.
     fcntl(&pty.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))
-        .map_err(failed("setting up a pseudo-terminal"))?;
+        .map_err(SimError::system("setting up a pseudo-terminal"))?;
     // The other end is not held open here: whoever opens it may take it for
     // itself, and it is free again when that program dies.
     Ok((pty.master, path.to_string_lossy().into_owned()))

@@ -25,7 +25,7 @@ use servodance_drivers::{Port, ReplyClock, sleep_precisely};
 use crate::bus::host_end::{HostEnd, HostLink};
 use crate::bus::line::Line;
 use crate::bus::options::{SimClock, SimOptions};
-use crate::bus::shared::{BusShared, Gone};
+use crate::bus::shared::{BusShared, Gone, WireStats};
 use crate::bus::thread_priority::raise_priority;
 use crate::bus::world::World;
 use crate::can::{CanServer, build_net};
@@ -41,34 +41,6 @@ use crate::servo::spec::SimServoSpec;
 /// How long carrying out the host's frames may take in lockstep.
 const LONGEST_SETTLE: Duration = Duration::from_secs(2);
 
-/// What passed over the simulated wire.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WireStats {
-    /// Bytes from the host.
-    pub bytes_in: u64,
-    /// Bytes to the host.
-    pub bytes_out: u64,
-    /// Sound instructions from the host.
-    pub packets_in: u64,
-    /// Status packets (or pieces of a fast one) to the host.
-    pub packets_out: u64,
-    /// Damaged frames from the host.
-    pub bad_packets: u64,
-    /// Time that the line was busy: ten bits a byte, and return delays. Seconds.
-    pub wire_s: f64,
-}
-
-impl std::ops::AddAssign for WireStats {
-    fn add_assign(&mut self, other: Self) {
-        self.bytes_in += other.bytes_in;
-        self.bytes_out += other.bytes_out;
-        self.packets_in += other.packets_in;
-        self.packets_out += other.packets_out;
-        self.bad_packets += other.bad_packets;
-        self.wire_s += other.wire_s;
-    }
-}
-
 /// A running simulated bus. Dropping it ends its thread and closes the port.
 #[derive(Debug)]
 pub struct SimBus {
@@ -76,52 +48,43 @@ pub struct SimBus {
     port_path: String,
     port: Port,
     host_link: HostLink,
-    baud: u32,
     thread: Option<JoinHandle<()>>,
 }
 
 fn start_thread(
     host_end: HostEnd,
     shared: Arc<BusShared>,
-    baud: u32,
+    bitrate: u32,
 ) -> Result<JoinHandle<()>, SimError> {
     shared.watch(host_end.watched()?);
     let thread = std::thread::Builder::new().name("simulated servos".into());
     let gone = Gone(shared.clone());
-    let in_real_time = shared.clock == SimClock::Realtime;
-    let prepare = move || match in_real_time {
-        true => raise_priority(),
-        false => sleep_precisely(),
+    let prepare = match shared.clock {
+        SimClock::Realtime => raise_priority,
+        SimClock::Lockstep => sleep_precisely,
     };
-    let started = match host_end {
+    let serve: Box<dyn FnOnce() + Send> = match host_end {
         HostEnd::Can(adapter) => {
-            let server = CanServer::new(shared, adapter, baud);
-            thread.spawn(move || {
-                let _gone = gone;
-                prepare();
-                server.run();
-            })
+            let server = CanServer::new(shared, adapter, bitrate);
+            Box::new(move || server.run())
         }
         HostEnd::Serial(port) => {
             let server = SerialServer::new(shared, port);
-            thread.spawn(move || {
-                let _gone = gone;
-                prepare();
-                server.run();
-            })
+            Box::new(move || server.run())
         }
     };
-    started.map_err(|reason| SimError::System {
-        what: "starting a thread",
-        reason,
-    })
+    let started = thread.spawn(move || {
+        let _gone = gone;
+        prepare();
+        serve();
+    });
+    started.map_err(SimError::system("starting a thread"))
 }
 
 impl SimBus {
-    /// Starts a bus with these servos. Every servo has the bus's baud rate;
-    /// all else is as it leaves the factory (return delay 500 us, torque off).
+    /// Starts a bus with these servos, as they leave the factory but for the bus's rate.
     pub fn start(specs: &[SimServoSpec], options: SimOptions) -> Result<Self, SimError> {
-        let period_s = 1.0 / checked_hz(options.control_hz)?;
+        let period_s = period_s(&options)?;
         let is_can = specs.iter().any(|spec| spec.motor.is_some());
         let line: Box<dyn Line> = match is_can {
             true => build_net(specs, options.supply_v, period_s)?,
@@ -130,8 +93,7 @@ impl SimBus {
         Self::start_with(line, is_can, options)
     }
 
-    /// Starts a bus with a line of serial servos of any family: one that the
-    /// drivers do not know, for instance.
+    /// Starts a bus with a line of serial servos, also of a family that no driver knows.
     pub fn start_line(line: Box<dyn Line>, options: SimOptions) -> Result<Self, SimError> {
         Self::start_with(line, false, options)
     }
@@ -141,12 +103,12 @@ impl SimBus {
         is_can: bool,
         options: SimOptions,
     ) -> Result<Self, SimError> {
-        let period_s = 1.0 / checked_hz(options.control_hz)?;
+        let period_s = period_s(&options)?;
         let byte_s = match is_can {
             true => 0.0,
             false => 10.0 / f64::from(options.baud),
         };
-        let adapter_s = checked_adapter_s(options.adapter_s)?;
+        let adapter_s = SimError::checked("adapter_s", options.adapter_s, 0.0..=1.0, "0 to 1")?;
         let shared = Arc::new(BusShared::new(
             World::new(line, period_s),
             FaultyWire::new(options.seed),
@@ -167,7 +129,6 @@ impl SimBus {
             port_path,
             port,
             host_link,
-            baud: options.baud,
             thread: Some(thread),
         })
     }
@@ -198,8 +159,7 @@ impl SimBus {
         }
     }
 
-    /// What the host has sent belongs to the time before: waits until it is
-    /// carried out (a thread that does not get on is not waited for).
+    /// Waits until what the host has sent is carried out, unless the thread is stuck.
     fn settle(&self) {
         use servodance_drivers::FarEnd;
         let began = Instant::now();
@@ -218,18 +178,16 @@ impl SimBus {
         self.shared.world().sum(Judge::violations)
     }
 
-    /// Those of them that the true motion broke.
+    /// Limits that the true motion broke, whatever the goals were.
     pub fn motion_violations(&self) -> Violations {
-        self.shared.world().sum(Judge::motion_violations)
+        self.shared.world().sum(|judge| judge.motion.violations)
     }
 
-    /// The first violations of each servo in words.
+    /// The first eight violations of each servo in words.
     pub fn violation_notes(&self) -> Vec<String> {
         let world = self.shared.world();
         let judges = world.line.judges().into_iter();
-        judges
-            .flat_map(|judge| judge.notes().iter().cloned())
-            .collect()
+        judges.flat_map(|judge| judge.notes.clone()).collect()
     }
 
     /// What the servo at `index` (in the order of the specs) really does.
@@ -239,12 +197,12 @@ impl SimBus {
 
     /// From now on `fault` hits this share (0 to 1) of the replies; `None` ends it.
     pub fn set_wire_fault(&self, fault: Option<(WireFault, f64)>) {
-        self.shared.faults().set(fault);
+        self.shared.faults().fault = fault;
     }
 
     /// How many replies or instructions a wire fault has hit.
     pub fn wire_fault_hits(&self) -> u64 {
-        self.shared.faults().hits
+        self.shared.faults().hit_count
     }
 
     /// Something happens to one servo: false if there is none at `index`.
@@ -257,20 +215,22 @@ impl SimBus {
         self.shared.bus_off.store(bus_off, Ordering::Release);
     }
 
-    /// The adapter is put back: the port can be opened again, at the same path
-    /// if the options have one. Does nothing while it is plugged in.
+    /// The adapter is put back, at the same path if the options have one.
     pub fn replug(&mut self) -> Result<(), SimError> {
         if self.thread.is_none() {
             let (host_end, port_path, port) = self.host_link.open()?;
             (self.port_path, self.port) = (port_path, port);
             self.shared.stop.store(false, Ordering::Release);
-            self.thread = Some(start_thread(host_end, self.shared.clone(), self.baud)?);
+            self.thread = Some(start_thread(
+                host_end,
+                self.shared.clone(),
+                self.host_link.bitrate,
+            )?);
         }
         Ok(())
     }
 
-    /// The adapter is pulled out: the port fails for whoever has it open.
-    /// The servos go on as they were, and time can still be advanced.
+    /// The adapter is pulled out: the port fails, the servos go on as they were.
     pub fn unplug(&mut self) {
         self.shared.stop.store(true, Ordering::Release);
         self.host_link.close(&self.port_path);
@@ -280,18 +240,16 @@ impl SimBus {
         }
     }
 
-    /// What passed over the wire.
+    /// Bytes, packets and busy time since the start.
     pub fn wire_stats(&self) -> WireStats {
         let (packets_in, bad_packets) = self.shared.world().line.packets();
-        let traffic = self.shared.wire();
+        let traffic = *self.shared.wire();
         let bytes = (traffic.bytes_in + traffic.bytes_out) as f64;
         WireStats {
-            bytes_in: traffic.bytes_in,
-            bytes_out: traffic.bytes_out,
             packets_in,
-            packets_out: traffic.packets_out,
             bad_packets,
-            wire_s: bytes * self.shared.byte_s + traffic.delays_s,
+            wire_s: bytes * self.shared.byte_s + traffic.wire_s,
+            ..traffic
         }
     }
 }
@@ -302,24 +260,8 @@ impl Drop for SimBus {
     }
 }
 
-fn checked_hz(control_hz: f64) -> Result<f64, SimError> {
-    if (1.0..=10_000.0).contains(&control_hz) {
-        return Ok(control_hz);
-    }
-    Err(SimError::Option {
-        key: "control_hz",
-        actual: control_hz.to_string(),
-        wanted: "1 to 10000",
-    })
-}
-
-fn checked_adapter_s(adapter_s: f64) -> Result<f64, SimError> {
-    if (0.0..=1.0).contains(&adapter_s) {
-        return Ok(adapter_s);
-    }
-    Err(SimError::Option {
-        key: "adapter_s",
-        actual: adapter_s.to_string(),
-        wanted: "0 to 1",
-    })
+fn period_s(options: &SimOptions) -> Result<f64, SimError> {
+    let range = 1.0..=10_000.0;
+    let hz = SimError::checked("control_hz", options.control_hz, range, "1 to 10000")?;
+    Ok(1.0 / hz)
 }

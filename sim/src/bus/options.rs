@@ -41,20 +41,17 @@ pub struct SimOptions {
     pub supply_v: Option<f64>,
     /// What a USB adapter adds before the host sees a reply, seconds. Real time only.
     pub adapter_s: f64,
-    /// Resistance of the supply and its cable, ohms: what all servos of the line
-    /// draw makes the supply sag. 0 is an ideal supply.
+    /// Resistance of the supply and its cable, ohms: what the servos draw makes it sag.
     pub supply_ohm: f64,
     /// Seed of everything random: faults.
     pub seed: u64,
-    /// Where the port is found, also after the adapter was pulled out and put back:
-    /// a symbolic link to a terminal, or the socket itself. Without one the port
-    /// has a new path then.
+    /// Where the port is found (a link to the terminal, or the socket), also after the
+    /// adapter was pulled out and put back; without one it has a new path then.
     pub path: Option<PathBuf>,
 }
 
 impl SimOptions {
-    /// Simulated time, moved on by the control loop; the same commands give
-    /// the same bytes and states.
+    /// Simulated time: the same commands give the same bytes and states.
     pub fn lockstep(baud: u32, control_hz: f64) -> Self {
         Self {
             link: SimLink::Terminal,

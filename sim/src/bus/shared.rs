@@ -15,24 +15,39 @@ use crate::fault::wire::FaultyWire;
 /// spinning, for the precision of a fast bus.
 const SLEEP_SLACK: Duration = Duration::from_micros(70);
 
-/// What the thread counts. Sums that do not depend on how reads cut the stream.
-#[derive(Debug, Default)]
-pub(crate) struct Traffic {
+/// What passed over the simulated wire: sums that do not depend on how reads cut the stream.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[allow(missing_docs)] // the names say it
+pub struct WireStats {
     pub bytes_in: u64,
     pub bytes_out: u64,
+    pub packets_in: u64,
+    /// Status packets (or pieces of a fast one) to the host.
     pub packets_out: u64,
-    pub delays_s: f64,
+    pub bad_packets: u64,
+    /// Time that the line was busy: ten bits a byte, and return delays. Seconds.
+    pub wire_s: f64,
+}
+
+impl std::ops::AddAssign for WireStats {
+    fn add_assign(&mut self, other: Self) {
+        self.bytes_in += other.bytes_in;
+        self.bytes_out += other.bytes_out;
+        self.packets_in += other.packets_in;
+        self.packets_out += other.packets_out;
+        self.bad_packets += other.bad_packets;
+        self.wire_s += other.wire_s;
+    }
 }
 
 /// What the thread and its owner share.
 #[derive(Debug)]
 pub(crate) struct BusShared {
     world: Mutex<World>,
-    wire: Mutex<Traffic>,
+    wire: Mutex<WireStats>,
     faults: Mutex<FaultyWire>,
     pub stop: AtomicBool,
     pub bus_off: AtomicBool,
-    /// The thread carries out what it has read.
     pub busy: AtomicBool,
     /// A second handle on what the thread reads, while it does.
     watched: Mutex<Option<OwnedFd>>,
@@ -45,7 +60,6 @@ pub(crate) struct BusShared {
 }
 
 impl BusShared {
-    /// Nothing has passed yet; time begins now.
     pub fn new(
         world: World,
         faults: FaultyWire,
@@ -55,7 +69,7 @@ impl BusShared {
     ) -> Self {
         Self {
             world: Mutex::new(world),
-            wire: Mutex::new(Traffic::default()),
+            wire: Mutex::new(WireStats::default()),
             faults: Mutex::new(faults),
             stop: AtomicBool::new(false),
             bus_off: AtomicBool::new(false),
@@ -77,12 +91,11 @@ impl BusShared {
         world
     }
 
-    /// The world as it was left last.
     pub fn world_as_it_is(&self) -> MutexGuard<'_, World> {
         self.world.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub fn wire(&self) -> MutexGuard<'_, Traffic> {
+    pub fn wire(&self) -> MutexGuard<'_, WireStats> {
         self.wire.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

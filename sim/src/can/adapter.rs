@@ -11,17 +11,13 @@ use std::net::SocketAddrV4;
 use std::os::fd::{AsFd, OwnedFd};
 use std::time::{Duration, Instant};
 
-use nix::errno::Errno;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-#[cfg(target_os = "linux")]
-use servodance_drivers::can::Sent;
 use servodance_drivers::can::transport::slcan::{self, BEL, CR, Lines};
 #[cfg(target_os = "linux")]
 use servodance_drivers::can::transport::socket::SocketLink;
 use servodance_drivers::can::transport::udp::UdpLink;
-use servodance_drivers::can::{CanEvent, CanFrame, CanLink};
+use servodance_drivers::can::{CanEvent, CanFrame, CanLink, Sent};
 
-use crate::serial::host_port::{HostInput, HostPort};
+use crate::serial::host_port::{HostInput, HostPort, readable};
 
 pub(crate) trait Adapter: Send {
     /// A second handle on the file that brings the host's bytes.
@@ -42,7 +38,7 @@ pub(crate) trait Adapter: Send {
     fn deliver(&mut self, frame: &CanFrame);
 
     /// Hands noise to the host, on an adapter of bytes.
-    fn garble(&mut self, bytes: &[u8]);
+    fn garble(&mut self, _bytes: &[u8]) {}
 }
 
 pub(crate) struct SlcanAdapter {
@@ -103,8 +99,7 @@ impl SlcanAdapter {
             (b's', _) if !self.open => {}
             (b'F', []) => {
                 let is_deaf = bus_off || self.waiting == QUEUE;
-                let flags: &[u8] = if is_deaf { b"F80" } else { b"F00" };
-                self.out.extend(flags);
+                self.out.extend(if is_deaf { b"F80" } else { b"F00" });
             }
             (b'V', []) => self.out.extend(b"V1013"),
             (b'N', []) => self.out.extend(b"NSIM1"),
@@ -120,19 +115,6 @@ impl SlcanAdapter {
     fn flush(&mut self) {
         self.port.write(&self.out);
         self.out.clear();
-    }
-}
-
-/// Whether there is something to read, after at most `wait`.
-pub(crate) fn readable(fd: impl AsFd, wait: Duration) -> io::Result<bool> {
-    let mut watched = [PollFd::new(fd.as_fd(), PollFlags::POLLIN)];
-    match poll(
-        &mut watched,
-        PollTimeout::from(wait.as_millis().min(1000) as u16),
-    ) {
-        Ok(count) => Ok(count > 0),
-        Err(Errno::EINTR) => Ok(false),
-        Err(errno) => Err(errno.into()),
     }
 }
 
@@ -181,72 +163,47 @@ impl Adapter for SlcanAdapter {
     }
 }
 
-pub(crate) struct MulticastAdapter {
-    link: UdpLink,
+/// A link of the drivers from its other end: a multicast group, or a CAN interface.
+pub(crate) struct LinkAdapter<L> {
+    link: L,
+    watched: OwnedFd,
+    /// How often a motor offers a frame again: without a bus it loses its frame.
+    most_repeats: u32,
 }
 
-impl MulticastAdapter {
-    pub fn open(group: SocketAddrV4) -> io::Result<Self> {
+/// How long a motor waits before it offers a frame again.
+const REPEAT: Duration = Duration::from_micros(100);
+
+impl LinkAdapter<UdpLink> {
+    pub fn open_group(group: SocketAddrV4) -> io::Result<Self> {
+        let link = UdpLink::open(group)?;
         Ok(Self {
-            link: UdpLink::open(group)?,
-        })
-    }
-}
-
-impl Adapter for MulticastAdapter {
-    fn watched(&self) -> io::Result<OwnedFd> {
-        Ok(self.link.socket().try_clone()?.into())
-    }
-
-    fn wait(&self, wait: Duration) -> io::Result<bool> {
-        readable(self.link.socket(), wait)
-    }
-
-    fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
-        let now = Instant::now();
-        while let CanEvent::Frame(frame) = self.link.receive(now)? {
-            if !bus_off {
-                frames.push(frame);
-            }
-        }
-        Ok(())
-    }
-
-    fn deliver(&mut self, frame: &CanFrame) {
-        // Lost, as on a bus without listeners.
-        let _ = self.link.send(frame);
-    }
-
-    fn garble(&mut self, _bytes: &[u8]) {}
-}
-
-#[cfg(target_os = "linux")]
-pub(crate) struct InterfaceAdapter {
-    link: SocketLink,
-}
-
-#[cfg(target_os = "linux")]
-impl InterfaceAdapter {
-    /// How long a motor waits before it offers a frame again, ...
-    const REPEAT: Duration = Duration::from_micros(100);
-    /// ... and how often it does: a motor without a bus loses its frame.
-    const MOST_REPEATS: u32 = 1000;
-
-    pub fn open(interface: &str) -> io::Result<Self> {
-        Ok(Self {
-            link: SocketLink::open(interface)?,
+            watched: link.socket().try_clone()?.into(),
+            link,
+            most_repeats: 0,
         })
     }
 }
 
 #[cfg(target_os = "linux")]
-impl Adapter for InterfaceAdapter {
+impl LinkAdapter<SocketLink> {
+    pub fn open_interface(interface: &str) -> io::Result<Self> {
+        let link = SocketLink::open(interface)?;
+        Ok(Self {
+            watched: link.as_fd().try_clone_to_owned()?,
+            link,
+            most_repeats: 1000,
+        })
+    }
+}
+
+impl<L: CanLink> Adapter for LinkAdapter<L> {
     fn watched(&self) -> io::Result<OwnedFd> {
-        self.link.as_fd().try_clone_to_owned()
+        self.watched.try_clone()
     }
 
     fn wait(&self, wait: Duration) -> io::Result<bool> {
-        readable(&self.link, wait)
+        readable(&[self.watched.as_fd()], wait)
     }
 
     fn fetch(&mut self, bus_off: bool, frames: &mut Vec<CanFrame>) -> io::Result<()> {
@@ -264,13 +221,11 @@ impl Adapter for InterfaceAdapter {
     }
 
     fn deliver(&mut self, frame: &CanFrame) {
-        for _ in 0..Self::MOST_REPEATS {
+        for _ in 0..=self.most_repeats {
             match self.link.send(frame) {
-                Ok(Sent::Full) => std::thread::sleep(Self::REPEAT),
+                Ok(Sent::Full) if self.most_repeats > 0 => std::thread::sleep(REPEAT),
                 _ => return,
             }
         }
     }
-
-    fn garble(&mut self, _bytes: &[u8]) {}
 }

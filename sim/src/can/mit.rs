@@ -13,7 +13,7 @@ use servodance_drivers::can::mit::registers::{
     TIMEOUT, TIMEOUT_UNITS_PER_MS, TMAX, UNDER_VOLTAGE, VMAX, WRITE,
 };
 
-use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
+use crate::can::motor_core::{MotorCore, TorqueCommand};
 use crate::can::net::CanDevice;
 
 #[derive(Debug)]
@@ -42,17 +42,17 @@ impl MitMotor {
         u32::from(self.core.settings.reply_id)
     }
 
-    /// The reply to every command and mode command.
     fn feedback(&self) -> CanFrame {
         let core = &self.core;
         let model = &core.settings.model;
         let p = code(core.angle_rad(), model.position_rad, 16);
         let v = code(core.speed_rad_s(), model.velocity_rad_s, 12);
-        let t = code(core.torque_nm(), model.torque_nm, 12);
-        let celsius = core.temperature_c().round().clamp(0.0, 255.0) as u8;
+        let t = code(core.torque_nm, model.torque_nm, 12);
+        let celsius = core.body.motor.temperature_c.round().clamp(0.0, 255.0) as u8;
+        let damiao_state = core.fault_code([u8::from(core.enabled), 9, 8, 0xC, 0xE, 0xD]);
         let (first, sixth, seventh) = match self.registers {
-            Some(_) => (core.id & 0xF | self.damiao_state() << 4, celsius, celsius),
-            None => (core.id, celsius, self.cubemars_error()),
+            Some(_) => (core.id & 0xF | damiao_state << 4, celsius, celsius),
+            None => (core.id, celsius, core.fault_code([0, 4, 3, 1, 7, 0])),
         };
         let id = match (self.registers, self.reply_id()) {
             (None, 0) => u32::from(core.id),
@@ -63,30 +63,9 @@ impl MitMotor {
         CanFrame::standard(id, &data)
     }
 
-    fn damiao_state(&self) -> u8 {
-        match self.core.fault {
-            None => u8::from(self.core.enabled()),
-            Some(MotorFault::OverVoltage) => 8,
-            Some(MotorFault::UnderVoltage) => 9,
-            Some(MotorFault::Overheat) => 0xC,
-            Some(MotorFault::CommunicationLost) => 0xD,
-            Some(MotorFault::Overload) => 0xE,
-        }
-    }
-
-    fn cubemars_error(&self) -> u8 {
-        match self.core.fault {
-            None | Some(MotorFault::CommunicationLost) => 0,
-            Some(MotorFault::Overheat) => 1,
-            Some(MotorFault::OverVoltage) => 3,
-            Some(MotorFault::UnderVoltage) => 4,
-            Some(MotorFault::Overload) => 7,
-        }
-    }
-
     fn mode_command(&mut self, last: u8) {
         match last {
-            CLEAR => self.core.clear(),
+            CLEAR => self.core.fault = None,
             ENABLE => self.core.enable(),
             DISABLE => self.core.disable(),
             // FE: set zero. The joint would move in its limits: not simulated.
@@ -173,7 +152,7 @@ impl CanDevice for MitMotor {
         if frame.id() != u32::from(self.core.id) {
             return;
         }
-        self.core.feed();
+        self.core.silent_s = 0.0;
         match data {
             [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last] if last >= FIRST_MODE_COMMAND => {
                 self.mode_command(last);

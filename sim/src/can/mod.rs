@@ -17,9 +17,7 @@ mod server;
 
 pub use odrive::WATCHDOG_ENDPOINTS;
 
-#[cfg(target_os = "linux")]
-pub(crate) use adapter::InterfaceAdapter;
-pub(crate) use adapter::{Adapter, MulticastAdapter, SlcanAdapter};
+pub(crate) use adapter::{Adapter, LinkAdapter, SlcanAdapter};
 pub(crate) use server::CanServer;
 
 use servodance_drivers::BusKind;

@@ -9,7 +9,6 @@ use servodance_drivers::can::MotorSettings;
 
 use crate::error::SimError;
 use crate::fault::ServoFault;
-use crate::judge::Judge;
 use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
@@ -17,9 +16,7 @@ use crate::servo::spec::SimServoSpec;
 const REBOOT_S: f64 = 0.5;
 const OVERLOAD_S: f64 = 1.0;
 const OVERLOAD_SHARE: f64 = 0.8;
-/// The motor protects itself from here on, Celsius.
 const HOTTEST_C: f64 = 90.0;
-/// Supply against nominal at which the motor protects itself.
 const LOWEST_SHARE: f64 = 0.6;
 const HIGHEST_SHARE: f64 = 1.4;
 
@@ -46,25 +43,24 @@ pub(crate) struct TorqueCommand {
 #[derive(Clone, Debug)]
 pub(crate) struct MotorCore {
     pub settings: MotorSettings,
-    body: ServoBody,
+    pub body: ServoBody,
     nominal_v: f64,
     pub id: u8,
-    enabled: bool,
+    pub enabled: bool,
     /// `None` until the first command after torque on.
     command: Option<TorqueCommand>,
     pub torque_limit_nm: f64,
     /// Torque goes off after this much silence, seconds; `None` is never.
     pub timeout_s: Option<f64>,
-    silent_s: f64,
+    pub silent_s: f64,
     pub fault: Option<MotorFault>,
     tripped: bool,
     tripped_s: Option<f64>,
-    torque_nm: f64,
+    pub torque_nm: f64,
     period_s: f64,
     /// The last goal that was judged, of the joint, and when it came.
     told_s: f64,
     told_rad: f64,
-    /// When the same came again in a later period.
     repeated_s: Option<f64>,
 }
 
@@ -83,11 +79,12 @@ impl MotorCore {
         let torque_nm = settings.model.torque_nm;
         let rpm = settings.model.velocity_rad_s * 60.0 / std::f64::consts::TAU;
         let sheet = DataSheet::new(torque_nm, rpm, torque_nm, nominal_v);
-        let inertia = settings.model.rotor_inertia_kg_m2() + spec.load_inertia_kg_m2;
-        let motor = Motor::with_inertia(&sheet, inertia).with_backlash(spec.backlash_rad);
-        let judge = Judge::new(&spec.name, spec.limits, period_s);
+        // Driven by torque: its inertia does not follow from a stock gain.
+        let mut motor = Motor::new(&sheet, 0.0);
+        // Driven by torque: its inertia does not follow from a stock gain.
+        motor.inertia_kg_m2 = settings.model.rotor_inertia_kg_m2() + spec.load_inertia_kg_m2;
         Ok(Self {
-            body: ServoBody::new(spec, motor, judge, supply_v.unwrap_or(nominal_v)),
+            body: ServoBody::new(spec, motor, period_s, supply_v.unwrap_or(nominal_v)),
             nominal_v,
             id: spec.id,
             enabled: false,
@@ -107,18 +104,6 @@ impl MotorCore {
         })
     }
 
-    pub fn listens(&self) -> bool {
-        self.body.listens()
-    }
-
-    pub fn enabled(&self) -> bool {
-        self.enabled
-    }
-
-    pub fn time_s(&self) -> f64 {
-        self.body.time_s
-    }
-
     pub fn angle_rad(&self) -> f64 {
         self.body.motor.angle_rad
     }
@@ -127,20 +112,10 @@ impl MotorCore {
         self.body.motor.speed_rad_s
     }
 
-    pub fn torque_nm(&self) -> f64 {
-        self.torque_nm
-    }
-
-    pub fn temperature_c(&self) -> f64 {
-        self.body.motor.temperature_c
-    }
-
-    pub fn supply_v(&self) -> f64 {
-        self.body.volts()
-    }
-
-    pub fn judge(&self) -> &Judge {
-        &self.body.judge
+    /// What a family shows for the present fault: the first code for none, then in the
+    /// order of [`MotorFault`].
+    pub fn fault_code<T: Copy>(&self, codes: [T; 6]) -> T {
+        codes[self.fault.map_or(0, |fault| 1 + fault as usize)]
     }
 
     /// Torque on, without any until the first command. Refused while a fault lasts.
@@ -150,7 +125,7 @@ impl MotorCore {
             self.tripped = false;
             self.command = None;
             self.silent_s = 0.0;
-            self.body.forget_stall();
+            self.body.stalled_s = 0.0;
         }
     }
 
@@ -159,14 +134,6 @@ impl MotorCore {
         self.command = None;
         self.repeated_s = None;
         self.body.judge.end();
-    }
-
-    pub fn clear(&mut self) {
-        self.fault = None;
-    }
-
-    pub fn feed(&mut self) {
-        self.silent_s = 0.0;
     }
 
     /// A command of the torque loop; without torque it means nothing.
@@ -206,7 +173,7 @@ impl MotorCore {
 
     pub fn reboot(&mut self) {
         self.disable();
-        self.clear();
+        self.fault = None;
         self.tripped = false;
         self.timeout_s = None;
         self.torque_limit_nm = self.settings.model.torque_nm;
@@ -218,7 +185,7 @@ impl MotorCore {
         self.disable();
     }
 
-    /// Something goes wrong with it; true if its protocol must restart too.
+    /// True if its protocol must restart too.
     pub fn suffer(&mut self, injected: ServoFault) -> bool {
         match self.body.suffer(injected) {
             Some(ServoFault::Reboot) => {
@@ -253,10 +220,8 @@ impl MotorCore {
             return;
         }
         self.silent_s += dt_s;
-        if self
-            .timeout_s
-            .is_some_and(|limit_s| self.silent_s > limit_s)
-        {
+        let is_over = |limit_s| self.silent_s > limit_s;
+        if self.timeout_s.is_some_and(is_over) {
             self.fail(MotorFault::CommunicationLost);
             self.tripped = true;
             self.tripped_s = Some(self.body.time_s);
@@ -289,10 +254,6 @@ impl MotorCore {
         } else if share > HIGHEST_SHARE {
             self.fail(MotorFault::OverVoltage);
         }
-    }
-
-    pub fn end_period(&mut self) {
-        self.body.end_period();
     }
 
     pub fn state(&self) -> SimServoState {

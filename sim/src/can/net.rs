@@ -33,7 +33,6 @@ pub(crate) trait CanDevice: Debug + Send {
 pub(crate) struct CanNet {
     devices: Vec<Box<dyn CanDevice>>,
     frames_in: u64,
-    /// Frames destroyed by motors that answered at once.
     collisions: u64,
 }
 
@@ -89,7 +88,7 @@ impl Line for CanNet {
         let mut offered = Vec::new();
         let mut answers = Vec::new();
         for (index, device) in self.devices.iter_mut().enumerate() {
-            if device.core().listens() {
+            if device.core().body.listens() {
                 device.receive(frame, &mut answers);
                 offered.extend(answers.drain(..).map(|answer| (index, answer)));
             }
@@ -101,7 +100,7 @@ impl Line for CanNet {
         let mut offered = Vec::new();
         let mut sent = Vec::new();
         for (index, device) in self.devices.iter_mut().enumerate() {
-            if device.core().listens() {
+            if device.core().body.listens() {
                 device.due(&mut sent);
                 offered.extend(sent.drain(..).map(|frame| (index, frame)));
             }
@@ -113,14 +112,14 @@ impl Line for CanNet {
         for device in &mut self.devices {
             device.core_mut().step(time_s, dt_s);
             if period_ends {
-                device.core_mut().end_period();
+                device.core_mut().body.end_period();
             }
         }
     }
 
     fn judges(&self) -> Vec<&Judge> {
         let devices = self.devices.iter();
-        devices.map(|device| device.core().judge()).collect()
+        devices.map(|device| &device.core().body.judge).collect()
     }
 
     fn state(&self, index: usize) -> Option<SimServoState> {

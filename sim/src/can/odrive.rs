@@ -12,11 +12,11 @@ use servodance_drivers::can::odrive::registers::{
     TEMPERATURES, TORQUES, TX_SDO, VELOCITY_GAINS, VERSION, id, two_words,
 };
 
-use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
+use crate::can::motor_core::{MotorCore, TorqueCommand};
 use crate::can::net::CanDevice;
 
 const HEARTBEAT_S: f64 = 0.1;
-/// The endpoints of the simulated firmware's watchdog: time-out, enable.
+/// Endpoints of the simulated firmware's watchdog, as 0.6.10 numbers them: time-out, enable.
 pub const WATCHDOG_ENDPOINTS: [u16; 2] = [153, 154];
 
 #[derive(Debug)]
@@ -53,14 +53,8 @@ impl OdriveAxis {
     }
 
     fn errors(&self) -> u32 {
-        match self.core.fault {
-            None => 0,
-            Some(MotorFault::OverVoltage) => 1 << 8,
-            Some(MotorFault::UnderVoltage) => 1 << 9,
-            Some(MotorFault::Overload) => 1 << 12,
-            Some(MotorFault::Overheat) => 1 << 13,
-            Some(MotorFault::CommunicationLost) => 1 << 24,
-        }
+        let codes = [0, 1 << 9, 1 << 8, 1 << 13, 1 << 12, 1 << 24];
+        self.core.fault_code(codes)
     }
 
     /// Turns of the motor for a radian of the joint's axis.
@@ -73,11 +67,7 @@ impl OdriveAxis {
     }
 
     fn heartbeat(&self) -> CanFrame {
-        let state = if self.core.enabled() {
-            CLOSED_LOOP
-        } else {
-            IDLE
-        };
+        let state = [IDLE, CLOSED_LOOP][usize::from(self.core.enabled)];
         let [a, b, c, d] = self.errors().to_le_bytes();
         self.message(HEARTBEAT, &[a, b, c, d, state, 0, 0, 0])
     }
@@ -97,9 +87,12 @@ impl OdriveAxis {
                 f(core.angle_rad() * self.turns_per_rad()),
                 f(core.speed_rad_s() * self.turns_per_rad()),
             ),
-            TORQUES => two_words(f(core.torque_nm()), f(core.torque_nm())),
-            TEMPERATURES => two_words(f(core.temperature_c()), f(core.temperature_c())),
-            BUS_VOLTAGE => two_words(f(core.supply_v()), f(0.0)),
+            TORQUES => two_words(f(core.torque_nm), f(core.torque_nm)),
+            TEMPERATURES => two_words(
+                f(core.body.motor.temperature_c),
+                f(core.body.motor.temperature_c),
+            ),
+            BUS_VOLTAGE => two_words(f(core.body.volts()), f(0.0)),
             _ => return None,
         };
         Some(self.message(message, &data))
@@ -113,10 +106,9 @@ impl OdriveAxis {
         if self.modes == [POSITION_CONTROL, PASSTHROUGH] && goal_rad.is_finite() {
             self.core.command(TorqueCommand {
                 goal_rad,
-                speed_rad_s: 0.0,
                 kp: kd * f64::from(self.position_gain),
                 kd,
-                torque_nm: 0.0,
+                ..TorqueCommand::default()
             });
         }
     }
@@ -196,7 +188,7 @@ impl CanDevice for OdriveAxis {
             }
             SET_STATE => {
                 if let Some(state) = word(0) {
-                    self.core.feed();
+                    self.core.silent_s = 0.0;
                     self.request_state(state);
                 }
             }
@@ -207,7 +199,7 @@ impl CanDevice for OdriveAxis {
             }
             INPUT_POSITION => {
                 if let Some(turns) = float(data, 0) {
-                    self.core.feed();
+                    self.core.silent_s = 0.0;
                     self.input_turns = turns;
                     self.follow();
                 }
@@ -217,7 +209,7 @@ impl CanDevice for OdriveAxis {
                 self.core.reboot();
                 self.restart();
             }
-            CLEAR_ERRORS => self.core.clear(),
+            CLEAR_ERRORS => self.core.fault = None,
             POSITION_GAIN => self.position_gain = float(data, 0).unwrap_or(self.position_gain),
             VELOCITY_GAINS => self.velocity_gain = float(data, 0).unwrap_or(self.velocity_gain),
             _ => {}
@@ -228,8 +220,8 @@ impl CanDevice for OdriveAxis {
     }
 
     fn due(&mut self, out: &mut Vec<CanFrame>) {
-        if self.core.time_s() >= self.next_heartbeat_s {
-            self.next_heartbeat_s = self.core.time_s() + HEARTBEAT_S;
+        if self.core.body.time_s >= self.next_heartbeat_s {
+            self.next_heartbeat_s = self.core.body.time_s + HEARTBEAT_S;
             out.push(self.heartbeat());
         }
     }

@@ -32,30 +32,24 @@ impl RobstrideMotor {
         }
     }
 
-    fn faults(&self) -> u32 {
-        match self.core.fault {
-            None | Some(MotorFault::CommunicationLost) => 0,
-            Some(MotorFault::UnderVoltage | MotorFault::OverVoltage) => 1,
-            Some(MotorFault::Overheat) => 1 << 2,
-            Some(MotorFault::Overload) => 1 << 4,
-        }
-    }
-
     fn feedback(&self, host: u32) -> CanFrame {
         let core = &self.core;
         let model = &core.settings.model;
         let words = [
             code(core.angle_rad(), model.position_rad, 16),
             code(core.speed_rad_s(), model.velocity_rad_s, 16),
-            code(core.torque_nm(), model.torque_nm, 16),
-            (core.temperature_c() * 10.0).round().clamp(0.0, 65_535.0) as u32,
+            code(core.torque_nm, model.torque_nm, 16),
+            (core.body.motor.temperature_c * 10.0)
+                .round()
+                .clamp(0.0, 65_535.0) as u32,
         ];
         let mut data = [0; 8];
         for (pair, word) in data.chunks_exact_mut(2).zip(words) {
             pair.copy_from_slice(&(word as u16).to_be_bytes());
         }
-        let mode = if core.enabled() { RUNNING } else { 0 };
-        let data16 = mode << 14 | self.faults() << 8 | u32::from(core.id);
+        let mode = if core.enabled { RUNNING } else { 0 };
+        let faults = core.fault_code([0, 1, 1, 1 << 2, 1 << 4, 0]);
+        let data16 = mode << 14 | faults << 8 | u32::from(core.id);
         CanFrame::extended(id(message::FEEDBACK, data16, host), &data)
     }
 
@@ -66,14 +60,14 @@ impl RobstrideMotor {
             _ if index == TORQUE_LIMIT.0 => f(self.core.torque_limit_nm),
             _ if POSITION.contains(&index) => f(self.core.angle_rad()),
             SPEED => f(self.core.speed_rad_s()),
-            _ if index == BUS_VOLTAGE.0 => f(self.core.supply_v()),
+            _ if index == BUS_VOLTAGE.0 => f(self.core.body.volts()),
             _ if index == TIMEOUT.0 => self.timeout_units.to_le_bytes(),
             _ => return None,
         })
     }
 
     fn set_parameter(&mut self, index: u16, value: [u8; 4]) {
-        if index == MODE.0 && !self.core.enabled() {
+        if index == MODE.0 && !self.core.enabled {
             self.mode = u32::from_le_bytes(value) & 0xFF;
         } else if index == TORQUE_LIMIT.0 {
             let asked_nm = f64::from(f32::from_le_bytes(value));
@@ -119,7 +113,7 @@ impl CanDevice for RobstrideMotor {
         let Some(data) = frame.eight().filter(|_| is_ours) else {
             return;
         };
-        self.core.feed();
+        self.core.silent_s = 0.0;
         let data16 = frame_id >> 8 & 0xFFFF;
         let host = data16 & 0xFF;
         let motor = u32::from(self.core.id);
@@ -127,10 +121,8 @@ impl CanDevice for RobstrideMotor {
         match frame_id >> 24 {
             message::GET_ID => {
                 let unique = [b's', b'i', b'm', 0, 0, 0, 0, self.core.id];
-                out.push(CanFrame::extended(
-                    id(message::GET_ID, motor, EVERY_HOST),
-                    &unique,
-                ));
+                let answered = id(message::GET_ID, motor, EVERY_HOST);
+                out.push(CanFrame::extended(answered, &unique));
             }
             message::CONTROL => {
                 self.control(data16, data);
@@ -142,12 +134,9 @@ impl CanDevice for RobstrideMotor {
             }
             message::STOP => {
                 self.core.disable();
-                if data[0] == 1 {
-                    self.core.clear();
-                }
                 // Silence is no fault here: the motor is stopped already.
-                if self.core.fault == Some(MotorFault::CommunicationLost) {
-                    self.core.clear();
+                if data[0] == 1 || self.core.fault == Some(MotorFault::CommunicationLost) {
+                    self.core.fault = None;
                 }
                 out.push(self.feedback(host));
             }

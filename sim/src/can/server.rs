@@ -15,7 +15,7 @@ use servodance_drivers::can::CanFrame;
 use crate::bus::options::SimClock;
 use crate::bus::shared::BusShared;
 use crate::can::Adapter;
-use crate::fault::wire::CanPassage;
+use crate::fault::WireFault;
 
 /// How often the thread looks whether it is to end, or a motor sends unasked.
 const WAKE: Duration = Duration::from_millis(5);
@@ -72,12 +72,13 @@ impl CanServer {
 
     /// A frame from the host takes its time, then the motors receive it.
     fn serve(&mut self, frame: &CanFrame) {
-        self.pass(frame);
-        if self.shared.faults().echoes() {
+        self.occupy(f64::from(frame.nominal_bits()));
+        if self.shared.faults().hits(WireFault::Echo) {
             self.adapter.deliver(frame);
         }
         self.shared.wire().bytes_in += frame.data().len() as u64;
-        if self.shared.faults().loses_instruction() {
+        // What damages a serial instruction makes an adapter lose a frame: CAN repeats damaged ones.
+        if self.shared.faults().hits(WireFault::CorruptInstruction) {
             return;
         }
         self.shared.wait_until(self.wire_free_s);
@@ -93,13 +94,9 @@ impl CanServer {
         self.answer(answers);
     }
 
-    fn pass(&mut self, frame: &CanFrame) {
-        self.occupy(f64::from(frame.nominal_bits()));
-    }
-
     fn occupy(&mut self, bits: f64) {
         self.wire_free_s += bits * self.bit_s;
-        self.shared.wire().delays_s += bits * self.bit_s;
+        self.shared.wire().wire_s += bits * self.bit_s;
     }
 
     /// Frames to the host, each when it has passed; faults happen to them here.
@@ -108,32 +105,28 @@ impl CanServer {
             return;
         }
         for frame in frames {
-            self.pass(&frame);
-            let CanPassage {
-                copies,
-                damaged,
-                late_s,
-                noise,
-            } = self.shared.faults().pass_frame();
-            if damaged {
+            let bits = f64::from(frame.nominal_bits());
+            self.occupy(bits);
+            let passage = self.shared.faults().pass_frame();
+            if passage.damaged {
                 // The sender sees the error and repeats the frame.
                 self.occupy(ERROR_BITS);
-                self.pass(&frame);
+                self.occupy(bits);
             }
             {
                 let mut wire = self.shared.wire();
-                wire.bytes_out += copies as u64 * frame.data().len() as u64;
-                wire.packets_out += copies as u64;
+                wire.bytes_out += passage.copies * frame.data().len() as u64;
+                wire.packets_out += passage.copies;
             }
             self.shared
                 .wait_until(self.wire_free_s + self.shared.adapter_s);
-            if late_s > 0.0 {
-                std::thread::sleep(Duration::from_secs_f64(late_s));
+            if passage.late_s > 0.0 {
+                std::thread::sleep(Duration::from_secs_f64(passage.late_s));
             }
-            if !noise.is_empty() {
-                self.adapter.garble(&noise);
+            if !passage.noise.is_empty() {
+                self.adapter.garble(&passage.noise);
             }
-            for _ in 0..copies {
+            for _ in 0..passage.copies {
                 self.adapter.deliver(&frame);
             }
         }

@@ -6,12 +6,10 @@ use crate::fault::random::SplitMix64;
 /// How a CAN frame of a motor reaches the host.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CanPassage {
-    pub copies: usize,
-    /// Damaged and sent again, as CAN does by itself.
+    pub copies: u64,
     pub damaged: bool,
     /// How much later, seconds of wall time.
     pub late_s: f64,
-    /// Bytes in front of it that mean nothing.
     pub noise: Vec<u8>,
 }
 
@@ -22,8 +20,9 @@ fn hits_replies(fault: WireFault) -> bool {
 #[derive(Clone, Debug)]
 pub(crate) struct FaultyWire {
     random: SplitMix64,
-    fault: Option<(WireFault, f64)>,
-    pub hits: u64,
+    /// What hits this share of the replies.
+    pub fault: Option<(WireFault, f64)>,
+    pub hit_count: u64,
 }
 
 impl FaultyWire {
@@ -31,34 +30,27 @@ impl FaultyWire {
         Self {
             random: SplitMix64(seed),
             fault: None,
-            hits: 0,
+            hit_count: 0,
         }
-    }
-
-    /// From now on `fault` hits this share of the replies; `None` ends faults.
-    pub fn set(&mut self, fault: Option<(WireFault, f64)>) {
-        self.fault = fault;
     }
 
     /// The fault, if it hits this time and `concerns` it.
     fn roll(&mut self, concerns: impl Fn(WireFault) -> bool) -> Option<WireFault> {
         let (fault, share) = self.fault.filter(|(fault, _)| concerns(*fault))?;
         let hit = self.random.share() < share;
-        self.hits += u64::from(hit);
+        self.hit_count += u64::from(hit);
         hit.then_some(fault)
     }
 
-    /// Damages an instruction on its way to the servos.
     pub fn pass_instruction(&mut self, bytes: &mut [u8]) {
-        let hit = self.roll(|fault| fault == WireFault::CorruptInstruction);
-        if hit.is_some() && !bytes.is_empty() {
+        if self.hits(WireFault::CorruptInstruction) && !bytes.is_empty() {
             self.flip(bytes);
         }
     }
 
-    /// Whether the host receives its own bytes.
-    pub fn echoes(&mut self) -> bool {
-        self.roll(|fault| fault == WireFault::Echo).is_some()
+    /// Whether this fault is set, and hits this time.
+    pub fn hits(&mut self, wanted: WireFault) -> bool {
+        self.roll(|fault| fault == wanted).is_some()
     }
 
     /// The reply as it reaches the host, and how much later, seconds.
@@ -71,19 +63,12 @@ impl FaultyWire {
             Some(WireFault::Truncate) => bytes.truncate(self.random.below(bytes.len())),
             Some(WireFault::Duplicate) => bytes.extend_from_within(..),
             Some(WireFault::Noise) => {
-                let noise = (0..1 + self.random.below(20)).map(|_| self.random.next_u64() as u8);
-                bytes = noise.collect::<Vec<_>>().into_iter().chain(bytes).collect();
+                let noise = self.noise();
+                bytes.splice(..0, noise);
             }
             _ => {}
         }
         (bytes, late_s)
-    }
-
-    /// Whether the motors miss a frame of the host. What damages a serial
-    /// instruction makes an adapter lose a frame: CAN repeats damaged ones.
-    pub fn loses_instruction(&mut self) -> bool {
-        let lost = |fault| fault == WireFault::CorruptInstruction;
-        self.roll(lost).is_some()
     }
 
     /// Passes a CAN frame of a motor to the host.
@@ -103,14 +88,18 @@ impl FaultyWire {
             Some(WireFault::Corrupt) => passed.damaged = true,
             Some(WireFault::Duplicate) => passed.copies = 2,
             Some(WireFault::Noise) => {
-                let length = 1 + self.random.below(20);
-                passed.noise = (0..length).map(|_| self.random.next_u64() as u8).collect();
+                passed.noise = self.noise();
                 // A burst ends: the next line is whole.
                 passed.noise.push(b'\r');
             }
             _ => {}
         }
         passed
+    }
+
+    fn noise(&mut self) -> Vec<u8> {
+        let length = 1 + self.random.below(20);
+        (0..length).map(|_| self.random.next_u64() as u8).collect()
     }
 
     fn flip(&mut self, bytes: &mut [u8]) {
@@ -128,7 +117,7 @@ mod tests {
 
     fn wire(fault: WireFault, share: f64) -> FaultyWire {
         let mut wire = FaultyWire::new(7);
-        wire.set(Some((fault, share)));
+        wire.fault = Some((fault, share));
         wire
     }
 
@@ -137,7 +126,7 @@ mod tests {
         let run = || {
             let mut wire = wire(WireFault::Corrupt, 0.1);
             let replies: Vec<_> = (0..1000).map(|_| wire.pass_reply(vec![0; 20]).0).collect();
-            (replies, wire.hits)
+            (replies, wire.hit_count)
         };
         let (replies, hits) = run();
         assert!((70..130).contains(&hits), "{hits}");
@@ -179,6 +168,9 @@ mod tests {
         let mut instruction = reply.clone();
         wire(WireFault::CorruptInstruction, 1.0).pass_instruction(&mut instruction);
         assert_ne!(instruction, reply);
-        assert!(wire(WireFault::Echo, 1.0).echoes() && !wire(WireFault::Drop, 1.0).echoes());
+        assert!(
+            wire(WireFault::Echo, 1.0).hits(WireFault::Echo)
+                && !wire(WireFault::Drop, 1.0).hits(WireFault::Echo)
+        );
     }
 }

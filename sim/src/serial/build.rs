@@ -11,25 +11,6 @@ use crate::servo::byte_servo::ByteServo;
 use crate::servo::dynamixel2::XServo;
 use crate::servo::spec::SimServoSpec;
 
-fn bad_baud(baud: u32) -> SimError {
-    SimError::Option {
-        key: "baud",
-        actual: baud.to_string(),
-        wanted: "a rate of the servos' baud register",
-    }
-}
-
-fn checked_supply_ohm(supply_ohm: f64) -> Result<f64, SimError> {
-    if (0.0..=10.0).contains(&supply_ohm) {
-        return Ok(supply_ohm);
-    }
-    Err(SimError::Option {
-        key: "supply_ohm",
-        actual: supply_ohm.to_string(),
-        wanted: "0 to 10",
-    })
-}
-
 /// All servos speak one protocol and have the rate of the options.
 pub(crate) fn build_line(
     specs: &[SimServoSpec],
@@ -43,11 +24,13 @@ pub(crate) fn build_line(
         let supply_v = options.supply_v.unwrap_or(model.sheet.voltage_v);
         let family =
             family_of(model.kind).ok_or_else(|| spec.refused("is on no serial bus".into()))?;
-        let code = family
-            .bauds(model)
-            .iter()
-            .position(|baud| *baud == options.baud);
-        let code = code.ok_or_else(|| bad_baud(options.baud))?;
+        let mut bauds = family.bauds(model).iter();
+        let code = bauds.position(|baud| *baud == options.baud);
+        let code = code.ok_or_else(|| SimError::Option {
+            key: "baud",
+            actual: options.baud.to_string(),
+            wanted: "a rate of the servos' baud register",
+        })?;
         match family.firmware(model) {
             Firmware::Bytes(memory) => {
                 let servo = ByteServo::new(spec, model, memory, options.baud, supply_v, period_s);
@@ -58,7 +41,7 @@ pub(crate) fn build_line(
             }
         }
     }
-    let supply_ohm = checked_supply_ohm(options.supply_ohm)?;
+    let supply_ohm = SimError::checked("supply_ohm", options.supply_ohm, 0.0..=10.0, "0 to 10")?;
     let baud = options.baud;
     match (x_servos.is_empty(), byte_servos.is_empty()) {
         (_, true) => Ok(Box::new(Protocol2Line::new(x_servos, baud, supply_ohm))),

@@ -9,7 +9,7 @@
 //! not stop the servos.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::Path;
 use std::time::Duration;
@@ -86,19 +86,12 @@ impl HostPort {
 
     /// Waits until a host says something, comes or goes, for at most `wait`.
     pub fn wait(&self, wait: Duration) -> io::Result<bool> {
-        let timeout = PollTimeout::from(wait.as_millis().min(1000) as u16);
-        let watch = |fd| PollFd::new(fd, PollFlags::POLLIN);
-        let polled = match self {
-            Self::Terminal(master) => poll(&mut [watch(master.as_fd())], timeout),
+        match self {
+            Self::Terminal(master) => readable(&[master.as_fd()], wait),
             Self::Socket { listener, host, .. } => match host {
-                Some(host) => poll(&mut [watch(host.as_fd()), watch(listener.as_fd())], timeout),
-                None => poll(&mut [watch(listener.as_fd())], timeout),
+                Some(host) => readable(&[host.as_fd(), listener.as_fd()], wait),
+                None => readable(&[listener.as_fd()], wait),
             },
-        };
-        match polled {
-            Ok(ready) => Ok(ready > 0),
-            Err(Errno::EINTR) => Ok(false),
-            Err(errno) => Err(errno.into()),
         }
     }
 
@@ -183,6 +176,18 @@ impl HostPort {
             }
             Self::Socket { .. } => 0,
         }
+    }
+}
+
+/// Whether one of them has something to read, after at most `wait`.
+pub(crate) fn readable(fds: &[BorrowedFd<'_>], wait: Duration) -> io::Result<bool> {
+    let watched = fds.iter().map(|fd| PollFd::new(*fd, PollFlags::POLLIN));
+    let mut watched: Vec<_> = watched.collect();
+    let timeout = PollTimeout::from(wait.as_millis().min(1000) as u16);
+    match poll(&mut watched, timeout) {
+        Ok(ready) => Ok(ready > 0),
+        Err(Errno::EINTR) => Ok(false),
+        Err(errno) => Err(errno.into()),
     }
 }
 

@@ -5,5 +5,5 @@ pub(crate) mod host_port;
 pub(crate) mod protocol1_line;
 pub(crate) mod protocol2_line;
 pub(crate) mod protocol2_packet;
-pub(crate) mod roster;
+pub(crate) mod serial_line;
 pub(crate) mod server;

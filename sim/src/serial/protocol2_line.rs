@@ -6,18 +6,14 @@
 
 use servodance_drivers::serial::instruction as code;
 
-use crate::bus::line::{Burst, Line};
-use crate::fault::ServoFault;
-use crate::judge::Judge;
+use crate::bus::line::Burst;
 use crate::serial::protocol2_packet::{
     BROADCAST, Instruction, Parsed, Parser, fast_status, status,
 };
-use crate::serial::roster::{LineServo, Roster, collided};
-use crate::servo::body::SimServoState;
+use crate::serial::serial_line::{LineProtocol, LineServo, SerialLine, collided};
 use crate::servo::dynamixel2::XServo;
 use crate::servo::dynamixel2::table::AccessError;
 
-/// Status errors that are not about the control table.
 const RESULT_FAIL: u8 = 1;
 const INSTRUCTION_ERROR: u8 = 2;
 const CRC_ERROR: u8 = 3;
@@ -32,7 +28,6 @@ enum Restart {
     Factory(u8),
 }
 
-/// One servo's part of a sync or bulk read.
 struct ReadPart {
     id: u8,
     address: u16,
@@ -40,72 +35,9 @@ struct ReadPart {
 }
 
 /// Servos that speak Dynamixel Protocol 2.0.
-#[derive(Clone, Debug)]
-pub struct Protocol2Line {
-    parser: Parser,
-    parsed: Option<Parsed>,
-    roster: Roster<XServo>,
-}
-
-impl Line for Protocol2Line {
-    fn push(&mut self, byte: u8) -> bool {
-        self.parsed = self.parser.push(byte);
-        self.parsed.is_some()
-    }
-
-    fn execute(&mut self) -> Vec<Burst> {
-        match self.parsed.take() {
-            None => Vec::new(),
-            Some(Parsed::BadCrc(id)) => {
-                self.roster.bad_packets += 1;
-                let addressed = self.find(id);
-                addressed.map_or_else(Vec::new, |index| vec![self.reply(index, CRC_ERROR, &[])])
-            }
-            Some(Parsed::Instruction(instruction)) => {
-                self.roster.packets_in += 1;
-                for index in self.roster.listeners() {
-                    self.roster.servos[index].feed_watchdog();
-                }
-                self.dispatch(&instruction)
-            }
-        }
-    }
-
-    fn set_host_baud(&mut self, baud: u32) {
-        self.roster.set_host_baud(baud);
-    }
-
-    fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool) {
-        self.roster.step(time_s, dt_s, period_ends);
-    }
-
-    fn judges(&self) -> Vec<&Judge> {
-        self.roster.judges()
-    }
-
-    fn state(&self, index: usize) -> Option<SimServoState> {
-        self.roster.state(index)
-    }
-
-    fn suffer(&mut self, index: usize, fault: ServoFault) -> bool {
-        self.roster.suffer(index, fault)
-    }
-
-    fn packets(&self) -> (u64, u64) {
-        (self.roster.packets_in, self.roster.bad_packets)
-    }
-}
+pub type Protocol2Line = SerialLine<XServo>;
 
 impl Protocol2Line {
-    /// A line of this rate with these servos on a supply of this resistance.
-    pub fn new(servos: Vec<XServo>, baud: u32, supply_ohm: f64) -> Self {
-        Self {
-            parser: Parser::default(),
-            parsed: None,
-            roster: Roster::new(servos, supply_ohm, baud),
-        }
-    }
-
     fn dispatch(&mut self, instruction: &Instruction) -> Vec<Burst> {
         let params = &instruction.params;
         match instruction.code {
@@ -117,13 +49,9 @@ impl Protocol2Line {
             code::BULK_WRITE => self.bulk_write(params),
             _ if instruction.id == BROADCAST => self.broadcast(instruction),
             _ => {
-                let addressed = self.find_all(instruction.id);
-                let answers = addressed.into_iter();
-                collided(
-                    answers
-                        .filter_map(|index| self.single(index, instruction))
-                        .collect(),
-                )
+                let addressed = self.find_all(instruction.id).into_iter();
+                let answers = addressed.filter_map(|i| self.single(i, instruction));
+                collided(answers.collect())
             }
         }
     }
@@ -132,12 +60,8 @@ impl Protocol2Line {
         self.find_all(id).first().copied()
     }
 
-    fn find_all(&self, id: u8) -> Vec<usize> {
-        self.roster.find_all(id)
-    }
-
     fn reply(&self, index: usize, error: u8, params: &[u8]) -> Burst {
-        let servo = &self.roster.servos[index];
+        let servo = &self.servos[index];
         Burst {
             servo: index,
             delay_s: servo.return_delay_s(),
@@ -147,16 +71,16 @@ impl Protocol2Line {
 
     fn broadcast(&mut self, instruction: &Instruction) -> Vec<Burst> {
         if instruction.code == code::PING {
-            let mut order = self.roster.listeners();
-            order.sort_by_key(|&index| self.roster.servos[index].id());
+            let mut order = self.listeners();
+            order.sort_by_key(|&index| self.servos[index].id());
             return order
                 .into_iter()
-                .map(|index| self.reply(index, 0, &self.roster.servos[index].ping()))
+                .map(|index| self.reply(index, 0, &self.servos[index].ping()))
                 .collect();
         }
         // The rest is carried out without an answer; a broadcast Read means nothing.
         let is_read = instruction.code == code::READ;
-        for index in self.roster.listeners() {
+        for index in self.listeners() {
             if !is_read {
                 self.single(index, instruction);
             }
@@ -167,8 +91,8 @@ impl Protocol2Line {
     /// An instruction to one servo, and its answer if its return level gives one.
     fn single(&mut self, index: usize, instruction: &Instruction) -> Option<Burst> {
         let params = &instruction.params[..];
-        let level = self.roster.servos[index].return_level();
-        let servo = &mut self.roster.servos[index];
+        let level = self.servos[index].return_level();
+        let servo = &mut self.servos[index];
         let done = |result: Result<(), AccessError>| result.err().map_or(0, |error| error as u8);
         let mut restart = None;
         let error = match instruction.code {
@@ -217,10 +141,10 @@ impl Protocol2Line {
         // The answer leaves before the memory goes.
         let burst = (level >= 2).then(|| self.reply(index, error, &[]));
         match restart {
-            Some(Restart::Reboot) => self.roster.servos[index].reboot(),
-            Some(Restart::Restore) => self.roster.servos[index].restore_backup(),
+            Some(Restart::Reboot) => self.servos[index].reboot(),
+            Some(Restart::Restore) => self.servos[index].restore_backup(),
             Some(Restart::Factory(kind)) => {
-                self.roster.servos[index].factory_reset(kind != 0xFF, kind == 2);
+                self.servos[index].factory_reset(kind != 0xFF, kind == 2);
             }
             None => {}
         }
@@ -234,17 +158,15 @@ impl Protocol2Line {
             let Some(index) = self.find(part.id) else {
                 break;
             };
-            if self.roster.servos[index].return_level() == 0 {
+            if self.servos[index].return_level() == 0 {
                 break;
             }
             let mut answers = Vec::with_capacity(1);
             for index in self.find_all(part.id) {
-                answers.push(
-                    match self.roster.servos[index].read(part.address, part.size) {
-                        Ok(data) => self.reply(index, 0, &data),
-                        Err(error) => self.reply(index, error as u8, &[]),
-                    },
-                );
+                answers.push(match self.servos[index].read(part.address, part.size) {
+                    Ok(data) => self.reply(index, 0, &data),
+                    Err(error) => self.reply(index, error as u8, &[]),
+                });
             }
             bursts.extend(collided(answers));
         }
@@ -259,7 +181,7 @@ impl Protocol2Line {
             let Some(index) = self.find(part.id) else {
                 break;
             };
-            let servo = &mut self.roster.servos[index];
+            let servo = &mut self.servos[index];
             let too_long = usize::from(part.size) > LONGEST_READ;
             if !servo.knows_fast_reads() || servo.return_level() == 0 || too_long {
                 break;
@@ -278,7 +200,7 @@ impl Protocol2Line {
             .sum::<usize>();
         let first_delay_s = speakers
             .first()
-            .map_or(0.0, |&index| self.roster.servos[index].return_delay_s());
+            .map_or(0.0, |&index| self.servos[index].return_delay_s());
         fast_status(&blocks, announced)
             .into_iter()
             .zip(speakers)
@@ -300,7 +222,7 @@ impl Protocol2Line {
         for item in rest.chunks_exact(1 + size) {
             for index in self.find_all(item[0]) {
                 // Refused writes of a broadcast are not answered.
-                let _ = self.roster.servos[index].write(address, &item[1..]);
+                let _ = self.servos[index].write(address, &item[1..]);
             }
         }
         Vec::new()
@@ -314,11 +236,37 @@ impl Protocol2Line {
                 break;
             };
             for index in self.find_all(id) {
-                let _ = self.roster.servos[index].write(u16::from_le_bytes([a0, a1]), data);
+                let _ = self.servos[index].write(u16::from_le_bytes([a0, a1]), data);
             }
             rest = after;
         }
         Vec::new()
+    }
+}
+
+impl LineProtocol for XServo {
+    type Parser = Parser;
+    type Packet = Parsed;
+
+    fn parse(parser: &mut Parser, byte: u8) -> Option<Parsed> {
+        parser.push(byte)
+    }
+
+    fn execute(line: &mut Protocol2Line, packet: Parsed) -> Vec<Burst> {
+        match packet {
+            Parsed::BadSum(id) => {
+                line.bad_packets += 1;
+                let addressed = line.find(id);
+                addressed.map_or_else(Vec::new, |index| vec![line.reply(index, CRC_ERROR, &[])])
+            }
+            Parsed::Instruction(instruction) => {
+                line.packets_in += 1;
+                for index in line.listeners() {
+                    line.servos[index].feed_watchdog();
+                }
+                line.dispatch(&instruction)
+            }
+        }
     }
 }
 

@@ -5,7 +5,6 @@
 
 const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0x00];
 const STATUS: u8 = 0x55;
-/// The id that every servo listens to.
 pub const BROADCAST: u8 = 0xFE;
 /// Instruction packets longer than this are noise: no servo takes more.
 const LONGEST: usize = 4096;
@@ -15,34 +14,26 @@ pub fn crc16(start: u16, bytes: &[u8]) -> u16 {
     bytes.iter().fold(start, |mut crc, byte| {
         crc ^= u16::from(*byte) << 8;
         for _ in 0..8 {
-            crc = if crc & 0x8000 != 0 {
-                crc << 1 ^ 0x8005
-            } else {
-                crc << 1
-            };
+            let carry = crc >> 15;
+            crc = crc << 1 ^ carry * 0x8005;
         }
         crc
     })
 }
 
-/// One instruction from the host, parameters unstuffed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Instruction {
     /// The addressed servo, or [`BROADCAST`].
     pub id: u8,
-    /// The instruction number of the vendor.
     pub code: u8,
     /// The parameters without stuffing.
     pub params: Vec<u8>,
 }
 
-/// What the parser found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Parsed {
-    /// An instruction that came in sound.
     Instruction(Instruction),
-    /// A frame for this id with a wrong checksum.
-    BadCrc(u8),
+    BadSum(u8),
 }
 
 /// Takes bytes one by one, as a UART does, and finds instructions in them.
@@ -71,7 +62,7 @@ impl Parser {
         let frame = std::mem::take(&mut self.buffer);
         let (body, sum) = frame.split_at(frame.len() - 2);
         if crc16(0, body).to_le_bytes() != sum {
-            return Some(Parsed::BadCrc(frame[4]));
+            return Some(Parsed::BadSum(frame[4]));
         }
         // A status packet is another servo's answer, or an echo.
         (body[7] != STATUS).then(|| {
@@ -85,12 +76,8 @@ impl Parser {
 
     /// Drops bytes until the rest is, or may become, a header.
     fn resync(&mut self) {
-        let fits = |rest: &[u8]| {
-            rest.iter()
-                .zip(HEADER)
-                .all(|(byte, wanted)| *byte == wanted)
-        };
-        while !fits(&self.buffer) {
+        let differs = |(byte, wanted): (&u8, u8)| *byte != wanted;
+        while self.buffer.iter().zip(HEADER).any(differs) {
             self.buffer.remove(0);
         }
     }
@@ -121,7 +108,7 @@ fn next_run(run: usize, byte: u8) -> usize {
     }
 }
 
-/// A status packet from one servo.
+/// A status packet from one servo, parameters stuffed.
 pub fn status(id: u8, error: u8, params: &[u8]) -> Vec<u8> {
     let mut body = vec![error];
     let mut run = 0;
@@ -222,7 +209,7 @@ mod tests {
     fn a_flipped_bit_is_a_bad_crc() {
         let mut bytes = hex("FFFFFD00 01 0700 02 84000400 1D15");
         bytes[9] ^= 1;
-        assert_eq!(parse(&bytes), [Parsed::BadCrc(1)]);
+        assert_eq!(parse(&bytes), [Parsed::BadSum(1)]);
     }
 
     proptest! {

@@ -1,9 +1,5 @@
-//! The thread behind the host's serial port: wire time, faults, bytes to and
-//! from the host.
-//!
-//! In real time an instruction takes effect when its last byte has passed, and
-//! a reply is handed over when its own last byte has. In lockstep wire time is
-//! only counted.
+//! The thread behind the host's serial port: wire time (see [`crate::SimBus`]), faults,
+//! bytes to and from the host.
 
 use std::io;
 use std::sync::Arc;
@@ -13,6 +9,7 @@ use std::time::{Duration, Instant};
 use crate::bus::line::Burst;
 use crate::bus::options::SimClock;
 use crate::bus::shared::BusShared;
+use crate::fault::WireFault;
 use crate::serial::host_port::{HostInput, HostPort};
 
 /// How often the thread looks whether it is to end.
@@ -67,7 +64,6 @@ impl SerialServer {
         }
     }
 
-    /// Bytes from the host, or none after a while.
     fn receive(&mut self, chunk: &mut [u8]) -> io::Result<HostInput> {
         // A host at the limit of its wire speaks again at once: being woken up
         // would take longer than its pause. One that rests until its next cycle
@@ -93,7 +89,7 @@ impl SerialServer {
 
     fn serve(&mut self, bytes: &mut [u8]) {
         let shared = self.shared.clone();
-        if shared.faults().echoes() {
+        if shared.faults().hits(WireFault::Echo) {
             self.port.write(bytes);
         }
         shared.faults().pass_instruction(bytes);
@@ -125,7 +121,7 @@ impl SerialServer {
             self.line_free_s += burst.delay_s + burst.bytes.len() as f64 * self.shared.byte_s;
             {
                 let mut wire = self.shared.wire();
-                wire.delays_s += burst.delay_s;
+                wire.wire_s += burst.delay_s;
                 wire.bytes_out += burst.bytes.len() as u64;
                 wire.packets_out += 1;
             }

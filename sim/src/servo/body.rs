@@ -9,26 +9,20 @@ use crate::servo::spec::SimServoSpec;
 
 /// What a servo really does, whatever it says on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[allow(missing_docs)] // the other names say it
 pub struct SimServoState {
-    /// Simulated time since the start, seconds.
     pub time_s: f64,
-    /// True joint position, radians.
     pub position_rad: f64,
-    /// True joint velocity, radians a second.
     pub velocity_rad_s: f64,
     /// The goal it holds, joint radians.
     pub goal_rad: f64,
     /// Motor current towards higher joint positions, amperes.
     pub current_a: f64,
-    /// Temperature of the winding, Celsius.
     pub temperature_c: f64,
-    /// Whether torque is on.
     pub torque_enabled: bool,
-    /// Whether its bus watchdog has tripped.
     pub watchdog_tripped: bool,
     /// When it tripped last, simulated seconds.
     pub tripped_s: Option<f64>,
-    /// The hardware error register.
     pub hardware_error: u8,
 }
 
@@ -38,19 +32,23 @@ pub struct ServoBody {
     pub motor: Motor,
     pub judge: Judge,
     supply_v: f64,
-    sag_v: f64,
+    /// What the others on the line make the supply sag by, volts.
+    pub sag_v: f64,
     pub time_s: f64,
     deaf_until_s: f64,
     dead: bool,
-    stalled_s: f64,
+    pub stalled_s: f64,
 }
 
 impl ServoBody {
-    /// A body at rest where the spec says, on a supply.
-    pub fn new(spec: &SimServoSpec, motor: Motor, judge: Judge, supply_v: f64) -> Self {
+    /// A body at rest where the spec says, its gear with the spec's play; `period_s` is
+    /// the control period of its judge.
+    pub fn new(spec: &SimServoSpec, mut motor: Motor, period_s: f64, supply_v: f64) -> Self {
+        motor.angle_rad = spec.zero_rad + spec.direction * spec.initial_rad;
+        motor.backlash_rad = spec.backlash_rad;
         Self {
-            motor: motor.at(spec.zero_rad + spec.direction * spec.initial_rad),
-            judge,
+            motor,
+            judge: Judge::new(&spec.name, spec.limits, period_s),
             spec: spec.clone(),
             supply_v,
             sag_v: 0.0,
@@ -74,16 +72,10 @@ impl ServoBody {
         self.supply_v - self.sag_v
     }
 
-    /// What the others on the line make the supply sag by, volts.
-    pub fn set_sag_v(&mut self, sag_v: f64) {
-        self.sag_v = sag_v;
-    }
-
     pub fn listens(&self) -> bool {
         !self.dead && self.time_s >= self.deaf_until_s
     }
 
-    /// It restarts: for a while it hears nothing.
     pub fn be_deaf_for(&mut self, seconds: f64) {
         self.deaf_until_s = self.time_s + seconds;
         self.stalled_s = 0.0;
@@ -107,10 +99,6 @@ impl ServoBody {
         self.stalled_s
     }
 
-    pub fn forget_stall(&mut self) {
-        self.stalled_s = 0.0;
-    }
-
     /// The end of a control period: the true position is judged.
     pub fn end_period(&mut self) {
         self.judge.judge_motion(self.time_s, self.position_rad());
@@ -125,7 +113,7 @@ impl ServoBody {
             ServoFault::Overheat(celsius) => self.motor.temperature_c = celsius,
             ServoFault::Jam => {
                 self.motor.jammed = true;
-                self.judge.excuse_motion();
+                self.judge.motion.last = None; // until torque comes on again
             }
             ServoFault::Supply(volts) => self.supply_v = volts,
             ServoFault::Moved(joint_rad) => {

@@ -11,8 +11,7 @@ use servodance_drivers::ServoModel;
 use servodance_drivers::serial::{ByteMemory, Register, ServiceRegisters, sign_magnitude};
 
 use crate::fault::ServoFault;
-use crate::judge::Judge;
-use crate::serial::roster::LineServo;
+use crate::serial::serial_line::LineServo;
 use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::{FULL_PWM_ERROR_RAD, Motor};
 use crate::servo::spec::SimServoSpec;
@@ -27,11 +26,12 @@ const ANGLE_LIMIT: u8 = 1 << 1;
 #[derive(Clone, Debug)]
 pub struct ByteServo {
     model: &'static ServoModel,
-    layout: &'static ByteMemory,
+    pub(crate) layout: &'static ByteMemory,
     memory: Vec<u8>,
     /// As the memory holds it, where the memory has it.
     id: u8,
-    flags: u8,
+    /// The condition that every answer carries.
+    pub(crate) flags: u8,
     /// As it was written last: reading that register may give something else.
     goal: u16,
     body: ServoBody,
@@ -51,22 +51,21 @@ impl ByteServo {
         supply_v: f64,
         period_s: f64,
     ) -> Self {
-        let motor =
-            Motor::new(&model.sheet, spec.load_inertia_kg_m2).with_backlash(spec.backlash_rad);
-        let judge = Judge::new(&spec.name, spec.limits, period_s).with_tick(model.rad_per_tick);
+        let motor = Motor::new(&model.sheet, spec.load_inertia_kg_m2);
         let mut servo = Self {
             id: spec.id,
             layout,
             memory: vec![0; layout.size],
             flags: 0,
             goal: 0,
-            body: ServoBody::new(spec, motor, judge, supply_v),
+            body: ServoBody::new(spec, motor, period_s, supply_v),
             model,
             duty: 0.0,
             trajectory_ticks: 0.0,
             registered: None,
             baud,
         };
+        servo.body.judge.tick_rad = model.rad_per_tick;
         servo.restore(0);
         servo.put_if(layout.model, model.number);
         servo.put_id(spec.id);
@@ -87,7 +86,7 @@ impl ByteServo {
         self.restore(self.layout.ram);
         self.flags = 0;
         self.registered = None;
-        self.body.forget_stall();
+        self.body.stalled_s = 0.0;
         self.body.judge.end();
         self.refresh();
         self.goal = self.get(self.position());
@@ -131,23 +130,15 @@ impl ByteServo {
         self.put_if(self.service().map(|service| service.id), u16::from(id));
     }
 
-    /// Where its family keeps what.
-    pub fn memory(&self) -> &'static ByteMemory {
-        self.layout
-    }
-
-    /// Seconds between an instruction and its reply.
-    pub fn return_delay_s(&self) -> f64 {
+    pub(crate) fn return_delay_s(&self) -> f64 {
         f64::from(self.get_or(self.layout.return_delay, 0)) * 2e-6
     }
 
-    /// Whether it answers reads.
-    pub fn answers_reads(&self) -> bool {
+    pub(crate) fn answers_reads(&self) -> bool {
         self.status_level() >= self.writes_level() - 1
     }
 
-    /// Whether it answers writes.
-    pub fn answers_writes(&self) -> bool {
+    pub(crate) fn answers_writes(&self) -> bool {
         self.status_level() >= self.writes_level()
     }
 
@@ -155,14 +146,8 @@ impl ByteServo {
         self.get_or(self.layout.status_level, 2)
     }
 
-    /// The return level from which on writes are answered.
     fn writes_level(&self) -> u16 {
         if self.layout.sync_read { 1 } else { 2 }
-    }
-
-    /// The condition that every answer carries.
-    pub fn status(&self) -> u8 {
-        self.flags
     }
 
     fn torque_on(&self) -> bool {
@@ -192,7 +177,7 @@ impl ByteServo {
     }
 
     /// `size` bytes from `address` on; none where there is no memory.
-    pub fn read(&mut self, address: u8, size: u8) -> Vec<u8> {
+    pub(crate) fn read(&mut self, address: u8, size: u8) -> Vec<u8> {
         self.refresh();
         let start = usize::from(address);
         let end = start + usize::from(size);
@@ -200,7 +185,7 @@ impl ByteServo {
     }
 
     /// Stores bytes; what is read-only stays. The error flags of the answer.
-    pub fn write(&mut self, address: u8, bytes: &[u8]) -> u8 {
+    pub(crate) fn write(&mut self, address: u8, bytes: &[u8]) -> u8 {
         let layout = self.layout;
         let (goal, torque) = (layout.registers.goal, layout.registers.torque);
         let start = usize::from(address);
@@ -263,26 +248,24 @@ impl ByteServo {
         }
     }
 
-    /// A write that waits for an action.
-    pub fn register(&mut self, address: u8, bytes: &[u8]) {
+    pub(crate) fn register(&mut self, address: u8, bytes: &[u8]) {
         self.registered = Some((address, bytes.to_vec()));
     }
 
-    /// Carries out the registered write.
-    pub fn act(&mut self) {
+    pub(crate) fn act(&mut self) {
         if let Some((address, bytes)) = self.registered.take() {
             self.write(address, &bytes);
         }
     }
 
     /// Restarts: memory from the torque switch on lost; deaf for a while.
-    pub fn reboot(&mut self) {
+    pub(crate) fn reboot(&mut self) {
         self.boot();
         self.body.be_deaf_for(REBOOT_S);
     }
 
     /// Factory settings for everything but the model; the id is 1 again.
-    pub fn factory_reset(&mut self) {
+    pub(crate) fn factory_reset(&mut self) {
         self.restore(0);
         self.put_if(self.layout.model, self.model.number);
         self.put_id(1);
@@ -296,8 +279,7 @@ impl ByteServo {
     fn raise(&mut self, bits: u8) {
         self.flags |= bits;
         let shutdown = self.layout.protection.and_then(|own| own.shutdown);
-        let shuts_down = shutdown.is_none_or(|shutdown| self.get(shutdown) as u8 & bits != 0);
-        if shuts_down {
+        if shutdown.is_none_or(|shutdown| self.get(shutdown) as u8 & bits != 0) {
             self.put(self.layout.registers.torque, 0);
             if shutdown.is_some() {
                 self.put_if(self.layout.torque_limit, 0);
@@ -351,16 +333,12 @@ impl ByteServo {
         let speed = self.body.motor.speed_rad_s / self.model.rad_per_tick / self.speed_ticks_s();
         let speed = speed.round();
         self.put_if(layout.speed, as_sign_magnitude(speed, layout.sign_bit));
-        self.put_if(
-            layout.load,
-            as_sign_magnitude((self.duty * 1e3).round(), 10),
-        );
+        let load = as_sign_magnitude((self.duty * 1e3).round(), 10);
+        self.put_if(layout.load, load);
         self.put_if(layout.moving, u16::from(speed.abs() > 5.0));
         if let Some(service) = self.service() {
-            self.put(
-                service.voltage,
-                (self.body.volts() * 10.0).round() as u8 as u16,
-            );
+            let tenths = (self.body.volts() * 10.0).round() as u8;
+            self.put(service.voltage, u16::from(tenths));
             let celsius = self.body.motor.temperature_c.round() as u8;
             self.put(service.temperature, u16::from(celsius));
             self.put_if(service.status, u16::from(self.flags));
@@ -393,7 +371,7 @@ impl LineServo for ByteServo {
         SimServoState {
             goal_rad: self.goal_rad(),
             torque_enabled: self.torque_on(),
-            hardware_error: self.status(),
+            hardware_error: self.flags,
             ..self.body.state()
         }
     }

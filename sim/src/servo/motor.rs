@@ -36,12 +36,12 @@ pub const AMBIENT_C: f64 = 25.0;
 pub struct Motor {
     stall_torque_nm: f64,
     damping_nm_s: f64,
-    inertia_kg_m2: f64,
+    pub inertia_kg_m2: f64,
     friction_nm: f64,
     amperes_per_nm: f64,
     nominal_v: f64,
     /// How far the gear can turn without the shaft, radians.
-    backlash_rad: f64,
+    pub backlash_rad: f64,
     /// How far the gear is ahead of the shaft, up to half of that either way.
     ahead_rad: f64,
     /// Angle of the shaft, radians.
@@ -78,40 +78,15 @@ impl Motor {
         }
     }
 
-    /// A motor whose rotor inertia after the gear is known: one that its
-    /// controller drives by torque, so that nothing follows from a stock gain.
-    pub fn with_inertia(sheet: &DataSheet, inertia_kg_m2: f64) -> Self {
-        Self {
-            inertia_kg_m2,
-            ..Self::new(sheet, 0.0)
-        }
-    }
-
-    /// The same with a gear that has this play, radians.
-    pub fn with_backlash(self, backlash_rad: f64) -> Self {
-        Self {
-            backlash_rad,
-            ..self
-        }
-    }
-
-    /// The same at rest elsewhere, radians.
-    pub fn at(self, angle_rad: f64) -> Self {
-        Self { angle_rad, ..self }
-    }
-
     /// One step of `dt_s` at a duty of -1 to 1 from a supply; `None`: the
     /// bridge is open and only friction acts. `external_nm` is gravity and the like.
     pub fn step(&mut self, dt_s: f64, duty: Option<f64>, supply_v: f64, external_nm: f64) {
-        let drive_nm = match duty {
-            Some(duty) => {
-                let asked_nm = self.stall_torque_nm * duty * supply_v / self.nominal_v;
-                // Back-EMF at the speed after this step keeps the step stable.
-                let ahead = 1.0 + dt_s * self.damping_nm_s / self.inertia_kg_m2;
-                (asked_nm - self.damping_nm_s * self.speed_rad_s) / ahead
-            }
-            None => 0.0,
-        };
+        let drive_nm = duty.map_or(0.0, |duty| {
+            let asked_nm = self.stall_torque_nm * duty * supply_v / self.nominal_v;
+            // Back-EMF at the speed after this step keeps the step stable.
+            let ahead = 1.0 + dt_s * self.damping_nm_s / self.inertia_kg_m2;
+            (asked_nm - self.damping_nm_s * self.speed_rad_s) / ahead
+        });
         self.current_a = drive_nm * self.amperes_per_nm;
         let pushed = self.speed_rad_s + dt_s * (drive_nm + external_nm) / self.inertia_kg_m2;
         let stopped_by = dt_s * self.friction_nm / self.inertia_kg_m2;
@@ -196,7 +171,8 @@ mod tests {
     #[test]
     fn the_shaft_waits_until_the_gear_has_crossed_its_play() {
         let play_rad = 15.0 / 60.0 * std::f64::consts::PI / 180.0;
-        let mut motor = motor().with_backlash(play_rad);
+        let mut motor = motor();
+        motor.backlash_rad = play_rad;
         motor.turn(0.5 * play_rad);
         assert_eq!(motor.angle_rad, 0.0);
         motor.turn(0.1);

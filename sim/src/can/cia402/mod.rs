@@ -28,7 +28,6 @@ const NMT_RESET: u8 = 129;
 const NMT_RESET_COMMUNICATION: u8 = 130;
 const HEARTBEAT_S: f64 = 0.1;
 
-/// The drive's states, as the status word shows them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum DriveState {
     SwitchOnDisabled,
@@ -83,17 +82,10 @@ impl Cia402Drive {
     }
 
     fn error_code(&self) -> u16 {
-        match self.core.fault {
-            None => 0,
-            Some(MotorFault::OverVoltage) => 0x3210,
-            Some(MotorFault::UnderVoltage) => 0x3220,
-            Some(MotorFault::Overheat) => 0x4310,
-            Some(MotorFault::Overload) => 0x7121,
-            Some(MotorFault::CommunicationLost) => 0x8130,
-        }
+        let codes = [0, 0x3220, 0x3210, 0x4310, 0x7121, 0x8130];
+        self.core.fault_code(codes)
     }
 
-    /// Shows a fault of the motor in the state.
     fn settle(&mut self) {
         if self.core.fault.is_some() {
             self.state = DriveState::Fault;
@@ -115,7 +107,7 @@ impl Cia402Drive {
     /// An object's value and bytes.
     fn read(&self, object: u32) -> Option<(u32, u8)> {
         let position = (self.core.angle_rad() * self.counts_per_rad()).round() as i32;
-        let torque = self.core.torque_nm() / self.core.settings.model.torque_nm;
+        let torque = self.core.torque_nm / self.core.settings.model.torque_nm;
         Some(match object {
             at::DEVICE_TYPE => (0x0002_0192, 4),
             0x100100 => (u32::from(self.core.fault.is_some()), 1),
@@ -167,7 +159,7 @@ impl Cia402Drive {
         self.settle();
         self.state = match (self.state, word & 0x8F) {
             (DriveState::Fault, command) if command & 0x80 != 0 => {
-                self.core.clear();
+                self.core.fault = None;
                 self.last_emergency = None;
                 DriveState::SwitchOnDisabled
             }
@@ -189,7 +181,7 @@ impl Cia402Drive {
         };
         if self.state != DriveState::OperationEnabled {
             self.core.disable();
-        } else if !self.core.enabled() {
+        } else if !self.core.enabled {
             self.core.enable();
             self.follow();
         }
@@ -198,13 +190,11 @@ impl Cia402Drive {
     /// The target becomes a goal of the drive's own loop, which has stock gains.
     fn follow(&mut self) {
         let target = self.stored(at::TARGET) as i32;
-        let (kp, kd) = (self.core.settings.kp, self.core.settings.kd);
         self.core.command(TorqueCommand {
             goal_rad: f64::from(target) / self.counts_per_rad(),
-            speed_rad_s: 0.0,
-            kp,
-            kd,
-            torque_nm: 0.0,
+            kp: self.core.settings.kp,
+            kd: self.core.settings.kd,
+            ..TorqueCommand::default()
         });
     }
 
@@ -260,7 +250,7 @@ impl Cia402Drive {
     fn sync(&mut self, out: &mut Vec<CanFrame>) {
         if let Some(word) = self.control_waiting.take() {
             self.control(word);
-            if self.core.enabled() {
+            if self.core.enabled {
                 self.follow();
             }
         }
@@ -288,7 +278,7 @@ impl Cia402Drive {
             }
             _ => return,
         }
-        if self.nmt != OPERATIONAL && self.core.enabled() {
+        if self.nmt != OPERATIONAL && self.core.enabled {
             self.state = DriveState::SwitchOnDisabled;
             self.core.disable();
         }
@@ -302,7 +292,7 @@ impl Cia402Drive {
         }
         self.watched = true;
         self.core.timeout_s = Some(f64::from(watched & 0xFFFF) * 1e-3);
-        self.core.feed();
+        self.core.silent_s = 0.0;
     }
 }
 
@@ -342,20 +332,12 @@ impl CanDevice for Cia402Drive {
         if self.core.fault != self.last_emergency {
             self.last_emergency = self.core.fault;
             let [low, high] = self.error_code().to_le_bytes();
-            let data = [
-                low,
-                high,
-                u8::from(self.last_emergency.is_some()),
-                0,
-                0,
-                0,
-                0,
-                0,
-            ];
+            let register = u8::from(self.last_emergency.is_some());
+            let data = [low, high, register, 0, 0, 0, 0, 0];
             out.push(CanFrame::standard(EMERGENCY + self.id(), &data));
         }
-        if self.core.time_s() >= self.next_heartbeat_s {
-            self.next_heartbeat_s = self.core.time_s() + HEARTBEAT_S;
+        if self.core.body.time_s >= self.next_heartbeat_s {
+            self.next_heartbeat_s = self.core.body.time_s + HEARTBEAT_S;
             out.push(CanFrame::standard(HEARTBEAT + self.id(), &[self.nmt]));
         }
     }

@@ -2,7 +2,6 @@
 
 use servodance_drivers::ServoModel;
 
-/// Factory settings that a family of models shares.
 #[derive(Debug)]
 pub(crate) struct FactorySettings {
     pub temperature_limit: i64,

@@ -15,11 +15,8 @@ impl XServo {
         let pwm = match mode {
             _ if stopped => 0.0,
             0 => {
-                let duty = self
-                    .body
-                    .motor
-                    .duty_for_current(goal_current_a, self.body.volts());
-                FULL_PWM * duty
+                let volts = self.body.volts();
+                FULL_PWM * self.body.motor.duty_for_current(goal_current_a, volts)
             }
             1 => self.velocity_pwm(dt_s),
             16 => self.table.get(at::GOAL_PWM) as f64,
@@ -31,14 +28,12 @@ impl XServo {
             _ => most,
         };
         let duty = sign * pwm.clamp(-most.min(asked), most.min(asked)) / FULL_PWM;
-        self.limit_current(
-            duty,
-            if mode == 5 {
-                goal_current_a.abs()
-            } else {
-                f64::INFINITY
-            },
-        )
+        let most_a = if mode == 5 {
+            goal_current_a.abs()
+        } else {
+            f64::INFINITY
+        };
+        self.limit_current(duty, most_a)
     }
 
     /// Amperes a unit; models without a sensor are taken as 2.69 mA.
@@ -86,18 +81,12 @@ impl XServo {
         let left = goal - self.trajectory_ticks;
         let units = self.table.get(at::PROFILE_ACCELERATION) as f64;
         let change = units * RAD_S2_PER_UNIT / RAD_PER_TICK * dt_s;
-        let wanted = if change > 0.0 {
-            left.signum() * top.min((2.0 * change / dt_s * left.abs()).sqrt())
+        let speed = if change > 0.0 {
+            let wanted = left.signum() * top.min((2.0 * change / dt_s * left.abs()).sqrt());
+            let now = self.trajectory_speed;
+            wanted.clamp(now - change, now + change)
         } else {
             left.signum() * top
-        };
-        let speed = if change > 0.0 {
-            wanted.clamp(
-                self.trajectory_speed - change,
-                self.trajectory_speed + change,
-            )
-        } else {
-            wanted
         };
         self.trajectory_speed = speed;
         if (speed * dt_s).abs() >= left.abs() {

@@ -10,27 +10,25 @@ use crate::servo::motor::FULL_PWM;
 
 impl XServo {
     /// A read of the control table: error number and data.
-    pub fn read(&mut self, address: u16, size: u16) -> Result<Vec<u8>, AccessError> {
+    pub(crate) fn read(&mut self, address: u16, size: u16) -> Result<Vec<u8>, AccessError> {
         self.refresh();
         self.table.read(address, size)
     }
 
-    /// A write to the control table.
-    pub fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), AccessError> {
+    pub(crate) fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), AccessError> {
         let writes = self.checked(address, bytes)?;
         self.apply(&writes);
         Ok(())
     }
 
-    /// A write that waits for an action.
-    pub fn register(&mut self, address: u16, bytes: &[u8]) -> Result<(), AccessError> {
+    pub(crate) fn register(&mut self, address: u16, bytes: &[u8]) -> Result<(), AccessError> {
         self.registered = Some(self.checked(address, bytes)?);
         self.table.put(at::REGISTERED, 1);
         Ok(())
     }
 
     /// Carries out the registered write; false if there is none.
-    pub fn act(&mut self) -> bool {
+    pub(crate) fn act(&mut self) -> bool {
         let Some(writes) = self.registered.take() else {
             return false;
         };
@@ -49,11 +47,8 @@ impl XServo {
 
     fn check_value(&self, register: Register, value: i64) -> Result<(), AccessError> {
         let within = |range: std::ops::RangeInclusive<i64>| {
-            if range.contains(&value) {
-                Ok(())
-            } else {
-                Err(AccessError::Limit)
-            }
+            let allowed = range.contains(&value).then_some(());
+            allowed.ok_or(AccessError::Limit)
         };
         let limit = |register| self.table.get(register);
         let goals = at::GOAL_PWM.address..=at::GOAL_POSITION.address;
@@ -98,8 +93,8 @@ impl XServo {
 
     fn refresh(&mut self) {
         let sign = self.drive_sign();
-        let moving = self.body.motor.speed_rad_s.abs() / RAD_S_PER_UNIT
-            > self.table.get(at::MOVING_THRESHOLD) as f64;
+        let speed = self.body.motor.speed_rad_s;
+        let moving = speed.abs() / RAD_S_PER_UNIT > self.table.get(at::MOVING_THRESHOLD) as f64;
         let effort = match self.model.current_a_per_unit {
             None => self.duty * 1000.0,
             Some(unit) => self.body.motor.current_a / unit,
@@ -107,34 +102,21 @@ impl XServo {
         for (register, value) in [
             (at::TICK_MS, (self.body.time_s * 1e3) as i64 % 32768),
             (at::MOVING, i64::from(moving)),
-            (
-                at::PRESENT_PWM,
-                (sign * self.duty * FULL_PWM).round() as i64,
-            ),
-            (at::PRESENT_CURRENT, (sign * effort).round() as i64),
-            (
-                at::PRESENT_VELOCITY,
-                (sign * self.body.motor.speed_rad_s / RAD_S_PER_UNIT).round() as i64,
-            ),
             (at::PRESENT_POSITION, self.present_ticks()),
-            (
-                at::VELOCITY_TRAJECTORY,
-                (self.trajectory_speed * RAD_PER_TICK / RAD_S_PER_UNIT).round() as i64,
-            ),
-            (
-                at::POSITION_TRAJECTORY,
-                self.trajectory_ticks.round() as i64,
-            ),
-            (
-                at::PRESENT_VOLTAGE,
-                (self.body.volts() * 10.0).round() as i64,
-            ),
-            (
-                at::PRESENT_TEMPERATURE,
-                self.body.motor.temperature_c.round() as i64,
-            ),
         ] {
             self.table.put(register, value);
+        }
+        let trajectory_speed = self.trajectory_speed * RAD_PER_TICK / RAD_S_PER_UNIT;
+        for (register, value) in [
+            (at::PRESENT_PWM, sign * self.duty * FULL_PWM),
+            (at::PRESENT_CURRENT, sign * effort),
+            (at::PRESENT_VELOCITY, sign * speed / RAD_S_PER_UNIT),
+            (at::VELOCITY_TRAJECTORY, trajectory_speed),
+            (at::POSITION_TRAJECTORY, self.trajectory_ticks),
+            (at::PRESENT_VOLTAGE, self.body.volts() * 10.0),
+            (at::PRESENT_TEMPERATURE, self.body.motor.temperature_c),
+        ] {
+            self.table.put(register, value.round() as i64);
         }
     }
 }

@@ -19,19 +19,16 @@ use servodance_drivers::serial::dynamixel2::BAUDS;
 use servodance_drivers::serial::dynamixel2::registers as at;
 
 use crate::fault::ServoFault;
-use crate::judge::Judge;
-use crate::serial::roster::LineServo;
+use crate::serial::serial_line::LineServo;
 use crate::servo::body::{ServoBody, SimServoState};
 use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
-use table::ControlTable;
+use table::{ControlTable, RAM};
 
 const RAD_PER_TICK: f64 = TAU / 4096.0;
 const RAD_S_PER_UNIT: f64 = 0.229 * TAU / 60.0;
 const RAD_S2_PER_UNIT: f64 = 214.577 * TAU / 3600.0;
-/// How long a servo is deaf after a reboot.
 const REBOOT_S: f64 = 0.3;
-/// Stall for this long is an overload, ...
 const OVERLOAD_S: f64 = 2.0;
 /// ... and stall is this share of the stall torque.
 const OVERLOAD_SHARE: f64 = 0.8;
@@ -39,7 +36,7 @@ const VOLTAGE_ERROR: i64 = 1;
 const OVERHEAT_ERROR: i64 = 1 << 2;
 const OVERLOAD_ERROR: i64 = 1 << 5;
 
-/// One servo with the firmware of the X series.
+/// A Dynamixel servo with Protocol 2.0: the X series, and MX with that firmware.
 #[derive(Clone, Debug)]
 pub struct XServo {
     model: &'static ServoModel,
@@ -65,12 +62,10 @@ impl XServo {
         supply_v: f64,
         period_s: f64,
     ) -> Self {
-        let motor =
-            Motor::new(&model.sheet, spec.load_inertia_kg_m2).with_backlash(spec.backlash_rad);
-        let judge = Judge::new(&spec.name, spec.limits, period_s);
+        let motor = Motor::new(&model.sheet, spec.load_inertia_kg_m2);
         let mut servo = Self {
             table: ControlTable::new(model, spec.id, baud_code, spec.firmware),
-            body: ServoBody::new(spec, motor, judge, supply_v),
+            body: ServoBody::new(spec, motor, period_s, supply_v),
             model,
             backup: None,
             registered: None,
@@ -86,9 +81,9 @@ impl XServo {
     }
 
     fn boot(&mut self) {
-        self.table.reset_ram();
+        self.table.reset(RAM);
         self.registered = None;
-        self.body.forget_stall();
+        self.body.stalled_s = 0.0;
         self.integral = 0.0;
         self.body.judge.end();
         let here = self.present_ticks();
@@ -97,34 +92,31 @@ impl XServo {
         self.trajectory_speed = 0.0;
     }
 
-    /// Microseconds between an instruction and its reply.
-    pub fn return_delay_s(&self) -> f64 {
+    pub(crate) fn return_delay_s(&self) -> f64 {
         self.table.get(at::RETURN_DELAY) as f64 * 2e-6
     }
 
     /// 0: answers pings only; 1: and reads; 2: everything.
-    pub fn return_level(&self) -> i64 {
+    pub(crate) fn return_level(&self) -> i64 {
         self.table.get(at::STATUS_RETURN_LEVEL)
     }
 
-    /// Whether it knows the fast reads.
-    pub fn knows_fast_reads(&self) -> bool {
+    pub(crate) fn knows_fast_reads(&self) -> bool {
         self.table.get(at::FIRMWARE) as u8 >= self.model.fast_read_firmware
     }
 
     /// 0x80 when the hardware error register is set.
-    pub fn alert_bit(&self) -> u8 {
+    pub(crate) fn alert_bit(&self) -> u8 {
         u8::from(self.table.get(at::HARDWARE_ERROR) != 0) << 7
     }
 
-    /// Model number and firmware: what a ping returns.
-    pub fn ping(&self) -> [u8; 3] {
+    pub(crate) fn ping(&self) -> [u8; 3] {
         let [low, high] = (self.table.get(at::MODEL) as u16).to_le_bytes();
         [low, high, self.table.get(at::FIRMWARE) as u8]
     }
 
     /// Keeps the settings that survive a power cycle; refused with torque on.
-    pub fn back_up(&mut self) -> bool {
+    pub(crate) fn back_up(&mut self) -> bool {
         let allowed = !self.torque_on();
         if allowed {
             self.table.put(at::BACKUP_READY, 1);
@@ -134,12 +126,12 @@ impl XServo {
     }
 
     /// Whether there is a backup that may be restored now.
-    pub fn has_backup(&self) -> bool {
+    pub(crate) fn has_backup(&self) -> bool {
         self.backup.is_some() && !self.torque_on()
     }
 
     /// Settings as they were backed up, then a restart; the id stays.
-    pub fn restore_backup(&mut self) {
+    pub(crate) fn restore_backup(&mut self) {
         if let Some(backup) = self.backup.clone() {
             let id = self.table.get(at::ID);
             self.table = backup;
@@ -164,11 +156,7 @@ impl XServo {
 
     /// +1, or -1 in reverse drive mode.
     fn drive_sign(&self) -> f64 {
-        if self.table.get(at::DRIVE_MODE) & 1 == 1 {
-            -1.0
-        } else {
-            1.0
-        }
+        1.0 - 2.0 * (self.table.get(at::DRIVE_MODE) & 1) as f64
     }
 
     fn angle_of_ticks(&self, ticks: f64) -> f64 {
@@ -176,7 +164,6 @@ impl XServo {
         (ticks - offset) * self.drive_sign() * RAD_PER_TICK
     }
 
-    /// The encoder through offset and drive mode, turns counted.
     fn encoder_ticks(&self) -> f64 {
         let raw = (self.body.motor.angle_rad / RAD_PER_TICK).round();
         raw * self.drive_sign() + self.table.get(at::HOMING_OFFSET) as f64
@@ -191,29 +178,27 @@ impl XServo {
         }
     }
 
-    /// Any instruction on the bus feeds the watchdog.
-    pub fn feed_watchdog(&mut self) {
+    pub(crate) fn feed_watchdog(&mut self) {
         self.fed_s = self.body.time_s;
     }
 
     /// Restarts: RAM lost, torque off, errors cleared; deaf for a while.
-    pub fn reboot(&mut self) {
+    pub(crate) fn reboot(&mut self) {
         self.boot();
         self.body.be_deaf_for(REBOOT_S);
     }
 
     /// Factory settings, but for the id and the baud code if they are to stay.
-    pub fn factory_reset(&mut self, keep_id: bool, keep_baud: bool) {
+    pub(crate) fn factory_reset(&mut self, keep_id: bool, keep_baud: bool) {
         let id = self.table.get(at::ID);
         let baud = self.table.get(at::BAUD);
-        self.table.reset_all();
+        self.table.reset(0);
         self.table.put(at::ID, if keep_id { id } else { 1 });
         self.table.put(at::BAUD, if keep_baud { baud } else { 1 });
         self.reboot();
     }
 
-    /// Forgets whole turns; refused while the motor turns.
-    pub fn clear_turns(&mut self) -> bool {
+    pub(crate) fn clear_turns(&mut self) -> bool {
         if self.body.motor.speed_rad_s.abs() > RAD_S_PER_UNIT {
             return false;
         }
@@ -250,7 +235,6 @@ impl XServo {
         }
     }
 
-    /// A mode change resets gains, profiles and goals.
     fn set_mode(&mut self, mode: i64) {
         let keep = [
             at::STATUS_RETURN_LEVEL,
@@ -259,7 +243,7 @@ impl XServo {
         ];
         let kept = keep.map(|register| self.table.get(register));
         if self.table.get(at::OPERATING_MODE) != mode {
-            self.table.reset_ram();
+            self.table.reset(RAM);
             for (register, value) in keep.into_iter().zip(kept) {
                 self.table.put(register, value);
             }
@@ -343,8 +327,7 @@ impl LineServo for XServo {
             Some(ServoFault::Id(id)) => self.table.put(at::ID, i64::from(id)),
             Some(ServoFault::Baud(baud)) => {
                 let code = BAUDS.iter().position(|known| *known == baud);
-                self.table
-                    .put(at::BAUD, code.map_or(255, |code| code as i64));
+                self.table.put(at::BAUD, code.unwrap_or(255) as i64);
             }
             _ => {}
         }

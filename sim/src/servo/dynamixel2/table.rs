@@ -14,18 +14,15 @@ use crate::servo::dynamixel2::factory::{factory_settings, indirect_blocks};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum AccessError {
-    /// Outside the range of the field.
     Range = 4,
-    /// Part of a field.
     Length = 5,
-    /// Beyond another register's limit.
     Limit = 6,
     /// Read-only, undefined, or EEPROM while torque is on.
     Access = 7,
 }
 
-/// First address that survives a power cycle no more.
-const RAM: u16 = 64;
+/// What a power cycle does not keep begins here.
+pub const RAM: u16 = 64;
 const END: u16 = 662;
 
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +33,6 @@ struct Field {
     default: i64,
 }
 
-/// The memory of one servo.
 #[derive(Clone, Debug)]
 pub struct ControlTable {
     memory: Vec<u8>,
@@ -47,7 +43,6 @@ pub struct ControlTable {
 }
 
 impl ControlTable {
-    /// A table with the model's factory settings.
     pub fn new(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Self {
         let fields = fields(model, id, baud_code, firmware);
         let mut field_at = vec![None; usize::from(END)];
@@ -64,17 +59,8 @@ impl ControlTable {
         table
     }
 
-    /// Defaults for every field from RAM on: what a reboot does.
-    pub fn reset_ram(&mut self) {
-        self.reset(RAM);
-    }
-
-    /// Defaults for everything: a factory reset.
-    pub fn reset_all(&mut self) {
-        self.reset(0);
-    }
-
-    fn reset(&mut self, from: u16) {
+    /// Defaults from this address on: from [`RAM`] what a reboot does, from 0 a factory reset.
+    pub fn reset(&mut self, from: u16) {
         for field in self.fields.clone() {
             if field.register.address >= from {
                 self.put(field.register, field.default);
@@ -82,7 +68,6 @@ impl ControlTable {
         }
     }
 
-    /// The signed value of a register.
     pub fn get(&self, register: Register) -> i64 {
         sign_extended(&self.memory[register.range()])
     }
@@ -217,6 +202,7 @@ fn fields(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Vec<Field>
     let any_i32 = (i64::from(i32::MIN), i64::from(i32::MAX));
     let limit = |value: i64| (0, value);
     let both = |value: i64| (-value, value);
+    let most_current = family.current_limit;
     let top_voltage = (family.min_voltage, family.max_voltage);
     let mut writable = |register, default, range| {
         fields.push(Field {
@@ -238,11 +224,7 @@ fn fields(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Vec<Field>
     writable(at::MAX_VOLTAGE, family.max_voltage, top_voltage);
     writable(at::MIN_VOLTAGE, family.min_voltage, top_voltage);
     writable(at::PWM_LIMIT, 885, limit(885));
-    writable(
-        at::CURRENT_LIMIT,
-        family.current_limit,
-        limit(family.current_limit),
-    );
+    writable(at::CURRENT_LIMIT, most_current, limit(most_current));
     writable(at::ACCELERATION_LIMIT, 32767, limit(32767));
     writable(at::VELOCITY_LIMIT, family.velocity_limit, limit(2047));
     writable(at::MAX_POSITION, 4095, limit(4095));
@@ -261,11 +243,7 @@ fn fields(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Vec<Field>
     writable(at::FEED_FORWARD_1, 0, limit(16383));
     writable(at::BUS_WATCHDOG, 0, limit(127));
     writable(at::GOAL_PWM, 885, both(885));
-    writable(
-        at::GOAL_CURRENT,
-        family.current_limit,
-        both(family.current_limit),
-    );
+    writable(at::GOAL_CURRENT, most_current, both(most_current));
     writable(at::GOAL_VELOCITY, 0, both(2047));
     writable(at::PROFILE_ACCELERATION, 0, limit(32767));
     writable(at::PROFILE_VELOCITY, 0, limit(32767));

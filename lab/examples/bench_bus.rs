@@ -1,9 +1,10 @@
 //! Measures a driver against simulated servos:
-//! `bench [SERVOS] [BAUD] [ADAPTER_MS] [HZ|max] [MODEL] [pty|unix]`.
+//! `bench_bus [SERVOS] [BAUD] [ADAPTER_MS] [HZ|max] [MODEL] [pty|unix]`.
 
 use servodance_drivers::{BusConfig, ServoConfig, ServoModel, servos};
+use servodance_lab::bench::bus_cycles::bench_bus;
+use servodance_sim::SimLink;
 use servodance_sim::can::WATCHDOG_ENDPOINTS;
-use servodance_sim::{SimLink, bench_bus};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);

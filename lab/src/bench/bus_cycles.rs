@@ -8,28 +8,22 @@ use nix::sys::{
     time::TimeValLike,
 };
 use nix::time::{ClockId, clock_gettime};
-use servodance_drivers::{
-    Bus, BusConfig, BusError, ConfigError, Servo, check_rate, open_bus, sleep_precisely,
-};
+use servodance_drivers::{Bus, BusConfig, BusError, Servo, check_rate, open_bus, sleep_precisely};
+use servodance_sim::{SimBus, SimLink, SimOptions, SimServoSpec};
 use servodance_types::JointState;
-
-use crate::bus::SimBus;
-use crate::bus::options::{SimLink, SimOptions};
-use crate::error::SimError;
-use crate::servo::spec::SimServoSpec;
 
 /// Cycles of one window: their rates are compared, so that a machine that stalls
 /// for a moment does not decide the figure.
 const WINDOW: usize = 50;
 
-/// What a bus reached.
+/// What a driver and its bus reached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BusBench {
     /// Cycles a second, goals out and states in: the median over windows of 50 cycles.
     pub hz: f64,
     /// Cycles a second over the whole run, stalls of the machine included.
     pub hz_mean: f64,
-    /// What the wire carries at best.
+    /// What the wire carries at best, cycles a second.
     pub wire_limit_hz: f64,
     /// How long a cycle took, median, microseconds.
     pub cycle_us_p50: f64,
@@ -42,20 +36,6 @@ pub struct BusBench {
     pub jitter_us_p99: f64,
 }
 
-/// Why a measurement failed.
-#[derive(Debug, thiserror::Error)]
-pub enum BenchError {
-    /// The simulated bus did not start.
-    #[error(transparent)]
-    Sim(#[from] SimError),
-    /// The driver failed at a cycle, or when arming.
-    #[error(transparent)]
-    Bus(#[from] BusError),
-    /// The configuration cannot work.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-}
-
 /// Runs `cycles` control cycles at `control_hz`, or as fast as the bus goes,
 /// with a USB adapter that delays each reply by `adapter_s` (0: the wire alone),
 /// behind `link`.
@@ -66,7 +46,7 @@ pub fn bench_bus(
     cycles: usize,
     adapter_s: f64,
     link: SimLink,
-) -> Result<BusBench, BenchError> {
+) -> anyhow::Result<BusBench> {
     sleep_precisely();
     let limits = check_rate(config, servos, control_hz.unwrap_or(1.0))?;
     let specs: Vec<SimServoSpec> = servos.iter().map(Into::into).collect();

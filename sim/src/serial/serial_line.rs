@@ -1,0 +1,153 @@
+//! The servos of one serial line, in whichever protocol: who hears the host, the
+//! shared supply, answers that collide.
+
+use std::fmt::Debug;
+
+use crate::bus::line::{Burst, Line};
+use crate::fault::ServoFault;
+use crate::judge::Judge;
+use crate::servo::body::{ServoBody, SimServoState};
+
+pub trait LineServo: Debug + Send + Sized {
+    fn body(&self) -> &ServoBody;
+
+    fn body_mut(&mut self) -> &mut ServoBody;
+
+    fn id(&self) -> u8;
+
+    /// The rate at which it hears and answers, bits a second.
+    fn baud(&self) -> u32;
+
+    fn step(&mut self, dt_s: f64);
+
+    fn state(&self) -> SimServoState;
+
+    fn suffer(&mut self, fault: ServoFault);
+}
+
+/// The protocol of such servos.
+pub trait LineProtocol: LineServo {
+    type Parser: Debug + Default + Send;
+    type Packet: Debug + Send;
+
+    /// Takes a byte; returns the packet that it completed.
+    fn parse(parser: &mut Self::Parser, byte: u8) -> Option<Self::Packet>;
+
+    /// Carries out a packet; returns the replies in order.
+    fn execute(line: &mut SerialLine<Self>, packet: Self::Packet) -> Vec<Burst>;
+}
+
+/// Servos of one protocol on one line.
+#[derive(Debug)]
+pub struct SerialLine<S: LineProtocol> {
+    parser: S::Parser,
+    packet: Option<S::Packet>,
+    pub(crate) servos: Vec<S>,
+    pub(crate) packets_in: u64,
+    pub(crate) bad_packets: u64,
+    supply_ohm: f64,
+    /// The rate of the line, and the one at which the host speaks.
+    line_baud: u32,
+    baud: u32,
+}
+
+impl<S: LineProtocol> SerialLine<S> {
+    /// A line of this rate with these servos on a supply of this resistance.
+    pub fn new(servos: Vec<S>, line_baud: u32, supply_ohm: f64) -> Self {
+        Self {
+            parser: S::Parser::default(),
+            packet: None,
+            servos,
+            packets_in: 0,
+            bad_packets: 0,
+            supply_ohm,
+            line_baud,
+            baud: line_baud,
+        }
+    }
+
+    /// The places of the servos that hear and answer: what comes at another rate is garbage.
+    pub(crate) fn listeners(&self) -> Vec<usize> {
+        let servos = self.servos.iter().enumerate();
+        let hears = |servo: &S| servo.body().listens() && servo.baud() == self.baud;
+        let heard = servos.filter(|(_, servo)| hears(servo));
+        heard.map(|(index, _)| index).collect()
+    }
+
+    /// Those of them with this id: more than one where it was given twice.
+    pub(crate) fn find_all(&self, id: u8) -> Vec<usize> {
+        let mut found = self.listeners();
+        found.retain(|&index| self.servos[index].id() == id);
+        found
+    }
+}
+
+impl<S: LineProtocol> Line for SerialLine<S> {
+    fn push(&mut self, byte: u8) -> bool {
+        self.packet = S::parse(&mut self.parser, byte);
+        self.packet.is_some()
+    }
+
+    fn execute(&mut self) -> Vec<Burst> {
+        let packet = self.packet.take();
+        packet.map_or_else(Vec::new, |packet| S::execute(self, packet))
+    }
+
+    /// A pseudo-terminal carries any rate: a host at one that no servo has is taken to
+    /// be at the line's own.
+    fn set_host_baud(&mut self, baud: u32) {
+        let is_known = self.servos.iter().any(|servo| servo.baud() == baud);
+        self.baud = if is_known { baud } else { self.line_baud };
+    }
+
+    fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool) {
+        if self.supply_ohm > 0.0 {
+            let currents_a = self.servos.iter().map(|s| s.state().current_a.abs());
+            let sag_v = self.supply_ohm * currents_a.sum::<f64>();
+            for servo in &mut self.servos {
+                servo.body_mut().sag_v = sag_v;
+            }
+        }
+        for servo in &mut self.servos {
+            servo.body_mut().time_s = time_s;
+            servo.step(dt_s);
+            if period_ends {
+                servo.body_mut().end_period();
+            }
+        }
+    }
+
+    fn judges(&self) -> Vec<&Judge> {
+        self.servos.iter().map(|s| &s.body().judge).collect()
+    }
+
+    fn state(&self, index: usize) -> Option<SimServoState> {
+        self.servos.get(index).map(LineServo::state)
+    }
+
+    fn suffer(&mut self, index: usize, fault: ServoFault) -> bool {
+        let servo = self.servos.get_mut(index);
+        servo.map(|servo| servo.suffer(fault)).is_some()
+    }
+
+    fn packets(&self) -> (u64, u64) {
+        (self.packets_in, self.bad_packets)
+    }
+}
+
+/// Servos that answer at the same time pull the line low together: every zero
+/// bit wins. Identical answers pass, as on a real bus.
+pub(crate) fn collided(answers: Vec<Burst>) -> Vec<Burst> {
+    let mut answers = answers.into_iter();
+    let Some(mut heard) = answers.next() else {
+        return Vec::new();
+    };
+    for other in answers {
+        for (byte, also) in heard.bytes.iter_mut().zip(&other.bytes) {
+            *byte &= also;
+        }
+        let tail = other.bytes.get(heard.bytes.len()..).unwrap_or_default();
+        heard.bytes.extend_from_slice(tail);
+    }
+    vec![heard]
+}
