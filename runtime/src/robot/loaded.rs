@@ -12,31 +12,23 @@ use servodance_retarget::{DiagnosticCode, RetargetConfig, Retargeter};
 use servodance_types::JointLimits;
 use std::path::{Path, PathBuf};
 
-/// A robot, checked and ready to be driven.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // the names say it
 pub struct Robot {
     pub name: String,
-    /// One line about it.
     pub description: String,
     /// The folder of its file; none if it is built in.
     pub folder: Option<PathBuf>,
-    /// Where its URDF is, seen from there.
     pub urdf: PathBuf,
     pub urdf_xml: String,
     /// Control cycles a second.
     pub control_hz: f64,
     /// Delay from command to position, seconds.
     pub servo_lag_s: f64,
-    /// What it does while there is no music.
     pub idle: IdleStyle,
-    /// The buses, and which joints are on each.
     pub buses: Vec<BusLayout>,
-    /// How the safety layer behaves.
     pub safety: SafetyConfig,
-    /// How human motion becomes this robot's.
     pub retarget: RetargetConfig,
-    /// The servos, in joint order.
     pub servos: Vec<Servo>,
 }
 
@@ -157,20 +149,13 @@ impl Robot {
             .collect()
     }
 
-    /// The servo of a joint.
-    /// The error lists the joints there are.
+    /// The servo of a joint; the error lists the joints there are.
     pub fn servo(&self, joint: &str) -> anyhow::Result<&Servo> {
-        let known = || {
-            let names: Vec<&str> = self.servos.iter().map(|s| s.name.as_str()).collect();
-            names.join(", ")
-        };
         let found = self.servos.iter().find(|servo| servo.name == joint);
         found.ok_or_else(|| {
-            anyhow!(
-                "robot {} has no joint \"{joint}\"; its joints: {}",
-                self.name,
-                known()
-            )
+            let names: Vec<&str> = self.servos.iter().map(|s| s.name.as_str()).collect();
+            let (robot, known) = (&self.name, names.join(", "));
+            anyhow!("robot {robot} has no joint \"{joint}\"; its joints: {known}")
         })
     }
 
@@ -190,8 +175,7 @@ impl Robot {
     }
 }
 
-/// Reads the description that a robot file in this folder names: one of the
-/// robot's own files, unless the user named it himself.
+/// Reads the description that a robot file names: its own, unless the user named it himself.
 fn description(source: &ConfigSource, folder: &Path, urdf: &str) -> anyhow::Result<String> {
     let path = folder.join(urdf);
     let found = match source.sets_urdf() {

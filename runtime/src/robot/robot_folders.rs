@@ -9,20 +9,16 @@ use std::path::{Path, PathBuf};
 /// How far above a description its package may begin.
 const PACKAGE_DEPTH: usize = 4;
 
-/// Why a file is not read.
 #[derive(Debug, thiserror::Error)]
 pub enum FileRefused {
-    /// Nothing can be found there.
     #[error("{0}")]
     Missing(std::io::Error),
     #[error("it lies outside the robot's folder")]
     Outside,
-    /// A device, a pipe or a folder.
     #[error("it is no file")]
     NoFile,
 }
 
-/// The folders whose files are the robot's.
 #[derive(Clone, Debug)]
 pub struct RobotFolders {
     beside: PathBuf,
@@ -31,7 +27,6 @@ pub struct RobotFolders {
 }
 
 impl RobotFolders {
-    /// The folder of a robot file alone.
     pub fn of_file(folder: &Path) -> Self {
         Self {
             beside: folder.to_owned(),
@@ -72,8 +67,7 @@ impl RobotFolders {
         Some(inner.to_str()?.to_owned())
     }
 
-    /// Where the mesh is that the description gives this name.
-    /// The error says why the mesh is not read.
+    /// The mesh of this name in the description; the error says why it is not read.
     pub fn mesh(&self, name: &str) -> Result<PathBuf, String> {
         let candidates: Vec<PathBuf> = if let Some(path) = name.strip_prefix("package://") {
             // A package is called as its folder, or as something else.

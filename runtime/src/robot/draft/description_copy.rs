@@ -14,22 +14,17 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// What is to be copied.
 #[derive(Debug)]
 pub(super) struct DescriptionCopy {
-    /// The description as it is to be written.
     pub text: String,
     urdf: PathBuf,
-    /// The folder of the meshes.
     folder: PathBuf,
     /// Of each mesh, where it is and what it is called there.
     meshes: BTreeMap<PathBuf, String>,
-    /// Meshes that stay where they are, and why.
     left: Vec<String>,
 }
 
 impl DescriptionCopy {
-    /// A description with nothing beside it.
     pub fn of_text(text: &str, out: &Path) -> Self {
         let stem = out.file_stem().unwrap_or_default().to_string_lossy();
         Self {
@@ -41,7 +36,6 @@ impl DescriptionCopy {
         }
     }
 
-    /// A description and the meshes in its own folders.
     pub fn of(description: &Path, text: &str, out: &Path) -> anyhow::Result<Self> {
         let mut copies = Self::of_text(text, out);
         let folder = description.parent().unwrap_or(Path::new(""));
@@ -86,7 +80,6 @@ impl DescriptionCopy {
         Ok(new)
     }
 
-    /// A name for a mesh that no other has.
     fn free_name(&self, path: &Path) -> String {
         let name = plain(&path.file_name().unwrap_or_default().to_string_lossy());
         let numbered = (2..).map(|number| format!("{number}-{name}"));
@@ -101,7 +94,6 @@ impl DescriptionCopy {
         std::iter::once(self.urdf.clone()).chain(folder).collect()
     }
 
-    /// What is copied and what is not, a line each.
     pub fn lines(&self) -> Vec<String> {
         let left = self.left.iter().map(|line| format!("not copied: {line}"));
         let meshes = self.meshes.keys();
@@ -109,7 +101,6 @@ impl DescriptionCopy {
         copied.chain(left).collect()
     }
 
-    /// Copies all of it, or nothing.
     pub fn write(&self) -> anyhow::Result<()> {
         if !self.meshes.is_empty() && !self.folder.is_dir() {
             std::fs::create_dir(&self.folder)

@@ -17,27 +17,21 @@ use std::sync::Arc;
 
 /// All meshes of a robot together, bytes of what browsers get.
 const MOST_BYTES: usize = 96 << 20;
-/// Reasons that are given; more are counted.
 const REASONS: usize = 3;
 
-/// A mesh fixed to a link.
 #[derive(Clone, Debug)]
 pub struct MeshInstance {
-    /// Where it is, its scale and colour.
     pub visual: MeshVisual,
     pub part: usize,
 }
 
-/// What a browser draws.
 #[derive(Clone, Debug, Default)]
 #[allow(missing_docs)] // the names say it
 pub struct Meshes {
     pub fixed: Vec<MeshInstance>,
     /// Corners of each file, three a triangle: position and normal as f32, little endian.
     pub parts: Vec<Arc<[u8]>>,
-    /// Lowest and highest coordinates of each part.
     pub bounds: Vec<[[f32; 3]; 2]>,
-    /// What is not drawn, a line each.
     pub left_out: Vec<String>,
 }
 
@@ -98,13 +92,10 @@ impl Meshes {
     }
 }
 
-/// The triangles of a mesh that can be drawn.
-/// The error says why it cannot be drawn.
+/// The triangles of a mesh; the error says why it cannot be drawn.
 pub(crate) fn open_mesh(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
-    let is_stl = path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("stl"));
-    if !is_stl {
+    let kind = path.extension();
+    if !kind.is_some_and(|kind| kind.eq_ignore_ascii_case("stl")) {
         return Err("only STL is drawn".into());
     }
     let unreadable = |error: std::io::Error| format!("it cannot be read: {error}");

@@ -8,7 +8,6 @@ use tiny_skia::{
     Color, FillRule, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Rect, Stroke, Transform,
 };
 
-/// A point in pixels.
 pub type Point = (f32, f32);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,23 +39,20 @@ impl Canvas {
         Some(Self { pixmap })
     }
 
-    /// A page with a headline and a line below it.
     pub fn page(width: u32, height: f32, title: &str, subtitle: &str) -> anyhow::Result<Self> {
         let canvas = Self::new(width, height as u32, PAPER);
         let mut canvas = canvas.context("the picture is too large")?;
         canvas.text((MARGIN, 22.0), TextSize::Large, INK, title);
-        canvas.text((MARGIN, 56.0), TextSize::Small, FAINT, subtitle);
+        canvas.caption((MARGIN, 56.0), subtitle);
         Ok(canvas)
     }
 
-    /// A connected line with round ends.
     pub fn line(&mut self, points: &[Point], width: f32, rgba: Rgba) {
         let mut builder = PathBuilder::new();
-        for (i, &(x, y)) in points.iter().enumerate() {
-            if i == 0 {
-                builder.move_to(x, y);
-            } else {
-                builder.line_to(x, y);
+        for &(x, y) in points {
+            match builder.is_empty() {
+                true => builder.move_to(x, y),
+                false => builder.line_to(x, y),
             }
         }
         let Some(path) = builder.finish() else { return };
@@ -89,6 +85,11 @@ impl Canvas {
         }
     }
 
+    /// Small text in the fainter colour, as below figures.
+    pub fn caption(&mut self, at: Point, text: &str) {
+        self.text(at, TextSize::Small, FAINT, text);
+    }
+
     /// Text with its top left at the point. Letters outside Latin-1 become `?`.
     pub fn text(&mut self, (x, y): Point, size: TextSize, rgba: Rgba, text: &str) {
         let (weight, height) = size.raster();
@@ -106,23 +107,19 @@ impl Canvas {
         }
     }
 
-    /// Width of a text in pixels.
     pub fn text_width(size: TextSize, text: &str) -> f32 {
         let (weight, height) = size.raster();
         (get_raster_width(weight, height) * text.chars().count()) as f32
     }
 
-    /// The picture as PNG.
     pub fn png(&self) -> anyhow::Result<Vec<u8>> {
         Ok(self.pixmap.encode_png()?)
     }
 
-    /// The pixels, row after row: red, green, blue, opacity.
     pub fn rgba(&self) -> &[u8] {
         self.pixmap.data()
     }
 
-    /// Mixes a colour into one (opaque) pixel.
     fn blend(&mut self, x: i64, y: i64, rgba: Rgba, intensity: u8) {
         let (width, height) = (self.pixmap.width() as i64, self.pixmap.height() as i64);
         if intensity == 0 || x < 0 || y < 0 || x >= width || y >= height {

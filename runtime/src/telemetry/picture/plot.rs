@@ -14,12 +14,17 @@ pub struct Plot {
     pub y_range: (f64, f64),
 }
 
+/// The least and the greatest value; infinite where there is none.
+pub fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let none = (f64::INFINITY, f64::NEG_INFINITY);
+    values.fold(none, |(low, high), v| (low.min(v), high.max(v)))
+}
+
 impl Plot {
     pub fn panel(&self, canvas: &mut Canvas, rgba: Rgba) {
         canvas.rectangle(self.left, self.top, self.width, self.height, rgba);
     }
 
-    /// A line through samples of (time, value).
     pub fn curve(&self, canvas: &mut Canvas, samples: &[(f64, f64)], width: f32, rgba: Rgba) {
         let points: Vec<Point> = samples
             .iter()
@@ -29,7 +34,6 @@ impl Plot {
         canvas.line(&points, width, rgba);
     }
 
-    /// A full-height line at each time.
     pub fn verticals(&self, canvas: &mut Canvas, times: &[f64], width: f32, rgba: Rgba) {
         for &time in times.iter().filter(|t| self.shows(**t)) {
             let (x, _) = self.point(time, self.y_range.0);
@@ -37,13 +41,11 @@ impl Plot {
         }
     }
 
-    /// A full-width line at a value.
     pub fn horizontal(&self, canvas: &mut Canvas, value: f64, width: f32, rgba: Rgba) {
         let (_, y) = self.point(self.x_range.0, value);
         canvas.line(&[(self.left, y), (self.left + self.width, y)], width, rgba);
     }
 
-    /// A dot on the curve at each time.
     pub fn marks(
         &self,
         canvas: &mut Canvas,

@@ -49,15 +49,10 @@ const WORLD_FRAME: &str = "world";
 const LOG_INFO: u8 = 20;
 const LOG_ERROR: u8 = 40;
 
-/// Something that the safety layer did.
 #[derive(Clone, Copy, Debug)]
-#[allow(missing_docs)] // the names say it
-pub struct SafetyNotice<'a> {
-    /// Seconds since torque on.
+pub(crate) struct SafetyNotice<'a> {
     pub time_s: f64,
-    /// Whether it is a fault.
     pub grave: bool,
-    /// The state after it.
     pub state: &'a str,
     pub cause: &'a str,
 }
@@ -133,8 +128,7 @@ impl Recorder {
         self.writer.message(topic, time_s, cdr.finish());
     }
 
-    /// Levels of the bands of the spectrum, 0 to 1.
-    pub fn spectrum(&mut self, time_s: f64, bands: &[f32]) {
+    pub(crate) fn spectrum(&mut self, time_s: f64, bands: &[f32]) {
         let count = bands.len() as u32;
         let mut cdr = CdrWriter::new();
         cdr.u32(1).string("band").u32(count).u32(count).u32(0);
@@ -151,8 +145,7 @@ impl Recorder {
             .message(RecordingTopic::Temperatures, time_s, data);
     }
 
-    /// What the safety layer did.
-    pub fn notice(&mut self, notice: SafetyNotice) {
+    pub(crate) fn notice(&mut self, notice: SafetyNotice) {
         let name = format!("{SAFETY}.{}", notice.state);
         let mut cdr = CdrWriter::new();
         cdr.time(notice.time_s)
