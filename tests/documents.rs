@@ -20,16 +20,87 @@ fn named_paths(text: &str) -> Vec<&str> {
         .collect()
 }
 
+/// README, ARCHITECTURE, the changelog and everything below docs/, by their paths.
+fn documents() -> Vec<String> {
+    let mut found = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"]
+        .map(String::from)
+        .to_vec();
+    let mut folders = vec!["docs".to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(root().join(&folder)).expect("a folder") {
+            let entry = entry.expect("an entry");
+            let path = format!("{folder}/{}", entry.file_name().to_string_lossy());
+            if entry.path().is_dir() {
+                folders.push(path);
+            } else if path.ends_with(".md") {
+                found.push(path);
+            }
+        }
+    }
+    found
+}
+
 #[test]
-fn every_path_of_the_architecture_exists() {
-    for document in ["ARCHITECTURE.md", "README.md"] {
+fn every_path_that_a_document_names_exists() {
+    let of_users = [
+        "my-robot.toml",
+        "FILE.toml",
+        "my.toml",
+        "train.toml",
+        "mit20.toml",
+    ];
+    let crates = [
+        "types", "audio", "model", "training", "retarget", "drivers", "stage", "sim",
+    ];
+    let ours = [
+        &crates[..],
+        &["runtime", "lab", "src", "tests", "docs", "configs"],
+    ]
+    .concat();
+    for document in documents().iter().filter(|name| *name != "CHANGELOG.md") {
         let text = read(document);
         for path in named_paths(&text) {
-            let user_file = ["my-robot.toml", "FILE.toml"].contains(&path);
+            let ours = ours
+                .iter()
+                .any(|folder| path.starts_with(&format!("{folder}/")));
             assert!(
-                user_file || root().join(path).exists(),
+                of_users.contains(&path) || !ours || root().join(path).exists(),
                 "{document} names {path}, which does not exist"
             );
+        }
+    }
+}
+
+#[test]
+fn every_link_between_documents_leads_somewhere() {
+    for document in documents() {
+        let text = read(&document);
+        let folder = root()
+            .join(&document)
+            .parent()
+            .expect("a folder")
+            .to_owned();
+        for link in text
+            .split("](")
+            .skip(1)
+            .filter_map(|rest| rest.split(')').next())
+        {
+            let path = link.split('#').next().unwrap_or_default();
+            let elsewhere = path.is_empty() || path.contains("://");
+            assert!(
+                elsewhere || folder.join(path).exists(),
+                "{document}: {link}"
+            );
+        }
+    }
+}
+
+#[test]
+fn no_line_of_a_document_is_too_long_to_read() {
+    for document in documents() {
+        for (at, line) in read(&document).lines().enumerate() {
+            let wide = line.chars().count() > 160 && !line.starts_with('|');
+            assert!(!wide, "{document}:{}: over 160 characters", at + 1);
         }
     }
 }

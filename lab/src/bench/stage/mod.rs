@@ -57,6 +57,7 @@ const CLOCK_DRIFT_PPM: f64 = 50.0;
 
 /// How many robots dance together, behind which network.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the other names say it
 pub struct StageBench {
     pub followers: usize,
     pub robot: String,
