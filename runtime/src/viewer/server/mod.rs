@@ -76,6 +76,7 @@ impl Server {
         })
     }
 
+    /// Where the page is, with its token.
     pub fn address(&self) -> &str {
         &self.address
     }
