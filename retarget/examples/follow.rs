@@ -1,6 +1,7 @@
-//! Retargets motion from standard input and prints joint positions.
+//! Retargets motion and prints joint positions.
 //!
 //! `follow ROBOT.toml < motion.csv > joints.csv`
+//! `follow > joints.csv`: two seconds of waving arms, on the robot of configs/op3.toml
 //!
 //! Input: one line a frame at 20 Hz, 66 numbers: x, y, z of the 22 joints,
 //! metres, y up. Output: a header of joint names, then one line a control cycle
@@ -12,14 +13,17 @@ use std::io::{BufRead, Write};
 use std::time::Instant;
 
 use servodance_retarget::{RetargetConfig, Retargeter};
+use servodance_types::BodyJoint::*;
 use servodance_types::{FRAME_RATE_HZ, JOINT_COUNT, JointLimits, MotionFrame};
 
+const OP3: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/op3.toml");
+
 fn main() -> Result<(), Box<dyn Error>> {
-    let path = std::env::args()
-        .nth(1)
-        .ok_or("usage: follow ROBOT.toml < motion.csv")?;
+    let (path, frames) = match std::env::args().nth(1) {
+        Some(path) => (path, read_motion()?),
+        None => (OP3.to_owned(), (0..40).map(waving).collect()),
+    };
     let (mut robot, hz) = open(&path)?;
-    let frames = read_motion()?;
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     writeln!(
         out,
@@ -124,4 +128,40 @@ fn read_motion() -> Result<Vec<MotionFrame>, Box<dyn Error>> {
         });
     }
     Ok(frames)
+}
+
+/// A dancer who stands and moves the arms up and down, once a second.
+fn waving(number: u16) -> MotionFrame {
+    let time_s = f64::from(number) / FRAME_RATE_HZ;
+    let (up, out) = (time_s as f32 * std::f32::consts::TAU).sin_cos();
+    let middle = |height| [0.0, height, 0.0];
+    let mut positions = [middle(0.0); JOINT_COUNT];
+    for (joint, height) in [
+        (Pelvis, 0.95),
+        (Spine1, 1.05),
+        (Spine2, 1.2),
+        (Spine3, 1.25),
+        (Neck, 1.5),
+        (Head, 1.6),
+    ] {
+        positions[joint as usize] = middle(height);
+    }
+    for (joint, aside, height, ahead) in [
+        (LeftHip, 0.1, 0.9, 0.0),
+        (LeftKnee, 0.1, 0.5, 0.02),
+        (LeftAnkle, 0.1, 0.1, 0.0),
+        (LeftFoot, 0.1, 0.03, 0.12),
+        (LeftCollar, 0.08, 1.4, 0.0),
+        (LeftShoulder, 0.18, 1.42, 0.0),
+        (LeftElbow, 0.4 + 0.05 * out, 1.42 + 0.2 * up, 0.0),
+        (LeftWrist, 0.6 + 0.1 * out, 1.42 + 0.4 * up, 0.05),
+    ] {
+        positions[joint as usize] = [aside, height, ahead];
+        positions[joint.mirrored() as usize] = [-aside, height, ahead];
+    }
+    MotionFrame {
+        time_s,
+        positions,
+        contacts: Default::default(),
+    }
 }

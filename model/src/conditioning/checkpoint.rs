@@ -15,6 +15,7 @@ use std::sync::Mutex;
 use candle_core::{Device, Tensor};
 use serde::Deserialize;
 
+use crate::engine::candle::TensorSource;
 use crate::error::ModelError;
 
 /// What a file begins with that was cloned without its content.
@@ -30,7 +31,7 @@ struct Entry {
     data_offsets: (u64, u64),
 }
 
-/// An open checkpoint.
+/// An open checkpoint whose header was checked.
 #[derive(Debug)]
 pub struct Checkpoint {
     path: PathBuf,
@@ -169,10 +170,17 @@ fn entries(header: &[u8]) -> Result<BTreeMap<String, Entry>, String> {
         .collect()
 }
 
+impl TensorSource for Checkpoint {
+    fn tensor(&self, name: &str, shape: &[usize]) -> Result<Tensor, ModelError> {
+        Checkpoint::tensor(self, name, shape)
+    }
+}
+
 fn chunks<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> + '_ {
     bytes.as_chunks::<N>().0.iter().copied()
 }
 
+/// An error about the file at `path`.
 pub fn file_error(path: &Path, reason: String) -> ModelError {
     ModelError::File {
         source_name: path.display().to_string(),

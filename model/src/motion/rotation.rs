@@ -1,4 +1,5 @@
 //! Rotations as three rows: a vector v becomes `m v`.
+#![allow(missing_docs, reason = "matrix algebra under its usual names")]
 
 use super::vec3::{Vec3, cross, dot, norm, scale, unit_or};
 

@@ -11,9 +11,7 @@ pub enum Limb {
     /// Only when hung: a leg that stands follows the pelvis.
     LeftLeg,
     RightLeg,
-    /// Neck and head.
     Head,
-    /// Waist, and the pelvis of a planted robot.
     Torso,
 }
 

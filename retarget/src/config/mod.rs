@@ -214,9 +214,6 @@ impl Default for RetargetConfig {
 
 impl RetargetConfig {
     /// Refuses values outside their range.
-    ///
-    /// # Errors
-    /// [`RetargetError::Config`] names the key, the value and the range.
     pub fn check(&self) -> Result<(), RetargetError> {
         in_range("amplitude", self.amplitude, 0.0, 1.0)?;
         in_range("margin", self.margin, 0.05, 1.0)?;

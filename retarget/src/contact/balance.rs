@@ -7,7 +7,6 @@ const CORNERS: usize = 8;
 /// One edge of the support polygon: inside is `normal . p <= offset_m`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PolygonEdge {
-    /// Outward, horizontal, unit length.
     pub normal: Vector3<f64>,
     pub offset_m: f64,
 }
@@ -19,7 +18,6 @@ impl PolygonEdge {
     }
 }
 
-/// Convex hull of both soles on the floor.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SupportPolygon {
     pub edges: Vec<PolygonEdge>,

@@ -7,9 +7,8 @@
 
 use k::nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::kinematics::body_map::BodyMap;
-use crate::kinematics::chain::RobotModel;
 use crate::kinematics::shapes::{Capsule, capsule_of};
+use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CapsulePair {
@@ -19,9 +18,7 @@ pub(crate) struct CapsulePair {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CapsuleGap {
-    /// Between the surfaces; negative when they overlap.
     pub distance_m: f64,
-    /// From the other to the one.
     pub normal: Vector3<f64>,
     pub links: [usize; 2],
     pub points: [Point3<f64>; 2],
@@ -116,7 +113,6 @@ fn capsules(model: &RobotModel) -> Vec<Capsule> {
     largest.into_iter().map(|(_, capsule)| capsule).collect()
 }
 
-/// Nearest points of two segments.
 fn nearest(p: [Point3<f64>; 2], q: [Point3<f64>; 2]) -> (Point3<f64>, Point3<f64>) {
     let (d1, d2, r) = (p[1] - p[0], q[1] - q[0], p[0] - q[0]);
     let (a, e, f) = (d1.norm_squared(), d2.norm_squared(), d2.dot(&r));

@@ -7,15 +7,12 @@
 use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
 
-use crate::dancer::angles::soft_limit;
-use crate::dancer::pose_target::PoseTarget;
+use crate::dancer::{angles::soft_limit, pose_target::PoseTarget};
 use crate::limits::joint_tracker::JointTracker;
 
 /// Sway that is shown in full, as a share of the leg length: x, y.
 const MOST_SWAY: [f64; 2] = [0.10, 0.14];
-/// How much farther steps may carry it.
 const MOST_CARRY: f64 = 0.2;
-/// Deepest squat and highest rise against rest, leg lengths.
 const DEEPEST: f64 = 0.28;
 const HIGHEST: f64 = 0.03;
 /// Largest lean and turn of the pelvis, radians.
@@ -56,7 +53,6 @@ impl PelvisTrajectory {
         self.trackers = trackers(self.dt_s, self.preview_s, self.pace);
     }
 
-    /// Takes over where the root link really got to.
     pub fn observe(&mut self, root: &Isometry3<f64>) {
         let shift = (root.translation.vector - self.rest.translation.vector) / self.leg_m;
         let turn = (root.rotation * self.rest.rotation.inverse()).scaled_axis();

@@ -3,8 +3,7 @@
 
 use k::nalgebra::{Isometry3, Translation3};
 
-use crate::contact::pelvis::PelvisTrajectory;
-use crate::contact::stepping::FootStepper;
+use crate::contact::{pelvis::PelvisTrajectory, stepping::FootStepper};
 use crate::kinematics::body_map::BodyMap;
 use crate::solver::body_solver::{BodySolver, Feet};
 
@@ -14,7 +13,6 @@ const FOOT_RETURN_S: f64 = 0.03;
 const FOOT_MOVED_M: f64 = 0.002;
 
 pub(crate) struct PlantedStance {
-    /// Where the soles belong.
     pub feet: Feet,
     /// `None`: the feet stay.
     pub stepper: Option<FootStepper>,

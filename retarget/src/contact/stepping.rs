@@ -74,7 +74,6 @@ struct FootPreview {
 }
 
 pub(crate) struct StepContext<'a> {
-    /// Soles of the last output in the world.
     pub soles: [Vector3<f64>; 2],
     /// Centre of mass (or what moves with it) of the last output.
     pub weight: Vector3<f64>,
@@ -90,7 +89,6 @@ pub(crate) struct FootStepper {
     feet: [FootPhase; 2],
     /// Since when each foot has been down, seconds.
     down_s: [f64; 2],
-    /// The dancer's lift that was refused or danced already.
     spent: [bool; 2],
     ahead: VecDeque<FootPreview>,
     pub steps: u64,
@@ -166,7 +164,6 @@ impl FootStepper {
         }
     }
 
-    /// Moves the places of the feet by one cycle.
     pub fn step(&mut self, context: &StepContext, feet: &mut Feet) {
         self.ahead.pop_front();
         self.ahead.push_back(FootPreview {

@@ -23,7 +23,6 @@ const FLOOR_S: f64 = 1.0;
 const LIFT_M: f64 = 0.05;
 /// Legs shorter than this are no legs, metres.
 const SHORTEST_LEG_M: f64 = 0.05;
-/// Postures kept: as many as frames are.
 const KEPT: usize = 256;
 
 /// See [`Posture`]; robot axes, angles from x towards y.
@@ -49,7 +48,6 @@ impl BaselinePosture {
         }
     }
 
-    /// That of the body seen in a mirror.
     pub fn mirrored(&self) -> Self {
         let mirror = |[ahead, left]: [f64; 2]| [ahead, -left];
         Self {
@@ -108,7 +106,6 @@ pub(crate) struct PostureSample {
 }
 
 impl PostureSample {
-    /// What this body does.
     pub fn of(points: &BodyPoints, heading: f64) -> Self {
         let at = |joint: BodyJoint| points[joint as usize];
         let up = direction(
@@ -139,7 +136,6 @@ impl PostureSample {
 pub(crate) struct BaselineEstimator {
     dt_s: f64,
     started: bool,
-    /// What is usual so far.
     pub usual: BaselinePosture,
 }
 
@@ -153,7 +149,6 @@ impl BaselineEstimator {
         }
     }
 
-    /// Takes in one moment.
     pub fn observe(&mut self, points: &BodyPoints) {
         let (heading_share, share) = (self.share(HEADING_S), self.share(USUAL_S));
         let first = !self.started;
@@ -217,12 +212,10 @@ impl PostureReader {
 
 #[derive(Debug)]
 pub(crate) struct PostureTrack {
-    /// By their places on the grid, ascending.
     known: VecDeque<(i64, BaselinePosture)>,
 }
 
 impl PostureTrack {
-    /// None yet; nothing allocates after this.
     pub fn new() -> Self {
         Self {
             known: VecDeque::with_capacity(KEPT),
@@ -265,7 +258,6 @@ fn leg_length(points: &BodyPoints) -> f64 {
     )
 }
 
-/// Which way chest, pelvis and the whole body face.
 pub(crate) fn chest_yaw(points: &BodyPoints) -> f64 {
     yaw_of(points[LeftShoulder as usize] - points[RightShoulder as usize])
 }

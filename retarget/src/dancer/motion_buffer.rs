@@ -14,9 +14,7 @@ use servodance_types::{FRAME_RATE_HZ, JOINT_COUNT, MotionFrame};
 
 use crate::retargeter::counts::RetargetCounts;
 
-/// Frames after the asked time that the spline uses.
 pub(crate) const LOOKAHEAD_FRAMES: usize = 3;
-/// Frames kept; older ones are forgotten.
 const KEPT: usize = 256;
 /// The longest hole that is bridged, frames; frames farther off start anew.
 const LONGEST_HOLE: i64 = 20;
@@ -45,7 +43,6 @@ impl MotionBuffer {
         }
     }
 
-    /// Takes in one frame, or counts why not.
     pub fn push(&mut self, frame: &MotionFrame, counts: &mut RetargetCounts) {
         let tame = |v: &f32| v.abs() <= FARTHEST_M;
         if !frame.is_finite()

@@ -35,7 +35,6 @@ pub(crate) struct PoseTarget {
     pub thigh: [Vector3<f64>; 2],
     pub shank: [Vector3<f64>; 2],
     pub face: Vector3<f64>,
-    /// Orientation against the upright rest orientation.
     pub chest: UnitQuaternion<f64>,
     pub pelvis: UnitQuaternion<f64>,
     /// Pelvis over the supporting foot against usual (x, y) and upright (z),
@@ -46,14 +45,12 @@ pub(crate) struct PoseTarget {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct FootTarget {
-    /// Off the floor, or sliding on it.
     pub up: bool,
     /// Against its usual place before the pelvis: x, y in leg lengths.
     pub place: [f64; 2],
 }
 
 impl PoseTarget {
-    /// Upright, arms down and a little out.
     pub fn standing() -> Self {
         let down = -Vector3::z();
         let arm = |out: f64| Vector3::new(0.02, out, -1.0).normalize();
@@ -71,14 +68,12 @@ impl PoseTarget {
     }
 }
 
-/// How headings are taken out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum HeadingReference {
     /// The robot stands and can turn a little: show quick turns.
     Slow,
     /// The pelvis is fixed, the chest can turn against it.
     Pelvis,
-    /// The chest is fixed.
     Chest,
 }
 
@@ -87,7 +82,6 @@ pub(crate) struct PoseReader {
     heading: HeadingReference,
     dt_s: f64,
     averages: BaselineEstimator,
-    /// What the present aim is read against.
     usual: BaselinePosture,
     last_toes: Option<[Vector3<f64>; 2]>,
     last: PoseTarget,

@@ -10,7 +10,6 @@ use k::urdf::isometry_from;
 use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 use crate::description::joints::{is_driven, mimic_numbers};
 
-/// Far enough for any robot; keeps squares finite.
 const LARGEST_M: f64 = 1e4;
 /// More links than any robot has; keeps hostile files cheap.
 const MOST_LINKS: usize = 512;
@@ -224,7 +223,6 @@ fn follower_of_fixed(robot: &urdf_rs::Robot) -> Option<(usize, f64)> {
     })
 }
 
-/// Fixes a joint at a position.
 fn hold(joint: &mut urdf_rs::Joint, position: f64) {
     let origin = isometry_from::<f64>(&joint.origin);
     if let Some(axis) = Unit::try_new(Vector3::from(*joint.axis.xyz), 1e-6) {

@@ -6,14 +6,10 @@
 
 use servodance_types::JointLimits;
 
-use crate::config::error::RetargetError;
-use crate::config::{BodyLinks, Limb, RetargetConfig, Stance};
-use crate::description::Description;
-use crate::description::guess::words::NameWords;
+use crate::config::{BodyLinks, Limb, RetargetConfig, Stance, error::RetargetError};
 use crate::description::guess::{Anatomy, BodyAxes, anatomy, capsules};
-use crate::description::joints::mimic_numbers;
-use crate::kinematics::body_map::BodyMap;
-use crate::kinematics::chain::RobotModel;
+use crate::description::{Description, guess::words::NameWords, joints::mimic_numbers};
+use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
 use crate::retargeter::Retargeter;
 
 /// Length of a human arm and leg, shoulder to wrist and hip to ankle, metres
@@ -67,9 +63,7 @@ pub struct ConfigDraft {
 }
 
 /// Drafts the `[retarget]` table and the joints of a robot from its URDF.
-///
-/// # Errors
-/// What [`Retargeter::new`] would refuse.
+/// Fails where [`Retargeter::new`] would.
 pub fn draft_config(urdf_xml: &str) -> Result<ConfigDraft, RetargetError> {
     let description = Description::from_urdf(urdf_xml)?;
     let names: Vec<&str> = description.drives().map(|j| j.name.as_str()).collect();
@@ -202,7 +196,6 @@ fn narrowed(joint: &urdf_rs::Joint, robot: &urdf_rs::Robot) -> [f64; 2] {
     [lower, upper]
 }
 
-/// What of a dancer's movement cannot be shown.
 fn missing(model: &RobotModel, anatomy: &Anatomy, joints: &[JointDraft]) -> Vec<String> {
     let mut out = Vec::new();
     let between = |from: usize, to: &Option<String>| {
@@ -274,9 +267,7 @@ fn scales(anatomy: &Anatomy) -> Vec<(String, f64)> {
 }
 
 /// The rest pose that the solver finds for a table, by joint, degrees.
-///
-/// # Errors
-/// As [`Retargeter::new`].
+/// Fails where [`Retargeter::new`] does.
 pub fn rest_deg(
     urdf_xml: &str,
     config: &RetargetConfig,

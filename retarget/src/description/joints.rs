@@ -1,6 +1,5 @@
 //! What every reader of a description asks of a joint.
 
-/// Whether a joint of this kind has one position.
 pub(crate) fn is_driven(joint: &urdf_rs::Joint) -> bool {
     use urdf_rs::JointType::*;
     matches!(joint.joint_type, Revolute | Continuous | Prismatic)
@@ -16,7 +15,6 @@ pub(crate) fn held_position(joint: &urdf_rs::Joint) -> f64 {
     }
 }
 
-/// Multiplier and offset of a joint that follows another.
 pub(super) fn mimic_numbers(mimic: &urdf_rs::Mimic) -> (f64, f64) {
     (mimic.multiplier.unwrap_or(1.0), mimic.offset.unwrap_or(0.0))
 }

@@ -17,17 +17,14 @@ pub(crate) mod mjcf;
 mod urdf;
 mod xml;
 
-use crate::config::JointCoupling;
-use crate::config::error::RetargetError;
+use crate::config::{JointCoupling, error::RetargetError};
 use diagnostic::{DiagnosticCode, Diagnostics};
 use urdf::RateLimitsByJoint;
 use xml::check_depth;
 
 pub(crate) use joints::{held_position, is_driven};
 
-/// A checked description and its tree.
 pub(crate) struct Description {
-    /// What the file says, repaired.
     pub robot: urdf_rs::Robot,
     /// `k` orders links into a tree, parents before children: one node a link,
     /// named by the joint above it. Its forward kinematics is the reference for
@@ -37,7 +34,6 @@ pub(crate) struct Description {
 }
 
 impl Description {
-    /// Parses and checks a URDF.
     pub fn from_urdf(xml: &str) -> Result<Self, RetargetError> {
         let mut diagnostics = Diagnostics::default();
         let description = Self::with_diagnostics(xml, &mut diagnostics);

@@ -4,7 +4,6 @@ use roxmltree::{Document, ParsingOptions};
 
 use crate::config::error::RetargetError;
 
-/// More elements than any description has.
 const MOST_NODES: u32 = 500_000;
 /// Deeper than any description: the parser calls itself for each level, so that
 /// a hostile file could use up the stack.

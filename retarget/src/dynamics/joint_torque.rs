@@ -16,8 +16,7 @@
 use k::nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::config::TorqueConfig;
-use crate::kinematics::chain::JointMotion;
-use crate::kinematics::chain::RobotModel;
+use crate::kinematics::{chain::JointMotion, chain::RobotModel};
 
 pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Share of the torque limit from which the amplitude is lowered, and the time
@@ -45,7 +44,6 @@ pub struct TorqueReport {
     pub overloaded_cycles: u64,
 }
 
-/// One standing foot as the estimate sees it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StanceFoot {
     pub sole: usize,
@@ -116,7 +114,6 @@ impl TorqueEstimator {
         }
     }
 
-    /// The motion begins anew; what is hot stays hot.
     pub fn restart(&mut self) {
         self.cycles = 0;
     }
@@ -435,7 +432,6 @@ mod tests {
         );
     }
 
-    /// A dancer who bobs and sways.
     fn bobbing(time_s: f64) -> MotionFrame {
         let beat = (time_s * 9.0).sin() as f32;
         let mut positions = [[0.0; 3]; 22];

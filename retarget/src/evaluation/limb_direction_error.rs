@@ -7,12 +7,9 @@ use k::nalgebra::{Isometry3, Rotation3, Vector3};
 use servodance_types::BodyJoint::{self, *};
 use servodance_types::MotionFrame;
 
-use crate::config::RetargetConfig;
-use crate::config::error::RetargetError;
-use crate::kinematics::body_map::BodyMap;
-use crate::kinematics::chain::RobotModel;
+use crate::config::{RetargetConfig, error::RetargetError};
+use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
 
-/// Which part of a limb an angle is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[allow(missing_docs)] // the names say it
 pub enum LimbSegment {
@@ -81,9 +78,7 @@ impl LimbPair {
 
 impl LimbDirectionError {
     /// For a robot whose driven joints are `joints`.
-    ///
-    /// # Errors
-    /// As [`crate::retargeter::Retargeter::new`].
+    /// Fails where [`Retargeter::new`](crate::Retargeter::new) does.
     pub fn new(
         urdf_xml: &str,
         config: &RetargetConfig,

@@ -5,13 +5,10 @@
 //! what both hips hang from. A part that is not there is left out, and with it
 //! the movement that only it could show.
 
-use crate::config::error::RetargetError;
-use crate::config::{BodyLinks, Limb, RetargetConfig};
-use crate::description::guess::anatomy;
-use crate::description::guess::words::SIDES;
+use crate::config::{BodyLinks, Limb, RetargetConfig, error::RetargetError};
+use crate::description::{guess::anatomy, guess::words::SIDES};
 use crate::kinematics::chain::RobotModel;
 
-/// Shoulder, elbow and hand of one arm; link indices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ArmLinks {
     pub shoulder: Option<usize>,

@@ -17,10 +17,8 @@ use crate::config::{CapsuleConfig, RetargetConfig, Tip};
 use crate::description::{Description, held_position, is_driven};
 use crate::kinematics::shapes::{Capsule, LinkShapes, MeshVisual, Visual};
 
-/// Effort limits from here on are placeholders.
 const PLACEHOLDER_NM: f64 = 1000.0;
 
-/// How a link moves against its parent.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum JointMotion {
     Fixed,
@@ -49,7 +47,6 @@ pub(crate) struct ChainLink {
 }
 
 impl ChainLink {
-    /// Pose in the parent link's frame.
     pub fn local(&self, positions: &[f64]) -> Isometry3<f64> {
         let position = self.drive.map_or(self.held, |drive| {
             drive.scale * positions.get(drive.joint).copied().unwrap_or(0.0) + drive.offset
@@ -80,14 +77,12 @@ pub(crate) struct DrivenAncestor {
 pub struct RobotModel {
     joint_names: Vec<String>,
     link_names: Vec<String>,
-    /// Name of the joint above each link.
     pub(crate) parent_joints: Vec<String>,
     pub(crate) links: Vec<ChainLink>,
     /// For each link the driven joints between it and the root, root first.
     pub(crate) driven_ancestors: Vec<Vec<DrivenAncestor>>,
     segments: Vec<(usize, usize)>,
     shapes: LinkShapes,
-    /// Capsules of the robot file.
     pub(crate) capsules: Vec<Capsule>,
     mass_kg: f64,
     /// Effort limit of each driven joint; `None` where unset or a placeholder.
@@ -96,17 +91,13 @@ pub struct RobotModel {
 
 impl RobotModel {
     /// Builds the model of a URDF whose driven joints are `joints`, in order.
-    ///
-    /// # Errors
-    /// Names the joint or link that is missing or unusable.
+    /// Fails, by name, where a joint or link is missing or unusable.
     pub fn new(urdf_xml: &str, joints: &[&str]) -> Result<Self, RetargetError> {
         Self::of_description(&Description::from_urdf(urdf_xml)?, joints)
     }
 
     /// The same, with the points, capsules and couplings of a robot file.
-    ///
-    /// # Errors
-    /// Names the joint or link that is missing or unusable.
+    /// Fails, by name, where a joint or link is missing or unusable.
     pub fn configured(
         urdf_xml: &str,
         joints: &[&str],
@@ -240,12 +231,10 @@ impl RobotModel {
         &self.shapes.meshes
     }
 
-    /// Simple shapes for collision, then those to draw.
     pub(crate) fn all_shapes(&self) -> impl Iterator<Item = &Visual> {
         self.shapes.solids.iter().chain(&self.shapes.visuals)
     }
 
-    /// Adds points as massless links, after all others.
     pub(crate) fn add_tips(&mut self, tips: &[Tip]) -> Result<(), RetargetError> {
         for tip in tips {
             let parent = self.named(&tip.link, "tip")?;
@@ -333,7 +322,6 @@ impl RobotModel {
         std::iter::successors(Some(link), |&at| self.links[at].parent)
     }
 
-    /// The deepest link above both.
     pub(crate) fn common_ancestor(&self, one: usize, other: usize) -> usize {
         self.ancestors(one)
             .find(|&above| self.is_below(other, above))
@@ -384,7 +372,6 @@ fn columns<'a>(
     Ok(column)
 }
 
-/// Follows mimics down to a driven joint.
 fn drive_of(
     name: &str,
     joints: &HashMap<&str, &urdf_rs::Joint>,

@@ -8,17 +8,9 @@ use k::nalgebra::{Isometry3, Point3, Vector3};
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs)] // the names say it
 pub enum Shape {
-    Box {
-        size_m: [f64; 3],
-    },
-    /// Along z, its centre in the origin.
-    Cylinder {
-        radius_m: f64,
-        length_m: f64,
-    },
-    Sphere {
-        radius_m: f64,
-    },
+    Box { size_m: [f64; 3] },
+    Cylinder { radius_m: f64, length_m: f64 },
+    Sphere { radius_m: f64 },
 }
 
 /// A shape fixed to a link: colour parts are 0 to 1.
@@ -40,12 +32,10 @@ pub struct MeshVisual {
     pub pose_in_link: Isometry3<f64>,
     /// As the description has it: a path, or `package://NAME/PATH`.
     pub filename: String,
-    /// Metres a unit of the file, along each axis.
     pub scale: [f64; 3],
     pub rgba: [f32; 4],
 }
 
-/// A thick line fixed to a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Capsule {
     pub link: usize,
@@ -75,12 +65,10 @@ pub(crate) fn capsule_of(visual: &Visual) -> (f64, Capsule) {
     (size.product(), capsule)
 }
 
-/// Simple shapes and meshes of all links.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LinkShapes {
     pub visuals: Vec<Visual>,
     pub meshes: Vec<MeshVisual>,
-    /// Simple shapes given for collision.
     pub solids: Vec<Visual>,
 }
 

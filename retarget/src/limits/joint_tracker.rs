@@ -27,7 +27,6 @@ pub(crate) struct JointTracker {
     state: TrajectoryState,
     controller: PredictiveController,
     followed: Option<f64>,
-    /// Targets of the next cycles, nearest first.
     targets: VecDeque<f64>,
 }
 
@@ -68,7 +67,6 @@ impl JointTracker {
         self.state.position
     }
 
-    /// Cycles between a target's coming and its being due.
     pub fn preview_cycles(&self) -> usize {
         self.controller.cycles() - 1
     }
@@ -177,7 +175,6 @@ mod tests {
 
     const DT: f64 = 0.01;
     const JERK: f64 = 1000.0;
-    /// Cycles that targets are known ahead.
     const AHEAD: usize = 29;
 
     fn limits() -> JointLimits {
@@ -189,7 +186,6 @@ mod tests {
         }
     }
 
-    /// Written from the definition of the limits alone.
     fn violations(track: &[f64], limits: &JointLimits) -> usize {
         let differences = |values: &[f64]| -> Vec<f64> {
             values.windows(2).map(|p| (p[1] - p[0]) / DT).collect()

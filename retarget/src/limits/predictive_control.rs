@@ -12,7 +12,6 @@
 use crate::limits::velocity_limit::{JointLimiter, TrajectoryState};
 use crate::solver::least_squares::BoxLeastSquares;
 
-/// Lengths of the blocks, in twentieths of the plan.
 const BLOCKS: [usize; 8] = [1, 1, 2, 2, 3, 3, 4, 4];
 /// Radians of distance that a change of acceleration by 1 rad/s^2 is worth.
 const SMOOTHNESS: f64 = 3e-4;
@@ -129,7 +128,6 @@ impl PredictiveController {
     }
 }
 
-/// The block that each cycle belongs to.
 fn block_of_cycles(cycles: usize) -> impl Iterator<Item = usize> {
     let total: usize = BLOCKS.iter().sum();
     (0..cycles).map(move |cycle| {

@@ -35,7 +35,6 @@ impl TrajectoryState {
     }
 }
 
-/// The limits of one joint at one control rate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JointLimiter {
     pub limits: JointLimits,

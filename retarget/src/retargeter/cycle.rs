@@ -14,7 +14,6 @@ use crate::dancer::pose_target::{PoseTarget, mirrored};
 use crate::dynamics::joint_torque::StanceFoot;
 use crate::solver::body_solver::{SolverGoal, SolverInput};
 
-/// Gauss-Newton steps a control cycle; the solution is warm.
 const STEPS: usize = 2;
 /// Speed at which rest is taken up, radians a second (metres, if it slides).
 const GENTLE_RAD_S: f64 = 0.8;
@@ -29,9 +28,7 @@ impl Retargeter {
     /// the rest pose is taken up gently (so call it for a few seconds of
     /// negative time after [`seed`](Self::seed)); after the last one the pose is
     /// held.
-    ///
-    /// # Errors
-    /// Only if `out_rad` has not one place a joint.
+    /// Fails only if `out_rad` has not one place a joint.
     pub fn next(&mut self, time_s: f64, out_rad: &mut [f64]) -> Result<(), RetargetError> {
         self.next_altered(time_s, |points| points.map(|points| (points, 1.0)), out_rad)
     }
@@ -39,9 +36,7 @@ impl Retargeter {
     /// Like [`next`](Self::next), but `alter` may change the human pose that is
     /// due in [`preview_s`](Self::preview_s), or give one where there is none;
     /// with it how much of it is the dancer's, 0 to 1.
-    ///
-    /// # Errors
-    /// Only if `out_rad` has not one place a joint.
+    /// Fails only if `out_rad` has not one place a joint.
     pub fn next_altered(
         &mut self,
         time_s: f64,
@@ -248,7 +243,6 @@ impl Retargeter {
         self.counts.limited_cycles += u64::from(limited);
     }
 
-    /// Counts what the output does to feet and balance.
     fn update_counts(&mut self) {
         let root = self.world_from_root(&self.output);
         self.model.place(&root, &self.output, &mut self.poses);

@@ -49,7 +49,6 @@ pub(super) fn torque_estimator(
     ))
 }
 
-/// Jerk limits: as configured, else from the rise time.
 pub(super) fn jerk_limits(
     model: &RobotModel,
     limits: &[JointLimits],
@@ -63,7 +62,6 @@ pub(super) fn jerk_limits(
     Ok(jerk)
 }
 
-/// Values given by joint name, by joint index.
 pub(super) fn by_joint(
     model: &RobotModel,
     values: &BTreeMap<String, f64>,

@@ -9,17 +9,14 @@ mod rest_pose;
 use k::nalgebra::{Isometry3, Translation3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Posture};
 
-use crate::config::error::RetargetError;
-use crate::config::{Gains, Limb, RetargetConfig, Stance};
+use crate::config::{Gains, Limb, RetargetConfig, Stance, error::RetargetError};
 use crate::contact::planted_stance::PlantedStance;
 use crate::dancer::baseline_posture::PostureTrack;
 use crate::dancer::motion_buffer::{LOOKAHEAD_FRAMES, MotionBuffer};
 use crate::dancer::pose_target::{HeadingReference, PoseReader};
 use crate::dynamics::joint_torque::{TorqueEstimator, TorqueReport};
-use crate::kinematics::body_map::BodyMap;
-use crate::kinematics::chain::RobotModel;
-use crate::limits::collision_limit::CollisionLimit;
-use crate::limits::joint_tracker::JointTracker;
+use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
+use crate::limits::{collision_limit::CollisionLimit, joint_tracker::JointTracker};
 use crate::solver::arm_search::ArmSearch;
 use crate::solver::body_solver::{BodySolver, SolverScope};
 use counts::RetargetCounts;
@@ -32,7 +29,6 @@ pub struct Retargeter {
     limits: Vec<JointLimits>,
     jerk_rad_s3: Vec<f64>,
     limbs: Vec<Limb>,
-    /// Joints between the pelvis and a planted foot.
     stands_on: Vec<bool>,
     rest: Vec<f64>,
     gains: Gains,
@@ -53,7 +49,6 @@ pub struct Retargeter {
     wanted: Vec<f64>,
     output: Vec<f64>,
     poses: Vec<Isometry3<f64>>,
-    /// The root link of a robot on a stand.
     upright: Isometry3<f64>,
     torque: TorqueEstimator,
     counts: RetargetCounts,
@@ -62,9 +57,7 @@ pub struct Retargeter {
 impl Retargeter {
     /// Prepares the robot of a URDF text whose actuated joints are `joints`, in
     /// the order of all position slices.
-    ///
-    /// # Errors
-    /// Names the joint, link or key that is wrong, and lists the choices.
+    /// Fails with the joint, link or key that is wrong, and lists the choices.
     pub fn new(
         urdf_xml: &str,
         config: &RetargetConfig,
@@ -161,9 +154,7 @@ impl Retargeter {
     }
 
     /// Starts, standing still, from where the robot really is.
-    ///
-    /// # Errors
-    /// A wrong number of positions, or one that is not finite (joint named).
+    /// Fails on a wrong number of positions, or one that is not finite.
     pub fn seed(&mut self, present_rad: &[f64]) -> Result<(), RetargetError> {
         self.check_length(present_rad.len())?;
         if let Some(index) = present_rad.iter().position(|p| !p.is_finite()) {

@@ -4,19 +4,15 @@ use k::nalgebra::Isometry3;
 use servodance_types::JointLimits;
 
 use super::joint_setup::by_joint;
-use crate::config::error::RetargetError;
-use crate::config::{RetargetConfig, Stance};
-use crate::contact::balance::SupportPolygon;
-use crate::contact::capsules;
-use crate::contact::pelvis::PelvisTrajectory;
-use crate::contact::planted_stance::PlantedStance;
-use crate::contact::stepping::FootStepper;
+use crate::config::{RetargetConfig, Stance, error::RetargetError};
+use crate::contact::{
+    balance::SupportPolygon, capsules, pelvis::PelvisTrajectory, planted_stance::PlantedStance,
+    stepping::FootStepper,
+};
 use crate::dancer::pose_target::PoseTarget;
-use crate::kinematics::body_map::BodyMap;
-use crate::kinematics::chain::RobotModel;
+use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
 use crate::solver::body_solver::{BodySolver, SolverGoal, SolverInput, SolverScope};
 
-/// Gauss-Newton steps to find the rest pose from nothing.
 const REST_STEPS: usize = 200;
 /// How much more slowly the pelvis of a stepping robot speeds up: on one foot
 /// there is less room for balance.
@@ -32,10 +28,8 @@ pub(super) struct RestSearch<'a> {
     pub model: &'a RobotModel,
     pub map: BodyMap,
     pub config: &'a RetargetConfig,
-    /// The root link when the robot stands upright.
     pub upright: Isometry3<f64>,
     pub dt_s: f64,
-    /// Narrowed so that knees stay bent.
     pub limits: &'a mut [JointLimits],
     pub solver: &'a mut BodySolver,
 }

@@ -17,12 +17,9 @@ use servodance_types::{FRAME_RATE_HZ, JointLimits};
 
 use crate::config::{Limb, TaskWeights};
 use crate::dancer::pose_target::PoseTarget;
-use crate::kinematics::body_map::BodyMap;
-use crate::kinematics::chain::RobotModel;
-use crate::kinematics::jacobian::Jacobian;
-use crate::solver::body_solver::BodySolver;
-use crate::solver::limb_task::LimbTask;
+use crate::kinematics::{body_map::BodyMap, chain::RobotModel, jacobian::Jacobian};
 use crate::solver::searched_arm::{ArmProblem, SearchedArm, TrialPose};
+use crate::solver::{body_solver::BodySolver, limb_task::LimbTask};
 
 pub(crate) struct ArmSearch {
     arms: Vec<SearchedArm>,

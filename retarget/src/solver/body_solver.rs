@@ -12,12 +12,10 @@ use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
 
 use crate::config::TaskWeights;
-use crate::contact::balance::SupportPolygon;
-use crate::contact::capsules::CapsulePair;
+use crate::contact::{balance::SupportPolygon, capsules::CapsulePair};
 use crate::dancer::pose_target::PoseTarget;
-use crate::kinematics::body_map::BodyMap;
-use crate::kinematics::chain::RobotModel;
 use crate::kinematics::jacobian::{Jacobian, PosedRobot};
+use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
 use crate::solver::least_squares::BoxLeastSquares;
 use crate::solver::limb_task::{LimbTask, capped, direction_row};
 
@@ -29,7 +27,6 @@ const FOOT_TURN: f64 = 200.0;
 /// legs cannot reach is shared between the two.
 const PELVIS_PLACE: f64 = 50.0;
 const ROOT_TURN: f64 = 5.0;
-/// Most damping of legs that stand.
 const STANCE_DAMPING: f64 = 0.02;
 /// Capsules nearer than this push each other apart, with this weight, 1/m.
 const SAFE_GAP_M: f64 = 0.012;
@@ -45,11 +42,9 @@ pub(crate) type Feet = [Isometry3<f64>; 2];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SolverScope {
-    /// All of a robot on a stand.
     Hung,
     /// What a robot on its feet has above the legs.
     Upper,
-    /// Its legs and its root link.
     Stance,
 }
 
@@ -85,7 +80,6 @@ pub(crate) struct BodySolver {
     map: BodyMap,
     limbs: [SolvedLimb; 4],
     weights: TaskWeights,
-    /// Whether the root link's six are among the unknowns.
     floating: bool,
     legs_stand: bool,
     /// Orientation of the chest link when the robot stands upright.

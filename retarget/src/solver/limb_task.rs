@@ -11,7 +11,6 @@ use crate::solver::least_squares::JacobianColumn;
 /// Directions farther apart than this are approached in parts, radians.
 const FAR_RAD: f64 = 1.0;
 
-/// A limb: link indices of its three points.
 #[derive(Clone, Copy)]
 pub(crate) struct LimbTask {
     pub points: [Option<usize>; 3],
@@ -131,7 +130,6 @@ pub(crate) fn direction_row(
     }
 }
 
-/// A residual no longer than Gauss-Newton can trust.
 pub(crate) fn capped(residual: &Vector3<f64>) -> Vector3<f64> {
     residual.cap_magnitude(0.5)
 }

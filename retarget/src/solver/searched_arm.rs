@@ -8,9 +8,8 @@ use crate::config::TaskWeights;
 use crate::dancer::pose_target::PoseTarget;
 use crate::kinematics::chain::RobotModel;
 use crate::kinematics::jacobian::{Jacobian, PosedRobot};
-use crate::solver::body_solver::BodySolver;
 use crate::solver::least_squares::{BoxLeastSquares, JacobianColumn};
-use crate::solver::limb_task::LimbTask;
+use crate::solver::{body_solver::BodySolver, limb_task::LimbTask};
 
 /// Gauss-Newton steps from each start, and their damping, 1/rad.
 const STEPS: usize = 5;
@@ -25,26 +24,21 @@ const COMBINED: usize = 3;
 /// 0.1 is what a forearm wrong by 36 degrees costs.
 const CLEARLY: f64 = 0.7;
 const AT_LEAST: f64 = 0.1;
-/// Multiplications that placing a link takes, roughly.
 const POSE_WORK: u64 = 60;
 /// Searches in a row that must find one.
 const IN_A_ROW: usize = 3;
-/// Poses looked at on the way to it.
 const ON_THE_WAY: usize = 3;
 /// What a second on the way costs at least.
 const MOVING: f64 = 0.3;
 /// Times what being stuck must have cost to be worth the way.
 const PATIENCE: f64 = 2.0;
 
-/// One arm: links and joints below the chest.
 pub(super) struct SearchedArm {
     side: usize,
     segments: LimbTask,
-    /// From the chest outwards.
     links: Vec<usize>,
     joints: Vec<usize>,
     bounds: Vec<(f64, f64)>,
-    /// Fixed starts, one after the other.
     starts: Vec<f64>,
     speeds: Vec<f64>,
     /// What the solver's own way comes to, and the least that was found in this
@@ -61,7 +55,6 @@ pub(super) struct SearchedArm {
     answer: Vec<f64>,
     at: Vec<f64>,
     solver: BoxLeastSquares,
-    /// Derivatives by this arm's joints alone.
     columns: Vec<JacobianColumn>,
     low: Vec<f64>,
     high: Vec<f64>,
@@ -82,7 +75,6 @@ pub(super) struct TrialPose {
 }
 
 impl TrialPose {
-    /// Starts from where the body is.
     pub fn restart_from(&mut self, model: &RobotModel, body: &mut BodySolver) {
         self.poses.copy_from_slice(body.poses(model));
         self.positions.copy_from_slice(&body.positions);

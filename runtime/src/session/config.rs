@@ -7,7 +7,7 @@ use crate::pipeline::audio_input::AudioChoice;
 use crate::pipeline::conditioning::Conditioning;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 

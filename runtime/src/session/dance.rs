@@ -25,7 +25,7 @@ use crate::viewer::RobotEnd;
 use anyhow::Context;
 use servodance_audio::capture::CaptureEvent;
 use servodance_drivers::EStop;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_model::{Generator, GeneratorOptions};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;

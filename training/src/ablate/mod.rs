@@ -18,7 +18,7 @@ use crate::train::{SettingsFile, TrainedNetwork};
 use anyhow::Context;
 use row::{AblationRow, AblationScores};
 use servodance_model::GeneratorOptions;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_runtime::process::progress::Progress;
 use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::{Path, PathBuf};

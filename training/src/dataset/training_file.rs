@@ -23,7 +23,7 @@ use super::styles::{ALWAYS_NAMED, STYLES};
 use servodance_model::conditioning::{LATENT_DIM, Latent, MusicKind};
 use servodance_model::motion::MotionError;
 use servodance_model::motion::representation::{POSE_DIM, PoseVector};
-use servodance_model::tensor_file::{self, Entry};
+use servodance_model::weights::tensor_file::{self, Entry};
 
 /// One clip of the training file.
 #[derive(Clone, Debug)]

@@ -47,6 +47,6 @@ pub fn long_dance(
             .iter()
             .map(|pose| f64::from(pose[0][0].hypot(pose[0][2])))
             .fold(0.0, f64::max),
-        awakenings: dance.awakenings(),
+        awakenings: dance.restarts(),
     })
 }

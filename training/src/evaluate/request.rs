@@ -1,7 +1,7 @@
 //! What `servodance evaluate` is asked for.
 
 use servodance_model::GeneratorOptions;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use std::path::PathBuf;
 
 /// Which weights to evaluate, against which reference, how thoroughly.

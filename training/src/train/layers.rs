@@ -1,5 +1,5 @@
 //! The learned parts that both networks are made of, on the tape: the trainable
-//! form of what [`servodance_model::net`] runs, under the same names.
+//! form of what [`servodance_model::engine`] runs, under the same names.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::train::autodiff::ops::{AttentionInputs, AttentionMask};
 use crate::train::autodiff::parameters::{ParamId, ParamInit, Parameters};
 use crate::train::autodiff::tape::{Batch, Tape, Var};
-use servodance_model::net::Activation;
+use servodance_model::config::Activation;
 
 /// Makes parameters: where they go and where their first numbers come from.
 pub(crate) struct ParamBuilder<'a> {

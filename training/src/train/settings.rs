@@ -9,7 +9,7 @@ use super::error::TrainError;
 use crate::train::vqvae::codebook::CodebookSettings;
 use crate::train::vqvae::loss::LossWeights;
 use servodance_model::conditioning::MusicKind;
-use servodance_model::net::{ModelConfig, PRESETS, Positions};
+use servodance_model::config::{ModelConfig, PRESETS, Positions};
 
 /// The network that a run trains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use safetensors::tensor::{Dtype, SafeTensors};
 
-use servodance_model::tensor_file::{self, Entry};
+use servodance_model::weights::tensor_file::{self, Entry};
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Numbers {

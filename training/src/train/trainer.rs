@@ -230,7 +230,7 @@ impl Trainer {
         value
     }
 
-    /// The weights file of what was learned so far, which `servodance_model::net` loads:
+    /// The weights file of what was learned so far, which `servodance_model::weights` loads:
     /// that of the VQ-VAE lacks what belongs to MotionSeq.
     pub fn weights(&mut self) -> Vec<u8> {
         let mut tensors = self.training.weights();

@@ -10,7 +10,7 @@ use crate::dataset::training_file::{self, TrainingClip};
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::{Clip, decode, mpjpe_m};
-use servodance_model::net::{Dtype, convert};
+use servodance_model::weights::{Dtype, convert};
 use servodance_model::{Codec, Generator};
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 

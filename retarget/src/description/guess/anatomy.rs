@@ -17,15 +17,12 @@ pub(crate) struct Anatomy {
     pub chest: usize,
     pub pelvis: usize,
     pub axes: BodyAxes,
-    /// Points that no link's origin is.
     pub tips: Vec<Tip>,
     /// Length and width of the soles, metres, if a foot has a shape.
     pub sole_m: Option<[f64; 2]>,
-    /// How it was seen, a line each.
     pub reasons: Vec<String>,
 }
 
-/// One limb by names of links or tips.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct GuessedLimb {
     pub top: Option<String>,
@@ -34,19 +31,16 @@ pub(crate) struct GuessedLimb {
     pub sole: Option<String>,
     /// Top to middle and middle to end, metres.
     pub lengths_m: [f64; 2],
-    /// Links of the limb, first moving one first.
     pub path: Vec<usize>,
 }
 
 impl GuessedLimb {
-    /// Whether anything of it can be shown.
     pub fn is_there(&self) -> bool {
         self.top.is_some() && (self.middle.is_some() || self.end.is_some())
     }
 }
 
 impl Anatomy {
-    /// Whether both legs are complete enough to stand on.
     pub fn can_stand(&self, model: &RobotModel) -> bool {
         self.legs.iter().all(|leg| {
             let end = leg.path.last().map_or(0, |&link| model.drives_above(link));
@@ -55,7 +49,6 @@ impl Anatomy {
         })
     }
 
-    /// Names of a limb's points; new points become tips.
     pub(super) fn name(
         &mut self,
         body: &LinkTree,

@@ -28,7 +28,6 @@ impl BodyAxes {
     }
 }
 
-/// The axis of the frame nearest to a direction.
 fn nearest_axis(direction: Vector3<f64>) -> Vector3<f64> {
     let at = direction.iamax();
     let mut axis = Vector3::zeros();

@@ -21,11 +21,9 @@ pub(super) struct FoundLimb {
     pub top: Option<usize>,
     pub middle: Option<usize>,
     pub end: Option<usize>,
-    /// The last link of a leg.
     pub sole: Option<usize>,
     /// Where the end is, in the frame of the named link, if no link's origin is.
     pub tip: Option<(usize, Point3<f64>)>,
-    /// Links from the first moving one on.
     pub path: Vec<usize>,
 }
 

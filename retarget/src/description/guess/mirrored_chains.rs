@@ -59,7 +59,6 @@ fn carrier(body: &LinkTree, link: usize) -> usize {
     above.find(|&up| body.is_moved(up)).unwrap_or(0)
 }
 
-/// End of the chain that starts at a link.
 fn end(body: &LinkTree, start: usize) -> Point3<f64> {
     let path = body.path(start, LimbKind::Arm);
     body.at(path.last().copied().unwrap_or(start))

@@ -121,7 +121,6 @@ fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
     })
 }
 
-/// The trunk above a limb that has no partner.
 fn above_limb(body: &LinkTree, top: usize, arms: &[FoundLimb; 2], legs: &[FoundLimb; 2]) -> usize {
     let limbs = arms.iter().chain(legs);
     let first = limbs

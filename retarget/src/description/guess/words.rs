@@ -33,10 +33,8 @@ const ON_HEAD: &[&str] = &[
 ];
 const WHEEL: &[&str] = &["wheel", "wheels", "caster", "castor", "track", "roller"];
 
-/// Left or right: index into pairs.
 pub(crate) const SIDES: [&str; 2] = ["left", "right"];
 
-/// What the names around one link say.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NameWords(Vec<String>);
 

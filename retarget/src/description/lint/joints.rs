@@ -5,9 +5,7 @@ use std::f64::consts::PI;
 use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 use crate::description::joints::mimic_numbers;
 
-/// Faster than servos turn, rad/s: a placeholder.
 pub(super) const PLACEHOLDER_RAD_S: f64 = 50.0;
-/// More than joints give, N m: a placeholder.
 const PLACEHOLDER_NM: f64 = 1000.0;
 /// Ranges wider than this are suspicious for a servo, radians.
 const WIDE_RAD: f64 = 315.0 * PI / 180.0;

@@ -9,13 +9,10 @@ use roxmltree::Node;
 
 use crate::config::error::RetargetError;
 
-/// Defaults by class, element and attribute.
 type DefaultClasses = HashMap<String, HashMap<(String, String), String>>;
 
-/// How values are read in one file.
 pub(super) struct MjcfAttributes {
     classes: DefaultClasses,
-    /// Radians in one unit of angle.
     angle: f64,
     euler: Vec<char>,
     pub autolimits: bool,
@@ -173,7 +170,6 @@ impl MjcfAttributes {
     }
 }
 
-/// The smallest turn that brings z to a direction.
 pub(super) fn from_z(direction: Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::rotation_between(&Vector3::z(), &direction).unwrap_or_else(|| {
         UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)

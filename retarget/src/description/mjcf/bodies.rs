@@ -6,8 +6,7 @@ use k::nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use roxmltree::Node;
 use urdf_rs::{Axis, Inertia, Inertial, JointLimit, JointType, LinkName, Mass, Mimic, Pose, Vec3};
 
-use super::attributes::MjcfAttributes;
-use super::geoms::MjcfGeom;
+use super::{attributes::MjcfAttributes, geoms::MjcfGeom};
 use crate::config::error::RetargetError;
 use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 
@@ -71,7 +70,6 @@ impl MjcfBodies {
         }
     }
 
-    /// A name that no other link or joint has.
     fn unique(&mut self, wanted: Option<&str>, otherwise: String) -> String {
         let base = match wanted {
             Some(name) if !name.trim().is_empty() => name.to_owned(),
@@ -125,7 +123,6 @@ impl MjcfBodies {
         self.add_link(link_name)
     }
 
-    /// Adds a body and those in it.
     fn add_body(
         &mut self,
         node: Node,

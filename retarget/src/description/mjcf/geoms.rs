@@ -12,11 +12,9 @@ use crate::config::error::RetargetError;
 /// Density of shapes without mass, kg/m^3.
 const DENSITY: f64 = 1000.0;
 
-/// A box, cylinder or ball in its link's frame.
 pub(super) struct MjcfGeom {
     pub pose: Isometry3<f64>,
     pub mass_kg: f64,
-    /// Radius of a ball about it.
     pub reach_m: f64,
     geometry: Geometry,
     rgba: [f64; 4],

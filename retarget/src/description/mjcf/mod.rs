@@ -37,16 +37,13 @@ pub fn is_mjcf(text: &str) -> bool {
 }
 
 /// The URDF of an MJCF model, and what was left out or approximated.
-///
-/// # Errors
-/// A text that cannot be converted; says why.
+/// Fails, with the reason, where the text cannot be converted.
 pub fn urdf_from_mjcf(text: &str) -> Result<(String, Vec<Diagnostic>), RetargetError> {
     let mut diagnostics = Diagnostics::default();
     let robot = read(text, &mut diagnostics)?;
     Ok((urdf_text::urdf_text(&robot), diagnostics.list))
 }
 
-/// The robot of an MJCF model.
 pub(super) fn read(
     text: &str,
     diagnostics: &mut Diagnostics,

@@ -381,7 +381,6 @@ pub(super) fn children<'a, 'd: 'a>(
         .filter(move |child| child.is_element() && child.tag_name().name() == name)
 }
 
-/// A text on one line: control characters become blanks.
 pub(super) fn plain(text: &str) -> String {
     text.replace(char::is_control, " ")
 }

@@ -15,7 +15,6 @@ use elements::{ElementReader, children, has_commas, numbers, plain};
 
 pub(super) use elements::RateLimitsByJoint;
 
-/// Undeclared prefixes that are declared for the file.
 const MOST_PREFIXES: usize = 16;
 
 /// The robot of a URDF text and its further rate limits; `None` where the text
@@ -97,7 +96,6 @@ fn robot(
     Some((robot, reader.rates))
 }
 
-/// Reports once for the file that vectors have commas.
 fn report_commas(root: Node, diagnostics: &mut Diagnostics) {
     let vectors = root.descendants().flat_map(|node| {
         ["xyz", "rpy", "quat_xyzw", "size", "scale", "rgba"]

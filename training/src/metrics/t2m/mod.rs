@@ -18,9 +18,9 @@ use gru::{GruReader, LEAK};
 use words::{KINDS, WORD_DIM, WordTable};
 
 use crate::motion::humanml::{HUMANML_DIM, HumanMlVector};
+use servodance_model::ModelError;
+use servodance_model::conditioning::TensorLinear as Linear;
 use servodance_model::conditioning::checkpoint::Checkpoint;
-use servodance_model::conditioning::layers::Linear;
-use servodance_model::error::ModelError;
 
 pub const POINT_DIM: usize = 512;
 /// Frames of a motion that become one step; a motion's length is cut to a multiple of it.

@@ -11,8 +11,8 @@ use std::path::Path;
 use candle_core::{Device, Result as TensorResult, Tensor};
 use serde::Deserialize;
 
+use servodance_model::ModelError;
 use servodance_model::conditioning::checkpoint::{Checkpoint, file_error};
-use servodance_model::error::ModelError;
 
 pub(super) const WORD_DIM: usize = 300;
 pub(super) const KINDS: usize = 15;

@@ -1,7 +1,7 @@
 //! What is learned: named tensors of f32, in the order in which they were made.
 //!
 //! Names and shapes are those of the weights file, so that what was trained
-//! loads in [`servodance_model::net`] as it is.
+//! loads in [`servodance_model::weights`] as it is.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;

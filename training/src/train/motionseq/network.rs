@@ -8,7 +8,7 @@ use crate::train::layers::{
     CrossAttentionLayer, Dropout, FeedForwardLayer, LayerNorm, LayerWidths, LinearLayer,
     ParamBuilder, SelfAttentionLayer,
 };
-use servodance_model::net::{ModelConfig, Positions};
+use servodance_model::config::{ModelConfig, Positions};
 
 const EMBEDDING: ParamInit = ParamInit::Normal(0.32);
 /// Longest period of the sinusoidal positions, as in `net`.

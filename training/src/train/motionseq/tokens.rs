@@ -9,9 +9,9 @@ use crate::train::autodiff::parameters::normal;
 use crate::train::data::TrainingData;
 use crate::train::error::TrainError;
 use crate::train::vqvae::codebook::LearnedCodebook;
+use servodance_model::ModelError;
 use servodance_model::conditioning::MusicKind;
-use servodance_model::error::ModelError;
-use servodance_model::net::VqEncoder;
+use servodance_model::vqvae::VqEncoder;
 
 /// A near code is one of so many nearest others.
 const NEAR: usize = 8;

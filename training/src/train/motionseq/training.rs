@@ -21,7 +21,7 @@ use crate::train::network_training::{BatchOutcome, NamedValues, NetworkTraining}
 use crate::train::settings::{ClipWeights, TrainingSettings};
 use crate::train::tensors::{Numbers, Tensors};
 use crate::train::vqvae::codebook::LearnedCodebook;
-use servodance_model::net::ModelConfig;
+use servodance_model::config::ModelConfig;
 
 /// Sequences that are validated on, and the seed that draws them.
 const HELD_SEQUENCES: usize = 32;

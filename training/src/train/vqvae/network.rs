@@ -6,7 +6,7 @@ use crate::train::autodiff::tape::{Batch, Tape, Var};
 use crate::train::layers::{
     Dropout, LayerNorm, LayerWidths, LinearLayer, ParamBuilder, TransformerLayer,
 };
-use servodance_model::net::{ModelConfig, part_channels};
+use servodance_model::config::{ModelConfig, part_channels};
 
 #[derive(Clone, Debug)]
 struct PartEncoder {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::PIECE_ROWS;
 use crate::train::autodiff::lanes;
 use crate::train::autodiff::tape::{Gradients, Operation, Tape, Var};
-use servodance_model::net::Activation;
+use servodance_model::config::Activation;
 
 /// sqrt(2 / pi) and the cubic term of GELU's tanh form.
 const GELU: (f32, f32) = (0.797_884_6, 0.044_715);
