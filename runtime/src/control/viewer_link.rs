@@ -1,7 +1,7 @@
 //! The control loop's side of the viewers: requests in, snapshots out.
 //!
 //! Nothing here waits, and nothing allocates while nothing happens. Amplitude and mirror change gently: the movement
-//! shrinks or grows [`AMPLITUDE_PER_S`]; before it is mirrored it shrinks to
+//! shrinks or grows `AMPLITUDE_PER_S`; before it is mirrored it shrinks to
 //! nothing.
 
 use super::robot_buses::RobotBuses;

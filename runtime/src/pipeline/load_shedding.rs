@@ -9,7 +9,7 @@
 //! | 4 | the generator: a held figure | nearly all of it |
 //!
 //! The load is the share of its time that a motion frame takes in
-//! feature extractor and generator. Above [`HIGH`] for a second one thing more is left out; below [`LOW`]
+//! feature extractor and generator. Above `HIGH` for a second one thing more is left out; below `LOW`
 //! for ten seconds one comes back (the picture does not). Time is counted in
 //! motion frames. In simulated time nothing is ever left out: it waits.
 

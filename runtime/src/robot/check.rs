@@ -10,12 +10,10 @@ use std::path::Path;
 
 /// What was found in one file.
 #[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // the names say it
 pub struct Checked {
-    /// The file, as it was given.
     pub file: String,
-    /// Whether a robot can be built on it.
     pub usable: bool,
-    /// Everything found; refusals first.
     pub findings: Vec<Diagnostic>,
 }
 
@@ -24,9 +22,7 @@ impl Checked {
         findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
         Self {
             file: file.to_owned(),
-            usable: findings
-                .iter()
-                .all(|f| f.severity != DiagnosticSeverity::Refused),
+            usable: is_usable(&findings),
             findings,
         }
     }
@@ -48,6 +44,11 @@ impl Checked {
     }
 }
 
+fn is_usable(findings: &[Diagnostic]) -> bool {
+    let mut severities = findings.iter().map(|finding| finding.severity);
+    severities.all(|severity| severity != DiagnosticSeverity::Refused)
+}
+
 /// Checks a robot file (`.toml`), a built-in robot by name, or a description.
 pub fn check(file: &str) -> Checked {
     let built_in = BUILT_IN.iter().any(|robot| robot.name == file);
@@ -67,22 +68,13 @@ fn check_robot(file: &str) -> Vec<Diagnostic> {
             findings
         }
         Err(error) => {
-            let code = error.downcast_ref::<RobotError>().map(|e| e.code);
-            let finding = Diagnostic::new(
-                code.unwrap_or(DiagnosticCode::RobotFile),
-                file,
-                format!("{error:#}"),
-            );
+            let known = error.downcast_ref::<RobotError>();
+            let code = known.map_or(DiagnosticCode::RobotFile, |e| e.code);
             // What is wrong with the description itself is told in full.
-            let description = error
-                .downcast_ref::<RobotError>()
-                .and_then(|e| e.urdf_xml.as_deref());
+            let description = known.and_then(|e| e.urdf_xml.as_deref());
             let mut findings = description.map(lint).unwrap_or_default();
-            if findings
-                .iter()
-                .all(|f| f.severity != DiagnosticSeverity::Refused)
-            {
-                findings.push(finding);
+            if is_usable(&findings) {
+                findings.push(Diagnostic::new(code, file, format!("{error:#}")));
             }
             findings
         }

@@ -5,7 +5,6 @@
 use super::overrides::Overrides;
 use toml_edit::{Document, Item, TableLike};
 
-/// A robot file and the keys that are set beside it.
 pub struct ConfigSource<'a> {
     pub file: &'a str,
     pub text: &'a str,
@@ -18,8 +17,7 @@ impl ConfigSource<'_> {
         self.overrides.source_of(&["urdf"]).is_some()
     }
 
-    /// Who is to blame for a key: `FILE:LINE`, `--set KEY=VALUE`, a variable. The
-    /// file alone where it has no such key.
+    /// Who set a key: `FILE:LINE`, the file alone, `--set KEY=VALUE`, or a variable.
     pub fn place(&self, path: &[&str]) -> String {
         if let Some(source) = self.overrides.source_of(path) {
             return source.to_owned();
@@ -31,8 +29,7 @@ impl ConfigSource<'_> {
     }
 }
 
-/// The line of a key, or of the last table on the way to it; an entry of an
-/// array of tables goes by its `name`.
+/// The line of a key or the last table on its way; array entries go by their `name`.
 fn line_of(text: &str, path: &[&str]) -> Option<usize> {
     let document = Document::parse(text).ok()?;
     let mut at = None;

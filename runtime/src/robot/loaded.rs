@@ -12,7 +12,6 @@ use servodance_retarget::{DiagnosticCode, RetargetConfig, Retargeter};
 use servodance_types::JointLimits;
 use std::path::{Path, PathBuf};
 
-/// A robot, checked and ready to be driven.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // the names say it
 pub struct Robot {
@@ -26,9 +25,7 @@ pub struct Robot {
     pub control_hz: f64,
     /// Delay from command to position, seconds.
     pub servo_lag_s: f64,
-    /// What it does while there is no music.
     pub idle: IdleStyle,
-    /// The buses, and which joints are on each.
     pub buses: Vec<BusLayout>,
     pub safety: SafetyConfig,
     pub retarget: RetargetConfig,
@@ -152,20 +149,13 @@ impl Robot {
             .collect()
     }
 
-    /// The servo of a joint.
-    /// The error lists the joints there are.
+    /// The servo of a joint; the error lists the joints there are.
     pub fn servo(&self, joint: &str) -> anyhow::Result<&Servo> {
-        let known = || {
-            let names: Vec<&str> = self.servos.iter().map(|s| s.name.as_str()).collect();
-            names.join(", ")
-        };
         let found = self.servos.iter().find(|servo| servo.name == joint);
         found.ok_or_else(|| {
-            anyhow!(
-                "robot {} has no joint \"{joint}\"; its joints: {}",
-                self.name,
-                known()
-            )
+            let names: Vec<&str> = self.servos.iter().map(|s| s.name.as_str()).collect();
+            let (robot, known) = (&self.name, names.join(", "));
+            anyhow!("robot {robot} has no joint \"{joint}\"; its joints: {known}")
         })
     }
 
@@ -185,8 +175,7 @@ impl Robot {
     }
 }
 
-/// Reads the description that a robot file in this folder names: one of the
-/// robot's own files, unless the user named it himself.
+/// Reads the description that a robot file names: its own, unless the user named it himself.
 fn description(source: &ConfigSource, folder: &Path, urdf: &str) -> anyhow::Result<String> {
     let path = folder.join(urdf);
     let found = match source.sets_urdf() {

@@ -11,7 +11,6 @@
 use anyhow::{anyhow, bail};
 use toml_edit::{DocumentMut, Item, Key, Table, TableLike, Value};
 
-/// Beginning of the variables.
 const PREFIX: &str = "SERVODANCE_";
 /// Variables that are something else.
 const RESERVED: [&str; 4] = ["ROBOT", "BUS", "MODEL", "FAILPOINT"];
@@ -31,8 +30,7 @@ struct Override {
 pub struct Overrides(Vec<Override>);
 
 impl Overrides {
-    /// From options, after those from the environment.
-    /// Fails at an option without a key or a value.
+    /// From the environment, then options; fails at an option without key or value.
     pub fn from_user(set: &[String]) -> anyhow::Result<Self> {
         let variables = std::env::vars_os();
         let variables = variables.filter_map(|(name, value)| {
@@ -88,7 +86,6 @@ impl Overrides {
         Ok((text, ignored))
     }
 
-    /// Which of them set a key, the last if several did.
     pub(super) fn source_of(&self, path: &[&str]) -> Option<&str> {
         let sets = |one: &&Override| {
             let parts = one.path.iter().zip(path);
@@ -136,10 +133,8 @@ impl Override {
         let names: Vec<String> = tables.iter().map(name_of).collect();
         let by_name = names.iter().position(|name| same(name, who, self.loose));
         let by_number = who.parse().ok().filter(|place| *place < names.len());
-        match by_name
-            .or(by_number)
-            .and_then(|place| tables.get_mut(place))
-        {
+        let place = by_name.or(by_number);
+        match place.and_then(|place| tables.get_mut(place)) {
             Some(table) if !rest.is_empty() => self.set(table, rest),
             Some(_) => Err(format!("which key of {what} {who}?")),
             None => Err(format!(
@@ -177,12 +172,8 @@ fn from_option(text: &str) -> anyhow::Result<Override> {
         bail!("--set {text}: expected KEY=VALUE, such as safety.rearm=true");
     };
     let keys = Key::parse(key.trim()).map_err(|error| {
-        let line = error
-            .to_string()
-            .lines()
-            .last()
-            .unwrap_or_default()
-            .to_owned();
+        let error = error.to_string();
+        let line = error.lines().last().unwrap_or_default();
         anyhow!("--set {text}: \"{key}\" is no key: {line}")
     })?;
     Ok(Override {

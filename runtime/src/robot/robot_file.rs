@@ -11,12 +11,10 @@ use servodance_retarget::{DiagnosticCode, RetargetConfig, RetargetError};
 /// Why a robot file cannot be used.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{message}")]
+#[allow(missing_docs)] // the names say it
 pub struct RobotError {
-    /// What kind of mistake it is.
     pub code: DiagnosticCode,
-    /// What is wrong; names the file.
     pub message: String,
-    /// The description, where that is at fault.
     pub urdf_xml: Option<String>,
 }
 
@@ -70,7 +68,6 @@ pub(super) fn parse(source: &ConfigSource) -> anyhow::Result<RobotFile> {
     read(&text).map_err(|e| refuse(one_line(e.message())))
 }
 
-/// Which key of a robot file an error is about.
 pub(super) fn config_path(error: &ConfigError) -> Vec<&str> {
     match error {
         ConfigError::Joint { joint, key, .. } => vec!["joint", joint, key],

@@ -67,8 +67,7 @@ impl RobotFolders {
         Some(inner.to_str()?.to_owned())
     }
 
-    /// Where the mesh is that the description gives this name.
-    /// The error says why the mesh is not read.
+    /// The mesh of this name in the description; the error says why it is not read.
     pub fn mesh(&self, name: &str) -> Result<PathBuf, String> {
         let candidates: Vec<PathBuf> = if let Some(path) = name.strip_prefix("package://") {
             // A package is called as its folder, or as something else.

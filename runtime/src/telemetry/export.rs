@@ -31,8 +31,7 @@ pub fn csv(recording: &Recording, path: &Path) -> anyhow::Result<()> {
     csv.finish()
 }
 
-/// The human motion, for animation programs.
-/// Fails if there is none.
+/// The human motion, for animation programs; fails if there is none.
 pub fn bvh(recording: &Recording, path: &Path) -> anyhow::Result<()> {
     let poses: Vec<_> = recording
         .motion
@@ -50,8 +49,7 @@ pub fn bvh(recording: &Recording, path: &Path) -> anyhow::Result<()> {
     write_whole(path, bvh_write::bvh(&clip).as_bytes())
 }
 
-/// The human and the robot, moving.
-/// Fails if the part is not in the recording.
+/// The human and the robot, moving; fails if the part is not in the recording.
 pub fn gif(recording: &Recording, part: ExportSpan, path: &Path) -> anyhow::Result<()> {
     let [first_s, last_s] = recording.span_s();
     let from_s = part.from_s.max(first_s);
@@ -95,7 +93,6 @@ pub fn gif(recording: &Recording, part: ExportSpan, path: &Path) -> anyhow::Resu
     pending.finish()
 }
 
-/// The axes of human motion: x left, y up, z forward.
 fn with_y_up([forward, left, up]: [f32; 3]) -> [f32; 3] {
     [left, up, forward]
 }

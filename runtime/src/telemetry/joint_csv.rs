@@ -42,7 +42,6 @@ impl JointCsv {
     }
 }
 
-/// A column's name; quoted where it would fall apart.
 fn quoted(name: &str) -> String {
     match name.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", name.replace('"', "\"\"")),

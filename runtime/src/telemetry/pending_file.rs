@@ -4,8 +4,9 @@
 //! the end, so that a refused run or a full disk leaves no half file behind.
 
 use anyhow::Context;
-use std::fs::File;
-use std::io::{BufWriter, Read, Write, copy};
+use std::fs::{File, Permissions};
+use std::io::{BufWriter, Read, copy};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
@@ -28,7 +29,7 @@ impl PendingFile {
         }
         let file = tempfile::Builder::new()
             .prefix(".servodance-")
-            .permissions(permissions())
+            .permissions(Permissions::from_mode(0o644)) // a temporary file is private
             .tempfile_in(folder)
             .with_context(|| format!("cannot write {}", target.display()))?;
         Ok(Self {
@@ -47,11 +48,8 @@ impl PendingFile {
     /// Starts `target` and writes everything into it that can be read.
     pub(crate) fn filled(target: &Path, content: &mut impl Read) -> anyhow::Result<Self> {
         let pending = Self::create(target)?;
-        let mut writer = pending.writer()?;
-        copy(content, &mut writer)
-            .and_then(|_| writer.flush())
-            .with_context(|| format!("cannot write {}", target.display()))?;
-        drop(writer);
+        let copied = copy(content, &mut pending.file.as_file());
+        copied.with_context(|| format!("cannot write {}", target.display()))?;
         Ok(pending)
     }
 
@@ -76,18 +74,10 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     PendingFile::filled(path, &mut &bytes[..])?.finish()
 }
 
-/// Readable by everybody, as an ordinary file; temporary files are private.
-fn permissions() -> std::fs::Permissions {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        std::fs::Permissions::from_mode(0o644)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Write;
 
     #[test]
     fn an_abandoned_file_leaves_nothing_behind() {

@@ -77,7 +77,6 @@ pub struct BusReport {
     pub rate_hz: f64,
 }
 
-/// Limits broken at the simulated servos, counted in cycles and joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[allow(missing_docs)] // docs/report.md
 pub struct ViolationReport {
@@ -220,7 +219,6 @@ impl DanceReport {
         format!("{}/{}", env!("CARGO_PKG_VERSION"), Self::FORMAT)
     }
 
-    /// Writes the report as indented JSON, whole or not at all.
     pub fn write(&self, path: &Path) -> anyhow::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');

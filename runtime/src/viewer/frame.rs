@@ -2,24 +2,13 @@
 //! a frame. Made by the viewer thread.
 
 use super::scene::Scene;
-use super::snapshot::{JointStatus, Snapshot, state_name};
+use super::snapshot::{JointStatus, MusicStatus, Snapshot, ViewerEvent, rounded, state_name};
 use crate::control::idle::IdleStyle;
 use crate::telemetry::pose_array::{pose_array, pose_from_array};
 use serde::Serialize;
-use servodance_types::BeatLock;
 
-/// A number with four decimals; `null` if it is none.
-#[derive(Clone, Copy)]
-struct Rounded(f64);
-
-impl Serialize for Rounded {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self.0.is_finite() {
-            true => serializer.serialize_f64((self.0 * 1e4).round() / 1e4),
-            false => serializer.serialize_none(),
-        }
-    }
-}
+#[derive(Clone, Copy, Serialize)]
+struct Rounded(#[serde(serialize_with = "rounded")] f64);
 
 #[derive(Serialize)]
 struct FrameJson<'a> {
@@ -36,7 +25,7 @@ struct FrameJson<'a> {
     velocities_rad_s: Vec<Rounded>,
     currents_a: Vec<Rounded>,
     temperatures_c: Vec<Rounded>,
-    beat: BeatJson,
+    beat: MusicStatus,
     bands: Vec<Rounded>,
     idle_share: Rounded,
     amplitude: Rounded,
@@ -46,16 +35,7 @@ struct FrameJson<'a> {
     late_frames: u64,
     interventions: u64,
     violations: Option<u64>,
-    events: Vec<EventJson<'a>>,
-}
-
-#[derive(Serialize)]
-struct BeatJson {
-    phase: Rounded,
-    tempo_bpm: Rounded,
-    confidence: Rounded,
-    lock: &'static str,
-    presence: Rounded,
+    events: &'a [ViewerEvent],
 }
 
 #[derive(Serialize)]
@@ -76,14 +56,6 @@ struct BusJson {
     retries: u64,
 }
 
-#[derive(Serialize)]
-struct EventJson<'a> {
-    time_s: Rounded,
-    state: &'a str,
-    cause: &'a str,
-}
-
-/// The frame of a snapshot.
 pub fn frame(scene: &Scene, snapshot: &Snapshot, estop: bool) -> String {
     let now = &snapshot.now;
     let joint = |value: fn(&JointStatus) -> f64| {
@@ -107,17 +79,7 @@ pub fn frame(scene: &Scene, snapshot: &Snapshot, estop: bool) -> String {
         velocities_rad_s: joint(|j| j.velocity_rad_s),
         currents_a: joint(|j| j.current_a),
         temperatures_c: joint(|j| j.temperature_c),
-        beat: BeatJson {
-            phase: Rounded(now.music.phase),
-            tempo_bpm: Rounded(now.music.tempo_bpm),
-            confidence: Rounded(now.music.confidence),
-            lock: match now.music.lock {
-                BeatLock::Lost => "lost",
-                BeatLock::Locked => "locked",
-                BeatLock::Holding => "holding",
-            },
-            presence: Rounded(now.music.presence),
-        },
+        beat: now.music,
         bands: now.music.bands.map(|b| Rounded(f64::from(b))).to_vec(),
         idle_share: Rounded(now.idle_share),
         amplitude: Rounded(now.amplitude),
@@ -139,21 +101,12 @@ pub fn frame(scene: &Scene, snapshot: &Snapshot, estop: bool) -> String {
         late_frames: now.late_frames,
         interventions: now.interventions,
         violations: now.violations,
-        events: snapshot
-            .events()
-            .iter()
-            .map(|event| EventJson {
-                time_s: Rounded(event.time_s),
-                state: event.state,
-                cause: &event.cause,
-            })
-            .collect(),
+        events: snapshot.events(),
     };
     // Numbers and text only: nothing here can fail.
     serde_json::to_string(&frame).unwrap_or_default()
 }
 
-/// Pose of every link in the world.
 fn links(scene: &Scene, snapshot: &Snapshot) -> Vec<[Rounded; 7]> {
     let positions: Vec<f64> = snapshot.joints.iter().map(|j| j.position_rad).collect();
     let world_from_root = pose_from_array(snapshot.now.root);

@@ -9,8 +9,7 @@
 //!   reads in every tick.
 
 use super::request::ViewerRequest;
-use super::settings::ViewerSettings;
-use super::snapshot::Snapshot;
+use super::snapshot::{Snapshot, ViewerSettings};
 use servodance_drivers::EStop;
 
 /// Requests that may wait: far more than people can press in one cycle.
@@ -26,7 +25,6 @@ pub struct RobotEnd {
     pub settings: ViewerSettings,
 }
 
-/// What one viewer is shown, and asks.
 struct ViewerChannel {
     snapshots: triple_buffer::Input<Snapshot>,
     requests: rtrb::Consumer<ViewerRequest>,
@@ -58,8 +56,7 @@ impl RobotEnd {
         }
     }
 
-    /// A add_viewer for one viewer more: each has a slot and a ring of their own, so
-    /// that none can delay another. To be taken before torque is on.
+    /// One viewer more, with its own slot and ring: none delays another. Before torque on.
     pub fn add_viewer(&mut self) -> ViewerEnd {
         let (input, output) = triple_buffer::triple_buffer(&self.draft);
         let (producer, consumer) = rtrb::RingBuffer::new(WAITING);
@@ -77,27 +74,22 @@ impl RobotEnd {
     /// The next request, if there is one. Never waits.
     pub fn request(&mut self) -> Option<ViewerRequest> {
         let mut viewers = self.viewers.iter_mut();
-        viewers.find_map(|add_viewer| add_viewer.requests.pop().ok())
+        viewers.find_map(|viewer| viewer.requests.pop().ok())
     }
 
     /// Lets `change` change the last snapshot, and shows it. Never waits.
     pub fn publish(&mut self, change: impl FnOnce(&mut Snapshot)) {
         change(&mut self.draft);
         self.draft.now.settings = self.settings;
-        for add_viewer in &mut self.viewers {
-            add_viewer
-                .snapshots
-                .input_buffer_mut()
-                .copy_from(&self.draft);
-            add_viewer.snapshots.publish();
+        for viewer in &mut self.viewers {
+            viewer.snapshots.input_buffer_mut().copy_from(&self.draft);
+            viewer.snapshots.publish();
         }
     }
 
-    /// Whether all viewers are gone.
-    pub fn is_alone(&self) -> bool {
-        self.viewers
-            .iter()
-            .all(|add_viewer| add_viewer.requests.is_abandoned())
+    pub(crate) fn is_alone(&self) -> bool {
+        let mut viewers = self.viewers.iter();
+        viewers.all(|viewer| viewer.requests.is_abandoned())
     }
 }
 
@@ -122,11 +114,6 @@ impl ViewerEnd {
             }
         }
         room
-    }
-
-    /// Whether the control loop's end is gone.
-    pub fn is_alone(&self) -> bool {
-        self.requests.is_abandoned()
     }
 }
 
@@ -170,7 +157,7 @@ mod tests {
         assert!((0..WAITING).all(|_| viewer.ask(&[ViewerRequest::Resume])));
         assert!(!viewer.ask(&[ViewerRequest::Stop]));
         drop(robot);
-        assert!(viewer.is_alone());
+        assert!(viewer.requests.is_abandoned());
     }
 
     #[test]

@@ -21,7 +21,6 @@ mod server;
 #[cfg(not(feature = "view"))]
 #[path = "server/absent.rs"]
 mod server;
-mod settings;
 pub(crate) mod snapshot;
 mod terminal;
 
@@ -30,6 +29,5 @@ pub use player::Player;
 pub use request::ViewerRequest;
 pub use scene::Scene;
 pub use server::Server;
-pub use settings::ViewerSettings;
-pub use snapshot::Activity;
+pub use snapshot::{Activity, ViewerSettings};
 pub use terminal::TerminalView;

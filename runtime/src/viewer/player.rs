@@ -17,8 +17,7 @@ pub struct Player<'a> {
     end: RobotEnd,
     time_s: f64,
     paused: bool,
-    /// Events that viewers have seen.
-    told: usize,
+    events_shown: usize,
 }
 
 impl<'a> Player<'a> {
@@ -29,7 +28,7 @@ impl<'a> Player<'a> {
             end,
             time_s: recording.span_s()[0],
             paused: false,
-            told: 0,
+            events_shown: 0,
         }
     }
 
@@ -47,7 +46,6 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Does what was asked, and lets time pass.
     fn go(&mut self, passed_s: f64) {
         let [first_s, last_s] = self.recording.span_s();
         while let Some(request) = self.end.request() {
@@ -84,8 +82,8 @@ impl<'a> Player<'a> {
         let [first_s, _] = recording.span_s();
         let past = recording.events.iter();
         let past: Vec<_> = past.take_while(|(at_s, _)| *at_s <= time_s).collect();
-        if past.len() != self.told {
-            self.told = past.len();
+        if past.len() != self.events_shown {
+            self.events_shown = past.len();
             let first = self.first_event();
             let events = past.into_iter().map(|(at_s, past)| ViewerEvent {
                 time_s: at_s - first_s,
@@ -147,7 +145,6 @@ fn music_at(recording: &Recording, time_s: f64) -> MusicStatus {
     }
 }
 
-/// What was heard last; silence where nothing was written down.
 fn spectrum_at(recording: &Recording, time_s: f64) -> [f32; BANDS] {
     let heard = recording.spectrum.last_before(time_s);
     let bands = heard.and_then(|(_, bands)| bands.as_slice().try_into().ok());

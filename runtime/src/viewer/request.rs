@@ -8,22 +8,17 @@
 //! Text is checked here once; a request for the control loop is small and `Copy`.
 //! The emergency stop is no request: it does not wait in a queue.
 
-use super::settings::ViewerSettings;
-use super::snapshot::Activity;
+use super::snapshot::{Activity, ViewerSettings};
 use crate::control::idle::IdleStyle;
 use serde::Deserialize;
 
-/// A request to the control loop, which looks once a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs)] // the names say it
 pub enum ViewerRequest {
     /// Torque on, and dance; only while waiting.
     Start,
-    /// Brake and hold position.
     Hold,
-    /// Follow the dance again.
     Resume,
-    /// To rest, then torque off.
     Stop,
     /// Release the emergency stop; only while waiting.
     Release,
@@ -49,8 +44,7 @@ impl ViewerRequest {
         }
     }
 
-    /// Whether it makes sense now; `pressed` is the emergency stop.
-    /// The error is one line for the viewer that asked.
+    /// Whether it makes sense now; `pressed` is the emergency stop. The error is one line.
     pub fn possible(self, activity: Activity, pressed: bool) -> Result<(), String> {
         let waiting = activity == Activity::Waiting;
         let playing = activity == Activity::Playing;
@@ -66,7 +60,6 @@ impl ViewerRequest {
     }
 }
 
-/// A request as it comes in.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RequestText {
@@ -97,12 +90,9 @@ struct SettingsText {
     time_s: Option<f64>,
 }
 
-/// A request that was understood.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ParsedRequest {
-    /// Press the emergency stop.
     EStop,
-    /// For the control loop, in order.
     Requests(Vec<ViewerRequest>),
 }
 

@@ -12,18 +12,13 @@ use servodance_types::{BodyJoint, JointLimits};
 /// Thickness of a link without shapes, metres.
 const STICK_M: f64 = 0.008;
 
-/// A robot to be watched.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // the names say it
 pub struct Scene {
     pub robot: String,
-    /// Its tree and shapes.
     pub model: RobotModel,
-    /// Its meshes, for those who draw them.
     pub meshes: Meshes,
-    /// Joint names and limits, in order.
     pub joints: Vec<(String, JointLimits)>,
-    /// Styles that can be asked for.
     pub styles: Vec<String>,
     /// Control cycles a second.
     pub control_hz: f64,

@@ -4,34 +4,28 @@
 //! events. Radians, metres, seconds; robot axes x forward, y left, z up. Unknown
 //! values are NaN, and `null` in JSON.
 
-use super::settings::ViewerSettings;
+use crate::control::idle::IdleStyle;
+use serde::{Serialize, Serializer};
 use servodance_drivers::{BusStats, State};
 use servodance_types::{BeatLock, JOINT_COUNT};
 
-/// Bands of the spectrum.
 pub const BANDS: usize = 32;
-/// Events of the safety layer that are kept in view.
 pub const EVENTS: usize = 8;
 
 /// What the program is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(missing_docs)] // the names say it
 pub enum Activity {
     /// Torque is off until somebody says `start`.
     #[default]
     Waiting,
-    /// Servos are being checked.
     Starting,
     /// Standing until live music comes.
     Listening,
-    /// On the way to the first pose.
     Prelude,
-    /// Dancing, or idling while there is no music.
     Dancing,
-    /// On the way to the rest pose.
     Finale,
-    /// A recording is played back; nothing moves.
     Playing,
-    /// Torque is off and the program ends.
     Over,
 }
 
@@ -53,7 +47,6 @@ impl Activity {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointStatus {
-    /// What the servo was told, inside the limits.
     pub target_rad: f64,
     pub position_rad: f64,
     pub velocity_rad_s: f64,
@@ -73,43 +66,53 @@ impl Default for JointStatus {
     }
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MusicStatus {
-    /// Position between two beats, 0 to 1.
+    #[serde(serialize_with = "rounded")]
     pub phase: f64,
+    #[serde(serialize_with = "rounded")]
     pub tempo_bpm: f64,
+    #[serde(serialize_with = "rounded")]
     pub confidence: f64,
+    #[serde(serialize_with = "lock_name")]
     pub lock: BeatLock,
-    /// How sure it is that this is music, 0 to 1.
+    #[serde(serialize_with = "rounded")]
     pub presence: f64,
-    /// Level of each band, 0 to 1, low to high.
+    #[serde(skip)]
     pub bands: [f32; BANDS],
 }
 
 /// A change of the safety layer's state, or a remark of it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ViewerEvent {
-    /// Seconds since torque on.
+    #[serde(serialize_with = "rounded")]
     pub time_s: f64,
-    /// The state after the event.
     pub state: &'static str,
     pub cause: String,
 }
 
-/// The part of a snapshot that has a fixed size.
+/// What a viewer can change while the robot dances.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs)] // the names say it
+pub struct ViewerSettings {
+    pub amplitude: f64,
+    pub mirror: bool,
+    pub idle: IdleStyle,
+    pub style: usize,
+    pub seed: u64,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotStatus {
     pub activity: Activity,
     /// Seconds since torque on.
     pub robot_s: f64,
-    /// Seconds of music; below zero before it.
     pub music_s: f64,
     /// `world_from_root`: x, y, z, then the quaternion x, y, z, w.
     pub root: [f64; 7],
     /// The 22 points of the human whom the robot follows, if there is one.
     pub human: Option<[[f32; 3]; JOINT_COUNT]>,
     pub music: MusicStatus,
-    /// Share of idle in what is shown, 0 to 1.
     pub idle_share: f64,
     pub settings: ViewerSettings,
     /// The amplitude on its way to what was asked for.
@@ -121,10 +124,8 @@ pub struct RobotStatus {
     pub rate_hz: f64,
     /// How late the latest of the last cycles was, milliseconds.
     pub late_ms: f64,
-    /// Cycles without the motion that they needed.
     pub late_frames: u64,
     pub safety: State,
-    /// Commands that the safety layer changed.
     pub interventions: u64,
     /// Limits broken at simulated servos; `None` on real ones.
     pub violations: Option<u64>,
@@ -135,12 +136,10 @@ pub struct Snapshot {
     pub now: RobotStatus,
     pub joints: Vec<JointStatus>,
     events: Vec<ViewerEvent>,
-    /// How many events there were.
     events_seen: usize,
 }
 
 impl Snapshot {
-    /// Before anything happened, of a robot with so many joints.
     pub fn new(joints: usize, settings: ViewerSettings) -> Self {
         let now = RobotStatus {
             activity: Activity::default(),
@@ -184,7 +183,6 @@ impl Snapshot {
         self.events_seen += 1; // also if there are none
     }
 
-    /// The newest events, oldest first.
     pub fn events(&self) -> &[ViewerEvent] {
         &self.events
     }
@@ -215,7 +213,22 @@ pub fn known_state(word: &str) -> &'static str {
     known.map_or("event", |(_, name)| name)
 }
 
-/// The name of a state of the safety layer.
+/// A number with four decimals; `null` if it is none.
+pub fn rounded<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    match value.is_finite() {
+        true => serializer.serialize_f64((value * 1e4).round() / 1e4),
+        false => serializer.serialize_none(),
+    }
+}
+
+fn lock_name<S: Serializer>(lock: &BeatLock, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(match lock {
+        BeatLock::Lost => "lost",
+        BeatLock::Locked => "locked",
+        BeatLock::Holding => "holding",
+    })
+}
+
 pub fn state_name(state: State) -> &'static str {
     let known = STATES.iter().find(|(of, _)| *of == state);
     known.map_or("", |(_, name)| name)

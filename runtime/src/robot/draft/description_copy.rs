@@ -16,13 +16,11 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug)]
 pub(super) struct DescriptionCopy {
-    /// The description as it is to be written.
     pub text: String,
     urdf: PathBuf,
     folder: PathBuf,
     /// Of each mesh, where it is and what it is called there.
     meshes: BTreeMap<PathBuf, String>,
-    /// Meshes that stay where they are, and why.
     left: Vec<String>,
 }
 
@@ -38,7 +36,6 @@ impl DescriptionCopy {
         }
     }
 
-    /// A description and the meshes in its own folders.
     pub fn of(description: &Path, text: &str, out: &Path) -> anyhow::Result<Self> {
         let mut copies = Self::of_text(text, out);
         let folder = description.parent().unwrap_or(Path::new(""));
@@ -83,7 +80,6 @@ impl DescriptionCopy {
         Ok(new)
     }
 
-    /// A name for a mesh that no other has.
     fn free_name(&self, path: &Path) -> String {
         let name = plain(&path.file_name().unwrap_or_default().to_string_lossy());
         let numbered = (2..).map(|number| format!("{number}-{name}"));
@@ -98,7 +94,6 @@ impl DescriptionCopy {
         std::iter::once(self.urdf.clone()).chain(folder).collect()
     }
 
-    /// What is copied and what is not, a line each.
     pub fn lines(&self) -> Vec<String> {
         let left = self.left.iter().map(|line| format!("not copied: {line}"));
         let meshes = self.meshes.keys();

@@ -1,11 +1,25 @@
 //! The text of a new robot file: tables with the reasons beside them.
 
-use super::plan::FilePlan;
 use super::servo_draft::ServoDraft;
-use servodance_retarget::{BodyLinks, JointUse, Limb, Stance};
+use servodance_model::motion::Clip;
+use servodance_retarget::{BodyLinks, ConfigDraft, Diagnostic, JointUse, Limb, Stance};
 use std::fmt::Write;
 
-/// Everything in the order that a reader needs it.
+/// All that goes into a new robot file.
+pub(super) struct FilePlan<'a> {
+    pub name: String,
+    pub source: &'a str,
+    pub trial: &'a Clip,
+    pub urdf: String,
+    pub draft: &'a mut ConfigDraft,
+    pub servos: Vec<ServoDraft>,
+    pub left_out: Vec<String>,
+    pub findings: Vec<Diagnostic>,
+    pub rates: (u32, f64),
+    pub rest: Vec<(String, f64)>,
+    pub tried: Vec<String>,
+}
+
 pub(super) fn robot_file(plan: &FilePlan) -> String {
     let mut out = String::new();
     head(plan, &mut out);
@@ -179,19 +193,13 @@ fn gains(plan: &FilePlan, out: &mut String) {
 fn rest(plan: &FilePlan, out: &mut String) {
     // Feet that stand decide where the legs are.
     let stands = plan.draft.config.stance == Stance::Planted;
-    let role = |name: &str| {
-        let servo = plan.servos.iter().find(|servo| servo.name == name);
-        servo.map(|servo| servo.role)
+    let legs = [Limb::LeftLeg, Limb::RightLeg].map(JointUse::Dances);
+    let is_leg = |name: &String| {
+        let mut servos = plan.servos.iter();
+        servos.any(|servo| servo.name == *name && legs.contains(&servo.role))
     };
-    let is_leg = |name: &str| {
-        matches!(
-            role(name),
-            Some(JointUse::Dances(Limb::LeftLeg | Limb::RightLeg))
-        )
-    };
-    let mut rest = plan
-        .rest
-        .iter()
+    let rest = plan.rest.iter();
+    let mut rest = rest
         .filter(|(name, _)| !(stands && is_leg(name)))
         .peekable();
     if rest.peek().is_none() {
@@ -206,10 +214,8 @@ fn rest(plan: &FilePlan, out: &mut String) {
 }
 
 fn jerk(plan: &FilePlan, out: &mut String) {
-    let given = plan
-        .servos
-        .iter()
-        .filter_map(|servo| Some((&servo.name, servo.jerk_deg_s3?)));
+    let servos = plan.servos.iter();
+    let given = servos.filter_map(|servo| Some((&servo.name, servo.jerk_deg_s3?)));
     let mut given = given.peekable();
     if given.peek().is_none() {
         return;

@@ -6,13 +6,11 @@
 
 mod description_copy;
 mod file_text;
-mod plan;
 mod servo_draft;
 mod trials;
 
 use self::description_copy::DescriptionCopy;
-use self::file_text::{parts, robot_file};
-use self::plan::FilePlan;
+use self::file_text::{FilePlan, parts, robot_file};
 use self::servo_draft::servo_drafts;
 use self::trials::RATES;
 use crate::robot::robot_folders::RobotFolders;
@@ -22,20 +20,19 @@ use servodance_model::motion::Clip;
 use servodance_retarget::{
     DiagnosticSeverity, JointUse, draft_config, is_mjcf, lint, urdf_from_mjcf,
 };
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 /// A robot file that was written.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the names say it
 pub struct NewRobot {
-    /// The files, robot file first.
     pub files: Vec<PathBuf>,
-    /// What was seen and done, a line each.
     pub lines: Vec<String>,
 }
 
-/// Writes a robot file for a description.
-/// Refuses a description with a fatal finding, and a file that is there already
-/// unless `force` is set.
+/// Writes a robot file for a description. Refuses a description with a fatal
+/// finding, and a file that is there already unless `force` is set.
 pub fn new_robot(
     description: &Path,
     out: &Path,
@@ -128,32 +125,19 @@ fn beside(
     Ok((name.into_owned(), copies.text.clone(), Some(copies)))
 }
 
-/// What was seen and done, a line each.
 fn summary(plan: &FilePlan, out: &Path) -> Vec<String> {
     let mut lines: Vec<String> = plan.draft.reasons.clone();
     lines.extend(parts(&plan.draft.config.body));
-    lines.extend(
-        plan.draft
-            .missing
-            .iter()
-            .map(|missing| format!("missing: {missing}")),
-    );
-    let held = plan
-        .servos
-        .iter()
-        .filter(|servo| servo.role == JointUse::Held);
+    lines.extend(labelled("missing", &plan.draft.missing));
+    let servos = plan.servos.iter();
+    let held = servos.filter(|servo| servo.role == JointUse::Held);
     let held: Vec<&str> = held.map(|servo| servo.name.as_str()).collect();
     if !held.is_empty() {
         lines.push(format!("held at rest: {}", held.join(", ")));
     }
-    lines.extend(
-        plan.left_out
-            .iter()
-            .map(|joint| format!("no servo: {joint}")),
-    );
-    let odd = plan.findings.iter();
-    lines.extend(odd.map(|finding| format!("found: {finding}")));
-    lines.extend(plan.tried.iter().map(|line| format!("tried: {line}")));
+    lines.extend(labelled("no servo", &plan.left_out));
+    lines.extend(labelled("found", &plan.findings));
+    lines.extend(labelled("tried", &plan.tried));
     lines.push(format!(
         "{} servos are placeholders: fill in id, model, direction and zero_deg, then",
         plan.servos.len()
@@ -162,7 +146,10 @@ fn summary(plan: &FilePlan, out: &Path) -> Vec<String> {
     lines
 }
 
-/// A name for the robot from that of its file.
+fn labelled<T: Display>(label: &str, lines: &[T]) -> impl Iterator<Item = String> {
+    lines.iter().map(move |line| format!("{label}: {line}"))
+}
+
 fn stem(out: &Path) -> String {
     let stem = out.file_stem().unwrap_or_default().to_string_lossy();
     let plain: String = stem.chars().filter(|c| !c.is_control()).collect();

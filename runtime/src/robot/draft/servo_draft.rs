@@ -2,7 +2,6 @@
 
 use servodance_retarget::{JointDraft, JointUse};
 
-/// Bus ids there are.
 const MOST_SERVOS: usize = 252;
 /// A servo's single turn ends here, degrees.
 const TURN_DEG: f64 = 359.9;
@@ -51,7 +50,6 @@ pub(super) struct ServoDraft {
     pub acceleration_deg_s2: f64,
     /// `None`: the description does not say.
     pub jerk_deg_s3: Option<f64>,
-    /// What was changed or guessed, for a comment.
     pub notes: Vec<String>,
 }
 
@@ -60,11 +58,8 @@ pub(super) fn servo_drafts(joints: &[JointDraft]) -> (Vec<ServoDraft>, Vec<Strin
     let mut servos: Vec<ServoDraft> = Vec::new();
     let mut left_out = Vec::new();
     // What dances comes first, should the ids run out.
-    let dances = |joint: &&JointDraft| matches!(joint.role, JointUse::Dances(_));
-    let ordered = joints
-        .iter()
-        .filter(dances)
-        .chain(joints.iter().filter(|j| !dances(j)));
+    let mut ordered: Vec<&JointDraft> = joints.iter().collect();
+    ordered.sort_by_key(|joint| !matches!(joint.role, JointUse::Dances(_)));
     for joint in ordered {
         let why_not = match joint.role {
             JointUse::Wheel => Some("a wheel: not for a position servo"),

@@ -1,7 +1,6 @@
 //! Rates, crouch and stance of a new robot, settled by dancing with it.
 
-use super::file_text::robot_file;
-use super::plan::FilePlan;
+use super::file_text::{FilePlan, robot_file};
 use crate::offline::motion_tracking::{TrackedMotion, track_motion};
 use crate::robot::config_source::ConfigSource;
 use crate::robot::loaded::Robot;
@@ -49,7 +48,6 @@ impl FilePlan<'_> {
         Ok(())
     }
 
-    /// Whether the robot can stay on its feet, and why not.
     fn stand(&mut self) -> anyhow::Result<Result<String, String>> {
         let mut verdict = Err(String::new());
         for crouch in CROUCHES {
@@ -96,7 +94,6 @@ fn code(error: &anyhow::Error) -> Option<DiagnosticCode> {
     error.downcast_ref::<RobotError>().map(|error| error.code)
 }
 
-/// Whether a robot on its feet kept them and its balance.
 fn stands(followed: &TrackedMotion) -> Result<String, String> {
     let share = |count: u64| count as f64 / followed.cycles.max(1) as f64;
     let (feet, balance) = (

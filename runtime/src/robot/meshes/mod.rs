@@ -17,7 +17,6 @@ use std::sync::Arc;
 
 /// All meshes of a robot together, bytes of what browsers get.
 const MOST_BYTES: usize = 96 << 20;
-/// Reasons that are given; more are counted.
 const REASONS: usize = 3;
 
 #[derive(Clone, Debug)]
@@ -93,13 +92,10 @@ impl Meshes {
     }
 }
 
-/// The triangles of a mesh that can be drawn.
-/// The error says why it cannot be drawn.
+/// The triangles of a mesh; the error says why it cannot be drawn.
 pub(crate) fn open_mesh(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
-    let is_stl = path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("stl"));
-    if !is_stl {
+    let kind = path.extension();
+    if !kind.is_some_and(|kind| kind.eq_ignore_ascii_case("stl")) {
         return Err("only STL is drawn".into());
     }
     let unreadable = |error: std::io::Error| format!("it cannot be read: {error}");

@@ -16,8 +16,7 @@ const RECORD: usize = 50;
 
 pub type Corner = [f32; 6];
 
-/// The triangles of a file.
-/// The error says why it cannot be drawn.
+/// The triangles of a file; the error says why it cannot be drawn.
 pub fn read(bytes: &[u8]) -> Result<Vec<[Corner; 3]>, String> {
     let corners = match binary_count(bytes) {
         Some(count) => binary(bytes, count)?,

@@ -5,7 +5,7 @@
 
 use super::canvas::{Canvas, TextSize};
 use super::stick_figure::{StickFigure, draw_figure};
-use super::style::{BEAT, FAINT, INK, PAPER};
+use super::style::{BEAT, INK, PAPER};
 use gif::{Encoder, Frame, Repeat};
 use std::borrow::Cow;
 use std::io::Write;
@@ -15,13 +15,11 @@ pub const FRAMES_HZ: f64 = 12.5;
 const WIDTH: u32 = 480;
 const HEIGHT: u32 = 320;
 const FIGURE_HEIGHT: f32 = 250.0;
-/// Steps of red, green and blue in the cube.
 const CUBE: [u32; 3] = [6, 7, 6];
 
 #[derive(Clone, Debug)]
 pub struct AnimationFrame {
     pub time_s: f64,
-    /// Seconds since the last beat, if there was one.
     pub since_beat_s: Option<f64>,
     pub human: Option<StickFigure>,
     pub robot: StickFigure,
@@ -34,7 +32,6 @@ pub struct Animation<W: Write> {
 }
 
 impl<W: Write> Animation<W> {
-    /// A picture with this title that is repeated for ever.
     pub fn new(writer: W, title: &str) -> anyhow::Result<Self> {
         let mut encoder = Encoder::new(writer, WIDTH as u16, HEIGHT as u16, &palette())?;
         encoder.set_repeat(Repeat::Infinite)?;
@@ -70,7 +67,6 @@ impl<W: Write> Animation<W> {
         Ok(self.encoder.into_inner()?)
     }
 
-    /// A place in the palette for each pixel.
     fn draw(&self, moment: &AnimationFrame) -> anyhow::Result<Vec<u8>> {
         let canvas = Canvas::new(WIDTH, HEIGHT, PAPER);
         let mut canvas = canvas.ok_or_else(|| anyhow::anyhow!("no room for a picture"))?;
@@ -78,7 +74,7 @@ impl<W: Write> Animation<W> {
         let clock = format!("{:.1} s", moment.time_s);
         let right = WIDTH as f32 - 16.0;
         let at = right - Canvas::text_width(TextSize::Small, &clock);
-        canvas.text((at, HEIGHT as f32 - 26.0), TextSize::Small, FAINT, &clock);
+        canvas.caption((at, HEIGHT as f32 - 26.0), &clock);
         if let Some(since_s) = moment.since_beat_s {
             let radius = 3.0 + 6.0 * (-since_s / 0.15).exp() as f32;
             canvas.dot(
@@ -146,6 +142,7 @@ fn nearest(rgba: &[u8]) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::telemetry::picture::style::FAINT;
 
     #[test]
     fn the_nearest_colour_is_near() {

@@ -39,22 +39,20 @@ impl Canvas {
         Some(Self { pixmap })
     }
 
-    /// A page with a headline and a line below it.
     pub fn page(width: u32, height: f32, title: &str, subtitle: &str) -> anyhow::Result<Self> {
         let canvas = Self::new(width, height as u32, PAPER);
         let mut canvas = canvas.context("the picture is too large")?;
         canvas.text((MARGIN, 22.0), TextSize::Large, INK, title);
-        canvas.text((MARGIN, 56.0), TextSize::Small, FAINT, subtitle);
+        canvas.caption((MARGIN, 56.0), subtitle);
         Ok(canvas)
     }
 
     pub fn line(&mut self, points: &[Point], width: f32, rgba: Rgba) {
         let mut builder = PathBuilder::new();
-        for (i, &(x, y)) in points.iter().enumerate() {
-            if i == 0 {
-                builder.move_to(x, y);
-            } else {
-                builder.line_to(x, y);
+        for &(x, y) in points {
+            match builder.is_empty() {
+                true => builder.move_to(x, y),
+                false => builder.line_to(x, y),
             }
         }
         let Some(path) = builder.finish() else { return };
@@ -87,6 +85,11 @@ impl Canvas {
         }
     }
 
+    /// Small text in the fainter colour, as below figures.
+    pub fn caption(&mut self, at: Point, text: &str) {
+        self.text(at, TextSize::Small, FAINT, text);
+    }
+
     /// Text with its top left at the point. Letters outside Latin-1 become `?`.
     pub fn text(&mut self, (x, y): Point, size: TextSize, rgba: Rgba, text: &str) {
         let (weight, height) = size.raster();
@@ -113,7 +116,6 @@ impl Canvas {
         Ok(self.pixmap.encode_png()?)
     }
 
-    /// The pixels, row after row: red, green, blue, opacity.
     pub fn rgba(&self) -> &[u8] {
         self.pixmap.data()
     }

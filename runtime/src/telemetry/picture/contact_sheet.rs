@@ -9,7 +9,6 @@ const ROW_HEIGHT: f32 = 150.0;
 const LABEL_WIDTH: f32 = 300.0;
 const BARS_HEIGHT: f32 = 150.0;
 
-/// A motion: a few of its poses, in order.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // the names say it
 pub struct PoseRow {
@@ -57,7 +56,7 @@ impl ContactSheet {
             let mut centred = |text: &str, y: f32| {
                 let half = Canvas::text_width(TextSize::Small, text) / 2.0;
                 let at: Point = (x + step / 2.0 - half, y);
-                canvas.text(at, TextSize::Small, FAINT, text);
+                canvas.caption(at, text);
             };
             centred(name, foot + 2.0);
             if *value > 0.0 {

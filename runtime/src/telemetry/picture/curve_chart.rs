@@ -2,13 +2,12 @@
 //! curves in each.
 
 use super::canvas::{Canvas, TextSize};
-use super::plot::Plot;
+use super::plot::{Plot, span};
 use super::style::{FAINT, HEADER, INK, KINEMATIC, LIMIT, MARGIN, PANEL, Rgba, TRACK};
 
 const WIDTH: u32 = 1200;
 const PANEL_HEIGHT: f32 = 220.0;
 const TITLE_HEIGHT: f32 = 28.0;
-/// Room for the numbers at the left edge.
 const LABEL_WIDTH: f32 = 90.0;
 const COLOURS: [Rgba; 4] = [TRACK, LIMIT, KINEMATIC, FAINT];
 
@@ -53,28 +52,16 @@ impl CurvePanel {
         canvas.text((MARGIN, top), TextSize::Medium, INK, &self.title);
         let curves: Vec<Vec<(f64, f64)>> = self.curves.iter().map(Curve::finite).collect();
         let all = || curves.iter().flatten();
-        let range = |values: &mut dyn Iterator<Item = f64>| {
-            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-            for value in values {
-                (low, high) = (low.min(value), high.max(value));
-            }
-            (low, high)
-        };
         if all().next().is_none() {
-            return canvas.text(
-                (MARGIN, top + TITLE_HEIGHT),
-                TextSize::Small,
-                FAINT,
-                "nothing yet",
-            );
+            return canvas.caption((MARGIN, top + TITLE_HEIGHT), "nothing yet");
         }
         let plot = Plot {
             left: MARGIN + LABEL_WIDTH,
             top: top + TITLE_HEIGHT,
             width: WIDTH as f32 - 2.0 * MARGIN - LABEL_WIDTH,
             height: PANEL_HEIGHT - 20.0,
-            x_range: range(&mut all().map(|s| s.0)),
-            y_range: range(&mut all().map(|s| s.1)),
+            x_range: span(all().map(|s| s.0)),
+            y_range: span(all().map(|s| s.1)),
         };
         plot.panel(canvas, PANEL);
         let mut name_at = plot.left + 160.0;
@@ -85,17 +72,12 @@ impl CurvePanel {
         }
         let foot = plot.top + plot.height;
         for (value, y) in [(plot.y_range.1, plot.top), (plot.y_range.0, foot - 16.0)] {
-            canvas.text((MARGIN, y), TextSize::Small, FAINT, &short(value));
+            canvas.caption((MARGIN, y), &short(value));
         }
-        canvas.text(
-            (plot.left, foot + 2.0),
-            TextSize::Small,
-            FAINT,
-            &short(plot.x_range.0),
-        );
+        canvas.caption((plot.left, foot + 2.0), &short(plot.x_range.0));
         let last = short(plot.x_range.1);
         let x = plot.left + plot.width - Canvas::text_width(TextSize::Small, &last);
-        canvas.text((x, foot + 2.0), TextSize::Small, FAINT, &last);
+        canvas.caption((x, foot + 2.0), &last);
     }
 }
 

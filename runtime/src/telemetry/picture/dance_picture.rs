@@ -5,7 +5,7 @@
 use super::canvas::{Canvas, TextSize};
 use super::plot::Plot;
 use super::stick_figure::{StickFigure, draw_figure};
-use super::style::{BEAT, FAINT, HEADER, INK, KINEMATIC, LIMIT, MARGIN, PANEL, TRACK};
+use super::style::{BEAT, HEADER, INK, KINEMATIC, LIMIT, MARGIN, PANEL, TRACK};
 
 const WIDTH: u32 = 1800;
 const FIGURE_HEIGHT: f32 = 210.0;
@@ -80,12 +80,7 @@ impl DancePicture {
             draw_figure(canvas, pick(pose), center, top + 24.0, FIGURE_HEIGHT - 36.0);
             let time = format!("{:.1} s", pose.time_s);
             let x = center - Canvas::text_width(TextSize::Small, &time) / 2.0;
-            canvas.text(
-                (x, top + FIGURE_HEIGHT + 2.0),
-                TextSize::Small,
-                FAINT,
-                &time,
-            );
+            canvas.caption((x, top + FIGURE_HEIGHT + 2.0), &time);
         }
         top + FIGURE_HEIGHT + 30.0
     }
@@ -114,7 +109,7 @@ impl DancePicture {
             canvas.text((MARGIN, y), TextSize::Small, rgba, text);
         }
         let peak = format!("peak {fastest:.1} rad/s");
-        canvas.text((MARGIN, top + 66.0), TextSize::Small, FAINT, &peak);
+        canvas.caption((MARGIN, top + 66.0), &peak);
         top + SPEED_HEIGHT
     }
 
@@ -156,6 +151,6 @@ impl DancePicture {
             track.lower_rad.to_degrees(),
             track.upper_rad.to_degrees()
         );
-        canvas.text((left, top + 20.0), TextSize::Small, FAINT, &range);
+        canvas.caption((left, top + 20.0), &range);
     }
 }

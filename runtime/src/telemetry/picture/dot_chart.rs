@@ -2,6 +2,7 @@
 //! candidate, a dot with its interval.
 
 use super::canvas::{Canvas, TextSize};
+use super::plot::span;
 use super::style::{FAINT, HEADER, INK, MARGIN, PANEL, TRACK};
 
 const WIDTH: u32 = 1200;
@@ -71,7 +72,7 @@ impl DotPanel {
             let middle = top + ROW_HEIGHT * (i as f32 + 0.5);
             canvas.text((MARGIN, middle - 9.0), TextSize::Small, INK, &dot.name);
             let Some((mean, ci95)) = dot.figure else {
-                canvas.text((left + 8.0, middle - 9.0), TextSize::Small, FAINT, "-");
+                canvas.caption((left + 8.0, middle - 9.0), "-");
                 continue;
             };
             let ends = [(x(mean - ci95), middle), (x(mean + ci95), middle)];
@@ -86,12 +87,9 @@ impl DotPanel {
         }
     }
 
-    /// What all intervals lie within, with room at both ends.
     fn range(&self) -> (f64, f64) {
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for (mean, ci95) in self.dots.iter().filter_map(|dot| dot.figure) {
-            (low, high) = (low.min(mean - ci95), high.max(mean + ci95));
-        }
+        let figures = self.dots.iter().filter_map(|dot| dot.figure);
+        let (low, high) = span(figures.flat_map(|(mean, ci95)| [mean - ci95, mean + ci95]));
         match low < high {
             true => (low - 0.05 * (high - low), high + 0.05 * (high - low)),
             false if low.is_finite() => (low - 1.0, low + 1.0),

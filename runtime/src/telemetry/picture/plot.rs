@@ -14,6 +14,12 @@ pub struct Plot {
     pub y_range: (f64, f64),
 }
 
+/// The least and the greatest value; infinite where there is none.
+pub fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let none = (f64::INFINITY, f64::NEG_INFINITY);
+    values.fold(none, |(low, high), v| (low.min(v), high.max(v)))
+}
+
 impl Plot {
     pub fn panel(&self, canvas: &mut Canvas, rgba: Rgba) {
         canvas.rectangle(self.left, self.top, self.width, self.height, rgba);
@@ -40,7 +46,6 @@ impl Plot {
         canvas.line(&[(self.left, y), (self.left + self.width, y)], width, rgba);
     }
 
-    /// A dot on the curve at each time.
     pub fn marks(
         &self,
         canvas: &mut Canvas,

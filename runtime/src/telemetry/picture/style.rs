@@ -1,11 +1,8 @@
 //! Colours and measures that all pictures share.
 
-/// A colour: red, green, blue, opacity, each 0 to 255.
 pub type Rgba = [u8; 4];
 
-/// Width of the empty border, pixels.
 pub(super) const MARGIN: f32 = 40.0;
-/// Height of headline and subtitle, pixels.
 pub(super) const HEADER: f32 = 92.0;
 
 pub(super) const PAPER: Rgba = [250, 249, 246, 255];

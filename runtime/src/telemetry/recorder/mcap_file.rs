@@ -49,7 +49,6 @@ impl McapFile {
         Ok(())
     }
 
-    /// Facts about the run, as text by key.
     pub fn facts(&mut self, facts: BTreeMap<String, String>) -> anyhow::Result<()> {
         self.writer.write_metadata(&Metadata {
             name: "dance".into(),
@@ -58,7 +57,6 @@ impl McapFile {
         Ok(())
     }
 
-    /// Closes the recording and gives the file its name.
     pub fn finish(mut self) -> anyhow::Result<()> {
         self.writer.finish()?;
         self.writer.into_inner().flush()?;

@@ -50,8 +50,7 @@ const LOG_INFO: u8 = 20;
 const LOG_ERROR: u8 = 40;
 
 #[derive(Clone, Copy, Debug)]
-#[allow(missing_docs)] // the names say it
-pub struct SafetyNotice<'a> {
+pub(crate) struct SafetyNotice<'a> {
     pub time_s: f64,
     pub grave: bool,
     pub state: &'a str,
@@ -129,8 +128,7 @@ impl Recorder {
         self.writer.message(topic, time_s, cdr.finish());
     }
 
-    /// Levels of the bands of the spectrum, 0 to 1.
-    pub fn spectrum(&mut self, time_s: f64, bands: &[f32]) {
+    pub(crate) fn spectrum(&mut self, time_s: f64, bands: &[f32]) {
         let count = bands.len() as u32;
         let mut cdr = CdrWriter::new();
         cdr.u32(1).string("band").u32(count).u32(count).u32(0);
@@ -147,8 +145,7 @@ impl Recorder {
             .message(RecordingTopic::Temperatures, time_s, data);
     }
 
-    /// What the safety layer did.
-    pub fn notice(&mut self, notice: SafetyNotice) {
+    pub(crate) fn notice(&mut self, notice: SafetyNotice) {
         let name = format!("{SAFETY}.{}", notice.state);
         let mut cdr = CdrWriter::new();
         cdr.time(notice.time_s)

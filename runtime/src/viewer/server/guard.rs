@@ -9,12 +9,10 @@
 use rand::RngCore;
 use std::net::IpAddr;
 
-/// The secret in the address.
 #[derive(Clone, Debug)]
 pub struct AccessToken(String);
 
 impl AccessToken {
-    /// A new one, from the system's randomness.
     pub fn random() -> Self {
         let mut bytes = [0_u8; 16];
         rand::rng().fill_bytes(&mut bytes);
@@ -33,8 +31,7 @@ impl AccessToken {
     }
 }
 
-/// Whether a request with this `Host` and `Origin` may be answered. `own_name`
-/// is what this machine is called.
+/// Whether a request may be answered; `own_name` is what this machine is called.
 pub fn is_own(host: Option<&str>, origin: Option<&str>, own_name: &str) -> bool {
     let Some(host) = host else { return false };
     let name = host_name(host);

@@ -106,7 +106,6 @@ fn reachable(ip: IpAddr) -> IpAddr {
     }
 }
 
-/// What this machine is called; empty where that is not known.
 fn own_name() -> String {
     let name = std::fs::read_to_string("/proc/sys/kernel/hostname");
     name.unwrap_or_default().trim().to_owned()
@@ -133,7 +132,6 @@ async fn serve(
     }
 }
 
-/// Takes connections in, as many as there is room for.
 async fn welcome(listener: TcpListener, state: Arc<ServerState>) {
     let room = Arc::new(Semaphore::new(CONNECTIONS));
     let routes = routes(state);
@@ -150,7 +148,6 @@ async fn welcome(listener: TcpListener, state: Arc<ServerState>) {
     }
 }
 
-/// One connection: one request, or a WebSocket, which keeps its place.
 async fn answer(stream: TcpStream, routes: axum::Router, place: Arc<OwnedSemaphorePermit>) {
     // Without them it works, only less well.
     let _ = stream.set_nodelay(true);
@@ -167,7 +164,6 @@ async fn answer(stream: TcpStream, routes: axum::Router, place: Arc<OwnedSemapho
     let _ = tokio::time::timeout(Duration::from_secs(REQUEST_S), connection).await;
 }
 
-/// Makes a frame of every new snapshot while somebody watches.
 async fn make_frames(state: Arc<ServerState>) {
     let mut clock = tokio::time::interval(Duration::from_secs_f64(1.0 / FRAMES_HZ));
     clock.set_missed_tick_behavior(MissedTickBehavior::Skip);

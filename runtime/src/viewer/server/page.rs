@@ -1,11 +1,9 @@
 //! The page, part of the program: nothing is fetched from anywhere else.
 
-/// What the page may load: its own parts, and nothing else.
 pub const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
      img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; \
      frame-ancestors 'none'";
 
-/// A part of the page: its type and its text.
 pub fn part(name: &str) -> Option<(&'static str, &'static str)> {
     const HTML: &str = "text/html; charset=utf-8";
     const CSS: &str = "text/css; charset=utf-8";

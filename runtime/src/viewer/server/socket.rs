@@ -20,7 +20,6 @@ const MESSAGES_PER_S: u32 = 100;
 /// The places that a socket keeps until it ends.
 type ConnectionSlot = Arc<OwnedSemaphorePermit>;
 
-/// Turns a request into a WebSocket, if there is room.
 pub async fn live(
     State(state): State<Arc<ServerState>>,
     Extension(place): Extension<ConnectionSlot>,
@@ -89,7 +88,6 @@ async fn watch(socket: &mut WebSocket, state: &ServerState) -> Option<(u16, Stri
     }
 }
 
-/// Sends, or gives up on a viewer that takes nothing.
 async fn send(socket: &mut WebSocket, message: Message) -> Option<()> {
     let sent = tokio::time::timeout(Duration::from_secs(GONE_S), socket.send(message)).await;
     sent.ok()?.ok()

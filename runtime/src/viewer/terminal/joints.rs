@@ -10,14 +10,10 @@ use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::{Line, Span};
 use servodance_types::JointLimits;
 
-/// Room for a name, in cells.
 const NAME: usize = 16;
-/// Room for angle and temperature.
 const FIGURES: usize = 13;
 pub const NARROWEST: usize = NAME + FIGURES + 7;
-/// The widest line that is any use.
 const WIDEST: usize = NAME + FIGURES + 60;
-/// Warm and hot, Celsius.
 const WARM_C: f64 = 55.0;
 const HOT_C: f64 = 65.0;
 
@@ -42,7 +38,6 @@ pub fn joint<'a>(name: &str, limits: &JointLimits, now: &JointStatus, width: usi
     Line::from(line)
 }
 
-/// The bar: dots between the limits, the target, the position.
 fn track<'a>(limits: &JointLimits, now: &JointStatus, cells: usize) -> Vec<Span<'a>> {
     let place = |rad: f64| {
         let share = (rad - limits.lower_rad) / (limits.upper_rad - limits.lower_rad);

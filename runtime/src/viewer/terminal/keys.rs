@@ -10,7 +10,6 @@ const AMPLITUDE_STEP: f64 = 0.1;
 /// Until then what was asked for may not be shown yet.
 const UNDER_WAY: Duration = Duration::from_millis(300);
 
-/// The keys, for the bottom of the screen.
 pub const HELP: [&str; 2] = [
     "ENTER, ESC, SPACE emergency stop  s start  h hold  r resume  e end  q quit",
     "up/down amplitude  left/right style  n next seed  m mirror  i idle  x release",
@@ -19,10 +18,8 @@ pub const HELP: [&str; 2] = [
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum KeyAction {
     EStop,
-    /// End the program, as Ctrl-C does.
     Quit,
     Do(ViewerRequest),
-    /// Another value than the present one.
     Set(SettingChange),
 }
 
@@ -37,7 +34,6 @@ pub enum SettingChange {
     NextIdle,
 }
 
-/// What a key asks for, if anything.
 pub fn key_action(key: KeyEvent) -> Option<KeyAction> {
     use KeyAction::{Do, EStop, Quit, Set};
     if key.kind == KeyEventKind::Release {
@@ -79,7 +75,6 @@ impl SettingKeys {
         Self { styles, asked }
     }
 
-    /// The request that changes the present settings so.
     pub fn request(&mut self, change: SettingChange, shown: ViewerSettings) -> ViewerRequest {
         let fresh = self.asked.filter(|(at, _)| at.elapsed() < UNDER_WAY);
         let mut settings = fresh.map_or(shown, |(_, settings)| settings);

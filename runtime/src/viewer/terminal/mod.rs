@@ -41,7 +41,6 @@ const FRAMES_HZ: f64 = 15.0;
 pub struct TerminalView {
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
-    /// Dropped after the thread has given the terminal back.
     _kept: HeldLines,
 }
 
@@ -54,8 +53,7 @@ impl TerminalView {
         Ok(())
     }
 
-    /// Takes the terminal. `stop` is what Ctrl-C sets; `address` is that of the
-    /// page, if there is one.
+    /// Takes the terminal; `stop` is what Ctrl-C sets, `address` that of the page, if any.
     pub fn start(
         scene: Scene,
         end: ViewerEnd,
@@ -117,7 +115,6 @@ impl Drop for RawTerminal {
     }
 }
 
-/// Presses the button if the thread that holds it panics.
 struct StopOnPanic(EStop);
 
 impl Drop for StopOnPanic {
@@ -174,7 +171,6 @@ impl TerminalLoop {
         Ok(())
     }
 
-    /// Does what a key asks for, or says why not.
     fn apply(&mut self, key_action: Option<KeyAction>) {
         let Some(key_action) = key_action else { return };
         let now = self.end.newest().now;

@@ -19,7 +19,6 @@ use servodance_drivers::State;
 use servodance_types::BeatLock;
 use std::time::{Duration, Instant};
 
-/// Cells of the bar of the beat.
 const PHASE: usize = 16;
 /// Lines for events at least, if there is room for joints and them.
 const EVENTS: usize = 3;
@@ -30,7 +29,6 @@ const MUSIC: f64 = 0.45;
 const SLOW: f64 = 0.95;
 const LEVELS: [&str; 9] = [" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"];
 
-/// Why a key was refused, for a while.
 #[derive(Debug, Default)]
 pub struct Remark(Option<(Instant, String)>);
 
@@ -226,7 +224,6 @@ fn event<'a>(event: &ViewerEvent) -> Line<'a> {
     Line::styled(text, Style::new().fg(colour))
 }
 
-/// What the program said last, or why a key was refused.
 fn said<'a>(remark: &Remark) -> Line<'a> {
     match remark.text() {
         Some(text) => Line::from(text.to_owned()).light_red(),
