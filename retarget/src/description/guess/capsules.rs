@@ -8,8 +8,8 @@ use super::anatomy::Anatomy;
 use crate::config::CapsuleConfig;
 use crate::kinematics::{Capsule, RobotModel, capsule_of};
 
-/// Radius of a limb against its length, and of a trunk against the width of
-/// the shoulders.
+/// Radius of a limb against its length, and of a trunk against the
+/// width of the shoulders.
 const LIMB_SLENDERNESS: f64 = 0.12;
 const TRUNK_SHARE: f64 = 0.3;
 
