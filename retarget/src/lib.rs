@@ -63,21 +63,18 @@ mod limits;
 mod retargeter;
 mod solver;
 
-pub use config::error::RetargetError;
 pub use config::{
-    BodyLinks, CapsuleConfig, Gains, JointCoupling, Limb, RetargetConfig, Stance, TaskWeights, Tip,
-    TorqueConfig,
+    BodyLinks, CapsuleConfig, Gains, JointCoupling, Limb, RetargetConfig, RetargetError, Stance,
+    TaskWeights, Tip, TorqueConfig,
 };
-pub use dancer::baseline_posture::PostureReader;
-pub use dancer::motion_buffer::BodyPoints;
+pub use dancer::{BodyPoints, PostureReader};
 pub use description::diagnostic::{Diagnostic, DiagnosticCode, DiagnosticSeverity};
 pub use description::draft::{ConfigDraft, JointDraft, JointUse, draft_config, rest_deg};
 pub use description::lint::{lint, lint_limits};
 pub use description::mjcf::{is_mjcf, urdf_from_mjcf};
-pub use dynamics::joint_torque::TorqueReport;
-pub use evaluation::limb_direction_error::{LimbDirectionError, LimbSegment};
+pub use dynamics::TorqueReport;
+pub use evaluation::{LimbDirectionError, LimbSegment};
 pub use k::nalgebra;
-pub use kinematics::chain::RobotModel;
-pub use kinematics::shapes::{MeshVisual, Shape, Visual};
+pub use kinematics::{MeshVisual, RobotModel, Shape, Visual};
 pub use retargeter::Retargeter;
 pub use retargeter::counts::RetargetCounts;

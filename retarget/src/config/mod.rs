@@ -5,14 +5,15 @@
 //! names in the URDF. Degrees appear here alone (keys end in `_deg`).
 
 mod body;
-pub(crate) mod error;
+mod error;
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
 pub use body::{BodyLinks, Gains, Limb};
-use error::RetargetError;
+pub use error::RetargetError;
+pub(crate) use error::choices;
 
 /// What the robot stands on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,10 +38,9 @@ impl Stance {
 /// A point fixed to a link that no link's origin is: the end of a limb, say.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[allow(missing_docs)] // the names of the others say it
 pub struct Tip {
-    /// Its name, for `[retarget.body]`.
     pub name: String,
-    /// The link that it is fixed to.
     pub link: String,
     /// Where, in the link's frame, metres.
     pub at_m: [f64; 3],
@@ -49,12 +49,11 @@ pub struct Tip {
 /// A collision capsule: a thick line fixed to a link.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[allow(missing_docs)] // the names of the others say it
 pub struct CapsuleConfig {
-    /// The link that it is fixed to.
     pub link: String,
     /// One end in the link's frame, metres.
     pub from_m: [f64; 3],
-    /// The other end.
     pub to_m: [f64; 3],
     /// Half its thickness, metres.
     pub radius_m: f64,
@@ -64,12 +63,10 @@ pub struct CapsuleConfig {
 /// description does not show: `multiplier` times its position plus `offset_deg`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename = "Couple")] // as messages about the file name it
+#[allow(missing_docs)] // the names of the others say it
 pub struct JointCoupling {
-    /// The joint that follows.
     pub joint: String,
-    /// The joint that it follows.
     pub follows: String,
-    /// How many times as far.
     #[serde(default = "once")]
     pub multiplier: f64,
     /// Where it is when the other is at zero, degrees.
@@ -141,10 +138,9 @@ impl Default for TorqueConfig {
 /// The `[retarget]` table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)] // the names of the others say it
 pub struct RetargetConfig {
-    /// What the robot stands on.
     pub stance: Stance,
-    /// Dance as the dancer's mirror image.
     pub mirror: bool,
     /// Share of the movement around the rest pose, 0 to 1.
     pub amplitude: f64,
@@ -161,7 +157,6 @@ pub struct RetargetConfig {
     pub preview_s: f64,
     /// Axis of the root link that points forward: `x`, `-x`, `y`, …
     pub forward: String,
-    /// Axis of the root link that points up.
     pub up: String,
     /// How far the pelvis of a planted robot sinks at rest, as a share of the
     /// leg length: room to move up.
@@ -170,15 +165,11 @@ pub struct RetargetConfig {
     pub sole_m: [f64; 2],
     /// Which link is which body part; guessed from names where left out.
     pub body: BodyLinks,
-    /// Scale of each limb's movement.
     pub gain: Gains,
-    /// Strength of each aim.
     pub weights: TaskWeights,
-    /// Torque limits and heat of the motors.
     pub torque: TorqueConfig,
     /// Rest positions by joint name, degrees; found by the solver where left out.
     pub rest_deg: BTreeMap<String, f64>,
-    /// Points besides the links' origins.
     pub tip: Vec<Tip>,
     /// Collision capsules; from the shapes of the description if there are none.
     pub capsule: Vec<CapsuleConfig>,

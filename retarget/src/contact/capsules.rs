@@ -5,10 +5,8 @@
 //! (nearest points of two segments: Ericson, Real-Time Collision Detection,
 //! 2005, 5.1.9).
 
+use crate::kinematics::{BodyMap, Capsule, RobotModel, capsule_of};
 use k::nalgebra::{Isometry3, Point3, Vector3};
-
-use crate::kinematics::shapes::{Capsule, capsule_of};
-use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CapsulePair {

@@ -1,7 +1,13 @@
 //! What touches what: feet on the floor, arms on the body.
 
-pub(crate) mod balance;
+mod balance;
 pub(crate) mod capsules;
-pub(crate) mod pelvis;
-pub(crate) mod planted_stance;
-pub(crate) mod stepping;
+mod pelvis;
+mod planted_stance;
+mod stepping;
+
+pub(crate) use balance::SupportPolygon;
+pub(crate) use capsules::CapsulePair;
+pub(crate) use pelvis::PelvisTrajectory;
+pub(crate) use planted_stance::PlantedStance;
+pub(crate) use stepping::{FootStepper, StepContext};

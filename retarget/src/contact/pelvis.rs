@@ -4,11 +4,10 @@
 //! kept in reach, and followed inside rates that the legs can keep: were the
 //! legs to lag behind, the feet would drag.
 
+use crate::dancer::{PoseTarget, soft_limit};
+use crate::limits::JointTracker;
 use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
-
-use crate::dancer::{angles::soft_limit, pose_target::PoseTarget};
-use crate::limits::joint_tracker::JointTracker;
 
 /// Sway that is shown in full, as a share of the leg length: x, y.
 const MOST_SWAY: [f64; 2] = [0.10, 0.14];

@@ -1,11 +1,10 @@
 //! What only a robot on its feet has: where they are, and what the rest of it
 //! has to do with that.
 
+use crate::contact::{FootStepper, PelvisTrajectory};
+use crate::kinematics::BodyMap;
+use crate::solver::{BodySolver, Feet};
 use k::nalgebra::{Isometry3, Translation3};
-
-use crate::contact::{pelvis::PelvisTrajectory, stepping::FootStepper};
-use crate::kinematics::body_map::BodyMap;
-use crate::solver::body_solver::{BodySolver, Feet};
 
 /// Time constant with which a planted foot comes back to its place, seconds.
 const FOOT_RETURN_S: f64 = 0.03;

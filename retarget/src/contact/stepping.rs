@@ -10,10 +10,9 @@
 
 use std::collections::VecDeque;
 
+use crate::dancer::PoseTarget;
+use crate::solver::Feet;
 use k::nalgebra::Vector3;
-
-use crate::dancer::pose_target::PoseTarget;
-use crate::solver::body_solver::Feet;
 
 /// Shortest and longest time in the air, seconds.
 const SHORTEST_S: f64 = 0.4;

@@ -6,12 +6,10 @@
 
 use std::collections::VecDeque;
 
+use crate::dancer::{BodyPoints, direction, mean_angle, robot_axes, turn, wrap, yaw_of};
 use k::nalgebra::Vector3;
 use servodance_types::BodyJoint::{self, *};
 use servodance_types::{FRAME_RATE_HZ, MotionFrame, Posture};
-
-use crate::dancer::angles::{direction, mean_angle, turn, wrap, yaw_of};
-use crate::dancer::motion_buffer::{BodyPoints, robot_axes};
 
 /// Heading is followed with this time constant; quicker turns are shown.
 const HEADING_S: f64 = 1.2;

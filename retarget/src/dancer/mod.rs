@@ -1,6 +1,15 @@
 //! What the dancer does: frames in, what the robot shall show out.
 
-pub(crate) mod angles;
-pub(crate) mod baseline_posture;
-pub(crate) mod motion_buffer;
-pub(crate) mod pose_target;
+mod angles;
+mod baseline_posture;
+mod motion_buffer;
+mod pose_target;
+
+pub(crate) use angles::{direction, mean_angle, soft_limit, turn, wrap, yaw_of};
+pub use baseline_posture::PostureReader;
+pub(crate) use baseline_posture::{
+    BaselineEstimator, BaselinePosture, PostureSample, PostureTrack, chest_yaw, pelvis_yaw,
+};
+pub use motion_buffer::BodyPoints;
+pub(crate) use motion_buffer::{LOOKAHEAD_FRAMES, MotionBuffer, robot_axes};
+pub(crate) use pose_target::{HeadingReference, PoseReader, PoseTarget, mirrored};

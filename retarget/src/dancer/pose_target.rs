@@ -6,14 +6,12 @@
 //! spot is taken out: slowly for a robot that stands (it shows the quick part),
 //! at once for one that is held.
 
+use crate::dancer::{
+    BaselineEstimator, BaselinePosture, BodyPoints, PostureSample, chest_yaw, direction,
+    pelvis_yaw, soft_limit, turn, wrap,
+};
 use k::nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use servodance_types::BodyJoint::{self, *};
-
-use crate::dancer::angles::{direction, soft_limit, turn, wrap};
-use crate::dancer::baseline_posture::{
-    BaselineEstimator, BaselinePosture, PostureSample, chest_yaw, pelvis_yaw,
-};
-use crate::dancer::motion_buffer::BodyPoints;
 
 /// Largest turn and leans asked of a chest, radians.
 const MOST_TURN: f64 = 0.5;

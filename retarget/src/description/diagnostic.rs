@@ -7,9 +7,8 @@
 
 use std::fmt;
 
+use crate::config::RetargetError;
 use serde::Serialize;
-
-use crate::config::error::RetargetError;
 
 /// What a finding means for the use of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -6,10 +6,10 @@
 
 use servodance_types::JointLimits;
 
-use crate::config::{BodyLinks, Limb, RetargetConfig, Stance, error::RetargetError};
+use crate::config::{BodyLinks, Limb, RetargetConfig, RetargetError, Stance};
 use crate::description::guess::{Anatomy, BodyAxes, anatomy, capsules};
 use crate::description::{Description, guess::words::NameWords, joints::mimic_numbers};
-use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
+use crate::kinematics::{BodyMap, RobotModel};
 use crate::retargeter::Retargeter;
 
 /// Length of a human arm and leg, shoulder to wrist and hip to ankle,

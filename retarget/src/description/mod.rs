@@ -17,7 +17,7 @@ pub(crate) mod mjcf;
 mod urdf;
 mod xml;
 
-use crate::config::{JointCoupling, error::RetargetError};
+use crate::config::{JointCoupling, RetargetError};
 use diagnostic::{DiagnosticCode, Diagnostics};
 use urdf::RateLimitsByJoint;
 use xml::check_depth;

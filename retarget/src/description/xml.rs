@@ -1,8 +1,7 @@
 //! Limits that keep hostile XML cheap.
 
+use crate::config::RetargetError;
 use roxmltree::{Document, ParsingOptions};
-
-use crate::config::error::RetargetError;
 
 const MOST_NODES: u32 = 500_000;
 /// Deeper than any description: the parser calls itself for each level, so that

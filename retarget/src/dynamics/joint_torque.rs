@@ -13,10 +13,9 @@
 //! shuts down. Joints without a limit or without mass beyond them are left out
 //! and counted as unknown. Newton metres, seconds; nothing allocates per cycle.
 
-use k::nalgebra::{Isometry3, Point3, Vector3};
-
 use crate::config::TorqueConfig;
-use crate::kinematics::{chain::JointMotion, chain::RobotModel};
+use crate::kinematics::{JointMotion, RobotModel};
+use k::nalgebra::{Isometry3, Point3, Vector3};
 
 pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Share of the torque limit from which the amplitude is lowered, and the time

@@ -1,3 +1,6 @@
 //! Forces and moments.
 
-pub(crate) mod joint_torque;
+mod joint_torque;
+
+pub use joint_torque::TorqueReport;
+pub(crate) use joint_torque::{StanceFoot, TorqueEstimator};

@@ -3,12 +3,11 @@
 //! Arms are compared in the heading of the chest, legs in that of the pelvis:
 //! a robot that stands, or hangs on a stand, cannot turn with the dancer.
 
+use crate::config::{RetargetConfig, RetargetError};
+use crate::kinematics::{BodyMap, RobotModel};
 use k::nalgebra::{Isometry3, Rotation3, Vector3};
 use servodance_types::BodyJoint::{self, *};
 use servodance_types::MotionFrame;
-
-use crate::config::{RetargetConfig, error::RetargetError};
-use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[allow(missing_docs)] // the names say it

@@ -1,3 +1,5 @@
 //! How well a robot shows a dance.
 
-pub(crate) mod limb_direction_error;
+mod limb_direction_error;
+
+pub use limb_direction_error::{LimbDirectionError, LimbSegment};

@@ -5,9 +5,9 @@
 //! what both hips hang from. A part that is not there is left out, and with it
 //! the movement that only it could show.
 
-use crate::config::{BodyLinks, Limb, RetargetConfig, error::RetargetError};
+use crate::config::{BodyLinks, Limb, RetargetConfig, RetargetError};
 use crate::description::{guess::anatomy, guess::words::SIDES};
-use crate::kinematics::chain::RobotModel;
+use crate::kinematics::RobotModel;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ArmLinks {

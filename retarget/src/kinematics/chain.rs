@@ -12,10 +12,9 @@ use std::collections::HashMap;
 
 use k::nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use crate::config::error::{RetargetError, choices};
-use crate::config::{CapsuleConfig, RetargetConfig, Tip};
+use crate::config::{CapsuleConfig, RetargetConfig, RetargetError, Tip, choices};
 use crate::description::{Description, held_position, is_driven};
-use crate::kinematics::shapes::{Capsule, LinkShapes, MeshVisual, Visual};
+use crate::kinematics::{Capsule, LinkShapes, MeshVisual, Visual};
 
 const PLACEHOLDER_NM: f64 = 1000.0;
 

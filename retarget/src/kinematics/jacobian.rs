@@ -3,10 +3,9 @@
 //! Unknowns are the joints, then (for a robot on its feet) shift and turn of
 //! the root link in the world.
 
+use crate::kinematics::{DrivenAncestor, JointMotion, RobotModel};
+use crate::solver::JacobianColumn;
 use k::nalgebra::{Isometry3, Point3, Vector3};
-
-use crate::kinematics::chain::{DrivenAncestor, JointMotion, RobotModel};
-use crate::solver::least_squares::JacobianColumn;
 
 #[derive(Clone, Copy)]
 pub(crate) struct PosedRobot<'a> {

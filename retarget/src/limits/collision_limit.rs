@@ -7,12 +7,10 @@
 //! up: `v t + v^2 / 2a = gap`. The limits of every joint hold first; what then
 //! still gets too near is counted.
 
+use crate::contact::CapsulePair;
+use crate::kinematics::{Jacobian, PosedRobot, RobotModel};
+use crate::solver::BoxLeastSquares;
 use k::nalgebra::Isometry3;
-
-use crate::contact::capsules::CapsulePair;
-use crate::kinematics::chain::RobotModel;
-use crate::kinematics::jacobian::{Jacobian, PosedRobot};
-use crate::solver::least_squares::BoxLeastSquares;
 
 /// Gap that is kept, metres.
 const KEPT_GAP_M: f64 = 0.004;

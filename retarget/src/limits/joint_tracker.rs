@@ -6,10 +6,8 @@
 
 use std::collections::VecDeque;
 
+use crate::limits::{JointLimiter, PredictiveController, TrajectoryState};
 use servodance_types::JointLimits;
-
-use crate::limits::predictive_control::PredictiveController;
-use crate::limits::velocity_limit::{JointLimiter, TrajectoryState};
 
 /// Time constant with which an observed error of velocity is taken over, seconds.
 const OBSERVED_S: f64 = 0.045;

@@ -1,6 +1,11 @@
 //! What the output must hold in every cycle.
 
-pub(crate) mod collision_limit;
-pub(crate) mod joint_tracker;
-pub(crate) mod predictive_control;
-pub(crate) mod velocity_limit;
+mod collision_limit;
+mod joint_tracker;
+mod predictive_control;
+mod velocity_limit;
+
+pub(crate) use collision_limit::CollisionLimit;
+pub(crate) use joint_tracker::JointTracker;
+pub(crate) use predictive_control::PredictiveController;
+pub(crate) use velocity_limit::{JointLimiter, TrajectoryState};

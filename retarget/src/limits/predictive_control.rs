@@ -8,9 +8,8 @@
 //! and the plan is made anew every cycle (model predictive control with move
 //! blocking). Small changes of acceleration cost a little, so that noise is not
 //! followed.
-
-use crate::limits::velocity_limit::{JointLimiter, TrajectoryState};
-use crate::solver::least_squares::BoxLeastSquares;
+use crate::limits::{JointLimiter, TrajectoryState};
+use crate::solver::BoxLeastSquares;
 
 const BLOCKS: [usize; 8] = [1, 1, 2, 2, 3, 3, 4, 4];
 /// Radians of distance that a change of acceleration by 1 rad/s^2 is worth.

@@ -6,13 +6,11 @@
 use servodance_types::JointLimits;
 
 use super::Retargeter;
-use crate::config::error::RetargetError;
-use crate::contact::pelvis::PelvisTrajectory;
-use crate::contact::stepping::{FootStepper, StepContext};
-use crate::dancer::motion_buffer::BodyPoints;
-use crate::dancer::pose_target::{PoseTarget, mirrored};
-use crate::dynamics::joint_torque::StanceFoot;
-use crate::solver::body_solver::{SolverGoal, SolverInput};
+use crate::config::RetargetError;
+use crate::contact::{FootStepper, PelvisTrajectory, StepContext};
+use crate::dancer::{BodyPoints, PoseTarget, mirrored};
+use crate::dynamics::StanceFoot;
+use crate::solver::{SolverGoal, SolverInput};
 
 const STEPS: usize = 2;
 /// Speed at which rest is taken up, radians a second (metres, if it slides).

@@ -2,13 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use crate::config::{RetargetConfig, RetargetError, choices};
+use crate::dynamics::TorqueEstimator;
+use crate::kinematics::RobotModel;
 use k::nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
-
-use crate::config::RetargetConfig;
-use crate::config::error::{RetargetError, choices};
-use crate::dynamics::joint_torque::TorqueEstimator;
-use crate::kinematics::chain::RobotModel;
 
 /// The limits as used: rates lowered to `margin`.
 pub(super) fn usable_limits(

@@ -9,16 +9,13 @@ mod rest_pose;
 use k::nalgebra::{Isometry3, Translation3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Posture};
 
-use crate::config::{Gains, Limb, RetargetConfig, Stance, error::RetargetError};
-use crate::contact::planted_stance::PlantedStance;
-use crate::dancer::baseline_posture::PostureTrack;
-use crate::dancer::motion_buffer::{LOOKAHEAD_FRAMES, MotionBuffer};
-use crate::dancer::pose_target::{HeadingReference, PoseReader};
-use crate::dynamics::joint_torque::{TorqueEstimator, TorqueReport};
-use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
-use crate::limits::{collision_limit::CollisionLimit, joint_tracker::JointTracker};
-use crate::solver::arm_search::ArmSearch;
-use crate::solver::body_solver::{BodySolver, SolverScope};
+use crate::config::{Gains, Limb, RetargetConfig, RetargetError, Stance};
+use crate::contact::PlantedStance;
+use crate::dancer::{HeadingReference, LOOKAHEAD_FRAMES, MotionBuffer, PoseReader, PostureTrack};
+use crate::dynamics::{TorqueEstimator, TorqueReport};
+use crate::kinematics::{BodyMap, RobotModel};
+use crate::limits::{CollisionLimit, JointTracker};
+use crate::solver::{ArmSearch, BodySolver, SolverScope};
 use counts::RetargetCounts;
 use rest_pose::RestSearch;
 

@@ -4,14 +4,12 @@ use k::nalgebra::Isometry3;
 use servodance_types::JointLimits;
 
 use super::joint_setup::by_joint;
-use crate::config::{RetargetConfig, Stance, error::RetargetError};
-use crate::contact::{
-    balance::SupportPolygon, capsules, pelvis::PelvisTrajectory, planted_stance::PlantedStance,
-    stepping::FootStepper,
-};
-use crate::dancer::pose_target::PoseTarget;
-use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
-use crate::solver::body_solver::{BodySolver, SolverGoal, SolverInput, SolverScope};
+use crate::config::{RetargetConfig, RetargetError, Stance};
+use crate::contact::capsules;
+use crate::contact::{FootStepper, PelvisTrajectory, PlantedStance, SupportPolygon};
+use crate::dancer::PoseTarget;
+use crate::kinematics::{BodyMap, RobotModel};
+use crate::solver::{BodySolver, SolverGoal, SolverInput, SolverScope};
 
 const REST_STEPS: usize = 200;
 /// How much more slowly the pelvis of a stepping robot speeds up: on one foot

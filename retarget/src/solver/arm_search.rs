@@ -12,14 +12,13 @@
 //! spread evenly over the cycles of a frame, so that none takes much longer.
 //! Radians, seconds. Nothing allocates after building.
 
+use crate::config::{Limb, TaskWeights};
+use crate::dancer::PoseTarget;
+use crate::kinematics::{BodyMap, Jacobian, RobotModel};
+use crate::solver::searched_arm::{ArmProblem, SearchedArm, TrialPose};
+use crate::solver::{BodySolver, LimbTask};
 use k::nalgebra::Isometry3;
 use servodance_types::{FRAME_RATE_HZ, JointLimits};
-
-use crate::config::{Limb, TaskWeights};
-use crate::dancer::pose_target::PoseTarget;
-use crate::kinematics::{body_map::BodyMap, chain::RobotModel, jacobian::Jacobian};
-use crate::solver::searched_arm::{ArmProblem, SearchedArm, TrialPose};
-use crate::solver::{body_solver::BodySolver, limb_task::LimbTask};
 
 pub(crate) struct ArmSearch {
     arms: Vec<SearchedArm>,

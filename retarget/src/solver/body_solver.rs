@@ -8,16 +8,13 @@
 //! of its place. Each does a few damped Gauss-Newton steps from its last
 //! solution. Nothing allocates after building.
 
+use crate::config::TaskWeights;
+use crate::contact::{CapsulePair, SupportPolygon};
+use crate::dancer::PoseTarget;
+use crate::kinematics::{BodyMap, Jacobian, PosedRobot, RobotModel};
+use crate::solver::{BoxLeastSquares, LimbTask, capped, direction_row};
 use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
-
-use crate::config::TaskWeights;
-use crate::contact::{balance::SupportPolygon, capsules::CapsulePair};
-use crate::dancer::pose_target::PoseTarget;
-use crate::kinematics::jacobian::{Jacobian, PosedRobot};
-use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
-use crate::solver::least_squares::BoxLeastSquares;
-use crate::solver::limb_task::{LimbTask, capped, direction_row};
 
 /// Weight of foot places (1/m) and foot orientations (1/rad): a millimetre
 /// weighs as much as turning all limbs the wrong way.

@@ -2,11 +2,10 @@
 //!
 //! Directions are unit vectors in the world; residuals have no unit.
 
-use k::nalgebra::{Isometry3, Vector3};
-
 use crate::config::TaskWeights;
-use crate::kinematics::jacobian::{Jacobian, PosedRobot};
-use crate::solver::least_squares::JacobianColumn;
+use crate::kinematics::{Jacobian, PosedRobot};
+use crate::solver::JacobianColumn;
+use k::nalgebra::{Isometry3, Vector3};
 
 /// Directions farther apart than this are approached in parts, radians.
 const FAR_RAD: f64 = 1.0;

@@ -1,7 +1,12 @@
 //! Inverse kinematics of the whole body.
 
-pub(crate) mod arm_search;
-pub(crate) mod body_solver;
-pub(crate) mod least_squares;
-pub(crate) mod limb_task;
+mod arm_search;
+mod body_solver;
+mod least_squares;
+mod limb_task;
 mod searched_arm;
+
+pub(crate) use arm_search::ArmSearch;
+pub(crate) use body_solver::{BodySolver, Feet, SolverGoal, SolverInput, SolverScope};
+pub(crate) use least_squares::{BoxLeastSquares, JacobianColumn};
+pub(crate) use limb_task::{LimbTask, capped, direction_row};

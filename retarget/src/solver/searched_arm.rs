@@ -1,15 +1,12 @@
 //! One arm by itself: descents from fixed starts, and whether the best answer
 //! is worth the way. Radians, seconds; nothing allocates after building.
 
+use crate::config::TaskWeights;
+use crate::dancer::PoseTarget;
+use crate::kinematics::{Jacobian, PosedRobot, RobotModel};
+use crate::solver::{BodySolver, BoxLeastSquares, JacobianColumn, LimbTask};
 use k::nalgebra::Isometry3;
 use servodance_types::{FRAME_RATE_HZ, JointLimits};
-
-use crate::config::TaskWeights;
-use crate::dancer::pose_target::PoseTarget;
-use crate::kinematics::chain::RobotModel;
-use crate::kinematics::jacobian::{Jacobian, PosedRobot};
-use crate::solver::least_squares::{BoxLeastSquares, JacobianColumn};
-use crate::solver::{body_solver::BodySolver, limb_task::LimbTask};
 
 /// Gauss-Newton steps from each start, and their damping, 1/rad.
 const STEPS: usize = 5;

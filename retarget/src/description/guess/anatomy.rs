@@ -6,7 +6,7 @@ use super::axes::{self, BodyAxes};
 use super::limb::{FoundLimb, LimbKind, LinkTree, limb_lengths};
 use super::words::{SIDES, SOLE};
 use crate::config::Tip;
-use crate::kinematics::chain::RobotModel;
+use crate::kinematics::RobotModel;
 
 /// Everything guessed of one robot. Pairs are `[left, right]`.
 #[derive(Clone, Debug)]

@@ -6,8 +6,7 @@ use k::nalgebra::{Isometry3, Point3};
 
 use super::anatomy::Anatomy;
 use crate::config::CapsuleConfig;
-use crate::kinematics::chain::RobotModel;
-use crate::kinematics::shapes::{Capsule, capsule_of};
+use crate::kinematics::{Capsule, RobotModel, capsule_of};
 
 /// Radius of a limb against its length, and of a trunk against the
 /// width of the shoulders.

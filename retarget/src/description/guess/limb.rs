@@ -4,7 +4,7 @@ use k::nalgebra::{Isometry3, Point3, Vector3};
 
 use super::shape::far_end;
 use super::words::{ANKLE, ELBOW, FOREARM, HAND, KNEE, NameWords, SHANK, SOLE};
-use crate::kinematics::chain::{JointMotion, RobotModel};
+use crate::kinematics::{JointMotion, RobotModel};
 
 /// Axes nearer to a segment than this cosine twist it; others bend it.
 const TWIST: f64 = 0.8;

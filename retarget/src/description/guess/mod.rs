@@ -10,7 +10,7 @@ mod mirrored_chains;
 mod shape;
 pub(crate) mod words;
 
-use crate::kinematics::chain::RobotModel;
+use crate::kinematics::RobotModel;
 use limb::{FoundLimb, LimbKind, LinkTree};
 use words::NameWords;
 

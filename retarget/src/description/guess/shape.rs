@@ -1,9 +1,7 @@
 //! Sizes of links: what moves together as one body, and how far it reaches.
 
+use crate::kinematics::{RobotModel, Shape, Visual};
 use k::nalgebra::{Isometry3, Point3, Vector3};
-
-use crate::kinematics::chain::RobotModel;
-use crate::kinematics::shapes::{Shape, Visual};
 
 /// Corners of a shape's bounding box, in its link's frame.
 fn corners(visual: &Visual) -> Vec<Point3<f64>> {

@@ -2,8 +2,7 @@
 //!
 //! `LShoulderPitch`, `l_sho_pitch`, `arm_left_1_joint`, `RARM_JOINT0` and
 //! `leftForeArm` all say it, each in its way.
-
-use crate::kinematics::chain::RobotModel;
+use crate::kinematics::RobotModel;
 
 pub(crate) const ELBOW: &[&str] = &["elbow", "el", "elb"];
 pub(crate) const FOREARM: &[&str] = &["forearm", "lowerarm", "lower", "fore"];

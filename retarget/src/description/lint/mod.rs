@@ -12,7 +12,7 @@ use servodance_types::JointLimits;
 use crate::description::diagnostic::{Diagnostic, DiagnosticCode, Diagnostics};
 use crate::description::guess::{BodyAxes, anatomy};
 use crate::description::{self, Description, is_driven};
-use crate::kinematics::chain::RobotModel;
+use crate::kinematics::RobotModel;
 use joints::PLACEHOLDER_RAD_S;
 
 /// Cosine of the tilt from which an axis counts as tilted, about 8 degrees.

@@ -2,12 +2,11 @@
 
 use std::collections::HashMap;
 
+use crate::config::RetargetError;
 use k::nalgebra::{
     Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3,
 };
 use roxmltree::Node;
-
-use crate::config::error::RetargetError;
 
 type DefaultClasses = HashMap<String, HashMap<(String, String), String>>;
 

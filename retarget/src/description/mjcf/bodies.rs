@@ -7,7 +7,7 @@ use roxmltree::Node;
 use urdf_rs::{Axis, Inertia, Inertial, JointLimit, JointType, LinkName, Mass, Mimic, Pose, Vec3};
 
 use super::{attributes::MjcfAttributes, geoms::MjcfGeom};
-use crate::config::error::RetargetError;
+use crate::config::RetargetError;
 use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 
 #[derive(Default)]

@@ -7,7 +7,7 @@ use roxmltree::Node;
 use urdf_rs::{Color, Geometry, Material, Pose, Vec3, Vec4, Visual};
 
 use super::attributes::{MjcfAttributes, from_z};
-use crate::config::error::RetargetError;
+use crate::config::RetargetError;
 
 /// Density of shapes without mass, kg/m^3.
 const DENSITY: f64 = 1000.0;

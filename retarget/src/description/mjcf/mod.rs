@@ -16,7 +16,7 @@ mod urdf_text;
 
 use roxmltree::Node;
 
-use crate::config::error::RetargetError;
+use crate::config::RetargetError;
 use crate::description::diagnostic::{Diagnostic, DiagnosticCode, Diagnostics};
 use crate::description::xml::{check_depth, parse};
 use attributes::MjcfAttributes;

@@ -8,7 +8,7 @@ mod elements;
 
 use roxmltree::{Document, Node};
 
-use crate::config::error::RetargetError;
+use crate::config::RetargetError;
 use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 use crate::description::xml::parse;
 use elements::{ElementReader, children, has_commas, numbers, plain};
