@@ -12,7 +12,7 @@ use servodance_runtime::pipeline::feature_extractor::FeatureExtractor;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-const TINY: &[u8] = include_bytes!("../model/src/net/golden/tiny.safetensors");
+const TINY: &[u8] = include_bytes!("../model/src/tests/golden/tiny.safetensors");
 const ENCODEC: &[u8] = include_bytes!("../model/src/conditioning/golden/encodec.safetensors");
 
 pub fn metadata(bytes: &[u8]) -> HashMap<String, String> {

@@ -6,7 +6,7 @@ use safetensors::SafeTensors;
 use serde_json::Value;
 use servodance_training::dataset::Split;
 
-const TINY: &[u8] = include_bytes!("../model/src/net/golden/tiny.safetensors");
+const TINY: &[u8] = include_bytes!("../model/src/tests/golden/tiny.safetensors");
 
 /// A folder with the tiny model.
 fn program() -> Program {

@@ -22,7 +22,7 @@ from vqvae import VqVae
 
 
 def flat(vq, seq, norms, starts, dtype):
-    """All tensors under the names that `model/src/net` asks for."""
+    """All tensors under the names that `model/src/weights` asks for."""
     out = {}
     for name, value in vq.items():
         if name.startswith(("encoder.", "decoder.")):

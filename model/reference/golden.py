@@ -1,7 +1,7 @@
 """Writes the golden files of the Rust tests: a tiny random model and what the
 twin computes with it.
 
-    python golden.py ../src/net/golden
+    python golden.py ../src/tests/golden
 
 `tiny.safetensors` is a weights file, `golden.safetensors` holds inputs and
 outputs: codes, music, decoded motion, hidden vectors and logits, and poses

@@ -2,9 +2,9 @@
 and sequences that end. With the weights that golden.py wrote; the first part's
 head has one row more, whose numbers both sides know.
 
-    python golden_absolute.py ../src/net/golden ../src/train/golden
+    python golden_absolute.py ../src/tests/golden ../../training/src/train/golden
 
-`net/golden/absolute.safetensors`: hidden vectors and logits of golden.py's
+`tests/golden/absolute.safetensors`: hidden vectors and logits of golden.py's
 inputs. `train/golden/absolute.safetensors`: one training step in which the
 first sequence ends, as in golden_step.py.
 """

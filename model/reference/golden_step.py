@@ -1,7 +1,7 @@
 """Writes the golden file of one training step of both stages, for the tests of
 `model/src/train`: from the weights that golden.py wrote.
 
-    python golden_step.py ../src/net/golden/tiny.safetensors ../src/train/golden
+    python golden_step.py ../src/tests/golden/tiny.safetensors ../../training/src/train/golden
 
 Inputs, losses, codebooks after the step; gradients and parameters after one step
 of AdamW, every fifth number of each. f32, no dropout, no noise.

@@ -1,7 +1,7 @@
 //! `servodance doctor`.
 
 use super::options::robot::RobotFileArgs;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_runtime::doctor::{Finding, Verdict, examine};
 use servodance_runtime::pipeline::conditioning::Conditioning;
 use servodance_runtime::process::console::stdout_line;

@@ -4,7 +4,7 @@ use super::options::robot::RobotFileArgs;
 use super::{INTERRUPTED, stop_signal};
 use anyhow::bail;
 use servodance_lab::soak::{Soak, SoakMusic};
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_runtime::process::progress::Progress;
 use servodance_runtime::session::dance::open_generator;

@@ -1,6 +1,6 @@
 //! `servodance weights`.
 
-use servodance_model::net::Dtype;
+use servodance_model::weights::Dtype;
 use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::weights::{self, WeightsInfo};
@@ -79,7 +79,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             }
         }
         What::Convert { file, dtype, out } => {
-            let bytes = servodance_model::net::convert_file(&file, dtype)?;
+            let bytes = servodance_model::weights::convert_file(&file, dtype)?;
             write_whole(&out, &bytes)?;
             stdout_line!(
                 "{}: {dtype}, {:.1} MB",

@@ -59,7 +59,6 @@ const WEIGHTS: [f64; VALUES] = [
 
 #[derive(Clone, Copy)]
 struct Level {
-    /// Output beats in a tracked one.
     rate: f64,
     /// Phase of the output beat at the first tracked one.
     offset: f64,
@@ -113,7 +112,6 @@ pub struct MetricalReading {
 struct Strengths {
     running: [f32; PLACES],
     place: usize,
-    /// Largest strength at the present place.
     peak: f32,
 }
 

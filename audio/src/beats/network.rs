@@ -34,7 +34,6 @@ impl NetworkOutput {
     };
 }
 
-/// A dense layer; weights row by row.
 struct DenseLayer {
     weights: Vec<f32>,
     bias: Vec<f32>,

@@ -28,12 +28,10 @@ const STEADINESS: f32 = 120.0;
 /// Largest change of the period at one beat, hops.
 pub(super) const REACH: usize = 3;
 
-/// The period of a tempo in hops.
 pub(super) const fn period(tempo: usize) -> usize {
     SHORTEST + tempo
 }
 
-/// A tempo in beats a minute.
 pub(super) fn bpm(tempo: usize) -> f64 {
     60.0 * RATE_HZ / period(tempo) as f64
 }

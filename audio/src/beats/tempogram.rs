@@ -65,7 +65,6 @@ impl Tempogram {
     }
 }
 
-/// Longest lag under the comb, hops.
 const fn longest_lag() -> usize {
     TEETH * period(TEMPI - 1) + 4
 }

@@ -89,7 +89,6 @@ impl Tracker {
         }
     }
 
-    /// Whether silence has ended the music.
     pub(crate) fn is_silent(&self) -> bool {
         self.silent_s > SILENCE_S
     }

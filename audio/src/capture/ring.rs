@@ -28,11 +28,9 @@ struct BlockStamp {
     captured: Instant,
 }
 
-/// State shared by both ends.
 #[derive(Debug, Default)]
 struct RingState {
     lost_frames: AtomicU64,
-    /// The writer will write no more.
     ended: AtomicBool,
 }
 
@@ -49,11 +47,9 @@ pub(crate) struct RingReader {
     samples: Consumer<f32>,
     stamps: Consumer<BlockStamp>,
     shared: Arc<RingState>,
-    /// Frames read so far.
     frames: u64,
 }
 
-/// A ring for sound of this format.
 pub(crate) fn ring(format: RingFormat) -> (RingWriter, RingReader) {
     let channels = usize::from(format.channels.max(1));
     let capacity = RING_S * format.sample_rate_hz as usize * channels;
@@ -111,7 +107,6 @@ impl RingWriter {
         }
     }
 
-    /// Whether the reader is gone.
     pub(crate) fn is_abandoned(&self) -> bool {
         self.samples.is_abandoned()
     }

@@ -35,7 +35,6 @@ impl InputKind {
     }
 }
 
-/// A stall that lasts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stall {
     since: Instant,

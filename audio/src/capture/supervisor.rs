@@ -11,7 +11,6 @@ use std::time::Duration;
 /// Between two attempts to open a device.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// Opens a device, any number of times.
 pub(crate) trait DeviceOpener: Send + 'static {
     /// The open device; captures until it is dropped.
     type Open;
@@ -24,7 +23,6 @@ pub(crate) trait DeviceOpener: Send + 'static {
 pub(crate) enum SupervisorEvent {
     /// The device is open; its sound comes through this ring from now on.
     Opened(RingReader),
-    /// The device cannot be opened, or broke.
     Failed(String),
 }
 
@@ -34,7 +32,6 @@ enum SupervisorCommand {
     Failed { stream: u64, reason: String },
 }
 
-/// Reports that a stream broke.
 #[derive(Clone)]
 pub(crate) struct FailureReporter {
     stream: u64,
@@ -87,13 +84,11 @@ impl DeviceSupervisor {
         self.events.try_recv().ok()
     }
 
-    /// Waits for the first event.
     #[cfg(feature = "mic")]
     pub(crate) fn first_event(&self, patience: Duration) -> Option<SupervisorEvent> {
         self.events.recv_timeout(patience).ok()
     }
 
-    /// Closes the device and opens it again.
     pub(crate) fn reopen(&self) {
         if let Some(commands) = &self.commands {
             let _ = commands.send(SupervisorCommand::Reopen);

@@ -2,7 +2,6 @@
 
 /// Filters over the bins of a spectrum, stored sparsely.
 pub(crate) struct FilterBank {
-    /// First bin and weights of each filter.
     filters: Vec<(usize, Vec<f32>)>,
 }
 

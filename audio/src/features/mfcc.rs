@@ -50,7 +50,6 @@ const PEAK: usize = CHROMA + 12;
 /// Index of the beat mark in the feature vector.
 pub(crate) const BEAT: usize = PEAK + 1;
 
-/// Computes the feature vector once a frame.
 pub(crate) struct SpectralFeatures {
     spectrum: PowerSpectrum,
     mel: FilterBank,

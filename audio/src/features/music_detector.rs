@@ -79,7 +79,6 @@ fn tones(level: &[f32; BINS]) -> [f32; BINS] {
     out
 }
 
-/// Running estimate of the presence of music.
 pub(crate) struct MusicDetector {
     steadiness: ToneSteadiness,
     odds: f32,

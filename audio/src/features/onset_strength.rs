@@ -47,7 +47,6 @@ pub(crate) struct Onset {
     pub(crate) groups: [f32; 4],
     /// Rise of each band over its neighbourhood, logarithmic.
     pub(crate) rises: [f32; BANDS],
-    /// Level of each pair of bands, logarithmic.
     pub(crate) levels: [f32; BANDS / 2],
 }
 

@@ -76,7 +76,6 @@ impl Resampler {
         self.delay_s
     }
 
-    /// Input samples buffered for the next chunk.
     pub(crate) fn gathered(&self) -> usize {
         self.gathered
     }

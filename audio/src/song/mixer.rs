@@ -85,7 +85,6 @@ pub(super) struct Buses {
     pub(super) drums: Vec<f32>,
     pub(super) bass: Vec<f32>,
     pub(super) music: Vec<f32>,
-    /// Samples at which the kick sounds.
     pub(super) kicks: Vec<usize>,
 }
 
@@ -233,7 +232,6 @@ fn set_level(out: &mut [f32], level_db: f32) {
     }
 }
 
-/// Pinkish noise: white with its treble halved.
 fn add_noise(out: &mut [f32], gain: f32, seed: u64) {
     if gain < 1e-5 {
         return;

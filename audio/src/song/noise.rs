@@ -177,10 +177,8 @@ impl Sound {
     }
 }
 
-/// A glottis and three formants.
 struct Talker {
     sound: Sound,
-    /// Where the next syllable begins.
     at: usize,
     formants_hz: [f32; 3],
     state: [[f32; 2]; 3],
@@ -249,7 +247,6 @@ impl Talker {
         self.at += count;
     }
 
-    /// Two-pole resonators in parallel.
     fn resonate(&mut self, input: f32) -> f32 {
         let rate_hz = self.sound.rate_hz;
         let radius = (-PI * 90.0 / rate_hz).exp();

@@ -11,7 +11,6 @@ use super::synth::Instrument;
 use Drum::*;
 use Instrument::*;
 
-/// Style of a song.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[allow(missing_docs)] // the variant names are the documentation
 pub enum Style {
@@ -42,7 +41,6 @@ pub(super) struct StyleSheet {
     pub(super) bass_kind: &'static [Instrument],
     pub(super) chord_kind: &'static [Instrument],
     pub(super) lead_kind: &'static [Instrument],
-    /// Whether chords have sevenths.
     pub(super) sevenths: bool,
 }
 

@@ -28,7 +28,6 @@ enum Wave {
     Saw,
     Square,
     Triangle,
-    /// Drawbars: fundamental, octave, twelfth.
     Organ,
     /// Two-operator FM: ratio and depth of the modulator.
     Fm(f32, f32),
@@ -258,7 +257,6 @@ impl Oscillator {
     }
 }
 
-/// The band-limiting correction of a step (polyBLEP).
 fn blep(phase: f32, step: f32) -> f32 {
     if phase < step {
         let t = phase / step;

@@ -40,7 +40,6 @@ pub(super) struct FileReader {
     tick_s: Option<f64>,
     /// Time stamp of the first packet, seconds.
     origin_s: Option<f64>,
-    /// Samples delivered, replacements included.
     delivered: u64,
     decoded: u64,
     skipped: u64,

@@ -13,7 +13,7 @@
 use anyhow::{Context, bail};
 use servodance_audio::MusicAnalyzer;
 use servodance_drivers::EStop;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_model::{Dance, GeneratorOptions};
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::delays::Delays;

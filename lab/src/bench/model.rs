@@ -12,9 +12,12 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use serde::Serialize;
-use servodance_model::net::{
-    Engine, EngineOptions, ModelConfig, MotionSeq, PRESETS, VqDecoder, Weights,
-};
+use servodance_model::ModelError;
+use servodance_model::config::{ModelConfig, PRESETS};
+use servodance_model::engine::{Engine, EngineOptions};
+use servodance_model::motionseq::MotionSeq;
+use servodance_model::vqvae::VqDecoder;
+use servodance_model::weights::Weights;
 
 const WARM_UP: usize = 10;
 /// How long bandwidth is measured, before and after.
@@ -127,7 +130,7 @@ fn measure(request: &ModelBench, weights: Weights) -> anyhow::Result<ModelBenchR
         &config,
         (lanes, position),
         request.frames,
-    );
+    )?;
     times_ms.sort_by(f64::total_cmp);
     let rank = |share: f64| {
         let rank = (times_ms.len() as f64 * share).ceil() as usize;
@@ -159,31 +162,37 @@ fn frame_times_ms(
     config: &ModelConfig,
     (lanes, position): (usize, u64),
     frames: usize,
-) -> (Vec<f64>, u64) {
+) -> Result<(Vec<f64>, u64), ModelError> {
     let (mut dance, mut motion) = (seq.start(lanes), decoder.start());
     dance.jump(position.saturating_sub(WARM_UP as u64));
     motion.jump(position.saturating_sub(WARM_UP as u64));
     let mut codes = vec![0; config.parts.len()];
     let music: Vec<f32> = (0..config.music_dim).map(|i| (i as f32).sin()).collect();
     let heard = [Some(&music[..]), None];
-    let mut frame = || {
+    let mut frame = || -> Result<f64, ModelError> {
         let start = Instant::now();
         let team = engine.pool().team();
-        seq.step(&team, &mut dance, &codes, &heard[..lanes]);
+        seq.step(&team, &mut dance, &codes, &heard[..lanes])?;
         for part in 0..codes.len() {
-            let mut logits = seq.logits(&team, &mut dance, part, &codes[..part]);
+            let mut logits = seq.logits(&team, &mut dance, part, &codes[..part])?;
             codes[part] = likeliest(&logits.next().unwrap_or_default()[..config.codes]);
         }
-        decoder.step(&team, &mut motion, &codes);
+        decoder.step(&team, &mut motion, &codes)?;
         drop(team);
-        start.elapsed().as_secs_f64() * 1e3
+        Ok(start.elapsed().as_secs_f64() * 1e3)
     };
     for _ in 0..WARM_UP {
-        frame();
+        frame()?;
     }
-    let mut times_ms = vec![0.0; frames];
-    let allocated = allocation_counter::measure(|| times_ms.fill_with(&mut frame));
-    (times_ms, allocated.count_total)
+    let (mut times_ms, mut outcome) = (vec![0.0; frames], Ok(()));
+    let mut all = || {
+        times_ms
+            .iter_mut()
+            .try_for_each(|ms| frame().map(|took| *ms = took))
+    };
+    let allocated = allocation_counter::measure(|| outcome = all());
+    outcome?;
+    Ok((times_ms, allocated.count_total))
 }
 
 fn likeliest(logits: &[f32]) -> usize {
@@ -220,7 +229,7 @@ fn read_gbps(bytes: usize, threads: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servodance_model::net::Dtype;
+    use servodance_model::weights::Dtype;
 
     fn request(preset: &str) -> ModelBench {
         ModelBench {
@@ -229,6 +238,7 @@ mod tests {
             engine: EngineOptions {
                 dtype: Some(Dtype::Q8_0),
                 threads: Some(2),
+                ..EngineOptions::default()
             },
             context: Some(12),
             position: None,

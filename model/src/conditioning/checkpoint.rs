@@ -15,6 +15,7 @@ use std::sync::Mutex;
 use candle_core::{Device, Tensor};
 use serde::Deserialize;
 
+use crate::engine::candle::TensorSource;
 use crate::error::ModelError;
 
 /// What a file begins with that was cloned without its content.
@@ -22,7 +23,6 @@ const LFS_POINTER: &[u8; 8] = b"version ";
 /// Headers of real checkpoints are some hundred KiB.
 const HEADER_MAX: u64 = 100_000_000;
 
-/// What the header says of one tensor.
 #[derive(Debug, Deserialize)]
 struct Entry {
     dtype: String,
@@ -30,13 +30,12 @@ struct Entry {
     data_offsets: (u64, u64),
 }
 
-/// An open checkpoint.
+/// An open checkpoint whose header was checked.
 #[derive(Debug)]
 pub struct Checkpoint {
     path: PathBuf,
     file: Mutex<File>,
     entries: BTreeMap<String, Entry>,
-    /// Where the numbers begin.
     data_start: u64,
 }
 
@@ -155,7 +154,6 @@ impl Checkpoint {
     }
 }
 
-/// The tensors that a header lists.
 fn entries(header: &[u8]) -> Result<BTreeMap<String, Entry>, String> {
     let mut listed: BTreeMap<String, serde_json::Value> =
         serde_json::from_slice(header).map_err(|e| e.to_string())?;
@@ -169,10 +167,17 @@ fn entries(header: &[u8]) -> Result<BTreeMap<String, Entry>, String> {
         .collect()
 }
 
+impl TensorSource for Checkpoint {
+    fn tensor(&self, name: &str, shape: &[usize]) -> Result<Tensor, ModelError> {
+        Checkpoint::tensor(self, name, shape)
+    }
+}
+
 fn chunks<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> + '_ {
     bytes.as_chunks::<N>().0.iter().copied()
 }
 
+/// An error about the file at `path`.
 pub fn file_error(path: &Path, reason: String) -> ModelError {
     ModelError::File {
         source_name: path.display().to_string(),

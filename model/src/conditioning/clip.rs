@@ -14,7 +14,7 @@ use candle_nn::ops;
 use tokenizers::{Tokenizer, TruncationParams};
 
 use super::checkpoint::{Checkpoint, file_error};
-use super::layers::{Linear, Norm};
+use crate::engine::candle::{TensorLinear, TensorNorm};
 use crate::error::ModelError;
 
 /// Numbers of a text's vector; weights that take it have this `style_dim`.
@@ -24,7 +24,6 @@ const TOKENS_MAX: usize = 77;
 /// Width of an attention head in every CLIP.
 const HEAD_DIM: usize = 64;
 
-/// Sizes of a text tower.
 #[derive(Clone, Copy, Debug)]
 struct Sizes {
     vocabulary: usize,
@@ -32,14 +31,14 @@ struct Sizes {
     layers: usize,
 }
 
-/// Of `openai/clip-vit-base-patch32`.
+/// The sizes of `openai/clip-vit-base-patch32`.
 const PUBLIC: Sizes = Sizes {
     vocabulary: 49_408,
     width: 512,
     layers: 12,
 };
 
-/// The text encoder.
+/// CLIP's text encoder with its tokenizer.
 #[derive(Debug)]
 pub struct ClipText {
     source: String,
@@ -47,7 +46,7 @@ pub struct ClipText {
     tokens: Tensor,
     positions: Tensor,
     layers: Vec<Layer>,
-    norm: Norm,
+    norm: TensorNorm,
     projection_t: Tensor,
 }
 
@@ -77,7 +76,7 @@ impl ClipText {
             tokens: embedding("token", sizes.vocabulary)?,
             positions: embedding("position", TOKENS_MAX)?,
             layers: layers.collect::<Result<_, _>>()?,
-            norm: Norm::load(&file, "text_model.final_layer_norm", width)?,
+            norm: TensorNorm::load(&file, "text_model.final_layer_norm", width)?,
             projection_t: file
                 .tensor("text_projection.weight", &[CLIP_DIM, width])?
                 .t()?,
@@ -151,22 +150,22 @@ fn causal_mask(count: usize) -> TensorResult<Tensor> {
 /// Self-attention, then two linear layers; each on the normalised input.
 #[derive(Debug)]
 struct Layer {
-    norms: [Norm; 2],
-    query: Linear,
-    key: Linear,
-    value: Linear,
-    out: Linear,
-    up: Linear,
-    down: Linear,
+    norms: [TensorNorm; 2],
+    query: TensorLinear,
+    key: TensorLinear,
+    value: TensorLinear,
+    out: TensorLinear,
+    up: TensorLinear,
+    down: TensorLinear,
 }
 
 impl Layer {
     fn load(file: &Checkpoint, layer: usize, width: usize) -> Result<Self, ModelError> {
         let name = format!("text_model.encoder.layers.{layer}");
         let linear = |what: &str, input, output| {
-            Linear::load(file, &format!("{name}.{what}"), input, output)
+            TensorLinear::load(file, &format!("{name}.{what}"), input, output)
         };
-        let norm = |number| Norm::load(file, &format!("{name}.layer_norm{number}"), width);
+        let norm = |number| TensorNorm::load(file, &format!("{name}.layer_norm{number}"), width);
         Ok(Self {
             norms: [norm(1)?, norm(2)?],
             query: linear("self_attn.q_proj", width, width)?,
@@ -178,7 +177,6 @@ impl Layer {
         })
     }
 
-    /// Tokens [n, width].
     fn forward(&self, x: &Tensor, mask: &Tensor) -> TensorResult<Tensor> {
         let x = (x + self.attended(&self.norms[0].forward(x)?, mask)?)?;
         let inner = self.up.forward(&self.norms[1].forward(&x)?)?;

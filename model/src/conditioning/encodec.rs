@@ -13,10 +13,9 @@ use candle_core::{D, Result as TensorResult, Tensor};
 
 use super::checkpoint::Checkpoint;
 use super::seanet::{Encoder, FIRST_FRAMES, HOP};
+use crate::config::LATENT_DIM;
 use crate::error::ModelError;
 
-/// Numbers a frame.
-pub const LATENT_DIM: usize = 128;
 /// Samples a second that the checkpoint is given.
 pub const ENCODEC_RATE_HZ: u32 = 6_400;
 
@@ -39,9 +38,8 @@ pub struct Encodec {
 
 #[derive(Debug)]
 struct Codebook {
-    /// [codes, 128]
     codes: Tensor,
-    /// Half the squared length of each code, [codes].
+    /// Half the squared length of each row of `codes` [codes, 128].
     half_squares: Tensor,
 }
 
@@ -99,8 +97,8 @@ impl Codebook {
     }
 }
 
-/// The sum of the codes of the rows [n, 128]: each codebook codes what the ones
-/// before left over.
+/// The sum of the codes of the rows [n, 128]: each codebook codes what the
+/// ones before left over.
 fn quantised(codebooks: &[Codebook], rows: &Tensor) -> TensorResult<Tensor> {
     let mut sum = rows.zeros_like()?;
     for codebook in codebooks {
@@ -158,7 +156,6 @@ mod tests {
         Golden::open(include_bytes!("golden/encodec.safetensors"))
     }
 
-    /// Loads a checkpoint whose manifest was changed.
     fn load(change: impl Fn(&mut Manifest)) -> Result<Encodec, ModelError> {
         let file = tempfile::NamedTempFile::new().unwrap();
         let mut manifest = golden().weights();

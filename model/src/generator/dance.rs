@@ -7,15 +7,18 @@ use std::sync::Arc;
 
 use servodance_types::{MotionFrame, MusicFrame};
 
+use super::floor::FloorBounds;
 use super::options::{AtEnd, GeneratorOptions};
-use super::stage::Stage;
-use super::watch::Watch;
+use super::stall::StallDetector;
 use super::{Generator, Networks};
 use crate::conditioning::{HeardFrame, MusicKind};
+use crate::engine::Team;
 use crate::error::ModelError;
 use crate::motion::representation::{Recovery, contacts, heading_rad};
 use crate::motion::{Pose, skeleton};
-use crate::net::{DecoderState, Echo, MotionSeq, Recent, Sampler, SeqState, Team};
+use crate::motionseq::{MotionSeq, SeqState};
+use crate::sampling::{PenaltyStrength, RepetitionPenalty, Sampler};
+use crate::vqvae::DecoderState;
 
 /// One dance in progress.
 #[derive(Debug)]
@@ -26,8 +29,7 @@ pub struct Dance {
     decoder: DecoderState,
     options: GeneratorOptions,
     sampler: Sampler,
-    recent: Recent,
-    echo: Echo,
+    penalty: RepetitionPenalty,
     logits: Vec<f32>,
     codes: Vec<usize>,
     /// The last good music, normalised, and the newest as it came.
@@ -38,11 +40,10 @@ pub struct Dance {
     /// Frames of the sequence that the model sees.
     sequence_frames: u64,
     recovery: Recovery,
-    stage: Stage,
+    floor: FloorBounds,
     style: usize,
-    /// The style, if it has no name.
     style_vector: Option<Vec<f32>>,
-    watch: Watch,
+    stall: StallDetector,
 }
 
 impl Dance {
@@ -60,8 +61,7 @@ impl Dance {
             seq: networks.seq.start(lanes),
             decoder: networks.decoder.start(),
             sampler,
-            recent: Recent::new(codes.len(), config.codes),
-            echo: Echo::new(codes.len(), config.codes),
+            penalty: RepetitionPenalty::new(codes.len(), config.codes),
             logits: Vec::with_capacity(config.codes + 1),
             codes,
             music: vec![0.0; config.music_dim],
@@ -70,30 +70,26 @@ impl Dance {
             frames: 0,
             sequence_frames: 0,
             recovery: Recovery::default(),
-            stage: Stage::default(),
+            floor: FloorBounds::default(),
             style,
             style_vector: options.style_vector.clone(),
-            watch: Watch::default(),
+            stall: StallDetector::default(),
             options,
             networks,
         };
-        dance.wear();
+        dance.apply_style();
         dance
     }
 
     /// The motion of the next frame. After an error the dance stands where it
     /// stood; start a new one.
-    ///
-    /// # Errors
-    /// Weights that hear Encodec latents: they need [`Dance::step_heard`].
+    /// Weights that hear Encodec latents need [`Dance::step_heard`].
     pub fn step(&mut self, music: &MusicFrame) -> Result<MotionFrame, ModelError> {
         self.step_heard(&HeardFrame::from(*music))
     }
 
-    /// The same with what else was listened for.
-    ///
-    /// # Errors
-    /// Weights of another feature kind than what was listened for.
+    /// The same with what else was listened for; fails for weights
+    /// of another feature kind.
     pub fn step_heard(&mut self, heard: &HeardFrame) -> Result<MotionFrame, ModelError> {
         let networks = self.networks.clone();
         let (kind, music) = (networks.config.music, &heard.frame);
@@ -108,7 +104,9 @@ impl Dance {
         }
         let team = networks.engine.pool().team();
         self.next_codes(&networks.seq, &team)?;
-        let normalised = networks.decoder.step(&team, &mut self.decoder, &self.codes);
+        let normalised = networks
+            .decoder
+            .step(&team, &mut self.decoder, &self.codes)?;
         let vector = networks.pose_vector(normalised);
         drop(team);
         if vector.iter().any(|v| !v.is_finite()) {
@@ -116,9 +114,9 @@ impl Dance {
         }
         self.frames += 1;
         let pose = skeleton::fit(&self.recovery.push(&vector), 1.0);
-        let positions = self.stage.place(pose);
-        if self.watch.stuck(&positions, music.beat.confidence) {
-            self.wake();
+        let positions = self.floor.place(pose);
+        if self.stall.stalled(&positions, music.beat.confidence) {
+            self.restart_sequence();
         }
         Ok(MotionFrame {
             time_s: music.time_s,
@@ -136,8 +134,8 @@ impl Dance {
         let silence = &[None, None][..self.seq.lanes()];
         for row in codes {
             let seq = &networks.seq;
-            seq.step(&team, &mut self.seq, &self.codes, silence);
-            let normalised = networks.decoder.step(&team, &mut self.decoder, row);
+            seq.step(&team, &mut self.seq, &self.codes, silence)?;
+            let normalised = networks.decoder.step(&team, &mut self.decoder, row)?;
             self.recovery.push(&networks.pose_vector(normalised));
             self.codes.clone_from(row);
         }
@@ -146,28 +144,25 @@ impl Dance {
         let [x, _, z] = last[0];
         let root_xz_m = [f64::from(x), f64::from(z)];
         self.recovery.move_to(root_xz_m, heading_rad(last));
-        self.stage = Stage::at([x, z]);
+        self.floor = FloorBounds::at([x, z]);
         Ok(())
     }
 
     /// Dances on in another style, from the pose that it is in.
-    ///
-    /// # Errors
-    /// An unknown style; the message lists those there are.
-    pub fn restyle(&mut self, style: &str) -> Result<(), ModelError> {
+    /// Fails for: an unknown style; the message lists those there are.
+    pub fn set_style(&mut self, style: &str) -> Result<(), ModelError> {
         self.style = self.networks.style_index(style)?;
         self.style_vector = None;
-        self.wear();
+        self.apply_style();
         self.chain();
         Ok(())
     }
 
-    /// Takes on its style.
-    fn wear(&mut self) {
+    fn apply_style(&mut self) {
         let seq = &self.networks.seq;
         match &self.style_vector {
-            Some(vector) => seq.restyle(&mut self.seq, vector),
-            None => seq.restyle(&mut self.seq, &seq.style(Some(self.style))),
+            Some(vector) => seq.set_style(&mut self.seq, vector),
+            None => seq.set_style(&mut self.seq, seq.style(Some(self.style))),
         }
     }
 
@@ -184,26 +179,26 @@ impl Dance {
         self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
         self.chain();
         self.decoder.restart();
-        self.recent.clear();
-        self.echo.clear();
+        self.penalty.clear();
         self.music.fill(0.0);
         (self.bad_music_frames, self.frames) = (0, 0);
-        (self.recovery, self.stage) = (Recovery::default(), Stage::default());
-        self.watch = Watch::default();
+        (self.recovery, self.floor) = (Recovery::default(), FloorBounds::default());
+        self.stall = StallDetector::default();
     }
 
     /// Leaves guidance out from the next step on, which then takes less time, or
     /// takes it up again from the pose that the dancer is in.
-    pub fn guide(&mut self, guided: bool) {
+    pub fn guide(&mut self, guided: bool) -> Result<(), ModelError> {
         let seq = &self.networks.seq;
         if !guided && self.seq.lanes() > 1 {
-            self.seq = seq.first_lane(&self.seq);
+            self.seq = seq.first_lane(&self.seq)?;
         } else if guided && self.seq.lanes() == 1 && self.options.guidance != 1.0 {
             // Both lanes remember the same past: none.
             self.seq = seq.start(2);
-            self.wear();
+            self.apply_style();
             self.chain();
         }
+        Ok(())
     }
 
     /// How often a step goes through the network: twice if it is guided.
@@ -213,9 +208,7 @@ impl Dance {
 
     /// A new dance of the same networks and options in another style; it takes
     /// as long again for each step.
-    ///
-    /// # Errors
-    /// There is no such style.
+    /// Fails for: there is no such style.
     pub fn beside(&self, style: &str) -> Result<Dance, ModelError> {
         let generator = Generator {
             networks: self.networks.clone(),
@@ -240,18 +233,17 @@ impl Dance {
     /// Forgets the past, in which the dancer stood: a model that continues
     /// what it sees would go on standing. From the second time in a row on it
     /// also begins at another moment of the style.
-    fn wake(&mut self) {
+    fn restart_sequence(&mut self) {
         self.chain();
-        if self.watch.in_a_row > 1 {
+        if self.stall.in_a_row > 1 {
             self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
         }
     }
 
-    /// Draws the codes of the next frame.
     fn next_codes(&mut self, seq: &MotionSeq, team: &Team) -> Result<(), ModelError> {
         let music = [Some(&self.music[..]), None];
         let lanes = self.seq.lanes();
-        seq.step(team, &mut self.seq, &self.codes, &music[..lanes]);
+        seq.step(team, &mut self.seq, &self.codes, &music[..lanes])?;
         self.sequence_frames += 1;
         for part in 0..self.codes.len() {
             let code = self.draw(seq, team, part)?;
@@ -266,19 +258,17 @@ impl Dance {
             }
             self.codes[part] = code;
         }
-        self.recent.push(&self.codes);
-        self.echo.push(&self.codes);
+        self.penalty.push(&self.codes);
         Ok(())
     }
 
-    /// One part's code, or the number of codes for the end, which does not come
-    /// at once.
+    /// One part's code, or the number of codes for the end (never in the first frame).
     fn draw(&mut self, seq: &MotionSeq, team: &Team, part: usize) -> Result<usize, ModelError> {
-        let mut lanes = seq.logits(team, &mut self.seq, part, &self.codes[..part]);
+        let mut lanes = seq.logits(team, &mut self.seq, part, &self.codes[..part])?;
         self.logits.clear();
         self.logits.extend(lanes.next().unwrap_or_default());
-        if let Some(deaf) = lanes.next() {
-            for (with, without) in self.logits.iter_mut().zip(deaf) {
+        if let Some(unheard) = lanes.next() {
+            for (with, without) in self.logits.iter_mut().zip(unheard) {
                 *with = without + self.options.guidance * (*with - without);
             }
         }
@@ -286,10 +276,12 @@ impl Dance {
         if self.sequence_frames == 1 {
             self.logits.truncate(codes);
         }
-        self.recent
-            .discourage(part, self.options.repetition, &mut self.logits[..codes]);
-        self.echo
-            .discourage(part, self.options.variety, &mut self.logits[..codes]);
+        let strength = PenaltyStrength {
+            repetition: self.options.repetition,
+            variety: self.options.variety,
+        };
+        self.penalty
+            .apply(part, strength, &mut self.logits[..codes]);
         let drawn = self.sampler.draw(&self.logits);
         drawn.ok_or(ModelError::Diverged { frame: self.frames })
     }
@@ -299,9 +291,9 @@ impl Dance {
         &self.codes
     }
 
-    /// How often the dance stood still while a beat was heard, and was woken.
-    pub fn awakenings(&self) -> u64 {
-        self.watch.awakenings
+    /// How often the dance stood still while a beat was heard, and was restarted.
+    pub fn restarts(&self) -> u64 {
+        self.stall.restarts
     }
 
     /// Music frames that were not finite so far.

@@ -1,7 +1,7 @@
 //! How a dance is generated, checked before it begins.
 
 use crate::error::ModelError;
-use crate::net::Sampling;
+use crate::sampling::Sampling;
 
 /// What follows when the model says that the sequence ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,16 +13,13 @@ pub enum AtEnd {
     Stop,
 }
 
-/// The style of a dance in no style: what the model learned where none was told.
-pub const NO_STYLE: &str = "none";
-
 /// How a dance is generated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeneratorOptions {
     /// Seed of everything random.
     pub seed: u64,
-    /// A name out of [`crate::Generator::styles`], or [`NO_STYLE`]; `None` is
-    /// [`crate::Generator::default_style`].
+    /// A name out of [`crate::Generator::styles`] or [`crate::NO_STYLE`];
+    /// if left out, [`crate::Generator::default_style`].
     pub style: Option<String>,
     /// A style that is no name but a vector, as wide as the weights' styles
     /// ([`crate::conditioning::ClipText`]); it comes before a name.
@@ -65,8 +62,7 @@ impl Default for GeneratorOptions {
 
 impl GeneratorOptions {
     /// Refuses a style vector that is not `style_dim` wide or not finite, and
-    /// numbers out of range; those of [`Self::sampling`] are the sampler's to
-    /// refuse.
+    /// numbers out of range, except those of [`Self::sampling`].
     pub(super) fn check(&self, style_dim: usize) -> Result<(), ModelError> {
         if let Some(vector) = &self.style_vector
             && (vector.len() != style_dim || vector.iter().any(|v| !v.is_finite()))
@@ -92,7 +88,6 @@ impl GeneratorOptions {
         Ok(())
     }
 
-    /// How codes are drawn.
     pub(super) fn sampling(&self) -> Sampling {
         Sampling {
             temperature: self.temperature,

@@ -152,8 +152,8 @@ fn frame(side: Vec3, up: Vec3) -> Matrix {
     transposed(&[x, y, cross(x, y)])
 }
 
-/// The smallest turn that brings the direction `from` to the direction `to`
-/// (Rodrigues).
+/// The smallest turn that brings the direction `from` to
+/// the direction `to` (Rodrigues).
 fn shortest_turn(from: Vec3, to: Vec3) -> Matrix {
     let from = unit_or(from, [0.0, 1.0, 0.0]);
     let to = unit_or(to, from);

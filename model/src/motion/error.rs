@@ -5,23 +5,14 @@ use std::path::{Path, PathBuf};
 
 /// What can be wrong with a motion file. The message names the file.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the fields are what the message says")]
 pub enum MotionError {
     /// The file cannot be read as an npz archive.
     #[error("{path}: cannot read motion: {reason}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the reader said.
-        reason: String,
-    },
+    Read { path: PathBuf, reason: String },
     /// The file reads, but holds no usable motion.
     #[error("{path}: {reason}")]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, with actual and expected values.
-        reason: String,
-    },
+    Content { path: PathBuf, reason: String },
 }
 
 impl MotionError {

@@ -23,7 +23,9 @@ const LONGEST_HEADER: usize = 65_536;
 /// An array of numbers, the last index running fastest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Array {
+    /// Length of each dimension.
     pub shape: Vec<usize>,
+    /// All numbers, `shape` multiplied.
     pub values: Vec<f64>,
 }
 
@@ -55,13 +57,14 @@ pub fn read_npy(path: &Path) -> Result<Array, MotionError> {
     array(BufReader::new(file)).map_err(|reason| MotionError::read(path, reason))
 }
 
-/// An `.npz` archive.
+/// An open `.npz` archive of arrays.
 pub struct Npz {
     path: PathBuf,
     archive: ZipArchive<BufReader<File>>,
 }
 
 impl Npz {
+    /// Opens an archive; arrays are read when they are asked for.
     pub fn open(path: &Path) -> Result<Self, MotionError> {
         let file = File::open(path).map_err(|error| MotionError::read(path, error))?;
         let archive = ZipArchive::new(BufReader::new(file));
@@ -100,7 +103,6 @@ impl Npz {
     }
 }
 
-/// Reads magic, header and numbers.
 fn array(mut file: impl Read) -> Result<Array, String> {
     let mut start = [0; 8];
     let short = |_| "the array ends too soon".to_owned();
@@ -150,7 +152,6 @@ fn array(mut file: impl Read) -> Result<Array, String> {
     Ok(Array { shape, values })
 }
 
-/// The kinds of numbers that are read.
 #[derive(Clone, Copy)]
 enum Kind {
     F16,

@@ -22,7 +22,7 @@ use servodance_types::{BodyJoint, Contacts, JOINT_COUNT};
 use super::Pose;
 use super::vec3::{Vec3, add, narrow, sub, turn, wide};
 
-/// Numbers a frame.
+/// Numbers of one frame in the form that the networks see.
 pub const POSE_DIM: usize = 137;
 /// Where the 21 joint positions begin.
 pub const JOINTS_AT: usize = 4;
@@ -95,6 +95,8 @@ pub fn encode(poses: &[Pose]) -> Vec<PoseVector> {
         .collect()
 }
 
+/// The numbers of one frame from its pose, the next one, and
+/// their headings in radians.
 pub fn encode_step(now: &Pose, next: &Pose, heading: f64, next_heading: f64) -> PoseVector {
     let mut out = [0.0; POSE_DIM];
     let (now, next) = (now.map(wide), next.map(wide));
@@ -140,16 +142,6 @@ pub struct Recovery {
 }
 
 impl Recovery {
-    /// A recovery that puts its first frame at `root_xz_m`, facing
-    /// `heading_rad` (from +z towards +x).
-    pub fn starting_at(root_xz_m: [f64; 2], heading_rad: f64) -> Self {
-        Self {
-            heading_rad,
-            root_xz_m,
-            pending: [0.0; 3],
-        }
-    }
-
     /// Goes on from another place: the last frame is taken to have stood at
     /// `root_xz_m`, facing `heading_rad`; its step to the next one stays.
     pub fn move_to(&mut self, root_xz_m: [f64; 2], heading_rad: f64) {

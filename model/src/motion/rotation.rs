@@ -1,8 +1,8 @@
 //! Rotations as three rows: a vector v becomes `m v`.
+#![allow(missing_docs, reason = "matrix algebra under its usual names")]
 
 use super::vec3::{Vec3, cross, dot, norm, scale, unit_or};
 
-/// Rows of a rotation matrix.
 pub type Matrix = [Vec3; 3];
 
 pub const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

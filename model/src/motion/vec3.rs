@@ -1,4 +1,5 @@
 //! Vectors of three `f64`: the few operations that motion code needs.
+#![allow(missing_docs, reason = "vector algebra under its usual names")]
 
 use servodance_types::Point3;
 

@@ -44,9 +44,9 @@ impl CapsulePair {
     }
 }
 
-/// Pairs worth watching: each arm against trunk, head, legs and the other arm.
-/// Pairs that touch in every pose (neighbours in the tree) or already at rest
-/// are left out.
+/// Pairs worth watching: each arm against trunk, head, legs and the other
+/// arm. Pairs that touch in every pose (neighbours in the tree) or already at
+/// rest are left out.
 pub(crate) fn pairs(
     model: &RobotModel,
     map: &BodyMap,

@@ -36,8 +36,8 @@ pub(crate) struct PelvisTrajectory {
 }
 
 impl PelvisTrajectory {
-    /// Standing still at `rest`, the root link's pose. `pace` scales the
-    /// accelerations.
+    /// Standing still at `rest`, the root link's pose.
+    /// `pace` scales the accelerations.
     pub fn new(rest: Isometry3<f64>, leg_m: f64, dt_s: f64, preview_s: f64, pace: f64) -> Self {
         Self {
             rest,
@@ -75,8 +75,8 @@ impl PelvisTrajectory {
         ]
     }
 
-    /// The root link's pose for one cycle, `wanted` being due when the preview
-    /// ends.
+    /// The root link's pose for one cycle, `wanted` being due
+    /// when the preview ends.
     pub fn step(&mut self, wanted: &[f64; 6]) -> Isometry3<f64> {
         for (tracker, wanted) in self.trackers.iter_mut().zip(wanted) {
             tracker.step(*wanted);

@@ -53,8 +53,8 @@ impl PlantedStance {
         }
     }
 
-    /// Whether a foot that stands is off its place; `poses` are those of all
-    /// links.
+    /// Whether a foot that stands is off its place; `poses` are
+    /// those of all links.
     pub fn has_moved_feet(&self, map: &BodyMap, poses: &[Isometry3<f64>]) -> bool {
         let down = self.down();
         (0..2).filter(|&side| down[side]).any(|side| {

@@ -200,8 +200,8 @@ impl Default for PostureReader {
 }
 
 impl PostureReader {
-    /// The posture that is usual with this frame; one that is not finite is
-    /// left out.
+    /// The posture that is usual with this frame; one that is not
+    /// finite is left out.
     pub fn read(&mut self, frame: &MotionFrame) -> Posture {
         if frame.is_finite() {
             self.0.observe(&robot_axes(frame));

@@ -37,8 +37,8 @@ pub(crate) struct PoseTarget {
     pub face: Vector3<f64>,
     pub chest: UnitQuaternion<f64>,
     pub pelvis: UnitQuaternion<f64>,
-    /// Pelvis over the supporting foot against usual (x, y) and upright (z),
-    /// in leg lengths.
+    /// Pelvis over the supporting foot against usual (x, y) and upright
+    /// (z), in leg lengths.
     pub sway: Vector3<f64>,
     pub feet: [FootTarget; 2],
 }

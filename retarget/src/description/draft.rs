@@ -12,8 +12,8 @@ use crate::description::{Description, guess::words::NameWords, joints::mimic_num
 use crate::kinematics::{body_map::BodyMap, chain::RobotModel};
 use crate::retargeter::Retargeter;
 
-/// Length of a human arm and leg, shoulder to wrist and hip to ankle, metres
-/// (the dancer's skeleton).
+/// Length of a human arm and leg, shoulder to wrist and hip to ankle,
+/// metres (the dancer's skeleton).
 const HUMAN_ARM_M: f64 = 0.53;
 const HUMAN_LEG_M: f64 = 0.82;
 

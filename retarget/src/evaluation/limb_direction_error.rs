@@ -107,9 +107,11 @@ impl LimbDirectionError {
         })
     }
 
-    /// Gives the angle in degrees of every segment that robot and dancer both
+    /// Gives the angle in degrees of every
+    /// segment that robot and dancer both
     /// have, the robot standing as
-    /// [`Retargeter::world_from_root`](crate::retargeter::Retargeter::world_from_root) says.
+    /// [`Retargeter::world_from_root`](crate::retargeter::Retargeter::world_from_root)
+    /// says.
     pub fn compare(
         &self,
         world_from_root: &Isometry3<f64>,

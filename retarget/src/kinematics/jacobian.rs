@@ -61,8 +61,8 @@ impl Jacobian {
         }
     }
 
-    /// Adds the derivatives by the joints of a point fixed to `link`, times
-    /// `scale`.
+    /// Adds the derivatives by the joints of a point fixed
+    /// to `link`, times `scale`.
     pub fn add_point(&mut self, robot: &PosedRobot, link: usize, point: &Point3<f64>, scale: f64) {
         for ancestor in &robot.model.driven_ancestors[link] {
             self.add(ancestor.joint, robot.velocity(ancestor, point) * scale);

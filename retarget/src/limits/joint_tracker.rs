@@ -76,8 +76,8 @@ impl JointTracker {
     }
 
     /// One cycle, taking in the target that is due in
-    /// [`preview_cycles`](Self::preview_cycles); one that is not finite repeats
-    /// the last.
+    /// [`preview_cycles`](Self::preview_cycles); one that is not
+    /// finite repeats the last.
     pub fn step(&mut self, target_rad: f64) {
         let wanted = self.plan(target_rad);
         self.advance(wanted);

@@ -340,8 +340,8 @@ impl BodySolver {
         }
     }
 
-    /// Keeps the centre of mass off the edge of the support polygon, by legs
-    /// and root alone.
+    /// Keeps the centre of mass off the edge of the support polygon, by
+    /// legs and root alone.
     fn add_balance_tasks(&mut self, robot: &PosedRobot) {
         let Some(support) = &self.support else {
             return;

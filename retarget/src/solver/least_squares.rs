@@ -137,8 +137,8 @@ impl BoxLeastSquares {
         &self.step
     }
 
-    /// The bound that the way to the free solution meets first, and how far
-    /// along that is.
+    /// The bound that the way to the free solution meets first, and how
+    /// far along that is.
     fn first_block(&self, low: &[f64], high: &[f64]) -> Option<(usize, BoundState, f64)> {
         let mut first: Option<(usize, BoundState, f64)> = None;
         for &index in &self.free {

@@ -113,8 +113,8 @@ fn add_segment_row(
     jacobian.clear();
 }
 
-/// The aim that `now`, whose derivatives are gathered in `columns`, points
-/// along `wanted`.
+/// The aim that `now`, whose derivatives are gathered in
+/// `columns`, points along `wanted`.
 pub(crate) fn direction_row(
     now: Vector3<f64>,
     wanted: Vector3<f64>,

@@ -41,13 +41,13 @@ pub(super) struct SearchedArm {
     bounds: Vec<(f64, f64)>,
     starts: Vec<f64>,
     speeds: Vec<f64>,
-    /// What the solver's own way comes to, and the least that was found in this
-    /// search.
+    /// What the solver's own way comes to, and the least that was
+    /// found in this search.
     own: f64,
     least: f64,
-    /// The best answer of the last search, how often in a row one was clearly
-    /// better than the solver's, and what it would have spared: cost times
-    /// seconds.
+    /// The best answer of the last search, how often in a row one was
+    /// clearly better than the solver's, and what it would have
+    /// spared: cost times seconds.
     rival: Vec<f64>,
     better: usize,
     missed_s: f64,
@@ -202,8 +202,8 @@ impl SearchedArm {
         }
     }
 
-    /// Whether what the search found is worth the way from what the solver has,
-    /// `now`.
+    /// Whether what the search found is worth the way from what
+    /// the solver has, `now`.
     fn is_worth_it(&mut self, problem: &ArmProblem, now: &[f64], trial: &mut TrialPose) -> bool {
         let (own, least) = (self.own, self.least);
         if least < CLEARLY * own && least < own - AT_LEAST {
@@ -218,8 +218,8 @@ impl SearchedArm {
         }
     }
 
-    /// What the way from `now` to the rival costs more than staying, times the
-    /// seconds it takes.
+    /// What the way from `now` to the rival costs more than staying, times
+    /// the seconds it takes.
     fn way_s(&mut self, problem: &ArmProblem, now: &[f64], own: f64, trial: &mut TrialPose) -> f64 {
         let mut cost = 0.0;
         for place in 1..=ON_THE_WAY {

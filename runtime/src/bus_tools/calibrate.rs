@@ -35,7 +35,6 @@ pub struct Calibration<'a> {
     pub directions: bool,
 }
 
-/// New settings of one joint.
 #[derive(Clone, Debug, PartialEq)]
 struct JointSettings {
     joint: String,
@@ -154,7 +153,6 @@ fn found(servo: &Servo, rest_rad: f64, positive_rad: f64) -> JointSettings {
     }
 }
 
-/// Old and new, a line a joint.
 fn table(servos: &[Servo], found: &[JointSettings]) -> Vec<String> {
     let mut lines = vec![format!(
         "{:<14} {:>3}  {:>9} -> {:>9}  {:>9}",

@@ -170,7 +170,6 @@ struct ArmedJoint {
     /// How far the target moves in a period.
     step_rad: f64,
     aim_rad: f64,
-    /// The target of the present cycle.
     target_rad: f64,
     states: [JointState; 1],
 }

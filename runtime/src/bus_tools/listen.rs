@@ -120,7 +120,6 @@ impl SerialListener {
         );
     }
 
-    /// The rates that were tried, in words.
     pub fn rates(&self) -> String {
         match self.baud {
             Some(baud) => format!("{baud} baud"),

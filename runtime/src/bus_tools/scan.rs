@@ -112,7 +112,6 @@ fn scan_can(
     )
 }
 
-/// One motor in one line.
 fn can_line(motor: &CanFound) -> String {
     format!(
         "{}  id {:>3}  {}  firmware {}  {}{}",

@@ -34,7 +34,6 @@ impl CycleClock {
         }
     }
 
-    /// Sets another moment as the start.
     pub fn start_at(&mut self, moment: Instant) {
         self.started = moment;
     }

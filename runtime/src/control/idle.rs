@@ -81,7 +81,6 @@ impl GroundPose {
         points.iter_mut().for_each(|p| *p = turn * *p + shift);
     }
 
-    /// From this pose to the origin.
     fn remove(&self, points: &mut BodyPoints) {
         let back = Rotation3::from_axis_angle(&Vector3::z_axis(), -self.yaw);
         let shift = Vector3::new(self.x, self.y, 0.0);
@@ -94,17 +93,14 @@ impl GroundPose {
 pub struct Idle {
     style: IdleStyle,
     period_s: f64,
-    /// Whether there is music.
     music: bool,
     /// Time and presence of music of the newest frame.
     heard: Option<(f64, f32)>,
-    /// When it was last louder than silence.
     loud_s: f64,
     /// 0 dance, 1 idle; before easing.
     faded: f64,
     time_s: f64,
     idled_cycles: u64,
-    /// Where the idle body stands.
     place: GroundPose,
     /// The idle body while the style is to hold, at the origin.
     held: Option<BodyPoints>,

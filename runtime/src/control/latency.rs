@@ -30,7 +30,6 @@ pub(crate) struct LatencyLog {
 }
 
 impl LatencyLog {
-    /// A motion frame came.
     pub fn arrived(&mut self, step: &DanceStep) {
         let Some(captured) = step.captured else {
             return;
@@ -67,7 +66,6 @@ pub(crate) struct Arrivals {
     /// Whether the frames that were there at the beginning are used up.
     is_live: bool,
     seen: usize,
-    /// From sound to frame, the longest seen.
     longest: Duration,
     /// Time of the newest frame, when its sound was captured.
     newest: Option<(f64, Instant)>,

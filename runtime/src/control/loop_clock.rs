@@ -24,17 +24,14 @@ impl LoopClock {
         self.cycles.cycle_s() - self.music_start_s
     }
 
-    /// Recording time at a music time.
     pub fn recording_s(&self, time_s: f64) -> f64 {
         time_s + self.music_start_s
     }
 
-    /// Robot time at a music time.
     pub fn robot_s(&self, time_s: f64) -> f64 {
         self.stood_s + time_s + self.music_start_s
     }
 
-    /// The first cycle is now.
     pub fn start_now(&mut self) {
         self.cycles.start_at(Instant::now());
     }

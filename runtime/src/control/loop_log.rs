@@ -20,7 +20,6 @@ pub struct LoopLog {
     pub steps: StepClock,
     /// From sound to command, where audio is live.
     pub latency: LatencyLog,
-    /// How late cycles began.
     pub lateness: DurationLog,
     pub servo_truth: Option<ServoTruthLog>,
     control_hz: f64,
@@ -72,7 +71,6 @@ impl LoopLog {
         }
     }
 
-    /// A cycle went over the bus.
     pub fn cycle(&mut self, times: CycleTimes, plan: &MotionPlan, servos: &RobotBuses) {
         let is_sampled = times.cycle.is_multiple_of(self.decimation());
         if times.music_s >= 0.0 && is_sampled {

@@ -41,7 +41,6 @@ impl MinimumJerk {
         }
     }
 
-    /// Length of the path in control cycles.
     pub fn cycles(&self) -> u64 {
         self.cycles
     }

@@ -15,7 +15,6 @@ pub struct MotionInput {
     arrival_s: f64,
     /// Motion time of the newest frame; `None` before the first.
     pub newest_s: Option<f64>,
-    /// Whether the source has ended.
     pub ended: bool,
     pub frames: u64,
     /// Cycles without the motion frame that they needed.

@@ -17,7 +17,6 @@ pub struct MotionPlan {
     steering: Option<BeatSteering>,
     pub idle: Idle,
     pub lead: LeadTime,
-    /// Motion time of the present cycle.
     pub motion_s: f64,
     /// Joint targets of the present cycle, radians.
     pub targets_rad: Vec<f64>,
@@ -55,7 +54,6 @@ impl MotionPlan {
         })
     }
 
-    /// Begins where the joints are.
     pub fn seed(&mut self, states: &[JointState]) -> anyhow::Result<()> {
         let present: Vec<f64> = states.iter().map(|s| s.position_rad).collect();
         Ok(self.retargeter.seed(&present)?)
@@ -78,7 +76,6 @@ impl MotionPlan {
         Some(motion_s + steering.foresight_s())
     }
 
-    /// Whether idle covers the motion completely.
     pub fn is_hidden(&self) -> bool {
         self.idle.share() >= 1.0
     }

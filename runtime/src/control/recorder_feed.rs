@@ -42,7 +42,6 @@ impl RecorderFeed {
         }
     }
 
-    /// A motion frame came.
     pub fn frame(&mut self, at_s: f64, step: &DanceStep) {
         let Some(recorder) = &mut self.recorder else {
             return;
@@ -100,7 +99,6 @@ impl RecorderFeed {
         }
     }
 
-    /// Temperatures and safety events that are new.
     pub fn changes(&mut self, at_s: f64, stood_s: f64, servos: &RobotBuses) {
         let Some(recorder) = &mut self.recorder else {
             return;

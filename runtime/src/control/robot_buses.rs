@@ -56,7 +56,6 @@ pub struct RobotBuses {
     /// For each simulated bus its place among the robot's buses.
     sims: Vec<(usize, SimBus)>,
     layouts: Vec<BusLayout>,
-    /// Faults that are still to come.
     faults: Peekable<std::vec::IntoIter<Cue>>,
     period_s: f64,
     states: Vec<JointState>,
@@ -299,7 +298,6 @@ fn is_routine(from: State, to: State) -> bool {
     )
 }
 
-/// Simulated servos for one bus.
 fn simulated(
     layout: &BusLayout,
     control_hz: f64,

@@ -6,7 +6,6 @@ use crate::process::speed::Speed;
 /// From torque on to the music: the robot goes to its first pose, seconds.
 pub const LEAD_IN_S: f64 = 4.0;
 
-/// When motion becomes known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionArrival {
     /// Ahead of the music, which is a recording.

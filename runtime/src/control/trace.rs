@@ -78,9 +78,7 @@ impl JointTrace {
 #[derive(Clone, Debug)]
 pub struct Trace {
     pub motion: Vec<MotionFrame>,
-    /// What the retargeter asked for.
     pub targets: JointTrace,
-    /// What the servos reported.
     pub servos: JointTrace,
 }
 

@@ -35,14 +35,12 @@ pub struct ViewerLink<'a> {
     cycles: u64,
     /// Human poses that are taken in ahead of the robot, oldest first.
     poses: VecDeque<Option<BodyPoints>>,
-    /// Features and beat by their time.
     music: VecDeque<(f64, MusicStatus)>,
     positions_rad: Vec<f64>,
     /// Transitions of the safety layer that viewers have got.
     events_sent: usize,
     amplitude: f64,
     mirror: bool,
-    /// Whether somebody asked to hold.
     pub hold: bool,
     /// When the rate was measured last, and the cycles by then.
     rated: (Instant, u64),

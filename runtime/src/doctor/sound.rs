@@ -3,7 +3,6 @@
 use super::Finding;
 use crate::pipeline::microphone::input_table;
 
-/// The microphones, where they are built in.
 pub fn inputs() -> Finding {
     match input_table() {
         Ok(table) => match table

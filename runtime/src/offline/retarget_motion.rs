@@ -151,7 +151,6 @@ fn summary(report: &RetargetReport, out: &Path) -> Vec<String> {
     lines
 }
 
-/// Where joint positions go.
 enum JointSink {
     Csv(JointCsv),
     Recording(Box<Recorder>),

@@ -41,14 +41,9 @@ impl AudioChoice {
     }
 }
 
-/// An open source of music.
 pub(crate) enum AudioInput {
     Source(Box<AudioSource>),
-    BuiltIn {
-        song: Box<Song>,
-        /// Samples that were read so far.
-        read: usize,
-    },
+    BuiltIn { song: Box<Song>, read: usize },
 }
 
 impl AudioInput {

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 /// Options of every command that dances.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Conditioning {
-    /// Dance style in words, for weights trained with CLIP's styles (see
-    /// docs/conditioning.md).
+    /// Dance style in words, for weights trained with
+    /// CLIP's styles (see docs/conditioning.md).
     #[arg(long, value_name = "TEXT", conflicts_with = "style")]
     pub style_text: Option<String>,
     /// The folder with CLIP's model.safetensors and tokenizer.json, if it is not
@@ -70,7 +70,8 @@ pub fn open_encodec(path: Option<&Path>) -> anyhow::Result<Encodec> {
         .context("--encodec: the model.safetensors of facebook/encodec_24khz is needed")
 }
 
-/// Where a user keeps such files: `$XDG_DATA_HOME/servodance`, else
+/// Where a user keeps such files:
+/// `$XDG_DATA_HOME/servodance`, else
 /// `~/.local/share/servodance`.
 pub fn data_folder() -> anyhow::Result<PathBuf> {
     let of = |name| std::env::var_os(name).map(PathBuf::from);

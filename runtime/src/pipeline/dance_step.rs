@@ -14,9 +14,7 @@ pub const EXTRA_STYLES: usize = 3;
 /// One step of the dance: 50 ms of music and the motion made from it.
 #[derive(Clone, Copy, Debug)]
 pub struct DanceStep {
-    /// Features and beat that the generator got.
     pub music: MusicFrame,
-    /// The motion that the generator made.
     pub motion: MotionFrame,
     /// Baseline posture of the dancer, where a leader sent it along.
     pub posture: Option<Posture>,
@@ -29,7 +27,6 @@ pub struct DanceStep {
     /// When the newest sample of the music frame was captured; `None` if the
     /// audio is not live.
     pub captured: Option<Instant>,
-    /// When the step was ready.
     pub ready: Instant,
 }
 
@@ -52,23 +49,19 @@ impl DanceStep {
 /// A request to dance on in another way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DanceChange {
-    /// Index into the styles of the model.
     Style(usize),
     Seed(u64),
     /// Begins the extra dance of this number, from 1, in this style.
     AddExtra(u8, usize),
-    /// Ends the extra dance of this number.
     DropExtra(u8),
 }
 
 /// What a motion source has at this moment.
 pub enum Polled {
     Step(Box<DanceStep>),
-    /// Not computed, or not received, yet.
     Late,
     /// The leader of the stage is away: idle.
     Away,
-    /// The music is over.
     Ended,
 }
 
@@ -77,7 +70,6 @@ pub enum Polled {
 pub struct MusicSummary {
     /// Length of the audio, seconds.
     pub audio_s: f64,
-    /// Beats of the whole recording.
     pub beats: BeatTrack,
     /// Motion tokens that the generator writes for each frame.
     pub tokens_per_frame: u64,

@@ -63,7 +63,6 @@ impl Dancer {
         })
     }
 
-    /// The same with load shedding.
     pub fn shedding(mut self, overload: OverloadWatch) -> Self {
         self.overload = Some(overload);
         self
@@ -122,7 +121,7 @@ impl Dancer {
             let time_s = heard.frame.time_s;
             return Ok(MotionFrame { time_s, ..held });
         }
-        self.generator.guide(left_out < LeftOut::Guidance);
+        self.generator.guide(left_out < LeftOut::Guidance)?;
         for _ in 0..self.generator.passes() {
             failpoint::pass("model");
         }
@@ -153,7 +152,7 @@ impl Dancer {
         match change {
             DanceChange::Style(style) => {
                 if let Some(name) = self.generator.styles().get(style).cloned() {
-                    self.generator.restyle(&name)?;
+                    self.generator.set_style(&name)?;
                 }
             }
             DanceChange::Seed(seed) => self.generator.reseed(seed),

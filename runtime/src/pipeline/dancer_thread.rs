@@ -48,7 +48,6 @@ impl DancerThread {
         let _ = self.changes.send(change);
     }
 
-    /// Ends the thread; fails if it panicked.
     pub fn finish(self) -> anyhow::Result<MusicSummary> {
         // With no receiver the thread ends at its next step.
         drop(self.steps);

@@ -32,16 +32,11 @@ const LONGEST: f64 = 3.0;
 /// A level of load shedding: this and all before it are left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LeftOut {
-    /// The machine keeps up.
     #[default]
     Nothing,
-    /// No picture is drawn at the end.
     Picture,
-    /// Viewers get few frames.
     Viewers,
-    /// The generator is not guided.
     Guidance,
-    /// The generator rests, the figure is held.
     Generator,
 }
 
@@ -54,7 +49,6 @@ impl LeftOut {
         LeftOut::Generator,
     ];
 
-    /// The name that reports use.
     pub const fn name(self) -> &'static str {
         match self {
             LeftOut::Nothing => "nothing",
@@ -116,7 +110,6 @@ impl LoadShedding {
 /// Gets a line for the user whenever the level changes.
 pub type OnChange = Box<dyn FnMut(&str) + Send>;
 
-/// Measures the load and sets the level.
 pub struct OverloadWatch {
     shedding: LoadShedding,
     on_change: OnChange,

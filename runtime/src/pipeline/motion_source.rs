@@ -5,7 +5,6 @@ use super::dancer::Dancer;
 use super::dancer_thread::DancerThread;
 use super::stage_source::StageSource;
 
-/// One of three ways to motion.
 pub enum MotionSource {
     /// Computed when asked for: simulated time waits for it.
     Inline(Box<Dancer>),

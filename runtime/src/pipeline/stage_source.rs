@@ -48,7 +48,6 @@ impl LocalClock {
         self.offset_ns + since + (since as f64 * self.drift) as i64
     }
 
-    /// Its reading at this moment, nanoseconds.
     pub fn now_ns(&self) -> i64 {
         self.at(Instant::now())
     }
@@ -65,7 +64,6 @@ impl LocalClock {
 pub struct LeaderNow {
     /// Which moment of the motion is due when; `None` while unknown.
     pub due: Option<PlayoutTime>,
-    /// There is no leader to follow: idle.
     pub away: bool,
 }
 
@@ -76,7 +74,6 @@ struct Shown {
     visible: AtomicBool,
 }
 
-/// The control loop's end of the link.
 pub struct StageSource {
     frames: rtrb::Consumer<PlayoutFrame>,
     leader: triple_buffer::Output<LeaderNow>,
@@ -85,7 +82,6 @@ pub struct StageSource {
     clock: LocalClock,
 }
 
-/// The network thread's end of the link.
 pub struct StageSink {
     frames: rtrb::Producer<PlayoutFrame>,
     leader: triple_buffer::Input<LeaderNow>,
@@ -166,7 +162,6 @@ impl StageSink {
         )
     }
 
-    /// Whether the control loop has ended.
     pub fn is_abandoned(&self) -> bool {
         self.frames.is_abandoned()
     }

@@ -128,7 +128,6 @@ impl DurationLog {
     }
 }
 
-/// Durations of every step.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct StepClock {
     durations: [DurationLog; PipelineStep::ALL.len()],
@@ -144,7 +143,6 @@ impl StepClock {
         (result, ms)
     }
 
-    /// Keeps a time that was measured elsewhere.
     pub fn push(&mut self, step: PipelineStep, ms: f64) {
         self.durations[step as usize].push(ms);
     }

@@ -35,12 +35,12 @@ impl ThreadRole {
     }
 }
 
-/// The system does not allow it.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "real-time priority is not allowed here, so frames may come late on a busy machine; \
      to allow it, give the user rtprio 40 in /etc/security/limits.conf"
 )]
+/// The system does not allow it.
 pub struct NotAllowed;
 
 /// Gives the calling thread, and those that it starts from now on, the

@@ -17,11 +17,9 @@ use std::path::{Path, PathBuf};
 #[allow(missing_docs)] // the names say it
 pub struct Robot {
     pub name: String,
-    /// One line about it.
     pub description: String,
     /// The folder of its file; none if it is built in.
     pub folder: Option<PathBuf>,
-    /// Where its URDF is, seen from there.
     pub urdf: PathBuf,
     pub urdf_xml: String,
     /// Control cycles a second.
@@ -32,11 +30,8 @@ pub struct Robot {
     pub idle: IdleStyle,
     /// The buses, and which joints are on each.
     pub buses: Vec<BusLayout>,
-    /// How the safety layer behaves.
     pub safety: SafetyConfig,
-    /// How human motion becomes this robot's.
     pub retarget: RetargetConfig,
-    /// The servos, in joint order.
     pub servos: Vec<Servo>,
 }
 

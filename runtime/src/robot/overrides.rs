@@ -16,7 +16,6 @@ const PREFIX: &str = "SERVODANCE_";
 /// Variables that are something else.
 const RESERVED: [&str; 4] = ["ROBOT", "BUS", "MODEL", "FAILPOINT"];
 
-/// One key that is set.
 #[derive(Clone, Debug)]
 struct Override {
     /// As the user wrote it, without the value of a variable.
@@ -42,7 +41,6 @@ impl Overrides {
         Self::new(variables, set)
     }
 
-    /// From these variables, then from these options.
     pub(crate) fn new(
         variables: impl IntoIterator<Item = (String, String)>,
         set: &[String],
@@ -55,7 +53,6 @@ impl Overrides {
         Ok(Self(all))
     }
 
-    /// Whether there is none.
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

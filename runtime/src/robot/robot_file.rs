@@ -31,7 +31,6 @@ impl RobotError {
     }
 }
 
-/// The robot file as written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RobotFile {
@@ -83,7 +82,6 @@ pub(super) fn config_path(error: &ConfigError) -> Vec<&str> {
     }
 }
 
-/// The same for the retargeter's errors.
 pub(super) fn retarget_path(error: &anyhow::Error) -> Vec<&str> {
     match error.downcast_ref::<RetargetError>() {
         Some(RetargetError::Config { key, .. }) => {

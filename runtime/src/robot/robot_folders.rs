@@ -9,20 +9,16 @@ use std::path::{Path, PathBuf};
 /// How far above a description its package may begin.
 const PACKAGE_DEPTH: usize = 4;
 
-/// Why a file is not read.
 #[derive(Debug, thiserror::Error)]
 pub enum FileRefused {
-    /// Nothing can be found there.
     #[error("{0}")]
     Missing(std::io::Error),
     #[error("it lies outside the robot's folder")]
     Outside,
-    /// A device, a pipe or a folder.
     #[error("it is no file")]
     NoFile,
 }
 
-/// The folders whose files are the robot's.
 #[derive(Clone, Debug)]
 pub struct RobotFolders {
     beside: PathBuf,
@@ -31,7 +27,6 @@ pub struct RobotFolders {
 }
 
 impl RobotFolders {
-    /// The folder of a robot file alone.
     pub fn of_file(folder: &Path) -> Self {
         Self {
             beside: folder.to_owned(),

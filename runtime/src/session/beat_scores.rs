@@ -28,7 +28,6 @@ impl JointSpeed {
         }
     }
 
-    /// Of the joints of a robot.
     pub fn of_joints(trace: &JointTrace, trace_hz: f64) -> Self {
         Self {
             values: trace.mean_speed(trace_hz),

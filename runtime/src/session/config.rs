@@ -7,7 +7,7 @@ use crate::pipeline::audio_input::AudioChoice;
 use crate::pipeline::conditioning::Conditioning;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -59,7 +59,6 @@ pub struct DanceConfig {
 }
 
 impl DanceConfig {
-    /// The part that the control loop needs.
     pub(super) fn loop_options(&self) -> LoopOptions {
         LoopOptions {
             speed: self.speed,

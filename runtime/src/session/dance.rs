@@ -25,7 +25,7 @@ use crate::viewer::RobotEnd;
 use anyhow::Context;
 use servodance_audio::capture::CaptureEvent;
 use servodance_drivers::EStop;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_model::{Generator, GeneratorOptions};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -201,7 +201,6 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
     })
 }
 
-/// Simulated time needs no priority.
 fn raise_in(speed: Speed, role: ThreadRole) -> Result<(), NotAllowed> {
     match speed {
         Speed::Max => Ok(()),

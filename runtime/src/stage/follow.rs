@@ -353,8 +353,8 @@ impl FollowerThread {
         ));
     }
 
-    /// Asks the control loop for the settings of the role; for rest after long
-    /// without a leader.
+    /// Asks the control loop for the settings of the role; for rest after
+    /// long without a leader.
     fn apply_settings(&mut self) {
         let mut wanted = self.base_settings;
         apply_role(&mut wanted, self.follower.role());

@@ -20,7 +20,7 @@ use anyhow::bail;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureEvent;
 use servodance_model::GeneratorOptions;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_retarget::PostureReader;
 use servodance_stage::messages::StageFrame;
 use servodance_stage::net::{

@@ -13,7 +13,6 @@ pub struct JointCsv {
 }
 
 impl JointCsv {
-    /// A file with columns of these names.
     pub fn create(path: &Path, names: &[String]) -> anyhow::Result<Self> {
         let pending = PendingFile::create(path)?;
         let mut writer = pending.writer()?;
@@ -35,7 +34,6 @@ impl JointCsv {
         Ok(())
     }
 
-    /// Gives the file its name.
     pub fn finish(mut self) -> anyhow::Result<()> {
         let flushed = self.writer.flush();
         flushed.context("cannot write the joint positions")?;

@@ -1,7 +1,8 @@
 //! `servodance bench model`.
 
 use crate::cli::options::engine::EngineArgs;
-use servodance_lab::bench::model::{ModelBench, run as measure};
+use servodance_lab::bench::model::{ModelBench, ModelBenchReport, run as measure};
+use servodance_model::EngineKind;
 use servodance_runtime::process::console::stdout_line;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -13,7 +14,9 @@ Examples:
   servodance bench model --preset paper --dtype q8_0 --context 300 --threads 2
       the sizes of the paper, random weights of 8 bits
   servodance bench model --preset paper --dtype q8_0 --context 800 --position 36000 --json
-      the same at minute 30, as one JSON object";
+      the same at minute 30, as one JSON object
+  servodance bench model --engine candle
+      both engines in one run, candle first";
 
 /// What `bench model` is asked for.
 #[derive(Debug, clap::Args)]
@@ -47,7 +50,8 @@ pub struct Args {
 }
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let figures = measure(&ModelBench {
+    let asked = args.engine.engine;
+    let mut bench = ModelBench {
         preset: args.preset,
         file: args.model,
         engine: args.engine.options(),
@@ -55,11 +59,43 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         position: args.position,
         frames: args.frames,
         guidance: args.guidance,
-    })?;
+    };
+    let figures = measure(&bench)?;
+    let Some(asked) = asked else {
+        if args.json {
+            stdout_line!("{}", serde_json::to_string(&figures)?);
+        } else {
+            print(&figures);
+        }
+        return Ok(ExitCode::SUCCESS);
+    };
+    // An engine that was asked for is held against the other one.
+    bench.engine.kind = match asked {
+        EngineKind::Own => EngineKind::Candle,
+        EngineKind::Candle => EngineKind::Own,
+    };
+    let others = measure(&bench)?;
     if args.json {
-        stdout_line!("{}", serde_json::to_string(&figures)?);
+        let both = serde_json::json!({
+            asked.name(): figures,
+            bench.engine.kind.name(): others,
+        });
+        stdout_line!("{both}");
         return Ok(ExitCode::SUCCESS);
     }
+    for (kind, figures) in [(asked, &figures), (bench.engine.kind, &others)] {
+        stdout_line!("engine {kind}");
+        print(figures);
+    }
+    stdout_line!(
+        "{asked} takes {:.2} times as long as {}",
+        figures.ms_p50 / others.ms_p50,
+        bench.engine.kind
+    );
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(figures: &ModelBenchReport) {
     stdout_line!(
         "{} {}, context {}, {} threads: {:.2} ms a frame p50, {:.2} p99 ({} frames from {}{})",
         figures.preset,
@@ -83,5 +119,4 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         figures.read_gbps,
         figures.cache_bytes as f64 / 1e6
     );
-    Ok(ExitCode::SUCCESS)
 }

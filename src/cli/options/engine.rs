@@ -1,11 +1,13 @@
 //! Options of every command that runs the model.
 
-use servodance_model::GeneratorOptions;
-use servodance_model::net::{Dtype, EngineOptions};
+use servodance_model::{Dtype, EngineKind, EngineOptions, GeneratorOptions};
 
 /// How the model's steps are computed.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct EngineArgs {
+    /// What computes the model's steps: own, or candle (the same codes, slower).
+    #[arg(long, value_name = "NAME")]
+    pub engine: Option<EngineKind>,
     /// Number format of the weights in memory: f32, f16, q8_0, q6 or q4_0; the
     /// file's own if left out.
     #[arg(long, value_name = "FORMAT")]
@@ -19,6 +21,7 @@ impl EngineArgs {
     /// The same for the model.
     pub fn options(self) -> EngineOptions {
         EngineOptions {
+            kind: self.engine.unwrap_or_default(),
             dtype: self.dtype,
             threads: self.threads,
         }

@@ -18,13 +18,13 @@ use crate::train::{SettingsFile, TrainedNetwork};
 use anyhow::Context;
 use row::{AblationRow, AblationScores};
 use servodance_model::GeneratorOptions;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use servodance_runtime::process::progress::Progress;
 use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-pub use table::AblationTable;
-pub use variant::{AblationVariant, VARIANTS};
+use table::AblationTable;
+use variant::{AblationVariant, VARIANTS};
 
 /// What an ablation trains, on which data, and where it writes.
 #[derive(Clone, Debug)]
@@ -48,9 +48,8 @@ pub struct AblationRequest {
     pub quiet: bool,
 }
 
-/// Trains and scores every variant. `None` if `stop` was set on the way.
-///
-/// Errors: Settings or data that cannot be used, a variant that does not exist.
+/// Trains and scores every variant. `None` if `stop` was set on the way. Fails on settings or
+/// data that cannot be used, a variant that does not exist.
 pub fn ablate(
     request: &AblationRequest,
     stop: &AtomicBool,
@@ -119,7 +118,6 @@ fn chosen_variants(request: &AblationRequest) -> anyhow::Result<Vec<&'static Abl
     Ok(chosen)
 }
 
-/// Trains both networks of a variant and scores it.
 fn train_and_score(
     request: &AblationRequest,
     variant: &AblationVariant,
@@ -170,11 +168,7 @@ fn train_and_score(
             return Ok(None);
         }
     }
-    let curves = CurveFile::open(
-        &folder.join("motionseq"),
-        u64::MAX,
-        TrainedNetwork::MotionSeq,
-    )?;
+    let curves = CurveFile::finished(&folder.join("motionseq"), TrainedNetwork::MotionSeq)?;
     // The line of the weights that were kept.
     let [nll, wrong] = curves.best("val_nll", ["val_nll", "wrong_nll"]);
     let scores = scores_of(request, variant, folder)?;
@@ -187,7 +181,6 @@ fn train_and_score(
     }))
 }
 
-/// What a variant learns from and is scored on.
 fn data<'a>(request: &'a AblationRequest, variant: &AblationVariant) -> &'a PathBuf {
     let latents = request.latents.as_ref().filter(|_| variant.latents);
     latents.unwrap_or(&request.data)

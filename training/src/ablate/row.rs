@@ -10,8 +10,7 @@ pub(super) type MeanAndInterval = (f64, f64);
 pub struct AblationRow {
     pub(super) name: String,
     pub(super) what: String,
-    /// Likelihood of held-out codes, nats a frame, at its best line; between
-    /// variants with other codes it says nothing.
+    /// Nats a frame on held-out codes; says nothing between variants with other codes.
     pub(super) nll: f64,
     /// How much worse that gets with another clip's music: does it listen?
     pub(super) nll_for_music: f64,

@@ -4,11 +4,8 @@
 use anyhow::{Context, anyhow};
 use toml_edit::{DocumentMut, Item, Table, Value, value};
 
-/// One way to build and train the model.
 pub struct AblationVariant {
-    /// Its name, and that of its folder.
     pub name: &'static str,
-    /// What differs from the whole model, for people.
     pub what: &'static str,
     /// The settings that differ: table, key, value.
     changes: fn() -> Vec<(&'static str, &'static str, Value)>,
@@ -95,9 +92,8 @@ pub const VARIANTS: [AblationVariant; 8] = [
 ];
 
 impl AblationVariant {
-    /// The settings of this variant, from those of the whole model.
-    ///
-    /// Errors: Settings that are no TOML, or have a number where a table belongs.
+    /// The settings of this variant, from those of the whole model. Fails on settings that are
+    /// no TOML, or have a number where a table belongs.
     pub fn settings(&self, whole: &str) -> anyhow::Result<String> {
         let mut document: DocumentMut = whole.parse()?;
         for key in ["data", "out", "stage_one"] {

@@ -5,7 +5,6 @@
 
 use servodance_model::motion::vec3::{Vec3, add, lerp, unit_or};
 
-/// Upper arm and forearm.
 pub(crate) type ArmDirections = [Vec3; 2];
 
 const REST: ArmDirections = [[0.20, -0.97, 0.02], [0.12, -0.93, 0.32]];
@@ -125,7 +124,6 @@ impl Arms {
     }
 }
 
-/// What the arms do while there is no music.
 pub(crate) fn resting(sway: f64) -> [ArmDirections; 2] {
     [
         blend(REST, READY, 0.10 + 0.06 * sway),

@@ -10,11 +10,9 @@ use servodance_model::motion::Pose;
 use servodance_model::motion::skeleton::{BONE_LENGTH_M, two_bone};
 use servodance_model::motion::vec3::{Vec3, add, narrow, norm, scale, sub, turn, unit_or};
 
-/// Height of a toe joint on the floor.
 const TOE_HEIGHT_M: f64 = 0.018;
 /// Height of an ankle joint over a flat foot's toe joint.
 const ANKLE_RISE_M: f64 = 0.058;
-/// Pelvis height of an upright stance with soft knees.
 const STANDING_M: f64 = 0.955;
 
 /// One foot: the place of its toes, and how it is held there.
@@ -26,23 +24,19 @@ pub(crate) struct FootPlacement {
     pub(crate) yaw: f64,
     /// Above zero the heel is up, below zero the toes are.
     pub(crate) heel: f64,
-    /// Height of the whole foot over the floor.
     pub(crate) lift: f64,
 }
 
-/// Everything that the body does in one moment.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BodyControls {
     /// The left foot, then the right one.
     pub(crate) feet: [FootPlacement; 2],
     /// Place of the pelvis over the floor: x, z.
     pub(crate) pelvis: [f64; 2],
-    /// How far the pelvis is below an upright stance.
     pub(crate) drop: f64,
     pub(crate) yaw: f64,
     pub(crate) torso: Torso,
-    /// Left, right: directions of upper arm and forearm in the chest's frame,
-    /// with x pointing outwards on both sides.
+    /// Upper arm and forearm, left and right, in the chest's frame; x points outwards.
     pub(crate) arms: [[Vec3; 2]; 2],
 }
 
@@ -129,7 +123,6 @@ fn bone(joint: BodyJoint, frame: &AxisColumns) -> Vec3 {
     rotate(frame, scale(direction, BONE_LENGTH_M[joint as usize]))
 }
 
-/// The positions of all joints.
 pub(crate) fn pose(controls: &BodyControls) -> Pose {
     use BodyJoint::*;
     let torso = &controls.torso;
@@ -212,8 +205,7 @@ pub(crate) fn pose(controls: &BodyControls) -> Pose {
     at.map(narrow)
 }
 
-/// Ankle and toe of a foot, in that order. The toes carry the foot, so a
-/// heel can rise without the foot moving.
+/// Ankle, then toe; the toes carry the foot, so that a heel can rise without the foot moving.
 fn ankle_and_toe(foot: &FootPlacement) -> [Vec3; 2] {
     let length = BONE_LENGTH_M[BodyJoint::LeftFoot as usize];
     let flat = (ANKLE_RISE_M / length).asin();
@@ -229,8 +221,7 @@ fn ankle_and_toe(foot: &FootPlacement) -> [Vec3; 2] {
     [add(toe, scale(back, length)), toe]
 }
 
-/// The height of the pelvis: as wished, or as low as the shorter reach of the
-/// two legs demands, with a soft passage between.
+/// As wished, or as low as the shorter reach of the two legs demands, softly between.
 fn pelvis_height(drop: f64, at: &[Vec3; JOINT_COUNT], ankles: &[[Vec3; 2]; 2]) -> f64 {
     const SOFTNESS_M: f64 = 0.012;
     let mut heights = [STANDING_M - drop; 3];

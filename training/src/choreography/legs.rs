@@ -9,14 +9,11 @@ use super::track::{bump, minimum_jerk, mix};
 
 /// Half the distance between the toes of a dancer at rest.
 const HOME_M: f64 = 0.11;
-/// Toes are this far ahead of the pelvis.
 const TOES_AHEAD_M: f64 = 0.10;
 
-/// Feet, weight and pelvis on one count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepStance {
     pub(crate) feet: [FootPlacement; 2],
-    /// Share of the weight on the right foot.
     pub(crate) weight: f64,
     pub(crate) drop: f64,
     pub(crate) yaw: f64,
@@ -94,7 +91,6 @@ impl StepStance {
         self
     }
 
-    /// Left and right exchanged.
     pub(crate) fn mirrored(mut self) -> Self {
         self.feet.swap(0, 1);
         self.window.swap(0, 1);
@@ -139,8 +135,7 @@ impl StepStance {
         (a.x - b.x).hypot(a.z - b.z)
     }
 
-    /// `self` as the next stance after `before`: when both feet must move
-    /// without a hop, one goes first.
+    /// The next stance after `before`: two feet that move without a hop go one by one.
     pub(crate) fn following(mut self, before: &Self) -> Self {
         let [l, r] = [0, 1].map(|side| before.foot_moves_m(&self, side));
         if self.hop == 0.0 && l > 0.03 && r > 0.03 {

@@ -46,15 +46,13 @@ pub struct DanceBeat {
 const HALF_TIME_BELOW_S: f64 = 0.40;
 /// Slower beats than this may carry double-time arms, seconds.
 const DOUBLE_TIME_ABOVE_S: f64 = 0.74;
-/// How large torso figures are against step figures.
 const TORSO_SIZE: f64 = 1.15;
 /// A pause of this many beats is a break: the dancer waits.
 const BREAK_BEATS: f64 = 2.6;
 /// So long a dancer listens and finds the groove, seconds (at least 4 beats).
 const LISTENING_S: f64 = 2.5;
 
-/// Twenty seconds of disco at 120 beats a minute: the dance that `robot new`
-/// tries a robot with.
+/// Twenty seconds of disco at 120 beats a minute, to try a new robot with.
 pub fn trial_dance() -> Clip {
     let beats: Vec<DanceBeat> = (0..40)
         .map(|beat| DanceBeat {
@@ -103,13 +101,11 @@ fn usual_interval_s(beats: &[DanceBeat]) -> f64 {
     gaps.get(gaps.len() / 2).copied().unwrap_or(0.5)
 }
 
-/// The figures of one phrase.
 #[derive(Clone, Copy, Debug)]
 struct Phrase {
     steps: Steps,
     arms: Arms,
     trunk: Trunk,
-    /// Begin to the left instead of the right.
     mirrored: bool,
     size: f64,
     /// The second half uses these arms.
@@ -269,7 +265,6 @@ impl Choreographer {
         }
     }
 
-    /// Small moves while the beat is new.
     fn find_the_groove(&mut self, beats: &[DanceBeat]) {
         for (count, beat) in beats.iter().enumerate() {
             let growth = 0.35 + 0.5 * count as f64 / beats.len() as f64;

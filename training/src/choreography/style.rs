@@ -19,7 +19,6 @@ pub enum DanceStyle {
     Salsa,
 }
 
-/// How the figures of a style are danced.
 pub(crate) struct StyleParameters {
     /// Exponent of the time share, see [`super::track::minimum_jerk`].
     pub(crate) snap: f64,
@@ -31,23 +30,14 @@ pub(crate) struct StyleParameters {
 
 impl DanceStyle {
     /// Every style, in the order in which choreography takes turns.
-    pub const ALL: [Self; 5] = [
-        Self::Groove,
-        Self::Disco,
-        Self::Robot,
-        Self::Hype,
-        Self::Salsa,
-    ];
+    pub const ALL: [Self; 5] = {
+        use DanceStyle::*;
+        [Groove, Disco, Robot, Hype, Salsa]
+    };
 
     /// The name of the style in data sets, one of [`crate::dataset::STYLES`].
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Groove => "groove",
-            Self::Disco => "disco",
-            Self::Robot => "robot",
-            Self::Hype => "hype",
-            Self::Salsa => "salsa",
-        }
+        ["groove", "disco", "robot", "hype", "salsa"][self as usize]
     }
 
     pub(crate) fn parameters(self) -> StyleParameters {
@@ -79,7 +69,6 @@ impl DanceStyle {
         }
     }
 
-    /// Arm figures to choose from.
     pub(crate) fn arms(self) -> &'static [Arms] {
         use Arms::*;
         match self {
@@ -93,7 +82,6 @@ impl DanceStyle {
         }
     }
 
-    /// Torso figures to choose from.
     pub(crate) fn trunks(self) -> &'static [Trunk] {
         use Trunk::*;
         match self {

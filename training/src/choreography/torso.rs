@@ -107,7 +107,6 @@ impl Trunk {
     }
 }
 
-/// Left and right exchanged.
 pub(crate) fn mirrored(mut torso: Torso) -> Torso {
     for angles in [&mut torso.pelvis, &mut torso.spine, &mut torso.head] {
         angles[1] = -angles[1];

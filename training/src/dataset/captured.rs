@@ -20,8 +20,7 @@ use super::sources::terms;
 
 /// Music is rendered where the beats meet the motion this well (F1).
 const USABLE_F1: f64 = 0.6;
-/// The music plays this long before the motion begins, so that the listener
-/// has found the beat, as a dancer who joins in has.
+/// The listener has found the beat by then, as a dancer who joins in has.
 const PRE_ROLL_FRAMES: usize = 160;
 
 pub(super) fn collect(
@@ -84,7 +83,6 @@ pub(super) fn collect(
     Ok(())
 }
 
-/// What Encodec hears of a clip's own music.
 fn own_latents(entry: &ClipEntry, folder: &Path) -> Result<Vec<Latent>, DatasetError> {
     Clip::read_latents(&entry.path(folder))?.ok_or_else(|| {
         let reason = "its file has music without `encodec`; import it again with --music-features encodec128";

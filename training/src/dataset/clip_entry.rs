@@ -20,11 +20,7 @@ impl Split {
 
     /// The word in the index and in reports.
     pub fn name(self) -> &'static str {
-        match self {
-            Split::Train => "train",
-            Split::Validation => "validation",
-            Split::Test => "test",
-        }
+        ["train", "validation", "test"][self as usize]
     }
 }
 
@@ -44,8 +40,7 @@ pub struct ClipEntry {
     pub written_style: Option<usize>,
     /// Whether the clip's file holds the music that it is danced to.
     pub music: bool,
-    /// How much the bones changed their length before the clip came to the
-    /// common skeleton, as a share; see [`crate::motion::soundness::bone_change`].
+    /// See [`crate::motion::soundness::bone_change`], before the clip came to the common skeleton.
     pub bone_change: Option<f64>,
     pub split: Split,
 }

@@ -6,7 +6,7 @@
 //! rest. Clips are written whole; the list is written last.
 
 use super::music::hear_file;
-use super::sources::{aist_song, aist_style, usual_licence, usual_source};
+use super::sources::{aist_song, aist_style, usual_licence};
 use crate::dataset::clip_entry::{ClipEntry, Split};
 use crate::dataset::index;
 use crate::dataset::splits::assign_splits;
@@ -68,11 +68,8 @@ pub struct ImportSummary {
     pub mirrored: usize,
 }
 
-/// Imports. `report` receives what was guessed and what was skipped, a line at a
-/// time; `on_progress` the share that is done.
-///
-/// Errors: What was asked for that cannot be used, before anything is written; a folder
-/// that cannot be written to.
+/// `report` receives what was guessed and skipped, a line each; `on_progress` the share done.
+/// Fails before anything is written on a bad request, or where the folder cannot be written to.
 pub fn import(
     request: &ImportRequest,
     mut report: impl FnMut(&str),
@@ -95,7 +92,7 @@ pub fn import(
     {
         bail!("--style {name}: choose one of {}", STYLES.join(", "));
     }
-    let source = (request.source.as_deref()).unwrap_or(usual_source(request.kind));
+    let source = (request.source.as_deref()).unwrap_or(request.kind.name());
     if source.is_empty() || source.contains(['/', '\\', ',', '"']) || source.starts_with('.') {
         bail!("--source \"{source}\": a plain word is needed, it becomes a folder");
     }
@@ -316,7 +313,6 @@ impl AistLists {
     }
 }
 
-/// The entries that the folder has already.
 fn existing_entries(folder: &Path) -> anyhow::Result<BTreeMap<String, ClipEntry>> {
     if !folder.join("index.csv").exists() {
         return Ok(BTreeMap::new());
@@ -328,7 +324,6 @@ fn existing_entries(folder: &Path) -> anyhow::Result<BTreeMap<String, ClipEntry>
         .collect())
 }
 
-/// All files of a kind under a path, sorted.
 fn motion_files(kind: ImportFormat, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if path.is_file() {
         return Ok(vec![path.to_owned()]);
@@ -400,7 +395,6 @@ fn audio_files(folder: &Path) -> anyhow::Result<BTreeMap<String, PathBuf>> {
     Ok(songs)
 }
 
-/// Body joints and what a skeleton calls them.
 fn joint_names(path: &Path) -> anyhow::Result<GivenNames> {
     let name = path.display();
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;

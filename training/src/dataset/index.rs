@@ -35,8 +35,7 @@ pub fn stays_inside(name: &str) -> bool {
     parts.all(|part| matches!(part, Component::Normal(_)))
 }
 
-/// Reads `folder/index.csv`, leaves out what is not on a flat floor, and
-/// assigns splits where none are written.
+/// Reads `index.csv`: without what is not on a flat floor, with splits where none are written.
 pub fn read(folder: &Path) -> Result<Vec<ClipEntry>, MotionError> {
     let path = folder.join("index.csv");
     let text = std::fs::read_to_string(&path).map_err(|error| MotionError::read(&path, error))?;

@@ -11,8 +11,7 @@ use servodance_types::{FRAME_RATE_HZ, MUSIC_DIM};
 use super::error::DatasetError;
 use servodance_runtime::pipeline::feature_extractor::{self, FeatureExtractor};
 
-/// So many songs are tried for one clip until the listener follows the beat:
-/// a dance that is off the beat that is heard teaches to ignore it.
+/// Songs tried until the listener follows: to dance off the heard beat teaches to ignore it.
 pub(super) const ATTEMPTS: usize = 6;
 /// The least of [`followed`] that counts as following.
 pub(super) const FOLLOWED: f64 = 0.75;
@@ -29,8 +28,7 @@ pub(super) fn on_beats(
         .map_err(|error| music_error(clip, &error))
 }
 
-/// The music vectors of `samples`, 20 a second, as heard live: `frames` of
-/// them after the first `skip`.
+/// Music vectors of `samples`, 20 a second, as heard live: `frames` after the first `skip`.
 pub(super) fn hear(
     clip: &str,
     samples: &[f32],
@@ -79,8 +77,7 @@ pub(super) fn latents(
     }
 }
 
-/// What is heard of a recording from its beginning: `frames` frames, or fewer
-/// where the recording is shorter.
+/// `frames` frames from the beginning of a recording, or as many as there are.
 pub(super) fn hear_file(
     path: &Path,
     frames: usize,

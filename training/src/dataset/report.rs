@@ -22,7 +22,6 @@ const TEMPI_BPM: (usize, usize) = (60, 180);
 const ROWS: usize = 16;
 const POSES: usize = 9;
 
-/// The clips of one source on the same terms.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct SourceReport {
     pub(crate) source: String,
@@ -30,11 +29,8 @@ pub(crate) struct SourceReport {
     pub(crate) clips: usize,
     pub(crate) minutes: f64,
     pub(crate) dance_minutes: f64,
-    /// Minutes with the music that is danced to.
     pub(crate) music_minutes: f64,
-    /// The largest change of a bone's length before the clips came to the
-    /// common skeleton, as a share (95 % of frames of the worst clip); none
-    /// where it was not measured.
+    /// Of the worst clip, a share; see [`ClipEntry::bone_change`]; none where it was not measured.
     pub(crate) bone_change: Option<f64>,
     /// Mean share of contact frames in which a foot skates.
     pub(crate) foot_skate: f64,
@@ -50,16 +46,14 @@ pub struct DatasetReport {
     pub(crate) tempi: BTreeMap<usize, f64>,
     /// Minutes of dance too short or too slow to have a tempo.
     pub(crate) no_tempo_minutes: f64,
-    /// Files that cannot be read, each with the reason.
     pub(crate) unreadable: Vec<String>,
     #[serde(skip)]
     rows: Vec<PoseRow>,
 }
 
 impl DatasetReport {
-    /// Reads all clips of a folder. `on_progress` receives the share that is done.
-    ///
-    /// Errors: An index that cannot be read, or that lists nothing.
+    /// Reads all clips of a folder. `on_progress` receives the share that is done. Fails on an
+    /// index that cannot be read, or that lists nothing.
     pub fn of(folder: &Path, on_progress: impl Fn(f64)) -> anyhow::Result<Self> {
         let entries = index::read(folder)?;
         if entries.is_empty() {

@@ -4,8 +4,7 @@ use crate::dataset::styles::style_number;
 use crate::motion::aist::GENRES;
 use crate::motion::format::ImportFormat;
 
-/// Known sources of captured motion, by the first part of a clip's name, and
-/// the words that they ask for.
+/// Known sources, by the first part of a clip's name, and the words that they ask for.
 pub(super) const SOURCES: [(&str, &str); 3] = [
     (
         "cmu_*",
@@ -30,12 +29,6 @@ pub(super) fn terms<'a>(source: &str, licence: &'a str) -> &'a str {
     }
 }
 
-/// What a kind of files is called as a source, if the user says nothing.
-pub(super) fn usual_source(kind: ImportFormat) -> &'static str {
-    kind.name()
-}
-
-/// The terms that most files of a kind have.
 pub(super) fn usual_licence(kind: ImportFormat) -> &'static str {
     match kind {
         ImportFormat::Aist => {

@@ -111,8 +111,7 @@ fn steady_tempo(rng: &mut ChaCha8Rng, seconds: f64) -> TempoStep {
     }
 }
 
-/// Where no music plays: half of the songs begin late, a third breaks off in
-/// the middle, a third ends early.
+/// Half of the songs begin late, a third breaks off in the middle, a third ends early.
 fn random_silences(rng: &mut ChaCha8Rng) -> Vec<(f64, f64)> {
     let mut out = Vec::new();
     if rng.random_bool(0.5) {

@@ -23,7 +23,7 @@ use super::styles::{ALWAYS_NAMED, STYLES};
 use servodance_model::conditioning::{LATENT_DIM, Latent, MusicKind};
 use servodance_model::motion::MotionError;
 use servodance_model::motion::representation::{POSE_DIM, PoseVector};
-use servodance_model::tensor_file::{self, Entry};
+use servodance_model::weights::tensor_file::{self, Entry};
 
 /// One clip of the training file.
 #[derive(Clone, Debug)]
@@ -49,8 +49,7 @@ pub struct TrainingClip {
 }
 
 impl TrainingClip {
-    /// What is heard in a frame, as numbers of this kind. `None`: no music is
-    /// known, or not what Encodec hears of it.
+    /// `None`: no music is known, or not what Encodec hears of it.
     pub(crate) fn music_row(&self, kind: MusicKind, frame: usize) -> Option<&[f32]> {
         match kind {
             MusicKind::Encodec128 => Some(&self.latents.as_ref()?[frame]),
@@ -61,8 +60,7 @@ impl TrainingClip {
     }
 }
 
-/// Writes the training file. Clips without motion are refused, as is music of
-/// another length than its motion.
+/// Fails on clips without motion, and on music of another length than its motion.
 pub fn write(
     path: &Path,
     clips: &[TrainingClip],
@@ -154,8 +152,7 @@ pub fn write(
     written.map_err(|error| content(error.to_string()))
 }
 
-/// Reads a training file, for scoring. A file of another layout is refused with
-/// what is missing or wrong.
+/// Reads a training file. Fails on another layout, with what is missing or wrong.
 pub fn read(path: &Path) -> Result<Vec<TrainingClip>, MotionError> {
     let content = |reason: String| MotionError::content(path, reason);
     let bytes = std::fs::read(path).map_err(|error| MotionError::read(path, error))?;

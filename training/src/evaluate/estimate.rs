@@ -7,7 +7,6 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct MeanEstimate {
     pub(crate) mean: f64,
-    /// Half the width of the interval.
     pub(crate) ci95: f64,
 }
 

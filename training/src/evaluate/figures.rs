@@ -12,7 +12,6 @@ use servodance_types::FRAME_RATE_HZ;
 /// Distributions compare windows of ten seconds.
 pub const WINDOW_FRAMES: usize = 200;
 
-/// Means over one set of dances.
 #[derive(Clone, Debug, Default)]
 pub struct DanceScores {
     pub fact: f64,
@@ -28,7 +27,6 @@ pub struct DanceScores {
     pub distances: Option<FeatureDistances>,
 }
 
-/// Fréchet distances and diversity.
 #[derive(Clone, Copy, Debug)]
 pub struct FeatureDistances {
     pub kinetic: Distribution,
@@ -57,25 +55,15 @@ impl DanceScores {
         // Too few beats to compare figures: not a number, and not counted.
         let known = |k: usize| rows.iter().map(move |row| row[k]).filter(|v| v.is_finite());
         let column = |k: usize| mean(&known(k).collect::<Vec<_>>());
-        let [
-            fact,
-            bailando,
-            f1,
-            pfc,
-            foot_skate,
-            jerk,
-            freeze_ratio,
-            figure_gap_m,
-        ] = std::array::from_fn(column);
         Self {
-            fact,
-            bailando,
-            f1,
-            pfc,
-            foot_skate,
-            jerk,
-            freeze_ratio,
-            figure_gap_m,
+            fact: column(0),
+            bailando: column(1),
+            f1: column(2),
+            pfc: column(3),
+            foot_skate: column(4),
+            jerk: column(5),
+            freeze_ratio: column(6),
+            figure_gap_m: column(7),
             distances: None,
         }
     }
@@ -134,7 +122,6 @@ impl WindowFeatures {
         })
     }
 
-    /// Two halves of the set, drawn at random.
     pub fn halves(&self, rng: &mut ChaCha8Rng) -> (Self, Self) {
         let mut windows = self.windows.clone();
         windows.shuffle(rng);

@@ -10,8 +10,7 @@ use servodance_types::FRAME_RATE_HZ;
 
 const MINUTE: usize = (60.0 * FRAME_RATE_HZ) as usize;
 
-/// Dances so many minutes to all held-out music in a row, over and over, with
-/// one past: nothing is begun anew where a song ends.
+/// All held-out music in a row, over and over, with one past: nothing restarts with a song.
 pub fn long_dance(
     generator: &Generator,
     options: GeneratorOptions,
@@ -47,6 +46,6 @@ pub fn long_dance(
             .iter()
             .map(|pose| f64::from(pose[0][0].hypot(pose[0][2])))
             .fold(0.0, f64::max),
-        awakenings: dance.awakenings(),
+        awakenings: dance.restarts(),
     })
 }

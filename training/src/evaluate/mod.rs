@@ -29,9 +29,8 @@ use servodance_runtime::pipeline::conditioning::Conditioning;
 use servodance_runtime::session::dance::open_generator;
 use servodance_types::FRAME_RATE_HZ;
 
-/// Dances and scores. `on_progress` receives the share that is done, 0 to 1.
-///
-/// Errors: What was asked for that cannot be used; a reference too small to compare with.
+/// Dances and scores. `on_progress` receives the share that is done, 0 to 1. Fails on a request
+/// that cannot be used, or a reference too small to compare with.
 pub fn evaluate(
     request: &EvaluationRequest,
     on_progress: impl Fn(f64) + Sync,

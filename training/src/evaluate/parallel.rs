@@ -3,8 +3,7 @@
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// `work(0..count)` on all processors; results in order of the numbers.
-/// `on_progress` receives the share that is done.
+/// Results in order of the numbers; `on_progress` receives the share that is done.
 pub(super) fn in_parallel<T: Send>(
     count: usize,
     on_progress: &(impl Fn(f64) + Sync),

@@ -4,7 +4,6 @@ use super::figures;
 use servodance_model::motion::{Clip, Pose, mpjpe_m};
 use servodance_model::{Codec, Generator};
 
-/// What the VQ-VAE makes of the held-out clips.
 pub(super) struct CodeUsage {
     pub mpjpe_mm: Vec<f64>,
     pub used: Vec<f64>,

@@ -16,7 +16,6 @@ const FRESH_SEED: u64 = 770_077;
 /// Beats that the tracker is less sure of do not count.
 const SURE: f32 = 0.5;
 
-/// A clip that the generator has not seen.
 pub struct HeldOutClip {
     pub style: String,
     pub poses: Vec<Pose>,
@@ -33,8 +32,7 @@ pub struct EvaluationReference {
 }
 
 impl EvaluationReference {
-    /// The test clips of the training file, or fresh choreography, with music
-    /// as this kind of features.
+    /// Test clips of the training file, or fresh choreography, with music as features of this kind.
     pub fn open(
         request: &EvaluationRequest,
         kind: MusicKind,
@@ -124,7 +122,6 @@ pub fn between(beats_s: &[f64]) -> Vec<f64> {
 }
 
 pub struct SilentMusic {
-    /// What Encodec hears of it, from its beginning.
     latents: Option<Vec<Latent>>,
 }
 

@@ -9,7 +9,6 @@ use super::texts::TextFigures;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Agreement of the motion's beats with the music's.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct BeatEstimates {
     /// From each kinematic beat to the nearest music beat (AIST++/FACT).
@@ -23,7 +22,6 @@ pub(crate) struct BeatEstimates {
 /// The generator's, with the F1 of three controls.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct ControlledBeat {
-    /// Against the music that was danced to.
     #[serde(flatten)]
     pub(crate) own: BeatEstimates,
     /// F1 of the same dances against another clip's beats.
@@ -34,19 +32,16 @@ pub(crate) struct ControlledBeat {
     pub(crate) silence: MeanEstimate,
 }
 
-/// Whether motion is physical, alive and varied.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct PhysicalFigures {
     /// Physical foot contact (EDGE); lower is better.
     pub(crate) pfc: MeanEstimate,
-    /// Share of contact frames in which the foot skates.
     pub(crate) foot_skate: MeanEstimate,
     /// Mean jerk of all joints, m/s^3.
     pub(crate) jerk: MeanEstimate,
     /// Share of seconds in which the dancer stands.
     pub(crate) freeze_ratio: MeanEstimate,
-    /// From a figure of four beats to the most similar one of the same dance,
-    /// metres a joint: small where the dance repeats itself.
+    /// Metres a joint from a figure of four beats to the most similar one of the same dance.
     pub(crate) figure_gap_m: MeanEstimate,
 }
 
@@ -65,7 +60,6 @@ impl PhysicalFigures {
     }
 }
 
-/// The same figures of the real dances.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct RealFigures {
     pub(crate) beat: BeatEstimates,
@@ -80,14 +74,12 @@ pub(crate) struct LongDance {
     pub(crate) minutes: usize,
     /// Mean joint speed of the last minute over that of the first.
     pub(crate) speed_kept: f64,
-    /// The slowest minute over the mean of all.
     pub(crate) slowest_minute: f64,
     /// Mean height of the pelvis in the last minute less that in the first, metres.
     pub(crate) height_drift_m: f64,
     pub(crate) jerk: f64,
     /// Mean jerk of the last minute over that of the first.
     pub(crate) jerk_kept: f64,
-    /// Share of contact frames in which a foot skates.
     pub(crate) foot_skate: f64,
     /// The furthest from where it began, metres.
     pub(crate) furthest_m: f64,
@@ -211,63 +203,35 @@ impl Evaluation {
             // Writing to a String cannot fail.
             let _ = writeln!(text, "{name:<36}{:>18}{real:>20}", cell(generated));
         };
-        let of_real = &real.beat;
-        row(
-            "beat: kinematic to music (FACT)",
-            beat.own.fact,
-            Some(of_real.fact),
-        );
-        row(
-            "beat: music to kinematic (Bailando)",
-            beat.own.bailando,
-            Some(of_real.bailando),
-        );
-        row("beat: F1 within 100 ms", beat.own.f1, Some(of_real.f1));
+        let beats: [(&str, fn(&BeatEstimates) -> MeanEstimate); 3] = [
+            ("beat: kinematic to music (FACT)", |b| b.fact),
+            ("beat: music to kinematic (Bailando)", |b| b.bailando),
+            ("beat: F1 within 100 ms", |b| b.f1),
+        ];
+        for (name, of) in beats {
+            row(name, of(&beat.own), Some(of(&real.beat)));
+        }
         row("  control: another song", beat.wrong_song, None);
         row("  control: between the beats", beat.shifted, None);
         row("  control: danced to silence", beat.silence, None);
-        row(
-            "FID kinetic (real: its floor)",
-            self.fid_k,
-            Some(self.fid_k_floor),
-        );
-        row(
-            "FID geometric (real: its floor)",
-            self.fid_g,
-            Some(self.fid_g_floor),
-        );
-        row(
-            "FID kinetic, published extractor",
-            self.fid_k_published,
-            None,
-        );
+        let floor = Some(self.fid_k_floor);
+        row("FID kinetic (real: its floor)", self.fid_k, floor);
+        let floor = Some(self.fid_g_floor);
+        row("FID geometric (real: its floor)", self.fid_g, floor);
+        let published = self.fid_k_published;
+        row("FID kinetic, published extractor", published, None);
         row("diversity kinetic", self.dist_k, Some(real.dist_k));
         row("diversity geometric", self.dist_g, Some(real.dist_g));
-        row(
-            "physical foot contact (PFC)",
-            self.physical.pfc,
-            Some(real.physical.pfc),
-        );
-        row(
-            "foot skate, share of contact",
-            self.physical.foot_skate,
-            Some(real.physical.foot_skate),
-        );
-        row(
-            "mean jerk, m/s^3",
-            self.physical.jerk,
-            Some(real.physical.jerk),
-        );
-        row(
-            "seconds frozen, share",
-            self.physical.freeze_ratio,
-            Some(real.physical.freeze_ratio),
-        );
-        row(
-            "nearest other figure of 4 beats, m",
-            self.physical.figure_gap_m,
-            Some(real.physical.figure_gap_m),
-        );
+        let physical: [(&str, fn(&PhysicalFigures) -> MeanEstimate); 5] = [
+            ("physical foot contact (PFC)", |p| p.pfc),
+            ("foot skate, share of contact", |p| p.foot_skate),
+            ("mean jerk, m/s^3", |p| p.jerk),
+            ("seconds frozen, share", |p| p.freeze_ratio),
+            ("nearest other figure of 4 beats, m", |p| p.figure_gap_m),
+        ];
+        for (name, of) in physical {
+            row(name, of(&self.physical), Some(of(&real.physical)));
+        }
         row("two seeds on one song, m apart", self.seeds_gap_m, None);
         row("tokens: joint error, mm", self.mpjpe_mm, None);
         row("tokens: share of codes used", self.codes_used, None);

@@ -1,7 +1,7 @@
 //! What `servodance evaluate` is asked for.
 
 use servodance_model::GeneratorOptions;
-use servodance_model::net::EngineOptions;
+use servodance_model::engine::EngineOptions;
 use std::path::PathBuf;
 
 /// Which weights to evaluate, against which reference, how thoroughly.
@@ -11,8 +11,7 @@ pub struct EvaluationRequest {
     /// A training file with held-out dance; choreography if left out.
     pub data: Option<PathBuf>,
     pub model: Option<PathBuf>,
-    /// Encodec's weights, for a model that hears through it, if they are not in
-    /// the user's data folder.
+    /// Weights, for a model that hears through Encodec, if they are not in the data folder.
     pub encodec: Option<PathBuf>,
     /// One style for all; that of each clip if left out.
     pub style: Option<String>,
@@ -33,7 +32,6 @@ pub struct EvaluationRequest {
 }
 
 impl EvaluationRequest {
-    /// Options of a dance with this seed.
     pub(super) fn options(&self, seed: u64) -> GeneratorOptions {
         GeneratorOptions {
             seed,

@@ -36,17 +36,14 @@ pub(crate) struct RetrievalEstimates {
     pub(crate) r_precision_1: MeanEstimate,
     pub(crate) r_precision_2: MeanEstimate,
     pub(crate) r_precision_3: MeanEstimate,
-    /// Distance of a text to its motion.
     pub(crate) mm_dist: MeanEstimate,
 }
 
-/// Motions and what texts say of them.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct TextFigures {
     pub(crate) pairs: usize,
     /// Motions of the test set that are missing, cannot be read, or are too short or long.
     pub(crate) left_out: usize,
-    /// Motions that went through the codes and back.
     pub(crate) reconstructed: RetrievalEstimates,
     pub(crate) real: RetrievalEstimates,
     /// The same with the text of another motion: chance.
@@ -96,17 +93,14 @@ struct MotionTextPair {
     texts: Vec<Vec<String>>,
 }
 
-/// The same as points of the extractors' space.
 struct PairPoints {
     real: Vec<f32>,
     reconstructed: Vec<f32>,
     texts: Vec<Vec<f32>>,
 }
 
-/// Scores the test set in HumanML3D's folder.
-///
-/// Errors: Extractors or texts that are not there or of another layout; fewer
-/// pairs than one pool.
+/// Scores the test set in HumanML3D's folder. Fails on extractors or texts that are not there
+/// or of another layout; fewer pairs than one pool.
 pub fn score(
     request: &EvaluationRequest,
     folder: &Path,
@@ -236,8 +230,7 @@ fn pairs(folder: &Path) -> anyhow::Result<(Vec<MotionTextPair>, usize)> {
     Ok((pairs, left_out))
 }
 
-/// A motion with its texts; parts of it that have texts of their own are
-/// pairs of their own.
+/// Parts of a motion that have texts of their own are pairs of their own.
 fn parts(motion: &[HumanMlVector], texts: &str) -> Vec<MotionTextPair> {
     let mut whole = Vec::new();
     let mut pairs = Vec::new();

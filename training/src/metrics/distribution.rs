@@ -23,7 +23,6 @@ pub enum DistributionError {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distribution {
-    /// Fréchet distance between Gaussians fitted to both sets.
     pub fid: f64,
     /// Mean distance between two generated motions.
     pub dist: f64,

@@ -112,7 +112,6 @@ const HIPS_M: f64 = 0.1192;
 /// Speeds of geometric features: metres a step to metres a second.
 const GEOMETRIC_RATE_HZ: f64 = 120.0;
 
-/// Joint positions of two frames that follow each other.
 struct JointRelations {
     before: [Vec3; JOINT_COUNT],
     now: [Vec3; JOINT_COUNT],

@@ -8,10 +8,8 @@ use servodance_model::motion::{Clip, Pose, mean_joint_speed};
 
 /// Toes below this height stand on the floor, metres.
 const CONTACT_HEIGHT_M: f64 = 0.05;
-/// A standing toe that is faster than this skates, metres a second (2.5 cm a
-/// frame at 20 FPS).
+/// A standing toe that is faster than this skates: 2.5 cm a frame at 20 FPS.
 const SKATE_M_S: f64 = 0.5;
-/// The frame rate at which physical plausibility is counted.
 const PFC_RATE_HZ: f64 = 30.0;
 
 /// The share of contact frames in which the foot skates: toes below 5 cm in
@@ -68,8 +66,7 @@ pub fn pfc(clip: &Clip) -> Option<f64> {
     Some(sum / accelerations.len() as f64 * 1e4)
 }
 
-/// Mean jerk over joints and frames at the motion's own frame rate, m/s^3; zero
-/// below four frames. Compare only motions of one frame rate.
+/// Mean over joints and frames, m/s^3, for comparing at one frame rate; 0 below four frames.
 pub fn mean_jerk_m_s3(clip: &Clip) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for w in clip.poses.windows(4) {

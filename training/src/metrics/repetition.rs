@@ -7,7 +7,6 @@ use servodance_model::motion::vec3::{norm, sub, turn, wide};
 use servodance_model::motion::{Clip, Pose};
 
 const BEATS: usize = 4;
-/// Poses that a figure is compared by.
 const POSES: usize = 16;
 
 /// Poses of one figure as seen from the body: place and heading removed.
@@ -38,8 +37,7 @@ pub fn nearest_figure_m(clip: &Clip, beats_s: &[f64]) -> Option<f64> {
     (!gaps.is_empty()).then(|| gaps.iter().sum::<f64>() / gaps.len() as f64)
 }
 
-/// How far two dances of one length are apart: mean distance of the same joints
-/// in the same frame, metres, place and heading removed. `None` without frames.
+/// Mean distance of joints, metres, without place and heading; `None` without frames.
 pub fn distance_of_dances_m(a: &[Pose], b: &[Pose]) -> Option<f64> {
     let frames = a.len().min(b.len());
     let [a, b] = [a, b].map(|poses| -> FigurePoses { poses[..frames].iter().map(local).collect() });

@@ -5,21 +5,16 @@
 //! looks for its motion among the 32. (Papers say that a motion looks for its
 //! text; the code of T2M and of those after it does it this way around.)
 
-/// Motion-text pairs that compete with each other.
 pub const POOL: usize = 32;
 
-/// Means over all pools.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Retrieval {
-    /// Share of texts whose motion is the nearest, one of the two nearest, one
-    /// of the three nearest.
+    /// Share of texts whose motion is the nearest, one of the nearest two, of the nearest three.
     pub r_precision: [f64; 3],
-    /// Distance of a text to its motion.
     pub mm_dist: f64,
 }
 
-/// Of pairs in the order in which they are to be pooled; the last ones that are
-/// no whole pool are left out. `None`: there is none.
+/// Of pairs in the order of pooling, without those after the last whole pool, if there is one.
 pub fn retrieval(texts: &[&[f32]], motions: &[&[f32]]) -> Option<Retrieval> {
     let pools = texts.chunks_exact(POOL).zip(motions.chunks_exact(POOL));
     let (mut found, mut pairs) = (Retrieval::default(), 0.0);

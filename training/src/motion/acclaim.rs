@@ -18,7 +18,6 @@ const MOST_BONES: usize = 1000;
 /// Frames that are kept at most: nine hours at 120 a second.
 const MOST_FRAMES: usize = 4_000_000;
 
-/// One number of a line of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum DegreeOfFreedom {
     Move(usize),
@@ -30,7 +29,6 @@ enum DegreeOfFreedom {
 struct AcclaimBone {
     name: String,
     parent: Option<usize>,
-    /// From its beginning to its end, at rest.
     offset: Vec3,
     axes: Matrix,
     freedoms: Vec<DegreeOfFreedom>,
@@ -43,13 +41,17 @@ struct AcclaimSkeleton {
     radians: bool,
 }
 
-/// Reads an `.amc` file with the `.asf` file beside it; `given` corrects the
-/// guess of which joint is which.
+/// With the `.asf` file beside it; `given` corrects the guess of which joint is which.
 pub fn read_amc(path: &Path, fps: f64, given: &GivenNames) -> Result<NamedMotion, MotionError> {
     let skeleton_path = skeleton_of(path)?;
     let skeleton = parse_asf(&text(&skeleton_path)?)
         .map_err(|reason| MotionError::content(&skeleton_path, reason))?;
     let content = |reason: String| MotionError::content(path, reason);
+    let joint = |bone: &AcclaimBone| FileJoint {
+        name: bone.name.clone(),
+        parent: bone.parent,
+        offset: bone.offset,
+    };
     let mut joints: Vec<FileJoint> = skeleton.bones.iter().map(joint).collect();
     for (at, bone) in skeleton.bones.iter().enumerate() {
         if !skeleton.bones.iter().any(|other| other.parent == Some(at)) {
@@ -76,14 +78,6 @@ pub fn read_amc(path: &Path, fps: f64, given: &GivenNames) -> Result<NamedMotion
         clip: Clip::of_file(path, fps, poses),
         mapping,
     })
-}
-
-fn joint(bone: &AcclaimBone) -> FileJoint {
-    FileJoint {
-        name: bone.name.clone(),
-        parent: bone.parent,
-        offset: bone.offset,
-    }
 }
 
 fn text(path: &Path) -> Result<String, MotionError> {
@@ -129,7 +123,6 @@ fn turned(angles: Vec3, order: &[usize]) -> Matrix {
 }
 
 impl AcclaimSkeleton {
-    /// Where all bones begin and end in one frame.
     fn place(&self, frame: &[Vec<f64>], points: &mut [Vec3], ends: &mut [Vec3]) {
         let mut turns: Vec<Matrix> = Vec::with_capacity(self.bones.len());
         for (at, bone) in self.bones.iter().enumerate() {
@@ -287,7 +280,6 @@ fn in_order(
     Ok(out)
 }
 
-/// The numbers of every bone, frame by frame.
 fn frames(text: &str, skeleton: &AcclaimSkeleton) -> Result<Vec<Vec<Vec<f64>>>, String> {
     let places: HashMap<&str, usize> = (skeleton.bones.iter().enumerate())
         .map(|(at, bone)| (bone.name.as_str(), at))

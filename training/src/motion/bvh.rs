@@ -22,14 +22,12 @@ enum BvhChannel {
     Turn(usize),
 }
 
-/// A skeleton and its channels, as written.
 #[derive(Debug, Default)]
 struct BvhSkeleton {
     joints: Vec<FileJoint>,
     channels: Vec<Vec<BvhChannel>>,
 }
 
-/// Motion with the names that it was found by.
 #[derive(Clone, Debug)]
 pub struct NamedMotion {
     pub clip: Clip,
@@ -95,8 +93,7 @@ fn parse(words: &mut BvhWords) -> Result<ParsedBvh, String> {
     Ok((skeleton, 1.0 / frame_s, values))
 }
 
-/// A joint with all below it; an end site is a joint without channels. Depth
-/// is kept on a list, not on the stack.
+/// A joint with all below it, on a list, not on the stack; an end site has no channels.
 fn joint(
     words: &mut BvhWords,
     parent: Option<usize>,
@@ -171,7 +168,6 @@ fn channels(words: &mut BvhWords) -> Result<Vec<BvhChannel>, String> {
 }
 
 impl BvhSkeleton {
-    /// Where all joints are in one frame.
     fn place(&self, frame: &[f64], points: &mut [Vec3]) {
         let mut turns: Vec<Matrix> = Vec::with_capacity(self.joints.len());
         let mut values = frame.iter();

@@ -32,25 +32,14 @@ pub enum ImportFormat {
 
 impl ImportFormat {
     /// Every format; of two that fit a file name the last is the usual one.
-    pub const ALL: [ImportFormat; 6] = [
-        ImportFormat::Aist,
-        ImportFormat::HumanMl,
-        ImportFormat::Bvh,
-        ImportFormat::Amc,
-        ImportFormat::Smpl,
-        ImportFormat::Npz,
-    ];
+    pub const ALL: [ImportFormat; 6] = {
+        use ImportFormat::*;
+        [Aist, HumanMl, Bvh, Amc, Smpl, Npz]
+    };
 
     /// The word on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            ImportFormat::Aist => "aist",
-            ImportFormat::HumanMl => "humanml3d",
-            ImportFormat::Bvh => "bvh",
-            ImportFormat::Amc => "amc",
-            ImportFormat::Smpl => "smpl",
-            ImportFormat::Npz => "npz",
-        }
+        ["aist", "humanml3d", "bvh", "amc", "smpl", "npz"][self as usize]
     }
 
     /// Endings of file names, in small letters.
@@ -80,8 +69,7 @@ pub struct FileCorrections {
     pub fps: Option<f64>,
 }
 
-/// Reads a file as it is: its own size, place and frame rate. With it comes
-/// what was guessed, a line each.
+/// Reads a file as it is: own size, place and rate; with what was guessed, a line each.
 pub fn read_format(
     kind: ImportFormat,
     path: &Path,

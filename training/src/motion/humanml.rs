@@ -31,7 +31,6 @@ use servodance_model::motion::{Clip, MotionError, Pose};
 pub const HUMANML_DIM: usize = 263;
 /// Numbers of the 21 rotations; they begin where our own joint steps do.
 const ROTATIONS: usize = 6 * (JOINT_COUNT - 1);
-/// Standard deviation and reach of the heading's smoothing, frames.
 const SMOOTHING: (f64, isize) = (20.0, 80);
 /// The joints of each limb in order; the arms begin at the chest.
 const CHAINS: [&[BodyJoint]; 5] = [
@@ -44,7 +43,6 @@ const CHAINS: [&[BodyJoint]; 5] = [
 
 pub type HumanMlVector = [f32; HUMANML_DIM];
 
-/// Where the bone to a joint points at rest.
 fn rest(joint: BodyJoint) -> Vec3 {
     match joint {
         LeftHip | LeftCollar => [1.0, 0.0, 0.0],
@@ -121,8 +119,7 @@ fn forward(pose: &Pose) -> [f64; 2] {
     [across[2] / length, -across[0] / length]
 }
 
-/// The rotations of joints 1 to 21 in a frame of heading `heading_rad`, in a
-/// motion that begins with `first_rad`.
+/// Rotations of joints 1 to 21 in a frame of heading `heading_rad`, in a motion from `first_rad`.
 fn rotations(pose: &Pose, first_rad: f64, heading_rad: f64) -> [[f32; 6]; JOINT_COUNT - 1] {
     let points = pose.map(|point| turn(wide(point), -first_rad));
     let back = first_rad - heading_rad;
@@ -143,7 +140,7 @@ fn rotations(pose: &Pose, first_rad: f64, heading_rad: f64) -> [[f32; 6]; JOINT_
     out
 }
 
-/// Reads `new_joint_vecs` as they are ([T, 263] in a `.npy` file).
+/// `new_joint_vecs` ([T, 263]) or `new_joints` ([T, 22, 3]), 20 frames a second.
 pub fn read_vectors(path: &Path) -> Result<Vec<HumanMlVector>, MotionError> {
     vectors(&read_npy(path)?).map_err(|reason| MotionError::content(path, reason))
 }

@@ -132,9 +132,7 @@ fn plain(name: &str) -> (Option<usize>, String) {
     (None, joined(&lower))
 }
 
-/// Finds the body in a skeleton.
-///
-/// Errors: Names the part that is not found and the joints there are.
+/// Fails with the part that is not found and the joints there are.
 pub(super) fn map_joints(joints: &[FileJoint], given: &GivenNames) -> Result<JointMapping, String> {
     let names: Vec<(Option<usize>, String)> = joints.iter().map(|j| plain(&j.name)).collect();
     let find = |side: Option<usize>, any: &[&str]| {
@@ -266,7 +264,6 @@ pub(super) fn map_joints(joints: &[FileJoint], given: &GivenNames) -> Result<Joi
     })
 }
 
-/// Whether the bodies stand along z rather than y.
 pub(super) fn lies_along_z(poses: &[Pose]) -> bool {
     let mut sum = [0.0; 3];
     for pose in poses {
@@ -288,9 +285,7 @@ pub(super) fn stand_up(poses: &mut [Pose]) {
     }
 }
 
-/// Y up and the usual leg length, for files that say neither axes nor unit.
-///
-/// Errors: Names the frame with a position that is not finite.
+/// Y up and the usual leg length. Fails with the frame whose position is not finite.
 pub(super) fn settle(poses: &mut [Pose]) -> Result<(), String> {
     if lies_along_z(poses) {
         stand_up(poses);

@@ -30,9 +30,7 @@ enum PickleValue {
     Other,
 }
 
-/// The arrays and numbers of the dictionary that a pickle holds, by key.
-///
-/// Errors: What of the pickle cannot be read.
+/// Arrays and numbers of the pickled dictionary by key. Fails where it cannot be read.
 pub(super) fn arrays(bytes: &[u8]) -> Result<HashMap<String, Array>, String> {
     let mut machine = PickleMachine {
         rest: bytes,
@@ -94,20 +92,12 @@ impl<'a> PickleMachine<'a> {
             b']' | b'N' | 0x88 | 0x89 => self.push(PickleValue::Other),
             b')' => self.push(PickleValue::Tuple(Rc::from([]))),
             0x94 => self.remember(self.memo.len())?,
-            b'q' => {
-                let at = self.length(1)?;
+            b'q' | b'r' => {
+                let at = self.length(if code == b'q' { 1 } else { 4 })?;
                 self.remember(at)?;
             }
-            b'r' => {
-                let at = self.length(4)?;
-                self.remember(at)?;
-            }
-            b'h' => {
-                let at = self.length(1)?;
-                self.recall(at)?;
-            }
-            b'j' => {
-                let at = self.length(4)?;
+            b'h' | b'j' => {
+                let at = self.length(if code == b'h' { 1 } else { 4 })?;
                 self.recall(at)?;
             }
             b'X' | b'T' => self.text(4)?,
@@ -321,7 +311,6 @@ fn reduce(function: &PickleValue, arguments: &PickleValue) -> Result<PickleValue
     })
 }
 
-/// Gives an array or a type its state.
 fn build(object: &PickleValue, state: &PickleValue) -> Result<(), String> {
     match (object, state) {
         (PickleValue::Array(made), PickleValue::Tuple(state)) => {

@@ -69,7 +69,6 @@ pub fn read_smpl(path: &Path) -> Result<Clip, MotionError> {
     Ok(Clip::of_file(path, fps, poses))
 }
 
-/// The angles of the body joints, a vector each.
 type BodyAngles = [Vec3; JOINT_COUNT];
 
 fn body<const N: usize>(rows: Result<&[[f64; N]], String>) -> Result<Vec<BodyAngles>, String> {
@@ -78,8 +77,7 @@ fn body<const N: usize>(rows: Result<&[[f64; N]], String>) -> Result<Vec<BodyAng
     Ok(rows?.iter().map(of_body).collect())
 }
 
-/// Our skeleton under SMPL's angles (joint by joint, at least those of the
-/// body), its pelvis at `place`.
+/// Our skeleton under at least the angles of the body, joint by joint, its pelvis at `place`.
 pub(super) fn pose(angles: &[Vec3], place: Vec3) -> Pose {
     let mut points = [place; JOINT_COUNT];
     let mut turns = [IDENTITY; JOINT_COUNT];

@@ -20,10 +20,8 @@ const MENDED: f64 = 0.1;
 /// Share of frames whose toes point backwards in a body that is mirrored.
 const BACKWARDS: f64 = 0.8;
 
-/// The largest change of a bone's length, as a share of its median: the 95th
-/// percentile over frames.
-///
-/// Errors: What is wrong with the motion: no frames, a bone without length, bones that
+/// The largest change of a bone's length, as a share of its median: the 95th percentile over
+/// frames. Fails where the motion is unsound: no frames, a bone without length, bones that
 /// change, left and right exchanged.
 pub fn bone_change(poses: &[Pose]) -> Result<f64, String> {
     if poses.is_empty() {

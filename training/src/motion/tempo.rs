@@ -18,7 +18,6 @@ use servodance_model::motion::alignment::{alignment, mean_joint_speed};
 
 /// Shorter clips have no tempo, seconds.
 const SHORTEST_S: f64 = 5.0;
-/// The search runs at this rate, Hz.
 const RATE_HZ: f64 = 60.0;
 /// Tempi that are considered, seconds a beat, and how many.
 const PERIODS_S: (f64, f64, usize) = (0.36, 0.86, 32);
@@ -34,10 +33,8 @@ const USUAL: (f64, f64) = (0.52, 0.45);
 #[derive(Clone, Debug, PartialEq)]
 pub struct KinematicTempo {
     pub period_s: f64,
-    /// Beat times within the clip, sorted.
     pub beats_s: Vec<f64>,
-    /// Share of noises with the same broad spectrum that have less of a beat,
-    /// 0 to 1. Strict: most real dance lies between.
+    /// Share of noises with the same broad spectrum and less of a beat: strict, for real dance.
     pub confidence: f64,
     /// How well the beats meet the local minima of the joint speed: F1, 0 to 1.
     pub f1: f64,
@@ -82,8 +79,7 @@ pub fn estimate(clip: &Clip) -> Option<KinematicTempo> {
     })
 }
 
-/// The clip warped in time so that its beats are `period_s` apart, and those
-/// beats. The motion before its first and after its last beat is cut off.
+/// The clip with its beats `period_s` apart, and those beats; cut before the first, after the last.
 pub fn onto_grid(clip: &Clip, tempo: &KinematicTempo, period_s: f64) -> (Clip, Vec<f64>) {
     let beats = &tempo.beats_s;
     let last = beats.len().saturating_sub(1);
@@ -114,8 +110,7 @@ pub fn onto_grid(clip: &Clip, tempo: &KinematicTempo, period_s: f64) -> (Clip, V
     (clip.at_times(&times, clip.fps), grid)
 }
 
-/// How much every moment looks like a beat: low speed against the second
-/// around it; mean 0, deviation 1, at 60 Hz.
+/// Low speed against the second around it; mean 0, deviation 1, at 60 Hz.
 fn hits(clip: &Clip) -> Vec<f64> {
     let speed: Vec<f64> = mean_joint_speed(&clip.poses, clip.fps)
         .iter()
@@ -163,8 +158,7 @@ fn smoothed(values: &[f64], sigma: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The best path of beats about `period` frames apart: its score (sum of hits
-/// over the root of their number) and its frames.
+/// The best beats about `period` frames apart, and their score: sum of hits / sqrt(count).
 fn path(hits: &[f64], period: f64) -> (f64, Vec<usize>) {
     let from = (INTERVAL_SHARES.0 * period).ceil() as usize;
     let until = (INTERVAL_SHARES.1 * period).floor() as usize;

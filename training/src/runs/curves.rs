@@ -17,19 +17,32 @@ pub struct CurveFile {
 }
 
 impl CurveFile {
-    /// Those in the folder up to a step.
+    /// Those in the folder up to a step; none where there is no file yet.
     pub fn open(folder: &Path, up_to: u64, network: TrainedNetwork) -> anyhow::Result<Self> {
-        let mut curves = Self {
+        let mut curves = Self::empty(folder, network);
+        if up_to > 0 && curves.csv.exists() {
+            curves.read(up_to)?;
+        }
+        Ok(curves)
+    }
+
+    /// All of a run that has ended. Fails where the file is missing, torn or without a line.
+    pub fn finished(folder: &Path, network: TrainedNetwork) -> anyhow::Result<Self> {
+        let mut curves = Self::empty(folder, network);
+        curves.read(u64::MAX)?;
+        let name = curves.csv.display();
+        ensure!(!curves.rows.is_empty(), "{name}: no line of a training");
+        Ok(curves)
+    }
+
+    fn empty(folder: &Path, network: TrainedNetwork) -> Self {
+        Self {
             csv: folder.join("curves.csv"),
             png: folder.join("curves.png"),
             network,
             columns: Vec::new(),
             rows: Vec::new(),
-        };
-        if up_to > 0 && curves.csv.exists() {
-            curves.read(up_to)?;
         }
-        Ok(curves)
     }
 
     fn read(&mut self, up_to: u64) -> anyhow::Result<()> {
@@ -125,5 +138,35 @@ impl CurveFile {
                 panel("Gradient", &|name| name == "gradient"),
             ],
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn curves_of_an_ended_run_that_are_missing_or_torn_are_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let finished = || CurveFile::finished(folder.path(), TrainedNetwork::MotionSeq);
+        let error = finished().err().unwrap();
+        assert!(error.to_string().contains("cannot read"), "{error}");
+        for (text, says) in [
+            ("", "no line of a training"),
+            ("step,val_nll,wrong_nll\n", "no line of a training"),
+            ("step,val_nll,wrong_nll\n20,3.5\n", ":2: not as many fields"),
+            ("step,val_nll,wrong_nll\n20,3.5,4.x\n", ":2: not a number"),
+        ] {
+            std::fs::write(folder.path().join("curves.csv"), text).unwrap();
+            let error = finished().err().unwrap();
+            assert!(error.to_string().contains(says), "{error}");
+        }
+        let text = "step,val_nll,wrong_nll\n20,3.5,4.5\n40,3.0,4.25\n60,,\n";
+        std::fs::write(folder.path().join("curves.csv"), text).unwrap();
+        let curves = finished().unwrap();
+        assert_eq!(
+            curves.best("val_nll", ["val_nll", "wrong_nll"]),
+            [3.0, 4.25]
+        );
     }
 }

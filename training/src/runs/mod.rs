@@ -60,9 +60,8 @@ impl RunFolder {
     }
 }
 
-/// Trains until the end, `until`, or until `stop` is set.
-///
-/// Errors: Settings, data or checkpoint that cannot be used; a loss that is no number.
+/// Trains until the end, `until`, or until `stop` is set. Fails on settings, data or checkpoint
+/// that cannot be used; a loss that is no number.
 pub fn train(request: &TrainingRequest, stop: &AtomicBool) -> anyhow::Result<RunOutcome> {
     let file = settings::read(&request.config, request)?;
     let config = request.config.display();

@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 
 const MOST_THREADS: usize = 256;
 
-/// The file with what the request gives in its place. Paths in the file are
-/// seen from its folder.
+/// The request takes precedence. Paths in the file are seen from its folder.
 pub fn read(path: &Path, request: &TrainingRequest) -> anyhow::Result<SettingsFile> {
     let name = path.display();
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;

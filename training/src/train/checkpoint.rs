@@ -13,7 +13,8 @@ use super::error::TrainError;
 use super::optimizer::AdamW;
 use super::tensors::{Numbers, Tensors, file, floats, read as read_tensors};
 use crate::train::autodiff::parameters::Parameters;
-use servodance_model::net::{FORMAT, ModelConfig};
+use servodance_model::config::ModelConfig;
+use servodance_model::weights::FORMAT;
 
 /// The metadata key; its value holds the format's version and the run.
 const KEY: &str = "servodance-training-1";

@@ -2,7 +2,6 @@
 
 use super::network_training::NamedValues;
 
-/// What is remembered from line to line.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CurveTally {
     /// Sums since the last line, by column.

@@ -35,7 +35,6 @@ pub struct TrainingData {
     pub(crate) sha256: String,
 }
 
-/// Mean and deviation of each number.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Normalisation {
     pub mean: Vec<f32>,
@@ -43,8 +42,7 @@ pub(crate) struct Normalisation {
 }
 
 impl TrainingData {
-    /// Reads a training file (`servodance dataset build`). One without clips to
-    /// train with is refused.
+    /// Reads what `dataset build` wrote. Fails where no clips train.
     pub fn read(path: &Path) -> Result<Self, TrainError> {
         let clips = training_file::read(path)?;
         let bytes = std::fs::read(path)
@@ -108,7 +106,6 @@ impl TrainingData {
         }
     }
 
-    /// The style of most dance with music.
     pub(crate) fn most_common_style(&self) -> usize {
         let mut frames = [0; STYLES.len()];
         for c in self.of_split(Split::Train) {

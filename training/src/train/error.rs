@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use servodance_model::error::ModelError;
+use servodance_model::ModelError;
 use servodance_model::motion::MotionError;
 
 /// An error of training. Nothing is written when one is returned.

@@ -1,5 +1,5 @@
 //! The learned parts that both networks are made of, on the tape: the trainable
-//! form of what [`servodance_model::net`] runs, under the same names.
+//! form of what [`servodance_model::engine`] runs, under the same names.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::train::autodiff::ops::{AttentionInputs, AttentionMask};
 use crate::train::autodiff::parameters::{ParamId, ParamInit, Parameters};
 use crate::train::autodiff::tape::{Batch, Tape, Var};
-use servodance_model::net::Activation;
+use servodance_model::config::Activation;
 
 /// Makes parameters: where they go and where their first numbers come from.
 pub(crate) struct ParamBuilder<'a> {
@@ -16,7 +16,6 @@ pub(crate) struct ParamBuilder<'a> {
 }
 
 impl ParamBuilder<'_> {
-    /// A tensor that weight decay leaves alone.
     pub fn tensor(&mut self, name: String, shape: &[usize], init: ParamInit) -> ParamId {
         self.parameters.add(name, shape, init, false, self.rng)
     }
@@ -26,8 +25,7 @@ impl ParamBuilder<'_> {
     }
 }
 
-/// Channels that are dropped at random while training: whole ones of a
-/// sequence, the same at every frame.
+/// Drops whole channels of a sequence at random, the same at every frame.
 #[derive(Debug)]
 pub(crate) struct Dropout<'a> {
     pub rate: f32,
@@ -160,7 +158,6 @@ impl FeedForwardLayer {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LayerWidths {
     pub dim: usize,
-    /// Heads times the width of a head.
     pub inner: usize,
     pub hidden: usize,
 }

@@ -1,4 +1,4 @@
-//! Training of both networks: a tape with its own operations ([`servodance_model::net`] only
+//! Training of both networks: a tape with its own operations ([`servodance_model::engine`] only
 //! goes forward), AdamW, codebooks that learn by moving averages, checkpoints
 //! that continue to the bit.
 //!

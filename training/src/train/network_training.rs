@@ -16,14 +16,11 @@ pub(crate) struct BatchOutcome {
 
 pub(crate) trait NetworkTraining {
     fn parameters(&mut self) -> &mut Parameters;
-    /// Loss and gradients of the batch of a step.
     fn step(&mut self, step: u64, rng: &mut ChaCha8Rng) -> BatchOutcome;
     /// Scores on held-out clips; none where none are held out.
     fn validate(&mut self, rng: &mut ChaCha8Rng) -> Option<NamedValues>;
-    /// What a checkpoint holds beside parameters and optimiser.
     fn state(&self) -> Tensors;
     fn restore(&mut self, tensors: &Tensors) -> Result<(), String>;
-    /// What a weights file holds beside parameters.
     fn weights(&self) -> Tensors;
     fn default_style(&self) -> usize;
 }

@@ -11,13 +11,11 @@ const EPSILON: f32 = 1e-8;
 pub(crate) struct AdamSettings {
     /// Share of the past in the moments.
     pub betas: [f32; 2],
-    /// Shrinks matrices by this times the learning rate.
     pub weight_decay: f32,
     /// The longest gradient that is let through as it is.
     pub clip: f32,
 }
 
-/// Both moments of every parameter, and the steps taken.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct AdamW {
     pub first: Vec<Vec<f32>>,
@@ -38,8 +36,7 @@ impl AdamW {
         }
     }
 
-    /// One step against the gradients; returns their norm before clipping. A norm
-    /// that is not finite moves nothing.
+    /// Returns the norm before clipping. A norm that is not finite moves nothing.
     pub fn step(
         &mut self,
         parameters: &mut Parameters,

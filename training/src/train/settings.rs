@@ -9,7 +9,7 @@ use super::error::TrainError;
 use crate::train::vqvae::codebook::CodebookSettings;
 use crate::train::vqvae::loss::LossWeights;
 use servodance_model::conditioning::MusicKind;
-use servodance_model::net::{ModelConfig, PRESETS, Positions};
+use servodance_model::config::{ModelConfig, PRESETS, Positions};
 
 /// The network that a run trains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -24,10 +24,7 @@ pub enum TrainedNetwork {
 impl TrainedNetwork {
     /// Its name in commands, files and folders.
     pub fn name(self) -> &'static str {
-        match self {
-            TrainedNetwork::VqVae => "vqvae",
-            TrainedNetwork::MotionSeq => "motionseq",
-        }
+        ["vqvae", "motionseq"][self as usize]
     }
 }
 
@@ -41,16 +38,6 @@ pub enum Preset {
     /// The sizes of the MAGMA paper.
     Paper,
     Tiny,
-}
-
-impl Preset {
-    fn name(self) -> &'static str {
-        match self {
-            Preset::Live => PRESETS[0],
-            Preset::Paper => PRESETS[1],
-            Preset::Tiny => PRESETS[2],
-        }
-    }
 }
 
 /// Where the sizes depart from the preset; what is left out stays.
@@ -70,8 +57,7 @@ pub struct ModelChanges {
     pub window: Option<usize>,
 }
 
-/// Declares the settings of a run, and the same as the file gives them: each
-/// may be left out.
+/// Declares the settings of a run, and their optional form as the file gives them.
 macro_rules! run_settings {
     ($($(#[$meta:meta])* $name:ident: $type:ty,)*) => {
         /// How one network is trained; what is left out follows from the preset.
@@ -111,15 +97,13 @@ run_settings! {
     weight_decay: f32,
     /// The longest gradient that is let through as it is.
     clip: f32,
-    /// Share of channels dropped.
     dropout: f32,
     /// Steps between lines of the curves, each with a validation.
     report: u64,
     /// Steps between checkpoints; may change when a run goes on.
     #[serde(skip)]
     checkpoint: u64,
-    /// Validations without an improvement before the run ends early, 0 for
-    /// never; may change when a run goes on.
+    /// Validations without improvement before the run ends, 0 for never; may change on resuming.
     #[serde(skip)]
     patience: u64,
 }
@@ -245,8 +229,7 @@ pub struct SettingsFile {
 }
 
 impl SettingsFile {
-    /// Fills up from the preset and checks; the error names the setting, what
-    /// it is and what it may be.
+    /// Fills up from the preset. Fails with the setting, its value and its range.
     pub fn resolve(&self, network: TrainedNetwork) -> Result<TrainingSettings, TrainError> {
         let file = match network {
             TrainedNetwork::VqVae => &self.vqvae,
@@ -268,8 +251,9 @@ impl SettingsFile {
     }
 
     fn sizes(&self) -> Result<ModelConfig, TrainError> {
-        let unknown = || TrainError::Settings(format!("unknown preset `{}`", self.preset.name()));
-        let mut config = ModelConfig::preset(self.preset.name()).ok_or_else(unknown)?;
+        let preset = PRESETS[self.preset as usize];
+        let unknown = || TrainError::Settings(format!("unknown preset `{preset}`"));
+        let mut config = ModelConfig::preset(preset).ok_or_else(unknown)?;
         config.seq.styles = crate::dataset::styles::STYLES.map(str::to_owned).to_vec();
         let change = &self.model;
         set(&mut config.parts, &change.parts);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use safetensors::tensor::{Dtype, SafeTensors};
 
-use servodance_model::tensor_file::{self, Entry};
+use servodance_model::weights::tensor_file::{self, Entry};
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Numbers {
@@ -31,7 +31,6 @@ impl Numbers {
     }
 }
 
-/// Tensors by name, each with its shape.
 pub(crate) type Tensors = BTreeMap<String, (Vec<usize>, Numbers)>;
 
 pub(crate) fn file(metadata: &BTreeMap<String, String>, tensors: &Tensors) -> Vec<u8> {
@@ -49,8 +48,7 @@ pub(crate) fn file(metadata: &BTreeMap<String, String>, tensors: &Tensors) -> Ve
     tensor_file::bytes(metadata, entries.collect())
 }
 
-/// All tensors of a file whose names begin with one of `prefixes`: f16 and f32
-/// as f32, f64 and i32 as they are.
+/// Tensors whose names begin with one of `prefixes`; f16 becomes f32.
 pub(crate) fn read(bytes: &[u8], prefixes: &[&str]) -> Result<Tensors, String> {
     let file = SafeTensors::deserialize(bytes).map_err(|e| e.to_string())?;
     let wanted = |name: &str| prefixes.iter().any(|prefix| name.starts_with(prefix));

@@ -23,10 +23,11 @@ use crate::train::motionseq::vqvae_weights::VqVaeWeights;
 use crate::train::vqvae::codebook::LearnedCodebook;
 use crate::train::vqvae::loss::MotionLoss;
 use crate::train::vqvae::training::{MotionBatch, VqVaeTraining};
+use servodance_model::config::{Positions, SeqConfig};
 use servodance_model::motion::representation::POSE_DIM;
-use servodance_model::net::{Positions, SeqConfig, Weights};
+use servodance_model::weights::Weights;
 
-const TINY: &[u8] = include_bytes!("../../../model/src/net/golden/tiny.safetensors");
+const TINY: &[u8] = include_bytes!("../../../model/src/tests/golden/tiny.safetensors");
 const TOLERANCE: f32 = 1e-4;
 
 fn rng() -> ChaCha8Rng {

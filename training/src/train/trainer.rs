@@ -47,11 +47,10 @@ pub struct CurveRow {
 pub struct Trainer {
     settings: TrainingSettings,
     data_sha256: String,
-    training: Box<dyn NetworkTraining>,
+    pub(super) training: Box<dyn NetworkTraining>,
     adam: AdamW,
     step: u64,
     tally: CurveTally,
-    /// Parameters and weights of the best line.
     styles: Vec<String>,
 }
 
@@ -118,9 +117,7 @@ impl Trainer {
         rng
     }
 
-    /// Takes the next step of the run.
-    ///
-    /// Errors: When the loss is not finite; the parameters are as before.
+    /// Takes the next step. Fails where the loss is not finite, parameters as before.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let run = &self.settings.run;
         let rate = learning_rate(run.learning_rate, self.step, run.warm_up, run.steps);
@@ -147,8 +144,7 @@ impl Trainer {
         })
     }
 
-    /// The line of the curves that is due: means since the last one, and
-    /// scores on held-out clips.
+    /// The line that is due: means since the last one, and scores on held-out clips.
     pub fn curve_row(&mut self) -> CurveRow {
         let run = &self.settings.run;
         let rate = learning_rate(
@@ -184,11 +180,6 @@ impl Trainer {
         }
     }
 
-    #[cfg(test)]
-    pub(crate) fn training_mut(&mut self) -> &mut dyn NetworkTraining {
-        &mut *self.training
-    }
-
     /// Everything that is needed to go on, as the bytes of a file.
     pub fn checkpoint(&mut self) -> Vec<u8> {
         let fingerprint = self.fingerprint();
@@ -204,10 +195,7 @@ impl Trainer {
         )
     }
 
-    /// Goes on from a checkpoint of the same run.
-    ///
-    /// Errors: When it is not whole, or of another run: then the first
-    /// setting that differs is named.
+    /// Goes on from a checkpoint. Fails on a torn one, or with the first setting that differs.
     pub fn resume(&mut self, bytes: &[u8]) -> Result<(), TrainError> {
         let fingerprint = self.fingerprint();
         let parameters = self.training.parameters();
@@ -230,8 +218,7 @@ impl Trainer {
         value
     }
 
-    /// The weights file of what was learned so far, which `servodance_model::net` loads:
-    /// that of the VQ-VAE lacks what belongs to MotionSeq.
+    /// The weights file for `servodance_model::weights`; of the VQ-VAE without MotionSeq's part.
     pub fn weights(&mut self) -> Vec<u8> {
         let mut tensors = self.training.weights();
         let style = self.styles[self.training.default_style()].clone();

@@ -10,7 +10,7 @@ use crate::dataset::training_file::{self, TrainingClip};
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::{Clip, decode, mpjpe_m};
-use servodance_model::net::{Dtype, convert};
+use servodance_model::weights::{Dtype, convert};
 use servodance_model::{Codec, Generator};
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 
@@ -61,9 +61,8 @@ struct HeldOutMotion {
     likeliest: Vec<Vec<usize>>,
 }
 
-/// Scores every format of a weights file on the test clips of a training file.
-///
-/// Errors: A file that cannot be used; too little held-out dance.
+/// Scores every format of a weights file on the test clips of a training file. Fails on a file
+/// that cannot be used; too little held-out dance.
 pub fn compare(
     file: Option<&Path>,
     data: &Path,
@@ -156,7 +155,6 @@ fn score(
     })
 }
 
-/// How many codes are what they were.
 #[derive(Default)]
 struct AgreementCount {
     same: usize,

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use serde::Serialize;
-use servodance_model::net::Weights;
+use servodance_model::weights::Weights;
 use servodance_model::{Codec, Generator, ModelError};
 
 /// What a weights file holds; serialised as the JSON of `weights info`.
@@ -12,7 +12,6 @@ use servodance_model::{Codec, Generator, ModelError};
 pub struct WeightsInfo {
     file: String,
     preset: String,
-    /// The narrowest number format of its matrices.
     dtype: &'static str,
     bytes: usize,
     encoders: bool,

@@ -9,8 +9,8 @@ use crate::config::CapsuleConfig;
 use crate::kinematics::chain::RobotModel;
 use crate::kinematics::shapes::{Capsule, capsule_of};
 
-/// Radius of a limb against its length, and of a trunk against the width of
-/// the shoulders.
+/// Radius of a limb against its length, and of a trunk against the
+/// width of the shoulders.
 const LIMB_SLENDERNESS: f64 = 0.12;
 const TRUNK_SHARE: f64 = 0.3;
 

@@ -9,8 +9,8 @@ use urdf_rs::{LinkName, Mass, Material, Mimic, Pose, Vec3, Vec4, Visual};
 
 use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 
-/// Rates that newer files give in `<limit>`, as they stand: radians (metres)
-/// and seconds.
+/// Rates that newer files give in `<limit>`, as they stand:
+/// radians (metres) and seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct RateLimits {
     pub acceleration: Option<f64>,

@@ -42,13 +42,11 @@ use std::time::Instant;
 /// Seconds after the last motion frame in which the robot comes to a stop.
 const TAIL_S: f64 = 0.5;
 
-/// The loop and all that it keeps.
 pub struct ControlLoop<'a> {
     robot: &'a Robot,
     servos: &'a mut RobotBuses,
     stop: &'a AtomicBool,
     state: LoopState,
-    /// Whether a viewer asked for the end.
     stop_requested: bool,
     clock: LoopClock,
     input: MotionInput,
@@ -134,7 +132,6 @@ impl<'a> ControlLoop<'a> {
         self.lead_out(source)
     }
 
-    /// The parts that outlive the loop.
     pub fn into_record(self) -> LoopRecord {
         LoopRecord {
             clock: self.clock,
@@ -276,7 +273,6 @@ impl<'a> ControlLoop<'a> {
         Ok(())
     }
 
-    /// Whether missing motion counts as late.
     fn is_due(&self, source: &mut MotionSource) -> bool {
         match source {
             MotionSource::Stage(stage) => stage.is_led() && !self.plan.is_hidden(),
@@ -363,7 +359,6 @@ impl<'a> ControlLoop<'a> {
         self.log.recorder.step(recording_s, step, ms);
     }
 
-    /// Lets viewers see this cycle.
     fn publish(&mut self) {
         let cycle = CycleView {
             activity: self.state.activity(),

@@ -36,9 +36,7 @@ impl LoopState {
 /// How a run ended, unless by an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// The music was over.
     Finished,
-    /// A viewer asked for the end.
     Stopped,
     /// Ctrl-C, or the caller's `stop`.
     Interrupted,

@@ -14,13 +14,11 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// What is to be copied.
 #[derive(Debug)]
 pub(super) struct DescriptionCopy {
     /// The description as it is to be written.
     pub text: String,
     urdf: PathBuf,
-    /// The folder of the meshes.
     folder: PathBuf,
     /// Of each mesh, where it is and what it is called there.
     meshes: BTreeMap<PathBuf, String>,
@@ -29,7 +27,6 @@ pub(super) struct DescriptionCopy {
 }
 
 impl DescriptionCopy {
-    /// A description with nothing beside it.
     pub fn of_text(text: &str, out: &Path) -> Self {
         let stem = out.file_stem().unwrap_or_default().to_string_lossy();
         Self {
@@ -109,7 +106,6 @@ impl DescriptionCopy {
         copied.chain(left).collect()
     }
 
-    /// Copies all of it, or nothing.
     pub fn write(&self) -> anyhow::Result<()> {
         if !self.meshes.is_empty() && !self.folder.is_dir() {
             std::fs::create_dir(&self.folder)

@@ -4,7 +4,6 @@ use super::servo_draft::ServoDraft;
 use servodance_model::motion::Clip;
 use servodance_retarget::{ConfigDraft, Diagnostic};
 
-/// Everything that goes into the file.
 pub(super) struct FilePlan<'a> {
     pub name: String,
     pub source: &'a str,
@@ -15,9 +14,7 @@ pub(super) struct FilePlan<'a> {
     pub servos: Vec<ServoDraft>,
     pub left_out: Vec<String>,
     pub findings: Vec<Diagnostic>,
-    /// Baud and control rate.
     pub rates: (u32, f64),
     pub rest: Vec<(String, f64)>,
-    /// What trials showed, a line each.
     pub tried: Vec<String>,
 }

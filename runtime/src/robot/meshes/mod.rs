@@ -20,24 +20,19 @@ const MOST_BYTES: usize = 96 << 20;
 /// Reasons that are given; more are counted.
 const REASONS: usize = 3;
 
-/// A mesh fixed to a link.
 #[derive(Clone, Debug)]
 pub struct MeshInstance {
-    /// Where it is, its scale and colour.
     pub visual: MeshVisual,
     pub part: usize,
 }
 
-/// What a browser draws.
 #[derive(Clone, Debug, Default)]
 #[allow(missing_docs)] // the names say it
 pub struct Meshes {
     pub fixed: Vec<MeshInstance>,
     /// Corners of each file, three a triangle: position and normal as f32, little endian.
     pub parts: Vec<Arc<[u8]>>,
-    /// Lowest and highest coordinates of each part.
     pub bounds: Vec<[[f32; 3]; 2]>,
-    /// What is not drawn, a line each.
     pub left_out: Vec<String>,
 }
 

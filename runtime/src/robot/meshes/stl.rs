@@ -14,7 +14,6 @@ pub const MOST_TRIANGLES: usize = 200_000;
 const HEADER: usize = 84;
 const RECORD: usize = 50;
 
-/// A corner: position, then normal.
 pub type Corner = [f32; 6];
 
 /// The triangles of a file.

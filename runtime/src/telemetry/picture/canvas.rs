@@ -8,7 +8,6 @@ use tiny_skia::{
     Color, FillRule, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Rect, Stroke, Transform,
 };
 
-/// A point in pixels.
 pub type Point = (f32, f32);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +48,6 @@ impl Canvas {
         Ok(canvas)
     }
 
-    /// A connected line with round ends.
     pub fn line(&mut self, points: &[Point], width: f32, rgba: Rgba) {
         let mut builder = PathBuilder::new();
         for (i, &(x, y)) in points.iter().enumerate() {
@@ -106,13 +104,11 @@ impl Canvas {
         }
     }
 
-    /// Width of a text in pixels.
     pub fn text_width(size: TextSize, text: &str) -> f32 {
         let (weight, height) = size.raster();
         (get_raster_width(weight, height) * text.chars().count()) as f32
     }
 
-    /// The picture as PNG.
     pub fn png(&self) -> anyhow::Result<Vec<u8>> {
         Ok(self.pixmap.encode_png()?)
     }
@@ -122,7 +118,6 @@ impl Canvas {
         self.pixmap.data()
     }
 
-    /// Mixes a colour into one (opaque) pixel.
     fn blend(&mut self, x: i64, y: i64, rgba: Rgba, intensity: u8) {
         let (width, height) = (self.pixmap.width() as i64, self.pixmap.height() as i64);
         if intensity == 0 || x < 0 || y < 0 || x >= width || y >= height {

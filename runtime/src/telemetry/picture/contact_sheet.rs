@@ -13,7 +13,6 @@ const BARS_HEIGHT: f32 = 150.0;
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // the names say it
 pub struct PoseRow {
-    /// Its name, and lines below it.
     pub label: Vec<String>,
     pub figures: Vec<StickFigure>,
 }

@@ -20,12 +20,10 @@ pub struct Curve {
     pub samples: Vec<(f64, f64)>,
 }
 
-/// Curves with one scale.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // the names say it
 pub struct CurvePanel {
     pub title: String,
-    /// At most four curves.
     pub curves: Vec<Curve>,
 }
 
@@ -108,7 +106,6 @@ impl Curve {
     }
 }
 
-/// Four digits that matter.
 fn short(value: f64) -> String {
     match value.abs() {
         0.0 => "0".into(),

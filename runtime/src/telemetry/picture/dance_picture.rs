@@ -17,9 +17,7 @@ const LABEL_WIDTH: f32 = 170.0;
 #[derive(Clone, Debug)]
 pub struct BeatPose {
     pub time_s: f64,
-    /// What the generator invented.
     pub dancer: StickFigure,
-    /// What the servos made of it.
     pub robot: StickFigure,
 }
 
@@ -35,7 +33,6 @@ pub struct JointTrack {
 #[derive(Clone, Debug)]
 pub struct DancePicture {
     pub title: String,
-    /// One line of figures below it.
     pub subtitle: String,
     /// Start and end of the part of the song that is shown, seconds.
     pub window_s: (f64, f64),

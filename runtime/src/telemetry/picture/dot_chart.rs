@@ -11,7 +11,6 @@ const GAP: f32 = 24.0;
 const NAME_WIDTH: f32 = 190.0;
 const VALUE_WIDTH: f32 = 110.0;
 
-/// One candidate in one panel.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // the names say it
 pub struct Dot {

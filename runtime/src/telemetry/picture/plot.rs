@@ -19,7 +19,6 @@ impl Plot {
         canvas.rectangle(self.left, self.top, self.width, self.height, rgba);
     }
 
-    /// A line through samples of (time, value).
     pub fn curve(&self, canvas: &mut Canvas, samples: &[(f64, f64)], width: f32, rgba: Rgba) {
         let points: Vec<Point> = samples
             .iter()
@@ -29,7 +28,6 @@ impl Plot {
         canvas.line(&points, width, rgba);
     }
 
-    /// A full-height line at each time.
     pub fn verticals(&self, canvas: &mut Canvas, times: &[f64], width: f32, rgba: Rgba) {
         for &time in times.iter().filter(|t| self.shows(**t)) {
             let (x, _) = self.point(time, self.y_range.0);
@@ -37,7 +35,6 @@ impl Plot {
         }
     }
 
-    /// A full-width line at a value.
     pub fn horizontal(&self, canvas: &mut Canvas, value: f64, width: f32, rgba: Rgba) {
         let (_, y) = self.point(self.x_range.0, value);
         canvas.line(&[(self.left, y), (self.left + self.width, y)], width, rgba);

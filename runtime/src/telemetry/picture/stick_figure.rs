@@ -21,7 +21,6 @@ pub struct Limb {
     pub side: Side,
 }
 
-/// A body in one pose.
 #[derive(Clone, Debug, Default)]
 #[allow(missing_docs)] // the names say it
 pub struct StickFigure {
@@ -85,7 +84,6 @@ pub fn draw_figure(
     }
 }
 
-/// Nearer limbs are drawn in fuller colour.
 fn shade(side: Side, nearness: f64) -> Rgba {
     let base = match side {
         Side::Left => LEFT,

@@ -49,15 +49,11 @@ const WORLD_FRAME: &str = "world";
 const LOG_INFO: u8 = 20;
 const LOG_ERROR: u8 = 40;
 
-/// Something that the safety layer did.
 #[derive(Clone, Copy, Debug)]
 #[allow(missing_docs)] // the names say it
 pub struct SafetyNotice<'a> {
-    /// Seconds since torque on.
     pub time_s: f64,
-    /// Whether it is a fault.
     pub grave: bool,
-    /// The state after it.
     pub state: &'a str,
     pub cause: &'a str,
 }

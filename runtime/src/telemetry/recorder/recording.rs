@@ -69,7 +69,6 @@ impl<T> Series<T> {
     }
 }
 
-/// A joint as the recording describes it.
 #[derive(Clone, Debug, Deserialize)]
 struct JointFact {
     name: String,
@@ -86,11 +85,9 @@ struct LimitFacts {
     acceleration_rad_s2: f64,
 }
 
-/// What the safety layer did once.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs)] // the names say it
 pub struct RecordedEvent {
-    /// The state after it.
     pub state: String,
     pub cause: String,
 }
@@ -103,7 +100,6 @@ pub struct Recording {
     pub urdf_xml: String,
     /// Control cycles a second.
     pub control_hz: f64,
-    /// Joints and limits, in order.
     pub joints: Vec<(String, JointLimits)>,
     /// Commands to the servos, radians.
     pub commands: Series<Vec<f32>>,
@@ -113,18 +109,13 @@ pub struct Recording {
     pub motion: Series<[[f32; 3]; JOINT_COUNT]>,
     /// Where the root link was: x, y, z, then the quaternion x, y, z, w.
     pub root: Series<[f64; 7]>,
-    /// Phase of the beat.
     pub phase: Series<f64>,
     /// By how much the motion was ahead of the music, seconds.
     pub lead: Series<f64>,
     pub idle: Series<f64>,
-    /// Beats: the tempo at each.
     pub beats: Series<f64>,
-    /// Bands of the spectrum.
     pub spectrum: Series<Vec<f32>>,
-    /// Celsius of each joint.
     pub temperatures: Vec<Series<f32>>,
-    /// What the safety layer did.
     pub events: Series<RecordedEvent>,
 }
 
@@ -165,7 +156,6 @@ impl Recording {
     }
 }
 
-/// A recording while it is read.
 #[derive(Default)]
 struct RecordingReader {
     recording: Recording,

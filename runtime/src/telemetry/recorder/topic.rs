@@ -10,7 +10,6 @@ use std::borrow::Cow;
 /// First part of the name in messages of the safety layer: `safety.STATE`.
 pub(super) const SAFETY: &str = "safety";
 
-/// A topic of the recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)] // the table of the recorder's page
 pub enum RecordingTopic {

@@ -73,7 +73,6 @@ impl WriterThread {
         })
     }
 
-    /// Has one message written.
     pub fn message(&mut self, topic: RecordingTopic, time_s: f64, data: Vec<u8>) {
         let Some(queue) = &self.queue else { return };
         let message = WriterMessage::Message(topic, time_s, data);

@@ -5,9 +5,9 @@
 use candle_core::{D, Device, Result as TensorResult, Tensor};
 use candle_nn::ops::{leaky_relu, sigmoid};
 
+use servodance_model::ModelError;
 use servodance_model::conditioning::checkpoint::Checkpoint;
-use servodance_model::conditioning::layers::{Linear, Norm};
-use servodance_model::error::ModelError;
+use servodance_model::conditioning::{TensorLinear as Linear, TensorNorm as Norm};
 
 /// Slope below zero of every leaky ReLU here.
 pub(super) const LEAK: f64 = 0.2;

@@ -18,9 +18,9 @@ use gru::{GruReader, LEAK};
 use words::{KINDS, WORD_DIM, WordTable};
 
 use crate::motion::humanml::{HUMANML_DIM, HumanMlVector};
+use servodance_model::ModelError;
+use servodance_model::conditioning::TensorLinear as Linear;
 use servodance_model::conditioning::checkpoint::Checkpoint;
-use servodance_model::conditioning::layers::Linear;
-use servodance_model::error::ModelError;
 
 pub const POINT_DIM: usize = 512;
 /// Frames of a motion that become one step; a motion's length is cut to a multiple of it.
@@ -44,8 +44,7 @@ pub struct Extractors {
 }
 
 impl Extractors {
-    /// Reads `model.safetensors` and `words.json` in a folder. A file that is
-    /// missing, torn or of another layout is named with what is wrong.
+    /// Reads `model.safetensors` and `words.json`. Fails with the file and what is wrong.
     pub fn load(folder: &Path) -> Result<Self, ModelError> {
         let file = Checkpoint::open(&folder.join("model.safetensors"))?;
         let convolution = |layer: usize, input: usize| {
@@ -71,8 +70,7 @@ impl Extractors {
     }
 
     /// Points of motions, each cut to [`MOST_FRAMES`] and a multiple of [`FRAMES_A_STEP`].
-    ///
-    /// Errors: A motion that is too short for one step.
+    /// Fails on a motion that is too short for one step.
     pub fn motions(&self, motions: &[&[HumanMlVector]]) -> Result<Vec<Vec<f32>>, ModelError> {
         let steps = motions.iter().map(|motion| self.steps(motion));
         let steps: Vec<Tensor> = steps.collect::<Result<_, _>>()?;

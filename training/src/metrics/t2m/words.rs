@@ -11,8 +11,8 @@ use std::path::Path;
 use candle_core::{Device, Result as TensorResult, Tensor};
 use serde::Deserialize;
 
+use servodance_model::ModelError;
 use servodance_model::conditioning::checkpoint::{Checkpoint, file_error};
-use servodance_model::error::ModelError;
 
 pub(super) const WORD_DIM: usize = 300;
 pub(super) const KINDS: usize = 15;
@@ -28,13 +28,10 @@ const UNKNOWN: &str = "unk";
 struct WordList {
     /// The words of the rows of `words.weight`.
     words: Vec<String>,
-    /// Names of the kinds, in the encoder's order.
     kinds: Vec<String>,
-    /// Words with a kind of their own.
     kind_of: HashMap<String, String>,
 }
 
-/// Vectors and kinds of all known words.
 #[derive(Debug)]
 pub(super) struct WordTable {
     vectors: Tensor,
@@ -78,8 +75,7 @@ impl WordTable {
         })
     }
 
-    /// Vectors [n, 300] and kinds [n, 15] of a text's tokens between the signs
-    /// of its start and end.
+    /// Vectors [n, 300], kinds [n, 15] of the tokens of a text between the signs of start and end.
     pub fn of(&self, tokens: &[&str]) -> TensorResult<(Tensor, Tensor)> {
         let tokens = tokens.iter().take(MOST_TOKENS).copied();
         let all = ["sos/OTHER"].into_iter().chain(tokens).chain(["eos/OTHER"]);

@@ -82,17 +82,13 @@ pub(crate) enum Threads {
     All,
 }
 
-/// What becomes of the numbers that are there already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WriteMode {
     Nothing,
-    /// The product is added to them.
     Sum,
 }
 
-/// `out = lhs rhs` or `out += lhs rhs`.
-///
-/// Panics: When shapes do not fit each other or their slices: a mistake of the caller.
+/// `out = lhs rhs` or `out += lhs rhs`. Panics when shapes do not fit each other or their slices.
 pub(crate) fn product(
     out: MatrixViewMut,
     onto: WriteMode,

@@ -1,7 +1,7 @@
 //! What is learned: named tensors of f32, in the order in which they were made.
 //!
 //! Names and shapes are those of the weights file, so that what was trained
-//! loads in [`servodance_model::net`] as it is.
+//! loads in [`servodance_model::weights`] as it is.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -22,7 +22,6 @@ pub(crate) struct Parameter {
 pub(crate) enum ParamInit {
     Constant(f32),
     Uniform(f32),
-    /// Gaussian with this standard deviation.
     Normal(f32),
 }
 
@@ -71,12 +70,10 @@ impl Parameters {
         &self.all[id.0].values
     }
 
-    /// All of them, in order.
     pub fn iter(&self) -> std::slice::Iter<'_, Parameter> {
         self.all.iter()
     }
 
-    /// All of them, in order, to change.
     pub fn iter_mut(&mut self) -> std::slice::IterMut<'_, Parameter> {
         self.all.iter_mut()
     }
@@ -99,7 +96,6 @@ impl ParameterGradients {
         &mut self.0[id.0]
     }
 
-    /// Length of all gradients as one vector.
     pub fn norm(&self) -> f64 {
         let squares = self.0.iter().map(|g| super::lanes::sum_of_squares(g));
         squares.sum::<f64>().sqrt()

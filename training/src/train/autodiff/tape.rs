@@ -16,13 +16,11 @@ use super::parameters::{ParameterGradients, Parameters};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Var(usize);
 
-/// The sequences of a batch: all are `length` frames long on the tape, of which
-/// the first `lengths[i]` are real and the rest padding.
+/// Sequences of `length` frames on the tape: the first `lengths[i]` real, the rest padding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Batch {
     /// Frames of every sequence, padding among them.
     pub length: usize,
-    /// Real frames of each sequence.
     pub lengths: Vec<usize>,
 }
 
@@ -58,7 +56,6 @@ struct TapeNode {
     operation: Option<Box<dyn Operation>>,
 }
 
-/// Memory that is used again, by length.
 #[derive(Debug, Default)]
 pub(crate) struct BufferPool {
     of_length: HashMap<usize, BufferShelf>,
@@ -67,8 +64,7 @@ pub(crate) struct BufferPool {
 #[derive(Debug, Default)]
 struct BufferShelf {
     free: Vec<Vec<f32>>,
-    /// How many are out. No more than these come back: vectors that were made
-    /// elsewhere would else pile up, step after step.
+    /// No more than these come back: vectors made elsewhere would pile up, step after step.
     out: usize,
 }
 
@@ -143,13 +139,11 @@ impl<'p> Tape<'p> {
         self.nodes[value.0].columns
     }
 
-    /// Whether there is anything to learn behind it.
     pub fn learns(&self, value: Var) -> bool {
         self.nodes[value.0].operation.is_some()
     }
 
-    /// Gradients of the loss by every parameter, from those by some values;
-    /// and the memory back.
+    /// Gradients by every parameter, from those by some values; and the memory back.
     pub fn backward(mut self, seeds: Vec<(Var, Vec<f32>)>) -> (ParameterGradients, BufferPool) {
         let mut into = Gradients {
             of_values: vec![None; self.nodes.len()],
@@ -188,7 +182,6 @@ pub(crate) struct Gradients {
 }
 
 impl Gradients {
-    /// Adds to the gradient of a value.
     pub fn add(&mut self, to: Var, gradient: Vec<f32>) {
         match &mut self.of_values[to.0] {
             Some(sum) => {

@@ -8,7 +8,7 @@ use crate::train::layers::{
     CrossAttentionLayer, Dropout, FeedForwardLayer, LayerNorm, LayerWidths, LinearLayer,
     ParamBuilder, SelfAttentionLayer,
 };
-use servodance_model::net::{ModelConfig, Positions};
+use servodance_model::config::{ModelConfig, Positions};
 
 const EMBEDDING: ParamInit = ParamInit::Normal(0.32);
 /// Longest period of the sinusoidal positions, as in `net`.
@@ -34,10 +34,8 @@ struct CodeHead {
     head: LinearLayer,
 }
 
-/// What MotionSeq hears and reads, sequences one after another.
 #[derive(Clone, Debug)]
 pub(crate) struct MotionSeqInputs {
-    /// Which frames are real.
     pub batch: Batch,
     /// Per part the code of the frame before, [rows].
     pub previous: Vec<Vec<u32>>,

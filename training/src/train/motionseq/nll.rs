@@ -9,8 +9,7 @@ pub(crate) const IGNORED: u32 = u32::MAX;
 /// Rows that one thread takes at a time.
 const PIECE_ROWS: usize = 128;
 
-/// Mean over the targets that count, with label smoothing, and the gradient by
-/// the logits [rows, classes].
+/// Mean over the targets that count, label-smoothed; gradient by the logits [rows, classes].
 pub(crate) fn nll(logits: &[f32], targets: &[u32], smoothing: f32) -> (f64, Vec<f32>) {
     let classes = logits.len() / targets.len().max(1);
     let count = targets.iter().filter(|t| **t != IGNORED).count().max(1) as f32;

@@ -52,7 +52,6 @@ pub(super) fn starts(data: &TrainingData, codes: &ClipCodes) -> (Vec<i32>, Vec<i
     (rows, styles)
 }
 
-/// Mean of the joints' steps.
 fn mean_speed(row: &[f32; POSE_DIM]) -> f32 {
     let steps = row[STEPS_AT..CONTACTS_AT].chunks(3);
     steps

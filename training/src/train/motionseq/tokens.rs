@@ -9,9 +9,9 @@ use crate::train::autodiff::parameters::normal;
 use crate::train::data::TrainingData;
 use crate::train::error::TrainError;
 use crate::train::vqvae::codebook::LearnedCodebook;
+use servodance_model::ModelError;
 use servodance_model::conditioning::MusicKind;
-use servodance_model::error::ModelError;
-use servodance_model::net::VqEncoder;
+use servodance_model::vqvae::VqEncoder;
 
 /// A near code is one of so many nearest others.
 const NEAR: usize = 8;
@@ -74,8 +74,7 @@ pub(crate) fn corrupt(
     }
 }
 
-/// The share of a sequence's codes to replace: around twice the mean at most;
-/// now and then far more.
+/// Share of codes to replace: around twice the mean at most; now and then far more.
 pub(crate) fn corruption(mean: f32, rng: &mut ChaCha8Rng) -> f32 {
     match rng.random::<f32>() < 0.15 && mean > 0.0 {
         true => rng.random_range(0.2..0.8),

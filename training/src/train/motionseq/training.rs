@@ -21,7 +21,7 @@ use crate::train::network_training::{BatchOutcome, NamedValues, NetworkTraining}
 use crate::train::settings::{ClipWeights, TrainingSettings};
 use crate::train::tensors::{Numbers, Tensors};
 use crate::train::vqvae::codebook::LearnedCodebook;
-use servodance_model::net::ModelConfig;
+use servodance_model::config::ModelConfig;
 
 /// Sequences that are validated on, and the seed that draws them.
 const HELD_SEQUENCES: usize = 32;
@@ -241,7 +241,6 @@ impl MotionSeqTraining {
     }
 }
 
-/// Share of targets that have the largest logit.
 fn right(logits: &[f32], targets: &[u32]) -> f64 {
     let classes = logits.len() / targets.len();
     let largest = |row: &[f32]| {
@@ -289,8 +288,7 @@ impl NetworkTraining for MotionSeqTraining {
         self.learn(&batch, rng)
     }
 
-    /// Likelihood of held-out clips with their music, with another clip's and
-    /// with none: what the music is worth.
+    /// With their music, with another clip's and with none: what the music is worth.
     fn validate(&mut self, rng: &mut ChaCha8Rng) -> Option<NamedValues> {
         let held = self.held.as_ref()?;
         let crops = held.draw(HELD_SEQUENCES, &mut ChaCha8Rng::seed_from_u64(HELD_SEED));

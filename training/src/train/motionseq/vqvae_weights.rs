@@ -2,7 +2,9 @@
 
 use crate::train::error::TrainError;
 use crate::train::tensors::{Numbers, Tensors, read};
-use servodance_model::net::{ModelConfig, VqEncoder, Weights};
+use servodance_model::config::ModelConfig;
+use servodance_model::vqvae::VqEncoder;
+use servodance_model::weights::Weights;
 
 /// The weights of the VQ-VAE that MotionSeq builds on.
 #[derive(Clone, Debug)]

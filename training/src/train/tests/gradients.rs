@@ -7,8 +7,8 @@ use super::{check_same, motion_batch, motionseq_training, rng, seq_batch, vqvae_
 use crate::train::autodiff::parameters::{ParameterGradients, Parameters, normal};
 use crate::train::autodiff::tape::Batch;
 use crate::train::vqvae::training::MotionBatch;
+use servodance_model::config::Positions;
 use servodance_model::motion::representation::POSE_DIM;
-use servodance_model::net::Positions;
 
 /// A gradient for every parameter, and the right one: along the gradient itself,
 /// along a random direction, and in single numbers.

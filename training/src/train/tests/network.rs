@@ -4,17 +4,29 @@ use super::super::layers::Dropout;
 use super::{TINY, check_same, motionseq_training, noise, rng, seq_batch, vqvae_training};
 use crate::train::autodiff::tape::{Batch, BufferPool, Tape};
 use crate::train::vqvae::network::embed;
+use servodance_model::config::Positions;
+use servodance_model::engine::{Engine, EngineOptions};
 use servodance_model::motion::representation::POSE_DIM;
-use servodance_model::net::{OneShotDecoder, OneShotSeq, Positions, VqEncoder, Weights};
+use servodance_model::motionseq::MotionSeq;
+use servodance_model::vqvae::{VqDecoder, VqEncoder};
+use servodance_model::weights::{Dtype, Weights};
+
+/// The engine that runs, in f32.
+fn engine(weights: &Weights) -> Engine {
+    let options = EngineOptions {
+        dtype: Some(Dtype::F32),
+        ..EngineOptions::default()
+    };
+    Engine::new(weights, options).unwrap()
+}
 
 #[test]
 fn stage_one_computes_what_the_networks_that_run_compute() {
     let stage = vqvae_training();
     let weights = Weights::open(TINY, "tiny").unwrap();
-    let (encoder, decoder) = (
-        VqEncoder::load(&weights).unwrap(),
-        OneShotDecoder::load(&weights).unwrap(),
-    );
+    let encoder = VqEncoder::load(&weights).unwrap();
+    let engine = engine(&weights);
+    let decoder = VqDecoder::load(&weights, &engine).unwrap();
     let frames = 70;
     let normal = noise(frames * POSE_DIM);
     let batch = Batch::full(1, frames);
@@ -34,17 +46,21 @@ fn stage_one_computes_what_the_networks_that_run_compute() {
     }
     let vectors = t.constant(embed(&stage.books, &found), 16);
     let out = stage.net.decode(&mut t, vectors, &batch, &mut drop);
-    check_same(
-        "motion",
-        t.data(out),
-        &decoder.one_shot(&expected).unwrap().concat(),
-    );
+    let (team, mut state) = (engine.pool().team(), decoder.start());
+    let mut step = |codes: &Vec<usize>| decoder.step(&team, &mut state, codes).unwrap().to_vec();
+    let motion: Vec<f32> = expected.iter().flat_map(&mut step).collect();
+    check_same("motion", t.data(out), &motion);
 }
 
 #[test]
 fn stage_two_computes_what_the_networks_that_run_compute() {
     let (stage, frames) = (motionseq_training(Positions::Alibi), 60);
-    let seq = OneShotSeq::load(&Weights::open(TINY, "tiny").unwrap()).unwrap();
+    let weights = Weights::open(TINY, "tiny").unwrap();
+    let engine = engine(&weights);
+    let (seq, team) = (
+        MotionSeq::load(&weights, &engine).unwrap(),
+        engine.pool().team(),
+    );
     let batch = seq_batch(&[frames, frames], frames);
     let mut t = Tape::new(&stage.parameters, BufferPool::default());
     let mut drop_rng = rng();
@@ -66,16 +82,22 @@ fn stage_two_computes_what_the_networks_that_run_compute() {
         // The second has neither music nor the same style.
         let music = batch.inputs.has_music[s].then(|| &batch.inputs.music[..frames * 39]);
         let style = Some(batch.inputs.styles[s] as usize);
-        let hidden = seq
-            .one_shot(&rows(&batch.inputs.previous), music, style)
-            .unwrap();
-        for (part, value) in logits.iter().enumerate() {
-            let expected = seq
-                .logits(part, &hidden, &rows(&batch.inputs.chosen))
-                .unwrap();
-            let expected: Vec<f32> = expected.flatten_all().unwrap().to_vec1().unwrap();
+        let mut state = seq.start(1);
+        seq.set_style(&mut state, seq.style(style));
+        let mut expected = vec![Vec::new(); logits.len()];
+        let previous = rows(&batch.inputs.previous);
+        let chosen = rows(&batch.inputs.chosen);
+        for (frame, (previous, chosen)) in previous.iter().zip(&chosen).enumerate() {
+            let music = [music.map(|music| &music[39 * frame..][..39])];
+            seq.step(&team, &mut state, previous, &music).unwrap();
+            for (part, expected) in expected.iter_mut().enumerate() {
+                let logits = seq.logits(&team, &mut state, part, chosen).unwrap();
+                expected.extend(logits.flatten().copied());
+            }
+        }
+        for (value, expected) in logits.iter().zip(&expected) {
             let wide = t.columns(*value) * frames;
-            check_same("logits", &t.data(*value)[s * wide..][..wide], &expected);
+            check_same("logits", &t.data(*value)[s * wide..][..wide], expected);
         }
     }
 }

@@ -8,7 +8,8 @@ use super::{TINY, rng, settings};
 use crate::train::motionseq::nll::IGNORED;
 use crate::train::motionseq::training::{MotionSeqTraining, SeqBatch};
 use crate::train::motionseq::vqvae_weights::VqVaeWeights;
-use servodance_model::net::{OneShotDecoder, OneShotSeq, VqEncoder, Weights};
+use servodance_model::vqvae::VqEncoder;
+use servodance_model::weights::Weights;
 
 fn trainer(stage: TrainedNetwork, change: impl Fn(&mut SettingsFile)) -> Trainer {
     let settings = settings(stage, |file| {
@@ -132,7 +133,7 @@ fn what_was_learned_loads_and_the_end_is_learned_where_sequences_end() {
     let weights = stage.weights();
     let opened = Weights::open(&weights, "trained").unwrap();
     VqEncoder::load(&opened).unwrap();
-    OneShotDecoder::load(&opened).unwrap();
+    servodance_model::Codec::from_bytes(&weights, "trained").unwrap();
     let settings = settings(TrainedNetwork::MotionSeq, |file| {
         file.model.eos = Some(true);
         file.motionseq.steps = Some(4);
@@ -165,7 +166,6 @@ fn what_was_learned_loads_and_the_end_is_learned_where_sequences_end() {
         Trainer::new(settings, TrainingData::example(), Some(vqvae_training)).unwrap();
     go(&mut trainer, 4);
     let weights = trainer.weights();
-    OneShotSeq::load(&Weights::open(&weights, "trained").unwrap()).unwrap();
     servodance_model::Generator::from_bytes(&weights, "trained").unwrap();
 }
 
@@ -177,7 +177,7 @@ fn validation_leaves_the_run_as_it_is() {
         let before = run.weights();
         let scores = |trainer: &mut Trainer| {
             let mut rng = rng();
-            trainer.training_mut().validate(&mut rng).unwrap()
+            trainer.training.validate(&mut rng).unwrap()
         };
         assert_eq!(scores(&mut run), scores(&mut run));
         assert!(run.weights() == before);

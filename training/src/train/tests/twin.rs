@@ -1,7 +1,7 @@
 //! One training step against the PyTorch twin's.
 //!
 //! `golden/` is written by `model/reference/golden_step.py`: one training step
-//! of the twin from the weights in `net/golden/tiny.safetensors`.
+//! of the twin from the weights in `tests/golden/tiny.safetensors`.
 
 use super::super::optimizer::{AdamSettings, AdamW};
 use super::super::tensors::{Tensors, read};
@@ -16,8 +16,8 @@ use crate::train::motionseq::nll::IGNORED;
 use crate::train::motionseq::training::{MotionSeqTraining, SeqBatch};
 use crate::train::vqvae::training::MotionBatch;
 use safetensors::SafeTensors;
-use servodance_model::net::Positions;
-use servodance_model::tensor_file::{self, Entry};
+use servodance_model::config::Positions;
+use servodance_model::weights::tensor_file::{self, Entry};
 use std::collections::BTreeMap;
 
 const GOLDEN: &[u8] = include_bytes!("../golden/step.safetensors");

@@ -71,8 +71,7 @@ impl LearnedCodebook {
         &self.embed[code as usize * self.dim..][..self.dim]
     }
 
-    /// Squared distances [rows, codes] less the square of each row, which is
-    /// the same for all its codes.
+    /// Squared distances [rows, codes] less the square of the row, which is the same for all codes.
     pub fn distances(&self, x: &[f32]) -> Vec<f32> {
         let (rows, codes) = (x.len() / self.dim, self.len());
         let mut out = vec![0.0; rows * codes];
@@ -157,8 +156,7 @@ impl LearnedCodebook {
         (sums, counts)
     }
 
-    /// One moving-average step over real rows and their codes; then dead codes
-    /// restart at rows drawn from them. Returns how many did.
+    /// A moving-average step over real rows, then dead codes restart at some; returns how many.
     pub fn update(
         &mut self,
         x: &[f32],

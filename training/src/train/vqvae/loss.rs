@@ -73,7 +73,6 @@ impl MotionLossTerms {
     }
 }
 
-/// Mean and deviation of motion, and the weights.
 #[derive(Clone, Debug)]
 pub(crate) struct MotionLoss {
     pub mean: Vec<f32>,
@@ -120,8 +119,7 @@ impl MotionLoss {
         normal.chunks(POSE_DIM).flat_map(of_row).collect()
     }
 
-    /// The terms, and the gradient of their weighted sum by `out` (normalised,
-    /// [rows, 137]); `real` is motion as it is.
+    /// The terms, and the gradient of their weighted sum by the normalised `out` [rows, 137].
     pub fn evaluate(
         &self,
         out: &[f32],

@@ -6,7 +6,7 @@ use crate::train::autodiff::tape::{Batch, Tape, Var};
 use crate::train::layers::{
     Dropout, LayerNorm, LayerWidths, LinearLayer, ParamBuilder, TransformerLayer,
 };
-use servodance_model::net::{ModelConfig, part_channels};
+use servodance_model::config::{ModelConfig, part_channels};
 
 #[derive(Clone, Debug)]
 struct PartEncoder {
@@ -32,8 +32,7 @@ pub(crate) struct VqVaeNetwork {
 }
 
 impl VqVaeNetwork {
-    /// New parameters for this configuration; an unknown body part is an error
-    /// that lists those that there are.
+    /// Fails on an unknown body part, with those that there are.
     pub fn new(make: &mut ParamBuilder, config: &ModelConfig) -> Result<Self, String> {
         let vq = &config.vq;
         let widths = LayerWidths {
@@ -128,7 +127,6 @@ impl VqVaeNetwork {
     }
 }
 
-/// Code vectors of all parts side by side.
 pub(crate) fn embed(books: &[LearnedCodebook], codes: &[Vec<u32>]) -> Vec<f32> {
     let rows = codes.first().map_or(0, Vec::len);
     let mut out = Vec::with_capacity(rows * books.iter().map(LearnedCodebook::dim).sum::<usize>());

@@ -27,7 +27,6 @@ const HELD_FRAMES: usize = 800;
 /// What is validated, before the usage of each codebook.
 const VALIDATED: [&str; 3] = ["val_loss", "val_mpjpe_mm", "val_move_mm"];
 
-/// The VQ-VAE and what it learns from.
 pub(crate) struct VqVaeTraining {
     settings: TrainingSettings,
     data: TrainingData,
@@ -36,13 +35,11 @@ pub(crate) struct VqVaeTraining {
     pub(crate) parameters: Parameters,
     pub(crate) net: VqVaeNetwork,
     pub(crate) books: Vec<LearnedCodebook>,
-    /// Whether the codes have had their k-means.
     pub(crate) ready: bool,
     pub(crate) loss: MotionLoss,
     buffers: BufferPool,
 }
 
-/// A batch of crops, padded to one length.
 pub(crate) struct MotionBatch {
     /// Motion as it is, [rows, 137]; padding repeats the last frame.
     pub real: Vec<f32>,
@@ -103,7 +100,6 @@ impl VqVaeTraining {
         }
     }
 
-    /// First codes, from the latents of some batches.
     fn initialise_codebooks(&mut self, rng: &mut ChaCha8Rng) {
         let mut rows = vec![Vec::new(); self.books.len()];
         for _ in 0..K_MEANS_BATCHES {
@@ -186,7 +182,6 @@ impl VqVaeTraining {
         parts.into_iter().flat_map(names)
     }
 
-    /// Codes of a motion, one vector a part.
     fn encode(
         &self,
         t: &mut Tape,
@@ -208,7 +203,6 @@ impl VqVaeTraining {
 struct QuantisedPart {
     /// Codes in place of latents; padding keeps its latents.
     replacement: Vec<f32>,
-    /// Gradient of the weighted commit loss by the latents.
     gradient: Vec<f32>,
     commit: f64,
     used: f64,
@@ -259,7 +253,6 @@ fn real_rows<'a>(t: &'a Tape, value: Var, batch: &'a Batch) -> impl Iterator<Ite
     batch.real_rows().flat_map(row)
 }
 
-/// Columns of all parts beside each other.
 fn side_by_side(parts: &[Vec<f32>], wide: &[usize]) -> Vec<f32> {
     let rows = parts[0].len() / wide[0];
     let mut out = Vec::with_capacity(parts.iter().map(Vec::len).sum());

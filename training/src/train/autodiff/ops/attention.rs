@@ -20,7 +20,6 @@ const BLOCK: usize = 48;
 /// `-slope * |i - j|` for `i - window < j <= i + ahead`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct AttentionMask {
-    /// ALiBi slope of each head.
     pub slopes: Vec<f32>,
     pub window: usize,
     pub ahead: usize,

@@ -39,8 +39,7 @@ impl Tape<'_> {
         self.record(out, columns, Lookup { onto, table, rows })
     }
 
-    /// The stream where a sequence of `length` frames has one, else the learned
-    /// vector `instead` at all its frames.
+    /// The stream where a sequence of `length` frames has one, else the learned `instead`.
     pub fn or_else(&mut self, stream: Var, instead: ParamId, length: usize, has: Vec<bool>) -> Var {
         let columns = self.columns(stream);
         let mut out = self.buffers.take(self.data(stream).len());

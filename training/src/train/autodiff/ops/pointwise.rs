@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::PIECE_ROWS;
 use crate::train::autodiff::lanes;
 use crate::train::autodiff::tape::{Gradients, Operation, Tape, Var};
-use servodance_model::net::Activation;
+use servodance_model::config::Activation;
 
 /// sqrt(2 / pi) and the cubic term of GELU's tanh form.
 const GELU: (f32, f32) = (0.797_884_6, 0.044_715);
@@ -65,8 +65,7 @@ impl Tape<'_> {
         self.record(out, self.columns(a), Add { a, b })
     }
 
-    /// Multiplies channel c of sequence s by `keep[s * columns + c]`, the same
-    /// at all its frames.
+    /// Channel c of sequence s times `keep[s * columns + c]`, the same at all its frames.
     pub fn dropout(&mut self, x: Var, length: usize, keep: Vec<f32>) -> Var {
         let mut out = self.buffers.take(self.data(x).len());
         out.copy_from_slice(self.data(x));
@@ -108,8 +107,7 @@ impl Tape<'_> {
         self.straight_through(parts, out)
     }
 
-    /// `replacement` [rows, columns of all parts], whose gradient goes to the
-    /// parts as if it were they.
+    /// `replacement` [rows, columns of all parts] as the value, the gradient of the parts.
     pub fn straight_through(&mut self, parts: &[Var], replacement: Vec<f32>) -> Var {
         let columns = parts.iter().map(|part| self.columns(*part)).sum();
         let parts = parts.to_vec();

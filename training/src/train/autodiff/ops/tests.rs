@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{AttentionInputs, AttentionMask};
 use crate::train::autodiff::parameters::{ParamId, ParamInit, Parameters};
 use crate::train::autodiff::tape::{Batch, BufferPool, Tape, Var};
-use servodance_model::net::Activation;
+use servodance_model::config::Activation;
 
 const STEP: f32 = 1e-2;
 

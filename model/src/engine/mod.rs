@@ -1,0 +1,45 @@
+//! What computes the networks, and which engine runs where.
+//!
+//! | computation | engine | why |
+//! |---|---|---|
+//! | the step of a dance: one frame, one or two lanes (`VqDecoder`, `MotionSeq`) | own, the default | reads each packed weight once a frame, allocates nothing, gives the same bits for any number of threads and on every processor |
+//! | the same step with [`EngineKind::Candle`] | candle | a second, independent implementation on a public library: the check of the own one and the place to begin for other devices; draws the same codes for the same seed, but takes several times as long (`bench model --engine candle`) |
+//! | `VqEncoder`: a recorded motion to codes | candle | hundreds of frames at once are products of whole matrices, which candle does well |
+//! | Encodec and CLIP | candle | convolutions, an LSTM and a text tower of public checkpoints; once a dance, or apart from the step |
+//! | training of both networks | the tape of the crate for training | needs gradients and batches; candle's fused kernels have no backward pass |
+//!
+//! So a layer has three forms under the same weight names: packed (this folder),
+//! tensors ([`candle`]), trainable (on the tape). They stay apart because each
+//! stores its weights otherwise; tests hold each against the PyTorch reference.
+//!
+//! Both engines share the order of codes, the sampler, style scales and the number
+//! format: candle computes in f32 with the weights as the format has rounded them.
+
+mod alibi;
+mod attention;
+mod avx2;
+#[cfg(test)]
+mod bits_tests;
+mod blocks;
+pub(crate) mod candle;
+mod input;
+mod kernels;
+mod kv_cache;
+mod lanes;
+mod linear;
+mod options;
+mod pool;
+mod product;
+#[cfg(test)]
+mod tests;
+
+pub use options::{Engine, EngineKind, EngineOptions};
+pub use pool::{Pool, Team, default_threads};
+
+pub(crate) use alibi::{AttentionWindow, attention_bias};
+pub(crate) use attention::AttentionScratch;
+pub(crate) use blocks::{AttentionBlock, AttentionKind, BlockScratch, FeedForwardBlock};
+pub(crate) use input::{Input, copy_lane};
+pub(crate) use kernels::styled;
+pub(crate) use kv_cache::{AttentionShape, CachePosition, KvCache};
+pub(crate) use linear::{After, EmbeddingTable, LayerNorm, PackedLinear};

@@ -1,0 +1,110 @@
+//! Which engine computes a step, in which number format, on how many threads.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::pool::{Pool, default_threads};
+use crate::error::ModelError;
+use crate::weights::{Dtype, Weights};
+
+/// Most threads that a step is split over.
+const THREADS_MAX: usize = 64;
+
+/// What computes the step of a dance; [the module](super) says why there are two.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EngineKind {
+    /// The kernels of this crate: the fast one.
+    #[default]
+    Own,
+    /// The tensors of candle: the same codes, several times the time.
+    Candle,
+}
+
+impl EngineKind {
+    /// Both engines, the default first.
+    pub const ALL: [Self; 2] = [Self::Own, Self::Candle];
+
+    /// The name on the command line and in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Own => "own",
+            Self::Candle => "candle",
+        }
+    }
+}
+
+impl std::fmt::Display for EngineKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for EngineKind {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|kind| kind.name() == name);
+        found.ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            format!("unknown engine `{name}`; choose one of: {names}")
+        })
+    }
+}
+
+/// How the steps of a model are to be computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EngineOptions {
+    /// Which engine; the own one if nothing is asked for.
+    pub kind: EngineKind,
+    /// Number format of the packed weights; none is the file's own.
+    pub dtype: Option<Dtype>,
+    /// Threads of a step, the caller's among them; none is [`default_threads`].
+    pub threads: Option<usize>,
+}
+
+/// Engine, number format and threads of the networks of one file.
+#[derive(Clone, Debug)]
+pub struct Engine {
+    kind: EngineKind,
+    dtype: Dtype,
+    pool: Arc<Pool>,
+}
+
+impl Engine {
+    /// For a weights file. Refuses thread counts that make no sense.
+    pub fn new(w: &Weights, options: EngineOptions) -> Result<Self, ModelError> {
+        let threads = options.threads.unwrap_or_else(default_threads);
+        if !(1..=THREADS_MAX).contains(&threads) {
+            return Err(ModelError::Option {
+                option: "threads",
+                found: threads.to_string(),
+                expected: "1 to 64",
+            });
+        }
+        Ok(Self {
+            kind: options.kind,
+            dtype: options.dtype.unwrap_or_else(|| w.dtype()),
+            pool: Arc::new(match options.kind {
+                EngineKind::Own => Pool::new(threads),
+                EngineKind::Candle => Pool::for_tensors(threads),
+            }),
+        })
+    }
+
+    /// Which engine the networks were loaded for.
+    pub fn kind(&self) -> EngineKind {
+        self.kind
+    }
+
+    /// Number format of the packed weights.
+    pub fn dtype(&self) -> Dtype {
+        self.dtype
+    }
+
+    /// The threads that a step is split over.
+    pub fn pool(&self) -> &Pool {
+        &self.pool
+    }
+}

@@ -1,0 +1,109 @@
+//! The VQ-VAE's encoders: normalised motion to one code per body part and frame.
+//!
+//! Each part's encoder sees some frames to both sides, so this is for motion
+//! that is there already (a file to send through the codes, the past that a
+//! dance goes on from), not for a stream. Long motion is taken in pieces that
+//! overlap by all that an encoder sees: the codes are those of one pass.
+
+use candle_core::{Device, Tensor};
+
+use super::codebook::NearestCode;
+use crate::config::{VqConfig, part_channels};
+use crate::engine::AttentionWindow;
+use crate::engine::candle::{TensorTransformer, TransformerSizes};
+use crate::error::ModelError;
+use crate::motion::representation::POSE_DIM;
+use crate::weights::{Dtype, Weights};
+
+/// Frames whose codes one piece gives.
+const PIECE_FRAMES: usize = 512;
+
+#[derive(Clone, Debug)]
+struct PartEncoder {
+    /// Which of the 137 numbers it sees.
+    channels: Vec<usize>,
+    transformer: TensorTransformer,
+    codebook: NearestCode,
+}
+
+/// The encoders of all body parts.
+#[derive(Clone, Debug)]
+pub struct VqEncoder {
+    config: VqConfig,
+    parts: Vec<PartEncoder>,
+}
+
+impl VqEncoder {
+    /// Takes the tensors under `vq.encoder.` out of the file. A file made for
+    /// dancing alone has none: the error names the first that is missing.
+    pub fn load(w: &Weights) -> Result<Self, ModelError> {
+        let config = w.config();
+        let parts = config.parts.iter().map(|part| PartEncoder::load(w, part));
+        Ok(Self {
+            parts: parts.collect::<Result<_, _>>()?,
+            config: config.vq.clone(),
+        })
+    }
+
+    /// One code per part for each row of 137 normalised numbers.
+    pub fn encode(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<Vec<usize>>, ModelError> {
+        let margin = self.config.encoder_window * self.config.encoder_layers;
+        let mut codes = Vec::with_capacity(motion.len());
+        while codes.len() < motion.len() {
+            let first = codes.len();
+            let from = first.saturating_sub(margin);
+            let end = motion.len().min(first + PIECE_FRAMES);
+            let piece = &motion[from..motion.len().min(end + margin)];
+            let all = self.encode_piece(piece)?;
+            codes.extend_from_slice(&all[first - from..end - from]);
+        }
+        Ok(codes)
+    }
+
+    fn encode_piece(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<Vec<usize>>, ModelError> {
+        let mut rows = vec![Vec::with_capacity(self.parts.len()); motion.len()];
+        for part in &self.parts {
+            for (row, code) in rows.iter_mut().zip(part.codes(motion)?) {
+                row.push(code as usize);
+            }
+        }
+        Ok(rows)
+    }
+}
+
+impl PartEncoder {
+    fn load(w: &Weights, part: &str) -> Result<Self, ModelError> {
+        let (config, vq) = (w.config(), &w.config().vq);
+        let channels = part_channels(part).map_err(|reason| w.config_error(reason))?;
+        let sizes = TransformerSizes {
+            input: channels.len(),
+            dim: vq.encoder_dim,
+            ff: 4 * vq.encoder_dim,
+            output: config.code_dim,
+            layers: vq.encoder_layers,
+            head_width: vq.encoder_head_dim(),
+            slopes: vq.encoder_slopes.clone(),
+            window: AttentionWindow {
+                frames: vq.encoder_window,
+                ahead: vq.encoder_window,
+            },
+            activation: config.activation,
+        };
+        Ok(Self {
+            transformer: TensorTransformer::load(w, &format!("vq.encoder.{part}"), sizes)?,
+            codebook: NearestCode::load(w, part)?,
+            channels,
+        })
+    }
+
+    fn codes(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<u32>, ModelError> {
+        let seen: Vec<f32> = motion
+            .iter()
+            .flat_map(|row| self.channels.iter().map(|&c| row[c]))
+            .collect();
+        let seen = Tensor::from_vec(seen, (motion.len(), self.channels.len()), &Device::Cpu)?;
+        let mut no_past = self.transformer.start(Dtype::F32);
+        let latent = self.transformer.forward(&seen, &mut no_past)?;
+        Ok(self.codebook.quantise(&latent)?)
+    }
+}
