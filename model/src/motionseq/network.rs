@@ -10,12 +10,13 @@ use crate::weights::Weights;
 /// The weights of MotionSeq; start as many dances from it as you like.
 #[derive(Clone, Debug)]
 pub struct MotionSeq {
-    network: Network,
+    network: SeqNetwork,
     styles: StyleConditioning,
 }
 
 #[derive(Clone, Debug)]
-enum Network {
+#[allow(clippy::large_enum_variant)] // one of them for each generator
+enum SeqNetwork {
     Own(OwnSeq),
     Candle(CandleSeq),
 }
@@ -37,8 +38,8 @@ impl MotionSeq {
         Ok(Self {
             styles: StyleConditioning::load(w, dtype)?,
             network: match engine.kind() {
-                EngineKind::Own => Network::Own(OwnSeq::load(w, dtype)?),
-                EngineKind::Candle => Network::Candle(CandleSeq::load(w, dtype)?),
+                EngineKind::Own => SeqNetwork::Own(OwnSeq::load(w, dtype)?),
+                EngineKind::Candle => SeqNetwork::Candle(CandleSeq::load(w, dtype)?),
             },
         })
     }
@@ -46,8 +47,8 @@ impl MotionSeq {
     /// A dance before its first frame, of so many lanes, in the null style.
     pub fn start(&self, lanes: usize) -> SeqState {
         let mut state = SeqState(match &self.network {
-            Network::Own(network) => State::Own(Box::new(network.start(lanes))),
-            Network::Candle(network) => State::Candle(network.start(lanes)),
+            SeqNetwork::Own(network) => State::Own(Box::new(network.start(lanes))),
+            SeqNetwork::Candle(network) => State::Candle(network.start(lanes)),
         });
         self.set_style(&mut state, self.style(None));
         state
@@ -56,10 +57,10 @@ impl MotionSeq {
     /// The first lane alone, with all that it remembers.
     pub fn first_lane(&self, state: &SeqState) -> Result<SeqState, ModelError> {
         Ok(SeqState(match (&self.network, &state.0) {
-            (Network::Own(network), State::Own(state)) => {
+            (SeqNetwork::Own(network), State::Own(state)) => {
                 State::Own(Box::new(network.first_lane(state)))
             }
-            (Network::Candle(_), State::Candle(state)) => State::Candle(state.first_lane()?),
+            (SeqNetwork::Candle(_), State::Candle(state)) => State::Candle(state.first_lane()?),
             _ => other_engine(),
         }))
     }
@@ -93,11 +94,11 @@ impl MotionSeq {
         music: &[Option<&[f32]>],
     ) -> Result<(), ModelError> {
         match (&self.network, &mut state.0) {
-            (Network::Own(network), State::Own(state)) => {
+            (SeqNetwork::Own(network), State::Own(state)) => {
                 network.step(team, state, previous, music);
                 Ok(())
             }
-            (Network::Candle(network), State::Candle(state)) => {
+            (SeqNetwork::Candle(network), State::Candle(state)) => {
                 team.install(|| network.frames(state, &[previous], music))
             }
             _ => other_engine(),
@@ -115,8 +116,10 @@ impl MotionSeq {
     ) -> Result<impl Iterator<Item = &'a [f32]> + use<'a>, ModelError> {
         let lanes = state.lanes();
         let logits = match (&self.network, &mut state.0) {
-            (Network::Own(network), State::Own(state)) => network.logits(team, state, part, chosen),
-            (Network::Candle(network), State::Candle(state)) => {
+            (SeqNetwork::Own(network), State::Own(state)) => {
+                network.logits(team, state, part, chosen)
+            }
+            (SeqNetwork::Candle(network), State::Candle(state)) => {
                 team.install(|| network.logits(state, part, &[chosen]))?
             }
             _ => other_engine(),
@@ -127,16 +130,16 @@ impl MotionSeq {
     /// Bytes of keys and values that a step reads with full windows.
     pub fn cache_bytes(&self, lanes: usize) -> usize {
         match &self.network {
-            Network::Own(network) => network.cache_bytes(lanes),
-            Network::Candle(network) => network.cache_bytes(lanes),
+            SeqNetwork::Own(network) => network.cache_bytes(lanes),
+            SeqNetwork::Candle(network) => network.cache_bytes(lanes),
         }
     }
 
     /// Bytes of weights that a step and its logits read.
     pub fn bytes(&self) -> usize {
         match &self.network {
-            Network::Own(network) => network.bytes(),
-            Network::Candle(network) => network.bytes(),
+            SeqNetwork::Own(network) => network.bytes(),
+            SeqNetwork::Candle(network) => network.bytes(),
         }
     }
 }

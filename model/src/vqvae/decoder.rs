@@ -9,10 +9,11 @@ use crate::weights::Weights;
 
 /// The weights of the decoder; start as many streams from it as you like.
 #[derive(Clone, Debug)]
-pub struct VqDecoder(Network);
+pub struct VqDecoder(DecoderNetwork);
 
 #[derive(Clone, Debug)]
-enum Network {
+#[allow(clippy::large_enum_variant)] // one of them for each generator
+enum DecoderNetwork {
     Own(OwnDecoder),
     Candle(CandleDecoder),
 }
@@ -31,16 +32,16 @@ impl VqDecoder {
     /// Takes the tensors under `vq.` out of the file.
     pub fn load(w: &Weights, engine: &Engine) -> Result<Self, ModelError> {
         Ok(Self(match engine.kind() {
-            EngineKind::Own => Network::Own(OwnDecoder::load(w, engine.dtype())?),
-            EngineKind::Candle => Network::Candle(CandleDecoder::load(w, engine.dtype())?),
+            EngineKind::Own => DecoderNetwork::Own(OwnDecoder::load(w, engine.dtype())?),
+            EngineKind::Candle => DecoderNetwork::Candle(CandleDecoder::load(w, engine.dtype())?),
         }))
     }
 
     /// A stream before its first frame.
     pub fn start(&self) -> DecoderState {
         DecoderState(match &self.0 {
-            Network::Own(network) => State::Own(Box::new(network.start())),
-            Network::Candle(network) => State::Candle(network.start()),
+            DecoderNetwork::Own(network) => State::Own(Box::new(network.start())),
+            DecoderNetwork::Candle(network) => State::Candle(network.start()),
         })
     }
 
@@ -52,8 +53,10 @@ impl VqDecoder {
         codes: &[usize],
     ) -> Result<&'a [f32], ModelError> {
         match (&self.0, &mut state.0) {
-            (Network::Own(network), State::Own(state)) => Ok(network.step(team, state, codes)),
-            (Network::Candle(network), State::Candle(state)) => {
+            (DecoderNetwork::Own(network), State::Own(state)) => {
+                Ok(network.step(team, state, codes))
+            }
+            (DecoderNetwork::Candle(network), State::Candle(state)) => {
                 team.install(|| network.frames(state, &[codes]))
             }
             _ => unreachable!("a state of another engine's decoder"),
@@ -63,16 +66,16 @@ impl VqDecoder {
     /// Bytes of keys and values that a step reads once the window is full.
     pub fn cache_bytes(&self) -> usize {
         match &self.0 {
-            Network::Own(network) => network.cache_bytes(),
-            Network::Candle(network) => network.cache_bytes(),
+            DecoderNetwork::Own(network) => network.cache_bytes(),
+            DecoderNetwork::Candle(network) => network.cache_bytes(),
         }
     }
 
     /// Bytes of weights that a step reads.
     pub fn bytes(&self) -> usize {
         match &self.0 {
-            Network::Own(network) => network.bytes(),
-            Network::Candle(network) => network.bytes(),
+            DecoderNetwork::Own(network) => network.bytes(),
+            DecoderNetwork::Candle(network) => network.bytes(),
         }
     }
 }

@@ -15,7 +15,7 @@ pub fn crc16(start: u16, bytes: &[u8]) -> u16 {
         crc ^= u16::from(*byte) << 8;
         for _ in 0..8 {
             let carry = crc >> 15;
-            crc = crc << 1 ^ carry * 0x8005;
+            crc = (crc << 1) ^ (carry * 0x8005);
         }
         crc
     })

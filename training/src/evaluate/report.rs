@@ -45,6 +45,9 @@ pub(crate) struct PhysicalFigures {
     pub(crate) figure_gap_m: MeanEstimate,
 }
 
+/// Label of a figure, and where the figure stands.
+type EstimateRow<T> = (&'static str, fn(&T) -> MeanEstimate);
+
 impl PhysicalFigures {
     fn over(repeats: &[EvaluationRepeat], side: fn(&EvaluationRepeat) -> &DanceScores) -> Self {
         let over = |value: fn(&DanceScores) -> f64| {
@@ -203,7 +206,7 @@ impl Evaluation {
             // Writing to a String cannot fail.
             let _ = writeln!(text, "{name:<36}{:>18}{real:>20}", cell(generated));
         };
-        let beats: [(&str, fn(&BeatEstimates) -> MeanEstimate); 3] = [
+        let beats: [EstimateRow<BeatEstimates>; 3] = [
             ("beat: kinematic to music (FACT)", |b| b.fact),
             ("beat: music to kinematic (Bailando)", |b| b.bailando),
             ("beat: F1 within 100 ms", |b| b.f1),
@@ -222,7 +225,7 @@ impl Evaluation {
         row("FID kinetic, published extractor", published, None);
         row("diversity kinetic", self.dist_k, Some(real.dist_k));
         row("diversity geometric", self.dist_g, Some(real.dist_g));
-        let physical: [(&str, fn(&PhysicalFigures) -> MeanEstimate); 5] = [
+        let physical: [EstimateRow<PhysicalFigures>; 5] = [
             ("physical foot contact (PFC)", |p| p.pfc),
             ("foot skate, share of contact", |p| p.foot_skate),
             ("mean jerk, m/s^3", |p| p.jerk),
