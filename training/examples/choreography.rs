@@ -1,5 +1,5 @@
 //! A dance by the choreographer as npz, for a look at it:
-//! `cargo run --release -p servodance-model --example choreography -- STYLE BPM SECONDS SEED OUT.npz`
+//! `cargo run --release -p servodance-training --example choreography -- STYLE BPM SECONDS SEED OUT.npz`
 //!
 //! Prints how well the dance meets its beats.
 
