@@ -1,4 +1,4 @@
-//! What judges servodance: [`bench`] measures its parts, [`soak`] dances for
+//! What judges servodance: [`mod@bench`] measures its parts, [`soak`] dances for
 //! hours in simulation under a random fault plan.
 //!
 //! No crate of the product depends on this one; the command line calls it. All

@@ -9,7 +9,7 @@
 //! | training of both networks | the tape of the crate for training | needs gradients and batches; candle's fused kernels have no backward pass |
 //!
 //! So a layer has three forms under the same weight names: packed (this folder),
-//! tensors ([`candle`]), trainable (on the tape). They stay apart because each
+//! tensors (`candle/`), trainable (on the tape). They stay apart because each
 //! stores its weights otherwise; tests hold each against the PyTorch reference.
 //!
 //! Both engines share the order of codes, the sampler, style scales and the number

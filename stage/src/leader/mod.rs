@@ -1,8 +1,8 @@
 //! The leader: stamps frames, replies to time requests, keeps the roles, and decides
 //! how long before their presentation time frames are sent (the lead).
 //!
-//! The lead is the largest need of all followers, between [`LEAST_S`] and
-//! [`MOST_S`]: it grows at once and shrinks slowly. The presentation time does not
+//! The lead is the largest need of all followers, between `LEAST_S` and
+//! `MOST_S`: it grows at once and shrinks slowly. The presentation time does not
 //! depend on it, except with live music, where motion is late by
 //! [`Leader::lead_s`].
 //!

@@ -53,7 +53,7 @@ impl NetSession {
     }
 
     /// Subscribes to `key`; a message that is too long is passed on as
-    /// [`MAX_BYTES`] and one bytes.
+    /// `MAX_BYTES` and one bytes.
     /// Errors: the session is over.
     pub fn subscribe(
         &self,

@@ -40,7 +40,7 @@ pub struct ClipEntry {
     pub written_style: Option<usize>,
     /// Whether the clip's file holds the music that it is danced to.
     pub music: bool,
-    /// See [`crate::motion::soundness::bone_change`], before the clip came to the common skeleton.
+    /// See `motion/soundness.rs`, before the clip came to the common skeleton.
     pub bone_change: Option<f64>,
     pub split: Split,
 }
@@ -64,7 +64,7 @@ impl ClipEntry {
         !rough && !self.label.contains("climb")
     }
 
-    /// The clip's style, an index into [`STYLES`].
+    /// The clip's style, an index into [`STYLES`](super::styles::STYLES).
     pub fn style(&self) -> usize {
         if let Some(style) = self.written_style {
             return style;

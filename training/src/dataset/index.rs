@@ -4,7 +4,7 @@
 //! An `index.csv` has at least the columns `clip` (the npz file's path without
 //! its ending), `source`, `dance`, `label` and `minutes`. `licence`, `style`,
 //! `split`, `music` and `bone_change` may be missing: styles then follow from
-//! labels, splits from names ([`super::splits`]).
+//! labels, splits from names (`splits.rs`).
 
 use std::path::{Component, Path};
 

@@ -9,7 +9,7 @@ use servodance_model::conditioning::Encodec;
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // explained by `servodance dataset build --help`
 pub struct DatasetOptions {
-    /// A folder with `index.csv` and npz clips, as [`import`] writes it; without
+    /// A folder with `index.csv` and npz clips, as `dataset import` writes it; without
     /// it the file holds choreography alone.
     pub motion: Option<PathBuf>,
     pub out: PathBuf,

@@ -2,7 +2,7 @@
 
 /// The names of all styles, in the order of the style numbers. The first six
 /// are captured motion, the next four come from the choreographer, the rest
-/// with "pop" are AIST++'s ([`crate::motion::aist::GENRES`]).
+/// with "pop" are AIST++'s (`motion/aist.rs`).
 pub const STYLES: [&str; 19] = [
     "everyday",
     "martial",

@@ -55,7 +55,7 @@ pub struct TensorLinear {
 }
 
 impl TensorLinear {
-    /// `NAME.weight` [output, input] and `NAME.bias` [output].
+    /// `NAME.weight` `[output, input]` and `NAME.bias` `[output]`.
     pub fn load(
         w: &impl TensorSource,
         name: &str,
@@ -87,7 +87,7 @@ pub struct TensorNorm {
 }
 
 impl TensorNorm {
-    /// `NAME.weight` and `NAME.bias`, both [dim].
+    /// `NAME.weight` and `NAME.bias`, both `[dim]`.
     pub fn load(w: &impl TensorSource, name: &str, dim: usize) -> Result<Self, ModelError> {
         Ok(Self {
             weight: w.tensor(&format!("{name}.weight"), &[dim])?,
