@@ -18,7 +18,7 @@ pub enum EngineKind {
     /// The kernels of this crate: the fast one.
     #[default]
     Own,
-    /// The tensors of candle: the same codes, several times the time.
+    /// The tensors of candle: the same codes up to rounding, several times the time.
     Candle,
 }
 

@@ -5,7 +5,7 @@ use servodance_model::{Dtype, EngineKind, EngineOptions, GeneratorOptions};
 /// How the model's steps are computed.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct EngineArgs {
-    /// What computes the model's steps: own, or candle (the same codes, slower).
+    /// What computes the model's steps: own, or candle (slower; the same codes up to rounding).
     #[arg(long, value_name = "NAME")]
     pub engine: Option<EngineKind>,
     /// Number format of the weights in memory: f32, f16, q8_0, q6 or q4_0; the
