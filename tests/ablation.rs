@@ -109,9 +109,7 @@ fn a_variant_can_hear_encodec_and_its_weights_are_like_others() {
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(told.contains("model.music is encodec128"), "{told}");
 
-    program.succeed(&ablate(
-        &[&only[..], &["latents.safetensors"], &encodec].concat(),
-    ));
+    program.succeed(&ablate(&[&only[..], &["latents.safetensors"], &encodec].concat()));
     let csv = std::fs::read_to_string(program.path("out/ablation.csv")).unwrap();
     let row: Vec<&str> = csv.lines().nth(2).unwrap().split(',').collect();
     assert_eq!(row[0], "encodec");
@@ -120,31 +118,18 @@ fn a_variant_can_hear_encodec_and_its_weights_are_like_others() {
     }
     let weights = "out/encodec/motionseq/weights.safetensors";
     program.click_track("clicks.wav", 2.0, 120.0);
-    let generate = [
-        "generate",
-        "clicks.wav",
-        "--out",
-        "a.npz",
-        "--model",
-        weights,
-    ];
+    let generate = ["generate", "clicks.wav", "--out", "a.npz", "--model", weights];
     program.succeed(&[&generate[..], &encodec].concat());
     let evaluate = ["evaluate", "--model", weights, "--data", "data.safetensors"];
     let evaluate = [&evaluate[..], &encodec].concat();
-    program.refused(
-        &evaluate,
-        &["no such latents", "--music-features encodec128"],
-    );
+    program.refused(&evaluate, &["no such latents", "--music-features encodec128"]);
 }
 
 #[test]
 fn what_cannot_be_compared_is_refused() {
     let program = Program::new();
     std::fs::write(program.path("train.toml"), "tokens = 3\n").unwrap();
-    program.refused(
-        &ablate(&["--only", "legs"]),
-        &["legs", "no-style", "encodec"],
-    );
+    program.refused(&ablate(&["--only", "legs"]), &["legs", "no-style", "encodec"]);
     program.refused(&ablate(&["--only", "encodec"]), &["--latents"]);
     program.refused(&ablate(&["--only", "no-style"]), &["train.toml"]);
     assert!(!program.path("out").exists());

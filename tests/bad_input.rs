@@ -3,14 +3,8 @@
 
 use crate::program::Program;
 
-const QUIET_OUTPUTS: [&str; 6] = [
-    "--report",
-    "out.json",
-    "--record",
-    "out.mcap",
-    "--picture",
-    "out.png",
-];
+const QUIET_OUTPUTS: [&str; 6] =
+    ["--report", "out.json", "--record", "out.mcap", "--picture", "out.png"];
 
 fn dance<'a>(arguments: &[&'a str]) -> Vec<&'a str> {
     let mut all = vec!["dance"];
@@ -79,16 +73,9 @@ fn an_unknown_style_lists_the_known_ones() {
 fn a_wrong_key_in_a_robot_file_is_named_with_its_line() {
     let program = Program::new();
     let text = include_str!("../configs/op3.toml").replacen("control_hz", "control_herz", 1);
-    let line = 1 + text
-        .lines()
-        .position(|l| l.contains("control_herz"))
-        .unwrap();
+    let line = 1 + text.lines().position(|l| l.contains("control_herz")).unwrap();
     std::fs::write(program.path("my.toml"), text).unwrap();
-    std::fs::write(
-        program.path("op3.urdf"),
-        include_str!("../configs/op3.urdf"),
-    )
-    .unwrap();
+    std::fs::write(program.path("op3.urdf"), include_str!("../configs/op3.urdf")).unwrap();
     let place = format!("my.toml:{line}");
     program.refused(&dance(&["--robot", "my.toml"]), &[&place, "control_herz"]);
 }
@@ -110,21 +97,13 @@ fn a_missing_serial_port_is_named() {
 #[test]
 fn an_unknown_bus_lists_the_choices() {
     let program = Program::new();
-    program.refused(
-        &dance(&["--bus", "bluetooth"]),
-        &["bluetooth", "sim", "serial:"],
-    );
+    program.refused(&dance(&["--bus", "bluetooth"]), &["bluetooth", "sim", "serial:"]);
 }
 
 #[test]
 fn an_output_that_cannot_be_written_is_refused_before_the_robot_moves() {
     let program = Program::new();
-    let arguments = [
-        "dance",
-        "--report",
-        "no/such/folder/out.json",
-        "--no-picture",
-    ];
+    let arguments = ["dance", "--report", "no/such/folder/out.json", "--no-picture"];
     program.refused(&arguments, &["no/such/folder/out.json"]);
 }
 
@@ -138,8 +117,5 @@ fn no_pcm_on_standard_input_is_refused() {
 fn weights_that_are_no_weights_are_refused() {
     let program = Program::new();
     std::fs::write(program.path("mine.safetensors"), "not weights").unwrap();
-    program.refused(
-        &dance(&["--model", "mine.safetensors"]),
-        &["mine.safetensors"],
-    );
+    program.refused(&dance(&["--model", "mine.safetensors"]), &["mine.safetensors"]);
 }

@@ -19,19 +19,14 @@ fn song(program: &Program) -> Song {
     let beats = (SONG_S * BPM / 60.0) as usize + 1;
     spec.grid = Grid::Tempo(vec![TempoStep { beats, bpm: BPM }]);
     let song = spec.render().expect("sound");
-    program.wav("song.wav", SONG_S, |t| {
-        f64::from(song.samples[(t * 16_000.0).round() as usize])
-    });
+    program.wav("song.wav", SONG_S, |t| f64::from(song.samples[(t * 16_000.0).round() as usize]));
     song
 }
 
 /// Times, one a line, increasing.
 fn times_s(lines: &[u8]) -> Vec<f64> {
     let text = String::from_utf8_lossy(lines);
-    let times: Vec<f64> = text
-        .lines()
-        .map(|line| line.parse().expect("a time"))
-        .collect();
+    let times: Vec<f64> = text.lines().map(|line| line.parse().expect("a time")).collect();
     assert!(times.windows(2).all(|pair| pair[0] < pair[1]), "{text}");
     times
 }
@@ -52,10 +47,9 @@ fn both_trackers_find_the_beats_of_a_song() {
     let program = Program::new();
     let song = song(&program);
     // Live it takes five seconds to be sure.
-    for (arguments, from_s) in [
-        (&["beats", "song.wav"][..], 0.0),
-        (&["beats", "song.wav", "--causal"], 5.0),
-    ] {
+    for (arguments, from_s) in
+        [(&["beats", "song.wav"][..], 0.0), (&["beats", "song.wav", "--causal"], 5.0)]
+    {
         let found = times_s(&program.succeed(arguments).stdout);
         let [hit, right] = shares(&song.beats_s, &found, from_s);
         assert!(
@@ -72,10 +66,7 @@ fn a_file_and_json_hold_the_same_beats() {
     let printed = program.succeed(&["beats", "song.wav", "--causal"]).stdout;
     let quiet = program.succeed(&["beats", "song.wav", "--causal", "--out", "live.txt"]);
     assert!(quiet.stdout.is_empty(), "{quiet:?}");
-    assert_eq!(
-        std::fs::read(program.path("live.txt")).expect("a file"),
-        printed
-    );
+    assert_eq!(std::fs::read(program.path("live.txt")).expect("a file"), printed);
 
     let json = program.succeed(&["beats", "song.wav", "--causal", "--json"]);
     let json: Value = serde_json::from_slice(&json.stdout).expect("JSON");

@@ -86,29 +86,15 @@ fn text(bytes: &[u8]) -> String {
 fn ping_tells_who_a_servo_is_and_how() {
     let (program, bus) = (Program::new(), neck());
     let port = bus.port_path();
-    let line = text(
-        &program
-            .succeed(&["ping", port, "2", "--baud", "1000000"])
-            .stdout,
-    );
-    for word in [
-        "id   2",
-        "XM430-W350 (1020)",
-        "firmware 48",
-        "12.0 V",
-        "torque off",
-        "no error",
-    ] {
+    let line = text(&program.succeed(&["ping", port, "2", "--baud", "1000000"]).stdout);
+    for word in ["id   2", "XM430-W350 (1020)", "firmware 48", "12.0 V", "torque off", "no error"] {
         assert!(line.contains(word), "no {word:?} in {line}");
     }
     let robot = program.patient_robot("neck");
     assert!(bus.set_servo_fault(1, ServoFault::Moved(0.5)));
     let lines = text(&program.succeed(&["ping", port, "--robot", &robot]).stdout);
     assert_eq!(lines.lines().count(), 2, "{lines}");
-    assert!(
-        lines.contains("neck_tilt") && lines.contains("28.7 degrees"),
-        "{lines}"
-    );
+    assert!(lines.contains("neck_tilt") && lines.contains("28.7 degrees"), "{lines}");
 
     let silent = ["ping", port, "9", "--baud", "1000000"];
     program.refused(&silent, &["id 9 does not answer", "servodance scan"]);
@@ -127,17 +113,7 @@ fn set_id_changes_one_servo_and_refuses_what_cannot_be() {
     let (program, bus) = (Program::new(), neck());
     let port = bus.port_path();
     let set = |old: &'static str, new: &'static str| {
-        vec![
-            "set-id",
-            port,
-            old,
-            new,
-            "--baud",
-            "1000000",
-            "--protocol",
-            "2",
-            "--yes",
-        ]
+        vec!["set-id", port, old, new, "--baud", "1000000", "--protocol", "2", "--yes"]
     };
     program.refused(&set("1", "2"), &["id 2 is in use by XM430-W350"]);
     program.refused(&set("1", "253"), &["253", "0 to 252"]);
@@ -145,10 +121,7 @@ fn set_id_changes_one_servo_and_refuses_what_cannot_be() {
     program.refused(&set("1", "1"), &["has id 1 already"]);
     program.refused(&set("8", "9"), &["id 8 does not answer"]);
     let unasked = &set("1", "9")[..8];
-    program.refused(
-        unasked,
-        &["XM430-W350 with id 1", "will have id 9", "--yes"],
-    );
+    program.refused(unasked, &["XM430-W350 with id 1", "will have id 9", "--yes"]);
     let done = text(&program.succeed(&set("1", "9")).stdout);
     assert_eq!(done, "id 1 is now id 9 (XM430-W350), read back\n");
     program.succeed(&["ping", port, "9", "--baud", "1000000"]);
@@ -176,10 +149,7 @@ fn a_change_to_a_live_robot_is_asked_for_first() {
     let port = bus.port_path();
     let set = ["set-id", port, "1", "9", "--baud", "1000000"];
     let (asked, code) = typed(&program, &set, "\n");
-    assert!(
-        asked.contains("will have id 9 from now on") && asked.contains("[y/N]"),
-        "{asked}"
-    );
+    assert!(asked.contains("will have id 9 from now on") && asked.contains("[y/N]"), "{asked}");
     assert!(asked.contains("nothing was changed"), "{asked}");
     assert_eq!(code, Some(1));
     program.succeed(&["ping", port, "1", "--baud", "1000000"]);
@@ -195,26 +165,15 @@ fn jog_moves_one_joint_inside_its_limits_and_lets_go() {
     let port = serial(&bus);
     let jog = |joint: &'static str, step: &'static str| {
         let bus = ["--robot", &robot, "--bus", &port, "--speed", "90", "--yes"];
-        [&["jog", joint, step][..], &bus]
-            .concat()
-            .iter()
-            .map(|s| s.to_string())
-            .collect::<Vec<_>>()
+        [&["jog", joint, step][..], &bus].concat().iter().map(|s| s.to_string()).collect::<Vec<_>>()
     };
     let run = |arguments: &[String]| {
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
         text(&program.succeed(&arguments).stdout)
     };
     let said = run(&jog("neck_tilt", "--by=12"));
-    assert!(
-        said.contains("from 0.0 to 1") && said.contains("torque is off"),
-        "{said}"
-    );
-    assert!(
-        (degrees(&bus, 1) - 12.0).abs() < 1.0,
-        "{}",
-        degrees(&bus, 1)
-    );
+    assert!(said.contains("from 0.0 to 1") && said.contains("torque is off"), "{said}");
+    assert!((degrees(&bus, 1) - 12.0).abs() < 1.0, "{}", degrees(&bus, 1));
     assert!(degrees(&bus, 0).abs() < 0.1);
     run(&jog("neck_tilt", "--to=-5"));
     assert!((degrees(&bus, 1) + 5.0).abs() < 1.0, "{}", degrees(&bus, 1));
@@ -225,17 +184,11 @@ fn jog_moves_one_joint_inside_its_limits_and_lets_go() {
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
         program.refused(&arguments, words);
     };
-    refused(
-        &jog("neck_tilt", "--to=60"),
-        &["neck_tilt", "-50.0 to 40.0", "60.0"],
-    );
+    refused(&jog("neck_tilt", "--to=60"), &["neck_tilt", "-50.0 to 40.0", "60.0"]);
     refused(&jog("neck_tilt", "--by=inf"), &["no step"]);
     refused(&jog("elbow", "--by=1"), &["elbow", "neck_pan, neck_tilt"]);
     let unasked = jog("neck_pan", "--by=1");
-    refused(
-        &unasked[..unasked.len() - 1],
-        &["neck_pan (id 1)", "gets torque", "--yes"],
-    );
+    refused(&unasked[..unasked.len() - 1], &["neck_pan (id 1)", "gets torque", "--yes"]);
     let mut fast = jog("neck_pan", "--by=1");
     fast[8] = "5000".into();
     refused(&fast, &["--speed 5000", "230"]);
@@ -249,15 +202,7 @@ fn jog_takes_steps_from_its_input_until_ctrl_c_lets_go() {
     let (program, bus) = (Program::new(), neck());
     let robot = program.patient_robot("neck");
     let mut child = program
-        .command(&[
-            "jog",
-            "neck_pan",
-            "--robot",
-            &robot,
-            "--bus",
-            &serial(&bus),
-            "--yes",
-        ])
+        .command(&["jog", "neck_pan", "--robot", &robot, "--bus", &serial(&bus), "--yes"])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -265,13 +210,9 @@ fn jog_takes_steps_from_its_input_until_ctrl_c_lets_go() {
         .expect("the program starts");
     let mut keyboard = child.stdin.take().expect("its input");
     keyboard.write_all(b"4\nwhat\n=900\n=-6\n").expect("typed");
-    wait_until("the joint is there", || {
-        (degrees(&bus, 0) + 6.0).abs() < 1.0
-    });
+    wait_until("the joint is there", || (degrees(&bus, 0) + 6.0).abs() < 1.0);
     assert_eq!(torques(&bus, 2), 1);
-    let killed = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status();
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(killed.expect("kill runs").success());
     let output = child.wait_with_output().expect("it ends");
     assert_eq!(output.status.code(), Some(130));
@@ -284,10 +225,7 @@ fn jog_takes_steps_from_its_input_until_ctrl_c_lets_go() {
 fn wait_until(what: &str, done: impl Fn() -> bool) {
     let start = Instant::now();
     while !done() {
-        assert!(
-            start.elapsed() < Duration::from_secs(60),
-            "waited too long for: {what}"
-        );
+        assert!(start.elapsed() < Duration::from_secs(60), "waited too long for: {what}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
@@ -307,30 +245,16 @@ fn calibrate_makes_the_rest_pose_read_zero_and_keeps_the_rest_of_the_file() {
     let same = std::fs::read_to_string(program.path(&robot)).expect("the file");
     assert_eq!(before, same);
 
-    let said = text(
-        &program
-            .succeed(&[&calibrate[..], &["--yes"]].concat())
-            .stdout,
-    );
-    assert!(
-        said.contains("l_knee") && said.contains("wrote patient-op3.toml"),
-        "{said}"
-    );
+    let said = text(&program.succeed(&[&calibrate[..], &["--yes"]].concat()).stdout);
+    assert!(said.contains("l_knee") && said.contains("wrote patient-op3.toml"), "{said}");
     let after = std::fs::read_to_string(program.path(&robot)).expect("the file");
     let changed = |(old, new): &(&str, &str)| old != new;
     let changes: Vec<_> = before.lines().zip(after.lines()).filter(changed).collect();
     assert_eq!(before.lines().count(), after.lines().count());
-    assert!(
-        changes.iter().all(|(old, _)| old.starts_with("zero_deg")),
-        "{changes:?}"
-    );
+    assert!(changes.iter().all(|(old, _)| old.starts_with("zero_deg")), "{changes:?}");
     assert!(changes.len() >= 19, "{changes:?}");
 
-    let now = text(
-        &program
-            .succeed(&["ping", bus.port_path(), "--robot", &robot])
-            .stdout,
-    );
+    let now = text(&program.succeed(&["ping", bus.port_path(), "--robot", &robot]).stdout);
     let zero = |line: &&str| line.contains(" 0.0 degrees") || line.contains(" -0.0 degrees");
     assert_eq!(now.lines().filter(zero).count(), 20, "{now}");
     assert_eq!(torques(&bus, 20), 0);
@@ -341,15 +265,7 @@ fn calibrate_turns_round_joints_that_count_the_wrong_way() {
     let (program, bus) = (Program::new(), neck());
     let robot = program.patient_robot("neck");
     let mut child = program
-        .command(&[
-            "calibrate",
-            "--robot",
-            &robot,
-            "--bus",
-            &serial(&bus),
-            "--directions",
-            "--yes",
-        ])
+        .command(&["calibrate", "--robot", &robot, "--bus", &serial(&bus), "--directions", "--yes"])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -393,10 +309,7 @@ fn calibrate_refuses_what_it_cannot_write_or_reach() {
     let run = program.run(&["calibrate", "--robot", &robot, "--bus", &port, "--yes"]);
     let error = text(&run.stderr);
     assert_eq!(run.status.code(), Some(1));
-    assert!(
-        error.contains("horn") && error.contains("neck_pan"),
-        "{error}"
-    );
+    assert!(error.contains("horn") && error.contains("neck_pan"), "{error}");
     let same = std::fs::read_to_string(program.path(&robot)).expect("the file");
     assert_eq!(before, same);
 }
@@ -407,21 +320,11 @@ fn scan_finds_feetech_servos_by_their_protocol() {
     let servos = Robot::load("neck").expect("the robot").servos;
     let specs: Vec<SimServoSpec> = servos
         .iter()
-        .map(|servo| SimServoSpec {
-            model_number: 777,
-            ..SimServoSpec::from(servo)
-        })
+        .map(|servo| SimServoSpec { model_number: 777, ..SimServoSpec::from(servo) })
         .collect();
     let options = SimOptions::realtime(1_000_000, 100.0);
     let bus = SimBus::start(&specs, options).expect("a simulated bus");
-    let arguments = [
-        "scan",
-        bus.port_path(),
-        "--baud",
-        "1000000",
-        "--protocol",
-        "1",
-    ];
+    let arguments = ["scan", bus.port_path(), "--baud", "1000000", "--protocol", "1"];
     let found = text(&program.succeed(&arguments).stdout);
     assert_eq!(found.lines().count(), 2, "{found}");
     assert!(found.contains("STS3215 (777)"), "{found}");
@@ -438,23 +341,11 @@ fn bench_bus_tells_its_figures_as_json() {
     assert_eq!(figures["link"], "unix", "{figures}");
     let number = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("no {key}"));
     // 76 bytes a cycle at 1 Mbps.
-    assert!(
-        (number("wire_limit_hz") - 1e6 / 760.0).abs() < 1.0,
-        "{figures}"
-    );
-    assert!(
-        number("hz") > 0.0 && number("hz") <= 1.02 * number("wire_limit_hz"),
-        "{figures}"
-    );
-    assert!(
-        number("cpu_us_per_cycle") > 0.0 && number("jitter_us_p99") >= 0.0,
-        "{figures}"
-    );
+    assert!((number("wire_limit_hz") - 1e6 / 760.0).abs() < 1.0, "{figures}");
+    assert!(number("hz") > 0.0 && number("hz") <= 1.02 * number("wire_limit_hz"), "{figures}");
+    assert!(number("cpu_us_per_cycle") > 0.0 && number("jitter_us_p99") >= 0.0, "{figures}");
     for hz in ["100", "250", "500"] {
         assert!(figures["jitter_us_p99_at_hz"][hz].is_number(), "{figures}");
     }
-    program.refused(
-        &["bench", "bus", "--robot", "neck", "--baud", "3"],
-        &["baud is 3"],
-    );
+    program.refused(&["bench", "bus", "--robot", "neck", "--baud", "3"], &["baud is 3"]);
 }

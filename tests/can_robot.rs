@@ -93,15 +93,7 @@ fn motors_of_a_killed_program_stop_by_themselves() {
         let sim = SimBus::start(&specs, options).expect("a simulated bus");
         let port = sim.port().to_string();
         let mut child = program
-            .command(&[
-                "dance",
-                "--robot",
-                robot,
-                "--bus",
-                &port,
-                "--no-picture",
-                "--quiet",
-            ])
+            .command(&["dance", "--robot", robot, "--bus", &port, "--no-picture", "--quiet"])
             .stderr(Stdio::null())
             .spawn()
             .expect("the program starts");
@@ -135,10 +127,9 @@ fn scan_finds_can_motors_at_their_bitrate() {
     let found = String::from_utf8_lossy(&found).into_owned();
     let lines: Vec<&str> = found.lines().collect();
     assert_eq!(lines.len(), 2, "{found}");
-    for (line, id, error) in [
-        (lines[0], "id   1", "no error told"),
-        (lines[1], "id   2", "overload (error E)"),
-    ] {
+    for (line, id, error) in
+        [(lines[0], "id   1", "no error told"), (lines[1], "id   2", "overload (error E)")]
+    {
         for word in ["500000 bit/s  Damiao", "DM-J4310", id, error] {
             assert!(line.contains(word), "no {word:?} in {line}");
         }
@@ -146,19 +137,10 @@ fn scan_finds_can_motors_at_their_bitrate() {
     let wrong = program.run(&["scan", &port, "--baud", "250000"]);
     let error = String::from_utf8_lossy(&wrong.stderr).into_owned();
     assert_eq!(wrong.status.code(), Some(1), "{error}");
-    assert!(
-        error.contains(&port) && error.contains("bus-off"),
-        "{error}"
-    );
-    program.refused(
-        &["scan", &port, "--protocol", "1"],
-        &["--protocol is for serial"],
-    );
+    assert!(error.contains(&port) && error.contains("bus-off"), "{error}");
+    program.refused(&["scan", &port, "--protocol", "1"], &["--protocol is for serial"]);
     let group = "udp:239.74.163.2:43990";
-    program.refused(
-        &["scan", group, "--baud", "500000"],
-        &["--baud is for slcan"],
-    );
+    program.refused(&["scan", group, "--baud", "500000"], &["--baud is for slcan"]);
 }
 
 fn wait_until(what: &str, mut done: impl FnMut() -> bool) {

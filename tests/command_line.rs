@@ -61,10 +61,7 @@ fn an_export_of_nothing_is_wrong_usage() {
     let output = program.run(&["export", "out.mcap"]);
     let error = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{error}");
-    assert!(
-        error.contains("--gif") && error.contains("--bvh"),
-        "{error}"
-    );
+    assert!(error.contains("--gif") && error.contains("--bvh"), "{error}");
 }
 
 #[test]

@@ -49,9 +49,7 @@ pub fn write(
 
 pub fn random(seed: usize, shape: &[usize], base: f32, scale: f32) -> Vec<u8> {
     let numbers = noise(seed, shape.iter().product());
-    numbers
-        .flat_map(|v| (base + scale * v).to_le_bytes())
-        .collect()
+    numbers.flat_map(|v| (base + scale * v).to_le_bytes()).collect()
 }
 
 /// The tiny random model as one that hears Encodec and takes CLIP's styles.
@@ -114,14 +112,8 @@ fn program() -> Program {
     program
 }
 
-const GENERATE: [&str; 6] = [
-    "generate",
-    "clicks.wav",
-    "--model",
-    "mine.safetensors",
-    "--out",
-    "a.npz",
-];
+const GENERATE: [&str; 6] =
+    ["generate", "clicks.wav", "--model", "mine.safetensors", "--out", "a.npz"];
 
 fn with<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [&GENERATE[..], more].concat()
@@ -133,18 +125,11 @@ fn weights_that_hear_encodec_dance_with_its_file() {
     write_encodec(&program.path("encodec.safetensors"));
     program.succeed(&with(&["--encodec", "encodec.safetensors"]));
     let first = Clip::read_npz(program.path("a.npz")).unwrap();
-    assert!(
-        (39..=41).contains(&first.poses.len()),
-        "{}",
-        first.poses.len()
-    );
+    assert!((39..=41).contains(&first.poses.len()), "{}", first.poses.len());
     // The same file where it is looked for.
     let folder = program.path("data/servodance/encodec_24khz");
     std::fs::create_dir_all(&folder).unwrap();
-    let (from, to) = (
-        program.path("encodec.safetensors"),
-        folder.join("model.safetensors"),
-    );
+    let (from, to) = (program.path("encodec.safetensors"), folder.join("model.safetensors"));
     std::fs::rename(from, to).unwrap();
     let mut command = program.command(&GENERATE);
     let data = command.env("XDG_DATA_HOME", program.path("data"));
@@ -171,18 +156,12 @@ fn a_missing_or_wrong_encodec_is_told_in_one_line() {
     let other = with(&["--encodec", "mine.safetensors"]);
     program.refused(&other, &["encoder.layers.0.conv.bias", "[32]", needed]);
     std::fs::write(program.path("torn.safetensors"), &ENCODEC[..5000]).unwrap();
-    program.refused(
-        &with(&["--encodec", "torn.safetensors"]),
-        &["torn", "whole"],
-    );
+    program.refused(&with(&["--encodec", "torn.safetensors"]), &["torn", "whole"]);
     let mut command = program.command(&GENERATE);
     let nowhere = command.env("XDG_DATA_HOME", program.path("data"));
     let told = nowhere.output().expect("it runs").stderr;
     let told = String::from_utf8_lossy(&told).into_owned();
-    assert!(
-        told.contains("data/servodance/encodec_24khz/model.safetensors"),
-        "{told}"
-    );
+    assert!(told.contains("data/servodance/encodec_24khz/model.safetensors"), "{told}");
 }
 
 #[test]
@@ -197,43 +176,23 @@ fn another_feature_kind_is_refused() {
     write_model(&program.path("odd.safetensors"), |config| {
         config["music"] = json!("librosa35");
     });
-    let odd = [
-        "generate",
-        "clicks.wav",
-        "--model",
-        "odd.safetensors",
-        "--out",
-        "a.npz",
-    ];
+    let odd = ["generate", "clicks.wav", "--model", "odd.safetensors", "--out", "a.npz"];
     program.refused(&odd, &["music_dim is 128, expected 35", "librosa35"]);
     write_model(&program.path("odd.safetensors"), |config| {
         config["music"] = json!("whale song");
     });
-    program.refused(
-        &odd,
-        &["whale song", "servodance39", "librosa35", "encodec128"],
-    );
+    program.refused(&odd, &["whale song", "servodance39", "librosa35", "encodec128"]);
 }
 
 #[test]
 fn a_style_in_words_needs_weights_and_files_for_it() {
     let program = program();
-    let built_in = [
-        "generate",
-        "clicks.wav",
-        "--style-text",
-        "slow",
-        "--out",
-        "a.npz",
-    ];
+    let built_in = ["generate", "clicks.wav", "--style-text", "slow", "--out", "a.npz"];
     program.refused(&built_in, &["64", "512", "salsa"]);
     write_encodec(&program.path("encodec.safetensors"));
     let encodec = ["--encodec", "encodec.safetensors", "--style-text", "slow"];
     let missing = [&encodec[..], &["--clip", "nowhere"]].concat();
-    program.refused(
-        &with(&missing),
-        &["nowhere/tokenizer.json", "openai/clip-vit-base-patch32"],
-    );
+    program.refused(&with(&missing), &["nowhere/tokenizer.json", "openai/clip-vit-base-patch32"]);
     std::fs::create_dir(program.path("clip")).unwrap();
     let tokenizer = include_str!("../model/src/conditioning/golden/tokenizer.json");
     std::fs::write(program.path("clip/tokenizer.json"), tokenizer).unwrap();

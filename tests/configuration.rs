@@ -89,10 +89,7 @@ fn what_is_wrong_in_a_robot_file_is_named_with_its_line() {
         std::fs::write(program.path("my.toml"), text).expect("a robot file");
         let place = format!("my.toml:{line}: ");
         let key = to.split(' ').next().expect("a key");
-        program.refused(
-            &["dance", "--robot", "my.toml", "--no-picture"],
-            &[&place, key],
-        );
+        program.refused(&["dance", "--robot", "my.toml", "--no-picture"], &[&place, key]);
     }
 }
 

@@ -73,12 +73,7 @@ impl Stage {
                 lines.push((Instant::now(), line));
             }
         });
-        Self {
-            _program: program,
-            bus,
-            child,
-            said,
-        }
+        Self { _program: program, bus, child, said }
     }
 
     /// The same with a drill.
@@ -120,11 +115,7 @@ impl Stage {
 
     /// When a line with this word was said.
     pub fn hears(&self, word: &str) -> Instant {
-        let line = || {
-            self.lines()
-                .into_iter()
-                .find(|(_, line)| line.contains(word))
-        };
+        let line = || self.lines().into_iter().find(|(_, line)| line.contains(word));
         self.wait(word, || line().is_some());
         line().map(|(at, _)| at).expect("it was said")
     }
@@ -222,10 +213,7 @@ fn full_disk() -> Row {
         if let Some(folder) = command.get_current_dir() {
             shell.current_dir(folder);
         }
-        shell
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped());
+        shell.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
         *command = shell;
     });
     stage.goes_on("disk full while recording", "all else goes on")
@@ -235,9 +223,7 @@ fn full_disk() -> Row {
 fn listening(drill: &str, played_s: f64) -> Stage {
     let live = ["-", "--speed", "realtime", "--pcm-rate", "22050"];
     let mut stage = Stage::start(Program::unhurried_robot, &live, |command| {
-        command
-            .stdin(Stdio::piped())
-            .env("SERVODANCE_FAILPOINT", drill);
+        command.stdin(Stdio::piped()).env("SERVODANCE_FAILPOINT", drill);
     });
     let song = SongSpec::random(played_s, 3).and_then(|spec| spec.render());
     let song = song.expect("a song");
@@ -247,10 +233,8 @@ fn listening(drill: &str, played_s: f64) -> Stage {
         for (i, chunk) in song.samples.chunks(220).enumerate() {
             let due = began + Duration::from_millis(10) * i as u32;
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
-            let bytes: Vec<u8> = chunk
-                .iter()
-                .flat_map(|s| ((s * 32_000.0) as i16).to_le_bytes())
-                .collect();
+            let bytes: Vec<u8> =
+                chunk.iter().flat_map(|s| ((s * 32_000.0) as i16).to_le_bytes()).collect();
             if pipe.write_all(&bytes).is_err() {
                 return;
             }
@@ -264,10 +248,7 @@ fn listening(drill: &str, played_s: f64) -> Stage {
 }
 
 fn sound_lost() -> Row {
-    listening("", 4.0).goes_on(
-        "audio device lost (standard input stalls)",
-        "no sound arrives",
-    )
+    listening("", 4.0).goes_on("audio device lost (standard input stalls)", "no sound arrives")
 }
 
 fn pipe_breaks() -> Row {
@@ -315,10 +296,7 @@ time_t time(time_t *t) {
         .status();
     assert!(built.expect("a C compiler").success());
     let date = || {
-        let said = Command::new("date")
-            .arg("+%s")
-            .env("LD_PRELOAD", &library)
-            .output();
+        let said = Command::new("date").arg("+%s").env("LD_PRELOAD", &library).output();
         let text = String::from_utf8(said.expect("date runs").stdout).expect("text");
         text.trim().parse::<u64>().expect("seconds")
     };

@@ -11,15 +11,7 @@ fn dancer() -> (Program, Clip) {
     std::fs::create_dir(program.path("in")).unwrap();
     program.click_track("clicks.wav", 8.0, 120.0);
     for file in ["in/dance.npz", "in/dance.bvh"] {
-        program.succeed(&[
-            "generate",
-            "clicks.wav",
-            "--style",
-            "disco",
-            "--out",
-            file,
-            "-q",
-        ]);
+        program.succeed(&["generate", "clicks.wav", "--style", "disco", "--out", file, "-q"]);
     }
     let clip = Clip::read_npz(program.path("in/dance.npz")).unwrap();
     (program, clip)
@@ -38,8 +30,7 @@ fn bad_files_are_skipped_by_name_and_reason_and_the_good_one_comes_in() {
     let write = |name: &str, change: &dyn Fn(&mut Vec<Pose>)| {
         let mut bad = clip.clone();
         change(&mut bad.poses);
-        bad.write_npz(program.path(&format!("in/{name}.npz")))
-            .unwrap();
+        bad.write_npz(program.path(&format!("in/{name}.npz"))).unwrap();
     };
     write("nan", &|poses| poses[7][20][1] = f32::NAN);
     write("empty", &Vec::clear);
@@ -47,10 +38,7 @@ fn bad_files_are_skipped_by_name_and_reason_and_the_good_one_comes_in() {
     write("hands", &|poses| poses[30].swap(20, 21));
     let whole = std::fs::read(program.path("in/dance.npz")).unwrap();
     std::fs::write(program.path("in/torn.npz"), &whole[..whole.len() / 2]).unwrap();
-    let text = told(
-        &program,
-        &["dataset", "import", "npz", "in", "--out", "data", "--dance"],
-    );
+    let text = told(&program, &["dataset", "import", "npz", "in", "--out", "data", "--dance"]);
     for words in [
         "nan.npz: frame 7, joint left_wrist: position is not finite",
         "empty.npz",
@@ -70,53 +58,23 @@ fn bad_files_are_skipped_by_name_and_reason_and_the_good_one_comes_in() {
 fn imports_add_up_and_can_be_looked_over() {
     let (program, clip) = dancer();
     let bvh = ["dataset", "import", "bvh", "in", "--out", "data", "--dance"];
-    let text = told(
-        &program,
-        &[&bvh[..], &["--source", "home", "--style", "disco"]].concat(),
-    );
+    let text = told(&program, &[&bvh[..], &["--source", "home", "--style", "disco"]].concat());
     assert!(text.contains("left_wrist: left_wrist"), "{text}");
-    told(
-        &program,
-        &[
-            "dataset",
-            "import",
-            "npz",
-            "in",
-            "--out",
-            "data",
-            "--licence",
-            "CC0, free",
-        ],
-    );
+    told(&program, &["dataset", "import", "npz", "in", "--out", "data", "--licence", "CC0, free"]);
     let entries = index::read(&program.path("data")).unwrap();
     assert_eq!(entries.len(), 2);
-    assert_eq!(
-        (entries[1].source.as_str(), entries[1].licence.as_str()),
-        ("npz", "CC0, free")
-    );
+    assert_eq!((entries[1].source.as_str(), entries[1].licence.as_str()), ("npz", "CC0, free"));
     let [home, npz] = ["home", "npz"].map(|source| {
         let path = program.path(&format!("data/{source}/dance.npz"));
         Clip::read_npz(path).unwrap().poses
     });
-    let gaps = home
-        .iter()
-        .flatten()
-        .flatten()
-        .zip(npz.iter().flatten().flatten());
+    let gaps = home.iter().flatten().flatten().zip(npz.iter().flatten().flatten());
     let largest = gaps.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     // BVH bends its stiff pelvis and chest a little.
-    assert!(
-        largest < 0.06,
-        "BVH and npz of one dance differ by {largest} m"
-    );
+    assert!(largest < 0.06, "BVH and npz of one dance differ by {largest} m");
 
     let table = told(&program, &["dataset", "report", "data"]);
-    for words in [
-        "home",
-        "CC0, free",
-        "foot skate",
-        "minutes of dance by tempo",
-    ] {
+    for words in ["home", "CC0, free", "foot skate", "minutes of dance by tempo"] {
         assert!(table.contains(words), "no {words:?} in {table}");
     }
     let sheet = std::fs::read(program.path("data/sheet.png")).unwrap();
@@ -135,9 +93,7 @@ fn a_dance_with_its_music_becomes_training_data() {
     let (program, clip) = dancer();
     std::fs::create_dir(program.path("songs")).unwrap();
     std::fs::copy(program.path("clicks.wav"), program.path("songs/dance.wav")).unwrap();
-    let import = [
-        "dataset", "import", "npz", "in", "--out", "data", "--dance", "-q",
-    ];
+    let import = ["dataset", "import", "npz", "in", "--out", "data", "--dance", "-q"];
     told(&program, &[&import[..], &["--music", "songs"]].concat());
     let build = ["dataset", "build", "data.safetensors", "--motion", "data"];
     told(&program, &[&build[..], &["--choreography", "0"]].concat());
@@ -145,18 +101,12 @@ fn a_dance_with_its_music_becomes_training_data() {
     assert_eq!(clips.len(), 2, "the dance and its mirror image");
     for found in &clips {
         let music = found.music.as_ref().expect("its own music");
-        assert_eq!(
-            (music.len(), found.motion.len()),
-            (clip.poses.len() - 1, clip.poses.len() - 1)
-        );
+        assert_eq!((music.len(), found.motion.len()), (clip.poses.len() - 1, clip.poses.len() - 1));
         assert!(found.dance && !found.synthetic);
         assert_ne!(found.split, Split::Validation);
         // Clicks at 120 beats a minute: their tempo is heard in the end.
         let [.., octaves, confidence] = music[music.len() - 1];
-        assert!(
-            confidence > 0.3 && octaves.abs() < 0.1,
-            "{octaves} {confidence}"
-        );
+        assert!(confidence > 0.3 && octaves.abs() < 0.1, "{octaves} {confidence}");
     }
 }
 
@@ -164,16 +114,7 @@ fn a_dance_with_its_music_becomes_training_data() {
 fn joints_can_be_told() {
     let (program, _) = dancer();
     let map = |text: &str| std::fs::write(program.path("joints.toml"), text).unwrap();
-    let import = [
-        "dataset",
-        "import",
-        "bvh",
-        "in",
-        "--out",
-        "data",
-        "--mapping",
-        "joints.toml",
-    ];
+    let import = ["dataset", "import", "bvh", "in", "--out", "data", "--mapping", "joints.toml"];
     map("left_foot = \"left_ankle\"\n");
     assert!(told(&program, &import).contains("left_foot: left_ankle"));
     map("left_paw = \"left_ankle\"\n");
@@ -186,10 +127,7 @@ fn joints_can_be_told() {
 fn imports_that_cannot_be_made_are_refused() {
     let (program, _) = dancer();
     for (arguments, words) in [
-        (
-            &["npz", "in", "--style", "polka"][..],
-            &["polka", "hype"][..],
-        ),
+        (&["npz", "in", "--style", "polka"][..], &["polka", "hype"][..]),
         (&["npz", "in", "--source", "a/b"], &["--source", "a/b"]),
         (&["npz", "in", "--fps", "nan"], &["--fps"]),
         (&["npz", "nowhere"], &["nowhere"]),

@@ -22,9 +22,7 @@ fn named_paths(text: &str) -> Vec<&str> {
 
 /// README, ARCHITECTURE, the changelog and everything below docs/, by their paths.
 fn documents() -> Vec<String> {
-    let mut found = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"]
-        .map(String::from)
-        .to_vec();
+    let mut found = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(String::from).to_vec();
     let mut folders = vec!["docs".to_owned()];
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(root().join(&folder)).expect("a folder") {
@@ -42,27 +40,13 @@ fn documents() -> Vec<String> {
 
 #[test]
 fn every_path_that_a_document_names_exists() {
-    let of_users = [
-        "my-robot.toml",
-        "FILE.toml",
-        "my.toml",
-        "train.toml",
-        "mit20.toml",
-    ];
-    let crates = [
-        "types", "audio", "model", "training", "retarget", "drivers", "stage", "sim",
-    ];
-    let ours = [
-        &crates[..],
-        &["runtime", "lab", "src", "tests", "docs", "configs"],
-    ]
-    .concat();
+    let of_users = ["my-robot.toml", "FILE.toml", "my.toml", "train.toml", "mit20.toml"];
+    let crates = ["types", "audio", "model", "training", "retarget", "drivers", "stage", "sim"];
+    let ours = [&crates[..], &["runtime", "lab", "src", "tests", "docs", "configs"]].concat();
     for document in documents().iter().filter(|name| *name != "CHANGELOG.md") {
         let text = read(document);
         for path in named_paths(&text) {
-            let ours = ours
-                .iter()
-                .any(|folder| path.starts_with(&format!("{folder}/")));
+            let ours = ours.iter().any(|folder| path.starts_with(&format!("{folder}/")));
             assert!(
                 of_users.contains(&path) || !ours || root().join(path).exists(),
                 "{document} names {path}, which does not exist"
@@ -75,22 +59,11 @@ fn every_path_that_a_document_names_exists() {
 fn every_link_between_documents_leads_somewhere() {
     for document in documents() {
         let text = read(&document);
-        let folder = root()
-            .join(&document)
-            .parent()
-            .expect("a folder")
-            .to_owned();
-        for link in text
-            .split("](")
-            .skip(1)
-            .filter_map(|rest| rest.split(')').next())
-        {
+        let folder = root().join(&document).parent().expect("a folder").to_owned();
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
             let path = link.split('#').next().unwrap_or_default();
             let elsewhere = path.is_empty() || path.contains("://");
-            assert!(
-                elsewhere || folder.join(path).exists(),
-                "{document}: {link}"
-            );
+            assert!(elsewhere || folder.join(path).exists(), "{document}: {link}");
         }
     }
 }
@@ -126,11 +99,7 @@ fn every_key_of_a_report_is_documented() {
 fn every_code_of_a_finding_is_documented() {
     let text = read("docs/robots.md");
     for code in servodance_retarget::DiagnosticCode::ALL {
-        let row = format!(
-            "| `{code}` | {} | {} |",
-            code.severity().as_str(),
-            code.meaning()
-        );
+        let row = format!("| `{code}` | {} | {} |", code.severity().as_str(), code.meaning());
         assert!(text.contains(&row), "docs/robots.md lacks: {row}");
     }
 }
@@ -145,11 +114,7 @@ fn the_readme_shows_commands_that_parse() {
         let Some(command) = line.strip_prefix("cargo run --release -- ") else {
             continue;
         };
-        let words = command
-            .split('#')
-            .next()
-            .unwrap_or_default()
-            .split_whitespace();
+        let words = command.split('#').next().unwrap_or_default().split_whitespace();
         let arguments = std::iter::once("servodance").chain(words);
         if let Err(error) = servodance::cli::Cli::try_parse_from(arguments) {
             let shows_help = error.kind() == clap::error::ErrorKind::DisplayHelp;

@@ -9,10 +9,7 @@ fn soak(program: &Program, more: &[&str]) -> Value {
     let arguments = ["soak", "--robot", "neck", "--piece", "12", "--quiet"];
     let output = program.succeed(&[&arguments[..], &["--report", "soak.json"], more].concat());
     let line = String::from_utf8_lossy(&output.stdout);
-    assert!(
-        line.lines().count() == 1 && line.contains("passed"),
-        "{line}"
-    );
+    assert!(line.lines().count() == 1 && line.contains("passed"), "{line}");
     let text = std::fs::read_to_string(program.path("soak.json")).expect("a report");
     serde_json::from_str(&text).expect("JSON")
 }

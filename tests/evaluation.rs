@@ -52,34 +52,17 @@ fn evaluation_prints_every_figure_with_its_interval() {
         "real/dist_k",
         "real/beat/f1",
     ] {
-        let value = found
-            .pointer(&format!("/{key}"))
-            .unwrap_or_else(|| panic!("no {key}"));
+        let value = found.pointer(&format!("/{key}")).unwrap_or_else(|| panic!("no {key}"));
         for part in ["mean", "ci95"] {
             let number = value[part].as_f64();
-            assert!(
-                number.is_some_and(|n| n.is_finite() && n >= 0.0),
-                "{key}: {value}"
-            );
+            assert!(number.is_some_and(|n| n.is_finite() && n >= 0.0), "{key}: {value}");
         }
     }
     // One minute is its own first and last one.
     assert_eq!(found["long"]["speed_kept"], 1.0, "{found}");
-    assert!(
-        found["seeds_gap_m"]["mean"].as_f64().unwrap() > 0.01,
-        "{found}"
-    );
-    let mean = |key: &str| {
-        found
-            .pointer(&format!("/beat/{key}/mean"))
-            .unwrap()
-            .as_f64()
-            .unwrap()
-    };
-    assert!(
-        mean("f1") > mean("wrong_song") && mean("f1") > mean("shifted"),
-        "{found}"
-    );
+    assert!(found["seeds_gap_m"]["mean"].as_f64().unwrap() > 0.01, "{found}");
+    let mean = |key: &str| found.pointer(&format!("/beat/{key}/mean")).unwrap().as_f64().unwrap();
+    assert!(mean("f1") > mean("wrong_song") && mean("f1") > mean("shifted"), "{found}");
 }
 
 #[test]
@@ -87,21 +70,12 @@ fn evaluations_that_cannot_be_made_are_refused() {
     let program = Program::new();
     std::fs::write(program.path("data.safetensors"), "no tensors").unwrap();
     for (arguments, words) in [
-        (
-            &["evaluate", "--repeats", "1"][..],
-            &["--repeats", "2..1000"][..],
-        ),
+        (&["evaluate", "--repeats", "1"][..], &["--repeats", "2..1000"][..]),
         (&["evaluate", "--seconds", "nan"], &["--seconds"]),
         (&["evaluate", "--style", "polka"], &["polka", "hype"]),
         (&["evaluate", "--top-p", "0"], &["top_p"]),
-        (
-            &["evaluate", "--data", "data.safetensors"],
-            &["data.safetensors"],
-        ),
-        (
-            &["evaluate", "--data", "none.safetensors"],
-            &["none.safetensors"],
-        ),
+        (&["evaluate", "--data", "data.safetensors"], &["data.safetensors"]),
+        (&["evaluate", "--data", "none.safetensors"], &["none.safetensors"]),
     ] {
         program.refused(arguments, words);
     }
@@ -155,16 +129,7 @@ fn texts_are_scored_with_extractors_of_the_users() {
     let program = Program::new();
     write_extractors(&program.path("data/servodance/t2m"));
     write_motions(&program.path("HumanML3D"), 33);
-    let quick = [
-        "evaluate",
-        "--json",
-        "--repeats",
-        "2",
-        "--clips",
-        "2",
-        "--seconds",
-        "10",
-    ];
+    let quick = ["evaluate", "--json", "--repeats", "2", "--clips", "2", "--seconds", "10"];
     let output = program
         .command(&quick)
         .args(["--texts", "HumanML3D"])
@@ -179,10 +144,7 @@ fn texts_are_scored_with_extractors_of_the_users() {
     for set in ["reconstructed", "real", "other_text"] {
         let mean = |key: &str| text[set][key]["mean"].as_f64().unwrap();
         let [top1, top2, top3] = [1, 2, 3].map(|k| mean(&format!("r_precision_{k}")));
-        assert!(
-            0.0 <= top1 && top1 <= top2 && top2 <= top3 && top3 <= 1.0,
-            "{text}"
-        );
+        assert!(0.0 <= top1 && top1 <= top2 && top2 <= top3 && top3 <= 1.0, "{text}");
         assert!(mean("mm_dist") > 0.0, "{text}");
         assert!(text[set]["mm_dist"]["ci95"].as_f64().unwrap().is_finite());
     }

@@ -20,14 +20,7 @@ fn with_little_room(program: &Program, blocks: u32, arguments: &[&str]) -> std::
 #[test]
 fn a_full_disk_ends_the_recording_and_not_the_dance() {
     let program = Program::new();
-    let arguments = [
-        "dance",
-        "--record",
-        "out.mcap",
-        "--report",
-        "out.json",
-        "--no-picture",
-    ];
+    let arguments = ["dance", "--record", "out.mcap", "--report", "out.json", "--no-picture"];
     let output = with_little_room(&program, 2000, &arguments);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{said}");

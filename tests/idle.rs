@@ -10,10 +10,8 @@ const SILENCE_S: f64 = 7.0;
 /// Mean joint speed of the simulated servos between two moments of music.
 fn speed_rad_s(recording: &Recording, from_s: f64, to_s: f64) -> f64 {
     let positions = recording.positions("/servo_truth");
-    let within: Vec<_> = positions
-        .iter()
-        .filter(|(time_s, _)| (from_s..to_s).contains(time_s))
-        .collect();
+    let within: Vec<_> =
+        positions.iter().filter(|(time_s, _)| (from_s..to_s).contains(time_s)).collect();
     let moved: f64 = within
         .windows(2)
         .flat_map(|pair| pair[0].1.iter().zip(&pair[1].1))
@@ -36,14 +34,7 @@ fn silence_in_a_song_is_idled_through_and_the_dance_comes_back() {
         t if t < end_s => 0.0,
         t => at(t - end_s + 4.0),
     });
-    program.succeed(&[
-        "dance",
-        "break.wav",
-        "--record",
-        "break.mcap",
-        "--no-picture",
-        "--quiet",
-    ]);
+    program.succeed(&["dance", "break.wav", "--record", "break.mcap", "--no-picture", "--quiet"]);
     let recording = Recording::read(&program.path("break.mcap"));
     let shares = recording.timed_numbers("/idle");
     let share_at = |moment_s: f64| {

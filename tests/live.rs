@@ -57,18 +57,12 @@ fn report(path: &Path) -> Value {
 fn check_run(program: &Program, output: &Output) {
     let said = String::from_utf8_lossy(&output.stderr);
     for line in ["no sound arrives", "sound is back after"] {
-        assert!(
-            said.matches(line).count() >= 1,
-            "not said: {line} in {said}"
-        );
+        assert!(said.matches(line).count() >= 1, "not said: {line} in {said}");
     }
     let report = report(&program.path("live.json"));
     let capture = &report["capture"];
     assert_eq!(capture["overruns"], 0, "{capture}");
-    assert!(
-        capture["silence_s"].as_f64() > Some(AWAY_S - 1.0),
-        "{capture}"
-    );
+    assert!(capture["silence_s"].as_f64() > Some(AWAY_S - 1.0), "{capture}");
     assert!(report["latency_ms"]["command"]["p50_ms"].as_f64() > Some(0.0));
     let beats = report["beats"]["times_s"].as_array().expect("beats");
     assert!(beats.len() > 10, "{} beats", beats.len());
@@ -93,17 +87,10 @@ fn commands_are_continuous(recording: &Recording) {
             unreachable!("windows of two");
         };
         let passed_s = after_s - before_s;
-        assert!(
-            (passed_s - robot.period_s()).abs() < 1e-6,
-            "{before_s}: {passed_s}"
-        );
+        assert!((passed_s - robot.period_s()).abs() < 1e-6, "{before_s}: {passed_s}");
         for (servo, (a, b)) in robot.servos.iter().zip(before.iter().zip(after)) {
             let most_rad = servo.limits.velocity_rad_s * passed_s * 1.001;
-            assert!(
-                (b - a).abs() <= most_rad,
-                "{} at {after_s} s: {a} to {b}",
-                servo.name
-            );
+            assert!((b - a).abs() <= most_rad, "{} at {after_s} s: {a} to {b}", servo.name);
         }
     }
 }
@@ -149,11 +136,7 @@ fn sound_on_standard_input_may_stay_away_for_a_while() {
 #[test]
 fn without_microphones_built_in_it_says_how_to_get_them() {
     let program = Program::new();
-    for arguments in [
-        &["devices"][..],
-        &["dance", "--mic"],
-        &["dance", "--mic", "hw:0"],
-    ] {
+    for arguments in [&["devices"][..], &["dance", "--mic"], &["dance", "--mic", "hw:0"]] {
         program.refused(arguments, &["not built in", "--features mic"]);
     }
 }
@@ -176,11 +159,7 @@ mod microphone {
         let text = CONFIGURATION.replace("FIFO\"", &format!("{}\"", fifo.display()));
         std::fs::write(program.path("asound.conf"), text).expect("a file");
         let mut options = OpenOptions::new();
-        options
-            .read(true)
-            .write(true)
-            .open(&fifo)
-            .expect("the FIFO")
+        options.read(true).write(true).open(&fifo).expect("the FIFO")
     }
 
     fn command(program: &Program, arguments: &[&str]) -> Command {
@@ -196,9 +175,7 @@ mod microphone {
         let output = command(&program, &["devices"]).output().expect("it runs");
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success(), "{output:?}");
-        let line = text
-            .lines()
-            .find(|line| line.contains("virtual microphone"));
+        let line = text.lines().find(|line| line.contains("virtual microphone"));
         assert!(line.is_some_and(|line| line.contains(" mic ")), "{text}");
     }
 
@@ -211,10 +188,7 @@ mod microphone {
         let error = String::from_utf8_lossy(&output.stderr);
         let error = error.lines().last().unwrap_or_default();
         assert_eq!(output.status.code(), Some(1), "{error}");
-        assert!(
-            error.contains("\"kazoo\"") && error.contains("mic"),
-            "{error}"
-        );
+        assert!(error.contains("\"kazoo\"") && error.contains("mic"), "{error}");
     }
 
     #[test]

@@ -57,51 +57,15 @@ fn motion_that_cannot_be_made_is_refused() {
     program.click_track("clicks.wav", 2.0, 120.0);
     std::fs::write(program.path("text.npz"), "no archive").unwrap();
     for (arguments, words) in [
+        (&["generate", "clicks.wav", "--out", "a.txt"][..], &["a.txt", ".npz", ".bvh"][..]),
+        (&["generate", "clicks.wav", "--out", "a.npz", "--seconds", "inf"], &["--seconds"]),
         (
-            &["generate", "clicks.wav", "--out", "a.txt"][..],
-            &["a.txt", ".npz", ".bvh"][..],
-        ),
-        (
-            &[
-                "generate",
-                "clicks.wav",
-                "--out",
-                "a.npz",
-                "--seconds",
-                "inf",
-            ],
-            &["--seconds"],
-        ),
-        (
-            &[
-                "generate",
-                "clicks.wav",
-                "--out",
-                "a.npz",
-                "--lookahead",
-                "9",
-            ],
+            &["generate", "clicks.wav", "--out", "a.npz", "--lookahead", "9"],
             &["--lookahead", "0..5"],
         ),
-        (
-            &[
-                "generate",
-                "clicks.wav",
-                "--out",
-                "a.npz",
-                "--start",
-                "text.npz",
-            ],
-            &["text.npz"],
-        ),
-        (
-            &["reconstruct", "text.npz", "--out", "a.npz"],
-            &["text.npz"],
-        ),
-        (
-            &["reconstruct", "none.npz", "--out", "a.npz"],
-            &["none.npz"],
-        ),
+        (&["generate", "clicks.wav", "--out", "a.npz", "--start", "text.npz"], &["text.npz"]),
+        (&["reconstruct", "text.npz", "--out", "a.npz"], &["text.npz"]),
+        (&["reconstruct", "none.npz", "--out", "a.npz"], &["none.npz"]),
     ] {
         program.refused(arguments, words);
     }

@@ -20,10 +20,7 @@ fn a_slow_generator_costs_picture_viewers_and_guidance_not_control() {
         .expect("it runs");
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
-    let at = |text: &str| {
-        said.find(text)
-            .unwrap_or_else(|| panic!("no {text} in {said}"))
-    };
+    let at = |text: &str| said.find(text).unwrap_or_else(|| panic!("no {text} in {said}"));
     let order = ["no picture", "two frames a second", "no guidance"].map(at);
     assert!(order.is_sorted(), "{said}");
     assert!(!program.path("out.png").exists());
@@ -39,10 +36,6 @@ fn a_slow_generator_costs_picture_viewers_and_guidance_not_control() {
     let (cycles, late) = (cycles.as_f64(), late.as_f64());
     assert!(late < cycles.map(|c| 0.05 * c), "{late:?} of {cycles:?}");
     let held = report["safety"].as_array().expect("a log");
-    let stale = |e: &&Value| {
-        e["cause"]
-            .as_str()
-            .is_some_and(|c| c.contains("targets are"))
-    };
+    let stale = |e: &&Value| e["cause"].as_str().is_some_and(|c| c.contains("targets are"));
     assert_eq!(held.iter().filter(stale).count(), 0, "{held:?}");
 }

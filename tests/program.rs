@@ -11,9 +11,7 @@ pub struct Program {
 
 impl Program {
     pub fn new() -> Self {
-        Self {
-            folder: tempfile::tempdir().expect("a temporary folder"),
-        }
+        Self { folder: tempfile::tempdir().expect("a temporary folder") }
     }
 
     pub fn path(&self, name: &str) -> PathBuf {
@@ -22,10 +20,7 @@ impl Program {
 
     pub fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_servodance"));
-        command
-            .args(arguments)
-            .current_dir(self.folder.path())
-            .stdin(Stdio::null());
+        command.args(arguments).current_dir(self.folder.path()).stdin(Stdio::null());
         command
     }
 
@@ -53,10 +48,7 @@ impl Program {
         assert_eq!(output.status.code(), Some(1), "{arguments:?}: {error}");
         assert_eq!(error.lines().count(), 1, "{arguments:?}: {error}");
         for word in words {
-            assert!(
-                error.contains(word),
-                "{arguments:?}: no {word:?} in: {error}"
-            );
+            assert!(error.contains(word), "{arguments:?}: no {word:?} in: {error}");
         }
         assert_eq!(before, self.files(), "{arguments:?} left files behind");
     }

@@ -71,20 +71,9 @@ fn write_joint(rng: &mut impl Rng, text: &mut String, joint: usize, parent: usiz
         true => format!("{}_{joint}", NAMES.choose(rng).unwrap_or(&"joint")),
         false => format!("joint_{joint}"),
     };
-    let kinds = [
-        "revolute",
-        "revolute",
-        "revolute",
-        "continuous",
-        "prismatic",
-        "fixed",
-    ];
+    let kinds = ["revolute", "revolute", "revolute", "continuous", "prismatic", "fixed"];
     // The first one moves, or nothing would.
-    let kind = if joint == 1 {
-        "revolute"
-    } else {
-        kinds.choose(rng).unwrap_or(&"fixed")
-    };
+    let kind = if joint == 1 { "revolute" } else { kinds.choose(rng).unwrap_or(&"fixed") };
     let low: f64 = rng.random_range(-4.0..0.5);
     let high = low + rng.random_range(0.05..5.0);
     let (low, high) = match rng.random_range(0..20) {
@@ -94,16 +83,8 @@ fn write_joint(rng: &mut impl Rng, text: &mut String, joint: usize, parent: usiz
     };
     let axis = match rng.random_range(0..30) {
         0 if !clean => "0 0 0".to_owned(),
-        1..=20 => ["1 0 0", "0 1 0", "0 0 1", "0 -1 0"]
-            .choose(rng)
-            .unwrap_or(&"1 0 0")
-            .to_string(),
-        _ => format!(
-            "{} 0.4",
-            vector(rng, 1.0)
-                .rsplit_once(' ')
-                .map_or("1 1", |(xy, _)| xy)
-        ),
+        1..=20 => ["1 0 0", "0 1 0", "0 0 1", "0 -1 0"].choose(rng).unwrap_or(&"1 0 0").to_string(),
+        _ => format!("{} 0.4", vector(rng, 1.0).rsplit_once(' ').map_or("1 1", |(xy, _)| xy)),
     };
     let velocity = ["0", "2.5", "5", "100", "0.2"].choose(rng).unwrap_or(&"1");
     let _ = write!(
@@ -112,11 +93,7 @@ fn write_joint(rng: &mut impl Rng, text: &mut String, joint: usize, parent: usiz
          <parent link=\"link_{parent}\"/><child link=\"link_{joint}\"/><axis xyz=\"{axis}\"/>\
          <limit lower=\"{low}\" upper=\"{high}\" effort=\"3\" velocity=\"{velocity}\"/>",
         vector(rng, 0.3),
-        if rng.random_bool(0.3) {
-            vector(rng, 1.6)
-        } else {
-            "0 0 0".into()
-        },
+        if rng.random_bool(0.3) { vector(rng, 1.6) } else { "0 0 0".into() },
     );
     if !clean && joint > 1 && rng.random_bool(0.1) {
         let _ = write!(

@@ -43,10 +43,8 @@ impl Recording {
     /// Numbers of a topic with their times, seconds of music.
     pub fn timed_numbers(&self, topic: &str) -> Vec<(f64, f64)> {
         let music_start_s = self.fact("music_start_s");
-        let times = self
-            .raw(topic)
-            .iter()
-            .map(|(time_ns, _)| *time_ns as f64 * 1e-9 - music_start_s);
+        let times =
+            self.raw(topic).iter().map(|(time_ns, _)| *time_ns as f64 * 1e-9 - music_start_s);
         times.zip(self.numbers(topic)).collect()
     }
 
@@ -178,11 +176,7 @@ fn mean_closeness(from_s: &[f64], to_s: &[f64], sigma_s: f64) -> f64 {
     if from_s.is_empty() || to_s.is_empty() {
         return 0.0;
     }
-    let nearest = |a: &f64| {
-        to_s.iter()
-            .map(|b| (a - b).abs())
-            .fold(f64::INFINITY, f64::min)
-    };
+    let nearest = |a: &f64| to_s.iter().map(|b| (a - b).abs()).fold(f64::INFINITY, f64::min);
     let score = |a| (-nearest(a).powi(2) / (2.0 * sigma_s * sigma_s)).exp();
     from_s.iter().map(score).sum::<f64>() / from_s.len() as f64
 }
@@ -201,9 +195,7 @@ fn f1(moves: &[f64], beats: &[f64]) -> f64 {
 }
 
 fn close(report: &Value, found: f64, tolerance: f64, what: &str) {
-    let told = report
-        .as_f64()
-        .unwrap_or_else(|| panic!("{what}: {report}"));
+    let told = report.as_f64().unwrap_or_else(|| panic!("{what}: {report}"));
     assert!(
         (told - found).abs() <= tolerance,
         "{what}: the report says {told}, the recording {found}"
@@ -260,46 +252,24 @@ fn the_report_agrees_with_the_recording() {
     close(&report["frames"], motion.len() as f64, 0.0, "frames");
     let cycles = recording.raw("/joint_states").len();
     close(&report["bus_stats"]["cycles"], cycles as f64, 0.0, "cycles");
-    close(
-        &report["audio_s"],
-        recording.fact("audio_s"),
-        1e-9,
-        "audio_s",
-    );
+    close(&report["audio_s"], recording.fact("audio_s"), 1e-9, "audio_s");
     let bytes = *recording.numbers("/bus/bytes").last().expect("bytes");
     let told = report["bus_stats"]["bytes"].as_f64().expect("bytes");
-    assert!(
-        told >= bytes && told < bytes + 5_000.0,
-        "{bytes} then {told}"
-    );
+    assert!(told >= bytes && told < bytes + 5_000.0, "{bytes} then {told}");
 
     let packets = *recording.numbers("/bus/packets").last().expect("packets");
     let told = report["bus_stats"]["packets"].as_f64().expect("packets");
-    assert!(
-        told >= packets && told < packets + 200.0,
-        "{packets} then {told}"
-    );
+    assert!(told >= packets && told < packets + 200.0, "{packets} then {told}");
     let rate_hz = report["bus_stats"]["rate_hz"].as_f64().expect("a rate");
     assert!((rate_hz - hz).abs() < 0.01 * hz, "{rate_hz} Hz of {hz}");
 
     // Beats.
     let start_ns = (recording.fact("music_start_s") * 1e9) as i64;
-    let beats: Vec<f64> = recording
-        .raw("/beat")
-        .iter()
-        .map(|(t, _)| (*t as i64 - start_ns) as f64 * 1e-9)
-        .collect();
+    let beats: Vec<f64> =
+        recording.raw("/beat").iter().map(|(t, _)| (*t as i64 - start_ns) as f64 * 1e-9).collect();
     assert!(beats.len() > 30, "{} beats", beats.len());
-    assert_eq!(
-        report["beats"]["times_s"].as_array().map(Vec::len),
-        Some(beats.len())
-    );
-    close(
-        &report["beats"]["tempo_bpm"],
-        recording.numbers("/beat")[0],
-        1e-9,
-        "tempo",
-    );
+    assert_eq!(report["beats"]["times_s"].as_array().map(Vec::len), Some(beats.len()));
+    close(&report["beats"]["tempo_bpm"], recording.numbers("/beat")[0], 1e-9, "tempo");
     for (i, beat) in beats.iter().enumerate() {
         close(&report["beats"]["times_s"][i], *beat, 1e-6, "beat time");
     }
@@ -313,11 +283,7 @@ fn the_report_agrees_with_the_recording() {
     let sampled = |topic: &str| -> Vec<f64> {
         let all = recording.positions(topic);
         let first = first.next_multiple_of(every);
-        let kept: Vec<Vec<f64>> = all[first..]
-            .iter()
-            .step_by(every)
-            .map(|s| s.1.clone())
-            .collect();
+        let kept: Vec<Vec<f64>> = all[first..].iter().step_by(every).map(|s| s.1.clone()).collect();
         mean_speed(&kept, hz / every as f64, |a, b| (a - b).abs())
     };
     let speeds = [
@@ -329,35 +295,16 @@ fn the_report_agrees_with_the_recording() {
         let moves = kinematic_beats(speed, *rate_hz);
         let told = &report["alignment"][stage];
         let end_s = (speed.len() - 1) as f64 / rate_hz;
-        let heard: Vec<f64> = beats
-            .iter()
-            .copied()
-            .filter(|b| (0.0..=end_s).contains(b))
-            .collect();
+        let heard: Vec<f64> = beats.iter().copied().filter(|b| (0.0..=end_s).contains(b)).collect();
         close(&told["f1"], f1(&moves, &heard), 1e-2, stage);
-        close(
-            &told["fact"],
-            mean_closeness(&moves, &beats, 3.0 / 60.0),
-            5e-3,
-            stage,
-        );
-        close(
-            &told["bailando"],
-            mean_closeness(&beats, &moves, 5.0 / 60.0),
-            5e-3,
-            stage,
-        );
+        close(&told["fact"], mean_closeness(&moves, &beats, 3.0 / 60.0), 5e-3, stage);
+        close(&told["bailando"], mean_closeness(&beats, &moves, 5.0 / 60.0), 5e-3, stage);
     }
 
     // Limits, of what the servos were told and of where they went.
     let joints: Vec<Value> = serde_json::from_str(&recording.facts["joints"]).expect("JSON");
     let half_tick = joints[0]["tick_rad"].as_f64().expect("a tick") / 2.0;
-    let told = broken_limits(
-        &recording.positions("/joint_commands"),
-        &joints,
-        hz,
-        half_tick,
-    );
+    let told = broken_limits(&recording.positions("/joint_commands"), &joints, hz, half_tick);
     let went = broken_limits(&recording.positions("/servo_truth"), &joints, hz, 0.0);
     for (i, kind) in ["position", "velocity", "acceleration"].iter().enumerate() {
         let found = (told[i] + went[i]) as f64;

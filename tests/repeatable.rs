@@ -26,12 +26,7 @@ fn same_seed_same_commands_other_seed_other_dance() {
     let first = recording(&program, "first", "7");
     let again = recording(&program, "again", "7");
     let other = recording(&program, "other", "8");
-    for topic in [
-        "/motion",
-        "/joint_commands",
-        "/joint_states",
-        "/servo_truth",
-    ] {
+    for topic in ["/motion", "/joint_commands", "/joint_states", "/servo_truth"] {
         assert!(!first.raw(topic).is_empty(), "{topic} is empty");
         assert!(first.raw(topic) == again.raw(topic), "{topic} differs");
     }
@@ -44,10 +39,8 @@ fn raw_samples_on_standard_input_dance_like_the_file() {
     program.click_track("clicks.wav", 6.0, 110.0);
     let from_file = recording(&program, "file", "3");
     let mut samples = hound::WavReader::open(program.path("clicks.wav")).unwrap();
-    let raw: Vec<u8> = samples
-        .samples::<i16>()
-        .flat_map(|sample| sample.unwrap().to_le_bytes())
-        .collect();
+    let raw: Vec<u8> =
+        samples.samples::<i16>().flat_map(|sample| sample.unwrap().to_le_bytes()).collect();
     std::fs::write(program.path("clicks.raw"), raw).unwrap();
     let output = program
         .command(&[
@@ -65,11 +58,7 @@ fn raw_samples_on_standard_input_dance_like_the_file() {
         .stdin(std::fs::File::open(program.path("clicks.raw")).unwrap())
         .output()
         .unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let from_raw = Recording::read(&program.path("raw.mcap"));
     assert!(from_file.raw("/joint_commands") == from_raw.raw("/joint_commands"));
 }

@@ -21,15 +21,8 @@ fn positions(program: &Program, file: &str) -> (Vec<String>, Vec<Vec<f64>>) {
     let text = std::fs::read_to_string(program.path(file)).expect("the CSV");
     let mut lines = text.lines();
     let header = lines.next().expect("a header");
-    let numbers = |line: &str| {
-        line.split(',')
-            .map(|n| n.parse().expect("a number"))
-            .collect()
-    };
-    (
-        header.split(',').map(str::to_owned).collect(),
-        lines.map(numbers).collect(),
-    )
+    let numbers = |line: &str| line.split(',').map(|n| n.parse().expect("a number")).collect();
+    (header.split(',').map(str::to_owned).collect(), lines.map(numbers).collect())
 }
 
 #[test]
@@ -41,11 +34,7 @@ fn a_motion_file_becomes_joint_positions_and_figures() {
             "retarget", motion, "--robot", "torso13", "--out", "a.csv", "--report", "r.json",
         ]);
         let said = String::from_utf8_lossy(&out.stdout).into_owned();
-        assert_eq!(
-            said.contains("left_elbow: left_elbow"),
-            motion == "dance.bvh",
-            "{said}"
-        );
+        assert_eq!(said.contains("left_elbow: left_elbow"), motion == "dance.bvh", "{said}");
         let (header, rows) = positions(&program, "a.csv");
         assert_eq!((header.len(), header[0].as_str()), (14, "time_s"));
         assert!(rows.len() > 700 && rows.iter().all(|row| row.len() == 14));
@@ -56,9 +45,7 @@ fn a_motion_file_becomes_joint_positions_and_figures() {
             assert_eq!(report["violations"][limit], 0, "{motion}: {report}");
         }
         assert_eq!(report["interventions"], 0, "{motion}: {report}");
-        let median = report["direction_error_median_deg"]
-            .as_f64()
-            .expect("a median");
+        let median = report["direction_error_median_deg"].as_f64().expect("a median");
         assert!(median < 15.0, "{motion}: {median} degrees");
         assert_eq!(report["counts"]["cycles"], report["cycles"]);
     }
@@ -68,22 +55,13 @@ fn a_motion_file_becomes_joint_positions_and_figures() {
 fn recordings_hold_the_commands() {
     let program = Program::new();
     dance(&program);
-    let arguments = [
-        "retarget",
-        "dance.npz",
-        "--robot",
-        "neck",
-        "--out",
-        "a.mcap",
-        "--quiet",
-    ];
+    let arguments = ["retarget", "dance.npz", "--robot", "neck", "--out", "a.mcap", "--quiet"];
     let out = program.succeed(&arguments);
     assert!(out.stdout.is_empty());
     let bytes = std::fs::read(program.path("a.mcap")).expect("the recording");
     let messages = mcap::MessageStream::new(&bytes).expect("an MCAP");
-    let topics: Vec<String> = messages
-        .map(|m| m.expect("a message").channel.topic.clone())
-        .collect();
+    let topics: Vec<String> =
+        messages.map(|m| m.expect("a message").channel.topic.clone()).collect();
     let commands = topics.iter().filter(|topic| *topic == "/joint_commands");
     assert!(commands.count() > 700);
 }
@@ -100,9 +78,8 @@ fn what_cannot_be_retargeted_is_refused_in_one_line() {
         ("bad.fbx", "a.csv", ".npz (22 joints), .bvh, .pkl"),
         ("bad.bvh", "a.txt", ".csv or .mcap"),
     ] {
-        let arguments = [
-            "retarget", motion, "--robot", "torso13", "--out", out, "--report", "r.json",
-        ];
+        let arguments =
+            ["retarget", motion, "--robot", "torso13", "--out", out, "--report", "r.json"];
         program.refused(&arguments, &[words]);
     }
 }

@@ -36,20 +36,8 @@ impl Rig {
         let at = format!("0 {y} 0.3");
         let (x, pitch) = ("<axis xyz=\"1 0 0\"/>", "<axis xyz=\"0 1 0\"/>");
         self.joint("revolute", &name("shoulder_pitch"), "base", &at, pitch)
-            .joint(
-                "revolute",
-                &name("shoulder_roll"),
-                &link("shoulder_pitch"),
-                "0 0 0",
-                x,
-            )
-            .joint(
-                "revolute",
-                &name("elbow"),
-                &link("shoulder_roll"),
-                "0 0 -0.2",
-                pitch,
-            )
+            .joint("revolute", &name("shoulder_roll"), &link("shoulder_pitch"), "0 0 0", x)
+            .joint("revolute", &name("elbow"), &link("shoulder_roll"), "0 0 -0.2", pitch)
             .joint("fixed", &name("hand"), &link("elbow"), "0 0 -0.2", "")
     }
 
@@ -62,10 +50,7 @@ impl Rig {
         let said = new_robot(&urdf, &out, false, &trial_dance()).unwrap().lines;
         let robot = Robot::load(&out.display().to_string()).unwrap();
         let beats: Vec<DanceBeat> = (0..20)
-            .map(|beat| DanceBeat {
-                time_s: f64::from(beat) * 0.5,
-                downbeat: beat % 4 == 0,
-            })
+            .map(|beat| DanceBeat { time_s: f64::from(beat) * 0.5, downbeat: beat % 4 == 0 })
             .collect();
         let clip = choreograph(&beats, 10.0, DanceStyle::Disco, 1);
         let mut track = Vec::new();
@@ -87,18 +72,11 @@ fn spans(robot: &Robot, track: &[Vec<f64>]) -> Vec<(String, f64)> {
         at.fold(f64::NEG_INFINITY, f64::max) - low
     };
     let names = robot.servos.iter().map(|servo| servo.name.clone());
-    names
-        .enumerate()
-        .map(|(joint, name)| (name, span(joint)))
-        .collect()
+    names.enumerate().map(|(joint, name)| (name, span(joint))).collect()
 }
 
 fn moved(spans: &[(String, f64)], name: &str) -> f64 {
-    spans
-        .iter()
-        .find(|(joint, _)| joint == name)
-        .unwrap_or_else(|| panic!("{name}"))
-        .1
+    spans.iter().find(|(joint, _)| joint == name).unwrap_or_else(|| panic!("{name}")).1
 }
 
 #[test]
@@ -107,10 +85,7 @@ fn arms_alone_dance() {
     let spans = spans(&robot, &track);
     assert!(spans.iter().all(|(_, span)| *span > 0.05), "{spans:?}");
     for missing in ["no left leg", "no head or neck", "shoulder has 2 of 3"] {
-        assert!(
-            said.iter().any(|line| line.contains(missing)),
-            "{missing}: {said:?}"
-        );
+        assert!(said.iter().any(|line| line.contains(missing)), "{missing}: {said:?}");
     }
 }
 
@@ -123,20 +98,8 @@ fn one_arm_is_enough() {
 #[test]
 fn a_neck_alone_nods_and_turns() {
     let rig = Rig::new()
-        .joint(
-            "revolute",
-            "head_pan",
-            "base",
-            "0 0 0.1",
-            "<axis xyz=\"0 0 1\"/>",
-        )
-        .joint(
-            "revolute",
-            "head_tilt",
-            "head_pan_link",
-            "0 0 0.02",
-            "<axis xyz=\"0 1 0\"/>",
-        );
+        .joint("revolute", "head_pan", "base", "0 0 0.1", "<axis xyz=\"0 0 1\"/>")
+        .joint("revolute", "head_tilt", "head_pan_link", "0 0 0.02", "<axis xyz=\"0 1 0\"/>");
     let (robot, _, track, _) = rig.dance();
     assert!(spans(&robot, &track).iter().all(|(_, span)| *span > 0.03));
 }
@@ -149,26 +112,13 @@ fn wheels_and_sliders_get_no_servo_and_tails_are_held() {
         .arm("right", -0.15)
         .joint("continuous", "wheel_left", "base", "0 0.2 -0.3", y)
         .joint("continuous", "wheel_right", "base", "0 -0.2 -0.3", y)
-        .joint(
-            "prismatic",
-            "lift",
-            "base",
-            "0 0 -0.1",
-            "<axis xyz=\"0 0 1\"/>",
-        )
+        .joint("prismatic", "lift", "base", "0 0 -0.1", "<axis xyz=\"0 0 1\"/>")
         .joint("revolute", "tail", "base", "-0.2 0 0", y);
     let (robot, _, track, said) = rig.dance();
     let spans = spans(&robot, &track);
     assert!(moved(&spans, "tail") < 1e-3, "{spans:?}");
-    assert!(
-        !spans
-            .iter()
-            .any(|(name, _)| name.contains("wheel") || name == "lift")
-    );
-    assert!(
-        said.iter().any(|line| line.contains("held at rest: tail")),
-        "{said:?}"
-    );
+    assert!(!spans.iter().any(|(name, _)| name.contains("wheel") || name == "lift"));
+    assert!(said.iter().any(|line| line.contains("held at rest: tail")), "{said:?}");
 }
 
 #[test]
@@ -183,11 +133,7 @@ fn followers_need_no_servo_and_keep_their_own_limits() {
     );
     let (robot, _, track, _) = rig.dance();
     assert!(robot.servos.iter().all(|servo| servo.name != "left_rod"));
-    let elbow = robot
-        .servos
-        .iter()
-        .position(|servo| servo.name == "left_elbow")
-        .unwrap();
+    let elbow = robot.servos.iter().position(|servo| servo.name == "left_elbow").unwrap();
     // The rod goes twice as far, and no farther than 1.5.
     assert!(track.iter().all(|row| row[elbow].abs() <= 0.7501));
 }
@@ -195,15 +141,13 @@ fn followers_need_no_servo_and_keep_their_own_limits() {
 #[test]
 fn continuous_joints_do_not_jump() {
     let z = "<axis xyz=\"0 0 1\"/>";
-    let rig = Rig::new()
-        .joint("continuous", "head_pan", "base", "0 0 0.1", z)
-        .joint(
-            "revolute",
-            "head_tilt",
-            "head_pan_link",
-            "0 0 0.02",
-            "<axis xyz=\"0 1 0\"/>",
-        );
+    let rig = Rig::new().joint("continuous", "head_pan", "base", "0 0 0.1", z).joint(
+        "revolute",
+        "head_tilt",
+        "head_pan_link",
+        "0 0 0.02",
+        "<axis xyz=\"0 1 0\"/>",
+    );
     let (robot, _, track, _) = rig.dance();
     for pair in track.windows(2) {
         for ((before, after), servo) in pair[0].iter().zip(&pair[1]).zip(&robot.servos) {
@@ -236,19 +180,12 @@ fn a_loop_is_expressed_by_a_table() {
     };
     // A joint that follows cannot have a servo as well.
     let message = load(format!("{text}{couple}")).unwrap_err().to_string();
-    assert!(
-        message.contains("left_crank") && message.contains("follows"),
-        "{message}"
-    );
+    assert!(message.contains("left_crank") && message.contains("follows"), "{message}");
     let start = text.find("name = \"left_crank\"").unwrap();
     let start = text[..start].rfind("[[joint]]").unwrap();
-    let end = text[start + 9..]
-        .find("[[joint]]")
-        .map_or(text.len(), |at| start + 9 + at);
+    let end = text[start + 9..].find("[[joint]]").map_or(text.len(), |at| start + 9 + at);
     let rest = text[..start].to_owned() + &text[end..];
-    let rest = rest
-        .replace("\"left_crank\" = ", "# ")
-        .replace("left_crank = ", "# ");
+    let rest = rest.replace("\"left_crank\" = ", "# ").replace("left_crank = ", "# ");
     assert!(load(format!("{rest}{couple}")).is_ok());
     let wrong = couple.replace("left_elbow", "nothing");
     let message = load(format!("{rest}{wrong}")).unwrap_err().to_string();

@@ -26,17 +26,16 @@ fn every_built_in_robot_is_usable() {
 fn a_refused_description_says_all_that_is_wrong() {
     let program = Program::new();
     let urdf = include_str!("../configs/neck.urdf");
-    let broken = urdf
-        .replacen("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 0\"/>", 1)
-        .replacen("mass value=\"", "mass value=\"-", 1);
+    let broken = urdf.replacen("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 0\"/>", 1).replacen(
+        "mass value=\"",
+        "mass value=\"-",
+        1,
+    );
     std::fs::write(program.path("broken.urdf"), broken).unwrap();
     let (exit, json) = checked(&program, "broken.urdf");
     assert_eq!((exit, &json["usable"]), (Some(1), &false.into()));
     let found = codes(&json);
-    assert!(
-        found.contains(&"axis-zero") && found.contains(&"mass-unusable"),
-        "{json}"
-    );
+    assert!(found.contains(&"axis-zero") && found.contains(&"mass-unusable"), "{json}");
 }
 
 #[test]

@@ -83,20 +83,11 @@ fn a_new_robot_file_has_its_description_beside_it() {
     let new = ["robot", "new", "strange.urdf", "--out", "robot/new.toml"];
     let said = program.succeed(&new).stdout;
     let said = String::from_utf8(said).expect("text");
-    assert!(
-        said.starts_with("robot/new.toml\nrobot/new.urdf\n"),
-        "{said}"
-    );
+    assert!(said.starts_with("robot/new.toml\nrobot/new.urdf\n"), "{said}");
     std::fs::remove_file(program.path("strange.urdf")).expect("it was there");
     program.succeed(&dance(&["robot/new.toml"]));
     // What lies inside already is used where it is.
-    let inside = [
-        "robot",
-        "new",
-        "robot/urdf/own.urdf",
-        "--out",
-        "robot/own.toml",
-    ];
+    let inside = ["robot", "new", "robot/urdf/own.urdf", "--out", "robot/own.toml"];
     program.succeed(&inside);
     let text = std::fs::read_to_string(program.path("robot/own.toml")).expect("a robot file");
     assert!(text.contains("urdf = \"urdf/own.urdf\""), "{text}");

@@ -25,19 +25,11 @@ fn danced(
     seconds: f64,
 ) -> servodance_runtime::offline::motion_tracking::TrackedMotion {
     let beats: Vec<DanceBeat> = (0..(seconds * 2.0) as usize)
-        .map(|beat| DanceBeat {
-            time_s: beat as f64 * 0.5,
-            downbeat: beat % 4 == 0,
-        })
+        .map(|beat| DanceBeat { time_s: beat as f64 * 0.5, downbeat: beat % 4 == 0 })
         .collect();
     let clip = choreograph(&beats, seconds, DanceStyle::Hype, 3);
     let followed = track_motion(robot, &clip.frames(), |_, _| Ok(())).unwrap();
-    assert_eq!(
-        followed.violations,
-        ViolationReport::default(),
-        "{}",
-        robot.name
-    );
+    assert_eq!(followed.violations, ViolationReport::default(), "{}", robot.name);
     followed
 }
 
@@ -50,11 +42,7 @@ fn built_in_descriptions_give_the_robots_that_people_wrote() {
         let out = folder.path().join("my.toml");
         new_robot(&urdf, &out, true, &trial_dance()).unwrap();
         let new = Robot::load(&out.display().to_string()).unwrap();
-        assert_eq!(
-            new.retarget.stance, written.retarget.stance,
-            "{}",
-            built_in.name
-        );
+        assert_eq!(new.retarget.stance, written.retarget.stance, "{}", built_in.name);
         let (ours, theirs) = (&new.retarget.body, &written.retarget.body);
         for (part, guess, wanted) in [
             ("left_elbow", &ours.left_elbow, &theirs.left_elbow),
@@ -81,27 +69,12 @@ fn the_new_file_dances_and_is_not_overwritten() {
     let said = program.succeed(&new).stdout;
     let said = String::from_utf8_lossy(&said).into_owned();
     assert!(said.starts_with("my.toml\nmy.urdf\n"), "{said}");
-    for part in [
-        "left_elbow: left_forearm",
-        "head: head",
-        "tail_ball",
-        "no left leg",
-    ] {
+    for part in ["left_elbow: left_forearm", "head: head", "tail_ball", "no left leg"] {
         assert!(said.contains(part), "no {part:?} in {said}");
     }
     program.refused(&new, &["my.toml", "--force"]);
-    program.succeed(&[
-        "dance",
-        "clicks.wav",
-        "--robot",
-        "my.toml",
-        "--no-picture",
-        "--quiet",
-    ]);
-    program.refused(
-        &["robot", "new", "nowhere.urdf", "--out", "a.toml"],
-        &["nowhere.urdf"],
-    );
+    program.succeed(&["dance", "clicks.wav", "--robot", "my.toml", "--no-picture", "--quiet"]);
+    program.refused(&["robot", "new", "nowhere.urdf", "--out", "a.toml"], &["nowhere.urdf"]);
     program.refused(&["robot", "new", "my.xml", "--out", "a.txt"], &[".toml"]);
 }
 
@@ -159,10 +132,7 @@ fn a_robot_that_looks_along_another_axis_is_seen_to() {
     let out = folder.path().join("my.toml");
     new_robot(&urdf, &out, false, &trial_dance()).unwrap();
     let robot = Robot::load(&out.display().to_string()).unwrap();
-    assert_eq!(
-        (robot.retarget.forward.as_str(), robot.retarget.up.as_str()),
-        ("-y", "z")
-    );
+    assert_eq!((robot.retarget.forward.as_str(), robot.retarget.up.as_str()), ("-y", "z"));
     assert_eq!(robot.retarget.stance, Stance::Hung);
     danced(&robot, 5.0);
 }

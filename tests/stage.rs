@@ -12,12 +12,7 @@ mod together;
 #[test]
 fn without_its_network_the_program_says_how_to_build_it() {
     let program = crate::program::Program::new();
-    for words in [
-        &["lead"][..],
-        &["follow"],
-        &["cue", "all"],
-        &["bench", "stage"],
-    ] {
+    for words in [&["lead"][..], &["follow"], &["cue", "all"], &["bench", "stage"]] {
         program.refused(words, &[words[0], "--features stage"]);
     }
 }

@@ -27,12 +27,7 @@ struct Screen {
 impl Screen {
     /// Dances on a neck, on so many lines of so many cells.
     fn dance(rows: u16, columns: u16, arguments: &[&str], drill: &str) -> Self {
-        let size = nix::pty::Winsize {
-            ws_row: rows,
-            ws_col: columns,
-            ws_xpixel: 0,
-            ws_ypixel: 0,
-        };
+        let size = nix::pty::Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
         let terminal = nix::pty::openpty(Some(&size), None).expect("a terminal");
         let program = Program::new();
         let robot = program.unhurried_robot("neck");
@@ -53,13 +48,7 @@ impl Screen {
                 parser.process(&bytes[..count]);
             }
         });
-        Self {
-            _program: program,
-            child,
-            keys,
-            line: terminal.slave,
-            seen,
-        }
+        Self { _program: program, child, keys, line: terminal.slave, seen }
     }
 
     fn parser(&self) -> MutexGuard<'_, Parser> {

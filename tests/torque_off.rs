@@ -28,9 +28,7 @@ fn servos() -> SimBus {
 }
 
 fn torques(bus: &SimBus) -> usize {
-    (0..20)
-        .filter(|i| bus.servo(*i).expect("a servo").torque_enabled)
-        .count()
+    (0..20).filter(|i| bus.servo(*i).expect("a servo").torque_enabled).count()
 }
 
 /// Starts a dance on the bus and waits until every servo has torque.
@@ -75,9 +73,7 @@ fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
 }
 
 pub fn signal(child: &Child, name: &str) {
-    let status = Command::new("kill")
-        .args([name, &child.id().to_string()])
-        .status();
+    let status = Command::new("kill").args([name, &child.id().to_string()]).status();
     assert!(status.expect("kill runs").success());
 }
 
@@ -111,10 +107,7 @@ fn each_emergency_stop_turns_torque_off_and_is_named() {
         let output = child.wait_with_output().expect("it ends");
         let error = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1), "{error}");
-        assert!(
-            error.contains("emergency stop") && error.contains(says),
-            "{error}"
-        );
+        assert!(error.contains("emergency stop") && error.contains(says), "{error}");
         assert_eq!(torques(&bus), 0);
     };
     let child = dancing(&program, &bus);
@@ -131,14 +124,7 @@ fn each_emergency_stop_turns_torque_off_and_is_named() {
     // It is still down: no torque at all.
     let port = format!("serial:{}", bus.port_path());
     program.refused(
-        &[
-            "dance",
-            "--bus",
-            &port,
-            "--estop-file",
-            name,
-            "--no-picture",
-        ],
+        &["dance", "--bus", &port, "--estop-file", name, "--no-picture"],
         &["emergency stop"],
     );
     assert_eq!(torques(&bus), 0);
@@ -169,9 +155,7 @@ fn a_killed_program_leaves_servos_that_stop_by_themselves() {
     let still = || (0..20).all(|i| bus.servo(i).expect("a servo").velocity_rad_s.abs() < 0.01);
     wait_until("every servo stands still", still);
     std::thread::sleep(Duration::from_millis(300));
-    let before: Vec<f64> = (0..20)
-        .map(|i| bus.servo(i).expect("a servo").position_rad)
-        .collect();
+    let before: Vec<f64> = (0..20).map(|i| bus.servo(i).expect("a servo").position_rad).collect();
     std::thread::sleep(Duration::from_millis(300));
     for (i, before) in before.iter().enumerate() {
         let after = bus.servo(i).expect("a servo").position_rad;
@@ -189,9 +173,8 @@ fn a_servo_that_dies_is_named_and_the_others_lose_torque() {
     let error = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{error}");
     assert!(error.contains("r_knee") && error.contains("13"), "{error}");
-    let powered: Vec<usize> = (0..20)
-        .filter(|i| *i != 12 && bus.servo(*i).expect("a servo").torque_enabled)
-        .collect();
+    let powered: Vec<usize> =
+        (0..20).filter(|i| *i != 12 && bus.servo(*i).expect("a servo").torque_enabled).collect();
     assert!(powered.is_empty(), "still powered: {powered:?}");
 }
 
@@ -201,9 +184,6 @@ fn a_servo_that_does_not_answer_is_named_before_any_torque() {
     let (program, bus) = (Program::new(), servos());
     assert!(bus.set_servo_fault(4, ServoFault::Dead));
     let port = format!("serial:{}", bus.port_path());
-    program.refused(
-        &["dance", "--bus", &port, "--picture", "out.png"],
-        &["r_el", "5"],
-    );
+    program.refused(&["dance", "--bus", &port, "--picture", "out.png"], &["r_el", "5"]);
     assert_eq!(torques(&bus), 0);
 }

@@ -87,18 +87,12 @@ fn both_stages_learn_and_what_they_learned_dances() {
     for (stage, score) in [("vqvae", "val_loss"), ("motionseq", "val_nll")] {
         let output = program.succeed(&train(stage, &[]));
         let told = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert!(
-            told.contains(&format!("runs/{stage}/weights.safetensors")),
-            "{told}"
-        );
+        assert!(told.contains(&format!("runs/{stage}/weights.safetensors")), "{told}");
         let losses = curve(&program, stage, "loss");
         assert!(losses.last() < losses.first(), "{stage}: {losses:?}");
         let scores = curve(&program, stage, score);
         let known: Vec<f64> = scores.iter().copied().filter(|s| s.is_finite()).collect();
-        assert!(
-            known.len() >= 3 && known.last() < known.first(),
-            "{stage}: {scores:?}"
-        );
+        assert!(known.len() >= 3 && known.last() < known.first(), "{stage}: {scores:?}");
         let picture = std::fs::read(program.path(&format!("runs/{stage}/curves.png"))).unwrap();
         assert_eq!(picture[1..4], *b"PNG");
     }
@@ -108,27 +102,12 @@ fn both_stages_learn_and_what_they_learned_dances() {
 
     program.click_track("clicks.wav", 4.0, 120.0);
     let weights = "runs/motionseq/weights.safetensors";
-    let generate = [
-        "generate",
-        "clicks.wav",
-        "--model",
-        weights,
-        "--out",
-        "dance.npz",
-        "-q",
-    ];
+    let generate = ["generate", "clicks.wav", "--model", weights, "--out", "dance.npz", "-q"];
     program.succeed(&generate);
     let clip = servodance_model::motion::Clip::read_npz(program.path("dance.npz")).unwrap();
     assert!(clip.poses.len() > 60);
     let weights = "runs/vqvae/weights.safetensors";
-    program.succeed(&[
-        "reconstruct",
-        "dance.npz",
-        "--model",
-        weights,
-        "--out",
-        "back.npz",
-    ]);
+    program.succeed(&["reconstruct", "dance.npz", "--model", weights, "--out", "back.npz"]);
 }
 
 #[test]
@@ -139,10 +118,7 @@ fn a_paused_run_goes_on_to_the_same_bytes() {
         // Between two lines of the curves, and before the first codes.
         let output = paused.succeed(&train(stage, &["--until", "7"]));
         let told = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert!(
-            told.contains("paused at step 7") && told.contains("--resume"),
-            "{told}"
-        );
+        assert!(told.contains("paused at step 7") && told.contains("--resume"), "{told}");
         paused.succeed(&train(stage, &["-q", "--until", "33", "--resume"]));
         paused.succeed(&train(stage, &["-q", "--resume", "--threads", "2"]));
         for file in ["last.safetensors", "weights.safetensors", "curves.csv"] {
@@ -158,11 +134,7 @@ fn a_paused_run_goes_on_to_the_same_bytes() {
 fn wait_for(path: &Path) {
     let began = Instant::now();
     while !path.exists() {
-        assert!(
-            began.elapsed() < Duration::from_secs(120),
-            "{}",
-            path.display()
-        );
+        assert!(began.elapsed() < Duration::from_secs(120), "{}", path.display());
         std::thread::sleep(Duration::from_millis(20));
     }
 }
@@ -199,54 +171,22 @@ fn what_cannot_be_trained_is_refused_in_one_line() {
         std::fs::write(program.path("train.toml"), text).unwrap();
         program.refused(&train("vqvae", more), words);
     };
-    check(
-        "preset = \"huge\"\n",
-        &[],
-        &["train.toml:1:", "huge", "`live`, `paper`, `tiny`"],
-    );
-    check(
-        "seed = 1\n\n[vqvae]\nstep = 5\n",
-        &[],
-        &["train.toml:4:", "`step`", "`steps`"],
-    );
-    check(
-        "[loss]\ncommit = \"much\"\n",
-        &[],
-        &["train.toml:2:", "much"],
-    );
-    check(
-        "[vqvae]\nbatch = 0\n",
-        &[],
-        &["train.toml: vqvae.batch is 0, expected 1 to 4096"],
-    );
+    check("preset = \"huge\"\n", &[], &["train.toml:1:", "huge", "`live`, `paper`, `tiny`"]);
+    check("seed = 1\n\n[vqvae]\nstep = 5\n", &[], &["train.toml:4:", "`step`", "`steps`"]);
+    check("[loss]\ncommit = \"much\"\n", &[], &["train.toml:2:", "much"]);
+    check("[vqvae]\nbatch = 0\n", &[], &["train.toml: vqvae.batch is 0, expected 1 to 4096"]);
     check(
         "model.parts = [\"tail\"]\ndata=\"tiny.safetensors\"\nout=\"runs\"",
         &[],
         &["tail", "left_arm"],
     );
     check("preset = \"tiny\"\n", &[], &["`data` is missing"]);
-    check(
-        "data = \"no.safetensors\"\nout = \"runs\"\n",
-        &[],
-        &["no.safetensors"],
-    );
-    check(
-        "data = \"train.toml\"\nout = \"runs\"\n",
-        &[],
-        &["train.toml", "not a training file"],
-    );
+    check("data = \"no.safetensors\"\nout = \"runs\"\n", &[], &["no.safetensors"]);
+    check("data = \"train.toml\"\nout = \"runs\"\n", &[], &["train.toml", "not a training file"]);
     check(SETTINGS, &["--threads", "0"], &["threads is 0"]);
-    check(
-        SETTINGS,
-        &["--resume"],
-        &["cannot go on from", "runs/vqvae/last.safetensors"],
-    );
+    check(SETTINGS, &["--resume"], &["cannot go on from", "runs/vqvae/last.safetensors"]);
     program.refused(&["train", "vqvae", "--config", "no.toml"], &["no.toml"]);
-    let words = [
-        "weights of stage 1",
-        "runs/vqvae/weights.safetensors",
-        "train vqvae",
-    ];
+    let words = ["weights of stage 1", "runs/vqvae/weights.safetensors", "train vqvae"];
     program.refused(&train("motionseq", &[]), &words);
     let not_weights = train("motionseq", &["--stage-one", "tiny.safetensors"]);
     program.refused(&not_weights, &["tiny.safetensors", "format"]);
@@ -263,17 +203,12 @@ fn another_runs_checkpoint_is_refused_and_kept() {
         assert!(std::fs::read(&last).unwrap() == before);
     };
     refused(&[], &["last.safetensors is there already", "--resume"]);
-    refused(
-        &["--resume", "--seed", "5"],
-        &["last.safetensors", "`seed` is 1, expected 5"],
-    );
+    refused(&["--resume", "--seed", "5"], &["last.safetensors", "`seed` is 1, expected 5"]);
     let wider = SETTINGS.replace("batch = 8", "batch = 9");
     std::fs::write(program.path("train.toml"), wider).unwrap();
     refused(&["--resume"], &["`run.batch` is 8, expected 9"]);
     std::fs::write(program.path("train.toml"), SETTINGS).unwrap();
     std::fs::write(&last, &before[..before.len() / 2]).unwrap();
-    program.refused(
-        &train("vqvae", &["--resume"]),
-        &["last.safetensors", "not a whole checkpoint"],
-    );
+    program
+        .refused(&train("vqvae", &["--resume"]), &["last.safetensors", "not a whole checkpoint"]);
 }

@@ -35,10 +35,7 @@ fn with_nan(tensor: &str) -> Vec<u8> {
 fn info_says_what_a_file_holds() {
     let program = program();
     let built_in = json(&program, &["weights", "info", "--json"]);
-    assert_eq!(
-        (&built_in["preset"], &built_in["dtype"]),
-        (&"live".into(), &"f16".into())
-    );
+    assert_eq!((&built_in["preset"], &built_in["dtype"]), (&"live".into(), &"f16".into()));
     assert_eq!(built_in["encoders"], true);
     let tiny = json(&program, &["weights", "info", "tiny.safetensors", "--json"]);
     assert_eq!(
@@ -84,10 +81,7 @@ fn convert_writes_every_format_and_what_it_writes_dances() {
         let generate = ["generate", "clicks.wav", "--out", "dance.npz", "--model"];
         program.succeed(&[&generate[..], &[&*out, "-q"]].concat());
     }
-    assert!(
-        sizes.is_sorted_by(|wide, narrow| wide > narrow),
-        "{sizes:?}"
-    );
+    assert!(sizes.is_sorted_by(|wide, narrow| wide > narrow), "{sizes:?}");
     // There and back again: f32 holds what f16 held.
     let back = ["weights", "convert", "f16.safetensors", "--dtype", "f32"];
     program.succeed(&[&back[..], &["--out", "wide.safetensors"]].concat());
@@ -99,10 +93,7 @@ fn convert_writes_every_format_and_what_it_writes_dances() {
     let twice = SafeTensors::deserialize(&twice).unwrap();
     assert_eq!(once.len(), twice.len());
     for (name, tensor) in once.iter() {
-        assert!(
-            twice.tensor(name).unwrap().data() == tensor.data(),
-            "{name}"
-        );
+        assert!(twice.tensor(name).unwrap().data() == tensor.data(), "{name}");
     }
 }
 
@@ -129,20 +120,12 @@ fn compare_holds_every_format_against_f32() {
     let program = program();
     write_clips(&program.path("data"), [Split::Test; 2]);
     let compare = ["weights", "compare", "tiny.safetensors", "--data", "data"];
-    let rows = json(
-        &program,
-        &[&compare[..], &["--clips", "2", "--json"]].concat(),
-    );
+    let rows = json(&program, &[&compare[..], &["--clips", "2", "--json"]].concat());
     let column = |name: &str| -> Vec<f64> {
         let rows = rows.as_array().unwrap().iter();
         rows.map(|row| row[name].as_f64().unwrap()).collect()
     };
-    let dtypes: Vec<&Value> = rows
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|r| &r["dtype"])
-        .collect();
+    let dtypes: Vec<&Value> = rows.as_array().unwrap().iter().map(|r| &r["dtype"]).collect();
     assert_eq!(dtypes, ["f32", "f16", "q8_0", "q6", "q4_0"]);
     for kept in [column("codes_kept"), column("likeliest_kept")] {
         assert!(kept[0] == 1.0 && kept[1] > 0.9 && kept[2] > 0.9, "{kept:?}");
@@ -168,9 +151,7 @@ fn compare_needs_motion_that_was_held_out() {
 #[test]
 fn bench_model_tells_its_figures_as_json() {
     let program = program();
-    let bench = [
-        "bench", "model", "--preset", "tiny", "--frames", "5", "--json",
-    ];
+    let bench = ["bench", "model", "--preset", "tiny", "--frames", "5", "--json"];
     let more = ["--dtype", "q8_0", "--context", "12", "--threads", "2"];
     let said = json(&program, &[&bench[..], &more].concat());
     let expected: Value = serde_json::json!({
@@ -182,13 +163,7 @@ fn bench_model_tells_its_figures_as_json() {
     for key in ["ms_p50", "ms_p99", "weight_bytes", "read_gbps", "limit_ms"] {
         assert!(said[key].as_f64().is_some_and(|v| v > 0.0), "{key}: {said}");
     }
-    let file = [
-        "--model",
-        "tiny.safetensors",
-        "--guidance",
-        "--position",
-        "36000",
-    ];
+    let file = ["--model", "tiny.safetensors", "--guidance", "--position", "36000"];
     let said = json(&program, &[&bench[..], &file].concat());
     assert_eq!(
         (&said["lanes"], &said["position"], &said["dtype"]),

@@ -38,11 +38,7 @@ fn rendered(count: u64, tempi: Option<(f64, f64)>) -> Result<(), Failure> {
         }
         let song = spec.render()?;
         let mut analyzer = MusicAnalyzer::new(song.sample_rate_hz)?;
-        for (i, second) in song
-            .samples
-            .chunks(song.sample_rate_hz as usize)
-            .enumerate()
-        {
+        for (i, second) in song.samples.chunks(song.sample_rate_hz as usize).enumerate() {
             hear(&mut analyzer, second, (i + 1) as f64, &song.beats_s);
         }
         println!();

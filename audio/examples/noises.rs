@@ -16,19 +16,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     for seed in 0..3 {
         // Half turns of a dance at 100 to 140 BPM, as if to a song long over.
         let turn_s = 60.0 / (100.0 + 20.0 * seed as f64);
-        let turns: Vec<f64> = (0..)
-            .map(|i| f64::from(i) * turn_s)
-            .take_while(|t| *t < seconds)
-            .collect();
+        let turns: Vec<f64> =
+            (0..).map(|i| f64::from(i) * turn_s).take_while(|t| *t < seconds).collect();
         let colour = 0.45 * seed as f32;
         for (name, sound) in [
             ("speech", speech(seconds, RATE_HZ, seed)),
             ("crowd", crowd(seconds, RATE_HZ, seed)),
             ("hiss", hiss(seconds, RATE_HZ, colour, seed)),
-            (
-                "knocks",
-                knocks(seconds, RATE_HZ, 2.0 + 2.0 * seed as f64, seed),
-            ),
+            ("knocks", knocks(seconds, RATE_HZ, 2.0 + 2.0 * seed as f64, seed)),
             ("motors", motors(&turns, seconds, RATE_HZ, seed)),
         ] {
             write(&format!("{folder}/{name}-{seed}.wav"), &sound)?;

@@ -23,10 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         spec.render()?
     };
     let speed = song.duration_s() / begin.elapsed().as_secs_f64();
-    eprintln!(
-        "{:.1} s of music, {speed:.0} times real time",
-        song.duration_s()
-    );
+    eprintln!("{:.1} s of music, {speed:.0} times real time", song.duration_s());
     let mut out = hound::WavWriter::create(
         path,
         hound::WavSpec {

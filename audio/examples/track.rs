@@ -10,9 +10,7 @@ use servodance_audio::{AudioSource, MusicAnalyzer};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let path = arguments
-        .first()
-        .ok_or("usage: track FILE [offline|frames]")?;
+    let path = arguments.first().ok_or("usage: track FILE [offline|frames]")?;
     let what = arguments.get(1).map_or("causal", String::as_str);
     let mut source = AudioSource::open(path)?;
     let mut analyzer = MusicAnalyzer::keeping_history(source.sample_rate_hz())?;

@@ -85,11 +85,7 @@ impl MusicAnalyzer {
             beat_delay_s: LATENCY_S + resampler.delay_s(),
         };
         core.emit();
-        Ok(Self {
-            resampler,
-            core,
-            replaced: 0,
-        })
+        Ok(Self { resampler, core, replaced: 0 })
     }
 
     /// An analyzer that also keeps a [`BeatHistory`], which grows with the music.
@@ -98,11 +94,7 @@ impl MusicAnalyzer {
         let mut analyzer = Self::new(sample_rate_hz)?;
         let rate_hz = f64::from(ANALYSIS_RATE_HZ) / HOP as f64;
         let first_s = 1.0 / rate_hz - analyzer.core.beat_delay_s;
-        analyzer.core.history = Some(BeatHistory {
-            rate_hz,
-            first_s,
-            ..BeatHistory::default()
-        });
+        analyzer.core.history = Some(BeatHistory { rate_hz, first_s, ..BeatHistory::default() });
         Ok(analyzer)
     }
 
@@ -187,11 +179,8 @@ impl AnalysisCore {
 
     fn emit(&mut self) {
         let index = self.received / FRAME_HOP;
-        let mut spectral = if index == 0 {
-            [0.0; SPECTRAL_DIM]
-        } else {
-            self.features.frame(&self.recent)
-        };
+        let mut spectral =
+            if index == 0 { [0.0; SPECTRAL_DIM] } else { self.features.frame(&self.recent) };
         if index > 0 {
             let network = (!self.tracker.is_silent()).then_some(self.output.music);
             self.detector.frame(self.features.fine_magnitude(), network);
@@ -252,10 +241,7 @@ mod tests {
         let mut changed = song.samples.clone();
         let cut_s = 2.0;
         changed[(cut_s * 22_050.0) as usize..].fill(0.0);
-        let (a, b) = (
-            analyze(&song.samples, 22_050, 1000),
-            analyze(&changed, 22_050, 1000),
-        );
+        let (a, b) = (analyze(&song.samples, 22_050, 1000), analyze(&changed, 22_050, 1000));
         for (a, b) in a.iter().zip(&b).take_while(|(a, _)| a.time_s <= cut_s) {
             assert_eq!(a, b);
         }
@@ -283,10 +269,7 @@ mod tests {
     fn values_are_finite_and_of_reasonable_size() {
         for style in Style::ALL {
             for frame in analyze(&song(style, 5.0).samples, 22_050, 4096) {
-                let ok = frame
-                    .vector()
-                    .iter()
-                    .all(|v| v.is_finite() && v.abs() < 20.0);
+                let ok = frame.vector().iter().all(|v| v.is_finite() && v.abs() < 20.0);
                 assert!(ok, "{style:?} at {} s: {:?}", frame.time_s, frame.vector());
             }
         }
@@ -313,10 +296,7 @@ mod tests {
     #[test]
     fn impossible_rate_is_refused() {
         let error = MusicAnalyzer::new(10).err().map(|e| e.to_string());
-        assert_eq!(
-            error.as_deref(),
-            Some("the sample rate must be 4000 to 384000 Hz, not 10")
-        );
+        assert_eq!(error.as_deref(), Some("the sample rate must be 4000 to 384000 Hz, not 10"));
     }
 
     #[test]

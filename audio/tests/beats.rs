@@ -16,11 +16,7 @@ fn spec(style: Style, beats_s: Vec<f64>, duration_s: f64) -> SongSpec {
 }
 
 fn section(first_bar: i64, layers: Layers) -> Section {
-    Section {
-        first_bar,
-        layers,
-        intensity: 0.7,
-    }
+    Section { first_bar, layers, intensity: 0.7 }
 }
 
 fn steady(bpm: f64, duration_s: f64) -> Vec<f64> {
@@ -57,21 +53,13 @@ fn right(song: &Song, frames: &[MusicFrame], from_s: f64, to_s: f64) -> f64 {
 
 #[test]
 fn phase_is_exact_once_locked() {
-    for (style, bpm) in [
-        (Style::House, 124.0),
-        (Style::Rock, 140.0),
-        (Style::Disco, 116.0),
-        (Style::Soul, 96.0),
-    ] {
-        let song = spec(style, steady(bpm, 25.0), 25.0)
-            .render()
-            .expect("a song");
+    for (style, bpm) in
+        [(Style::House, 124.0), (Style::Rock, 140.0), (Style::Disco, 116.0), (Style::Soul, 96.0)]
+    {
+        let song = spec(style, steady(bpm, 25.0), 25.0).render().expect("a song");
         let frames = listen(&song.samples, song.sample_rate_hz);
-        let late: Vec<f64> = frames
-            .iter()
-            .filter(|f| f.time_s > 8.0)
-            .map(|f| error_s(&song, f))
-            .collect();
+        let late: Vec<f64> =
+            frames.iter().filter(|f| f.time_s > 8.0).map(|f| error_s(&song, f)).collect();
         let worst = late.iter().fold(0.0f64, |w, e| w.max(e.abs()));
         assert!(worst < 0.03, "{style:?}: {worst} s off");
         assert!(right(&song, &frames, 5.0, 25.0) > 0.95, "{style:?}");
@@ -82,12 +70,7 @@ fn phase_is_exact_once_locked() {
 fn break_is_danced_through() {
     let mut spec = spec(Style::House, steady(120.0, 40.0), 40.0);
     // Bars of 2 s: drums stop from 16 s to 24 s, chords go on.
-    let quiet = Layers {
-        drums: false,
-        bass: false,
-        lead: false,
-        chords: true,
-    };
+    let quiet = Layers { drums: false, bass: false, lead: false, chords: true };
     spec.sections.push(section(8, quiet));
     spec.sections.push(section(12, Layers::ALL));
     let song = spec.render().expect("a song");
@@ -116,10 +99,7 @@ fn drift_of_ten_percent_is_followed() {
 fn another_song_is_found() {
     let first = spec(Style::House, steady(126.0, 20.0), 20.0);
     let second = spec(Style::Rock, steady(140.0, 25.0), 25.0);
-    let (first, second) = (
-        first.render().expect("a song"),
-        second.render().expect("a song"),
-    );
+    let (first, second) = (first.render().expect("a song"), second.render().expect("a song"));
     let mut both = first.samples.clone();
     both.extend_from_slice(&second.samples);
     let mut frames = listen(&both, first.sample_rate_hz);
@@ -131,13 +111,9 @@ fn another_song_is_found() {
 
 #[test]
 fn slow_song_after_a_faster_one_is_followed_at_its_own_tempo() {
-    let first = spec(Style::House, steady(126.0, 20.0), 20.0)
-        .render()
-        .expect("a song");
+    let first = spec(Style::House, steady(126.0, 20.0), 20.0).render().expect("a song");
     for style in [Style::Soul, Style::HipHop, Style::Rock] {
-        let second = spec(style, steady(98.0, 30.0), 30.0)
-            .render()
-            .expect("a song");
+        let second = spec(style, steady(98.0, 30.0), 30.0).render().expect("a song");
         let mut both = first.samples.clone();
         both.extend_from_slice(&second.samples);
         let frames = listen(&both, first.sample_rate_hz);
@@ -155,9 +131,7 @@ fn turns(song: &Song) -> Vec<f64> {
 
 #[test]
 fn own_motors_in_the_microphone_do_not_disturb() {
-    let song = spec(Style::House, steady(124.0, 25.0), 25.0)
-        .render()
-        .expect("a song");
+    let song = spec(Style::House, steady(124.0, 25.0), 25.0).render().expect("a song");
     let whine = motors(&turns(&song), 25.0, song.sample_rate_hz, 3);
     for (snr_db, least) in [(10.0, 0.9), (0.0, 0.8)] {
         let heard = mix(&song.samples, &whine, snr_db);
@@ -169,9 +143,7 @@ fn own_motors_in_the_microphone_do_not_disturb() {
 
 #[test]
 fn people_who_talk_do_not_disturb() {
-    let song = spec(Style::Rock, steady(132.0, 25.0), 25.0)
-        .render()
-        .expect("a song");
+    let song = spec(Style::Rock, steady(132.0, 25.0), 25.0).render().expect("a song");
     for (name, noise) in [
         ("speech", speech(25.0, song.sample_rate_hz, 5)),
         ("crowd", crowd(25.0, song.sample_rate_hz, 5)),
@@ -205,9 +177,7 @@ fn what_is_not_music_is_not_present_and_has_no_beat() {
 
 #[test]
 fn speech_after_a_song_is_noticed() {
-    let song = spec(Style::Disco, steady(118.0, 15.0), 15.0)
-        .render()
-        .expect("a song");
+    let song = spec(Style::Disco, steady(118.0, 15.0), 15.0).render().expect("a song");
     let mut heard = song.samples.clone();
     let talk = speech(15.0, song.sample_rate_hz, 2);
     heard.extend(talk.iter().map(|s| 0.05 * s));
@@ -215,21 +185,14 @@ fn speech_after_a_song_is_noticed() {
     let at = |s: f64| frames[(20.0 * s) as usize];
     assert!(at(14.0).presence > 0.5 && at(14.0).beat.lock == BeatLock::Locked);
     for frame in frames.iter().filter(|f| f.time_s > 24.0) {
-        assert!(
-            frame.presence < 0.5,
-            "{} s: {}",
-            frame.time_s,
-            frame.presence
-        );
+        assert!(frame.presence < 0.5, "{} s: {}", frame.time_s, frame.presence);
         assert_eq!(frame.beat.lock, BeatLock::Lost, "{} s", frame.time_s);
     }
 }
 
 #[test]
 fn quiet_music_is_music_with_the_same_beats() {
-    let song = spec(Style::House, steady(126.0, 20.0), 20.0)
-        .render()
-        .expect("a song");
+    let song = spec(Style::House, steady(126.0, 20.0), 20.0).render().expect("a song");
     let loud = listen(&song.samples, song.sample_rate_hz);
     for gain in [0.1, 0.01] {
         let soft: Vec<f32> = song.samples.iter().map(|s| gain * s).collect();

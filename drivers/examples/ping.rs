@@ -13,11 +13,7 @@ fn main() -> Result<(), simulated::Failure> {
     let mut scanner =
         SerialScanner::open(sim.port_path(), simulated::BAUD, Framing::Protocol2, wait)?;
     let servo = scanner.ping(2)?.ok_or("id 2 does not answer")?;
-    println!(
-        "{} with firmware {}",
-        servo.model.unwrap_or("unknown model"),
-        servo.firmware
-    );
+    println!("{} with firmware {}", servo.model.unwrap_or("unknown model"), servo.firmware);
     println!("{:?}", scanner.vitals(&servo)?);
     Ok(())
 }

@@ -13,11 +13,9 @@ fn main() -> Result<(), simulated::Failure> {
     let wait = Duration::from_millis(100);
     let mut scanner =
         SerialScanner::open(sim.port_path(), simulated::BAUD, Framing::Protocol2, wait)?;
-    for register in [
-        registers::PRESENT_POSITION,
-        registers::PRESENT_VOLTAGE,
-        registers::PRESENT_TEMPERATURE,
-    ] {
+    for register in
+        [registers::PRESENT_POSITION, registers::PRESENT_VOLTAGE, registers::PRESENT_TEMPERATURE]
+    {
         println!("{}: {:?}", register.name, scanner.read(1, register)?);
     }
     Ok(())

@@ -46,24 +46,14 @@ impl fmt::Display for Refusal {
 #[allow(missing_docs)] // each field stands in the message above it
 pub enum ConfigError {
     #[error("joint {joint}: {key} is {actual}, must be {wanted}")]
-    Joint {
-        joint: String,
-        key: &'static str,
-        actual: String,
-        wanted: String,
-    },
+    Joint { joint: String, key: &'static str, actual: String, wanted: String },
     #[error("joint {joint}: {reason}")]
     Limits { joint: String, reason: String },
     #[error(
         "joint {joint} (id {id}) clashes with {other} (id {other_id}): \
          names must be unique, and ids on one bus"
     )]
-    Twice {
-        joint: String,
-        id: u8,
-        other: String,
-        other_id: u8,
-    },
+    Twice { joint: String, id: u8, other: String, other_id: u8 },
     #[error("the robot has no [[joint]] table")]
     NoJoints,
     #[error("the robot has no [bus] table")]
@@ -71,22 +61,12 @@ pub enum ConfigError {
     #[error("no such bus \"{actual}\": {reason}")]
     Port { actual: String, reason: String },
     #[error("bus: {key} is {actual}, must be {wanted}")]
-    Bus {
-        key: &'static str,
-        actual: String,
-        wanted: &'static str,
-    },
+    Bus { key: &'static str, actual: String, wanted: &'static str },
     #[error(
         "{servos} servos at {baud} baud carry at most {limit_hz:.0} cycles a second \
          ({bytes} bytes each), but the robot asks for {asked_hz}: raise the baud or lower control_hz"
     )]
-    Rate {
-        servos: usize,
-        baud: u32,
-        limit_hz: f64,
-        bytes: usize,
-        asked_hz: f64,
-    },
+    Rate { servos: usize, baud: u32, limit_hz: f64, bytes: usize, asked_hz: f64 },
     #[error(
         "{motors} motors on CAN at {bitrate} bit/s carry at most {nominal_hz:.0} cycles a second \
          ({bits} bits each; {worst_hz:.0} with the most stuff bits), but the robot asks for \
@@ -109,64 +89,25 @@ pub type BusResult<T> = Result<T, BusError>;
 #[allow(missing_docs)] // each field stands in the message above it
 pub enum BusError {
     #[error("cannot open {port}: {reason}{choices}")]
-    Open {
-        port: String,
-        reason: String,
-        choices: String,
-    },
+    Open { port: String, reason: String, choices: String },
     #[error("serial port {port} failed ({doing}): {reason}")]
-    Port {
-        port: String,
-        doing: &'static str,
-        reason: std::io::Error,
-    },
+    Port { port: String, doing: &'static str, reason: std::io::Error },
     #[error("no answer from {} ({doing}, tried {tries} times)", list(.servos))]
-    Silent {
-        servos: Vec<ServoId>,
-        doing: &'static str,
-        tries: u32,
-    },
+    Silent { servos: Vec<ServoId>, doing: &'static str, tries: u32 },
     #[error("only corrupt replies from {} ({doing}, tried {tries} times)", list(.servos))]
-    Corrupt {
-        servos: Vec<ServoId>,
-        doing: &'static str,
-        tries: u32,
-    },
+    Corrupt { servos: Vec<ServoId>, doing: &'static str, tries: u32 },
     #[error("{servo} refused {doing}: {refusal}")]
-    Refused {
-        servo: ServoId,
-        doing: &'static str,
-        refusal: Refusal,
-    },
+    Refused { servo: ServoId, doing: &'static str, refusal: Refusal },
     #[error("{servo} is model number {actual}, but the robot file says {wanted} (number {number})")]
-    WrongModel {
-        servo: ServoId,
-        actual: String,
-        wanted: &'static str,
-        number: u16,
-    },
+    WrongModel { servo: ServoId, actual: String, wanted: &'static str, number: u16 },
     #[error("{servo} reports a hardware error: {flags}")]
     Hardware { servo: ServoId, flags: String },
     #[error("{servo}: {register} reads {actual} after writing {wanted}")]
-    ReadBack {
-        servo: ServoId,
-        register: &'static str,
-        wanted: i64,
-        actual: i64,
-    },
+    ReadBack { servo: ServoId, register: &'static str, wanted: i64, actual: i64 },
     #[error("{servo}: {what} is {actual}, must be {wanted}")]
-    Unfit {
-        servo: ServoId,
-        what: &'static str,
-        actual: String,
-        wanted: String,
-    },
+    Unfit { servo: ServoId, what: &'static str, actual: String, wanted: String },
     #[error("CAN link {port} failed ({doing}): {reason}")]
-    Link {
-        port: String,
-        doing: &'static str,
-        reason: std::io::Error,
-    },
+    Link { port: String, doing: &'static str, reason: std::io::Error },
     #[error(
         "CAN link {port} is bus-off ({doing}): check wiring, termination and bitrate, \
          then restart the interface"
@@ -178,11 +119,7 @@ pub enum BusError {
     )]
     QueueFull { port: String, doing: &'static str },
     #[error("{servo} refused {doing}: {said}")]
-    Said {
-        servo: ServoId,
-        doing: &'static str,
-        said: String,
-    },
+    Said { servo: ServoId, doing: &'static str, said: String },
     #[error(
         "{why}, and {servos} servos at {baud} baud carry at most {limit_hz:.0} cycles a second \
          with a plain Sync Read ({bytes} bytes each), but the robot asks for {asked_hz}: \
@@ -204,35 +141,20 @@ pub enum BusError {
     #[error("target for {servo} is {target}, not a finite number: nothing was sent")]
     NotFinite { servo: ServoId, target: f64 },
     #[error("the bus has {servos} servos, but {actual} {what} were given")]
-    Length {
-        servos: usize,
-        actual: usize,
-        what: &'static str,
-    },
+    Length { servos: usize, actual: usize, what: &'static str },
     #[error("the bus of {} did not finish {doing} within {limit_s:.1} s", list(.servos))]
-    Wedged {
-        servos: Vec<ServoId>,
-        doing: &'static str,
-        limit_s: f64,
-    },
+    Wedged { servos: Vec<ServoId>, doing: &'static str, limit_s: f64 },
     #[error("{servo} cannot rejoin while the others go on")]
     NoReturn { servo: ServoId },
     #[error("the bus is not armed")]
     NotArmed,
     #[error("torque may still be ON at {}: cut the power ({reason})", list(.servos))]
-    TorqueUnverified {
-        servos: Vec<ServoId>,
-        reason: String,
-    },
+    TorqueUnverified { servos: Vec<ServoId>, reason: String },
 }
 
 impl BusError {
     pub(crate) fn not_opened(port: &str, reason: impl ToString) -> Self {
-        Self::Open {
-            port: port.into(),
-            reason: reason.to_string(),
-            choices: String::new(),
-        }
+        Self::Open { port: port.into(), reason: reason.to_string(), choices: String::new() }
     }
 
     pub(crate) fn brief(&self) -> String {

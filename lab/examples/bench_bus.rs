@@ -44,9 +44,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ..BusConfig::of_kind(known.kind, baud)
     };
     let bench = bench_bus(&servos, &config, control_hz, 2000, adapter_ms * 1e-3, link)?;
-    println!(
-        "{bench:?} {:.1} % of the wire",
-        100.0 * bench.hz / bench.wire_limit_hz
-    );
+    println!("{bench:?} {:.1} % of the wire", 100.0 * bench.hz / bench.wire_limit_hz);
     Ok(())
 }

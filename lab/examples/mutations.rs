@@ -13,10 +13,8 @@ use servodance_retarget::{draft_config, lint, urdf_from_mjcf};
 use servodance_runtime::robot::Robot;
 use servodance_runtime::robot::check;
 
-const TOMLS: [&str; 2] = [
-    include_str!("../../configs/op3.toml"),
-    include_str!("../../configs/neck.toml"),
-];
+const TOMLS: [&str; 2] =
+    [include_str!("../../configs/op3.toml"), include_str!("../../configs/neck.toml")];
 const URDFS: [(&str, &str); 3] = [
     ("op3.urdf", include_str!("../../configs/op3.urdf")),
     ("neck.urdf", include_str!("../../configs/neck.urdf")),
@@ -48,9 +46,7 @@ fn main() -> anyhow::Result<()> {
             1 => {
                 let urdf = mutated(&mut rng, URDFS[pick % URDFS.len()].1);
                 let refused = servodance_retarget::DiagnosticSeverity::Refused;
-                let clean = lint(&urdf)
-                    .iter()
-                    .all(|finding| finding.severity != refused);
+                let clean = lint(&urdf).iter().all(|finding| finding.severity != refused);
                 anyhow::ensure!(clean == draft_config(&urdf).is_ok(), "file {file}: {urdf}");
                 clean
             }

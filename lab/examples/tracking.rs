@@ -49,15 +49,8 @@ fn main() -> anyhow::Result<()> {
     for column in &mut columns {
         column.sort_by(f64::total_cmp);
     }
-    for (name, share) in [
-        ("first quartile", 0.25),
-        ("median", 0.5),
-        ("third quartile", 0.75),
-    ] {
-        let row: Vec<f64> = columns
-            .iter()
-            .map(|c| TrackedMotion::quantile(c, share))
-            .collect();
+    for (name, share) in [("first quartile", 0.25), ("median", 0.5), ("third quartile", 0.75)] {
+        let row: Vec<f64> = columns.iter().map(|c| TrackedMotion::quantile(c, share)).collect();
         println!("{} |", line(name, &row));
     }
     Ok(())

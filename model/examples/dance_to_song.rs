@@ -12,19 +12,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
     let music = features(args.next().as_deref())?;
     let generator = Generator::built_in()?;
-    let mut dance = generator.start(GeneratorOptions {
-        seed: 1,
-        ..GeneratorOptions::default()
-    })?;
+    let mut dance = generator.start(GeneratorOptions { seed: 1, ..GeneratorOptions::default() })?;
     let mut poses = Vec::with_capacity(music.len());
     for frame in &music {
         poses.push(dance.step(frame)?.positions);
     }
-    let clip = Clip {
-        name: generator.default_style().to_owned(),
-        fps: FRAME_RATE_HZ,
-        poses,
-    };
+    let clip = Clip { name: generator.default_style().to_owned(), fps: FRAME_RATE_HZ, poses };
     let tempo_bpm = music.last().map_or(0.0, |frame| frame.beat.tempo_bpm);
     println!(
         "{} frames of `{}` to {tempo_bpm:.0} beats a minute, {:.2} m/s on average",

@@ -16,54 +16,29 @@ pub enum ModelError {
     Config { source_name: String, reason: String },
     /// A tensor that the configuration asks for is not in the file.
     #[error("{source_name}: tensor `{tensor}` is missing (expected shape {expected:?})")]
-    MissingTensor {
-        source_name: String,
-        tensor: String,
-        expected: Vec<usize>,
-    },
+    MissingTensor { source_name: String, tensor: String, expected: Vec<usize> },
     /// A tensor has another shape than the configuration asks for.
     #[error("{source_name}: tensor `{tensor}` has shape {found:?}, expected {expected:?}")]
-    Shape {
-        source_name: String,
-        tensor: String,
-        expected: Vec<usize>,
-        found: Vec<usize>,
-    },
+    Shape { source_name: String, tensor: String, expected: Vec<usize>, found: Vec<usize> },
     /// A tensor has a number format that is not read here.
     #[error("{source_name}: tensor `{tensor}` has type {found}, expected {expected}")]
-    Type {
-        source_name: String,
-        tensor: String,
-        expected: &'static str,
-        found: String,
-    },
+    Type { source_name: String, tensor: String, expected: &'static str, found: String },
     /// A motion that no figure can be made of.
     #[error("the motion has {found} frames, at least {expected} are needed")]
     TooShort { found: usize, expected: usize },
     #[error("{source_name}: tensor `{tensor}` holds a number that is not finite, at index {index}")]
-    NotFinite {
-        source_name: String,
-        tensor: String,
-        index: usize,
-    },
+    NotFinite { source_name: String, tensor: String, index: usize },
     #[error("unknown style `{found}`; choose one of: {}", known.join(", "))]
     UnknownStyle { found: String, known: Vec<String> },
     /// The weights were trained on music features of another kind.
     #[error("the weights hear {wanted} music features, but {fed} are fed")]
-    MusicKind {
-        wanted: &'static str,
-        fed: &'static str,
-    },
+    MusicKind { wanted: &'static str, fed: &'static str },
     /// The weights take no style vector like this one.
     #[error("the weights take styles of {expected} finite numbers, not of {found}")]
     StyleWidth { found: usize, expected: usize },
     /// A generator option is out of its range.
     #[error("option `{option}` is {found}, expected {expected}")]
-    Option {
-        option: &'static str,
-        found: String,
-        expected: &'static str,
-    },
+    Option { option: &'static str, found: String, expected: &'static str },
     /// The networks gave a number that is not finite; start a new dance.
     #[error("the model's output at frame {frame} is not finite; start again")]
     Diverged { frame: u64 },

@@ -25,11 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let (mut robot, hz) = open(&path)?;
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
-    writeln!(
-        out,
-        "{},x,y,z,qx,qy,qz,qw",
-        robot.model().joint_names().join(",")
-    )?;
+    writeln!(out, "{},x,y,z,qx,qy,qz,qw", robot.model().joint_names().join(","))?;
 
     let mut positions = robot.rest().to_vec();
     let mut waiting = frames.iter().peekable();
@@ -70,29 +66,16 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Reads the parts of a robot file that retargeting needs.
 fn open(path: &str) -> Result<(Retargeter, f64), Box<dyn Error>> {
     let file: toml::Table = std::fs::read_to_string(path)?.parse()?;
-    let urdf = file
-        .get("urdf")
-        .and_then(|v| v.as_str())
-        .ok_or("no key urdf")?;
+    let urdf = file.get("urdf").and_then(|v| v.as_str()).ok_or("no key urdf")?;
     let urdf = std::path::Path::new(path).with_file_name(urdf);
-    let hz = file
-        .get("control_hz")
-        .and_then(|v| v.as_integer())
-        .ok_or("no control_hz")? as f64;
+    let hz = file.get("control_hz").and_then(|v| v.as_integer()).ok_or("no control_hz")? as f64;
     let config: RetargetConfig = match file.get("retarget") {
         Some(table) => table.clone().try_into()?,
         None => RetargetConfig::default(),
     };
     let mut joints = Vec::new();
-    for joint in file
-        .get("joint")
-        .and_then(|v| v.as_array())
-        .ok_or("no [[joint]]")?
-    {
-        let name = joint
-            .get("name")
-            .and_then(|v| v.as_str())
-            .ok_or("joint without name")?;
+    for joint in file.get("joint").and_then(|v| v.as_array()).ok_or("no [[joint]]")? {
+        let name = joint.get("name").and_then(|v| v.as_str()).ok_or("joint without name")?;
         let degrees = |key: &str| -> Result<f64, String> {
             let value = joint.get(key);
             let number =
@@ -114,10 +97,8 @@ fn open(path: &str) -> Result<(Retargeter, f64), Box<dyn Error>> {
 fn read_motion() -> Result<Vec<MotionFrame>, Box<dyn Error>> {
     let mut frames = Vec::new();
     for (number, line) in std::io::stdin().lock().lines().enumerate() {
-        let values: Vec<f32> = line?
-            .split(',')
-            .map(|v| v.trim().parse())
-            .collect::<Result<_, _>>()?;
+        let values: Vec<f32> =
+            line?.split(',').map(|v| v.trim().parse()).collect::<Result<_, _>>()?;
         if values.len() != JOINT_COUNT * 3 {
             return Err(format!("line {}: {} numbers, not 66", number + 1, values.len()).into());
         }
@@ -136,14 +117,9 @@ fn waving(number: u16) -> MotionFrame {
     let (up, out) = (time_s as f32 * std::f32::consts::TAU).sin_cos();
     let middle = |height| [0.0, height, 0.0];
     let mut positions = [middle(0.0); JOINT_COUNT];
-    for (joint, height) in [
-        (Pelvis, 0.95),
-        (Spine1, 1.05),
-        (Spine2, 1.2),
-        (Spine3, 1.25),
-        (Neck, 1.5),
-        (Head, 1.6),
-    ] {
+    for (joint, height) in
+        [(Pelvis, 0.95), (Spine1, 1.05), (Spine2, 1.2), (Spine3, 1.25), (Neck, 1.5), (Head, 1.6)]
+    {
         positions[joint as usize] = middle(height);
     }
     for (joint, aside, height, ahead) in [
@@ -159,9 +135,5 @@ fn waving(number: u16) -> MotionFrame {
         positions[joint as usize] = [aside, height, ahead];
         positions[joint.mirrored() as usize] = [-aside, height, ahead];
     }
-    MotionFrame {
-        time_s,
-        positions,
-        contacts: Default::default(),
-    }
+    MotionFrame { time_s, positions, contacts: Default::default() }
 }

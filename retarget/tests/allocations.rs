@@ -41,9 +41,7 @@ fn the_control_cycle_does_not_allocate() {
                 }
                 robot.push(&frame);
             }
-            robot
-                .next(f64::from(cycle) * 0.01, &mut out)
-                .expect("length");
+            robot.next(f64::from(cycle) * 0.01, &mut out).expect("length");
         }
     });
     assert_eq!(counted.count_total, 0);

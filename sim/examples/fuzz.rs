@@ -36,9 +36,8 @@ impl Dice {
     /// A packet with a sound checksum around arbitrary contents, often damaged
     /// afterwards.
     fn input(&mut self, protocol: Framing, to_host: bool) -> Vec<u8> {
-        const CODES: [u8; 15] = [
-            1, 2, 3, 4, 5, 6, 8, 0x10, 0x82, 0x83, 0x8A, 0x92, 0x93, 0x9A, 0x55,
-        ];
+        const CODES: [u8; 15] =
+            [1, 2, 3, 4, 5, 6, 8, 0x10, 0x82, 0x83, 0x8A, 0x92, 0x93, 0x9A, 0x55];
         let params: Vec<u8> = (0..self.below(24)).map(|_| self.byte()).collect();
         let id = [1, 2, 0xFE, self.byte()][self.below(4) as usize];
         let mut bytes = Vec::new();
@@ -61,10 +60,7 @@ impl Dice {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let inputs: u64 = std::env::args()
-        .nth(1)
-        .unwrap_or("1000000".into())
-        .parse()?;
+    let inputs: u64 = std::env::args().nth(1).unwrap_or("1000000".into()).parse()?;
     let mut dice = Dice(1);
     for protocol in [Framing::Protocol2, Framing::Protocol1] {
         let mut decoder = Decoder::new(protocol);
@@ -131,10 +127,7 @@ fn fresh_line(model: &str) -> Result<Box<dyn Line>, Box<dyn std::error::Error>> 
         acceleration_deg_s2: 2300.0,
         ..Default::default()
     };
-    let specs: Vec<SimServoSpec> = servos(&[joint(1), joint(2)])?
-        .iter()
-        .map(Into::into)
-        .collect();
+    let specs: Vec<SimServoSpec> = servos(&[joint(1), joint(2)])?.iter().map(Into::into).collect();
     let known = ServoModel::from_name(model).ok_or("unknown model")?;
     let family = family_of(known.kind).ok_or("no serial servo")?;
     let line: Box<dyn Line> = match family.firmware(known) {

@@ -12,11 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let only = args.next();
     let mut dice = Dice(1);
     let say = |what: &str, tally: Tally| {
-        let Tally {
-            inputs,
-            sound,
-            refused,
-        } = tally;
+        let Tally { inputs, sound, refused } = tally;
         println!("{what}: {inputs} inputs, {sound} sound, {refused} refused");
     };
     if only.is_none() {

@@ -34,13 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let configs: Vec<ServoConfig> = (1..=count).map(joint).collect();
     let specs: Vec<SimServoSpec> = servos(&configs)?.iter().map(Into::into).collect();
-    let sim = SimBus::start(
-        &specs,
-        SimOptions {
-            link,
-            ..SimOptions::realtime(baud, 100.0)
-        },
-    )?;
+    let sim = SimBus::start(&specs, SimOptions { link, ..SimOptions::realtime(baud, 100.0) })?;
     println!("{}", sim.port_path());
     std::io::stdout().flush()?;
     std::io::stdin().read_to_end(&mut Vec::new())?;

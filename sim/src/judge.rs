@@ -152,8 +152,7 @@ impl Judge {
     fn note(&mut self, time_s: f64, verb: &str, what: String) {
         if self.notes.len() < NOTES {
             let name = &self.name;
-            self.notes
-                .push(format!("{time_s:.3} s: {name} {verb} {what}"));
+            self.notes.push(format!("{time_s:.3} s: {name} {verb} {what}"));
         }
     }
 

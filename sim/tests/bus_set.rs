@@ -66,9 +66,8 @@ fn rig() -> Rig {
 impl Rig {
     fn dance(&mut self, periods: usize) -> Result<(), SafetyError> {
         for _ in 0..periods {
-            let targets: Vec<f64> = (0..self.servos.len())
-                .map(|joint| 0.1 * (joint + 1) as f64)
-                .collect();
+            let targets: Vec<f64> =
+                (0..self.servos.len()).map(|joint| 0.1 * (joint + 1) as f64).collect();
             self.safe.command(self.now_s, &targets);
             self.safe.tick(self.now_s, &mut self.states)?;
             self.now_s += PERIOD_S;
@@ -83,9 +82,7 @@ impl Rig {
         let sims = self.sims.iter().zip(&self.layouts);
         sims.map(|(sim, bus)| {
             let servos = 0..bus.servos.len();
-            servos
-                .filter(|&servo| sim.servo(servo).unwrap().torque_enabled)
-                .count()
+            servos.filter(|&servo| sim.servo(servo).unwrap().torque_enabled).count()
         })
         .sum()
     }
@@ -99,10 +96,7 @@ fn states_come_back_in_joint_order_from_buses_of_two_kinds() {
     rig.dance(300).unwrap();
     for (joint, state) in rig.states.iter().enumerate() {
         let target = 0.1 * (joint + 1) as f64;
-        assert!(
-            (state.position_rad - target).abs() < 0.02,
-            "{joint}: {state:?}"
-        );
+        assert!((state.position_rad - target).abs() < 0.02, "{joint}: {state:?}");
     }
     assert_eq!(rig.safe.stats().cycles, 300);
     for sim in &rig.sims {

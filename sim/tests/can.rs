@@ -15,8 +15,7 @@ fn every_kind_dances_inside_its_limits_and_ends_without_torque() {
     for kind in KINDS {
         let (servos, sim, bus) = start(kind, 6);
         let mut safe = SafeBus::new(bus, SafetyConfig::at_hz(HZ)).unwrap();
-        safe.arm(0.0)
-            .unwrap_or_else(|error| panic!("{kind:?}: {error}"));
+        safe.arm(0.0).unwrap_or_else(|error| panic!("{kind:?}: {error}"));
         let mut states = vec![JointState::default(); 6];
         let swing = |t: f64| 0.5 * (1.0 - (3.0 * t).cos());
         let mut worst = 0.0f64;
@@ -30,16 +29,8 @@ fn every_kind_dances_inside_its_limits_and_ends_without_torque() {
             }
             sim.advance(PERIOD_S);
         }
-        assert!(
-            worst < 0.05,
-            "{kind:?}: off by {worst} rad from 30 ms before"
-        );
-        assert_eq!(
-            sim.violations().total(),
-            0,
-            "{kind:?}: {:?}",
-            sim.violation_notes()
-        );
+        assert!(worst < 0.05, "{kind:?}: off by {worst} rad from 30 ms before");
+        assert_eq!(sim.violations().total(), 0, "{kind:?}: {:?}", sim.violation_notes());
         safe.disarm(8.0, "end").unwrap();
         assert!(!any_torque(&sim, &servos), "{kind:?}");
         let stats = safe.stats();
@@ -60,10 +51,7 @@ fn torque_is_off_after_drop() {
 
 #[test]
 fn a_motor_without_commands_stops_by_itself() {
-    for kind in KINDS
-        .into_iter()
-        .filter(|kind| *kind != MotorKind::CubeMars)
-    {
+    for kind in KINDS.into_iter().filter(|kind| *kind != MotorKind::CubeMars) {
         let (servos, sim, mut bus) = start(kind, 3);
         bus.arm().unwrap();
         sim.advance(0.095);
@@ -73,18 +61,14 @@ fn a_motor_without_commands_stops_by_itself() {
         // The next program finds them willing.
         drop(bus);
         let mut bus = open(kind, &sim, &servos);
-        bus.arm()
-            .unwrap_or_else(|error| panic!("{kind:?}: {error}"));
+        bus.arm().unwrap_or_else(|error| panic!("{kind:?}: {error}"));
         bus.disarm().unwrap();
     }
 }
 
 #[test]
 fn the_default_watchdog_takes_the_torque_within_200_ms() {
-    for kind in KINDS
-        .into_iter()
-        .filter(|kind| *kind != MotorKind::CubeMars)
-    {
+    for kind in KINDS.into_iter().filter(|kind| *kind != MotorKind::CubeMars) {
         let servos = can_robot(kind, 2);
         let sim = SimBus::start(&specs(&servos), SimOptions::lockstep(BITRATE, HZ)).unwrap();
         let config = BusConfig {
@@ -134,22 +118,13 @@ fn a_torque_limit_holds_in_mit_mode_whatever_is_asked() {
 #[test]
 fn a_motor_without_a_watchdog_is_refused_unless_accepted() {
     for (kind, says) in [
-        (
-            MotorKind::CubeMars,
-            "joint_1 (id 1): AK80-9 has no watchdog in MIT mode: a killed",
-        ),
-        (
-            MotorKind::Odrive,
-            "joint_1 (id 1): the bus table has no watchdog_endpoints",
-        ),
+        (MotorKind::CubeMars, "joint_1 (id 1): AK80-9 has no watchdog in MIT mode: a killed"),
+        (MotorKind::Odrive, "joint_1 (id 1): the bus table has no watchdog_endpoints"),
     ] {
         let servos = can_robot(kind, 2);
         let sim = SimBus::start(&specs(&servos), SimOptions::lockstep(BITRATE, HZ)).unwrap();
-        let config = BusConfig {
-            accept_no_watchdog: false,
-            watchdog_endpoints: None,
-            ..can_patient(kind)
-        };
+        let config =
+            BusConfig { accept_no_watchdog: false, watchdog_endpoints: None, ..can_patient(kind) };
         let mut bus = CanBus::open(&sim.port().to_string(), &config, servos.clone()).unwrap();
         let error = bus.arm().unwrap_err().to_string();
         assert!(error.starts_with(says), "{error}");
@@ -165,11 +140,7 @@ fn silent_motors_are_all_named_at_once() {
         for index in [1, 3] {
             sim.set_servo_fault(index, ServoFault::Dead);
         }
-        let config = BusConfig {
-            reply_timeout_ms: 30.0,
-            retries: 1,
-            ..can_patient(kind)
-        };
+        let config = BusConfig { reply_timeout_ms: 30.0, retries: 1, ..can_patient(kind) };
         let mut bus = CanBus::open(&sim.port().to_string(), &config, servos).unwrap();
         let error = bus.arm().unwrap_err().to_string();
         let says = "no answer from joint_2 (id 2), joint_4 (id 4) (";
@@ -198,10 +169,7 @@ fn a_joint_outside_its_limits_gets_no_torque() {
         let sim = SimBus::start(&specs, SimOptions::lockstep(BITRATE, HZ)).unwrap();
         let mut bus = open(kind, &sim, &servos);
         let error = bus.arm().unwrap_err().to_string();
-        assert!(
-            error.starts_with("joint_1 (id 1): position is 114.6 degrees"),
-            "{error}"
-        );
+        assert!(error.starts_with("joint_1 (id 1): position is 114.6 degrees"), "{error}");
         assert!(!any_torque(&sim, &servos));
     }
 }
@@ -213,8 +181,5 @@ fn a_bus_of_other_motors_is_refused() {
     let error =
         servodance_drivers::open_bus(&"udp:239.74.163.9:43199".parse().unwrap(), &config, servos);
     let error = error.err().unwrap().to_string();
-    assert!(
-        error.contains("joint joint_1: model RS02 does not speak"),
-        "{error}"
-    );
+    assert!(error.contains("joint joint_1: model RS02 does not speak"), "{error}");
 }

@@ -22,11 +22,7 @@ fn on_the_wire(kind: MotorKind, fault: WireFault, share: f64) -> Outcome {
 
 fn dance_by(clock: LostBy, kind: MotorKind, happen: impl FnOnce(&mut SimBus)) -> Outcome {
     let servos = can_robot(kind, 5);
-    let config = BusConfig {
-        reply_timeout_ms: 200.0,
-        retries: 4,
-        ..can_patient(kind)
-    };
+    let config = BusConfig { reply_timeout_ms: 200.0, retries: 4, ..can_patient(kind) };
     fault_table::dance(&servos, &specs(&servos), config, clock, happen)
 }
 
@@ -36,11 +32,7 @@ fn names(kind: MotorKind) -> [&'static str; 3] {
         MotorKind::CubeMars => ["motor stalled", "motor overheating", "under-voltage"],
         MotorKind::Damiao => ["overload (error E)", "coil overheating", "under-voltage"],
         MotorKind::Robstride => ["overload", "overheating", "under-voltage"],
-        MotorKind::Odrive => [
-            "current limit violation",
-            "motor overheating",
-            "under-voltage",
-        ],
+        MotorKind::Odrive => ["current limit violation", "motor overheating", "under-voltage"],
         MotorKind::Cia402 => ["motor blocked", "overheating", "under-voltage"],
     }
 }
@@ -85,21 +77,9 @@ fn wire_faults(kind: MotorKind, table: &mut String) {
     for (name, fault, share) in [
         ("0.5 % of replies lost", WireFault::Drop, 0.005),
         ("0.5 % of replies cut short", WireFault::Truncate, 0.005),
-        (
-            "0.5 % of replies late by 250 ms",
-            WireFault::Late(0.25),
-            0.005,
-        ),
-        (
-            "0.5 % of commands lost in the adapter",
-            WireFault::CorruptInstruction,
-            0.005,
-        ),
-        (
-            "5 % of frames damaged (and repeated)",
-            WireFault::Corrupt,
-            0.05,
-        ),
+        ("0.5 % of replies late by 250 ms", WireFault::Late(0.25), 0.005),
+        ("0.5 % of commands lost in the adapter", WireFault::CorruptInstruction, 0.005),
+        ("5 % of frames damaged (and repeated)", WireFault::Corrupt, 0.05),
         ("20 % of replies preceded by noise", WireFault::Noise, 0.2),
         ("every reply doubled", WireFault::Duplicate, 1.0),
         ("every command echoed", WireFault::Echo, 1.0),

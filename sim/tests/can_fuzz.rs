@@ -10,10 +10,7 @@ const INPUTS: u64 = 100_000;
 
 #[test]
 fn damaged_lines_and_datagrams_are_taken_without_a_panic() {
-    for tally in [
-        slcan_lines(&mut Dice(2), INPUTS),
-        datagrams(&mut Dice(3), INPUTS),
-    ] {
+    for tally in [slcan_lines(&mut Dice(2), INPUTS), datagrams(&mut Dice(3), INPUTS)] {
         assert!(tally.sound > 1000 && tally.refused > 1000, "{tally:?}");
     }
 }
@@ -22,10 +19,7 @@ fn damaged_lines_and_datagrams_are_taken_without_a_panic() {
 fn damaged_replies_end_in_cycles_or_errors_and_torque_off() {
     for (kind, model) in MODELS {
         let tally = replies(&mut Dice(4), INPUTS, kind, model);
-        assert!(
-            tally.sound > 100 && tally.refused > 100,
-            "{model}: {tally:?}"
-        );
+        assert!(tally.sound > 100 && tally.refused > 100, "{model}: {tally:?}");
     }
 }
 

@@ -21,25 +21,14 @@ struct Rig {
 fn rig(kind: MotorKind, safety: SafetyConfig) -> Rig {
     let servos = can_robot(kind, 5);
     let folder = tempfile::tempdir().unwrap();
-    let options = SimOptions {
-        path: Some(folder.path().join("port")),
-        ..SimOptions::lockstep(BITRATE, HZ)
-    };
+    let options =
+        SimOptions { path: Some(folder.path().join("port")), ..SimOptions::lockstep(BITRATE, HZ) };
     let sim = SimBus::start(&specs(&servos), options).unwrap();
-    let config = BusConfig {
-        reply_clock: sim.reply_clock(),
-        ..can_patient(kind)
-    };
+    let config = BusConfig { reply_clock: sim.reply_clock(), ..can_patient(kind) };
     let bus = CanBus::open(&sim.port().to_string(), &config, servos).unwrap();
     let mut safe = SafeBus::new(bus, safety).unwrap();
     safe.arm(0.0).unwrap();
-    Rig {
-        safe,
-        sim,
-        states: vec![JointState::default(); 5],
-        now_s: 0.0,
-        _folder: folder,
-    }
+    Rig { safe, sim, states: vec![JointState::default(); 5], now_s: 0.0, _folder: folder }
 }
 
 impl Rig {
@@ -62,10 +51,7 @@ fn the_others_dance_on_and_a_rebooted_motor_joins_in_again() {
     for kind in KINDS {
         let mut rig = rig(
             kind,
-            SafetyConfig {
-                on_servo_lost: ServoLost::DanceOn,
-                ..SafetyConfig::at_hz(HZ)
-            },
+            SafetyConfig { on_servo_lost: ServoLost::DanceOn, ..SafetyConfig::at_hz(HZ) },
         );
         rig.dance(1.0);
         assert!(rig.sim.set_servo_fault(2, ServoFault::Reboot));
@@ -77,25 +63,14 @@ fn the_others_dance_on_and_a_rebooted_motor_joins_in_again() {
         assert!(motor.torque_enabled, "{kind:?}");
         let apart = (motor.position_rad - other.position_rad).abs();
         assert!(apart < 0.05, "{kind:?}: {apart} rad from its neighbour");
-        assert_eq!(
-            rig.sim.violations().total(),
-            0,
-            "{kind:?}: {:?}",
-            rig.sim.violation_notes()
-        );
+        assert_eq!(rig.sim.violations().total(), 0, "{kind:?}: {:?}", rig.sim.violation_notes());
     }
 }
 
 #[test]
 fn an_adapter_that_comes_back_is_checked_and_armed_again_if_allowed() {
     for kind in KINDS {
-        let mut rig = rig(
-            kind,
-            SafetyConfig {
-                rearm: true,
-                ..SafetyConfig::at_hz(HZ)
-            },
-        );
+        let mut rig = rig(kind, SafetyConfig { rearm: true, ..SafetyConfig::at_hz(HZ) });
         rig.dance(1.0);
         rig.sim.unplug();
         rig.dance(0.5);

@@ -28,10 +28,8 @@ fn everyone_who_can_be_asked_is_found_and_nobody_moves() {
     for (place, kind) in KINDS.into_iter().enumerate() {
         let group = format!("239.74.163.2:{}", 43980 + place).parse().unwrap();
         let servos = can_robot(kind, 3);
-        let options = SimOptions {
-            link: SimLink::Multicast(group),
-            ..SimOptions::realtime(BITRATE, HZ)
-        };
+        let options =
+            SimOptions { link: SimLink::Multicast(group), ..SimOptions::realtime(BITRATE, HZ) };
         let sim = SimBus::start(&specs(&servos), options).unwrap();
         let config = BusConfig {
             watchdog_ms: 2540,
@@ -41,10 +39,8 @@ fn everyone_who_can_be_asked_is_found_and_nobody_moves() {
         };
         let mut bus = CanBus::open(&format!("udp:{group}"), &config, servos.clone()).unwrap();
         // Those without a heartbeat of ours to wait for keep their torque meanwhile.
-        let waits_for_us = matches!(
-            kind,
-            MotorKind::Damiao | MotorKind::Robstride | MotorKind::Cia402
-        );
+        let waits_for_us =
+            matches!(kind, MotorKind::Damiao | MotorKind::Robstride | MotorKind::Cia402);
         if !waits_for_us {
             bus.arm().unwrap();
         }
@@ -79,10 +75,7 @@ fn everyone_who_can_be_asked_is_found_and_nobody_moves() {
 fn what_a_motor_complains_about_is_told() {
     for (kind, says) in [
         (MotorKind::Damiao, "overload (error E)"),
-        (
-            MotorKind::Odrive,
-            "current limit violation (error 00001000)",
-        ),
+        (MotorKind::Odrive, "current limit violation (error 00001000)"),
         (MotorKind::Cia402, "motor blocked (code 7121)"),
     ] {
         let servos = can_robot(kind, 2);

@@ -15,10 +15,7 @@ fn armed_servos_hold_where_they_stand() {
     let sim = SimBus::start(&specs, SimOptions::lockstep(BAUD, HZ)).unwrap();
     let mut bus = driver(&sim, &patient(), &servos);
     let report = bus.arm().unwrap();
-    let plain = report
-        .notes
-        .iter()
-        .any(|note| note.contains("plain Sync Read"));
+    let plain = report.notes.iter().any(|note| note.contains("plain Sync Read"));
     assert!(!plain, "{:?}", report.notes);
     assert!((report.states[3].position_rad - 0.7).abs() < 1e-3);
     assert!(
@@ -62,24 +59,10 @@ fn a_smooth_dance_is_followed_with_a_small_lag_and_no_violation() {
         sim.advance(PERIOD_S);
     }
     assert_eq!(sim.violations().total(), 0, "{:?}", sim.violation_notes());
-    assert!(
-        (0.02..0.25).contains(&worst),
-        "largest distance to the command {worst} rad"
-    );
-    assert!(
-        worst_lagged < 0.03,
-        "off by {worst_lagged} rad from the command 55 ms before"
-    );
+    assert!((0.02..0.25).contains(&worst), "largest distance to the command {worst} rad");
+    assert!(worst_lagged < 0.03, "off by {worst_lagged} rad from the command 55 ms before");
     let stats = bus.stats();
-    assert_eq!(
-        (
-            stats.cycles,
-            stats.retries,
-            stats.timeouts,
-            stats.crc_errors
-        ),
-        (600, 0, 0, 0)
-    );
+    assert_eq!((stats.cycles, stats.retries, stats.timeouts, stats.crc_errors), (600, 0, 0, 0));
 }
 
 #[test]
@@ -132,10 +115,7 @@ fn a_servo_at_another_rate_is_silent_until_it_is_spoken_to_at_that_rate() {
     assert_eq!(found(57_600), [2]);
     let mut bus = driver(&sim, &hasty(), &servos);
     let error = bus.arm().unwrap_err().to_string();
-    assert!(
-        error.starts_with("no answer from joint_2 (id 2) (ping"),
-        "{error}"
-    );
+    assert!(error.starts_with("no answer from joint_2 (id 2) (ping"), "{error}");
 }
 
 #[test]
@@ -148,21 +128,15 @@ fn full_speed_inside_the_limits_is_clean() {
     let mut limiter = servodance_drivers::Limiter::new(servos[0].limits, PERIOD_S, 0.0);
     let mut states = vec![JointState::default(); 2];
     for k in 0..1000 {
-        let end = if k / 100 % 2 == 0 {
-            servos[0].limits.upper_rad
-        } else {
-            servos[0].limits.lower_rad
-        };
+        let end =
+            if k / 100 % 2 == 0 { servos[0].limits.upper_rad } else { servos[0].limits.lower_rad };
         let target = limiter.step(end).position_rad;
         bus.cycle(&[target, target], &mut states).unwrap();
         sim.advance(PERIOD_S);
     }
     assert_eq!(sim.violations().total(), 0, "{:?}", sim.violation_notes());
     let travelled = states[0].position_rad;
-    assert!(
-        travelled < servos[0].limits.lower_rad + 0.01,
-        "ended at {travelled}"
-    );
+    assert!(travelled < servos[0].limits.lower_rad + 0.01, "ended at {travelled}");
 }
 
 #[test]
@@ -177,11 +151,7 @@ fn same_commands_give_the_same_bytes_and_states() {
         for k in 0..300 {
             let target = 0.4 * (1.0 - (0.05 * k as f64).cos());
             bus.cycle(&[target; 6], &mut states).unwrap();
-            log.extend(
-                states
-                    .iter()
-                    .map(|s| (s.position_rad.to_bits(), s.current_a.to_bits())),
-            );
+            log.extend(states.iter().map(|s| (s.position_rad.to_bits(), s.current_a.to_bits())));
             sim.advance(PERIOD_S);
         }
         bus.disarm().unwrap();
@@ -211,10 +181,7 @@ fn silent_servos_are_named_and_nothing_gets_torque() {
     let sim = lockstep(&all[..3]);
     let mut bus = driver(&sim, &hasty(), &all);
     let error = bus.arm().unwrap_err().to_string();
-    assert_eq!(
-        error,
-        "no answer from joint_4 (id 4), joint_5 (id 5) (ping, tried 2 times)"
-    );
+    assert_eq!(error, "no answer from joint_4 (id 4), joint_5 (id 5) (ping, tried 2 times)");
     assert!(!any_torque(&sim, &all[..3]));
 }
 
@@ -257,10 +224,7 @@ fn a_wrong_model_is_refused_by_name() {
     let mut specs = specs(&servos);
     specs[1].model_number = 1060;
     let sim = SimBus::start(&specs, SimOptions::lockstep(BAUD, HZ)).unwrap();
-    let error = driver(&sim, &patient(), &servos)
-        .arm()
-        .unwrap_err()
-        .to_string();
+    let error = driver(&sim, &patient(), &servos).arm().unwrap_err().to_string();
     assert_eq!(
         error,
         "joint_2 (id 2) is model number 1060 (XL430-W250), but the robot file says XM430-W350 (number 1020)"
@@ -276,10 +240,7 @@ fn another_firmware_than_wanted_is_refused_with_both_numbers() {
     servos[1].firmware = Some(45);
     let mut bus = driver(&sim, &patient(), &servos);
     let error = bus.arm().unwrap_err().to_string();
-    assert_eq!(
-        error,
-        "joint_2 (id 2): firmware is 48, must be 45, as the robot file says"
-    );
+    assert_eq!(error, "joint_2 (id 2): firmware is 48, must be 45, as the robot file says");
     assert!(!any_torque(&sim, &servos));
 }
 
@@ -305,10 +266,7 @@ fn a_plain_read_that_the_wire_does_not_carry_is_refused_before_torque() {
     specs[4].firmware = 40;
     let sim = SimBus::start(&specs, SimOptions::lockstep(BAUD, HZ)).unwrap();
     let arm = |control_hz| {
-        let config = BusConfig {
-            control_hz: Some(control_hz),
-            ..patient()
-        };
+        let config = BusConfig { control_hz: Some(control_hz), ..patient() };
         driver(&sim, &config, &servos).arm()
     };
     let error = arm(400.0).unwrap_err().to_string();
@@ -327,19 +285,10 @@ fn a_plain_read_that_the_wire_does_not_carry_is_refused_before_torque() {
 #[test]
 fn wrong_supply_is_refused_with_numbers() {
     let servos = robot(1);
-    let options = SimOptions {
-        supply_v: Some(8.0),
-        ..SimOptions::lockstep(BAUD, HZ)
-    };
+    let options = SimOptions { supply_v: Some(8.0), ..SimOptions::lockstep(BAUD, HZ) };
     let sim = SimBus::start(&specs(&servos), options).unwrap();
-    let error = driver(&sim, &patient(), &servos)
-        .arm()
-        .unwrap_err()
-        .to_string();
-    assert_eq!(
-        error,
-        "joint_1 (id 1): input voltage is 8.0 V, must be 9.5 V to 16.0 V"
-    );
+    let error = driver(&sim, &patient(), &servos).arm().unwrap_err().to_string();
+    assert_eq!(error, "joint_1 (id 1): input voltage is 8.0 V, must be 9.5 V to 16.0 V");
 }
 
 #[test]
@@ -348,10 +297,7 @@ fn a_joint_outside_its_limits_is_refused() {
     let mut specs = specs(&servos);
     specs[0].initial_rad = -1.3;
     let sim = SimBus::start(&specs, SimOptions::lockstep(BAUD, HZ)).unwrap();
-    let error = driver(&sim, &patient(), &servos)
-        .arm()
-        .unwrap_err()
-        .to_string();
+    let error = driver(&sim, &patient(), &servos).arm().unwrap_err().to_string();
     assert!(
         error.contains("joint_1 (id 1): position is -74.4 degrees, must be -60.0 to 90.0"),
         "{error}"
@@ -371,10 +317,7 @@ fn targets_that_are_not_numbers_are_never_sent() {
         let error = bus.cycle(&[0.0, bad], &mut states).unwrap_err().to_string();
         assert!(error.starts_with("target for joint_2 (id 2) is"), "{error}");
     }
-    assert!(matches!(
-        bus.cycle(&[0.0], &mut states),
-        Err(BusError::Length { .. })
-    ));
+    assert!(matches!(bus.cycle(&[0.0], &mut states), Err(BusError::Length { .. })));
     assert_eq!(sim.wire_stats(), before);
 }
 
@@ -393,10 +336,7 @@ fn the_servos_stop_by_themselves_when_the_host_goes_silent() {
     // With the default watchdog, within what a killed program may cost.
     sim.advance(0.2);
     let stopped = sim.servo(0).unwrap();
-    assert!(
-        stopped.watchdog_tripped && stopped.velocity_rad_s.abs() < 0.05,
-        "{stopped:?}"
-    );
+    assert!(stopped.watchdog_tripped && stopped.velocity_rad_s.abs() < 0.05, "{stopped:?}");
     sim.advance(1.0);
     assert!((sim.servo(0).unwrap().position_rad - stopped.position_rad).abs() < 0.01);
     // It refuses goals now, and torque can still be turned off.
@@ -447,10 +387,7 @@ fn commands_outside_each_limit_are_seen_at_the_servo() {
         state.0 += state.1 * PERIOD_S;
         state.0
     });
-    assert!(
-        speeding.velocity > 0 && speeding.acceleration == 0,
-        "{speeding:?}"
-    );
+    assert!(speeding.velocity > 0 && speeding.acceleration == 0, "{speeding:?}");
     let jump = run(&mut |k| if k < 10 { 0.0 } else { 0.03 });
     assert!(jump.acceleration > 0 && jump.velocity == 0, "{jump:?}");
     // The driver never sends a goal beyond a limit: tell the servo another way.
@@ -462,23 +399,16 @@ fn commands_outside_each_limit_are_seen_at_the_servo() {
     let mut states = vec![JointState::default()];
     let mut limiter = servodance_drivers::Limiter::new(wide[0].limits, PERIOD_S, 0.0);
     for _ in 0..100 {
-        bus.cycle(&[limiter.step(1.7).position_rad], &mut states)
-            .unwrap();
+        bus.cycle(&[limiter.step(1.7).position_rad], &mut states).unwrap();
         sim.advance(PERIOD_S);
     }
     let outside = sim.violations();
-    assert!(
-        outside.position > 100 && outside.velocity + outside.acceleration == 0,
-        "{outside:?}"
-    );
+    assert!(outside.position > 100 && outside.velocity + outside.acceleration == 0, "{outside:?}");
 }
 
 #[test]
 fn a_missing_port_is_one_clear_line() {
-    let error = SerialBus::open("/dev/ttyNOPE", &patient(), robot(1))
-        .err()
-        .unwrap()
-        .to_string();
+    let error = SerialBus::open("/dev/ttyNOPE", &patient(), robot(1)).err().unwrap().to_string();
     assert!(error.starts_with("cannot open /dev/ttyNOPE: "), "{error}");
     assert!(!error.contains('\n'));
 }
@@ -497,10 +427,7 @@ fn a_scan_finds_everyone_with_model_firmware_and_errors() {
     let found = probe.everyone().unwrap();
     let ids: Vec<u8> = found.iter().map(|servo| servo.id).collect();
     assert_eq!(ids, (1..=20).filter(|id| *id != 10).collect::<Vec<u8>>());
-    assert_eq!(
-        (found[4].firmware, found[5].model),
-        (41, Some("XL430-W250"))
-    );
+    assert_eq!((found[4].firmware, found[5].model), (41, Some("XL430-W250")));
     assert_eq!(found[7].hardware_error.as_deref(), Some("overload"));
     assert_eq!(found[8].hardware_error, None);
     assert_eq!(probe.ping(8).unwrap().unwrap(), found[7]);

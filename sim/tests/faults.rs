@@ -69,11 +69,8 @@ fn play_by(
     let servos = robot_of(model, 5);
     let mut specs = specs(&servos);
     specs[0].firmware = if kind == Kind::Plain { 40 } else { 48 };
-    let config = BusConfig {
-        reply_timeout_ms: 50.0,
-        retries: 3,
-        ..BusConfig::of_kind(bus_kind, baud)
-    };
+    let config =
+        BusConfig { reply_timeout_ms: 50.0, retries: 3, ..BusConfig::of_kind(bus_kind, baud) };
     let mut safety_config = SafetyConfig::at_hz(HZ);
     safety(&mut safety_config);
     fault_table::play(&servos, &specs, config, clock, safety_config, events)
@@ -99,10 +96,8 @@ fn every_fault_ends_safely_and_is_told() {
             assert!(outcome.error.is_none(), "{what}: {outcome:?}");
         }
         // All the time.
-        for (name, fault) in [
-            ("doubled", WireFault::Duplicate),
-            ("after an echo", WireFault::Echo),
-        ] {
+        for (name, fault) in [("doubled", WireFault::Duplicate), ("after an echo", WireFault::Echo)]
+        {
             let outcome = on_the_wire(kind, fault, 1.0);
             let what = format!("{kind:?}, every reply {name}");
             row(&mut table, &what, &outcome);
@@ -112,16 +107,8 @@ fn every_fault_ends_safely_and_is_told() {
         }
         // A bus without sound replies.
         for (name, fault, says) in [
-            (
-                "lost",
-                WireFault::Drop,
-                "no answer from joint_1 (id 1), joint_2 (id 2), joint_3",
-            ),
-            (
-                "corrupt",
-                WireFault::Corrupt,
-                "(present state, tried 4 times)",
-            ),
+            ("lost", WireFault::Drop, "no answer from joint_1 (id 1), joint_2 (id 2), joint_3"),
+            ("corrupt", WireFault::Corrupt, "(present state, tried 4 times)"),
         ] {
             let outcome = on_the_wire(kind, fault, 1.0);
             let what = format!("{kind:?}, every reply {name}");
@@ -131,16 +118,8 @@ fn every_fault_ends_safely_and_is_told() {
             assert!(error.contains("torque may still be ON"), "{what}: {error}");
         }
         for (name, fault, says) in [
-            (
-                "cut off",
-                ServoFault::Dead,
-                "no answer from joint_3 (id 3) (present state",
-            ),
-            (
-                "rebooting",
-                ServoFault::Reboot,
-                "no answer from joint_3 (id 3) (present state",
-            ),
+            ("cut off", ServoFault::Dead, "no answer from joint_3 (id 3) (present state"),
+            ("rebooting", ServoFault::Reboot, "no answer from joint_3 (id 3) (present state"),
             ("jammed", ServoFault::Jam, "joint_3 (id 3) is "),
             (
                 "overloaded",
@@ -157,11 +136,7 @@ fn every_fault_ends_safely_and_is_told() {
                 ServoFault::Baud(57_600),
                 "no answer from joint_3 (id 3) (present state",
             ),
-            (
-                "with a new id",
-                ServoFault::Id(77),
-                "no answer from joint_3 (id 3) (present state",
-            ),
+            ("with a new id", ServoFault::Id(77), "no answer from joint_3 (id 3) (present state"),
             ("with a neighbour's id", ServoFault::Id(4), "joint_3 (id 3)"),
         ] {
             let outcome = dance(kind, |sim| assert!(sim.set_servo_fault(2, fault)));
@@ -175,10 +150,7 @@ fn every_fault_ends_safely_and_is_told() {
         row(&mut table, &what, &outcome);
         assert!(outcome.safe_after_s < 0.5, "{what}: {outcome:?}");
         let error = outcome.error.expect(&what);
-        assert!(
-            error.starts_with("serial port /dev/ttyUSB0"),
-            "{what}: {error}"
-        );
+        assert!(error.starts_with("serial port /dev/ttyUSB0"), "{what}: {error}");
     }
     recoveries(&mut table);
     let file = concat!(env!("CARGO_TARGET_TMPDIR"), "/fault-table.md");

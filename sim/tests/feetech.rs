@@ -22,11 +22,7 @@ fn a_dance_is_followed_inside_the_limits() {
     let (servos, sim, bus) = start(6);
     let mut safe = SafeBus::new(bus, SafetyConfig::at_hz(HZ)).unwrap();
     let report = safe.arm(0.0).unwrap();
-    assert!(
-        report.notes.iter().any(|note| note.contains("no watchdog")),
-        "{:?}",
-        report.notes
-    );
+    assert!(report.notes.iter().any(|note| note.contains("no watchdog")), "{:?}", report.notes);
     let mut states = vec![JointState::default(); 6];
     let swing = |t: f64| 0.6 * (1.0 - (3.0 * t).cos());
     let mut worst = 0.0f64;
@@ -39,10 +35,7 @@ fn a_dance_is_followed_inside_the_limits() {
         }
         sim.advance(PERIOD_S);
     }
-    assert!(
-        worst < 0.03,
-        "off by {worst} rad from the command 55 ms before"
-    );
+    assert!(worst < 0.03, "off by {worst} rad from the command 55 ms before");
     assert!(states[1].velocity_rad_s.abs() > 0.1);
     assert_eq!(sim.violations().total(), 0, "{:?}", sim.violation_notes());
     safe.disarm(8.0, "end").unwrap();
@@ -81,10 +74,7 @@ fn another_bus_kind_is_refused() {
         servos,
     );
     let error = error.err().unwrap().to_string();
-    assert!(
-        error.contains("joint joint_1: model STS3215 does not speak"),
-        "{error}"
-    );
+    assert!(error.contains("joint joint_1: model STS3215 does not speak"), "{error}");
 }
 
 #[test]

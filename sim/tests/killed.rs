@@ -54,10 +54,7 @@ fn servos_stop_by_themselves_when_the_program_is_killed() {
 /// Runs in the child; ends only by being killed.
 fn dance_until_killed(port: &str) -> ! {
     let servos = robot(4);
-    let config = BusConfig {
-        reply_timeout_ms: 500.0,
-        ..BusConfig::dynamixel2(BAUD)
-    };
+    let config = BusConfig { reply_timeout_ms: 500.0, ..BusConfig::dynamixel2(BAUD) };
     let mut bus = servodance_drivers::open_bus(
         &servodance_drivers::Port::Serial(port.into()),
         &config,

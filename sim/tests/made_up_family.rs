@@ -16,12 +16,8 @@ use servodance_types::{JointLimits, JointState};
 const TORQUE: Register = Register::new(0, 1, "torque");
 const POSITION: Register = Register::new(1, 2, "position"); // written: the goal, read: the present
 
-static REGISTERS: Registers = Registers {
-    torque: TORQUE,
-    goal: POSITION,
-    present: POSITION,
-    service: None,
-};
+static REGISTERS: Registers =
+    Registers { torque: TORQUE, goal: POSITION, present: POSITION, service: None };
 static MEMORY: ByteMemory = ByteMemory::bare(&REGISTERS, 3);
 static BAUDS: [u32; 1] = [1_000_000];
 static MODELS: [ServoModel; 1] = [ServoModel {
@@ -67,17 +63,11 @@ impl ServoFamily for TwoRegisters {
 
     fn cycle_bytes(&self, servos: &[Servo]) -> CycleBytes {
         let bytes = 8 + servos.len() * (3 + 8 + 8); // goals out; a read and its reply each
-        CycleBytes {
-            fast: bytes,
-            plain: bytes,
-        }
+        CycleBytes { fast: bytes, plain: bytes }
     }
 
     fn parse(&self, bytes: &[u8]) -> PresentState {
-        PresentState {
-            ticks: self.ticks(POSITION.value(bytes)),
-            ..PresentState::default()
-        }
+        PresentState { ticks: self.ticks(POSITION.value(bytes)), ..PresentState::default() }
     }
 
     fn lacks_watchdog(&self) -> Option<&'static str> {
@@ -153,9 +143,7 @@ fn a_robot_file_cannot_name_it() {
 #[test]
 fn the_guide_shows_this_file() {
     let guide = include_str!("../../docs/guides/add-a-servo-family.md");
-    let own: String = include_str!("made_up_family.rs")
-        .split_whitespace()
-        .collect();
+    let own: String = include_str!("made_up_family.rs").split_whitespace().collect();
     let mut shown = 0;
     for block in guide.split("```rust\n").skip(1) {
         let code = block.split("```").next().unwrap_or_default();

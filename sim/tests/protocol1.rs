@@ -15,11 +15,7 @@ const BAUD1: u32 = 1_000_000;
 fn robot1(models: &[&str]) -> Vec<Servo> {
     let joint = |(k, model): (usize, &&str)| {
         let mut joint = joint_of(model, k as u8 + 1);
-        joint.zero_deg = if model.starts_with("AX") {
-            150.0
-        } else {
-            180.0
-        };
+        joint.zero_deg = if model.starts_with("AX") { 150.0 } else { 180.0 };
         joint
     };
     servos(&models.iter().enumerate().map(joint).collect::<Vec<_>>()).unwrap()
@@ -39,12 +35,7 @@ fn check(models: &[&str], note: Option<&str>) {
     let mut safe = SafeBus::new(bus, SafetyConfig::at_hz(HZ)).unwrap();
     let report = safe.arm(0.0).unwrap();
     let told = |note: &str| report.notes.iter().any(|line| line.contains(note));
-    assert_eq!(
-        told("a read for each servo"),
-        note.is_some(),
-        "{:?}",
-        report.notes
-    );
+    assert_eq!(told("a read for each servo"), note.is_some(), "{:?}", report.notes);
     assert!(note.is_none_or(told), "{:?}", report.notes);
     let mut states = vec![JointState::default(); servos.len()];
     let mut furthest = 0.0f64;
@@ -57,19 +48,11 @@ fn check(models: &[&str], note: Option<&str>) {
         for (state, index) in states.iter().zip(0..) {
             furthest = furthest.max(state.position_rad);
             let truth = sim.servo(index).unwrap().position_rad;
-            assert!(
-                (state.position_rad - truth).abs() < 0.2,
-                "{state:?} {truth}"
-            );
+            assert!((state.position_rad - truth).abs() < 0.2, "{state:?} {truth}");
         }
     }
     assert!(furthest > 0.9, "{furthest}");
-    assert_eq!(
-        sim.motion_violations().total(),
-        0,
-        "{:?}",
-        sim.violation_notes()
-    );
+    assert_eq!(sim.motion_violations().total(), 0, "{:?}", sim.violation_notes());
     assert_eq!(sim.violations().total(), 0, "{:?}", sim.violation_notes());
     safe.disarm(10.0, "done").unwrap();
     assert!(!any_torque(&sim, &servos));
@@ -77,10 +60,7 @@ fn check(models: &[&str], note: Option<&str>) {
 
 #[test]
 fn mx_servos_dance_by_bulk_read() {
-    check(
-        &["MX-28(1.0)", "MX-64(1.0)", "MX-106(1.0)", "MX-28(1.0)"],
-        None,
-    );
+    check(&["MX-28(1.0)", "MX-64(1.0)", "MX-106(1.0)", "MX-28(1.0)"], None);
 }
 
 #[test]
@@ -110,10 +90,7 @@ fn an_overloaded_ax_is_named_and_stops_the_others() {
     bus.cycle(&[0.1, 0.1], &mut states).unwrap();
     sim.set_servo_fault(1, ServoFault::Overload);
     let error = bus.cycle(&[0.1, 0.1], &mut states).unwrap_err().to_string();
-    assert!(
-        error.contains("joint_2 (id 2) reports a hardware error: overload"),
-        "{error}"
-    );
+    assert!(error.contains("joint_2 (id 2) reports a hardware error: overload"), "{error}");
     bus.disarm().unwrap();
     assert!(!any_torque(&sim, &servos));
 }
@@ -123,9 +100,7 @@ fn the_wire_carries_fewer_cycles_with_an_ax_on_it() {
     let config = BusConfig::of_kind(BusKind::Dynamixel1, BAUD1);
     let limit = |models: &[&str]| {
         let servos = robot1(models);
-        servodance_drivers::check_rate(&config, &servos, 10.0)
-            .unwrap()
-            .fast_hz
+        servodance_drivers::check_rate(&config, &servos, 10.0).unwrap().fast_hz
     };
     // 20 goals in 68 bytes; a Bulk Read of 67 and 20 answers of 14.
     assert!((limit(&["MX-28(1.0)"; 20]) - 1e5 / 415.0).abs() < 0.1);

@@ -32,8 +32,7 @@ fn a_short_dance_in_real_time_ends_with_torque_off() {
     for k in 0..100 {
         let target = 0.3 * (1.0 - (0.04 * f64::from(k)).cos());
         safe.command(clock.elapsed().as_secs_f64(), &[target; 20]);
-        safe.tick(clock.elapsed().as_secs_f64(), &mut states)
-            .unwrap();
+        safe.tick(clock.elapsed().as_secs_f64(), &mut states).unwrap();
         std::thread::sleep(std::time::Duration::from_millis(9));
     }
     assert!(states[0].position_rad > 0.1, "{states:?}");
@@ -42,11 +41,7 @@ fn a_short_dance_in_real_time_ends_with_torque_off() {
     assert!(!any_torque(&sim, &servos));
     // The wire carries a cycle of 436 bytes at most 459 times a second.
     let wire = sim.wire_stats();
-    assert!(
-        wire.wire_s <= sim.time_s(),
-        "{wire:?} in {} s",
-        sim.time_s()
-    );
+    assert!(wire.wire_s <= sim.time_s(), "{wire:?} in {} s", sim.time_s());
     assert!(wire.bytes_in + wire.bytes_out > 100 * 436);
 }
 

@@ -28,10 +28,8 @@ fn rig(kind: BusKind, change: impl FnOnce(&mut SafetyConfig)) -> Rig {
     };
     let servos = robot_of(model, 5);
     let folder = tempfile::tempdir().unwrap();
-    let options = SimOptions {
-        path: Some(folder.path().join("port")),
-        ..SimOptions::lockstep(baud, HZ)
-    };
+    let options =
+        SimOptions { path: Some(folder.path().join("port")), ..SimOptions::lockstep(baud, HZ) };
     let sim = SimBus::start(&specs(&servos), options).unwrap();
     let config = BusConfig {
         reply_clock: sim.reply_clock(),
@@ -59,8 +57,7 @@ impl Rig {
         let mut state = self.safe.state();
         for _ in 0..(seconds * HZ).round() as usize {
             let target = 0.5 * (1.0 - (3.0 * self.now_s).cos());
-            self.safe
-                .command(self.now_s, &vec![target; self.servos.len()]);
+            self.safe.command(self.now_s, &vec![target; self.servos.len()]);
             state = self.safe.tick(self.now_s, &mut self.states)?;
             self.now_s += PERIOD_S;
             self.sim.advance(PERIOD_S);
@@ -99,16 +96,8 @@ fn the_others_dance_on_and_a_rebooted_servo_joins_in_again() {
         assert!(rig.moves(1), "{kind:?}: the others dance on");
         rig.dance(5.0).unwrap();
         assert!(rig.moves(2), "{kind:?}: {:?}", rig.causes());
-        assert!(
-            rig.told("no answer from joint_3 (id 3)"),
-            "{:?}",
-            rig.causes()
-        );
-        assert!(
-            rig.told("joint_3 (id 3) is back after"),
-            "{:?}",
-            rig.causes()
-        );
+        assert!(rig.told("no answer from joint_3 (id 3)"), "{:?}", rig.causes());
+        assert!(rig.told("joint_3 (id 3) is back after"), "{:?}", rig.causes());
         assert!(
             (rig.states[2].position_rad - rig.states[1].position_rad).abs() < 0.05,
             "{:?}",
@@ -158,10 +147,7 @@ fn a_servo_that_does_not_come_back_ends_the_hold() {
     rig.dance(2.0).unwrap();
     rig.sim.set_servo_fault(2, ServoFault::Dead);
     let error = rig.dance(3.0).unwrap_err().to_string();
-    assert!(
-        error.contains("joint_3 (id 3) did not come back"),
-        "{error}"
-    );
+    assert!(error.contains("joint_3 (id 3) did not come back"), "{error}");
     let powered = (0..5).filter(|i| *i != 2 && rig.sim.servo(*i).unwrap().torque_enabled);
     assert_eq!(powered.count(), 0);
 }
@@ -260,11 +246,7 @@ fn a_weak_supply_makes_every_motion_smaller() {
         rig.sim.set_servo_fault(servo, ServoFault::Supply(9.7));
     }
     rig.dance(4.0).unwrap();
-    assert!(
-        rig.told("supply is 9.7 V, the limit is 9.5 V"),
-        "{:?}",
-        rig.causes()
-    );
+    assert!(rig.told("supply is 9.7 V, the limit is 9.5 V"), "{:?}", rig.causes());
     assert!(rig.safe.interventions().derated > 1000);
     rig.clean();
 }

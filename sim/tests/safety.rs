@@ -22,13 +22,7 @@ fn rig(joints: u8) -> Rig {
     let bus = driver(&sim, &hasty(), &servos);
     let mut safe = SafeBus::new(bus, SafetyConfig::at_hz(HZ)).unwrap();
     safe.arm(0.0).unwrap();
-    Rig {
-        states: vec![JointState::default(); servos.len()],
-        servos,
-        safe,
-        sim,
-        now_s: 0.0,
-    }
+    Rig { states: vec![JointState::default(); servos.len()], servos, safe, sim, now_s: 0.0 }
 }
 
 impl Rig {
@@ -48,12 +42,7 @@ impl Rig {
     }
 
     fn clean(&self) {
-        assert_eq!(
-            self.sim.violations().total(),
-            0,
-            "{:?}",
-            self.sim.violation_notes()
-        );
+        assert_eq!(self.sim.violations().total(), 0, "{:?}", self.sim.violation_notes());
     }
 }
 
@@ -65,21 +54,14 @@ fn wild_targets_never_break_a_limit() {
         let targets: Vec<f64> = (0..4)
             .map(|_| {
                 noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                if k % 7 == 0 {
-                    f64::from(noise >> 8) / 2e6 - 4.0
-                } else {
-                    0.5
-                }
+                if k % 7 == 0 { f64::from(noise >> 8) / 2e6 - 4.0 } else { 0.5 }
             })
             .collect();
         rig.period(Some(&targets)).unwrap();
     }
     rig.clean();
     let interventions = rig.safe.interventions();
-    assert!(
-        interventions.position > 0 && interventions.acceleration > 0,
-        "{interventions:?}"
-    );
+    assert!(interventions.position > 0 && interventions.acceleration > 0, "{interventions:?}");
 }
 
 #[test]
@@ -128,12 +110,7 @@ fn stale_motion_turns_torque_off() {
     assert_eq!(seen, [State::Running, State::Holding, State::Disarmed]);
     assert!(!rig.any_torque());
     rig.clean();
-    let causes: Vec<_> = rig
-        .safe
-        .transitions()
-        .iter()
-        .map(|t| (t.to, t.cause.as_str()))
-        .collect();
+    let causes: Vec<_> = rig.safe.transitions().iter().map(|t| (t.to, t.cause.as_str())).collect();
     assert_eq!(causes[2], (State::Holding, "targets are 0.260 s old"));
     assert_eq!(causes[4], (State::Disarmed, "torque is off"));
 }
@@ -175,11 +152,7 @@ fn a_hold_on_request_lasts_as_long_as_targets_are_fresh() {
             pose = held(&rig);
         }
     }
-    assert_eq!(
-        held(&rig),
-        pose,
-        "it stands still, far longer than stale targets may"
-    );
+    assert_eq!(held(&rig), pose, "it stands still, far longer than stale targets may");
     assert_eq!(rig.safe.interventions().stale, 0);
     rig.safe.hold(false);
     for _ in 0..400 {
@@ -192,11 +165,7 @@ fn a_hold_on_request_lasts_as_long_as_targets_are_fresh() {
     for _ in 0..200 {
         rig.period(None).unwrap();
     }
-    assert_eq!(
-        rig.safe.state(),
-        State::Disarmed,
-        "nobody is there any more"
-    );
+    assert_eq!(rig.safe.state(), State::Disarmed, "nobody is there any more");
     rig.clean();
 }
 
@@ -241,10 +210,7 @@ fn a_dead_servo_faults_and_the_others_lose_torque() {
     rig.sim.set_servo_fault(1, ServoFault::Dead);
     let error = rig.period(Some(&[0.1; 3])).unwrap_err().to_string();
     assert!(error.contains("no answer from joint_2 (id 2)"), "{error}");
-    assert!(
-        error.contains("torque may still be ON at joint_2 (id 2)"),
-        "{error}"
-    );
+    assert!(error.contains("torque may still be ON at joint_2 (id 2)"), "{error}");
     assert!(!rig.sim.servo(0).unwrap().torque_enabled);
     // The servo that cannot be reached is stopped by its own watchdog.
     rig.sim.advance(0.3);
@@ -260,9 +226,7 @@ fn disarm_and_drop_end_in_torque_off() {
     assert!(!rig.any_torque());
     rig.safe.arm(rig.now_s).unwrap();
     assert!(rig.any_torque());
-    let Rig {
-        servos, safe, sim, ..
-    } = rig;
+    let Rig { servos, safe, sim, .. } = rig;
     drop(safe);
     assert!(!any_torque(&sim, &servos));
 }
@@ -285,11 +249,7 @@ fn a_loop_that_catches_up_does_not_speed_the_motion_up() {
         rig.now_s += step_s;
         rig.sim.advance(step_s);
     }
-    assert!(
-        rig.safe.interventions().early > 30,
-        "{:?}",
-        rig.safe.interventions()
-    );
+    assert!(rig.safe.interventions().early > 30, "{:?}", rig.safe.interventions());
     rig.clean();
 }
 
@@ -298,10 +258,7 @@ fn an_emergency_stop_is_latched_until_it_is_cleared() {
     let mut rig = rig(2);
     rig.period(Some(&[0.1; 2])).unwrap();
     rig.safe.estop().press("the key");
-    assert!(matches!(
-        rig.period(Some(&[0.1; 2])),
-        Err(SafetyError::EStop { .. })
-    ));
+    assert!(matches!(rig.period(Some(&[0.1; 2])), Err(SafetyError::EStop { .. })));
     assert!(!rig.any_torque());
     let refused = rig.safe.arm(rig.now_s).unwrap_err().to_string();
     assert!(refused.starts_with("emergency stop (the key)"), "{refused}");

@@ -37,9 +37,7 @@ struct Wire(String);
 
 impl Wire {
     fn at(interface: &str) -> Self {
-        system(&format!(
-            "tc qdisc add dev {interface} root tbf rate 128kbit burst 32 limit 160"
-        ));
+        system(&format!("tc qdisc add dev {interface} root tbf rate 128kbit burst 32 limit 160"));
         Self(interface.into())
     }
 }
@@ -156,26 +154,18 @@ fn an_interface_taken_down_is_an_error_until_it_is_back() {
 fn a_missing_interface_is_refused_with_those_there_are() {
     let error = SocketLink::open("can7").unwrap_err().to_string();
     let here = format!("CAN interfaces here: {} (up)", interface());
-    assert!(
-        error.contains(&here) && error.contains("ip link set"),
-        "{error}"
-    );
+    assert!(error.contains(&here) && error.contains("ip link set"), "{error}");
 }
 
 /// A robot of twenty motors at `SERVODANCE_CAN`, in real time: the machine may
 /// stall, so replies may be late and nothing is asserted about time.
 fn twenty(kind: MotorKind) -> (Vec<Servo>, SimBus, BusConfig) {
     let servos = can_robot(kind, 20);
-    let options = SimOptions {
-        link: SimLink::Interface(interface()),
-        ..SimOptions::realtime(BITRATE, HZ)
-    };
+    let options =
+        SimOptions { link: SimLink::Interface(interface()), ..SimOptions::realtime(BITRATE, HZ) };
     let sim = SimBus::start(&specs(&servos), options).expect("simulated motors");
     // An emulated machine stalls for longer than a live watchdog allows.
-    let config = BusConfig {
-        watchdog_ms: 2000,
-        ..can_patient(kind)
-    };
+    let config = BusConfig { watchdog_ms: 2000, ..can_patient(kind) };
     (servos, sim, config)
 }
 
@@ -218,11 +208,7 @@ fn dances_without_loss(kind: MotorKind) {
     let stats = safe.stats();
     // A tick that comes too soon after a stall does nothing: not all of them cycle.
     assert!(stats.cycles >= 150, "{kind:?}: {stats:?}");
-    assert_eq!(
-        (stats.timeouts, stats.retries),
-        (0, 0),
-        "{kind:?}: {stats:?}"
-    );
+    assert_eq!((stats.timeouts, stats.retries), (0, 0), "{kind:?}: {stats:?}");
     // Not acceleration: commands that a stall has bunched jerk a motor.
     let broken = sim.motion_violations();
     let notes = sim.violation_notes();
@@ -266,10 +252,7 @@ fn a_short_queue_is_paced_and_nothing_is_lost() {
 #[ignore = "needs a CAN interface"]
 fn an_interface_that_goes_down_stops_every_motor_by_its_watchdog() {
     let (servos, sim, config) = twenty(MotorKind::Damiao);
-    let config = BusConfig {
-        reply_timeout_ms: 100.0,
-        ..config
-    };
+    let config = BusConfig { reply_timeout_ms: 100.0, ..config };
     let mut bus = CanBus::open(&sim.port().to_string(), &config, servos.clone()).unwrap();
     let mut states = bus.arm().unwrap().states;
     let held: Vec<f64> = states.iter().map(|state| state.position_rad).collect();
@@ -280,10 +263,7 @@ fn an_interface_that_goes_down_stops_every_motor_by_its_watchdog() {
     assert!(error.contains("interface is down"), "{error}");
     // Nobody can turn torque off now, and that is said with every joint's name.
     let error = bus.disarm().unwrap_err().to_string();
-    assert!(
-        error.contains("torque may still be ON") && error.contains("and 16 more"),
-        "{error}"
-    );
+    assert!(error.contains("torque may still be ON") && error.contains("and 16 more"), "{error}");
     wait_for("the watchdogs", || !any_torque(&sim, &servos));
     drop(down);
     let mut states = bus.arm().expect("motors that are there again").states;
@@ -303,10 +283,7 @@ fn bus_off_ends_the_dance_and_the_watchdogs_stop_the_motors() {
     let off = CanErrorFrame::new_error(errors::CAN_ERR_BUSOFF, &[0; 8]).unwrap();
     controller.write_frame(&off).unwrap();
     let error = bus.cycle(&held, &mut states).unwrap_err().to_string();
-    assert!(
-        error.contains("bus-off") && error.contains("can:"),
-        "{error}"
-    );
+    assert!(error.contains("bus-off") && error.contains("can:"), "{error}");
     drop(bus);
     wait_for("torque off", || !any_torque(&sim, &servos));
 }
@@ -314,10 +291,7 @@ fn bus_off_ends_the_dance_and_the_watchdogs_stop_the_motors() {
 fn wait_for(what: &str, done: impl Fn() -> bool) {
     let began = Instant::now();
     while !done() {
-        assert!(
-            began.elapsed() < Duration::from_secs(30),
-            "waited for {what}"
-        );
+        assert!(began.elapsed() < Duration::from_secs(30), "waited for {what}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }

@@ -36,10 +36,7 @@ fn servos_answer_as_behind_a_terminal() {
     let servos = robot(JOINTS);
     let run = |link| {
         let sim = start(&servos, SimOptions::lockstep(BAUD, HZ), link);
-        let config = BusConfig {
-            reply_clock: sim.reply_clock(),
-            ..patient()
-        };
+        let config = BusConfig { reply_clock: sim.reply_clock(), ..patient() };
         let mut bus = driver(&sim, &config, &servos);
         let seen = hundred_cycles(&sim, &mut bus);
         assert!(!any_torque(&sim, &servos));
@@ -55,10 +52,7 @@ fn motors_behind_a_serial_adapter_answer_as_behind_a_terminal() {
     let servos = can_robot(MotorKind::Damiao, JOINTS);
     let run = |link| {
         let sim = start(&servos, SimOptions::lockstep(1_000_000, HZ), link);
-        let config = BusConfig {
-            reply_clock: sim.reply_clock(),
-            ..can_patient(MotorKind::Damiao)
-        };
+        let config = BusConfig { reply_clock: sim.reply_clock(), ..can_patient(MotorKind::Damiao) };
         let mut bus = CanBus::open(&sim.port().to_string(), &config, servos.clone()).unwrap();
         hundred_cycles(&sim, &mut bus)
     };
@@ -69,10 +63,8 @@ fn motors_behind_a_serial_adapter_answer_as_behind_a_terminal() {
 fn pulled_out_it_fails_and_put_back_it_is_at_its_place() {
     let servos = robot(JOINTS);
     let folder = tempfile::tempdir().unwrap();
-    let options = SimOptions {
-        path: Some(folder.path().join("port")),
-        ..SimOptions::realtime(BAUD, HZ)
-    };
+    let options =
+        SimOptions { path: Some(folder.path().join("port")), ..SimOptions::realtime(BAUD, HZ) };
     let mut sim = start(&servos, options, SimLink::Unix);
     let mut bus = driver(&sim, &patient(), &servos);
     let mut states = bus.arm().unwrap().states;
@@ -92,10 +84,8 @@ fn pulled_out_it_fails_and_put_back_it_is_at_its_place() {
 #[test]
 fn any_program_speaks_to_the_servos() {
     let folder = tempfile::tempdir().unwrap();
-    let options = SimOptions {
-        path: Some(folder.path().join("port")),
-        ..SimOptions::realtime(BAUD, HZ)
-    };
+    let options =
+        SimOptions { path: Some(folder.path().join("port")), ..SimOptions::realtime(BAUD, HZ) };
     let sim = start(&robot(1), options, SimLink::Unix);
     let mut port = UnixStream::connect(sim.port_path()).unwrap();
     let mut ping = Vec::new();

@@ -34,17 +34,9 @@ pub struct Args {
 
 /// Finds the beats and writes them.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let hearing = if args.causal {
-        BeatTracker::Causal
-    } else {
-        BeatTracker::Offline
-    };
+    let hearing = if args.causal { BeatTracker::Causal } else { BeatTracker::Offline };
     let beats = Beats::find(&args.file, hearing)?;
-    let text = if args.json {
-        beats.to_json()?
-    } else {
-        beats.to_lines()
-    };
+    let text = if args.json { beats.to_json()? } else { beats.to_lines() };
     match args.out {
         Some(path) => write_whole(&path, text.as_bytes())?,
         None => servodance_runtime::process::console::stdout(format_args!("{text}")),

@@ -104,11 +104,7 @@ pub struct Args {
     pub pcm_rate: u32,
 
     /// Sample format of raw PCM on standard input.
-    #[arg(
-        long,
-        default_value = "s16le",
-        value_name = "u8|s16le|s24le|s32le|f32le"
-    )]
+    #[arg(long, default_value = "s16le", value_name = "u8|s16le|s24le|s32le|f32le")]
     pub pcm_format: PcmEncoding,
 
     /// Channels of raw PCM on standard input, interleaved.
@@ -122,12 +118,7 @@ pub struct Args {
 
     /// Where the page is served; anything but this machine's own address makes
     /// it reachable for whoever has the address with its token.
-    #[arg(
-        long,
-        default_value = "127.0.0.1:0",
-        value_name = "IP:PORT",
-        requires = "view"
-    )]
+    #[arg(long, default_value = "127.0.0.1:0", value_name = "IP:PORT", requires = "view")]
     pub view_bind: SocketAddr,
 
     /// Show the dance in this terminal and steer it by keys: start, hold, resume,
@@ -189,12 +180,7 @@ fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCo
         stdout_line!("{address}");
     }
     let terminal = match tui {
-        true => Some(TerminalView::start(
-            scene,
-            session.add_viewer(),
-            stop,
-            address,
-        )?),
+        true => Some(TerminalView::start(scene, session.add_viewer(), stop, address)?),
         false => None,
     };
     let danced = session.run(stop, |config, outcome| match outcome {

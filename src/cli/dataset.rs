@@ -124,12 +124,7 @@ pub struct BuildArgs {
     /// Songs for every captured dance with a beat.
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub songs: usize,
-    #[arg(
-        help = "Minutes of choreography",
-        long,
-        default_value_t = 90.0,
-        value_name = "MINUTES"
-    )]
+    #[arg(help = "Minutes of choreography", long, default_value_t = 90.0, value_name = "MINUTES")]
     pub choreography: f64,
     /// Which features of the music are written.
     #[command(flatten)]
@@ -169,14 +164,9 @@ fn music_kind(text: &str) -> Result<MusicKind, String> {
 }
 
 fn kind(text: &str) -> Result<ImportFormat, String> {
-    let found = ImportFormat::ALL
-        .into_iter()
-        .find(|kind| kind.name() == text);
+    let found = ImportFormat::ALL.into_iter().find(|kind| kind.name() == text);
     found.ok_or_else(|| {
-        format!(
-            "choose one of {}",
-            ImportFormat::ALL.map(ImportFormat::name).join(", ")
-        )
+        format!("choose one of {}", ImportFormat::ALL.map(ImportFormat::name).join(", "))
     })
 }
 

@@ -40,10 +40,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = args.robot.load()?;
     let generator = open_generator(args.model.as_deref(), EngineOptions::default())?;
-    let conditioning = Conditioning {
-        encodec: args.encodec,
-        ..Conditioning::default()
-    };
+    let conditioning = Conditioning { encodec: args.encodec, ..Conditioning::default() };
     let encodec = conditioning.encodec(&generator)?;
     let findings = examine(&robot, &generator, encodec.as_ref())?;
     if args.json {

@@ -56,21 +56,11 @@ pub struct Args {
     pub quiet: bool,
 
     /// For trials: a clock that is wrong by so many seconds.
-    #[arg(
-        long,
-        default_value_t = 0.0,
-        hide = true,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, default_value_t = 0.0, hide = true, allow_negative_numbers = true)]
     pub clock_offset: f64,
 
     /// For trials: a clock that is fast by so many millionths.
-    #[arg(
-        long,
-        default_value_t = 0.0,
-        hide = true,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, default_value_t = 0.0, hide = true, allow_negative_numbers = true)]
     pub clock_drift_ppm: f64,
 
     /// For trials: where the servos were when.

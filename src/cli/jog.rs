@@ -31,12 +31,7 @@ pub struct Args {
     #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
     pub by: Option<f64>,
     /// Move to this angle, degrees, and end.
-    #[arg(
-        long,
-        value_name = "DEGREES",
-        allow_hyphen_values = true,
-        conflicts_with = "by"
-    )]
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true, conflicts_with = "by")]
     pub to: Option<f64>,
     /// How fast, degrees a second.
     #[arg(long, value_name = "DEGREES_A_SECOND", default_value_t = 20.0)]
@@ -54,13 +49,8 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         (None, None) => None,
     };
     let stop = stop_signal()?;
-    let jog = Jog {
-        robot: &robot,
-        joint: &args.joint,
-        ports: &args.bus,
-        step,
-        speed_deg_s: args.speed,
-    };
+    let jog =
+        Jog { robot: &robot, joint: &args.joint, ports: &args.bus, step, speed_deg_s: args.speed };
     let moved = jog.run(Consent::from_flag(args.yes), &stop)?;
     stdout_line!("{moved}");
     if stop.load(Ordering::Acquire) {

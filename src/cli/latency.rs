@@ -93,20 +93,10 @@ fn table(robot: &Robot, measured: &ClickTestReport) -> String {
     let named = measured.delays.named();
     let mut text = String::new();
     // Writing to a String cannot fail.
-    let _ = writeln!(
-        text,
-        "{:<32}{:>12}{:>14}",
-        "stage", "expected ms", "measured ms"
-    );
+    let _ = writeln!(text, "{:<32}{:>12}{:>14}", "stage", "expected ms", "measured ms");
     for row in rows(measured) {
         let expected: f64 = row.parts.iter().map(|part| named[*part].1).sum();
-        let _ = writeln!(
-            text,
-            "{:<32}{:>12.0}{:>14.0}",
-            row.name,
-            expected * 1e3,
-            row.measured_ms
-        );
+        let _ = writeln!(text, "{:<32}{:>12.0}{:>14.0}", row.name, expected * 1e3, row.measured_ms);
         for part in row.parts {
             let (name, seconds) = named[*part];
             let _ = writeln!(text, "  {name:<30}{:>12.0}", seconds * 1e3);

@@ -65,12 +65,8 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 }
 
 fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
-    let written = robot::new_robot(
-        &args.description,
-        &args.out,
-        args.force,
-        &choreography::trial_dance(),
-    )?;
+    let written =
+        robot::new_robot(&args.description, &args.out, args.force, &choreography::trial_dance())?;
     for file in &written.files {
         stdout_line!("{}", file.display());
     }

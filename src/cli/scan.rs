@@ -37,9 +37,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let say = |line: &str| stdout_line!("{line}");
     match args.port {
-        Some(port) => scan::scan(&port, args.baud, args.protocol, say, |n| {
-            stderr_line!("{n}")
-        })?,
+        Some(port) => scan::scan(&port, args.baud, args.protocol, say, |n| stderr_line!("{n}"))?,
         None => scan::ports().iter().for_each(|line| say(line)),
     }
     Ok(ExitCode::SUCCESS)

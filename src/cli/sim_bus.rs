@@ -53,11 +53,8 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         faults = format!("{faults}\n{text}");
     }
     let stop = stop_signal()?;
-    let options = serve::SimBusOptions {
-        link: args.link,
-        faults: &faults,
-        backlash: args.backlash,
-    };
+    let options =
+        serve::SimBusOptions { link: args.link, faults: &faults, backlash: args.backlash };
     let served = serve::serve(&robot, options, &stop, |port| stdout_line!("{port}"))?;
     stderr_line!("{served}");
     Ok(ExitCode::SUCCESS)

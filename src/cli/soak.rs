@@ -29,12 +29,7 @@ pub struct Args {
     #[arg(value_name = "AUDIO")]
     pub audio: Vec<PathBuf>,
 
-    #[arg(
-        help = "Minutes of music",
-        long,
-        default_value_t = 60.0,
-        value_name = "MINUTES"
-    )]
+    #[arg(help = "Minutes of music", long, default_value_t = 60.0, value_name = "MINUTES")]
     pub minutes: f64,
 
     /// Seconds of music of one dance.
@@ -73,11 +68,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         ("--fault-every", args.fault_every, 0.1..=1e6),
     ] {
         if !range.contains(&value) {
-            bail!(
-                "{option} {value} is outside {} to {}",
-                range.start(),
-                range.end()
-            );
+            bail!("{option} {value} is outside {} to {}", range.start(), range.end());
         }
     }
     let report = args.report.as_deref().map(PendingFile::create);

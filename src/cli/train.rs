@@ -121,10 +121,9 @@ fn told(outcome: &RunOutcome, request: &TrainingRequest) -> String {
     let weights = weights.display();
     match outcome.end {
         RunEnd::Until => format!("paused at {}", goes_on(outcome, request)),
-        RunEnd::Early => format!(
-            "{weights}: no improvement any more after {} steps",
-            outcome.steps
-        ),
+        RunEnd::Early => {
+            format!("{weights}: no improvement any more after {} steps", outcome.steps)
+        }
         _ => format!("{weights}: {} steps", outcome.steps),
     }
 }
@@ -135,11 +134,8 @@ fn goes_on(outcome: &RunOutcome, request: &TrainingRequest) -> String {
         request.network.name(),
         request.config.display()
     );
-    let given = [
-        ("data", &request.data),
-        ("out", &request.out),
-        ("stage-one", &request.vqvae_weights),
-    ];
+    let given =
+        [("data", &request.data), ("out", &request.out), ("stage-one", &request.vqvae_weights)];
     for (name, path) in given {
         if let Some(path) = path {
             command += &format!(" --{name} {}", path.display());

@@ -81,18 +81,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         What::Convert { file, dtype, out } => {
             let bytes = servodance_model::weights::convert_file(&file, dtype)?;
             write_whole(&out, &bytes)?;
-            stdout_line!(
-                "{}: {dtype}, {:.1} MB",
-                out.display(),
-                bytes.len() as f64 / 1e6
-            );
+            stdout_line!("{}: {dtype}, {:.1} MB", out.display(), bytes.len() as f64 / 1e6);
         }
-        What::Compare {
-            file,
-            data,
-            clips,
-            json,
-        } => {
+        What::Compare { file, data, clips, json } => {
             let rows = weights::compare(file.as_deref(), &data, clips)?;
             if json {
                 stdout_line!("{}", serde_json::to_string(&rows)?);

@@ -25,10 +25,8 @@ fn main() -> Result<(), MessageError> {
         let ahead_ns = (leader.lead_s(leader_ns) * 1e9) as i64;
         // Music and motion begin with the program; frames are sent ahead of time.
         while sent * FRAME_NS <= now_ns + ahead_ns {
-            let motion = MotionFrame {
-                time_s: (sent * FRAME_NS) as f64 * 1e-9,
-                ..MotionFrame::default()
-            };
+            let motion =
+                MotionFrame { time_s: (sent * FRAME_NS) as f64 * 1e-9, ..MotionFrame::default() };
             let present_ns = OFFSET_NS + sent * FRAME_NS;
             let music = MusicFrame::default();
             let frame = StageFrame::new(present_ns, &music, &motion, Posture::default());

@@ -21,11 +21,8 @@ fn joint_states_are_those_of_an_independent_writer() {
 #[test]
 fn positions_alone_are_a_joint_state_with_empty_sequences() {
     let names = ["head_pan"];
-    let message = joint_state(-0.5, "", names.into_iter())
-        .f64s([1.0].into_iter())
-        .u32(0)
-        .u32(0)
-        .finish();
+    let message =
+        joint_state(-0.5, "", names.into_iter()).f64s([1.0].into_iter()).u32(0).u32(0).finish();
     let golden = include_bytes!("../reference/joint_command.cdr");
     assert_eq!(message, golden);
 }

@@ -14,9 +14,7 @@ fn recorded() -> Program {
 /// How many pictures a moving one has.
 fn frames(program: &Program, name: &str) -> usize {
     let gif = std::fs::read(program.path(name)).expect("the picture");
-    let mut decoder = gif::DecodeOptions::new()
-        .read_info(&gif[..])
-        .expect("a GIF");
+    let mut decoder = gif::DecodeOptions::new().read_info(&gif[..]).expect("a GIF");
     let mut frames = 0;
     while decoder.read_next_frame().expect("a frame").is_some() {
         frames += 1;
@@ -27,14 +25,7 @@ fn frames(program: &Program, name: &str) -> usize {
 #[test]
 fn a_dance_draws_its_own_moving_picture() {
     let program = Program::new();
-    let dance = [
-        "dance",
-        "--robot",
-        "neck",
-        "--no-picture",
-        "--quiet",
-        "--gif",
-    ];
+    let dance = ["dance", "--robot", "neck", "--no-picture", "--quiet", "--gif"];
     program.succeed(&[&dance[..], &["dance.gif"]].concat());
     assert_eq!(frames(&program, "dance.gif"), 125, "ten seconds");
     program.refused(&[&dance[..], &["no/such/dance.gif"]].concat(), &["no/such"]);
@@ -55,10 +46,7 @@ fn a_recording_becomes_a_moving_picture_bvh_and_csv() {
     let csv = std::fs::read_to_string(program.path("a.csv")).expect("the joints");
     let mut lines = csv.lines();
     let names: Vec<&str> = recording.joints.iter().map(|j| j.0.as_str()).collect();
-    assert_eq!(
-        lines.next(),
-        Some(format!("time_s,{}", names.join(",")).as_str())
-    );
+    assert_eq!(lines.next(), Some(format!("time_s,{}", names.join(",")).as_str()));
     let [first_s, last_s] = recording.span_s();
     let cycles = (last_s - first_s) * recording.control_hz;
     assert!((lines.count() as f64 - cycles).abs() <= 3.0);
@@ -69,20 +57,13 @@ fn spectrum_temperatures_and_events_are_recorded() {
     let program = recorded();
     let recording = Recording::read(&program.path("out.mcap")).expect("a recording");
     let (_, loud) = recording.spectrum.last_before(5.0).expect("a spectrum");
-    assert!(
-        loud.len() == 32 && loud.iter().any(|band| *band > 0.3),
-        "{loud:?}"
-    );
+    assert!(loud.len() == 32 && loud.iter().any(|band| *band > 0.3), "{loud:?}");
     assert_eq!(recording.temperatures.len(), 2);
     for series in &recording.temperatures {
         let (_, celsius) = series.last_before(5.0).expect("a temperature");
         assert!((15.0..60.0).contains(celsius), "{celsius}");
     }
-    let states: Vec<&str> = recording
-        .events
-        .iter()
-        .map(|(_, p)| p.state.as_str())
-        .collect();
+    let states: Vec<&str> = recording.events.iter().map(|(_, p)| p.state.as_str()).collect();
     assert_eq!(states, ["arming", "running", "stopping", "disarmed"]);
 }
 
@@ -100,11 +81,7 @@ fn an_older_recording_is_still_read() {
     let limits = r#"[{"name": "knee", "lower_rad": -1, "upper_rad": 1,
         "velocity_rad_s": 1, "acceleration_rad_s2": 1}]"#;
     let fact = |(key, value): (&str, &str)| (key.to_owned(), value.to_owned());
-    let facts = [
-        ("music_start_s", "0"),
-        ("control_hz", "100"),
-        ("joints", limits),
-    ];
+    let facts = [("music_start_s", "0"), ("control_hz", "100"), ("joints", limits)];
     recorder.metadata(BTreeMap::from(facts.map(fact)));
     recorder.finish().expect("a file");
     let recording = Recording::read(&path).expect("a recording");

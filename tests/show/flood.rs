@@ -31,18 +31,13 @@ impl Page {
         let read = BufReader::new(stdout).read_line(&mut address);
         read.expect("the address");
         let parts: Vec<&str> = address.trim().split('/').collect();
-        Self {
-            at: parts[2].parse().expect("an address"),
-            token: parts[3].to_owned(),
-        }
+        Self { at: parts[2].parse().expect("an address"), token: parts[3].to_owned() }
     }
 
     fn socket(&self) -> Option<WebSocket<TcpStream>> {
         let address = format!("ws://{}/{}/api/live", self.at, self.token);
         let stream = TcpStream::connect(self.at).ok()?;
-        stream
-            .set_read_timeout(Some(Duration::from_secs(20)))
-            .ok()?;
+        stream.set_read_timeout(Some(Duration::from_secs(20))).ok()?;
         Some(tungstenite::client(address, stream).ok()?.0)
     }
 

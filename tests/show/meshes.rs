@@ -10,14 +10,8 @@ use tempfile::TempDir;
 /// A cube of this edge as binary STL.
 fn cube(edge: f32) -> Vec<u8> {
     let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { edge } else { 0.0 });
-    let sides = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
+    let sides =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let mut bytes = vec![b' '; 80];
     bytes.extend(12_u32.to_le_bytes());
     for [a, b, c, d] in sides {
@@ -40,9 +34,7 @@ struct Home {
 
 impl Home {
     fn new() -> Self {
-        let home = Self {
-            folder: tempfile::tempdir().expect("a folder"),
-        };
+        let home = Self { folder: tempfile::tempdir().expect("a folder") };
         for folder in ["robot/urdf", "robot/meshes", "strange"] {
             std::fs::create_dir_all(home.at(folder)).expect("a folder");
         }
@@ -92,11 +84,7 @@ fn meshes_with(file: &Path, overrides: &Overrides) -> Meshes {
 fn a_mesh_in_the_robots_folder_is_drawn() {
     let home = Home::new();
     let absolute = format!("file://{}", home.at("robot/meshes/head.stl").display());
-    for name in [
-        "../meshes/head.stl",
-        "package://neck_description/meshes/head.stl",
-        &absolute,
-    ] {
+    for name in ["../meshes/head.stl", "package://neck_description/meshes/head.stl", &absolute] {
         let meshes = home.meshes(name);
         assert!(meshes.left_out.is_empty(), "{name}: {:?}", meshes.left_out);
         let [fixed] = &meshes.fixed[..] else {
@@ -118,10 +106,7 @@ fn a_description_elsewhere_brings_the_meshes_of_its_package() {
     home.write("ros/neck_description/meshes/face.stl", &cube(60.0));
     let urdf = "../ros/neck_description/urdf/neck.urdf";
     let mesh = "package://neck_description/meshes/face.stl";
-    assert!(
-        home.meshes_of(urdf, mesh).fixed.is_empty(),
-        "no package yet"
-    );
+    assert!(home.meshes_of(urdf, mesh).fixed.is_empty(), "no package yet");
     home.write("ros/neck_description/package.xml", b"<package/>");
     assert_eq!(home.meshes_of(urdf, mesh).fixed.len(), 1);
     assert_eq!(home.meshes_of(urdf, "../meshes/face.stl").fixed.len(), 1);
@@ -133,24 +118,15 @@ fn a_description_elsewhere_brings_the_meshes_of_its_package() {
 fn what_is_outside_missing_or_damaged_is_left_out_and_said() {
     let home = Home::new();
     let outside = format!("file://{}", home.at("strange/head.stl").display());
-    std::os::unix::fs::symlink(
-        home.at("strange/head.stl"),
-        home.at("robot/meshes/link.stl"),
-    )
-    .expect("a link");
+    std::os::unix::fs::symlink(home.at("strange/head.stl"), home.at("robot/meshes/link.stl"))
+        .expect("a link");
     let whole = cube(60.0);
     home.write("robot/meshes/cut.stl", &whole[..whole.len() - 9]);
     home.write("robot/meshes/head.dae", b"<COLLADA/>");
     for (name, why) in [
         ("../../strange/head.stl", "outside the robot's folder"),
-        (
-            "package://../strange/head.stl",
-            "outside the robot's folder",
-        ),
-        (
-            "package://x/../../strange/head.stl",
-            "outside the robot's folder",
-        ),
+        ("package://../strange/head.stl", "outside the robot's folder"),
+        ("package://x/../../strange/head.stl", "outside the robot's folder"),
         ("../meshes/link.stl", "outside the robot's folder"),
         (&outside, "outside the robot's folder"),
         ("file:///etc/passwd", "outside the robot's folder"),

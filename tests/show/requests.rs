@@ -40,10 +40,9 @@ fn run(
         });
         let result = session.run(&stop, |_, outcome| {
             outcomes.push(match outcome {
-                Ok(outcome) => Ok(Outcome {
-                    report: outcome.report.clone(),
-                    interrupted: outcome.interrupted,
-                }),
+                Ok(outcome) => {
+                    Ok(Outcome { report: outcome.report.clone(), interrupted: outcome.interrupted })
+                }
                 Err(error) => Err(anyhow::anyhow!("{error:#}")),
             });
         });

@@ -19,13 +19,8 @@ struct Page {
 
 fn page() -> Page {
     let robot = Robot::load("op3").expect("the built-in robot");
-    let settings = ViewerSettings {
-        amplitude: 1.0,
-        mirror: false,
-        idle: IdleStyle::Sway,
-        style: 0,
-        seed: 1,
-    };
+    let settings =
+        ViewerSettings { amplitude: 1.0, mirror: false, idle: IdleStyle::Sway, style: 0, seed: 1 };
     let scene = Scene {
         robot: robot.name.clone(),
         model: robot.retargeter().expect("a retargeter").model().clone(),
@@ -91,13 +86,9 @@ impl Page {
             request.headers_mut().insert("Origin", origin);
         }
         let stream = TcpStream::connect(self.at()).map_err(|e| e.to_string())?;
-        stream
-            .set_read_timeout(Some(Duration::from_secs(20)))
-            .expect("a timeout");
+        stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
         let connected = tungstenite::client(request, stream);
-        connected
-            .map(|(socket, _)| socket)
-            .map_err(|e| e.to_string())
+        connected.map(|(socket, _)| socket).map_err(|e| e.to_string())
     }
 
     fn next_request(&mut self) -> Option<ViewerRequest> {
@@ -139,9 +130,7 @@ fn a_command_reaches_the_control_loop_and_a_stop_the_button() {
     assert_eq!(page.command(JSON, r#"{"set":{"style":"salsa"}}"#).0, 202);
     assert_eq!(page.next_request(), Some(ViewerRequest::Style(1)));
     let mut socket = page.socket(None).expect("a socket");
-    socket
-        .send(Message::text(r#"{"do":"hold"}"#))
-        .expect("sent");
+    socket.send(Message::text(r#"{"do":"hold"}"#)).expect("sent");
     assert_eq!(page.next_request(), Some(ViewerRequest::Hold));
     assert_eq!(page.command(JSON, r#"{"do":"start"}"#).0, 409);
     assert!(!page.robot.estop.is_pressed());
@@ -246,10 +235,7 @@ fn a_viewer_who_does_not_read_misses_frames_and_delays_nobody() {
         let now = Instant::now();
         page.robot.publish(|s| s.now.music_s = f64::from(i));
         let took = now.elapsed();
-        assert!(
-            took < Duration::from_millis(500),
-            "publishing took {took:?}"
-        );
+        assert!(took < Duration::from_millis(500), "publishing took {took:?}");
         while latest < f64::from(i) {
             latest = time_of(&quick.read().expect("a frame"));
         }

@@ -28,19 +28,9 @@ fn a_viewer_takes_at_most_five_per_cent_of_a_core() {
     let _alone = alone();
     let program = Program::new();
     let robot = program.unhurried_robot("op3");
-    let arguments = [
-        "dance",
-        "--robot",
-        &robot,
-        "--view",
-        "--no-picture",
-        "--quiet",
-    ];
-    let mut child = program
-        .command(&arguments)
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the program starts");
+    let arguments = ["dance", "--robot", &robot, "--view", "--no-picture", "--quiet"];
+    let mut child =
+        program.command(&arguments).stdout(Stdio::piped()).spawn().expect("the program starts");
     let mut address = String::new();
     let mut stdout = BufReader::new(child.stdout.take().expect("its output"));
     stdout.read_line(&mut address).expect("the address");
@@ -64,10 +54,7 @@ fn a_viewer_takes_at_most_five_per_cent_of_a_core() {
     let spent_s = thread_s(&child, "viewers") - before_s;
     let share = spent_s / began.elapsed().as_secs_f64();
     let rate = f64::from(frames) / WATCHED_S;
-    println!(
-        "{rate:.1} frames a second, {:.2} % of a core",
-        share * 100.0
-    );
+    println!("{rate:.1} frames a second, {:.2} % of a core", share * 100.0);
     assert!(moved > 10, "the robot moves: {moved} of {frames}");
     assert!(share < 0.05, "{share}");
     signal(&child, "-INT");

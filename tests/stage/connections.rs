@@ -35,10 +35,8 @@ fn serve(mut near: TcpStream, far: Option<TcpStream>) {
         let _ = std::io::copy(&mut near, &mut std::io::sink());
         return;
     };
-    let (mut back, mut home) = (
-        far.try_clone().expect("a handle"),
-        near.try_clone().expect("a handle"),
-    );
+    let (mut back, mut home) =
+        (far.try_clone().expect("a handle"), near.try_clone().expect("a handle"));
     std::thread::spawn(move || std::io::copy(&mut back, &mut home));
     let _ = std::io::copy(&mut near, &mut far);
 }

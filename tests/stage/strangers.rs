@@ -16,11 +16,7 @@ use std::time::{Duration, Instant};
 
 /// A session to which a follower connects.
 pub fn net(at: &str) -> NetSession {
-    let place = NetConfig {
-        leads: true,
-        listen: vec![at.to_owned()],
-        ..NetConfig::default()
-    };
+    let place = NetConfig { leads: true, listen: vec![at.to_owned()], ..NetConfig::default() };
     NetSession::open(place.config().expect("a configuration")).expect("a session")
 }
 
@@ -35,9 +31,7 @@ fn rave(net: &NetSession, seconds: u64) {
     let _ear = net.subscribe(&keys.from_follower(None), move |bytes| {
         let _ = sender.try_send((now_ns(), bytes.to_vec()));
     });
-    let _token = net
-        .declare_liveliness(&keys.leader(leader.instance(), 3))
-        .expect("a token");
+    let _token = net.declare_liveliness(&keys.leader(leader.instance(), 3)).expect("a token");
     let key = keys.frames(Some(0));
     let mut sent: Vec<Vec<u8>> = Vec::new();
     for index in 0..seconds as i64 * 20 {
@@ -79,8 +73,7 @@ fn rave(net: &NetSession, seconds: u64) {
             };
             if let Ok(Outgoing::Reply(follower, messages)) = leader.receive(at_ns, &bytes, now_ns) {
                 for message in messages {
-                    net.put(&keys.to_follower(follower), message)
-                        .expect("it goes out");
+                    net.put(&keys.to_follower(follower), message).expect("it goes out");
                 }
             }
         }
@@ -103,10 +96,7 @@ fn no_leader_can_make_a_follower_break_its_limits() {
         assert_eq!(report["violations"][limit], 0, "{report}");
     }
     for cause in ["malformed", "huge", "other_version", "replayed"] {
-        assert!(
-            report["dropped"][cause].as_u64() > Some(50),
-            "{cause}: {report}"
-        );
+        assert!(report["dropped"][cause].as_u64() > Some(50), "{cause}: {report}");
     }
 }
 
@@ -123,10 +113,7 @@ fn ros_2_sees_the_joints_of_a_follower() {
         namespace: "main/my_neck".into(),
         name: "servodance".into(),
     };
-    let topic = |name| Topic {
-        name,
-        message: TopicType::JointState,
-    };
+    let topic = |name| Topic { name, message: TopicType::JointState };
     let _ears = ["joint_states", "joint_commands"].map(|name| {
         let sender = sender.clone();
         let ear = net.subscribe(&node.key(&topic(name)), move |bytes| {
@@ -144,28 +131,18 @@ fn ros_2_sees_the_joints_of_a_follower() {
         };
         let mut cdr = CdrReader::new(&read).expect("CDR");
         cdr.header().expect("a header");
-        let names: Vec<_> = (0..cdr.u32().expect("a count"))
-            .map(|_| cdr.string())
-            .collect();
+        let names: Vec<_> = (0..cdr.u32().expect("a count")).map(|_| cdr.string()).collect();
         let robot = servodance_runtime::robot::Robot::load("neck").expect("the robot");
         let joints = robot.servos.iter().map(|servo| Some(servo.name.as_str()));
         assert_eq!(names, joints.collect::<Vec<_>>());
         let positions = cdr.f64s().expect("positions");
         assert_eq!(positions.len(), names.len());
     }
-    let tokens = net
-        .live_keys("@ros2_lv/7/**", Duration::from_secs(2))
-        .expect("tokens");
-    for part in [
-        "/NN/%/%main%my_neck/servodance",
-        "%joint_states/",
-        "%joint_commands/",
-        "%skeleton/",
-    ] {
-        assert!(
-            tokens.iter().any(|token| token.contains(part)),
-            "{part}: {tokens:?}"
-        );
+    let tokens = net.live_keys("@ros2_lv/7/**", Duration::from_secs(2)).expect("tokens");
+    for part in
+        ["/NN/%/%main%my_neck/servodance", "%joint_states/", "%joint_commands/", "%skeleton/"]
+    {
+        assert!(tokens.iter().any(|token| token.contains(part)), "{part}: {tokens:?}");
     }
     follower.stop();
 }

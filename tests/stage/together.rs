@@ -80,9 +80,7 @@ pub fn endpoint() -> String {
 #[test]
 fn robots_in_namespaces_are_on_one_beat_and_idle_when_their_leader_is_killed() {
     let program = Program::new();
-    let namespaces = Command::new("unshare")
-        .args(["--net", "--", "ip", "link"])
-        .output();
+    let namespaces = Command::new("unshare").args(["--net", "--", "ip", "link"]).output();
     let namespaces = namespaces.is_ok_and(|output| output.status.success());
     let words = "bench stage --followers 3 --delay-ms 20 --loss 0.05 --seconds 10 --json";
     // It is about the network: a starved machine's servos may answer late.

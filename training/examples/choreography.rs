@@ -23,23 +23,14 @@ fn run() -> Result<(), String> {
     let [style, bpm, seconds, seed, out] = &args[..] else {
         return Err("usage: choreography STYLE BPM SECONDS SEED OUT.npz".into());
     };
-    let number = |text: &str| {
-        text.parse::<f64>()
-            .map_err(|_| format!("`{text}` is not a number"))
-    };
-    let style = DanceStyle::ALL
-        .into_iter()
-        .find(|known| known.name() == style)
-        .ok_or(format!(
-            "no style `{style}`; choose of {:?}",
-            DanceStyle::ALL.map(DanceStyle::name)
-        ))?;
+    let number = |text: &str| text.parse::<f64>().map_err(|_| format!("`{text}` is not a number"));
+    let style = DanceStyle::ALL.into_iter().find(|known| known.name() == style).ok_or(format!(
+        "no style `{style}`; choose of {:?}",
+        DanceStyle::ALL.map(DanceStyle::name)
+    ))?;
     let (interval_s, seconds) = (60.0 / number(bpm)?, number(seconds)?);
     let beats: Vec<DanceBeat> = (0..)
-        .map(|i| DanceBeat {
-            time_s: 2.0 + f64::from(i) * interval_s,
-            downbeat: i % 4 == 0,
-        })
+        .map(|i| DanceBeat { time_s: 2.0 + f64::from(i) * interval_s, downbeat: i % 4 == 0 })
         .take_while(|beat| beat.time_s < seconds)
         .collect();
     let clip = choreograph(&beats, seconds, style, number(seed)? as u64);

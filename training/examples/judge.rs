@@ -68,15 +68,10 @@ fn main() -> Result<(), Failure> {
 }
 
 fn judge(generator: &Generator, options: &GeneratorOptions, held: &[Held]) -> Result<(), Failure> {
-    let mut scores: Vec<(&str, Vec<Alignment>)> = [
-        "real motion",
-        "generated",
-        "  wrong song",
-        "  half a beat late",
-        "  dance to silence",
-    ]
-    .map(|name| (name, Vec::new()))
-    .into();
+    let mut scores: Vec<(&str, Vec<Alignment>)> =
+        ["real motion", "generated", "  wrong song", "  half a beat late", "  dance to silence"]
+            .map(|name| (name, Vec::new()))
+            .into();
     for (i, clip) in held.iter().enumerate() {
         let mut options = options.clone();
         options.seed += i as u64;
@@ -125,12 +120,7 @@ fn dance(
 fn silent(frame: &MusicFrame) -> MusicFrame {
     let mut spectral = [0.0; SPECTRAL_DIM];
     spectral[1] = -2.0;
-    MusicFrame {
-        spectral,
-        beat: Beat::default(),
-        presence: 0.0,
-        ..*frame
-    }
+    MusicFrame { spectral, beat: Beat::default(), presence: 0.0, ..*frame }
 }
 
 /// The moments at which the tracked phase passes zero, seconds.
@@ -152,10 +142,7 @@ fn held_out(path: &Path, count: usize) -> Result<Vec<Held>, Failure> {
     let held = clips.iter().step_by(step).take(count).map(|clip| {
         let frame = |(i, v)| MusicFrame::from_vector(v, i as f64 / FRAME_RATE_HZ);
         let music = clip.music.iter().flatten();
-        Held {
-            poses: decode(&clip.motion),
-            music: music.enumerate().map(frame).collect(),
-        }
+        Held { poses: decode(&clip.motion), music: music.enumerate().map(frame).collect() }
     });
     Ok(held.collect())
 }

@@ -18,9 +18,7 @@ use std::time::Instant;
 
 fn main() -> anyhow::Result<()> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let python = args
-        .first()
-        .context("usage: train_step PYTHON [THREADS] [ROUNDS]")?;
+    let python = args.first().context("usage: train_step PYTHON [THREADS] [ROUNDS]")?;
     let number = |at: usize, default: usize| args.get(at).map_or(Ok(default), |text| text.parse());
     let (threads, rounds) = (number(1, 2)?, number(2, 7)?);
     for stage in [TrainedNetwork::VqVae, TrainedNetwork::MotionSeq] {
@@ -51,10 +49,7 @@ fn compare(
             row.push(twin.as_mut().map_err(|e| anyhow::anyhow!("{e}"))?.step()?);
         }
         if round > 0 {
-            times
-                .iter_mut()
-                .zip(row)
-                .for_each(|(all, time)| all.push(time));
+            times.iter_mut().zip(row).for_each(|(all, time)| all.push(time));
         }
     }
     let [ours, f32, bf16] = times.map(|mut all: Vec<f64>| {
@@ -82,14 +77,8 @@ fn trainer(stage: TrainedNetwork) -> anyhow::Result<Trainer> {
     };
     let clip = TrainingClip {
         name: "noise".into(),
-        motion: (0..2000)
-            .map(|_| std::array::from_fn(|_| noise()))
-            .collect(),
-        music: Some(
-            (0..2000)
-                .map(|_| std::array::from_fn(|_| noise()))
-                .collect(),
-        ),
+        motion: (0..2000).map(|_| std::array::from_fn(|_| noise())).collect(),
+        music: Some((0..2000).map(|_| std::array::from_fn(|_| noise())).collect()),
         latents: None,
         style: 0,
         split: Split::Train,
@@ -106,11 +95,7 @@ fn trainer(stage: TrainedNetwork) -> anyhow::Result<Trainer> {
         TrainedNetwork::VqVae => None,
         TrainedNetwork::MotionSeq => Some(VqVaeWeights::open(shipped, "built-in weights")?),
     };
-    Ok(Trainer::new(
-        settings.resolve(stage)?,
-        TrainingData::read(file.path())?,
-        stage_one,
-    )?)
+    Ok(Trainer::new(settings.resolve(stage)?, TrainingData::read(file.path())?, stage_one)?)
 }
 
 /// The twin in a process of its own.
@@ -126,10 +111,7 @@ impl Twin {
         sizes: &[String; 3],
         precision: &str,
     ) -> anyhow::Result<Self> {
-        let script = concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../model/reference/step_time.py"
-        );
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../model/reference/step_time.py");
         let mut child = Command::new(python)
             .args([script, stage.name()])
             .args(sizes)
@@ -139,10 +121,7 @@ impl Twin {
             .spawn()
             .with_context(|| format!("cannot start {python}"))?;
         let out = child.stdout.take().context("no output")?;
-        Ok(Self {
-            child,
-            lines: BufReader::new(out),
-        })
+        Ok(Self { child, lines: BufReader::new(out) })
     }
 
     /// Milliseconds of one step.

@@ -18,13 +18,8 @@ fn about(axis: usize, deg: f64) -> Matrix {
 /// Reads the file as any BVH reader would: positions of all joints.
 fn positions(text: &str, frame: usize) -> Vec<(String, Vec3)> {
     let (hierarchy, motion) = text.split_once("MOTION\n").unwrap();
-    let numbers: Vec<f64> = motion
-        .lines()
-        .nth(2 + frame)
-        .unwrap()
-        .split(' ')
-        .map(|n| n.parse().unwrap())
-        .collect();
+    let numbers: Vec<f64> =
+        motion.lines().nth(2 + frame).unwrap().split(' ').map(|n| n.parse().unwrap()).collect();
     let mut channels = numbers.iter().copied();
     let mut stack: Vec<(Matrix, Vec3)> = Vec::new();
     let (mut found, mut name, mut here) = (Vec::new(), None, ([0.0; 3], IDENTITY));
@@ -63,12 +58,8 @@ fn positions(text: &str, frame: usize) -> Vec<(String, Vec3)> {
 
 #[test]
 fn joints_come_back_where_they_were() {
-    let beats: Vec<DanceBeat> = (0..20)
-        .map(|i| DanceBeat {
-            time_s: 0.5 * f64::from(i),
-            downbeat: i % 4 == 0,
-        })
-        .collect();
+    let beats: Vec<DanceBeat> =
+        (0..20).map(|i| DanceBeat { time_s: 0.5 * f64::from(i), downbeat: i % 4 == 0 }).collect();
     let clip = choreograph(&beats, 10.0, DanceStyle::Disco, 3).normalised();
     let text = bvh(&clip);
     let mut worst: f64 = 0.0;

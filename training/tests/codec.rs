@@ -5,12 +5,8 @@ use servodance_model::{Codec, Generator, GeneratorOptions};
 use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 
 fn disco() -> Clip {
-    let beats: Vec<DanceBeat> = (0..40)
-        .map(|i| DanceBeat {
-            time_s: f64::from(i) * 0.5,
-            downbeat: i % 4 == 0,
-        })
-        .collect();
+    let beats: Vec<DanceBeat> =
+        (0..40).map(|i| DanceBeat { time_s: f64::from(i) * 0.5, downbeat: i % 4 == 0 }).collect();
     choreograph(&beats, 20.0, DanceStyle::Disco, 5).normalised()
 }
 

@@ -9,12 +9,7 @@ fn main() {
         println!("{:2} {:14} on {parent}", joint as usize, joint.name());
     }
     let music = MusicFrame {
-        beat: Beat {
-            phase: 0.25,
-            tempo_bpm: 126.0,
-            confidence: 0.9,
-            ..Beat::default()
-        },
+        beat: Beat { phase: 0.25, tempo_bpm: 126.0, confidence: 0.9, ..Beat::default() },
         ..MusicFrame::default()
     };
     let [sine, cosine, octaves, confidence] = music.vector()[SPECTRAL_DIM..] else {

@@ -53,12 +53,7 @@ pub struct MusicFrame {
 
 impl Default for MusicFrame {
     fn default() -> Self {
-        Self {
-            time_s: 0.0,
-            spectral: [0.0; SPECTRAL_DIM],
-            beat: Beat::default(),
-            presence: 0.0,
-        }
+        Self { time_s: 0.0, spectral: [0.0; SPECTRAL_DIM], beat: Beat::default(), presence: 0.0 }
     }
 }
 
@@ -73,11 +68,7 @@ impl MusicFrame {
         let beat = self.beat;
         let (sine, cosine) = ((TAU * beat.phase).sin(), (TAU * beat.phase).cos());
         let known = beat.tempo_bpm > 0.0;
-        let octaves = if known {
-            (beat.tempo_bpm / 120.0).log2()
-        } else {
-            0.0
-        };
+        let octaves = if known { (beat.tempo_bpm / 120.0).log2() } else { 0.0 };
         let confidence = beat.confidence;
         beat_values.copy_from_slice(&[sine * confidence, cosine * confidence, octaves, confidence]);
         out
@@ -110,12 +101,7 @@ mod tests {
     fn vector_carries_the_beat_phase() {
         let frame = MusicFrame {
             spectral: [0.5; SPECTRAL_DIM],
-            beat: Beat {
-                phase: 0.25,
-                tempo_bpm: 60.0,
-                confidence: 1.0,
-                ..Beat::default()
-            },
+            beat: Beat { phase: 0.25, tempo_bpm: 60.0, confidence: 1.0, ..Beat::default() },
             ..MusicFrame::default()
         };
         let v = frame.vector();

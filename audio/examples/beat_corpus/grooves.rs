@@ -35,11 +35,7 @@ pub fn play(
         players.remove(rng.random_range(0..2));
     }
     let gains: Vec<f32> = players.iter().map(|_| rng.random_range(0.2..1.0)).collect();
-    let swing = if rng.random_bool(0.2) {
-        rng.random_range(0.1..0.66)
-    } else {
-        0.0
-    };
+    let swing = if rng.random_bool(0.2) { rng.random_range(0.1..0.66) } else { 0.0 };
     // Swing of eighths or of sixteenths.
     let swung = if rng.random_bool(0.5) { 2 } else { 1 };
     let mut silent = vec![false; players.len()];
@@ -65,20 +61,11 @@ pub fn play(
                 if rng.random_range(0.0..1.0) >= chance.abs() {
                     continue;
                 }
-                let shot = player
-                    .bars
-                    .as_ref()
-                    .map_or(&player.shot, |bars| &bars[bar % 4]);
+                let shot = player.bars.as_ref().map_or(&player.shot, |bars| &bars[bar % 4]);
                 // A negative chance is a soft stroke.
                 let soft = if chance < 0.0 { 0.4 } else { 1.0 };
                 let at_s = at_s + rng.random_range(-0.006..0.006);
-                strike(
-                    &mut out,
-                    rate_hz,
-                    at_s,
-                    shot,
-                    gains[p] * soft * rng.random_range(0.7..1.0),
-                );
+                strike(&mut out, rate_hz, at_s, shot, gains[p] * soft * rng.random_range(0.7..1.0));
             }
         }
         // Cymbals open parts.
@@ -92,10 +79,7 @@ pub fn play(
 
 fn strike(out: &mut [f32], rate_hz: u32, at_s: f64, shot: &[f32], gain: f32) {
     let start = (at_s.max(0.0) * f64::from(rate_hz)) as usize;
-    out.iter_mut()
-        .skip(start)
-        .zip(shot)
-        .for_each(|(o, s)| *o += gain * s);
+    out.iter_mut().skip(start).zip(shot).for_each(|(o, s)| *o += gain * s);
 }
 
 fn kick(rate_hz: u32, rng: &mut ChaCha8Rng) -> Player {
@@ -131,18 +115,11 @@ fn kick(rate_hz: u32, rng: &mut ChaCha8Rng) -> Player {
             }
         }
     }
-    Player {
-        shot,
-        pattern,
-        bars: None,
-    }
+    Player { shot, pattern, bars: None }
 }
 
 fn snare(rate_hz: u32, rng: &mut ChaCha8Rng) -> Player {
-    let (tone_hz, decay) = (
-        rng.random_range(150.0..330.0),
-        rng.random_range(0.03..0.16f32),
-    );
+    let (tone_hz, decay) = (rng.random_range(150.0..330.0), rng.random_range(0.03..0.16f32));
     let body = rng.random_range(0.2..0.9);
     let shot = burst(rate_hz, decay, rng.random_range(0.2..0.9), rng)
         .iter()
@@ -170,20 +147,11 @@ fn snare(rate_hz: u32, rng: &mut ChaCha8Rng) -> Player {
             }
         }
     }
-    Player {
-        shot,
-        pattern,
-        bars: None,
-    }
+    Player { shot, pattern, bars: None }
 }
 
 fn cymbal(rate_hz: u32, rng: &mut ChaCha8Rng) -> Player {
-    let shot = burst(
-        rate_hz,
-        rng.random_range(0.01..0.25),
-        rng.random_range(0.8..0.99),
-        rng,
-    );
+    let shot = burst(rate_hz, rng.random_range(0.01..0.25), rng.random_range(0.8..0.99), rng);
     let mut pattern = vec![0.0f32; STEPS];
     let every = [1, 2, 2, 2, 4, 4][rng.random_range(0..6)];
     let accent = rng.random_range(0..5);
@@ -197,26 +165,15 @@ fn cymbal(rate_hz: u32, rng: &mut ChaCha8Rng) -> Player {
     }
     // Only the off-beats, as in house and polka.
     if rng.random_bool(0.15) {
-        pattern
-            .iter_mut()
-            .enumerate()
-            .for_each(|(s, p)| *p = if s % 4 == 2 { 0.97 } else { 0.0 });
+        pattern.iter_mut().enumerate().for_each(|(s, p)| *p = if s % 4 == 2 { 0.97 } else { 0.0 });
     }
-    Player {
-        shot,
-        pattern,
-        bars: None,
-    }
+    Player { shot, pattern, bars: None }
 }
 
 /// A bass or a driven guitar: short or long notes, a pitch for each bar.
 fn riff(rate_hz: u32, rng: &mut ChaCha8Rng) -> Player {
     let root_hz = 55.0 * 2f32.powf(rng.random_range(-0.5..2.0));
-    let drive = if rng.random_bool(0.6) {
-        rng.random_range(2.0..20.0)
-    } else {
-        0.5
-    };
+    let drive = if rng.random_bool(0.6) { rng.random_range(2.0..20.0) } else { 0.5 };
     let (hold_s, fifth) = (rng.random_range(0.05..0.4f32), rng.random_bool(0.6));
     let tone = |hz: f32| -> Vec<f32> {
         (0..(1.3 * hold_s * rate_hz as f32) as usize)
@@ -253,16 +210,9 @@ fn riff(rate_hz: u32, rng: &mut ChaCha8Rng) -> Player {
     }
     // Skank: chords on the off-beats.
     if rng.random_bool(0.12) {
-        pattern
-            .iter_mut()
-            .enumerate()
-            .for_each(|(s, p)| *p = if s % 4 == 2 { 0.97 } else { 0.0 });
+        pattern.iter_mut().enumerate().for_each(|(s, p)| *p = if s % 4 == 2 { 0.97 } else { 0.0 });
     }
-    Player {
-        shot: tone(root_hz),
-        pattern,
-        bars: Some(bars),
-    }
+    Player { shot: tone(root_hz), pattern, bars: Some(bars) }
 }
 
 /// Noise that dies away; `bright` 0 to 1 cuts its bass.

@@ -36,9 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [folder, count, rest @ ..] = arguments.as_slice() else {
         return Err("usage: beat_corpus FOLDER COUNT [FIRST_SEED [TALKERS]]".into());
     };
-    let talkers = rest
-        .get(1)
-        .map_or(Ok(Vec::new()), |folder| read_all(folder))?;
+    let talkers = rest.get(1).map_or(Ok(Vec::new()), |folder| read_all(folder))?;
     let first: u64 = rest.first().map_or(Ok(0), |s| s.parse())?;
     let count: u64 = count.parse()?;
     std::fs::create_dir_all(folder)?;
@@ -76,9 +74,9 @@ fn compose(talkers: &[Vec<f32>], rng: &mut ChaCha8Rng) -> Result<Piece, Box<dyn 
         let duration_s = rng.random_range(8.0f64..45.0).min(left).max(1.0);
         match rng.random_range(0..100) {
             0..78 => add_music(&mut piece, duration_s, rng)?,
-            78..82 => piece
-                .samples
-                .extend(vec![0.0; (0.4 * duration_s * f64::from(RATE_HZ)) as usize]),
+            78..82 => {
+                piece.samples.extend(vec![0.0; (0.4 * duration_s * f64::from(RATE_HZ)) as usize])
+            }
             _ => {
                 let level = 10f32.powf(rng.random_range(-40.0..-8.0) / 20.0);
                 let sound = disturbance(talkers, 0.6 * duration_s, &[], rng);
@@ -123,13 +121,7 @@ fn excerpt(talkers: &[Vec<f32>], duration_s: f64, rng: &mut ChaCha8Rng) -> Vec<f
     let talker = &talkers[rng.random_range(0..talkers.len())];
     let start = rng.random_range(0..talker.len());
     let count = (duration_s * f64::from(RATE_HZ)).round() as usize;
-    let said: Vec<f32> = talker
-        .iter()
-        .cycle()
-        .skip(start)
-        .take(count)
-        .copied()
-        .collect();
+    let said: Vec<f32> = talker.iter().cycle().skip(start).take(count).copied().collect();
     let gain = 1.0 / noise::rms(&said).max(1e-6);
     said.iter().map(|s| gain * s).collect()
 }
@@ -184,11 +176,7 @@ fn add_music(
             spec.style = style;
         }
         spec.first_downbeat = first_downbeat;
-        add(
-            &mut sound,
-            &spec.render()?.samples,
-            rng.random_range(0.3..1.0),
-        );
+        add(&mut sound, &spec.render()?.samples, rng.random_range(0.3..1.0));
     }
     if songs == 0 || rng.random_bool(0.45) {
         let groove = grooves::play(&beats_s, first_downbeat, duration_s, RATE_HZ, rng);
@@ -199,11 +187,7 @@ fn add_music(
         sound.iter_mut().for_each(|s| *s = (drive * *s).tanh());
     }
     let start_s = length_s(piece);
-    for (i, beat_s) in beats_s
-        .iter()
-        .enumerate()
-        .filter(|b| (0.0..duration_s).contains(b.1))
-    {
+    for (i, beat_s) in beats_s.iter().enumerate().filter(|b| (0.0..duration_s).contains(b.1)) {
         piece.beats_s.push(start_s + beat_s);
         if (i + 4 - first_downbeat) % 4 == 0 {
             piece.downbeats_s.push(start_s + beat_s);
@@ -223,16 +207,8 @@ fn add(out: &mut [f32], sound: &[f32], gain: f32) {
 
 /// Beats that are steady, drift or breathe like a human player's.
 fn beat_times(bpm: f64, duration_s: f64, rng: &mut ChaCha8Rng) -> Vec<f64> {
-    let drift_per_s = if rng.random_bool(0.3) {
-        rng.random_range(-0.004..0.004)
-    } else {
-        0.0
-    };
-    let loose = if rng.random_bool(0.3) {
-        rng.random_range(0.0..0.015)
-    } else {
-        0.0
-    };
+    let drift_per_s = if rng.random_bool(0.3) { rng.random_range(-0.004..0.004) } else { 0.0 };
+    let loose = if rng.random_bool(0.3) { rng.random_range(0.0..0.015) } else { 0.0 };
     let mut now_s = -rng.random_range(0.0..60.0 / bpm);
     let mut beats = Vec::new();
     while now_s < duration_s + 1.0 {

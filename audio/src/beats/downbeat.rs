@@ -48,11 +48,7 @@ impl DownbeatCounter {
             return None;
         }
         // In the second half of a beat `beat` is the one that sounds next.
-        let last = if phase < 0.5 {
-            self.beat
-        } else {
-            self.beat + BEATS - 1
-        };
+        let last = if phase < 0.5 { self.beat } else { self.beat + BEATS - 1 };
         Some(((last + BEATS - first) % BEATS) as u8)
     }
 }

@@ -185,11 +185,7 @@ impl MetricalLevel {
 
     /// Restarts the choice with the strengths gathered so far.
     pub(super) fn restart(&mut self) {
-        *self = Self {
-            parts: self.parts,
-            beat: self.beat,
-            ..Self::default()
-        };
+        *self = Self { parts: self.parts, beat: self.beat, ..Self::default() };
     }
 
     /// Updates the choice for a tracked beat at `bpm`; returns whether it changed.
@@ -250,11 +246,7 @@ impl MetricalLevel {
         let reading = |i: usize| {
             let (phase, tempo_bpm) = self.read(i, phase, bpm);
             let values = self.values(LEVELS[i], bpm).map(Vec::from);
-            MetricalReading {
-                phase,
-                tempo_bpm,
-                values,
-            }
+            MetricalReading { phase, tempo_bpm, values }
         };
         (0..COUNT).map(reading).collect()
     }

@@ -27,11 +27,8 @@ pub(crate) struct NetworkOutput {
 }
 
 impl NetworkOutput {
-    pub(crate) const SILENCE: NetworkOutput = NetworkOutput {
-        beat: -9.0,
-        downbeat: -9.0,
-        music: -9.0,
-    };
+    pub(crate) const SILENCE: NetworkOutput =
+        NetworkOutput { beat: -9.0, downbeat: -9.0, music: -9.0 };
 }
 
 struct DenseLayer {
@@ -59,9 +56,8 @@ pub(crate) struct BeatNetwork {
 
 impl BeatNetwork {
     pub(crate) fn new() -> Self {
-        let mut values = WEIGHTS
-            .chunks_exact(4)
-            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+        let mut values =
+            WEIGHTS.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
         let mut take = |count: usize| -> Vec<f32> { values.by_ref().take(count).collect() };
         let (dense, dense_bias) = (take(DENSE * INPUTS), take(DENSE));
         let (from_input, from_memory) = (take(3 * UNITS * DENSE), take(3 * UNITS * UNITS));
@@ -91,11 +87,7 @@ impl BeatNetwork {
         }
         let mut out = [0.0; OUTPUTS];
         self.heads.apply(&self.memory, &mut out);
-        NetworkOutput {
-            beat: out[0].max(out[1]),
-            downbeat: out[2].max(out[3]),
-            music: out[4],
-        }
+        NetworkOutput { beat: out[0].max(out[1]), downbeat: out[2].max(out[3]), music: out[4] }
     }
 }
 

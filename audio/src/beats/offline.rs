@@ -44,17 +44,11 @@ impl ViterbiPath {
     /// Advances one hop with this evidence for a beat, log-odds.
     fn hop(&mut self, evidence: f32) {
         let arrived: [f32; TEMPI] = std::array::from_fn(|i| self.tempi[i].advance());
-        let leap = (0..TEMPI)
-            .max_by(|&a, &b| arrived[a].total_cmp(&arrived[b]))
-            .unwrap_or(0);
+        let leap = (0..TEMPI).max_by(|&a, &b| arrived[a].total_cmp(&arrived[b])).unwrap_or(0);
         let mut from = [0u8; TEMPI];
         for (to, states) in self.tempi.iter_mut().enumerate() {
             let first = to.saturating_sub(REACH);
-            let near = arrived
-                .iter()
-                .enumerate()
-                .skip(first)
-                .take(to + REACH + 1 - first);
+            let near = arrived.iter().enumerate().skip(first).take(to + REACH + 1 - first);
             let mut best = (arrived[leap] + LEAP, leap);
             for (tempo, score) in near {
                 let score = score + self.steps[tempo][to + REACH - tempo];
@@ -116,10 +110,7 @@ mod tests {
     fn silence_has_no_beats() {
         let mut analyzer = MusicAnalyzer::keeping_history(8000).unwrap();
         analyzer.push(&[0.0; 80_000]);
-        assert_eq!(
-            track_offline(analyzer.history().unwrap()),
-            BeatTrack::default()
-        );
+        assert_eq!(track_offline(analyzer.history().unwrap()), BeatTrack::default());
         assert_eq!(track_offline(&BeatHistory::default()), BeatTrack::default());
     }
 }

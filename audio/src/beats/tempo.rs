@@ -89,13 +89,9 @@ impl TempoFilter {
         let totals: [f32; TEMPI] = std::array::from_fn(|i| self.tempi[i].total());
         let around = |i: usize| -> f32 {
             let reach = period(i) / 40;
-            totals[i.saturating_sub(reach)..(i + reach + 1).min(TEMPI)]
-                .iter()
-                .sum()
+            totals[i.saturating_sub(reach)..(i + reach + 1).min(TEMPI)].iter().sum()
         };
-        let best = (0..TEMPI)
-            .max_by(|&a, &b| around(a).total_cmp(&around(b)))
-            .unwrap_or(0);
+        let best = (0..TEMPI).max_by(|&a, &b| around(a).total_cmp(&around(b))).unwrap_or(0);
         let phase = self.tempi[best].likeliest() as f64 / period(best) as f64;
         let reach = period(best) / 20;
         let low = best.saturating_sub(reach);

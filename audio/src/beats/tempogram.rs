@@ -89,10 +89,7 @@ fn comb(correlation: &[f32], energy: f32) -> TempogramFit {
         sum += *value;
     }
     fit.iter_mut().for_each(|v| *v /= sum);
-    TempogramFit {
-        likelihood: fit,
-        clarity: peak,
-    }
+    TempogramFit { likelihood: fit, clarity: peak }
 }
 
 fn at_lag(correlation: &[f32], lag: f64) -> f32 {

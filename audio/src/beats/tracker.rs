@@ -103,11 +103,7 @@ impl Tracker {
 
     pub(crate) fn hop(&mut self, onset: &Onset, output: &NetworkOutput) {
         let hop_s = 1.0 / RATE_HZ;
-        self.silent_s = if onset.audible {
-            0.0
-        } else {
-            self.silent_s + hop_s
-        };
+        self.silent_s = if onset.audible { 0.0 } else { self.silent_s + hop_s };
         self.tempogram.push(onset.strength);
         self.filter.hop(evidence(onset.strength));
         let phase = self.phase + self.bpm / 60.0 * hop_s;
@@ -140,11 +136,7 @@ impl Tracker {
         if self.is_silent() {
             self.confidence = 0.0;
         }
-        self.absent_s = if self.presence > MUSIC {
-            0.0
-        } else {
-            self.absent_s + elapsed_s
-        };
+        self.absent_s = if self.presence > MUSIC { 0.0 } else { self.absent_s + elapsed_s };
         self.change_state(estimate, elapsed_s);
         match self.state {
             BeatLock::Lost => {
@@ -210,11 +202,7 @@ impl Tracker {
         // Another metrical level of the same beat is doubtful: wait longer.
         let octave = (estimate.bpm / self.bpm).log2();
         let related = (octave - octave.round()).abs() < 0.06;
-        let patience_s = if related {
-            LEVEL_PATIENCE_S
-        } else {
-            PATIENCE_S
-        };
+        let patience_s = if related { LEVEL_PATIENCE_S } else { PATIENCE_S };
         if self.contradicted_s > patience_s {
             let output = self.level.apply(self.phase, self.bpm);
             self.phase = estimate.phase;

@@ -7,9 +7,8 @@ const RATE_WINDOW_S: f64 = 1.0;
 /// A measured rate that differs by more than this is another rate.
 const RATE_TOLERANCE: f64 = 0.02;
 /// Rates that devices have.
-const USUAL_RATES_HZ: [u32; 9] = [
-    8_000, 16_000, 22_050, 32_000, 44_100, 48_000, 88_200, 96_000, 192_000,
-];
+const USUAL_RATES_HZ: [u32; 9] =
+    [8_000, 16_000, 22_050, 32_000, 44_100, 48_000, 88_200, 96_000, 192_000];
 /// Time over which an error of the pace is corrected, seconds.
 const TAU_S: f64 = 10.0;
 /// Largest change of the playing speed.

@@ -39,19 +39,16 @@ impl fmt::Display for CaptureEvent {
             CaptureEvent::Stalled => {
                 f.write_str("no sound arrives; silence is heard until it is back")
             }
-            CaptureEvent::Lost { reason } => write!(
-                f,
-                "sound is lost ({reason}); it is opened again in the background"
-            ),
+            CaptureEvent::Lost { reason } => {
+                write!(f, "sound is lost ({reason}); it is opened again in the background")
+            }
             CaptureEvent::Back { away_s } => write!(f, "sound is back after {away_s:.1} s"),
             CaptureEvent::RateChanged { from_hz, to_hz } => {
                 write!(f, "sound comes at {to_hz} Hz now, not {from_hz}")
             }
-            CaptureEvent::Overrun { lost_s } => write!(
-                f,
-                "{:.0} ms of sound were lost: the program did not keep up",
-                lost_s * 1e3
-            ),
+            CaptureEvent::Overrun { lost_s } => {
+                write!(f, "{:.0} ms of sound were lost: the program did not keep up", lost_s * 1e3)
+            }
             CaptureEvent::TooLate => {
                 f.write_str("sound came too late; what was too old was left out")
             }

@@ -139,8 +139,7 @@ impl LiveStream {
         }
         if tell {
             let from_hz = self.rate_hz;
-            self.events
-                .push_back(CaptureEvent::RateChanged { from_hz, to_hz });
+            self.events.push_back(CaptureEvent::RateChanged { from_hz, to_hz });
         }
         self.rate_hz = to_hz;
         self.resampler = Resampler::new(to_hz, LIVE_RATE_HZ);
@@ -194,11 +193,7 @@ impl LiveStream {
             InputKind::Device => f64::INFINITY,
             InputKind::PcmStream => self.owed_s,
         };
-        let drop_s = if ahead_s > JUMP_S {
-            ahead_s.min(droppable_s)
-        } else {
-            0.0
-        };
+        let drop_s = if ahead_s > JUMP_S { ahead_s.min(droppable_s) } else { 0.0 };
         let drop = ((drop_s * f64::from(self.rate_hz)) as usize).min(block);
         if drop > 0 {
             let dropped_s = drop as f64 / f64::from(self.rate_hz);

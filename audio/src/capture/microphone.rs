@@ -88,15 +88,10 @@ pub fn devices() -> Result<Vec<InputDevice>, DeviceError> {
         found.push(InputDevice {
             is_default: default.as_ref() == Some(&id),
             id: id.id().to_owned(),
-            name: input.description().map_or_else(
-                |_| id.id().to_owned(),
-                |description| first_line(description.name()),
-            ),
-            rates_hz: distinct(
-                configs
-                    .iter()
-                    .map(|c| (c.min_sample_rate(), c.max_sample_rate())),
-            ),
+            name: input
+                .description()
+                .map_or_else(|_| id.id().to_owned(), |description| first_line(description.name())),
+            rates_hz: distinct(configs.iter().map(|c| (c.min_sample_rate(), c.max_sample_rate()))),
             channels: distinct(configs.iter().map(SupportedStreamConfigRange::channels)),
         });
     }
@@ -174,10 +169,8 @@ impl DeviceOpener for MicrophoneOpener {
         let configs = device.supported_input_configs();
         let configs = configs.map_err(|error| in_one_line(&error))?;
         let (config, format) = best(configs).ok_or("it has no format that can be used")?;
-        let (writer, reader) = ring(RingFormat {
-            sample_rate_hz: config.sample_rate,
-            channels: config.channels,
-        });
+        let (writer, reader) =
+            ring(RingFormat { sample_rate_hz: config.sample_rate, channels: config.channels });
         let stream = build(&device, config, format, writer, failure);
         let stream = stream.map_err(|error| in_one_line(&error))?;
         stream.play().map_err(|error| in_one_line(&error))?;
@@ -221,13 +214,8 @@ fn best(
 }
 
 /// Supported formats in order of preference.
-const FORMATS: [SampleFormat; 5] = [
-    SampleFormat::I16,
-    SampleFormat::F32,
-    SampleFormat::I32,
-    SampleFormat::U16,
-    SampleFormat::U8,
-];
+const FORMATS: [SampleFormat; 5] =
+    [SampleFormat::I16, SampleFormat::F32, SampleFormat::I32, SampleFormat::U16, SampleFormat::U8];
 
 fn build(
     device: &cpal::Device,
@@ -259,10 +247,7 @@ where
         // The driver reports the capture time of the first sample; the newest came
         // a block later, and not in the future.
         let stamp = info.timestamp();
-        let delay = stamp
-            .callback
-            .duration_since(stamp.capture)
-            .min(LONGEST_DELAY);
+        let delay = stamp.callback.duration_since(stamp.capture).min(LONGEST_DELAY);
         let length = Duration::from_secs_f64(block.len() as f64 / frames_a_second);
         let now = Instant::now();
         let captured = now.checked_sub(delay.saturating_sub(length)).unwrap_or(now);

@@ -63,13 +63,7 @@ pub(crate) fn ring(format: RingFormat) -> (RingWriter, RingReader) {
         channels,
         frames: 0,
     };
-    let reader = RingReader {
-        format,
-        samples: sample_out,
-        stamps: stamp_out,
-        shared,
-        frames: 0,
-    };
+    let reader = RingReader { format, samples: sample_out, stamps: stamp_out, shared, frames: 0 };
     (writer, reader)
 }
 
@@ -78,11 +72,7 @@ impl RingWriter {
     pub(crate) fn write(&mut self, samples: impl ExactSizeIterator<Item = f32>, captured: Instant) {
         let frames = samples.len() / self.channels;
         let room = self.samples.slots() / self.channels;
-        let fits = if self.stamps.slots() > 0 {
-            frames.min(room)
-        } else {
-            0
-        };
+        let fits = if self.stamps.slots() > 0 { frames.min(room) } else { 0 };
         if fits < frames {
             let lost = (frames - fits) as u64;
             self.shared.lost_frames.fetch_add(lost, Ordering::Relaxed);

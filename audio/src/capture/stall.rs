@@ -45,10 +45,7 @@ pub(super) struct Stall {
 impl Stall {
     /// A stall noticed `now`, after the newest sample at `newest`.
     pub(super) fn new(newest: Option<Instant>, now: Instant) -> Self {
-        Self {
-            since: newest.unwrap_or(now),
-            reopened: now,
-        }
+        Self { since: newest.unwrap_or(now), reopened: now }
     }
 
     /// How long sound was away, seconds, when it is captured again.

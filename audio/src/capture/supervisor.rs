@@ -42,9 +42,7 @@ impl FailureReporter {
     pub(crate) fn report(&self, reason: String) {
         let stream = self.stream;
         // Without a receiver the program ends.
-        let _ = self
-            .commands
-            .send(SupervisorCommand::Failed { stream, reason });
+        let _ = self.commands.send(SupervisorCommand::Failed { stream, reason });
     }
 }
 
@@ -63,20 +61,14 @@ impl DeviceSupervisor {
         std::thread::Builder::new()
             .name("capture keeper".into())
             .spawn(move || supervise(opener, &sender, &inbox, &outbox))?;
-        Ok(Self {
-            commands: Some(commands),
-            events,
-        })
+        Ok(Self { commands: Some(commands), events })
     }
 
     /// An input that comes through one ring and is never opened again.
     pub(crate) fn of_one_ring(ring: RingReader) -> Self {
         let (outbox, events) = channel();
         let _ = outbox.send(SupervisorEvent::Opened(ring));
-        Self {
-            commands: None,
-            events,
-        }
+        Self { commands: None, events }
     }
 
     /// The next event that has not been read yet.

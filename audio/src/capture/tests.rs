@@ -24,10 +24,7 @@ struct Bench {
 impl Bench {
     fn new(kind: InputKind, rate_hz: u32) -> Self {
         let start = Instant::now();
-        let (writer, reader) = ring(RingFormat {
-            sample_rate_hz: rate_hz,
-            channels: 2,
-        });
+        let (writer, reader) = ring(RingFormat { sample_rate_hz: rate_hz, channels: 2 });
         let supervisor = DeviceSupervisor::of_one_ring(reader);
         Self {
             stream: LiveStream::new(kind, supervisor, start),
@@ -148,11 +145,7 @@ fn a_device_with_a_fast_or_slow_clock_stays_in_time() {
             bench.take();
         }
         let error_s = bench.heard_s() - bench.now_s;
-        assert!(
-            error_s.abs() < 0.01,
-            "drift {drift}: {error_s} s after {} s",
-            bench.now_s
-        );
+        assert!(error_s.abs() < 0.01, "drift {drift}: {error_s} s after {} s", bench.now_s);
         assert_eq!(bench.notices(), []);
     }
 }
@@ -162,10 +155,7 @@ fn another_rate_than_the_one_promised_is_found_out() {
     let mut bench = Bench::new(InputKind::Device, 48_000);
     // In truth 44.1 kHz: a block holds fewer samples than it should.
     bench.run(8.0, BLOCK_S * 44_100.0 / 48_000.0);
-    let change = CaptureEvent::RateChanged {
-        from_hz: 48_000,
-        to_hz: 44_100,
-    };
+    let change = CaptureEvent::RateChanged { from_hz: 48_000, to_hz: 44_100 };
     assert!(bench.notices().contains(&change));
     assert!((bench.heard_s() - 8.0).abs() < 0.3, "{}", bench.heard_s());
 }
@@ -185,9 +175,7 @@ fn an_overrun_is_counted_and_time_stays_right() {
     assert!((stats.lost_s - 1.0).abs() < 0.02, "{stats:?}");
     assert!((bench.heard_s() - 9.0).abs() < 0.02, "{}", bench.heard_s());
     let overruns = bench.notices();
-    let overruns = overruns
-        .iter()
-        .filter(|n| matches!(n, CaptureEvent::Overrun { .. }));
+    let overruns = overruns.iter().filter(|n| matches!(n, CaptureEvent::Overrun { .. }));
     assert_eq!(overruns.count(), 1);
 }
 
@@ -228,17 +216,9 @@ impl DeviceOpener for Scripted {
     type Open = ();
 
     fn open(&mut self, failure: FailureReporter) -> Result<(RingReader, ()), String> {
-        let rate_hz = self
-            .script
-            .recv()
-            .map_err(|_| "the test is over".to_owned())??;
-        let (writer, reader) = ring(RingFormat {
-            sample_rate_hz: rate_hz,
-            channels: 2,
-        });
-        self.opened
-            .send((writer, failure))
-            .map_err(|e| e.to_string())?;
+        let rate_hz = self.script.recv().map_err(|_| "the test is over".to_owned())??;
+        let (writer, reader) = ring(RingFormat { sample_rate_hz: rate_hz, channels: 2 });
+        self.opened.send((writer, failure)).map_err(|e| e.to_string())?;
         Ok((reader, ()))
     }
 }
@@ -247,10 +227,7 @@ impl DeviceOpener for Scripted {
 fn an_unplugged_device_is_opened_again_at_another_rate() {
     let (script, orders) = channel();
     let (outbox, opened) = channel();
-    let scripted = Scripted {
-        script: orders,
-        opened: outbox,
-    };
+    let scripted = Scripted { script: orders, opened: outbox };
     let supervisor = DeviceSupervisor::start(scripted).expect("a thread");
     let mut bench = Bench::new(InputKind::Device, 48_000);
     bench.stream = LiveStream::new(InputKind::Device, supervisor, bench.start);
@@ -261,9 +238,7 @@ fn an_unplugged_device_is_opened_again_at_another_rate() {
     bench.run(2.0, BLOCK_S);
 
     failure.report("unplugged".into());
-    script
-        .send(Err("still unplugged".into()))
-        .expect("it tries");
+    script.send(Err("still unplugged".into())).expect("it tries");
     bench.writer = None;
     let mut lost = Vec::new();
     while lost.is_empty() {
@@ -271,12 +246,7 @@ fn an_unplugged_device_is_opened_again_at_another_rate() {
         bench.take();
         lost = bench.notices();
     }
-    assert_eq!(
-        lost,
-        [CaptureEvent::Lost {
-            reason: "unplugged".into()
-        }]
-    );
+    assert_eq!(lost, [CaptureEvent::Lost { reason: "unplugged".into() }]);
     bench.run(2.0, 0.0);
 
     script.send(Ok(44_100)).expect("it opens");
@@ -288,14 +258,8 @@ fn an_unplugged_device_is_opened_again_at_another_rate() {
     assert!((bench.heard_s() - 6.0).abs() < 0.06, "{}", bench.heard_s());
     assert!(bench.loudness(1.5) > 0.9);
     let notices = bench.notices();
-    let change = CaptureEvent::RateChanged {
-        from_hz: 48_000,
-        to_hz: 44_100,
-    };
+    let change = CaptureEvent::RateChanged { from_hz: 48_000, to_hz: 44_100 };
     assert!(notices.contains(&change), "{notices:?}");
-    let said: Vec<_> = notices
-        .iter()
-        .filter(|n| matches!(n, CaptureEvent::Lost { .. }))
-        .collect();
+    let said: Vec<_> = notices.iter().filter(|n| matches!(n, CaptureEvent::Lost { .. })).collect();
     assert!(said.is_empty(), "said again: {said:?}");
 }

@@ -90,10 +90,8 @@ fn quantise(classes: &mut [f32; CLASSES]) {
     let sum: f32 = classes.iter().sum();
     for value in classes {
         let share = if sum > 1e-4 { *value / sum } else { 0.0 };
-        *value = [0.05, 0.1, 0.2, 0.4]
-            .iter()
-            .map(|&step| if share > step { 0.25 } else { 0.0 })
-            .sum();
+        *value =
+            [0.05, 0.1, 0.2, 0.4].iter().map(|&step| if share > step { 0.25 } else { 0.0 }).sum();
     }
 }
 

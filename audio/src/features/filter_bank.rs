@@ -41,11 +41,7 @@ impl FilterBank {
     /// Writes the weighted sum of `bins` under each filter to `out`.
     pub(crate) fn apply(&self, bins: &[f32], out: &mut [f32]) {
         for (value, (first, weights)) in out.iter_mut().zip(&self.filters) {
-            *value = weights
-                .iter()
-                .zip(&bins[*first..])
-                .map(|(w, b)| w * b)
-                .sum();
+            *value = weights.iter().zip(&bins[*first..]).map(|(w, b)| w * b).sum();
         }
     }
 }
@@ -53,10 +49,7 @@ impl FilterBank {
 fn dense_to_sparse(weights: impl Iterator<Item = f32>) -> (usize, Vec<f32>) {
     let dense: Vec<f32> = weights.collect();
     let first = dense.iter().position(|&w| w > 0.0).unwrap_or(0);
-    let last = dense
-        .iter()
-        .rposition(|&w| w > 0.0)
-        .map_or(first, |l| l + 1);
+    let last = dense.iter().rposition(|&w| w > 0.0).map_or(first, |l| l + 1);
     (first, dense[first..last].to_vec())
 }
 

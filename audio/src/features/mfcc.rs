@@ -107,9 +107,8 @@ impl SpectralFeatures {
         self.power.iter_mut().for_each(|p| *p *= POWER_SCALE);
 
         let loudest = self.power.iter().fold(0.0f32, |m, &p| m.max(p));
-        self.reference_db = (self.reference_db - REFERENCE_FADE_DB)
-            .max(decibels(loudest))
-            .max(REFERENCE_FLOOR_DB);
+        self.reference_db =
+            (self.reference_db - REFERENCE_FADE_DB).max(decibels(loudest)).max(REFERENCE_FLOOR_DB);
         let floor = self.reference_db - RANGE_DB;
         let level = |p: f32| decibels(p).max(floor);
 
@@ -132,11 +131,8 @@ impl SpectralFeatures {
     fn mfcc(&self, level_db: &[f32; MEL_BANDS], out: &mut [f32]) {
         for (k, value) in out.iter_mut().enumerate() {
             let row = &self.cosines[k * MEL_BANDS..(k + 1) * MEL_BANDS];
-            let sum: f32 = row
-                .iter()
-                .zip(level_db)
-                .map(|(c, db)| c * (db - self.reference_db))
-                .sum();
+            let sum: f32 =
+                row.iter().zip(level_db).map(|(c, db)| c * (db - self.reference_db)).sum();
             *value = if k == 0 {
                 let mean_db = sum / (MEL_BANDS as f32).sqrt();
                 (mean_db + RANGE_DB / 2.0) / LEVEL_UNIT_DB
@@ -153,9 +149,8 @@ pub fn bands<const N: usize>(spectral: &[f32; SPECTRAL_DIM]) -> [f32; N] {
     let scale = (2.0 / MEL_BANDS as f32).sqrt() * MFCC_UNIT;
     std::array::from_fn(|band| {
         let turn = std::f32::consts::PI * (band as f32 + 0.5) / N as f32;
-        let shape: f32 = (1..MFCC_COUNT)
-            .map(|k| spectral[MFCC + k] * (turn * k as f32).cos())
-            .sum();
+        let shape: f32 =
+            (1..MFCC_COUNT).map(|k| spectral[MFCC + k] * (turn * k as f32).cos()).sum();
         let below_db = spectral[MFCC] * LEVEL_UNIT_DB - RANGE_DB / 2.0 + scale * shape;
         (1.0 + below_db / RANGE_DB).clamp(0.0, 1.0)
     })

@@ -37,11 +37,7 @@ struct ToneSteadiness {
 
 impl ToneSteadiness {
     fn new() -> Self {
-        Self {
-            past: [[0.0; BINS]; LAG],
-            next: 0,
-            reference: 0.0,
-        }
+        Self { past: [[0.0; BINS]; LAG], next: 0, reference: 0.0 }
     }
 
     /// Correlation of the tones: 0 nothing in common, 1 the same.
@@ -86,10 +82,7 @@ pub(crate) struct MusicDetector {
 
 impl MusicDetector {
     pub(crate) fn new() -> Self {
-        Self {
-            steadiness: ToneSteadiness::new(),
-            odds: UNKNOWN,
-        }
+        Self { steadiness: ToneSteadiness::new(), odds: UNKNOWN }
     }
 
     /// Takes the chroma's magnitudes and the network's log-odds (`None` in silence).

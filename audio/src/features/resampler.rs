@@ -131,16 +131,12 @@ mod tests {
 
     fn tone(hz: f64, rate: u32, seconds: f64) -> Vec<f32> {
         let length = (seconds * f64::from(rate)) as usize;
-        (0..length)
-            .map(|i| (2.0 * PI * hz * i as f64 / f64::from(rate)).sin() as f32)
-            .collect()
+        (0..length).map(|i| (2.0 * PI * hz * i as f64 / f64::from(rate)).sin() as f32).collect()
     }
 
     #[test]
     fn tone_keeps_level_and_comes_after_the_delay() {
-        for rate in [
-            8_000, 11_025, 16_000, 20_480, 22_050, 44_100, 48_000, 96_000,
-        ] {
+        for rate in [8_000, 11_025, 16_000, 20_480, 22_050, 44_100, 48_000, 96_000] {
             let (out, delay_s) = convert(&tone(700.0, rate, 0.2), rate, 20_480);
             let worst = (400..4000)
                 .map(|n| {

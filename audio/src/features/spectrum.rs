@@ -19,11 +19,7 @@ pub(crate) struct SlidingWindow {
 impl SlidingWindow {
     /// Keeps the newest `keep` samples; zeros at first.
     pub(crate) fn new(keep: usize) -> Self {
-        Self {
-            data: vec![0.0; 2 * keep],
-            end: keep,
-            keep,
-        }
+        Self { data: vec![0.0; 2 * keep], end: keep, keep }
     }
 
     pub(crate) fn push(&mut self, sample: f32) {
@@ -74,8 +70,7 @@ impl PowerSpectrum {
         }
         // Lengths are equal by construction, the one error that there is.
         let done =
-            self.plan
-                .process_with_scratch(&mut self.input, &mut self.output, &mut self.scratch);
+            self.plan.process_with_scratch(&mut self.input, &mut self.output, &mut self.scratch);
         debug_assert!(done.is_ok());
         for (p, c) in self.power.iter_mut().zip(&self.output) {
             *p = c.norm_sqr();
@@ -88,12 +83,7 @@ impl PowerSpectrum {
 pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut lanes = [0.0f32; 8];
     let (a_rows, b_rows) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f32 = a_rows
-        .remainder()
-        .iter()
-        .zip(b_rows.remainder())
-        .map(|(x, y)| x * y)
-        .sum();
+    let rest: f32 = a_rows.remainder().iter().zip(b_rows.remainder()).map(|(x, y)| x * y).sum();
     for (x, y) in a_rows.zip(b_rows) {
         for lane in 0..8 {
             lanes[lane] += x[lane] * y[lane];

@@ -16,20 +16,10 @@ const STEPS: usize = 16;
 const MAJOR: [i32; 7] = [0, 2, 4, 5, 7, 9, 11];
 const MINOR: [i32; 7] = [0, 2, 3, 5, 7, 8, 10];
 /// Scale degrees of the chords, one a bar.
-const MAJOR_PROGRESSIONS: [[i32; 4]; 5] = [
-    [0, 4, 5, 3],
-    [0, 5, 3, 4],
-    [0, 3, 0, 4],
-    [1, 4, 0, 0],
-    [0, 0, 3, 4],
-];
-const MINOR_PROGRESSIONS: [[i32; 4]; 5] = [
-    [0, 5, 2, 6],
-    [0, 3, 6, 2],
-    [0, 6, 5, 4],
-    [0, 0, 3, 4],
-    [0, 5, 3, 4],
-];
+const MAJOR_PROGRESSIONS: [[i32; 4]; 5] =
+    [[0, 4, 5, 3], [0, 5, 3, 4], [0, 3, 0, 4], [1, 4, 0, 0], [0, 0, 3, 4]];
+const MINOR_PROGRESSIONS: [[i32; 4]; 5] =
+    [[0, 5, 2, 6], [0, 3, 6, 2], [0, 6, 5, 4], [0, 0, 3, 4], [0, 5, 3, 4]];
 
 pub(super) fn play(spec: &SongSpec, grid: &BeatGrid, length: usize) -> Buses {
     let mut band = Band::new(spec, grid, length);
@@ -58,28 +48,20 @@ struct Band<'a> {
 }
 
 fn pick(rng: &mut ChaCha8Rng, list: &'static [&'static str]) -> &'static [u8] {
-    list.choose(rng)
-        .map_or(b"................", |p| p.as_bytes())
+    list.choose(rng).map_or(b"................", |p| p.as_bytes())
 }
 
 impl<'a> Band<'a> {
     fn new(spec: &'a SongSpec, grid: &'a BeatGrid, length: usize) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(spec.seed ^ 0x5eed_50d6);
         let sheet = spec.style.sheet();
-        let progressions = if spec.key.minor {
-            MINOR_PROGRESSIONS
-        } else {
-            MAJOR_PROGRESSIONS
-        };
+        let progressions = if spec.key.minor { MINOR_PROGRESSIONS } else { MAJOR_PROGRESSIONS };
         let mut timbre = |kinds: &[Instrument]| {
             let kind = kinds[rng.random_range(0..kinds.len())];
             Timbre::random(kind, &mut rng)
         };
-        let (bass, chords, lead) = (
-            timbre(sheet.bass_kind),
-            timbre(sheet.chord_kind),
-            timbre(sheet.lead_kind),
-        );
+        let (bass, chords, lead) =
+            (timbre(sheet.bass_kind), timbre(sheet.chord_kind), timbre(sheet.lead_kind));
         let swing = rng.random_range(sheet.swing.0..=sheet.swing.1);
         Self {
             spec,
@@ -205,11 +187,7 @@ impl<'a> Band<'a> {
                 continue;
             }
             let span = (bar, step, hold(pattern, step));
-            let voices = if self.arpeggio {
-                stroke % count..stroke % count + 1
-            } else {
-                0..count
-            };
+            let voices = if self.arpeggio { stroke % count..stroke % count + 1 } else { 0..count };
             for voice in voices {
                 let midi = fold(pitch_of(self.spec.key, degree + 2 * voice), 55, 67);
                 self.note(Part::Music, span, midi, 0.2, timbre);
@@ -232,11 +210,8 @@ impl<'a> Band<'a> {
             }
             // On strong steps the melody lands on a note of the chord.
             let wander = self.motif[half * STEPS + step] - answer;
-            let degree = if step % 8 == 0 {
-                self.degree(bar) + 2 * (wander.rem_euclid(3))
-            } else {
-                wander
-            };
+            let degree =
+                if step % 8 == 0 { self.degree(bar) + 2 * (wander.rem_euclid(3)) } else { wander };
             let midi = fold(pitch_of(self.spec.key, degree), 67, 79);
             let span = (bar, step, hold(pattern, step));
             self.note(Part::Music, span, midi, 0.25, timbre);

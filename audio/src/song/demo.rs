@@ -54,10 +54,7 @@ fn spec() -> SongSpec {
         grid: Grid::Tempo(vec![step(slow_beats, SLOW_BPM), step(fast_beats, FAST_BPM)]),
         first_downbeat: 0,
         style: Style::Disco,
-        key: MusicalKey {
-            tonic: 9,
-            minor: true,
-        },
+        key: MusicalKey { tonic: 9, minor: true },
         sections: sections.map(section).into(),
         mix: Mix::demo(),
         seed: 2,

@@ -114,12 +114,7 @@ fn shot(drum: Drum, rate_hz: f32, rng: &mut ChaCha8Rng) -> Vec<f32> {
 }
 
 fn skin(hz: f32, bend: f32, decay_s: f32) -> Skin {
-    Skin {
-        low_hz: hz,
-        high_hz: hz * bend,
-        bend_s: 0.02,
-        decay_s,
-    }
+    Skin { low_hz: hz, high_hz: hz * bend, bend_s: 0.02, decay_s }
 }
 
 /// A struck membrane: a sine that falls in pitch and dies away.

@@ -73,16 +73,10 @@ impl BeatGrid {
         let tail_s = last - given[given.len() - 2];
         let before = (first.max(0.0) / lead_s).ceil() as usize + 4;
         let after = ((duration_s - last).max(0.0) / tail_s).ceil() as usize + 4;
-        let mut times_s: Vec<f64> = (1..=before)
-            .rev()
-            .map(|i| first - i as f64 * lead_s)
-            .collect();
+        let mut times_s: Vec<f64> = (1..=before).rev().map(|i| first - i as f64 * lead_s).collect();
         times_s.extend_from_slice(given);
         times_s.extend((1..=after).map(|i| last + i as f64 * tail_s));
-        Self {
-            times_s,
-            zero: before + first_downbeat.min(given.len() - 1),
-        }
+        Self { times_s, zero: before + first_downbeat.min(given.len() - 1) }
     }
 
     pub(super) fn time_s(&self, beat: f64) -> f64 {

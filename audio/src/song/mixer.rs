@@ -164,12 +164,7 @@ struct DelayLine {
 
 impl DelayLine {
     fn new(length: f32, feedback: f32) -> Self {
-        Self {
-            line: vec![0.0; (length as usize).max(1)],
-            at: 0,
-            feedback,
-            damped: 0.0,
-        }
+        Self { line: vec![0.0; (length as usize).max(1)], at: 0, feedback, damped: 0.0 }
     }
 
     fn swap(&mut self, value: f32) {

@@ -187,13 +187,7 @@ struct Talker {
 
 impl Talker {
     fn new(sound: Sound) -> Self {
-        Self {
-            sound,
-            at: 0,
-            formants_hz: [500.0, 1500.0, 2500.0],
-            state: [[0.0; 2]; 3],
-            turn: 0.0,
-        }
+        Self { sound, at: 0, formants_hz: [500.0, 1500.0, 2500.0], state: [[0.0; 2]; 3], turn: 0.0 }
     }
 
     fn pause(&mut self, seconds: std::ops::Range<f32>) {
@@ -235,11 +229,8 @@ impl Talker {
         for (i, at) in self.span(count).enumerate() {
             let part = i as f32 / count as f32;
             // A stop is silent at first, then bursts.
-            let edge = if stop {
-                f32::from(u8::from(part > 0.7)) * 1.5
-            } else {
-                (8.0 * part).min(1.0)
-            };
+            let edge =
+                if stop { f32::from(u8::from(part > 0.7)) * 1.5 } else { (8.0 * part).min(1.0) };
             let now: f32 = self.sound.draw(-1.0..1.0);
             self.sound.samples[at] += loud * edge * (now - bright * before);
             before = now;

@@ -27,12 +27,7 @@ impl SongSpec {
         let buses = play(self, &grid, length);
         let samples = master(&self.mix, self.sample_rate_hz as f32, buses, self.seed);
         let (beats_s, downbeats) = grid.truth(self.duration_s);
-        Ok(Song {
-            sample_rate_hz: self.sample_rate_hz,
-            samples,
-            beats_s,
-            downbeats,
-        })
+        Ok(Song { sample_rate_hz: self.sample_rate_hz, samples, beats_s, downbeats })
     }
 }
 

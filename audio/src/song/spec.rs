@@ -32,12 +32,7 @@ impl Layers {
     pub const NONE: Layers = Layers::of([false; 4]);
 
     pub(super) const fn of([drums, bass, chords, lead]: [bool; 4]) -> Self {
-        Self {
-            drums,
-            bass,
-            chords,
-            lead,
-        }
+        Self { drums, bass, chords, lead }
     }
 }
 
@@ -110,10 +105,7 @@ impl SongSpec {
             grid: Grid::Tempo(vec![TempoStep { beats, bpm }]),
             first_downbeat: 0,
             style,
-            key: MusicalKey {
-                tonic: rng.random_range(0..12),
-                minor: rng.random_bool(0.6),
-            },
+            key: MusicalKey { tonic: rng.random_range(0..12), minor: rng.random_bool(0.6) },
             sections: random_sections(duration_s, &mut rng),
             mix: Mix::random(&mut rng),
             seed,
@@ -131,11 +123,7 @@ impl SongSpec {
     pub(super) fn section(&self, bar: i64) -> Section {
         let before = self.sections.iter().rev().find(|s| s.first_bar <= bar);
         let section = before.or(self.sections.first()).copied();
-        section.unwrap_or(Section {
-            first_bar: 0,
-            layers: Layers::ALL,
-            intensity: 0.8,
-        })
+        section.unwrap_or(Section { first_bar: 0, layers: Layers::ALL, intensity: 0.8 })
     }
 }
 
@@ -165,11 +153,7 @@ fn random_sections(duration_s: f64, rng: &mut ChaCha8Rng) -> Vec<Section> {
             layers.drums = cast.drums;
             layers.chords = true;
         }
-        sections.push(Section {
-            first_bar,
-            layers,
-            intensity: rng.random_range(0.3..1.0),
-        });
+        sections.push(Section { first_bar, layers, intensity: rng.random_range(0.3..1.0) });
         first_bar += if has(rng, 0.6) { 4 } else { 8 };
     }
     sections

@@ -48,9 +48,7 @@ impl Style {
     /// All styles in the order of their declaration.
     pub const ALL: [Style; 12] = {
         use Style::*;
-        [
-            House, Disco, HipHop, Rock, Funk, Salsa, Ballad, Electro, Reggaeton, Techno, Soul, Trap,
-        ]
+        [House, Disco, HipHop, Rock, Funk, Salsa, Ballad, Electro, Reggaeton, Techno, Soul, Trap]
     };
 
     /// Lowest and highest usual tempo of the style, beats a minute.
@@ -124,11 +122,7 @@ static HIP_HOP: StyleSheet = StyleSheet {
     tempo_bpm: (82.0, 104.0),
     swing: (0.1, 0.5),
     drums: &[
-        &[
-            (Kick, "X.....x.x.x....."),
-            (Snare, "....X.......X..."),
-            (ClosedHat, "x.x.x.x.x.x.x.x."),
-        ],
+        &[(Kick, "X.....x.x.x....."), (Snare, "....X.......X..."), (ClosedHat, "x.x.x.x.x.x.x.x.")],
         &[
             (Kick, "X..x......X..x.."),
             (Clap, "....X.......X..."),
@@ -149,21 +143,9 @@ static ROCK: StyleSheet = StyleSheet {
     tempo_bpm: (96.0, 168.0),
     swing: (0.0, 0.02),
     drums: &[
-        &[
-            (Kick, "X.......X.x....."),
-            (Snare, "....X.......X..."),
-            (ClosedHat, "X.x.X.x.X.x.X.x."),
-        ],
-        &[
-            (Kick, "X..x....X.X....."),
-            (Snare, "....X.......X..."),
-            (Crash, "x...x...x...x..."),
-        ],
-        &[
-            (Kick, "X.x...x.X.x...x."),
-            (Snare, "....X.......X..."),
-            (ClosedHat, "x.x.x.x.x.x.x.x."),
-        ],
+        &[(Kick, "X.......X.x....."), (Snare, "....X.......X..."), (ClosedHat, "X.x.X.x.X.x.X.x.")],
+        &[(Kick, "X..x....X.X....."), (Snare, "....X.......X..."), (Crash, "x...x...x...x...")],
+        &[(Kick, "X.x...x.X.x...x."), (Snare, "....X.......X..."), (ClosedHat, "x.x.x.x.x.x.x.x.")],
     ],
     bass: &["r.r.r.r.r.r.r.r.", "r-..r-..r-r.f.n.", "r---....r.r.r.f."],
     chords: &["x---------------", "x.x.x.x.x.x.x.x.", "x-----x-----x---"],
@@ -178,11 +160,7 @@ static FUNK: StyleSheet = StyleSheet {
     tempo_bpm: (92.0, 118.0),
     swing: (0.0, 0.2),
     drums: &[
-        &[
-            (Kick, "X.x.....x.x..x.."),
-            (Snare, "....X..o.o..X..o"),
-            (ClosedHat, "x.x.x.x.x.x.x.xx"),
-        ],
+        &[(Kick, "X.x.....x.x..x.."), (Snare, "....X..o.o..X..o"), (ClosedHat, "x.x.x.x.x.x.x.xx")],
         &[
             (Kick, "X..x..x...x..x.."),
             (Snare, "....X.......X..."),
@@ -232,16 +210,8 @@ static BALLAD: StyleSheet = StyleSheet {
     tempo_bpm: (70.0, 92.0),
     swing: (0.0, 0.1),
     drums: &[
-        &[
-            (Kick, "X.........x....."),
-            (Rim, "....x.......x..."),
-            (ClosedHat, "x.o.x.o.x.o.x.o."),
-        ],
-        &[
-            (Kick, "X.......x......."),
-            (Snare, "....x.......x..."),
-            (Shaker, "x.x.x.x.x.x.x.x."),
-        ],
+        &[(Kick, "X.........x....."), (Rim, "....x.......x..."), (ClosedHat, "x.o.x.o.x.o.x.o.")],
+        &[(Kick, "X.......x......."), (Snare, "....x.......x..."), (Shaker, "x.x.x.x.x.x.x.x.")],
     ],
     bass: &["r-------f-------", "r-----r-r-----n-"],
     chords: &["x---x---x---x---", "x-x-x-x-x-x-x-x-", "x---------------"],
@@ -262,11 +232,7 @@ static ELECTRO: StyleSheet = StyleSheet {
             (ClosedHat, "x.xxx.xxx.xxx.xx"),
             (Cowbell, "...x..x...x....."),
         ],
-        &[
-            (Kick, "X..X....x.X..X.."),
-            (Clap, "....X.......X..."),
-            (ClosedHat, "xxxxxxxxxxxxxxxx"),
-        ],
+        &[(Kick, "X..X....x.X..X.."), (Clap, "....X.......X..."), (ClosedHat, "xxxxxxxxxxxxxxxx")],
     ],
     bass: &["r.rro.r.r.rro.r.", "rrorrrorrrorrror", "r..r..r.o..r..o."],
     chords: &["x---....x---....", "..x..x..x.......", "x.x.x.x.x.x.x.x."],
@@ -281,11 +247,7 @@ static REGGAETON: StyleSheet = StyleSheet {
     tempo_bpm: (86.0, 104.0),
     swing: (0.0, 0.05),
     drums: &[
-        &[
-            (Kick, "X...X...X...X..."),
-            (Snare, "...X..X....X..X."),
-            (ClosedHat, "x.x.x.x.x.x.x.x."),
-        ],
+        &[(Kick, "X...X...X...X..."), (Snare, "...X..X....X..X."), (ClosedHat, "x.x.x.x.x.x.x.x.")],
         &[
             (Kick, "X...x...X...x..."),
             (Rim, "...X..x....X..x."),
@@ -332,16 +294,8 @@ static SOUL: StyleSheet = StyleSheet {
     tempo_bpm: (76.0, 124.0),
     swing: (0.1, 0.66),
     drums: &[
-        &[
-            (Kick, "X.......X......."),
-            (Snare, "....X.......X..."),
-            (ClosedHat, "x.x.x.x.x.x.x.x."),
-        ],
-        &[
-            (Kick, "X..x....x..x...."),
-            (Snare, "X...X...X...X..."),
-            (Shaker, "x.x.x.x.x.x.x.x."),
-        ],
+        &[(Kick, "X.......X......."), (Snare, "....X.......X..."), (ClosedHat, "x.x.x.x.x.x.x.x.")],
+        &[(Kick, "X..x....x..x...."), (Snare, "X...X...X...X..."), (Shaker, "x.x.x.x.x.x.x.x.")],
     ],
     bass: &["r-..r-f-o-..f-n-", "r---r---o---n---"],
     chords: &["....x.......x...", "x--x----x--x----", "x---x---x---x---"],
@@ -356,11 +310,7 @@ static TRAP: StyleSheet = StyleSheet {
     tempo_bpm: (65.0, 80.0),
     swing: (0.0, 0.05),
     drums: &[
-        &[
-            (Kick, "X.....x...x....."),
-            (Clap, "....X.......X..."),
-            (ClosedHat, "x.x.x.x.x.x.xxxx"),
-        ],
+        &[(Kick, "X.....x...x....."), (Clap, "....X.......X..."), (ClosedHat, "x.x.x.x.x.x.xxxx")],
         &[
             (Kick, "X..x......x..x.."),
             (Snare, "....X.......X..."),

@@ -79,18 +79,11 @@ impl Timbre {
             gain: 1.0,
         };
         match kind {
-            Instrument::SubBass => Timbre {
-                wave: Wave::Fm(1.0, r(0.0, 0.25)),
-                sustain: 0.8,
-                gain: 1.2,
-                ..base
-            },
+            Instrument::SubBass => {
+                Timbre { wave: Wave::Fm(1.0, r(0.0, 0.25)), sustain: 0.8, gain: 1.2, ..base }
+            }
             Instrument::SynthBass => Timbre {
-                wave: if r(0.0, 1.0) < 0.5 {
-                    Wave::Saw
-                } else {
-                    Wave::Square
-                },
+                wave: if r(0.0, 1.0) < 0.5 { Wave::Saw } else { Wave::Square },
                 cutoff_hz: r(250.0, 900.0),
                 cutoff_rise_hz: r(200.0, 2500.0),
                 decay_s: r(0.1, 0.4),
@@ -129,12 +122,7 @@ impl Timbre {
                 gain: 0.6,
                 ..base
             },
-            Instrument::Organ => Timbre {
-                wave: Wave::Organ,
-                sustain: 0.95,
-                gain: 0.45,
-                ..base
-            },
+            Instrument::Organ => Timbre { wave: Wave::Organ, sustain: 0.95, gain: 0.45, ..base },
             Instrument::Pluck => Timbre {
                 wave: Wave::Triangle,
                 decay_s: r(0.1, 0.5),
@@ -160,11 +148,7 @@ impl Timbre {
                 ..base
             },
             Instrument::Lead => Timbre {
-                wave: if r(0.0, 1.0) < 0.5 {
-                    Wave::Square
-                } else {
-                    Wave::Saw
-                },
+                wave: if r(0.0, 1.0) < 0.5 { Wave::Square } else { Wave::Saw },
                 detune: r(0.0, 0.004),
                 sustain: 0.7,
                 gain: 0.45,
@@ -232,11 +216,7 @@ impl Oscillator {
             Wave::Fm(ratio, _) => step * ratio,
             _ => step * (1.0 + timbre.detune),
         };
-        Self {
-            wave: timbre.wave,
-            phases: [0.0, 0.0],
-            steps: [step, second],
-        }
+        Self { wave: timbre.wave, phases: [0.0, 0.0], steps: [step, second] }
     }
 
     fn next(&mut self) -> f32 {
@@ -274,11 +254,7 @@ fn saw(phase: f32, step: f32) -> f32 {
 }
 
 fn square(phase: f32, step: f32) -> f32 {
-    let half = if phase < 0.5 {
-        phase + 0.5
-    } else {
-        phase - 0.5
-    };
+    let half = if phase < 0.5 { phase + 0.5 } else { phase - 0.5 };
     (if phase < 0.5 { 1.0 } else { -1.0 }) + blep(phase, step) - blep(half, step)
 }
 

@@ -30,12 +30,7 @@ fn beats_given_are_beats_heard() {
     spec.mix = Mix::clean();
     spec.sections = vec![Section {
         first_bar: 0,
-        layers: Layers {
-            bass: false,
-            chords: false,
-            lead: false,
-            drums: true,
-        },
+        layers: Layers { bass: false, chords: false, lead: false, drums: true },
         intensity: 0.0,
     }];
     let song = spec.render().unwrap();
@@ -58,11 +53,7 @@ fn demo_rises_from_112_to_126_bpm() {
     let interval = |i: usize| song.beats_s[i + 1] - song.beats_s[i];
     assert!((60.0 / interval(0) - 112.0).abs() < 1e-6);
     assert!((60.0 / interval(song.beats_s.len() - 2) - 126.0).abs() < 1e-6);
-    assert!(
-        (36.0..44.0).contains(&song.duration_s()),
-        "{}",
-        song.duration_s()
-    );
+    assert!((36.0..44.0).contains(&song.duration_s()), "{}", song.duration_s());
     assert_eq!(song.downbeats[..3], [0, 4, 8]);
 }
 
@@ -72,10 +63,7 @@ fn unusable_specs_are_refused() {
         SongSpec::random(f64::NAN, 0).unwrap_err().to_string(),
         "a song lasts above 0 and at most 3600 seconds, not NaN"
     );
-    assert_eq!(
-        SongSpec::on_beats(&[1.0], 4.0, 0),
-        Err(SongError::TooFewBeats(1))
-    );
+    assert_eq!(SongSpec::on_beats(&[1.0], 4.0, 0), Err(SongError::TooFewBeats(1)));
     assert!(matches!(
         SongSpec::on_beats(&[1.0, 1.5, 1.4], 4.0, 0),
         Err(SongError::Interval { index: 2, .. })

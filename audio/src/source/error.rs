@@ -64,10 +64,7 @@ pub enum SourceFault {
 
 impl SourceFault {
     pub(super) fn of(self, name: &str) -> SourceError {
-        SourceError {
-            name: name.to_owned(),
-            fault: self,
-        }
+        SourceError { name: name.to_owned(), fault: self }
     }
 
     pub(super) fn io(error: io::Error) -> Self {

@@ -15,16 +15,11 @@ const FULL_WAIT: Duration = Duration::from_millis(5);
 pub(super) fn open_live_pcm(
     mut reader: PcmReader,
 ) -> Result<(LiveStream, Receiver<SourceError>), SourceError> {
-    let (mut writer, ring) = ring(RingFormat {
-        sample_rate_hz: reader.format().sample_rate_hz,
-        channels: 1,
-    });
+    let (mut writer, ring) =
+        ring(RingFormat { sample_rate_hz: reader.format().sample_rate_hz, channels: 1 });
     let (errors, failures) = channel();
     let name = reader.name().to_owned();
-    let guard = PanicGuard {
-        errors: errors.clone(),
-        name: name.clone(),
-    };
+    let guard = PanicGuard { errors: errors.clone(), name: name.clone() };
     let read = move || {
         let _guard = guard; // dropped before the writer, too
         if let Err(error) = copy(&mut reader, &mut writer) {
@@ -52,9 +47,7 @@ impl Drop for PanicGuard {
     fn drop(&mut self) {
         if std::thread::panicking() {
             let error = std::io::Error::other("the thread that reads it broke down");
-            let _ = self
-                .errors
-                .send(SourceFault::Unreadable(error).of(&self.name));
+            let _ = self.errors.send(SourceFault::Unreadable(error).of(&self.name));
         }
     }
 }

@@ -63,10 +63,7 @@ impl AudioSource {
         let (name, rate_hz) = (path.display().to_string(), reader.sample_rate_hz());
         let duration_s = reader.duration_s();
         let source = Self::new(&name, rate_hz, SourceReader::File(reader));
-        Ok(Self {
-            duration_s,
-            ..source
-        })
+        Ok(Self { duration_s, ..source })
     }
 
     /// Raw samples from any reader, for instance standard input; errors begin with
@@ -78,11 +75,7 @@ impl AudioSource {
         format: PcmFormat,
     ) -> Result<Self, SourceError> {
         let reader = PcmReader::new(name, Box::new(reader), format)?;
-        Ok(Self::new(
-            name,
-            format.sample_rate_hz,
-            SourceReader::Pcm(reader),
-        ))
+        Ok(Self::new(name, format.sample_rate_hz, SourceReader::Pcm(reader)))
     }
 
     /// Raw samples that another program writes in real time: a thread reads ahead,
@@ -112,13 +105,7 @@ impl AudioSource {
     }
 
     fn new(name: &str, sample_rate_hz: u32, reader: SourceReader) -> Self {
-        Self {
-            name: name.to_owned(),
-            sample_rate_hz,
-            duration_s: None,
-            samples: 0,
-            reader,
-        }
+        Self { name: name.to_owned(), sample_rate_hz, duration_s: None, samples: 0, reader }
     }
 
     fn live_stream(&self) -> Option<&LiveStream> {

@@ -101,15 +101,8 @@ impl PcmReader {
     ) -> Result<Self, SourceError> {
         let rate_ok = (4_000..=384_000).contains(&format.sample_rate_hz);
         if !rate_ok || !(1..=64).contains(&format.channels) {
-            let PcmFormat {
-                channels,
-                sample_rate_hz,
-                ..
-            } = format;
-            let fault = SourceFault::Format {
-                channels,
-                sample_rate_hz,
-            };
+            let PcmFormat { channels, sample_rate_hz, .. } = format;
+            let fault = SourceFault::Format { channels, sample_rate_hz };
             return Err(fault.of(name));
         }
         Ok(Self {
@@ -139,15 +132,11 @@ impl PcmReader {
         }
         let whole = self.pending.len() / frame_bytes * frame_bytes;
         let share = 1.0 / f32::from(self.format.channels);
-        block.extend(
-            self.pending[..whole]
-                .chunks_exact(frame_bytes)
-                .map(|frame| {
-                    let samples = frame.chunks_exact(sample_bytes);
-                    let sum: f32 = samples.map(|b| self.format.encoding.decode(b)).sum();
-                    sum * share
-                }),
-        );
+        block.extend(self.pending[..whole].chunks_exact(frame_bytes).map(|frame| {
+            let samples = frame.chunks_exact(sample_bytes);
+            let sum: f32 = samples.map(|b| self.format.encoding.decode(b)).sum();
+            sum * share
+        }));
         self.pending.drain(..whole);
         Ok(true)
     }

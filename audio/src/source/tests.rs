@@ -11,9 +11,7 @@ use super::*;
 
 fn tone(rate_hz: u32, seconds: f64) -> Vec<f32> {
     let count = (seconds * f64::from(rate_hz)) as usize;
-    (0..count)
-        .map(|i| 0.5 * (TAU * 440.0 * i as f32 / rate_hz as f32).sin())
-        .collect()
+    (0..count).map(|i| 0.5 * (TAU * 440.0 * i as f32 / rate_hz as f32).sin()).collect()
 }
 
 fn wav(folder: &TempDir, name: &str, rate_hz: u32, channels: u16, samples: &[f32]) -> PathBuf {
@@ -94,10 +92,7 @@ fn each_fault_has_its_own_line() {
     assert_eq!(refusal(&empty), "FILE: is empty");
     assert!(refusal(folder.path()).starts_with("FILE: cannot be read: "));
     let short = wav(&folder, "short.wav", 16_000, 1, &tone(16_000, 0.1));
-    assert_eq!(
-        refusal(&short),
-        "FILE: lasts 0.10 s; at least 0.5 s are needed"
-    );
+    assert_eq!(refusal(&short), "FILE: lasts 0.10 s; at least 0.5 s are needed");
     let silent = wav(&folder, "silent.wav", 16_000, 1, &[0.0; 32_000]);
     assert_eq!(refusal(&silent), "FILE: is silent from beginning to end");
     let header_only = wav(&folder, "header.wav", 16_000, 1, &[]);
@@ -124,11 +119,7 @@ fn broken_flac_packet_is_skipped_and_counted() {
     // What was lost is silent, and what follows is in time.
     assert_eq!(heard[4 * flac::BLOCK + 10], 0.0);
     let late = &heard[6 * flac::BLOCK..];
-    assert!(
-        late.iter()
-            .zip(&samples[6 * flac::BLOCK..])
-            .all(|(h, s)| (h - s).abs() < 1e-3)
-    );
+    assert!(late.iter().zip(&samples[6 * flac::BLOCK..]).all(|(h, s)| (h - s).abs() < 1e-3));
 }
 
 #[test]
@@ -166,11 +157,7 @@ fn raw_samples_of_all_encodings_are_read() {
     ];
     for (encoding, bytes) in cases {
         assert_eq!(encoding.to_string().parse(), Ok(encoding));
-        let format = PcmFormat {
-            encoding,
-            sample_rate_hz: 8_000,
-            channels: 2,
-        };
+        let format = PcmFormat { encoding, sample_rate_hz: 8_000, channels: 2 };
         let frames = bytes.repeat(2 * 5_000);
         let mut source = AudioSource::from_reader("input", Cursor::new(frames), format).unwrap();
         assert_eq!(read_all(&mut source).unwrap(), vec![value; 5_000]);
@@ -190,11 +177,7 @@ fn raw_input_may_come_in_odd_pieces() {
         }
     }
     let bytes: Vec<u8> = (0..8_000i16).flat_map(i16::to_le_bytes).collect();
-    let format = PcmFormat {
-        encoding: PcmEncoding::S16Le,
-        sample_rate_hz: 16_000,
-        channels: 1,
-    };
+    let format = PcmFormat { encoding: PcmEncoding::S16Le, sample_rate_hz: 16_000, channels: 1 };
     let reader = OneByte(Cursor::new(bytes));
     let mut source = AudioSource::from_reader("input", reader, format).unwrap();
     let heard = read_all(&mut source).unwrap();
@@ -215,10 +198,7 @@ fn raw_input_that_is_no_music_is_refused() {
     let empty = open(vec![], format(1, 16_000)).and_then(|mut s| read_all(&mut s));
     assert_eq!(message(empty), "standard input: is empty");
     let short = open(vec![1; 3_200], format(1, 16_000)).and_then(|mut s| read_all(&mut s));
-    assert_eq!(
-        message(short),
-        "standard input: lasts 0.10 s; at least 0.5 s are needed"
-    );
+    assert_eq!(message(short), "standard input: lasts 0.10 s; at least 0.5 s are needed");
     let odd = open(vec![], format(0, 16_000)).map(|_| Vec::<f32>::new());
     assert!(message(odd).contains("not 0 at 16000 Hz"));
 }

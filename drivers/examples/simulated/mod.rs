@@ -25,9 +25,6 @@ pub fn bus() -> Result<(SimBus, BusConfig, Vec<Servo>), Failure> {
     let servos = servos(&[joint(1), joint(2), joint(3)])?;
     let specs: Vec<SimServoSpec> = servos.iter().map(Into::into).collect();
     let sim = SimBus::start(&specs, SimOptions::lockstep(BAUD, HZ))?;
-    let config = BusConfig {
-        reply_clock: sim.reply_clock(),
-        ..BusConfig::dynamixel2(BAUD)
-    };
+    let config = BusConfig { reply_clock: sim.reply_clock(), ..BusConfig::dynamixel2(BAUD) };
     Ok((sim, config, servos))
 }

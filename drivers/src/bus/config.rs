@@ -94,11 +94,7 @@ impl BusConfig {
 
     /// The same configuration, if it is usable.
     pub fn checked(self) -> Result<Self, ConfigError> {
-        let bad = |key, actual: String, wanted| ConfigError::Bus {
-            key,
-            actual,
-            wanted,
-        };
+        let bad = |key, actual: String, wanted| ConfigError::Bus { key, actual, wanted };
         if !(9_600..=10_000_000).contains(&self.baud) {
             return Err(bad("baud", self.baud.to_string(), "9600 to 10000000"));
         }
@@ -128,9 +124,7 @@ pub fn one_or_several<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<BusConfi
         }
 
         fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<Self::Value, A::Error> {
-            Ok(vec![BusConfig::deserialize(MapAccessDeserializer::new(
-                table,
-            ))?])
+            Ok(vec![BusConfig::deserialize(MapAccessDeserializer::new(table))?])
         }
 
         fn visit_seq<A: SeqAccess<'de>>(self, tables: A) -> Result<Self::Value, A::Error> {

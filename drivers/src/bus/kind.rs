@@ -33,9 +33,6 @@ impl BusKind {
 
     /// Whether it is on CAN; otherwise on a serial port.
     pub fn is_can(self) -> bool {
-        matches!(
-            self,
-            Self::Mit | Self::Robstride | Self::Odrive | Self::Cia402
-        )
+        matches!(self, Self::Mit | Self::Robstride | Self::Odrive | Self::Cia402)
     }
 }

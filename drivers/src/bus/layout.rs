@@ -106,10 +106,7 @@ mod tests {
     use super::*;
 
     fn bus(name: &str) -> BusConfig {
-        BusConfig {
-            name: name.into(),
-            ..BusConfig::dynamixel2(1_000_000)
-        }
+        BusConfig { name: name.into(), ..BusConfig::dynamixel2(1_000_000) }
     }
 
     fn joint(name: &str, id: u8, bus: Option<&str>) -> ServoConfig {
@@ -137,10 +134,7 @@ mod tests {
         ];
         let (all, layouts) = layouts(vec![bus("left"), bus("right")], &joints).unwrap();
         assert_eq!(all.len(), 3);
-        assert_eq!(
-            (&layouts[0].joints[..], &layouts[1].joints[..]),
-            (&[0, 2][..], &[1][..])
-        );
+        assert_eq!((&layouts[0].joints[..], &layouts[1].joints[..]), (&[0, 2][..], &[1][..]));
         let mut own = Vec::new();
         layouts[0].gather(&[10, 20, 30], &mut own);
         assert_eq!(own, [10, 30]);
@@ -158,26 +152,10 @@ mod tests {
                 "joint a: bus is \"top\", must be one of left, right",
             ),
             (two(), one(joint("a", 1, None)), "joint a: bus is \"\""),
-            (
-                two(),
-                one(joint("a", 2, Some("right"))),
-                "joint b (id 2) clashes with a (id 2)",
-            ),
-            (
-                two(),
-                one(joint("a", 1, Some("right"))),
-                "bus: name is \"left\"",
-            ),
-            (
-                vec![bus(""), bus("right")],
-                one(joint("a", 1, None)),
-                "a name of its own",
-            ),
-            (
-                vec![bus("right"), bus("right")],
-                one(joint("a", 1, None)),
-                "a name of its own",
-            ),
+            (two(), one(joint("a", 2, Some("right"))), "joint b (id 2) clashes with a (id 2)"),
+            (two(), one(joint("a", 1, Some("right"))), "bus: name is \"left\""),
+            (vec![bus(""), bus("right")], one(joint("a", 1, None)), "a name of its own"),
+            (vec![bus("right"), bus("right")], one(joint("a", 1, None)), "a name of its own"),
             (
                 vec![bus("")],
                 [joint("a", 1, None), joint_b()],

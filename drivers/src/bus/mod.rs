@@ -121,9 +121,7 @@ pub trait Bus: Send {
     /// set up, and torque on where it stands. Its state when it is back; `None`
     /// while there is more to do. After an error the way begins anew.
     fn rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
-        Err(BusError::NoReturn {
-            servo: ServoId::of(&self.servos()[index]),
-        })
+        Err(BusError::NoReturn { servo: ServoId::of(&self.servos()[index]) })
     }
 
     /// Opens the port again after it failed. Nothing is sent.

@@ -24,10 +24,7 @@ impl FromStr for Port {
             Some(("serial", path)) if !path.is_empty() => Ok(Self::Serial(path.into())),
             Some(("can" | "slcan" | "udp", _)) => match CanPort::parse(text) {
                 Ok(port) => Ok(Self::Can(port)),
-                Err(reason) => Err(ConfigError::Port {
-                    actual: text.into(),
-                    reason,
-                }),
+                Err(reason) => Err(ConfigError::Port { actual: text.into(), reason }),
             },
             _ => Err(ConfigError::Port {
                 actual: text.into(),
@@ -54,12 +51,9 @@ mod tests {
 
     #[test]
     fn ports_are_read_and_written_alike() {
-        for text in [
-            "serial:/dev/ttyUSB0",
-            "can:can0",
-            "slcan:/dev/ttyACM0",
-            "udp:239.74.163.2:43113",
-        ] {
+        for text in
+            ["serial:/dev/ttyUSB0", "can:can0", "slcan:/dev/ttyACM0", "udp:239.74.163.2:43113"]
+        {
             assert_eq!(text.parse::<Port>().unwrap().to_string(), text);
         }
     }

@@ -41,17 +41,11 @@ impl ReplyClock {
     /// until it was asked is found there.
     pub fn patience(&self, deadline: Instant) -> Patience {
         match self {
-            Self::Wall => Patience {
-                until: deadline,
-                last: true,
-            },
+            Self::Wall => Patience { until: deadline, last: true },
             Self::FarEnd(far_end) => {
                 let last = far_end.is_idle();
                 let now = Instant::now();
-                Patience {
-                    until: if last { now } else { now + LOOK_EVERY },
-                    last,
-                }
+                Patience { until: if last { now } else { now + LOOK_EVERY }, last }
             }
         }
     }

@@ -108,13 +108,8 @@ impl BusSet {
         doing: &'static str,
         task: impl FnOnce(&mut dyn Bus, usize) -> T + Send + 'static,
     ) -> BusResult<T> {
-        let place = |thread: &BusThread| {
-            thread
-                .layout
-                .joints
-                .iter()
-                .position(|&joint| joint == index)
-        };
+        let place =
+            |thread: &BusThread| thread.layout.joints.iter().position(|&joint| joint == index);
         for thread in &mut self.threads {
             let Some(own) = place(thread) else { continue };
             let (answer, answered) = sync_channel(1);
@@ -220,10 +215,7 @@ impl Bus for BusSet {
             self.armed = false;
             return Ok(());
         }
-        Err(BusError::TorqueUnverified {
-            servos: doubtful,
-            reason: reasons.join("; "),
-        })
+        Err(BusError::TorqueUnverified { servos: doubtful, reason: reasons.join("; ") })
     }
 
     fn is_armed(&self) -> bool {
@@ -253,10 +245,7 @@ impl Bus for BusSet {
         for thread in &self.threads {
             sum += thread.stats;
         }
-        BusStats {
-            cycles: self.cycles,
-            ..sum
-        }
+        BusStats { cycles: self.cycles, ..sum }
     }
 }
 

@@ -74,10 +74,7 @@ impl BusThread {
     pub fn give(&mut self, task: BusTask) -> bool {
         self.take_back();
         self.buffers.is_some()
-            && self
-                .tasks
-                .as_ref()
-                .is_some_and(|tasks| tasks.try_send(task).is_ok())
+            && self.tasks.as_ref().is_some_and(|tasks| tasks.try_send(task).is_ok())
     }
 
     pub fn take_back(&mut self) {
@@ -118,11 +115,7 @@ impl BusThread {
     }
 
     pub fn wedged(&self, doing: &'static str, limit: Duration) -> BusError {
-        BusError::Wedged {
-            servos: ids(&self.layout.servos),
-            doing,
-            limit_s: limit.as_secs_f64(),
-        }
+        BusError::Wedged { servos: ids(&self.layout.servos), doing, limit_s: limit.as_secs_f64() }
     }
 }
 
@@ -138,11 +131,7 @@ fn work(mut bus: Box<dyn Bus>, tasks: &Receiver<BusTask>, done: &SyncSender<Cycl
             BusTask::Cycle(mut buffers) => {
                 let result = bus.cycle(&buffers.targets_rad, &mut buffers.states);
                 let stats = bus.stats();
-                let cycled = CycleOutcome {
-                    buffers,
-                    result,
-                    stats,
-                };
+                let cycled = CycleOutcome { buffers, result, stats };
                 if done.send(cycled).is_err() {
                     return;
                 }

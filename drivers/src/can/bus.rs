@@ -42,10 +42,7 @@ pub struct CanBus {
 impl CanBus {
     /// Opens the port. Nothing is sent before [`Bus::arm`].
     pub fn open(port: &str, config: &BusConfig, servos: Vec<Servo>) -> BusResult<Self> {
-        let config = config
-            .clone()
-            .checked()
-            .map_err(|error| BusError::not_opened(port, error))?;
+        let config = config.clone().checked().map_err(|error| BusError::not_opened(port, error))?;
         let link = open_link(port, config.baud)?;
         Self::over(link, port, config, servos)
     }
@@ -80,10 +77,7 @@ impl CanBus {
     }
 
     fn client(&mut self, index: usize) -> MotorClient<'_> {
-        MotorClient {
-            bus: &mut self.exchange,
-            index,
-        }
+        MotorClient { bus: &mut self.exchange, index }
     }
 
     fn torque_off(&mut self, index: usize) -> BusResult<MotorStatus> {
@@ -252,9 +246,7 @@ impl CanBus {
             self.family.torque_off_frames(servo, &mut frames);
         }
         let deadline = self.exchange.deadline(frames.len());
-        frames
-            .iter()
-            .try_for_each(|frame| self.exchange.transmit(frame, deadline, "torque off"))
+        frames.iter().try_for_each(|frame| self.exchange.transmit(frame, deadline, "torque off"))
     }
 }
 

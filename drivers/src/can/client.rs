@@ -64,9 +64,7 @@ impl MotorClient<'_> {
         if !self.config().accept_no_watchdog {
             return Err(BusError::NoWatchdog { servo, why });
         }
-        Ok(format!(
-            "{servo}: no watchdog: without a host it holds its last target"
-        ))
+        Ok(format!("{servo}: no watchdog: without a host it holds its last target"))
     }
 
     pub fn unfit(

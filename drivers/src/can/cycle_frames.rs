@@ -20,26 +20,15 @@ pub(crate) struct CycleBits {
 
 impl CycleFrames {
     pub const fn new(extended: bool, once: &'static [usize], each_motor: &'static [usize]) -> Self {
-        Self {
-            extended,
-            once,
-            each_motor,
-        }
+        Self { extended, once, each_motor }
     }
 
     pub fn bits(&self, motors: usize) -> CycleBits {
         let sum = |bits: fn(bool, usize) -> u32| {
-            let total = |sizes: &[usize]| {
-                sizes
-                    .iter()
-                    .map(|&size| bits(self.extended, size))
-                    .sum::<u32>()
-            };
+            let total =
+                |sizes: &[usize]| sizes.iter().map(|&size| bits(self.extended, size)).sum::<u32>();
             total(self.once) + total(self.each_motor) * motors as u32
         };
-        CycleBits {
-            nominal: sum(nominal_bits),
-            worst: sum(worst_bits),
-        }
+        CycleBits { nominal: sum(nominal_bits), worst: sum(worst_bits) }
     }
 }

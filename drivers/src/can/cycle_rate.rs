@@ -17,10 +17,7 @@ use crate::error::ConfigError;
 
 /// Bits of one cycle of `motors` motors; none for a serial bus.
 pub(crate) fn cycle_bits(kind: BusKind, motors: usize) -> CycleBits {
-    let none = CycleBits {
-        nominal: 0,
-        worst: 0,
-    };
+    let none = CycleBits { nominal: 0, worst: 0 };
     families::of_kind(kind).map_or(none, |family| family.cycle_frames().bits(motors))
 }
 

@@ -122,10 +122,7 @@ impl CanExchange {
                 Sent::Full => self.queue_full += 1,
             }
             if Instant::now() >= deadline {
-                return Err(BusError::QueueFull {
-                    port: self.port.clone(),
-                    doing,
-                });
+                return Err(BusError::QueueFull { port: self.port.clone(), doing });
             }
             std::thread::sleep(Duration::from_secs_f64(self.frame_s()));
         }
@@ -180,10 +177,7 @@ impl CanExchange {
                     return Ok(Some(frame));
                 }
                 CanEvent::Fault(CanFault::BusOff) => {
-                    return Err(BusError::BusOff {
-                        port: self.port.clone(),
-                        doing,
-                    });
+                    return Err(BusError::BusOff { port: self.port.clone(), doing });
                 }
                 CanEvent::Fault(_) => self.stats.crc_errors += 1,
                 CanEvent::Nothing if !last => {}
@@ -206,26 +200,15 @@ impl CanExchange {
     }
 
     pub fn silent(&self, servos: Vec<ServoId>, doing: &'static str) -> BusError {
-        BusError::Silent {
-            servos,
-            doing,
-            tries: self.tries,
-        }
+        BusError::Silent { servos, doing, tries: self.tries }
     }
 
     pub fn faulty(&self, index: usize, fault: &str) -> BusError {
-        BusError::Hardware {
-            servo: self.id_of(index),
-            flags: fault.into(),
-        }
+        BusError::Hardware { servo: self.id_of(index), flags: fault.into() }
     }
 
     fn failed(&self, doing: &'static str, reason: std::io::Error) -> BusError {
-        BusError::Link {
-            port: self.port.clone(),
-            doing,
-            reason,
-        }
+        BusError::Link { port: self.port.clone(), doing, reason }
     }
 }
 
@@ -262,11 +245,7 @@ mod tests {
     }
 
     fn exchange(room: usize, stuck: bool) -> CanExchange {
-        let link = ShortQueue {
-            room,
-            sent: 0,
-            stuck,
-        };
+        let link = ShortQueue { room, sent: 0, stuck };
         let config = BusConfig::of_kind(BusKind::Mit, 1_000_000);
         CanExchange::new(Box::new(link), "can:test", config, Vec::new(), FRAMES)
     }
@@ -309,13 +288,8 @@ mod tests {
         let stranger = CanEvent::Frame(CanFrame::standard(0x123, &[]));
         for storm in [CanEvent::Fault(CanFault::Error), stranger] {
             let config = BusConfig::of_kind(BusKind::Mit, 1_000_000);
-            let mut bus = CanExchange::new(
-                Box::new(Storm(storm)),
-                "can:test",
-                config,
-                Vec::new(),
-                FRAMES,
-            );
+            let mut bus =
+                CanExchange::new(Box::new(Storm(storm)), "can:test", config, Vec::new(), FRAMES);
             for wait_ms in [0, 20, 0] {
                 let deadline = Instant::now() + Duration::from_millis(wait_ms);
                 let mut taken = 0u64;
@@ -334,9 +308,6 @@ mod tests {
     fn bus_off_is_an_error_that_names_the_port() {
         let error = exchange(1, false).receive(Instant::now(), "state");
         let error = error.unwrap_err().to_string();
-        assert!(
-            error.starts_with("CAN link can:test is bus-off (state)"),
-            "{error}"
-        );
+        assert!(error.starts_with("CAN link can:test is bus-off (state)"), "{error}");
     }
 }

@@ -34,10 +34,7 @@ pub(crate) trait CanFamily: Send + Sync {
 
     /// Reads the health of one motor; `status` is its last report.
     fn read_health(&self, _client: &mut MotorClient, status: &MotorStatus) -> BusResult<Health> {
-        Ok(Health {
-            temperature_c: status.temperature_c,
-            ..Health::default()
-        })
+        Ok(Health { temperature_c: status.temperature_c, ..Health::default() })
     }
 
     /// Frames that turn one motor's torque off, to be sent without waiting.

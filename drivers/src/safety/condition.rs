@@ -54,9 +54,7 @@ impl<B: Bus> SafeBus<B> {
         let level = |joint: &SafeJoint| joint.derate.worst().level;
         let joints = self.joints.iter().enumerate();
         let worst = joints.max_by(|a, b| level(a.1).total_cmp(&level(b.1)));
-        worst
-            .filter(|(_, joint)| level(joint) > 0.0)
-            .map(|(index, _)| index)
+        worst.filter(|(_, joint)| level(joint) > 0.0).map(|(index, _)| index)
     }
 
     fn remark_derating(&mut self, now_s: f64, before: Option<usize>) {

@@ -78,10 +78,7 @@ impl Default for SafetyConfig {
 impl SafetyConfig {
     /// The default settings at a control rate.
     pub fn at_hz(control_hz: f64) -> Self {
-        Self {
-            control_hz,
-            ..Self::default()
-        }
+        Self { control_hz, ..Self::default() }
     }
 
     /// These settings at a control rate; a number out of range is refused by its key.
@@ -106,23 +103,14 @@ impl SafetyConfig {
             ("rejoin_s", self.rejoin_s, 0.0, 3600.0),
             ("reconnect_s", self.reconnect_s, 0.0, 3600.0),
             ("temperature_fault_c", self.temperature_fault_c, 0.0, 50.0),
-            (
-                "temperature_margin_c",
-                self.temperature_margin_c,
-                coolest_c,
-                60.0,
-            ),
+            ("temperature_margin_c", self.temperature_margin_c, coolest_c, 60.0),
             ("voltage_margin_v", self.voltage_margin_v, 0.01, 10.0),
             ("current_share", self.current_share, 0.05, 0.99),
             ("derate_to", self.derate_to, 0.0, 1.0),
         ] {
             // Not a number is outside every range.
             if !(lowest..=highest).contains(&actual) {
-                return Err(SafetyError::Config {
-                    key,
-                    actual,
-                    highest,
-                });
+                return Err(SafetyError::Config { key, actual, highest });
             }
         }
         Ok(self)
@@ -137,14 +125,9 @@ mod tests {
     fn the_table_is_read_and_its_numbers_are_checked() {
         let read = |text: &str| toml::from_str::<SafetyConfig>(text);
         assert_eq!(read("").unwrap(), SafetyConfig::default());
-        let config = read("on_servo_lost = \"dance_on\"\nrearm = true\n")
-            .unwrap()
-            .at(100.0)
-            .unwrap();
-        assert_eq!(
-            (config.on_servo_lost, config.rearm),
-            (ServoLost::DanceOn, true)
-        );
+        let config =
+            read("on_servo_lost = \"dance_on\"\nrearm = true\n").unwrap().at(100.0).unwrap();
+        assert_eq!((config.on_servo_lost, config.rearm), (ServoLost::DanceOn, true));
         assert!(SafetyConfig::at_hz(50.0).checked().is_ok());
         assert!(read("on_servo_lost = \"pray\"").is_err());
         assert!(read("rearming = true").is_err());

@@ -43,11 +43,7 @@ impl Severity {
     }
 
     fn max(self, other: Self) -> Self {
-        if other.level > self.level {
-            other
-        } else {
-            self
-        }
+        if other.level > self.level { other } else { self }
     }
 }
 
@@ -76,11 +72,7 @@ impl Derate {
     pub fn set_health(&mut self, health: Health) {
         self.health = health;
         let worst = self.heat().max(self.supply());
-        self.strikes = if worst.level >= 1.0 {
-            self.strikes + 1
-        } else {
-            0
-        };
+        self.strikes = if worst.level >= 1.0 { self.strikes + 1 } else { 0 };
     }
 
     pub fn health(&self) -> Health {
@@ -146,10 +138,8 @@ impl Derate {
         let mean_rad = self.mean_rad.get_or_insert(target_rad);
         *mean_rad += (target_rad - *mean_rad) * (period_s / MEAN_S).min(1.0);
         let wanted = 1.0 - level * (1.0 - self.config.derate_to);
-        self.share = wanted.clamp(
-            self.share - SHRINK_PER_S * period_s,
-            self.share + GROW_PER_S * period_s,
-        );
+        self.share =
+            wanted.clamp(self.share - SHRINK_PER_S * period_s, self.share + GROW_PER_S * period_s);
         if self.share >= 1.0 {
             return target_rad;
         }
@@ -183,13 +173,7 @@ mod tests {
     #[test]
     fn severity_grows_from_the_margin_to_the_stop() {
         let mut joint = joint();
-        for (celsius, level) in [
-            (60.0, 0.0),
-            (65.0, 0.0),
-            (71.0, 0.5),
-            (77.0, 1.0),
-            (90.0, 1.0),
-        ] {
+        for (celsius, level) in [(60.0, 0.0), (65.0, 0.0), (71.0, 0.5), (77.0, 1.0), (90.0, 1.0)] {
             joint.set_health(at(celsius, 12.0));
             assert!((joint.own().level - level).abs() < 1e-9, "{celsius}");
         }
@@ -232,9 +216,8 @@ mod tests {
         let mut joint = joint();
         let swing = |k: usize| 1.0 + 0.5 * (0.05 * k as f64).sin();
         let mut amplitude = |level: f64, periods: usize| {
-            let moved: Vec<f64> = (0..periods)
-                .map(|k| joint.shrink(swing(k), level, 0.01))
-                .collect();
+            let moved: Vec<f64> =
+                (0..periods).map(|k| joint.shrink(swing(k), level, 0.01)).collect();
             let late = &moved[periods - 300..];
             let highest = late.iter().copied().fold(f64::MIN, f64::max);
             (highest - late.iter().copied().fold(f64::MAX, f64::min)) / 2.0

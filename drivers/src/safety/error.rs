@@ -8,11 +8,7 @@ use crate::error::{BusError, ServoId};
 #[derive(Debug, thiserror::Error)]
 pub enum SafetyError {
     #[error("safety: {key} is {actual}, must be positive and at most {highest}")]
-    Config {
-        key: &'static str,
-        actual: f64,
-        highest: f64,
-    },
+    Config { key: &'static str, actual: f64, highest: f64 },
     #[error("{0}; torque is off")]
     Bus(#[source] BusError),
     #[error("{cause}; {}", torque.brief())]
@@ -21,19 +17,9 @@ pub enum SafetyError {
         "{servo} is {error_deg:.1} degrees from its command for more than {after_s} s \
          (blocked, overloaded, rebooted, or held by its own watchdog while this program was kept from running?); torque is off"
     )]
-    Following {
-        servo: ServoId,
-        error_deg: f64,
-        after_s: f64,
-    },
+    Following { servo: ServoId, error_deg: f64, after_s: f64 },
     #[error("{servo}: {what} is {actual:.1} {unit}, the limit is {limit:.1} {unit}; torque is off")]
-    Condition {
-        servo: ServoId,
-        what: &'static str,
-        actual: f64,
-        limit: f64,
-        unit: &'static str,
-    },
+    Condition { servo: ServoId, what: &'static str, actual: f64, limit: f64, unit: &'static str },
     /// The emergency stop was pressed; it must be cleared on purpose.
     #[error("emergency stop ({cause}): torque is off until it is cleared")]
     EStop { cause: String },

@@ -33,13 +33,7 @@ const SLACK: f64 = 1e-6;
 impl Limiter {
     /// A joint that stands still at `position_rad`.
     pub fn new(limits: JointLimits, period_s: f64, position_rad: f64) -> Self {
-        Self {
-            limits,
-            period_s,
-            position_rad,
-            velocity_rad_s: 0.0,
-            target_rad: position_rad,
-        }
+        Self { limits, period_s, position_rad, velocity_rad_s: 0.0, target_rad: position_rad }
     }
 
     /// The command of the last period, radians.
@@ -49,11 +43,7 @@ impl Limiter {
 
     /// The command of the next period towards `target_rad`.
     pub fn step(&mut self, target_rad: f64) -> Limited {
-        let JointLimits {
-            velocity_rad_s: fastest,
-            acceleration_rad_s2: hardest,
-            ..
-        } = self.limits;
+        let JointLimits { velocity_rad_s: fastest, acceleration_rad_s2: hardest, .. } = self.limits;
         let allowed = self.limits.clamp_rad(target_rad);
         let target_velocity = (allowed - self.target_rad) / self.period_s;
         // Close the gap that the last command left, on top of the target's own speed.
@@ -98,9 +88,7 @@ impl Limiter {
             return 0.0;
         }
         let step = self.limits.acceleration_rad_s2 * self.period_s * self.period_s;
-        let periods = ((1.0 + 8.0 * room_rad / step).sqrt() * 0.5 - 0.5)
-            .ceil()
-            .max(1.0);
+        let periods = ((1.0 + 8.0 * room_rad / step).sqrt() * 0.5 - 0.5).ceil().max(1.0);
         room_rad / (periods * self.period_s)
             + self.limits.acceleration_rad_s2 * self.period_s * (periods - 1.0) * 0.5
     }
@@ -130,10 +118,7 @@ mod tests {
             assert!((-1.0..=1.5).contains(&now), "position {now}");
             assert!(velocity.abs() < 4.0 + 1e-6, "velocity {velocity}");
             let acceleration = (velocity - speed) / PERIOD_S;
-            assert!(
-                acceleration.abs() < 40.0 + 1e-5,
-                "acceleration {acceleration}"
-            );
+            assert!(acceleration.abs() < 40.0 + 1e-5, "acceleration {acceleration}");
             (last, speed) = (now, velocity);
             steps.push(step);
         }
@@ -145,10 +130,7 @@ mod tests {
         let wave = |k: usize| 0.5 * (1.0 - (4.0 * k as f64 * PERIOD_S).cos());
         for (k, step) in check((0..300).map(wave)).iter().enumerate() {
             assert!((step.position_rad - wave(k)).abs() < 1e-9, "{k}: {step:?}");
-            assert!(
-                !step.position && !step.velocity && !step.acceleration,
-                "{k}: {step:?}"
-            );
+            assert!(!step.position && !step.velocity && !step.acceleration, "{k}: {step:?}");
         }
     }
 
@@ -157,11 +139,7 @@ mod tests {
         let steps = check(std::iter::repeat_n(1.0, 100));
         assert!(steps.iter().all(|step| step.position_rad <= 1.0 + 1e-9));
         // Accelerate 0.1 s, brake 0.1 s, in between 0.6 rad at 4 rad/s: 0.35 s.
-        assert!(
-            (steps[36].position_rad - 1.0).abs() < 1e-6,
-            "{:?}",
-            steps[36]
-        );
+        assert!((steps[36].position_rad - 1.0).abs() < 1e-6, "{:?}", steps[36]);
         assert!(steps[0].acceleration);
     }
 

@@ -15,10 +15,8 @@ impl<B: Bus> SafeBus<B> {
     /// Acts on a cycle that failed: by policy sets lost servos aside, or waits for an
     /// adapter; all else is a fault.
     pub(super) fn cycle_failed(&mut self, now_s: f64, error: BusError) -> Result<(), SafetyError> {
-        if matches!(
-            error,
-            BusError::Port { .. } | BusError::Link { .. } | BusError::BusOff { .. }
-        ) {
+        if matches!(error, BusError::Port { .. } | BusError::Link { .. } | BusError::BusOff { .. })
+        {
             return self.lose_adapter(now_s, error);
         }
         let lost = self.indices_of(&error);

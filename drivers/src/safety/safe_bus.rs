@@ -176,9 +176,7 @@ impl<B: Bus> SafeBus<B> {
         let age_s = now_s - self.fresh_s;
         // A clock that is not a number counts as stale too.
         let stale = age_s > self.config.stale_after_s || age_s.is_nan();
-        let missing = self
-            .missing()
-            .filter(|_| self.config.on_servo_lost == ServoLost::Hold);
+        let missing = self.missing().filter(|_| self.config.on_servo_lost == ServoLost::Hold);
         let held_s = now_s - self.held_since_s;
         match (self.state, missing) {
             (State::Running, None) if stale => {
@@ -274,10 +272,7 @@ impl<B: Bus> SafeBus<B> {
             }
             Err(torque) => {
                 self.enter(now_s, State::Fault, &torque.to_string());
-                Err(SafetyError::Unsafe {
-                    cause: cause.into(),
-                    torque,
-                })
+                Err(SafetyError::Unsafe { cause: cause.into(), torque })
             }
         }
     }
@@ -291,9 +286,7 @@ impl<B: Bus> SafeBus<B> {
         if !self.estop.is_pressed() {
             return Ok(());
         }
-        Err(SafetyError::EStop {
-            cause: self.estop.cause(),
-        })
+        Err(SafetyError::EStop { cause: self.estop.cause() })
     }
 
     pub(super) fn fault(&mut self, now_s: f64, error: BusError) -> SafetyError {
@@ -315,10 +308,7 @@ impl<B: Bus> SafeBus<B> {
     }
 
     pub(super) fn misplaced(&self, call: &'static str) -> SafetyError {
-        SafetyError::State {
-            call,
-            state: self.state,
-        }
+        SafetyError::State { call, state: self.state }
     }
 
     pub(super) fn remark(&mut self, time_s: f64, cause: &str) {
@@ -327,12 +317,7 @@ impl<B: Bus> SafeBus<B> {
 
     pub(super) fn enter(&mut self, time_s: f64, to: State, cause: &str) {
         if self.transitions.len() < KEPT {
-            self.transitions.push(Transition {
-                time_s,
-                from: self.state,
-                to,
-                cause: cause.into(),
-            });
+            self.transitions.push(Transition { time_s, from: self.state, to, cause: cause.into() });
         }
         self.state = to;
     }

@@ -122,9 +122,7 @@ impl SerialBus {
             self.client.port.stats.retries += u64::from(attempt > 0);
             let alert = self.family.read_all(&mut self.client, &mut self.present)?;
             // The servo has something to say against itself.
-            alert.map_or(Ok(()), |index| {
-                self.client.check_condition(self.family, index)
-            })?;
+            alert.map_or(Ok(()), |index| self.client.check_condition(self.family, index))?;
             if self.client.complete() {
                 return Ok(());
             }
@@ -200,8 +198,7 @@ impl Bus for SerialBus {
         }
         check_cycle(&self.client.servos, targets_rad, states.len())?;
         let goal = self.family.registers().goal;
-        self.client
-            .hold_sync_write(goal, |index, servo| servo.goal_ticks(targets_rad[index]));
+        self.client.hold_sync_write(goal, |index, servo| servo.goal_ticks(targets_rad[index]));
         self.read_present()?;
         // Where everyone is set aside nobody was asked.
         self.client.port.send_held(goal.name)?;
@@ -238,10 +235,7 @@ impl Bus for SerialBus {
             voltage_v: Some(measured.tenth_volts as f64 * 0.1),
             lowest_voltage_v: Some(own.tenth_volts.0 as f64 * 0.1),
             highest_voltage_v: Some(own.tenth_volts.1 as f64 * 0.1),
-            highest_current_a: own
-                .current
-                .zip(units)
-                .map(|(most, unit)| most as f64 * unit),
+            highest_current_a: own.current.zip(units).map(|(most, unit)| most as f64 * unit),
         })
     }
 

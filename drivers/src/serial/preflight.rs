@@ -61,10 +61,7 @@ impl ServoClient {
     ) -> BusResult<()> {
         match family.condition(self, index)? {
             None => Ok(()),
-            Some(flags) => Err(BusError::Hardware {
-                servo: self.id_of(index),
-                flags,
-            }),
+            Some(flags) => Err(BusError::Hardware { servo: self.id_of(index), flags }),
         }
     }
 

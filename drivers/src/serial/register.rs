@@ -14,11 +14,7 @@ pub struct Register {
 impl Register {
     /// A register of `size` bytes from `address` on.
     pub const fn new(address: u16, size: u16, name: &'static str) -> Self {
-        Self {
-            address,
-            size,
-            name,
-        }
+        Self { address, size, name }
     }
 
     /// A register of one byte.
@@ -33,10 +29,7 @@ impl Register {
 
     /// The unsigned value in `bytes` (little-endian, at most 8 bytes).
     pub fn value(self, bytes: &[u8]) -> u64 {
-        bytes
-            .iter()
-            .rev()
-            .fold(0, |value, byte| value << 8 | u64::from(*byte))
+        bytes.iter().rev().fold(0, |value, byte| value << 8 | u64::from(*byte))
     }
 
     /// Its bytes as a range of a memory that begins at address 0.
@@ -51,25 +44,14 @@ impl Register {
 pub fn sign_magnitude(word: u16, sign_bit: u32) -> i32 {
     let sign = 1 << sign_bit;
     let magnitude = i32::from(word & (sign - 1));
-    if word & sign == 0 {
-        magnitude
-    } else {
-        -magnitude
-    }
+    if word & sign == 0 { magnitude } else { -magnitude }
 }
 
 /// The bits of `flags` in words.
 pub(crate) fn names_of(flags: u8, names: &[(u8, &str)]) -> String {
-    let set: Vec<&str> = names
-        .iter()
-        .filter(|(bit, _)| flags & (1 << bit) != 0)
-        .map(|(_, name)| *name)
-        .collect();
-    if set.is_empty() {
-        format!("unknown flags {flags:#04x}")
-    } else {
-        set.join(", ")
-    }
+    let set: Vec<&str> =
+        names.iter().filter(|(bit, _)| flags & (1 << bit) != 0).map(|(_, name)| *name).collect();
+    if set.is_empty() { format!("unknown flags {flags:#04x}") } else { set.join(", ") }
 }
 
 #[cfg(test)]

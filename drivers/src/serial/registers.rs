@@ -32,11 +32,7 @@ pub struct ServiceRegisters {
 impl ServiceRegisters {
     pub(crate) fn voltage_and_temperature(&self) -> Register {
         let size = self.voltage.size + self.temperature.size;
-        Register::new(
-            self.voltage.address,
-            size,
-            "present voltage and temperature",
-        )
+        Register::new(self.voltage.address, size, "present voltage and temperature")
     }
 }
 
@@ -59,10 +55,7 @@ pub struct Identity {
 impl Identity {
     /// From the bytes of both, the model number's low byte first.
     pub fn new(model_number: [u8; 2], firmware: u8) -> Self {
-        Self {
-            model_number: u16::from_le_bytes(model_number),
-            firmware,
-        }
+        Self { model_number: u16::from_le_bytes(model_number), firmware }
     }
 }
 
@@ -89,10 +82,9 @@ impl Measured {
     /// From the bytes of [`ServiceRegisters::voltage_and_temperature`].
     pub fn new(register: Register, bytes: &[u8]) -> Self {
         match *bytes {
-            [ref supply @ .., celsius] => Self {
-                tenth_volts: register.value(supply),
-                celsius: u64::from(celsius),
-            },
+            [ref supply @ .., celsius] => {
+                Self { tenth_volts: register.value(supply), celsius: u64::from(celsius) }
+            }
             [] => Self::default(), // a read returns what was asked for
         }
     }

@@ -60,8 +60,7 @@ impl SerialBus {
             }
             RejoinStep::SetUp => {
                 let mut already_told = Vec::new();
-                self.family
-                    .set_up(&mut self.client, index, &mut already_told)?;
+                self.family.set_up(&mut self.client, index, &mut already_told)?;
                 Ok(Err(RejoinStep::Engage))
             }
             RejoinStep::Engage => {

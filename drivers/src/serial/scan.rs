@@ -30,9 +30,7 @@ const START: Register = Register::new(0, 6, "model");
 fn families(
     framing: Framing,
 ) -> impl Iterator<Item = (&'static dyn ServoFamily, &'static ServiceRegisters)> {
-    let of_framing = FAMILIES
-        .iter()
-        .filter(move |family| family.framing() == framing);
+    let of_framing = FAMILIES.iter().filter(move |family| family.framing() == framing);
     of_framing.filter_map(|&family| Some((family, family.registers().service.as_ref()?)))
 }
 
@@ -95,9 +93,9 @@ impl SerialScanner {
     /// a scan, which no order of a baud register gives.
     pub fn bauds(framing: Framing) -> &'static [u32] {
         match framing {
-            Framing::Protocol2 => &[
-                57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 115_200, 9_600,
-            ],
+            Framing::Protocol2 => {
+                &[57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 115_200, 9_600]
+            }
             Framing::Protocol1 => &[
                 1_000_000, 57_600, 500_000, 115_200, 250_000, 200_000, 128_000, 76_800, 38_400,
                 19_200, 9_600,
@@ -107,11 +105,7 @@ impl SerialScanner {
 
     /// Opens `port`. `wait` is how long a servo may take to answer beyond the time on the wire.
     pub fn open(port: &str, baud: u32, framing: Framing, wait: Duration) -> BusResult<Self> {
-        Ok(Self {
-            port: PacketPort::open(port, baud, framing, ReplyClock::Wall)?,
-            baud,
-            wait,
-        })
+        Ok(Self { port: PacketPort::open(port, baud, framing, ReplyClock::Wall)?, baud, wait })
     }
 
     /// Everyone who answers, by id. Protocol 2.0 is asked with one broadcast; if answers came
@@ -169,8 +163,7 @@ impl SerialScanner {
     fn broadcast_ping(&mut self) -> BusResult<Option<Vec<FoundServo>>> {
         const DOING: &str = "broadcast ping";
         const STATUS_BYTES: usize = 14;
-        self.port
-            .send(BROADCAST, instruction::PING, &[], 7, DOING)?;
+        self.port.send(BROADCAST, instruction::PING, &[], 7, DOING)?;
         let turns = self.port.time(253 * STATUS_BYTES) + 253 * BROADCAST_TURN;
         let deadline = Instant::now() + turns + self.wait;
         let mut answers = Vec::new();
@@ -351,12 +344,7 @@ impl SerialScanner {
         doing: &'static str,
         tries: u32,
     ) -> BusResult<Option<(bool, Vec<u8>)>> {
-        let request = ServoRequest {
-            id,
-            instruction,
-            params,
-            reply,
-        };
+        let request = ServoRequest { id, instruction, params, reply };
         let bytes = 2 * self.port.framing().status_bytes() + params.len() + reply;
         let wait = self.port.time(bytes) + self.wait;
         let mut corrupt = false;
@@ -393,29 +381,18 @@ impl SerialScanner {
             }
         }
         if corrupt {
-            return Err(BusError::Corrupt {
-                servos: vec![nameless(id)],
-                doing,
-                tries,
-            });
+            return Err(BusError::Corrupt { servos: vec![nameless(id)], doing, tries });
         }
         Ok(None)
     }
 }
 
 fn nameless(id: u8) -> ServoId {
-    ServoId {
-        joint: "servo".into(),
-        id,
-    }
+    ServoId { joint: "servo".into(), id }
 }
 
 fn silent(id: u8, doing: &'static str) -> BusError {
-    BusError::Silent {
-        servos: vec![nameless(id)],
-        doing,
-        tries: TRIES,
-    }
+    BusError::Silent { servos: vec![nameless(id)], doing, tries: TRIES }
 }
 
 #[cfg(all(test, unix))]

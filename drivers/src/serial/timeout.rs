@@ -52,17 +52,9 @@ impl ServoClient {
     ) -> BusError {
         let tries = self.tries;
         if corrupt {
-            BusError::Corrupt {
-                servos,
-                doing,
-                tries,
-            }
+            BusError::Corrupt { servos, doing, tries }
         } else {
-            BusError::Silent {
-                servos,
-                doing,
-                tries,
-            }
+            BusError::Silent { servos, doing, tries }
         }
     }
 
@@ -76,20 +68,15 @@ impl ServoClient {
                 Err(error) => return Err(error),
             }
         }
-        if silent.is_empty() {
-            Ok(answers)
-        } else {
-            Err(self.unanswered(silent, false, "ping"))
-        }
+        if silent.is_empty() { Ok(answers) } else { Err(self.unanswered(silent, false, "ping")) }
     }
 
     /// One missing servo silences those behind it: ask each by itself, once,
     /// who it is. Where nobody answers at all, the first few speak for all.
     pub(crate) fn name_the_silent(&mut self, corrupt: bool) -> BusError {
         const ENOUGH: usize = 3;
-        let missing: Vec<usize> = (0..self.servos.len())
-            .filter(|&index| !self.answered[index])
-            .collect();
+        let missing: Vec<usize> =
+            (0..self.servos.len()).filter(|&index| !self.answered[index]).collect();
         let mut silent = Vec::new();
         let mut heard = missing.len() < self.servos.len();
         for &index in &missing {

@@ -16,10 +16,7 @@ impl ServoModel {
 
     /// The model with this name; a connector suffix (`-T`, `-R`) is ignored.
     pub fn from_name(name: &str) -> Option<&'static ServoModel> {
-        let bare = name
-            .strip_suffix("-T")
-            .or_else(|| name.strip_suffix("-R"))
-            .unwrap_or(name);
+        let bare = name.strip_suffix("-T").or_else(|| name.strip_suffix("-R")).unwrap_or(name);
         Self::all().find(|model| model.name == bare)
     }
 

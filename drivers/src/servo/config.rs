@@ -77,11 +77,7 @@ impl ServoConfig {
         if self.direction.abs() != 1 {
             return Err(self.bad("direction", self.direction, "1 or -1"));
         }
-        let zeros = if model.motor.is_some() {
-            -3.6e4..=3.6e4
-        } else {
-            0.0..=360.0
-        };
+        let zeros = if model.motor.is_some() { -3.6e4..=3.6e4 } else { 0.0..=360.0 };
         if !zeros.contains(&self.zero_deg) {
             let wanted = format!("{} to {}", zeros.start(), zeros.end());
             return Err(self.bad("zero_deg", self.zero_deg, wanted));
@@ -93,10 +89,7 @@ impl ServoConfig {
             acceleration_rad_s2: self.acceleration_deg_s2.to_radians(),
         }
         .checked()
-        .map_err(|reason| ConfigError::Limits {
-            joint: self.name.clone(),
-            reason,
-        })?;
+        .map_err(|reason| ConfigError::Limits { joint: self.name.clone(), reason })?;
         let servo = Servo {
             name: self.name.clone(),
             id: self.id,
@@ -138,11 +131,9 @@ impl ServoConfig {
         ];
         match given.into_iter().find(|(_, is_given)| *is_given) {
             None => Ok(None),
-            Some((key, _)) => Err(self.bad(
-                key,
-                "given",
-                format!("left out: {} is no CAN motor", model.name),
-            )),
+            Some((key, _)) => {
+                Err(self.bad(key, "given", format!("left out: {} is no CAN motor", model.name)))
+            }
         }
     }
 
@@ -208,14 +199,8 @@ impl ServoConfig {
             if !(-1e-9..=last_tick_rad + 1e-9).contains(&servo_rad) {
                 return Err(self.bad(
                     key,
-                    format!(
-                        "{joint_deg} (servo angle {:.1} degrees)",
-                        servo_rad.to_degrees()
-                    ),
-                    format!(
-                        "a servo angle of 0 to {:.1} degrees",
-                        last_tick_rad.to_degrees()
-                    ),
+                    format!("{joint_deg} (servo angle {:.1} degrees)", servo_rad.to_degrees()),
+                    format!("a servo angle of 0 to {:.1} degrees", last_tick_rad.to_degrees()),
                 ));
             }
         }
@@ -319,54 +304,18 @@ mod tests {
     #[test]
     fn bad_tables_name_the_joint_and_the_key() {
         for (from, to, says) in [
-            (
-                "direction = -1",
-                "direction = 2",
-                "joint l_knee: direction is 2, must be 1 or -1",
-            ),
-            (
-                "XM430-W350",
-                "XM430",
-                "joint l_knee: model is \"XM430\", must be one of AX-12A",
-            ),
+            ("direction = -1", "direction = 2", "joint l_knee: direction is 2, must be 1 or -1"),
+            ("XM430-W350", "XM430", "joint l_knee: model is \"XM430\", must be one of AX-12A"),
             ("id = 14", "id = 253", "joint l_knee: id is 253"),
-            (
-                "upper_deg = 126.0",
-                "upper_deg = -20.0",
-                "joint l_knee: lower limit",
-            ),
-            (
-                "upper_deg = 126.0",
-                "upper_deg = nan",
-                "joint l_knee: a limit is not a finite",
-            ),
-            (
-                "upper_deg = 126.0",
-                "upper_deg = 190.0",
-                "joint l_knee: upper_deg is 190",
-            ),
-            (
-                "velocity_deg_s = 230.0",
-                "velocity_deg_s = 0.0",
-                "must be above zero",
-            ),
-            (
-                "zero_deg = 180.0",
-                "zero_deg = nan",
-                "joint l_knee: zero_deg is NaN",
-            ),
+            ("upper_deg = 126.0", "upper_deg = -20.0", "joint l_knee: lower limit"),
+            ("upper_deg = 126.0", "upper_deg = nan", "joint l_knee: a limit is not a finite"),
+            ("upper_deg = 126.0", "upper_deg = 190.0", "joint l_knee: upper_deg is 190"),
+            ("velocity_deg_s = 230.0", "velocity_deg_s = 0.0", "must be above zero"),
+            ("zero_deg = 180.0", "zero_deg = nan", "joint l_knee: zero_deg is NaN"),
             ("id = 14", "idd = 14", "unknown field `idd`"),
-            (
-                "\"dynamixel2\"",
-                "\"dynamixel9\"",
-                "unknown variant `dynamixel9`",
-            ),
+            ("\"dynamixel2\"", "\"dynamixel9\"", "unknown variant `dynamixel9`"),
             ("baud = 2_000_000", "baud = 2", "bus: baud is 2"),
-            (
-                "baud = 2_000_000",
-                "baud = 57600\nwatchdog_ms = 0",
-                "bus: watchdog_ms is 0",
-            ),
+            ("baud = 2_000_000", "baud = 57600\nwatchdog_ms = 0", "bus: watchdog_ms is 0"),
         ] {
             let error = complaint(from, to);
             assert!(error.contains(says), "{from} -> {to}: {error}");
@@ -379,10 +328,6 @@ mod tests {
         let mut second = file.joint[0].clone();
         second.name = "r_knee".into();
         let error = servos(&[file.joint[0].clone(), second]).unwrap_err();
-        assert!(
-            error
-                .to_string()
-                .contains("r_knee (id 14) clashes with l_knee (id 14)")
-        );
+        assert!(error.to_string().contains("r_knee (id 14) clashes with l_knee (id 14)"));
     }
 }

@@ -113,10 +113,7 @@ impl Servo {
 impl ServoId {
     /// The joint and id of a servo.
     pub fn of(servo: &Servo) -> Self {
-        Self {
-            joint: servo.name.clone(),
-            id: servo.id,
-        }
+        Self { joint: servo.name.clone(), id: servo.id }
     }
 }
 
@@ -142,19 +139,12 @@ pub(crate) fn check_kind(servos: &[Servo], kind: BusKind) -> Result<(), String> 
 pub(crate) fn check_cycle(servos: &[Servo], targets_rad: &[f64], states: usize) -> BusResult<()> {
     for (actual, what) in [(targets_rad.len(), "targets"), (states, "states")] {
         if actual != servos.len() {
-            return Err(BusError::Length {
-                servos: servos.len(),
-                actual,
-                what,
-            });
+            return Err(BusError::Length { servos: servos.len(), actual, what });
         }
     }
     let mut targets = servos.iter().zip(targets_rad);
     match targets.find(|(_, target)| !target.is_finite()) {
-        Some((servo, &target)) => Err(BusError::NotFinite {
-            servo: ServoId::of(servo),
-            target,
-        }),
+        Some((servo, &target)) => Err(BusError::NotFinite { servo: ServoId::of(servo), target }),
         None => Ok(()),
     }
 }

@@ -70,11 +70,8 @@ pub struct BusRate {
 /// Fails for: a rate that the servos cannot be set to, or a bus that fails.
 pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result<BusBenchReport> {
     let awake = Awake::keep();
-    let layouts: Vec<BusLayout> = robot
-        .buses
-        .iter()
-        .map(|bus| at_baud(bus, baud))
-        .collect::<Result<_, _>>()?;
+    let layouts: Vec<BusLayout> =
+        robot.buses.iter().map(|bus| at_baud(bus, baud)).collect::<Result<_, _>>()?;
     let mut buses = Vec::with_capacity(layouts.len());
     for layout in &layouts {
         buses.push(flat_out(layout, link)?);
@@ -114,10 +111,7 @@ fn at_baud(bus: &BusLayout, baud: Option<u32>) -> anyhow::Result<BusLayout> {
         watchdog_ms: LONGEST_WATCHDOG_MS,
         ..bus.config.clone()
     };
-    Ok(BusLayout {
-        config: config.checked()?,
-        ..bus.clone()
-    })
+    Ok(BusLayout { config: config.checked()?, ..bus.clone() })
 }
 
 fn flat_out(layout: &BusLayout, link: LinkChoice) -> anyhow::Result<BusRate> {

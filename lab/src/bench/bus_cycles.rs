@@ -66,10 +66,7 @@ pub fn bench_bus(
     bus.disarm()?;
     let taken: Vec<f64> = times.iter().map(|(began, ended)| ended - began).collect();
     let late = match control_hz {
-        Some(hz) => percentile(
-            times.iter().enumerate().map(|(k, t)| t.0 - k as f64 / hz),
-            0.99,
-        ),
+        Some(hz) => percentile(times.iter().enumerate().map(|(k, t)| t.0 - k as f64 / hz), 0.99),
         None => percentile(taken.iter().copied(), 0.99) - percentile(taken.iter().copied(), 0.5),
     };
     let ended_s = times.last().map_or(f64::NAN, |(_, ended)| *ended);
@@ -141,10 +138,7 @@ mod tests {
     #[test]
     fn percentiles_of_a_ramp() {
         let ramp = || (0..100).map(f64::from);
-        assert_eq!(
-            (percentile(ramp(), 0.5), percentile(ramp(), 0.99)),
-            (50.0, 99.0)
-        );
+        assert_eq!((percentile(ramp(), 0.5), percentile(ramp(), 0.99)), (50.0, 99.0));
         assert!(percentile(std::iter::empty(), 0.5).is_nan());
     }
 }

@@ -120,11 +120,7 @@ pub fn measure(
         let live_s = delays.capture_s + delays.live_s() + retargeter.lookahead_s();
         retargeter.next(now_s - live_s, &mut targets)?;
         rig.cycle(now_s, &targets)?;
-        track.push(
-            now_s,
-            rig.safety().sent_rad(),
-            rig.states().iter().map(|s| s.position_rad),
-        );
+        track.push(now_s, rig.safety().sent_rad(), rig.states().iter().map(|s| s.position_rad));
         cycle += 1;
     }
     rig.disarm("the clicks are over")?;
@@ -135,11 +131,7 @@ pub fn measure(
     if passages.is_empty() {
         bail!("no click moved a servo: nothing to measure");
     }
-    Ok(ClickTestReport {
-        passages,
-        servo_lag_s: track.servo_lag_s(robot.period_s()),
-        delays,
-    })
+    Ok(ClickTestReport { passages, servo_lag_s: track.servo_lag_s(robot.period_s()), delays })
 }
 
 fn wait_until(started: Instant, moment_s: f64) {
@@ -156,30 +148,28 @@ fn listen(
     let (sender, receiver) = channel();
     let mut analyzer = MusicAnalyzer::new(RATE_HZ)?;
     let block = (f64::from(RATE_HZ) * 0.01) as u64;
-    std::thread::Builder::new()
-        .name("clicks".into())
-        .spawn(move || {
-            let mut raising = Raising::default();
-            let mut samples = 0;
-            while samples as f64 / f64::from(RATE_HZ) < end_s {
-                let sound: Vec<f32> = (samples..samples + block).map(sample).collect();
-                samples += block;
-                wait_until(started, samples as f64 / f64::from(RATE_HZ));
-                analyzer.push(&sound);
-                while let Some(music) = analyzer.pop() {
-                    let heard_s = started.elapsed().as_secs_f64();
-                    let made = model.step(&music).context("the generator failed");
-                    let is_click = raising.hear(music.spectral[0]);
-                    let reflex = made.map(|_| Reflex {
-                        frame: raising.frame(music.time_s),
-                        click_heard_s: is_click.then_some(heard_s),
-                    });
-                    if sender.send(reflex).is_err() {
-                        return;
-                    }
+    std::thread::Builder::new().name("clicks".into()).spawn(move || {
+        let mut raising = Raising::default();
+        let mut samples = 0;
+        while samples as f64 / f64::from(RATE_HZ) < end_s {
+            let sound: Vec<f32> = (samples..samples + block).map(sample).collect();
+            samples += block;
+            wait_until(started, samples as f64 / f64::from(RATE_HZ));
+            analyzer.push(&sound);
+            while let Some(music) = analyzer.pop() {
+                let heard_s = started.elapsed().as_secs_f64();
+                let made = model.step(&music).context("the generator failed");
+                let is_click = raising.hear(music.spectral[0]);
+                let reflex = made.map(|_| Reflex {
+                    frame: raising.frame(music.time_s),
+                    click_heard_s: is_click.then_some(heard_s),
+                });
+                if sender.send(reflex).is_err() {
+                    return;
                 }
             }
-        })?;
+        }
+    })?;
     Ok(receiver)
 }
 
@@ -209,10 +199,7 @@ struct Raising {
 impl Raising {
     /// Whether a new click is heard in a frame of this onset strength.
     fn hear(&mut self, onset: f32) -> bool {
-        self.since = self
-            .since
-            .map(|frames| frames + 1)
-            .filter(|f| *f < 4 * RAISING);
+        self.since = self.since.map(|frames| frames + 1).filter(|f| *f < 4 * RAISING);
         let new = self.since.is_none() && onset > HEARD;
         if new {
             self.since = Some(0);
@@ -221,9 +208,7 @@ impl Raising {
     }
 
     fn frame(&self, time_s: f64) -> MotionFrame {
-        let frames = self
-            .since
-            .map_or(0, |f| (f + 1).min(3 * RAISING - f).max(0));
+        let frames = self.since.map_or(0, |f| (f + 1).min(3 * RAISING - f).max(0));
         let raised = HEIGHT * f64::from(frames.min(RAISING)) / f64::from(RAISING);
         let points = idle::greeting(raised);
         MotionFrame {
@@ -296,10 +281,7 @@ impl Track {
             let (whole, share) = (tenths / 10, (tenths % 10) as f64 / 10.0);
             let errors = (whole + 1..self.sent.len()).flat_map(|now| {
                 let (newer, older) = (&self.sent[now - whole], &self.sent[now - whole - 1]);
-                let sent = newer
-                    .iter()
-                    .zip(older)
-                    .map(move |(n, o)| n + share * (o - n));
+                let sent = newer.iter().zip(older).map(move |(n, o)| n + share * (o - n));
                 sent.zip(&self.reported[now]).map(|(s, r)| (s - r).powi(2))
             });
             errors.sum()

@@ -73,10 +73,7 @@ pub struct ModelBenchReport {
 pub fn run(request: &ModelBench) -> anyhow::Result<ModelBenchReport> {
     let config = ModelConfig::preset(&request.preset).with_context(|| {
         let known = PRESETS.join(", ");
-        format!(
-            "unknown preset `{}`; choose one of: {known}",
-            request.preset
-        )
+        format!("unknown preset `{}`; choose one of: {known}", request.preset)
     })?;
     anyhow::ensure!(
         (1..=100_000).contains(&request.frames),
@@ -86,10 +83,7 @@ pub fn run(request: &ModelBench) -> anyhow::Result<ModelBenchReport> {
     match &request.file {
         None => measure(request, Weights::random(sized(config, request.context)?)),
         Some(path) => {
-            anyhow::ensure!(
-                request.context.is_none(),
-                "--context: a weights file has its own"
-            );
+            anyhow::ensure!(request.context.is_none(), "--context: a weights file has its own");
             let bytes = Weights::read(path)?;
             let weights = Weights::open(&bytes, &name(path))?;
             weights.expect_preset(&request.preset)?;
@@ -125,12 +119,8 @@ fn measure(request: &ModelBench, weights: Weights) -> anyhow::Result<ModelBenchR
     let before_gbps = read_gbps(weight_bytes, threads);
     let position = request.position.unwrap_or(config.seq.window as u64);
     let lanes = if request.guidance { 2 } else { 1 };
-    let (mut times_ms, allocations) = frame_times_ms(
-        (&engine, &seq, &decoder),
-        &config,
-        (lanes, position),
-        request.frames,
-    )?;
+    let (mut times_ms, allocations) =
+        frame_times_ms((&engine, &seq, &decoder), &config, (lanes, position), request.frames)?;
     times_ms.sort_by(f64::total_cmp);
     let rank = |share: f64| {
         let rank = (times_ms.len() as f64 * share).ceil() as usize;
@@ -185,11 +175,7 @@ fn frame_times_ms(
         frame()?;
     }
     let (mut times_ms, mut outcome) = (vec![0.0; frames], Ok(()));
-    let mut all = || {
-        times_ms
-            .iter_mut()
-            .try_for_each(|ms| frame().map(|took| *ms = took))
-    };
+    let mut all = || times_ms.iter_mut().try_for_each(|ms| frame().map(|took| *ms = took));
     let allocated = allocation_counter::measure(|| outcome = all());
     outcome?;
     Ok((times_ms, allocated.count_total))
@@ -219,10 +205,7 @@ fn read_gbps(bytes: usize, threads: usize) -> f64 {
     std::thread::scope(|scope| {
         let others: Vec<_> = (1..threads).map(|_| scope.spawn(rate)).collect();
         let own = rate();
-        own + others
-            .into_iter()
-            .filter_map(|t| t.join().ok())
-            .sum::<f64>()
+        own + others.into_iter().filter_map(|t| t.join().ok()).sum::<f64>()
     })
 }
 
@@ -255,10 +238,7 @@ mod tests {
         assert!(found.read_gbps > 0.0 && found.limit_ms > 0.0);
         assert_eq!(found.allocations, 0);
         let wide = ModelBench {
-            engine: EngineOptions {
-                dtype: Some(Dtype::F32),
-                ..request("tiny").engine
-            },
+            engine: EngineOptions { dtype: Some(Dtype::F32), ..request("tiny").engine },
             guidance: true,
             ..request("tiny")
         };
@@ -270,10 +250,7 @@ mod tests {
     #[test]
     fn a_step_of_a_dance_allocates_nothing() {
         use servodance_model::{Generator, GeneratorOptions};
-        let options = EngineOptions {
-            threads: Some(2),
-            ..EngineOptions::default()
-        };
+        let options = EngineOptions { threads: Some(2), ..EngineOptions::default() };
         let generator = Generator::built_in_with(options).unwrap();
         let mut dance = generator.start(GeneratorOptions::default()).unwrap();
         let music = |k| servodance_types::MusicFrame {
@@ -296,26 +273,16 @@ mod tests {
     fn what_cannot_be_measured_is_said() {
         let text = |request: &ModelBench| format!("{:#}", run(request).unwrap_err());
         assert!(text(&request("huge")).contains("live, paper, tiny"));
-        let none = ModelBench {
-            context: Some(0),
-            ..request("tiny")
-        };
+        let none = ModelBench { context: Some(0), ..request("tiny") };
         assert!(text(&none).contains("--context 0"));
         let other = ModelBench {
             file: Some(
-                concat!(
-                    env!("CARGO_MANIFEST_DIR"),
-                    "/../model/weights/live.safetensors"
-                )
-                .into(),
+                concat!(env!("CARGO_MANIFEST_DIR"), "/../model/weights/live.safetensors").into(),
             ),
             context: None,
             ..request("paper")
         };
         let said = text(&other);
-        assert!(
-            said.contains("preset is `live`, expected `paper`"),
-            "{said}"
-        );
+        assert!(said.contains("preset is `live`, expected `paper`"), "{said}");
     }
 }

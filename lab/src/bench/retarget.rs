@@ -45,18 +45,14 @@ pub fn motion(file: Option<&Path>, seconds: f64) -> anyhow::Result<Clip> {
         Some(path) => Clip::read_npz(path)?,
         None => {
             let beats: Vec<DanceBeat> = (0..(seconds / BEAT_S) as usize)
-                .map(|beat| DanceBeat {
-                    time_s: beat as f64 * BEAT_S,
-                    downbeat: beat % 4 == 0,
-                })
+                .map(|beat| DanceBeat { time_s: beat as f64 * BEAT_S, downbeat: beat % 4 == 0 })
                 .collect();
             choreograph(&beats, seconds, DanceStyle::Groove, SEED)
         }
     };
     let shown = clip.duration_s().min(seconds.min(LONGEST_S));
     let mut clip = clip.resampled(FRAME_RATE_HZ);
-    clip.poses
-        .truncate(((shown * FRAME_RATE_HZ) as usize).max(1));
+    clip.poses.truncate(((shown * FRAME_RATE_HZ) as usize).max(1));
     Ok(clip)
 }
 

@@ -82,33 +82,19 @@ fn fault(robot: &Robot, at_s: f64, rng: &mut ChaCha8Rng) -> PlannedFault {
         "replies doubled" => (wire(WireFault::Duplicate), Some((quiet, briefly_s))),
         "replies preceded by noise" => (wire(WireFault::Noise), Some((quiet, briefly_s))),
         "replies late" => (wire(WireFault::Late(0.06)), Some((quiet, briefly_s))),
-        "servo cut off" => (
-            servo(ServoFault::Dead),
-            Some((servo(ServoFault::Revive), for_a_while_s)),
-        ),
+        "servo cut off" => {
+            (servo(ServoFault::Dead), Some((servo(ServoFault::Revive), for_a_while_s)))
+        }
         "servo rebooting" => (servo(ServoFault::Reboot), None),
-        "servo jammed" => (
-            servo(ServoFault::Jam),
-            Some((servo(ServoFault::Free), for_a_while_s)),
-        ),
+        "servo jammed" => (servo(ServoFault::Jam), Some((servo(ServoFault::Free), for_a_while_s))),
         "servo overloaded" => (servo(ServoFault::Overload), None),
-        "servo hot" => (
-            servo(ServoFault::Overheat(rng.random_range(55.0..72.0))),
-            None,
-        ),
+        "servo hot" => (servo(ServoFault::Overheat(rng.random_range(55.0..72.0))), None),
         "servo too hot" => (servo(ServoFault::Overheat(90.0)), None),
-        _ => (
-            Happening::Adapter(true),
-            Some((Happening::Adapter(false), for_a_while_s)),
-        ),
+        _ => (Happening::Adapter(true), Some((Happening::Adapter(false), for_a_while_s))),
     };
     let cue = |time_s, what| Cue { time_s, what };
     let end = ends.map(|(what, after_s)| cue(at_s + after_s, what));
-    PlannedFault {
-        kind,
-        at_s,
-        cues: std::iter::once(cue(at_s, begins)).chain(end).collect(),
-    }
+    PlannedFault { kind, at_s, cues: std::iter::once(cue(at_s, begins)).chain(end).collect() }
 }
 
 #[cfg(test)]

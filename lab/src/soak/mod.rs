@@ -198,10 +198,7 @@ impl SoakReport {
             object(format!("a limit was broken: {note}"));
         }
         if !result.unsafe_joints.is_empty() {
-            object(format!(
-                "still driven at the end: {}",
-                result.unsafe_joints.join(", ")
-            ));
+            object(format!("still driven at the end: {}", result.unsafe_joints.join(", ")));
         }
         let happened: Vec<&PlannedFault> =
             faults.iter().filter(|f| f.at_s <= result.robot_s).collect();
@@ -233,8 +230,7 @@ impl SoakReport {
         let growth = self.memory.growth();
         if let Some(growth) = growth.filter(|growth| *growth > memory::FLAT) {
             let percent = growth * 100.0;
-            self.objections
-                .push(format!("memory grew by {percent:.1} %"));
+            self.objections.push(format!("memory grew by {percent:.1} %"));
         }
         self.passed = self.objections.is_empty();
     }
@@ -301,11 +297,7 @@ mod tests {
         summary.take(0, &day, result(Some("b broke"), 2.5));
         summary.take(1, &day, result(None, 12.0));
         summary.judge();
-        let tally = |happened, recovered, stopped| FaultTally {
-            happened,
-            recovered,
-            stopped,
-        };
+        let tally = |happened, recovered, stopped| FaultTally { happened, recovered, stopped };
         assert_eq!(summary.faults["a"], tally(3, 3, 0));
         assert_eq!(summary.faults["b"], tally(2, 1, 1));
         assert!(summary.passed && summary.finished == 1, "{summary:?}");
@@ -326,28 +318,14 @@ mod tests {
             summary.line()
         };
         for (said, word) in [
-            (
-                objections(|e| e.violation_notes = vec!["knee".into()]),
-                "knee",
-            ),
+            (objections(|e| e.violation_notes = vec!["knee".into()]), "knee"),
             (objections(|e| e.unsafe_joints = vec!["hip".into()]), "hip"),
-            (
-                objections(|e| e.stopped_by = Some("silent".into())),
-                "nothing went wrong",
-            ),
+            (objections(|e| e.stopped_by = Some("silent".into())), "nothing went wrong"),
         ] {
             assert!(said.contains("FAILED") && said.contains(word), "{said}");
         }
-        let memory = Memory {
-            warm_up_mib: 100.0,
-            highest_mib: 106.0,
-            last_mib: 106.0,
-            samples: 1,
-        };
-        let mut summary = SoakReport {
-            memory,
-            ..SoakReport::default()
-        };
+        let memory = Memory { warm_up_mib: 100.0, highest_mib: 106.0, last_mib: 106.0, samples: 1 };
+        let mut summary = SoakReport { memory, ..SoakReport::default() };
         summary.judge();
         assert!(!summary.passed && summary.line().contains("grew by 6.0 %"));
     }

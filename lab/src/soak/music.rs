@@ -34,11 +34,7 @@ pub struct SoakMusic {
 impl SoakMusic {
     /// From these recordings, or made here if there are none.
     pub fn new(files: Vec<PathBuf>, piece_s: f64, seed: u64) -> Self {
-        Self {
-            files,
-            piece_s,
-            seed,
-        }
+        Self { files, piece_s, seed }
     }
 
     /// Pieces until all kinds were met.
@@ -91,12 +87,7 @@ impl SoakMusic {
             samples.extend_from_slice(&block);
         }
         samples.truncate(wanted);
-        Ok(Song {
-            sample_rate_hz,
-            samples,
-            beats_s: Vec::new(),
-            downbeats: Vec::new(),
-        })
+        Ok(Song { sample_rate_hz, samples, beats_s: Vec::new(), downbeats: Vec::new() })
     }
 }
 

@@ -50,9 +50,7 @@ impl Checkpoint {
         let torn = |_| failed("not a safetensors file: it ends within its header".into());
         file.read_exact(&mut size).map_err(torn)?;
         if &size == LFS_POINTER {
-            return Err(failed(
-                "a Git LFS pointer, not the file itself: download it whole".into(),
-            ));
+            return Err(failed("a Git LFS pointer, not the file itself: download it whole".into()));
         }
         let header_size = u64::from_le_bytes(size);
         if header_size > HEADER_MAX.min(length - 8) {
@@ -72,12 +70,7 @@ impl Checkpoint {
                 "not whole: {length} bytes of {wanted}, as if a download broke off"
             )));
         }
-        Ok(Self {
-            path: path.to_owned(),
-            file: Mutex::new(file),
-            entries,
-            data_start,
-        })
+        Ok(Self { path: path.to_owned(), file: Mutex::new(file), entries, data_start })
     }
 
     /// Whether the file has a tensor of this name.
@@ -93,12 +86,8 @@ impl Checkpoint {
             .map_err(|e| file_error(&self.path, format!("tensor `{name}`: {e}")))?;
         let values: Vec<f32> = match entry.dtype.as_str() {
             "F32" => chunks(&bytes).map(f32::from_le_bytes).collect(),
-            "F16" => chunks(&bytes)
-                .map(|b| half::f16::from_le_bytes(b).to_f32())
-                .collect(),
-            "BF16" => chunks(&bytes)
-                .map(|b| half::bf16::from_le_bytes(b).to_f32())
-                .collect(),
+            "F16" => chunks(&bytes).map(|b| half::f16::from_le_bytes(b).to_f32()).collect(),
+            "BF16" => chunks(&bytes).map(|b| half::bf16::from_le_bytes(b).to_f32()).collect(),
             other => {
                 return Err(ModelError::Type {
                     source_name: self.source(),
@@ -179,8 +168,5 @@ fn chunks<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> + '_ {
 
 /// An error about the file at `path`.
 pub fn file_error(path: &Path, reason: String) -> ModelError {
-    ModelError::File {
-        source_name: path.display().to_string(),
-        reason,
-    }
+    ModelError::File { source_name: path.display().to_string(), reason }
 }

@@ -32,11 +32,7 @@ struct Sizes {
 }
 
 /// The sizes of `openai/clip-vit-base-patch32`.
-const PUBLIC: Sizes = Sizes {
-    vocabulary: 49_408,
-    width: 512,
-    layers: 12,
-};
+const PUBLIC: Sizes = Sizes { vocabulary: 49_408, width: 512, layers: 12 };
 
 /// CLIP's text encoder with its tokenizer.
 #[derive(Debug)]
@@ -77,9 +73,7 @@ impl ClipText {
             positions: embedding("position", TOKENS_MAX)?,
             layers: layers.collect::<Result<_, _>>()?,
             norm: TensorNorm::load(&file, "text_model.final_layer_norm", width)?,
-            projection_t: file
-                .tensor("text_projection.weight", &[CLIP_DIM, width])?
-                .t()?,
+            projection_t: file.tensor("text_projection.weight", &[CLIP_DIM, width])?.t()?,
         };
         clip.tokens_of("")?; // a tokenizer that is not CLIP's is told at once
         Ok(clip)
@@ -130,13 +124,8 @@ impl ClipText {
 /// The tokenizer with long texts cut and short ones left as they are.
 fn bounded(mut tokenizer: Tokenizer) -> Result<Tokenizer, String> {
     tokenizer.with_padding(None);
-    let cut = TruncationParams {
-        max_length: TOKENS_MAX,
-        ..TruncationParams::default()
-    };
-    tokenizer
-        .with_truncation(Some(cut))
-        .map_err(|e| e.to_string())?;
+    let cut = TruncationParams { max_length: TOKENS_MAX, ..TruncationParams::default() };
+    tokenizer.with_truncation(Some(cut)).map_err(|e| e.to_string())?;
     Ok(tokenizer)
 }
 
@@ -195,8 +184,7 @@ impl Layer {
         let (key, value) = (heads(self.key.forward(x)?)?, heads(self.value.forward(x)?)?);
         let scores = query.matmul(&key.t()?)?.broadcast_add(mask)?;
         let mixed = ops::softmax(&scores, D::Minus1)?.matmul(&value)?;
-        self.out
-            .forward(&mixed.transpose(0, 1)?.reshape((count, width))?)
+        self.out.forward(&mixed.transpose(0, 1)?.reshape((count, width))?)
     }
 }
 
@@ -223,11 +211,7 @@ mod tests {
     }
 
     fn load(folder: &Path) -> Result<ClipText, ModelError> {
-        let sizes = Sizes {
-            vocabulary: golden().json("vocabulary"),
-            width: 128,
-            layers: 2,
-        };
+        let sizes = Sizes { vocabulary: golden().json("vocabulary"), width: 128, layers: 2 };
         ClipText::with_sizes(folder, sizes)
     }
 
@@ -267,10 +251,7 @@ mod tests {
             let folder = folder(|_| {});
             std::fs::remove_file(folder.path().join(name)).unwrap();
             let text = load(folder.path()).unwrap_err().to_string();
-            assert!(
-                text.contains(name) && text.contains("No such file"),
-                "{text}"
-            );
+            assert!(text.contains(name) && text.contains("No such file"), "{text}");
         }
     }
 
@@ -279,14 +260,9 @@ mod tests {
         let lost = folder(|m| drop(m.remove("text_projection.weight")));
         let text = load(lost.path()).unwrap_err().to_string();
         assert!(text.contains("text_projection.weight"), "{text}");
-        let text = ClipText::load(folder(|_| {}).path())
-            .unwrap_err()
-            .to_string();
+        let text = ClipText::load(folder(|_| {}).path()).unwrap_err().to_string();
         let name = "text_model.embeddings.token_embedding.weight";
-        assert!(
-            text.contains(name) && text.contains("[49408, 512]"),
-            "{text}"
-        );
+        assert!(text.contains(name) && text.contains("[49408, 512]"), "{text}");
     }
 
     #[test]
@@ -296,10 +272,7 @@ mod tests {
         let refused = |content: &str, words: &str| {
             std::fs::write(&path, content).unwrap();
             let text = load(folder.path()).unwrap_err().to_string();
-            assert!(
-                text.contains("tokenizer.json") && text.contains(words),
-                "{text}"
-            );
+            assert!(text.contains("tokenizer.json") && text.contains(words), "{text}");
         };
         refused("{}", "not a tokenizer");
         refused(&TOKENIZER[..TOKENIZER.len() / 2], "not a tokenizer");

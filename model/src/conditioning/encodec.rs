@@ -83,10 +83,7 @@ impl Codebook {
         let name = format!("quantizer.layers.{number}.codebook.embed");
         let codes = file.tensor(&name, &[CODES, LATENT_DIM])?;
         let half_squares = (codes.sqr()?.sum(D::Minus1)? / 2.0)?;
-        Ok(Self {
-            codes,
-            half_squares,
-        })
+        Ok(Self { codes, half_squares })
     }
 
     /// The nearest codes [n, 128] to the rows: |x - c|^2 / 2 less |x|^2 / 2.
@@ -182,19 +179,9 @@ mod tests {
         let rows = encodec().encoder.clone().forward(&golden.floats("sound"));
         let rows = rows.unwrap();
         let flat = |rows: &Tensor| rows.flatten_all().unwrap().to_vec1::<f32>().unwrap();
-        check_same(
-            "latents",
-            &flat(&rows),
-            &golden.floats("latents"),
-            TOLERANCE,
-        );
+        check_same("latents", &flat(&rows), &golden.floats("latents"), TOLERANCE);
         let sum = quantised(&encodec().codebooks, &rows).unwrap();
-        check_same(
-            "sum of codes",
-            &flat(&sum),
-            &golden.floats("sum"),
-            TOLERANCE,
-        );
+        check_same("sum of codes", &flat(&sum), &golden.floats("sum"), TOLERANCE);
     }
 
     #[test]
@@ -222,12 +209,7 @@ mod tests {
         }
         let pieces = Tensor::cat(&pieces, 0).unwrap().flatten_all().unwrap();
         let expected = golden().floats("latents");
-        check_same(
-            "pieces",
-            &pieces.to_vec1::<f32>().unwrap(),
-            &expected,
-            TOLERANCE,
-        );
+        check_same("pieces", &pieces.to_vec1::<f32>().unwrap(), &expected, TOLERANCE);
     }
 
     #[test]
@@ -239,10 +221,7 @@ mod tests {
         assert_ne!(heard[0], silence);
         // Another future changes nothing.
         let (mut stream, _) = encodec().start_in_silence().unwrap();
-        assert_eq!(
-            latents(&mut stream, &sound[..10 * HOP]),
-            heard[..10].concat()
-        );
+        assert_eq!(latents(&mut stream, &sound[..10 * HOP]), heard[..10].concat());
     }
 
     #[test]
@@ -287,10 +266,7 @@ mod tests {
             let entry = m.get_mut("quantizer.layers.3.codebook.embed").unwrap();
             entry.0 = vec![1024, 64];
         });
-        assert!(
-            narrow.contains("[1024, 64]") && narrow.contains("[1024, 128]"),
-            "{narrow}"
-        );
+        assert!(narrow.contains("[1024, 64]") && narrow.contains("[1024, 128]"), "{narrow}");
     }
 
     #[test]
@@ -299,10 +275,7 @@ mod tests {
         let path = folder.path().join("model.safetensors");
         let refused = |words: &str| {
             let text = Encodec::load(&path).unwrap_err().to_string();
-            assert!(
-                text.contains("model.safetensors") && text.contains(words),
-                "{text}"
-            );
+            assert!(text.contains("model.safetensors") && text.contains(words), "{text}");
         };
         refused("No such file");
         let mut small = Manifest::new();

@@ -66,9 +66,9 @@ fn old_name(name: &str) -> String {
 
 /// Numbers from -1 to 1 that follow from a name, as `noise` in `make.py`.
 pub fn noise(name: &str, count: usize) -> impl Iterator<Item = f32> + use<> {
-    let seed = name.bytes().fold(2_166_136_261_u32, |seed, byte| {
-        (seed ^ u32::from(byte)).wrapping_mul(16_777_619)
-    });
+    let seed = name
+        .bytes()
+        .fold(2_166_136_261_u32, |seed, byte| (seed ^ u32::from(byte)).wrapping_mul(16_777_619));
     (0..count as u32).map(move |i| {
         let mut h = i.wrapping_mul(0x9E37_79B1).wrapping_add(seed);
         h = (h ^ (h >> 16)).wrapping_mul(0x85EB_CA6B);

@@ -16,10 +16,7 @@ pub struct HeardFrame {
 
 impl From<MusicFrame> for HeardFrame {
     fn from(frame: MusicFrame) -> Self {
-        Self {
-            frame,
-            latent: None,
-        }
+        Self { frame, latent: None }
     }
 }
 

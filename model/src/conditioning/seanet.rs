@@ -67,9 +67,7 @@ impl Conv {
             // A copy: a view would keep the whole piece alive.
             self.past = Some(input.narrow(2, end, self.overlap)?.force_contiguous()?);
         }
-        input
-            .conv1d(&self.weight, 0, self.stride, 1, 1)?
-            .broadcast_add(&self.bias)
+        input.conv1d(&self.weight, 0, self.stride, 1, 1)?.broadcast_add(&self.bias)
     }
 }
 
@@ -201,11 +199,7 @@ impl Encoder {
         for layer in &mut self.lstm {
             inner = layer.forward(&inner)?;
         }
-        let x = (inner + frames)?
-            .t()?
-            .unsqueeze(0)?
-            .contiguous()?
-            .elu(1.0)?;
+        let x = (inner + frames)?.t()?.unsqueeze(0)?.contiguous()?.elu(1.0)?;
         self.last.forward(&x)?.squeeze(0)?.t()?.contiguous()
     }
 }

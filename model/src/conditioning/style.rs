@@ -55,8 +55,7 @@ impl StyleConditioning {
 
     /// The learned vector of a style; none is the null style.
     pub fn vector(&self, style: Option<usize>) -> &[f32] {
-        self.vectors
-            .row(style.map_or(self.styles, |style| style.min(self.styles)))
+        self.vectors.row(style.map_or(self.styles, |style| style.min(self.styles)))
     }
 
     /// The scale of each layer, one after another.

@@ -3,26 +3,13 @@
 use crate::motion::representation::{CONTACTS_AT, JOINTS_AT, STEPS_AT};
 
 /// Names of the body parts that a codebook can be for.
-const PARTS: [&str; 8] = [
-    "whole",
-    "lower",
-    "upper",
-    "trunk",
-    "left_leg",
-    "right_leg",
-    "left_arm",
-    "right_arm",
-];
+const PARTS: [&str; 8] =
+    ["whole", "lower", "upper", "trunk", "left_leg", "right_leg", "left_arm", "right_arm"];
 
 /// Which of the 137 numbers the encoder of a part sees; the error lists the
 /// parts that there are.
 pub fn part_channels(part: &str) -> Result<Vec<usize>, String> {
-    let known = || {
-        format!(
-            "part `{part}` is unknown; expected one of: {}",
-            PARTS.join(", ")
-        )
-    };
+    let known = || format!("part `{part}` is unknown; expected one of: {}", PARTS.join(", "));
     channels(part).ok_or_else(known)
 }
 

@@ -230,12 +230,7 @@ impl ModelConfig {
         let shared = |name, count, dim, own: Option<usize>| heads(name, count, dim, own.is_some());
         shared("vq.heads", vq.heads, vq.dim, vq.head_dim)?;
         let encoder_heads = vq.encoder_slopes.len();
-        shared(
-            "vq.encoder_slopes",
-            encoder_heads,
-            vq.encoder_dim,
-            vq.head_dim,
-        )?;
+        shared("vq.encoder_slopes", encoder_heads, vq.encoder_dim, vq.head_dim)?;
         shared("seq.heads", seq.heads, seq.dim, seq.head_dim)?;
         slopes("vq.encoder_slopes", &vq.encoder_slopes, encoder_heads)?;
         slopes("vq.decoder_slopes", &vq.decoder_slopes, vq.heads)?;
@@ -253,18 +248,14 @@ fn expect(name: &str, found: usize, expected: usize) -> Result<(), String> {
 
 fn heads(name: &str, heads: usize, dim: usize, own_width: bool) -> Result<(), String> {
     if heads == 0 || heads > 256 || !(own_width || dim.is_multiple_of(heads)) {
-        return Err(format!(
-            "{name} is {heads}, which does not divide the width {dim}"
-        ));
+        return Err(format!("{name} is {heads}, which does not divide the width {dim}"));
     }
     Ok(())
 }
 
 fn slopes(name: &str, slopes: &[f32], heads: usize) -> Result<(), String> {
     if slopes.len() != heads || slopes.iter().any(|s| !(0.0..=16.0).contains(s)) {
-        return Err(format!(
-            "{name} is {slopes:?}, expected {heads} numbers from 0 to 16"
-        ));
+        return Err(format!("{name} is {slopes:?}, expected {heads} numbers from 0 to 16"));
     }
     Ok(())
 }

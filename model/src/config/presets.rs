@@ -45,11 +45,7 @@ mod tests {
             (0..heads).map(slope).collect()
         };
         // Eq. 1 puts the bias inside the division by sqrt(d_k).
-        for (name, scale) in [
-            ("live", 1.0),
-            ("paper", 64f32.sqrt().recip()),
-            ("tiny", 1.0),
-        ] {
+        for (name, scale) in [("live", 1.0), ("paper", 64f32.sqrt().recip()), ("tiny", 1.0)] {
             let ModelConfig { vq, seq, .. } = ModelConfig::preset(name).unwrap();
             for found in [vq.encoder_slopes, vq.decoder_slopes, seq.slopes] {
                 assert_eq!(found, slopes(found.len(), scale), "{name}");

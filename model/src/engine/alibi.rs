@@ -42,11 +42,7 @@ pub(crate) fn attention_bias(
         for i in keys - queries..keys {
             for j in 0..keys {
                 let visible = j <= i + seen.ahead && j + seen.frames > i;
-                bias.push(if visible {
-                    -slope * i.abs_diff(j) as f32
-                } else {
-                    f32::NEG_INFINITY
-                });
+                bias.push(if visible { -slope * i.abs_diff(j) as f32 } else { f32::NEG_INFINITY });
             }
         }
     }

@@ -34,17 +34,12 @@ impl AttentionScratch {
     pub fn set_queries(&mut self, shape: &AttentionShape, products: &[f32]) {
         let scale = (shape.width as f32).sqrt().recip();
         let (width, padded) = (shape.width, shape.padded());
-        let of_lane = self
-            .queries
-            .chunks_exact_mut(shape.slopes.len() * padded)
-            .enumerate();
+        let of_lane = self.queries.chunks_exact_mut(shape.slopes.len() * padded).enumerate();
         for (lane, queries) in of_lane {
             copy_lane(&mut self.row, products, lane, self.lanes);
             let rows = self.row.chunks_exact(width);
             for (to, from) in queries.chunks_exact_mut(padded).zip(rows) {
-                to.iter_mut()
-                    .zip(from)
-                    .for_each(|(to, from)| *to = from * scale);
+                to.iter_mut().zip(from).for_each(|(to, from)| *to = from * scale);
             }
         }
     }
@@ -61,10 +56,9 @@ impl AttentionScratch {
     ) {
         let (width, padded) = (shape.width, shape.padded());
         for (lane, cache) in caches.iter_mut().enumerate() {
-            for (numbers, first) in [
-                (&mut cache.keys, first),
-                (&mut cache.values, first + shape.wide()),
-            ] {
+            for (numbers, first) in
+                [(&mut cache.keys, first), (&mut cache.values, first + shape.wide())]
+            {
                 let products = &products[first * self.lanes..];
                 copy_lane(&mut self.row, products, lane, self.lanes);
                 for (head, row) in self.row.chunks_exact(width).enumerate() {

@@ -8,10 +8,7 @@ use crate::weights::{Dtype, PackedMatrix};
 
 /// What the numbers below come to in these formats, as their bits' FNV-1a hash.
 const EXPECTED: [(&[Dtype], u64); 2] = [
-    (
-        &[Dtype::F32, Dtype::F16, Dtype::Q8_0, Dtype::Q4_0],
-        0x4dd6_f633_a630_6975,
-    ),
+    (&[Dtype::F32, Dtype::F16, Dtype::Q8_0, Dtype::Q4_0], 0x4dd6_f633_a630_6975),
     (&[Dtype::Q6], 0x5d47_16d0_6f69_7475),
 ];
 
@@ -45,11 +42,8 @@ fn products(team: &Team, dtype: Dtype, (rows, width, lanes): (usize, usize, usiz
 
 /// Attention over a cache that comes round twice.
 fn attention(team: &Team, dtype: Dtype) -> Vec<f32> {
-    let shape = AttentionShape {
-        slopes: (1..=8).map(|h| 0.5 / h as f32).collect(),
-        width: 20,
-        window: 45,
-    };
+    let shape =
+        AttentionShape { slopes: (1..=8).map(|h| 0.5 / h as f32).collect(), width: 20, window: 45 };
     let mut caches = [KvCache::new(&shape, dtype)];
     let mut scratch = AttentionScratch::new(&shape, 1, Dtype::F32);
     let (mut position, mut all) = (CachePosition::new(45), Vec::new());

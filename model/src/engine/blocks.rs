@@ -77,13 +77,7 @@ impl AttentionBlock {
             AttentionKind::Cross => ("norm2", "cross", "q", wide),
         };
         let linear = |layer: &str, input, output| {
-            PackedLinear::load(
-                w,
-                &format!("{name}.{attention}.{layer}"),
-                input,
-                output,
-                dtype,
-            )
+            PackedLinear::load(w, &format!("{name}.{attention}.{layer}"), input, output, dtype)
         };
         Ok(Self {
             norm: LayerNorm::load(w, &format!("{name}.{norm}"), dim)?,
@@ -105,9 +99,7 @@ impl AttentionBlock {
     ) {
         self.norm.forward(team.cpu(), &work.x, &mut work.normed);
         let products = &mut work.products;
-        let products = self
-            .project
-            .forward(team, &work.normed, products, After::Nothing);
+        let products = self.project.forward(team, &work.normed, products, After::Nothing);
         scratch.set_queries(shape, products);
         let given = given.unwrap_or((products, shape.wide()));
         scratch.store(team, shape, caches, position.slot(), given);
@@ -155,13 +147,7 @@ impl FeedForwardBlock {
         let products = &mut work.products;
         let up = self.up.forward(team, &work.normed, products, self.activate);
         work.hidden.take(team.cpu(), up);
-        add(
-            team,
-            &self.down,
-            &work.hidden,
-            &mut work.products,
-            &mut work.x,
-        );
+        add(team, &self.down, &work.hidden, &mut work.products, &mut work.x);
     }
 
     /// The matrices, in the order of their use.

@@ -85,9 +85,6 @@ pub(crate) fn copy_lane(to: &mut [f32], products: &[f32], lane: usize, lanes: us
 pub(crate) fn add_lane(x: &mut [f32], products: &[f32], lane: usize, lanes: usize) {
     match lanes {
         1 => x.iter_mut().zip(products).for_each(|(x, p)| *x += p),
-        _ => x
-            .iter_mut()
-            .zip(products[lane..].iter().step_by(lanes))
-            .for_each(|(x, p)| *x += p),
+        _ => x.iter_mut().zip(products[lane..].iter().step_by(lanes)).for_each(|(x, p)| *x += p),
     }
 }

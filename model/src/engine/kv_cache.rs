@@ -104,10 +104,7 @@ pub(crate) struct KvCache {
 impl KvCache {
     pub fn new(shape: &AttentionShape, dtype: Dtype) -> Self {
         let length = shape.slopes.len() * shape.window * shape.padded();
-        Self {
-            keys: CacheNumbers::new(length, dtype),
-            values: CacheNumbers::new(length, dtype),
-        }
+        Self { keys: CacheNumbers::new(length, dtype), values: CacheNumbers::new(length, dtype) }
     }
 
     pub fn bytes(&self) -> usize {

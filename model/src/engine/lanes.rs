@@ -112,17 +112,12 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn fma(self, factor: Self, term: Self) -> Self {
-        Self(std::array::from_fn(|i| {
-            self.0[i].mul_add(factor.0[i], term.0[i])
-        }))
+        Self(std::array::from_fn(|i| self.0[i].mul_add(factor.0[i], term.0[i])))
     }
 
     #[inline(always)]
     fn exponent_of_low_bits(self) -> Self {
-        Self(
-            self.0
-                .map(|v| f32::from_bits(v.to_bits().wrapping_add(127) << 23)),
-        )
+        Self(self.0.map(|v| f32::from_bits(v.to_bits().wrapping_add(127) << 23)))
     }
 
     #[inline(always)]
@@ -133,11 +128,7 @@ impl Lanes for Portable {
     #[inline(always)]
     fn dot_q4(weights: &[u8; 16], x: &[i16; 32]) -> Self {
         pairs(|i| {
-            let nibble = if i < 16 {
-                weights[i] & 15
-            } else {
-                weights[i - 16] >> 4
-            };
+            let nibble = if i < 16 { weights[i] & 15 } else { weights[i - 16] >> 4 };
             (i32::from(nibble) - 8) * i32::from(x[i])
         })
     }

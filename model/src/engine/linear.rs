@@ -73,9 +73,7 @@ impl PackedLinear {
                 After::Nothing => {}
                 After::Activate(Activation::Gelu) => kernels::gelu(cpu, products),
                 After::Activate(Activation::Relu2) => {
-                    products
-                        .iter_mut()
-                        .for_each(|p| *p = p.max(0.0) * p.max(0.0));
+                    products.iter_mut().for_each(|p| *p = p.max(0.0) * p.max(0.0));
                 }
             }
         });

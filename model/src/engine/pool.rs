@@ -31,9 +31,7 @@ const TURN: u64 = 1 << 17;
 /// Threads that a step uses if nobody says: two, or what there is. More wait
 /// for the same memory.
 pub fn default_threads() -> usize {
-    thread::available_parallelism()
-        .map_or(1, NonZero::get)
-        .min(2)
+    thread::available_parallelism().map_or(1, NonZero::get).min(2)
 }
 
 /// The helpers; ends them when dropped.
@@ -85,9 +83,7 @@ impl Pool {
         let helper = |_| {
             let shared = Arc::clone(&shared);
             let name = "model-helper".to_owned();
-            thread::Builder::new()
-                .name(name)
-                .spawn(move || shared.help())
+            thread::Builder::new().name(name).spawn(move || shared.help())
         };
         Self {
             cpu,
@@ -111,10 +107,7 @@ impl Pool {
     /// Threads that work, the caller's among them.
     pub fn threads(&self) -> usize {
         let tensors = self.tensors.as_ref();
-        tensors.map_or(
-            1 + self.helpers.len(),
-            rayon::ThreadPool::current_num_threads,
-        )
+        tensors.map_or(1 + self.helpers.len(), rayon::ThreadPool::current_num_threads)
     }
 
     /// Borrows the helpers for a while; alone if somebody else has them.
@@ -127,9 +120,7 @@ impl Pool {
         };
         if held.is_some() {
             self.shared.awake.store(true, Ordering::Release);
-            self.helpers
-                .iter()
-                .for_each(|helper| helper.thread().unpark());
+            self.helpers.iter().for_each(|helper| helper.thread().unpark());
         }
         Team { pool: self, held }
     }
@@ -226,10 +217,7 @@ impl Team<'_> {
         let closing = Closing(shared);
         work();
         drop(closing);
-        assert!(
-            !shared.panicked.load(Ordering::Acquire),
-            "a helper thread of the model panicked"
-        );
+        assert!(!shared.panicked.load(Ordering::Acquire), "a helper thread of the model panicked");
     }
 }
 
@@ -308,8 +296,7 @@ impl Shared {
             return false;
         }
         let joined =
-            self.state
-                .compare_exchange(state, state + HELPER, Ordering::AcqRel, Ordering::Relaxed);
+            self.state.compare_exchange(state, state + HELPER, Ordering::AcqRel, Ordering::Relaxed);
         if joined.is_err() {
             return true;
         }
@@ -375,14 +362,13 @@ mod tests {
             for rows in [1, 2, 9, 1000] {
                 let mut out = vec![usize::MAX; 3 * rows];
                 let sizes = Mutex::new(Vec::new());
-                pool.team()
-                    .share_rows(&mut out, 3, 2..=100, |first, piece| {
-                        sizes.lock().unwrap().push((first, piece.len() / 3));
-                        for (i, number) in piece.iter_mut().enumerate() {
-                            assert_eq!(*number, usize::MAX);
-                            *number = 3 * first + i;
-                        }
-                    });
+                pool.team().share_rows(&mut out, 3, 2..=100, |first, piece| {
+                    sizes.lock().unwrap().push((first, piece.len() / 3));
+                    for (i, number) in piece.iter_mut().enumerate() {
+                        assert_eq!(*number, usize::MAX);
+                        *number = 3 * first + i;
+                    }
+                });
                 assert!(out.iter().copied().eq(0..3 * rows), "{out:?}");
                 let mut sizes = sizes.into_inner().unwrap();
                 sizes.sort_unstable();

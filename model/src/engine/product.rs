@@ -48,15 +48,7 @@ fn some_rows(matrix: &PackedMatrix, cpu: Cpu, first: usize, x: &Input, out: &mut
             kernels::rows_q6(cpu, out, all, scales(), quants, x_scales, width);
         }
         PackedNumbers::Q4(all) => {
-            kernels::rows_q4(
-                cpu,
-                out,
-                &all[from / 2..],
-                scales(),
-                quants,
-                x_scales,
-                width,
-            );
+            kernels::rows_q4(cpu, out, &all[from / 2..], scales(), quants, x_scales, width);
         }
     }
 }

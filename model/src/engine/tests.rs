@@ -24,23 +24,13 @@ fn products(values: &[f32], width: usize, x: &[f32], dtype: Dtype) -> Vec<f32> {
         out
     };
     let fast = with(Pool::new(3));
-    assert_eq!(
-        fast,
-        with(Pool::with(Cpu::portable(), 1)),
-        "{dtype} {width}"
-    );
+    assert_eq!(fast, with(Pool::with(Cpu::portable(), 1)), "{dtype} {width}");
     fast
 }
 
 #[test]
 fn kernels_agree_to_the_bit_and_products_are_right() {
-    for (width, rows, lanes) in [
-        (768, 60, 1),
-        (39, 7, 2),
-        (256, 33, 2),
-        (192, 5, 1),
-        (8, 3, 3),
-    ] {
+    for (width, rows, lanes) in [(768, 60, 1), (39, 7, 2), (256, 33, 2), (192, 5, 1), (8, 3, 3)] {
         let values = random::tensor("values", &[rows, width]);
         let x = random::tensor("x", &[lanes, width]);
         for (dtype, tolerance) in [
@@ -56,10 +46,7 @@ fn kernels_agree_to_the_bit_and_products_are_right() {
                     let terms = || row.iter().zip(x).map(|(a, b)| f64::from(a * b));
                     let size: f64 = terms().map(|t| t * t).sum::<f64>().sqrt();
                     let gap = (terms().sum::<f64>() - f64::from(*found)).abs();
-                    assert!(
-                        gap <= tolerance * size.max(1e-3),
-                        "{dtype} {width}: {gap} of {size}"
-                    );
+                    assert!(gap <= tolerance * size.max(1e-3), "{dtype} {width}: {gap} of {size}");
                 }
             }
         }
@@ -72,17 +59,11 @@ fn quantised_blocks_keep_their_bounds() {
     let (quants, scale) = q8_block(&block);
     for (quant, value) in quants.iter().zip(block) {
         let back = f32::from(*quant) * scale.to_f32();
-        assert!(
-            (back - value).abs() <= 0.51 * scale.to_f32(),
-            "{back} {value}"
-        );
+        assert!((back - value).abs() <= 0.51 * scale.to_f32(), "{back} {value}");
     }
     let (bytes, scale) = q4_block(&block);
     for (back, value) in q4_values(&bytes, scale).iter().zip(block) {
-        assert!(
-            (back - value).abs() <= 1.01 * scale.to_f32().abs(),
-            "{back} {value}"
-        );
+        assert!((back - value).abs() <= 1.01 * scale.to_f32().abs(), "{back} {value}");
     }
     assert_eq!(q8_block(&[0.0; 32]).0, [0; 32]);
     let (bytes, scale) = q4_block(&[0.0; 32]);

@@ -104,9 +104,7 @@ impl Dance {
         }
         let team = networks.engine.pool().team();
         self.next_codes(&networks.seq, &team)?;
-        let normalised = networks
-            .decoder
-            .step(&team, &mut self.decoder, &self.codes)?;
+        let normalised = networks.decoder.step(&team, &mut self.decoder, &self.codes)?;
         let vector = networks.pose_vector(normalised);
         drop(team);
         if vector.iter().any(|v| !v.is_finite()) {
@@ -118,11 +116,7 @@ impl Dance {
         if self.stall.stalled(&positions, music.beat.confidence) {
             self.restart_sequence();
         }
-        Ok(MotionFrame {
-            time_s: music.time_s,
-            positions,
-            contacts: contacts(&vector),
-        })
+        Ok(MotionFrame { time_s: music.time_s, positions, contacts: contacts(&vector) })
     }
 
     /// Lives through the codes of a motion ([`crate::Codec::encode_all`]) that
@@ -210,9 +204,7 @@ impl Dance {
     /// as long again for each step.
     /// Fails for: there is no such style.
     pub fn beside(&self, style: &str) -> Result<Dance, ModelError> {
-        let generator = Generator {
-            networks: self.networks.clone(),
-        };
+        let generator = Generator { networks: self.networks.clone() };
         generator.start(GeneratorOptions {
             style: Some(style.to_owned()),
             style_vector: None,
@@ -276,12 +268,9 @@ impl Dance {
         if self.sequence_frames == 1 {
             self.logits.truncate(codes);
         }
-        let strength = PenaltyStrength {
-            repetition: self.options.repetition,
-            variety: self.options.variety,
-        };
-        self.penalty
-            .apply(part, strength, &mut self.logits[..codes]);
+        let strength =
+            PenaltyStrength { repetition: self.options.repetition, variety: self.options.variety };
+        self.penalty.apply(part, strength, &mut self.logits[..codes]);
         let drawn = self.sampler.draw(&self.logits);
         drawn.ok_or(ModelError::Diverged { frame: self.frames })
     }

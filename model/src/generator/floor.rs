@@ -19,10 +19,7 @@ pub(super) struct FloorBounds {
 impl FloorBounds {
     /// Stands at a point (x, z) of the recovered motion.
     pub fn at(root: [f32; 2]) -> Self {
-        Self {
-            recovered: root,
-            shown: root,
-        }
+        Self { recovered: root, shown: root }
     }
 
     /// The next pose, moved to where it is shown.

@@ -177,10 +177,7 @@ impl Networks {
     /// One of the stored beginnings, of this style if there is one.
     fn starting_codes(&self, style: usize, sampler: &mut Sampler) -> Vec<usize> {
         let all: Vec<usize> = (0..self.start_codes.len()).collect();
-        let of_style = all
-            .iter()
-            .copied()
-            .filter(|&i| self.start_styles[i] == style);
+        let of_style = all.iter().copied().filter(|&i| self.start_styles[i] == style);
         let of_style: Vec<usize> = of_style.collect();
         let pool = if of_style.is_empty() { all } else { of_style };
         self.start_codes[pool[sampler.below(pool.len())]].clone()

@@ -67,10 +67,7 @@ impl GeneratorOptions {
         if let Some(vector) = &self.style_vector
             && (vector.len() != style_dim || vector.iter().any(|v| !v.is_finite()))
         {
-            return Err(ModelError::StyleWidth {
-                found: vector.len(),
-                expected: style_dim,
-            });
+            return Err(ModelError::StyleWidth { found: vector.len(), expected: style_dim });
         }
         let ranges = [
             ("guidance", self.guidance, 0.0..=10.0, "0 to 10"),
@@ -78,11 +75,7 @@ impl GeneratorOptions {
         ];
         for (option, found, range, expected) in ranges {
             if !range.contains(&found) {
-                return Err(ModelError::Option {
-                    option,
-                    found: found.to_string(),
-                    expected,
-                });
+                return Err(ModelError::Option { option, found: found.to_string(), expected });
             }
         }
         Ok(())

@@ -23,9 +23,7 @@ pub(super) struct StallDetector {
 impl StallDetector {
     /// Whether the dance stalled and is to be restarted; counts it.
     pub fn stalled(&mut self, pose: &Pose, confidence: f32) -> bool {
-        let moved_m = self
-            .last
-            .map_or(f32::INFINITY, |last| mean_step_m(&last, pose));
+        let moved_m = self.last.map_or(f32::INFINITY, |last| mean_step_m(&last, pose));
         self.last = Some(*pose);
         if moved_m > STILL_M {
             self.still_frames = 0;

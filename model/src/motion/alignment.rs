@@ -38,11 +38,8 @@ pub struct Alignment {
 /// against beats on the same clock. Beats outside the motion do not count.
 pub fn alignment(speed: &[f64], rate_hz: f64, music_beats_s: &[f64]) -> Alignment {
     let end_s = speed.len().saturating_sub(1) as f64 / rate_hz;
-    let mut music: Vec<f64> = music_beats_s
-        .iter()
-        .copied()
-        .filter(|beat| (0.0..=end_s).contains(beat))
-        .collect();
+    let mut music: Vec<f64> =
+        music_beats_s.iter().copied().filter(|beat| (0.0..=end_s).contains(beat)).collect();
     music.sort_by(f64::total_cmp);
     let kinematic = kinematic_beats_s(speed, rate_hz);
     Alignment {
@@ -123,10 +120,7 @@ fn closeness(of: &[f64], to: &[f64], sigma_s: f64) -> f64 {
         return 0.0;
     }
     let near = |beat: &f64| {
-        let distance = to
-            .iter()
-            .map(|other| (other - beat).abs())
-            .fold(f64::INFINITY, f64::min);
+        let distance = to.iter().map(|other| (other - beat).abs()).fold(f64::INFINITY, f64::min);
         (-0.5 * (distance / sigma_s).powi(2)).exp()
     };
     of.iter().map(near).sum::<f64>() / of.len() as f64
@@ -148,11 +142,7 @@ fn f1(kinematic: &[f64], music: &[f64]) -> f64 {
         }
     }
     let total = kinematic.len() + music.len();
-    if total == 0 {
-        0.0
-    } else {
-        2.0 * f64::from(hits) / total as f64
-    }
+    if total == 0 { 0.0 } else { 2.0 * f64::from(hits) / total as f64 }
 }
 
 #[cfg(test)]
@@ -187,20 +177,14 @@ mod tests {
     fn three_frames_late_costs_one_sigma() {
         let score = alignment(&bouncing(60.0, 0.05), 60.0, &beats(0));
         assert!((score.fact - (-0.5f64).exp()).abs() < 0.01, "{score:?}");
-        assert!(
-            (score.bailando - (-0.18f64).exp()).abs() < 0.01,
-            "{score:?}"
-        );
+        assert!((score.bailando - (-0.18f64).exp()).abs() < 0.01, "{score:?}");
         assert!(score.f1 > 0.97, "{score:?}");
     }
 
     #[test]
     fn motion_off_the_beat_scores_nothing() {
         let score = alignment(&bouncing(20.0, 0.25), 20.0, &beats(1));
-        assert!(
-            score.fact < 1e-3 && score.bailando < 0.02 && score.f1 == 0.0,
-            "{score:?}"
-        );
+        assert!(score.fact < 1e-3 && score.bailando < 0.02 && score.f1 == 0.0, "{score:?}");
     }
 
     #[test]
@@ -213,10 +197,7 @@ mod tests {
 
     #[test]
     fn standing_still_has_no_beats() {
-        assert_eq!(
-            alignment(&[0.0; 200], 20.0, &beats(1)),
-            Alignment::default()
-        );
+        assert_eq!(alignment(&[0.0; 200], 20.0, &beats(1)), Alignment::default());
         assert_eq!(alignment(&[], 20.0, &[]), Alignment::default());
     }
 

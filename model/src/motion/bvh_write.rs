@@ -21,11 +21,7 @@ use super::vec3::{Vec3, add, cross, dot, norm, scale, sub, unit_or, wide};
 pub fn rest_direction(joint: BodyJoint) -> Vec3 {
     use BodyJoint::*;
     let side = |joint: BodyJoint| {
-        if joint.name().starts_with("left") {
-            1.0
-        } else {
-            -1.0
-        }
+        if joint.name().starts_with("left") { 1.0 } else { -1.0 }
     };
     match joint {
         Pelvis => [0.0; 3],
@@ -50,12 +46,8 @@ pub fn bvh(clip: &Clip) -> String {
     let mut order = Vec::new();
     write_joint(&mut text, &mut order, &offsets, BodyJoint::Pelvis, 0);
     // Writing to a String cannot fail.
-    let _ = write!(
-        text,
-        "MOTION\nFrames: {}\nFrame Time: {:.6}\n",
-        clip.poses.len(),
-        1.0 / clip.fps
-    );
+    let _ =
+        write!(text, "MOTION\nFrames: {}\nFrame Time: {:.6}\n", clip.poses.len(), 1.0 / clip.fps);
     for pose in &clip.poses {
         let [x, y, z] = pose[0];
         let _ = write!(text, "{x:.5} {y:.5} {z:.5}");
@@ -96,11 +88,7 @@ fn write_joint(
     let [x, y, z] = offsets[joint as usize];
     let children = children(joint);
     let kind = if depth == 0 { "ROOT" } else { "JOINT" };
-    let position = if depth == 0 {
-        "6 Xposition Yposition Zposition"
-    } else {
-        "3"
-    };
+    let position = if depth == 0 { "6 Xposition Yposition Zposition" } else { "3" };
     let _ = write!(
         text,
         "{pad}{kind} {}\n{pad}{{\n{pad}\tOFFSET {x:.5} {y:.5} {z:.5}\n\
@@ -112,10 +100,7 @@ fn write_joint(
         write_joint(text, order, offsets, *child, depth + 1);
     }
     if children.is_empty() {
-        let _ = write!(
-            text,
-            "{pad}\tEnd Site\n{pad}\t{{\n{pad}\t\tOFFSET 0 0 0\n{pad}\t}}\n"
-        );
+        let _ = write!(text, "{pad}\tEnd Site\n{pad}\t{{\n{pad}\t\tOFFSET 0 0 0\n{pad}\t}}\n");
     }
     let _ = writeln!(text, "{pad}}}");
 }
@@ -167,12 +152,7 @@ fn shortest_turn(from: Vec3, to: Vec3) -> Matrix {
     let [x, y, z] = axis;
     let skew = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
     let squared = multiply(&skew, &skew);
-    std::array::from_fn(|i| {
-        add(
-            add(IDENTITY[i], skew[i]),
-            scale(squared[i], 1.0 / (1.0 + cosine)),
-        )
-    })
+    std::array::from_fn(|i| add(add(IDENTITY[i], skew[i]), scale(squared[i], 1.0 / (1.0 + cosine))))
 }
 
 /// Angles z, x, y in degrees of `m = Rz Rx Ry`.

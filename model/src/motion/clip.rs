@@ -73,20 +73,12 @@ impl Clip {
     /// Poses at `fps` frames a second, named after the stem of a file.
     pub fn of_file(path: &Path, fps: f64, poses: Vec<Pose>) -> Self {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        Self {
-            name: name.into_owned(),
-            fps,
-            poses,
-        }
+        Self { name: name.into_owned(), fps, poses }
     }
 
     /// Poses at the generator's 20 frames a second, without a name.
     pub fn of_frames(poses: Vec<Pose>) -> Self {
-        Self {
-            name: String::new(),
-            fps: FRAME_RATE_HZ,
-            poses,
-        }
+        Self { name: String::new(), fps: FRAME_RATE_HZ, poses }
     }
 
     /// Writes `positions` float32 [T, 22, 3] and `fps` float32 to an npz file.
@@ -226,11 +218,8 @@ impl Clip {
             &resampled
         };
         let size = skeleton::leg_scale(&source.poses);
-        let mut poses: Vec<Pose> = source
-            .poses
-            .iter()
-            .map(|pose| skeleton::fit(pose, size))
-            .collect();
+        let mut poses: Vec<Pose> =
+            source.poses.iter().map(|pose| skeleton::fit(pose, size)).collect();
         let floor_m = floor_height_m(&poses);
         let heading = headings_rad(&poses).first().copied().unwrap_or(0.0);
         let [x, _, z] = poses.first().map_or([0.0; 3], |pose| wide(pose[0]));
@@ -241,11 +230,7 @@ impl Clip {
     }
 
     fn with_poses(&self, poses: Vec<Pose>) -> Self {
-        Self {
-            name: self.name.clone(),
-            fps: self.fps,
-            poses,
-        }
+        Self { name: self.name.clone(), fps: self.fps, poses }
     }
 }
 
@@ -262,10 +247,8 @@ fn read_rows<const N: usize>(path: &Path, key: &str) -> Result<Option<Vec<[f32; 
 /// How high the floor is: the lowest joint of a frame, at its 5th percentile
 /// over all frames, because single frames dip below it in captured motion.
 fn floor_height_m(poses: &[Pose]) -> f64 {
-    let mut lowest: Vec<f32> = poses
-        .iter()
-        .map(|pose| pose.iter().map(|p| p[1]).fold(f32::INFINITY, f32::min))
-        .collect();
+    let mut lowest: Vec<f32> =
+        poses.iter().map(|pose| pose.iter().map(|p| p[1]).fold(f32::INFINITY, f32::min)).collect();
     lowest.sort_by(f32::total_cmp);
     lowest.get(lowest.len() / 20).map_or(0.0, |y| f64::from(*y))
 }
@@ -278,11 +261,7 @@ mod tests {
         let pose = |i: usize| -> Pose {
             std::array::from_fn(|j| [0.01 * i as f32, 0.9 - 0.04 * j as f32, 0.1 * j as f32])
         };
-        Clip {
-            name: "clip".into(),
-            fps: 20.0,
-            poses: (0..frames).map(pose).collect(),
-        }
+        Clip { name: "clip".into(), fps: 20.0, poses: (0..frames).map(pose).collect() }
     }
 
     #[test]
@@ -322,12 +301,7 @@ mod tests {
     #[test]
     fn normalised_motion_stands_on_the_floor_at_the_origin() {
         let normal = clip(40).normalised();
-        let lowest = normal
-            .poses
-            .iter()
-            .flatten()
-            .map(|p| p[1])
-            .fold(9.0, f32::min);
+        let lowest = normal.poses.iter().flatten().map(|p| p[1]).fold(9.0, f32::min);
         assert!(lowest.abs() < 1e-5, "lowest joint at {lowest} m");
         let [x, _, z] = normal.poses[0][0];
         assert!(x.abs() < 1e-6 && z.abs() < 1e-6);

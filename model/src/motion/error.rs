@@ -18,17 +18,11 @@ pub enum MotionError {
 impl MotionError {
     /// The file cannot be opened or decoded; `error` is what the reader said.
     pub fn read(path: &Path, error: impl Display) -> Self {
-        Self::Read {
-            path: path.to_owned(),
-            reason: error.to_string(),
-        }
+        Self::Read { path: path.to_owned(), reason: error.to_string() }
     }
 
     /// The file decodes, but its content cannot be used for this reason.
     pub fn content(path: &Path, reason: impl Into<String>) -> Self {
-        Self::Content {
-            path: path.to_owned(),
-            reason: reason.into(),
-        }
+        Self::Content { path: path.to_owned(), reason: reason.into() }
     }
 }

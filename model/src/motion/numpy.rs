@@ -41,11 +41,9 @@ impl Array {
             ));
         }
         match self.values.iter().position(|v| !v.is_finite()) {
-            Some(at) => Err(format!(
-                "frame {}, number {} of `{key}` is not finite",
-                at / N,
-                at % N
-            )),
+            Some(at) => {
+                Err(format!("frame {}, number {} of `{key}` is not finite", at / N, at % N))
+            }
             None => Ok(self.values.as_chunks::<N>().0),
         }
     }
@@ -120,11 +118,7 @@ fn array(mut file: impl Read) -> Result<Array, String> {
     let mut header = vec![0; length];
     file.read_exact(&mut header).map_err(short)?;
     let header = String::from_utf8_lossy(&header);
-    let Header {
-        kind,
-        shape,
-        by_columns,
-    } = Header::parse(&header)?;
+    let Header { kind, shape, by_columns } = Header::parse(&header)?;
     let count = shape
         .iter()
         .try_fold(1_usize, |product, side| product.checked_mul(*side))
@@ -135,20 +129,10 @@ fn array(mut file: impl Read) -> Result<Array, String> {
     let taken = file.take(wanted as u64).read_to_end(&mut bytes);
     taken.map_err(|error| error.to_string())?;
     if bytes.len() < wanted {
-        return Err(format!(
-            "the array ends too soon: {} of {wanted} bytes",
-            bytes.len()
-        ));
+        return Err(format!("the array ends too soon: {} of {wanted} bytes", bytes.len()));
     }
-    let values: Vec<f64> = bytes
-        .chunks_exact(kind.bytes())
-        .map(|b| kind.value(b))
-        .collect();
-    let values = if by_columns {
-        transposed(&shape, &values)
-    } else {
-        values
-    };
+    let values: Vec<f64> = bytes.chunks_exact(kind.bytes()).map(|b| kind.value(b)).collect();
+    let values = if by_columns { transposed(&shape, &values) } else { values };
     Ok(Array { shape, values })
 }
 
@@ -221,9 +205,7 @@ impl Header {
                 .ok_or_else(|| format!("the header has no `{key}`"))
         };
         let kind = after("descr")?;
-        let kind = kind
-            .strip_prefix('\'')
-            .and_then(|rest| rest.split('\'').next());
+        let kind = kind.strip_prefix('\'').and_then(|rest| rest.split('\'').next());
         let kind = kind.ok_or("the array holds records, not numbers")?;
         let sides = after("shape")?.strip_prefix('(');
         let sides = sides.and_then(|rest| rest.split(')').next());

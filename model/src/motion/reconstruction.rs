@@ -34,11 +34,7 @@ mod tests {
     fn pose() -> Pose {
         std::array::from_fn(|j| {
             let j = j as f32;
-            [
-                if j % 2.0 == 0.0 { -0.1 } else { 0.1 },
-                1.5 - 0.05 * j,
-                0.02 * j,
-            ]
+            [if j % 2.0 == 0.0 { -0.1 } else { 0.1 }, 1.5 - 0.05 * j, 0.02 * j]
         })
     }
 

@@ -39,12 +39,8 @@ const CONTACT_STEP_M2: f64 = 0.002;
 /// Standard deviation of the heading's smoothing, frames (0.2 s).
 const HEADING_SIGMA_FRAMES: f64 = 4.0;
 /// The foot joints, in the order of the contacts.
-const FEET: [BodyJoint; 4] = [
-    BodyJoint::LeftAnkle,
-    BodyJoint::LeftFoot,
-    BodyJoint::RightAnkle,
-    BodyJoint::RightFoot,
-];
+const FEET: [BodyJoint; 4] =
+    [BodyJoint::LeftAnkle, BodyJoint::LeftFoot, BodyJoint::RightAnkle, BodyJoint::RightFoot];
 
 /// Where the body faces: angle from +z towards +x, radians, from the hips and
 /// shoulders; 0 when they give no direction.
@@ -178,10 +174,7 @@ impl Recovery {
 /// The contacts that a vector claims: a foot is down when its ankle or toe is.
 pub fn contacts(vector: &PoseVector) -> Contacts {
     let down = |k: usize| vector[CONTACTS_AT + k] > 0.5;
-    Contacts {
-        left: down(0) || down(1),
-        right: down(2) || down(3),
-    }
+    Contacts { left: down(0) || down(1), right: down(2) || down(3) }
 }
 
 /// The vector of the same motion seen in a mirror (left becomes right).
@@ -244,11 +237,7 @@ mod tests {
     }
 
     fn largest_gap_m(a: &[Pose], b: &[Pose]) -> f32 {
-        let gaps = a
-            .iter()
-            .flatten()
-            .flatten()
-            .zip(b.iter().flatten().flatten());
+        let gaps = a.iter().flatten().flatten().zip(b.iter().flatten().flatten());
         gaps.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
     }
 
@@ -279,11 +268,7 @@ mod tests {
 
     #[test]
     fn mirrored_vectors_are_the_mirrored_motion() {
-        let clip = Clip {
-            name: "walk".into(),
-            fps: 20.0,
-            poses: motion(),
-        };
+        let clip = Clip { name: "walk".into(), fps: 20.0, poses: motion() };
         let expected = encode(&clip.mirrored().poses);
         let actual = encode(&clip.poses).iter().map(mirrored).collect::<Vec<_>>();
         for (a, e) in actual.iter().zip(&expected) {

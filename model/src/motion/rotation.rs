@@ -30,21 +30,9 @@ pub fn about(vector: Vec3) -> Matrix {
     let (sin, cos) = angle.sin_cos();
     let rest = 1.0 - cos;
     [
-        [
-            cos + x * x * rest,
-            x * y * rest - z * sin,
-            x * z * rest + y * sin,
-        ],
-        [
-            y * x * rest + z * sin,
-            cos + y * y * rest,
-            y * z * rest - x * sin,
-        ],
-        [
-            z * x * rest - y * sin,
-            z * y * rest + x * sin,
-            cos + z * z * rest,
-        ],
+        [cos + x * x * rest, x * y * rest - z * sin, x * z * rest + y * sin],
+        [y * x * rest + z * sin, cos + y * y * rest, y * z * rest - x * sin],
+        [z * x * rest - y * sin, z * y * rest + x * sin, cos + z * z * rest],
     ]
 }
 

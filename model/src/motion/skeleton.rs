@@ -17,18 +17,8 @@ pub const BONE_LENGTH_M: [f64; JOINT_COUNT] = [
 
 /// Hip, knee, ankle and toe of both legs.
 const LEGS: [[BodyJoint; 4]; 2] = [
-    [
-        BodyJoint::LeftHip,
-        BodyJoint::LeftKnee,
-        BodyJoint::LeftAnkle,
-        BodyJoint::LeftFoot,
-    ],
-    [
-        BodyJoint::RightHip,
-        BodyJoint::RightKnee,
-        BodyJoint::RightAnkle,
-        BodyJoint::RightFoot,
-    ],
+    [BodyJoint::LeftHip, BodyJoint::LeftKnee, BodyJoint::LeftAnkle, BodyJoint::LeftFoot],
+    [BodyJoint::RightHip, BodyJoint::RightKnee, BodyJoint::RightAnkle, BodyJoint::RightFoot],
 ];
 
 /// The distance between a joint and its parent in `pose`, metres.
@@ -46,10 +36,7 @@ pub fn leg_scale(poses: &[Pose]) -> f64 {
     let (mut source, mut target) = (0.0, 0.0);
     for joint in bones {
         target += BONE_LENGTH_M[joint as usize] * poses.len() as f64;
-        source += poses
-            .iter()
-            .map(|pose| bone_length_m(pose, joint))
-            .sum::<f64>();
+        source += poses.iter().map(|pose| bone_length_m(pose, joint)).sum::<f64>();
     }
     if source > 1e-6 { target / source } else { 1.0 }
 }
@@ -70,23 +57,16 @@ pub fn fit(pose: &Pose, size: f64) -> Pose {
             out[joint as usize] = add(out[parent as usize], bone);
         }
     }
-    let hips_middle = |p: &[Vec3]| {
-        lerp(
-            p[BodyJoint::LeftHip as usize],
-            p[BodyJoint::RightHip as usize],
-            0.5,
-        )
-    };
+    let hips_middle =
+        |p: &[Vec3]| lerp(p[BodyJoint::LeftHip as usize], p[BodyJoint::RightHip as usize], 0.5);
     let shift = sub(scale(hips_middle(&source), size), hips_middle(&out));
     for point in &mut out {
         *point = add(*point, shift);
     }
     for [hip, knee, ankle, foot] in LEGS.map(|leg| leg.map(|joint| joint as usize)) {
         let toe = sub(out[foot], out[ankle]);
-        let pole = sub(
-            source[knee],
-            lerp(source[hip], source[ankle], bend_share(&source, hip, knee)),
-        );
+        let pole =
+            sub(source[knee], lerp(source[hip], source[ankle], bend_share(&source, hip, knee)));
         let target = scale(source[ankle], size);
         let lengths = [BONE_LENGTH_M[knee], BONE_LENGTH_M[ankle]];
         [out[knee], out[ankle]] = two_bone(out[hip], target, pole, lengths);
@@ -129,16 +109,8 @@ mod tests {
             let j = joint as usize;
             if let Some(parent) = joint.parent() {
                 let wobble = (j as f32 * 1.7).sin() * 0.1;
-                let down = if LEGS.iter().flatten().any(|leg| *leg == joint) {
-                    -0.3
-                } else {
-                    0.2
-                };
-                let side = if joint.name().starts_with("left") {
-                    0.08
-                } else {
-                    -0.08
-                };
+                let down = if LEGS.iter().flatten().any(|leg| *leg == joint) { -0.3 } else { 0.2 };
+                let side = if joint.name().starts_with("left") { 0.08 } else { -0.08 };
                 let p = pose[parent as usize];
                 pose[j] = [p[0] + side, p[1] + down, p[2] + wobble];
             }

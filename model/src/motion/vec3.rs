@@ -30,11 +30,7 @@ pub fn dot(a: Vec3, b: Vec3) -> f64 {
 }
 
 pub fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 pub fn norm(a: Vec3) -> f64 {
@@ -48,11 +44,7 @@ pub fn lerp(a: Vec3, b: Vec3, t: f64) -> Vec3 {
 /// `a` with length one; `fallback` where `a` has no direction.
 pub fn unit_or(a: Vec3, fallback: Vec3) -> Vec3 {
     let length = norm(a);
-    if length > 1e-9 {
-        scale(a, 1.0 / length)
-    } else {
-        fallback
-    }
+    if length > 1e-9 { scale(a, 1.0 / length) } else { fallback }
 }
 
 /// `v` turned by `angle_rad` about the vertical: +z turns towards +x.

@@ -30,10 +30,7 @@ impl CandleHead {
     fn load(w: &Weights, index: usize, dtype: Dtype) -> Result<Self, ModelError> {
         let (config, rounded) = (w.config(), RoundedWeights(w, dtype));
         let (dim, part) = (config.seq.dim, &config.parts[index]);
-        let (norm, name) = (
-            format!("seq.refine_norm.{part}"),
-            format!("seq.refine.{part}"),
-        );
+        let (norm, name) = (format!("seq.refine_norm.{part}"), format!("seq.refine.{part}"));
         let load =
             || TensorFeedForward::load(&rounded, (&norm, &name), (dim, dim), config.activation);
         let head = format!("seq.head.{part}");
@@ -91,9 +88,7 @@ impl CandleSeq {
             music_dim: config.music_dim,
             music_in: TensorLinear::load(&rounded, "seq.music_in", config.music_dim, dim)?,
             music_null: w.tensor("seq.music_null", &[dim])?.unsqueeze(0)?,
-            layers: (0..seq.layers)
-                .map(layer)
-                .collect::<Result<_, ModelError>>()?,
+            layers: (0..seq.layers).map(layer).collect::<Result<_, ModelError>>()?,
             norm: TensorNorm::load(&rounded, "seq.norm", dim)?,
             embeddings: CodeEmbeddings::load(w)?,
             heads: heads.collect::<Result<_, _>>()?,
@@ -118,10 +113,7 @@ impl CandleSeq {
     }
 
     fn window(&self) -> AttentionWindow {
-        AttentionWindow {
-            frames: self.config.window,
-            ahead: 0,
-        }
+        AttentionWindow { frames: self.config.window, ahead: 0 }
     }
 
     /// The next frames: `previous` holds a row of codes for each, `music` the
@@ -206,8 +198,7 @@ impl CandleSeq {
     /// Where the frames stand, all zeros with ALiBi.
     fn position_rows(&self, state: &CandleSeqState, frames: usize) -> TensorResult<Tensor> {
         self.rows(state, frames, |row, frame| {
-            self.embeddings
-                .add_position(row, state.frame + frame as u64);
+            self.embeddings.add_position(row, state.frame + frame as u64);
         })
     }
 
@@ -236,10 +227,7 @@ impl CandleSeq {
             |l: &CandleLayer| l.attention.bytes() + l.cross.bytes() + l.feed_forward.bytes();
         let layers: usize = self.layers.iter().map(layer).sum();
         let refine = |head: &CandleHead| head.refine.as_ref().map_or(0, TensorFeedForward::bytes);
-        let heads = self
-            .heads
-            .iter()
-            .map(|head| refine(head) + head.head.bytes());
+        let heads = self.heads.iter().map(|head| refine(head) + head.head.bytes());
         self.music_in.bytes() + layers + heads.sum::<usize>()
     }
 }
@@ -256,12 +244,7 @@ impl CandleSeqState {
             let first = caches.iter().map(TensorCache::first_lane);
             first.collect::<TensorResult<_>>()
         };
-        Ok(Self {
-            lanes: 1,
-            own: first(&self.own)?,
-            music: first(&self.music)?,
-            ..self.clone()
-        })
+        Ok(Self { lanes: 1, own: first(&self.own)?, music: first(&self.music)?, ..self.clone() })
     }
 
     pub fn hidden(&self) -> &[f32] {

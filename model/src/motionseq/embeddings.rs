@@ -53,9 +53,7 @@ impl CodeEmbeddings {
 
 fn add_rows(x: &mut [f32], tables: &[EmbeddingTable], codes: &[usize]) {
     for (table, code) in tables.iter().zip(codes) {
-        x.iter_mut()
-            .zip(table.row(*code))
-            .for_each(|(x, e)| *x += e);
+        x.iter_mut().zip(table.row(*code)).for_each(|(x, e)| *x += e);
     }
 }
 

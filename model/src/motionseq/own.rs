@@ -28,18 +28,12 @@ impl OwnHead {
     fn load(w: &Weights, index: usize, dtype: Dtype) -> Result<Self, ModelError> {
         let config = w.config();
         let (dim, part) = (config.seq.dim, &config.parts[index]);
-        let (norm, name) = (
-            format!("seq.refine_norm.{part}"),
-            format!("seq.refine.{part}"),
-        );
+        let (norm, name) = (format!("seq.refine_norm.{part}"), format!("seq.refine.{part}"));
         let refine = (index > 0)
             .then(|| FeedForwardBlock::load(w, (&norm, &name), dim, dim, dtype))
             .transpose()?;
         let name = format!("seq.head.{part}");
-        Ok(Self {
-            refine,
-            head: PackedLinear::load(w, &name, dim, config.classes(index), dtype)?,
-        })
+        Ok(Self { refine, head: PackedLinear::load(w, &name, dim, config.classes(index), dtype)? })
     }
 
     fn bytes(&self) -> usize {
@@ -84,11 +78,8 @@ impl OwnSeq {
     pub fn load(w: &Weights, dtype: Dtype) -> Result<Self, ModelError> {
         let (config, seq) = (w.config(), &w.config().seq);
         let dim = seq.dim;
-        let shape = |slopes| AttentionShape {
-            slopes,
-            width: seq.width_of_head(),
-            window: seq.window,
-        };
+        let shape =
+            |slopes| AttentionShape { slopes, width: seq.width_of_head(), window: seq.window };
         let (own, cross) = (shape(seq.used_slopes()), shape(seq.used_cross_slopes()));
         let layer = |i| {
             let name = format!("seq.layers.{i}");
@@ -110,9 +101,7 @@ impl OwnSeq {
             music_in: PackedLinear::load(w, "seq.music_in", config.music_dim, dim, dtype)?,
             music_null: w.floats("seq.music_null", &[dim])?,
             music_kv: PackedLinear::stack(keys_values, dim, dtype),
-            layers: (0..seq.layers)
-                .map(layer)
-                .collect::<Result<_, ModelError>>()?,
+            layers: (0..seq.layers).map(layer).collect::<Result<_, ModelError>>()?,
             norm: LayerNorm::load(w, "seq.norm", dim)?,
             embeddings: CodeEmbeddings::load(w)?,
             heads: heads.collect::<Result<_, _>>()?,
@@ -186,29 +175,16 @@ impl OwnSeq {
         debug_assert_eq!(music.len(), state.work.lanes);
         self.hear(team, state, music);
         self.take_codes(state, previous);
-        let OwnSeqState {
-            position,
-            own,
-            music,
-            style,
-            keys_values,
-            work,
-            scratch,
-            ..
-        } = state;
+        let OwnSeqState { position, own, music, style, keys_values, work, scratch, .. } = state;
         let (lanes, dim) = (work.lanes, work.dim);
-        let caches = own
-            .chunks_exact_mut(lanes)
-            .zip(music.chunks_exact_mut(lanes));
+        let caches = own.chunks_exact_mut(lanes).zip(music.chunks_exact_mut(lanes));
         let layers = self.layers.iter().zip(style.chunks_exact(dim));
         for (i, ((layer, style), (own, music))) in layers.zip(caches).enumerate() {
             let at = (&self.shape, &*position);
             layer.attention.step(team, at, own, None, work, scratch);
             let at = (&self.cross_shape, &*position);
             let given = (&keys_values[..], i * 2 * self.cross_shape.wide());
-            layer
-                .cross
-                .step(team, at, music, Some(given), work, scratch);
+            layer.cross.step(team, at, music, Some(given), work, scratch);
             for x in work.x.chunks_exact_mut(dim) {
                 styled(team.cpu(), x, style);
             }
@@ -223,14 +199,7 @@ impl OwnSeq {
 
     /// The music of all lanes, and its keys and values for all layers.
     fn hear(&self, team: &Team, state: &mut OwnSeqState, music: &[Option<&[f32]>]) {
-        let OwnSeqState {
-            heard,
-            stream,
-            keys_values,
-            work,
-            position,
-            ..
-        } = state;
+        let OwnSeqState { heard, stream, keys_values, work, position, .. } = state;
         for (lane, music) in music.iter().enumerate() {
             match music {
                 Some(music) => heard.lane_mut(lane).copy_from_slice(music),
@@ -239,9 +208,7 @@ impl OwnSeq {
         }
         heard.ready(team.cpu());
         let nothing = After::Nothing;
-        let products = self
-            .music_in
-            .forward(team, heard, &mut work.products, nothing);
+        let products = self.music_in.forward(team, heard, &mut work.products, nothing);
         stream.take(team.cpu(), products);
         for (lane, music) in music.iter().enumerate() {
             let row = stream.lane_mut(lane);
@@ -273,12 +240,7 @@ impl OwnSeq {
         part: usize,
         chosen: &[usize],
     ) -> &'a [f32] {
-        let OwnSeqState {
-            hidden,
-            head_work: work,
-            logits,
-            ..
-        } = state;
+        let OwnSeqState { hidden, head_work: work, logits, .. } = state;
         work.x.copy_from_slice(hidden);
         for x in work.x.chunks_exact_mut(work.dim) {
             self.embeddings.add_chosen(x, &chosen[..part]);

@@ -24,11 +24,7 @@ pub(crate) struct Sampling {
 impl Sampling {
     pub fn checked(self) -> Result<Self, ModelError> {
         let refuse = |option, found: f32, expected| {
-            Err(ModelError::Option {
-                option,
-                found: found.to_string(),
-                expected,
-            })
+            Err(ModelError::Option { option, found: found.to_string(), expected })
         };
         if !(0.0..=10.0).contains(&self.temperature) {
             return refuse("temperature", self.temperature, "0 to 10");
@@ -73,12 +69,7 @@ impl Sampler {
 
     /// One code. Logits that are not finite count as impossible; none if all are.
     pub fn draw(&mut self, logits: &[f32]) -> Option<usize> {
-        let Sampling {
-            temperature,
-            top_k,
-            top_p,
-            ..
-        } = self.sampling;
+        let Sampling { temperature, top_k, top_p, .. } = self.sampling;
         let logit = |i: &u32| logits[*i as usize];
         let order = &mut self.order;
         order.clear();
@@ -124,12 +115,7 @@ mod tests {
     use super::*;
 
     fn sampling(temperature: f32, top_k: usize, top_p: f32) -> Sampling {
-        Sampling {
-            temperature,
-            top_k,
-            top_p,
-            repetition: 0.0,
-        }
+        Sampling { temperature, top_k, top_p, repetition: 0.0 }
     }
 
     fn sampler(temperature: f32, top_k: usize, top_p: f32) -> Sampler {

@@ -24,10 +24,7 @@ pub(crate) struct RepetitionPenalty {
 impl RepetitionPenalty {
     /// Without a past, for `parts` of `codes` codes each.
     pub fn new(parts: usize, codes: usize) -> Self {
-        Self {
-            recent: RecentCodes::new(parts, codes),
-            figures: RepeatedFigures::new(parts, codes),
-        }
+        Self { recent: RecentCodes::new(parts, codes), figures: RepeatedFigures::new(parts, codes) }
     }
 
     pub fn clear(&mut self) {

@@ -35,12 +35,8 @@ fn with_end() -> Vec<u8> {
         (name, view.dtype(), shape, data)
     });
     let tensors: Vec<_> = tensors.collect();
-    let entries = tensors.iter().map(|(name, dtype, shape, data)| Entry {
-        name,
-        dtype: *dtype,
-        shape,
-        data,
-    });
+    let entries =
+        tensors.iter().map(|(name, dtype, shape, data)| Entry { name, dtype: *dtype, shape, data });
     tensor_file::bytes(&metadata, entries.collect())
 }
 

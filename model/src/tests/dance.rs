@@ -15,10 +15,7 @@ fn start(seed: u64, guidance: f32) -> Dance {
         style: Some("wild".into()),
         ..GeneratorOptions::default()
     };
-    Generator::from_bytes(TINY, "tiny")
-        .unwrap()
-        .start(options)
-        .unwrap()
+    Generator::from_bytes(TINY, "tiny").unwrap().start(options).unwrap()
 }
 
 fn music(k: usize) -> MusicFrame {
@@ -152,12 +149,10 @@ fn with_end(bias: f32) -> Vec<u8> {
         }
         views.push((name.to_owned(), view.dtype(), shape, data));
     }
-    let views = views
-        .iter()
-        .map(|(name, dtype, shape, data): &(_, Stored, _, _)| {
-            let view = TensorView::new(*dtype, Vec::clone(shape), data).unwrap();
-            (name.as_str(), view)
-        });
+    let views = views.iter().map(|(name, dtype, shape, data): &(_, Stored, _, _)| {
+        let view = TensorView::new(*dtype, Vec::clone(shape), data).unwrap();
+        (name.as_str(), view)
+    });
     safetensors::serialize(views, Some(metadata)).unwrap()
 }
 
@@ -165,10 +160,7 @@ fn with_end(bias: f32) -> Vec<u8> {
 fn the_end_stops_a_dance_or_begins_the_next_sequence() {
     let run = |bias, at_end| {
         let generator = Generator::from_bytes(&with_end(bias), "with an end").unwrap();
-        let options = GeneratorOptions {
-            at_end,
-            ..GeneratorOptions::default()
-        };
+        let options = GeneratorOptions { at_end, ..GeneratorOptions::default() };
         let mut dance = generator.start(options).unwrap();
         let danced = (0..30).map_while(|k| match dance.step(&music(k)) {
             Ok(frame) => Some(frame),
@@ -197,24 +189,15 @@ fn bad_music_is_replaced_by_the_last_good_frame_and_counted() {
         }
         assert_eq!(clean.step(&heard).unwrap(), dirty.step(&broken).unwrap());
     }
-    assert_eq!(
-        (clean.bad_music_frames(), dirty.bad_music_frames()),
-        (0, 10)
-    );
+    assert_eq!((clean.bad_music_frames(), dirty.bad_music_frames()), (0, 10));
 }
 
 #[test]
 fn an_unknown_style_lists_the_styles() {
     let generator = Generator::from_bytes(TINY, "tiny").unwrap();
-    let options = GeneratorOptions {
-        style: Some("polka".into()),
-        ..GeneratorOptions::default()
-    };
+    let options = GeneratorOptions { style: Some("polka".into()), ..GeneratorOptions::default() };
     let text = generator.start(options).unwrap_err().to_string();
-    assert!(
-        text.contains("polka") && text.contains("plain, wild"),
-        "{text}"
-    );
+    assert!(text.contains("polka") && text.contains("plain, wild"), "{text}");
 }
 
 #[test]
@@ -222,16 +205,11 @@ fn the_built_in_weights_dance_in_every_style() {
     let generator = Generator::built_in().unwrap();
     assert!(generator.styles().len() > 5, "{:?}", generator.styles());
     for style in generator.styles() {
-        let options = GeneratorOptions {
-            style: Some(style.clone()),
-            ..GeneratorOptions::default()
-        };
+        let options =
+            GeneratorOptions { style: Some(style.clone()), ..GeneratorOptions::default() };
         let danced = frames(generator.start(options).unwrap(), 60);
         let hips: Vec<f32> = danced.iter().map(|f| f.positions[0][1]).collect();
-        assert!(
-            hips.iter().all(|y| (0.2..1.5).contains(y)),
-            "{style}: {hips:?}"
-        );
+        assert!(hips.iter().all(|y| (0.2..1.5).contains(y)), "{style}: {hips:?}");
         let moved = danced[20].positions != danced[59].positions;
         assert!(moved, "{style} stands still");
     }

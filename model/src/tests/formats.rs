@@ -22,20 +22,10 @@ fn converted_weights_give_nearly_the_same() {
         let weights = Weights::open(&bytes, "converted").unwrap();
         assert_eq!(weights.dtype(), dtype);
         let found = decoded(&weights, &g.codes);
-        let gap: f32 = found
-            .iter()
-            .zip(&expected)
-            .map(|(a, b)| (a - b).powi(2))
-            .sum();
-        assert!(
-            gap <= size * tolerance * tolerance,
-            "{dtype}: {gap} of {size}"
-        );
+        let gap: f32 = found.iter().zip(&expected).map(|(a, b)| (a - b).powi(2)).sum();
+        assert!(gap <= size * tolerance * tolerance, "{dtype}: {gap} of {size}");
         // What is kept as blocks is what a wider format makes of it.
-        let options = EngineOptions {
-            threads: Some(1),
-            ..EngineOptions::default()
-        };
+        let options = EngineOptions { threads: Some(1), ..EngineOptions::default() };
         assert_eq!(Engine::new(&weights, options).unwrap().dtype(), dtype);
         let wide = convert(&bytes, "converted", Dtype::F32).unwrap();
         let wide = Weights::open(&wide, "wide").unwrap();

@@ -77,12 +77,7 @@ fn danced_at_once(
 fn bytes_as<T>(name: &str, read: impl Fn([u8; 4]) -> T) -> Vec<T> {
     let golden = SafeTensors::deserialize(GOLDEN).unwrap();
     let view = golden.tensor(name).unwrap();
-    view.data()
-        .as_chunks::<4>()
-        .0
-        .iter()
-        .map(|b| read(*b))
-        .collect()
+    view.data().as_chunks::<4>().0.iter().map(|b| read(*b)).collect()
 }
 
 /// Rows of one code per part (the tiny model has two parts).
@@ -100,23 +95,13 @@ pub(super) fn check_same(what: &str, found: &[f32], expected: &[f32]) {
     let gaps = found.iter().zip(expected).map(|(a, b)| (a - b).abs());
     let worst = gaps.fold(0.0, f32::max);
     let largest = expected.iter().fold(0f32, |m, v| m.max(v.abs()));
-    assert!(
-        largest > 0.1,
-        "{what}: the expected numbers are all near zero"
-    );
-    assert!(
-        worst <= TOLERANCE * largest.max(1.0),
-        "{what}: off by {worst}"
-    );
+    assert!(largest > 0.1, "{what}: the expected numbers are all near zero");
+    assert!(worst <= TOLERANCE * largest.max(1.0), "{what}: off by {worst}");
 }
 
 /// Two threads, f32.
 fn engine(weights: &Weights, kind: EngineKind) -> Engine {
-    let options = EngineOptions {
-        kind,
-        dtype: Some(Dtype::F32),
-        threads: Some(2),
-    };
+    let options = EngineOptions { kind, dtype: Some(Dtype::F32), threads: Some(2) };
     Engine::new(weights, options).unwrap()
 }
 
@@ -145,8 +130,7 @@ fn hidden(
     let team = engine.pool().team();
     let mut found = [Vec::new(), Vec::new()];
     for (codes, music) in previous.iter().zip(music.chunks(39)) {
-        seq.step(&team, &mut state, codes, &[Some(music), None][..lanes])
-            .unwrap();
+        seq.step(&team, &mut state, codes, &[Some(music), None][..lanes]).unwrap();
         for (lane, found) in found.iter_mut().enumerate().take(lanes) {
             found.extend(state.hidden(lane));
         }

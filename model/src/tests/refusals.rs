@@ -16,10 +16,7 @@ fn broken(change: impl Fn(&mut Vec<u8>)) -> ModelError {
 /// Replaces text in the header by text of the same length.
 fn swap(bytes: &mut [u8], from: &str, to: &str) {
     assert_eq!(from.len(), to.len());
-    let at = bytes
-        .windows(from.len())
-        .position(|w| w == from.as_bytes())
-        .unwrap();
+    let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
     bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
 }
 
@@ -35,35 +32,23 @@ fn a_truncated_file_is_refused() {
 fn a_missing_tensor_is_named_with_its_shape() {
     let error = broken(|bytes| swap(bytes, "seq.head.upper.bias", "seq.head.uppex.bias"));
     let text = error.to_string();
-    assert!(
-        text.contains("seq.head.upper.bias") && text.contains("[16]"),
-        "{text}"
-    );
+    assert!(text.contains("seq.head.upper.bias") && text.contains("[16]"), "{text}");
 }
 
 #[test]
 fn sizes_that_do_not_match_the_tensors_are_named() {
     let error = broken(|bytes| swap(bytes, r#"\"codes\":16"#, r#"\"codes\":15"#));
     let text = error.to_string();
-    assert!(
-        matches!(error, ModelError::Config { .. } | ModelError::Shape { .. }),
-        "{text}"
-    );
+    assert!(matches!(error, ModelError::Config { .. } | ModelError::Shape { .. }), "{text}");
     let error = broken(|bytes| swap(bytes, r#"\"code_dim\":8"#, r#"\"code_dim\":9"#));
     let text = error.to_string();
-    assert!(
-        text.contains("[16, 9]") && text.contains("[16, 8]"),
-        "{text}"
-    );
+    assert!(text.contains("[16, 9]") && text.contains("[16, 8]"), "{text}");
 }
 
 #[test]
 fn a_configuration_of_another_kind_is_refused() {
     let error = broken(|bytes| swap(bytes, r#"\"music_dim\":39"#, r#"\"music_dim\":35"#));
-    assert!(
-        error.to_string().contains("music_dim is 35, expected 39"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("music_dim is 35, expected 39"), "{error}");
     let error = broken(|bytes| swap(bytes, "servodance-model-1", "servodance-model-7"));
     assert!(error.to_string().contains("servodance-model-7"), "{error}");
 }
@@ -102,26 +87,10 @@ fn rewritten(bytes: &[u8], change: Change) -> Vec<u8> {
 fn every_number_format_is_checked_at_load() {
     const UP: &str = "seq.layers.1.ff.up.weight";
     let cases: [(Dtype, Change, &[&str]); 8] = [
-        (
-            Dtype::F32,
-            |t| t.retain(|t| t.0 != UP),
-            &["is missing", "[64, 32]"],
-        ),
-        (
-            Dtype::Q8_0,
-            |t| t.retain(|t| t.0 != UP),
-            &["is missing", "[64, 32]"],
-        ),
-        (
-            Dtype::Q8_0,
-            |t| t.retain(|t| t.0 != UP.to_owned() + ".scale"),
-            &[".scale", "[64, 1]"],
-        ),
-        (
-            Dtype::Q6,
-            |t| t.retain(|t| t.0 != UP.to_owned() + ".scale"),
-            &[".scale", "[64, 1]"],
-        ),
+        (Dtype::F32, |t| t.retain(|t| t.0 != UP), &["is missing", "[64, 32]"]),
+        (Dtype::Q8_0, |t| t.retain(|t| t.0 != UP), &["is missing", "[64, 32]"]),
+        (Dtype::Q8_0, |t| t.retain(|t| t.0 != UP.to_owned() + ".scale"), &[".scale", "[64, 1]"]),
+        (Dtype::Q6, |t| t.retain(|t| t.0 != UP.to_owned() + ".scale"), &[".scale", "[64, 1]"]),
         (
             Dtype::Q4_0,
             |t| {
@@ -133,10 +102,7 @@ fn every_number_format_is_checked_at_load() {
         (
             Dtype::Q4_0,
             |t| {
-                let scale = t
-                    .iter_mut()
-                    .find(|t| t.0.starts_with(UP) && t.0 != UP)
-                    .unwrap();
+                let scale = t.iter_mut().find(|t| t.0.starts_with(UP) && t.0 != UP).unwrap();
                 scale.3[..2].copy_from_slice(&half::f16::NAN.to_le_bytes());
             },
             &["not finite"],
@@ -160,9 +126,7 @@ fn every_number_format_is_checked_at_load() {
     ];
     for (dtype, change, words) in cases {
         let bytes = rewritten(&convert(TINY, "tiny", dtype).unwrap(), change);
-        let text = Generator::from_bytes(&bytes, "broken")
-            .unwrap_err()
-            .to_string();
+        let text = Generator::from_bytes(&bytes, "broken").unwrap_err().to_string();
         for word in words.iter().chain(&[UP, "broken"]) {
             assert!(text.contains(word), "{dtype}: {text} lacks {word}");
         }
@@ -175,8 +139,5 @@ fn another_preset_than_asked_is_refused() {
     let weights = Weights::open(TINY, "mine").unwrap();
     assert!(weights.expect_preset("tiny").is_ok());
     let text = weights.expect_preset("paper").unwrap_err().to_string();
-    assert!(
-        text.contains("mine") && text.contains("preset is `tiny`, expected `paper`"),
-        "{text}"
-    );
+    assert!(text.contains("mine") && text.contains("preset is `tiny`, expected `paper`"), "{text}");
 }

@@ -33,25 +33,15 @@ impl CandleDecoder {
             layers: vq.decoder_layers,
             head_width: vq.decoder_head_dim(),
             slopes: vq.decoder_slopes.clone(),
-            window: AttentionWindow {
-                frames: vq.decoder_window,
-                ahead: 0,
-            },
+            window: AttentionWindow { frames: vq.decoder_window, ahead: 0 },
             activation: config.activation,
         };
         let transformer = TensorTransformer::load(&RoundedWeights(w, dtype), "vq.decoder", sizes)?;
-        Ok(Self {
-            dtype,
-            codebooks,
-            transformer,
-        })
+        Ok(Self { dtype, codebooks, transformer })
     }
 
     pub fn start(&self) -> CandleDecoderState {
-        CandleDecoderState {
-            caches: self.transformer.start(self.dtype),
-            motion: Vec::new(),
-        }
+        CandleDecoderState { caches: self.transformer.start(self.dtype), motion: Vec::new() }
     }
 
     /// The next frames, one row of codes for each; gives their numbers.

@@ -55,10 +55,7 @@ impl NearestCode {
     pub fn load(w: &Weights, part: &str) -> Result<Self, ModelError> {
         let shape = [w.config().codes, w.config().code_dim];
         let vectors = w.tensor(&format!("vq.codebook.{part}"), &shape)?;
-        Ok(Self {
-            squared: vectors.sqr()?.sum(1)?,
-            vectors_t: vectors.t()?,
-        })
+        Ok(Self { squared: vectors.sqr()?.sum(1)?, vectors_t: vectors.t()? })
     }
 
     /// The nearest code of each row of [frames, code_dim].

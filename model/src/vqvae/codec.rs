@@ -85,11 +85,7 @@ impl Codec {
             let vector = std::array::from_fn(|i| normalised[i] * self.std[i] + self.mean[i]);
             poses.push(skeleton::fit(&recovery.push(&vector), 1.0));
         }
-        Ok(Clip {
-            name: name.to_owned(),
-            fps: servodance_types::FRAME_RATE_HZ,
-            poses,
-        })
+        Ok(Clip { name: name.to_owned(), fps: servodance_types::FRAME_RATE_HZ, poses })
     }
 }
 

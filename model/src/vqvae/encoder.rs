@@ -39,10 +39,7 @@ impl VqEncoder {
     pub fn load(w: &Weights) -> Result<Self, ModelError> {
         let config = w.config();
         let parts = config.parts.iter().map(|part| PartEncoder::load(w, part));
-        Ok(Self {
-            parts: parts.collect::<Result<_, _>>()?,
-            config: config.vq.clone(),
-        })
+        Ok(Self { parts: parts.collect::<Result<_, _>>()?, config: config.vq.clone() })
     }
 
     /// One code per part for each row of 137 normalised numbers.
@@ -83,10 +80,7 @@ impl PartEncoder {
             layers: vq.encoder_layers,
             head_width: vq.encoder_head_dim(),
             slopes: vq.encoder_slopes.clone(),
-            window: AttentionWindow {
-                frames: vq.encoder_window,
-                ahead: vq.encoder_window,
-            },
+            window: AttentionWindow { frames: vq.encoder_window, ahead: vq.encoder_window },
             activation: config.activation,
         };
         Ok(Self {
@@ -97,10 +91,8 @@ impl PartEncoder {
     }
 
     fn codes(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<u32>, ModelError> {
-        let seen: Vec<f32> = motion
-            .iter()
-            .flat_map(|row| self.channels.iter().map(|&c| row[c]))
-            .collect();
+        let seen: Vec<f32> =
+            motion.iter().flat_map(|row| self.channels.iter().map(|&c| row[c])).collect();
         let seen = Tensor::from_vec(seen, (motion.len(), self.channels.len()), &Device::Cpu)?;
         let mut no_past = self.transformer.start(Dtype::F32);
         let latent = self.transformer.forward(&seen, &mut no_past)?;

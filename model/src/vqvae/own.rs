@@ -55,9 +55,7 @@ impl OwnDecoder {
             ff: vq.ff,
             codebooks,
             input: PackedLinear::load(w, "vq.decoder.input", wide, vq.dim, dtype)?,
-            layers: (0..vq.decoder_layers)
-                .map(layer)
-                .collect::<Result<_, ModelError>>()?,
+            layers: (0..vq.decoder_layers).map(layer).collect::<Result<_, ModelError>>()?,
             norm: LayerNorm::load(w, "vq.decoder.norm", vq.dim)?,
             output: PackedLinear::load(w, "vq.decoder.output", vq.dim, motion_dim, dtype)?,
             shape,
@@ -92,13 +90,7 @@ impl OwnDecoder {
         state: &'a mut OwnDecoderState,
         codes: &[usize],
     ) -> &'a [f32] {
-        let OwnDecoderState {
-            position,
-            caches,
-            codes: input,
-            work,
-            scratch,
-        } = state;
+        let OwnDecoderState { position, caches, codes: input, work, scratch } = state;
         self.codebooks.look_up(codes, input.lane_mut(0));
         input.ready(team.cpu());
         let nothing = After::Nothing;
@@ -111,8 +103,7 @@ impl OwnDecoder {
         }
         position.advance();
         self.norm.forward(team.cpu(), &work.x, &mut work.normed);
-        self.output
-            .forward(team, &work.normed, &mut work.products, nothing)
+        self.output.forward(team, &work.normed, &mut work.products, nothing)
     }
 
     pub fn cache_bytes(&self) -> usize {

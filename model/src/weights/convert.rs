@@ -22,19 +22,12 @@ struct Tensor {
 /// matrices do); what normalises data stays f32, integers stay what they are.
 /// Every number is checked.
 pub fn convert(bytes: &[u8], source: &str, dtype: Dtype) -> Result<Vec<u8>, ModelError> {
-    let file = |reason: String| ModelError::File {
-        source_name: source.to_owned(),
-        reason,
-    };
+    let file = |reason: String| ModelError::File { source_name: source.to_owned(), reason };
     let weights = Weights::open(bytes, source)?;
     let tensors = SafeTensors::deserialize(bytes).map_err(|e| file(e.to_string()))?;
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| file(e.to_string()))?;
-    let metadata: BTreeMap<String, String> = header
-        .metadata()
-        .clone()
-        .unwrap_or_default()
-        .into_iter()
-        .collect();
+    let metadata: BTreeMap<String, String> =
+        header.metadata().clone().unwrap_or_default().into_iter().collect();
     let mut names = tensors.names();
     names.sort_unstable();
     let mut converted = Vec::with_capacity(names.len());
@@ -61,9 +54,7 @@ pub fn convert_file(path: &Path, dtype: Dtype) -> Result<Vec<u8>, ModelError> {
 
 /// Whether the tensor is the scale of a quantised one.
 fn is_scale(name: &str, tensors: &SafeTensors) -> bool {
-    let of = name
-        .strip_suffix(".scale")
-        .and_then(|of| tensors.tensor(of).ok());
+    let of = name.strip_suffix(".scale").and_then(|of| tensors.tensor(of).ok());
     of.is_some_and(|of| matches!(of.dtype(), Stored::I8 | Stored::U8))
 }
 
@@ -116,11 +107,6 @@ fn one(
     let scale_name = format!("{name}.scale");
     Ok(vec![
         tensor(name, stored, &packed_shape, bytes),
-        tensor(
-            &scale_name,
-            Stored::F16,
-            &[rows, width / BLOCK],
-            scales.collect(),
-        ),
+        tensor(&scale_name, Stored::F16, &[rows, width / BLOCK], scales.collect()),
     ])
 }

@@ -112,11 +112,7 @@ pub(crate) fn q4_values(bytes: &[u8], scale: f16) -> [f32; BLOCK] {
     let half = BLOCK / 2;
     let scale = scale.to_f32();
     std::array::from_fn(|i| {
-        let nibble = if i < half {
-            bytes[i] & 15
-        } else {
-            bytes[i - half] >> 4
-        };
+        let nibble = if i < half { bytes[i] & 15 } else { bytes[i - half] >> 4 };
         (f32::from(nibble) - 8.0) * scale
     })
 }
@@ -152,11 +148,7 @@ pub(crate) fn q6_chunk(values: &[f32; CHUNK]) -> ([u16; CHUNK_WORDS], [f16; 4]) 
     let tried = |i| -(31.0 + 0.25 * i as f32);
     let mut quants = [0; CHUNK];
     let mut scales = [f16::ZERO; 4];
-    let blocks = quants
-        .as_chunks_mut::<BLOCK>()
-        .0
-        .iter_mut()
-        .zip(&mut scales);
+    let blocks = quants.as_chunks_mut::<BLOCK>().0.iter_mut().zip(&mut scales);
     for ((quants, scale), values) in blocks.zip(values.as_chunks::<BLOCK>().0) {
         (*quants, *scale) = best_of(values, (0..=6).map(tried), 32);
     }

@@ -57,14 +57,8 @@ impl<'a> Weights<'a> {
 
     /// Opens the bytes of a file; `source` names it in errors.
     pub fn open(bytes: &'a [u8], source: &str) -> Result<Self, ModelError> {
-        let file = |reason: String| ModelError::File {
-            source_name: source.to_owned(),
-            reason,
-        };
-        let config = |reason: String| ModelError::Config {
-            source_name: source.to_owned(),
-            reason,
-        };
+        let file = |reason: String| ModelError::File { source_name: source.to_owned(), reason };
+        let config = |reason: String| ModelError::Config { source_name: source.to_owned(), reason };
         let tensors = SafeTensors::deserialize(bytes)
             .map_err(|e| file(format!("not a whole safetensors file: {e}")))?;
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| file(e.to_string()))?;
@@ -80,10 +74,7 @@ impl<'a> Weights<'a> {
         let default = metadata.get("default_style").map_or("", String::as_str);
         let styles = &parsed.seq.styles;
         let default_style = styles.iter().position(|s| s == default).ok_or_else(|| {
-            config(format!(
-                "default_style is `{default}`, expected one of: {}",
-                styles.join(", ")
-            ))
+            config(format!("default_style is `{default}`, expected one of: {}", styles.join(", ")))
         })?;
         Ok(Self {
             source: source.to_owned(),
@@ -131,11 +122,7 @@ impl<'a> Weights<'a> {
 
     /// Columns of a quantised matrix, as its scales tell.
     pub(crate) fn quantised_columns(&self, name: &str) -> Option<usize> {
-        let scales = self
-            .tensors
-            .as_ref()?
-            .tensor(&format!("{name}.scale"))
-            .ok()?;
+        let scales = self.tensors.as_ref()?.tensor(&format!("{name}.scale")).ok()?;
         Some(scales.shape().last()?.saturating_mul(BLOCK))
     }
 
@@ -165,10 +152,7 @@ impl<'a> Weights<'a> {
 
     /// An error about the configuration of this file.
     pub(crate) fn config_error(&self, reason: String) -> ModelError {
-        ModelError::Config {
-            source_name: self.source.clone(),
-            reason,
-        }
+        ModelError::Config { source_name: self.source.clone(), reason }
     }
 
     /// A tensor of exactly this shape, as f32 on the CPU.
@@ -236,9 +220,8 @@ impl<'a> Weights<'a> {
         if view.dtype() != StoredAs::I32 {
             return Err(self.wrong_type(name, "I32", view.dtype()));
         }
-        let values: Vec<usize> = chunks(view.data())
-            .map(|b| i32::from_le_bytes(b) as usize)
-            .collect();
+        let values: Vec<usize> =
+            chunks(view.data()).map(|b| i32::from_le_bytes(b) as usize).collect();
         if let Some(bad) = values.iter().find(|v| **v >= limit) {
             return Err(self.config_error(format!(
                 "tensor `{name}` holds {bad}, expected numbers below {limit}"

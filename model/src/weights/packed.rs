@@ -81,10 +81,7 @@ impl PackedMatrix {
     ) -> Self {
         let (blocks, wide) = (width / BLOCK, scales_width(width));
         let mut spread = vec![0; rows * wide];
-        for (to, from) in spread
-            .chunks_exact_mut(wide)
-            .zip(scales.chunks_exact(blocks))
-        {
+        for (to, from) in spread.chunks_exact_mut(wide).zip(scales.chunks_exact(blocks)) {
             to[..blocks].copy_from_slice(from);
         }
         let numbers = match dtype {
@@ -95,12 +92,7 @@ impl PackedMatrix {
             }
             _ => PackedNumbers::Q4(Held::Own(bytes.to_vec())),
         };
-        Self {
-            rows,
-            width,
-            numbers,
-            scales: Held::Own(spread),
-        }
+        Self { rows, width, numbers, scales: Held::Own(spread) }
     }
 
     /// The bytes of a quantised matrix for a file, and its scales.

@@ -78,9 +78,8 @@ mod tests {
             shape,
             data: &numbers[..bytes],
         };
-        let metadata: BTreeMap<String, String> = (0..20)
-            .map(|i| (format!("key {i}"), format!("\"{i}\"")))
-            .collect();
+        let metadata: BTreeMap<String, String> =
+            (0..20).map(|i| (format!("key {i}"), format!("\"{i}\""))).collect();
         let a = tensor("a \"quoted\" name", Dtype::I8, &[3], 3);
         let b = tensor("b", Dtype::F32, &[2, 3], 24);
         let c = tensor("c", Dtype::I64, &[0], 0);

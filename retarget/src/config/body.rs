@@ -30,14 +30,7 @@ pub struct Gains {
 
 impl Default for Gains {
     fn default() -> Self {
-        Self {
-            left_arm: 1.0,
-            right_arm: 1.0,
-            left_leg: 1.0,
-            right_leg: 1.0,
-            head: 1.0,
-            torso: 1.0,
-        }
+        Self { left_arm: 1.0, right_arm: 1.0, left_leg: 1.0, right_leg: 1.0, head: 1.0, torso: 1.0 }
     }
 }
 

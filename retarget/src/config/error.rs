@@ -26,17 +26,9 @@ pub enum RetargetError {
     #[error("no joint `{name}` in the URDF; it has: {choices}")]
     NoSuchJoint { name: String, choices: String },
     #[error("no link `{name}` in the URDF (asked for as `{part}`); it has: {choices}")]
-    NoSuchLink {
-        part: String,
-        name: String,
-        choices: String,
-    },
+    NoSuchLink { part: String, name: String, choices: String },
     #[error("[retarget] {key} = {value}: {expected}")]
-    Config {
-        key: String,
-        value: String,
-        expected: String,
-    },
+    Config { key: String, value: String, expected: String },
     #[error("{actual} joint positions given, the robot has {expected} joints")]
     Length { expected: usize, actual: usize },
     #[error("joint `{joint}`: present position is not a finite number")]

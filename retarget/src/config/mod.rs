@@ -127,11 +127,7 @@ pub struct TorqueConfig {
 
 impl Default for TorqueConfig {
     fn default() -> Self {
-        Self {
-            limit_nm: BTreeMap::new(),
-            continuous_share: 0.4,
-            warm_up_s: 180.0,
-        }
+        Self { limit_nm: BTreeMap::new(), continuous_share: 0.4, warm_up_s: 180.0 }
     }
 }
 

@@ -61,10 +61,7 @@ impl SupportPolygon {
 
     /// Farthest distance outside any edge, metres; negative inside.
     pub fn outside_m(&self, point: &Point3<f64>) -> f64 {
-        self.edges
-            .iter()
-            .map(|edge| edge.outside_m(point))
-            .fold(f64::NEG_INFINITY, f64::max)
+        self.edges.iter().map(|edge| edge.outside_m(point)).fold(f64::NEG_INFINITY, f64::max)
     }
 }
 
@@ -94,9 +91,7 @@ fn hull(points: &[Vector3<f64>], edges: &mut Vec<PolygonEdge>) {
             };
             let offset_m = normal.dot(from);
             let all_inside = points.iter().all(|p| normal.dot(p) <= offset_m + 1e-9);
-            let known = edges
-                .iter()
-                .any(|edge| edge.normal.dot(&normal) > 1.0 - 1e-9);
+            let known = edges.iter().any(|edge| edge.normal.dot(&normal) > 1.0 - 1e-9);
             if i != j && all_inside && !known && edges.len() < edges.capacity() {
                 edges.push(PolygonEdge { normal, offset_m });
             }

@@ -52,10 +52,9 @@ pub(crate) fn pairs(
 ) -> Vec<CapsulePair> {
     let capsules = capsules(model);
     let arm_of = |link: usize| {
-        map.arms.iter().position(|arm| {
-            arm.shoulder
-                .is_some_and(|shoulder| model.is_below(link, shoulder))
-        })
+        map.arms
+            .iter()
+            .position(|arm| arm.shoulder.is_some_and(|shoulder| model.is_below(link, shoulder)))
     };
     let mut pairs = Vec::new();
     for (index, one) in capsules.iter().enumerate() {

@@ -38,14 +38,7 @@ impl PelvisTrajectory {
     /// Standing still at `rest`, the root link's pose.
     /// `pace` scales the accelerations.
     pub fn new(rest: Isometry3<f64>, leg_m: f64, dt_s: f64, preview_s: f64, pace: f64) -> Self {
-        Self {
-            rest,
-            leg_m,
-            dt_s,
-            preview_s,
-            pace,
-            trackers: trackers(dt_s, preview_s, pace),
-        }
+        Self { rest, leg_m, dt_s, preview_s, pace, trackers: trackers(dt_s, preview_s, pace) }
     }
 
     pub fn restart(&mut self) {

@@ -128,9 +128,7 @@ impl FootStepper {
         *feet = self.home;
         self.feet = [FootPhase::Down; 2];
         self.down_s = [FIRM_S; 2];
-        self.ahead
-            .iter_mut()
-            .for_each(|seen| *seen = FootPreview::default());
+        self.ahead.iter_mut().for_each(|seen| *seen = FootPreview::default());
     }
 
     /// Keeps the sway of the pelvis (leg lengths, due when the preview ends)
@@ -217,9 +215,7 @@ impl FootStepper {
     /// Where the dancer's foot lands next, on the robot's floor.
     fn landing(&self, side: usize, gain: f64) -> Vector3<f64> {
         let seen = self.ahead.iter().find(|seen| !seen.up[side]);
-        let [x, y] = seen
-            .or(self.ahead.back())
-            .map_or([0.0; 2], |s| s.place[side]);
+        let [x, y] = seen.or(self.ahead.back()).map_or([0.0; 2], |s| s.place[side]);
         let outward = if side == 0 { 1.0 } else { -1.0 };
         let [ahead, out, inward] = REACH;
         let x = (x * gain).clamp(-ahead, ahead);

@@ -60,10 +60,7 @@ impl BaselinePosture {
     /// That of the same dancer at another place, facing elsewhere: from where
     /// `from` is to where `to` is.
     pub fn moved(&self, from: &BodyPoints, to: &BodyPoints) -> Self {
-        Self {
-            heading: facing(to) - wrap(facing(from) - self.heading),
-            ..*self
-        }
+        Self { heading: facing(to) - wrap(facing(from) - self.heading), ..*self }
     }
 }
 
@@ -106,10 +103,7 @@ pub(crate) struct PostureSample {
 impl PostureSample {
     pub fn of(points: &BodyPoints, heading: f64) -> Self {
         let at = |joint: BodyJoint| points[joint as usize];
-        let up = direction(
-            turn(-chest_yaw(points)) * (at(Head) - at(Neck)),
-            Vector3::z(),
-        );
+        let up = direction(turn(-chest_yaw(points)) * (at(Head) - at(Neck)), Vector3::z());
         let leg = leg_length(points);
         let legs = (leg >= SHORTEST_LEG_M).then(|| {
             let (left, right) = (at(LeftAnkle), at(RightAnkle));
@@ -123,10 +117,7 @@ impl PostureSample {
                 toes.map(|toe| turn(-heading) * (toe - hips) / leg),
             )
         });
-        Self {
-            nod: [up.x, up.y].map(|side| side.atan2(up.z.max(0.1))),
-            legs,
-        }
+        Self { nod: [up.x, up.y].map(|side| side.atan2(up.z.max(0.1))), legs }
     }
 }
 
@@ -140,11 +131,7 @@ pub(crate) struct BaselineEstimator {
 impl BaselineEstimator {
     /// Of a body that is seen every `dt_s`.
     pub fn new(dt_s: f64) -> Self {
-        Self {
-            dt_s,
-            started: false,
-            usual: BaselinePosture::default(),
-        }
+        Self { dt_s, started: false, usual: BaselinePosture::default() }
     }
 
     pub fn observe(&mut self, points: &BodyPoints) {
@@ -171,14 +158,8 @@ impl BaselineEstimator {
         for (usual, foot) in usual.feet.iter_mut().zip(feet) {
             learn(usual, [foot.x, foot.y]);
         }
-        let lowest = points[LeftFoot as usize]
-            .z
-            .min(points[RightFoot as usize].z);
-        let floor_share = if first {
-            1.0
-        } else {
-            self.dt_s / (self.dt_s + FLOOR_S)
-        };
+        let lowest = points[LeftFoot as usize].z.min(points[RightFoot as usize].z);
+        let floor_share = if first { 1.0 } else { self.dt_s / (self.dt_s + FLOOR_S) };
         usual.floor_z = lowest.min(usual.floor_z + (lowest - usual.floor_z) * floor_share);
     }
 
@@ -215,9 +196,7 @@ pub(crate) struct PostureTrack {
 
 impl PostureTrack {
     pub fn new() -> Self {
-        Self {
-            known: VecDeque::with_capacity(KEPT),
-        }
+        Self { known: VecDeque::with_capacity(KEPT) }
     }
 
     /// Takes in the posture of a frame; one that is not newer begins anew.
@@ -229,8 +208,7 @@ impl PostureTrack {
         if self.known.len() == KEPT {
             self.known.pop_front();
         }
-        self.known
-            .push_back((place, BaselinePosture::from(posture)));
+        self.known.push_back((place, BaselinePosture::from(posture)));
     }
 
     /// The posture at a time: between two, or the nearest; `None` if none came.
@@ -250,10 +228,7 @@ impl PostureTrack {
 fn leg_length(points: &BodyPoints) -> f64 {
     let at = |joint: BodyJoint| points[joint as usize];
     let length = |hip, knee, ankle| (at(hip) - at(knee)).norm() + (at(knee) - at(ankle)).norm();
-    f64::midpoint(
-        length(LeftHip, LeftKnee, LeftAnkle),
-        length(RightHip, RightKnee, RightAnkle),
-    )
+    f64::midpoint(length(LeftHip, LeftKnee, LeftAnkle), length(RightHip, RightKnee, RightAnkle))
 }
 
 pub(crate) fn chest_yaw(points: &BodyPoints) -> f64 {

@@ -36,11 +36,7 @@ pub(crate) struct MotionBuffer {
 
 impl MotionBuffer {
     pub fn new() -> Self {
-        Self {
-            frames: VecDeque::with_capacity(KEPT + 1),
-            first: 0,
-            stray: None,
-        }
+        Self { frames: VecDeque::with_capacity(KEPT + 1), first: 0, stray: None }
     }
 
     pub fn push(&mut self, frame: &MotionFrame, counts: &mut RetargetCounts) {
@@ -54,10 +50,9 @@ impl MotionBuffer {
         }
         let points = robot_axes(frame);
         let index = (frame.time_s * FRAME_RATE_HZ).round() as i64;
-        let (Some(last), next) = (
-            self.frames.back().copied(),
-            self.first + self.frames.len() as i64,
-        ) else {
+        let (Some(last), next) =
+            (self.frames.back().copied(), self.first + self.frames.len() as i64)
+        else {
             self.first = index;
             self.frames.push_back(points);
             return;
@@ -160,17 +155,12 @@ fn spline_weights(share: f64) -> [f64; 6] {
 
 /// Human axes (x left, y up, z forward) to robot axes (x forward, y left, z up).
 pub(crate) fn robot_axes(frame: &MotionFrame) -> BodyPoints {
-    frame
-        .positions
-        .map(|[x, y, z]| Vector3::new(z.into(), x.into(), y.into()))
+    frame.positions.map(|[x, y, z]| Vector3::new(z.into(), x.into(), y.into()))
 }
 
 fn is_teleport(before: &BodyPoints, after: &BodyPoints, frames: f64) -> bool {
     let reach = TELEPORT_M_S * frames / FRAME_RATE_HZ;
-    before
-        .iter()
-        .zip(after)
-        .any(|(a, b)| ((b - after[0]) - (a - before[0])).norm() > reach)
+    before.iter().zip(after).any(|(a, b)| ((b - after[0]) - (a - before[0])).norm() > reach)
 }
 
 #[cfg(test)]
@@ -190,10 +180,7 @@ mod tests {
         let cubic = |t: f64| 0.3 * t * t * t - t * t + 0.5 * t + 1.0;
         let (mut stream, mut counts) = (MotionBuffer::new(), RetargetCounts::default());
         for index in 0..20 {
-            stream.push(
-                &frame(index, cubic(index as f64 / 20.0) as f32),
-                &mut counts,
-            );
+            stream.push(&frame(index, cubic(index as f64 / 20.0) as f32), &mut counts);
         }
         for step in 0..50 {
             let t = 0.15 + step as f64 * 0.01;

@@ -219,9 +219,8 @@ pub(crate) fn mirrored(points: &BodyPoints) -> BodyPoints {
 }
 
 /// Index of each joint's mirror partner (`BodyJoint::mirrored` allocates).
-const MIRROR: [usize; 22] = [
-    0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20,
-];
+const MIRROR: [usize; 22] =
+    [0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20];
 
 /// A turn, softly limited; comes back to zero at half a turn, where left and
 /// right meet, so that a spin does not make it jump.

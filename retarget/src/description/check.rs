@@ -91,10 +91,7 @@ fn check_roots(
             }
         }
         if above.contains_key(at) {
-            diagnostics.refuse_tree(
-                DiagnosticCode::Loop,
-                format!("link `{link}` hangs in a loop"),
-            );
+            diagnostics.refuse_tree(DiagnosticCode::Loop, format!("link `{link}` hangs in a loop"));
         }
     }
 }
@@ -112,17 +109,10 @@ fn check_link(link: &urdf_rs::Link, diagnostics: &mut Diagnostics) {
     }
     let poses = std::iter::once(("inertial", &inertial.origin))
         .chain(link.visual.iter().map(|visual| ("visual", &visual.origin)))
-        .chain(
-            link.collision
-                .iter()
-                .map(|shape| ("collision", &shape.origin)),
-        );
+        .chain(link.collision.iter().map(|shape| ("collision", &shape.origin)));
     for (what, pose) in poses {
         if !all_usable(&*pose.xyz) || !all_usable(&*pose.rpy) {
-            let reason = format!(
-                "{what} origin {:?} {:?} is not usable",
-                *pose.xyz, *pose.rpy
-            );
+            let reason = format!("{what} origin {:?} {:?} is not usable", *pose.xyz, *pose.rpy);
             diagnostics.refuse_link(DiagnosticCode::NumberUnusable, &link.name, reason);
         }
     }
@@ -153,17 +143,10 @@ fn check_joint(joint: &mut urdf_rs::Joint, diagnostics: &mut Diagnostics) {
     }
     // `k` asserts this order.
     if limit.lower > limit.upper {
-        let said = format!(
-            "lower limit {} is above upper limit {}",
-            limit.lower, limit.upper
-        );
+        let said = format!("lower limit {} is above upper limit {}", limit.lower, limit.upper);
         if limit.upper <= 0.0 && 0.0 <= limit.lower {
             std::mem::swap(&mut limit.lower, &mut limit.upper);
-            diagnostics.add(
-                DiagnosticCode::RangeInverted,
-                &name,
-                format!("{said}; exchanged"),
-            );
+            diagnostics.add(DiagnosticCode::RangeInverted, &name, format!("{said}; exchanged"));
         } else {
             let reason = format!("{said}, and zero is on neither way's inside: is a sign wrong?");
             diagnostics.refuse_joint(DiagnosticCode::RangeUnusable, &name, reason);

@@ -166,23 +166,14 @@ impl Diagnostic {
         subject: impl Into<String>,
         message: impl Into<String>,
     ) -> Self {
-        Self {
-            code,
-            severity: code.severity(),
-            subject: subject.into(),
-            message: message.into(),
-        }
+        Self { code, severity: code.severity(), subject: subject.into(), message: message.into() }
     }
 }
 
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let severity = self.severity.as_str();
-        write!(
-            f,
-            "{severity} {} `{}`: {}",
-            self.code, self.subject, self.message
-        )
+        write!(f, "{severity} {} `{}`: {}", self.code, self.subject, self.message)
     }
 }
 
@@ -209,18 +200,12 @@ impl Diagnostics {
     }
 
     pub fn refuse_joint(&mut self, code: DiagnosticCode, joint: &str, reason: impl Into<String>) {
-        let error = RetargetError::Joint {
-            joint: joint.into(),
-            reason: reason.into(),
-        };
+        let error = RetargetError::Joint { joint: joint.into(), reason: reason.into() };
         self.refuse(code, error);
     }
 
     pub fn refuse_link(&mut self, code: DiagnosticCode, link: &str, reason: impl Into<String>) {
-        let error = RetargetError::Link {
-            link: link.into(),
-            reason: reason.into(),
-        };
+        let error = RetargetError::Link { link: link.into(), reason: reason.into() };
         self.refuse(code, error);
     }
 
@@ -238,11 +223,7 @@ mod tests {
         for (index, code) in DiagnosticCode::ALL.iter().enumerate() {
             let text = code.as_str();
             assert!(text.chars().all(|c| c.is_ascii_lowercase() || c == '-'));
-            assert!(
-                DiagnosticCode::ALL[..index]
-                    .iter()
-                    .all(|c| c.as_str() != text)
-            );
+            assert!(DiagnosticCode::ALL[..index].iter().all(|c| c.as_str() != text));
         }
     }
 }

@@ -200,11 +200,7 @@ fn missing(model: &RobotModel, anatomy: &Anatomy, joints: &[JointDraft]) -> Vec<
     let mut out = Vec::new();
     let between = |from: usize, to: &Option<String>| {
         let to = to.as_deref().and_then(|name| model.link(name))?;
-        Some(
-            model
-                .drives_above(to)
-                .saturating_sub(model.drives_above(from)),
-        )
+        Some(model.drives_above(to).saturating_sub(model.drives_above(from)))
     };
     for (side, limbs) in ["left", "right"].iter().zip([0, 1]) {
         let (arm, leg) = (&anatomy.arms[limbs], &anatomy.legs[limbs]);
@@ -213,9 +209,7 @@ fn missing(model: &RobotModel, anatomy: &Anatomy, joints: &[JointDraft]) -> Vec<
         } else {
             let joints = between(anatomy.chest, &arm.middle).unwrap_or(0);
             if arm.end.is_none() {
-                out.push(format!(
-                    "{side} arm: no elbow; it shows the upper arm's direction"
-                ));
+                out.push(format!("{side} arm: no elbow; it shows the upper arm's direction"));
             } else if joints < 4 {
                 // The elbow's own joint is among them.
                 let shoulder = joints.saturating_sub(1);
@@ -233,16 +227,11 @@ fn missing(model: &RobotModel, anatomy: &Anatomy, joints: &[JointDraft]) -> Vec<
         Some(all) => {
             let neck = all - model.drives_above(anatomy.chest).min(all);
             if neck < 2 {
-                out.push(format!(
-                    "neck has {neck} of 2 joints: it turns or nods, not both"
-                ));
+                out.push(format!("neck has {neck} of 2 joints: it turns or nods, not both"));
             }
         }
     }
-    let waist = joints
-        .iter()
-        .filter(|joint| joint.role == JointUse::Dances(Limb::Torso))
-        .count();
+    let waist = joints.iter().filter(|joint| joint.role == JointUse::Dances(Limb::Torso)).count();
     if waist < 3 {
         out.push(format!("waist has {waist} of 3 joints"));
     }

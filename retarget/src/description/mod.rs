@@ -63,11 +63,7 @@ impl Description {
         diagnostics: &mut Diagnostics,
     ) -> Option<Self> {
         check::check(&mut robot, diagnostics);
-        diagnostics.refusal.is_none().then(|| Self {
-            chain: k::Chain::from(&robot),
-            robot,
-            rates,
-        })
+        diagnostics.refusal.is_none().then(|| Self { chain: k::Chain::from(&robot), robot, rates })
     }
 
     /// Joints with a position of their own, in the order of the file.
@@ -80,18 +76,15 @@ impl Description {
     pub fn zero_positions(&self, joints: &[String]) -> Vec<f64> {
         let held = |name: &String| {
             let mut all = self.robot.joints.iter();
-            all.find(|joint| joint.name == *name)
-                .map_or(0.0, held_position)
+            all.find(|joint| joint.name == *name).map_or(0.0, held_position)
         };
         joints.iter().map(held).collect()
     }
 
     /// Lets a joint follow another, as a robot file says.
     pub fn couple(&mut self, coupling: &JointCoupling) -> Result<(), RetargetError> {
-        let refused = |reason: String| RetargetError::Joint {
-            joint: coupling.joint.clone(),
-            reason,
-        };
+        let refused =
+            |reason: String| RetargetError::Joint { joint: coupling.joint.clone(), reason };
         for name in [&coupling.joint, &coupling.follows] {
             let joint = self.robot.joints.iter().find(|joint| joint.name == *name);
             if !joint.is_some_and(is_driven) {

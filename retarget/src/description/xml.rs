@@ -9,10 +9,7 @@ const MOST_NODES: u32 = 500_000;
 const DEEPEST: usize = 64;
 
 pub(super) fn parse(text: &str) -> Result<Document<'_>, roxmltree::Error> {
-    let options = ParsingOptions {
-        nodes_limit: MOST_NODES,
-        ..ParsingOptions::default()
-    };
+    let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     Document::parse_with_options(text, options)
 }
 

@@ -82,9 +82,8 @@ impl TorqueEstimator {
     ) -> Self {
         for (joint, limit) in limits_nm.iter_mut().enumerate() {
             let carries = |link: usize| {
-                let moved = model.driven_ancestors[link]
-                    .iter()
-                    .any(|ancestor| ancestor.joint == joint);
+                let moved =
+                    model.driven_ancestors[link].iter().any(|ancestor| ancestor.joint == joint);
                 moved && model.links[link].mass_kg > 0.0
             };
             if !(0..model.links.len()).any(carries) {
@@ -242,11 +241,7 @@ impl TorqueEstimator {
             true => (1.0 - (most - EASED_FROM)).max(LEAST),
             false => 1.0,
         };
-        let time_s = if wanted < self.ease {
-            EASE_S
-        } else {
-            RECOVER_S
-        };
+        let time_s = if wanted < self.ease { EASE_S } else { RECOVER_S };
         self.ease += (wanted - self.ease) * self.dt_s / (time_s + self.dt_s);
         self.lowest = self.lowest.min(self.amplitude());
     }
@@ -304,9 +299,7 @@ mod tests {
         for cycle in 0..10 {
             robot.next(f64::from(cycle) / HZ, &mut out).unwrap();
         }
-        let [torque] = robot.torque_nm() else {
-            panic!("one joint")
-        };
+        let [torque] = robot.torque_nm() else { panic!("one joint") };
         // Gravity turns the weight to positive angles; the motor holds against.
         assert!((torque + 2.0 * GRAVITY_M_S2 * 0.3).abs() < 1e-9, "{torque}");
         assert_eq!(robot.torque_report().known_joints, 1);
@@ -386,9 +379,7 @@ mod tests {
             if cycle % 5 == 0 {
                 robot.push(&bobbing(f64::from(cycle) / HZ));
             }
-            robot
-                .next(f64::from(cycle) / HZ - robot.lookahead_s(), &mut out)
-                .unwrap();
+            robot.next(f64::from(cycle) / HZ - robot.lookahead_s(), &mut out).unwrap();
             let root = robot.world_from_root(&out);
             let poses = robot.model().link_poses(&out);
             let links = robot.model().links.iter().zip(&poses);
@@ -424,11 +415,7 @@ mod tests {
             most_missed = most_missed.max((work - gained).abs());
         }
         assert!(highest - lowest > 0.03, "{lowest}..{highest} J");
-        assert!(
-            most_missed < 0.1 * (highest - lowest),
-            "{most_missed} of {} J",
-            highest - lowest
-        );
+        assert!(most_missed < 0.1 * (highest - lowest), "{most_missed} of {} J", highest - lowest);
     }
 
     fn bobbing(time_s: f64) -> MotionFrame {
@@ -445,10 +432,6 @@ mod tests {
             positions[knee] = [0.1 * side, 0.45, 0.05];
             positions[ankle] = [0.1 * side, 0.05, 0.0];
         }
-        MotionFrame {
-            time_s,
-            positions,
-            contacts: Default::default(),
-        }
+        MotionFrame { time_s, positions, contacts: Default::default() }
     }
 }

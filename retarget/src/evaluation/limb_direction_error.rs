@@ -90,18 +90,12 @@ impl LimbDirectionError {
             arms: LimbPair::new(
                 [LimbSegment::UpperArm, LimbSegment::Forearm],
                 map.arms.map(|arm| [arm.shoulder, arm.elbow, arm.hand]),
-                [
-                    [LeftShoulder, LeftElbow, LeftWrist],
-                    [RightShoulder, RightElbow, RightWrist],
-                ],
+                [[LeftShoulder, LeftElbow, LeftWrist], [RightShoulder, RightElbow, RightWrist]],
             ),
             legs: LimbPair::new(
                 [LimbSegment::Thigh, LimbSegment::Shank],
                 map.legs.map(|leg| [leg.hip, leg.knee, leg.ankle]),
-                [
-                    [LeftHip, LeftKnee, LeftAnkle],
-                    [RightHip, RightKnee, RightAnkle],
-                ],
+                [[LeftHip, LeftKnee, LeftAnkle], [RightHip, RightKnee, RightAnkle]],
             ),
         })
     }
@@ -125,11 +119,9 @@ impl LimbDirectionError {
             Vector3::new(z, x, y)
         };
         for pair in [&self.arms, &self.legs] {
-            let robot_turn = pair
-                .across
-                .map_or_else(Rotation3::identity, |[left, right]| {
-                    unturn(robot(left) - robot(right))
-                });
+            let robot_turn = pair.across.map_or_else(Rotation3::identity, |[left, right]| {
+                unturn(robot(left) - robot(right))
+            });
             let [left, right] = pair.dancer_across;
             let dancer_turn = unturn(dancer(left) - dancer(right));
             for bone in &pair.bones {

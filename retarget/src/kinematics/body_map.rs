@@ -74,10 +74,7 @@ impl BodyMap {
         ];
         let legs = [
             leg(0, [&n.left_hip, &n.left_knee, &n.left_ankle, &n.left_sole])?,
-            leg(
-                1,
-                [&n.right_hip, &n.right_knee, &n.right_ankle, &n.right_sole],
-            )?,
+            leg(1, [&n.right_hip, &n.right_knee, &n.right_ankle, &n.right_sole])?,
         ];
         let between = |pair: [Option<usize>; 2]| match pair {
             [Some(left), Some(right)] => model.common_ancestor(left, right),

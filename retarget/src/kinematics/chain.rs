@@ -149,9 +149,8 @@ impl RobotModel {
         for node in description.chain.iter() {
             let index = self.links.len();
             let name = node.joint().name.clone();
-            let parent = node
-                .parent()
-                .and_then(|parent| nodes.iter().position(|known| *known == parent));
+            let parent =
+                node.parent().and_then(|parent| nodes.iter().position(|known| *known == parent));
             let motion = match node.joint().joint_type {
                 k::JointType::Fixed => JointMotion::Fixed,
                 k::JointType::Rotational { axis } => JointMotion::Revolute(axis),
@@ -163,9 +162,7 @@ impl RobotModel {
                 origin: node.origin(),
                 motion,
                 drive,
-                held: joints
-                    .get(name.as_str())
-                    .map_or(0.0, |joint| held_position(joint)),
+                held: joints.get(name.as_str()).map_or(0.0, |joint| held_position(joint)),
                 mass_kg: 0.0,
                 com: Point3::origin(),
             };
@@ -193,8 +190,7 @@ impl RobotModel {
         let above = |parent: usize| self.driven_ancestors[parent].clone();
         let ancestors = link.parent.map_or_else(Vec::new, above);
         self.driven_ancestors.push(ancestors);
-        self.segments
-            .extend(link.parent.map(|parent| (parent, self.links.len())));
+        self.segments.extend(link.parent.map(|parent| (parent, self.links.len())));
         self.links.push(link);
         self.link_names.push(name);
         self.parent_joints.push(parent_joint);
@@ -322,9 +318,7 @@ impl RobotModel {
     }
 
     pub(crate) fn common_ancestor(&self, one: usize, other: usize) -> usize {
-        self.ancestors(one)
-            .find(|&above| self.is_below(other, above))
-            .unwrap_or(0)
+        self.ancestors(one).find(|&above| self.is_below(other, above)).unwrap_or(0)
     }
 
     /// Centre of mass of the links at `poses`; their root where nothing weighs.
@@ -354,15 +348,10 @@ fn columns<'a>(
                 choices: choices(movable.iter().map(|joint| joint.name.as_str())),
             });
         };
-        let refused = |reason: String| RetargetError::Joint {
-            joint: name.to_string(),
-            reason,
-        };
+        let refused = |reason: String| RetargetError::Joint { joint: name.to_string(), reason };
         if let Some(mimic) = &joint.mimic {
             let followed = &mimic.joint;
-            return Err(refused(format!(
-                "follows `{followed}` and cannot be driven itself"
-            )));
+            return Err(refused(format!("follows `{followed}` and cannot be driven itself")));
         }
         if column.insert(*name, index).is_some() {
             return Err(refused("is in the servo map twice".into()));
@@ -379,11 +368,7 @@ fn drive_of(
     let (mut scale, mut offset, mut at) = (1.0, 0.0, name);
     for _ in 0..=joints.len() {
         if let Some(&joint) = column.get(at) {
-            return Some(JointDrive {
-                joint,
-                scale,
-                offset,
-            });
+            return Some(JointDrive { joint, scale, offset });
         }
         let mimic = joints.get(at)?.mimic.as_ref()?;
         offset += scale * mimic.offset.unwrap_or(0.0);

@@ -40,10 +40,7 @@ pub(crate) struct Jacobian {
 impl Jacobian {
     /// For `joints` joints and as many unknowns altogether.
     pub fn new(joints: usize, unknowns: usize) -> Self {
-        Self {
-            joints,
-            columns: Vec::with_capacity(unknowns),
-        }
+        Self { joints, columns: Vec::with_capacity(unknowns) }
     }
 
     pub fn clear(&mut self) {

@@ -57,11 +57,7 @@ pub(crate) fn capsule_of(visual: &Visual) -> (f64, Capsule) {
     let mut half = Vector3::zeros();
     half[longest] = (size[longest] / 2.0 - radius_m).max(0.0);
     let ends = [half, -half].map(|end| visual.pose_in_link * Point3::from(end));
-    let capsule = Capsule {
-        link: visual.link,
-        ends,
-        radius_m,
-    };
+    let capsule = Capsule { link: visual.link, ends, radius_m };
     (size.product(), capsule)
 }
 
@@ -77,8 +73,7 @@ impl LinkShapes {
         for visual in &shapes.visuals {
             let color = &visual.material.color;
             let rgba = [color.r, color.g, color.b, color.a].map(|part| part as f32);
-            self.visuals
-                .extend(simple(link, &visual.geometry, *visual.origin(), rgba));
+            self.visuals.extend(simple(link, &visual.geometry, *visual.origin(), rgba));
             if let Geometry::Mesh { filename, scale } = &visual.geometry {
                 self.meshes.push(MeshVisual {
                     link,
@@ -104,26 +99,12 @@ fn simple(
     rgba: [f32; 4],
 ) -> Option<Visual> {
     let shape = match *geometry {
-        Geometry::Box {
-            depth,
-            width,
-            height,
-        } => Shape::Box {
-            size_m: [depth, width, height],
-        },
+        Geometry::Box { depth, width, height } => Shape::Box { size_m: [depth, width, height] },
         Geometry::Cylinder { radius, length } | Geometry::Capsule { radius, length } => {
-            Shape::Cylinder {
-                radius_m: radius,
-                length_m: length,
-            }
+            Shape::Cylinder { radius_m: radius, length_m: length }
         }
         Geometry::Sphere { radius } => Shape::Sphere { radius_m: radius },
         Geometry::Mesh { .. } => return None,
     };
-    Some(Visual {
-        link,
-        pose_in_link,
-        shape,
-        rgba,
-    })
+    Some(Visual { link, pose_in_link, shape, rgba })
 }

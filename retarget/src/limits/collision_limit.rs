@@ -112,10 +112,8 @@ impl CollisionLimit {
         if closing >= least {
             return false;
         }
-        self.jacobian
-            .map(|column| gap.normal * gap.normal.dot(column));
-        self.solver
-            .add(FIRMNESS, &(gap.normal * -least), self.jacobian.columns());
+        self.jacobian.map(|column| gap.normal * gap.normal.dot(column));
+        self.solver.add(FIRMNESS, &(gap.normal * -least), self.jacobian.columns());
         true
     }
 }

@@ -90,8 +90,7 @@ impl JointTracker {
         });
         self.targets.pop_front();
         let acceleration =
-            self.controller
-                .acceleration(&self.limiter, &self.state, self.targets.iter().copied());
+            self.controller.acceleration(&self.limiter, &self.state, self.targets.iter().copied());
         let dt_s = self.limiter.dt_s;
         self.state.position + (self.state.velocity + acceleration * dt_s) * dt_s
     }
@@ -137,10 +136,7 @@ impl JointTracker {
     /// Once inside the limits for good, never out again.
     fn narrow_limits(&mut self) {
         if self.limiter.limits != self.limits {
-            let inside = JointLimiter {
-                limits: self.limits,
-                ..self.limiter
-            };
+            let inside = JointLimiter { limits: self.limits, ..self.limiter };
             if inside.is_safe(&self.state) {
                 self.limiter = inside;
             }
@@ -247,9 +243,7 @@ mod tests {
                     .map(|k| track[k + 3] * target((k as i32 - AHEAD as i32 - delay).into()))
                     .sum()
             };
-            let delay = (-15..=15)
-                .max_by(|a, b| score(*a).total_cmp(&score(*b)))
-                .unwrap();
+            let delay = (-15..=15).max_by(|a, b| score(*a).total_cmp(&score(*b))).unwrap();
             assert!(delay.abs() <= 2, "size {size}: {delay} cycles late");
         }
     }

@@ -61,13 +61,7 @@ impl PredictiveController {
             }
             solver.add_row(SMOOTHNESS, &change);
         }
-        Self {
-            dt_s,
-            response,
-            end_speed: speed,
-            middle_s,
-            solver,
-        }
+        Self { dt_s, response, end_speed: speed, middle_s, solver }
     }
 
     pub fn cycles(&self) -> usize {
@@ -86,11 +80,7 @@ impl PredictiveController {
         state: &TrajectoryState,
         targets: impl Iterator<Item = f64>,
     ) -> f64 {
-        let TrajectoryState {
-            position,
-            velocity,
-            acceleration,
-        } = *state;
+        let TrajectoryState { position, velocity, acceleration } = *state;
         let share = 1.0 / self.response.len() as f64;
         let mut slope = [0.0; BLOCKS.len()];
         let (mut last, mut last_speed) = (position, 0.0);

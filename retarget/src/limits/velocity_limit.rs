@@ -27,11 +27,7 @@ pub(crate) struct TrajectoryState {
 
 impl TrajectoryState {
     pub fn at_rest(position: f64) -> Self {
-        Self {
-            position,
-            velocity: 0.0,
-            acceleration: 0.0,
-        }
+        Self { position, velocity: 0.0, acceleration: 0.0 }
     }
 }
 
@@ -46,11 +42,7 @@ impl JointLimiter {
     pub fn next(&self, state: &TrajectoryState, jerk: f64) -> TrajectoryState {
         let acceleration = state.acceleration + jerk * self.dt_s;
         let velocity = state.velocity + acceleration * self.dt_s;
-        TrajectoryState {
-            position: state.position + velocity * self.dt_s,
-            velocity,
-            acceleration,
-        }
+        TrajectoryState { position: state.position + velocity * self.dt_s, velocity, acceleration }
     }
 
     /// The next state on the way to a steady `velocity`, inside the limits of
@@ -81,8 +73,7 @@ impl JointLimiter {
         let low = ((-most - state.acceleration) / self.dt_s).max(-self.jerk_rad_s3);
         let high = ((most - state.acceleration) / self.dt_s).min(self.jerk_rad_s3);
         // An acceleration beyond the limit comes back as fast as jerk allows.
-        jerk.max(low.min(self.jerk_rad_s3))
-            .min(high.max(-self.jerk_rad_s3))
+        jerk.max(low.min(self.jerk_rad_s3)).min(high.max(-self.jerk_rad_s3))
     }
 
     /// The safe next state nearest to being at `position`.
@@ -129,12 +120,8 @@ impl JointLimiter {
     /// Whether no stop, however clumsy, could meet a limit: spares most joints
     /// the look ahead. Bounds of the time and the speed that a stop takes.
     fn is_plainly_safe(&self, state: &TrajectoryState) -> bool {
-        let JointLimits {
-            lower_rad,
-            upper_rad,
-            velocity_rad_s,
-            acceleration_rad_s2: brake,
-        } = self.limits;
+        let JointLimits { lower_rad, upper_rad, velocity_rad_s, acceleration_rad_s2: brake } =
+            self.limits;
         let push = state.acceleration.abs();
         let rise_s = push / self.jerk_rad_s3 + 2.0 * self.dt_s;
         let fastest = state.velocity.abs() + push * rise_s;
@@ -151,12 +138,7 @@ impl JointLimiter {
     }
 
     fn stops_inside(&self, state: &TrajectoryState) -> bool {
-        let JointLimits {
-            lower_rad,
-            upper_rad,
-            velocity_rad_s,
-            acceleration_rad_s2,
-        } = self.limits;
+        let JointLimits { lower_rad, upper_rad, velocity_rad_s, acceleration_rad_s2 } = self.limits;
         let mut now = *state;
         for _ in 0..self.most_cycles() {
             let inside = (lower_rad..=upper_rad).contains(&now.position)
@@ -177,11 +159,7 @@ impl JointLimiter {
 
     /// More cycles than any stop from inside the limits takes.
     fn most_cycles(&self) -> usize {
-        let JointLimits {
-            velocity_rad_s: speed,
-            acceleration_rad_s2: brake,
-            ..
-        } = self.limits;
+        let JointLimits { velocity_rad_s: speed, acceleration_rad_s2: brake, .. } = self.limits;
         let rise_s = brake / self.jerk_rad_s3;
         let time_s = speed / brake + 3.0 * rise_s + 2.0 * (speed / self.jerk_rad_s3).sqrt();
         (time_s / self.dt_s).min(1e5) as usize + 16
@@ -194,12 +172,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn limiter() -> impl Strategy<Value = JointLimiter> {
-        let rates = (
-            0.3..12.0_f64,
-            2.0..100.0_f64,
-            0.005..0.2_f64,
-            20.0..600.0_f64,
-        );
+        let rates = (0.3..12.0_f64, 2.0..100.0_f64, 0.005..0.2_f64, 20.0..600.0_f64);
         (-3.0..0.5_f64, 0.005..4.0_f64, rates).prop_map(|(low, range, (v, a, rise, hz))| {
             JointLimiter {
                 limits: JointLimits {
@@ -217,10 +190,7 @@ mod tests {
     /// Written from the definition of the limits alone: differences of positions.
     fn violations(track: &[f64], limiter: &JointLimiter) -> [usize; 4] {
         let differences = |values: &[f64]| -> Vec<f64> {
-            values
-                .windows(2)
-                .map(|pair| (pair[1] - pair[0]) / limiter.dt_s)
-                .collect()
+            values.windows(2).map(|pair| (pair[1] - pair[0]) / limiter.dt_s).collect()
         };
         let velocity = differences(track);
         let acceleration = differences(&velocity);
@@ -231,10 +201,7 @@ mod tests {
         };
         let hz = 1.0 / limiter.dt_s;
         [
-            track
-                .iter()
-                .filter(|p| !(limits.lower_rad..=limits.upper_rad).contains(*p))
-                .count(),
+            track.iter().filter(|p| !(limits.lower_rad..=limits.upper_rad).contains(*p)).count(),
             beyond(&velocity, limits.velocity_rad_s, 1e-14 * hz),
             beyond(&acceleration, limits.acceleration_rad_s2, 1e-14 * hz * hz),
             beyond(&jerk, limiter.jerk_rad_s3, 1e-14 * hz * hz * hz),

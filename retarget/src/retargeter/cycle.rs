@@ -49,9 +49,7 @@ impl Retargeter {
         self.wanted.copy_from_slice(&self.solver.positions);
         self.solve(&target.unwrap_or_else(PoseTarget::standing));
         match &target {
-            Some(target) => self
-                .search
-                .step(&self.model, &mut self.solver, target, &self.rest),
+            Some(target) => self.search.step(&self.model, &mut self.solver, target, &self.rest),
             None => {
                 self.limbs_to_rest();
                 self.legs_to_rest();
@@ -122,11 +120,7 @@ impl Retargeter {
             stance.legs.solve(
                 &self.model,
                 &SolverInput {
-                    goal: SolverGoal::Stand {
-                        root: &root,
-                        feet: &feet,
-                        firmness,
-                    },
+                    goal: SolverGoal::Stand { root: &root, feet: &feet, firmness },
                     rest: &self.rest,
                     steps: STEPS,
                     bounds: &self.leg_bounds,
@@ -247,10 +241,8 @@ impl Retargeter {
         let gaps = self.solver.pairs.iter().map(|pair| pair.gap(&self.poses));
         let nearest = gaps.map(|gap| gap.distance_m).fold(f64::INFINITY, f64::min);
         self.counts.collision_cycles += u64::from(nearest < 0.0);
-        self.counts.deepest_collision_um = self
-            .counts
-            .deepest_collision_um
-            .max((-nearest * 1e6).max(0.0) as u64);
+        self.counts.deepest_collision_um =
+            self.counts.deepest_collision_um.max((-nearest * 1e6).max(0.0) as u64);
         let Some(stance) = &self.stance else {
             self.torque.observe(&self.model, &self.poses, None);
             return;

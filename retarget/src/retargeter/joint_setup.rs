@@ -16,10 +16,9 @@ pub(super) fn usable_limits(
     joints
         .iter()
         .map(|(name, limits)| {
-            let checked = limits.checked().map_err(|reason| RetargetError::Joint {
-                joint: name.clone(),
-                reason,
-            })?;
+            let checked = limits
+                .checked()
+                .map_err(|reason| RetargetError::Joint { joint: name.clone(), reason })?;
             Ok(JointLimits {
                 velocity_rad_s: checked.velocity_rad_s * margin,
                 acceleration_rad_s2: checked.acceleration_rad_s2 * margin,
@@ -39,12 +38,7 @@ pub(super) fn torque_estimator(
     for (joint, limit) in by_joint(model, &config.torque.limit_nm)? {
         limits[joint] = Some(limit);
     }
-    Ok(TorqueEstimator::new(
-        model,
-        limits,
-        config.torque.clone(),
-        dt_s,
-    ))
+    Ok(TorqueEstimator::new(model, limits, config.torque.clone(), dt_s))
 }
 
 pub(super) fn jerk_limits(
@@ -69,12 +63,10 @@ pub(super) fn by_joint(
         .iter()
         .map(|(name, &value)| {
             let index = names.iter().position(|other| other == name);
-            index
-                .map(|index| (index, value))
-                .ok_or_else(|| RetargetError::NoSuchJoint {
-                    name: name.clone(),
-                    choices: choices(names.iter().map(String::as_str)),
-                })
+            index.map(|index| (index, value)).ok_or_else(|| RetargetError::NoSuchJoint {
+                name: name.clone(),
+                choices: choices(names.iter().map(String::as_str)),
+            })
         })
         .collect()
 }
@@ -93,9 +85,7 @@ pub(super) fn upright_rotation(
         });
     }
     let rows = Matrix3::from_columns(&[forward, up.cross(&forward), up]).transpose();
-    Ok(UnitQuaternion::from_rotation_matrix(
-        &Rotation3::from_matrix_unchecked(rows),
-    ))
+    Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rows)))
 }
 
 fn axis(key: &str, name: &str) -> Result<Vector3<f64>, RetargetError> {

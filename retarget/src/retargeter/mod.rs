@@ -180,9 +180,7 @@ impl Retargeter {
 
     /// How far ahead of the output the human pose is taken in, seconds.
     pub fn preview_s(&self) -> f64 {
-        self.trackers
-            .first()
-            .map_or(self.preview_s, |t| t.preview_cycles() as f64 * self.dt_s)
+        self.trackers.first().map_or(self.preview_s, |t| t.preview_cycles() as f64 * self.dt_s)
     }
 
     /// How far beyond the asked time frames must have been pushed, seconds.

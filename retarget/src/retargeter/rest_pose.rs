@@ -168,11 +168,7 @@ impl RestSearch<'_> {
             legs.solve(
                 self.model,
                 &SolverInput {
-                    goal: SolverGoal::Stand {
-                        root: &root,
-                        feet: &feet,
-                        firmness: [1.0; 2],
-                    },
+                    goal: SolverGoal::Stand { root: &root, feet: &feet, firmness: [1.0; 2] },
                     rest: &start,
                     steps: REST_STEPS / 10,
                     bounds: far,

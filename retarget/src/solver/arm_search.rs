@@ -92,12 +92,7 @@ impl ArmSearch {
         if last {
             self.cycle = 0;
         }
-        let problem = ArmProblem {
-            model,
-            aim: &self.aim,
-            weights: &self.weights,
-            rest,
-        };
+        let problem = ArmProblem { model, aim: &self.aim, weights: &self.weights, rest };
         for arm in &mut self.arms {
             let share = |cycle: usize| cycle * arm.parts() / self.every;
             let end = if last { self.every } else { self.cycle };

@@ -123,9 +123,8 @@ impl BodySolver {
             limb([right_leg.hip, right_leg.knee, right_leg.ankle], true, 1),
         ];
         let in_root = |link: usize| poses[link].rotation;
-        let head_upright = map
-            .head
-            .map_or_else(UnitQuaternion::identity, |head| upright * in_root(head));
+        let head_upright =
+            map.head.map_or_else(UnitQuaternion::identity, |head| upright * in_root(head));
         Self {
             limbs,
             weights,
@@ -174,21 +173,14 @@ impl BodySolver {
         self.solver.clear();
         // Taken out for the while, so that the parts can be borrowed apart.
         let poses = std::mem::take(&mut self.poses);
-        let robot = PosedRobot {
-            model,
-            poses: &poses,
-        };
+        let robot = PosedRobot { model, poses: &poses };
         match input.goal {
             SolverGoal::Dance(aim) => {
                 self.add_limb_tasks(&robot, aim);
                 self.add_trunk_tasks(&robot, aim);
                 self.add_collision_tasks(&robot);
             }
-            SolverGoal::Stand {
-                root,
-                feet,
-                firmness,
-            } => {
+            SolverGoal::Stand { root, feet, firmness } => {
                 self.add_stance_tasks(&robot, root, feet, firmness);
                 self.add_balance_tasks(&robot);
             }
@@ -244,10 +236,9 @@ impl BodySolver {
                 true => [aim.thigh[limb.side], aim.shank[limb.side]],
             };
             let solver = &mut self.solver;
-            limb.segments
-                .add_rows(robot, wanted, &self.weights, &mut self.jacobian, |row| {
-                    solver.add(row.weight, &row.residual, row.columns);
-                });
+            limb.segments.add_rows(robot, wanted, &self.weights, &mut self.jacobian, |row| {
+                solver.add(row.weight, &row.residual, row.columns);
+            });
         }
     }
 
@@ -328,8 +319,7 @@ impl BodySolver {
                 let [one, other] = gap.links;
                 self.jacobian.add_point(robot, one, &gap.points[0], 1.0);
                 self.jacobian.add_point(robot, other, &gap.points[1], -1.0);
-                self.jacobian
-                    .map(|column| gap.normal * gap.normal.dot(column));
+                self.jacobian.map(|column| gap.normal * gap.normal.dot(column));
                 let residual = capped(&(gap.normal * short));
                 self.solver.add(GAP, &residual, self.jacobian.columns());
                 self.jacobian.clear();
@@ -349,13 +339,8 @@ impl BodySolver {
             if over > 0.0 {
                 // The body moves over the feet nearly as one.
                 self.jacobian.add_point_by_root(robot, &com);
-                self.jacobian
-                    .map(|column| edge.normal * edge.normal.dot(column));
-                self.solver.add(
-                    BALANCE,
-                    &capped(&(edge.normal * over)),
-                    self.jacobian.columns(),
-                );
+                self.jacobian.map(|column| edge.normal * edge.normal.dot(column));
+                self.solver.add(BALANCE, &capped(&(edge.normal * over)), self.jacobian.columns());
                 self.jacobian.clear();
             }
         }

@@ -182,8 +182,7 @@ impl BoxLeastSquares {
     fn solve_free(&mut self) {
         let n = self.size;
         self.free.clear();
-        self.free
-            .extend((0..n).filter(|&i| self.held[i] == BoundState::Free));
+        self.free.extend((0..n).filter(|&i| self.held[i] == BoundState::Free));
         for (a, &i) in self.free.iter().enumerate() {
             let mut value = -self.g[i];
             for j in (0..n).filter(|&j| self.held[j] != BoundState::Free) {

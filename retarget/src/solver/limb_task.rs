@@ -34,10 +34,7 @@ impl LimbTask {
             }
             _ => 0.0,
         };
-        Self {
-            points,
-            lengths: [length(points[0], points[1]), length(points[1], points[2])],
-        }
+        Self { points, lengths: [length(points[0], points[1]), length(points[1], points[2])] }
     }
 
     /// Asks both segments to point along `wanted` and the end to be where they
@@ -54,25 +51,11 @@ impl LimbTask {
             return;
         };
         let [upper, lower] = wanted;
-        add_segment_row(
-            robot,
-            [top, middle],
-            upper,
-            weights.upper_limb,
-            jacobian,
-            &mut put,
-        );
+        add_segment_row(robot, [top, middle], upper, weights.upper_limb, jacobian, &mut put);
         let Some(end) = end else {
             return;
         };
-        add_segment_row(
-            robot,
-            [middle, end],
-            lower,
-            weights.lower_limb,
-            jacobian,
-            &mut put,
-        );
+        add_segment_row(robot, [middle, end], lower, weights.lower_limb, jacobian, &mut put);
         let whole = self.lengths[0] + self.lengths[1];
         if whole > 1e-3 {
             let reach = upper * self.lengths[0] + lower * self.lengths[1];
@@ -141,13 +124,7 @@ fn intermediate_direction(now: &Vector3<f64>, wanted: &Vector3<f64>) -> Vector3<
         return *wanted;
     }
     let sideways = wanted - now * now.dot(wanted);
-    let other = if now.x.abs() < 0.9 {
-        Vector3::x()
-    } else {
-        Vector3::y()
-    };
-    let side = sideways
-        .try_normalize(1e-6)
-        .unwrap_or_else(|| now.cross(&other).normalize());
+    let other = if now.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    let side = sideways.try_normalize(1e-6).unwrap_or_else(|| now.cross(&other).normalize());
     now * FAR_RAD.cos() + side * FAR_RAD.sin()
 }

@@ -273,30 +273,21 @@ impl SearchedArm {
         trial.set(&self.joints, &self.at);
         self.place(problem.model, trial);
         self.solver.work += POSE_WORK * self.links.len() as u64;
-        let robot = PosedRobot {
-            model: problem.model,
-            poses: &trial.poses,
-        };
+        let robot = PosedRobot { model: problem.model, poses: &trial.poses };
         let aim = problem.aim;
         let wanted = [aim.upper_arm[self.side], aim.forearm[self.side]];
         let (solver, joints, own) = (&mut self.solver, &self.joints, &mut self.columns);
         let mut cost = 0.0;
         solver.clear();
-        self.segments.add_rows(
-            &robot,
-            wanted,
-            problem.weights,
-            &mut trial.jacobian,
-            |row| {
-                own.clear();
-                own.extend(row.columns.iter().filter_map(|(joint, column)| {
-                    let index = joints.iter().position(|own| own == joint)?;
-                    Some((index, *column))
-                }));
-                solver.add(row.weight, &row.residual, own);
-                cost += row.weight * row.weight * row.missed.norm_squared();
-            },
-        );
+        self.segments.add_rows(&robot, wanted, problem.weights, &mut trial.jacobian, |row| {
+            own.clear();
+            own.extend(row.columns.iter().filter_map(|(joint, column)| {
+                let index = joints.iter().position(|own| own == joint)?;
+                Some((index, *column))
+            }));
+            solver.add(row.weight, &row.residual, own);
+            cost += row.weight * row.weight * row.missed.norm_squared();
+        });
         for (index, &joint) in joints.iter().enumerate() {
             let away = self.at[index] - problem.rest[joint];
             solver.add_scalar(problem.weights.posture, away, index);

@@ -49,10 +49,7 @@ fn holes_nan_and_teleports_are_approached_and_counted() {
     let track = follow(&mut retargeter, &frames);
     assert_eq!(violations(&track, &robot), [0; 4]);
     let counts = retargeter.counts();
-    assert!(
-        counts.unusable_frames > 0 && counts.teleports > 0,
-        "{counts:?}"
-    );
+    assert!(counts.unusable_frames > 0 && counts.teleports > 0, "{counts:?}");
 }
 
 #[test]
@@ -70,10 +67,7 @@ fn live_changes_of_style_break_no_limit() {
         if cycle % 50 == 0 {
             retargeter.set_amplitude(rng.random_range(-1.0..2.0));
             retargeter.set_mirror(rng.random());
-            retargeter.set_gain(
-                servodance_retarget::Limb::LeftArm,
-                rng.random_range(0.0..3.0),
-            );
+            retargeter.set_gain(servodance_retarget::Limb::LeftArm, rng.random_range(0.0..3.0));
         }
         retargeter.next(cycle as f64 * 0.01, &mut out).unwrap();
         track.push(out.clone());
@@ -87,11 +81,8 @@ fn any_start_inside_the_limits_is_led_on_smoothly() {
     let frames = dance(5.0);
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     for _ in 0..20 {
-        let start: Vec<f64> = robot
-            .limits()
-            .iter()
-            .map(|l| rng.random_range(l.lower_rad..l.upper_rad))
-            .collect();
+        let start: Vec<f64> =
+            robot.limits().iter().map(|l| rng.random_range(l.lower_rad..l.upper_rad)).collect();
         let mut retargeter = robot.retargeter();
         retargeter.seed(&start).unwrap();
         let mut track = follow(&mut retargeter, &frames);
@@ -145,17 +136,9 @@ pub fn endure(robot: &Robot, cycles: usize, seed: u64) -> f64 {
         for (position, rest) in window[3].iter().zip(retargeter.rest()) {
             farthest = farthest.max((position - rest).abs());
         }
-        assert_eq!(
-            violations(&window, robot),
-            [0; 4],
-            "seed {seed}, cycle {cycle}"
-        );
+        assert_eq!(violations(&window, robot), [0; 4], "seed {seed}, cycle {cycle}");
     }
-    println!(
-        "{:?}\n{:?}",
-        retargeter.counts(),
-        retargeter.torque_report()
-    );
+    println!("{:?}\n{:?}", retargeter.counts(), retargeter.torque_report());
     farthest
 }
 

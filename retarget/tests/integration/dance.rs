@@ -58,10 +58,9 @@ fn direction_errors(track: &[Vec<f64>]) -> Vec<f64> {
             let shoulder = at(&format!("{letter}_sho_roll_link"));
             let elbow = at(&format!("{letter}_el_link"));
             let hand = at(&format!("{letter}_hand"));
-            for (robot, human) in [
-                (elbow - shoulder, pose.upper_arm[side]),
-                (hand - elbow, pose.forearm[side]),
-            ] {
+            for (robot, human) in
+                [(elbow - shoulder, pose.upper_arm[side]), (hand - elbow, pose.forearm[side])]
+            {
                 errors.push((unturn * robot).angle(&human).to_degrees());
             }
         }
@@ -81,21 +80,11 @@ fn every_robot_moves_every_joint() {
             let high = positions.fold(f64::NEG_INFINITY, f64::max);
             // This dancer neither nods nor leans nor shifts weight, and a forearm
             // that turns about itself shows nothing.
-            let still = [
-                "tilt",
-                "head_y",
-                "bust",
-                "hip_roll",
-                "ank_roll",
-                "ankle_roll",
-                "elbow_roll",
-            ]
-            .iter()
-            .any(|part| joint_name.contains(part));
-            assert!(
-                still || high - low > 0.02,
-                "{name}: {joint_name} stands still"
-            );
+            let still =
+                ["tilt", "head_y", "bust", "hip_roll", "ank_roll", "ankle_roll", "elbow_roll"]
+                    .iter()
+                    .any(|part| joint_name.contains(part));
+            assert!(still || high - low > 0.02, "{name}: {joint_name} stands still");
         }
     }
 }
@@ -112,28 +101,16 @@ fn the_output_is_on_time() {
     // The arm's lift against its own track shifted: the best shift is the delay.
     let robot = Robot::op3();
     let track = follow(&mut robot.retargeter(), &dance(30.0));
-    let knee = robot
-        .joints
-        .iter()
-        .position(|(n, _)| n == "l_knee")
-        .unwrap();
+    let knee = robot.joints.iter().position(|(n, _)| n == "l_knee").unwrap();
     let wanted = |cycle: f64| -dance_pose(cycle / CONTROL_HZ).pelvis.z;
     let score = |delay: i32| {
-        let pairs: Vec<(f64, f64)> = (500..2500)
-            .map(|k| (track[k + 3][knee], wanted((k as i32 - delay).into())))
-            .collect();
+        let pairs: Vec<(f64, f64)> =
+            (500..2500).map(|k| (track[k + 3][knee], wanted((k as i32 - delay).into()))).collect();
         let n = pairs.len() as f64;
-        let mean = pairs
-            .iter()
-            .fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
-        pairs
-            .iter()
-            .map(|p| (p.0 - mean.0) * (p.1 - mean.1))
-            .sum::<f64>()
+        let mean = pairs.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
+        pairs.iter().map(|p| (p.0 - mean.0) * (p.1 - mean.1)).sum::<f64>()
     };
-    let delay = (-20..=20)
-        .max_by(|a, b| score(*a).total_cmp(&score(*b)))
-        .unwrap();
+    let delay = (-20..=20).max_by(|a, b| score(*a).total_cmp(&score(*b))).unwrap();
     assert!(delay.abs() <= 2, "{delay} cycles late");
 }
 
@@ -189,10 +166,7 @@ fn rest_is_taken_up_gently_from_anywhere() {
     for ((name, robot), angle) in robots.iter().flat_map(|r| starts.map(|s| (r, s))) {
         let mut retargeter = robot.retargeter();
         let limits = robot.limits();
-        let start: Vec<f64> = limits
-            .iter()
-            .map(|limits| limits.clamp_rad(angle))
-            .collect();
+        let start: Vec<f64> = limits.iter().map(|limits| limits.clamp_rad(angle)).collect();
         retargeter.seed(&start).unwrap();
         retargeter.push(&dance(0.1)[0]);
         let mut track = vec![start.clone(); 3];
@@ -214,10 +188,7 @@ fn rest_is_taken_up_gently_from_anywhere() {
             }
         }
         for (now, rest) in out.iter().zip(retargeter.rest()) {
-            assert!(
-                (now - rest).abs() < 0.02,
-                "{name} from {angle}: {now} {rest}"
-            );
+            assert!((now - rest).abs() < 0.02, "{name} from {angle}: {now} {rest}");
         }
     }
 }
@@ -228,9 +199,7 @@ fn before_the_first_frame_the_robot_rests() {
     let rest = retargeter.rest().to_vec();
     let mut out = rest.clone();
     for cycle in 0..100 {
-        retargeter
-            .next(cycle as f64 / FRAME_RATE_HZ, &mut out)
-            .unwrap();
+        retargeter.next(cycle as f64 / FRAME_RATE_HZ, &mut out).unwrap();
     }
     for (now, rest) in out.iter().zip(&rest) {
         assert!((now - rest).abs() < 1e-3, "{now} {rest}");
@@ -263,9 +232,7 @@ fn arms_held_overhead_end_up_overhead() {
             let link = retargeter.model().link(&format!("{letter}_{part}"));
             poses[link.unwrap()].translation.vector
         };
-        let away = (at("el_link") - at("sho_roll_link"))
-            .angle(&up)
-            .to_degrees();
+        let away = (at("el_link") - at("sho_roll_link")).angle(&up).to_degrees();
         assert!(away < 45.0, "{letter}: {away:.0} degrees");
     }
 }

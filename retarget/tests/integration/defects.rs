@@ -20,9 +20,7 @@ const GOOD: &str = r#"<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="2" 
 fn found(text: &str, code: DiagnosticCode) -> Diagnostic {
     let findings = lint(text);
     let finding = findings.iter().find(|finding| finding.code == code);
-    finding
-        .unwrap_or_else(|| panic!("no {code} in {findings:#?} of {text}"))
-        .clone()
+    finding.unwrap_or_else(|| panic!("no {code} in {findings:#?} of {text}")).clone()
 }
 
 fn limit(lower: &str, upper: &str, effort: &str, velocity: &str) -> String {
@@ -44,140 +42,35 @@ fn a_good_description_has_no_findings() {
 fn joints_of_public_descriptions_are_named_with_their_values() {
     let pi = "3.14159";
     for (kind, joint, code, says) in [
-        (
-            "revolute",
-            limit("-1", "1", "2", "100"),
-            DiagnosticCode::VelocityPlaceholder,
-            "100",
-        ),
-        (
-            "revolute",
-            limit("-1", "1", "2", "0"),
-            DiagnosticCode::VelocityUnset,
-            "0",
-        ),
-        (
-            "revolute",
-            limit("-1", "1", "1000", "3"),
-            DiagnosticCode::EffortPlaceholder,
-            "1000",
-        ),
-        (
-            "revolute",
-            limit("-1", "1", "0", "3"),
-            DiagnosticCode::EffortUnset,
-            "0",
-        ),
+        ("revolute", limit("-1", "1", "2", "100"), DiagnosticCode::VelocityPlaceholder, "100"),
+        ("revolute", limit("-1", "1", "2", "0"), DiagnosticCode::VelocityUnset, "0"),
+        ("revolute", limit("-1", "1", "1000", "3"), DiagnosticCode::EffortPlaceholder, "1000"),
+        ("revolute", limit("-1", "1", "0", "3"), DiagnosticCode::EffortUnset, "0"),
         (
             "revolute",
             limit("-2.8274", "2.8274", "2", "3"),
             DiagnosticCode::RangePlaceholder,
             "0.90 pi",
         ),
-        (
-            "revolute",
-            limit("-3.14159", pi, "2", "3"),
-            DiagnosticCode::RangePlaceholder,
-            "1.00 pi",
-        ),
-        (
-            "revolute",
-            limit("-2.5", "3.1", "2", "3"),
-            DiagnosticCode::RangeWide,
-            "321 degrees",
-        ),
-        (
-            "revolute",
-            limit("1", "-1", "2", "3"),
-            DiagnosticCode::RangeInverted,
-            "exchanged",
-        ),
-        (
-            "revolute",
-            limit("2", "1", "2", "3"),
-            DiagnosticCode::RangeUnusable,
-            "lower limit 2",
-        ),
-        (
-            "revolute",
-            limit("0.5", "1", "2", "3"),
-            DiagnosticCode::ZeroOutside,
-            "0.5 to 1",
-        ),
-        (
-            "revolute",
-            limit("0", "0", "2", "3"),
-            DiagnosticCode::RangeUnset,
-            "both",
-        ),
-        (
-            "revolute",
-            limit("-inf", "1", "2", "3"),
-            DiagnosticCode::NumberUnusable,
-            "-inf",
-        ),
-        (
-            "revolute",
-            limit("-1", "one", "2", "3"),
-            DiagnosticCode::NumberUnreadable,
-            "one",
-        ),
+        ("revolute", limit("-3.14159", pi, "2", "3"), DiagnosticCode::RangePlaceholder, "1.00 pi"),
+        ("revolute", limit("-2.5", "3.1", "2", "3"), DiagnosticCode::RangeWide, "321 degrees"),
+        ("revolute", limit("1", "-1", "2", "3"), DiagnosticCode::RangeInverted, "exchanged"),
+        ("revolute", limit("2", "1", "2", "3"), DiagnosticCode::RangeUnusable, "lower limit 2"),
+        ("revolute", limit("0.5", "1", "2", "3"), DiagnosticCode::ZeroOutside, "0.5 to 1"),
+        ("revolute", limit("0", "0", "2", "3"), DiagnosticCode::RangeUnset, "both"),
+        ("revolute", limit("-inf", "1", "2", "3"), DiagnosticCode::NumberUnusable, "-inf"),
+        ("revolute", limit("-1", "one", "2", "3"), DiagnosticCode::NumberUnreadable, "one"),
         ("revolute", AXIS.into(), DiagnosticCode::VelocityUnset, "0"),
-        (
-            "revolute",
-            r#"<axis xyz="0 0 0"/>"#.into(),
-            DiagnosticCode::AxisZero,
-            "0 0 0",
-        ),
-        (
-            "revolute",
-            r#"<axis xyz="0 1 1"/>"#.into(),
-            DiagnosticCode::AxisTilted,
-            "45 degrees",
-        ),
-        (
-            "revolute",
-            r#"<axis xyz="0 1"/>"#.into(),
-            DiagnosticCode::NumberUnreadable,
-            "3 number",
-        ),
-        (
-            "revolute",
-            "<axis/>".into(),
-            DiagnosticCode::AxisUnset,
-            "1 0 0",
-        ),
-        (
-            "revolute",
-            format!("{AXIS}{AXIS}"),
-            DiagnosticCode::ElementTwice,
-            "<axis>",
-        ),
-        (
-            "continuous",
-            GOOD.into(),
-            DiagnosticCode::JointContinuous,
-            "without end",
-        ),
-        (
-            "prismatic",
-            GOOD.into(),
-            DiagnosticCode::JointPrismatic,
-            "held",
-        ),
+        ("revolute", r#"<axis xyz="0 0 0"/>"#.into(), DiagnosticCode::AxisZero, "0 0 0"),
+        ("revolute", r#"<axis xyz="0 1 1"/>"#.into(), DiagnosticCode::AxisTilted, "45 degrees"),
+        ("revolute", r#"<axis xyz="0 1"/>"#.into(), DiagnosticCode::NumberUnreadable, "3 number"),
+        ("revolute", "<axis/>".into(), DiagnosticCode::AxisUnset, "1 0 0"),
+        ("revolute", format!("{AXIS}{AXIS}"), DiagnosticCode::ElementTwice, "<axis>"),
+        ("continuous", GOOD.into(), DiagnosticCode::JointContinuous, "without end"),
+        ("prismatic", GOOD.into(), DiagnosticCode::JointPrismatic, "held"),
         ("hinge", GOOD.into(), DiagnosticCode::TypeUnknown, "hinge"),
-        (
-            "revolute",
-            format!("{GOOD}<mimic joint='x'/>"),
-            DiagnosticCode::MimicUnknown,
-            "`x`",
-        ),
-        (
-            "revolute",
-            format!("{GOOD}<mimic joint='turn'/>"),
-            DiagnosticCode::MimicCircle,
-            "circle",
-        ),
+        ("revolute", format!("{GOOD}<mimic joint='x'/>"), DiagnosticCode::MimicUnknown, "`x`"),
+        ("revolute", format!("{GOOD}<mimic joint='turn'/>"), DiagnosticCode::MimicCircle, "circle"),
         (
             "revolute",
             format!(
@@ -200,36 +93,20 @@ fn links_of_public_descriptions_are_named_with_their_values() {
     let mass = |kg: &str| MASS.replace("value=\"1\"", &format!("value=\"{kg}\""));
     let small = shape(r#"<box size="0.01 0.01 0.01"/>"#);
     for (link, code, says) in [
-        (
-            shape(&mesh.repeat(2)),
-            DiagnosticCode::GeometryTwo,
-            "the first",
-        ),
+        (shape(&mesh.repeat(2)), DiagnosticCode::GeometryTwo, "the first"),
         (shape(""), DiagnosticCode::GeometryUnreadable, "nothing"),
         (shape("<mesh/>"), DiagnosticCode::GeometryUnreadable, "mesh"),
-        (
-            shape("<box size='1 x 1'/>"),
-            DiagnosticCode::GeometryUnreadable,
-            "box",
-        ),
+        (shape("<box size='1 x 1'/>"), DiagnosticCode::GeometryUnreadable, "box"),
         (mass("-1"), DiagnosticCode::MassUnusable, "-1"),
         (mass("NaN"), DiagnosticCode::MassUnusable, "NaN"),
         (mass("1e9"), DiagnosticCode::MassUnusable, "1000000000"),
-        (
-            format!("{small}{MASS}"),
-            DiagnosticCode::MassAbsurd,
-            "heavier than lead",
-        ),
+        (format!("{small}{MASS}"), DiagnosticCode::MassAbsurd, "heavier than lead"),
         (
             "<inertial><mass value='1'/></inertial>".into(),
             DiagnosticCode::InertialIncomplete,
             "inertia",
         ),
-        (
-            MASS.replace("izz=\"0.1\"", "izz=\"9\""),
-            DiagnosticCode::InertiaAbsurd,
-            "9",
-        ),
+        (MASS.replace("izz=\"0.1\"", "izz=\"9\""), DiagnosticCode::InertiaAbsurd, "9"),
     ] {
         let finding = found(&urdf("revolute", GOOD, &link, ""), code);
         assert_eq!(finding.subject, "arm", "{finding}");
@@ -252,18 +129,8 @@ fn what_stands_around_is_found_as_well() {
         (MASS, floating, DiagnosticCode::RootFloating, "free"),
         (MASS, fixed_mimic, DiagnosticCode::MimicOnFixed, "still"),
         (MASS, loop_joint, DiagnosticCode::ParentsTwo, "robot"),
-        (
-            MASS,
-            "<link name='alone'/>",
-            DiagnosticCode::RootsMany,
-            "robot",
-        ),
-        (
-            MASS,
-            "<gazebo:plugin a='b'/>",
-            DiagnosticCode::PrefixUndeclared,
-            "gazebo",
-        ),
+        (MASS, "<link name='alone'/>", DiagnosticCode::RootsMany, "robot"),
+        (MASS, "<gazebo:plugin a='b'/>", DiagnosticCode::PrefixUndeclared, "gazebo"),
         (MASS, "<link/>", DiagnosticCode::NameMissing, "robot"),
         (MASS, "<xacro:include/>", DiagnosticCode::Xacro, "robot"),
     ] {
@@ -281,15 +148,9 @@ fn what_stands_behind_the_robot_is_passed_over() {
 
 #[test]
 fn what_is_repaired_builds_and_what_is_refused_does_not() {
-    for joint in [
-        GOOD.to_owned(),
-        limit("1", "-1", "1", "1"),
-        limit("2", "1", "1", "1"),
-    ] {
+    for joint in [GOOD.to_owned(), limit("1", "-1", "1", "1"), limit("2", "1", "1", "1")] {
         let text = urdf("revolute", &joint, "", "");
-        let refused = lint(&text)
-            .iter()
-            .any(|f| f.severity == DiagnosticSeverity::Refused);
+        let refused = lint(&text).iter().any(|f| f.severity == DiagnosticSeverity::Refused);
         assert_eq!(RobotModel::new(&text, &[]).is_err(), refused, "{text}");
     }
 }

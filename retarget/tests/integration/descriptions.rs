@@ -9,12 +9,7 @@ use servodance_types::JointLimits;
 use crate::support::{CONTROL_HZ, Robot};
 
 fn limits() -> JointLimits {
-    JointLimits {
-        lower_rad: -1.0,
-        upper_rad: 1.0,
-        velocity_rad_s: 3.0,
-        acceleration_rad_s2: 20.0,
-    }
+    JointLimits { lower_rad: -1.0, upper_rad: 1.0, velocity_rad_s: 3.0, acceleration_rad_s2: 20.0 }
 }
 
 fn two_links(joint: &str) -> String {
@@ -63,12 +58,7 @@ fn broken_descriptions_are_refused_by_name() {
 fn limits_written_the_wrong_way_round_are_exchanged_and_said() {
     let limit = r#"<axis xyz="0 0 1"/><limit lower="1" upper="-1" effort="1" velocity="1"/>"#;
     let found = lint(&two_links(limit));
-    assert!(
-        found
-            .iter()
-            .any(|f| f.code == DiagnosticCode::RangeInverted),
-        "{found:?}"
-    );
+    assert!(found.iter().any(|f| f.code == DiagnosticCode::RangeInverted), "{found:?}");
     assert!(RobotModel::new(&two_links(limit), &["turn"]).is_ok());
 }
 
@@ -80,9 +70,7 @@ fn a_mimic_of_a_fixed_joint_is_held_and_said() {
         <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
         <mimic joint="still"/></joint></robot>"#;
     let found = lint(urdf);
-    let held = found
-        .iter()
-        .find(|f| f.code == DiagnosticCode::MimicOfFixed);
+    let held = found.iter().find(|f| f.code == DiagnosticCode::MimicOfFixed);
     assert!(held.is_some_and(|f| f.subject == "turn" && f.message.contains("`still`")));
     assert!(RobotModel::new(urdf, &[]).is_ok());
     assert!(refusal(urdf, "turn").contains("no joint `turn`"));
@@ -103,15 +91,7 @@ fn trees_that_are_none_are_refused() {
         (robot(&[a.clone(), b.clone()]), "several roots: a, b"),
         (robot(&[a.clone(), a.clone()]), "`a` is there twice"),
         (robot(&[a.clone(), joint("j", "a", "z")]), "no link `z`"),
-        (
-            robot(&[
-                a.clone(),
-                b.clone(),
-                joint("i", "a", "b"),
-                joint("j", "b", "a"),
-            ]),
-            "loop",
-        ),
+        (robot(&[a.clone(), b.clone(), joint("i", "a", "b"), joint("j", "b", "a")]), "loop"),
         (robot(&["<xacro:include/>".into()]), "xacro"),
         ("not xml at all".into(), "not a readable URDF"),
         (String::new(), "not a readable URDF"),
@@ -126,10 +106,7 @@ fn trees_that_are_none_are_refused() {
 fn unknown_names_list_the_choices() {
     let urdf = two_links(&format!(r#"<axis xyz="0 0 1"/>{GOOD_LIMIT}"#));
     let message = refusal(&urdf, "trun");
-    assert!(
-        message.contains("`trun`") && message.contains("it has: turn"),
-        "{message}"
-    );
+    assert!(message.contains("`trun`") && message.contains("it has: turn"), "{message}");
     let mut robot = Robot::op3();
     robot.config.body.left_hand = Some("paw".into());
     let error = Retargeter::new(robot.urdf, &robot.config, &robot.joints, CONTROL_HZ);
@@ -145,9 +122,7 @@ fn a_robot_without_legs_cannot_be_planted() {
     let urdf = two_links(&format!(r#"<axis xyz="0 0 1"/>{GOOD_LIMIT}"#));
     let config: RetargetConfig = toml::from_str("stance = 'planted'").unwrap();
     let joints = [("turn".to_string(), limits())];
-    let error = Retargeter::new(&urdf, &config, &joints, CONTROL_HZ)
-        .err()
-        .unwrap();
+    let error = Retargeter::new(&urdf, &config, &joints, CONTROL_HZ).err().unwrap();
     assert!(error.to_string().contains("hung"), "{error}");
 }
 

@@ -70,11 +70,7 @@ fn rig(seed: u64) -> Robot {
         }
     }
     urdf += "</robot>";
-    Robot {
-        urdf: urdf.leak(),
-        config: RetargetConfig::default(),
-        joints,
-    }
+    Robot { urdf: urdf.leak(), config: RetargetConfig::default(), joints }
 }
 
 /// From a hair's breadth to full turns, from sluggish to brisk.

@@ -73,18 +73,13 @@ fn stepping_feet_follow_the_dancer_and_do_not_skate() {
     let counts = retargeter.counts();
     assert!(counts.steps > 30, "{counts:?}");
     assert!(lifted.iter().all(|z| *z > 0.005), "{lifted:?}");
-    assert!(
-        skating as f64 <= 0.05 * contact as f64,
-        "{skating} of {contact} contact cycles"
-    );
+    assert!(skating as f64 <= 0.05 * contact as f64, "{skating} of {contact} contact cycles");
     assert_eq!(counts.unbalanced_cycles, 0, "{counts:?}");
 }
 
 #[test]
 fn a_stepping_robot_needs_legs() {
-    let torso = Robot::all()
-        .into_iter()
-        .find(|(name, _)| *name == "torso13");
+    let torso = Robot::all().into_iter().find(|(name, _)| *name == "torso13");
     let (_, mut torso) = torso.expect("built in");
     torso.config.stance = Stance::Stepping;
     let refused = Retargeter::new(torso.urdf, &torso.config, &torso.joints, CONTROL_HZ);

@@ -69,12 +69,7 @@ impl Robot {
             config: file["retarget"].clone().try_into().expect("[retarget]"),
             joints: joints
                 .iter()
-                .map(|joint| {
-                    (
-                        joint["name"].as_str().expect("a name").into(),
-                        limits(joint),
-                    )
-                })
+                .map(|joint| (joint["name"].as_str().expect("a name").into(), limits(joint)))
                 .collect(),
         }
     }
@@ -143,17 +138,10 @@ pub fn violations_at(control_hz: f64, track: &[Vec<f64>], robot: &Robot) -> [usi
         let p: Vec<f64> = track.iter().map(|row| row[joint]).collect();
         let inside = limit.lower_rad - 1e-9..=limit.upper_rad + 1e-9;
         broken[0] += p.iter().filter(|p| !inside.contains(p)).count();
-        let most = [
-            limit.velocity_rad_s,
-            limit.acceleration_rad_s2,
-            robot.jerk_rad_s3(joint),
-        ];
+        let most = [limit.velocity_rad_s, limit.acceleration_rad_s2, robot.jerk_rad_s3(joint)];
         let mut rate = p;
         for (broken, most) in broken[1..].iter_mut().zip(most) {
-            rate = rate
-                .windows(2)
-                .map(|r| (r[1] - r[0]) * control_hz)
-                .collect();
+            rate = rate.windows(2).map(|r| (r[1] - r[0]) * control_hz).collect();
             // NaN is not allowed, either.
             *broken += rate.iter().filter(|r| r.is_nan() || r.abs() > most).count();
         }
@@ -240,11 +228,7 @@ pub fn dance_pose(time_s: f64) -> Pose {
     let mut pose = Pose::standing();
     let bend = 0.35 - 0.1 * beat.cos();
     pose.knee = [bend; 2];
-    pose.pelvis = Vector3::new(
-        0.0,
-        0.05 * (beat / 2.0).sin(),
-        0.04 + 0.06 + 0.82 * bend.cos(),
-    );
+    pose.pelvis = Vector3::new(0.0, 0.05 * (beat / 2.0).sin(), 0.04 + 0.06 + 0.82 * bend.cos());
     pose.yaw = 0.3 * slow.sin();
     for (side, sign) in [(0, 1.0), (1, -1.0)] {
         let lift = 0.2 + 0.7 * (slow + sign * 0.8).sin();

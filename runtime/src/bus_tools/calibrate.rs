@@ -60,9 +60,7 @@ impl Calibration<'_> {
         let mut bus = open_buses(&ports, &robot.buses, &robot.servos)?;
         bus.disarm()?;
         let found = self.measure(&mut *bus, &robot)?;
-        table(&robot.servos, &found)
-            .iter()
-            .for_each(|line| show(line));
+        table(&robot.servos, &found).iter().for_each(|line| show(line));
         let edited = edit(&text, &found)?;
         let calibrated = Robot::from_text(&edited, &target).context(
             "with these zeros a joint could not reach its limits: mount its servo's horn otherwise",
@@ -90,12 +88,8 @@ impl Calibration<'_> {
 
     fn measure(&self, bus: &mut dyn Bus, robot: &Robot) -> anyhow::Result<Vec<JointSettings>> {
         let leaves_out_zero = |servo: &&Servo| servo.limits.clamp_rad(0.0) != 0.0;
-        let exceptions: Vec<String> = robot
-            .servos
-            .iter()
-            .filter(leaves_out_zero)
-            .map(rest)
-            .collect();
+        let exceptions: Vec<String> =
+            robot.servos.iter().filter(leaves_out_zero).map(rest).collect();
         pause(&match exceptions.is_empty() {
             true => "Move the robot into its rest pose (every joint at zero)".into(),
             false => format!(
@@ -112,13 +106,9 @@ impl Calibration<'_> {
             positive = bus.observe()?;
         }
         let readings = rest.iter().zip(&positive);
-        let found = robot
-            .servos
-            .iter()
-            .zip(readings)
-            .map(|(servo, (rest, positive))| {
-                found(servo, rest.position_rad, positive.position_rad)
-            });
+        let found = robot.servos.iter().zip(readings).map(|(servo, (rest, positive))| {
+            found(servo, rest.position_rad, positive.position_rad)
+        });
         Ok(found.collect())
     }
 }
@@ -133,11 +123,7 @@ fn rest(servo: &Servo) -> String {
 /// given what it reads with the old ones.
 fn found(servo: &Servo, rest_rad: f64, positive_rad: f64) -> JointSettings {
     let moved_rad = positive_rad - rest_rad;
-    let direction = if moved_rad <= -CLEAR_MOVE_RAD {
-        -servo.direction
-    } else {
-        servo.direction
-    };
+    let direction = if moved_rad <= -CLEAR_MOVE_RAD { -servo.direction } else { servo.direction };
     let servo_rad = servo.zero_rad + servo.direction * rest_rad;
     let zero_rad = servo_rad - direction * servo.limits.clamp_rad(0.0);
     // Serial servos count within a turn, CAN motors do not.
@@ -234,20 +220,11 @@ mod tests {
         let text = "\
 # My robot.\nname = \"x\"\n\n[[joint]]\nname = \"a\" # left\nzero_deg = 180.0   # horn up\ndirection = 1\n\n[[joint]]\nname = \"b\"\nzero_deg = 90\ndirection = -1 # mirrored\n";
         let found = [
-            JointSettings {
-                joint: "a".into(),
-                zero_deg: 171.5,
-                direction: -1,
-            },
-            JointSettings {
-                joint: "b".into(),
-                zero_deg: 90.0,
-                direction: -1,
-            },
+            JointSettings { joint: "a".into(), zero_deg: 171.5, direction: -1 },
+            JointSettings { joint: "b".into(), zero_deg: 90.0, direction: -1 },
         ];
-        let wanted = text
-            .replace("180.0   #", "171.5   #")
-            .replace("direction = 1\n", "direction = -1\n");
+        let wanted =
+            text.replace("180.0   #", "171.5   #").replace("direction = 1\n", "direction = -1\n");
         assert_eq!(edit(text, &found).unwrap(), wanted);
     }
 

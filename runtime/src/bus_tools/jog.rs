@@ -106,19 +106,14 @@ impl Jog<'_> {
         let from_deg = joint.position_deg();
         joint.step_rad = self.speed_deg_s.to_radians() * self.robot.period_s();
         let moved = match self.step {
-            Some(step) => joint
-                .aim(step)
-                .and_then(|()| joint.follow(stop, StepInput::none())),
+            Some(step) => joint.aim(step).and_then(|()| joint.follow(stop, StepInput::none())),
             None => joint.follow(stop, StepInput::from_stdin()),
         };
         let to_deg = joint.position_deg();
         let stopped = joint.disarm();
         moved?;
         stopped?;
-        Ok(format!(
-            "{}: from {from_deg:.1} to {to_deg:.1} degrees; torque is off",
-            self.joint
-        ))
+        Ok(format!("{}: from {from_deg:.1} to {to_deg:.1} degrees; torque is off", self.joint))
     }
 }
 
@@ -270,9 +265,7 @@ impl ArmedJoint {
     }
 
     fn disarm(&mut self) -> anyhow::Result<()> {
-        Ok(self
-            .bus
-            .disarm(self.clock.elapsed().as_secs_f64(), "end of jog")?)
+        Ok(self.bus.disarm(self.clock.elapsed().as_secs_f64(), "end of jog")?)
     }
 }
 

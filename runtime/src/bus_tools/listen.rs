@@ -40,10 +40,7 @@ impl ProtocolChoice {
 /// The path of a serial port, given as `dance --bus` takes it or bare.
 fn serial_path(port: &str) -> anyhow::Result<&str> {
     let path = port.strip_prefix("serial:").unwrap_or(port);
-    if ["can:", "slcan:", "udp:"]
-        .iter()
-        .any(|kind| path.starts_with(kind))
-    {
+    if ["can:", "slcan:", "udp:"].iter().any(|kind| path.starts_with(kind)) {
         bail!(
             "{port} leads to a CAN bus; this looks at serial ones (scan and ping --robot know CAN)"
         );

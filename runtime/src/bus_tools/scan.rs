@@ -6,9 +6,8 @@ use servodance_drivers::can::{CanFound, CanPort, CanScanner};
 use servodance_drivers::{Framing, available_ports, latency_timer};
 
 /// The bitrates of a serial CAN adapter, the usual ones first.
-const BITRATES: [u32; 9] = [
-    1_000_000, 500_000, 250_000, 125_000, 800_000, 100_000, 50_000, 20_000, 10_000,
-];
+const BITRATES: [u32; 9] =
+    [1_000_000, 500_000, 250_000, 125_000, 800_000, 100_000, 50_000, 20_000, 10_000];
 
 /// The serial ports of this machine, a line each, with what slows them down.
 pub fn ports() -> Vec<String> {
@@ -90,15 +89,11 @@ fn scan_can(
             false => String::new(),
         };
         let mut scanner = CanScanner::open(port, bitrate)?;
-        note(&format!(
-            "{rate}listening, then asking 127 ids in three languages"
-        ));
+        note(&format!("{rate}listening, then asking 127 ids in three languages"));
         match scanner.everyone() {
             Ok(motors) if motors.is_empty() => {}
             Ok(motors) => {
-                let lines = motors
-                    .iter()
-                    .map(|motor| format!("{rate}{}", can_line(motor)));
+                let lines = motors.iter().map(|motor| format!("{rate}{}", can_line(motor)));
                 lines.for_each(|line| found(&line));
                 return Ok(());
             }
@@ -119,10 +114,7 @@ fn can_line(motor: &CanFound) -> String {
         motor.id,
         motor.model.unwrap_or("model not told"),
         motor.firmware.as_deref().unwrap_or("not told"),
-        motor
-            .detail
-            .as_ref()
-            .map_or(String::new(), |detail| format!("{detail}  ")),
+        motor.detail.as_ref().map_or(String::new(), |detail| format!("{detail}  ")),
         motor.error.as_deref().unwrap_or("no error told")
     )
 }

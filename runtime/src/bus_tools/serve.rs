@@ -32,9 +32,7 @@ pub fn serve(
     let names: Vec<&str> = robot.servos.iter().map(|s| s.name.as_str()).collect();
     let cues = parse_script(options.faults, &names)?;
     // An adapter that comes back is to be found where it was.
-    let pluggable = cues
-        .iter()
-        .any(|cue| matches!(cue.what, Happening::Adapter(_)));
+    let pluggable = cues.iter().any(|cue| matches!(cue.what, Happening::Adapter(_)));
     let mut cues = cues.into_iter().peekable();
     let joints: Vec<Vec<usize>> = robot.buses.iter().map(|bus| bus.joints.clone()).collect();
     let began = Instant::now();
@@ -92,10 +90,7 @@ fn summary(sims: &[SimBus]) -> String {
         broken.velocity,
         broken.acceleration
     );
-    if let Some(first) = sims
-        .iter()
-        .find_map(|sim| sim.violation_notes().into_iter().next())
-    {
+    if let Some(first) = sims.iter().find_map(|sim| sim.violation_notes().into_iter().next()) {
         line += &format!(
             " ({} by what was told, {} by the motion; one of them: {first})",
             broken.total() - moved.total(),

@@ -30,13 +30,8 @@ pub fn set_id(
     if new > last {
         bail!("id {new} is out of range: 0 to {last} for {model}");
     }
-    probe
-        .vitals(&servo)
-        .with_context(|| format!("id {old} cannot be read: is it given twice?"))?;
-    if let Some(taken) = probe
-        .ping(new)
-        .with_context(|| format!("id {new} is in use"))?
-    {
+    probe.vitals(&servo).with_context(|| format!("id {old} cannot be read: is it given twice?"))?;
+    if let Some(taken) = probe.ping(new).with_context(|| format!("id {new} is in use"))? {
         let by = taken.model.unwrap_or("a servo of an unknown model");
         bail!("id {new} is in use by {by} at {} baud", taken.baud);
     }

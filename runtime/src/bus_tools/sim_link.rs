@@ -58,10 +58,7 @@ mod tests {
         let serial = BusConfig::dynamixel2(1_000_000);
         assert_eq!(sim_link(&can, None, 0).unwrap(), SimLink::Terminal);
         let second = sim_link(&can, Some(LinkChoice::Udp), 1).unwrap();
-        assert_eq!(
-            second,
-            SimLink::Multicast("239.74.163.2:43114".parse().unwrap())
-        );
+        assert_eq!(second, SimLink::Multicast("239.74.163.2:43114".parse().unwrap()));
         for bus in [&can, &serial] {
             let unix = sim_link(bus, Some(LinkChoice::Unix), 0).unwrap();
             assert_eq!(unix, SimLink::Unix);

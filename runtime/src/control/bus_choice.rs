@@ -21,9 +21,10 @@ impl BusChoice {
         if text == "sim" {
             return Ok(Self::Sim);
         }
-        Ok(Self::Port(text.parse().map_err(|error| {
-            anyhow!("--bus: {error} (or sim, for simulated servos)")
-        })?))
+        Ok(Self::Port(
+            text.parse()
+                .map_err(|error| anyhow!("--bus: {error} (or sim, for simulated servos)"))?,
+        ))
     }
 
     fn name(&self) -> String {
@@ -44,11 +45,8 @@ fn choose_for(buses: &[BusLayout], given: &[String]) -> anyhow::Result<Vec<BusCh
         return Ok(vec![BusChoice::Sim; buses.len()]);
     }
     let names: Vec<&str> = buses.iter().map(|bus| bus.config.name.as_str()).collect();
-    let wanted = names
-        .iter()
-        .map(|name| format!("--bus {name}=serial:PATH"))
-        .collect::<Vec<_>>()
-        .join(" ");
+    let wanted =
+        names.iter().map(|name| format!("--bus {name}=serial:PATH")).collect::<Vec<_>>().join(" ");
     let mut chosen: Vec<Option<BusChoice>> = vec![None; buses.len()];
     for text in given {
         let (name, port) = match text.split_once('=') {
@@ -59,15 +57,14 @@ fn choose_for(buses: &[BusLayout], given: &[String]) -> anyhow::Result<Vec<BusCh
             match name {
                 None if buses.len() == 1 => 0,
                 None => bail!("--bus {text}: the robot has several buses; say {wanted}"),
-                Some(name) => names
-                    .iter()
-                    .position(|known| *known == name)
-                    .ok_or_else(|| match names.join(", ").as_str() {
+                Some(name) => names.iter().position(|known| *known == name).ok_or_else(|| {
+                    match names.join(", ").as_str() {
                         "" => anyhow!(
                             "--bus {text}: the robot's one bus has no name; say --bus {port}"
                         ),
                         names => anyhow!("--bus {text}: no bus \"{name}\"; this robot has {names}"),
-                    })?,
+                    }
+                })?,
             };
         if chosen[place].replace(BusChoice::parse(port)?).is_some() {
             bail!("--bus {text}: this bus has a port already");
@@ -106,10 +103,7 @@ mod tests {
         let buses: Vec<BusLayout> = names
             .iter()
             .map(|name| BusLayout {
-                config: BusConfig {
-                    name: (*name).into(),
-                    ..BusConfig::dynamixel2(1_000_000)
-                },
+                config: BusConfig { name: (*name).into(), ..BusConfig::dynamixel2(1_000_000) },
                 servos: Vec::new(),
                 joints: Vec::new(),
             })
@@ -131,16 +125,8 @@ mod tests {
         check(&[""], &["sim"], &["sim"]);
         check(&[""], &["serial:/dev/a=b"], &["serial:/dev/a=b"]);
         check(&["left", "right"], &["sim"], &["sim", "sim"]);
-        check(
-            &["left", "right"],
-            &[right, left],
-            &["serial:/dev/ttyUSB0", "can:can0"],
-        );
-        check(
-            &["left", "right"],
-            &["left=sim", right],
-            &["sim", "can:can0"],
-        );
+        check(&["left", "right"], &[right, left], &["serial:/dev/ttyUSB0", "can:can0"]);
+        check(&["left", "right"], &["left=sim", right], &["sim", "can:can0"]);
     }
 
     #[test]
@@ -148,26 +134,10 @@ mod tests {
         for (names, given, says) in [
             (&[""][..], &["usb"][..], "choose serial:PATH"),
             (&[""], &["left=sim"], "has no name; say --bus sim"),
-            (
-                &["left", "right"],
-                &["serial:/dev/a"],
-                "several buses; say --bus left=serial:PATH",
-            ),
-            (
-                &["left", "right"],
-                &["left=sim"],
-                "no port for the bus \"right\"",
-            ),
-            (
-                &["left", "right"],
-                &["top=sim"],
-                "this robot has left, right",
-            ),
-            (
-                &["left", "right"],
-                &["left=sim", "left=sim"],
-                "has a port already",
-            ),
+            (&["left", "right"], &["serial:/dev/a"], "several buses; say --bus left=serial:PATH"),
+            (&["left", "right"], &["left=sim"], "no port for the bus \"right\""),
+            (&["left", "right"], &["top=sim"], "this robot has left, right"),
+            (&["left", "right"], &["left=sim", "left=sim"], "has a port already"),
         ] {
             let error = chosen(names, given).unwrap_err();
             assert!(error.contains(says), "{given:?}: {error}");

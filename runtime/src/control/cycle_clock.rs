@@ -25,13 +25,7 @@ pub struct CycleClock {
 impl CycleClock {
     /// A clock that starts now, with cycle 0.
     pub fn new(speed: Speed, period_s: f64) -> Self {
-        Self {
-            speed,
-            period_s,
-            started: Instant::now(),
-            cycle: 0,
-            slip_s: 0.0,
-        }
+        Self { speed, period_s, started: Instant::now(), cycle: 0, slip_s: 0.0 }
     }
 
     pub fn start_at(&mut self, moment: Instant) {

@@ -57,10 +57,7 @@ impl EmergencyStopWatch {
                 std::thread::sleep(EVERY);
             }
         })?;
-        Ok(Self {
-            stop,
-            thread: Some(thread),
-        })
+        Ok(Self { stop, thread: Some(thread) })
     }
 }
 

@@ -67,11 +67,7 @@ impl GroundPose {
     fn of(points: &BodyPoints) -> Self {
         let left = points[LeftHip as usize] - points[RightHip as usize];
         let pelvis = points[Pelvis as usize];
-        Self {
-            yaw: (-left.x).atan2(left.y),
-            x: pelvis.x,
-            y: pelvis.y,
-        }
+        Self { yaw: (-left.x).atan2(left.y), x: pelvis.x, y: pelvis.y }
     }
 
     /// From a body at the origin that faces x to this pose.
@@ -239,9 +235,7 @@ fn blend(a: &BodyPoints, b: &BodyPoints, share: f64) -> BodyPoints {
         let (from, to) = (a[joint] - a[parent], b[joint] - b[parent]);
         let length = from.norm() + share * (to.norm() - from.norm());
         let mixed = from.lerp(&to, share);
-        let bone = mixed
-            .try_normalize(1e-6)
-            .map_or(mixed, |direction| direction * length);
+        let bone = mixed.try_normalize(1e-6).map_or(mixed, |direction| direction * length);
         out[joint] = out[parent] + bone;
     }
     out
@@ -285,11 +279,9 @@ fn pose(time_s: f64, lively: f64) -> BodyPoints {
             LeftHip | RightHip => Vector3::new(0.0, side * 0.6, -0.8),
             LeftCollar | RightCollar => Vector3::new(0.0, side * 0.7, 0.6 + 0.1 * breath),
             LeftShoulder | RightShoulder => Vector3::new(0.0, side, -0.15 + 0.1 * breath),
-            LeftElbow | RightElbow => Vector3::new(
-                -0.05 - 0.05 * sway * side,
-                side * (0.22 + 0.22 * breath),
-                -1.0,
-            ),
+            LeftElbow | RightElbow => {
+                Vector3::new(-0.05 - 0.05 * sway * side, side * (0.22 + 0.22 * breath), -1.0)
+            }
             LeftWrist | RightWrist => {
                 Vector3::new(0.25 + 0.25 * breath + 0.05 * sway * side, side * 0.08, -1.0)
             }
@@ -336,21 +328,13 @@ mod tests {
     const CYCLE_S: f64 = 0.01;
 
     fn heard(time_s: f64, presence: f32) -> MusicFrame {
-        MusicFrame {
-            time_s,
-            presence,
-            ..MusicFrame::default()
-        }
+        MusicFrame { time_s, presence, ..MusicFrame::default() }
     }
 
     /// A dancer who is elsewhere and turns all the time.
     fn dancer(time_s: f64) -> BodyPoints {
         let mut points = pose(8.0 * time_s, 1.0);
-        let place = GroundPose {
-            yaw: time_s,
-            x: 1.0 + 0.2 * time_s,
-            y: -0.5,
-        };
+        let place = GroundPose { yaw: time_s, x: 1.0 + 0.2 * time_s, y: -0.5 };
         place.apply(&mut points);
         points
     }
@@ -366,11 +350,7 @@ mod tests {
         let (mut last, mut shares) = (None, Vec::new());
         for cycle in 0..3000 {
             let now_s = f64::from(cycle) * CYCLE_S;
-            let presence = if (10.0..20.0).contains(&now_s) {
-                0.0
-            } else {
-                0.9
-            };
+            let presence = if (10.0..20.0).contains(&now_s) { 0.0 } else { 0.9 };
             idle.hear(&heard(now_s, presence));
             let shown = idle.step(now_s, Some(dancer(now_s))).unwrap();
             if let Some(last) = &last {
@@ -424,10 +404,7 @@ mod tests {
             idle.step(now_s, Some(dancer(1.0)));
         }
         assert_eq!(idle.share(), 1.0);
-        let (a, b) = (
-            idle.step(5.0, Some(dancer(9.0))),
-            idle.step(5.01, Some(dancer(9.5))),
-        );
+        let (a, b) = (idle.step(5.0, Some(dancer(9.0))), idle.step(5.01, Some(dancer(9.5))));
         assert_eq!(a, b, "the pose is held");
     }
 }

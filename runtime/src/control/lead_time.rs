@@ -12,11 +12,7 @@ pub struct LeadTime {
 impl LeadTime {
     /// No cycle yet; without compensation the lead is always `even_s`.
     pub fn new(even_s: f64) -> Self {
-        Self {
-            even_s,
-            sum_s: 0.0,
-            cycles: 0,
-        }
+        Self { even_s, sum_s: 0.0, cycles: 0 }
     }
 
     /// Lead where nothing steers the motion, seconds.

@@ -83,8 +83,7 @@ impl LoopLog {
             period_s: 1.0 / self.control_hz,
             root: is_sampled.then_some(&plan.retargeter),
         };
-        self.recorder
-            .cycle(times.recording_s, times.stood_s, decision, servos);
+        self.recorder.cycle(times.recording_s, times.stood_s, decision, servos);
     }
 
     fn sample(&mut self, music_s: f64, plan: &MotionPlan, servos: &RobotBuses) {

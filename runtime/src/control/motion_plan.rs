@@ -32,11 +32,7 @@ impl MotionPlan {
             Some(live_s) => -(live_s + retargeter.lookahead_s()),
             None => delays.servo_s,
         };
-        let horizon = Horizon {
-            preview_s: delays.limits_s,
-            servo_lag_s: delays.servo_s,
-            live_s,
-        };
+        let horizon = Horizon { preview_s: delays.limits_s, servo_lag_s: delays.servo_s, live_s };
         let steering = match options.compensation {
             true => {
                 let preview = TrajectoryPreview::new(robot.retargeter()?, robot.period_s());
@@ -115,9 +111,7 @@ impl MotionPlan {
             observe(shown);
             Some((shown?, 1.0 - idle.share()))
         };
-        Ok(self
-            .retargeter
-            .next_altered(motion_s, alter, &mut self.targets_rad)?)
+        Ok(self.retargeter.next_altered(motion_s, alter, &mut self.targets_rad)?)
     }
 
     /// Slowest and fastest pace of the motion so far.

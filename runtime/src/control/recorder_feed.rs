@@ -36,10 +36,7 @@ pub struct CycleDecision<'a> {
 
 impl RecorderFeed {
     pub fn new(recorder: Option<Recorder>) -> Self {
-        Self {
-            recorder,
-            ..Self::default()
-        }
+        Self { recorder, ..Self::default() }
     }
 
     pub fn frame(&mut self, at_s: f64, step: &DanceStep) {
@@ -51,16 +48,8 @@ impl RecorderFeed {
         recorder.number(RecordingTopic::BeatPhase, at_s, phase);
         let bands = servodance_audio::bands::<BANDS>(&step.music.spectral);
         recorder.spectrum(at_s, &bands);
-        recorder.number(
-            RecordingTopic::Stage(PipelineStep::Features),
-            at_s,
-            step.features_ms,
-        );
-        recorder.number(
-            RecordingTopic::Stage(PipelineStep::Model),
-            at_s,
-            step.model_ms,
-        );
+        recorder.number(RecordingTopic::Stage(PipelineStep::Features), at_s, step.features_ms);
+        recorder.number(RecordingTopic::Stage(PipelineStep::Model), at_s, step.model_ms);
     }
 
     /// A cycle went over the bus; the recording began `stood_s` after torque on.
@@ -71,11 +60,7 @@ impl RecorderFeed {
         recorder.positions(RecordingTopic::JointTargets, at_s, decision.targets_rad);
         recorder.number(RecordingTopic::Lead, at_s, decision.lead_s);
         recorder.number(RecordingTopic::Idle, at_s, decision.idle_share);
-        recorder.positions(
-            RecordingTopic::JointCommands,
-            at_s,
-            servos.safety().sent_rad(),
-        );
+        recorder.positions(RecordingTopic::JointCommands, at_s, servos.safety().sent_rad());
         recorder.states(RecordingTopic::JointStates, at_s, servos.states());
         if let Some(retargeter) = decision.root {
             let positions: Vec<f64> = servos.states().iter().map(|s| s.position_rad).collect();

@@ -324,10 +324,7 @@ fn merge_notes(notes: &[String]) -> Vec<String> {
     let text = |note: &'_ String| note.split_once("): ").map(|(_, text)| text.to_owned());
     let mut lines: Vec<String> = Vec::new();
     for note in notes {
-        let alike = notes
-            .iter()
-            .filter(|other| text(other) == text(note))
-            .count();
+        let alike = notes.iter().filter(|other| text(other) == text(note)).count();
         let line = match text(note) {
             Some(text) if alike > 1 => format!("{alike} servos: {text}"),
             _ => note.clone(),
@@ -353,10 +350,7 @@ mod tests {
         .map(String::from);
         assert_eq!(
             merge_notes(&notes),
-            [
-                "2 servos: return delay time changed from 250 to 0",
-                "knee (id 2): 61 degrees"
-            ]
+            ["2 servos: return delay time changed from 250 to 0", "knee (id 2): 61 degrees"]
         );
     }
 }

@@ -35,8 +35,7 @@ impl ServoTruthLog {
         if self.cycles.len() < self.room {
             let mut positions = Vec::with_capacity(self.joints);
             positions.extend(positions_rad.map(|p| p as f32));
-            self.cycles
-                .push((self.zero.elapsed(), idle as f32, positions));
+            self.cycles.push((self.zero.elapsed(), idle as f32, positions));
         }
     }
 

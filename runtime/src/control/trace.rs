@@ -14,11 +14,7 @@ pub struct JointTrace {
 
 impl JointTrace {
     pub fn new(joints: usize) -> Self {
-        Self {
-            joints,
-            times_s: Vec::new(),
-            positions_rad: Vec::new(),
-        }
+        Self { joints, times_s: Vec::new(), positions_rad: Vec::new() }
     }
 
     pub fn push(&mut self, time_s: f64, positions_rad: impl Iterator<Item = f64>) {
@@ -50,10 +46,7 @@ impl JointTrace {
 
     /// One joint over time: seconds, radians.
     pub fn joint(&self, joint: usize) -> impl Iterator<Item = (f64, f64)> + '_ {
-        self.times_s
-            .iter()
-            .enumerate()
-            .map(move |(i, t)| (*t, self.sample(i)[joint]))
+        self.times_s.iter().enumerate().map(move |(i, t)| (*t, self.sample(i)[joint]))
     }
 
     /// Mean joint speed at each sample, radians a second: the mean of the step
@@ -130,10 +123,7 @@ mod tests {
         }
         assert_eq!(trace.servos.times_s().len(), trace.motion.len());
         let newest = trace.servos.times_s().len() - 1;
-        assert_eq!(
-            trace.servos.sample(newest),
-            [trace.servos.times_s()[newest]]
-        );
+        assert_eq!(trace.servos.sample(newest), [trace.servos.times_s()[newest]]);
     }
 
     #[test]

@@ -63,9 +63,7 @@ pub struct CycleView {
 impl<'a> ViewerLink<'a> {
     /// Applies the settings to `retargeter`.
     pub fn new(end: &'a mut RobotEnd, retargeter: &mut Retargeter, period_s: f64) -> Self {
-        let ViewerSettings {
-            amplitude, mirror, ..
-        } = end.settings;
+        let ViewerSettings { amplitude, mirror, .. } = end.settings;
         retargeter.set_amplitude(amplitude);
         retargeter.set_mirror(mirror);
         let ahead = (retargeter.preview_s() / period_s).round() as usize;
@@ -166,18 +164,13 @@ impl<'a> ViewerLink<'a> {
             late_frames: cycle.late_frames,
             safety: servos.safety().state(),
             interventions: servos.interventions(),
-            violations: servos
-                .violations()
-                .map(|v| v.position + v.velocity + v.acceleration),
+            violations: servos.violations().map(|v| v.position + v.velocity + v.acceleration),
         };
         let new_events = &servos.safety().transitions()[self.events_sent..];
         self.events_sent += new_events.len();
         self.end.publish(|snapshot| {
             snapshot.now = moment;
-            let seen = states
-                .iter()
-                .zip(servos.safety().sent_rad())
-                .zip(servos.safety().health());
+            let seen = states.iter().zip(servos.safety().sent_rad()).zip(servos.safety().health());
             for (joint, ((state, sent), health)) in snapshot.joints.iter_mut().zip(seen) {
                 joint.target_rad = *sent;
                 joint.position_rad = state.position_rad;
@@ -210,10 +203,7 @@ impl<'a> ViewerLink<'a> {
         match self.music.front() {
             Some((at_s, music)) if *at_s <= time_s => {
                 let beats = (time_s - at_s) * music.tempo_bpm / 60.0;
-                MusicStatus {
-                    phase: (music.phase + beats).rem_euclid(1.0),
-                    ..*music
-                }
+                MusicStatus { phase: (music.phase + beats).rem_euclid(1.0), ..*music }
             }
             _ => MusicStatus::default(),
         }

@@ -42,27 +42,15 @@ pub struct Finding {
 
 impl Finding {
     fn good(area: &'static str, what: impl Into<String>) -> Self {
-        Self {
-            area,
-            verdict: Verdict::Good,
-            what: what.into(),
-            remedy: None,
-        }
+        Self { area, verdict: Verdict::Good, what: what.into(), remedy: None }
     }
 
     fn warning(area: &'static str, what: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Self {
-            verdict: Verdict::Warning,
-            remedy: Some(remedy.into()),
-            ..Self::good(area, what)
-        }
+        Self { verdict: Verdict::Warning, remedy: Some(remedy.into()), ..Self::good(area, what) }
     }
 
     fn bad(area: &'static str, what: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Self {
-            verdict: Verdict::Bad,
-            ..Self::warning(area, what, remedy)
-        }
+        Self { verdict: Verdict::Bad, ..Self::warning(area, what, remedy) }
     }
 }
 

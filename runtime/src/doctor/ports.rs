@@ -9,10 +9,8 @@ use std::path::Path;
 /// Serial ports that look like adapters, with what slows them down. Boards have
 /// dozens of `ttyS` that lead nowhere: those are left out.
 pub fn serial() -> Vec<Finding> {
-    let ports: Vec<String> = available_ports()
-        .into_iter()
-        .filter(|port| !port.contains("/ttyS"))
-        .collect();
+    let ports: Vec<String> =
+        available_ports().into_iter().filter(|port| !port.contains("/ttyS")).collect();
     if ports.is_empty() {
         return vec![Finding::good(
             "serial",
@@ -131,10 +129,7 @@ mod tests {
             let robot = Robot::load(built_in.name).unwrap();
             let found = rates(&robot);
             assert_eq!(found.len(), robot.buses.len());
-            assert!(
-                found.iter().all(|f| f.verdict == Verdict::Good),
-                "{found:?}"
-            );
+            assert!(found.iter().all(|f| f.verdict == Verdict::Good), "{found:?}");
         }
     }
 }

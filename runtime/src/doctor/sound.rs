@@ -5,11 +5,7 @@ use crate::pipeline::microphone::input_table;
 
 pub fn inputs() -> Finding {
     match input_table() {
-        Ok(table) => match table
-            .lines()
-            .filter(|line| !line.starts_with("* the"))
-            .count()
-        {
+        Ok(table) => match table.lines().filter(|line| !line.starts_with("* the")).count() {
             0 | 1 if table.starts_with("no inputs") => Finding::warning(
                 "sound",
                 "no microphone",

@@ -38,11 +38,9 @@ pub fn timer(period_s: f64) -> Finding {
     );
     match late_ms < period_ms / 4.0 {
         true => Finding::good("timer", what),
-        false => Finding::warning(
-            "timer",
-            what,
-            "stop other programs, or grant real-time priority",
-        ),
+        false => {
+            Finding::warning("timer", what, "stop other programs, or grant real-time priority")
+        }
     }
 }
 
@@ -81,10 +79,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         assert_eq!(governor_in(folder.path()), None);
         let file = folder.path().join("scaling_governor");
-        for (name, verdict) in [
-            ("powersave\n", Verdict::Warning),
-            ("performance\n", Verdict::Good),
-        ] {
+        for (name, verdict) in [("powersave\n", Verdict::Warning), ("performance\n", Verdict::Good)]
+        {
             std::fs::write(&file, name).unwrap();
             let finding = governor_in(folder.path()).unwrap();
             assert_eq!(finding.verdict, verdict, "{finding:?}");

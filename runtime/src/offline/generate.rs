@@ -126,11 +126,7 @@ pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
         progress.at(poses.len() as f64 / FRAME_RATE_HZ);
     }
     progress.done();
-    Ok(Clip {
-        name: "generated".into(),
-        fps: FRAME_RATE_HZ,
-        poses,
-    })
+    Ok(Clip { name: "generated".into(), fps: FRAME_RATE_HZ, poses })
 }
 
 /// A motion, and what the VQ-VAE makes of it.
@@ -153,11 +149,7 @@ pub fn reconstruct(motion: &Path, model: Option<&Path>) -> anyhow::Result<Recons
     original.poses.truncate(codes.len());
     let mpjpe_m = mpjpe_m(&original.poses, &reconstructed.poses)
         .with_context(|| format!("{}: one frame is no motion", motion.display()))?;
-    Ok(Reconstruction {
-        original,
-        reconstructed,
-        mpjpe_m,
-    })
+    Ok(Reconstruction { original, reconstructed, mpjpe_m })
 }
 
 /// The VQ-VAE of the weights in a file, or of those that are built in.

@@ -59,11 +59,7 @@ pub fn track_motion(
     mut each: impl FnMut(f64, &[f64]) -> anyhow::Result<()>,
 ) -> anyhow::Result<TrackedMotion> {
     let mut retargeter = robot.retargeter()?;
-    let names: Vec<&str> = robot
-        .servos
-        .iter()
-        .map(|servo| servo.name.as_str())
-        .collect();
+    let names: Vec<&str> = robot.servos.iter().map(|servo| servo.name.as_str()).collect();
     let likeness = LimbDirectionError::new(&robot.urdf_xml, &robot.retarget, &names)?;
     let mut targets = retargeter.rest().to_vec();
     let mut limiters: Vec<Limiter> = robot

@@ -69,11 +69,7 @@ pub fn retarget(
     read_motion: impl FnOnce(&Path) -> anyhow::Result<(Clip, Vec<String>)>,
 ) -> anyhow::Result<Vec<String>> {
     let robot = Robot::load(&request.robot)?;
-    let names: Vec<String> = robot
-        .servos
-        .iter()
-        .map(|servo| servo.name.clone())
-        .collect();
+    let names: Vec<String> = robot.servos.iter().map(|servo| servo.name.clone()).collect();
     let mut sink = JointSink::create(&request.out, &names, &robot.urdf_xml)?;
     let report_file = request.report.as_deref().map(PendingFile::create);
     drop(report_file.transpose()?); // only to learn early whether it can be written
@@ -129,10 +125,9 @@ fn summary(report: &RetargetReport, out: &Path) -> Vec<String> {
         report.motion,
         report.robot
     )];
-    if let (Some(median), Some(p95)) = (
-        report.direction_error_median_deg,
-        report.direction_error_p95_deg,
-    ) {
+    if let (Some(median), Some(p95)) =
+        (report.direction_error_median_deg, report.direction_error_p95_deg)
+    {
         lines.push(format!(
             "arms point within {median:.1} degrees of the dancer's (median), {p95:.1} (95 %)"
         ));
@@ -142,12 +137,7 @@ fn summary(report: &RetargetReport, out: &Path) -> Vec<String> {
          safety layer; {:.0} us a cycle",
         broken.position, broken.velocity, broken.acceleration, report.interventions, report.us_mean
     ));
-    lines.extend(
-        report
-            .effort
-            .line()
-            .map(|effort| format!("motors: {effort}")),
-    );
+    lines.extend(report.effort.line().map(|effort| format!("motors: {effort}")));
     lines
 }
 
@@ -167,10 +157,7 @@ impl JointSink {
                 recorder.text(RecordingTopic::RobotDescription, 0.0, urdf_xml);
                 Ok(JointSink::Recording(Box::new(recorder)))
             }
-            _ => bail!(
-                "{}: joint positions go to a .csv or .mcap file",
-                path.display()
-            ),
+            _ => bail!("{}: joint positions go to a .csv or .mcap file", path.display()),
         }
     }
 

@@ -66,10 +66,7 @@ impl AudioInput {
     }
 
     pub fn song(song: Song) -> Self {
-        Self::BuiltIn {
-            song: Box::new(song),
-            read: 0,
-        }
+        Self::BuiltIn { song: Box::new(song), read: 0 }
     }
 
     fn source(&self) -> Option<&AudioSource> {

@@ -21,17 +21,11 @@ impl DancerThread {
     pub fn start(mut dancer: Dancer) -> anyhow::Result<Self> {
         let (sender, steps) = sync_channel(QUEUE_STEPS);
         let (changes, wanted) = channel();
-        let thread = std::thread::Builder::new()
-            .name("dancer".into())
-            .spawn(move || {
-                send_steps(&mut dancer, &sender, &wanted);
-                dancer.summary()
-            })?;
-        Ok(Self {
-            steps,
-            changes,
-            thread,
-        })
+        let thread = std::thread::Builder::new().name("dancer".into()).spawn(move || {
+            send_steps(&mut dancer, &sender, &wanted);
+            dancer.summary()
+        })?;
+        Ok(Self { steps, changes, thread })
     }
 
     /// The next step, if it is there; an error is that of the thread.

@@ -30,10 +30,7 @@ impl FeatureExtractor {
         encodec: Option<&Encodec>,
     ) -> anyhow::Result<Self> {
         let latents = encodec.map(|encodec| LatentExtractor::new(encodec, sample_rate_hz));
-        Ok(Self {
-            analyzer,
-            encodec: latents.transpose()?,
-        })
+        Ok(Self { analyzer, encodec: latents.transpose()? })
     }
 
     /// Takes mono samples, any number of them.
@@ -53,10 +50,7 @@ impl FeatureExtractor {
         let latent = *latents.ready.front()?;
         let frame = self.analyzer.pop()?;
         latents.ready.pop_front();
-        Some(HeardFrame {
-            frame,
-            latent: Some(latent),
-        })
+        Some(HeardFrame { frame, latent: Some(latent) })
     }
 
     /// The analyzer, which keeps the history of features and beats.
@@ -95,17 +89,14 @@ impl LatentExtractor {
     }
 
     fn push(&mut self, samples: &[f32]) -> anyhow::Result<()> {
-        let Self {
-            resampler, block, ..
-        } = self;
+        let Self { resampler, block, .. } = self;
         block.clear();
         for &sample in samples {
             let finite = sample.is_finite();
             resampler.push(if finite { sample } else { 0.0 }, |s| block.push(s));
         }
         let ready = &mut self.ready;
-        self.stream
-            .push(&self.block, |latent| ready.push_back(*latent))?;
+        self.stream.push(&self.block, |latent| ready.push_back(*latent))?;
         Ok(())
     }
 }

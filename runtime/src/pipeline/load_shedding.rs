@@ -42,12 +42,8 @@ pub enum LeftOut {
 
 impl LeftOut {
     /// All levels above `Nothing`, rising.
-    const ORDER: [LeftOut; 4] = [
-        LeftOut::Picture,
-        LeftOut::Viewers,
-        LeftOut::Guidance,
-        LeftOut::Generator,
-    ];
+    const ORDER: [LeftOut; 4] =
+        [LeftOut::Picture, LeftOut::Viewers, LeftOut::Guidance, LeftOut::Generator];
 
     pub const fn name(self) -> &'static str {
         match self {
@@ -120,12 +116,7 @@ pub struct OverloadWatch {
 impl OverloadWatch {
     /// A watch that sets the level of `shedding`.
     pub fn new(shedding: LoadShedding, on_change: OnChange) -> Self {
-        Self {
-            shedding,
-            on_change,
-            load: 0.0,
-            frames: 0,
-        }
+        Self { shedding, on_change, load: 0.0, frames: 0 }
     }
 
     /// Takes in the milliseconds that one motion frame took.
@@ -147,10 +138,7 @@ impl OverloadWatch {
         } else if self.load < LOW && self.frames >= BETTER_AFTER && level > LeftOut::Picture {
             let next = LeftOut::at(level as usize - 1);
             let name = level.name();
-            self.set_level(
-                next,
-                &format!("the machine keeps up again: back with the {name}"),
-            );
+            self.set_level(next, &format!("the machine keeps up again: back with the {name}"));
         }
     }
 
@@ -171,10 +159,7 @@ mod tests {
 
     fn watch() -> (OverloadWatch, LoadShedding) {
         let shedding = LoadShedding::default();
-        (
-            OverloadWatch::new(shedding.clone(), Box::new(|_| ())),
-            shedding,
-        )
+        (OverloadWatch::new(shedding.clone(), Box::new(|_| ())), shedding)
     }
 
     /// The levels passed through while frames take `work_ms(level)`.
@@ -202,10 +187,7 @@ mod tests {
         let better = levels(&mut watch, 2000, |_| 5.0);
         assert_eq!(better, [Generator, Guidance, Viewers, Picture]);
         assert_eq!(shedding.most(), Generator);
-        assert_eq!(
-            shedding.names(),
-            ["picture", "viewers", "guidance", "generator"]
-        );
+        assert_eq!(shedding.names(), ["picture", "viewers", "guidance", "generator"]);
     }
 
     #[test]
@@ -217,10 +199,7 @@ mod tests {
             false => 60.0,
         };
         levels(&mut watch, 2000, work_ms);
-        assert_eq!(
-            (shedding.now(), shedding.most()),
-            (LeftOut::Guidance, LeftOut::Guidance)
-        );
+        assert_eq!((shedding.now(), shedding.most()), (LeftOut::Guidance, LeftOut::Guidance));
     }
 
     #[test]

@@ -35,11 +35,7 @@ pub struct LocalClock {
 impl LocalClock {
     /// A clock that reads `offset_s` now and is fast by `drift` seconds a second.
     pub fn start(offset_s: f64, drift: f64) -> Self {
-        Self {
-            zero: Instant::now(),
-            offset_ns: (offset_s * 1e9) as i64,
-            drift,
-        }
+        Self { zero: Instant::now(), offset_ns: (offset_s * 1e9) as i64, drift }
     }
 
     /// Its reading at a moment; it stands still before `start`.
@@ -100,22 +96,16 @@ pub fn stage_link(period_s: f64, clock: LocalClock) -> (StageSource, StageSink) 
         playback: PlaybackClock::new(period_s),
         clock,
     };
-    let sink = StageSink {
-        frames: producer,
-        leader: input,
-        shown,
-    };
+    let sink = StageSink { frames: producer, leader: input, shown };
     (source, sink)
 }
 
 impl StageSource {
     pub(crate) fn poll(&mut self) -> Polled {
         match self.frames.pop() {
-            Ok(PlayoutFrame {
-                motion,
-                music,
-                posture,
-            }) => Polled::Step(Box::new(DanceStep::received(music, motion, posture))),
+            Ok(PlayoutFrame { motion, music, posture }) => {
+                Polled::Step(Box::new(DanceStep::received(music, motion, posture)))
+            }
             Err(_) if self.leader.read().away => Polled::Away,
             Err(_) => Polled::Late,
         }
@@ -156,10 +146,7 @@ impl StageSink {
     /// The moment of the motion that is shown, and whether it is hidden.
     pub fn shown(&self) -> (f64, bool) {
         let bits = self.shown.motion_bits.load(Ordering::Relaxed);
-        (
-            f64::from_bits(bits),
-            !self.shown.visible.load(Ordering::Relaxed),
-        )
+        (f64::from_bits(bits), !self.shown.visible.load(Ordering::Relaxed))
     }
 
     pub fn is_abandoned(&self) -> bool {
@@ -176,24 +163,14 @@ mod tests {
         let clock = LocalClock::start(-500.0, 1e-3);
         let (mut source, mut sink) = stage_link(0.01, clock);
         let start = clock.zero;
-        let due = PlayoutTime {
-            at_ns: clock.at(start),
-            motion_s: 7.0,
-            rate: 1.0 / 1.001,
-        };
+        let due = PlayoutTime { at_ns: clock.at(start), motion_s: 7.0, rate: 1.0 / 1.001 };
         assert!(!source.is_led());
-        sink.set_leader(LeaderNow {
-            due: Some(due),
-            away: false,
-        });
+        sink.set_leader(LeaderNow { due: Some(due), away: false });
         assert!(source.is_led());
         for cycle in 0..200 {
             let moment = start + Duration::from_millis(10 * cycle);
             let shown_s = source.moment_s(moment, cycle < 2);
-            assert!(
-                (shown_s - 7.0 - cycle as f64 * 0.01).abs() < 1e-5,
-                "{shown_s}"
-            );
+            assert!((shown_s - 7.0 - cycle as f64 * 0.01).abs() < 1e-5, "{shown_s}");
             assert_eq!(sink.shown(), (shown_s, cycle < 2));
         }
     }
@@ -213,14 +190,9 @@ mod tests {
         };
         assert!((0..WAITING).all(|i| sink.push(frame(i as f64))));
         assert!(!sink.has_room() && !sink.push(frame(0.0)));
-        sink.set_leader(LeaderNow {
-            due: None,
-            away: true,
-        });
+        sink.set_leader(LeaderNow { due: None, away: true });
         for i in 0..WAITING {
-            let Polled::Step(step) = source.poll() else {
-                panic!("a frame")
-            };
+            let Polled::Step(step) = source.poll() else { panic!("a frame") };
             assert_eq!(step.motion.time_s, i as f64);
         }
         assert!(matches!(source.poll(), Polled::Away));

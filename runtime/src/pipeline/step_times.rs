@@ -59,16 +59,9 @@ impl StepTimes {
         sorted.sort_by(f64::total_cmp);
         let rank = |share: f64| -> f64 {
             let index = (share * sorted.len() as f64).ceil() as usize;
-            sorted
-                .get(index.saturating_sub(1))
-                .copied()
-                .unwrap_or_default()
+            sorted.get(index.saturating_sub(1)).copied().unwrap_or_default()
         };
-        Self {
-            p50_ms: rank(0.50),
-            p99_ms: rank(0.99),
-            max_ms: rank(1.0),
-        }
+        Self { p50_ms: rank(0.50), p99_ms: rank(0.99), max_ms: rank(1.0) }
     }
 }
 
@@ -88,12 +81,7 @@ pub(crate) struct DurationLog {
 
 impl Default for DurationLog {
     fn default() -> Self {
-        Self {
-            kept_ms: Vec::new(),
-            longest_ms: 0.0,
-            seen: 0,
-            stride: 1,
-        }
+        Self { kept_ms: Vec::new(), longest_ms: 0.0, seen: 0, stride: 1 }
     }
 }
 
@@ -121,10 +109,7 @@ impl DurationLog {
     }
 
     pub fn percentiles(&self) -> StepTimes {
-        StepTimes {
-            max_ms: self.longest_ms,
-            ..StepTimes::of(&self.kept_ms)
-        }
+        StepTimes { max_ms: self.longest_ms, ..StepTimes::of(&self.kept_ms) }
     }
 }
 
@@ -160,10 +145,7 @@ mod tests {
     fn percentiles_are_nearest_rank() {
         let samples: Vec<f64> = (1..=200).rev().map(f64::from).collect();
         let times = StepTimes::of(&samples);
-        assert_eq!(
-            (times.p50_ms, times.p99_ms, times.max_ms),
-            (100.0, 198.0, 200.0)
-        );
+        assert_eq!((times.p50_ms, times.p99_ms, times.max_ms), (100.0, 198.0, 200.0));
         assert_eq!(StepTimes::of(&[]), StepTimes::default());
     }
 

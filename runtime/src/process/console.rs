@@ -98,10 +98,7 @@ pub fn is_holding() -> bool {
 /// The newest of the lines that wait, oldest first.
 pub fn newest(count: usize) -> Vec<String> {
     let lines_held = held();
-    let lines = lines_held
-        .iter()
-        .flatten()
-        .flat_map(|(_, text)| text.lines());
+    let lines = lines_held.iter().flatten().flat_map(|(_, text)| text.lines());
     let lines: Vec<&str> = lines.filter(|line| !line.trim().is_empty()).collect();
     let from = lines.len().saturating_sub(count);
     lines[from..].iter().map(ToString::to_string).collect()

@@ -40,9 +40,5 @@ impl BuiltIn {
 }
 
 /// The built-in robots by name, in the order of `servodance robots`.
-pub const BUILT_IN: &[BuiltIn] = &[
-    built_in!("op3"),
-    built_in!("torso13"),
-    built_in!("neck"),
-    built_in!("lite22"),
-];
+pub const BUILT_IN: &[BuiltIn] =
+    &[built_in!("op3"), built_in!("torso13"), built_in!("neck"), built_in!("lite22")];

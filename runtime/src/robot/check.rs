@@ -20,11 +20,7 @@ pub struct Checked {
 impl Checked {
     fn new(file: &str, mut findings: Vec<Diagnostic>) -> Self {
         findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
-        Self {
-            file: file.to_owned(),
-            usable: is_usable(&findings),
-            findings,
-        }
+        Self { file: file.to_owned(), usable: is_usable(&findings), findings }
     }
 
     /// The verdict in one line.

@@ -92,11 +92,7 @@ mod tests {
     fn what_was_set_beside_the_file_is_named_as_it_was_set() {
         let set = ["joint.b.id=7".to_owned()];
         let overrides = Overrides::new([], &set).unwrap();
-        let source = ConfigSource {
-            file: "my.toml",
-            text: TEXT,
-            overrides: &overrides,
-        };
+        let source = ConfigSource { file: "my.toml", text: TEXT, overrides: &overrides };
         assert_eq!(source.place(&["joint", "b", "id"]), "--set joint.b.id=7");
         assert_eq!(source.place(&["joint", "a", "id"]), "my.toml:11");
         assert_eq!(source.place(&["idle"]), "my.toml");

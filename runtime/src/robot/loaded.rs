@@ -41,11 +41,7 @@ impl Robot {
     /// The same with keys that are set beside the file.
     pub fn load_with(name_or_file: &str, overrides: &Overrides) -> anyhow::Result<Self> {
         if let Some(built_in) = BUILT_IN.iter().find(|r| r.name == name_or_file) {
-            let source = ConfigSource {
-                file: built_in.file,
-                text: built_in.toml,
-                overrides,
-            };
+            let source = ConfigSource { file: built_in.file, text: built_in.toml, overrides };
             return Self::from_source(&source, |urdf| match source.sets_urdf() {
                 true => description(&source, Path::new(""), urdf),
                 false => Ok(built_in.urdf.to_owned()),
@@ -73,11 +69,7 @@ impl Robot {
 
     fn from_text_with(text: &str, path: &Path, overrides: &Overrides) -> anyhow::Result<Self> {
         let file = &path.display().to_string();
-        let source = ConfigSource {
-            file,
-            text,
-            overrides,
-        };
+        let source = ConfigSource { file, text, overrides };
         let folder = path.parent().unwrap_or(Path::new("."));
         let robot = Self::from_source(&source, |urdf| description(&source, folder, urdf))?;
         let folder = Some(folder.to_owned());
@@ -144,9 +136,7 @@ impl Robot {
     /// Every driven joint and its limits, in joint order.
     pub fn joint_limits(&self) -> Vec<(String, JointLimits)> {
         let servos = self.servos.iter();
-        servos
-            .map(|servo| (servo.name.clone(), servo.limits))
-            .collect()
+        servos.map(|servo| (servo.name.clone(), servo.limits)).collect()
     }
 
     /// The servo of a joint; the error lists the joints there are.
@@ -161,12 +151,7 @@ impl Robot {
 
     /// A fresh retargeter for this robot.
     pub fn retargeter(&self) -> anyhow::Result<Retargeter> {
-        Ok(Retargeter::new(
-            &self.urdf_xml,
-            &self.retarget,
-            &self.joint_limits(),
-            self.control_hz,
-        )?)
+        Ok(Retargeter::new(&self.urdf_xml, &self.retarget, &self.joint_limits(), self.control_hz)?)
     }
 
     /// Seconds between two control cycles.

@@ -137,10 +137,7 @@ impl Override {
         match place.and_then(|place| tables.get_mut(place)) {
             Some(table) if !rest.is_empty() => self.set(table, rest),
             Some(_) => Err(format!("which key of {what} {who}?")),
-            None => Err(format!(
-                "no {what} \"{who}\"; there are {}",
-                names.join(", ")
-            )),
+            None => Err(format!("no {what} \"{who}\"; there are {}", names.join(", "))),
         }
     }
 }
@@ -155,16 +152,9 @@ fn same(a: &str, b: &str, loose: bool) -> bool {
 }
 
 fn from_variable((name, value): (String, String)) -> Option<Override> {
-    let key = name
-        .strip_prefix(PREFIX)
-        .filter(|key| !RESERVED.contains(key))?;
+    let key = name.strip_prefix(PREFIX).filter(|key| !RESERVED.contains(key))?;
     let path = key.split("__").map(str::to_ascii_lowercase).collect();
-    Some(Override {
-        path,
-        value: value_of(&value),
-        source: name,
-        loose: true,
-    })
+    Some(Override { path, value: value_of(&value), source: name, loose: true })
 }
 
 fn from_option(text: &str) -> anyhow::Result<Override> {
@@ -196,9 +186,7 @@ mod tests {
     const TEXT: &str = "# a comment\nname = \"x\"\ncontrol_hz = 100\n\n[bus]\nbaud = 1\n\n[[joint]]\nname = \"neck_Pan\"\nid = 1\n";
 
     fn applied(variables: &[(&str, &str)], set: &[&str]) -> Result<toml::Table, String> {
-        let variables = variables
-            .iter()
-            .map(|(k, v)| (k.to_string(), v.to_string()));
+        let variables = variables.iter().map(|(k, v)| (k.to_string(), v.to_string()));
         let set: Vec<String> = set.iter().map(|text| text.to_string()).collect();
         let overrides = Overrides::new(variables, &set).map_err(|e| e.to_string())?;
         let (text, _) = overrides.apply(TEXT, |_| Ok(()))?;
@@ -216,12 +204,7 @@ mod tests {
                 ("SERVODANCE_ROBOT", "op3"),
                 ("HOME", "/"),
             ],
-            &[
-                "control_hz = 25",
-                "idle=rest",
-                "safety.rearm=true",
-                "retarget.gain.head=0.5",
-            ],
+            &["control_hz = 25", "idle=rest", "safety.rearm=true", "retarget.gain.head=0.5"],
         )
         .unwrap();
         assert_eq!(table["control_hz"].as_integer(), Some(25));
@@ -244,10 +227,7 @@ mod tests {
             ("name.x=1", "name is no table"),
         ] {
             let error = applied(&[], &[set]).unwrap_err();
-            assert!(
-                error.contains(says) && error.contains(set),
-                "{set}: {error}"
-            );
+            assert!(error.contains(says) && error.contains(set), "{set}: {error}");
         }
     }
 
@@ -261,10 +241,7 @@ mod tests {
         for (name, check) in [
             ("SERVODANCE_NAME__X", Ok(())),
             ("SERVODANCE_JOINT__KNEE__ID", Ok(())),
-            (
-                "SERVODANCE_FOO",
-                Err("unknown field `foo`, expected `name`"),
-            ),
+            ("SERVODANCE_FOO", Err("unknown field `foo`, expected `name`")),
         ] {
             let check = |_: &str| check.map_err(str::to_owned);
             let (text, ignored) = apply(name, &check).unwrap();

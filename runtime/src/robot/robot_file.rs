@@ -21,11 +21,7 @@ pub struct RobotError {
 impl RobotError {
     pub(super) fn of(code: DiagnosticCode, message: String) -> anyhow::Error {
         let urdf_xml = None;
-        anyhow::Error::new(Self {
-            code,
-            message,
-            urdf_xml,
-        })
+        anyhow::Error::new(Self { code, message, urdf_xml })
     }
 }
 
@@ -82,9 +78,7 @@ pub(super) fn config_path(error: &ConfigError) -> Vec<&str> {
 pub(super) fn retarget_path(error: &anyhow::Error) -> Vec<&str> {
     match error.downcast_ref::<RetargetError>() {
         Some(RetargetError::Config { key, .. }) => {
-            let parts = key
-                .split('.')
-                .map(|part| part.split('[').next().unwrap_or(part));
+            let parts = key.split('.').map(|part| part.split('[').next().unwrap_or(part));
             std::iter::once("retarget").chain(parts).collect()
         }
         Some(RetargetError::NoSuchLink { part, .. }) => vec!["retarget", "body", part],

@@ -28,10 +28,7 @@ pub struct RobotFolders {
 
 impl RobotFolders {
     pub fn of_file(folder: &Path) -> Self {
-        Self {
-            beside: folder.to_owned(),
-            all: real(&folder.join(".")).into_iter().collect(),
-        }
+        Self { beside: folder.to_owned(), all: real(&folder.join(".")).into_iter().collect() }
     }
 
     /// The robot file's folder, the description's, and that of the ROS package
@@ -90,9 +87,7 @@ impl RobotFolders {
                 Err(refused) => why = why.or(Some(refused)),
             }
         }
-        Err(why.map_or("there is no such file".into(), |refused| {
-            refused.to_string()
-        }))
+        Err(why.map_or("there is no such file".into(), |refused| refused.to_string()))
     }
 }
 

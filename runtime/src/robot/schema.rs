@@ -45,12 +45,8 @@ mod tests {
             }
             (_, None) => format!("{neck}\n{header}\n{stray}"),
         };
-        let error = Robot::from_text(&text, Path::new("neck.toml"))
-            .unwrap_err()
-            .to_string();
-        let (_, expected) = error
-            .split_once("expected")
-            .unwrap_or_else(|| panic!("{error}"));
+        let error = Robot::from_text(&text, Path::new("neck.toml")).unwrap_err().to_string();
+        let (_, expected) = error.split_once("expected").unwrap_or_else(|| panic!("{error}"));
         let quoted = expected.split('`').skip(1).step_by(2);
         quoted.map(String::from).collect()
     }
@@ -73,11 +69,7 @@ mod tests {
             ("[[retarget.couple]]", "couple"),
         ] {
             assert_eq!(keys(&schema, name), expected_keys(header), "{header}");
-            assert_eq!(
-                table(&schema, name)["additionalProperties"],
-                false,
-                "{header}"
-            );
+            assert_eq!(table(&schema, name)["additionalProperties"], false, "{header}");
         }
     }
 
@@ -89,13 +81,8 @@ mod tests {
             return fits(root, &root["$defs"][name], value);
         }
         if let Some(choices) = schema["oneOf"].as_array() {
-            let fitting = choices
-                .iter()
-                .filter(|s| fits(root, s, value).is_ok())
-                .count();
-            return (fitting == 1)
-                .then_some(())
-                .ok_or(format!("{fitting} fit {value}"));
+            let fitting = choices.iter().filter(|s| fits(root, s, value).is_ok()).count();
+            return (fitting == 1).then_some(()).ok_or(format!("{fitting} fit {value}"));
         }
         let kind = match schema["type"].as_str() {
             Some("object") => value.is_object(),
@@ -109,10 +96,7 @@ mod tests {
         if !kind {
             return Err(format!("{value} is no {}", schema["type"]));
         }
-        if schema["enum"]
-            .as_array()
-            .is_some_and(|choices| !choices.contains(value))
-        {
+        if schema["enum"].as_array().is_some_and(|choices| !choices.contains(value)) {
             return Err(format!("{value} is none of {}", schema["enum"]));
         }
         for item in value.as_array().into_iter().flatten() {
@@ -140,9 +124,7 @@ mod tests {
     fn the_built_in_robots_fit_and_a_wrong_one_does_not() {
         let schema = schema();
         for built_in in BUILT_IN {
-            let file = Path::new(env!("CARGO_MANIFEST_DIR"))
-                .join("..")
-                .join(built_in.file);
+            let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(built_in.file);
             let text = std::fs::read_to_string(file).unwrap();
             let robot: toml::Table = toml::from_str(&text).unwrap();
             let robot = serde_json::to_value(&robot).unwrap();

@@ -69,11 +69,7 @@ fn lateness_ms(kinematic_s: &[f64], music_s: &[f64]) -> Vec<f64> {
         let late_s = music_s.iter().map(|music| beat - music);
         late_s.min_by(|a, b| a.abs().total_cmp(&b.abs()))
     };
-    kinematic_s
-        .iter()
-        .filter_map(late)
-        .map(|s| s * 1e3)
-        .collect()
+    kinematic_s.iter().filter_map(late).map(|s| s * 1e3).collect()
 }
 
 /// The middle value, or the mean of the middle two; sorts.
@@ -91,10 +87,7 @@ mod tests {
     fn lateness_is_against_the_nearest_beat() {
         let mut late = lateness_ms(&[0.04, 0.53, 0.98], &[0.0, 0.5, 1.0]);
         assert_eq!(median(&mut late).map(f64::round), Some(30.0));
-        assert_eq!(
-            late.iter().map(|l| l.round()).collect::<Vec<_>>(),
-            [-20.0, 30.0, 40.0]
-        );
+        assert_eq!(late.iter().map(|l| l.round()).collect::<Vec<_>>(), [-20.0, 30.0, 40.0]);
         assert_eq!(median(&mut []), None);
     }
 }

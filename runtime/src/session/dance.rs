@@ -76,12 +76,7 @@ pub(super) fn perform(
 ) -> anyhow::Result<Outcome> {
     // Each thread inherits the priority that it is started under.
     let afterwards = OrdinaryAfterwards;
-    let Prepared {
-        mut source,
-        recorder,
-        progress,
-        shedding,
-    } = prepare(config, generator)?;
+    let Prepared { mut source, recorder, progress, shedding } = prepare(config, generator)?;
     let _ = raise_in(config.speed, ThreadRole::Control);
     let started = Instant::now();
     let mut servos = RobotBuses::open(&config.robot, &config.buses, config.speed, estop)?;
@@ -129,20 +124,11 @@ pub(super) fn perform(
         write_whole(path, &picture.png()?)?;
     }
     if let Some(path) = &config.gif {
-        animation::write(
-            config,
-            &run.log.trace,
-            run.plan.lead.mean_s(),
-            &report,
-            path,
-        )?;
+        animation::write(config, &run.log.trace, run.plan.lead.mean_s(), &report, path)?;
     }
     recorded?;
     refuse_broken_limits(&report, &servos)?;
-    Ok(Outcome {
-        report,
-        interrupted: ending == Ending::Interrupted,
-    })
+    Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
 }
 
 /// What a dance needs before the buses are opened.
@@ -193,12 +179,7 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
         Speed::Max => MotionSource::Inline(Box::new(dancer)),
         Speed::Realtime => MotionSource::Thread(DancerThread::start(dancer)?),
     };
-    Ok(Prepared {
-        source,
-        recorder,
-        progress,
-        shedding,
-    })
+    Ok(Prepared { source, recorder, progress, shedding })
 }
 
 fn raise_in(speed: Speed, role: ThreadRole) -> Result<(), NotAllowed> {
@@ -221,11 +202,7 @@ fn open_recorder(config: &DanceConfig, progress: &Progress) -> anyhow::Result<Op
     let notes = progress.clone();
     let on_error = Box::new(move |text: &str| notes.note(text));
     let mut recorder = Recorder::create(path, joint_names, when_behind, on_error)?;
-    recorder.text(
-        RecordingTopic::RobotDescription,
-        0.0,
-        &config.robot.urdf_xml,
-    );
+    recorder.text(RecordingTopic::RobotDescription, 0.0, &config.robot.urdf_xml);
     Ok(Some(recorder))
 }
 
@@ -246,11 +223,7 @@ fn refuse_broken_limits(report: &DanceReport, servos: &RobotBuses) -> anyhow::Re
             counted.position,
             counted.velocity,
             counted.acceleration,
-            servos
-                .violation_notes()
-                .first()
-                .cloned()
-                .unwrap_or_default()
+            servos.violation_notes().first().cloned().unwrap_or_default()
         );
     }
     Ok(())

@@ -119,11 +119,7 @@ pub fn finish_recording(
         return Ok(());
     };
     for time_s in &report.beats.times_s {
-        recorder.number(
-            RecordingTopic::Beat,
-            time_s + music_start_s,
-            report.beats.tempo_bpm,
-        );
+        recorder.number(RecordingTopic::Beat, time_s + music_start_s, report.beats.tempo_bpm);
     }
     let servos = config.robot.servos.iter();
     let limits: Vec<serde_json::Value> = servos

@@ -38,11 +38,7 @@ impl Session {
             style: generator.style_index(style.unwrap_or(generator.default_style()))?,
             seed: config.seed,
         };
-        Ok(Self {
-            end: RobotEnd::new(config.robot.servos.len(), settings),
-            config,
-            generator,
-        })
+        Ok(Self { end: RobotEnd::new(config.robot.servos.len(), settings), config, generator })
     }
 
     /// The end of the link for one more viewer.
@@ -101,9 +97,7 @@ impl Session {
 
     /// One dance with the settings that viewers made last.
     fn dance(&mut self, stop: &AtomicBool) -> anyhow::Result<Outcome> {
-        let ViewerSettings {
-            idle, style, seed, ..
-        } = self.end.settings;
+        let ViewerSettings { idle, style, seed, .. } = self.end.settings;
         self.config.idle = idle;
         self.config.seed = seed;
         let styles = self.generator.styles();

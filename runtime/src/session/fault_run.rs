@@ -96,10 +96,7 @@ impl<'a> FaultRun<'a> {
         // Only live sound gives notices.
         let dancer = Dancer::new(audio, dance, None, Box::new(|_| ()))?;
         let mut source = MotionSource::Inline(Box::new(dancer));
-        let faults = FaultPlan {
-            faults: self.faults,
-            seed: self.seed,
-        };
+        let faults = FaultPlan { faults: self.faults, seed: self.seed };
         let options = LoopOptions {
             speed: Speed::Max,
             arrival: match self.as_live {

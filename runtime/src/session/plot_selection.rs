@@ -30,18 +30,9 @@ pub fn plot(
         moments.last().copied().unwrap_or(1.0) + margin_s,
     );
     let speed = trace.servos.mean_speed(trace_hz);
-    let speed_track = trace
-        .servos
-        .times_s()
-        .iter()
-        .copied()
-        .zip(speed.iter().copied());
+    let speed_track = trace.servos.times_s().iter().copied().zip(speed.iter().copied());
     Ok(DancePicture {
-        title: format!(
-            "servodance: {} dances to {}",
-            report.robot,
-            song_name(config)
-        ),
+        title: format!("servodance: {} dances to {}", report.robot, song_name(config)),
         subtitle: subtitle(report),
         window_s,
         poses: moments
@@ -60,26 +51,20 @@ fn song_name(config: &DanceConfig) -> String {
         crate::pipeline::audio_input::AudioChoice::BuiltIn => "its built-in song".into(),
         crate::pipeline::audio_input::AudioChoice::Stdin(_)
         | crate::pipeline::audio_input::AudioChoice::Microphone(_) => "live audio".into(),
-        crate::pipeline::audio_input::AudioChoice::File(path) => path
-            .file_name()
-            .map(|name| name.to_string_lossy().into_owned())
-            .unwrap_or_default(),
+        crate::pipeline::audio_input::AudioChoice::File(path) => {
+            path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+        }
     }
 }
 
 fn subtitle(report: &DanceReport) -> String {
-    let broken = report
-        .violations
-        .map(|v| v.position + v.velocity + v.acceleration);
+    let broken = report.violations.map(|v| v.position + v.velocity + v.acceleration);
     let limits = match broken {
         Some(count) => format!("{count} limits broken at the servos"),
         None => "real servos: limits not judged".into(),
     };
-    let f1 = report
-        .alignment
-        .servos
-        .f1
-        .map_or("no beat found".into(), |f1| format!("beat F1 {f1:.2}"));
+    let f1 =
+        report.alignment.servos.f1.map_or("no beat found".into(), |f1| format!("beat F1 {f1:.2}"));
     format!(
         "{:.1} s, {:.0} BPM, seed {}, {f1}, {limits}, {:.1}x real time",
         report.audio_s, report.beats.tempo_bpm, report.seed, report.realtime_factor
@@ -94,17 +79,11 @@ fn moments(beats_s: &[f64], audio_s: f64) -> Vec<f64> {
     }
     let span_s = POSES as f64 * OFFBEAT_STEP_S;
     let first_s = ((audio_s - span_s) / 2.0).max(0.0);
-    (0..POSES)
-        .map(|i| first_s + i as f64 * OFFBEAT_STEP_S)
-        .filter(|t| *t < audio_s)
-        .collect()
+    (0..POSES).map(|i| first_s + i as f64 * OFFBEAT_STEP_S).filter(|t| *t < audio_s).collect()
 }
 
 fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> Option<BeatPose> {
-    let frame = trace
-        .motion
-        .iter()
-        .find(|frame| frame.time_s >= time_s - 1e-9)?;
+    let frame = trace.motion.iter().find(|frame| frame.time_s >= time_s - 1e-9)?;
     let index = trace.servos.index_at(time_s)?;
     let positions = trace.servos.sample(index);
     Some(BeatPose {
@@ -112,11 +91,7 @@ fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> O
         dancer: StickFigure::dancer(&frame.positions),
         robot: StickFigure {
             height_m,
-            ..robot_figure(
-                retargeter.model(),
-                &retargeter.world_from_root(positions),
-                positions,
-            )
+            ..robot_figure(retargeter.model(), &retargeter.world_from_root(positions), positions)
         },
     })
 }
@@ -133,14 +108,11 @@ fn liveliest_tracks(
         .iter()
         .enumerate()
         .map(|(i, servo)| {
-            let samples: Vec<(f64, f64)> = servos
-                .joint(i)
-                .filter(|(t, _)| (window_s.0..=window_s.1).contains(t))
-                .collect();
+            let samples: Vec<(f64, f64)> =
+                servos.joint(i).filter(|(t, _)| (window_s.0..=window_s.1).contains(t)).collect();
             let positions = samples.iter().map(|s| s.1);
-            let (low, high) = positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| {
-                (l.min(p), h.max(p))
-            });
+            let (low, high) = positions
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
             let track = JointTrack {
                 name: servo.name.clone(),
                 lower_rad: servo.limits.lower_rad,
@@ -151,9 +123,5 @@ fn liveliest_tracks(
         })
         .collect();
     tracks.sort_by(|a, b| b.0.total_cmp(&a.0));
-    tracks
-        .into_iter()
-        .take(TRACKS)
-        .map(|(_, track)| track)
-        .collect()
+    tracks.into_iter().take(TRACKS).map(|(_, track)| track).collect()
 }

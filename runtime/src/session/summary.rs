@@ -74,16 +74,11 @@ pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
     let remarks = report.safety.iter().filter(|event| !event.routine);
     if let Some(last) = remarks.clone().next_back() {
         let count = remarks.count();
-        line(
-            "safety",
-            format!("{count} remarks, the last: {}", last.cause),
-        );
+        line("safety", format!("{count} remarks, the last: {}", last.cause));
     }
-    for (label, path) in [
-        ("picture", &config.picture),
-        ("report", &config.report),
-        ("recording", &config.record),
-    ] {
+    for (label, path) in
+        [("picture", &config.picture), ("report", &config.report), ("recording", &config.record)]
+    {
         if let Some(path) = path {
             line(label, path.display().to_string());
         }

@@ -42,10 +42,7 @@ pub fn replay(
     let mut targets: Vec<f64> = servos.states().iter().map(|s| s.position_rad).collect();
     retargeter.seed(&targets)?;
     let joints = targets.len();
-    let mut replay = Replay {
-        targets: JointTrace::new(joints),
-        servos: JointTrace::new(joints),
-    };
+    let mut replay = Replay { targets: JointTrace::new(joints), servos: JointTrace::new(joints) };
     let mut frames = motion.iter().peekable();
     // Of a long live run only the newest minutes are there.
     let first_s = motion.first().map_or(0.0, |f| f.time_s);

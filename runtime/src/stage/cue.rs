@@ -30,11 +30,8 @@ pub fn cue(place: &NetConfig, stage: &str, follower: &str, role: Role) -> anyhow
             std::thread::sleep(LOOK / 4);
             continue;
         }
-        let message = Message::Cue(Cue {
-            nonce: rand::rng().random(),
-            follower: follower.to_owned(),
-            role,
-        });
+        let message =
+            Message::Cue(Cue { nonce: rand::rng().random(), follower: follower.to_owned(), role });
         net.put(&keys.cue(), message.encode())?;
         std::thread::sleep(LEAVE);
         return Ok(());

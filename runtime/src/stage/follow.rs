@@ -167,9 +167,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         notes: progress.clone(),
     };
     let (began, cpu) = (Instant::now(), cpu_s());
-    let follower = std::thread::Builder::new()
-        .name("seat".into())
-        .spawn(move || follower.run())?;
+    let follower = std::thread::Builder::new().name("seat".into()).spawn(move || follower.run())?;
     let note = |text: &str| progress.note(text);
     let (config, end) = (&options.config, &mut robot_end);
     let followed = led_dance::follow(config, source, end, stop, shared_s, note);
@@ -177,9 +175,8 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     let wall_s = began.elapsed().as_secs_f64();
     let cpu_cores = (cpu_s() - cpu) / wall_s;
     progress.done();
-    let joined = follower
-        .join()
-        .map_err(|_| anyhow::anyhow!("the thread that hears the leader broke down"));
+    let joined =
+        follower.join().map_err(|_| anyhow::anyhow!("the thread that hears the leader broke down"));
     let (followed, thread) = (followed?, joined?.context("the network")?);
     let (figures, role) = (thread.follower.stats(), thread.follower.role().clone());
     let report = FollowReport {
@@ -200,10 +197,7 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         mirror: thread.settings.mirror,
         amplitude: thread.settings.amplitude,
         style: role.style,
-        dropped: Dropped {
-            counted: figures.dropped,
-            flooded: flooded.load(Ordering::Relaxed),
-        },
+        dropped: Dropped { counted: figures.dropped, flooded: flooded.load(Ordering::Relaxed) },
     };
     if let Some(path) = &options.report {
         let text = serde_json::to_string_pretty(&report)? + "\n";

@@ -284,9 +284,8 @@ impl LeaderLoop {
                 continue; // the next one may be due as well
             }
             let until_ns = next.as_ref().map(|(at_ns, _)| at_ns - nanoseconds(lead_s));
-            let wait = until_ns.map_or(LONGEST_WAIT, |at_ns| {
-                self.clock.until(at_ns).min(LONGEST_WAIT)
-            });
+            let wait =
+                until_ns.map_or(LONGEST_WAIT, |at_ns| self.clock.until(at_ns).min(LONGEST_WAIT));
             if let Ok(event) = self.inbox.recv_timeout(wait) {
                 self.handle(event)?;
                 while let Ok(event) = self.inbox.try_recv() {

@@ -117,11 +117,8 @@ impl Ros {
 impl Publisher {
     fn say(&mut self, now: Duration, bytes: Vec<u8>) -> Result<(), NetError> {
         self.number += 1;
-        let attachment = Attachment {
-            number: self.number,
-            time_ns: now.as_nanos() as i64,
-            publisher: self.id,
-        };
+        let attachment =
+            Attachment { number: self.number, time_ns: now.as_nanos() as i64, publisher: self.id };
         self.voice.put_with(bytes, &attachment.bytes())
     }
 }

@@ -31,9 +31,7 @@ impl Timeline {
     pub fn place(&mut self, step: &DanceStep, clock: LocalClock, needed_s: f64) -> i64 {
         let music_ns = nanoseconds(step.motion.time_s);
         let present_ns = match step.captured {
-            None => *self
-                .start_ns
-                .get_or_insert_with(|| clock.now_ns() + nanoseconds(LEAD_IN_S)),
+            None => *self.start_ns.get_or_insert_with(|| clock.now_ns() + nanoseconds(LEAD_IN_S)),
             Some(captured) => {
                 let seen_ns = clock.at(captured) - music_ns;
                 let start_ns = self.start_ns.get_or_insert(seen_ns);

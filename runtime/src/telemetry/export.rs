@@ -33,19 +33,11 @@ pub fn csv(recording: &Recording, path: &Path) -> anyhow::Result<()> {
 
 /// The human motion, for animation programs; fails if there is none.
 pub fn bvh(recording: &Recording, path: &Path) -> anyhow::Result<()> {
-    let poses: Vec<_> = recording
-        .motion
-        .iter()
-        .map(|(_, points)| points.map(with_y_up))
-        .collect();
+    let poses: Vec<_> = recording.motion.iter().map(|(_, points)| points.map(with_y_up)).collect();
     if poses.is_empty() {
         bail!("the recording has no human motion to write as BVH");
     }
-    let clip = Clip {
-        name: recording.robot.clone(),
-        fps: FRAME_RATE_HZ,
-        poses,
-    };
+    let clip = Clip { name: recording.robot.clone(), fps: FRAME_RATE_HZ, poses };
     write_whole(path, bvh_write::bvh(&clip).as_bytes())
 }
 
@@ -78,15 +70,9 @@ pub fn gif(recording: &Recording, part: ExportSpan, path: &Path) -> anyhow::Resu
         let human = recording.motion.at(time_s + lead_s);
         animation.push(&AnimationFrame {
             time_s,
-            since_beat_s: recording
-                .beats
-                .last_before(time_s)
-                .map(|beat| time_s - beat.0),
+            since_beat_s: recording.beats.last_before(time_s).map(|beat| time_s - beat.0),
             human: human.map(|points| StickFigure::dancer(&points.map(with_y_up))),
-            robot: StickFigure {
-                height_m,
-                ..robot_figure(&model, &root, &positions)
-            },
+            robot: StickFigure { height_m, ..robot_figure(&model, &root, &positions) },
         })?;
     }
     drop(animation.finish()?);

@@ -32,10 +32,7 @@ impl PendingFile {
             .permissions(Permissions::from_mode(0o644)) // a temporary file is private
             .tempfile_in(folder)
             .with_context(|| format!("cannot write {}", target.display()))?;
-        Ok(Self {
-            target: target.to_owned(),
-            file,
-        })
+        Ok(Self { target: target.to_owned(), file })
     }
 
     /// A buffered writer into the file, from its beginning; it can seek.

@@ -244,14 +244,8 @@ mod tests {
     #[test]
     fn a_dance_made_smaller_for_the_motors_is_said() {
         let line = effort(0.6).line().unwrap();
-        assert!(
-            line.contains("down to 60 %") && line.contains("92 %"),
-            "{line}"
-        );
-        assert!(
-            line.contains("(hip)") && line.contains("71 % (knee)"),
-            "{line}"
-        );
+        assert!(line.contains("down to 60 %") && line.contains("92 %"), "{line}");
+        assert!(line.contains("(hip)") && line.contains("71 % (knee)"), "{line}");
         assert!(!effort(1.0).line().unwrap().contains("less"));
         assert_eq!(EffortFigures::default().line(), None);
     }

@@ -111,10 +111,6 @@ fn links(scene: &Scene, snapshot: &Snapshot) -> Vec<[Rounded; 7]> {
     let positions: Vec<f64> = snapshot.joints.iter().map(|j| j.position_rad).collect();
     let world_from_root = pose_from_array(snapshot.now.root);
     let poses = scene.model.link_poses(&positions);
-    let in_world = poses
-        .iter()
-        .map(|root_from_link| world_from_root * root_from_link);
-    in_world
-        .map(|pose| pose_array(&pose).map(Rounded))
-        .collect()
+    let in_world = poses.iter().map(|root_from_link| world_from_root * root_from_link);
+    in_world.map(|pose| pose_array(&pose).map(Rounded)).collect()
 }

@@ -60,15 +60,8 @@ impl RobotEnd {
     pub fn add_viewer(&mut self) -> ViewerEnd {
         let (input, output) = triple_buffer::triple_buffer(&self.draft);
         let (producer, consumer) = rtrb::RingBuffer::new(WAITING);
-        self.viewers.push(ViewerChannel {
-            snapshots: input,
-            requests: consumer,
-        });
-        ViewerEnd {
-            snapshots: output,
-            requests: producer,
-            estop: self.estop.clone(),
-        }
+        self.viewers.push(ViewerChannel { snapshots: input, requests: consumer });
+        ViewerEnd { snapshots: output, requests: producer, estop: self.estop.clone() }
     }
 
     /// The next request, if there is one. Never waits.
@@ -123,13 +116,7 @@ mod tests {
     use crate::control::idle::IdleStyle;
 
     fn settings() -> ViewerSettings {
-        ViewerSettings {
-            amplitude: 1.0,
-            mirror: false,
-            idle: IdleStyle::Sway,
-            style: 0,
-            seed: 1,
-        }
+        ViewerSettings { amplitude: 1.0, mirror: false, idle: IdleStyle::Sway, style: 0, seed: 1 }
     }
 
     #[test]
@@ -169,10 +156,7 @@ mod tests {
         assert_eq!(other.newest().now.music_s, 7.0);
         assert!(other.ask(&[ViewerRequest::Hold]) && one.ask(&[ViewerRequest::Resume]));
         let asked = [robot.request(), robot.request(), robot.request()];
-        assert_eq!(
-            asked,
-            [Some(ViewerRequest::Resume), Some(ViewerRequest::Hold), None]
-        );
+        assert_eq!(asked, [Some(ViewerRequest::Resume), Some(ViewerRequest::Hold), None]);
         drop(one);
         assert!(!robot.is_alone());
         drop(other);

@@ -23,13 +23,7 @@ pub struct Player<'a> {
 impl<'a> Player<'a> {
     /// A player at the beginning.
     pub fn new(recording: &'a Recording, end: RobotEnd) -> Self {
-        Self {
-            recording,
-            end,
-            time_s: recording.span_s()[0],
-            paused: false,
-            events_shown: 0,
-        }
+        Self { recording, end, time_s: recording.span_s()[0], paused: false, events_shown: 0 }
     }
 
     /// Plays until `stop` is set; pauses at the end of the recording.
@@ -159,13 +153,7 @@ mod tests {
     use crate::viewer::{ViewerSettings, link};
 
     fn settings() -> ViewerSettings {
-        ViewerSettings {
-            amplitude: 1.0,
-            mirror: false,
-            idle: IdleStyle::Sway,
-            style: 0,
-            seed: 0,
-        }
+        ViewerSettings { amplitude: 1.0, mirror: false, idle: IdleStyle::Sway, style: 0, seed: 0 }
     }
 
     #[test]
@@ -176,17 +164,13 @@ mod tests {
             let time_s = f64::from(i);
             recording.states.push(time_s, vec![0.0]);
             recording.phase.push(time_s, 0.5);
-            recording
-                .spectrum
-                .push(time_s, vec![i as f32 / 10.0; BANDS]);
+            recording.spectrum.push(time_s, vec![i as f32 / 10.0; BANDS]);
             heat.push(time_s, 30.0 + i as f32);
         }
         recording.temperatures.push(heat);
         for (time_s, state, cause) in [(0.5, "running", "armed"), (6.5, "holding", "asked")] {
             let (state, cause) = (state.into(), cause.into());
-            recording
-                .events
-                .push(time_s, RecordedEvent { state, cause });
+            recording.events.push(time_s, RecordedEvent { state, cause });
         }
         let (end, mut viewers) = link(1, settings());
         let mut player = Player::new(&recording, end);
@@ -207,9 +191,7 @@ mod tests {
 
     #[test]
     fn it_plays_pauses_seeks_and_starts_again_at_the_end() {
-        let mut recording = Recording {
-            ..Recording::default()
-        };
+        let mut recording = Recording { ..Recording::default() };
         for i in 0..100 {
             let values = vec![i as f32 / 10.0];
             recording.states.push(f64::from(i) / 50.0 - 1.0, values);
@@ -226,10 +208,7 @@ mod tests {
         assert_eq!(after(0.5, &[]).0, -0.5);
         assert_eq!(after(0.5, &[ViewerRequest::Hold]).0, -0.5);
         let (time_s, rad) = after(0.0, &[ViewerRequest::Seek(0.5)]);
-        assert!(
-            (time_s - 0.5).abs() < 1e-9 && (rad - 7.5).abs() < 1e-5,
-            "{rad}"
-        );
+        assert!((time_s - 0.5).abs() < 1e-9 && (rad - 7.5).abs() < 1e-5, "{rad}");
         assert_eq!(after(0.1, &[ViewerRequest::Seek(f64::NAN)]).0, 0.5);
         assert_eq!(after(9.0, &[ViewerRequest::Resume]).0, 0.98);
         assert_eq!(after(9.0, &[]).0, 0.98, "it waits at the end");

@@ -153,10 +153,7 @@ mod tests {
     fn requests_are_understood() {
         for (json, wanted) in [
             (r#"{"do":"hold"}"#, vec![ViewerRequest::Hold]),
-            (
-                r#"{"set":{"amplitude":0.5}}"#,
-                vec![ViewerRequest::Amplitude(0.5)],
-            ),
+            (r#"{"set":{"amplitude":0.5}}"#, vec![ViewerRequest::Amplitude(0.5)]),
             (
                 r#"{"set":{"style":"salsa","mirror":true,"idle":"rest"}}"#,
                 vec![

@@ -116,21 +116,11 @@ impl SimBus {
             byte_s,
             adapter_s,
         ));
-        let host_link = HostLink {
-            is_can,
-            bitrate: options.baud,
-            link: options.link,
-            path: options.path,
-        };
+        let host_link =
+            HostLink { is_can, bitrate: options.baud, link: options.link, path: options.path };
         let (host_end, port_path, port) = host_link.open()?;
         let thread = start_thread(host_end, shared.clone(), options.baud)?;
-        Ok(Self {
-            shared,
-            port_path,
-            port,
-            host_link,
-            thread: Some(thread),
-        })
+        Ok(Self { shared, port_path, port, host_link, thread: Some(thread) })
     }
 
     /// The serial port to open, e.g. `/dev/pts/3`, or the multicast group.
@@ -221,11 +211,8 @@ impl SimBus {
             let (host_end, port_path, port) = self.host_link.open()?;
             (self.port_path, self.port) = (port_path, port);
             self.shared.stop.store(false, Ordering::Release);
-            self.thread = Some(start_thread(
-                host_end,
-                self.shared.clone(),
-                self.host_link.bitrate,
-            )?);
+            self.thread =
+                Some(start_thread(host_end, self.shared.clone(), self.host_link.bitrate)?);
         }
         Ok(())
     }

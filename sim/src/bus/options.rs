@@ -68,9 +68,6 @@ impl SimOptions {
 
     /// The machine's time: servos move by the wall's clock.
     pub fn realtime(baud: u32, control_hz: f64) -> Self {
-        Self {
-            clock: SimClock::Realtime,
-            ..Self::lockstep(baud, control_hz)
-        }
+        Self { clock: SimClock::Realtime, ..Self::lockstep(baud, control_hz) }
     }
 }

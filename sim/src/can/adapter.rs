@@ -74,9 +74,7 @@ impl SlcanAdapter {
 
     /// Takes one byte from the host.
     fn take(&mut self, byte: u8, bus_off: bool) -> Option<CanFrame> {
-        let line = self
-            .lines
-            .push(byte, |line, end| (end == CR).then(|| line.to_vec()))??;
+        let line = self.lines.push(byte, |line, end| (end == CR).then(|| line.to_vec()))??;
         let letter = *line.first()?;
         match (letter, &line[1..]) {
             (b't' | b'T' | b'r' | b'R', _) => {
@@ -177,11 +175,7 @@ const REPEAT: Duration = Duration::from_micros(100);
 impl LinkAdapter<UdpLink> {
     pub fn open_group(group: SocketAddrV4) -> io::Result<Self> {
         let link = UdpLink::open(group)?;
-        Ok(Self {
-            watched: link.socket().try_clone()?.into(),
-            link,
-            most_repeats: 0,
-        })
+        Ok(Self { watched: link.socket().try_clone()?.into(), link, most_repeats: 0 })
     }
 }
 
@@ -189,11 +183,7 @@ impl LinkAdapter<UdpLink> {
 impl LinkAdapter<SocketLink> {
     pub fn open_interface(interface: &str) -> io::Result<Self> {
         let link = SocketLink::open(interface)?;
-        Ok(Self {
-            watched: link.as_fd().try_clone_to_owned()?,
-            link,
-            most_repeats: 1000,
-        })
+        Ok(Self { watched: link.as_fd().try_clone_to_owned()?, link, most_repeats: 1000 })
     }
 }
 

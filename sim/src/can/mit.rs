@@ -27,11 +27,7 @@ impl MitMotor {
     /// A motor fresh from the factory but for its ids.
     pub fn new(core: MotorCore) -> Self {
         let mut motor = Self {
-            registers: core
-                .settings
-                .model
-                .has_registers
-                .then_some([[0; 4]; REGISTER_COUNT]),
+            registers: core.settings.model.has_registers.then_some([[0; 4]; REGISTER_COUNT]),
             core,
         };
         motor.restart();
@@ -106,10 +102,7 @@ impl MitMotor {
             _ => return,
         }
         let [a, b, c, d] = *register;
-        out.push(CanFrame::standard(
-            reply_id,
-            &[low, high, command, which, a, b, c, d],
-        ));
+        out.push(CanFrame::standard(reply_id, &[low, high, command, which, a, b, c, d]));
         self.apply();
     }
 
@@ -128,9 +121,7 @@ impl MitMotor {
 /// other than the driver.
 pub(super) fn code(value: f64, range: f64, bits: u32) -> u32 {
     let top = f64::from((1u32 << bits) - 1);
-    ((value + range) / (2.0 * range) * top)
-        .round()
-        .clamp(0.0, top) as u32
+    ((value + range) / (2.0 * range) * top).round().clamp(0.0, top) as u32
 }
 
 impl CanDevice for MitMotor {

@@ -72,10 +72,8 @@ impl MotorCore {
         supply_v: Option<f64>,
         period_s: f64,
     ) -> Result<Self, SimError> {
-        let settings = spec
-            .motor
-            .clone()
-            .ok_or_else(|| spec.refused("is not a CAN motor".into()))?;
+        let settings =
+            spec.motor.clone().ok_or_else(|| spec.refused("is not a CAN motor".into()))?;
         let torque_nm = settings.model.torque_nm;
         let rpm = settings.model.velocity_rad_s * 60.0 / std::f64::consts::TAU;
         let sheet = DataSheet::new(torque_nm, rpm, torque_nm, nominal_v);

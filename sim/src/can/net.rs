@@ -38,11 +38,7 @@ pub(crate) struct CanNet {
 
 impl CanNet {
     pub fn new(devices: Vec<Box<dyn CanDevice>>) -> Self {
-        Self {
-            devices,
-            frames_in: 0,
-            collisions: 0,
-        }
+        Self { devices, frames_in: 0, collisions: 0 }
     }
 
     /// The frames that survive of those offered at once, in the order in which the bus

@@ -79,19 +79,15 @@ impl OdriveAxis {
             // Protocol 2, hardware 5.2, firmware 0.6.10.
             VERSION => [2, 5, 2, 0, 0, 6, 10, 0],
             HEARTBEAT => return Some(self.heartbeat()),
-            ERROR => two_words(
-                self.errors().to_le_bytes(),
-                self.disarm_reason.to_le_bytes(),
-            ),
+            ERROR => two_words(self.errors().to_le_bytes(), self.disarm_reason.to_le_bytes()),
             ENCODER => two_words(
                 f(core.angle_rad() * self.turns_per_rad()),
                 f(core.speed_rad_s() * self.turns_per_rad()),
             ),
             TORQUES => two_words(f(core.torque_nm), f(core.torque_nm)),
-            TEMPERATURES => two_words(
-                f(core.body.motor.temperature_c),
-                f(core.body.motor.temperature_c),
-            ),
+            TEMPERATURES => {
+                two_words(f(core.body.motor.temperature_c), f(core.body.motor.temperature_c))
+            }
             BUS_VOLTAGE => two_words(f(core.body.volts()), f(0.0)),
             _ => return None,
         };

@@ -25,11 +25,7 @@ pub(crate) struct RobstrideMotor {
 impl RobstrideMotor {
     /// A motor fresh from the factory but for its id.
     pub fn new(core: MotorCore) -> Self {
-        Self {
-            core,
-            mode: 0,
-            timeout_units: 0,
-        }
+        Self { core, mode: 0, timeout_units: 0 }
     }
 
     fn feedback(&self, host: u32) -> CanFrame {
@@ -39,9 +35,7 @@ impl RobstrideMotor {
             code(core.angle_rad(), model.position_rad, 16),
             code(core.speed_rad_s(), model.velocity_rad_s, 16),
             code(core.torque_nm, model.torque_nm, 16),
-            (core.body.motor.temperature_c * 10.0)
-                .round()
-                .clamp(0.0, 65_535.0) as u32,
+            (core.body.motor.temperature_c * 10.0).round().clamp(0.0, 65_535.0) as u32,
         ];
         let mut data = [0; 8];
         for (pair, word) in data.chunks_exact_mut(2).zip(words) {

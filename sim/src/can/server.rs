@@ -32,12 +32,7 @@ pub(crate) struct CanServer {
 
 impl CanServer {
     pub fn new(shared: Arc<BusShared>, adapter: Box<dyn Adapter>, bitrate: u32) -> Self {
-        Self {
-            shared,
-            adapter,
-            bit_s: 1.0 / f64::from(bitrate),
-            wire_free_s: 0.0,
-        }
+        Self { shared, adapter, bit_s: 1.0 / f64::from(bitrate), wire_free_s: 0.0 }
     }
 
     pub fn run(mut self) {
@@ -118,8 +113,7 @@ impl CanServer {
                 wire.bytes_out += passage.copies * frame.data().len() as u64;
                 wire.packets_out += passage.copies;
             }
-            self.shared
-                .wait_until(self.wire_free_s + self.shared.adapter_s);
+            self.shared.wait_until(self.wire_free_s + self.shared.adapter_s);
             if passage.late_s > 0.0 {
                 std::thread::sleep(Duration::from_secs_f64(passage.late_s));
             }

@@ -51,10 +51,7 @@ pub fn parse_script(text: &str, joints: &[&str]) -> Result<Vec<Cue>, SimError> {
 }
 
 fn parse_line(line: &str, joints: &[&str]) -> Result<Cue, SimError> {
-    let bad = |reason: String| SimError::Script {
-        line: line.into(),
-        reason,
-    };
+    let bad = |reason: String| SimError::Script { line: line.into(), reason };
     let mut words = line.split_whitespace();
     let mut word = |what: &str| words.next().ok_or_else(|| bad(format!("no {what}")));
     let time = word("time")?;
@@ -182,10 +179,7 @@ mod tests {
         let cues = parse_script(text, &JOINTS).unwrap();
         let times: Vec<f64> = cues.iter().map(|cue| cue.time_s).collect();
         assert_eq!(times, [1.5, 2.0, 3.0, 4.0, 5.0, 6.0]);
-        assert_eq!(
-            cues[3].what,
-            Happening::Servo(1, ServoFault::Overheat(85.0))
-        );
+        assert_eq!(cues[3].what, Happening::Servo(1, ServoFault::Overheat(85.0)));
         assert_eq!(cues[5].what, Happening::Servo(0, ServoFault::Id(2)));
     }
 

@@ -27,11 +27,7 @@ pub(crate) struct FaultyWire {
 
 impl FaultyWire {
     pub fn new(seed: u64) -> Self {
-        Self {
-            random: SplitMix64(seed),
-            fault: None,
-            hit_count: 0,
-        }
+        Self { random: SplitMix64(seed), fault: None, hit_count: 0 }
     }
 
     /// The fault, if it hits this time and `concerns` it.
@@ -73,10 +69,7 @@ impl FaultyWire {
 
     /// Passes a CAN frame of a motor to the host.
     pub fn pass_frame(&mut self) -> CanPassage {
-        let mut passed = CanPassage {
-            copies: 1,
-            ..CanPassage::default()
-        };
+        let mut passed = CanPassage { copies: 1, ..CanPassage::default() };
         match self.roll(hits_replies) {
             Some(WireFault::Drop) => passed.copies = 0,
             // Half a line of the adapter: the rest of it is noise.
@@ -138,33 +131,11 @@ mod tests {
     #[test]
     fn each_fault_does_what_it_says() {
         let reply = vec![1, 2, 3];
-        assert!(
-            wire(WireFault::Drop, 1.0)
-                .pass_reply(reply.clone())
-                .0
-                .is_empty()
-        );
-        assert_eq!(
-            wire(WireFault::Late(0.5), 1.0).pass_reply(reply.clone()),
-            (reply.clone(), 0.5)
-        );
-        assert!(
-            wire(WireFault::Truncate, 1.0)
-                .pass_reply(reply.clone())
-                .0
-                .len()
-                < 3
-        );
-        assert_eq!(
-            wire(WireFault::Duplicate, 1.0).pass_reply(reply.clone()).0,
-            [1, 2, 3, 1, 2, 3]
-        );
-        assert!(
-            wire(WireFault::Noise, 1.0)
-                .pass_reply(reply.clone())
-                .0
-                .ends_with(&reply)
-        );
+        assert!(wire(WireFault::Drop, 1.0).pass_reply(reply.clone()).0.is_empty());
+        assert_eq!(wire(WireFault::Late(0.5), 1.0).pass_reply(reply.clone()), (reply.clone(), 0.5));
+        assert!(wire(WireFault::Truncate, 1.0).pass_reply(reply.clone()).0.len() < 3);
+        assert_eq!(wire(WireFault::Duplicate, 1.0).pass_reply(reply.clone()).0, [1, 2, 3, 1, 2, 3]);
+        assert!(wire(WireFault::Noise, 1.0).pass_reply(reply.clone()).0.ends_with(&reply));
         let mut instruction = reply.clone();
         wire(WireFault::CorruptInstruction, 1.0).pass_instruction(&mut instruction);
         assert_ne!(instruction, reply);

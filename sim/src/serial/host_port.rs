@@ -56,11 +56,7 @@ impl HostPort {
 
     fn of(listener: UnixListener) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
-        Ok(Self::Socket {
-            listener,
-            host: None,
-            moved: false,
-        })
+        Ok(Self::Socket { listener, host: None, moved: false })
     }
 
     /// Whether a host has come or gone since the last call: then
@@ -77,9 +73,7 @@ impl HostPort {
     pub fn watched(&self) -> io::Result<OwnedFd> {
         match self {
             Self::Terminal(master) => master.try_clone(),
-            Self::Socket {
-                host: Some(host), ..
-            } => host.as_fd().try_clone_to_owned(),
+            Self::Socket { host: Some(host), .. } => host.as_fd().try_clone_to_owned(),
             Self::Socket { listener, .. } => listener.as_fd().try_clone_to_owned(),
         }
     }
@@ -97,11 +91,7 @@ impl HostPort {
 
     /// Lets a host in that waits at the socket, or hangs up on a second one.
     fn admit(&mut self) {
-        if let Self::Socket {
-            listener,
-            host,
-            moved,
-        } = self
+        if let Self::Socket { listener, host, moved } = self
             && let Ok((new, _)) = listener.accept()
             && host.is_none()
             && new.set_nonblocking(true).is_ok()
@@ -122,9 +112,7 @@ impl HostPort {
                 read => read.map_err(io::Error::from),
             },
             Self::Socket { host: None, .. } => return Ok(HostInput::Nobody),
-            Self::Socket {
-                host: Some(host), ..
-            } => host.read(chunk),
+            Self::Socket { host: Some(host), .. } => host.read(chunk),
         };
         let gone = |kind| matches!(kind, ErrorKind::ConnectionReset | ErrorKind::BrokenPipe);
         match read {
@@ -156,9 +144,7 @@ impl HostPort {
                     nix::unistd::write(&*master, bytes).map_err(io::Error::from)
                 }
                 Self::Socket { host: None, .. } => return,
-                Self::Socket {
-                    host: Some(host), ..
-                } => host.write(bytes),
+                Self::Socket { host: Some(host), .. } => host.write(bytes),
             };
             match written {
                 Ok(count) => bytes = &bytes[count..],

@@ -194,13 +194,9 @@ impl Protocol2Line {
             blocks.push((error | servo.alert_bit(), part.id, data));
             speakers.push(index);
         }
-        let announced = 1 + parts
-            .iter()
-            .map(|part| usize::from(part.size) + 4)
-            .sum::<usize>();
-        let first_delay_s = speakers
-            .first()
-            .map_or(0.0, |&index| self.servos[index].return_delay_s());
+        let announced = 1 + parts.iter().map(|part| usize::from(part.size) + 4).sum::<usize>();
+        let first_delay_s =
+            speakers.first().map_or(0.0, |&index| self.servos[index].return_delay_s());
         fast_status(&blocks, announced)
             .into_iter()
             .zip(speakers)
@@ -284,9 +280,7 @@ fn sync_parts(params: &[u8]) -> Vec<ReadPart> {
     };
     let address = u16::from_le_bytes([a0, a1]);
     let size = u16::from_le_bytes([s0, s1]);
-    ids.iter()
-        .map(|&id| ReadPart { id, address, size })
-        .collect()
+    ids.iter().map(|&id| ReadPart { id, address, size }).collect()
 }
 
 fn bulk_parts(params: &[u8]) -> Vec<ReadPart> {

@@ -174,14 +174,8 @@ mod tests {
     #[test]
     fn published_status_packets_have_these_bytes() {
         // Ping reply of id 1, model 1030, firmware 38; read reply 166.
-        assert_eq!(
-            status(1, 0, &[6, 4, 38]),
-            hex("FFFFFD00 01 0700 55 00 060426 655D")
-        );
-        assert_eq!(
-            status(1, 0, &[0xA6, 0, 0, 0]),
-            hex("FFFFFD00 01 0800 55 00 A6000000 8CC0")
-        );
+        assert_eq!(status(1, 0, &[6, 4, 38]), hex("FFFFFD00 01 0700 55 00 060426 655D"));
+        assert_eq!(status(1, 0, &[0xA6, 0, 0, 0]), hex("FFFFFD00 01 0800 55 00 A6000000 8CC0"));
     }
 
     #[test]
@@ -197,11 +191,7 @@ mod tests {
     #[test]
     fn published_instruction_parses_after_noise() {
         let bytes = hex("FF00FFFFFD FFFFFD00 01 0700 02 84000400 1D15");
-        let read = Instruction {
-            id: 1,
-            code: 2,
-            params: vec![0x84, 0, 4, 0],
-        };
+        let read = Instruction { id: 1, code: 2, params: vec![0x84, 0, 4, 0] };
         assert_eq!(parse(&bytes), [Parsed::Instruction(read)]);
     }
 

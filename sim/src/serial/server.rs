@@ -33,13 +33,7 @@ pub(crate) struct SerialServer {
 impl SerialServer {
     /// Its host is taken to be quick until it is known.
     pub fn new(shared: Arc<BusShared>, port: HostPort) -> Self {
-        Self {
-            shared,
-            port,
-            line_free_s: 0.0,
-            handed_over: None,
-            prompt: true,
-        }
+        Self { shared, port, line_free_s: 0.0, handed_over: None, prompt: true }
     }
 
     /// Until it is told to stop, or the port fails.

@@ -91,11 +91,7 @@ impl ServoBody {
     /// For how long it has been pushing hard without moving, seconds.
     pub fn stalled_for(&mut self, dt_s: f64, pushes_hard: bool) -> f64 {
         let stands = self.motor.speed_rad_s.abs() < 0.1;
-        self.stalled_s = if pushes_hard && stands {
-            self.stalled_s + dt_s
-        } else {
-            0.0
-        };
+        self.stalled_s = if pushes_hard && stands { self.stalled_s + dt_s } else { 0.0 };
         self.stalled_s
     }
 

@@ -94,10 +94,7 @@ impl ByteServo {
     }
 
     fn position(&self) -> Register {
-        Register {
-            size: 2,
-            ..self.layout.registers.present
-        }
+        Register { size: 2, ..self.layout.registers.present }
     }
 
     fn get(&self, register: Register) -> u16 {
@@ -411,12 +408,9 @@ mod tests {
 
     #[test]
     fn signs_are_a_bit() {
-        for (value, bit, word) in [
-            (5.0, 15, 5),
-            (-5.0, 15, 0x8005),
-            (-5.0, 10, 0x405),
-            (-2.0, 11, 0x802),
-        ] {
+        for (value, bit, word) in
+            [(5.0, 15, 5), (-5.0, 15, 0x8005), (-5.0, 10, 0x405), (-2.0, 11, 0x802)]
+        {
             assert_eq!(as_sign_magnitude(value, bit), word);
             assert_eq!(f64::from(sign_magnitude(word, bit)), value);
         }

@@ -133,12 +133,7 @@ mod tests {
     const DT_S: f64 = 0.5e-3;
 
     fn motor() -> Motor {
-        Motor::new(
-            &servodance_drivers::ServoModel::from_number(1020)
-                .unwrap()
-                .sheet,
-            0.0,
-        )
+        Motor::new(&servodance_drivers::ServoModel::from_number(1020).unwrap().sheet, 0.0)
     }
 
     #[test]
@@ -148,11 +143,7 @@ mod tests {
             motor.step(DT_S, Some(1.0), 12.0, 0.0);
         }
         let no_load = 46.0 * std::f64::consts::TAU / 60.0;
-        assert!(
-            (motor.speed_rad_s / no_load - 0.99).abs() < 0.001,
-            "{}",
-            motor.speed_rad_s
-        );
+        assert!((motor.speed_rad_s / no_load - 0.99).abs() < 0.001, "{}", motor.speed_rad_s);
     }
 
     #[test]
@@ -161,11 +152,7 @@ mod tests {
         for _ in 0..2000 {
             motor.step(DT_S, Some(1.0), 6.0, 0.0);
         }
-        assert!(
-            (motor.speed_rad_s - 0.49 * 4.817).abs() < 0.01,
-            "{}",
-            motor.speed_rad_s
-        );
+        assert!((motor.speed_rad_s - 0.49 * 4.817).abs() < 0.01, "{}", motor.speed_rad_s);
     }
 
     #[test]

@@ -41,9 +41,7 @@ impl SimServoSpec {
     pub(crate) fn checked(&self) -> Result<&'static ServoModel, SimError> {
         let model = ServoModel::from_number(self.model_number)
             .ok_or_else(|| self.refused(format!("unknown model number {}", self.model_number)))?;
-        self.limits
-            .checked()
-            .map_err(|reason| self.refused(reason))?;
+        self.limits.checked().map_err(|reason| self.refused(reason))?;
         let finite = [self.initial_rad, self.zero_rad, self.gravity_nm]
             .iter()
             .all(|value| value.is_finite());
@@ -56,20 +54,15 @@ impl SimServoSpec {
     }
 
     pub(crate) fn refused(&self, reason: String) -> SimError {
-        SimError::Servo {
-            joint: self.name.clone(),
-            id: self.id,
-            reason,
-        }
+        SimError::Servo { joint: self.name.clone(), id: self.id, reason }
     }
 
     /// The same with the play that the vendor states for its model's gear.
     pub fn with_stated_backlash(self) -> Self {
         let model = ServoModel::from_number(self.model_number);
         Self {
-            backlash_rad: model.map_or(0.0, |model| {
-                (model.sheet.backlash_arcmin / 60.0).to_radians()
-            }),
+            backlash_rad: model
+                .map_or(0.0, |model| (model.sheet.backlash_arcmin / 60.0).to_radians()),
             ..self
         }
     }

@@ -78,10 +78,7 @@ pub fn play(
     let path = folder.path().join("port");
     // The table is the same wherever it is written.
     let usual = |text: String| text.replace(&*path.to_string_lossy(), "/dev/ttyUSB0");
-    let options = SimOptions {
-        path: Some(path.clone()),
-        ..SimOptions::lockstep(config.baud, HZ)
-    };
+    let options = SimOptions { path: Some(path.clone()), ..SimOptions::lockstep(config.baud, HZ) };
     let mut sim = SimBus::start(specs, options).unwrap();
     let config = BusConfig {
         accept_no_watchdog: true,
@@ -158,12 +155,7 @@ pub fn row(table: &mut String, what: &str, outcome: &Outcome) {
     // A lost goal makes the next a double step, goals said again because an
     // answer is late bunch up, and a servo with another's id hears the other's
     // goals: nobody can take that back.
-    let astray = [
-        "damaged request",
-        "commands lost",
-        "late by 150 ms",
-        "neighbour",
-    ];
+    let astray = ["damaged request", "commands lost", "late by 150 ms", "neighbour"];
     let astray = astray.iter().any(|word| what.contains(word));
     assert!(outcome.told == 0 || astray, "{what}: {:?}", outcome.notes);
     let recovered = match outcome.remarks.join("; ").as_str() {
@@ -172,10 +164,7 @@ pub fn row(table: &mut String, what: &str, outcome: &Outcome) {
     };
     let told = outcome.error.as_ref().unwrap_or(&recovered);
     let safe_ms = outcome.safe_after_s * 1e3;
-    assert!(
-        outcome.error.is_none() || safe_ms < 2500.0,
-        "{what}: {outcome:?}"
-    );
+    assert!(outcome.error.is_none() || safe_ms < 2500.0, "{what}: {outcome:?}");
     writeln!(
         table,
         "| {what} | {told} | {safe_ms:.0} | {} | {} | {} |",

@@ -57,11 +57,7 @@ pub fn patient_of(kind: BusKind, baud: u32) -> BusConfig {
 
 /// For tests that wait for an answer that never comes.
 pub fn hasty() -> BusConfig {
-    BusConfig {
-        reply_timeout_ms: 100.0,
-        retries: 1,
-        ..BusConfig::dynamixel2(BAUD)
-    }
+    BusConfig { reply_timeout_ms: 100.0, retries: 1, ..BusConfig::dynamixel2(BAUD) }
 }
 
 pub fn lockstep(servos: &[Servo]) -> SimBus {

@@ -106,11 +106,7 @@ fn print(figures: &ModelBenchReport) {
         figures.ms_p99,
         figures.frames,
         figures.position,
-        if figures.lanes > 1 {
-            ", with guidance"
-        } else {
-            ""
-        }
+        if figures.lanes > 1 { ", with guidance" } else { "" }
     );
     stdout_line!(
         "limit {:.2} ms: {:.1} MB of weights at {:.1} GB/s read here; keys and values {:.1} MB more",

@@ -14,12 +14,7 @@ pub struct RobotArgs {
 
     /// Where commands go: `sim`, or `serial:/dev/ttyUSB0`; for a robot with
     /// several buses once for each, `left=serial:/dev/ttyUSB0`.
-    #[arg(
-        long,
-        env = "SERVODANCE_BUS",
-        default_value = "sim",
-        value_name = "[NAME=]BUS"
-    )]
+    #[arg(long, env = "SERVODANCE_BUS", default_value = "sim", value_name = "[NAME=]BUS")]
     pub bus: Vec<String>,
 
     /// What to do while there is no music, or nobody leads; `sway` if the robot

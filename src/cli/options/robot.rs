@@ -8,12 +8,7 @@ use servodance_runtime::robot::Robot;
 #[derive(Debug, clap::Args)]
 pub struct RobotFileArgs {
     /// A built-in robot (see `servodance robots`) or a robot file.
-    #[arg(
-        long,
-        env = "SERVODANCE_ROBOT",
-        default_value = "op3",
-        value_name = "NAME|FILE.toml"
-    )]
+    #[arg(long, env = "SERVODANCE_ROBOT", default_value = "op3", value_name = "NAME|FILE.toml")]
     pub robot: String,
 
     /// Set a key of the robot file for this run, such as `safety.rearm=true`

@@ -91,11 +91,7 @@ impl LeaderClock {
         while self.exchanges.len() >= KEPT || self.exchanges.front().is_some_and(old) {
             self.exchanges.pop_front();
         }
-        self.exchanges.push_back(TimeExchange {
-            at_ns,
-            offset_ns,
-            delay_s,
-        });
+        self.exchanges.push_back(TimeExchange { at_ns, offset_ns, delay_s });
         self.estimate = (self.exchanges.len() >= FEWEST).then(|| self.fit());
     }
 
@@ -180,10 +176,7 @@ mod tests {
             (0.02, 0.1, 5e-5, 60.0, 4e-3),
         ] {
             for error_s in errors_s(delay_s, jitter_s, 0.05, drift, seconds) {
-                assert!(
-                    error_s.abs() < most_s,
-                    "{delay_s} {jitter_s} {drift}: {error_s}"
-                );
+                assert!(error_s.abs() < most_s, "{delay_s} {jitter_s} {drift}: {error_s}");
             }
         }
     }

@@ -24,11 +24,7 @@ pub struct PlaybackClock {
 impl PlaybackClock {
     /// A clock that is advanced every `period_s` seconds.
     pub fn new(period_s: f64) -> Self {
-        Self {
-            period_s,
-            shown_s: None,
-            pace: 1.0,
-        }
+        Self { period_s, shown_s: None, pace: 1.0 }
     }
 
     /// Advances one cycle and returns the moment to show. `due_s`: the moment that
@@ -72,10 +68,7 @@ mod tests {
                 let pace = (shown_s - last_s) / CYCLE_S;
                 assert!((SLOWEST - 1e-9..=FASTEST + 1e-9).contains(&pace), "{pace}");
                 if cycle > 600 {
-                    assert!(
-                        (shown_s - due_s).abs() < 1e-5,
-                        "{jump_s}: {shown_s} {due_s}"
-                    );
+                    assert!((shown_s - due_s).abs() < 1e-5, "{jump_s}: {shown_s} {due_s}");
                 }
                 last_s = shown_s;
             }

@@ -11,10 +11,7 @@ pub(crate) struct RollingMax {
 
 impl Default for RollingMax {
     fn default() -> Self {
-        Self {
-            greatest: [0.0; SECONDS],
-            second: i64::MIN,
-        }
+        Self { greatest: [0.0; SECONDS], second: i64::MIN }
     }
 }
 

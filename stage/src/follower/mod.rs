@@ -164,9 +164,7 @@ impl Follower {
 
     /// Whether no leader is alive.
     pub fn is_alone(&self, now_ns: i64) -> bool {
-        self.current
-            .as_ref()
-            .is_none_or(|leader| leader.is_lost(now_ns))
+        self.current.as_ref().is_none_or(|leader| leader.is_lost(now_ns))
     }
 
     /// Whether the motion must be hidden: no leader is alive, or a change is due.

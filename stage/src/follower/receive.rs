@@ -96,9 +96,7 @@ impl Follower {
         }
         if let Some(estimate) = leader.clock.estimate() {
             let transit_s = seconds(estimate.leader_ns(now_ns) - sent_ns);
-            leader
-                .transits
-                .push(now_ns, transit_s.clamp(0.0, FARTHEST_S));
+            leader.transits.push(now_ns, transit_s.clamp(0.0, FARTHEST_S));
         }
         if frames.channel == wanted {
             leader.take(frames);

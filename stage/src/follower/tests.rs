@@ -43,10 +43,7 @@ impl Lead {
             let frame = StageFrame {
                 present_ns: music_ns + self.ahead_ns,
                 music_ns,
-                beat: servodance_types::Beat {
-                    tempo_bpm: 120.0,
-                    ..Default::default()
-                },
+                beat: servodance_types::Beat { tempo_bpm: 120.0, ..Default::default() },
                 presence: 1.0,
                 level: 0.0,
                 contacts: Default::default(),
@@ -123,10 +120,7 @@ impl World {
     /// The same behind so many connections that stall.
     fn stalling(delay_ms: i64, loss: f64, connections: usize) -> Self {
         let tcp = vec![[Tcp::default(); 2]; connections];
-        Self {
-            tcp,
-            ..Self::new(delay_ms, loss)
-        }
+        Self { tcp, ..Self::new(delay_ms, loss) }
     }
 
     /// When what is sent one way (0: to the follower) at a moment arrives.
@@ -138,9 +132,7 @@ impl World {
             return (!lost).then_some(at_ns + way_ns).into_iter().collect();
         }
         let connections = self.tcp.iter_mut();
-        connections
-            .map(|tcp| tcp[one_way].arrival_ns(rng, at_ns, way_ns, loss))
-            .collect()
+        connections.map(|tcp| tcp[one_way].arrival_ns(rng, at_ns, way_ns, loss)).collect()
     }
 
     fn fly(&mut self, at_ns: i64, bytes: &[u8]) {
@@ -159,9 +151,8 @@ impl World {
                     self.fly(now_ns, &bytes);
                 }
             }
-            let (mut come, fly): (Vec<_>, Vec<_>) = std::mem::take(&mut self.flying)
-                .into_iter()
-                .partition(|(at, _)| *at <= now_ns);
+            let (mut come, fly): (Vec<_>, Vec<_>) =
+                std::mem::take(&mut self.flying).into_iter().partition(|(at, _)| *at <= now_ns);
             self.flying = fly;
             come.sort_by_key(|(at_ns, _)| *at_ns);
             for (at_ns, bytes) in come {
@@ -254,10 +245,7 @@ fn what_stalls_one_connection_is_ridden_out_by_another() {
     });
     assert!(one.0 > 1.0, "its one connection stalls: {one:?}");
     assert_eq!(two.0, 0.0);
-    assert!(
-        two.1 < one.1,
-        "frames need not be so early: {one:?} {two:?}"
-    );
+    assert!(two.1 < one.1, "frames need not be so early: {one:?} {two:?}");
 }
 
 #[test]
@@ -381,15 +369,10 @@ fn a_canon_is_so_many_beats_late() {
     let cue = Message::Cue(Cue {
         nonce: 1,
         follower: "neck".into(),
-        role: Role {
-            canon_beats: Some(3.0),
-            ..Role::default()
-        },
+        role: Role { canon_beats: Some(3.0), ..Role::default() },
     });
     let out = lead.leader.receive(0, &cue.encode(), || 0).unwrap();
-    let Outgoing::Roles(bytes) = out else {
-        panic!("roles")
-    };
+    let Outgoing::Roles(bytes) = out else { panic!("roles") };
     world.follower.receive(world.now_ns, &bytes).unwrap();
     world.run(12.0, &mut [&mut lead]);
     let error_s = world.error_s(&lead);
@@ -404,11 +387,7 @@ fn a_cue_outlives_the_leader_that_it_was_given_to() {
     let cue = |role| {
         let follower = "neck".into();
         let nonce = 1;
-        let cue = Cue {
-            nonce,
-            follower,
-            role,
-        };
+        let cue = Cue { nonce, follower, role };
         Message::Cue(cue).encode()
     };
     let give = |world: &mut World, lead: &mut Lead, role| {
@@ -419,10 +398,7 @@ fn a_cue_outlives_the_leader_that_it_was_given_to() {
     };
     let (half, mirrored) = (Some(0.5), Some(true));
     world.run(5.0, &mut [&mut first]);
-    let smaller = Role {
-        amplitude: half,
-        ..Role::default()
-    };
+    let smaller = Role { amplitude: half, ..Role::default() };
     give(&mut world, &mut first, smaller);
     assert_eq!(world.follower.role().amplitude, half);
     world.run(2.0, &mut []);
@@ -431,10 +407,7 @@ fn a_cue_outlives_the_leader_that_it_was_given_to() {
     let bytes = second.leader.roles(); // it knows of no cue
     world.follower.receive(world.now_ns, &bytes).unwrap();
     assert_eq!(world.follower.role().amplitude, half);
-    let mirror = Role {
-        mirror: mirrored,
-        ..Role::default()
-    };
+    let mirror = Role { mirror: mirrored, ..Role::default() };
     give(&mut world, &mut second, mirror);
     let role = world.follower.role();
     assert_eq!((role.amplitude, role.mirror), (half, mirrored));
@@ -482,10 +455,7 @@ fn what_is_damaged_is_counted_and_dropped() {
         received_ns: 0,
         replied_ns: 0,
     });
-    world
-        .follower
-        .receive(world.now_ns, &answer.encode())
-        .unwrap();
+    world.follower.receive(world.now_ns, &answer.encode()).unwrap();
     let after = world.follower.stats().dropped;
     assert_eq!(after.malformed, before.malformed + 1);
     assert_eq!(after.huge, before.huge + 1);

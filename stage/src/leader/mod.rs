@@ -223,12 +223,8 @@ impl Leader {
         let mut roles: Vec<(String, Role)> = self.roles.clone().into_iter().collect();
         // First the role for all, so that a follower's own role comes after it.
         roles.sort_by_key(|(name, _)| name != "all");
-        let message = Roles {
-            instance: self.instance,
-            term: self.term,
-            number: self.roles_number,
-            roles,
-        };
+        let message =
+            Roles { instance: self.instance, term: self.term, number: self.roles_number, roles };
         Message::Roles(message).encode()
     }
 
@@ -297,8 +293,7 @@ impl Leader {
 
     fn forget(&mut self, now_ns: i64) {
         let gone_ns = (GONE_S * 1e9) as i64;
-        self.followers
-            .retain(|_, f| now_ns.saturating_sub(f.heard_ns) < gone_ns);
+        self.followers.retain(|_, f| now_ns.saturating_sub(f.heard_ns) < gone_ns);
     }
 }
 

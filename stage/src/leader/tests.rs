@@ -31,10 +31,7 @@ fn the_lead_is_that_of_the_neediest_and_shrinks_slowly() {
     leader.receive(3 * SECOND, &bytes, || 0).unwrap();
     assert_eq!(leader.dropped, 1, "a report that was seen before");
     let later = leader.lead_s(22 * SECOND);
-    assert!(
-        (later - (MOST_S - 20.0 * SHORTER_PER_S)).abs() < 1e-9,
-        "{later}"
-    );
+    assert!((later - (MOST_S - 20.0 * SHORTER_PER_S)).abs() < 1e-9, "{later}");
     assert_eq!(leader.followers().count(), 0, "gone");
 }
 
@@ -42,27 +39,15 @@ fn the_lead_is_that_of_the_neediest_and_shrinks_slowly() {
 fn a_cue_is_heeded_once_and_a_role_of_ones_own_goes_before_that_of_all() {
     let mut leader = Leader::new(0, [1; 32]);
     let mut cue = |nonce, follower: &str, amplitude| {
-        let role = Role {
-            amplitude: Some(amplitude),
-            ..Role::default()
-        };
+        let role = Role { amplitude: Some(amplitude), ..Role::default() };
         let follower = follower.to_owned();
-        let bytes = Message::Cue(Cue {
-            nonce,
-            follower,
-            role,
-        })
-        .encode();
+        let bytes = Message::Cue(Cue { nonce, follower, role }).encode();
         leader.receive(0, &bytes, || 0).unwrap()
     };
     assert!(matches!(cue(1, "neck", 0.5), Outgoing::Roles(_)));
     assert_eq!(cue(1, "neck", 0.5), Outgoing::Nothing);
-    let Outgoing::Roles(bytes) = cue(2, "all", 0.2) else {
-        panic!("roles")
-    };
-    let Ok(Message::Roles(roles)) = Message::decode(&bytes) else {
-        panic!("roles")
-    };
+    let Outgoing::Roles(bytes) = cue(2, "all", 0.2) else { panic!("roles") };
+    let Ok(Message::Roles(roles)) = Message::decode(&bytes) else { panic!("roles") };
     let amplitudes = roles.roles.iter().map(|(n, r)| (n.as_str(), r.amplitude));
     let wanted = [("all", Some(0.2)), ("neck", Some(0.2))];
     assert_eq!(amplitudes.collect::<Vec<_>>(), wanted);
@@ -87,30 +72,18 @@ fn who_comes_late_gets_what_was_sent_and_is_not_over() {
     for n in 0..100 {
         leader.frames(0, 0, "hype", frame(n * SECOND / 20));
     }
-    let question = TimeRequest {
-        follower: 7,
-        instance: leader.instance(),
-        nonce: 1,
-        resend: Some(0),
-    };
+    let question =
+        TimeRequest { follower: 7, instance: leader.instance(), nonce: 1, resend: Some(0) };
     let bytes = Message::TimeRequest(question).encode();
     let told = leader.receive(3 * SECOND, &bytes, || 0).unwrap();
-    let Outgoing::Reply(7, messages) = told else {
-        panic!("an answer")
-    };
+    let Outgoing::Reply(7, messages) = told else { panic!("an answer") };
     let numbers = messages[1..].iter().flat_map(|bytes| {
-        let Ok(Message::Frames(frames)) = Message::decode(bytes) else {
-            panic!("frames")
-        };
+        let Ok(Message::Frames(frames)) = Message::decode(bytes) else { panic!("frames") };
         let numbers: Vec<u64> = frames.numbered().map(|(number, _)| number).collect();
         numbers
     });
     assert_eq!(numbers.collect::<Vec<_>>(), (50..100).collect::<Vec<_>>());
-    let bytes = Message::TimeRequest(TimeRequest {
-        resend: None,
-        ..question
-    })
-    .encode();
+    let bytes = Message::TimeRequest(TimeRequest { resend: None, ..question }).encode();
     let told = leader.receive(3 * SECOND, &bytes, || 0).unwrap();
     assert!(matches!(told, Outgoing::Reply(7, messages) if messages.len() == 1));
 }
@@ -121,9 +94,7 @@ fn every_message_carries_the_frames_before_it() {
     let sent: Vec<Vec<u64>> = (0..5)
         .map(|n| {
             let bytes = leader.frames(n, 0, "hype", frame(n));
-            let Ok(Message::Frames(frames)) = Message::decode(&bytes) else {
-                panic!("frames")
-            };
+            let Ok(Message::Frames(frames)) = Message::decode(&bytes) else { panic!("frames") };
             frames.numbered().map(|(number, _)| number).collect()
         })
         .collect();

@@ -74,11 +74,7 @@ impl StageFrame {
 
     /// The motion, at `time_s` of the caller's time.
     pub fn motion(&self, time_s: f64) -> MotionFrame {
-        MotionFrame {
-            time_s,
-            positions: self.positions,
-            contacts: self.contacts,
-        }
+        MotionFrame { time_s, positions: self.positions, contacts: self.contacts }
     }
 
     /// The music features that a frame carries, at `time_s` of the caller's time.
@@ -99,13 +95,7 @@ impl Field for StageFrame {
         let (beat, posture) = (self.beat, self.posture);
         self.present_ns.write(out);
         self.music_ns.write(out);
-        let music = [
-            beat.phase,
-            beat.tempo_bpm,
-            beat.confidence,
-            self.presence,
-            self.level,
-        ];
+        let music = [beat.phase, beat.tempo_bpm, beat.confidence, self.presence, self.level];
         let lock = match beat.lock {
             BeatLock::Lost => 0,
             BeatLock::Locked => 1,
@@ -117,12 +107,8 @@ impl Field for StageFrame {
         let [left, right] = posture.feet;
         let pairs = [posture.nod_rad, posture.sway, left, right];
         let positions = self.positions.as_flattened().iter();
-        let values = positions
-            .chain([&posture.heading_rad])
-            .chain(pairs.as_flattened());
-        values
-            .chain([&posture.floor_m])
-            .for_each(|value| value.write(out));
+        let values = positions.chain([&posture.heading_rad]).chain(pairs.as_flattened());
+        values.chain([&posture.floor_m]).for_each(|value| value.write(out));
     }
 
     fn read(input: &mut ByteReader) -> Result<Self, MessageError> {
@@ -161,10 +147,7 @@ impl Field for StageFrame {
             beat,
             presence,
             level,
-            contacts: Contacts {
-                left: feet & 1 > 0,
-                right: feet & 2 > 0,
-            },
+            contacts: Contacts { left: feet & 1 > 0, right: feet & 2 > 0 },
             positions,
             posture: Posture {
                 heading_rad,

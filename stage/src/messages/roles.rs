@@ -135,8 +135,6 @@ impl Field for Vec<(String, Role)> {
         if count > MAX_ROLES {
             return Err(MessageError::Value("the number of roles"));
         }
-        (0..count)
-            .map(|_| Ok((input.get()?, input.get()?)))
-            .collect()
+        (0..count).map(|_| Ok((input.get()?, input.get()?))).collect()
     }
 }

@@ -17,10 +17,7 @@ fn frame(index: i64) -> StageFrame {
         },
         presence: 0.75,
         level: -1.5,
-        contacts: Contacts {
-            left: false,
-            right: true,
-        },
+        contacts: Contacts { left: false, right: true },
         positions: std::array::from_fn(|j| [j as f32, 0.5, -(index as f32)]),
         posture: Posture {
             heading_rad: -3.0,
@@ -51,32 +48,15 @@ fn messages() -> Vec<Message> {
             style: "salsa".into(),
             frames: (0..3).map(frame).collect(),
         }),
-        Message::TimeRequest(TimeRequest {
-            follower: 1,
-            instance: 2,
-            nonce: 3,
-            resend: Some(1),
-        }),
-        Message::TimeReply(TimeReply {
-            instance: 2,
-            nonce: 3,
-            received_ns: 4,
-            replied_ns: 5,
-        }),
+        Message::TimeRequest(TimeRequest { follower: 1, instance: 2, nonce: 3, resend: Some(1) }),
+        Message::TimeReply(TimeReply { instance: 2, nonce: 3, received_ns: 4, replied_ns: 5 }),
         Message::Roles(Roles {
             instance: 7,
             term: 0,
             number: 9,
-            roles: vec![
-                ("all".into(), Role::default()),
-                ("op3-2".into(), role.clone()),
-            ],
+            roles: vec![("all".into(), Role::default()), ("op3-2".into(), role.clone())],
         }),
-        Message::Cue(Cue {
-            nonce: 11,
-            follower: "neck".into(),
-            role,
-        }),
+        Message::Cue(Cue { nonce: 11, follower: "neck".into(), role }),
         Message::FollowerReport(FollowerReport {
             follower: 1,
             instance: 7,
@@ -138,10 +118,7 @@ fn huge_foreign_and_impossible_messages_are_refused() {
     let huge = vec![0; MAX_BYTES + 1];
     assert_eq!(Message::decode(&huge), Err(MessageError::Huge(huge.len())));
     assert_eq!(Message::decode(b"GET /"), Err(MessageError::Foreign));
-    assert_eq!(
-        Message::decode(&[b's', b'd', VERSION, 99]),
-        Err(MessageError::Kind(99))
-    );
+    assert_eq!(Message::decode(&[b's', b'd', VERSION, 99]), Err(MessageError::Kind(99)));
     let mut nan = frame(0);
     nan.positions[JOINT_COUNT - 1][2] = f32::NAN;
     let mut far = frame(0);
@@ -149,9 +126,7 @@ fn huge_foreign_and_impossible_messages_are_refused() {
     let mut turned = frame(0);
     turned.posture.heading_rad = 1e9;
     for (bad, what) in [(nan, "a joint"), (far, "a time"), (turned, "a heading")] {
-        let Message::Frames(mut frames) = messages().swap_remove(0) else {
-            unreachable!()
-        };
+        let Message::Frames(mut frames) = messages().swap_remove(0) else { unreachable!() };
         frames.frames[1] = bad;
         let bytes = Message::Frames(frames).encode();
         assert_eq!(Message::decode(&bytes), Err(MessageError::Value(what)));

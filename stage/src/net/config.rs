@@ -130,13 +130,11 @@ pub(super) fn set(
     key: &str,
     value: &str,
 ) -> Result<(), NetError> {
-    config
-        .insert_json5(key, value)
-        .map_err(|error| NetError::Setting {
-            option,
-            value: value.to_owned(),
-            why: in_a_line(&error),
-        })
+    config.insert_json5(key, value).map_err(|error| NetError::Setting {
+        option,
+        value: value.to_owned(),
+        why: in_a_line(&error),
+    })
 }
 
 fn json_list(words: &[String]) -> String {

@@ -85,17 +85,9 @@ mod tests {
             assert_eq!(warning(true, quiet), None, "{quiet}");
             assert_eq!(warning(false, quiet), None, "{quiet}");
         }
-        for loud in [
-            "tcp/0.0.0.0:7448",
-            "udp/192.168.1.4:1",
-            "tcp/[::]:7448",
-            "tcp/robot:1",
-        ] {
+        for loud in ["tcp/0.0.0.0:7448", "udp/192.168.1.4:1", "tcp/[::]:7448", "tcp/robot:1"] {
             let warning = warning(true, loud).expect(loud);
-            assert!(
-                warning.contains("without TLS and access control"),
-                "{warning}"
-            );
+            assert!(warning.contains("without TLS and access control"), "{warning}");
         }
         let tls = warning(false, "tls/robot:7448").unwrap();
         assert!(tls.contains("without access control"), "{tls}");
@@ -117,10 +109,7 @@ mod tests {
 
     #[test]
     fn what_zenoh_does_not_know_is_refused_with_the_option() {
-        let place = NetConfig {
-            listen: vec!["nonsense".into()],
-            ..NetConfig::default()
-        };
+        let place = NetConfig { listen: vec!["nonsense".into()], ..NetConfig::default() };
         let error = place.config().unwrap_err().to_string();
         assert!(error.starts_with("--listen"), "{error}");
     }

@@ -24,9 +24,7 @@ pub struct StageKeys {
 impl StageKeys {
     /// The keys of the stage with this name; `None` for a name that cannot be one.
     pub fn new(stage: &str) -> Option<Self> {
-        is_valid_name(stage).then(|| Self {
-            base: format!("servodance/{stage}"),
-        })
+        is_valid_name(stage).then(|| Self { base: format!("servodance/{stage}") })
     }
 
     /// Key of the frames of a channel; of all channels without a number.

@@ -42,9 +42,7 @@ impl NetSession {
     pub fn open(config: Config) -> Result<Self, NetError> {
         let what = config.get_json("listen/endpoints").unwrap_or_default();
         let opened = zenoh::open(config).wait();
-        opened
-            .map(|session| Self { session })
-            .map_err(|error| open_error(&what, in_a_line(&error)))
+        opened.map(|session| Self { session }).map_err(|error| open_error(&what, in_a_line(&error)))
     }
 
     /// The hexadecimal id of the session.
@@ -160,10 +158,7 @@ impl NetPublisher {
 }
 
 fn failed(key: &str, error: &impl ToString) -> NetError {
-    NetError::Use {
-        what: key.to_owned(),
-        why: in_a_line(error),
-    }
+    NetError::Use { what: key.to_owned(), why: in_a_line(error) }
 }
 
 #[cfg(test)]
@@ -172,9 +167,6 @@ mod tests {
     fn a_port_that_is_in_use_is_said_in_one_clear_line() {
         let why = "no TCP listener: [127.0.0.1:1: Address already in use (os error 98)]";
         let told = super::open_error("[\"tcp/127.0.0.1:1\"]", why.into()).to_string();
-        assert!(
-            told.starts_with("cannot listen at tcp/127.0.0.1:1: it is in use"),
-            "{told}"
-        );
+        assert!(told.starts_with("cannot listen at tcp/127.0.0.1:1: it is in use"), "{told}");
     }
 }

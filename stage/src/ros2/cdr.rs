@@ -16,9 +16,7 @@ impl CdrWriter {
     /// An empty message with its header.
     #[allow(clippy::new_without_default)] // one name for one thing
     pub fn new() -> Self {
-        Self {
-            bytes: Self::HEADER.to_vec(),
-        }
+        Self { bytes: Self::HEADER.to_vec() }
     }
 
     fn align(&mut self, size: usize) {

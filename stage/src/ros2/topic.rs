@@ -156,20 +156,14 @@ mod tests {
 
     #[test]
     fn names_are_those_of_the_middleware() {
-        let topic = Topic {
-            name: "joint_states",
-            message: TopicType::JointState,
-        };
+        let topic = Topic { name: "joint_states", message: TopicType::JointState };
         let hash = TopicType::JointState.hash();
         assert_eq!(
             node().key(&topic),
             format!("2/stage/op3/joint_states/sensor_msgs::msg::dds_::JointState_/{hash}")
         );
         let base = "@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0";
-        assert_eq!(
-            node().token(),
-            format!("{base}/0/NN/%/%stage%op3/servodance")
-        );
+        assert_eq!(node().token(), format!("{base}/0/NN/%/%stage%op3/servodance"));
         assert_eq!(
             node().publisher_token(10, &topic),
             format!(
@@ -177,22 +171,14 @@ mod tests {
                  sensor_msgs::msg::dds_::JointState_/{hash}/::,10:,:,:,,"
             )
         );
-        let bare = Node {
-            namespace: String::new(),
-            ..node()
-        };
+        let bare = Node { namespace: String::new(), ..node() };
         assert_eq!(bare.token(), format!("{base}/0/NN/%/%/servodance"));
         assert!(bare.key(&topic).starts_with("2/joint_states/"));
     }
 
     #[test]
     fn an_attachment_is_numbers_then_length_then_id() {
-        let bytes = Attachment {
-            number: 3,
-            time_ns: -2,
-            publisher: [7; 16],
-        }
-        .bytes();
+        let bytes = Attachment { number: 3, time_ns: -2, publisher: [7; 16] }.bytes();
         assert_eq!(bytes[..8], 3i64.to_le_bytes());
         assert_eq!(bytes[8..16], (-2i64).to_le_bytes());
         assert_eq!(bytes[16..], [&[16], &[7; 16][..]].concat());

@@ -145,10 +145,7 @@ fn train_and_score(
         if !needed {
             continue;
         }
-        let begun = folder
-            .join(network.name())
-            .join("last.safetensors")
-            .exists();
+        let begun = folder.join(network.name()).join("last.safetensors").exists();
         train(
             &runs::TrainingRequest {
                 network,

@@ -69,10 +69,7 @@ impl AblationTable {
             dots: self
                 .rows
                 .iter()
-                .map(|row| Dot {
-                    name: row.name.clone(),
-                    figure: Some(figure(&row.scores)),
-                })
+                .map(|row| Dot { name: row.name.clone(), figure: Some(figure(&row.scores)) })
                 .collect(),
         };
         DotChart {
@@ -120,10 +117,7 @@ mod tests {
         let fields: Vec<usize> = csv.lines().map(|l| l.split(',').count()).collect();
         assert_eq!(fields, [3 + 2 * COLUMNS.len(); 2], "{csv}");
         let text = table.text();
-        assert!(
-            text.contains("| 12.50 | +0.25 | 0.500 ± 0.250 | 2.000 ± 1.000 |"),
-            "{text}"
-        );
+        assert!(text.contains("| 12.50 | +0.25 | 0.500 ± 0.250 | 2.000 ± 1.000 |"), "{text}");
         assert_eq!(table.picture().png().unwrap()[1..4], *b"PNG");
     }
 }

@@ -70,10 +70,7 @@ pub const VARIANTS: [AblationVariant; 8] = [
         name: "plain-codebook",
         what: "codes begin at random and never begin anew",
         changes: || {
-            vec![
-                ("codebook", "k_means_rounds", 0.into()),
-                ("codebook", "dead_below", 0.0.into()),
-            ]
+            vec![("codebook", "k_means_rounds", 0.into()), ("codebook", "dead_below", 0.0.into())]
         },
         ..WHOLE
     },
@@ -82,10 +79,7 @@ pub const VARIANTS: [AblationVariant; 8] = [
         what: "one code of 1024 for the whole body",
         changes: || {
             let parts: toml_edit::Array = ["whole"].into_iter().collect();
-            vec![
-                ("model", "parts", parts.into()),
-                ("model", "codes", 1024.into()),
-            ]
+            vec![("model", "parts", parts.into()), ("model", "codes", 1024.into())]
         },
         ..WHOLE
     },

@@ -81,12 +81,10 @@ impl Arms {
                 let arm = if even { POINT_UP } else { POINT_DOWN };
                 if right_leads { [HIP, arm] } else { [arm, HIP] }
             }
-            Self::Wave => [
-                [ELBOW_UP, LOW_V],
-                [HAND_UP, ELBOW_UP],
-                [LOW_V, HAND_UP],
-                [HAND_UP, ELBOW_UP],
-            ][count % 4],
+            Self::Wave => {
+                [[ELBOW_UP, LOW_V], [HAND_UP, ELBOW_UP], [LOW_V, HAND_UP], [HAND_UP, ELBOW_UP]]
+                    [count % 4]
+            }
             Self::Roll => turns(ROLL_HIGH, ROLL_LOW),
             Self::CrossOpen => both(CROSSED, blend(OUT, LOW_V, 0.3)),
             Self::Sweep => [
@@ -102,12 +100,10 @@ impl Arms {
                 [BENT_AHEAD, OVERHEAD_OUT],
             ][count % 4],
             Self::Snap => turns(SNAP, blend(READY, REST, 0.3)),
-            Self::Robot => [
-                [CACTUS, HANGING],
-                [HANGING, CACTUS],
-                [BENT_AHEAD, BENT_AHEAD],
-                [AHEAD, HANGING],
-            ][count % 4],
+            Self::Robot => {
+                [[CACTUS, HANGING], [HANGING, CACTUS], [BENT_AHEAD, BENT_AHEAD], [AHEAD, HANGING]]
+                    [count % 4]
+            }
             Self::RobotAhead => [
                 [BENT_AHEAD, REST],
                 [BENT_AHEAD, BENT_AHEAD],
@@ -125,10 +121,7 @@ impl Arms {
 }
 
 pub(crate) fn resting(sway: f64) -> [ArmDirections; 2] {
-    [
-        blend(REST, READY, 0.10 + 0.06 * sway),
-        blend(REST, READY, 0.10 - 0.06 * sway),
-    ]
+    [blend(REST, READY, 0.10 + 0.06 * sway), blend(REST, READY, 0.10 - 0.06 * sway)]
 }
 
 /// Between two arms, by direction. The path bends ahead, so that an arm that
@@ -138,18 +131,11 @@ pub(crate) fn blend(a: ArmDirections, b: ArmDirections, t: f64) -> ArmDirections
         let way = 1.0 - a[i].iter().zip(&b[i]).map(|(a, b)| a * b).sum::<f64>();
         let ahead = 0.22 * way * (1.0 - (2.0 * t - 1.0).powi(2));
         let outwards = 0.5 * ahead;
-        unit_or(
-            add(lerp(a[i], b[i], t), [outwards, 0.0, ahead]),
-            [0.0, -1.0, 0.0],
-        )
+        unit_or(add(lerp(a[i], b[i], t), [outwards, 0.0, ahead]), [0.0, -1.0, 0.0])
     })
 }
 
 /// `arm` drawn towards rest (`size` below 1) or away from it.
 pub(crate) fn sized(arm: ArmDirections, size: f64) -> ArmDirections {
-    if size >= 1.0 {
-        arm
-    } else {
-        blend(READY, arm, size)
-    }
+    if size >= 1.0 { arm } else { blend(READY, arm, size) }
 }

@@ -85,11 +85,7 @@ fn rotation([pitch, roll, twist]: [f64; 3]) -> AxisColumns {
         let v = [c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]];
         turn(v, twist)
     };
-    [
-        tilt([1.0, 0.0, 0.0]),
-        tilt([0.0, 1.0, 0.0]),
-        tilt([0.0, 0.0, 1.0]),
-    ]
+    [tilt([1.0, 0.0, 0.0]), tilt([0.0, 1.0, 0.0]), tilt([0.0, 0.0, 1.0])]
 }
 
 fn rotate(r: &AxisColumns, v: Vec3) -> Vec3 {
@@ -135,11 +131,7 @@ pub(crate) fn pose(controls: &BodyControls) -> Pose {
     let ankles = controls.feet.map(|foot| ankle_and_toe(&foot));
 
     let mut at = [[0.0; 3]; JOINT_COUNT];
-    at[Pelvis as usize] = [
-        controls.pelvis[0] + shift[0],
-        0.0,
-        controls.pelvis[1] + shift[2],
-    ];
+    at[Pelvis as usize] = [controls.pelvis[0] + shift[0], 0.0, controls.pelvis[1] + shift[2]];
     for (joint, frame) in [
         (LeftHip, pelvis_frame),
         (RightHip, pelvis_frame),
@@ -158,12 +150,10 @@ pub(crate) fn pose(controls: &BodyControls) -> Pose {
     for point in &mut at {
         point[1] += height;
     }
-    for (side, [hip, knee, ankle, toe]) in [
-        [LeftHip, LeftKnee, LeftAnkle, LeftFoot],
-        [RightHip, RightKnee, RightAnkle, RightFoot],
-    ]
-    .into_iter()
-    .enumerate()
+    for (side, [hip, knee, ankle, toe]) in
+        [[LeftHip, LeftKnee, LeftAnkle, LeftFoot], [RightHip, RightKnee, RightAnkle, RightFoot]]
+            .into_iter()
+            .enumerate()
     {
         let outwards = if side == 0 { 0.12 } else { -0.12 };
         let ahead = (controls.feet[side].yaw + facing) / 2.0 + outwards;
@@ -190,10 +180,7 @@ pub(crate) fn pose(controls: &BodyControls) -> Pose {
         direction[1] += raise;
         let length = BONE_LENGTH_M[shoulder as usize];
         let direction = unit_or(direction, [out, 0.0, 0.0]);
-        let start = add(
-            at[collar as usize],
-            rotate(&chest, scale(direction, length)),
-        );
+        let start = add(at[collar as usize], rotate(&chest, scale(direction, length)));
         at[shoulder as usize] = start;
         let limb = |direction: Vec3, joint: BodyJoint| {
             let direction = [direction[0] * out, direction[1], direction[2]];
@@ -211,11 +198,7 @@ fn ankle_and_toe(foot: &FootPlacement) -> [Vec3; 2] {
     let flat = (ANKLE_RISE_M / length).asin();
     // A foot in the air hangs.
     let angle = flat + foot.heel + (1.5 * foot.lift).min(0.6);
-    let toes_up = if angle < flat {
-        length * (flat.sin() - angle.sin())
-    } else {
-        0.0
-    };
+    let toes_up = if angle < flat { length * (flat.sin() - angle.sin()) } else { 0.0 };
     let toe = [foot.x, TOE_HEIGHT_M + foot.lift + toes_up, foot.z];
     let back = turn([0.0, angle.sin(), -angle.cos()], foot.yaw);
     [add(toe, scale(back, length)), toe]
@@ -226,16 +209,8 @@ fn pelvis_height(drop: f64, at: &[Vec3; JOINT_COUNT], ankles: &[[Vec3; 2]; 2]) -
     const SOFTNESS_M: f64 = 0.012;
     let mut heights = [STANDING_M - drop; 3];
     for (side, (hip, knee, ankle)) in [
-        (
-            BodyJoint::LeftHip,
-            BodyJoint::LeftKnee,
-            BodyJoint::LeftAnkle,
-        ),
-        (
-            BodyJoint::RightHip,
-            BodyJoint::RightKnee,
-            BodyJoint::RightAnkle,
-        ),
+        (BodyJoint::LeftHip, BodyJoint::LeftKnee, BodyJoint::LeftAnkle),
+        (BodyJoint::RightHip, BodyJoint::RightKnee, BodyJoint::RightAnkle),
     ]
     .into_iter()
     .enumerate()
@@ -248,10 +223,7 @@ fn pelvis_height(drop: f64, at: &[Vec3; JOINT_COUNT], ankles: &[[Vec3; 2]; 2]) -
         heights[side + 1] = target[1] + up - hip[1];
     }
     let lowest = heights.iter().copied().fold(f64::INFINITY, f64::min);
-    let sum: f64 = heights
-        .iter()
-        .map(|h| ((lowest - h) / SOFTNESS_M).exp())
-        .sum();
+    let sum: f64 = heights.iter().map(|h| ((lowest - h) / SOFTNESS_M).exp()).sum();
     lowest - SOFTNESS_M * sum.ln()
 }
 
@@ -261,11 +233,7 @@ mod tests {
     use servodance_model::motion::skeleton::bone_length_m;
 
     fn standing() -> BodyControls {
-        let foot = |x| FootPlacement {
-            x,
-            z: 0.1,
-            ..FootPlacement::default()
-        };
+        let foot = |x| FootPlacement { x, z: 0.1, ..FootPlacement::default() };
         BodyControls {
             feet: [foot(0.11), foot(-0.11)],
             pelvis: [0.0, 0.0],
@@ -281,13 +249,7 @@ mod tests {
         let mut controls = standing();
         controls.yaw = 0.7;
         controls.torso.spine = [0.4, -0.3, 0.5];
-        controls.feet[1] = FootPlacement {
-            x: -0.6,
-            z: 0.4,
-            yaw: 0.3,
-            heel: 0.5,
-            lift: 0.2,
-        };
+        controls.feet[1] = FootPlacement { x: -0.6, z: 0.4, yaw: 0.3, heel: 0.5, lift: 0.2 };
         let pose = pose(&controls);
         for joint in BodyJoint::ALL {
             let error = bone_length_m(&pose, joint) - BONE_LENGTH_M[joint as usize];

@@ -47,12 +47,8 @@ pub(crate) enum Steps {
 
 impl StepStance {
     pub(crate) fn home() -> Self {
-        let foot = |x: f64| FootPlacement {
-            x,
-            z: TOES_AHEAD_M,
-            yaw: x,
-            ..FootPlacement::default()
-        };
+        let foot =
+            |x: f64| FootPlacement { x, z: TOES_AHEAD_M, yaw: x, ..FootPlacement::default() };
         Self {
             feet: [foot(HOME_M), foot(-HOME_M)],
             weight: 0.5,
@@ -120,14 +116,8 @@ impl StepStance {
     pub(crate) fn pelvis(&self) -> [f64; 2] {
         let share = 0.5 + 0.75 * (self.weight - 0.5);
         let [l, r] = self.feet;
-        let back = [
-            -TOES_AHEAD_M * self.yaw.sin(),
-            -TOES_AHEAD_M * self.yaw.cos(),
-        ];
-        [
-            l.x + (r.x - l.x) * share + back[0],
-            l.z + (r.z - l.z) * share + back[1],
-        ]
+        let back = [-TOES_AHEAD_M * self.yaw.sin(), -TOES_AHEAD_M * self.yaw.cos()];
+        [l.x + (r.x - l.x) * share + back[0], l.z + (r.z - l.z) * share + back[1]]
     }
 
     fn foot_moves_m(&self, to: &Self, side: usize) -> f64 {
@@ -160,23 +150,10 @@ impl StepStance {
             let t = minimum_jerk(share, 1.0);
             let (a, b) = (self.feet[side], to.feet[side]);
             let way = self.foot_moves_m(to, side);
-            let carried = if way > 0.02 {
-                (0.03 + 0.16 * way).min(0.11)
-            } else {
-                0.0
-            };
-            let [x, z, yaw, heel, lift] = mix(
-                &[a.x, a.z, a.yaw, a.heel, a.lift],
-                &[b.x, b.z, b.yaw, b.heel, b.lift],
-                t,
-            );
-            FootPlacement {
-                x,
-                z,
-                yaw,
-                heel,
-                lift: lift + carried * bump(share) + to.hop * bump(u),
-            }
+            let carried = if way > 0.02 { (0.03 + 0.16 * way).min(0.11) } else { 0.0 };
+            let [x, z, yaw, heel, lift] =
+                mix(&[a.x, a.z, a.yaw, a.heel, a.lift], &[b.x, b.z, b.yaw, b.heel, b.lift], t);
+            FootPlacement { x, z, yaw, heel, lift: lift + carried * bump(share) + to.hop * bump(u) }
         });
         let t = minimum_jerk(u, snap);
         let pelvis = mix(&self.pelvis(), &to.pelvis(), t);
@@ -239,18 +216,13 @@ impl Steps {
                 side(count / 2, if even { up } else { down })
             }
             Self::Kick => {
-                let kick = home
-                    .right(-h + 0.03, 0.42 * size)
-                    .lift(1, 0.26 * size)
-                    .weight(0.02, 0.03);
+                let kick =
+                    home.right(-h + 0.03, 0.42 * size).lift(1, 0.26 * size).weight(0.02, 0.03);
                 let close = home.weight(0.6, 0.05);
                 side(count / 2, if even { kick } else { close })
             }
             Self::HeelTap => {
-                let tap = home
-                    .right(-h - 0.04, 0.24 * size)
-                    .heel(1, -0.45)
-                    .weight(0.1, 0.08);
+                let tap = home.right(-h - 0.04, 0.24 * size).heel(1, -0.45).weight(0.1, 0.08);
                 let close = home.weight(0.6, 0.02);
                 side(count / 2, if even { tap } else { close })
             }
@@ -270,10 +242,8 @@ impl Steps {
                 ][count % 4]
             }
             Self::Lunge => {
-                let lunge = home
-                    .right(-h - 0.42 * size, 0.06)
-                    .weight(0.82, 0.12 * size)
-                    .heel(0, 0.4);
+                let lunge =
+                    home.right(-h - 0.42 * size, 0.06).weight(0.82, 0.12 * size).heel(0, 0.4);
                 side(count / 2, if even { lunge } else { home.weight(0.45, 0.0) })
             }
             Self::Jack => {
@@ -352,15 +322,9 @@ impl Steps {
                 let place = [1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0][count % 8] * 0.2 * size;
                 let before = [0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0][count % 8] * 0.2 * size;
                 let stance = if even {
-                    home.right(-h, place)
-                        .left(h, before)
-                        .weight(0.88, 0.04)
-                        .heel(0, 0.3)
+                    home.right(-h, place).left(h, before).weight(0.88, 0.04).heel(0, 0.3)
                 } else {
-                    home.left(h, place)
-                        .right(-h, before)
-                        .weight(0.12, 0.04)
-                        .heel(1, 0.3)
+                    home.left(h, place).right(-h, before).weight(0.12, 0.04).heel(1, 0.3)
                 };
                 stance.placed([0.0, -0.4 * size], 0.0)
             }
@@ -369,10 +333,6 @@ impl Steps {
 
     /// Turned by this angle after eight counts, radians.
     pub(crate) fn turns_rad(self) -> f64 {
-        if self == Self::Turn {
-            -std::f64::consts::TAU
-        } else {
-            0.0
-        }
+        if self == Self::Turn { -std::f64::consts::TAU } else { 0.0 }
     }
 }

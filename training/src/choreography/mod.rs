@@ -55,10 +55,7 @@ const LISTENING_S: f64 = 2.5;
 /// Twenty seconds of disco at 120 beats a minute, to try a new robot with.
 pub fn trial_dance() -> Clip {
     let beats: Vec<DanceBeat> = (0..40)
-        .map(|beat| DanceBeat {
-            time_s: f64::from(beat) * 0.5,
-            downbeat: beat % 4 == 0,
-        })
+        .map(|beat| DanceBeat { time_s: f64::from(beat) * 0.5, downbeat: beat % 4 == 0 })
         .collect();
     choreograph(&beats, 20.0, DanceStyle::Disco, 1)
 }
@@ -76,9 +73,7 @@ pub fn choreograph(beats: &[DanceBeat], duration_s: f64, style: DanceStyle, seed
     Clip {
         name: format!("choreography {} {seed}", style.name()),
         fps: FRAME_RATE_HZ,
-        poses: times
-            .map(|t| body::pose(&dancer.controls(t, beats)))
-            .collect(),
+        poses: times.map(|t| body::pose(&dancer.controls(t, beats))).collect(),
     }
 }
 
@@ -93,10 +88,7 @@ fn stretches(beats: &[DanceBeat]) -> Vec<&[DanceBeat]> {
 
 /// The median interval of `beats`; half a second where there is none.
 fn usual_interval_s(beats: &[DanceBeat]) -> f64 {
-    let mut gaps: Vec<f64> = beats
-        .windows(2)
-        .map(|pair| pair[1].time_s - pair[0].time_s)
-        .collect();
+    let mut gaps: Vec<f64> = beats.windows(2).map(|pair| pair[1].time_s - pair[0].time_s).collect();
     gaps.sort_by(f64::total_cmp);
     gaps.get(gaps.len() / 2).copied().unwrap_or(0.5)
 }
@@ -200,11 +192,7 @@ impl Choreographer {
                     self.rng.random_range(-0.12..0.12),
                 ],
                 pelvis: [0.0, 0.10 * (weight - 0.5), 0.0],
-                head: [
-                    self.rng.random_range(-0.08..0.15),
-                    0.0,
-                    self.rng.random_range(-0.45..0.45),
-                ],
+                head: [self.rng.random_range(-0.08..0.15), 0.0, self.rng.random_range(-0.45..0.45)],
                 ..Torso::default()
             };
             self.torso.push(t, torso.to_array());
@@ -232,16 +220,11 @@ impl Choreographer {
 
         let listening = ((LISTENING_S / interval_s).ceil() as usize).max(4);
         let first = listening.min(beats.len());
-        let start = beats[first..]
-            .iter()
-            .position(|beat| beat.downbeat)
-            .map_or(first, |at| first + at);
+        let start =
+            beats[first..].iter().position(|beat| beat.downbeat).map_or(first, |at| first + at);
         self.find_the_groove(&beats[..start]);
-        let counts: Vec<f64> = beats[start..]
-            .iter()
-            .step_by(per_count)
-            .map(|beat| beat.time_s)
-            .collect();
+        let counts: Vec<f64> =
+            beats[start..].iter().step_by(per_count).map(|beat| beat.time_s).collect();
         let mut theme = self.phrase(pace, None);
         for (number, phrase_counts) in counts.chunks(8).enumerate() {
             // A A' B A'' and then a new theme.
@@ -250,16 +233,9 @@ impl Choreographer {
                     theme = self.phrase(pace, Some(theme.steps));
                     theme
                 }
-                1 => Phrase {
-                    mirrored: !theme.mirrored,
-                    ..theme
-                },
+                1 => Phrase { mirrored: !theme.mirrored, ..theme },
                 2 => self.phrase(pace, Some(theme.steps)),
-                _ => Phrase {
-                    arms: theme.other_arms,
-                    size: (theme.size * 1.1).min(1.3),
-                    ..theme
-                },
+                _ => Phrase { arms: theme.other_arms, size: (theme.size * 1.1).min(1.3), ..theme },
             };
             self.dance_phrase(&phrase, phrase_counts, double_arms);
         }
@@ -304,18 +280,12 @@ impl Choreographer {
         // Face roughly ahead, and come back when the place has wandered.
         let settle = (self.facing / TAU).round() * TAU;
         self.facing = settle + self.rng.random_range(-0.45..0.45);
-        self.place = self
-            .place
-            .map(|p| 0.5 * p + self.rng.random_range(-0.06..0.06));
+        self.place = self.place.map(|p| 0.5 * p + self.rng.random_range(-0.06..0.06));
         let switch_arms = self.rng.random_bool(0.4);
         for (count, time_s) in counts.iter().copied().enumerate() {
             let mut stance = phrase.steps.stance(count, phrase.size);
             let mut torso = phrase.trunk.torso(count, TORSO_SIZE * phrase.size);
-            let figure = if switch_arms && count >= 4 {
-                phrase.other_arms
-            } else {
-                phrase.arms
-            };
+            let figure = if switch_arms && count >= 4 { phrase.other_arms } else { phrase.arms };
             if phrase.mirrored {
                 stance = stance.mirrored();
                 torso = torso::mirrored(torso);
@@ -324,12 +294,7 @@ impl Choreographer {
             self.push_torso(time_s, torso);
             if double_arms && count > 0 {
                 let before_s = counts[count - 1];
-                self.push_arms(
-                    (before_s + time_s) / 2.0,
-                    figure,
-                    2 * count,
-                    phrase.mirrored,
-                );
+                self.push_arms((before_s + time_s) / 2.0, figure, 2 * count, phrase.mirrored);
                 self.push_arms(time_s, figure, 2 * count + 1, phrase.mirrored);
             } else {
                 self.push_arms(time_s, figure, count, phrase.mirrored);
@@ -405,14 +370,7 @@ impl Choreographer {
         for arm in &mut arms {
             arm[1][1] += 0.03 * wave(7, 3.1);
         }
-        BodyControls {
-            feet,
-            pelvis,
-            drop,
-            yaw,
-            torso,
-            arms,
-        }
+        BodyControls { feet, pelvis, drop, yaw, torso, arms }
     }
 }
 
@@ -435,10 +393,7 @@ mod tests {
 
     fn beats(from_s: f64, interval_s: f64, until_s: f64) -> Vec<DanceBeat> {
         (0..)
-            .map(|i| DanceBeat {
-                time_s: from_s + f64::from(i) * interval_s,
-                downbeat: i % 4 == 0,
-            })
+            .map(|i| DanceBeat { time_s: from_s + f64::from(i) * interval_s, downbeat: i % 4 == 0 })
             .take_while(|beat| beat.time_s < until_s)
             .collect()
     }
@@ -486,10 +441,7 @@ mod tests {
                 }
             }
             assert!(planted > 400, "{style:?}: {planted} planted toes");
-            assert!(
-                sliding * 50 < planted,
-                "{style:?}: {sliding} of {planted} slide"
-            );
+            assert!(sliding * 50 < planted, "{style:?}: {sliding} of {planted} slide");
         }
     }
 
@@ -502,10 +454,7 @@ mod tests {
         for (from_s, until_s) in [(0.5, 3.0), (15.5, 19.0), (31.5, 35.0)] {
             let idle = speed_between(&clip, from_s, until_s);
             assert!(idle > 0.002, "frozen at {from_s} s");
-            assert!(
-                idle < 0.3 * dancing,
-                "{idle} m/s at {from_s} s, dancing {dancing}"
-            );
+            assert!(idle < 0.3 * dancing, "{idle} m/s at {from_s} s, dancing {dancing}");
         }
     }
 

@@ -48,20 +48,14 @@ impl DanceStyle {
             Self::Hype => (1.2, 0.075, 0.20),
             Self::Salsa => (1.0, 0.02, 0.03),
         };
-        StyleParameters {
-            snap,
-            bounce_m,
-            nod_rad,
-        }
+        StyleParameters { snap, bounce_m, nod_rad }
     }
 
     /// Step figures to choose from; one named twice is danced more often.
     pub(crate) fn steps(self) -> &'static [Steps] {
         use Steps::*;
         match self {
-            Self::Groove => &[
-                StepTouch, TwoStep, Sway, Bounce, HeelTap, Twist, Lunge, Walk,
-            ],
+            Self::Groove => &[StepTouch, TwoStep, Sway, Bounce, HeelTap, Twist, Lunge, Walk],
             Self::Disco => &[StepTouch, Grapevine, Sway, Turn, Lunge, Kick, Twist, Walk],
             Self::Robot => &[Bounce, March, Lunge, Turn, Sway, HeelTap, Squat],
             Self::Hype => &[Jack, March, Kick, Charleston, Squat, TwoStep, Bounce, Lunge],
@@ -72,9 +66,7 @@ impl DanceStyle {
     pub(crate) fn arms(self) -> &'static [Arms] {
         use Arms::*;
         match self {
-            Self::Groove => &[
-                Swing, Snap, Wave, CrossOpen, LowV, Roll, SkyPoint, PullDown, Clap,
-            ],
+            Self::Groove => &[Swing, Snap, Wave, CrossOpen, LowV, Roll, SkyPoint, PullDown, Clap],
             Self::Disco => &[Point, Roll, Sweep, Clap, HighV, Lasso, Hips, Swing],
             Self::Robot => &[Robot, RobotAhead, Punch, CrossOpen, PullDown],
             Self::Hype => &[Punch, RaiseRoof, HighV, ClapHigh, Swing, Lasso, PullDown],

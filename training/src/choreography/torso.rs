@@ -24,18 +24,11 @@ impl Trunk {
         let sign = if count.is_multiple_of(2) { 1.0 } else { -1.0 };
         let even = sign > 0.0;
         let quarter = count % 4;
-        let mut t = Torso {
-            spine: [0.06, 0.0, 0.0],
-            ..Torso::default()
-        };
+        let mut t = Torso { spine: [0.06, 0.0, 0.0], ..Torso::default() };
         let s = size;
         match self {
             Self::Groove => {
-                t.spine = [
-                    if even { 0.20 * s } else { 0.02 },
-                    0.05 * s * sign,
-                    0.10 * s * sign,
-                ];
+                t.spine = [if even { 0.20 * s } else { 0.02 }, 0.05 * s * sign, 0.10 * s * sign];
                 t.pelvis = [if even { -0.10 * s } else { 0.04 }, 0.0, 0.0];
                 t.head[0] = if even { 0.12 * s } else { -0.05 };
             }
@@ -88,11 +81,7 @@ impl Trunk {
                 t.head = [0.0, 0.0, [0.3, -0.5, -0.3, 0.5][quarter] * s];
             }
             Self::Shoulders => {
-                t.shrug = if even {
-                    [0.35 * s, -0.1]
-                } else {
-                    [-0.1, 0.35 * s]
-                };
+                t.shrug = if even { [0.35 * s, -0.1] } else { [-0.1, 0.35 * s] };
                 t.spine[1] = 0.10 * s * sign;
                 t.head[1] = -0.10 * s * sign;
             }

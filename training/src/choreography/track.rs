@@ -23,9 +23,7 @@ pub(crate) struct KeyTrack<K> {
 
 impl<K: Clone> KeyTrack<K> {
     pub(crate) fn starting_with(key: K) -> Self {
-        Self {
-            keys: vec![(0.0, key)],
-        }
+        Self { keys: vec![(0.0, key)] }
     }
 
     /// Adds a key; one at or before the last key replaces it.

@@ -38,17 +38,10 @@ pub fn build(
 }
 
 fn kind(clip: &TrainingClip) -> String {
-    let source = if clip.synthetic {
-        "choreography"
-    } else {
-        clip.name.split('/').next().unwrap_or("")
-    };
+    let source =
+        if clip.synthetic { "choreography" } else { clip.name.split('/').next().unwrap_or("") };
     let split = clip.split.name();
-    let music = if clip.music.is_some() {
-        "music"
-    } else {
-        "no music"
-    };
+    let music = if clip.music.is_some() { "music" } else { "no music" };
     format!("{source} / {} / {split} / {music}", STYLES[clip.style])
 }
 
@@ -113,12 +106,9 @@ mod tests {
                     None => 0.0,
                 };
                 let arm = name.contains("elbow") || name.contains("wrist");
-                let legs = ["knee", "ankle", "foot"]
-                    .iter()
-                    .position(|leg| name.contains(leg));
-                let height = legs.map_or(0.9 + 0.01 * joint as usize as f32, |at| {
-                    [0.45, 0.08, 0.02][at]
-                });
+                let legs = ["knee", "ankle", "foot"].iter().position(|leg| name.contains(leg));
+                let height =
+                    legs.map_or(0.9 + 0.01 * joint as usize as f32, |at| [0.45, 0.08, 0.02][at]);
                 [side, height, if arm { swing as f32 } else { 0.0 }]
             })
         };

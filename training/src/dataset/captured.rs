@@ -60,10 +60,7 @@ pub(super) fn collect(
         if tempo.is_some() {
             summary.captured_dance_with_beat_minutes += entry.minutes;
         }
-        summary.terms.insert(
-            entry.source.clone(),
-            terms(&entry.source, &entry.licence).to_owned(),
-        );
+        summary.terms.insert(entry.source.clone(), terms(&entry.source, &entry.licence).to_owned());
         let copies = [(original.clone(), false), (original.mirrored(), true)];
         for (clip, mirrored) in copies {
             let mut plain = without_music(&entry, &clip, mirrored);
@@ -116,16 +113,9 @@ fn with_music(
     clips: &mut Vec<TrainingClip>,
 ) -> Result<(), DatasetError> {
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed ^ name_seed(&entry.name));
-    let smooth = Clip {
-        fps: FRAME_RATE_HZ,
-        ..clip.normalised()
-    };
+    let smooth = Clip { fps: FRAME_RATE_HZ, ..clip.normalised() };
     for song in 0..options.songs_per_clip {
-        let stretch = if song == 0 {
-            1.0
-        } else {
-            rng.random_range(0.87..1.15)
-        };
+        let stretch = if song == 0 { 1.0 } else { rng.random_range(0.87..1.15) };
         let (warped, grid) = tempo::onto_grid(&smooth, tempo, tempo.period_s * stretch);
         let motion = encode(&warped.normalised().poses);
         let pre_roll_s = PRE_ROLL_FRAMES as f64 / FRAME_RATE_HZ;

@@ -72,10 +72,7 @@ impl ClipEntry {
         let stem = self.stem();
         let name = if !self.dance {
             let fights = ["karate", "Fence", "Chop", "martial", "sword", "punch"];
-            if fights
-                .iter()
-                .any(|word| stem.contains(word) || self.label.contains(word))
-            {
+            if fights.iter().any(|word| stem.contains(word) || self.label.contains(word)) {
                 "martial"
             } else {
                 "everyday"
@@ -126,30 +123,14 @@ mod tests {
     fn styles_come_from_labels() {
         let style = |e: ClipEntry| STYLES[e.style()];
         assert_eq!(
-            style(ClipEntry::example(
-                "dance_J_Dance2_Salsa",
-                "g1_moves",
-                true,
-                ""
-            )),
+            style(ClipEntry::example("dance_J_Dance2_Salsa", "g1_moves", true, "")),
             "salsa"
         );
+        assert_eq!(style(ClipEntry::example("dance_B_DadDance", "g1_moves", true, "")), "street");
         assert_eq!(
-            style(ClipEntry::example("dance_B_DadDance", "g1_moves", true, "")),
-            "street"
-        );
-        assert_eq!(
-            style(ClipEntry::example(
-                "karate_M_Move1",
-                "g1_moves",
-                false,
-                "M_Move1"
-            )),
+            style(ClipEntry::example("karate_M_Move1", "g1_moves", false, "M_Move1")),
             "martial"
         );
-        assert_eq!(
-            style(ClipEntry::example("05_18", "cmu_iclone", true, "dance")),
-            "modern"
-        );
+        assert_eq!(style(ClipEntry::example("05_18", "cmu_iclone", true, "dance")), "modern");
     }
 }

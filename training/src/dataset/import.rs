@@ -119,11 +119,7 @@ pub fn import(
         match import_file(request, path, &corrections, songs.as_ref(), &lists) {
             Ok((found, lines)) => {
                 if shown != lines {
-                    report(&format!(
-                        "{}: joints found\n  {}",
-                        path.display(),
-                        lines.join("\n  ")
-                    ));
+                    report(&format!("{}: joints found\n  {}", path.display(), lines.join("\n  ")));
                     shown = lines;
                 }
                 let file = folder.join(format!("{name}.npz"));
@@ -146,11 +142,8 @@ pub fn import(
             }
         }
     }
-    let mut undecided: Vec<ClipEntry> = fresh
-        .iter()
-        .filter(|e| e.1.is_none())
-        .map(|e| e.0.clone())
-        .collect();
+    let mut undecided: Vec<ClipEntry> =
+        fresh.iter().filter(|e| e.1.is_none()).map(|e| e.0.clone()).collect();
     assign_splits(&mut undecided);
     let decided = fresh
         .into_iter()
@@ -160,10 +153,7 @@ pub fn import(
     }
     if done.clips > 0 {
         let entries: Vec<ClipEntry> = all.into_values().collect();
-        write_whole(
-            &request.out.join("index.csv"),
-            index::text(&entries).as_bytes(),
-        )?;
+        write_whole(&request.out.join("index.csv"), index::text(&entries).as_bytes())?;
     }
     Ok(done)
 }
@@ -183,11 +173,7 @@ impl ImportedClip {
     }
 
     fn latents(&self) -> Option<Vec<Latent>> {
-        self.music
-            .as_ref()?
-            .iter()
-            .map(|heard| heard.latent)
-            .collect()
+        self.music.as_ref()?.iter().map(|heard| heard.latent).collect()
     }
 
     fn entry(
@@ -232,18 +218,10 @@ fn import_file(
     let bone_change = soundness::bone_change(&raw.poses).map_err(named)?;
     if raw.duration_s() < SHORTEST_S {
         let seconds = raw.duration_s();
-        return Err(named(format!(
-            "{seconds:.2} s of motion, at least {SHORTEST_S} s are needed"
-        )));
+        return Err(named(format!("{seconds:.2} s of motion, at least {SHORTEST_S} s are needed")));
     }
     let mut clip = raw.normalised();
-    if clip
-        .poses
-        .iter()
-        .flatten()
-        .flatten()
-        .any(|v| !v.is_finite())
-    {
+    if clip.poses.iter().flatten().flatten().any(|v| !v.is_finite()) {
         return Err(named("a position is not finite after normalisation".into()));
     }
     let song = match request.kind {
@@ -262,17 +240,9 @@ fn import_file(
     if let Some(music) = &music {
         clip.poses.truncate(music.len());
     }
-    let style = (request.kind == ImportFormat::Aist)
-        .then(|| aist_style(&stem))
-        .flatten();
+    let style = (request.kind == ImportFormat::Aist).then(|| aist_style(&stem)).flatten();
     let split = lists.split(&stem);
-    let found = ImportedClip {
-        clip,
-        music,
-        bone_change,
-        style,
-        split,
-    };
+    let found = ImportedClip { clip, music, bone_change, style, split };
     Ok((found, lines))
 }
 
@@ -298,9 +268,7 @@ impl AistLists {
                 (Split::Validation, "splits/crossmodal_val.txt"),
                 (Split::Test, "splits/crossmodal_test.txt"),
             ] {
-                lists
-                    .splits
-                    .extend(words(file).into_iter().map(|name| (name, split)));
+                lists.splits.extend(words(file).into_iter().map(|name| (name, split)));
             }
         }
         lists
@@ -318,26 +286,16 @@ fn existing_entries(folder: &Path) -> anyhow::Result<BTreeMap<String, ClipEntry>
         return Ok(BTreeMap::new());
     }
     let entries = index::read(folder)?;
-    Ok(entries
-        .into_iter()
-        .map(|entry| (entry.name.clone(), entry))
-        .collect())
+    Ok(entries.into_iter().map(|entry| (entry.name.clone(), entry)).collect())
 }
 
 fn motion_files(kind: ImportFormat, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if path.is_file() {
         return Ok(vec![path.to_owned()]);
     }
-    let mut out: Vec<PathBuf> = walk(path)?
-        .into_iter()
-        .filter(|path| kind.fits(path))
-        .collect();
+    let mut out: Vec<PathBuf> = walk(path)?.into_iter().filter(|path| kind.fits(path)).collect();
     if out.is_empty() {
-        bail!(
-            "{} holds no files that end in .{}",
-            path.display(),
-            kind.endings().join(" or .")
-        );
+        bail!("{} holds no files that end in .{}", path.display(), kind.endings().join(" or ."));
     }
     out.sort();
     Ok(out)
@@ -361,18 +319,13 @@ fn walk(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 fn stem(path: &Path) -> String {
-    path.file_stem()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .replace([',', '"'], "_")
+    path.file_stem().unwrap_or_default().to_string_lossy().replace([',', '"'], "_")
 }
 
 fn unique(names: &mut BTreeSet<String>, stem: &str) -> String {
     let numbered = (2..).map(|n| format!("{stem}-{n}"));
     let mut candidates = std::iter::once(stem.to_owned()).chain(numbered);
-    let name = candidates
-        .find(|name| !names.contains(name))
-        .unwrap_or_default();
+    let name = candidates.find(|name| !names.contains(name)).unwrap_or_default();
     names.insert(name.clone());
     name
 }
@@ -386,11 +339,7 @@ fn audio_files(folder: &Path) -> anyhow::Result<BTreeMap<String, PathBuf>> {
     let files = walk(folder)?.into_iter().filter(is_audio);
     let songs: BTreeMap<String, PathBuf> = files.map(|path| (stem(&path), path)).collect();
     if songs.is_empty() {
-        bail!(
-            "--music {}: no {} files",
-            folder.display(),
-            AUDIO.join(", ")
-        );
+        bail!("--music {}: no {} files", folder.display(), AUDIO.join(", "));
     }
     Ok(songs)
 }
@@ -399,18 +348,13 @@ fn joint_names(path: &Path) -> anyhow::Result<GivenNames> {
     let name = path.display();
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
     let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
-        let line = error
-            .span()
-            .map_or(0, |span| text[..span.start].lines().count().max(1));
+        let line = error.span().map_or(0, |span| text[..span.start].lines().count().max(1));
         anyhow::anyhow!("{name}: line {line}: {}", error.message())
     })?;
     let pair = |(key, value): (String, toml::Value)| {
         let joint = BodyJoint::from_name(&key).with_context(|| {
             let all: Vec<&str> = BodyJoint::ALL.iter().map(|joint| joint.name()).collect();
-            format!(
-                "{name}: `{key}` is no body joint; choose of {}",
-                all.join(", ")
-            )
+            format!("{name}: `{key}` is no body joint; choose of {}", all.join(", "))
         })?;
         let value = value.as_str().map(str::to_owned);
         Ok((

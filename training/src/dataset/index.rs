@@ -44,9 +44,7 @@ pub fn read(folder: &Path) -> Result<Vec<ClipEntry>, MotionError> {
     let header = fields(lines.next().map_or("", |(_, line)| line));
     for wanted in ["clip", "source", "dance", "label", "minutes"] {
         if !header.iter().any(|name| name == wanted) {
-            return Err(content(format!(
-                "no column `{wanted}`; the file has {header:?}"
-            )));
+            return Err(content(format!("no column `{wanted}`; the file has {header:?}")));
         }
     }
     let mut entries = Vec::new();
@@ -100,9 +98,7 @@ fn entry<'a>(get: &dyn Fn(&str) -> &'a str) -> Result<(ClipEntry, Option<Split>)
         licence: get("licence").to_owned(),
         dance: get("dance") == "yes",
         label: get("label").to_owned(),
-        minutes: minutes
-            .parse()
-            .map_err(|_| format!("minutes `{minutes}` is not a number"))?,
+        minutes: minutes.parse().map_err(|_| format!("minutes `{minutes}` is not a number"))?,
         written_style: told("style", STYLES.to_vec())?,
         music: get("music") == "yes",
         bone_change: get("bone_change").parse().ok(),
@@ -127,9 +123,7 @@ pub fn text(entries: &[ClipEntry]) -> String {
             entry.label.clone(),
             entry.split.name().to_owned(),
             yes(entry.music),
-            entry
-                .bone_change
-                .map_or(String::new(), |v| format!("{v:.4}")),
+            entry.bone_change.map_or(String::new(), |v| format!("{v:.4}")),
         ];
         out += &(row.map(|field| quoted(&field)).join(",") + "\n");
     }
@@ -201,10 +195,7 @@ mod tests {
         let index = "clip,source,dance,label,minutes,style\na,b,yes,,1,polka\n";
         std::fs::write(folder.path().join("index.csv"), index).unwrap();
         let error = read(folder.path()).unwrap_err().to_string();
-        assert!(
-            error.contains("line 2: style `polka`: choose of everyday"),
-            "{error}"
-        );
+        assert!(error.contains("line 2: style `polka`: choose of everyday"), "{error}");
     }
 
     #[test]

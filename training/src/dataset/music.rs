@@ -117,18 +117,11 @@ pub(super) fn followed(music: &[[f32; MUSIC_DIM]], beats_s: &[f64]) -> f64 {
         total += (sin.atan2(cos) - expected).cos();
         sure += 1;
     }
-    if 2 * sure < played || sure == 0 {
-        0.0
-    } else {
-        total / f64::from(sure)
-    }
+    if 2 * sure < played || sure == 0 { 0.0 } else { total / f64::from(sure) }
 }
 
 pub(super) fn music_error(clip: &str, error: &dyn std::fmt::Display) -> DatasetError {
-    DatasetError::Music {
-        clip: clip.to_owned(),
-        reason: error.to_string(),
-    }
+    DatasetError::Music { clip: clip.to_owned(), reason: error.to_string() }
 }
 
 #[cfg(test)]

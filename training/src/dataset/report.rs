@@ -141,16 +141,11 @@ impl DatasetReport {
             );
         }
         for (title, minutes) in [("split", &self.splits), ("style", &self.styles)] {
-            let parts = minutes
-                .iter()
-                .map(|(name, minutes)| format!("{name} {minutes:.1}"));
+            let parts = minutes.iter().map(|(name, minutes)| format!("{name} {minutes:.1}"));
             let parts: Vec<String> = parts.collect();
             let _ = writeln!(text, "\nminutes by {title}: {}", parts.join(", "));
         }
-        let _ = writeln!(
-            text,
-            "\nminutes of dance by tempo of the motion, beats a minute:"
-        );
+        let _ = writeln!(text, "\nminutes of dance by tempo of the motion, beats a minute:");
         let highest = self.tempi.values().copied().fold(1e-9, f64::max);
         for (bpm, minutes) in &self.tempi {
             let bar = "#".repeat((40.0 * minutes / highest).round() as usize);
@@ -171,10 +166,7 @@ impl DatasetReport {
             minutes += source.minutes;
             dance += source.dance_minutes;
         }
-        let bars = self
-            .tempi
-            .iter()
-            .map(|(bpm, minutes)| (bpm.to_string(), *minutes));
+        let bars = self.tempi.iter().map(|(bpm, minutes)| (bpm.to_string(), *minutes));
         let sheet = ContactSheet {
             title: title.to_owned(),
             subtitle: format!("{clips} clips, {minutes:.1} minutes, {dance:.1} of them dance"),

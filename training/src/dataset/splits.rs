@@ -30,20 +30,16 @@ fn take(entry: &ClipEntry) -> String {
 pub fn assign_splits(entries: &mut [ClipEntry]) {
     const SHARE: f64 = 0.08;
     for style in 0..STYLES.len() {
-        let members: Vec<usize> = (0..entries.len())
-            .filter(|i| entries[*i].style() == style)
-            .collect();
+        let members: Vec<usize> =
+            (0..entries.len()).filter(|i| entries[*i].style() == style).collect();
         let mut takes: Vec<String> = members.iter().map(|i| take(&entries[*i])).collect();
         takes.sort_by_key(|take| (Sha256::digest(take.as_bytes()), take.clone()));
         takes.dedup();
         let total: f64 = members.iter().map(|i| entries[*i].minutes).sum();
         let mut room = [SHARE * total; 2];
         for take in takes {
-            let clips: Vec<usize> = members
-                .iter()
-                .copied()
-                .filter(|i| self::take(&entries[*i]) == take)
-                .collect();
+            let clips: Vec<usize> =
+                members.iter().copied().filter(|i| self::take(&entries[*i]) == take).collect();
             let minutes: f64 = clips.iter().map(|i| entries[*i].minutes).sum();
             // A take may overshoot its room by half of itself: rounding.
             let split = if minutes / 2.0 <= room[0] {
@@ -91,15 +87,7 @@ mod tests {
         };
         assert!(same("humanml3d", "012314", "M012314"));
         assert!(same("lafan1", "dance1_subject2", "dance1_subject3"));
-        assert!(same(
-            "aist",
-            "gBR_sBM_cAll_d04_mBR0_ch01",
-            "gBR_sFM_cAll_d06_mBR0_ch09"
-        ));
-        assert!(!same(
-            "aist",
-            "gBR_sBM_cAll_d04_mBR0_ch01",
-            "gBR_sBM_cAll_d04_mBR1_ch01"
-        ));
+        assert!(same("aist", "gBR_sBM_cAll_d04_mBR0_ch01", "gBR_sFM_cAll_d06_mBR0_ch09"));
+        assert!(!same("aist", "gBR_sBM_cAll_d04_mBR0_ch01", "gBR_sBM_cAll_d04_mBR1_ch01"));
     }
 }

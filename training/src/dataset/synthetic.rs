@@ -89,10 +89,7 @@ fn random_song(name: &str, rng: &mut ChaCha8Rng) -> Result<Song, DatasetError> {
         let first = steady_tempo(rng, rng.clone().random_range(20.0..40.0));
         let change = rng.random_range(0.75..1.33);
         let bpm = (first.bpm * change).clamp(70.0, 180.0);
-        let second = TempoStep {
-            beats: (CLIP_S * bpm / 60.0).ceil() as usize + 1,
-            bpm,
-        };
+        let second = TempoStep { beats: (CLIP_S * bpm / 60.0).ceil() as usize + 1, bpm };
         spec.grid = Grid::Tempo(vec![first, second]);
     }
     spec.render().map_err(error)
@@ -105,10 +102,7 @@ fn steady_tempo(rng: &mut ChaCha8Rng, seconds: f64) -> TempoStep {
     } else {
         70.0 * f64::powf(180.0 / 70.0, rng.random_range(0.0..1.0))
     };
-    TempoStep {
-        beats: (seconds * bpm / 60.0).ceil() as usize + 1,
-        bpm,
-    }
+    TempoStep { beats: (seconds * bpm / 60.0).ceil() as usize + 1, bpm }
 }
 
 /// Half of the songs begin late, a third breaks off in the middle, a third ends early.
@@ -143,18 +137,11 @@ fn fade_out(song: &mut Song, silences: &[(f64, f64)], rng: &mut ChaCha8Rng) {
 }
 
 fn audible_beats(song: &Song, silences: &[(f64, f64)]) -> Vec<DanceBeat> {
-    let quiet = |t: f64| {
-        silences
-            .iter()
-            .any(|(from, until)| (*from..*until).contains(&t))
-    };
+    let quiet = |t: f64| silences.iter().any(|(from, until)| (*from..*until).contains(&t));
     song.beats_s
         .iter()
         .enumerate()
-        .map(|(i, time_s)| DanceBeat {
-            time_s: *time_s,
-            downbeat: song.downbeats.contains(&i),
-        })
+        .map(|(i, time_s)| DanceBeat { time_s: *time_s, downbeat: song.downbeats.contains(&i) })
         .filter(|beat| !quiet(beat.time_s))
         .collect()
 }

@@ -77,9 +77,7 @@ pub fn write(
             return Err(content(format!("clip {name} has no frames")));
         }
         let other = |found: usize, what: &str| {
-            content(format!(
-                "clip {name} has {frames} frames of motion, but {found} of {what}"
-            ))
+            content(format!("clip {name} has {frames} frames of motion, but {found} of {what}"))
         };
         push_f32(&mut motion, clip.motion.as_flattened());
         match &clip.music {
@@ -98,10 +96,7 @@ pub fn write(
         }
     }
     let column = |value: &dyn Fn(&TrainingClip) -> i64| -> Vec<u8> {
-        clips
-            .iter()
-            .flat_map(|clip| value(clip).to_le_bytes())
-            .collect()
+        clips.iter().flat_map(|clip| value(clip).to_le_bytes()).collect()
     };
     let starts = clips.iter().scan(0, |start, clip| {
         let this = *start as i64;
@@ -118,12 +113,7 @@ pub fn write(
         ("synthetic", column(&|clip| clip.synthetic.into())),
         ("variant", column(&|clip| clip.variant as i64)),
     ];
-    let entry = |name, dtype, shape, data| Entry {
-        name,
-        dtype,
-        shape,
-        data,
-    };
+    let entry = |name, dtype, shape, data| Entry { name, dtype, shape, data };
     let shapes = [POSE_DIM, MUSIC_DIM, LATENT_DIM].map(|columns| [frames, columns]);
     let rows = [clips.len()];
     let mut tensors = vec![
@@ -165,9 +155,7 @@ pub fn read(path: &Path) -> Result<Vec<TrainingClip>, MotionError> {
         .and_then(|text| serde_json::from_str(text).ok())
         .ok_or_else(|| content("no list of `clips` in the metadata".into()))?;
     let tensor = |name: &str, dtype, columns: usize| -> Result<&[u8], MotionError> {
-        let view = file
-            .tensor(name)
-            .map_err(|_| content(format!("no tensor `{name}`")))?;
+        let view = file.tensor(name).map_err(|_| content(format!("no tensor `{name}`")))?;
         let wide = view.shape().get(1).copied().unwrap_or(1);
         if view.dtype() != dtype || wide != columns {
             return Err(content(format!(
@@ -202,9 +190,7 @@ pub fn read(path: &Path) -> Result<Vec<TrainingClip>, MotionError> {
         Ok(_) => Some(floats("encodec", LATENT_DIM)?),
         Err(_) => None,
     };
-    let latents = latents
-        .as_ref()
-        .map(|rows| rows.as_chunks::<LATENT_DIM>().0);
+    let latents = latents.as_ref().map(|rows| rows.as_chunks::<LATENT_DIM>().0);
     let [starts, lengths, style, split] =
         ["clip_start", "clip_length", "style", "split"].map(column);
     let (starts, lengths, style, split) = (starts?, lengths?, style?, split?);
@@ -300,10 +286,7 @@ mod tests {
         write(file.path(), &clips, &serde_json::json!({})).unwrap();
         for (found, wanted) in read(file.path()).unwrap().iter().zip(&clips) {
             assert_eq!(found.name, wanted.name);
-            assert_eq!(
-                (&found.motion, &found.music),
-                (&wanted.motion, &wanted.music)
-            );
+            assert_eq!((&found.motion, &found.music), (&wanted.motion, &wanted.music));
             assert_eq!((found.split, found.variant), (wanted.split, wanted.variant));
         }
         std::fs::write(file.path(), [0; 40]).unwrap();

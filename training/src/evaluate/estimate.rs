@@ -15,11 +15,7 @@ impl MeanEstimate {
         let mean = mean(values);
         let n = values.len() as f64;
         let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        let ci95 = if n > 1.0 {
-            1.96 * (squares / (n - 1.0) / n).sqrt()
-        } else {
-            0.0
-        };
+        let ci95 = if n > 1.0 { 1.96 * (squares / (n - 1.0) / n).sqrt() } else { 0.0 };
         Self { mean, ci95 }
     }
 }

@@ -96,9 +96,7 @@ impl WindowFeatures {
                 geometric(&window)?.to_vec(),
             ])
         });
-        Self {
-            windows: features.collect(),
-        }
+        Self { windows: features.collect() }
     }
 
     pub fn len(&self) -> usize {
@@ -115,11 +113,7 @@ impl WindowFeatures {
             let column = |set: &Self| set.windows.iter().map(|w| w[k].clone()).collect();
             compare(&column(yardstick), &column(real), &column(self))
         };
-        Ok(FeatureDistances {
-            kinetic: kind(0)?,
-            kinetic_published: kind(1)?,
-            geometric: kind(2)?,
-        })
+        Ok(FeatureDistances { kinetic: kind(0)?, kinetic_published: kind(1)?, geometric: kind(2)? })
     }
 
     pub fn halves(&self, rng: &mut ChaCha8Rng) -> (Self, Self) {

@@ -35,10 +35,8 @@ pub fn evaluate(
     request: &EvaluationRequest,
     on_progress: impl Fn(f64) + Sync,
 ) -> anyhow::Result<Evaluation> {
-    for (name, value, most) in [
-        ("repeats", request.repeats, 1000),
-        ("clips", request.clips, 1000),
-    ] {
+    for (name, value, most) in [("repeats", request.repeats, 1000), ("clips", request.clips, 1000)]
+    {
         if !(2..=most).contains(&value) {
             anyhow::bail!("--{name} {value} is outside 2..{most}");
         }
@@ -50,10 +48,7 @@ pub fn evaluate(
         anyhow::bail!("--minutes {} is outside 0..1000", request.minutes);
     }
     let generator = open_generator(request.model.as_deref(), request.engine)?;
-    let conditioning = Conditioning {
-        encodec: request.encodec.clone(),
-        ..Conditioning::default()
-    };
+    let conditioning = Conditioning { encodec: request.encodec.clone(), ..Conditioning::default() };
     let encodec = conditioning.encodec(&generator)?;
     generator.start(request.options(0))?; // an unknown style fails before the work
     let EvaluationReference { held, real } =
@@ -69,22 +64,13 @@ pub fn evaluate(
     let codes = reconstruction::codes(&codec, &real, &generator)?;
     let real_windows = WindowFeatures::of(real.iter().map(Vec::as_slice));
     let repeats = in_parallel(request.repeats, &on_progress, |repeat| {
-        one_repeat(
-            request,
-            &generator,
-            (&held, &silence),
-            &real_windows,
-            repeat,
-        )
+        one_repeat(request, &generator, (&held, &silence), &real_windows, repeat)
     })?;
     let long = match request.minutes {
         0 => None,
-        minutes => Some(long::long_dance(
-            &generator,
-            request.options(request.seed),
-            &held,
-            minutes,
-        )?),
+        minutes => {
+            Some(long::long_dance(&generator, request.options(request.seed), &held, minutes)?)
+        }
     };
     let mut found =
         report::Evaluation::new(request, &codes, &repeats, real.len(), real_windows.len());

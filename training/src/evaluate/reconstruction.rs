@@ -32,8 +32,5 @@ pub(super) fn codes(
         mpjpe_mm.extend(pairs.filter_map(|(a, b)| mpjpe_m(a, b)).map(|m| 1e3 * m));
     }
     let share = |seen: &Vec<bool>| seen.iter().filter(|s| **s).count() as f64 / seen.len() as f64;
-    Ok(CodeUsage {
-        mpjpe_mm,
-        used: seen.iter().map(share).collect(),
-    })
+    Ok(CodeUsage { mpjpe_mm, used: seen.iter().map(share).collect() })
 }

@@ -45,10 +45,8 @@ impl EvaluationReference {
         let fresh = request.data.is_none();
         clips.retain(|clip| clip.dance && (fresh || clip.split == Split::Test));
         let frames = (request.seconds * FRAME_RATE_HZ) as usize;
-        let held: Vec<HeldOutClip> = clips
-            .iter()
-            .filter_map(|clip| excerpt(clip, frames))
-            .collect();
+        let held: Vec<HeldOutClip> =
+            clips.iter().filter_map(|clip| excerpt(clip, frames)).collect();
         let deaf = |clip: &HeldOutClip| clip.music.iter().any(|heard| heard.latent.is_none());
         if kind == MusicKind::Encodec128 && held.iter().any(deaf) {
             bail!(
@@ -131,9 +129,7 @@ impl SilentMusic {
         let nothing = vec![0.0; frames * (f64::from(ENCODEC_RATE_HZ) / FRAME_RATE_HZ) as usize];
         let heard =
             encodec.map(|encodec| feature_extractor::latents(encodec, &nothing, ENCODEC_RATE_HZ));
-        Ok(Self {
-            latents: heard.transpose()?,
-        })
+        Ok(Self { latents: heard.transpose()? })
     }
 
     /// The same moments without a sound: the features of digital silence (the

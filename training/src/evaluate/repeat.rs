@@ -61,23 +61,14 @@ pub(super) fn one_repeat(
         DanceScores::of(list.iter().map(|(poses, beats)| (poses.as_slice(), *beats)))
     };
     let mut generated = pairs(&danced);
-    let chosen = order
-        .iter()
-        .map(|&c| (held[c].poses.as_slice(), held[c].beats_s.as_slice()));
+    let chosen = order.iter().map(|&c| (held[c].poses.as_slice(), held[c].beats_s.as_slice()));
     let mut real = DanceScores::of(chosen);
     let windows = WindowFeatures::of(danced.iter().map(|(poses, _)| poses.as_slice()));
     generated.distances = Some(windows.against(real_windows, real_windows)?);
     let (half, other_half) = real_windows.halves(&mut rng);
     real.distances = Some(half.against(&other_half, real_windows)?);
     let [wrong_song, shifted, silence] = controls.map(|scores| mean(&scores));
-    Ok(EvaluationRepeat {
-        generated,
-        real,
-        wrong_song,
-        shifted,
-        silence,
-        seeds_gap_m,
-    })
+    Ok(EvaluationRepeat { generated, real, wrong_song, shifted, silence, seeds_gap_m })
 }
 
 fn dance(
@@ -86,8 +77,5 @@ fn dance(
     music: &[HeardFrame],
 ) -> Result<Vec<Pose>, ModelError> {
     let mut dance = generator.start(options)?;
-    music
-        .iter()
-        .map(|frame| Ok(dance.step_heard(frame)?.positions))
-        .collect()
+    music.iter().map(|frame| Ok(dance.step_heard(frame)?.positions)).collect()
 }

@@ -33,10 +33,6 @@ pub struct EvaluationRequest {
 
 impl EvaluationRequest {
     pub(super) fn options(&self, seed: u64) -> GeneratorOptions {
-        GeneratorOptions {
-            seed,
-            style: self.style.clone(),
-            ..self.sampling.clone()
-        }
+        GeneratorOptions { seed, style: self.style.clone(), ..self.sampling.clone() }
     }
 }

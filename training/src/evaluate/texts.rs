@@ -128,13 +128,7 @@ pub fn score(
         }
     }
     let [reconstructed, real, other_text] = found.map(|repeats| RetrievalEstimates::over(&repeats));
-    Ok(TextFigures {
-        pairs: points.len(),
-        left_out,
-        reconstructed,
-        real,
-        other_text,
-    })
+    Ok(TextFigures { pairs: points.len(), left_out, reconstructed, real, other_text })
 }
 
 /// Pooled once: reconstructed, real, real with another's text.
@@ -179,15 +173,10 @@ fn points(
     for ((pair, real), reconstructed) in
         (pairs.iter().zip(motions)).zip(extractors.motions(&reconstructed)?)
     {
-        let tokens: Vec<Vec<&str>> = (pair.texts.iter())
-            .map(|text| text.iter().map(String::as_str).collect())
-            .collect();
+        let tokens: Vec<Vec<&str>> =
+            (pair.texts.iter()).map(|text| text.iter().map(String::as_str).collect()).collect();
         let views: Vec<&[&str]> = tokens.iter().map(Vec::as_slice).collect();
-        points.push(PairPoints {
-            real,
-            reconstructed,
-            texts: extractors.texts(&views)?,
-        });
+        points.push(PairPoints { real, reconstructed, texts: extractors.texts(&views)? });
     }
     Ok(points)
 }
@@ -214,11 +203,7 @@ fn pairs(folder: &Path) -> anyhow::Result<(Vec<MotionTextPair>, usize)> {
     })?;
     let (mut pairs, mut left_out) = (Vec::new(), 0);
     for name in names.lines().map(str::trim).filter(|name| !name.is_empty()) {
-        ensure!(
-            stays_inside(name),
-            "{}: `{name}` leads out of the folder",
-            list.display()
-        );
+        ensure!(stays_inside(name), "{}: `{name}` leads out of the folder", list.display());
         let motion = read_vectors(&folder.join("new_joint_vecs").join(format!("{name}.npy")));
         let texts = std::fs::read_to_string(folder.join("texts").join(format!("{name}.txt")));
         let before = pairs.len();
@@ -256,10 +241,8 @@ fn parts(motion: &[HumanMlVector], texts: &str) -> Vec<MotionTextPair> {
 
 fn pair(motion: &[HumanMlVector], texts: Vec<Vec<String>>) -> Option<MotionTextPair> {
     let frames = motion.len().min(MOST_FRAMES) / FRAMES_A_STEP * FRAMES_A_STEP;
-    (FRAMES.contains(&motion.len()) && !texts.is_empty()).then(|| MotionTextPair {
-        motion: motion[..frames].to_vec(),
-        texts,
-    })
+    (FRAMES.contains(&motion.len()) && !texts.is_empty())
+        .then(|| MotionTextPair { motion: motion[..frames].to_vec(), texts })
 }
 
 #[cfg(test)]
@@ -275,10 +258,8 @@ mod tests {
                      too short#short/ADJ#1.0#1.5\n\
                      he turns#he/PRON turn/VERB#nan#nan\nnot a line\n";
         let pairs = parts(&motion, texts);
-        let seen: Vec<(usize, usize)> = pairs
-            .iter()
-            .map(|p| (p.motion.len(), p.texts.len()))
-            .collect();
+        let seen: Vec<(usize, usize)> =
+            pairs.iter().map(|p| (p.motion.len(), p.texts.len())).collect();
         assert_eq!(seen, [(60, 1), (148, 2)]);
         assert_eq!(pairs[0].texts[0], ["he/PRON", "stop/VERB"]);
         assert!(parts(&motion[..39], texts).is_empty());

@@ -38,11 +38,7 @@ pub fn compare(
     real: &FeatureVectors,
     generated: &FeatureVectors,
 ) -> Result<Distribution, DistributionError> {
-    let sets = [
-        ("yardstick", yardstick),
-        ("real", real),
-        ("generated", generated),
-    ];
+    let sets = [("yardstick", yardstick), ("real", real), ("generated", generated)];
     for (set, features) in sets {
         let count = features.len();
         if count < 2 {
@@ -64,11 +60,7 @@ pub fn compare(
         })
         .collect();
     let normal = |features: &FeatureVectors| -> FeatureVectors {
-        let one = |v: &Vec<f64>| {
-            (0..expected)
-                .map(|k| (v[k] - mean[k]) / deviation[k])
-                .collect()
-        };
+        let one = |v: &Vec<f64>| (0..expected).map(|k| (v[k] - mean[k]) / deviation[k]).collect();
         features.iter().map(one).collect()
     };
     let (real, generated) = (normal(real), normal(generated));
@@ -81,9 +73,7 @@ pub fn compare(
 
 fn mean(features: &FeatureVectors) -> Vec<f64> {
     let sum = |k: usize| features.iter().map(|v| v[k]).sum::<f64>();
-    (0..features[0].len())
-        .map(|k| sum(k) / features.len() as f64)
-        .collect()
+    (0..features[0].len()).map(|k| sum(k) / features.len() as f64).collect()
 }
 
 fn mean_distance(features: &FeatureVectors) -> f64 {
@@ -103,11 +93,7 @@ fn mean_distance(features: &FeatureVectors) -> f64 {
 fn frechet(a: &FeatureVectors, b: &FeatureVectors) -> f64 {
     let (mean_a, mean_b) = (mean(a), mean(b));
     let (cov_a, cov_b) = (covariance(a, &mean_a), covariance(b, &mean_b));
-    let shift: f64 = mean_a
-        .iter()
-        .zip(&mean_b)
-        .map(|(a, b)| (a - b).powi(2))
-        .sum();
+    let shift: f64 = mean_a.iter().zip(&mean_b).map(|(a, b)| (a - b).powi(2)).sum();
     let root = symmetric_root(cov_a.clone());
     let cross = (&root * &cov_b * &root).symmetric_eigenvalues();
     let cross: f64 = cross.iter().map(|v| v.max(0.0).sqrt()).sum();
@@ -137,13 +123,7 @@ mod tests {
     const GOLDEN_DISTANCE: f64 = 3.018135564363522;
 
     fn set(formula: impl Fn(f64, f64) -> f64) -> FeatureVectors {
-        (0..30)
-            .map(|n| {
-                (0..5)
-                    .map(|k| formula(f64::from(n), f64::from(k)))
-                    .collect()
-            })
-            .collect()
+        (0..30).map(|n| (0..5).map(|k| formula(f64::from(n), f64::from(k))).collect()).collect()
     }
 
     fn real() -> FeatureVectors {
@@ -191,9 +171,6 @@ mod tests {
     #[test]
     fn too_few_motions_are_named() {
         let error = compare(&real(), &real(), &vec![vec![0.0; 5]]).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "generated set has 1 motions, at least 2 are needed"
-        );
+        assert_eq!(error.to_string(), "generated set has 1 motions, at least 2 are needed");
     }
 }

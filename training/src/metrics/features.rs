@@ -84,10 +84,7 @@ pub fn geometric(clip: &Clip) -> Option<[f64; GEOMETRIC_DIM]> {
     let positions = at_60_fps(clip)?;
     let mut counts = [0.0; GEOMETRIC_DIM];
     for pair in positions.windows(2) {
-        let relations = JointRelations {
-            before: pair[0].map(wide),
-            now: pair[1].map(wide),
-        };
+        let relations = JointRelations { before: pair[0].map(wide), now: pair[1].map(wide) };
         for (count, holds) in counts.iter_mut().zip(relations.all()) {
             *count += f64::from(u8::from(holds));
         }
@@ -129,24 +126,9 @@ impl JointRelations {
             self.beyond([Spine3, Neck], Neck, LeftWrist, 0.2 * arm),
             self.moves_along(Spine1, Spine3, Spine3, 1.8 * arm),
             self.moves_along(Spine1, Spine3, Spine3, 1.8 * arm),
-            self.angle(
-                [RightElbow, RightShoulder],
-                [RightElbow, RightWrist],
-                0.0,
-                110.0,
-            ),
-            self.angle(
-                [LeftElbow, LeftShoulder],
-                [LeftElbow, LeftWrist],
-                0.0,
-                110.0,
-            ),
-            self.beyond(
-                [LeftShoulder, RightShoulder],
-                LeftWrist,
-                RightWrist,
-                2.5 * shoulders,
-            ),
+            self.angle([RightElbow, RightShoulder], [RightElbow, RightWrist], 0.0, 110.0),
+            self.angle([LeftElbow, LeftShoulder], [LeftElbow, LeftWrist], 0.0, 110.0),
+            self.beyond([LeftShoulder, RightShoulder], LeftWrist, RightWrist, 2.5 * shoulders),
             self.moves_along(LeftWrist, RightWrist, RightWrist, 1.4 * arm),
             self.moves_along(RightWrist, Pelvis, LeftWrist, 1.4 * arm),
             self.moves_along(LeftWrist, Pelvis, RightWrist, 1.4 * arm),
@@ -262,11 +244,7 @@ mod tests {
                 .map(|v| v as f32)
             })
         };
-        Clip {
-            name: "circles".into(),
-            fps: 60.0,
-            poses: (0..120).map(pose).collect(),
-        }
+        Clip { name: "circles".into(), fps: 60.0, poses: (0..120).map(pose).collect() }
     }
 
     // Made by golden.py.
@@ -305,10 +283,7 @@ mod tests {
     fn geometric_features_match_the_independent_script() {
         let features = geometric(&circling()).unwrap();
         for (k, (actual, golden)) in features.iter().zip(GOLDEN_GEOMETRIC).enumerate() {
-            assert!(
-                (actual - golden).abs() < 0.009,
-                "feature {k}: {actual} is not {golden}"
-            );
+            assert!((actual - golden).abs() < 0.009, "feature {k}: {actual} is not {golden}");
         }
     }
 
@@ -329,14 +304,7 @@ mod tests {
         let mut clip = circling();
         clip.poses.truncate(3);
         for pose in &mut clip.poses {
-            for (j, y) in [
-                (1, 0.3),
-                (4, 0.35),
-                (7, 0.05),
-                (2, 0.3),
-                (5, 0.35),
-                (8, 0.05),
-            ] {
+            for (j, y) in [(1, 0.3), (4, 0.35), (7, 0.05), (2, 0.3), (5, 0.35), (8, 0.05)] {
                 let ahead = if j == 4 || j == 5 { 0.4 } else { 0.0 };
                 pose[j] = [0.0, y, ahead];
             }

@@ -100,9 +100,7 @@ mod tests {
         Clip {
             name: "case".into(),
             fps,
-            poses: (0..frames)
-                .map(|i| std::array::from_fn(|j| place(i, j)))
-                .collect(),
+            poses: (0..frames).map(|i| std::array::from_fn(|j| place(i, j))).collect(),
         }
     }
 
@@ -111,11 +109,7 @@ mod tests {
         let left = BodyJoint::LeftFoot as usize;
         let skating = clip(21, 20.0, |i, j| {
             // 4 cm every second frame: 0.8 m/s, then 0. The rest is in the air.
-            let x = if j == left {
-                0.04 * (i / 2) as f32
-            } else {
-                0.0
-            };
+            let x = if j == left { 0.04 * (i / 2) as f32 } else { 0.0 };
             [x, if j == left { 0.02 } else { 1.0 }, 0.0]
         });
         assert_eq!(foot_skate_ratio(&skating), Some(0.5));

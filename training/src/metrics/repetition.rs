@@ -18,20 +18,12 @@ type FigurePoses = Vec<[[f64; 3]; JOINT_COUNT]>;
 /// with them, whatever the tempo. `None` below eight beats.
 pub fn nearest_figure_m(clip: &Clip, beats_s: &[f64]) -> Option<f64> {
     let end_s = clip.duration_s();
-    let beats: Vec<f64> = beats_s
-        .iter()
-        .copied()
-        .filter(|t| (0.0..=end_s).contains(t))
-        .collect();
-    let figures: Vec<FigurePoses> = beats
-        .windows(BEATS + 1)
-        .map(|span| figure(clip, span[0], span[BEATS]))
-        .collect();
+    let beats: Vec<f64> = beats_s.iter().copied().filter(|t| (0.0..=end_s).contains(t)).collect();
+    let figures: Vec<FigurePoses> =
+        beats.windows(BEATS + 1).map(|span| figure(clip, span[0], span[BEATS])).collect();
     let nearest = |i: usize| {
         let others = (0..figures.len()).filter(|j| j.abs_diff(i) >= BEATS);
-        others
-            .map(|j| distance_m(&figures[i], &figures[j]))
-            .reduce(f64::min)
+        others.map(|j| distance_m(&figures[i], &figures[j])).reduce(f64::min)
     };
     let gaps: Vec<f64> = (0..figures.len()).filter_map(nearest).collect();
     (!gaps.is_empty()).then(|| gaps.iter().sum::<f64>() / gaps.len() as f64)
@@ -74,11 +66,7 @@ mod tests {
             // Walking does not count.
             pose.map(|[x, y, z]| [x + 0.3 * t as f32, y, z])
         };
-        Clip {
-            name: "case".into(),
-            fps: 20.0,
-            poses: (0..241).map(pose).collect(),
-        }
+        Clip { name: "case".into(), fps: 20.0, poses: (0..241).map(pose).collect() }
     }
 
     fn beats() -> Vec<f64> {

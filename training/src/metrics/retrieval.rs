@@ -29,10 +29,7 @@ pub fn retrieval(texts: &[&[f32]], motions: &[&[f32]]) -> Option<Retrieval> {
             pairs += 1.0;
         }
     }
-    found
-        .r_precision
-        .iter_mut()
-        .for_each(|share| *share /= pairs);
+    found.r_precision.iter_mut().for_each(|share| *share /= pairs);
     found.mm_dist /= pairs;
     (pairs > 0.0).then_some(found)
 }
@@ -63,10 +60,7 @@ mod tests {
         let texts = line((0..40).map(|i| i as f32));
         let motions = line((0..40).map(|i| i as f32 + 0.25));
         // The last eight are no pool.
-        let expected = Retrieval {
-            r_precision: [1.0; 3],
-            mm_dist: 0.25,
-        };
+        let expected = Retrieval { r_precision: [1.0; 3], mm_dist: 0.25 };
         assert_eq!(found(&texts, &motions), Some(expected));
         assert_eq!(found(&texts[..31], &motions[..31]), None);
     }
@@ -88,11 +82,7 @@ mod tests {
         // numpy.argsort over 64 pairs: t2m/golden/make.py.
         let golden = Golden::open(include_bytes!("t2m/golden/t2m.safetensors"));
         let points = |name| -> Vec<Vec<f32>> {
-            noise(name, 64 * 3)
-                .collect::<Vec<_>>()
-                .chunks(3)
-                .map(<[f32]>::to_vec)
-                .collect()
+            noise(name, 64 * 3).collect::<Vec<_>>().chunks(3).map(<[f32]>::to_vec).collect()
         };
         let mut motions = points("motion points");
         let texts = points("text points");
@@ -102,11 +92,7 @@ mod tests {
         let got = found(&texts, &motions).unwrap();
         let expected: [f64; 4] = golden.json("retrieval");
         let [top @ .., mm_dist] = expected;
-        for (a, b) in got
-            .r_precision
-            .iter()
-            .chain([&got.mm_dist])
-            .zip(top.iter().chain([&mm_dist]))
+        for (a, b) in got.r_precision.iter().chain([&got.mm_dist]).zip(top.iter().chain([&mm_dist]))
         {
             assert!((a - b).abs() < 1e-6, "{got:?} is not {expected:?}");
         }

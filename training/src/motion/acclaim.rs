@@ -74,10 +74,7 @@ pub fn read_amc(path: &Path, fps: f64, given: &GivenNames) -> Result<NamedMotion
         poses.push(mapping.pose(&points).map(narrow));
     }
     settle(&mut poses).map_err(content)?;
-    Ok(NamedMotion {
-        clip: Clip::of_file(path, fps, poses),
-        mapping,
-    })
+    Ok(NamedMotion { clip: Clip::of_file(path, fps, poses), mapping })
 }
 
 fn text(path: &Path) -> Result<String, MotionError> {
@@ -93,10 +90,7 @@ fn skeleton_of(motion: &Path) -> Result<PathBuf, MotionError> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut skeletons: Vec<PathBuf> = entries
         .map(|entry| entry.path())
-        .filter(|path| {
-            path.extension()
-                .is_some_and(|end| end.eq_ignore_ascii_case("asf"))
-        })
+        .filter(|path| path.extension().is_some_and(|end| end.eq_ignore_ascii_case("asf")))
         .collect();
     skeletons.sort();
     let named = |name: &str| {
@@ -106,10 +100,7 @@ fn skeleton_of(motion: &Path) -> Result<PathBuf, MotionError> {
     let only = || (skeletons.len() == 1).then(|| skeletons[0].clone());
     let found = named(&stem).or_else(|| named(subject)).or_else(only);
     found.ok_or_else(|| {
-        MotionError::content(
-            motion,
-            format!("there is no skeleton {subject}.asf beside it"),
-        )
+        MotionError::content(motion, format!("there is no skeleton {subject}.asf beside it"))
     })
 }
 
@@ -135,11 +126,7 @@ impl AcclaimSkeleton {
                     DegreeOfFreedom::Length => stretch = *value,
                     DegreeOfFreedom::Turn(axis) => {
                         let mut angles = [0.0; 3];
-                        angles[axis] = if self.radians {
-                            *value
-                        } else {
-                            value.to_radians()
-                        };
+                        angles[axis] = if self.radians { *value } else { value.to_radians() };
                         turn = multiply(&turned(angles, &[axis]), &turn);
                     }
                 }
@@ -173,11 +160,8 @@ fn freedom(word: &str) -> Option<DegreeOfFreedom> {
 }
 
 fn parse_asf(text: &str) -> Result<AcclaimSkeleton, String> {
-    let mut bones = vec![AcclaimBone {
-        name: "root".into(),
-        axes: IDENTITY,
-        ..AcclaimBone::default()
-    }];
+    let mut bones =
+        vec![AcclaimBone { name: "root".into(), axes: IDENTITY, ..AcclaimBone::default() }];
     let mut radians = false;
     let mut parents: Vec<(String, Vec<String>)> = Vec::new();
     let (mut section, mut length) = (String::new(), 0.0);
@@ -195,9 +179,7 @@ fn parse_asf(text: &str) -> Result<AcclaimSkeleton, String> {
             continue;
         }
         let order = |word: Option<&&str>| -> Vec<usize> {
-            word.map_or(vec![0, 1, 2], |word| {
-                word.chars().filter_map(axis_of).collect()
-            })
+            word.map_or(vec![0, 1, 2], |word| word.chars().filter_map(axis_of).collect())
         };
         let freedoms = || -> Result<Vec<DegreeOfFreedom>, String> {
             let read = |word: &&str| {
@@ -259,21 +241,14 @@ fn in_order(
     let mut at = 0;
     while at < out.len() {
         let name = out[at].name.clone();
-        for child in parents
-            .iter()
-            .filter(|(parent, _)| *parent == name)
-            .flat_map(|(_, c)| c)
-        {
+        for child in parents.iter().filter(|(parent, _)| *parent == name).flat_map(|(_, c)| c) {
             let bone = by_name.get(child.as_str());
             let bone =
                 bone.ok_or_else(|| format!("the hierarchy names \"{child}\", which is no bone"))?;
             if out.len() >= bones.len() {
                 return Err(format!("the hierarchy comes to \"{child}\" more than once"));
             }
-            out.push(AcclaimBone {
-                parent: Some(at),
-                ..(*bone).clone()
-            });
+            out.push(AcclaimBone { parent: Some(at), ..(*bone).clone() });
         }
         at += 1;
     }
@@ -281,9 +256,8 @@ fn in_order(
 }
 
 fn frames(text: &str, skeleton: &AcclaimSkeleton) -> Result<Vec<Vec<Vec<f64>>>, String> {
-    let places: HashMap<&str, usize> = (skeleton.bones.iter().enumerate())
-        .map(|(at, bone)| (bone.name.as_str(), at))
-        .collect();
+    let places: HashMap<&str, usize> =
+        (skeleton.bones.iter().enumerate()).map(|(at, bone)| (bone.name.as_str(), at)).collect();
     let still = || -> Vec<Vec<f64>> {
         let zeros = |bone: &AcclaimBone| vec![0.0; bone.freedoms.len()];
         skeleton.bones.iter().map(zeros).collect()
@@ -311,9 +285,7 @@ fn frames(text: &str, skeleton: &AcclaimSkeleton) -> Result<Vec<Vec<Vec<f64>>>, 
                 let wanted = frame[at].len();
                 if values.len() != wanted {
                     let found = values.len();
-                    return Err(at_line(format!(
-                        "{name} has {found} numbers, expected {wanted}"
-                    )));
+                    return Err(at_line(format!("{name} has {found} numbers, expected {wanted}")));
                 }
                 for (k, value) in frame[at].iter_mut().enumerate() {
                     *value = number(values, k).map_err(at_line)?;
@@ -341,12 +313,7 @@ mod tests {
                 "begin\nid 1\nname {name}\ndirection {direction}\nlength {length}\naxis 0 0 90 XYZ\n{dof}end\n"
             );
         };
-        bone(
-            "lowerback",
-            "0 1 0",
-            4.0,
-            "dof rx ry rz\nlimits (-1 1)\n(-1 1)\n(-1 1)\n",
-        );
+        bone("lowerback", "0 1 0", 4.0, "dof rx ry rz\nlimits (-1 1)\n(-1 1)\n(-1 1)\n");
         bone("thorax", "0 1 0", 4.0, "");
         bone("lowerneck", "0 1 0", 2.0, "");
         bone("head", "0 1 0", 2.0, "");
@@ -357,18 +324,8 @@ mod tests {
             bone(&format!("{side}foot"), "0 0 1", 3.0, "");
             bone(&format!("{side}toes"), "0 0 1", 1.0, "");
             bone(&format!("{side}clavicle"), &format!("{x} 0 0"), 3.0, "");
-            bone(
-                &format!("{side}humerus"),
-                &format!("{x} 0 0"),
-                6.0,
-                "dof rx ry rz\n",
-            );
-            bone(
-                &format!("{side}radius"),
-                &format!("{x} 0 0"),
-                6.0,
-                "dof rz\n",
-            );
+            bone(&format!("{side}humerus"), &format!("{x} 0 0"), 6.0, "dof rx ry rz\n");
+            bone(&format!("{side}radius"), &format!("{x} 0 0"), 6.0, "dof rz\n");
             bone(&format!("{side}wrist"), &format!("{x} 0 0"), 1.0, "");
             tree += &format!(
                 "{side}hipjoint {side}femur\n{side}femur {side}tibia\n{side}tibia {side}foot\n{side}foot {side}toes\n\
@@ -402,10 +359,7 @@ mod tests {
         assert_eq!((clip.fps, clip.poses.len()), (120.0, 2));
         let at = |frame: usize, joint: BodyJoint| clip.poses[frame][joint as usize];
         let arm = |frame: usize| -> [f32; 3] {
-            let (a, b) = (
-                at(frame, BodyJoint::LeftShoulder),
-                at(frame, BodyJoint::LeftWrist),
-            );
+            let (a, b) = (at(frame, BodyJoint::LeftShoulder), at(frame, BodyJoint::LeftWrist));
             std::array::from_fn(|k| b[k] - a[k])
         };
         let length = arm(0)[0];
@@ -422,10 +376,7 @@ mod tests {
     #[test]
     fn mistakes_name_file_and_line() {
         for (motion, says) in [
-            (
-                "1\nroot 0 0 0 0 0\n",
-                "05_02.amc: line 5: root has 5 numbers, expected 6",
-            ),
+            ("1\nroot 0 0 0 0 0\n", "05_02.amc: line 5: root has 5 numbers, expected 6"),
             ("1\ntail 1\n", "\"tail\" is no bone"),
             ("1\nlradius x\n", "\"x\" is not a number"),
             ("1\nlradius nan\n", "\"nan\" is not a number"),

@@ -35,17 +35,12 @@ pub fn read_aist(path: &Path) -> Result<Clip, MotionError> {
     let get = |key: &str| {
         let mut names: Vec<_> = arrays.keys().map(String::as_str).collect();
         names.sort_unstable();
-        arrays.get(key).ok_or_else(|| {
-            content(format!(
-                "no array `{key}`; the file has: {}",
-                names.join(", ")
-            ))
-        })
+        arrays
+            .get(key)
+            .ok_or_else(|| content(format!("no array `{key}`; the file has: {}", names.join(", "))))
     };
     let (poses, places) = (get("smpl_poses")?, get("smpl_trans")?);
-    let size = arrays
-        .get("smpl_scaling")
-        .and_then(|array| array.values.first());
+    let size = arrays.get("smpl_scaling").and_then(|array| array.values.first());
     let size = size.copied().unwrap_or(1.0);
     if !size.is_finite() || size.abs() < 1e-9 {
         return Err(content(format!("`smpl_scaling` is {size}")));
@@ -54,9 +49,7 @@ pub fn read_aist(path: &Path) -> Result<Clip, MotionError> {
     let places = places.rows::<3>("smpl_trans").map_err(content)?;
     if poses.len() != places.len() {
         let (poses, places) = (poses.len(), places.len());
-        return Err(content(format!(
-            "`smpl_poses` has {poses} frames, `smpl_trans` {places}"
-        )));
+        return Err(content(format!("`smpl_poses` has {poses} frames, `smpl_trans` {places}")));
     }
     let poses = poses.iter().zip(places);
     let poses = poses.map(|(angles, place)| {
@@ -72,9 +65,7 @@ mod tests {
     use servodance_types::BodyJoint;
 
     fn golden(name: &str) -> std::path::PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("src/motion/golden")
-            .join(name)
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("src/motion/golden").join(name)
     }
 
     /// `golden/make.py` wrote it: two frames; in the second the left shoulder
@@ -88,26 +79,15 @@ mod tests {
             let arm = |frame, axis: usize| {
                 at(frame, BodyJoint::LeftWrist)[axis] - at(frame, BodyJoint::LeftShoulder)[axis]
             };
-            assert!(
-                arm(0, 0) > 0.5 && arm(0, 1).abs() < 1e-4,
-                "{file}: the T-pose"
-            );
-            assert!(
-                arm(1, 1) > 0.5 && arm(1, 0).abs() < 1e-4,
-                "{file}: the arm is up"
-            );
+            assert!(arm(0, 0) > 0.5 && arm(0, 1).abs() < 1e-4, "{file}: the T-pose");
+            assert!(arm(1, 1) > 0.5 && arm(1, 0).abs() < 1e-4, "{file}: the arm is up");
             assert!((at(1, BodyJoint::Pelvis)[0] - 2.0).abs() < 1e-5);
         }
     }
 
     #[test]
     fn what_is_missing_is_named() {
-        let message = read_aist(&golden("aist_empty.pkl"))
-            .unwrap_err()
-            .to_string();
-        assert!(
-            message.contains("no array `smpl_poses`; the file has: other"),
-            "{message}"
-        );
+        let message = read_aist(&golden("aist_empty.pkl")).unwrap_err().to_string();
+        assert!(message.contains("no array `smpl_poses`; the file has: other"), "{message}");
     }
 }

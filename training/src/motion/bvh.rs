@@ -55,10 +55,7 @@ fn parse_bvh(text: &str, path: &Path, given: &GivenNames) -> Result<NamedMotion,
         poses.push(mapping.pose(&points).map(narrow));
     }
     settle(&mut poses).map_err(content)?;
-    Ok(NamedMotion {
-        clip: Clip::of_file(path, fps, poses),
-        mapping,
-    })
+    Ok(NamedMotion { clip: Clip::of_file(path, fps, poses), mapping })
 }
 
 type ParsedBvh = (BvhSkeleton, f64, Vec<f64>);
@@ -139,11 +136,7 @@ fn begin(
     if skeleton.joints.len() >= MOST_JOINTS {
         return Err(words.error(&format!("more than {MOST_JOINTS} joints")));
     }
-    skeleton.joints.push(FileJoint {
-        name,
-        parent,
-        offset: [0.0; 3],
-    });
+    skeleton.joints.push(FileJoint { name, parent, offset: [0.0; 3] });
     skeleton.channels.push(Vec::new());
     Ok(skeleton.joints.len() - 1)
 }
@@ -327,29 +320,9 @@ mod tests {
     fn every_usual_family_of_names_is_understood() {
         let families = [
             MIXAMO,
-            [
-                "%UpLeg", "%Leg", "%Foot", "Spine", "Neck", "%Arm", "%ForeArm", "%Hand",
-            ],
-            [
-                "%Hip",
-                "%Knee",
-                "%Ankle",
-                "Chest",
-                "Neck",
-                "%Shoulder",
-                "%Elbow",
-                "%Wrist",
-            ],
-            [
-                "%Thigh",
-                "%Shin",
-                "%Foot",
-                "spine",
-                "neck",
-                "%UpperArm",
-                "%LowerArm",
-                "%Hand",
-            ],
+            ["%UpLeg", "%Leg", "%Foot", "Spine", "Neck", "%Arm", "%ForeArm", "%Hand"],
+            ["%Hip", "%Knee", "%Ankle", "Chest", "Neck", "%Shoulder", "%Elbow", "%Wrist"],
+            ["%Thigh", "%Shin", "%Foot", "spine", "neck", "%UpperArm", "%LowerArm", "%Hand"],
         ];
         for family in families {
             let named = read(&figure(family)).unwrap();
@@ -357,10 +330,7 @@ mod tests {
             let at = |joint: BodyJoint| pose[joint as usize];
             assert!((named.clip.fps - 20.0).abs() < 1e-9);
             let thigh = at(BodyJoint::LeftHip)[1] - at(BodyJoint::LeftKnee)[1];
-            assert!(
-                (0.35..0.5).contains(&thigh),
-                "{family:?}: thigh of {thigh} m"
-            );
+            assert!((0.35..0.5).contains(&thigh), "{family:?}: thigh of {thigh} m");
             assert!(at(BodyJoint::LeftWrist)[0] > at(BodyJoint::LeftElbow)[0]);
             assert!(at(BodyJoint::RightWrist)[0] < 0.0);
             assert!(at(BodyJoint::Head)[1] > at(BodyJoint::Neck)[1]);
@@ -383,11 +353,7 @@ mod tests {
     fn mistakes_name_file_and_line() {
         let good = figure(MIXAMO);
         for (from, to, says) in [
-            (
-                "HIERARCHY",
-                "HIERARCHIE",
-                "dance.bvh: line 1: \"HIERARCHIE\"",
-            ),
+            ("HIERARCHY", "HIERARCHIE", "dance.bvh: line 1: \"HIERARCHIE\""),
             ("OFFSET 0 5 0", "OFFSET 0 x 0", "\"x\" is not a number"),
             ("CHANNELS 6", "CHANNELS 7", "7 channels"),
             ("Yposition", "Yposture", "\"Yposture\" is no channel"),

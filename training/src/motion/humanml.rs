@@ -158,9 +158,7 @@ pub fn read_humanml(path: &Path) -> Result<Clip, MotionError> {
     let poses = match array.shape[..] {
         [_, HUMANML_DIM] => recover(&vectors(&array).map_err(content)?),
         [_, JOINT_COUNT, 3] => {
-            let rows = array
-                .rows::<{ 3 * JOINT_COUNT }>("joints")
-                .map_err(content)?;
+            let rows = array.rows::<{ 3 * JOINT_COUNT }>("joints").map_err(content)?;
             let pose = |row: &[f64; 3 * JOINT_COUNT]| -> Pose {
                 std::array::from_fn(|j| std::array::from_fn(|k| row[3 * j + k] as f32))
             };
@@ -197,10 +195,7 @@ mod tests {
                     1.0 + 0.5 * (1.7 * joint).sin() + 0.05 * (3.0 * t + 2.0 * joint).cos(),
                     0.1 * (4.0 * t + 0.5 * joint).cos() + 0.1 * (2.3 * joint).sin(),
                 ];
-                narrow(add(
-                    turn(local, 0.7 + 0.8 * t),
-                    [0.3 * t, 0.0, 0.2 * (2.0 * t).sin()],
-                ))
+                narrow(add(turn(local, 0.7 + 0.8 * t), [0.3 * t, 0.0, 0.2 * (2.0 * t).sin()]))
             })
         };
         (0..50).map(pose).collect()
@@ -222,23 +217,16 @@ mod tests {
             }
         }
         let numbers = vectors.as_flattened().iter().enumerate();
-        let sum: f64 = numbers
-            .map(|(k, v)| f64::from(*v) * (1.0 + (k as f64).sin()))
-            .sum();
+        let sum: f64 = numbers.map(|(k, v)| f64::from(*v) * (1.0 + (k as f64).sin())).sum();
         assert!((sum - GOLDEN_SUM).abs() < 2e-3, "{sum} is not {GOLDEN_SUM}");
     }
 
     #[test]
     fn recovery_returns_the_positions() {
         let beats: Vec<DanceBeat> = (0..10)
-            .map(|i| DanceBeat {
-                time_s: 0.5 * f64::from(i),
-                downbeat: i % 4 == 0,
-            })
+            .map(|i| DanceBeat { time_s: 0.5 * f64::from(i), downbeat: i % 4 == 0 })
             .collect();
-        let poses = choreograph(&beats, 5.0, DanceStyle::Groove, 3)
-            .normalised()
-            .poses;
+        let poses = choreograph(&beats, 5.0, DanceStyle::Groove, 3).normalised().poses;
         // Normalised motion faces +z by our heading: turn it by theirs.
         let heading = heading_rad(&poses[0]);
         let placed = |p: [f32; 3]| narrow(turn(wide(p), -heading));

@@ -98,10 +98,7 @@ fn along(way: &[usize], share: f64, points: &[Vec3]) -> Vec3 {
 /// Side and plain name: `mixamorig:LeftUpLeg` is left, `upleg`.
 fn plain(name: &str) -> (Option<usize>, String) {
     let name = name.rsplit(':').next().unwrap_or(name);
-    let raw: String = name
-        .chars()
-        .filter(|c| c.is_alphanumeric() || *c == '_')
-        .collect();
+    let raw: String = name.chars().filter(|c| c.is_alphanumeric() || *c == '_').collect();
     let lower = raw.to_ascii_lowercase();
     let joined = |text: &str| text.replace('_', "");
     for (side, word) in ["left", "right"].into_iter().enumerate() {
@@ -116,10 +113,7 @@ fn plain(name: &str) -> (Option<usize>, String) {
         if let Some(rest) = rest {
             return (Some(side), joined(rest));
         }
-        if let Some(rest) = lower
-            .strip_prefix(letter)
-            .filter(|rest| ACCLAIM.contains(rest))
-        {
+        if let Some(rest) = lower.strip_prefix(letter).filter(|rest| ACCLAIM.contains(rest)) {
             return (Some(side), rest.to_owned());
         }
         // lShin, LHip: the letter stands before a capital.
@@ -136,8 +130,7 @@ fn plain(name: &str) -> (Option<usize>, String) {
 pub(super) fn map_joints(joints: &[FileJoint], given: &GivenNames) -> Result<JointMapping, String> {
     let names: Vec<(Option<usize>, String)> = joints.iter().map(|j| plain(&j.name)).collect();
     let find = |side: Option<usize>, any: &[&str]| {
-        any.iter()
-            .find_map(|wanted| names.iter().position(|(s, n)| *s == side && n == wanted))
+        any.iter().find_map(|wanted| names.iter().position(|(s, n)| *s == side && n == wanted))
     };
     let list = || {
         let named = joints.iter().filter(|joint| !joint.name.ends_with(" end"));
@@ -237,20 +230,13 @@ pub(super) fn map_joints(joints: &[FileJoint], given: &GivenNames) -> Result<Joi
         }
     }
     spine.reverse();
-    for (joint, share) in [BodyJoint::Spine1, BodyJoint::Spine2, BodyJoint::Spine3]
-        .into_iter()
-        .zip(SPINE_SHARES)
+    for (joint, share) in
+        [BodyJoint::Spine1, BodyJoint::Spine2, BodyJoint::Spine3].into_iter().zip(SPINE_SHARES)
     {
         let told = is(joint).map(JointSource::Joint);
-        set(
-            joint,
-            told.unwrap_or_else(|| JointSource::Between(spine.clone(), share)),
-        );
+        set(joint, told.unwrap_or_else(|| JointSource::Between(spine.clone(), share)));
     }
-    for (side, joint) in [BodyJoint::LeftCollar, BodyJoint::RightCollar]
-        .into_iter()
-        .enumerate()
-    {
+    for (side, joint) in [BodyJoint::LeftCollar, BodyJoint::RightCollar].into_iter().enumerate() {
         if sources[joint as usize].is_none() {
             sources[joint as usize] = Some(JointSource::Between(vec![neck, shoulders[side]], 0.4));
         }
@@ -268,10 +254,7 @@ pub(super) fn lies_along_z(poses: &[Pose]) -> bool {
     let mut sum = [0.0; 3];
     for pose in poses {
         let at = |joint: BodyJoint| pose[joint as usize].map(f64::from);
-        let feet = scale(
-            add(at(BodyJoint::LeftAnkle), at(BodyJoint::RightAnkle)),
-            0.5,
-        );
+        let feet = scale(add(at(BodyJoint::LeftAnkle), at(BodyJoint::RightAnkle)), 0.5);
         sum = add(sum, sub(at(BodyJoint::Head), feet));
     }
     sum[2].abs() > 2.0 * sum[1].abs() && sum[2] > 0.0
@@ -468,10 +451,7 @@ mod tests {
             for (part, wanted) in parts.iter().zip(wanted) {
                 assert_eq!(lines[*part as usize], format!("{}: {wanted}", part.name()));
             }
-            assert!(
-                lines[Spine2 as usize].contains("50 % of the way"),
-                "{lines:?}"
-            );
+            assert!(lines[Spine2 as usize].contains("50 % of the way"), "{lines:?}");
         }
     }
 
@@ -480,15 +460,8 @@ mod tests {
         let (text, _) = FAMILIES[0];
         let given = |name: &str| GivenNames::from([(BodyJoint::LeftWrist, name.to_owned())]);
         let mapping = map_joints(&skeleton(text), &given("LeftFingerBase")).unwrap();
-        assert!(
-            mapping
-                .lines()
-                .contains(&"left_wrist: LeftFingerBase".to_owned())
-        );
+        assert!(mapping.lines().contains(&"left_wrist: LeftFingerBase".to_owned()));
         let error = map_joints(&skeleton(text), &given("Palm")).unwrap_err();
-        assert!(
-            error.contains("there is no \"Palm\" to be the left_wrist"),
-            "{error}"
-        );
+        assert!(error.contains("there is no \"Palm\" to be the left_wrist"), "{error}");
     }
 }

@@ -32,12 +32,8 @@ enum PickleValue {
 
 /// Arrays and numbers of the pickled dictionary by key. Fails where it cannot be read.
 pub(super) fn arrays(bytes: &[u8]) -> Result<HashMap<String, Array>, String> {
-    let mut machine = PickleMachine {
-        rest: bytes,
-        stack: Vec::new(),
-        marks: Vec::new(),
-        memo: HashMap::new(),
-    };
+    let mut machine =
+        PickleMachine { rest: bytes, stack: Vec::new(), marks: Vec::new(), memo: HashMap::new() };
     let PickleValue::Dict(items) = machine.run()? else {
         return Err("the pickle holds no dictionary".into());
     };
@@ -46,10 +42,7 @@ pub(super) fn arrays(bytes: &[u8]) -> Result<HashMap<String, Array>, String> {
         let PickleValue::Text(key) = key else {
             continue;
         };
-        let number = |value: f64| Array {
-            shape: Vec::new(),
-            values: vec![value],
-        };
+        let number = |value: f64| Array { shape: Vec::new(), values: vec![value] };
         let array = match value {
             PickleValue::Array(array) => array.borrow().clone(),
             PickleValue::Int(value) => number(*value as f64),
@@ -178,11 +171,7 @@ impl<'a> PickleMachine<'a> {
     }
 
     fn line(&mut self) -> Result<String, String> {
-        let end = self
-            .rest
-            .iter()
-            .position(|b| *b == b'\n')
-            .ok_or("a line does not end")?;
+        let end = self.rest.iter().position(|b| *b == b'\n').ok_or("a line does not end")?;
         let line = self.take(end + 1)?;
         Ok(String::from_utf8_lossy(&line[..end]).into_owned())
     }
@@ -247,11 +236,7 @@ impl<'a> PickleMachine<'a> {
     }
 
     fn recall(&mut self, at: usize) -> Result<(), String> {
-        let value = self
-            .memo
-            .get(&at)
-            .ok_or("nothing is remembered there")?
-            .clone();
+        let value = self.memo.get(&at).ok_or("nothing is remembered there")?.clone();
         self.push(value);
         Ok(())
     }
@@ -293,12 +278,7 @@ fn reduce(function: &PickleValue, arguments: &PickleValue) -> Result<PickleValue
         }
         (
             "_frombuffer",
-            [
-                PickleValue::Bytes(bytes),
-                PickleValue::Dtype(size),
-                PickleValue::Tuple(shape),
-                ..,
-            ],
+            [PickleValue::Bytes(bytes), PickleValue::Dtype(size), PickleValue::Tuple(shape), ..],
         ) => {
             let array = array(bytes, *size.borrow(), shape)?;
             PickleValue::Array(Rc::new(RefCell::new(array)))
@@ -359,28 +339,13 @@ fn array(bytes: &[u8], item: usize, shape: &[PickleValue]) -> Result<Array, Stri
         })
         .collect();
     let shape = sides.ok_or("an array has no shape")?;
-    let count = shape
-        .iter()
-        .try_fold(1_usize, |product, side| product.checked_mul(*side));
+    let count = shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side));
     if count.and_then(|count| count.checked_mul(item)) != Some(bytes.len()) {
-        return Err(format!(
-            "an array of shape {shape:?} has {} bytes",
-            bytes.len()
-        ));
+        return Err(format!("an array of shape {shape:?} has {} bytes", bytes.len()));
     }
     let values = match item {
-        4 => bytes
-            .as_chunks::<4>()
-            .0
-            .iter()
-            .map(|b| f32::from_le_bytes(*b).into())
-            .collect(),
-        _ => bytes
-            .as_chunks::<8>()
-            .0
-            .iter()
-            .map(|b| f64::from_le_bytes(*b))
-            .collect(),
+        4 => bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b).into()).collect(),
+        _ => bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect(),
     };
     Ok(Array { shape, values })
 }

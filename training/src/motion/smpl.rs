@@ -30,16 +30,11 @@ pub fn read_smpl(path: &Path) -> Result<Clip, MotionError> {
     let fps = RATES.iter().find_map(|key| npz.get(key).transpose());
     let fps = fps.ok_or_else(|| {
         let names = npz.names();
-        content(format!(
-            "no frame rate ({}); the file has {names:?}",
-            RATES.join(", ")
-        ))
+        content(format!("no frame rate ({}); the file has {names:?}", RATES.join(", ")))
     })??;
     let fps = fps.values.first().copied().unwrap_or(0.0);
     if !(1.0..=1000.0).contains(&fps) {
-        return Err(content(format!(
-            "a frame rate of {fps}, expected 1 to 1000"
-        )));
+        return Err(content(format!("a frame rate of {fps}, expected 1 to 1000")));
     }
     let angles = match angles.shape[..] {
         [_, 72] => body(angles.rows::<72>("poses")),
@@ -54,15 +49,10 @@ pub fn read_smpl(path: &Path) -> Result<Clip, MotionError> {
     let places = places.rows::<3>("trans").map_err(content)?;
     if angles.len() != places.len() {
         let (angles, places) = (angles.len(), places.len());
-        return Err(content(format!(
-            "`poses` has {angles} frames, `trans` {places}"
-        )));
+        return Err(content(format!("`poses` has {angles} frames, `trans` {places}")));
     }
-    let mut poses: Vec<Pose> = angles
-        .iter()
-        .zip(places)
-        .map(|(angles, place)| pose(angles, *place))
-        .collect();
+    let mut poses: Vec<Pose> =
+        angles.iter().zip(places).map(|(angles, place)| pose(angles, *place)).collect();
     if lies_along_z(&poses) {
         stand_up(&mut poses);
     }
@@ -89,10 +79,7 @@ pub(super) fn pose(angles: &[Vec3], place: Vec3) -> Pose {
             Some(parent) => {
                 let bone = unit_or(rest_direction(joint), [0.0, 1.0, 0.0]);
                 let bone = scale(bone, BONE_LENGTH_M[index]);
-                points[index] = add(
-                    points[parent as usize],
-                    apply(&turns[parent as usize], bone),
-                );
+                points[index] = add(points[parent as usize], apply(&turns[parent as usize], bone));
                 turns[index] = multiply(&turns[parent as usize], &turn);
             }
         }
@@ -105,9 +92,7 @@ mod tests {
     use super::*;
 
     fn golden(name: &str) -> std::path::PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("src/motion/golden")
-            .join(name)
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("src/motion/golden").join(name)
     }
 
     /// `golden/make.py` wrote it: z up, 120 frames a second, the body upright,

@@ -32,10 +32,7 @@ pub fn bone_change(poses: &[Pose]) -> Result<f64, String> {
         let Some(parent) = joint.parent() else {
             continue;
         };
-        let lengths: Vec<f64> = poses
-            .iter()
-            .map(|pose| bone_length_m(pose, joint))
-            .collect();
+        let lengths: Vec<f64> = poses.iter().map(|pose| bone_length_m(pose, joint)).collect();
         let usual = percentile(&lengths, 0.5);
         let bone = format!("{}-{}", parent.name(), joint.name());
         if usual < 1e-6 {
@@ -60,23 +57,15 @@ pub fn bone_change(poses: &[Pose]) -> Result<f64, String> {
         }
         let broken = changes.iter().filter(|change| **change > BROKEN).count();
         if broken as f64 > BROKEN_FRAMES * poses.len() as f64 {
-            let worst = lengths.iter().copied().fold(usual, |a, b| {
-                if (b - usual).abs() > (a - usual).abs() {
-                    b
-                } else {
-                    a
-                }
-            });
-            return Err(format!(
-                "the bone {bone} is {usual:.2} m long, but {worst:.2} in places"
-            ));
+            let worst = lengths
+                .iter()
+                .copied()
+                .fold(usual, |a, b| if (b - usual).abs() > (a - usual).abs() { b } else { a });
+            return Err(format!("the bone {bone} is {usual:.2} m long, but {worst:.2} in places"));
         }
         largest = largest.max(percentile(&changes, 0.95));
     }
-    let backwards = poses
-        .iter()
-        .filter(|pose| toes_point_backwards(pose))
-        .count();
+    let backwards = poses.iter().filter(|pose| toes_point_backwards(pose)).count();
     if backwards as f64 > BACKWARDS * poses.len() as f64 {
         return Err("left and right are exchanged: the toes point backwards".into());
     }
@@ -84,9 +73,7 @@ pub fn bone_change(poses: &[Pose]) -> Result<f64, String> {
 }
 
 fn is_limb(joint: BodyJoint) -> bool {
-    ["knee", "ankle", "elbow", "wrist"]
-        .iter()
-        .any(|part| joint.name().ends_with(part))
+    ["knee", "ankle", "elbow", "wrist"].iter().any(|part| joint.name().ends_with(part))
 }
 
 /// The joint of the other side, if it sits where this one should.
@@ -94,20 +81,14 @@ fn exchanged(pose: &Pose, joint: BodyJoint, usual: f64) -> Option<BodyJoint> {
     let (other, parent) = (joint.mirrored(), joint.parent()?);
     let mut swapped = *pose;
     swapped[joint as usize] = pose[other as usize];
-    let length = norm(sub(
-        wide(swapped[joint as usize]),
-        wide(pose[parent as usize]),
-    ));
+    let length = norm(sub(wide(swapped[joint as usize]), wide(pose[parent as usize])));
     ((length / usual - 1.0).abs() < MENDED).then_some(other)
 }
 
 fn toes_point_backwards(pose: &Pose) -> bool {
     let heading = heading_rad(pose);
     let forward = |ankle: BodyJoint, toe: BodyJoint| {
-        turn(
-            sub(wide(pose[toe as usize]), wide(pose[ankle as usize])),
-            -heading,
-        )[2]
+        turn(sub(wide(pose[toe as usize]), wide(pose[ankle as usize])), -heading)[2]
     };
     forward(BodyJoint::LeftAnkle, BodyJoint::LeftFoot) < -0.02
         && forward(BodyJoint::RightAnkle, BodyJoint::RightFoot) < -0.02
@@ -126,14 +107,9 @@ mod tests {
 
     fn dance() -> Vec<Pose> {
         let beats: Vec<DanceBeat> = (0..10)
-            .map(|i| DanceBeat {
-                time_s: 0.5 * f64::from(i),
-                downbeat: i % 4 == 0,
-            })
+            .map(|i| DanceBeat { time_s: 0.5 * f64::from(i), downbeat: i % 4 == 0 })
             .collect();
-        choreograph(&beats, 5.0, DanceStyle::Disco, 3)
-            .normalised()
-            .poses
+        choreograph(&beats, 5.0, DanceStyle::Disco, 3).normalised().poses
     }
 
     fn error(change: impl Fn(&mut Vec<Pose>)) -> String {
@@ -180,10 +156,7 @@ mod tests {
                 pose[18] = pose[16];
             }
         });
-        assert!(
-            message.contains("left_shoulder-left_elbow has no length"),
-            "{message}"
-        );
+        assert!(message.contains("left_shoulder-left_elbow has no length"), "{message}");
         assert!(error(Vec::clear).contains("no frames"));
     }
 }

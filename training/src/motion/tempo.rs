@@ -54,9 +54,7 @@ pub fn estimate(clip: &Clip) -> Option<KinematicTempo> {
         |hits: &[f64]| -> Vec<f64> { periods.iter().map(|p| path(hits, p * RATE_HZ).0).collect() };
     let mut rng = ChaCha8Rng::seed_from_u64(clip.poses.len() as u64);
     let spectrum = SmoothSpectrum::of(&hits);
-    let nulls: Vec<Vec<f64>> = (0..SURROGATES)
-        .map(|_| scores(&spectrum.noise(&mut rng)))
-        .collect();
+    let nulls: Vec<Vec<f64>> = (0..SURROGATES).map(|_| scores(&spectrum.noise(&mut rng))).collect();
     let (mean, spread) = column_statistics(&nulls);
     let best = |scores: &[f64]| {
         let judged = scores.iter().enumerate().map(|(i, score)| {
@@ -94,11 +92,7 @@ pub fn onto_grid(clip: &Clip, tempo: &KinematicTempo, period_s: f64) -> (Clip, V
             let [b, c] = [at(i), at(i + 1)];
             // One-sided slopes at the ends keep the rate of play steady there.
             let m0 = if i == 0 { c - b } else { (c - at(i - 1)) / 2.0 };
-            let m1 = if i + 1 >= last as isize {
-                c - b
-            } else {
-                (at(i + 2) - b) / 2.0
-            };
+            let m1 = if i + 1 >= last as isize { c - b } else { (at(i + 2) - b) / 2.0 };
             let (t2, t3) = (t * t, t * t * t);
             (2.0 * t3 - 3.0 * t2 + 1.0) * b
                 + (t3 - 2.0 * t2 + t) * m0
@@ -112,10 +106,8 @@ pub fn onto_grid(clip: &Clip, tempo: &KinematicTempo, period_s: f64) -> (Clip, V
 
 /// Low speed against the second around it; mean 0, deviation 1, at 60 Hz.
 fn hits(clip: &Clip) -> Vec<f64> {
-    let speed: Vec<f64> = mean_joint_speed(&clip.poses, clip.fps)
-        .iter()
-        .map(|v| -(v + 0.05).ln())
-        .collect();
+    let speed: Vec<f64> =
+        mean_joint_speed(&clip.poses, clip.fps).iter().map(|v| -(v + 0.05).ln()).collect();
     let around = smoothed(&speed, 0.6 * clip.fps);
     let near = smoothed(&speed, 0.05 * clip.fps);
     let frames = (clip.duration_s() * RATE_HZ) as usize + 1;
@@ -162,9 +154,8 @@ fn smoothed(values: &[f64], sigma: f64) -> Vec<f64> {
 fn path(hits: &[f64], period: f64) -> (f64, Vec<usize>) {
     let from = (INTERVAL_SHARES.0 * period).ceil() as usize;
     let until = (INTERVAL_SHARES.1 * period).floor() as usize;
-    let cost: Vec<f64> = (from..=until)
-        .map(|lag| TIGHTNESS * (lag as f64 / period).ln().powi(2))
-        .collect();
+    let cost: Vec<f64> =
+        (from..=until).map(|lag| TIGHTNESS * (lag as f64 / period).ln().powi(2)).collect();
     let mut total = hits.to_vec();
     let mut before = vec![usize::MAX; hits.len()];
     for i in from..hits.len() {
@@ -230,10 +221,7 @@ impl SmoothSpectrum {
             })
             .collect();
         let broad = smoothed(&power, Self::SMEAR_HZ * bins_per_hz);
-        Self {
-            amplitudes: broad.iter().map(|power| power.sqrt()).collect(),
-            length,
-        }
+        Self { amplitudes: broad.iter().map(|power| power.sqrt()).collect(), length }
     }
 
     fn noise(&self, rng: &mut ChaCha8Rng) -> Vec<f64> {
@@ -248,10 +236,7 @@ impl SmoothSpectrum {
             let (mut sin, mut cos) = phase.sin_cos();
             for value in &mut out {
                 *value += amplitude * cos;
-                (sin, cos) = (
-                    sin * step_cos + cos * step_sin,
-                    cos * step_cos - sin * step_sin,
-                );
+                (sin, cos) = (sin * step_cos + cos * step_sin, cos * step_cos - sin * step_sin);
             }
         }
         standardise(&mut out);
@@ -272,11 +257,7 @@ mod tests {
                 std::array::from_fn(|j| [swing as f32, 0.05 * j as f32, 0.0])
             })
             .collect();
-        Clip {
-            name: "swing".into(),
-            fps: 20.0,
-            poses,
-        }
+        Clip { name: "swing".into(), fps: 20.0, poses }
     }
 
     #[test]

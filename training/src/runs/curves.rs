@@ -86,13 +86,8 @@ impl CurveFile {
         self.rows.push(row);
         let mut text = self.columns.join(",") + "\n";
         for row in &self.rows {
-            let fields = row.iter().map(|v| {
-                if v.is_finite() {
-                    v.to_string()
-                } else {
-                    String::new()
-                }
-            });
+            let fields =
+                row.iter().map(|v| if v.is_finite() { v.to_string() } else { String::new() });
             text += &(fields.collect::<Vec<_>>().join(",") + "\n");
         }
         write_whole(&self.csv, text.as_bytes())?;
@@ -131,9 +126,7 @@ impl CurveFile {
             subtitle: format!("{last} steps; val: held-out clips"),
             panels: vec![
                 panel("Loss", &|name| score.contains(&name)),
-                panel("Codes", &|name| {
-                    name.contains(parts) && name != "codes_used"
-                }),
+                panel("Codes", &|name| name.contains(parts) && name != "codes_used"),
                 panel("Learning rate", &|name| name == "learning_rate"),
                 panel("Gradient", &|name| name == "gradient"),
             ],
@@ -164,9 +157,6 @@ mod tests {
         let text = "step,val_nll,wrong_nll\n20,3.5,4.5\n40,3.0,4.25\n60,,\n";
         std::fs::write(folder.path().join("curves.csv"), text).unwrap();
         let curves = finished().unwrap();
-        assert_eq!(
-            curves.best("val_nll", ["val_nll", "wrong_nll"]),
-            [3.0, 4.25]
-        );
+        assert_eq!(curves.best("val_nll", ["val_nll", "wrong_nll"]), [3.0, 4.25]);
     }
 }

@@ -65,14 +65,10 @@ impl RunFolder {
 pub fn train(request: &TrainingRequest, stop: &AtomicBool) -> anyhow::Result<RunOutcome> {
     let file = settings::read(&request.config, request)?;
     let config = request.config.display();
-    let resolved = file
-        .resolve(request.network)
-        .with_context(|| format!("{config}"))?;
+    let resolved = file.resolve(request.network).with_context(|| format!("{config}"))?;
     let data = required_path(&file.data, "data", request)?;
     let out = required_path(&file.out, "out", request)?;
-    let files = RunFolder {
-        folder: out.join(request.network.name()),
-    };
+    let files = RunFolder { folder: out.join(request.network.name()) };
     let checkpoint = checkpoint(&files, request.resume)?;
     with_threads(file.threads.unwrap_or(0), || {
         let mut trainer = trainer(&file, resolved, &data, &out)?;
@@ -92,12 +88,7 @@ fn required_path(
     key: &str,
     request: &TrainingRequest,
 ) -> anyhow::Result<PathBuf> {
-    let missing = || {
-        format!(
-            "{}: `{key}` is missing (or give --{key})",
-            request.config.display()
-        )
-    };
+    let missing = || format!("{}: `{key}` is missing (or give --{key})", request.config.display());
     path.clone().with_context(missing)
 }
 
@@ -112,9 +103,7 @@ fn checkpoint(files: &RunFolder, resume: bool) -> anyhow::Result<Option<Vec<u8>>
         (false, false) => Ok(None),
         (true, _) => {
             let bytes = std::fs::read(&path);
-            Ok(Some(
-                bytes.with_context(|| format!("cannot go on from {name}"))?,
-            ))
+            Ok(Some(bytes.with_context(|| format!("cannot go on from {name}"))?))
         }
     }
 }
@@ -129,9 +118,7 @@ fn trainer(
     let vqvae_weights = match settings.network {
         TrainedNetwork::VqVae => None,
         TrainedNetwork::MotionSeq => {
-            let in_out = out
-                .join(TrainedNetwork::VqVae.name())
-                .join("weights.safetensors");
+            let in_out = out.join(TrainedNetwork::VqVae.name()).join("weights.safetensors");
             let path = file.vqvae_weights.clone().unwrap_or(in_out);
             let name = path.display();
             let bytes = std::fs::read(&path).with_context(|| {
@@ -184,23 +171,15 @@ fn run(
         (.., true) => RunEnd::Until,
         _ => RunEnd::Stopped,
     };
-    Ok(RunOutcome {
-        end,
-        steps: taken,
-        folder: files.folder,
-    })
+    Ok(RunOutcome { end, steps: taken, folder: files.folder })
 }
 
 fn progress_text(report: &StepReport) -> String {
     let loss = report.terms.first().map_or(0.0, |term| term.1);
     let used = report.terms.iter().find(|(name, _)| name == "codes_used");
-    let used = used.map_or(String::new(), |(_, share)| {
-        format!(", {:.0} % of codes used", 100.0 * share)
-    });
-    format!(
-        "loss {loss:.4}, learning rate {:.1e}{used}",
-        report.learning_rate
-    )
+    let used =
+        used.map_or(String::new(), |(_, share)| format!(", {:.0} % of codes used", 100.0 * share));
+    format!("loss {loss:.4}, learning rate {:.1e}{used}", report.learning_rate)
 }
 
 fn curve_text(line: &CurveRow) -> String {

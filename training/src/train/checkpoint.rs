@@ -47,19 +47,13 @@ pub(crate) fn write(
     for (parameter, (first, second)) in parameters.iter().zip(adam.first.iter().zip(&adam.second)) {
         for (moment, values) in [("first", first), ("second", second)] {
             let name = format!("adam.{moment}.{}", parameter.name);
-            tensors.insert(
-                name,
-                (parameter.shape.clone(), Numbers::F32(values.clone())),
-            );
+            tensors.insert(name, (parameter.shape.clone(), Numbers::F32(values.clone())));
         }
     }
     let sums: Vec<f64> = tally.sums.iter().map(|(_, sum)| *sum).collect();
     let columns: Vec<&str> = tally.sums.iter().map(|(name, _)| name.as_str()).collect();
     tensors.insert("tally.sums".into(), (vec![sums.len()], Numbers::F64(sums)));
-    tensors.insert(
-        "tally.best".into(),
-        (vec![1], Numbers::F64(vec![tally.best])),
-    );
+    tensors.insert("tally.best".into(), (vec![1], Numbers::F64(vec![tally.best])));
     let about = serde_json::json!({
         "run": run,
         "step": step,
@@ -68,10 +62,7 @@ pub(crate) fn write(
         "count": tally.count,
         "since_best": tally.since_best,
     });
-    file(
-        &BTreeMap::from([(KEY.to_owned(), about.to_string())]),
-        &tensors,
-    )
+    file(&BTreeMap::from([(KEY.to_owned(), about.to_string())]), &tensors)
 }
 
 pub(crate) fn read(
@@ -91,20 +82,14 @@ pub(crate) fn read(
         let one = |p: &crate::train::autodiff::parameters::Parameter| {
             floats(&tensors, &format!("{prefix}{}", p.name), p.values.len())
         };
-        parameters
-            .iter()
-            .map(one)
-            .collect::<Result<_, _>>()
-            .map_err(broken)
+        parameters.iter().map(one).collect::<Result<_, _>>().map_err(broken)
     };
     let doubles = |name: &str| match tensors.get(name) {
         Some((_, Numbers::F64(values))) => Ok(values.clone()),
         _ => Err(broken(format!("tensor `{name}` is missing"))),
     };
     let columns = about["columns"].as_array().cloned().unwrap_or_default();
-    let names = columns
-        .iter()
-        .map(|name| name.as_str().unwrap_or_default().to_owned());
+    let names = columns.iter().map(|name| name.as_str().unwrap_or_default().to_owned());
     let best = doubles("tally.best")?;
     Ok(CheckpointContents {
         parameters: take("")?,
@@ -174,9 +159,9 @@ fn same_value(a: &Value, b: &Value) -> bool {
 
 fn in_words(value: &Value) -> String {
     match value {
-        Value::Number(number) if number.is_f64() => number
-            .as_f64()
-            .map_or(String::new(), |number| (number as f32).to_string()),
+        Value::Number(number) if number.is_f64() => {
+            number.as_f64().map_or(String::new(), |number| (number as f32).to_string())
+        }
         Value::Null => "nothing".into(),
         other => other.to_string(),
     }

@@ -34,12 +34,7 @@ impl Crops {
         lengths: [usize; 2],
         beyond: usize,
     ) -> Option<Self> {
-        let mut crops = Self {
-            clips: Vec::new(),
-            frames: Vec::new(),
-            up_to: Vec::new(),
-            lengths,
-        };
+        let mut crops = Self { clips: Vec::new(), frames: Vec::new(), up_to: Vec::new(), lengths };
         let mut sum = 0.0;
         for (clip, shown) in clips.iter().zip(shown) {
             let frames = data.clips[*clip].motion.len();
@@ -60,17 +55,11 @@ impl Crops {
     fn one(&self, rng: &mut ChaCha8Rng) -> Crop {
         let total = self.up_to.last().copied().unwrap_or(1.0);
         let at = rng.random_range(0.0..total);
-        let pick = self
-            .up_to
-            .partition_point(|sum| *sum <= at)
-            .min(self.clips.len() - 1);
+        let pick = self.up_to.partition_point(|sum| *sum <= at).min(self.clips.len() - 1);
         let wanted = rng.random_range(self.lengths[0]..=self.lengths[1]);
         let frames = wanted.min(self.frames[pick]);
         let start = rng.random_range(0..=self.frames[pick] - frames);
-        Crop {
-            clip: self.clips[pick],
-            frames: start..start + frames,
-        }
+        Crop { clip: self.clips[pick], frames: start..start + frames }
     }
 }
 

@@ -26,11 +26,7 @@ impl CurveTally {
 
     pub fn take_means(&mut self) -> NamedValues {
         let count = self.count.max(1) as f64;
-        let means = self
-            .sums
-            .iter()
-            .map(|(name, sum)| (name.clone(), sum / count))
-            .collect();
+        let means = self.sums.iter().map(|(name, sum)| (name.clone(), sum / count)).collect();
         (self.sums, self.count) = (Vec::new(), 0);
         means
     }

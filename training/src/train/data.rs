@@ -47,10 +47,7 @@ impl TrainingData {
         let clips = training_file::read(path)?;
         let bytes = std::fs::read(path)
             .map_err(|e| TrainError::Settings(format!("{}: {e}", path.display())))?;
-        let sha256 = Sha256::digest(&bytes)
-            .iter()
-            .map(|b| format!("{b:02x}"))
-            .collect();
+        let sha256 = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
         let data = Self { clips, sha256 };
         if data.of_split(Split::Train).next().is_none() {
             let message = format!("{}: no clips of the split `train`", path.display());
@@ -65,9 +62,7 @@ impl TrainingData {
 
     /// Statistics of the training motion; the deviation is averaged within each group, as HumanML3D does.
     pub(crate) fn motion_norm(&self) -> Normalisation {
-        let rows = self
-            .of_split(Split::Train)
-            .flat_map(|c| &self.clips[c].motion);
+        let rows = self.of_split(Split::Train).flat_map(|c| &self.clips[c].motion);
         let rows: Vec<&[f32]> = rows.map(|row| &row[..]).collect();
         let mut norm = moments(&rows, POSE_DIM, 1e-4);
         for group in GROUPS {
@@ -126,11 +121,7 @@ impl TrainingData {
                 (false, true) => 1.0,
                 (false, false) => weights.other,
             };
-            kind * if clip.music.is_some() {
-                1.0
-            } else {
-                weights.silent
-            }
+            kind * if clip.music.is_some() { 1.0 } else { weights.silent }
         };
         let base: Vec<f64> = clips.iter().map(of_clip).collect();
         let mut of_style = vec![0.0; STYLES.len()];
@@ -139,9 +130,7 @@ impl TrainingData {
         }
         let shown = clips.iter().zip(&base).map(|(c, weight)| {
             let clip = &self.clips[*c];
-            let balance = of_style[clip.style]
-                .max(f64::MIN_POSITIVE)
-                .powf(-weights.balance);
+            let balance = of_style[clip.style].max(f64::MIN_POSITIVE).powf(-weights.balance);
             weight * balance * clip.motion.len().min(COUNTED_FRAMES) as f64
         });
         shown.collect()
@@ -163,9 +152,7 @@ impl Normalisation {
 fn moments(rows: &[&[f32]], columns: usize, floor: f64) -> Normalisation {
     let (mut sums, count) = (vec![0.0f64; columns], rows.len() as f64);
     for row in rows {
-        sums.iter_mut()
-            .zip(*row)
-            .for_each(|(s, v)| *s += f64::from(*v));
+        sums.iter_mut().zip(*row).for_each(|(s, v)| *s += f64::from(*v));
     }
     let mean: Vec<f64> = sums.iter().map(|s| s / count.max(1.0)).collect();
     let mut squares = vec![0.0f64; columns];
@@ -193,14 +180,10 @@ mod tests {
             |t: usize, c: usize| ((t as f32 * 0.3 + (c * 7 + number * 3) as f32) * 0.7).sin();
         TrainingClip {
             name: format!("clip {number}"),
-            motion: (0..frames)
-                .map(|t| std::array::from_fn(|c| 0.1 * wave(t, c)))
-                .collect(),
-            music: number.is_multiple_of(2).then(|| {
-                (0..frames)
-                    .map(|t| std::array::from_fn(|c| wave(t, c + 5)))
-                    .collect()
-            }),
+            motion: (0..frames).map(|t| std::array::from_fn(|c| 0.1 * wave(t, c))).collect(),
+            music: number
+                .is_multiple_of(2)
+                .then(|| (0..frames).map(|t| std::array::from_fn(|c| wave(t, c + 5))).collect()),
             latents: None,
             style: number % STYLES.len(),
             split,
@@ -214,11 +197,7 @@ mod tests {
         /// Eight clips, two of them for validation.
         pub fn example() -> Self {
             let split = |n: usize| {
-                if n % 4 == 2 {
-                    Split::Validation
-                } else {
-                    Split::Train
-                }
+                if n % 4 == 2 { Split::Validation } else { Split::Train }
             };
             Self {
                 clips: (0..8).map(|n| clip(n, 40 + 13 * n, split(n))).collect(),
@@ -231,11 +210,7 @@ mod tests {
     fn groups_share_their_deviation_and_the_beat_stays_as_it_is() {
         let data = TrainingData::example();
         let norm = data.motion_norm();
-        assert!(
-            norm.std[STEPS_AT..CONTACTS_AT]
-                .windows(2)
-                .all(|pair| pair[0] == pair[1])
-        );
+        assert!(norm.std[STEPS_AT..CONTACTS_AT].windows(2).all(|pair| pair[0] == pair[1]));
         let kind = MusicKind::default();
         let music = data.music_norm(kind);
         assert_eq!(music.mean[kind.measured()..], [0.0; 4]);
@@ -250,18 +225,12 @@ mod tests {
         assert!(data.check_music(MusicKind::Librosa35).is_ok());
         let error = data.check_music(MusicKind::Encodec128).unwrap_err();
         let message = error.to_string();
-        assert!(
-            message.contains("clip 0") && message.contains("encodec128"),
-            "{message}"
-        );
+        assert!(message.contains("clip 0") && message.contains("encodec128"), "{message}");
         for clip in &mut data.clips {
             let heard = |music: &Vec<_>| vec![[0.5; LATENT_DIM]; music.len()];
             clip.latents = clip.music.as_ref().map(heard);
         }
         data.check_music(MusicKind::Encodec128).unwrap();
-        assert_eq!(
-            data.music_norm(MusicKind::Encodec128).mean,
-            [0.5; LATENT_DIM]
-        );
+        assert_eq!(data.music_norm(MusicKind::Encodec128).mean, [0.5; LATENT_DIM]);
     }
 }

@@ -21,11 +21,7 @@ pub enum TrainError {
     #[error("not a whole checkpoint: {0}")]
     Checkpoint(String),
     #[error("checkpoint of another run: `{field}` is {found}, expected {expected}")]
-    OtherRun {
-        field: String,
-        expected: String,
-        found: String,
-    },
+    OtherRun { field: String, expected: String, found: String },
     /// The loss is no number any more: start again with a lower learning rate.
     #[error("the loss at step {step} is not finite; try a lower learning_rate")]
     Diverged { step: u64 },

@@ -49,13 +49,7 @@ impl Dropout<'_> {
         let kept = 1.0 / (1.0 - self.rate);
         let channels = t.columns(made) * batch.lengths.len();
         let keep = (0..channels)
-            .map(|_| {
-                if self.rng.random::<f32>() < self.rate {
-                    0.0
-                } else {
-                    kept
-                }
-            })
+            .map(|_| if self.rng.random::<f32>() < self.rate { 0.0 } else { kept })
             .collect();
         let dropped = t.dropout(made, batch.length, keep);
         t.add(residual, dropped)

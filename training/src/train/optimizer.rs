@@ -25,15 +25,8 @@ pub(crate) struct AdamW {
 
 impl AdamW {
     pub fn new(parameters: &Parameters) -> Self {
-        let zeros: Vec<Vec<f32>> = parameters
-            .iter()
-            .map(|p| vec![0.0; p.values.len()])
-            .collect();
-        Self {
-            first: zeros.clone(),
-            second: zeros,
-            steps: 0,
-        }
+        let zeros: Vec<Vec<f32>> = parameters.iter().map(|p| vec![0.0; p.values.len()]).collect();
+        Self { first: zeros.clone(), second: zeros, steps: 0 }
     }
 
     /// Returns the norm before clipping. A norm that is not finite moves nothing.
@@ -58,11 +51,7 @@ impl AdamW {
         let all: Vec<_> = parameters.iter_mut().collect();
         all.into_par_iter().zip(&gradients.0).zip(moments).for_each(
             |((parameter, gradient), (first, second))| {
-                let decay = if parameter.decays {
-                    settings.weight_decay
-                } else {
-                    0.0
-                };
+                let decay = if parameter.decays { settings.weight_decay } else { 0.0 };
                 let keep = 1.0 - learning_rate * decay;
                 for (i, value) in parameter.values.iter_mut().enumerate() {
                     let g = gradient[i] * shrink;
@@ -97,11 +86,7 @@ mod tests {
         parameters.add("a".into(), &[2], ParamInit::Constant(1.0), true, &mut rng);
         parameters.add("b".into(), &[1], ParamInit::Constant(1.0), false, &mut rng);
         let gradients = ParameterGradients(vec![vec![0.3, -0.2], vec![0.1]]);
-        let settings = AdamSettings {
-            betas: [0.9, 0.98],
-            weight_decay: 0.5,
-            clip: 1.0,
-        };
+        let settings = AdamSettings { betas: [0.9, 0.98], weight_decay: 0.5, clip: 1.0 };
         let mut adam = AdamW::new(&parameters);
         let norm = adam.step(&mut parameters, &gradients, 0.01, &settings);
         assert!((norm - 0.14f64.sqrt()).abs() < 1e-6);
@@ -113,11 +98,7 @@ mod tests {
         let bad = ParameterGradients(vec![vec![f32::NAN, 0.0], vec![0.0]]);
         assert!(adam.step(&mut parameters, &bad, 0.01, &settings).is_nan());
         let after: Vec<f32> = parameters.iter().flat_map(|p| p.values.clone()).collect();
-        assert_eq!(
-            before,
-            (after, adam),
-            "a gradient that is no number moved something"
-        );
+        assert_eq!(before, (after, adam), "a gradient that is no number moved something");
     }
 
     #[test]
@@ -126,11 +107,7 @@ mod tests {
         let mut parameters = Parameters::default();
         parameters.add("a".into(), &[2], ParamInit::Constant(0.0), false, &mut rng);
         let mut adam = AdamW::new(&parameters);
-        let settings = AdamSettings {
-            betas: [0.9, 0.98],
-            weight_decay: 0.0,
-            clip: 1.0,
-        };
+        let settings = AdamSettings { betas: [0.9, 0.98], weight_decay: 0.0, clip: 1.0 };
         let gradients = ParameterGradients(vec![vec![30.0, 40.0]]);
         adam.step(&mut parameters, &gradients, 0.01, &settings);
         assert!((adam.first[0][0] - 0.06).abs() < 1e-5 && (adam.first[0][1] - 0.08).abs() < 1e-5);

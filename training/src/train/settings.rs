@@ -122,12 +122,7 @@ pub struct ClipWeights {
 
 impl Default for ClipWeights {
     fn default() -> Self {
-        Self {
-            other: 0.4,
-            synthetic: 0.5,
-            silent: 1.0,
-            balance: 0.0,
-        }
+        Self { other: 0.4, synthetic: 0.5, silent: 1.0, balance: 0.0 }
     }
 }
 
@@ -143,10 +138,7 @@ pub struct QuantiseSettings {
 
 impl Default for QuantiseSettings {
     fn default() -> Self {
-        Self {
-            free_steps: 300,
-            noise: 0.05,
-        }
+        Self { free_steps: 300, noise: 0.05 }
     }
 }
 
@@ -339,9 +331,7 @@ impl TrainingSettings {
         ];
         for (name, value, low, high) in whole {
             if !(low..=high).contains(&value) {
-                return Err(format!(
-                    "{network}.{name} is {value}, expected {low} to {high}"
-                ));
+                return Err(format!("{network}.{name} is {value}, expected {low} to {high}"));
             }
         }
         let (loss, tokens) = (&self.loss, &self.tokens);
@@ -379,10 +369,7 @@ impl TrainingSettings {
             ));
         }
         if !(run.clip > 0.0 && run.clip.is_finite()) {
-            return Err(format!(
-                "{network}.clip is {}, expected more than 0",
-                run.clip
-            ));
+            return Err(format!("{network}.clip is {}, expected more than 0", run.clip));
         }
         Ok(())
     }

@@ -34,10 +34,7 @@ impl Numbers {
 pub(crate) type Tensors = BTreeMap<String, (Vec<usize>, Numbers)>;
 
 pub(crate) fn file(metadata: &BTreeMap<String, String>, tensors: &Tensors) -> Vec<u8> {
-    let bytes: Vec<Vec<u8>> = tensors
-        .values()
-        .map(|(_, numbers)| numbers.bytes())
-        .collect();
+    let bytes: Vec<Vec<u8>> = tensors.values().map(|(_, numbers)| numbers.bytes()).collect();
     let entries = tensors.iter().zip(&bytes);
     let entries = entries.map(|((name, (shape, numbers)), data)| Entry {
         name,
@@ -61,11 +58,7 @@ pub(crate) fn read(bytes: &[u8], prefixes: &[&str]) -> Result<Tensors, String> {
             Dtype::I32 => Numbers::I32(four().map(|b| i32::from_le_bytes(*b)).collect()),
             Dtype::F16 => {
                 let halves = data.as_chunks::<2>().0.iter();
-                Numbers::F32(
-                    halves
-                        .map(|b| half::f16::from_le_bytes(*b).to_f32())
-                        .collect(),
-                )
+                Numbers::F32(halves.map(|b| half::f16::from_le_bytes(*b).to_f32()).collect())
             }
             Dtype::F64 => {
                 let eight = data.as_chunks::<8>().0.iter();
@@ -81,9 +74,9 @@ pub(crate) fn read(bytes: &[u8], prefixes: &[&str]) -> Result<Tensors, String> {
 pub(crate) fn floats(tensors: &Tensors, name: &str, count: usize) -> Result<Vec<f32>, String> {
     match tensors.get(name) {
         Some((_, Numbers::F32(values))) if values.len() == count => Ok(values.clone()),
-        Some((shape, _)) => Err(format!(
-            "tensor `{name}` has shape {shape:?}, expected {count} numbers"
-        )),
+        Some((shape, _)) => {
+            Err(format!("tensor `{name}` has shape {shape:?}, expected {count} numbers"))
+        }
         None => Err(format!("tensor `{name}` is missing")),
     }
 }

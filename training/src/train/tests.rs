@@ -35,10 +35,7 @@ fn rng() -> ChaCha8Rng {
 }
 
 fn settings(stage: TrainedNetwork, change: impl FnOnce(&mut SettingsFile)) -> TrainingSettings {
-    let mut file = SettingsFile {
-        preset: Preset::Tiny,
-        ..SettingsFile::default()
-    };
+    let mut file = SettingsFile { preset: Preset::Tiny, ..SettingsFile::default() };
     file.quantise.noise = 0.0;
     change(&mut file);
     file.resolve(stage).unwrap()
@@ -57,10 +54,7 @@ fn vqvae_training() -> VqVaeTraining {
     stage.books = ["lower", "upper"].map(|part| book(&tiny, part)).to_vec();
     stage.ready = true;
     let norm = |name: &str| floats(&tiny, &format!("norm.motion_{name}"));
-    let weights = LossWeights {
-        position: 0.5,
-        ..Default::default()
-    };
+    let weights = LossWeights { position: 0.5, ..Default::default() };
     stage.loss = MotionLoss::new(norm("mean"), norm("std"), weights);
     stage
 }
@@ -81,13 +75,9 @@ fn motionseq_training_of(weights: &[u8], change: impl Fn(&mut SeqConfig)) -> Mot
     let tiny = Weights::open(TINY, "tiny").unwrap();
     settings.model.seq = tiny.config().seq.clone();
     change(&mut settings.model.seq);
-    let (mut stage, _) = MotionSeqTraining::new(
-        settings,
-        TrainingData::example(),
-        vqvae_training,
-        &mut rng(),
-    )
-    .unwrap();
+    let (mut stage, _) =
+        MotionSeqTraining::new(settings, TrainingData::example(), vqvae_training, &mut rng())
+            .unwrap();
     load(&mut stage.parameters, &read(weights, &["seq."]).unwrap());
     stage
 }
@@ -117,10 +107,7 @@ fn check_same(what: &str, found: &[f32], expected: &[f32]) {
     assert_eq!(found.len(), expected.len(), "{what}");
     let largest = expected.iter().fold(0f32, |m, v| m.max(v.abs()));
     for (i, (f, e)) in found.iter().zip(expected).enumerate() {
-        assert!(
-            (f - e).abs() <= TOLERANCE * largest.max(1.0),
-            "{what}, {i}: {f} and {e}"
-        );
+        assert!((f - e).abs() <= TOLERANCE * largest.max(1.0), "{what}, {i}: {f} and {e}");
     }
 }
 
@@ -131,32 +118,20 @@ fn noise(count: usize) -> Vec<f32> {
 
 fn motion_batch(lengths: &[usize], length: usize) -> MotionBatch {
     let stage = vqvae_training();
-    let batch = Batch {
-        length,
-        lengths: lengths.to_vec(),
-    };
+    let batch = Batch { length, lengths: lengths.to_vec() };
     let real = stage.loss.restored(&noise(batch.rows() * POSE_DIM));
     MotionBatch { real, batch }
 }
 
 fn seq_batch(lengths: &[usize], length: usize) -> SeqBatch {
     let mut rng = rng();
-    let batch = Batch {
-        length,
-        lengths: lengths.to_vec(),
-    };
+    let batch = Batch { length, lengths: lengths.to_vec() };
     let rows = batch.rows();
-    let mut some = || {
-        (0..rows)
-            .map(|_| rng.random_range(0..16))
-            .collect::<Vec<u32>>()
-    };
+    let mut some = || (0..rows).map(|_| rng.random_range(0..16)).collect::<Vec<u32>>();
     let chosen = vec![some(), some()];
     let counted = |codes: &Vec<u32>| {
         let real = |r: usize| r % length < lengths[r / length];
-        (0..rows)
-            .map(|r| if real(r) { codes[r] } else { IGNORED })
-            .collect()
+        (0..rows).map(|r| if real(r) { codes[r] } else { IGNORED }).collect()
     };
     SeqBatch {
         targets: chosen.iter().map(counted).collect(),

@@ -65,10 +65,9 @@ impl Trainer {
         let data_sha256 = data.sha256.clone();
         let (mut training, settings): (Box<dyn NetworkTraining>, TrainingSettings) =
             match (settings.network, vqvae_weights) {
-                (TrainedNetwork::VqVae, _) => (
-                    Box::new(VqVaeTraining::new(settings.clone(), data, &mut rng)?),
-                    settings,
-                ),
+                (TrainedNetwork::VqVae, _) => {
+                    (Box::new(VqVaeTraining::new(settings.clone(), data, &mut rng)?), settings)
+                }
                 (TrainedNetwork::MotionSeq, Some(vqvae_weights)) => {
                     let (training, settings) =
                         MotionSeqTraining::new(settings, data, vqvae_weights, &mut rng)?;
@@ -83,12 +82,7 @@ impl Trainer {
         Ok(Self {
             adam: AdamW::new(training.parameters()),
             styles: settings.model.seq.styles.clone(),
-            tally: CurveTally {
-                sums: Vec::new(),
-                count: 0,
-                best: f64::INFINITY,
-                since_best: 0,
-            },
+            tally: CurveTally { sums: Vec::new(), count: 0, best: f64::INFINITY, since_best: 0 },
             step: 0,
             settings,
             data_sha256,
@@ -121,46 +115,30 @@ impl Trainer {
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let run = &self.settings.run;
         let rate = learning_rate(run.learning_rate, self.step, run.warm_up, run.steps);
-        let adam = AdamSettings {
-            betas: [0.9, 0.98],
-            weight_decay: run.weight_decay,
-            clip: run.clip,
-        };
+        let adam =
+            AdamSettings { betas: [0.9, 0.98], weight_decay: run.weight_decay, clip: run.clip };
         let mut outcome = self.training.step(self.step, &mut self.rng(0));
         let parameters = self.training.parameters();
-        let norm = self
-            .adam
-            .step(parameters, &outcome.gradients, rate as f32, &adam);
+        let norm = self.adam.step(parameters, &outcome.gradients, rate as f32, &adam);
         if !norm.is_finite() || !outcome.terms[0].1.is_finite() {
             return Err(TrainError::Diverged { step: self.step });
         }
         self.step += 1;
         outcome.terms.push(("gradient".into(), norm));
         self.tally.add(&outcome.terms);
-        Ok(StepReport {
-            step: self.step,
-            learning_rate: rate,
-            terms: outcome.terms,
-        })
+        Ok(StepReport { step: self.step, learning_rate: rate, terms: outcome.terms })
     }
 
     /// The line that is due: means since the last one, and scores on held-out clips.
     pub fn curve_row(&mut self) -> CurveRow {
         let run = &self.settings.run;
-        let rate = learning_rate(
-            run.learning_rate,
-            self.step.saturating_sub(1),
-            run.warm_up,
-            run.steps,
-        );
+        let rate =
+            learning_rate(run.learning_rate, self.step.saturating_sub(1), run.warm_up, run.steps);
         let mut values = vec![("learning_rate".to_owned(), rate)];
         values.extend(self.tally.take_means());
         let mut rng = self.rng(1);
         let scores = self.training.validate(&mut rng);
-        let score = scores
-            .as_ref()
-            .and_then(|row| row.first())
-            .map(|(_, score)| *score);
+        let score = scores.as_ref().and_then(|row| row.first()).map(|(_, score)| *score);
         // Without held-out clips the last weights are the best.
         let best = score.is_none_or(|score| score < self.tally.best);
         match score {
@@ -185,14 +163,7 @@ impl Trainer {
         let fingerprint = self.fingerprint();
         let state = self.training.state();
         let parameters = self.training.parameters();
-        checkpoint::write(
-            &fingerprint,
-            parameters,
-            &self.adam,
-            self.step,
-            &self.tally,
-            state,
-        )
+        checkpoint::write(&fingerprint, parameters, &self.adam, self.step, &self.tally, state)
     }
 
     /// Goes on from a checkpoint. Fails on a torn one, or with the first setting that differs.
@@ -200,9 +171,7 @@ impl Trainer {
         let fingerprint = self.fingerprint();
         let parameters = self.training.parameters();
         let read = checkpoint::read(bytes, &fingerprint, parameters)?;
-        self.training
-            .restore(&read.state)
-            .map_err(TrainError::Checkpoint)?;
+        self.training.restore(&read.state).map_err(TrainError::Checkpoint)?;
         for (parameter, values) in self.training.parameters().iter_mut().zip(read.parameters) {
             parameter.values = values;
         }
@@ -224,11 +193,7 @@ impl Trainer {
         let style = self.styles[self.training.default_style()].clone();
         let steps = format!(
             "{}_steps",
-            if self.settings.network == TrainedNetwork::VqVae {
-                "vq"
-            } else {
-                "seq"
-            }
+            if self.settings.network == TrainedNetwork::VqVae { "vq" } else { "seq" }
         );
         let mut provenance = serde_json::json!({
             "data_sha256": self.data_sha256, "seed": self.settings.seed, "trained by": "servodance train",

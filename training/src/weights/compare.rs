@@ -88,10 +88,7 @@ fn held_out(data: &Path, most: usize) -> anyhow::Result<Vec<HeldOutMotion>> {
         .flat_map(|kind| kind.into_iter().take(most).map(HeldOutMotion::of))
         .collect();
     if held.iter().filter(|clip| clip.music.is_some()).count() < 2 {
-        bail!(
-            "{}: fewer than 2 held-out clips of dance with music",
-            data.display()
-        );
+        bail!("{}: fewer than 2 held-out clips of dance with music", data.display());
     }
     Ok(held)
 }

@@ -66,9 +66,6 @@ impl fmt::Display for WeightsInfo {
 pub(super) fn read(file: Option<&Path>) -> anyhow::Result<(Vec<u8>, String)> {
     Ok(match file {
         Some(path) => (Weights::read(path)?, path.display().to_string()),
-        None => (
-            servodance_model::built_in_weights().to_vec(),
-            "built-in weights".to_owned(),
-        ),
+        None => (servodance_model::built_in_weights().to_vec(), "built-in weights".to_owned()),
     })
 }

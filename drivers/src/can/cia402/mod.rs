@@ -278,9 +278,7 @@ impl CanFamily for Cia402 {
             return None;
         }
         let node = frame.id() & 0x7F;
-        let index = servos
-            .iter()
-            .position(|servo| u32::from(servo.id) == node)?;
+        let index = servos.iter().position(|servo| u32::from(servo.id) == node)?;
         let motor = servos[index].motor.as_ref()?;
         let status = &mut status[index];
         match (frame.id() & 0x780, frame.data()) {

@@ -44,9 +44,7 @@ pub(crate) fn position_code(servo: &Servo, range: f64, joint_rad: f64) -> u32 {
         (motor_rad + range) / (2.0 * range) * 65_535.0
     };
     let (lowest, highest) = whole_range(servo, exact);
-    nearest(exact(joint_rad))
-        .clamp(lowest, highest)
-        .clamp(0.0, 65_535.0) as u32
+    nearest(exact(joint_rad)).clamp(lowest, highest).clamp(0.0, 65_535.0) as u32
 }
 
 /// The eight bytes of a command with the codes of position (16 bits), velocity,
@@ -60,13 +58,7 @@ pub(crate) fn pack_command([p, v, kp, kd, t]: [u32; 5]) -> [u8; 8] {
 pub fn unpack_command(data: [u8; 8]) -> [u32; 5] {
     let word = u64::from_be_bytes(data);
     let field = |shift: u32, bits: u32| (word >> shift) as u32 & ((1 << bits) - 1);
-    [
-        field(48, 16),
-        field(36, 12),
-        field(24, 12),
-        field(12, 12),
-        field(0, 12),
-    ]
+    [field(48, 16), field(36, 12), field(24, 12), field(12, 12), field(0, 12)]
 }
 
 /// Bytes 1 to 5 of a reply, with the codes of position (16 bits), velocity and

@@ -157,11 +157,9 @@ impl Mit {
         model: MotorModel,
         notes: &mut Notes,
     ) -> BusResult<()> {
-        for (at, wanted) in [
-            (PMAX, model.position_rad),
-            (VMAX, model.velocity_rad_s),
-            (TMAX, model.torque_nm),
-        ] {
+        for (at, wanted) in
+            [(PMAX, model.position_rad), (VMAX, model.velocity_rad_s), (TMAX, model.torque_nm)]
+        {
             let actual = f32::from_le_bytes(read(client, at)?);
             client.verify_f32(at.1, f64::from(actual), wanted)?;
         }
@@ -212,9 +210,7 @@ impl CanFamily for Mit {
         }
         let name = client.servo().model.name;
         let note = client.without_watchdog(format!("{name} has no watchdog in MIT mode"))?;
-        notes.push(format!(
-            "{note}; its ranges cannot be read and are believed"
-        ));
+        notes.push(format!("{note}; its ranges cannot be read and are believed"));
         Ok(())
     }
 
@@ -230,10 +226,7 @@ impl CanFamily for Mit {
         })?;
         // Until its first command the motor is on without torque.
         let mut hold = Vec::with_capacity(1);
-        let here = MotorStatus {
-            position_rad: motor_rad,
-            ..MotorStatus::default()
-        };
+        let here = MotorStatus { position_rad: motor_rad, ..MotorStatus::default() };
         self.target_frames(&servo, servo.joint_rad(motor_rad), &here, &mut hold);
         for frame in &hold {
             client.ask(frame, "hold position", |servo, frame| {
@@ -315,10 +308,7 @@ mod tests {
     #[test]
     fn gains_shrink_to_the_torque_limit_and_not_before() {
         let motor = MotorSettings {
-            model: crate::ServoModel::from_name("DM-J4310")
-                .unwrap()
-                .motor
-                .unwrap(),
+            model: crate::ServoModel::from_name("DM-J4310").unwrap().motor.unwrap(),
             kp: 20.0,
             kd: 0.5,
             torque_limit_nm: 2.0,

@@ -108,11 +108,7 @@ fn set_endpoint(
     let [low, high] = endpoint.to_le_bytes();
     let write = two_words([1, low, high, 0], value);
     client.send(&[order(client.servo(), RX_SDO, &write)], name)?;
-    let read = order(
-        client.servo(),
-        RX_SDO,
-        &two_words([0, low, high, 0], [0; 4]),
-    );
+    let read = order(client.servo(), RX_SDO, &two_words([0, low, high, 0], [0; 4]));
     let actual = client.ask(&read, name, |servo, frame| {
         let data = message(servo, frame, TX_SDO)?;
         let is_answer = [data[1], data[2]] == [low, high];
@@ -169,13 +165,7 @@ impl CanFamily for Odrive {
             fault = heartbeat(client, "torque off", false)?;
         }
         let (position_rad, velocity_rad_s) = estimates(client)?;
-        Ok(MotorStatus {
-            position_rad,
-            velocity_rad_s,
-            active: false,
-            fault,
-            temperature_c: None,
-        })
+        Ok(MotorStatus { position_rad, velocity_rad_s, active: false, fault, temperature_c: None })
     }
 
     fn set_up(&self, client: &mut MotorClient, notes: &mut Notes) -> BusResult<()> {
@@ -266,9 +256,7 @@ impl CanFamily for Odrive {
         status: &mut [MotorStatus],
     ) -> Option<usize> {
         let node = frame.id() >> 5;
-        let index = servos
-            .iter()
-            .position(|servo| u32::from(servo.id) == node)?;
+        let index = servos.iter().position(|servo| u32::from(servo.id) == node)?;
         let servo = &servos[index];
         if let Some(data) = message(servo, frame, ENCODER) {
             let (position, velocity) = parse_estimates(servo.motor.as_ref()?, &data)?;

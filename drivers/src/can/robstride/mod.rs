@@ -46,10 +46,8 @@ fn fault_names(faults: u32) -> Option<String> {
         "not calibrated",
     ];
     let named = NAMES.iter().enumerate();
-    let set: Vec<&str> = named
-        .filter(|(bit, _)| faults >> bit & 1 == 1)
-        .map(|(_, name)| *name)
-        .collect();
+    let set: Vec<&str> =
+        named.filter(|(bit, _)| faults >> bit & 1 == 1).map(|(_, name)| *name).collect();
     (!set.is_empty()).then(|| set.join(", "))
 }
 
@@ -76,12 +74,7 @@ fn parse_feedback(servo: &Servo, frame: &CanFrame) -> Option<MotorStatus> {
 
 fn read(client: &mut MotorClient, at: MotorParameter) -> BusResult<[u8; 4]> {
     let [low, high] = at.0.to_le_bytes();
-    let request = frame(
-        message::READ,
-        HOST,
-        client.servo(),
-        &[low, high, 0, 0, 0, 0, 0, 0],
-    );
+    let request = frame(message::READ, HOST, client.servo(), &[low, high, 0, 0, 0, 0, 0, 0]);
     client.ask(&request, at.1, |servo, frame| {
         let (kind, refused, data) = from_motor(servo, frame)?;
         let [l, h, _, _, value @ ..] = data;
@@ -98,15 +91,8 @@ fn read(client: &mut MotorClient, at: MotorParameter) -> BusResult<[u8; 4]> {
 fn write(client: &mut MotorClient, at: MotorParameter, value: [u8; 4]) -> BusResult<()> {
     let [low, high] = at.0.to_le_bytes();
     let [a, b, c, d] = value;
-    let write = frame(
-        message::WRITE,
-        HOST,
-        client.servo(),
-        &[low, high, 0, 0, a, b, c, d],
-    );
-    client.ask(&write, at.1, |servo, frame| {
-        parse_feedback(servo, frame).map(|_| Ok(()))
-    })
+    let write = frame(message::WRITE, HOST, client.servo(), &[low, high, 0, 0, a, b, c, d]);
+    client.ask(&write, at.1, |servo, frame| parse_feedback(servo, frame).map(|_| Ok(())))
 }
 
 fn set(client: &mut MotorClient, at: MotorParameter, value: u32) -> BusResult<()> {
@@ -209,9 +195,7 @@ impl CanFamily for Robstride {
         status: &mut [MotorStatus],
     ) -> Option<usize> {
         let motor = frame.id() >> 8 & 0xFF;
-        let index = servos
-            .iter()
-            .position(|servo| u32::from(servo.id) == motor)?;
+        let index = servos.iter().position(|servo| u32::from(servo.id) == motor)?;
         let servo = &servos[index];
         if let Some(report) = parse_feedback(servo, frame) {
             status[index] = report;
@@ -237,10 +221,7 @@ mod tests {
 
     #[test]
     fn faults_are_named() {
-        assert_eq!(
-            fault_names(0b10_0100).as_deref(),
-            Some("overheating, not calibrated")
-        );
+        assert_eq!(fault_names(0b10_0100).as_deref(), Some("overheating, not calibrated"));
         assert_eq!(fault_names(0), None);
     }
 }

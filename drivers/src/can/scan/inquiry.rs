@@ -25,14 +25,7 @@ pub struct CanFound {
 
 impl CanFound {
     pub(crate) fn new(id: u8, family: &'static str) -> Self {
-        Self {
-            id,
-            family,
-            model: None,
-            firmware: None,
-            detail: None,
-            error: None,
-        }
+        Self { id, family, model: None, firmware: None, detail: None, error: None }
     }
 }
 
@@ -71,9 +64,7 @@ impl ScanLink {
         for _ in 0..TRIES {
             self.send(request)?;
             let deadline = Instant::now() + self.wait;
-            self.receive(deadline, |frame| {
-                answer = answer.take().or_else(|| accept(frame))
-            })?;
+            self.receive(deadline, |frame| answer = answer.take().or_else(|| accept(frame)))?;
             if answer.is_some() {
                 break;
             }

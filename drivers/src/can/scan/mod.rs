@@ -33,12 +33,7 @@ use crate::error::BusResult;
 
 /// The families in the order in which they are asked; ODrive decides whether the
 /// others may use 11-bit ids.
-const ORDER: [BusKind; 4] = [
-    BusKind::Odrive,
-    BusKind::Robstride,
-    BusKind::Mit,
-    BusKind::Cia402,
-];
+const ORDER: [BusKind; 4] = [BusKind::Odrive, BusKind::Robstride, BusKind::Mit, BusKind::Cia402];
 /// Factory settings send a heartbeat ten times a second, or once.
 const LISTEN: Duration = Duration::from_millis(1200);
 const WAIT: Duration = Duration::from_millis(20);
@@ -61,12 +56,7 @@ impl CanScanner {
     /// A bus over a link that is open already. `wait` is how long an answer may
     /// take, `listen` how long the scanner listens first.
     pub fn over(link: Box<dyn CanLink>, listen: Duration, wait: Duration) -> Self {
-        let link = ScanLink {
-            link,
-            wait,
-            heard: Vec::new(),
-            may_send_standard: false,
-        };
+        let link = ScanLink { link, wait, heard: Vec::new(), may_send_standard: false };
         Self { link, listen }
     }
 

@@ -30,13 +30,7 @@ impl CanFrame {
         let length = data.len().min(8);
         let mut bytes = [0; 8];
         bytes[..length].copy_from_slice(&data[..length]);
-        Self {
-            id,
-            extended,
-            remote: false,
-            length: length as u8,
-            data: bytes,
-        }
+        Self { id, extended, remote: false, length: length as u8, data: bytes }
     }
 
     /// A request for the frame with this 11-bit id, of `length` bytes.
@@ -46,12 +40,7 @@ impl CanFrame {
 
     /// The same id as a remote frame that asks for `length` bytes.
     pub fn into_remote(self, length: u8) -> Self {
-        Self {
-            remote: true,
-            length: length.min(8),
-            data: [0; 8],
-            ..self
-        }
+        Self { remote: true, length: length.min(8), data: [0; 8], ..self }
     }
 
     /// The frame that a link received, with `remote_length` for a remote frame;
@@ -141,9 +130,7 @@ impl fmt::Debug for CanFrame {
             return write!(f, "#R{}", self.length);
         }
         write!(f, "#")?;
-        self.data()
-            .iter()
-            .try_for_each(|byte| write!(f, "{byte:02X}"))
+        self.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
     }
 }
 

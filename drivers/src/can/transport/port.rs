@@ -41,18 +41,9 @@ mod tests {
 
     #[test]
     fn ports_are_told_apart_and_bad_ones_explained() {
-        assert_eq!(
-            CanPort::parse("can:can0"),
-            Ok(CanPort::Socket("can0".into()))
-        );
-        assert_eq!(
-            CanPort::parse("slcan:/dev/ttyACM0"),
-            Ok(CanPort::Slcan("/dev/ttyACM0".into()))
-        );
-        assert!(matches!(
-            CanPort::parse("udp:239.74.163.2:43113"),
-            Ok(CanPort::Udp(_))
-        ));
+        assert_eq!(CanPort::parse("can:can0"), Ok(CanPort::Socket("can0".into())));
+        assert_eq!(CanPort::parse("slcan:/dev/ttyACM0"), Ok(CanPort::Slcan("/dev/ttyACM0".into())));
+        assert!(matches!(CanPort::parse("udp:239.74.163.2:43113"), Ok(CanPort::Udp(_))));
         for (port, says) in [
             ("/dev/ttyUSB0", "unknown kind"),
             ("can:", "names nothing"),

@@ -24,9 +24,8 @@ pub const BEL: u8 = 7;
 const LONGEST: usize = 31;
 
 /// The bitrates of `S0` to `S8`.
-pub const BITRATES: [u32; 9] = [
-    10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
-];
+pub const BITRATES: [u32; 9] =
+    [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
 const BUS_ERROR: u8 = 1 << 7;
 const ERROR_PASSIVE: u8 = 1 << 5;
@@ -282,14 +281,8 @@ mod tests {
 
     #[test]
     fn frames_have_their_published_lines() {
-        assert_eq!(
-            line(CanFrame::standard(0x123, &[0x11, 0xAB])),
-            "t123211AB\r"
-        );
-        assert_eq!(
-            line(CanFrame::extended(0x0300_FD01, &[0; 8])),
-            "T0300FD0180000000000000000\r"
-        );
+        assert_eq!(line(CanFrame::standard(0x123, &[0x11, 0xAB])), "t123211AB\r");
+        assert_eq!(line(CanFrame::extended(0x0300_FD01, &[0; 8])), "T0300FD0180000000000000000\r");
         assert_eq!(line(CanFrame::remote(0x29, 8)), "r0298\r");
     }
 
@@ -332,10 +325,8 @@ mod tests {
             assert_eq!(lines.push(b'7', |_, _| ()), None);
         }
         assert_eq!(lines.push(CR, |_, _| ()), None);
-        let heard: Vec<usize> = b"t1230\r"
-            .iter()
-            .filter_map(|byte| lines.push(*byte, |line, _| line.len()))
-            .collect();
+        let heard: Vec<usize> =
+            b"t1230\r".iter().filter_map(|byte| lines.push(*byte, |line, _| line.len())).collect();
         assert_eq!(heard, [5]);
     }
 
@@ -345,9 +336,6 @@ mod tests {
         assert_eq!(fault(b"F80"), Some(CanEvent::Fault(CanFault::BusOff)));
         assert_eq!(fault(b"F24"), Some(CanEvent::Fault(CanFault::Passive)));
         assert_eq!(fault(b"F00"), None);
-        assert_eq!(
-            parse_line(b"", BEL),
-            Some(CanEvent::Fault(CanFault::Rejected))
-        );
+        assert_eq!(parse_line(b"", BEL), Some(CanEvent::Fault(CanFault::Rejected)));
     }
 }

@@ -117,10 +117,7 @@ fn explained(error: io::Error) -> io::Error {
 fn to_system(frame: &CanFrame) -> io::Result<socketcan::CanFrame> {
     let id: Option<Id> = match frame.is_extended() {
         true => ExtendedId::new(frame.id()).map(Id::from),
-        false => u16::try_from(frame.id())
-            .ok()
-            .and_then(StandardId::new)
-            .map(Id::from),
+        false => u16::try_from(frame.id()).ok().and_then(StandardId::new).map(Id::from),
     };
     let built = id.and_then(|id| match frame.is_remote() {
         true => CanRemoteFrame::new_remote(id, frame.length().into()).map(Into::into),
@@ -263,10 +260,7 @@ mod tests {
             from_system(CanErrorFrame::new_error(bits, &data).unwrap().into())
         };
         let fault = |fault| Some(CanEvent::Fault(fault));
-        assert_eq!(
-            report(CAN_ERR_BUSOFF | CAN_ERR_CRTL, 0x30),
-            fault(CanFault::BusOff)
-        );
+        assert_eq!(report(CAN_ERR_BUSOFF | CAN_ERR_CRTL, 0x30), fault(CanFault::BusOff));
         assert_eq!(report(CAN_ERR_CRTL, 0x01), fault(CanFault::Overrun));
         assert_eq!(report(CAN_ERR_CRTL, 0x0C), fault(CanFault::Warning));
         assert_eq!(report(CAN_ERR_CRTL, 0x2C), fault(CanFault::Passive));
@@ -280,11 +274,9 @@ mod tests {
     #[test]
     fn a_wrong_interface_is_refused_with_those_there_are() {
         let folder = std::env::temp_dir().join(format!("net-{}", std::process::id()));
-        for (name, kind, flags) in [
-            ("can0", "280", "0x40080"),
-            ("vcan3", "280", "0xc1"),
-            ("eth0", "1", "0x1003"),
-        ] {
+        for (name, kind, flags) in
+            [("can0", "280", "0x40080"), ("vcan3", "280", "0xc1"), ("eth0", "1", "0x1003")]
+        {
             let interface = folder.join(name);
             std::fs::create_dir_all(&interface).unwrap();
             std::fs::write(interface.join("type"), format!("{kind}\n")).unwrap();

@@ -103,9 +103,7 @@ impl<'a> MsgpackReader<'a> {
 
 pub fn decode(datagram: &[u8]) -> Option<CanEvent> {
     let mut reader = MsgpackReader(datagram);
-    let entries = reader
-        .map_entries()
-        .filter(|count| *count <= MOST_ENTRIES)?;
+    let entries = reader.map_entries().filter(|count| *count <= MOST_ENTRIES)?;
     let (mut id, mut dlc, mut data) = (None, 0, None);
     let (mut extended, mut remote, mut error, mut fd) = (false, false, false, false);
     for _ in 0..entries {
@@ -197,8 +195,7 @@ impl CanLink for UdpLink {
             let left = deadline.saturating_duration_since(Instant::now());
             self.receiver.set_nonblocking(left.is_zero())?;
             if !left.is_zero() {
-                self.receiver
-                    .set_read_timeout(Some(left.max(Duration::from_micros(1))))?;
+                self.receiver.set_read_timeout(Some(left.max(Duration::from_micros(1))))?;
             }
             match self.datagram() {
                 Ok(None) => {}
@@ -247,11 +244,7 @@ mod tests {
     fn a_datagram_of_python_can_is_read() {
         let mut datagram = vec![0x8B];
         let out = &mut datagram;
-        put(
-            out,
-            "timestamp",
-            &[0xCB, 0x41, 0xD9, 0x5F, 0x3E, 0x12, 0x34, 0x56, 0x78],
-        );
+        put(out, "timestamp", &[0xCB, 0x41, 0xD9, 0x5F, 0x3E, 0x12, 0x34, 0x56, 0x78]);
         put(out, "arbitration_id", &[0xCD, 0x01, 0x23]);
         put(out, "is_extended_id", &[0xC2]);
         put(out, "is_remote_frame", &[0xC2]);

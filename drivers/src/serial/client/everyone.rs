@@ -35,8 +35,7 @@ impl ServoClient {
             let bytes = value(index, servo).to_le_bytes();
             self.params.extend(&bytes[..usize::from(register.size)]);
         }
-        self.port
-            .hold(BROADCAST, instruction::SYNC_WRITE, &self.params);
+        self.port.hold(BROADCAST, instruction::SYNC_WRITE, &self.params);
     }
 
     /// Torque off to everyone, those left out too, and the servos of which that is not certain.
@@ -109,8 +108,7 @@ impl ServoClient {
         longest: usize,
         doing: &'static str,
     ) -> BusResult<()> {
-        self.port
-            .send(BROADCAST, instruction, &self.params, longest, doing)
+        self.port.send(BROADCAST, instruction, &self.params, longest, doing)
     }
 
     /// One plain Sync Read of those who have not answered yet, into `data`

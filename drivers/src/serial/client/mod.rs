@@ -79,12 +79,7 @@ impl ServoClient {
         doing: &'static str,
     ) -> BusResult<Vec<u8>> {
         let id = self.servos[index].id;
-        let request = ServoRequest {
-            id,
-            instruction,
-            params,
-            reply,
-        };
+        let request = ServoRequest { id, instruction, params, reply };
         let bytes = self.port.framing().status_bytes() + reply;
         let mut corrupt = false;
         for attempt in 0..self.tries {
@@ -186,10 +181,7 @@ impl ServoClient {
         if old != value {
             self.set(index, register, value)?;
             let servo = self.id_of(index);
-            notes.push(format!(
-                "{servo}: {} changed from {old} to {value}",
-                register.name
-            ));
+            notes.push(format!("{servo}: {} changed from {old} to {value}", register.name));
         }
         Ok(())
     }

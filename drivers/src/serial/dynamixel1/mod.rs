@@ -25,12 +25,8 @@ use crate::servo::model::ServoModel;
 use registers::*;
 
 /// What a servo reports by the bits of its error byte.
-const CONDITIONS: [(u8, &str); 4] = [
-    (0, "input voltage"),
-    (1, "angle limit"),
-    (2, "overheating"),
-    (5, "overload"),
-];
+const CONDITIONS: [(u8, &str); 4] =
+    [(0, "input voltage"), (1, "angle limit"), (2, "overheating"), (5, "overload")];
 
 /// Dynamixel AX, RX and MX with Protocol 1.
 pub struct Dynamixel1;

@@ -101,10 +101,7 @@ fn fall_back(client: &ServoClient, why: String, notes: &mut Notes) -> BusResult<
 /// Goals out 14 + N(1 + 4), request 14 + N, reply 8 + N(10 + 4) fast or N(11 + 10) plain.
 fn cycle_bytes(servos: usize) -> CycleBytes {
     let out = 14 + servos * 5 + 14 + servos;
-    CycleBytes {
-        fast: out + 8 + servos * 14,
-        plain: out + servos * 21,
-    }
+    CycleBytes { fast: out + 8 + servos * 14, plain: out + servos * 21 }
 }
 
 impl ServoFamily for Dynamixel2 {
@@ -206,9 +203,8 @@ impl ServoFamily for Dynamixel2 {
     fn choose_read(&self, client: &mut ServoClient, notes: &mut Notes) -> BusResult<()> {
         client.fast_read = false;
         let firmware = client.servos.iter().zip(&client.firmware);
-        let old = firmware
-            .clone()
-            .position(|(servo, &version)| version < servo.model.fast_read_firmware);
+        let old =
+            firmware.clone().position(|(servo, &version)| version < servo.model.fast_read_firmware);
         if let Some(index) = old {
             let servo = client.id_of(index);
             let why = format!(
@@ -252,9 +248,6 @@ mod tests {
         let bytes = cycle_bytes(20);
         assert_eq!((bytes.fast, bytes.plain), (436, 568));
         let hz = |baud| bytes_hz(baud, bytes.fast).round();
-        assert_eq!(
-            [1_000_000, 2_000_000, 4_000_000].map(hz),
-            [229.0, 459.0, 917.0]
-        );
+        assert_eq!([1_000_000, 2_000_000, 4_000_000].map(hz), [229.0, 459.0, 917.0]);
     }
 }

@@ -7,9 +7,8 @@ use crate::bus::kind::BusKind;
 use crate::servo::model::{DataSheet, ServoModel};
 
 /// The rates, in the order of the baud register's values.
-pub static BAUDS: [u32; 8] = [
-    9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000,
-];
+pub static BAUDS: [u32; 8] =
+    [9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000];
 
 const NEVER: u8 = u8::MAX;
 /// Amperes a unit of current of the XM and XH models.
@@ -44,21 +43,14 @@ const fn model((name, number, current_a, fast_read_firmware, sheet): Row) -> Ser
     ServoModel {
         name,
         number,
-        current_a_per_unit: if current_a > 0.0 {
-            Some(current_a)
-        } else {
-            None
-        },
+        current_a_per_unit: if current_a > 0.0 { Some(current_a) } else { None },
         velocity_rad_s_per_unit: 0.229 * TAU / 60.0,
         fast_read_firmware,
         rad_per_tick: TAU / 4096.0,
         last_tick: 4095,
         bulk_read: true,
         kind: BusKind::Dynamixel2,
-        sheet: DataSheet {
-            backlash_arcmin,
-            ..DataSheet::new(torque_nm, rpm, stall_a, voltage_v)
-        },
+        sheet: DataSheet { backlash_arcmin, ..DataSheet::new(torque_nm, rpm, stall_a, voltage_v) },
         motor: None,
     }
 }

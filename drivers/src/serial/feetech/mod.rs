@@ -51,9 +51,7 @@ static MODELS: &[ServoModel] = &[ServoModel {
     motor: None,
 }];
 
-static BAUDS: [u32; 8] = [
-    1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400,
-];
+static BAUDS: [u32; 8] = [1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400];
 
 /// Feetech STS servos, as they leave the factory.
 pub struct Feetech;
@@ -87,10 +85,7 @@ impl ServoFamily for Feetech {
     fn cycle_bytes(&self, servos: &[Servo]) -> CycleBytes {
         let count = servos.len();
         let bytes = 8 + count * 3 + 8 + count + count * 21;
-        CycleBytes {
-            fast: bytes,
-            plain: bytes,
-        }
+        CycleBytes { fast: bytes, plain: bytes }
     }
 
     fn parse(&self, bytes: &[u8]) -> PresentState {
@@ -98,11 +93,7 @@ impl ServoFamily for Feetech {
             Some(&[low, high]) => sign_magnitude(u16::from_le_bytes([low, high]), SIGN_BIT),
             _ => 0,
         };
-        PresentState {
-            ticks: word(0),
-            velocity: word(2),
-            current: word(13) as i16,
-        }
+        PresentState { ticks: word(0), velocity: word(2), current: word(13) as i16 }
     }
 
     fn ticks(&self, raw: u64) -> i32 {

@@ -80,10 +80,7 @@ pub struct Decoder {
 impl Decoder {
     /// A decoder of status packets in this framing.
     pub fn new(framing: Framing) -> Self {
-        Self {
-            framing,
-            ..Self::default()
-        }
+        Self { framing, ..Self::default() }
     }
 
     /// Forgets all bytes, and from now on takes a packet whose length field
@@ -145,8 +142,7 @@ impl Decoder {
         self.body.clear();
         self.flags = self.buffer[protocol1::PREFIX];
         self.body.push(protocol1::error_of(self.flags));
-        self.body
-            .extend_from_slice(&self.buffer[protocol1::PREFIX + 1..end - 1]);
+        self.body.extend_from_slice(&self.buffer[protocol1::PREFIX + 1..end - 1]);
         self.buffer.drain(..end);
         Decoded::Packet
     }
@@ -215,11 +211,7 @@ impl Decoder {
         Packet {
             id: self.id,
             flags: self.flags,
-            body: if self.body.is_empty() {
-                NOTHING
-            } else {
-                &self.body
-            },
+            body: if self.body.is_empty() { NOTHING } else { &self.body },
         }
     }
 

@@ -102,12 +102,7 @@ impl PacketPort {
         wait: Duration,
         doing: &'static str,
     ) -> BusResult<()> {
-        let ServoRequest {
-            id,
-            instruction,
-            params,
-            reply,
-        } = *request;
+        let ServoRequest { id, instruction, params, reply } = *request;
         // Stuffing can lengthen the parameters by a third.
         let longest = self.framing.status_length() + reply + reply / 3;
         let stale = self.stale.mistakable(request);
@@ -200,9 +195,9 @@ impl PacketPort {
             self.looked_late |= late;
             let read = match &mut self.port {
                 None => Err(ErrorKind::NotConnected.into()),
-                Some(port) => port
-                    .set_timeout(left.max(SHORTEST))
-                    .and_then(|()| port.read(&mut self.chunk)),
+                Some(port) => {
+                    port.set_timeout(left.max(SHORTEST)).and_then(|()| port.read(&mut self.chunk))
+                }
             };
             match read {
                 Ok(0) => return Err(self.failed(doing, ErrorKind::UnexpectedEof.into())),
@@ -235,11 +230,7 @@ impl PacketPort {
     }
 
     fn failed(&self, doing: &'static str, reason: std::io::Error) -> BusError {
-        BusError::Port {
-            port: self.path.clone(),
-            doing,
-            reason,
-        }
+        BusError::Port { port: self.path.clone(), doing, reason }
     }
 }
 

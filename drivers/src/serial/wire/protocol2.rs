@@ -57,11 +57,7 @@ mod tests {
         for (instruction, params, wanted) in [
             (0x01, &[][..], "FFFFFD00 01 0300 01 194E"),
             (0x02, &[0x84, 0, 4, 0], "FFFFFD00 01 0700 02 84000400 1D15"),
-            (
-                0x03,
-                &[0x74, 0, 0, 2, 0, 0],
-                "FFFFFD00 01 0900 03 740000020000 CA89",
-            ),
+            (0x03, &[0x74, 0, 0, 2, 0, 0], "FFFFFD00 01 0900 03 740000020000 CA89"),
         ] {
             let mut out = Vec::new();
             encode(&mut out, 1, instruction, params);

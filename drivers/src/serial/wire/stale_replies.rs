@@ -79,12 +79,7 @@ mod tests {
     use super::*;
 
     fn read(id: u8, address: &[u8], reply: usize) -> ServoRequest<'_> {
-        ServoRequest {
-            id,
-            instruction: 2,
-            params: address,
-            reply,
-        }
+        ServoRequest { id, instruction: 2, params: address, reply }
     }
 
     #[test]

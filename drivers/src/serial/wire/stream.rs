@@ -182,10 +182,7 @@ mod tests {
         std::fs::remove_file(&at).unwrap();
         let mut chunk = [0; 8];
 
-        assert_eq!(
-            stream.read(&mut chunk).unwrap_err().kind(),
-            ErrorKind::TimedOut
-        );
+        assert_eq!(stream.read(&mut chunk).unwrap_err().kind(), ErrorKind::TimedOut);
         stream.write_all(b"ask").unwrap();
         assert_eq!(other.read(&mut chunk).unwrap(), 3);
         other.write_all(b"stale").unwrap();

@@ -34,10 +34,7 @@ fn latency_timer_in(devices: &Path, port: &str) -> Option<LatencyTimer> {
     let device = Path::new(port).canonicalize().ok()?;
     let file = devices.join(device.file_name()?).join("latency_timer");
     let latency_ms = std::fs::read_to_string(&file).ok()?.trim().parse().ok()?;
-    Some(LatencyTimer {
-        latency_ms,
-        file: file.to_string_lossy().into_owned(),
-    })
+    Some(LatencyTimer { latency_ms, file: file.to_string_lossy().into_owned() })
 }
 
 /// The serial ports of this machine.
@@ -74,14 +71,8 @@ mod tests {
         let port = port.to_str().unwrap();
         let timer = latency_timer_in(&folder.join("devices"), port).unwrap();
         let note = timer.note(port).unwrap();
-        assert!(
-            note.contains("is 16 ms") && note.contains("latency_timer`"),
-            "{note}"
-        );
-        let best = LatencyTimer {
-            latency_ms: 1,
-            ..timer
-        };
+        assert!(note.contains("is 16 ms") && note.contains("latency_timer`"), "{note}");
+        let best = LatencyTimer { latency_ms: 1, ..timer };
         assert_eq!(best.note(port), None);
         assert_eq!(latency_timer_in(&folder.join("devices"), "/dev/null"), None);
         std::fs::remove_dir_all(folder).unwrap();

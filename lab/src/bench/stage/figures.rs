@@ -69,11 +69,7 @@ impl fmt::Display for StageBenchReport {
             self.robot,
             self.delay_ms,
             self.loss * 100.0,
-            if self.loss_modelled {
-                " (modelled)"
-            } else {
-                ""
-            }
+            if self.loss_modelled { " (modelled)" } else { "" }
         )?;
         writeln!(
             out,
@@ -92,16 +88,8 @@ impl fmt::Display for StageBenchReport {
                 self.followers_fallen
             )?;
         }
-        writeln!(
-            out,
-            "late joiner            {} until on the beat",
-            seconds(self.join_s)
-        )?;
-        writeln!(
-            out,
-            "links cut for 3 s      {} until on one beat",
-            seconds(self.recovery_s)
-        )?;
+        writeln!(out, "late joiner            {} until on the beat", seconds(self.join_s))?;
+        writeln!(out, "links cut for 3 s      {} until on one beat", seconds(self.recovery_s))?;
         writeln!(
             out,
             "leader killed          {} until all idle; the next one: {} from its start",

@@ -38,9 +38,7 @@ pub fn judge(stage: &StageTrial, told: &TrialTimes) -> anyhow::Result<StageBench
     for (place, member) in (1..).zip(&stage.members) {
         if !member.fell {
             reports.push(report(Path::new(&stage.file(&format!("{place}.json"))))?);
-            tracks.push(Track::read(Path::new(
-                &stage.file(&format!("{place}.txt")),
-            ))?);
+            tracks.push(Track::read(Path::new(&stage.file(&format!("{place}.txt"))))?);
         }
     }
     let all: Vec<&Track> = tracks.iter().collect();

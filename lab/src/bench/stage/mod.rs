@@ -130,10 +130,7 @@ impl<'a> StageTrial<'a> {
             began: Instant::now(),
             trial,
         };
-        write_demo_for(
-            &stage.folder.path().join("song.wav"),
-            stage.total_s() + 30.0,
-        )?;
+        write_demo_for(&stage.folder.path().join("song.wav"), stage.total_s() + 30.0)?;
         Ok(stage)
     }
 
@@ -201,11 +198,7 @@ impl<'a> StageTrial<'a> {
     fn follow(&mut self, place: usize) -> anyhow::Result<()> {
         let good = place == 1;
         let fault = LinkFault {
-            delay_s: if good {
-                0.0
-            } else {
-                self.trial.delay_ms * 1e-3
-            },
+            delay_s: if good { 0.0 } else { self.trial.delay_ms * 1e-3 },
             loss: match self.site.models_loss() && !good {
                 true => self.trial.loss,
                 false => 0.0,

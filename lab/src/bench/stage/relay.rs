@@ -52,24 +52,22 @@ impl Relay {
         let address = listener.local_addr()?;
         let cut = Arc::new(AtomicBool::new(false));
         let shared = Arc::clone(&cut);
-        std::thread::Builder::new()
-            .name("relay".into())
-            .spawn(move || {
-                let mut seeds = ChaCha8Rng::seed_from_u64(seed);
-                for near in listener.incoming().flatten() {
-                    // A leader that is away: the connection is refused there too.
-                    let Ok(far) = TcpStream::connect(target) else {
-                        let _ = near.shutdown(Shutdown::Both);
-                        continue;
-                    };
-                    let ways = [(near.try_clone(), far.try_clone()), (Ok(far), Ok(near))];
-                    for (from, to) in ways {
-                        if let (Ok(from), Ok(to)) = (from, to) {
-                            pass(from, to, fault, seeds.random(), &shared);
-                        }
+        std::thread::Builder::new().name("relay".into()).spawn(move || {
+            let mut seeds = ChaCha8Rng::seed_from_u64(seed);
+            for near in listener.incoming().flatten() {
+                // A leader that is away: the connection is refused there too.
+                let Ok(far) = TcpStream::connect(target) else {
+                    let _ = near.shutdown(Shutdown::Both);
+                    continue;
+                };
+                let ways = [(near.try_clone(), far.try_clone()), (Ok(far), Ok(near))];
+                for (from, to) in ways {
+                    if let (Ok(from), Ok(to)) = (from, to) {
+                        pass(from, to, fault, seeds.random(), &shared);
                     }
                 }
-            })?;
+            }
+        })?;
         Ok(Self { address, cut })
     }
 
@@ -127,10 +125,7 @@ mod tests {
     #[test]
     fn bytes_come_whole_and_not_before_their_time() {
         let far = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-        let fault = LinkFault {
-            delay_s: 0.02,
-            loss: 0.1,
-        };
+        let fault = LinkFault { delay_s: 0.02, loss: 0.1 };
         let target = far.local_addr().unwrap();
         let relay = Relay::start(Ipv4Addr::LOCALHOST, target, fault, 1).unwrap();
         let sent: Vec<u8> = (0..200_000).map(|i| i as u8).collect();

@@ -120,10 +120,7 @@ impl Site {
             Self::Loopback(_) => relay.cut(cut),
             Self::Namespaces { .. } => {
                 let name = format!("sdh{place}");
-                run(
-                    "ip",
-                    &["link", "set", &name, if cut { "down" } else { "up" }],
-                )?;
+                run("ip", &["link", "set", &name, if cut { "down" } else { "up" }])?;
             }
         }
         Ok(())
@@ -154,9 +151,7 @@ fn wire(place: u8, child: &Child) -> anyhow::Result<()> {
     let address = format!("{}/30", outside(place));
     // Of a program that was killed; the kernel takes it away in its own time.
     let _ = run("ip", &["link", "del", &here]);
-    let pair = [
-        "link", "add", &here, "type", "veth", "peer", "name", &there, "netns", &pid,
-    ];
+    let pair = ["link", "add", &here, "type", "veth", "peer", "name", &there, "netns", &pid];
     run("ip", &pair)?;
     run("ip", &["addr", "add", &address, "dev", &here])?;
     run("ip", &["link", "set", &here, "up"])

@@ -66,9 +66,7 @@ impl Track {
     /// `after_s`; or dances more than it idles.
     pub fn idles_s(&self, after_s: f64, idles: bool) -> Option<f64> {
         let from = self.times_s.partition_point(|t| *t < after_s);
-        let place = self.idle[from..]
-            .iter()
-            .position(|idle| (*idle > 0.5) == idles)?;
+        let place = self.idle[from..].iter().position(|idle| (*idle > 0.5) == idles)?;
         Some(self.times_s[from + place])
     }
 
@@ -148,18 +146,12 @@ impl Track {
                 explained += both * both / theirs;
             }
             let rows = self.positions_rad[window.clone()].windows(2);
-            let way: f64 = rows
-                .map(|row| (row[1][joint] - row[0][joint]).powi(2))
-                .sum();
+            let way: f64 = rows.map(|row| (row[1][joint] - row[0][joint]).powi(2)).sum();
             let own_speed = way * count / own_s.powi(2);
             speed += (sums.speed / count).max(own_speed);
         }
         Some(Fit {
-            alike: if movement > 0.0 {
-                explained / movement
-            } else {
-                0.0
-            },
+            alike: if movement > 0.0 { explained / movement } else { 0.0 },
             speed_rad_s: speed.sqrt(),
         })
     }
@@ -190,11 +182,7 @@ impl Sums {
     fn variances(&self, count: f64) -> [f64; 3] {
         let [own, theirs, both] = self.squares.map(|sum| sum / count);
         let (mean, their_mean) = (self.own / count, self.theirs / count);
-        [
-            own - mean * mean,
-            theirs - their_mean * their_mean,
-            both - mean * their_mean,
-        ]
+        [own - mean * mean, theirs - their_mean * their_mean, both - mean * their_mean]
     }
 }
 

@@ -65,11 +65,7 @@ impl TensorCache {
             Some([keys, values]) => Some([first(keys)?, first(values)?]),
             None => None,
         };
-        Ok(Self {
-            lanes: 1,
-            past,
-            ..*self
-        })
+        Ok(Self { lanes: 1, past, ..*self })
     }
 
     /// Keys and values of the frames held and of new ones; keeps the last of them.

@@ -183,9 +183,7 @@ impl TensorTransformer {
         };
         Ok(Self {
             input: TensorLinear::load(w, &format!("{name}.input"), sizes.input, dim)?,
-            layers: (0..sizes.layers)
-                .map(layer)
-                .collect::<Result<_, ModelError>>()?,
+            layers: (0..sizes.layers).map(layer).collect::<Result<_, ModelError>>()?,
             norm: TensorNorm::load(w, &format!("{name}.norm"), dim)?,
             output: TensorLinear::load(w, &format!("{name}.output"), dim, sizes.output)?,
             slopes: sizes.slopes,

@@ -41,11 +41,7 @@ fn dot<L: Lanes, S: Stored>(row: &[S], x: &[f32]) -> f32 {
             *sum = S::load::<L>(w).fma(L::load(v), *sum);
         }
     }
-    let rest = row_rest
-        .as_chunks::<8>()
-        .0
-        .iter()
-        .zip(x_rest.as_chunks::<8>().0);
+    let rest = row_rest.as_chunks::<8>().0.iter().zip(x_rest.as_chunks::<8>().0);
     for (w, v) in rest {
         sums[0] = S::load::<L>(w).fma(L::load(v), sums[0]);
     }
@@ -122,14 +118,10 @@ pub(super) fn rows_of_integers<L: Lanes, W: Quantised>(
 ) {
     let lanes = x.len() / width;
     let scales_width = 8 * width.div_ceil(GROUP);
-    let rows = weights
-        .chunks_exact(W::stored(width))
-        .zip(scales.chunks_exact(scales_width));
+    let rows = weights.chunks_exact(W::stored(width)).zip(scales.chunks_exact(scales_width));
     for (out, (row, scales)) in out.chunks_exact_mut(lanes).zip(rows) {
         let scales = scales.as_chunks().0;
-        let vectors = x
-            .chunks_exact(width)
-            .zip(x_scales.chunks_exact(scales_width));
+        let vectors = x.chunks_exact(width).zip(x_scales.chunks_exact(scales_width));
         for (out, (x, x_scales)) in out.iter_mut().zip(vectors) {
             *out = W::dot::<L>(row, scales, x, x_scales.as_chunks().0);
         }
@@ -168,9 +160,7 @@ fn dot_of_blocks<L: Lanes, B: Block>(
     let groups = row.chunks(8).zip(x.chunks(8));
     for ((row, x), (scale, x_scale)) in groups.zip(scales.iter().zip(x_scales)) {
         let mut scale_of = [0.0; 8];
-        L::load_half(scale)
-            .mul(L::load(x_scale))
-            .store(&mut scale_of);
+        L::load_half(scale).mul(L::load(x_scale)).store(&mut scale_of);
         for (i, (block, x)) in row.iter().zip(x).enumerate() {
             L::fetch(block, AHEAD);
             sums[i % 2] = block.dot::<L>(x).fma(L::splat(scale_of[i]), sums[i % 2]);
@@ -191,9 +181,7 @@ fn dot_of_chunks<L: Lanes>(
     let groups = row.chunks(2).zip(x.chunks(2));
     for ((row, x), (scale, x_scale)) in groups.zip(scales.iter().zip(x_scales)) {
         let mut scale_of = [0.0; 8];
-        L::load_half(scale)
-            .mul(L::load(x_scale))
-            .store(&mut scale_of);
+        L::load_half(scale).mul(L::load(x_scale)).store(&mut scale_of);
         for ((words, x), scales) in row.iter().zip(x).zip(scale_of.as_chunks::<4>().0) {
             for third in words.as_chunks::<16>().0 {
                 L::fetch(third, AHEAD);

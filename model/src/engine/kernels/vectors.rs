@@ -105,16 +105,10 @@ fn quantise_block<L: Lanes>(quants: &mut [i16; BLOCK], values: &[f32; BLOCK]) ->
     eight.store(&mut largest);
     let larger = |m: f32, v: &f32| if *v > m { *v } else { m };
     let largest = largest.iter().fold(0.0, larger);
-    let inverse = if largest > f32::MIN_POSITIVE {
-        LARGEST / largest
-    } else {
-        0.0
-    };
+    let inverse = if largest > f32::MIN_POSITIVE { LARGEST / largest } else { 0.0 };
     let quants = quants.as_chunks_mut::<8>().0;
     for (quants, values) in quants.iter_mut().zip(values) {
-        L::load(values)
-            .mul(L::splat(inverse))
-            .store_integers(quants);
+        L::load(values).mul(L::splat(inverse)).store_integers(quants);
     }
     largest / LARGEST
 }

@@ -73,8 +73,7 @@ impl Anatomy {
             && let Some((at, size_m)) = axes::sole(body, sole, &self.axes)
         {
             self.sole_m = Some(
-                self.sole_m
-                    .map_or(size_m, |old| [old[0].min(size_m[0]), old[1].min(size_m[1])]),
+                self.sole_m.map_or(size_m, |old| [old[0].min(size_m[0]), old[1].min(size_m[1])]),
             );
             let away = (body.poses[sole] * at - body.at(sole)).norm();
             // A link that is made to be the sole knows better.

@@ -47,33 +47,20 @@ pub(super) fn find(
         let [left, right] = [0, 1].map(|i| limbs[i].top.map(|link| body.at(link)));
         left.zip(right)
     };
-    let usual = BodyAxes {
-        forward: Vector3::x(),
-        up: Vector3::z(),
-        seen: false,
-    };
+    let usual = BodyAxes { forward: Vector3::x(), up: Vector3::z(), seen: false };
     let pairs = [tops(arms), tops(legs)];
-    let across: Vector3<f64> = pairs
-        .iter()
-        .flatten()
-        .map(|(left, right)| left - right)
-        .sum();
+    let across: Vector3<f64> = pairs.iter().flatten().map(|(left, right)| left - right).sum();
     if across.norm() < 1e-3 {
         reasons.push("no pair of limbs to see forward by: x forward, z up are assumed".into());
         return usual;
     }
     let left = nearest_axis(across);
     let both = |pair: &Option<(Point3<f64>, Point3<f64>)>| {
-        pair.as_ref()
-            .map(|(left, right)| Point3::from((left.coords + right.coords) * 0.5))
+        pair.as_ref().map(|(left, right)| Point3::from((left.coords + right.coords) * 0.5))
     };
     let shoulders = both(&pairs[0]);
     let hips = both(&pairs[1]);
-    let feet: Vec<_> = legs
-        .iter()
-        .filter_map(|leg| leg.path.last())
-        .map(|&l| body.at(l))
-        .collect();
+    let feet: Vec<_> = legs.iter().filter_map(|leg| leg.path.last()).map(|&l| body.at(l)).collect();
     let top = shoulders.or(head.map(|head| body.at(head)));
     let upward = match (hips, mean(&feet), top, head) {
         (Some(hips), Some(feet), _, _) if (hips - feet).norm() > 1e-2 => hips - feet,
@@ -97,11 +84,7 @@ pub(super) fn find(
         BodyAxes::name(&up),
         BodyAxes::name(&forward)
     ));
-    BodyAxes {
-        forward,
-        up,
-        seen: true,
-    }
+    BodyAxes { forward, up, seen: true }
 }
 
 /// The middle of a foot's underside, in its link's frame, and its length and
@@ -112,11 +95,8 @@ pub(super) fn sole(
     axes: &BodyAxes,
 ) -> Option<(Point3<f64>, [f64; 2])> {
     let drives_above = |link: usize| body.model.drives_above(link);
-    let foot = body
-        .model
-        .ancestors(link)
-        .take_while(|&up| drives_above(up) == drives_above(link))
-        .last();
+    let foot =
+        body.model.ancestors(link).take_while(|&up| drives_above(up) == drives_above(link)).last();
     let corners = corners_of(body.model, foot.unwrap_or(link), body.poses);
     if corners.is_empty() {
         return None;

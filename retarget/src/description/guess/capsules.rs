@@ -27,8 +27,7 @@ pub(crate) fn capsules(
         }
     }
     let has = |out: &[CapsuleConfig], link: usize| {
-        out.iter()
-            .any(|capsule| capsule.link == model.link_names()[link])
+        out.iter().any(|capsule| capsule.link == model.link_names()[link])
     };
     for limb in anatomy.arms.iter().chain(&anatomy.legs) {
         for pair in limb.path.windows(2) {
@@ -89,9 +88,7 @@ fn trunk(model: &RobotModel, poses: &[Isometry3<f64>], anatomy: &Anatomy) -> Opt
 
 fn config(model: &RobotModel, capsule: &Capsule) -> CapsuleConfig {
     let round = |v: f64| (v * 1e4).round() / 1e4;
-    let [from, to] = capsule
-        .ends
-        .map(|end| [round(end.x), round(end.y), round(end.z)]);
+    let [from, to] = capsule.ends.map(|end| [round(end.x), round(end.y), round(end.z)]);
     CapsuleConfig {
         link: model.link_names()[capsule.link].clone(),
         from_m: from,

@@ -70,9 +70,7 @@ impl LinkTree<'_> {
                 [] => None,
                 [only] if !(fingers && bends > 1) => Some(only),
                 _ if bends > 2 => None,
-                _ => moving
-                    .into_iter()
-                    .max_by_key(|&child| self.moved_below(child)),
+                _ => moving.into_iter().max_by_key(|&child| self.moved_below(child)),
             };
             let next = next.or_else(|| self.named_end(at, kind));
             let Some(next) = next else {
@@ -103,10 +101,7 @@ impl LinkTree<'_> {
         let (Some(&first), Some(&last)) = (moved.first(), path.last()) else {
             return FoundLimb::default();
         };
-        let mut found = FoundLimb {
-            path: path.clone(),
-            ..FoundLimb::default()
-        };
+        let mut found = FoundLimb { path: path.clone(), ..FoundLimb::default() };
         let mut end = self.at(last);
         if kind == LimbKind::Arm || !self.words[last].has(SOLE) {
             // A last link whose origin is on its joint says nothing of its length.
@@ -144,9 +139,7 @@ impl LinkTree<'_> {
         };
         let first = self.at(*moved.first()?);
         let apart = |link: usize| (self.at(link) - first).norm();
-        let whole = (end - first)
-            .norm()
-            .max(moved.iter().map(|&l| apart(l)).fold(0.0, f64::max));
+        let whole = (end - first).norm().max(moved.iter().map(|&l| apart(l)).fold(0.0, f64::max));
         for tier in tiers {
             let named = moved
                 .iter()
@@ -163,9 +156,7 @@ impl LinkTree<'_> {
             let step = (self.at(pair[1]) - self.at(pair[0])).norm();
             along.push(along.last().copied().unwrap_or(0.0) + step);
         }
-        let last = moved
-            .last()
-            .map_or(0.0, |&link| (end - self.at(link)).norm());
+        let last = moved.last().map_or(0.0, |&link| (end - self.at(link)).norm());
         let length = along.last().copied().unwrap_or(0.0) + last;
         if length < 1e-3 {
             return None;
@@ -205,12 +196,7 @@ impl LinkTree<'_> {
     fn hand(&self, found: &mut FoundLimb, elbow: usize, last: usize, end: Point3<f64>) {
         let whole = (end - self.at(elbow)).norm();
         let far = |link: usize| (self.at(link) - self.at(elbow)).norm();
-        let below = found
-            .path
-            .iter()
-            .copied()
-            .skip_while(|&l| l != elbow)
-            .skip(1);
+        let below = found.path.iter().copied().skip_while(|&l| l != elbow).skip(1);
         let named = below
             .filter(|&link| self.words[link].has(HAND) && far(link) > 0.4 * whole)
             .find(|&link| far(link) > 5e-3);
@@ -246,10 +232,7 @@ pub(super) fn limb_lengths(body: &LinkTree, found: &FoundLimb) -> [f64; 2] {
         (Some(a), Some(b)) => (b - a).norm(),
         _ => 0.0,
     };
-    let (top, middle) = (
-        found.top.map(|l| body.at(l)),
-        found.middle.map(|l| body.at(l)),
-    );
+    let (top, middle) = (found.top.map(|l| body.at(l)), found.middle.map(|l| body.at(l)));
     match middle {
         Some(_) => [distance(top, middle), distance(middle, end)],
         None => [distance(top, end), 0.0],

@@ -22,10 +22,7 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
     }
     // The lateral axis most pairs agree on.
     let votes = |axis: usize| pairs.iter().filter(|pair| pair.2 == axis).count();
-    let Some(lateral) = [1, 0, 2]
-        .into_iter()
-        .max_by_key(|&axis| (votes(axis), axis == 1))
-    else {
+    let Some(lateral) = [1, 0, 2].into_iter().max_by_key(|&axis| (votes(axis), axis == 1)) else {
         return Default::default();
     };
     let up = if lateral == 2 { 1 } else { 2 };
@@ -79,15 +76,10 @@ fn mirror_axis(body: &LinkTree, one: usize, other: usize) -> Option<usize> {
     }
     let points = |path: &[usize]| path.iter().map(|&l| body.at(l)).collect::<Vec<_>>();
     let (a, b) = (points(first), points(second));
-    let size = a
-        .iter()
-        .chain(&b)
-        .map(|p| (p - a[0]).norm())
-        .fold(0.0, f64::max);
+    let size = a.iter().chain(&b).map(|p| (p - a[0]).norm()).fold(0.0, f64::max);
     (0..3).find(|&axis| {
-        let apart = (a[0][axis] - b[0][axis])
-            .abs()
-            .max((a[a.len() - 1] - b[b.len() - 1])[axis].abs());
+        let apart =
+            (a[0][axis] - b[0][axis]).abs().max((a[a.len() - 1] - b[b.len() - 1])[axis].abs());
         let mirrored = |p: &Point3<f64>, q: &Point3<f64>| {
             let mut sum: Vector3<f64> = p.coords - q.coords;
             // Positions across add up to the same for every pair of points.

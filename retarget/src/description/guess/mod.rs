@@ -21,21 +21,14 @@ pub(crate) use capsules::capsules;
 /// Looks at a robot that stands at zero (or the nearest its limits allow).
 pub(crate) fn anatomy(model: &RobotModel, positions: &[f64]) -> Anatomy {
     let poses = model.link_poses(positions);
-    let words: Vec<NameWords> = (0..model.links.len())
-        .map(|i| NameWords::of(model, i))
-        .collect();
+    let words: Vec<NameWords> = (0..model.links.len()).map(|i| NameWords::of(model, i)).collect();
     let mut children = vec![Vec::new(); model.links.len()];
     for (index, link) in model.links.iter().enumerate() {
         if let Some(parent) = link.parent {
             children[parent].push(index);
         }
     }
-    let body = LinkTree {
-        model,
-        words: &words,
-        poses: &poses,
-        children: &children,
-    };
+    let body = LinkTree { model, words: &words, poses: &poses, children: &children };
     let mut reasons = Vec::new();
     let mut starts = named_starts(&body);
     if starts.iter().flatten().all(Option::is_none) {
@@ -49,9 +42,7 @@ pub(crate) fn anatomy(model: &RobotModel, positions: &[f64]) -> Anatomy {
         }
     }
     let find = |start: Option<usize>, kind| {
-        start.map_or_else(FoundLimb::default, |start| {
-            body.limb(body.path(start, kind), kind)
-        })
+        start.map_or_else(FoundLimb::default, |start| body.limb(body.path(start, kind), kind))
     };
     let [arms, legs] = starts;
     let arms = arms.map(|start| find(start, LimbKind::Arm));
@@ -72,11 +63,7 @@ pub(crate) fn anatomy(model: &RobotModel, positions: &[f64]) -> Anatomy {
     };
     let in_limb = |link: usize| {
         let limbs = arms.iter().chain(&legs);
-        limbs.clone().any(|limb| {
-            limb.path
-                .first()
-                .is_some_and(|&top| model.is_below(link, top))
-        })
+        limbs.clone().any(|limb| limb.path.first().is_some_and(|&top| model.is_below(link, top)))
     };
     let head = find_head(&body, chest, &in_limb);
     let axes = axes::find(&body, &arms, &legs, head, chest, &mut reasons);
@@ -123,12 +110,9 @@ fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
 
 fn above_limb(body: &LinkTree, top: usize, arms: &[FoundLimb; 2], legs: &[FoundLimb; 2]) -> usize {
     let limbs = arms.iter().chain(legs);
-    let first = limbs
-        .filter_map(|limb| limb.path.first())
-        .find(|&&first| body.model.is_below(top, first));
-    first
-        .and_then(|&first| body.model.links[first].parent)
-        .unwrap_or(0)
+    let first =
+        limbs.filter_map(|limb| limb.path.first()).find(|&&first| body.model.is_below(top, first));
+    first.and_then(|&first| body.model.links[first].parent).unwrap_or(0)
 }
 
 /// The last moving link of the head: by name, else a short chain up from the
@@ -136,12 +120,10 @@ fn above_limb(body: &LinkTree, top: usize, arms: &[FoundLimb; 2], legs: &[FoundL
 fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) -> Option<usize> {
     let moving =
         || (1..body.model.links.len()).filter(|&link| body.is_moved(link) && !in_limb(link));
-    let named = moving()
-        .filter(|&l| body.words[l].is_head())
-        .max_by_key(|&link| {
-            let skull = !body.words[link].has(&["neck"]);
-            (skull, body.model.drives_above(link))
-        });
+    let named = moving().filter(|&l| body.words[l].is_head()).max_by_key(|&link| {
+        let skull = !body.words[link].has(&["neck"]);
+        (skull, body.model.drives_above(link))
+    });
     named.or_else(|| {
         moving()
             .filter(|&l| body.model.is_below(l, chest) && l != chest)

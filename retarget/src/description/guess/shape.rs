@@ -57,22 +57,14 @@ pub(super) fn far_end(
 ) -> Option<Point3<f64>> {
     let origin = Point3::from(poses[link].translation.vector);
     let corners = corners_of(model, link, poses);
-    let mass_at = |body: &usize| {
-        (
-            poses[*body] * model.links[*body].com,
-            model.links[*body].mass_kg,
-        )
-    };
+    let mass_at =
+        |body: &usize| (poses[*body] * model.links[*body].com, model.links[*body].mass_kg);
     let weights: Vec<_> = rigid_with(model, link).iter().map(mass_at).collect();
     let mass: f64 = weights.iter().map(|(_, kg)| kg).sum();
     let middle = if !corners.is_empty() {
         corners.iter().map(|c| c - origin).sum::<Vector3<f64>>() / corners.len() as f64
     } else if mass > 0.0 {
-        weights
-            .iter()
-            .map(|(at, kg)| (at - origin) * *kg)
-            .sum::<Vector3<f64>>()
-            / mass
+        weights.iter().map(|(at, kg)| (at - origin) * *kg).sum::<Vector3<f64>>() / mass
     } else {
         return None;
     };
@@ -80,10 +72,7 @@ pub(super) fn far_end(
     // Mass alone lies about half way.
     let reach = match corners.is_empty() {
         true => 2.0 * middle.norm(),
-        false => corners
-            .iter()
-            .map(|c| (c - origin).dot(&way))
-            .fold(0.0, f64::max),
+        false => corners.iter().map(|c| (c - origin).dot(&way)).fold(0.0, f64::max),
     };
     (reach > 5e-3).then(|| origin + way * reach)
 }

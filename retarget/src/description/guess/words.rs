@@ -6,30 +6,19 @@ use crate::kinematics::RobotModel;
 
 pub(crate) const ELBOW: &[&str] = &["elbow", "el", "elb"];
 pub(crate) const FOREARM: &[&str] = &["forearm", "lowerarm", "lower", "fore"];
-pub(crate) const HAND: &[&str] = &[
-    "hand",
-    "wrist",
-    "palm",
-    "gripper",
-    "tip",
-    "fist",
-    "ee",
-    "tool",
-    "endeffector",
-];
+pub(crate) const HAND: &[&str] =
+    &["hand", "wrist", "palm", "gripper", "tip", "fist", "ee", "tool", "endeffector"];
 const ARM: &[&str] = &["shoulder", "sho", "arm", "upperarm", "humerus", "biceps"];
-const FINGER: &[&str] = &[
-    "finger", "fingers", "thumb", "index", "middle", "ring", "pinky", "little",
-];
+const FINGER: &[&str] =
+    &["finger", "fingers", "thumb", "index", "middle", "ring", "pinky", "little"];
 pub(crate) const KNEE: &[&str] = &["knee"];
 pub(crate) const SHANK: &[&str] = &["shank", "calf", "shin", "tibia", "lowerleg"];
 const LEG: &[&str] = &["hip", "thigh", "femur", "leg", "upperleg", "upleg"];
 pub(crate) const ANKLE: &[&str] = &["ankle", "ank"];
 pub(crate) const SOLE: &[&str] = &["sole", "foot", "toe"];
 pub(crate) const HEAD: &[&str] = &["head", "skull", "neck"];
-const ON_HEAD: &[&str] = &[
-    "eye", "eyes", "camera", "jaw", "mouth", "lid", "ear", "antenna", "lip", "brow",
-];
+const ON_HEAD: &[&str] =
+    &["eye", "eyes", "camera", "jaw", "mouth", "lid", "ear", "antenna", "lip", "brow"];
 const WHEEL: &[&str] = &["wheel", "wheels", "caster", "castor", "track", "roller"];
 
 pub(crate) const SIDES: [&str; 2] = ["left", "right"];
@@ -62,16 +51,11 @@ impl NameWords {
     }
 
     pub fn is_arm(&self) -> bool {
-        [ARM, ELBOW, FOREARM, HAND, FINGER]
-            .iter()
-            .any(|part| self.has(part))
-            && !self.is_leg()
+        [ARM, ELBOW, FOREARM, HAND, FINGER].iter().any(|part| self.has(part)) && !self.is_leg()
     }
 
     pub fn is_leg(&self) -> bool {
-        [LEG, KNEE, SHANK, ANKLE, SOLE]
-            .iter()
-            .any(|part| self.has(part))
+        [LEG, KNEE, SHANK, ANKLE, SOLE].iter().any(|part| self.has(part))
     }
 
     pub fn is_head(&self) -> bool {
@@ -111,16 +95,9 @@ fn split(name: &str) -> Vec<String> {
 }
 
 fn unglue(word: &str) -> Vec<String> {
-    let parts = [
-        ARM, ELBOW, FOREARM, HAND, LEG, KNEE, SHANK, ANKLE, SOLE, FINGER, WHEEL,
-    ];
+    let parts = [ARM, ELBOW, FOREARM, HAND, LEG, KNEE, SHANK, ANKLE, SOLE, FINGER, WHEEL];
     let known = |rest: &str| rest.len() > 2 && parts.iter().any(|part| part.contains(&rest));
-    let sides = [
-        ("left", "left"),
-        ("right", "right"),
-        ("l", "left"),
-        ("r", "right"),
-    ];
+    let sides = [("left", "left"), ("right", "right"), ("l", "left"), ("r", "right")];
     if parts.iter().any(|part| part.contains(&word)) {
         return vec![word.to_owned()];
     }

@@ -35,10 +35,8 @@ fn lint_kind(joint: &urdf_rs::Joint, diagnostics: &mut Diagnostics) {
     }
     if let Some(mimic) = &joint.mimic {
         let (multiplier, offset) = mimic_numbers(mimic);
-        let message = format!(
-            "follows `{}`: {multiplier} times its position plus {offset}",
-            mimic.joint
-        );
+        let message =
+            format!("follows `{}`: {multiplier} times its position plus {offset}", mimic.joint);
         diagnostics.add(DiagnosticCode::JointMimic, name, message);
     }
 }
@@ -48,10 +46,8 @@ fn lint_limit(joint: &urdf_rs::Joint, diagnostics: &mut Diagnostics) {
     let mut say = |code, message: String| diagnostics.add(code, &joint.name, message);
     if joint.mimic.is_none() {
         if limit.velocity.is_nan() || limit.velocity <= 0.0 {
-            let message = format!(
-                "velocity limit {} means unset; the servo map's is used",
-                limit.velocity
-            );
+            let message =
+                format!("velocity limit {} means unset; the servo map's is used", limit.velocity);
             say(DiagnosticCode::VelocityUnset, message);
         } else if limit.velocity > PLACEHOLDER_RAD_S {
             let message = format!(
@@ -84,9 +80,7 @@ fn lint_limit(joint: &urdf_rs::Joint, diagnostics: &mut Diagnostics) {
         return;
     }
     let share = upper / PI;
-    let round = [0.9, 1.0, 2.0]
-        .iter()
-        .any(|known| (share - known).abs() < 2e-3);
+    let round = [0.9, 1.0, 2.0].iter().any(|known| (share - known).abs() < 2e-3);
     if (round && (lower + upper).abs() < 0.01) || upper - lower > 20.0 {
         let message = format!("{lower} to {upper} ({share:.2} pi both ways) is a placeholder");
         say(DiagnosticCode::RangePlaceholder, message);

@@ -54,10 +54,8 @@ fn lint_inertia(link: &urdf_rs::Link, diagnostics: &mut Diagnostics) {
         .iter()
         .any(|&moment| !moment.is_finite() || moment < 0.0 || 2.0 * moment > sum * 1.02 + 1e-9);
     if bad {
-        let message = format!(
-            "moments {} {} {} belong to no body",
-            moments[0], moments[1], moments[2]
-        );
+        let message =
+            format!("moments {} {} {} belong to no body", moments[0], moments[1], moments[2]);
         diagnostics.add(DiagnosticCode::InertiaAbsurd, &link.name, message);
     }
 }

@@ -54,10 +54,7 @@ impl MjcfAttributes {
     pub fn text<'a>(&'a self, node: Node<'a, '_>, childclass: &str, key: &str) -> Option<&'a str> {
         let class = node.attribute("class").unwrap_or(childclass);
         node.attribute(key).or_else(|| {
-            let defaults = self
-                .classes
-                .get(class)
-                .or_else(|| self.classes.get("main"))?;
+            let defaults = self.classes.get(class).or_else(|| self.classes.get("main"))?;
             let element = node.tag_name().name().to_owned();
             defaults.get(&(element, key.to_owned())).map(String::as_str)
         })
@@ -95,9 +92,7 @@ impl MjcfAttributes {
         default: [f64; N],
     ) -> Result<[f64; N], RetargetError> {
         let values = self.numbers(node, childclass, key)?;
-        let values = values
-            .as_deref()
-            .and_then(|values| values.first_chunk::<N>());
+        let values = values.as_deref().and_then(|values| values.first_chunk::<N>());
         Ok(values.copied().unwrap_or(default))
     }
 
@@ -110,10 +105,7 @@ impl MjcfAttributes {
     pub fn pose(&self, node: Node, childclass: &str) -> Result<Isometry3<f64>, RetargetError> {
         let at = self.vector(node, childclass, "pos", [0.0; 3])?;
         let turned = self.orientation(node, childclass)?;
-        Ok(Isometry3::from_parts(
-            Translation3::from(Vector3::from(at)),
-            turned,
-        ))
+        Ok(Isometry3::from_parts(Translation3::from(Vector3::from(at)), turned))
     }
 
     fn orientation(

@@ -50,13 +50,8 @@ impl MjcfBodies {
             diagnostics.add(DiagnosticCode::MjcfLeftOut, name, message);
         }
         let mut tree = Self::default();
-        let world = robot
-            .parent()
-            .and_then(|world| world.attribute("childclass"));
-        let around = Surroundings {
-            carrier: None,
-            class: world.unwrap_or("main"),
-        };
+        let world = robot.parent().and_then(|world| world.attribute("childclass"));
+        let around = Surroundings { carrier: None, class: world.unwrap_or("main") };
         tree.add_body(*robot, around, attributes, diagnostics)?;
         Ok(tree)
     }
@@ -107,12 +102,8 @@ impl MjcfBodies {
             name: joint_name,
             joint_type,
             origin: pose(origin),
-            parent: LinkName {
-                link: self.links[parent].name.clone(),
-            },
-            child: LinkName {
-                link: link_name.clone(),
-            },
+            parent: LinkName { link: self.links[parent].name.clone() },
+            child: LinkName { link: link_name.clone() },
             axis: Axis::default(),
             limit: JointLimit::default(),
             calibration: None,
@@ -168,10 +159,7 @@ impl MjcfBodies {
         };
         self.add_shapes_and_mass(node, link, frame, class, attributes, diagnostics)?;
         for child in elements("body") {
-            let around = Surroundings {
-                carrier: Some((link, frame)),
-                class,
-            };
+            let around = Surroundings { carrier: Some((link, frame)), class };
             self.add_body(child, around, attributes, diagnostics)?;
         }
         Ok(())
@@ -363,12 +351,7 @@ fn inertial(value: f64, com: Point3<f64>, moments: [f64; 3]) -> Inertial {
             rpy: Vec3::default(),
         },
         mass: Mass { value },
-        inertia: Inertia {
-            ixx,
-            iyy,
-            izz,
-            ..Inertia::default()
-        },
+        inertia: Inertia { ixx, iyy, izz, ..Inertia::default() },
     }
 }
 

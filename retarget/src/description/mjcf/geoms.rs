@@ -90,9 +90,7 @@ impl MjcfGeom {
             geometry: self.geometry.clone(),
             material: Some(Material {
                 name: String::new(),
-                color: Some(Color {
-                    rgba: Vec4(self.rgba),
-                }),
+                color: Some(Color { rgba: Vec4(self.rgba) }),
                 texture: None,
             }),
         }

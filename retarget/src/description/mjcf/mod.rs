@@ -69,15 +69,9 @@ pub(super) fn read(
 
 fn report_left_out(root: Node, diagnostics: &mut Diagnostics) {
     for (element, what) in [
-        (
-            "connect",
-            "closes a loop: let a joint follow by [[retarget.couple]]",
-        ),
+        ("connect", "closes a loop: let a joint follow by [[retarget.couple]]"),
         ("weld", "ties two bodies: not converted"),
-        (
-            "tendon",
-            "not converted: let joints follow by [[retarget.couple]]",
-        ),
+        ("tendon", "not converted: let joints follow by [[retarget.couple]]"),
         ("flex", "not converted"),
         ("composite", "not converted"),
     ] {

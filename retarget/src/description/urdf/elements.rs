@@ -77,8 +77,7 @@ impl<'f> ElementReader<'f> {
             _ => {
                 let line = node.document().text_pos_at(node.range().start).row;
                 let reason = format!("a {kind} without a name (line {line})");
-                self.diagnostics
-                    .refuse_tree(DiagnosticCode::NameMissing, reason);
+                self.diagnostics.refuse_tree(DiagnosticCode::NameMissing, reason);
                 None
             }
         }
@@ -146,19 +145,10 @@ impl<'f> ElementReader<'f> {
         let visual = visual.collect();
         let collision = children(node, "collision").filter_map(|shape| {
             let (origin, geometry) = self.shape("collision", shape, &name)?;
-            Some(Collision {
-                name: None,
-                origin,
-                geometry,
-            })
+            Some(Collision { name: None, origin, geometry })
         });
         let collision = collision.collect();
-        Some(urdf_rs::Link {
-            name,
-            inertial: inertial.unwrap_or_default(),
-            visual,
-            collision,
-        })
+        Some(urdf_rs::Link { name, inertial: inertial.unwrap_or_default(), visual, collision })
     }
 
     fn inertial(&mut self, node: Node, link: &str) -> Inertial {
@@ -196,10 +186,7 @@ impl<'f> ElementReader<'f> {
 
     fn geometry(&mut self, node: Node, kind: &str, link: &str) -> Option<Geometry> {
         let geometry = self.only(node, "geometry", link);
-        let mut shapes = geometry
-            .into_iter()
-            .flat_map(|g| g.children())
-            .filter(Node::is_element);
+        let mut shapes = geometry.into_iter().flat_map(|g| g.children()).filter(Node::is_element);
         let first = shapes.next();
         if shapes.next().is_some() {
             let message = format!("the geometry of a {kind} holds two shapes; the first is used");
@@ -225,9 +212,7 @@ impl<'f> ElementReader<'f> {
         let rgba = color.and_then(|color| color.attribute("rgba"));
         Material {
             name: plain(name),
-            color: rgba
-                .and_then(numbers)
-                .map(|rgba| Color { rgba: Vec4(rgba) }),
+            color: rgba.and_then(numbers).map(|rgba| Color { rgba: Vec4(rgba) }),
             texture: None,
         }
     }
@@ -351,24 +336,13 @@ fn simple_geometry(shape: Node) -> Option<Geometry> {
     let number = |key: &str| shape.attribute(key).and_then(numbers).map(|[value]| value);
     let vector = |key: &str| shape.attribute(key).and_then(numbers).map(Vec3);
     Some(match shape.tag_name().name() {
-        "box" => Geometry::Box {
-            size: vector("size")?,
-        },
-        "sphere" => Geometry::Sphere {
-            radius: number("radius")?,
-        },
-        "cylinder" => Geometry::Cylinder {
-            radius: number("radius")?,
-            length: number("length")?,
-        },
-        "capsule" => Geometry::Capsule {
-            radius: number("radius")?,
-            length: number("length")?,
-        },
-        "mesh" => Geometry::Mesh {
-            filename: plain(shape.attribute("filename")?),
-            scale: vector("scale"),
-        },
+        "box" => Geometry::Box { size: vector("size")? },
+        "sphere" => Geometry::Sphere { radius: number("radius")? },
+        "cylinder" => Geometry::Cylinder { radius: number("radius")?, length: number("length")? },
+        "capsule" => Geometry::Capsule { radius: number("radius")?, length: number("length")? },
+        "mesh" => {
+            Geometry::Mesh { filename: plain(shape.attribute("filename")?), scale: vector("scale") }
+        }
         _ => return None,
     })
 }
@@ -377,8 +351,7 @@ pub(super) fn children<'a, 'd: 'a>(
     node: Node<'a, 'd>,
     name: &'static str,
 ) -> impl Iterator<Item = Node<'a, 'd>> {
-    node.children()
-        .filter(move |child| child.is_element() && child.tag_name().name() == name)
+    node.children().filter(move |child| child.is_element() && child.tag_name().name() == name)
 }
 
 pub(super) fn plain(text: &str) -> String {

@@ -123,13 +123,9 @@ fn is_xacro(root: Node) -> bool {
         let namespace = node.tag_name().namespace().unwrap_or_default();
         namespace.contains("xacro") && !["property", "arg"].contains(&node.tag_name().name())
     };
-    let parts = root
-        .children()
-        .filter(|node| ["link", "joint"].contains(&node.tag_name().name()));
-    let mut attributes = parts
-        .flat_map(|part| part.descendants())
-        .flat_map(|node| node.attributes());
-    root.descendants()
-        .any(|node| node.is_element() && is_call(&node))
+    let parts = root.children().filter(|node| ["link", "joint"].contains(&node.tag_name().name()));
+    let mut attributes =
+        parts.flat_map(|part| part.descendants()).flat_map(|node| node.attributes());
+    root.descendants().any(|node| node.is_element() && is_call(&node))
         || attributes.any(|attribute| attribute.value().contains("${"))
 }

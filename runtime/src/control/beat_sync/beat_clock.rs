@@ -60,10 +60,7 @@ impl BeatClock {
             return Some(newest + (time_s - newest_s) / self.period_s);
         }
         let after = self.counted.partition_point(|(t, _)| *t <= time_s);
-        let (from, to) = (
-            self.counted.get(after.checked_sub(1)?)?,
-            self.counted[after],
-        );
+        let (from, to) = (self.counted.get(after.checked_sub(1)?)?, self.counted[after]);
         let share = (time_s - from.0) / (to.0 - from.0);
         Some(from.1 + share * (to.1 - from.1))
     }

@@ -175,9 +175,9 @@ impl BeatSteering {
     /// From a moment of music to its motion at the servo, at least; nothing
     /// where music is known ahead.
     fn least_delay_s(&self) -> f64 {
-        self.horizon.live_s.map_or(0.0, |live_s| {
-            live_s + self.foresight_s() + self.horizon.servo_lag_s
-        })
+        self.horizon
+            .live_s
+            .map_or(0.0, |live_s| live_s + self.foresight_s() + self.horizon.servo_lag_s)
     }
 }
 
@@ -214,9 +214,7 @@ mod tests {
                 Some(("right", _)) => -1.0,
                 _ => 0.0,
             };
-            let parent = joint
-                .parent()
-                .map_or([0.0, 1.0, 0.0], |p| positions[p as usize]);
+            let parent = joint.parent().map_or([0.0, 1.0, 0.0], |p| positions[p as usize]);
             let bone = match joint.name() {
                 name if name.contains("elbow") || name.contains("wrist") => {
                     [side * raised.sin(), -raised.cos(), 0.0].map(|v| v * 0.26)
@@ -233,11 +231,7 @@ mod tests {
             positions[joint as usize] =
                 std::array::from_fn(|axis| parent[axis] + bone[axis] as f32);
         }
-        MotionFrame {
-            time_s,
-            positions,
-            contacts: Default::default(),
-        }
+        MotionFrame { time_s, positions, contacts: Default::default() }
     }
 
     /// Errors of the human pauses against the beats after 10 s of 20, as the servos
@@ -246,16 +240,9 @@ mod tests {
     fn errors_s(live_s: Option<f64>, bpm: f64, late_s: f64) -> Vec<f64> {
         let robot = Robot::load("op3").unwrap();
         let retargeter = robot.retargeter().unwrap();
-        let horizon = Horizon {
-            preview_s: retargeter.preview_s(),
-            servo_lag_s: 0.05,
-            live_s,
-        };
-        let mut steering = BeatSteering::new(
-            TrajectoryPreview::new(retargeter, CYCLE_S),
-            horizon,
-            CYCLE_S,
-        );
+        let horizon = Horizon { preview_s: retargeter.preview_s(), servo_lag_s: 0.05, live_s };
+        let mut steering =
+            BeatSteering::new(TrajectoryPreview::new(retargeter, CYCLE_S), horizon, CYCLE_S);
         let (mut frame, mut last) = (0, None);
         let mut errors = Vec::new();
         for cycle in 0..2000 {
@@ -269,15 +256,10 @@ mod tests {
                 steering.push(&music(time_s, bpm), &swing(time_s, bpm, late_s));
                 frame += 1;
             }
-            let motion_s = steering
-                .next(now_s, f64::from(frame - 1) / 20.0 - 0.44, false)
-                .unwrap();
+            let motion_s = steering.next(now_s, f64::from(frame - 1) / 20.0 - 0.44, false).unwrap();
             if let Some(last_s) = last {
                 let pace = (motion_s - last_s) / CYCLE_S;
-                assert!(
-                    (SLOWEST - 1e-6..=FASTEST + 1e-6).contains(&pace),
-                    "{pace} at {now_s}"
-                );
+                assert!((SLOWEST - 1e-6..=FASTEST + 1e-6).contains(&pace), "{pace} at {now_s}");
                 // A pause is shown where the motion passes it.
                 let swings = |t: f64| ((t - late_s) * bpm / 60.0).floor();
                 if swings(motion_s) > swings(last_s) && now_s > 10.0 {
@@ -301,10 +283,7 @@ mod tests {
         ] {
             let errors = errors_s(live_s, bpm, late_s);
             let worst = errors.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-            assert!(
-                errors.len() > 12 && worst < 0.05,
-                "{live_s:?} {bpm} {late_s}: {errors:?}"
-            );
+            assert!(errors.len() > 12 && worst < 0.05, "{live_s:?} {bpm} {late_s}: {errors:?}");
         }
     }
 }

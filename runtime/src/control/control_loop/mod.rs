@@ -117,10 +117,7 @@ impl<'a> ControlLoop<'a> {
             return Ok(Ending::Interrupted);
         }
         self.clock.stood_s = self.servos.now_s();
-        if matches!(
-            self.input.arrival,
-            MotionArrival::Ahead | MotionArrival::Led
-        ) {
+        if matches!(self.input.arrival, MotionArrival::Ahead | MotionArrival::Led) {
             self.clock.start_now();
         }
         while !self.is_over() {
@@ -133,12 +130,7 @@ impl<'a> ControlLoop<'a> {
     }
 
     pub fn into_record(self) -> LoopRecord {
-        LoopRecord {
-            clock: self.clock,
-            input: self.input,
-            plan: self.plan,
-            log: self.log,
-        }
+        LoopRecord { clock: self.clock, input: self.input, plan: self.plan, log: self.log }
     }
 
     fn is_interrupted(&self) -> bool {
@@ -262,10 +254,7 @@ impl<'a> ControlLoop<'a> {
                 }
                 Polled::Away => {
                     let time_s = self.music_s();
-                    self.plan.idle.hear(&MusicFrame {
-                        time_s,
-                        ..MusicFrame::default()
-                    });
+                    self.plan.idle.hear(&MusicFrame { time_s, ..MusicFrame::default() });
                     break;
                 }
             }

@@ -128,7 +128,5 @@ impl DescriptionCopy {
 /// A name that stands in XML and in a path as it is.
 fn plain(name: &str) -> String {
     let keep = |c: char| c.is_alphanumeric() || "-_.".contains(c);
-    name.chars()
-        .map(|c| if keep(c) { c } else { '_' })
-        .collect()
+    name.chars().map(|c| if keep(c) { c } else { '_' }).collect()
 }

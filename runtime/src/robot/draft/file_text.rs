@@ -38,9 +38,7 @@ fn quoted(text: &str) -> String {
 }
 
 fn comment(text: &str) -> String {
-    text.chars()
-        .map(|c| if c.is_control() { ' ' } else { c })
-        .collect()
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 fn remarks(label: &str, lines: &[String], out: &mut String) {
@@ -90,11 +88,7 @@ fn retarget(plan: &FilePlan, out: &mut String) {
     remarks("Tried: ", &plan.tried, out);
     let _ = writeln!(out, "stance = \"{stance}\"");
     remarks("Seen: ", &plan.draft.reasons, out);
-    let _ = writeln!(
-        out,
-        "forward = \"{}\"\nup = \"{}\"",
-        config.forward, config.up
-    );
+    let _ = writeln!(out, "forward = \"{}\"\nup = \"{}\"", config.forward, config.up);
     if config.body.left_sole.is_some() || config.body.right_sole.is_some() {
         let [length, width] = config.sole_m;
         out.push_str("# Length and width of a sole, from its shape or the legs' length.\n");
@@ -199,9 +193,7 @@ fn rest(plan: &FilePlan, out: &mut String) {
         servos.any(|servo| servo.name == *name && legs.contains(&servo.role))
     };
     let rest = plan.rest.iter();
-    let mut rest = rest
-        .filter(|(name, _)| !(stands && is_leg(name)))
-        .peekable();
+    let mut rest = rest.filter(|(name, _)| !(stands && is_leg(name))).peekable();
     if rest.peek().is_none() {
         return;
     }
@@ -231,10 +223,7 @@ fn joint(servo: &ServoDraft, out: &mut String) {
         JointUse::Dances(limb) => format!("moves the {}", limb_name(limb)),
         _ => "nothing to show: held at rest".into(),
     };
-    let _ = writeln!(
-        out,
-        "\n# {role}. TO FILL IN: id, model, direction, zero_deg."
-    );
+    let _ = writeln!(out, "\n# {role}. TO FILL IN: id, model, direction, zero_deg.");
     remarks("", &servo.notes, out);
     let _ = write!(
         out,

@@ -48,10 +48,7 @@ pub fn new_robot(
     let source = std::fs::read_to_string(description)
         .with_context(|| format!("cannot read {}", description.display()))?;
     let findings = lint(&source);
-    if let Some(refused) = findings
-        .iter()
-        .find(|f| f.severity == DiagnosticSeverity::Refused)
-    {
+    if let Some(refused) = findings.iter().find(|f| f.severity == DiagnosticSeverity::Refused) {
         bail!(
             "{}: {} `{}`: {} (all findings: servodance robot check)",
             description.display(),
@@ -61,24 +58,14 @@ pub fn new_robot(
         );
     }
     let (urdf, source, copies) = beside(description, source, out)?;
-    let there = copies
-        .iter()
-        .flat_map(DescriptionCopy::places)
-        .find(|p| p.exists());
+    let there = copies.iter().flat_map(DescriptionCopy::places).find(|p| p.exists());
     if let Some(there) = there.filter(|_| !force) {
-        bail!(
-            "{} is there already; --force overwrites it",
-            there.display()
-        );
+        bail!("{} is there already; --force overwrites it", there.display());
     }
     let mut draft = draft_config(&source)?;
     let (servos, left_out) = servo_drafts(&draft.joints);
     if servos.is_empty() {
-        bail!(
-            "{}: no joint can have a servo ({})",
-            description.display(),
-            left_out.join("; ")
-        );
+        bail!("{}: no joint can have a servo ({})", description.display(), left_out.join("; "));
     }
     let mut plan = FilePlan {
         name: stem(out),
@@ -153,9 +140,5 @@ fn labelled<T: Display>(label: &str, lines: &[T]) -> impl Iterator<Item = String
 fn stem(out: &Path) -> String {
     let stem = out.file_stem().unwrap_or_default().to_string_lossy();
     let plain: String = stem.chars().filter(|c| !c.is_control()).collect();
-    if plain.is_empty() {
-        "robot".into()
-    } else {
-        plain
-    }
+    if plain.is_empty() { "robot".into() } else { plain }
 }

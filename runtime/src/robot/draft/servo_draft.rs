@@ -24,16 +24,8 @@ pub(super) struct Placeholder {
 }
 
 const PLACEHOLDERS: [Placeholder; 2] = [
-    Placeholder {
-        model: "XM430-W350",
-        velocity_deg_s: 230.0,
-        torque_nm: 4.1,
-    },
-    Placeholder {
-        model: "XM540-W270",
-        velocity_deg_s: 150.0,
-        torque_nm: 10.6,
-    },
+    Placeholder { model: "XM430-W350", velocity_deg_s: 230.0, torque_nm: 4.1 },
+    Placeholder { model: "XM540-W270", velocity_deg_s: 150.0, torque_nm: 10.6 },
 ];
 
 /// One `[[joint]]` table to be.
@@ -85,9 +77,7 @@ fn servo(joint: &JointDraft, id: usize) -> Option<ServoDraft> {
     let strong = joint.effort_nm.is_some_and(|nm| nm > small.torque_nm);
     let placeholder = if strong { large } else { small };
     if let Some(nm) = joint.effort_nm.filter(|nm| *nm > large.torque_nm) {
-        notes.push(format!(
-            "the description asks for {nm} N m: more than this servo gives"
-        ));
+        notes.push(format!("the description asks for {nm} N m: more than this servo gives"));
     }
     let (zero_deg, lower_deg, upper_deg) = match joint.range_rad {
         None => {
@@ -103,9 +93,7 @@ fn servo(joint: &JointDraft, id: usize) -> Option<ServoDraft> {
     if given_deg_s.is_none() {
         notes.push("the description gives no usable speed: the servo's is taken".into());
     }
-    let velocity_deg_s = given_deg_s
-        .unwrap_or(f64::MAX)
-        .min(placeholder.velocity_deg_s);
+    let velocity_deg_s = given_deg_s.unwrap_or(f64::MAX).min(placeholder.velocity_deg_s);
     let acceleration_deg_s2 = match joint.acceleration_rad_s2 {
         Some(given) => given.to_degrees().min(3000.0),
         None => (velocity_deg_s * 10.0).min(3000.0),
@@ -132,9 +120,7 @@ fn range_deg([lower, upper]: [f64; 2], notes: &mut Vec<String>) -> (f64, f64, f6
     let fits = |zero: f64| zero + lower >= 0.0 && zero + upper <= TURN_DEG;
     let zero = match fits(180.0) {
         true => 180.0,
-        false => (180.0 - f64::midpoint(lower, upper))
-            .clamp(0.0, 360.0)
-            .round(),
+        false => (180.0 - f64::midpoint(lower, upper)).clamp(0.0, 360.0).round(),
     };
     let inside = |at: f64| at.clamp(-zero, TURN_DEG - zero);
     if !fits(zero) {
@@ -171,20 +157,10 @@ mod tests {
 
     #[test]
     fn any_range_fits_the_servo_s_single_turn() {
-        for range in [
-            [-1.0, 1.0],
-            [-0.2, 5.9],
-            [-9.0, 9.0],
-            [3.2, 6.0],
-            [-6.1, -3.3],
-            [0.0, 7.0],
-        ] {
+        for range in [[-1.0, 1.0], [-0.2, 5.9], [-9.0, 9.0], [3.2, 6.0], [-6.1, -3.3], [0.0, 7.0]] {
             let servo = servo(&joint(Some(range)), 1).unwrap();
             let ends = [servo.lower_deg, servo.upper_deg].map(|end| end + servo.zero_deg);
-            assert!(
-                ends[0] >= -1e-9 && ends[1] <= TURN_DEG + 1e-9,
-                "{range:?}: {ends:?}"
-            );
+            assert!(ends[0] >= -1e-9 && ends[1] <= TURN_DEG + 1e-9, "{range:?}: {ends:?}");
             assert!(servo.lower_deg >= range[0].to_degrees() - 1e-9);
             assert!(servo.upper_deg <= range[1].to_degrees() + 1e-9);
         }
@@ -196,10 +172,6 @@ mod tests {
         wheel.role = JointUse::Wheel;
         let (servos, left_out) = servo_drafts(&[wheel, joint(Some([0.1, 0.1001])), joint(None)]);
         assert_eq!((servos.len(), left_out.len()), (1, 2));
-        assert!(
-            left_out
-                .iter()
-                .any(|line| line == "turn: a wheel: not for a position servo")
-        );
+        assert!(left_out.iter().any(|line| line == "turn: a wheel: not for a position servo"));
     }
 }

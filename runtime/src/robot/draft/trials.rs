@@ -36,12 +36,8 @@ impl FilePlan<'_> {
             }
         }
         let robot = self.fitting_robot()??;
-        self.rest = rest_deg(
-            &robot.urdf_xml,
-            &robot.retarget,
-            &robot.joint_limits(),
-            robot.control_hz,
-        )?;
+        self.rest =
+            rest_deg(&robot.urdf_xml, &robot.retarget, &robot.joint_limits(), robot.control_hz)?;
         let followed = self.dance(&self.parse()?)?;
         let duration_s = self.trial.frames().len() as f64 / servodance_types::FRAME_RATE_HZ;
         self.tried.push(danced(&followed, duration_s));
@@ -96,18 +92,13 @@ fn code(error: &anyhow::Error) -> Option<DiagnosticCode> {
 
 fn stands(followed: &TrackedMotion) -> Result<String, String> {
     let share = |count: u64| count as f64 / followed.cycles.max(1) as f64;
-    let (feet, balance) = (
-        share(followed.counts.feet_moved_cycles),
-        share(followed.counts.unbalanced_cycles),
-    );
+    let (feet, balance) =
+        (share(followed.counts.feet_moved_cycles), share(followed.counts.unbalanced_cycles));
     if feet > TOLERATED {
         return Err(format!("a foot slipped in {:.1} % of cycles", feet * 100.0));
     }
     if balance > TOLERATED {
-        return Err(format!(
-            "out of balance in {:.1} % of cycles",
-            balance * 100.0
-        ));
+        return Err(format!("out of balance in {:.1} % of cycles", balance * 100.0));
     }
     Ok("planted: both feet stay and the balance is kept".into())
 }

@@ -101,9 +101,7 @@ pub(crate) fn open_mesh(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
     let unreadable = |error: std::io::Error| format!("it cannot be read: {error}");
     let file = std::fs::File::open(path).map_err(unreadable)?;
     let mut bytes = Vec::new();
-    file.take(LONGEST + 1)
-        .read_to_end(&mut bytes)
-        .map_err(unreadable)?;
+    file.take(LONGEST + 1).read_to_end(&mut bytes).map_err(unreadable)?;
     if bytes.len() as u64 > LONGEST {
         return Err(format!("it is longer than {} MiB", LONGEST >> 20));
     }

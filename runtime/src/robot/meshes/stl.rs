@@ -82,10 +82,7 @@ fn ascii(bytes: &[u8]) -> Result<Vec<[[f32; 3]; 3]>, String> {
     if !ended || corners.len() % 3 != 0 {
         return Err("it is cut off".into());
     }
-    Ok(corners
-        .chunks_exact(3)
-        .map(|c| [c[0], c[1], c[2]])
-        .collect())
+    Ok(corners.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect())
 }
 
 fn bounded(triangles: usize) -> Result<(), String> {
@@ -100,11 +97,7 @@ fn with_normal(corners: [[f32; 3]; 3]) -> Option<[Corner; 3]> {
     let [a, b, c] = corners.map(|corner| corner.map(f64::from));
     let edge = |from: [f64; 3], to: [f64; 3]| [0, 1, 2].map(|axis| to[axis] - from[axis]);
     let (u, v) = (edge(a, b), edge(a, c));
-    let cross = [
-        u[1] * v[2] - u[2] * v[1],
-        u[2] * v[0] - u[0] * v[2],
-        u[0] * v[1] - u[1] * v[0],
-    ];
+    let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
     let length = cross.iter().map(|part| part * part).sum::<f64>().sqrt();
     let [x, y, z] = cross.map(|part| (part / length) as f32);
     let known = x.is_finite() && y.is_finite() && z.is_finite();

@@ -35,11 +35,7 @@ impl<W: Write> Animation<W> {
     pub fn new(writer: W, title: &str) -> anyhow::Result<Self> {
         let mut encoder = Encoder::new(writer, WIDTH as u16, HEIGHT as u16, &palette())?;
         encoder.set_repeat(Repeat::Infinite)?;
-        Ok(Self {
-            encoder,
-            title: title.to_owned(),
-            last: None,
-        })
+        Ok(Self { encoder, title: title.to_owned(), last: None })
     }
 
     pub fn push(&mut self, moment: &AnimationFrame) -> anyhow::Result<()> {
@@ -77,11 +73,7 @@ impl<W: Write> Animation<W> {
         canvas.caption((at, HEIGHT as f32 - 26.0), &clock);
         if let Some(since_s) = moment.since_beat_s {
             let radius = 3.0 + 6.0 * (-since_s / 0.15).exp() as f32;
-            canvas.dot(
-                (right - 8.0, 18.0),
-                radius,
-                [BEAT[0], BEAT[1], BEAT[2], 255],
-            );
+            canvas.dot((right - 8.0, 18.0), radius, [BEAT[0], BEAT[1], BEAT[2], 255]);
         }
         let top = 36.0;
         if let Some(human) = &moment.human {
@@ -89,13 +81,7 @@ impl<W: Write> Animation<W> {
         }
         let beside = if moment.human.is_some() { 0.7 } else { 0.5 };
         let robot = &moment.robot;
-        draw_figure(
-            &mut canvas,
-            robot,
-            WIDTH as f32 * beside,
-            top,
-            FIGURE_HEIGHT,
-        );
+        draw_figure(&mut canvas, robot, WIDTH as f32 * beside, top, FIGURE_HEIGHT);
         Ok(canvas.rgba().chunks_exact(4).map(nearest).collect())
     }
 }
@@ -159,10 +145,7 @@ mod tests {
 
     #[test]
     fn a_decoder_sees_every_moment() {
-        let robot = StickFigure {
-            height_m: 1.0,
-            ..StickFigure::default()
-        };
+        let robot = StickFigure { height_m: 1.0, ..StickFigure::default() };
         let mut animation = Animation::new(Vec::new(), "title").unwrap();
         for i in 0..5 {
             let moment = AnimationFrame {

@@ -62,8 +62,7 @@ impl Canvas {
             line_join: LineJoin::Round,
             ..Stroke::default()
         };
-        self.pixmap
-            .stroke_path(&path, &paint(rgba), &stroke, Transform::identity(), None);
+        self.pixmap.stroke_path(&path, &paint(rgba), &stroke, Transform::identity(), None);
     }
 
     pub fn dot(&mut self, (x, y): Point, radius: f32, rgba: Rgba) {
@@ -80,8 +79,7 @@ impl Canvas {
 
     pub fn rectangle(&mut self, left: f32, top: f32, width: f32, height: f32, rgba: Rgba) {
         if let Some(rect) = Rect::from_xywh(left, top, width, height) {
-            self.pixmap
-                .fill_rect(rect, &paint(rgba), Transform::identity(), None);
+            self.pixmap.fill_rect(rect, &paint(rgba), Transform::identity(), None);
         }
     }
 

@@ -102,34 +102,21 @@ mod tests {
     use super::*;
 
     fn picture(samples: Vec<(f64, f64)>) -> Vec<u8> {
-        let curve = Curve {
-            name: "loss".into(),
-            samples,
-        };
-        let panel = CurvePanel {
-            title: "Loss".into(),
-            curves: vec![curve],
-        };
-        let curves = CurveChart {
-            title: "Training".into(),
-            subtitle: String::new(),
-            panels: vec![panel],
-        };
+        let curve = Curve { name: "loss".into(), samples };
+        let panel = CurvePanel { title: "Loss".into(), curves: vec![curve] };
+        let curves =
+            CurveChart { title: "Training".into(), subtitle: String::new(), panels: vec![panel] };
         curves.png().unwrap()
     }
 
     #[test]
     fn a_curve_is_drawn_and_gaps_are_left_out() {
-        let falling: Vec<(f64, f64)> = (0..20)
-            .map(|i| (f64::from(i), 1.0 / f64::from(i + 1)))
-            .collect();
+        let falling: Vec<(f64, f64)> =
+            (0..20).map(|i| (f64::from(i), 1.0 / f64::from(i + 1))).collect();
         let mut with_gap = falling.clone();
         with_gap.push((7.5, f64::NAN));
         assert_eq!(picture(falling.clone())[1..4], *b"PNG");
-        assert_ne!(
-            picture(falling.clone()),
-            picture(vec![(0.0, 1.0), (19.0, 0.05)])
-        );
+        assert_ne!(picture(falling.clone()), picture(vec![(0.0, 1.0), (19.0, 0.05)]));
         assert_eq!(picture(falling), {
             with_gap.sort_by(|a, b| a.0.total_cmp(&b.0));
             picture(with_gap)
@@ -139,9 +126,6 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        assert_eq!(
-            [0.0, 0.5, 1200.0, 2e-5].map(short),
-            ["0", "0.5000", "1200", "2.00e-5"]
-        );
+        assert_eq!([0.0, 0.5, 1200.0, 2e-5].map(short), ["0", "0.5000", "1200", "2.00e-5"]);
     }
 }

@@ -100,10 +100,7 @@ impl DancePicture {
         plot.curve(canvas, &self.speed, 2.0, TRACK);
         plot.marks(canvas, &self.speed, &self.kinematic_beats_s, 5.0, KINEMATIC);
         canvas.text((MARGIN, top), TextSize::Medium, INK, "mean joint speed");
-        let legend = [
-            ("red: music beat", LIMIT),
-            ("green: the robot's", KINEMATIC),
-        ];
+        let legend = [("red: music beat", LIMIT), ("green: the robot's", KINEMATIC)];
         for (i, (text, rgba)) in legend.into_iter().enumerate() {
             let y = top + 22.0 * (i as f32 + 1.0);
             canvas.text((MARGIN, y), TextSize::Small, rgba, text);
@@ -146,11 +143,8 @@ impl DancePicture {
         }
         plot.curve(canvas, &track.samples, 2.0, TRACK);
         canvas.text((left, top), TextSize::Medium, INK, &track.name);
-        let range = format!(
-            "{:.0}..{:.0} deg",
-            track.lower_rad.to_degrees(),
-            track.upper_rad.to_degrees()
-        );
+        let range =
+            format!("{:.0}..{:.0} deg", track.lower_rad.to_degrees(), track.upper_rad.to_degrees());
         canvas.caption((left, top + 20.0), &range);
     }
 }

@@ -103,19 +103,10 @@ mod tests {
     use super::*;
 
     fn picture(figures: &[Option<(f64, f64)>]) -> Vec<u8> {
-        let dots = figures.iter().map(|figure| Dot {
-            name: "variant".into(),
-            figure: *figure,
-        });
-        let panel = DotPanel {
-            title: "error".into(),
-            dots: dots.collect(),
-        };
-        let dots = DotChart {
-            title: "Variants".into(),
-            subtitle: String::new(),
-            panels: vec![panel],
-        };
+        let dots = figures.iter().map(|figure| Dot { name: "variant".into(), figure: *figure });
+        let panel = DotPanel { title: "error".into(), dots: dots.collect() };
+        let dots =
+            DotChart { title: "Variants".into(), subtitle: String::new(), panels: vec![panel] };
         dots.png().unwrap()
     }
 

@@ -29,11 +29,7 @@ impl StickFigure {
             Some(Limb {
                 from: turned(at(joint.parent()?)),
                 to: turned(at(joint)),
-                radius_m: if joint == BodyJoint::Head {
-                    0.085
-                } else {
-                    0.045
-                },
+                radius_m: if joint == BodyJoint::Head { 0.085 } else { 0.045 },
                 side: Side::of(joint.name()),
             })
         };
@@ -59,11 +55,7 @@ mod tests {
         positions[BodyJoint::RightHip as usize] = [0.1, 1.0, 0.0];
         positions[BodyJoint::LeftFoot as usize] = [-0.1, 0.0, -0.2]; // toes ahead
         let figure = StickFigure::dancer(&positions);
-        let foot = figure
-            .limbs
-            .iter()
-            .find(|limb| limb.to[2] == 0.0)
-            .expect("the foot");
+        let foot = figure.limbs.iter().find(|limb| limb.to[2] == 0.0).expect("the foot");
         assert!((foot.to[0] - 0.2).abs() < 1e-6, "ahead is +x: {foot:?}");
         assert!((foot.to[1] - 0.1).abs() < 1e-6, "left is +y: {foot:?}");
     }

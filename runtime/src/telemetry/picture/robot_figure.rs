@@ -56,12 +56,7 @@ pub fn robot_figure(
     let feet = feet.map(|limb: &Limb| limb.from[2].min(limb.to[2]) - limb.radius_m);
     let floor_m = feet.fold(f64::INFINITY, f64::min);
     let root = world_from_root.translation;
-    StickFigure {
-        limbs,
-        height_m: 0.0,
-        floor_m,
-        center: [root.x, root.y],
-    }
+    StickFigure { limbs, height_m: 0.0, floor_m, center: [root.x, root.y] }
 }
 
 /// The radius, and half the longest side as a vector, less the drawn ends' rounding.
@@ -73,10 +68,7 @@ fn axis_of(shape: &Shape) -> ([f64; 3], f64) {
         }
         Shape::Box { size_m } => {
             let longest = (0..3).fold(0, |a, b| if size_m[b] > size_m[a] { b } else { a });
-            let others: Vec<f64> = (0..3)
-                .filter(|i| *i != longest)
-                .map(|i| size_m[i])
-                .collect();
+            let others: Vec<f64> = (0..3).filter(|i| *i != longest).map(|i| size_m[i]).collect();
             let radius_m = (others[0] + others[1]) / 4.0;
             let mut axis = [0.0; 3];
             axis[longest] = (size_m[longest] / 2.0 - radius_m).max(1e-4);

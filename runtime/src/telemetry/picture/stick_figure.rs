@@ -50,24 +50,13 @@ pub fn draw_figure(
 ) {
     let floor_y = top + height - 8.0;
     let scale = f64::from(height - 30.0) / (figure.height_m * 1.15).max(1e-6);
-    canvas.line(
-        &[(center_x - 44.0, floor_y), (center_x + 44.0, floor_y)],
-        1.5,
-        FLOOR,
-    );
+    canvas.line(&[(center_x - 44.0, floor_y), (center_x + 44.0, floor_y)], 1.5, FLOOR);
     let view = |p: [f64; 3]| -> (Point, f64) {
-        let (x, y, z) = (
-            p[0] - figure.center[0],
-            p[1] - figure.center[1],
-            p[2] - figure.floor_m,
-        );
+        let (x, y, z) = (p[0] - figure.center[0], p[1] - figure.center[1], p[2] - figure.floor_m);
         let (sin, cos) = YAW_RAD.sin_cos();
         let (near, side) = (x * cos - y * sin, x * sin + y * cos);
         let up = z * PITCH_RAD.cos() - near * PITCH_RAD.sin();
-        let at = (
-            center_x + (side * scale) as f32,
-            floor_y - (up * scale) as f32,
-        );
+        let at = (center_x + (side * scale) as f32, floor_y - (up * scale) as f32);
         (at, near)
     };
 

@@ -24,11 +24,7 @@ impl McapFile {
             .library(concat!("servodance ", env!("CARGO_PKG_VERSION")))
             .compression(None)
             .create(pending.writer()?)?;
-        Ok(Self {
-            pending,
-            writer,
-            channels: BTreeMap::new(),
-        })
+        Ok(Self { pending, writer, channels: BTreeMap::new() })
     }
 
     pub fn message(
@@ -39,21 +35,13 @@ impl McapFile {
     ) -> anyhow::Result<()> {
         let (channel_id, sequence) = self.channel(topic)?;
         let log_time = (time_s.max(0.0) * 1e9).round() as u64;
-        let header = MessageHeader {
-            channel_id,
-            sequence,
-            log_time,
-            publish_time: log_time,
-        };
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
         self.writer.write_to_known_channel(&header, data)?;
         Ok(())
     }
 
     pub fn facts(&mut self, facts: BTreeMap<String, String>) -> anyhow::Result<()> {
-        self.writer.write_metadata(&Metadata {
-            name: "dance".into(),
-            metadata: facts,
-        })?;
+        self.writer.write_metadata(&Metadata { name: "dance".into(), metadata: facts })?;
         Ok(())
     }
 
@@ -70,12 +58,8 @@ impl McapFile {
             return Ok((*id, *sequence));
         }
         let definition = message_type.definition();
-        let schema = self
-            .writer
-            .add_schema(message_type.name, "ros2msg", definition.as_bytes())?;
-        let id = self
-            .writer
-            .add_channel(schema, &name, "cdr", &BTreeMap::new())?;
+        let schema = self.writer.add_schema(message_type.name, "ros2msg", definition.as_bytes())?;
+        let id = self.writer.add_channel(schema, &name, "cdr", &BTreeMap::new())?;
         self.channels.insert(name.into_owned(), (id, 0));
         Ok((id, 0))
     }

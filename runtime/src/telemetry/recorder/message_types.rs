@@ -4,30 +4,20 @@
 const SEPARATOR: &str =
     "\n================================================================================\nMSG: ";
 
-const HEADER: (&str, &str) = (
-    "std_msgs/Header",
-    "builtin_interfaces/Time stamp\nstring frame_id\n",
-);
+const HEADER: (&str, &str) =
+    ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n");
 const TIME: (&str, &str) = ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n");
 
-const POSE: (&str, &str) = (
-    "geometry_msgs/Pose",
-    "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
-);
+const POSE: (&str, &str) =
+    ("geometry_msgs/Pose", "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n");
 const POINT: (&str, &str) = ("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n");
-const QUATERNION: (&str, &str) = (
-    "geometry_msgs/Quaternion",
-    "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
-);
+const QUATERNION: (&str, &str) =
+    ("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n");
 
-const ARRAY_LAYOUT: (&str, &str) = (
-    "std_msgs/MultiArrayLayout",
-    "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n",
-);
-const ARRAY_DIMENSION: (&str, &str) = (
-    "std_msgs/MultiArrayDimension",
-    "string label\nuint32 size\nuint32 stride\n",
-);
+const ARRAY_LAYOUT: (&str, &str) =
+    ("std_msgs/MultiArrayLayout", "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n");
+const ARRAY_DIMENSION: (&str, &str) =
+    ("std_msgs/MultiArrayDimension", "string label\nuint32 size\nuint32 stride\n");
 
 /// A message type: its ROS 2 name, its fields in the `ros2msg` encoding, and the
 /// types that the fields contain.
@@ -43,11 +33,7 @@ const fn message(
     fields: &'static str,
     parts: &'static [(&'static str, &'static str)],
 ) -> MessageType {
-    MessageType {
-        name,
-        fields,
-        parts,
-    }
+    MessageType { name, fields, parts }
 }
 
 pub const FLOAT64: MessageType = message("std_msgs/msg/Float64", "float64 data\n", &[]);

@@ -74,22 +74,17 @@ impl Recorder {
         on_error: OnRecordingError,
     ) -> anyhow::Result<Self> {
         let writer = WriterThread::start(path, when_behind, on_error)?;
-        Ok(Self {
-            writer,
-            joint_names,
-        })
+        Ok(Self { writer, joint_names })
     }
 
     /// One number at `time_s`.
     pub fn number(&mut self, topic: RecordingTopic, time_s: f64, value: f64) {
-        self.writer
-            .message(topic, time_s, CdrWriter::new().f64(value).finish());
+        self.writer.message(topic, time_s, CdrWriter::new().f64(value).finish());
     }
 
     /// One text at `time_s`.
     pub fn text(&mut self, topic: RecordingTopic, time_s: f64, value: &str) {
-        self.writer
-            .message(topic, time_s, CdrWriter::new().string(value).finish());
+        self.writer.message(topic, time_s, CdrWriter::new().string(value).finish());
     }
 
     /// Joint positions alone, radians.
@@ -110,10 +105,8 @@ impl Recorder {
 
     /// A human motion frame at `time_s`, turned from y up to z up, facing x.
     pub fn motion(&mut self, time_s: f64, frame: &MotionFrame) {
-        let points = frame
-            .positions
-            .iter()
-            .map(|[left, up, forward]| [*forward, *left, *up].map(f64::from));
+        let points =
+            frame.positions.iter().map(|[left, up, forward]| [*forward, *left, *up].map(f64::from));
         let message = pose_array(time_s, MOTION_FRAME, points);
         self.writer.message(RecordingTopic::Motion, time_s, message);
     }
@@ -141,8 +134,7 @@ impl Recorder {
         let name = self.joint_names.get(joint).map_or("", String::as_str);
         let mut cdr = CdrWriter::new();
         let data = cdr.header(time_s, name).f64(celsius).f64(0.0).finish();
-        self.writer
-            .message(RecordingTopic::Temperatures, time_s, data);
+        self.writer.message(RecordingTopic::Temperatures, time_s, data);
     }
 
     pub(crate) fn notice(&mut self, notice: SafetyNotice) {
@@ -153,8 +145,7 @@ impl Recorder {
             .string(&name)
             .string(notice.cause);
         let data = cdr.string("").string("").u32(0).finish();
-        self.writer
-            .message(RecordingTopic::Safety, notice.time_s, data);
+        self.writer.message(RecordingTopic::Safety, notice.time_s, data);
     }
 
     /// Facts about the run, as text by key.

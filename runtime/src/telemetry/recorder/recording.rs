@@ -30,10 +30,7 @@ pub struct Series<T> {
 
 impl<T> Default for Series<T> {
     fn default() -> Self {
-        Self {
-            times_s: Vec::new(),
-            values: Vec::new(),
-        }
+        Self { times_s: Vec::new(), values: Vec::new() }
     }
 }
 
@@ -134,10 +131,7 @@ impl Recording {
     fn read_every(path: &Path, every_s: f64) -> anyhow::Result<Self> {
         let place = || format!("cannot read the recording {}", path.display());
         let file = File::open(path).with_context(place)?;
-        let mut reading = RecordingReader {
-            every_s,
-            ..RecordingReader::default()
-        };
+        let mut reading = RecordingReader { every_s, ..RecordingReader::default() };
         reading.read(BufReader::new(file)).with_context(place)?;
         reading.finish().with_context(place)
     }
@@ -249,11 +243,7 @@ impl RecordingReader {
     /// Times become those of the music, once it is known when it began.
     fn finish(self) -> anyhow::Result<Recording> {
         let mut recording = self.recording;
-        let number = |key: &str| {
-            self.facts
-                .get(key)
-                .and_then(|text| text.parse::<f64>().ok())
-        };
+        let number = |key: &str| self.facts.get(key).and_then(|text| text.parse::<f64>().ok());
         let (Some(start_s), Some(control_hz)) = (number("music_start_s"), number("control_hz"))
         else {
             bail!("it is no recording of a dance (made by `dance --record`), or not a whole one");
@@ -317,10 +307,7 @@ fn past(mut cdr: CdrReader<'_>) -> Option<RecordedEvent> {
     cdr.u8()?;
     let name = cdr.string()?;
     let state = name.strip_prefix(SAFETY).and_then(|s| s.strip_prefix('.'));
-    Some(RecordedEvent {
-        state: state.unwrap_or(name).to_owned(),
-        cause: cdr.string()?.to_owned(),
-    })
+    Some(RecordedEvent { state: state.unwrap_or(name).to_owned(), cause: cdr.string()?.to_owned() })
 }
 
 fn points(mut cdr: CdrReader<'_>) -> Option<[[f32; 3]; JOINT_COUNT]> {

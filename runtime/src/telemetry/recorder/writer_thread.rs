@@ -65,12 +65,7 @@ impl WriterThread {
                 written
             })
             .context("cannot start the thread that records")?;
-        Ok(Self {
-            queue: Some(queue),
-            thread: Some(thread),
-            when_behind,
-            left_out: 0,
-        })
+        Ok(Self { queue: Some(queue), thread: Some(thread), when_behind, left_out: 0 })
     }
 
     pub fn message(&mut self, topic: RecordingTopic, time_s: f64, data: Vec<u8>) {

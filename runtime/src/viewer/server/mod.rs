@@ -69,11 +69,7 @@ impl Server {
                 Err(error) => stderr_line!("the page cannot be served: {error}"),
             }
         })?;
-        Ok(Self {
-            address,
-            stop: Some(stop),
-            thread: Some(thread),
-        })
+        Ok(Self { address, stop: Some(stop), thread: Some(thread) })
     }
 
     /// Where the page is, with its token.

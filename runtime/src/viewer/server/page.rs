@@ -34,10 +34,7 @@ mod tests {
         let mut seen = Vec::new();
         while let Some(name) = todo.pop() {
             let (_, text) = part(&name).unwrap_or_else(|| panic!("{name} is missing"));
-            assert!(
-                !text.contains("http:") && !text.contains("https:"),
-                "{name}"
-            );
+            assert!(!text.contains("http:") && !text.contains("https:"), "{name}");
             for quoted in text.split('"').skip(1).step_by(2) {
                 let file = quoted.trim_start_matches("./").to_owned();
                 let is_part = file.ends_with(".js") || file.ends_with(".css");

@@ -73,9 +73,7 @@ impl ServerState {
         let pressed = end.estop.is_pressed();
         let activity = end.newest().now.activity;
         for request in &requests {
-            request
-                .possible(activity, pressed)
-                .map_err(|why| (StatusCode::CONFLICT, why))?;
+            request.possible(activity, pressed).map_err(|why| (StatusCode::CONFLICT, why))?;
         }
         match end.ask(&requests) {
             true => Ok(()),

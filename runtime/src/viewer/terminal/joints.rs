@@ -84,22 +84,12 @@ mod tests {
             acceleration_rad_s2: 1.0,
         };
         let at = |position_rad, target_rad, temperature_c| {
-            let now = JointStatus {
-                position_rad,
-                target_rad,
-                temperature_c,
-                ..JointStatus::default()
-            };
+            let now =
+                JointStatus { position_rad, target_rad, temperature_c, ..JointStatus::default() };
             text(&joint("elbow", &limits, &now, NAME + FIGURES + 11))
         };
-        assert_eq!(
-            at(0.0, 1.0, 36.4),
-            "elbow          ·····●····┃    0.0°  36°"
-        );
-        assert_eq!(
-            at(-9.0, 0.0, f64::NAN),
-            "elbow          ●····┃····· -515.7°   –"
-        );
+        assert_eq!(at(0.0, 1.0, 36.4), "elbow          ·····●····┃    0.0°  36°");
+        assert_eq!(at(-9.0, 0.0, f64::NAN), "elbow          ●····┃····· -515.7°   –");
         assert!(at(f64::NAN, f64::NAN, 70.0).ends_with("NaN°  70°"));
     }
 

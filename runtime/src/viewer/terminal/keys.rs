@@ -157,10 +157,7 @@ mod tests {
         assert_eq!(after(SettingChange::LastStyle), ViewerRequest::Style(2));
         assert_eq!(after(SettingChange::LastStyle), ViewerRequest::Style(1));
         assert_eq!(after(SettingChange::NextSeed), ViewerRequest::Seed(0));
-        assert_eq!(
-            after(SettingChange::NextIdle),
-            ViewerRequest::Idle(IdleStyle::Sway)
-        );
+        assert_eq!(after(SettingChange::NextIdle), ViewerRequest::Idle(IdleStyle::Sway));
         assert_eq!(after(SettingChange::Mirror), ViewerRequest::Mirror(true));
         assert_eq!(after(SettingChange::Mirror), ViewerRequest::Mirror(false));
     }

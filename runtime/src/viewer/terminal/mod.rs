@@ -76,11 +76,7 @@ impl TerminalView {
         let kept = HeldLines::begin();
         let thread = std::thread::Builder::new().name("terminal view".into());
         let thread = thread.spawn(move || view.run(screen))?;
-        Ok(Self {
-            over,
-            thread: Some(thread),
-            _kept: kept,
-        })
+        Ok(Self { over, thread: Some(thread), _kept: kept })
     }
 }
 

@@ -76,11 +76,7 @@ pub fn draw(
 }
 
 fn badge<'a>(text: String, colour: Color) -> Span<'a> {
-    Span::styled(
-        format!(" {text} "),
-        Style::new().fg(Color::Black).bg(colour),
-    )
-    .bold()
+    Span::styled(format!(" {text} "), Style::new().fg(Color::Black).bg(colour)).bold()
 }
 
 fn title<'a>(scene: &Scene, now: &RobotStatus, pressed: bool) -> Line<'a> {
@@ -101,10 +97,7 @@ fn title<'a>(scene: &Scene, now: &RobotStatus, pressed: bool) -> Line<'a> {
         badge(now.activity.name().into(), activity),
         Span::from(" "),
         badge(safety.into(), colour),
-        Span::from(format!(
-            "  music {:.1} s   torque on for {:.0} s",
-            now.music_s, now.robot_s
-        )),
+        Span::from(format!("  music {:.1} s   torque on for {:.0} s", now.music_s, now.robot_s)),
     ])
 }
 
@@ -164,19 +157,13 @@ fn bus<'a>(scene: &Scene, now: &RobotStatus) -> Line<'a> {
     let lost = now.bus.timeouts + now.bus.crc_errors;
     let slow = now.rate_hz < SLOW * scene.control_hz;
     Line::from(vec![
-        figure(
-            format!("bus {:.1} / {} Hz", now.rate_hz, scene.control_hz),
-            slow,
-        ),
+        figure(format!("bus {:.1} / {} Hz", now.rate_hz, scene.control_hz), slow),
         figure(format!("   lost replies {lost}"), lost > 0),
         figure(
             format!("   latest cycle {:.1} ms", now.late_ms),
             now.late_ms > 500.0 / scene.control_hz,
         ),
-        figure(
-            format!("   late motion {}", now.late_frames),
-            now.late_frames > 0,
-        ),
+        figure(format!("   late motion {}", now.late_frames), now.late_frames > 0),
     ])
 }
 
@@ -187,10 +174,7 @@ fn safety<'a>(now: &RobotStatus) -> Line<'a> {
     };
     Line::from(vec![
         Span::from(format!("commands limited {}", now.interventions)),
-        figure(
-            format!("   limits broken {broken}"),
-            now.violations > Some(0),
-        ),
+        figure(format!("   limits broken {broken}"), now.violations > Some(0)),
         Span::from(format!("   idle {:.0} %", now.idle_share * 100.0)),
     ])
 }

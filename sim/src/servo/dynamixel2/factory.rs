@@ -42,11 +42,7 @@ const X330: FactorySettings = FactorySettings {
     top_baud_code: 6,
 };
 
-const MX: FactorySettings = FactorySettings {
-    velocity_limit: 380,
-    position_p: 850,
-    ..X430
-};
+const MX: FactorySettings = FactorySettings { velocity_limit: 380, position_p: 850, ..X430 };
 
 pub(super) fn factory_settings(model: &ServoModel) -> &'static FactorySettings {
     match model.number {

@@ -28,11 +28,7 @@ impl XServo {
             _ => most,
         };
         let duty = sign * pwm.clamp(-most.min(asked), most.min(asked)) / FULL_PWM;
-        let most_a = if mode == 5 {
-            goal_current_a.abs()
-        } else {
-            f64::INFINITY
-        };
+        let most_a = if mode == 5 { goal_current_a.abs() } else { f64::INFINITY };
         self.limit_current(duty, most_a)
     }
 

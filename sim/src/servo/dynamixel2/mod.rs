@@ -236,11 +236,7 @@ impl XServo {
     }
 
     fn set_mode(&mut self, mode: i64) {
-        let keep = [
-            at::STATUS_RETURN_LEVEL,
-            at::BUS_WATCHDOG,
-            at::HARDWARE_ERROR,
-        ];
+        let keep = [at::STATUS_RETURN_LEVEL, at::BUS_WATCHDOG, at::HARDWARE_ERROR];
         let kept = keep.map(|register| self.table.get(register));
         if self.table.get(at::OPERATING_MODE) != mode {
             self.table.reset(RAM);

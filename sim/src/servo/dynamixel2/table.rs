@@ -118,9 +118,8 @@ impl ControlTable {
         if usize::from(address) + bytes.len() > usize::from(END) {
             return Err(AccessError::Access);
         }
-        let targets: Vec<u16> = (address..address + bytes.len() as u16)
-            .map(|address| self.resolve(address))
-            .collect();
+        let targets: Vec<u16> =
+            (address..address + bytes.len() as u16).map(|address| self.resolve(address)).collect();
         let mut writes = Vec::new();
         let mut at = 0;
         while at < targets.len() {
@@ -136,11 +135,7 @@ impl ControlTable {
                 return Err(AccessError::Length);
             }
             let raw = &bytes[at..at + size];
-            let value = if low < 0 {
-                sign_extended(raw)
-            } else {
-                unsigned(raw)
-            };
+            let value = if low < 0 { sign_extended(raw) } else { unsigned(raw) };
             if !(low..=high).contains(&value) {
                 return Err(AccessError::Range);
             }
@@ -152,10 +147,7 @@ impl ControlTable {
 }
 
 fn unsigned(bytes: &[u8]) -> i64 {
-    bytes
-        .iter()
-        .rev()
-        .fold(0, |value, byte| value << 8 | i64::from(*byte))
+    bytes.iter().rev().fold(0, |value, byte| value << 8 | i64::from(*byte))
 }
 
 /// One byte is unsigned in this table; two and four bytes are signed.
@@ -172,11 +164,7 @@ fn fields(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Vec<Field>
     let family = factory_settings(model);
     let mut fields = Vec::with_capacity(200);
     let mut read_only = |register, default| {
-        fields.push(Field {
-            register,
-            range: None,
-            default,
-        });
+        fields.push(Field { register, range: None, default });
     };
     read_only(at::MODEL, i64::from(model.number));
     read_only(Register::new(2, 4, "model information"), 0);
@@ -205,11 +193,7 @@ fn fields(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Vec<Field>
     let most_current = family.current_limit;
     let top_voltage = (family.min_voltage, family.max_voltage);
     let mut writable = |register, default, range| {
-        fields.push(Field {
-            register,
-            range: Some(range),
-            default,
-        });
+        fields.push(Field { register, range: Some(range), default });
     };
     writable(at::ID, i64::from(id), (0, 252));
     writable(at::BAUD, i64::from(baud_code), (0, family.top_baud_code));
@@ -300,36 +284,12 @@ mod tests {
     fn refusals_have_the_published_numbers() {
         let table = table();
         let refused = |address, bytes: &[u8], torque| table.check_write(address, bytes, torque);
-        assert_eq!(
-            refused(11, &[3], true),
-            Err(AccessError::Access),
-            "EEPROM with torque"
-        );
-        assert_eq!(
-            refused(132, &[0; 4], false),
-            Err(AccessError::Access),
-            "read only"
-        );
-        assert_eq!(
-            refused(116, &[0; 2], false),
-            Err(AccessError::Length),
-            "half a field"
-        );
-        assert_eq!(
-            refused(64, &[2], false),
-            Err(AccessError::Range),
-            "out of range"
-        );
-        assert_eq!(
-            refused(150, &[1], false),
-            Err(AccessError::Access),
-            "undefined"
-        );
-        assert_eq!(
-            refused(660, &[0; 4], false),
-            Err(AccessError::Access),
-            "past the end"
-        );
+        assert_eq!(refused(11, &[3], true), Err(AccessError::Access), "EEPROM with torque");
+        assert_eq!(refused(132, &[0; 4], false), Err(AccessError::Access), "read only");
+        assert_eq!(refused(116, &[0; 2], false), Err(AccessError::Length), "half a field");
+        assert_eq!(refused(64, &[2], false), Err(AccessError::Range), "out of range");
+        assert_eq!(refused(150, &[1], false), Err(AccessError::Access), "undefined");
+        assert_eq!(refused(660, &[0; 4], false), Err(AccessError::Access), "past the end");
         assert_eq!(table.read(660, 4), Err(AccessError::Access));
     }
 

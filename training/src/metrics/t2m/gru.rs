@@ -47,10 +47,8 @@ impl GruDirection {
     /// The state after the last element of each sequence, [count, width].
     fn last(&self, sequences: &[Tensor]) -> TensorResult<Tensor> {
         let (count, width) = (sequences.len(), self.start.dim(1)?);
-        let lengths: Vec<usize> = sequences
-            .iter()
-            .map(|s| s.dim(0))
-            .collect::<TensorResult<_>>()?;
+        let lengths: Vec<usize> =
+            sequences.iter().map(|s| s.dim(0)).collect::<TensorResult<_>>()?;
         let driven = |s: &Tensor| s.matmul(&self.input_t)?.broadcast_add(&self.input_bias);
         let driven: Vec<Tensor> = sequences.iter().map(driven).collect::<TensorResult<_>>()?;
         let mut state = self.start.broadcast_as((count, width))?.contiguous()?;
@@ -60,17 +58,13 @@ impl GruDirection {
             let next = self.next(&Tensor::cat(&rows, 0)?, &state)?;
             let goes_on: Vec<u8> = lengths.iter().map(|n| u8::from(step < *n)).collect();
             let goes_on = Tensor::from_vec(goes_on, (count, 1), &Device::Cpu)?;
-            state = goes_on
-                .broadcast_as((count, width))?
-                .where_cond(&next, &state)?;
+            state = goes_on.broadcast_as((count, width))?.where_cond(&next, &state)?;
         }
         Ok(state)
     }
 
     fn next(&self, driven: &Tensor, state: &Tensor) -> TensorResult<Tensor> {
-        let recurrent = state
-            .matmul(&self.recurrent_t)?
-            .broadcast_add(&self.recurrent_bias)?;
+        let recurrent = state.matmul(&self.recurrent_t)?.broadcast_add(&self.recurrent_bias)?;
         let (driven, recurrent) = (driven.chunk(3, D::Minus1)?, recurrent.chunk(3, D::Minus1)?);
         let reset = sigmoid(&(&driven[0] + &recurrent[0])?)?;
         let keep = sigmoid(&(&driven[1] + &recurrent[1])?)?;
@@ -110,14 +104,9 @@ impl GruReader {
 
     /// Of sequences [length, input], none of them empty: [count, output].
     pub fn forward(&self, sequences: &[Tensor]) -> TensorResult<Tensor> {
-        let ahead: Vec<Tensor> = sequences
-            .iter()
-            .map(|s| self.input.forward(s))
-            .collect::<TensorResult<_>>()?;
-        let back: Vec<Tensor> = ahead
-            .iter()
-            .map(|s| s.flip(&[0]))
-            .collect::<TensorResult<_>>()?;
+        let ahead: Vec<Tensor> =
+            sequences.iter().map(|s| self.input.forward(s)).collect::<TensorResult<_>>()?;
+        let back: Vec<Tensor> = ahead.iter().map(|s| s.flip(&[0])).collect::<TensorResult<_>>()?;
         let [first, second] = &self.directions;
         let ends = Tensor::cat(&[first.last(&ahead)?, second.last(&back)?], 1)?;
         let inner = self.norm.forward(&self.inner.forward(&ends)?)?;

@@ -58,11 +58,7 @@ impl Extractors {
             deviation: file.tensor("std", &[HUMANML_DIM])?,
             convolutions: [convolution(0, HEARD)?, convolution(3, POINT_DIM)?],
             movement: Linear::load(&file, "movement_encoder.out_net", POINT_DIM, POINT_DIM)?,
-            motion: GruReader::load(
-                &file,
-                "motion_encoder",
-                [POINT_DIM, MOTION_WIDTH, POINT_DIM],
-            )?,
+            motion: GruReader::load(&file, "motion_encoder", [POINT_DIM, MOTION_WIDTH, POINT_DIM])?,
             kinds: Linear::load(&file, "text_encoder.pos_emb", KINDS, WORD_DIM)?,
             text: GruReader::load(&file, "text_encoder", [WORD_DIM, POINT_DIM, POINT_DIM])?,
             words: WordTable::load(&folder.join("words.json"), &file)?,
@@ -82,10 +78,7 @@ impl Extractors {
     fn steps(&self, motion: &[HumanMlVector]) -> Result<Tensor, ModelError> {
         let steps = motion.len().min(MOST_FRAMES) / FRAMES_A_STEP;
         if steps == 0 {
-            return Err(ModelError::TooShort {
-                found: motion.len(),
-                expected: FRAMES_A_STEP,
-            });
+            return Err(ModelError::TooShort { found: motion.len(), expected: FRAMES_A_STEP });
         }
         let frames = steps * FRAMES_A_STEP;
         let rows = motion[..frames].as_flattened();

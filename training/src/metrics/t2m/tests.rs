@@ -66,10 +66,7 @@ fn every_missing_file_is_named() {
         let folder = folder(|_, _| {});
         std::fs::remove_file(folder.path().join(name)).unwrap();
         let text = refused(folder.path());
-        assert!(
-            text.contains(name) && text.contains("No such file"),
-            "{text}"
-        );
+        assert!(text.contains(name) && text.contains("No such file"), "{text}");
     }
 }
 
@@ -80,10 +77,7 @@ fn another_layout_is_refused_by_name() {
     assert!(text.contains("motion_encoder.hidden"), "{text}");
     let shorter = folder(|_, list| drop(list["words"].as_array_mut().unwrap().pop()));
     let text = refused(shorter.path());
-    assert!(
-        text.contains("words.weight") && text.contains("[9, 300]"),
-        "{text}"
-    );
+    assert!(text.contains("words.weight") && text.contains("[9, 300]"), "{text}");
     for (key, value, told) in [
         ("words", serde_json::json!("all"), "words.json"),
         ("kinds", serde_json::json!(["NOUN"]), "expected 15"),

@@ -56,9 +56,9 @@ impl WordTable {
         let kinds: HashMap<String, usize> = list.kinds.into_iter().zip(0..).collect();
         let number = |(word, kind): (String, String)| match kinds.get(&kind) {
             Some(number) => Ok((word, *number)),
-            None => Err(failed(format!(
-                "`kind_of` says {word} is {kind}, which is not in `kinds`"
-            ))),
+            None => {
+                Err(failed(format!("`kind_of` says {word} is {kind}, which is not in `kinds`")))
+            }
         };
         let kind_of = list.kind_of.into_iter().map(number);
         let kind_of = kind_of.collect::<Result<_, _>>()?;

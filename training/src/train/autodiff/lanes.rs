@@ -43,9 +43,7 @@ pub(crate) fn dot(x: &[f32], y: &[f32]) -> f32 {
 
 /// Sum of squares; long slices in f64 between pieces.
 pub(crate) fn sum_of_squares(x: &[f32]) -> f64 {
-    x.chunks(256)
-        .map(|piece| f64::from(dot(piece, piece)))
-        .sum()
+    x.chunks(256).map(|piece| f64::from(dot(piece, piece))).sum()
 }
 
 pub(crate) fn add(y: &mut [f32], x: &[f32]) {
@@ -79,10 +77,7 @@ mod tests {
         for i in -8700..8800 {
             let x = i as f32 * 0.01;
             let (found, expected) = (exp(x), x.exp());
-            assert!(
-                (found - expected).abs() <= 3e-7 * expected,
-                "{x}: {found}, {expected}"
-            );
+            assert!((found - expected).abs() <= 3e-7 * expected, "{x}: {found}, {expected}");
         }
         assert_eq!(exp(f32::NEG_INFINITY), 0.0);
         assert_eq!(exp(0.0), 1.0);

@@ -26,13 +26,7 @@ impl<'a> MatrixView<'a> {
 
     /// A matrix whose rows begin `stride` numbers apart.
     pub fn strided(data: &'a [f32], rows: usize, columns: usize, stride: usize) -> Self {
-        Self {
-            data,
-            rows,
-            columns,
-            row_stride: stride,
-            column_stride: 1,
-        }
+        Self { data, rows, columns, row_stride: stride, column_stride: 1 }
     }
 
     pub fn t(self) -> Self {
@@ -67,12 +61,7 @@ impl<'a> MatrixViewMut<'a> {
 
     /// A matrix whose rows begin `stride` numbers apart.
     pub fn strided(data: &'a mut [f32], rows: usize, columns: usize, stride: usize) -> Self {
-        Self {
-            data,
-            rows,
-            columns,
-            stride,
-        }
+        Self { data, rows, columns, stride }
     }
 }
 
@@ -155,9 +144,7 @@ mod tests {
                 let at = |v: MatrixView, r: usize, c: usize| {
                     f64::from(v.data[r * v.row_stride + c * v.column_stride])
                 };
-                let sum: f64 = (0..lhs.columns)
-                    .map(|k| at(lhs, i, k) * at(rhs, k, j))
-                    .sum();
+                let sum: f64 = (0..lhs.columns).map(|k| at(lhs, i, k) * at(rhs, k, j)).sum();
                 let before = if add { out[i * stride + j] } else { 0.0 };
                 out[i * stride + j] = before + sum as f32;
             }
@@ -166,13 +153,7 @@ mod tests {
 
     #[test]
     fn products_are_those_of_the_definition() {
-        for (m, n, k) in [
-            (1, 1, 1),
-            (3, 5, 7),
-            (64, 33, 40),
-            (7, 120, 1),
-            (130, 64, 257),
-        ] {
+        for (m, n, k) in [(1, 1, 1), (3, 5, 7), (64, 33, 40), (7, 120, 1), (130, 64, 257)] {
             for (transposed, onto) in [(false, WriteMode::Nothing), (true, WriteMode::Sum)] {
                 let (a, b) = (numbers(m * (k + 3), 1), numbers(k * n, 2));
                 let lhs = MatrixView::strided(&a, m, k, k + 3);
@@ -225,12 +206,6 @@ mod tests {
         let (a, b) = (numbers(5, 1), numbers(6, 2));
         let mut out = [0.0; 4];
         let (lhs, rhs) = (MatrixView::of(&a, 2, 3), MatrixView::of(&b, 3, 2));
-        product(
-            MatrixViewMut::of(&mut out, 2, 2),
-            WriteMode::Nothing,
-            lhs,
-            rhs,
-            Threads::One,
-        );
+        product(MatrixViewMut::of(&mut out, 2, 2), WriteMode::Nothing, lhs, rhs, Threads::One);
     }
 }

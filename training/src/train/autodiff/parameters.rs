@@ -29,9 +29,9 @@ impl ParamInit {
     fn draw(self, count: usize, rng: &mut ChaCha8Rng) -> Vec<f32> {
         match self {
             ParamInit::Constant(value) => vec![value; count],
-            ParamInit::Uniform(bound) => (0..count)
-                .map(|_| rng.random_range(-bound..=bound))
-                .collect(),
+            ParamInit::Uniform(bound) => {
+                (0..count).map(|_| rng.random_range(-bound..=bound)).collect()
+            }
             ParamInit::Normal(deviation) => (0..count).map(|_| deviation * normal(rng)).collect(),
         }
     }
@@ -84,12 +84,7 @@ pub(crate) struct ParameterGradients(pub Vec<Vec<f32>>);
 
 impl ParameterGradients {
     pub fn zeros(parameters: &Parameters) -> Self {
-        Self(
-            parameters
-                .iter()
-                .map(|p| vec![0.0; p.values.len()])
-                .collect(),
-        )
+        Self(parameters.iter().map(|p| vec![0.0; p.values.len()]).collect())
     }
 
     pub fn of(&mut self, id: ParamId) -> &mut [f32] {

@@ -26,10 +26,7 @@ pub(crate) struct Batch {
 
 impl Batch {
     pub fn full(sequences: usize, length: usize) -> Self {
-        Self {
-            length,
-            lengths: vec![length; sequences],
-        }
+        Self { length, lengths: vec![length; sequences] }
     }
 
     pub fn rows(&self) -> usize {
@@ -99,11 +96,7 @@ pub(crate) struct Tape<'p> {
 
 impl<'p> Tape<'p> {
     pub fn new(parameters: &'p Parameters, buffers: BufferPool) -> Self {
-        Self {
-            parameters,
-            buffers,
-            nodes: Vec::new(),
-        }
+        Self { parameters, buffers, nodes: Vec::new() }
     }
 
     /// Numbers from outside, [rows, columns].
@@ -122,11 +115,7 @@ impl<'p> Tape<'p> {
         operation: Option<Box<dyn Operation>>,
     ) -> Var {
         debug_assert_eq!(data.len() % columns, 0);
-        self.nodes.push(TapeNode {
-            data,
-            columns,
-            operation,
-        });
+        self.nodes.push(TapeNode { data, columns, operation });
         Var(self.nodes.len() - 1)
     }
 

@@ -66,16 +66,8 @@ impl MotionSeqNetwork {
     pub fn new(make: &mut ParamBuilder, config: &ModelConfig) -> Self {
         let seq = &config.seq;
         let dim = seq.dim;
-        let widths = LayerWidths {
-            dim,
-            inner: seq.heads * seq.width_of_head(),
-            hidden: seq.ff,
-        };
-        let mask = AttentionMask {
-            slopes: seq.used_slopes(),
-            window: seq.window,
-            ahead: 0,
-        };
+        let widths = LayerWidths { dim, inner: seq.heads * seq.width_of_head(), hidden: seq.ff };
+        let mask = AttentionMask { slopes: seq.used_slopes(), window: seq.window, ahead: 0 };
         let cross_mask = match seq.cross_aligned {
             true => AttentionMask {
                 slopes: seq.used_cross_slopes(),
@@ -97,9 +89,7 @@ impl MotionSeqNetwork {
                 .map(|i| MotionSeqLayer::new(make, &format!("seq.layers.{i}"), widths, config))
                 .collect(),
             norm: LayerNorm::new(make, "seq.norm", dim),
-            parts: (0..config.parts.len())
-                .map(|i| CodeHead::new(make, i, config))
-                .collect(),
+            parts: (0..config.parts.len()).map(|i| CodeHead::new(make, i, config)).collect(),
             mask,
             cross_mask,
             config: config.clone(),
@@ -111,12 +101,7 @@ impl MotionSeqNetwork {
         let (seq, batch) = (&self.config.seq, &inputs.batch);
         let music = t.constant(inputs.music.clone(), self.config.music_dim);
         let stream = self.music_in.forward(t, music);
-        let mut stream = t.or_else(
-            stream,
-            self.music_null,
-            batch.length,
-            inputs.has_music.clone(),
-        );
+        let mut stream = t.or_else(stream, self.music_null, batch.length, inputs.has_music.clone());
         let mut sum = seq.music_at_input.then_some(stream);
         for (part, codes) in self.parts.iter().zip(&inputs.previous) {
             sum = Some(t.lookup(sum, part.embed, seq.dim, codes.clone()));
@@ -130,13 +115,9 @@ impl MotionSeqNetwork {
         let style = t.lookup(None, self.style, seq.style_dim, inputs.styles.clone());
         for layer in &self.layers {
             let normal = layer.norm1.forward(t, x);
-            x = layer
-                .attention
-                .onto(t, normal, x, (&self.mask, batch), drop);
+            x = layer.attention.onto(t, normal, x, (&self.mask, batch), drop);
             let normal = layer.norm2.forward(t, x);
-            x = layer
-                .cross
-                .onto(t, (normal, stream), x, (&self.cross_mask, batch), drop);
+            x = layer.cross.onto(t, (normal, stream), x, (&self.cross_mask, batch), drop);
             let scale = layer.style.forward(t, style);
             x = t.modulate(x, scale, batch.length);
             let normal = layer.norm3.forward(t, x);
@@ -150,10 +131,7 @@ impl MotionSeqNetwork {
         let mut hidden = self.hidden(t, inputs, drop);
         let mut logits = Vec::with_capacity(self.parts.len());
         // Heads are not dropped: they are no residual branches of the body.
-        let mut never = Dropout {
-            rate: 0.0,
-            rng: drop.rng,
-        };
+        let mut never = Dropout { rate: 0.0, rng: drop.rng };
         for (part, chosen) in self.parts.iter().zip(&inputs.chosen) {
             let seen = match &part.refine {
                 Some((norm, refine)) => {
@@ -210,17 +188,9 @@ impl CodeHead {
                 .then(|| make.tensor(table("given"), &[codes, dim], EMBEDDING)),
             refine: (index > 0).then(|| {
                 let norm = LayerNorm::new(make, &format!("seq.refine_norm.{part}"), dim);
-                (
-                    norm,
-                    FeedForwardLayer::new(make, &refine, dim, dim, config.activation),
-                )
+                (norm, FeedForwardLayer::new(make, &refine, dim, dim, config.activation))
             }),
-            head: LinearLayer::new(
-                make,
-                &format!("seq.head.{part}"),
-                dim,
-                config.classes(index),
-            ),
+            head: LinearLayer::new(make, &format!("seq.head.{part}"), dim, config.classes(index)),
         }
     }
 }

@@ -19,14 +19,9 @@ pub(crate) fn nll(logits: &[f32], targets: &[u32], smoothing: f32) -> (f64, Vec<
         .zip(logits.par_chunks(PIECE_ROWS * classes))
         .zip(targets.par_chunks(PIECE_ROWS))
         .map(|((gradient, logits), targets)| {
-            let rows = gradient
-                .chunks_mut(classes)
-                .zip(logits.chunks(classes))
-                .zip(targets);
+            let rows = gradient.chunks_mut(classes).zip(logits.chunks(classes)).zip(targets);
             let counted = rows.filter(|(_, target)| **target != IGNORED);
-            counted
-                .map(|((g, l), target)| of_row(g, l, *target as usize, smoothing, count))
-                .sum()
+            counted.map(|((g, l), target)| of_row(g, l, *target as usize, smoothing, count)).sum()
         })
         .collect();
     (pieces.iter().sum::<f64>() / f64::from(count), gradient)
@@ -41,9 +36,7 @@ fn of_row(gradient: &mut [f32], logits: &[f32], target: usize, smoothing: f32, c
     let log_sum = largest + sum.ln();
     let even = smoothing / logits.len() as f32;
     let loss = log_sum - (1.0 - smoothing) * logits[target] - even * lanes::sum(logits);
-    gradient
-        .iter_mut()
-        .for_each(|g| *g = (*g / sum - even) / count);
+    gradient.iter_mut().for_each(|g| *g = (*g / sum - even) / count);
     gradient[target] -= (1.0 - smoothing) / count;
     f64::from(loss)
 }

@@ -15,26 +15,16 @@ const AROUND_FRAMES: usize = 60;
 pub(super) fn starts(data: &TrainingData, codes: &ClipCodes) -> (Vec<i32>, Vec<i32>) {
     let (mut rows, mut styles) = (Vec::new(), Vec::new());
     for style in 0..STYLES.len() {
-        let of_style: Vec<usize> = data
-            .of_split(Split::Train)
-            .filter(|c| data.clips[*c].style == style)
-            .collect();
+        let of_style: Vec<usize> =
+            data.of_split(Split::Train).filter(|c| data.clips[*c].style == style).collect();
         let heard = |c: &&usize| data.clips[**c].music.is_some();
         let with_music: Vec<usize> = of_style.iter().filter(heard).copied().collect();
-        let clips = if with_music.is_empty() {
-            of_style
-        } else {
-            with_music
-        };
+        let clips = if with_music.is_empty() { of_style } else { with_music };
         let mut moments: Vec<(f32, usize, usize)> = Vec::new();
         for c in clips {
             let motion = &data.clips[c].motion;
             // Short clips are taken whole.
-            let around = if motion.len() > 2 * AROUND_FRAMES {
-                AROUND_FRAMES
-            } else {
-                0
-            };
+            let around = if motion.len() > 2 * AROUND_FRAMES { AROUND_FRAMES } else { 0 };
             let frames = around..motion.len() - around;
             moments.extend(frames.map(|f| (mean_speed(&motion[f]), c, f)));
         }
@@ -54,7 +44,5 @@ pub(super) fn starts(data: &TrainingData, codes: &ClipCodes) -> (Vec<i32>, Vec<i
 
 fn mean_speed(row: &[f32; POSE_DIM]) -> f32 {
     let steps = row[STEPS_AT..CONTACTS_AT].chunks(3);
-    steps
-        .map(|s| s.iter().map(|v| v * v).sum::<f32>().sqrt())
-        .sum()
+    steps.map(|s| s.iter().map(|v| v * v).sum::<f32>().sqrt()).sum()
 }

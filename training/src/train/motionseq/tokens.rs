@@ -97,9 +97,7 @@ pub(crate) fn jittered(
             if rng.random_bool(NEW_OFFSET) {
                 offset = rng.random_range(-REACH..=REACH);
             }
-            frame
-                .saturating_add_signed(offset as isize)
-                .min(of_clip - 1)
+            frame.saturating_add_signed(offset as isize).min(of_clip - 1)
         })
         .collect()
 }
@@ -129,11 +127,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let book = LearnedCodebook::new((0..32).map(|i| i as f32).collect(), 1);
         let near = neighbours(&book);
-        assert!(
-            near[10]
-                .iter()
-                .all(|other| (6..=14).contains(other) && *other != 10)
-        );
+        assert!(near[10].iter().all(|other| (6..=14).contains(other) && *other != 10));
         let mut codes = vec![10; 10_000];
         corrupt(&mut codes, 0.4, &near, &[31], &mut rng);
         let share =
@@ -158,10 +152,7 @@ mod tests {
         let kind = MusicKind::default();
         let mut music = vec![0.5; 2 * kind.dim()];
         drop_features(kind, &mut music, true, &mut rng);
-        assert_eq!(
-            (music[0], music[2], music[32], music[33]),
-            (0.5, 0.0, 0.0, 0.5)
-        );
+        assert_eq!((music[0], music[2], music[32], music[33]), (0.5, 0.0, 0.0, 0.5));
         drop_features(kind, &mut music, false, &mut rng);
         assert!(music[kind.dim() + 5] != 0.0 && music[38] == 0.5);
     }

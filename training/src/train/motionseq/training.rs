@@ -68,13 +68,8 @@ impl MotionSeqTraining {
         let codes = tokenise(&vqvae_weights.encoder, &data, mean?, std?)?;
         let mut near = Vec::new();
         for part in &settings.model.parts {
-            let embed = vqvae_weights
-                .floats(&format!("vq.codebook.{part}"))?
-                .to_vec();
-            near.push(neighbours(&LearnedCodebook::new(
-                embed,
-                settings.model.code_dim,
-            )));
+            let embed = vqvae_weights.floats(&format!("vq.codebook.{part}"))?.to_vec();
+            near.push(neighbours(&LearnedCodebook::new(embed, settings.model.code_dim)));
         }
         let clips: Vec<usize> = data.of_split(Split::Train).collect();
         let shown = data.sampling_weights(&clips, &settings.clips);
@@ -83,10 +78,7 @@ impl MotionSeqTraining {
         let crops = Crops::new(&data, &clips, &shown, lengths, end)
             .ok_or_else(|| TrainError::Settings("no clip to train with has 2 frames".into()))?;
         let mut parameters = Parameters::default();
-        let mut make = ParamBuilder {
-            parameters: &mut parameters,
-            rng,
-        };
+        let mut make = ParamBuilder { parameters: &mut parameters, rng };
         let net = MotionSeqNetwork::new(&mut make, &settings.model);
         let training = Self {
             held: held(&data, [run.length + 1; 2], end),
@@ -162,13 +154,8 @@ impl MotionSeqTraining {
         let dropped: Vec<[bool; 4]> = crops
             .iter()
             .map(|_| {
-                [
-                    tokens.music_drop,
-                    tokens.style_drop,
-                    tokens.beat_jitter,
-                    tokens.feature_dropout,
-                ]
-                .map(&mut happens)
+                [tokens.music_drop, tokens.style_drop, tokens.beat_jitter, tokens.feature_dropout]
+                    .map(&mut happens)
             })
             .collect();
         for (s, (crop, [no_music, no_style, beat_jitter, hide])) in
@@ -187,8 +174,7 @@ impl MotionSeqTraining {
                 let jittered = jittered(frames, self.data.clips[crop.clip].motion.len(), rng);
                 for (part, codes) in self.codes[crop.clip].iter().enumerate() {
                     let past = inputs.previous[part][rows.clone()].iter_mut();
-                    past.zip(&jittered)
-                        .for_each(|(code, frame)| *code = codes[*frame]);
+                    past.zip(&jittered).for_each(|(code, frame)| *code = codes[*frame]);
                 }
             }
             let rate = corruption(tokens.noise, rng);
@@ -203,16 +189,9 @@ impl MotionSeqTraining {
     pub(crate) fn learn(&mut self, batch: &SeqBatch, rng: &mut ChaCha8Rng) -> BatchOutcome {
         let mut t = Tape::new(&self.parameters, std::mem::take(&mut self.buffers));
         let rate = self.settings.run.dropout;
-        let logits = self
-            .net
-            .logits(&mut t, &batch.inputs, &mut Dropout { rate, rng });
+        let logits = self.net.logits(&mut t, &batch.inputs, &mut Dropout { rate, rng });
         let (mut terms, mut seeds) = (vec![("loss".to_owned(), 0.0)], Vec::new());
-        let parts = self
-            .settings
-            .model
-            .parts
-            .iter()
-            .zip(logits.iter().zip(&batch.targets));
+        let parts = self.settings.model.parts.iter().zip(logits.iter().zip(&batch.targets));
         for (part, (value, targets)) in parts {
             let (loss, gradient) = nll(t.data(*value), targets, self.settings.tokens.smoothing);
             terms[0].1 += loss;
@@ -227,9 +206,7 @@ impl MotionSeqTraining {
     /// Likelihood and share of codes guessed right, per part.
     fn score(&mut self, batch: &SeqBatch, rng: &mut ChaCha8Rng) -> Vec<(f64, f64)> {
         let mut t = Tape::new(&self.parameters, std::mem::take(&mut self.buffers));
-        let logits = self
-            .net
-            .logits(&mut t, &batch.inputs, &mut Dropout { rate: 0.0, rng });
+        let logits = self.net.logits(&mut t, &batch.inputs, &mut Dropout { rate: 0.0, rng });
         let scores = logits.iter().zip(&batch.targets).map(|(value, targets)| {
             let logits = t.data(*value);
             let right = right(logits, targets);
@@ -243,15 +220,8 @@ impl MotionSeqTraining {
 
 fn right(logits: &[f32], targets: &[u32]) -> f64 {
     let classes = logits.len() / targets.len();
-    let largest = |row: &[f32]| {
-        (0..classes)
-            .rev()
-            .max_by(|a, b| row[*a].total_cmp(&row[*b]))
-    };
-    let rows = logits
-        .chunks(classes)
-        .zip(targets)
-        .filter(|(_, t)| **t != IGNORED);
+    let largest = |row: &[f32]| (0..classes).rev().max_by(|a, b| row[*a].total_cmp(&row[*b]));
+    let rows = logits.chunks(classes).zip(targets).filter(|(_, t)| **t != IGNORED);
     let (mut hits, mut all) = (0.0, 0.0);
     for (row, target) in rows {
         hits += f64::from(u8::from(largest(row) == Some(*target as usize)));
@@ -261,19 +231,12 @@ fn right(logits: &[f32], targets: &[u32]) -> f64 {
 }
 
 fn held(data: &TrainingData, lengths: [usize; 2], end: usize) -> Option<Crops> {
-    let mut clips: Vec<usize> = data
-        .of_split(Split::Validation)
-        .filter(|c| data.clips[*c].music.is_some())
-        .collect();
+    let mut clips: Vec<usize> =
+        data.of_split(Split::Validation).filter(|c| data.clips[*c].music.is_some()).collect();
     clips.truncate(48);
     let shown = data.sampling_weights(
         &clips,
-        &ClipWeights {
-            other: 1.0,
-            synthetic: 1.0,
-            silent: 1.0,
-            balance: 0.0,
-        },
+        &ClipWeights { other: 1.0, synthetic: 1.0, silent: 1.0, balance: 0.0 },
     );
     Crops::new(data, &clips, &shown, lengths, end)
 }
@@ -324,14 +287,8 @@ impl NetworkTraining for MotionSeqTraining {
         let (codes, styles) = &self.starts;
         let rows = styles.len();
         let parts = self.settings.model.parts.len();
-        tensors.insert(
-            "start.codes".into(),
-            (vec![rows, parts], Numbers::I32(codes.clone())),
-        );
-        tensors.insert(
-            "start.styles".into(),
-            (vec![rows, 1], Numbers::I32(styles.clone())),
-        );
+        tensors.insert("start.codes".into(), (vec![rows, parts], Numbers::I32(codes.clone())));
+        tensors.insert("start.styles".into(), (vec![rows, 1], Numbers::I32(styles.clone())));
         tensors
     }
 

@@ -21,19 +21,13 @@ impl VqVaeWeights {
         let encoder = VqEncoder::load(&weights)?;
         let tensors = read(bytes, &["vq.", "norm.motion_"])
             .map_err(|e| TrainError::Settings(format!("{source}: {e}")))?;
-        Ok(Self {
-            config: weights.config().clone(),
-            encoder,
-            tensors,
-        })
+        Ok(Self { config: weights.config().clone(), encoder, tensors })
     }
 
     pub(super) fn floats(&self, name: &str) -> Result<&[f32], TrainError> {
         match self.tensors.get(name) {
             Some((_, Numbers::F32(values))) => Ok(values),
-            _ => Err(TrainError::Settings(format!(
-                "stage 1 lacks the tensor `{name}`"
-            ))),
+            _ => Err(TrainError::Settings(format!("stage 1 lacks the tensor `{name}`"))),
         }
     }
 }

@@ -20,11 +20,7 @@ fn check_gradients(
     let mut rng = rng();
     for (p, gradient) in gradients.0.iter().enumerate() {
         let name = parameters.iter().nth(p).unwrap().name.clone();
-        let length = gradient
-            .iter()
-            .map(|g| f64::from(*g).powi(2))
-            .sum::<f64>()
-            .sqrt();
+        let length = gradient.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt();
         assert!(length > 1e-7, "{name} got no gradient: {length}");
         let mut directions = vec![gradient.clone()];
         directions.push((0..gradient.len()).map(|_| normal(&mut rng)).collect());
@@ -34,27 +30,13 @@ fn check_gradients(
             directions.push(single);
         }
         for direction in directions {
-            let norm = direction
-                .iter()
-                .map(|d| f64::from(*d).powi(2))
-                .sum::<f64>()
-                .sqrt();
-            let unit: Vec<f32> = direction
-                .iter()
-                .map(|d| (f64::from(*d) / norm) as f32)
-                .collect();
-            let expected: f64 = unit
-                .iter()
-                .zip(gradient)
-                .map(|(u, g)| f64::from(u * g))
-                .sum();
+            let norm = direction.iter().map(|d| f64::from(*d).powi(2)).sum::<f64>().sqrt();
+            let unit: Vec<f32> = direction.iter().map(|d| (f64::from(*d) / norm) as f32).collect();
+            let expected: f64 = unit.iter().zip(gradient).map(|(u, g)| f64::from(u * g)).sum();
             let mut at = |step: f32| {
                 let before = parameters.iter().nth(p).unwrap().values.clone();
                 let values = &mut parameters.iter_mut().nth(p).unwrap().values;
-                values
-                    .iter_mut()
-                    .zip(&unit)
-                    .for_each(|(v, u)| *v += step * u);
+                values.iter_mut().zip(&unit).for_each(|(v, u)| *v += step * u);
                 let loss = loss(parameters);
                 parameters.iter_mut().nth(p).unwrap().values = before;
                 loss
@@ -90,11 +72,7 @@ fn with_codes_every_parameter_of_stage_one_learns() {
     let mut stage = vqvae_training();
     let outcome = stage.learn(&motion_batch(&[14, 9], 14), true, &mut rng());
     for (parameter, gradient) in stage.parameters.iter().zip(&outcome.gradients.0) {
-        assert!(
-            gradient.iter().any(|g| g.abs() > 1e-8),
-            "{}",
-            parameter.name
-        );
+        assert!(gradient.iter().any(|g| g.abs() > 1e-8), "{}", parameter.name);
     }
 }
 
@@ -121,10 +99,7 @@ fn padding_changes_neither_loss_nor_gradient() {
     };
     let padded = MotionBatch {
         real: all.real[14 * POSE_DIM..].to_vec(),
-        batch: Batch {
-            length: 14,
-            lengths: vec![9],
-        },
+        batch: Batch { length: 14, lengths: vec![9] },
     };
     let [a, b] = [&second, &padded].map(|batch| vqvae_training().learn(batch, true, &mut rng()));
     assert!((a.terms[0].1 - b.terms[0].1).abs() < 1e-5 * a.terms[0].1.abs());

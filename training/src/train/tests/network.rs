@@ -13,10 +13,7 @@ use servodance_model::weights::{Dtype, Weights};
 
 /// The engine that runs, in f32.
 fn engine(weights: &Weights) -> Engine {
-    let options = EngineOptions {
-        dtype: Some(Dtype::F32),
-        ..EngineOptions::default()
-    };
+    let options = EngineOptions { dtype: Some(Dtype::F32), ..EngineOptions::default() };
     Engine::new(weights, options).unwrap()
 }
 
@@ -32,10 +29,7 @@ fn stage_one_computes_what_the_networks_that_run_compute() {
     let batch = Batch::full(1, frames);
     let mut t = Tape::new(&stage.parameters, BufferPool::default());
     let mut drop_rng = rng();
-    let mut drop = Dropout {
-        rate: 0.0,
-        rng: &mut drop_rng,
-    };
+    let mut drop = Dropout { rate: 0.0, rng: &mut drop_rng };
     let latents = stage.net.latents(&mut t, &normal, &batch, &mut drop);
     let books = stage.books.iter().zip(latents);
     let found: Vec<Vec<u32>> = books.map(|(book, z)| book.nearest(t.data(z))).collect();
@@ -57,26 +51,15 @@ fn stage_two_computes_what_the_networks_that_run_compute() {
     let (stage, frames) = (motionseq_training(Positions::Alibi), 60);
     let weights = Weights::open(TINY, "tiny").unwrap();
     let engine = engine(&weights);
-    let (seq, team) = (
-        MotionSeq::load(&weights, &engine).unwrap(),
-        engine.pool().team(),
-    );
+    let (seq, team) = (MotionSeq::load(&weights, &engine).unwrap(), engine.pool().team());
     let batch = seq_batch(&[frames, frames], frames);
     let mut t = Tape::new(&stage.parameters, BufferPool::default());
     let mut drop_rng = rng();
-    let mut drop = Dropout {
-        rate: 0.0,
-        rng: &mut drop_rng,
-    };
+    let mut drop = Dropout { rate: 0.0, rng: &mut drop_rng };
     let logits = stage.net.logits(&mut t, &batch.inputs, &mut drop);
     for s in 0..2 {
         let rows = |codes: &[Vec<u32>]| -> Vec<Vec<usize>> {
-            let row = |r: usize| {
-                codes
-                    .iter()
-                    .map(|part| part[s * frames + r] as usize)
-                    .collect()
-            };
+            let row = |r: usize| codes.iter().map(|part| part[s * frames + r] as usize).collect();
             (0..frames).map(row).collect()
         };
         // The second has neither music nor the same style.

@@ -18,10 +18,7 @@ fn trainer(stage: TrainedNetwork, change: impl Fn(&mut SettingsFile)) -> Trainer
             part.report = Some(4);
             part.dropout = Some(0.1);
         }
-        file.quantise = QuantiseSettings {
-            free_steps: 4,
-            noise: 0.2,
-        };
+        file.quantise = QuantiseSettings { free_steps: 4, noise: 0.2 };
         change(file);
     });
     let vqvae_training =
@@ -55,14 +52,8 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
                 "{stage:?}: what was read is not what was written"
             );
             go(&mut second, 12);
-            assert!(
-                second.checkpoint() == straight.checkpoint(),
-                "{stage:?}, stopped at {stop}"
-            );
-            assert!(
-                second.weights() == straight.weights(),
-                "{stage:?}, stopped at {stop}"
-            );
+            assert!(second.checkpoint() == straight.checkpoint(), "{stage:?}, stopped at {stop}");
+            assert!(second.weights() == straight.weights(), "{stage:?}, stopped at {stop}");
         }
         // And it is no run that never changes.
         let mut other = trainer(stage, |file| file.seed = Some(9));
@@ -74,10 +65,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
 #[test]
 fn the_number_of_threads_changes_no_bit_of_a_run() {
     let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let mut trainer = trainer(TrainedNetwork::VqVae, |_| ());
             go(&mut trainer, 8);
@@ -101,10 +89,8 @@ fn a_checkpoint_of_another_run_is_refused_by_what_differs() {
     let mut other = trainer(TrainedNetwork::MotionSeq, |_| ());
     let text = other.resume(&bytes).unwrap_err().to_string();
     assert!(text.contains("is") && text.contains("expected"), "{text}");
-    let text = trainer(TrainedNetwork::VqVae, |_| ())
-        .resume(&bytes[..2000])
-        .unwrap_err()
-        .to_string();
+    let text =
+        trainer(TrainedNetwork::VqVae, |_| ()).resume(&bytes[..2000]).unwrap_err().to_string();
     assert!(text.contains("not a whole checkpoint"), "{text}");
 }
 

@@ -25,11 +25,7 @@ const ABSOLUTE: &[u8] = include_bytes!("../golden/absolute.safetensors");
 
 /// One step of AdamW as the twin takes it.
 fn adam_step(parameters: &mut Parameters, gradients: &ParameterGradients) {
-    let settings = AdamSettings {
-        betas: [0.9, 0.98],
-        weight_decay: 0.1,
-        clip: 1.0,
-    };
+    let settings = AdamSettings { betas: [0.9, 0.98], weight_decay: 0.1, clip: 1.0 };
     AdamW::new(parameters).step(parameters, gradients, 1e-3, &settings);
 }
 
@@ -43,10 +39,7 @@ fn check_step(golden: &Tensors, parameters: &mut Parameters, gradients: &Paramet
         let expected = floats(golden, &format!("gradient.{name}"));
         check_same(name, &sampled(gradient), &expected);
         let after = sampled(&parameter.values);
-        let compared = after
-            .iter()
-            .zip(floats(golden, &format!("after.{name}")))
-            .zip(&expected);
+        let compared = after.iter().zip(floats(golden, &format!("after.{name}"))).zip(&expected);
         for (i, ((found, wanted), g)) in compared.enumerate() {
             // The first step has the size of the learning rate whatever the
             // gradient: where that is rounding error, so is the direction.
@@ -62,10 +55,7 @@ fn check_step(golden: &Tensors, parameters: &mut Parameters, gradients: &Paramet
 fn a_step_of_stage_one_is_that_of_the_twin() {
     let golden = read(GOLDEN, &[""]).unwrap();
     let mut stage = vqvae_training();
-    let batch = MotionBatch {
-        real: floats(&golden, "in.motion"),
-        batch: Batch::full(3, 20),
-    };
+    let batch = MotionBatch { real: floats(&golden, "in.motion"), batch: Batch::full(3, 20) };
     let outcome = stage.learn(&batch, true, &mut rng());
     for (name, value) in &outcome.terms[..6] {
         let expected = floats(&golden, &format!("vq.{name}"))[0];
@@ -78,11 +68,7 @@ fn a_step_of_stage_one_is_that_of_the_twin() {
         let expected = |what: &str| floats(&golden, &format!("book.{part}.{what}"));
         check_same("embed", &book.embed, &expected("embed"));
         check_same("embed_avg", &book.embed_avg, &expected("embed_avg"));
-        check_same(
-            "cluster_size",
-            &book.cluster_size,
-            &expected("cluster_size"),
-        );
+        check_same("cluster_size", &book.cluster_size, &expected("cluster_size"));
     }
     check_step(&golden, &mut stage.parameters, &outcome.gradients);
 }
@@ -113,17 +99,9 @@ fn check_seq_step(
     change: impl Fn(&mut Vec<Vec<u32>>),
 ) {
     let (sequences, length) = (3, 20);
-    let lengths: Vec<usize> = codes(golden, "in.lengths")
-        .iter()
-        .map(|l| *l as usize)
-        .collect();
+    let lengths: Vec<usize> = codes(golden, "in.lengths").iter().map(|l| *l as usize).collect();
     let of_part = |name: &str, part: usize| -> Vec<u32> {
-        codes(golden, name)
-            .iter()
-            .skip(part)
-            .step_by(2)
-            .copied()
-            .collect()
+        codes(golden, name).iter().skip(part).step_by(2).copied().collect()
     };
     let [previous, chosen] =
         ["in.previous", "in.target"].map(|name| vec![of_part(name, 0), of_part(name, 1)]);
@@ -140,10 +118,7 @@ fn check_seq_step(
             previous,
             chosen,
             music: floats(golden, "in.music"),
-            has_music: codes(golden, "in.has_music")
-                .iter()
-                .map(|h| *h == 1)
-                .collect(),
+            has_music: codes(golden, "in.has_music").iter().map(|h| *h == 1).collect(),
             styles: codes(golden, "in.style"),
             batch: Batch { length, lengths },
         },
@@ -181,11 +156,7 @@ fn with_end() -> Vec<u8> {
         (name, view.dtype(), shape, data)
     });
     let tensors: Vec<_> = tensors.collect();
-    let entries = tensors.iter().map(|(name, dtype, shape, data)| Entry {
-        name,
-        dtype: *dtype,
-        shape,
-        data,
-    });
+    let entries =
+        tensors.iter().map(|(name, dtype, shape, data)| Entry { name, dtype: *dtype, shape, data });
     tensor_file::bytes(&metadata, entries.collect())
 }

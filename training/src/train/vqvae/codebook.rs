@@ -27,11 +27,7 @@ pub struct CodebookSettings {
 
 impl Default for CodebookSettings {
     fn default() -> Self {
-        Self {
-            decay: 0.98,
-            dead_below: 0.5,
-            k_means_rounds: 20,
-        }
+        Self { decay: 0.98, dead_below: 0.5, k_means_rounds: 20 }
     }
 }
 
@@ -51,12 +47,7 @@ pub(crate) struct LearnedCodebook {
 
 impl LearnedCodebook {
     pub fn new(embed: Vec<f32>, dim: usize) -> Self {
-        Self {
-            dim,
-            embed_avg: embed.clone(),
-            cluster_size: vec![1.0; embed.len() / dim],
-            embed,
-        }
+        Self { dim, embed_avg: embed.clone(), cluster_size: vec![1.0; embed.len() / dim], embed }
     }
 
     pub fn dim(&self) -> usize {
@@ -75,10 +66,8 @@ impl LearnedCodebook {
     pub fn distances(&self, x: &[f32]) -> Vec<f32> {
         let (rows, codes) = (x.len() / self.dim, self.len());
         let mut out = vec![0.0; rows * codes];
-        let (x, e) = (
-            MatrixView::of(x, rows, self.dim),
-            MatrixView::of(&self.embed, codes, self.dim),
-        );
+        let (x, e) =
+            (MatrixView::of(x, rows, self.dim), MatrixView::of(&self.embed, codes, self.dim));
         product(
             MatrixViewMut::of(&mut out, rows, codes),
             WriteMode::Nothing,
@@ -86,15 +75,9 @@ impl LearnedCodebook {
             e.t(),
             Threads::All,
         );
-        let squares: Vec<f32> = self
-            .embed
-            .chunks(self.dim)
-            .map(|c| lanes::dot(c, c))
-            .collect();
+        let squares: Vec<f32> = self.embed.chunks(self.dim).map(|c| lanes::dot(c, c)).collect();
         for row in out.chunks_mut(codes) {
-            row.iter_mut()
-                .zip(&squares)
-                .for_each(|(d, s)| *d = s - 2.0 * *d);
+            row.iter_mut().zip(&squares).for_each(|(d, s)| *d = s - 2.0 * *d);
         }
         out
     }
@@ -102,9 +85,7 @@ impl LearnedCodebook {
     /// The nearest code of each row; of several the first.
     pub fn nearest(&self, x: &[f32]) -> Vec<u32> {
         let pieces = x.chunks(PIECE_ROWS * self.dim);
-        pieces
-            .flat_map(|piece| self.nearest_in_piece(piece))
-            .collect()
+        pieces.flat_map(|piece| self.nearest_in_piece(piece)).collect()
     }
 
     fn nearest_in_piece(&self, x: &[f32]) -> Vec<u32> {
@@ -167,9 +148,7 @@ impl LearnedCodebook {
         let (sums, counts) = self.gather(x, nearest);
         let lerp = |from: &mut Vec<f32>, to: &[f32]| {
             let share = 1.0 - settings.decay;
-            from.iter_mut()
-                .zip(to)
-                .for_each(|(a, b)| *a += share * (b - *a));
+            from.iter_mut().zip(to).for_each(|(a, b)| *a += share * (b - *a));
         };
         lerp(&mut self.cluster_size, &counts);
         lerp(&mut self.embed_avg, &sums);
@@ -180,9 +159,7 @@ impl LearnedCodebook {
             }
         }
         let dead = |count: f32| count < settings.dead_below;
-        let dead: Vec<usize> = (0..self.len())
-            .filter(|c| dead(self.cluster_size[*c]))
-            .collect();
+        let dead: Vec<usize> = (0..self.len()).filter(|c| dead(self.cluster_size[*c])).collect();
         for code in &dead {
             let row = rng.random_range(0..x.len() / self.dim);
             self.restart(*code, &x[row * self.dim..][..self.dim]);
@@ -247,14 +224,9 @@ mod tests {
     /// from all rows but one.
     fn used_at_the_end(dead_below: f32) -> f64 {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
-        let mut book = LearnedCodebook::new(
-            (0..32 * DIM).map(|_| 40.0 + normal(&mut rng)).collect(),
-            DIM,
-        );
-        let settings = CodebookSettings {
-            dead_below,
-            ..CodebookSettings::default()
-        };
+        let mut book =
+            LearnedCodebook::new((0..32 * DIM).map(|_| 40.0 + normal(&mut rng)).collect(), DIM);
+        let settings = CodebookSettings { dead_below, ..CodebookSettings::default() };
         let mut nearest = Vec::new();
         for step in 0..200 {
             let x = rows(&mut rng, step);
@@ -267,10 +239,7 @@ mod tests {
     #[test]
     fn restarted_codes_stay_alive_and_are_used() {
         let (without, with) = (used_at_the_end(0.0), used_at_the_end(0.5));
-        assert!(
-            without < 0.1 && with > 0.4,
-            "{without} without restarts, {with} with"
-        );
+        assert!(without < 0.1 && with > 0.4, "{without} without restarts, {with} with");
     }
 
     #[test]
@@ -306,10 +275,7 @@ mod tests {
             .chunks(DIM)
             .zip(&nearest)
             .map(|(row, code)| {
-                let apart = row
-                    .iter()
-                    .zip(book.code(*code))
-                    .map(|(a, b)| (a - b) * (a - b));
+                let apart = row.iter().zip(book.code(*code)).map(|(a, b)| (a - b) * (a - b));
                 apart.sum::<f32>()
             })
             .sum();

@@ -38,13 +38,7 @@ pub struct LossWeights {
 
 impl Default for LossWeights {
     fn default() -> Self {
-        Self {
-            position: 0.0,
-            velocity: 0.5,
-            slide: 6.0,
-            jerk: 0.1,
-            commit: 0.2,
-        }
+        Self { position: 0.0, velocity: 0.5, slide: 6.0, jerk: 0.1, commit: 0.2 }
     }
 }
 
@@ -92,19 +86,12 @@ impl MotionLoss {
         channel_weights[STEPS_AT..CONTACTS_AT].fill(0.5);
         let even = channel_weights.iter().sum::<f32>() / POSE_DIM as f32;
         channel_weights.iter_mut().for_each(|w| *w /= even);
-        Self {
-            mean,
-            std,
-            weights,
-            channel_weights,
-        }
+        Self { mean, std, weights, channel_weights }
     }
 
     pub fn normalised(&self, real: &[f32]) -> Vec<f32> {
         let of_row = |row: &[f32]| -> Vec<f32> {
-            (0..POSE_DIM)
-                .map(|c| (row[c] - self.mean[c]) / self.std[c])
-                .collect()
+            (0..POSE_DIM).map(|c| (row[c] - self.mean[c]) / self.std[c]).collect()
         };
         real.chunks(POSE_DIM).flat_map(of_row).collect()
     }
@@ -112,9 +99,7 @@ impl MotionLoss {
     /// Metres and radians again.
     pub fn restored(&self, normal: &[f32]) -> Vec<f32> {
         let of_row = |row: &[f32]| -> Vec<f32> {
-            (0..POSE_DIM)
-                .map(|c| row[c] * self.std[c] + self.mean[c])
-                .collect()
+            (0..POSE_DIM).map(|c| row[c] * self.std[c] + self.mean[c]).collect()
         };
         normal.chunks(POSE_DIM).flat_map(of_row).collect()
     }

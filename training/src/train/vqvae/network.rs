@@ -61,11 +61,8 @@ impl VqVaeNetwork {
                 channels,
             });
         }
-        let widths = LayerWidths {
-            dim: vq.dim,
-            inner: vq.heads * vq.decoder_head_dim(),
-            hidden: vq.ff,
-        };
+        let widths =
+            LayerWidths { dim: vq.dim, inner: vq.heads * vq.decoder_head_dim(), hidden: vq.ff };
         let wide = config.parts.len() * config.code_dim;
         Ok(Self {
             encoders,
@@ -102,9 +99,7 @@ impl VqVaeNetwork {
     ) -> Vec<Var> {
         let of_part = |encoder: &PartEncoder| {
             let rows = motion.chunks(self.motion_dim);
-            let seen = rows
-                .flat_map(|row| encoder.channels.iter().map(|c| row[*c]))
-                .collect();
+            let seen = rows.flat_map(|row| encoder.channels.iter().map(|c| row[*c])).collect();
             let seen = t.constant(seen, encoder.channels.len());
             let mut x = encoder.input.forward(t, seen);
             for layer in &encoder.layers {

@@ -59,10 +59,7 @@ impl VqVaeTraining {
             .ok_or_else(|| TrainError::Settings("no clip to train with has 2 frames".into()))?;
         let Normalisation { mean, std } = data.motion_norm();
         let mut parameters = Parameters::default();
-        let mut make = ParamBuilder {
-            parameters: &mut parameters,
-            rng,
-        };
+        let mut make = ParamBuilder { parameters: &mut parameters, rng };
         let net = VqVaeNetwork::new(&mut make, &settings.model).map_err(TrainError::Settings)?;
         let config = &settings.model;
         let mut book = || {
@@ -94,10 +91,7 @@ impl VqVaeTraining {
             rows.for_each(|row| real.extend_from_slice(&row));
         }
         let lengths = crops.iter().map(|crop| crop.frames.len()).collect();
-        MotionBatch {
-            real,
-            batch: Batch { length, lengths },
-        }
+        MotionBatch { real, batch: Batch { length, lengths } }
     }
 
     fn initialise_codebooks(&mut self, rng: &mut ChaCha8Rng) {
@@ -106,9 +100,7 @@ impl VqVaeTraining {
             let MotionBatch { real, batch } = self.draw(rng);
             let mut t = Tape::new(&self.parameters, std::mem::take(&mut self.buffers));
             let mut drop = Dropout { rate: 0.0, rng };
-            let latents = self
-                .net
-                .latents(&mut t, &self.loss.normalised(&real), &batch, &mut drop);
+            let latents = self.net.latents(&mut t, &self.loss.normalised(&real), &batch, &mut drop);
             for (rows, latent) in rows.iter_mut().zip(latents) {
                 rows.extend(real_rows(&t, latent, &batch));
             }
@@ -145,11 +137,7 @@ impl VqVaeTraining {
                     seeds.push((*latent, quantised.gradient));
                     chosen.push(quantised.replacement);
                 }
-                let wide = self
-                    .books
-                    .iter()
-                    .map(LearnedCodebook::dim)
-                    .collect::<Vec<_>>();
+                let wide = self.books.iter().map(LearnedCodebook::dim).collect::<Vec<_>>();
                 t.straight_through(&latents, side_by_side(&chosen, &wide))
             }
         };
@@ -170,10 +158,7 @@ impl VqVaeTraining {
         ];
         let share = used.iter().sum::<f64>() / used.len().max(1) as f64;
         named.push(("codes_used".into(), share));
-        BatchOutcome {
-            terms: named,
-            gradients,
-        }
+        BatchOutcome { terms: named, gradients }
     }
 
     fn usage_names(&self) -> impl Iterator<Item = String> + use<> {
@@ -190,13 +175,9 @@ impl VqVaeTraining {
         rng: &mut ChaCha8Rng,
     ) -> Vec<Vec<u32>> {
         let mut drop = Dropout { rate: 0.0, rng };
-        let latents = self
-            .net
-            .latents(t, &self.loss.normalised(real), batch, &mut drop);
+        let latents = self.net.latents(t, &self.loss.normalised(real), batch, &mut drop);
         let books = self.books.iter().zip(latents);
-        books
-            .map(|(book, latent)| book.nearest(t.data(latent)))
-            .collect()
+        books.map(|(book, latent)| book.nearest(t.data(latent))).collect()
     }
 }
 
@@ -238,12 +219,7 @@ fn quantise(
         };
         replacement[at].copy_from_slice(book.code(code));
     }
-    QuantisedPart {
-        replacement,
-        gradient,
-        commit,
-        used: usage(&nearest, book.len()).0,
-    }
+    QuantisedPart { replacement, gradient, commit, used: usage(&nearest, book.len()).0 }
 }
 
 /// The rows of a value that are no padding.
@@ -266,10 +242,8 @@ fn side_by_side(parts: &[Vec<f32>], wide: &[usize]) -> Vec<f32> {
 
 /// Held-out clips: captured dance as it was danced, where there is some.
 fn held(data: &TrainingData) -> Vec<usize> {
-    let all: Vec<usize> = data
-        .of_split(Split::Validation)
-        .filter(|c| data.clips[*c].motion.len() > 2)
-        .collect();
+    let all: Vec<usize> =
+        data.of_split(Split::Validation).filter(|c| data.clips[*c].motion.len() > 2).collect();
     let danced = |c: &&usize| {
         let clip = &data.clips[**c];
         clip.dance && clip.variant == 0 && !clip.synthetic
@@ -300,10 +274,7 @@ impl NetworkTraining for VqVaeTraining {
         }
         if !self.ready {
             // Nothing to say before there are codes, in the same columns.
-            let names = VALIDATED
-                .map(str::to_owned)
-                .into_iter()
-                .chain(self.usage_names());
+            let names = VALIDATED.map(str::to_owned).into_iter().chain(self.usage_names());
             return Some(names.map(|name| (name, f64::NAN)).collect());
         }
         let mut sum = MotionLossTerms::default();
@@ -334,10 +305,7 @@ impl NetworkTraining for VqVaeTraining {
                 moved_mm += 1e3 * mean_apart(a, b);
                 pairs += 1.0;
             }
-            codes
-                .iter_mut()
-                .zip(found)
-                .for_each(|(all, more)| all.extend(more));
+            codes.iter_mut().zip(found).for_each(|(all, more)| all.extend(more));
         }
         let mean = MotionLossTerms {
             huber: sum.huber / frames,
@@ -345,19 +313,11 @@ impl NetworkTraining for VqVaeTraining {
             velocity: sum.velocity / frames,
             jerk: sum.jerk / frames,
         };
-        let errors = [
-            mean.weighted(&self.loss.weights),
-            apart_mm / frames,
-            moved_mm / f64::max(pairs, 1.0),
-        ];
+        let errors =
+            [mean.weighted(&self.loss.weights), apart_mm / frames, moved_mm / f64::max(pairs, 1.0)];
         let total = self.settings.model.codes;
-        let usages = codes
-            .iter()
-            .flat_map(|codes| <[f64; 2]>::from(usage(codes, total)));
-        let names = VALIDATED
-            .map(str::to_owned)
-            .into_iter()
-            .chain(self.usage_names());
+        let usages = codes.iter().flat_map(|codes| <[f64; 2]>::from(usage(codes, total)));
+        let names = VALIDATED.map(str::to_owned).into_iter().chain(self.usage_names());
         Some(names.zip(errors.into_iter().chain(usages)).collect())
     }
 
@@ -367,10 +327,7 @@ impl NetworkTraining for VqVaeTraining {
         for (part, book) in config.parts.iter().zip(&self.books) {
             let shape = vec![config.codes, config.code_dim];
             let name = |what: &str| format!("state.{what}.{part}");
-            tensors.insert(
-                name("embed_avg"),
-                (shape, Numbers::F32(book.embed_avg.clone())),
-            );
+            tensors.insert(name("embed_avg"), (shape, Numbers::F32(book.embed_avg.clone())));
             let sizes = Numbers::F32(book.cluster_size.clone());
             tensors.insert(name("cluster_size"), (vec![config.codes], sizes));
         }

@@ -23,29 +23,19 @@ impl Tape<'_> {
         let mut out = self.buffers.take(rows * outputs);
         let b = self.parameters.get(bias);
         let before = residual.map(|value| self.data(value));
-        out.par_chunks_mut(PIECE_ROWS * outputs)
-            .enumerate()
-            .for_each(|(piece, chunk)| {
-                for (r, row) in chunk.chunks_mut(outputs).enumerate() {
-                    row.copy_from_slice(b);
-                    if let Some(before) = before {
-                        lanes::add(
-                            row,
-                            &before[(piece * PIECE_ROWS + r) * outputs..][..outputs],
-                        );
-                    }
+        out.par_chunks_mut(PIECE_ROWS * outputs).enumerate().for_each(|(piece, chunk)| {
+            for (r, row) in chunk.chunks_mut(outputs).enumerate() {
+                row.copy_from_slice(b);
+                if let Some(before) = before {
+                    lanes::add(row, &before[(piece * PIECE_ROWS + r) * outputs..][..outputs]);
                 }
-            });
+            }
+        });
         let w = MatrixView::of(self.parameters.get(weight), outputs, inputs).t();
         let x_view = MatrixView::of(self.data(x), rows, inputs);
         let to = MatrixViewMut::of(&mut out, rows, outputs);
         product(to, WriteMode::Sum, x_view, w, Threads::All);
-        let by = Affine {
-            x,
-            weight,
-            bias,
-            residual,
-        };
+        let by = Affine { x, weight, bias, residual };
         self.record(out, outputs, by)
     }
 }
@@ -69,13 +59,7 @@ impl Operation for Affine {
                 None => (into.buffers.take(rows * inputs), WriteMode::Nothing),
             };
             let w = MatrixView::of(tape.parameters.get(self.weight), outputs, inputs);
-            product(
-                MatrixViewMut::of(&mut dx, rows, inputs),
-                onto,
-                g,
-                w,
-                Threads::All,
-            );
+            product(MatrixViewMut::of(&mut dx, rows, inputs), onto, g, w, Threads::All);
             into.add(self.x, dx);
         }
         match self.residual {

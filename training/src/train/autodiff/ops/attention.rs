@@ -27,11 +27,7 @@ pub(crate) struct AttentionMask {
 
 impl AttentionMask {
     pub fn everything(heads: usize) -> Self {
-        Self {
-            slopes: vec![0.0; heads],
-            window: usize::MAX / 2,
-            ahead: usize::MAX / 2,
-        }
+        Self { slopes: vec![0.0; heads], window: usize::MAX / 2, ahead: usize::MAX / 2 }
     }
 
     /// What frame `i` of `length` sees.
@@ -71,12 +67,9 @@ struct HeadColumns {
 impl HeadColumns {
     fn of(tape: &Tape, heads: AttentionInputs, count: usize) -> Self {
         let (queries, memory, dim, keys_at) = match heads {
-            AttentionInputs::Own(packed) => (
-                packed,
-                packed,
-                tape.columns(packed) / 3,
-                tape.columns(packed) / 3,
-            ),
+            AttentionInputs::Own(packed) => {
+                (packed, packed, tape.columns(packed) / 3, tape.columns(packed) / 3)
+            }
             AttentionInputs::Cross(queries, memory) => (queries, memory, tape.columns(queries), 0),
         };
         Self {
@@ -118,13 +111,7 @@ impl AttentionHead<'_> {
 
     fn query(&self, rows: Range<usize>) -> MatrixView<'_> {
         let c = self.columns;
-        Self::rows(
-            self.queries,
-            c.stride[0],
-            self.head * c.width,
-            rows,
-            c.width,
-        )
+        Self::rows(self.queries, c.stride[0], self.head * c.width, rows, c.width)
     }
 
     fn key(&self, rows: Range<usize>) -> MatrixView<'_> {
@@ -189,23 +176,12 @@ impl Tape<'_> {
             .zip(&batch.lengths)
             .for_each(|((((out, log_sums), queries), memory), &real)| {
                 for (head, log_sums) in log_sums.chunks_mut(length).enumerate() {
-                    let head = AttentionHead {
-                        columns: &columns,
-                        queries,
-                        memory,
-                        mask,
-                        head,
-                        real,
-                    };
+                    let head =
+                        AttentionHead { columns: &columns, queries, memory, mask, head, real };
                     mix(&head, out, log_sums);
                 }
             });
-        let by = Attention {
-            heads,
-            mask: mask.clone(),
-            batch: batch.clone(),
-            log_sums,
-        };
+        let by = Attention { heads, mask: mask.clone(), batch: batch.clone(), log_sums };
         self.record(out, dim, by)
     }
 }
@@ -231,13 +207,7 @@ fn mix(head: &AttentionHead, out: &mut [f32], log_sums: &mut [f32]) {
         let weights = MatrixView::of(&scratch, queries.len(), keys.len());
         let at = queries.start * dim + head.head * width;
         let to = MatrixViewMut::strided(&mut out[at..], queries.len(), width, dim);
-        product(
-            to,
-            WriteMode::Nothing,
-            weights,
-            head.value(keys),
-            Threads::One,
-        );
+        product(to, WriteMode::Nothing, weights, head.value(keys), Threads::One);
     }
 }
 
@@ -331,13 +301,7 @@ impl HeadGradients {
             head.scores(&mut self.weights, &queries, &keys);
             let g = AttentionHead::rows(gradient, dim, at, queries.clone(), width);
             let to = MatrixViewMut::of(&mut self.d_scores, m, n);
-            product(
-                to,
-                WriteMode::Nothing,
-                g,
-                head.value(keys.clone()).t(),
-                Threads::One,
-            );
+            product(to, WriteMode::Nothing, g, head.value(keys.clone()).t(), Threads::One);
             let rows = self.weights.chunks_mut(n).zip(self.d_scores.chunks_mut(n));
             for (i, (weights, d_scores)) in queries.clone().zip(rows) {
                 let seen = head.seen(i, &keys);
@@ -345,10 +309,7 @@ impl HeadGradients {
                     row[..seen.start].fill(0.0);
                     row[seen.end..].fill(0.0);
                 }
-                let (g, out) = (
-                    &gradient[i * dim + at..][..width],
-                    &out[i * dim + at..][..width],
-                );
+                let (g, out) = (&gradient[i * dim + at..][..width], &out[i * dim + at..][..width]);
                 let even = lanes::dot(g, out);
                 let scale = head.columns.scale();
                 let seen_rows = weights[seen.clone()].iter_mut().zip(&mut d_scores[seen]);
@@ -363,21 +324,9 @@ impl HeadGradients {
             let d_value = MatrixViewMut::of(&mut self.d_value[part(&keys)], n, width);
             product(d_value, WriteMode::Sum, weights.t(), g, Threads::One);
             let d_key = MatrixViewMut::of(&mut self.d_key[part(&keys)], n, width);
-            product(
-                d_key,
-                WriteMode::Sum,
-                d_scores.t(),
-                head.query(queries.clone()),
-                Threads::One,
-            );
+            product(d_key, WriteMode::Sum, d_scores.t(), head.query(queries.clone()), Threads::One);
             let d_query = MatrixViewMut::of(&mut self.d_query[part(&queries)], m, width);
-            product(
-                d_query,
-                WriteMode::Nothing,
-                d_scores,
-                head.key(keys.clone()),
-                Threads::One,
-            );
+            product(d_query, WriteMode::Nothing, d_scores, head.key(keys.clone()), Threads::One);
         }
     }
 

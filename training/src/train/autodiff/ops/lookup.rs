@@ -45,21 +45,10 @@ impl Tape<'_> {
         let mut out = self.buffers.take(self.data(stream).len());
         out.copy_from_slice(self.data(stream));
         let null = self.parameters.get(instead);
-        for (frames, _) in out
-            .chunks_mut(length * columns)
-            .zip(&has)
-            .filter(|(_, has)| !**has)
-        {
-            frames
-                .chunks_mut(columns)
-                .for_each(|row| row.copy_from_slice(null));
+        for (frames, _) in out.chunks_mut(length * columns).zip(&has).filter(|(_, has)| !**has) {
+            frames.chunks_mut(columns).for_each(|row| row.copy_from_slice(null));
         }
-        let by = OrElse {
-            stream,
-            instead,
-            length,
-            has,
-        };
+        let by = OrElse { stream, instead, length, has };
         self.record(out, columns, by)
     }
 }

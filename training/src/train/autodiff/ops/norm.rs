@@ -63,10 +63,7 @@ impl Operation for LayerNormStep {
         sum_over_rows(&mut sums, x.len() / columns, |piece, sums| {
             let (dw, db) = sums.split_at_mut(columns);
             for r in piece {
-                let (x, g) = (
-                    &x[r * columns..][..columns],
-                    &gradient[r * columns..][..columns],
-                );
+                let (x, g) = (&x[r * columns..][..columns], &gradient[r * columns..][..columns]);
                 let (mean, scale) = statistics(x);
                 for i in 0..columns {
                     dw[i] += g[i] * (x[i] - mean) * scale;
@@ -80,9 +77,8 @@ impl Operation for LayerNormStep {
             return into.buffers.give(gradient);
         }
         let mut dx = gradient;
-        dx.par_chunks_mut(PIECE_ROWS * columns)
-            .zip(x.par_chunks(PIECE_ROWS * columns))
-            .for_each(|(dx, x)| {
+        dx.par_chunks_mut(PIECE_ROWS * columns).zip(x.par_chunks(PIECE_ROWS * columns)).for_each(
+            |(dx, x)| {
                 let mut unit = vec![0.0; columns];
                 for (dx, x) in dx.chunks_mut(columns).zip(x.chunks(columns)) {
                     let (mean, scale) = statistics(x);
@@ -96,7 +92,8 @@ impl Operation for LayerNormStep {
                         dx[i] = scale * (dx[i] - even - unit[i] * along);
                     }
                 }
-            });
+            },
+        );
         into.add(self.x, dx);
     }
 }

@@ -80,16 +80,15 @@ impl Tape<'_> {
         let columns = self.columns(x);
         let mut out = self.buffers.take(self.data(x).len());
         let scales = self.data(scale);
-        out.par_chunks_mut(columns)
-            .zip(self.data(x).par_chunks(columns))
-            .enumerate()
-            .for_each(|(r, (out, x))| {
+        out.par_chunks_mut(columns).zip(self.data(x).par_chunks(columns)).enumerate().for_each(
+            |(r, (out, x))| {
                 let scale = &scales[r / length * columns..][..columns];
                 let unit = unit(x);
                 for i in 0..columns {
                     out[i] = x[i] + scale[i] * x[i] * unit;
                 }
-            });
+            },
+        );
         self.record(out, columns, Modulate { x, scale, length })
     }
 

@@ -19,43 +19,29 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        Self {
-            parameters: Parameters::default(),
-            rng: ChaCha8Rng::seed_from_u64(4),
-        }
+        Self { parameters: Parameters::default(), rng: ChaCha8Rng::seed_from_u64(4) }
     }
 
     fn parameter(&mut self, shape: &[usize]) -> ParamId {
         let name = String::new();
-        self.parameters
-            .add(name, shape, ParamInit::Normal(0.8), false, &mut self.rng)
+        self.parameters.add(name, shape, ParamInit::Normal(0.8), false, &mut self.rng)
     }
 
     /// Differences of a weighted sum of the outputs against its gradient.
     fn check(&mut self, build: impl Fn(&mut Tape) -> Var) {
         let mut t = Tape::new(&self.parameters, BufferPool::default());
         let out = build(&mut t);
-        let weights: Vec<f32> = t
-            .data(out)
-            .iter()
-            .map(|_| self.rng.random_range(-1.0..1.0))
-            .collect();
+        let weights: Vec<f32> =
+            t.data(out).iter().map(|_| self.rng.random_range(-1.0..1.0)).collect();
         let (gradients, _) = t.backward(vec![(out, weights.clone())]);
         let loss = |parameters: &Parameters| -> f64 {
             let mut t = Tape::new(parameters, BufferPool::default());
             let out = build(&mut t);
-            let products = t
-                .data(out)
-                .iter()
-                .zip(&weights)
-                .map(|(o, w)| f64::from(o * w));
+            let products = t.data(out).iter().zip(&weights).map(|(o, w)| f64::from(o * w));
             products.sum()
         };
         for (p, gradient) in gradients.0.iter().enumerate() {
-            assert!(
-                gradient.iter().any(|g| *g != 0.0),
-                "parameter {p} got no gradient"
-            );
+            assert!(gradient.iter().any(|g| *g != 0.0), "parameter {p} got no gradient");
             let largest = gradient.iter().fold(1f32, |m, g| m.max(g.abs()));
             for (i, g) in gradient.iter().enumerate() {
                 let mut at = |step: f32| {
@@ -67,10 +53,7 @@ impl Bench {
                     loss
                 };
                 let slope = ((at(STEP) - at(-STEP)) / f64::from(2.0 * STEP)) as f32;
-                assert!(
-                    (slope - g).abs() < 4e-3 * largest,
-                    "parameter {p}, {i}: {slope} and {g}"
-                );
+                assert!((slope - g).abs() < 4e-3 * largest, "parameter {p}, {i}: {slope} and {g}");
             }
         }
     }
@@ -83,17 +66,10 @@ fn rows(count: usize) -> Vec<u32> {
 #[test]
 fn affine_alone_and_onto_a_residual() {
     let mut b = Bench::new();
-    let (x, w, bias, residual) = (
-        b.parameter(&[7, 5]),
-        b.parameter(&[3, 5]),
-        b.parameter(&[3]),
-        b.parameter(&[7, 3]),
-    );
+    let (x, w, bias, residual) =
+        (b.parameter(&[7, 5]), b.parameter(&[3, 5]), b.parameter(&[3]), b.parameter(&[7, 3]));
     b.check(|t| {
-        let (x, residual) = (
-            t.lookup(None, x, 5, rows(7)),
-            t.lookup(None, residual, 3, rows(7)),
-        );
+        let (x, residual) = (t.lookup(None, x, 5, rows(7)), t.lookup(None, residual, 3, rows(7)));
         let y = t.affine(x, w, bias, Some(residual));
         // Used twice: gradients add up.
         t.add(y, residual)
@@ -103,11 +79,7 @@ fn affine_alone_and_onto_a_residual() {
 #[test]
 fn layer_norm() {
     let mut b = Bench::new();
-    let (x, w, bias) = (
-        b.parameter(&[4, 11]),
-        b.parameter(&[11]),
-        b.parameter(&[11]),
-    );
+    let (x, w, bias) = (b.parameter(&[4, 11]), b.parameter(&[11]), b.parameter(&[11]));
     b.check(|t| {
         let x = t.lookup(None, x, 11, rows(4));
         t.layer_norm(x, w, bias)
@@ -131,10 +103,7 @@ fn modulation_by_style() {
     let mut b = Bench::new();
     let (x, scale) = (b.parameter(&[6, 4]), b.parameter(&[2, 4]));
     b.check(|t| {
-        let (x, scale) = (
-            t.lookup(None, x, 4, rows(6)),
-            t.lookup(None, scale, 4, rows(2)),
-        );
+        let (x, scale) = (t.lookup(None, x, 4, rows(6)), t.lookup(None, scale, 4, rows(2)));
         t.modulate(x, scale, 3)
     });
 }
@@ -142,20 +111,12 @@ fn modulation_by_style() {
 #[test]
 fn dropout_parts_side_by_side_and_null_stream() {
     let mut b = Bench::new();
-    let (x, y, null) = (
-        b.parameter(&[6, 2]),
-        b.parameter(&[6, 3]),
-        b.parameter(&[2]),
-    );
+    let (x, y, null) = (b.parameter(&[6, 2]), b.parameter(&[6, 3]), b.parameter(&[2]));
     b.check(|t| {
         let (x, y) = (t.lookup(None, x, 2, rows(6)), t.lookup(None, y, 3, rows(6)));
         let x = t.or_else(x, null, 3, vec![true, false]);
         let both = t.beside(&[x, y]);
-        t.dropout(
-            both,
-            3,
-            vec![2.0, 2.0, 2.0, 0.0, 2.0, 0.0, 2.0, 2.0, 2.0, 2.0],
-        )
+        t.dropout(both, 3, vec![2.0, 2.0, 2.0, 0.0, 2.0, 0.0, 2.0, 2.0, 2.0, 2.0])
     });
 }
 
@@ -171,20 +132,13 @@ fn rows_that_are_looked_up_often_add_up() {
 
 fn sights() -> [AttentionMask; 4] {
     let slopes = vec![0.5, 0.02];
-    let of = |window, ahead| AttentionMask {
-        slopes: slopes.clone(),
-        window,
-        ahead,
-    };
+    let of = |window, ahead| AttentionMask { slopes: slopes.clone(), window, ahead };
     [of(5, 0), of(4, 4), of(100, 2), AttentionMask::everything(2)]
 }
 
 #[test]
 fn attention_to_itself_and_to_music_with_mixed_lengths() {
-    let batch = Batch {
-        length: 9,
-        lengths: vec![9, 6],
-    };
+    let batch = Batch { length: 9, lengths: vec![9, 6] };
     for mask in sights() {
         let mut b = Bench::new();
         let (packed, queries) = (b.parameter(&[18, 12]), b.parameter(&[18, 4]));
@@ -192,10 +146,8 @@ fn attention_to_itself_and_to_music_with_mixed_lengths() {
         b.check(|t| {
             let packed = t.lookup(None, packed, 12, rows(18));
             let own = t.attention(AttentionInputs::Own(packed), &mask, &batch);
-            let (q, m) = (
-                t.lookup(None, queries, 4, rows(18)),
-                t.lookup(None, memory, 8, rows(18)),
-            );
+            let (q, m) =
+                (t.lookup(None, queries, 4, rows(18)), t.lookup(None, memory, 8, rows(18)));
             let cross = t.attention(AttentionInputs::Cross(q, m), &mask, &batch);
             t.add(own, cross)
         });
@@ -225,15 +177,10 @@ fn attention_is_that_of_its_definition_over_many_blocks() {
                 };
                 let sum: f64 = seen.clone().map(score).sum();
                 for k in 0..width {
-                    let mixed: f64 = seen
-                        .clone()
-                        .map(|j| score(j) * f64::from(part(j, 2)[k]))
-                        .sum();
+                    let mixed: f64 =
+                        seen.clone().map(|j| score(j) * f64::from(part(j, 2)[k])).sum();
                     let found = t.data(out)[i * dim + head * width + k];
-                    assert!(
-                        (f64::from(found) - mixed / sum).abs() < 1e-5,
-                        "{head} {i} {k}"
-                    );
+                    assert!((f64::from(found) - mixed / sum).abs() < 1e-5, "{head} {i} {k}");
                 }
             }
         }
