@@ -6,7 +6,7 @@
 //! | [`source`] | [`AudioSource`]: decoded files, raw PCM, live sound as mono blocks |
 //! | [`capture`] | microphones: ring behind the callback, stalls, reconnection |
 //! | `features` | [`Resampler`], spectra, MFCC, chroma, onset strength, music detection |
-//! | [`beats`] | tempo, phase, metrical level, downbeat; causal and offline trackers |
+//! | [`beats`] | tempo, phase, meter, place in the bar; causal and offline trackers |
 //! | [`song`] | songs and noises rendered by code, with known beats |
 //! | `analyzer` | [`MusicAnalyzer`]: all of the analysis behind `push` and `pop` |
 //!

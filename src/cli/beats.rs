@@ -11,6 +11,8 @@ Examples:
       one beat a line, in seconds
   servodance beats song.ogg --causal --out live.txt
       as the robot hears them live
+  servodance beats song.ogg --causal --downbeats
+      each beat with its place in the bar, 1 being the downbeat
   servodance beats song.ogg --json
       with the tempo, as one JSON object";
 
@@ -24,10 +26,14 @@ pub struct Args {
     /// whole recording is known.
     #[arg(long)]
     pub causal: bool,
+    /// After each time the beat's place in its bar from 1; 0 where no bar stands out.
+    #[arg(long, requires = "causal")]
+    pub downbeats: bool,
     /// The file to write; standard output if left out.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-    /// Write one JSON object: tracker, audio_s, tempo_bpm, times_s.
+    /// Write one JSON object: tracker, audio_s, tempo_bpm, times_s, and with --causal
+    /// meter, places, confidence, bar_confidence.
     #[arg(long)]
     pub json: bool,
 }
@@ -36,7 +42,11 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let hearing = if args.causal { BeatTracker::Causal } else { BeatTracker::Offline };
     let beats = Beats::find(&args.file, hearing)?;
-    let text = if args.json { beats.to_json()? } else { beats.to_lines() };
+    let text = match (args.json, args.downbeats) {
+        (true, _) => beats.to_json()?,
+        (false, true) => beats.to_placed_lines(),
+        (false, false) => beats.to_lines(),
+    };
     match args.out {
         Some(path) => write_whole(&path, text.as_bytes())?,
         None => servodance_runtime::process::console::stdout(format_args!("{text}")),

@@ -71,6 +71,8 @@ pub struct MusicSummary {
     /// Length of the audio, seconds.
     pub audio_s: f64,
     pub beats: BeatTrack,
+    /// Beats a bar as heard live, and how sure, 0 to 1.
+    pub meter: Option<(u8, f32)>,
     /// Motion tokens that the generator writes for each frame.
     pub tokens_per_frame: u64,
     /// Music frames that were replaced because a number was not finite.

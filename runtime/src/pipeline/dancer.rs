@@ -8,7 +8,7 @@ use super::load_shedding::{LeftOut, OverloadWatch};
 use crate::process::failpoint;
 use anyhow::Context;
 use servodance_audio::MusicAnalyzer;
-use servodance_audio::beats::track_offline;
+use servodance_audio::beats::{BeatHistory, track_offline};
 use servodance_audio::capture::CaptureEvent;
 use servodance_audio::source::SHORTEST_S;
 use servodance_model::Dance;
@@ -198,6 +198,7 @@ impl Dancer {
         MusicSummary {
             audio_s: self.audio_s(),
             beats: history.map(track_offline).unwrap_or_default(),
+            meter: history.and_then(BeatHistory::live_meter),
             tokens_per_frame: self.generator.codes().len() as u64,
             replaced_music_frames: self.generator.bad_music_frames(),
             capture: self.audio.capture_stats(),
