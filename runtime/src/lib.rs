@@ -35,6 +35,7 @@ pub mod bus_tools;
 pub mod control;
 pub mod doctor;
 pub mod offline;
+pub mod physics;
 pub mod pipeline;
 pub mod process;
 pub mod robot;

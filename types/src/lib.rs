@@ -31,11 +31,13 @@ mod body;
 mod joint;
 mod motion;
 mod music;
+mod rigid_link;
 
 pub use body::{BodyJoint, JOINT_COUNT};
 pub use joint::{JointLimits, JointState};
 pub use motion::{Contacts, MotionFrame, Point3, Posture};
 pub use music::{Beat, BeatLock, MUSIC_DIM, MusicFrame, SPECTRAL_DIM};
+pub use rigid_link::{LinkDrive, LinkMotion, Placement, RigidLink, TouchPoint};
 
 /// Rate of music features, motion tokens and human motion, frames a second.
 pub const FRAME_RATE_HZ: f64 = 20.0;

@@ -9,3 +9,5 @@ pub mod model;
 pub mod retarget;
 #[cfg(feature = "stage")]
 pub mod stage;
+pub mod world;
+pub mod world_dump;

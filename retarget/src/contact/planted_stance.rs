@@ -13,6 +13,8 @@ const FOOT_MOVED_M: f64 = 0.002;
 
 pub(crate) struct PlantedStance {
     pub feet: Feet,
+    /// Where the feet are at rest.
+    pub home: Feet,
     /// `None`: the feet stay.
     pub stepper: Option<FootStepper>,
     pub pelvis: PelvisTrajectory,

@@ -7,12 +7,12 @@ mod joint_setup;
 mod rest_pose;
 
 use k::nalgebra::{Isometry3, Translation3};
-use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Posture};
+use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Placement, Posture, RigidLink};
 
 use crate::config::{Gains, Limb, RetargetConfig, RetargetError, Stance};
 use crate::contact::PlantedStance;
 use crate::dancer::{HeadingReference, LOOKAHEAD_FRAMES, MotionBuffer, PoseReader, PostureTrack};
-use crate::dynamics::{TorqueEstimator, TorqueReport};
+use crate::dynamics::{TorqueEstimator, TorqueReport, placement, rigid_links};
 use crate::kinematics::{BodyMap, RobotModel};
 use crate::limits::{CollisionLimit, JointTracker};
 use crate::solver::{ArmSearch, BodySolver, SolverScope};
@@ -47,6 +47,7 @@ pub struct Retargeter {
     output: Vec<f64>,
     poses: Vec<Isometry3<f64>>,
     upright: Isometry3<f64>,
+    sole_m: [f64; 2],
     torque: TorqueEstimator,
     counts: RetargetCounts,
 }
@@ -126,6 +127,7 @@ impl Retargeter {
             output: vec![0.0; limits.len()],
             poses: vec![Isometry3::identity(); model.links.len()],
             upright,
+            sole_m: config.sole_m,
             torque,
             counts: RetargetCounts::default(),
             model,
@@ -232,6 +234,24 @@ impl Retargeter {
         if gain.is_finite() {
             *self.gains.of_mut(limb) = gain.clamp(0.0, 2.0);
         }
+    }
+
+    /// The robot's links for a physics engine. Those of a robot on its feet touch the
+    /// floor by their soles.
+    pub fn rigid_links(&self) -> Vec<RigidLink> {
+        let feet = self.stance.as_ref().map(|stance| (&stance.home, self.sole_m));
+        rigid_links(&self.model, &self.map, feet)
+    }
+
+    /// The joints that do not belong to legs.
+    pub fn upper_joints(&self) -> Vec<usize> {
+        let is_leg = |joint: &usize| matches!(self.limbs[*joint], Limb::LeftLeg | Limb::RightLeg);
+        (0..self.limbs.len()).filter(|joint| !is_leg(joint)).collect()
+    }
+
+    /// [`world_from_root`](Self::world_from_root) as plain numbers.
+    pub fn root_placement(&self, positions: &[f64]) -> Placement {
+        placement(&self.world_from_root(positions))
     }
 
     /// Which feet stand on the floor, left and right; `None` on a stand.

@@ -188,6 +188,7 @@ impl RestSearch<'_> {
             // What was reached, not what was asked: rest is then an equilibrium.
             pelvis: PelvisTrajectory::new(legs.base, leg_m, dt_s, preview_s, pace),
             feet,
+            home: feet,
             stepper: steps.then(|| FootStepper::new(feet, leg_m, sole_m, dt_s, cycles)),
             legs,
         }

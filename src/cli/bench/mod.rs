@@ -4,6 +4,7 @@ pub mod bus;
 pub mod model;
 pub mod retarget;
 pub mod stage;
+pub mod world;
 
 use clap::Subcommand;
 use std::process::ExitCode;
@@ -32,6 +33,8 @@ pub enum What {
     Model(model::Args),
     /// Time and allocations of a retargeting cycle.
     Retarget(retarget::Args),
+    /// Whether a robot stays on its feet while it dances, in the simulated world.
+    World(world::Args),
     /// How far apart robots on a network are, and what becomes of them when it breaks.
     Stage(stage::Args),
 }
@@ -42,5 +45,6 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         What::Model(args) => model::run(args),
         What::Retarget(args) => retarget::run(args),
         What::Stage(args) => stage::run(args),
+        What::World(args) => world::run(args),
     }
 }
