@@ -34,7 +34,7 @@ mod music;
 mod rigid_link;
 
 pub use body::{BodyJoint, JOINT_COUNT};
-pub use joint::{JointLimits, JointState};
+pub use joint::{ImuState, JointLimits, JointState};
 pub use motion::{Contacts, MotionFrame, Point3, Posture};
 pub use music::{Beat, BeatLock, MUSIC_DIM, MusicFrame, SPECTRAL_DIM};
 pub use rigid_link::{LinkDrive, LinkMotion, Placement, RigidLink, TouchPoint};

@@ -15,6 +15,10 @@ pub enum Limb {
     Torso,
 }
 
+/// All of them, in the order of their numbers.
+pub(crate) const EVERY_LIMB: [Limb; 6] =
+    [Limb::LeftArm, Limb::RightArm, Limb::LeftLeg, Limb::RightLeg, Limb::Head, Limb::Torso];
+
 /// How much of the human's movement each limb shows: 1 is all of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

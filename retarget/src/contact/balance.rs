@@ -51,6 +51,13 @@ impl SupportPolygon {
         hull(&self.corners, &mut self.edges);
     }
 
+    /// Middle of the corners.
+    pub fn middle(&self) -> Vector3<f64> {
+        let sum: Vector3<f64> = self.corners.iter().sum();
+        let middle = sum / self.corners.len().max(1) as f64;
+        Vector3::new(middle.x, middle.y, 0.0)
+    }
+
     /// Farthest distance outside any edge, metres; negative inside.
     pub fn outside_m(&self, point: &Point3<f64>) -> f64 {
         self.edges.iter().map(|edge| edge.outside_m(point)).fold(f64::NEG_INFINITY, f64::max)

@@ -1,6 +1,7 @@
 //! What only a robot on its feet has: where they are, and what the rest of it
 //! has to do with that.
 
+use crate::balance::ZmpGovernor;
 use crate::contact::{FootStepper, PelvisTrajectory};
 use crate::kinematics::BodyMap;
 use crate::solver::{BodySolver, Feet};
@@ -19,6 +20,7 @@ pub(crate) struct PlantedStance {
     pub stepper: Option<FootStepper>,
     pub pelvis: PelvisTrajectory,
     pub legs: BodySolver,
+    pub governor: ZmpGovernor,
 }
 
 impl PlantedStance {
@@ -49,6 +51,7 @@ impl PlantedStance {
     pub fn restart(&mut self, root: Isometry3<f64>) {
         self.legs.base = root;
         self.pelvis.restart();
+        self.governor.restart();
         if let Some(stepper) = &mut self.stepper {
             stepper.restart(&mut self.feet);
         }

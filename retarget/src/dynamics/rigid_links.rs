@@ -4,6 +4,7 @@
 use k::nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use servodance_types::{LinkDrive, LinkMotion, Placement, RigidLink, TouchPoint};
 
+use super::joint_torque::GRAVITY_M_S2;
 use crate::contact::sole_corners;
 use crate::kinematics::{BodyMap, JointMotion, RobotModel, Shape, Visual};
 
@@ -76,6 +77,54 @@ pub(crate) fn rigid_links(
         }
     }
     links
+}
+
+/// What a joint of a robot at rest carries.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointLoad {
+    /// Moment of inertia about the joint's axis, kg m2: of what is beyond the joint, or,
+    /// for a leg that stands, of half the robot over it.
+    pub inertia_kg_m2: f64,
+    /// Weight times lever of the same, newton metres a radian.
+    pub gravity_nm_rad: f64,
+    /// Effort limit of the description, newton metres.
+    pub effort_nm: Option<f64>,
+}
+
+/// Loads by joint; `stands` says which joints are of legs on the floor.
+pub(crate) fn joint_loads(
+    model: &RobotModel,
+    poses: &[Isometry3<f64>],
+    stands: &[bool],
+) -> Vec<JointLoad> {
+    let mut loads = vec![JointLoad::default(); stands.len()];
+    for (index, link) in model.links.iter().enumerate() {
+        let (Some(drive), JointMotion::Revolute(axis)) = (link.drive, link.motion) else {
+            continue;
+        };
+        let axis = poses[index].rotation * axis.into_inner();
+        let at = poses[index].translation.vector;
+        let (mut inertia, mut lever) = (0.0, 0.0);
+        let share = if stands[drive.joint] { 0.5 } else { 1.0 };
+        for (other, body) in model.links.iter().enumerate() {
+            let carried = match stands[drive.joint] {
+                // Above an ankle is all of the robot but the foot.
+                true => !model.is_below(other, index),
+                false => model.is_below(other, index),
+            };
+            if carried && body.mass_kg > 0.0 {
+                let away = poses[other] * body.com - Point3::from(at);
+                let across = axis.cross(&away).norm_squared();
+                inertia += share * body.mass_kg * across;
+                lever += share * body.mass_kg * GRAVITY_M_S2 * across.sqrt();
+            }
+        }
+        let load = &mut loads[drive.joint];
+        load.inertia_kg_m2 = load.inertia_kg_m2.max(inertia);
+        load.gravity_nm_rad = load.gravity_nm_rad.max(lever);
+        load.effort_nm = model.effort_nm[drive.joint];
+    }
+    loads
 }
 
 /// Balls that stand for a shape: corners of a box, the round ends of the rest.

@@ -4,6 +4,7 @@ use k::nalgebra::Isometry3;
 use servodance_types::JointLimits;
 
 use super::joint_setup::by_joint;
+use crate::balance::ZmpGovernor;
 use crate::config::{RetargetConfig, RetargetError, Stance};
 use crate::contact::capsules;
 use crate::contact::{FootStepper, PelvisTrajectory, PlantedStance, SupportPolygon};
@@ -136,6 +137,16 @@ impl RestSearch<'_> {
         }
     }
 
+    /// Which links belong to the legs.
+    fn standing_links(&self) -> Vec<bool> {
+        let hips = self.map.legs.map(|leg| leg.hip.unwrap_or(0));
+        let below = |link: usize| {
+            hips.iter()
+                .any(|&hip| hip != 0 && self.model.is_below(link, self.model.last_driven(hip)))
+        };
+        (0..self.model.links.len()).map(below).collect()
+    }
+
     /// Puts the robot on its feet, sunk a little, its weight between them.
     fn stand(&mut self, leg_m: f64, far: &[(f64, f64)]) -> PlantedStance {
         let mut legs = BodySolver::new(
@@ -187,6 +198,7 @@ impl RestSearch<'_> {
         PlantedStance {
             // What was reached, not what was asked: rest is then an equilibrium.
             pelvis: PelvisTrajectory::new(legs.base, leg_m, dt_s, preview_s, pace),
+            governor: ZmpGovernor::new(self.standing_links(), dt_s),
             feet,
             home: feet,
             stepper: steps.then(|| FootStepper::new(feet, leg_m, sole_m, dt_s, cycles)),

@@ -1,6 +1,7 @@
 //! A servo as a position loop with limited torque: what a physics engine needs of it.
 
 use servodance_drivers::Servo;
+use servodance_retarget::JointLoad;
 use servodance_sim::world::{JointDrive, JointMechanics};
 
 /// Position error at which a Dynamixel of stock gain gives its stall torque, and the
@@ -11,6 +12,12 @@ const ROTOR_KG_M2_PER_NM: f64 = 0.045 / 4.1;
 /// Damping against stall torque over no-load speed, from the same source.
 const DAMPING_SHARE: f64 = 1.084 / 0.851;
 const FRICTION_SHARE: f64 = 0.0075;
+/// Servos that are sized for their load: natural frequency, stiffness against gravity,
+/// rotor against load, damping ratio.
+const SIZED_HZ: f64 = 3.0;
+const SIZED_STIFFNESS: f64 = 2.0;
+const SIZED_ROTOR: f64 = 0.1;
+const SIZED_DAMPING: f64 = 0.5;
 
 /// `torque = clamp(kp (goal - position), limit) - damping velocity`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,6 +83,24 @@ impl ServoLoop {
             kp: variation.kp.unwrap_or(nominal.kp) * variation.stiffness,
             mechanics: JointMechanics { play_rad: variation.play_rad, ..nominal.mechanics },
             ..nominal
+        }
+    }
+
+    /// The same, but stiff and strong enough for what its joint carries.
+    pub fn sized(self, load: &JointLoad, variation: &ServoVariation) -> Self {
+        let bounce = std::f64::consts::TAU * SIZED_HZ;
+        let inertia = load.inertia_kg_m2.max(1e-3);
+        let kp = (inertia * bounce * bounce).max(SIZED_STIFFNESS * load.gravity_nm_rad);
+        let armature_kg_m2 = SIZED_ROTOR * inertia;
+        Self {
+            kp: kp * variation.stiffness,
+            damping_nm_s: 2.0 * SIZED_DAMPING * (kp * (inertia + armature_kg_m2)).sqrt(),
+            limit_nm: load.effort_nm.unwrap_or(self.limit_nm).max(2.0 * load.gravity_nm_rad),
+            mechanics: JointMechanics {
+                armature_kg_m2,
+                friction_nm: FRICTION_SHARE * load.gravity_nm_rad,
+                ..self.mechanics
+            },
         }
     }
 

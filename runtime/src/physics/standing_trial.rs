@@ -5,7 +5,7 @@ use servodance_types::{FRAME_RATE_HZ, MotionFrame, Placement, RigidLink};
 
 use super::servo_loop::{ServoLoop, ServoVariation};
 use crate::robot::Robot;
-use servodance_retarget::Retargeter;
+use servodance_retarget::{BalanceFeedback, LegServo, Retargeter};
 
 /// A robot has fallen when its pelvis leans by more than this, or is below this share
 /// of its height at rest.
@@ -23,6 +23,9 @@ pub struct TrialOptions {
     pub world: WorldOptions,
     /// The servos.
     pub servos: ServoVariation,
+    /// Whether the servos are as strong as the robot's masses ask for, whatever the
+    /// robot file says: for files whose servos are placeholders.
+    pub sized: bool,
     /// Factor on all masses.
     pub mass: f64,
     /// Whether the sensor's readings correct the commands.
@@ -36,6 +39,7 @@ impl Default for TrialOptions {
         Self {
             world: WorldOptions::default(),
             servos: ServoVariation::default(),
+            sized: false,
             mass: 1.0,
             feedback: true,
             push_ns: [0.0; 2],
@@ -72,6 +76,7 @@ pub struct StandingTrial {
     period_s: f64,
     options: TrialOptions,
     upper: Vec<usize>,
+    feedback: Option<BalanceFeedback>,
 }
 
 impl StandingTrial {
@@ -84,9 +89,23 @@ impl StandingTrial {
             link.inertia_kg_m2.iter_mut().flatten().for_each(|entry| *entry *= options.mass);
         }
         let servos = robot.servos.iter().map(|servo| ServoLoop::of(servo, &options.servos));
+        let mut servos: Vec<ServoLoop> = servos.collect();
+        if options.sized {
+            for (servo, load) in servos.iter_mut().zip(retargeter.joint_loads()) {
+                *servo = servo.sized(&load, &options.servos);
+            }
+        }
+        let leg = |servo: &ServoLoop| LegServo {
+            kp_nm_rad: servo.kp / options.servos.stiffness,
+            damping_nm_s: servo.damping_nm_s,
+        };
+        let legs: Vec<LegServo> = servos.iter().map(leg).collect();
+        let limits: Vec<_> = robot.servos.iter().map(|servo| servo.limits).collect();
+        let feedback = options.feedback.then(|| BalanceFeedback::new(&retargeter, &legs, &limits));
         Ok(Self {
             links,
-            servos: servos.collect(),
+            servos,
+            feedback: feedback.flatten(),
             upper: retargeter.upper_joints(),
             retargeter,
             period_s: robot.period_s(),
@@ -149,20 +168,24 @@ impl StandingTrial {
                     until_s: world.time_s() + 0.05,
                 });
             }
+            let plan = self.retargeter.root_placement(&targets);
+            let mut commands = targets.clone();
+            if let Some(feedback) = &mut self.feedback {
+                feedback.correct(plan.rotation[2], world.imu().as_ref(), &mut commands);
+            }
             for _ in 0..steps as usize {
                 for (joint, (drive, servo)) in drives.iter_mut().zip(&self.servos).enumerate() {
-                    *drive = servo.drive(targets[joint], world.joint(joint).0);
+                    *drive = servo.drive(commands[joint], world.joint(joint).0);
                 }
                 world.step(&drives);
                 if cycle >= 0 {
                     sums.slip(&world);
                 }
             }
-            each(time_s, &targets, &world);
+            each(time_s, &commands, &world);
             if cycle < 0 {
                 continue;
             }
-            let plan = self.retargeter.root_placement(&targets);
             sums.cycle(&world, &plan);
             sums.upper(&self.upper, &targets, &before, self.period_s);
             before.copy_from_slice(&targets);

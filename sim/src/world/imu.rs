@@ -3,6 +3,8 @@
 
 use std::collections::VecDeque;
 
+use servodance_types::ImuState;
+
 use super::spatial::{Mat3, Vec3};
 
 /// How good a sensor is.
@@ -36,22 +38,11 @@ impl Default for ImuErrors {
     }
 }
 
-/// One reading, in the axes of the root link.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ImuReading {
-    /// Rate of turn, radians a second.
-    pub rate_rad_s: [f64; 3],
-    /// Acceleration less gravity, m/s2: +9.81 along the vertical at rest.
-    pub force_m_s2: [f64; 3],
-    /// Unit vector that points up.
-    pub up: [f64; 3],
-}
-
 #[derive(Clone, Debug)]
 pub(super) struct Imu {
     errors: ImuErrors,
     random: u64,
-    past: VecDeque<ImuReading>,
+    past: VecDeque<ImuState>,
     kept: usize,
 }
 
@@ -63,7 +54,7 @@ impl Imu {
     }
 
     /// The oldest reading that the delay allows.
-    pub fn reading(&self) -> Option<ImuReading> {
+    pub fn reading(&self) -> Option<ImuState> {
         self.past.front().copied()
     }
 
@@ -77,7 +68,7 @@ impl Imu {
         let force = force + self.noise(errors.force_noise_m_s2);
         let up = (up + up.cross(&self.noise(errors.attitude_noise_rad))).normalize();
         let [rate_rad_s, force_m_s2, up] = [rate, force, up].map(Into::into);
-        self.past.push_back(ImuReading { rate_rad_s, force_m_s2, up });
+        self.past.push_back(ImuState { rate_rad_s, force_m_s2, up });
         if self.past.len() > self.kept {
             self.past.pop_front();
         }

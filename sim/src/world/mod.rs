@@ -17,18 +17,18 @@ mod spatial;
 mod state;
 mod tree;
 
-use servodance_types::{Placement, RigidLink};
+use servodance_types::{ImuState, Placement, RigidLink};
 
 use crate::error::SimError;
 use contact::{ContactSolver, FloorFrame, Jacobian, Touch};
 use gear_play::GearPlay;
 use imu::Imu;
 use mass_matrix::MassMatrix;
-use spatial::{SpatialInertia, Twist, Vec3, Wrench};
+use spatial::{Vec3, Wrench};
 use state::{Posed, WorldState};
 use tree::{ROOT_DOFS, Tree};
 
-pub use imu::{ImuErrors, ImuReading};
+pub use imu::ImuErrors;
 
 pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Longest step, seconds.
@@ -153,7 +153,7 @@ impl World {
         mechanics: &[JointMechanics],
         options: WorldOptions,
     ) -> Result<Self, SimError> {
-        let tree = Tree::new(links, mechanics.len())?;
+        let tree = Tree::new(links)?;
         SimError::checked("world step", options.dt_s, 1e-5..=5e-3, "10 us to 5 ms")?;
         SimError::checked("floor friction", options.friction, 0.0..=10.0, "0 to 10")?;
         for tilt in options.tilt_rad {
@@ -304,7 +304,7 @@ impl World {
     }
 
     /// What the sensor on the root link reads; `None` before the first step.
-    pub fn imu(&self) -> Option<ImuReading> {
+    pub fn imu(&self) -> Option<ImuState> {
         self.imu.reading()
     }
 

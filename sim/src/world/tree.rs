@@ -38,7 +38,6 @@ pub(super) struct Tree {
     pub bodies: Vec<Body>,
     pub points: Vec<BodyPoint>,
     pub mass: f64,
-    pub joints: usize,
 }
 
 fn matrix(rows: &[[f64; 3]; 3]) -> Mat3 {
@@ -47,8 +46,8 @@ fn matrix(rows: &[[f64; 3]; 3]) -> Mat3 {
 
 impl Tree {
     /// Fails, by link, where a figure cannot be simulated.
-    pub fn new(links: &[RigidLink], joints: usize) -> Result<Self, SimError> {
-        let mut tree = Self { bodies: Vec::new(), points: Vec::new(), mass: 0.0, joints };
+    pub fn new(links: &[RigidLink]) -> Result<Self, SimError> {
+        let mut tree = Self { bodies: Vec::new(), points: Vec::new(), mass: 0.0 };
         // Where each link is in the body that it is merged into.
         let mut place: Vec<(usize, Mat3, Vec3)> = Vec::with_capacity(links.len());
         for link in links {
