@@ -1,10 +1,16 @@
 //! `servodance robot`: write a robot file for a description, look one over.
 
+use servodance_model::motion::Clip;
+use servodance_runtime::offline::generate::{GenerateRequest, generate};
+use servodance_runtime::pipeline::audio_input::AudioChoice;
 use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot;
 use servodance_training::choreography;
 use std::path::PathBuf;
 use std::process::ExitCode;
+
+/// Length of the dances that a new robot must stand.
+const STANDING_S: f64 = 30.0;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -64,9 +70,29 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     }
 }
 
+/// Dances of the default style, as a robot will dance them.
+fn built_in_dances() -> anyhow::Result<Vec<Clip>> {
+    let dance = |seed| {
+        generate(&GenerateRequest {
+            audio: AudioChoice::BuiltIn,
+            seconds: Some(STANDING_S),
+            seed,
+            style: None,
+            sampling: Default::default(),
+            engine: Default::default(),
+            start: None,
+            lookahead_s: 0.0,
+            model: None,
+            conditioning: Default::default(),
+            quiet: true,
+        })
+    };
+    (1..=2).map(dance).collect()
+}
+
 fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
-    let written =
-        robot::new_robot(&args.description, &args.out, args.force, &choreography::trial_dance())?;
+    let (trial, dances) = (choreography::trial_dance(), built_in_dances()?);
+    let written = robot::new_robot(&args.description, &args.out, args.force, &trial, &dances)?;
     for file in &written.files {
         stdout_line!("{}", file.display());
     }

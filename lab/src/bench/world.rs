@@ -41,6 +41,8 @@ pub struct WorldBenchRequest {
     pub worlds: Vec<String>,
     /// Whether the sensor's feedback is on.
     pub feedback: bool,
+    /// Whether servos are as strong as the robot's masses ask for.
+    pub sized: bool,
     /// Whether pushes are measured too.
     pub pushes: bool,
     /// Where generated motion is kept and found again.
@@ -233,7 +235,7 @@ fn trial(
     clip: &Clip,
 ) -> anyhow::Result<TrialReport> {
     let options = options(world, dance as u64, request.seed)?;
-    let options = TrialOptions { feedback: request.feedback, ..options };
+    let options = TrialOptions { feedback: request.feedback, sized: request.sized, ..options };
     match &request.dump {
         Some(folder) => {
             let path = folder.join(format!("{world}-{}.json", clip.name));

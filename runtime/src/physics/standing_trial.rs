@@ -1,5 +1,7 @@
 //! A known motion is danced in the simulated world: does the robot stay on its feet?
 
+use std::collections::VecDeque;
+
 use servodance_sim::world::{Push, World, WorldOptions};
 use servodance_types::{FRAME_RATE_HZ, MotionFrame, Placement, RigidLink};
 
@@ -56,7 +58,7 @@ pub struct TrialReport {
     pub fell_s: Option<f64>,
     /// Root mean square lean of the pelvis, degrees, and against what was commanded.
     pub tilt_rms_deg: f64,
-    /// The lean that was not commanded.
+    /// The lean that was not commanded one servo lag before.
     pub tilt_beyond_plan_rms_deg: f64,
     /// The most of that.
     pub tilt_beyond_plan_max_deg: f64,
@@ -77,6 +79,7 @@ pub struct StandingTrial {
     options: TrialOptions,
     upper: Vec<usize>,
     feedback: Option<BalanceFeedback>,
+    lag_cycles: usize,
 }
 
 impl StandingTrial {
@@ -106,6 +109,7 @@ impl StandingTrial {
             links,
             servos,
             feedback: feedback.flatten(),
+            lag_cycles: (robot.servo_lag_s / robot.period_s()).round() as usize,
             upper: retargeter.upper_joints(),
             retargeter,
             period_s: robot.period_s(),
@@ -149,6 +153,7 @@ impl StandingTrial {
         let settle = (SETTLE_S / self.period_s).round() as i64;
         let cycles = (frames.len() as f64 / FRAME_RATE_HZ / self.period_s) as i64;
         let mut before = targets.clone();
+        let mut plans = VecDeque::from(vec![root; self.lag_cycles + 1]);
         for cycle in -settle..cycles {
             let time_s = cycle as f64 * self.period_s;
             while let Some(frame) =
@@ -186,7 +191,9 @@ impl StandingTrial {
             if cycle < 0 {
                 continue;
             }
-            sums.cycle(&world, &plan);
+            plans.push_back(plan);
+            plans.pop_front();
+            sums.cycle(&world, &plans[0]);
             sums.upper(&self.upper, &targets, &before, self.period_s);
             before.copy_from_slice(&targets);
             let root = world.root();

@@ -38,6 +38,10 @@ pub struct Args {
     /// Do not correct the commands by the sensor on the pelvis.
     #[arg(long)]
     pub no_feedback: bool,
+    /// Take servos that are as strong as the robot's masses ask for: for files whose
+    /// servos are placeholders.
+    #[arg(long)]
+    pub sized: bool,
     /// Also find the largest push that is survived, in eight directions.
     #[arg(long)]
     pub pushes: bool,
@@ -72,6 +76,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         seconds: args.seconds,
         worlds: args.worlds,
         feedback: !args.no_feedback,
+        sized: args.sized,
         pushes: args.pushes,
         motions: args.motions,
         dump: args.dump,
