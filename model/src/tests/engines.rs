@@ -6,11 +6,7 @@ use crate::engine::{EngineKind, EngineOptions};
 use crate::{Dance, Dtype, Generator, GeneratorOptions};
 
 fn start(kind: EngineKind, dtype: Option<Dtype>, options: &GeneratorOptions) -> Dance {
-    let engine = EngineOptions {
-        kind,
-        dtype,
-        threads: Some(2),
-    };
+    let engine = EngineOptions { kind, dtype, threads: Some(2) };
     let generator = Generator::built_in_with(engine).unwrap();
     generator.start(options.clone()).unwrap()
 }
@@ -20,12 +16,7 @@ fn music(k: usize) -> MusicFrame {
     MusicFrame {
         time_s: k as f64 / 20.0,
         spectral: std::array::from_fn(|i| ((k * 7 + i) as f32 * 0.37).sin() * (1.0 - beat % 1.0)),
-        beat: Beat {
-            phase: beat % 1.0,
-            tempo_bpm: 120.0,
-            confidence: 1.0,
-            ..Beat::default()
-        },
+        beat: Beat { phase: beat % 1.0, tempo_bpm: 120.0, confidence: 1.0, ..Beat::default() },
         presence: 1.0,
     }
 }
@@ -53,14 +44,8 @@ fn check(dtype: Option<Dtype>, options: &GeneratorOptions, frames: usize) {
 
 #[test]
 fn both_engines_draw_the_same_codes() {
-    let sampled = GeneratorOptions {
-        seed: 1,
-        ..GeneratorOptions::default()
-    };
-    let greedy = GeneratorOptions {
-        temperature: 0.0,
-        ..sampled.clone()
-    };
+    let sampled = GeneratorOptions { seed: 1, ..GeneratorOptions::default() };
+    let greedy = GeneratorOptions { temperature: 0.0, ..sampled.clone() };
     check(None, &sampled, 250);
     check(None, &greedy, 250);
 }

@@ -227,13 +227,6 @@ impl Retargeter {
         self.mirror = mirror;
     }
 
-    /// Scales the movement of one limb, 0 to 2.
-    pub fn set_gain(&mut self, limb: Limb, gain: f64) {
-        if gain.is_finite() {
-            *self.gains.of_mut(limb) = gain.clamp(0.0, 2.0);
-        }
-    }
-
     /// Which feet stand on the floor, left and right; `None` on a stand.
     pub fn feet_down(&self) -> Option<[bool; 2]> {
         self.stance.as_ref().map(PlantedStance::down)
