@@ -1,6 +1,6 @@
 //! `servodance dance`.
 
-use super::options::dance::{GeneratorArgs, RobotArgs};
+use super::options::dance::RobotArgs;
 use super::{INTERRUPTED, stop_signal};
 use anyhow::bail;
 use servodance_audio::source::PcmEncoding;
@@ -8,6 +8,7 @@ use servodance_audio::source::PcmFormat;
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::bus_choice::choose as choose_buses;
 use servodance_runtime::pipeline::audio_input::AudioChoice;
+use servodance_runtime::pipeline::model_args::GeneratorArgs;
 use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_runtime::process::speed::Speed;
 use servodance_runtime::session::config::DanceConfig;
@@ -76,7 +77,7 @@ pub struct Args {
     pub no_compensation: bool,
 
     #[command(flatten)]
-    pub invention: GeneratorArgs,
+    pub generator: GeneratorArgs,
 
     /// Write figures of the run as JSON (see docs/report.md).
     #[arg(long, value_name = "FILE.json")]
@@ -225,11 +226,7 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         speed,
         as_live: args.as_live,
         compensation: !args.no_compensation,
-        seed: args.invention.seed,
-        style: args.invention.style,
-        model: args.invention.model,
-        conditioning: args.invention.conditioning,
-        engine: args.invention.engine.options(),
+        generator: args.generator,
         report: args.report,
         record: args.record,
         picture: (!args.no_picture).then_some(args.picture),

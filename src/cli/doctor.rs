@@ -1,9 +1,9 @@
 //! `servodance doctor`.
 
 use super::options::robot::RobotFileArgs;
-use servodance_model::engine::EngineOptions;
 use servodance_runtime::doctor::{Finding, Verdict, examine};
 use servodance_runtime::pipeline::conditioning::Conditioning;
+use servodance_runtime::pipeline::model_args::EngineArgs;
 use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::session::dance::open_generator;
 use std::path::PathBuf;
@@ -39,7 +39,7 @@ pub struct Args {
 /// Prints what was found; fails where a dance is not possible.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = args.robot.load()?;
-    let generator = open_generator(args.model.as_deref(), EngineOptions::default())?;
+    let generator = open_generator(args.model.as_deref(), EngineArgs::default())?;
     let conditioning = Conditioning { encodec: args.encodec, ..Conditioning::default() };
     let encodec = conditioning.encodec(&generator)?;
     let findings = examine(&robot, &generator, encodec.as_ref())?;

@@ -1,7 +1,7 @@
 //! `servodance lead`.
 
-use super::options::dance::GeneratorArgs;
 use super::options::stage::StageNetworkArgs;
+use servodance_runtime::pipeline::model_args::GeneratorArgs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -40,7 +40,7 @@ pub struct Args {
     pub take_over: bool,
 
     #[command(flatten)]
-    pub invention: GeneratorArgs,
+    pub generator: GeneratorArgs,
 
     /// Write figures of the run as JSON.
     #[arg(long, value_name = "FILE.json")]
@@ -67,11 +67,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             (None, Some(path)) => AudioChoice::File(path),
             (None, None) => AudioChoice::BuiltIn,
         },
-        seed: args.invention.seed,
-        style: args.invention.style,
-        model: args.invention.model,
-        conditioning: args.invention.conditioning,
-        engine: args.invention.engine.options(),
+        generator: args.generator,
         place: args.place.place(true, args.listen),
         stage: args.place.stage,
         take_over: args.take_over,

@@ -4,7 +4,7 @@ use super::options::robot::RobotFileArgs;
 use super::{INTERRUPTED, stop_signal};
 use anyhow::bail;
 use servodance_lab::soak::{Soak, SoakMusic};
-use servodance_model::engine::EngineOptions;
+use servodance_runtime::pipeline::model_args::EngineArgs;
 use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_runtime::process::progress::Progress;
 use servodance_runtime::session::dance::open_generator;
@@ -81,7 +81,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         fault_every_s: args.fault_every,
         seed: args.seed,
     };
-    let generator = open_generator(args.model.as_deref(), EngineOptions::default())?;
+    let generator = open_generator(args.model.as_deref(), EngineArgs::default())?;
     let stop = stop_signal()?;
     let progress = Progress::new(Some(soak.total_s), args.quiet);
     let summary = soak.run(&generator, &stop, |music_s| progress.at(music_s))?;

@@ -41,7 +41,7 @@ pub struct Args {
 pub enum TrainCommand {
     /// Stage 1, the VQ-VAE: motion to one code a body part and frame, and back.
     #[command(after_help = EXAMPLES)]
-    Vqvae(TrainRunArgs),
+    Vqvae(TrainingRequest),
     /// Stage 2, MotionSeq: the next codes from the codes before and the music.
     #[command(after_help = EXAMPLES)]
     Motionseq(SeqArgs),
@@ -55,54 +55,16 @@ pub struct SeqArgs {
     pub stage_one: Option<PathBuf>,
     /// What both stages take.
     #[command(flatten)]
-    pub run: TrainRunArgs,
-}
-
-/// What both stages are asked for.
-#[derive(Debug, clap::Args)]
-pub struct TrainRunArgs {
-    #[arg(help = "The settings", long, value_name = "FILE.toml")]
-    pub config: PathBuf,
-    /// The training file, in place of that in the settings.
-    #[arg(long, value_name = "FILE.safetensors")]
-    pub data: Option<PathBuf>,
-    /// The folder to write to, in place of that in the settings.
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Everything random follows from it.
-    #[arg(long)]
-    pub seed: Option<u64>,
-    /// Threads to work with; they change no number.
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
-    /// Stop when so many steps are taken, to go on later.
-    #[arg(long, value_name = "STEP")]
-    pub until: Option<u64>,
-    /// Go on from the checkpoint in the folder, to the same bytes as if it
-    /// had never been stopped.
-    #[arg(long)]
-    pub resume: bool,
-    #[arg(help = "Print only errors", long, short)]
-    pub quiet: bool,
+    pub run: TrainingRequest,
 }
 
 /// Trains and says where the files are.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let (network, stage_one, args) = match args.command {
-        TrainCommand::Vqvae(args) => (TrainedNetwork::VqVae, None, args),
-        TrainCommand::Motionseq(args) => (TrainedNetwork::MotionSeq, args.stage_one, args.run),
-    };
-    let request = TrainingRequest {
-        network,
-        config: args.config,
-        data: args.data,
-        out: args.out,
-        vqvae_weights: stage_one,
-        seed: args.seed,
-        threads: args.threads,
-        until: args.until,
-        resume: args.resume,
-        quiet: args.quiet,
+    let request = match args.command {
+        TrainCommand::Vqvae(request) => request,
+        TrainCommand::Motionseq(SeqArgs { stage_one, run }) => {
+            TrainingRequest { network: TrainedNetwork::MotionSeq, vqvae_weights: stage_one, ..run }
+        }
     };
     let stop = stop_signal()?;
     let outcome = train(&request, &stop)?;

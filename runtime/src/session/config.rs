@@ -4,10 +4,9 @@ use crate::control::bus_choice::BusChoice;
 use crate::control::idle::IdleStyle;
 use crate::control::timing::{LoopOptions, MotionArrival};
 use crate::pipeline::audio_input::AudioChoice;
-use crate::pipeline::conditioning::Conditioning;
+use crate::pipeline::model_args::GeneratorArgs;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
-use servodance_model::engine::EngineOptions;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -28,16 +27,8 @@ pub struct DanceConfig {
     pub compensation: bool,
     /// What to do while there is no music.
     pub idle: IdleStyle,
-    /// Seed of the generator.
-    pub seed: u64,
-    /// Style, if not the default one.
-    pub style: Option<String>,
-    /// Weights, if not the built-in ones.
-    pub model: Option<PathBuf>,
-    /// Files that those weights may need, and a style in words.
-    pub conditioning: Conditioning,
-    /// How the model's steps are computed.
-    pub engine: EngineOptions,
+    /// Weights, style and seed of the generator.
+    pub generator: GeneratorArgs,
     /// Where the report goes.
     pub report: Option<PathBuf>,
     /// Where the recording goes.

@@ -42,6 +42,12 @@ impl ImportFormat {
         ["aist", "humanml3d", "bvh", "amc", "smpl", "npz"][self as usize]
     }
 
+    /// The format of that name; the error lists all names.
+    pub fn parse(name: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|format| format.name() == name);
+        found.ok_or_else(|| format!("choose one of {}", Self::ALL.map(Self::name).join(", ")))
+    }
+
     /// Endings of file names, in small letters.
     pub fn endings(self) -> &'static [&'static str] {
         match self {
