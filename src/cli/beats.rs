@@ -5,14 +5,7 @@ use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance beats song.ogg
-      one beat a line, in seconds
-  servodance beats song.ogg --causal --out live.txt
-      as the robot hears them live
-  servodance beats song.ogg --json
-      with the tempo, as one JSON object";
+const EXAMPLES: &str = include_str!("examples/beats.txt").trim_ascii_end();
 
 /// What `beats` is asked for.
 #[derive(Debug, clap::Args)]

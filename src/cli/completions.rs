@@ -5,11 +5,7 @@ use clap::CommandFactory;
 use clap_complete::Shell;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance completions bash > ~/.local/share/bash-completion/completions/servodance
-  servodance completions zsh > ~/.zfunc/_servodance
-  servodance completions fish > ~/.config/fish/completions/servodance.fish";
+const EXAMPLES: &str = include_str!("examples/completions.txt").trim_ascii_end();
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]

@@ -23,24 +23,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dance
-      the built-in song on the built-in humanoid, simulated, as fast as possible
-  servodance dance song.ogg --robot op3 --report out.json --record out.mcap
-      your song, with a report for scripts and a recording for robotics viewers
-  servodance dance song.ogg --gif dance.gif
-      ten seconds to show to people
-  servodance dance song.mp3 --bus serial:/dev/ttyUSB0
-      a real robot, in real time (hold its power switch)
-  servodance dance --mic
-      what the default microphone hears (built with --features mic)
-  servodance dance --mic --robot my-robot.toml --bus serial:/dev/ttyUSB0 --view --wait-for-start
-      an evening: start, hold, stop and style from a page in the browser
-  servodance dance song.mp3 --bus serial:/dev/ttyUSB0 --tui
-      the same over a terminal, on a machine without a screen, say
-  arecord -f S16_LE -r 48000 -c 1 -t raw | servodance dance - --pcm-rate 48000 --speed realtime
-      dance to whatever a capture program hears";
+const EXAMPLES: &str = include_str!("examples/dance.txt").trim_ascii_end();
 
 /// What `dance` is asked for.
 #[derive(Debug, clap::Args)]

@@ -9,30 +9,11 @@ use servodance_training::dataset::{DatasetOptions, DatasetReport, ImportRequest,
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const IMPORT_EXAMPLES: &str = "\
-Examples:
-  servodance dataset import aist aist_plusplus/motions --music aist/wav --out data
-      AIST++ with the songs that were danced to
-  servodance dataset import bvh lafan1 --source lafan1 --licence \"CC BY-NC-ND 4.0\" --dance --out data
-      any BVH; the joints that were found are printed
-  servodance dataset import bvh mine.bvh --mapping joints.toml --out data
-      with corrections, e.g. a line: left_wrist = \"L_Palm\"";
+const IMPORT_EXAMPLES: &str = include_str!("examples/dataset-import.txt").trim_ascii_end();
 
-const BUILD_EXAMPLES: &str = "\
-Examples:
-  servodance dataset build data.safetensors --motion data --songs 4 --choreography 90
-      what `servodance train` reads, and `servodance evaluate --data`
-  servodance dataset build tiny.safetensors --choreography 5
-      choreography alone: needs no data
-  servodance dataset build data.safetensors --motion data --music-features encodec128 --encodec encodec_24khz/model.safetensors
-      with what Encodec hears beside it (see docs/conditioning.md)";
+const BUILD_EXAMPLES: &str = include_str!("examples/dataset-build.txt").trim_ascii_end();
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dataset import bvh lafan1 --dance --out data
-  servodance dataset report data --sheet sheet.png
-  servodance dataset build data.safetensors --motion data
-      motion comes in, is looked over, becomes what `servodance train` reads";
+const EXAMPLES: &str = include_str!("examples/dataset.txt").trim_ascii_end();
 
 /// Data to train with.
 #[derive(Debug, clap::Args)]

@@ -3,12 +3,7 @@
 use servodance_runtime::pipeline::microphone::input_table;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance devices
-      the inputs of this machine, the default one first
-  servodance dance --mic hw:CARD=1,DEV=0
-      dance to one of them";
+const EXAMPLES: &str = include_str!("examples/devices.txt").trim_ascii_end();
 
 /// `devices` takes no arguments.
 #[derive(Debug, clap::Args)]

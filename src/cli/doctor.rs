@@ -9,12 +9,7 @@ use servodance_runtime::session::dance::open_generator;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance doctor
-      is this machine fit to dance the built-in humanoid in real time?
-  servodance doctor --robot my-robot.toml --json
-      the same for your robot, for scripts (exit status 1 if anything is bad)";
+const EXAMPLES: &str = include_str!("examples/doctor.txt").trim_ascii_end();
 
 /// What `doctor` looks at.
 #[derive(Debug, clap::Args)]

@@ -6,13 +6,7 @@ use servodance_runtime::telemetry::recorder::Recording;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dance song.ogg --record out.mcap
-  servodance export out.mcap --gif dance.gif --from 20 --seconds 8
-      the human and the robot, moving, for people
-  servodance export out.mcap --bvh human.bvh --csv joints.csv
-      the human for animation programs, the robot for scripts";
+const EXAMPLES: &str = include_str!("examples/export.txt").trim_ascii_end();
 
 /// What `export` is asked for.
 #[derive(Debug, clap::Args)]

@@ -5,16 +5,7 @@ use super::options::stage::{RoleArgs, StageNetworkArgs};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance follow --robot op3
-      a simulated robot dances what `servodance lead` on this machine leads
-  servodance follow --robot my-robot.toml --bus serial:/dev/ttyUSB0 --connect tcp/192.168.1.5:7448
-      a real robot follows a leader on another machine
-  servodance follow --robot neck --name left --mirror --canon 4
-      as the mirror image, four beats later; `servodance cue left` changes that
-  servodance follow --robot op3 --ros2 --connect tcp/127.0.0.1:7448 --connect tcp/127.0.0.1:7447
-      a ROS 2 machine whose Zenoh router is here sees its joints";
+const EXAMPLES: &str = include_str!("examples/follow.txt").trim_ascii_end();
 
 /// What `follow` is asked for.
 #[derive(Debug, clap::Args)]

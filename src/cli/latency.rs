@@ -12,12 +12,7 @@ use servodance_runtime::robot::Robot;
 use std::fmt::Write;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance latency
-      the built-in humanoid, simulated, in real time
-  servodance latency --robot my.toml --bus serial:/dev/ttyUSB0
-      a real robot: it raises its arms and nods at every click (hold its power switch)";
+const EXAMPLES: &str = include_str!("examples/latency.txt").trim_ascii_end();
 
 /// What `latency` is asked for.
 #[derive(Debug, clap::Args)]

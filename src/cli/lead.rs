@@ -5,15 +5,7 @@ use servodance_runtime::pipeline::model_args::GeneratorArgs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance lead song.ogg
-      for followers on this machine; the music begins in 4 s
-  servodance lead --mic --listen tcp/0.0.0.0:7448
-      for followers on the network (read docs/stage.md, Security, first)
-  servodance lead song.ogg --connect tcp/192.168.1.5:7448 --listen tcp/0.0.0.0:7448 --take-over
-      take the place of the leader at 192.168.1.5; followers that are to come
-      along were started with --connect for both";
+const EXAMPLES: &str = include_str!("examples/lead.txt").trim_ascii_end();
 
 /// What `lead` is asked for.
 #[derive(Debug, clap::Args)]

@@ -47,18 +47,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Exit code after Ctrl-C or SIGTERM.
 pub const INTERRUPTED: u8 = 130;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dance
-      the built-in song on the built-in humanoid, simulated; draws dance.png
-  servodance dance song.ogg --tui
-      your song; watch and steer it in the terminal
-  servodance robot new my.urdf --out my.toml
-      a robot file for your robot, which dances in simulation at once
-  servodance doctor --robot my.toml
-      what on this machine stands in the way
-  servodance dance --help
-      each command's help has more";
+const EXAMPLES: &str = include_str!("examples/servodance.txt").trim_ascii_end();
 
 /// A robot hears music and dances to it.
 #[derive(Debug, Parser)]

@@ -10,11 +10,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dance song.ogg --record out.mcap
-  servodance play out.mcap --view
-      prints an address: open it in a browser; Ctrl-C ends it";
+const EXAMPLES: &str = include_str!("examples/play.txt").trim_ascii_end();
 
 /// What `play` is asked for.
 #[derive(Debug, clap::Args)]

@@ -6,12 +6,7 @@ use servodance_training::motion::format::read_motion;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance retarget dance.bvh --robot op3 --out dance.csv
-      joint angles of the built-in humanoid, 100 a second, for any player
-  servodance retarget gBR_sBM_cAll_d04_mBR0_ch01.pkl --robot my.toml --out dance.mcap --report r.json
-      a motion of AIST++ on your own robot, for robotics viewers, with figures";
+const EXAMPLES: &str = include_str!("examples/retarget.txt").trim_ascii_end();
 
 /// What `retarget` is asked for.
 #[derive(Debug, clap::Args)]

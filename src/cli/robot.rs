@@ -6,14 +6,7 @@ use servodance_training::choreography;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance robot new my.urdf --out my.toml
-      a complete robot file from the description alone; it dances in simulation at once
-  servodance robot check my.urdf
-      what is wrong or odd about a description, and what is done about it
-  servodance robot check my.toml --json
-      the same for a whole robot file, for scripts; exit code 1 if it is refused";
+const EXAMPLES: &str = include_str!("examples/robot.txt").trim_ascii_end();
 
 /// What `robot` is asked for.
 #[derive(Debug, clap::Args)]

@@ -4,12 +4,7 @@ use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::{BUILT_IN, Robot};
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance robots
-      whom `--robot` knows by name, and the files to copy for a robot of your own
-  servodance robot new my.urdf --out my.toml
-      or a file for any description";
+const EXAMPLES: &str = include_str!("examples/robots.txt").trim_ascii_end();
 
 /// `robots` asks for nothing.
 #[derive(Debug, clap::Args)]

@@ -4,11 +4,7 @@ use clap::ValueEnum;
 use servodance_runtime::robot::ROBOT_SCHEMA;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance schema robot > robot.schema.json
-      then `#:schema ./robot.schema.json` as the first line of a robot file: editors that know
-      JSON Schema for TOML (Taplo, VS Code's Even Better TOML) complete and check it";
+const EXAMPLES: &str = include_str!("examples/schema.txt").trim_ascii_end();
 
 /// What `schema` is asked for.
 #[derive(Debug, clap::Args)]

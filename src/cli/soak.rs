@@ -12,14 +12,7 @@ use servodance_runtime::telemetry::pending_file::{PendingFile, write_whole};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance soak
-      an hour of music on the built-in humanoid, in simulated time
-  servodance soak --minutes 480 --robot my-robot.toml --report soak.json
-      a night on your robot's simulated servos
-  servodance soak a.ogg b.mp3 --piece 180
-      the first three minutes of your recordings, in turn";
+const EXAMPLES: &str = include_str!("examples/soak.txt").trim_ascii_end();
 
 /// What `soak` is asked for.
 #[derive(Debug, clap::Args)]

@@ -8,26 +8,7 @@ use servodance_training::train::TrainedNetwork;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dataset build data.safetensors --motion data --songs 4 --choreography 90
-  servodance train vqvae --config train.toml       motion to codes and back
-  servodance train motionseq --config train.toml   codes from music
-  servodance generate song.ogg --model runs/live/motionseq/weights.safetensors --out dance.npz
-  servodance train motionseq --config train.toml --resume   after Ctrl-C
-
-train.toml, every key of which is in docs/training.md:
-  preset = \"live\"              # live, paper or tiny
-  data = \"data.safetensors\"
-  out = \"runs/live\"            # seen from the folder of this file
-  [vqvae]
-  steps = 4000
-  [motionseq]
-  steps = 5000
-  batch = 16
-
-In OUT/vqvae and OUT/motionseq: last.safetensors (to go on from),
-weights.safetensors (of the best line so far), curves.csv, curves.png.";
+const EXAMPLES: &str = include_str!("examples/train.txt").trim_ascii_end();
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]

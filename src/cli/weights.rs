@@ -7,14 +7,7 @@ use servodance_training::weights::{self, WeightsInfo};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance weights info
-      what the built-in weights are
-  servodance weights convert mine.safetensors --dtype q8_0 --out small.safetensors
-      the same with 8 bits a weight; use it by --model
-  servodance weights compare small.safetensors --data data.safetensors
-      what that costs, on held-out motion";
+const EXAMPLES: &str = include_str!("examples/weights.txt").trim_ascii_end();
 
 /// What `weights` is asked for.
 #[derive(Debug, clap::Args)]

@@ -6,12 +6,7 @@ use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::Robot;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench bus --robot op3 --baud 4000000
-      cycles a second against what the wire carries, processor time, jitter
-  servodance bench bus --robot op3 --json
-      the same as one JSON object";
+const EXAMPLES: &str = include_str!("../examples/bench-bus.txt").trim_ascii_end();
 
 /// What `bench bus` is asked for.
 #[derive(Debug, clap::Args)]

@@ -5,16 +5,7 @@ use servodance_model::EngineKind;
 use servodance_runtime::process::console::stdout_line;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench model
-      what ships, as it ships
-  servodance bench model --preset paper --dtype q8_0 --context 300 --threads 2
-      the sizes of the paper, random weights of 8 bits
-  servodance bench model --preset paper --dtype q8_0 --context 800 --position 36000 --json
-      the same at minute 30, as one JSON object
-  servodance bench model --engine candle
-      both engines in one run, candle first";
+const EXAMPLES: &str = include_str!("../examples/bench-model.txt").trim_ascii_end();
 
 /// What `bench model` is asked for.
 #[derive(Debug, clap::Args)]

@@ -6,10 +6,7 @@ use servodance_runtime::robot::Robot;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench retarget --robot op3
-  servodance bench retarget --robot op3 --motion dance.npz --json";
+const EXAMPLES: &str = include_str!("../examples/bench-retarget.txt").trim_ascii_end();
 
 /// What `bench retarget` is asked for.
 #[derive(Debug, clap::Args)]

@@ -2,15 +2,7 @@
 
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench stage --followers 4 --delay-ms 20 --loss 0.05
-      four simulated robots on one beat behind a bad network
-  servodance bench stage --followers 1 --robot op3 --json
-      what a follower with 20 servos takes of a processor
-  sudo unshare -n servodance bench stage --namespaces --loss 0.05
-      each program in a network namespace of its own; packets are really lost
-      where nft is installed";
+const EXAMPLES: &str = include_str!("../examples/bench-stage.txt").trim_ascii_end();
 
 /// What `bench stage` is asked for.
 #[derive(Debug, clap::Args)]
