@@ -31,6 +31,7 @@ mod body;
 mod joint;
 mod motion;
 mod music;
+mod named;
 
 pub use body::{BodyJoint, JOINT_COUNT};
 pub use joint::{JointLimits, JointState};
