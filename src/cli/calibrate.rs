@@ -1,14 +1,10 @@
 //! `servodance calibrate`.
 
-use servodance_runtime::bus_tools::Consent;
+use crate::cli::prelude::*;
 use servodance_runtime::bus_tools::calibrate::Calibration;
-use servodance_runtime::process::console::stdout_line;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/calibrate.txt").trim_ascii_end();
 
-/// What `calibrate` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

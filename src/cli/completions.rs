@@ -1,9 +1,9 @@
 //! `servodance completions`.
 
 use super::Cli;
+use crate::cli::prelude::*;
 use clap::CommandFactory;
 use clap_complete::Shell;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/completions.txt").trim_ascii_end();
 
@@ -18,9 +18,6 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "servodance", &mut script);
-    servodance_runtime::process::console::stdout(format_args!(
-        "{}",
-        String::from_utf8_lossy(&script)
-    ));
+    stdout(format_args!("{}", String::from_utf8_lossy(&script)));
     Ok(ExitCode::SUCCESS)
 }

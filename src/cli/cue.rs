@@ -5,7 +5,6 @@ use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/cue.txt").trim_ascii_end();
 
-/// What `cue` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -13,7 +12,6 @@ pub struct Args {
     #[arg(value_name = "FOLLOWER")]
     pub follower: String,
 
-    /// What it shall do; what is not given stays as it is.
     #[command(flatten)]
     pub role: RoleArgs,
 

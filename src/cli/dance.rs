@@ -1,15 +1,13 @@
 //! `servodance dance`.
 
 use super::options::dance::RobotArgs;
-use super::{INTERRUPTED, stop_signal};
-use anyhow::bail;
+use crate::cli::prelude::*;
 use servodance_audio::source::PcmEncoding;
 use servodance_audio::source::PcmFormat;
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::bus_choice::choose as choose_buses;
 use servodance_runtime::pipeline::audio_input::AudioChoice;
 use servodance_runtime::pipeline::model_args::GeneratorArgs;
-use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_runtime::process::speed::Speed;
 use servodance_runtime::session::config::DanceConfig;
 use servodance_runtime::session::dance::Outcome;
@@ -18,14 +16,11 @@ use servodance_runtime::session::dance_session::Session;
 use servodance_runtime::session::summary::summary;
 use servodance_runtime::viewer::{Server, TerminalView};
 use std::net::SocketAddr;
-use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const EXAMPLES: &str = include_str!("examples/dance.txt").trim_ascii_end();
 
-/// What `dance` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = EXAMPLES,
@@ -42,7 +37,6 @@ pub struct Args {
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
     pub mic: Option<Option<String>>,
 
-    /// Which robot, and where it is.
     #[command(flatten)]
     pub rig: RobotArgs,
 
@@ -137,10 +131,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 
 fn report(config: &DanceConfig, outcome: &Outcome) {
     if !config.quiet {
-        servodance_runtime::process::console::stdout(format_args!(
-            "{}",
-            summary(config, &outcome.report)
-        ));
+        stdout(format_args!("{}", summary(config, &outcome.report)));
     }
 }
 

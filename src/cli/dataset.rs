@@ -1,13 +1,8 @@
 //! `servodance dataset`: import, report, build.
 
-use anyhow::bail;
+use crate::cli::prelude::*;
 use clap::Subcommand;
-use servodance_runtime::process::console::{stderr_line, stdout_line};
-use servodance_runtime::process::progress::Progress;
-use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::dataset::{DatasetOptions, DatasetReport, ImportRequest, build, import};
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const IMPORT_EXAMPLES: &str = include_str!("examples/dataset-import.txt").trim_ascii_end();
 
@@ -34,7 +29,6 @@ pub enum Command {
     Build(BuildArgs),
 }
 
-/// What `dataset import` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = IMPORT_EXAMPLES)]
 pub struct ImportArgs {
@@ -42,7 +36,6 @@ pub struct ImportArgs {
     request: ImportRequest,
 }
 
-/// What `dataset report` is asked for.
 #[derive(Debug, clap::Args)]
 pub struct ReportArgs {
     /// A folder that `dataset import` wrote.
@@ -55,7 +48,6 @@ pub struct ReportArgs {
     pub json: bool,
 }
 
-/// What `dataset build` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = BUILD_EXAMPLES)]
 pub struct BuildArgs {
@@ -111,7 +103,7 @@ fn run_report(args: ReportArgs) -> anyhow::Result<ExitCode> {
     write_whole(&sheet, &report.sheet(&title)?)?;
     match args.json {
         true => stdout_line!("{}", serde_json::to_string_pretty(&report)?),
-        false => servodance_runtime::process::console::stdout(format_args!("{}", report.table())),
+        false => stdout(format_args!("{}", report.table())),
     }
     Ok(ExitCode::SUCCESS)
 }

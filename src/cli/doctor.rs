@@ -1,17 +1,13 @@
 //! `servodance doctor`.
 
-use super::options::robot::RobotFileArgs;
+use crate::cli::prelude::*;
 use servodance_runtime::doctor::{Finding, Verdict, examine};
 use servodance_runtime::pipeline::conditioning::Conditioning;
 use servodance_runtime::pipeline::model_args::EngineArgs;
-use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::session::dance::open_generator;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/doctor.txt").trim_ascii_end();
 
-/// What `doctor` looks at.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -1,13 +1,10 @@
 //! `servodance evaluate`.
 
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::process::progress::Progress;
+use crate::cli::prelude::*;
 use servodance_training::evaluate::{EvaluationRequest, evaluate};
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/evaluate.txt").trim_ascii_end();
 
-/// What `evaluate` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -22,7 +19,7 @@ pub fn run(Args { request }: Args) -> anyhow::Result<ExitCode> {
     if request.json {
         stdout_line!("{}", serde_json::to_string_pretty(&found)?);
     } else {
-        servodance_runtime::process::console::stdout(format_args!("{}", found.table()));
+        stdout(format_args!("{}", found.table()));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,14 +1,11 @@
 //! `servodance export`.
 
-use servodance_runtime::process::console::stdout_line;
+use crate::cli::prelude::*;
 use servodance_runtime::telemetry::export::{ExportSpan, bvh, csv, gif};
 use servodance_runtime::telemetry::recorder::Recording;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/export.txt").trim_ascii_end();
 
-/// What `export` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 #[command(group = clap::ArgGroup::new("outputs").required(true).multiple(true).args(["gif", "bvh", "csv"]))]

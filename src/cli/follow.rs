@@ -1,17 +1,14 @@
 //! `servodance follow`.
 
 use super::options::dance::RobotArgs;
-use super::options::stage::{RoleArgs, StageNetworkArgs};
-use std::path::PathBuf;
-use std::process::ExitCode;
+use super::options::stage::RoleArgs;
+use crate::cli::prelude::*;
 
 const EXAMPLES: &str = include_str!("examples/follow.txt").trim_ascii_end();
 
-/// What `follow` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Which robot, and where it is.
     #[command(flatten)]
     pub rig: RobotArgs,
 
@@ -22,7 +19,6 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
 
-    /// How it dances unless a cue says otherwise.
     #[command(flatten)]
     pub role: RoleArgs,
 

@@ -1,14 +1,12 @@
 //! `servodance generate`.
 
+use crate::cli::prelude::*;
 use servodance_runtime::offline::generate::{
     GenerateRequest, MotionFormat, generate, write_motion,
 };
-use servodance_runtime::process::console::stdout_line;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/generate.txt").trim_ascii_end();
 
-/// What `generate` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -1,16 +1,11 @@
 //! `servodance jog`.
 
-use super::{INTERRUPTED, stop_signal};
-use servodance_runtime::bus_tools::Consent;
+use crate::cli::prelude::*;
 use servodance_runtime::bus_tools::jog::{Jog, JogStep};
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::Robot;
-use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 const EXAMPLES: &str = include_str!("examples/jog.txt").trim_ascii_end();
 
-/// What `jog` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

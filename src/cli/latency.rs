@@ -1,20 +1,14 @@
 //! `servodance latency`.
 
-use super::options::robot::RobotFileArgs;
-use super::stop_signal;
-use anyhow::bail;
+use crate::cli::prelude::*;
 use serde_json::{Value, json};
 use servodance_lab::bench::click_test::{ClickTestReport, measure as click_test};
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::bus_choice::choose as choose_buses;
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::Robot;
 use std::fmt::Write;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/latency.txt").trim_ascii_end();
 
-/// What `latency` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -43,10 +37,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let measured = click_test(&robot, &buses, args.clicks, &stop)?;
     match args.json {
         true => stdout_line!("{:#}", json_of(&robot, &measured)),
-        false => servodance_runtime::process::console::stdout(format_args!(
-            "{}",
-            table(&robot, &measured)
-        )),
+        false => stdout(format_args!("{}", table(&robot, &measured))),
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,13 +1,10 @@
 //! `servodance lead`.
 
-use super::options::stage::StageNetworkArgs;
+use crate::cli::prelude::*;
 use servodance_runtime::pipeline::model_args::GeneratorArgs;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/lead.txt").trim_ascii_end();
 
-/// What `lead` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

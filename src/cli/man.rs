@@ -1,10 +1,9 @@
 //! `servodance man`.
 
 use super::Cli;
+use crate::cli::prelude::*;
 use anyhow::Context;
 use clap::CommandFactory;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/man.txt").trim_ascii_end();
 

@@ -44,6 +44,21 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// What most commands need.
+mod prelude {
+    pub(super) use super::{INTERRUPTED, stop_signal};
+    pub(super) use crate::cli::options::robot::RobotFileArgs;
+    pub(super) use crate::cli::options::stage::StageNetworkArgs;
+    pub(super) use anyhow::bail;
+    pub(super) use servodance_runtime::bus_tools::{Consent, ProtocolChoice};
+    pub(super) use servodance_runtime::process::console::{stderr_line, stdout, stdout_line};
+    pub(super) use servodance_runtime::process::progress::Progress;
+    pub(super) use servodance_runtime::robot::Robot;
+    pub(super) use servodance_runtime::telemetry::pending_file::write_whole;
+    pub(super) use std::path::PathBuf;
+    pub(super) use std::process::ExitCode;
+}
+
 /// Exit code after Ctrl-C or SIGTERM.
 pub const INTERRUPTED: u8 = 130;
 

@@ -1,14 +1,10 @@
 //! `servodance ping`.
 
-use anyhow::bail;
-use servodance_runtime::bus_tools::{ProtocolChoice, ping};
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::Robot;
-use std::process::ExitCode;
+use crate::cli::prelude::*;
+use servodance_runtime::bus_tools::ping;
 
 const EXAMPLES: &str = include_str!("examples/ping.txt").trim_ascii_end();
 
-/// What `ping` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

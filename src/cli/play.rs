@@ -1,18 +1,14 @@
 //! `servodance play`.
 
-use super::stop_signal;
+use crate::cli::prelude::*;
 use servodance_retarget::RobotModel;
-use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::Meshes;
 use servodance_runtime::telemetry::recorder::Recording;
 use servodance_runtime::viewer::{Player, Scene, Server, ViewerSettings, link};
 use std::net::SocketAddr;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/play.txt").trim_ascii_end();
 
-/// What `play` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

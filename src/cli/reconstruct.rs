@@ -1,13 +1,10 @@
 //! `servodance reconstruct`.
 
+use crate::cli::prelude::*;
 use servodance_runtime::offline::generate::{MotionFormat, reconstruct, write_motion};
-use servodance_runtime::process::console::stdout_line;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/reconstruct.txt").trim_ascii_end();
 
-/// What `reconstruct` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

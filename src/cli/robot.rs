@@ -1,14 +1,11 @@
 //! `servodance robot`: write a robot file for a description, look one over.
 
-use servodance_runtime::process::console::stdout_line;
+use crate::cli::prelude::*;
 use servodance_runtime::robot;
 use servodance_training::choreography;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/robot.txt").trim_ascii_end();
 
-/// What `robot` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -25,7 +22,6 @@ pub enum Action {
     Check(CheckArgs),
 }
 
-/// What `robot new` is asked for.
 #[derive(Debug, clap::Args)]
 pub struct NewArgs {
     /// The description: a URDF (a xacro must be expanded first) or an MJCF model.
@@ -39,7 +35,6 @@ pub struct NewArgs {
     pub force: bool,
 }
 
-/// What `robot check` is asked for.
 #[derive(Debug, clap::Args)]
 pub struct CheckArgs {
     /// A robot file (.toml), a built-in robot, or a description (.urdf, .xml).

@@ -1,12 +1,10 @@
 //! `servodance robots`.
 
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::{BUILT_IN, Robot};
-use std::process::ExitCode;
+use crate::cli::prelude::*;
+use servodance_runtime::robot::BUILT_IN;
 
 const EXAMPLES: &str = include_str!("examples/robots.txt").trim_ascii_end();
 
-/// `robots` asks for nothing.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {}

@@ -1,12 +1,10 @@
 //! `servodance scan`.
 
-use servodance_runtime::bus_tools::{ProtocolChoice, scan};
-use servodance_runtime::process::console::{stderr_line, stdout_line};
-use std::process::ExitCode;
+use crate::cli::prelude::*;
+use servodance_runtime::bus_tools::scan;
 
 const EXAMPLES: &str = include_str!("examples/scan.txt").trim_ascii_end();
 
-/// What `scan` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -1,12 +1,11 @@
 //! `servodance schema`.
 
+use crate::cli::prelude::*;
 use clap::ValueEnum;
 use servodance_runtime::robot::ROBOT_SCHEMA;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/schema.txt").trim_ascii_end();
 
-/// What `schema` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -23,7 +22,7 @@ pub enum Of {
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.of {
-        Of::Robot => servodance_runtime::process::console::stdout(format_args!("{ROBOT_SCHEMA}")),
+        Of::Robot => stdout(format_args!("{ROBOT_SCHEMA}")),
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,12 +1,10 @@
 //! `servodance set-id`.
 
-use servodance_runtime::bus_tools::{Consent, ProtocolChoice, set_id};
-use servodance_runtime::process::console::stdout_line;
-use std::process::ExitCode;
+use crate::cli::prelude::*;
+use servodance_runtime::bus_tools::set_id;
 
 const EXAMPLES: &str = include_str!("examples/set-id.txt").trim_ascii_end();
 
-/// What `set-id` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

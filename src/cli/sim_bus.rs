@@ -1,17 +1,12 @@
 //! `servodance sim-bus`.
 
-use super::options::robot::RobotFileArgs;
-use super::stop_signal;
+use crate::cli::prelude::*;
 use anyhow::Context;
 use servodance_runtime::bus_tools::serve;
 use servodance_runtime::bus_tools::sim_link::LinkChoice;
-use servodance_runtime::process::console::{stderr_line, stdout_line};
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/sim-bus.txt").trim_ascii_end();
 
-/// What `sim-bus` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -1,20 +1,13 @@
 //! `servodance soak`.
 
-use super::options::robot::RobotFileArgs;
-use super::{INTERRUPTED, stop_signal};
-use anyhow::bail;
+use crate::cli::prelude::*;
 use servodance_lab::soak::{Soak, SoakMusic};
 use servodance_runtime::pipeline::model_args::EngineArgs;
-use servodance_runtime::process::console::{stderr_line, stdout_line};
-use servodance_runtime::process::progress::Progress;
 use servodance_runtime::session::dance::open_generator;
-use servodance_runtime::telemetry::pending_file::{PendingFile, write_whole};
-use std::path::PathBuf;
-use std::process::ExitCode;
+use servodance_runtime::telemetry::pending_file::PendingFile;
 
 const EXAMPLES: &str = include_str!("examples/soak.txt").trim_ascii_end();
 
-/// What `soak` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -33,7 +26,6 @@ pub struct Args {
     #[arg(long, default_value_t = 40.0, value_name = "SECONDS")]
     pub fault_every: f64,
 
-    /// Whose servos are simulated.
     #[command(flatten)]
     pub robot: RobotFileArgs,
 

@@ -1,12 +1,9 @@
 //! `servodance train`: vqvae, motionseq.
 
-use super::{INTERRUPTED, stop_signal};
+use crate::cli::prelude::*;
 use clap::Subcommand;
-use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_training::runs::{RunEnd, RunOutcome, TrainingRequest, train};
 use servodance_training::train::TrainedNetwork;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/train.txt").trim_ascii_end();
 
@@ -28,13 +25,11 @@ pub enum TrainCommand {
     Motionseq(SeqArgs),
 }
 
-/// What `train motionseq` is asked for.
 #[derive(Debug, clap::Args)]
 pub struct SeqArgs {
     /// The weights of stage 1; OUT/vqvae/weights.safetensors if left out.
     #[arg(long, value_name = "FILE.safetensors")]
     pub stage_one: Option<PathBuf>,
-    /// What both stages take.
     #[command(flatten)]
     pub run: TrainingRequest,
 }

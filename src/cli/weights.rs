@@ -1,15 +1,11 @@
 //! `servodance weights`.
 
+use crate::cli::prelude::*;
 use servodance_model::weights::Dtype;
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::weights::{self, WeightsInfo};
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("examples/weights.txt").trim_ascii_end();
 
-/// What `weights` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

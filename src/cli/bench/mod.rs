@@ -10,7 +10,6 @@ use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("../examples/bench.txt").trim_ascii_end();
 
-/// What `bench` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -1,13 +1,11 @@
 //! `servodance bench model`.
 
+use crate::cli::prelude::*;
 use servodance_lab::bench::model::{ModelBench, ModelBenchReport, run as measure};
 use servodance_model::EngineKind;
-use servodance_runtime::process::console::stdout_line;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("../examples/bench-model.txt").trim_ascii_end();
 
-/// What `bench model` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

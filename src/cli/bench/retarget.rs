@@ -1,14 +1,10 @@
 //! `servodance bench retarget`.
 
+use crate::cli::prelude::*;
 use servodance_lab::bench::retarget as retarget_bench;
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::Robot;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("../examples/bench-retarget.txt").trim_ascii_end();
 
-/// What `bench retarget` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

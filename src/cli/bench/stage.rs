@@ -4,7 +4,6 @@ use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("../examples/bench-stage.txt").trim_ascii_end();
 
-/// What `bench stage` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -48,7 +47,7 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
 
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    use servodance_runtime::process::console::stdout_line;
+    use servodance_runtime::process::console::{stdout, stdout_line};
 
     for (option, value, range) in [
         ("--followers", args.followers as f64, 1.0..=64.0),
@@ -78,7 +77,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.json {
         stdout_line!("{}", serde_json::to_string(&figures)?);
     } else {
-        servodance_runtime::process::console::stdout(format_args!("{figures}"));
+        stdout(format_args!("{figures}"));
     }
     Ok(ExitCode::SUCCESS)
 }
