@@ -12,14 +12,12 @@ use std::path::PathBuf;
 
 /// Everything that decides a dance.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the other names say it
 pub struct DanceConfig {
-    /// Where the music comes from.
     pub audio: AudioChoice,
-    /// The robot that dances.
     pub robot: Robot,
     /// Where commands go, for each bus of the robot.
     pub buses: Vec<BusChoice>,
-    /// How fast time passes.
     pub speed: Speed,
     /// Whether a recording is danced to as if it came in live.
     pub as_live: bool,
@@ -27,23 +25,16 @@ pub struct DanceConfig {
     pub compensation: bool,
     /// What to do while there is no music.
     pub idle: IdleStyle,
-    /// Weights, style and seed of the generator.
     pub generator: GeneratorArgs,
-    /// Where the report goes.
     pub report: Option<PathBuf>,
-    /// Where the recording goes.
     pub record: Option<PathBuf>,
-    /// Where the picture goes.
     pub picture: Option<PathBuf>,
-    /// Where the animation goes.
     pub gif: Option<PathBuf>,
     /// Address of the page for viewers, if there is one.
     pub view: Option<SocketAddr>,
-    /// Whether the terminal shows the dance and takes keys.
     pub tui: bool,
     /// Whether each dance waits for a viewer's `start`.
     pub wait_for_start: bool,
-    /// A file that is the emergency stop.
     pub estop_file: Option<PathBuf>,
     /// Whether only errors are printed.
     pub quiet: bool,

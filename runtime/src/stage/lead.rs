@@ -43,27 +43,22 @@ const TAIL_S: f64 = 0.5;
 
 /// The dance to lead, and the network.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the other names say it
 pub struct StageLead {
-    /// Where the music comes from.
     pub audio: AudioChoice,
-    /// Weights, style and seed of the generator.
     pub generator: GeneratorArgs,
     /// Network addresses at which followers connect.
     pub place: NetConfig,
-    /// Name of the stage to lead.
     pub stage: String,
-    /// Whether to replace a leader that is there.
     pub take_over: bool,
-    /// Where the report goes.
     pub report: Option<PathBuf>,
-    /// Whether only errors are printed.
     pub quiet: bool,
 }
 
 /// The figures of a led dance.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct LeadReport {
-    /// Version of this program.
     pub version: String,
     /// Frames that were sent, without those of other styles.
     pub frames: u64,
@@ -73,11 +68,8 @@ pub struct LeadReport {
     pub lead_ms: f64,
     /// The longest lead, milliseconds.
     pub lead_ms_max: f64,
-    /// The largest number of followers at a time.
     pub followers: usize,
-    /// Number of messages that were dropped.
     pub dropped: u64,
-    /// Whether another leader took over.
     pub taken_over: bool,
     /// Whether the user stopped it.
     pub interrupted: bool,
