@@ -11,10 +11,8 @@ pub struct Args {
     /// Name of the follower; `all`: everybody.
     #[arg(value_name = "FOLLOWER")]
     pub follower: String,
-
     #[command(flatten)]
     pub role: RoleArgs,
-
     #[command(flatten)]
     pub place: StageNetworkArgs,
 }

@@ -31,85 +31,66 @@ pub struct Args {
     /// input; the built-in song if left out.
     #[arg(value_name = "AUDIO")]
     pub audio: Option<PathBuf>,
-
     /// Dance to what a microphone hears now: the default one, or one
     /// that `servodance devices` lists.
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
     pub mic: Option<Option<String>>,
-
     #[command(flatten)]
     pub rig: RobotArgs,
-
     /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
     #[arg(long, value_enum)]
     pub speed: Option<Speed>,
-
     /// Dance to the recording as if it came in live: nothing is known ahead.
     #[arg(long)]
     pub as_live: bool,
-
     /// Leave the timing of the motion as it is: do not steer it so that the
     /// servos meet the beat.
     #[arg(long)]
     pub no_compensation: bool,
-
     #[command(flatten)]
     pub generator: GeneratorArgs,
-
     /// Write figures of the run as JSON (see docs/report.md).
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-
     /// Record everything as MCAP, for robotics viewers.
     #[arg(long, value_name = "FILE.mcap")]
     pub record: Option<PathBuf>,
-
     /// Where the picture of the dance goes.
     #[arg(long, default_value = "dance.png", value_name = "FILE.png")]
     pub picture: PathBuf,
-
     #[arg(help = "Draw no picture", long, conflicts_with = "picture")]
     pub no_picture: bool,
-
     /// Draw a moving picture too: ten seconds from the middle of the dance, the
     /// human beside the robot. For another part: --record, then `servodance
     /// export FILE.mcap --gif FILE.gif --from 20 --seconds 8`.
     #[arg(long, value_name = "FILE.gif")]
     pub gif: Option<PathBuf>,
-
     /// Sample rate of raw PCM on standard input, hertz.
     #[arg(long, default_value_t = 48_000, value_name = "HZ")]
     pub pcm_rate: u32,
-
     /// Sample format of raw PCM on standard input.
     #[arg(long, default_value = "s16le", value_name = "u8|s16le|s24le|s32le|f32le")]
     pub pcm_format: PcmEncoding,
-
     /// Channels of raw PCM on standard input, interleaved.
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub pcm_channels: u16,
-
     /// Serve a page to watch and to steer the dance with; its address is the
     /// first line on standard output (see docs/show.md). Built with --features view.
     #[arg(long)]
     pub view: bool,
-
     /// Where the page is served; anything but this machine's own address makes
     /// it reachable for whoever has the address with its token.
     #[arg(long, default_value = "127.0.0.1:0", value_name = "IP:PORT", requires = "view")]
     pub view_bind: SocketAddr,
-
     /// Show the dance in this terminal and steer it by keys: start, hold, resume,
     /// end, amplitude, style, seed, mirror, idle; Enter, Esc or Space is the
     /// emergency stop (see docs/show.md).
     #[arg(long, visible_alias = "terminal")]
     pub tui: bool,
-
     /// Wait, torque off, until the page or a key says start, before each
     /// dance; end by Ctrl-C.
     #[arg(long, requires = "watched")]
     pub wait_for_start: bool,
-
     #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
 }

@@ -13,15 +13,12 @@ const EXAMPLES: &str = include_str!("examples/doctor.txt").trim_ascii_end();
 pub struct Args {
     #[command(flatten)]
     pub robot: RobotFileArgs,
-
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
-
     /// Encodec's model.safetensors, for weights that hear through it.
     #[arg(long, value_name = "FILE.safetensors")]
     pub encodec: Option<PathBuf>,
-
     /// Print the findings as JSON: area, verdict (good, warning, bad), what, remedy.
     #[arg(long)]
     pub json: bool,

@@ -13,22 +13,17 @@ pub struct Args {
     /// A recording made by `dance --record`.
     #[arg(value_name = "FILE.mcap")]
     pub recording: PathBuf,
-
     #[arg(help = "A moving picture", long, value_name = "FILE.gif")]
     pub gif: Option<PathBuf>,
-
     /// Where in the music it begins, seconds.
     #[arg(long, default_value_t = 0.0, value_name = "SECONDS", requires = "gif")]
     pub from: f64,
-
     /// How long it is.
     #[arg(long, default_value_t = 10.0, value_name = "SECONDS", requires = "gif")]
     pub seconds: f64,
-
     /// The human motion: joint angles.
     #[arg(long, value_name = "FILE.bvh")]
     pub bvh: Option<PathBuf>,
-
     /// What the servos reported: a line a control cycle, radians.
     #[arg(long, value_name = "FILE.csv")]
     pub csv: Option<PathBuf>,

@@ -11,45 +11,34 @@ const EXAMPLES: &str = include_str!("examples/follow.txt").trim_ascii_end();
 pub struct Args {
     #[command(flatten)]
     pub rig: RobotArgs,
-
     #[command(flatten)]
     pub place: StageNetworkArgs,
-
     /// Name of the follower, for cues; the robot's if left out.
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
-
     #[command(flatten)]
     pub role: RoleArgs,
-
     /// Stand at rest after so many seconds alone.
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
     pub rest_after: f64,
-
     /// Be seen by ROS 2 as a node with joint states, joint commands and the
     /// skeleton that is followed.
     #[arg(long)]
     pub ros2: bool,
-
     /// The domain of ROS 2.
     #[arg(long, env = "ROS_DOMAIN_ID", default_value_t = 0, value_name = "ID")]
     pub ros_domain: u32,
-
     /// Write figures of the run as JSON (see docs/stage.md).
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-
     #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
-
     /// For trials: a clock that is wrong by so many seconds.
     #[arg(long, default_value_t = 0.0, hide = true, allow_negative_numbers = true)]
     pub clock_offset: f64,
-
     /// For trials: a clock that is fast by so many millionths.
     #[arg(long, default_value_t = 0.0, hide = true, allow_negative_numbers = true)]
     pub clock_drift_ppm: f64,
-
     /// For trials: where the servos were when.
     #[arg(long, hide = true)]
     pub witness: Option<PathBuf>,

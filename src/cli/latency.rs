@@ -14,14 +14,11 @@ const EXAMPLES: &str = include_str!("examples/latency.txt").trim_ascii_end();
 pub struct Args {
     #[command(flatten)]
     pub robot: RobotFileArgs,
-
     /// Where commands go, as for `dance`.
     #[arg(long, default_value = "sim", value_name = "BUS")]
     pub bus: Vec<String>,
-
     #[arg(help = "Clicks to send", long, default_value_t = 8, value_name = "N")]
     pub clicks: u32,
-
     /// Print one JSON object.
     #[arg(long)]
     pub json: bool,

@@ -11,30 +11,23 @@ pub struct Args {
     /// The recording (wav, flac, mp3, ogg); the built-in song if left out.
     #[arg(value_name = "AUDIO")]
     pub audio: Option<PathBuf>,
-
     /// Lead to what a microphone hears now: the default one, or one
     /// that `servodance devices` lists.
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
     pub mic: Option<Option<String>>,
-
     #[command(flatten)]
     pub place: StageNetworkArgs,
-
     /// Where followers connect; tcp/127.0.0.1:7448 if left out. May be given again.
     #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
     pub listen: Vec<String>,
-
     /// Take the place of a leader that is there; without it that is refused.
     #[arg(long)]
     pub take_over: bool,
-
     #[command(flatten)]
     pub generator: GeneratorArgs,
-
     /// Write figures of the run as JSON.
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-
     #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
 }

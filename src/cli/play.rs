@@ -15,12 +15,10 @@ pub struct Args {
     /// A recording made by `dance --record`.
     #[arg(value_name = "FILE.mcap")]
     pub recording: PathBuf,
-
     /// Play it on a page, whose address is the first line on standard output;
     /// so far there is no other way. Built with --features view.
     #[arg(long)]
     pub view: bool,
-
     /// Where the page is served; anything but this machine's own address makes
     /// it reachable for whoever has the address with its token.
     #[arg(long, default_value = "127.0.0.1:0", value_name = "IP:PORT")]

@@ -14,33 +14,25 @@ pub struct Args {
     /// Recordings to dance to; music, noise and silence are made if left out.
     #[arg(value_name = "AUDIO")]
     pub audio: Vec<PathBuf>,
-
     #[arg(help = "Minutes of music", long, default_value_t = 60.0, value_name = "MINUTES")]
     pub minutes: f64,
-
     /// Seconds of music of one dance.
     #[arg(long, default_value_t = 120.0, value_name = "SECONDS")]
     pub piece: f64,
-
     /// Seconds between two faults, on average.
     #[arg(long, default_value_t = 40.0, value_name = "SECONDS")]
     pub fault_every: f64,
-
     #[command(flatten)]
     pub robot: RobotFileArgs,
-
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
-
     /// The same seed meets the same faults.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-
     /// Write all figures as JSON.
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-
     #[arg(help = "Show no progress", long, short)]
     pub quiet: bool,
 }

@@ -10,19 +10,15 @@ pub struct GeneratorArgs {
     /// The same seed and the same input give the same dance.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-
     /// Dance style; an unknown one lists those that the model knows.
     #[arg(long, value_name = "NAME")]
     pub style: Option<String>,
-
     /// Weights to use in place of the built-in ones.
     #[arg(long, env = "SERVODANCE_MODEL", value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
-
     /// What weights may need beside them, and a style in words.
     #[command(flatten)]
     pub conditioning: Conditioning,
-
     /// How the model's steps are computed.
     #[command(flatten)]
     pub engine: EngineArgs,

@@ -49,23 +49,17 @@ pub fn run(Args { mut bench }: Args) -> anyhow::Result<ExitCode> {
 }
 
 fn print(figures: &ModelBenchReport) {
+    let ModelBenchReport { preset, dtype, context, threads, ms_p50, ms_p99, .. } = figures;
+    let ModelBenchReport { frames, position, limit_ms, read_gbps, .. } = figures;
+    let guidance = if figures.lanes > 1 { ", with guidance" } else { "" };
+    let [weights_mb, cache_mb] =
+        [figures.weight_bytes, figures.cache_bytes].map(|bytes| bytes as f64 / 1e6);
     stdout_line!(
-        "{} {}, context {}, {} threads: {:.2} ms a frame p50, {:.2} p99 ({} frames from {}{})",
-        figures.preset,
-        figures.dtype,
-        figures.context,
-        figures.threads,
-        figures.ms_p50,
-        figures.ms_p99,
-        figures.frames,
-        figures.position,
-        if figures.lanes > 1 { ", with guidance" } else { "" }
+        "{preset} {dtype}, context {context}, {threads} threads: {ms_p50:.2} ms a frame p50, \
+         {ms_p99:.2} p99 ({frames} frames from {position}{guidance})"
     );
     stdout_line!(
-        "limit {:.2} ms: {:.1} MB of weights at {:.1} GB/s read here; keys and values {:.1} MB more",
-        figures.limit_ms,
-        figures.weight_bytes as f64 / 1e6,
-        figures.read_gbps,
-        figures.cache_bytes as f64 / 1e6
+        "limit {limit_ms:.2} ms: {weights_mb:.1} MB of weights at {read_gbps:.1} GB/s read here; \
+         keys and values {cache_mb:.1} MB more"
     );
 }

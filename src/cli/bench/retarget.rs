@@ -1,7 +1,7 @@
 //! `servodance bench retarget`.
 
 use crate::cli::prelude::*;
-use servodance_lab::bench::retarget as retarget_bench;
+use servodance_lab::bench::retarget::{self as retarget_bench, RetargetBenchReport};
 
 const EXAMPLES: &str = include_str!("../examples/bench-retarget.txt").trim_ascii_end();
 
@@ -35,19 +35,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.json {
         stdout_line!("{}", serde_json::to_string(&figures)?);
     } else {
+        let RetargetBenchReport { robot, joints, control_hz, allocations, cycles, .. } = &figures;
+        let RetargetBenchReport { us_mean, us_p50, us_p99, us_max, .. } = &figures;
         stdout_line!(
-            "{} ({} joints at {:.0} Hz), {}: {:.1} us a cycle mean, {:.1} p50, {:.1} p99, {:.1} max; \
-             {} allocations in {} cycles",
-            figures.robot,
-            figures.joints,
-            figures.control_hz,
-            clip.name,
-            figures.us_mean,
-            figures.us_p50,
-            figures.us_p99,
-            figures.us_max,
-            figures.allocations,
-            figures.cycles
+            "{robot} ({joints} joints at {control_hz:.0} Hz), {}: {us_mean:.1} us a cycle mean, \
+             {us_p50:.1} p50, {us_p99:.1} p99, {us_max:.1} max; {allocations} allocations in {cycles} cycles",
+            clip.name
         );
     }
     Ok(ExitCode::SUCCESS)

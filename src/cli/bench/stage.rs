@@ -10,31 +10,24 @@ pub struct Args {
     /// Simulated robots, each a program of its own.
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub followers: usize,
-
     /// Which robot they all are.
     #[arg(long, default_value = "neck", value_name = "NAME|FILE.toml")]
     pub robot: String,
-
     /// Delay of the network each way, milliseconds; a fifth of it is jitter on top.
     #[arg(long, default_value_t = 1.0, value_name = "MS")]
     pub delay_ms: f64,
-
     /// Share of what is sent that is lost and sent again.
     #[arg(long, default_value_t = 0.0, value_name = "SHARE")]
     pub loss: f64,
-
     /// Seconds that are measured before things go wrong.
     #[arg(long, default_value_t = 30.0, value_name = "SECONDS")]
     pub seconds: f64,
-
     /// Each program in a network namespace of its own (Linux, root).
     #[arg(long)]
     pub namespaces: bool,
-
     /// The same seed has the same clocks wrong.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-
     /// Print one JSON object.
     #[arg(long)]
     pub json: bool,

@@ -9,17 +9,14 @@ use std::path::PathBuf;
 pub struct RobotArgs {
     #[command(flatten)]
     pub robot: RobotFileArgs,
-
     /// Where commands go: `sim`, or `serial:/dev/ttyUSB0`; for a robot with
     /// several buses once for each, `left=serial:/dev/ttyUSB0`.
     #[arg(long, env = "SERVODANCE_BUS", default_value = "sim", value_name = "[NAME=]BUS")]
     pub bus: Vec<String>,
-
     /// What to do while there is no music, or nobody leads; `sway` if the robot
     /// file does not say.
     #[arg(long, value_enum)]
     pub idle: Option<IdleStyle>,
-
     /// Emergency stop: torque goes off when this file exists and does not begin
     /// with 0. So do Enter on the terminal and the signal SIGUSR1.
     #[arg(long, value_name = "PATH")]
