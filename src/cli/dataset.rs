@@ -2,7 +2,9 @@
 
 use crate::cli::prelude::*;
 use clap::Subcommand;
-use servodance_training::dataset::{DatasetOptions, DatasetReport, ImportRequest, build, import};
+use servodance_training::dataset::{
+    DatasetOptions, DatasetReport, ImportRequest, ImportSummary, build, import,
+};
 
 const IMPORT_EXAMPLES: &str = include_str!("examples/dataset-import.txt").trim_ascii_end();
 
@@ -80,14 +82,11 @@ fn run_import(ImportArgs { request }: ImportArgs) -> anyhow::Result<ExitCode> {
         );
     }
     if !request.quiet {
+        let ImportSummary { clips, minutes, with_music, skipped, mirrored } = done;
+        let (out, skipped) = (request.out.display(), skipped.len());
         stdout_line!(
-            "{}: {} clips, {:.1} minutes, {} with music; {} files skipped, {} mirrored copies left out",
-            request.out.display(),
-            done.clips,
-            done.minutes,
-            done.with_music,
-            done.skipped.len(),
-            done.mirrored
+            "{out}: {clips} clips, {minutes:.1} minutes, {with_music} with music; \
+             {skipped} files skipped, {mirrored} mirrored copies left out"
         );
     }
     Ok(ExitCode::SUCCESS)

@@ -62,12 +62,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     if !args.quiet {
+        let (frames, followers, late) = (led.frames, led.followers, led.late_frames);
+        let ahead_ms = led.lead_ms_max;
         stdout_line!(
-            "{} frames for {} followers, {} late; sent up to {:.0} ms ahead",
-            led.frames,
-            led.followers,
-            led.late_frames,
-            led.lead_ms_max
+            "{frames} frames for {followers} followers, {late} late; sent up to {ahead_ms:.0} ms ahead"
         );
     }
     Ok(ExitCode::SUCCESS)
