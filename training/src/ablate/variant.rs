@@ -75,7 +75,8 @@ impl AblationVariant {
             let table = table.as_table_like_mut();
             let table = table.with_context(|| anyhow!("`{name}` is not a table"))?;
             for (key, item) in changed.as_table_like().into_iter().flat_map(|t| t.iter()) {
-                table.insert(key, item.as_value().map_or(Item::None, |v| value(v.clone())));
+                let changed = item.as_value().cloned().context("a change is a value")?;
+                table.insert(key, value(changed.decorated(" ", "")));
             }
         }
         Ok(document.to_string())
