@@ -1,26 +1,12 @@
 //! `servodance sim-bus`.
 
-use super::options::robot::RobotFileArgs;
-use super::stop_signal;
+use crate::cli::prelude::*;
 use anyhow::Context;
 use servodance_runtime::bus_tools::serve;
 use servodance_runtime::bus_tools::sim_link::LinkChoice;
-use servodance_runtime::process::console::{stderr_line, stdout_line};
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance sim-bus --robot op3
-      the first line is the serial port to open; Ctrl-C or SIGTERM ends it
-  servodance sim-bus --robot my-can-robot.toml --link udp
-      motors on CAN for python-can's udp_multicast; the first line is GROUP:PORT
-  servodance sim-bus --robot op3 --fault '3s l_knee reboot' --fault '8s wire corrupt 0.01'
-      things go wrong by script
-  servodance dance --bus serial:/dev/pts/7
-      dance on it from another terminal, as on real servos";
+const EXAMPLES: &str = include_str!("examples/sim-bus.txt").trim_ascii_end();
 
-/// What `sim-bus` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -31,6 +31,7 @@ mod body;
 mod joint;
 mod motion;
 mod music;
+mod named;
 mod rigid_link;
 
 pub use body::{BodyJoint, JOINT_COUNT};

@@ -16,7 +16,6 @@ use servodance_model::motion::Clip;
 use servodance_runtime::offline::generate::{GenerateRequest, generate};
 use servodance_runtime::offline::song_file::write_song;
 use servodance_runtime::physics::{ServoVariation, StandingTrial, TrialOptions, TrialReport};
-use servodance_runtime::pipeline::audio_input::AudioChoice;
 use servodance_runtime::robot::Robot;
 use servodance_sim::world::{ImuErrors, WorldOptions};
 
@@ -355,17 +354,7 @@ fn song_file(folder: &Path, seed: u64, seconds: f64) -> anyhow::Result<PathBuf> 
 }
 
 fn dance(wav: &Path, style: Option<&str>, seed: u64, seconds: f64) -> anyhow::Result<Clip> {
-    generate(&GenerateRequest {
-        audio: AudioChoice::File(wav.to_owned()),
-        seconds: Some(seconds),
-        seed,
-        style: style.map(Into::into),
-        sampling: Default::default(),
-        engine: Default::default(),
-        start: None,
-        lookahead_s: 0.3,
-        model: None,
-        conditioning: Default::default(),
-        quiet: true,
-    })
+    let request =
+        GenerateRequest::plain(Some(wav.to_owned()), seconds, seed, style.map(Into::into));
+    generate(&GenerateRequest { lookahead: 0.3, ..request })
 }

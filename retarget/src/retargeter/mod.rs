@@ -232,13 +232,6 @@ impl Retargeter {
         self.mirror = mirror;
     }
 
-    /// Scales the movement of one limb, 0 to 2.
-    pub fn set_gain(&mut self, limb: Limb, gain: f64) {
-        if gain.is_finite() {
-            *self.gains.of_mut(limb) = gain.clamp(0.0, 2.0);
-        }
-    }
-
     /// The robot's links for a physics engine. Those of a robot on its feet touch the
     /// floor by their soles.
     pub fn rigid_links(&self) -> Vec<RigidLink> {

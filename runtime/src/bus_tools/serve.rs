@@ -81,14 +81,11 @@ fn summary(sims: &[SimBus]) -> String {
         broken += sim.violations();
         moved += sim.motion_violations();
     }
+    let WireStats { packets_in, packets_out, bad_packets, .. } = wire;
+    let Violations { position, velocity, acceleration, .. } = broken;
     let mut line = format!(
-        "{} packets in, {} out, {} bad; limits broken: position {}, velocity {}, acceleration {}",
-        wire.packets_in,
-        wire.packets_out,
-        wire.bad_packets,
-        broken.position,
-        broken.velocity,
-        broken.acceleration
+        "{packets_in} packets in, {packets_out} out, {bad_packets} bad; limits broken: \
+         position {position}, velocity {velocity}, acceleration {acceleration}"
     );
     if let Some(first) = sims.iter().find_map(|sim| sim.violation_notes().into_iter().next()) {
         line += &format!(

@@ -9,14 +9,8 @@ pub mod world;
 use clap::Subcommand;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench bus --robot op3 --baud 4000000
-      cycles a second against the wire's limit
-  servodance bench model --preset live
-      milliseconds a frame on this computer";
+const EXAMPLES: &str = include_str!("../examples/bench.txt").trim_ascii_end();
 
-/// What `bench` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -1,19 +1,10 @@
 //! `servodance bench world`.
 
-use crate::cli::options::robot::RobotFileArgs;
+use crate::cli::prelude::*;
 use servodance_lab::bench::world::{self, WorldBenchReport, WorldBenchRequest};
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::process::progress::Progress;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench world --robot op3 --songs 2 --pushes
-  servodance bench world --songs 20 --seeds 3 --style hype --style groove --json
-  servodance bench world --worlds nominal,kp60 --no-feedback";
+const EXAMPLES: &str = include_str!("../examples/bench-world.txt").trim_ascii_end();
 
-/// What `bench world` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
