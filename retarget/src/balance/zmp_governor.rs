@@ -14,8 +14,11 @@ use crate::kinematics::RobotModel;
 
 /// Time over which accelerations are measured, seconds.
 const MEASURED_S: f64 = 0.04;
-/// Share of the way from the middle to the sole's edge that is used.
-const USED: f64 = 0.85;
+/// Share of the way from the middle to the sole's edge that is used: the servos' give
+/// and their lag take the rest.
+const USED: f64 = 0.5;
+/// Share of the pelvis's movement that a dance begins with.
+const BEGIN: f64 = 0.3;
 const ATTACK_S: f64 = 0.04;
 const RELEASE_S: f64 = 2.5;
 /// Share of the pelvis's shift that a leg's mass takes part in.
@@ -58,7 +61,7 @@ impl ZmpGovernor {
             past: (0..2 * half + 1).map(|_| [still(), still()]).collect(),
             next: 0,
             seen: 0,
-            pelvis: 1.0,
+            pelvis: BEGIN,
             upper: 1.0,
             lowest: 1.0,
         }
@@ -66,6 +69,7 @@ impl ZmpGovernor {
 
     pub fn restart(&mut self) {
         self.seen = 0;
+        self.pelvis = self.pelvis.min(BEGIN);
     }
 
     /// Takes in one cycle of the plan.
