@@ -7,7 +7,7 @@ use servodance_runtime::robot;
 use servodance_training::choreography;
 
 /// Length of the dances that a new robot must stand.
-const STANDING_S: f64 = 30.0;
+const STANDING_S: f64 = 20.0;
 
 const EXAMPLES: &str = include_str!("examples/robot.txt").trim_ascii_end();
 

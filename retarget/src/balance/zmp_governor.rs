@@ -17,10 +17,9 @@ const MEASURED_S: f64 = 0.04;
 /// Share of the way from the middle to the sole's edge that is used: the servos' give
 /// and their lag take the rest.
 const USED: f64 = 0.5;
-/// Share of the pelvis's movement that a dance begins with.
-const BEGIN: f64 = 0.3;
-const ATTACK_S: f64 = 0.04;
-const RELEASE_S: f64 = 2.5;
+const ATTACK_S: f64 = 0.01;
+/// Short enough that a robot which joins a dance late soon moves like the others.
+const RELEASE_S: f64 = 1.0;
 /// Share of the pelvis's shift that a leg's mass takes part in.
 const LEG_SHARE: f64 = 0.5;
 
@@ -61,7 +60,7 @@ impl ZmpGovernor {
             past: (0..2 * half + 1).map(|_| [still(), still()]).collect(),
             next: 0,
             seen: 0,
-            pelvis: BEGIN,
+            pelvis: 1.0,
             upper: 1.0,
             lowest: 1.0,
         }
@@ -69,7 +68,6 @@ impl ZmpGovernor {
 
     pub fn restart(&mut self) {
         self.seen = 0;
-        self.pelvis = self.pelvis.min(BEGIN);
     }
 
     /// Takes in one cycle of the plan.

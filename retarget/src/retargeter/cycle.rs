@@ -150,10 +150,13 @@ impl Retargeter {
         self.govern(aim, demand);
     }
 
-    /// Looks at where all of the dance would put the zero-moment point.
+    /// Looks at where all of the dance would put the zero-moment point. Steps have a
+    /// balance of their own: see `contact::stepping`.
     fn govern(&mut self, aim: &PoseTarget, demand: f64) {
         let Some(stance) = &mut self.stance else { return };
-        let Some(support) = &stance.legs.support else { return };
+        let (Some(support), None) = (&stance.legs.support, &stance.stepper) else {
+            return;
+        };
         let wanted = PelvisTrajectory::wanted(aim, demand);
         stance.governor.observe(&GovernorInput {
             model: &self.model,

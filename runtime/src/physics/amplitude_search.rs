@@ -45,13 +45,26 @@ pub fn find_amplitude(
     frames: &[MotionFrame],
     sized: bool,
 ) -> anyhow::Result<Option<StandingAmplitude>> {
-    let shares = PELVIS_SHARES.map(|pelvis| (pelvis, 1.0));
-    for (pelvis, arms) in shares.into_iter().chain(ARM_SHARES.map(|arms| (0.0, arms))) {
-        if let Some(worst) = stands_everywhere(&scaled(robot, pelvis, arms), frames, sized)? {
-            return Ok(Some(StandingAmplitude { pelvis, arms, worst }));
+    let tried: Vec<(f64, f64)> = PELVIS_SHARES
+        .map(|pelvis| (pelvis, 1.0))
+        .into_iter()
+        .chain(ARM_SHARES.map(|arms| (0.0, arms)))
+        .collect();
+    // Bisection: what stands with more stands with less.
+    let (mut low, mut high, mut found) = (0, tried.len(), None);
+    let mut next = 0;
+    while low < high {
+        let (pelvis, arms) = tried[next];
+        match stands_everywhere(&scaled(robot, pelvis, arms), frames, sized)? {
+            Some(worst) => {
+                found = Some(StandingAmplitude { pelvis, arms, worst });
+                high = next;
+            }
+            None => low = next + 1,
         }
+        next = usize::midpoint(low, high);
     }
-    Ok(None)
+    Ok(found)
 }
 
 /// The worst report of all worlds; `None` if the robot falls in one.
@@ -60,9 +73,15 @@ fn stands_everywhere(
     frames: &[MotionFrame],
     sized: bool,
 ) -> anyhow::Result<Option<TrialReport>> {
+    let dance = |options| StandingTrial::new(robot, options)?.run(frames, |_, _, _| ());
+    let reports: Vec<anyhow::Result<TrialReport>> = std::thread::scope(|scope| {
+        let trials = worlds(sized).map(|options| scope.spawn(move || dance(options)));
+        let failed = |_| Err(anyhow::anyhow!("a trial in the simulated world panicked"));
+        trials.into_iter().map(|trial| trial.join().unwrap_or_else(failed)).collect()
+    });
     let mut worst = TrialReport::default();
-    for options in worlds(sized) {
-        let report = StandingTrial::new(robot, options)?.run(frames, |_, _, _| ())?;
+    for report in reports {
+        let report = report?;
         if report.fell_s.is_some() || report.tilt_beyond_plan_max_deg > MOST_LEAN_DEG {
             return Ok(None);
         }

@@ -36,7 +36,7 @@ impl FilePlan<'_> {
                 }
             }
         }
-        if self.draft.config.stance == Stance::Planted {
+        if self.draft.config.stance == Stance::Planted && !self.dances.is_empty() {
             self.keep_on_its_feet()?;
         }
         let robot = self.fitting_robot()??;
