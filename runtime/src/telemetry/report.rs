@@ -5,6 +5,7 @@
 
 use crate::control::latency::LatencyReport;
 use crate::pipeline::step_times::StepTimes;
+use crate::world::BodyReport;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureStats;
 use servodance_retarget::TorqueReport;
@@ -27,6 +28,8 @@ pub struct DanceReport {
     pub stages: PipelineTimes,
     pub bus_stats: BusReport,
     pub violations: Option<ViolationReport>,
+    #[serde(default)]
+    pub body: Option<BodyReport>,
     pub beats: BeatReport,
     pub alignment: AlignmentReport,
     pub idled_s: f64,
