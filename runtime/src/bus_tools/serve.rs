@@ -79,8 +79,9 @@ pub fn serve(
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    let body =
-        world.map(|world| BodyReport::new(world.choice(), &world.shared.figures(), None).line());
+    let body = world.map(|world| {
+        BodyReport::new(world.choice(), &world.shared.figures(), None, Default::default()).line()
+    });
     Ok([Some(summary(&sims)), body].into_iter().flatten().collect::<Vec<_>>().join("\n"))
 }
 

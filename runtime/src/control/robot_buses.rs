@@ -235,7 +235,8 @@ impl RobotBuses {
     /// What the body did in its world; `None` without one.
     pub fn body_report(&self) -> Option<BodyReport> {
         let world = self.world.as_ref()?;
-        Some(BodyReport::new(world.choice(), &world.shared.figures(), self.fell_s))
+        let moved = self.counted(SimBus::motion_violations);
+        Some(BodyReport::new(world.choice(), &world.shared.figures(), self.fell_s, moved))
     }
 
     /// The joints whose simulated servos still drive, other than those that
@@ -324,20 +325,31 @@ impl RobotBuses {
         }
     }
 
-    /// Limits broken at the simulated servos; `None` on a real bus.
+    /// Limits broken at the simulated servos; `None` on a real bus. In a world by what
+    /// they were told alone: weight moves joints beyond a goal that is at its limit.
     pub fn violations(&self) -> Option<ViolationReport> {
-        let mut counted = Violations::default();
-        for (_, sim) in &self.sims {
-            counted += sim.violations();
-        }
         if !self.all_simulated() {
             return None;
         }
+        let all = self.counted(SimBus::violations);
+        let moved = match &self.world {
+            Some(_) => self.counted(SimBus::motion_violations),
+            None => ViolationReport::default(),
+        };
         Some(ViolationReport {
-            position: counted.position,
-            velocity: counted.velocity,
-            acceleration: counted.acceleration,
+            position: all.position - moved.position,
+            velocity: all.velocity - moved.velocity,
+            acceleration: all.acceleration - moved.acceleration,
         })
+    }
+
+    fn counted(&self, count: impl Fn(&SimBus) -> Violations) -> ViolationReport {
+        let mut sum = Violations::default();
+        for (_, sim) in &self.sims {
+            sum += count(sim);
+        }
+        let Violations { position, velocity, acceleration } = sum;
+        ViolationReport { position, velocity, acceleration }
     }
 
     /// The first violations, one sentence each.

@@ -3,6 +3,7 @@
 //! Meaning and unit of each key stand in `docs/report.md`, which a test holds
 //! against this file; a change of meaning raises [`DanceReport::FORMAT`].
 
+pub use super::violation_report::ViolationReport;
 use crate::control::latency::LatencyReport;
 use crate::pipeline::step_times::StepTimes;
 use crate::world::BodyReport;
@@ -78,14 +79,6 @@ pub struct BusReport {
     pub timeouts: u64,
     pub retries: u64,
     pub rate_hz: f64,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[allow(missing_docs)] // docs/report.md
-pub struct ViolationReport {
-    pub position: u64,
-    pub velocity: u64,
-    pub acceleration: u64,
 }
 
 /// Torque and heat of the motors, estimated from the masses of the description.

@@ -1,6 +1,7 @@
 //! What is told of a robot's body after a dance in a world.
 
 use super::choice::WorldChoice;
+use crate::telemetry::ViolationReport;
 use serde::{Deserialize, Serialize};
 use servodance_sim::world::BodyFigures;
 
@@ -15,11 +16,18 @@ pub struct BodyReport {
     pub slip_mm_min: f64,
     pub load_share: [f64; 2],
     pub work_j: f64,
+    pub beyond_limits: ViolationReport,
 }
 
 impl BodyReport {
-    /// From the figures of a world; `fell_s` is robot time.
-    pub fn new(world: WorldChoice, figures: &BodyFigures, fell_s: Option<f64>) -> Self {
+    /// From the figures of a world; `fell_s` is robot time, `moved` the limits that true
+    /// motion broke.
+    pub fn new(
+        world: WorldChoice,
+        figures: &BodyFigures,
+        fell_s: Option<f64>,
+        moved: ViolationReport,
+    ) -> Self {
         let minutes = (figures.seconds / 60.0).max(1e-9);
         Self {
             world: world.name().into(),
@@ -29,6 +37,7 @@ impl BodyReport {
             slip_mm_min: figures.slip_m * 1e3 / minutes,
             load_share: figures.load_share,
             work_j: figures.work_j,
+            beyond_limits: moved,
         }
     }
 
@@ -66,10 +75,11 @@ mod tests {
             load_share: [0.99, 0.5],
             work_j: 41.7,
         };
-        let fell = BodyReport::new(WorldChoice::Floor, &figures, Some(30.5)).line();
+        let inside = ViolationReport::default();
+        let fell = BodyReport::new(WorldChoice::Floor, &figures, Some(30.5), inside).line();
         assert!(fell.contains("fell after 30.50 s") && fell.contains("8 mm/min"), "{fell}");
         assert!(fell.contains("right 50 %") && fell.contains("42 J"), "{fell}");
-        let hangs = BodyReport::new(WorldChoice::Stand, &figures, None).line();
+        let hangs = BodyReport::new(WorldChoice::Stand, &figures, None, inside).line();
         assert_eq!(hangs, "on a stand: 42 J of work");
     }
 }
