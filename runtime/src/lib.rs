@@ -44,3 +44,4 @@ pub mod session;
 pub mod stage;
 pub mod telemetry;
 pub mod viewer;
+pub mod world;

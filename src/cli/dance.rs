@@ -15,6 +15,7 @@ use servodance_runtime::session::dance::dance;
 use servodance_runtime::session::dance_session::Session;
 use servodance_runtime::session::summary::summary;
 use servodance_runtime::viewer::{Server, TerminalView};
+use servodance_runtime::world::WorldChoice;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -37,6 +38,11 @@ pub struct Args {
     pub mic: Option<Option<String>>,
     #[command(flatten)]
     pub rig: RobotArgs,
+    /// What is around a simulated robot: a floor, a stand that holds it, or none, where
+    /// its servos carry no weight; if left out, a floor for a robot that stands on its
+    /// feet and none for others.
+    #[arg(long, value_enum)]
+    pub world: Option<WorldChoice>,
     /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
     #[arg(long, value_enum)]
     pub speed: Option<Speed>,
@@ -158,6 +164,11 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
     let robot = args.rig.robot.load()?;
     let buses = choose_buses(&robot, &args.rig.bus)?;
     let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
+    let world = match (args.world, all_simulated) {
+        (Some(world), _) => world,
+        (None, true) => WorldChoice::usual(&robot),
+        (None, false) => WorldChoice::None,
+    };
     let hears = args.mic.is_some();
     let speed = match (args.speed, all_simulated) {
         (Some(Speed::Max), _) if hears => {
@@ -178,6 +189,7 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         idle: args.rig.idle.unwrap_or(robot.idle),
         robot,
         buses,
+        world,
         speed,
         as_live: args.as_live,
         compensation: !args.no_compensation,

@@ -4,6 +4,7 @@ use crate::cli::prelude::*;
 use anyhow::Context;
 use servodance_runtime::bus_tools::serve;
 use servodance_runtime::bus_tools::sim_link::LinkChoice;
+use servodance_runtime::world::WorldChoice;
 
 const EXAMPLES: &str = include_str!("examples/sim-bus.txt").trim_ascii_end();
 
@@ -21,8 +22,13 @@ pub struct Args {
     /// and XH540; none for the others).
     #[arg(long)]
     pub backlash: bool,
+    /// What is around the robot: a floor or a stand, for which the servos carry its
+    /// weight (a hand holds it until all have torque), or none.
+    #[arg(long, value_enum, default_value = "none")]
+    pub world: WorldChoice,
     /// Something that goes wrong: TIME JOINT|wire|adapter WHAT VALUE (some have none), such as
-    /// "3s l_knee dead" or "5s wire corrupt 0.01"; may be given again.
+    /// "3s l_knee dead" or "5s wire corrupt 0.01", or in a world "8s push 1 0 1.5" (towards
+    /// x y, newton seconds) or "9s lift"; may be given again.
     #[arg(long, value_name = "FAULT")]
     pub fault: Vec<String>,
     /// A file with a fault on each line.
@@ -39,8 +45,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         faults = format!("{faults}\n{text}");
     }
     let stop = stop_signal()?;
-    let options =
-        serve::SimBusOptions { link: args.link, faults: &faults, backlash: args.backlash };
+    let options = serve::SimBusOptions {
+        link: args.link,
+        faults: &faults,
+        backlash: args.backlash,
+        world: args.world,
+    };
     let served = serve::serve(&robot, options, &stop, |port| stdout_line!("{port}"))?;
     stderr_line!("{served}");
     Ok(ExitCode::SUCCESS)

@@ -7,7 +7,8 @@
 //!
 //! Values only: no input, no output, no algorithm. `audio` makes [`MusicFrame`]s,
 //! `model` turns them into [`MotionFrame`]s, `retarget` turns those into joint
-//! positions inside [`JointLimits`], and `drivers` report [`JointState`]s.
+//! positions inside [`JointLimits`], and `drivers` report [`JointState`]s and the
+//! [`ImuState`] of a motion sensor. [`RigidLink`]s are what physics knows of a robot.
 //!
 //! ```
 //! use servodance_types::{BodyJoint, FRAME_RATE_HZ, JointLimits, MotionFrame};

@@ -24,6 +24,7 @@ use servodance_runtime::robot::Robot;
 use servodance_runtime::session::fault_run::FaultRun;
 use servodance_runtime::session::fault_run::FaultRunResult;
 use servodance_runtime::telemetry::ViolationReport;
+use servodance_runtime::world::WorldChoice;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -130,6 +131,7 @@ impl Soak {
             let fault_run = FaultRun {
                 robot: &robot,
                 generator,
+                world: WorldChoice::None,
                 song: self.music.piece(round)?,
                 faults: script(&faults),
                 seed: rng.random(),

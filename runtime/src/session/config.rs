@@ -7,6 +7,7 @@ use crate::pipeline::audio_input::AudioChoice;
 use crate::pipeline::model_args::GeneratorArgs;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
+use crate::world::WorldChoice;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -18,6 +19,8 @@ pub struct DanceConfig {
     pub robot: Robot,
     /// Where commands go, for each bus of the robot.
     pub buses: Vec<BusChoice>,
+    /// The world that simulated servos carry the robot in.
+    pub world: WorldChoice,
     pub speed: Speed,
     /// Whether a recording is danced to as if it came in live.
     pub as_live: bool,

@@ -8,7 +8,7 @@ use super::dance_report::{dance_report, finish_recording};
 use super::{animation, plot_selection};
 use crate::control::control_loop::{ControlLoop, Ending, disarm_cause};
 use crate::control::emergency_stop::EmergencyStopWatch;
-use crate::control::robot_buses::RobotBuses;
+use crate::control::robot_buses::{RobotBuses, SimulationPlan};
 use crate::control::viewer_link::publish_end;
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::dancer::Dancer;
@@ -80,7 +80,9 @@ pub(super) fn perform(
     let Prepared { mut source, recorder, progress, shedding } = prepare(config, generator)?;
     let _ = raise_in(config.speed, ThreadRole::Control);
     let started = Instant::now();
-    let mut servos = RobotBuses::open(&config.robot, &config.buses, config.speed, estop)?;
+    let plan = SimulationPlan { world: config.world, ..SimulationPlan::default() };
+    let mut servos =
+        RobotBuses::open_simulating(&config.robot, &config.buses, config.speed, estop, plan)?;
     for note in servos.arm()? {
         progress.note(&note);
     }
@@ -128,6 +130,7 @@ pub(super) fn perform(
         animation::write(config, &run.log.trace, run.plan.lead.mean_s(), &report, path)?;
     }
     recorded?;
+    refuse_fall(&report)?;
     refuse_broken_limits(&report, &servos)?;
     Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
 }
@@ -204,6 +207,16 @@ fn note_safety_events(servos: &RobotBuses, progress: &Progress) {
             "{:.2} s, {} -> {}: {}",
             event.time_s, event.from, event.to, event.cause
         ));
+    }
+}
+
+/// A dance in which the robot fell has failed.
+fn refuse_fall(report: &DanceReport) -> anyhow::Result<()> {
+    match report.body.as_ref().and_then(|body| body.fell_s) {
+        Some(fell_s) => {
+            anyhow::bail!("the robot fell {fell_s:.2} s after torque on; torque is off")
+        }
+        None => Ok(()),
     }
 }
 

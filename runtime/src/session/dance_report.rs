@@ -46,6 +46,7 @@ pub fn dance_report(
         },
         bus_stats: servos.bus_report(),
         violations: servos.violations(),
+        body: servos.body_report(),
         alignment: AlignmentReport::default(),
         beats: BeatReport {
             tempo_bpm: music.beats.tempo_bpm,

@@ -61,6 +61,9 @@ pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
             None => "held by the safety layer (real servos: nobody independent looked)".into(),
         },
     );
+    if let Some(body) = &report.body {
+        line("body", body.line());
+    }
     if let Some(effort) = report.effort.line() {
         line("motors", effort);
     }

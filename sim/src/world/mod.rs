@@ -10,11 +10,16 @@
 //! has its floor at z = 0, z up.
 
 mod contact;
+mod figures;
 mod gear_play;
 mod imu;
 mod mass_matrix;
+mod seat;
+mod shaft;
+mod shared;
 mod spatial;
 mod state;
+mod step_size;
 mod tree;
 
 use servodance_types::{ImuState, Placement, RigidLink};
@@ -28,7 +33,12 @@ use spatial::{Vec3, Wrench};
 use state::{Posed, WorldState};
 use tree::{ROOT_DOFS, Tree};
 
+pub use figures::BodyFigures;
 pub use imu::ImuErrors;
+pub use seat::WorldSeat;
+pub(crate) use shaft::{ShaftDrive, ShaftState};
+pub use shared::SharedWorld;
+pub(crate) use step_size::StepSize;
 
 pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Longest step, seconds.
@@ -221,6 +231,14 @@ impl World {
         self.measure_mobility();
     }
 
+    /// Puts one joint, at rest, where a hand turns it; the rest of the robot stays.
+    pub fn put_joint(&mut self, joint: usize, position: f64) {
+        let body = self.bodies[joint];
+        self.state.angle[body] = position;
+        self.state.rate[body] = 0.0;
+        self.posed.pose(&self.tree, &self.state);
+    }
+
     /// Simulated seconds since the start.
     pub fn time_s(&self) -> f64 {
         self.steps as f64 * self.options.dt_s
@@ -313,7 +331,7 @@ impl World {
         self.push = Some(push);
     }
 
-    fn weight_n(&self) -> f64 {
+    pub(crate) fn weight_n(&self) -> f64 {
         self.tree.mass * GRAVITY_M_S2
     }
 
