@@ -92,7 +92,7 @@ impl Rig {
 }
 
 fn one_bus() -> [std::ops::Range<usize>; 1] {
-    [0..JOINTS]
+    std::array::from_fn(|_| 0..JOINTS)
 }
 
 #[test]

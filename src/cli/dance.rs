@@ -39,10 +39,9 @@ pub struct Args {
     #[command(flatten)]
     pub rig: RobotArgs,
     /// What is around a simulated robot: a floor, a stand that holds it, or none, where
-    /// its servos carry no weight; if left out, a floor for a robot that stands on its
-    /// feet and none for others.
-    #[arg(long, value_enum)]
-    pub world: Option<WorldChoice>,
+    /// its servos carry no weight.
+    #[arg(long, value_enum, default_value_t = WorldChoice::None)]
+    pub world: WorldChoice,
     /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
     #[arg(long, value_enum)]
     pub speed: Option<Speed>,
@@ -164,11 +163,6 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
     let robot = args.rig.robot.load()?;
     let buses = choose_buses(&robot, &args.rig.bus)?;
     let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
-    let world = match (args.world, all_simulated) {
-        (Some(world), _) => world,
-        (None, true) => WorldChoice::usual(&robot),
-        (None, false) => WorldChoice::None,
-    };
     let hears = args.mic.is_some();
     let speed = match (args.speed, all_simulated) {
         (Some(Speed::Max), _) if hears => {
@@ -189,7 +183,7 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         idle: args.rig.idle.unwrap_or(robot.idle),
         robot,
         buses,
-        world,
+        world: args.world,
         speed,
         as_live: args.as_live,
         compensation: !args.no_compensation,

@@ -12,7 +12,7 @@ use servodance_types::{ImuState, JointLimits};
 
 use crate::dynamics::GRAVITY_M_S2;
 use crate::limits::JointTracker;
-use crate::retargeter::Retargeter;
+use crate::retargeter::{LegJoint, Retargeter};
 
 /// Age of the commands that a reading answers to: servo lag and the sensor's delay.
 const ANSWERED_S: f64 = 0.07;
@@ -80,7 +80,7 @@ impl BalanceFeedback {
         let poses = robot.rest_poses();
         for path in legs {
             let mut leans: Vec<LeanJoint> = Vec::new();
-            for (link, joint, axis) in path {
+            for LegJoint { link, joint, axis } in path {
                 let axis = poses[link].rotation * axis;
                 for (index, along) in [axis.x, axis.y].into_iter().enumerate() {
                     if along.abs() > ALONG {

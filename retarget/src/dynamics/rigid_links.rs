@@ -59,11 +59,11 @@ pub(crate) fn rigid_links(
     if let Some((feet, sole_m)) = feet {
         for (side, foot) in feet.iter().enumerate() {
             let Some(sole) = map.legs[side].sole else { continue };
-            for link in 0..links.len() {
+            for (link, rigid) in links.iter_mut().enumerate() {
                 if model.drives_above(link) == model.drives_above(sole)
                     && model.is_below(link, model.last_driven(sole))
                 {
-                    links[link].touch.clear();
+                    rigid.touch.clear();
                 }
             }
             let corners = sole_corners(foot, sole_m);

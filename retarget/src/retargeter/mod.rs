@@ -21,6 +21,13 @@ use crate::solver::{ArmSearch, BodySolver, SolverScope};
 use counts::RetargetCounts;
 use rest_pose::RestSearch;
 
+/// A joint of a leg: the link that it moves, and its axis in that link.
+pub(crate) struct LegJoint {
+    pub link: usize,
+    pub joint: usize,
+    pub axis: Vector3<f64>,
+}
+
 /// Turns human motion into joint targets for one robot.
 pub struct Retargeter {
     model: RobotModel,
@@ -239,9 +246,9 @@ impl Retargeter {
         rigid_links(&self.model, &self.map, feet)
     }
 
-    /// For each leg of a robot on its feet, from the hip down: link, joint and the
-    /// joint's axis in the link. `None` on a stand.
-    pub(crate) fn standing_legs(&self) -> Option<[Vec<(usize, usize, Vector3<f64>)>; 2]> {
+    /// For each leg of a robot on its feet its turning joints, from the hip down; `None`
+    /// on a stand.
+    pub(crate) fn standing_legs(&self) -> Option<[Vec<LegJoint>; 2]> {
         self.stance.as_ref()?;
         Some(self.map.legs.map(|leg| {
             let sole = leg.sole.unwrap_or(0);
@@ -251,7 +258,7 @@ impl Retargeter {
                 ancestors.filter_map(|ancestor| match self.model.links[ancestor.link].motion {
                     JointMotion::Revolute(axis) => {
                         let axis = axis.into_inner() * ancestor.scale.signum();
-                        Some((ancestor.link, ancestor.joint, axis))
+                        Some(LegJoint { link: ancestor.link, joint: ancestor.joint, axis })
                     }
                     _ => None,
                 });

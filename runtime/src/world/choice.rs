@@ -1,7 +1,5 @@
 //! Where the simulated robot is: the values of `--world`.
 
-use crate::robot::Robot;
-
 /// What is around a simulated robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum WorldChoice {
@@ -15,14 +13,6 @@ pub enum WorldChoice {
 }
 
 impl WorldChoice {
-    /// The usual one: a floor for a robot that stands on its feet, none for others.
-    pub fn usual(robot: &Robot) -> Self {
-        match robot.retarget.stance.stands() {
-            true => Self::Floor,
-            false => Self::None,
-        }
-    }
-
     /// As the user writes it.
     pub fn name(self) -> &'static str {
         match self {

@@ -145,7 +145,7 @@ impl ContactSolver {
         let size = self.right.len();
         self.matrix.clear();
         self.matrix.resize(size * size, 0.0);
-        for touch in 0..self.touches.len() {
+        for (touch, soft) in softness.iter().enumerate() {
             let path = || mass.path(self.touches[touch].dof);
             for row in touch * ROWS..(touch + 1) * ROWS {
                 for other in 0..(touch + 1) * ROWS {
@@ -157,7 +157,7 @@ impl ContactSolver {
                     self.matrix[row * size + other] = sum;
                     self.matrix[other * size + row] = sum;
                 }
-                self.matrix[row * size + row] += softness[touch];
+                self.matrix[row * size + row] += soft;
             }
         }
     }

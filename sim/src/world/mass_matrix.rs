@@ -85,8 +85,8 @@ impl MassMatrix {
     /// Solves `D L x = y` in place.
     pub fn solve_lower(&self, y: &mut [f64]) {
         y[..self.first].fill(0.0);
-        for i in self.first..self.size {
-            y[i] /= self.diagonal(i);
+        for (i, value) in y.iter_mut().enumerate().skip(self.first) {
+            *value /= self.diagonal(i);
         }
         for i in self.first..self.size {
             let mut above = self.above(i);
