@@ -3,7 +3,7 @@
 //! The mass matrix comes from composite rigid bodies, the bias forces from
 //! recursive Newton-Euler (Featherstone, Rigid Body Dynamics Algorithms, 2008), in
 //! world axes about the root link's origin. Semi-implicit Euler steps; the damping
-//! of servos is taken implicitly. The floor's law is in [`contact`].
+//! of servos is taken implicitly. The law of the floor is in `contact.rs`.
 //!
 //! Bits are the same on every processor: plain f64, no fused operations, functions
 //! of `libm`, fixed orders. Metres, seconds, radians, kilograms, newtons; the world
