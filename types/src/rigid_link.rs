@@ -53,7 +53,7 @@ pub struct RigidLink {
     pub motion: LinkMotion,
     /// `None`: the joint stays where it is.
     pub drive: Option<LinkDrive>,
-    /// Mass, kilograms.
+    /// Mass of the link, kilograms.
     pub mass_kg: f64,
     /// Centre of mass in the link's frame, metres.
     pub com_m: [f64; 3],

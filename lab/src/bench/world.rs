@@ -25,7 +25,7 @@ const PUSH_STEP_NS_PER_KG: f64 = 0.02;
 /// Seconds of standing in which a push comes.
 const PUSHED_S: f64 = 6.0;
 
-/// What is measured.
+/// What `bench world` is to measure.
 #[derive(Clone, Debug)]
 pub struct WorldBenchRequest {
     /// How many songs, and how many seeds of the dancer for each.
@@ -69,7 +69,7 @@ pub const WORLDS: [(&str, &str); 10] = [
 /// All of those at once, drawn for each dance.
 pub const DRAWN: &str = "drawn";
 
-/// One world's figures.
+/// The figures of one world.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)] // units stand in the names
 pub struct WorldFigures {

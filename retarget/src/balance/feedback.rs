@@ -41,7 +41,7 @@ const OLD_S: f64 = 0.1;
 pub struct LegServo {
     /// Newton metres a radian.
     pub kp_nm_rad: f64,
-    /// Newton metre seconds.
+    /// Newton metres for one radian a second.
     pub damping_nm_s: f64,
 }
 

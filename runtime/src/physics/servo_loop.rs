@@ -24,9 +24,9 @@ const SIZED_DAMPING: f64 = 0.5;
 pub struct ServoLoop {
     /// Newton metres a radian.
     pub kp: f64,
-    /// Newton metre seconds.
+    /// Newton metres for one radian a second.
     pub damping_nm_s: f64,
-    /// Newton metres.
+    /// Most torque, newton metres.
     pub limit_nm: f64,
     /// What it adds to its joint.
     pub mechanics: JointMechanics,

@@ -21,9 +21,9 @@ const CREEP_M_S: f64 = 2e-3;
 /// The world, the servos and the way of a trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrialOptions {
-    /// The world.
+    /// What is around the robot.
     pub world: WorldOptions,
-    /// The servos.
+    /// How the servos differ from nominal.
     pub servos: ServoVariation,
     /// Whether the servos are as strong as the robot's masses ask for, whatever the
     /// robot file says: for files whose servos are placeholders.

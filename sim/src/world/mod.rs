@@ -103,14 +103,14 @@ pub struct JointMechanics {
 pub struct JointDrive {
     /// Torque towards higher positions, newton metres (newtons where it slides).
     pub torque_nm: f64,
-    /// Newton metre seconds.
+    /// Newton metres for one radian a second.
     pub damping_nm_s: f64,
 }
 
 /// A force from outside on the root link's origin, world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Push {
-    /// Newtons.
+    /// Newtons along world axes.
     pub force_n: [f64; 3],
     /// When it ends, seconds of the world's time.
     pub until_s: f64,
@@ -244,7 +244,7 @@ impl World {
         self.steps as f64 * self.options.dt_s
     }
 
-    /// Time step, seconds.
+    /// Length of a step, seconds.
     pub fn dt_s(&self) -> f64 {
         self.options.dt_s
     }

@@ -76,7 +76,7 @@ impl Posed {
         }
     }
 
-    /// Forward kinematics.
+    /// Forward kinematics of all bodies.
     pub fn pose(&mut self, tree: &Tree, state: &WorldState) {
         for (index, body) in tree.bodies.iter().enumerate() {
             if index == 0 {
@@ -148,7 +148,7 @@ impl Posed {
         bias
     }
 
-    /// Composite rigid bodies.
+    /// By composite rigid bodies, from the leaves.
     pub fn mass_matrix(&mut self, tree: &Tree, mass: &mut MassMatrix) {
         mass.clear();
         self.composite.copy_from_slice(&self.inertia);
