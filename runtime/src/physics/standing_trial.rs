@@ -9,14 +9,8 @@ use super::servo_loop::{ServoLoop, ServoVariation};
 use crate::robot::Robot;
 use servodance_retarget::{BalanceFeedback, LegServo, Retargeter};
 
-/// A robot has fallen when its pelvis leans by more than this, or is below this share
-/// of its height at rest.
-const FALLEN_RAD: f64 = 50.0 * std::f64::consts::PI / 180.0;
-const FALLEN_HEIGHT: f64 = 0.5;
 /// Seconds in which the robot settles on its feet before the motion begins.
 const SETTLE_S: f64 = 1.0;
-/// Slip slower than this is the creep of a soft contact, m/s.
-const CREEP_M_S: f64 = 2e-3;
 
 /// The world, the servos and the way of a trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,7 +139,6 @@ impl StandingTrial {
         let mut targets = self.retargeter.rest().to_vec();
         let root = self.retargeter.root_placement(&targets);
         world.place(Some(&root), &targets);
-        let height_m = world.root().at_m[2];
         let mut drives = vec![Default::default(); targets.len()];
         let mut sums = Sums::default();
         let mut report = TrialReport::default();
@@ -196,9 +189,7 @@ impl StandingTrial {
             sums.cycle(&world, &plans[0]);
             sums.upper(&self.upper, &targets, &before, self.period_s);
             before.copy_from_slice(&targets);
-            let root = world.root();
-            let lean = root.rotation[2][2].clamp(-1.0, 1.0).acos();
-            if lean > FALLEN_RAD || root.at_m[2] < FALLEN_HEIGHT * height_m {
+            if world.has_fallen() {
                 report.fell_s = Some(time_s);
                 break;
             }
@@ -219,10 +210,7 @@ struct Sums {
 
 impl Sums {
     fn slip(&mut self, world: &World) {
-        let slip_m_s = world.slip_m_s();
-        if slip_m_s > CREEP_M_S {
-            self.slip_m += slip_m_s * world.dt_s();
-        }
+        self.slip_m += world.slip_m_s() * world.dt_s();
     }
 
     fn cycle(&mut self, world: &World, plan: &Placement) {

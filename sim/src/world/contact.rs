@@ -91,7 +91,7 @@ pub(super) struct ContactSolver {
 }
 
 /// What a contact row does to the robot: a force along `axis`, `at` from the common point.
-pub(super) trait Jacobian {
+pub(super) trait PointMotion {
     /// How fast the point moves along `axis` by degree of freedom `dof`.
     fn along(&self, dof: usize, axis: &Vec3, at: &Vec3) -> f64;
 }
@@ -108,7 +108,7 @@ impl ContactSolver {
         floor: &FloorFrame,
         friction: f64,
         mass: &MassMatrix,
-        jacobian: &impl Jacobian,
+        jacobian: &impl PointMotion,
         acceleration: &mut [f64],
         weight_n: f64,
     ) {

@@ -3,14 +3,8 @@
 
 use super::World;
 
-/// A robot has fallen when its root link leans by more than this, or is below this
-/// share of its height at the start.
-const FALLEN_RAD: f64 = 50.0 * std::f64::consts::PI / 180.0;
-const FALLEN_HEIGHT: f64 = 0.5;
 /// A foot carries load from this share of the weight on.
 const LOADED_SHARE: f64 = 0.02;
-/// Slip slower than this is the creep of a soft contact, m/s.
-const CREEP_M_S: f64 = 2e-3;
 
 /// A robot's body from when it was let go to now, or to its fall.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -48,17 +42,13 @@ impl BodySums {
         }
         let root = world.root();
         let lean_rad = libm::acos(root.rotation[2][2].clamp(-1.0, 1.0));
-        let height_m = world.start_m()[2];
-        self.fell = stands && (lean_rad > FALLEN_RAD || root.at_m[2] < FALLEN_HEIGHT * height_m);
+        self.fell = stands && world.has_fallen();
         if self.steps == 0 {
             self.work_before_j = world.work_j();
         }
         self.steps += 1;
         self.tilt2 += lean_rad * lean_rad;
-        let slip_m_s = world.slip_m_s();
-        if slip_m_s > CREEP_M_S {
-            self.slip_m += slip_m_s * world.dt_s();
-        }
+        self.slip_m += world.slip_m_s() * world.dt_s();
         for (loaded, force_n) in self.loaded.iter_mut().zip(world.foot_force_n()) {
             *loaded += u64::from(force_n > LOADED_SHARE * world.weight_n());
         }

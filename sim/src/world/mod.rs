@@ -25,7 +25,7 @@ mod tree;
 use servodance_types::{ImuState, Placement, RigidLink};
 
 use crate::error::SimError;
-use contact::{ContactSolver, FloorFrame, Jacobian, Touch};
+use contact::{ContactSolver, FloorFrame, PointMotion, Touch};
 use gear_play::GearPlay;
 use imu::Imu;
 use mass_matrix::MassMatrix;
@@ -43,6 +43,12 @@ pub(crate) use step_size::StepSize;
 pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Longest step, seconds.
 pub const LONGEST_STEP_S: f64 = 2e-3;
+/// A robot has fallen when its root link leans by more than this, or is below this
+/// share of its height at the start.
+const FALLEN_RAD: f64 = 50.0 * std::f64::consts::PI / 180.0;
+const FALLEN_HEIGHT: f64 = 0.5;
+/// Slip slower than this is the creep of a soft contact, m/s.
+const CREEP_M_S: f64 = 2e-3;
 /// Speed below which dry friction fades to a viscous one, radians a second.
 const FRICTION_SPEED: f64 = 0.02;
 /// Natural frequency of the spring that couples a joint to the one it follows, 1/s.
@@ -168,6 +174,11 @@ impl World {
         SimError::checked("floor friction", options.friction, 0.0..=10.0, "0 to 10")?;
         for tilt in options.tilt_rad {
             SimError::checked("floor tilt", tilt, -0.5..=0.5, "-0.5 to 0.5 rad")?;
+        }
+        let joints = mechanics.len();
+        if let Some(beyond) = tree.bodies[1..].iter().find(|body| body.drive.joint >= joints) {
+            let joint = beyond.drive.joint;
+            return Err(SimError::World(format!("a link has joint {joint} of {joints}")));
         }
         let mut bodies = vec![0; mechanics.len()];
         for (index, body) in tree.bodies.iter().enumerate().skip(1).rev() {
@@ -296,7 +307,15 @@ impl World {
         self.start.into()
     }
 
-    /// How fast the loaded points of the soles slide, m/s: the fastest.
+    /// Whether the root link leans by more than 50 degrees, or is below half of where
+    /// it was placed.
+    pub fn has_fallen(&self) -> bool {
+        let lean_rad = libm::acos(self.state.root[(2, 2)].clamp(-1.0, 1.0));
+        lean_rad > FALLEN_RAD || self.state.root_at.z < FALLEN_HEIGHT * self.start.z
+    }
+
+    /// How fast the loaded points of the soles slide, m/s: the fastest; 0 where they
+    /// only creep.
     pub fn slip_m_s(&self) -> f64 {
         let touches = self.contact.touches.iter();
         let loaded = touches.filter(|touch| {
@@ -307,7 +326,8 @@ impl World {
             let [_, x, y] = self.floor.axes().map(|axis| axis.dot(&touch.velocity));
             libm::sqrt(x * x + y * y)
         });
-        across.fold(0.0, f64::max)
+        let fastest = across.fold(0.0, f64::max);
+        if fastest > CREEP_M_S { fastest } else { 0.0 }
     }
 
     /// Whether anything but the soles touches the floor.

@@ -1,6 +1,6 @@
 //! Where everything is, how it moves, and what follows from that for one step.
 
-use super::contact::Jacobian;
+use super::contact::PointMotion;
 use super::mass_matrix::MassMatrix;
 use super::spatial::{
     Mat3, SpatialInertia, Twist, Vec3, Wrench, orthonormal, rotation, rotation_by,
@@ -199,7 +199,7 @@ impl Posed {
     }
 }
 
-impl Jacobian for Posed {
+impl PointMotion for Posed {
     fn along(&self, dof: usize, axis: &Vec3, at: &Vec3) -> f64 {
         match dof {
             0..3 => at.cross(axis)[dof],
