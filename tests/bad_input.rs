@@ -64,6 +64,13 @@ fn an_unknown_robot_lists_the_known_ones() {
 }
 
 #[test]
+fn a_robot_without_feet_is_not_put_on_a_floor() {
+    let program = Program::new();
+    let arguments = dance(&["--robot", "torso13", "--world", "floor"]);
+    program.refused(&arguments, &["torso13 does not stand", "--world stand"]);
+}
+
+#[test]
 fn an_unknown_style_lists_the_known_ones() {
     let program = Program::new();
     program.refused(&dance(&["--style", "polka"]), &["polka", "salsa"]);

@@ -47,7 +47,7 @@ impl Rig {
         let urdf = folder.path().join("rig.urdf");
         std::fs::write(&urdf, self.0 + "</robot>").unwrap();
         let out = folder.path().join("rig.toml");
-        let said = new_robot(&urdf, &out, false, &trial_dance()).unwrap().lines;
+        let said = new_robot(&urdf, &out, false, &trial_dance(), &[]).unwrap().lines;
         let robot = Robot::load(&out.display().to_string()).unwrap();
         let beats: Vec<DanceBeat> = (0..20)
             .map(|beat| DanceBeat { time_s: f64::from(beat) * 0.5, downbeat: beat % 4 == 0 })
@@ -171,7 +171,7 @@ fn a_loop_is_expressed_by_a_table() {
     let urdf = folder.path().join("rig.urdf");
     std::fs::write(&urdf, rig.0 + "</robot>").unwrap();
     let out = folder.path().join("rig.toml");
-    new_robot(&urdf, &out, false, &trial_dance()).unwrap();
+    new_robot(&urdf, &out, false, &trial_dance(), &[]).unwrap();
     let text = std::fs::read_to_string(&out).unwrap();
     let couple = "\n[[retarget.couple]]\njoint = \"left_crank\"\nfollows = \"left_elbow\"\n";
     let load = |text: String| {

@@ -62,6 +62,8 @@ pub enum ConfigError {
     Port { actual: String, reason: String },
     #[error("bus: {key} is {actual}, must be {wanted}")]
     Bus { key: &'static str, actual: String, wanted: &'static str },
+    #[error("imu: {key} is {actual}, must be {wanted}")]
+    Imu { key: &'static str, actual: String, wanted: String },
     #[error(
         "{servos} servos at {baud} baud carry at most {limit_hz:.0} cycles a second \
          ({bytes} bytes each), but the robot asks for {asked_hz}: raise the baud or lower control_hz"

@@ -51,13 +51,14 @@ mod bus;
 mod bus_set;
 pub mod can;
 mod error;
+pub mod imu;
 mod safety;
 pub mod serial;
 mod servo;
 
 pub use bus::config::{BusConfig, one_or_several};
 pub use bus::kind::BusKind;
-pub use bus::layout::{BusLayout, layouts};
+pub use bus::layout::{BusLayout, assign_imu, layouts};
 pub use bus::open::open_bus;
 pub use bus::port::Port;
 pub use bus::rate::{RateCheck, check_rate};
@@ -67,6 +68,7 @@ pub use bus::torque_alarm::{TorqueAlarm, set_torque_alarm};
 pub use bus::{ArmReport, Bus, BusStats, Health, Notes};
 pub use bus_set::{BusSet, open_buses};
 pub use error::{BusError, BusResult, ConfigError, Refusal, ServoId};
+pub use imu::{ImuConfig, ImuKind};
 pub use safety::{
     EStop, Interventions, Limited, Limiter, SafeBus, SafetyConfig, SafetyError, ServoLost, State,
     Transition,

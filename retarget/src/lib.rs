@@ -52,6 +52,7 @@
 //! that ours is checked against, `nalgebra` (through `k`) vectors and rotations.
 //! Talking to servos is the `drivers` crate's work.
 
+mod balance;
 mod config;
 mod contact;
 mod dancer;
@@ -63,6 +64,7 @@ mod limits;
 mod retargeter;
 mod solver;
 
+pub use balance::{BalanceFeedback, LegServo};
 pub use config::{
     BodyLinks, CapsuleConfig, Gains, JointCoupling, Limb, RetargetConfig, RetargetError, Stance,
     TaskWeights, Tip, TorqueConfig,
@@ -72,7 +74,7 @@ pub use description::diagnostic::{Diagnostic, DiagnosticCode, DiagnosticSeverity
 pub use description::draft::{ConfigDraft, JointDraft, JointUse, draft_config, rest_deg};
 pub use description::lint::{lint, lint_limits};
 pub use description::mjcf::{is_mjcf, urdf_from_mjcf};
-pub use dynamics::TorqueReport;
+pub use dynamics::{JointLoad, TorqueReport};
 pub use evaluation::{LimbDirectionError, LimbSegment};
 pub use k::nalgebra;
 pub use kinematics::{MeshVisual, RobotModel, Shape, Visual};

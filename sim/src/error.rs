@@ -9,6 +9,8 @@ pub enum SimError {
     Servo { joint: String, id: u8, reason: String },
     #[error("fault \"{line}\": {reason}")]
     Script { line: String, reason: String },
+    #[error("simulated world: {0}")]
+    World(String),
     #[error("simulated bus: {what}: {reason}")]
     System { what: &'static str, reason: std::io::Error },
 }

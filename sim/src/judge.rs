@@ -15,7 +15,8 @@
 //! A goal that is lost on the wire makes the next one a double step, which counts, although
 //! the host did nothing wrong.
 //!
-//! Not judged: torque off, a shaft that something holds, and the emergency stop of the servo's own watchdog.
+//! Not judged: torque off, a shaft that something holds, the emergency stop of the servo's own
+//! watchdog, and in a world the true motion while something pushes the robot or it has fallen.
 
 use std::f64::consts::TAU;
 
@@ -108,6 +109,11 @@ impl Judge {
     pub fn judge_motion(&mut self, time_s: f64, position_rad: f64) {
         let broken = self.judge(self.motion.last, time_s, position_rad, "went");
         self.motion.follow(position_rad, broken);
+    }
+
+    /// The same position, moved by something that the servo cannot help.
+    pub fn pass_motion(&mut self, position_rad: f64) {
+        self.motion.follow(position_rad, Violations::default());
     }
 
     /// The limits that a step from the `last` two positions breaks.

@@ -47,6 +47,7 @@ mod fault;
 mod judge;
 mod serial;
 mod servo;
+pub mod world;
 
 pub use bus::SimBus;
 pub use bus::line::{Burst, Line};

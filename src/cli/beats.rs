@@ -1,22 +1,10 @@
 //! `servodance beats`.
 
+use crate::cli::prelude::*;
 use servodance_runtime::offline::beats::{BeatTracker, Beats};
-use servodance_runtime::telemetry::pending_file::write_whole;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance beats song.ogg
-      one beat a line, in seconds
-  servodance beats song.ogg --causal --out live.txt
-      as the robot hears them live
-  servodance beats song.ogg --causal --downbeats
-      each beat with its place in the bar, 1 being the downbeat
-  servodance beats song.ogg --json
-      with the tempo, as one JSON object";
+const EXAMPLES: &str = include_str!("examples/beats.txt").trim_ascii_end();
 
-/// What `beats` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -49,7 +37,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     };
     match args.out {
         Some(path) => write_whole(&path, text.as_bytes())?,
-        None => servodance_runtime::process::console::stdout(format_args!("{text}")),
+        None => stdout(format_args!("{text}")),
     }
     Ok(ExitCode::SUCCESS)
 }

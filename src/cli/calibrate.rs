@@ -1,21 +1,10 @@
 //! `servodance calibrate`.
 
-use servodance_runtime::bus_tools::Consent;
+use crate::cli::prelude::*;
 use servodance_runtime::bus_tools::calibrate::Calibration;
-use servodance_runtime::process::console::stdout_line;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance calibrate --robot my-robot.toml --bus serial:/dev/ttyUSB0
-      torque off, move the robot into its rest pose by hand, zeros go into the file
-  servodance calibrate --robot my-robot.toml --bus serial:/dev/ttyUSB0 --directions
-      then move each joint towards its positive end: directions too
-  servodance calibrate --robot my-robot.toml --bus serial:/dev/ttyUSB0 --output new.toml
-      leave the file as it is and write another";
+const EXAMPLES: &str = include_str!("examples/calibrate.txt").trim_ascii_end();
 
-/// What `calibrate` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

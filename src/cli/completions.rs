@@ -1,15 +1,11 @@
 //! `servodance completions`.
 
 use super::Cli;
+use crate::cli::prelude::*;
 use clap::CommandFactory;
 use clap_complete::Shell;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance completions bash > ~/.local/share/bash-completion/completions/servodance
-  servodance completions zsh > ~/.zfunc/_servodance
-  servodance completions fish > ~/.config/fish/completions/servodance.fish";
+const EXAMPLES: &str = include_str!("examples/completions.txt").trim_ascii_end();
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -22,9 +18,6 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "servodance", &mut script);
-    servodance_runtime::process::console::stdout(format_args!(
-        "{}",
-        String::from_utf8_lossy(&script)
-    ));
+    stdout(format_args!("{}", String::from_utf8_lossy(&script)));
     Ok(ExitCode::SUCCESS)
 }

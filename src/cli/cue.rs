@@ -3,26 +3,16 @@
 use super::options::stage::{RoleArgs, StageNetworkArgs};
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance cue left --canon 4
-      the follower named left dances four beats after the leader from now on
-  servodance cue all --amplitude 0.5 --mirror false
-  servodance cue right --style hype
-      the leader invents a second dance for it, in that style";
+const EXAMPLES: &str = include_str!("examples/cue.txt").trim_ascii_end();
 
-/// What `cue` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Name of the follower; `all`: everybody.
     #[arg(value_name = "FOLLOWER")]
     pub follower: String,
-
-    /// What it shall do; what is not given stays as it is.
     #[command(flatten)]
     pub role: RoleArgs,
-
     #[command(flatten)]
     pub place: StageNetworkArgs,
 }

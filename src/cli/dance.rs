@@ -1,14 +1,13 @@
 //! `servodance dance`.
 
-use super::options::dance::{GeneratorArgs, RobotArgs};
-use super::{INTERRUPTED, stop_signal};
-use anyhow::bail;
+use super::options::dance::RobotArgs;
+use crate::cli::prelude::*;
 use servodance_audio::source::PcmEncoding;
 use servodance_audio::source::PcmFormat;
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::bus_choice::choose as choose_buses;
 use servodance_runtime::pipeline::audio_input::AudioChoice;
-use servodance_runtime::process::console::{stderr_line, stdout_line};
+use servodance_runtime::pipeline::model_args::GeneratorArgs;
 use servodance_runtime::process::speed::Speed;
 use servodance_runtime::session::config::DanceConfig;
 use servodance_runtime::session::dance::Outcome;
@@ -16,32 +15,13 @@ use servodance_runtime::session::dance::dance;
 use servodance_runtime::session::dance_session::Session;
 use servodance_runtime::session::summary::summary;
 use servodance_runtime::viewer::{Server, TerminalView};
+use servodance_runtime::world::WorldChoice;
 use std::net::SocketAddr;
-use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dance
-      the built-in song on the built-in humanoid, simulated, as fast as possible
-  servodance dance song.ogg --robot op3 --report out.json --record out.mcap
-      your song, with a report for scripts and a recording for robotics viewers
-  servodance dance song.ogg --gif dance.gif
-      ten seconds to show to people
-  servodance dance song.mp3 --bus serial:/dev/ttyUSB0
-      a real robot, in real time (hold its power switch)
-  servodance dance --mic
-      what the default microphone hears (built with --features mic)
-  servodance dance --mic --robot my-robot.toml --bus serial:/dev/ttyUSB0 --view --wait-for-start
-      an evening: start, hold, stop and style from a page in the browser
-  servodance dance song.mp3 --bus serial:/dev/ttyUSB0 --tui
-      the same over a terminal, on a machine without a screen, say
-  arecord -f S16_LE -r 48000 -c 1 -t raw | servodance dance - --pcm-rate 48000 --speed realtime
-      dance to whatever a capture program hears";
+const EXAMPLES: &str = include_str!("examples/dance.txt").trim_ascii_end();
 
-/// What `dance` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = EXAMPLES,
@@ -52,86 +32,70 @@ pub struct Args {
     /// input; the built-in song if left out.
     #[arg(value_name = "AUDIO")]
     pub audio: Option<PathBuf>,
-
     /// Dance to what a microphone hears now: the default one, or one
     /// that `servodance devices` lists.
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
     pub mic: Option<Option<String>>,
-
-    /// Which robot, and where it is.
     #[command(flatten)]
     pub rig: RobotArgs,
-
+    /// What is around a simulated robot: a floor, a stand that holds it, or none, where
+    /// its servos carry no weight.
+    #[arg(long, value_enum, default_value_t = WorldChoice::None)]
+    pub world: WorldChoice,
     /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
     #[arg(long, value_enum)]
     pub speed: Option<Speed>,
-
     /// Dance to the recording as if it came in live: nothing is known ahead.
     #[arg(long)]
     pub as_live: bool,
-
     /// Leave the timing of the motion as it is: do not steer it so that the
     /// servos meet the beat.
     #[arg(long)]
     pub no_compensation: bool,
-
     #[command(flatten)]
-    pub invention: GeneratorArgs,
-
+    pub generator: GeneratorArgs,
     /// Write figures of the run as JSON (see docs/report.md).
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-
     /// Record everything as MCAP, for robotics viewers.
     #[arg(long, value_name = "FILE.mcap")]
     pub record: Option<PathBuf>,
-
     /// Where the picture of the dance goes.
     #[arg(long, default_value = "dance.png", value_name = "FILE.png")]
     pub picture: PathBuf,
-
     #[arg(help = "Draw no picture", long, conflicts_with = "picture")]
     pub no_picture: bool,
-
     /// Draw a moving picture too: ten seconds from the middle of the dance, the
     /// human beside the robot. For another part: --record, then `servodance
     /// export FILE.mcap --gif FILE.gif --from 20 --seconds 8`.
     #[arg(long, value_name = "FILE.gif")]
     pub gif: Option<PathBuf>,
-
     /// Sample rate of raw PCM on standard input, hertz.
     #[arg(long, default_value_t = 48_000, value_name = "HZ")]
     pub pcm_rate: u32,
-
     /// Sample format of raw PCM on standard input.
     #[arg(long, default_value = "s16le", value_name = "u8|s16le|s24le|s32le|f32le")]
     pub pcm_format: PcmEncoding,
-
     /// Channels of raw PCM on standard input, interleaved.
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub pcm_channels: u16,
-
     /// Serve a page to watch and to steer the dance with; its address is the
     /// first line on standard output (see docs/show.md). Built with --features view.
     #[arg(long)]
     pub view: bool,
-
     /// Where the page is served; anything but this machine's own address makes
     /// it reachable for whoever has the address with its token.
     #[arg(long, default_value = "127.0.0.1:0", value_name = "IP:PORT", requires = "view")]
     pub view_bind: SocketAddr,
-
     /// Show the dance in this terminal and steer it by keys: start, hold, resume,
     /// end, amplitude, style, seed, mirror, idle; Enter, Esc or Space is the
     /// emergency stop (see docs/show.md).
     #[arg(long, visible_alias = "terminal")]
     pub tui: bool,
-
     /// Wait, torque off, until the page or a key says start, before each
     /// dance; end by Ctrl-C.
     #[arg(long, requires = "watched")]
     pub wait_for_start: bool,
-
     #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
 }
@@ -153,10 +117,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 
 fn report(config: &DanceConfig, outcome: &Outcome) {
     if !config.quiet {
-        servodance_runtime::process::console::stdout(format_args!(
-            "{}",
-            summary(config, &outcome.report)
-        ));
+        stdout(format_args!("{}", summary(config, &outcome.report)));
     }
 }
 
@@ -222,14 +183,11 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         idle: args.rig.idle.unwrap_or(robot.idle),
         robot,
         buses,
+        world: args.world,
         speed,
         as_live: args.as_live,
         compensation: !args.no_compensation,
-        seed: args.invention.seed,
-        style: args.invention.style,
-        model: args.invention.model,
-        conditioning: args.invention.conditioning,
-        engine: args.invention.engine.options(),
+        generator: args.generator,
         report: args.report,
         record: args.record,
         picture: (!args.no_picture).then_some(args.picture),

@@ -1,14 +1,9 @@
 //! `servodance devices`.
 
+use crate::cli::prelude::*;
 use servodance_runtime::pipeline::microphone::input_table;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance devices
-      the inputs of this machine, the default one first
-  servodance dance --mic hw:CARD=1,DEV=0
-      dance to one of them";
+const EXAMPLES: &str = include_str!("examples/devices.txt").trim_ascii_end();
 
 /// `devices` takes no arguments.
 #[derive(Debug, clap::Args)]
@@ -17,6 +12,6 @@ pub struct Args {}
 
 /// Prints one line an input.
 pub fn run(_args: Args) -> anyhow::Result<ExitCode> {
-    servodance_runtime::process::console::stdout(format_args!("{}", input_table()?));
+    stdout(format_args!("{}", input_table()?));
     Ok(ExitCode::SUCCESS)
 }

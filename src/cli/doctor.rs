@@ -1,36 +1,24 @@
 //! `servodance doctor`.
 
-use super::options::robot::RobotFileArgs;
-use servodance_model::engine::EngineOptions;
+use crate::cli::prelude::*;
 use servodance_runtime::doctor::{Finding, Verdict, examine};
 use servodance_runtime::pipeline::conditioning::Conditioning;
-use servodance_runtime::process::console::stdout_line;
+use servodance_runtime::pipeline::model_args::EngineArgs;
 use servodance_runtime::session::dance::open_generator;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance doctor
-      is this machine fit to dance the built-in humanoid in real time?
-  servodance doctor --robot my-robot.toml --json
-      the same for your robot, for scripts (exit status 1 if anything is bad)";
+const EXAMPLES: &str = include_str!("examples/doctor.txt").trim_ascii_end();
 
-/// What `doctor` looks at.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
     pub robot: RobotFileArgs,
-
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
-
     /// Encodec's model.safetensors, for weights that hear through it.
     #[arg(long, value_name = "FILE.safetensors")]
     pub encodec: Option<PathBuf>,
-
     /// Print the findings as JSON: area, verdict (good, warning, bad), what, remedy.
     #[arg(long)]
     pub json: bool,
@@ -39,7 +27,7 @@ pub struct Args {
 /// Prints what was found; fails where a dance is not possible.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = args.robot.load()?;
-    let generator = open_generator(args.model.as_deref(), EngineOptions::default())?;
+    let generator = open_generator(args.model.as_deref(), EngineArgs::default())?;
     let conditioning = Conditioning { encodec: args.encodec, ..Conditioning::default() };
     let encodec = conditioning.encodec(&generator)?;
     let findings = examine(&robot, &generator, encodec.as_ref())?;

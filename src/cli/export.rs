@@ -1,20 +1,11 @@
 //! `servodance export`.
 
-use servodance_runtime::process::console::stdout_line;
+use crate::cli::prelude::*;
 use servodance_runtime::telemetry::export::{ExportSpan, bvh, csv, gif};
 use servodance_runtime::telemetry::recorder::Recording;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dance song.ogg --record out.mcap
-  servodance export out.mcap --gif dance.gif --from 20 --seconds 8
-      the human and the robot, moving, for people
-  servodance export out.mcap --bvh human.bvh --csv joints.csv
-      the human for animation programs, the robot for scripts";
+const EXAMPLES: &str = include_str!("examples/export.txt").trim_ascii_end();
 
-/// What `export` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 #[command(group = clap::ArgGroup::new("outputs").required(true).multiple(true).args(["gif", "bvh", "csv"]))]
@@ -22,22 +13,17 @@ pub struct Args {
     /// A recording made by `dance --record`.
     #[arg(value_name = "FILE.mcap")]
     pub recording: PathBuf,
-
     #[arg(help = "A moving picture", long, value_name = "FILE.gif")]
     pub gif: Option<PathBuf>,
-
     /// Where in the music it begins, seconds.
     #[arg(long, default_value_t = 0.0, value_name = "SECONDS", requires = "gif")]
     pub from: f64,
-
     /// How long it is.
     #[arg(long, default_value_t = 10.0, value_name = "SECONDS", requires = "gif")]
     pub seconds: f64,
-
     /// The human motion: joint angles.
     #[arg(long, value_name = "FILE.bvh")]
     pub bvh: Option<PathBuf>,
-
     /// What the servos reported: a line a control cycle, radians.
     #[arg(long, value_name = "FILE.csv")]
     pub csv: Option<PathBuf>,

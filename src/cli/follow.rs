@@ -1,68 +1,44 @@
 //! `servodance follow`.
 
 use super::options::dance::RobotArgs;
-use super::options::stage::{RoleArgs, StageNetworkArgs};
-use std::path::PathBuf;
-use std::process::ExitCode;
+use super::options::stage::RoleArgs;
+use crate::cli::prelude::*;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance follow --robot op3
-      a simulated robot dances what `servodance lead` on this machine leads
-  servodance follow --robot my-robot.toml --bus serial:/dev/ttyUSB0 --connect tcp/192.168.1.5:7448
-      a real robot follows a leader on another machine
-  servodance follow --robot neck --name left --mirror --canon 4
-      as the mirror image, four beats later; `servodance cue left` changes that
-  servodance follow --robot op3 --ros2 --connect tcp/127.0.0.1:7448 --connect tcp/127.0.0.1:7447
-      a ROS 2 machine whose Zenoh router is here sees its joints";
+const EXAMPLES: &str = include_str!("examples/follow.txt").trim_ascii_end();
 
-/// What `follow` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Which robot, and where it is.
     #[command(flatten)]
     pub rig: RobotArgs,
-
     #[command(flatten)]
     pub place: StageNetworkArgs,
-
     /// Name of the follower, for cues; the robot's if left out.
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
-
-    /// How it dances unless a cue says otherwise.
     #[command(flatten)]
     pub role: RoleArgs,
-
     /// Stand at rest after so many seconds alone.
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
     pub rest_after: f64,
-
     /// Be seen by ROS 2 as a node with joint states, joint commands and the
     /// skeleton that is followed.
     #[arg(long)]
     pub ros2: bool,
-
     /// The domain of ROS 2.
     #[arg(long, env = "ROS_DOMAIN_ID", default_value_t = 0, value_name = "ID")]
     pub ros_domain: u32,
-
     /// Write figures of the run as JSON (see docs/stage.md).
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-
     #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
-
     /// For trials: a clock that is wrong by so many seconds.
     #[arg(long, default_value_t = 0.0, hide = true, allow_negative_numbers = true)]
     pub clock_offset: f64,
-
     /// For trials: a clock that is fast by so many millionths.
     #[arg(long, default_value_t = 0.0, hide = true, allow_negative_numbers = true)]
     pub clock_drift_ppm: f64,
-
     /// For trials: where the servos were when.
     #[arg(long, hide = true)]
     pub witness: Option<PathBuf>,

@@ -1,21 +1,11 @@
 //! `servodance jog`.
 
-use super::{INTERRUPTED, stop_signal};
-use servodance_runtime::bus_tools::Consent;
+use crate::cli::prelude::*;
 use servodance_runtime::bus_tools::jog::{Jog, JogStep};
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::Robot;
-use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance jog l_knee --robot op3 --bus serial:/dev/ttyUSB0
-      then type steps in degrees: 5, -5, =30 for an angle, q (or Ctrl-C) for the end
-  servodance jog l_knee --robot op3 --bus serial:/dev/ttyUSB0 --by=-5
-      one step; torque goes off when the joint has arrived";
+const EXAMPLES: &str = include_str!("examples/jog.txt").trim_ascii_end();
 
-/// What `jog` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

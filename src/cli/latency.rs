@@ -1,38 +1,24 @@
 //! `servodance latency`.
 
-use super::options::robot::RobotFileArgs;
-use super::stop_signal;
-use anyhow::bail;
+use crate::cli::prelude::*;
 use serde_json::{Value, json};
 use servodance_lab::bench::click_test::{ClickTestReport, measure as click_test};
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::bus_choice::choose as choose_buses;
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::Robot;
 use std::fmt::Write;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance latency
-      the built-in humanoid, simulated, in real time
-  servodance latency --robot my.toml --bus serial:/dev/ttyUSB0
-      a real robot: it raises its arms and nods at every click (hold its power switch)";
+const EXAMPLES: &str = include_str!("examples/latency.txt").trim_ascii_end();
 
-/// What `latency` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
     pub robot: RobotFileArgs,
-
     /// Where commands go, as for `dance`.
     #[arg(long, default_value = "sim", value_name = "BUS")]
     pub bus: Vec<String>,
-
     #[arg(help = "Clicks to send", long, default_value_t = 8, value_name = "N")]
     pub clicks: u32,
-
     /// Print one JSON object.
     #[arg(long)]
     pub json: bool,
@@ -48,10 +34,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let measured = click_test(&robot, &buses, args.clicks, &stop)?;
     match args.json {
         true => stdout_line!("{:#}", json_of(&robot, &measured)),
-        false => servodance_runtime::process::console::stdout(format_args!(
-            "{}",
-            table(&robot, &measured)
-        )),
+        false => stdout(format_args!("{}", table(&robot, &measured))),
     }
     Ok(ExitCode::SUCCESS)
 }

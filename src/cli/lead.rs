@@ -1,51 +1,33 @@
 //! `servodance lead`.
 
-use super::options::dance::GeneratorArgs;
-use super::options::stage::StageNetworkArgs;
-use std::path::PathBuf;
-use std::process::ExitCode;
+use crate::cli::prelude::*;
+use servodance_runtime::pipeline::model_args::GeneratorArgs;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance lead song.ogg
-      for followers on this machine; the music begins in 4 s
-  servodance lead --mic --listen tcp/0.0.0.0:7448
-      for followers on the network (read docs/stage.md, Security, first)
-  servodance lead song.ogg --connect tcp/192.168.1.5:7448 --listen tcp/0.0.0.0:7448 --take-over
-      take the place of the leader at 192.168.1.5; followers that are to come
-      along were started with --connect for both";
+const EXAMPLES: &str = include_str!("examples/lead.txt").trim_ascii_end();
 
-/// What `lead` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// The recording (wav, flac, mp3, ogg); the built-in song if left out.
     #[arg(value_name = "AUDIO")]
     pub audio: Option<PathBuf>,
-
     /// Lead to what a microphone hears now: the default one, or one
     /// that `servodance devices` lists.
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "audio")]
     pub mic: Option<Option<String>>,
-
     #[command(flatten)]
     pub place: StageNetworkArgs,
-
     /// Where followers connect; tcp/127.0.0.1:7448 if left out. May be given again.
     #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
     pub listen: Vec<String>,
-
     /// Take the place of a leader that is there; without it that is refused.
     #[arg(long)]
     pub take_over: bool,
-
     #[command(flatten)]
-    pub invention: GeneratorArgs,
-
+    pub generator: GeneratorArgs,
     /// Write figures of the run as JSON.
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-
     #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,
 }
@@ -67,11 +49,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             (None, Some(path)) => AudioChoice::File(path),
             (None, None) => AudioChoice::BuiltIn,
         },
-        seed: args.invention.seed,
-        style: args.invention.style,
-        model: args.invention.model,
-        conditioning: args.invention.conditioning,
-        engine: args.invention.engine.options(),
+        generator: args.generator,
         place: args.place.place(true, args.listen),
         stage: args.place.stage,
         take_over: args.take_over,
@@ -84,12 +62,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     if !args.quiet {
+        let (frames, followers, late) = (led.frames, led.followers, led.late_frames);
+        let ahead_ms = led.lead_ms_max;
         stdout_line!(
-            "{} frames for {} followers, {} late; sent up to {:.0} ms ahead",
-            led.frames,
-            led.followers,
-            led.late_frames,
-            led.lead_ms_max
+            "{frames} frames for {followers} followers, {late} late; sent up to {ahead_ms:.0} ms ahead"
         );
     }
     Ok(ExitCode::SUCCESS)

@@ -1,14 +1,11 @@
 //! `servodance man`.
 
 use super::Cli;
+use crate::cli::prelude::*;
 use anyhow::Context;
 use clap::CommandFactory;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance man --out ~/.local/share/man/man1 && man servodance-dance";
+const EXAMPLES: &str = include_str!("examples/man.txt").trim_ascii_end();
 
 /// Where the pages go.
 #[derive(Debug, clap::Args)]

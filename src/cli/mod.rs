@@ -44,21 +44,25 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// What most commands need.
+mod prelude {
+    pub(super) use super::{INTERRUPTED, stop_signal};
+    pub(super) use crate::cli::options::robot::RobotFileArgs;
+    pub(super) use crate::cli::options::stage::StageNetworkArgs;
+    pub(super) use anyhow::bail;
+    pub(super) use servodance_runtime::bus_tools::{Consent, ProtocolChoice};
+    pub(super) use servodance_runtime::process::console::{stderr_line, stdout, stdout_line};
+    pub(super) use servodance_runtime::process::progress::Progress;
+    pub(super) use servodance_runtime::robot::Robot;
+    pub(super) use servodance_runtime::telemetry::pending_file::write_whole;
+    pub(super) use std::path::PathBuf;
+    pub(super) use std::process::ExitCode;
+}
+
 /// Exit code after Ctrl-C or SIGTERM.
 pub const INTERRUPTED: u8 = 130;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dance
-      the built-in song on the built-in humanoid, simulated; draws dance.png
-  servodance dance song.ogg --tui
-      your song; watch and steer it in the terminal
-  servodance robot new my.urdf --out my.toml
-      a robot file for your robot, which dances in simulation at once
-  servodance doctor --robot my.toml
-      what on this machine stands in the way
-  servodance dance --help
-      each command's help has more";
+const EXAMPLES: &str = include_str!("examples/servodance.txt").trim_ascii_end();
 
 /// A robot hears music and dances to it.
 #[derive(Debug, Parser)]

@@ -1,21 +1,10 @@
 //! `servodance ping`.
 
-use anyhow::bail;
-use servodance_runtime::bus_tools::{ProtocolChoice, ping};
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::Robot;
-use std::process::ExitCode;
+use crate::cli::prelude::*;
+use servodance_runtime::bus_tools::ping;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance ping /dev/ttyUSB0 7
-      the servo with id 7, at whichever rate it answers: model, firmware, volts, degrees, errors
-  servodance ping /dev/ttyUSB0 --robot op3
-      every joint of a robot: does it answer, and where does it stand
-  servodance ping /dev/ttyUSB0 l_knee --robot op3
-      one of them";
+const EXAMPLES: &str = include_str!("examples/ping.txt").trim_ascii_end();
 
-/// What `ping` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -1,34 +1,24 @@
 //! `servodance play`.
 
-use super::stop_signal;
+use crate::cli::prelude::*;
 use servodance_retarget::RobotModel;
-use servodance_runtime::process::console::stdout_line;
 use servodance_runtime::robot::Meshes;
 use servodance_runtime::telemetry::recorder::Recording;
 use servodance_runtime::viewer::{Player, Scene, Server, ViewerSettings, link};
 use std::net::SocketAddr;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dance song.ogg --record out.mcap
-  servodance play out.mcap --view
-      prints an address: open it in a browser; Ctrl-C ends it";
+const EXAMPLES: &str = include_str!("examples/play.txt").trim_ascii_end();
 
-/// What `play` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// A recording made by `dance --record`.
     #[arg(value_name = "FILE.mcap")]
     pub recording: PathBuf,
-
     /// Play it on a page, whose address is the first line on standard output;
     /// so far there is no other way. Built with --features view.
     #[arg(long)]
     pub view: bool,
-
     /// Where the page is served; anything but this machine's own address makes
     /// it reachable for whoever has the address with its token.
     #[arg(long, default_value = "127.0.0.1:0", value_name = "IP:PORT")]

@@ -1,18 +1,10 @@
 //! `servodance reconstruct`.
 
+use crate::cli::prelude::*;
 use servodance_runtime::offline::generate::{MotionFormat, reconstruct, write_motion};
-use servodance_runtime::process::console::stdout_line;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance reconstruct motion.npz --out back.npz
-      what the tokens keep of a motion: the same 20 FPS frames, and the error
-  servodance reconstruct motion.npz --out back.npz --original same.npz
-      also the original as the tokens saw it, for a comparison frame by frame";
+const EXAMPLES: &str = include_str!("examples/reconstruct.txt").trim_ascii_end();
 
-/// What `reconstruct` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -1,49 +1,22 @@
 //! `servodance retarget`.
 
+use crate::cli::prelude::*;
 use servodance_runtime::offline::retarget_motion::{self, RetargetRequest};
-use servodance_runtime::process::console::stdout_line;
 use servodance_training::motion::format::read_motion;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance retarget dance.bvh --robot op3 --out dance.csv
-      joint angles of the built-in humanoid, 100 a second, for any player
-  servodance retarget gBR_sBM_cAll_d04_mBR0_ch01.pkl --robot my.toml --out dance.mcap --report r.json
-      a motion of AIST++ on your own robot, for robotics viewers, with figures";
+const EXAMPLES: &str = include_str!("examples/retarget.txt").trim_ascii_end();
 
-/// What `retarget` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// The motion: .bvh, .npz (22 joints), .pkl (AIST++), .amc beside its .asf, or .npy (HumanML3D).
-    #[arg(value_name = "MOTION")]
-    pub motion: PathBuf,
-    /// A built-in robot (see `servodance robots`) or a robot file.
-    #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
-    pub robot: String,
-    /// Joint positions: `time_s` and a column of radians a joint (.csv),
-    /// or a recording (.mcap).
-    #[arg(long, value_name = "FILE.csv|.mcap")]
-    pub out: PathBuf,
-    /// Write figures as JSON.
-    #[arg(long, value_name = "FILE.json")]
-    pub report: Option<PathBuf>,
-    #[arg(help = "Print only errors", long, short)]
-    pub quiet: bool,
+    #[command(flatten)]
+    request: RetargetRequest,
 }
 
 /// Retargets and prints what came of it.
-pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let request = RetargetRequest {
-        motion: args.motion,
-        robot: args.robot,
-        out: args.out,
-        report: args.report,
-    };
+pub fn run(Args { request }: Args) -> anyhow::Result<ExitCode> {
     let lines = retarget_motion::retarget(&request, |path| Ok(read_motion(path)?))?;
-    if !args.quiet {
+    if !request.quiet {
         for line in lines {
             stdout_line!("{line}");
         }

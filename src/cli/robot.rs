@@ -1,21 +1,16 @@
 //! `servodance robot`: write a robot file for a description, look one over.
 
-use servodance_runtime::process::console::stdout_line;
+use crate::cli::prelude::*;
+use servodance_model::motion::Clip;
+use servodance_runtime::offline::generate::{GenerateRequest, generate};
 use servodance_runtime::robot;
 use servodance_training::choreography;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance robot new my.urdf --out my.toml
-      a complete robot file from the description alone; it dances in simulation at once
-  servodance robot check my.urdf
-      what is wrong or odd about a description, and what is done about it
-  servodance robot check my.toml --json
-      the same for a whole robot file, for scripts; exit code 1 if it is refused";
+/// Length of the dances that a new robot must stand.
+const STANDING_S: f64 = 20.0;
 
-/// What `robot` is asked for.
+const EXAMPLES: &str = include_str!("examples/robot.txt").trim_ascii_end();
+
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -32,7 +27,6 @@ pub enum Action {
     Check(CheckArgs),
 }
 
-/// What `robot new` is asked for.
 #[derive(Debug, clap::Args)]
 pub struct NewArgs {
     /// The description: a URDF (a xacro must be expanded first) or an MJCF model.
@@ -46,7 +40,6 @@ pub struct NewArgs {
     pub force: bool,
 }
 
-/// What `robot check` is asked for.
 #[derive(Debug, clap::Args)]
 pub struct CheckArgs {
     /// A robot file (.toml), a built-in robot, or a description (.urdf, .xml).
@@ -64,9 +57,15 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     }
 }
 
+/// Dances of the default style, as a robot will dance them.
+fn built_in_dances() -> anyhow::Result<Vec<Clip>> {
+    let dance = |seed| generate(&GenerateRequest::plain(None, STANDING_S, seed, None));
+    (1..=2).map(dance).collect()
+}
+
 fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
-    let written =
-        robot::new_robot(&args.description, &args.out, args.force, &choreography::trial_dance())?;
+    let (trial, dances) = (choreography::trial_dance(), built_in_dances()?);
+    let written = robot::new_robot(&args.description, &args.out, args.force, &trial, &dances)?;
     for file in &written.files {
         stdout_line!("{}", file.display());
     }

@@ -1,17 +1,10 @@
 //! `servodance robots`.
 
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::{BUILT_IN, Robot};
-use std::process::ExitCode;
+use crate::cli::prelude::*;
+use servodance_runtime::robot::BUILT_IN;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance robots
-      whom `--robot` knows by name, and the files to copy for a robot of your own
-  servodance robot new my.urdf --out my.toml
-      or a file for any description";
+const EXAMPLES: &str = include_str!("examples/robots.txt").trim_ascii_end();
 
-/// `robots` asks for nothing.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {}

@@ -1,23 +1,10 @@
 //! `servodance scan`.
 
-use servodance_runtime::bus_tools::{ProtocolChoice, scan};
-use servodance_runtime::process::console::{stderr_line, stdout_line};
-use std::process::ExitCode;
+use crate::cli::prelude::*;
+use servodance_runtime::bus_tools::scan;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance scan
-      the serial ports of this machine, with the latency timers of USB adapters
-  servodance scan /dev/ttyUSB0
-      every servo that answers, at every usual rate: id, model, firmware, volts, errors
-  servodance scan /dev/ttyUSB0 --baud 1000000 --protocol 1
-      Feetech and old Dynamixel servos at one rate
-  servodance scan can:can0
-  servodance scan slcan:/dev/ttyACM0
-      motors on CAN: ODrive, RobStride, Damiao, CANopen; nothing moves, but a bus that
-      is in use at another bitrate than an adapter tries is disturbed";
+const EXAMPLES: &str = include_str!("examples/scan.txt").trim_ascii_end();
 
-/// What `scan` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -1,16 +1,11 @@
 //! `servodance schema`.
 
+use crate::cli::prelude::*;
 use clap::ValueEnum;
 use servodance_runtime::robot::ROBOT_SCHEMA;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance schema robot > robot.schema.json
-      then `#:schema ./robot.schema.json` as the first line of a robot file: editors that know
-      JSON Schema for TOML (Taplo, VS Code's Even Better TOML) complete and check it";
+const EXAMPLES: &str = include_str!("examples/schema.txt").trim_ascii_end();
 
-/// What `schema` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -27,7 +22,7 @@ pub enum Of {
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.of {
-        Of::Robot => servodance_runtime::process::console::stdout(format_args!("{ROBOT_SCHEMA}")),
+        Of::Robot => stdout(format_args!("{ROBOT_SCHEMA}")),
     }
     Ok(ExitCode::SUCCESS)
 }

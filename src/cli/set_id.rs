@@ -1,17 +1,10 @@
 //! `servodance set-id`.
 
-use servodance_runtime::bus_tools::{Consent, ProtocolChoice, set_id};
-use servodance_runtime::process::console::stdout_line;
-use std::process::ExitCode;
+use crate::cli::prelude::*;
+use servodance_runtime::bus_tools::set_id;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance set-id /dev/ttyUSB0 1 14
-      the servo that answers to 1 answers to 14 from now on; connect new servos one by one
-  servodance set-id /dev/ttyUSB0 1 14 --yes
-      without asking, for scripts";
+const EXAMPLES: &str = include_str!("examples/set-id.txt").trim_ascii_end();
 
-/// What `set-id` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -1,26 +1,13 @@
 //! `servodance sim-bus`.
 
-use super::options::robot::RobotFileArgs;
-use super::stop_signal;
+use crate::cli::prelude::*;
 use anyhow::Context;
 use servodance_runtime::bus_tools::serve;
 use servodance_runtime::bus_tools::sim_link::LinkChoice;
-use servodance_runtime::process::console::{stderr_line, stdout_line};
-use std::path::PathBuf;
-use std::process::ExitCode;
+use servodance_runtime::world::WorldChoice;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance sim-bus --robot op3
-      the first line is the serial port to open; Ctrl-C or SIGTERM ends it
-  servodance sim-bus --robot my-can-robot.toml --link udp
-      motors on CAN for python-can's udp_multicast; the first line is GROUP:PORT
-  servodance sim-bus --robot op3 --fault '3s l_knee reboot' --fault '8s wire corrupt 0.01'
-      things go wrong by script
-  servodance dance --bus serial:/dev/pts/7
-      dance on it from another terminal, as on real servos";
+const EXAMPLES: &str = include_str!("examples/sim-bus.txt").trim_ascii_end();
 
-/// What `sim-bus` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -35,8 +22,13 @@ pub struct Args {
     /// and XH540; none for the others).
     #[arg(long)]
     pub backlash: bool,
+    /// What is around the robot: a floor or a stand, for which the servos carry its
+    /// weight (a hand holds it until all have torque), or none.
+    #[arg(long, value_enum, default_value = "none")]
+    pub world: WorldChoice,
     /// Something that goes wrong: TIME JOINT|wire|adapter WHAT VALUE (some have none), such as
-    /// "3s l_knee dead" or "5s wire corrupt 0.01"; may be given again.
+    /// "3s l_knee dead" or "5s wire corrupt 0.01", or in a world "8s push 1 0 1.5" (towards
+    /// x y, newton seconds) or "9s lift"; may be given again.
     #[arg(long, value_name = "FAULT")]
     pub fault: Vec<String>,
     /// A file with a fault on each line.
@@ -53,8 +45,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         faults = format!("{faults}\n{text}");
     }
     let stop = stop_signal()?;
-    let options =
-        serve::SimBusOptions { link: args.link, faults: &faults, backlash: args.backlash };
+    let options = serve::SimBusOptions {
+        link: args.link,
+        faults: &faults,
+        backlash: args.backlash,
+        world: args.world,
+    };
     let served = serve::serve(&robot, options, &stop, |port| stdout_line!("{port}"))?;
     stderr_line!("{served}");
     Ok(ExitCode::SUCCESS)

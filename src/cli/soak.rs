@@ -1,61 +1,38 @@
 //! `servodance soak`.
 
-use super::options::robot::RobotFileArgs;
-use super::{INTERRUPTED, stop_signal};
-use anyhow::bail;
+use crate::cli::prelude::*;
 use servodance_lab::soak::{Soak, SoakMusic};
-use servodance_model::engine::EngineOptions;
-use servodance_runtime::process::console::{stderr_line, stdout_line};
-use servodance_runtime::process::progress::Progress;
+use servodance_runtime::pipeline::model_args::EngineArgs;
 use servodance_runtime::session::dance::open_generator;
-use servodance_runtime::telemetry::pending_file::{PendingFile, write_whole};
-use std::path::PathBuf;
-use std::process::ExitCode;
+use servodance_runtime::telemetry::pending_file::PendingFile;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance soak
-      an hour of music on the built-in humanoid, in simulated time
-  servodance soak --minutes 480 --robot my-robot.toml --report soak.json
-      a night on your robot's simulated servos
-  servodance soak a.ogg b.mp3 --piece 180
-      the first three minutes of your recordings, in turn";
+const EXAMPLES: &str = include_str!("examples/soak.txt").trim_ascii_end();
 
-/// What `soak` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Recordings to dance to; music, noise and silence are made if left out.
     #[arg(value_name = "AUDIO")]
     pub audio: Vec<PathBuf>,
-
     #[arg(help = "Minutes of music", long, default_value_t = 60.0, value_name = "MINUTES")]
     pub minutes: f64,
-
     /// Seconds of music of one dance.
     #[arg(long, default_value_t = 120.0, value_name = "SECONDS")]
     pub piece: f64,
-
     /// Seconds between two faults, on average.
     #[arg(long, default_value_t = 40.0, value_name = "SECONDS")]
     pub fault_every: f64,
-
-    /// Whose servos are simulated.
     #[command(flatten)]
     pub robot: RobotFileArgs,
-
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
-
     /// The same seed meets the same faults.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-
     /// Write all figures as JSON.
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-
     #[arg(help = "Show no progress", long, short)]
     pub quiet: bool,
 }
@@ -81,7 +58,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         fault_every_s: args.fault_every,
         seed: args.seed,
     };
-    let generator = open_generator(args.model.as_deref(), EngineOptions::default())?;
+    let generator = open_generator(args.model.as_deref(), EngineArgs::default())?;
     let stop = stop_signal()?;
     let progress = Progress::new(Some(soak.total_s), args.quiet);
     let summary = soak.run(&generator, &stop, |music_s| progress.at(music_s))?;

@@ -1,16 +1,10 @@
 //! `servodance song`.
 
+use crate::cli::prelude::*;
 use servodance_runtime::offline::song_file::write_demo;
-use servodance_runtime::process::console::stdout_line;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance song --out song.wav && servodance dance song.wav
-      the same dance as without a recording; a player can play the song to it";
+const EXAMPLES: &str = include_str!("examples/song.txt").trim_ascii_end();
 
-/// What `song` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

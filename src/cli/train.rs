@@ -1,33 +1,11 @@
 //! `servodance train`: vqvae, motionseq.
 
-use super::{INTERRUPTED, stop_signal};
+use crate::cli::prelude::*;
 use clap::Subcommand;
-use servodance_runtime::process::console::{stderr_line, stdout_line};
 use servodance_training::runs::{RunEnd, RunOutcome, TrainingRequest, train};
 use servodance_training::train::TrainedNetwork;
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance dataset build data.safetensors --motion data --songs 4 --choreography 90
-  servodance train vqvae --config train.toml       motion to codes and back
-  servodance train motionseq --config train.toml   codes from music
-  servodance generate song.ogg --model runs/live/motionseq/weights.safetensors --out dance.npz
-  servodance train motionseq --config train.toml --resume   after Ctrl-C
-
-train.toml, every key of which is in docs/training.md:
-  preset = \"live\"              # live, paper or tiny
-  data = \"data.safetensors\"
-  out = \"runs/live\"            # seen from the folder of this file
-  [vqvae]
-  steps = 4000
-  [motionseq]
-  steps = 5000
-  batch = 16
-
-In OUT/vqvae and OUT/motionseq: last.safetensors (to go on from),
-weights.safetensors (of the best line so far), curves.csv, curves.png.";
+const EXAMPLES: &str = include_str!("examples/train.txt").trim_ascii_end();
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -41,68 +19,28 @@ pub struct Args {
 pub enum TrainCommand {
     /// Stage 1, the VQ-VAE: motion to one code a body part and frame, and back.
     #[command(after_help = EXAMPLES)]
-    Vqvae(TrainRunArgs),
+    Vqvae(TrainingRequest),
     /// Stage 2, MotionSeq: the next codes from the codes before and the music.
     #[command(after_help = EXAMPLES)]
     Motionseq(SeqArgs),
 }
 
-/// What `train motionseq` is asked for.
 #[derive(Debug, clap::Args)]
 pub struct SeqArgs {
     /// The weights of stage 1; OUT/vqvae/weights.safetensors if left out.
     #[arg(long, value_name = "FILE.safetensors")]
     pub stage_one: Option<PathBuf>,
-    /// What both stages take.
     #[command(flatten)]
-    pub run: TrainRunArgs,
-}
-
-/// What both stages are asked for.
-#[derive(Debug, clap::Args)]
-pub struct TrainRunArgs {
-    #[arg(help = "The settings", long, value_name = "FILE.toml")]
-    pub config: PathBuf,
-    /// The training file, in place of that in the settings.
-    #[arg(long, value_name = "FILE.safetensors")]
-    pub data: Option<PathBuf>,
-    /// The folder to write to, in place of that in the settings.
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Everything random follows from it.
-    #[arg(long)]
-    pub seed: Option<u64>,
-    /// Threads to work with; they change no number.
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
-    /// Stop when so many steps are taken, to go on later.
-    #[arg(long, value_name = "STEP")]
-    pub until: Option<u64>,
-    /// Go on from the checkpoint in the folder, to the same bytes as if it
-    /// had never been stopped.
-    #[arg(long)]
-    pub resume: bool,
-    #[arg(help = "Print only errors", long, short)]
-    pub quiet: bool,
+    pub run: TrainingRequest,
 }
 
 /// Trains and says where the files are.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let (network, stage_one, args) = match args.command {
-        TrainCommand::Vqvae(args) => (TrainedNetwork::VqVae, None, args),
-        TrainCommand::Motionseq(args) => (TrainedNetwork::MotionSeq, args.stage_one, args.run),
-    };
-    let request = TrainingRequest {
-        network,
-        config: args.config,
-        data: args.data,
-        out: args.out,
-        vqvae_weights: stage_one,
-        seed: args.seed,
-        threads: args.threads,
-        until: args.until,
-        resume: args.resume,
-        quiet: args.quiet,
+    let request = match args.command {
+        TrainCommand::Vqvae(request) => request,
+        TrainCommand::Motionseq(SeqArgs { stage_one, run }) => {
+            TrainingRequest { network: TrainedNetwork::MotionSeq, vqvae_weights: stage_one, ..run }
+        }
     };
     let stop = stop_signal()?;
     let outcome = train(&request, &stop)?;

@@ -1,22 +1,11 @@
 //! `servodance weights`.
 
+use crate::cli::prelude::*;
 use servodance_model::weights::Dtype;
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_training::weights::{self, WeightsInfo};
-use std::path::PathBuf;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance weights info
-      what the built-in weights are
-  servodance weights convert mine.safetensors --dtype q8_0 --out small.safetensors
-      the same with 8 bits a weight; use it by --model
-  servodance weights compare small.safetensors --data data.safetensors
-      what that costs, on held-out motion";
+const EXAMPLES: &str = include_str!("examples/weights.txt").trim_ascii_end();
 
-/// What `weights` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

@@ -4,6 +4,7 @@ use clap::Parser;
 use rand::{Rng, SeedableRng};
 use servodance::cli::{Cli, Command};
 use servodance_runtime::control::idle::IdleStyle;
+use servodance_runtime::session::config::DanceConfig;
 use servodance_runtime::session::dance::Outcome;
 use servodance_runtime::session::dance_session::Session;
 use servodance_runtime::viewer::{Activity, ViewerEnd, ViewerRequest};
@@ -11,13 +12,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// A dance in simulated time, as the command line would set it up.
-fn session(arguments: &[&str]) -> (Session, ViewerEnd) {
+fn configured(arguments: &[&str]) -> DanceConfig {
     let words = ["servodance", "dance", "--no-picture", "--quiet"];
     let cli = Cli::try_parse_from(words.iter().chain(arguments)).expect("arguments");
     let Command::Dance(args) = cli.command else {
         panic!("not a dance");
     };
-    let config = servodance::cli::dance::configuration(args).expect("a dance");
+    servodance::cli::dance::configuration(args).expect("a dance")
+}
+
+fn session(config: DanceConfig) -> (Session, ViewerEnd) {
     let mut session = Session::new(config).expect("a session");
     let end = session.add_viewer();
     (session, end)
@@ -66,7 +70,7 @@ fn wait_for(end: &mut ViewerEnd, activity: Activity) {
 fn requests_rain_in_and_no_limit_is_broken() {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(8);
     let mut asked = 0;
-    let outcomes = run(session(&["--robot", "op3"]), |end, _| {
+    let outcomes = run(session(configured(&["--robot", "op3"])), |end, _| {
         wait_for(end, Activity::Dancing);
         loop {
             let activity = end.newest().now.activity;
@@ -100,7 +104,7 @@ fn requests_rain_in_and_no_limit_is_broken() {
 
 #[test]
 fn stop_leads_to_rest_and_torque_off_from_a_hold_too() {
-    let outcomes = run(session(&["--robot", "neck"]), |end, _| {
+    let outcomes = run(session(configured(&["--robot", "neck"])), |end, _| {
         wait_for(end, Activity::Dancing);
         end.ask(&[ViewerRequest::Hold]);
         std::thread::sleep(Duration::from_millis(20));
@@ -117,9 +121,8 @@ fn stop_leads_to_rest_and_torque_off_from_a_hold_too() {
 #[test]
 fn an_evening_waits_for_start_and_survives_an_emergency_stop() {
     // `--view` lives in real time; here only the waiting is asked for.
-    let (session, end) = session(&["--robot", "neck"]);
-    let waiting = (session.waiting_for_start(), end);
-    let outcomes = run(waiting, |end, stop| {
+    let config = DanceConfig { wait_for_start: true, ..configured(&["--robot", "neck"]) };
+    let outcomes = run(session(config), |end, stop| {
         for round in 0..2 {
             wait_for(end, Activity::Waiting);
             end.ask(&[ViewerRequest::Amplitude(0.25), ViewerRequest::Start]);

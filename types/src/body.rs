@@ -5,22 +5,16 @@ pub const JOINT_COUNT: usize = 22;
 
 macro_rules! body_joints {
     ($($variant:ident $name:literal $parent:expr;)*) => {
-        /// A joint of the 22-joint human skeleton (SMPL order without hands); the
-        /// index of the arrays `[T; JOINT_COUNT]`.
+        /// A joint of the 22-joint human skeleton (SMPL order without hands, parents
+        /// before children); the index of the arrays `[T; JOINT_COUNT]`.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[repr(u8)]
         #[allow(missing_docs)] // the variant names are the documentation
         pub enum BodyJoint { $($variant),* }
 
+        crate::named!(BodyJoint { $($variant $name),* });
+
         impl BodyJoint {
-            /// All joints, in index order. Parents come before children.
-            pub const ALL: [BodyJoint; JOINT_COUNT] = [$(BodyJoint::$variant),*];
-
-            /// The name that motion files use, e.g. `left_hip`.
-            pub const fn name(self) -> &'static str {
-                match self { $(BodyJoint::$variant => $name),* }
-            }
-
             /// The parent joint in the skeleton; `None` for the pelvis.
             pub const fn parent(self) -> Option<BodyJoint> {
                 use BodyJoint::*;
@@ -56,11 +50,6 @@ body_joints! {
 }
 
 impl BodyJoint {
-    /// The joint with this name in motion files, if there is one.
-    pub fn from_name(name: &str) -> Option<BodyJoint> {
-        Self::ALL.into_iter().find(|joint| joint.name() == name)
-    }
-
     /// The joint on the other side of the body; a middle joint is its own mirror.
     pub fn mirrored(self) -> BodyJoint {
         let (side, part) = self.name().split_once('_').unwrap_or_default();

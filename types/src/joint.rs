@@ -50,3 +50,14 @@ pub struct JointState {
     /// Motor current, amperes; positive pushes towards higher positions.
     pub current_a: f64,
 }
+
+/// What an inertial measurement unit reads, in the axes of the robot's root link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuState {
+    /// Rate of turn, radians a second.
+    pub rate_rad_s: [f64; 3],
+    /// Acceleration less gravity, m/s2: +9.81 along the vertical at rest.
+    pub force_m_s2: [f64; 3],
+    /// Unit vector that points up.
+    pub up: [f64; 3],
+}

@@ -7,7 +7,8 @@
 //!
 //! Values only: no input, no output, no algorithm. `audio` makes [`MusicFrame`]s,
 //! `model` turns them into [`MotionFrame`]s, `retarget` turns those into joint
-//! positions inside [`JointLimits`], and `drivers` report [`JointState`]s.
+//! positions inside [`JointLimits`], and `drivers` report [`JointState`]s and the
+//! [`ImuState`] of a motion sensor. [`RigidLink`]s are what physics knows of a robot.
 //!
 //! ```
 //! use servodance_types::{BodyJoint, FRAME_RATE_HZ, JointLimits, MotionFrame};
@@ -31,11 +32,14 @@ mod body;
 mod joint;
 mod motion;
 mod music;
+mod named;
+mod rigid_link;
 
 pub use body::{BodyJoint, JOINT_COUNT};
-pub use joint::{JointLimits, JointState};
+pub use joint::{ImuState, JointLimits, JointState};
 pub use motion::{Contacts, MotionFrame, Point3, Posture};
 pub use music::{Beat, BeatLock, MUSIC_DIM, MusicFrame, SPECTRAL_DIM};
+pub use rigid_link::{LinkDrive, LinkMotion, Placement, RigidLink, TouchPoint};
 
 /// Rate of music features, motion tokens and human motion, frames a second.
 pub const FRAME_RATE_HZ: f64 = 20.0;

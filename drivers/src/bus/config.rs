@@ -10,6 +10,7 @@ use serde::{Deserialize, Deserializer};
 use crate::bus::kind::BusKind;
 use crate::bus::reply_clock::ReplyClock;
 use crate::error::ConfigError;
+use crate::imu::ImuConfig;
 
 /// The `[bus]` table, or one of several `[[bus]]`.
 #[allow(missing_docs)] // docs/serial.md and docs/can.md describe every key
@@ -43,6 +44,9 @@ pub struct BusConfig {
     /// nobody asks for a rate.
     #[serde(skip)]
     pub control_hz: Option<f64>,
+    /// The motion sensor on this bus, which the robot file has elsewhere.
+    #[serde(skip)]
+    pub imu: Option<ImuConfig>,
 }
 
 fn default_reply_timeout_ms() -> f64 {
@@ -78,6 +82,7 @@ impl BusConfig {
             accept_no_watchdog: false,
             watchdog_endpoints: None,
             control_hz: None,
+            imu: None,
         }
     }
 

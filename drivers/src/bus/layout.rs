@@ -7,7 +7,9 @@
 use servodance_types::JointState;
 
 use crate::bus::config::BusConfig;
+use crate::bus::kind::BusKind;
 use crate::error::ConfigError;
+use crate::imu::{ImuConfig, ImuKind};
 use crate::servo::Servo;
 use crate::servo::config::{ServoConfig, servos};
 
@@ -78,6 +80,43 @@ pub fn layouts(
         }),
         None => Ok((all, layouts)),
     }
+}
+
+/// Gives a motion sensor to the bus that reads it. Refused: a bus that is unknown or of
+/// another kind, an id that a servo has or that there is none, a turn that is no number.
+pub fn assign_imu(imu: &ImuConfig, buses: &mut [BusLayout]) -> Result<(), ConfigError> {
+    let bad = |key, actual: String, wanted: String| ConfigError::Imu { key, actual, wanted };
+    if imu.mounting_deg.iter().any(|turn| turn.is_nan() || turn.abs() > 360.0) {
+        let actual = format!("{:?}", imu.mounting_deg);
+        return Err(bad("mounting_deg", actual, "three angles of -360 to 360".into()));
+    }
+    if imu.kind == ImuKind::Simulated {
+        return match &imu.bus {
+            Some(bus) => Err(bad("bus", format!("{bus:?}"), "left out: it is on none".into())),
+            None => Ok(()),
+        };
+    }
+    let names: Vec<String> = buses.iter().map(|bus| bus.config.name.clone()).collect();
+    let found = match (&imu.bus, buses) {
+        (None, [only]) => Some(only),
+        (None, _) => None,
+        (Some(name), buses) => buses.iter_mut().find(|bus| bus.config.name == *name),
+    };
+    let Some(bus) = found else {
+        let actual = format!("{:?}", imu.bus.as_deref().unwrap_or_default());
+        return Err(bad("bus", actual, format!("one of {}", names.join(", "))));
+    };
+    if bus.config.kind != BusKind::Dynamixel2 {
+        let actual = format!("{:?}", bus.config.name);
+        return Err(bad("bus", actual, "a bus of kind dynamixel2".into()));
+    }
+    let taken = bus.servos.iter().any(|servo| servo.id == imu.id);
+    if imu.id > 252 || taken {
+        let wanted = "an id of 0 to 252 that no servo has".into();
+        return Err(bad("id", imu.id.to_string(), wanted));
+    }
+    bus.config.imu = Some(imu.clone());
+    Ok(())
 }
 
 fn checked_names(buses: &[BusConfig]) -> Result<Vec<String>, ConfigError> {
@@ -164,6 +203,27 @@ mod tests {
         ] {
             let error = layouts(buses, &joints).unwrap_err().to_string();
             assert!(error.contains(says), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_motion_sensor_that_cannot_be_read_is_refused_with_its_key() {
+        let refused = |text: &str| {
+            let (_, mut buses) = layouts(vec![bus("")], &[joint("a", 1, None)]).unwrap();
+            let imu: ImuConfig = toml::from_str(text).unwrap();
+            assign_imu(&imu, &mut buses).err().map(|error| error.to_string())
+        };
+        assert_eq!(refused("kind = \"opencr\""), None);
+        assert_eq!(refused("kind = \"simulated\""), None);
+        for (text, says) in [
+            ("kind = \"opencr\"\nid = 1", "imu: id is 1"),
+            ("kind = \"opencr\"\nid = 254", "imu: id is 254"),
+            ("kind = \"opencr\"\nbus = \"left\"", "imu: bus is \"left\""),
+            ("kind = \"simulated\"\nbus = \"left\"", "left out"),
+            ("kind = \"opencr\"\nmounting_deg = [0.0, nan, 0.0]", "mounting_deg"),
+        ] {
+            let error = refused(text).unwrap_or_default();
+            assert!(error.contains(says), "{text}: {error}");
         }
     }
 

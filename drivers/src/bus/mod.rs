@@ -10,7 +10,7 @@ pub(crate) mod reply_clock;
 pub(crate) mod timer_slack;
 pub(crate) mod torque_alarm;
 
-use servodance_types::JointState;
+use servodance_types::{ImuState, JointState};
 
 use crate::error::{BusError, BusResult, ServoId};
 use crate::servo::Servo;
@@ -105,6 +105,12 @@ pub trait Bus: Send {
     /// Counters since the bus was opened.
     fn stats(&self) -> BusStats;
 
+    /// What the motion sensor on this bus told in the last 100 ms, in the axes of the
+    /// root link; `None` where there is no sensor, or none that answers.
+    fn imu(&self) -> Option<ImuState> {
+        None
+    }
+
     /// Asks one servo how it is: one short exchange, not tried again.
     fn examine(&mut self, _index: usize) -> BusResult<Health> {
         Ok(Health::default())
@@ -154,6 +160,9 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     }
     fn stats(&self) -> BusStats {
         (**self).stats()
+    }
+    fn imu(&self) -> Option<ImuState> {
+        (**self).imu()
     }
     fn examine(&mut self, index: usize) -> BusResult<Health> {
         (**self).examine(index)

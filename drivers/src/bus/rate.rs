@@ -6,9 +6,13 @@
 use crate::bus::config::BusConfig;
 use crate::can::{check_can_rate, cycle_bits};
 use crate::error::ConfigError;
+use crate::imu::opencr::READING_BYTES;
 use crate::serial::families::family_of;
 use crate::serial::wire::port::bytes_hz;
 use crate::servo::Servo;
+
+/// A Read of Protocol 2 and its answer: what a motion sensor adds to a cycle.
+const IMU_BYTES: usize = 14 + 11 + READING_BYTES;
 
 /// What a bus can carry. On CAN "fast" is without stuff bits, "plain" with the
 /// most there can be, and bytes are eight bits of the wire.
@@ -38,7 +42,11 @@ pub fn check_rate(
             plain_hz,
         });
     };
-    let bytes = family.cycle_bytes(servos);
+    let mut bytes = family.cycle_bytes(servos);
+    if bus.imu.is_some() {
+        bytes.fast += IMU_BYTES;
+        bytes.plain += IMU_BYTES;
+    }
     let check = RateCheck {
         fast_bytes: bytes.fast,
         plain_bytes: bytes.plain,

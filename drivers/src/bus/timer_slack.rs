@@ -11,7 +11,8 @@ pub fn sleep_precisely() {
     }
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(target_os = "linux")]
+#[cfg(test)]
 mod tests {
     #[test]
     fn the_slack_of_a_thread_and_of_its_own_is_gone() {

@@ -17,7 +17,7 @@ mod thread;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
-use servodance_types::JointState;
+use servodance_types::{ImuState, JointState};
 
 use crate::bus::layout::BusLayout;
 use crate::bus::open::open_bus;
@@ -220,6 +220,10 @@ impl Bus for BusSet {
 
     fn is_armed(&self) -> bool {
         self.armed
+    }
+
+    fn imu(&self) -> Option<ImuState> {
+        self.threads.iter().find_map(|thread| thread.imu)
     }
 
     fn examine(&mut self, index: usize) -> BusResult<Health> {

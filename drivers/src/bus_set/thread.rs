@@ -4,7 +4,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use servodance_types::JointState;
+use servodance_types::{ImuState, JointState};
 
 use crate::bus::layout::BusLayout;
 use crate::bus::{Bus, BusStats};
@@ -25,6 +25,7 @@ struct CycleOutcome {
     buffers: CycleBuffers,
     result: BusResult<()>,
     stats: BusStats,
+    imu: Option<ImuState>,
 }
 
 pub(super) type BusJob = Box<dyn FnOnce(&mut dyn Bus) + Send>;
@@ -44,6 +45,7 @@ pub(super) struct BusThread {
     /// `None` while the thread has them.
     pub buffers: Option<CycleBuffers>,
     pub stats: BusStats,
+    pub imu: Option<ImuState>,
 }
 
 impl BusThread {
@@ -67,6 +69,7 @@ impl BusThread {
             cycled,
             handle: Some(handle),
             stats: BusStats::default(),
+            imu: None,
         })
     }
 
@@ -81,7 +84,7 @@ impl BusThread {
         if self.buffers.is_none()
             && let Ok(cycled) = self.cycled.try_recv()
         {
-            self.stats = cycled.stats;
+            (self.stats, self.imu) = (cycled.stats, cycled.imu);
             self.buffers = Some(cycled.buffers);
         }
     }
@@ -106,7 +109,7 @@ impl BusThread {
         let Ok(cycled) = self.cycled.recv_timeout(left) else {
             return Err(self.wedged("its cycle", limit));
         };
-        self.stats = cycled.stats;
+        (self.stats, self.imu) = (cycled.stats, cycled.imu);
         if cycled.result.is_ok() {
             self.layout.scatter(&cycled.buffers.states, states);
         }
@@ -131,7 +134,8 @@ fn work(mut bus: Box<dyn Bus>, tasks: &Receiver<BusTask>, done: &SyncSender<Cycl
             BusTask::Cycle(mut buffers) => {
                 let result = bus.cycle(&buffers.targets_rad, &mut buffers.states);
                 let stats = bus.stats();
-                let cycled = CycleOutcome { buffers, result, stats };
+                let imu = bus.imu();
+                let cycled = CycleOutcome { buffers, result, stats, imu };
                 if done.send(cycled).is_err() {
                     return;
                 }

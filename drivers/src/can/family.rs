@@ -6,15 +6,25 @@
 
 use std::io;
 
-use crate::bus::{Health, Notes};
-use crate::can::client::MotorClient;
-use crate::can::cycle_frames::CycleFrames;
-use crate::can::exchange::MotorStatus;
-use crate::can::scan::inquiry::{CanFound, ScanLink};
-use crate::can::transport::CanFrame;
-use crate::error::BusResult;
-use crate::servo::Servo;
-use crate::servo::model::ServoModel;
+use self::prelude::*;
+
+/// What the files of a family need of this crate.
+pub(crate) mod prelude {
+    pub(crate) use super::CanFamily;
+    pub(crate) use crate::bus::kind::BusKind;
+    pub(crate) use crate::bus::{Health, Notes};
+    pub(crate) use crate::can::client::MotorClient;
+    pub(crate) use crate::can::cycle_frames::CycleFrames;
+    pub(crate) use crate::can::exchange::MotorStatus;
+    pub(crate) use crate::can::models::{drive, motor};
+    pub(crate) use crate::can::motor::{MotorModel, MotorSettings};
+    pub(crate) use crate::can::rounding::whole_range;
+    pub(crate) use crate::can::scan::inquiry::{CanFound, ScanLink};
+    pub(crate) use crate::can::transport::{CanFrame, word};
+    pub(crate) use crate::error::BusResult;
+    pub(crate) use crate::servo::Servo;
+    pub(crate) use crate::servo::model::ServoModel;
+}
 
 pub(crate) trait CanFamily: Send + Sync {
     fn models(&self) -> &'static [ServoModel];

@@ -1,7 +1,7 @@
 //! The state machine around a bus: arm, follow, hold, stop. See the parent module for
 //! its diagram and promises.
 
-use servodance_types::JointState;
+use servodance_types::{ImuState, JointState};
 
 use super::config::{SafetyConfig, ServoLost};
 use super::error::SafetyError;
@@ -29,6 +29,8 @@ pub struct SafeBus<B: Bus> {
     stepped_s: f64,
     pub(super) examine: (usize, f64),
     pub(super) adapter: Option<LostAdapter>,
+    /// Whether the motion sensor has told anything, and does so still.
+    imu_heard: Option<bool>,
 }
 
 impl<B: Bus> SafeBus<B> {
@@ -48,6 +50,7 @@ impl<B: Bus> SafeBus<B> {
             stepped_s: f64::NEG_INFINITY,
             examine: (0, 0.0),
             adapter: None,
+            imu_heard: None,
             bus,
         })
     }
@@ -166,6 +169,7 @@ impl<B: Bus> SafeBus<B> {
             // The goals are out already: sending them again would be a step too many.
             return Ok(self.state);
         }
+        self.watch_imu(now_s);
         self.watch_following(now_s, states)?;
         self.watch_health(now_s, states)?;
         self.rejoin_lost(now_s, states);
@@ -233,6 +237,24 @@ impl<B: Bus> SafeBus<B> {
         for (sent, joint) in self.sent_rad.iter_mut().zip(&mut self.joints) {
             *sent = joint.limiter.brake();
         }
+    }
+
+    /// Says once that the motion sensor has fallen silent, and that it is back.
+    fn watch_imu(&mut self, now_s: f64) {
+        let hears = self.bus.imu().is_some();
+        match (self.imu_heard, hears) {
+            (Some(true), false) => {
+                self.remark(now_s, "the motion sensor has not answered for 100 ms");
+            }
+            (Some(false), true) => self.remark(now_s, "the motion sensor answers again"),
+            _ => {}
+        }
+        self.imu_heard = (hears || self.imu_heard.is_some()).then_some(hears);
+    }
+
+    /// What the motion sensor told in the last 100 ms, in the axes of the root link.
+    pub fn imu(&self) -> Option<ImuState> {
+        self.bus.imu()
     }
 
     fn watch_following(&mut self, now_s: f64, states: &[JointState]) -> Result<(), SafetyError> {

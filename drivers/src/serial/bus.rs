@@ -17,16 +17,20 @@
 //! A servo that is lost can be set aside: the others are cycled on without it, and
 //! `rejoin.rs` takes it back between two cycles.
 
-use servodance_types::JointState;
+use servodance_types::{ImuState, JointState};
 
 use crate::bus::config::BusConfig;
 use crate::bus::{Bus, BusStats, Health, Notes, torque_alarm};
 use crate::error::{BusError, BusResult};
+use crate::imu::ImuReader;
 use crate::serial::client::ServoClient;
 use crate::serial::families::family_of;
 use crate::serial::family::ServoFamily;
 use crate::serial::registers::OwnLimits;
 use crate::servo::{Servo, check_cycle, check_models};
+
+/// Cycles a second where nobody says how many.
+const ASSUMED_HZ: f64 = 100.0;
 
 /// A serial bus of servos of one family.
 pub struct SerialBus {
@@ -36,6 +40,7 @@ pub struct SerialBus {
     pub(super) present: Vec<u8>,
     own_limits: Vec<Option<OwnLimits>>,
     pub(super) returning: Option<(usize, RejoinStep)>,
+    imu: Option<ImuReader>,
 }
 
 /// How far the return of a lost servo is: see `rejoin.rs`.
@@ -74,6 +79,9 @@ impl SerialBus {
         let is_known = |servo: &Servo| family.models().iter().any(|model| model == servo.model);
         check_models(&servos, is_known).map_err(|reason| BusError::not_opened(port, reason))?;
         let size = usize::from(family.registers().present.size);
+        let hz = config.control_hz.unwrap_or(ASSUMED_HZ);
+        let imu = config.imu.as_ref();
+        let imu = imu.map(|imu| ImuReader::new(imu, hz, config.reply_timeout_ms));
         Ok(Self {
             present: vec![0; size * servos.len()],
             own_limits: vec![None; servos.len()],
@@ -81,6 +89,7 @@ impl SerialBus {
             family,
             armed: false,
             returning: None,
+            imu,
         })
     }
 
@@ -179,6 +188,10 @@ impl Bus for SerialBus {
             self.family.set_up(&mut self.client, index, &mut notes)?;
         }
         self.family.choose_read(&mut self.client, &mut notes)?;
+        if let Some(imu) = &mut self.imu {
+            imu.read(&mut self.client)?;
+            notes.extend(imu.note());
+        }
         Ok(notes)
     }
 
@@ -203,6 +216,9 @@ impl Bus for SerialBus {
         // Where everyone is set aside nobody was asked.
         self.client.port.send_held(goal.name)?;
         self.copy_states(states);
+        if let Some(imu) = &mut self.imu {
+            imu.read(&mut self.client)?;
+        }
         self.client.port.stats.cycles += 1;
         Ok(())
     }
@@ -216,6 +232,10 @@ impl Bus for SerialBus {
 
     fn is_armed(&self) -> bool {
         self.armed
+    }
+
+    fn imu(&self) -> Option<ImuState> {
+        self.imu.as_ref().and_then(ImuReader::state)
     }
 
     fn stats(&self) -> BusStats {

@@ -7,15 +7,25 @@
 
 use std::fmt;
 
-use crate::bus::Notes;
-use crate::error::BusResult;
-use crate::serial::client::ServoClient;
-use crate::serial::memory::Firmware;
-use crate::serial::register::Register;
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
-use crate::serial::wire::framing::Framing;
-use crate::servo::Servo;
-use crate::servo::model::ServoModel;
+use self::prelude::*;
+
+/// What the files of a family need of this crate.
+pub(crate) mod prelude {
+    pub(crate) use super::ServoFamily;
+    pub(crate) use crate::bus::Notes;
+    pub(crate) use crate::bus::kind::BusKind;
+    pub(crate) use crate::error::BusResult;
+    pub(crate) use crate::serial::client::ServoClient;
+    pub(crate) use crate::serial::limits::LimitRegisters;
+    pub(crate) use crate::serial::memory::{ByteMemory, Firmware, Protection};
+    pub(crate) use crate::serial::register::{Register, names_of, sign_magnitude};
+    pub(crate) use crate::serial::registers::{
+        CycleBytes, Identity, OwnLimits, PresentState, Registers, ServiceRegisters,
+    };
+    pub(crate) use crate::serial::wire::framing::Framing;
+    pub(crate) use crate::servo::Servo;
+    pub(crate) use crate::servo::model::{DataSheet, ServoModel};
+}
 
 /// One family of serial servos.
 ///

@@ -12,6 +12,7 @@
 
 pub(crate) mod bus;
 mod client;
+mod device_read;
 pub mod dynamixel1;
 pub mod dynamixel2;
 pub(crate) mod families;

@@ -395,7 +395,8 @@ fn silent(id: u8, doing: &'static str) -> BusError {
     BusError::Silent { servos: vec![nameless(id)], doing, tries: TRIES }
 }
 
-#[cfg(all(test, unix))]
+#[cfg(unix)]
+#[cfg(test)]
 mod tests {
     use super::*;
     use std::io::{Read, Write};

@@ -18,7 +18,7 @@ use crate::error::{BusError, BusResult, ServoId};
 use crate::serial::client::ServoClient;
 
 /// Return delay that a servo has before it is set to zero: 254 units of 2 us.
-const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
+pub(super) const LONGEST_RETURN_DELAY: Duration = Duration::from_micros(508);
 
 impl ServoClient {
     pub(crate) fn tries(&self) -> u32 {

@@ -181,20 +181,15 @@ fn carried(layout: &BusLayout, hz: f64) -> &[Servo] {
 impl fmt::Display for BusBenchReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for bus in &self.buses {
+            let BusRate { name, servos, baud, hz, hz_mean, wire_limit_hz, .. } = bus;
+            let BusRate { cpu_us_per_cycle, kernel_us_per_cycle, .. } = bus;
+            let colon = if name.is_empty() { "" } else { ": " };
+            let share = 100.0 * hz / wire_limit_hz;
             writeln!(
                 f,
-                "{}{}{} servos at {} baud: {:.1} cycles a second ({:.1} mean), {:.1} % of the \
-                 wire's {:.1}; {:.1} us of processor a cycle, {:.1} of them in the kernel",
-                bus.name,
-                if bus.name.is_empty() { "" } else { ": " },
-                bus.servos,
-                bus.baud,
-                bus.hz,
-                bus.hz_mean,
-                100.0 * bus.hz / bus.wire_limit_hz,
-                bus.wire_limit_hz,
-                bus.cpu_us_per_cycle,
-                bus.kernel_us_per_cycle
+                "{name}{colon}{servos} servos at {baud} baud: {hz:.1} cycles a second ({hz_mean:.1} \
+                 mean), {share:.1} % of the wire's {wire_limit_hz:.1}; {cpu_us_per_cycle:.1} us of \
+                 processor a cycle, {kernel_us_per_cycle:.1} of them in the kernel"
             )?;
         }
         if !self.kept_awake {

@@ -13,13 +13,13 @@
 use anyhow::{Context, bail};
 use servodance_audio::MusicAnalyzer;
 use servodance_drivers::EStop;
-use servodance_model::engine::EngineOptions;
 use servodance_model::{Dance, GeneratorOptions};
 use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::delays::Delays;
 use servodance_runtime::control::emergency_stop::EmergencyStopWatch;
 use servodance_runtime::control::idle;
 use servodance_runtime::control::robot_buses::RobotBuses;
+use servodance_runtime::pipeline::model_args::EngineArgs;
 use servodance_runtime::process::speed::Speed;
 use servodance_runtime::robot::Robot;
 use servodance_runtime::session::dance::open_generator;
@@ -87,8 +87,7 @@ pub fn measure(
 ) -> anyhow::Result<ClickTestReport> {
     let mut retargeter = robot.retargeter()?;
     let delays = Delays::new(robot, &retargeter);
-    let model =
-        open_generator(None, EngineOptions::default())?.start(GeneratorOptions::default())?;
+    let model = open_generator(None, EngineArgs::default())?.start(GeneratorOptions::default())?;
     let estop = EStop::default();
     let _watch = EmergencyStopWatch::start(&estop, None, true)?;
     let mut rig = RobotBuses::open(robot, buses, Speed::Realtime, &estop)?;

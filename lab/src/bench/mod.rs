@@ -11,3 +11,5 @@ pub mod model;
 pub mod retarget;
 #[cfg(feature = "stage")]
 pub mod stage;
+pub mod world;
+pub mod world_dump;

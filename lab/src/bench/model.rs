@@ -6,7 +6,7 @@
 //! as large as the weights, so that a small model is held against the cache
 //! that it fits into. One token is one frame.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
@@ -14,10 +14,11 @@ use anyhow::Context;
 use serde::Serialize;
 use servodance_model::ModelError;
 use servodance_model::config::{ModelConfig, PRESETS};
-use servodance_model::engine::{Engine, EngineOptions};
+use servodance_model::engine::Engine;
 use servodance_model::motionseq::MotionSeq;
 use servodance_model::vqvae::VqDecoder;
 use servodance_model::weights::Weights;
+use servodance_runtime::pipeline::model_args::EngineArgs;
 
 const WARM_UP: usize = 10;
 /// How long bandwidth is measured, before and after.
@@ -25,21 +26,34 @@ const READING: Duration = Duration::from_millis(400);
 /// Most frames of context; beyond, a cache would fill the memory.
 const CONTEXT_MAX: usize = 4096;
 
-#[derive(Clone, Debug)]
-#[allow(missing_docs)] // the other names say it
+/// Which networks are timed, how they are computed, for how long.
+#[derive(Clone, Debug, clap::Args)]
 pub struct ModelBench {
-    /// `live`, `paper` or `tiny`.
+    /// Sizes of the networks: live, paper or tiny.
+    #[arg(long, default_value = "live", value_name = "NAME")]
     pub preset: String,
-    /// A weights file of that preset; else random weights.
-    pub file: Option<std::path::PathBuf>,
-    pub engine: EngineOptions,
-    /// Frames that every layer sees; the preset's own if left out.
+    /// Weights of that preset; random ones if left out (they take as long).
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub model: Option<PathBuf>,
+    /// How the steps are computed.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// Frames of past that every layer sees; the preset's own if left out.
+    #[arg(long, value_name = "FRAMES")]
     pub context: Option<usize>,
-    /// The first frame that is timed; as many as the context if left out.
+    /// The frame from which on time is taken; 36000 is minute 30. With a full
+    /// context if left out.
+    #[arg(long, value_name = "FRAME")]
     pub position: Option<u64>,
+    /// How many frames are timed.
+    #[arg(long, default_value_t = 300, value_name = "N")]
     pub frames: usize,
-    /// Also a lane without music, as for guidance.
+    /// Also compute the dance without music, as guidance does.
+    #[arg(long)]
     pub guidance: bool,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// What `bench model` prints.
@@ -80,7 +94,7 @@ pub fn run(request: &ModelBench) -> anyhow::Result<ModelBenchReport> {
         "--frames {} is outside 1..100000",
         request.frames
     );
-    match &request.file {
+    match &request.model {
         None => measure(request, Weights::random(sized(config, request.context)?)),
         Some(path) => {
             anyhow::ensure!(request.context.is_none(), "--context: a weights file has its own");
@@ -109,7 +123,7 @@ fn sized(mut config: ModelConfig, context: Option<usize>) -> anyhow::Result<Mode
 }
 
 fn measure(request: &ModelBench, weights: Weights) -> anyhow::Result<ModelBenchReport> {
-    let engine = Engine::new(&weights, request.engine)?;
+    let engine = Engine::new(&weights, request.engine.options())?;
     let seq = MotionSeq::load(&weights, &engine)?;
     let decoder = VqDecoder::load(&weights, &engine)?;
     let config = weights.config().clone();
@@ -212,21 +226,23 @@ fn read_gbps(bytes: usize, threads: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servodance_model::engine::EngineOptions;
     use servodance_model::weights::Dtype;
 
     fn request(preset: &str) -> ModelBench {
         ModelBench {
             preset: preset.into(),
-            file: None,
-            engine: EngineOptions {
+            model: None,
+            engine: EngineArgs {
                 dtype: Some(Dtype::Q8_0),
                 threads: Some(2),
-                ..EngineOptions::default()
+                ..EngineArgs::default()
             },
             context: Some(12),
             position: None,
             frames: 5,
             guidance: false,
+            json: false,
         }
     }
 
@@ -238,7 +254,7 @@ mod tests {
         assert!(found.read_gbps > 0.0 && found.limit_ms > 0.0);
         assert_eq!(found.allocations, 0);
         let wide = ModelBench {
-            engine: EngineOptions { dtype: Some(Dtype::F32), ..request("tiny").engine },
+            engine: EngineArgs { dtype: Some(Dtype::F32), ..request("tiny").engine },
             guidance: true,
             ..request("tiny")
         };
@@ -276,7 +292,7 @@ mod tests {
         let none = ModelBench { context: Some(0), ..request("tiny") };
         assert!(text(&none).contains("--context 0"));
         let other = ModelBench {
-            file: Some(
+            model: Some(
                 concat!(env!("CARGO_MANIFEST_DIR"), "/../model/weights/live.safetensors").into(),
             ),
             context: None,

@@ -24,6 +24,7 @@ use servodance_runtime::robot::Robot;
 use servodance_runtime::session::fault_run::FaultRun;
 use servodance_runtime::session::fault_run::FaultRunResult;
 use servodance_runtime::telemetry::ViolationReport;
+use servodance_runtime::world::WorldChoice;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -41,18 +42,14 @@ const CAUSES: usize = 20;
 
 /// What is soaked, and for how long.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the other names say it
 pub struct Soak {
-    /// The robot whose servos are simulated.
     pub robot: Robot,
-    /// The pieces that are danced to.
     pub music: SoakMusic,
-    /// Length of a piece, seconds.
     pub piece_s: f64,
-    /// Seconds of music in all.
     pub total_s: f64,
     /// A fault every so many seconds, on average.
     pub fault_every_s: f64,
-    /// Seed of everything random.
     pub seed: u64,
 }
 
@@ -81,34 +78,25 @@ pub struct FaultStop {
 
 /// The verdict on a soak, and its figures.
 #[derive(Clone, Debug, Default, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct SoakReport {
-    /// Whether all was as it must be.
     pub passed: bool,
     /// Why not, a line each.
     pub objections: Vec<String>,
-    /// Whether somebody ended it early.
     pub interrupted: bool,
-    /// Version of the program that danced.
     pub version: &'static str,
-    /// Name of the robot.
     pub robot: String,
-    /// Seed of everything random.
     pub seed: u64,
-    /// Seconds of music danced to.
     pub music_s: f64,
     /// Seconds on the clock.
     pub wall_s: f64,
-    /// All dances that were begun.
     pub dances: u64,
-    /// Dances that reached their end.
     pub finished: u64,
-    /// What became of the faults, by their names.
     pub faults: BTreeMap<&'static str, FaultTally>,
     /// What ended dances, the first of them.
     pub stopped_by: Vec<FaultStop>,
     /// Limits broken at the simulated servos.
     pub violations: ViolationReport,
-    /// Control cycles without the motion that they needed.
     pub late_frames: u64,
     /// Resident memory of the program over the soak.
     pub memory: Memory,
@@ -143,6 +131,7 @@ impl Soak {
             let fault_run = FaultRun {
                 robot: &robot,
                 generator,
+                world: WorldChoice::None,
                 song: self.music.piece(round)?,
                 faults: script(&faults),
                 seed: rng.random(),

@@ -2,7 +2,7 @@
 //! which kind they were trained on; another kind is refused, never converted.
 
 use serde::{Deserialize, Serialize};
-use servodance_types::{MUSIC_DIM, SPECTRAL_DIM};
+use servodance_types::{MUSIC_DIM, SPECTRAL_DIM, named};
 
 /// Numbers of one frame of Encodec latents.
 pub const LATENT_DIM: usize = 128;
@@ -20,24 +20,11 @@ pub enum MusicKind {
     Encodec128,
 }
 
+named!(MusicKind {
+    Servodance39 "servodance39", Librosa35 "librosa35", Encodec128 "encodec128"
+});
+
 impl MusicKind {
-    /// Every kind there is, the built-in one first.
-    pub const ALL: [Self; 3] = [Self::Servodance39, Self::Librosa35, Self::Encodec128];
-
-    /// What configurations and options call it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Servodance39 => "servodance39",
-            Self::Librosa35 => "librosa35",
-            Self::Encodec128 => "encodec128",
-        }
-    }
-
-    /// The kind of that name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
-    }
-
     /// Numbers of one frame in the form that the networks take.
     pub const fn dim(self) -> usize {
         match self {

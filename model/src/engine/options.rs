@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
+use servodance_types::named;
 
 use super::pool::{Pool, default_threads};
 use crate::error::ModelError;
@@ -22,36 +23,7 @@ pub enum EngineKind {
     Candle,
 }
 
-impl EngineKind {
-    /// Both engines, the default first.
-    pub const ALL: [Self; 2] = [Self::Own, Self::Candle];
-
-    /// The name on the command line and in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Own => "own",
-            Self::Candle => "candle",
-        }
-    }
-}
-
-impl std::fmt::Display for EngineKind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl std::str::FromStr for EngineKind {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|kind| kind.name() == name);
-        found.ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
-            format!("unknown engine `{name}`; choose one of: {names}")
-        })
-    }
-}
+named!(EngineKind, "engine" { Own "own", Candle "candle" });
 
 /// How the steps of a model are to be computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

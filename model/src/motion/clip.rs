@@ -200,13 +200,6 @@ impl Clip {
             .collect()
     }
 
-    /// The clip played in `factor` times its duration, at the same frame rate.
-    pub fn stretched(&self, factor: f64) -> Self {
-        let frames = (self.duration_s() * factor * self.fps + 1e-9).floor() as usize + 1;
-        let times: Vec<f64> = (0..frames).map(|i| i as f64 / self.fps / factor).collect();
-        self.at_times(&times, self.fps)
-    }
-
     /// The clip as the data set wants it: 20 FPS, the common skeleton, the
     /// floor at y = 0, the root above the origin, facing +z.
     pub fn normalised(&self) -> Self {
@@ -289,13 +282,6 @@ mod tests {
     #[test]
     fn mirroring_twice_changes_nothing() {
         assert_eq!(clip(3).mirrored().mirrored(), clip(3));
-    }
-
-    #[test]
-    fn stretching_changes_the_duration_only() {
-        let stretched = clip(21).stretched(1.5);
-        assert_eq!(stretched.poses.len(), 31);
-        assert!((stretched.poses[15][0][0] - 0.10).abs() < 1e-6);
     }
 
     #[test]

@@ -1,4 +1,9 @@
 //! The candle engine dances what the own engine dances.
+//!
+//! Sums in another order move logits by about 1e-5 (f32) or 1e-4 (f16, where a key
+//! or value may round to its neighbour). A draw that falls that near to the border
+//! of two codes takes the other one: with f16 about once in a thousand frames, so
+//! these dances are shorter and their seeds are given.
 
 use servodance_types::{Beat, MusicFrame};
 
@@ -6,11 +11,7 @@ use crate::engine::{EngineKind, EngineOptions};
 use crate::{Dance, Dtype, Generator, GeneratorOptions};
 
 fn start(kind: EngineKind, dtype: Option<Dtype>, options: &GeneratorOptions) -> Dance {
-    let engine = EngineOptions {
-        kind,
-        dtype,
-        threads: Some(2),
-    };
+    let engine = EngineOptions { kind, dtype, threads: Some(2) };
     let generator = Generator::built_in_with(engine).unwrap();
     generator.start(options.clone()).unwrap()
 }
@@ -20,12 +21,7 @@ fn music(k: usize) -> MusicFrame {
     MusicFrame {
         time_s: k as f64 / 20.0,
         spectral: std::array::from_fn(|i| ((k * 7 + i) as f32 * 0.37).sin() * (1.0 - beat % 1.0)),
-        beat: Beat {
-            phase: beat % 1.0,
-            tempo_bpm: 120.0,
-            confidence: 1.0,
-            ..Beat::default()
-        },
+        beat: Beat { phase: beat % 1.0, tempo_bpm: 120.0, confidence: 1.0, ..Beat::default() },
         presence: 1.0,
     }
 }
@@ -53,14 +49,8 @@ fn check(dtype: Option<Dtype>, options: &GeneratorOptions, frames: usize) {
 
 #[test]
 fn both_engines_draw_the_same_codes() {
-    let sampled = GeneratorOptions {
-        seed: 1,
-        ..GeneratorOptions::default()
-    };
-    let greedy = GeneratorOptions {
-        temperature: 0.0,
-        ..sampled.clone()
-    };
+    let sampled = GeneratorOptions { seed: 1, ..GeneratorOptions::default() };
+    let greedy = GeneratorOptions { temperature: 0.0, ..sampled.clone() };
     check(None, &sampled, 250);
     check(None, &greedy, 250);
 }
@@ -68,7 +58,7 @@ fn both_engines_draw_the_same_codes() {
 #[test]
 fn both_engines_round_weights_alike() {
     let options = GeneratorOptions::default();
-    for dtype in [Dtype::F32, Dtype::Q8_0] {
-        check(Some(dtype), &options, 60);
+    for (dtype, frames) in [(Dtype::F32, 200), (Dtype::Q8_0, 60)] {
+        check(Some(dtype), &options, frames);
     }
 }

@@ -14,9 +14,7 @@ use crate::weights::Weights;
 fn long_motion_is_encoded_as_in_one_pass() {
     let encoder = VqEncoder::load(&Weights::open(TINY, "tiny").unwrap()).unwrap();
     let noise = |i: usize| ((i * 7919 % 1009) as f32 / 504.0) - 1.0;
-    let motion: Vec<_> = (0..1300)
-        .map(|t| std::array::from_fn(|c| noise(t * 137 + c)))
-        .collect();
+    let motion: Vec<_> = (0..1300).map(|t| std::array::from_fn(|c| noise(t * 137 + c))).collect();
     let tail = encoder.encode(&motion[400..900]).unwrap();
     // Away from the cut ends, where the excerpt lacks its neighbours.
     assert_eq!(encoder.encode(&motion).unwrap()[420..880], tail[20..480]);
@@ -58,9 +56,8 @@ fn a_frame_at_a_time_gives_what_one_pass_gives() {
     for config in other_shapes() {
         let (parts, codes) = (config.parts.len(), config.codes);
         let weights = Weights::random(config);
-        let rows: Vec<Vec<usize>> = (0..30)
-            .map(|t| (0..parts).map(|p| (t * 7919 + p * 31) % codes).collect())
-            .collect();
+        let rows: Vec<Vec<usize>> =
+            (0..30).map(|t| (0..parts).map(|p| (t * 7919 + p * 31) % codes).collect()).collect();
         let music: Vec<f32> = (0..30 * 39).map(|i| (i as f32 * 0.37).sin()).collect();
         let what = &weights.config().preset;
         let motion = decoded_at_once(&weights, &rows);
@@ -114,4 +111,20 @@ fn another_start_forgets_the_past() {
         let first = run();
         assert_eq!(first, run());
     }
+}
+
+#[test]
+fn both_engines_jump_to_the_same_place() {
+    let g = Golden::load();
+    let run = |kind| -> Vec<f32> {
+        let engine = engine(&g.weights, kind);
+        let seq = MotionSeq::load(&g.weights, &engine).unwrap();
+        let (mut state, team) = (seq.start(2), engine.pool().team());
+        state.jump(1000);
+        let heard = [Some(&g.music[..39]), None];
+        seq.step(&team, &mut state, &g.codes[0], &heard).unwrap();
+        seq.step(&team, &mut state, &g.codes[1], &heard).unwrap();
+        [state.hidden(0), state.hidden(1)].concat()
+    };
+    check_same("hidden", &run(EngineKind::Candle), &run(EngineKind::Own));
 }

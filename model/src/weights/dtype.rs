@@ -14,6 +14,7 @@
 
 use half::f16;
 use serde::Serialize;
+use servodance_types::named;
 
 /// Numbers that share a scale.
 pub(crate) const BLOCK: usize = 32;
@@ -41,21 +42,11 @@ pub enum Dtype {
     Q4_0,
 }
 
+named!(Dtype, "number format" {
+    F32 "f32", F16 "f16", Q8_0 "q8_0", Q6 "q6", Q4_0 "q4_0"
+});
+
 impl Dtype {
-    /// All formats, the widest first.
-    pub const ALL: [Self; 5] = [Self::F32, Self::F16, Self::Q8_0, Self::Q6, Self::Q4_0];
-
-    /// Its name on the command line and in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::F32 => "f32",
-            Self::F16 => "f16",
-            Self::Q8_0 => "q8_0",
-            Self::Q6 => "q6",
-            Self::Q4_0 => "q4_0",
-        }
-    }
-
     /// Whether weights share a scale.
     pub const fn is_quantised(self) -> bool {
         matches!(self, Self::Q8_0 | Self::Q6 | Self::Q4_0)
@@ -67,24 +58,6 @@ impl Dtype {
             Self::Q6 => CHUNK,
             _ => BLOCK,
         }
-    }
-}
-
-impl std::fmt::Display for Dtype {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl std::str::FromStr for Dtype {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|dtype| dtype.name() == name);
-        found.ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
-            format!("unknown number format `{name}`; choose one of: {names}")
-        })
     }
 }
 

@@ -15,6 +15,10 @@ pub enum Limb {
     Torso,
 }
 
+/// All of them, in the order of their numbers.
+pub(crate) const EVERY_LIMB: [Limb; 6] =
+    [Limb::LeftArm, Limb::RightArm, Limb::LeftLeg, Limb::RightLeg, Limb::Head, Limb::Torso];
+
 /// How much of the human's movement each limb shows: 1 is all of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -36,18 +40,13 @@ impl Default for Gains {
 
 impl Gains {
     pub(crate) fn of(&self, limb: Limb) -> f64 {
-        let mut gains = *self;
-        *gains.of_mut(limb)
-    }
-
-    pub(crate) fn of_mut(&mut self, limb: Limb) -> &mut f64 {
         match limb {
-            Limb::LeftArm => &mut self.left_arm,
-            Limb::RightArm => &mut self.right_arm,
-            Limb::LeftLeg => &mut self.left_leg,
-            Limb::RightLeg => &mut self.right_leg,
-            Limb::Head => &mut self.head,
-            Limb::Torso => &mut self.torso,
+            Limb::LeftArm => self.left_arm,
+            Limb::RightArm => self.right_arm,
+            Limb::LeftLeg => self.left_leg,
+            Limb::RightLeg => self.right_leg,
+            Limb::Head => self.head,
+            Limb::Torso => self.torso,
         }
     }
 }

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+pub(crate) use body::EVERY_LIMB;
 pub use body::{BodyLinks, Gains, Limb};
 pub use error::RetargetError;
 pub(crate) use error::choices;

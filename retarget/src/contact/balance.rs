@@ -46,23 +46,31 @@ impl SupportPolygon {
         }
         self.corners.clear();
         for (foot, _) in feet.iter().zip(down).filter(|(_, down)| *down) {
-            let heading = foot_heading(foot);
-            let side = Vector3::z().cross(&heading);
-            for (along, across) in [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)] {
-                self.corners.push(
-                    foot.translation.vector
-                        + heading * (along * self.sole_m[0] / 2.0)
-                        + side * (across * self.sole_m[1] / 2.0),
-                );
-            }
+            self.corners.extend(sole_corners(foot, self.sole_m));
         }
         hull(&self.corners, &mut self.edges);
+    }
+
+    /// Middle of the corners.
+    pub fn middle(&self) -> Vector3<f64> {
+        let sum: Vector3<f64> = self.corners.iter().sum();
+        let middle = sum / self.corners.len().max(1) as f64;
+        Vector3::new(middle.x, middle.y, 0.0)
     }
 
     /// Farthest distance outside any edge, metres; negative inside.
     pub fn outside_m(&self, point: &Point3<f64>) -> f64 {
         self.edges.iter().map(|edge| edge.outside_m(point)).fold(f64::NEG_INFINITY, f64::max)
     }
+}
+
+/// Corners of the sole of a foot that stands flat at `foot`, world, metres.
+pub(crate) fn sole_corners(foot: &Isometry3<f64>, [length, width]: [f64; 2]) -> [Vector3<f64>; 4] {
+    let heading = foot_heading(foot);
+    let side = Vector3::z().cross(&heading);
+    [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)].map(|(along, across)| {
+        foot.translation.vector + heading * (along * length / 2.0) + side * (across * width / 2.0)
+    })
 }
 
 /// Horizontal direction nearest to the world's x that the sole points along:

@@ -6,7 +6,7 @@ mod pelvis;
 mod planted_stance;
 mod stepping;
 
-pub(crate) use balance::SupportPolygon;
+pub(crate) use balance::{SupportPolygon, sole_corners};
 pub(crate) use capsules::CapsulePair;
 pub(crate) use pelvis::PelvisTrajectory;
 pub(crate) use planted_stance::PlantedStance;

@@ -41,6 +41,10 @@ impl PelvisTrajectory {
         Self { rest, leg_m, dt_s, preview_s, pace, trackers: trackers(dt_s, preview_s, pace) }
     }
 
+    pub fn rest(&self) -> &Isometry3<f64> {
+        &self.rest
+    }
+
     pub fn restart(&mut self) {
         self.trackers = trackers(self.dt_s, self.preview_s, self.pace);
     }

@@ -1,6 +1,7 @@
 //! What only a robot on its feet has: where they are, and what the rest of it
 //! has to do with that.
 
+use crate::balance::ZmpGovernor;
 use crate::contact::{FootStepper, PelvisTrajectory};
 use crate::kinematics::BodyMap;
 use crate::solver::{BodySolver, Feet};
@@ -13,10 +14,13 @@ const FOOT_MOVED_M: f64 = 0.002;
 
 pub(crate) struct PlantedStance {
     pub feet: Feet,
+    /// Where the feet are at rest.
+    pub home: Feet,
     /// `None`: the feet stay.
     pub stepper: Option<FootStepper>,
     pub pelvis: PelvisTrajectory,
     pub legs: BodySolver,
+    pub governor: ZmpGovernor,
 }
 
 impl PlantedStance {
@@ -47,6 +51,7 @@ impl PlantedStance {
     pub fn restart(&mut self, root: Isometry3<f64>) {
         self.legs.base = root;
         self.pelvis.restart();
+        self.governor.restart();
         if let Some(stepper) = &mut self.stepper {
             stepper.restart(&mut self.feet);
         }

@@ -7,13 +7,14 @@
 //! zero-moment point and is shared between the feet by where that is.
 //! Friction and rotor inertia are left out.
 //!
-//! Two things follow. A torque near the limit lowers the amplitude within a
-//! third of a second. Heat lowers it slowly: the square of torque over the
+//! Two things follow, limb by limb: an overloaded ankle costs the legs and the
+//! pelvis, not the arms. A torque near the limit lowers the limb's amplitude within
+//! a third of a second. Heat lowers it slowly: the square of torque over the
 //! torque that can be held for ever, averaged over minutes; 1 is where a servo
 //! shuts down. Joints without a limit or without mass beyond them are left out
 //! and counted as unknown. Newton metres, seconds; nothing allocates per cycle.
 
-use crate::config::TorqueConfig;
+use crate::config::{EVERY_LIMB, Limb, TorqueConfig};
 use crate::kinematics::{JointMotion, RobotModel};
 use k::nalgebra::{Isometry3, Point3, Vector3};
 
@@ -49,8 +50,12 @@ pub(crate) struct StanceFoot {
     pub down: bool,
 }
 
+const LIMBS: usize = EVERY_LIMB.len();
+
 pub(crate) struct TorqueEstimator {
     limits_nm: Vec<Option<f64>>,
+    /// The limb that each joint's load lowers, as a number.
+    limbs: Vec<usize>,
     config: TorqueConfig,
     dt_s: f64,
     /// Centres of mass of the links in the last two cycles.
@@ -67,16 +72,18 @@ pub(crate) struct TorqueEstimator {
     heat: Vec<f64>,
     hottest: Vec<f64>,
     strongest: Vec<f64>,
-    ease: f64,
+    ease: [f64; LIMBS],
     lowest: f64,
     overloaded: u64,
 }
 
 impl TorqueEstimator {
-    /// `limits_nm` by joint; `None` where unknown.
+    /// `limits_nm` by joint, `None` where unknown; the load of a joint lowers the
+    /// amplitude of its limb in `limbs`.
     pub fn new(
         model: &RobotModel,
         mut limits_nm: Vec<Option<f64>>,
+        limbs: &[Limb],
         config: TorqueConfig,
         dt_s: f64,
     ) -> Self {
@@ -93,6 +100,7 @@ impl TorqueEstimator {
         let (links, joints) = (model.links.len(), limits_nm.len());
         Self {
             limits_nm,
+            limbs: limbs.iter().map(|limb| *limb as usize).collect(),
             config,
             dt_s,
             before: [vec![Point3::origin(); links], vec![Point3::origin(); links]],
@@ -106,7 +114,7 @@ impl TorqueEstimator {
             heat: vec![0.0; joints],
             hottest: vec![0.0; joints],
             strongest: vec![0.0; joints],
-            ease: 1.0,
+            ease: [1.0; LIMBS],
             lowest: 1.0,
             overloaded: 0,
         }
@@ -116,10 +124,13 @@ impl TorqueEstimator {
         self.cycles = 0;
     }
 
-    pub fn amplitude(&self) -> f64 {
-        let hottest = self.heat.iter().copied().fold(0.0, f64::max);
+    /// Share of the movement that torque and heat leave a limb.
+    pub fn amplitude(&self, limb: Limb) -> f64 {
+        let limb = limb as usize;
+        let heat = self.heat.iter().zip(&self.limbs).filter(|(_, own)| **own == limb);
+        let hottest = heat.map(|(heat, _)| *heat).fold(0.0, f64::max);
         let cool = 1.0 - ((hottest - WARM) / (1.0 - WARM)).clamp(0.0, 1.0);
-        self.ease.min(LEAST + (1.0 - LEAST) * cool)
+        self.ease[limb].min(LEAST + (1.0 - LEAST) * cool)
     }
 
     /// Takes in one cycle: the poses of the links in the world.
@@ -225,7 +236,7 @@ impl TorqueEstimator {
     }
 
     fn judge(&mut self) {
-        let mut most = 0.0_f64;
+        let mut most = [0.0_f64; LIMBS];
         for (joint, limit) in self.limits_nm.iter().enumerate() {
             let Some(limit) = limit else { continue };
             let share = self.torque_nm[joint].abs() / limit;
@@ -234,16 +245,21 @@ impl TorqueEstimator {
             *heat += (square - *heat) * self.dt_s / (self.config.warm_up_s + self.dt_s);
             self.hottest[joint] = self.hottest[joint].max(*heat);
             self.strongest[joint] = self.strongest[joint].max(share);
-            most = most.max(share);
+            let most = &mut most[self.limbs[joint]];
+            *most = most.max(share);
         }
-        self.overloaded += u64::from(most > 1.0);
-        let wanted = match most > EASED_FROM {
-            true => (1.0 - (most - EASED_FROM)).max(LEAST),
-            false => 1.0,
-        };
-        let time_s = if wanted < self.ease { EASE_S } else { RECOVER_S };
-        self.ease += (wanted - self.ease) * self.dt_s / (time_s + self.dt_s);
-        self.lowest = self.lowest.min(self.amplitude());
+        self.overloaded += u64::from(most.iter().any(|share| *share > 1.0));
+        for (ease, most) in self.ease.iter_mut().zip(most) {
+            let wanted = match most > EASED_FROM {
+                true => (1.0 - (most - EASED_FROM)).max(LEAST),
+                false => 1.0,
+            };
+            let time_s = if wanted < *ease { EASE_S } else { RECOVER_S };
+            *ease += (wanted - *ease) * self.dt_s / (time_s + self.dt_s);
+        }
+        for limb in EVERY_LIMB {
+            self.lowest = self.lowest.min(self.amplitude(limb));
+        }
     }
 
     #[cfg(test)]

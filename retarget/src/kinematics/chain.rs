@@ -10,7 +10,7 @@
 
 use std::collections::HashMap;
 
-use k::nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
+use k::nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::config::{CapsuleConfig, RetargetConfig, RetargetError, Tip, choices};
 use crate::description::{Description, held_position, is_driven};
@@ -43,9 +43,19 @@ pub(crate) struct ChainLink {
     held: f64,
     pub mass_kg: f64,
     pub com: Point3<f64>,
+    /// About the centre of mass, axes of the link.
+    pub inertia: Matrix3<f64>,
 }
 
 impl ChainLink {
+    /// Pose in the parent of a joint that nothing drives; of one that is driven, at zero.
+    pub fn still_pose(&self) -> Isometry3<f64> {
+        match self.drive {
+            Some(_) => self.origin,
+            None => self.local(&[]),
+        }
+    }
+
     pub fn local(&self, positions: &[f64]) -> Isometry3<f64> {
         let position = self.drive.map_or(self.held, |drive| {
             drive.scale * positions.get(drive.joint).copied().unwrap_or(0.0) + drive.offset
@@ -165,11 +175,15 @@ impl RobotModel {
                 held: joints.get(name.as_str()).map_or(0.0, |joint| held_position(joint)),
                 mass_kg: 0.0,
                 com: Point3::origin(),
+                inertia: Matrix3::zeros(),
             };
             let mut link_name = String::new();
             if let Some(body) = node.link().as_ref() {
                 link.mass_kg = body.inertial.mass;
-                link.com = Point3::from(body.inertial.origin().translation.vector);
+                let inertial = body.inertial.origin();
+                link.com = Point3::from(inertial.translation.vector);
+                let turn = inertial.rotation.to_rotation_matrix();
+                link.inertia = turn * body.inertial.inertia * turn.inverse();
                 link_name.clone_from(&body.name);
                 self.shapes.add(index, body);
             }
@@ -226,6 +240,17 @@ impl RobotModel {
         &self.shapes.meshes
     }
 
+    /// What can touch: the collision shapes, or what is drawn where there are none.
+    pub(crate) fn touch_shapes(&self) -> impl Iterator<Item = &Visual> {
+        let solids = &self.shapes.solids;
+        if solids.is_empty() { self.shapes.visuals.iter() } else { solids.iter() }
+    }
+
+    /// The link nearest to the root that moves with `link` as one.
+    pub(crate) fn last_driven(&self, link: usize) -> usize {
+        self.driven_ancestors[link].last().map_or(0, |ancestor| ancestor.link)
+    }
+
     pub(crate) fn all_shapes(&self) -> impl Iterator<Item = &Visual> {
         self.shapes.solids.iter().chain(&self.shapes.visuals)
     }
@@ -247,6 +272,7 @@ impl RobotModel {
                 held: 0.0,
                 mass_kg: 0.0,
                 com: Point3::origin(),
+                inertia: Matrix3::zeros(),
             };
             self.add_link(link, tip.name.clone(), tip.name.clone());
         }

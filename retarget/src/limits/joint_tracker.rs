@@ -61,6 +61,12 @@ impl JointTracker {
         }
     }
 
+    /// At rest at `position_rad`.
+    pub fn restart(&mut self, position_rad: f64) {
+        self.state = TrajectoryState::at_rest(position_rad);
+        self.followed = None;
+    }
+
     pub fn position(&self) -> f64 {
         self.state.position
     }

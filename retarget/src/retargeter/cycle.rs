@@ -6,7 +6,8 @@
 use servodance_types::JointLimits;
 
 use super::Retargeter;
-use crate::config::RetargetError;
+use crate::balance::GovernorInput;
+use crate::config::{EVERY_LIMB, Limb, RetargetError};
 use crate::contact::{FootStepper, PelvisTrajectory, StepContext};
 use crate::dancer::{BodyPoints, PoseTarget, mirrored};
 use crate::dynamics::StanceFoot;
@@ -81,15 +82,24 @@ impl Retargeter {
         Some(self.reader.read(&points, led))
     }
 
-    /// Share of the movement that is shown: less when motors are strained.
-    fn shown(&self) -> f64 {
-        self.amplitude * self.torque.amplitude()
+    /// Share of a limb's movement that is shown: less when its motors are strained,
+    /// or when the feet could not carry it.
+    fn shown(&self, limb: Limb) -> f64 {
+        let carried = self.stance.as_ref().map_or(1.0, |stance| match limb {
+            Limb::LeftArm | Limb::RightArm | Limb::Head => stance.governor.upper,
+            Limb::LeftLeg | Limb::RightLeg | Limb::Torso => stance.governor.pelvis,
+        });
+        self.strained(limb) * carried
+    }
+
+    fn strained(&self, limb: Limb) -> f64 {
+        self.amplitude * self.torque.amplitude(limb) * self.gains.of(limb)
     }
 
     /// Solves for the legs now and for the rest when the preview ends.
     fn solve(&mut self, aim: &PoseTarget) {
-        let shown = self.shown();
-        let gain = shown * self.gains.torso;
+        let (gain, demand) = (self.shown(Limb::Torso), self.strained(Limb::Torso));
+        let step_gain = gain * self.gains.left_leg.min(self.gains.right_leg);
         if let Some(stance) = &mut self.stance {
             let mut wanted = PelvisTrajectory::wanted(aim, gain);
             if let Some(stepper) = &mut stance.stepper {
@@ -97,7 +107,7 @@ impl Retargeter {
                 let present = StepContext {
                     soles: soles.map(|sole| self.poses[sole].translation.vector),
                     weight: self.model.centre_of_mass(&self.poses).coords,
-                    gain: shown * self.gains.left_leg.min(self.gains.right_leg),
+                    gain: step_gain,
                     aim,
                 };
                 stepper.shift_sway(aim, &stance.feet, &mut wanted);
@@ -137,6 +147,24 @@ impl Retargeter {
                 bounds: &self.bounds,
             },
         );
+        self.govern(aim, demand);
+    }
+
+    /// Looks at where all of the dance would put the zero-moment point. Steps have a
+    /// balance of their own: see `contact::stepping`.
+    fn govern(&mut self, aim: &PoseTarget, demand: f64) {
+        let Some(stance) = &mut self.stance else { return };
+        let (Some(support), None) = (&stance.legs.support, &stance.stepper) else {
+            return;
+        };
+        let wanted = PelvisTrajectory::wanted(aim, demand);
+        stance.governor.observe(&GovernorInput {
+            model: &self.model,
+            positions: &self.solver.positions,
+            root: stance.pelvis.pose(&wanted),
+            rest: *stance.pelvis.rest(),
+            support,
+        });
     }
 
     /// How far each joint may go in this cycle. Legs that stand go exactly as
@@ -199,7 +227,7 @@ impl Retargeter {
     /// Scales the solution around rest and lets each joint follow it.
     fn track_targets(&mut self) {
         let mut limited = false;
-        let shown = self.shown();
+        let limbs = EVERY_LIMB.map(|limb| self.shown(limb));
         for (joint, tracker) in self.trackers.iter_mut().enumerate() {
             let (bounds, wanted) = (&mut self.bounds[joint], &mut self.wanted[joint]);
             if let (Some(stance), true) = (&self.stance, self.stands_on[joint]) {
@@ -212,7 +240,7 @@ impl Retargeter {
                 continue;
             }
             let solved = self.solver.positions[joint];
-            let scale = shown * self.gains.of(self.limbs[joint]);
+            let scale = limbs[self.limbs[joint] as usize];
             let rest = self.rest[joint];
             let aimed = tracker.plan(rest + scale * (solved - rest));
             *bounds = tracker.reachable();

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::config::{RetargetConfig, RetargetError, choices};
+use crate::config::{Limb, RetargetConfig, RetargetError, choices};
 use crate::dynamics::TorqueEstimator;
 use crate::kinematics::RobotModel;
 use k::nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -29,16 +29,27 @@ pub(super) fn usable_limits(
 }
 
 /// Torque and heat of the motors: limits as configured, else the URDF's.
+/// The limb that gives way when a joint is overloaded: legs that stand cost the
+/// pelvis its movement.
+pub(super) fn load_limbs(limbs: &[Limb], stands: bool) -> Vec<Limb> {
+    let loaded = |limb: &Limb| match limb {
+        Limb::LeftLeg | Limb::RightLeg if stands => Limb::Torso,
+        other => *other,
+    };
+    limbs.iter().map(loaded).collect()
+}
+
 pub(super) fn torque_estimator(
     model: &RobotModel,
     config: &RetargetConfig,
+    limbs: &[Limb],
     dt_s: f64,
 ) -> Result<TorqueEstimator, RetargetError> {
     let mut limits = model.effort_nm.clone();
     for (joint, limit) in by_joint(model, &config.torque.limit_nm)? {
         limits[joint] = Some(limit);
     }
-    Ok(TorqueEstimator::new(model, limits, config.torque.clone(), dt_s))
+    Ok(TorqueEstimator::new(model, limits, limbs, config.torque.clone(), dt_s))
 }
 
 pub(super) fn jerk_limits(

@@ -6,18 +6,27 @@ mod cycle;
 mod joint_setup;
 mod rest_pose;
 
-use k::nalgebra::{Isometry3, Translation3};
-use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Posture};
+use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Placement, Posture, RigidLink};
 
 use crate::config::{Gains, Limb, RetargetConfig, RetargetError, Stance};
 use crate::contact::PlantedStance;
 use crate::dancer::{HeadingReference, LOOKAHEAD_FRAMES, MotionBuffer, PoseReader, PostureTrack};
-use crate::dynamics::{TorqueEstimator, TorqueReport};
-use crate::kinematics::{BodyMap, RobotModel};
+use crate::dynamics::{
+    JointLoad, TorqueEstimator, TorqueReport, joint_loads, placement, rigid_links,
+};
+use crate::kinematics::{BodyMap, DrivenAncestor, JointMotion, RobotModel};
 use crate::limits::{CollisionLimit, JointTracker};
 use crate::solver::{ArmSearch, BodySolver, SolverScope};
 use counts::RetargetCounts;
 use rest_pose::RestSearch;
+
+/// A joint of a leg: the link that it moves, and its axis in that link.
+pub(crate) struct LegJoint {
+    pub link: usize,
+    pub joint: usize,
+    pub axis: Vector3<f64>,
+}
 
 /// Turns human motion into joint targets for one robot.
 pub struct Retargeter {
@@ -47,6 +56,7 @@ pub struct Retargeter {
     output: Vec<f64>,
     poses: Vec<Isometry3<f64>>,
     upright: Isometry3<f64>,
+    sole_m: [f64; 2],
     torque: TorqueEstimator,
     counts: RetargetCounts,
 }
@@ -94,7 +104,8 @@ impl Retargeter {
         let is_leg = |limb: &Limb| matches!(limb, Limb::LeftLeg | Limb::RightLeg);
         let bounds = limits.iter().map(|l| (l.lower_rad, l.upper_rad)).collect();
         let upright = Isometry3::from_parts(Translation3::identity(), upright);
-        let torque = joint_setup::torque_estimator(&model, config, dt_s)?;
+        let loads = joint_setup::load_limbs(&limbs, stands);
+        let torque = joint_setup::torque_estimator(&model, config, &loads, dt_s)?;
         let stance = RestSearch {
             model: &model,
             map,
@@ -126,6 +137,7 @@ impl Retargeter {
             output: vec![0.0; limits.len()],
             poses: vec![Isometry3::identity(); model.links.len()],
             upright,
+            sole_m: config.sole_m,
             torque,
             counts: RetargetCounts::default(),
             model,
@@ -227,11 +239,68 @@ impl Retargeter {
         self.mirror = mirror;
     }
 
-    /// Scales the movement of one limb, 0 to 2.
-    pub fn set_gain(&mut self, limb: Limb, gain: f64) {
-        if gain.is_finite() {
-            *self.gains.of_mut(limb) = gain.clamp(0.0, 2.0);
-        }
+    /// The robot's links for a physics engine. Those of a robot on its feet touch the
+    /// floor by their soles.
+    pub fn rigid_links(&self) -> Vec<RigidLink> {
+        let feet = self.stance.as_ref().map(|stance| (&stance.home, self.sole_m));
+        rigid_links(&self.model, &self.map, feet)
+    }
+
+    /// For each leg of a robot on its feet its turning joints, from the hip down; `None`
+    /// on a stand.
+    pub(crate) fn standing_legs(&self) -> Option<[Vec<LegJoint>; 2]> {
+        self.stance.as_ref()?;
+        Some(self.map.legs.map(|leg| {
+            let sole = leg.sole.unwrap_or(0);
+            let own = |ancestor: &&DrivenAncestor| self.stands_on[ancestor.joint];
+            let ancestors = self.model.driven_ancestors[sole].iter().filter(own);
+            let turning =
+                ancestors.filter_map(|ancestor| match self.model.links[ancestor.link].motion {
+                    JointMotion::Revolute(axis) => {
+                        let axis = axis.into_inner() * ancestor.scale.signum();
+                        Some(LegJoint { link: ancestor.link, joint: ancestor.joint, axis })
+                    }
+                    _ => None,
+                });
+            turning.collect()
+        }))
+    }
+
+    /// Poses of the links at rest, in the world.
+    pub(crate) fn rest_poses(&self) -> Vec<Isometry3<f64>> {
+        let mut poses = vec![Isometry3::identity(); self.model.links.len()];
+        self.model.place(&self.world_from_root(&self.rest), &self.rest, &mut poses);
+        poses
+    }
+
+    /// Mass, kilograms, and height of the centre of mass at rest, metres.
+    pub(crate) fn mass_and_height(&self) -> (f64, f64) {
+        let masses = self.model.links.iter().map(|link| link.mass_kg);
+        (masses.sum(), self.model.centre_of_mass(&self.rest_poses()).z)
+    }
+
+    pub(crate) fn period_s(&self) -> f64 {
+        self.dt_s
+    }
+
+    pub(crate) fn upright(&self) -> UnitQuaternion<f64> {
+        self.upright.rotation
+    }
+
+    /// What each joint carries at rest.
+    pub fn joint_loads(&self) -> Vec<JointLoad> {
+        joint_loads(&self.model, &self.rest_poses(), &self.stands_on)
+    }
+
+    /// The joints that do not belong to legs.
+    pub fn upper_joints(&self) -> Vec<usize> {
+        let is_leg = |joint: &usize| matches!(self.limbs[*joint], Limb::LeftLeg | Limb::RightLeg);
+        (0..self.limbs.len()).filter(|joint| !is_leg(joint)).collect()
+    }
+
+    /// [`world_from_root`](Self::world_from_root) as plain numbers.
+    pub fn root_placement(&self, positions: &[f64]) -> Placement {
+        placement(&self.world_from_root(positions))
     }
 
     /// Which feet stand on the floor, left and right; `None` on a stand.

@@ -4,6 +4,7 @@ use k::nalgebra::Isometry3;
 use servodance_types::JointLimits;
 
 use super::joint_setup::by_joint;
+use crate::balance::ZmpGovernor;
 use crate::config::{RetargetConfig, RetargetError, Stance};
 use crate::contact::capsules;
 use crate::contact::{FootStepper, PelvisTrajectory, PlantedStance, SupportPolygon};
@@ -21,6 +22,10 @@ const STEPPING_CROUCH: f64 = 0.15;
 /// Knees are never straighter: near straight, small steps of the pelvis would
 /// need large ones of the knee.
 const LEAST_KNEE_RAD: f64 = 0.12;
+/// Where the search for the rest pose begins: from straight legs it could not bend them.
+const STARTING_KNEE_RAD: f64 = 0.35;
+/// A knee that has this much room both ways bends forward.
+const KNEE_ROOM_RAD: f64 = 0.4;
 
 pub(super) struct RestSearch<'a> {
     pub model: &'a RobotModel,
@@ -50,14 +55,20 @@ impl RestSearch<'_> {
                 bounds: &far,
             },
         );
+        self.keep_knees_bent(&zero, &far);
+        let limits = self.limits.iter();
+        let far: Vec<(f64, f64)> = limits.map(|l| (l.lower_rad, l.upper_rad)).collect();
         let stance = match self.config.stance.stands() {
-            true => Some(self.stand(self.checked_leg_length()?, &far)),
+            true => Some(self.stand(self.checked_leg_length()?, &zero, &far)),
             false => None,
         };
         for &(joint, position) in &fixed {
             self.solver.positions[joint] = position;
         }
-        self.keep_knees_bent(&zero, &far);
+        for (joint, limits) in self.limits.iter().enumerate() {
+            let position = &mut self.solver.positions[joint];
+            *position = limits.clamp_rad(*position);
+        }
         let poses = self.solver.poses(self.model).to_vec();
         self.solver.pairs = capsules::pairs(self.model, &self.map, &poses);
         Ok(stance)
@@ -102,7 +113,8 @@ impl RestSearch<'_> {
         names.map(String::as_str).collect()
     }
 
-    /// Knees bend one way: the side of straight that most of their range is on.
+    /// Knees bend one way: forward, so that the foot goes back under the body, where
+    /// their range allows it; else to the side that most of their range is on.
     fn keep_knees_bent(&mut self, zero: &[f64], far: &[(f64, f64)]) {
         for leg in self.map.legs {
             let (Some(hip), Some(knee), Some(ankle)) = (leg.hip, leg.knee, leg.ankle) else {
@@ -126,18 +138,49 @@ impl RestSearch<'_> {
                 .map(place)
                 .max_by(|a, b| length_at(*a).total_cmp(&length_at(*b)))
                 .unwrap_or(lower);
+            let rooms = [straight - lower, upper - straight];
+            let up = match rooms.map(|room| room >= KNEE_ROOM_RAD) {
+                [true, true] => {
+                    let mut bent = zero.to_vec();
+                    bent[joint] = straight + KNEE_ROOM_RAD;
+                    let moved = |positions: &[f64]| {
+                        (self.upright * self.model.link_pose(ankle, positions)).translation.x
+                    };
+                    let before = moved(&{
+                        let mut plain = zero.to_vec();
+                        plain[joint] = straight;
+                        plain
+                    });
+                    moved(&bent) < before
+                }
+                _ => rooms[1] > rooms[0],
+            };
             let limits = &mut self.limits[joint];
-            if upper - straight > straight - lower {
+            let start = if up {
                 limits.lower_rad = (straight + LEAST_KNEE_RAD).clamp(lower, upper - 1e-3);
+                straight + STARTING_KNEE_RAD
             } else {
                 limits.upper_rad = (straight - LEAST_KNEE_RAD).clamp(lower + 1e-3, upper);
-            }
-            self.solver.positions[joint] = limits.clamp_rad(self.solver.positions[joint]);
+                straight - STARTING_KNEE_RAD
+            };
+            let here = self.solver.positions[joint];
+            let start = if self.config.stance.stands() { start } else { here };
+            self.solver.positions[joint] = limits.clamp_rad(start);
         }
     }
 
+    /// Which links belong to the legs.
+    fn standing_links(&self) -> Vec<bool> {
+        let hips = self.map.legs.map(|leg| leg.hip.unwrap_or(0));
+        let below = |link: usize| {
+            hips.iter()
+                .any(|&hip| hip != 0 && self.model.is_below(link, self.model.last_driven(hip)))
+        };
+        (0..self.model.links.len()).map(below).collect()
+    }
+
     /// Puts the robot on its feet, sunk a little, its weight between them.
-    fn stand(&mut self, leg_m: f64, far: &[(f64, f64)]) -> PlantedStance {
+    fn stand(&mut self, leg_m: f64, zero: &[f64], far: &[(f64, f64)]) -> PlantedStance {
         let mut legs = BodySolver::new(
             self.model,
             self.map,
@@ -150,7 +193,10 @@ impl RestSearch<'_> {
         legs.positions.clone_from(&start);
         legs.base = self.upright;
         let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
-        let poses = legs.poses(self.model);
+        // Feet are flat where the legs are straight.
+        legs.positions.copy_from_slice(zero);
+        let poses = legs.poses(self.model).to_vec();
+        legs.positions.clone_from(&start);
         let heights = soles.map(|sole| poses[sole].translation.z);
         let mut feet = soles.map(|sole| poses[sole]);
         for foot in &mut feet {
@@ -187,7 +233,9 @@ impl RestSearch<'_> {
         PlantedStance {
             // What was reached, not what was asked: rest is then an equilibrium.
             pelvis: PelvisTrajectory::new(legs.base, leg_m, dt_s, preview_s, pace),
+            governor: ZmpGovernor::new(self.standing_links(), dt_s),
             feet,
+            home: feet,
             stepper: steps.then(|| FootStepper::new(feet, leg_m, sole_m, dt_s, cycles)),
             legs,
         }

@@ -67,7 +67,6 @@ fn live_changes_of_style_break_no_limit() {
         if cycle % 50 == 0 {
             retargeter.set_amplitude(rng.random_range(-1.0..2.0));
             retargeter.set_mirror(rng.random());
-            retargeter.set_gain(servodance_retarget::Limb::LeftArm, rng.random_range(0.0..3.0));
         }
         retargeter.next(cycle as f64 * 0.01, &mut out).unwrap();
         track.push(out.clone());

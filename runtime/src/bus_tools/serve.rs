@@ -2,6 +2,7 @@
 
 use crate::bus_tools::sim_link::{LinkChoice, sim_link};
 use crate::robot::Robot;
+use crate::world::{BodyReport, RobotWorld, WorldChoice};
 use servodance_sim::{
     Happening, SimBus, SimLink, SimOptions, SimServoSpec, Violations, WireStats, happen,
     parse_script,
@@ -18,6 +19,8 @@ pub struct SimBusOptions<'a> {
     pub faults: &'a str,
     /// Whether gears have the play that their vendor states.
     pub backlash: bool,
+    /// The world that the servos carry the robot in.
+    pub world: WorldChoice,
 }
 
 /// Serves the robot's servos in real time until `stop` is set; `ready` gets
@@ -37,11 +40,16 @@ pub fn serve(
     let joints: Vec<Vec<usize>> = robot.buses.iter().map(|bus| bus.joints.clone()).collect();
     let began = Instant::now();
     let mut sims = Vec::with_capacity(robot.buses.len());
+    let world = RobotWorld::open(robot, options.world)?;
     for (place, bus) in robot.buses.iter().enumerate() {
         let specs = bus.servos.iter().map(SimServoSpec::from);
         let specs: Vec<SimServoSpec> = match options.backlash {
             true => specs.map(SimServoSpec::with_stated_backlash).collect(),
             false => specs.collect(),
+        };
+        let specs = match &world {
+            Some(world) => world.placed(specs, bus),
+            None => specs,
         };
         let link = sim_link(&bus.config, options.link, place)?;
         // A socket in a file can be opened by anybody.
@@ -52,6 +60,8 @@ pub fn serve(
                 let name = format!("servodance-{}-{place}", std::process::id());
                 std::env::temp_dir().join(name)
             }),
+            seat: world.as_ref().map(|world| world.seat(bus)),
+            imu: bus.config.imu.clone(),
             ..SimOptions::realtime(bus.config.baud, robot.control_hz)
         };
         sims.push(SimBus::start(&specs, sim_options)?);
@@ -69,7 +79,10 @@ pub fn serve(
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    Ok(summary(&sims))
+    let body = world.map(|world| {
+        BodyReport::new(world.choice(), &world.shared.figures(), None, Default::default()).line()
+    });
+    Ok([Some(summary(&sims)), body].into_iter().flatten().collect::<Vec<_>>().join("\n"))
 }
 
 /// One line about what passed and what was broken.
@@ -81,14 +94,11 @@ fn summary(sims: &[SimBus]) -> String {
         broken += sim.violations();
         moved += sim.motion_violations();
     }
+    let WireStats { packets_in, packets_out, bad_packets, .. } = wire;
+    let Violations { position, velocity, acceleration, .. } = broken;
     let mut line = format!(
-        "{} packets in, {} out, {} bad; limits broken: position {}, velocity {}, acceleration {}",
-        wire.packets_in,
-        wire.packets_out,
-        wire.bad_packets,
-        broken.position,
-        broken.velocity,
-        broken.acceleration
+        "{packets_in} packets in, {packets_out} out, {bad_packets} bad; limits broken: \
+         position {position}, velocity {velocity}, acceleration {acceleration}"
     );
     if let Some(first) = sims.iter().find_map(|sim| sim.violation_notes().into_iter().next()) {
         line += &format!(

@@ -91,6 +91,7 @@ impl LoopLog {
         self.trace.targets.push(music_s, targets);
         let reported = servos.states().iter().map(|s| s.position_rad);
         self.trace.servos.push(music_s, reported);
+        self.trace.roots.push(servos.root_pose(&plan.retargeter));
         if self.is_endless {
             self.trace.keep_newest(LIVE_TRACE_S);
         }

@@ -7,7 +7,6 @@
 use super::robot_buses::RobotBuses;
 use crate::pipeline::dance_step::DanceStep;
 use crate::pipeline::step_times::PipelineStep;
-use crate::telemetry::pose_array::pose_array;
 use crate::telemetry::recorder::{Recorder, RecordingTopic, SafetyNotice};
 use crate::viewer::snapshot::{BANDS, state_name};
 use servodance_drivers::State;
@@ -63,9 +62,7 @@ impl RecorderFeed {
         recorder.positions(RecordingTopic::JointCommands, at_s, servos.safety().sent_rad());
         recorder.states(RecordingTopic::JointStates, at_s, servos.states());
         if let Some(retargeter) = decision.root {
-            let positions: Vec<f64> = servos.states().iter().map(|s| s.position_rad).collect();
-            let root = pose_array(&retargeter.world_from_root(&positions));
-            recorder.pose(RecordingTopic::Root, at_s, root);
+            recorder.pose(RecordingTopic::Root, at_s, servos.root_pose(retargeter));
         }
         if let Some(truth) = servos.truth() {
             // The simulation has already gone on to the end of this cycle.

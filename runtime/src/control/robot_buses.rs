@@ -8,13 +8,16 @@
 use super::bus_choice::BusChoice;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
+use crate::telemetry::pose_array::{pose_array, pose_of};
 use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
+use crate::world::{BodyReport, RobotWorld, WorldChoice};
 use anyhow::Context;
-use servodance_drivers::{Bus, BusLayout, EStop, SafeBus, State, open_buses};
+use servodance_drivers::{Bus, BusLayout, EStop, ImuKind, SafeBus, State, open_buses};
+use servodance_retarget::Retargeter;
 use servodance_sim::{
     Cue, Happening, SimBus, SimLink, SimOptions, SimServoSpec, Violations, happen,
 };
-use servodance_types::JointState;
+use servodance_types::{ImuState, JointState, Placement};
 use std::iter::Peekable;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -26,16 +29,18 @@ const LOCKSTEP_TIMEOUT_MS: f64 = 60_000.0;
 /// Slower than this a joint stands still, radians a second.
 const STILL_RAD_S: f64 = 0.01;
 
-/// Faults to inject at simulated servos.
+/// What simulated servos meet: a world, and faults to inject.
 #[derive(Clone, Debug, Default)]
-pub struct FaultPlan {
+pub struct SimulationPlan {
+    /// The world that they carry the robot in.
+    pub world: WorldChoice,
     /// In the order of time, seconds since torque on.
     pub faults: Vec<Cue>,
     /// Which replies a fault of the wire hits.
     pub seed: u64,
 }
 
-impl FaultPlan {
+impl SimulationPlan {
     /// A path at which the port is found again after its adapter was unplugged
     /// and plugged in; `None` where that does not happen.
     fn path(&self) -> Option<PathBuf> {
@@ -56,6 +61,14 @@ pub struct RobotBuses {
     /// For each simulated bus its place among the robot's buses.
     sims: Vec<(usize, SimBus)>,
     layouts: Vec<BusLayout>,
+    world: Option<RobotWorld>,
+    /// Where the root link was in the world when the servos were read last.
+    root: Option<Placement>,
+    /// What the motion sensor told then.
+    imu: Option<ImuState>,
+    imu_kind: Option<ImuKind>,
+    /// Robot time of the fall, seconds.
+    fell_s: Option<f64>,
     faults: Peekable<std::vec::IntoIter<Cue>>,
     period_s: f64,
     states: Vec<JointState>,
@@ -64,24 +77,30 @@ pub struct RobotBuses {
 }
 
 impl RobotBuses {
-    /// Opens the buses; no servo moves and none is powered yet.
+    /// Opens the buses; no servo moves and none is powered yet. Simulated servos turn
+    /// by themselves, without a world.
     pub fn open(
         robot: &Robot,
         choices: &[BusChoice],
         speed: Speed,
         estop: &EStop,
     ) -> anyhow::Result<Self> {
-        Self::open_with_faults(robot, choices, speed, estop, FaultPlan::default())
+        Self::open_simulating(robot, choices, speed, estop, SimulationPlan::default())
     }
 
-    /// The same with faults at simulated servos.
-    pub fn open_with_faults(
+    /// The same, with what simulated servos meet. Real ones are in the real world.
+    pub fn open_simulating(
         robot: &Robot,
         choices: &[BusChoice],
         speed: Speed,
         estop: &EStop,
-        faults: FaultPlan,
+        plan: SimulationPlan,
     ) -> anyhow::Result<Self> {
+        let has_real = choices.iter().any(|choice| *choice != BusChoice::Sim);
+        if has_real && plan.world != WorldChoice::None {
+            anyhow::bail!("--world needs the simulated bus: real servos are in the real world");
+        }
+        let world = RobotWorld::open(robot, plan.world)?;
         let mut layouts = robot.buses.clone();
         let mut sims = Vec::new();
         let mut ports = Vec::with_capacity(layouts.len());
@@ -91,7 +110,7 @@ impl RobotBuses {
             }
             ports.push(match choice {
                 BusChoice::Sim => {
-                    let sim = simulated(layout, robot.control_hz, speed, &faults)?;
+                    let sim = simulated(layout, robot.control_hz, speed, &plan, world.as_ref())?;
                     let port = sim.port();
                     layout.config.reply_clock = sim.reply_clock();
                     sims.push((place, sim));
@@ -106,7 +125,12 @@ impl RobotBuses {
             bus: SafeBus::new(bus, robot.safety)?.with_estop(estop.clone()),
             sims,
             layouts,
-            faults: faults.faults.into_iter().peekable(),
+            root: world.as_ref().map(|world| world.shared.root()),
+            world,
+            imu: None,
+            imu_kind: robot.imu.as_ref().map(|imu| imu.kind),
+            fell_s: None,
+            faults: plan.faults.into_iter().peekable(),
             period_s: robot.period_s(),
             states: vec![JointState::default(); joints],
             truth: vec![JointState::default(); joints],
@@ -128,8 +152,32 @@ impl RobotBuses {
         self.inject_faults(now_s)?;
         self.bus.command(now_s, targets_rad);
         self.bus.tick(now_s, &mut self.states)?;
+        self.root = self.world.as_ref().map(|world| world.shared.root());
+        self.imu = self.read_imu();
+        self.advance_silently(self.period_s);
+        self.see_truth();
+        if self.fell_s.is_none() && self.world.as_ref().is_some_and(|world| world.shared.fell()) {
+            self.fell_s = Some(now_s);
+        }
+        self.now_s = now_s;
+        Ok(())
+    }
+
+    fn read_imu(&self) -> Option<ImuState> {
+        match self.imu_kind? {
+            ImuKind::Opencr => self.bus.imu(),
+            ImuKind::Simulated => self.world.as_ref().map(|world| world.shared.imu()),
+        }
+    }
+
+    /// What the robot's motion sensor told when the servos were read last, in the axes of
+    /// the root link. `None` without a sensor, and 100 ms after it fell silent.
+    pub fn imu(&self) -> Option<ImuState> {
+        self.imu
+    }
+
+    fn see_truth(&mut self) {
         for (place, sim) in &self.sims {
-            sim.advance(self.period_s);
             for (servo, &joint) in self.layouts[*place].joints.iter().enumerate() {
                 if let Some(servo) = sim.servo(servo) {
                     self.truth[joint] = JointState {
@@ -140,8 +188,6 @@ impl RobotBuses {
                 }
             }
         }
-        self.now_s = now_s;
-        Ok(())
     }
 
     fn inject_faults(&mut self, now_s: f64) -> anyhow::Result<()> {
@@ -154,11 +200,43 @@ impl RobotBuses {
         Ok(())
     }
 
-    /// Simulated time goes on without any traffic on the bus.
+    /// Simulated time goes on without any traffic on the bus: on several buses that
+    /// share a world by one step of it after the other.
     pub fn advance_silently(&self, seconds: f64) {
-        for (_, sim) in &self.sims {
-            sim.advance(seconds);
+        let slices = match &self.world {
+            Some(world) if self.sims.len() > 1 => world.steps_in(seconds),
+            _ => 1,
+        };
+        for _ in 0..slices {
+            for (_, sim) in &self.sims {
+                sim.advance(seconds / slices as f64);
+            }
         }
+    }
+
+    /// Whether the robot has fallen in its world.
+    pub fn has_fallen(&self) -> bool {
+        self.fell_s.is_some()
+    }
+
+    /// Where the root link was when the servos were read last (x, y, z, quaternion): as
+    /// the floor's world has it, else as `retargeter` reckons from the joints.
+    pub fn root_pose(&self, retargeter: &Retargeter) -> [f64; 7] {
+        let stands = |world: &&RobotWorld| world.choice() == WorldChoice::Floor;
+        match (self.world.as_ref().filter(stands), &self.root) {
+            (Some(_), Some(root)) => pose_array(&pose_of(root)),
+            _ => {
+                let positions: Vec<f64> = self.states.iter().map(|s| s.position_rad).collect();
+                pose_array(&retargeter.world_from_root(&positions))
+            }
+        }
+    }
+
+    /// What the body did in its world; `None` without one.
+    pub fn body_report(&self) -> Option<BodyReport> {
+        let world = self.world.as_ref()?;
+        let moved = self.counted(SimBus::motion_violations);
+        Some(BodyReport::new(world.choice(), &world.shared.figures(), self.fell_s, moved))
     }
 
     /// The joints whose simulated servos still drive, other than those that
@@ -247,20 +325,31 @@ impl RobotBuses {
         }
     }
 
-    /// Limits broken at the simulated servos; `None` on a real bus.
+    /// Limits broken at the simulated servos; `None` on a real bus. In a world by what
+    /// they were told alone: weight moves joints beyond a goal that is at its limit.
     pub fn violations(&self) -> Option<ViolationReport> {
-        let mut counted = Violations::default();
-        for (_, sim) in &self.sims {
-            counted += sim.violations();
-        }
         if !self.all_simulated() {
             return None;
         }
+        let all = self.counted(SimBus::violations);
+        let moved = match &self.world {
+            Some(_) => self.counted(SimBus::motion_violations),
+            None => ViolationReport::default(),
+        };
         Some(ViolationReport {
-            position: counted.position,
-            velocity: counted.velocity,
-            acceleration: counted.acceleration,
+            position: all.position - moved.position,
+            velocity: all.velocity - moved.velocity,
+            acceleration: all.acceleration - moved.acceleration,
         })
+    }
+
+    fn counted(&self, count: impl Fn(&SimBus) -> Violations) -> ViolationReport {
+        let mut sum = Violations::default();
+        for (_, sim) in &self.sims {
+            sum += count(sim);
+        }
+        let Violations { position, velocity, acceleration } = sum;
+        ViolationReport { position, velocity, acceleration }
     }
 
     /// The first violations, one sentence each.
@@ -302,9 +391,13 @@ fn simulated(
     layout: &BusLayout,
     control_hz: f64,
     speed: Speed,
-    faults: &FaultPlan,
+    plan: &SimulationPlan,
+    world: Option<&RobotWorld>,
 ) -> anyhow::Result<SimBus> {
-    let specs: Vec<SimServoSpec> = layout.servos.iter().map(SimServoSpec::from).collect();
+    let mut specs: Vec<SimServoSpec> = layout.servos.iter().map(SimServoSpec::from).collect();
+    if let Some(world) = world {
+        specs = world.placed(specs, layout);
+    }
     let options = match speed {
         Speed::Max => SimOptions::lockstep(layout.config.baud, control_hz),
         Speed::Realtime => SimOptions::realtime(layout.config.baud, control_hz),
@@ -312,8 +405,10 @@ fn simulated(
     let options = SimOptions {
         // A socket: no terminal of the kernel in between that delays bytes.
         link: SimLink::Unix,
-        seed: faults.seed,
-        path: faults.path(),
+        seed: plan.seed,
+        path: plan.path(),
+        seat: world.map(|world| world.seat(layout)),
+        imu: layout.config.imu.clone(),
         ..options
     };
     SimBus::start(&specs, options).context("cannot start the simulated bus")

@@ -73,6 +73,8 @@ pub struct Trace {
     pub motion: Vec<MotionFrame>,
     pub targets: JointTrace,
     pub servos: JointTrace,
+    /// Pose of the root link at each sample of `servos`.
+    pub roots: Vec<[f64; 7]>,
 }
 
 impl Trace {
@@ -81,6 +83,7 @@ impl Trace {
             motion: Vec::new(),
             targets: JointTrace::new(joints),
             servos: JointTrace::new(joints),
+            roots: Vec::new(),
         }
     }
 
@@ -99,6 +102,8 @@ impl Trace {
         self.motion.drain(..gone);
         self.targets.forget_before(from_s);
         self.servos.forget_before(from_s);
+        let kept = self.servos.times_s().len();
+        self.roots.drain(..self.roots.len().saturating_sub(kept));
     }
 }
 

@@ -6,7 +6,6 @@
 
 use super::robot_buses::RobotBuses;
 use crate::pipeline::load_shedding::{LeftOut, LoadShedding};
-use crate::telemetry::pose_array::pose_array;
 use crate::viewer::snapshot::{Activity, BANDS, MusicStatus, RobotStatus, ViewerEvent, state_name};
 use crate::viewer::{RobotEnd, ViewerSettings};
 use servodance_drivers::Transition;
@@ -36,7 +35,6 @@ pub struct ViewerLink<'a> {
     /// Human poses that are taken in ahead of the robot, oldest first.
     poses: VecDeque<Option<BodyPoints>>,
     music: VecDeque<(f64, MusicStatus)>,
-    positions_rad: Vec<f64>,
     /// Transitions of the safety layer that viewers have got.
     events_sent: usize,
     amplitude: f64,
@@ -74,7 +72,6 @@ impl<'a> ViewerLink<'a> {
             cycles: 0,
             poses: VecDeque::from(vec![None; ahead]),
             music: VecDeque::with_capacity(MUSIC_FRAMES),
-            positions_rad: vec![0.0; retargeter.rest().len()],
             events_sent: 0,
             amplitude,
             mirror,
@@ -143,15 +140,11 @@ impl<'a> ViewerLink<'a> {
         }
         self.measure_rate();
         let states = servos.states();
-        for (place, state) in self.positions_rad.iter_mut().zip(states) {
-            *place = state.position_rad;
-        }
-        let root = retargeter.world_from_root(&self.positions_rad);
         let moment = RobotStatus {
             activity: cycle.activity,
             robot_s: servos.now_s(),
             music_s: cycle.music_s,
-            root: pose_array(&root),
+            root: servos.root_pose(retargeter),
             human: self.poses.front().copied().flatten().map(single),
             music: self.music_at(cycle.music_s),
             idle_share: cycle.idle_share,

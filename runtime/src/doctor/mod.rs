@@ -28,14 +28,11 @@ pub enum Verdict {
 
 /// One thing that was looked at.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct Finding {
-    /// What was looked at, in a word or two.
     pub area: &'static str,
-    /// How bad it is.
     pub verdict: Verdict,
-    /// The finding in one sentence.
     pub what: String,
-    /// What to do about it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
 }

@@ -4,6 +4,7 @@
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::conditioning::Conditioning;
 use crate::pipeline::feature_extractor::FeatureExtractor;
+use crate::pipeline::model_args::{EngineArgs, SamplingArgs};
 use crate::process::progress::Progress;
 use crate::process::speed::Speed;
 use crate::session::dance::open_generator;
@@ -11,10 +12,9 @@ use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::{Context, bail};
 use servodance_audio::MusicAnalyzer;
 use servodance_model::conditioning::{Encodec, HeardFrame};
-use servodance_model::engine::EngineOptions;
 use servodance_model::motion::mpjpe_m;
 use servodance_model::motion::{Clip, bvh_write};
-use servodance_model::{Codec, GeneratorOptions, ModelError};
+use servodance_model::{AtEnd, Codec, GeneratorOptions, ModelError};
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -25,31 +25,71 @@ const LOOKAHEAD_MAX_S: f64 = 5.0;
 const SECONDS_MAX: f64 = 86_400.0;
 
 /// The motion that is wanted.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct GenerateRequest {
-    /// Where the music comes from.
-    pub audio: AudioChoice,
-    /// How much motion, seconds; all of the music if left out. Music that is
-    /// over sooner is played again from its start.
+    /// The recording (wav, flac, mp3, ogg); the built-in song if left out.
+    #[arg(value_name = "AUDIO")]
+    pub audio: Option<PathBuf>,
+    /// The file to write: .npz (positions) or .bvh (joint angles).
+    #[arg(long, value_name = "FILE.npz|FILE.bvh")]
+    pub out: PathBuf,
+    /// How much motion; a recording that is shorter is played again.
+    #[arg(long, value_name = "SECONDS")]
     pub seconds: Option<f64>,
-    /// Seed of the generator.
+    /// The same seed and the same input give the same dance.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Style, if not the default one.
+    /// Dance style; an unknown one lists those that the model knows.
+    #[arg(long, value_name = "NAME")]
     pub style: Option<String>,
-    /// How codes are drawn; its seed and style are not looked at.
-    pub sampling: GeneratorOptions,
-    /// How the model's steps are computed.
-    pub engine: EngineOptions,
-    /// A motion to go on from.
+    /// A motion (.npz) that the dance goes on from.
+    #[arg(long, value_name = "MOTION.npz")]
     pub start: Option<PathBuf>,
-    /// How far the beat is known ahead of the motion, seconds; 0 as when live.
-    pub lookahead_s: f64,
-    /// Weights, if not the built-in ones.
+    /// How many seconds of music after a frame help to find the beat in it; 0
+    /// is what a live robot hears.
+    #[arg(long, default_value_t = 0.0, value_name = "SECONDS")]
+    pub lookahead: f64,
+    /// Weights to use in place of the built-in ones.
+    #[arg(long, value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
-    /// Files that those weights may need, and a style in words.
+    /// What weights may need beside them, and a style in words.
+    #[command(flatten)]
     pub conditioning: Conditioning,
-    /// Whether there is no progress bar.
+    /// How codes are drawn.
+    #[command(flatten)]
+    pub sampling: SamplingArgs,
+    /// Stop where a model that knows an end says so; else a new sequence
+    /// goes on from there.
+    #[arg(long)]
+    pub until_end: bool,
+    /// How the model's steps are computed.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// Print only errors
+    #[arg(long, short)]
     pub quiet: bool,
+}
+
+impl GenerateRequest {
+    /// A dance of the built-in model to a recording, or to the built-in song, that goes
+    /// to no file.
+    pub fn plain(audio: Option<PathBuf>, seconds: f64, seed: u64, style: Option<String>) -> Self {
+        Self {
+            audio,
+            out: PathBuf::new(),
+            seconds: Some(seconds),
+            seed,
+            style,
+            start: None,
+            lookahead: 0.0,
+            model: None,
+            conditioning: Conditioning::default(),
+            sampling: SamplingArgs::default(),
+            until_end: false,
+            engine: EngineArgs::default(),
+            quiet: true,
+        }
+    }
 }
 
 /// Format of a motion file, by the ending of its name.
@@ -94,8 +134,8 @@ pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
     {
         bail!("--seconds {seconds} is outside 0.05..{SECONDS_MAX}");
     }
-    if !(0.0..=LOOKAHEAD_MAX_S).contains(&request.lookahead_s) {
-        let lookahead_s = request.lookahead_s;
+    let lookahead_s = request.lookahead;
+    if !(0.0..=LOOKAHEAD_MAX_S).contains(&lookahead_s) {
         bail!("--lookahead {lookahead_s} is outside 0..{LOOKAHEAD_MAX_S}");
     }
     let generator = open_generator(request.model.as_deref(), request.engine)?;
@@ -104,7 +144,8 @@ pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
         seed: request.seed,
         style: request.style.clone(),
         style_vector: request.conditioning.style_vector(&generator)?,
-        ..request.sampling.clone()
+        at_end: if request.until_end { AtEnd::Stop } else { AtEnd::Chain },
+        ..request.sampling.options()
     })?;
     if let Some(start) = &request.start {
         let past = Clip::read_npz(start)?;
@@ -175,18 +216,19 @@ struct MusicFeed {
 
 impl MusicFeed {
     fn open(request: &GenerateRequest, encodec: Option<&Encodec>) -> anyhow::Result<Self> {
-        let audio = AudioInput::open(&request.audio, Speed::Max)?;
+        let choice = request.audio.clone().map_or(AudioChoice::BuiltIn, AudioChoice::File);
+        let audio = AudioInput::open(&choice, Speed::Max)?;
         let rate_hz = audio.sample_rate_hz();
         let analyzer = MusicAnalyzer::new(rate_hz)?;
         let frames = |seconds: f64| (seconds * FRAME_RATE_HZ).round() as usize;
         Ok(Self {
-            choice: request.audio.clone(),
+            choice,
             features: FeatureExtractor::new(analyzer, rate_hz, encodec)?,
             audio,
             block: Vec::new(),
             left: request.seconds.map(frames),
             waiting: VecDeque::new(),
-            lookahead: frames(request.lookahead_s),
+            lookahead: frames(request.lookahead),
             ended: false,
         })
     }

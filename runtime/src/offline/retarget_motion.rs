@@ -14,16 +14,24 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The motion, the robot, and the files to write.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct RetargetRequest {
-    /// The motion file to read.
+    /// The motion: .bvh, .npz (22 joints), .pkl (AIST++), .amc beside its .asf, or .npy (HumanML3D).
+    #[arg(value_name = "MOTION")]
     pub motion: PathBuf,
-    /// A built-in robot or a robot file.
+    /// A built-in robot (see `servodance robots`) or a robot file.
+    #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
     pub robot: String,
-    /// Where the joint positions go.
+    /// Joint positions: `time_s` and a column of radians a joint (.csv),
+    /// or a recording (.mcap).
+    #[arg(long, value_name = "FILE.csv|.mcap")]
     pub out: PathBuf,
-    /// Where the figures go.
+    /// Write figures as JSON.
+    #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
+    /// Print only errors
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 /// The figures of `retarget --report`.

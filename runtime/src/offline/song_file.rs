@@ -1,4 +1,4 @@
-//! The built-in song as a WAV file.
+//! Songs that this program renders, as WAV files.
 
 use crate::telemetry::pending_file::PendingFile;
 use anyhow::Context;
@@ -12,7 +12,11 @@ pub fn write_demo(path: &Path) -> anyhow::Result<()> {
 
 /// Writes the song repeated until it lasts `seconds`; once at least.
 pub fn write_demo_for(path: &Path, seconds: f64) -> anyhow::Result<()> {
-    let song = Song::demo();
+    write_song(path, &Song::demo(), seconds)
+}
+
+/// The same for any song.
+pub fn write_song(path: &Path, song: &Song, seconds: f64) -> anyhow::Result<()> {
     let times = (seconds / song.duration_s()).ceil().max(1.0) as usize;
     let spec = hound::WavSpec {
         channels: 1,

@@ -15,6 +15,7 @@ pub(crate) mod dancer_thread;
 pub mod feature_extractor;
 pub(crate) mod load_shedding;
 pub mod microphone;
+pub mod model_args;
 pub(crate) mod motion_source;
 pub(crate) mod stage_source;
 pub mod step_times;

@@ -2,6 +2,7 @@
 //! at the end. Wall-clock milliseconds; never used to decide anything.
 
 use serde::{Deserialize, Serialize};
+use servodance_types::named;
 use std::time::Instant;
 
 /// A step of the way from sound to servo.
@@ -19,27 +20,9 @@ pub enum PipelineStep {
     Bus,
 }
 
-impl PipelineStep {
-    /// All steps, in the order in which sound passes them.
-    pub const ALL: [PipelineStep; 5] = [
-        PipelineStep::Features,
-        PipelineStep::Model,
-        PipelineStep::Retarget,
-        PipelineStep::Control,
-        PipelineStep::Bus,
-    ];
-
-    /// The name that reports and recordings use.
-    pub const fn name(self) -> &'static str {
-        match self {
-            PipelineStep::Features => "features",
-            PipelineStep::Model => "model",
-            PipelineStep::Retarget => "retarget",
-            PipelineStep::Control => "control",
-            PipelineStep::Bus => "bus",
-        }
-    }
-}
+named!(PipelineStep {
+    Features "features", Model "model", Retarget "retarget", Control "control", Bus "bus"
+});
 
 /// Percentiles of a duration, milliseconds. All zero where there was no sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

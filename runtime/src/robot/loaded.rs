@@ -7,7 +7,9 @@ use super::robot_file::{RobotError, config_path, parse, retarget_path};
 use super::robot_folders::{FileRefused, RobotFolders};
 use crate::control::idle::IdleStyle;
 use anyhow::{anyhow, bail};
-use servodance_drivers::{BusLayout, SafetyConfig, SafetyError, Servo, check_rate, layouts};
+use servodance_drivers::{
+    BusLayout, ImuConfig, SafetyConfig, SafetyError, Servo, assign_imu, check_rate, layouts,
+};
 use servodance_retarget::{DiagnosticCode, RetargetConfig, Retargeter};
 use servodance_types::JointLimits;
 use std::path::{Path, PathBuf};
@@ -27,6 +29,8 @@ pub struct Robot {
     pub servo_lag_s: f64,
     pub idle: IdleStyle,
     pub buses: Vec<BusLayout>,
+    /// What measures its motion.
+    pub imu: Option<ImuConfig>,
     pub safety: SafetyConfig,
     pub retarget: RetargetConfig,
     pub servos: Vec<Servo>,
@@ -97,6 +101,10 @@ impl Robot {
         }
         let (servos, mut buses) = layouts(parsed.buses, &parsed.joints)
             .map_err(|e| refuse(DiagnosticCode::ServoMap, &config_path(&e), e.to_string()))?;
+        if let Some(imu) = &parsed.imu {
+            assign_imu(imu, &mut buses)
+                .map_err(|e| refuse(DiagnosticCode::ServoMap, &config_path(&e), e.to_string()))?;
+        }
         for bus in &mut buses {
             bus.config.control_hz = Some(parsed.control_hz);
             check_rate(&bus.config, &bus.servos, parsed.control_hz)
@@ -119,6 +127,7 @@ impl Robot {
             servo_lag_s: parsed.servo_lag_s,
             idle: parsed.idle,
             buses,
+            imu: parsed.imu,
             safety,
             retarget: parsed.retarget,
             servos,

@@ -5,7 +5,9 @@ use super::config_source::{ConfigSource, line_at};
 use crate::control::idle::IdleStyle;
 use crate::process::console::stderr_line;
 use serde::Deserialize;
-use servodance_drivers::{BusConfig, ConfigError, SafetyConfig, ServoConfig, one_or_several};
+use servodance_drivers::{
+    BusConfig, ConfigError, ImuConfig, SafetyConfig, ServoConfig, one_or_several,
+};
 use servodance_retarget::{DiagnosticCode, RetargetConfig, RetargetError};
 
 /// Why a robot file cannot be used.
@@ -39,6 +41,8 @@ pub(super) struct RobotFile {
     #[serde(rename = "bus", deserialize_with = "one_or_several")]
     pub buses: Vec<BusConfig>,
     #[serde(default)]
+    pub imu: Option<ImuConfig>,
+    #[serde(default)]
     pub safety: SafetyConfig,
     pub retarget: RetargetConfig,
     #[serde(rename = "joint")]
@@ -71,6 +75,7 @@ pub(super) fn config_path(error: &ConfigError) -> Vec<&str> {
             vec!["joint", joint]
         }
         ConfigError::Bus { key, .. } => vec!["bus", key],
+        ConfigError::Imu { key, .. } => vec!["imu", key],
         _ => Vec::new(),
     }
 }

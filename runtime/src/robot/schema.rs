@@ -57,6 +57,7 @@ mod tests {
         for (header, name) in [
             ("", ""),
             ("[bus]", "bus"),
+            ("[imu]", "imu"),
             ("[[joint]]", "joint"),
             ("[safety]", "safety"),
             ("[retarget]", "retarget"),

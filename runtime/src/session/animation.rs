@@ -4,7 +4,6 @@
 use crate::control::trace::Trace;
 use crate::session::config::DanceConfig;
 use crate::telemetry::export::{ExportSpan, gif};
-use crate::telemetry::pose_array::pose_array;
 use crate::telemetry::recorder::Recording;
 use crate::telemetry::report::DanceReport;
 use std::path::Path;
@@ -39,7 +38,6 @@ fn recording(
     report: &DanceReport,
     shown: impl Fn(f64) -> bool,
 ) -> anyhow::Result<Recording> {
-    let retargeter = config.robot.retargeter()?;
     let mut recording = Recording {
         robot: config.robot.name.clone(),
         urdf_xml: config.robot.urdf_xml.clone(),
@@ -50,10 +48,9 @@ fn recording(
     let times_s = trace.servos.times_s().iter().enumerate();
     for (index, time_s) in times_s.filter(|(_, time_s)| shown(**time_s)) {
         let positions = trace.servos.sample(index);
-        let root = pose_array(&retargeter.world_from_root(positions));
         let positions = positions.iter().map(|p| *p as f32).collect();
         recording.states.push(*time_s, positions);
-        recording.root.push(*time_s, root);
+        recording.root.push(*time_s, trace.roots[index]);
     }
     for frame in trace.motion.iter().filter(|frame| shown(frame.time_s)) {
         let turned = |[left, up, forward]: [f32; 3]| [forward, left, up];

@@ -4,23 +4,23 @@ use crate::control::bus_choice::BusChoice;
 use crate::control::idle::IdleStyle;
 use crate::control::timing::{LoopOptions, MotionArrival};
 use crate::pipeline::audio_input::AudioChoice;
-use crate::pipeline::conditioning::Conditioning;
+use crate::pipeline::model_args::GeneratorArgs;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
-use servodance_model::engine::EngineOptions;
+use crate::world::WorldChoice;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// Everything that decides a dance.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the other names say it
 pub struct DanceConfig {
-    /// Where the music comes from.
     pub audio: AudioChoice,
-    /// The robot that dances.
     pub robot: Robot,
     /// Where commands go, for each bus of the robot.
     pub buses: Vec<BusChoice>,
-    /// How fast time passes.
+    /// The world that simulated servos carry the robot in.
+    pub world: WorldChoice,
     pub speed: Speed,
     /// Whether a recording is danced to as if it came in live.
     pub as_live: bool,
@@ -28,31 +28,16 @@ pub struct DanceConfig {
     pub compensation: bool,
     /// What to do while there is no music.
     pub idle: IdleStyle,
-    /// Seed of the generator.
-    pub seed: u64,
-    /// Style, if not the default one.
-    pub style: Option<String>,
-    /// Weights, if not the built-in ones.
-    pub model: Option<PathBuf>,
-    /// Files that those weights may need, and a style in words.
-    pub conditioning: Conditioning,
-    /// How the model's steps are computed.
-    pub engine: EngineOptions,
-    /// Where the report goes.
+    pub generator: GeneratorArgs,
     pub report: Option<PathBuf>,
-    /// Where the recording goes.
     pub record: Option<PathBuf>,
-    /// Where the picture goes.
     pub picture: Option<PathBuf>,
-    /// Where the animation goes.
     pub gif: Option<PathBuf>,
     /// Address of the page for viewers, if there is one.
     pub view: Option<SocketAddr>,
-    /// Whether the terminal shows the dance and takes keys.
     pub tui: bool,
     /// Whether each dance waits for a viewer's `start`.
     pub wait_for_start: bool,
-    /// A file that is the emergency stop.
     pub estop_file: Option<PathBuf>,
     /// Whether only errors are printed.
     pub quiet: bool,

@@ -8,12 +8,13 @@ use super::dance_report::{dance_report, finish_recording};
 use super::{animation, plot_selection};
 use crate::control::control_loop::{ControlLoop, Ending, disarm_cause};
 use crate::control::emergency_stop::EmergencyStopWatch;
-use crate::control::robot_buses::RobotBuses;
+use crate::control::robot_buses::{RobotBuses, SimulationPlan};
 use crate::control::viewer_link::publish_end;
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::dancer::Dancer;
 use crate::pipeline::dancer_thread::DancerThread;
 use crate::pipeline::load_shedding::{LeftOut, LoadShedding, OverloadWatch};
+use crate::pipeline::model_args::EngineArgs;
 use crate::pipeline::motion_source::MotionSource;
 use crate::process::progress::Progress;
 use crate::process::realtime::{NotAllowed, OrdinaryAfterwards, ThreadRole, raise};
@@ -25,8 +26,7 @@ use crate::viewer::RobotEnd;
 use anyhow::Context;
 use servodance_audio::capture::CaptureEvent;
 use servodance_drivers::EStop;
-use servodance_model::engine::EngineOptions;
-use servodance_model::{Generator, GeneratorOptions};
+use servodance_model::Generator;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -42,14 +42,15 @@ pub struct Outcome {
 
 /// Dances. `stop` may be set at any time (by Ctrl-C, say) to end it early.
 pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome> {
-    let generator = open_generator(config.model.as_deref(), config.engine)?;
+    let generator = open_generator(config.generator.model.as_deref(), config.generator.engine)?;
     let estop = EStop::default();
     let _watch = watch_emergency_stop(config, &estop)?;
     perform(config, &generator, stop, &estop, None)
 }
 
 /// The weights in a file, or those that are built in.
-pub fn open_generator(model: Option<&Path>, engine: EngineOptions) -> anyhow::Result<Generator> {
+pub fn open_generator(model: Option<&Path>, engine: EngineArgs) -> anyhow::Result<Generator> {
+    let engine = engine.options();
     Ok(match model {
         Some(path) => Generator::load_with(path, engine)?,
         None => Generator::built_in_with(engine)?,
@@ -79,7 +80,9 @@ pub(super) fn perform(
     let Prepared { mut source, recorder, progress, shedding } = prepare(config, generator)?;
     let _ = raise_in(config.speed, ThreadRole::Control);
     let started = Instant::now();
-    let mut servos = RobotBuses::open(&config.robot, &config.buses, config.speed, estop)?;
+    let plan = SimulationPlan { world: config.world, ..SimulationPlan::default() };
+    let mut servos =
+        RobotBuses::open_simulating(&config.robot, &config.buses, config.speed, estop, plan)?;
     for note in servos.arm()? {
         progress.note(&note);
     }
@@ -127,6 +130,7 @@ pub(super) fn perform(
         animation::write(config, &run.log.trace, run.plan.lead.mean_s(), &report, path)?;
     }
     recorded?;
+    refuse_fall(&report)?;
     refuse_broken_limits(&report, &servos)?;
     Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
 }
@@ -145,17 +149,8 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
     let audio = AudioInput::open(&config.audio, config.speed)?;
     let _ = raise_in(config.speed, ThreadRole::Model); // a refusal is reported once, below
     let audio_s = audio.duration_s();
-    let encodec = config.conditioning.encodec(generator)?;
-    let style_vector = match &config.style {
-        Some(_) => None, // chosen by a viewer
-        None => config.conditioning.style_vector(generator)?,
-    };
-    let generator = generator.start(GeneratorOptions {
-        seed: config.seed,
-        style: config.style.clone(),
-        style_vector,
-        ..GeneratorOptions::default()
-    })?;
+    let encodec = config.generator.conditioning.encodec(generator)?;
+    let generator = generator.start(config.generator.options(generator)?)?;
     for path in [&config.picture, &config.gif, &config.report] {
         let file = path.as_deref().map(PendingFile::create);
         drop(file.transpose()?); // only to learn early whether it can be written
@@ -212,6 +207,16 @@ fn note_safety_events(servos: &RobotBuses, progress: &Progress) {
             "{:.2} s, {} -> {}: {}",
             event.time_s, event.from, event.to, event.cause
         ));
+    }
+}
+
+/// A dance in which the robot fell has failed.
+fn refuse_fall(report: &DanceReport) -> anyhow::Result<()> {
+    match report.body.as_ref().and_then(|body| body.fell_s) {
+        Some(fell_s) => {
+            anyhow::bail!("the robot fell {fell_s:.2} s after torque on; torque is off")
+        }
+        None => Ok(()),
     }
 }
 

@@ -23,15 +23,16 @@ pub fn dance_report(
     music: &MusicSummary,
     wall_s: f64,
 ) -> anyhow::Result<DanceReport> {
+    let asked = &config.generator;
     let times = |step| run.log.steps.times(step);
     let mut report = DanceReport {
         version: DanceReport::version_string(),
         audio_s: music.audio_s,
         frames: run.input.frames,
         tokens: run.input.frames * music.tokens_per_frame,
-        seed: config.seed,
+        seed: asked.seed,
         model: String::new(),
-        style: (config.style.clone()).or(config.conditioning.style_text.clone()),
+        style: asked.style.clone().or(asked.conditioning.style_text.clone()),
         robot: config.robot.name.clone(),
         bus: bus_choice::names(&config.robot, &config.buses),
         wall_s,
@@ -45,6 +46,7 @@ pub fn dance_report(
         },
         bus_stats: servos.bus_report(),
         violations: servos.violations(),
+        body: servos.body_report(),
         alignment: AlignmentReport::default(),
         beats: BeatReport {
             tempo_bpm: music.beats.tempo_bpm,

@@ -29,14 +29,14 @@ pub struct Session {
 impl Session {
     /// Loads all that can be loaded before the first dance.
     pub fn new(config: DanceConfig) -> anyhow::Result<Self> {
-        let generator = open_generator(config.model.as_deref(), config.engine)?;
-        let style = config.style.as_deref();
+        let generator = open_generator(config.generator.model.as_deref(), config.generator.engine)?;
+        let style = config.generator.style.as_deref();
         let settings = ViewerSettings {
             amplitude: config.robot.retarget.amplitude,
             mirror: config.robot.retarget.mirror,
             idle: config.idle,
             style: generator.style_index(style.unwrap_or(generator.default_style()))?,
-            seed: config.seed,
+            seed: config.generator.seed,
         };
         Ok(Self { end: RobotEnd::new(config.robot.servos.len(), settings), config, generator })
     }
@@ -44,12 +44,6 @@ impl Session {
     /// The end of the link for one more viewer.
     pub fn add_viewer(&mut self) -> ViewerEnd {
         self.end.add_viewer()
-    }
-
-    /// The same, waiting for a viewer's `start` before each dance.
-    pub fn waiting_for_start(mut self) -> Self {
-        self.config.wait_for_start = true;
-        self
     }
 
     /// What viewers get once, before the first snapshot.
@@ -99,11 +93,12 @@ impl Session {
     fn dance(&mut self, stop: &AtomicBool) -> anyhow::Result<Outcome> {
         let ViewerSettings { idle, style, seed, .. } = self.end.settings;
         self.config.idle = idle;
-        self.config.seed = seed;
+        self.config.generator.seed = seed;
         let styles = self.generator.styles();
         let style = styles[style.min(styles.len() - 1)].clone();
-        let is_default = style == self.generator.default_style() && self.config.style.is_none();
-        self.config.style = (!is_default).then_some(style);
+        let is_default =
+            style == self.generator.default_style() && self.config.generator.style.is_none();
+        self.config.generator.style = (!is_default).then_some(style);
         self.end.publish(|s| s.now.activity = Activity::Starting);
         let estop = self.end.estop.clone();
         let end = Some(&mut self.end);

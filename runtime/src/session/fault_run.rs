@@ -7,7 +7,7 @@
 use crate::control::bus_choice::BusChoice;
 use crate::control::control_loop::ControlLoop;
 use crate::control::idle::IdleStyle;
-use crate::control::robot_buses::{FaultPlan, RobotBuses};
+use crate::control::robot_buses::{RobotBuses, SimulationPlan};
 use crate::control::timing::{LoopOptions, MotionArrival};
 use crate::pipeline::audio_input::AudioInput;
 use crate::pipeline::dancer::Dancer;
@@ -15,6 +15,7 @@ use crate::pipeline::motion_source::MotionSource;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
 use crate::telemetry::report::ViolationReport;
+use crate::world::WorldChoice;
 use servodance_audio::song::Song;
 use servodance_drivers::EStop;
 use servodance_model::{Generator, GeneratorOptions};
@@ -34,6 +35,8 @@ pub struct FaultRun<'a> {
     pub generator: &'a Generator,
     /// The music to dance to.
     pub song: Song,
+    /// The world that the servos carry the robot in.
+    pub world: WorldChoice,
     /// Faults in the order of time, seconds since torque on.
     pub faults: Vec<Cue>,
     /// Decides the dance, and which replies faults hit.
@@ -66,12 +69,13 @@ pub struct FaultRunResult {
 }
 
 impl<'a> FaultRun<'a> {
-    /// A run without faults: seed 1, default style, music known ahead.
+    /// A run without faults and without a world: seed 1, default style, music known ahead.
     pub fn new(robot: &'a Robot, generator: &'a Generator, song: Song) -> Self {
         Self {
             robot,
             generator,
             song,
+            world: WorldChoice::None,
             faults: Vec::new(),
             seed: 1,
             style: None,
@@ -96,7 +100,7 @@ impl<'a> FaultRun<'a> {
         // Only live sound gives notices.
         let dancer = Dancer::new(audio, dance, None, Box::new(|_| ()))?;
         let mut source = MotionSource::Inline(Box::new(dancer));
-        let faults = FaultPlan { faults: self.faults, seed: self.seed };
+        let plan = SimulationPlan { world: self.world, faults: self.faults, seed: self.seed };
         let options = LoopOptions {
             speed: Speed::Max,
             arrival: match self.as_live {
@@ -109,7 +113,7 @@ impl<'a> FaultRun<'a> {
         let buses = vec![BusChoice::Sim; self.robot.buses.len()];
         let estop = EStop::default();
         let mut servos =
-            RobotBuses::open_with_faults(self.robot, &buses, options.speed, &estop, faults)?;
+            RobotBuses::open_simulating(self.robot, &buses, options.speed, &estop, plan)?;
         servos.arm()?;
         let mut control = ControlLoop::new(self.robot, &mut servos, None, options, None, stop)?;
         let ending = control.run(&mut source, on_frame);

@@ -39,14 +39,13 @@ pub struct FollowConfig {
 
 /// Result of a led dance.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct LedDanceResult {
-    /// Name of the robot.
     pub robot: String,
     /// The bus: `sim`, `serial:PATH`, or `NAME=PORT` for each of several.
     pub bus: String,
     /// Control cycles a second that were asked for.
     pub control_hz: f64,
-    /// Motion frames that were danced.
     pub frames: u64,
     /// Control cycles for which motion was due and no frame was there.
     pub late_frames: u64,
@@ -54,7 +53,6 @@ pub struct LedDanceResult {
     pub late_ms_max: f64,
     /// Lateness of control cycles, 99th percentile, milliseconds.
     pub late_ms_p99: f64,
-    /// Seconds that the robot idled.
     pub idled_s: f64,
     /// Limits broken at the simulated servos; `null` on a real bus.
     pub violations: Option<ViolationReport>,

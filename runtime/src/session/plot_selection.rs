@@ -4,6 +4,7 @@ use crate::control::trace::{JointTrace, Trace};
 use crate::session::config::DanceConfig;
 use crate::telemetry::picture::robot_figure::{robot_figure, standing_height_m};
 use crate::telemetry::picture::{BeatPose, DancePicture, JointTrack, StickFigure};
+use crate::telemetry::pose_array::pose_from_array;
 use crate::telemetry::report::DanceReport;
 use servodance_model::motion::kinematic_beats_s;
 use servodance_retarget::Retargeter;
@@ -86,13 +87,11 @@ fn pose(retargeter: &Retargeter, height_m: f64, trace: &Trace, time_s: f64) -> O
     let frame = trace.motion.iter().find(|frame| frame.time_s >= time_s - 1e-9)?;
     let index = trace.servos.index_at(time_s)?;
     let positions = trace.servos.sample(index);
+    let root = pose_from_array(*trace.roots.get(index)?);
     Some(BeatPose {
         time_s,
         dancer: StickFigure::dancer(&frame.positions),
-        robot: StickFigure {
-            height_m,
-            ..robot_figure(retargeter.model(), &retargeter.world_from_root(positions), positions)
-        },
+        robot: StickFigure { height_m, ..robot_figure(retargeter.model(), &root, positions) },
     })
 }
 

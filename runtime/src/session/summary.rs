@@ -1,7 +1,7 @@
 //! What the user reads when a dance is over.
 
 use crate::session::config::DanceConfig;
-use crate::telemetry::report::DanceReport;
+use crate::telemetry::report::{BusReport, DanceReport};
 use std::fmt::Write;
 
 /// A few lines: what was danced, how well, how fast, and where the files are.
@@ -11,16 +11,12 @@ pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(text, "{label:<10}{value}");
     };
+    let DanceReport { audio_s, wall_s, realtime_factor, frames, seed, model, .. } = report;
     line(
         "danced",
         format!(
-            "{:.1} s of music in {:.1} s ({:.1}x real time), {} frames, seed {}, model {}",
-            report.audio_s,
-            report.wall_s,
-            report.realtime_factor,
-            report.frames,
-            report.seed,
-            report.model
+            "{audio_s:.1} s of music in {wall_s:.1} s ({realtime_factor:.1}x real time), \
+             {frames} frames, seed {seed}, model {model}"
         ),
     );
     let beats = report.beats.times_s.len();
@@ -39,17 +35,14 @@ pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
             ),
         },
     );
+    let DanceReport { robot, bus, late_frames, .. } = report;
+    let BusReport { cycles, rate_hz, bytes, crc_errors, timeouts, .. } = report.bus_stats;
+    let errors = crc_errors + timeouts;
     line(
         "robot",
         format!(
-            "{} on {}: {} cycles at {:.0} Hz, {} bytes, {} errors, {} late",
-            report.robot,
-            report.bus,
-            report.bus_stats.cycles,
-            report.bus_stats.rate_hz,
-            report.bus_stats.bytes,
-            report.bus_stats.crc_errors + report.bus_stats.timeouts,
-            report.late_frames
+            "{robot} on {bus}: {cycles} cycles at {rate_hz:.0} Hz, {bytes} bytes, \
+             {errors} errors, {late_frames} late"
         ),
     );
     if let Some(latency) = &report.latency_ms {
@@ -71,6 +64,9 @@ pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
             None => "held by the safety layer (real servos: nobody independent looked)".into(),
         },
     );
+    if let Some(body) = &report.body {
+        line("body", body.line());
+    }
     if let Some(effort) = report.effort.line() {
         line("motors", effort);
     }

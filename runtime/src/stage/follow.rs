@@ -37,14 +37,11 @@ const LONGEST_WAIT: Duration = Duration::from_millis(10);
 
 /// The robot that follows, and the network.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the other names say it
 pub struct StageFollow {
-    /// The robot and its buses.
     pub config: FollowConfig,
-    /// Where the leader is to be reached.
     pub place: NetConfig,
-    /// Name of the stage to follow on.
     pub stage: String,
-    /// Name of this follower on the stage.
     pub name: String,
     /// How it dances until the leader gives it another role.
     pub role: Role,
@@ -54,20 +51,16 @@ pub struct StageFollow {
     pub ros_domain: Option<u32>,
     /// By how much its clock is wrong, seconds, and fast, seconds a second.
     pub skew: (f64, f64),
-    /// A file that is the emergency stop.
     pub estop_file: Option<PathBuf>,
-    /// Where the report goes.
     pub report: Option<PathBuf>,
-    /// Whether only errors are printed.
     pub quiet: bool,
 }
 
 /// The figures of a follower.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct FollowReport {
-    /// Version of this program.
     pub version: String,
-    /// Name of this follower on the stage.
     pub name: String,
     /// The figures of its control loop.
     #[serde(flatten)]
@@ -86,7 +79,6 @@ pub struct FollowReport {
     pub delay_ms: f64,
     /// By how much the leader's clock is faster, millionths.
     pub drift_ppm: f64,
-    /// Number of frames that never came.
     pub lost_frames: u64,
     /// How often a leader was followed.
     pub joined: u64,

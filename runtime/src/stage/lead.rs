@@ -6,10 +6,10 @@
 use super::timeline::{Timeline, nanoseconds};
 use super::{keys, open};
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
-use crate::pipeline::conditioning::Conditioning;
 use crate::pipeline::dance_step::{DanceChange, DanceStep, EXTRA_STYLES, Polled};
 use crate::pipeline::dancer::Dancer;
 use crate::pipeline::dancer_thread::DancerThread;
+use crate::pipeline::model_args::GeneratorArgs;
 use crate::pipeline::stage_source::LocalClock;
 use crate::process::progress::Progress;
 use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
@@ -19,8 +19,6 @@ use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureEvent;
-use servodance_model::GeneratorOptions;
-use servodance_model::engine::EngineOptions;
 use servodance_retarget::PostureReader;
 use servodance_stage::messages::StageFrame;
 use servodance_stage::net::{
@@ -45,35 +43,22 @@ const TAIL_S: f64 = 0.5;
 
 /// The dance to lead, and the network.
 #[derive(Clone, Debug)]
+#[allow(missing_docs)] // the other names say it
 pub struct StageLead {
-    /// Where the music comes from.
     pub audio: AudioChoice,
-    /// Seed of the generator.
-    pub seed: u64,
-    /// Style, if not the default one.
-    pub style: Option<String>,
-    /// Weights, if not the built-in ones.
-    pub model: Option<PathBuf>,
-    /// Files that those weights may need.
-    pub conditioning: Conditioning,
-    /// How the model's steps are computed.
-    pub engine: EngineOptions,
+    pub generator: GeneratorArgs,
     /// Network addresses at which followers connect.
     pub place: NetConfig,
-    /// Name of the stage to lead.
     pub stage: String,
-    /// Whether to replace a leader that is there.
     pub take_over: bool,
-    /// Where the report goes.
     pub report: Option<PathBuf>,
-    /// Whether only errors are printed.
     pub quiet: bool,
 }
 
 /// The figures of a led dance.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[allow(missing_docs)] // the other names say it
 pub struct LeadReport {
-    /// Version of this program.
     pub version: String,
     /// Frames that were sent, without those of other styles.
     pub frames: u64,
@@ -83,11 +68,8 @@ pub struct LeadReport {
     pub lead_ms: f64,
     /// The longest lead, milliseconds.
     pub lead_ms_max: f64,
-    /// The largest number of followers at a time.
     pub followers: usize,
-    /// Number of messages that were dropped.
     pub dropped: u64,
-    /// Whether another leader took over.
     pub taken_over: bool,
     /// Whether the user stopped it.
     pub interrupted: bool,
@@ -103,19 +85,15 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
     let _ = raise(ThreadRole::Capture);
     let audio = AudioInput::open(&options.audio, Speed::Realtime)?;
     let _ = raise(ThreadRole::Model);
-    let generator = open_generator(options.model.as_deref(), options.engine)?;
-    let encodec = options.conditioning.encodec(&generator)?;
-    let style = match &options.style {
+    let asked = &options.generator;
+    let generator = open_generator(asked.model.as_deref(), asked.engine)?;
+    let encodec = asked.conditioning.encodec(&generator)?;
+    let style = match &asked.style {
         Some(style) => generator.styles()[generator.style_index(style)?].clone(),
         None => generator.default_style().to_owned(),
     };
     let styles = generator.styles().to_vec();
-    let dance = generator.start(GeneratorOptions {
-        seed: options.seed,
-        style: options.style.clone(),
-        style_vector: options.conditioning.style_vector(&generator)?,
-        ..GeneratorOptions::default()
-    })?;
+    let dance = generator.start(asked.options(&generator)?)?;
     let notes = progress.clone();
     let on_notice = Box::new(move |notice: &CaptureEvent| notes.note(&notice.to_string()));
     let mut dancer = Dancer::new(audio, dance, encodec.as_ref(), on_notice)?;

@@ -15,5 +15,6 @@ pub mod picture;
 pub(crate) mod pose_array;
 pub mod recorder;
 pub(crate) mod report;
+mod violation_report;
 
-pub use report::ViolationReport;
+pub use violation_report::ViolationReport;

@@ -3,8 +3,10 @@
 //! Meaning and unit of each key stand in `docs/report.md`, which a test holds
 //! against this file; a change of meaning raises [`DanceReport::FORMAT`].
 
+pub use super::violation_report::ViolationReport;
 use crate::control::latency::LatencyReport;
 use crate::pipeline::step_times::StepTimes;
+use crate::world::BodyReport;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureStats;
 use servodance_retarget::TorqueReport;
@@ -27,6 +29,8 @@ pub struct DanceReport {
     pub stages: PipelineTimes,
     pub bus_stats: BusReport,
     pub violations: Option<ViolationReport>,
+    #[serde(default)]
+    pub body: Option<BodyReport>,
     pub beats: BeatReport,
     pub alignment: AlignmentReport,
     pub idled_s: f64,
@@ -75,14 +79,6 @@ pub struct BusReport {
     pub timeouts: u64,
     pub retries: u64,
     pub rate_hz: f64,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[allow(missing_docs)] // docs/report.md
-pub struct ViolationReport {
-    pub position: u64,
-    pub velocity: u64,
-    pub acceleration: u64,
 }
 
 /// Torque and heat of the motors, estimated from the masses of the description.

@@ -7,7 +7,7 @@
 use crate::control::idle::IdleStyle;
 use serde::{Serialize, Serializer};
 use servodance_drivers::{BusStats, State};
-use servodance_types::{BeatLock, JOINT_COUNT};
+use servodance_types::{BeatLock, JOINT_COUNT, named};
 
 pub const BANDS: usize = 32;
 pub const EVENTS: usize = 8;
@@ -29,21 +29,10 @@ pub enum Activity {
     Over,
 }
 
-impl Activity {
-    /// The name in frames and messages.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Activity::Waiting => "waiting",
-            Activity::Starting => "starting",
-            Activity::Listening => "listening",
-            Activity::Prelude => "prelude",
-            Activity::Dancing => "dancing",
-            Activity::Finale => "finale",
-            Activity::Playing => "playing",
-            Activity::Over => "over",
-        }
-    }
-}
+named!(Activity {
+    Waiting "waiting", Starting "starting", Listening "listening", Prelude "prelude",
+    Dancing "dancing", Finale "finale", Playing "playing", Over "over",
+});
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointStatus {

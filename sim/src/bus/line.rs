@@ -4,7 +4,7 @@ use servodance_drivers::can::CanFrame;
 
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::servo::body::SimServoState;
+use crate::servo::body::{ServoBody, SimServoState};
 
 /// One reply: a pause on the line, then bytes.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +44,9 @@ pub trait Line: std::fmt::Debug + Send {
     /// One step of every servo, ending at `time_s`.
     fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool);
 
+    /// Shows the motors in their joints, in order, to a world that moves them.
+    fn each_body(&mut self, each: &mut dyn FnMut(usize, &mut ServoBody));
+
     /// The judges of the servos, in order.
     fn judges(&self) -> Vec<&Judge>;
 
@@ -52,6 +55,9 @@ pub trait Line: std::fmt::Debug + Send {
 
     /// Something goes wrong with one servo; false if there is none.
     fn suffer(&mut self, index: usize, fault: ServoFault) -> bool;
+
+    /// A board on the line that is no servo falls silent, or answers again.
+    fn silence_board(&mut self, _silent: bool) {}
 
     /// Sound and damaged packets from the host so far.
     fn packets(&self) -> (u64, u64);

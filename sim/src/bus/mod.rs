@@ -12,8 +12,8 @@ mod host_end;
 pub(crate) mod line;
 pub(crate) mod options;
 pub(crate) mod shared;
+pub(crate) mod stepped_line;
 mod thread_priority;
-pub(crate) mod world;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -26,8 +26,8 @@ use crate::bus::host_end::{HostEnd, HostLink};
 use crate::bus::line::Line;
 use crate::bus::options::{SimClock, SimOptions};
 use crate::bus::shared::{BusShared, Gone, WireStats};
+use crate::bus::stepped_line::SteppedLine;
 use crate::bus::thread_priority::raise_priority;
-use crate::bus::world::World;
 use crate::can::{CanServer, build_net};
 use crate::error::SimError;
 use crate::fault::wire::FaultyWire;
@@ -37,6 +37,7 @@ use crate::serial::build::build_line;
 use crate::serial::server::SerialServer;
 use crate::servo::body::SimServoState;
 use crate::servo::spec::SimServoSpec;
+use crate::world::{SharedWorld, WorldSeat};
 
 /// How long carrying out the host's frames may take in lockstep.
 const LONGEST_SETTLE: Duration = Duration::from_secs(2);
@@ -48,6 +49,7 @@ pub struct SimBus {
     port_path: String,
     port: Port,
     host_link: HostLink,
+    world: Option<SharedWorld>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -109,8 +111,9 @@ impl SimBus {
             false => 10.0 / f64::from(options.baud),
         };
         let adapter_s = SimError::checked("adapter_s", options.adapter_s, 0.0..=1.0, "0 to 1")?;
+        let world = options.seat.as_ref().map(WorldSeat::world);
         let shared = Arc::new(BusShared::new(
-            World::new(line, period_s),
+            SteppedLine::new(line, period_s, options.seat),
             FaultyWire::new(options.seed),
             options.clock,
             byte_s,
@@ -120,7 +123,7 @@ impl SimBus {
             HostLink { is_can, bitrate: options.baud, link: options.link, path: options.path };
         let (host_end, port_path, port) = host_link.open()?;
         let thread = start_thread(host_end, shared.clone(), options.baud)?;
-        Ok(Self { shared, port_path, port, host_link, thread: Some(thread) })
+        Ok(Self { shared, port_path, port, host_link, world, thread: Some(thread) })
     }
 
     /// The serial port to open, e.g. `/dev/pts/3`, or the multicast group.
@@ -137,7 +140,7 @@ impl SimBus {
     pub fn advance(&self, dt_s: f64) {
         if self.shared.clock == SimClock::Lockstep {
             self.settle();
-            self.shared.world().advance(dt_s);
+            self.shared.stepped().advance(dt_s);
         }
     }
 
@@ -160,29 +163,39 @@ impl SimBus {
 
     /// The simulated time in seconds.
     pub fn time_s(&self) -> f64 {
-        self.shared.world().time_s()
+        self.shared.stepped().time_s()
     }
 
     /// Limits broken so far by all servos: see `judge.rs`.
     pub fn violations(&self) -> Violations {
-        self.shared.world().sum(Judge::violations)
+        self.shared.stepped().sum(Judge::violations)
     }
 
     /// Limits that the true motion broke, whatever the goals were.
     pub fn motion_violations(&self) -> Violations {
-        self.shared.world().sum(|judge| judge.motion.violations)
+        self.shared.stepped().sum(|judge| judge.motion.violations)
     }
 
     /// The first eight violations of each servo in words.
     pub fn violation_notes(&self) -> Vec<String> {
-        let world = self.shared.world();
-        let judges = world.line.judges().into_iter();
+        let stepped = self.shared.stepped();
+        let judges = stepped.line.judges().into_iter();
         judges.flat_map(|judge| judge.notes.clone()).collect()
     }
 
     /// What the servo at `index` (in the order of the specs) really does.
     pub fn servo(&self, index: usize) -> Option<SimServoState> {
-        self.shared.world().line.state(index)
+        self.shared.stepped().line.state(index)
+    }
+
+    /// The world that moves the servos' shafts.
+    pub fn world(&self) -> Option<SharedWorld> {
+        self.world.clone()
+    }
+
+    /// The motion sensor on the bus falls silent, or answers again.
+    pub fn silence_imu(&self, silent: bool) {
+        self.shared.stepped().line.silence_board(silent);
     }
 
     /// From now on `fault` hits this share (0 to 1) of the replies; `None` ends it.
@@ -197,7 +210,7 @@ impl SimBus {
 
     /// Something happens to one servo: false if there is none at `index`.
     pub fn set_servo_fault(&self, index: usize, fault: ServoFault) -> bool {
-        self.shared.world().line.suffer(index, fault)
+        self.shared.stepped().line.suffer(index, fault)
     }
 
     /// The CAN controller of the adapter leaves the bus, or comes back.
@@ -229,7 +242,7 @@ impl SimBus {
 
     /// Bytes, packets and busy time since the start.
     pub fn wire_stats(&self) -> WireStats {
-        let (packets_in, bad_packets) = self.shared.world().line.packets();
+        let (packets_in, bad_packets) = self.shared.stepped().line.packets();
         let traffic = *self.shared.wire();
         let bytes = (traffic.bytes_in + traffic.bytes_out) as f64;
         WireStats {

@@ -3,6 +3,10 @@
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
 
+use servodance_drivers::ImuConfig;
+
+use crate::world::WorldSeat;
+
 /// Who moves time on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SimClock {
@@ -48,6 +52,12 @@ pub struct SimOptions {
     /// Where the port is found (a link to the terminal, or the socket), also after the
     /// adapter was pulled out and put back; without one it has a new path then.
     pub path: Option<PathBuf>,
+    /// The place of the servos in a world that moves their shafts; without one each
+    /// servo turns by itself, with the load of its spec.
+    pub seat: Option<WorldSeat>,
+    /// The motion sensor on the bus, read by the driver beside the servos; without a
+    /// world it lies level and still.
+    pub imu: Option<ImuConfig>,
 }
 
 impl SimOptions {
@@ -63,6 +73,8 @@ impl SimOptions {
             supply_ohm: 0.0,
             seed: 0,
             path: None,
+            seat: None,
+            imu: None,
         }
     }
 

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use crate::bus::options::SimClock;
-use crate::bus::world::World;
+use crate::bus::stepped_line::SteppedLine;
 use crate::fault::wire::FaultyWire;
 
 /// Precise waits sleep until so long before their end; the rest is spent
@@ -43,7 +43,7 @@ impl std::ops::AddAssign for WireStats {
 /// What the thread and its owner share.
 #[derive(Debug)]
 pub(crate) struct BusShared {
-    world: Mutex<World>,
+    stepped: Mutex<SteppedLine>,
     wire: Mutex<WireStats>,
     faults: Mutex<FaultyWire>,
     pub stop: AtomicBool,
@@ -61,14 +61,14 @@ pub(crate) struct BusShared {
 
 impl BusShared {
     pub fn new(
-        world: World,
+        stepped: SteppedLine,
         faults: FaultyWire,
         clock: SimClock,
         byte_s: f64,
         adapter_s: f64,
     ) -> Self {
         Self {
-            world: Mutex::new(world),
+            stepped: Mutex::new(stepped),
             wire: Mutex::new(WireStats::default()),
             faults: Mutex::new(faults),
             stop: AtomicBool::new(false),
@@ -82,17 +82,17 @@ impl BusShared {
         }
     }
 
-    /// The world, brought up to the present in real time.
-    pub fn world(&self) -> MutexGuard<'_, World> {
-        let mut world = self.world_as_it_is();
+    /// The line, brought up to the present in real time.
+    pub fn stepped(&self) -> MutexGuard<'_, SteppedLine> {
+        let mut stepped = self.stepped_as_it_is();
         if self.clock == SimClock::Realtime {
-            world.advance_to(self.began.elapsed().as_secs_f64());
+            stepped.advance_to(self.began.elapsed().as_secs_f64());
         }
-        world
+        stepped
     }
 
-    pub fn world_as_it_is(&self) -> MutexGuard<'_, World> {
-        self.world.lock().unwrap_or_else(PoisonError::into_inner)
+    pub fn stepped_as_it_is(&self) -> MutexGuard<'_, SteppedLine> {
+        self.stepped.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn wire(&self) -> MutexGuard<'_, WireStats> {

@@ -4,7 +4,6 @@
 //! Torque is `kp (goal - angle) + kd (speed wanted - speed) + feed-forward`,
 //! within the torque limit. Angles are the motor's own after the gear.
 
-use servodance_drivers::DataSheet;
 use servodance_drivers::can::MotorSettings;
 
 use crate::error::SimError;
@@ -75,12 +74,7 @@ impl MotorCore {
         let settings =
             spec.motor.clone().ok_or_else(|| spec.refused("is not a CAN motor".into()))?;
         let torque_nm = settings.model.torque_nm;
-        let rpm = settings.model.velocity_rad_s * 60.0 / std::f64::consts::TAU;
-        let sheet = DataSheet::new(torque_nm, rpm, torque_nm, nominal_v);
-        // Driven by torque: its inertia does not follow from a stock gain.
-        let mut motor = Motor::new(&sheet, 0.0);
-        // Driven by torque: its inertia does not follow from a stock gain.
-        motor.inertia_kg_m2 = settings.model.rotor_inertia_kg_m2() + spec.load_inertia_kg_m2;
+        let motor = Motor::of_can(&settings, nominal_v, spec.load_inertia_kg_m2);
         Ok(Self {
             body: ServoBody::new(spec, motor, period_s, supply_v.unwrap_or(nominal_v)),
             nominal_v,
@@ -205,11 +199,12 @@ impl MotorCore {
     pub fn step(&mut self, time_s: f64, dt_s: f64) {
         self.body.time_s = time_s;
         self.watch_silence(dt_s);
-        let duty = self.command.map(|command| self.drive(command));
-        if duty.is_none() {
+        let drive = self.command.map(|command| self.drive(command));
+        if drive.is_none() {
             self.torque_nm = 0.0;
         }
-        self.body.step(dt_s, duty);
+        let duty = drive.map(|(duty, _)| duty);
+        self.body.step_damped(dt_s, duty, drive.and_then(|(_, damping_nm_s)| damping_nm_s));
         self.protect(dt_s);
     }
 
@@ -226,14 +221,16 @@ impl MotorCore {
         }
     }
 
-    fn drive(&mut self, command: TorqueCommand) -> f64 {
+    /// Duty, and how much of it is damping, newton metre seconds, where no limit cuts it.
+    fn drive(&mut self, command: TorqueCommand) -> (f64, Option<f64>) {
         let asked_nm = command.kp * (command.goal_rad - self.body.motor.angle_rad)
             + command.kd * (command.speed_rad_s - self.body.motor.speed_rad_s)
             + command.torque_nm;
         self.torque_nm = asked_nm.clamp(-self.torque_limit_nm, self.torque_limit_nm);
         let volts = self.body.volts();
         let duty = self.body.motor.duty_for_torque(self.torque_nm, volts);
-        duty.clamp(-1.0, 1.0)
+        let is_cut = self.torque_nm != asked_nm || duty.abs() > 1.0;
+        (duty.clamp(-1.0, 1.0), (!is_cut).then_some(command.kd))
     }
 
     fn protect(&mut self, dt_s: f64) {

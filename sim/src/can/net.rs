@@ -12,7 +12,7 @@ use crate::bus::line::{Burst, Line};
 use crate::can::motor_core::MotorCore;
 use crate::fault::ServoFault;
 use crate::judge::Judge;
-use crate::servo::body::SimServoState;
+use crate::servo::body::{ServoBody, SimServoState};
 
 pub(crate) trait CanDevice: Debug + Send {
     fn core(&self) -> &MotorCore;
@@ -110,6 +110,12 @@ impl Line for CanNet {
             if period_ends {
                 device.core_mut().body.end_period();
             }
+        }
+    }
+
+    fn each_body(&mut self, each: &mut dyn FnMut(usize, &mut ServoBody)) {
+        for (index, device) in self.devices.iter_mut().enumerate() {
+            each(index, &mut device.core_mut().body);
         }
     }
 

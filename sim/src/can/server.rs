@@ -59,7 +59,7 @@ impl CanServer {
             }
             self.shared.busy.store(false, Ordering::SeqCst);
             if self.shared.clock == SimClock::Realtime {
-                let due = self.shared.world().line.due();
+                let due = self.shared.stepped().line.due();
                 self.answer(due);
             }
         }
@@ -78,12 +78,12 @@ impl CanServer {
         }
         self.shared.wait_until(self.wire_free_s);
         let answers = {
-            let mut world = self.shared.world();
+            let mut stepped = self.shared.stepped();
             let mut frames = match self.shared.clock {
-                SimClock::Lockstep => world.line.due(),
+                SimClock::Lockstep => stepped.line.due(),
                 SimClock::Realtime => Vec::new(),
             };
-            frames.extend(world.line.receive(frame));
+            frames.extend(stepped.line.receive(frame));
             frames
         };
         self.answer(answers);

@@ -6,8 +6,12 @@
 //! 5s    wire     corrupt 0.01   drop, late (60 ms), corrupt, truncate, duplicate,
 //! 6s    wire     clear          noise, echo, corrupt-instruction: each with a SHARE
 //! 7s    adapter  gone           gone, back; bus-off, bus-on (CAN)
+//! 8s    push     1 0 1.5        1.5 newton seconds towards x, for 50 ms (in a world)
+//! 9s    lift                    put back where it was at the start (in a world)
+//! 9s    imu      dead           dead, revive: the motion sensor on the bus
 //! ```
 //!
+//! A push has the direction `X Y` of the world and a size in newton seconds.
 //! Refused with the line: a time that is none, somebody unknown, a fault that
 //! is unknown or lacks its value.
 
@@ -26,6 +30,12 @@ pub enum Happening {
     Adapter(bool),
     /// The CAN controllers leave the bus (true) or come back.
     BusOff(bool),
+    /// Somebody pushes the robot: newton seconds towards x and y.
+    Push([f64; 2]),
+    /// A hand puts the robot back where it was at the start.
+    Lift,
+    /// The motion sensor falls silent (true) or answers again.
+    Imu(bool),
 }
 
 /// A line of a script.
@@ -59,7 +69,12 @@ fn parse_line(line: &str, joints: &[&str]) -> Result<Cue, SimError> {
     let time_s = time_s
         .filter(|t: &f64| (0.0..=1e6).contains(t))
         .ok_or_else(|| bad(format!("\"{time}\" is no time like 3.5s")))?;
-    let (who, fault) = (word("joint, wire or adapter")?, word("fault")?);
+    let who = word("joint, wire or adapter")?;
+    if let "push" | "lift" = who {
+        let what = body_event(who, words).map_err(bad)?;
+        return Ok(Cue { time_s, what });
+    }
+    let fault = word("fault")?;
     let value: Option<f64> = match words.next() {
         None => None,
         Some(text) => {
@@ -79,6 +94,11 @@ fn parse_line(line: &str, joints: &[&str]) -> Result<Cue, SimError> {
             "bus-on" => Happening::BusOff(false),
             _ => return Err(bad("an adapter can be gone, back, bus-off or bus-on".into())),
         },
+        "imu" => match fault {
+            "dead" => Happening::Imu(true),
+            "revive" => Happening::Imu(false),
+            _ => return Err(bad("a motion sensor can be dead or revive".into())),
+        },
         joint => {
             let place = joints.iter().position(|known| *known == joint);
             let place = place.ok_or_else(|| {
@@ -89,6 +109,21 @@ fn parse_line(line: &str, joints: &[&str]) -> Result<Cue, SimError> {
         }
     };
     Ok(Cue { time_s, what })
+}
+
+/// `push X Y NS`, or `lift`.
+fn body_event<'a>(who: &str, words: impl Iterator<Item = &'a str>) -> Result<Happening, String> {
+    let numbers: Vec<&str> = words.collect();
+    let read = |text: &&str| text.parse().ok().filter(|number: &f64| number.is_finite());
+    let read: Option<Vec<f64>> = numbers.iter().map(read).collect();
+    match (who, read.as_deref()) {
+        ("lift", Some([])) => Ok(Happening::Lift),
+        ("lift", _) => Err("nothing stands behind lift".into()),
+        (_, Some(&[x, y, impulse_ns])) if x.hypot(y) > 0.0 => {
+            Ok(Happening::Push([x, y].map(|part| part / x.hypot(y) * impulse_ns)))
+        }
+        _ => Err("a push needs a direction X Y and newton seconds: push 1 0 1.5".into()),
+    }
 }
 
 fn servo_fault(fault: &str, value: Option<f64>) -> Result<ServoFault, String> {
@@ -151,6 +186,13 @@ pub fn happen(
     buses: &mut [SimBus],
     joints: &[Vec<usize>],
 ) -> Result<(), SimError> {
+    // One world for all buses.
+    let world = buses.first().and_then(SimBus::world);
+    match (what, world) {
+        (Happening::Push(impulse_ns), Some(world)) => world.push(*impulse_ns),
+        (Happening::Lift, Some(world)) => world.lift(),
+        _ => {}
+    }
     for (bus, joints) in buses.iter_mut().zip(joints) {
         match what {
             Happening::Servo(place, fault) => {
@@ -162,6 +204,8 @@ pub fn happen(
             Happening::Adapter(true) => bus.unplug(),
             Happening::Adapter(false) => bus.replug()?,
             Happening::BusOff(off) => bus.set_bus_off(*off),
+            Happening::Imu(silent) => bus.silence_imu(*silent),
+            Happening::Push(_) | Happening::Lift => {}
         }
     }
     Ok(())
@@ -175,10 +219,12 @@ mod tests {
 
     #[test]
     fn a_script_is_read_in_the_order_of_time() {
-        let text = "# a bad day\n4s knee overheat 85\n\n1.5s wire corrupt 0.1 # a little\n2s adapter gone\n3s adapter back\n5s wire clear\n6s neck id 2";
+        let text = "# a bad day\n4s knee overheat 85\n\n1.5s wire corrupt 0.1 # a little\n2s adapter gone\n3s adapter back\n5s wire clear\n6s neck id 2\n7s push 0 -2 1.5\n8s lift\n9s imu dead";
         let cues = parse_script(text, &JOINTS).unwrap();
         let times: Vec<f64> = cues.iter().map(|cue| cue.time_s).collect();
-        assert_eq!(times, [1.5, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(times, [1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
+        assert_eq!(cues[6].what, Happening::Push([0.0, -1.5]));
+        assert_eq!([&cues[7].what, &cues[8].what], [&Happening::Lift, &Happening::Imu(true)]);
         assert_eq!(cues[3].what, Happening::Servo(1, ServoFault::Overheat(85.0)));
         assert_eq!(cues[5].what, Happening::Servo(0, ServoFault::Id(2)));
     }
@@ -194,6 +240,11 @@ mod tests {
             ("1s knee overheat nan", "is no number"),
             ("1s knee id 300", "id 300 is not 0 to 252"),
             ("1s knee baud 0.5", "baud 0.5 is not 1"),
+            ("1s push 1 0", "a push needs a direction"),
+            ("1s push 0 0 1", "a push needs a direction"),
+            ("1s push 1 0 nan", "a push needs a direction"),
+            ("1s lift 2", "nothing stands behind lift"),
+            ("1s imu sad", "dead or revive"),
             ("1s wire drop", "drop needs a share"),
             ("1s wire drop 2", "drop needs a share"),
             ("1s adapter lost", "gone, back"),

@@ -2,6 +2,7 @@
 
 pub(crate) mod build;
 pub(crate) mod host_port;
+pub(crate) mod imu_board;
 pub(crate) mod protocol1_line;
 pub(crate) mod protocol2_line;
 pub(crate) mod protocol2_packet;

@@ -7,6 +7,7 @@
 use servodance_drivers::serial::instruction as code;
 
 use crate::bus::line::Burst;
+use crate::serial::imu_board::ImuBoard;
 use crate::serial::protocol2_packet::{
     BROADCAST, Instruction, Parsed, Parser, fast_status, status,
 };
@@ -34,7 +35,15 @@ struct ReadPart {
     size: u16,
 }
 
-/// Servos that speak Dynamixel Protocol 2.0.
+impl ReadPart {
+    /// The same as an instruction of its own.
+    fn as_read(&self) -> Instruction {
+        let params = [self.address.to_le_bytes(), self.size.to_le_bytes()].concat();
+        Instruction { id: self.id, code: code::READ, params }
+    }
+}
+
+/// Servos that speak Dynamixel Protocol 2.0, and a board with a motion sensor if there is one.
 pub type Protocol2Line = SerialLine<XServo>;
 
 impl Protocol2Line {
@@ -51,8 +60,56 @@ impl Protocol2Line {
             _ => {
                 let addressed = self.find_all(instruction.id).into_iter();
                 let answers = addressed.filter_map(|i| self.single(i, instruction));
-                collided(answers.collect())
+                let mut answers: Vec<Burst> = answers.collect();
+                answers.extend(self.ask_board(instruction));
+                collided(answers)
             }
+        }
+    }
+
+    /// The board, if a packet to this id reaches it.
+    fn board(&mut self, id: u8) -> Option<&mut ImuBoard> {
+        let is_heard = self.is_at_line_rate();
+        self.board.as_mut().filter(|board| is_heard && board.hears(id))
+    }
+
+    fn board_reply(&self, error: u8, params: &[u8]) -> Option<Burst> {
+        let board = self.board.as_ref()?;
+        let bytes = status(board.id(), error, params);
+        Some(Burst { servo: self.servos.len(), delay_s: board.return_delay_s(), bytes })
+    }
+
+    /// An instruction to the board, and its answer if its return level gives one.
+    fn ask_board(&mut self, instruction: &Instruction) -> Option<Burst> {
+        let params = &instruction.params[..];
+        let board = self.board(instruction.id)?;
+        let level = board.return_level();
+        let read = match (instruction.code, params) {
+            (code::PING, _) => {
+                let data = board.ping();
+                return self.board_reply(0, &data);
+            }
+            (code::READ, &[a0, a1, s0, s1]) => {
+                let (address, size) = (u16::from_le_bytes([a0, a1]), u16::from_le_bytes([s0, s1]));
+                board.read(address, size).map_err(|error| error as u8)
+            }
+            (code::READ, _) => Err(LENGTH_ERROR),
+            (code::WRITE, _) => {
+                let done = |address, data: &[u8]| {
+                    board.write(address, data).err().map_or(0, |error| error as u8)
+                };
+                match addressed(params, done) {
+                    0 => Ok(Vec::new()),
+                    error => Err(error),
+                }
+            }
+            _ => Err(INSTRUCTION_ERROR),
+        };
+        let answers = level >= if instruction.code == code::READ { 1 } else { 2 };
+        match read {
+            _ if !answers => None,
+            Ok(data) => self.board_reply(0, &data),
+            Err(error) => self.board_reply(error, &[]),
         }
     }
 
@@ -73,10 +130,19 @@ impl Protocol2Line {
         if instruction.code == code::PING {
             let mut order = self.listeners();
             order.sort_by_key(|&index| self.servos[index].id());
-            return order
-                .into_iter()
-                .map(|index| self.reply(index, 0, &self.servos[index].ping()))
+            let answers = order.into_iter();
+            let mut answers: Vec<(u8, Burst)> = answers
+                .map(|index| {
+                    let servo = &self.servos[index];
+                    (servo.id(), self.reply(index, 0, &servo.ping()))
+                })
                 .collect();
+            if let Some(id) = self.board.as_ref().map(ImuBoard::id) {
+                let ping = Instruction { id, ..instruction.clone() };
+                answers.extend(self.ask_board(&ping).map(|answer| (id, answer)));
+                answers.sort_by_key(|(id, _)| *id);
+            }
+            return answers.into_iter().map(|(_, answer)| answer).collect();
         }
         // The rest is carried out without an answer; a broadcast Read means nothing.
         let is_read = instruction.code == code::READ;
@@ -156,7 +222,11 @@ impl Protocol2Line {
         let mut bursts = Vec::with_capacity(parts.len());
         for part in parts {
             let Some(index) = self.find(part.id) else {
-                break;
+                match self.ask_board(&part.as_read()) {
+                    Some(answer) => bursts.push(answer),
+                    None => break,
+                }
+                continue;
             };
             if self.servos[index].return_level() == 0 {
                 break;
@@ -216,6 +286,9 @@ impl Protocol2Line {
         let address = u16::from_le_bytes([a0, a1]);
         let size = usize::from(u16::from_le_bytes([s0, s1]));
         for item in rest.chunks_exact(1 + size) {
+            if let Some(board) = self.board(item[0]) {
+                let _ = board.write(address, &item[1..]);
+            }
             for index in self.find_all(item[0]) {
                 // Refused writes of a broadcast are not answered.
                 let _ = self.servos[index].write(address, &item[1..]);
@@ -231,6 +304,9 @@ impl Protocol2Line {
             let Some((data, after)) = tail.split_at_checked(size) else {
                 break;
             };
+            if let Some(board) = self.board(id) {
+                let _ = board.write(u16::from_le_bytes([a0, a1]), data);
+            }
             for index in self.find_all(id) {
                 let _ = self.servos[index].write(u16::from_le_bytes([a0, a1]), data);
             }

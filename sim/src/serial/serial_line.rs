@@ -6,6 +6,7 @@ use std::fmt::Debug;
 use crate::bus::line::{Burst, Line};
 use crate::fault::ServoFault;
 use crate::judge::Judge;
+use crate::serial::imu_board::ImuBoard;
 use crate::servo::body::{ServoBody, SimServoState};
 
 pub trait LineServo: Debug + Send + Sized {
@@ -46,6 +47,8 @@ pub struct SerialLine<S: LineProtocol> {
     pub(crate) packets_in: u64,
     pub(crate) bad_packets: u64,
     supply_ohm: f64,
+    /// The board with a motion sensor, a node beside the servos.
+    pub(crate) board: Option<ImuBoard>,
     /// The rate of the line, and the one at which the host speaks.
     line_baud: u32,
     baud: u32,
@@ -61,9 +64,20 @@ impl<S: LineProtocol> SerialLine<S> {
             packets_in: 0,
             bad_packets: 0,
             supply_ohm,
+            board: None,
             line_baud,
             baud: line_baud,
         }
+    }
+
+    /// The same with a board on it.
+    pub(crate) fn with_board(self, board: Option<ImuBoard>) -> Self {
+        Self { board, ..self }
+    }
+
+    /// Whether the host speaks at the line's own rate, which boards keep to.
+    pub(crate) fn is_at_line_rate(&self) -> bool {
+        self.baud == self.line_baud
     }
 
     /// The places of the servos that hear and answer: what comes at another rate is garbage.
@@ -117,6 +131,12 @@ impl<S: LineProtocol> Line for SerialLine<S> {
         }
     }
 
+    fn each_body(&mut self, each: &mut dyn FnMut(usize, &mut ServoBody)) {
+        for (index, servo) in self.servos.iter_mut().enumerate() {
+            each(index, servo.body_mut());
+        }
+    }
+
     fn judges(&self) -> Vec<&Judge> {
         self.servos.iter().map(|s| &s.body().judge).collect()
     }
@@ -128,6 +148,12 @@ impl<S: LineProtocol> Line for SerialLine<S> {
     fn suffer(&mut self, index: usize, fault: ServoFault) -> bool {
         let servo = self.servos.get_mut(index);
         servo.map(|servo| servo.suffer(fault)).is_some()
+    }
+
+    fn silence_board(&mut self, silent: bool) {
+        if let Some(board) = &mut self.board {
+            board.silent = silent;
+        }
     }
 
     fn packets(&self) -> (u64, u64) {

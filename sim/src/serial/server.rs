@@ -89,17 +89,17 @@ impl SerialServer {
         shared.faults().pass_instruction(bytes);
         let now_s = shared.began.elapsed().as_secs_f64();
         self.line_free_s = self.line_free_s.max(now_s);
-        shared.world().line.set_host_baud(self.port.baud());
+        shared.stepped().line.set_host_baud(self.port.baud());
         shared.wire().bytes_in += bytes.len() as u64;
         for &byte in &*bytes {
             self.line_free_s += shared.byte_s;
-            // The world is not advanced for single bytes, only for what they complete.
-            let complete = shared.world_as_it_is().line.push(byte);
+            // The line is not advanced for single bytes, only for what they complete.
+            let complete = shared.stepped_as_it_is().line.push(byte);
             if !complete {
                 continue;
             }
             self.wait_until(self.line_free_s);
-            let bursts = shared.world().line.execute();
+            let bursts = shared.stepped().line.execute();
             self.send(bursts);
         }
     }

@@ -6,6 +6,10 @@ use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
+use crate::world::{JointDrive, ShaftDrive, ShaftState};
+
+/// Damping of a shaft that something holds, newton metre seconds.
+const JAMMED_NM_S: f64 = 1e4;
 
 /// What a servo really does, whatever it says on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -38,6 +42,17 @@ pub struct ServoBody {
     deaf_until_s: f64,
     dead: bool,
     pub stalled_s: f64,
+    /// Where a world moves the shaft.
+    shaft: Option<WorldShaft>,
+}
+
+/// A shaft that a world moves.
+#[derive(Clone, Copy, Debug, Default)]
+struct WorldShaft {
+    drive: ShaftDrive,
+    is_pushed: bool,
+    /// What the servo counts its angle from, beside its zero: whole turns.
+    turns_rad: f64,
 }
 
 impl ServoBody {
@@ -56,6 +71,7 @@ impl ServoBody {
             deaf_until_s: 0.0,
             dead: false,
             stalled_s: 0.0,
+            shaft: None,
         }
     }
 
@@ -83,9 +99,54 @@ impl ServoBody {
 
     /// One step of the motor with its gravity; `None` is no torque.
     pub fn step(&mut self, dt_s: f64, duty: Option<f64>) {
+        self.step_damped(dt_s, duty, None);
+    }
+
+    /// The same of a motor whose firmware damps so much, newton metre seconds, faster
+    /// than a world is stepped.
+    pub fn step_damped(&mut self, dt_s: f64, duty: Option<f64>, damping_nm_s: Option<f64>) {
+        if let Some(shaft) = &mut self.shaft {
+            let (volts, direction) = (self.supply_v - self.sag_v, self.spec.direction);
+            let damping_nm_s = damping_nm_s.unwrap_or(self.motor.damping_nm_s);
+            let torque_nm = self.motor.push(dt_s, duty, volts, damping_nm_s);
+            shaft.drive.drive = match self.motor.jammed {
+                true => Some(JointDrive { torque_nm: 0.0, damping_nm_s: JAMMED_NM_S }),
+                false => torque_nm
+                    .map(|torque_nm| JointDrive { torque_nm: direction * torque_nm, damping_nm_s }),
+            };
+            return;
+        }
         let joint_rad = self.position_rad();
         let gravity_nm = -self.spec.direction * self.spec.gravity_nm * joint_rad.sin();
         self.motor.step(dt_s, duty, self.volts(), gravity_nm);
+    }
+
+    /// The shaft is where a world has moved it.
+    pub(crate) fn turn_shaft(&mut self, state: ShaftState) {
+        let shaft = self.shaft.get_or_insert_default();
+        shaft.is_pushed = state.is_pushed;
+        let turned_rad = self.spec.direction * state.position_rad;
+        self.motor.angle_rad = self.spec.zero_rad + turned_rad + shaft.turns_rad;
+        self.motor.speed_rad_s = self.spec.direction * state.velocity_rad_s;
+    }
+
+    /// What it does to its joint in a world, and what was done to it by hand.
+    pub(crate) fn shaft_drive(&mut self) -> ShaftDrive {
+        let Some(shaft) = &mut self.shaft else {
+            return ShaftDrive::default();
+        };
+        let drive = shaft.drive;
+        shaft.drive.put_at_rad = None;
+        drive
+    }
+
+    /// Whole turns are no longer counted.
+    pub fn clear_turns(&mut self) {
+        let angle_rad = self.motor.angle_rad.rem_euclid(std::f64::consts::TAU);
+        if let Some(shaft) = &mut self.shaft {
+            shaft.turns_rad += angle_rad - self.motor.angle_rad;
+        }
+        self.motor.angle_rad = angle_rad;
     }
 
     /// For how long it has been pushing hard without moving, seconds.
@@ -97,7 +158,11 @@ impl ServoBody {
 
     /// The end of a control period: the true position is judged.
     pub fn end_period(&mut self) {
-        self.judge.judge_motion(self.time_s, self.position_rad());
+        let position_rad = self.position_rad();
+        match self.shaft {
+            Some(WorldShaft { is_pushed: true, .. }) => self.judge.pass_motion(position_rad),
+            _ => self.judge.judge_motion(self.time_s, position_rad),
+        }
     }
 
     /// Something goes wrong; what is not the body's is handed back.
@@ -114,6 +179,9 @@ impl ServoBody {
             ServoFault::Supply(volts) => self.supply_v = volts,
             ServoFault::Moved(joint_rad) => {
                 self.motor.angle_rad = self.spec.zero_rad + self.spec.direction * joint_rad;
+                if let Some(shaft) = &mut self.shaft {
+                    shaft.drive.put_at_rad = Some(joint_rad);
+                }
             }
             other => return Some(other),
         }

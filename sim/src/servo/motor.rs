@@ -19,6 +19,7 @@
 //! Angles are the servo's own, radians.
 
 use servodance_drivers::DataSheet;
+use servodance_drivers::can::MotorSettings;
 
 pub const FULL_PWM: f64 = 885.0;
 /// Radians of position error at which the stock gain of 800 asks for full PWM:
@@ -35,9 +36,9 @@ pub const AMBIENT_C: f64 = 25.0;
 #[derive(Clone, Debug)]
 pub struct Motor {
     stall_torque_nm: f64,
-    damping_nm_s: f64,
+    pub damping_nm_s: f64,
     pub inertia_kg_m2: f64,
-    friction_nm: f64,
+    pub friction_nm: f64,
     amperes_per_nm: f64,
     nominal_v: f64,
     /// How far the gear can turn without the shaft, radians.
@@ -78,6 +79,16 @@ impl Motor {
         }
     }
 
+    /// A CAN motor made for `nominal_v`: driven by torque, so that its inertia does not
+    /// follow from a stock gain.
+    pub fn of_can(settings: &MotorSettings, nominal_v: f64, load_inertia_kg_m2: f64) -> Self {
+        let torque_nm = settings.model.torque_nm;
+        let rpm = settings.model.velocity_rad_s * 60.0 / std::f64::consts::TAU;
+        let sheet = DataSheet::new(torque_nm, rpm, torque_nm, nominal_v);
+        let inertia_kg_m2 = settings.model.rotor_inertia_kg_m2() + load_inertia_kg_m2;
+        Self { inertia_kg_m2, ..Self::new(&sheet, 0.0) }
+    }
+
     /// One step of `dt_s` at a duty of -1 to 1 from a supply; `None`: the
     /// bridge is open and only friction acts. `external_nm` is gravity and the like.
     pub fn step(&mut self, dt_s: f64, duty: Option<f64>, supply_v: f64, external_nm: f64) {
@@ -96,6 +107,25 @@ impl Motor {
         }
         self.turn(self.speed_rad_s * dt_s);
         self.heat(dt_s);
+    }
+
+    /// One step of `dt_s` whose motion a world computes: the torque that the motor gives
+    /// at standstill if it is damped by `damping_nm_s`, which is the back-EMF's or, where
+    /// a firmware damps, its own. Keeps current and heat.
+    pub fn push(
+        &mut self,
+        dt_s: f64,
+        duty: Option<f64>,
+        supply_v: f64,
+        damping_nm_s: f64,
+    ) -> Option<f64> {
+        let drive_nm = duty.map(|duty| {
+            let asked_nm = self.stall_torque_nm * duty * supply_v / self.nominal_v;
+            asked_nm - self.damping_nm_s * self.speed_rad_s
+        });
+        self.current_a = drive_nm.unwrap_or(0.0) * self.amperes_per_nm;
+        self.heat(dt_s);
+        drive_nm.map(|drive_nm| drive_nm + damping_nm_s * self.speed_rad_s)
     }
 
     /// The gear turns; the shaft goes with it where the play ends.

@@ -5,6 +5,8 @@ use servodance_drivers::{BusKind, Servo, ServoModel};
 use servodance_types::JointLimits;
 
 use crate::error::SimError;
+use crate::servo::motor::Motor;
+use crate::world::JointMechanics;
 
 /// One simulated servo: what the driver knows of it, and what it does not.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +53,20 @@ impl SimServoSpec {
             return Err(self.refused(reason.into()));
         }
         Ok(model)
+    }
+
+    /// What the servo adds to its joint in a world: inertia of its rotor and of what it
+    /// carries besides, dry friction, play.
+    pub fn mechanics(&self) -> Result<JointMechanics, SimError> {
+        let motor = match &self.motor {
+            Some(settings) => Motor::of_can(settings, 1.0, self.load_inertia_kg_m2),
+            None => Motor::new(&self.checked()?.sheet, self.load_inertia_kg_m2),
+        };
+        Ok(JointMechanics {
+            armature_kg_m2: motor.inertia_kg_m2,
+            friction_nm: motor.friction_nm,
+            play_rad: self.backlash_rad,
+        })
     }
 
     pub(crate) fn refused(&self, reason: String) -> SimError {

@@ -3,6 +3,7 @@
 // Each test binary uses some of these.
 #![allow(dead_code)]
 
+pub mod biped;
 pub mod can;
 pub mod fault_table;
 

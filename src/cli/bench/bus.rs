@@ -1,19 +1,11 @@
 //! `servodance bench bus`.
 
+use crate::cli::prelude::*;
 use servodance_lab::bench::bus as bench;
 use servodance_runtime::bus_tools::sim_link::LinkChoice;
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::Robot;
-use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench bus --robot op3 --baud 4000000
-      cycles a second against what the wire carries, processor time, jitter
-  servodance bench bus --robot op3 --json
-      the same as one JSON object";
+const EXAMPLES: &str = include_str!("../examples/bench-bus.txt").trim_ascii_end();
 
-/// What `bench bus` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -38,7 +30,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.json {
         stdout_line!("{}", serde_json::to_string(&figures)?);
     } else {
-        servodance_runtime::process::console::stdout(format_args!("{figures}"));
+        stdout(format_args!("{figures}"));
     }
     Ok(ExitCode::SUCCESS)
 }

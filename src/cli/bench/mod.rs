@@ -5,18 +5,13 @@ pub mod bus;
 pub mod model;
 pub mod retarget;
 pub mod stage;
+pub mod world;
 
 use clap::Subcommand;
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench bus --robot op3 --baud 4000000
-      cycles a second against the wire's limit
-  servodance bench model --preset live
-      milliseconds a frame on this computer";
+const EXAMPLES: &str = include_str!("../examples/bench.txt").trim_ascii_end();
 
-/// What `bench` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -35,6 +30,8 @@ pub enum What {
     Model(model::Args),
     /// Time and allocations of a retargeting cycle.
     Retarget(retarget::Args),
+    /// Whether a robot stays on its feet while it dances, in the simulated world.
+    World(world::Args),
     /// How far apart robots on a network are, and what becomes of them when it breaks.
     Stage(stage::Args),
 }
@@ -46,5 +43,6 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         What::Model(args) => model::run(args),
         What::Retarget(args) => retarget::run(args),
         What::Stage(args) => stage::run(args),
+        What::World(args) => world::run(args),
     }
 }

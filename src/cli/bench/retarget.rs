@@ -1,17 +1,10 @@
 //! `servodance bench retarget`.
 
-use servodance_lab::bench::retarget as retarget_bench;
-use servodance_runtime::process::console::stdout_line;
-use servodance_runtime::robot::Robot;
-use std::path::PathBuf;
-use std::process::ExitCode;
+use crate::cli::prelude::*;
+use servodance_lab::bench::retarget::{self as retarget_bench, RetargetBenchReport};
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench retarget --robot op3
-  servodance bench retarget --robot op3 --motion dance.npz --json";
+const EXAMPLES: &str = include_str!("../examples/bench-retarget.txt").trim_ascii_end();
 
-/// What `bench retarget` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -42,19 +35,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.json {
         stdout_line!("{}", serde_json::to_string(&figures)?);
     } else {
+        let RetargetBenchReport { robot, joints, control_hz, allocations, cycles, .. } = &figures;
+        let RetargetBenchReport { us_mean, us_p50, us_p99, us_max, .. } = &figures;
         stdout_line!(
-            "{} ({} joints at {:.0} Hz), {}: {:.1} us a cycle mean, {:.1} p50, {:.1} p99, {:.1} max; \
-             {} allocations in {} cycles",
-            figures.robot,
-            figures.joints,
-            figures.control_hz,
-            clip.name,
-            figures.us_mean,
-            figures.us_p50,
-            figures.us_p99,
-            figures.us_max,
-            figures.allocations,
-            figures.cycles
+            "{robot} ({joints} joints at {control_hz:.0} Hz), {}: {us_mean:.1} us a cycle mean, \
+             {us_p50:.1} p50, {us_p99:.1} p99, {us_max:.1} max; {allocations} allocations in {cycles} cycles",
+            clip.name
         );
     }
     Ok(ExitCode::SUCCESS)

@@ -2,48 +2,32 @@
 
 use std::process::ExitCode;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench stage --followers 4 --delay-ms 20 --loss 0.05
-      four simulated robots on one beat behind a bad network
-  servodance bench stage --followers 1 --robot op3 --json
-      what a follower with 20 servos takes of a processor
-  sudo unshare -n servodance bench stage --namespaces --loss 0.05
-      each program in a network namespace of its own; packets are really lost
-      where nft is installed";
+const EXAMPLES: &str = include_str!("../examples/bench-stage.txt").trim_ascii_end();
 
-/// What `bench stage` is asked for.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Simulated robots, each a program of its own.
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub followers: usize,
-
     /// Which robot they all are.
     #[arg(long, default_value = "neck", value_name = "NAME|FILE.toml")]
     pub robot: String,
-
     /// Delay of the network each way, milliseconds; a fifth of it is jitter on top.
     #[arg(long, default_value_t = 1.0, value_name = "MS")]
     pub delay_ms: f64,
-
     /// Share of what is sent that is lost and sent again.
     #[arg(long, default_value_t = 0.0, value_name = "SHARE")]
     pub loss: f64,
-
     /// Seconds that are measured before things go wrong.
     #[arg(long, default_value_t = 30.0, value_name = "SECONDS")]
     pub seconds: f64,
-
     /// Each program in a network namespace of its own (Linux, root).
     #[arg(long)]
     pub namespaces: bool,
-
     /// The same seed has the same clocks wrong.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-
     /// Print one JSON object.
     #[arg(long)]
     pub json: bool,
@@ -56,7 +40,7 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
 
 #[cfg(feature = "stage")]
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    use servodance_runtime::process::console::stdout_line;
+    use servodance_runtime::process::console::{stdout, stdout_line};
 
     for (option, value, range) in [
         ("--followers", args.followers as f64, 1.0..=64.0),
@@ -86,7 +70,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.json {
         stdout_line!("{}", serde_json::to_string(&figures)?);
     } else {
-        servodance_runtime::process::console::stdout(format_args!("{figures}"));
+        stdout(format_args!("{figures}"));
     }
     Ok(ExitCode::SUCCESS)
 }

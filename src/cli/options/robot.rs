@@ -10,7 +10,6 @@ pub struct RobotFileArgs {
     /// A built-in robot (see `servodance robots`) or a robot file.
     #[arg(long, env = "SERVODANCE_ROBOT", default_value = "op3", value_name = "NAME|FILE.toml")]
     pub robot: String,
-
     /// Set a key of the robot file for this run, such as `safety.rearm=true`
     /// or `joint.l_knee.upper_deg=90`; may be given again. The environment
     /// does it too: `SERVODANCE_SAFETY__REARM=true`.

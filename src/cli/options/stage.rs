@@ -8,12 +8,10 @@ pub struct StageNetworkArgs {
     /// Name of the stage; several can share a network.
     #[arg(long, default_value = "main", value_name = "NAME")]
     pub stage: String,
-
     /// Whom to connect to, such as tcp/192.168.1.5:7448 or tls/HOST:7448; may be
     /// given again. The leader on this machine if left out.
     #[arg(long, value_name = "PROTOCOL/HOST:PORT")]
     pub connect: Vec<String>,
-
     /// Zenoh's own configuration (JSON5), for TLS, access control and
     /// other networks; see docs/stage.md.
     #[arg(long, value_name = "FILE.json5")]
@@ -47,15 +45,12 @@ pub struct RoleArgs {
     /// Dance as the mirror image, or not.
     #[arg(long, value_name = "true|false", num_args = 0..=1, default_missing_value = "true")]
     pub mirror: Option<bool>,
-
     /// Share of the movement around rest, 0 to 1.
     #[arg(long, value_name = "SHARE")]
     pub amplitude: Option<f32>,
-
     /// Dance so many beats after the leader, 0 to 64.
     #[arg(long, value_name = "BEATS")]
     pub canon: Option<f32>,
-
     /// Dance in this style, which the leader invents beside its own.
     #[arg(long, value_name = "NAME")]
     pub style: Option<String>,

@@ -17,8 +17,7 @@ use crate::runs::{self, train};
 use crate::train::{SettingsFile, TrainedNetwork};
 use anyhow::Context;
 use row::{AblationRow, AblationScores};
-use servodance_model::GeneratorOptions;
-use servodance_model::engine::EngineOptions;
+use servodance_runtime::pipeline::model_args::{EngineArgs, SamplingArgs};
 use servodance_runtime::process::progress::Progress;
 use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::{Path, PathBuf};
@@ -27,24 +26,39 @@ use table::AblationTable;
 use variant::{AblationVariant, VARIANTS};
 
 /// What an ablation trains, on which data, and where it writes.
-#[derive(Clone, Debug)]
-#[allow(missing_docs)] // explained by `servodance ablate --help`
+#[derive(Clone, Debug, clap::Args)]
 pub struct AblationRequest {
-    /// Settings of the whole model, as `servodance train` reads them.
+    /// Settings of the whole model.
+    #[arg(long, value_name = "FILE.toml")]
     pub config: PathBuf,
+    /// The training file
+    #[arg(long, value_name = "FILE.safetensors")]
     pub data: PathBuf,
-    /// The same with Encodec latents; without it that variant is left out.
+    /// The same built with `--music-features encodec128`, for the variant
+    /// that hears Encodec latents.
+    #[arg(long, value_name = "FILE.safetensors")]
     pub latents: Option<PathBuf>,
-    /// The Encodec that these are of, if it is not in the user's data folder.
+    /// The Encodec that these latents are of, if it is not in
+    /// servodance/encodec_24khz in the user's data folder.
+    #[arg(long, value_name = "FILE.safetensors", requires = "latents")]
     pub encodec: Option<PathBuf>,
+    /// The folder to write to; a run that was stopped there goes on.
+    #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Names of the variants beside the whole model; all if empty.
+    /// Only this variant beside the whole model; may be given several times.
+    #[arg(long, value_name = "VARIANT")]
     pub only: Vec<String>,
-    /// How often everything is danced anew, and clips danced to each time.
+    /// How often everything is danced anew.
+    #[arg(long, default_value_t = 5, value_name = "N")]
     pub repeats: usize,
     /// Clips of music danced to in each repeat.
+    #[arg(long, default_value_t = 8, value_name = "N")]
     pub clips: usize,
+    /// Threads to train with.
+    #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
+    /// Print only errors and the table.
+    #[arg(long, short)]
     pub quiet: bool,
 }
 
@@ -201,9 +215,10 @@ fn scores_of(
             clips: request.clips,
             seconds: 20.0,
             minutes: 0,
-            sampling: GeneratorOptions::default(),
-            engine: EngineOptions::default(),
+            sampling: SamplingArgs::default(),
+            engine: EngineArgs::default(),
             seed: 1,
+            json: false,
         },
         |share| progress.at(100.0 * share),
     )?;

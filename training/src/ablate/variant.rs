@@ -2,13 +2,14 @@
 //! file of `servodance train`.
 
 use anyhow::{Context, anyhow};
-use toml_edit::{DocumentMut, Item, Table, Value, value};
+use toml_edit::{DocumentMut, Item, Table, value};
 
+#[derive(Clone, Copy)]
 pub struct AblationVariant {
     pub name: &'static str,
     pub what: &'static str,
-    /// The settings that differ: table, key, value.
-    changes: fn() -> Vec<(&'static str, &'static str, Value)>,
+    /// The settings that differ, as TOML.
+    changes: &'static str,
     /// Whether motion becomes other codes: then the VQ-VAE is trained anew.
     pub own_codes: bool,
     /// Whether it learns from the training file with Encodec latents.
@@ -17,72 +18,47 @@ pub struct AblationVariant {
     pub style: Option<&'static str>,
 }
 
-const WHOLE: AblationVariant = AblationVariant {
-    name: "whole",
-    what: "as in the settings",
-    changes: Vec::new,
-    own_codes: true,
-    latents: false,
-    style: None,
-};
+/// A variant with the codes of the whole model.
+const fn other(name: &'static str, what: &'static str, changes: &'static str) -> AblationVariant {
+    AblationVariant { name, what, changes, own_codes: false, latents: false, style: None }
+}
+
+const fn with_own_codes(variant: AblationVariant) -> AblationVariant {
+    AblationVariant { own_codes: true, ..variant }
+}
 
 /// All of them; the first is the whole model, whose codes the others use.
 pub const VARIANTS: [AblationVariant; 8] = [
-    WHOLE,
+    with_own_codes(other("whole", "as in the settings", "")),
+    other("sinusoidal", "absolute positions in place of ALiBi", "model.positions = \"sinusoidal\""),
     AblationVariant {
-        name: "sinusoidal",
-        what: "absolute positions in place of ALiBi",
-        changes: || vec![("model", "positions", "sinusoidal".into())],
-        own_codes: false,
-        ..WHOLE
-    },
-    AblationVariant {
-        name: "no-style",
-        what: "the style is never told",
-        changes: || vec![("tokens", "style_drop", 1.0.into())],
-        own_codes: false,
         style: Some("none"),
-        ..WHOLE
+        ..other("no-style", "the style is never told", "tokens.style_drop = 1.0")
     },
+    other(
+        "not-aligned",
+        "music without its order and time (the paper's cross-attention)",
+        "model.cross_aligned = false",
+    ),
+    other("librosa35", "35 features without the tracked beat", "model.music = \"librosa35\""),
     AblationVariant {
-        name: "not-aligned",
-        what: "music without its order and time (the paper's cross-attention)",
-        changes: || vec![("model", "cross_aligned", false.into())],
-        own_codes: false,
-        ..WHOLE
-    },
-    AblationVariant {
-        name: "librosa35",
-        what: "35 features without the tracked beat",
-        changes: || vec![("model", "music", "librosa35".into())],
-        own_codes: false,
-        ..WHOLE
-    },
-    AblationVariant {
-        name: "encodec",
-        what: "128 Encodec latents in place of features and beat",
-        changes: || vec![("model", "music", "encodec128".into())],
-        own_codes: false,
         latents: true,
-        ..WHOLE
+        ..other(
+            "encodec",
+            "128 Encodec latents in place of features and beat",
+            "model.music = \"encodec128\"",
+        )
     },
-    AblationVariant {
-        name: "plain-codebook",
-        what: "codes begin at random and never begin anew",
-        changes: || {
-            vec![("codebook", "k_means_rounds", 0.into()), ("codebook", "dead_below", 0.0.into())]
-        },
-        ..WHOLE
-    },
-    AblationVariant {
-        name: "one-codebook",
-        what: "one code of 1024 for the whole body",
-        changes: || {
-            let parts: toml_edit::Array = ["whole"].into_iter().collect();
-            vec![("model", "parts", parts.into()), ("model", "codes", 1024.into())]
-        },
-        ..WHOLE
-    },
+    with_own_codes(other(
+        "plain-codebook",
+        "codes begin at random and never begin anew",
+        "codebook = { k_means_rounds = 0, dead_below = 0.0 }",
+    )),
+    with_own_codes(other(
+        "one-codebook",
+        "one code of 1024 for the whole body",
+        "model = { parts = [\"whole\"], codes = 1024 }",
+    )),
 ];
 
 impl AblationVariant {
@@ -93,13 +69,15 @@ impl AblationVariant {
         for key in ["data", "out", "stage_one"] {
             document.remove(key); // given on the way
         }
-        for (table, key, changed) in (self.changes)() {
-            let table = document
-                .entry(table)
-                .or_insert(Item::Table(Table::new()))
-                .as_table_like_mut()
-                .with_context(|| anyhow!("`{table}` is not a table"))?;
-            table.insert(key, value(changed));
+        let changes: DocumentMut = self.changes.parse()?;
+        for (name, changed) in changes.iter() {
+            let table = document.entry(name).or_insert(Item::Table(Table::new()));
+            let table = table.as_table_like_mut();
+            let table = table.with_context(|| anyhow!("`{name}` is not a table"))?;
+            for (key, item) in changed.as_table_like().into_iter().flat_map(|t| t.iter()) {
+                let changed = item.as_value().cloned().context("a change is a value")?;
+                table.insert(key, value(changed.decorated(" ", "")));
+            }
         }
         Ok(document.to_string())
     }

@@ -3,6 +3,7 @@
 use super::arms::Arms;
 use super::legs::Steps;
 use super::torso::Trunk;
+use servodance_types::named;
 
 /// A way to dance that the choreographer knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,18 +29,11 @@ pub(crate) struct StyleParameters {
     pub(crate) nod_rad: f64,
 }
 
+named!(DanceStyle {
+    Groove "groove", Disco "disco", Robot "robot", Hype "hype", Salsa "salsa"
+});
+
 impl DanceStyle {
-    /// Every style, in the order in which choreography takes turns.
-    pub const ALL: [Self; 5] = {
-        use DanceStyle::*;
-        [Groove, Disco, Robot, Hype, Salsa]
-    };
-
-    /// The name of the style in data sets, one of [`crate::dataset::STYLES`].
-    pub fn name(self) -> &'static str {
-        ["groove", "disco", "robot", "hype", "salsa"][self as usize]
-    }
-
     pub(crate) fn parameters(self) -> StyleParameters {
         let (snap, bounce_m, nod_rad) = match self {
             Self::Groove => (1.0, 0.055, 0.16),

@@ -6,29 +6,31 @@ use super::sources::SOURCES;
 use super::styles::STYLES;
 use super::training_file::{self, TrainingClip};
 use super::{captured, synthetic};
+use servodance_model::conditioning::Encodec;
 
 /// Builds the training file. A motion file that cannot be read is left out and
-/// named in the summary; an unreadable index is an error. `on_progress` receives
-/// the share that is done.
+/// named in the summary; an unreadable index is an error. With `encodec` its latents of all
+/// music are written as well. `on_progress` receives the share that is done.
 pub fn build(
     options: &DatasetOptions,
+    encodec: Option<&Encodec>,
     on_progress: &dyn Fn(f64),
 ) -> Result<DatasetSummary, DatasetError> {
     let mut summary = DatasetSummary::default();
     let mut clips = Vec::new();
     if let Some(folder) = &options.motion {
         let first_half = |share: f64| on_progress(share / 2.0);
-        captured::collect(folder, options, &mut clips, &mut summary, &first_half)?;
+        captured::collect(folder, options, encodec, &mut clips, &mut summary, &first_half)?;
     }
-    synthetic::collect(options, &mut clips, &|share| on_progress(0.5 + share / 2.0))?;
+    synthetic::collect(options, encodec, &mut clips, &|share| on_progress(0.5 + share / 2.0))?;
     summary.clips = clips.len();
     for clip in &clips {
         *summary.minutes.entry(kind(clip)).or_default() += clip.motion.len() as f64 / 1200.0;
     }
     let recipe = serde_json::json!({
         "seed": options.seed,
-        "songs_per_clip": options.songs_per_clip,
-        "choreography_minutes": options.choreography_minutes,
+        "songs_per_clip": options.songs,
+        "choreography_minutes": options.choreography,
         "music": "all music is synthetic, rendered on the beats of the motion",
         "sources": SOURCES.map(|(source, terms)| serde_json::json!({ "source": source, "terms": terms })),
         "summary": summary,
@@ -47,16 +49,18 @@ fn kind(clip: &TrainingClip) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::FeatureArgs;
     use super::*;
 
     fn options(folder: &std::path::Path, name: &str) -> DatasetOptions {
         DatasetOptions {
             motion: None,
             out: folder.join(name),
-            songs_per_clip: 1,
-            choreography_minutes: 2.0,
+            songs: 1,
+            choreography: 2.0,
+            features: FeatureArgs::default(),
             seed: 3,
-            encodec: None,
+            quiet: true,
         }
     }
 
@@ -64,8 +68,8 @@ mod tests {
     fn choreography_alone_needs_no_data_and_is_the_same_every_time() {
         let folder = tempfile::tempdir().unwrap();
         let [a, b] = ["a", "b"].map(|name| options(folder.path(), name));
-        let summary = build(&a, &|_| {}).unwrap();
-        build(&b, &|_| {}).unwrap();
+        let summary = build(&a, None, &|_| {}).unwrap();
+        build(&b, None, &|_| {}).unwrap();
         assert_eq!(summary.clips, 2);
         assert!((summary.minutes.values().sum::<f64>() - 2.0).abs() < 0.01);
         let bytes = |options: &DatasetOptions| std::fs::read(&options.out).unwrap();
@@ -83,10 +87,10 @@ mod tests {
         swing().write_npz(path("swing.npz")).unwrap();
         let options = DatasetOptions {
             motion: Some(folder.path().to_owned()),
-            choreography_minutes: 0.0,
+            choreography: 0.0,
             ..options(folder.path(), "out")
         };
-        let summary = build(&options, &|_| {}).unwrap();
+        let summary = build(&options, None, &|_| {}).unwrap();
         // Original and mirror, each with and without music.
         assert_eq!(summary.clips, 4, "{summary:?}");
         assert!(summary.left_out[0].contains("broken.npz"), "{summary:?}");

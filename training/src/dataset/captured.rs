@@ -9,7 +9,7 @@ use crate::dataset::training_file::TrainingClip;
 use crate::motion::tempo::{self, KinematicTempo};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use servodance_model::conditioning::Latent;
+use servodance_model::conditioning::{Encodec, Latent};
 use servodance_model::motion::{Clip, encode};
 use servodance_types::FRAME_RATE_HZ;
 
@@ -26,6 +26,7 @@ const PRE_ROLL_FRAMES: usize = 160;
 pub(super) fn collect(
     folder: &Path,
     options: &DatasetOptions,
+    encodec: Option<&Encodec>,
     clips: &mut Vec<TrainingClip>,
     summary: &mut DatasetSummary,
     on_progress: &dyn Fn(f64),
@@ -38,7 +39,7 @@ pub(super) fn collect(
             true => Clip::read_music(&entry.path(folder))?,
             false => None,
         };
-        let own_latents = match own.is_some() && options.encodec.is_some() {
+        let own_latents = match own.is_some() && encodec.is_some() {
             true => Some(own_latents(&entry, folder)?),
             false => None,
         };
@@ -73,7 +74,7 @@ pub(super) fn collect(
             }
             clips.push(plain);
             if let Some(tempo) = &tempo {
-                with_music(&entry, &clip, mirrored, tempo, options, clips)?;
+                with_music(&entry, &clip, mirrored, tempo, options, encodec, clips)?;
             }
         }
     }
@@ -110,11 +111,12 @@ fn with_music(
     mirrored: bool,
     tempo: &KinematicTempo,
     options: &DatasetOptions,
+    encodec: Option<&Encodec>,
     clips: &mut Vec<TrainingClip>,
 ) -> Result<(), DatasetError> {
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed ^ name_seed(&entry.name));
     let smooth = Clip { fps: FRAME_RATE_HZ, ..clip.normalised() };
-    for song in 0..options.songs_per_clip {
+    for song in 0..options.songs {
         let stretch = if song == 0 { 1.0 } else { rng.random_range(0.87..1.15) };
         let (warped, grid) = tempo::onto_grid(&smooth, tempo, tempo.period_s * stretch);
         let motion = encode(&warped.normalised().poses);
@@ -133,7 +135,6 @@ fn with_music(
                 break;
             }
         }
-        let encodec = options.encodec.as_ref();
         let latents = match &last {
             Some(song) => music::latents(&name, song, PRE_ROLL_FRAMES, motion.len(), encodec)?,
             None => None,

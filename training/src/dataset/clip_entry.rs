@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::styles::style_number;
+use servodance_types::named;
 
 /// Whether a clip trains, chooses or judges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,15 +15,7 @@ pub enum Split {
     Test = 2,
 }
 
-impl Split {
-    /// In the order of their numbers in training files.
-    pub const ALL: [Split; 3] = [Split::Train, Split::Validation, Split::Test];
-
-    /// The word in the index and in reports.
-    pub fn name(self) -> &'static str {
-        ["train", "validation", "test"][self as usize]
-    }
-}
+named!(Split { Train "train", Validation "validation", Test "test" });
 
 /// One line of the index of a folder of clips.
 #[derive(Clone, Debug, PartialEq)]

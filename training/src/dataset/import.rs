@@ -5,6 +5,7 @@
 //! A file that cannot be used is skipped, reported and counted; it never stops the
 //! rest. Clips are written whole; the list is written last.
 
+use super::feature_args::FeatureArgs;
 use super::music::hear_file;
 use super::sources::{aist_song, aist_style, usual_licence};
 use crate::dataset::clip_entry::{ClipEntry, Split};
@@ -28,29 +29,44 @@ const SHORTEST_S: f64 = 1.0;
 const AUDIO: [&str; 5] = ["wav", "mp3", "flac", "ogg", "m4a"];
 
 /// Which files to import, what they do not say themselves, where to write.
-#[derive(Clone, Debug)]
-#[allow(missing_docs)] // explained by `servodance dataset import --help`
+#[derive(Clone, Debug, clap::Args)]
 pub struct ImportRequest {
+    /// aist (pkl), humanml3d (npy), bvh, amc (beside its asf), smpl (npz, as in
+    /// AMASS) or npz (22 joints).
+    #[arg(value_parser = ImportFormat::parse)]
     pub kind: ImportFormat,
-    /// A file, or a folder with files of that kind at any depth.
+    /// A file, or a folder of them.
     pub path: PathBuf,
-    /// The folder to write to; clips of other imports in it stay.
+    /// The folder to write to; what it holds of other imports stays.
+    #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Whose motion it is, a word; the kind's name if left out.
+    /// Whose motion it is, one word.
+    #[arg(long, value_name = "NAME")]
     pub source: Option<String>,
+    /// On what terms it may be used.
+    #[arg(long, value_name = "TEXT")]
     pub licence: Option<String>,
-    /// Whether it is dance (AIST++ always is).
+    /// It is dance (AIST++ always is).
+    #[arg(long)]
     pub dance: bool,
-    /// The style of all clips, if their names do not say it.
+    /// The style of the dance; an unknown one lists those that there are.
+    #[arg(long, value_name = "NAME")]
     pub style: Option<String>,
-    /// A folder with the music: a file named as the clip, or as AIST++'s song.
+    /// A folder of recordings, named as the clips or as AIST++'s songs.
+    #[arg(long, value_name = "DIR")]
     pub music: Option<PathBuf>,
-    /// Writes Encodec latents of the music as well.
-    pub encodec: Option<Encodec>,
-    /// A TOML file: body joints and the joints of the skeleton that they are.
+    /// Which features of the music are written.
+    #[command(flatten)]
+    pub features: FeatureArgs,
+    /// Which joint of the skeleton a body joint is, where the guess is wrong.
+    #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
     /// Frames a second, in place of what the files say.
+    #[arg(long, value_name = "N")]
     pub fps: Option<f64>,
+    /// Print only errors and what was skipped.
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 /// What came of an import.
@@ -75,6 +91,7 @@ pub fn import(
     mut report: impl FnMut(&str),
     on_progress: impl Fn(f64),
 ) -> anyhow::Result<ImportSummary> {
+    let encodec = request.features.encodec()?;
     let corrections = FileCorrections {
         names: match &request.mapping {
             Some(path) => joint_names(path)?,
@@ -116,7 +133,7 @@ pub fn import(
     for (number, path) in files.iter().enumerate() {
         on_progress(number as f64 / files.len() as f64);
         let name = unique(&mut names, &stem(path));
-        match import_file(request, path, &corrections, songs.as_ref(), &lists) {
+        match import_file(request, encodec.as_ref(), path, &corrections, songs.as_ref(), &lists) {
             Ok((found, lines)) => {
                 if shown != lines {
                     report(&format!("{}: joints found\n  {}", path.display(), lines.join("\n  ")));
@@ -203,6 +220,7 @@ impl ImportedClip {
 /// Reads, checks and normalises one file. The error names it.
 fn import_file(
     request: &ImportRequest,
+    encodec: Option<&Encodec>,
     path: &Path,
     corrections: &FileCorrections,
     songs: Option<&BTreeMap<String, PathBuf>>,
@@ -230,7 +248,6 @@ fn import_file(
     };
     let music = match songs.map(|songs| songs.get(song)) {
         Some(Some(file)) => {
-            let encodec = request.encodec.as_ref();
             let heard = hear_file(file, clip.poses.len(), encodec);
             Some(heard.map_err(|e| named(e.to_string()))?)
         }

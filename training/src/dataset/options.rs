@@ -3,22 +3,32 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use servodance_model::conditioning::Encodec;
+use super::feature_args::FeatureArgs;
 
 /// What a training file is built from.
-#[derive(Clone, Debug)]
-#[allow(missing_docs)] // explained by `servodance dataset build --help`
+#[derive(Clone, Debug, clap::Args)]
 pub struct DatasetOptions {
-    /// A folder with `index.csv` and npz clips, as `dataset import` writes it; without
-    /// it the file holds choreography alone.
-    pub motion: Option<PathBuf>,
+    /// The file to write.
+    #[arg(value_name = "FILE.safetensors")]
     pub out: PathBuf,
-    /// How many songs every captured dance with a beat gets.
-    pub songs_per_clip: usize,
-    pub choreography_minutes: f64,
+    /// A folder that `dataset import` wrote; choreography alone if left out.
+    #[arg(long, value_name = "DIR")]
+    pub motion: Option<PathBuf>,
+    /// Songs for every captured dance with a beat.
+    #[arg(long, default_value_t = 4, value_name = "N")]
+    pub songs: usize,
+    /// Minutes of choreography
+    #[arg(long, default_value_t = 90.0, value_name = "MINUTES")]
+    pub choreography: f64,
+    /// Which features of the music are written.
+    #[command(flatten)]
+    pub features: FeatureArgs,
+    /// Everything random follows from it.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Writes Encodec latents of all music as well.
-    pub encodec: Option<Encodec>,
+    /// No progress bar
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 /// What was built: minutes by kind, and what was left out.

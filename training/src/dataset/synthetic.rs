@@ -20,14 +20,15 @@ const CLIP_S: f64 = 60.0;
 
 pub(super) fn collect(
     options: &DatasetOptions,
+    encodec: Option<&Encodec>,
     clips: &mut Vec<TrainingClip>,
     on_progress: &dyn Fn(f64),
 ) -> Result<(), DatasetError> {
-    let count = (options.choreography_minutes * 60.0 / CLIP_S).ceil() as usize;
+    let count = (options.choreography * 60.0 / CLIP_S).ceil() as usize;
     for number in 0..count {
         on_progress(number as f64 / count as f64);
         let seed = options.seed.wrapping_mul(1000).wrapping_add(number as u64);
-        clips.push(choreographed_clip(number, seed, options.encodec.as_ref())?);
+        clips.push(choreographed_clip(number, seed, encodec)?);
     }
     Ok(())
 }

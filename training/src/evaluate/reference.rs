@@ -75,12 +75,13 @@ fn choreography(
     let options = dataset::DatasetOptions {
         motion: None,
         out: file.path().to_owned(),
-        songs_per_clip: 1,
-        choreography_minutes: request.clips as f64,
+        songs: 1,
+        choreography: request.clips as f64,
+        features: dataset::FeatureArgs::default(),
         seed: FRESH_SEED,
-        encodec: encodec.cloned(),
+        quiet: true,
     };
-    dataset::build(&options, &|_| {})?;
+    dataset::build(&options, encodec, &|_| {})?;
     Ok(training_file::read(file.path())?)
 }
 

@@ -239,20 +239,14 @@ impl Evaluation {
         row("tokens: joint error, mm", self.mpjpe_mm, None);
         row("tokens: share of codes used", self.codes_used, None);
         if let Some(long) = &self.long {
+            let LongDance { minutes, speed_kept, slowest_minute, height_drift_m, .. } = long;
+            let LongDance { jerk, jerk_kept, foot_skate, furthest_m, awakenings, .. } = long;
             let _ = writeln!(
                 text,
-                "\n{} minutes in one go: speed of the last minute {:.2} of the first, of the slowest \
-                 {:.2} of the mean;\nroot {:+.3} m, jerk {:.0} m/s^3 ({:.2} of the first minute's), \
-                 foot skate {:.3}, at most {:.1} m away, woken {} times",
-                long.minutes,
-                long.speed_kept,
-                long.slowest_minute,
-                long.height_drift_m,
-                long.jerk,
-                long.jerk_kept,
-                long.foot_skate,
-                long.furthest_m,
-                long.awakenings
+                "\n{minutes} minutes in one go: speed of the last minute {speed_kept:.2} of the first, \
+                 of the slowest {slowest_minute:.2} of the mean;\nroot {height_drift_m:+.3} m, \
+                 jerk {jerk:.0} m/s^3 ({jerk_kept:.2} of the first minute's), foot skate \
+                 {foot_skate:.3}, at most {furthest_m:.1} m away, woken {awakenings} times"
             );
         }
         if let Some(figures) = &self.text {

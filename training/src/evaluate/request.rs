@@ -1,38 +1,62 @@
 //! What `servodance evaluate` is asked for.
 
 use servodance_model::GeneratorOptions;
-use servodance_model::engine::EngineOptions;
+use servodance_runtime::pipeline::model_args::{EngineArgs, SamplingArgs};
 use std::path::PathBuf;
 
 /// Which weights to evaluate, against which reference, how thoroughly.
-#[derive(Clone, Debug)]
-#[allow(missing_docs)] // explained by `servodance evaluate --help`
+#[derive(Clone, Debug, clap::Args)]
 pub struct EvaluationRequest {
-    /// A training file with held-out dance; choreography if left out.
+    /// A training file with held-out dance; fresh choreography if left out.
+    #[arg(long, value_name = "FILE.safetensors")]
     pub data: Option<PathBuf>,
+    /// Weights to use in place of the built-in ones.
+    #[arg(long, value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
-    /// Weights, for a model that hears through Encodec, if they are not in the data folder.
+    /// Encodec's model.safetensors, for weights that hear encodec128, if it is
+    /// not in servodance/encodec_24khz in the user's data folder.
+    #[arg(long, value_name = "FILE.safetensors")]
     pub encodec: Option<PathBuf>,
-    /// One style for all; that of each clip if left out.
-    pub style: Option<String>,
-    pub repeats: usize,
-    /// HumanML3D's folder, to score motions against their texts as well.
+    /// HumanML3D's folder (new_joint_vecs, texts, test.txt): how well its motions
+    /// are told by their texts, before and after the codes (docs/metrics.md).
+    #[arg(long, value_name = "DIR")]
     pub texts: Option<PathBuf>,
-    /// The folder with the T2M extractors for that, if it is not in the user's data folder.
+    /// The folder with the T2M extractors for --texts (model.safetensors,
+    /// words.json), if it is not servodance/t2m in the user's data folder.
+    #[arg(long, value_name = "DIR", requires = "texts")]
     pub extractors: Option<PathBuf>,
+    /// One style for all clips, in place of the style of each; an unknown one
+    /// lists those that the model knows.
+    #[arg(long, value_name = "NAME")]
+    pub style: Option<String>,
+    /// How often everything is danced anew.
+    #[arg(long, default_value_t = 20, value_name = "N")]
+    pub repeats: usize,
     /// Clips of music danced to in each repeat.
+    #[arg(long, default_value_t = 8, value_name = "N")]
     pub clips: usize,
+    /// Seconds danced to each clip.
+    #[arg(long, default_value_t = 20.0, value_name = "SECONDS")]
     pub seconds: f64,
-    /// Minutes of one long dance; none if 0.
+    /// Also dance so many minutes in one go: does it die down, drift, jitter?
+    #[arg(long, default_value_t = 0, value_name = "N")]
     pub minutes: usize,
-    /// How codes are drawn; its seed and style are not looked at.
-    pub sampling: GeneratorOptions,
-    pub engine: EngineOptions,
+    /// How codes are drawn.
+    #[command(flatten)]
+    pub sampling: SamplingArgs,
+    /// How the model's steps are computed.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// Seed of the first repeat.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// Print JSON in place of the table.
+    #[arg(long)]
+    pub json: bool,
 }
 
 impl EvaluationRequest {
     pub(super) fn options(&self, seed: u64) -> GeneratorOptions {
-        GeneratorOptions { seed, style: self.style.clone(), ..self.sampling.clone() }
+        GeneratorOptions { seed, style: self.style.clone(), ..self.sampling.options() }
     }
 }

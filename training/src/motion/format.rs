@@ -9,6 +9,7 @@ use super::humanml::read_humanml;
 use super::named_skeleton::GivenNames;
 use super::smpl::read_smpl;
 use servodance_model::motion::{Clip, MotionError};
+use servodance_types::named;
 
 /// Frames a second of Acclaim files, which do not say it: CMU's usual rate.
 const AMC_FPS: f64 = 120.0;
@@ -30,16 +31,16 @@ pub enum ImportFormat {
     Npz,
 }
 
-impl ImportFormat {
-    /// Every format; of two that fit a file name the last is the usual one.
-    pub const ALL: [ImportFormat; 6] = {
-        use ImportFormat::*;
-        [Aist, HumanMl, Bvh, Amc, Smpl, Npz]
-    };
+// Of two that fit a file name the last is the usual one.
+named!(ImportFormat {
+    Aist "aist", HumanMl "humanml3d", Bvh "bvh", Amc "amc", Smpl "smpl", Npz "npz"
+});
 
-    /// The word on the command line.
-    pub fn name(self) -> &'static str {
-        ["aist", "humanml3d", "bvh", "amc", "smpl", "npz"][self as usize]
+impl ImportFormat {
+    /// The format of that name; the error lists all names.
+    pub fn parse(name: &str) -> Result<Self, String> {
+        let known = || format!("choose one of {}", Self::ALL.map(Self::name).join(", "));
+        Self::from_name(name).ok_or_else(known)
     }
 
     /// Endings of file names, in small letters.

@@ -36,18 +36,13 @@ pub struct FormatComparison {
 
 impl fmt::Display for FormatComparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { dtype, clips, mpjpe_mm, frames, nll, .. } = self;
+        let megabytes = self.bytes as f64 / 1e6;
+        let [codes, likeliest] = [self.codes_kept, self.likeliest_kept].map(|share| 100.0 * share);
         write!(
             f,
-            "{:4}  {:5.1} MB  stage 1: {:.2} mm ({} clips), {:.2} % of codes as in f32  \
-             stage 2: {:.4} nats a frame ({} frames), {:.2} % of likeliest codes as in f32",
-            self.dtype,
-            self.bytes as f64 / 1e6,
-            self.mpjpe_mm,
-            self.clips,
-            100.0 * self.codes_kept,
-            self.nll,
-            self.frames,
-            100.0 * self.likeliest_kept
+            "{dtype:4}  {megabytes:5.1} MB  stage 1: {mpjpe_mm:.2} mm ({clips} clips), {codes:.2} % of codes \
+             as in f32  stage 2: {nll:.4} nats a frame ({frames} frames), {likeliest:.2} % of likeliest codes as in f32"
         )
     }
 }

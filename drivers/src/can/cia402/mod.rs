@@ -14,20 +14,7 @@ mod scan;
 use std::f64::consts::TAU;
 use std::io;
 
-use crate::bus::Notes;
-use crate::bus::kind::BusKind;
-use crate::can::client::MotorClient;
-use crate::can::cycle_frames::CycleFrames;
-use crate::can::exchange::MotorStatus;
-use crate::can::family::CanFamily;
-use crate::can::models::drive;
-use crate::can::motor::MotorSettings;
-use crate::can::rounding::whole_range;
-use crate::can::scan::inquiry::{CanFound, ScanLink};
-use crate::can::transport::CanFrame;
-use crate::error::BusResult;
-use crate::servo::Servo;
-use crate::servo::model::ServoModel;
+use crate::can::family::prelude::*;
 
 use self::errors::{LOST, abort_name, error_name};
 use self::registers::{

@@ -22,17 +22,7 @@ mod scan;
 
 use std::io;
 
-use crate::bus::{Health, Notes};
-use crate::can::client::MotorClient;
-use crate::can::cycle_frames::CycleFrames;
-use crate::can::exchange::MotorStatus;
-use crate::can::family::CanFamily;
-use crate::can::motor::{MotorModel, MotorSettings};
-use crate::can::scan::inquiry::{CanFound, ScanLink};
-use crate::can::transport::CanFrame;
-use crate::error::BusResult;
-use crate::servo::Servo;
-use crate::servo::model::ServoModel;
+use crate::can::family::prelude::*;
 
 use self::framing::{from_code, pack_command, position_code, span_code, to_code, unpack_reply};
 use self::registers::{

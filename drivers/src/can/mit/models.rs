@@ -1,9 +1,6 @@
 //! The models of CubeMars and Damiao. Both share the ranges of position and gains.
 
-use crate::bus::kind::BusKind;
-use crate::can::models::motor;
-use crate::can::motor::MotorModel;
-use crate::servo::model::ServoModel;
+use crate::can::family::prelude::*;
 
 const fn mit(
     name: &'static str,

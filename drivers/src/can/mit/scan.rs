@@ -3,13 +3,11 @@
 
 use std::io;
 
+use crate::can::family::prelude::*;
 use crate::can::mit::models::MODELS;
 use crate::can::mit::registers::{
     FIRMWARE, PMAX, READ, REFRESH, REGISTER_ID, TMAX, VMAX, damiao_fault,
 };
-use crate::can::scan::inquiry::{CanFound, ScanLink};
-use crate::can::transport::{CanFrame, word};
-use crate::servo::model::ServoModel;
 
 pub fn damiao_motors(scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
     let mut answers = Vec::new();

@@ -19,19 +19,7 @@ mod scan;
 use std::f64::consts::TAU;
 use std::io;
 
-use crate::bus::kind::BusKind;
-use crate::bus::{Health, Notes};
-use crate::can::client::MotorClient;
-use crate::can::cycle_frames::CycleFrames;
-use crate::can::exchange::MotorStatus;
-use crate::can::family::CanFamily;
-use crate::can::models::drive;
-use crate::can::motor::MotorSettings;
-use crate::can::scan::inquiry::{CanFound, ScanLink};
-use crate::can::transport::{CanFrame, word};
-use crate::error::BusResult;
-use crate::servo::Servo;
-use crate::servo::model::ServoModel;
+use crate::can::family::prelude::*;
 
 use self::errors::{LOST, error_names};
 use self::registers::{

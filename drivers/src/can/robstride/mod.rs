@@ -10,17 +10,8 @@ mod scan;
 
 use std::io;
 
-use crate::bus::Notes;
-use crate::can::client::MotorClient;
-use crate::can::cycle_frames::CycleFrames;
-use crate::can::exchange::MotorStatus;
-use crate::can::family::CanFamily;
+use crate::can::family::prelude::*;
 use crate::can::mit::framing::{from_code, position_code, span_code, to_code};
-use crate::can::scan::inquiry::{CanFound, ScanLink};
-use crate::can::transport::CanFrame;
-use crate::error::BusResult;
-use crate::servo::Servo;
-use crate::servo::model::ServoModel;
 
 use self::registers::{
     BUS_VOLTAGE, HOST, MODE, MotorParameter, RUNNING, TIMEOUT, TIMEOUT_UNITS_PER_MS, TORQUE_LIMIT,

@@ -2,10 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::bus::kind::BusKind;
-use crate::can::models::motor;
-use crate::can::motor::MotorModel;
-use crate::servo::model::ServoModel;
+use crate::can::family::prelude::*;
 
 const fn robstride(
     name: &'static str,

@@ -2,10 +2,7 @@
 
 #![allow(missing_docs)] // each register says its own name
 
-use crate::serial::limits::LimitRegisters;
-use crate::serial::memory::{ByteMemory, Protection};
-use crate::serial::register::Register;
-use crate::serial::registers::{Registers, ServiceRegisters};
+use crate::serial::family::prelude::*;
 
 const MODEL: Register = Register::word(0, "model number");
 const FIRMWARE: Register = Register::byte(2, "firmware");

@@ -10,17 +10,9 @@ pub mod registers;
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
-use crate::bus::Notes;
-use crate::error::{BusError, BusResult};
-use crate::serial::client::ServoClient;
-use crate::serial::family::ServoFamily;
-use crate::serial::memory::Firmware;
-use crate::serial::register::names_of;
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
-use crate::serial::wire::framing::Framing;
+use crate::error::BusError;
+use crate::serial::family::prelude::*;
 use crate::serial::wire::port::{Received, bytes_hz};
-use crate::servo::Servo;
-use crate::servo::model::ServoModel;
 use registers::*;
 
 pub use models::BAUDS;

@@ -12,17 +12,7 @@ use std::f64::consts::TAU;
 
 use dynamixel2::instructions::instruction_id as instruction;
 
-use crate::bus::Notes;
-use crate::bus::kind::BusKind;
-use crate::error::BusResult;
-use crate::serial::client::ServoClient;
-use crate::serial::family::ServoFamily;
-use crate::serial::memory::Firmware;
-use crate::serial::register::{Register, names_of, sign_magnitude};
-use crate::serial::registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers};
-use crate::serial::wire::framing::Framing;
-use crate::servo::Servo;
-use crate::servo::model::{DataSheet, ServoModel};
+use crate::serial::family::prelude::*;
 use registers::*;
 
 /// What a servo reports by the bits of its status.

@@ -2,10 +2,7 @@
 
 #![allow(missing_docs)] // each register says its own name
 
-use crate::serial::limits::LimitRegisters;
-use crate::serial::memory::{ByteMemory, Protection};
-use crate::serial::register::Register;
-use crate::serial::registers::{Registers, ServiceRegisters};
+use crate::serial::family::prelude::*;
 
 const FIRMWARE: Register = Register::word(0, "firmware, major and minor");
 const MODEL: Register = Register::word(3, "model number");

@@ -61,56 +61,37 @@ pub struct StageBenchReport {
 
 impl fmt::Display for StageBenchReport {
     fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let Self { robot, followers, delay_ms, windows, windows_apart, followers_fallen, .. } =
+            self;
+        let Self {
+            spread_ms_p50, spread_ms_p99, spread_ms_max, alike_p50, lead_ms, way_ms, ..
+        } = self;
+        let Self { lost_frames, late_frames, cycle_late_ms_p99, cycle_late_ms_max, .. } = self;
         let seconds = |value: Option<f64>| value.map_or("never".into(), |s| format!("{s:.1} s"));
+        let [joined, recovered] = [self.join_s, self.recovery_s].map(seconds);
+        let [idle, next] = [self.idle_s, self.leader_recovery_s].map(seconds);
+        let [lost, cpu, cpu_max] =
+            [self.loss, self.cpu_cores, self.cpu_cores_max].map(|s| 100.0 * s);
+        let modelled = if self.loss_modelled { " (modelled)" } else { "" };
+        writeln!(out, "{followers} x {robot}, {delay_ms} ms each way, {lost} % lost{modelled}")?;
         writeln!(
             out,
-            "{} x {}, {} ms each way, {} % lost{}",
-            self.followers,
-            self.robot,
-            self.delay_ms,
-            self.loss * 100.0,
-            if self.loss_modelled { " (modelled)" } else { "" }
+            "spread at the servos   p50 {spread_ms_p50:.1} ms, p99 {spread_ms_p99:.1} ms, worst \
+             {spread_ms_max:.1} ms of {windows} windows; {windows_apart} apart, alike {alike_p50:.3}"
         )?;
-        writeln!(
-            out,
-            "spread at the servos   p50 {:.1} ms, p99 {:.1} ms, worst {:.1} ms of {} windows; {} apart, alike {:.3}",
-            self.spread_ms_p50,
-            self.spread_ms_p99,
-            self.spread_ms_max,
-            self.windows,
-            self.windows_apart,
-            self.alike_p50
-        )?;
-        if self.followers_fallen > 0 {
-            writeln!(
-                out,
-                "fallen                 {} ended by themselves and are not counted",
-                self.followers_fallen
-            )?;
+        if *followers_fallen > 0 {
+            let what = "ended by themselves and are not counted";
+            writeln!(out, "fallen                 {followers_fallen} {what}")?;
         }
-        writeln!(out, "late joiner            {} until on the beat", seconds(self.join_s))?;
-        writeln!(out, "links cut for 3 s      {} until on one beat", seconds(self.recovery_s))?;
-        writeln!(
+        write!(
             out,
-            "leader killed          {} until all idle; the next one: {} from its start",
-            seconds(self.idle_s),
-            seconds(self.leader_recovery_s)
-        )?;
-        writeln!(
-            out,
-            "frames                 sent {:.0} ms ahead, {:.0} ms on their way at most; {} lost, {} late",
-            self.lead_ms, self.way_ms, self.lost_frames, self.late_frames
-        )?;
-        writeln!(
-            out,
-            "control cycles         p99 {:.1} ms, worst {:.1} ms late",
-            self.cycle_late_ms_p99, self.cycle_late_ms_max
-        )?;
-        writeln!(
-            out,
-            "processor              {:.1} % of a core a follower, {:.1} % the hungriest",
-            self.cpu_cores * 100.0,
-            self.cpu_cores_max * 100.0
+            "late joiner            {joined} until on the beat\n\
+             links cut for 3 s      {recovered} until on one beat\n\
+             leader killed          {idle} until all idle; the next one: {next} from its start\n\
+             frames                 sent {lead_ms:.0} ms ahead, {way_ms:.0} ms on their way at most; \
+             {lost_frames} lost, {late_frames} late\n\
+             control cycles         p99 {cycle_late_ms_p99:.1} ms, worst {cycle_late_ms_max:.1} ms late\n\
+             processor              {cpu:.1} % of a core a follower, {cpu_max:.1} % the hungriest\n"
         )?;
         writeln!(out, "limits broken          {}", self.violations)
     }

@@ -4,7 +4,7 @@ use k::nalgebra::Point3;
 
 use super::axes::{self, BodyAxes};
 use super::limb::{FoundLimb, LimbKind, LinkTree, limb_lengths};
-use super::words::{SIDES, SOLE};
+use super::words::SIDES;
 use crate::config::Tip;
 use crate::kinematics::RobotModel;
 
@@ -77,7 +77,7 @@ impl Anatomy {
             );
             let away = (body.poses[sole] * at - body.at(sole)).norm();
             // A link that is made to be the sole knows better.
-            let made = !body.is_moved(sole) && body.words[sole].has(SOLE);
+            let made = !body.is_moved(sole) && body.words[sole].has(&["sole"]);
             if away > 0.005 && !made {
                 limb.sole = Some(self.tip(body, sole, at, format!("{}_sole_tip", SIDES[side])));
             }

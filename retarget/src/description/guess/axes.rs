@@ -87,6 +87,9 @@ pub(super) fn find(
     BodyAxes { forward, up, seen: true }
 }
 
+/// Share of the ankle's height that belongs to the sole.
+const UNDERSIDE: f64 = 0.4;
+
 /// The middle of a foot's underside, in its link's frame, and its length and
 /// width in metres, if the foot has a shape.
 pub(super) fn sole(
@@ -97,10 +100,17 @@ pub(super) fn sole(
     let drives_above = |link: usize| body.model.drives_above(link);
     let foot =
         body.model.ancestors(link).take_while(|&up| drives_above(up) == drives_above(link)).last();
-    let corners = corners_of(body.model, foot.unwrap_or(link), body.poses);
+    let foot = foot.unwrap_or(link);
+    let mut corners = corners_of(body.model, foot, body.poses);
     if corners.is_empty() {
         return None;
     }
+    // What touches the floor is near the underside; an ankle's casing is not.
+    let height = |corner: &Point3<f64>| corner.coords.dot(&axes.up);
+    let lowest = corners.iter().map(height).fold(f64::INFINITY, f64::min);
+    let ankle = height(&body.at(foot)) - lowest;
+    let highest = lowest + (UNDERSIDE * ankle).max(0.005);
+    corners.retain(|corner| height(corner) <= highest);
     let span = |axis: Vector3<f64>| {
         let along = corners.iter().map(|corner| corner.coords.dot(&axis));
         let low = along.clone().fold(f64::INFINITY, f64::min);

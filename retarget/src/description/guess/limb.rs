@@ -83,17 +83,19 @@ impl LinkTree<'_> {
 
     /// A fixed child whose name says that it is the limb's end.
     fn named_end(&self, link: usize, kind: LimbKind) -> Option<usize> {
-        let names = match kind {
-            LimbKind::Arm => HAND,
-            LimbKind::Leg => SOLE,
-        };
         let far = |child: &usize| (self.at(*child) - self.at(link)).norm();
-        self.children[link]
-            .iter()
-            .copied()
-            .filter(|&child| !self.is_moved(child) && self.words[child].has(names))
-            .filter(|child| far(child) > 1e-3)
-            .max_by(|a, b| far(a).total_cmp(&far(b)))
+        let named = |names: &'static [&'static str]| {
+            let children = self.children[link].iter().copied();
+            children
+                .filter(move |&child| !self.is_moved(child) && self.words[child].has(names))
+                .filter(|child| far(child) > 1e-3)
+                .max_by(|a, b| far(a).total_cmp(&far(b)))
+        };
+        match kind {
+            LimbKind::Arm => named(HAND),
+            // A bumper or toe is not what the robot stands on.
+            LimbKind::Leg => named(&["sole"]).or_else(|| named(&["foot"])),
+        }
     }
 
     pub fn limb(&self, path: Vec<usize>, kind: LimbKind) -> FoundLimb {

@@ -49,97 +49,9 @@ impl MjcfAttributes {
         })
     }
 
-    /// An attribute of `node`, or its class's. `childclass` is the class that
-    /// the bodies around it ask for.
-    pub fn text<'a>(&'a self, node: Node<'a, '_>, childclass: &str, key: &str) -> Option<&'a str> {
-        let class = node.attribute("class").unwrap_or(childclass);
-        node.attribute(key).or_else(|| {
-            let defaults = self.classes.get(class).or_else(|| self.classes.get("main"))?;
-            let element = node.tag_name().name().to_owned();
-            defaults.get(&(element, key.to_owned())).map(String::as_str)
-        })
-    }
-
-    /// All numbers of an attribute; `None` if it is not there.
-    pub fn numbers(
-        &self,
-        node: Node,
-        childclass: &str,
-        key: &str,
-    ) -> Result<Option<Vec<f64>>, RetargetError> {
-        let Some(text) = self.text(node, childclass, key) else {
-            return Ok(None);
-        };
-        let parsed: Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
-        match parsed {
-            Ok(values) if values.iter().all(|v| v.is_finite() && v.abs() < 1e9) => Ok(Some(values)),
-            _ => {
-                let line = node.document().text_pos_at(node.range().start).row;
-                let element = node.tag_name().name();
-                Err(RetargetError::Mjcf(format!(
-                    "line {line}: <{element} {key}=\"{text}\"> holds no usable numbers"
-                )))
-            }
-        }
-    }
-
-    /// Exactly `N` numbers, or what stands for them.
-    pub fn vector<const N: usize>(
-        &self,
-        node: Node,
-        childclass: &str,
-        key: &str,
-        default: [f64; N],
-    ) -> Result<[f64; N], RetargetError> {
-        let values = self.numbers(node, childclass, key)?;
-        let values = values.as_deref().and_then(|values| values.first_chunk::<N>());
-        Ok(values.copied().unwrap_or(default))
-    }
-
     /// An angle of the file in radians.
     pub fn radians(&self, angle: f64) -> f64 {
         angle * self.angle
-    }
-
-    /// `pos` and whichever orientation is given.
-    pub fn pose(&self, node: Node, childclass: &str) -> Result<Isometry3<f64>, RetargetError> {
-        let at = self.vector(node, childclass, "pos", [0.0; 3])?;
-        let turned = self.orientation(node, childclass)?;
-        Ok(Isometry3::from_parts(Translation3::from(Vector3::from(at)), turned))
-    }
-
-    fn orientation(
-        &self,
-        node: Node,
-        childclass: &str,
-    ) -> Result<UnitQuaternion<f64>, RetargetError> {
-        let given = |key| self.numbers(node, childclass, key);
-        if let Some([w, x, y, z]) = given("quat")?.as_deref() {
-            let quaternion = Quaternion::new(*w, *x, *y, *z);
-            return Ok(UnitQuaternion::try_new(quaternion, 1e-9).unwrap_or_default());
-        }
-        if let Some([x, y, z, angle]) = given("axisangle")?.as_deref() {
-            let axis = Unit::try_new(Vector3::new(*x, *y, *z), 1e-9);
-            let turn = |axis| UnitQuaternion::from_axis_angle(&axis, self.radians(*angle));
-            return Ok(axis.map_or_else(UnitQuaternion::identity, turn));
-        }
-        if let Some([a, b, c]) = given("euler")?.as_deref() {
-            return Ok(self.euler([*a, *b, *c]));
-        }
-        if let Some([a, b, c, d, e, f]) = given("xyaxes")?.as_deref() {
-            let x = Vector3::new(*a, *b, *c).try_normalize(1e-9);
-            let y = Vector3::new(*d, *e, *f);
-            let y = x.and_then(|x| (y - x * x.dot(&y)).try_normalize(1e-9));
-            if let (Some(x), Some(y)) = (x, y) {
-                let axes = Matrix3::from_columns(&[x, y, x.cross(&y)]);
-                let rotation = Rotation3::from_matrix_unchecked(axes);
-                return Ok(UnitQuaternion::from_rotation_matrix(&rotation));
-            }
-        }
-        if let Some([x, y, z]) = given("zaxis")?.as_deref() {
-            return Ok(from_z(Vector3::new(*x, *y, *z)));
-        }
-        Ok(UnitQuaternion::identity())
     }
 
     fn euler(&self, angles: [f64; 3]) -> UnitQuaternion<f64> {
@@ -158,6 +70,103 @@ impl MjcfAttributes {
             };
         }
         turned
+    }
+}
+
+/// An element and the class that the bodies around it ask for.
+#[derive(Clone, Copy)]
+pub(super) struct MjcfElement<'a> {
+    pub node: Node<'a, 'a>,
+    pub class: &'a str,
+    pub attributes: &'a MjcfAttributes,
+}
+
+impl<'a> MjcfElement<'a> {
+    /// A child of this one, or any other element, with the same class around it.
+    pub fn at(self, node: Node<'a, 'a>) -> Self {
+        Self { node, ..self }
+    }
+
+    /// The children of this name.
+    pub fn children(self, tag: &'static str) -> impl Iterator<Item = Self> {
+        let named = self.node.children().filter(move |child| child.has_tag_name(tag));
+        named.map(move |node| self.at(node))
+    }
+
+    /// An attribute, or its class's.
+    pub fn text(self, key: &str) -> Option<&'a str> {
+        let class = self.node.attribute("class").unwrap_or(self.class);
+        self.node.attribute(key).or_else(|| {
+            let classes = &self.attributes.classes;
+            let defaults = classes.get(class).or_else(|| classes.get("main"))?;
+            let element = self.node.tag_name().name().to_owned();
+            defaults.get(&(element, key.to_owned())).map(String::as_str)
+        })
+    }
+
+    /// All numbers of an attribute; `None` if it is not there.
+    pub fn numbers(self, key: &str) -> Result<Option<Vec<f64>>, RetargetError> {
+        let Some(text) = self.text(key) else {
+            return Ok(None);
+        };
+        let parsed: Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
+        match parsed {
+            Ok(values) if values.iter().all(|v| v.is_finite() && v.abs() < 1e9) => Ok(Some(values)),
+            _ => {
+                let line = self.node.document().text_pos_at(self.node.range().start).row;
+                let element = self.node.tag_name().name();
+                Err(RetargetError::Mjcf(format!(
+                    "line {line}: <{element} {key}=\"{text}\"> holds no usable numbers"
+                )))
+            }
+        }
+    }
+
+    /// Exactly `N` numbers, or what stands for them.
+    pub fn vector<const N: usize>(
+        self,
+        key: &str,
+        default: [f64; N],
+    ) -> Result<[f64; N], RetargetError> {
+        let values = self.numbers(key)?;
+        let values = values.as_deref().and_then(|values| values.first_chunk::<N>());
+        Ok(values.copied().unwrap_or(default))
+    }
+
+    /// `pos` and whichever orientation is given.
+    pub fn pose(self) -> Result<Isometry3<f64>, RetargetError> {
+        let at = Vector3::from(self.vector("pos", [0.0; 3])?);
+        Ok(Isometry3::from_parts(Translation3::from(at), self.orientation()?))
+    }
+
+    fn orientation(self) -> Result<UnitQuaternion<f64>, RetargetError> {
+        if let Some([w, x, y, z]) = self.numbers("quat")?.as_deref() {
+            let quaternion = Quaternion::new(*w, *x, *y, *z);
+            return Ok(UnitQuaternion::try_new(quaternion, 1e-9).unwrap_or_default());
+        }
+        if let Some([x, y, z, angle]) = self.numbers("axisangle")?.as_deref() {
+            let axis = Unit::try_new(Vector3::new(*x, *y, *z), 1e-9);
+            let turn =
+                |axis| UnitQuaternion::from_axis_angle(&axis, self.attributes.radians(*angle));
+            return Ok(axis.map_or_else(UnitQuaternion::identity, turn));
+        }
+        if let Some([a, b, c]) = self.numbers("euler")?.as_deref() {
+            return Ok(self.attributes.euler([*a, *b, *c]));
+        }
+        if let Some([a, b, c, d, e, f]) = self.numbers("xyaxes")?.as_deref() {
+            let x = Vector3::new(*a, *b, *c).try_normalize(1e-9);
+            let y = Vector3::new(*d, *e, *f);
+            let y = x.and_then(|x| (y - x * x.dot(&y)).try_normalize(1e-9));
+            if let (Some(x), Some(y)) = (x, y) {
+                let axes = Matrix3::from_columns(&[x, y, x.cross(&y)]);
+                let rotation = Rotation3::from_matrix_unchecked(axes);
+                return Ok(UnitQuaternion::from_rotation_matrix(&rotation));
+            }
+        }
+        if let Some([x, y, z]) = self.numbers("zaxis")?.as_deref() {
+            return Ok(from_z(Vector3::new(*x, *y, *z)));
+        }
+        Ok(UnitQuaternion::identity())
     }
 }
 

@@ -6,31 +6,27 @@ use k::nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use roxmltree::Node;
 use urdf_rs::{Axis, Inertia, Inertial, JointLimit, JointType, LinkName, Mass, Mimic, Pose, Vec3};
 
-use super::{attributes::MjcfAttributes, geoms::MjcfGeom};
+use super::attributes::{MjcfAttributes, MjcfElement};
+use super::geoms::MjcfGeom;
 use crate::config::RetargetError;
 use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 
-#[derive(Default)]
-pub(super) struct MjcfBodies {
+pub(super) struct MjcfBodies<'d> {
+    diagnostics: &'d mut Diagnostics,
     links: Vec<urdf_rs::Link>,
     joints: Vec<urdf_rs::Joint>,
     names: HashSet<String>,
 }
 
-/// What is around a body: the link that carries it, the frame of the carrier's
-/// body in that link, and the class that the carrier asks for.
-#[derive(Clone, Copy)]
-struct Surroundings<'a> {
-    carrier: Option<(usize, Isometry3<f64>)>,
-    class: &'a str,
-}
+/// The link that carries a body, and the frame of the carrier's body in that link.
+type Carrier = (usize, Isometry3<f64>);
 
-impl MjcfBodies {
+impl<'d> MjcfBodies<'d> {
     /// The body with the most joints, and all below it.
     pub fn read(
         root: Node,
         attributes: &MjcfAttributes,
-        diagnostics: &mut Diagnostics,
+        diagnostics: &'d mut Diagnostics,
     ) -> Result<Self, RetargetError> {
         let worlds = root.children().filter(|n| n.has_tag_name("worldbody"));
         let bodies = worlds.flat_map(|world| world.children());
@@ -49,10 +45,11 @@ impl MjcfBodies {
             let message = "an object beside the robot: left out";
             diagnostics.add(DiagnosticCode::MjcfLeftOut, name, message);
         }
-        let mut tree = Self::default();
+        let (links, joints, names) = Default::default();
+        let mut tree = Self { diagnostics, links, joints, names };
         let world = robot.parent().and_then(|world| world.attribute("childclass"));
-        let around = Surroundings { carrier: None, class: world.unwrap_or("main") };
-        tree.add_body(*robot, around, attributes, diagnostics)?;
+        let class = world.unwrap_or("main");
+        tree.add_body(MjcfElement { node: *robot, class, attributes }, None)?;
         Ok(tree)
     }
 
@@ -116,30 +113,23 @@ impl MjcfBodies {
 
     fn add_body(
         &mut self,
-        node: Node,
-        around: Surroundings,
-        attributes: &MjcfAttributes,
-        diagnostics: &mut Diagnostics,
+        body: MjcfElement,
+        around: Option<Carrier>,
     ) -> Result<(), RetargetError> {
-        let class = node.attribute("childclass").unwrap_or(around.class);
+        let class = body.node.attribute("childclass").unwrap_or(body.class);
+        let body = MjcfElement { class, ..body };
         let number = self.links.len();
-        let name = self.unique(node.attribute("name"), format!("body_{number}"));
-        let pose = attributes.pose(node, class)?;
-        let elements = |tag: &'static str| node.children().filter(move |c| c.has_tag_name(tag));
-        let mut carrier = around.carrier.map(|(link, in_link)| (link, in_link * pose));
-        for (index, joint) in elements("joint").enumerate() {
+        let name = self.unique(body.node.attribute("name"), format!("body_{number}"));
+        let pose = body.pose()?;
+        let mut carrier = around.map(|(link, in_link)| (link, in_link * pose));
+        for (index, joint) in body.children("joint").enumerate() {
             let Some(on) = carrier else {
-                let kind = attributes.text(joint, class, "type").unwrap_or("hinge");
-                diagnostics.add(
-                    DiagnosticCode::MjcfLeftOut,
-                    joint.attribute("name").unwrap_or(kind),
-                    "a joint of the root against the world: held",
-                );
+                let kind = joint.text("type").unwrap_or("hinge");
+                let subject = joint.node.attribute("name").unwrap_or(kind);
+                self.leave_out(subject, "a joint of the root against the world: held");
                 continue;
             };
-            let fallback = format!("{name}_joint_{index}");
-            let end = self.add_hinges(joint, on, class, fallback, attributes, diagnostics)?;
-            carrier = Some(end);
+            carrier = Some(self.add_hinges(joint, on, format!("{name}_joint_{index}"))?);
         }
         // The last joint's link is the body itself, its frame at the anchor.
         let (link, frame) = match carrier {
@@ -157,51 +147,51 @@ impl MjcfBodies {
             }
             None => (self.add_link(name), Isometry3::identity()),
         };
-        self.add_shapes_and_mass(node, link, frame, class, attributes, diagnostics)?;
-        for child in elements("body") {
-            let around = Surroundings { carrier: Some((link, frame)), class };
-            self.add_body(child, around, attributes, diagnostics)?;
+        self.add_shapes_and_mass(body, link, frame)?;
+        for child in body.children("body") {
+            self.add_body(child, Some((link, frame)))?;
         }
         Ok(())
+    }
+
+    fn leave_out(&mut self, subject: &str, message: impl Into<String>) {
+        self.diagnostics.add(DiagnosticCode::MjcfLeftOut, subject, message);
     }
 
     /// Adds one joint of a body below a link and a frame in that; three for a
     /// ball. Where the body's frame is then.
     fn add_hinges(
         &mut self,
-        joint: Node,
-        (mut link, mut in_link): (usize, Isometry3<f64>),
-        class: &str,
+        joint: MjcfElement,
+        (mut link, mut in_link): Carrier,
         fallback: String,
-        attributes: &MjcfAttributes,
-        diagnostics: &mut Diagnostics,
-    ) -> Result<(usize, Isometry3<f64>), RetargetError> {
-        let kind = attributes.text(joint, class, "type").unwrap_or("hinge");
+    ) -> Result<Carrier, RetargetError> {
+        let kind = joint.text("type").unwrap_or("hinge");
         let axes: &[[f64; 3]] = match kind {
             "ball" => &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
             "free" => return Ok((link, in_link)),
-            _ => &[attributes.vector(joint, class, "axis", [0.0, 0.0, 1.0])?],
+            _ => &[joint.vector("axis", [0.0, 0.0, 1.0])?],
         };
-        let anchor = attributes.vector(joint, class, "pos", [0.0; 3])?;
+        let anchor = joint.vector("pos", [0.0; 3])?;
         let anchor = Translation3::from(Vector3::from(anchor));
-        let plain = self.unique(joint.attribute("name"), fallback);
+        let plain = self.unique(joint.node.attribute("name"), fallback);
         if kind == "ball" {
             let message = "a ball joint: three hinges stand for it";
-            diagnostics.add(DiagnosticCode::MjcfBall, &plain, message);
+            self.diagnostics.add(DiagnosticCode::MjcfBall, &plain, message);
         }
         for (axis, letter) in axes.iter().zip(["x", "y", "z"]) {
             let name = match kind {
                 "ball" => self.unique(None, format!("{plain}_{letter}")),
                 _ => plain.clone(),
             };
-            let range = range(joint, class, kind, attributes)?;
+            let range = range(joint, kind)?;
             let joint_type = match (kind, range) {
                 ("slide", _) => JointType::Prismatic,
                 (_, Some(_)) => JointType::Revolute,
                 (_, None) => JointType::Continuous,
             };
             let [lower, upper] = range.unwrap_or_default();
-            let effort = attributes.numbers(joint, class, "actuatorfrcrange")?;
+            let effort = joint.numbers("actuatorfrcrange")?;
             let link_name = format!("{name}_link");
             link = self.add_joint(name, link_name, joint_type, link, &(in_link * anchor));
             if let Some(added) = self.joints.last_mut() {
@@ -220,17 +210,14 @@ impl MjcfBodies {
 
     fn add_shapes_and_mass(
         &mut self,
-        node: Node,
+        body: MjcfElement,
         link: usize,
         frame: Isometry3<f64>,
-        class: &str,
-        attributes: &MjcfAttributes,
-        diagnostics: &mut Diagnostics,
     ) -> Result<(), RetargetError> {
         let mut geoms = Vec::new();
         let mut meshes = 0;
-        for node in node.children().filter(|child| child.has_tag_name("geom")) {
-            match MjcfGeom::read(node, frame, class, attributes)? {
+        for geom in body.children("geom") {
+            match MjcfGeom::read(geom, frame)? {
                 Some(geom) => geoms.push(geom),
                 None => meshes += 1,
             }
@@ -238,16 +225,15 @@ impl MjcfBodies {
         let link = &mut self.links[link];
         if meshes > 0 {
             let message = format!("{meshes} shapes that are no box, cylinder or ball: left out");
-            diagnostics.add(DiagnosticCode::MjcfLeftOut, &link.name, message);
+            self.diagnostics.add(DiagnosticCode::MjcfLeftOut, &link.name, message);
         }
         link.visual = geoms.iter().map(|geom| geom.visual(pose)).collect();
-        let given = node.children().find(|child| child.has_tag_name("inertial"));
-        let (mass_kg, com, moments) = match given {
+        let (mass_kg, com, moments) = match body.children("inertial").next() {
             Some(inertial) => {
-                let pose = frame * attributes.pose(inertial, class)?;
-                let [mass_kg] = attributes.vector(inertial, class, "mass", [0.0])?;
-                let diagonal = attributes.vector(inertial, class, "diaginertia", [0.0; 3])?;
-                let full = attributes.vector(inertial, class, "fullinertia", diagonal)?;
+                let pose = frame * inertial.pose()?;
+                let [mass_kg] = inertial.vector("mass", [0.0])?;
+                let diagonal = inertial.vector("diaginertia", [0.0; 3])?;
+                let full = inertial.vector("fullinertia", diagonal)?;
                 (mass_kg, Point3::from(pose.translation.vector), full)
             }
             None => mass_of(&geoms),
@@ -258,28 +244,19 @@ impl MjcfBodies {
         Ok(())
     }
 
-    pub fn add_mimics(
-        &mut self,
-        root: Node,
-        attributes: &MjcfAttributes,
-        diagnostics: &mut Diagnostics,
-    ) {
-        let equalities = root.children().filter(|n| n.has_tag_name("equality"));
-        let pairs = equalities.flat_map(|equality| equality.children());
-        for pair in pairs.filter(|node| node.has_tag_name("joint")) {
-            let (Some(follower), Some(leader)) =
-                (pair.attribute("joint1"), pair.attribute("joint2"))
-            else {
+    pub fn add_mimics(&mut self, root: MjcfElement) {
+        for pair in root.children("equality").flat_map(|equality| equality.children("joint")) {
+            let ends = ["joint1", "joint2"].map(|end| pair.node.attribute(end));
+            let [Some(follower), Some(leader)] = ends else {
                 continue;
             };
             let known = |name: &str| self.joints.iter().any(|joint| joint.name == name);
-            let law = attributes.vector(pair, "main", "polycoef", [0.0, 1.0, 0.0, 0.0, 0.0]);
+            let law = pair.vector("polycoef", [0.0, 1.0, 0.0, 0.0, 0.0]);
             let (true, true, Ok(law)) = (known(follower), known(leader), law) else {
                 continue;
             };
             if law[2..].iter().any(|part| *part != 0.0) {
-                let message = "follows by a curve: taken as a line";
-                diagnostics.add(DiagnosticCode::MjcfLeftOut, follower, message);
+                self.leave_out(follower, "follows by a curve: taken as a line");
             }
             for joint in self.joints.iter_mut().filter(|j| j.name == follower) {
                 joint.mimic = Some(Mimic {
@@ -292,13 +269,12 @@ impl MjcfBodies {
     }
 
     /// Strength of the motors, where the joints do not say it.
-    pub fn add_effort_limits(&mut self, root: Node, attributes: &MjcfAttributes) {
-        let actuators = root.children().filter(|n| n.has_tag_name("actuator"));
-        for motor in actuators.flat_map(|actuator| actuator.children()) {
+    pub fn add_effort_limits(&mut self, root: MjcfElement) {
+        for motor in root.children("actuator").flat_map(|actuator| actuator.node.children()) {
             let Some(name) = motor.attribute("joint") else {
                 continue;
             };
-            let numbers = |key: &str| attributes.numbers(motor, "main", key).ok().flatten();
+            let numbers = |key: &str| root.at(motor).numbers(key).ok().flatten();
             let last = |key: &str| numbers(key)?.last().copied();
             let gear = numbers("gear").and_then(|values| values.first().copied());
             let control = match motor.has_tag_name("motor") {
@@ -359,14 +335,10 @@ fn to_nanometres(value: f64) -> f64 {
     format!("{value:.9}").parse().unwrap_or(value)
 }
 
-fn range(
-    joint: Node,
-    class: &str,
-    kind: &str,
-    attributes: &MjcfAttributes,
-) -> Result<Option<[f64; 2]>, RetargetError> {
-    let given = attributes.numbers(joint, class, "range")?;
-    let limited = match attributes.text(joint, class, "limited") {
+fn range(joint: MjcfElement, kind: &str) -> Result<Option<[f64; 2]>, RetargetError> {
+    let attributes = joint.attributes;
+    let given = joint.numbers("range")?;
+    let limited = match joint.text("limited") {
         Some("true") => true,
         Some("false") => false,
         _ => attributes.autolimits && given.is_some(),

@@ -3,10 +3,9 @@
 use std::f64::consts::PI;
 
 use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use roxmltree::Node;
 use urdf_rs::{Color, Geometry, Material, Pose, Vec3, Vec4, Visual};
 
-use super::attributes::{MjcfAttributes, from_z};
+use super::attributes::{MjcfElement, from_z};
 use crate::config::RetargetError;
 
 /// Density of shapes without mass, kg/m^3.
@@ -22,18 +21,13 @@ pub(super) struct MjcfGeom {
 
 impl MjcfGeom {
     /// `None` for meshes and the like. `frame`: the body's frame in the link's.
-    pub fn read(
-        node: Node,
-        frame: Isometry3<f64>,
-        class: &str,
-        attributes: &MjcfAttributes,
-    ) -> Result<Option<Self>, RetargetError> {
-        let mut pose = attributes.pose(node, class)?;
-        let size = attributes.numbers(node, class, "size")?.unwrap_or_default();
+    pub fn read(geom: MjcfElement, frame: Isometry3<f64>) -> Result<Option<Self>, RetargetError> {
+        let mut pose = geom.pose()?;
+        let size = geom.numbers("size")?.unwrap_or_default();
         let part = |index: usize| size.get(index).copied().unwrap_or(0.0).abs();
-        let kind = attributes.text(node, class, "type").unwrap_or("sphere");
+        let kind = geom.text("type").unwrap_or("sphere");
         let mut half_length = part(1);
-        if let Some([a, b, c, d, e, f]) = attributes.numbers(node, class, "fromto")?.as_deref() {
+        if let Some([a, b, c, d, e, f]) = geom.numbers("fromto")?.as_deref() {
             let (from, to) = (Vector3::new(*a, *b, *c), Vector3::new(*d, *e, *f));
             half_length = (to - from).norm() / 2.0;
             let turned = match half_length > 1e-9 {
@@ -42,7 +36,7 @@ impl MjcfGeom {
             };
             pose = Isometry3::from_parts(Translation3::from((from + to) / 2.0), turned);
         }
-        let fromto = attributes.text(node, class, "fromto").is_some();
+        let fromto = geom.text("fromto").is_some();
         let radius = part(0);
         let (geometry, volume, reach_m) = match kind {
             "sphere" => {
@@ -72,14 +66,14 @@ impl MjcfGeom {
             }
             _ => return Ok(None),
         };
-        let [density] = attributes.vector(node, class, "density", [DENSITY])?;
-        let [mass_kg] = attributes.vector(node, class, "mass", [density * volume])?;
+        let [density] = geom.vector("density", [DENSITY])?;
+        let [mass_kg] = geom.vector("mass", [density * volume])?;
         Ok(Some(Self {
             pose: frame * pose,
             mass_kg: mass_kg.max(0.0),
             reach_m,
             geometry,
-            rgba: attributes.vector(node, class, "rgba", [0.5, 0.5, 0.5, 1.0])?,
+            rgba: geom.vector("rgba", [0.5, 0.5, 0.5, 1.0])?,
         }))
     }
 

@@ -19,7 +19,7 @@ use roxmltree::Node;
 use crate::config::RetargetError;
 use crate::description::diagnostic::{Diagnostic, DiagnosticCode, Diagnostics};
 use crate::description::xml::{check_depth, parse};
-use attributes::MjcfAttributes;
+use attributes::{MjcfAttributes, MjcfElement};
 use bodies::MjcfBodies;
 
 /// Whether a text is an MJCF model, by its root element.
@@ -61,10 +61,12 @@ pub(super) fn read(
     }
     let attributes = MjcfAttributes::new(root)?;
     let mut bodies = MjcfBodies::read(root, &attributes, diagnostics)?;
-    bodies.add_mimics(root, &attributes, diagnostics);
-    bodies.add_effort_limits(root, &attributes);
+    let model = MjcfElement { node: root, class: "main", attributes: &attributes };
+    bodies.add_mimics(model);
+    bodies.add_effort_limits(model);
+    let robot = bodies.robot(root.attribute("model").unwrap_or("robot"));
     report_left_out(root, diagnostics);
-    Ok(bodies.robot(root.attribute("model").unwrap_or("robot")))
+    Ok(robot)
 }
 
 fn report_left_out(root: Node, diagnostics: &mut Diagnostics) {

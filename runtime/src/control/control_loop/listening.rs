@@ -20,7 +20,7 @@ impl ControlLoop<'_> {
         let mut arrivals = Arrivals::default();
         while !self.is_interrupted() {
             self.handle_requests(source)?;
-            if self.stop_requested {
+            if self.stop_requested || self.servos.has_fallen() {
                 self.plan.targets_rad.copy_from_slice(&standing);
                 self.clock.start_now();
                 return Ok(true);

@@ -41,6 +41,8 @@ use std::time::Instant;
 
 /// Seconds after the last motion frame in which the robot comes to a stop.
 const TAIL_S: f64 = 0.5;
+/// How long a robot that fell gives way before torque goes off, seconds.
+const GIVE_WAY_S: f64 = 0.3;
 
 pub struct ControlLoop<'a> {
     robot: &'a Robot,
@@ -125,6 +127,9 @@ impl<'a> ControlLoop<'a> {
                 return Ok(Ending::Interrupted);
             }
             self.dance_cycle(source, &mut on_frame)?;
+            if self.servos.has_fallen() {
+                return self.give_way();
+            }
         }
         self.lead_out(source)
     }
@@ -178,11 +183,29 @@ impl<'a> ControlLoop<'a> {
             done = (done + u64::from(!held)).min(path.cycles());
             path.at(done, &mut self.plan.targets_rad);
             self.drive(self.clock.time_s())?;
+            if self.servos.has_fallen() {
+                return self.give_way();
+            }
         }
         Ok(match self.stop_requested {
             true => Ending::Stopped,
             false => Ending::Finished,
         })
+    }
+
+    /// After a fall: the servos are told to be where they are, so that they push
+    /// little, until torque goes off.
+    fn give_way(&mut self) -> anyhow::Result<Ending> {
+        let cycles = (GIVE_WAY_S * self.robot.control_hz).ceil() as u64;
+        for _ in 0..cycles {
+            let states = self.servos.states();
+            for (target, state) in self.plan.targets_rad.iter_mut().zip(states) {
+                *target = state.position_rad;
+            }
+            self.wait_for_cycle();
+            self.drive(self.clock.time_s())?;
+        }
+        Ok(Ending::Fell)
     }
 
     /// Whether the robot is still on its way from where it was held.

@@ -10,7 +10,8 @@ use crate::viewer::Activity;
 ///    | stop requested                | music over, stop requested  |
 ///    +-------------------------------+-----------> LeadOut <-------+
 ///                                                     | at rest
-/// any state: error or Ctrl-C ------------------------>+--> torque off (the caller)
+/// any state: fall ------> gives way for 0.3 s -------->|
+/// any state: error or Ctrl-C ------------------------->+--> torque off (the caller)
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoopState {
@@ -38,6 +39,8 @@ impl LoopState {
 pub enum Ending {
     Finished,
     Stopped,
+    /// The robot fell: it has given way, and torque is to go off.
+    Fell,
     /// Ctrl-C, or the caller's `stop`.
     Interrupted,
 }
@@ -47,6 +50,7 @@ pub fn disarm_cause(ending: &anyhow::Result<Ending>, finished: &'static str) -> 
     match ending {
         Ok(Ending::Finished) => finished,
         Ok(Ending::Stopped) => "stopped on request",
+        Ok(Ending::Fell) => "the robot fell",
         Ok(Ending::Interrupted) => "stopped by the user",
         Err(_) => "an error",
     }

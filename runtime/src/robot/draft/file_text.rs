@@ -10,6 +10,7 @@ pub(super) struct FilePlan<'a> {
     pub name: String,
     pub source: &'a str,
     pub trial: &'a Clip,
+    pub dances: &'a [Clip],
     pub urdf: String,
     pub draft: &'a mut ConfigDraft,
     pub servos: Vec<ServoDraft>,
@@ -178,9 +179,15 @@ fn gains(plan: &FilePlan, out: &mut String) {
             "# {limb}: {scale:.2} times the dancer's length; points are scaled by it."
         );
     }
-    out.push_str(
-        "[retarget.gain]\nleft_arm = 1.0\nright_arm = 1.0\nleft_leg = 1.0\nright_leg = 1.0\n\
-         head = 1.0\ntorso = 1.0\n",
+    if plan.draft.config.stance.stands() {
+        out.push_str("# Found by dancing in the simulated world: the most that it can stand.\n");
+    }
+    let gain = &plan.draft.config.gain;
+    let _ = writeln!(
+        out,
+        "[retarget.gain]\nleft_arm = {:?}\nright_arm = {:?}\nleft_leg = {:?}\nright_leg = {:?}\n\
+         head = {:?}\ntorso = {:?}",
+        gain.left_arm, gain.right_arm, gain.left_leg, gain.right_leg, gain.head, gain.torso
     );
 }
 

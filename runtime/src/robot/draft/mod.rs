@@ -32,12 +32,14 @@ pub struct NewRobot {
 }
 
 /// Writes a robot file for a description. Refuses a description with a fatal
-/// finding, and a file that is there already unless `force` is set.
+/// finding, and a file that is there already unless `force` is set. `trial` is danced
+/// by its kinematics, `dances` in the simulated world.
 pub fn new_robot(
     description: &Path,
     out: &Path,
     force: bool,
     trial: &Clip,
+    dances: &[Clip],
 ) -> anyhow::Result<NewRobot> {
     if out.extension().is_none_or(|extension| extension != "toml") {
         bail!("{}: a robot file ends in .toml", out.display());
@@ -71,6 +73,7 @@ pub fn new_robot(
         name: stem(out),
         source: source.as_str(),
         trial,
+        dances,
         urdf,
         draft: &mut draft,
         servos,

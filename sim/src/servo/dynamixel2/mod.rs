@@ -202,7 +202,7 @@ impl XServo {
         if self.body.motor.speed_rad_s.abs() > RAD_S_PER_UNIT {
             return false;
         }
-        self.body.motor.angle_rad = self.body.motor.angle_rad.rem_euclid(TAU);
+        self.body.clear_turns();
         true
     }
 

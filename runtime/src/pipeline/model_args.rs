@@ -1,6 +1,40 @@
 //! Options of every command that runs the model.
 
-use servodance_model::{Dtype, EngineKind, EngineOptions, GeneratorOptions};
+use super::conditioning::Conditioning;
+use servodance_model::{Dtype, EngineKind, EngineOptions, Generator, GeneratorOptions};
+use std::path::PathBuf;
+
+/// A dance that the model invents as the music comes.
+#[derive(Clone, Debug, clap::Args)]
+pub struct GeneratorArgs {
+    /// The same seed and the same input give the same dance.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Dance style; an unknown one lists those that the model knows.
+    #[arg(long, value_name = "NAME")]
+    pub style: Option<String>,
+    /// Weights to use in place of the built-in ones.
+    #[arg(long, env = "SERVODANCE_MODEL", value_name = "FILE.safetensors")]
+    pub model: Option<PathBuf>,
+    /// What weights may need beside them, and a style in words.
+    #[command(flatten)]
+    pub conditioning: Conditioning,
+    /// How the model's steps are computed.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+impl GeneratorArgs {
+    /// The same for the model. A style that a viewer chose comes before one in words.
+    pub fn options(&self, generator: &Generator) -> anyhow::Result<GeneratorOptions> {
+        let style_vector = match &self.style {
+            Some(_) => None,
+            None => self.conditioning.style_vector(generator)?,
+        };
+        let (seed, style) = (self.seed, self.style.clone());
+        Ok(GeneratorOptions { seed, style, style_vector, ..GeneratorOptions::default() })
+    }
+}
 
 /// How the model's steps are computed.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]

@@ -1,0 +1,85 @@
+//! Reads a board once a cycle, and knows how old the last reading is.
+
+use std::time::Duration;
+
+use servodance_types::ImuState;
+
+use super::config::ImuConfig;
+use super::mounting::Mounting;
+use super::opencr::{READING_BYTES, decode, registers::READING};
+use crate::error::BusResult;
+use crate::serial::ServoClient;
+
+/// How long a reading counts, seconds.
+const FRESH_S: f64 = 0.1;
+/// How often a board that is lost is asked again, seconds.
+const ASK_AGAIN_S: f64 = 0.5;
+/// How much of a control period is waited for an answer beyond its time on the wire.
+const PATIENCE: f64 = 0.4;
+
+/// A board on a serial bus.
+#[derive(Debug)]
+pub(crate) struct ImuReader {
+    id: u8,
+    mounting: Mounting,
+    hz: f64,
+    patience: Duration,
+    state: Option<ImuState>,
+    /// Cycles since the last reading.
+    missed: u32,
+}
+
+impl ImuReader {
+    /// For a bus that is cycled so many times a second.
+    pub fn new(config: &ImuConfig, hz: f64, reply_timeout_ms: f64) -> Self {
+        let patience_s = (reply_timeout_ms * 1e-3).min(PATIENCE / hz);
+        Self {
+            id: config.id,
+            mounting: config.mounting(),
+            hz,
+            patience: Duration::from_secs_f64(patience_s),
+            state: None,
+            missed: 0,
+        }
+    }
+
+    /// Asks the board, unless it is lost and was asked a moment ago.
+    pub fn read(&mut self, client: &mut ServoClient) -> BusResult<()> {
+        let again = (ASK_AGAIN_S * self.hz).ceil().max(1.0) as u32;
+        let waits = self.is_lost() && !self.missed.is_multiple_of(again);
+        let bytes: Option<[u8; READING_BYTES]> = match waits {
+            true => None,
+            false => client.read_device(self.id, READING, self.patience)?,
+        };
+        match bytes {
+            Some(bytes) => {
+                self.state = Some(decode(&bytes, &self.mounting));
+                self.missed = 0;
+            }
+            None => {
+                self.missed = self.missed.saturating_add(1);
+                if self.is_lost() {
+                    self.state = None;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn is_lost(&self) -> bool {
+        f64::from(self.missed) >= FRESH_S * self.hz
+    }
+
+    /// The last reading, unless it is too old.
+    pub fn state(&self) -> Option<ImuState> {
+        self.state
+    }
+
+    /// What the user should know before torque.
+    pub fn note(&self) -> Option<String> {
+        let id = self.id;
+        let text =
+            || format!("the motion sensor (id {id}) does not answer: balance goes without it");
+        self.state.is_none().then(text)
+    }
+}

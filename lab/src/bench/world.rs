@@ -1,0 +1,360 @@
+//! Whether a robot stays on its feet while it dances, in the simulated world: dances
+//! to many songs in worlds that differ, and pushes.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use super::world_dump::dump;
+use anyhow::Context;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+use servodance_audio::song::SongSpec;
+use servodance_model::motion::Clip;
+use servodance_runtime::offline::generate::{GenerateRequest, generate};
+use servodance_runtime::offline::song_file::write_song;
+use servodance_runtime::physics::{ServoVariation, StandingTrial, TrialOptions, TrialReport};
+use servodance_runtime::robot::Robot;
+use servodance_sim::world::{ImuErrors, WorldOptions};
+
+/// Pushes are sought up to this impulse for each kilogram, and to this precision.
+const MOST_PUSH_NS_PER_KG: f64 = 2.0;
+const PUSH_STEP_NS_PER_KG: f64 = 0.02;
+/// Seconds of standing in which a push comes.
+const PUSHED_S: f64 = 6.0;
+
+/// What `bench world` is to measure.
+#[derive(Clone, Debug)]
+pub struct WorldBenchRequest {
+    /// How many songs, and how many seeds of the dancer for each.
+    pub songs: u64,
+    /// Seeds of the dancer.
+    pub seeds: u64,
+    /// Styles to dance; the default one if empty.
+    pub styles: Vec<String>,
+    /// Seconds of each dance.
+    pub seconds: f64,
+    /// Names of [`WORLDS`]; all if empty.
+    pub worlds: Vec<String>,
+    /// Whether the sensor's feedback is on.
+    pub feedback: bool,
+    /// Whether servos are as strong as the robot's masses ask for.
+    pub sized: bool,
+    /// Whether pushes are measured too.
+    pub pushes: bool,
+    /// Where generated motion is kept and found again.
+    pub motions: PathBuf,
+    /// Where each trial is written for another engine to play.
+    pub dump: Option<PathBuf>,
+    /// Seed of songs, and of worlds that are drawn.
+    pub seed: u64,
+}
+
+/// A world's name and what it means.
+pub const WORLDS: [(&str, &str); 10] = [
+    ("nominal", "servos and robot as described"),
+    ("soft", "servos 20 % less stiff"),
+    ("firm", "servos 20 % stiffer"),
+    ("kp60", "servos of 60 N m/rad"),
+    ("play", "0.5 degrees of play in every gear"),
+    ("slippery", "friction of 0.4"),
+    ("light", "10 % less mass"),
+    ("heavy", "10 % more mass"),
+    ("tilted", "a floor that leans by 2 degrees"),
+    ("late", "a noisy sensor, 20 ms late"),
+];
+
+/// All of those at once, drawn for each dance.
+pub const DRAWN: &str = "drawn";
+
+/// The figures of one world.
+#[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // units stand in the names
+pub struct WorldFigures {
+    pub world: String,
+    pub dances: usize,
+    pub falls: usize,
+    pub danced_s: f64,
+    pub tilt_rms_deg: f64,
+    pub tilt_beyond_plan_rms_deg: f64,
+    pub worst_tilt_beyond_plan_rms_deg: f64,
+    pub slip_mm_min: f64,
+    pub work_w: f64,
+    pub upper_speed2: f64,
+    /// Which dances ended in a fall, and when.
+    pub fell: Vec<String>,
+}
+
+/// The largest push that was survived, in eight directions from the front to the left.
+#[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // units stand in the names
+pub struct PushFigures {
+    pub feedback: bool,
+    pub survived_ns: [f64; 8],
+}
+
+/// What `bench world` prints.
+#[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)] // the names say it
+pub struct WorldBenchReport {
+    pub robot: String,
+    pub worlds: Vec<WorldFigures>,
+    pub pushes: Vec<PushFigures>,
+    /// Simulated seconds for each second of one core, the retargeter included.
+    pub realtime_factor: f64,
+}
+
+fn sensor(seed: u64) -> ImuErrors {
+    ImuErrors {
+        rate_noise_rad_s: 0.01,
+        force_noise_m_s2: 0.1,
+        attitude_noise_rad: 0.005,
+        rate_bias_rad_s: 0.005,
+        delay_s: 0.01,
+        seed,
+    }
+}
+
+/// The options of a world by name; `dance` numbers the dance in it.
+fn options(name: &str, dance: u64, seed: u64) -> anyhow::Result<TrialOptions> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed ^ dance.wrapping_mul(0x9E37_79B9));
+    let imu = sensor(dance + 1);
+    let mut trial = TrialOptions {
+        world: WorldOptions { imu, ..WorldOptions::default() },
+        ..TrialOptions::default()
+    };
+    let lean = 2.0_f64.to_radians();
+    let turned = std::f64::consts::TAU * random.random::<f64>();
+    match name {
+        "nominal" => {}
+        "soft" => trial.servos.stiffness = 0.8,
+        "firm" => trial.servos.stiffness = 1.2,
+        "kp60" => trial.servos.kp = Some(60.0),
+        "play" => trial.servos.play_rad = 0.5_f64.to_radians(),
+        "slippery" => trial.world.friction = 0.4,
+        "light" => trial.mass = 0.9,
+        "heavy" => trial.mass = 1.1,
+        "tilted" => trial.world.tilt_rad = [lean * turned.cos(), lean * turned.sin()],
+        "late" => trial.world.imu = late(imu),
+        DRAWN => {
+            let share = lean * random.random::<f64>();
+            trial = TrialOptions {
+                servos: ServoVariation {
+                    stiffness: random.random_range(0.8..1.2),
+                    kp: None,
+                    play_rad: random.random_range(0.0..0.5_f64.to_radians()),
+                },
+                world: WorldOptions {
+                    friction: random.random_range(0.4..1.0),
+                    tilt_rad: [share * turned.cos(), share * turned.sin()],
+                    imu: late(imu),
+                    ..trial.world
+                },
+                mass: random.random_range(0.9..1.1),
+                ..trial
+            };
+        }
+        _ => {
+            let known: Vec<&str> = WORLDS.iter().map(|world| world.0).chain([DRAWN]).collect();
+            anyhow::bail!("no world \"{name}\"; there are {}", known.join(", "));
+        }
+    }
+    Ok(trial)
+}
+
+fn late(imu: ImuErrors) -> ImuErrors {
+    ImuErrors { delay_s: 0.02, rate_noise_rad_s: 0.03, attitude_noise_rad: 0.01, ..imu }
+}
+
+/// Runs all dances in all worlds; `progress` gets what is done and what there is.
+pub fn run(
+    robot: &Robot,
+    request: &WorldBenchRequest,
+    progress: impl Fn(usize, usize) + Sync,
+) -> anyhow::Result<WorldBenchReport> {
+    let clips = clips(request)?;
+    let worlds: Vec<&str> = match request.worlds.is_empty() {
+        true => WORLDS.iter().map(|world| world.0).chain([DRAWN]).collect(),
+        false => request.worlds.iter().map(String::as_str).collect(),
+    };
+    let total = worlds.len() * clips.len();
+    let results = Mutex::new(vec![TrialReport::default(); total]);
+    let (next, failed) = (AtomicUsize::new(0), Mutex::new(None));
+    let began = Instant::now();
+    let threads = std::thread::available_parallelism().map_or(1, |count| count.get());
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    if index >= total {
+                        break;
+                    }
+                    let (world, dance) = (index / clips.len(), index % clips.len());
+                    match trial(robot, request, worlds[world], dance, &clips[dance]) {
+                        Ok(report) => lock(&results)[index] = report,
+                        Err(error) => *lock(&failed) = Some(error),
+                    }
+                    progress(index, total);
+                }
+            });
+        }
+    });
+    if let Some(error) = lock(&failed).take() {
+        return Err(error);
+    }
+    let results = std::mem::take(&mut *lock(&results));
+    let danced_s: f64 = results.iter().map(|report| report.danced_s).sum();
+    let realtime_factor = danced_s / (began.elapsed().as_secs_f64() * threads as f64);
+    let figures = |(world, name): (usize, &&str)| {
+        world_figures(name, &clips, &results[world * clips.len()..(world + 1) * clips.len()])
+    };
+    Ok(WorldBenchReport {
+        robot: robot.name.clone(),
+        worlds: worlds.iter().enumerate().map(figures).collect(),
+        pushes: match request.pushes {
+            true => vec![pushes(robot, false)?, pushes(robot, true)?],
+            false => Vec::new(),
+        },
+        realtime_factor,
+    })
+}
+
+fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+fn trial(
+    robot: &Robot,
+    request: &WorldBenchRequest,
+    world: &str,
+    dance: usize,
+    clip: &Clip,
+) -> anyhow::Result<TrialReport> {
+    let options = options(world, dance as u64, request.seed)?;
+    let options = TrialOptions { feedback: request.feedback, sized: request.sized, ..options };
+    match &request.dump {
+        Some(folder) => {
+            let path = folder.join(format!("{world}-{}.json", clip.name));
+            dump(robot, options, &clip.frames(), &path)
+        }
+        None => StandingTrial::new(robot, options)?.run(&clip.frames(), |_, _, _| ()),
+    }
+}
+
+fn world_figures(name: &str, clips: &[Clip], results: &[TrialReport]) -> WorldFigures {
+    let count = results.len().max(1) as f64;
+    let mean = |of: fn(&TrialReport) -> f64| results.iter().map(of).sum::<f64>() / count;
+    let rms = |of: fn(&TrialReport) -> f64| {
+        (results.iter().map(|report| of(report).powi(2)).sum::<f64>() / count).sqrt()
+    };
+    let fell: Vec<String> = results
+        .iter()
+        .zip(clips)
+        .filter_map(|(report, clip)| Some(format!("{} at {:.1} s", clip.name, report.fell_s?)))
+        .collect();
+    let beyond = |report: &TrialReport| report.tilt_beyond_plan_rms_deg;
+    WorldFigures {
+        world: name.into(),
+        dances: results.len(),
+        falls: fell.len(),
+        danced_s: results.iter().map(|report| report.danced_s).sum(),
+        tilt_rms_deg: rms(|report| report.tilt_rms_deg),
+        tilt_beyond_plan_rms_deg: rms(beyond),
+        worst_tilt_beyond_plan_rms_deg: results.iter().map(beyond).fold(0.0, f64::max),
+        slip_mm_min: mean(|report| report.slip_mm_min),
+        work_w: mean(|report| report.work_w),
+        upper_speed2: mean(|report| report.upper_speed2),
+        fell,
+    }
+}
+
+/// Largest push that the standing robot survives, by bisection in each direction.
+fn pushes(robot: &Robot, feedback: bool) -> anyhow::Result<PushFigures> {
+    let still = Clip { name: "standing".into(), ..standing() };
+    let frames = still.frames();
+    let mass_kg: f64 =
+        robot.retargeter()?.rigid_links().iter().map(|link| link.mass_kg).sum::<f64>().max(1e-3);
+    let mut survived_ns = [0.0; 8];
+    for (direction, survived) in survived_ns.iter_mut().enumerate() {
+        let angle = std::f64::consts::TAU * direction as f64 / 8.0;
+        // A push from the front goes back.
+        let along = [-angle.cos(), -angle.sin()];
+        let (mut low, mut high) = (0.0, MOST_PUSH_NS_PER_KG * mass_kg);
+        while high - low > PUSH_STEP_NS_PER_KG * mass_kg {
+            let middle = f64::midpoint(low, high);
+            let options = TrialOptions {
+                feedback,
+                push_ns: along.map(|share| share * middle),
+                ..options("nominal", 0, 0)?
+            };
+            let report = StandingTrial::new(robot, options)?.run(&frames, |_, _, _| ())?;
+            match report.fell_s {
+                Some(_) => high = middle,
+                None => low = middle,
+            }
+        }
+        *survived = low;
+    }
+    Ok(PushFigures { feedback, survived_ns })
+}
+
+/// A dancer who stands still.
+fn standing() -> Clip {
+    let pose = servodance_training::choreography::choreograph(
+        &[],
+        1.0,
+        servodance_training::choreography::DanceStyle::Groove,
+        1,
+    )
+    .poses[0];
+    let frames = (PUSHED_S * servodance_types::FRAME_RATE_HZ) as usize;
+    Clip { name: String::new(), fps: servodance_types::FRAME_RATE_HZ, poses: vec![pose; frames] }
+}
+
+/// The dances, generated or found in the folder.
+fn clips(request: &WorldBenchRequest) -> anyhow::Result<Vec<Clip>> {
+    std::fs::create_dir_all(&request.motions).context("--motions")?;
+    let styles: Vec<Option<&str>> = match request.styles.is_empty() {
+        true => vec![None],
+        false => request.styles.iter().map(|style| Some(style.as_str())).collect(),
+    };
+    let mut clips = Vec::new();
+    for song in 0..request.songs {
+        let mut file = None;
+        for style in &styles {
+            for seed in 0..request.seeds {
+                let song_seed = request.seed + song;
+                let label = style.unwrap_or("default");
+                let name = format!("song{song_seed}-{label}-{seed}-{:.0}s", request.seconds);
+                let path = request.motions.join(format!("{name}.npz"));
+                if !path.exists() {
+                    let wav = match &file {
+                        Some(wav) => wav,
+                        None => {
+                            file.insert(song_file(&request.motions, song_seed, request.seconds)?)
+                        }
+                    };
+                    dance(wav, *style, seed, request.seconds)?.write_npz(&path)?;
+                }
+                clips.push(Clip { name, ..Clip::read_npz(&path)? });
+            }
+        }
+    }
+    Ok(clips)
+}
+
+fn song_file(folder: &Path, seed: u64, seconds: f64) -> anyhow::Result<PathBuf> {
+    let song = SongSpec::random(seconds, seed)?.render()?;
+    let path = folder.join(format!("song{seed}.wav"));
+    write_song(&path, &song, 0.0)?;
+    Ok(path)
+}
+
+fn dance(wav: &Path, style: Option<&str>, seed: u64, seconds: f64) -> anyhow::Result<Clip> {
+    let request =
+        GenerateRequest::plain(Some(wav.to_owned()), seconds, seed, style.map(Into::into));
+    generate(&GenerateRequest { lookahead: 0.3, ..request })
+}

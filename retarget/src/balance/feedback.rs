@@ -1,0 +1,228 @@
+//! Correction of the legs by what a sensor on the pelvis says: ankle and hip strategy.
+//!
+//! The pelvis's lean and rate are compared with those that the commands of some
+//! hundredths of a second ago imply (feet flat on the floor). Ankles damp the rate,
+//! hips turn the trunk back. Gains follow from mass, height and the stiffness of the
+//! ankles' servos; what goes out keeps every joint limit.
+
+use std::collections::VecDeque;
+
+use k::nalgebra::{UnitQuaternion, Vector3};
+use servodance_types::{ImuState, JointLimits};
+
+use crate::dynamics::GRAVITY_M_S2;
+use crate::limits::JointTracker;
+use crate::retargeter::{LegJoint, Retargeter};
+
+/// Age of the commands that a reading answers to: servo lag and the sensor's delay.
+const ANSWERED_S: f64 = 0.07;
+/// Errors smaller than this are the servos' own give: not corrected, and faded in.
+const DEAD_BAND_RAD: f64 = 0.035;
+const FADE_RAD: f64 = 0.043;
+/// Largest correction of a joint, radians, and its time constant, seconds.
+const MOST_RAD: f64 = 0.28;
+const SMOOTH_S: f64 = 0.015;
+/// Share of the lean that each strategy takes back.
+const HIP_SHARE: [f64; 2] = [0.56, 0.29];
+const ANKLE_SHARE: [f64; 2] = [0.31, 0.0];
+/// Damping ratio that ankles and feedback have together.
+const DAMPING_RATIO: f64 = 0.7;
+/// No more damping than this, seconds: the sensor is late.
+const MOST_DAMPING_S: f64 = 0.08;
+/// A joint belongs to roll or pitch when its axis is nearer to it than this cosine.
+const ALONG: f64 = 0.7;
+/// Time to full acceleration of a correction, seconds.
+const RISE_S: f64 = 0.02;
+/// An old reading is not acted on, seconds.
+const OLD_S: f64 = 0.1;
+
+/// The position loop of a leg's servo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LegServo {
+    /// Newton metres a radian.
+    pub kp_nm_rad: f64,
+    /// Newton metres for one radian a second.
+    pub damping_nm_s: f64,
+}
+
+/// A leg's joint that turns the body about x (roll) or y (pitch).
+#[derive(Clone, Copy, Debug)]
+struct LeanJoint {
+    joint: usize,
+    /// 0 roll, 1 pitch.
+    axis: usize,
+    /// Command that leans the body by +1 with the foot on the floor.
+    sign: f64,
+    is_ankle: bool,
+}
+
+/// What keeps one robot on its feet.
+pub struct BalanceFeedback {
+    joints: Vec<LeanJoint>,
+    upright: UnitQuaternion<f64>,
+    trackers: Vec<(usize, JointTracker)>,
+    dt_s: f64,
+    /// Planned lean about x and y, newest last.
+    planned: VecDeque<[f64; 2]>,
+    /// Seconds by which the ankles answer the rate, by axis.
+    damping_s: [f64; 2],
+    correction: [[f64; 2]; 2],
+    age_s: f64,
+    limits: Vec<JointLimits>,
+    settled: bool,
+}
+
+impl BalanceFeedback {
+    /// `None` for a robot that does not stand. `servos` by joint.
+    pub fn new(robot: &Retargeter, servos: &[LegServo], limits: &[JointLimits]) -> Option<Self> {
+        let legs = robot.standing_legs()?;
+        let mut joints = Vec::new();
+        let poses = robot.rest_poses();
+        for path in legs {
+            let mut leans: Vec<LeanJoint> = Vec::new();
+            for LegJoint { link, joint, axis } in path {
+                let axis = poses[link].rotation * axis;
+                for (index, along) in [axis.x, axis.y].into_iter().enumerate() {
+                    if along.abs() > ALONG {
+                        let sign = -along.signum();
+                        leans.push(LeanJoint { joint, axis: index, sign, is_ankle: false });
+                    }
+                }
+            }
+            // Nearest to the hip and nearest to the floor, about each axis.
+            for axis in 0..2 {
+                let mut own = leans.iter().filter(|lean| lean.axis == axis);
+                let hip = own.next().copied();
+                let ankle = own.next_back().copied();
+                joints.extend(hip);
+                joints.extend(ankle.map(|ankle| LeanJoint { is_ankle: true, ..ankle }));
+            }
+        }
+        let (mass_kg, height_m) = robot.mass_and_height();
+        let damping_s = [0, 1].map(|axis| {
+            let ankles = joints.iter().filter(|lean| lean.is_ankle && lean.axis == axis);
+            let servos = ankles.filter_map(|lean| servos.get(lean.joint));
+            let (stiffness, damping) = servos.fold((0.0, 0.0), |(kp, kd), servo| {
+                (kp + servo.kp_nm_rad, kd + servo.damping_nm_s)
+            });
+            ankle_damping_s(mass_kg, height_m, stiffness, damping)
+        });
+        let dt_s = robot.period_s();
+        let mut used: Vec<usize> = joints.iter().map(|lean| lean.joint).collect();
+        used.sort_unstable();
+        used.dedup();
+        let rest = robot.rest();
+        let tracker = |joint: usize| {
+            let limits = limits[joint];
+            let jerk = limits.acceleration_rad_s2 / RISE_S;
+            (joint, JointTracker::new(limits, jerk, dt_s, rest[joint], 0.1))
+        };
+        Some(Self {
+            trackers: used.into_iter().map(tracker).collect(),
+            limits: limits.to_vec(),
+            upright: robot.upright(),
+            planned: VecDeque::with_capacity((ANSWERED_S / dt_s) as usize + 2),
+            correction: [[0.0; 2]; 2],
+            age_s: f64::INFINITY,
+            joints,
+            dt_s,
+            damping_s,
+            settled: false,
+        })
+    }
+
+    /// Corrects the commands of one cycle in place. `planned_up` is the world's vertical
+    /// in the root link by these commands; `reading` the sensor's, if it answered.
+    pub fn correct(
+        &mut self,
+        planned_up: [f64; 3],
+        reading: Option<&ImuState>,
+        commands_rad: &mut [f64],
+    ) {
+        let kept = (ANSWERED_S / self.dt_s).round() as usize;
+        if self.planned.len() > kept {
+            self.planned.pop_front();
+        }
+        self.planned.push_back(self.lean(planned_up));
+        self.age_s = if reading.is_some() { 0.0 } else { self.age_s + self.dt_s };
+        let wanted = match reading {
+            Some(reading) => self.wanted(reading),
+            None if self.age_s > OLD_S => [[0.0; 2]; 2],
+            None => self.correction,
+        };
+        let share = self.dt_s / (SMOOTH_S + self.dt_s);
+        for (now, wanted) in self.correction.iter_mut().flatten().zip(wanted.iter().flatten()) {
+            *now += (wanted - *now) * share;
+        }
+        for lean in &self.joints {
+            let correction = self.correction[lean.axis][usize::from(lean.is_ankle)];
+            commands_rad[lean.joint] += lean.sign * correction;
+        }
+        self.keep_limits(commands_rad);
+    }
+
+    /// Lean about x and y, radians, from the vertical in the root link.
+    fn lean(&self, up: [f64; 3]) -> [f64; 2] {
+        let up = self.upright * Vector3::from(up);
+        [up.y.atan2(up.z), -up.x.atan2(up.z)]
+    }
+
+    /// Corrections of hips and ankles, by axis.
+    fn wanted(&self, reading: &ImuState) -> [[f64; 2]; 2] {
+        let Some(then) = self.planned.front() else {
+            return [[0.0; 2]; 2];
+        };
+        let before = self.planned.get(1).unwrap_or(then);
+        let lean = self.lean(reading.up);
+        let rate = self.upright * Vector3::from(reading.rate_rad_s);
+        let rate = [rate.x, rate.y];
+        std::array::from_fn(|axis| {
+            let off = lean[axis] - then[axis];
+            let planned_rate = (before[axis] - then[axis]) / self.dt_s;
+            let faster = rate[axis] - planned_rate;
+            let beyond = (off.abs() - DEAD_BAND_RAD).max(0.0).copysign(off);
+            let active = (off.abs() / FADE_RAD).min(1.0);
+            let back = |share: f64, damping_s: f64| {
+                (-share * beyond - damping_s * faster * active).clamp(-MOST_RAD, MOST_RAD)
+            };
+            let damping_s = self.damping_s[axis];
+            [back(HIP_SHARE[axis], 0.5 * damping_s), back(ANKLE_SHARE[axis], damping_s)]
+        })
+    }
+
+    fn keep_limits(&mut self, commands_rad: &mut [f64]) {
+        for (joint, tracker) in &mut self.trackers {
+            let command = &mut commands_rad[*joint];
+            if !self.settled {
+                tracker.restart(self.limits[*joint].clamp_rad(*command));
+            }
+            let wanted = tracker.follow(*command);
+            tracker.advance(wanted);
+            *command = tracker.position();
+        }
+        self.settled = true;
+    }
+}
+
+/// Seconds by which the ankles' command answers the rate, so that the body on its
+/// ankles is damped as wanted: an inverted pendulum of this mass and height on springs.
+fn ankle_damping_s(mass_kg: f64, height_m: f64, stiffness: f64, damping: f64) -> f64 {
+    if stiffness <= 0.0 {
+        return 0.0;
+    }
+    let inertia = 1.2 * mass_kg * height_m * height_m;
+    let left = (stiffness - mass_kg * GRAVITY_M_S2 * height_m).max(0.1 * stiffness);
+    let wanted = 2.0 * DAMPING_RATIO * (left * inertia).sqrt();
+    ((wanted - damping) / stiffness).clamp(0.0, MOST_DAMPING_S)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_humanoid_needs_little_more_damping_than_its_servos_have() {
+        let damping_s = ankle_damping_s(3.15, 0.25, 42.0, 2.2);
+        assert!((0.02..0.08).contains(&damping_s), "{damping_s}");
+    }
+}

@@ -1,0 +1,135 @@
+//! How much of the dance the feet can carry: keeps the planned zero-moment point
+//! (Vukobratovic) inside the soles.
+//!
+//! The plan is looked at where the preview ends, so that the pelvis gives way before
+//! the moment comes. Links are point masses. The point is linear enough in the
+//! pelvis's movement: that is scaled first, and the upper body only when its own
+//! movement already leaves the soles. Down at once, up slowly, as a compressor does.
+
+use k::nalgebra::{Isometry3, Point3, Vector3};
+
+use crate::contact::SupportPolygon;
+use crate::dynamics::GRAVITY_M_S2;
+use crate::kinematics::RobotModel;
+
+/// Time over which accelerations are measured, seconds.
+const MEASURED_S: f64 = 0.04;
+/// Share of the way from the middle to the sole's edge that is used: the servos' give
+/// and their lag take the rest.
+const USED: f64 = 0.5;
+const ATTACK_S: f64 = 0.01;
+/// Short enough that a robot which joins a dance late soon moves like the others.
+const RELEASE_S: f64 = 1.0;
+/// Share of the pelvis's shift that a leg's mass takes part in.
+const LEG_SHARE: f64 = 0.5;
+
+pub(crate) struct GovernorInput<'a> {
+    pub model: &'a RobotModel,
+    /// Joint positions of the upper body where the preview ends; of the legs now.
+    pub positions: &'a [f64],
+    /// The root link's pose for all of the dance, and at rest.
+    pub root: Isometry3<f64>,
+    pub rest: Isometry3<f64>,
+    pub support: &'a SupportPolygon,
+}
+
+pub(crate) struct ZmpGovernor {
+    dt_s: f64,
+    is_leg: Vec<bool>,
+    in_root: Vec<Isometry3<f64>>,
+    /// Centres of mass in the last cycles: with the pelvis at rest, and moving.
+    past: Vec<[Vec<Vector3<f64>>; 2]>,
+    next: usize,
+    seen: usize,
+    /// Share of the pelvis's and of the upper body's movement.
+    pub pelvis: f64,
+    pub upper: f64,
+    pub lowest: f64,
+}
+
+impl ZmpGovernor {
+    /// `is_leg` by link: those that stand.
+    pub fn new(is_leg: Vec<bool>, dt_s: f64) -> Self {
+        let links = is_leg.len();
+        let half = ((MEASURED_S / dt_s).round() as usize).max(1);
+        let still = || vec![Vector3::zeros(); links];
+        Self {
+            dt_s,
+            in_root: vec![Isometry3::identity(); links],
+            is_leg,
+            past: (0..2 * half + 1).map(|_| [still(), still()]).collect(),
+            next: 0,
+            seen: 0,
+            pelvis: 1.0,
+            upper: 1.0,
+            lowest: 1.0,
+        }
+    }
+
+    pub fn restart(&mut self) {
+        self.seen = 0;
+    }
+
+    /// Takes in one cycle of the plan.
+    pub fn observe(&mut self, input: &GovernorInput) {
+        input.model.place(&Isometry3::identity(), input.positions, &mut self.in_root);
+        let shift = input.root.translation.vector - input.rest.translation.vector;
+        let [resting, moving] = &mut self.past[self.next];
+        for (index, link) in input.model.links.iter().enumerate() {
+            let com = self.in_root[index] * link.com;
+            resting[index] = (input.rest * com).coords;
+            moving[index] = match self.is_leg[index] {
+                true => resting[index] + shift * LEG_SHARE,
+                false => (input.root * com).coords,
+            };
+        }
+        self.next = (self.next + 1) % self.past.len();
+        self.seen += 1;
+        if self.seen >= self.past.len() {
+            self.judge(input);
+        }
+    }
+
+    fn judge(&mut self, input: &GovernorInput) {
+        let [resting, moving] = [0, 1].map(|plan| self.zero_moment_point(input.model, plan));
+        let support = input.support;
+        let inside = |from: &Vector3<f64>, to: &Vector3<f64>| {
+            let edges = support.edges.iter();
+            let shares = edges.map(|edge| {
+                let middle = support.middle();
+                let reach = USED * (edge.offset_m - edge.normal.dot(&middle));
+                let room = reach - edge.normal.dot(&(from - middle));
+                let way = edge.normal.dot(&(to - from));
+                if way > 1e-9 { (room / way).clamp(0.0, 1.0) } else { 1.0 }
+            });
+            shares.fold(1.0, f64::min)
+        };
+        let pelvis = inside(&resting, &moving);
+        let upper = inside(&support.middle(), &resting);
+        self.pelvis = self.eased(self.pelvis, pelvis);
+        self.upper = self.eased(self.upper, upper);
+        self.lowest = self.lowest.min(self.pelvis);
+    }
+
+    fn eased(&self, now: f64, wanted: f64) -> f64 {
+        let time_s = if wanted < now { ATTACK_S } else { RELEASE_S };
+        now + (wanted - now) * self.dt_s / (time_s + self.dt_s)
+    }
+
+    /// From the newest, middle and oldest centres of mass; all z are against the floor.
+    fn zero_moment_point(&self, model: &RobotModel, plan: usize) -> Vector3<f64> {
+        let count = self.past.len();
+        let half = (count / 2) as f64 * self.dt_s;
+        let at = |back: usize| &self.past[(self.next + count - 1 - back) % count][plan];
+        let (newest, middle, oldest) = (at(0), at(count / 2), at(count - 1));
+        let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
+        for (index, link) in model.links.iter().enumerate().filter(|(_, link)| link.mass_kg > 0.0) {
+            let change = newest[index] - middle[index] * 2.0 + oldest[index];
+            let pull = change / (half * half) + Vector3::z() * GRAVITY_M_S2;
+            force += pull * link.mass_kg;
+            moment += middle[index].cross(&(pull * link.mass_kg));
+        }
+        let lift = force.z.max(0.1 * GRAVITY_M_S2);
+        Point3::new(-moment.y / lift, moment.x / lift, 0.0).coords
+    }
+}

@@ -1,0 +1,115 @@
+//! A servo as a position loop with limited torque: what a physics engine needs of it.
+
+use servodance_drivers::Servo;
+use servodance_retarget::JointLoad;
+use servodance_sim::world::{JointDrive, JointMechanics};
+
+/// Position error at which a Dynamixel of stock gain gives its stall torque, and the
+/// inertia of its rotor behind the gear against that torque: as identified for the
+/// XM430-W350 in a public MuJoCo model of OP3 (21.1 N m/rad, 4.1 N m, 0.045 kg m2).
+const STALL_ERROR_RAD: f64 = 4.1 / 21.1;
+const ROTOR_KG_M2_PER_NM: f64 = 0.045 / 4.1;
+/// Damping against stall torque over no-load speed, from the same source.
+const DAMPING_SHARE: f64 = 1.084 / 0.851;
+const FRICTION_SHARE: f64 = 0.0075;
+/// Servos that are sized for their load: natural frequency, stiffness against gravity,
+/// rotor against load, damping ratio.
+const SIZED_HZ: f64 = 3.0;
+const SIZED_STIFFNESS: f64 = 2.0;
+const SIZED_ROTOR: f64 = 0.1;
+const SIZED_DAMPING: f64 = 0.5;
+
+/// `torque = clamp(kp (goal - position), limit) - damping velocity`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ServoLoop {
+    /// Newton metres a radian.
+    pub kp: f64,
+    /// Newton metres for one radian a second.
+    pub damping_nm_s: f64,
+    /// Most torque, newton metres.
+    pub limit_nm: f64,
+    /// What it adds to its joint.
+    pub mechanics: JointMechanics,
+}
+
+/// How the servos of one robot differ from their nominal ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ServoVariation {
+    /// Factor on the stiffness.
+    pub stiffness: f64,
+    /// Stiffness in place of each servo's own, N m/rad.
+    pub kp: Option<f64>,
+    /// Play of all gears, radians.
+    pub play_rad: f64,
+}
+
+impl Default for ServoVariation {
+    fn default() -> Self {
+        Self { stiffness: 1.0, kp: None, play_rad: 0.0 }
+    }
+}
+
+impl ServoLoop {
+    /// The loop of a servo as the robot file describes it.
+    pub fn of(servo: &Servo, variation: &ServoVariation) -> Self {
+        let nominal = match &servo.motor {
+            Some(motor) => Self {
+                kp: motor.kp,
+                damping_nm_s: motor.kd,
+                limit_nm: motor.torque_limit_nm,
+                mechanics: JointMechanics {
+                    armature_kg_m2: motor.model.rotor_inertia_kg_m2(),
+                    friction_nm: FRICTION_SHARE * motor.model.torque_nm,
+                    play_rad: 0.0,
+                },
+            },
+            None => {
+                let sheet = &servo.model.sheet;
+                let speed_rad_s = sheet.no_load_rpm * std::f64::consts::TAU / 60.0;
+                let stall_nm = sheet.stall_torque_nm;
+                Self {
+                    kp: stall_nm / STALL_ERROR_RAD,
+                    damping_nm_s: DAMPING_SHARE * stall_nm / speed_rad_s,
+                    limit_nm: stall_nm,
+                    mechanics: JointMechanics {
+                        armature_kg_m2: ROTOR_KG_M2_PER_NM * stall_nm,
+                        friction_nm: FRICTION_SHARE * stall_nm,
+                        play_rad: 0.0,
+                    },
+                }
+            }
+        };
+        Self {
+            kp: variation.kp.unwrap_or(nominal.kp) * variation.stiffness,
+            mechanics: JointMechanics { play_rad: variation.play_rad, ..nominal.mechanics },
+            ..nominal
+        }
+    }
+
+    /// The same, but stiff and strong enough for what its joint carries.
+    pub fn sized(self, load: &JointLoad, variation: &ServoVariation) -> Self {
+        let bounce = std::f64::consts::TAU * SIZED_HZ;
+        let inertia = load.inertia_kg_m2.max(1e-3);
+        let kp = (inertia * bounce * bounce).max(SIZED_STIFFNESS * load.gravity_nm_rad);
+        let armature_kg_m2 = SIZED_ROTOR * inertia;
+        Self {
+            kp: kp * variation.stiffness,
+            damping_nm_s: 2.0 * SIZED_DAMPING * (kp * (inertia + armature_kg_m2)).sqrt(),
+            limit_nm: load.effort_nm.unwrap_or(self.limit_nm).max(2.0 * load.gravity_nm_rad),
+            mechanics: JointMechanics {
+                armature_kg_m2,
+                friction_nm: FRICTION_SHARE * load.gravity_nm_rad,
+                ..self.mechanics
+            },
+        }
+    }
+
+    /// What the servo does at `position` with this goal.
+    pub fn drive(&self, goal_rad: f64, position_rad: f64) -> JointDrive {
+        let asked_nm = self.kp * (goal_rad - position_rad);
+        JointDrive {
+            torque_nm: asked_nm.clamp(-self.limit_nm, self.limit_nm),
+            damping_nm_s: self.damping_nm_s,
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! A robot's body in a world, made from its description and its servos.
+
+use super::choice::WorldChoice;
+use crate::robot::Robot;
+use anyhow::{Context, bail};
+use servodance_drivers::BusLayout;
+use servodance_sim::SimServoSpec;
+use servodance_sim::world::{RootSupport, SharedWorld, WorldOptions, WorldSeat};
+
+/// How high a stand holds the root link, metres: no limb reaches the floor.
+const STAND_M: f64 = 5.0;
+
+/// A robot that is put into a world: on its feet in its rest pose, or on a stand.
+#[derive(Clone, Debug)]
+pub struct RobotWorld {
+    /// The world, moved by the servos.
+    pub shared: SharedWorld,
+    choice: WorldChoice,
+    positions_rad: Vec<f64>,
+}
+
+impl RobotWorld {
+    /// The chosen world with this robot in it; `None` for no world. Fails where the
+    /// description cannot be simulated, or a robot without feet is put on a floor.
+    pub fn open(robot: &Robot, choice: WorldChoice) -> anyhow::Result<Option<Self>> {
+        let support = match choice {
+            WorldChoice::None => return Ok(None),
+            WorldChoice::Floor => RootSupport::Free,
+            WorldChoice::Stand => RootSupport::Held,
+        };
+        let name = &robot.name;
+        if choice == WorldChoice::Floor && !robot.retarget.stance.stands() {
+            bail!("{name} does not stand on its feet (`stance`): say --world stand, or none");
+        }
+        let retargeter = robot.retargeter()?;
+        let specs = robot.servos.iter().map(SimServoSpec::from);
+        let mechanics: Result<Vec<_>, _> = specs.map(|spec| spec.mechanics()).collect();
+        let positions_rad = retargeter.rest().to_vec();
+        let mut root = retargeter.root_placement(&positions_rad);
+        if choice == WorldChoice::Stand {
+            root.at_m[2] += STAND_M;
+        }
+        let options = WorldOptions { support, ..WorldOptions::default() };
+        let placed = (Some(&root), positions_rad.as_slice());
+        let shared = SharedWorld::new(
+            &retargeter.rigid_links(),
+            &mechanics?,
+            options,
+            robot.control_hz,
+            placed,
+        );
+        let shared = shared.with_context(|| {
+            format!("{name} cannot be put into a world (--world none goes without)")
+        })?;
+        Ok(Some(Self { shared, choice, positions_rad }))
+    }
+
+    /// Which world it is.
+    pub fn choice(&self) -> WorldChoice {
+        self.choice
+    }
+
+    /// The place of the servos of one bus.
+    pub fn seat(&self, bus: &BusLayout) -> WorldSeat {
+        WorldSeat::new(self.shared.clone(), bus.joints.clone())
+    }
+
+    /// The same servos where the robot was put.
+    pub fn placed(&self, specs: Vec<SimServoSpec>, bus: &BusLayout) -> Vec<SimServoSpec> {
+        let specs = specs.into_iter().zip(&bus.joints);
+        let placed = specs
+            .map(|(spec, &joint)| SimServoSpec { initial_rad: self.positions_rad[joint], ..spec });
+        placed.collect()
+    }
+
+    /// World steps in a control period of so many seconds.
+    pub fn steps_in(&self, seconds: f64) -> u64 {
+        (seconds / self.shared.step_s()).round().max(1.0) as u64
+    }
+}
