@@ -42,6 +42,8 @@ struct Band<'a> {
     staccato: f64,
     second: Option<i32>,
     drum_variant: usize,
+    /// How hard kick, snare and cymbals are struck, of what the pattern says.
+    force: [f64; 3],
     score: Score,
 }
 
@@ -88,6 +90,7 @@ impl<'a> Band<'a> {
             staccato: rng.random_range(0.4..1.0),
             second: rng.random_bool(0.3).then(|| [-12, 2, -3, 12][rng.random_range(0..4)]),
             drum_variant: rng.random_range(0..2),
+            force: force(style, rng),
             score: Score::default(),
         };
         band.cast(&lead, rng);
@@ -146,6 +149,12 @@ impl<'a> Band<'a> {
     fn drum(&mut self, bar: usize, at: f64, key: u8, velocity: u8, rng: &mut ChaCha8Rng) {
         if let Some(beat) = self.beat(bar, at) {
             let start_s = self.timeline.at(beat);
+            let force = match key {
+                35 | 36 => self.force[0],
+                37..=40 => self.force[1],
+                _ => self.force[2],
+            };
+            let velocity = (f64::from(velocity) * force).clamp(1.0, 127.0) as u8;
             self.add(start_s, 0.1, DRUMS, i32::from(key), velocity, rng);
         }
     }
@@ -318,6 +327,13 @@ impl<'a> Band<'a> {
             score: self.score,
         }
     }
+}
+
+/// A kick that drowns under snare and guitars is usual where both are loud.
+fn force(style: &Style, rng: &mut ChaCha8Rng) -> [f64; 3] {
+    let drowned = if style.is_loud() { 0.6 } else { 0.3 };
+    let kick = if rng.random_bool(drowned) { rng.random_range(0.3..0.9) } else { 1.0 };
+    [kick, rng.random_range(0.7..1.1), rng.random_range(0.4..1.1)]
 }
 
 /// The strokes of a pattern in one bar: beats from the bar's beginning, symbol,

@@ -37,8 +37,8 @@ pub fn draw(style: &Style, bars: usize, bar_s: f64, rng: &mut ChaCha8Rng) -> Vec
     let length = [4, 4, 8, 8, 6][rng.random_range(0..5)];
     let mut sections = Vec::new();
     let mut first = 0;
-    if rng.random_bool(0.3) {
-        let intro = ((rng.random_range(3.0..25.0) / bar_s) as usize).max(1);
+    if rng.random_bool(0.35) {
+        let intro = ((rng.random_range(3.0..35.0) / bar_s) as usize).max(1);
         let scene = intro_scene(&verse, rng);
         sections.push(Section { bars: 0..intro, scene, fill: rng.random_bool(0.4), crash: false });
         first = intro;

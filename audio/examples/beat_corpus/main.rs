@@ -30,7 +30,7 @@ use std::path::PathBuf;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use servodance_audio::beats::inputs_of;
-use servodance_audio::song::SongSpec;
+use servodance_audio::song::{Mix, SongSpec, Style};
 use servodance_audio::song::noise;
 
 const RATE_HZ: u32 = 22_050;
@@ -157,15 +157,18 @@ impl Workshop {
         duration_s: f64,
         rng: &mut ChaCha8Rng,
     ) -> Result<(), Box<dyn Error>> {
-        let (mut sound, beats_s, downbeats_s) = if rng.random_bool(0.9) {
-            let composition = band::compose(style::Style::draw(&self.styles, rng), duration_s, rng);
+        let mut loud = false;
+        let (mut sound, beats_s, downbeats_s) = if rng.random_bool(0.76) {
+            let style = style::Style::draw(&self.styles, rng);
+            loud = style.is_loud();
+            let composition = band::compose(style, duration_s, rng);
             let font = &self.fonts[rng.random_range(0..self.fonts.len())];
             let sound = render::play(&composition.score, font, duration_s, rng.random_bool(0.4))?;
             (sound, composition.beats_s, composition.downbeats_s)
         } else {
             our_voices(duration_s, rng)?
         };
-        spoil::spoil(&mut sound, rng)?;
+        spoil::spoil(&mut sound, loud, rng)?;
         let start_s = length_s(piece);
         piece.beats_s.extend(beats_s.iter().map(|s| start_s + s));
         piece.downbeats_s.extend(downbeats_s.iter().map(|s| start_s + s));
@@ -241,18 +244,25 @@ type Sound = (Vec<f32>, Vec<f64>, Vec<f64>);
 
 /// Music in four of the song renderer and of grooves by chance.
 fn our_voices(duration_s: f64, rng: &mut ChaCha8Rng) -> Result<Sound, Box<dyn Error>> {
-    // Evenly over the octaves of tempi that are danced.
-    let bpm = 64.0 * (190.0f64 / 64.0).powf(rng.random_range(0.0..1.0));
+    // Evenly over the octaves of tempi that are danced, or as usual for the style.
+    let style = Style::ALL[rng.random_range(0..Style::ALL.len())];
+    let usual = rng.random_bool(0.6);
+    let (slowest, fastest) = if usual { style.tempo_range_bpm() } else { (64.0, 190.0) };
+    let bpm = slowest * (fastest / slowest).powf(rng.random_range(-0.1..1.1));
     let beats_s = beat_times(bpm, duration_s, rng);
     let first_downbeat = rng.random_range(0..4);
     let mut sound = vec![0.0f32; (duration_s * f64::from(RATE_HZ)).round() as usize];
-    let songs = rng.random_range(0..2);
+    let songs = if rng.random_bool(0.65) { 1 } else { 0 };
     for _ in 0..songs {
         let mut spec = SongSpec::on_beats(&beats_s, duration_s, rng.random())?;
         spec.first_downbeat = first_downbeat;
+        spec.style = style;
+        if rng.random_bool(0.3) {
+            spec.mix = Mix::clean();
+        }
         add(&mut sound, &spec.render()?.samples, rng.random_range(0.3..1.0));
     }
-    if songs == 0 || rng.random_bool(0.45) {
+    if songs == 0 || rng.random_bool(0.25) {
         let groove = grooves::play(&beats_s, first_downbeat, duration_s, RATE_HZ, rng);
         add(&mut sound, &groove, rng.random_range(0.3..1.0));
     }

@@ -10,12 +10,12 @@ use std::f32::consts::TAU;
 
 use super::RATE_HZ;
 
-/// Spoils the music of one piece by chance.
-pub fn spoil(sound: &mut Vec<f32>, rng: &mut ChaCha8Rng) -> Result<(), Box<dyn Error>> {
+/// Spoils the music of one piece by chance; `loud` music is driven more often.
+pub fn spoil(sound: &mut Vec<f32>, loud: bool, rng: &mut ChaCha8Rng) -> Result<(), Box<dyn Error>> {
     if rng.random_bool(0.4) {
-        tilt(sound, rng.random_range(-9.0..6.0), rng.random_range(-12.0..6.0));
+        tilt(sound, rng.random_range(-15.0..6.0), rng.random_range(-12.0..6.0));
     }
-    if rng.random_bool(0.2) {
+    if rng.random_bool(if loud { 0.5 } else { 0.2 }) {
         let drive = rng.random_range(1.0..10.0);
         sound.iter_mut().for_each(|s| *s = (drive * *s).tanh());
     }

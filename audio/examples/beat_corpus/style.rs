@@ -56,6 +56,11 @@ impl Style {
         &styles[0]
     }
 
+    /// Whether its guitars and snare are usually the loudest of all.
+    pub fn is_loud(&self) -> bool {
+        ["rock", "metal", "punk", "thrash", "doom", "loud"].iter().any(|w| self.name.contains(w))
+    }
+
     fn head(line: &str) -> Style {
         let (name, rest) = line.split_once(']').expect("a name in brackets");
         let words: Vec<&str> = rest.split_whitespace().collect();
