@@ -28,6 +28,7 @@ DELAY_S = 0.050
 INPUTS, UNITS, BLOCKS, TAPS, OUTPUTS = 128, 48, 10, 3, 3
 RISES, LEVELS = 64, 16
 BATCH, VALIDATION = 8, 40
+SCORED_EVERY = 100  # batches, at least
 
 
 def targets(piece, steps):
@@ -178,9 +179,9 @@ def main():
     optimizer = torch.optim.Adam(network.parameters(), lr=rate)
     held_x, held_y = corpus.batch(range(VALIDATION), rng, 3900)
     start, epoch, done = time.time(), 0, 0
+    begin, sums, batches = time.time(), np.zeros(3), 0
     while time.time() - start < budget_s:
         corpus.look()
-        begin, sums, batches = time.time(), np.zeros(3), 0
         order = rng.permutation(np.arange(VALIDATION, len(corpus.pieces)))
         network.train()
         for first in range(0, len(order) - BATCH + 1, BATCH):
@@ -199,6 +200,9 @@ def main():
                 print("  ", done, np.round(sums / batches, 4), f"{time.time() - start:.0f} s", flush=True)
             if part >= 1.0:
                 break
+        epoch += 1
+        if batches < SCORED_EVERY and time.time() - start < budget_s:
+            continue
         network.eval()
         with torch.no_grad():
             logits = torch.cat([network(held_x[i: i + 8]) for i in range(0, VALIDATION, 8)])
@@ -206,7 +210,7 @@ def main():
         print(epoch, len(order), "train", np.round(sums / max(1, batches), 4), "held out", np.round(held, 4),
               "at beats", np.round(peak_scores(logits, held_y), 3), f"{time.time() - begin:.0f} s", flush=True)
         network.weights().tofile(out)
-        epoch += 1
+        begin, sums, batches = time.time(), np.zeros(3), 0
 
 
 if __name__ == "__main__":
