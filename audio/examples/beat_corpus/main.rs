@@ -8,7 +8,9 @@
 //! `FOLDER/inputs.f32` holds all steps of all pieces one after the other, 80 a
 //! second; `FOLDER/pieces.jsonl` one line a piece: its number of steps, beat
 //! times, those that open a bar, and the spans of music, in seconds.
-//! `beat_corpus midi FOLDER COUNT FIRST_SEED` writes scores alone, to listen to.
+//! `beat_corpus midi FOLDER COUNT FIRST_SEED` writes scores alone, to listen to;
+//! `beat_corpus songs FOLDER COUNT FIRST_SEED FONTS [TALKERS]` the sound itself with
+//! its beats, as `servodance bench beats` takes them.
 
 mod band;
 mod form;
@@ -56,13 +58,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
         ["midi", folder, count, first] => write_scores(folder, count.parse()?, first.parse()?),
+        ["songs", folder, count, first, fonts, rest @ ..] => {
+            Workshop::open(fonts, rest)?.write_songs(folder, count.parse()?, first.parse()?)
+        }
         [folder, count, first, fonts, rest @ ..] => {
-            let workshop = Workshop {
-                styles: style::Style::all(),
-                fonts: fonts_of(fonts)?,
-                talkers: rest.first().map_or(Ok(Vec::new()), |folder| read_all(folder))?,
-            };
-            workshop.write(folder, count.parse()?, first.parse()?)
+            Workshop::open(fonts, rest)?.write(folder, count.parse()?, first.parse()?)
         }
         _ => Err("usage: beat_corpus FOLDER COUNT FIRST_SEED FONTS [TALKERS]".into()),
     }
@@ -89,6 +89,37 @@ fn write_scores(folder: &str, count: u64, first: u64) -> Result<(), Box<dyn Erro
 }
 
 impl Workshop {
+    fn open(fonts: &str, talkers: &[&str]) -> Result<Self, Box<dyn Error>> {
+        Ok(Self {
+            styles: style::Style::all(),
+            fonts: fonts_of(fonts)?,
+            talkers: talkers.first().map_or(Ok(Vec::new()), |folder| read_all(folder))?,
+        })
+    }
+
+    /// Each piece as a wav file, with a line a beat: seconds, 1 if it opens a bar, else 2.
+    fn write_songs(&self, folder: &str, count: u64, first: u64) -> Result<(), Box<dyn Error>> {
+        std::fs::create_dir_all(folder)?;
+        for seed in first..first + count {
+            let piece = self.compose(&mut ChaCha8Rng::seed_from_u64(seed))?;
+            let form = hound::WavSpec {
+                channels: 1,
+                sample_rate: RATE_HZ,
+                bits_per_sample: 32,
+                sample_format: hound::SampleFormat::Float,
+            };
+            let mut wav = hound::WavWriter::create(format!("{folder}/{seed}.wav"), form)?;
+            piece.samples.iter().try_for_each(|&s| wav.write_sample(s))?;
+            wav.finalize()?;
+            let mut beats = std::fs::File::create(format!("{folder}/{seed}.beats"))?;
+            for beat in &piece.beats_s {
+                let opens = piece.downbeats_s.iter().any(|d| (d - beat).abs() < 1e-6);
+                writeln!(beats, "{beat:.4} {}", if opens { 1 } else { 2 })?;
+            }
+        }
+        Ok(())
+    }
+
     fn write(&self, folder: &str, count: u64, first: u64) -> Result<(), Box<dyn Error>> {
         std::fs::create_dir_all(folder)?;
         let file = |name: &str| {
