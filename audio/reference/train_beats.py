@@ -13,6 +13,7 @@ Nothing but rendered sound is used. New folders may appear while it trains: a `*
 in FOLDER is looked up again before every round. Needs torch and numpy.
 """
 
+import copy
 import glob
 import json
 import sys
@@ -27,8 +28,9 @@ RESAMPLER_S = 16 / RATE
 DELAY_S = 0.050
 INPUTS, UNITS, BLOCKS, TAPS, OUTPUTS = 128, 48, 10, 3, 3
 RISES, LEVELS = 64, 16
-BATCH, VALIDATION = 8, 40
-SCORED_EVERY = 100  # batches, at least
+BATCH, BATCH_STEPS, VALIDATION = 6, 2000, 40
+AVERAGED = 0.99  # share of the older weights in the running mean that is kept
+SCORED_EVERY = 200  # batches, at least
 
 
 def targets(piece, steps):
@@ -175,8 +177,9 @@ def main():
     if begun:
         network.take(np.fromfile(begun, "<f4"))
     print(sum(p.numel() for p in network.parameters()), "weights", flush=True)
-    rate = 3e-3 if begun else 4e-3
+    rate = 2.5e-3 if begun else 4e-3
     optimizer = torch.optim.Adam(network.parameters(), lr=rate)
+    mean_network = copy.deepcopy(network).eval()
     held_x, held_y = corpus.batch(range(VALIDATION), rng, 3900)
     start, epoch, done = time.time(), 0, 0
     begin, sums, batches = time.time(), np.zeros(3), 0
@@ -189,12 +192,15 @@ def main():
             part = min(1.0, (time.time() - start) / budget_s)
             for group in optimizer.param_groups:
                 group["lr"] = rate * min(1.0, (done + 1) / 100) * (0.01 + 0.495 * (1 + np.cos(np.pi * part)))
-            x, y = corpus.batch(order[first: first + BATCH], rng, 3200)
+            x, y = corpus.batch(order[first: first + BATCH], rng, BATCH_STEPS)
             each = loss_of(network(augmented(x, generator), 0.05), y)
             optimizer.zero_grad()
             (each * WEIGHT).sum().backward()
             nn.utils.clip_grad_norm_(network.parameters(), 0.5)
             optimizer.step()
+            with torch.no_grad():
+                for kept, new in zip(mean_network.parameters(), network.parameters()):
+                    kept.lerp_(new, 1.0 - AVERAGED)
             sums, batches, done = sums + each.detach().numpy(), batches + 1, done + 1
             if done % 50 == 0:
                 print("  ", done, np.round(sums / batches, 4), f"{time.time() - start:.0f} s", flush=True)
@@ -203,13 +209,12 @@ def main():
         epoch += 1
         if batches < SCORED_EVERY and time.time() - start < budget_s:
             continue
-        network.eval()
         with torch.no_grad():
-            logits = torch.cat([network(held_x[i: i + 8]) for i in range(0, VALIDATION, 8)])
+            logits = torch.cat([mean_network(held_x[i: i + 8]) for i in range(0, VALIDATION, 8)])
             held = loss_of(logits, held_y).numpy()
         print(epoch, len(order), "train", np.round(sums / max(1, batches), 4), "held out", np.round(held, 4),
               "at beats", np.round(peak_scores(logits, held_y), 3), f"{time.time() - begin:.0f} s", flush=True)
-        network.weights().tofile(out)
+        mean_network.weights().tofile(out)
         begin, sums, batches = time.time(), np.zeros(3), 0
 
 
