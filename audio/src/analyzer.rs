@@ -15,7 +15,8 @@ use std::collections::VecDeque;
 use servodance_types::{BeatLock, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
 use crate::beats::{
-    BeatCaller, BeatHistory, BeatNetwork, LiveBeat, NetworkOutput, Tracker, input, offline_evidence,
+    BeatCaller, BeatHistory, BeatNetwork, LiveBeat, NetworkOutput, TempoRange, Tracker, input,
+    offline_evidence,
 };
 use crate::features::ANALYSIS_RATE_HZ;
 use crate::features::mfcc::{BEAT, SpectralFeatures};
@@ -117,6 +118,18 @@ impl MusicAnalyzer {
         if let Some(history) = &mut self.core.history {
             history.forget_before(time_s);
         }
+    }
+
+    /// Follows no other tempi from now on.
+    pub fn limit_tempo(&mut self, tempo: TempoRange) {
+        self.core.tracker.limit_tempo(tempo);
+    }
+
+    /// A listener taps the beat at `time_s` of the music. Two taps, one beat apart, put
+    /// tempo and phase right; they are kept until the music ends or is lost.
+    pub fn tap(&mut self, time_s: f64) {
+        let heard_s = self.core.received as f64 / f64::from(ANALYSIS_RATE_HZ);
+        self.core.tracker.tap(heard_s - self.core.beat_delay_s - time_s);
     }
 
     /// Takes mono samples, a block of any length.

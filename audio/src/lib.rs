@@ -36,6 +36,7 @@ pub mod song;
 pub mod source;
 
 pub use analyzer::{AnalyzerError, MusicAnalyzer};
+pub use beats::TempoRange;
 pub use features::ANALYSIS_RATE_HZ;
 pub use features::mfcc::bands;
 pub use features::resampler::Resampler;

@@ -1,6 +1,7 @@
 //! `servodance beats`.
 
 use crate::cli::prelude::*;
+use servodance_audio::TempoRange;
 use servodance_runtime::offline::beats::{BeatTracker, Beats};
 
 const EXAMPLES: &str = include_str!("examples/beats.txt").trim_ascii_end();
@@ -12,10 +13,14 @@ pub struct Args {
     pub file: PathBuf,
     /// Call each beat from what came before it, as live; else the
     /// whole recording is known.
-    #[arg(long)]
+    #[arg(long, group = "live")]
     pub causal: bool,
-    /// After each time the beat's place in its bar from 1; 0 where no bar stands out.
-    #[arg(long, requires = "causal")]
+    /// Follow no tempo but these, beats a minute, slowest and fastest; as live.
+    #[arg(long, value_name = "LO-HI", requires = "live")]
+    pub tempo: Option<TempoRange>,
+    /// After each time the beat's place in its bar from 1, as heard live; 0 where no bar
+    /// stands out.
+    #[arg(long, group = "live")]
     pub downbeats: bool,
     /// The file to write; standard output if left out.
     #[arg(long, value_name = "FILE")]
@@ -28,8 +33,8 @@ pub struct Args {
 
 /// Finds the beats and writes them.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let hearing = if args.causal { BeatTracker::Causal } else { BeatTracker::Offline };
-    let beats = Beats::find(&args.file, hearing)?;
+    let hearing = if args.causal || args.downbeats { BeatTracker::Causal } else { BeatTracker::Offline };
+    let beats = Beats::find(&args.file, hearing, args.tempo)?;
     let text = match (args.json, args.downbeats) {
         (true, _) => beats.to_json()?,
         (false, true) => beats.to_placed_lines(),

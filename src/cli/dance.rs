@@ -52,6 +52,9 @@ pub struct Args {
     /// servos meet the beat.
     #[arg(long)]
     pub no_compensation: bool,
+    /// Follow no tempo but these, beats a minute, slowest and fastest: 80-140, say.
+    #[arg(long, value_name = "LO-HI")]
+    pub tempo: Option<TempoRange>,
     #[command(flatten)]
     pub generator: GeneratorArgs,
     /// Write figures of the run as JSON (see docs/report.md).
@@ -187,6 +190,7 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         speed,
         as_live: args.as_live,
         compensation: !args.no_compensation,
+        tempo: args.tempo,
         generator: args.generator,
         report: args.report,
         record: args.record,

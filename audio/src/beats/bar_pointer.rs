@@ -14,6 +14,7 @@
 //! [tracker](super::tracker) follows the [`BarEstimate`] smoothly.
 
 use super::beat_evidence::BeatEvidence;
+use super::tempo_range::TempoRange;
 
 /// Hops a second, and hops for one step of the network.
 const HOP_HZ: f64 = 160.0;
@@ -43,6 +44,13 @@ const STEADINESS: f64 = 110.0;
 const REACH: usize = 3;
 /// Hops to both sides of a beat in which evidence counts, and its share there.
 const BELL: [f32; 5] = [0.5, 0.45, 0.35, 0.2, 0.1];
+
+/// How well people tap: time and relative tempo; how far from a tapped beat the
+/// pointer may go, in relative tempo and in beats.
+const TAP_SIGMA_S: f64 = 0.03;
+const TAP_TEMPO_SIGMA: f64 = 0.04;
+const TAPPED_TEMPO: f64 = 0.16;
+const TAPPED_PHASE: f64 = 0.27;
 
 const fn lengths() -> [usize; TEMPI] {
     let mut lengths = [0; TEMPI];
@@ -151,6 +159,62 @@ impl BarPointer {
         Self { tempi: (0..TEMPI).map(states).collect(), changes: changes(), prior, total: 1.0 }
     }
 
+    /// Lets nothing but these tempi be believed; the nearest one if none of the
+    /// pointer's is among them.
+    pub(super) fn limit_tempo(&mut self, range: TempoRange) {
+        let (low_bpm, high_bpm) = (range.low_bpm(), range.high_bpm());
+        let middle = libm::sqrt(low_bpm * high_bpm);
+        let off = |tempo: &usize| libm::fabs(libm::log(bpm(*tempo) / middle));
+        let nearest = (0..TEMPI).min_by(|a, b| off(a).total_cmp(&off(b)));
+        self.prior = prior();
+        for tempo in 0..TEMPI {
+            if !(low_bpm..=high_bpm).contains(&bpm(tempo)) && nearest != Some(tempo) {
+                self.prior[tempo] = 0.0;
+                self.tempi[tempo].ring.fill(EMPTY);
+            }
+        }
+        self.renormalise();
+    }
+
+    /// Forgets every state whose last beat was not near `phase` beats ago or whose
+    /// tempo is not near `of_bpm`: for a beat that a listener tapped.
+    pub(super) fn keep_near(&mut self, phase: f64, of_bpm: f64) {
+        for (tempo, states) in self.tempi.iter_mut().enumerate() {
+            let near = libm::fabs(libm::log(bpm(tempo) / of_bpm)) < TAPPED_TEMPO;
+            let length = states.ring.len();
+            for since in 0..length {
+                let off = since as f64 / length as f64 - phase;
+                if !near || libm::fabs(off - libm::round(off)) > TAPPED_PHASE {
+                    let at = (states.zero + since) % length;
+                    states.ring[at] = EMPTY;
+                }
+            }
+        }
+        self.renormalise();
+    }
+
+    /// Believes in a beat `ago_s` before the newest step at a tempo of one beat in
+    /// `period_s`, and in nothing else; of the place in the bar nothing is known.
+    pub(super) fn anchor(&mut self, ago_s: f64, period_s: f64) {
+        for (tempo, states) in self.tempi.iter_mut().enumerate() {
+            let length = states.ring.len();
+            let off = libm::log(bpm(tempo) * period_s / 60.0) / TAP_TEMPO_SIGMA;
+            let of_tempo = libm::exp(-0.5 * off * off) * f64::from(self.prior[tempo] > 0.0);
+            for since in 0..length {
+                let beats = since as f64 / length as f64 - ago_s * bpm(tempo) / 60.0;
+                let off = (beats - libm::round(beats)) * 60.0 / bpm(tempo) / TAP_SIGMA_S;
+                let value = (of_tempo * libm::exp(-0.5 * off * off)) as f32;
+                let mut row = EMPTY;
+                for (meter, (&beats, first)) in METERS.iter().zip(FIRST).enumerate() {
+                    row[first..first + beats].fill(value * METER_PRIOR[meter] / beats as f32);
+                }
+                let at = (states.zero + since) % length;
+                states.ring[at] = row;
+            }
+        }
+        self.renormalise();
+    }
+
     /// Moves on by one step of the network and weighs what was heard in it.
     pub(super) fn step(&mut self, evidence: &BeatEvidence) {
         let factors = BELL.map(|share| {
@@ -201,7 +265,7 @@ impl BarPointer {
                     next[first + beat] = bar[beat - 1] * (1.0 - SLIP) + spread;
                 }
             }
-            states.ring[states.zero] = next;
+            states.ring[states.zero] = if *prior > 0.0 { next } else { EMPTY };
         }
     }
 

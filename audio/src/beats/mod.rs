@@ -16,11 +16,13 @@ mod network;
 mod network_input;
 mod offline;
 mod state_space;
+mod tempo_range;
 mod tracker;
 
 pub use history::{BeatHistory, BeatTrack, LiveBeat};
 pub use network_input::{INPUTS, inputs_of};
 pub use offline::track_offline;
+pub use tempo_range::{TempoRange, TempoRangeError};
 
 pub(crate) use history::BeatCaller;
 pub(crate) use network::{BeatNetwork, NetworkOutput};

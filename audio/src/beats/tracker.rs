@@ -16,11 +16,14 @@
 use super::bar_pointer::{BarEstimate, BarPointer, RATE_HZ};
 use super::beat_evidence::Listener;
 use super::network::NetworkOutput;
+use super::tempo_range::TempoRange;
 use servodance_types::{Beat, BeatLock};
 
 /// Confidence that locks, and confidence below which a lock only holds.
 const LOCK: f32 = 0.4;
 const UNLOCK: f32 = 0.25;
+/// Least confidence in a beat that was tapped just now.
+const TAPPED: f32 = 0.7;
 /// Presence of music that a lock needs, and how long it may be absent.
 const MUSIC: f32 = 0.5;
 const ABSENT_S: f64 = 4.0;
@@ -45,6 +48,8 @@ const PHASE_PULL_PER_S: f64 = 2.7;
 const LAG_PULL_PER_S2: f64 = 1.3;
 /// Share of the tempo error that is corrected in one second.
 const TEMPO_PULL_PER_S: f64 = 0.8;
+/// Shortest and longest time between two taps of one run.
+const TAPS_S: (f64, f64) = (0.26, 1.25);
 /// Steps between two comparisons of the oscillator with the pointer.
 const UPDATE_EVERY: u64 = 8;
 
@@ -66,6 +71,32 @@ pub(crate) struct Tracker {
     unsure_s: f64,
     silent_s: f64,
     contradicted_s: f64,
+    taps: Taps,
+}
+
+/// What a listener taps.
+#[derive(Default)]
+struct Taps {
+    /// First and last of a run, seconds of steps, and the beats between them.
+    first_s: f64,
+    last_s: Option<f64>,
+    beats: u32,
+    /// Whether the beat that is followed was tapped.
+    hold: bool,
+}
+
+impl Taps {
+    /// The period of the run that a tap at this time continues.
+    fn take(&mut self, at_s: f64) -> Option<f64> {
+        let since_s = self.last_s.map(|last_s| at_s - last_s);
+        self.last_s = Some(at_s);
+        if since_s.is_some_and(|s| (TAPS_S.0..=TAPS_S.1).contains(&s)) {
+            self.beats += 1;
+            return Some((at_s - self.first_s) / f64::from(self.beats));
+        }
+        (self.first_s, self.beats) = (at_s, 0);
+        None
+    }
 }
 
 impl Tracker {
@@ -88,6 +119,7 @@ impl Tracker {
             unsure_s: 0.0,
             silent_s: f64::INFINITY,
             contradicted_s: 0.0,
+            taps: Taps::default(),
         }
     }
 
@@ -97,6 +129,25 @@ impl Tracker {
 
     pub(crate) fn set_presence(&mut self, presence: f32) {
         self.presence = presence;
+    }
+
+    /// Follows no other tempi.
+    pub(crate) fn limit_tempo(&mut self, tempo: TempoRange) {
+        self.pointer.limit_tempo(tempo);
+    }
+
+    /// A listener's tap on a beat that was audible `ago_s` before the newest step. The
+    /// second of a run puts tempo and phase right; they are kept until the music ends.
+    pub(crate) fn tap(&mut self, ago_s: f64) {
+        let Some(period_s) = self.taps.take(self.steps as f64 / RATE_HZ - ago_s) else {
+            return;
+        };
+        self.pointer.anchor(ago_s, period_s);
+        self.estimate = self.pointer.estimate();
+        self.taps.hold = true;
+        self.state = BeatLock::Locked;
+        self.confidence = self.confidence.max(TAPPED);
+        self.take_over();
     }
 
     pub(crate) fn state(&self) -> BeatLock {
@@ -144,6 +195,11 @@ impl Tracker {
         }
         self.absent_s = if self.presence > MUSIC { 0.0 } else { self.absent_s + elapsed_s };
         self.change_state(elapsed_s);
+        if self.state == BeatLock::Lost {
+            self.taps.hold = false;
+        } else if self.taps.hold {
+            self.pointer.keep_near(self.phase, self.bpm);
+        }
         match self.state {
             BeatLock::Lost => self.take_over(),
             BeatLock::Locked | BeatLock::Holding => self.follow(elapsed_s),

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use servodance_audio::beats::track_offline;
-use servodance_audio::{AudioSource, MusicAnalyzer};
+use servodance_audio::{AudioSource, MusicAnalyzer, TempoRange};
 use servodance_types::Beat;
 use std::path::Path;
 
@@ -40,10 +40,18 @@ pub struct Beats {
 }
 
 impl Beats {
-    /// Tracks the beats of an audio file.
-    pub fn find(path: &Path, tracker: BeatTracker) -> anyhow::Result<Self> {
+    /// Tracks the beats of an audio file; the causal tracker follows no other tempi than
+    /// those of `tempo`.
+    pub fn find(
+        path: &Path,
+        tracker: BeatTracker,
+        tempo: Option<TempoRange>,
+    ) -> anyhow::Result<Self> {
         let mut source = AudioSource::open(path)?;
         let mut analyzer = MusicAnalyzer::keeping_history(source.sample_rate_hz())?;
+        if let Some(tempo) = tempo {
+            analyzer.limit_tempo(tempo);
+        }
         let (mut block, mut samples) = (Vec::new(), 0);
         while source.next_block(&mut block)? {
             samples += block.len();

@@ -47,10 +47,12 @@ impl DanceStep {
 }
 
 /// A request to dance on in another way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DanceChange {
     Style(usize),
     Seed(u64),
+    /// A listener taps the beat at this time of the music, seconds.
+    Tap(f64),
     /// Begins the extra dance of this number, from 1, in this style.
     AddExtra(u8, usize),
     DropExtra(u8),
