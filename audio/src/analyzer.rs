@@ -15,17 +15,17 @@ use std::collections::VecDeque;
 use servodance_types::{BeatLock, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
 use crate::beats::{
-    BeatCaller, BeatHistory, BeatNetwork, LiveBeat, NetworkOutput, TempoRange, Tracker, input,
-    offline_evidence,
+    BeatCaller, BeatHistory, BeatNetwork, LiveBeat, MetricalReading, NetworkOutput, OnsetTracker,
+    TempoRange, Tracker, input, offline_evidence,
 };
 use crate::features::ANALYSIS_RATE_HZ;
 use crate::features::mfcc::{BEAT, SpectralFeatures};
 use crate::features::music_detector::MusicDetector;
-use crate::features::music_network::MusicNetwork;
+use crate::features::music_network::{MusicNetwork, MusicOutput};
 use crate::features::note_onset::NoteOnsets;
-use crate::features::onset_strength::{HOP, Onset, OnsetDetector};
+use crate::features::onset_strength::{HOP, LATENCY_S, Onset, OnsetDetector};
 use crate::features::resampler::Resampler;
-use crate::features::spectrum::SlidingWindow;
+use crate::features::spectrum::{SlidingWindow, sigmoid};
 
 /// Samples a frame at the analysis rate.
 const FRAME_HOP: u64 = 1024;
@@ -54,8 +54,8 @@ struct AnalysisCore {
     older: Option<Onset>,
     network: BeatNetwork,
     music: MusicNetwork,
-    /// Log-odds of music at the newest step.
-    music_odds: f32,
+    heard: MusicOutput,
+    onset_tracker: OnsetTracker,
     tracker: Tracker,
     detector: MusicDetector,
     frames: VecDeque<MusicFrame>,
@@ -85,7 +85,8 @@ impl MusicAnalyzer {
             older: None,
             network: BeatNetwork::new(),
             music: MusicNetwork::new(),
-            music_odds: -9.0,
+            heard: MusicOutput::SILENCE,
+            onset_tracker: OnsetTracker::new(),
             tracker: Tracker::new(),
             detector: MusicDetector::new(),
             frames: VecDeque::new(),
@@ -148,6 +149,12 @@ impl MusicAnalyzer {
         self.core.frames.pop_front()
     }
 
+    /// The metrical readings of the onsets' beat at the newest sample, for fitting the
+    /// weights of the choice; none without a beat.
+    pub fn beat_readings(&self) -> Vec<MetricalReading> {
+        self.core.onset_tracker.readings(self.core.beat_delay_s - BeatNetwork::LATE_S + LATENCY_S)
+    }
+
     /// Number of samples that were not finite and became 0.
     pub fn replaced_samples(&self) -> u64 {
         self.replaced
@@ -170,15 +177,20 @@ impl AnalysisCore {
 
     /// Takes one hop of onsets; every second one completes a step.
     fn hop(&mut self, onset: Onset) {
-        let Some(older) = self.older.take() else {
+        let older = self.older.take();
+        if let Some(older) = &older {
+            self.heard = self.music.step(older, &onset);
+        }
+        self.onset_tracker.hop(&onset, sigmoid(self.heard.beat));
+        let Some(older) = older else {
             self.older = Some(onset);
             return;
         };
         let notes = self.notes.step(&self.recent);
         let output = self.network.step(&input(&older, &onset, &notes));
-        self.music_odds = self.music.step(&older, &onset);
         let strength = older.strength.max(onset.strength);
-        self.tracker.step(&output, strength, older.audible || onset.audible);
+        let guess = self.onset_tracker.beat(BeatNetwork::LATE_S - LATENCY_S);
+        self.tracker.step(&output, strength, guess, older.audible || onset.audible);
         self.record(&output);
     }
 
@@ -201,9 +213,10 @@ impl AnalysisCore {
         let mut spectral =
             if index == 0 { [0.0; SPECTRAL_DIM] } else { self.features.frame(&self.recent) };
         if index > 0 {
-            let network = (!self.tracker.is_silent()).then_some(self.music_odds);
+            let network = (!self.tracker.is_silent()).then_some(self.heard.music);
             self.detector.frame(self.features.fine_magnitude(), network);
             self.tracker.set_presence(self.detector.presence());
+            self.onset_tracker.set_presence(self.detector.presence());
             if let Some(history) = &mut self.history {
                 history.presence.push(self.detector.presence());
             }

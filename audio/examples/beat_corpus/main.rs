@@ -32,8 +32,8 @@ use std::path::PathBuf;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use servodance_audio::beats::inputs_of;
-use servodance_audio::song::{Mix, SongSpec, Style};
 use servodance_audio::song::noise;
+use servodance_audio::song::{Mix, SongSpec, Style};
 
 const RATE_HZ: u32 = 22_050;
 const PIECE_S: f64 = 50.0;

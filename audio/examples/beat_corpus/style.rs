@@ -58,7 +58,9 @@ impl Style {
 
     /// Whether its guitars and snare are usually the loudest of all.
     pub fn is_loud(&self) -> bool {
-        ["rock", "metal", "punk", "thrash", "doom", "skank", "loud"].iter().any(|w| self.name.contains(w))
+        ["rock", "metal", "punk", "thrash", "doom", "skank", "loud"]
+            .iter()
+            .any(|w| self.name.contains(w))
     }
 
     fn head(line: &str) -> Style {

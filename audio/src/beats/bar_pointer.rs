@@ -38,6 +38,9 @@ const REMETER: f32 = 0.01;
 /// Middle and width of the bell over tempi, octaves, by which probability leaks.
 const PRIOR_BPM: f64 = 118.0;
 const PRIOR_OCTAVES: f64 = 0.55;
+/// Share of that bell's log-likelihood that a tempo pays a second, so that of two
+/// readings that explain the music as well the usual one is believed.
+const PRIOR_PER_S: f64 = 0.05;
 /// How fast the probability of a change of tempo falls with its relative size.
 const STEADINESS: f64 = 110.0;
 /// Farthest tempo to which one beat may change.
@@ -140,6 +143,8 @@ pub(super) struct BarPointer {
     /// Chances of the steps from each tempo to its neighbours.
     changes: Vec<[f32; 2 * REACH + 1]>,
     prior: [f32; TEMPI],
+    /// What one beat at each tempo is worth by how usual the tempo is.
+    worth: [f32; TEMPI],
     /// Of all states; they are brought back to one when it is far from it.
     total: f32,
 }
@@ -156,7 +161,13 @@ impl BarPointer {
             }
             TempoStates { ring: vec![row; length], zero: 0 }
         };
-        Self { tempi: (0..TEMPI).map(states).collect(), changes: changes(), prior, total: 1.0 }
+        Self {
+            tempi: (0..TEMPI).map(states).collect(),
+            changes: changes(),
+            prior,
+            worth: worth(),
+            total: 1.0,
+        }
     }
 
     /// Lets nothing but these tempi be believed; the nearest one if none of the
@@ -249,7 +260,9 @@ impl BarPointer {
 
     /// Fills the first states of all beats from those that can precede them.
     fn enter(&mut self, arrived: &[Row; TEMPI]) {
-        for ((states, row), prior) in self.tempi.iter_mut().zip(arrived).zip(&self.prior) {
+        let tempi = self.tempi.iter_mut().zip(arrived).zip(&self.prior).zip(&self.worth);
+        for (((states, row), prior), worth) in tempi {
+            let row = &row.map(|value| value * worth);
             let leak = LEAK_PER_S / HOP_HZ as f32 * self.total * prior;
             let bars: f32 =
                 METERS.iter().zip(FIRST).map(|(beats, first)| row[first + beats - 1]).sum();
@@ -379,12 +392,20 @@ fn neighbour(slot: usize, beats: i64) -> usize {
     FIRST[meter] + place.rem_euclid(METERS[meter] as i64) as usize
 }
 
-/// How usual each tempo is: a bell over octaves; sums to one.
+/// How usual a tempo is: the logarithm of a bell over octaves, 0 at its middle.
+fn usual(tempo: usize) -> f64 {
+    let octaves = libm::log2(bpm(tempo) / PRIOR_BPM) / PRIOR_OCTAVES;
+    -0.5 * octaves * octaves
+}
+
+fn worth() -> [f32; TEMPI] {
+    let beat_s = |tempo| 60.0 / bpm(tempo);
+    std::array::from_fn(|tempo| libm::exp(PRIOR_PER_S * beat_s(tempo) * usual(tempo)) as f32)
+}
+
+/// How usual each tempo is; sums to one.
 fn prior() -> [f32; TEMPI] {
-    let mut prior: [f32; TEMPI] = std::array::from_fn(|tempo| {
-        let octaves = libm::log2(bpm(tempo) / PRIOR_BPM) / PRIOR_OCTAVES;
-        libm::exp(-0.5 * octaves * octaves) as f32
-    });
+    let mut prior: [f32; TEMPI] = std::array::from_fn(|tempo| libm::exp(usual(tempo)) as f32);
     let sum: f32 = prior.iter().sum();
     prior.iter_mut().for_each(|p| *p /= sum);
     prior

@@ -2,8 +2,9 @@
 //! one state for every hop of its period, the hops since the last beat.
 //!
 //! A bar-pointer model with one-beat bars (Whiteley 2006, efficient state space
-//! after Krebs 2015), for the [offline](super::offline) tracker; the causal one
-//! has the [bar pointer](super::bar_pointer).
+//! after Krebs 2015). [`tempo`](super::tempo) filters it as music comes in,
+//! [`offline`](super::offline) finds the best path through a whole piece; the tracker's own
+//! model, with bars, is the [bar pointer](super::bar_pointer).
 
 /// Hops a second of the onset strength.
 pub(super) const RATE_HZ: f64 = 160.0;
@@ -19,6 +20,10 @@ const PRIOR_PER_S: f64 = 0.1;
 /// The bell around a beat in which onsets count: width in seconds, half length in hops.
 const BEAT_SIGMA_S: f32 = 0.017;
 pub(super) const BELL: usize = 6;
+/// Weight of an onset's strength in the log-likelihood of a beat.
+const GAIN: f32 = 2.1;
+/// Strength that is neither for nor against a beat.
+const NEUTRAL: f32 = 0.07;
 /// How fast the probability of a change of tempo falls with its relative size.
 const STEADINESS: f32 = 120.0;
 /// Largest change of the period at one beat, hops.
@@ -41,6 +46,11 @@ pub(super) fn prior(tempo: usize) -> f32 {
 /// Log-likelihood that a beat at an unusual tempo costs.
 pub(super) fn beat_cost(tempo: usize) -> f32 {
     (PRIOR_PER_S * 60.0 / bpm(tempo)) as f32 * prior(tempo).ln()
+}
+
+/// Log-odds of a beat in a hop with this onset strength.
+pub(crate) fn evidence(strength: f32) -> f32 {
+    GAIN * (strength - NEUTRAL)
 }
 
 /// The bell around a beat, by distance in hops.
@@ -110,5 +120,20 @@ impl TempoStates {
             change(self.at_mut(distance), distance);
             change(self.at_mut(period - distance), distance);
         }
+    }
+
+    pub(super) fn total(&self) -> f32 {
+        self.states.iter().sum()
+    }
+
+    pub(super) fn scale(&mut self, factor: f32) {
+        self.states.iter_mut().for_each(|state| *state *= factor);
+    }
+
+    /// The most likely number of hops since the last beat.
+    pub(super) fn likeliest(&self) -> usize {
+        let hops = 0..self.states.len();
+        let best = hops.max_by(|&a, &b| self.at(a).total_cmp(&self.at(b)));
+        best.unwrap_or(0)
     }
 }

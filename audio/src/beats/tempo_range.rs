@@ -16,7 +16,9 @@ pub struct TempoRange {
 
 /// Why a text is no [`TempoRange`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected two tempi from {SLOWEST_BPM} to {FASTEST_BPM} beats a minute, slow then fast, like 80-140")]
+#[error(
+    "expected two tempi from {SLOWEST_BPM} to {FASTEST_BPM} beats a minute, slow then fast, like 80-140"
+)]
 pub struct TempoRangeError;
 
 impl TempoRange {
@@ -64,7 +66,8 @@ mod tests {
         let range: TempoRange = "80-140.5".parse().unwrap();
         assert_eq!((range.low_bpm(), range.high_bpm()), (80.0, 140.5));
         assert_eq!(range.to_string(), "80-140.5");
-        for text in ["", "80", "140-80", "20-90", "90-400", "NaN-100", "80-NaN", "a-b", "80-90-100"] {
+        for text in ["", "80", "140-80", "20-90", "90-400", "NaN-100", "80-NaN", "a-b", "80-90-100"]
+        {
             assert_eq!(text.parse::<TempoRange>(), Err(TempoRangeError), "{text}");
         }
     }

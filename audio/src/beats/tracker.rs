@@ -14,7 +14,7 @@
 //! long the oscillator was followed.
 
 use super::bar_pointer::{BarEstimate, BarPointer, RATE_HZ};
-use super::beat_evidence::Listener;
+use super::beat_evidence::{Listener, OnsetBeat};
 use super::network::NetworkOutput;
 use super::tempo_range::TempoRange;
 use servodance_types::{Beat, BeatLock};
@@ -156,10 +156,16 @@ impl Tracker {
 
     /// One step of the network: its output, the strongest onset in it, whether
     /// anything was audible.
-    pub(crate) fn step(&mut self, output: &NetworkOutput, onset: f32, audible: bool) {
+    pub(crate) fn step(
+        &mut self,
+        output: &NetworkOutput,
+        onset: f32,
+        guess: OnsetBeat,
+        audible: bool,
+    ) {
         let step_s = 1.0 / RATE_HZ;
         self.silent_s = if audible { 0.0 } else { self.silent_s + step_s };
-        let evidence = self.listener.hear(output, onset);
+        let evidence = self.listener.hear(output, onset, guess);
         self.pointer.step(&evidence);
         let phase = self.phase + self.bpm / 60.0 * step_s;
         self.place += phase.floor() as i64;

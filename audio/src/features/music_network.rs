@@ -1,4 +1,4 @@
-//! A small recurrent network for the presence of music, 80 steps a second: a dense
+//! A small recurrent network for the presence of music and of beats, 80 steps a second: a dense
 //! layer over two hops of band values and a gated recurrent unit (Cho 2014).
 //!
 //! Trained on rendered sound alone: songs, talkers, crowds, noise, knocks, motors. The
@@ -13,9 +13,21 @@ const INPUTS: usize = 2 * BANDS + BANDS / 2;
 
 const DENSE: usize = 32;
 const UNITS: usize = 40;
-/// Four more outputs tell beats; they are not read.
+/// Two of beats, two of downbeats, which are not read, one of music.
 const OUTPUTS: usize = 5;
 const MUSIC: usize = 4;
+
+/// Logits of one step; 0 is a probability of one half.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct MusicOutput {
+    pub(crate) music: f32,
+    /// A beat in one of the two hops, 40 ms after it was audible.
+    pub(crate) beat: f32,
+}
+
+impl MusicOutput {
+    pub(crate) const SILENCE: MusicOutput = MusicOutput { music: -9.0, beat: -9.0 };
+}
 
 static WEIGHTS: &[u8] = include_bytes!("music_weights.f32");
 
@@ -60,8 +72,8 @@ impl MusicNetwork {
         }
     }
 
-    /// The log-odds of music after two more hops.
-    pub(crate) fn step(&mut self, older: &Onset, newer: &Onset) -> f32 {
+    /// What is heard after two more hops.
+    pub(crate) fn step(&mut self, older: &Onset, newer: &Onset) -> MusicOutput {
         let mut input = [0.0; INPUTS];
         input[..BANDS].copy_from_slice(&older.rises);
         input[BANDS..2 * BANDS].copy_from_slice(&newer.rises);
@@ -80,7 +92,7 @@ impl MusicNetwork {
         }
         let mut out = [0.0; OUTPUTS];
         self.heads.apply(&self.memory, &mut out);
-        out[MUSIC]
+        MusicOutput { music: out[MUSIC], beat: out[0].max(out[1]) }
     }
 }
 

@@ -4,8 +4,7 @@
 //! time (Boeck and Widmer's SuperFlux, 2013), on a logarithmic scale relative
 //! to the running level. Low, middle and high bands are brought to equal
 //! strength and added, so that a kick counts as much as a cymbal. Causal; the
-//! peak of an onset comes 19 ms after it is audible (measured on clicks and rendered
-//! drums, without the resampler's delay).
+//! peak of an onset comes [`LATENCY_S`] after it is audible.
 
 use super::filter_bank::FilterBank;
 use super::spectrum::{PowerSpectrum, SlidingWindow};
@@ -24,6 +23,9 @@ const GROUPS: [usize; 5] = [0, 8, 17, 25, BANDS];
 const GROUP_WEIGHTS: [f32; 4] = [1.1, 0.5, 0.25, 0.5];
 /// How much louder than this share of the reference a band must be to count.
 const COMPRESSION: f32 = 100.0;
+/// From an audible onset to the peak of its strength; measured on clicks and
+/// rendered drums, without the resampler's delay.
+pub(crate) const LATENCY_S: f64 = 0.019;
 
 pub(crate) struct OnsetDetector {
     spectrum: PowerSpectrum,
@@ -41,6 +43,8 @@ pub(crate) struct Onset {
     pub(crate) strength: f32,
     /// Whether the hop is louder than -70 dB of full scale.
     pub(crate) audible: bool,
+    /// Strength of each group of bands, lowest first, on the same scale.
+    pub(crate) groups: [f32; 4],
     /// Rise of each band over its neighbourhood, logarithmic.
     pub(crate) rises: [f32; BANDS],
     pub(crate) levels: [f32; BANDS / 2],
@@ -83,6 +87,7 @@ impl OnsetDetector {
         let now = &self.levels[0];
         let mut strength = 0.0;
         let mut rises = [0.0; BANDS];
+        let mut groups = [0.0; 4];
         for (group, scale) in self.scales.iter_mut().enumerate() {
             let mut rise = 0.0;
             for band in GROUPS[group]..GROUPS[group + 1] {
@@ -91,11 +96,13 @@ impl OnsetDetector {
                 rises[band] = (now[band] - before[band].max(low).max(high)).max(0.0);
                 rise += rises[band];
             }
-            strength += GROUP_WEIGHTS[group] * scale.normalise(rise);
+            groups[group] = scale.normalise(rise);
+            strength += GROUP_WEIGHTS[group] * groups[group];
         }
         Onset {
             strength,
             audible,
+            groups,
             rises,
             levels: std::array::from_fn(|pair| 0.5 * (now[2 * pair] + now[2 * pair + 1])),
         }
