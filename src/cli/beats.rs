@@ -7,20 +7,23 @@ use servodance_runtime::offline::beats::{BeatTracker, Beats};
 const EXAMPLES: &str = include_str!("examples/beats.txt").trim_ascii_end();
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(
+    after_help = EXAMPLES,
+    group = clap::ArgGroup::new("live").args(["causal", "downbeats"]).multiple(true)
+)]
 pub struct Args {
     #[arg(help = "The recording", value_name = "FILE")]
     pub file: PathBuf,
     /// Call each beat from what came before it, as live; else the
     /// whole recording is known.
-    #[arg(long, group = "live")]
+    #[arg(long)]
     pub causal: bool,
     /// Follow no tempo but these, beats a minute, slowest and fastest; as live.
     #[arg(long, value_name = "LO-HI", requires = "live")]
     pub tempo: Option<TempoRange>,
     /// After each time the beat's place in its bar from 1, as heard live; 0 where no bar
     /// stands out.
-    #[arg(long, group = "live")]
+    #[arg(long)]
     pub downbeats: bool,
     /// The file to write; standard output if left out.
     #[arg(long, value_name = "FILE")]

@@ -2,6 +2,7 @@
 
 use super::options::dance::RobotArgs;
 use crate::cli::prelude::*;
+use servodance_audio::TempoRange;
 use servodance_audio::source::PcmEncoding;
 use servodance_audio::source::PcmFormat;
 use servodance_runtime::control::bus_choice::BusChoice;

@@ -31,7 +31,7 @@ const EARLY: usize = 3;
 const DOWNBEATS: f32 = 0.28;
 
 /// Weight of the network's log-odds of a beat, and the odds that say nothing.
-const GAIN: f32 = 0.8;
+const GAIN: f32 = 0.5;
 const NEUTRAL: f32 = -2.5;
 /// Added to both probabilities, so that no step is proof.
 const DOUBT: f32 = 0.02;
