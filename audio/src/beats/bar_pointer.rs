@@ -40,7 +40,7 @@ const PRIOR_BPM: f64 = 118.0;
 const PRIOR_OCTAVES: f64 = 0.55;
 /// Share of that bell's log-likelihood that a tempo pays a second, so that of two
 /// readings that explain the music as well the usual one is believed.
-const PRIOR_PER_S: f64 = 0.05;
+const PRIOR_PER_S: f64 = 1.0;
 /// How fast the probability of a change of tempo falls with its relative size.
 const STEADINESS: f64 = 110.0;
 /// Farthest tempo to which one beat may change.
@@ -52,8 +52,8 @@ const BELL: [f32; 5] = [0.5, 0.45, 0.35, 0.2, 0.1];
 /// pointer may go, in relative tempo and in beats.
 const TAP_SIGMA_S: f64 = 0.03;
 const TAP_TEMPO_SIGMA: f64 = 0.04;
-const TAPPED_TEMPO: f64 = 0.16;
-const TAPPED_PHASE: f64 = 0.27;
+const TAPPED_TEMPO: f64 = 0.08;
+const TAPPED_PHASE: f64 = 0.15;
 
 const fn lengths() -> [usize; TEMPI] {
     let mut lengths = [0; TEMPI];

@@ -31,7 +31,7 @@ const EARLY: usize = 3;
 const DOWNBEATS: f32 = 0.28;
 
 /// Weight of the network's log-odds of a beat, and the odds that say nothing.
-const GAIN: f32 = 0.5;
+const GAIN: f32 = 0.6;
 const NEUTRAL: f32 = -2.5;
 /// Added to both probabilities, so that no step is proof.
 const DOUBT: f32 = 0.02;
@@ -43,9 +43,9 @@ const NEUTRAL_ONSET: f32 = 0.1;
 
 /// Weight of the onset beat, log-likelihood a beat; its width; the share of its bell that
 /// says nothing.
-const VOICE: f32 = 2.0;
+const VOICE: f32 = 3.0;
 const VOICE_SIGMA_S: f32 = 0.025;
-const VOICE_NEUTRAL: f32 = 0.3;
+const VOICE_NEUTRAL: f32 = 0.6;
 
 pub(super) struct Listener {
     onsets: VecDeque<f32>,

@@ -22,6 +22,8 @@ use servodance_types::{Beat, BeatLock};
 /// Confidence that locks, and confidence below which a lock only holds.
 const LOCK: f32 = 0.4;
 const UNLOCK: f32 = 0.25;
+/// How far from a tapped beat an estimate of it may be, beats.
+const TAPPED_OFF: f64 = 0.1;
 /// Least confidence in a beat that was tapped just now.
 const TAPPED: f32 = 0.7;
 /// Presence of music that a lock needs, and how long it may be absent.
@@ -192,6 +194,8 @@ impl Tracker {
     fn update(&mut self, elapsed_s: f64) {
         let estimate = self.estimate;
         let clear = ((self.strength - FAINT) / (CLEAR - FAINT)).clamp(0.0, 1.0);
+        // Of a tapped beat a person is sure.
+        let clear = if self.taps.hold { 1.0 } else { clear };
         let music = (self.presence / MUSIC).min(1.0);
         let clarity = music * clear * ((estimate.mass - 0.2) / 0.5).clamp(0.0, 1.0);
         let pull = (2.0 * elapsed_s) as f32;
@@ -255,6 +259,10 @@ impl Tracker {
         let estimate = self.estimate;
         let error = wrap(estimate.phase - self.phase);
         let tempo_error = (estimate.bpm / self.bpm).ln();
+        // An estimate at the border of what a tap allows is of another beat.
+        if self.taps.hold && error.abs() > TAPPED_OFF {
+            return;
+        }
         if tempo_error.abs() < 0.06 && error.abs() < 0.15 {
             self.contradicted_s = 0.0;
             let trust = f64::from(self.confidence);

@@ -78,9 +78,8 @@ pub fn run(folder: &Path) -> anyhow::Result<BeatBenchReport> {
         .iter()
         .map(|path| hear(path).with_context(|| format!("{}", path.display())))
         .collect::<Result<_, _>>()?;
-    let mean_f = |offset_ms: i32| -> f64 {
-        songs.iter().map(|song| score(song, offset_ms).f).sum()
-    };
+    let mean_f =
+        |offset_ms: i32| -> f64 { songs.iter().map(|song| score(song, offset_ms).f).sum() };
     let best = OFFSETS_MS.into_iter().max_by(|&a, &b| mean_f(a).total_cmp(&mean_f(b)));
     let offset_ms = best.unwrap_or(0);
     let each = songs.iter().map(|song| score(song, offset_ms)).collect();
@@ -153,9 +152,8 @@ fn score(song: &Heard, offset_ms: i32) -> SongScore {
     let moved = |times: &[f64]| -> Vec<f64> {
         times.iter().map(|t| t + 1e-3 * f64::from(offset_ms)).collect()
     };
-    let late = |times: &[f64]| -> Vec<f64> {
-        times.iter().copied().filter(|&t| t >= SKIPPED_S).collect()
-    };
+    let late =
+        |times: &[f64]| -> Vec<f64> { times.iter().copied().filter(|&t| t >= SKIPPED_S).collect() };
     let found = moved(&song.found_s);
     let (truth, late_found) = (late(&song.truth_s), late(&found));
     let f = f_measure(&truth, &late_found);
@@ -168,7 +166,8 @@ fn score(song: &Heard, offset_ms: i32) -> SongScore {
         amlt,
         off_beat: between > f && between > 0.5,
         locked_s: locked_s(&song.truth_s, &found, HELD_S),
-        downbeat_f: downbeats(song).map(|truth| f_measure(&late(&truth), &late(&moved(&song.downbeats_s)))),
+        downbeat_f: downbeats(song)
+            .map(|truth| f_measure(&late(&truth), &late(&moved(&song.downbeats_s)))),
         tempo_bpm: tempo_bpm(&late_found),
         true_tempo_bpm: tempo_bpm(&truth),
     }
