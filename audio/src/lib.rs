@@ -17,7 +17,7 @@
 //! ```
 //! use servodance_audio::{MusicAnalyzer, song::{SongSpec, Style}};
 //!
-//! let mut spec = SongSpec::random(8.0, 1)?;
+//! let mut spec = SongSpec::random(14.0, 1)?;
 //! spec.style = Style::House;
 //! let song = spec.render()?;
 //! let mut analyzer = MusicAnalyzer::new(song.sample_rate_hz)?;
