@@ -39,9 +39,9 @@ pub struct Args {
     #[command(flatten)]
     pub rig: RobotArgs,
     /// What is around a simulated robot: a floor, a stand that holds it, or none, where
-    /// its servos carry no weight.
-    #[arg(long, value_enum, default_value_t = WorldChoice::None)]
-    pub world: WorldChoice,
+    /// its servos carry no weight; a floor for a robot that stands if left out.
+    #[arg(long, value_enum)]
+    pub world: Option<WorldChoice>,
     /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
     #[arg(long, value_enum)]
     pub speed: Option<Speed>,
@@ -163,6 +163,10 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
     let robot = args.rig.robot.load()?;
     let buses = choose_buses(&robot, &args.rig.bus)?;
     let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
+    let world = args.world.unwrap_or_else(|| match all_simulated {
+        true => WorldChoice::of_robot(&robot),
+        false => WorldChoice::None,
+    });
     let hears = args.mic.is_some();
     let speed = match (args.speed, all_simulated) {
         (Some(Speed::Max), _) if hears => {
@@ -183,7 +187,7 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         idle: args.rig.idle.unwrap_or(robot.idle),
         robot,
         buses,
-        world: args.world,
+        world,
         speed,
         as_live: args.as_live,
         compensation: !args.no_compensation,

@@ -87,15 +87,18 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 
 fn print(report: &WorldBenchReport) {
     stdout_line!(
-        "| world | dances | falls | tilt, deg RMS | beyond the plan (worst) | slip, mm/min |"
+        "| world | dances | falls | told 150 ms ahead | false alarms | tilt, deg RMS | \
+         beyond the plan (worst) | slip, mm/min |"
     );
-    stdout_line!("|---|---|---|---|---|---|");
+    stdout_line!("|---|---|---|---|---|---|---|---|");
     for world in &report.worlds {
         stdout_line!(
-            "| {} | {} | {} | {:.1} | {:.2} ({:.2}) | {:.0} |",
+            "| {} | {} | {} | {} | {} | {:.1} | {:.2} ({:.2}) | {:.0} |",
             world.world,
             world.dances,
             world.falls,
+            world.announced,
+            world.false_alarms,
             world.tilt_rms_deg,
             world.tilt_beyond_plan_rms_deg,
             world.worst_tilt_beyond_plan_rms_deg,
