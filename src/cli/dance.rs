@@ -1,6 +1,7 @@
 //! `servodance dance`.
 
 use super::options::dance::RobotArgs;
+use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
 use servodance_audio::source::PcmEncoding;
 use servodance_audio::source::PcmFormat;
@@ -58,17 +59,17 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
     /// Record everything as MCAP, for robotics viewers.
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, value_name = "FILE.mcap", value_parser = file_of("mcap"))]
     pub record: Option<PathBuf>,
     /// Where the picture of the dance goes.
-    #[arg(long, default_value = "dance.png", value_name = "FILE.png")]
+    #[arg(long, default_value = "dance.png", value_name = "FILE.png", value_parser = file_of("png"))]
     pub picture: PathBuf,
     #[arg(help = "Draw no picture", long, conflicts_with = "picture")]
     pub no_picture: bool,
     /// Draw a moving picture too: ten seconds from the middle of the dance, the
     /// human beside the robot. For another part: --record, then `servodance
     /// export FILE.mcap --gif FILE.gif --from 20 --seconds 8`.
-    #[arg(long, value_name = "FILE.gif")]
+    #[arg(long, value_name = "FILE.gif", value_parser = file_of("gif"))]
     pub gif: Option<PathBuf>,
     /// Sample rate of raw PCM on standard input, hertz.
     #[arg(long, default_value_t = 48_000, value_name = "HZ")]

@@ -69,6 +69,9 @@ pub const WORLDS: [(&str, &str); 10] = [
 
 /// All of those at once, drawn for each dance.
 pub const DRAWN: &str = "drawn";
+/// A push in the middle of the dance, drawn: about half of them topple a robot.
+pub const PUSHED: &str = "pushed";
+const MOST_DRAWN_NS_PER_KG: f64 = 1.2;
 
 /// The figures of one world.
 #[derive(Clone, Debug, Serialize)]
@@ -122,8 +125,8 @@ fn sensor(seed: u64) -> ImuErrors {
     }
 }
 
-/// The options of a world by name; `dance` numbers the dance in it.
-fn options(name: &str, dance: u64, seed: u64) -> anyhow::Result<TrialOptions> {
+/// The options of a world by name for a robot of this mass; `dance` numbers the dance in it.
+fn options(name: &str, dance: u64, seed: u64, mass_kg: f64) -> anyhow::Result<TrialOptions> {
     let mut random = ChaCha8Rng::seed_from_u64(seed ^ dance.wrapping_mul(0x9E37_79B9));
     let imu = sensor(dance + 1);
     let mut trial = TrialOptions {
@@ -143,6 +146,10 @@ fn options(name: &str, dance: u64, seed: u64) -> anyhow::Result<TrialOptions> {
         "heavy" => trial.mass = 1.1,
         "tilted" => trial.world.tilt_rad = [lean * turned.cos(), lean * turned.sin()],
         "late" => trial.world.imu = late(imu),
+        PUSHED => {
+            let push_ns = MOST_DRAWN_NS_PER_KG * mass_kg * random.random::<f64>();
+            trial.push_ns = [push_ns * turned.cos(), push_ns * turned.sin()];
+        }
         DRAWN => {
             let share = lean * random.random::<f64>();
             trial = TrialOptions {
@@ -162,7 +169,8 @@ fn options(name: &str, dance: u64, seed: u64) -> anyhow::Result<TrialOptions> {
             };
         }
         _ => {
-            let known: Vec<&str> = WORLDS.iter().map(|world| world.0).chain([DRAWN]).collect();
+            let known: Vec<&str> =
+                WORLDS.iter().map(|world| world.0).chain([DRAWN, PUSHED]).collect();
             anyhow::bail!("no world \"{name}\"; there are {}", known.join(", "));
         }
     }
@@ -241,7 +249,7 @@ fn trial(
     dance: usize,
     clip: &Clip,
 ) -> anyhow::Result<TrialReport> {
-    let options = options(world, dance as u64, request.seed)?;
+    let options = options(world, dance as u64, request.seed, mass_kg(robot)?)?;
     let options = TrialOptions { feedback: request.feedback, sized: request.sized, ..options };
     match &request.dump {
         Some(folder) => {
@@ -250,6 +258,10 @@ fn trial(
         }
         None => StandingTrial::new(robot, options)?.run(&clip.frames(), |_, _, _| ()),
     }
+}
+
+fn mass_kg(robot: &Robot) -> anyhow::Result<f64> {
+    Ok(robot.retargeter()?.rigid_links().iter().map(|link| link.mass_kg).sum())
 }
 
 fn world_figures(name: &str, clips: &[Clip], results: &[TrialReport]) -> WorldFigures {
@@ -293,7 +305,7 @@ fn was_announced(report: &TrialReport) -> bool {
 fn pushes(robot: &Robot, feedback: bool) -> anyhow::Result<PushFigures> {
     let still = Clip { name: "standing".into(), ..standing() };
     let frames = still.frames();
-    let options = TrialOptions { feedback, ..options("nominal", 0, 0)? };
+    let options = TrialOptions { feedback, ..options("nominal", 0, 0, 0.0)? };
     let mut survived_ns = [0.0; 8];
     for (direction, survived) in survived_ns.iter_mut().enumerate() {
         let angle = std::f64::consts::TAU * direction as f64 / 8.0;

@@ -66,7 +66,7 @@ pub struct FaultRunResult {
     pub unsafe_joints: Vec<String>,
     /// Control cycles without the motion that they needed.
     pub late_frames: u64,
-    /// What the body did in its world; `None` without one.
+    /// What the body did in its world until torque off; `None` without one.
     pub body: Option<BodyReport>,
     /// When the robot fell, or its sensor said that it would; seconds since torque on.
     pub fall_s: Option<f64>,
@@ -124,6 +124,7 @@ impl<'a> FaultRun<'a> {
         let late_frames = control.into_record().input.late_frames;
         let disarmed = servos.disarm("the end");
         let stopped_by = ending.map(drop).and(disarmed).err();
+        let body = servos.body_report();
         servos.advance_silently(SILENCE_S);
         Ok(FaultRunResult {
             stopped_by: stopped_by.map(|error| format!("{error:#}")),
@@ -134,7 +135,7 @@ impl<'a> FaultRun<'a> {
             violation_notes: servos.violation_notes(),
             unsafe_joints: servos.unsafe_joints(),
             late_frames,
-            body: servos.body_report(),
+            body,
             fall_s: servos.fall_s(),
         })
     }

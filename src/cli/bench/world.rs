@@ -23,7 +23,7 @@ pub struct Args {
     #[arg(long, default_value_t = 60.0, value_name = "S")]
     pub seconds: f64,
     /// Worlds to dance in: nominal, soft, firm, kp60, play, slippery, light, heavy,
-    /// tilted, late, drawn. All if left out.
+    /// tilted, late, drawn, and pushed. All but the last if left out.
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     pub worlds: Vec<String>,
     /// Do not correct the commands by the sensor on the pelvis.
