@@ -1,17 +1,20 @@
-"""Trains the small network that tells beats, downbeats and music from sound.
+"""Trains the network that hears beats, downbeats and music.
 
-    cargo build --release -p servodance-audio --examples
-    beat_corpus FOLDER 360            # rendered pieces with known beats
+    cargo build --release -p servodance-audio --example beat_corpus
+    beat_corpus FOLDER 250 0 FONTS TALKERS      # as often as wanted, other seeds
     python audio/reference/train_beats.py OUT.f32 MINUTES FOLDER... [--from START.f32]
 
 The network (audio/src/beats/network.rs) runs 80 times a second: a dense layer
-over band rises and levels, a gated recurrent unit, then five logits: beat and
-downbeat for the older and the newer hop of the step, and music. OUT.f32 holds
-its weights in that order, little endian. A beat is marked DELAY_S after it is
-audible, when all of its onset was heard. Nothing but rendered sound is used.
-Needs torch and numpy.
+over the values of audio/src/beats/network_input.rs, ten residual blocks of
+causal convolutions, dilated by 1 to 512 steps (25 s), then three logits: beat,
+downbeat, music. OUT.f32 holds its weights in the order of `parts`, little endian.
+A beat is marked DELAY_S after it is audible, when most of its onset was heard.
+Nothing but rendered sound is used. New folders may appear while it trains: a `*`
+in FOLDER is looked up again before every round. Needs torch and numpy.
 """
 
+import copy
+import glob
 import json
 import sys
 import time
@@ -20,91 +23,138 @@ import numpy as np
 import torch
 from torch import nn
 
-STEP_HZ, HOP_HZ, RATE = 80, 160, 20480
+STEP_HZ, RATE = 80, 20480
 RESAMPLER_S = 16 / RATE
-DELAY_S = 0.040
-INPUTS, DENSE, UNITS = 80, 32, 40
-CHUNK, BATCH = 400, 48
-VALIDATION = 20
+DELAY_S = 0.050
+INPUTS, UNITS, BLOCKS, TAPS, OUTPUTS = 128, 48, 10, 3, 3
+RISES, LEVELS = 64, 16
+BATCH, BATCH_STEPS, VALIDATION = 6, 2000, 40
+AVERAGED = 0.99  # share of the older weights in the running mean that is kept
+SCORED_EVERY = 200  # batches, at least
 
 
 def targets(piece, steps):
-    """Beat x 2, downbeat x 2, music for each step."""
-    hops = 2 * steps
-    out = np.zeros((3, hops), np.float32)
+    """Beat, downbeat, music for each step."""
+    out = np.zeros((3, steps), np.float16)
     for row, times in ((0, piece["beats_s"]), (1, piece["downbeats_s"])):
         for beat in times:
-            at = (beat + DELAY_S + RESAMPLER_S) * HOP_HZ - 1
-            for hop in range(int(at) - 3, int(at) + 5):
-                if 0 <= hop < hops:
-                    out[row, hop] = max(out[row, hop], np.exp(-0.5 * ((hop - at) / 1.4) ** 2))
+            at = (beat + DELAY_S + RESAMPLER_S) * STEP_HZ - 1
+            for step in range(int(at) - 2, int(at) + 4):
+                if 0 <= step < steps:
+                    out[row, step] = max(out[row, step], np.exp(-0.5 * ((step - at) / 0.8) ** 2))
     for start, end in piece["music_s"]:
-        out[2, int(start * HOP_HZ): int(end * HOP_HZ)] = 1.0
-    two = out.reshape(3, steps, 2)
-    return np.concatenate([two[0], two[1], two[2, :, :1]], axis=1)
+        out[2, int(start * STEP_HZ): int(end * STEP_HZ)] = 1.0
+    return out
 
 
-def load(folders):
-    pieces = []
-    for folder in folders:
-        inputs = np.memmap(f"{folder}/inputs.f32", np.float32, "r").reshape(-1, INPUTS)
-        at = 0
-        for line in open(f"{folder}/pieces.jsonl"):
-            piece = json.loads(line)
-            steps = piece["steps"]
-            pieces.append((inputs[at: at + steps].astype(np.float16), targets(piece, steps)))
-            at += steps
-    steps = min(len(x) for x, _ in pieces) // CHUNK * CHUNK
-    x = torch.from_numpy(np.stack([x[:steps] for x, _ in pieces]))
-    y = torch.from_numpy(np.stack([y[:steps] for _, y in pieces]))
-    return x, y
+class Corpus:
+    def __init__(self, patterns):
+        self.patterns, self.seen, self.pieces = patterns, {}, []
+
+    def look(self):
+        """Takes in what has been rendered since."""
+        for folder in sorted({f for p in self.patterns for f in glob.glob(p)}):
+            lines = open(f"{folder}/pieces.jsonl").read().split("\n")[:-1]
+            begun, at = self.seen.get(folder, (0, 0))
+            new = [json.loads(line) for line in lines[begun:]]
+            file = np.memmap(f"{folder}/inputs.f32", np.float32, "r")
+            values = file[: len(file) // INPUTS * INPUTS].reshape(-1, INPUTS)
+            for piece in new:
+                steps = piece["steps"]
+                if at + steps > len(values):
+                    break
+                self.pieces.append((values[at: at + steps].astype(np.float16), targets(piece, steps)))
+                begun, at = begun + 1, at + steps
+            self.seen[folder] = (begun, at)
+
+    def batch(self, rows, rng, steps):
+        x, y = np.zeros((len(rows), steps, INPUTS), np.float32), np.zeros((len(rows), 3, steps), np.float32)
+        for i, row in enumerate(rows):
+            values, truth = self.pieces[row]
+            start = rng.integers(0, max(1, len(values) - steps + 1))
+            part = values[start: start + steps]
+            x[i, : len(part)], y[i, :, : len(part)] = part, truth[:, start: start + steps]
+        return torch.from_numpy(x), torch.from_numpy(y)
+
+
+class Block(nn.Module):
+    def __init__(self, dilation):
+        super().__init__()
+        self.past = (TAPS - 1) * dilation
+        self.taps = nn.Conv1d(UNITS, UNITS, TAPS, dilation=dilation)
+        self.mix = nn.Conv1d(UNITS, UNITS, 1)
+        with torch.no_grad():
+            self.mix.weight *= 0.3
+
+    def forward(self, x):
+        hidden = torch.relu(self.taps(nn.functional.pad(x, (self.past, 0))))
+        return x + self.mix(hidden)
 
 
 class Network(nn.Module):
     def __init__(self):
         super().__init__()
-        self.dense = nn.Linear(INPUTS, DENSE)
-        self.gru = nn.GRU(DENSE, UNITS, batch_first=True)
-        self.heads = nn.Linear(UNITS, 5)
+        self.dense = nn.Linear(INPUTS, UNITS)
+        self.blocks = nn.ModuleList(Block(2**i) for i in range(BLOCKS))
+        self.heads = nn.Linear(UNITS, OUTPUTS)
 
-    def forward(self, x, state=None):
-        hidden, state = self.gru(torch.relu(self.dense(x)), state)
-        return self.heads(hidden), state
+    def forward(self, x, drop=0.0):
+        x = torch.relu(self.dense(x)).transpose(1, 2)
+        for block in self.blocks:
+            x = block(x)
+            if drop and self.training:
+                x = nn.functional.dropout1d(x, drop)
+        return self.heads(torch.relu(x).transpose(1, 2)).transpose(1, 2)
 
     def parts(self):
-        gru = self.gru
-        return [self.dense.weight, self.dense.bias, gru.weight_ih_l0, gru.weight_hh_l0,
-                gru.bias_ih_l0, gru.bias_hh_l0, self.heads.weight, self.heads.bias]
+        parts = [self.dense.weight, self.dense.bias]
+        for block in self.blocks:
+            parts += [block.taps.weight, block.taps.bias, block.mix.weight, block.mix.bias]
+        return parts + [self.heads.weight, self.heads.bias]
 
     def weights(self):
-        return np.concatenate([p.detach().numpy().ravel() for p in self.parts()]).astype("<f4")
+        """Convolutions by output, then tap (oldest first), then input."""
+        flat = [p.detach().permute(0, 2, 1).contiguous() if p.dim() == 3 else p.detach() for p in self.parts()]
+        return np.concatenate([p.numpy().ravel() for p in flat]).astype("<f4")
 
     def take(self, weights):
         at = 0
         for part in self.parts():
-            part.data = torch.from_numpy(weights[at: at + part.numel()].reshape(part.shape).copy())
+            values = torch.from_numpy(weights[at: at + part.numel()].copy())
+            if part.dim() == 3:
+                out, inner, taps = part.shape
+                part.data = values.reshape(out, taps, inner).permute(0, 2, 1).contiguous()
+            else:
+                part.data = values.reshape(part.shape)
             at += part.numel()
 
 
-POSITIVE = torch.tensor([3.0, 3.0, 3.0, 3.0, 1.0])
-WEIGHT = torch.tensor([1.0, 1.0, 0.6, 0.6, 0.25])
+WEIGHT = torch.tensor([1.0, 1.0, 0.1])
 
 
 def loss_of(logits, y):
-    # A beat is unknowable in the silence after the music; downbeats are hard.
-    raw = nn.functional.binary_cross_entropy_with_logits(logits, y, pos_weight=POSITIVE, reduction="none")
-    return (raw * WEIGHT).mean(dim=(0, 1))
+    raw = nn.functional.binary_cross_entropy_with_logits(logits, y, reduction="none")
+    return raw.mean(dim=(0, 2))
 
 
 def augmented(x, generator):
-    """Other equalisers: bands louder or softer, some missing."""
+    """Other equalisers: bands louder or softer, some missing, now and then the notes."""
     batch = x.shape[0]
-    gain = torch.exp(0.25 * torch.randn(batch, 1, 32, generator=generator))
-    lost = (torch.rand(batch, 1, 32, generator=generator) < 0.05).float()
-    gain = gain * (1 - lost)
-    level = 0.3 * torch.randn(batch, 1, 16, generator=generator)
-    rises = torch.cat([x[:, :, :32] * gain, x[:, :, 32:64] * gain], dim=2)
-    return torch.cat([rises, (x[:, :, 64:] + level).clamp(min=0)], dim=2)
+    draw = lambda *shape: torch.rand(*shape, generator=generator)
+    gain = torch.exp(0.2 * torch.randn(batch, 1, RISES // 2, generator=generator))
+    gain = gain * (draw(batch, 1, RISES // 2) >= 0.04)
+    level = 0.3 * torch.randn(batch, 1, LEVELS, generator=generator)
+    notes = torch.exp(0.2 * torch.randn(batch, 1, INPUTS - RISES - LEVELS, generator=generator))
+    notes = notes * (draw(batch, 1, 1) >= 0.1)
+    rises = x[:, :, :RISES] * torch.cat([gain, gain], dim=2)
+    levels = (x[:, :, RISES: RISES + LEVELS] + level).clamp(min=0)
+    return torch.cat([rises, levels, x[:, :, RISES + LEVELS:] * notes], dim=2)
+
+
+def peak_scores(logits, y):
+    """How sure the network is at beats, and between them: mean probabilities."""
+    p = torch.sigmoid(logits)
+    return [float((p[:, row] * (y[:, row] > 0.9)).sum() / (y[:, row] > 0.9).sum()) for row in (0, 1)]
 
 
 def main():
@@ -115,51 +165,57 @@ def main():
         begun, folders = folders[at + 1], folders[:at]
     torch.manual_seed(1)
     torch.set_num_threads(1)
-    generator = torch.Generator().manual_seed(2)
-    x, y = load(folders)
-    print(x.shape, "beats", float(y[:, :, 0].mean()), "music", float(y[:, :, 4].mean()), flush=True)
-    network = Network()
+    rng, generator = np.random.default_rng(1), torch.Generator().manual_seed(2)
+    corpus, network = Corpus(folders), Network()
+    corpus.look()
+    flat = np.concatenate([x[::20] for x, _ in corpus.pieces]).astype(np.float32)
+    mean, std = torch.from_numpy(flat.mean(0)), torch.from_numpy(flat.std(0)) + 0.05
     with torch.no_grad():
-        flat = x[::7].float().reshape(-1, INPUTS)
-        mean, std = flat.mean(0), flat.std(0) + 0.05
         # Inputs are brought to zero mean and unit variance by the first layer.
         network.dense.weight /= std
         network.dense.bias -= network.dense.weight @ mean
     if begun:
         network.take(np.fromfile(begun, "<f4"))
-    rate = 1.5e-3 if begun else 4e-3
-    optimizer = torch.optim.Adam(network.parameters(), lr=4e-3)
-    train = torch.arange(VALIDATION, len(x))
-    batches = len(train) // BATCH
-    start, epoch = time.time(), 0
+    print(sum(p.numel() for p in network.parameters()), "weights", flush=True)
+    rate = 2.5e-3 if begun else 4e-3
+    optimizer = torch.optim.Adam(network.parameters(), lr=rate)
+    mean_network = copy.deepcopy(network).eval()
+    held_x, held_y = corpus.batch(range(VALIDATION), rng, 3900)
+    start, epoch, done = time.time(), 0, 0
+    begin, sums, batches = time.time(), np.zeros(3), 0
     while time.time() - start < budget_s:
-        begin, sums = time.time(), np.zeros(5)
-        order = train[torch.randperm(len(train), generator=generator)]
-        for batch in range(batches):
-            rows = order[batch * BATCH: (batch + 1) * BATCH]
+        corpus.look()
+        order = rng.permutation(np.arange(VALIDATION, len(corpus.pieces)))
+        network.train()
+        for first in range(0, len(order) - BATCH + 1, BATCH):
             # The rate falls to nothing over the time given.
             part = min(1.0, (time.time() - start) / budget_s)
-            warm = min(1.0, (epoch * batches + batch + 1) / 5)
             for group in optimizer.param_groups:
-                group["lr"] = rate * warm * (0.02 + 0.49 * (1 + np.cos(np.pi * part)))
-            bx, by = augmented(x[rows].float(), generator), y[rows]
-            state = None
-            for at in range(0, bx.shape[1], CHUNK):
-                logits, state = network(bx[:, at: at + CHUNK], state)
-                state = state.detach()
-                each = loss_of(logits, by[:, at: at + CHUNK])
-                optimizer.zero_grad()
-                each.sum().backward()
-                nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-                optimizer.step()
-                sums += each.detach().numpy()
-        with torch.no_grad():
-            logits, _ = network(x[:VALIDATION].float())
-            held = loss_of(logits, y[:VALIDATION]).numpy()
-        chunks = batches * (x.shape[1] // CHUNK)
-        print(epoch, "train", np.round(sums / chunks, 4), "held out", np.round(held, 4), f"{time.time() - begin:.0f} s", flush=True)
-        network.weights().tofile(out)
+                group["lr"] = rate * min(1.0, (done + 1) / 100) * (0.01 + 0.495 * (1 + np.cos(np.pi * part)))
+            x, y = corpus.batch(order[first: first + BATCH], rng, BATCH_STEPS)
+            each = loss_of(network(augmented(x, generator), 0.05), y)
+            optimizer.zero_grad()
+            (each * WEIGHT).sum().backward()
+            nn.utils.clip_grad_norm_(network.parameters(), 0.5)
+            optimizer.step()
+            with torch.no_grad():
+                for kept, new in zip(mean_network.parameters(), network.parameters()):
+                    kept.lerp_(new, 1.0 - AVERAGED)
+            sums, batches, done = sums + each.detach().numpy(), batches + 1, done + 1
+            if done % 50 == 0:
+                print("  ", done, np.round(sums / batches, 4), f"{time.time() - start:.0f} s", flush=True)
+            if part >= 1.0:
+                break
         epoch += 1
+        if batches < SCORED_EVERY and time.time() - start < budget_s:
+            continue
+        with torch.no_grad():
+            logits = torch.cat([mean_network(held_x[i: i + 8]) for i in range(0, VALIDATION, 8)])
+            held = loss_of(logits, held_y).numpy()
+        print(epoch, len(order), "train", np.round(sums / max(1, batches), 4), "held out", np.round(held, 4),
+              "at beats", np.round(peak_scores(logits, held_y), 3), f"{time.time() - begin:.0f} s", flush=True)
+        mean_network.weights().tofile(out)
+        begin, sums, batches = time.time(), np.zeros(3), 0
 
 
 if __name__ == "__main__":

@@ -15,14 +15,17 @@ use std::collections::VecDeque;
 use servodance_types::{BeatLock, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
 use crate::beats::{
-    BeatCaller, BeatHistory, BeatNetwork, MetricalReading, NetworkOutput, Tracker, evidence, input,
+    BeatCaller, BeatHistory, BeatNetwork, LiveBeat, MetricalReading, NetworkOutput, OnsetTracker,
+    TempoRange, Tracker, input, offline_evidence,
 };
 use crate::features::ANALYSIS_RATE_HZ;
 use crate::features::mfcc::{BEAT, SpectralFeatures};
 use crate::features::music_detector::MusicDetector;
+use crate::features::music_network::{MusicNetwork, MusicOutput};
+use crate::features::note_onset::NoteOnsets;
 use crate::features::onset_strength::{HOP, LATENCY_S, Onset, OnsetDetector};
 use crate::features::resampler::Resampler;
-use crate::features::spectrum::SlidingWindow;
+use crate::features::spectrum::{SlidingWindow, sigmoid};
 
 /// Samples a frame at the analysis rate.
 const FRAME_HOP: u64 = 1024;
@@ -47,15 +50,18 @@ struct AnalysisCore {
     received: u64,
     features: SpectralFeatures,
     onsets: OnsetDetector,
+    notes: NoteOnsets,
     older: Option<Onset>,
     network: BeatNetwork,
-    output: NetworkOutput,
+    music: MusicNetwork,
+    heard: MusicOutput,
+    onset_tracker: OnsetTracker,
     tracker: Tracker,
     detector: MusicDetector,
     frames: VecDeque<MusicFrame>,
     caller: BeatCaller,
     history: Option<BeatHistory>,
-    /// From an audible onset to the hop in which its strength peaks.
+    /// From an audible beat to the step that hears it.
     beat_delay_s: f64,
 }
 
@@ -69,20 +75,24 @@ impl MusicAnalyzer {
         }
         let resampler = Resampler::new(sample_rate_hz, ANALYSIS_RATE_HZ);
         let look_back = SpectralFeatures::LOOK_BACK.max(OnsetDetector::LOOK_BACK);
+        let look_back = look_back.max(NoteOnsets::LOOK_BACK);
         let mut core = AnalysisCore {
             recent: SlidingWindow::new(look_back),
             received: 0,
             features: SpectralFeatures::new(ANALYSIS_RATE_HZ),
             onsets: OnsetDetector::new(ANALYSIS_RATE_HZ),
+            notes: NoteOnsets::new(ANALYSIS_RATE_HZ),
             older: None,
             network: BeatNetwork::new(),
-            output: NetworkOutput::SILENCE,
+            music: MusicNetwork::new(),
+            heard: MusicOutput::SILENCE,
+            onset_tracker: OnsetTracker::new(),
             tracker: Tracker::new(),
             detector: MusicDetector::new(),
             frames: VecDeque::new(),
             caller: BeatCaller::default(),
             history: None,
-            beat_delay_s: LATENCY_S + resampler.delay_s(),
+            beat_delay_s: BeatNetwork::LATE_S + resampler.delay_s(),
         };
         core.emit();
         Ok(Self { resampler, core, replaced: 0 })
@@ -111,6 +121,18 @@ impl MusicAnalyzer {
         }
     }
 
+    /// Follows no other tempi from now on.
+    pub fn limit_tempo(&mut self, tempo: TempoRange) {
+        self.core.tracker.limit_tempo(tempo);
+    }
+
+    /// A listener taps the beat at `time_s` of the music. Two taps, one beat apart, put
+    /// tempo and phase right; they are kept until the music ends or is lost.
+    pub fn tap(&mut self, time_s: f64) {
+        let heard_s = self.core.received as f64 / f64::from(ANALYSIS_RATE_HZ);
+        self.core.tracker.tap(heard_s - self.core.beat_delay_s - time_s);
+    }
+
     /// Takes mono samples, a block of any length.
     pub fn push(&mut self, samples: &[f32]) {
         for &sample in samples {
@@ -127,10 +149,10 @@ impl MusicAnalyzer {
         self.core.frames.pop_front()
     }
 
-    /// The metrical readings of the tracked beat at the newest sample, for fitting
-    /// the weights of the choice; none without a beat.
+    /// The metrical readings of the onsets' beat at the newest sample, for fitting the
+    /// weights of the choice; none without a beat.
     pub fn beat_readings(&self) -> Vec<MetricalReading> {
-        self.core.tracker.readings(self.core.beat_delay_s)
+        self.core.onset_tracker.readings(self.core.beat_delay_s - BeatNetwork::LATE_S + LATENCY_S)
     }
 
     /// Number of samples that were not finite and became 0.
@@ -153,27 +175,36 @@ impl AnalysisCore {
         }
     }
 
-    /// Takes one hop of onsets; every second one completes a network step.
+    /// Takes one hop of onsets; every second one completes a step.
     fn hop(&mut self, onset: Onset) {
-        let evidence = evidence(onset.strength);
-        match self.older.take() {
-            Some(older) => self.output = self.network.step(&input(&older, &onset)),
-            None => self.older = Some(onset),
+        let older = self.older.take();
+        if let Some(older) = &older {
+            self.heard = self.music.step(older, &onset);
         }
-        self.tracker.hop(&onset, &self.output);
-        self.record(evidence);
+        self.onset_tracker.hop(&onset, sigmoid(self.heard.beat));
+        let Some(older) = older else {
+            self.older = Some(onset);
+            return;
+        };
+        let notes = self.notes.step(&self.recent);
+        let output = self.network.step(&input(&older, &onset, &notes));
+        let strength = older.strength.max(onset.strength);
+        let guess = self.onset_tracker.beat(BeatNetwork::LATE_S - LATENCY_S);
+        self.tracker.step(&output, strength, guess, older.audible || onset.audible);
+        self.record(&output);
     }
 
-    fn record(&mut self, evidence: f32) {
+    fn record(&mut self, output: &NetworkOutput) {
         let Some(history) = &mut self.history else {
             return;
         };
-        history.evidence.push(evidence);
+        // The offline tracker runs at the rate of hops.
+        history.evidence.extend([offline_evidence(output); 2]);
         let beat = self.tracker.beat(self.beat_delay_s);
         let now_s = self.received as f64 / f64::from(ANALYSIS_RATE_HZ);
         let called = self.caller.call(now_s, beat.phase, beat.tempo_bpm);
-        if self.tracker.state() != BeatLock::Lost {
-            history.beats_s.extend(called);
+        if let (Some(time_s), true) = (called, self.tracker.state() != BeatLock::Lost) {
+            history.beats.push(LiveBeat { time_s, beat });
         }
     }
 
@@ -182,9 +213,10 @@ impl AnalysisCore {
         let mut spectral =
             if index == 0 { [0.0; SPECTRAL_DIM] } else { self.features.frame(&self.recent) };
         if index > 0 {
-            let network = (!self.tracker.is_silent()).then_some(self.output.music);
+            let network = (!self.tracker.is_silent()).then_some(self.heard.music);
             self.detector.frame(self.features.fine_magnitude(), network);
             self.tracker.set_presence(self.detector.presence());
+            self.onset_tracker.set_presence(self.detector.presence());
             if let Some(history) = &mut self.history {
                 history.presence.push(self.detector.presence());
             }

@@ -6,7 +6,7 @@
 //! | [`source`] | [`AudioSource`]: decoded files, raw PCM, live sound as mono blocks |
 //! | [`capture`] | microphones: ring behind the callback, stalls, reconnection |
 //! | `features` | [`Resampler`], spectra, MFCC, chroma, onset strength, music detection |
-//! | [`beats`] | tempo, phase, metrical level, downbeat; causal and offline trackers |
+//! | [`beats`] | tempo, phase, meter, place in the bar; causal and offline trackers |
 //! | [`song`] | songs and noises rendered by code, with known beats |
 //! | `analyzer` | [`MusicAnalyzer`]: all of the analysis behind `push` and `pop` |
 //!
@@ -36,6 +36,7 @@ pub mod song;
 pub mod source;
 
 pub use analyzer::{AnalyzerError, MusicAnalyzer};
+pub use beats::TempoRange;
 pub use features::ANALYSIS_RATE_HZ;
 pub use features::mfcc::bands;
 pub use features::resampler::Resampler;

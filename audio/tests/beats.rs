@@ -204,3 +204,29 @@ fn quiet_music_is_music_with_the_same_beats() {
         }
     }
 }
+
+#[test]
+fn sounds_that_no_one_dances_to_claim_no_beat() {
+    const RATE_HZ: u32 = 8_000;
+    let seconds = 20.0;
+    let count = (seconds * f64::from(RATE_HZ)) as usize;
+    let loud = hiss(seconds, RATE_HZ, 0.3, 4);
+    for (name, sound) in [
+        ("direct current", vec![0.5; count]),
+        ("clicks at random", knocks(seconds, RATE_HZ, 2.0, 3)),
+        ("clipped noise", loud.iter().map(|s| (20.0 * s).clamp(-1.0, 1.0)).collect()),
+        ("speech at 8 kHz", speech(seconds, RATE_HZ, 9)),
+    ] {
+        let frames = listen(&sound, RATE_HZ);
+        let claimed = frames.iter().filter(|f| f.beat.lock != BeatLock::Lost).count();
+        assert!(claimed * 20 <= frames.len(), "{name}: {claimed} of {} frames", frames.len());
+    }
+}
+
+#[test]
+fn clipped_music_at_8_khz_keeps_its_beat() {
+    let song = spec(Style::House, steady(124.0, 25.0), 25.0).render().expect("a song");
+    let clipped: Vec<f32> = song.samples.iter().map(|s| (8.0 * s).clamp(-0.7, 0.7)).collect();
+    let frames = listen(&clipped, song.sample_rate_hz);
+    assert!(right(&song, &frames, 6.0, 25.0) > 0.9);
+}

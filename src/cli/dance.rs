@@ -3,6 +3,7 @@
 use super::options::dance::RobotArgs;
 use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
+use servodance_audio::TempoRange;
 use servodance_audio::source::PcmEncoding;
 use servodance_audio::source::PcmFormat;
 use servodance_runtime::control::bus_choice::BusChoice;
@@ -53,6 +54,9 @@ pub struct Args {
     /// servos meet the beat.
     #[arg(long)]
     pub no_compensation: bool,
+    /// Follow no tempo but these, beats a minute, slowest and fastest: 80-140, say.
+    #[arg(long, value_name = "LO-HI")]
+    pub tempo: Option<TempoRange>,
     #[command(flatten)]
     pub generator: GeneratorArgs,
     /// Write figures of the run as JSON (see docs/report.md).
@@ -192,6 +196,7 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         speed,
         as_live: args.as_live,
         compensation: !args.no_compensation,
+        tempo: args.tempo,
         generator: args.generator,
         report: args.report,
         record: args.record,

@@ -45,7 +45,7 @@ fn rave(net: &NetSession, seconds: u64) {
                 tempo_bpm: rng.random_range(-500.0..1000.0),
                 confidence: 1.0,
                 lock: BeatLock::Locked,
-                beat_in_bar: None,
+                ..Beat::default()
             },
             presence: 1.0,
             level: 1.0,

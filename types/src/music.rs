@@ -33,9 +33,13 @@ pub struct Beat {
     pub confidence: f32,
     /// Lock state; has hysteresis and changes more slowly than `confidence`.
     pub lock: BeatLock,
-    /// Index of the last beat in a bar of four, 0 being the downbeat; `None`
-    /// while no downbeat stands out.
+    /// Index of the last beat in its bar, 0 being the downbeat; `None` while no
+    /// downbeat stands out.
     pub beat_in_bar: Option<u8>,
+    /// Beats in a bar; `None` while no downbeat stands out.
+    pub beats_in_bar: Option<u8>,
+    /// Probability of that place in that bar, 0 to 1.
+    pub bar_confidence: f32,
 }
 
 /// Music features at one motion frame, computed from the samples before `time_s`.

@@ -1,26 +1,42 @@
 //! Writes what the beat network is trained on: rendered music, other sounds
 //! and their mixtures as the network hears them, with beats and bars.
-//! `cargo run --release -p servodance-audio --example beat_corpus -- FOLDER COUNT [FIRST_SEED [TALKERS]]`.
-//! `TALKERS` is a folder of wav files of speech, of a speech synthesiser say.
+//! `beat_corpus FOLDER COUNT FIRST_SEED FONTS [TALKERS]`: `FONTS` is a folder of
+//! soundfonts (.sf2, .sf3), through which most of the scores are played by
+//! fluidsynth; the others are played by our own voices. `TALKERS` is a folder of
+//! wav files of speech, of a speech synthesiser say.
 //!
 //! `FOLDER/inputs.f32` holds all steps of all pieces one after the other, 80 a
 //! second; `FOLDER/pieces.jsonl` one line a piece: its number of steps, beat
-//! times, which of them open a bar, and the spans of music, in seconds.
+//! times, those that open a bar, and the spans of music, in seconds.
+//! `beat_corpus midi FOLDER COUNT FIRST_SEED` writes scores alone, to listen to;
+//! `beat_corpus songs FOLDER COUNT FIRST_SEED FONTS [TALKERS]` the sound itself with
+//! its beats, as `servodance bench beats` takes them.
 
+mod band;
+mod form;
 #[allow(clippy::needless_range_loop)] // the steps of a bar are counted
 mod grooves;
+mod harmony;
+mod melody;
+mod render;
+mod score;
+mod sounds;
+mod spoil;
+mod style;
+mod timeline;
 
 use std::error::Error;
 use std::io::Write;
+use std::path::PathBuf;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use servodance_audio::beats::inputs_of;
 use servodance_audio::song::noise;
-use servodance_audio::song::{SongSpec, Style};
+use servodance_audio::song::{Mix, SongSpec, Style};
 
 const RATE_HZ: u32 = 22_050;
-const PIECE_S: f64 = 40.0;
+const PIECE_S: f64 = 50.0;
 
 /// A piece of sound and its truth.
 #[derive(Default)]
@@ -31,67 +47,168 @@ struct Piece {
     music_s: Vec<(f64, f64)>,
 }
 
+/// What the pieces are made of.
+struct Workshop {
+    styles: Vec<style::Style>,
+    fonts: Vec<PathBuf>,
+    talkers: Vec<Vec<f32>>,
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [folder, count, rest @ ..] = arguments.as_slice() else {
-        return Err("usage: beat_corpus FOLDER COUNT [FIRST_SEED [TALKERS]]".into());
-    };
-    let talkers = rest.get(1).map_or(Ok(Vec::new()), |folder| read_all(folder))?;
-    let first: u64 = rest.first().map_or(Ok(0), |s| s.parse())?;
-    let count: u64 = count.parse()?;
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
+        ["midi", folder, count, first] => write_scores(folder, count.parse()?, first.parse()?),
+        ["songs", folder, count, first, fonts, rest @ ..] => {
+            Workshop::open(fonts, rest)?.write_songs(folder, count.parse()?, first.parse()?)
+        }
+        [folder, count, first, fonts, rest @ ..] => {
+            Workshop::open(fonts, rest)?.write(folder, count.parse()?, first.parse()?)
+        }
+        _ => Err("usage: beat_corpus FOLDER COUNT FIRST_SEED FONTS [TALKERS]".into()),
+    }
+}
+
+fn fonts_of(folder: &str) -> Result<Vec<PathBuf>, Box<dyn Error>> {
+    let entries: Result<Vec<_>, _> = std::fs::read_dir(folder)?.collect();
+    let mut fonts: Vec<PathBuf> = entries?.iter().map(std::fs::DirEntry::path).collect();
+    fonts.sort();
+    Ok(fonts)
+}
+
+fn write_scores(folder: &str, count: u64, first: u64) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(folder)?;
-    let file =
-        |name: &str| std::fs::File::create(format!("{folder}/{name}")).map(std::io::BufWriter::new);
-    let (mut inputs, mut pieces) = (file("inputs.f32")?, file("pieces.jsonl")?);
+    let styles = style::Style::all();
     for seed in first..first + count {
-        let piece = compose(&talkers, &mut ChaCha8Rng::seed_from_u64(seed))?;
-        let steps = inputs_of(&piece.samples, RATE_HZ);
-        for value in steps.iter().flatten() {
-            inputs.write_all(&value.to_le_bytes())?;
-        }
-        let spans: Vec<[f64; 2]> = piece.music_s.iter().map(|s| [s.0, s.1]).collect();
-        writeln!(
-            pieces,
-            r#"{{"steps":{},"beats_s":{:?},"downbeats_s":{:?},"music_s":{:?}}}"#,
-            steps.len(),
-            piece.beats_s,
-            piece.downbeats_s,
-            spans
-        )?;
-        if seed % 50 == 0 {
-            eprintln!("{seed}");
-        }
+        let rng = &mut ChaCha8Rng::seed_from_u64(seed);
+        let style = style::Style::draw(&styles, rng);
+        let composition = band::compose(style, PIECE_S, rng);
+        let name = style.name.replace(' ', "_");
+        std::fs::write(format!("{folder}/{seed}_{name}.mid"), composition.score.midi())?;
     }
     Ok(())
 }
 
-/// Stretches of music and of other things, one after the other, then what
-/// disturbs all of them, then the level.
-fn compose(talkers: &[Vec<f32>], rng: &mut ChaCha8Rng) -> Result<Piece, Box<dyn Error>> {
-    let mut piece = Piece::default();
-    while length_s(&piece) < PIECE_S {
-        let left = PIECE_S - length_s(&piece);
-        let duration_s = rng.random_range(8.0f64..45.0).min(left).max(1.0);
-        match rng.random_range(0..100) {
-            0..78 => add_music(&mut piece, duration_s, rng)?,
-            78..82 => {
-                piece.samples.extend(vec![0.0; (0.4 * duration_s * f64::from(RATE_HZ)) as usize])
-            }
-            _ => {
-                let level = 10f32.powf(rng.random_range(-40.0..-8.0) / 20.0);
-                let sound = disturbance(talkers, 0.6 * duration_s, &[], rng);
-                piece.samples.extend(sound.iter().map(|s| level * s));
+impl Workshop {
+    fn open(fonts: &str, talkers: &[&str]) -> Result<Self, Box<dyn Error>> {
+        Ok(Self {
+            styles: style::Style::all(),
+            fonts: fonts_of(fonts)?,
+            talkers: talkers.first().map_or(Ok(Vec::new()), |folder| read_all(folder))?,
+        })
+    }
+
+    /// Each piece as a wav file, with a line a beat: seconds, 1 if it opens a bar, else 2.
+    fn write_songs(&self, folder: &str, count: u64, first: u64) -> Result<(), Box<dyn Error>> {
+        std::fs::create_dir_all(folder)?;
+        for seed in first..first + count {
+            let piece = self.compose(&mut ChaCha8Rng::seed_from_u64(seed))?;
+            let form = hound::WavSpec {
+                channels: 1,
+                sample_rate: RATE_HZ,
+                bits_per_sample: 32,
+                sample_format: hound::SampleFormat::Float,
+            };
+            let mut wav = hound::WavWriter::create(format!("{folder}/{seed}.wav"), form)?;
+            piece.samples.iter().try_for_each(|&s| wav.write_sample(s))?;
+            wav.finalize()?;
+            let mut beats = std::fs::File::create(format!("{folder}/{seed}.beats"))?;
+            for beat in &piece.beats_s {
+                let opens = piece.downbeats_s.iter().any(|d| (d - beat).abs() < 1e-6);
+                writeln!(beats, "{beat:.4} {}", if opens { 1 } else { 2 })?;
             }
         }
+        Ok(())
     }
-    if rng.random_bool(0.35) {
-        let sound = disturbance(talkers, length_s(&piece) + 1.0, &piece.beats_s, rng);
-        let snr_db = rng.random_range(-2.0..22.0);
-        piece.samples = noise::mix(&piece.samples, &sound, snr_db);
+
+    fn write(&self, folder: &str, count: u64, first: u64) -> Result<(), Box<dyn Error>> {
+        std::fs::create_dir_all(folder)?;
+        let file = |name: &str| {
+            std::fs::File::create(format!("{folder}/{name}")).map(std::io::BufWriter::new)
+        };
+        let (mut inputs, mut pieces) = (file("inputs.f32")?, file("pieces.jsonl")?);
+        for seed in first..first + count {
+            let piece = self.compose(&mut ChaCha8Rng::seed_from_u64(seed))?;
+            let steps = inputs_of(&piece.samples, RATE_HZ);
+            for value in steps.iter().flatten() {
+                inputs.write_all(&value.to_le_bytes())?;
+            }
+            let spans: Vec<[f64; 2]> = piece.music_s.iter().map(|s| [s.0, s.1]).collect();
+            let (beats, downbeats) = (&piece.beats_s, &piece.downbeats_s);
+            writeln!(
+                pieces,
+                r#"{{"steps":{},"beats_s":{beats:?},"downbeats_s":{downbeats:?},"music_s":{spans:?}}}"#,
+                steps.len(),
+            )?;
+            if seed % 20 == 0 {
+                inputs.flush()?;
+                pieces.flush()?;
+                eprintln!("{seed}");
+            }
+        }
+        Ok(())
     }
-    let level = 10f32.powf(rng.random_range(-40.0..0.0) / 20.0);
-    piece.samples.iter_mut().for_each(|s| *s *= level);
-    Ok(piece)
+
+    /// Stretches of music and of other things, one after the other, then what
+    /// disturbs all of them, then the level.
+    fn compose(&self, rng: &mut ChaCha8Rng) -> Result<Piece, Box<dyn Error>> {
+        let mut piece = Piece::default();
+        while length_s(&piece) < PIECE_S {
+            let left = PIECE_S - length_s(&piece);
+            let duration_s = rng.random_range(14.0f64..70.0).min(left).max(1.0);
+            match rng.random_range(0..100) {
+                0..84 => self.add_music(&mut piece, duration_s, rng)?,
+                84..88 => {
+                    let silence = vec![0.0; (0.3 * duration_s * f64::from(RATE_HZ)) as usize];
+                    piece.samples.extend(silence);
+                }
+                _ => {
+                    let level = 10f32.powf(rng.random_range(-40.0..-8.0) / 20.0);
+                    let sound = disturbance(&self.talkers, 0.5 * duration_s, &[], rng);
+                    piece.samples.extend(sound.iter().map(|s| level * s));
+                }
+            }
+        }
+        if rng.random_bool(0.35) {
+            let sound = disturbance(&self.talkers, length_s(&piece) + 1.0, &piece.beats_s, rng);
+            let snr_db = rng.random_range(0.0..24.0);
+            piece.samples = noise::mix(&piece.samples, &sound, snr_db);
+        }
+        let level = 10f32.powf(rng.random_range(-40.0..0.0) / 20.0);
+        piece.samples.iter_mut().for_each(|s| *s *= level);
+        if rng.random_bool(0.1) {
+            let limit = rng.random_range(0.2..0.8) * level;
+            piece.samples.iter_mut().for_each(|s| *s = s.clamp(-limit, limit));
+        }
+        Ok(piece)
+    }
+
+    fn add_music(
+        &self,
+        piece: &mut Piece,
+        duration_s: f64,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<(), Box<dyn Error>> {
+        let mut loud = false;
+        let (mut sound, beats_s, downbeats_s) = if rng.random_bool(0.76) {
+            let style = style::Style::draw(&self.styles, rng);
+            loud = style.is_loud();
+            let composition = band::compose(style, duration_s, rng);
+            let font = &self.fonts[rng.random_range(0..self.fonts.len())];
+            let sound = render::play(&composition.score, font, duration_s, rng.random_bool(0.4))?;
+            (sound, composition.beats_s, composition.downbeats_s)
+        } else {
+            our_voices(duration_s, rng)?
+        };
+        spoil::spoil(&mut sound, loud, rng)?;
+        let start_s = length_s(piece);
+        piece.beats_s.extend(beats_s.iter().map(|s| start_s + s));
+        piece.downbeats_s.extend(downbeats_s.iter().map(|s| start_s + s));
+        piece.music_s.push((start_s, start_s + duration_s));
+        let level = 10f32.powf(rng.random_range(-10.0..0.0) / 20.0);
+        let gain = 0.2 * level / noise::rms(&sound).max(1e-3);
+        piece.samples.extend(sound.iter().map(|s| gain * s));
+        Ok(())
+    }
 }
 
 fn length_s(piece: &Piece) -> f64 {
@@ -153,51 +270,36 @@ fn turns(duration_s: f64, beats_s: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64> {
     turns
 }
 
-fn add_music(
-    piece: &mut Piece,
-    duration_s: f64,
-    rng: &mut ChaCha8Rng,
-) -> Result<(), Box<dyn Error>> {
+/// Samples, beats, downbeats.
+type Sound = (Vec<f32>, Vec<f64>, Vec<f64>);
+
+/// Music in four of the song renderer and of grooves by chance.
+fn our_voices(duration_s: f64, rng: &mut ChaCha8Rng) -> Result<Sound, Box<dyn Error>> {
+    // Evenly over the octaves of tempi that are danced, or as usual for the style.
     let style = Style::ALL[rng.random_range(0..Style::ALL.len())];
-    let (low, high) = style.tempo_range_bpm();
-    let bpm = if rng.random_bool(0.4) {
-        rng.random_range(low..high)
-    } else {
-        // Evenly over the octaves of tempi that are danced.
-        64.0 * (185.0f64 / 64.0).powf(rng.random_range(0.0..1.0))
-    };
+    let usual = rng.random_bool(0.6);
+    let (slowest, fastest) = if usual { style.tempo_range_bpm() } else { (64.0, 190.0) };
+    let bpm = slowest * (fastest / slowest).powf(rng.random_range(-0.1..1.1));
     let beats_s = beat_times(bpm, duration_s, rng);
     let first_downbeat = rng.random_range(0..4);
     let mut sound = vec![0.0f32; (duration_s * f64::from(RATE_HZ)).round() as usize];
-    let songs = [0, 1, 1, 1, 2][rng.random_range(0..5)];
+    let songs = if rng.random_bool(0.65) { 1 } else { 0 };
     for _ in 0..songs {
         let mut spec = SongSpec::on_beats(&beats_s, duration_s, rng.random())?;
-        if rng.random_bool(0.7) {
-            spec.style = style;
-        }
         spec.first_downbeat = first_downbeat;
+        spec.style = style;
+        if rng.random_bool(0.3) {
+            spec.mix = Mix::clean();
+        }
         add(&mut sound, &spec.render()?.samples, rng.random_range(0.3..1.0));
     }
-    if songs == 0 || rng.random_bool(0.45) {
+    if songs == 0 || rng.random_bool(0.25) {
         let groove = grooves::play(&beats_s, first_downbeat, duration_s, RATE_HZ, rng);
         add(&mut sound, &groove, rng.random_range(0.3..1.0));
     }
-    if rng.random_bool(0.3) {
-        let drive = rng.random_range(1.0..12.0);
-        sound.iter_mut().for_each(|s| *s = (drive * *s).tanh());
-    }
-    let start_s = length_s(piece);
-    for (i, beat_s) in beats_s.iter().enumerate().filter(|b| (0.0..duration_s).contains(b.1)) {
-        piece.beats_s.push(start_s + beat_s);
-        if (i + 4 - first_downbeat) % 4 == 0 {
-            piece.downbeats_s.push(start_s + beat_s);
-        }
-    }
-    piece.music_s.push((start_s, start_s + duration_s));
-    let level =
-        10f32.powf(rng.random_range(-14.0..0.0) / 20.0) / noise::rms(&sound).max(1e-3) * 0.2;
-    piece.samples.extend(sound.iter().map(|s| level * s));
-    Ok(())
+    let inside = |s: &f64| (0.0..duration_s).contains(s);
+    let bars = beats_s.iter().skip(first_downbeat).step_by(4).copied().filter(inside).collect();
+    Ok((sound, beats_s.iter().copied().filter(inside).collect(), bars))
 }
 
 fn add(out: &mut [f32], sound: &[f32], gain: f32) {

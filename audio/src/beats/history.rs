@@ -2,7 +2,7 @@
 //! music, and the beats called live. Grows with the music unless old parts are
 //! dropped.
 
-use servodance_types::FRAME_RATE_HZ;
+use servodance_types::{Beat, FRAME_RATE_HZ};
 
 /// Frames within which the detector notices music: four seconds.
 const NOTICED_FRAMES: usize = 80;
@@ -20,8 +20,17 @@ pub struct BeatHistory {
     pub presence: Vec<f32>,
     /// Time of the first value of `presence`, seconds.
     pub first_presence_s: f64,
-    /// Beats called by the causal tracker while it had the beat, seconds.
-    pub beats_s: Vec<f64>,
+    /// Beats called by the causal tracker while it had the beat.
+    pub beats: Vec<LiveBeat>,
+}
+
+/// A beat as the causal tracker called it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LiveBeat {
+    /// When it was audible, seconds.
+    pub time_s: f64,
+    /// What the tracker knew then: confidence, place in the bar, meter.
+    pub beat: Beat,
 }
 
 impl BeatHistory {
@@ -38,7 +47,7 @@ impl BeatHistory {
         let gone = gone.min(self.presence.len());
         self.presence.drain(..gone);
         self.first_presence_s += gone as f64 / FRAME_RATE_HZ;
-        self.beats_s.retain(|beat| *beat >= time_s);
+        self.beats.retain(|beat| beat.time_s >= time_s);
     }
 
     /// Time at which value `index` of the evidence was audible, seconds.
@@ -55,8 +64,26 @@ impl BeatHistory {
 
     /// The beats that the causal tracker called live.
     pub fn live_track(&self) -> BeatTrack {
-        let heard = self.beats_s.iter().copied();
-        BeatTrack::new(heard.filter(|&time_s| time_s >= 0.0).collect())
+        let times_s = self.beats.iter().map(|beat| beat.time_s);
+        BeatTrack::new(times_s.filter(|&time_s| time_s >= 0.0).collect())
+    }
+
+    /// Beats a bar of most of them, and how sure of it the tracker was, 0 to 1, over
+    /// all of them; none where no bar stood out.
+    pub fn live_meter(&self) -> Option<(u8, f32)> {
+        let sure_of = |meter: u8| -> f32 {
+            let of_it = self.beats.iter().filter(|live| live.beat.beats_in_bar == Some(meter));
+            of_it.map(|live| live.beat.bar_confidence).sum()
+        };
+        let best = (2..=7).max_by(|&a, &b| sure_of(a).total_cmp(&sure_of(b)))?;
+        let sure = sure_of(best) / self.beats.len().max(1) as f32;
+        (sure > 0.0).then_some((best, sure))
+    }
+
+    /// Those of them that open a bar.
+    pub fn live_downbeats_s(&self) -> Vec<f64> {
+        let first = |live: &&LiveBeat| live.time_s >= 0.0 && live.beat.beat_in_bar == Some(0);
+        self.beats.iter().filter(first).map(|live| live.time_s).collect()
     }
 }
 

@@ -12,9 +12,9 @@
 //! without drums keeps the level of the one before.
 
 /// Parts whose strength counts: onsets below 160 Hz, onsets from there to
-/// 800 Hz, the network's beats.
+/// 800 Hz, the small network's beats.
 pub(super) const PARTS: usize = 3;
-/// Delay of the network's beats against the onsets, seconds.
+/// Delay of the small network's beats against the onsets, seconds.
 const NETWORK_LATE_S: f64 = 0.021;
 /// Tracked beats that are told apart, and their half-beats.
 const BEATS: u8 = 4;
@@ -188,8 +188,8 @@ impl MetricalLevel {
         *self = Self { parts: self.parts, beat: self.beat, ..Self::default() };
     }
 
-    /// Updates the choice for a tracked beat at `bpm`; returns whether it changed.
-    pub(super) fn choose(&mut self, bpm: f64, elapsed_s: f64) -> bool {
+    /// Updates the choice for a tracked beat at `bpm`.
+    pub(super) fn choose(&mut self, bpm: f64, elapsed_s: f64) {
         let scores: [f64; COUNT] = std::array::from_fn(|i| self.score(LEVELS[i], bpm));
         let best = scores.iter().fold(f64::NEG_INFINITY, |m, &v| m.max(v));
         self.age_s += elapsed_s;
@@ -207,11 +207,9 @@ impl MetricalLevel {
         all.iter_mut().for_each(|p| *p /= sum);
         let likeliest = (0..COUNT).max_by(|&a, &b| all[a].total_cmp(&all[b]));
         let likeliest = likeliest.unwrap_or(0);
-        let changed = all[likeliest] > surer * all[self.chosen];
-        if changed {
+        if all[likeliest] > surer * all[self.chosen] {
             self.chosen = likeliest;
         }
-        changed
     }
 
     fn score(&self, level: Level, bpm: f64) -> f64 {
@@ -266,8 +264,8 @@ impl MetricalLevel {
     }
 
     /// After a leap of the tracker to another beat: chooses the reading that
-    /// continues the output. Returns whether there is one.
-    pub(super) fn carry_over(&mut self, output: (f64, f64), phase: f64, bpm: f64) -> bool {
+    /// continues the output, if there is one.
+    pub(super) fn carry_over(&mut self, output: (f64, f64), phase: f64, bpm: f64) {
         let (output_phase, output_bpm) = output;
         let age_s = self.age_s;
         *self = Self::default();
@@ -280,7 +278,7 @@ impl MetricalLevel {
         };
         let nearest = (0..COUNT).min_by(|&a, &b| off(a).total_cmp(&off(b)));
         let Some(reading) = nearest.filter(|&reading| off(reading) < NEAR) else {
-            return false;
+            return;
         };
         self.chosen = reading;
         self.age_s = age_s;
@@ -290,7 +288,6 @@ impl MetricalLevel {
         };
         self.probability = [(1.0 - kept) / (COUNT - 1) as f64; COUNT];
         self.probability[reading] = kept;
-        true
     }
 }
 
@@ -355,7 +352,7 @@ mod tests {
             let mut level = MetricalLevel::default();
             hear(&mut level, 124.0, BEATS, age_s);
             // What was danced is the off-beat of what is tracked from now on.
-            assert!(level.carry_over((0.5, 124.0), 0.0, 124.0));
+            level.carry_over((0.5, 124.0), 0.0, 124.0);
             assert_eq!(LEVELS[level.chosen].offset, 0.5);
             assert_eq!(hear(&mut level, 124.0, BEATS, 9.0), (124.0, offset));
         }
@@ -366,14 +363,14 @@ mod tests {
         // The tracker leaps from the beat to the off-beat, then to the double.
         let mut level = MetricalLevel::default();
         let danced = level.apply(0.3, 120.0);
-        assert!(level.carry_over(danced, 0.8, 120.0));
+        level.carry_over(danced, 0.8, 120.0);
         let (phase, bpm) = level.apply(0.8, 120.0);
         assert!((phase.rem_euclid(1.0) - 0.3).abs() < 1e-9 && bpm == 120.0);
         let danced = (0.55, 93.0);
-        assert!(level.carry_over(danced, 0.1, 186.0));
+        level.carry_over(danced, 0.1, 186.0);
         let (phase, bpm) = level.apply(0.1, 186.0);
         assert!((phase.rem_euclid(1.0) - 0.55).abs() < 1e-9 && bpm == 93.0);
-        assert!(!level.carry_over((0.2, 100.0), 0.2, 140.0));
+        level.carry_over((0.2, 100.0), 0.2, 140.0);
         assert_eq!(level.apply(0.2, 140.0), (0.2, 140.0));
     }
 }

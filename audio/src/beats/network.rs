@@ -1,34 +1,31 @@
-//! A small recurrent network for beats, downbeats and the presence of music.
+//! The network that hears beats and downbeats.
 //!
-//! 80 steps a second: a dense layer over two hops of band values, a gated
-//! recurrent unit (Cho 2014), and five logits: two of beats (used for the
-//! metrical level only: for tempo and phase of real music the onset strength
-//! serves better), two of downbeats, one of music. Trained by
+//! 80 steps a second: a dense layer over the values of
+//! [`network_input`](super::network_input), ten residual blocks of causal
+//! convolutions, dilated by 1 to 512 steps so that it looks back over 25 s (Bai
+//! 2018; for beats Davies and Boeck 2019), and logits of beat and
+//! downbeat (a third one, of music, served its training). Trained by
 //! `audio/reference/train_beats.py` on rendered sound alone; the weights are in
-//! `weights.f32`. Causal, constant memory, no allocation after the start.
+//! `weights.f32`. Plain sums of products in one order: the same bits on every
+//! processor. Constant memory, no allocation after the start.
 
 use super::network_input::INPUTS;
-use crate::features::spectrum::{dot, sigmoid};
+use crate::features::spectrum::dot;
 
-const DENSE: usize = 32;
-const UNITS: usize = 40;
-const OUTPUTS: usize = 5;
+const UNITS: usize = 48;
+const BLOCKS: usize = 10;
+const TAPS: usize = 3;
+const OUTPUTS: usize = 3;
 
 static WEIGHTS: &[u8] = include_bytes!("weights.f32");
 
 /// Logits of one step; 0 is a probability of one half.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct NetworkOutput {
-    /// Beat in the older or the newer hop, 40 ms after it was audible.
+    /// A beat, [`BeatNetwork::LATE_S`] after it was audible.
     pub(crate) beat: f32,
-    /// Downbeat in the older or the newer hop, 40 ms after it was audible.
+    /// A beat that opens a bar, just as late.
     pub(crate) downbeat: f32,
-    pub(crate) music: f32,
-}
-
-impl NetworkOutput {
-    pub(crate) const SILENCE: NetworkOutput =
-        NetworkOutput { beat: -9.0, downbeat: -9.0, music: -9.0 };
 }
 
 struct DenseLayer {
@@ -37,6 +34,13 @@ struct DenseLayer {
 }
 
 impl DenseLayer {
+    fn take(values: &mut impl Iterator<Item = f32>, inputs: usize, outputs: usize) -> Self {
+        Self {
+            weights: values.take(inputs * outputs).collect(),
+            bias: values.take(outputs).collect(),
+        }
+    }
+
     fn apply(&self, input: &[f32], out: &mut [f32]) {
         let rows = self.weights.chunks_exact(input.len());
         for ((value, row), bias) in out.iter_mut().zip(rows).zip(&self.bias) {
@@ -45,49 +49,75 @@ impl DenseLayer {
     }
 }
 
+/// `x + mix(relu(taps(x two dilations ago, one ago, now)))`.
+struct Block {
+    taps: DenseLayer,
+    mix: DenseLayer,
+    /// What came in, in a ring as long as the block looks back.
+    past: Vec<[f32; UNITS]>,
+    at: usize,
+}
+
+impl Block {
+    fn take(values: &mut impl Iterator<Item = f32>, dilation: usize) -> Self {
+        Self {
+            taps: DenseLayer::take(values, TAPS * UNITS, UNITS),
+            mix: DenseLayer::take(values, UNITS, UNITS),
+            past: vec![[0.0; UNITS]; (TAPS - 1) * dilation],
+            at: 0,
+        }
+    }
+
+    fn step(&mut self, x: &mut [f32; UNITS]) {
+        let middle = (self.at + self.past.len() / 2) % self.past.len();
+        let mut input = [0.0; TAPS * UNITS];
+        for (to, from) in
+            input.chunks_exact_mut(UNITS).zip([&self.past[self.at], &self.past[middle], &*x])
+        {
+            to.copy_from_slice(from);
+        }
+        self.past[self.at] = *x;
+        self.at = (self.at + 1) % self.past.len();
+        let (mut hidden, mut added) = ([0.0; UNITS], [0.0; UNITS]);
+        self.taps.apply(&input, &mut hidden);
+        hidden.iter_mut().for_each(|v| *v = v.max(0.0));
+        self.mix.apply(&hidden, &mut added);
+        x.iter_mut().zip(added).for_each(|(x, v)| *x += v);
+    }
+}
+
 pub(crate) struct BeatNetwork {
     dense: DenseLayer,
-    /// Gates reset, update and new, from the input and from the memory.
-    from_input: DenseLayer,
-    from_memory: DenseLayer,
+    blocks: Vec<Block>,
     heads: DenseLayer,
-    memory: [f32; UNITS],
 }
 
 impl BeatNetwork {
+    /// From an audible beat to the step that hears it, without the resampler's delay.
+    pub(crate) const LATE_S: f64 = 0.050;
+
     pub(crate) fn new() -> Self {
-        let mut values =
-            WEIGHTS.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
-        let mut take = |count: usize| -> Vec<f32> { values.by_ref().take(count).collect() };
-        let (dense, dense_bias) = (take(DENSE * INPUTS), take(DENSE));
-        let (from_input, from_memory) = (take(3 * UNITS * DENSE), take(3 * UNITS * UNITS));
-        let (input_bias, memory_bias) = (take(3 * UNITS), take(3 * UNITS));
-        let layer = |weights, bias| DenseLayer { weights, bias };
+        let values = WEIGHTS.chunks_exact(4);
+        let mut values = values.map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
         Self {
-            dense: layer(dense, dense_bias),
-            from_input: layer(from_input, input_bias),
-            from_memory: layer(from_memory, memory_bias),
-            heads: layer(take(OUTPUTS * UNITS), take(OUTPUTS)),
-            memory: [0.0; UNITS],
+            dense: DenseLayer::take(&mut values, INPUTS, UNITS),
+            blocks: (0..BLOCKS).map(|i| Block::take(&mut values, 1 << i)).collect(),
+            heads: DenseLayer::take(&mut values, UNITS, OUTPUTS),
         }
     }
 
     pub(crate) fn step(&mut self, input: &[f32; INPUTS]) -> NetworkOutput {
-        let mut dense = [0.0; DENSE];
-        self.dense.apply(input, &mut dense);
-        dense.iter_mut().for_each(|v| *v = v.max(0.0));
-        let (mut new, mut old) = ([0.0; 3 * UNITS], [0.0; 3 * UNITS]);
-        self.from_input.apply(&dense, &mut new);
-        self.from_memory.apply(&self.memory, &mut old);
-        for (i, memory) in self.memory.iter_mut().enumerate() {
-            let reset = sigmoid(new[i] + old[i]);
-            let keep = sigmoid(new[UNITS + i] + old[UNITS + i]);
-            let candidate = (new[2 * UNITS + i] + reset * old[2 * UNITS + i]).tanh();
-            *memory = candidate + keep * (*memory - candidate);
+        let mut x = [0.0; UNITS];
+        self.dense.apply(input, &mut x);
+        x.iter_mut().for_each(|v| *v = v.max(0.0));
+        for block in &mut self.blocks {
+            block.step(&mut x);
         }
+        x.iter_mut().for_each(|v| *v = v.max(0.0));
         let mut out = [0.0; OUTPUTS];
-        self.heads.apply(&self.memory, &mut out);
-        NetworkOutput { beat: out[0].max(out[1]), downbeat: out[2].max(out[3]), music: out[4] }
+        self.heads.apply(&x, &mut out);
+        let [beat, downbeat, _] = out;
+        NetworkOutput { beat, downbeat }
     }
 }
 
@@ -97,7 +127,8 @@ mod tests {
 
     #[test]
     fn weights_fill_the_network() {
-        let count = DENSE * (INPUTS + 1) + 3 * UNITS * (DENSE + UNITS + 2) + OUTPUTS * (UNITS + 1);
+        let block = UNITS * (TAPS * UNITS + 1) + UNITS * (UNITS + 1);
+        let count = UNITS * (INPUTS + 1) + BLOCKS * block + OUTPUTS * (UNITS + 1);
         assert_eq!(WEIGHTS.len(), 4 * count);
     }
 }

@@ -1,19 +1,24 @@
-//! The input of the beat network: two hops of band rises, and the band levels.
+//! The input of the beat network: two hops of band rises, the band levels, and
+//! the rises of semitones.
 
 use crate::features::ANALYSIS_RATE_HZ;
+use crate::features::note_onset::{NOTES, NoteOnsets};
 use crate::features::onset_strength::{BANDS, HOP, Onset, OnsetDetector};
 use crate::features::resampler::Resampler;
 use crate::features::spectrum::SlidingWindow;
 
 /// Values that one step of the network reads.
-pub const INPUTS: usize = 2 * BANDS + BANDS / 2;
+pub const INPUTS: usize = 2 * BANDS + BANDS / 2 + NOTES;
 
-/// The input of one step: the older hop's rises, the newer hop's, the levels.
-pub(crate) fn input(older: &Onset, newer: &Onset) -> [f32; INPUTS] {
+/// The input of one step: the older hop's rises, the newer hop's, the levels, the notes.
+pub(crate) fn input(older: &Onset, newer: &Onset, notes: &[f32; NOTES]) -> [f32; INPUTS] {
     let mut out = [0.0; INPUTS];
-    out[..BANDS].copy_from_slice(&older.rises);
-    out[BANDS..2 * BANDS].copy_from_slice(&newer.rises);
-    out[2 * BANDS..].copy_from_slice(&newer.levels);
+    let parts = [&older.rises[..], &newer.rises, &newer.levels, notes];
+    let mut at = 0;
+    for part in parts {
+        out[at..at + part.len()].copy_from_slice(part);
+        at += part.len();
+    }
     out
 }
 
@@ -21,8 +26,9 @@ pub(crate) fn input(older: &Onset, newer: &Onset) -> [f32; INPUTS] {
 /// on the samples before `(k + 1) / 80` seconds, less the resampler's delay.
 pub fn inputs_of(samples: &[f32], rate_hz: u32) -> Vec<[f32; INPUTS]> {
     let mut resampler = Resampler::new(rate_hz, ANALYSIS_RATE_HZ);
-    let mut recent = SlidingWindow::new(OnsetDetector::LOOK_BACK);
+    let mut recent = SlidingWindow::new(OnsetDetector::LOOK_BACK.max(NoteOnsets::LOOK_BACK));
     let mut onsets = OnsetDetector::new(ANALYSIS_RATE_HZ);
+    let mut notes = NoteOnsets::new(ANALYSIS_RATE_HZ);
     let (mut received, mut older, mut out) = (0, None, Vec::new());
     for &sample in samples {
         resampler.push(sample, |s| {
@@ -32,7 +38,7 @@ pub fn inputs_of(samples: &[f32], rate_hz: u32) -> Vec<[f32; INPUTS]> {
                 let now = onsets.hop(&recent);
                 match older.take() {
                     None => older = Some(now),
-                    Some(before) => out.push(input(&before, &now)),
+                    Some(before) => out.push(input(&before, &now, &notes.step(&recent))),
                 }
             }
         });

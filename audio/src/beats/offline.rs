@@ -4,6 +4,7 @@
 //! through the whole piece (Viterbi). Memory: 113 bytes a hop.
 
 use super::history::{BeatHistory, BeatTrack};
+use super::network::NetworkOutput;
 use super::state_space::{BELL, REACH, TEMPI, TempoStates, beat_cost, bell, period, prior, steps};
 
 /// Log-likelihood of a leap to any other tempo at a beat.
@@ -18,6 +19,11 @@ pub fn track_offline(history: &BeatHistory) -> BeatTrack {
     let times_s = path.beats().into_iter().map(|hop| history.time_s(hop));
     let music = |time_s: &f64| *time_s >= 0.0 && history.music_at(*time_s);
     BeatTrack::new(times_s.filter(music).collect())
+}
+
+/// Log-odds of a beat in a hop, by the network.
+pub(crate) fn offline_evidence(output: &NetworkOutput) -> f32 {
+    (0.25 * (output.beat + 2.5)).clamp(-0.4, 1.2)
 }
 
 struct ViterbiPath {

@@ -3,7 +3,8 @@
 //!
 //! A bar-pointer model with one-beat bars (Whiteley 2006, efficient state space
 //! after Krebs 2015). [`tempo`](super::tempo) filters it as music comes in,
-//! [`offline`](super::offline) finds the best path through a whole piece.
+//! [`offline`](super::offline) finds the best path through a whole piece; the tracker's own
+//! model, with bars, is the [bar pointer](super::bar_pointer).
 
 /// Hops a second of the onset strength.
 pub(super) const RATE_HZ: f64 = 160.0;

@@ -1,4 +1,4 @@
-//! The causal beat tracker: a steady oscillator that follows the tempo filter.
+//! The causal beat tracker: a steady oscillator that follows the bar pointer.
 //!
 //! ```text
 //!            confident                unsure
@@ -8,84 +8,118 @@
 //!    +-- silence, no music ----+- unsure HOLD_S --+
 //! ```
 //!
-//! While locked the oscillator follows the filter's estimate by small
+//! While locked the oscillator follows the pointer's estimate by small
 //! corrections, so that its phase never jumps for one late drum. An estimate
-//! that contradicts the oscillator for a while is taken over at once.
+//! that contradicts the oscillator for a while is taken over at once, however
+//! long the oscillator was followed.
 
-use super::downbeat::DownbeatCounter;
-use super::metrical_level::{MetricalLevel, MetricalReading};
+use super::bar_pointer::{BarEstimate, BarPointer, RATE_HZ};
+use super::beat_evidence::{Listener, OnsetBeat};
 use super::network::NetworkOutput;
-use super::state_space::{RATE_HZ, evidence};
-use super::tempo::{TempoEstimate, TempoFilter};
-use super::tempogram::{Tempogram, TempogramFit};
-use crate::features::onset_strength::Onset;
-use crate::features::spectrum::sigmoid;
+use super::tempo_range::TempoRange;
 use servodance_types::{Beat, BeatLock};
 
 /// Confidence that locks, and confidence below which a lock only holds.
 const LOCK: f32 = 0.4;
 const UNLOCK: f32 = 0.25;
+/// Least confidence in a beat that was tapped just now.
+const TAPPED: f32 = 0.7;
 /// Presence of music that a lock needs, and how long it may be absent.
 const MUSIC: f32 = 0.5;
 const ABSENT_S: f64 = 4.0;
-/// Clarity of the tempogram for noise and speech, and for music.
-const IRREGULAR: f32 = 0.1;
-const REGULAR: f32 = 0.2;
+/// Mean probability of a beat at the beats, by the network: of noise and of music.
+const FAINT: f32 = 0.06;
+const CLEAR: f32 = 0.25;
+/// Weight of the newest beat in that mean.
+const NEWEST: f32 = 0.2;
 /// Longest hold without confidence.
 const HOLD_S: f64 = 7.0;
 /// Silence that ends the music.
 const SILENCE_S: f64 = 1.5;
 /// How long a contradicting estimate must last before it is taken over.
 const PATIENCE_S: f64 = 0.3;
-/// The same for half, double or the off-beat of what is followed.
-const LEVEL_PATIENCE_S: f64 = 1.0;
+/// Probability that such an estimate must have.
+const SURE: f32 = 0.5;
+/// Probability of a place in the bar from which on it is told.
+const BAR: f32 = 0.35;
 /// Share of the phase error that is corrected in one second.
 const PHASE_PULL_PER_S: f64 = 2.7;
 /// Change of tempo, in beats a second per second, for a phase error of one.
 const LAG_PULL_PER_S2: f64 = 1.3;
 /// Share of the tempo error that is corrected in one second.
 const TEMPO_PULL_PER_S: f64 = 0.8;
+/// Shortest and longest time between two taps of one run.
+const TAPS_S: (f64, f64) = (0.26, 1.25);
+/// Steps between two comparisons of the oscillator with the pointer.
+const UPDATE_EVERY: u64 = 8;
 
 pub(crate) struct Tracker {
-    tempogram: Tempogram,
-    filter: TempoFilter,
-    fit: TempogramFit,
-    hops: u64,
+    listener: Listener,
+    pointer: BarPointer,
+    estimate: BarEstimate,
+    steps: u64,
     state: BeatLock,
     phase: f64,
     bpm: f64,
+    /// Place of the last beat in its bar.
+    place: i64,
     confidence: f32,
     presence: f32,
+    strength: f32,
+    peak: f32,
     absent_s: f64,
     unsure_s: f64,
     silent_s: f64,
     contradicted_s: f64,
-    level: MetricalLevel,
-    downbeats: DownbeatCounter,
+    taps: Taps,
 }
 
-/// Hops between two comparisons of the oscillator with the filter.
-const UPDATE_EVERY: u64 = 8;
+/// What a listener taps.
+#[derive(Default)]
+struct Taps {
+    /// First and last of a run, seconds of steps, and the beats between them.
+    first_s: f64,
+    last_s: Option<f64>,
+    beats: u32,
+    /// Whether the beat that is followed was tapped.
+    hold: bool,
+}
+
+impl Taps {
+    /// The period of the run that a tap at this time continues.
+    fn take(&mut self, at_s: f64) -> Option<f64> {
+        let since_s = self.last_s.map(|last_s| at_s - last_s);
+        self.last_s = Some(at_s);
+        if since_s.is_some_and(|s| (TAPS_S.0..=TAPS_S.1).contains(&s)) {
+            self.beats += 1;
+            return Some((at_s - self.first_s) / f64::from(self.beats));
+        }
+        (self.first_s, self.beats) = (at_s, 0);
+        None
+    }
+}
 
 impl Tracker {
     pub(crate) fn new() -> Self {
-        let tempogram = Tempogram::new();
+        let mut pointer = BarPointer::new();
         Self {
-            fit: tempogram.fit(),
-            tempogram,
-            filter: TempoFilter::new(),
-            hops: 0,
+            listener: Listener::new(),
+            estimate: pointer.estimate(),
+            pointer,
+            steps: 0,
             state: BeatLock::Lost,
             phase: 0.0,
             bpm: 0.0,
+            place: 0,
             confidence: 0.0,
             presence: 0.0,
+            strength: 0.0,
+            peak: 0.0,
             absent_s: 0.0,
             unsure_s: 0.0,
             silent_s: f64::INFINITY,
             contradicted_s: 0.0,
-            level: MetricalLevel::default(),
-            downbeats: DownbeatCounter::default(),
+            taps: Taps::default(),
         }
     }
 
@@ -97,62 +131,88 @@ impl Tracker {
         self.presence = presence;
     }
 
+    /// Follows no other tempi.
+    pub(crate) fn limit_tempo(&mut self, tempo: TempoRange) {
+        self.pointer.limit_tempo(tempo);
+    }
+
+    /// A listener's tap on a beat that was audible `ago_s` before the newest step. The
+    /// second of a run puts tempo and phase right; they are kept until the music ends.
+    pub(crate) fn tap(&mut self, ago_s: f64) {
+        let Some(period_s) = self.taps.take(self.steps as f64 / RATE_HZ - ago_s) else {
+            return;
+        };
+        self.pointer.anchor(ago_s, period_s);
+        self.estimate = self.pointer.estimate();
+        self.taps.hold = true;
+        self.state = BeatLock::Locked;
+        self.confidence = self.confidence.max(TAPPED);
+        self.take_over();
+    }
+
     pub(crate) fn state(&self) -> BeatLock {
         self.state
     }
 
-    pub(crate) fn hop(&mut self, onset: &Onset, output: &NetworkOutput) {
-        let hop_s = 1.0 / RATE_HZ;
-        self.silent_s = if onset.audible { 0.0 } else { self.silent_s + hop_s };
-        self.tempogram.push(onset.strength);
-        self.filter.hop(evidence(onset.strength));
-        let phase = self.phase + self.bpm / 60.0 * hop_s;
+    /// One step of the network: its output, the strongest onset in it, whether
+    /// anything was audible.
+    pub(crate) fn step(
+        &mut self,
+        output: &NetworkOutput,
+        onset: f32,
+        guess: OnsetBeat,
+        audible: bool,
+    ) {
+        let step_s = 1.0 / RATE_HZ;
+        self.silent_s = if audible { 0.0 } else { self.silent_s + step_s };
+        let evidence = self.listener.hear(output, onset, guess);
+        self.pointer.step(&evidence);
+        let phase = self.phase + self.bpm / 60.0 * step_s;
+        self.place += phase.floor() as i64;
         self.phase = phase.rem_euclid(1.0);
-        self.level.count(phase.floor() as i64);
-        let parts = [onset.groups[0], onset.groups[1], sigmoid(output.beat)];
-        self.level.push(self.phase, self.bpm, parts);
-        let phase = self.level.apply(self.phase, self.bpm).0.rem_euclid(1.0);
-        self.downbeats.push(phase, sigmoid(output.downbeat));
-        self.hops += 1;
-        if self.hops.is_multiple_of(UPDATE_EVERY) {
-            let elapsed_s = UPDATE_EVERY as f64 * hop_s;
-            self.fit = self.tempogram.fit();
-            self.filter.mix_in(&self.fit.likelihood, elapsed_s as f32);
-            self.update(elapsed_s);
+        self.weigh_beat(evidence.heard);
+        self.steps += 1;
+        if self.steps.is_multiple_of(UPDATE_EVERY) {
+            self.estimate = self.pointer.estimate();
+            self.update(UPDATE_EVERY as f64 * step_s);
+        }
+    }
+
+    /// The mean of the network's beats where the oscillator has its own.
+    fn weigh_beat(&mut self, heard: f32) {
+        let off_s = (self.phase - self.phase.round()).abs() * 60.0 / self.bpm.max(1.0);
+        if off_s < 0.04 {
+            self.peak = self.peak.max(heard);
+        } else if self.peak > 0.0 {
+            self.strength += NEWEST * (self.peak - self.strength);
+            self.peak = 0.0;
         }
     }
 
     fn update(&mut self, elapsed_s: f64) {
-        let estimate = self.filter.estimate();
-        let clarity = if self.is_silent() {
-            0.0
-        } else {
-            let regular = (self.fit.clarity - IRREGULAR) / (REGULAR - IRREGULAR);
-            let music = (self.presence / MUSIC).min(1.0);
-            music * ((estimate.mass - 0.15) / 0.6).clamp(0.0, 1.0) * regular.clamp(0.0, 1.0)
-        };
+        let estimate = self.estimate;
+        let clear = ((self.strength - FAINT) / (CLEAR - FAINT)).clamp(0.0, 1.0);
+        let music = (self.presence / MUSIC).min(1.0);
+        let clarity = music * clear * ((estimate.mass - 0.2) / 0.5).clamp(0.0, 1.0);
         let pull = (2.0 * elapsed_s) as f32;
         self.confidence += pull.min(1.0) * (clarity - self.confidence);
         if self.is_silent() {
             self.confidence = 0.0;
         }
         self.absent_s = if self.presence > MUSIC { 0.0 } else { self.absent_s + elapsed_s };
-        self.change_state(estimate, elapsed_s);
+        self.change_state(elapsed_s);
+        if self.state == BeatLock::Lost {
+            self.taps.hold = false;
+        } else if self.taps.hold {
+            self.pointer.keep_near(self.phase, self.bpm);
+        }
         match self.state {
-            BeatLock::Lost => {
-                self.phase = estimate.phase;
-                self.bpm = estimate.bpm;
-            }
-            BeatLock::Locked | BeatLock::Holding => {
-                self.follow(estimate, elapsed_s);
-                if self.level.choose(self.bpm, elapsed_s) {
-                    self.downbeats = DownbeatCounter::default();
-                }
-            }
+            BeatLock::Lost => self.take_over(),
+            BeatLock::Locked | BeatLock::Holding => self.follow(elapsed_s),
         }
     }
 
-    fn change_state(&mut self, estimate: TempoEstimate, elapsed_s: f64) {
+    fn change_state(&mut self, elapsed_s: f64) {
         if self.is_silent() || self.absent_s > ABSENT_S {
             self.state = BeatLock::Lost;
             return;
@@ -161,10 +221,7 @@ impl Tracker {
             BeatLock::Lost if self.confidence > LOCK && self.presence > MUSIC => {
                 self.state = BeatLock::Locked;
                 self.unsure_s = 0.0;
-                self.contradicted_s = 0.0;
-                self.phase = estimate.phase;
-                self.bpm = estimate.bpm;
-                self.level.restart();
+                self.take_over();
             }
             BeatLock::Locked if self.confidence < UNLOCK => {
                 self.state = BeatLock::Holding;
@@ -181,67 +238,61 @@ impl Tracker {
         }
     }
 
-    fn follow(&mut self, estimate: TempoEstimate, elapsed_s: f64) {
+    fn take_over(&mut self) {
+        self.phase = self.estimate.phase;
+        self.bpm = self.estimate.bpm;
+        self.contradicted_s = 0.0;
+        self.take_bar();
+    }
+
+    /// The place in the bar that is nearest to the estimate's.
+    fn take_bar(&mut self) {
+        let estimate = f64::from(self.estimate.beat) + self.estimate.phase;
+        self.place = (estimate - self.phase).round() as i64;
+    }
+
+    fn follow(&mut self, elapsed_s: f64) {
+        let estimate = self.estimate;
         let error = wrap(estimate.phase - self.phase);
         let tempo_error = (estimate.bpm / self.bpm).ln();
         if tempo_error.abs() < 0.06 && error.abs() < 0.15 {
             self.contradicted_s = 0.0;
             let trust = f64::from(self.confidence);
             let phase = self.phase + (PHASE_PULL_PER_S * elapsed_s * trust).min(1.0) * error;
-            // Pulled back over a beat that has passed, it will pass once more.
-            self.level.count(phase.floor() as i64);
             self.phase = phase.rem_euclid(1.0);
             // The integral part, without which a wrong tempo would leave a lag.
             self.bpm += 60.0 * LAG_PULL_PER_S2 * elapsed_s * trust * error;
             self.bpm *= (TEMPO_PULL_PER_S * elapsed_s * trust * tempo_error).exp();
+            self.take_bar();
             return;
         }
-        if self.confidence > UNLOCK {
+        if estimate.mass > SURE {
             self.contradicted_s += elapsed_s;
         }
-        // Another metrical level of the same beat is doubtful: wait longer.
-        let octave = (estimate.bpm / self.bpm).log2();
-        let related = (octave - octave.round()).abs() < 0.06;
-        let patience_s = if related { LEVEL_PATIENCE_S } else { PATIENCE_S };
-        if self.contradicted_s > patience_s {
-            let output = self.level.apply(self.phase, self.bpm);
-            self.phase = estimate.phase;
-            self.bpm = estimate.bpm;
-            if !self.level.carry_over(output, self.phase, self.bpm) {
-                self.downbeats = DownbeatCounter::default();
-            }
-            self.contradicted_s = 0.0;
+        if self.contradicted_s > PATIENCE_S {
+            self.take_over();
         }
     }
 
-    /// Every metrical reading of the beat `ahead_s` seconds after the newest hop;
-    /// none without a beat.
-    pub(crate) fn readings(&self, ahead_s: f64) -> Vec<MetricalReading> {
-        if self.state == BeatLock::Lost {
-            return Vec::new();
-        }
-        let phase = self.phase + self.bpm / 60.0 * ahead_s;
-        self.level.readings(phase, self.bpm)
-    }
-
-    /// The beat `ahead_s` seconds after the newest hop.
+    /// The beat `ahead_s` seconds after the newest step.
     pub(crate) fn beat(&self, ahead_s: f64) -> Beat {
         if self.bpm <= 0.0 || self.confidence <= 0.0 {
             return Beat::default();
         }
-        let (phase, bpm) = self.level.apply(self.phase, self.bpm);
-        let phase = (phase + bpm / 60.0 * ahead_s).rem_euclid(1.0) as f32;
+        let whole = self.phase + self.bpm / 60.0 * ahead_s;
+        let phase = whole.rem_euclid(1.0) as f32;
+        let place = self.place + whole.floor() as i64;
+        let meter = self.estimate.meter;
+        let heard = self.state != BeatLock::Lost;
+        let bar = (heard && self.estimate.bar_mass > BAR).then_some(meter);
         Beat {
             phase: if phase < 1.0 { phase } else { 0.0 },
-            tempo_bpm: bpm as f32,
+            tempo_bpm: self.bpm as f32,
             confidence: self.confidence,
             lock: self.state,
-            beat_in_bar: match self.state {
-                BeatLock::Lost => None,
-                BeatLock::Locked | BeatLock::Holding => {
-                    self.downbeats.beat_in_bar(f64::from(phase))
-                }
-            },
+            beat_in_bar: bar.map(|beats| place.rem_euclid(i64::from(beats)) as u8),
+            beats_in_bar: bar,
+            bar_confidence: if heard { self.estimate.bar_mass } else { 0.0 },
         }
     }
 }

@@ -6,14 +6,17 @@
 //! | `resampler` | any rate to [`ANALYSIS_RATE_HZ`], with a known delay |
 //! | `spectrum`, `filter_bank` | power spectra, mel bands |
 //! | `onset_strength` | spectral flux, 160 values a second: input of the beat tracker |
+//! | `note_onset` | rise of each semitone, 80 a second: the network hears chords by it |
 //! | `mfcc` | onset envelope, 20 MFCC, onset peak; assembles the feature vector |
 //! | `chroma_cens` | 12 chroma values (CENS) |
-//! | `music_detector` | probability of music against silence, speech and noise |
+//! | `music_detector`, `music_network` | probability of music against silence, speech and noise |
 
 mod chroma_cens;
 mod filter_bank;
 pub(crate) mod mfcc;
 pub(crate) mod music_detector;
+pub(crate) mod music_network;
+pub(crate) mod note_onset;
 pub(crate) mod onset_strength;
 pub(crate) mod resampler;
 pub(crate) mod spectrum;

@@ -1,10 +1,11 @@
-//! What the robot does while there is no music: it breathes and sways a little.
+//! What the robot does while there is no music, or none whose beat it is sure of: it
+//! breathes and sways a little.
 //!
 //! ```text
-//!            music for a moment
+//!            music and its beat
 //!   Idle ------------------------> Dance
 //!    ^                               |
-//!    +--- no music, or no sound -----+      each way over FADE_S
+//!    +- no music, sound or beat -----+      each way over FADE_S
 //! ```
 //!
 //! Idle is motion of the same 22 human joints, so that every robot can. Dance
@@ -18,12 +19,14 @@ use servodance_model::motion::skeleton::BONE_LENGTH_M;
 use servodance_retarget::BodyPoints;
 use servodance_retarget::nalgebra::{Rotation3, Vector3};
 use servodance_types::BodyJoint::{self, *};
-use servodance_types::MusicFrame;
+use servodance_types::{BeatLock, MusicFrame};
 use std::f64::consts::TAU;
 
 /// Presence of music above which the robot dances, and below which it idles.
 const MUSIC: f32 = 0.45;
 const NO_MUSIC: f32 = 0.3;
+/// The beat may be lost for so long before the robot idles, seconds.
+const LOST_S: f64 = 1.0;
 /// From dance to idle and back, seconds.
 const FADE_S: f64 = 1.0;
 /// Nothing heard for so long is no music, seconds.
@@ -93,6 +96,8 @@ pub struct Idle {
     /// Time and presence of music of the newest frame.
     heard: Option<(f64, f32)>,
     loud_s: f64,
+    /// When the beat was last known.
+    beat_s: f64,
     /// 0 dance, 1 idle; before easing.
     faded: f64,
     time_s: f64,
@@ -117,6 +122,7 @@ impl Idle {
             music: false,
             heard: None,
             loud_s: f64::NEG_INFINITY,
+            beat_s: f64::NEG_INFINITY,
             faded: 1.0,
             time_s: 0.0,
             idled_cycles: 0,
@@ -128,11 +134,14 @@ impl Idle {
         }
     }
 
-    /// Takes in level and presence of music.
+    /// Takes in level and presence of music, and whether its beat is known.
     pub fn hear(&mut self, music: &MusicFrame) {
         self.heard = Some((music.time_s, music.presence));
         if music.spectral[LEVEL] > SILENT_LEVEL {
             self.loud_s = music.time_s;
+        }
+        if music.beat.lock != BeatLock::Lost {
+            self.beat_s = music.time_s;
         }
     }
 
@@ -212,6 +221,7 @@ impl Idle {
         match self.heard {
             Some((time_s, _)) if now_s - time_s > DEAF_S => false,
             Some((time_s, _)) if time_s - self.loud_s > SILENT_S => false,
+            Some((time_s, _)) if time_s - self.beat_s > LOST_S => false,
             Some((_, presence)) => presence > if self.music { NO_MUSIC } else { MUSIC },
             None => false,
         }
@@ -324,11 +334,13 @@ fn side_of(joint: BodyJoint) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servodance_types::Beat;
 
     const CYCLE_S: f64 = 0.01;
 
     fn heard(time_s: f64, presence: f32) -> MusicFrame {
-        MusicFrame { time_s, presence, ..MusicFrame::default() }
+        let beat = Beat { lock: BeatLock::Locked, ..Beat::default() };
+        MusicFrame { time_s, presence, beat, ..MusicFrame::default() }
     }
 
     /// A dancer who is elsewhere and turns all the time.
@@ -390,6 +402,25 @@ mod tests {
             let arm = (mixed[LeftWrist as usize] - mixed[LeftElbow as usize]).norm();
             let length = BONE_LENGTH_M[LeftWrist as usize];
             assert!((arm - length).abs() < 1e-9, "{arm} at {share}");
+        }
+    }
+
+    #[test]
+    fn music_without_a_beat_is_not_danced_to() {
+        let mut idle = Idle::new(IdleStyle::Sway, CYCLE_S);
+        let mut shares = Vec::new();
+        for cycle in 0..1500 {
+            let now_s = f64::from(cycle) * CYCLE_S;
+            let mut music = heard(now_s, 0.9);
+            if !(3.0..8.0).contains(&now_s) {
+                music.beat.lock = BeatLock::Lost;
+            }
+            idle.hear(&music);
+            idle.step(now_s, Some(dancer(now_s)));
+            shares.push(idle.share());
+        }
+        for (at_s, share) in [(2.9, 1.0), (4.5, 0.0), (8.9, 0.0), (10.5, 1.0)] {
+            assert_eq!(shares[(at_s / CYCLE_S) as usize], share, "at {at_s} s");
         }
     }
 

@@ -96,6 +96,9 @@ impl<'a> ViewerLink<'a> {
             confidence: f64::from(beat.confidence),
             lock: beat.lock,
             presence: f64::from(music.presence),
+            place: beat.beat_in_bar.map(|place| place + 1),
+            meter: beat.beats_in_bar,
+            bar_confidence: f64::from(beat.bar_confidence),
             bands: servodance_audio::bands::<BANDS>(&music.spectral),
         };
         self.music.push_back((music.time_s, now));
@@ -196,7 +199,15 @@ impl<'a> ViewerLink<'a> {
         match self.music.front() {
             Some((at_s, music)) if *at_s <= time_s => {
                 let beats = (time_s - at_s) * music.tempo_bpm / 60.0;
-                MusicStatus { phase: (music.phase + beats).rem_euclid(1.0), ..*music }
+                let whole = (music.phase + beats).floor() as i64;
+                let later = |place: u8, meter: u8| {
+                    ((i64::from(place) - 1 + whole).rem_euclid(i64::from(meter)) + 1) as u8
+                };
+                MusicStatus {
+                    phase: (music.phase + beats).rem_euclid(1.0),
+                    place: music.place.zip(music.meter).map(|(place, meter)| later(place, meter)),
+                    ..*music
+                }
             }
             _ => MusicStatus::default(),
         }

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 use servodance_audio::beats::track_offline;
-use servodance_audio::{AudioSource, MusicAnalyzer};
+use servodance_audio::{AudioSource, MusicAnalyzer, TempoRange};
+use servodance_types::Beat;
 use std::path::Path;
 
 /// The two ways of beat tracking.
@@ -26,13 +27,31 @@ pub struct Beats {
     pub tempo_bpm: f64,
     /// Beat times in seconds, increasing.
     pub times_s: Vec<f64>,
+    /// Beats a bar of most of the music; none for the offline tracker, which knows
+    /// no bars, and where no bar stood out.
+    pub meter: Option<u8>,
+    /// Place of each beat in its bar from 1, 0 where it was not known; empty for the
+    /// offline tracker, like the two below.
+    pub places: Vec<u8>,
+    /// How sure the tracker was of each beat, 0 to 1.
+    pub confidence: Vec<f32>,
+    /// How sure it was of each place, 0 to 1.
+    pub bar_confidence: Vec<f32>,
 }
 
 impl Beats {
-    /// Tracks the beats of an audio file.
-    pub fn find(path: &Path, tracker: BeatTracker) -> anyhow::Result<Self> {
+    /// Tracks the beats of an audio file; the causal tracker follows no other tempi than
+    /// those of `tempo`.
+    pub fn find(
+        path: &Path,
+        tracker: BeatTracker,
+        tempo: Option<TempoRange>,
+    ) -> anyhow::Result<Self> {
         let mut source = AudioSource::open(path)?;
         let mut analyzer = MusicAnalyzer::keeping_history(source.sample_rate_hz())?;
+        if let Some(tempo) = tempo {
+            analyzer.limit_tempo(tempo);
+        }
         let (mut block, mut samples) = (Vec::new(), 0);
         while source.next_block(&mut block)? {
             samples += block.len();
@@ -44,11 +63,25 @@ impl Beats {
             BeatTracker::Causal => history.live_track(),
             BeatTracker::Offline => track_offline(&history),
         };
+        let live: Vec<Beat> = match tracker {
+            BeatTracker::Causal => {
+                let heard = history.beats.iter().filter(|live| live.time_s >= 0.0);
+                heard.map(|live| live.beat).collect()
+            }
+            BeatTracker::Offline => Vec::new(),
+        };
         Ok(Self {
             tracker,
             audio_s: samples as f64 / f64::from(source.sample_rate_hz()),
             tempo_bpm: track.tempo_bpm,
             times_s: track.times_s,
+            meter: match tracker {
+                BeatTracker::Causal => history.live_meter().map(|(meter, _)| meter),
+                BeatTracker::Offline => None,
+            },
+            places: live.iter().map(|beat| beat.beat_in_bar.map_or(0, |place| place + 1)).collect(),
+            confidence: live.iter().map(|beat| beat.confidence).collect(),
+            bar_confidence: live.iter().map(|beat| beat.bar_confidence).collect(),
         })
     }
 
@@ -56,6 +89,12 @@ impl Beats {
     pub fn to_lines(&self) -> String {
         let lines = self.times_s.iter().map(|time_s| format!("{time_s:.4}\n"));
         lines.collect()
+    }
+
+    /// The same with each beat's place in its bar from 1, 0 where it is not known.
+    pub fn to_placed_lines(&self) -> String {
+        let placed = self.times_s.iter().zip(&self.places);
+        placed.map(|(time_s, place)| format!("{time_s:.4} {place}\n")).collect()
     }
 
     /// The beats as one JSON object and a newline.

@@ -47,10 +47,12 @@ impl DanceStep {
 }
 
 /// A request to dance on in another way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DanceChange {
     Style(usize),
     Seed(u64),
+    /// A listener taps the beat at this time of the music, seconds.
+    Tap(f64),
     /// Begins the extra dance of this number, from 1, in this style.
     AddExtra(u8, usize),
     DropExtra(u8),
@@ -71,6 +73,8 @@ pub struct MusicSummary {
     /// Length of the audio, seconds.
     pub audio_s: f64,
     pub beats: BeatTrack,
+    /// Beats a bar as heard live, and how sure, 0 to 1.
+    pub meter: Option<(u8, f32)>,
     /// Motion tokens that the generator writes for each frame.
     pub tokens_per_frame: u64,
     /// Music frames that were replaced because a number was not finite.

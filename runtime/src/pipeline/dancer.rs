@@ -7,8 +7,8 @@ use super::feature_extractor::FeatureExtractor;
 use super::load_shedding::{LeftOut, OverloadWatch};
 use crate::process::failpoint;
 use anyhow::Context;
-use servodance_audio::MusicAnalyzer;
-use servodance_audio::beats::track_offline;
+use servodance_audio::{MusicAnalyzer, TempoRange};
+use servodance_audio::beats::{BeatHistory, track_offline};
 use servodance_audio::capture::CaptureEvent;
 use servodance_audio::source::SHORTEST_S;
 use servodance_model::Dance;
@@ -61,6 +61,11 @@ impl Dancer {
             overload: None,
             newest: None,
         })
+    }
+
+    /// Follows no other tempi.
+    pub fn limit_tempo(&mut self, tempo: TempoRange) {
+        self.features.limit_tempo(tempo);
     }
 
     pub fn shedding(mut self, overload: OverloadWatch) -> Self {
@@ -156,6 +161,7 @@ impl Dancer {
                 }
             }
             DanceChange::Seed(seed) => self.generator.reseed(seed),
+            DanceChange::Tap(time_s) => self.features.tap(time_s),
             DanceChange::AddExtra(number, style) => {
                 let style = self.generator.styles().get(style).cloned();
                 let extra = self.extra_styles.get_mut(index(number));
@@ -198,6 +204,7 @@ impl Dancer {
         MusicSummary {
             audio_s: self.audio_s(),
             beats: history.map(track_offline).unwrap_or_default(),
+            meter: history.and_then(BeatHistory::live_meter),
             tokens_per_frame: self.generator.codes().len() as u64,
             replaced_music_frames: self.generator.bad_music_frames(),
             capture: self.audio.capture_stats(),

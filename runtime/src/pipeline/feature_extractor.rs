@@ -5,7 +5,7 @@
 //! (before the first sample it was silent). Where a recording ends its last
 //! frame may be left out, because the latent needs the sound up to its end.
 
-use servodance_audio::{MusicAnalyzer, Resampler};
+use servodance_audio::{MusicAnalyzer, Resampler, TempoRange};
 use servodance_model::conditioning::{ENCODEC_RATE_HZ, Encodec, EncodecStream, HeardFrame, Latent};
 use std::collections::VecDeque;
 
@@ -56,6 +56,16 @@ impl FeatureExtractor {
     /// The analyzer, which keeps the history of features and beats.
     pub fn analyzer(&self) -> &MusicAnalyzer {
         &self.analyzer
+    }
+
+    /// See [`MusicAnalyzer::tap`].
+    pub fn tap(&mut self, time_s: f64) {
+        self.analyzer.tap(time_s);
+    }
+
+    /// See [`MusicAnalyzer::limit_tempo`].
+    pub fn limit_tempo(&mut self, tempo: TempoRange) {
+        self.analyzer.limit_tempo(tempo);
     }
 
     /// Lets go of the history before a time; see [`MusicAnalyzer::forget_before`].

@@ -8,6 +8,7 @@ use crate::pipeline::model_args::GeneratorArgs;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
 use crate::world::WorldChoice;
+use servodance_audio::TempoRange;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -28,6 +29,8 @@ pub struct DanceConfig {
     pub compensation: bool,
     /// What to do while there is no music.
     pub idle: IdleStyle,
+    /// Tempi that are followed; any if left out.
+    pub tempo: Option<TempoRange>,
     pub generator: GeneratorArgs,
     pub report: Option<PathBuf>,
     pub record: Option<PathBuf>,

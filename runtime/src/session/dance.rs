@@ -163,6 +163,9 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
     let notes = progress.clone();
     let on_notice = Box::new(move |notice: &CaptureEvent| notes.note(&notice.to_string()));
     let mut dancer = Dancer::new(audio, generator, encodec.as_ref(), on_notice)?;
+    if let Some(tempo) = config.tempo {
+        dancer.limit_tempo(tempo);
+    }
     let shedding = LoadShedding::default();
     if config.speed == Speed::Realtime {
         let notes = progress.clone();

@@ -51,6 +51,8 @@ pub fn dance_report(
         beats: BeatReport {
             tempo_bpm: music.beats.tempo_bpm,
             times_s: music.beats.times_s.clone(),
+            meter: music.meter.map(|(meter, _)| meter),
+            meter_confidence: music.meter.map_or(0.0, |(_, sure)| sure),
         },
         late_frames: run.input.late_frames,
         left_out: Vec::new(),

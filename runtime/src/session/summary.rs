@@ -20,12 +20,15 @@ pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
         ),
     );
     let beats = report.beats.times_s.len();
+    let meter = report.beats.meter.map_or(String::new(), |meter| {
+        format!(", {meter} a bar ({:.0} % sure)", 100.0 * report.beats.meter_confidence)
+    });
     line(
         "beats",
         match (beats, report.alignment.servos.f1) {
             (0, _) | (_, None) => "none found in this audio".into(),
             (_, Some(f1)) => format!(
-                "{beats} at {:.0} BPM; within 100 ms of them (F1): dancer {:.2}, servos {f1:.2}, {:.0} ms off",
+                "{beats} at {:.0} BPM{meter}; within 100 ms of them (F1): dancer {:.2}, servos {f1:.2}, {:.0} ms off",
                 report.beats.tempo_bpm,
                 report.alignment.generator.f1.unwrap_or_default(),
                 report.alignment.servos.error_ms.unwrap_or_default(),

@@ -170,6 +170,10 @@ impl From<CaptureStats> for CaptureReport {
 pub struct BeatReport {
     pub tempo_bpm: f64,
     pub times_s: Vec<f64>,
+    #[serde(default)]
+    pub meter: Option<u8>,
+    #[serde(default)]
+    pub meter_confidence: f32,
 }
 
 /// Beat alignment in both published directions and as F1; `null` where there

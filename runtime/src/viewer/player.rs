@@ -136,6 +136,7 @@ fn music_at(recording: &Recording, time_s: f64) -> MusicStatus {
         },
         presence: 1.0,
         bands: spectrum_at(recording, time_s),
+        ..MusicStatus::default()
     }
 }
 

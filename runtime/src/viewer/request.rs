@@ -27,6 +27,8 @@ pub enum ViewerRequest {
     Idle(IdleStyle),
     Style(usize),
     Seed(u64),
+    /// Now is a beat: two of them put tempo and phase right.
+    Tap,
     /// Another moment of a recording, seconds of music; only while playing.
     Seek(f64),
 }
@@ -55,6 +57,7 @@ impl ViewerRequest {
             Self::Release if !waiting => no("the emergency stop is released while waiting"),
             Self::Seek(_) if !playing => no("time_s is for a recording that is played"),
             Self::Hold | Self::Resume | Self::Stop if waiting => no("nothing moves"),
+            Self::Tap if waiting || playing => no("a tap is for music that is danced to"),
             _ => Ok(()),
         }
     }
@@ -75,6 +78,7 @@ enum ActionText {
     Hold,
     Resume,
     Stop,
+    Tap,
     Estop,
     Release,
 }
@@ -107,6 +111,7 @@ pub fn parse_request(json: &str, styles: &[String]) -> Result<ParsedRequest, Str
             ActionText::Hold => ViewerRequest::Hold,
             ActionText::Resume => ViewerRequest::Resume,
             ActionText::Stop => ViewerRequest::Stop,
+            ActionText::Tap => ViewerRequest::Tap,
             ActionText::Release | ActionText::Estop => ViewerRequest::Release,
         }])),
         (None, Some(wanted)) => wanted.requests(styles).map(ParsedRequest::Requests),

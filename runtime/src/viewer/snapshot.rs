@@ -67,6 +67,13 @@ pub struct MusicStatus {
     pub lock: BeatLock,
     #[serde(serialize_with = "rounded")]
     pub presence: f64,
+    /// Place of the last beat in its bar from 1, and the beats of a bar; `None` while no
+    /// bar stands out.
+    pub place: Option<u8>,
+    pub meter: Option<u8>,
+    /// How sure of both, 0 to 1.
+    #[serde(serialize_with = "rounded")]
+    pub bar_confidence: f64,
     #[serde(skip)]
     pub bands: [f32; BANDS],
 }

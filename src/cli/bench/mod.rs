@@ -1,5 +1,6 @@
 //! `servodance bench`: what the parts of this program take on this machine.
 
+pub mod beats;
 pub mod bus;
 pub mod model;
 pub mod retarget;
@@ -21,6 +22,8 @@ pub struct Args {
 /// What can be measured.
 #[derive(Debug, Subcommand)]
 pub enum What {
+    /// How well the live beat tracker follows songs with known beats.
+    Beats(beats::Args),
     /// Control cycles a second over simulated servos, wire time imposed.
     Bus(bus::Args),
     /// Time of a frame of the model, beside what memory allows.
@@ -35,6 +38,7 @@ pub enum What {
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.what {
+        What::Beats(args) => beats::run(args),
         What::Bus(args) => bus::run(args),
         What::Model(args) => model::run(args),
         What::Retarget(args) => retarget::run(args),

@@ -13,7 +13,7 @@ fn frame(index: i64) -> StageFrame {
             tempo_bpm: 120.0,
             confidence: 0.5,
             lock: servodance_types::BeatLock::Holding,
-            beat_in_bar: None,
+            ..Beat::default()
         },
         presence: 0.75,
         level: -1.5,

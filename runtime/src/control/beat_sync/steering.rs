@@ -197,7 +197,7 @@ mod tests {
                 tempo_bpm: bpm as f32,
                 confidence: 1.0,
                 lock: BeatLock::Locked,
-                beat_in_bar: None,
+                ..Beat::default()
             },
             ..MusicFrame::default()
         }

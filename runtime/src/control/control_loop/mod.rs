@@ -264,6 +264,7 @@ impl<'a> ControlLoop<'a> {
                 ViewerRequest::Idle(idle) => self.plan.idle.set_style(idle),
                 ViewerRequest::Style(style) => source.change(DanceChange::Style(style))?,
                 ViewerRequest::Seed(seed) => source.change(DanceChange::Seed(seed))?,
+                ViewerRequest::Tap => source.change(DanceChange::Tap(self.plan.motion_s))?,
                 // Approached a little in each cycle, by `adjust`.
                 ViewerRequest::Amplitude(_) | ViewerRequest::Mirror(_) => {}
                 // Only while waiting, or while a recording plays.

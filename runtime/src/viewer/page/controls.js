@@ -29,6 +29,7 @@ export function makeControls(scene, { ask }) {
   estop.onclick = press;
   if (!playing) {
     addEventListener("keydown", (event) => {
+      if (event.key === "t" && !event.repeat && !event.target.matches("input, select")) ask({ do: "tap" });
       const typing = event.target.matches("input, select");
       const stops = event.key === "Escape" || (event.key === " " && !typing);
       if (stops && !event.repeat) {
@@ -56,6 +57,7 @@ export function makeControls(scene, { ask }) {
       resume: !waiting && frame.hold,
       stop: !waiting && activity !== "over" && activity !== "finale",
       release: waiting && frame.estop,
+      tap: !waiting && activity !== "over",
     };
     for (const button of actions) {
       const { do: name } = button.dataset;

@@ -38,6 +38,7 @@ function showMusic({ beat, bands }) {
   const heard = beat.lock !== "lost" && beat.tempo_bpm > 0;
   byId("tempo").textContent = heard ? beat.tempo_bpm.toFixed(0) : "–";
   byId("lock").textContent = { lost: "no beat", locked: "locked", holding: "carried on" }[beat.lock];
+  byId("bar").textContent = heard && beat.place !== null ? `beat ${beat.place} of ${beat.meter}` : "";
   byId("presence").textContent = beat.presence > 0.45 ? "music" : "no music";
   byId("phase").value = heard ? beat.phase : 0;
   const glow = heard ? Math.exp(-5 * beat.phase) * beat.confidence : 0;

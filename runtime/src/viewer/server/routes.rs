@@ -7,6 +7,7 @@
 //! | `GET api/mesh/N` | the corners of a mesh |
 //! | `GET api/state` | the newest frame |
 //! | `POST api/command` | a request: [`crate::viewer::request`] |
+//! | `POST api/tap` | `{"do": "tap"}` without a body |
 //! | `GET api/live` | WebSocket: frames out, requests in |
 
 use super::page;
@@ -30,6 +31,7 @@ pub fn routes(state: Arc<ServerState>) -> Router {
         .route("/api/mesh/{part}", get(mesh))
         .route("/api/state", get(newest_frame))
         .route("/api/command", post(command))
+        .route("/api/tap", post(tap))
         .route("/api/live", get(socket::live))
         .route("/{name}", get(part));
     let top = format!("/{}", state.token.text());
@@ -112,6 +114,13 @@ async fn command(
     }
     let body = body.map_err(|unread| (unread.status(), unread.body_text()));
     match body.and_then(|body| state.ask(&body)) {
+        Ok(()) => (StatusCode::ACCEPTED, as_json("{}".into())).into_response(),
+        Err(refusal) => refused(refusal),
+    }
+}
+
+async fn tap(State(state): State<Arc<ServerState>>) -> Response {
+    match state.ask(r#"{"do": "tap"}"#) {
         Ok(()) => (StatusCode::ACCEPTED, as_json("{}".into())).into_response(),
         Err(refusal) => refused(refusal),
     }

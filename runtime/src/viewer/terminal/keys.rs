@@ -12,7 +12,7 @@ const UNDER_WAY: Duration = Duration::from_millis(300);
 
 pub const HELP: [&str; 2] = [
     "ENTER, ESC, SPACE emergency stop  s start  h hold  r resume  e end  q quit",
-    "up/down amplitude  left/right style  n next seed  m mirror  i idle  x release",
+    "up/down amplitude  left/right style  n next seed  m mirror  i idle  x release  t tap",
 ];
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +50,7 @@ pub fn key_action(key: KeyEvent) -> Option<KeyAction> {
         KeyCode::Char('r') => Do(ViewerRequest::Resume),
         KeyCode::Char('e') => Do(ViewerRequest::Stop),
         KeyCode::Char('x') => Do(ViewerRequest::Release),
+        KeyCode::Char('t') => Do(ViewerRequest::Tap),
         KeyCode::Up => Set(SettingChange::Louder),
         KeyCode::Down => Set(SettingChange::Softer),
         KeyCode::Right => Set(SettingChange::NextStyle),

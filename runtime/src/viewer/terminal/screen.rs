@@ -114,6 +114,10 @@ fn music<'a>(music: &MusicStatus) -> Line<'a> {
     };
     let beat = (music.phase.clamp(0.0, 1.0) * PHASE as f64) as usize;
     let phase = (0..PHASE).map(|cell| if heard && cell <= beat { "━" } else { "─" });
+    let bar = match (heard, music.place, music.meter) {
+        (true, Some(place), Some(meter)) => format!("{place}/{meter}"),
+        _ => "–/–".into(),
+    };
     let level = |band: &f32| LEVELS[(band.clamp(0.0, 1.0) * 8.0).round() as usize];
     let spectrum: String = music.bands.iter().map(level).collect();
     let presence = match music.presence > MUSIC {
@@ -121,7 +125,7 @@ fn music<'a>(music: &MusicStatus) -> Line<'a> {
         false => "no music",
     };
     Line::from(vec![
-        Span::from(format!("{tempo} {lock:<10} ")),
+        Span::from(format!("{tempo} {lock:<10} {bar} ")),
         Span::from(phase.collect::<String>()).yellow(),
         Span::from(" "),
         Span::from(spectrum).light_blue(),
