@@ -36,7 +36,8 @@ fn a_served_bus_is_found_by_scan_and_ends_on_sigterm() {
 
         let scan = program.succeed(&["scan", port.trim(), "--baud", "2000000"]);
         let found = String::from_utf8_lossy(&scan.stdout).into_owned();
-        assert_eq!(found.lines().count(), 20, "{link}: {found}");
+        assert_eq!(found.lines().count(), 21, "{link}: {found}");
+        assert!(found.contains("id 200  OpenCR board (29696)"), "{link}: {found}");
         assert!(found.contains("XM430-W350 (1020)"), "{link}: {found}");
 
         let killed = Command::new("kill").arg(server.id().to_string()).status();

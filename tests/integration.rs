@@ -19,6 +19,7 @@ mod live;
 mod motion_files;
 mod mutate;
 mod on_beat;
+mod on_its_feet;
 mod overload;
 mod program;
 mod random_robot;

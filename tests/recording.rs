@@ -307,8 +307,8 @@ fn the_report_agrees_with_the_recording() {
     let told = broken_limits(&recording.positions("/joint_commands"), &joints, hz, half_tick);
     let went = broken_limits(&recording.positions("/servo_truth"), &joints, hz, 0.0);
     for (i, kind) in ["position", "velocity", "acceleration"].iter().enumerate() {
-        let found = (told[i] + went[i]) as f64;
-        close(&report["violations"][kind], found, 0.0, kind);
+        close(&report["violations"][kind], told[i] as f64, 0.0, kind);
+        close(&report["body"]["beyond_limits"][kind], went[i] as f64, 0.0, kind);
     }
 
     // Stage times.

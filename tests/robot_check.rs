@@ -23,6 +23,18 @@ fn every_built_in_robot_is_usable() {
 }
 
 #[test]
+fn a_robot_on_its_feet_stands_is_pushed_and_dances() {
+    let program = Program::new();
+    let (exit, json) = checked(&program, "op3");
+    let stance = &json["stance"];
+    assert_eq!((exit, &stance["fell_s"]), (Some(0), &serde_json::Value::Null), "{json}");
+    let pushes = stance["survived_push_ns"].as_array().expect("pushes");
+    assert!(pushes.iter().all(|push| push.as_f64() > Some(0.5)), "{stance}");
+    let (_, hung) = checked(&program, "torso13");
+    assert!(hung.get("stance").is_none(), "{hung}");
+}
+
+#[test]
 fn a_refused_description_says_all_that_is_wrong() {
     let program = Program::new();
     let urdf = include_str!("../configs/neck.urdf");

@@ -48,6 +48,13 @@ def body_xml(links, children, servos, index, depth):
             f'armature="{servo["armature_kg_m2"] if own else 0}" damping="{servo["damping_nm_s"] if own else 0}" '
             f'frictionloss="{servo["friction_nm"] if own else 0}"/>'
         )
+        if own and servo["play_rad"] > 0:
+            # The shaft behind the gear: free inside the play, stopped at its ends.
+            half = servo["play_rad"] / 2
+            out.append(
+                f'{pad}  <joint name="p{drive["joint"]}" type="{kind}" axis="{text(axis)}" limited="true" '
+                f'range="{-half} {half}" solreflimit="0.004 1" armature="1e-5"/>'
+            )
     if link["mass_kg"] > 0:
         inertia = np.array(link["inertia_kg_m2"])
         full = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
@@ -105,6 +112,10 @@ def play(trial):
     joints = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"j{index}") for index in range(len(servos))]
     where = np.array([model.jnt_qposadr[joint] for joint in joints])
     dofs = np.array([model.jnt_dofadr[joint] for joint in joints])
+    # Encoders sit on the shafts, behind the play.
+    plays = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"p{index}") for index in range(len(servos))]
+    behind = np.array([model.jnt_qposadr[play] if play >= 0 else 0 for play in plays])
+    has_play = np.array([float(play >= 0) for play in plays])
     kp = np.array([servo["kp"] for servo in servos])
     limit = np.array([servo["limit_nm"] for servo in servos])
     feet = [[], []]
@@ -124,7 +135,7 @@ def play(trial):
         goal = np.array(cycle["commands"])
         sums = np.zeros(2)
         for _ in range(trial["steps"]):
-            data.qfrc_applied[dofs] = np.clip(kp * (goal - data.qpos[where]), -limit, limit)
+            data.qfrc_applied[dofs] = np.clip(kp * (goal - data.qpos[where] - has_play * data.qpos[behind]), -limit, limit)
             since = (number - push_at) * trial["period_s"]
             data.xfrc_applied[1, :2] = push / 0.05 if 0 <= since < 0.05 - 1e-9 else 0.0
             # A push acts on the link's origin, MuJoCo's on its centre of mass.

@@ -93,6 +93,21 @@ fn on_a_stand_the_root_stays_and_the_legs_swing() {
     assert_eq!(world.foot_force_n(), [0.0; 2]);
 }
 
+#[test]
+fn half_a_degree_of_play_lets_the_robot_stand_and_no_joint_leaves_it() {
+    let play_rad = 0.5_f64.to_radians();
+    let mechanics = JointMechanics { play_rad, ..MECHANICS };
+    let mut loose = World::new(&biped(), &[mechanics; 2 * LEG], WorldOptions::default()).unwrap();
+    loose.place(None, &BENT);
+    let mut tight = world(WorldOptions::default());
+    hold(&mut loose, 3.0);
+    hold(&mut tight, 3.0);
+    assert!(upright(&loose) > 0.99 && !loose.lies(), "{}", upright(&loose));
+    let apart = |joint| (loose.joint(joint).0 - tight.joint(joint).0).abs();
+    let farthest = (0..2 * LEG).map(apart).fold(0.0, f64::max);
+    assert!(farthest > 1e-4 && farthest < 3.0 * play_rad, "{farthest} rad");
+}
+
 /// FNV-1a of the state's bits.
 fn fingerprint(world: &World) -> u64 {
     let joints = (0..2 * LEG).flat_map(|joint| <[f64; 2]>::from(world.joint(joint)));

@@ -1,6 +1,7 @@
 //! `servodance dance`.
 
 use super::options::dance::RobotArgs;
+use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
 use servodance_audio::TempoRange;
 use servodance_audio::source::PcmEncoding;
@@ -40,9 +41,9 @@ pub struct Args {
     #[command(flatten)]
     pub rig: RobotArgs,
     /// What is around a simulated robot: a floor, a stand that holds it, or none, where
-    /// its servos carry no weight.
-    #[arg(long, value_enum, default_value_t = WorldChoice::None)]
-    pub world: WorldChoice,
+    /// its servos carry no weight; a floor for a robot that stands if left out.
+    #[arg(long, value_enum)]
+    pub world: Option<WorldChoice>,
     /// How fast time passes; `max` on the simulated bus, `realtime` on a real one.
     #[arg(long, value_enum)]
     pub speed: Option<Speed>,
@@ -62,17 +63,17 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
     /// Record everything as MCAP, for robotics viewers.
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, value_name = "FILE.mcap", value_parser = file_of("mcap"))]
     pub record: Option<PathBuf>,
     /// Where the picture of the dance goes.
-    #[arg(long, default_value = "dance.png", value_name = "FILE.png")]
+    #[arg(long, default_value = "dance.png", value_name = "FILE.png", value_parser = file_of("png"))]
     pub picture: PathBuf,
     #[arg(help = "Draw no picture", long, conflicts_with = "picture")]
     pub no_picture: bool,
     /// Draw a moving picture too: ten seconds from the middle of the dance, the
     /// human beside the robot. For another part: --record, then `servodance
     /// export FILE.mcap --gif FILE.gif --from 20 --seconds 8`.
-    #[arg(long, value_name = "FILE.gif")]
+    #[arg(long, value_name = "FILE.gif", value_parser = file_of("gif"))]
     pub gif: Option<PathBuf>,
     /// Sample rate of raw PCM on standard input, hertz.
     #[arg(long, default_value_t = 48_000, value_name = "HZ")]
@@ -167,6 +168,10 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
     let robot = args.rig.robot.load()?;
     let buses = choose_buses(&robot, &args.rig.bus)?;
     let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
+    let world = args.world.unwrap_or_else(|| match all_simulated {
+        true => WorldChoice::of_robot(&robot),
+        false => WorldChoice::None,
+    });
     let hears = args.mic.is_some();
     let speed = match (args.speed, all_simulated) {
         (Some(Speed::Max), _) if hears => {
@@ -187,7 +192,7 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         idle: args.rig.idle.unwrap_or(robot.idle),
         robot,
         buses,
-        world: args.world,
+        world,
         speed,
         as_live: args.as_live,
         compensation: !args.no_compensation,

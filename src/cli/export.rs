@@ -1,5 +1,6 @@
 //! `servodance export`.
 
+use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
 use servodance_runtime::telemetry::export::{ExportSpan, bvh, csv, gif};
 use servodance_runtime::telemetry::recorder::Recording;
@@ -13,7 +14,7 @@ pub struct Args {
     /// A recording made by `dance --record`.
     #[arg(value_name = "FILE.mcap")]
     pub recording: PathBuf,
-    #[arg(help = "A moving picture", long, value_name = "FILE.gif")]
+    #[arg(help = "A moving picture", long, value_name = "FILE.gif", value_parser = file_of("gif"))]
     pub gif: Option<PathBuf>,
     /// Where in the music it begins, seconds.
     #[arg(long, default_value_t = 0.0, value_name = "SECONDS", requires = "gif")]
@@ -22,10 +23,10 @@ pub struct Args {
     #[arg(long, default_value_t = 10.0, value_name = "SECONDS", requires = "gif")]
     pub seconds: f64,
     /// The human motion: joint angles.
-    #[arg(long, value_name = "FILE.bvh")]
+    #[arg(long, value_name = "FILE.bvh", value_parser = file_of("bvh"))]
     pub bvh: Option<PathBuf>,
     /// What the servos reported: a line a control cycle, radians.
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", value_parser = file_of("csv"))]
     pub csv: Option<PathBuf>,
 }
 

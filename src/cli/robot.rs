@@ -3,7 +3,9 @@
 use crate::cli::prelude::*;
 use servodance_model::motion::Clip;
 use servodance_runtime::offline::generate::{GenerateRequest, generate};
-use servodance_runtime::robot;
+use servodance_runtime::physics::StanceCheck;
+use servodance_runtime::robot::{self, Robot};
+use servodance_runtime::world::WorldChoice;
 use servodance_training::choreography;
 
 /// Length of the dances that a new robot must stand.
@@ -45,9 +47,18 @@ pub struct CheckArgs {
     /// A robot file (.toml), a built-in robot, or a description (.urdf, .xml).
     #[arg(value_name = "FILE")]
     pub file: String,
-    /// Print JSON: file, usable, findings (code, severity, subject, message).
+    /// Print JSON: file, usable, findings (code, severity, subject, message), and stance:
+    /// what a robot on its feet can take.
     #[arg(long)]
     pub json: bool,
+    /// Do not let a robot that stands on its feet stand, be pushed and dance in the
+    /// simulated world.
+    #[arg(long)]
+    pub no_world: bool,
+    /// Find the largest share of the dance that the robot can stand, and write it into
+    /// its file (`[retarget.gain]`).
+    #[arg(long)]
+    pub amplitude: bool,
 }
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
@@ -76,12 +87,29 @@ fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
-    let checked = robot::check(&args.file);
+    let mut checked = robot::check(&args.file);
+    if checked.usable
+        && let Some(standing) = standing_robot(&args.file)
+    {
+        if args.amplitude {
+            let line = robot::settle_amplitude(&args.file, &standing, &built_in_dances()?)?;
+            stderr_line!("{line}");
+        }
+        if !args.no_world {
+            let robot = Robot::load(&args.file)?;
+            checked.stance = Some(StanceCheck::of(&robot, &built_in_dances()?[0].frames())?);
+        }
+    } else if args.amplitude {
+        anyhow::bail!("{}: --amplitude is for a robot that stands on its feet", args.file);
+    }
     if args.json {
         stdout_line!("{}", serde_json::to_string_pretty(&checked)?);
     } else {
         for finding in &checked.findings {
             stdout_line!("{finding}");
+        }
+        if let Some(stance) = &checked.stance {
+            stdout_line!("{}", stance.line());
         }
         stdout_line!("{}", checked.verdict());
     }
@@ -89,4 +117,10 @@ fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         true => ExitCode::SUCCESS,
         false => ExitCode::FAILURE,
     })
+}
+
+/// A robot that can be put on its feet in the simulated world.
+fn standing_robot(file: &str) -> Option<Robot> {
+    let robot = Robot::load(file).ok()?;
+    (WorldChoice::of_robot(&robot) == WorldChoice::Floor).then_some(robot)
 }

@@ -15,13 +15,14 @@ use servodance_audio::song::SongSpec;
 use servodance_model::motion::Clip;
 use servodance_runtime::offline::generate::{GenerateRequest, generate};
 use servodance_runtime::offline::song_file::write_song;
-use servodance_runtime::physics::{ServoVariation, StandingTrial, TrialOptions, TrialReport};
+use servodance_runtime::physics::{
+    ServoVariation, StandingTrial, TrialOptions, TrialReport, survived_push_ns,
+};
 use servodance_runtime::robot::Robot;
 use servodance_sim::world::{ImuErrors, WorldOptions};
 
-/// Pushes are sought up to this impulse for each kilogram, and to this precision.
-const MOST_PUSH_NS_PER_KG: f64 = 2.0;
-const PUSH_STEP_NS_PER_KG: f64 = 0.02;
+/// A fall is to be announced this long before the body strikes the floor, seconds.
+const AHEAD_S: f64 = 0.15;
 /// Seconds of standing in which a push comes.
 const PUSHED_S: f64 = 6.0;
 
@@ -68,6 +69,9 @@ pub const WORLDS: [(&str, &str); 10] = [
 
 /// All of those at once, drawn for each dance.
 pub const DRAWN: &str = "drawn";
+/// A push in the middle of the dance, drawn: about half of them topple a robot.
+pub const PUSHED: &str = "pushed";
+const MOST_DRAWN_NS_PER_KG: f64 = 1.2;
 
 /// The figures of one world.
 #[derive(Clone, Debug, Serialize)]
@@ -83,6 +87,10 @@ pub struct WorldFigures {
     pub slip_mm_min: f64,
     pub work_w: f64,
     pub upper_speed2: f64,
+    /// Falls that the sensor announced at least 150 ms before the body struck the floor,
+    /// and alarms without a fall.
+    pub announced: usize,
+    pub false_alarms: usize,
     /// Which dances ended in a fall, and when.
     pub fell: Vec<String>,
 }
@@ -117,8 +125,8 @@ fn sensor(seed: u64) -> ImuErrors {
     }
 }
 
-/// The options of a world by name; `dance` numbers the dance in it.
-fn options(name: &str, dance: u64, seed: u64) -> anyhow::Result<TrialOptions> {
+/// The options of a world by name for a robot of this mass; `dance` numbers the dance in it.
+fn options(name: &str, dance: u64, seed: u64, mass_kg: f64) -> anyhow::Result<TrialOptions> {
     let mut random = ChaCha8Rng::seed_from_u64(seed ^ dance.wrapping_mul(0x9E37_79B9));
     let imu = sensor(dance + 1);
     let mut trial = TrialOptions {
@@ -138,6 +146,10 @@ fn options(name: &str, dance: u64, seed: u64) -> anyhow::Result<TrialOptions> {
         "heavy" => trial.mass = 1.1,
         "tilted" => trial.world.tilt_rad = [lean * turned.cos(), lean * turned.sin()],
         "late" => trial.world.imu = late(imu),
+        PUSHED => {
+            let push_ns = MOST_DRAWN_NS_PER_KG * mass_kg * random.random::<f64>();
+            trial.push_ns = [push_ns * turned.cos(), push_ns * turned.sin()];
+        }
         DRAWN => {
             let share = lean * random.random::<f64>();
             trial = TrialOptions {
@@ -157,7 +169,8 @@ fn options(name: &str, dance: u64, seed: u64) -> anyhow::Result<TrialOptions> {
             };
         }
         _ => {
-            let known: Vec<&str> = WORLDS.iter().map(|world| world.0).chain([DRAWN]).collect();
+            let known: Vec<&str> =
+                WORLDS.iter().map(|world| world.0).chain([DRAWN, PUSHED]).collect();
             anyhow::bail!("no world \"{name}\"; there are {}", known.join(", "));
         }
     }
@@ -174,6 +187,9 @@ pub fn run(
     request: &WorldBenchRequest,
     progress: impl Fn(usize, usize) + Sync,
 ) -> anyhow::Result<WorldBenchReport> {
+    if let Some(folder) = &request.dump {
+        std::fs::create_dir_all(folder).context("--dump")?;
+    }
     let clips = clips(request)?;
     let worlds: Vec<&str> = match request.worlds.is_empty() {
         true => WORLDS.iter().map(|world| world.0).chain([DRAWN]).collect(),
@@ -233,7 +249,7 @@ fn trial(
     dance: usize,
     clip: &Clip,
 ) -> anyhow::Result<TrialReport> {
-    let options = options(world, dance as u64, request.seed)?;
+    let options = options(world, dance as u64, request.seed, mass_kg(robot)?)?;
     let options = TrialOptions { feedback: request.feedback, sized: request.sized, ..options };
     match &request.dump {
         Some(folder) => {
@@ -242,6 +258,10 @@ fn trial(
         }
         None => StandingTrial::new(robot, options)?.run(&clip.frames(), |_, _, _| ()),
     }
+}
+
+fn mass_kg(robot: &Robot) -> anyhow::Result<f64> {
+    Ok(robot.retargeter()?.rigid_links().iter().map(|link| link.mass_kg).sum())
 }
 
 fn world_figures(name: &str, clips: &[Clip], results: &[TrialReport]) -> WorldFigures {
@@ -256,7 +276,10 @@ fn world_figures(name: &str, clips: &[Clip], results: &[TrialReport]) -> WorldFi
         .filter_map(|(report, clip)| Some(format!("{} at {:.1} s", clip.name, report.fell_s?)))
         .collect();
     let beyond = |report: &TrialReport| report.tilt_beyond_plan_rms_deg;
+    let count_of = |is: fn(&TrialReport) -> bool| results.iter().filter(|r| is(r)).count();
     WorldFigures {
+        announced: count_of(was_announced),
+        false_alarms: count_of(|report| report.fell_s.is_none() && report.announced_s.is_some()),
         world: name.into(),
         dances: results.len(),
         falls: fell.len(),
@@ -271,32 +294,24 @@ fn world_figures(name: &str, clips: &[Clip], results: &[TrialReport]) -> WorldFi
     }
 }
 
-/// Largest push that the standing robot survives, by bisection in each direction.
+fn was_announced(report: &TrialReport) -> bool {
+    let (Some(told_s), Some(struck_s)) = (report.announced_s, report.struck_s) else {
+        return false;
+    };
+    report.fell_s.is_some() && struck_s - told_s >= AHEAD_S - 1e-9
+}
+
+/// Largest push that the standing robot survives in each direction.
 fn pushes(robot: &Robot, feedback: bool) -> anyhow::Result<PushFigures> {
     let still = Clip { name: "standing".into(), ..standing() };
     let frames = still.frames();
-    let mass_kg: f64 =
-        robot.retargeter()?.rigid_links().iter().map(|link| link.mass_kg).sum::<f64>().max(1e-3);
+    let options = TrialOptions { feedback, ..options("nominal", 0, 0, 0.0)? };
     let mut survived_ns = [0.0; 8];
     for (direction, survived) in survived_ns.iter_mut().enumerate() {
         let angle = std::f64::consts::TAU * direction as f64 / 8.0;
         // A push from the front goes back.
-        let along = [-angle.cos(), -angle.sin()];
-        let (mut low, mut high) = (0.0, MOST_PUSH_NS_PER_KG * mass_kg);
-        while high - low > PUSH_STEP_NS_PER_KG * mass_kg {
-            let middle = f64::midpoint(low, high);
-            let options = TrialOptions {
-                feedback,
-                push_ns: along.map(|share| share * middle),
-                ..options("nominal", 0, 0)?
-            };
-            let report = StandingTrial::new(robot, options)?.run(&frames, |_, _, _| ())?;
-            match report.fell_s {
-                Some(_) => high = middle,
-                None => low = middle,
-            }
-        }
-        *survived = low;
+        let towards = [-angle.cos(), -angle.sin()];
+        *survived = survived_push_ns(robot, &frames, options, towards)?;
     }
     Ok(PushFigures { feedback, survived_ns })
 }

@@ -63,6 +63,7 @@ fn servo(servo: &ServoLoop) -> Value {
         "limit_nm": servo.limit_nm,
         "armature_kg_m2": servo.mechanics.armature_kg_m2,
         "friction_nm": servo.mechanics.friction_nm,
+        "play_rad": servo.mechanics.play_rad,
     })
 }
 

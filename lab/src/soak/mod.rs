@@ -271,6 +271,8 @@ mod tests {
             violation_notes: Vec::new(),
             unsafe_joints: Vec::new(),
             late_frames: 0,
+            body: None,
+            fall_s: None,
         }
     }
 

@@ -10,6 +10,8 @@ use std::collections::VecDeque;
 use k::nalgebra::{UnitQuaternion, Vector3};
 use servodance_types::{ImuState, JointLimits};
 
+use super::fall_detector::FallDetector;
+use super::servo_give::ServoGive;
 use crate::dynamics::GRAVITY_M_S2;
 use crate::limits::JointTracker;
 use crate::retargeter::{LegJoint, Retargeter};
@@ -59,6 +61,9 @@ struct LeanJoint {
 /// What keeps one robot on its feet.
 pub struct BalanceFeedback {
     joints: Vec<LeanJoint>,
+    give: ServoGive,
+    fall: FallDetector,
+    is_falling: bool,
     upright: UnitQuaternion<f64>,
     trackers: Vec<(usize, JointTracker)>,
     dt_s: f64,
@@ -78,7 +83,9 @@ impl BalanceFeedback {
         let legs = robot.standing_legs()?;
         let mut joints = Vec::new();
         let poses = robot.rest_poses();
+        let mut used = Vec::new();
         for path in legs {
+            used.extend(path.iter().map(|leg| leg.joint));
             let mut leans: Vec<LeanJoint> = Vec::new();
             for LegJoint { link, joint, axis } in path {
                 let axis = poses[link].rotation * axis;
@@ -108,7 +115,6 @@ impl BalanceFeedback {
             ankle_damping_s(mass_kg, height_m, stiffness, damping)
         });
         let dt_s = robot.period_s();
-        let mut used: Vec<usize> = joints.iter().map(|lean| lean.joint).collect();
         used.sort_unstable();
         used.dedup();
         let rest = robot.rest();
@@ -118,6 +124,9 @@ impl BalanceFeedback {
             (joint, JointTracker::new(limits, jerk, dt_s, rest[joint], 0.1))
         };
         Some(Self {
+            fall: FallDetector::new(height_m, dt_s),
+            is_falling: false,
+            give: ServoGive::new(&used, servos, dt_s),
             trackers: used.into_iter().map(tracker).collect(),
             limits: limits.to_vec(),
             upright: robot.upright(),
@@ -131,11 +140,11 @@ impl BalanceFeedback {
         })
     }
 
-    /// Corrects the commands of one cycle in place. `planned_up` is the world's vertical
-    /// in the root link by these commands; `reading` the sensor's, if it answered.
+    /// Corrects the commands of one cycle of `robot` in place; `reading` is the sensor's, if
+    /// it answered. Without any the legs still go ahead of what their servos will give.
     pub fn correct(
         &mut self,
-        planned_up: [f64; 3],
+        robot: &Retargeter,
         reading: Option<&ImuState>,
         commands_rad: &mut [f64],
     ) {
@@ -143,10 +152,15 @@ impl BalanceFeedback {
         if self.planned.len() > kept {
             self.planned.pop_front();
         }
-        self.planned.push_back(self.lean(planned_up));
+        self.planned.push_back(self.lean(robot.root_placement(commands_rad).rotation[2]));
         self.age_s = if reading.is_some() { 0.0 } else { self.age_s + self.dt_s };
         let wanted = match reading {
-            Some(reading) => self.wanted(reading),
+            Some(reading) => {
+                let (lean, rate) = self.beyond_plan(reading);
+                let outside = |shift| robot.outside_soles_m(shift);
+                self.is_falling = self.fall.observe(lean, rate, outside);
+                self.wanted(lean, rate)
+            }
             None if self.age_s > OLD_S => [[0.0; 2]; 2],
             None => self.correction,
         };
@@ -158,6 +172,7 @@ impl BalanceFeedback {
             let correction = self.correction[lean.axis][usize::from(lean.is_ankle)];
             commands_rad[lean.joint] += lean.sign * correction;
         }
+        self.give.compensate(robot.torque_nm(), commands_rad);
         self.keep_limits(commands_rad);
     }
 
@@ -167,19 +182,31 @@ impl BalanceFeedback {
         [up.y.atan2(up.z), -up.x.atan2(up.z)]
     }
 
-    /// Corrections of hips and ankles, by axis.
-    fn wanted(&self, reading: &ImuState) -> [[f64; 2]; 2] {
+    /// Whether a fall has begun that the feet cannot stop.
+    pub fn is_falling(&self) -> bool {
+        self.is_falling
+    }
+
+    /// Lean and its rate about x and y that the commands do not explain.
+    fn beyond_plan(&self, reading: &ImuState) -> ([f64; 2], [f64; 2]) {
         let Some(then) = self.planned.front() else {
-            return [[0.0; 2]; 2];
+            return Default::default();
         };
         let before = self.planned.get(1).unwrap_or(then);
         let lean = self.lean(reading.up);
         let rate = self.upright * Vector3::from(reading.rate_rad_s);
         let rate = [rate.x, rate.y];
+        let planned_rate = |axis: usize| (before[axis] - then[axis]) / self.dt_s;
+        (
+            [0, 1].map(|axis| lean[axis] - then[axis]),
+            [0, 1].map(|axis| rate[axis] - planned_rate(axis)),
+        )
+    }
+
+    /// Corrections of hips and ankles, by axis.
+    fn wanted(&self, lean: [f64; 2], rate: [f64; 2]) -> [[f64; 2]; 2] {
         std::array::from_fn(|axis| {
-            let off = lean[axis] - then[axis];
-            let planned_rate = (before[axis] - then[axis]) / self.dt_s;
-            let faster = rate[axis] - planned_rate;
+            let (off, faster) = (lean[axis], rate[axis]);
             let beyond = (off.abs() - DEAD_BAND_RAD).max(0.0).copysign(off);
             let active = (off.abs() / FADE_RAD).min(1.0);
             let back = |share: f64, damping_s: f64| {

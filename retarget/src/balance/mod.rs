@@ -1,6 +1,8 @@
 //! Staying on two feet: a plan that can be stood, and its correction by a sensor.
 
+mod fall_detector;
 mod feedback;
+mod servo_give;
 mod zmp_governor;
 
 pub use feedback::{BalanceFeedback, LegServo};

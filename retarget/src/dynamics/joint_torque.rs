@@ -262,7 +262,6 @@ impl TorqueEstimator {
         }
     }
 
-    #[cfg(test)]
     pub fn torque_nm(&self) -> &[f64] {
         &self.torque_nm
     }

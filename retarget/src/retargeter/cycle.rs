@@ -93,7 +93,7 @@ impl Retargeter {
     }
 
     fn strained(&self, limb: Limb) -> f64 {
-        self.amplitude * self.torque.amplitude(limb) * self.gains.of(limb)
+        self.amplitude * self.caution * self.torque.amplitude(limb) * self.gains.of(limb)
     }
 
     /// Solves for the legs now and for the rest when the preview ends.

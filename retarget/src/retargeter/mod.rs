@@ -39,6 +39,8 @@ pub struct Retargeter {
     rest: Vec<f64>,
     gains: Gains,
     amplitude: f64,
+    /// Share of the amplitude that the robot's senses allow.
+    caution: f64,
     mirror: bool,
     dt_s: f64,
     preview_s: f64,
@@ -122,6 +124,7 @@ impl Retargeter {
             limbs,
             gains: config.gain,
             amplitude: config.amplitude,
+            caution: 1.0,
             mirror: config.mirror,
             dt_s,
             preview_s: config.preview_s,
@@ -210,8 +213,9 @@ impl Retargeter {
         self.torque.report(self.model.joint_names())
     }
 
-    #[cfg(test)]
-    pub(crate) fn torque_nm(&self) -> &[f64] {
+    /// Estimated torque of each joint in the last cycle, newton metres (newtons where the
+    /// joint slides); zero in the first cycles.
+    pub fn torque_nm(&self) -> &[f64] {
         self.torque.torque_nm()
     }
 
@@ -232,6 +236,12 @@ impl Retargeter {
         if amplitude.is_finite() {
             self.amplitude = amplitude.clamp(0.0, 1.0);
         }
+    }
+
+    /// Sets the share of the amplitude that is shown while the robot senses less than it
+    /// should, 0 to 1.
+    pub fn set_caution(&mut self, share: f64) {
+        self.caution = share.clamp(0.0, 1.0);
     }
 
     /// Dances as the mirror image, or not.
@@ -277,6 +287,14 @@ impl Retargeter {
     pub(crate) fn mass_and_height(&self) -> (f64, f64) {
         let masses = self.model.links.iter().map(|link| link.mass_kg);
         (masses.sum(), self.model.centre_of_mass(&self.rest_poses()).z)
+    }
+
+    /// How far outside the soles the planned centre of mass would be if it were moved by
+    /// `shift`, metres; negative inside, and on a stand.
+    pub(crate) fn outside_soles_m(&self, shift: Vector3<f64>) -> f64 {
+        let support = self.stance.as_ref().and_then(|stance| stance.legs.support.as_ref());
+        let com = self.model.centre_of_mass(&self.poses) + shift;
+        support.map_or(f64::NEG_INFINITY, |support| support.outside_m(&com))
     }
 
     pub(crate) fn period_s(&self) -> f64 {

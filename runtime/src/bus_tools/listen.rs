@@ -135,7 +135,11 @@ pub fn line(found: &FoundServo, vitals: &str) -> String {
         "{} baud  protocol {protocol}  id {:>3}  {} ({})  firmware {}  {vitals}  {}",
         found.baud,
         found.id,
-        found.model.unwrap_or("unknown model"),
+        if is_motion_sensor(found) {
+            "OpenCR board"
+        } else {
+            found.model.unwrap_or("unknown model")
+        },
         found.model_number,
         found.firmware,
         found.hardware_error.as_deref().unwrap_or("no error")
@@ -145,6 +149,9 @@ pub fn line(found: &FoundServo, vitals: &str) -> String {
 /// State of a servo in words. One that answers a ping but cannot be read shares
 /// its id with another.
 pub fn vitals(probe: &mut SerialScanner, found: &FoundServo) -> String {
+    if is_motion_sensor(found) {
+        return "motion sensor".into();
+    }
     match probe.vitals(found) {
         Ok(Some(vitals)) => format!(
             "{:.1} V  {} C  at {}  torque {}",
@@ -156,4 +163,8 @@ pub fn vitals(probe: &mut SerialScanner, found: &FoundServo) -> String {
         Ok(None) => "silent when read".into(),
         Err(error) => format!("{error}: is this id given twice?"),
     }
+}
+
+fn is_motion_sensor(found: &FoundServo) -> bool {
+    found.model_number == servodance_drivers::imu::opencr::registers::MODEL_NUMBER
 }

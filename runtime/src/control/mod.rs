@@ -4,6 +4,7 @@
 //! `emergency_stop` what ends it at once. The safety layer below it, with what
 //! happens when a servo does not answer, is `servodance_drivers::safety`.
 
+pub(crate) mod balance;
 pub(crate) mod beat_sync;
 pub mod bus_choice;
 pub(crate) mod control_loop;

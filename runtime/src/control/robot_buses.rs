@@ -67,8 +67,9 @@ pub struct RobotBuses {
     /// What the motion sensor told then.
     imu: Option<ImuState>,
     imu_kind: Option<ImuKind>,
-    /// Robot time of the fall, seconds.
+    /// Robot time of the fall, and of its announcement by the sensor, seconds.
     fell_s: Option<f64>,
+    announced_s: Option<f64>,
     faults: Peekable<std::vec::IntoIter<Cue>>,
     period_s: f64,
     states: Vec<JointState>,
@@ -100,6 +101,13 @@ impl RobotBuses {
         if has_real && plan.world != WorldChoice::None {
             anyhow::bail!("--world needs the simulated bus: real servos are in the real world");
         }
+        if has_real && robot.placeholder_servos {
+            let name = &robot.name;
+            anyhow::bail!(
+                "{name}: its servos are placeholders: fill in [bus] and each [[joint]], then remove \
+                 placeholder_servos from its file"
+            );
+        }
         let world = RobotWorld::open(robot, plan.world)?;
         let mut layouts = robot.buses.clone();
         let mut sims = Vec::new();
@@ -130,6 +138,7 @@ impl RobotBuses {
             imu: None,
             imu_kind: robot.imu.as_ref().map(|imu| imu.kind),
             fell_s: None,
+            announced_s: None,
             faults: plan.faults.into_iter().peekable(),
             period_s: robot.period_s(),
             states: vec![JointState::default(); joints],
@@ -176,6 +185,22 @@ impl RobotBuses {
         self.imu
     }
 
+    /// Whether the servos carry the robot's weight on its feet.
+    pub fn carries_weight(&self) -> bool {
+        let on_floor =
+            self.world.as_ref().is_some_and(|world| world.choice() == WorldChoice::Floor);
+        on_floor || !self.all_simulated()
+    }
+
+    /// Whether a motion sensor tells how that goes.
+    pub fn senses_motion(&self) -> bool {
+        match self.imu_kind {
+            None => false,
+            Some(ImuKind::Simulated) => self.world.is_some(),
+            Some(ImuKind::Opencr) => self.carries_weight(),
+        }
+    }
+
     fn see_truth(&mut self) {
         for (place, sim) in &self.sims {
             for (servo, &joint) in self.layouts[*place].joints.iter().enumerate() {
@@ -219,6 +244,17 @@ impl RobotBuses {
         self.fell_s.is_some()
     }
 
+    /// Remembers when the sensor announced a fall.
+    pub fn announce_fall(&mut self) {
+        self.announced_s = self.announced_s.or(Some(self.now_s));
+    }
+
+    /// When the robot fell, or when its sensor announced that it would, whichever came
+    /// first; seconds since torque on.
+    pub fn fall_s(&self) -> Option<f64> {
+        self.announced_s.or(self.fell_s)
+    }
+
     /// Where the root link was when the servos were read last (x, y, z, quaternion): as
     /// the floor's world has it, else as `retargeter` reckons from the joints.
     pub fn root_pose(&self, retargeter: &Retargeter) -> [f64; 7] {
@@ -236,7 +272,10 @@ impl RobotBuses {
     pub fn body_report(&self) -> Option<BodyReport> {
         let world = self.world.as_ref()?;
         let moved = self.counted(SimBus::motion_violations);
-        Some(BodyReport::new(world.choice(), &world.shared.figures(), self.fell_s, moved))
+        let mut report =
+            BodyReport::new(world.choice(), &world.shared.figures(), self.fell_s, moved);
+        report.fall_announced_s = self.announced_s;
+        Some(report)
     }
 
     /// The joints whose simulated servos still drive, other than those that

@@ -1,9 +1,13 @@
 //! A robot in the simulated world, without buses: does it stand while it dances?
 
 mod amplitude_search;
+mod push_search;
 mod servo_loop;
+mod stance_check;
 mod standing_trial;
 
 pub use amplitude_search::{StandingAmplitude, find_amplitude, scaled};
+pub use push_search::survived_push_ns;
 pub use servo_loop::{ServoLoop, ServoVariation};
+pub use stance_check::StanceCheck;
 pub use standing_trial::{StandingTrial, TrialOptions, TrialReport};

@@ -1,7 +1,8 @@
 //! A servo as a position loop with limited torque: what a physics engine needs of it.
 
+use crate::robot::Robot;
 use servodance_drivers::Servo;
-use servodance_retarget::JointLoad;
+use servodance_retarget::{JointLoad, Retargeter};
 use servodance_sim::world::{JointDrive, JointMechanics};
 
 /// Position error at which a Dynamixel of stock gain gives its stall torque, and the
@@ -102,6 +103,30 @@ impl ServoLoop {
                 ..self.mechanics
             },
         }
+    }
+
+    /// The loops of a robot's servos; those of a robot whose servos are placeholders, or
+    /// that are to be `sized`, are strong enough for what their joints carry.
+    pub fn of_robot(
+        robot: &Robot,
+        retargeter: &Retargeter,
+        variation: &ServoVariation,
+        sized: bool,
+    ) -> Vec<Self> {
+        let nominal = robot.servos.iter().map(|servo| Self::of(servo, variation));
+        match sized || robot.placeholder_servos {
+            false => nominal.collect(),
+            true => {
+                let loads = retargeter.joint_loads();
+                nominal.zip(&loads).map(|(servo, load)| servo.sized(load, variation)).collect()
+            }
+        }
+    }
+
+    /// How many times as strong as its model a placeholder has to be for this loop.
+    pub fn strength(&self, servo: &Servo) -> f64 {
+        let nominal = Self::of(servo, &ServoVariation::default());
+        (self.kp / nominal.kp).max(self.limit_nm / nominal.limit_nm).max(1.0)
     }
 
     /// What the servo does at `position` with this goal.

@@ -50,6 +50,11 @@ pub struct TrialReport {
     pub danced_s: f64,
     /// When the robot fell, seconds into the motion.
     pub fell_s: Option<f64>,
+    /// When the sensor announced a fall that is coming, and when the body struck the
+    /// floor, at most a second after the fall.
+    pub announced_s: Option<f64>,
+    /// See `announced_s`.
+    pub struck_s: Option<f64>,
     /// Root mean square lean of the pelvis, degrees, and against what was commanded.
     pub tilt_rms_deg: f64,
     /// The lean that was not commanded one servo lag before.
@@ -85,24 +90,17 @@ impl StandingTrial {
             link.mass_kg *= options.mass;
             link.inertia_kg_m2.iter_mut().flatten().for_each(|entry| *entry *= options.mass);
         }
-        let servos = robot.servos.iter().map(|servo| ServoLoop::of(servo, &options.servos));
-        let mut servos: Vec<ServoLoop> = servos.collect();
-        if options.sized {
-            for (servo, load) in servos.iter_mut().zip(retargeter.joint_loads()) {
-                *servo = servo.sized(&load, &options.servos);
-            }
-        }
+        let servos = ServoLoop::of_robot(robot, &retargeter, &options.servos, options.sized);
         let leg = |servo: &ServoLoop| LegServo {
             kp_nm_rad: servo.kp / options.servos.stiffness,
             damping_nm_s: servo.damping_nm_s,
         };
         let legs: Vec<LegServo> = servos.iter().map(leg).collect();
         let limits: Vec<_> = robot.servos.iter().map(|servo| servo.limits).collect();
-        let feedback = options.feedback.then(|| BalanceFeedback::new(&retargeter, &legs, &limits));
         Ok(Self {
             links,
             servos,
-            feedback: feedback.flatten(),
+            feedback: BalanceFeedback::new(&retargeter, &legs, &limits),
             lag_cycles: (robot.servo_lag_s / robot.period_s()).round() as usize,
             upper: retargeter.upper_joints(),
             retargeter,
@@ -166,10 +164,10 @@ impl StandingTrial {
                     until_s: world.time_s() + 0.05,
                 });
             }
-            let plan = self.retargeter.root_placement(&targets);
             let mut commands = targets.clone();
             if let Some(feedback) = &mut self.feedback {
-                feedback.correct(plan.rotation[2], world.imu().as_ref(), &mut commands);
+                let reading = world.imu().filter(|_| self.options.feedback);
+                feedback.correct(&self.retargeter, reading.as_ref(), &mut commands);
             }
             for _ in 0..steps as usize {
                 for (joint, (drive, servo)) in drives.iter_mut().zip(&self.servos).enumerate() {
@@ -184,14 +182,24 @@ impl StandingTrial {
             if cycle < 0 {
                 continue;
             }
-            plans.push_back(plan);
+            let announces = self.feedback.as_ref().is_some_and(BalanceFeedback::is_falling);
+            if announces && report.announced_s.is_none() {
+                report.announced_s = Some(time_s);
+            }
+            if let Some(fell_s) = report.fell_s {
+                if world.lies() || time_s > fell_s + 1.0 {
+                    report.struck_s = Some(time_s);
+                    break;
+                }
+                continue;
+            }
+            plans.push_back(self.retargeter.root_placement(&targets));
             plans.pop_front();
             sums.cycle(&world, &plans[0]);
             sums.upper(&self.upper, &targets, &before, self.period_s);
             before.copy_from_slice(&targets);
             if world.has_fallen() {
                 report.fell_s = Some(time_s);
-                break;
             }
         }
         Ok(sums.into_report(report, &world, self.period_s))

@@ -4,6 +4,7 @@
 use super::built_in::BUILT_IN;
 use super::loaded::Robot;
 use super::robot_file::RobotError;
+use crate::physics::StanceCheck;
 use serde::Serialize;
 use servodance_retarget::{Diagnostic, DiagnosticCode, DiagnosticSeverity, lint, lint_limits};
 use std::path::Path;
@@ -15,12 +16,15 @@ pub struct Checked {
     pub file: String,
     pub usable: bool,
     pub findings: Vec<Diagnostic>,
+    /// What it can take on its feet; `None` where that was not tried.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stance: Option<StanceCheck>,
 }
 
 impl Checked {
     fn new(file: &str, mut findings: Vec<Diagnostic>) -> Self {
         findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
-        Self { file: file.to_owned(), usable: is_usable(&findings), findings }
+        Self { file: file.to_owned(), usable: is_usable(&findings), findings, stance: None }
     }
 
     /// The verdict in one line.

@@ -27,6 +27,9 @@ pub struct Robot {
     pub control_hz: f64,
     /// Delay from command to position, seconds.
     pub servo_lag_s: f64,
+    /// Whether the servos are placeholders: simulated ones are as strong as the robot's
+    /// masses ask for, real ones are not moved.
+    pub placeholder_servos: bool,
     pub idle: IdleStyle,
     pub buses: Vec<BusLayout>,
     /// What measures its motion.
@@ -125,6 +128,7 @@ impl Robot {
             description: parsed.description,
             control_hz: parsed.control_hz,
             servo_lag_s: parsed.servo_lag_s,
+            placeholder_servos: parsed.placeholder_servos,
             idle: parsed.idle,
             buses,
             imu: parsed.imu,

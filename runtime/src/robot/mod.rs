@@ -18,6 +18,7 @@ mod overrides;
 mod robot_file;
 mod robot_folders;
 mod schema;
+mod standing_gain;
 
 pub use built_in::{BUILT_IN, BuiltIn};
 pub use check::{Checked, check};
@@ -27,3 +28,4 @@ pub use meshes::Meshes;
 pub use overrides::Overrides;
 pub use robot_file::RobotError;
 pub use schema::ROBOT_SCHEMA;
+pub use standing_gain::settle_amplitude;

@@ -37,6 +37,8 @@ pub(super) struct RobotFile {
     #[serde(default)]
     pub servo_lag_s: f64,
     #[serde(default)]
+    pub placeholder_servos: bool,
+    #[serde(default)]
     pub idle: IdleStyle,
     #[serde(rename = "bus", deserialize_with = "one_or_several")]
     pub buses: Vec<BusConfig>,

@@ -130,7 +130,7 @@ pub(super) fn perform(
         animation::write(config, &run.log.trace, run.plan.lead.mean_s(), &report, path)?;
     }
     recorded?;
-    refuse_fall(&report)?;
+    refuse_fall(&servos)?;
     refuse_broken_limits(&report, &servos)?;
     Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
 }
@@ -214,8 +214,8 @@ fn note_safety_events(servos: &RobotBuses, progress: &Progress) {
 }
 
 /// A dance in which the robot fell has failed.
-fn refuse_fall(report: &DanceReport) -> anyhow::Result<()> {
-    match report.body.as_ref().and_then(|body| body.fell_s) {
+fn refuse_fall(servos: &RobotBuses) -> anyhow::Result<()> {
+    match servos.fall_s() {
         Some(fell_s) => {
             anyhow::bail!("the robot fell {fell_s:.2} s after torque on; torque is off")
         }

@@ -15,7 +15,7 @@ use crate::pipeline::motion_source::MotionSource;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
 use crate::telemetry::report::ViolationReport;
-use crate::world::WorldChoice;
+use crate::world::{BodyReport, WorldChoice};
 use servodance_audio::song::Song;
 use servodance_drivers::EStop;
 use servodance_model::{Generator, GeneratorOptions};
@@ -66,6 +66,10 @@ pub struct FaultRunResult {
     pub unsafe_joints: Vec<String>,
     /// Control cycles without the motion that they needed.
     pub late_frames: u64,
+    /// What the body did in its world until torque off; `None` without one.
+    pub body: Option<BodyReport>,
+    /// When the robot fell, or its sensor said that it would; seconds since torque on.
+    pub fall_s: Option<f64>,
 }
 
 impl<'a> FaultRun<'a> {
@@ -120,6 +124,7 @@ impl<'a> FaultRun<'a> {
         let late_frames = control.into_record().input.late_frames;
         let disarmed = servos.disarm("the end");
         let stopped_by = ending.map(drop).and(disarmed).err();
+        let body = servos.body_report();
         servos.advance_silently(SILENCE_S);
         Ok(FaultRunResult {
             stopped_by: stopped_by.map(|error| format!("{error:#}")),
@@ -130,6 +135,8 @@ impl<'a> FaultRun<'a> {
             violation_notes: servos.violation_notes(),
             unsafe_joints: servos.unsafe_joints(),
             late_frames,
+            body,
+            fall_s: servos.fall_s(),
         })
     }
 }

@@ -2,10 +2,12 @@
 //!
 //! Everything is written to a neighbour with a temporary name and renamed at
 //! the end, so that a refused run or a full disk leaves no half file behind.
+//! Links are followed. A device, FIFO or socket is written to at the end; nothing
+//! takes its place.
 
 use anyhow::Context;
 use std::fs::{File, Permissions};
-use std::io::{BufWriter, Read, copy};
+use std::io::{self, BufWriter, Read, Seek, copy};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
@@ -13,32 +15,41 @@ use tempfile::NamedTempFile;
 /// A file under construction. Dropped without [`PendingFile::finish`], no file appears.
 #[derive(Debug)]
 pub struct PendingFile {
+    /// As the user wrote it.
+    named: PathBuf,
+    /// Where links lead.
     target: PathBuf,
+    is_device: bool,
     file: NamedTempFile,
 }
 
 impl PendingFile {
     /// Starts `target`; its folder must exist and be writable.
     pub fn create(target: &Path) -> anyhow::Result<Self> {
-        let folder = match target.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
+        let named = target.to_owned();
+        let target = followed(target);
         if target.is_dir() {
-            anyhow::bail!("cannot write {}: it is a folder", target.display());
+            anyhow::bail!("cannot write {}: it is a folder", named.display());
         }
+        let is_device = target.metadata().is_ok_and(|found| !found.is_file());
+        let folder = match target.parent() {
+            _ if is_device => std::env::temp_dir(),
+            Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+            _ => PathBuf::from("."),
+        };
         let file = tempfile::Builder::new()
             .prefix(".servodance-")
             .permissions(Permissions::from_mode(0o644)) // a temporary file is private
             .tempfile_in(folder)
-            .with_context(|| format!("cannot write {}", target.display()))?;
-        Ok(Self { target: target.to_owned(), file })
+            .map_err(|error| io::Error::from(error.kind())) // without the temporary name
+            .with_context(|| format!("cannot write {}", named.display()))?;
+        Ok(Self { named, target, is_device, file })
     }
 
     /// A buffered writer into the file, from its beginning; it can seek.
     pub fn writer(&self) -> anyhow::Result<BufWriter<File>> {
         let file = self.file.as_file().try_clone();
-        let file = file.with_context(|| format!("cannot write {}", self.target.display()))?;
+        let file = file.with_context(|| format!("cannot write {}", self.named.display()))?;
         Ok(BufWriter::new(file))
     }
 
@@ -57,13 +68,27 @@ impl PendingFile {
 
     /// Gives the file its name.
     pub fn finish(self) -> anyhow::Result<()> {
-        let target = self.target;
-        self.file
-            .persist(&target)
-            .map_err(|e| e.error)
-            .with_context(|| format!("cannot write {}", target.display()))?;
-        Ok(())
+        let Self { named, target, is_device, file } = self;
+        let done = match is_device {
+            true => pour(file.into_file(), &target),
+            false => file.persist(&target).map(drop).map_err(|error| error.error),
+        };
+        done.with_context(|| format!("cannot write {}", named.display()))
     }
+}
+
+/// Where a path leads through links that exist; a link to nothing leads to its target.
+fn followed(path: &Path) -> PathBuf {
+    match (path.canonicalize(), path.read_link()) {
+        (Ok(found), _) => found,
+        (Err(_), Ok(link)) => path.parent().map_or(link.clone(), |folder| folder.join(link)),
+        (Err(_), Err(_)) => path.to_owned(),
+    }
+}
+
+fn pour(mut from: File, target: &Path) -> io::Result<()> {
+    from.rewind()?;
+    copy(&mut from, &mut File::options().write(true).open(target)?).map(drop)
 }
 
 /// Writes `bytes` to `path`, whole or not at all.
@@ -87,6 +112,23 @@ mod tests {
 
         write_whole(&target, b"whole").unwrap();
         assert_eq!(std::fs::read(&target).unwrap(), b"whole");
+    }
+
+    #[test]
+    fn what_is_no_regular_file_stays_what_it_is() {
+        use std::os::unix::fs::FileTypeExt;
+        write_whole(Path::new("/dev/null"), b"gone").unwrap();
+        let null = std::fs::metadata("/dev/null").unwrap();
+        assert!(null.file_type().is_char_device());
+
+        let folder = tempfile::tempdir().unwrap();
+        let (link, target) = (folder.path().join("link"), folder.path().join("target"));
+        std::os::unix::fs::symlink("target", &link).unwrap();
+        for text in [b"first", b"again"] {
+            write_whole(&link, text).unwrap();
+            assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+            assert_eq!(std::fs::read(&target).unwrap(), text);
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! A robot's body in a world, made from its description and its servos.
 
 use super::choice::WorldChoice;
+use crate::physics::ServoLoop;
 use crate::robot::Robot;
 use anyhow::{Context, bail};
 use servodance_drivers::BusLayout;
@@ -17,6 +18,7 @@ pub struct RobotWorld {
     pub shared: SharedWorld,
     choice: WorldChoice,
     positions_rad: Vec<f64>,
+    strengths: Vec<f64>,
 }
 
 impl RobotWorld {
@@ -33,8 +35,14 @@ impl RobotWorld {
             bail!("{name} does not stand on its feet (`stance`): say --world stand, or none");
         }
         let retargeter = robot.retargeter()?;
-        let specs = robot.servos.iter().map(SimServoSpec::from);
-        let mechanics: Result<Vec<_>, _> = specs.map(|spec| spec.mechanics()).collect();
+        let loops = ServoLoop::of_robot(robot, &retargeter, &Default::default(), false);
+        let strengths: Vec<f64> = match robot.placeholder_servos {
+            true => loops.iter().zip(&robot.servos).map(|(l, servo)| l.strength(servo)).collect(),
+            false => vec![1.0; loops.len()],
+        };
+        let specs = robot.servos.iter().map(SimServoSpec::from).zip(&strengths);
+        let mechanics: Result<Vec<_>, _> =
+            specs.map(|(spec, &strength)| SimServoSpec { strength, ..spec }.mechanics()).collect();
         let positions_rad = retargeter.rest().to_vec();
         let mut root = retargeter.root_placement(&positions_rad);
         if choice == WorldChoice::Stand {
@@ -52,7 +60,7 @@ impl RobotWorld {
         let shared = shared.with_context(|| {
             format!("{name} cannot be put into a world (--world none goes without)")
         })?;
-        Ok(Some(Self { shared, choice, positions_rad }))
+        Ok(Some(Self { shared, choice, positions_rad, strengths }))
     }
 
     /// Which world it is.
@@ -65,11 +73,14 @@ impl RobotWorld {
         WorldSeat::new(self.shared.clone(), bus.joints.clone())
     }
 
-    /// The same servos where the robot was put.
+    /// The same servos where the robot was put, as strong as it needs them.
     pub fn placed(&self, specs: Vec<SimServoSpec>, bus: &BusLayout) -> Vec<SimServoSpec> {
         let specs = specs.into_iter().zip(&bus.joints);
-        let placed = specs
-            .map(|(spec, &joint)| SimServoSpec { initial_rad: self.positions_rad[joint], ..spec });
+        let placed = specs.map(|(spec, &joint)| SimServoSpec {
+            initial_rad: self.positions_rad[joint],
+            strength: self.strengths[joint],
+            ..spec
+        });
         placed.collect()
     }
 

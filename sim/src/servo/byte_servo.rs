@@ -13,7 +13,7 @@ use servodance_drivers::serial::{ByteMemory, Register, ServiceRegisters, sign_ma
 use crate::fault::ServoFault;
 use crate::serial::serial_line::LineServo;
 use crate::servo::body::{ServoBody, SimServoState};
-use crate::servo::motor::{FULL_PWM_ERROR_RAD, Motor};
+use crate::servo::motor::FULL_PWM_ERROR_RAD;
 use crate::servo::spec::SimServoSpec;
 
 const REBOOT_S: f64 = 0.8;
@@ -51,7 +51,7 @@ impl ByteServo {
         supply_v: f64,
         period_s: f64,
     ) -> Self {
-        let motor = Motor::new(&model.sheet, spec.load_inertia_kg_m2);
+        let motor = spec.servo_motor(model);
         let mut servo = Self {
             id: spec.id,
             layout,

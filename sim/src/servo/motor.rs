@@ -31,6 +31,10 @@ const FRICTION_SHARE: f64 = 0.01;
 /// Kelvin a watt and seconds of the winding: a stall overheats in about a minute.
 const THERMAL_K_PER_W: f64 = 4.0;
 const THERMAL_TIME_S: f64 = 60.0;
+/// CAN motors: share of the peak torque that is held for ever (RobStride's data sheets: a
+/// third), and how much warmer than the room the winding is then.
+const CAN_RATED_SHARE: f64 = 1.0 / 3.0;
+const CAN_RATED_K: f64 = 50.0;
 pub const AMBIENT_C: f64 = 25.0;
 
 #[derive(Clone, Debug)]
@@ -41,6 +45,7 @@ pub struct Motor {
     pub friction_nm: f64,
     amperes_per_nm: f64,
     nominal_v: f64,
+    thermal_k_per_w: f64,
     /// How far the gear can turn without the shaft, radians.
     pub backlash_rad: f64,
     /// How far the gear is ahead of the shaft, up to half of that either way.
@@ -69,6 +74,7 @@ impl Motor {
             friction_nm: FRICTION_SHARE * sheet.stall_torque_nm,
             amperes_per_nm: sheet.stall_current_a / sheet.stall_torque_nm,
             nominal_v: sheet.voltage_v,
+            thermal_k_per_w: THERMAL_K_PER_W,
             backlash_rad: 0.0,
             ahead_rad: 0.0,
             angle_rad: 0.0,
@@ -79,6 +85,18 @@ impl Motor {
         }
     }
 
+    /// The same motor, so many times as strong, at the same current.
+    pub fn times(self, strength: f64) -> Self {
+        Self {
+            stall_torque_nm: self.stall_torque_nm * strength,
+            damping_nm_s: self.damping_nm_s * strength,
+            inertia_kg_m2: self.inertia_kg_m2 * strength,
+            friction_nm: self.friction_nm * strength,
+            amperes_per_nm: self.amperes_per_nm / strength,
+            ..self
+        }
+    }
+
     /// A CAN motor made for `nominal_v`: driven by torque, so that its inertia does not
     /// follow from a stock gain.
     pub fn of_can(settings: &MotorSettings, nominal_v: f64, load_inertia_kg_m2: f64) -> Self {
@@ -86,7 +104,9 @@ impl Motor {
         let rpm = settings.model.velocity_rad_s * 60.0 / std::f64::consts::TAU;
         let sheet = DataSheet::new(torque_nm, rpm, torque_nm, nominal_v);
         let inertia_kg_m2 = settings.model.rotor_inertia_kg_m2() + load_inertia_kg_m2;
-        Self { inertia_kg_m2, ..Self::new(&sheet, 0.0) }
+        let rated_w = CAN_RATED_SHARE * CAN_RATED_SHARE * torque_nm * nominal_v;
+        let thermal_k_per_w = CAN_RATED_K / rated_w;
+        Self { inertia_kg_m2, thermal_k_per_w, ..Self::new(&sheet, 0.0) }
     }
 
     /// One step of `dt_s` at a duty of -1 to 1 from a supply; `None`: the
@@ -151,7 +171,7 @@ impl Motor {
         // All power at stall becomes heat: resistance is volts over stall amperes.
         let stall_a = self.amperes_per_nm * self.stall_torque_nm;
         let power_w = self.current_a * self.current_a * self.nominal_v / stall_a;
-        let settled_c = AMBIENT_C + THERMAL_K_PER_W * power_w;
+        let settled_c = AMBIENT_C + self.thermal_k_per_w * power_w;
         self.temperature_c += (settled_c - self.temperature_c) * dt_s / THERMAL_TIME_S;
     }
 }

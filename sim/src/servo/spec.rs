@@ -33,6 +33,8 @@ pub struct SimServoSpec {
     pub gravity_nm: f64,
     /// Play of its gear, radians.
     pub backlash_rad: f64,
+    /// How many times as strong its motor is as its model's, at least 1: for placeholders.
+    pub strength: f64,
     /// The protocol it speaks.
     pub kind: BusKind,
     /// What only a CAN motor has.
@@ -47,7 +49,7 @@ impl SimServoSpec {
         let finite = [self.initial_rad, self.zero_rad, self.gravity_nm]
             .iter()
             .all(|value| value.is_finite());
-        let sizes = [self.load_inertia_kg_m2, self.backlash_rad];
+        let sizes = [self.load_inertia_kg_m2, self.backlash_rad, self.strength];
         if !finite || sizes.iter().any(|size| size.is_nan() || *size < 0.0) {
             let reason = "a figure is not a finite number, or an inertia or play below zero";
             return Err(self.refused(reason.into()));
@@ -60,13 +62,17 @@ impl SimServoSpec {
     pub fn mechanics(&self) -> Result<JointMechanics, SimError> {
         let motor = match &self.motor {
             Some(settings) => Motor::of_can(settings, 1.0, self.load_inertia_kg_m2),
-            None => Motor::new(&self.checked()?.sheet, self.load_inertia_kg_m2),
+            None => self.servo_motor(self.checked()?),
         };
         Ok(JointMechanics {
             armature_kg_m2: motor.inertia_kg_m2,
             friction_nm: motor.friction_nm,
             play_rad: self.backlash_rad,
         })
+    }
+
+    pub(crate) fn servo_motor(&self, model: &ServoModel) -> Motor {
+        Motor::new(&model.sheet, self.load_inertia_kg_m2).times(self.strength)
     }
 
     pub(crate) fn refused(&self, reason: String) -> SimError {
@@ -100,6 +106,7 @@ impl From<&Servo> for SimServoSpec {
             load_inertia_kg_m2: 0.0,
             gravity_nm: 0.0,
             backlash_rad: 0.0,
+            strength: 1.0,
             kind: servo.model.kind,
             motor: servo.motor.clone(),
         }

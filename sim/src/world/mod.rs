@@ -26,7 +26,7 @@ use servodance_types::{ImuState, Placement, RigidLink};
 
 use crate::error::SimError;
 use contact::{ContactSolver, FloorFrame, PointMotion, Touch};
-use gear_play::GearPlay;
+use gear_play::{GearPlay, ShaftPush};
 use imu::Imu;
 use mass_matrix::MassMatrix;
 use spatial::{Vec3, Wrench};
@@ -146,6 +146,7 @@ pub struct World {
     floor: FloorFrame,
     mechanics: Vec<JointMechanics>,
     play: Vec<GearPlay>,
+    shaft_push: Vec<ShaftPush>,
     /// The body whose joint each of the robot's joints is.
     bodies: Vec<usize>,
     state: WorldState,
@@ -194,6 +195,7 @@ impl World {
         let mut world = Self {
             floor: FloorFrame::tilted(options.tilt_rad[0], options.tilt_rad[1]),
             play: mechanics.iter().map(|joint| GearPlay::new(joint.play_rad)).collect(),
+            shaft_push: vec![ShaftPush::default(); mechanics.len()],
             mechanics: mechanics.to_vec(),
             bodies,
             state: WorldState::new(tree.bodies.len()),
@@ -238,6 +240,7 @@ impl World {
         }
         self.start = self.state.root_at;
         self.contact.forces.fill(Vec3::zeros());
+        self.play.iter_mut().for_each(GearPlay::rest);
         self.factorise(&vec![JointDrive::default(); self.mechanics.len()]);
         self.measure_mobility();
     }
@@ -384,7 +387,7 @@ impl World {
             self.tree.mass * GRAVITY_M_S2,
         );
         self.load_n.add(self.foot_force_n());
-        self.move_gears(drives, &acceleration);
+        self.move_gears(&acceleration);
         let before = self.state.twist;
         self.state.advance(&acceleration, dt_s, &self.tree);
         self.posed.pose(&self.tree, &self.state);
@@ -404,6 +407,7 @@ impl World {
     fn factorise(&mut self, drives: &[JointDrive]) {
         let dt_s = self.options.dt_s;
         self.posed.mass_matrix(&self.tree, &mut self.mass);
+        self.push_shafts(drives);
         for body in 1..self.tree.bodies.len() {
             let joint = self.tree.bodies[body].drive.joint;
             let dof = Tree::dof(body);
@@ -420,12 +424,15 @@ impl World {
         self.mass.factorise();
     }
 
+    /// What a servo adds to its joint's inertia, damping taken implicitly.
     fn joint_inertia(&self, joint: usize, drive: &JointDrive, rate: f64) -> f64 {
-        let mechanics = &self.mechanics[joint];
-        let friction = mechanics.friction_nm / rate.abs().max(FRICTION_SPEED);
-        match self.play[joint].is_engaged() {
-            true => mechanics.armature_kg_m2 + self.options.dt_s * (drive.damping_nm_s + friction),
-            false => self.options.dt_s * friction,
+        let (mechanics, dt_s) = (&self.mechanics[joint], self.options.dt_s);
+        match self.play[joint].is_there() {
+            true => dt_s * self.shaft_push[joint].damping_nm_s,
+            false => {
+                mechanics.armature_kg_m2
+                    + dt_s * (drive.damping_nm_s + friction_nm_s(mechanics, rate))
+            }
         }
     }
 
@@ -445,34 +452,42 @@ impl World {
                     * (COUPLING_PER_S * (away - self.options.dt_s * rate) + 2.0 * slower);
                 continue;
             }
-            let mechanics = &self.mechanics[joint];
-            force[dof] -= mechanics.friction_nm * rate / rate.abs().max(FRICTION_SPEED);
-            let play = &self.play[joint];
-            if play.is_engaged() {
-                let drive_nm = drives[joint].torque_nm - drives[joint].damping_nm_s * rate;
-                self.work_j += (drive_nm * rate).max(0.0) * self.options.dt_s;
-                force[dof] += drive_nm
-                    + mechanics.armature_kg_m2 * play.arriving_rad_s(rate) / self.options.dt_s;
-            }
+            let JointDrive { torque_nm, damping_nm_s } = drives[joint];
+            let drive_nm = torque_nm - damping_nm_s * rate;
+            self.work_j += (drive_nm * rate).max(0.0) * self.options.dt_s;
+            force[dof] += match self.play[joint].is_there() {
+                true => {
+                    let push = self.shaft_push[joint];
+                    push.torque_nm - push.damping_nm_s * rate
+                }
+                false => drive_nm - friction_nm_s(&self.mechanics[joint], rate) * rate,
+            };
         }
     }
 
-    fn move_gears(&mut self, drives: &[JointDrive], acceleration: &[f64]) {
+    /// What the gears with play do to their shafts in this step.
+    fn push_shafts(&mut self, drives: &[JointDrive]) {
+        for (joint, play) in self.play.iter_mut().enumerate() {
+            let body = self.bodies[joint];
+            if !play.is_there() || body == 0 {
+                continue;
+            }
+            let (mechanics, rate) = (&self.mechanics[joint], self.state.rate[body]);
+            let drive = gear_play::GearDrive {
+                torque_nm: drives[joint].torque_nm,
+                damping_nm_s: drives[joint].damping_nm_s + friction_nm_s(mechanics, rate),
+                armature_kg_m2: mechanics.armature_kg_m2,
+            };
+            self.shaft_push[joint] = play.push(&drive, rate, self.options.dt_s);
+        }
+    }
+
+    fn move_gears(&mut self, acceleration: &[f64]) {
         let dt_s = self.options.dt_s;
         for (joint, play) in self.play.iter_mut().enumerate() {
             let body = self.bodies[joint];
-            if body == 0 {
-                continue;
-            }
-            let change = acceleration[Tree::dof(body)];
-            let rate = self.state.rate[body] + dt_s * change;
-            let JointDrive { torque_nm, damping_nm_s } = drives[joint];
-            let armature = self.mechanics[joint].armature_kg_m2;
-            match play.is_engaged() {
-                true => {
-                    play.moved_together(torque_nm - damping_nm_s * rate, armature, rate, change);
-                }
-                false => play.moved_alone(torque_nm, damping_nm_s, armature, rate, dt_s),
+            if body > 0 && play.is_there() {
+                play.advance(self.state.rate[body] + dt_s * acceleration[Tree::dof(body)], dt_s);
             }
         }
     }
@@ -530,4 +545,9 @@ impl World {
             self.mobility[index] = known.max(1e-9);
         }
     }
+}
+
+/// Dry friction as a damping that grows as the joint slows down, N m for 1 rad/s.
+fn friction_nm_s(mechanics: &JointMechanics, rate: f64) -> f64 {
+    mechanics.friction_nm / rate.abs().max(FRICTION_SPEED)
 }

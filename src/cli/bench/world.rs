@@ -23,7 +23,7 @@ pub struct Args {
     #[arg(long, default_value_t = 60.0, value_name = "S")]
     pub seconds: f64,
     /// Worlds to dance in: nominal, soft, firm, kp60, play, slippery, light, heavy,
-    /// tilted, late, drawn. All if left out.
+    /// tilted, late, drawn, and pushed. All but the last if left out.
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     pub worlds: Vec<String>,
     /// Do not correct the commands by the sensor on the pelvis.
@@ -87,15 +87,18 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 
 fn print(report: &WorldBenchReport) {
     stdout_line!(
-        "| world | dances | falls | tilt, deg RMS | beyond the plan (worst) | slip, mm/min |"
+        "| world | dances | falls | told 150 ms ahead | false alarms | tilt, deg RMS | \
+         beyond the plan (worst) | slip, mm/min |"
     );
-    stdout_line!("|---|---|---|---|---|---|");
+    stdout_line!("|---|---|---|---|---|---|---|---|");
     for world in &report.worlds {
         stdout_line!(
-            "| {} | {} | {} | {:.1} | {:.2} ({:.2}) | {:.0} |",
+            "| {} | {} | {} | {} | {} | {:.1} | {:.2} ({:.2}) | {:.0} |",
             world.world,
             world.dances,
             world.falls,
+            world.announced,
+            world.false_alarms,
             world.tilt_rms_deg,
             world.tilt_beyond_plan_rms_deg,
             world.worst_tilt_beyond_plan_rms_deg,

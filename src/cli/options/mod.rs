@@ -1,5 +1,6 @@
 //! Options that several commands share.
 
 pub mod dance;
+pub mod file_ending;
 pub mod robot;
 pub mod stage;

@@ -87,8 +87,10 @@ pub fn ablate(
             Err(_) => match train_and_score(request, variant, &settings, &folder, stop)? {
                 None => return Ok(None),
                 Some(row) => {
-                    write_whole(&told, &serde_json::to_vec_pretty(&row)?)?;
-                    row
+                    let bytes = serde_json::to_vec_pretty(&row)?;
+                    write_whole(&told, &bytes)?;
+                    // As another run will read it: JSON may cost a figure its last bit.
+                    serde_json::from_slice(&bytes)?
                 }
             },
         };

@@ -15,6 +15,7 @@ mod state;
 
 pub use state::{Ending, disarm_cause};
 
+use super::balance::Balance;
 use super::cycle_clock::CycleClock;
 use super::delays::Delays;
 use super::loop_clock::LoopClock;
@@ -41,7 +42,9 @@ use std::time::Instant;
 
 /// Seconds after the last motion frame in which the robot comes to a stop.
 const TAIL_S: f64 = 0.5;
-/// How long a robot that fell gives way before torque goes off, seconds.
+/// How long a robot that falls draws its limbs in, and then gives way before torque goes
+/// off, seconds.
+const TUCK_S: f64 = 0.15;
 const GIVE_WAY_S: f64 = 0.3;
 
 pub struct ControlLoop<'a> {
@@ -53,6 +56,7 @@ pub struct ControlLoop<'a> {
     clock: LoopClock,
     input: MotionInput,
     plan: MotionPlan,
+    balance: Option<Balance>,
     viewers: Option<ViewerLink<'a>>,
     pub log: LoopLog,
 }
@@ -91,6 +95,7 @@ impl<'a> ControlLoop<'a> {
             input: MotionInput::new(options.arrival, &delays),
             viewers: viewers
                 .map(|end| ViewerLink::new(end, &mut plan.retargeter, robot.period_s())),
+            balance: Balance::new(robot, &plan.retargeter, servos),
             plan,
             log: LoopLog::new(robot, RecorderFeed::new(recorder), is_endless),
             robot,
@@ -127,7 +132,7 @@ impl<'a> ControlLoop<'a> {
                 return Ok(Ending::Interrupted);
             }
             self.dance_cycle(source, &mut on_frame)?;
-            if self.servos.has_fallen() {
+            if self.falls() {
                 return self.give_way();
             }
         }
@@ -183,7 +188,7 @@ impl<'a> ControlLoop<'a> {
             done = (done + u64::from(!held)).min(path.cycles());
             path.at(done, &mut self.plan.targets_rad);
             self.drive(self.clock.time_s())?;
-            if self.servos.has_fallen() {
+            if self.falls() {
                 return self.give_way();
             }
         }
@@ -193,14 +198,30 @@ impl<'a> ControlLoop<'a> {
         })
     }
 
-    /// After a fall: the servos are told to be where they are, so that they push
-    /// little, until torque goes off.
+    /// Whether the robot falls by its sensor, or has fallen in its world.
+    fn falls(&mut self) -> bool {
+        let announced = self.balance.as_ref().is_some_and(Balance::is_falling);
+        if announced {
+            self.servos.announce_fall();
+        }
+        announced || self.servos.has_fallen()
+    }
+
+    /// Once a fall has begun: limbs towards rest, then the servos are told to be where
+    /// they are, so that they push little, until torque goes off.
     fn give_way(&mut self) -> anyhow::Result<Ending> {
-        let cycles = (GIVE_WAY_S * self.robot.control_hz).ceil() as u64;
-        for _ in 0..cycles {
-            let states = self.servos.states();
-            for (target, state) in self.plan.targets_rad.iter_mut().zip(states) {
-                *target = state.position_rad;
+        self.balance = None;
+        let cycles = |seconds: f64| (seconds * self.robot.control_hz).ceil() as u64;
+        let (tuck, give_way) = (cycles(TUCK_S), cycles(GIVE_WAY_S));
+        for cycle in 0..tuck + give_way {
+            match cycle < tuck {
+                true => self.plan.targets_rad.copy_from_slice(self.plan.retargeter.rest()),
+                false => {
+                    let states = self.servos.states();
+                    for (target, state) in self.plan.targets_rad.iter_mut().zip(states) {
+                        *target = state.position_rad;
+                    }
+                }
             }
             self.wait_for_cycle();
             self.drive(self.clock.time_s())?;
@@ -345,7 +366,11 @@ impl<'a> ControlLoop<'a> {
         failpoint::pass("control");
         let robot_s = self.clock.robot_s(time_s);
         let (servos, targets) = (&mut *self.servos, &self.plan.targets_rad);
-        let cycle = || servos.cycle(robot_s, targets);
+        let commands = match &mut self.balance {
+            Some(balance) => balance.correct(targets, &mut self.plan.retargeter, servos),
+            None => targets,
+        };
+        let cycle = || servos.cycle(robot_s, commands);
         let (result, bus_ms) = self.log.steps.time(PipelineStep::Bus, cycle);
         result?;
         let start = Instant::now();

@@ -10,7 +10,7 @@ use crate::viewer::Activity;
 ///    | stop requested                | music over, stop requested  |
 ///    +-------------------------------+-----------> LeadOut <-------+
 ///                                                     | at rest
-/// any state: fall ------> gives way for 0.3 s -------->|
+/// any state: fall ------> draws in, gives way -------->|
 /// any state: error or Ctrl-C ------------------------->+--> torque off (the caller)
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

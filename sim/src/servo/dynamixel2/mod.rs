@@ -21,7 +21,6 @@ use servodance_drivers::serial::dynamixel2::registers as at;
 use crate::fault::ServoFault;
 use crate::serial::serial_line::LineServo;
 use crate::servo::body::{ServoBody, SimServoState};
-use crate::servo::motor::Motor;
 use crate::servo::spec::SimServoSpec;
 use table::{ControlTable, RAM};
 
@@ -62,7 +61,7 @@ impl XServo {
         supply_v: f64,
         period_s: f64,
     ) -> Self {
-        let motor = Motor::new(&model.sheet, spec.load_inertia_kg_m2);
+        let motor = spec.servo_motor(model);
         let mut servo = Self {
             table: ControlTable::new(model, spec.id, baud_code, spec.firmware),
             body: ServoBody::new(spec, motor, period_s, supply_v),
