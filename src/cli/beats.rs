@@ -36,7 +36,8 @@ pub struct Args {
 
 /// Finds the beats and writes them.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let hearing = if args.causal || args.downbeats { BeatTracker::Causal } else { BeatTracker::Offline };
+    let hearing =
+        if args.causal || args.downbeats { BeatTracker::Causal } else { BeatTracker::Offline };
     let beats = Beats::find(&args.file, hearing, args.tempo)?;
     let text = match (args.json, args.downbeats) {
         (true, _) => beats.to_json()?,
