@@ -5,14 +5,21 @@
 
 use clap::Parser;
 use servodance::cli::Cli;
+use servodance_runtime::process::wrong_usage::WrongUsage;
 use std::process::ExitCode;
+
+/// Exit code after wrong usage, as of `clap`.
+const WRONG_USAGE: u8 = 2;
 
 fn main() -> ExitCode {
     servodance_runtime::process::console::report_panics_in_one_line();
     Cli::parse().command.run().unwrap_or_else(|error| {
         let text = one_line(&error);
         servodance_runtime::process::console::stderr(format_args!("error: {text}\n"));
-        ExitCode::FAILURE
+        match WrongUsage::is_in(&error) {
+            true => ExitCode::from(WRONG_USAGE),
+            false => ExitCode::FAILURE,
+        }
     })
 }
 

@@ -2,6 +2,9 @@
 //! against simulated servos that judge what it did.
 
 use crate::program::Program;
+use servodance_drivers::serial::Register;
+use servodance_drivers::serial::dynamixel2::registers as at;
+use servodance_drivers::{Framing, SerialScanner};
 use servodance_runtime::robot::Robot;
 use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
 use std::io::{BufRead, BufReader, Write};
@@ -99,9 +102,9 @@ fn ping_tells_who_a_servo_is_and_how() {
 
     let silent = ["ping", port, "9", "--baud", "1000000"];
     program.refused(&silent, &["id 9 does not answer", "servodance scan"]);
-    program.refused(&["ping", port], &["--robot"]);
-    program.refused(&["ping", port, "neck_pan"], &["neck_pan", "needs --robot"]);
-    program.refused(&["ping", port, "254"], &["254", "0 to 253"]);
+    program.misused(&["ping", port], &["--robot"]);
+    program.misused(&["ping", port, "neck_pan"], &["neck_pan", "needs --robot"]);
+    program.misused(&["ping", port, "254"], &["254", "0 to 253"]);
     let unknown = ["ping", port, "l_knee", "--robot", &robot];
     program.refused(&unknown, &["l_knee", "neck_pan, neck_tilt"]);
     program.refused(&["ping", "/dev/nowhere", "1"], &["/dev/nowhere"]);
@@ -118,8 +121,8 @@ fn set_id_changes_one_servo_and_refuses_what_cannot_be() {
     };
     program.refused(&set("1", "2"), &["id 2 is in use by XM430-W350"]);
     program.refused(&set("1", "253"), &["253", "0 to 252"]);
-    program.refused(&set("1", "700"), &["700", "0 to 252"]);
-    program.refused(&set("1", "1"), &["has id 1 already"]);
+    program.misused(&set("1", "700"), &["700", "0 to 252"]);
+    program.misused(&set("1", "1"), &["has id 1 already"]);
     program.refused(&set("8", "9"), &["id 8 does not answer"]);
     let unasked = &set("1", "9")[..8];
     program.refused(unasked, &["XM430-W350 with id 1", "will have id 9", "--yes"]);
@@ -186,7 +189,10 @@ fn jog_moves_one_joint_inside_its_limits_and_lets_go() {
         program.refused(&arguments, words);
     };
     refused(&jog("neck_tilt", "--to=60"), &["neck_tilt", "-50.0 to 40.0", "60.0"]);
-    refused(&jog("neck_tilt", "--by=inf"), &["no step"]);
+    program.misused(
+        &["jog", "neck_tilt", "--by=inf", "--robot", &robot, "--bus", &port, "--yes"],
+        &["no step"],
+    );
     refused(&jog("elbow", "--by=1"), &["elbow", "neck_pan, neck_tilt"]);
     let unasked = jog("neck_pan", "--by=1");
     refused(&unasked[..unasked.len() - 1], &["neck_pan (id 1)", "gets torque", "--yes"]);
@@ -261,6 +267,106 @@ fn calibrate_makes_the_rest_pose_read_zero_and_keeps_the_rest_of_the_file() {
     assert_eq!(torques(&bus, 20), 0);
 }
 
+/// What another program left in a servo.
+fn left_behind(bus: &SimBus, id: u8, register: Register, value: u64) {
+    let wait = Duration::from_secs(1);
+    let port = SerialScanner::open(bus.port_path(), 1_000_000, Framing::Protocol2, wait);
+    port.and_then(|mut port| port.set(id, register, value)).expect("a register is written");
+}
+
+#[test]
+fn an_id_that_two_servos_have_is_not_changed() {
+    let (program, bus) = (Program::new(), neck());
+    assert!(bus.set_servo_fault(1, ServoFault::Id(1)));
+    let port = bus.port_path();
+    let set = ["set-id", port, "1", "9", "--baud", "1000000", "--protocol", "2", "--yes"];
+    let run = program.run(&set);
+    let error = text(&run.stderr);
+    assert_eq!(run.status.code(), Some(1), "{error}");
+    assert!(error.contains("id 1") && error.contains("one at a time"), "{error}");
+    assert!(program.run(&["ping", port, "9", "--baud", "1000000"]).status.code() == Some(1));
+}
+
+#[test]
+fn set_baud_changes_rates_and_finds_every_servo_there() {
+    let (program, bus) = (Program::new(), neck());
+    let port = bus.port_path();
+    let set = |who: &str, to: &str| {
+        let arguments = ["set-baud", port, who, to, "--protocol", "2", "--yes"];
+        text(&program.succeed(&arguments).stdout)
+    };
+    assert_eq!(set("2", "57600"), "XM430-W350 with id 2: 57600 baud, read back\n");
+    program.succeed(&["ping", port, "2", "--baud", "57600"]);
+    program.refused(&["ping", port, "2", "--baud", "1000000"], &["id 2 does not answer"]);
+    let all = set("all", "1000000");
+    assert!(all.contains("id 1 speaks at 1000000 baud already"), "{all}");
+    assert!(all.contains("id 2: 1000000 baud, read back"), "{all}");
+    let unknown = ["set-baud", port, "2", "250000", "--from", "1000000", "--protocol", "2"];
+    program.refused(&unknown, &["knows no 250000 baud", "57600", "4500000"]);
+    let unasked = ["set-baud", port, "2", "57600", "--from", "1000000", "--protocol", "2"];
+    program.refused(&unasked, &["will speak at 57600 baud", "--yes"]);
+    let robot = program.patient_robot("neck");
+    set("2", "57600");
+    let dance = ["jog", "neck_tilt", "--by=1", "--robot", &robot, "--bus", port, "--yes"];
+    program.refused(&dance, &["neck_tilt (id 2)", "at 1000000 baud", "servodance scan"]);
+}
+
+#[test]
+fn the_doctor_asks_the_servos() {
+    let (program, bus) = (Program::new(), neck());
+    let port = serial(&bus);
+    let ask = ["doctor", "--robot", "neck", "--json", "--bus", &port];
+    let found = text(&program.run(&ask).stdout);
+    assert!(found.contains("all 2 answer, and are as they should be"), "{found}");
+    left_behind(&bus, 2, at::SHUTDOWN, 0);
+    let found = text(&program.run(&ask).stdout);
+    assert!(found.contains("shutdown is 0, 52 is expected"), "{found}");
+    assert!(bus.set_servo_fault(0, ServoFault::Dead));
+    let run = program.run(&ask);
+    let found = text(&run.stdout);
+    assert!(found.contains("no answer from neck_pan (id 1)"), "{found}");
+    assert_eq!(run.status.code(), Some(1));
+}
+
+#[test]
+fn a_servo_in_reverse_or_over_turns_does_not_move_unasked_after_calibration() {
+    for (register, value, rests_at_rad) in
+        [(at::DRIVE_MODE, 1, 0.3), (at::OPERATING_MODE, 4, 0.3 + std::f64::consts::TAU)]
+    {
+        let (program, bus) = (Program::new(), neck());
+        let robot = program.patient_robot("neck");
+        let port = serial(&bus);
+        left_behind(&bus, 2, register, value);
+        assert!(bus.set_servo_fault(1, ServoFault::Moved(rests_at_rad)));
+        let calibrate = ["calibrate", "--robot", &robot, "--bus", &port, "--yes"];
+        let said = text(&program.succeed(&calibrate).stdout);
+        assert!(said.contains(&format!("{} changed from {value}", register.name)), "{said}");
+        let before = degrees(&bus, 1);
+        let jog = ["jog", "neck_tilt", "--to=0", "--robot", &robot, "--bus", &port, "--yes"];
+        program.succeed(&jog);
+        let turned = degrees(&bus, 1) - before;
+        assert!(turned.abs() < 0.2, "{}: {turned} degrees", register.name);
+    }
+}
+
+#[test]
+fn servos_check_tells_what_another_program_left_and_puts_it_right() {
+    let (program, bus) = (Program::new(), neck());
+    let robot = program.patient_robot("neck");
+    let port = serial(&bus);
+    let check = ["servos", "check", "--robot", &robot, "--bus", &port];
+    let well = text(&program.succeed(&check).stdout);
+    assert!(well.contains("2 servos, as they should be"), "{well}");
+    left_behind(&bus, 2, at::SHUTDOWN, 0);
+    let run = program.run(&check);
+    let found = text(&run.stdout);
+    assert_eq!(run.status.code(), Some(1), "{found}");
+    assert!(found.contains("neck_tilt (id 2): shutdown is 0, 52 is expected"), "{found}");
+    let fixed = text(&program.succeed(&[&check[..], &["--fix", "--yes"]].concat()).stdout);
+    assert!(fixed.contains("shutdown changed from 0 to 52"), "{fixed}");
+    program.succeed(&check);
+}
+
 #[test]
 fn calibrate_turns_round_joints_that_count_the_wrong_way() {
     let (program, bus) = (Program::new(), neck());
@@ -331,7 +437,7 @@ fn scan_finds_feetech_servos_by_their_protocol() {
     assert!(found.contains("STS3215 (777)"), "{found}");
     program.refused(&["scan", "/dev/nowhere"], &["/dev/nowhere"]);
     program.refused(&["scan", "can:can0"], &["CAN"]);
-    program.refused(&["scan", bus.port_path(), "--baud", "3"], &["--baud 3"]);
+    program.misused(&["scan", bus.port_path(), "--baud", "3"], &["--baud 3"]);
 }
 
 #[test]

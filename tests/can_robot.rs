@@ -138,9 +138,9 @@ fn scan_finds_can_motors_at_their_bitrate() {
     let error = String::from_utf8_lossy(&wrong.stderr).into_owned();
     assert_eq!(wrong.status.code(), Some(1), "{error}");
     assert!(error.contains(&port) && error.contains("bus-off"), "{error}");
-    program.refused(&["scan", &port, "--protocol", "1"], &["--protocol is for serial"]);
+    program.misused(&["scan", &port, "--protocol", "1"], &["--protocol is for serial"]);
     let group = "udp:239.74.163.2:43990";
-    program.refused(&["scan", group, "--baud", "500000"], &["--baud is for slcan"]);
+    program.misused(&["scan", group, "--baud", "500000"], &["--baud is for slcan"]);
 }
 
 fn wait_until(what: &str, mut done: impl FnMut() -> bool) {

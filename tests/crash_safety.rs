@@ -47,7 +47,7 @@ impl Stage {
     }
 
     /// The same with another robot file, without waiting.
-    fn start(
+    pub fn start(
         robot_file: fn(&Program, &str) -> String,
         arguments: &[&str],
         prepare: impl FnOnce(&mut Command),
@@ -92,6 +92,11 @@ impl Stage {
         self.states().iter().filter(|s| s.torque_enabled).count()
     }
 
+    /// Servos that their own watchdog holds still.
+    pub fn tripped(&self) -> usize {
+        self.states().iter().filter(|s| s.watchdog_tripped).count()
+    }
+
     /// Whether a servo moves.
     pub fn moves(&self) -> bool {
         self.states().iter().any(|s| s.velocity_rad_s.abs() > 0.01)
@@ -121,7 +126,7 @@ impl Stage {
     }
 
     /// Waits for the end of the program.
-    fn ends(&mut self) -> ExitStatus {
+    pub fn ends(&mut self) -> ExitStatus {
         self.child.wait().expect("it ends")
     }
 

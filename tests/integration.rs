@@ -14,6 +14,7 @@ mod documents;
 mod endurance;
 mod evaluation;
 mod full_disk;
+mod host_stall;
 mod idle;
 mod live;
 mod motion_files;

@@ -42,10 +42,19 @@ impl Program {
     /// Runs it and expects exit status 1 and one line on standard error that
     /// holds every one of `words`; nothing new may lie in the folder.
     pub fn refused(&self, arguments: &[&str], words: &[&str]) {
+        self.ends_with(1, arguments, words);
+    }
+
+    /// The same, for wrong usage.
+    pub fn misused(&self, arguments: &[&str], words: &[&str]) {
+        self.ends_with(2, arguments, words);
+    }
+
+    fn ends_with(&self, code: i32, arguments: &[&str], words: &[&str]) {
         let before = self.files();
         let output = self.run(arguments);
         let error = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {error}");
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
         assert_eq!(error.lines().count(), 1, "{arguments:?}: {error}");
         for word in words {
             assert!(error.contains(word), "{arguments:?}: no {word:?} in: {error}");

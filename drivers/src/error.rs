@@ -94,8 +94,8 @@ pub enum BusError {
     Open { port: String, reason: String, choices: String },
     #[error("serial port {port} failed ({doing}): {reason}")]
     Port { port: String, doing: &'static str, reason: std::io::Error },
-    #[error("no answer from {} ({doing}, tried {tries} times)", list(.servos))]
-    Silent { servos: Vec<ServoId>, doing: &'static str, tries: u32 },
+    #[error("no answer from {} ({doing}, tried {tries} times){hint}", list(.servos))]
+    Silent { servos: Vec<ServoId>, doing: &'static str, tries: u32, hint: String },
     #[error("only corrupt replies from {} ({doing}, tried {tries} times)", list(.servos))]
     Corrupt { servos: Vec<ServoId>, doing: &'static str, tries: u32 },
     #[error("{servo} refused {doing}: {refusal}")]
@@ -104,6 +104,8 @@ pub enum BusError {
     WrongModel { servo: ServoId, actual: String, wanted: &'static str, number: u16 },
     #[error("{servo} reports a hardware error: {flags}")]
     Hardware { servo: ServoId, flags: String },
+    #[error("{} stopped by their own watchdog ({})", list(.servos), silence(*.silent_s))]
+    Tripped { servos: Vec<ServoId>, silent_s: Option<f64> },
     #[error("{servo}: {register} reads {actual} after writing {wanted}")]
     ReadBack { servo: ServoId, register: &'static str, wanted: i64, actual: i64 },
     #[error("{servo}: {what} is {actual}, must be {wanted}")]
@@ -166,6 +168,14 @@ impl BusError {
             }
             error => error.to_string(),
         }
+    }
+}
+
+/// Why a watchdog tripped: how long nothing was sent, seconds, where that is known.
+fn silence(silent_s: Option<f64>) -> String {
+    match silent_s {
+        Some(silent_s) => format!("nothing was sent for {silent_s:.2} s"),
+        None => "they heard nothing for too long".into(),
     }
 }
 

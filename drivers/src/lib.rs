@@ -57,6 +57,7 @@ pub mod serial;
 mod servo;
 
 pub use bus::config::{BusConfig, one_or_several};
+pub use bus::error_counters::{ErrorCounters, ServoErrors};
 pub use bus::kind::BusKind;
 pub use bus::layout::{BusLayout, assign_imu, layouts};
 pub use bus::open::open_bus;
@@ -73,12 +74,12 @@ pub use safety::{
     EStop, Interventions, Limited, Limiter, SafeBus, SafetyConfig, SafetyError, ServoLost, State,
     Transition,
 };
-pub use serial::SerialBus;
 pub use serial::scan::{FoundServo, SerialScanner, Vitals};
 pub use serial::wire::decoder::{Decoded, Decoder, Packet};
 pub use serial::wire::framing::Framing;
 pub use serial::wire::protocol2::encode;
 pub use serial::wire::system_ports::{LatencyTimer, available_ports, latency_timer};
-pub use servo::Servo;
+pub use serial::{SerialBus, ServoDeviation};
 pub use servo::config::{ServoConfig, servos};
 pub use servo::model::{DataSheet, ServoModel};
+pub use servo::{SerialSettings, Servo};

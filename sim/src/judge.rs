@@ -12,8 +12,8 @@
 //! A motor without overshoot that follows goals inside these bounds stays
 //! inside them, so the same allowance holds for the true motion.
 //!
-//! A goal that is lost on the wire makes the next one a double step, which counts, although
-//! the host did nothing wrong.
+//! A goal that the simulated wire loses or damages makes the next one a double step,
+//! although the host did nothing wrong: that one is judged by the periods that have passed.
 //!
 //! Not judged: torque off, a shaft that something holds, the emergency stop of the servo's own
 //! watchdog, and in a world the true motion while something pushes the robot or it has fallen.
@@ -47,6 +47,8 @@ impl std::ops::AddAssign for Violations {
 }
 
 const NOTES: usize = 8;
+/// More periods without a goal than this are not taken into account.
+const MOST_MISSED: f64 = 20.0;
 const RAD_PER_TICK: f64 = TAU / 4096.0;
 const NOISE_RAD: f64 = 1e-9; // of floating-point numbers
 
@@ -63,6 +65,12 @@ pub struct Judge {
 
 #[derive(Clone, Debug, Default)]
 pub struct JudgedTrack {
+    /// Goals were lost on the wire since the last one, or may have been.
+    missed: bool,
+    /// When the last one came, seconds.
+    last_s: f64,
+    /// Goals whose acceleration is still measured across lost ones.
+    across: u32,
     /// The last one and the one before, radians; `None` while it is not judged.
     pub last: Option<(f64, f64)>,
     pub violations: Violations,
@@ -101,13 +109,34 @@ impl Judge {
         self.motion.last = None;
     }
 
+    /// A goal of the host was lost on the wire, or may have been.
+    pub fn miss_goal(&mut self) {
+        self.goals.missed = true;
+    }
+
     pub fn judge_goal(&mut self, time_s: f64, goal_rad: f64) {
-        let broken = self.judge(self.goals.last, time_s, goal_rad, "was told");
+        let passed = ((time_s - self.goals.last_s) / self.period_s).round();
+        let periods = match std::mem::take(&mut self.goals.missed) {
+            true => passed.clamp(1.0, MOST_MISSED),
+            false => 1.0,
+        };
+        if periods > 1.0 {
+            self.goals.across = 1 + periods as u32;
+        }
+        self.goals.last_s = time_s;
+        let across = f64::from(self.goals.across.max(1));
+        let broken = self.judge(self.goals.last, time_s, goal_rad, "was told", [periods, across]);
+        let last_rad = self.goals.last.map_or(goal_rad, |(last_rad, _)| last_rad);
         self.goals.follow(goal_rad, broken);
+        if let Some((now_rad, before_rad)) = &mut self.goals.last {
+            // The step of one period.
+            *before_rad = *now_rad - (*now_rad - last_rad) / periods;
+        }
+        self.goals.across = self.goals.across.saturating_sub(1);
     }
 
     pub fn judge_motion(&mut self, time_s: f64, position_rad: f64) {
-        let broken = self.judge(self.motion.last, time_s, position_rad, "went");
+        let broken = self.judge(self.motion.last, time_s, position_rad, "went", [1.0, 1.0]);
         self.motion.follow(position_rad, broken);
     }
 
@@ -116,13 +145,15 @@ impl Judge {
         self.motion.follow(position_rad, Violations::default());
     }
 
-    /// The limits that a step from the `last` two positions breaks.
+    /// The limits that a step from the `last` two positions breaks, over so many periods
+    /// and with so many of them in its acceleration.
     fn judge(
         &mut self,
         last: Option<(f64, f64)>,
         time_s: f64,
         now_rad: f64,
         verb: &str,
+        [periods, across]: [f64; 2],
     ) -> Violations {
         let mut broken = Violations::default();
         let Some((last_rad, before_rad)) = last else {
@@ -136,15 +167,15 @@ impl Judge {
             self.note(time_s, verb, format!("to {now_rad:.4} rad, limit {range}"));
         }
         let moved = now_rad - last_rad;
-        if moved.abs() > limits.velocity_rad_s * self.period_s + 2.0 * half {
+        if moved.abs() > limits.velocity_rad_s * self.period_s * periods + 2.0 * half {
             broken.velocity = 1;
-            let velocity = moved / self.period_s;
+            let velocity = moved / (self.period_s * periods);
             let limit = limits.velocity_rad_s;
             let what = format!("at {velocity:.3} rad/s, limit {limit:.3}");
             self.note(time_s, verb, what);
         }
-        let turned = moved - (last_rad - before_rad);
-        let allowed = limits.acceleration_rad_s2 * self.period_s * self.period_s;
+        let turned = moved / periods - (last_rad - before_rad);
+        let allowed = limits.acceleration_rad_s2 * self.period_s * self.period_s * across;
         if turned.abs() > allowed + 4.0 * half {
             broken.acceleration = 1;
             let acceleration = turned / (self.period_s * self.period_s);
@@ -204,6 +235,31 @@ mod tests {
     #[test]
     fn motion_at_every_limit_rounded_to_ticks_is_clean() {
         assert_eq!(judged(&run(40.0, 4.0)), Violations::default());
+    }
+
+    #[test]
+    fn goals_that_the_wire_lost_are_judged_by_the_time_that_passed() {
+        let goals = run(40.0, 4.0);
+        let limits = JointLimits {
+            lower_rad: -1.0,
+            upper_rad: 1.0,
+            velocity_rad_s: 4.0,
+            acceleration_rad_s2: 40.0,
+        };
+        let judged = |told: bool| {
+            let mut judge = Judge::new("elbow", limits, PERIOD_S);
+            judge.begin(goals[0], goals[0]);
+            for (k, goal) in goals.iter().enumerate().skip(1) {
+                match (k % 7 == 3 || k % 11 == 4, told) {
+                    (true, true) => judge.miss_goal(),
+                    (true, false) => {}
+                    (false, _) => judge.judge_goal(k as f64 * PERIOD_S, *goal),
+                }
+            }
+            judge.violations().total()
+        };
+        assert_eq!(judged(true), 0);
+        assert!(judged(false) > 0, "a host that leaves goals out");
     }
 
     #[test]

@@ -92,6 +92,7 @@ fn servo(id: u8) -> Servo {
             acceleration_rad_s2: 40.0,
         },
         motor: None,
+        settings: Default::default(),
     }
 }
 

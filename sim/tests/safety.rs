@@ -208,7 +208,8 @@ fn a_dead_servo_faults_and_the_others_lose_torque() {
     let mut rig = rig(3);
     rig.period(Some(&[0.1; 3])).unwrap();
     rig.sim.set_servo_fault(1, ServoFault::Dead);
-    let error = rig.period(Some(&[0.1; 3])).unwrap_err().to_string();
+    // One lost answer is none; a tenth of a second of them is.
+    let error = (0..20).find_map(|_| rig.period(Some(&[0.1; 3])).err()).unwrap().to_string();
     assert!(error.contains("no answer from joint_2 (id 2)"), "{error}");
     assert!(error.contains("torque may still be ON at joint_2 (id 2)"), "{error}");
     assert!(!rig.sim.servo(0).unwrap().torque_enabled);

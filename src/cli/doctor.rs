@@ -1,7 +1,7 @@
 //! `servodance doctor`.
 
 use crate::cli::prelude::*;
-use servodance_runtime::doctor::{Finding, Verdict, examine};
+use servodance_runtime::doctor::{Finding, Verdict, examine, servos};
 use servodance_runtime::pipeline::conditioning::Conditioning;
 use servodance_runtime::pipeline::model_args::EngineArgs;
 use servodance_runtime::session::dance::open_generator;
@@ -13,6 +13,9 @@ const EXAMPLES: &str = include_str!("examples/doctor.txt").trim_ascii_end();
 pub struct Args {
     #[command(flatten)]
     pub robot: RobotFileArgs,
+    /// Ask the servos too: serial:PATH; NAME=... for each bus of a robot with several.
+    #[arg(long, value_name = "BUS")]
+    pub bus: Vec<String>,
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]
     pub model: Option<PathBuf>,
@@ -30,7 +33,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let generator = open_generator(args.model.as_deref(), EngineArgs::default())?;
     let conditioning = Conditioning { encodec: args.encodec, ..Conditioning::default() };
     let encodec = conditioning.encodec(&generator)?;
-    let findings = examine(&robot, &generator, encodec.as_ref())?;
+    let mut findings = examine(&robot, &generator, encodec.as_ref())?;
+    if !args.bus.is_empty() {
+        findings.extend(servos(&robot, &args.bus)?);
+    }
     if args.json {
         stdout_line!("{}", serde_json::to_string_pretty(&findings)?);
     } else {

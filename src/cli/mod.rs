@@ -32,6 +32,8 @@ pub mod robot;
 pub mod robots;
 pub mod scan;
 pub mod schema;
+pub mod servos;
+pub mod set_baud;
 pub mod set_id;
 pub mod sim_bus;
 pub mod soak;
@@ -53,6 +55,7 @@ mod prelude {
     pub(super) use servodance_runtime::bus_tools::{Consent, ProtocolChoice};
     pub(super) use servodance_runtime::process::console::{stderr_line, stdout, stdout_line};
     pub(super) use servodance_runtime::process::progress::Progress;
+    pub(super) use servodance_runtime::process::wrong_usage::WrongUsage;
     pub(super) use servodance_runtime::robot::Robot;
     pub(super) use servodance_runtime::telemetry::pending_file::write_whole;
     pub(super) use std::path::PathBuf;
@@ -133,6 +136,10 @@ pub enum Command {
     Schema(schema::Args),
     /// Look for servos on a serial port, at every usual baud rate.
     Scan(scan::Args),
+    /// Look the settings of a robot's servos over, and put them right.
+    Servos(servos::Args),
+    /// Give servos another baud rate, and look for each there.
+    SetBaud(set_baud::Args),
     /// Give a servo another id.
     SetId(set_id::Args),
     /// Serve a robot's simulated servos to any program, until stopped.
@@ -178,6 +185,8 @@ impl Command {
             Command::Robots(args) => robots::run(args),
             Command::Schema(args) => schema::run(args),
             Command::Scan(args) => scan::run(args),
+            Command::Servos(args) => servos::run(args),
+            Command::SetBaud(args) => set_baud::run(args),
             Command::SetId(args) => set_id::run(args),
             Command::SimBus(args) => sim_bus::run(args),
             Command::Soak(args) => soak::run(args),

@@ -34,9 +34,16 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         }
         (None, Some(who)) => match who.parse() {
             Ok(id) if id <= 253 => vec![ping::servo(&args.port, id, args.baud, args.protocol)?],
-            _ => bail!("\"{who}\" is no id (0 to 253); the name of a joint needs --robot"),
+            _ => {
+                let text =
+                    format!("\"{who}\" is no id (0 to 253); the name of a joint needs --robot");
+                return Err(WrongUsage(text).into());
+            }
         },
-        (None, None) => bail!("which servo? give an id, or --robot for all joints of a robot"),
+        (None, None) => {
+            let text = "which servo? give an id, or --robot for all joints of a robot";
+            return Err(WrongUsage(text.into()).into());
+        }
     };
     for line in lines {
         stdout_line!("{line}");

@@ -1,6 +1,7 @@
 //! A bus of servos: the interface of every kind ([`Bus`]), and what all kinds share.
 
 pub(crate) mod config;
+pub(crate) mod error_counters;
 pub(crate) mod kind;
 pub(crate) mod layout;
 pub(crate) mod open;
@@ -12,7 +13,9 @@ pub(crate) mod torque_alarm;
 
 use servodance_types::{ImuState, JointState};
 
+use crate::bus::error_counters::ErrorCounters;
 use crate::error::{BusError, BusResult, ServoId};
+use crate::serial::ServoDeviation;
 use crate::servo::Servo;
 
 #[allow(missing_docs)] // each counter says its name
@@ -24,6 +27,8 @@ pub struct BusStats {
     pub crc_errors: u64,
     pub timeouts: u64,
     pub retries: u64,
+    /// Cycles in which nobody answered.
+    pub unheard: u64,
 }
 
 impl std::ops::AddAssign for BusStats {
@@ -34,6 +39,7 @@ impl std::ops::AddAssign for BusStats {
         self.crc_errors += other.crc_errors;
         self.timeouts += other.timeouts;
         self.retries += other.retries;
+        self.unheard += other.unheard;
     }
 }
 
@@ -76,6 +82,22 @@ pub trait Bus: Send {
     /// torque. Returns a line for each thing that the user should know.
     fn prepare(&mut self) -> BusResult<Notes>;
 
+    /// Torque off, and every servo's settings as arming makes them: its modes first, so
+    /// that its angle counts as the robot file says. A line for each change.
+    fn set_up(&mut self) -> BusResult<Notes> {
+        Ok(Vec::new())
+    }
+
+    /// What of the servos' settings is not as it should be; nothing is written.
+    fn deviations(&mut self) -> BusResult<Vec<ServoDeviation>> {
+        Ok(Vec::new())
+    }
+
+    /// What a servo adds to its own angle, ticks; `None` where it has no such setting.
+    fn homing_offset(&mut self, _index: usize) -> BusResult<Option<i32>> {
+        Ok(None)
+    }
+
     /// Turns torque on with each joint holding where it stands; to be called
     /// after [`Bus::prepare`]. On an error every torque is off again.
     ///
@@ -111,7 +133,13 @@ pub trait Bus: Send {
         None
     }
 
-    /// Asks one servo how it is: one short exchange, not tried again.
+    /// What went wrong with each servo so far; empty where nobody counts.
+    fn error_counters(&self) -> ErrorCounters {
+        ErrorCounters::default()
+    }
+
+    /// Asks one servo how it is, and whether its own watchdog has stopped it (then
+    /// [`BusError::Tripped`]): two short exchanges, not tried again.
     fn examine(&mut self, _index: usize) -> BusResult<Health> {
         Ok(Health::default())
     }
@@ -127,6 +155,12 @@ pub trait Bus: Send {
     /// set up, and torque on where it stands. Its state when it is back; `None`
     /// while there is more to do. After an error the way begins anew.
     fn rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
+        Err(BusError::NoReturn { servo: ServoId::of(&self.servos()[index]) })
+    }
+
+    /// Takes a servo on again that its own watchdog has stopped ([`BusError::Tripped`]):
+    /// torque stays on, it holds where it stands, its watchdog is armed and read back.
+    fn resume(&mut self, index: usize) -> BusResult<JointState> {
         Err(BusError::NoReturn { servo: ServoId::of(&self.servos()[index]) })
     }
 
@@ -148,6 +182,15 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     }
     fn engage(&mut self) -> BusResult<Vec<JointState>> {
         (**self).engage()
+    }
+    fn set_up(&mut self) -> BusResult<Notes> {
+        (**self).set_up()
+    }
+    fn deviations(&mut self) -> BusResult<Vec<ServoDeviation>> {
+        (**self).deviations()
+    }
+    fn homing_offset(&mut self, index: usize) -> BusResult<Option<i32>> {
+        (**self).homing_offset(index)
     }
     fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> BusResult<()> {
         (**self).cycle(targets_rad, states)
@@ -175,5 +218,11 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     }
     fn reopen(&mut self) -> BusResult<()> {
         (**self).reopen()
+    }
+    fn resume(&mut self, index: usize) -> BusResult<JointState> {
+        (**self).resume(index)
+    }
+    fn error_counters(&self) -> ErrorCounters {
+        (**self).error_counters()
     }
 }

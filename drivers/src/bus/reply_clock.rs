@@ -7,7 +7,7 @@
 //! come, and a reply is lost if and only if it was not given.
 
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 const LOOK_EVERY: Duration = Duration::from_millis(1);
@@ -17,6 +17,9 @@ pub trait FarEnd: Send + Sync {
     /// Whether all that was sent to it has been carried out, and all that it
     /// has to say is on the line.
     fn is_idle(&self) -> bool;
+
+    /// The simulated time, seconds.
+    fn time_s(&self) -> f64;
 }
 
 /// By whose clock a reply is late.
@@ -37,6 +40,15 @@ pub struct Patience {
 }
 
 impl ReplyClock {
+    /// Seconds since some moment in the past: on the wall, or in the simulation.
+    pub(crate) fn now_s(&self) -> f64 {
+        static BEGAN: OnceLock<Instant> = OnceLock::new();
+        match self {
+            Self::Wall => BEGAN.get_or_init(Instant::now).elapsed().as_secs_f64(),
+            Self::FarEnd(far_end) => far_end.time_s(),
+        }
+    }
+
     /// To be asked before each look at the port, so that whatever was said
     /// until it was asked is found there.
     pub fn patience(&self, deadline: Instant) -> Patience {

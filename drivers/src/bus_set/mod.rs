@@ -19,11 +19,13 @@ use std::time::{Duration, Instant};
 
 use servodance_types::{ImuState, JointState};
 
+use crate::bus::error_counters::ErrorCounters;
 use crate::bus::layout::BusLayout;
 use crate::bus::open::open_bus;
 use crate::bus::port::Port;
 use crate::bus::{Bus, BusStats, Health, Notes};
 use crate::error::{BusError, BusResult};
+use crate::serial::ServoDeviation;
 use crate::servo::{Servo, check_cycle};
 
 use self::thread::{BusTask, BusThread, ids};
@@ -48,11 +50,16 @@ pub struct BusSet {
     servos: Vec<Servo>,
     armed: bool,
     cycles: u64,
+    errors: ErrorCounters,
 }
 
 impl BusSet {
     /// Takes over `buses`, each with its layout; `all` are the servos in joint order.
     pub fn new(buses: Vec<Box<dyn Bus>>, layouts: &[BusLayout], all: &[Servo]) -> BusResult<Self> {
+        let mut errors = ErrorCounters::new(all.len());
+        for (bus, layout) in buses.iter().zip(layouts) {
+            errors.adopt(&layout.joints, &bus.error_counters());
+        }
         let threads = buses.into_iter().zip(layouts);
         Ok(Self {
             threads: threads
@@ -61,6 +68,7 @@ impl BusSet {
             servos: all.to_vec(),
             armed: false,
             cycles: 0,
+            errors,
         })
     }
 
@@ -149,6 +157,31 @@ impl Bus for BusSet {
         Ok(notes)
     }
 
+    fn set_up(&mut self) -> BusResult<Notes> {
+        let mut notes = Vec::new();
+        for own in self.on_all("setting its servos up", |bus| bus.set_up()) {
+            notes.extend(own?);
+        }
+        Ok(notes)
+    }
+
+    fn deviations(&mut self) -> BusResult<Vec<ServoDeviation>> {
+        let mut all = Vec::new();
+        let found = self.on_all("reading its settings", |bus| bus.deviations());
+        for (thread, own) in self.threads.iter().zip(found) {
+            let joints = &thread.layout.joints;
+            all.extend(
+                own?.into_iter()
+                    .map(|found| ServoDeviation { index: joints[found.index], ..found }),
+            );
+        }
+        Ok(all)
+    }
+
+    fn homing_offset(&mut self, index: usize) -> BusResult<Option<i32>> {
+        self.on_one(index, "reading a homing offset", |bus, own| bus.homing_offset(own))?
+    }
+
     fn engage(&mut self) -> BusResult<Vec<JointState>> {
         self.armed = true;
         let mut states = vec![JointState::default(); self.servos.len()];
@@ -222,6 +255,10 @@ impl Bus for BusSet {
         self.armed
     }
 
+    fn error_counters(&self) -> ErrorCounters {
+        self.errors.clone()
+    }
+
     fn imu(&self) -> Option<ImuState> {
         self.threads.iter().find_map(|thread| thread.imu)
     }
@@ -237,6 +274,10 @@ impl Bus for BusSet {
 
     fn rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
         self.on_one(index, "taking a servo back", |bus, own| bus.rejoin(own))?
+    }
+
+    fn resume(&mut self, index: usize) -> BusResult<JointState> {
+        self.on_one(index, "taking a servo on again", |bus, own| bus.resume(own))?
     }
 
     fn reopen(&mut self) -> BusResult<()> {

@@ -200,7 +200,7 @@ impl CanExchange {
     }
 
     pub fn silent(&self, servos: Vec<ServoId>, doing: &'static str) -> BusError {
-        BusError::Silent { servos, doing, tries: self.tries }
+        BusError::Silent { servos, doing, tries: self.tries, hint: String::new() }
     }
 
     pub fn faulty(&self, index: usize, fault: &str) -> BusError {

@@ -6,6 +6,7 @@ use super::error::SafetyError;
 use super::joint::SafeJoint;
 use super::safe_bus::SafeBus;
 use crate::bus::Bus;
+use crate::error::BusError;
 
 /// The health of one servo is read this often, seconds.
 const EXAMINE_S: f64 = 0.1;
@@ -19,10 +20,10 @@ impl<B: Bus> SafeBus<B> {
     pub(super) fn watch_health(
         &mut self,
         now_s: f64,
-        states: &[JointState],
+        states: &mut [JointState],
     ) -> Result<(), SafetyError> {
         let period_s = self.config.period_s();
-        for (joint, state) in self.joints.iter_mut().zip(states) {
+        for (joint, state) in self.joints.iter_mut().zip(states.iter()) {
             joint.derate.add_current(state.current_a, period_s);
         }
         let before = self.derated();
@@ -30,9 +31,13 @@ impl<B: Bus> SafeBus<B> {
         if now_s >= due_s {
             self.examine = ((index + 1) % self.joints.len().max(1), now_s + EXAMINE_S);
             let there = self.joints.get(index).is_some_and(|j| j.lost.is_none());
-            // The next cycle names a servo that does not answer.
-            if let Some(Ok(health)) = there.then(|| self.bus.examine(index)) {
-                self.joints[index].derate.set_health(health);
+            match there.then(|| self.bus.examine(index)) {
+                Some(Ok(health)) => self.joints[index].derate.set_health(health),
+                Some(Err(error @ BusError::Tripped { .. })) => {
+                    self.cycle_failed(now_s, error, states)?;
+                }
+                // The next cycle names a servo that does not answer.
+                Some(Err(_)) | None => {}
             }
         }
         let faulty = |(index, joint): (usize, &SafeJoint)| Some((index, joint.derate.fault()?));

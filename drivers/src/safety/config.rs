@@ -32,6 +32,9 @@ pub struct SafetyConfig {
     pub on_servo_lost: ServoLost,
     pub rejoin_s: f64,
     pub rearm: bool,
+    /// Servos that their own watchdog has stopped are taken on again after a silence of the
+    /// host of at most this, seconds; after a longer one torque goes off. 0: never.
+    pub resume_s: f64,
     /// How long the layer waits for an adapter, seconds; only with `rearm`.
     pub reconnect_s: f64,
     pub stale_after_s: f64,
@@ -60,6 +63,7 @@ impl Default for SafetyConfig {
             on_servo_lost: ServoLost::Stop,
             rejoin_s: 10.0,
             rearm: false,
+            resume_s: 1.0,
             reconnect_s: 10.0,
             stale_after_s: 0.25,
             hold_s: 0.5,
@@ -101,6 +105,7 @@ impl SafetyConfig {
             ("following_error_deg", self.following_error_deg, tiny, 180.0),
             ("following_error_s", self.following_error_s, tiny, 10.0),
             ("rejoin_s", self.rejoin_s, 0.0, 3600.0),
+            ("resume_s", self.resume_s, 0.0, 60.0),
             ("reconnect_s", self.reconnect_s, 0.0, 3600.0),
             ("temperature_fault_c", self.temperature_fault_c, 0.0, 50.0),
             ("temperature_margin_c", self.temperature_margin_c, coolest_c, 60.0),

@@ -5,6 +5,7 @@ use servodance_types::JointLimits;
 use super::config::SafetyConfig;
 use super::derating::Derate;
 use super::limits::Limiter;
+use super::stillness::Stillness;
 
 pub(super) struct SafeJoint {
     pub limiter: Limiter,
@@ -15,6 +16,9 @@ pub(super) struct SafeJoint {
     pub away_since_s: Option<f64>,
     pub derate: Derate,
     pub lost: Option<LostServo>,
+    pub stillness: Stillness,
+    limits: JointLimits,
+    period_s: f64,
 }
 
 impl SafeJoint {
@@ -29,7 +33,20 @@ impl SafeJoint {
             away_since_s: None,
             derate: Derate::new(*config),
             lost: None,
+            stillness: Stillness::default(),
+            limits,
+            period_s: config.period_s(),
         }
+    }
+
+    /// Holds at `held_rad`, and is blended into its targets from there.
+    pub fn begin_at(&mut self, now_s: f64, held_rad: f64) {
+        self.limiter = Limiter::new(self.limits, self.period_s, held_rad);
+        self.ramp_from_rad = held_rad;
+        self.ramp_began_s = Some(now_s);
+        self.away_since_s = None;
+        self.stillness = Stillness::default();
+        self.lost = None;
     }
 
     /// The share of the targets that is followed, 0 to 1; `None` before any came.

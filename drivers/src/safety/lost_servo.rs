@@ -5,7 +5,6 @@ use servodance_types::JointState;
 use super::config::ServoLost;
 use super::error::SafetyError;
 use super::joint::{LostServo, SafeJoint};
-use super::limits::Limiter;
 use super::lost_adapter::TRY_AGAIN_S;
 use super::safe_bus::SafeBus;
 use crate::bus::Bus;
@@ -14,7 +13,15 @@ use crate::error::{BusError, ServoId};
 impl<B: Bus> SafeBus<B> {
     /// Acts on a cycle that failed: by policy sets lost servos aside, or waits for an
     /// adapter; all else is a fault.
-    pub(super) fn cycle_failed(&mut self, now_s: f64, error: BusError) -> Result<(), SafetyError> {
+    pub(super) fn cycle_failed(
+        &mut self,
+        now_s: f64,
+        error: BusError,
+        states: &mut [JointState],
+    ) -> Result<(), SafetyError> {
+        if matches!(error, BusError::Tripped { .. }) {
+            return self.resume_stopped(now_s, error, states);
+        }
         if matches!(error, BusError::Port { .. } | BusError::Link { .. } | BusError::BusOff { .. })
         {
             return self.lose_adapter(now_s, error);
@@ -43,9 +50,11 @@ impl<B: Bus> SafeBus<B> {
         Ok(())
     }
 
-    fn indices_of(&self, error: &BusError) -> Vec<usize> {
+    pub(super) fn indices_of(&self, error: &BusError) -> Vec<usize> {
         let named = match error {
-            BusError::Silent { servos, .. } | BusError::Corrupt { servos, .. } => &servos[..],
+            BusError::Silent { servos, .. }
+            | BusError::Corrupt { servos, .. }
+            | BusError::Tripped { servos, .. } => &servos[..],
             BusError::Hardware { servo, .. } | BusError::Refused { servo, .. } => {
                 std::slice::from_ref(servo)
             }
@@ -68,20 +77,12 @@ impl<B: Bus> SafeBus<B> {
         };
         let who = self.id_of(index);
         let result = self.bus.rejoin(index);
-        let limits = self.bus.servos()[index].limits;
-        let joint = &mut self.joints[index];
-        let Some(lost) = &mut joint.lost else { return };
+        let Some(lost) = &mut self.joints[index].lost else { return };
         match result {
             Ok(None) => {}
             Ok(Some(state)) => {
                 let away_s = now_s - lost.since_s;
-                let held = limits.clamp_rad(state.position_rad);
-                joint.limiter = Limiter::new(limits, self.config.period_s(), held);
-                joint.ramp_from_rad = held;
-                joint.ramp_began_s = Some(now_s);
-                joint.lost = None;
-                self.sent_rad[index] = held;
-                states[index] = state;
+                self.blend_in(now_s, index, state, states);
                 self.remark(now_s, &format!("{who} is back after {away_s:.1} s"));
             }
             Err(error) => {

@@ -33,6 +33,11 @@
 //!   set aside by policy ([`ServoLost`]) while the others hold or dance on: it
 //!   is rebooted where needed, checked, and blended in from where it stands.
 //!   More than a quarter of the servos lost is a fault whatever the policy.
+//! - A servo **stopped by its own watchdog**, because the host was kept from running, is
+//!   known before the next goal is sent (or by standing still), told, and taken on again
+//!   after at most `resume_s` of silence: it holds where it stands, and targets are
+//!   blended in. After a longer silence torque goes off.
+//! - A **wire that loses packets** is told; the bus rides single losses out.
 //! - An **adapter pulled out** is a fault. With `rearm` it is waited for
 //!   (`reconnect_s`); when it is back the bus is checked, armed and ramped in.
 //!   Without, only the next `arm` opens the port again.
@@ -51,12 +56,17 @@ mod config;
 mod derating;
 mod error;
 mod estop;
+mod followed;
 mod joint;
 mod limits;
 mod lost_adapter;
 mod lost_servo;
+mod rough_wire;
 mod safe_bus;
 mod state;
+mod stillness;
+mod stopped_servo;
+mod wire_watch;
 
 pub use config::{SafetyConfig, ServoLost};
 pub use error::SafetyError;

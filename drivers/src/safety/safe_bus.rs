@@ -1,13 +1,17 @@
 //! The state machine around a bus: arm, follow, hold, stop. See the parent module for
 //! its diagram and promises.
 
+use std::sync::mpsc::Sender;
+
 use servodance_types::{ImuState, JointState};
 
 use super::config::{SafetyConfig, ServoLost};
 use super::error::SafetyError;
 use super::estop::EStop;
+use super::followed::Followed;
 use super::joint::{LostAdapter, SafeJoint};
 use super::state::{Interventions, State, Transition};
+use super::wire_watch::{RoughWire, Unheard};
 use crate::bus::{ArmReport, Bus, BusStats, Health};
 use crate::error::{BusError, ServoId};
 
@@ -29,6 +33,13 @@ pub struct SafeBus<B: Bus> {
     stepped_s: f64,
     pub(super) examine: (usize, f64),
     pub(super) adapter: Option<LostAdapter>,
+    /// When servos were last found stopped by their own watchdog, seconds.
+    pub(super) stops_s: Vec<f64>,
+    followed: Followed,
+    pub(super) rough_wire: RoughWire,
+    pub(super) unheard: Unheard,
+    /// Hears every change of state and every remark at once.
+    listener: Option<Sender<Transition>>,
     /// Whether the motion sensor has told anything, and does so still.
     imu_heard: Option<bool>,
 }
@@ -50,6 +61,11 @@ impl<B: Bus> SafeBus<B> {
             stepped_s: f64::NEG_INFINITY,
             examine: (0, 0.0),
             adapter: None,
+            stops_s: Vec::new(),
+            followed: Followed::default(),
+            rough_wire: RoughWire::default(),
+            unheard: Unheard::default(),
+            listener: None,
             imu_heard: None,
             bus,
         })
@@ -59,6 +75,18 @@ impl<B: Bus> SafeBus<B> {
     pub fn with_estop(mut self, estop: EStop) -> Self {
         self.estop = estop;
         self
+    }
+
+    /// Tells every change of state and every remark as it happens. A listener that is gone
+    /// delays nothing.
+    pub fn with_listener(mut self, listener: Sender<Transition>) -> Self {
+        self.listener = Some(listener);
+        self
+    }
+
+    /// A remark of whoever runs the cycles, told and kept like those of this layer.
+    pub fn note(&mut self, now_s: f64, text: &str) {
+        self.remark(now_s, text);
     }
 
     /// Checks the servos and turns torque on where they stand. After a fault of
@@ -90,6 +118,7 @@ impl<B: Bus> SafeBus<B> {
         for (sent, joint) in self.sent_rad.iter_mut().zip(&self.joints) {
             *sent = joint.target_rad;
         }
+        self.followed.begin(now_s, &self.sent_rad);
         let reconnected = self.adapter.take().is_some();
         self.stepped_s = f64::NEG_INFINITY;
         self.examine = (0, now_s);
@@ -133,7 +162,7 @@ impl<B: Bus> SafeBus<B> {
         self.held_since_s = now_s;
     }
 
-    fn begin_ramp(&mut self, now_s: f64) {
+    pub(super) fn begin_ramp(&mut self, now_s: f64) {
         for (joint, &sent) in self.joints.iter_mut().zip(&self.sent_rad) {
             joint.ramp_from_rad = sent;
             joint.ramp_began_s = Some(now_s);
@@ -159,18 +188,22 @@ impl<B: Bus> SafeBus<B> {
                 self.interventions.early += 1;
                 return Ok(self.state);
             }
+            State::Running | State::Holding if self.unheard.brakes() => self.brake_all(),
             State::Running => self.follow(now_s),
             State::Holding => self.brake(),
             state => return Ok(state),
         }
         self.stepped_s = now_s;
         if let Err(error) = self.bus.cycle(&self.sent_rad, states) {
-            self.cycle_failed(now_s, error)?;
+            self.cycle_failed(now_s, error, states)?;
             // The goals are out already: sending them again would be a step too many.
             return Ok(self.state);
         }
         self.watch_imu(now_s);
+        self.watch_wire(now_s);
+        self.watch_unheard(now_s);
         self.watch_following(now_s, states)?;
+        self.watch_stillness(now_s, states)?;
         self.watch_health(now_s, states)?;
         self.rejoin_lost(now_s, states);
         Ok(self.state)
@@ -234,6 +267,10 @@ impl<B: Bus> SafeBus<B> {
 
     fn brake(&mut self) {
         self.interventions.stale += u64::from(!self.hold_asked);
+        self.brake_all();
+    }
+
+    fn brake_all(&mut self) {
         for (sent, joint) in self.sent_rad.iter_mut().zip(&mut self.joints) {
             *sent = joint.limiter.brake();
         }
@@ -259,8 +296,13 @@ impl<B: Bus> SafeBus<B> {
 
     fn watch_following(&mut self, now_s: f64, states: &[JointState]) -> Result<(), SafetyError> {
         let mut stuck = None;
+        self.followed.begin_cycle(now_s);
         for (index, (joint, state)) in self.joints.iter_mut().zip(states).enumerate() {
             let error_rad = (state.position_rad - self.sent_rad[index]).abs();
+            // A lost servo was told of, and goes its own way.
+            if joint.lost.is_none() {
+                self.followed.push(index, self.sent_rad[index], state.position_rad);
+            }
             if error_rad <= self.config.following_error_deg.to_radians() || joint.lost.is_some() {
                 joint.away_since_s = None;
                 continue;
@@ -338,8 +380,12 @@ impl<B: Bus> SafeBus<B> {
     }
 
     pub(super) fn enter(&mut self, time_s: f64, to: State, cause: &str) {
+        let transition = Transition { time_s, from: self.state, to, cause: cause.into() };
+        if let Some(listener) = &self.listener {
+            let _ = listener.send(transition.clone());
+        }
         if self.transitions.len() < KEPT {
-            self.transitions.push(Transition { time_s, from: self.state, to, cause: cause.into() });
+            self.transitions.push(transition);
         }
         self.state = to;
     }
@@ -363,6 +409,12 @@ impl<B: Bus> SafeBus<B> {
     pub fn is_ramping(&self, now_s: f64) -> bool {
         let weight = |joint: &SafeJoint| joint.ramp_weight(now_s, self.config.ramp_s);
         self.joints.is_empty() || self.joints.iter().any(|joint| weight(joint) != Some(1.0))
+    }
+
+    /// The share of cycles in which each joint was where its command had been a moment
+    /// before (`followed.rs`), in the order of joints.
+    pub fn followed(&self) -> Vec<f64> {
+        self.followed.shares().collect()
     }
 
     /// How often targets were changed so far.

@@ -6,7 +6,8 @@
 //!
 //! Real-time promise: a sound cycle takes its wire time and, where everyone is
 //! read with one instruction, allocates nothing. A damaged one is tried again
-//! at most `retries` times, each bounded by the reply timeout.
+//! at most `retries` times, each bounded by the reply timeout; what is still missing
+//! then is reckoned for a while (`losses.rs`).
 //!
 //! Refused before torque: a silent servo, another model or firmware than
 //! configured, a hardware error, a supply or temperature outside the servo's own
@@ -20,13 +21,17 @@
 use servodance_types::{ImuState, JointState};
 
 use crate::bus::config::BusConfig;
+use crate::bus::error_counters::ErrorCounters;
 use crate::bus::{Bus, BusStats, Health, Notes, torque_alarm};
 use crate::error::{BusError, BusResult};
 use crate::imu::ImuReader;
 use crate::serial::client::ServoClient;
+use crate::serial::deviation::ServoDeviation;
 use crate::serial::families::family_of;
 use crate::serial::family::ServoFamily;
+use crate::serial::missing::Missing;
 use crate::serial::registers::OwnLimits;
+use crate::serial::silence::BusSilence;
 use crate::servo::{Servo, check_cycle, check_models};
 
 /// Cycles a second where nobody says how many.
@@ -41,6 +46,8 @@ pub struct SerialBus {
     own_limits: Vec<Option<OwnLimits>>,
     pub(super) returning: Option<(usize, RejoinStep)>,
     imu: Option<ImuReader>,
+    pub(super) silence: BusSilence,
+    pub(super) missing: Vec<Missing>,
 }
 
 /// How far the return of a lost servo is: see `rejoin.rs`.
@@ -85,17 +92,27 @@ impl SerialBus {
         Ok(Self {
             present: vec![0; size * servos.len()],
             own_limits: vec![None; servos.len()],
+            missing: vec![Missing::default(); servos.len()],
             client: ServoClient::open(port, config, servos, family.framing())?,
             family,
             armed: false,
             returning: None,
             imu,
+            silence: BusSilence::default(),
         })
     }
 
     pub(super) fn check(&mut self, index: usize, pinged: &[u8]) -> BusResult<()> {
         self.own_limits[index] = self.client.check(self.family, index, pinged)?;
         Ok(())
+    }
+
+    fn set_up_all(&mut self) -> BusResult<Notes> {
+        let mut notes = Vec::new();
+        for index in 0..self.client.servos.len() {
+            self.family.set_up(&mut self.client, index, &mut notes)?;
+        }
+        Ok(notes)
     }
 
     pub(super) fn hold_here(&mut self, index: usize) -> BusResult<()> {
@@ -121,23 +138,34 @@ impl SerialBus {
         self.read_present()?;
         let mut states = vec![JointState::default(); self.client.servos.len()];
         self.copy_states(&mut states);
+        self.silence.end(self.client.config.reply_clock.now_s());
         Ok(states)
     }
 
     fn read_present(&mut self) -> BusResult<()> {
-        self.client.begin_read();
         let damaged = self.client.port.stats.crc_errors;
+        if self.read_patiently()? {
+            return Ok(());
+        }
+        let corrupt = self.client.port.stats.crc_errors > damaged;
+        Err(self.client.name_the_silent(corrupt))
+    }
+
+    /// Asks until everyone has answered, `retries` times more; whether everyone has.
+    pub(super) fn read_patiently(&mut self) -> BusResult<bool> {
+        self.client.begin_read();
         for attempt in 0..self.client.tries() {
-            self.client.port.stats.retries += u64::from(attempt > 0);
+            if attempt > 0 {
+                self.client.ask_again();
+            }
             let alert = self.family.read_all(&mut self.client, &mut self.present)?;
             // The servo has something to say against itself.
             alert.map_or(Ok(()), |index| self.client.check_condition(self.family, index))?;
             if self.client.complete() {
-                return Ok(());
+                return Ok(true);
             }
         }
-        let corrupt = self.client.port.stats.crc_errors > damaged;
-        Err(self.client.name_the_silent(corrupt))
+        Ok(false)
     }
 
     fn bytes_of(&self, index: usize) -> &[u8] {
@@ -184,15 +212,32 @@ impl Bus for SerialBus {
                 "these servos have no watchdog: without a host they hold their last goal".into(),
             );
         }
-        for index in 0..self.client.servos.len() {
-            self.family.set_up(&mut self.client, index, &mut notes)?;
-        }
+        notes.extend(self.set_up_all()?);
         self.family.choose_read(&mut self.client, &mut notes)?;
         if let Some(imu) = &mut self.imu {
             imu.read(&mut self.client)?;
             notes.extend(imu.note());
         }
         Ok(notes)
+    }
+
+    fn set_up(&mut self) -> BusResult<Notes> {
+        self.client.ping_all()?;
+        self.set_up_all()
+    }
+
+    fn deviations(&mut self) -> BusResult<Vec<ServoDeviation>> {
+        self.client.ping_all()?;
+        let mut found = Vec::new();
+        for index in 0..self.client.servos.len() {
+            let own = self.family.deviations(&mut self.client, index)?.into_iter();
+            found.extend(own.map(|deviation| ServoDeviation { index, deviation }));
+        }
+        Ok(found)
+    }
+
+    fn homing_offset(&mut self, index: usize) -> BusResult<Option<i32>> {
+        self.family.homing_offset(&mut self.client, index)
     }
 
     fn engage(&mut self) -> BusResult<Vec<JointState>> {
@@ -210,12 +255,13 @@ impl Bus for SerialBus {
             return Err(BusError::NotArmed);
         }
         check_cycle(&self.client.servos, targets_rad, states.len())?;
+        let passed_s = self.watch_silence()?;
         let goal = self.family.registers().goal;
         self.client.hold_sync_write(goal, |index, servo| servo.goal_ticks(targets_rad[index]));
-        self.read_present()?;
+        self.read_cycle()?;
         // Where everyone is set aside nobody was asked.
         self.client.port.send_held(goal.name)?;
-        self.copy_states(states);
+        self.copy_cycle(passed_s, states);
         if let Some(imu) = &mut self.imu {
             imu.read(&mut self.client)?;
         }
@@ -244,7 +290,13 @@ impl Bus for SerialBus {
 
     fn examine(&mut self, index: usize) -> BusResult<Health> {
         let family = self.family;
-        let measured = self.client.once(|client| client.measure(family, index))?;
+        // Between two cycles: no longer than the answers of cycles are waited for.
+        self.client.waits_for_cycle = true;
+        let measured = self.client.once(|client| client.measure(family, index));
+        let tripped = self.refuse_tripped(Some(index));
+        self.client.waits_for_cycle = false;
+        tripped?;
+        let measured = measured?;
         let (Some(measured), Some(own)) = (measured, self.own_limits[index]) else {
             return Ok(Health::default());
         };
@@ -266,6 +318,14 @@ impl Bus for SerialBus {
 
     fn rejoin(&mut self, index: usize) -> BusResult<Option<JointState>> {
         self.advance_rejoin(index)
+    }
+
+    fn resume(&mut self, index: usize) -> BusResult<JointState> {
+        self.resume_stopped(index)
+    }
+
+    fn error_counters(&self) -> ErrorCounters {
+        self.client.errors.clone()
     }
 
     fn reopen(&mut self) -> BusResult<()> {

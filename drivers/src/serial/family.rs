@@ -8,6 +8,7 @@
 use std::fmt;
 
 use self::prelude::*;
+use crate::serial::deviation::Deviation;
 
 /// What the files of a family need of this crate.
 pub(crate) mod prelude {
@@ -43,6 +44,11 @@ pub trait ServoFamily: Sync {
 
     /// The rates that a model can be set to, in the order of its baud register.
     fn bauds(&self, model: &ServoModel) -> &'static [u32];
+
+    /// What the baud register holds for a rate; `None` where the model does not know it.
+    fn baud_code(&self, model: &ServoModel, baud: u32) -> Option<u8> {
+        self.bauds(model).iter().position(|known| *known == baud).map(|code| code as u8)
+    }
 
     /// The registers that every cycle needs.
     fn registers(&self) -> &'static Registers;
@@ -96,8 +102,28 @@ pub trait ServoFamily: Sync {
         client.settle(index, self.registers().torque, 0, notes)
     }
 
+    /// What of a servo's settings is not as it should be; nothing is written.
+    fn deviations(&self, _client: &mut ServoClient, _index: usize) -> BusResult<Vec<Deviation>> {
+        Ok(Vec::new())
+    }
+
+    /// What the servo adds to its angle, ticks; `None` where it has no such setting.
+    fn homing_offset(&self, _client: &mut ServoClient, _index: usize) -> BusResult<Option<i32>> {
+        Ok(None)
+    }
+
     /// Arms the servo's own watchdog and reads it back.
     fn arm_watchdog(&self, _client: &mut ServoClient, _index: usize) -> BusResult<()> {
+        Ok(())
+    }
+
+    /// The servos that their own watchdog has stopped: `who` alone, or all of them.
+    fn tripped(&self, _client: &mut ServoClient, _who: Option<usize>) -> BusResult<Vec<usize>> {
+        Ok(Vec::new())
+    }
+
+    /// Has a servo that its watchdog has stopped take goals again, its watchdog off.
+    fn clear_watchdog(&self, _client: &mut ServoClient, _index: usize) -> BusResult<()> {
         Ok(())
     }
 

@@ -14,6 +14,9 @@ pub enum Firmware {
     Bytes(&'static ByteMemory),
 }
 
+/// The rate that a value of a baud register means, bits a second; 0 for none.
+pub type BaudDecoder = fn(u8) -> u32;
+
 /// The memory of a servo that keeps plain bytes. What is `None` does not exist.
 #[allow(missing_docs)] // a register's field says which one it is
 #[derive(Debug)]
@@ -23,6 +26,8 @@ pub struct ByteMemory {
     pub size: usize,
     pub ram: usize,
     pub model: Option<Register>,
+    /// The baud register, and the rate that it means; 0 for none.
+    pub baud: Option<(Register, BaudDecoder)>,
     pub return_delay: Option<Register>,
     pub status_level: Option<Register>,
     pub goal_limits: Option<(Register, Register)>,
@@ -57,6 +62,7 @@ impl ByteMemory {
             size,
             ram: 0,
             model: None,
+            baud: None,
             return_delay: None,
             status_level: None,
             goal_limits: None,

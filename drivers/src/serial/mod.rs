@@ -12,6 +12,7 @@
 
 pub(crate) mod bus;
 mod client;
+mod deviation;
 mod device_read;
 pub mod dynamixel1;
 pub mod dynamixel2;
@@ -19,20 +20,26 @@ pub(crate) mod families;
 mod family;
 pub mod feetech;
 mod limits;
+mod losses;
 mod memory;
+mod missing;
+mod patience;
 mod preflight;
 mod register;
 mod registers;
 mod rejoin;
 pub(crate) mod scan;
+mod silence;
 mod timeout;
+mod watchdogs;
 pub(crate) mod wire;
 
 pub use bus::SerialBus;
 pub use client::ServoClient;
+pub use deviation::{Deviation, Remedy, ServoDeviation};
 pub use families::{FAMILIES, family_of};
 pub use family::ServoFamily;
-pub use memory::{ByteMemory, Firmware, Protection};
+pub use memory::{BaudDecoder, ByteMemory, Firmware, Protection};
 pub use register::{Register, sign_magnitude};
 pub use registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers, ServiceRegisters};
 

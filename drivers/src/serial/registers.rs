@@ -13,11 +13,15 @@ pub struct Registers {
     pub service: Option<ServiceRegisters>,
 }
 
-/// What `scan`, `ping` and `set-id` need, and the check of supply and temperature.
+/// What `scan`, `ping`, `set-id` and `set-baud` need, and the check of supply and temperature.
 #[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServiceRegisters {
     pub id: Register,
+    /// The rate, as [`crate::serial::ServoFamily::baud_code`] numbers it.
+    pub baud: Register,
+    /// A clock of the servo's own, which tells two servos with one id apart.
+    pub clock: Option<Register>,
     pub last_id: u8,
     pub position: Register,
     /// The supply in 0.1 V; the temperature stands right behind it.

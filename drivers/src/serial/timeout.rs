@@ -3,12 +3,13 @@
 //! ```text
 //! request -- no reply by the deadline --> the same again, `retries` times
 //!         -- still none --> BusError::Silent with the joints that are missing
-//! cycle   -- Silent --> SafeBus: the servo is set aside or the robot stops
+//! cycle   -- none for a while (losses.rs) --> Silent
+//!         -- Silent --> SafeBus: the servo is set aside or the robot stops
 //!         -- set aside --> rejoin, step by step, between cycles
 //! ```
 //!
 //! The deadline is the time on the wire, the longest return delay of each servo,
-//! and `reply_timeout_ms`. A reply that comes after it does not pass for that of
+//! and `reply_timeout_ms`; in a cycle less, as learnt from the answers before (`patience.rs`). A reply that comes after it does not pass for that of
 //! the next request (`wire/stale_replies.rs`). `safety/lost_servo.rs`
 //! decides what becomes of the robot, `rejoin.rs` takes a servo back.
 
@@ -31,9 +32,23 @@ impl ServoClient {
     }
 
     pub(super) fn wait(&self, bytes: usize, servos: usize) -> Duration {
-        self.port.time(self.port.sent() + bytes)
-            + LONGEST_RETURN_DELAY * servos as u32
-            + Duration::from_secs_f64(self.config.reply_timeout_ms * 1e-3)
+        let longest_s = self.config.reply_timeout_ms * 1e-3;
+        let learnt = self.patience.wait(longest_s).filter(|_| self.waits_for_cycle);
+        // What was learnt has the servos' return delays in it.
+        let beyond = learnt.unwrap_or_else(|| {
+            LONGEST_RETURN_DELAY * servos as u32 + Duration::from_secs_f64(longest_s)
+        });
+        self.port.time(self.port.sent() + bytes) + beyond
+    }
+
+    /// Learns from a cycle's question that was answered whole, `bytes` long, or was not.
+    pub(crate) fn learn(&mut self, asked: Instant, bytes: usize, whole: bool) {
+        if whole {
+            let on_wire = self.port.time(self.port.sent() + bytes);
+            self.patience.answered(asked.elapsed().saturating_sub(on_wire).as_secs_f64());
+        } else {
+            self.patience.lost(self.config.reply_timeout_ms * 1e-3);
+        }
     }
 
     /// Does something without retries.
@@ -54,7 +69,7 @@ impl ServoClient {
         if corrupt {
             BusError::Corrupt { servos, doing, tries }
         } else {
-            BusError::Silent { servos, doing, tries }
+            BusError::Silent { servos, doing, tries, hint: String::new() }
         }
     }
 
@@ -68,7 +83,14 @@ impl ServoClient {
                 Err(error) => return Err(error),
             }
         }
-        if silent.is_empty() { Ok(answers) } else { Err(self.unanswered(silent, false, "ping")) }
+        if silent.is_empty() {
+            return Ok(answers);
+        }
+        let baud = self.config.baud;
+        let hint = format!(
+            " at {baud} baud: power, wiring, id? `servodance scan` finds servos at every rate"
+        );
+        Err(BusError::Silent { servos: silent, doing: "ping", tries: self.tries, hint })
     }
 
     /// One missing servo silences those behind it: ask each by itself, once,

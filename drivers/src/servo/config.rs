@@ -9,8 +9,8 @@ use servodance_types::JointLimits;
 
 use crate::can::{MotorModel, MotorSettings};
 use crate::error::ConfigError;
-use crate::servo::Servo;
 use crate::servo::model::ServoModel;
+use crate::servo::{SerialSettings, Servo};
 
 /// One `[[joint]]` table. The keys from `kp` on are for CAN motors only, and
 /// `firmware` is for serial servos only.
@@ -25,6 +25,10 @@ pub struct ServoConfig {
     pub model: String,
     /// The firmware that a serial servo must have, as `servodance scan` shows it; any if left out.
     pub firmware: Option<u8>,
+    /// What the serial servo adds to its own angle, ticks; `servodance calibrate` writes it.
+    pub homing_offset: Option<i32>,
+    /// Position gains P, I and D of the serial servo; the factory's if left out.
+    pub gains: Option<[u16; 3]>,
     pub direction: i8,
     /// Servo angle, degrees (0 to 360, centre 180), where the joint reads zero;
     /// for a CAN motor its own angle after the gear, of either sign.
@@ -99,6 +103,7 @@ impl ServoConfig {
             zero_rad: self.zero_deg.to_radians(),
             limits,
             motor: self.motor_settings(model)?,
+            settings: SerialSettings { homing_offset: self.homing_offset, gains: self.gains },
         };
         match &servo.motor {
             Some(motor) => self.check_motor_reach(&servo, motor)?,
@@ -109,12 +114,14 @@ impl ServoConfig {
 
     fn motor_settings(&self, model: &ServoModel) -> Result<Option<MotorSettings>, ConfigError> {
         if let Some(stock) = &model.motor {
-            if self.firmware.is_some() {
-                return Err(self.bad(
-                    "firmware",
-                    "given",
-                    format!("left out: {} is a CAN motor", model.name),
-                ));
+            let given = [
+                ("firmware", self.firmware.is_some()),
+                ("homing_offset", self.homing_offset.is_some()),
+                ("gains", self.gains.is_some()),
+            ];
+            if let Some((key, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
+                let wanted = format!("left out: {} is a CAN motor", model.name);
+                return Err(self.bad(key, "given", wanted));
             }
             return self.settings_with(stock).map(Some);
         }

@@ -32,6 +32,16 @@ pub struct Servo {
     pub limits: JointLimits,
     /// What only a CAN motor has; `None` for a serial servo.
     pub motor: Option<MotorSettings>,
+    pub settings: SerialSettings,
+}
+
+/// Settings in the memory of a serial servo that the robot file may name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SerialSettings {
+    /// What the servo adds to its angle, ticks; another offset is refused before torque.
+    pub homing_offset: Option<i32>,
+    /// Position gains P, I and D, in the servo's units; the factory's if left out.
+    pub gains: Option<[u16; 3]>,
 }
 
 /// A joint may stand this far outside its limits when arming; its first target is
@@ -168,6 +178,7 @@ mod tests {
                 acceleration_rad_s2: 40.0,
             },
             motor: None,
+            settings: SerialSettings::default(),
         }
     }
 

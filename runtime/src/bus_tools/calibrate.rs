@@ -6,6 +6,10 @@
 //! down gets the other direction. The rest of the file, comments included,
 //! stays as it is.
 //!
+//! Servos get the modes that arming gives them (drive mode, one turn) before anything is
+//! read, and an offset in a servo's own memory goes into the file: with another one the
+//! robot gets no torque.
+//!
 //! Refused: a pose from which a joint could not reach its limits within the
 //! servo's turn; the servo's horn must be mounted otherwise.
 
@@ -40,6 +44,8 @@ struct JointSettings {
     joint: String,
     zero_deg: f64,
     direction: i8,
+    /// What the servo adds to its angle, ticks; `None` where it has no such setting.
+    homing_offset: Option<i32>,
 }
 
 impl Calibration<'_> {
@@ -59,6 +65,9 @@ impl Calibration<'_> {
         ))?;
         let mut bus = open_buses(&ports, &robot.buses, &robot.servos)?;
         bus.disarm()?;
+        // Zeros hold for the modes that arming gives: those first, or a servo in reverse or
+        // over several turns would count otherwise later on.
+        bus.set_up()?.iter().for_each(|note| show(note));
         let found = self.measure(&mut *bus, &robot)?;
         table(&robot.servos, &found).iter().for_each(|line| show(line));
         let edited = edit(&text, &found)?;
@@ -106,10 +115,13 @@ impl Calibration<'_> {
             positive = bus.observe()?;
         }
         let readings = rest.iter().zip(&positive);
-        let found = robot.servos.iter().zip(readings).map(|(servo, (rest, positive))| {
-            found(servo, rest.position_rad, positive.position_rad)
+        let servos = robot.servos.iter().zip(readings).enumerate();
+        let found = servos.map(|(index, (servo, (rest, positive)))| {
+            let homing_offset = bus.homing_offset(index)?;
+            let found = found(servo, rest.position_rad, positive.position_rad);
+            Ok(JointSettings { homing_offset, ..found })
         });
-        Ok(found.collect())
+        found.collect()
     }
 }
 
@@ -136,6 +148,7 @@ fn found(servo: &Servo, rest_rad: f64, positive_rad: f64) -> JointSettings {
         // A thousandth of a degree is a hundredth of an encoder tick.
         zero_deg: (zero_rad.to_degrees() * 1e3).round() / 1e3,
         direction: direction as i8,
+        homing_offset: None,
     }
 }
 
@@ -176,6 +189,11 @@ fn edit(text: &str, found: &[JointSettings]) -> anyhow::Result<String> {
             .with_context(|| format!("the robot file has no [[joint]] \"{}\"", found.joint))?;
         set_value(table, "zero_deg", Value::from(found.zero_deg));
         set_value(table, "direction", Value::from(i64::from(found.direction)));
+        if let Some(ticks) = found.homing_offset
+            && (ticks != 0 || table.contains_key("homing_offset"))
+        {
+            set_value(table, "homing_offset", Value::from(i64::from(ticks)));
+        }
     }
     Ok(document.to_string())
 }
@@ -220,8 +238,13 @@ mod tests {
         let text = "\
 # My robot.\nname = \"x\"\n\n[[joint]]\nname = \"a\" # left\nzero_deg = 180.0   # horn up\ndirection = 1\n\n[[joint]]\nname = \"b\"\nzero_deg = 90\ndirection = -1 # mirrored\n";
         let found = [
-            JointSettings { joint: "a".into(), zero_deg: 171.5, direction: -1 },
-            JointSettings { joint: "b".into(), zero_deg: 90.0, direction: -1 },
+            JointSettings {
+                joint: "a".into(),
+                zero_deg: 171.5,
+                direction: -1,
+                homing_offset: Some(0),
+            },
+            JointSettings { joint: "b".into(), zero_deg: 90.0, direction: -1, homing_offset: None },
         ];
         let wanted =
             text.replace("180.0   #", "171.5   #").replace("direction = 1\n", "direction = -1\n");

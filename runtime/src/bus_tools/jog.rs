@@ -7,6 +7,7 @@
 use super::consent::Consent;
 use super::plug;
 use crate::process::console::{stderr_line, stdout_line};
+use crate::process::wrong_usage::misused;
 use crate::robot::Robot;
 use anyhow::bail;
 use servodance_drivers::{Bus, SafeBus, SafetyConfig, Servo, State, open_bus};
@@ -40,7 +41,7 @@ impl JogStep {
         };
         match number.trim().parse::<f64>() {
             Ok(degrees) if degrees.is_finite() => Ok(step(degrees)),
-            _ => bail!("\"{text}\" is no step: degrees, as 5, -5, or =30 for an angle"),
+            _ => misused!("\"{text}\" is no step: degrees, as 5, -5, or =30 for an angle"),
         }
     }
 

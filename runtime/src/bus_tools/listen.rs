@@ -1,5 +1,6 @@
 //! Finding servos on a serial port: which rates, which framing, how long to wait.
 
+use crate::process::wrong_usage::misused;
 use anyhow::bail;
 use clap::ValueEnum;
 use servodance_drivers::{FoundServo, Framing, SerialScanner, latency_timer};
@@ -41,12 +42,12 @@ impl ProtocolChoice {
 fn serial_path(port: &str) -> anyhow::Result<&str> {
     let path = port.strip_prefix("serial:").unwrap_or(port);
     if ["can:", "slcan:", "udp:"].iter().any(|kind| path.starts_with(kind)) {
-        bail!(
+        misused!(
             "{port} leads to a CAN bus; this looks at serial ones (scan and ping --robot know CAN)"
         );
     }
     if path.is_empty() {
-        bail!("\"{port}\" names no port; give its path, e.g. /dev/ttyUSB0");
+        misused!("\"{port}\" names no port; give its path, e.g. /dev/ttyUSB0");
     }
     Ok(path)
 }
@@ -67,7 +68,7 @@ impl SerialListener {
         if let Some(baud) = baud
             && !(9_600..=10_000_000).contains(&baud)
         {
-            bail!("--baud {baud} is outside 9600..10000000");
+            misused!("--baud {baud} is outside 9600..10000000");
         }
         let latency_ms = latency_timer(&path).map_or(0, |timer| timer.latency_ms);
         Ok(Self {
@@ -94,6 +95,14 @@ impl SerialListener {
                 bauds.into_iter().map(move |baud| (protocol, baud))
             })
             .collect()
+    }
+
+    /// Those that a look at all of them takes: slow rates only if asked for.
+    pub fn usual_channels(&self) -> Vec<(Framing, u32)> {
+        let usual = |&(protocol, baud): &(Framing, u32)| {
+            self.baud.is_some() || SerialScanner::usual_bauds(protocol).any(|known| known == baud)
+        };
+        self.channels().into_iter().filter(usual).collect()
     }
 
     pub fn probe(&self, protocol: Framing, baud: u32) -> anyhow::Result<SerialScanner> {

@@ -1,6 +1,6 @@
 //! Looking at a bus and setting it up: what people need before a robot dances.
 //!
-//! [`scan`] and [`ping`] only ask. [`set_id`], [`calibrate`] and [`jog`] change
+//! [`scan`], [`ping`] and [`servo_check`] only ask (the last with `fix` set writes). [`set_id`], [`set_baud`], [`calibrate`] and [`jog`] change
 //! or move something on what may be a live robot, and ask first ([`Consent`]).
 //! [`serve`] is the simulated far end.
 
@@ -9,9 +9,11 @@ mod consent;
 pub mod jog;
 mod listen;
 pub mod ping;
-mod plug;
+pub(crate) mod plug;
 pub mod scan;
 pub mod serve;
+pub mod servo_check;
+pub mod set_baud;
 pub mod set_id;
 pub mod sim_link;
 

@@ -2,18 +2,10 @@
 //! `sim-bus`).
 
 use crate::control::bus_choice::BusChoice;
-use crate::control::bus_choice::choose;
+use crate::control::bus_choice::{choose, named};
 use crate::robot::Robot;
 use anyhow::{Context, bail};
 use servodance_drivers::{BusLayout, Port};
-
-/// `serial:PATH` for a bare path, as of a device; other texts as they are.
-fn named(port: &str) -> String {
-    match port.starts_with('/') {
-        true => format!("serial:{port}"),
-        false => port.to_owned(),
-    }
-}
 
 /// The port of each bus of the robot, from the values of `--bus`.
 pub fn ports(robot: &Robot, given: &[String]) -> anyhow::Result<Vec<Port>> {

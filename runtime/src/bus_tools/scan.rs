@@ -1,6 +1,7 @@
 //! The servos on a bus.
 
 use super::listen::{ProtocolChoice, SerialListener, line, vitals};
+use crate::process::wrong_usage::misused;
 use anyhow::bail;
 use servodance_drivers::can::{CanFound, CanPort, CanScanner};
 use servodance_drivers::{Framing, available_ports, latency_timer};
@@ -36,7 +37,7 @@ pub fn scan(
 ) -> anyhow::Result<()> {
     if let Ok(can) = CanPort::parse(port) {
         if protocol != ProtocolChoice::All {
-            bail!("--protocol is for serial servos; on CAN every family is looked for");
+            misused!("--protocol is for serial servos; on CAN every family is looked for");
         }
         return scan_can(port, &can, baud, found, note);
     }
@@ -46,16 +47,19 @@ pub fn scan(
         note(&text);
     }
     let mut count = 0;
-    for (protocol, baud) in listener.channels() {
+    for (protocol, baud) in listener.usual_channels() {
         let mut probe = listener.probe(protocol, baud)?;
         note(&match protocol {
             Framing::Protocol2 => format!("{baud} baud, protocol 2.0"),
-            Framing::Protocol1 => format!("{baud} baud, protocol 1: asking 254 ids"),
+            Framing::Protocol1 => format!("{baud} baud, protocol 1"),
         });
         for servo in probe.everyone()? {
             count += 1;
             found(&line(&servo, &vitals(&mut probe, &servo)));
         }
+    }
+    if baud.is_none() {
+        note("rates below 38400 baud were left out: --baud looks at one");
     }
     if count == 0 {
         bail!(
@@ -79,7 +83,7 @@ fn scan_can(
     let is_adapter = matches!(can, CanPort::Slcan(_));
     let bitrates = match bitrate {
         Some(bitrate) if is_adapter => vec![bitrate],
-        Some(_) => bail!("--baud is for slcan: the bitrate of {port} is set by the system"),
+        Some(_) => misused!("--baud is for slcan: the bitrate of {port} is set by the system"),
         None if is_adapter => BITRATES.to_vec(),
         None => vec![BITRATES[0]],
     };

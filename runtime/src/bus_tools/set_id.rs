@@ -2,6 +2,7 @@
 
 use super::consent::Consent;
 use super::listen::{ProtocolChoice, SerialListener};
+use crate::process::wrong_usage::misused;
 use anyhow::{Context, bail};
 
 /// Gives the servo with id `old` the id `new`, for good. Returns a line about it.
@@ -15,13 +16,15 @@ pub fn set_id(
     protocol: ProtocolChoice,
     consent: Consent,
 ) -> anyhow::Result<String> {
-    let in_range = |id: u16| match u8::try_from(id) {
-        Ok(id) if id <= 253 => Ok(id),
-        _ => bail!("id {id} is out of range: 0 to 252 (253 with protocol 1)"),
+    let in_range = |id: u16| -> anyhow::Result<u8> {
+        match u8::try_from(id) {
+            Ok(id) if id <= 253 => Ok(id),
+            _ => misused!("id {id} is out of range: 0 to 252 (253 with protocol 1)"),
+        }
     };
     let (old, new) = (in_range(old)?, in_range(new)?);
     if old == new {
-        bail!("the servo has id {old} already");
+        misused!("the servo has id {old} already");
     }
     let listener = SerialListener::new(port, baud, protocol)?;
     let (mut probe, servo) = listener.find(old)?;
@@ -29,6 +32,9 @@ pub fn set_id(
     let last = servo.last_id();
     if new > last {
         bail!("id {new} is out of range: 0 to {last} for {model}");
+    }
+    if probe.is_doubled(&servo)? {
+        bail!("two servos answer to id {old}, and both would change: connect one at a time");
     }
     probe.vitals(&servo).with_context(|| format!("id {old} cannot be read: is it given twice?"))?;
     if let Some(taken) = probe.ping(new).with_context(|| format!("id {new} is in use"))? {

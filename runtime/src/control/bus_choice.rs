@@ -22,7 +22,8 @@ impl BusChoice {
             return Ok(Self::Sim);
         }
         Ok(Self::Port(
-            text.parse()
+            named(text)
+                .parse()
                 .map_err(|error| anyhow!("--bus: {error} (or sim, for simulated servos)"))?,
         ))
     }
@@ -35,7 +36,16 @@ impl BusChoice {
     }
 }
 
-/// One choice a bus, from values like `sim`, `serial:PATH`, `NAME=serial:PATH`.
+/// `serial:PATH` for a bare path, as of a device; other texts as they are.
+pub fn named(port: &str) -> String {
+    match port.starts_with('/') {
+        true => format!("serial:{port}"),
+        false => port.to_owned(),
+    }
+}
+
+/// One choice a bus, from values like `sim`, `serial:PATH`, `NAME=serial:PATH`;
+/// a bare path is that of a serial port.
 pub fn choose(robot: &Robot, given: &[String]) -> anyhow::Result<Vec<BusChoice>> {
     choose_for(&robot.buses, given)
 }

@@ -9,6 +9,7 @@ pub(crate) mod beat_sync;
 pub mod bus_choice;
 pub(crate) mod control_loop;
 pub(crate) mod cycle_clock;
+mod cycle_gaps;
 pub mod delays;
 pub mod emergency_stop;
 pub mod idle;

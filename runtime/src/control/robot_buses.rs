@@ -6,13 +6,18 @@
 //! (`reply_clock`).
 
 use super::bus_choice::BusChoice;
+use super::cycle_gaps::CycleGaps;
+use crate::pipeline::step_times::StepTimes;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
+use crate::telemetry::following_report::{FollowingReport, ServoErrorReport};
 use crate::telemetry::pose_array::{pose_array, pose_of};
 use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
 use crate::world::{BodyReport, RobotWorld, WorldChoice};
 use anyhow::Context;
-use servodance_drivers::{Bus, BusLayout, EStop, ImuKind, SafeBus, State, open_buses};
+use servodance_drivers::{
+    Bus, BusLayout, EStop, ImuKind, SafeBus, ServoErrors, State, Transition, open_buses,
+};
 use servodance_retarget::Retargeter;
 use servodance_sim::{
     Cue, Happening, SimBus, SimLink, SimOptions, SimServoSpec, Violations, happen,
@@ -21,6 +26,8 @@ use servodance_types::{ImuState, JointState, Placement};
 use std::iter::Peekable;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Instant;
 
 /// In lockstep the simulated servos themselves say when no reply will come
 /// (`SimBus::reply_clock`): a busy machine must not look like a lost reply, or
@@ -75,6 +82,10 @@ pub struct RobotBuses {
     states: Vec<JointState>,
     truth: Vec<JointState>,
     now_s: f64,
+    /// In real time.
+    gaps: Option<CycleGaps>,
+    /// What the safety layer tells, until somebody listens.
+    events: Option<Receiver<Transition>>,
 }
 
 impl RobotBuses {
@@ -129,8 +140,12 @@ impl RobotBuses {
         }
         let bus = open_buses(&ports, &layouts, &robot.servos)?;
         let joints = robot.servos.len();
+        let (listener, events) = channel();
+        let safe = SafeBus::new(bus, robot.safety)?.with_estop(estop.clone());
         Ok(Self {
-            bus: SafeBus::new(bus, robot.safety)?.with_estop(estop.clone()),
+            bus: safe.with_listener(listener),
+            gaps: (speed == Speed::Realtime).then(|| CycleGaps::new(robot.period_s())),
+            events: Some(events),
             sims,
             layouts,
             root: world.as_ref().map(|world| world.shared.root()),
@@ -159,6 +174,9 @@ impl RobotBuses {
     /// `now_s` counts from torque on.
     pub fn cycle(&mut self, now_s: f64, targets_rad: &[f64]) -> anyhow::Result<()> {
         self.inject_faults(now_s)?;
+        if let Some(told) = self.gaps.as_mut().and_then(|gaps| gaps.cycle(Instant::now())) {
+            self.bus.note(now_s, &told);
+        }
         self.bus.command(now_s, targets_rad);
         self.bus.tick(now_s, &mut self.states)?;
         self.root = self.world.as_ref().map(|world| world.shared.root());
@@ -337,16 +355,33 @@ impl RobotBuses {
 
     /// What the safety layer did and why, in order, for the report.
     pub fn safety_log(&self) -> Vec<SafetyEvent> {
-        let transitions = self.bus.transitions().iter();
-        transitions
-            .map(|event| SafetyEvent {
-                time_s: event.time_s,
-                from: format!("{:?}", event.from),
-                to: format!("{:?}", event.to),
-                cause: event.cause.clone(),
-                routine: is_routine(event.from, event.to),
-            })
-            .collect()
+        self.bus.transitions().iter().map(safety_event).collect()
+    }
+
+    /// What the safety layer tells from the beginning on, as it happens; for one listener.
+    pub fn listen(&mut self) -> impl Iterator<Item = SafetyEvent> + use<> {
+        let events = self.events.take();
+        std::iter::from_fn(move || events.as_ref()?.try_recv().ok())
+            .map(|event| safety_event(&event))
+    }
+
+    /// Percentiles of the time from command to command; `None` in simulated time.
+    pub fn cycle_gaps(&self) -> Option<StepTimes> {
+        self.gaps.as_ref().map(CycleGaps::percentiles)
+    }
+
+    /// How well the servos followed what they were told.
+    pub fn following(&self) -> FollowingReport {
+        let servos = self.bus.bus().servos();
+        FollowingReport::new(servos.iter().map(|servo| servo.name.as_str()), &self.bus.followed())
+    }
+
+    /// The servos with which something went wrong on the wire.
+    pub fn servo_errors(&self) -> Vec<ServoErrorReport> {
+        let bus = self.bus.bus();
+        let counted = bus.servos().iter().zip(bus.error_counters().read());
+        let wrong = counted.filter(|(_, errors)| *errors != ServoErrors::default());
+        wrong.map(|(servo, errors)| ServoErrorReport::new(&servo.name, errors)).collect()
     }
 
     /// Totals of the wire, for the report.
@@ -412,6 +447,16 @@ impl RobotBuses {
     pub fn wire_totals(&self) -> (u64, u64) {
         let stats = self.bus.bus().stats();
         (stats.bytes, stats.packets)
+    }
+}
+
+fn safety_event(event: &Transition) -> SafetyEvent {
+    SafetyEvent {
+        time_s: event.time_s,
+        from: format!("{:?}", event.from),
+        to: format!("{:?}", event.to),
+        cause: event.cause.clone(),
+        routine: is_routine(event.from, event.to),
     }
 }
 

@@ -1,13 +1,16 @@
 //! What on this machine stands in the way of a dance, and what to do about it.
 //!
-//! Everything is looked at, nothing is changed: no port is written to, no
-//! setting is made. Times are measured on the spot, so a busy machine is told
+//! Everything is looked at, nothing is changed: no setting is made, and no port is
+//! written to unless [`servos`] is asked to ask them. Times are measured on the spot, so a busy machine is told
 //! as busy.
 
 mod budget;
 mod ports;
+mod servos;
 mod sound;
 mod system;
+
+pub use servos::servos;
 
 use crate::robot::Robot;
 use serde::Serialize;

@@ -6,3 +6,4 @@ pub(crate) mod failpoint;
 pub mod progress;
 pub mod realtime;
 pub mod speed;
+pub mod wrong_usage;

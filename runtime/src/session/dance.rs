@@ -21,7 +21,7 @@ use crate::process::realtime::{NotAllowed, OrdinaryAfterwards, ThreadRole, raise
 use crate::process::speed::Speed;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
-use crate::telemetry::report::DanceReport;
+use crate::telemetry::report::{DanceReport, SafetyEvent};
 use crate::viewer::RobotEnd;
 use anyhow::Context;
 use servodance_audio::capture::CaptureEvent;
@@ -83,6 +83,7 @@ pub(super) fn perform(
     let plan = SimulationPlan { world: config.world, ..SimulationPlan::default() };
     let mut servos =
         RobotBuses::open_simulating(&config.robot, &config.buses, config.speed, estop, plan)?;
+    let mut events = servos.listen();
     for note in servos.arm()? {
         progress.note(&note);
     }
@@ -95,13 +96,16 @@ pub(super) fn perform(
         stop,
     )?;
     control.shed_viewers(&shedding);
-    let ending = control.run(&mut source, |time_s| progress.at(time_s));
+    let ending = control.run(&mut source, |time_s| {
+        progress.at(time_s);
+        note_safety_events(&mut events, &progress);
+    });
     let mut run = control.into_record();
     let disarmed = servos.disarm(disarm_cause(&ending, "the music is over"));
     if let Some(viewers) = viewers {
         publish_end(viewers, &servos);
     }
-    note_safety_events(&servos, &progress);
+    note_safety_events(&mut events, &progress);
     let stood_s = run.clock.stood_s;
     let last_s = servos.now_s() - stood_s;
     run.log.recorder.changes(last_s, stood_s, &servos);
@@ -132,6 +136,7 @@ pub(super) fn perform(
     recorded?;
     refuse_fall(&servos)?;
     refuse_broken_limits(&report, &servos)?;
+    report.following.refuse_frozen()?;
     Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
 }
 
@@ -204,8 +209,8 @@ fn open_recorder(config: &DanceConfig, progress: &Progress) -> anyhow::Result<Op
     Ok(Some(recorder))
 }
 
-fn note_safety_events(servos: &RobotBuses, progress: &Progress) {
-    for event in servos.safety_log().iter().filter(|event| !event.routine) {
+fn note_safety_events(events: &mut impl Iterator<Item = SafetyEvent>, progress: &Progress) {
+    for event in events.by_ref().filter(|event| !event.routine) {
         progress.note(&format!(
             "{:.2} s, {} -> {}: {}",
             event.time_s, event.from, event.to, event.cause

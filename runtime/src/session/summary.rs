@@ -42,9 +42,13 @@ pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
         "robot",
         format!(
             "{robot} on {bus}: {cycles} cycles at {rate_hz:.0} Hz, {bytes} bytes, \
-             {errors} errors, {late_frames} late"
+             {errors} errors, {late_frames} late{}",
+            longest_gap(config, report)
         ),
     );
+    if let Some(following) = report.following.line() {
+        line("followed", following);
+    }
     if let Some(latency) = &report.latency_ms {
         line(
             "latency",
@@ -83,4 +87,13 @@ pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
         }
     }
     text
+}
+
+/// The longest time between two commands, where the robot felt it.
+fn longest_gap(config: &DanceConfig, report: &DanceReport) -> String {
+    let long_ms = 2.0 * config.robot.period_s() * 1e3;
+    match report.cycle_gaps.filter(|gaps| gaps.max_ms > long_ms) {
+        Some(gaps) => format!(", longest gap {:.0} ms", gaps.max_ms),
+        None => String::new(),
+    }
 }

@@ -9,7 +9,9 @@
 //! | write BVH, CSV or GIF | [`export`] |
 
 pub mod export;
+pub mod following_report;
 pub(crate) mod joint_csv;
+pub mod joint_share;
 pub mod pending_file;
 pub mod picture;
 pub(crate) mod pose_array;

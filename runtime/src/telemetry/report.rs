@@ -3,6 +3,8 @@
 //! Meaning and unit of each key stand in `docs/report.md`, which a test holds
 //! against this file; a change of meaning raises [`DanceReport::FORMAT`].
 
+use super::following_report::{FollowingReport, ServoErrorReport};
+pub use super::joint_share::JointShare;
 pub use super::violation_report::ViolationReport;
 use crate::control::latency::LatencyReport;
 use crate::pipeline::step_times::StepTimes;
@@ -28,6 +30,12 @@ pub struct DanceReport {
     pub realtime_factor: f64,
     pub stages: PipelineTimes,
     pub bus_stats: BusReport,
+    #[serde(default)]
+    pub cycle_gaps: Option<StepTimes>,
+    #[serde(default)]
+    pub servo_errors: Vec<ServoErrorReport>,
+    #[serde(default)]
+    pub following: FollowingReport,
     pub violations: Option<ViolationReport>,
     #[serde(default)]
     pub body: Option<BodyReport>,
@@ -89,12 +97,6 @@ pub struct EffortFigures {
     pub hottest: Option<JointShare>,
     pub lowest_amplitude: f64,
     pub overloaded_cycles: u64,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct JointShare {
-    pub joint: String,
-    pub share: f64,
 }
 
 impl Default for EffortFigures {

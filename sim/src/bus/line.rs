@@ -26,6 +26,13 @@ pub trait Line: std::fmt::Debug + Send {
     /// Carries out what was completed; returns the replies in order.
     fn execute(&mut self) -> Vec<Burst>;
 
+    /// What was completed is lost on the wire.
+    fn lose(&mut self) {}
+
+    /// Goals of the host may not have arrived: the next ones are judged by the time that
+    /// has passed.
+    fn miss_goals(&mut self) {}
+
     /// Takes one CAN frame from the host; the answers in the order in which the
     /// bus carries them. A serial line has none.
     fn receive(&mut self, _frame: &CanFrame) -> Vec<CanFrame> {
@@ -37,7 +44,7 @@ pub trait Line: std::fmt::Debug + Send {
         Vec::new()
     }
 
-    /// The rate at which the host speaks from now on, bits a second. CAN adapters
+    /// Bytes of the host begin to come: the rate at which it speaks, bits a second. CAN adapters
     /// see to that by themselves.
     fn set_host_baud(&mut self, _baud: u32) {}
 

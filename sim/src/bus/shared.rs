@@ -147,6 +147,10 @@ impl servodance_drivers::FarEnd for BusShared {
         let unread = watched.as_ref().is_some_and(has_unread);
         !unread && !self.busy.load(Ordering::SeqCst)
     }
+
+    fn time_s(&self) -> f64 {
+        self.stepped().time_s()
+    }
 }
 
 /// Whether there is something to read; that the other end is closed is not.

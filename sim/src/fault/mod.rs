@@ -25,6 +25,10 @@ pub enum WireFault {
     /// The host receives its own instruction before the reply, as on adapters
     /// that do not control the direction.
     Echo,
+    /// A packet is lost, of the host or of a servo.
+    Lose,
+    /// One bit is flipped in this share of the **bytes**, of the host and of the servos.
+    Bytes,
     /// One bit of the host's instruction is flipped on its way to the servos.
     CorruptInstruction,
 }
@@ -46,6 +50,8 @@ pub enum ServoFault {
     Free,
     /// It shuts down from overload now.
     Overload,
+    /// Its own watchdog stops it now, if it has one.
+    Trip,
     /// Its supply changes, volts.
     Supply(f64),
     /// The limp joint is turned by hand, to this many radians.

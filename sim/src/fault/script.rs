@@ -135,6 +135,7 @@ fn servo_fault(fault: &str, value: Option<f64>) -> Result<ServoFault, String> {
         "jam" => ServoFault::Jam,
         "free" => ServoFault::Free,
         "overload" => ServoFault::Overload,
+        "trip" => ServoFault::Trip,
         "overheat" => ServoFault::Overheat(needed?),
         "supply" => ServoFault::Supply(needed?),
         "baud" => match needed? {
@@ -149,7 +150,7 @@ fn servo_fault(fault: &str, value: Option<f64>) -> Result<ServoFault, String> {
         },
         _ => {
             return Err(format!(
-                "no fault \"{fault}\"; a servo can be dead, revive, reboot, jam, free, overload, \
+                "no fault \"{fault}\"; a servo can be dead, revive, reboot, jam, free, overload, trip, \
                  overheat CELSIUS, supply VOLTS, id N, baud N"
             ));
         }
@@ -167,10 +168,12 @@ fn wire_fault(fault: &str, share: Option<f64>) -> Result<Option<(WireFault, f64)
         "noise" => WireFault::Noise,
         "echo" => WireFault::Echo,
         "corrupt-instruction" => WireFault::CorruptInstruction,
+        "lose" => WireFault::Lose,
+        "bytes" => WireFault::Bytes,
         _ => {
             return Err(format!(
                 "no fault \"{fault}\"; a wire can clear, drop, late, corrupt, truncate, duplicate, \
-                 noise, echo, corrupt-instruction"
+                 noise, echo, corrupt-instruction, lose, bytes"
             ));
         }
     };

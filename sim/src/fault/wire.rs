@@ -14,7 +14,7 @@ pub(crate) struct CanPassage {
 }
 
 fn hits_replies(fault: WireFault) -> bool {
-    !matches!(fault, WireFault::Echo | WireFault::CorruptInstruction)
+    !matches!(fault, WireFault::Echo | WireFault::CorruptInstruction | WireFault::Bytes)
 }
 
 #[derive(Clone, Debug)]
@@ -38,10 +38,26 @@ impl FaultyWire {
         hit.then_some(fault)
     }
 
-    pub fn pass_instruction(&mut self, bytes: &mut [u8]) {
+    /// The host's bytes as they reach the servos; whether any of them was damaged.
+    pub fn pass_instruction(&mut self, bytes: &mut [u8]) -> bool {
         if self.hits(WireFault::CorruptInstruction) && !bytes.is_empty() {
             self.flip(bytes);
+            return true;
         }
+        self.damage_bytes(bytes)
+    }
+
+    fn damage_bytes(&mut self, bytes: &mut [u8]) -> bool {
+        let Some((WireFault::Bytes, share)) = self.fault else { return false };
+        let mut damaged = false;
+        for byte in bytes {
+            if self.random.share() < share {
+                *byte ^= 1 << self.random.below(8);
+                self.hit_count += 1;
+                damaged = true;
+            }
+        }
+        damaged
     }
 
     /// Whether this fault is set, and hits this time.
@@ -52,8 +68,9 @@ impl FaultyWire {
     /// The reply as it reaches the host, and how much later, seconds.
     pub fn pass_reply(&mut self, mut bytes: Vec<u8>) -> (Vec<u8>, f64) {
         let mut late_s = 0.0;
+        self.damage_bytes(&mut bytes);
         match self.roll(hits_replies) {
-            Some(WireFault::Drop) => bytes.clear(),
+            Some(WireFault::Drop | WireFault::Lose) => bytes.clear(),
             Some(WireFault::Late(seconds)) => late_s = seconds,
             Some(WireFault::Corrupt) => self.flip(&mut bytes),
             Some(WireFault::Truncate) => bytes.truncate(self.random.below(bytes.len())),
@@ -71,7 +88,7 @@ impl FaultyWire {
     pub fn pass_frame(&mut self) -> CanPassage {
         let mut passed = CanPassage { copies: 1, ..CanPassage::default() };
         match self.roll(hits_replies) {
-            Some(WireFault::Drop) => passed.copies = 0,
+            Some(WireFault::Drop | WireFault::Lose) => passed.copies = 0,
             // Half a line of the adapter: the rest of it is noise.
             Some(WireFault::Truncate) => {
                 passed.copies = 0;
@@ -136,6 +153,10 @@ mod tests {
         assert!(wire(WireFault::Truncate, 1.0).pass_reply(reply.clone()).0.len() < 3);
         assert_eq!(wire(WireFault::Duplicate, 1.0).pass_reply(reply.clone()).0, [1, 2, 3, 1, 2, 3]);
         assert!(wire(WireFault::Noise, 1.0).pass_reply(reply.clone()).0.ends_with(&reply));
+        assert!(wire(WireFault::Lose, 1.0).pass_reply(reply.clone()).0.is_empty());
+        let (damaged, _) = wire(WireFault::Bytes, 0.5).pass_reply(vec![0; 1000]);
+        let flipped = damaged.iter().filter(|byte| byte.count_ones() == 1).count();
+        assert!((400..600).contains(&flipped), "{flipped}");
         let mut instruction = reply.clone();
         wire(WireFault::CorruptInstruction, 1.0).pass_instruction(&mut instruction);
         assert_ne!(instruction, reply);

@@ -20,15 +20,21 @@ const INSTRUCTION_ERROR: u8 = 1 << 6;
 
 impl Protocol1Line {
     fn reply(&self, index: usize, error: u8, params: &[u8]) -> Burst {
+        self.reply_from(self.servos[index].id(), index, error, params)
+    }
+
+    fn reply_from(&self, id: u8, index: usize, error: u8, params: &[u8]) -> Burst {
         let servo = &self.servos[index];
         Burst {
             servo: index,
             delay_s: servo.return_delay_s(),
-            bytes: answer(servo.id(), servo.flags | error, params),
+            bytes: answer(id, servo.flags | error, params),
         }
     }
 
     fn single(&mut self, index: usize, instruction: u8, params: &[u8]) -> Option<Burst> {
+        // A new id is in force from the next instruction on.
+        let asked_as = self.servos[index].id();
         let servo = &mut self.servos[index];
         let mut error = 0;
         match (instruction, params) {
@@ -55,7 +61,15 @@ impl Protocol1Line {
             _ => error = INSTRUCTION_ERROR,
         }
         let answers = self.servos[index].answers_writes();
-        answers.then(|| self.reply(index, error, &[]))
+        answers.then(|| self.reply_from(asked_as, index, error, &[]))
+    }
+
+    /// Feetech's servos answer a ping of everyone one after the other, by id; AX and MX do not.
+    fn broadcast_ping(&self) -> Vec<Burst> {
+        let mut heard = self.listeners();
+        heard.retain(|&index| self.servos[index].layout.sync_read);
+        heard.sort_by_key(|&index| self.servos[index].id());
+        heard.into_iter().map(|index| self.reply(index, 0, &[])).collect()
     }
 
     /// Answers one after the other, up to the first servo that is missing or
@@ -153,6 +167,7 @@ impl LineProtocol for ByteServo {
             code::SYNC_READ => line.sync_read(&params),
             code::BULK_READ => line.bulk_read(&params),
             code::SYNC_WRITE => line.sync_write(&params),
+            code::PING if id == BROADCAST => line.broadcast_ping(),
             _ if id == BROADCAST => {
                 for index in line.listeners() {
                     line.single(index, code, &params);

@@ -118,11 +118,15 @@ impl Protocol2Line {
     }
 
     fn reply(&self, index: usize, error: u8, params: &[u8]) -> Burst {
+        self.reply_from(self.servos[index].id(), index, error, params)
+    }
+
+    fn reply_from(&self, id: u8, index: usize, error: u8, params: &[u8]) -> Burst {
         let servo = &self.servos[index];
         Burst {
             servo: index,
             delay_s: servo.return_delay_s(),
-            bytes: status(servo.id(), error | servo.alert_bit(), params),
+            bytes: status(id, error | servo.alert_bit(), params),
         }
     }
 
@@ -146,8 +150,10 @@ impl Protocol2Line {
         }
         // The rest is carried out without an answer; a broadcast Read means nothing.
         let is_read = instruction.code == code::READ;
+        // Firmware from 42 on keeps ids when everyone is told to forget everything.
+        let forgets_all = instruction.code == code::FACTORY_RESET && instruction.params == [0xFF];
         for index in self.listeners() {
-            if !is_read {
+            if !is_read && !forgets_all {
                 self.single(index, instruction);
             }
         }
@@ -158,6 +164,8 @@ impl Protocol2Line {
     fn single(&mut self, index: usize, instruction: &Instruction) -> Option<Burst> {
         let params = &instruction.params[..];
         let level = self.servos[index].return_level();
+        // A new id is in force from the next instruction on.
+        let asked_as = self.servos[index].id();
         let servo = &mut self.servos[index];
         let done = |result: Result<(), AccessError>| result.err().map_or(0, |error| error as u8);
         let mut restart = None;
@@ -205,7 +213,7 @@ impl Protocol2Line {
             _ => INSTRUCTION_ERROR,
         };
         // The answer leaves before the memory goes.
-        let burst = (level >= 2).then(|| self.reply(index, error, &[]));
+        let burst = (level >= 2).then(|| self.reply_from(asked_as, index, error, &[]));
         match restart {
             Some(Restart::Reboot) => self.servos[index].reboot(),
             Some(Restart::Restore) => self.servos[index].restore_backup(),
@@ -328,7 +336,7 @@ impl LineProtocol for XServo {
         match packet {
             Parsed::BadSum(id) => {
                 line.bad_packets += 1;
-                let addressed = line.find(id);
+                let addressed = line.find(id).filter(|&i| line.servos[i].return_level() >= 2);
                 addressed.map_or_else(Vec::new, |index| vec![line.reply(index, CRC_ERROR, &[])])
             }
             Parsed::Instruction(instruction) => {

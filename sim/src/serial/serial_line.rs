@@ -52,7 +52,13 @@ pub struct SerialLine<S: LineProtocol> {
     /// The rate of the line, and the one at which the host speaks.
     line_baud: u32,
     baud: u32,
+    time_s: f64,
+    /// When the host's bytes came last, seconds.
+    heard_s: f64,
 }
+
+/// After so long a pause the rest of a packet is not waited for any more, seconds.
+const BYTE_TIMEOUT_S: f64 = 0.1;
 
 impl<S: LineProtocol> SerialLine<S> {
     /// A line of this rate with these servos on a supply of this resistance.
@@ -67,6 +73,8 @@ impl<S: LineProtocol> SerialLine<S> {
             board: None,
             line_baud,
             baud: line_baud,
+            time_s: 0.0,
+            heard_s: 0.0,
         }
     }
 
@@ -107,14 +115,29 @@ impl<S: LineProtocol> Line for SerialLine<S> {
         packet.map_or_else(Vec::new, |packet| S::execute(self, packet))
     }
 
-    /// A pseudo-terminal carries any rate: a host at one that no servo has is taken to
-    /// be at the line's own.
+    fn lose(&mut self) {
+        self.packet = None;
+        self.miss_goals();
+    }
+
+    fn miss_goals(&mut self) {
+        for servo in &mut self.servos {
+            servo.body_mut().judge.miss_goal();
+        }
+    }
+
+    /// Nobody understands a host at a rate of its own. A socket has no rate (0): its host is
+    /// taken to be at the line's.
     fn set_host_baud(&mut self, baud: u32) {
-        let is_known = self.servos.iter().any(|servo| servo.baud() == baud);
-        self.baud = if is_known { baud } else { self.line_baud };
+        self.baud = if baud == 0 { self.line_baud } else { baud };
+        if self.time_s - self.heard_s > BYTE_TIMEOUT_S {
+            self.parser = S::Parser::default();
+        }
+        self.heard_s = self.time_s;
     }
 
     fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool) {
+        self.time_s = time_s;
         if self.supply_ohm > 0.0 {
             let currents_a = self.servos.iter().map(|s| s.state().current_a.abs());
             let sag_v = self.supply_ohm * currents_a.sum::<f64>();

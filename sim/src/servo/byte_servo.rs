@@ -2,13 +2,16 @@
 //! Memory (a [`ByteMemory`] of its family), position loop and motor.
 //!
 //! Position mode only (other modes are stored, without effect). Signs are a
-//! bit. An STS servo's present position is the encoder less its offset. There is
+//! bit. What is written to permanent memory while an STS servo's lock is on is gone after
+//! a restart. An STS servo's present position is the encoder less its offset. There is
 //! no bus watchdog. A condition (voltage, heat, overload) shows in every answer
 //! and cuts torque: an STS servo's until torque is turned on again, an AX's or
 //! MX's by a torque limit of zero until that is written.
 
 use servodance_drivers::ServoModel;
-use servodance_drivers::serial::{ByteMemory, Register, ServiceRegisters, sign_magnitude};
+use servodance_drivers::serial::{
+    ByteMemory, Register, ServiceRegisters, family_of, sign_magnitude,
+};
 
 use crate::fault::ServoFault;
 use crate::serial::serial_line::LineServo;
@@ -39,6 +42,8 @@ pub struct ByteServo {
     trajectory_ticks: f64,
     registered: Option<(u8, Vec<u8>)>,
     baud: u32,
+    /// What a power cycle brings back: permanent memory without what was written while locked.
+    permanent: Vec<u8>,
 }
 
 impl ByteServo {
@@ -64,11 +69,14 @@ impl ByteServo {
             trajectory_ticks: 0.0,
             registered: None,
             baud,
+            permanent: Vec::new(),
         };
         servo.body.judge.tick_rad = model.rad_per_tick;
         servo.restore(0);
         servo.put_if(layout.model, model.number);
         servo.put_id(spec.id);
+        servo.put_baud();
+        servo.permanent = servo.memory[..layout.ram].to_vec();
         servo.boot();
         servo
     }
@@ -84,6 +92,10 @@ impl ByteServo {
 
     fn boot(&mut self) {
         self.restore(self.layout.ram);
+        self.memory[..self.permanent.len()].copy_from_slice(&self.permanent);
+        if let Some(service) = self.service() {
+            self.id = self.get(service.id) as u8;
+        }
         self.flags = 0;
         self.registered = None;
         self.body.stalled_s = 0.0;
@@ -125,6 +137,27 @@ impl ByteServo {
     fn put_id(&mut self, id: u8) {
         self.id = id;
         self.put_if(self.service().map(|service| service.id), u16::from(id));
+    }
+
+    /// The baud register says the rate that the servo has.
+    fn put_baud(&mut self) {
+        if let Some((register, baud_of)) = self.layout.baud {
+            let near = |code: &u8| baud_of(*code).abs_diff(self.baud) * 50 < self.baud;
+            let code = (0..=u8::MAX).find(near).unwrap_or(u8::MAX);
+            self.put(register, u16::from(code));
+        }
+    }
+
+    /// The rate that was written is the one at which it listens from now on.
+    fn take_baud(&mut self) {
+        if let Some((register, baud_of)) = self.layout.baud {
+            let written = baud_of(self.get(register) as u8);
+            let usual =
+                family_of(self.model.kind).map_or(&[][..], |family| family.bauds(self.model));
+            // 2 Mbps divided by 35 is 57,142: the servo's 57,600.
+            let meant = usual.iter().find(|baud| baud.abs_diff(written) * 50 < **baud);
+            self.baud = meant.copied().unwrap_or(written);
+        }
     }
 
     pub(crate) fn return_delay_s(&self) -> f64 {
@@ -190,14 +223,22 @@ impl ByteServo {
         let touched = start..start + bytes.len();
         let touches = |register: Register| touched.contains(&register.range().start);
         let first = self.service().map_or(0, |service| service.id.range().start);
+        let lock = self.service().and_then(|service| service.lock);
+        let locked = lock.is_some_and(|lock| self.get(lock) != 0);
         for (at, byte) in (start..).zip(bytes) {
             let writable = (first..=layout.last_writable).contains(&at);
             if at < layout.size && (writable || layout.also_writable.contains(&at)) {
                 self.memory[at] = *byte;
+                if !locked && let Some(kept) = self.permanent.get_mut(at) {
+                    *kept = *byte;
+                }
             }
         }
         if let Some(service) = self.service() {
             self.id = self.get(service.id) as u8;
+        }
+        if layout.baud.is_some_and(|(register, _)| touches(register)) {
+            self.take_baud();
         }
         let old_goal = self.goal;
         if goal.range().any(|at| touched.contains(&at)) {
@@ -266,6 +307,7 @@ impl ByteServo {
         self.restore(0);
         self.put_if(self.layout.model, self.model.number);
         self.put_id(1);
+        self.permanent = self.memory[..self.layout.ram].to_vec();
         self.reboot();
     }
 
@@ -381,7 +423,10 @@ impl LineServo for ByteServo {
                     self.raise(own.conditions.2);
                 }
             }
-            Some(ServoFault::Id(id)) => self.put_id(id),
+            Some(ServoFault::Id(id)) => {
+                self.put_id(id);
+                self.permanent = self.memory[..self.layout.ram].to_vec();
+            }
             Some(ServoFault::Baud(baud)) => self.baud = baud,
             _ => {}
         }

@@ -1,5 +1,7 @@
 //! Instructions to every servo at once: one packet out, a status packet from each.
 
+use std::time::Instant;
+
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
@@ -130,11 +132,14 @@ impl ServoClient {
         let size = usize::from(register.size);
         let framing = self.port.framing();
         let longest = framing.status_length() + size + size / 3;
+        let asked = Instant::now();
         self.send_request(instruction, longest, register.name)?;
         let bytes = count * (framing.status_bytes() + size);
         let deadline = self.deadline(bytes, count);
         let mut alert = None;
         let mut open = count;
+        // They answer in the order in which they were asked: nobody speaks after the last.
+        let last = self.answered.iter().rposition(|answered| !answered);
         let mut damaged = 0;
         while open > damaged {
             match self.port.receive(deadline, register.name)? {
@@ -151,6 +156,11 @@ impl ServoClient {
             let Some(index) = index.filter(|&index| !self.answered[index]) else {
                 continue;
             };
+            if packet.error() == Refusal::CRC.0 {
+                // It heard something damaged, and does not know to whom that was said.
+                self.errors.damaged(index);
+                continue;
+            }
             if packet.error() != 0 {
                 return Err(BusError::Refused {
                     servo: self.id_of(index),
@@ -163,9 +173,53 @@ impl ServoClient {
                 self.answered[index] = true;
                 alert = alert.or(packet.alert().then_some(index));
                 open -= 1;
+                if Some(index) == last {
+                    break;
+                }
             }
         }
+        self.learn(asked, bytes, open == 0);
+        self.blame_the_unanswered();
         Ok(alert)
+    }
+
+    /// Counts an answer that did not come, for each servo that somebody behind it outlived
+    /// and for the first of those after whom nobody spoke: it broke the chain.
+    fn blame_the_unanswered(&self) {
+        let last_heard = (0..self.servos.len()).rev().find(|&i| self.answered[i] && !self.aside[i]);
+        let end = last_heard.map_or(0, |index| index + 1);
+        let silent = (0..end).filter(|&index| !self.answered[index]);
+        let broke = (end..self.servos.len()).find(|&index| !self.answered[index]);
+        silent.chain(broke).for_each(|index| self.errors.timed_out(index));
+    }
+
+    /// A register of everyone who is not left out, by place: one Sync Read, tried again for
+    /// those who did not answer.
+    pub(crate) fn read_everyone(&mut self, register: Register) -> BusResult<Vec<(usize, u64)>> {
+        let size = usize::from(register.size);
+        let mut data = vec![0; size * self.servos.len()];
+        let damaged = self.port.stats.crc_errors;
+        self.begin_read();
+        for _ in 0..self.tries {
+            self.sync_read(register, &mut data)?;
+            if self.complete() {
+                let asked = (0..self.servos.len()).filter(|&index| !self.aside[index]);
+                let bytes = |index: usize| &data[index * size..][..size];
+                return Ok(asked.map(|index| (index, register.value(bytes(index)))).collect());
+            }
+        }
+        let corrupt = self.port.stats.crc_errors > damaged;
+        Err(self.name_the_silent(corrupt))
+    }
+
+    /// Counts that those who have not answered are asked again.
+    pub(crate) fn ask_again(&mut self) {
+        self.port.stats.retries += 1;
+        let silent = (0..self.servos.len()).filter(|&index| !self.answered[index]);
+        // All of them: the bus was damaged, nobody in particular.
+        if silent.clone().count() < self.servos.len() {
+            silent.for_each(|index| self.errors.asked_again(index));
+        }
     }
 
     pub(crate) fn complete(&self) -> bool {

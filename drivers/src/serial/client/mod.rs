@@ -10,7 +10,10 @@ use dynamixel2::instructions::instruction_id as instruction;
 
 use crate::bus::Notes;
 use crate::bus::config::BusConfig;
+use crate::bus::error_counters::ErrorCounters;
 use crate::error::{BusError, BusResult, Refusal, ServoId};
+use crate::serial::deviation::{Deviation, Remedy};
+use crate::serial::patience::Patience;
 use crate::serial::register::Register;
 use crate::serial::wire::framing::Framing;
 use crate::serial::wire::port::{PacketPort, Received};
@@ -34,6 +37,12 @@ pub struct ServoClient {
     pub(crate) firmware: Vec<u8>,
     /// Everyone answers the Fast Sync Read of Protocol 2.0.
     pub(crate) fast_read: bool,
+    /// For so many reads more a plain Sync Read is better: it loses one servo, not all.
+    pub(crate) plain_reads: u32,
+    /// Whether what is asked belongs to a cycle, whose answers have a patience of their own.
+    pub(crate) waits_for_cycle: bool,
+    pub(crate) patience: Patience,
+    pub(crate) errors: ErrorCounters,
 }
 
 impl ServoClient {
@@ -52,6 +61,10 @@ impl ServoClient {
             flags: 0,
             firmware: vec![0; servos.len()],
             fast_read: false,
+            plain_reads: 0,
+            waits_for_cycle: false,
+            patience: Patience::default(),
+            errors: ErrorCounters::new(servos.len()),
             params: Vec::with_capacity(8 + 5 * servos.len()),
             servos,
             tries: config.retries + 1,
@@ -83,7 +96,10 @@ impl ServoClient {
         let bytes = self.port.framing().status_bytes() + reply;
         let mut corrupt = false;
         for attempt in 0..self.tries {
-            self.port.stats.retries += u64::from(attempt > 0);
+            if attempt > 0 {
+                self.port.stats.retries += 1;
+                self.errors.asked_again(index);
+            }
             self.port.ask(&request, self.wait(bytes, 1), doing)?;
             let deadline = self.deadline(bytes, 1);
             loop {
@@ -96,6 +112,7 @@ impl ServoClient {
                         // The servo heard a damaged instruction: say it again.
                         if packet.error() == Refusal::CRC.0 {
                             self.port.stats.crc_errors += 1;
+                            self.errors.damaged(index);
                             corrupt = true;
                             break;
                         }
@@ -112,10 +129,12 @@ impl ServoClient {
                         }
                     }
                     Received::Corrupt => {
+                        self.errors.damaged(index);
                         corrupt = true;
                         break;
                     }
                     Received::Nothing => {
+                        self.errors.timed_out(index);
                         self.port.note_unanswered(&request);
                         break;
                     }
@@ -182,6 +201,39 @@ impl ServoClient {
             self.set(index, register, value)?;
             let servo = self.id_of(index);
             notes.push(format!("{servo}: {} changed from {old} to {value}", register.name));
+        }
+        Ok(())
+    }
+
+    /// Writes what deviates and may be written, with a note each; refuses what is dangerous.
+    pub(crate) fn put_right(
+        &mut self,
+        index: usize,
+        deviations: &[Deviation],
+        notes: &mut Notes,
+    ) -> BusResult<()> {
+        let servo = self.id_of(index);
+        for deviation in deviations {
+            let register = deviation.register;
+            match deviation.remedy {
+                Remedy::Write(value) => {
+                    self.set(index, register, value)?;
+                    let Deviation { actual, why, .. } = deviation;
+                    notes.push(format!(
+                        "{servo}: {} changed from {actual} to {value} ({why})",
+                        register.name
+                    ));
+                }
+                Remedy::Tell => notes.push(format!("{servo}: {}", deviation.line())),
+                Remedy::Refuse => {
+                    return Err(BusError::Unfit {
+                        servo,
+                        what: register.name,
+                        actual: deviation.actual.to_string(),
+                        wanted: format!("{}: {}", deviation.wanted, deviation.why),
+                    });
+                }
+            }
         }
         Ok(())
     }

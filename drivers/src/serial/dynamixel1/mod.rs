@@ -42,6 +42,12 @@ impl ServoFamily for Dynamixel1 {
         }
     }
 
+    fn baud_code(&self, model: &ServoModel, baud: u32) -> Option<u8> {
+        (0..=u8::MAX).find(|&code| {
+            self.bauds(model).contains(&baud) && registers::baud_of(code).abs_diff(baud) * 50 < baud
+        })
+    }
+
     fn registers(&self) -> &'static Registers {
         &REGISTERS
     }

@@ -47,6 +47,8 @@ pub(super) static REGISTERS: Registers = Registers {
     present: PRESENT,
     service: Some(ServiceRegisters {
         id: ID,
+        baud: BAUD,
+        clock: None,
         last_id: 253,
         position: POSITION,
         voltage: VOLTAGE,
@@ -62,7 +64,18 @@ pub(super) const LIMITS: LimitRegisters = LimitRegisters {
     ticks: (LOWEST, HIGHEST),
 };
 
+/// The rate that a baud register means: 2 Mbps divided, and some faster ones of MX.
+pub(super) fn baud_of(code: u8) -> u32 {
+    match code {
+        250 => 2_250_000,
+        251 => 2_500_000,
+        252 => 3_000_000,
+        code => 2_000_000 / (u32::from(code) + 1),
+    }
+}
+
 const AX_MEMORY: ByteMemory = ByteMemory {
+    baud: Some((BAUD, baud_of)),
     ram: 24,
     model: Some(MODEL),
     return_delay: Some(RETURN_DELAY),

@@ -4,13 +4,17 @@
 //! once, when arming), else with a plain Sync Read; which one is said. A plain
 //! one that the wire does not carry at the robot's rate is refused.
 
+mod known_state;
 mod models;
 pub mod registers;
+
+use std::time::Instant;
 
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
 use crate::error::BusError;
+use crate::serial::deviation::Deviation;
 use crate::serial::family::prelude::*;
 use crate::serial::wire::port::{Received, bytes_hz};
 use registers::*;
@@ -19,6 +23,13 @@ pub use models::BAUDS;
 
 /// Fast Sync Read; the `dynamixel2` crate does not know it.
 const FAST_SYNC_READ: u8 = 0x8A;
+
+/// A Fast Sync Read that is damaged anywhere tells nothing of anybody; so many plain ones
+/// follow a loss, which lose one servo at a time.
+const PLAIN_AFTER_LOSS: u32 = 20;
+
+/// What the watchdog register reads when it has tripped: -1 in its one byte.
+const WATCHDOG_TRIPPED: u64 = 0xFF;
 
 const CONDITIONS: [(u8, &str); 5] = [
     (0, "input voltage"),
@@ -41,12 +52,17 @@ fn fast_read(client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<u
         return Ok(None);
     }
     let length = 1 + count * (size + 4);
+    let asked = Instant::now();
     client.send_request(FAST_SYNC_READ, length, register.name)?;
     let deadline = client.deadline(7 + length, 1);
     loop {
         match client.port.receive(deadline, register.name)? {
             Received::Packet => {}
-            Received::Corrupt | Received::Nothing => return Ok(None),
+            Received::Corrupt | Received::Nothing => {
+                client.learn(asked, 7 + length, false);
+                client.plain_reads = PLAIN_AFTER_LOSS;
+                return Ok(None);
+            }
         }
         let packet = client.port.packet();
         if packet.id != BROADCAST {
@@ -67,6 +83,7 @@ fn fast_read(client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<u
             alert = alert.or((error & 0x80 != 0).then_some(index));
             index += 1;
         }
+        client.learn(asked, 7 + length, true);
         return Ok(alert);
     }
 }
@@ -178,18 +195,41 @@ impl ServoFamily for Dynamixel2 {
         client.settle(index, TORQUE, 0, notes)?;
         client.settle(index, STATUS_RETURN_LEVEL, 2, notes)?;
         client.settle(index, RETURN_DELAY, 0, notes)?;
-        client.settle(index, DRIVE_MODE, 0, notes)?;
-        client.settle(index, OPERATING_MODE, 3, notes)?;
+        // Modes first: a change resets gains, limits and profiles.
+        for (register, wanted, _) in known_state::MODES {
+            client.settle(index, register, wanted, notes)?;
+        }
         // A tripped watchdog refuses goals until it is cleared.
         client.write(index, BUS_WATCHDOG, 0)?;
-        // No profile: the host shapes the motion.
-        client.settle(index, PROFILE_ACCELERATION, 0, notes)?;
-        client.settle(index, PROFILE_VELOCITY, 0, notes)
+        let deviations = self.deviations(client, index)?;
+        client.put_right(index, &deviations, notes)
+    }
+
+    fn deviations(&self, client: &mut ServoClient, index: usize) -> BusResult<Vec<Deviation>> {
+        known_state::deviations(client, index)
+    }
+
+    fn homing_offset(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<i32>> {
+        client.read(index, HOMING_OFFSET).map(|raw| Some(raw as i32))
     }
 
     fn arm_watchdog(&self, client: &mut ServoClient, index: usize) -> BusResult<()> {
         let units = u64::from(client.config.watchdog_ms / 20);
         client.set(index, BUS_WATCHDOG, units)
+    }
+
+    fn tripped(&self, client: &mut ServoClient, who: Option<usize>) -> BusResult<Vec<usize>> {
+        let values = match who {
+            Some(index) => vec![(index, client.once(|c| c.read(index, BUS_WATCHDOG))?)],
+            None => client.read_everyone(BUS_WATCHDOG)?,
+        };
+        let tripped = values.into_iter().filter(|(_, value)| *value == WATCHDOG_TRIPPED);
+        Ok(tripped.map(|(index, _)| index).collect())
+    }
+
+    fn clear_watchdog(&self, client: &mut ServoClient, index: usize) -> BusResult<()> {
+        // Read back when it is armed again.
+        client.write(index, BUS_WATCHDOG, 0)
     }
 
     fn choose_read(&self, client: &mut ServoClient, notes: &mut Notes) -> BusResult<()> {
@@ -218,9 +258,10 @@ impl ServoFamily for Dynamixel2 {
     }
 
     fn read_all(&self, client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<usize>> {
-        if client.fast_read {
+        if client.fast_read && client.plain_reads == 0 {
             fast_read(client, present)
         } else {
+            client.plain_reads = client.plain_reads.saturating_sub(1);
             client.sync_read(PRESENT, present)
         }
     }

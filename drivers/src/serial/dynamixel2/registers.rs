@@ -71,6 +71,8 @@ pub(super) static REGISTERS: Registers = Registers {
     present: PRESENT,
     service: Some(ServiceRegisters {
         id: ID,
+        baud: BAUD,
+        clock: Some(TICK_MS),
         last_id: 252,
         position: PRESENT_POSITION,
         voltage: PRESENT_VOLTAGE,

@@ -12,6 +12,7 @@ use std::f64::consts::TAU;
 
 use dynamixel2::instructions::instruction_id as instruction;
 
+use crate::serial::deviation::Deviation;
 use crate::serial::family::prelude::*;
 use registers::*;
 
@@ -40,8 +41,6 @@ static MODELS: &[ServoModel] = &[ServoModel {
     sheet: DataSheet::new(5.47, 46.4, 2.7, 12.0),
     motor: None,
 }];
-
-static BAUDS: [u32; 8] = [1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400];
 
 /// Feetech STS servos, as they leave the factory.
 pub struct Feetech;
@@ -131,10 +130,24 @@ impl ServoFamily for Feetech {
         client.settle(index, RETURN_DELAY, 0, notes)?;
         client.settle(index, MODE, 0, notes)?;
         client.write(index, LOCK, 1)?;
+        let deviations = self.deviations(client, index)?;
+        client.put_right(index, &deviations, notes)?;
         // No profile: the host shapes the motion.
         client.settle(index, ACCELERATION, 0, notes)?;
         client.settle(index, GOAL_TIME, 0, notes)?;
         client.settle(index, GOAL_SPEED, 0, notes)
+    }
+
+    fn homing_offset(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<i32>> {
+        let raw = client.read(index, OFFSET)? as u16;
+        Ok(Some(sign_magnitude(raw, OFFSET_SIGN_BIT)))
+    }
+
+    fn deviations(&self, client: &mut ServoClient, index: usize) -> BusResult<Vec<Deviation>> {
+        let actual = sign_magnitude(client.read(index, OFFSET)? as u16, OFFSET_SIGN_BIT);
+        let wanted = client.servos[index].settings.homing_offset;
+        let other = wanted.filter(|wanted| *wanted != actual);
+        Ok(other.map(|wanted| Deviation::shifted(OFFSET, actual, wanted)).into_iter().collect())
     }
 
     fn read_all(&self, client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<usize>> {

@@ -7,6 +7,7 @@ use crate::serial::family::prelude::*;
 const FIRMWARE: Register = Register::word(0, "firmware, major and minor");
 const MODEL: Register = Register::word(3, "model number");
 const ID: Register = Register::byte(5, "id");
+const BAUD: Register = Register::byte(6, "baud rate");
 pub(super) const RETURN_DELAY: Register = Register::byte(7, "return delay time");
 pub(super) const STATUS_LEVEL: Register = Register::byte(8, "status return level");
 const LOWEST: Register = Register::word(9, "minimum angle limit");
@@ -18,7 +19,7 @@ const MAX_TORQUE: Register = Register::word(16, "maximum torque");
 const P_GAIN: Register = Register::byte(21, "P gain");
 const D_GAIN: Register = Register::byte(22, "D gain");
 const CURRENT_PROTECTION: Register = Register::word(28, "protection current");
-const OFFSET: Register = Register::word(31, "position offset");
+pub(super) const OFFSET: Register = Register::word(31, "position offset");
 pub(super) const MODE: Register = Register::byte(33, "operating mode");
 pub(super) const TORQUE: Register = Register::byte(40, "torque enable");
 pub(super) const ACCELERATION: Register = Register::byte(41, "acceleration");
@@ -39,6 +40,7 @@ const CURRENT: Register = Register::word(69, "present current");
 pub(super) const IDENTITY: Register = Register::new(0, 5, "firmware and model number");
 pub(super) const PRESENT: Register = Register::new(56, 15, "present state");
 pub(super) const SIGN_BIT: u32 = 15;
+pub(super) const OFFSET_SIGN_BIT: u32 = 11;
 
 pub(super) static REGISTERS: Registers = Registers {
     torque: TORQUE,
@@ -46,6 +48,8 @@ pub(super) static REGISTERS: Registers = Registers {
     present: PRESENT,
     service: Some(ServiceRegisters {
         id: ID,
+        baud: BAUD,
+        clock: None,
         last_id: 253,
         position: POSITION,
         voltage: VOLTAGE,
@@ -61,7 +65,15 @@ pub(super) const LIMITS: LimitRegisters = LimitRegisters {
     ticks: (LOWEST, HIGHEST),
 };
 
+pub(super) static BAUDS: [u32; 8] =
+    [1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400];
+
+fn baud_of(code: u8) -> u32 {
+    BAUDS.get(usize::from(code)).copied().unwrap_or(0)
+}
+
 pub(super) static STS: ByteMemory = ByteMemory {
+    baud: Some((BAUD, baud_of)),
     ram: 40,
     model: Some(MODEL),
     return_delay: Some(RETURN_DELAY),

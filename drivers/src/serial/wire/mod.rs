@@ -2,6 +2,7 @@
 
 pub(crate) mod decoder;
 pub(crate) mod framing;
+pub(crate) mod open_error;
 pub(crate) mod port;
 pub(crate) mod protocol1;
 pub(crate) mod protocol2;

@@ -12,9 +12,10 @@ use crate::bus::reply_clock::{Patience, ReplyClock};
 use crate::error::{BusError, BusResult};
 use crate::serial::wire::decoder::{Decoded, Decoder, Packet};
 use crate::serial::wire::framing::Framing;
+use crate::serial::wire::open_error::remedy;
 use crate::serial::wire::stale_replies::{ServoRequest, StaleReplies};
 use crate::serial::wire::stream::PortStream;
-use crate::serial::wire::system_ports::{choices, latency_timer};
+use crate::serial::wire::system_ports::latency_timer;
 
 /// Longest wait for the port to take an instruction's bytes.
 const SEND_TIMEOUT: Duration = Duration::from_millis(100);
@@ -40,6 +41,8 @@ pub struct PacketPort {
     out: Vec<u8>,
     /// How many bytes were sent last.
     sent: usize,
+    /// How many bytes came since the port was opened.
+    received: usize,
     looked_late: bool,
     stale: StaleReplies,
     chunk: Vec<u8>,
@@ -59,6 +62,7 @@ impl PacketPort {
             decoder: Decoder::new(framing),
             out: Vec::with_capacity(1024),
             sent: 0,
+            received: 0,
             looked_late: false,
             stale: StaleReplies::default(),
             chunk: vec![0; 1024],
@@ -80,6 +84,11 @@ impl PacketPort {
     /// How many bytes were sent last.
     pub fn sent(&self) -> usize {
         self.sent
+    }
+
+    /// How many bytes came since the port was opened.
+    pub fn received(&self) -> usize {
+        self.received
     }
 
     /// How long `bytes` take on the wire: ten bits each.
@@ -151,6 +160,30 @@ impl PacketPort {
         self.send_held(doing)
     }
 
+    /// Before a row of [`PacketPort::send_along`]: what an earlier exchange left is thrown away.
+    pub fn begin_sweep(&mut self, longest: usize) -> BusResult<()> {
+        self.decoder.reset(longest);
+        self.stale.forget_all();
+        match &mut self.port {
+            None => Ok(()),
+            Some(port) => port.clear_input().map_err(|reason| self.failed("sweep", reason)),
+        }
+    }
+
+    /// Sends one instruction without parameters, and throws nothing away: answers to
+    /// earlier ones may still be under way.
+    pub fn send_along(&mut self, id: u8, instruction: u8, doing: &'static str) -> BusResult<()> {
+        self.hold(id, instruction, &[]);
+        let sent = match &mut self.port {
+            None => Err(ErrorKind::NotConnected.into()),
+            Some(port) => port.set_timeout(SEND_TIMEOUT).and_then(|()| port.write_all(&self.out)),
+        };
+        self.stats.bytes += self.out.len() as u64;
+        self.looked_late = false;
+        self.out.clear();
+        sent.map_err(|reason| self.failed(doing, reason))
+    }
+
     pub fn send_held(&mut self, doing: &'static str) -> BusResult<()> {
         if self.out.is_empty() {
             return Ok(());
@@ -203,6 +236,7 @@ impl PacketPort {
                 Ok(0) => return Err(self.failed(doing, ErrorKind::UnexpectedEof.into())),
                 Ok(count) => {
                     self.stats.bytes += count as u64;
+                    self.received += count;
                     self.decoder.push(&self.chunk[..count]);
                 }
                 Err(error) if error.kind() == ErrorKind::TimedOut && late && last => {
@@ -242,8 +276,8 @@ pub fn bytes_hz(baud: u32, bytes: usize) -> f64 {
 fn open(path: &str, baud: u32) -> BusResult<PortStream> {
     PortStream::open(path, baud, SEND_TIMEOUT).map_err(|error| BusError::Open {
         port: path.into(),
+        choices: remedy(path, &error),
         reason: error.to_string(),
-        choices: choices(),
     })
 }
 

@@ -8,6 +8,11 @@ use crate::servo::dynamixel2::table::AccessError;
 use crate::servo::dynamixel2::{RAD_PER_TICK, RAD_S_PER_UNIT, XServo};
 use crate::servo::motor::FULL_PWM;
 
+/// Nearer than this to its goal a servo has arrived, ticks.
+const ARRIVED_TICKS: f64 = 12.0;
+/// Goals of the extended modes, ticks: 256 turns either way.
+const EXTENDED_TICKS: i64 = 1_048_575;
+
 impl XServo {
     /// A read of the control table: error number and data.
     pub(crate) fn read(&mut self, address: u16, size: u16) -> Result<Vec<u8>, AccessError> {
@@ -57,9 +62,14 @@ impl XServo {
         }
         match register {
             at::OPERATING_MODE if ![0, 1, 3, 4, 5, 16].contains(&value) => Err(AccessError::Range),
-            at::DRIVE_MODE if value & 4 != 0 => Err(AccessError::Range),
+            // Not simulated: a profile by time. Unknown: bit 1.
+            at::DRIVE_MODE if value & 6 != 0 => Err(AccessError::Range),
+            at::PROTOCOL_TYPE if ![1, 2, 20, 21, 22].contains(&value) => Err(AccessError::Range),
             at::GOAL_POSITION if limit(at::OPERATING_MODE) == 3 => {
                 within(limit(at::MIN_POSITION)..=limit(at::MAX_POSITION))
+            }
+            at::GOAL_POSITION if matches!(limit(at::OPERATING_MODE), 4 | 5) => {
+                within(-EXTENDED_TICKS..=EXTENDED_TICKS)
             }
             at::GOAL_VELOCITY => within(-limit(at::VELOCITY_LIMIT)..=limit(at::VELOCITY_LIMIT)),
             at::GOAL_CURRENT => within(-limit(at::CURRENT_LIMIT)..=limit(at::CURRENT_LIMIT)),
@@ -74,6 +84,7 @@ impl XServo {
                 at::TORQUE => self.set_torque(value == 1),
                 at::OPERATING_MODE => self.set_mode(value),
                 at::BUS_WATCHDOG => {
+                    self.unjudged |= self.watchdog_tripped() && self.torque_on();
                     self.table.put(register, value);
                     self.feed_watchdog();
                 }
@@ -84,11 +95,33 @@ impl XServo {
                         self.set_torque(true);
                     }
                     let goal_rad = self.goal_rad();
+                    if std::mem::take(&mut self.unjudged) && self.torque_on() {
+                        // It takes goals again, beginning with this one.
+                        self.body.judge.begin(goal_rad, self.body.position_rad());
+                    }
                     self.body.judge.judge_goal(self.body.time_s, goal_rad);
                 }
                 _ => self.table.put(register, value),
             }
         }
+    }
+
+    /// Arrived (bit 0), profile under way (bit 1), its kind (bits 4 and 5: 0 a step, 1
+    /// rectangular, 3 trapezoidal).
+    fn moving_status(&self) -> i64 {
+        if !matches!(self.table.get(at::OPERATING_MODE), 3..=5) {
+            return 0;
+        }
+        let goal = self.table.get(at::GOAL_POSITION) as f64;
+        let arrived = (goal - self.encoder_ticks()).abs() <= ARRIVED_TICKS;
+        let under_way = self.torque_on() && self.trajectory_ticks != goal;
+        let kind = match [at::PROFILE_VELOCITY, at::PROFILE_ACCELERATION].map(|r| self.table.get(r))
+        {
+            [0, _] => 0,
+            [_, 0] => 1,
+            _ => 3,
+        };
+        i64::from(arrived) | i64::from(under_way) << 1 | kind << 4
     }
 
     fn refresh(&mut self) {
@@ -100,8 +133,9 @@ impl XServo {
             Some(unit) => self.body.motor.current_a / unit,
         };
         for (register, value) in [
-            (at::TICK_MS, (self.body.time_s * 1e3) as i64 % 32768),
+            (at::TICK_MS, ((self.body.time_s * 1e3) as i64 + self.switched_on_ms) % 32768),
             (at::MOVING, i64::from(moving)),
+            (at::MOVING_STATUS, self.moving_status()),
             (at::PRESENT_POSITION, self.present_ticks()),
         ] {
             self.table.put(register, value);

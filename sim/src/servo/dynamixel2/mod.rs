@@ -50,6 +50,10 @@ pub struct XServo {
     duty: f64,
     fed_s: f64,
     tripped_s: Option<f64>,
+    /// A tripped watchdog was cleared; the next goal is where it is judged from.
+    unjudged: bool,
+    /// No two servos are switched on in the same millisecond: what its clock began with.
+    switched_on_ms: i64,
 }
 
 impl XServo {
@@ -74,6 +78,8 @@ impl XServo {
             duty: 0.0,
             fed_s: 0.0,
             tripped_s: None,
+            unjudged: false,
+            switched_on_ms: spec.name.bytes().map(|byte| i64::from(byte) * 7).sum::<i64>() % 500,
         };
         servo.boot();
         servo
@@ -89,6 +95,9 @@ impl XServo {
         self.table.put(at::GOAL_POSITION, here);
         self.trajectory_ticks = here as f64;
         self.trajectory_speed = 0.0;
+        if self.table.get(at::STARTUP) & 1 != 0 {
+            self.set_torque(true);
+        }
     }
 
     pub(crate) fn return_delay_s(&self) -> f64 {
@@ -158,14 +167,21 @@ impl XServo {
         1.0 - 2.0 * (self.table.get(at::DRIVE_MODE) & 1) as f64
     }
 
+    /// Ticks that are added to the angle; in position mode more than a quarter of a turn is
+    /// ignored.
+    fn offset_ticks(&self) -> f64 {
+        let offset = self.table.get(at::HOMING_OFFSET);
+        let ignored = self.table.get(at::OPERATING_MODE) == 3 && offset.abs() > 1024;
+        if ignored { 0.0 } else { offset as f64 }
+    }
+
     fn angle_of_ticks(&self, ticks: f64) -> f64 {
-        let offset = self.table.get(at::HOMING_OFFSET) as f64;
-        (ticks - offset) * self.drive_sign() * RAD_PER_TICK
+        (ticks - self.offset_ticks()) * self.drive_sign() * RAD_PER_TICK
     }
 
     fn encoder_ticks(&self) -> f64 {
         let raw = (self.body.motor.angle_rad / RAD_PER_TICK).round();
-        raw * self.drive_sign() + self.table.get(at::HOMING_OFFSET) as f64
+        raw * self.drive_sign() + self.offset_ticks()
     }
 
     /// Present position as the register shows it: within a turn in mode 3.
@@ -244,6 +260,10 @@ impl XServo {
             }
         }
         self.table.put(at::OPERATING_MODE, mode);
+        if mode == 3 {
+            // Within one turn from here on.
+            self.body.clear_turns();
+        }
         self.table.put(at::GOAL_POSITION, self.present_ticks());
     }
 
@@ -251,14 +271,18 @@ impl XServo {
         let units = self.table.get(at::BUS_WATCHDOG);
         let armed = (1..=127).contains(&units) && self.torque_on();
         if armed && self.body.time_s - self.fed_s > units as f64 * 0.02 {
-            self.table.put(at::BUS_WATCHDOG, -1);
-            self.tripped_s = Some(self.body.time_s);
-            let here = self.encoder_ticks();
-            self.table.put(at::GOAL_POSITION, here as i64);
-            self.trajectory_ticks = here;
-            self.trajectory_speed = 0.0;
-            self.body.judge.end();
+            self.trip_watchdog();
         }
+    }
+
+    fn trip_watchdog(&mut self) {
+        self.table.put(at::BUS_WATCHDOG, -1);
+        self.tripped_s = Some(self.body.time_s);
+        let here = self.encoder_ticks();
+        self.table.put(at::GOAL_POSITION, here as i64);
+        self.trajectory_ticks = here;
+        self.trajectory_speed = 0.0;
+        self.body.judge.end();
     }
 
     fn protect(&mut self, dt_s: f64) {
@@ -319,6 +343,7 @@ impl LineServo for XServo {
         match self.body.suffer(fault) {
             Some(ServoFault::Reboot) => self.reboot(),
             Some(ServoFault::Overload) => self.raise(OVERLOAD_ERROR),
+            Some(ServoFault::Trip) => self.trip_watchdog(),
             Some(ServoFault::Id(id)) => self.table.put(at::ID, i64::from(id)),
             Some(ServoFault::Baud(baud)) => {
                 let code = BAUDS.iter().position(|known| *known == baud);

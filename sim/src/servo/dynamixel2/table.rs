@@ -234,8 +234,8 @@ fn fields(model: &ServoModel, id: u8, baud_code: u8, firmware: u8) -> Vec<Field>
     writable(at::GOAL_POSITION, 2048, any_i32);
     for &(pointers, data, count) in indirect_blocks(model) {
         for i in 0..count {
-            let anywhere = (0, i64::from(END) - 1);
-            writable(pointer(pointers, i), i64::from(data + i), anywhere);
+            let in_ram = (i64::from(RAM), i64::from(END) - 1);
+            writable(pointer(pointers, i), i64::from(data + i), in_ram);
             writable(Register::new(data + i, 1, "indirect data"), 0, (0, 255));
         }
     }

@@ -1,14 +1,18 @@
 //! One servo at a time, before there is a robot: who is on a serial bus, how it
 //! is, and which id it has.
 //!
+//! `sweep.rs` finds everyone, `change.rs` gives ids and rates.
+//!
 //! Nothing here turns torque on. Pings and reads are safe at any time;
 //! [`SerialScanner::set_id`] turns the servo's torque off first. Every call is bounded
 //! by the wire time and the wait that the caller chose, times [`TRIES`].
 
+mod change;
+mod sweep;
+
 use std::time::{Duration, Instant};
 
 use dynamixel2::instructions::instruction_id as instruction;
-use dynamixel2::instructions::packet_id::BROADCAST;
 
 use crate::bus::reply_clock::ReplyClock;
 use crate::error::{BusError, BusResult, Refusal, ServoId};
@@ -22,7 +26,6 @@ use crate::serial::wire::stale_replies::ServoRequest;
 use crate::servo::model::ServoModel;
 
 const TRIES: u32 = 2;
-const BROADCAST_TURN: Duration = Duration::from_millis(3);
 
 /// Where every family of Protocol 1 says who it is, each in its own order.
 const START: Register = Register::new(0, 6, "model");
@@ -108,84 +111,6 @@ impl SerialScanner {
         Ok(Self { port: PacketPort::open(port, baud, framing, ReplyClock::Wall)?, baud, wait })
     }
 
-    /// Everyone who answers, by id. Protocol 2.0 is asked with one broadcast; if answers came
-    /// damaged (an id given twice), and in Protocol 1, every id is asked by itself.
-    pub fn everyone(&mut self) -> BusResult<Vec<FoundServo>> {
-        let mut found = match self.port.framing() {
-            Framing::Protocol2 => match self.broadcast_ping()? {
-                Some(found) => found,
-                None => self.sweep()?,
-            },
-            Framing::Protocol1 => self.sweep()?,
-        };
-        found.sort_by_key(|servo| servo.id);
-        Ok(found)
-    }
-
-    /// Asks every id once, and where somebody lives the silent ones once more: a
-    /// rate that nobody uses takes no longer for it.
-    fn sweep(&mut self) -> BusResult<Vec<FoundServo>> {
-        let mut found = Vec::new();
-        let mut silent: Vec<u8> = (0..BROADCAST).collect();
-        for _ in 0..TRIES {
-            let mut still = Vec::new();
-            for id in silent {
-                match self.ping_tries(id, 1) {
-                    Ok(Some(servo)) => found.push(servo),
-                    Ok(None) => still.push(id),
-                    Err(BusError::Corrupt { .. }) => found.extend(self.unreadable(id)),
-                    Err(error) => return Err(error),
-                }
-            }
-            silent = still;
-            if found.is_empty() {
-                break;
-            }
-        }
-        Ok(found)
-    }
-
-    fn unreadable(&self, id: u8) -> Option<FoundServo> {
-        let (family, service) = families(self.port.framing()).next()?;
-        Some(FoundServo {
-            baud: self.baud,
-            id,
-            model_number: 0,
-            model: None,
-            firmware: 0,
-            hardware_error: Some("only damaged answers: is this id given twice?".into()),
-            family,
-            service,
-        })
-    }
-
-    /// `None` if an answer came damaged.
-    fn broadcast_ping(&mut self) -> BusResult<Option<Vec<FoundServo>>> {
-        const DOING: &str = "broadcast ping";
-        const STATUS_BYTES: usize = 14;
-        self.port.send(BROADCAST, instruction::PING, &[], 7, DOING)?;
-        let turns = self.port.time(253 * STATUS_BYTES) + 253 * BROADCAST_TURN;
-        let deadline = Instant::now() + turns + self.wait;
-        let mut answers = Vec::new();
-        let mut damaged = false;
-        loop {
-            match self.port.receive(deadline, DOING)? {
-                Received::Nothing if damaged => return Ok(None),
-                Received::Nothing => break,
-                Received::Corrupt => damaged = true,
-                Received::Packet => {
-                    let packet = self.port.packet();
-                    answers.push((packet.id, packet.alert(), packet.params().to_vec()));
-                }
-            }
-        }
-        let found = answers.into_iter();
-        found
-            .map(|(id, alert, params)| self.identify(id, alert, &params))
-            .collect::<Result<Vec<_>, _>>()
-            .map(|found| Some(found.into_iter().flatten().collect()))
-    }
-
     /// Asks one id; `None` if nobody answers.
     pub fn ping(&mut self, id: u8) -> BusResult<Option<FoundServo>> {
         self.ping_tries(id, TRIES)
@@ -266,27 +191,6 @@ impl SerialScanner {
         self.set(servo.id, servo.family.registers().torque, 0)
     }
 
-    /// Gives a servo another id, in its permanent memory: torque off first, the id read back
-    /// where it then answers. The caller has looked that `id` is free.
-    pub fn set_id(&mut self, servo: &FoundServo, id: u8) -> BusResult<()> {
-        let service = servo.service;
-        self.torque_off(servo)?;
-        if let Some(lock) = service.lock {
-            self.write(servo.id, lock, 0)?;
-        }
-        // Some firmware confirms from the old id, some from the new one, some
-        // not at all: the id that is read back decides.
-        self.send_write(servo.id, service.id, u64::from(id))?;
-        let actual = self.read(id, service.id)?;
-        if actual != Some(u64::from(id)) {
-            return Err(silent(id, service.id.name));
-        }
-        match service.lock {
-            Some(lock) => self.write(id, lock, 1),
-            None => Ok(()),
-        }
-    }
-
     /// Reads a register; `None` if nobody answers.
     pub fn read(&mut self, id: u8, register: Register) -> BusResult<Option<u64>> {
         let bytes = self.read_bytes(id, register)?;
@@ -298,6 +202,13 @@ impl SerialScanner {
         let size = usize::from(register.size);
         let read = instruction::READ;
         let answer = self.ask(id, read, &params, size, register.name, TRIES)?;
+        Ok(answer.map(|(_, bytes)| bytes))
+    }
+
+    fn read_once(&mut self, id: u8, register: Register) -> BusResult<Option<Vec<u8>>> {
+        let params = self.port.framing().read_params(register);
+        let size = usize::from(register.size);
+        let answer = self.ask(id, instruction::READ, &params, size, register.name, 1)?;
         Ok(answer.map(|(_, bytes)| bytes))
     }
 
@@ -392,7 +303,7 @@ fn nameless(id: u8) -> ServoId {
 }
 
 fn silent(id: u8, doing: &'static str) -> BusError {
-    BusError::Silent { servos: vec![nameless(id)], doing, tries: TRIES }
+    BusError::Silent { servos: vec![nameless(id)], doing, tries: TRIES, hint: String::new() }
 }
 
 #[cfg(unix)]
