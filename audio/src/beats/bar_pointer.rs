@@ -434,7 +434,7 @@ mod tests {
             let beats = from_beat + step as f64 / RATE_HZ * bpm / 60.0;
             let off_s = (beats - beats.round()).abs() * 60.0 / bpm;
             let near = off_s < 0.01;
-            let first = beats.round() as usize % meter == 0;
+            let first = (beats.round() as usize).is_multiple_of(meter);
             let evidence = match (near, first) {
                 (true, true) => BeatEvidence { downbeat: 3.0, beat: 2.0, heard: 0.8 },
                 (true, false) => BeatEvidence { downbeat: 2.0, beat: 2.6, heard: 0.8 },
