@@ -11,6 +11,7 @@ use k::nalgebra::{UnitQuaternion, Vector3};
 use servodance_types::{ImuState, JointLimits};
 
 use super::fall_detector::FallDetector;
+use super::leg_servo::LegServo;
 use super::servo_give::ServoGive;
 use crate::dynamics::GRAVITY_M_S2;
 use crate::limits::JointTracker;
@@ -37,15 +38,6 @@ const ALONG: f64 = 0.7;
 const RISE_S: f64 = 0.02;
 /// An old reading is not acted on, seconds.
 const OLD_S: f64 = 0.1;
-
-/// The position loop of a leg's servo.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LegServo {
-    /// Newton metres a radian.
-    pub kp_nm_rad: f64,
-    /// Newton metres for one radian a second.
-    pub damping_nm_s: f64,
-}
 
 /// A leg's joint that turns the body about x (roll) or y (pitch).
 #[derive(Clone, Copy, Debug)]

@@ -2,8 +2,10 @@
 
 mod fall_detector;
 mod feedback;
+mod leg_servo;
 mod servo_give;
 mod zmp_governor;
 
-pub use feedback::{BalanceFeedback, LegServo};
+pub use feedback::BalanceFeedback;
+pub use leg_servo::LegServo;
 pub(crate) use zmp_governor::{GovernorInput, ZmpGovernor};

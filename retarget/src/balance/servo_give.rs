@@ -1,7 +1,7 @@
 //! Position servos give way under load: torque over stiffness. The legs' commands go
 //! ahead by what the estimated torque will take back, so that the robot leans as planned.
 
-use super::LegServo;
+use super::leg_servo::LegServo;
 
 /// Time constant of the torque that is reckoned with, seconds: the estimate is rough.
 const SMOOTH_S: f64 = 0.04;

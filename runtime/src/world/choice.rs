@@ -1,8 +1,5 @@
 //! Where the simulated robot is: the values of `--world`.
 
-use super::robot_world::RobotWorld;
-use crate::robot::Robot;
-
 /// What is around a simulated robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum WorldChoice {
@@ -16,16 +13,6 @@ pub enum WorldChoice {
 }
 
 impl WorldChoice {
-    /// Where a simulated robot is unless somebody says so: on a floor if it stands on its
-    /// feet and its description has what physics needs, else nowhere.
-    pub fn of_robot(robot: &Robot) -> Self {
-        let stands = robot.retarget.stance.stands();
-        match stands && RobotWorld::open(robot, Self::Floor).is_ok() {
-            true => Self::Floor,
-            false => Self::None,
-        }
-    }
-
     /// As the user writes it.
     pub fn name(self) -> &'static str {
         match self {

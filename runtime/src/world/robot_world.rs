@@ -89,3 +89,15 @@ impl RobotWorld {
         (seconds / self.shared.step_s()).round().max(1.0) as u64
     }
 }
+
+impl WorldChoice {
+    /// Where a simulated robot is unless somebody says so: on a floor if it stands on its
+    /// feet and its description has what physics needs, else nowhere.
+    pub fn of_robot(robot: &Robot) -> Self {
+        let stands = robot.retarget.stance.stands();
+        match stands && RobotWorld::open(robot, Self::Floor).is_ok() {
+            true => Self::Floor,
+            false => Self::None,
+        }
+    }
+}
