@@ -23,10 +23,10 @@ pub struct Args {
     #[arg(long)]
     pub backlash: bool,
     /// What is around the robot: a floor or a stand, for which the servos carry its
-    /// weight (a hand holds it until all have torque), or none; a floor for a robot that
-    /// stands if left out.
-    #[arg(long, value_enum)]
-    pub world: Option<WorldChoice>,
+    /// weight (a hand holds it until all have torque), or none. On a floor it stays down
+    /// after torque off until a fault lifts it.
+    #[arg(long, value_enum, default_value = "none")]
+    pub world: WorldChoice,
     /// Something that goes wrong: TIME JOINT|wire|adapter WHAT VALUE (some have none), such as
     /// "3s l_knee dead" or "5s wire corrupt 0.01", or in a world "8s push 1 0 1.5" (towards
     /// x y, newton seconds) or "9s lift"; may be given again.
@@ -50,7 +50,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         link: args.link,
         faults: &faults,
         backlash: args.backlash,
-        world: args.world.unwrap_or_else(|| WorldChoice::of_robot(&robot)),
+        world: args.world,
     };
     let served = serve::serve(&robot, options, &stop, |port| stdout_line!("{port}"))?;
     stderr_line!("{served}");
