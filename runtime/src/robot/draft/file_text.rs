@@ -69,7 +69,7 @@ description = {about}
 urdf = {urdf}
 control_hz = {control_hz:.0}
 # From motion to position, of the placeholder servos: motion is sent this much ahead.
-servo_lag_s = 0.045
+servo_lag_s = 0.07
 # Simulated servos are as strong as the masses ask for; real ones are not moved. Remove
 # this when [bus] and every [[joint]] are filled in.
 placeholder_servos = true

@@ -14,11 +14,19 @@ const MOST_JERK_DEG_S3: f64 = 1e9;
 /// Rest lies at least this far inside the range, degrees: rounding.
 const ROUND_DEG: f64 = 0.01;
 
-/// The servo that is taken until the user names the real one: a fast one, because robots
-/// with better motors should not wait for it. How strong it is does not matter, see
-/// `placeholder_servos`. Its no-load speed, 77 rpm, leaves room for the load.
-const PLACEHOLDER: &str = "XM430-W210";
-const PLACEHOLDER_DEG_S: f64 = 380.0;
+/// A servo that is taken until the user names the real one.
+pub(super) struct Placeholder {
+    pub model: &'static str,
+    /// Its no-load speed leaves room for the load, degrees a second.
+    velocity_deg_s: f64,
+    /// Stall torque, newton metres.
+    torque_nm: f64,
+}
+
+const PLACEHOLDERS: [Placeholder; 2] = [
+    Placeholder { model: "XM430-W350", velocity_deg_s: 230.0, torque_nm: 4.1 },
+    Placeholder { model: "XM540-W270", velocity_deg_s: 150.0, torque_nm: 10.6 },
+];
 
 /// One `[[joint]]` table to be.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,6 +73,12 @@ pub(super) fn servo_drafts(joints: &[JointDraft]) -> (Vec<ServoDraft>, Vec<Strin
 
 fn servo(joint: &JointDraft, id: usize) -> Option<ServoDraft> {
     let mut notes = Vec::new();
+    let [small, large] = &PLACEHOLDERS;
+    let strong = joint.effort_nm.is_some_and(|nm| nm > small.torque_nm);
+    let placeholder = if strong { large } else { small };
+    if let Some(nm) = joint.effort_nm.filter(|nm| *nm > large.torque_nm) {
+        notes.push(format!("the description asks for {nm} N m: more than this servo gives"));
+    }
     let (zero_deg, lower_deg, upper_deg) = match joint.range_rad {
         None => {
             notes.push("the description gives no range: fill in".into());
@@ -79,7 +93,7 @@ fn servo(joint: &JointDraft, id: usize) -> Option<ServoDraft> {
     if given_deg_s.is_none() {
         notes.push("the description gives no usable speed: the servo's is taken".into());
     }
-    let velocity_deg_s = given_deg_s.unwrap_or(f64::MAX).min(PLACEHOLDER_DEG_S);
+    let velocity_deg_s = given_deg_s.unwrap_or(f64::MAX).min(placeholder.velocity_deg_s);
     let acceleration_deg_s2 = match joint.acceleration_rad_s2 {
         Some(given) => given.to_degrees().min(3000.0),
         None => (velocity_deg_s * 10.0).min(3000.0),
@@ -88,7 +102,7 @@ fn servo(joint: &JointDraft, id: usize) -> Option<ServoDraft> {
         name: joint.name.clone(),
         id,
         role: joint.role,
-        model: PLACEHOLDER,
+        model: placeholder.model,
         zero_deg,
         lower_deg,
         upper_deg,
