@@ -16,6 +16,7 @@ in FOLDER is looked up again before every round. Needs torch and numpy.
 import copy
 import glob
 import json
+import os
 import sys
 import time
 
@@ -56,6 +57,8 @@ class Corpus:
         for folder in sorted({f for p in self.patterns for f in glob.glob(p)}):
             lines = open(f"{folder}/pieces.jsonl").read().split("\n")[:-1]
             begun, at = self.seen.get(folder, (0, 0))
+            if not os.path.getsize(f"{folder}/inputs.f32"):
+                continue
             new = [json.loads(line) for line in lines[begun:]]
             file = np.memmap(f"{folder}/inputs.f32", np.float32, "r")
             values = file[: len(file) // INPUTS * INPUTS].reshape(-1, INPUTS)

@@ -16,7 +16,7 @@ use servodance_types::{BeatLock, FRAME_RATE_HZ, MusicFrame, SPECTRAL_DIM};
 
 use crate::beats::{
     BeatCaller, BeatHistory, BeatNetwork, LiveBeat, MetricalReading, NetworkOutput, OnsetTracker,
-    TempoRange, Tracker, input, offline_evidence,
+    StepOnset, TempoRange, Tracker, input, offline_evidence,
 };
 use crate::features::ANALYSIS_RATE_HZ;
 use crate::features::mfcc::{BEAT, SpectralFeatures};
@@ -188,9 +188,12 @@ impl AnalysisCore {
         };
         let notes = self.notes.step(&self.recent);
         let output = self.network.step(&input(&older, &onset, &notes));
-        let strength = older.strength.max(onset.strength);
+        let strongest = StepOnset {
+            strength: older.strength.max(onset.strength),
+            kick: older.groups[0].max(onset.groups[0]),
+        };
         let guess = self.onset_tracker.beat(BeatNetwork::LATE_S - LATENCY_S);
-        self.tracker.step(&output, strength, guess, older.audible || onset.audible);
+        self.tracker.step(&output, strongest, guess, older.audible || onset.audible);
         self.record(&output);
     }
 
@@ -214,7 +217,8 @@ impl AnalysisCore {
             if index == 0 { [0.0; SPECTRAL_DIM] } else { self.features.frame(&self.recent) };
         if index > 0 {
             let network = (!self.tracker.is_silent()).then_some(self.heard.music);
-            self.detector.frame(self.features.fine_magnitude(), network);
+            let beats = self.tracker.strength();
+            self.detector.frame(self.features.fine_magnitude(), network, beats);
             self.tracker.set_presence(self.detector.presence());
             self.onset_tracker.set_presence(self.detector.presence());
             if let Some(history) = &mut self.history {

@@ -2,7 +2,7 @@
 //! jump to another song. The truth is known, since the songs are rendered.
 
 use servodance_audio::MusicAnalyzer;
-use servodance_audio::song::noise::{crowd, hiss, knocks, mix, motors, speech};
+use servodance_audio::song::noise::{crowd, hiss, knocks, mix, motors, room, speech};
 use servodance_audio::song::{Grid, Layers, Mix, Section, Song, SongSpec, Style};
 use servodance_types::{BeatLock, MusicFrame};
 
@@ -151,6 +151,77 @@ fn people_who_talk_do_not_disturb() {
         let frames = listen(&mix(&song.samples, &noise, 10.0), song.sample_rate_hz);
         let share = right(&song, &frames, 6.0, 25.0);
         assert!(share > 0.8, "{name}: right in {share} of the frames");
+    }
+}
+
+/// The share of frames after 6 s in which there is music.
+fn presence(frames: &[MusicFrame]) -> f64 {
+    let late: Vec<f32> = frames.iter().filter(|f| f.time_s > 6.0).map(|f| f.presence).collect();
+    late.iter().filter(|presence| **presence > 0.5).count() as f64 / late.len() as f64
+}
+
+#[test]
+fn drums_alone_are_music() {
+    let drums = Layers { drums: true, bass: false, chords: false, lead: false };
+    for (style, bpm) in [(Style::House, 124.0), (Style::Rock, 104.0), (Style::Soul, 92.0)] {
+        let mut spec = spec(style, steady(bpm, 25.0), 25.0);
+        spec.sections = vec![section(0, drums)];
+        let song = spec.render().expect("a song");
+        let frames = listen(&song.samples, song.sample_rate_hz);
+        assert!(presence(&frames) > 0.8, "{style:?}: music in {}", presence(&frames));
+    }
+}
+
+#[test]
+fn motors_in_a_room_do_not_hide_the_music() {
+    let tune = Layers { drums: false, bass: true, chords: true, lead: true };
+    for seed in 0..3 {
+        let mut spec = spec(Style::Soul, steady(92.0, 25.0), 25.0);
+        spec.sections = vec![section(0, tune)];
+        let song = spec.render().expect("a song");
+        let whine = motors(&turns(&song), 25.0, song.sample_rate_hz, seed);
+        let heard = room(&song.samples, song.sample_rate_hz, 0.5, 0.5, seed);
+        let frames = listen(&mix(&heard, &whine, 10.0), song.sample_rate_hz);
+        assert!(presence(&frames) > 0.8, "seed {seed}: music in {}", presence(&frames));
+    }
+}
+
+#[test]
+fn bars_of_four_are_told_with_their_first_beat() {
+    for (style, bpm) in [(Style::House, 124.0), (Style::Rock, 140.0), (Style::Soul, 96.0)] {
+        let song = spec(style, steady(bpm, 40.0), 40.0).render().expect("a song");
+        let frames = listen(&song.samples, song.sample_rate_hz);
+        let late = frames.iter().filter(|f| f.time_s > 15.0 && f.beat.phase < 0.5);
+        let (mut right, mut all) = (0, 0);
+        for frame in late {
+            let beats = song.beats_s.partition_point(|&beat| beat <= frame.time_s + 0.05);
+            right += usize::from(frame.beat.beat_in_bar == Some(((beats + 3) % 4) as u8));
+            all += 1;
+        }
+        assert!(right * 10 > all * 9, "{style:?}: right in {right} of {all} frames");
+    }
+}
+
+#[test]
+fn a_beat_that_has_become_the_off_beat_is_left_and_that_is_told_before() {
+    for (style, bpm) in [(Style::House, 124.0), (Style::Disco, 116.0)] {
+        let song = spec(style, steady(bpm, 40.0), 40.0).render().expect("a song");
+        // Half a beat is cut out of it.
+        let (cut_s, rate) = (20.0, f64::from(song.sample_rate_hz));
+        let (from, to) = ((cut_s * rate) as usize, ((cut_s + 30.0 / bpm) * rate) as usize);
+        let samples = [&song.samples[..from], &song.samples[to..]].concat();
+        let frames = listen(&samples, song.sample_rate_hz);
+        let mut late = frames.iter().filter(|f| f.time_s > cut_s);
+        let told = late.find(|f| f.beat.lock == BeatLock::Changing).expect("it is told");
+        let shifted = |f: &&MusicFrame| {
+            let off = error_s(&song, &MusicFrame { time_s: f.time_s + 30.0 / bpm, ..**f });
+            f.time_s > cut_s && off.abs() < 0.05
+        };
+        let followed = frames.iter().find(shifted).expect("it is followed");
+        assert!(told.time_s < followed.time_s, "{style:?}: {told:?} {followed:?}");
+        assert!(followed.time_s < cut_s + 7.0, "{style:?}: {followed:?}");
+        let late = frames.iter().filter(|f| f.time_s > cut_s + 7.0);
+        assert!(late.clone().all(|f| shifted(&f)), "{style:?}: it is kept");
     }
 }
 

@@ -14,6 +14,10 @@ pub struct JointLimits {
     pub acceleration_rad_s2: f64,
 }
 
+/// A slower joint, degrees a second, cannot show a dance, nor come to rest in a time that
+/// somebody waits for.
+const LEAST_DEG_S: f64 = 0.05;
+
 impl JointLimits {
     /// Returns the limits if they are usable, otherwise the reason in one line.
     pub fn checked(self) -> Result<Self, String> {
@@ -28,8 +32,12 @@ impl JointLimits {
                 self.lower_rad, self.upper_rad
             ));
         }
-        if rates.iter().any(|rate| *rate <= 0.0) {
-            return Err("velocity and acceleration limits must be above zero".into());
+        let [velocity, acceleration] = rates.map(f64::to_degrees);
+        if velocity.min(acceleration) < LEAST_DEG_S {
+            return Err(format!(
+                "velocity limit {velocity:?} degrees/s and acceleration limit {acceleration:?} \
+                 degrees/s2 must be at least {LEAST_DEG_S}"
+            ));
         }
         Ok(self)
     }

@@ -20,6 +20,8 @@ pub enum BeatLock {
     Locked,
     /// The music became unclear (a break); the last beat is extrapolated.
     Holding,
+    /// The tracker follows the beat and hears another, which it follows if that lasts.
+    Changing,
 }
 
 /// The beat at one moment, estimated from the past alone.

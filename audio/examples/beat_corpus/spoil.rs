@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use std::f32::consts::TAU;
 
 use super::RATE_HZ;
+use servodance_audio::song::noise;
 
 /// Spoils the music of one piece by chance; `loud` music is driven more often.
 pub fn spoil(sound: &mut Vec<f32>, loud: bool, rng: &mut ChaCha8Rng) -> Result<(), Box<dyn Error>> {
@@ -20,7 +21,8 @@ pub fn spoil(sound: &mut Vec<f32>, loud: bool, rng: &mut ChaCha8Rng) -> Result<(
         sound.iter_mut().for_each(|s| *s = (drive * *s).tanh());
     }
     if rng.random_bool(0.35) {
-        room(sound, rng.random_range(0.1..1.2), rng.random_range(0.2..1.6), rng);
+        let (wet, time_s) = (rng.random_range(0.1..1.2), rng.random_range(0.2..1.6));
+        *sound = noise::room(sound, RATE_HZ, wet, time_s, rng.random());
     }
     if rng.random_bool(0.06) {
         telephone(sound, rng.random_range(250.0..500.0), rng.random_range(3000.0..5000.0));
@@ -43,26 +45,6 @@ fn tilt(sound: &mut [f32], low_db: f32, high_db: f32) {
         low += pole(200.0) * (*sample - low);
         middle += pole(3000.0) * (*sample - middle);
         *sample = gain(low_db) * low + (middle - low) + gain(high_db) * (*sample - middle);
-    }
-}
-
-/// A room of eight combs (Schroeder 1962) with `wet` of it against the sound
-/// itself, dying away by 60 dB in `time_s`.
-fn room(sound: &mut [f32], wet: f32, time_s: f32, rng: &mut ChaCha8Rng) {
-    let dry = sound.to_vec();
-    let damping = rng.random_range(0.2..0.8);
-    for _ in 0..8 {
-        let delay_s = rng.random_range(0.021f32..0.061);
-        let delay = (delay_s * RATE_HZ as f32) as usize;
-        let feedback = 10f32.powf(-3.0 * delay_s / time_s);
-        let mut line = vec![0.0f32; delay];
-        let mut damped = 0.0f32;
-        for (i, (out, input)) in sound.iter_mut().zip(&dry).enumerate() {
-            let old = line[i % delay];
-            damped += damping * (old - damped);
-            line[i % delay] = input + feedback * damped;
-            *out += 0.3 * wet * old;
-        }
     }
 }
 

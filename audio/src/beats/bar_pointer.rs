@@ -30,6 +30,10 @@ const METER_PRIOR: [f32; 4] = [0.14, 0.24, 0.56, 0.06];
 /// Beats of all meters together, and the first of each.
 const SLOTS: usize = 14;
 const FIRST: [usize; 4] = [0, 2, 5, 9];
+const THIRD_OF_FOUR: usize = FIRST[2] + 2;
+/// What a beat of a bar of two costs: two such bars explain every bar of four, and the
+/// longer one is the more usual reading.
+const SHORT_BAR: f32 = 0.86;
 /// Probability that leaks to every tempo, phase and bar, a second.
 const LEAK_PER_S: f32 = 2e-3;
 /// Probability that a beat is another one of its bar; that a bar has another meter.
@@ -119,6 +123,28 @@ impl TempoStates {
 
 fn add(sum: &mut Row, row: &Row, share: f32) {
     sum.iter_mut().zip(row).for_each(|(s, r)| *s += share * r);
+}
+
+/// By what the evidence of one step multiplies the states near a beat.
+struct Factors {
+    /// Those whose beat has begun.
+    after: Row,
+    /// Those whose next beat is about to begin: the evidence is of that one.
+    before: Row,
+}
+
+impl Factors {
+    fn new(evidence: &BeatEvidence, share: f32) -> Self {
+        let down = libm::expf(share * evidence.downbeat);
+        let mut after = [libm::expf(share * evidence.beat); LANES];
+        FIRST.iter().for_each(|&first| after[first] = down);
+        after[THIRD_OF_FOUR] = libm::expf(share * evidence.third);
+        let mut before = after;
+        for (&beats, first) in METERS.iter().zip(FIRST) {
+            before[first..first + beats].rotate_left(1);
+        }
+        Self { after, before }
+    }
 }
 
 /// What the pointer makes of the music.
@@ -228,11 +254,7 @@ impl BarPointer {
 
     /// Moves on by one step of the network and weighs what was heard in it.
     pub(super) fn step(&mut self, evidence: &BeatEvidence) {
-        let factors = BELL.map(|share| {
-            let (down, other) = (share * evidence.downbeat, share * evidence.beat);
-            let (down, other) = (libm::expf(down), libm::expf(other));
-            std::array::from_fn(|lane| if FIRST.contains(&lane) { down } else { other })
-        });
+        let factors = BELL.map(|share| Factors::new(evidence, share));
         for _ in 0..HOPS {
             let arrived = self.advance();
             self.enter(&arrived);
@@ -262,7 +284,8 @@ impl BarPointer {
     fn enter(&mut self, arrived: &[Row; TEMPI]) {
         let tempi = self.tempi.iter_mut().zip(arrived).zip(&self.prior).zip(&self.worth);
         for (((states, row), prior), worth) in tempi {
-            let row = &row.map(|value| value * worth);
+            let mut row = row.map(|value| value * worth);
+            row[FIRST[0]..FIRST[1]].iter_mut().for_each(|value| *value *= SHORT_BAR);
             let leak = LEAK_PER_S / HOP_HZ as f32 * self.total * prior;
             let bars: f32 =
                 METERS.iter().zip(FIRST).map(|(beats, first)| row[first + beats - 1]).sum();
@@ -283,14 +306,14 @@ impl BarPointer {
     }
 
     /// Weighs the states near a beat.
-    fn weigh(&mut self, factors: &[Row; BELL.len()]) {
+    fn weigh(&mut self, factors: &[Factors; BELL.len()]) {
         let mut gained = EMPTY;
         for states in &mut self.tempi {
             let length = states.ring.len();
-            states.weigh(0, &factors[0], &mut gained);
+            states.weigh(0, &factors[0].after, &mut gained);
             for (distance, factors) in factors.iter().enumerate().skip(1) {
-                states.weigh(distance, factors, &mut gained);
-                states.weigh(length - distance, factors, &mut gained);
+                states.weigh(distance, &factors.after, &mut gained);
+                states.weigh(length - distance, &factors.before, &mut gained);
             }
         }
         self.total += gained.iter().sum::<f32>();
@@ -436,9 +459,9 @@ mod tests {
             let near = off_s < 0.01;
             let first = (beats.round() as usize).is_multiple_of(meter);
             let evidence = match (near, first) {
-                (true, true) => BeatEvidence { downbeat: 3.0, beat: 2.0, heard: 0.8 },
-                (true, false) => BeatEvidence { downbeat: 2.0, beat: 2.6, heard: 0.8 },
-                _ => BeatEvidence { downbeat: -0.7, beat: -0.7, heard: 0.02 },
+                (true, true) => BeatEvidence { downbeat: 3.0, beat: 2.0, third: 2.6, heard: 0.8 },
+                (true, false) => BeatEvidence { downbeat: 2.0, beat: 2.6, third: 2.3, heard: 0.8 },
+                _ => BeatEvidence { downbeat: -0.7, beat: -0.7, third: -0.7, heard: 0.02 },
             };
             pointer.step(&evidence);
         }
@@ -478,5 +501,19 @@ mod tests {
             pointer.step(&BeatEvidence::default());
         }
         assert!(pointer.estimate().mass < 0.5);
+    }
+
+    #[test]
+    fn what_is_heard_before_a_beat_is_evidence_of_that_beat() {
+        let heard = BeatEvidence { downbeat: 3.0, ..BeatEvidence::default() };
+        let factors = Factors::new(&heard, 1.0);
+        for (&beats, first) in METERS.iter().zip(FIRST) {
+            for beat in 0..beats {
+                let opens = |beat: usize| if beat == 0 { 3f32.exp() } else { 1.0 };
+                assert_eq!(factors.after[first + beat], opens(beat), "{beat} of {beats}");
+                let next = (beat + 1) % beats;
+                assert_eq!(factors.before[first + beat], opens(next), "{beat} of {beats}");
+            }
+        }
     }
 }

@@ -31,6 +31,7 @@ pub use network_input::{INPUTS, inputs_of};
 pub use offline::track_offline;
 pub use tempo_range::{TempoRange, TempoRangeError};
 
+pub(crate) use beat_evidence::StepOnset;
 pub(crate) use history::BeatCaller;
 pub(crate) use network::{BeatNetwork, NetworkOutput};
 pub(crate) use network_input::input;

@@ -132,7 +132,7 @@ impl OnsetTracker {
                 self.phase = estimate.phase;
                 self.bpm = estimate.bpm;
             }
-            BeatLock::Locked | BeatLock::Holding => {
+            _ => {
                 self.follow(estimate, elapsed_s);
                 self.level.choose(self.bpm, elapsed_s);
             }
@@ -164,7 +164,7 @@ impl OnsetTracker {
                     self.state = BeatLock::Lost;
                 }
             }
-            BeatLock::Lost | BeatLock::Locked => {}
+            _ => {}
         }
     }
 

@@ -10,11 +10,11 @@
 //!
 //! While locked the oscillator follows the pointer's estimate by small
 //! corrections, so that its phase never jumps for one late drum. An estimate
-//! that contradicts the oscillator for a while is taken over at once, however
-//! long the oscillator was followed.
+//! that contradicts the oscillator for a while is taken over, however long the
+//! oscillator was followed, and that is told before.
 
 use super::bar_pointer::{BarEstimate, BarPointer, RATE_HZ};
-use super::beat_evidence::{Listener, OnsetBeat};
+use super::beat_evidence::{Listener, OnsetBeat, StepOnset};
 use super::network::NetworkOutput;
 use super::tempo_range::TempoRange;
 use servodance_types::{Beat, BeatLock};
@@ -38,8 +38,14 @@ const NEWEST: f32 = 0.2;
 const HOLD_S: f64 = 7.0;
 /// Silence that ends the music.
 const SILENCE_S: f64 = 1.5;
+/// An estimate within these agrees with the oscillator: logarithm of tempo, beats.
+const SAME_TEMPO: f64 = 0.06;
+const SAME_BEAT: f64 = 0.15;
 /// How long a contradicting estimate must last before it is taken over.
 const PATIENCE_S: f64 = 0.3;
+/// ... and from when on the change is told. A bar line is not waited for: that cost more
+/// beats than it saved.
+const TOLD_S: f64 = 0.1;
 /// Probability that such an estimate must have.
 const SURE: f32 = 0.5;
 /// Probability of a place in the bar from which on it is told.
@@ -152,16 +158,22 @@ impl Tracker {
         self.take_over();
     }
 
+    /// Mean probability of a beat, by the network, at the beats; of the pointer's beats
+    /// while none is followed.
+    pub(crate) fn strength(&self) -> f32 {
+        self.strength
+    }
+
     pub(crate) fn state(&self) -> BeatLock {
         self.state
     }
 
-    /// One step of the network: its output, the strongest onset in it, whether
+    /// One step of the network: its output, the strongest onsets in it, whether
     /// anything was audible.
     pub(crate) fn step(
         &mut self,
         output: &NetworkOutput,
-        onset: f32,
+        onset: StepOnset,
         guess: OnsetBeat,
         audible: bool,
     ) {
@@ -212,7 +224,7 @@ impl Tracker {
         }
         match self.state {
             BeatLock::Lost => self.take_over(),
-            BeatLock::Locked | BeatLock::Holding => self.follow(elapsed_s),
+            _ => self.follow(elapsed_s),
         }
     }
 
@@ -238,7 +250,7 @@ impl Tracker {
                     self.state = BeatLock::Lost;
                 }
             }
-            BeatLock::Lost | BeatLock::Locked => {}
+            _ => {}
         }
     }
 
@@ -263,7 +275,7 @@ impl Tracker {
         if self.taps.hold && error.abs() > TAPPED_OFF {
             return;
         }
-        if tempo_error.abs() < 0.06 && error.abs() < 0.15 {
+        if tempo_error.abs() < SAME_TEMPO && error.abs() < SAME_BEAT {
             self.contradicted_s = 0.0;
             let trust = f64::from(self.confidence);
             let phase = self.phase + (PHASE_PULL_PER_S * elapsed_s * trust).min(1.0) * error;
@@ -282,6 +294,11 @@ impl Tracker {
         }
     }
 
+    /// Another beat is heard, and is followed if that lasts.
+    fn is_changing(&self) -> bool {
+        self.state != BeatLock::Lost && self.contradicted_s > TOLD_S
+    }
+
     /// The beat `ahead_s` seconds after the newest step.
     pub(crate) fn beat(&self, ahead_s: f64) -> Beat {
         if self.bpm <= 0.0 || self.confidence <= 0.0 {
@@ -297,7 +314,7 @@ impl Tracker {
             phase: if phase < 1.0 { phase } else { 0.0 },
             tempo_bpm: self.bpm as f32,
             confidence: self.confidence,
-            lock: self.state,
+            lock: if self.is_changing() { BeatLock::Changing } else { self.state },
             beat_in_bar: bar.map(|beats| place.rem_euclid(i64::from(beats)) as u8),
             beats_in_bar: bar,
             bar_confidence: if heard { self.estimate.bar_mass } else { 0.0 },

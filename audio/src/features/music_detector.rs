@@ -1,8 +1,8 @@
 //! Detects music, as opposed to silence, speech, noise and machines.
 //!
-//! Two inputs: the music output of the beat network, and the steadiness of
-//! tones. Notes keep their pitch for a while, a voice glides, noise has no
-//! tones. The result is a running mean over [`MEMORY_S`], so that a break in a
+//! Three inputs: the music output of the beat network, the steadiness of tones, and the
+//! beats. Notes keep their pitch for a while, a voice glides, noise has no tones; drums
+//! alone have beats. The result is a running mean over [`MEMORY_S`], so that a break in a
 //! song is not the end of the music. Independent of gain; constant memory.
 
 use super::spectrum::{dot, sigmoid};
@@ -18,10 +18,19 @@ const REACH: usize = 12;
 /// How fast the reference level falls in a frame: 2 dB a second.
 const FADE: f32 = 0.988_6;
 
-/// Logistic weights: the network's log-odds, the steadiness of tones, the bias.
-const NETWORK: f32 = 0.8;
-const TONES: f32 = 6.4;
-const BIAS: f32 = 3.1;
+/// Logistic weights of the network's log-odds, of the steadiness of tones, of the beats
+/// above those that are heard in anything, and the bias. The network takes motors for proof
+/// that there is no music and some talkers for music: it says little, unless it is so sure
+/// as it is of metal.
+const NETWORK: f32 = 0.2;
+const NETWORK_RANGE: (f32, f32) = (-2.0, 6.0);
+const SURE: f32 = 5.0;
+const SURE_GAIN: f32 = 3.0;
+const SURE_RANGE: f32 = 1.5;
+const TONES: f32 = 9.0;
+const BEATS: f32 = 14.0;
+const ANY_BEATS: f32 = 0.15;
+const BIAS: f32 = 4.0;
 /// Bound of the log-odds either way.
 const LIMIT: f32 = 4.0;
 /// Time constant of the running mean.
@@ -85,11 +94,14 @@ impl MusicDetector {
         Self { steadiness: ToneSteadiness::new(), odds: UNKNOWN }
     }
 
-    /// Takes the chroma's magnitudes and the network's log-odds (`None` in silence).
-    pub(crate) fn frame(&mut self, magnitude: &[f32], network: Option<f32>) {
+    /// Takes the chroma's magnitudes, the network's log-odds (`None` in silence), and how
+    /// surely it hears beats where the tracker has them, 0 to 1.
+    pub(crate) fn frame(&mut self, magnitude: &[f32], network: Option<f32>, beats: f32) {
         let steady = self.steadiness.frame(magnitude);
         let target = network.map_or(-LIMIT, |odds| {
-            let sum = NETWORK * odds.clamp(-6.0, 6.0) + TONES * steady - BIAS;
+            let heard = NETWORK * odds.clamp(NETWORK_RANGE.0, NETWORK_RANGE.1)
+                + SURE_GAIN * (odds - SURE).clamp(0.0, SURE_RANGE);
+            let sum = heard + TONES * steady + BEATS * (beats - ANY_BEATS).max(0.0) - BIAS;
             sum.clamp(-LIMIT, LIMIT)
         });
         self.odds += (target - self.odds) / (MEMORY_S * FRAME_RATE_HZ as f32);

@@ -1,6 +1,7 @@
-//! Sounds that are not music, rendered by code: for tests and for training.
+//! Sounds that are not music, and rooms that music is heard in, rendered by code: for
+//! tests and for training.
 //!
-//! All are mono samples with a mean square of one, so that [`mix`] can bring
+//! All noises are mono samples with a mean square of one, so that [`mix`] can bring
 //! them to any level; the same seed gives the same samples. Not for the audio
 //! thread: whole sounds are allocated.
 
@@ -31,6 +32,41 @@ pub fn hiss(duration_s: f64, rate_hz: u32, colour: f32, seed: u64) -> Vec<f32> {
         *sample = low;
     }
     sound.levelled()
+}
+
+/// Noise that loses 3 dB an octave: the sum of random values held for 1, 2, 4, ... samples
+/// (Voss 1978).
+pub fn pink(duration_s: f64, rate_hz: u32, seed: u64) -> Vec<f32> {
+    const OCTAVES: usize = 14;
+    let mut sound = Sound::silent(duration_s, rate_hz, seed);
+    let mut held = [0.0f32; OCTAVES];
+    for (i, sample) in sound.samples.iter_mut().enumerate() {
+        let octave = (i.trailing_zeros() as usize).min(OCTAVES - 1);
+        held[octave] = sound.rng.random_range(-1.0..1.0);
+        *sample = held.iter().sum();
+    }
+    sound.levelled()
+}
+
+/// `sound` in a room of eight combs (Schroeder 1962): `wet` of it against the sound
+/// itself, dying away by 60 dB in `time_s`.
+pub fn room(sound: &[f32], rate_hz: u32, wet: f32, time_s: f32, seed: u64) -> Vec<f32> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut heard = sound.to_vec();
+    let damping = rng.random_range(0.2..0.8);
+    for _ in 0..8 {
+        let delay_s = rng.random_range(0.021f32..0.061);
+        let feedback = 10f32.powf(-3.0 * delay_s / time_s);
+        let mut line = vec![0.0f32; (delay_s * rate_hz as f32) as usize];
+        let (delay, mut damped) = (line.len(), 0.0f32);
+        for (i, (out, input)) in heard.iter_mut().zip(sound).enumerate() {
+            let old = line[i % delay];
+            damped += damping * (old - damped);
+            line[i % delay] = input + feedback * damped;
+            *out += 0.3 * wet * old;
+        }
+    }
+    heard
 }
 
 /// Knocks at random times, `per_s` a second on average.
@@ -272,6 +308,7 @@ mod tests {
         let all = |seed| {
             [
                 hiss(2.0, 16_000, 0.5, seed),
+                pink(2.0, 16_000, seed),
                 knocks(2.0, 16_000, 5.0, seed),
                 motors(&turns, 2.0, 16_000, seed),
                 speech(2.0, 16_000, seed),

@@ -6,6 +6,9 @@ use servodance_audio::{AudioSource, MusicAnalyzer, TempoRange};
 use servodance_types::Beat;
 use std::path::Path;
 
+/// Samples in a block of those that are all there.
+const BLOCK: usize = 4096;
+
 /// The two ways of beat tracking.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -48,12 +51,38 @@ impl Beats {
         tempo: Option<TempoRange>,
     ) -> anyhow::Result<Self> {
         let mut source = AudioSource::open(path)?;
-        let mut analyzer = MusicAnalyzer::keeping_history(source.sample_rate_hz())?;
+        let rate_hz = source.sample_rate_hz();
+        Self::of_blocks(|block| Ok(source.next_block(block)?), rate_hz, tracker, tempo)
+    }
+
+    /// The same of mono samples, -1 to 1.
+    pub fn of_samples(
+        samples: &[f32],
+        sample_rate_hz: u32,
+        tracker: BeatTracker,
+        tempo: Option<TempoRange>,
+    ) -> anyhow::Result<Self> {
+        let mut blocks = samples.chunks(BLOCK);
+        let next = |block: &mut Vec<f32>| {
+            block.clear();
+            block.extend_from_slice(blocks.next().unwrap_or_default());
+            Ok(!block.is_empty())
+        };
+        Self::of_blocks(next, sample_rate_hz, tracker, tempo)
+    }
+
+    fn of_blocks(
+        mut next: impl FnMut(&mut Vec<f32>) -> anyhow::Result<bool>,
+        sample_rate_hz: u32,
+        tracker: BeatTracker,
+        tempo: Option<TempoRange>,
+    ) -> anyhow::Result<Self> {
+        let mut analyzer = MusicAnalyzer::keeping_history(sample_rate_hz)?;
         if let Some(tempo) = tempo {
             analyzer.limit_tempo(tempo);
         }
         let (mut block, mut samples) = (Vec::new(), 0);
-        while source.next_block(&mut block)? {
+        while next(&mut block)? {
             samples += block.len();
             analyzer.push(&block);
             while analyzer.pop().is_some() {}
@@ -72,7 +101,7 @@ impl Beats {
         };
         Ok(Self {
             tracker,
-            audio_s: samples as f64 / f64::from(source.sample_rate_hz()),
+            audio_s: samples as f64 / f64::from(sample_rate_hz),
             tempo_bpm: track.tempo_bpm,
             times_s: track.times_s,
             meter: match tracker {

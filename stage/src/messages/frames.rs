@@ -98,7 +98,8 @@ impl Field for StageFrame {
         let music = [beat.phase, beat.tempo_bpm, beat.confidence, self.presence, self.level];
         let lock = match beat.lock {
             BeatLock::Lost => 0,
-            BeatLock::Locked => 1,
+            // A follower needs no warning: it dances what the leader sends.
+            BeatLock::Locked | BeatLock::Changing => 1,
             BeatLock::Holding => 2,
         };
         let feet = u8::from(self.contacts.left) | u8::from(self.contacts.right) << 1;
