@@ -47,11 +47,11 @@ fn main() -> anyhow::Result<()> {
                 let urdf = mutated(&mut rng, URDFS[pick % URDFS.len()].1);
                 let refused = servodance_retarget::DiagnosticSeverity::Refused;
                 let clean = lint(&urdf).iter().all(|finding| finding.severity != refused);
-                anyhow::ensure!(clean == draft_config(&urdf).is_ok(), "file {file}: {urdf}");
+                anyhow::ensure!(clean == draft_config(&urdf, None).is_ok(), "file {file}: {urdf}");
                 clean
             }
             _ => match urdf_from_mjcf(&mutated(&mut rng, MJCF)) {
-                Ok((urdf, _)) => draft_config(&urdf).is_ok(),
+                Ok((urdf, _)) => draft_config(&urdf, None).is_ok(),
                 Err(_) => false,
             },
         };

@@ -98,7 +98,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
             for byte in dice.input(protocol, false) {
                 if line.push(byte) {
-                    replies += line.execute().len();
+                    replies += line.execute(0.0).len();
                 }
             }
             if k % 64 == 0 {

@@ -162,8 +162,10 @@ def main():
     for path in sorted(pathlib.Path(sys.argv[1]).glob("*.json")):
         trial = json.loads(path.read_text())
         tilt, loads, fell = play(trial)
-        count = min(len(tilt), len(trial["cycles"]))
-        window = min(count, int(20.0 / trial["period_s"]))
+        # Bodies that fall are compared until the first of them lies.
+        falls = [time for time in (fell, trial["fell_s"]) if time is not None]
+        count = min([len(tilt), len(trial["cycles"])] + [round(time / trial["period_s"]) for time in falls])
+        window = max(1, min(count, int(20.0 / trial["period_s"])))
         ours = np.array([cycle["tilt"] for cycle in trial["cycles"]])[:window]
         our_loads = np.array([cycle["load_n"] for cycle in trial["cycles"]])[:window]
         rms = np.degrees(np.sqrt(np.mean((ours - tilt[:window]) ** 2, axis=0)))

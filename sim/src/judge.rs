@@ -13,7 +13,8 @@
 //! inside them, so the same allowance holds for the true motion.
 //!
 //! A goal that the simulated wire loses or damages makes the next one a double step,
-//! although the host did nothing wrong: that one is judged by the periods that have passed.
+//! although the host did nothing wrong: that one is judged by how many goals the host has
+//! sent since the last one that arrived, and by the time in which it did.
 //!
 //! Not judged: torque off, a shaft that something holds, the emergency stop of the servo's own
 //! watchdog, and in a world the true motion while something pushes the robot or it has fallen.
@@ -47,8 +48,12 @@ impl std::ops::AddAssign for Violations {
 }
 
 const NOTES: usize = 8;
-/// More periods without a goal than this are not taken into account.
-const MOST_MISSED: f64 = 20.0;
+/// More lost goals in a row than this are not taken into account.
+const MOST_LOST: u32 = 20;
+/// Copies of one packet come within so much of a control period.
+const REPEATED_PERIODS: f64 = 0.9;
+/// Goals may come so much of a control period closer than they should.
+const JITTER_PERIODS: f64 = 0.5;
 const RAD_PER_TICK: f64 = TAU / 4096.0;
 const NOISE_RAD: f64 = 1e-9; // of floating-point numbers
 
@@ -61,12 +66,15 @@ pub struct Judge {
     pub motion: JudgedTrack,
     pub notes: Vec<String>,
     pub tick_rad: f64,
+    /// The packet that just arrived came before, with none in between, so long ago on the
+    /// wire: copies of one packet are no goals of their own.
+    pub repeated_after_s: Option<f64>,
 }
 
 #[derive(Clone, Debug, Default)]
 pub struct JudgedTrack {
-    /// Goals were lost on the wire since the last one, or may have been.
-    missed: bool,
+    /// Goals that the host sent since the last one that arrived, where the wire has a fault.
+    sent: u32,
     /// When the last one came, seconds.
     last_s: f64,
     /// Goals whose acceleration is still measured across lost ones.
@@ -74,6 +82,23 @@ pub struct JudgedTrack {
     /// The last one and the one before, radians; `None` while it is not judged.
     pub last: Option<(f64, f64)>,
     pub violations: Violations,
+}
+
+/// What lies between two positions, in control periods.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    /// How many steps of the host they are apart.
+    periods: f64,
+    /// How many periods they had for that.
+    passed: f64,
+    /// How many periods the change of their velocity has.
+    across: f64,
+}
+
+impl Default for Span {
+    fn default() -> Self {
+        Self { periods: 1.0, passed: 1.0, across: 1.0 }
+    }
 }
 
 impl JudgedTrack {
@@ -94,6 +119,7 @@ impl Judge {
             motion: JudgedTrack::default(),
             notes: Vec::new(),
             tick_rad: RAD_PER_TICK,
+            repeated_after_s: None,
         }
     }
 
@@ -109,23 +135,29 @@ impl Judge {
         self.motion.last = None;
     }
 
-    /// A goal of the host was lost on the wire, or may have been.
-    pub fn miss_goal(&mut self) {
-        self.goals.missed = true;
+    /// The host sends a goal to a wire that may lose it.
+    pub fn send_goal(&mut self) {
+        self.goals.sent += 1;
     }
 
     pub fn judge_goal(&mut self, time_s: f64, goal_rad: f64) {
-        let passed = ((time_s - self.goals.last_s) / self.period_s).round();
-        let periods = match std::mem::take(&mut self.goals.missed) {
-            true => passed.clamp(1.0, MOST_MISSED),
-            false => 1.0,
-        };
-        if periods > 1.0 {
-            self.goals.across = 1 + periods as u32;
+        let is_copy = |after_s: f64| after_s < REPEATED_PERIODS * self.period_s;
+        if self.repeated_after_s.is_some_and(is_copy) {
+            return;
         }
+        let sent = std::mem::take(&mut self.goals.sent).clamp(1, MOST_LOST);
+        if sent > 1 {
+            self.goals.across = 1 + sent;
+        }
+        let periods = f64::from(sent);
+        let passed = (time_s - self.goals.last_s) / self.period_s + JITTER_PERIODS;
+        let span = Span {
+            periods,
+            passed: passed.clamp(1.0, periods),
+            across: f64::from(self.goals.across.max(1)),
+        };
         self.goals.last_s = time_s;
-        let across = f64::from(self.goals.across.max(1));
-        let broken = self.judge(self.goals.last, time_s, goal_rad, "was told", [periods, across]);
+        let broken = self.judge(self.goals.last, time_s, goal_rad, "was told", span);
         let last_rad = self.goals.last.map_or(goal_rad, |(last_rad, _)| last_rad);
         self.goals.follow(goal_rad, broken);
         if let Some((now_rad, before_rad)) = &mut self.goals.last {
@@ -136,7 +168,7 @@ impl Judge {
     }
 
     pub fn judge_motion(&mut self, time_s: f64, position_rad: f64) {
-        let broken = self.judge(self.motion.last, time_s, position_rad, "went", [1.0, 1.0]);
+        let broken = self.judge(self.motion.last, time_s, position_rad, "went", Span::default());
         self.motion.follow(position_rad, broken);
     }
 
@@ -145,15 +177,14 @@ impl Judge {
         self.motion.follow(position_rad, Violations::default());
     }
 
-    /// The limits that a step from the `last` two positions breaks, over so many periods
-    /// and with so many of them in its acceleration.
+    /// The limits that a step from the `last` two positions breaks.
     fn judge(
         &mut self,
         last: Option<(f64, f64)>,
         time_s: f64,
         now_rad: f64,
         verb: &str,
-        [periods, across]: [f64; 2],
+        Span { periods, passed, across }: Span,
     ) -> Violations {
         let mut broken = Violations::default();
         let Some((last_rad, before_rad)) = last else {
@@ -167,9 +198,9 @@ impl Judge {
             self.note(time_s, verb, format!("to {now_rad:.4} rad, limit {range}"));
         }
         let moved = now_rad - last_rad;
-        if moved.abs() > limits.velocity_rad_s * self.period_s * periods + 2.0 * half {
+        if moved.abs() > limits.velocity_rad_s * self.period_s * passed + 2.0 * half {
             broken.velocity = 1;
-            let velocity = moved / (self.period_s * periods);
+            let velocity = moved / (self.period_s * passed);
             let limit = limits.velocity_rad_s;
             let what = format!("at {velocity:.3} rad/s, limit {limit:.3}");
             self.note(time_s, verb, what);
@@ -238,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn goals_that_the_wire_lost_are_judged_by_the_time_that_passed() {
+    fn goals_that_the_wire_lost_are_judged_by_how_many_they_were_and_the_time_that_passed() {
         let goals = run(40.0, 4.0);
         let limits = JointLimits {
             lower_rad: -1.0,
@@ -246,20 +277,47 @@ mod tests {
             velocity_rad_s: 4.0,
             acceleration_rad_s2: 40.0,
         };
-        let judged = |told: bool| {
+        let judged = |told: bool, stretch: f64| {
             let mut judge = Judge::new("elbow", limits, PERIOD_S);
             judge.begin(goals[0], goals[0]);
             for (k, goal) in goals.iter().enumerate().skip(1) {
-                match (k % 7 == 3 || k % 11 == 4, told) {
-                    (true, true) => judge.miss_goal(),
-                    (true, false) => {}
-                    (false, _) => judge.judge_goal(k as f64 * PERIOD_S, *goal),
+                if told {
+                    judge.send_goal();
+                }
+                if k % 7 != 3 && k % 11 != 4 {
+                    judge.judge_goal(k as f64 * PERIOD_S * stretch, *goal);
                 }
             }
-            judge.violations().total()
+            judge.violations()
         };
-        assert_eq!(judged(true), 0);
-        assert!(judged(false) > 0, "a host that leaves goals out");
+        assert_eq!(judged(true, 1.0).total(), 0);
+        assert_eq!(judged(true, 1.5).total(), 0, "a host that is slow");
+        assert!(judged(true, 0.5).velocity > 0, "a host whose goals bunch up");
+        assert!(judged(false, 1.0).total() > 0, "a host that leaves goals out");
+    }
+
+    #[test]
+    fn copies_of_a_goal_are_none_of_their_own_however_late_the_simulation_comes_to_them() {
+        let limits = JointLimits {
+            lower_rad: -1.0,
+            upper_rad: 1.0,
+            velocity_rad_s: 4.0,
+            acceleration_rad_s2: 40.0,
+        };
+        let moving_with_copies = |copied_after_s: f64| {
+            let mut judge = Judge::new("elbow", limits, PERIOD_S);
+            judge.begin(0.0, 0.0);
+            for (k, goal) in [0.004, 0.012, 0.024].into_iter().enumerate() {
+                let time_s = 3.0 * k as f64 * PERIOD_S;
+                judge.repeated_after_s = None;
+                judge.judge_goal(time_s, goal);
+                judge.repeated_after_s = Some(copied_after_s);
+                judge.judge_goal(time_s + 1.5 * PERIOD_S, goal);
+            }
+            judge.violations()
+        };
+        assert_eq!(moving_with_copies(0.1 * PERIOD_S).total(), 0);
+        assert!(moving_with_copies(PERIOD_S).acceleration > 0, "a host that stands still");
     }
 
     #[test]

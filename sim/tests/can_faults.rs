@@ -111,7 +111,8 @@ fn motor_faults(kind: MotorKind, table: &mut String) {
         ("at 10 V", ServoFault::Supply(10.0), voltage),
         ("at another bitrate", ServoFault::Baud(500_000), silent),
         ("with a new id", ServoFault::Id(77), silent),
-        ("with a neighbour's id", ServoFault::Id(4), "joint_3 (id 3)"),
+        // There is no other question than the command.
+        ("with a neighbour's id, asked by its command", ServoFault::Id(4), "joint_3 (id 3)"),
     ] {
         let outcome = dance(kind, |sim| assert!(sim.set_servo_fault(2, fault)));
         let what = format!("{kind:?}, joint_3 {name}");

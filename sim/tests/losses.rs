@@ -10,6 +10,7 @@ use servodance_drivers::{
 };
 use servodance_sim::{SimBus, SimOptions, WireFault};
 use servodance_types::JointState;
+use std::time::{Duration, Instant};
 
 const JOINTS: u8 = 20;
 const OP3_HZ: f64 = 125.0;
@@ -83,6 +84,45 @@ fn three_lost_packets_in_a_hundred_are_ridden_out() {
     rig.sim.set_wire_fault(None);
     rig.dance(3.0).unwrap();
     assert!(rig.told("the wire is sound again"));
+}
+
+/// Cycles never follow each other closer than a period, as the control loop has it.
+/// Somebody else may take the processors from host and servos; a run in which nobody did is
+/// the one that counts.
+#[test]
+fn losses_in_real_time_break_no_limit() {
+    let notes: Vec<Vec<String>> = (4..8).map_while(broken_in_real_time).collect();
+    assert!(notes.len() < 4, "{notes:?}");
+}
+
+/// Notes on the limits that a dance of twelve seconds broke; `None` if none.
+fn broken_in_real_time(seed: u64) -> Option<Vec<String>> {
+    let servos = robot(JOINTS);
+    let options = SimOptions { seed, ..SimOptions::realtime(BAUD, OP3_HZ) };
+    let sim = SimBus::start(&specs(&servos), options).unwrap();
+    let config = BusConfig { control_hz: Some(OP3_HZ), ..BusConfig::dynamixel2(BAUD) };
+    let mut safe =
+        SafeBus::new(driver(&sim, &config, &servos), SafetyConfig::at_hz(OP3_HZ)).unwrap();
+    safe.arm(0.0).unwrap();
+    sim.set_wire_fault(Some((WireFault::Lose, 0.03)));
+    let mut states = vec![JointState::default(); servos.len()];
+    let period = Duration::from_secs_f64(1.0 / OP3_HZ);
+    let mut due = Instant::now();
+    for cycle in 0..1500 {
+        let now_s = f64::from(cycle) / OP3_HZ;
+        let targets = vec![0.4 * (1.0 - (3.0 * now_s).cos()); servos.len()];
+        safe.command(now_s, &targets);
+        match safe.tick(now_s, &mut states) {
+            Ok(_) => {}
+            // Somebody keeps the processors: a stop, and a word, but no limit broken.
+            Err(error) if error.to_string().contains("(id ") => break,
+            Err(error) => panic!("{error}"),
+        }
+        due = (due + period).max(Instant::now());
+        std::thread::sleep(due - Instant::now());
+    }
+    assert!(safe.stats().timeouts > 0);
+    (sim.violations().total() > 0).then(|| sim.violation_notes())
 }
 
 #[test]

@@ -31,6 +31,13 @@ pub struct BusStats {
     pub unheard: u64,
 }
 
+impl BusStats {
+    /// Answers that did not come, or came damaged.
+    pub(crate) fn errors(&self) -> u64 {
+        self.timeouts + self.crc_errors
+    }
+}
+
 impl std::ops::AddAssign for BusStats {
     fn add_assign(&mut self, other: Self) {
         self.cycles += other.cycles;
@@ -117,6 +124,17 @@ pub trait Bus: Send {
     /// beyond a position limit is moved to the limit.
     fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> BusResult<()>;
 
+    /// Whether the present control period leaves time for another question.
+    fn has_time(&self) -> bool {
+        true
+    }
+
+    /// Whether the last cycle sent this servo its goal. A bus that asks first leaves out who
+    /// did not answer.
+    fn sent_goal(&self, _index: usize) -> bool {
+        true
+    }
+
     /// Turns every torque off and verifies it. An error names each joint whose
     /// torque may still be on. Safe to call at any time.
     fn disarm(&mut self) -> BusResult<()>;
@@ -194,6 +212,12 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     }
     fn cycle(&mut self, targets_rad: &[f64], states: &mut [JointState]) -> BusResult<()> {
         (**self).cycle(targets_rad, states)
+    }
+    fn has_time(&self) -> bool {
+        (**self).has_time()
+    }
+    fn sent_goal(&self, index: usize) -> bool {
+        (**self).sent_goal(index)
     }
     fn disarm(&mut self) -> BusResult<()> {
         (**self).disarm()

@@ -251,6 +251,14 @@ impl Bus for BusSet {
         Err(BusError::TorqueUnverified { servos: doubtful, reason: reasons.join("; ") })
     }
 
+    fn sent_goal(&self, index: usize) -> bool {
+        let sent = |thread: &BusThread| {
+            let own = thread.layout.joints.iter().position(|&joint| joint == index)?;
+            thread.sent.get(own).copied()
+        };
+        self.threads.iter().find_map(sent).unwrap_or(false)
+    }
+
     fn is_armed(&self) -> bool {
         self.armed
     }

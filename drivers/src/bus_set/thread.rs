@@ -19,6 +19,7 @@ const GETTING_READY: Duration = Duration::from_secs(1);
 pub(super) struct CycleBuffers {
     targets_rad: Vec<f64>,
     states: Vec<JointState>,
+    sent: Vec<bool>,
 }
 
 struct CycleOutcome {
@@ -46,6 +47,8 @@ pub(super) struct BusThread {
     pub buffers: Option<CycleBuffers>,
     pub stats: BusStats,
     pub imu: Option<ImuState>,
+    /// Whose goals the last cycle sent.
+    pub sent: Vec<bool>,
 }
 
 impl BusThread {
@@ -63,7 +66,9 @@ impl BusThread {
             buffers: Some(CycleBuffers {
                 targets_rad: vec![0.0; layout.servos.len()],
                 states: vec![JointState::default(); layout.servos.len()],
+                sent: vec![false; layout.servos.len()],
             }),
+            sent: vec![false; layout.servos.len()],
             layout,
             tasks: Some(tasks),
             cycled,
@@ -91,6 +96,7 @@ impl BusThread {
 
     pub fn begin_cycle(&mut self, targets_rad: &[f64]) -> BusResult<()> {
         self.take_back();
+        self.sent.fill(false);
         let limit = self.layout.config.longest_cycle(self.layout.servos.len());
         let Some(mut buffers) = self.buffers.take() else {
             return Err(self.wedged("its last cycle", limit));
@@ -110,6 +116,7 @@ impl BusThread {
             return Err(self.wedged("its cycle", limit));
         };
         (self.stats, self.imu) = (cycled.stats, cycled.imu);
+        self.sent.copy_from_slice(&cycled.buffers.sent);
         if cycled.result.is_ok() {
             self.layout.scatter(&cycled.buffers.states, states);
         }
@@ -133,6 +140,9 @@ fn work(mut bus: Box<dyn Bus>, tasks: &Receiver<BusTask>, done: &SyncSender<Cycl
         next = match task {
             BusTask::Cycle(mut buffers) => {
                 let result = bus.cycle(&buffers.targets_rad, &mut buffers.states);
+                for (index, sent) in buffers.sent.iter_mut().enumerate() {
+                    *sent = bus.sent_goal(index);
+                }
                 let stats = bus.stats();
                 let imu = bus.imu();
                 let cycled = CycleOutcome { buffers, result, stats, imu };

@@ -8,8 +8,10 @@ use super::safe_bus::SafeBus;
 use crate::bus::Bus;
 use crate::error::BusError;
 
-/// The health of one servo is read this often, seconds.
+/// The health of one servo is read this often, seconds, and so much later where cycles leave
+/// no time for it.
 const EXAMINE_S: f64 = 0.1;
+const LATEST_S: f64 = 0.4;
 
 impl<B: Bus> SafeBus<B> {
     pub(super) fn worst_supply(&self) -> f64 {
@@ -28,7 +30,7 @@ impl<B: Bus> SafeBus<B> {
         }
         let before = self.derated();
         let (index, due_s) = self.examine;
-        if now_s >= due_s {
+        if now_s >= due_s && self.bus.has_time() || now_s >= due_s + LATEST_S {
             self.examine = ((index + 1) % self.joints.len().max(1), now_s + EXAMINE_S);
             let there = self.joints.get(index).is_some_and(|j| j.lost.is_none());
             match there.then(|| self.bus.examine(index)) {

@@ -1,6 +1,6 @@
 //! The emergency stop: pressed from anywhere, cleared only on purpose.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An emergency stop button: clones press the same button, from any thread.
@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct EStop {
     pressed: Arc<AtomicBool>,
     cause: Arc<Mutex<Option<String>>>,
+    releases: Arc<AtomicU64>,
 }
 
 impl EStop {
@@ -35,6 +36,13 @@ impl EStop {
         let mut cause = self.cause.lock().unwrap_or_else(PoisonError::into_inner);
         *cause = None;
         self.pressed.store(false, Ordering::Release);
+        self.releases.fetch_add(1, Ordering::AcqRel);
+    }
+
+    /// How often the button was released: it was down all the time between two moments at
+    /// which it is pressed and this number is the same.
+    pub fn releases(&self) -> u64 {
+        self.releases.load(Ordering::Acquire)
     }
 }
 
@@ -51,6 +59,6 @@ mod tests {
         assert_eq!(button.cause(), "the key");
         button.clear();
         assert!(!button.is_pressed());
-        assert!(!button.is_pressed() && button.cause().is_empty());
+        assert!(button.cause().is_empty() && button.releases() == 1);
     }
 }

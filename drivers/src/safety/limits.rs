@@ -26,6 +26,8 @@ pub struct Limiter {
     position_rad: f64,
     velocity_rad_s: f64,
     target_rad: f64,
+    /// Position and velocity before the last command.
+    before: (f64, f64),
 }
 
 const SLACK: f64 = 1e-6;
@@ -33,7 +35,14 @@ const SLACK: f64 = 1e-6;
 impl Limiter {
     /// A joint that stands still at `position_rad`.
     pub fn new(limits: JointLimits, period_s: f64, position_rad: f64) -> Self {
-        Self { limits, period_s, position_rad, velocity_rad_s: 0.0, target_rad: position_rad }
+        Self {
+            limits,
+            period_s,
+            position_rad,
+            velocity_rad_s: 0.0,
+            target_rad: position_rad,
+            before: (position_rad, 0.0),
+        }
     }
 
     /// The command of the last period, radians.
@@ -41,8 +50,14 @@ impl Limiter {
         self.position_rad
     }
 
+    /// The last command was not sent: the next one goes on from the one before.
+    pub fn take_back(&mut self) {
+        (self.position_rad, self.velocity_rad_s) = self.before;
+    }
+
     /// The command of the next period towards `target_rad`.
     pub fn step(&mut self, target_rad: f64) -> Limited {
+        self.before = (self.position_rad, self.velocity_rad_s);
         let JointLimits { velocity_rad_s: fastest, acceleration_rad_s2: hardest, .. } = self.limits;
         let allowed = self.limits.clamp_rad(target_rad);
         let target_velocity = (allowed - self.target_rad) / self.period_s;
@@ -69,6 +84,7 @@ impl Limiter {
 
     /// The command of the next period on the way to a standstill.
     pub fn brake(&mut self) -> f64 {
+        self.before = (self.position_rad, self.velocity_rad_s);
         let change = self.limits.acceleration_rad_s2 * self.period_s;
         let slower = (self.velocity_rad_s.abs() - change).max(0.0);
         self.velocity_rad_s = slower * self.velocity_rad_s.signum();
@@ -165,6 +181,25 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn commands_that_were_not_sent_leave_the_others_inside_every_limit(
+            targets in prop::collection::vec((-3.0..3.0f64, any::<bool>()), 1..200),
+        ) {
+            let mut limiter = Limiter::new(LIMITS, PERIOD_S, 0.0);
+            let (mut last, mut speed) = (0.0, 0.0);
+            for (target, sent) in targets {
+                let now = limiter.step(target).position_rad;
+                if !sent {
+                    limiter.take_back();
+                    continue;
+                }
+                let velocity = (now - last) / PERIOD_S;
+                prop_assert!((-1.0..=1.5).contains(&now) && velocity.abs() < 4.0 + 1e-6);
+                prop_assert!((velocity - speed).abs() < 40.0 * PERIOD_S + 1e-6);
+                (last, speed) = (now, velocity);
+            }
+        }
+
         #[test]
         fn any_targets_stay_inside_every_limit(targets in prop::collection::vec((-3.0..3.0f64, 1usize..30), 1..40)) {
             check(targets.into_iter().flat_map(|(target, times)| std::iter::repeat_n(target, times)));

@@ -37,7 +37,8 @@
 //!   known before the next goal is sent (or by standing still), told, and taken on again
 //!   after at most `resume_s` of silence: it holds where it stands, and targets are
 //!   blended in. After a longer silence torque goes off.
-//! - A **wire that loses packets** is told; the bus rides single losses out.
+//! - A **wire that loses packets** is told; the bus rides single losses out. A goal that the
+//!   bus did not send, because its servo did not answer, does not count as a last command.
 //! - An **adapter pulled out** is a fault. With `rearm` it is waited for
 //!   (`reconnect_s`); when it is back the bus is checked, armed and ramped in.
 //!   Without, only the next `arm` opens the port again.

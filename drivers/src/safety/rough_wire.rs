@@ -6,8 +6,8 @@ use super::safe_bus::SafeBus;
 use crate::bus::Bus;
 
 impl<B: Bus> SafeBus<B> {
-    /// After several cycles that nobody heard the motion is blended in again from where it
-    /// was braked to: the servos must not jump after what they missed.
+    /// After several cycles without any answer the motion is blended in again from the last
+    /// goals that were sent.
     pub(super) fn watch_unheard(&mut self, now_s: f64) {
         let Some(cycles) = self.unheard.look(self.bus.stats().unheard) else { return };
         self.begin_ramp(now_s);

@@ -188,15 +188,16 @@ impl<B: Bus> SafeBus<B> {
                 self.interventions.early += 1;
                 return Ok(self.state);
             }
-            State::Running | State::Holding if self.unheard.brakes() => self.brake_all(),
             State::Running => self.follow(now_s),
             State::Holding => self.brake(),
             state => return Ok(state),
         }
         self.stepped_s = now_s;
-        if let Err(error) = self.bus.cycle(&self.sent_rad, states) {
+        let cycled = self.bus.cycle(&self.sent_rad, states);
+        self.take_back_unsent();
+        if let Err(error) = cycled {
             self.cycle_failed(now_s, error, states)?;
-            // The goals are out already: sending them again would be a step too many.
+            // Goals may be out already: sending them again would be a step too many.
             return Ok(self.state);
         }
         self.watch_imu(now_s);
@@ -265,12 +266,17 @@ impl<B: Bus> SafeBus<B> {
         }
     }
 
-    fn brake(&mut self) {
-        self.interventions.stale += u64::from(!self.hold_asked);
-        self.brake_all();
+    /// Goals that were not sent: the next ones are planned from those that were.
+    fn take_back_unsent(&mut self) {
+        let joints = self.joints.iter_mut().zip(&mut self.sent_rad).enumerate();
+        for (_, (joint, sent)) in joints.filter(|(index, _)| !self.bus.sent_goal(*index)) {
+            joint.limiter.take_back();
+            *sent = joint.limiter.position_rad();
+        }
     }
 
-    fn brake_all(&mut self) {
+    fn brake(&mut self) {
+        self.interventions.stale += u64::from(!self.hold_asked);
         for (sent, joint) in self.sent_rad.iter_mut().zip(&mut self.joints) {
             *sent = joint.limiter.brake();
         }

@@ -19,10 +19,6 @@ pub(super) struct RoughWire {
     told: f64,
 }
 
-fn errors(stats: &BusStats) -> u64 {
-    stats.timeouts + stats.crc_errors
-}
-
 impl RoughWire {
     pub fn is_due(&self, now_s: f64) -> bool {
         now_s - self.began_s >= WINDOW_S || now_s < self.began_s
@@ -38,7 +34,7 @@ impl RoughWire {
     ) -> Option<Roughness> {
         self.began_s = now_s;
         let cycles = stats.cycles.saturating_sub(self.before.cycles);
-        let wrong = errors(&stats).saturating_sub(errors(&self.before));
+        let wrong = stats.errors().saturating_sub(self.before.errors());
         self.before = stats;
         if cycles == 0 {
             return None;
@@ -78,7 +74,7 @@ pub(super) struct Roughness {
     pub worst: Option<usize>,
 }
 
-/// Cycles in which no servo answered: nobody may have heard the goals either.
+/// Cycles in which no servo answered, so that no goal was sent.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Unheard {
     total: u64,
@@ -89,12 +85,6 @@ pub(super) struct Unheard {
 const DEAF_CYCLES: u32 = 3;
 
 impl Unheard {
-    /// Whether the motion brakes until somebody answers: as gently as the limits ask for,
-    /// because the servos may hear what they do not answer.
-    pub fn brakes(&self) -> bool {
-        self.in_a_row > 0
-    }
-
     /// One more cycle; for how many nobody answered, if those were many and are over now.
     pub fn look(&mut self, total: u64) -> Option<u32> {
         if total > self.total {
@@ -111,12 +101,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_motion_brakes_while_nobody_answers_and_begins_again_after_long() {
+    fn the_motion_is_blended_in_again_after_many_cycles_without_an_answer() {
         let mut unheard = Unheard::default();
-        let mut look = |total| (unheard.look(total), unheard.brakes());
-        assert_eq!([look(0), look(1), look(1)], [(None, false), (None, true), (None, false)]);
-        assert_eq!([look(2), look(3), look(4)], [(None, true); 3]);
-        assert_eq!([look(4), look(4)], [(Some(3), false), (None, false)]);
+        let mut look = |total| unheard.look(total);
+        assert_eq!([look(0), look(1), look(1)], [None; 3]);
+        assert_eq!([look(2), look(3), look(4)], [None; 3]);
+        assert_eq!([look(4), look(4)], [Some(3), None]);
     }
 
     #[test]

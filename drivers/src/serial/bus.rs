@@ -1,8 +1,8 @@
 //! One serial bus of servos, whatever their family.
 //!
-//! A cycle is one Sync Write of every goal position and one read of everyone's
-//! present registers, in the best way that the family has, handed to the port
-//! together.
+//! A cycle is one read of everyone's present registers, in the best way that the family
+//! has, and then one Sync Write of goal positions. Where several servos did not answer
+//! soundly, those get none: one of them may have the id of another.
 //!
 //! Real-time promise: a sound cycle takes its wire time and, where everyone is
 //! read with one instruction, allocates nothing. A damaged one is tried again
@@ -29,6 +29,7 @@ use crate::serial::client::ServoClient;
 use crate::serial::deviation::ServoDeviation;
 use crate::serial::families::family_of;
 use crate::serial::family::ServoFamily;
+use crate::serial::goal_timing::GoalTiming;
 use crate::serial::missing::Missing;
 use crate::serial::registers::OwnLimits;
 use crate::serial::silence::BusSilence;
@@ -48,6 +49,7 @@ pub struct SerialBus {
     imu: Option<ImuReader>,
     pub(super) silence: BusSilence,
     pub(super) missing: Vec<Missing>,
+    pub(super) goals: GoalTiming,
 }
 
 /// How far the return of a lost servo is: see `rejoin.rs`.
@@ -93,6 +95,7 @@ impl SerialBus {
             present: vec![0; size * servos.len()],
             own_limits: vec![None; servos.len()],
             missing: vec![Missing::default(); servos.len()],
+            goals: GoalTiming::new(servos.len()),
             client: ServoClient::open(port, config, servos, family.framing())?,
             family,
             armed: false,
@@ -131,7 +134,7 @@ impl SerialBus {
         // From here on torque may be on, whatever goes wrong.
         self.armed = true;
         let torque = self.family.registers().torque;
-        self.client.sync_write(torque, |_, _| 1)?;
+        self.client.sync_write(torque, 1, |_, _| Some(1))?;
         for index in servos {
             self.client.expect(index, torque, 1)?;
         }
@@ -155,17 +158,40 @@ impl SerialBus {
     pub(super) fn read_patiently(&mut self) -> BusResult<bool> {
         self.client.begin_read();
         for attempt in 0..self.client.tries() {
+            self.client.asks_again_soon = self.goals.is_timed(&self.client.config);
             if attempt > 0 {
+                if self.client.waits_for_cycle && self.goals.is_late(&self.client.config) {
+                    break;
+                }
                 self.client.ask_again();
+            }
+            let unheard = self.client.unheard_questions;
+            if unheard > 0 {
+                self.client.port.hold_filler(unheard > 1);
             }
             let alert = self.family.read_all(&mut self.client, &mut self.present)?;
             // The servo has something to say against itself.
             alert.map_or(Ok(()), |index| self.client.check_condition(self.family, index))?;
+            self.client.count_unheard();
             if self.client.complete() {
                 return Ok(true);
             }
         }
         Ok(false)
+    }
+
+    /// Goals for those who may have one: see `goal_timing.rs`.
+    fn send_goals(&mut self, targets_rad: &[f64], damaged: bool) -> BusResult<()> {
+        let Self { client, goals, missing, .. } = self;
+        let goal = self.family.registers().goal;
+        let bytes = client.servos.len() * (1 + usize::from(goal.size));
+        let copies = goals.copies(&client.config, client.port.time(bytes));
+        let missing = missing.iter().zip(&client.aside);
+        let missing = missing.map(|(missing, aside)| (!aside).then_some(missing.cycles));
+        goals.begin_sending(&client.config, missing, damaged);
+        client.sync_write(goal, copies, |index, servo| {
+            goals.was_sent(index).then(|| servo.goal_ticks(targets_rad[index]))
+        })
     }
 
     fn bytes_of(&self, index: usize) -> &[u8] {
@@ -254,19 +280,28 @@ impl Bus for SerialBus {
         if !self.armed {
             return Err(BusError::NotArmed);
         }
+        self.goals.begin_cycle();
         check_cycle(&self.client.servos, targets_rad, states.len())?;
         let passed_s = self.watch_silence()?;
-        let goal = self.family.registers().goal;
-        self.client.hold_sync_write(goal, |index, servo| servo.goal_ticks(targets_rad[index]));
+        let stats = self.client.port.stats;
         self.read_cycle()?;
-        // Where everyone is set aside nobody was asked.
-        self.client.port.send_held(goal.name)?;
+        let now = self.client.port.stats;
+        self.goals.note_wire(now.errors() > stats.errors());
+        self.send_goals(targets_rad, now.crc_errors > stats.crc_errors)?;
         self.copy_cycle(passed_s, states);
         if let Some(imu) = &mut self.imu {
             imu.read(&mut self.client)?;
         }
         self.client.port.stats.cycles += 1;
         Ok(())
+    }
+
+    fn has_time(&self) -> bool {
+        !self.goals.is_late(&self.client.config)
+    }
+
+    fn sent_goal(&self, index: usize) -> bool {
+        self.goals.was_sent(index)
     }
 
     fn disarm(&mut self) -> BusResult<()> {

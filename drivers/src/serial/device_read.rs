@@ -10,9 +10,6 @@ use crate::serial::timeout::LONGEST_RETURN_DELAY;
 use crate::serial::wire::port::Received;
 use crate::serial::wire::stale_replies::ServoRequest;
 
-/// A Read of Protocol 2 on the wire.
-const REQUEST_BYTES: usize = 14;
-
 impl ServoClient {
     /// One Read of a device of Protocol 2 that is no servo, not tried again; `None` if no
     /// sound answer comes within `patience` beyond its time on the wire.
@@ -26,9 +23,9 @@ impl ServoClient {
         let params = &[a0, a1, s0, s1]; // as Protocol 2 has them
         let request = ServoRequest { id, instruction: instruction::READ, params, reply: SIZE };
         let bytes = self.port.framing().status_bytes() + SIZE;
-        let wait = LONGEST_RETURN_DELAY + patience + self.port.time(REQUEST_BYTES + bytes);
+        let wait = LONGEST_RETURN_DELAY + patience + self.port.time(bytes);
         self.port.ask(&request, wait, register.name)?;
-        let deadline = Instant::now() + wait;
+        let deadline = Instant::now() + wait + self.port.passing();
         loop {
             match self.port.receive(deadline, register.name)? {
                 Received::Packet => {

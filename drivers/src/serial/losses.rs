@@ -37,8 +37,7 @@ impl SerialBus {
         }
         let now_s = self.client.config.reply_clock.now_s();
         let mut lost = false;
-        let answered = self.client.answered.iter().zip(&self.client.aside);
-        let others_answer = { answered }.any(|(answered, aside)| *answered && !aside);
+        let others_answer = self.client.anyone_answered();
         self.client.port.stats.unheard += u64::from(!others_answer);
         for (index, missing) in self.missing.iter_mut().enumerate() {
             if self.client.answered[index] {

@@ -19,6 +19,7 @@ pub mod dynamixel2;
 pub(crate) mod families;
 mod family;
 pub mod feetech;
+mod goal_timing;
 mod limits;
 mod losses;
 mod memory;

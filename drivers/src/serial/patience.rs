@@ -10,6 +10,11 @@ use std::time::Duration;
 /// so much more.
 const TIMES: f64 = 3.0;
 const MARGIN_S: f64 = 3e-3;
+/// The same where there is time in the period to ask again, and by how much it grows with
+/// a loss.
+const SHORT_TIMES: f64 = 2.0;
+const SHORT_MARGIN_S: f64 = 2e-3;
+const SHORT_LONGER: (f64, f64) = (1.1, 1e-4);
 /// ... and at least this share of `reply_timeout_ms`: both machines may be busy.
 const LEAST_SHARE: f64 = 0.3;
 /// The slowest answer is forgotten by this share a cycle; so much longer after a loss.
@@ -20,6 +25,7 @@ const LONGER: f64 = 1.5;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Patience {
     slowest_s: f64,
+    short_s: f64,
     wait_s: Option<f64>,
 }
 
@@ -30,15 +36,24 @@ impl Patience {
         self.wait_s.map(|wait_s| Duration::from_secs_f64(learnt(wait_s)))
     }
 
+    /// How long an answer is waited for where there is time in the period to ask again;
+    /// `None` before the first answer.
+    pub fn short_wait(&self, longest_s: f64) -> Option<Duration> {
+        self.wait(longest_s).map(|wait| wait.min(Duration::from_secs_f64(self.short_s)))
+    }
+
     /// A whole answer came so long after its time on the wire, seconds.
     pub fn answered(&mut self, late_s: f64) {
         self.slowest_s = late_s.max(self.slowest_s * (1.0 - FORGET)).max(0.0);
         self.wait_s = Some(TIMES * self.slowest_s + MARGIN_S);
+        let short_s = SHORT_TIMES * late_s + SHORT_MARGIN_S;
+        self.short_s = short_s.max(self.short_s * (1.0 - FORGET));
     }
 
     /// Something did not come.
     pub fn lost(&mut self, longest_s: f64) {
         self.wait_s = self.wait_s.map(|wait_s| (LONGER * wait_s).min(longest_s));
+        self.short_s = (SHORT_LONGER.0 * self.short_s + SHORT_LONGER.1).min(longest_s);
     }
 }
 
@@ -63,5 +78,10 @@ mod tests {
         assert!((wait_s(&patience) - 6e-3).abs() < 1e-3, "a share of the timeout");
         patience.answered(0.1);
         assert_eq!(wait_s(&patience), 0.02);
+        (0..500).for_each(|_| patience.answered(5e-4));
+        let short_s = |patience: &Patience| patience.short_wait(0.02).unwrap().as_secs_f64();
+        assert!((short_s(&patience) - 3e-3).abs() < 1e-9);
+        (0..50).for_each(|_| patience.lost(0.02));
+        assert_eq!(short_s(&patience), 0.02, "an answer that is always late is waited for");
     }
 }

@@ -33,22 +33,27 @@ impl ServoClient {
 
     pub(super) fn wait(&self, bytes: usize, servos: usize) -> Duration {
         let longest_s = self.config.reply_timeout_ms * 1e-3;
-        let learnt = self.patience.wait(longest_s).filter(|_| self.waits_for_cycle);
+        let learnt = match (self.waits_for_cycle, self.asks_again_soon) {
+            (false, _) => None,
+            (true, false) => self.patience.wait(longest_s),
+            (true, true) => self.patience.short_wait(longest_s),
+        };
         // What was learnt has the servos' return delays in it.
         let beyond = learnt.unwrap_or_else(|| {
             LONGEST_RETURN_DELAY * servos as u32 + Duration::from_secs_f64(longest_s)
         });
-        self.port.time(self.port.sent() + bytes) + beyond
+        self.port.passing() + self.port.time(bytes) + beyond
     }
 
-    /// Learns from a cycle's question that was answered whole, `bytes` long, or was not.
-    pub(crate) fn learn(&mut self, asked: Instant, bytes: usize, whole: bool) {
-        if whole {
-            let on_wire = self.port.time(self.port.sent() + bytes);
-            self.patience.answered(asked.elapsed().saturating_sub(on_wire).as_secs_f64());
-        } else {
-            self.patience.lost(self.config.reply_timeout_ms * 1e-3);
-        }
+    /// Learns from a cycle's question whose answer is whole, `bytes` long.
+    pub(crate) fn learn(&mut self, bytes: usize) {
+        let due = self.port.passed() + self.port.time(bytes);
+        self.patience.answered(due.elapsed().as_secs_f64());
+    }
+
+    /// Learns from a question whose answer was not there in time.
+    pub(crate) fn learn_loss(&mut self) {
+        self.patience.lost(self.config.reply_timeout_ms * 1e-3);
     }
 
     /// Does something without retries.

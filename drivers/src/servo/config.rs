@@ -317,7 +317,7 @@ mod tests {
             ("upper_deg = 126.0", "upper_deg = -20.0", "joint l_knee: lower limit"),
             ("upper_deg = 126.0", "upper_deg = nan", "joint l_knee: a limit is not a finite"),
             ("upper_deg = 126.0", "upper_deg = 190.0", "joint l_knee: upper_deg is 190"),
-            ("velocity_deg_s = 230.0", "velocity_deg_s = 0.0", "must be above zero"),
+            ("velocity_deg_s = 230.0", "velocity_deg_s = 0.0", "must be at least 0.05"),
             ("zero_deg = 180.0", "zero_deg = nan", "joint l_knee: zero_deg is NaN"),
             ("id = 14", "idd = 14", "unknown field `idd`"),
             ("\"dynamixel2\"", "\"dynamixel9\"", "unknown variant `dynamixel9`"),

@@ -49,6 +49,7 @@ pub fn bench_bus(
 ) -> anyhow::Result<BusBench> {
     sleep_precisely();
     let limits = check_rate(config, servos, control_hz.unwrap_or(1.0))?;
+    let config = &BusConfig { control_hz, ..config.clone() };
     let specs: Vec<SimServoSpec> = servos.iter().map(Into::into).collect();
     let options = SimOptions {
         adapter_s,

@@ -23,15 +23,16 @@ pub trait Line: std::fmt::Debug + Send {
     /// carried out by [`Line::execute`] when its time on the wire has passed.
     fn push(&mut self, byte: u8) -> bool;
 
-    /// Carries out what was completed; returns the replies in order.
-    fn execute(&mut self) -> Vec<Burst>;
+    /// Carries out what was completed, `late_s` after its time on the wire has passed;
+    /// returns the replies in order.
+    fn execute(&mut self, late_s: f64) -> Vec<Burst>;
 
     /// What was completed is lost on the wire.
     fn lose(&mut self) {}
 
-    /// Goals of the host may not have arrived: the next ones are judged by the time that
-    /// has passed.
-    fn miss_goals(&mut self) {}
+    /// What the host sends to a wire that may damage or lose it: the judges are to know how
+    /// many goals there were.
+    fn witness(&mut self, _bytes: &[u8]) {}
 
     /// Takes one CAN frame from the host; the answers in the order in which the
     /// bus carries them. A serial line has none.

@@ -113,6 +113,14 @@ impl BusShared {
     }
 
     /// Waits for a time since the start, in real time, as long as a sleep takes.
+    /// For how long `time_s` is over; never in simulated time.
+    pub fn late_s(&self, time_s: f64) -> f64 {
+        match self.clock {
+            SimClock::Realtime => (self.began.elapsed().as_secs_f64() - time_s).max(0.0),
+            SimClock::Lockstep => 0.0,
+        }
+    }
+
     pub fn sleep_until(&self, time_s: f64) {
         self.sleep_early(time_s, Duration::ZERO);
     }

@@ -75,7 +75,7 @@ impl Line for CanNet {
         false
     }
 
-    fn execute(&mut self) -> Vec<Burst> {
+    fn execute(&mut self, _late_s: f64) -> Vec<Burst> {
         Vec::new()
     }
 

@@ -38,26 +38,22 @@ impl FaultyWire {
         hit.then_some(fault)
     }
 
-    /// The host's bytes as they reach the servos; whether any of them was damaged.
-    pub fn pass_instruction(&mut self, bytes: &mut [u8]) -> bool {
+    /// The host's bytes as they reach the servos.
+    pub fn pass_instruction(&mut self, bytes: &mut [u8]) {
         if self.hits(WireFault::CorruptInstruction) && !bytes.is_empty() {
             self.flip(bytes);
-            return true;
         }
-        self.damage_bytes(bytes)
+        self.damage_bytes(bytes);
     }
 
-    fn damage_bytes(&mut self, bytes: &mut [u8]) -> bool {
-        let Some((WireFault::Bytes, share)) = self.fault else { return false };
-        let mut damaged = false;
+    fn damage_bytes(&mut self, bytes: &mut [u8]) {
+        let Some((WireFault::Bytes, share)) = self.fault else { return };
         for byte in bytes {
             if self.random.share() < share {
                 *byte ^= 1 << self.random.below(8);
                 self.hit_count += 1;
-                damaged = true;
             }
         }
-        damaged
     }
 
     /// Whether this fault is set, and hits this time.

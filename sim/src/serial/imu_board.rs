@@ -118,7 +118,7 @@ mod tests {
         let mut said = Vec::new();
         for byte in bytes {
             if line.push(byte.unwrap()) {
-                said.extend(line.execute().iter().map(|burst| hex(&burst.bytes)));
+                said.extend(line.execute(0.0).iter().map(|burst| hex(&burst.bytes)));
             }
         }
         said

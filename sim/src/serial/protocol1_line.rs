@@ -122,7 +122,19 @@ impl Protocol1Line {
 
 impl LineProtocol for ByteServo {
     type Parser = Vec<u8>;
-    type Packet = Parsed;
+
+    fn goals(line: &Protocol1Line, packet: &Parsed) -> Vec<u8> {
+        let Parsed::Instruction(Instruction { code: code::SYNC_WRITE, params, .. }) = packet else {
+            return Vec::new();
+        };
+        let goal = |servo: &ByteServo| servo.layout.registers.goal.address as u8;
+        match params.split_first_chunk() {
+            Some((&[address, size], items)) if line.servos.first().map(goal) == Some(address) => {
+                items.chunks_exact(1 + usize::from(size)).map(|item| item[0]).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
 
     fn parse(buffer: &mut Vec<u8>, byte: u8) -> Option<Parsed> {
         buffer.push(byte);

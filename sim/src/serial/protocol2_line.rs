@@ -4,6 +4,7 @@
 //! the one before it. A servo that is missing from the list breaks that chain:
 //! those behind it wait for it and stay silent, as real ones do.
 
+use servodance_drivers::serial::dynamixel2::registers as at;
 use servodance_drivers::serial::instruction as code;
 
 use crate::bus::line::Burst;
@@ -326,7 +327,20 @@ impl Protocol2Line {
 
 impl LineProtocol for XServo {
     type Parser = Parser;
-    type Packet = Parsed;
+
+    fn goals(_: &Protocol2Line, packet: &Parsed) -> Vec<u8> {
+        let Parsed::Instruction(Instruction { code: code::SYNC_WRITE, params, .. }) = packet else {
+            return Vec::new();
+        };
+        let goal = at::GOAL_POSITION.address.to_le_bytes();
+        match params.split_first_chunk() {
+            Some((&[a0, a1, s0, s1], items)) if [a0, a1] == goal => {
+                let size = usize::from(u16::from_le_bytes([s0, s1]));
+                items.chunks_exact(1 + size).map(|item| item[0]).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
 
     fn parse(parser: &mut Parser, byte: u8) -> Option<Parsed> {
         parser.push(byte)

@@ -7,6 +7,7 @@ use crate::bus::line::{Burst, Line};
 use crate::fault::ServoFault;
 use crate::judge::Judge;
 use crate::serial::imu_board::ImuBoard;
+use crate::serial::protocol2_packet::Parsed;
 use crate::servo::body::{ServoBody, SimServoState};
 
 pub trait LineServo: Debug + Send + Sized {
@@ -29,20 +30,27 @@ pub trait LineServo: Debug + Send + Sized {
 /// The protocol of such servos.
 pub trait LineProtocol: LineServo {
     type Parser: Debug + Default + Send;
-    type Packet: Debug + Send;
 
     /// Takes a byte; returns the packet that it completed.
-    fn parse(parser: &mut Self::Parser, byte: u8) -> Option<Self::Packet>;
+    fn parse(parser: &mut Self::Parser, byte: u8) -> Option<Parsed>;
 
     /// Carries out a packet; returns the replies in order.
-    fn execute(line: &mut SerialLine<Self>, packet: Self::Packet) -> Vec<Burst>;
+    fn execute(line: &mut SerialLine<Self>, packet: Parsed) -> Vec<Burst>;
+
+    /// The ids to which a packet sends a goal in one Sync Write.
+    fn goals(line: &SerialLine<Self>, packet: &Parsed) -> Vec<u8>;
 }
 
 /// Servos of one protocol on one line.
 #[derive(Debug)]
 pub struct SerialLine<S: LineProtocol> {
     parser: S::Parser,
-    packet: Option<S::Packet>,
+    /// Hears what the host sends before the wire damages it.
+    witness: S::Parser,
+    witnessed: Option<Parsed>,
+    /// The last packet that arrived sound, and when it came for the first time in a row.
+    arrived: Option<(Parsed, f64)>,
+    packet: Option<Parsed>,
     pub(crate) servos: Vec<S>,
     pub(crate) packets_in: u64,
     pub(crate) bad_packets: u64,
@@ -65,6 +73,9 @@ impl<S: LineProtocol> SerialLine<S> {
     pub fn new(servos: Vec<S>, line_baud: u32, supply_ohm: f64) -> Self {
         Self {
             parser: S::Parser::default(),
+            witness: S::Parser::default(),
+            witnessed: None,
+            arrived: None,
             packet: None,
             servos,
             packets_in: 0,
@@ -110,19 +121,38 @@ impl<S: LineProtocol> Line for SerialLine<S> {
         self.packet.is_some()
     }
 
-    fn execute(&mut self) -> Vec<Burst> {
-        let packet = self.packet.take();
-        packet.map_or_else(Vec::new, |packet| S::execute(self, packet))
+    fn execute(&mut self, late_s: f64) -> Vec<Burst> {
+        let Some(packet) = self.packet.take() else { return Vec::new() };
+        let passed_s = self.time_s - late_s;
+        let same = self.arrived.as_ref().filter(|(arrived, _)| *arrived == packet);
+        let repeated_after_s = same.map(|(_, first_s)| passed_s - first_s);
+        for servo in &mut self.servos {
+            servo.body_mut().judge.repeated_after_s = repeated_after_s;
+        }
+        if repeated_after_s.is_none() && matches!(packet, Parsed::Instruction(_)) {
+            self.arrived = Some((packet.clone(), passed_s));
+        }
+        S::execute(self, packet)
     }
 
     fn lose(&mut self) {
         self.packet = None;
-        self.miss_goals();
     }
 
-    fn miss_goals(&mut self) {
-        for servo in &mut self.servos {
-            servo.body_mut().judge.miss_goal();
+    fn witness(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            let Some(packet) = S::parse(&mut self.witness, byte) else { continue };
+            let ids = S::goals(self, &packet);
+            // The same goals again are no goals of their own.
+            if self.witnessed.as_ref() == Some(&packet) {
+                continue;
+            }
+            self.witnessed = Some(packet);
+            for servo in &mut self.servos {
+                if ids.contains(&servo.id()) {
+                    servo.body_mut().judge.send_goal();
+                }
+            }
         }
     }
 

@@ -86,12 +86,14 @@ impl SerialServer {
         if shared.faults().hits(WireFault::Echo) {
             self.port.write(bytes);
         }
-        let damaged = shared.faults().pass_instruction(bytes);
+        if shared.faults().fault.is_some() {
+            shared.stepped_as_it_is().line.witness(bytes);
+        }
+        shared.faults().pass_instruction(bytes);
         let now_s = shared.began.elapsed().as_secs_f64();
         self.line_free_s = self.line_free_s.max(now_s);
         shared.stepped().line.set_host_baud(self.port.baud());
         shared.wire().bytes_in += bytes.len() as u64;
-        let mut completed = 0;
         for &byte in &*bytes {
             self.line_free_s += shared.byte_s;
             // The line is not advanced for single bytes, only for what they complete.
@@ -99,19 +101,13 @@ impl SerialServer {
             if !complete {
                 continue;
             }
-            completed += 1;
             self.wait_until(self.line_free_s);
             if shared.faults().hits(WireFault::Lose) {
                 shared.stepped().line.lose();
                 continue;
             }
-            let bursts = shared.stepped().line.execute();
+            let bursts = shared.stepped().line.execute(shared.late_s(self.line_free_s));
             self.send(bursts);
-        }
-        // A damaged length swallows what comes behind it.
-        let swallowed = shared.faults().fault.is_some() && completed < packets_in(bytes);
-        if damaged || swallowed {
-            shared.stepped().line.miss_goals();
         }
     }
 
@@ -158,9 +154,4 @@ impl SerialServer {
             self.handed_over = realtime.then(Instant::now);
         }
     }
-}
-
-/// How many packets begin in these bytes, by either protocol's header; an empty read has none.
-fn packets_in(bytes: &[u8]) -> usize {
-    bytes.windows(3).filter(|header| header[..2] == [0xFF, 0xFF] && header[2] != 0xFF).count()
 }

@@ -151,13 +151,11 @@ fn has_watchdog(servo: &Servo) -> bool {
 
 /// Adds a row, and checks what every row must hold.
 pub fn row(table: &mut String, what: &str, outcome: &Outcome) {
-    // One with another's id follows the other's goals, until it is known to be missing.
-    let misled = what.contains("neighbour");
-    assert!(outcome.went == 0 || misled, "{what}: {:?}", outcome.notes);
-    // A lost goal makes the next a double step, goals said again because an
-    // answer is late bunch up, and a servo with another's id hears the other's
-    // goals: nobody can take that back.
-    let astray = ["damaged request", "commands lost", "late by 150 ms", "neighbour"];
+    assert!(outcome.went == 0, "{what}: {:?}", outcome.notes);
+    // A lost goal makes the next a double step, goals said again because an answer is late
+    // bunch up, and a motor on CAN with another's id hears one command of the other's before
+    // its silence is known: nobody can take that back.
+    let astray = ["damaged request", "commands lost", "late by 150 ms", "asked by its command"];
     let astray = astray.iter().any(|word| what.contains(word));
     assert!(outcome.told == 0 || astray, "{what}: {:?}", outcome.notes);
     let recovered = match outcome.remarks.join("; ").as_str() {

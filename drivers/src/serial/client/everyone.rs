@@ -1,7 +1,5 @@
 //! Instructions to every servo at once: one packet out, a status packet from each.
 
-use std::time::Instant;
-
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
@@ -12,32 +10,29 @@ use crate::serial::wire::port::Received;
 use crate::servo::Servo;
 
 impl ServoClient {
-    /// Sends one value of `register` to every servo that is not left out, in one packet; no reply.
+    /// Sends a value of `register` to every servo that is not left out and gets one, in one
+    /// packet that is said so many times; no reply.
     pub(crate) fn sync_write(
         &mut self,
         register: Register,
-        value: impl Fn(usize, &Servo) -> i32,
+        copies: usize,
+        value: impl Fn(usize, &Servo) -> Option<i32>,
     ) -> BusResult<()> {
-        self.hold_sync_write(register, value);
-        self.port.send_held(register.name)
-    }
-
-    pub(crate) fn hold_sync_write(
-        &mut self,
-        register: Register,
-        value: impl Fn(usize, &Servo) -> i32,
-    ) {
         self.params.clear();
         self.port.framing().put_place(&mut self.params, register);
+        let nobody = self.params.len();
         for (index, servo) in self.servos.iter().enumerate() {
-            if self.aside[index] {
-                continue;
-            }
+            let Some(value) = value(index, servo).filter(|_| !self.aside[index]) else { continue };
             self.params.push(servo.id);
-            let bytes = value(index, servo).to_le_bytes();
-            self.params.extend(&bytes[..usize::from(register.size)]);
+            self.params.extend(&value.to_le_bytes()[..usize::from(register.size)]);
         }
-        self.port.hold(BROADCAST, instruction::SYNC_WRITE, &self.params);
+        if self.params.len() == nobody {
+            return Ok(());
+        }
+        for _ in 0..copies {
+            self.port.hold(BROADCAST, instruction::SYNC_WRITE, &self.params);
+        }
+        self.port.send_held(register.name)
     }
 
     /// Torque off to everyone, those left out too, and the servos of which that is not certain.
@@ -46,7 +41,7 @@ impl ServoClient {
         // Broadcast first: it needs no reply and reaches everyone at once.
         let mut reason = String::new();
         for _ in 0..self.tries {
-            if let Err(error) = self.sync_write(torque, |_, _| 0) {
+            if let Err(error) = self.sync_write(torque, 1, |_, _| Some(0)) {
                 reason = error.to_string();
             }
         }
@@ -74,6 +69,15 @@ impl ServoClient {
 
     pub(crate) fn begin_read(&mut self) {
         self.answered.copy_from_slice(&self.aside);
+        self.asked_last = None;
+    }
+
+    /// Those who have not answered, in the order in which they are asked.
+    fn unanswered_in_order(&self) -> impl Iterator<Item = usize> {
+        let asked = |index: &usize| !self.answered[*index];
+        let last = self.asked_last.filter(asked);
+        let first = (0..self.servos.len()).filter(asked).filter(move |index| Some(*index) != last);
+        first.chain(last)
     }
 
     /// Address, size and the ids of those who have not answered, ready in the
@@ -82,11 +86,9 @@ impl ServoClient {
         self.params.clear();
         self.port.framing().put_place(&mut self.params, register);
         let before = self.params.len();
-        for (index, servo) in self.servos.iter().enumerate() {
-            if !self.answered[index] {
-                self.params.push(servo.id);
-            }
-        }
+        let mut params = std::mem::take(&mut self.params);
+        params.extend(self.unanswered_in_order().map(|index| self.servos[index].id));
+        self.params = params;
         self.params.len() - before
     }
 
@@ -95,12 +97,12 @@ impl ServoClient {
     pub(crate) fn bulk_request(&mut self, register: Register) -> usize {
         self.params.clear();
         self.params.push(0);
-        for (servo, answered) in self.servos.iter().zip(&self.answered) {
-            if !answered {
-                let [size, address] = [register.size as u8, register.address as u8];
-                self.params.extend([size, servo.id, address]);
-            }
+        let [size, address] = [register.size as u8, register.address as u8];
+        let mut params = std::mem::take(&mut self.params);
+        for index in self.unanswered_in_order() {
+            params.extend([size, self.servos[index].id, address]);
         }
+        self.params = params;
         self.params.len() / 3
     }
 
@@ -132,14 +134,13 @@ impl ServoClient {
         let size = usize::from(register.size);
         let framing = self.port.framing();
         let longest = framing.status_length() + size + size / 3;
-        let asked = Instant::now();
         self.send_request(instruction, longest, register.name)?;
         let bytes = count * (framing.status_bytes() + size);
         let deadline = self.deadline(bytes, count);
         let mut alert = None;
         let mut open = count;
         // They answer in the order in which they were asked: nobody speaks after the last.
-        let last = self.answered.iter().rposition(|answered| !answered);
+        let last = self.unanswered_in_order().last();
         let mut damaged = 0;
         while open > damaged {
             match self.port.receive(deadline, register.name)? {
@@ -149,7 +150,10 @@ impl ServoClient {
                     damaged += 1;
                     continue;
                 }
-                Received::Nothing => break,
+                Received::Nothing => {
+                    self.learn_loss();
+                    break;
+                }
             }
             let packet = self.port.packet();
             let index = self.servos.iter().position(|servo| servo.id == packet.id);
@@ -178,7 +182,9 @@ impl ServoClient {
                 }
             }
         }
-        self.learn(asked, bytes, open == 0);
+        if open == 0 {
+            self.learn(bytes);
+        }
         self.blame_the_unanswered();
         Ok(alert)
     }
@@ -215,11 +221,24 @@ impl ServoClient {
     /// Counts that those who have not answered are asked again.
     pub(crate) fn ask_again(&mut self) {
         self.port.stats.retries += 1;
+        // Whoever broke the chain of answers: it may not be there.
+        let broke = self.unanswered_in_order().next();
+        self.asked_last = broke;
         let silent = (0..self.servos.len()).filter(|&index| !self.answered[index]);
         // All of them: the bus was damaged, nobody in particular.
         if silent.clone().count() < self.servos.len() {
             silent.for_each(|index| self.errors.asked_again(index));
         }
+    }
+
+    /// Whether anyone has answered since [`ServoClient::begin_read`].
+    pub(crate) fn anyone_answered(&self) -> bool {
+        self.answered.iter().zip(&self.aside).any(|(answered, aside)| *answered && !aside)
+    }
+
+    pub(crate) fn count_unheard(&mut self) {
+        let nobody = !self.complete() && !self.anyone_answered();
+        self.unheard_questions = if nobody { self.unheard_questions + 1 } else { 0 };
     }
 
     pub(crate) fn complete(&self) -> bool {

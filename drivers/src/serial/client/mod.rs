@@ -30,6 +30,10 @@ pub struct ServoClient {
     params: Vec<u8>,
     pub(crate) answered: Vec<bool>,
     pub(crate) aside: Vec<bool>,
+    /// So many questions to everyone in a row were not heard, or nothing of their answers.
+    pub(super) unheard_questions: u32,
+    /// Asked after the others: a servo that stays silent silences those behind it.
+    pub(super) asked_last: Option<usize>,
     /// Whether the last answer to [`ServoClient::transfer`] had its alert bit set.
     alert: bool,
     /// The error byte of that answer, as it came.
@@ -37,10 +41,14 @@ pub struct ServoClient {
     pub(crate) firmware: Vec<u8>,
     /// Everyone answers the Fast Sync Read of Protocol 2.0.
     pub(crate) fast_read: bool,
+    /// After a loss so many reads are plain ones.
+    pub(crate) plain_after_loss: u32,
     /// For so many reads more a plain Sync Read is better: it loses one servo, not all.
     pub(crate) plain_reads: u32,
     /// Whether what is asked belongs to a cycle, whose answers have a patience of their own.
     pub(crate) waits_for_cycle: bool,
+    /// Whether there is time in the period to ask those again who stay silent.
+    pub(crate) asks_again_soon: bool,
     pub(crate) patience: Patience,
     pub(crate) errors: ErrorCounters,
 }
@@ -57,12 +65,16 @@ impl ServoClient {
             port: PacketPort::open(port, config.baud, framing, config.reply_clock.clone())?,
             answered: vec![false; servos.len()],
             aside: vec![false; servos.len()],
+            unheard_questions: 0,
+            asked_last: None,
             alert: false,
             flags: 0,
             firmware: vec![0; servos.len()],
             fast_read: false,
+            plain_after_loss: 0,
             plain_reads: 0,
             waits_for_cycle: false,
+            asks_again_soon: false,
             patience: Patience::default(),
             errors: ErrorCounters::new(servos.len()),
             params: Vec::with_capacity(8 + 5 * servos.len()),

@@ -8,8 +8,6 @@ mod known_state;
 mod models;
 pub mod registers;
 
-use std::time::Instant;
-
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
@@ -24,9 +22,10 @@ pub use models::BAUDS;
 /// Fast Sync Read; the `dynamixel2` crate does not know it.
 const FAST_SYNC_READ: u8 = 0x8A;
 
-/// A Fast Sync Read that is damaged anywhere tells nothing of anybody; so many plain ones
-/// follow a loss, which lose one servo at a time.
+/// A Fast Sync Read that is damaged anywhere tells nothing of anybody; plain ones follow a
+/// loss, which lose one servo at a time: so many at first, twice as many after each loss.
 const PLAIN_AFTER_LOSS: u32 = 20;
+const MOST_PLAIN: u32 = 2000;
 
 /// What the watchdog register reads when it has tripped: -1 in its one byte.
 const WATCHDOG_TRIPPED: u64 = 0xFF;
@@ -52,15 +51,16 @@ fn fast_read(client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<u
         return Ok(None);
     }
     let length = 1 + count * (size + 4);
-    let asked = Instant::now();
     client.send_request(FAST_SYNC_READ, length, register.name)?;
     let deadline = client.deadline(7 + length, 1);
     loop {
         match client.port.receive(deadline, register.name)? {
             Received::Packet => {}
             Received::Corrupt | Received::Nothing => {
-                client.learn(asked, 7 + length, false);
-                client.plain_reads = PLAIN_AFTER_LOSS;
+                client.learn_loss();
+                client.plain_after_loss =
+                    (2 * client.plain_after_loss).clamp(PLAIN_AFTER_LOSS, MOST_PLAIN);
+                client.plain_reads = client.plain_after_loss;
                 return Ok(None);
             }
         }
@@ -83,7 +83,8 @@ fn fast_read(client: &mut ServoClient, present: &mut [u8]) -> BusResult<Option<u
             alert = alert.or((error & 0x80 != 0).then_some(index));
             index += 1;
         }
-        client.learn(asked, 7 + length, true);
+        client.learn(7 + length);
+        client.plain_after_loss = client.plain_after_loss.saturating_sub(1);
         return Ok(alert);
     }
 }

@@ -75,6 +75,8 @@ pub struct Decoder {
     body: Vec<u8>,
     flags: u8,
     echo: Vec<u8>,
+    /// The echo of what was sent before, which nobody answers: it may still come.
+    earlier_echo: Vec<u8>,
 }
 
 impl Decoder {
@@ -92,9 +94,14 @@ impl Decoder {
 
     /// The instructions just sent, which an adapter may echo: their echo may be
     /// longer than any answer, and in Protocol 1 it looks like one. That of a ping
-    /// of Protocol 1 cannot be told from its answer, and is not looked for.
-    pub fn expect_echo(&mut self, sent: &[u8]) {
+    /// of Protocol 1 cannot be told from its answer, and is not looked for. After
+    /// instructions that nobody answers (`after_goals`) their echo may still come.
+    pub fn expect_echo(&mut self, sent: &[u8], after_goals: bool) {
         const PING_BYTES: usize = 6;
+        std::mem::swap(&mut self.echo, &mut self.earlier_echo);
+        if !after_goals {
+            self.earlier_echo.clear();
+        }
         self.echo.clear();
         if self.framing == Framing::Protocol2 || sent.len() > PING_BYTES {
             self.echo.extend_from_slice(sent);
@@ -150,14 +157,17 @@ impl Decoder {
     /// Goes on behind an echo of `end` bytes, if one stands in front: it may be
     /// longer than any answer.
     fn pass_echo(&mut self, end: usize) -> Option<Decoded> {
-        let echo = self.echo.get(..end)?;
-        if !echo.starts_with(&self.buffer[..end.min(self.buffer.len())]) {
-            return None;
-        }
+        let begun = &self.buffer[..end.min(self.buffer.len())];
+        let stands = |echo: &Vec<u8>| echo.get(..end).is_some_and(|whole| whole.starts_with(begun));
+        let echo = match (stands(&self.earlier_echo), stands(&self.echo)) {
+            (true, _) => &mut self.earlier_echo,
+            (false, true) => &mut self.echo,
+            (false, false) => return None,
+        };
         if self.buffer.len() < end {
             return Some(Decoded::Incomplete);
         }
-        self.echo.drain(..end);
+        echo.drain(..end);
         self.buffer.drain(..end);
         Some(self.advance())
     }
@@ -250,7 +260,7 @@ mod tests {
             framing.encode(&mut wire, 7, STATUS, &[0, 9]);
             let mut decoder = Decoder::new(framing);
             decoder.reset(8);
-            decoder.expect_echo(&sent);
+            decoder.expect_echo(&sent, false);
             let mut found = Vec::new();
             for byte in wire {
                 decoder.push(&[byte]);
@@ -277,6 +287,24 @@ mod tests {
         assert_eq!(blocks[1], (0, 7, &bytes("1F080000")[..]));
         assert_eq!(blocks[2], (0, 4, &bytes("FF030000")[..]));
         assert_eq!(blocks.len(), 3);
+    }
+
+    #[test]
+    fn the_echo_of_goals_may_come_after_the_next_question() {
+        for framing in [Framing::Protocol2, Framing::Protocol1] {
+            let (mut goals, mut question) = (Vec::new(), Vec::new());
+            framing.encode(&mut goals, BROADCAST, 0x83, &[116; 90]);
+            framing.encode(&mut question, 7, 0x02, &[132, 4]);
+            let mut decoder = Decoder::new(framing);
+            decoder.expect_echo(&goals, false);
+            decoder.reset(8);
+            decoder.expect_echo(&question, true);
+            let mut wire = [goals, question].concat();
+            framing.encode(&mut wire, 7, STATUS, &[0, 9]);
+            decoder.push(&wire);
+            assert_eq!(decoder.advance(), Decoded::Packet, "{framing:?}");
+            assert_eq!(decoder.packet().id, 7);
+        }
     }
 
     #[test]

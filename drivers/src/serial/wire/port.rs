@@ -20,6 +20,12 @@ use crate::serial::wire::system_ports::latency_timer;
 /// Longest wait for the port to take an instruction's bytes.
 const SEND_TIMEOUT: Duration = Duration::from_millis(100);
 
+/// How long bytes that end a damaged packet may take, seconds, and how many are enough: one
+/// damaged bit makes a packet 2048 bytes longer at most that a servo takes for one.
+const SHORT_FILLER_S: f64 = 1.5e-3;
+const LONG_FILLER_S: f64 = 12e-3;
+const LONGEST_FILLER: usize = 2048;
+
 const SHORTEST: Duration = Duration::from_micros(1);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,8 +45,10 @@ pub struct PacketPort {
     framing: Framing,
     decoder: Decoder,
     out: Vec<u8>,
-    /// How many bytes were sent last.
-    sent: usize,
+    /// When all that was sent has passed over the wire.
+    passed: Instant,
+    /// Whether nobody answers what was sent last.
+    sent_goals: bool,
     /// How many bytes came since the port was opened.
     received: usize,
     looked_late: bool,
@@ -61,7 +69,8 @@ impl PacketPort {
             framing,
             decoder: Decoder::new(framing),
             out: Vec::with_capacity(1024),
-            sent: 0,
+            passed: Instant::now(),
+            sent_goals: false,
             received: 0,
             looked_late: false,
             stale: StaleReplies::default(),
@@ -81,9 +90,14 @@ impl PacketPort {
         self.framing
     }
 
-    /// How many bytes were sent last.
-    pub fn sent(&self) -> usize {
-        self.sent
+    /// When all that was sent has passed over the wire.
+    pub fn passed(&self) -> Instant {
+        self.passed
+    }
+
+    /// How long what was sent still takes to pass over the wire.
+    pub fn passing(&self) -> Duration {
+        self.passed.saturating_duration_since(Instant::now())
     }
 
     /// How many bytes came since the port was opened.
@@ -101,6 +115,15 @@ impl PacketPort {
     pub fn hold(&mut self, id: u8, instruction: u8, params: &[u8]) {
         self.framing.encode(&mut self.out, id, instruction, params);
         self.stats.packets += 1;
+    }
+
+    /// Puts bytes that mean nothing before what is sent next: servos that took damage for the
+    /// length of a packet are deaf until so many bytes have come. Few after one question that
+    /// nobody answered, as many as the longest packet has after `several`.
+    pub fn hold_filler(&mut self, several: bool) {
+        let longest_s = if several { LONG_FILLER_S } else { SHORT_FILLER_S };
+        let bytes = (longest_s * f64::from(self.baud) / 10.0) as usize;
+        self.out.resize(self.out.len() + bytes.min(LONGEST_FILLER), 0);
     }
 
     /// Sends what is held and one request. A stale reply that would pass for its
@@ -157,7 +180,9 @@ impl PacketPort {
     ) -> BusResult<()> {
         self.hold(id, instruction, params);
         self.decoder.reset(longest);
-        self.send_held(doing)
+        self.send_held(doing)?;
+        self.sent_goals = false;
+        Ok(())
     }
 
     /// Before a row of [`PacketPort::send_along`]: what an earlier exchange left is thrown away.
@@ -188,7 +213,8 @@ impl PacketPort {
         if self.out.is_empty() {
             return Ok(());
         }
-        self.decoder.expect_echo(&self.out);
+        let after_goals = std::mem::replace(&mut self.sent_goals, true);
+        self.decoder.expect_echo(&self.out, after_goals);
         let sent = match &mut self.port {
             None => Err(ErrorKind::NotConnected.into()),
             Some(port) => port
@@ -197,7 +223,7 @@ impl PacketPort {
                 .and_then(|()| port.write_all(&self.out)),
         };
         self.stats.bytes += self.out.len() as u64;
-        self.sent = self.out.len();
+        self.passed = self.passed.max(Instant::now()) + self.time(self.out.len());
         self.looked_late = false;
         self.out.clear();
         sent.map_err(|reason| self.failed(doing, reason))
