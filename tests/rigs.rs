@@ -10,15 +10,22 @@ use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
 use std::fmt::Write;
 
 /// Builds a URDF link by link.
-struct Rig(String);
+pub(crate) struct Rig(String);
 
 impl Rig {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self("<robot name=\"rig\"><link name=\"base\"/>".into())
     }
 
     /// A link called after its joint.
-    fn joint(mut self, kind: &str, name: &str, parent: &str, xyz: &str, more: &str) -> Self {
+    pub(crate) fn joint(
+        mut self,
+        kind: &str,
+        name: &str,
+        parent: &str,
+        xyz: &str,
+        more: &str,
+    ) -> Self {
         let limit = "<limit lower=\"-1.5\" upper=\"1.5\" effort=\"3\" velocity=\"4\"/>";
         let _ = write!(
             self.0,
@@ -41,13 +48,18 @@ impl Rig {
             .joint("fixed", &name("hand"), &link("elbow"), "0 0 -0.2", "")
     }
 
+    /// The description so far.
+    pub(crate) fn urdf(&self) -> String {
+        self.0.clone() + "</robot>"
+    }
+
     /// Draws a robot file, then follows some seconds of dance.
-    fn dance(self) -> (Robot, TrackedMotion, Vec<Vec<f64>>, Vec<String>) {
+    pub(crate) fn dance(self) -> (Robot, TrackedMotion, Vec<Vec<f64>>, Vec<String>) {
         let folder = tempfile::tempdir().unwrap();
         let urdf = folder.path().join("rig.urdf");
-        std::fs::write(&urdf, self.0 + "</robot>").unwrap();
+        std::fs::write(&urdf, self.urdf()).unwrap();
         let out = folder.path().join("rig.toml");
-        let said = new_robot(&urdf, &out, false, &trial_dance(), &[]).unwrap().lines;
+        let said = new_robot(&urdf, &out, false, None, &trial_dance(), &[]).unwrap().lines;
         let robot = Robot::load(&out.display().to_string()).unwrap();
         let beats: Vec<DanceBeat> = (0..20)
             .map(|beat| DanceBeat { time_s: f64::from(beat) * 0.5, downbeat: beat % 4 == 0 })
@@ -65,7 +77,7 @@ impl Rig {
 }
 
 /// How far each joint went, by name.
-fn spans(robot: &Robot, track: &[Vec<f64>]) -> Vec<(String, f64)> {
+pub(crate) fn spans(robot: &Robot, track: &[Vec<f64>]) -> Vec<(String, f64)> {
     let span = |joint: usize| {
         let at = track.iter().map(|row| row[joint]);
         let low = at.clone().fold(f64::INFINITY, f64::min);
@@ -75,7 +87,7 @@ fn spans(robot: &Robot, track: &[Vec<f64>]) -> Vec<(String, f64)> {
     names.enumerate().map(|(joint, name)| (name, span(joint))).collect()
 }
 
-fn moved(spans: &[(String, f64)], name: &str) -> f64 {
+pub(crate) fn moved(spans: &[(String, f64)], name: &str) -> f64 {
     spans.iter().find(|(joint, _)| joint == name).unwrap_or_else(|| panic!("{name}")).1
 }
 
@@ -171,7 +183,7 @@ fn a_loop_is_expressed_by_a_table() {
     let urdf = folder.path().join("rig.urdf");
     std::fs::write(&urdf, rig.0 + "</robot>").unwrap();
     let out = folder.path().join("rig.toml");
-    new_robot(&urdf, &out, false, &trial_dance(), &[]).unwrap();
+    new_robot(&urdf, &out, false, None, &trial_dance(), &[]).unwrap();
     let text = std::fs::read_to_string(&out).unwrap();
     let couple = "\n[[retarget.couple]]\njoint = \"left_crank\"\nfollows = \"left_elbow\"\n";
     let load = |text: String| {

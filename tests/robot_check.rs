@@ -73,3 +73,15 @@ fn robot_files_are_judged_with_their_description() {
     let (exit, json) = checked(&program, "missing.urdf");
     assert_eq!((exit, codes(&json)), (Some(1), vec!["file-unreadable"]));
 }
+
+#[test]
+fn a_file_of_twenty_thousand_links_is_refused_before_it_is_parsed() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("many.urdf");
+    // Not even closed: were it parsed, that would be said.
+    let text = format!("<robot name=\"many\">{}", "<link name=\"same\"/>".repeat(20_000));
+    std::fs::write(&file, text).unwrap();
+    let checked = servodance_runtime::robot::check(&file.display().to_string());
+    let codes: Vec<&str> = checked.findings.iter().map(|found| found.code.as_str()).collect();
+    assert_eq!(codes, ["links-many"]);
+}

@@ -26,9 +26,13 @@ fn two_thousand_broken_files_make_no_panic() {
         let urdf = mutated(&mut rng, URDF);
         std::fs::write(path("my.urdf"), &urdf).unwrap();
         let checked = check(&path("my.urdf"));
-        assert_eq!(checked.usable, draft_config(&urdf).is_ok(), "round {round}: {checked:#?}");
+        assert_eq!(
+            checked.usable,
+            draft_config(&urdf, None).is_ok(),
+            "round {round}: {checked:#?}"
+        );
         match urdf_from_mjcf(&mutated(&mut rng, MJCF)) {
-            Ok((urdf, _)) => drop(draft_config(&urdf)),
+            Ok((urdf, _)) => drop(draft_config(&urdf, None)),
             Err(error) => assert!(!error.to_string().contains('\n')),
         }
         usable += usize::from(checked.usable) + usize::from(loads);

@@ -1,15 +1,14 @@
 //! `servodance robot`: write a robot file for a description, look one over.
 
+use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
-use servodance_model::motion::Clip;
-use servodance_runtime::offline::generate::{GenerateRequest, generate};
+use servodance_retarget::BodyKind;
+use servodance_runtime::offline::generate::dances_of_built_in_song;
 use servodance_runtime::physics::StanceCheck;
 use servodance_runtime::robot::{self, Robot};
+use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_runtime::world::WorldChoice;
 use servodance_training::choreography;
-
-/// Length of the dances that a new robot must stand.
-const STANDING_S: f64 = 20.0;
 
 const EXAMPLES: &str = include_str!("examples/robot.txt").trim_ascii_end();
 
@@ -25,6 +24,8 @@ pub struct Args {
 pub enum Action {
     /// Write a complete robot file for a description; guesses are explained in it.
     New(NewArgs),
+    /// Draw robots in four poses beside the human in the same, a row each.
+    Sheet(SheetArgs),
     /// Look over a robot file or a description: exit code 0 usable, 1 refused.
     Check(CheckArgs),
 }
@@ -40,6 +41,20 @@ pub struct NewArgs {
     /// Overwrite it if it is there.
     #[arg(long)]
     pub force: bool,
+    /// The kind of body, where the guess is wrong: humanoid, upper_body, biped, head, arm
+    /// or quadruped.
+    #[arg(long, value_name = "KIND")]
+    pub kind: Option<BodyKind>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct SheetArgs {
+    /// Robot files (.toml), or built-in robots.
+    #[arg(value_name = "ROBOT", required = true)]
+    pub robots: Vec<String>,
+    /// The picture to write.
+    #[arg(long, value_name = "FILE.png", value_parser = file_of("png"))]
+    pub out: PathBuf,
 }
 
 #[derive(Debug, clap::Args)]
@@ -47,8 +62,8 @@ pub struct CheckArgs {
     /// A robot file (.toml), a built-in robot, or a description (.urdf, .xml).
     #[arg(value_name = "FILE")]
     pub file: String,
-    /// Print JSON: file, usable, findings (code, severity, subject, message), and stance:
-    /// what a robot on its feet can take.
+    /// Print JSON: file, usable, findings (code, severity, subject, message), body: what a
+    /// description looks like, and stance: what a robot on its feet can take.
     #[arg(long)]
     pub json: bool,
     /// Do not let a robot that stands on its feet stand, be pushed and dance in the
@@ -64,19 +79,15 @@ pub struct CheckArgs {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.action {
         Action::New(args) => new(&args),
+        Action::Sheet(args) => sheet(&args),
         Action::Check(args) => check(&args),
     }
 }
 
-/// Dances of the default style, as a robot will dance them.
-fn built_in_dances() -> anyhow::Result<Vec<Clip>> {
-    let dance = |seed| generate(&GenerateRequest::plain(None, STANDING_S, seed, None));
-    (1..=2).map(dance).collect()
-}
-
 fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
-    let (trial, dances) = (choreography::trial_dance(), built_in_dances()?);
-    let written = robot::new_robot(&args.description, &args.out, args.force, &trial, &dances)?;
+    let (trial, dances) = (choreography::trial_dance(), dances_of_built_in_song()?);
+    let written =
+        robot::new_robot(&args.description, &args.out, args.force, args.kind, &trial, &dances)?;
     for file in &written.files {
         stdout_line!("{}", file.display());
     }
@@ -86,18 +97,26 @@ fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+fn sheet(args: &SheetArgs) -> anyhow::Result<ExitCode> {
+    let robots: anyhow::Result<Vec<Robot>> = args.robots.iter().map(|r| Robot::load(r)).collect();
+    write_whole(&args.out, &robot::pose_sheet(&robots?)?)?;
+    stdout_line!("{}", args.out.display());
+    Ok(ExitCode::SUCCESS)
+}
+
 fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     let mut checked = robot::check(&args.file);
     if checked.usable
         && let Some(standing) = standing_robot(&args.file)
     {
         if args.amplitude {
-            let line = robot::settle_amplitude(&args.file, &standing, &built_in_dances()?)?;
+            let line = robot::settle_amplitude(&args.file, &standing, &dances_of_built_in_song()?)?;
             stderr_line!("{line}");
         }
         if !args.no_world {
             let robot = Robot::load(&args.file)?;
-            checked.stance = Some(StanceCheck::of(&robot, &built_in_dances()?[0].frames())?);
+            checked.stance =
+                Some(StanceCheck::of(&robot, &dances_of_built_in_song()?[0].frames())?);
         }
     } else if args.amplitude {
         anyhow::bail!("{}: --amplitude is for a robot that stands on its feet", args.file);
@@ -107,6 +126,9 @@ fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     } else {
         for finding in &checked.findings {
             stdout_line!("{finding}");
+        }
+        if let Some(line) = checked.looks_like() {
+            stdout_line!("{line}");
         }
         if let Some(stance) = &checked.stance {
             stdout_line!("{}", stance.line());

@@ -28,6 +28,10 @@ const SMOOTH_S: f64 = 0.015;
 /// Share of the lean that each strategy takes back.
 const HIP_SHARE: [f64; 2] = [0.56, 0.29];
 const ANKLE_SHARE: [f64; 2] = [0.31, 0.0];
+/// Time in which the ankles take back a lean forward or back that stays, seconds, and the
+/// most they take, radians: a floor that slopes.
+const TRIM_S: f64 = 2.0;
+const MOST_TRIM_RAD: f64 = 0.07;
 /// Damping ratio that ankles and feedback have together.
 const DAMPING_RATIO: f64 = 0.7;
 /// No more damping than this, seconds: the sensor is late.
@@ -64,6 +68,7 @@ pub struct BalanceFeedback {
     /// Seconds by which the ankles answer the rate, by axis.
     damping_s: [f64; 2],
     correction: [[f64; 2]; 2],
+    trim_rad: f64,
     age_s: f64,
     limits: Vec<JointLimits>,
     settled: bool,
@@ -124,6 +129,7 @@ impl BalanceFeedback {
             upright: robot.upright(),
             planned: VecDeque::with_capacity((ANSWERED_S / dt_s) as usize + 2),
             correction: [[0.0; 2]; 2],
+            trim_rad: 0.0,
             age_s: f64::INFINITY,
             joints,
             dt_s,
@@ -151,6 +157,7 @@ impl BalanceFeedback {
                 let (lean, rate) = self.beyond_plan(reading);
                 let outside = |shift| robot.outside_soles_m(shift);
                 self.is_falling = self.fall.observe(lean, rate, outside);
+                self.trim(lean[1]);
                 self.wanted(lean, rate)
             }
             None if self.age_s > OLD_S => [[0.0; 2]; 2],
@@ -162,10 +169,18 @@ impl BalanceFeedback {
         }
         for lean in &self.joints {
             let correction = self.correction[lean.axis][usize::from(lean.is_ankle)];
-            commands_rad[lean.joint] += lean.sign * correction;
+            let trim = if lean.is_ankle && lean.axis == 1 { self.trim_rad } else { 0.0 };
+            commands_rad[lean.joint] += lean.sign * (correction + trim);
         }
         self.give.compensate(robot.torque_nm(), commands_rad);
         self.keep_limits(commands_rad);
+    }
+
+    /// Follows what the pelvis leans forward or back for seconds. To the sides the ankles of
+    /// two planted feet shift the pelvis and do not turn it.
+    fn trim(&mut self, pitch_rad: f64) {
+        let step = pitch_rad * self.dt_s / TRIM_S;
+        self.trim_rad = (self.trim_rad - step).clamp(-MOST_TRIM_RAD, MOST_TRIM_RAD);
     }
 
     /// Lean about x and y, radians, from the vertical in the root link.

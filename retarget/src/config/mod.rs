@@ -6,6 +6,7 @@
 
 mod body;
 mod error;
+mod kind;
 
 use std::collections::BTreeMap;
 
@@ -15,6 +16,7 @@ pub(crate) use body::EVERY_LIMB;
 pub use body::{BodyLinks, Gains, Limb};
 pub use error::RetargetError;
 pub(crate) use error::choices;
+pub use kind::BodyKind;
 
 /// What the robot stands on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -137,6 +139,7 @@ impl Default for TorqueConfig {
 #[serde(deny_unknown_fields, default)]
 #[allow(missing_docs)] // the names of the others say it
 pub struct RetargetConfig {
+    pub kind: BodyKind,
     pub stance: Stance,
     pub mirror: bool,
     /// Share of the movement around the rest pose, 0 to 1.
@@ -177,6 +180,7 @@ pub struct RetargetConfig {
 impl Default for RetargetConfig {
     fn default() -> Self {
         Self {
+            kind: BodyKind::Humanoid,
             stance: Stance::Hung,
             mirror: false,
             amplitude: 1.0,

@@ -12,7 +12,7 @@ use crate::description::joints::{is_driven, mimic_numbers};
 
 const LARGEST_M: f64 = 1e4;
 /// More links than any robot has; keeps hostile files cheap.
-const MOST_LINKS: usize = 512;
+pub(super) const MOST_LINKS: usize = 512;
 
 /// Checks tree, links, joints and mimics; repairs what has one reading.
 pub(super) fn check(robot: &mut urdf_rs::Robot, diagnostics: &mut Diagnostics) {

@@ -127,9 +127,10 @@ codes! {
     LimitExtended "limit-extended" Note "acceleration, deceleration or jerk is given: used for a new robot file";
     ForwardUnusual "forward-unusual" Note "the root link does not look along x with z up";
     ForwardAssumed "forward-assumed" Note "which way is forward cannot be seen: x is assumed, z up";
-    PartsNone "parts-none" Note "no arm, leg or head was found: nothing will move";
+    PartsNone "parts-none" Refused "no arm, leg or head was found: nothing of it can show a dance";
     MapWider "map-wider" Note "the servo map allows more than the description";
     MapFaster "map-faster" Note "the servo map allows a higher speed than the description";
+    MjcfLoop "mjcf-loop" Repaired "a closed loop of an MJCF model: its joints rest";
     MjcfLeftOut "mjcf-left-out" Note "a part of an MJCF model that is not converted";
     JointUnmapped "joint-unmapped" Note "a joint that could move has no servo: it is held at rest";
 }

@@ -6,7 +6,7 @@
 
 use servodance_types::JointLimits;
 
-use crate::config::{BodyLinks, Limb, RetargetConfig, RetargetError, Stance};
+use crate::config::{BodyKind, BodyLinks, Limb, RetargetConfig, RetargetError, Stance};
 use crate::description::guess::{Anatomy, BodyAxes, anatomy, capsules};
 use crate::description::{Description, guess::words::NameWords, joints::mimic_numbers};
 use crate::kinematics::{BodyMap, RobotModel};
@@ -48,6 +48,8 @@ pub struct JointDraft {
 /// What can be told of a robot from its description.
 #[derive(Clone, Debug)]
 pub struct ConfigDraft {
+    /// How sure the kind of body is, and why: a line.
+    pub kind_reason: String,
     /// The robot's name in the description.
     pub name: String,
     /// A complete `[retarget]` table.
@@ -62,9 +64,10 @@ pub struct ConfigDraft {
     pub scales: Vec<(String, f64)>,
 }
 
-/// Drafts the `[retarget]` table and the joints of a robot from its URDF.
-/// Fails where [`Retargeter::new`] would.
-pub fn draft_config(urdf_xml: &str) -> Result<ConfigDraft, RetargetError> {
+/// Drafts the `[retarget]` table and the joints of a robot from its URDF; the kind of
+/// body is guessed where it is not given.
+/// Fails where [`Retargeter::new`] would, and where nothing can show a dance.
+pub fn draft_config(urdf_xml: &str, kind: Option<BodyKind>) -> Result<ConfigDraft, RetargetError> {
     let description = Description::from_urdf(urdf_xml)?;
     let names: Vec<&str> = description.drives().map(|j| j.name.as_str()).collect();
     if names.is_empty() {
@@ -72,10 +75,15 @@ pub fn draft_config(urdf_xml: &str) -> Result<ConfigDraft, RetargetError> {
     }
     let mut model = RobotModel::of_description(&description, &names)?;
     let positions = description.zero_positions(model.joint_names());
-    let anatomy = anatomy(&model, &positions);
+    let anatomy = anatomy(&model, &positions, kind);
+    let Some(guess) = anatomy.kind.clone() else {
+        return Err(RetargetError::Tree(no_such_body(kind)));
+    };
+    let kind = kind.unwrap_or(guess.kind);
     model.add_tips(&anatomy.tips)?;
-    let stand = anatomy.can_stand(&model);
+    let stand = kind == BodyKind::Quadruped || anatomy.can_stand(&model);
     let mut config = RetargetConfig {
+        kind,
         stance: if stand { Stance::Planted } else { Stance::Hung },
         forward: BodyAxes::name(&anatomy.axes.forward).into(),
         up: BodyAxes::name(&anatomy.axes.up).into(),
@@ -92,6 +100,10 @@ pub fn draft_config(urdf_xml: &str) -> Result<ConfigDraft, RetargetError> {
     };
     let joints = joint_drafts(&model, &config, &description)?;
     let mut reasons = anatomy.reasons.clone();
+    let passive: Vec<&str> = description.passive().map(|joint| joint.name.as_str()).collect();
+    if !passive.is_empty() {
+        reasons.push(format!("passive by name, so they rest: {}", passive.join(", ")));
+    }
     for tip in &anatomy.tips {
         reasons.push(format!(
             "{} is a new point on {}: the limb's last link ends there, by its shape or mass",
@@ -99,8 +111,15 @@ pub fn draft_config(urdf_xml: &str) -> Result<ConfigDraft, RetargetError> {
         ));
     }
     Ok(ConfigDraft {
-        missing: missing(&model, &anatomy, &joints),
-        scales: scales(&anatomy),
+        kind_reason: format!("{} (confidence {}): {}", kind.name(), guess.confidence, guess.reason),
+        missing: match kind.is_human_like() {
+            true => missing(&model, &anatomy, &joints),
+            false => Vec::new(),
+        },
+        scales: match kind.is_human_like() {
+            true => scales(&anatomy),
+            false => Vec::new(),
+        },
         name: description.robot.name,
         config,
         joints,
@@ -108,7 +127,15 @@ pub fn draft_config(urdf_xml: &str) -> Result<ConfigDraft, RetargetError> {
     })
 }
 
-fn body_links(model: &RobotModel, anatomy: &Anatomy) -> BodyLinks {
+fn no_such_body(kind: Option<BodyKind>) -> String {
+    let wanted = kind.map_or("no kind of body fits".into(), |kind| {
+        format!("it is no {}: its limbs were not found", kind.name())
+    });
+    let kinds = BodyKind::ALL.map(BodyKind::name).join(", ");
+    format!("nothing of it can show a dance: {wanted} (kinds: {kinds}; --kind says which it is)")
+}
+
+pub(super) fn body_links(model: &RobotModel, anatomy: &Anatomy) -> BodyLinks {
     let link = |index: usize| Some(model.link_names()[index].clone());
     let [left_arm, right_arm] = anatomy.arms.clone();
     let [left_leg, right_leg] = anatomy.legs.clone();

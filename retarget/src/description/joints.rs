@@ -18,3 +18,8 @@ pub(crate) fn held_position(joint: &urdf_rs::Joint) -> f64 {
 pub(super) fn mimic_numbers(mimic: &urdf_rs::Mimic) -> (f64, f64) {
     (mimic.multiplier.unwrap_or(1.0), mimic.offset.unwrap_or(0.0))
 }
+
+/// Whether a joint is called passive: others move it (the rods of a platform, say).
+pub(super) fn is_passive(joint: &urdf_rs::Joint) -> bool {
+    joint.name.to_lowercase().contains("passive")
+}

@@ -7,6 +7,7 @@
 //! any text. [`guess`] finds body parts, [`lint`] what is odd, [`draft`] a
 //! first configuration.
 
+pub(crate) mod body_guess;
 mod check;
 pub(crate) mod diagnostic;
 pub(crate) mod draft;
@@ -22,7 +23,11 @@ use diagnostic::{DiagnosticCode, Diagnostics};
 use urdf::RateLimitsByJoint;
 use xml::check_depth;
 
+use joints::is_passive;
 pub(crate) use joints::{held_position, is_driven};
+
+/// Links may stand in comments and plugins, too.
+const MOST_TAGS: usize = 4 * check::MOST_LINKS;
 
 pub(crate) struct Description {
     pub robot: urdf_rs::Robot,
@@ -49,6 +54,13 @@ impl Description {
             diagnostics.refuse(DiagnosticCode::Xml, error);
             return None;
         }
+        // Counted before the tree is built: a hostile file is refused at once.
+        let links = xml.matches("<link").count();
+        if links > MOST_TAGS {
+            let reason = format!("{links} links, at most {}", check::MOST_LINKS);
+            diagnostics.refuse_tree(DiagnosticCode::LinksMany, reason);
+            return None;
+        }
         let (robot, rates) = urdf::read(xml, diagnostics)?;
         match diagnostics.refusal {
             Some(_) => None,
@@ -69,7 +81,12 @@ impl Description {
     /// Joints with a position of their own, in the order of the file.
     pub fn drives(&self) -> impl Iterator<Item = &urdf_rs::Joint> {
         let joints = self.robot.joints.iter();
-        joints.filter(|joint| is_driven(joint) && joint.mimic.is_none())
+        joints.filter(|joint| is_driven(joint) && joint.mimic.is_none() && !is_passive(joint))
+    }
+
+    /// Joints that could move and that others move.
+    pub fn passive(&self) -> impl Iterator<Item = &urdf_rs::Joint> {
+        self.robot.joints.iter().filter(|joint| is_driven(joint) && is_passive(joint))
     }
 
     /// Positions of `joints` at zero, or the nearest that the limits allow.

@@ -22,11 +22,13 @@ pub(crate) fn placement(pose: &Isometry3<f64>) -> Placement {
 
 /// The links of a model, in its order.
 /// With `feet` (poses of the soles at rest and their size) the feet touch the floor by
-/// the four corners of each sole, everything else by its shapes.
+/// the four corners of each sole, everything else by its shapes; a body on `four_feet` by
+/// the origins of those links.
 pub(crate) fn rigid_links(
     model: &RobotModel,
     map: &BodyMap,
     feet: Option<(&[Isometry3<f64>; 2], [f64; 2])>,
+    four_feet: Option<&[usize; 4]>,
 ) -> Vec<RigidLink> {
     let mut links: Vec<RigidLink> = model
         .links
@@ -59,13 +61,7 @@ pub(crate) fn rigid_links(
     if let Some((feet, sole_m)) = feet {
         for (side, foot) in feet.iter().enumerate() {
             let Some(sole) = map.legs[side].sole else { continue };
-            for (link, rigid) in links.iter_mut().enumerate() {
-                if model.drives_above(link) == model.drives_above(sole)
-                    && model.is_below(link, model.last_driven(sole))
-                {
-                    rigid.touch.clear();
-                }
-            }
+            clear_touch(model, sole, &mut links);
             let corners = sole_corners(foot, sole_m);
             links[sole].touch = corners
                 .map(|corner| TouchPoint {
@@ -76,7 +72,23 @@ pub(crate) fn rigid_links(
                 .to_vec();
         }
     }
+    for (foot, &link) in four_feet.into_iter().flatten().enumerate() {
+        clear_touch(model, link, &mut links);
+        let at_m = [0.0; 3];
+        links[link].touch.push(TouchPoint { at_m, radius_m: 0.0, foot: Some(foot % 2) });
+    }
     links
+}
+
+/// What moves with a sole touches the floor by the sole alone.
+fn clear_touch(model: &RobotModel, sole: usize, links: &mut [RigidLink]) {
+    for (link, rigid) in links.iter_mut().enumerate() {
+        if model.drives_above(link) == model.drives_above(sole)
+            && model.is_below(link, model.last_driven(sole))
+        {
+            rigid.touch.clear();
+        }
+    }
 }
 
 /// What a joint of a robot at rest carries.

@@ -84,7 +84,10 @@ impl LimbDirectionError {
         joints: &[&str],
     ) -> Result<Self, RetargetError> {
         let model = RobotModel::configured(urdf_xml, joints, config)?;
-        let map = BodyMap::new(&model, config)?;
+        let map = match config.kind.is_human_like() {
+            true => BodyMap::new(&model, config)?,
+            false => BodyMap::default(),
+        };
         Ok(Self {
             model,
             arms: LimbPair::new(

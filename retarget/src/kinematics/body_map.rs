@@ -39,7 +39,7 @@ impl BodyMap {
     /// The parts named in `config`, the others guessed.
     pub fn new(model: &RobotModel, config: &RetargetConfig) -> Result<Self, RetargetError> {
         let n: &BodyLinks = &config.body;
-        let guess = anatomy(model, &vec![0.0; model.joint_names().len()]);
+        let guess = anatomy(model, &vec![0.0; model.joint_names().len()], Some(config.kind));
         let find = |part: &str, name: &Option<String>| match name {
             Some(name) => model.named(name, part).map(Some),
             None => Ok(None),

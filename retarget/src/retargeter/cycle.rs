@@ -7,9 +7,9 @@ use servodance_types::JointLimits;
 
 use super::Retargeter;
 use crate::balance::GovernorInput;
-use crate::config::{EVERY_LIMB, Limb, RetargetError};
+use crate::config::{BodyKind, EVERY_LIMB, Limb, RetargetError};
 use crate::contact::{FootStepper, PelvisTrajectory, StepContext};
-use crate::dancer::{BodyPoints, PoseTarget, mirrored};
+use crate::dancer::{BodyPoints, PoseTarget, arm_figure, mirrored, trunk_figure};
 use crate::dynamics::StanceFoot;
 use crate::solver::{SolverGoal, SolverInput};
 
@@ -48,7 +48,8 @@ impl Retargeter {
         let target = self.pose_target(time_s + self.preview_s(), alter);
         self.set_bounds();
         self.wanted.copy_from_slice(&self.solver.positions);
-        self.solve(&target.unwrap_or_else(PoseTarget::standing));
+        let target = target.map(|target| self.figure(target));
+        self.solve(&target.unwrap_or_else(|| self.figure(PoseTarget::standing())));
         match &target {
             Some(target) => self.search.step(&self.model, &mut self.solver, target, &self.rest),
             None => {
@@ -82,6 +83,14 @@ impl Retargeter {
         Some(self.reader.read(&points, led))
     }
 
+    /// What a body of this kind shows of it.
+    fn figure(&self, target: PoseTarget) -> PoseTarget {
+        match self.kind {
+            BodyKind::Arm => arm_figure(&target),
+            _ => target,
+        }
+    }
+
     /// Share of a limb's movement that is shown: less when its motors are strained,
     /// or when the feet could not carry it.
     fn shown(&self, limb: Limb) -> f64 {
@@ -98,6 +107,20 @@ impl Retargeter {
 
     /// Solves for the legs now and for the rest when the preview ends.
     fn solve(&mut self, aim: &PoseTarget) {
+        let trunk = trunk_figure(aim, self.strained(Limb::Torso));
+        if let Some(feet) = &mut self.four_feet {
+            let places = feet.step(&trunk);
+            self.solver.solve(
+                &self.model,
+                &SolverInput {
+                    goal: SolverGoal::FourFeet { links: &feet.links, places: &places },
+                    rest: &self.rest,
+                    steps: STEPS,
+                    bounds: &self.bounds,
+                },
+            );
+            return;
+        }
         let (gain, demand) = (self.shown(Limb::Torso), self.strained(Limb::Torso));
         let step_gain = gain * self.gains.left_leg.min(self.gains.right_leg);
         if let Some(stance) = &mut self.stance {
@@ -207,6 +230,9 @@ impl Retargeter {
     /// could be kept there.
     fn legs_to_rest(&mut self) {
         let root = self.world_from_root(&self.output);
+        if let Some(feet) = &mut self.four_feet {
+            feet.restart();
+        }
         let Some(stance) = &mut self.stance else {
             return;
         };
@@ -240,6 +266,12 @@ impl Retargeter {
                 continue;
             }
             let solved = self.solver.positions[joint];
+            // All joints of four legs together keep the feet in their places.
+            if self.four_feet.is_some() {
+                *wanted = tracker.follow(solved);
+                *bounds = (*wanted, *wanted);
+                continue;
+            }
             let scale = limbs[self.limbs[joint] as usize];
             let rest = self.rest[joint];
             let aimed = tracker.plan(rest + scale * (solved - rest));

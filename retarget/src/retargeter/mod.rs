@@ -3,14 +3,15 @@
 
 pub(crate) mod counts;
 mod cycle;
+mod four_feet_rest;
 mod joint_setup;
 mod rest_pose;
 
-use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use k::nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Placement, Posture, RigidLink};
 
-use crate::config::{Gains, Limb, RetargetConfig, RetargetError, Stance};
-use crate::contact::PlantedStance;
+use crate::config::{BodyKind, Gains, Limb, RetargetConfig, RetargetError, Stance};
+use crate::contact::{FourFeet, PlantedStance};
 use crate::dancer::{HeadingReference, LOOKAHEAD_FRAMES, MotionBuffer, PoseReader, PostureTrack};
 use crate::dynamics::{
     JointLoad, TorqueEstimator, TorqueReport, joint_loads, placement, rigid_links,
@@ -19,7 +20,7 @@ use crate::kinematics::{BodyMap, DrivenAncestor, JointMotion, RobotModel};
 use crate::limits::{CollisionLimit, JointTracker};
 use crate::solver::{ArmSearch, BodySolver, SolverScope};
 use counts::RetargetCounts;
-use rest_pose::RestSearch;
+use rest_pose::{Footing, RestSearch};
 
 /// A joint of a leg: the link that it moves, and its axis in that link.
 pub(crate) struct LegJoint {
@@ -49,7 +50,9 @@ pub struct Retargeter {
     reader: PoseReader,
     solver: BodySolver,
     search: ArmSearch,
+    kind: BodyKind,
     stance: Option<PlantedStance>,
+    four_feet: Option<FourFeet>,
     trackers: Vec<JointTracker>,
     bounds: Vec<(f64, f64)>,
     leg_bounds: Vec<(f64, f64)>,
@@ -89,7 +92,7 @@ impl Retargeter {
         let upright = joint_setup::upright_rotation(config)?;
         let dt_s = 1.0 / control_hz;
 
-        let stands = config.stance.stands();
+        let stands = config.stance.stands() && config.kind != BodyKind::Quadruped;
         let scope = match stands {
             true => SolverScope::Upper,
             false => SolverScope::Hung,
@@ -97,18 +100,27 @@ impl Retargeter {
         let mut solver = BodySolver::new(&model, map, config.weights, &limits, upright, scope);
         let waist = model.drives_above(map.chest) > 0;
         let heading = match (config.stance, waist) {
+            _ if !config.kind.is_human_like() => HeadingReference::Slow,
             (Stance::Planted | Stance::Stepping, _) => HeadingReference::Slow,
             (Stance::Hung, true) => HeadingReference::Pelvis,
             (Stance::Hung, false) => HeadingReference::Chest,
         };
-        let search = ArmSearch::new(&model, &map, config.weights, &limits, dt_s);
+        // The front legs of a quadruped are no arms to search better answers for.
+        let searched = match config.kind {
+            BodyKind::Quadruped => BodyMap { arms: Default::default(), ..map },
+            _ => map,
+        };
+        let search = ArmSearch::new(&model, &searched, config.weights, &limits, dt_s);
         let limbs = map.limbs(&model);
         let is_leg = |limb: &Limb| matches!(limb, Limb::LeftLeg | Limb::RightLeg);
         let bounds = limits.iter().map(|l| (l.lower_rad, l.upper_rad)).collect();
         let upright = Isometry3::from_parts(Translation3::identity(), upright);
-        let loads = joint_setup::load_limbs(&limbs, stands);
+        let loads = match config.kind {
+            BodyKind::Quadruped => vec![Limb::Torso; limbs.len()],
+            _ => joint_setup::load_limbs(&limbs, stands),
+        };
         let torque = joint_setup::torque_estimator(&model, config, &loads, dt_s)?;
-        let stance = RestSearch {
+        let footing = RestSearch {
             model: &model,
             map,
             config,
@@ -118,6 +130,11 @@ impl Retargeter {
             solver: &mut solver,
         }
         .run()?;
+        let (stance, four_feet) = match footing {
+            Footing::None => (None, None),
+            Footing::Two(stance) => (Some(*stance), None),
+            Footing::Four(feet) => (None, Some(*feet)),
+        };
         let rest = solver.positions.clone();
         let mut retargeter = Self {
             stands_on: limbs.iter().map(|l| stands && is_leg(l)).collect(),
@@ -131,7 +148,9 @@ impl Retargeter {
             motion: MotionBuffer::new(),
             postures: PostureTrack::new(),
             reader: PoseReader::new(heading, dt_s),
+            kind: config.kind,
             stance,
+            four_feet,
             trackers: Vec::new(),
             leg_bounds: vec![(0.0, 0.0); limits.len()],
             bounds,
@@ -229,6 +248,7 @@ impl Retargeter {
             + self.collision_limit.work()
             + self.trackers.iter().map(JointTracker::work).sum::<u64>()
             + stance.map_or(0, |s| s.legs.work() + s.pelvis.work())
+            + self.four_feet.as_ref().map_or(0, FourFeet::work)
     }
 
     /// Sets the share of the movement around the rest pose, 0 to 1.
@@ -253,7 +273,8 @@ impl Retargeter {
     /// floor by their soles.
     pub fn rigid_links(&self) -> Vec<RigidLink> {
         let feet = self.stance.as_ref().map(|stance| (&stance.home, self.sole_m));
-        rigid_links(&self.model, &self.map, feet)
+        let four = self.four_feet.as_ref().map(|feet| &feet.links);
+        rigid_links(&self.model, &self.map, feet, four)
     }
 
     /// For each leg of a robot on its feet its turning joints, from the hip down; `None`
@@ -307,7 +328,16 @@ impl Retargeter {
 
     /// What each joint carries at rest.
     pub fn joint_loads(&self) -> Vec<JointLoad> {
-        joint_loads(&self.model, &self.rest_poses(), &self.stands_on)
+        let carries: Vec<bool> = match self.four_feet {
+            None => self.stands_on.clone(),
+            Some(ref feet) => {
+                let below = feet.links.iter().flat_map(|&foot| &self.model.driven_ancestors[foot]);
+                let mut carries = vec![false; self.limits.len()];
+                below.for_each(|ancestor| carries[ancestor.joint] = true);
+                carries
+            }
+        };
+        joint_loads(&self.model, &self.rest_poses(), &carries)
     }
 
     /// The joints that do not belong to legs.
@@ -329,10 +359,15 @@ impl Retargeter {
     /// Where the root link is, in a world with its floor at z = 0 (planted) or
     /// its origin in the root link (hung), while the joints are at `positions`.
     pub fn world_from_root(&self, positions: &[f64]) -> Isometry3<f64> {
-        let Some(stance) = &self.stance else {
-            return self.upright;
-        };
-        stance.world_from_root(&self.map, |link| self.model.link_pose(link, positions))
+        let seen = |link: usize| self.model.link_pose(link, positions);
+        match (&self.stance, &self.four_feet) {
+            (Some(stance), _) => stance.world_from_root(&self.map, seen),
+            (None, Some(feet)) => {
+                let point = |link: usize| Point3::from(seen(link).translation.vector);
+                feet.world_from_root(feet.links.map(point))
+            }
+            (None, None) => self.upright,
+        }
     }
 
     fn check_length(&self, actual: usize) -> Result<(), RetargetError> {
@@ -358,6 +393,9 @@ impl Retargeter {
         }
         self.output.copy_from_slice(positions);
         let root = self.world_from_root(positions);
+        if let Some(feet) = &mut self.four_feet {
+            feet.restart();
+        }
         if let Some(stance) = &mut self.stance {
             stance.legs.positions.copy_from_slice(positions);
             stance.restart(root);

@@ -5,10 +5,10 @@ use servodance_types::JointLimits;
 
 use super::joint_setup::by_joint;
 use crate::balance::ZmpGovernor;
-use crate::config::{RetargetConfig, RetargetError, Stance};
+use crate::config::{BodyKind, RetargetConfig, RetargetError, Stance};
 use crate::contact::capsules;
-use crate::contact::{FootStepper, PelvisTrajectory, PlantedStance, SupportPolygon};
-use crate::dancer::PoseTarget;
+use crate::contact::{FootStepper, FourFeet, PelvisTrajectory, PlantedStance, SupportPolygon};
+use crate::dancer::{PoseTarget, arm_figure};
 use crate::kinematics::{BodyMap, RobotModel};
 use crate::solver::{BodySolver, SolverGoal, SolverInput, SolverScope};
 
@@ -27,6 +27,13 @@ const STARTING_KNEE_RAD: f64 = 0.35;
 /// A knee that has this much room both ways bends forward.
 const KNEE_ROOM_RAD: f64 = 0.4;
 
+/// What a robot stands on.
+pub(super) enum Footing {
+    None,
+    Two(Box<PlantedStance>),
+    Four(Box<FourFeet>),
+}
+
 pub(super) struct RestSearch<'a> {
     pub model: &'a RobotModel,
     pub map: BodyMap,
@@ -41,15 +48,25 @@ impl RestSearch<'_> {
     /// Moves the solver to the rest pose: its answer to an upright dancer, arms
     /// down, with the configured joints put where the configuration says. Gives
     /// the stance of a robot on its feet.
-    pub fn run(&mut self) -> Result<Option<PlantedStance>, RetargetError> {
+    pub fn run(&mut self) -> Result<Footing, RetargetError> {
         let fixed = self.fixed_joints()?;
         let limits = self.limits.iter();
         let far: Vec<(f64, f64)> = limits.map(|l| (l.lower_rad, l.upper_rad)).collect();
         let zero: Vec<f64> = self.solver.positions.clone();
+        if self.config.kind == BodyKind::Quadruped {
+            let feet = self.stand_on_four()?;
+            self.take_up(&fixed);
+            return Ok(Footing::Four(Box::new(feet)));
+        }
+        let standing = PoseTarget::standing();
+        let standing = match self.config.kind {
+            BodyKind::Arm => arm_figure(&standing),
+            _ => standing,
+        };
         self.solver.solve(
             self.model,
             &SolverInput {
-                goal: SolverGoal::Dance(&PoseTarget::standing()),
+                goal: SolverGoal::Dance(&standing),
                 rest: &zero,
                 steps: REST_STEPS,
                 bounds: &far,
@@ -59,10 +76,16 @@ impl RestSearch<'_> {
         let limits = self.limits.iter();
         let far: Vec<(f64, f64)> = limits.map(|l| (l.lower_rad, l.upper_rad)).collect();
         let stance = match self.config.stance.stands() {
-            true => Some(self.stand(self.checked_leg_length()?, &zero, &far)),
-            false => None,
+            true => Footing::Two(Box::new(self.stand(self.checked_leg_length()?, &zero, &far))),
+            false => Footing::None,
         };
-        for &(joint, position) in &fixed {
+        self.take_up(&fixed);
+        Ok(stance)
+    }
+
+    /// The configured joints where the configuration says, all inside their limits.
+    fn take_up(&mut self, fixed: &[(usize, f64)]) {
+        for &(joint, position) in fixed {
             self.solver.positions[joint] = position;
         }
         for (joint, limits) in self.limits.iter().enumerate() {
@@ -71,7 +94,6 @@ impl RestSearch<'_> {
         }
         let poses = self.solver.poses(self.model).to_vec();
         self.solver.pairs = capsules::pairs(self.model, &self.map, &poses);
-        Ok(stance)
     }
 
     /// Joint indices and positions of `[retarget.rest_deg]`, inside the limits.

@@ -13,7 +13,7 @@ use crate::contact::{CapsulePair, SupportPolygon};
 use crate::dancer::PoseTarget;
 use crate::kinematics::{BodyMap, Jacobian, PosedRobot, RobotModel};
 use crate::solver::{BoxLeastSquares, LimbTask, capped, direction_row};
-use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use k::nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
 
 /// Weight of foot places (1/m) and foot orientations (1/rad): a millimetre
@@ -56,6 +56,8 @@ pub(crate) enum SolverGoal<'a> {
         /// How firmly each foot is held: 1 where it carries.
         firmness: [f64; 2],
     },
+    /// Bring the feet of a body on four legs to their places; the root link stays.
+    FourFeet { links: &'a [usize; 4], places: &'a [Point3<f64>; 4] },
 }
 
 pub(crate) struct SolverInput<'a> {
@@ -184,13 +186,22 @@ impl BodySolver {
                 self.add_stance_tasks(&robot, root, feet, firmness);
                 self.add_balance_tasks(&robot);
             }
+            SolverGoal::FourFeet { links, places } => {
+                for (link, place) in links.iter().zip(places) {
+                    let point = robot.origin(*link);
+                    self.jacobian.add_point(&robot, *link, &point, 1.0);
+                    self.add_gathered(FOOT_PLACE, &capped(&(point - place)));
+                }
+            }
         }
         self.poses = poses;
         // Legs that stand are tied to root and feet: damping would only make
         // the root late.
         let damping = match input.goal {
             SolverGoal::Dance(_) => self.weights.damping,
-            SolverGoal::Stand { .. } => self.weights.damping.min(STANCE_DAMPING),
+            SolverGoal::Stand { .. } | SolverGoal::FourFeet { .. } => {
+                self.weights.damping.min(STANCE_DAMPING)
+            }
         };
         for column in 0..self.low.len() {
             self.solver.add_scalar(damping, 0.0, column);

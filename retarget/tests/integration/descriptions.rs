@@ -217,3 +217,47 @@ proptest! {
         }
     }
 }
+
+/// Colours of the shapes of a description, in order.
+fn colours(urdf: &str) -> Vec<[f32; 4]> {
+    let model = RobotModel::new(urdf, &["turn"]).expect("a model");
+    model.visuals().iter().map(|visual| visual.rgba).collect()
+}
+
+#[test]
+fn a_material_that_is_only_named_has_the_colour_of_its_definition() {
+    let box_of = |material: &str| {
+        format!(r#"<visual><geometry><box size="1 1 1"/></geometry>{material}</visual>"#)
+    };
+    let urdf = format!(
+        r#"<robot name="r">
+        <link name="base">{}{}{}{}</link><link name="tip">{}</link>
+        <joint name="turn" type="revolute"><parent link="base"/><child link="tip"/>{GOOD_LIMIT}</joint>
+        <material name="later"><color rgba="0.1 0.2 0.3 1"/></material>
+        </robot>"#,
+        box_of(r#"<material name="later"/>"#),
+        box_of(r#"<material name="own"><color rgba="1 0 0 1"/></material>"#),
+        box_of(r#"<material name="nobody"/>"#),
+        box_of(""),
+        box_of(r#"<material name="own"/>"#),
+    );
+    let none = [0.0; 4];
+    let [named, red] = [[0.1, 0.2, 0.3, 1.0], [1.0, 0.0, 0.0, 1.0]];
+    assert_eq!(colours(&urdf), [named, red, none, none, red]);
+}
+
+#[test]
+fn a_shape_of_mjcf_has_its_own_colour_or_its_materials() {
+    let mjcf = r#"<mujoco><default><geom material="cloth"/>
+        <default class="dark"><geom rgba="0.1 0.1 0.1 1"/></default></default>
+        <asset><material name="cloth" rgba="0 0 1 1"/><material name="skin" rgba="1 0.5 0 1"/></asset>
+        <worldbody><body name="base"><geom type="sphere" size="0.1"/>
+        <body name="tip"><joint name="turn" range="-60 60"/>
+        <geom type="sphere" size="0.1" material="skin"/>
+        <geom type="sphere" size="0.1" material="skin" rgba="0 1 0 1"/>
+        <geom type="sphere" size="0.1" class="dark"/></body></body></worldbody></mujoco>"#;
+    let (urdf, _) = servodance_retarget::urdf_from_mjcf(mjcf).expect("a URDF");
+    let [blue, skin] = [[0.0, 0.0, 1.0, 1.0], [1.0, 0.5, 0.0, 1.0]];
+    let [green, dark] = [[0.0, 1.0, 0.0, 1.0], [0.1, 0.1, 0.1, 1.0]];
+    assert_eq!(colours(&urdf), [blue, skin, green, dark]);
+}

@@ -1,5 +1,6 @@
 //! The robots that come with servodance. To add one, put `NAME.toml` and
-//! `NAME.urdf` into configs/ and `NAME` into [`BUILT_IN`].
+//! `NAME.urdf` into configs/ and `NAME` into [`BUILT_IN`] and into the list of the crate
+//! `web/`, which a test holds against this one.
 
 use std::path::{Path, PathBuf};
 
@@ -40,5 +41,12 @@ impl BuiltIn {
 }
 
 /// The built-in robots by name, in the order of `servodance robots`.
-pub const BUILT_IN: &[BuiltIn] =
-    &[built_in!("op3"), built_in!("torso13"), built_in!("neck"), built_in!("lite22")];
+pub const BUILT_IN: &[BuiltIn] = &[
+    built_in!("op3"),
+    built_in!("torso13"),
+    built_in!("neck"),
+    built_in!("lite22"),
+    built_in!("so101"),
+    built_in!("quad12"),
+    built_in!("microduck"),
+];

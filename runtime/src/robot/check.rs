@@ -2,11 +2,14 @@
 //! description, each with a stable code. Nothing here panics on any file.
 
 use super::built_in::BUILT_IN;
+use super::description_text::read_description;
 use super::loaded::Robot;
 use super::robot_file::RobotError;
 use crate::physics::StanceCheck;
 use serde::Serialize;
-use servodance_retarget::{Diagnostic, DiagnosticCode, DiagnosticSeverity, lint, lint_limits};
+use servodance_retarget::{
+    BodyGuess, Diagnostic, DiagnosticCode, DiagnosticSeverity, guess_body, lint, lint_limits,
+};
 use std::path::Path;
 
 /// What was found in one file.
@@ -16,6 +19,9 @@ pub struct Checked {
     pub file: String,
     pub usable: bool,
     pub findings: Vec<Diagnostic>,
+    /// What a description looks like; `None` for a robot file, which says it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub body: Option<BodyGuess>,
     /// What it can take on its feet; `None` where that was not tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stance: Option<StanceCheck>,
@@ -24,7 +30,23 @@ pub struct Checked {
 impl Checked {
     fn new(file: &str, mut findings: Vec<Diagnostic>) -> Self {
         findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
-        Self { file: file.to_owned(), usable: is_usable(&findings), findings, stance: None }
+        Self {
+            file: file.to_owned(),
+            usable: is_usable(&findings),
+            findings,
+            body: None,
+            stance: None,
+        }
+    }
+
+    /// What it looks like, a line.
+    pub fn looks_like(&self) -> Option<String> {
+        let body = self.body.as_ref()?;
+        let (kind, confidence) = (body.kind.name(), body.confidence);
+        Some(format!(
+            "looks like: {kind} (confidence {confidence}): {}; forward {}, up {}",
+            body.reason, body.forward, body.up
+        ))
     }
 
     /// The verdict in one line.
@@ -53,17 +75,28 @@ fn is_usable(findings: &[Diagnostic]) -> bool {
 pub fn check(file: &str) -> Checked {
     let built_in = BUILT_IN.iter().any(|robot| robot.name == file);
     let is_toml = Path::new(file).extension().is_some_and(|e| e == "toml");
-    let findings = match built_in || is_toml {
-        true => check_robot(file),
-        false => check_description(Path::new(file)),
-    };
-    Checked::new(file, findings)
+    if built_in || is_toml {
+        return Checked::new(file, check_robot(file));
+    }
+    match read_description(Path::new(file)) {
+        Ok(text) => {
+            let checked = Checked::new(file, lint(&text));
+            let body = if checked.usable { guess_body(&text) } else { None };
+            Checked { body, ..checked }
+        }
+        Err(error) => {
+            let code = DiagnosticCode::FileUnreadable;
+            Checked::new(file, vec![Diagnostic::new(code, file, format!("{error:#}"))])
+        }
+    }
 }
 
 fn check_robot(file: &str) -> Vec<Diagnostic> {
     match Robot::load(file) {
         Ok(robot) => {
             let mut findings = lint(&robot.urdf_xml);
+            // The robot file names the parts.
+            findings.retain(|finding| finding.code != DiagnosticCode::PartsNone);
             findings.extend(lint_limits(&robot.urdf_xml, &robot.joint_limits()));
             findings
         }
@@ -78,16 +111,5 @@ fn check_robot(file: &str) -> Vec<Diagnostic> {
             }
             findings
         }
-    }
-}
-
-fn check_description(path: &Path) -> Vec<Diagnostic> {
-    match std::fs::read_to_string(path) {
-        Ok(text) => lint(&text),
-        Err(error) => vec![Diagnostic::new(
-            DiagnosticCode::FileUnreadable,
-            path.display().to_string(),
-            error.to_string(),
-        )],
     }
 }

@@ -7,14 +7,17 @@
 //! | add a key to robot files | `robot_file`, and `configs/robot.schema.json` |
 //! | read a robot | [`Robot::load`] |
 //! | write a file for a description | [`new_robot`] |
+//! | draw robots beside the human | [`pose_sheet`] |
 
 mod built_in;
 mod check;
 mod config_source;
+mod description_text;
 mod draft;
 mod loaded;
 pub(crate) mod meshes;
 mod overrides;
+mod pose_sheet;
 mod robot_file;
 mod robot_folders;
 mod schema;
@@ -26,6 +29,7 @@ pub use draft::{NewRobot, new_robot};
 pub use loaded::Robot;
 pub use meshes::Meshes;
 pub use overrides::Overrides;
+pub use pose_sheet::pose_sheet;
 pub use robot_file::RobotError;
 pub use schema::ROBOT_SCHEMA;
 pub use standing_gain::settle_amplitude;

@@ -3,6 +3,7 @@
 use k::nalgebra::Point3;
 
 use super::axes::{self, BodyAxes};
+use super::kind::KindGuess;
 use super::limb::{FoundLimb, LimbKind, LinkTree, limb_lengths};
 use super::words::SIDES;
 use crate::config::Tip;
@@ -11,6 +12,8 @@ use crate::kinematics::RobotModel;
 /// Everything guessed of one robot. Pairs are `[left, right]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Anatomy {
+    /// `None`: nothing was found that can show a dance.
+    pub kind: Option<KindGuess>,
     pub arms: [GuessedLimb; 2],
     pub legs: [GuessedLimb; 2],
     pub head: Option<usize>,
@@ -49,12 +52,46 @@ impl Anatomy {
         })
     }
 
-    pub(super) fn name(
+    /// Nothing found yet: all is the root.
+    pub(super) fn of_root() -> Self {
+        Self {
+            kind: None,
+            arms: Default::default(),
+            legs: Default::default(),
+            head: None,
+            chest: 0,
+            pelvis: 0,
+            axes: BodyAxes::usual(),
+            tips: Vec::new(),
+            sole_m: None,
+            reasons: Vec::new(),
+        }
+    }
+
+    /// Takes the limbs over, arms and legs of these kinds.
+    pub(super) fn name_limbs(
+        &mut self,
+        body: &LinkTree,
+        arms: [&FoundLimb; 2],
+        legs: [&FoundLimb; 2],
+        [arm, leg]: [LimbKind; 2],
+    ) {
+        for side in 0..2 {
+            self.arms[side] = self.name(body, arms[side], arm, side, "hand");
+            self.legs[side] = self.name(body, legs[side], leg, side, "foot");
+            if leg == LimbKind::Paw {
+                self.legs[side].sole.clone_from(&self.legs[side].end);
+            }
+        }
+    }
+
+    fn name(
         &mut self,
         body: &LinkTree,
         found: &FoundLimb,
         kind: LimbKind,
         side: usize,
+        end: &str,
     ) -> GuessedLimb {
         let link = |index: Option<usize>| index.map(|i| body.model.link_names()[i].clone());
         let mut limb = GuessedLimb {
@@ -66,7 +103,7 @@ impl Anatomy {
             path: found.path.clone(),
         };
         if let Some((on, at)) = found.tip {
-            limb.end = Some(self.tip(body, on, at, format!("{}_hand_tip", SIDES[side])));
+            limb.end = Some(self.tip(body, on, at, format!("{}_{end}_tip", SIDES[side])));
         }
         if kind == LimbKind::Leg
             && let Some(sole) = found.sole
@@ -83,7 +120,7 @@ impl Anatomy {
             }
         }
         // A limb of one segment shows the upper half of the dancer's.
-        if limb.middle.is_none() {
+        if limb.middle.is_none() && kind != LimbKind::Paw {
             limb.middle = limb.end.take();
         }
         limb

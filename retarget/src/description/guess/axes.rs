@@ -15,6 +15,11 @@ pub(crate) struct BodyAxes {
 }
 
 impl BodyAxes {
+    /// x forward, z up: what is assumed.
+    pub fn usual() -> Self {
+        Self { forward: Vector3::x(), up: Vector3::z(), seen: false }
+    }
+
     /// As a robot file says it: `x`, `-y`, …
     pub fn name(axis: &Vector3<f64>) -> &'static str {
         let names = [["x", "-x"], ["y", "-y"], ["z", "-z"]];
@@ -47,12 +52,11 @@ pub(super) fn find(
         let [left, right] = [0, 1].map(|i| limbs[i].top.map(|link| body.at(link)));
         left.zip(right)
     };
-    let usual = BodyAxes { forward: Vector3::x(), up: Vector3::z(), seen: false };
     let pairs = [tops(arms), tops(legs)];
     let across: Vector3<f64> = pairs.iter().flatten().map(|(left, right)| left - right).sum();
     if across.norm() < 1e-3 {
         reasons.push("no pair of limbs to see forward by: x forward, z up are assumed".into());
-        return usual;
+        return BodyAxes::usual();
     }
     let left = nearest_axis(across);
     let both = |pair: &Option<(Point3<f64>, Point3<f64>)>| {

@@ -2,7 +2,7 @@
 
 use k::nalgebra::{Isometry3, Point3, Vector3};
 
-use super::shape::far_end;
+use super::shape::{far_end, rigid_with};
 use super::words::{ANKLE, ELBOW, FOREARM, HAND, KNEE, NameWords, SHANK, SOLE};
 use crate::kinematics::{JointMotion, RobotModel};
 
@@ -13,6 +13,10 @@ const TWIST: f64 = 0.8;
 pub(super) enum LimbKind {
     Arm,
     Leg,
+    /// A leg of four: it ends at the point that stands.
+    Paw,
+    /// An arm that is the whole robot: it ends where its gripper does.
+    Lone,
 }
 
 /// The points of one limb. Link indices; the end may be a new point on a link.
@@ -34,7 +38,34 @@ pub(super) struct LinkTree<'a> {
     pub children: &'a [Vec<usize>],
 }
 
+impl FoundLimb {
+    pub fn is_there(&self) -> bool {
+        self.top.is_some() && (self.middle.is_some() || self.end.is_some() || self.tip.is_some())
+    }
+}
+
 impl LinkTree<'_> {
+    /// The link that carries a chain: the nearest above that is moved, or the root.
+    pub fn carrier(&self, link: usize) -> usize {
+        let mut above = self.model.ancestors(link).skip(1);
+        above.find(|&up| self.is_moved(up)).unwrap_or(0)
+    }
+
+    /// Where the chain that begins at `start` ends.
+    pub fn end(&self, start: usize) -> Point3<f64> {
+        let path = self.path(start, LimbKind::Arm);
+        self.at(path.last().copied().unwrap_or(start))
+    }
+
+    /// Turning joints along a path.
+    pub fn turning(&self, path: &[usize]) -> usize {
+        let turns = |&&link: &&usize| {
+            let motion = self.model.links[link].motion;
+            self.is_moved(link) && matches!(motion, JointMotion::Revolute(_))
+        };
+        path.iter().filter(turns).count()
+    }
+
     pub fn at(&self, link: usize) -> Point3<f64> {
         Point3::from(self.poses[link].translation.vector)
     }
@@ -63,6 +94,7 @@ impl LinkTree<'_> {
                 .iter()
                 .copied()
                 .filter(|&child| self.is_moved(child) || self.moved_below(child) > 0)
+                .filter(|&child| !self.words[child].is_wheel())
                 .collect();
             let bends = path.iter().filter(|&&link| self.is_moved(link)).count();
             let fingers = moving.iter().all(|&c| self.words[c].is_finger());
@@ -85,21 +117,41 @@ impl LinkTree<'_> {
     fn named_end(&self, link: usize, kind: LimbKind) -> Option<usize> {
         let far = |child: &usize| (self.at(*child) - self.at(link)).norm();
         let named = |names: &'static [&'static str]| {
-            let children = self.children[link].iter().copied();
-            children
-                .filter(move |&child| !self.is_moved(child) && self.words[child].has(names))
+            // Of a human's limbs only what hangs right there: an end further out is a tool.
+            let fixed = match kind {
+                LimbKind::Arm | LimbKind::Leg => self.children[link].clone(),
+                _ => rigid_with(self.model, link).split_off(1),
+            };
+            fixed
+                .into_iter()
+                .filter(move |&child| !self.is_moved(child))
+                .filter(move |&child| self.words[child].has(names))
                 .filter(|child| far(child) > 1e-3)
                 .max_by(|a, b| far(a).total_cmp(&far(b)))
         };
         match kind {
-            LimbKind::Arm => named(HAND),
+            LimbKind::Arm | LimbKind::Lone => named(HAND),
             // A bumper or toe is not what the robot stands on.
             LimbKind::Leg => named(&["sole"]).or_else(|| named(&["foot"])),
+            LimbKind::Paw => {
+                let rigid = rigid_with(self.model, link).into_iter().skip(1);
+                let farthest = rigid.max_by(|a, b| far(a).total_cmp(&far(b)));
+                named(&["foot", "toe", "tip"])
+                    .or_else(|| self.wheel_on(link))
+                    .or(farthest.filter(|child| far(child) > 5e-3))
+            }
         }
     }
 
+    /// The wheel on which a leg stands.
+    fn wheel_on(&self, link: usize) -> Option<usize> {
+        let mut children = self.children[link].iter().copied();
+        children.find(|&child| self.words[child].is_wheel() && self.moved_below(child) == 0)
+    }
+
     pub fn limb(&self, path: Vec<usize>, kind: LimbKind) -> FoundLimb {
-        let moved: Vec<usize> = path.iter().copied().filter(|&l| self.is_moved(l)).collect();
+        let joint = |link: usize| self.is_moved(link) && !self.words[link].is_wheel();
+        let moved: Vec<usize> = path.iter().copied().filter(|&l| joint(l)).collect();
         let (Some(&first), Some(&last)) = (moved.first(), path.last()) else {
             return FoundLimb::default();
         };
@@ -110,7 +162,7 @@ impl LinkTree<'_> {
             if let Some(&tip_link) = moved.last()
                 && (self.at(last) - self.at(tip_link)).norm() < 5e-3
                 && let Some(far) = far_end(self.model, tip_link, self.poses)
-                && kind == LimbKind::Arm
+                && kind != LimbKind::Leg
             {
                 found.tip = Some((tip_link, self.poses[tip_link].inverse() * far));
                 end = far;
@@ -127,8 +179,8 @@ impl LinkTree<'_> {
         let above: Vec<usize> = moved.iter().copied().take_while(|&l| l != middle).collect();
         found.top = self.top(&above, self.at(middle));
         match kind {
-            LimbKind::Arm => self.hand(&mut found, middle, last, end),
             LimbKind::Leg => self.foot(&mut found, middle, &moved, last),
+            _ => self.hand(&mut found, middle, last, end, kind),
         }
         found
     }
@@ -136,8 +188,8 @@ impl LinkTree<'_> {
     /// The elbow or knee: by name, else the bend nearest to half the length.
     fn middle(&self, moved: &[usize], end: Point3<f64>, kind: LimbKind) -> Option<usize> {
         let tiers: &[&[&str]] = match kind {
-            LimbKind::Arm => &[ELBOW, FOREARM],
-            LimbKind::Leg => &[KNEE, SHANK],
+            LimbKind::Arm | LimbKind::Lone => &[ELBOW, FOREARM],
+            LimbKind::Leg | LimbKind::Paw => &[KNEE, SHANK],
         };
         let first = self.at(*moved.first()?);
         let apart = |link: usize| (self.at(link) - first).norm();
@@ -195,13 +247,21 @@ impl LinkTree<'_> {
             .is_some_and(|line| (self.poses[link] * axis.into_inner()).dot(&line).abs() > TWIST)
     }
 
-    fn hand(&self, found: &mut FoundLimb, elbow: usize, last: usize, end: Point3<f64>) {
+    fn hand(
+        &self,
+        found: &mut FoundLimb,
+        elbow: usize,
+        last: usize,
+        end: Point3<f64>,
+        kind: LimbKind,
+    ) {
         let whole = (end - self.at(elbow)).norm();
         let far = |link: usize| (self.at(link) - self.at(elbow)).norm();
         let below = found.path.iter().copied().skip_while(|&l| l != elbow).skip(1);
         let named = below
             .filter(|&link| self.words[link].has(HAND) && far(link) > 0.4 * whole)
-            .find(|&link| far(link) > 5e-3);
+            .find(|&link| far(link) > 5e-3)
+            .filter(|_| kind == LimbKind::Arm);
         let plain = (far(last) > 0.25 * whole && far(last) > 5e-3).then_some(last);
         found.end = named.or(plain).or(match found.tip {
             Some(_) => None,

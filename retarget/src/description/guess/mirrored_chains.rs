@@ -10,7 +10,15 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
     let mut pairs = Vec::new();
     for parent in 0..body.model.links.len() {
         let starts: Vec<usize> = (1..body.model.links.len())
-            .filter(|&link| body.is_moved(link) && carrier(body, link) == parent)
+            .filter(|&link| body.is_moved(link) && body.carrier(link) == parent)
+            .collect();
+        // Three chains alike and more are fingers, or wheels.
+        let joints = |start: usize| body.turning(&body.path(start, LimbKind::Arm));
+        let alike = |start: usize| starts.iter().filter(|&&s| joints(s) == joints(start)).count();
+        let starts: Vec<usize> = starts
+            .iter()
+            .copied()
+            .filter(|&start| alike(start) < 3 && joints(start) >= 2)
             .collect();
         for (index, &one) in starts.iter().enumerate() {
             for &other in &starts[index + 1..] {
@@ -26,13 +34,13 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
         return Default::default();
     };
     let up = if lateral == 2 { 1 } else { 2 };
-    let lowest = |pair: &(usize, usize, usize)| end(body, pair.0)[up];
+    let lowest = |pair: &(usize, usize, usize)| body.end(pair.0)[up];
     let mut pairs: Vec<_> = pairs.into_iter().filter(|pair| pair.2 == lateral).collect();
     pairs.sort_by(|a, b| lowest(a).total_cmp(&lowest(b)));
     // Left is y where forward is x, and -x where forward is y.
     let sign = if lateral == 0 { -1.0 } else { 1.0 };
     let sided = |pair: &(usize, usize, usize)| {
-        let first_is_left = sign * (end(body, pair.0)[lateral] - end(body, pair.1)[lateral]) > 0.0;
+        let first_is_left = sign * (body.end(pair.0)[lateral] - body.end(pair.1)[lateral]) > 0.0;
         match first_is_left {
             true => [Some(pair.0), Some(pair.1)],
             false => [Some(pair.1), Some(pair.0)],
@@ -50,20 +58,9 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
     }
 }
 
-/// The link that carries a chain: the nearest above that is moved, or the root.
-fn carrier(body: &LinkTree, link: usize) -> usize {
-    let mut above = body.model.ancestors(link).skip(1);
-    above.find(|&up| body.is_moved(up)).unwrap_or(0)
-}
-
-fn end(body: &LinkTree, start: usize) -> Point3<f64> {
-    let path = body.path(start, LimbKind::Arm);
-    body.at(path.last().copied().unwrap_or(start))
-}
-
 /// Whether a chain has the joints of a leg and hangs below its beginning.
 fn stands(body: &LinkTree, start: usize, up: usize) -> bool {
-    let down = body.at(start) - end(body, start);
+    let down = body.at(start) - body.end(start);
     1 + body.moved_below(start) >= 5 && down[up] > 0.7 * down.norm()
 }
 

@@ -5,11 +5,13 @@
 mod anatomy;
 mod axes;
 mod capsules;
+mod kind;
 mod limb;
 mod mirrored_chains;
 mod shape;
 pub(crate) mod words;
 
+use crate::config::BodyKind;
 use crate::kinematics::RobotModel;
 use limb::{FoundLimb, LimbKind, LinkTree};
 use words::NameWords;
@@ -17,9 +19,11 @@ use words::NameWords;
 pub(crate) use anatomy::Anatomy;
 pub(crate) use axes::BodyAxes;
 pub(crate) use capsules::capsules;
+pub(crate) use kind::{Confidence, KindGuess};
 
-/// Looks at a robot that stands at zero (or the nearest its limits allow).
-pub(crate) fn anatomy(model: &RobotModel, positions: &[f64]) -> Anatomy {
+/// Looks at a robot that stands at zero (or the nearest its limits allow). `kind` is
+/// guessed where it is not given; of a quadruped the front legs are `arms`.
+pub(crate) fn anatomy(model: &RobotModel, positions: &[f64], kind: Option<BodyKind>) -> Anatomy {
     let poses = model.link_poses(positions);
     let words: Vec<NameWords> = (0..model.links.len()).map(|i| NameWords::of(model, i)).collect();
     let mut children = vec![Vec::new(); model.links.len()];
@@ -29,10 +33,84 @@ pub(crate) fn anatomy(model: &RobotModel, positions: &[f64]) -> Anatomy {
         }
     }
     let body = LinkTree { model, words: &words, poses: &poses, children: &children };
+    match kind {
+        Some(BodyKind::Quadruped) => quadruped(&body).unwrap_or_else(Anatomy::of_root),
+        Some(BodyKind::Arm) => lone_arm(&body).unwrap_or_else(Anatomy::of_root),
+        Some(_) => human_like(&body),
+        None => quadruped(&body).unwrap_or_else(|| human_like_or_arm(&body)),
+    }
+}
+
+fn human_like_or_arm(body: &LinkTree) -> Anatomy {
+    let human = human_like(body);
+    let arms = human.arms.iter().filter(|arm| arm.is_there()).count();
+    let legs = human.legs.iter().any(|leg| leg.is_there());
+    let alone = arms == 0 || (arms == 1 && human.head.is_none());
+    match lone_arm(body) {
+        Some(arm) if alone && !legs => arm,
+        _ => human,
+    }
+}
+
+fn quadruped(body: &LinkTree) -> Option<Anatomy> {
+    let four = kind::four_legs(body)?;
+    let mut anatomy = Anatomy::of_root();
+    anatomy.axes = BodyAxes { forward: four.forward, seen: four.named, ..anatomy.axes };
+    let [left, right, hind_left, hind_right] = four.starts.map(|start| {
+        let path = body.path(start, LimbKind::Paw);
+        body.limb(path, LimbKind::Paw)
+    });
+    anatomy.name_limbs(body, [&left, &right], [&hind_left, &hind_right], [LimbKind::Paw; 2]);
+    anatomy.kind = Some(KindGuess {
+        kind: BodyKind::Quadruped,
+        confidence: if four.named { Confidence::High } else { Confidence::Medium },
+        reason: "four chains alike that begin at the corners of a rectangle and end level".into(),
+    });
+    Some(anatomy)
+}
+
+fn lone_arm(body: &LinkTree) -> Option<Anatomy> {
+    let path = kind::lone_chain(body)?;
+    let named = path.iter().any(|&link| body.words[link].is_arm());
+    let joints = body.turning(&path);
+    let found = body.limb(path, LimbKind::Lone);
+    if !found.is_there() {
+        return None;
+    }
+    let mut anatomy = Anatomy::of_root();
+    let none = FoundLimb::default();
+    anatomy.name_limbs(body, [&found, &none], [&none, &none], [LimbKind::Lone; 2]);
+    anatomy.kind = Some(KindGuess {
+        kind: BodyKind::Arm,
+        confidence: if named { Confidence::High } else { Confidence::Medium },
+        reason: format!("one chain of {joints} turning joints, no second arm and no leg"),
+    });
+    Some(anatomy)
+}
+
+fn human_like(body: &LinkTree) -> Anatomy {
+    let model = body.model;
     let mut reasons = Vec::new();
-    let mut starts = named_starts(&body);
-    if starts.iter().flatten().all(Option::is_none) {
-        starts = mirrored_chains::mirrored_starts(&body);
+    let mut starts = named_starts(body);
+    // Fingers of a gripper, or the sections of a telescope, have names of arms too.
+    let [arms, _] = &mut starts;
+    let turning = arms.map(|arm| arm.map_or(0, |arm| body.turning(&body.path(arm, LimbKind::Arm))));
+    let is_hand = |arm: &Option<usize>| arm.is_some_and(|arm| !body.words[arm].is_upper_arm());
+    let alone = arms.iter().flatten().count() == 1;
+    if turning.iter().all(|joints| *joints < 2) && (alone || arms.iter().any(is_hand)) {
+        *arms = [None; 2];
+    }
+    // Only a head shows arms by its antennas.
+    let limbless = starts.iter().flatten().all(Option::is_none);
+    let antennas = limbless.then(|| antenna_starts(body));
+    let antennas = antennas.filter(|pair| pair.iter().all(Option::is_some));
+    if let Some(pair) = antennas {
+        starts[0] = pair;
+        reasons.push("antennas show where the dancer's arms are".into());
+    }
+    let named = starts.iter().flatten().any(Option::is_some);
+    if !named {
+        starts = mirrored_chains::mirrored_starts(body);
         if starts.iter().flatten().any(Option::is_some) {
             reasons.push(
                 "names say nothing of arms and legs: chains that mirror each other are taken, \
@@ -53,7 +131,7 @@ pub(crate) fn anatomy(model: &RobotModel, positions: &[f64]) -> Anatomy {
     };
     let join = |pair: (Option<usize>, Option<usize>)| match pair {
         (Some(left), Some(right)) => model.common_ancestor(left, right),
-        (Some(one), None) | (None, Some(one)) => above_limb(&body, one, &arms, &legs),
+        (Some(one), None) | (None, Some(one)) => above_limb(body, one, &arms, &legs),
         (None, None) => 0,
     };
     let chest = join(tops(&arms));
@@ -65,23 +143,18 @@ pub(crate) fn anatomy(model: &RobotModel, positions: &[f64]) -> Anatomy {
         let limbs = arms.iter().chain(&legs);
         limbs.clone().any(|limb| limb.path.first().is_some_and(|&top| model.is_below(link, top)))
     };
-    let head = find_head(&body, chest, &in_limb);
-    let axes = axes::find(&body, &arms, &legs, head, chest, &mut reasons);
-    let mut anatomy = Anatomy {
-        arms: Default::default(),
-        legs: Default::default(),
-        head,
-        chest,
-        pelvis,
-        axes,
-        tips: Vec::new(),
-        sole_m: None,
-        reasons,
-    };
-    for side in 0..2 {
-        anatomy.arms[side] = anatomy.name(&body, &arms[side], LimbKind::Arm, side);
-        anatomy.legs[side] = anatomy.name(&body, &legs[side], LimbKind::Leg, side);
-    }
+    let head = find_head(body, chest, &in_limb);
+    let axes = axes::find(body, &arms, &legs, head, chest, &mut reasons);
+    let kind = kind::of_limbs(&arms, &legs, head, named).map(|guess| match antennas {
+        Some(_) if guess.kind == BodyKind::UpperBody => {
+            KindGuess { kind: BodyKind::Head, reason: "two antennas by names".into(), ..guess }
+        }
+        _ => guess,
+    });
+    let mut anatomy = Anatomy { kind, head, chest, pelvis, axes, reasons, ..Anatomy::of_root() };
+    let ([left, right], [left_leg, right_leg]) = (&arms, &legs);
+    let kinds = [LimbKind::Arm, LimbKind::Leg];
+    anatomy.name_limbs(body, [left, right], [left_leg, right_leg], kinds);
     anatomy
 }
 
@@ -93,7 +166,7 @@ fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
                 let words = &body.words[link];
                 let fits = match kind {
                     LimbKind::Arm => words.is_arm(),
-                    LimbKind::Leg => words.is_leg(),
+                    _ => words.is_leg(),
                 };
                 fits && words.side() == Some(side) && !words.is_finger() && !words.is_wheel()
             };
@@ -104,6 +177,17 @@ fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
                     !above.any(|up| body.is_moved(up) && belongs(up))
                 })
                 .max_by_key(|&link| body.moved_below(link))
+        })
+    })
+}
+
+/// The moving links of a pair of antennas, left and right.
+fn antenna_starts(body: &LinkTree) -> [Option<usize>; 2] {
+    [0, 1].map(|side| {
+        let mut links = 1..body.model.links.len();
+        links.find(|&link| {
+            let words = &body.words[link];
+            body.is_moved(link) && words.is_antenna() && words.side() == Some(side)
         })
     })
 }
@@ -124,11 +208,22 @@ fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) ->
         let skull = !body.words[link].has(&["neck"]);
         (skull, body.model.drives_above(link))
     });
-    named.or_else(|| {
-        moving()
+    // A head that is fixed to what turns it.
+    let fixed = || {
+        let links = 1..body.model.links.len();
+        links
+            .filter(|&link| !in_limb(link) && body.words[link].is_head())
+            .find(|&link| body.model.drives_above(link) > body.model.drives_above(chest))
+    };
+    named.or_else(fixed).or_else(|| {
+        let short: Vec<usize> = moving()
             .filter(|&l| body.model.is_below(l, chest) && l != chest)
             .filter(|&l| body.words[l].side().is_none() && !body.words[l].is_wheel())
             .filter(|&l| body.moved_below(l) == 0)
-            .find(|&l| body.model.drives_above(l) - body.model.drives_above(chest) <= 3)
+            .filter(|&l| body.model.drives_above(l) - body.model.drives_above(chest) <= 3)
+            .collect();
+        // Many short chains and no limb are fingers.
+        let limbs = (1..body.model.links.len()).any(in_limb);
+        short.first().copied().filter(|_| limbs || short.len() < kind::FINGERS)
     })
 }

@@ -11,9 +11,10 @@ pub(crate) const HAND: &[&str] =
 const ARM: &[&str] = &["shoulder", "sho", "arm", "upperarm", "humerus", "biceps"];
 const FINGER: &[&str] =
     &["finger", "fingers", "thumb", "index", "middle", "ring", "pinky", "little"];
-pub(crate) const KNEE: &[&str] = &["knee"];
+pub(crate) const KNEE: &[&str] = &["knee", "kfe"];
 pub(crate) const SHANK: &[&str] = &["shank", "calf", "shin", "tibia", "lowerleg"];
-const LEG: &[&str] = &["hip", "thigh", "femur", "leg", "upperleg", "upleg"];
+const LEG: &[&str] =
+    &["hip", "thigh", "femur", "leg", "upperleg", "upleg", "haa", "hfe", "abduction"];
 pub(crate) const ANKLE: &[&str] = &["ankle", "ank"];
 pub(crate) const SOLE: &[&str] = &["sole", "foot", "toe"];
 pub(crate) const HEAD: &[&str] = &["head", "skull", "neck"];
@@ -22,6 +23,17 @@ const ON_HEAD: &[&str] =
 const WHEEL: &[&str] = &["wheel", "wheels", "caster", "castor", "track", "roller"];
 
 pub(crate) const SIDES: [&str; 2] = ["left", "right"];
+/// Corners of a body on four legs, as its makers shorten them.
+const CORNERS: [(&str, [&str; 2]); 8] = [
+    ("fl", ["front", "left"]),
+    ("fr", ["front", "right"]),
+    ("lf", ["front", "left"]),
+    ("rf", ["front", "right"]),
+    ("rl", ["hind", "left"]),
+    ("rr", ["hind", "right"]),
+    ("lh", ["hind", "left"]),
+    ("rh", ["hind", "right"]),
+];
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NameWords(Vec<String>);
@@ -29,11 +41,19 @@ pub(crate) struct NameWords(Vec<String>);
 impl NameWords {
     /// From the name of the link and of the joint above it.
     pub fn of(model: &RobotModel, link: usize) -> Self {
-        let mut words = Vec::new();
-        for name in [&model.link_names()[link], &model.parent_joints[link]] {
-            words.extend(split(name));
+        Self::of_names(&[&model.link_names()[link], &model.parent_joints[link]])
+    }
+
+    /// Sides that are written out count more than single letters: `r2/left_arm`.
+    fn of_names(names: &[&str]) -> Self {
+        let raw: Vec<String> = names.iter().flat_map(|name| raw_words(name)).collect();
+        let letter = |word: &str| ["l", "r"].contains(&word);
+        let plain = raw.iter().filter(|word| !letter(word)).flat_map(|word| unglue(word));
+        let plain = Self(plain.collect());
+        if plain.side().is_some() {
+            return plain;
         }
-        Self(words)
+        Self(raw.iter().flat_map(|word| unglue(word)).collect())
     }
 
     pub fn has(&self, any: &[&str]) -> bool {
@@ -54,6 +74,15 @@ impl NameWords {
         [ARM, ELBOW, FOREARM, HAND, FINGER].iter().any(|part| self.has(part)) && !self.is_leg()
     }
 
+    pub fn is_antenna(&self) -> bool {
+        self.has(&["antenna", "antennas", "antennae", "ear", "ears"])
+    }
+
+    /// An arm by more than its hand.
+    pub fn is_upper_arm(&self) -> bool {
+        [ARM, ELBOW, FOREARM].iter().any(|part| self.has(part))
+    }
+
     pub fn is_leg(&self) -> bool {
         [LEG, KNEE, SHANK, ANKLE, SOLE].iter().any(|part| self.has(part))
     }
@@ -71,8 +100,8 @@ impl NameWords {
     }
 }
 
-/// Lower-case words; sides written out, also where they are glued to a part.
-fn split(name: &str) -> Vec<String> {
+/// Lower-case words.
+fn raw_words(name: &str) -> Vec<String> {
     let letters: Vec<char> = name.chars().collect();
     let mut raw = vec![String::new()];
     for (index, &letter) in letters.iter().enumerate() {
@@ -91,15 +120,28 @@ fn split(name: &str) -> Vec<String> {
         }
     }
     raw.retain(|word| !word.is_empty());
-    raw.iter().flat_map(|word| unglue(word)).collect()
+    raw
 }
 
+/// Sides written out, also where they are glued to a part.
 fn unglue(word: &str) -> Vec<String> {
     let parts = [ARM, ELBOW, FOREARM, HAND, LEG, KNEE, SHANK, ANKLE, SOLE, FINGER, WHEEL];
     let known = |rest: &str| rest.len() > 2 && parts.iter().any(|part| part.contains(&rest));
     let sides = [("left", "left"), ("right", "right"), ("l", "left"), ("r", "right")];
     if parts.iter().any(|part| part.contains(&word)) {
         return vec![word.to_owned()];
+    }
+    if let Some((_, corner)) = CORNERS.iter().find(|(short, _)| *short == word) {
+        return corner.map(str::to_owned).to_vec();
+    }
+    // A letter of the maker before a part: zarm, jleg.
+    let after_letter = word.char_indices().nth(1).map(|(at, _)| &word[at..]);
+    let plain =
+        |part: &&str| ["arm", "leg", "hand", "knee", "ankle", "elbow", "head"].contains(part);
+    if let Some(part) = after_letter.filter(plain)
+        && !word.starts_with(['l', 'r'])
+    {
+        return vec![part.to_owned()];
     }
     for (mark, side) in sides {
         if word == mark {
@@ -129,9 +171,14 @@ mod tests {
             ("left_hip_yaw_link", Some(0), false, true),
             ("ankle_roll_l", Some(0), false, true),
             ("torso_yaw", None, false, false),
+            ("r2/left_arm/joint0", Some(0), true, false),
+            ("r2/right_leg/joint3", Some(1), false, true),
             ("wheel_right", Some(1), false, false),
+            ("zarm_l1_link", Some(0), true, false),
+            ("FL_hip_joint", Some(0), false, true),
+            ("rh_kfe", Some(1), false, true),
         ] {
-            let words = NameWords(split(name));
+            let words = NameWords::of_names(&[name]);
             let read = (words.side(), words.is_arm(), words.is_leg());
             assert_eq!(read, (side, arm, leg), "{name}: {words:?}");
         }

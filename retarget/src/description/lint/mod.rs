@@ -46,10 +46,10 @@ fn lint_body(description: &Description, diagnostics: &mut Diagnostics) {
     };
     let positions = description.zero_positions(model.joint_names());
     lint_axes(robot, &model, &positions, diagnostics);
-    let body = anatomy(&model, &positions);
-    let limbs = || body.arms.iter().chain(&body.legs);
-    if body.head.is_none() && !limbs().any(|limb| limb.is_there()) {
-        let message = "no arm, leg or head was found, by names or by shape";
+    let body = anatomy(&model, &positions, None);
+    if body.kind.is_none() {
+        let message = "no arm, leg or head was found, by names or by shape: nothing of it can \
+                       show a dance; if one is there, name it in a robot file ([retarget.body])";
         diagnostics.add(DiagnosticCode::PartsNone, &robot.name, message);
     }
     let axes = &body.axes;

@@ -15,6 +15,8 @@ pub(super) struct MjcfAttributes {
     angle: f64,
     euler: Vec<char>,
     pub autolimits: bool,
+    /// Colours of the materials among the assets, by name.
+    pub materials: HashMap<String, [f64; 4]>,
 }
 
 fn child<'a, 'd>(node: Node<'a, 'd>, name: &str) -> Option<Node<'a, 'd>> {
@@ -38,7 +40,7 @@ impl MjcfAttributes {
             let name = default.attribute("class").unwrap_or("main");
             add_class(default, name, &HashMap::new(), &mut classes);
         }
-        Ok(Self {
+        let mut attributes = Self {
             classes,
             angle: match setting("angle") {
                 Some("radian") => 1.0,
@@ -46,7 +48,23 @@ impl MjcfAttributes {
             },
             euler: euler.chars().collect(),
             autolimits: setting("autolimits") != Some("false"),
-        })
+            materials: HashMap::new(),
+        };
+        attributes.materials = attributes.read_materials(root)?;
+        Ok(attributes)
+    }
+
+    fn read_materials(&self, root: Node) -> Result<HashMap<String, [f64; 4]>, RetargetError> {
+        let assets = root.children().filter(|node| node.has_tag_name("asset"));
+        let materials = assets.flat_map(|asset| asset.children());
+        let mut colors = HashMap::new();
+        for node in materials.filter(|node| node.has_tag_name("material")) {
+            let material = MjcfElement { node, class: "main", attributes: self };
+            if let Some(name) = node.attribute("name") {
+                colors.insert(name.to_owned(), material.vector("rgba", [1.0; 4])?);
+            }
+        }
+        Ok(colors)
     }
 
     /// An angle of the file in radians.

@@ -73,7 +73,7 @@ impl MjcfGeom {
             mass_kg: mass_kg.max(0.0),
             reach_m,
             geometry,
-            rgba: geom.vector("rgba", [0.5, 0.5, 0.5, 1.0])?,
+            rgba: geom.vector("rgba", color_of_material(geom))?,
         }))
     }
 
@@ -89,4 +89,10 @@ impl MjcfGeom {
             }),
         }
     }
+}
+
+/// The colour of a shape that says none itself.
+fn color_of_material(geom: MjcfElement) -> [f64; 4] {
+    let material = geom.text("material").and_then(|name| geom.attributes.materials.get(name));
+    material.copied().unwrap_or([0.5, 0.5, 0.5, 1.0])
 }

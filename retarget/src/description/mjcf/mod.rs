@@ -4,14 +4,17 @@
 //! Read: `compiler` (angle, eulerseq, autolimits), nested `default` classes,
 //! `childclass`, several joints a body, joint anchors, all orientations,
 //! `inertial` or masses from shapes, `fromto`, joint equalities (as mimics) and
-//! the strength of motors. Left out, and reported: meshes, tendons, `connect`
-//! and `weld` equalities, objects around the robot, ball joints as such (three
-//! hinges stand for one). Refused: `include`, global coordinates.
+//! the strength of motors, `include` of files in the model's folder. Held at rest, and
+//! reported: joints without a motor, and those of a loop that `connect` or `weld` closes.
+//! Left out, and reported: meshes, tendons, objects around the robot, ball joints as such
+//! (three hinges stand for one). Refused: global coordinates.
 //! Metres, kilograms, radians.
 
 mod attributes;
 mod bodies;
 mod geoms;
+mod include;
+mod undriven;
 mod urdf_text;
 
 use roxmltree::Node;
@@ -21,6 +24,7 @@ use crate::description::diagnostic::{Diagnostic, DiagnosticCode, Diagnostics};
 use crate::description::xml::{check_depth, parse};
 use attributes::{MjcfAttributes, MjcfElement};
 use bodies::MjcfBodies;
+pub use include::with_includes;
 
 /// Whether a text is an MJCF model, by its root element.
 pub fn is_mjcf(text: &str) -> bool {
@@ -56,7 +60,7 @@ pub(super) fn read(
         return Err(RetargetError::Mjcf(format!("the root element is <{name}>")));
     }
     if root.descendants().any(|node| node.has_tag_name("include")) {
-        let reason = "it includes other files: save it as one file first";
+        let reason = "it includes other files, which are read from a file's folder only";
         return Err(RetargetError::Mjcf(reason.into()));
     }
     let attributes = MjcfAttributes::new(root)?;
@@ -64,15 +68,15 @@ pub(super) fn read(
     let model = MjcfElement { node: root, class: "main", attributes: &attributes };
     bodies.add_mimics(model);
     bodies.add_effort_limits(model);
-    let robot = bodies.robot(root.attribute("model").unwrap_or("robot"));
+    let mut robot = bodies.robot(root.attribute("model").unwrap_or("robot"));
+    undriven::hold_passive(root, &mut robot.joints, diagnostics);
+    undriven::hold_loops(root, &mut robot.joints, diagnostics);
     report_left_out(root, diagnostics);
     Ok(robot)
 }
 
 fn report_left_out(root: Node, diagnostics: &mut Diagnostics) {
     for (element, what) in [
-        ("connect", "closes a loop: let a joint follow by [[retarget.couple]]"),
-        ("weld", "ties two bodies: not converted"),
         ("tendon", "not converted: let joints follow by [[retarget.couple]]"),
         ("flex", "not converted"),
         ("composite", "not converted"),

@@ -18,6 +18,9 @@ pub(crate) struct RateLimits {
     pub jerk: Option<f64>,
 }
 
+/// Red, green, blue and alpha, 0 to 1, by the name of a material.
+pub(super) type NamedColors = HashMap<String, [f64; 4]>;
+
 pub(crate) type RateLimitsByJoint = HashMap<String, RateLimits>;
 
 /// The joint or link that an attribute belongs to, for diagnostics.
@@ -31,11 +34,12 @@ pub(super) struct ElementReader<'f> {
     pub rates: RateLimitsByJoint,
     /// `quat_xyzw` counts from URDF 1.1 on.
     has_quaternions: bool,
+    colors: NamedColors,
     diagnostics: &'f mut Diagnostics,
 }
 
 impl<'f> ElementReader<'f> {
-    pub fn new(root: Node, diagnostics: &'f mut Diagnostics) -> Self {
+    pub fn new(root: Node, colors: NamedColors, diagnostics: &'f mut Diagnostics) -> Self {
         let version = root.attribute("version").unwrap_or("1.0");
         let version = version.trim().split_once('.').and_then(|(major, minor)| {
             Some((major.parse::<u32>().ok()?, minor.parse::<u32>().ok()?))
@@ -43,6 +47,7 @@ impl<'f> ElementReader<'f> {
         Self {
             rates: RateLimitsByJoint::new(),
             has_quaternions: version.is_some_and(|version| version >= (1, 1)),
+            colors,
             diagnostics,
         }
     }
@@ -208,11 +213,10 @@ impl<'f> ElementReader<'f> {
             let message = "a texture without a file name; left out";
             self.report(DiagnosticCode::TextureUnnamed, name, message);
         }
-        let color = children(node, "color").next();
-        let rgba = color.and_then(|color| color.attribute("rgba"));
+        let rgba = color_of(node).or_else(|| self.colors.get(name).copied());
         Material {
             name: plain(name),
-            color: rgba.and_then(numbers).map(|rgba| Color { rgba: Vec4(rgba) }),
+            color: rgba.map(|rgba| Color { rgba: Vec4(rgba) }),
             texture: None,
         }
     }
@@ -345,6 +349,12 @@ fn simple_geometry(shape: Node) -> Option<Geometry> {
         }
         _ => return None,
     })
+}
+
+/// The colour that a material itself has.
+pub(super) fn color_of(material: Node) -> Option<[f64; 4]> {
+    let color = children(material, "color").next()?;
+    color.attribute("rgba").and_then(numbers)
 }
 
 pub(super) fn children<'a, 'd: 'a>(

@@ -5,6 +5,7 @@
 //! default is repaired and reported, the rest is refused by name.
 
 mod elements;
+mod named_colors;
 
 use roxmltree::{Document, Node};
 
@@ -12,6 +13,7 @@ use crate::config::RetargetError;
 use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 use crate::description::xml::parse;
 use elements::{ElementReader, children, has_commas, numbers, plain};
+use named_colors::named_colors;
 
 pub(super) use elements::RateLimitsByJoint;
 
@@ -79,7 +81,7 @@ fn robot(
         return None;
     }
     report_commas(root, diagnostics);
-    let mut reader = ElementReader::new(root, diagnostics);
+    let mut reader = ElementReader::new(root, named_colors(root), diagnostics);
     let links = children(root, "link").filter_map(|node| reader.link(node));
     let links = links.collect();
     let joints = children(root, "joint").filter_map(|node| reader.joint(node));

@@ -89,6 +89,8 @@ fn retarget(plan: &FilePlan, out: &mut String) {
         _ => "hung",
     };
     out.push_str("\n[retarget]\n");
+    let kind = comment(&plan.draft.kind_reason);
+    let _ = writeln!(out, "# Guessed: {kind}.\nkind = \"{}\"", config.kind.name());
     remarks("Tried: ", &plan.tried, out);
     let _ = writeln!(out, "stance = \"{stance}\"");
     remarks("Seen: ", &plan.draft.reasons, out);

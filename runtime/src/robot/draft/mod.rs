@@ -13,12 +13,16 @@ use self::description_copy::DescriptionCopy;
 use self::file_text::{FilePlan, parts, robot_file};
 use self::servo_draft::servo_drafts;
 use self::trials::RATES;
+use crate::robot::description_text::read_description;
+use crate::robot::loaded::Robot;
+use crate::robot::pose_sheet::pose_sheet;
 use crate::robot::robot_folders::RobotFolders;
 use crate::telemetry::pending_file::write_whole;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use servodance_model::motion::Clip;
 use servodance_retarget::{
-    DiagnosticSeverity, JointUse, draft_config, is_mjcf, lint, urdf_from_mjcf,
+    BodyKind, Diagnostic, DiagnosticCode, DiagnosticSeverity, JointUse, draft_config, is_mjcf,
+    lint, urdf_from_mjcf,
 };
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -32,12 +36,14 @@ pub struct NewRobot {
 }
 
 /// Writes a robot file for a description. Refuses a description with a fatal
-/// finding, and a file that is there already unless `force` is set. `trial` is danced
-/// by its kinematics, `dances` in the simulated world.
+/// finding, a file that is there already unless `force` is set, and a robot that cannot
+/// show a dance. The kind of body is guessed where it is not given. `trial` is danced by
+/// its kinematics, `dances` in the simulated world.
 pub fn new_robot(
     description: &Path,
     out: &Path,
     force: bool,
+    kind: Option<BodyKind>,
     trial: &Clip,
     dances: &[Clip],
 ) -> anyhow::Result<NewRobot> {
@@ -47,10 +53,12 @@ pub fn new_robot(
     if out.exists() && !force {
         bail!("{} is there already; --force overwrites it", out.display());
     }
-    let source = std::fs::read_to_string(description)
-        .with_context(|| format!("cannot read {}", description.display()))?;
+    let source = read_description(description)?;
     let findings = lint(&source);
-    if let Some(refused) = findings.iter().find(|f| f.severity == DiagnosticSeverity::Refused) {
+    // Whoever gives the kind knows of parts that were not found.
+    let told = |f: &&Diagnostic| kind.is_some() && f.code == DiagnosticCode::PartsNone;
+    let mut refused = findings.iter().filter(|f| f.severity == DiagnosticSeverity::Refused);
+    if let Some(refused) = refused.find(|f| !told(f)) {
         bail!(
             "{}: {} `{}`: {} (all findings: servodance robot check)",
             description.display(),
@@ -64,7 +72,11 @@ pub fn new_robot(
     if let Some(there) = there.filter(|_| !force) {
         bail!("{} is there already; --force overwrites it", there.display());
     }
-    let mut draft = draft_config(&source)?;
+    let picture = out.with_extension("png");
+    if picture.exists() && !force {
+        bail!("{} is there already; --force overwrites it", picture.display());
+    }
+    let mut draft = draft_config(&source, kind)?;
     let (servos, left_out) = servo_drafts(&draft.joints);
     if servos.is_empty() {
         bail!("{}: no joint can have a servo ({})", description.display(), left_out.join("; "));
@@ -91,6 +103,9 @@ pub fn new_robot(
         lines.extend(copies.lines());
     }
     write_whole(out, robot_file(&plan).as_bytes())?;
+    let robot = Robot::load(&out.display().to_string())?;
+    write_whole(&picture, &pose_sheet(&[robot])?)?;
+    files.push(picture);
     lines.extend(summary(&plan, out));
     Ok(NewRobot { files, lines })
 }
@@ -116,7 +131,8 @@ fn beside(
 }
 
 fn summary(plan: &FilePlan, out: &Path) -> Vec<String> {
-    let mut lines: Vec<String> = plan.draft.reasons.clone();
+    let mut lines = vec![format!("kind: {}", plan.draft.kind_reason)];
+    lines.extend(plan.draft.reasons.iter().cloned());
     lines.extend(parts(&plan.draft.config.body));
     lines.extend(labelled("missing", &plan.draft.missing));
     let servos = plan.servos.iter();

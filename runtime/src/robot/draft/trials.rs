@@ -7,6 +7,7 @@ use crate::robot::config_source::ConfigSource;
 use crate::robot::loaded::Robot;
 use crate::robot::overrides::Overrides;
 use crate::robot::robot_file::RobotError;
+use crate::telemetry::JointSpans;
 use anyhow::bail;
 use servodance_retarget::{DiagnosticCode, Stance, rest_deg};
 
@@ -42,7 +43,13 @@ impl FilePlan<'_> {
         let robot = self.fitting_robot()??;
         self.rest =
             rest_deg(&robot.urdf_xml, &robot.retarget, &robot.joint_limits(), robot.control_hz)?;
-        let followed = self.dance(&self.parse()?)?;
+        let robot = self.parse()?;
+        let mut moved = JointSpans::new(robot.servos.len());
+        let followed = track_motion(&robot, &self.trial.frames(), |_, positions_rad| {
+            moved.see(positions_rad);
+            Ok(())
+        })?;
+        moved.refuse_still()?;
         let duration_s = self.trial.frames().len() as f64 / servodance_types::FRAME_RATE_HZ;
         self.tried.push(danced(&followed, duration_s));
         Ok(())

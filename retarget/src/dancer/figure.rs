@@ -1,0 +1,71 @@
+//! What a body that is not like a human's shows of the dancer.
+//!
+//! An arm on its base is the whole dancer: it leans where the body sways, turns where it
+//! turns, sinks into its elbow where knees bend, and lifts its end where hands go up. A
+//! body on four legs moves its trunk over them. Radians; lengths in leg lengths.
+
+use crate::dancer::{PoseTarget, soft_limit, turn};
+use k::nalgebra::Vector3;
+
+/// How far an arm leans back at rest, and its lower part points up, radians.
+const ARM_BACK: f64 = 0.25;
+const ARM_UP: f64 = -0.15;
+/// Radians of an arm's lean for a leg length of sway, for a leg length of bob, and of its
+/// end's height for hands that go from hanging to raised.
+const LEAN_PER_SWAY: f64 = 2.5;
+const BEND_PER_BOB: f64 = 3.0;
+const LIFT_PER_HANDS: f64 = 1.1;
+/// Largest of each.
+const MOST_LEAN: f64 = 0.45;
+const MOST_BEND: f64 = 0.6;
+const MOST_ARM_TURN: f64 = 0.8;
+/// How far the trunk on four legs goes, leg lengths, and turns, radians.
+const MOST_SHIFT: f64 = 0.12;
+const DEEPEST: f64 = 0.14;
+const MOST_ROLL: f64 = 0.2;
+const MOST_BOW: f64 = 0.22;
+const MOST_TRUNK_TURN: f64 = 0.2;
+/// How far raised hands lift the front, radians.
+const BOW_PER_HANDS: f64 = 0.15;
+
+/// How high the hands are, -1 hanging to 1 raised: left, right.
+fn hands(aim: &PoseTarget) -> [f64; 2] {
+    [0, 1].map(|side| 0.5 * (aim.upper_arm[side].z + aim.forearm[side].z))
+}
+
+/// The pose of a lone arm (as the left one) and of what it carries as a face.
+pub(crate) fn arm_figure(aim: &PoseTarget) -> PoseTarget {
+    let [left, right] = hands(aim);
+    let raised = 0.5 * (left + right + 2.0); // 0 hanging, 2 raised
+    let body = aim.chest.scaled_axis();
+    let bend = soft_limit(-aim.sway.z * BEND_PER_BOB, MOST_BEND);
+    let ahead = soft_limit(aim.sway.x * LEAN_PER_SWAY + body.y, MOST_LEAN) - ARM_BACK - 0.5 * bend;
+    let aside = soft_limit(aim.sway.y * LEAN_PER_SWAY - body.x, MOST_LEAN);
+    let yaw = soft_limit(body.z + 0.5 * aside + 0.4 * (left - right), MOST_ARM_TURN);
+    let up = ARM_UP + LIFT_PER_HANDS * 0.5 * raised - bend;
+    let upper = Vector3::new(ahead.sin(), aside.sin(), ahead.cos() * aside.cos());
+    let lower = Vector3::new(up.cos(), 0.5 * aside.sin(), up.sin());
+    let turned = turn(yaw);
+    PoseTarget {
+        upper_arm: [turned * upper.normalize(); 2],
+        forearm: [turned * lower.normalize(); 2],
+        ..*aim
+    }
+}
+
+/// Where the trunk of a body on four legs is, seen from its place at rest: x, y, z in leg
+/// lengths, then the turn as a scaled axis. `gain` scales it.
+pub(crate) fn trunk_figure(aim: &PoseTarget, gain: f64) -> [f64; 6] {
+    let [left, right] = hands(aim);
+    let body = aim.chest.scaled_axis() * gain;
+    let lift = BOW_PER_HANDS * (left + right + 2.0) * 0.5 * gain;
+    let sway = aim.sway * gain;
+    [
+        soft_limit(sway.x, MOST_SHIFT),
+        soft_limit(sway.y, MOST_SHIFT),
+        soft_limit(sway.z.min(0.0), DEEPEST),
+        soft_limit(body.x, MOST_ROLL),
+        soft_limit(body.y - lift, MOST_BOW),
+        soft_limit(body.z, MOST_TRUNK_TURN),
+    ]
+}

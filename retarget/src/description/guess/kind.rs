@@ -1,0 +1,157 @@
+//! Which kind of body a robot has: by the names of its limbs, else by how many chains
+//! move and where they begin and end.
+
+use super::limb::{FoundLimb, LimbKind, LinkTree};
+use crate::config::BodyKind;
+use k::nalgebra::Vector3;
+
+/// Joints of a chain that is an arm without a name that says so.
+const ARM_JOINTS: usize = 4;
+/// Chains alike from one link that are fingers, not limbs.
+pub(super) const FINGERS: usize = 3;
+
+/// How sure a guess is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Confidence {
+    /// Names and shape agree.
+    High,
+    /// One of them says so.
+    Medium,
+    /// Nothing speaks against it.
+    Low,
+}
+
+servodance_types::named!(Confidence, "confidence" { High "high", Medium "medium", Low "low" });
+
+/// A kind of body and what speaks for it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct KindGuess {
+    pub kind: BodyKind,
+    pub confidence: Confidence,
+    pub reason: String,
+}
+
+/// The first links of four legs: front left, front right, hind left, hind right.
+/// `up` is found with them.
+pub(super) struct FourLegs {
+    pub starts: [usize; 4],
+    pub forward: Vector3<f64>,
+    pub named: bool,
+}
+
+/// Four chains from one link that begin at the corners of a rectangle and end alike.
+pub(super) fn four_legs(body: &LinkTree) -> Option<FourLegs> {
+    (0..body.model.links.len()).find_map(|carrier| {
+        let starts: Vec<usize> = (1..body.model.links.len())
+            .filter(|&link| body.is_moved(link) && body.carrier(link) == carrier)
+            .filter(|&link| !body.words[link].is_wheel() && !body.words[link].is_head())
+            .filter(|&link| body.turning(&body.path(link, LimbKind::Paw)) >= 2)
+            .collect();
+        // More chains than four: the ones that end lowest (an arm on the back does not).
+        let mut starts: Vec<(f64, usize)> =
+            starts.into_iter().map(|link| (body.end(link).z, link)).collect();
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        starts.truncate(4);
+        let starts: Vec<usize> = starts.into_iter().map(|(_, link)| link).collect();
+        rectangle(body, &starts)
+    })
+}
+
+fn rectangle(body: &LinkTree, starts: &[usize]) -> Option<FourLegs> {
+    let starts: [usize; 4] = starts.try_into().ok()?;
+    let begins = starts.map(|link| body.at(link));
+    let ends = starts.map(|link| body.end(link));
+    let paths = starts.map(|link| body.path(link, LimbKind::Paw));
+    let alike = paths.iter().all(|path| body.turning(path) == body.turning(&paths[0]));
+    let length = (0..4).map(|leg| (ends[leg] - begins[leg]).norm()).fold(0.0, f64::max);
+    let span = |points: &[k::nalgebra::Point3<f64>; 4], axis: usize| {
+        let along = points.map(|point| point[axis]);
+        along.iter().fold(f64::MIN, |a, b| a.max(*b))
+            - along.iter().fold(f64::MAX, |a, b| a.min(*b))
+    };
+    let level = span(&begins, 2) < 0.25 * length && span(&ends, 2) < 0.25 * length;
+    let corners = (0..2).all(|axis| span(&begins, axis) > 0.2 * length);
+    // Arms begin above legs, not before them; fingers lie in one row.
+    if !alike || !level || !corners || length < 1e-3 {
+        return None;
+    }
+    let word = |link: usize, any: &[&str]| body.words[link].has(any);
+    let front = |link: usize| word(link, &["front", "fore"]);
+    let hind = |link: usize| word(link, &["hind", "rear", "back"]);
+    let mean = |pick: &dyn Fn(usize) -> bool| {
+        let picked = (0..4).filter(|&leg| pick(starts[leg])).map(|leg| begins[leg].coords);
+        let picked: Vec<Vector3<f64>> = picked.collect();
+        (picked.len() == 2).then(|| (picked[0] + picked[1]) * 0.5)
+    };
+    let seen = mean(&front).zip(mean(&hind)).map(|(front, hind)| front - hind);
+    let forward = match seen {
+        Some(way) if way.x.abs() >= way.y.abs() => Vector3::x() * way.x.signum(),
+        Some(way) => Vector3::y() * way.y.signum(),
+        None => Vector3::x(),
+    };
+    let left = Vector3::z().cross(&forward);
+    let middle = begins.iter().map(|at| at.coords).sum::<Vector3<f64>>() / 4.0;
+    let corner = |ahead: f64, side: f64| {
+        let best = (0..4).max_by(|&a, &b| {
+            let place = |leg: usize| {
+                let at = begins[leg].coords - middle;
+                ahead * at.dot(&forward) + side * at.dot(&left)
+            };
+            place(a).total_cmp(&place(b))
+        });
+        best.map(|leg| starts[leg])
+    };
+    let found = [corner(1.0, 1.0)?, corner(1.0, -1.0)?, corner(-1.0, 1.0)?, corner(-1.0, -1.0)?];
+    let distinct = (0..4).all(|a| (0..a).all(|b| found[a] != found[b]));
+    let named = starts.iter().all(|&link| body.words[link].is_leg() || front(link) || hind(link));
+    distinct.then_some(FourLegs { starts: found, forward, named })
+}
+
+/// The moving links of a lone arm, base first; `None` where chains are too short, or
+/// several alike (fingers).
+pub(super) fn lone_chain(body: &LinkTree) -> Option<Vec<usize>> {
+    let links = 0..body.model.links.len();
+    let starts = links.filter(|&link| {
+        let first = body.is_moved(link) && body.carrier(link) == 0;
+        first && !body.words[link].is_wheel() && !body.words[link].is_head()
+    });
+    let paths: Vec<Vec<usize>> = starts.map(|link| body.path(link, LimbKind::Lone)).collect();
+    let longest = paths.iter().max_by_key(|path| body.turning(path))?;
+    let joints = body.turning(longest);
+    let alike = paths.iter().filter(|path| body.turning(path) == joints).count();
+    let named = longest.iter().any(|&link| body.words[link].is_arm());
+    let head = longest.iter().any(|&link| body.words[link].is_head());
+    let enough = joints >= ARM_JOINTS || (named && joints >= 2);
+    (enough && alike < FINGERS && !head).then(|| longest.clone())
+}
+
+/// The kind that the limbs that were found make.
+pub(super) fn of_limbs(
+    arms: &[FoundLimb; 2],
+    legs: &[FoundLimb; 2],
+    head: Option<usize>,
+    named: bool,
+) -> Option<KindGuess> {
+    let count = |limbs: &[FoundLimb; 2]| limbs.iter().filter(|limb| limb.is_there()).count();
+    let (arms, legs) = (count(arms), count(legs));
+    let kind = match (arms, legs, head) {
+        (1.., 1.., _) => BodyKind::Humanoid,
+        (0, 1.., _) => BodyKind::Biped,
+        (1.., 0, _) => BodyKind::UpperBody,
+        (_, _, Some(_)) => BodyKind::Head,
+        _ => return None,
+    };
+    let whole = |count: usize| count != 1;
+    let confidence = match (named, whole(arms) && whole(legs)) {
+        (true, true) => Confidence::High,
+        (false, false) => Confidence::Low,
+        _ => Confidence::Medium,
+    };
+    let by = if named { "names" } else { "shape" };
+    let neck = if head.is_some() { "a head" } else { "no head" };
+    Some(KindGuess {
+        kind,
+        confidence,
+        reason: format!("{arms} arms, {legs} legs, {neck} by {by}"),
+    })
+}

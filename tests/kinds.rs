@@ -1,0 +1,186 @@
+//! Kinds of body, made from parts: each is known again and shows a dance in its own way;
+//! what cannot show one is refused.
+
+use crate::rigs::Rig;
+use servodance_retarget::{BodyKind, RobotModel, guess_body};
+use servodance_runtime::robot::{Robot, new_robot};
+use servodance_training::choreography::trial_dance;
+
+const X: &str = "<axis xyz=\"1 0 0\"/>";
+const Y: &str = "<axis xyz=\"0 1 0\"/>";
+const Z: &str = "<axis xyz=\"0 0 1\"/>";
+
+/// A pan, a lift and an elbow, bent as table arms are.
+fn table_arm() -> Rig {
+    Rig::new()
+        .joint("revolute", "pan", "base", "0 0 0.05", Z)
+        .joint("revolute", "lift", "pan_link", "0 0 0.05", Y)
+        .joint("revolute", "elbow", "lift_link", "0 0 0.2", Y)
+        .joint("revolute", "wrist", "elbow_link", "0.15 0 0", Y)
+        .joint("fixed", "gripper", "wrist_link", "0.1 0 0", "")
+}
+
+/// Four legs of three joints; `names` of the corners front left, front right, hind left,
+/// hind right.
+fn four_legged(names: [&str; 4]) -> Rig {
+    let mut rig = Rig::new();
+    for (name, (x, y)) in names.iter().zip([(0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1)]) {
+        let part = |part: &str| format!("{name}_{part}");
+        let link = |part: &str| format!("{name}_{part}_link");
+        rig = rig
+            .joint("revolute", &part("one"), "base", &format!("{x} {y} 0"), X)
+            .joint("revolute", &part("two"), &link("one"), &format!("0 {} 0", y * 0.4), Y)
+            .joint("revolute", &part("three"), &link("two"), "0 0 -0.2", Y)
+            .joint("fixed", &part("end"), &link("three"), "0 0 -0.2", "");
+    }
+    rig
+}
+
+#[test]
+fn a_lone_arm_leans_and_reaches() {
+    let (robot, _, track, said) = table_arm().dance();
+    assert_eq!(robot.retarget.kind, BodyKind::Arm, "{said:?}");
+    let spans = crate::rigs::spans(&robot, &track);
+    for joint in ["pan", "lift", "elbow"] {
+        assert!(crate::rigs::moved(&spans, joint) > 0.1, "{joint}: {spans:?}");
+    }
+    // Its end stays over the table on which its base stands.
+    let names: Vec<&str> = robot.servos.iter().map(|servo| servo.name.as_str()).collect();
+    let model = RobotModel::new(&robot.urdf_xml, &names).unwrap();
+    let end = model.link("gripper_link").unwrap();
+    let lowest = track.iter().map(|row| model.link_poses(row)[end].translation.z);
+    assert!(lowest.fold(f64::INFINITY, f64::min) > 0.0);
+}
+
+/// The feet stay where they are while the trunk moves over them.
+fn stands_on_four(rig: Rig) {
+    let (robot, _, track, said) = rig.dance();
+    assert_eq!(robot.retarget.kind, BodyKind::Quadruped, "{said:?}");
+    assert!(robot.retarget.stance.stands(), "{said:?}");
+    let names: Vec<&str> = robot.servos.iter().map(|servo| servo.name.as_str()).collect();
+    let model = RobotModel::new(&robot.urdf_xml, &names).unwrap();
+    let retargeter = robot.retargeter().unwrap();
+    let feet: Vec<usize> = ["a", "b", "c", "d"]
+        .iter()
+        .map(|corner| model.link(&format!("{corner}_end_link")))
+        .map(|link| link.unwrap())
+        .collect();
+    let world = |row: &[f64]| {
+        let root = retargeter.world_from_root(row);
+        let poses = model.link_poses(row);
+        let places = feet.iter().map(|&foot| (root * poses[foot]).translation.vector);
+        (root.translation.vector, places.collect::<Vec<_>>())
+    };
+    let (root_at_rest, at_rest) = world(retargeter.rest());
+    let (mut slid_m, mut moved_m) = (0.0_f64, 0.0_f64);
+    for row in &track {
+        let (root, places) = world(row);
+        moved_m = moved_m.max((root - root_at_rest).norm());
+        for (place, rest) in places.iter().zip(&at_rest) {
+            slid_m = slid_m.max((place - rest).norm());
+        }
+    }
+    assert!(moved_m > 0.02, "the trunk moved by {moved_m} m only");
+    assert!(slid_m < 0.01, "a foot slid by {slid_m} m");
+}
+
+#[test]
+fn four_legs_stand_while_the_trunk_moves() {
+    stands_on_four(four_legged(["a", "b", "c", "d"]));
+}
+
+#[test]
+fn corners_are_known_by_name_and_by_place() {
+    let named = four_legged(["FL", "FR", "RL", "RR"]).urdf();
+    let body = guess_body(&named).unwrap();
+    assert_eq!((body.kind, body.confidence), (BodyKind::Quadruped, "high"));
+    // The same corners turned round: what is called front is front.
+    let turned = guess_body(&four_legged(["RR", "RL", "FR", "FL"]).urdf()).unwrap();
+    assert_eq!((turned.forward, body.forward), ("-x", "x"));
+    assert_eq!(turned.parts.left_hand.as_deref(), Some("FL_end_link"));
+    assert_eq!(body.parts.right_sole.as_deref(), Some("RR_end_link"));
+}
+
+#[test]
+fn a_fallen_quadruped_is_not_drafted() {
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = folder.path().join("dog.urdf");
+    std::fs::write(&urdf, four_legged(["a", "b", "c", "d"]).urdf()).unwrap();
+    let out = folder.path().join("dog.toml");
+    let dances = [trial_dance()];
+    new_robot(&urdf, &out, false, None, &trial_dance(), &dances).unwrap();
+    let robot = Robot::load(&out.display().to_string()).unwrap();
+    assert!(robot.retarget.stance.stands(), "it falls in its world");
+}
+
+#[test]
+fn antennas_make_a_head() {
+    let rig = Rig::new()
+        .joint("revolute", "yaw", "base", "0 0 0.1", Z)
+        .joint("revolute", "left_antenna", "yaw_link", "0 0.05 0.1", X)
+        .joint("fixed", "left_tip", "left_antenna_link", "0 0 0.1", "")
+        .joint("revolute", "right_antenna", "yaw_link", "0 -0.05 0.1", X)
+        .joint("fixed", "right_tip", "right_antenna_link", "0 0 0.1", "");
+    let (robot, _, track, said) = rig.dance();
+    assert_eq!(robot.retarget.kind, BodyKind::Head, "{said:?}");
+    let spans = crate::rigs::spans(&robot, &track);
+    assert!(crate::rigs::moved(&spans, "left_antenna") > 0.1, "{spans:?}");
+}
+
+#[test]
+fn what_cannot_show_a_dance_is_refused_with_the_reason() {
+    let mut fingers = Rig::new();
+    for finger in ["a", "b", "c", "d"] {
+        let at = format!("0 {} 0", f64::from(finger.as_bytes()[0]) * 0.02);
+        let link = format!("{finger}_one_link");
+        fingers = fingers.joint("revolute", &format!("{finger}_one"), "base", &at, Y).joint(
+            "revolute",
+            &format!("{finger}_two"),
+            &link,
+            "0 0 0.04",
+            Y,
+        );
+    }
+    let cart = Rig::new().joint("continuous", "wheel_left", "base", "0 0.2 0", Y).joint(
+        "continuous",
+        "wheel_right",
+        "base",
+        "0 -0.2 0",
+        Y,
+    );
+    let folder = tempfile::tempdir().unwrap();
+    for rig in [fingers, cart] {
+        let urdf = folder.path().join("thing.urdf");
+        std::fs::write(&urdf, rig.urdf()).unwrap();
+        let out = folder.path().join("thing.toml");
+        let refused = new_robot(&urdf, &out, false, None, &trial_dance(), &[]).unwrap_err();
+        assert!(refused.to_string().contains("can show a dance"), "{refused}");
+        assert!(!out.exists());
+    }
+    // Whoever says what it is decides, but must be able to.
+    let urdf = folder.path().join("arm.urdf");
+    std::fs::write(&urdf, table_arm().urdf()).unwrap();
+    let out = folder.path().join("arm.toml");
+    let kind = Some(BodyKind::Quadruped);
+    let refused = new_robot(&urdf, &out, false, kind, &trial_dance(), &[]).unwrap_err();
+    assert!(refused.to_string().contains("it is no quadruped"), "{refused}");
+}
+
+#[test]
+fn rods_loops_and_joints_without_a_motor_rest() {
+    let model = r#"<mujoco><worldbody><body name="base">
+        <body name="head"><joint name="turn" axis="0 0 1" range="-60 60"/>
+          <body name="lamp" pos="0 0 .1"><joint name="rod" axis="0 1 0"/></body></body>
+        <body name="crank" pos=".1 0 0"><joint name="push" axis="0 1 0" range="-60 60"/>
+          <body name="link" pos="0 0 .1"><joint name="swing" axis="0 1 0" range="-60 60"/></body></body>
+      </body></worldbody>
+      <actuator><position joint="turn"/><position joint="push"/><position joint="swing"/></actuator>
+      <equality><connect body1="link" body2="base" anchor="0 0 0"/></equality></mujoco>"#;
+    let (urdf, found) = servodance_retarget::urdf_from_mjcf(model).unwrap();
+    for joint in ["rod", "push", "swing"] {
+        let fixed = format!("name=\"{joint}\" type=\"fixed\"");
+        assert!(urdf.contains(&fixed), "{joint}: {urdf}");
+        assert!(found.iter().any(|f| f.subject == joint || f.message.contains(joint)), "{found:?}");
+    }
+    assert!(urdf.contains("name=\"turn\" type=\"revolute\""), "{urdf}");
+}
