@@ -41,7 +41,8 @@ mod generator;
 pub mod motion;
 pub mod motionseq;
 mod sampling;
-#[cfg(test)]
+// The reference is candle.
+#[cfg(all(test, feature = "candle"))]
 mod tests;
 pub mod vqvae;
 pub mod weights;
@@ -50,6 +51,7 @@ pub use conditioning::NO_STYLE;
 pub use engine::{EngineKind, EngineOptions};
 pub use error::ModelError;
 pub use generator::{AtEnd, Dance, Generator, GeneratorOptions, Likelihood};
+#[cfg(feature = "candle")]
 pub use vqvae::Codec;
 pub use weights::Dtype;
 

@@ -12,15 +12,13 @@ use std::sync::Arc;
 use candle_core::{D, Result as TensorResult, Tensor};
 
 use super::checkpoint::Checkpoint;
+use super::music::Latent;
 use super::seanet::{Encoder, FIRST_FRAMES, HOP};
 use crate::config::LATENT_DIM;
 use crate::error::ModelError;
 
 /// Samples a second that the checkpoint is given.
 pub const ENCODEC_RATE_HZ: u32 = 6_400;
-
-/// What is heard in one frame.
-pub type Latent = [f32; LATENT_DIM];
 
 /// Filters in the first layer of the public checkpoint.
 const FILTERS: usize = 32;

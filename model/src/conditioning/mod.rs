@@ -5,20 +5,27 @@
 //! which and where. [`MusicKind`] is what weights say they were trained to hear.
 //! How a style scales the layers is in `style`.
 
+#[cfg(feature = "candle")]
 pub mod checkpoint;
+#[cfg(feature = "candle")]
 mod clip;
+#[cfg(feature = "candle")]
 mod encodec;
 #[cfg(test)]
 pub(crate) mod golden;
 mod music;
+#[cfg(feature = "candle")]
 mod seanet;
 mod style;
 
 pub use crate::config::{LATENT_DIM, MusicKind};
+#[cfg(feature = "candle")]
 pub use crate::engine::candle::{TensorLinear, TensorNorm};
+#[cfg(feature = "candle")]
 pub use clip::{CLIP_DIM, ClipText};
-pub use encodec::{ENCODEC_RATE_HZ, Encodec, EncodecStream, Latent};
-pub use music::HeardFrame;
+#[cfg(feature = "candle")]
+pub use encodec::{ENCODEC_RATE_HZ, Encodec, EncodecStream};
+pub use music::{HeardFrame, Latent};
 pub use style::NO_STYLE;
 
 pub(crate) use style::{StyleConditioning, style_index};

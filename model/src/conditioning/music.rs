@@ -2,8 +2,10 @@
 
 use servodance_types::MusicFrame;
 
-use super::encodec::Latent;
-use crate::config::MusicKind;
+use crate::config::{LATENT_DIM, MusicKind};
+
+/// What Encodec hears in one frame.
+pub type Latent = [f32; LATENT_DIM];
 
 /// One frame of music, and its Encodec latent where that is listened for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +41,6 @@ impl HeardFrame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::LATENT_DIM;
 
     #[test]
     fn every_kind_takes_as_many_numbers_as_it_says() {

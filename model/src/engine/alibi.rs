@@ -2,9 +2,8 @@
 //!
 //! A head's score for a frame `age` frames old falls by `slope * age`. It stands
 //! for positions: nothing depends on how far into a dance a frame is. Slopes are
-//! fields of the configuration ([`crate::config::SeqConfig::slopes`]).
-
-use candle_core::{Device, Result as TensorResult, Tensor};
+//! fields of the configuration ([`crate::config::SeqConfig::slopes`]). The bias that
+//! candle adds to its scores is in `candle/attention_bias.rs`.
 
 use super::kernels::{self, Cpu};
 
@@ -20,31 +19,4 @@ pub(super) fn subtract(cpu: Cpu, scores: &mut [f32], slope: f32, slot: usize) {
     let (newer, older) = scores.split_at_mut(slot + 1);
     kernels::fade(cpu, newer, slope, slot as f32);
     kernels::fade(cpu, older, slope, oldest as f32);
-}
-
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct AttentionWindow {
-    pub frames: usize,
-    /// Frames seen that lie ahead; 0 is causal.
-    pub ahead: usize,
-}
-
-/// For candle: the bias [heads, queries, keys] of the last `queries` of `keys`
-/// frames in their order; minus infinity for frames that are not seen.
-pub(crate) fn attention_bias(
-    slopes: &[f32],
-    queries: usize,
-    keys: usize,
-    seen: AttentionWindow,
-) -> TensorResult<Tensor> {
-    let mut bias = Vec::with_capacity(slopes.len() * queries * keys);
-    for slope in slopes {
-        for i in keys - queries..keys {
-            for j in 0..keys {
-                let visible = j <= i + seen.ahead && j + seen.frames > i;
-                bias.push(if visible { -slope * i.abs_diff(j) as f32 } else { f32::NEG_INFINITY });
-            }
-        }
-    }
-    Tensor::from_vec(bias, (slopes.len(), queries, keys), &Device::Cpu)
 }

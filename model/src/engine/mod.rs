@@ -18,6 +18,9 @@
 //! tensors (`candle/`), trainable (on the tape). They stay apart because each
 //! stores its weights otherwise; tests hold each against the PyTorch reference.
 //!
+//! A build without the feature `candle` (in a browser) has the own engine alone; in the
+//! places of candle's modules stand those called `no_candle`, which refuse to load.
+//!
 //! Both engines share the order of codes, the sampler, style scales and the number
 //! format: candle computes in f32 with the weights as the format has rounded them.
 
@@ -27,24 +30,28 @@ mod avx2;
 #[cfg(test)]
 mod bits_tests;
 mod blocks;
+#[cfg_attr(not(feature = "candle"), path = "no_candle.rs")]
 pub(crate) mod candle;
 mod input;
 mod kernels;
 mod kv_cache;
 mod lanes;
 mod linear;
+mod neon;
 mod options;
 mod pool;
 mod product;
+mod simd128;
 #[cfg(test)]
 mod tests;
 
 pub use options::{Engine, EngineKind, EngineOptions};
 pub use pool::{Pool, Team, default_threads};
 
-pub(crate) use alibi::{AttentionWindow, attention_bias};
 pub(crate) use attention::AttentionScratch;
 pub(crate) use blocks::{AttentionBlock, AttentionKind, BlockScratch, FeedForwardBlock};
+#[cfg(feature = "candle")]
+pub(crate) use candle::{AttentionWindow, attention_bias};
 pub(crate) use input::{Input, copy_lane};
 pub(crate) use kernels::styled;
 pub(crate) use kv_cache::{AttentionShape, CachePosition, KvCache};

@@ -15,6 +15,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::{self, JoinHandle};
 
+use super::candle::TensorThreads;
 use super::kernels::Cpu;
 
 /// Turns of a spinning thread before it lets others run.
@@ -41,8 +42,7 @@ pub struct Pool {
     shared: Arc<Shared>,
     helpers: Vec<JoinHandle<()>>,
     busy: Mutex<()>,
-    /// The threads of the candle engine, which divides work by itself.
-    tensors: Option<rayon::ThreadPool>,
+    tensors: Option<TensorThreads>,
 }
 
 /// Work of the moment, as the helpers see it.
@@ -97,17 +97,15 @@ impl Pool {
 
     /// A pool of so many threads for the candle engine.
     pub(super) fn for_tensors(threads: usize) -> Self {
-        let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
         let mut pool = Self::new(1);
-        // Without threads of its own candle uses those of the process.
-        pool.tensors = builder.build().ok();
+        pool.tensors = TensorThreads::new(threads);
         pool
     }
 
     /// Threads that work, the caller's among them.
     pub fn threads(&self) -> usize {
         let tensors = self.tensors.as_ref();
-        tensors.map_or(1 + self.helpers.len(), rayon::ThreadPool::current_num_threads)
+        tensors.map_or(1 + self.helpers.len(), TensorThreads::count)
     }
 
     /// Borrows the helpers for a while; alone if somebody else has them.

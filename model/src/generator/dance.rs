@@ -10,6 +10,7 @@ use servodance_types::{MotionFrame, MusicFrame};
 use super::floor::FloorBounds;
 use super::options::{AtEnd, GeneratorOptions};
 use super::stall::StallDetector;
+use super::style_by_phrase::StyleByPhrase;
 use super::{Generator, Networks};
 use crate::conditioning::{HeardFrame, MusicKind};
 use crate::engine::Team;
@@ -43,6 +44,8 @@ pub struct Dance {
     floor: FloorBounds,
     style: usize,
     style_vector: Option<Vec<f32>>,
+    /// In a medley.
+    by_phrase: Option<StyleByPhrase>,
     stall: StallDetector,
 }
 
@@ -54,8 +57,14 @@ impl Dance {
         mut sampler: Sampler,
         options: GeneratorOptions,
     ) -> Self {
-        let codes = networks.starting_codes(style, &mut sampler);
         let config = &networks.config;
+        let by_phrase = match options.style_vector {
+            Some(_) => None,
+            None => networks.by_phrase(style),
+        };
+        let own = networks.own_style(style);
+        let style = by_phrase.as_ref().map_or(own, StyleByPhrase::home);
+        let codes = networks.starting_codes(style, &mut sampler);
         let lanes = if options.guidance == 1.0 { 1 } else { 2 };
         let mut dance = Self {
             seq: networks.seq.start(lanes),
@@ -73,6 +82,7 @@ impl Dance {
             floor: FloorBounds::default(),
             style,
             style_vector: options.style_vector.clone(),
+            by_phrase,
             stall: StallDetector::default(),
             options,
             networks,
@@ -101,6 +111,12 @@ impl Dance {
         }
         if !networks.normalise_music(&self.features, &mut self.music) {
             self.bad_music_frames += 1;
+        }
+        let phrase = self.by_phrase.as_mut().and_then(|style| style.observe(music, &self.music));
+        if let Some(style) = phrase.filter(|style| *style != self.style) {
+            self.style = style;
+            self.apply_style();
+            self.chain();
         }
         let team = networks.engine.pool().team();
         self.next_codes(&networks.seq, &team)?;
@@ -145,7 +161,10 @@ impl Dance {
     /// Dances on in another style, from the pose that it is in.
     /// Fails for: an unknown style; the message lists those there are.
     pub fn set_style(&mut self, style: &str) -> Result<(), ModelError> {
-        self.style = self.networks.style_index(style)?;
+        let style = self.networks.style_index(style)?;
+        self.by_phrase = self.networks.by_phrase(style);
+        let own = self.networks.own_style(style);
+        self.style = self.by_phrase.as_ref().map_or(own, StyleByPhrase::home);
         self.style_vector = None;
         self.apply_style();
         self.chain();
@@ -170,6 +189,11 @@ impl Dance {
     /// Back to before the first frame, with another seed.
     pub fn reset(&mut self, seed: u64) {
         self.sampler.reseed(seed);
+        if let Some(by_phrase) = &mut self.by_phrase {
+            by_phrase.reset();
+            self.style = by_phrase.home();
+            self.apply_style();
+        }
         self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
         self.chain();
         self.decoder.restart();
@@ -214,7 +238,7 @@ impl Dance {
 
     /// Names of the styles, as [`Generator::styles`].
     pub fn styles(&self) -> &[String] {
-        &self.networks.config.seq.styles
+        &self.networks.styles
     }
 
     /// Dances on with the random numbers of another seed.

@@ -11,6 +11,7 @@ mod floor;
 mod likelihood;
 mod options;
 mod stall;
+mod style_by_phrase;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -25,9 +26,11 @@ use crate::sampling::Sampler;
 use crate::vqvae::VqDecoder;
 use crate::weights::{BUILT_IN, Weights};
 
+use self::style_by_phrase::StyleByPhrase;
 pub use dance::Dance;
 pub use likelihood::Likelihood;
 pub use options::{AtEnd, GeneratorOptions};
+pub use style_by_phrase::MEDLEY;
 
 /// Normalised features are clamped to this many deviations, except the beat.
 const MUSIC_CLAMP: f32 = 6.0;
@@ -41,6 +44,8 @@ pub struct Generator {
 #[derive(Debug)]
 pub(crate) struct Networks {
     config: ModelConfig,
+    /// Names of the styles that can be asked for: the network's own, then the medley.
+    styles: Vec<String>,
     default_style: usize,
     provenance: String,
     pub(crate) engine: Engine,
@@ -107,7 +112,14 @@ impl Generator {
                 start_styles.len()
             )));
         }
+        let mut styles = config.seq.styles.clone();
+        let mut default_style = w.default_style();
+        if StyleByPhrase::new(&styles, config.music_dim).is_some() {
+            default_style = styles.len();
+            styles.push(MEDLEY.to_owned());
+        }
         let networks = Networks {
+            styles,
             decoder: VqDecoder::load(&w, &engine)?,
             seq: MotionSeq::load(&w, &engine)?,
             engine,
@@ -118,7 +130,7 @@ impl Generator {
             start_codes,
             start_styles,
             provenance: w.provenance().to_owned(),
-            default_style: w.default_style(),
+            default_style,
             config,
         };
         let networks = Arc::new(networks);
@@ -142,7 +154,7 @@ impl Generator {
 
     /// Names of the styles that a dance can be asked for.
     pub fn styles(&self) -> &[String] {
-        &self.networks.config.seq.styles
+        &self.networks.styles
     }
 
     /// The style that is danced when none is asked for.
@@ -171,7 +183,19 @@ impl Generator {
 
 impl Networks {
     fn style_index(&self, name: &str) -> Result<usize, ModelError> {
-        style_index(&self.config.seq.styles, name)
+        style_index(&self.styles, name)
+    }
+
+    /// The network's own style at this place; that of no style where there is none.
+    fn own_style(&self, style: usize) -> usize {
+        style.min(self.config.seq.styles.len())
+    }
+
+    /// What follows the phrases in a dance of the style at this place.
+    fn by_phrase(&self, style: usize) -> Option<StyleByPhrase> {
+        let is_medley = self.styles.get(style).is_some_and(|name| name == MEDLEY);
+        let own = &self.config.seq.styles;
+        is_medley.then(|| StyleByPhrase::new(own, self.config.music_dim)).flatten()
     }
 
     /// One of the stored beginnings, of this style if there is one.

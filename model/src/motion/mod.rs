@@ -5,9 +5,12 @@
 //! beats come in as times in seconds.
 
 pub mod alignment;
+#[cfg(feature = "candle")]
 pub mod bvh_write;
+#[cfg(feature = "candle")]
 pub mod clip;
 pub mod error;
+#[cfg(feature = "candle")]
 pub mod numpy;
 pub mod reconstruction;
 pub mod representation;
@@ -16,6 +19,7 @@ pub mod skeleton;
 pub mod vec3;
 
 pub use alignment::{Alignment, alignment, kinematic_beats_s, mean_joint_speed};
+#[cfg(feature = "candle")]
 pub use clip::Clip;
 pub use error::MotionError;
 pub use reconstruction::mpjpe_m;

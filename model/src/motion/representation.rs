@@ -199,7 +199,7 @@ pub fn mirrored(vector: &PoseVector) -> PoseVector {
     out
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "candle"))]
 mod tests {
     use super::super::Clip;
     use super::*;

@@ -11,6 +11,7 @@
 //! network twice. ALiBi and the KV cache are in [`crate::engine`], style
 //! conditioning in [`crate::conditioning`].
 
+#[cfg_attr(not(feature = "candle"), path = "no_candle.rs")]
 mod candle;
 mod embeddings;
 mod network;

@@ -1,8 +1,9 @@
 //! Weights in other number formats.
 
 use super::{Golden, TINY};
+use crate::Codec;
 use crate::engine::{Engine, EngineKind, EngineOptions};
-use crate::weights::{Dtype, Weights, convert};
+use crate::weights::{Dtype, Keep, Weights, convert};
 
 #[test]
 fn converted_weights_give_nearly_the_same() {
@@ -18,7 +19,7 @@ fn converted_weights_give_nearly_the_same() {
         (Dtype::Q6, 0.1),
         (Dtype::Q4_0, 0.4),
     ] {
-        let bytes = convert(TINY, "tiny", dtype).unwrap();
+        let bytes = convert(TINY, "tiny", dtype, Keep::Everything).unwrap();
         let weights = Weights::open(&bytes, "converted").unwrap();
         assert_eq!(weights.dtype(), dtype);
         let found = decoded(&weights, &g.codes);
@@ -27,8 +28,22 @@ fn converted_weights_give_nearly_the_same() {
         // What is kept as blocks is what a wider format makes of it.
         let options = EngineOptions { threads: Some(1), ..EngineOptions::default() };
         assert_eq!(Engine::new(&weights, options).unwrap().dtype(), dtype);
-        let wide = convert(&bytes, "converted", Dtype::F32).unwrap();
+        let wide = convert(&bytes, "converted", Dtype::F32, Keep::Everything).unwrap();
         let wide = Weights::open(&wide, "wide").unwrap();
         assert_eq!(decoded(&wide, &g.codes), found);
     }
+}
+
+#[test]
+fn weights_for_dancing_alone_decode_the_same_and_name_what_they_lack() {
+    let g = Golden::load();
+    let decoded = |bytes: &[u8]| {
+        super::decoded(&Weights::open(bytes, "converted").unwrap(), EngineKind::Own, &g.codes)
+    };
+    let kept = |keep| convert(TINY, "tiny", Dtype::F16, keep).unwrap();
+    let (whole, dance) = (kept(Keep::Everything), kept(Keep::Dance));
+    assert!(dance.len() < whole.len());
+    assert_eq!(decoded(&dance), decoded(&whole));
+    let refused = Codec::from_bytes(&dance, "dance").unwrap_err().to_string();
+    assert!(refused.contains("vq.encoder"), "{refused}");
 }

@@ -3,7 +3,7 @@
 use safetensors::SafeTensors;
 
 use super::TINY;
-use crate::weights::{Dtype, Weights, convert};
+use crate::weights::{Dtype, Keep, Weights, convert};
 use crate::{Generator, ModelError};
 
 /// The tiny file with one change to its header or data.
@@ -125,7 +125,7 @@ fn every_number_format_is_checked_at_load() {
         ),
     ];
     for (dtype, change, words) in cases {
-        let bytes = rewritten(&convert(TINY, "tiny", dtype).unwrap(), change);
+        let bytes = rewritten(&convert(TINY, "tiny", dtype, Keep::Everything).unwrap(), change);
         let text = Generator::from_bytes(&bytes, "broken").unwrap_err().to_string();
         for word in words.iter().chain(&[UP, "broken"]) {
             assert!(text.contains(word), "{dtype}: {text} lacks {word}");

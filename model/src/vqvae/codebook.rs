@@ -1,9 +1,5 @@
-//! Codebooks: one table of vectors for each body part.
-//!
-//! The decoder looks vectors up by code ([`Codebooks`]); the encoder looks for
-//! the code whose vector is nearest ([`NearestCode`]).
-
-use candle_core::{Result as TensorResult, Tensor};
+//! Codebooks: one table of vectors for each body part, in which the decoder looks
+//! vectors up by code. The search for the nearest one is in `nearest_code`.
 
 use crate::engine::EmbeddingTable;
 use crate::error::ModelError;
@@ -40,29 +36,5 @@ impl Codebooks {
         for ((to, table), code) in out.zip(&self.tables).zip(codes) {
             to.copy_from_slice(table.row(*code));
         }
-    }
-}
-
-/// The codebook of one body part, for quantisation.
-#[derive(Clone, Debug)]
-pub(crate) struct NearestCode {
-    vectors_t: Tensor,
-    /// Squared length of each vector, [codes].
-    squared: Tensor,
-}
-
-impl NearestCode {
-    pub fn load(w: &Weights, part: &str) -> Result<Self, ModelError> {
-        let shape = [w.config().codes, w.config().code_dim];
-        let vectors = w.tensor(&format!("vq.codebook.{part}"), &shape)?;
-        Ok(Self { squared: vectors.sqr()?.sum(1)?, vectors_t: vectors.t()? })
-    }
-
-    /// The nearest code of each row of [frames, code_dim].
-    pub fn quantise(&self, latent: &Tensor) -> TensorResult<Vec<u32>> {
-        // |z - c|^2 without |z|^2, which is the same for every code.
-        let products = (latent.matmul(&self.vectors_t)? * 2.0)?;
-        let distance = self.squared.broadcast_sub(&products)?;
-        distance.argmin(1)?.to_vec1()
     }
 }

@@ -7,7 +7,7 @@
 
 use candle_core::{Device, Tensor};
 
-use super::codebook::NearestCode;
+use super::nearest_code::NearestCode;
 use crate::config::{VqConfig, part_channels};
 use crate::engine::AttentionWindow;
 use crate::engine::candle::{TensorTransformer, TransformerSizes};

@@ -17,11 +17,30 @@ struct Tensor {
     data: Vec<u8>,
 }
 
+/// Tensors that nothing reads in a dance.
+const ENCODERS: &str = "vq.encoder.";
+
+/// Which tensors a converted file keeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Keep {
+    /// All that there are.
+    #[default]
+    Everything,
+    /// Those of a dance: without encoders, motion cannot be turned into codes
+    /// ([`crate::Codec`]).
+    Dance,
+}
+
 /// The bytes of the file `bytes` (called `source` in errors) with its
 /// matrices in `dtype`. Tables, biases and norms become f16 (f32 where the
 /// matrices do); what normalises data stays f32, integers stay what they are.
 /// Every number is checked.
-pub fn convert(bytes: &[u8], source: &str, dtype: Dtype) -> Result<Vec<u8>, ModelError> {
+pub fn convert(
+    bytes: &[u8],
+    source: &str,
+    dtype: Dtype,
+    keep: Keep,
+) -> Result<Vec<u8>, ModelError> {
     let file = |reason: String| ModelError::File { source_name: source.to_owned(), reason };
     let weights = Weights::open(bytes, source)?;
     let tensors = SafeTensors::deserialize(bytes).map_err(|e| file(e.to_string()))?;
@@ -33,7 +52,8 @@ pub fn convert(bytes: &[u8], source: &str, dtype: Dtype) -> Result<Vec<u8>, Mode
     let mut converted = Vec::with_capacity(names.len());
     for name in names {
         let view = tensors.tensor(name).map_err(|e| file(e.to_string()))?;
-        if is_scale(name, &tensors) {
+        let left_out = keep == Keep::Dance && name.starts_with(ENCODERS);
+        if left_out || is_scale(name, &tensors) {
             continue;
         }
         converted.extend(one(&weights, name, &view, dtype)?);
@@ -48,8 +68,8 @@ pub fn convert(bytes: &[u8], source: &str, dtype: Dtype) -> Result<Vec<u8>, Mode
 }
 
 /// The same from file to bytes.
-pub fn convert_file(path: &Path, dtype: Dtype) -> Result<Vec<u8>, ModelError> {
-    convert(&Weights::read(path)?, &path.display().to_string(), dtype)
+pub fn convert_file(path: &Path, dtype: Dtype, keep: Keep) -> Result<Vec<u8>, ModelError> {
+    convert(&Weights::read(path)?, &path.display().to_string(), dtype, keep)
 }
 
 /// Whether the tensor is the scale of a quantised one.

@@ -8,7 +8,6 @@
 
 use std::path::Path;
 
-use candle_core::{Device, Tensor};
 use safetensors::tensor::{Dtype as StoredAs, SafeTensors, TensorView};
 
 use crate::config::ModelConfig;
@@ -21,7 +20,7 @@ pub(crate) mod random;
 mod slab;
 pub mod tensor_file;
 
-pub use convert::{convert, convert_file};
+pub use convert::{Keep, convert, convert_file};
 pub use dtype::Dtype;
 pub(crate) use dtype::{BLOCK, CHUNK, CHUNK_WORDS, q6_quant};
 #[cfg(test)]
@@ -153,12 +152,6 @@ impl<'a> Weights<'a> {
     /// An error about the configuration of this file.
     pub(crate) fn config_error(&self, reason: String) -> ModelError {
         ModelError::Config { source_name: self.source.clone(), reason }
-    }
-
-    /// A tensor of exactly this shape, as f32 on the CPU.
-    pub fn tensor(&self, name: &str, shape: &[usize]) -> Result<Tensor, ModelError> {
-        let values = self.floats(name, shape)?;
-        Ok(Tensor::from_vec(values, shape, &Device::Cpu)?)
     }
 
     /// The numbers of a tensor of exactly this shape.

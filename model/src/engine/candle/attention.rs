@@ -3,7 +3,7 @@
 use candle_core::{DType, Device, Result as TensorResult, Tensor};
 use candle_nn::ops;
 
-use super::super::alibi::AttentionWindow;
+use super::AttentionWindow;
 use super::{TensorLinear, TensorNorm, TensorSource};
 use crate::error::ModelError;
 use crate::weights::Dtype;

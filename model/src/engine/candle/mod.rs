@@ -5,13 +5,16 @@
 //! has no gradient. [The engines](super) says what runs here and why.
 
 mod attention;
+mod attention_bias;
+mod threads;
 
 pub(crate) use attention::{TensorAttention, TensorCache};
+pub(crate) use attention_bias::{AttentionWindow, attention_bias};
+pub(crate) use threads::TensorThreads;
 
 use candle_core::{Result as TensorResult, Tensor};
 use candle_nn::ops;
 
-use super::alibi::{AttentionWindow, attention_bias};
 use crate::config::Activation;
 use crate::error::ModelError;
 use crate::weights::{Dtype, Weights};
@@ -22,6 +25,14 @@ const EPSILON: f32 = 1e-5;
 pub trait TensorSource {
     /// A tensor of exactly this shape, f32 on the CPU.
     fn tensor(&self, name: &str, shape: &[usize]) -> Result<Tensor, ModelError>;
+}
+
+impl Weights<'_> {
+    /// A tensor of exactly this shape, as f32 on the CPU.
+    pub fn tensor(&self, name: &str, shape: &[usize]) -> Result<Tensor, ModelError> {
+        let values = self.floats(name, shape)?;
+        Ok(Tensor::from_vec(values, shape, &candle_core::Device::Cpu)?)
+    }
 }
 
 impl TensorSource for Weights<'_> {

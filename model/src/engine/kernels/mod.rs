@@ -1,5 +1,6 @@
 //! The loops that take the time, each written once over [`Lanes`] and compiled
-//! for plain Rust and for AVX2; which one runs is asked of the processor.
+//! for plain Rust, for AVX2, for NEON and for WebAssembly's SIMD; which one runs is asked of
+//! an x86-64 processor, and settled elsewhere when the program is built.
 #![allow(unsafe_code)]
 
 mod attention;
@@ -10,6 +11,10 @@ mod vectors;
 #[cfg(target_arch = "x86_64")]
 use super::avx2::Avx2;
 use super::lanes::Portable;
+#[cfg(target_arch = "aarch64")]
+use super::neon::Neon;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+use super::simd128::Simd128;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cpu(Kind);
@@ -19,6 +24,10 @@ enum Kind {
     Portable,
     #[cfg(target_arch = "x86_64")]
     Avx2,
+    #[cfg(target_arch = "aarch64")]
+    Neon,
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    Simd128,
 }
 
 impl Cpu {
@@ -30,6 +39,11 @@ impl Cpu {
         {
             return Self(Kind::Avx2);
         }
+        #[cfg(target_arch = "aarch64")]
+        return Self(Kind::Neon);
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        return Self(Kind::Simd128);
+        #[allow(unreachable_code)] // where the kind was settled above
         Self::portable()
     }
 
@@ -43,6 +57,10 @@ impl Cpu {
             Kind::Portable => "portable",
             #[cfg(target_arch = "x86_64")]
             Kind::Avx2 => "avx2",
+            #[cfg(target_arch = "aarch64")]
+            Kind::Neon => "neon",
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Kind::Simd128 => "simd128",
         }
     }
 }
@@ -55,6 +73,10 @@ macro_rules! kernel {
         pub(crate) fn $name(cpu: Cpu, $($arg: $type),*) {
             match cpu.0 {
                 Kind::Portable => $module::$body::<Portable $(, $stored)?>($($arg),*),
+                #[cfg(target_arch = "aarch64")]
+                Kind::Neon => $module::$body::<Neon $(, $stored)?>($($arg),*),
+                #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+                Kind::Simd128 => $module::$body::<Simd128 $(, $stored)?>($($arg),*),
                 #[cfg(target_arch = "x86_64")]
                 Kind::Avx2 => {
                     #[target_feature(enable = "avx2,fma,f16c")]
