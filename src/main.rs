@@ -13,7 +13,7 @@ const WRONG_USAGE: u8 = 2;
 
 fn main() -> ExitCode {
     servodance_runtime::process::console::report_panics_in_one_line();
-    Cli::parse().command.run().unwrap_or_else(|error| {
+    Cli::parse().run().unwrap_or_else(|error| {
         let text = one_line(&error);
         servodance_runtime::process::console::stderr(format_args!("error: {text}\n"));
         match WrongUsage::is_in(&error) {

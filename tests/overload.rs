@@ -21,7 +21,7 @@ fn a_slow_generator_costs_picture_viewers_and_guidance_not_control() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
     let at = |text: &str| said.find(text).unwrap_or_else(|| panic!("no {text} in {said}"));
-    let order = ["no picture", "two frames a second", "no guidance"].map(at);
+    let order = ["no picture", "five frames a second", "no guidance"].map(at);
     assert!(order.is_sorted(), "{said}");
     assert!(!program.path("out.png").exists());
     let report = std::fs::read_to_string(program.path("out.json")).expect("a report");

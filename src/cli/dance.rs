@@ -2,6 +2,7 @@
 
 use super::options::dance::RobotArgs;
 use crate::cli::options::file_ending::file_of;
+use crate::cli::options::links::say_links;
 use crate::cli::prelude::*;
 use servodance_audio::TempoRange;
 use servodance_audio::source::PcmEncoding;
@@ -85,13 +86,17 @@ pub struct Args {
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub pcm_channels: u16,
     /// Serve a page to watch and to steer the dance with; its address is the
-    /// first line on standard output (see docs/show.md). Built with --features view.
+    /// first line on standard output (see docs/show.md).
     #[arg(long)]
     pub view: bool,
     /// Where the page is served; anything but this machine's own address makes
     /// it reachable for whoever has the address with its token.
     #[arg(long, default_value = "127.0.0.1:0", value_name = "IP:PORT", requires = "view")]
     pub view_bind: SocketAddr,
+    /// Dead-man mode: without an operator's page open in front of somebody for so many
+    /// seconds the robot holds, and after as many again goes to rest, torque off.
+    #[arg(long, value_name = "SECONDS", requires = "view", value_parser = dead_man_seconds)]
+    pub view_dead_man: Option<f64>,
     /// Show the dance in this terminal and steer it by keys: start, hold, resume,
     /// end, amplitude, style, seed, mirror, idle; Enter, Esc or Space is the
     /// emergency stop (see docs/show.md).
@@ -128,7 +133,7 @@ fn report(config: &DanceConfig, outcome: &Outcome) {
 
 /// Dances for whoever opens the page or sits at the terminal.
 fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCode> {
-    let (waits, bind, tui) = (config.wait_for_start, config.view, config.tui);
+    let (waits, bind, tui, quiet) = (config.wait_for_start, config.view, config.tui, config.quiet);
     if tui {
         TerminalView::check()?;
     }
@@ -142,8 +147,8 @@ fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCo
         None => None,
     };
     let address = server.as_ref().map(Server::address);
-    if let Some(address) = address {
-        stdout_line!("{address}");
+    if let Some(server) = &server {
+        say_links(server, !quiet && !tui && bind.is_some_and(|bind| !bind.ip().is_loopback()));
     }
     let terminal = match tui {
         true => Some(TerminalView::start(scene, session.add_viewer(), stop, address)?),
@@ -203,11 +208,19 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         picture: (!args.no_picture).then_some(args.picture),
         gif: args.gif,
         view: args.view.then_some(args.view_bind),
+        dead_man_s: args.view_dead_man,
         tui: args.tui,
         wait_for_start: args.wait_for_start,
         estop_file: args.rig.estop_file,
         quiet: args.quiet,
     })
+}
+
+fn dead_man_seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (1.0..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("expected 1 to 3600 seconds".into()),
+    }
 }
 
 fn audio_choice(args: &Args) -> anyhow::Result<AudioChoice> {

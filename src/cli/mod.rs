@@ -17,6 +17,7 @@ pub mod devices;
 pub mod doctor;
 pub mod evaluate;
 pub mod export;
+mod first_minute;
 pub mod follow;
 pub mod generate;
 pub mod jog;
@@ -77,8 +78,19 @@ const EXAMPLES: &str = include_str!("examples/servodance.txt").trim_ascii_end();
     max_term_width = 100
 )]
 pub struct Cli {
+    /// Without one the built-in show is danced on a page.
     #[command(subcommand)]
-    pub command: Command,
+    pub command: Option<Command>,
+}
+
+impl Cli {
+    /// Does what was asked for.
+    pub fn run(self) -> anyhow::Result<ExitCode> {
+        match self.command {
+            Some(command) => command.run(),
+            None => first_minute::run(),
+        }
+    }
 }
 
 /// What servodance can do.

@@ -1,5 +1,6 @@
 //! `servodance play`.
 
+use crate::cli::options::links::say_links;
 use crate::cli::prelude::*;
 use servodance_retarget::RobotModel;
 use servodance_runtime::robot::Meshes;
@@ -16,7 +17,7 @@ pub struct Args {
     #[arg(value_name = "FILE.mcap")]
     pub recording: PathBuf,
     /// Play it on a page, whose address is the first line on standard output;
-    /// so far there is no other way. Built with --features view.
+    /// so far there is no other way.
     #[arg(long)]
     pub view: bool,
     /// Where the page is served; anything but this machine's own address makes
@@ -38,7 +39,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let stop = stop_signal()?;
     let (end, viewers) = link(recording.joints.len(), settings);
     let server = Server::start(args.view_bind, scene, viewers)?;
-    stdout_line!("{}", server.address());
+    say_links(&server, !args.view_bind.ip().is_loopback());
     Player::new(&recording, end).run(&stop);
     Ok(ExitCode::SUCCESS)
 }
@@ -53,6 +54,7 @@ fn scene(recording: &Recording) -> anyhow::Result<Scene> {
         styles: Vec::new(),
         control_hz: recording.control_hz,
         waits: false,
+        song: None,
         recording_s: Some(recording.span_s()),
     })
 }

@@ -1,7 +1,7 @@
 //! `servodance weights`.
 
 use crate::cli::prelude::*;
-use servodance_model::weights::Dtype;
+use servodance_model::weights::{Dtype, Keep};
 use servodance_training::weights::{self, WeightsInfo};
 
 const EXAMPLES: &str = include_str!("examples/weights.txt").trim_ascii_end();
@@ -39,6 +39,10 @@ pub enum What {
         /// The file to write.
         #[arg(long, value_name = "FILE.safetensors")]
         out: PathBuf,
+        /// Leave out what only reads recorded motion: a smaller file that dances the same,
+        /// but cannot go on from a motion (`generate --start`).
+        #[arg(long)]
+        dance_only: bool,
     },
     /// Score each number format on held-out motion: error of stage 1,
     /// likelihood of stage 2.
@@ -67,8 +71,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
                 false => stdout_line!("{info}"),
             }
         }
-        What::Convert { file, dtype, out } => {
-            let bytes = servodance_model::weights::convert_file(&file, dtype)?;
+        What::Convert { file, dtype, out, dance_only } => {
+            let keep = if dance_only { Keep::Dance } else { Keep::Everything };
+            let bytes = servodance_model::weights::convert_file(&file, dtype, keep)?;
             write_whole(&out, &bytes)?;
             stdout_line!("{}: {dtype}, {:.1} MB", out.display(), bytes.len() as f64 / 1e6);
         }

@@ -23,13 +23,13 @@ ARGUMENTS = [
 class Chromium:
     """One browser with one page; use it in a `with` statement."""
 
-    def __init__(self, program="chromium", patience_s=90):
+    def __init__(self, program="chromium", patience_s=90, more=()):
         self.patience_s = patience_s
         self.folder = tempfile.TemporaryDirectory(
             prefix="show-browser-", ignore_cleanup_errors=True)  # its children may still write
         to_read, self.out = os.pipe()
         self.into, to_write = os.pipe()
-        command = [program, f"--user-data-dir={self.folder.name}", *ARGUMENTS]
+        command = [program, f"--user-data-dir={self.folder.name}", *ARGUMENTS, *more]
         # The browser finds its two ends at descriptors 3 and 4.
         shell = f'exec "$@" 3<&{to_read} 4>&{to_write}'
         self.process = subprocess.Popen(

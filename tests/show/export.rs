@@ -27,7 +27,7 @@ fn a_dance_draws_its_own_moving_picture() {
     let program = Program::new();
     let dance = ["dance", "--robot", "neck", "--no-picture", "--quiet", "--gif"];
     program.succeed(&[&dance[..], &["dance.gif"]].concat());
-    assert_eq!(frames(&program, "dance.gif"), 125, "ten seconds");
+    assert_eq!(frames(&program, "dance.gif"), 250, "ten seconds");
     program.refused(&[&dance[..], &["no/such/dance.gif"]].concat(), &["no/such"]);
 }
 
@@ -39,7 +39,7 @@ fn a_recording_becomes_a_moving_picture_bvh_and_csv() {
     assert!(recording.root_at(1.0)[6] != 0.0 && recording.motion.at(1.0).is_some());
     let export = ["export", "out.mcap", "--gif", "a.gif", "--seconds", "2"];
     program.succeed(&[&export[..], &["--bvh", "a.bvh", "--csv", "a.csv"]].concat());
-    assert_eq!(frames(&program, "a.gif"), 25);
+    assert_eq!(frames(&program, "a.gif"), 50);
     let bvh = std::fs::read_to_string(program.path("a.bvh")).expect("the motion");
     let motions = recording.motion.iter().count();
     assert!(bvh.contains(&format!("Frames: {motions}\n")));

@@ -162,7 +162,7 @@ fn a_new_robot_file_brings_what_is_drawn_of_a_description_elsewhere() {
         ("../meshes/face.dae", false),
     ] {
         home.write_description("ros/neck_description/urdf/neck.urdf", mesh);
-        let new = new_robot(&urdf, &toml, true, &trial_dance(), &[]).expect("a robot file");
+        let new = new_robot(&urdf, &toml, true, None, &trial_dance(), &[]).expect("a robot file");
         let left = format!("not copied: mesh {mesh}: ");
         let said = new.lines.iter().any(|line| line.starts_with(&left));
         assert_eq!(said, !drawn, "{:?}", new.lines);

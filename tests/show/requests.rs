@@ -15,7 +15,7 @@ use std::time::Duration;
 fn configured(arguments: &[&str]) -> DanceConfig {
     let words = ["servodance", "dance", "--no-picture", "--quiet"];
     let cli = Cli::try_parse_from(words.iter().chain(arguments)).expect("arguments");
-    let Command::Dance(args) = cli.command else {
+    let Some(Command::Dance(args)) = cli.command else {
         panic!("not a dance");
     };
     servodance::cli::dance::configuration(args).expect("a dance")

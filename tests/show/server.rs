@@ -1,6 +1,7 @@
 //! The page's server, asked by plain TCP and by WebSocket as strangers would.
 
 use servodance_runtime::control::idle::IdleStyle;
+use servodance_runtime::pipeline::audio_input::AudioChoice;
 use servodance_runtime::robot::{Meshes, Robot};
 use servodance_runtime::viewer::{
     Activity, RobotEnd, Scene, Server, ViewerRequest, ViewerSettings, link,
@@ -29,6 +30,7 @@ fn page() -> Page {
         styles: vec!["hype".into(), "salsa".into()],
         control_hz: robot.control_hz,
         waits: false,
+        song: Some(AudioChoice::BuiltIn),
         recording_s: None,
     };
     let (mut end, viewers) = link(robot.servos.len(), settings);
@@ -282,11 +284,128 @@ fn a_flood_of_connections_leaves_viewers_alone() {
         assert!(Instant::now() < until, "the stop got through");
         std::thread::sleep(Duration::from_millis(2));
     }
+    // Strangers of one host wait in front of one another, not of who has a token.
+    let late = (0..20).filter(|_| page.get("api/state").0 != 200).count();
+    assert!(late <= 2, "{late} of 20 requests found no place");
+    let mut newcomer = page.socket(None).expect("a socket in the flood");
+    newcomer.read().expect("its first frame");
     drop(flood);
-    // Those who wait are let in again.
-    let again = (0..100).any(|_| {
-        std::thread::sleep(Duration::from_millis(100));
-        page.get("api/state").0 == 200
+}
+
+#[test]
+fn the_song_is_served_whole_to_whoever_holds_a_link() {
+    let page = page();
+    let audience = page.server.audience_address().to_owned();
+    let path = audience.split_once(&page.at().to_string()).expect("a path").1.to_owned();
+    let song = servodance_audio::song::Song::demo();
+    for path in [path, format!("/{}/", page.token())] {
+        let mut stream = TcpStream::connect(page.at()).expect("a connection");
+        let request = format!("GET {path}api/song HTTP/1.1\r\nHost: {}\r\n\r\n", page.at());
+        stream.write_all(request.as_bytes()).expect("sent");
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).expect("the song");
+        let body = answer.windows(4).position(|end| end == b"\r\n\r\n").expect("a body") + 4;
+        let wav = hound::WavReader::new(&answer[body..]).expect("WAV");
+        assert_eq!(wav.len() as usize, song.samples.len());
+    }
+}
+
+#[test]
+fn slow_strangers_are_turned_away_soon() {
+    let page = page();
+    let mut slow = TcpStream::connect(page.at()).expect("a connection");
+    slow.write_all(b"GET /").expect("half a request");
+    slow.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
+    let began = Instant::now();
+    let mut rest = Vec::new();
+    let _ = slow.read_to_end(&mut rest); // closed, or reset
+    assert!(began.elapsed() < Duration::from_secs(6), "{:?}", began.elapsed());
+}
+
+#[test]
+fn the_audience_watches_and_commands_nothing() {
+    let mut page = page();
+    let audience = page.server.audience_address().to_owned();
+    let path = audience.split_once(&page.at().to_string()).expect("a path").1.to_owned();
+    assert_ne!(path, format!("/{}/", page.token()));
+    for part in ["", "main.js", "api/state"] {
+        assert_eq!(page.ask("GET", &format!("{path}{part}"), "", "").0, 200, "{part}");
+    }
+    let scene_of = |path: &str| {
+        let (_, scene) = page.ask("GET", &format!("{path}api/scene"), "", "");
+        assert!(!scene.contains(page.token()), "it does not learn the other link");
+        serde_json::from_str::<serde_json::Value>(&scene).expect("JSON")
+    };
+    assert_eq!(scene_of(&path)["operator"], false);
+    assert_eq!(scene_of(&format!("/{}/", page.token()))["operator"], true);
+    assert_eq!(page.ask("GET", &format!("{path}api/links"), "", "").0, 403);
+    let (status, links) = page.get("api/links");
+    assert!(status == 200 && links.contains(&audience) && links.contains("0111"), "{links}");
+
+    for wish in [r#"{"do":"estop"}"#, r#"{"do":"hold"}"#, r#"{"do":"alive"}"#, "{"] {
+        let (status, why) = page.ask("POST", &format!("{path}api/command"), JSON, wish);
+        assert!(status == 403 && why.contains("watching"), "{wish}: {status} {why}");
+    }
+    assert_eq!(page.ask("POST", &format!("{path}api/tap"), JSON, "").0, 403);
+    let stream = TcpStream::connect(page.at()).expect("a connection");
+    let address = format!("{}api/live", audience.replace("http:", "ws:"));
+    let (mut socket, _) = tungstenite::client(address, stream).expect("a socket");
+    socket.send(Message::text(r#"{"do":"estop"}"#)).expect("sent");
+    let refused = (0..10).any(|_| {
+        let text = socket.read().expect("a message").into_text().expect("text");
+        text.contains("this link is for watching")
     });
-    assert!(again);
+    assert!(refused && !page.robot.estop.is_pressed());
+    assert_eq!(page.robot.request(), None);
+    assert!(page.robot.operators.silent_s() > 0.0);
+}
+
+#[test]
+fn a_stop_is_confirmed_by_the_control_loop_and_by_nobody_else() {
+    let mut page = page();
+    let press = r#"{"do":"estop","press":"p1"}"#;
+    let state = |page: &Page| {
+        let (_, state) = page.get("api/state");
+        serde_json::from_str::<serde_json::Value>(&state).expect("JSON")
+    };
+    assert_eq!(page.command(JSON, press), (202, "{}".into()));
+    assert_eq!(state(&page)["confirmed"], serde_json::json!([]));
+    // A control loop that dances on: pressed is not stopped.
+    page.robot.publish(|snapshot| snapshot.now.music_s = 1.0);
+    page.robot.confirm_stop(false);
+    assert_eq!(page.command(JSON, press), (202, "{}".into()));
+    assert_eq!((&state(&page)["stopped"], &state(&page)["estop"]), (&false.into(), &true.into()));
+    page.robot.confirm_stop(true);
+    assert_eq!(state(&page)["confirmed"], serde_json::json!(["p1"]));
+    assert_eq!(page.command(JSON, press), (202, r#"{"stopped":true}"#.into()));
+    // Released, and dancing again while old news still says stopped: the next press is new.
+    page.robot.estop.clear();
+    assert_eq!(page.command(JSON, r#"{"do":"estop","press":"p2"}"#), (202, "{}".into()));
+    assert_eq!(state(&page)["confirmed"], serde_json::json!(["p1"]));
+    page.robot.confirm_stop(true);
+    assert_eq!(state(&page)["confirmed"], serde_json::json!(["p2"]));
+    for seen in [r#"{"do":"seen","press":"p1"}"#, r#"{"do":"seen","press":"p2"}"#] {
+        assert_eq!(page.command(JSON, seen).0, 202);
+    }
+    let began = Instant::now();
+    drop(page.server);
+    assert!(began.elapsed() < Duration::from_secs(5), "no page waits for a confirmation");
+}
+
+#[test]
+fn an_operator_who_falls_silent_is_told_of_and_one_who_leaves_is_not() {
+    let mut page = page();
+    let alive = || Message::text(r#"{"do":"alive"}"#);
+    let mut leaves = page.socket(None).expect("a socket");
+    leaves.send(alive()).expect("sent");
+    leaves.close(None).expect("a goodbye");
+    while leaves.read().is_ok() {}
+    let mut silent = page.socket(None).expect("a socket");
+    silent.send(alive()).expect("sent");
+    std::thread::sleep(Duration::from_millis(500));
+    assert_eq!(page.robot.request(), None, "not yet");
+    assert!(page.robot.operators.silent_s() < 10.0);
+    assert_eq!(page.next_request(), Some(ViewerRequest::OperatorLost));
+    assert_eq!(page.robot.request(), None, "told once");
+    drop(silent);
 }

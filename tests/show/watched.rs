@@ -60,3 +60,20 @@ fn a_viewer_takes_at_most_five_per_cent_of_a_core() {
     signal(&child, "-INT");
     assert_eq!(child.wait().expect("it ends").code(), Some(130));
 }
+
+#[test]
+fn a_robot_whose_operator_is_gone_holds_and_goes_to_rest() {
+    let _alone = alone();
+    let program = Program::new();
+    let robot = program.unhurried_robot("neck");
+    let dance = ["dance", "--robot", &robot, "--view", "--view-dead-man", "1", "--no-picture"];
+    program.succeed(&[&dance[..], &["--quiet", "--report", "out.json"]].concat());
+    let report = std::fs::read_to_string(program.path("out.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    let safety = report["safety"].as_array().expect("a log").iter();
+    let causes: Vec<&str> = safety.filter_map(|event| event["cause"].as_str()).collect();
+    let at = |words: &str| causes.iter().position(|cause| cause.contains(words));
+    let order = ["s: holding", "asked to hold", "going to rest", "stopped on request"].map(at);
+    assert!(order.iter().all(Option::is_some) && order.is_sorted(), "{causes:?}");
+    assert_eq!(causes.last(), Some(&"torque is off"));
+}

@@ -7,10 +7,11 @@
 use crate::process::speed::Speed;
 use std::time::{Duration, Instant};
 
-/// A cycle that is later than this many periods is a stall.
-const STALL_PERIODS: f64 = 0.5;
+/// A cycle that is later than this many periods moves those behind it, so that no two are
+/// close together.
+const LATE_PERIODS: f64 = 0.05;
 /// Share of a period by which cycles come sooner until a stall is made up.
-const CATCH_UP: f64 = 0.02;
+const CATCH_UP: f64 = 0.03;
 
 #[derive(Clone, Debug)]
 pub struct CycleClock {
@@ -65,18 +66,24 @@ impl CycleClock {
         let now_s = self.elapsed_s();
         let rest_s = (self.place(now_s) - now_s).max(0.0);
         std::thread::sleep(Duration::from_secs_f64(rest_s));
-        Some(self.elapsed_s() - due_s)
+        let began_s = self.elapsed_s();
+        self.note_start(began_s);
+        Some(began_s - due_s)
     }
 
     /// When the present cycle is to be, seconds after the start; it is `now_s`.
     fn place(&mut self, now_s: f64) -> f64 {
-        let grid_s = self.cycle_s();
-        if now_s > grid_s + self.slip_s + STALL_PERIODS * self.period_s {
-            self.slip_s = now_s - grid_s;
-        } else {
-            self.slip_s = (self.slip_s - CATCH_UP * self.period_s).max(0.0);
+        self.slip_s = (self.slip_s - CATCH_UP * self.period_s).max(0.0);
+        self.note_start(now_s);
+        self.cycle_s() + self.slip_s
+    }
+
+    /// The present cycle begins at `now_s` at the earliest.
+    fn note_start(&mut self, now_s: f64) {
+        let late_s = now_s - self.cycle_s() - self.slip_s;
+        if late_s > LATE_PERIODS * self.period_s {
+            self.slip_s += late_s;
         }
-        grid_s + self.slip_s
     }
 }
 
@@ -94,14 +101,14 @@ mod tests {
     #[test]
     fn a_stall_is_made_up_a_little_in_each_cycle() {
         let mut clock = CycleClock::new(Speed::Realtime, 0.01);
-        assert_eq!(clock.place(0.004), 0.0); // late, but no stall
+        assert_eq!(clock.place(0.0004), 0.0); // a little late
         assert_eq!(clock.place(0.03), 0.03);
         let mut last_s = 0.03;
         for _ in 0..150 {
             clock.advance();
             let placed_s = clock.place(last_s);
             let apart_s = placed_s - last_s;
-            assert!((0.0097..0.0101).contains(&apart_s), "{apart_s}");
+            assert!((0.0096..0.0101).contains(&apart_s), "{apart_s}");
             last_s = placed_s;
         }
         assert_eq!(last_s, clock.cycle_s()); // back on the grid

@@ -62,7 +62,10 @@ impl RecorderFeed {
         recorder.positions(RecordingTopic::JointCommands, at_s, servos.safety().sent_rad());
         recorder.states(RecordingTopic::JointStates, at_s, servos.states());
         if let Some(retargeter) = decision.root {
-            recorder.pose(RecordingTopic::Root, at_s, servos.root_pose(retargeter));
+            let root = servos.root_pose(retargeter);
+            recorder.pose(RecordingTopic::Root, at_s, root);
+            let joints: Vec<f64> = servos.states().iter().map(|s| s.position_rad).collect();
+            recorder.links(at_s, retargeter.model(), root, &joints);
         }
         if let Some(truth) = servos.truth() {
             // The simulation has already gone on to the end of this cycle.

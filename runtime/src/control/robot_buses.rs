@@ -132,6 +132,8 @@ impl RobotBuses {
                     let sim = simulated(layout, robot.control_hz, speed, &plan, world.as_ref())?;
                     let port = sim.port();
                     layout.config.reply_clock = sim.reply_clock();
+                    // Simulated servos end with the program.
+                    layout.config.accept_no_watchdog = true;
                     sims.push((place, sim));
                     port
                 }
@@ -188,6 +190,11 @@ impl RobotBuses {
         }
         self.now_s = now_s;
         Ok(())
+    }
+
+    /// A remark, told and kept like those of the safety layer.
+    pub fn note(&mut self, text: &str) {
+        self.bus.note(self.now_s, text);
     }
 
     fn read_imu(&self) -> Option<ImuState> {

@@ -15,8 +15,9 @@ use std::collections::VecDeque;
 use std::time::Instant;
 
 const SNAPSHOTS_HZ: f64 = 30.0;
-/// One snapshot of so many is left while viewers are left out.
-const FEW: u64 = 15;
+/// One snapshot of so many is left while viewers are left out: five a second, so that
+/// pages still know that the robot is there.
+const FEW: u64 = 6;
 /// Fastest change of the amplitude, 1/s.
 const AMPLITUDE_PER_S: f64 = 1.5;
 /// Below this the movement may be mirrored unseen.
@@ -64,6 +65,7 @@ impl<'a> ViewerLink<'a> {
         let ViewerSettings { amplitude, mirror, .. } = end.settings;
         retargeter.set_amplitude(amplitude);
         retargeter.set_mirror(mirror);
+        end.operators.hear(); // dead-man mode counts from torque on
         let ahead = (retargeter.preview_s() / period_s).round() as usize;
         Self {
             shedding: LoadShedding::default(),
@@ -144,6 +146,7 @@ impl<'a> ViewerLink<'a> {
         self.measure_rate();
         let states = servos.states();
         let moment = RobotStatus {
+            published: Instant::now(),
             activity: cycle.activity,
             robot_s: servos.now_s(),
             music_s: cycle.music_s,
@@ -159,6 +162,7 @@ impl<'a> ViewerLink<'a> {
             late_ms: self.shown_late_ms.max(self.late_ms),
             late_frames: cycle.late_frames,
             safety: servos.safety().state(),
+            stopped: None,
             interventions: servos.interventions(),
             violations: servos.violations().map(|v| v.position + v.velocity + v.acceleration),
         };
@@ -228,6 +232,7 @@ pub fn publish_end(end: &mut RobotEnd, servos: &RobotBuses) {
             snapshot.push_event(event_of(event));
         }
     });
+    end.confirm_stop(end.torque_was_off());
 }
 
 fn event_of(transition: &Transition) -> ViewerEvent {

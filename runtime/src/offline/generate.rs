@@ -12,9 +12,8 @@ use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::{Context, bail};
 use servodance_audio::MusicAnalyzer;
 use servodance_model::conditioning::{Encodec, HeardFrame};
-use servodance_model::motion::mpjpe_m;
-use servodance_model::motion::{Clip, bvh_write};
-use servodance_model::{AtEnd, Codec, GeneratorOptions, ModelError};
+use servodance_model::motion::{Clip, Pose, bvh_write, mpjpe_m};
+use servodance_model::{AtEnd, Codec, Dance, GeneratorOptions, ModelError};
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -23,6 +22,8 @@ use std::path::{Path, PathBuf};
 const LOOKAHEAD_MAX_S: f64 = 5.0;
 /// Longest motion, seconds: a day.
 const SECONDS_MAX: f64 = 86_400.0;
+
+const TRIAL_S: f64 = 20.0;
 
 /// The motion that is wanted.
 #[derive(Clone, Debug, clap::Args)]
@@ -155,8 +156,21 @@ pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
             _ => bail!("{}: one frame is no motion to go on from", start.display()),
         }
     }
-    let mut music = MusicFeed::open(request, encodec.as_ref())?;
-    let progress = Progress::new(request.seconds.or(music.audio.duration_s()), request.quiet);
+    let choice = request.audio.clone().map_or(AudioChoice::BuiltIn, AudioChoice::File);
+    let mut audio = AudioInput::open(&choice, Speed::Max)?;
+    let features = extractor(audio.sample_rate_hz(), encodec.as_ref())?;
+    let progress = Progress::new(request.seconds.or(audio.duration_s()), request.quiet);
+    let repeats = request.seconds.is_some();
+    let blocks = |block: &mut Vec<f32>| {
+        let heard = audio.next_block(block)?;
+        if !heard && repeats {
+            audio = AudioInput::open(&choice, Speed::Max)?;
+            return audio.next_block(block);
+        }
+        Ok(heard)
+    };
+    let mut music = MusicFeed::new(features, blocks, lookahead_s);
+    music.left = request.seconds.map(frames);
     let mut poses = Vec::new();
     while let Some(heard) = music.next()? {
         match dance.step_heard(&heard) {
@@ -168,6 +182,13 @@ pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
     }
     progress.done();
     Ok(Clip { name: "generated".into(), fps: FRAME_RATE_HZ, poses })
+}
+
+/// Two dances of the default style to the built-in song, 20 s each, to try a robot with in
+/// the simulated world.
+pub fn dances_of_built_in_song() -> anyhow::Result<Vec<Clip>> {
+    let dance = |seed| generate(&GenerateRequest::plain(None, TRIAL_S, seed, None));
+    (1..=2).map(dance).collect()
 }
 
 /// A motion, and what the VQ-VAE makes of it.
@@ -201,10 +222,39 @@ pub fn open_codec(model: Option<&Path>) -> anyhow::Result<Codec> {
     })
 }
 
-/// Music frames, as many as asked for, with the beat known some frames ahead.
-struct MusicFeed {
-    choice: AudioChoice,
-    audio: AudioInput,
+/// The motion to all of `samples`, mono; `lookahead_s` as in [`GenerateRequest`].
+pub fn poses_of_samples(
+    dance: &mut Dance,
+    samples: &[f32],
+    sample_rate_hz: u32,
+    lookahead_s: f64,
+) -> anyhow::Result<Vec<Pose>> {
+    let mut waiting = Some(samples);
+    let blocks = |block: &mut Vec<f32>| {
+        block.clear();
+        block.extend_from_slice(waiting.unwrap_or_default());
+        Ok(waiting.take().is_some())
+    };
+    let mut music = MusicFeed::new(extractor(sample_rate_hz, None)?, blocks, lookahead_s);
+    let mut poses = Vec::new();
+    while let Some(heard) = music.next()? {
+        poses.push(dance.step_heard(&heard)?.positions);
+    }
+    Ok(poses)
+}
+
+fn extractor(sample_rate_hz: u32, encodec: Option<&Encodec>) -> anyhow::Result<FeatureExtractor> {
+    FeatureExtractor::new(MusicAnalyzer::new(sample_rate_hz)?, sample_rate_hz, encodec)
+}
+
+fn frames(seconds: f64) -> usize {
+    (seconds * FRAME_RATE_HZ).round() as usize
+}
+
+/// Music frames, as many as asked for, with the beat known some frames ahead; `blocks`
+/// writes the next samples and says whether there were any.
+struct MusicFeed<B> {
+    blocks: B,
     features: FeatureExtractor,
     block: Vec<f32>,
     /// Frames still to give; `None` is until the music is over.
@@ -214,23 +264,17 @@ struct MusicFeed {
     ended: bool,
 }
 
-impl MusicFeed {
-    fn open(request: &GenerateRequest, encodec: Option<&Encodec>) -> anyhow::Result<Self> {
-        let choice = request.audio.clone().map_or(AudioChoice::BuiltIn, AudioChoice::File);
-        let audio = AudioInput::open(&choice, Speed::Max)?;
-        let rate_hz = audio.sample_rate_hz();
-        let analyzer = MusicAnalyzer::new(rate_hz)?;
-        let frames = |seconds: f64| (seconds * FRAME_RATE_HZ).round() as usize;
-        Ok(Self {
-            choice,
-            features: FeatureExtractor::new(analyzer, rate_hz, encodec)?,
-            audio,
+impl<B: FnMut(&mut Vec<f32>) -> anyhow::Result<bool>> MusicFeed<B> {
+    fn new(features: FeatureExtractor, blocks: B, lookahead_s: f64) -> Self {
+        Self {
+            blocks,
+            features,
             block: Vec::new(),
-            left: request.seconds.map(frames),
+            left: None,
             waiting: VecDeque::new(),
-            lookahead: frames(request.lookahead),
+            lookahead: frames(lookahead_s),
             ended: false,
-        })
+        }
     }
 
     fn next(&mut self) -> anyhow::Result<Option<HeardFrame>> {
@@ -256,12 +300,9 @@ impl MusicFeed {
     }
 
     fn listen(&mut self) -> anyhow::Result<()> {
-        if self.audio.next_block(&mut self.block)? {
-            self.features.push(&self.block)?;
-        } else if self.left.is_some() {
-            self.audio = AudioInput::open(&self.choice, Speed::Max)?;
-        } else {
-            self.ended = true;
+        match (self.blocks)(&mut self.block)? {
+            true => self.features.push(&self.block)?,
+            false => self.ended = true,
         }
         Ok(())
     }

@@ -59,7 +59,7 @@ impl LeftOut {
         match self {
             LeftOut::Nothing => "everything is there",
             LeftOut::Picture => "no picture will be drawn",
-            LeftOut::Viewers => "viewers get two frames a second",
+            LeftOut::Viewers => "viewers get five frames a second",
             LeftOut::Guidance => "the dance follows the music less closely (no guidance)",
             LeftOut::Generator => "the figure is held",
         }

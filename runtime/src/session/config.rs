@@ -38,6 +38,8 @@ pub struct DanceConfig {
     pub gif: Option<PathBuf>,
     /// Address of the page for viewers, if there is one.
     pub view: Option<SocketAddr>,
+    /// How long the robot dances on while no operator has its page open, seconds.
+    pub dead_man_s: Option<f64>,
     pub tui: bool,
     /// Whether each dance waits for a viewer's `start`.
     pub wait_for_start: bool,

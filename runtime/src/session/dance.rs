@@ -19,13 +19,14 @@ use crate::pipeline::motion_source::MotionSource;
 use crate::process::progress::Progress;
 use crate::process::realtime::{NotAllowed, OrdinaryAfterwards, ThreadRole, raise};
 use crate::process::speed::Speed;
+use crate::telemetry::JointSpans;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
 use crate::telemetry::report::{DanceReport, SafetyEvent};
 use crate::viewer::RobotEnd;
 use anyhow::Context;
 use servodance_audio::capture::CaptureEvent;
-use servodance_drivers::EStop;
+use servodance_drivers::{EStop, State};
 use servodance_model::Generator;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -84,7 +85,18 @@ pub(super) fn perform(
     let mut servos =
         RobotBuses::open_simulating(&config.robot, &config.buses, config.speed, estop, plan)?;
     let mut events = servos.listen();
-    for note in servos.arm()? {
+    if let Some(viewers) = viewers.as_deref_mut() {
+        viewers.publish(|snapshot| snapshot.now.safety = State::Arming);
+    }
+    let armed = servos.arm();
+    if armed.is_err() {
+        // What went wrong is told below; whether torque is off, by the state left here.
+        let _ = servos.disarm("the servos could not be armed");
+        if let Some(viewers) = viewers.as_deref_mut() {
+            publish_end(viewers, &servos);
+        }
+    }
+    for note in armed? {
         progress.note(&note);
     }
     let mut control = ControlLoop::new(
@@ -137,8 +149,20 @@ pub(super) fn perform(
     refuse_fall(&servos)?;
     refuse_broken_limits(&report, &servos)?;
     report.following.refuse_frozen()?;
+    let music_s = report.audio_s - report.idled_s;
+    let asked = config.robot.retarget.amplitude >= LEAST_AMPLITUDE && music_s >= LEAST_MUSIC_S;
+    if asked && config.view.is_none() && !config.tui {
+        let targets = &run.log.trace.targets;
+        let mut moved = JointSpans::new(config.robot.servos.len());
+        (0..targets.times_s().len()).for_each(|sample| moved.see(targets.sample(sample)));
+        moved.refuse_still()?;
+    }
     Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
 }
+
+/// Less amplitude, or less music, need not move a robot.
+const LEAST_AMPLITUDE: f64 = 0.2;
+const LEAST_MUSIC_S: f64 = 5.0;
 
 /// What a dance needs before the buses are opened.
 struct Prepared {

@@ -8,7 +8,7 @@ use crate::control::control_loop::LoopRecord;
 use crate::control::robot_buses::RobotBuses;
 use crate::pipeline::dance_step::MusicSummary;
 use crate::pipeline::step_times::PipelineStep;
-use crate::telemetry::recorder::{Recorder, RecordingTopic};
+use crate::telemetry::recorder::Recorder;
 use crate::telemetry::report::{
     AlignmentReport, BeatReport, CaptureReport, CompensationReport, DanceReport, KinematicBeats,
     PipelineTimes,
@@ -126,7 +126,7 @@ pub fn finish_recording(
         return Ok(());
     };
     for time_s in &report.beats.times_s {
-        recorder.number(RecordingTopic::Beat, time_s + music_start_s, report.beats.tempo_bpm);
+        recorder.beat(time_s + music_start_s, report.beats.tempo_bpm);
     }
     let servos = config.robot.servos.iter();
     let limits: Vec<serde_json::Value> = servos

@@ -6,12 +6,12 @@
 
 use super::config::DanceConfig;
 use super::dance::{Outcome, open_generator, perform, watch_emergency_stop};
+use crate::pipeline::audio_input::AudioChoice;
 use crate::robot::Meshes;
 use crate::viewer::{
     Activity, RobotEnd, Scene, ViewerEnd, ViewerRequest, ViewerSettings, snapshot,
 };
 use anyhow::bail;
-use servodance_drivers::State;
 use servodance_model::Generator;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -24,6 +24,8 @@ pub struct Session {
     config: DanceConfig,
     generator: Generator,
     end: RobotEnd,
+    /// Place of the style in the configuration.
+    style: usize,
 }
 
 impl Session {
@@ -31,14 +33,17 @@ impl Session {
     pub fn new(config: DanceConfig) -> anyhow::Result<Self> {
         let generator = open_generator(config.generator.model.as_deref(), config.generator.engine)?;
         let style = config.generator.style.as_deref();
+        let style = generator.style_index(style.unwrap_or(generator.default_style()))?;
         let settings = ViewerSettings {
             amplitude: config.robot.retarget.amplitude,
             mirror: config.robot.retarget.mirror,
             idle: config.idle,
-            style: generator.style_index(style.unwrap_or(generator.default_style()))?,
+            style,
             seed: config.generator.seed,
         };
-        Ok(Self { end: RobotEnd::new(config.robot.servos.len(), settings), config, generator })
+        let mut end = RobotEnd::new(config.robot.servos.len(), settings);
+        end.dead_man_s = config.dead_man_s;
+        Ok(Self { end, config, generator, style })
     }
 
     /// The end of the link for one more viewer.
@@ -62,6 +67,10 @@ impl Session {
             styles: self.generator.styles().to_vec(),
             control_hz: robot.control_hz,
             waits: self.config.wait_for_start,
+            song: match &self.config.audio {
+                song @ (AudioChoice::BuiltIn | AudioChoice::File(_)) => Some(song.clone()),
+                AudioChoice::Stdin(_) | AudioChoice::Microphone(_) => None,
+            },
             recording_s: None,
         })
     }
@@ -94,12 +103,14 @@ impl Session {
         let ViewerSettings { idle, style, seed, .. } = self.end.settings;
         self.config.idle = idle;
         self.config.generator.seed = seed;
-        let styles = self.generator.styles();
-        let style = styles[style.min(styles.len() - 1)].clone();
-        let is_default =
-            style == self.generator.default_style() && self.config.generator.style.is_none();
-        self.config.generator.style = (!is_default).then_some(style);
-        self.end.publish(|s| s.now.activity = Activity::Starting);
+        if style != self.style {
+            self.style = style;
+            self.config.generator.style = self.generator.styles().get(style).cloned();
+        }
+        self.end.publish(|s| {
+            s.now.activity = Activity::Starting;
+            s.now.stopped = None;
+        });
         let estop = self.end.estop.clone();
         let end = Some(&mut self.end);
         let outcome = perform(&self.config, &self.generator, stop, &estop, end);
@@ -121,23 +132,19 @@ impl Session {
     fn wait(&mut self, stop: &AtomicBool) -> bool {
         self.end.publish(|snapshot| {
             snapshot.now.activity = Activity::Waiting;
-            snapshot.now.safety = State::Disarmed;
             snapshot.now.hold = false;
         });
+        let torque_is_off = self.end.torque_was_off();
         while !stop.load(Ordering::Relaxed) && !self.end.is_alone() {
-            let mut changed = false;
             while let Some(request) = self.end.request() {
                 request.apply_to(&mut self.end.settings);
-                changed = true;
                 match request {
                     ViewerRequest::Start if !self.end.estop.is_pressed() => return true,
                     ViewerRequest::Release => self.end.estop.clear(),
                     _ => {}
                 }
             }
-            if changed {
-                self.end.publish(|_| {});
-            }
+            self.end.confirm_stop(torque_is_off);
             std::thread::sleep(POLL_INTERVAL);
         }
         false

@@ -88,10 +88,8 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
     let asked = &options.generator;
     let generator = open_generator(asked.model.as_deref(), asked.engine)?;
     let encodec = asked.conditioning.encodec(&generator)?;
-    let style = match &asked.style {
-        Some(style) => generator.styles()[generator.style_index(style)?].clone(),
-        None => generator.default_style().to_owned(),
-    };
+    let style = asked.style.clone().unwrap_or_else(|| generator.default_style().to_owned());
+    generator.style_index(&style)?;
     let styles = generator.styles().to_vec();
     let dance = generator.start(asked.options(&generator)?)?;
     let notes = progress.clone();

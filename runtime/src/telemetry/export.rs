@@ -3,7 +3,7 @@
 use crate::telemetry::joint_csv::JointCsv;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::picture::StickFigure;
-use crate::telemetry::picture::animation::{Animation, AnimationFrame, FRAMES_HZ};
+use crate::telemetry::picture::animation::{AnimationFrame, FRAMES_HZ, write_animation};
 use crate::telemetry::picture::robot_figure::{robot_figure, standing_height_m};
 use crate::telemetry::pose_array::pose_from_array;
 use crate::telemetry::recorder::Recording;
@@ -55,7 +55,7 @@ pub fn gif(recording: &Recording, part: ExportSpan, path: &Path) -> anyhow::Resu
     let names: Vec<&str> = recording.joints.iter().map(|j| j.0.as_str()).collect();
     let model = RobotModel::new(&recording.urdf_xml, &names)?;
     let pending = PendingFile::create(path)?;
-    let mut animation = Animation::new(pending.writer()?, &recording.robot)?;
+    let mut moments = Vec::with_capacity(frames as usize);
     let mut height_m = None;
     for frame in 0..frames as u64 {
         let time_s = from_s + frame as f64 / FRAMES_HZ;
@@ -68,14 +68,14 @@ pub fn gif(recording: &Recording, part: ExportSpan, path: &Path) -> anyhow::Resu
             *height_m.get_or_insert_with(|| standing_height_m(&model, &root, &positions));
         let lead_s = recording.lead.at(time_s).copied().unwrap_or(0.0);
         let human = recording.motion.at(time_s + lead_s);
-        animation.push(&AnimationFrame {
+        moments.push(AnimationFrame {
             time_s,
             since_beat_s: recording.beats.last_before(time_s).map(|beat| time_s - beat.0),
             human: human.map(|points| StickFigure::dancer(&points.map(with_y_up))),
             robot: StickFigure { height_m, ..robot_figure(&model, &root, &positions) },
-        })?;
+        });
     }
-    drop(animation.finish()?);
+    drop(write_animation(pending.writer()?, &recording.robot, &moments)?);
     pending.finish()
 }
 

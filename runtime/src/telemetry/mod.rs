@@ -12,6 +12,7 @@ pub mod export;
 pub mod following_report;
 pub(crate) mod joint_csv;
 pub mod joint_share;
+mod joint_spans;
 pub mod pending_file;
 pub mod picture;
 pub(crate) mod pose_array;
@@ -19,4 +20,5 @@ pub mod recorder;
 pub(crate) mod report;
 mod violation_report;
 
+pub use joint_spans::JointSpans;
 pub use violation_report::ViolationReport;

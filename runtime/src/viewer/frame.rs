@@ -10,11 +10,31 @@ use serde::Serialize;
 #[derive(Clone, Copy, Serialize)]
 struct Rounded(#[serde(serialize_with = "rounded")] f64);
 
+/// What a frame tells beside the snapshot.
+#[derive(Debug)]
+pub struct FrameSurroundings<'a> {
+    /// Whether the emergency stop is pressed.
+    pub estop: bool,
+    /// How old the snapshot is, seconds.
+    pub age_s: f64,
+    /// The server's clock, seconds.
+    pub clock_s: f64,
+    /// Names of the presses of STOP that have stopped the robot.
+    pub confirmed: Vec<&'a str>,
+    /// Pages that are open.
+    pub viewers: usize,
+}
+
 #[derive(Serialize)]
 struct FrameJson<'a> {
     activity: &'static str,
     safety: &'static str,
+    age_s: Rounded,
+    clock_s: Rounded,
     estop: bool,
+    stopped: bool,
+    confirmed: &'a [&'a str],
+    viewers: usize,
     hold: bool,
     robot_s: Rounded,
     music_s: Rounded,
@@ -56,7 +76,7 @@ struct BusJson {
     retries: u64,
 }
 
-pub fn frame(scene: &Scene, snapshot: &Snapshot, estop: bool) -> String {
+pub fn frame(scene: &Scene, snapshot: &Snapshot, around: &FrameSurroundings) -> String {
     let now = &snapshot.now;
     let joint = |value: fn(&JointStatus) -> f64| {
         snapshot.joints.iter().map(|j| Rounded(value(j))).collect()
@@ -65,7 +85,12 @@ pub fn frame(scene: &Scene, snapshot: &Snapshot, estop: bool) -> String {
     let frame = FrameJson {
         activity: now.activity.name(),
         safety: state_name(now.safety),
-        estop,
+        age_s: Rounded(around.age_s),
+        clock_s: Rounded(around.clock_s),
+        estop: around.estop,
+        stopped: now.stopped.is_some(),
+        confirmed: &around.confirmed,
+        viewers: around.viewers,
         hold: now.hold,
         robot_s: Rounded(now.robot_s),
         music_s: Rounded(now.music_s),

@@ -8,9 +8,11 @@
 //! - The emergency stop bypasses both ([`EStop`]): a flag that the safety layer
 //!   reads in every tick.
 
+use super::operator_watch::OperatorWatch;
 use super::request::ViewerRequest;
 use super::snapshot::{Snapshot, ViewerSettings};
-use servodance_drivers::EStop;
+use servodance_drivers::{EStop, State};
+use std::time::Instant;
 
 /// Requests that may wait: far more than people can press in one cycle.
 const WAITING: usize = 64;
@@ -23,6 +25,10 @@ pub struct RobotEnd {
     pub estop: EStop,
     /// What was asked for last; kept from one dance to the next.
     pub settings: ViewerSettings,
+    /// When an operator's page was heard last.
+    pub operators: OperatorWatch,
+    /// Dead-man mode: how long the robot dances on without an operator, seconds.
+    pub dead_man_s: Option<f64>,
 }
 
 struct ViewerChannel {
@@ -36,6 +42,8 @@ pub struct ViewerEnd {
     requests: rtrb::Producer<ViewerRequest>,
     /// The emergency stop of the robot.
     pub estop: EStop,
+    /// When an operator's page was heard last.
+    pub operators: OperatorWatch,
 }
 
 /// A line for a robot with so many joints and one viewer.
@@ -53,6 +61,8 @@ impl RobotEnd {
             viewers: Vec::new(),
             estop: EStop::default(),
             settings,
+            operators: OperatorWatch::default(),
+            dead_man_s: None,
         }
     }
 
@@ -61,7 +71,8 @@ impl RobotEnd {
         let (input, output) = triple_buffer::triple_buffer(&self.draft);
         let (producer, consumer) = rtrb::RingBuffer::new(WAITING);
         self.viewers.push(ViewerChannel { snapshots: input, requests: consumer });
-        ViewerEnd { snapshots: output, requests: producer, estop: self.estop.clone() }
+        let (estop, operators) = (self.estop.clone(), self.operators.clone());
+        ViewerEnd { snapshots: output, requests: producer, estop, operators }
     }
 
     /// The next request, if there is one. Never waits.
@@ -74,10 +85,24 @@ impl RobotEnd {
     pub fn publish(&mut self, change: impl FnOnce(&mut Snapshot)) {
         change(&mut self.draft);
         self.draft.now.settings = self.settings;
+        self.draft.now.published = Instant::now();
         for viewer in &mut self.viewers {
             viewer.snapshots.input_buffer_mut().copy_from(&self.draft);
             viewer.snapshots.publish();
         }
+    }
+
+    /// Tells viewers whether the emergency stop has stopped the robot: for the thread that
+    /// drives the servos, which says whether every torque is verified to be off.
+    pub fn confirm_stop(&mut self, torque_is_off: bool) {
+        let stopped = torque_is_off && self.estop.is_pressed();
+        let stopped = stopped.then(|| self.estop.releases());
+        self.publish(|snapshot| snapshot.now.stopped = stopped);
+    }
+
+    /// Whether torque was off, as verified, when viewers were told last.
+    pub(crate) fn torque_was_off(&self) -> bool {
+        self.draft.now.safety == State::Disarmed
     }
 
     pub(crate) fn is_alone(&self) -> bool {

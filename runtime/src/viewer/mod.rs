@@ -12,6 +12,7 @@
 #[cfg(feature = "view")]
 mod frame;
 mod link;
+mod operator_watch;
 mod player;
 #[cfg_attr(not(feature = "view"), allow(dead_code))] // requests as text are the page's
 mod request;
@@ -22,6 +23,8 @@ mod server;
 #[path = "server/absent.rs"]
 mod server;
 pub(crate) mod snapshot;
+#[cfg(feature = "view")]
+mod song_wav;
 mod terminal;
 
 pub use link::{RobotEnd, ViewerEnd, link};

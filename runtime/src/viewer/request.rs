@@ -12,6 +12,9 @@ use super::snapshot::{Activity, ViewerSettings};
 use crate::control::idle::IdleStyle;
 use serde::Deserialize;
 
+/// Bytes of the name of a press.
+const LONGEST_PRESS: usize = 32;
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs)] // the names say it
 pub enum ViewerRequest {
@@ -27,6 +30,8 @@ pub enum ViewerRequest {
     Idle(IdleStyle),
     Style(usize),
     Seed(u64),
+    /// The page of an operator has fallen silent.
+    OperatorLost,
     /// Now is a beat: two of them put tempo and phase right.
     Tap,
     /// Another moment of a recording, seconds of music; only while playing.
@@ -69,6 +74,8 @@ struct RequestText {
     #[serde(rename = "do")]
     action: Option<ActionText>,
     set: Option<SettingsText>,
+    /// Which press of STOP it is about.
+    press: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -81,6 +88,8 @@ enum ActionText {
     Tap,
     Estop,
     Release,
+    Alive,
+    Seen,
 }
 
 #[derive(Debug, Deserialize)]
@@ -96,7 +105,12 @@ struct SettingsText {
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum ParsedRequest {
-    EStop,
+    /// The emergency stop, with the name of this press if its page waits for a confirmation.
+    EStop(Option<String>),
+    /// The page shows that this press has stopped the robot.
+    Seen(String),
+    /// The page is open in front of somebody.
+    Alive,
     Requests(Vec<ViewerRequest>),
 }
 
@@ -104,18 +118,32 @@ pub enum ParsedRequest {
 /// The error is one line for the viewer: what is wrong, and the choices.
 pub fn parse_request(json: &str, styles: &[String]) -> Result<ParsedRequest, String> {
     let text: RequestText = serde_json::from_str(json).map_err(|error| error.to_string())?;
-    match (text.action, text.set) {
-        (Some(ActionText::Estop), _) => Ok(ParsedRequest::EStop),
-        (Some(action), None) => Ok(ParsedRequest::Requests(vec![match action {
-            ActionText::Start => ViewerRequest::Start,
-            ActionText::Hold => ViewerRequest::Hold,
-            ActionText::Resume => ViewerRequest::Resume,
-            ActionText::Stop => ViewerRequest::Stop,
-            ActionText::Tap => ViewerRequest::Tap,
-            ActionText::Release | ActionText::Estop => ViewerRequest::Release,
-        }])),
-        (None, Some(wanted)) => wanted.requests(styles).map(ParsedRequest::Requests),
+    match (text.action, text.set, text.press) {
+        // Whatever else it says, a stop stops.
+        (Some(ActionText::Estop), _, press) => {
+            Ok(ParsedRequest::EStop(press.filter(|press| press.len() <= LONGEST_PRESS)))
+        }
+        (Some(ActionText::Seen), None, Some(press)) => Ok(ParsedRequest::Seen(press)),
+        (_, _, Some(_)) => Err("\"press\" is for \"estop\" and \"seen\"".into()),
+        (Some(ActionText::Seen), None, None) => Err("\"seen\" needs a \"press\"".into()),
+        (Some(action), None, None) => Ok(action.request()),
+        (None, Some(wanted), None) => wanted.requests(styles).map(ParsedRequest::Requests),
         _ => Err("expected either \"do\" or \"set\"".into()),
+    }
+}
+
+impl ActionText {
+    fn request(self) -> ParsedRequest {
+        ParsedRequest::Requests(vec![match self {
+            Self::Start => ViewerRequest::Start,
+            Self::Hold => ViewerRequest::Hold,
+            Self::Resume => ViewerRequest::Resume,
+            Self::Stop => ViewerRequest::Stop,
+            Self::Tap => ViewerRequest::Tap,
+            Self::Release => ViewerRequest::Release,
+            Self::Estop => return ParsedRequest::EStop(None),
+            Self::Alive | Self::Seen => return ParsedRequest::Alive,
+        }])
     }
 }
 
@@ -172,7 +200,12 @@ mod tests {
             assert_eq!(understood, Ok(ParsedRequest::Requests(wanted)), "{json}");
         }
         let estop = parse_request(r#"{"do":"estop"}"#, &styles());
-        assert_eq!(estop, Ok(ParsedRequest::EStop));
+        assert_eq!(estop, Ok(ParsedRequest::EStop(None)));
+        let estop = parse_request(r#"{"do":"estop","press":"x7"}"#, &styles());
+        assert_eq!(estop, Ok(ParsedRequest::EStop(Some("x7".into()))));
+        let seen = parse_request(r#"{"do":"seen","press":"x7"}"#, &styles());
+        assert_eq!(seen, Ok(ParsedRequest::Seen("x7".into())));
+        assert_eq!(parse_request(r#"{"do":"alive"}"#, &styles()), Ok(ParsedRequest::Alive));
     }
 
     #[test]
@@ -183,6 +216,8 @@ mod tests {
             ("{}", "either"),
             (r#"{"do":"jump"}"#, "jump"),
             (r#"{"do":"hold","set":{"seed":1}}"#, "either"),
+            (r#"{"do":"hold","press":"x7"}"#, "estop"),
+            (r#"{"do":"seen"}"#, "press"),
             (r#"{"set":{}}"#, "nothing"),
             (r#"{"set":{"amplitude":1.5}}"#, "0 to 1"),
             (r#"{"set":{"amplitude":null,"speed":2}}"#, "speed"),

@@ -8,6 +8,7 @@ use crate::control::idle::IdleStyle;
 use serde::{Serialize, Serializer};
 use servodance_drivers::{BusStats, State};
 use servodance_types::{BeatLock, JOINT_COUNT, named};
+use std::time::Instant;
 
 pub const BANDS: usize = 32;
 pub const EVENTS: usize = 8;
@@ -100,6 +101,8 @@ pub struct ViewerSettings {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotStatus {
+    /// When viewers were told this.
+    pub published: Instant,
     pub activity: Activity,
     /// Seconds since torque on.
     pub robot_s: f64,
@@ -122,6 +125,9 @@ pub struct RobotStatus {
     pub late_ms: f64,
     pub late_frames: u64,
     pub safety: State,
+    /// The emergency stop is pressed and every torque was verified to be off since: how often
+    /// the button had been released before. Written by the thread that drives the servos.
+    pub stopped: Option<u64>,
     pub interventions: u64,
     /// Limits broken at simulated servos; `None` on real ones.
     pub violations: Option<u64>,
@@ -138,6 +144,7 @@ pub struct Snapshot {
 impl Snapshot {
     pub fn new(joints: usize, settings: ViewerSettings) -> Self {
         let now = RobotStatus {
+            published: Instant::now(),
             activity: Activity::default(),
             robot_s: 0.0,
             music_s: 0.0,
@@ -153,6 +160,7 @@ impl Snapshot {
             late_ms: 0.0,
             late_frames: 0,
             safety: State::Disarmed,
+            stopped: None,
             interventions: 0,
             violations: None,
         };
@@ -222,6 +230,7 @@ fn lock_name<S: Serializer>(lock: &BeatLock, serializer: S) -> Result<S::Ok, S::
         BeatLock::Lost => "lost",
         BeatLock::Locked => "locked",
         BeatLock::Holding => "holding",
+        BeatLock::Changing => "changing",
     })
 }
 

@@ -2,5 +2,6 @@
 
 pub mod dance;
 pub mod file_ending;
+pub mod links;
 pub mod robot;
 pub mod stage;

@@ -10,6 +10,7 @@
 //! frame that is not there is counted as late, and the robot holds. A servo that
 //! does not answer is the business of `servodance_drivers::safety`.
 
+mod dead_man;
 mod listening;
 mod state;
 
@@ -35,6 +36,7 @@ use crate::process::failpoint;
 use crate::robot::Robot;
 use crate::telemetry::recorder::Recorder;
 use crate::viewer::{RobotEnd, ViewerRequest};
+use dead_man::{DeadMan, DeadManAction};
 use servodance_types::MusicFrame;
 use state::LoopState;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -58,6 +60,7 @@ pub struct ControlLoop<'a> {
     plan: MotionPlan,
     balance: Option<Balance>,
     viewers: Option<ViewerLink<'a>>,
+    dead_man: Option<DeadMan>,
     pub log: LoopLog,
 }
 
@@ -80,6 +83,7 @@ impl<'a> ControlLoop<'a> {
     ) -> anyhow::Result<Self> {
         let mut plan = MotionPlan::new(robot, options)?;
         let delays = Delays::new(robot, &plan.retargeter);
+        let dead_man = viewers.as_ref().and_then(|end| end.dead_man_s).map(DeadMan::new);
         let is_endless = options.arrival != MotionArrival::Ahead;
         Ok(Self {
             state: LoopState::Starting,
@@ -95,6 +99,7 @@ impl<'a> ControlLoop<'a> {
             input: MotionInput::new(options.arrival, &delays),
             viewers: viewers
                 .map(|end| ViewerLink::new(end, &mut plan.retargeter, robot.period_s())),
+            dead_man,
             balance: Balance::new(robot, &plan.retargeter, servos),
             plan,
             log: LoopLog::new(robot, RecorderFeed::new(recorder), is_endless),
@@ -265,11 +270,27 @@ impl<'a> ControlLoop<'a> {
                 ViewerRequest::Style(style) => source.change(DanceChange::Style(style))?,
                 ViewerRequest::Seed(seed) => source.change(DanceChange::Seed(seed))?,
                 ViewerRequest::Tap => source.change(DanceChange::Tap(self.plan.motion_s))?,
+                ViewerRequest::OperatorLost => {
+                    self.servos.note("an operator's page has fallen silent");
+                }
                 // Approached a little in each cycle, by `adjust`.
                 ViewerRequest::Amplitude(_) | ViewerRequest::Mirror(_) => {}
                 // Only while waiting, or while a recording plays.
                 ViewerRequest::Start | ViewerRequest::Release | ViewerRequest::Seek(_) => {}
             }
+        }
+        let silent_s = viewers.end.operators.silent_s();
+        match self.dead_man.as_mut().and_then(|dead_man| dead_man.watch(silent_s)) {
+            Some(DeadManAction::Hold) => {
+                self.servos.note(&format!("no operator for {silent_s:.1} s: holding"));
+                viewers.hold = true;
+            }
+            Some(DeadManAction::Rest) => {
+                self.servos.note(&format!("no operator for {silent_s:.1} s: going to rest"));
+                self.stop_requested = true;
+                viewers.hold = false;
+            }
+            None => {}
         }
         self.servos.hold(viewers.hold);
         viewers.adjust(&mut self.plan.retargeter);

@@ -1,9 +1,10 @@
 //! A moving picture of a dance: the dancer and the robot beside it, as GIF.
 //!
-//! Colours are those of a fixed cube of 252, so that every machine writes the
-//! same bytes; after the first frame only what changed is written.
+//! One palette for all frames, made from some of them, so that a colour is the same from
+//! frame to frame; after the first frame only what changed is written.
 
 use super::canvas::{Canvas, TextSize};
+use super::gif_palette::{GifPalette, TRANSPARENT};
 use super::stick_figure::{StickFigure, draw_figure};
 use super::style::{BEAT, INK, PAPER};
 use gif::{Encoder, Frame, Repeat};
@@ -11,11 +12,12 @@ use std::borrow::Cow;
 use std::io::Write;
 
 /// Frames a second: GIF counts in hundredths.
-pub const FRAMES_HZ: f64 = 12.5;
+pub const FRAMES_HZ: f64 = 25.0;
 const WIDTH: u32 = 480;
 const HEIGHT: u32 = 320;
 const FIGURE_HEIGHT: f32 = 250.0;
-const CUBE: [u32; 3] = [6, 7, 6];
+/// Frames that the palette is made from.
+const SAMPLED: usize = 12;
 
 #[derive(Clone, Debug)]
 pub struct AnimationFrame {
@@ -25,65 +27,71 @@ pub struct AnimationFrame {
     pub robot: StickFigure,
 }
 
-pub struct Animation<W: Write> {
-    encoder: Encoder<W>,
-    title: String,
-    last: Option<Vec<u8>>,
+/// Writes the moments as one GIF that begins anew at its end.
+pub fn write_animation<W: Write>(
+    writer: W,
+    title: &str,
+    moments: &[AnimationFrame],
+) -> anyhow::Result<W> {
+    let step = moments.len().div_ceil(SAMPLED).max(1);
+    let sampled: anyhow::Result<Vec<_>> =
+        moments.iter().step_by(step).map(|moment| draw(title, moment)).collect();
+    let mut palette = GifPalette::new(&sampled?.concat());
+    let mut encoder = Encoder::new(writer, WIDTH as u16, HEIGHT as u16, &palette.colours())?;
+    encoder.set_repeat(Repeat::Infinite)?;
+    let mut last = None;
+    for moment in moments {
+        let pixels = palette.indices(&draw(title, moment)?);
+        encoder.write_frame(&frame(&pixels, last.as_deref()))?;
+        last = Some(pixels);
+    }
+    Ok(encoder.into_inner()?)
 }
 
-impl<W: Write> Animation<W> {
-    pub fn new(writer: W, title: &str) -> anyhow::Result<Self> {
-        let mut encoder = Encoder::new(writer, WIDTH as u16, HEIGHT as u16, &palette())?;
-        encoder.set_repeat(Repeat::Infinite)?;
-        Ok(Self { encoder, title: title.to_owned(), last: None })
+/// What differs from the frame before.
+fn frame(pixels: &[u8], last: Option<&[u8]>) -> Frame<'static> {
+    let (left, top, width, height) = match last {
+        Some(last) => changed(last, pixels),
+        None => (0, 0, WIDTH as usize, HEIGHT as usize),
+    };
+    let shown = |at: usize| match last {
+        Some(last) if last[at] == pixels[at] => TRANSPARENT,
+        _ => pixels[at],
+    };
+    let rows = (top..top + height).map(|y| y * WIDTH as usize + left);
+    Frame {
+        delay: (100.0 / FRAMES_HZ).round() as u16,
+        left: left as u16,
+        top: top as u16,
+        width: width as u16,
+        height: height as u16,
+        transparent: Some(TRANSPARENT),
+        buffer: Cow::Owned(rows.flat_map(|row| (row..row + width).map(shown)).collect()),
+        ..Frame::default()
     }
+}
 
-    pub fn push(&mut self, moment: &AnimationFrame) -> anyhow::Result<()> {
-        let pixels = self.draw(moment)?;
-        let (left, top, width, height) = match &self.last {
-            Some(last) => changed(last, &pixels),
-            None => (0, 0, WIDTH as usize, HEIGHT as usize),
-        };
-        let rows = (top..top + height).map(|y| &pixels[y * WIDTH as usize + left..][..width]);
-        let frame = Frame {
-            delay: (100.0 / FRAMES_HZ).round() as u16,
-            left: left as u16,
-            top: top as u16,
-            width: width as u16,
-            height: height as u16,
-            buffer: Cow::Owned(rows.flatten().copied().collect()),
-            ..Frame::default()
-        };
-        self.encoder.write_frame(&frame)?;
-        self.last = Some(pixels);
-        Ok(())
+/// One moment as red, green, blue and alpha.
+fn draw(title: &str, moment: &AnimationFrame) -> anyhow::Result<Vec<u8>> {
+    let canvas = Canvas::new(WIDTH, HEIGHT, PAPER);
+    let mut canvas = canvas.ok_or_else(|| anyhow::anyhow!("no room for a picture"))?;
+    canvas.text((16.0, 10.0), TextSize::Medium, INK, title);
+    let clock = format!("{:.1} s", moment.time_s);
+    let right = WIDTH as f32 - 16.0;
+    let at = right - Canvas::text_width(TextSize::Small, &clock);
+    canvas.caption((at, HEIGHT as f32 - 26.0), &clock);
+    if let Some(since_s) = moment.since_beat_s {
+        let radius = 3.0 + 6.0 * (-since_s / 0.15).exp() as f32;
+        canvas.dot((right - 8.0, 18.0), radius, [BEAT[0], BEAT[1], BEAT[2], 255]);
     }
-
-    pub fn finish(self) -> anyhow::Result<W> {
-        Ok(self.encoder.into_inner()?)
+    let top = 36.0;
+    if let Some(human) = &moment.human {
+        draw_figure(&mut canvas, human, WIDTH as f32 * 0.3, top, FIGURE_HEIGHT);
     }
-
-    fn draw(&self, moment: &AnimationFrame) -> anyhow::Result<Vec<u8>> {
-        let canvas = Canvas::new(WIDTH, HEIGHT, PAPER);
-        let mut canvas = canvas.ok_or_else(|| anyhow::anyhow!("no room for a picture"))?;
-        canvas.text((16.0, 10.0), TextSize::Medium, INK, &self.title);
-        let clock = format!("{:.1} s", moment.time_s);
-        let right = WIDTH as f32 - 16.0;
-        let at = right - Canvas::text_width(TextSize::Small, &clock);
-        canvas.caption((at, HEIGHT as f32 - 26.0), &clock);
-        if let Some(since_s) = moment.since_beat_s {
-            let radius = 3.0 + 6.0 * (-since_s / 0.15).exp() as f32;
-            canvas.dot((right - 8.0, 18.0), radius, [BEAT[0], BEAT[1], BEAT[2], 255]);
-        }
-        let top = 36.0;
-        if let Some(human) = &moment.human {
-            draw_figure(&mut canvas, human, WIDTH as f32 * 0.3, top, FIGURE_HEIGHT);
-        }
-        let beside = if moment.human.is_some() { 0.7 } else { 0.5 };
-        let robot = &moment.robot;
-        draw_figure(&mut canvas, robot, WIDTH as f32 * beside, top, FIGURE_HEIGHT);
-        Ok(canvas.rgba().chunks_exact(4).map(nearest).collect())
-    }
+    let beside = if moment.human.is_some() { 0.7 } else { 0.5 };
+    let robot = &moment.robot;
+    draw_figure(&mut canvas, robot, WIDTH as f32 * beside, top, FIGURE_HEIGHT);
+    Ok(canvas.rgba().to_vec())
 }
 
 /// Left, top, width and height of what differs; one pixel where nothing does.
@@ -103,67 +111,78 @@ fn changed(before: &[u8], now: &[u8]) -> (usize, usize, usize, usize) {
     }
 }
 
-fn palette() -> Vec<u8> {
-    let [reds, greens, blues] = CUBE;
-    let level = |step: u32, steps: u32| (step * 255 / (steps - 1)) as u8;
-    let mut palette = Vec::new();
-    for r in 0..reds {
-        for g in 0..greens {
-            for b in 0..blues {
-                palette.extend([level(r, reds), level(g, greens), level(b, blues)]);
-            }
-        }
-    }
-    palette
-}
-
-fn nearest(rgba: &[u8]) -> u8 {
-    let step = |channel: usize| {
-        let steps = CUBE[channel] - 1;
-        (u32::from(rgba[channel]) * steps + 127) / 255
-    };
-    ((step(0) * CUBE[1] + step(1)) * CUBE[2] + step(2)) as u8
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::telemetry::picture::style::FAINT;
+    use crate::telemetry::picture::stick_figure::{Limb, Side};
 
-    #[test]
-    fn the_nearest_colour_is_near() {
-        let palette = palette();
-        assert_eq!(palette.len(), 252 * 3);
-        for rgba in [PAPER, INK, FAINT, [0, 0, 0, 255], [255, 255, 255, 255]] {
-            let place = usize::from(nearest(&rgba)) * 3;
-            let found = &palette[place..place + 3];
-            let off = |(a, b): (&u8, &u8)| a.abs_diff(*b);
-            let worst = found.iter().zip(&rgba).map(off).max();
-            assert!(worst <= Some(26), "{rgba:?} {found:?}");
+    fn moments(count: usize) -> Vec<AnimationFrame> {
+        let limb = |side, y: f64, tilt: f64| Limb {
+            from: [0.0, y, 0.1],
+            to: [0.2 * tilt, y + 0.3 * tilt, 0.9],
+            radius_m: 0.06,
+            side,
+        };
+        let moment = |i: usize| {
+            let tilt = (i as f64 / 3.0).sin();
+            let sides = [(Side::Left, 0.3), (Side::Middle, 0.0), (Side::Right, -0.3)];
+            let limbs = sides.map(|(side, y)| limb(side, y, tilt)).to_vec();
+            let robot = StickFigure { limbs, height_m: 1.0, ..StickFigure::default() };
+            let since_beat_s = Some(i as f64 * 0.04 % 0.5);
+            AnimationFrame { time_s: i as f64, since_beat_s, human: Some(robot.clone()), robot }
+        };
+        (0..count).map(moment).collect()
+    }
+
+    /// What a viewer shows, frame after frame: red, green, blue, alpha.
+    fn shown(gif: &[u8]) -> Vec<Vec<u8>> {
+        let mut options = gif::DecodeOptions::new();
+        options.set_color_output(gif::ColorOutput::RGBA);
+        let mut decoder = options.read_info(gif).unwrap();
+        assert_eq!((decoder.width(), decoder.height()), (WIDTH as u16, HEIGHT as u16));
+        let mut screen = vec![0; (WIDTH * HEIGHT * 4) as usize];
+        let mut screens = Vec::new();
+        while let Some(frame) = decoder.read_next_frame().unwrap() {
+            for (n, pixel) in frame.buffer.chunks_exact(4).enumerate().filter(|(_, p)| p[3] > 0) {
+                let (x, y) = (n % usize::from(frame.width), n / usize::from(frame.width));
+                let row = (usize::from(frame.top) + y) * WIDTH as usize;
+                let at = 4 * (row + usize::from(frame.left) + x);
+                screen[at..at + 4].copy_from_slice(pixel);
+            }
+            screens.push(screen.clone());
         }
+        screens
     }
 
     #[test]
-    fn a_decoder_sees_every_moment() {
-        let robot = StickFigure { height_m: 1.0, ..StickFigure::default() };
-        let mut animation = Animation::new(Vec::new(), "title").unwrap();
-        for i in 0..5 {
-            let moment = AnimationFrame {
-                time_s: f64::from(i),
-                since_beat_s: Some(0.0),
-                human: None,
-                robot: robot.clone(),
-            };
-            animation.push(&moment).unwrap();
+    fn every_pixel_of_every_frame_has_nearly_its_colour_and_no_grey_turns_green() {
+        let moments = moments(50);
+        let screens = shown(&write_animation(Vec::new(), "title", &moments).unwrap());
+        assert_eq!(screens.len(), moments.len());
+        let (mut worst, mut greenest) = (0, 0);
+        for (moment, screen) in moments.iter().zip(&screens) {
+            let wanted = draw("title", moment).unwrap();
+            for (shown, wanted) in screen.chunks_exact(4).zip(wanted.chunks_exact(4)) {
+                let off = |n: usize| shown[n].abs_diff(wanted[n]);
+                worst = worst.max(off(0).max(off(1)).max(off(2)));
+                let green = |p: &[u8]| i16::from(p[1]) - i16::from(p[0].max(p[2]));
+                greenest = greenest.max(green(shown) - green(wanted).max(0));
+            }
         }
-        let bytes = animation.finish().unwrap();
-        let mut decoder = gif::DecodeOptions::new().read_info(&bytes[..]).unwrap();
-        assert_eq!((decoder.width(), decoder.height()), (480, 320));
+        assert!(worst <= 16, "{worst} of 255 off");
+        assert!(greenest <= 3, "{greenest} of 255 greener than drawn");
+    }
+
+    #[test]
+    fn only_what_changes_is_written() {
+        let still: Vec<_> = moments(5).iter().map(|_| moments(1).remove(0)).collect();
+        let gif = write_animation(Vec::new(), "title", &still).unwrap();
+        let mut decoder = gif::DecodeOptions::new().read_info(&gif[..]).unwrap();
         let mut sizes = Vec::new();
         while let Some(frame) = decoder.read_next_frame().unwrap() {
-            sizes.push(usize::from(frame.width) * usize::from(frame.height));
+            sizes.push((frame.width, frame.height));
         }
-        assert_eq!((sizes.len(), sizes[0]), (5, 480 * 320));
-        assert!(sizes[1] < 2000, "only the clock changes: {sizes:?}");
+        assert_eq!((sizes.len(), sizes[0]), (5, (WIDTH as u16, HEIGHT as u16)));
+        assert!(sizes[1..].iter().all(|size| *size == (1, 1)), "{sizes:?}");
     }
 }

@@ -21,8 +21,8 @@ pub struct PoseRow {
 pub struct ContactSheet {
     pub title: String,
     pub subtitle: String,
-    /// What the bars count, and each bar's name and height.
-    pub bars: (String, Vec<(String, f64)>),
+    /// What the bars count, and each bar's name and height; `None` for none.
+    pub bars: Option<(String, Vec<(String, f64)>)>,
     pub rows: Vec<PoseRow>,
 }
 
@@ -30,7 +30,8 @@ impl ContactSheet {
     /// The sheet as PNG bytes.
     pub fn png(&self) -> anyhow::Result<Vec<u8>> {
         let rows = self.rows.len() as f32;
-        let height = HEADER + BARS_HEIGHT + 60.0 + rows * (ROW_HEIGHT + 8.0) + MARGIN;
+        let bars = self.bars.as_ref().map_or(0.0, |_| BARS_HEIGHT + 60.0);
+        let height = HEADER + bars + rows * (ROW_HEIGHT + 8.0) + MARGIN;
         let mut canvas = Canvas::page(WIDTH, height, &self.title, &self.subtitle)?;
         let mut top = self.bars(&mut canvas, HEADER);
         for row in &self.rows {
@@ -41,7 +42,7 @@ impl ContactSheet {
     }
 
     fn bars(&self, canvas: &mut Canvas, top: f32) -> f32 {
-        let (title, bars) = &self.bars;
+        let Some((title, bars)) = &self.bars else { return top };
         canvas.text((MARGIN, top), TextSize::Medium, INK, title);
         let (left, width) = (MARGIN, WIDTH as f32 - 2.0 * MARGIN);
         let panel = top + 24.0;

@@ -4,11 +4,11 @@ use super::stick_figure::{Limb, Side, StickFigure};
 use servodance_types::{BodyJoint, JOINT_COUNT, Point3};
 
 impl Side {
-    /// The side that a joint's name tells: `l_knee`, `right_wrist`.
+    /// The side that a joint's name tells: `l_knee`, `right_wrist`, `front_left_foot`.
     pub fn of(name: &str) -> Self {
-        if name.starts_with("l_") || name.starts_with("left") {
+        if name.starts_with("l_") || name.contains("left") {
             Side::Left
-        } else if name.starts_with("r_") || name.starts_with("right") {
+        } else if name.starts_with("r_") || name.contains("right") {
             Side::Right
         } else {
             Side::Middle

@@ -6,6 +6,7 @@ mod contact_sheet;
 mod curve_chart;
 mod dance_picture;
 mod dot_chart;
+mod gif_palette;
 mod human_figure;
 mod plot;
 pub(crate) mod robot_figure;

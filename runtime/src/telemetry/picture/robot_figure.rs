@@ -4,8 +4,12 @@ use super::stick_figure::{Limb, Side, StickFigure};
 use servodance_retarget::nalgebra::{Isometry3, Point3};
 use servodance_retarget::{RobotModel, Shape};
 
-/// Thickness of a link without shapes, metres.
-const STICK_M: f64 = 0.008;
+/// Thickness of a link without shapes, and the most that a shape is drawn with, of the
+/// robot's size.
+const STICK: f64 = 0.012;
+const THICKEST: f64 = 0.09;
+/// Where shapes cover less of the robot's links, sticks are drawn too.
+const COVERED: f64 = 0.6;
 
 /// Height of the robot in a pose: one scale for all its poses.
 pub fn standing_height_m(
@@ -43,12 +47,21 @@ pub fn robot_figure(
             side: Side::of(&model.link_names()[visual.link]),
         });
     }
-    if limbs.is_empty() {
-        let at = |link: usize| (world_from_root * poses[link]).translation.vector.into();
-        limbs.extend(model.segments().iter().map(|&(from, to)| Limb {
-            from: at(from),
-            to: at(to),
-            radius_m: STICK_M,
+    let at = |link: usize| (world_from_root * poses[link]).translation.vector;
+    let middle = at(0);
+    let size_m = 2.0 * (0..poses.len()).map(|link| (at(link) - middle).norm()).fold(0.02, f64::max);
+    for limb in &mut limbs {
+        limb.radius_m = limb.radius_m.min(THICKEST * size_m);
+    }
+    let long = |&&(from, to): &&(usize, usize)| (at(from) - at(to)).norm() > STICK * size_m;
+    let segments: Vec<(usize, usize)> = model.segments().iter().filter(long).copied().collect();
+    let has_shape = |link: usize| model.visuals().iter().any(|visual| visual.link == link);
+    let covered = segments.iter().filter(|(from, _)| has_shape(*from)).count();
+    if (covered as f64) < COVERED * segments.len() as f64 {
+        limbs.extend(segments.iter().map(|&(from, to)| Limb {
+            from: at(from).into(),
+            to: at(to).into(),
+            radius_m: STICK * size_m,
             side: Side::of(&model.link_names()[to]),
         }));
     }

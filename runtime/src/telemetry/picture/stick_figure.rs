@@ -33,6 +33,16 @@ pub struct StickFigure {
     pub center: [f64; 2],
 }
 
+impl StickFigure {
+    /// Height over the floor and width from side to side, metres.
+    pub fn extent_m(&self) -> [f64; 2] {
+        let ends = || self.limbs.iter().flat_map(|limb| [limb.from, limb.to]);
+        let top = ends().map(|end| end[2]).fold(self.floor_m, f64::max);
+        let half = ends().map(|end| (end[1] - self.center[1]).abs()).fold(0.0, f64::max);
+        [top - self.floor_m, 2.0 * half]
+    }
+}
+
 const LEFT: [f64; 3] = [232.0, 126.0, 44.0];
 const RIGHT: [f64; 3] = [42.0, 110.0, 178.0];
 const MIDDLE: [f64; 3] = [84.0, 90.0, 102.0];

@@ -22,7 +22,7 @@ impl McapFile {
         let writer = mcap::WriteOptions::new()
             .profile("ros2")
             .library(concat!("servodance ", env!("CARGO_PKG_VERSION")))
-            .compression(None)
+            .compression(Some(mcap::Compression::Zstd))
             .create(pending.writer()?)?;
         Ok(Self { pending, writer, channels: BTreeMap::new() })
     }

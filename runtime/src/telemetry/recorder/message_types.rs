@@ -72,6 +72,51 @@ pub const LOG: MessageType = message(
     &[TIME],
 );
 
+const VECTOR: (&str, &str) = ("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n");
+const TRANSFORM: (&str, &str) = (
+    "geometry_msgs/Transform",
+    "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
+);
+const TRANSFORM_STAMPED: (&str, &str) = (
+    "geometry_msgs/TransformStamped",
+    "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
+);
+pub const TRANSFORMS: MessageType = message(
+    "tf2_msgs/msg/TFMessage",
+    "geometry_msgs/TransformStamped[] transforms\n",
+    &[TRANSFORM_STAMPED, HEADER, TIME, TRANSFORM, VECTOR, QUATERNION],
+);
+
+const COLOR: (&str, &str) = ("std_msgs/ColorRGBA", "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n");
+const DURATION: (&str, &str) = ("builtin_interfaces/Duration", "int32 sec\nuint32 nanosec\n");
+const IMAGE: (&str, &str) =
+    ("sensor_msgs/CompressedImage", "std_msgs/Header header\nstring format\nuint8[] data\n");
+const TEXTURE_PLACE: (&str, &str) = ("visualization_msgs/UVCoordinate", "float32 u\nfloat32 v\n");
+const MESH_FILE: (&str, &str) = ("visualization_msgs/MeshFile", "string filename\nuint8[] data\n");
+pub const MARKER: MessageType = message(
+    "visualization_msgs/msg/Marker",
+    "std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\n\
+     geometry_msgs/Pose pose\ngeometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\n\
+     builtin_interfaces/Duration lifetime\nbool frame_locked\ngeometry_msgs/Point[] points\n\
+     std_msgs/ColorRGBA[] colors\nstring texture_resource\n\
+     sensor_msgs/CompressedImage texture\nvisualization_msgs/UVCoordinate[] uv_coordinates\n\
+     string text\nstring mesh_resource\nvisualization_msgs/MeshFile mesh_file\n\
+     bool mesh_use_embedded_materials\n",
+    &[
+        HEADER,
+        TIME,
+        POSE,
+        POINT,
+        QUATERNION,
+        VECTOR,
+        COLOR,
+        DURATION,
+        IMAGE,
+        TEXTURE_PLACE,
+        MESH_FILE,
+    ],
+);
+
 impl MessageType {
     /// The whole definition in the `ros2msg` encoding.
     pub fn definition(&self) -> String {

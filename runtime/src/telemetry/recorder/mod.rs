@@ -15,6 +15,8 @@
 //! | `/idle` | Float64 | share of idle in what is shown: 0 dance, 1 idle |
 //! | `/bus/bytes`, `/bus/packets` | Float64 | running totals |
 //! | `/root` | PoseStamped | where the root link is in the world, 20 a second |
+//! | `/tf`, `/tf_static` | TFMessage | each link in its parent's frame, 20 a second; what is fixed |
+//! | `/human`, `/beat_marker` | Marker | the human as lines; a ball at each beat |
 //! | `/spectrum` | Float32MultiArray | 32 bands, 0 to 1, 20 a second |
 //! | `/temperatures` | Temperature | Celsius of the joint in `frame_id`, when it changes |
 //! | `/safety` | Log | what the safety layer did: `safety.STATE`, and why |
@@ -25,6 +27,8 @@
 //! figures that a reader needs to check the report, and how many messages were
 //! left out because the disk was too slow (`messages_left_out`).
 
+mod link_frames;
+mod marker;
 mod mcap_file;
 mod message_types;
 mod recording;
@@ -33,6 +37,9 @@ mod writer_thread;
 
 pub use recording::{RecordedEvent, Recording, Series};
 
+use crate::telemetry::pose_array::pose_from_array;
+use link_frames::{LinkFrames, MOTION_FRAME, WORLD_FRAME};
+use servodance_retarget::RobotModel;
 use servodance_stage::ros2::{CdrWriter, joint_state, pose_array};
 use servodance_types::{JointState, MotionFrame};
 use std::collections::BTreeMap;
@@ -41,10 +48,6 @@ pub use topic::RecordingTopic;
 use topic::SAFETY;
 use writer_thread::WriterThread;
 pub use writer_thread::{OnRecordingError, WhenBehind};
-
-const JOINT_FRAME: &str = "base_link";
-const MOTION_FRAME: &str = "stage";
-const WORLD_FRAME: &str = "world";
 
 const LOG_INFO: u8 = 20;
 const LOG_ERROR: u8 = 40;
@@ -63,6 +66,8 @@ pub(crate) struct SafetyNotice<'a> {
 pub struct Recorder {
     writer: WriterThread,
     joint_names: Vec<String>,
+    /// Known from the first pose on.
+    link_frames: Option<LinkFrames>,
 }
 
 impl Recorder {
@@ -74,7 +79,7 @@ impl Recorder {
         on_error: OnRecordingError,
     ) -> anyhow::Result<Self> {
         let writer = WriterThread::start(path, when_behind, on_error)?;
-        Ok(Self { writer, joint_names })
+        Ok(Self { writer, joint_names, link_frames: None })
     }
 
     /// One number at `time_s`.
@@ -109,6 +114,7 @@ impl Recorder {
             frame.positions.iter().map(|[left, up, forward]| [*forward, *left, *up].map(f64::from));
         let message = pose_array(time_s, MOTION_FRAME, points);
         self.writer.message(RecordingTopic::Motion, time_s, message);
+        self.writer.message(RecordingTopic::Human, time_s, marker::human(time_s, frame));
     }
 
     /// A pose in the world: x, y, z, then the quaternion x, y, z, w.
@@ -119,6 +125,28 @@ impl Recorder {
             cdr.f64(value);
         }
         self.writer.message(topic, time_s, cdr.finish());
+    }
+
+    /// Where the links are: the root in the world (as [`Recorder::pose`] has it), joints in
+    /// radians.
+    pub fn links(&mut self, time_s: f64, model: &RobotModel, root: [f64; 7], joints: &[f64]) {
+        let poses = model.link_poses(joints);
+        if self.link_frames.is_none() {
+            let frames = LinkFrames::new(model, joints.len());
+            let fixed = frames.fixed(time_s, &poses);
+            self.writer.message(RecordingTopic::FixedTransforms, time_s, fixed);
+            self.link_frames = Some(frames);
+        }
+        if let Some(frames) = &self.link_frames {
+            let moving = frames.moving(time_s, &pose_from_array(root), &poses);
+            self.writer.message(RecordingTopic::Transforms, time_s, moving);
+        }
+    }
+
+    /// A beat of the music, at this tempo.
+    pub fn beat(&mut self, time_s: f64, tempo_bpm: f64) {
+        self.number(RecordingTopic::Beat, time_s, tempo_bpm);
+        self.writer.message(RecordingTopic::BeatMarker, time_s, marker::beat(time_s));
     }
 
     pub(crate) fn spectrum(&mut self, time_s: f64, bands: &[f32]) {
@@ -161,6 +189,6 @@ impl Recorder {
 
     fn joint_header(&self, time_s: f64) -> CdrWriter {
         let names = self.joint_names.iter().map(String::as_str);
-        joint_state(time_s, JOINT_FRAME, names)
+        joint_state(time_s, WORLD_FRAME, names)
     }
 }

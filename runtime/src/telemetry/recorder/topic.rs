@@ -1,8 +1,8 @@
 //! The topics of a recording: the name and the message type of each.
 
 use super::message_types::{
-    FLOAT_ARRAY, FLOAT64, JOINT_STATE, LOG, MessageType, POSE_ARRAY, POSE_STAMPED, STRING,
-    TEMPERATURE,
+    FLOAT_ARRAY, FLOAT64, JOINT_STATE, LOG, MARKER, MessageType, POSE_ARRAY, POSE_STAMPED, STRING,
+    TEMPERATURE, TRANSFORMS,
 };
 use crate::pipeline::step_times::PipelineStep;
 use std::borrow::Cow;
@@ -28,6 +28,10 @@ pub enum RecordingTopic {
     Spectrum,
     Temperatures,
     Safety,
+    Transforms,
+    FixedTransforms,
+    Human,
+    BeatMarker,
     RobotDescription,
     Stage(PipelineStep),
 }
@@ -52,6 +56,10 @@ impl RecordingTopic {
             Self::Spectrum => ("/spectrum", FLOAT_ARRAY),
             Self::Temperatures => ("/temperatures", TEMPERATURE),
             Self::Safety => ("/safety", LOG),
+            Self::Transforms => ("/tf", TRANSFORMS),
+            Self::FixedTransforms => ("/tf_static", TRANSFORMS),
+            Self::Human => ("/human", MARKER),
+            Self::BeatMarker => ("/beat_marker", MARKER),
             Self::Stage(stage) => return (format!("/stage/{}", stage.name()).into(), FLOAT64),
         };
         (name.into(), message_type)

@@ -3,15 +3,16 @@
 
 const byId = (id) => document.getElementById(id);
 
-export function makeControls(scene, { ask }) {
+export function makeControls(scene, { ask }, stop) {
   const fields = ["amplitude", "style", "idle", "seed", "mirror"].map(byId);
   const [amplitude, style, idle, seed, mirror] = fields;
   const estop = byId("estop");
   const playing = scene.recording_s !== null;
+  const steers = scene.operator && !playing;
   for (const name of scene.styles) style.append(new Option(name, name));
   for (const name of scene.idle) idle.append(new Option(name, name));
-  byId("controls").hidden = playing;
-  byId("stopping").hidden = playing;
+  byId("controls").hidden = !steers;
+  byId("stopping").hidden = !steers;
 
   const set = (wanted) => ask({ set: wanted });
   amplitude.oninput = () => set({ amplitude: amplitude.value / 100 });
@@ -25,16 +26,16 @@ export function makeControls(scene, { ask }) {
 
   const actions = [...document.querySelectorAll("[data-do]")];
   for (const button of actions) button.onclick = () => ask({ do: button.dataset.do });
-  const press = () => ask({ do: "estop" });
-  estop.onclick = press;
-  if (!playing) {
+  estop.onclick = stop.press;
+  if (steers) {
     addEventListener("keydown", (event) => {
-      if (event.key === "t" && !event.repeat && !event.target.matches("input, select")) ask({ do: "tap" });
-      const typing = event.target.matches("input, select");
-      const stops = event.key === "Escape" || (event.key === " " && !typing);
-      if (stops && !event.repeat) {
+      if (event.repeat) return;
+      if (event.key === "t" && !event.target.matches("input, select")) ask({ do: "tap" });
+      // The space bar presses the button that has the focus, and no other.
+      const taken = event.target.matches("button, input, select, summary, a");
+      if (event.key === "Escape" || (event.key === " " && !taken)) {
         event.preventDefault();
-        press();
+        stop.press();
       }
     });
   }
@@ -64,7 +65,7 @@ export function makeControls(scene, { ask }) {
       button.disabled = !possible[name];
       button.hidden = !scene.waits && (name === "start" || name === "release");
     }
-    estop.classList.toggle("pressed", frame.estop);
+    if (steers) stop.show(frame);
     player.show(frame);
   }
   return { show };
@@ -76,9 +77,11 @@ function makePlayer(scene, ask) {
   const [play, time, clock] = ["play", "time", "clock"].map(byId);
   const [first, last] = scene.recording_s;
   byId("player").hidden = false;
+  play.hidden = time.disabled = !scene.operator;
   time.min = first;
   time.max = last;
   let held = false;
+  if (!scene.operator) return { show };
   time.oninput = () => ask({ set: { time_s: Number(time.value) } });
   play.onclick = () => ask({ do: held ? "resume" : "hold" });
   addEventListener("keydown", (event) => {
@@ -87,11 +90,12 @@ function makePlayer(scene, ask) {
       play.onclick();
     }
   });
-  const show = (frame) => {
+  return { show };
+
+  function show(frame) {
     held = frame.hold;
     play.textContent = held ? "play" : "pause";
     if (!time.matches(":active")) time.value = frame.music_s;
     clock.textContent = `${frame.music_s.toFixed(1)} / ${last.toFixed(1)} s`;
-  };
-  return { show };
+  }
 }

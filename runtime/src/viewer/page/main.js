@@ -3,8 +3,12 @@
 import { connect } from "./connection.js";
 import { makeControls } from "./controls.js";
 import { makePanels } from "./panels.js";
+import { showLinks } from "./links.js";
+import { makeSound } from "./sound.js";
 import { makeStage } from "./stage.js";
+import { makeStop } from "./stop.js";
 
+const KEPT = 30;
 const byId = (id) => document.getElementById(id);
 
 async function start() {
@@ -14,33 +18,64 @@ async function start() {
   const stage = makeStage(byId("scene"), scene);
   const panels = makePanels(scene);
   let newest = null;
+  // Frames of the last second: what is heard now may have been said a moment ago.
+  let frames = [];
+  let sound = null;
+  let news = "";
   const connection = connect({
+    operator: scene.operator,
     onFrame(frame) {
       newest = frame;
+      frames = [...frames.slice(-KEPT), frame];
+      sound?.hear(frame);
       controls.show(frame);
     },
     onRefused(why) {
       byId("refused").textContent = why;
     },
-    onLink(up) {
-      byId("link").hidden = up;
-      document.body.classList.toggle("lost", !up);
+    onSilence(seconds) {
+      const text = silence(newest, seconds);
+      document.body.classList.toggle("silent", text !== "");
+      byId("link").hidden = text === "";
+      if (text !== news) byId("link").textContent = news = text;
     },
   });
-  const controls = makeControls(scene, connection);
+  const stop = makeStop(byId("estop"), connection);
+  const controls = makeControls(scene, connection, stop);
+  byId("role").hidden = scene.operator;
+  if (scene.operator) showLinks(byId("links"));
+  makeSound(byId("sound"), scene.song).then((made) => (sound = made));
+  const heard = () => {
+    const music_s = sound?.heard_s() ?? null;
+    if (music_s === null) return newest;
+    return frames.findLast((frame) => frame.music_s <= music_s) ?? frames[0];
+  };
   // Drawn when the browser wants to draw; frames in between are skipped.
   let drawn = null;
   const draw = () => {
-    if (newest && newest !== drawn) {
-      panels.show(newest);
-      stage.show(newest);
-      drawn = newest;
+    const shown = heard();
+    if (shown && shown !== drawn) {
+      panels.show(shown, newest);
+      stage.show(shown);
+      drawn = shown;
     } else if (stage.turned()) {
       stage.draw();
     }
     requestAnimationFrame(draw);
   };
   draw();
+}
+
+// What is said while nothing new comes: from the program, or from the robot's control loop.
+function silence(frame, seconds) {
+  if (!frame) return seconds > 0 ? "no connection" : "";
+  if (seconds > 0) {
+    const over = frame.activity === "over" && frame.safety === "disarmed";
+    return over ? "the program has ended" : `no news for ${seconds.toFixed(1)} s`;
+  }
+  // Before torque and after it no control loop runs.
+  const idle = frame.safety === "disarmed" && ["starting", "over"].includes(frame.activity);
+  return frame.age_s > 0.5 && !idle ? `no news from the robot for ${frame.age_s.toFixed(1)} s` : "";
 }
 
 start().catch((error) => {

@@ -12,12 +12,12 @@ void main() {
 }`;
 const FRAGMENT = `#version 300 es
 precision mediump float;
-in vec3 facing; uniform vec4 colour; out vec4 shown;
+in vec3 facing; uniform vec4 colour; uniform float light; out vec4 shown;
 void main() {
   vec3 n = normalize(facing);
   float sky = 0.5 + 0.5 * n.z;
   float sun = max(dot(n, normalize(vec3(0.7, -0.4, 0.8))), 0.0);
-  shown = vec4(colour.rgb * (0.35 + 0.3 * sky + 0.55 * sun), colour.a);
+  shown = vec4(colour.rgb * mix(1.0, 0.35 + 0.3 * sky + 0.55 * sun, light), colour.a);
 }`;
 
 export function makePainter(gl) {
@@ -33,7 +33,8 @@ export function makePainter(gl) {
   gl.useProgram(program);
   gl.enable(gl.DEPTH_TEST);
   const place = (name) => gl.getUniformLocation(program, name);
-  const [world, view, size, colour] = ["world", "view", "size", "colour"].map(place);
+  const [world, view, size, colour, light] = ["world", "view", "size", "colour", "light"].map(place);
+  gl.uniform1f(light, 1);
   const shapes = {};
   // Six numbers a corner: position and normal.
   function add(name, corners) {
@@ -51,6 +52,8 @@ export function makePainter(gl) {
   for (const [name, corners] of Object.entries({ box: box(), cylinder: cylinder(), ball: ball() })) add(name, corners);
   return {
     add,
+    // Whether what is drawn from now on is lit, or has its colour on all sides.
+    lit: (on) => gl.uniform1f(light, on ? 1 : 0),
     look: (matrix) => gl.uniformMatrix4fv(view, false, matrix),
     draw(name, pose, sides, rgba) {
       if (!shapes[name]) return; // a mesh that is still on its way

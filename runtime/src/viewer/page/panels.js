@@ -1,7 +1,26 @@
 // Everything that is not 3-D: music, health, joints, events.
 
+const LOCKS = { lost: "no beat", locked: "", holding: "counting on", changing: "moving to another beat" };
 const byId = (id) => document.getElementById(id);
 const DEG = 180 / Math.PI;
+const ACTIVITIES = {
+  waiting: "ready to start",
+  starting: "getting ready",
+  listening: "waiting for music",
+  prelude: "moving to the first pose",
+  dancing: "dancing",
+  finale: "coming to rest",
+  playing: "recording",
+  over: "finished",
+};
+const SAFETY = {
+  disarmed: "torque off",
+  arming: "turning torque on",
+  running: "running",
+  holding: "holding",
+  stopping: "turning torque off",
+  fault: "something is wrong",
+};
 const TRACK_S = 6;
 const WARM_C = 55;
 const HOT_C = 65;
@@ -12,17 +31,18 @@ export function makePanels(scene) {
   const figures = makeFigures();
   let log = "";
 
-  function show(frame) {
-    badge("activity", frame.activity, frame.activity === "dancing" ? "good" : "warn");
-    const safety = frame.estop ? "emergency stop" : frame.hold ? "holding" : frame.safety;
-    const quality = { running: "good", playing: "good", fault: "bad", "emergency stop": "bad" };
+  // What is heard, and how the robot is now.
+  function show(frame, newest) {
+    badge("activity", ACTIVITIES[newest.activity], newest.activity === "dancing" ? "good" : "warn");
+    const safety = newest.estop ? "emergency stop" : newest.hold ? "holding" : SAFETY[newest.safety];
+    const quality = { running: "good", "something is wrong": "bad", "emergency stop": "bad" };
     badge("safety", safety, quality[safety] ?? "warn");
     byId("safety").hidden = scene.recording_s !== null;
     showMusic(frame);
-    figures(frame, scene);
+    figures(newest, scene);
     joints.forEach((joint, index) => joint.show(frame, index));
-    const events = JSON.stringify(frame.events);
-    if (events !== log) showEvents(frame.events);
+    const events = JSON.stringify(newest.events);
+    if (events !== log) showEvents(newest.events);
     log = events;
   }
   return { show };
@@ -37,7 +57,7 @@ function badge(id, text, quality) {
 function showMusic({ beat, bands }) {
   const heard = beat.lock !== "lost" && beat.tempo_bpm > 0;
   byId("tempo").textContent = heard ? beat.tempo_bpm.toFixed(0) : "–";
-  byId("lock").textContent = { lost: "no beat", locked: "locked", holding: "carried on" }[beat.lock];
+  byId("lock").textContent = LOCKS[beat.lock];
   byId("bar").textContent = heard && beat.place !== null ? `beat ${beat.place} of ${beat.meter}` : "";
   byId("presence").textContent = beat.presence > 0.45 ? "music" : "no music";
   byId("phase").value = heard ? beat.phase : 0;
@@ -57,14 +77,15 @@ function showMusic({ beat, bands }) {
 // Name, how to tell it, and when it is worth a colour.
 function makeFigures() {
   const rows = [
-    ["bus", (f, s) => `${f.bus.rate_hz.toFixed(1)} / ${s.control_hz} Hz`, (f, s) => f.bus.rate_hz < 0.95 * s.control_hz],
-    ["latest cycle", (f) => `${f.late_ms.toFixed(1)} ms`, (f, s) => f.late_ms > 500 / s.control_hz],
-    ["late motion", (f) => `${f.late_frames}`, (f) => f.late_frames > 0],
-    ["lost replies", (f) => `${f.bus.timeouts + f.bus.crc_errors}`, (f) => f.bus.timeouts + f.bus.crc_errors > 0],
-    ["commands limited", (f) => `${f.interventions}`, () => false],
-    ["limits broken", (f) => (f.violations === null ? "not judged" : `${f.violations}`), (f) => f.violations > 0],
-    ["idle", (f) => `${Math.round(f.idle_share * 100)} %`, () => false],
+    ["robot rate", (f, s) => `${f.bus.rate_hz.toFixed(1)} / ${s.control_hz} Hz`, (f, s) => f.bus.rate_hz < 0.95 * s.control_hz],
+    ["longest delay", (f) => `${f.late_ms.toFixed(1)} ms`, (f, s) => f.late_ms > 500 / s.control_hz],
+    ["late moves", (f) => `${f.late_frames}`, (f) => f.late_frames > 0],
+    ["servo answers lost", (f) => `${f.bus.timeouts + f.bus.crc_errors}`, (f) => f.bus.timeouts + f.bus.crc_errors > 0],
+    ["limited moves", (f) => `${f.interventions}`, () => false],
+    ["limits broken", (f) => (f.violations === null ? "real servos: unknown" : `${f.violations}`), (f) => f.violations > 0],
+    ["idling", (f) => `${Math.round(f.idle_share * 100)} %`, () => false],
     ["music", (f) => `${f.music_s.toFixed(1)} s`, () => false],
+    ["pages open", (f) => `${f.viewers}`, () => false],
     ["torque on for", (f) => `${f.robot_s.toFixed(0)} s`, () => false],
   ];
   const values = rows.map(([name]) => {

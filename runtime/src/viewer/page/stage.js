@@ -6,6 +6,10 @@ import { makePainter } from "./painter.js";
 
 const HUMAN = [1.0, 0.69, 0.4, 1];
 const GRID = [0.16, 0.19, 0.24, 1];
+const FLOOR = [0.105, 0.125, 0.165];
+const SHADOW = [0.062, 0.074, 0.1, 1];
+// Where the light comes from; shadows are cast along it.
+const LIGHT = [0.4, -0.25, 1];
 const SHELL = [0.5, 0.58, 0.7, 1];
 const STICK = [0.55, 0.6, 0.68, 1];
 const HUMAN_M = 1.7;
@@ -21,7 +25,8 @@ export function makeStage(canvas, scene) {
   const painter = makePainter(gl);
   const robot = scene.shapes.map(robotPart);
   const meshes = new Set(scene.shapes.filter((shape) => "mesh" in shape).map((shape) => shape.mesh));
-  const camera = { yaw: 0.5, pitch: 0.16, zoom: 1, turned: true };
+  const camera = { yaw: 0.5, pitch: 0.16, zoom: 1, turned: true, human: true };
+  makeLooks(canvas, camera);
   handlePointer(canvas, camera);
   new ResizeObserver(() => (camera.turned = true)).observe(canvas);
   let frame = null;
@@ -47,11 +52,15 @@ export function makeStage(canvas, scene) {
     if (!stands && frame.activity !== "waiting" && frame.activity !== "starting") [ground, stands] = [null, true];
     ground ??= extent(parts);
     const { floor, height } = ground;
-    const beside = 0.9 * height;
+    const beside = camera.human ? 0.9 * height : 0;
     painter.look(viewOf(camera, [0, beside / 2, floor + height / 2], height, canvas));
-    drawFloor(painter, floor, height, beside);
+    drawFloor(painter, floor, height, beside, frame.beat);
+    if (frame.human && camera.human) parts.push(...humanParts(scene.bones, frame.human, floor, height, beside));
+    const flat = shadowOn(floor + height / 600);
+    painter.lit(false);
+    for (const part of parts) painter.draw(part.shape, multiply(flat, part.world), part.size, SHADOW);
+    painter.lit(true);
     for (const part of parts) painter.draw(part.shape, part.world, part.size, part.colour);
-    if (frame.human) drawHuman(painter, scene.bones, frame.human, floor, height, beside);
   }
 
   return {
@@ -62,6 +71,20 @@ export function makeStage(canvas, scene) {
     draw,
     turned: () => camera.turned,
   };
+}
+
+// Buttons on the picture: without the human, and as large as the screen.
+function makeLooks(canvas, camera) {
+  const [human, full] = ["with-human", "full-screen"].map((id) => document.getElementById(id));
+  human.onclick = () => {
+    camera.human = !camera.human;
+    camera.turned = true;
+    human.setAttribute("aria-pressed", camera.human);
+  };
+  // Where it is not allowed there is no such button.
+  full.hidden = !document.fullscreenEnabled;
+  full.onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen());
+  addEventListener("fullscreenchange", () => document.body.classList.toggle("full", document.fullscreenElement !== null));
 }
 
 // The page's own connection may be refused while many are open: once more then.
@@ -80,8 +103,8 @@ async function fetchMesh(mesh) {
 
 // A shape of the scene as what the painter draws.
 function robotPart(shape) {
-  // Black is what a shape without a colour of its own says.
-  const plain = (rgba) => rgba.slice(0, 3).every((part) => part === 0);
+  // A shape without a colour of its own says so by being transparent.
+  const plain = (rgba) => rgba[3] === 0;
   const light = (rgba) => (plain(rgba) ? SHELL : [...rgba.slice(0, 3).map((part) => 0.16 + 0.8 * part), 1]);
   if (shape.stick) {
     const long = Math.max(distance([0, 0, 0], shape.stick), 1e-4);
@@ -120,13 +143,26 @@ function extent(parts) {
   return Number.isFinite(low) ? { floor: low, height: Math.max(high - low, 0.05) } : { floor: 0, height: 0.5 };
 }
 
-function drawFloor(painter, floor, height, beside) {
+// Everything flat on the floor, along the light.
+function shadowOn(floor) {
+  const [x, y] = [LIGHT[0] / LIGHT[2], LIGHT[1] / LIGHT[2]];
+  return new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, -x, -y, 0, 0, x * floor, y * floor, floor, 1]);
+}
+
+// A round floor that lights up on the beat.
+function drawFloor(painter, floor, height, beside, beat) {
   const step = height / 3;
   const thick = height / 500;
-  for (let n = -4; n <= 4; n++) {
+  const glow = beat.lock === "lost" ? 0 : 0.5 * Math.exp(-4 * beat.phase) * beat.confidence;
+  const wide = 1.9 * height;
+  painter.lit(false);
+  painter.draw("cylinder", upright([0, beside / 2, floor - thick]), [wide, wide, thick], [...FLOOR.map((part) => part * (1 + glow)), 1]);
+  painter.lit(true);
+  for (let n = -5; n <= 5; n++) {
+    const half = Math.sqrt(wide * wide - n * step * n * step);
     for (const [from, to] of [
-      [[n * step, beside / 2 - 4 * step, floor], [n * step, beside / 2 + 4 * step, floor]],
-      [[-4 * step, beside / 2 + n * step, floor], [4 * step, beside / 2 + n * step, floor]],
+      [[n * step, beside / 2 - half, floor], [n * step, beside / 2 + half, floor]],
+      [[-half, beside / 2 + n * step, floor], [half, beside / 2 + n * step, floor]],
     ]) {
       painter.draw("box", between(from, to), [thick, thick, distance(from, to)], GRID);
     }
@@ -134,15 +170,16 @@ function drawFloor(painter, floor, height, beside) {
 }
 
 // As tall as the robot, and always on its left: the robot stays on the spot.
-function drawHuman(painter, bones, human, floor, height, beside) {
+function humanParts(bones, human, floor, height, beside) {
   const scale = height / HUMAN_M;
   const [x, y] = human[0];
   const lowest = Math.min(...human.map((point) => point[2]), 0);
   const at = human.map((p) => [(p[0] - x) * scale, (p[1] - y) * scale + beside, (p[2] - lowest) * scale + floor]);
   const thick = 0.032 * height;
-  for (const [from, to] of bones) {
-    painter.draw("cylinder", between(at[from], at[to]), [thick * 0.7, thick * 0.7, distance(at[from], at[to])], HUMAN);
-    painter.draw("ball", upright(at[to]), [thick, thick, thick], HUMAN);
-  }
-  painter.draw("ball", upright(at[HEAD]), [thick * 2, thick * 2, thick * 2.4], HUMAN);
+  const part = (shape, world, size) => ({ shape, world, size, colour: HUMAN });
+  const limbs = bones.flatMap(([from, to]) => [
+    part("cylinder", between(at[from], at[to]), [thick * 0.7, thick * 0.7, distance(at[from], at[to])]),
+    part("ball", upright(at[to]), [thick, thick, thick]),
+  ]);
+  return [...limbs, part("ball", upright(at[HEAD]), [thick * 2, thick * 2, thick * 2.4])];
 }

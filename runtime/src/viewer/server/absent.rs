@@ -12,10 +12,24 @@ pub struct Server(Infallible);
 
 impl Server {
     pub fn start(_: SocketAddr, _: Scene, _: ViewerEnd) -> anyhow::Result<Self> {
-        bail!("--view: this program was built without its page; build with --features view")
+        bail!(
+            "--view: this program was built without its page; build without --no-default-features"
+        )
     }
 
     pub fn address(&self) -> &str {
+        match self.0 {}
+    }
+
+    pub fn audience_address(&self) -> &str {
+        match self.0 {}
+    }
+
+    pub fn address_for_once(&self) -> String {
+        match self.0 {}
+    }
+
+    pub fn codes(&self) -> String {
         match self.0 {}
     }
 }

@@ -1,13 +1,73 @@
-//! Access control: a request needs the token, and comes from the page or no page.
+//! Access control: a request needs a token, and comes from the page or no page.
 //!
-//! - Every address begins with the token, 128 random bits of each run; other users
-//!   and web pages of this machine do not know it.
+//! - Every address begins with a token, 128 random bits of each run; other users
+//!   and web pages of this machine do not know it. There are two: the operator's
+//!   link may command, the audience's link may only watch.
 //! - `Host` must be an address or a name of this machine: a foreign name that
 //!   was made to point here (DNS rebinding) is refused.
 //! - `Origin`, which browsers add, must be this page's own.
 
 use rand::RngCore;
 use std::net::IpAddr;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// What a link is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    Operator,
+    Audience,
+}
+
+/// The tokens of the two links.
+#[derive(Debug)]
+pub struct Tokens {
+    pub operator: AccessToken,
+    pub audience: AccessToken,
+    /// Leads to the operator's link once: for the command line of a browser, which other
+    /// users of this machine can read.
+    once: Mutex<Option<(AccessToken, Instant)>>,
+}
+
+/// How long a link for once is good, seconds.
+const ONCE_S: f64 = 30.0;
+
+impl Tokens {
+    pub fn random() -> Self {
+        let (operator, audience) = (AccessToken::random(), AccessToken::random());
+        Self { operator, audience, once: Mutex::default() }
+    }
+
+    /// A token that leads to the operator's link once; an older one is void.
+    pub fn for_once(&self) -> String {
+        let token = AccessToken::random();
+        let text = token.text().to_owned();
+        *self.once() = Some((token, Instant::now()));
+        text
+    }
+
+    /// Whether this is the token for once, which is void from now on.
+    pub fn redeem(&self, text: &str) -> bool {
+        let is_it = |(token, made): &mut (AccessToken, Instant)| {
+            token.is(text) && made.elapsed().as_secs_f64() < ONCE_S
+        };
+        self.once().take_if(is_it).is_some()
+    }
+
+    fn once(&self) -> MutexGuard<'_, Option<(AccessToken, Instant)>> {
+        self.once.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What the holder of a token may do.
+    pub fn role(&self, token: &str) -> Option<Role> {
+        // Both are looked at: the answer takes as long whichever it is.
+        match (self.operator.is(token), self.audience.is(token)) {
+            (true, _) => Some(Role::Operator),
+            (_, true) => Some(Role::Audience),
+            _ => None,
+        }
+    }
+}
 
 #[derive(Clone, Debug)]
 pub struct AccessToken(String);
@@ -64,6 +124,18 @@ mod tests {
         assert!(!token.is("") && !token.is(&token.text()[1..]));
         assert!(!token.is(&format!("{}0", token.text())));
         assert_ne!(AccessToken::random().text(), AccessToken::random().text());
+    }
+
+    #[test]
+    fn a_token_for_once_is_good_once() {
+        let tokens = Tokens::random();
+        assert!(!tokens.redeem(""));
+        let (void, once) = (tokens.for_once(), tokens.for_once());
+        assert_eq!(tokens.role(&once), None);
+        assert_eq!(
+            [void, once.clone(), once].map(|text| tokens.redeem(&text)),
+            [false, true, false]
+        );
     }
 
     #[test]

@@ -1,23 +1,27 @@
 //! The web server of the page: one thread of low priority for all viewers.
 //!
 //! A flood of requests does not delay the dance: the control loop is in another thread and
-//! never waits (see [`mod@crate::viewer::link`]); at most [`CONNECTIONS`] are open at a time,
-//! those beyond are closed at once; a request has to be whole within
-//! [`REQUEST_S`]; little is buffered for a slow reader, who then misses frames.
+//! never waits (see [`mod@crate::viewer::link`]); `connections.rs` says how many may be open;
+//! a request has to be whole within [`REQUEST_S`]; little is buffered for a slow reader, who
+//! then misses frames.
 
+mod connections;
 mod guard;
+mod invitation;
 mod page;
 mod routes;
 mod socket;
 mod state;
+mod stop_presses;
 
-use self::guard::AccessToken;
+use self::connections::{Connections, STRANGER_S};
+use self::guard::Tokens;
+use self::invitation::Invitation;
 use self::routes::routes;
 use self::state::ServerState;
 use crate::process::console::stderr_line;
 use crate::process::failpoint;
 use crate::process::realtime;
-use crate::viewer::frame::frame;
 use crate::viewer::link::ViewerEnd;
 use crate::viewer::scene::Scene;
 use anyhow::Context;
@@ -27,23 +31,27 @@ use hyper_util::service::TowerToHyperService;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
+use tokio::sync::oneshot;
 use tokio::time::MissedTickBehavior;
 
-const CONNECTIONS: usize = 32;
-/// A request and its answer take no longer, seconds.
-const REQUEST_S: u64 = 10;
+/// A request and its answer take no longer, seconds: the music over a slow network.
+const REQUEST_S: u64 = 60;
 const FRAMES_HZ: f64 = 30.0;
 /// Bytes that the system may keep for a slow reader: a few frames.
 const SEND_BUFFER: usize = 64 * 1024;
-/// How long viewers have to see the end, seconds.
+/// So often a frame is sent if there is no newer one, so that pages know that the program is
+/// there, seconds.
+const HEARTBEAT_S: f64 = 0.2;
+/// How long viewers have to see the end, seconds; and the page of whoever pressed STOP.
 const FAREWELL_S: f64 = 0.2;
+const STOP_FAREWELL_S: f64 = 15.0;
 
 /// The server of the page; it serves until it is dropped.
 pub struct Server {
-    address: String,
+    invitation: Invitation,
+    state: Arc<ServerState>,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -55,26 +63,49 @@ impl Server {
         let listener = std::net::TcpListener::bind(bind).with_context(cannot)?;
         listener.set_nonblocking(true)?;
         let port = listener.local_addr()?.port();
-        let token = AccessToken::random();
+        let tokens = Tokens::random();
         let host = SocketAddr::new(reachable(bind.ip()), port);
-        let address = format!("http://{host}/{}/", token.text());
-        let state = Arc::new(ServerState::new(token, own_name(), scene, end));
+        let invitation = Invitation {
+            operator: format!("http://{host}/{}/", tokens.operator.text()),
+            audience: format!("http://{host}/{}/", tokens.audience.text()),
+        };
+        let state = Arc::new(ServerState::new(tokens, invitation.clone(), scene, end));
         let (stop, stopped) = oneshot::channel();
+        let kept = Arc::clone(&state);
         let thread = std::thread::Builder::new().name("viewers".into());
         let thread = thread.spawn(move || {
             realtime::yield_to_others();
             let mut runtime = tokio::runtime::Builder::new_current_thread();
             match runtime.enable_all().build() {
-                Ok(runtime) => runtime.block_on(serve(listener, state, stopped)),
+                Ok(runtime) => {
+                    runtime.block_on(serve(listener, state, stopped));
+                    runtime.shutdown_background(); // nobody waits for a song half decoded
+                }
                 Err(error) => stderr_line!("the page cannot be served: {error}"),
             }
         })?;
-        Ok(Self { address, stop: Some(stop), thread: Some(thread) })
+        Ok(Self { invitation, state: kept, stop: Some(stop), thread: Some(thread) })
     }
 
-    /// Where the page is, with its token.
+    /// Where the page is for operators, with their token.
     pub fn address(&self) -> &str {
-        &self.address
+        &self.invitation.operator
+    }
+
+    /// Where the page is for the audience, which cannot command.
+    pub fn audience_address(&self) -> &str {
+        &self.invitation.audience
+    }
+
+    /// A link that leads to the operator's once, in the next half minute: for a command line.
+    pub fn address_for_once(&self) -> String {
+        let tokens = &self.state.tokens;
+        self.invitation.operator.replace(tokens.operator.text(), &tokens.for_once())
+    }
+
+    /// Both links as QR codes, for a terminal.
+    pub fn codes(&self) -> String {
+        self.invitation.terminal()
     }
 }
 
@@ -102,11 +133,6 @@ fn reachable(ip: IpAddr) -> IpAddr {
     }
 }
 
-fn own_name() -> String {
-    let name = std::fs::read_to_string("/proc/sys/kernel/hostname");
-    name.unwrap_or_default().trim().to_owned()
-}
-
 async fn serve(
     listener: std::net::TcpListener,
     state: Arc<ServerState>,
@@ -120,7 +146,7 @@ async fn serve(
     let frames = tokio::spawn(make_frames(Arc::clone(&state)));
     tokio::select! {
         // Whoever holds the other end never sends, only lets go.
-        _ = stopped => tokio::time::sleep(Duration::from_secs_f64(FAREWELL_S)).await,
+        _ = stopped => farewell(&state).await,
         // Neither ends but by a panic, which has been told: a page that stands
         // still, or lets nobody in, is none.
         _ = door => {}
@@ -128,15 +154,31 @@ async fn serve(
     }
 }
 
+/// Until viewers had time to see the end, and whoever pressed STOP what came of it.
+async fn farewell(state: &ServerState) {
+    let began = Instant::now();
+    tokio::time::sleep(Duration::from_secs_f64(FAREWELL_S)).await;
+    while state.is_stop_awaited() && began.elapsed().as_secs_f64() < STOP_FAREWELL_S {
+        tokio::time::sleep(Duration::from_secs_f64(FAREWELL_S)).await;
+    }
+}
+
 async fn welcome(listener: TcpListener, state: Arc<ServerState>) {
-    let room = Arc::new(Semaphore::new(CONNECTIONS));
+    let connections = Arc::new(Connections::default());
     let routes = routes(state);
     loop {
         match listener.accept().await {
-            Ok((stream, _)) => {
-                if let Ok(place) = Arc::clone(&room).try_acquire_owned() {
-                    tokio::spawn(answer(stream, routes.clone(), Arc::new(place)));
-                }
+            Ok((stream, from)) => {
+                let (connection, turned_away) = connections.enter(from.ip());
+                let routes = routes.clone().layer(Extension(Arc::new(connection)));
+                tokio::spawn(async move {
+                    tokio::select! {
+                        () = answer(stream, routes) => {}
+                        Ok(()) = turned_away => {}
+                    }
+                });
+                // A request that is there already is read before the next one is let in.
+                tokio::task::yield_now().await;
             }
             // Out of file handles, say: others will be closed.
             Err(_) => tokio::time::sleep(Duration::from_millis(50)).await,
@@ -144,14 +186,14 @@ async fn welcome(listener: TcpListener, state: Arc<ServerState>) {
     }
 }
 
-async fn answer(stream: TcpStream, routes: axum::Router, place: Arc<OwnedSemaphorePermit>) {
+async fn answer(stream: TcpStream, routes: axum::Router) {
     // Without them it works, only less well.
     let _ = stream.set_nodelay(true);
     let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
-    let service = TowerToHyperService::new(routes.layer(Extension(place)));
+    let service = TowerToHyperService::new(routes);
     let connection = hyper::server::conn::http1::Builder::new()
         .timer(TokioTimer::new())
-        .header_read_timeout(Duration::from_secs(REQUEST_S / 2))
+        .header_read_timeout(Duration::from_secs(STRANGER_S))
         .max_headers(64)
         .max_buf_size(16 * 1024)
         .serve_connection(TokioIo::new(stream), service)
@@ -163,19 +205,14 @@ async fn answer(stream: TcpStream, routes: axum::Router, place: Arc<OwnedSemapho
 async fn make_frames(state: Arc<ServerState>) {
     let mut clock = tokio::time::interval(Duration::from_secs_f64(1.0 / FRAMES_HZ));
     clock.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    let mut pressed = false;
+    let mut sent = Instant::now();
     loop {
         clock.tick().await;
         failpoint::pass("viewers");
-        if state.frames.receiver_count() == 0 {
-            continue;
-        }
-        let mut end = state.end();
-        let estop = end.estop.is_pressed();
-        if end.has_news() || estop != pressed {
-            pressed = estop;
-            let text = frame(&state.scene, end.newest(), estop);
-            state.frames.send_replace(text.into());
+        let due = sent.elapsed().as_secs_f64() >= HEARTBEAT_S;
+        if (state.has_news() || due) && state.frames.receiver_count() > 0 {
+            sent = Instant::now();
+            state.frames.send_replace(state.frame().into());
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The HTTP routes of the page and its API; docs/show.md describes their use.
 //!
-//! | under the token | what |
+//! | under a token | what |
 //! |---|---|
 //! | `GET ` (the page), `GET NAME` | the page and its parts |
 //! | `GET api/scene` | what does not change |
@@ -8,13 +8,15 @@
 //! | `GET api/state` | the newest frame |
 //! | `POST api/command` | a request: [`crate::viewer::request`] |
 //! | `POST api/tap` | `{"do": "tap"}` without a body |
+//! | `GET api/song` | the music as WAV, where it is a recording |
+//! | `GET api/links` | both links with their QR codes: for operators |
 //! | `GET api/live` | WebSocket: frames out, requests in |
 
+use super::connections::Connection;
+use super::guard::Role;
 use super::page;
 use super::socket;
-use super::state::{LONGEST, RequestRefusal, ServerState};
-use crate::viewer::frame::frame;
-use axum::Router;
+use super::state::{Answer, LONGEST, RequestRefusal, ServerState};
 use axum::body::Bytes;
 use axum::extract::rejection::StringRejection;
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
@@ -22,6 +24,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
+use axum::{Extension, Router};
 use serde_json::json;
 use std::sync::Arc;
 
@@ -32,22 +35,38 @@ pub fn routes(state: Arc<ServerState>) -> Router {
         .route("/api/state", get(newest_frame))
         .route("/api/command", post(command))
         .route("/api/tap", post(tap))
+        .route("/api/song", get(song))
+        .route("/api/links", get(links))
         .route("/api/live", get(socket::live))
         .route("/{name}", get(part));
-    let top = format!("/{}", state.token.text());
-    Router::new()
-        .route(&format!("{top}/"), get(index))
-        .nest(&top, inner)
+    let tokens = &state.tokens;
+    let both = [(&tokens.operator, Role::Operator), (&tokens.audience, Role::Audience)];
+    let router = both.into_iter().fold(Router::new(), |router, (token, role)| {
+        let top = format!("/{}", token.text());
+        let under = inner.clone().layer(Extension(role));
+        router.route(&format!("{top}/"), get(index)).nest(&top, under)
+    });
+    router
         .layer(DefaultBodyLimit::max(LONGEST))
         .layer(from_fn_with_state(Arc::clone(&state), guard))
         .with_state(state)
 }
 
-/// Refuses requests without the token, and those of foreign pages.
-async fn guard(State(state): State<Arc<ServerState>>, request: Request, next: Next) -> Response {
-    let mut response = match state.refuses(&request) {
-        Some(status) => status.into_response(),
-        None => next.run(request).await,
+/// Refuses requests without a token, those of foreign pages, and whom there is no place for.
+async fn guard(
+    State(state): State<Arc<ServerState>>,
+    Extension(connection): Extension<Arc<Connection>>,
+    request: Request,
+    next: Next,
+) -> Response {
+    let mut response = match state.role_of(&request) {
+        Err(StatusCode::NOT_FOUND) => match state.redeem(&request) {
+            Some(to) => (StatusCode::SEE_OTHER, [(header::LOCATION, to)]).into_response(),
+            None => StatusCode::NOT_FOUND.into_response(),
+        },
+        Err(status) => status.into_response(),
+        Ok(role) if !connection.admit(role) => StatusCode::SERVICE_UNAVAILABLE.into_response(),
+        Ok(_) => next.run(request).await,
     };
     // One request a connection, unless it becomes a WebSocket.
     let upgraded = response.status() == StatusCode::SWITCHING_PROTOCOLS;
@@ -78,8 +97,21 @@ async fn part(Path(name): Path<String>) -> Response {
     }
 }
 
-async fn scene(State(state): State<Arc<ServerState>>) -> Response {
-    as_json(state.scene_json.clone())
+async fn scene(
+    State(state): State<Arc<ServerState>>,
+    Extension(role): Extension<Role>,
+) -> Response {
+    as_json(state.scene_for(role))
+}
+
+async fn links(
+    State(state): State<Arc<ServerState>>,
+    Extension(role): Extension<Role>,
+) -> Response {
+    match role {
+        Role::Operator => as_json(state.invitation.json().to_string()),
+        Role::Audience => StatusCode::FORBIDDEN.into_response(),
+    }
 }
 
 async fn mesh(State(state): State<Arc<ServerState>>, Path(part): Path<usize>) -> Response {
@@ -94,14 +126,20 @@ async fn mesh(State(state): State<Arc<ServerState>>, Path(part): Path<usize>) ->
     }
 }
 
+async fn song(State(state): State<Arc<ServerState>>) -> Response {
+    match state.song().await {
+        Some(wav) => ([(header::CONTENT_TYPE, "audio/wav")], wav).into_response(),
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
 async fn newest_frame(State(state): State<Arc<ServerState>>) -> Response {
-    let mut end = state.end();
-    let estop = end.estop.is_pressed();
-    as_json(frame(&state.scene, end.newest(), estop))
+    as_json(state.frame())
 }
 
 async fn command(
     State(state): State<Arc<ServerState>>,
+    Extension(role): Extension<Role>,
     headers: HeaderMap,
     body: Result<String, StringRejection>,
 ) -> Response {
@@ -113,17 +151,20 @@ async fn command(
         return refused((StatusCode::UNSUPPORTED_MEDIA_TYPE, expected.into()));
     }
     let body = body.map_err(|unread| (unread.status(), unread.body_text()));
-    match body.and_then(|body| state.ask(&body)) {
-        Ok(()) => (StatusCode::ACCEPTED, as_json("{}".into())).into_response(),
-        Err(refusal) => refused(refusal),
-    }
+    answer(body.and_then(|body| state.ask(role, &body)))
 }
 
-async fn tap(State(state): State<Arc<ServerState>>) -> Response {
-    match state.ask(r#"{"do": "tap"}"#) {
-        Ok(()) => (StatusCode::ACCEPTED, as_json("{}".into())).into_response(),
-        Err(refusal) => refused(refusal),
-    }
+async fn tap(State(state): State<Arc<ServerState>>, Extension(role): Extension<Role>) -> Response {
+    answer(state.ask(role, r#"{"do": "tap"}"#))
+}
+
+fn answer(asked: Result<Answer, RequestRefusal>) -> Response {
+    let said = match asked {
+        Ok(Answer::Stopped) => json!({ "stopped": true }),
+        Ok(_) => json!({}),
+        Err(refusal) => return refused(refusal),
+    };
+    (StatusCode::ACCEPTED, as_json(said.to_string())).into_response()
 }
 
 fn refused((status, why): RequestRefusal) -> Response {

@@ -1,7 +1,9 @@
 //! One viewer on a WebSocket: the newest frame out, as fast as they can take
 //! it; requests in. What they miss is gone: only the newest counts.
 
-use super::state::{LONGEST, ServerState};
+use super::connections::Connection;
+use super::guard::Role;
+use super::state::{Answer, LONGEST, ServerState};
 use axum::Extension;
 use axum::extract::State;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
@@ -10,22 +12,21 @@ use axum::response::{IntoResponse, Response};
 use serde_json::json;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::sync::OwnedSemaphorePermit;
 
 /// A viewer that takes nothing for so long is gone, seconds.
 const GONE_S: u64 = 5;
+/// The page of an operator that says nothing for so long is silent, seconds.
+const SILENT_S: f64 = 2.0;
 /// More messages a second are no person.
 const MESSAGES_PER_S: u32 = 100;
 
-/// The places that a socket keeps until it ends.
-type ConnectionSlot = Arc<OwnedSemaphorePermit>;
-
 pub async fn live(
     State(state): State<Arc<ServerState>>,
-    Extension(place): Extension<ConnectionSlot>,
+    Extension(connection): Extension<Arc<Connection>>,
+    Extension(role): Extension<Role>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let Ok(seat) = Arc::clone(&state.sockets).try_acquire_owned() else {
+    let Some(place) = state.socket_place(role) else {
         return StatusCode::SERVICE_UNAVAILABLE.into_response();
     };
     upgrade
@@ -35,8 +36,8 @@ pub async fn live(
         .write_buffer_size(0)
         .max_write_buffer_size(1 << 20)
         .on_upgrade(async move |mut socket| {
-            let _kept = (place, seat);
-            let farewell = watch(&mut socket, &state).await;
+            let _kept = (connection, place);
+            let farewell = watch(&mut socket, &state, role).await;
             if let Some((code, reason)) = farewell {
                 let reason = Utf8Bytes::from(reason);
                 let close = Message::Close(Some(CloseFrame { code, reason }));
@@ -46,12 +47,15 @@ pub async fn live(
 }
 
 /// Until the viewer goes, or must: then the close code and the reason.
-async fn watch(socket: &mut WebSocket, state: &ServerState) -> Option<(u16, String)> {
+async fn watch(socket: &mut WebSocket, state: &ServerState, role: Role) -> Option<(u16, String)> {
     let mut frames = state.frames.subscribe();
-    frames.mark_changed();
+    send(socket, Message::Text(state.frame().into())).await?;
     let mut second = (Instant::now(), 0);
+    let mut pulse = Pulse { state, heard: None };
+    let mut clock = tokio::time::interval(Duration::from_secs_f64(SILENT_S / 4.0));
     loop {
         tokio::select! {
+            _ = clock.tick() => pulse.check(),
             message = socket.recv() => match message?.ok()? {
                 Message::Text(text) => {
                     if second.0.elapsed() > Duration::from_secs(1) {
@@ -61,22 +65,25 @@ async fn watch(socket: &mut WebSocket, state: &ServerState) -> Option<(u16, Stri
                     if second.1 > MESSAGES_PER_S {
                         return Some((close_code::POLICY, "too many messages".into()));
                     }
-                    let refusal = state.ask(&text).err();
-                    match refusal {
-                        Some((StatusCode::BAD_REQUEST, why)) => {
+                    match state.ask(role, &text) {
+                        Ok(Answer::Alive) => pulse.heard = Some(Instant::now()),
+                        Ok(Answer::Taken | Answer::Stopped) => {}
+                        Err((StatusCode::BAD_REQUEST, why)) => {
                             return Some((close_code::POLICY, short(why)));
                         }
-                        Some((_, why)) => {
+                        Err((_, why)) => {
                             let text = json!({ "refused": why }).to_string();
                             send(socket, Message::Text(text.into())).await?;
                         }
-                        None => {}
                     }
                 }
                 Message::Binary(_) => {
                     return Some((close_code::UNSUPPORTED, "expected text".into()));
                 }
-                Message::Close(_) => return None,
+                Message::Close(_) => {
+                    pulse.heard = None; // said goodbye
+                    return None;
+                }
                 Message::Ping(_) | Message::Pong(_) => {}
             },
             changed = frames.changed() => {
@@ -84,6 +91,29 @@ async fn watch(socket: &mut WebSocket, state: &ServerState) -> Option<(u16, Stri
                 let frame = frames.borrow_and_update().clone();
                 send(socket, Message::Text(frame)).await?;
             }
+        }
+    }
+}
+
+/// Tells the program when the page of an operator falls silent, or goes without a goodbye.
+struct Pulse<'a> {
+    state: &'a ServerState,
+    heard: Option<Instant>,
+}
+
+impl Pulse<'_> {
+    fn check(&mut self) {
+        if self.heard.is_some_and(|heard| heard.elapsed().as_secs_f64() > SILENT_S) {
+            self.heard = None;
+            self.state.operator_lost();
+        }
+    }
+}
+
+impl Drop for Pulse<'_> {
+    fn drop(&mut self) {
+        if self.heard.is_some() {
+            self.state.operator_lost();
         }
     }
 }

@@ -1,83 +1,241 @@
 //! What all connections of the page's server share.
 
-use super::guard::{AccessToken, is_own};
-use crate::viewer::frame::frame;
+use super::guard::{Role, Tokens, is_own};
+use super::invitation::Invitation;
+use super::stop_presses::StopPresses;
+use crate::process::console::stderr_line;
+use crate::viewer::frame::{FrameSurroundings, frame};
 use crate::viewer::link::ViewerEnd;
-use crate::viewer::request::{ParsedRequest, parse_request};
+use crate::viewer::request::{ParsedRequest, ViewerRequest, parse_request};
 use crate::viewer::scene::Scene;
+use crate::viewer::snapshot::Snapshot;
+use crate::viewer::song_wav::song_wav;
+use axum::body::Bytes;
 use axum::extract::Request;
 use axum::extract::ws::Utf8Bytes;
 use axum::http::{StatusCode, header};
+use serde_json::Value;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use tokio::sync::{Semaphore, watch};
+use std::time::Instant;
+use tokio::sync::{OnceCell, OwnedSemaphorePermit, Semaphore, watch};
 
 pub const LONGEST: usize = 4096;
 /// WebSockets at a time; the other connections are for pages and commands.
-const SOCKETS: usize = 16;
+const OPERATOR_SOCKETS: usize = 16;
+const AUDIENCE_SOCKETS: usize = 128;
 
 /// What all connections share. Only the viewer thread locks it.
 pub struct ServerState {
-    pub token: AccessToken,
+    pub tokens: Tokens,
+    pub invitation: Invitation,
     own_name: String,
     pub scene: Scene,
-    pub scene_json: String,
-    end: Mutex<ViewerEnd>,
+    scene_json: Value,
+    robot: Mutex<RobotView>,
+    began: Instant,
+    /// Decoded when it is asked for first.
+    song: OnceCell<Option<Bytes>>,
     pub frames: watch::Sender<Utf8Bytes>,
-    pub sockets: Arc<Semaphore>,
+    operator_sockets: Arc<Semaphore>,
+    audience_sockets: Arc<Semaphore>,
+}
+
+/// What the server knows of the robot.
+struct RobotView {
+    end: ViewerEnd,
+    /// Whether a frame has shown the newest snapshot.
+    shown: bool,
+    presses: StopPresses,
+}
+
+impl RobotView {
+    fn newest(&mut self) -> &Snapshot {
+        if self.end.has_news() {
+            self.shown = false;
+        }
+        self.end.newest()
+    }
+}
+
+/// What became of a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    Taken,
+    /// It said that the page is there, no more.
+    Alive,
+    /// A stop, and the control loop says that torque is off since.
+    Stopped,
 }
 
 /// A request that was not taken: the status and the reason, one line.
 pub type RequestRefusal = (StatusCode, String);
 
 impl ServerState {
-    pub fn new(token: AccessToken, own_name: String, scene: Scene, mut end: ViewerEnd) -> Self {
-        let first = frame(&scene, end.newest(), false);
+    pub fn new(tokens: Tokens, invitation: Invitation, scene: Scene, end: ViewerEnd) -> Self {
         Self {
-            token,
-            own_name,
-            scene_json: scene.json().to_string(),
+            tokens,
+            invitation,
+            own_name: own_name(),
+            scene_json: scene.json(),
             scene,
-            end: Mutex::new(end),
-            frames: watch::Sender::new(first.into()),
-            sockets: Arc::new(Semaphore::new(SOCKETS)),
+            began: Instant::now(),
+            song: OnceCell::new(),
+            robot: Mutex::new(RobotView { end, shown: false, presses: StopPresses::default() }),
+            frames: watch::Sender::new(Utf8Bytes::default()),
+            operator_sockets: Arc::new(Semaphore::new(OPERATOR_SOCKETS)),
+            audience_sockets: Arc::new(Semaphore::new(AUDIENCE_SOCKETS)),
         }
     }
 
-    pub fn end(&self) -> MutexGuard<'_, ViewerEnd> {
-        self.end.lock().unwrap_or_else(PoisonError::into_inner)
+    fn robot(&self) -> MutexGuard<'_, RobotView> {
+        self.robot.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Why a request gets no answer: from a foreign page, or without the token.
-    pub fn refuses(&self, request: &Request) -> Option<StatusCode> {
+    /// Whether a snapshot has come that no frame has shown.
+    pub fn has_news(&self) -> bool {
+        let mut robot = self.robot();
+        robot.newest();
+        !robot.shown
+    }
+
+    /// The newest frame, as JSON.
+    pub fn frame(&self) -> String {
+        let mut robot = self.robot();
+        robot.newest();
+        robot.shown = true;
+        let RobotView { end, presses, .. } = &mut *robot;
+        let estop = end.estop.is_pressed();
+        let snapshot = end.newest();
+        let surroundings = FrameSurroundings {
+            estop,
+            clock_s: self.began.elapsed().as_secs_f64(),
+            age_s: snapshot.now.published.elapsed().as_secs_f64(),
+            confirmed: presses.confirmed(snapshot.now.stopped).collect(),
+            viewers: self.frames.receiver_count(),
+        };
+        frame(&self.scene, snapshot, &surroundings)
+    }
+
+    /// The music as WAV; `None` if there is none to play.
+    pub async fn song(&self) -> Option<Bytes> {
+        let choice = self.scene.song.clone()?;
+        // Not in the thread that hears STOP.
+        let decoded = self.song.get_or_init(|| async move {
+            match tokio::task::spawn_blocking(move || song_wav(&choice)).await {
+                Ok(Ok(wav)) => return Some(Bytes::from(wav)),
+                Ok(Err(error)) => stderr_line!("the page plays no sound: {error:#}"),
+                Err(_) => {} // a panic, which has been told
+            }
+            None
+        });
+        decoded.await.clone()
+    }
+
+    /// Whether a page waits to see its stop confirmed.
+    pub fn is_stop_awaited(&self) -> bool {
+        self.robot().presses.is_awaited()
+    }
+
+    /// Whether this press has stopped the robot, as the control loop says.
+    fn is_confirmed(&self, press: &str) -> bool {
+        let mut robot = self.robot();
+        let stopped = robot.newest().now.stopped;
+        robot.presses.confirmed(stopped).any(|name| name == press)
+    }
+
+    /// Tells the program that the page of an operator has fallen silent.
+    pub fn operator_lost(&self) {
+        // A full queue has more urgent things in it.
+        let _ = self.robot().end.ask(&[ViewerRequest::OperatorLost]);
+    }
+
+    /// The scene, and whether this viewer may command.
+    pub fn scene_for(&self, role: Role) -> String {
+        let mut scene = self.scene_json.clone();
+        scene["operator"] = Value::Bool(role == Role::Operator);
+        scene.to_string()
+    }
+
+    /// A place for one more WebSocket.
+    pub fn socket_place(&self, role: Role) -> Option<OwnedSemaphorePermit> {
+        let places = match role {
+            Role::Operator => &self.operator_sockets,
+            Role::Audience => &self.audience_sockets,
+        };
+        Arc::clone(places).try_acquire_owned().ok()
+    }
+
+    /// Where a request with the token for once is sent on to.
+    pub fn redeem(&self, request: &Request) -> Option<String> {
+        let token = request.uri().path().split('/').nth(1).unwrap_or_default();
+        self.tokens.redeem(token).then(|| format!("/{}/", self.tokens.operator.text()))
+    }
+
+    /// What a request may do, or the status of its refusal: from a foreign page, or without
+    /// a token.
+    pub fn role_of(&self, request: &Request) -> Result<Role, StatusCode> {
         let text = |name| match request.headers().get(name) {
             Some(value) => Some(value.to_str().unwrap_or("?")),
             None => None,
         };
         let first = request.uri().path().split('/').nth(1);
         if !is_own(text(header::HOST), text(header::ORIGIN), &self.own_name) {
-            return Some(StatusCode::FORBIDDEN);
+            return Err(StatusCode::FORBIDDEN);
         }
-        (!self.token.is(first.unwrap_or_default())).then_some(StatusCode::NOT_FOUND)
+        self.tokens.role(first.unwrap_or_default()).ok_or(StatusCode::NOT_FOUND)
     }
 
-    pub fn ask(&self, json: &str) -> Result<(), RequestRefusal> {
-        let requests = match parse_request(json, &self.scene.styles) {
-            Ok(ParsedRequest::EStop) => {
-                self.end().estop.press("the page");
-                return Ok(());
+    /// Does what a page asks for.
+    pub fn ask(&self, role: Role, json: &str) -> Result<Answer, RequestRefusal> {
+        if role == Role::Audience {
+            return Err((StatusCode::FORBIDDEN, "this link is for watching".into()));
+        }
+        match parse_request(json, &self.scene.styles) {
+            Ok(ParsedRequest::EStop(press)) => Ok(self.press_stop(press)),
+            Ok(ParsedRequest::Seen(press)) => {
+                self.robot().presses.see(&press);
+                Ok(Answer::Taken)
             }
-            Ok(ParsedRequest::Requests(requests)) => requests,
-            Err(error) => return Err((StatusCode::BAD_REQUEST, error)),
+            Ok(ParsedRequest::Alive) => {
+                self.robot().end.operators.hear();
+                Ok(Answer::Alive)
+            }
+            Ok(ParsedRequest::Requests(requests)) => self.pass_on(&requests),
+            Err(error) => Err((StatusCode::BAD_REQUEST, error)),
+        }
+    }
+
+    fn press_stop(&self, press: Option<String>) -> Answer {
+        let mut robot = self.robot();
+        robot.end.estop.press("the page");
+        let Some(press) = press else {
+            return Answer::Taken;
         };
-        let mut end = self.end();
-        let pressed = end.estop.is_pressed();
-        let activity = end.newest().now.activity;
-        for request in &requests {
+        let releases = robot.end.estop.releases();
+        robot.presses.push(press.clone(), releases);
+        drop(robot);
+        match self.is_confirmed(&press) {
+            true => Answer::Stopped,
+            false => Answer::Taken,
+        }
+    }
+
+    fn pass_on(&self, requests: &[ViewerRequest]) -> Result<Answer, RequestRefusal> {
+        let mut robot = self.robot();
+        let pressed = robot.end.estop.is_pressed();
+        let activity = robot.newest().now.activity;
+        for request in requests {
             request.possible(activity, pressed).map_err(|why| (StatusCode::CONFLICT, why))?;
         }
-        match end.ask(&requests) {
-            true => Ok(()),
+        match robot.end.ask(requests) {
+            true => Ok(Answer::Taken),
             false => Err((StatusCode::SERVICE_UNAVAILABLE, "too many requests".into())),
         }
     }
+}
+
+/// What this machine is called.
+fn own_name() -> String {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname");
+    name.unwrap_or_default().trim().to_owned()
 }

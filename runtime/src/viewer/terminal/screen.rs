@@ -111,6 +111,7 @@ fn music<'a>(music: &MusicStatus) -> Line<'a> {
         BeatLock::Lost => "no beat",
         BeatLock::Locked => "locked",
         BeatLock::Holding => "carried on",
+        BeatLock::Changing => "changing",
     };
     let beat = (music.phase.clamp(0.0, 1.0) * PHASE as f64) as usize;
     let phase = (0..PHASE).map(|cell| if heard && cell <= beat { "━" } else { "─" });
