@@ -170,10 +170,10 @@ impl DatasetReport {
         let sheet = ContactSheet {
             title: title.to_owned(),
             subtitle: format!("{clips} clips, {minutes:.1} minutes, {dance:.1} of them dance"),
-            bars: (
+            bars: Some((
                 "minutes of dance by tempo of the motion, beats a minute".into(),
                 bars.collect(),
-            ),
+            )),
             rows: self.rows.clone(),
         };
         sheet.png()

@@ -10,7 +10,7 @@ use crate::dataset::training_file::{self, TrainingClip};
 use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::{Clip, decode, mpjpe_m};
-use servodance_model::weights::{Dtype, convert};
+use servodance_model::weights::{Dtype, Keep, convert};
 use servodance_model::{Codec, Generator};
 use servodance_types::{FRAME_RATE_HZ, MusicFrame};
 
@@ -67,7 +67,7 @@ pub fn compare(
     let mut held = held_out(data, most)?;
     let mut rows = Vec::new();
     for dtype in Dtype::ALL {
-        let converted = convert(&bytes, &name, dtype)?;
+        let converted = convert(&bytes, &name, dtype, Keep::Everything)?;
         rows.push(score(&converted, dtype, &mut held)?);
     }
     Ok(rows)
