@@ -122,6 +122,7 @@ fn ros_2_sees_the_joints_of_a_follower() {
         ear.expect("an ear")
     });
     let follower = Running::follow(&program, &at, &words);
+    rave(&net, 4); // without a leader it drives no servo
     for wanted in ["joint_states", "joint_commands"] {
         let read = loop {
             let (name, bytes) = heard.recv_timeout(Duration::from_secs(60)).expect(wanted);

@@ -128,6 +128,18 @@ fn a_second_leader_is_refused_and_may_take_over() {
 }
 
 #[test]
+fn a_follower_without_a_leader_says_so_and_turns_no_torque_on() {
+    let program = Program::new();
+    let at = endpoint();
+    let follower = Running::follow(&program, &at, &["--report", "f.json"]);
+    follower.says(&format!("nobody leads the stage \"main\" at {at}: torque stays off"));
+    follower.stop();
+    let text = std::fs::read_to_string(program.path("f.json")).expect("a report");
+    let report: Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!((&report["frames"], &report["idled_s"]), (&0.into(), &0.0.into()), "{report}");
+}
+
+#[test]
 fn a_cue_reaches_its_follower() {
     let program = Program::new();
     let at = endpoint();
@@ -140,11 +152,15 @@ fn a_cue_reaches_its_follower() {
     );
     let leader = Running::start(&program, &["lead", "--listen", &at]);
     leader.says("leading the stage");
+    let cue = ["cue", "left", "--mirror", "--connect", &at];
+    program.refused(&cue, &["nobody follows"]);
     let words = ["--name", "left", "--report", "f.json"];
     let follower = Running::follow(&program, &at, &words);
     follower.says("following");
     let cue = ["cue", "left", "--canon", "2", "--mirror", "--connect", &at];
     program.succeed(&cue);
+    let cue = ["cue", "lefd", "--mirror", "--connect", &at];
+    program.refused(&cue, &["nobody is called \"lefd\"", "left"]);
     program.succeed(&["cue", "all", "--amplitude", "0.5", "--connect", &at]);
     std::thread::sleep(Duration::from_secs(3)); // roles are repeated every second
     follower.stop();

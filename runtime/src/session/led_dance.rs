@@ -3,7 +3,7 @@
 //! a generator.
 
 use crate::control::bus_choice::{self, BusChoice};
-use crate::control::control_loop::{ControlLoop, disarm_cause};
+use crate::control::control_loop::{ControlLoop, Ending, disarm_cause};
 use crate::control::idle::IdleStyle;
 use crate::control::robot_buses::RobotBuses;
 use crate::control::servo_truth_log::ServoTruthLog;
@@ -19,10 +19,13 @@ use crate::viewer::RobotEnd;
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 /// Cycles that the servo truth log has room for: ten minutes at 100 a second.
 const LOGGED_CYCLES: usize = 60_000;
+/// How often a follower without a leader looks for one.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
 /// The robot that is led, and its buses.
 #[derive(Clone, Debug)]
@@ -62,11 +65,22 @@ pub struct LedDanceResult {
     pub safety: Vec<SafetyEvent>,
 }
 
-/// Follows until `stop` is set. `shared_s` reads the clock that all programs of
+/// Waits with torque off for the first leader; `false` if the user stopped it.
+fn wait_for_leader(source: &mut StageSource, stop: &AtomicBool) -> bool {
+    while !source.is_led() {
+        if stop.load(Ordering::Relaxed) {
+            return false;
+        }
+        std::thread::sleep(LOOK_AGAIN);
+    }
+    true
+}
+
+/// Follows until `stop` is set; torque is off until the first leader is heard. `shared_s` reads the clock that all programs of
 /// this machine share; `note` gets lines for the user.
 pub fn follow(
     config: &FollowConfig,
-    source: StageSource,
+    mut source: StageSource,
     viewers: &mut RobotEnd,
     stop: &AtomicBool,
     shared_s: impl Fn() -> f64,
@@ -85,8 +99,11 @@ pub fn follow(
         idle: config.idle,
     };
     let mut servos = RobotBuses::open(robot, &config.buses, options.speed, &estop)?;
-    for text in servos.arm()? {
-        note(&text);
+    let is_led = wait_for_leader(&mut source, stop);
+    if is_led {
+        for text in servos.arm()? {
+            note(&text);
+        }
     }
     let mut source = MotionSource::Stage(Box::new(source));
     let link = Some(&mut *viewers);
@@ -95,7 +112,10 @@ pub fn follow(
         .servo_truth
         .is_some()
         .then(|| ServoTruthLog::new(robot.servos.len(), LOGGED_CYCLES, shared_s));
-    let ending = control.run(&mut source, |_| ());
+    let ending = match is_led {
+        true => control.run(&mut source, |_| ()),
+        false => Ok(Ending::Interrupted),
+    };
     let run = control.into_record();
     let disarmed = servos.disarm(disarm_cause(&ending, "the stage is over"));
     publish_end(viewers, &servos);

@@ -34,6 +34,8 @@ use std::time::{Duration, Instant};
 const WAITING: usize = 1024;
 /// The follower thread waits for messages at most this long.
 const LONGEST_WAIT: Duration = Duration::from_millis(10);
+/// How long a leader is waited for before the user is told.
+const PATIENCE: Duration = Duration::from_millis(1500);
 
 /// The robot that follows, and the network.
 #[derive(Clone, Debug)]
@@ -155,6 +157,10 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
         rest_after: Duration::from_secs_f64(options.rest_after_s),
         led: Instant::now(),
         alone: true,
+        unheard: Some(format!(
+            "nobody leads the stage \"{}\" at {}: torque stays off until a leader is heard",
+            options.stage, options.place
+        )),
         noted_version: false,
         notes: progress.clone(),
     };
@@ -250,6 +256,8 @@ struct FollowerThread {
     /// When there was a leader last.
     led: Instant,
     alone: bool,
+    /// What to say if no leader is heard soon.
+    unheard: Option<String>,
     noted_version: bool,
     notes: Progress,
 }
@@ -320,6 +328,12 @@ impl FollowerThread {
         let alone = self.follower.is_alone(now_ns);
         if !alone {
             self.led = Instant::now();
+            self.unheard = None;
+        }
+        if self.led.elapsed() > PATIENCE
+            && let Some(text) = self.unheard.take()
+        {
+            self.notes.note(&text);
         }
         if alone == self.alone {
             return;

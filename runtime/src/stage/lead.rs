@@ -323,7 +323,10 @@ impl LeaderLoop {
                             self.net.put(&key, message)?;
                         }
                     }
-                    Ok(Outgoing::Roles(roles)) => self.roles.put(roles)?,
+                    Ok(Outgoing::Cued { nonce, reply, roles }) => {
+                        self.roles.put(roles)?;
+                        self.net.put(&self.keys.to_follower(nonce), reply)?;
+                    }
                     Ok(Outgoing::Nothing) | Err(_) => {}
                 }
                 let followers = self.leader.followers().count();

@@ -372,7 +372,7 @@ fn a_canon_is_so_many_beats_late() {
         role: Role { canon_beats: Some(3.0), ..Role::default() },
     });
     let out = lead.leader.receive(0, &cue.encode(), || 0).unwrap();
-    let Outgoing::Roles(bytes) = out else { panic!("roles") };
+    let Outgoing::Cued { roles: bytes, .. } = out else { panic!("roles") };
     world.follower.receive(world.now_ns, &bytes).unwrap();
     world.run(12.0, &mut [&mut lead]);
     let error_s = world.error_s(&lead);
@@ -391,7 +391,8 @@ fn a_cue_outlives_the_leader_that_it_was_given_to() {
         Message::Cue(cue).encode()
     };
     let give = |world: &mut World, lead: &mut Lead, role| {
-        let Ok(Outgoing::Roles(bytes)) = lead.leader.receive(0, &cue(role), || 0) else {
+        let Ok(Outgoing::Cued { roles: bytes, .. }) = lead.leader.receive(0, &cue(role), || 0)
+        else {
             panic!("roles")
         };
         world.follower.receive(world.now_ns, &bytes).unwrap();

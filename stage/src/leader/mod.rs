@@ -9,8 +9,8 @@
 //! Times are nanoseconds of the leader's clock.
 
 use crate::messages::{
-    Cue, FollowerReport, Frames, MAX_FRAMES, MAX_ROLES, Message, MessageError, Role, Roles,
-    StageFrame, TimeReply, TimeRequest,
+    Cue, CueReply, FollowerReport, Frames, MAX_FRAMES, MAX_ROLES, Message, MessageError, Role,
+    Roles, StageFrame, TimeReply, TimeRequest,
 };
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
@@ -39,8 +39,15 @@ const CUES: usize = 1024;
 pub enum Outgoing {
     /// Messages to one follower: a time reply, then the frames to resend.
     Reply(u64, Vec<Vec<u8>>),
-    /// New roles, to all followers.
-    Roles(Vec<u8>),
+    /// A cue was taken.
+    Cued {
+        /// The nonce of the cue: the sender listens at its key.
+        nonce: u64,
+        /// The message to the sender.
+        reply: Vec<u8>,
+        /// The message to all followers: their roles.
+        roles: Vec<u8>,
+    },
     /// The message needs no reply.
     Nothing,
 }
@@ -205,16 +212,30 @@ impl Leader {
             self.cues.pop_front();
         }
         self.cues.push_back(cue.nonce);
+        let is_for = |f: &&FollowerStatus| cue.follower == "all" || f.name == cue.follower;
+        let reached = self.followers.values().filter(is_for).count();
+        let names = self.followers.values().map(|f| f.name.clone()).collect();
+        let reply = CueReply { nonce: cue.nonce, reached: reached as u16, names };
         let known = self.roles.contains_key(&cue.follower);
-        if cue.follower.is_empty() || !known && self.roles.len() == MAX_ROLES {
+        if !known && self.roles.len() == MAX_ROLES {
             return self.drop_message();
         }
+        if reached > 0 {
+            self.give_role(cue);
+        }
+        Outgoing::Cued {
+            nonce: reply.nonce,
+            reply: Message::CueReply(reply).encode(),
+            roles: self.roles(),
+        }
+    }
+
+    fn give_role(&mut self, cue: Cue) {
         if cue.follower == "all" {
             let all = self.roles.values_mut();
             all.for_each(|role| role.update(&cue.role));
         }
-        { self.roles.entry(cue.follower).or_default() }.update(&cue.role);
-        Outgoing::Roles(self.roles())
+        self.roles.entry(cue.follower).or_default().update(&cue.role);
     }
 
     /// The message with all roles, to be sent again every second.

@@ -38,15 +38,25 @@ fn the_lead_is_that_of_the_neediest_and_shrinks_slowly() {
 #[test]
 fn a_cue_is_heeded_once_and_a_role_of_ones_own_goes_before_that_of_all() {
     let mut leader = Leader::new(0, [1; 32]);
+    let report = report(&leader, 1, 1, 0);
+    leader.receive(0, &report, || 0).unwrap();
     let mut cue = |nonce, follower: &str, amplitude| {
         let role = Role { amplitude: Some(amplitude), ..Role::default() };
         let follower = follower.to_owned();
         let bytes = Message::Cue(Cue { nonce, follower, role }).encode();
         leader.receive(0, &bytes, || 0).unwrap()
     };
-    assert!(matches!(cue(1, "neck", 0.5), Outgoing::Roles(_)));
+    let reached = |out| {
+        let Outgoing::Cued { nonce, reply, roles } = out else { panic!("{out:?}") };
+        let Ok(Message::CueReply(reply)) = Message::decode(&reply) else { panic!("a reply") };
+        assert_eq!((reply.nonce, reply.names), (nonce, vec!["neck".to_owned()]));
+        (reply.reached, roles)
+    };
+    assert_eq!(reached(cue(1, "neck", 0.5)).0, 1);
     assert_eq!(cue(1, "neck", 0.5), Outgoing::Nothing);
-    let Outgoing::Roles(bytes) = cue(2, "all", 0.2) else { panic!("roles") };
+    assert_eq!(reached(cue(3, "nobody", 0.9)).0, 0);
+    let (all, bytes) = reached(cue(2, "all", 0.2));
+    assert_eq!(all, 1);
     let Ok(Message::Roles(roles)) = Message::decode(&bytes) else { panic!("roles") };
     let amplitudes = roles.roles.iter().map(|(n, r)| (n.as_str(), r.amplitude));
     let wanted = [("all", Some(0.2)), ("neck", Some(0.2))];

@@ -3,7 +3,7 @@
 use super::codec::{ByteReader, Field, is_valid_name, message_struct};
 use super::error::MessageError;
 
-/// Largest number of roles in one message.
+/// Largest number of roles or names in one message.
 pub(crate) const MAX_ROLES: usize = 64;
 /// The longest canon, beats.
 const MOST_BEATS: f32 = 64.0;
@@ -120,21 +120,43 @@ pub struct Cue {
 }
 }
 
-impl Field for Vec<(String, Role)> {
+message_struct! {
+/// The leader's answer to a cue.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CueReply {
+    /// The nonce of the cue.
+    pub nonce: u64,
+    /// Followers that the cue reaches.
+    pub reached: u16,
+    /// Names of the followers that there are, as far as one message has room; their
+    /// number, 0 to 64, in one byte before.
+    pub names: Vec<String>,
+}
+}
+
+impl Field for (String, Role) {
     fn write(&self, out: &mut Vec<u8>) {
-        let count = self.len().min(MAX_ROLES);
-        (count as u8).write(out);
-        for (name, role) in &self[..count] {
-            name.write(out);
-            role.write(out);
-        }
+        self.0.write(out);
+        self.1.write(out);
+    }
+
+    fn read(input: &mut ByteReader) -> Result<Self, MessageError> {
+        Ok((input.get()?, input.get()?))
+    }
+}
+
+impl<T: Field> Field for Vec<T> {
+    fn write(&self, out: &mut Vec<u8>) {
+        let listed = &self[..self.len().min(MAX_ROLES)];
+        (listed.len() as u8).write(out);
+        listed.iter().for_each(|one| one.write(out));
     }
 
     fn read(input: &mut ByteReader) -> Result<Self, MessageError> {
         let count = usize::from(input.get::<u8>()?);
         if count > MAX_ROLES {
-            return Err(MessageError::Value("the number of roles"));
+            return Err(MessageError::Value("the length of a list"));
         }
-        (0..count).map(|_| Ok((input.get()?, input.get()?))).collect()
+        (0..count).map(|_| input.get()).collect()
     }
 }

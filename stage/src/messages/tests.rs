@@ -57,6 +57,7 @@ fn messages() -> Vec<Message> {
             roles: vec![("all".into(), Role::default()), ("op3-2".into(), role.clone())],
         }),
         Message::Cue(Cue { nonce: 11, follower: "neck".into(), role }),
+        Message::CueReply(CueReply { nonce: 11, reached: 1, names: vec!["neck".into()] }),
         Message::FollowerReport(FollowerReport {
             follower: 1,
             instance: 7,

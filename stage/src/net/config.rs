@@ -69,6 +69,16 @@ pub struct NetConfig {
     pub file: Option<PathBuf>,
 }
 
+/// The endpoints that are connected to, as a user would give them.
+impl std::fmt::Display for NetConfig {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.connect.as_slice() {
+            [] => f.write_str(LOOPBACK),
+            endpoints => f.write_str(&endpoints.join(", ")),
+        }
+    }
+}
+
 impl NetConfig {
     /// The Zenoh configuration of the session.
     /// Errors: a file that cannot be read, an endpoint that Zenoh does not understand.

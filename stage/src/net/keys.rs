@@ -5,7 +5,7 @@
 //! | `servodance/STAGE/frames/CHANNEL` | leader | frames |
 //! | `servodance/STAGE/roles` | leader | roles |
 //! | `servodance/STAGE/ask/FOLLOWER` | follower | time requests and reports |
-//! | `servodance/STAGE/tell/FOLLOWER` | leader | time replies, resent frames |
+//! | `servodance/STAGE/tell/FOLLOWER` | leader | time replies, resent frames; cue replies (`FOLLOWER` is the nonce) |
 //! | `servodance/STAGE/cue` | anybody | cues |
 //! | `servodance/STAGE/leader/INSTANCE/TERM` | leader | liveliness token |
 //!
