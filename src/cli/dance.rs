@@ -143,7 +143,10 @@ fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCo
         stderr_line!("the page draws a stick: {mesh}");
     }
     let server = match bind {
-        Some(bind) => Some(Server::start(bind, scene.clone(), session.add_viewer())?),
+        Some(bind) => {
+            let viewer = session.add_viewer();
+            Some(Server::start(bind, scene.clone(), viewer, session.songs())?)
+        }
         None => None,
     };
     let address = server.as_ref().map(Server::address);

@@ -28,7 +28,7 @@ pub fn run() -> anyhow::Result<ExitCode> {
     let Some(bind) = config.view else { bail!("no address for the page") };
     let stop = stop_signal()?;
     let mut session = Session::new(config)?;
-    let server = Server::start(bind, session.scene()?, session.add_viewer())?;
+    let server = Server::start(bind, session.scene()?, session.add_viewer(), session.songs())?;
     stdout_line!("{}", server.address());
     stdout_line!(
         "{}",

@@ -5,7 +5,7 @@ use crate::cli::prelude::*;
 use servodance_retarget::RobotModel;
 use servodance_runtime::robot::Meshes;
 use servodance_runtime::telemetry::recorder::Recording;
-use servodance_runtime::viewer::{Player, Scene, Server, ViewerSettings, link};
+use servodance_runtime::viewer::{Player, Scene, Server, Songs, ViewerSettings, link};
 use std::net::SocketAddr;
 
 const EXAMPLES: &str = include_str!("examples/play.txt").trim_ascii_end();
@@ -38,7 +38,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     };
     let stop = stop_signal()?;
     let (end, viewers) = link(recording.joints.len(), settings);
-    let server = Server::start(args.view_bind, scene, viewers)?;
+    let server = Server::start(args.view_bind, scene, viewers, Songs::default())?;
     say_links(&server, !args.view_bind.ip().is_loopback());
     Player::new(&recording, end).run(&stop);
     Ok(ExitCode::SUCCESS)
@@ -54,7 +54,6 @@ fn scene(recording: &Recording) -> anyhow::Result<Scene> {
         styles: Vec::new(),
         control_hz: recording.control_hz,
         waits: false,
-        song: None,
         recording_s: Some(recording.span_s()),
     })
 }

@@ -201,6 +201,42 @@ def sound(browser, folder, port):
     check(program.wait(30) == 1, "after STOP it is silent")
 
 
+DROP = """(async (samples) => {
+  const view = new DataView(new ArrayBuffer(44 + 2 * samples));
+  const text = (at, word) => [...word].forEach((c, i) => view.setUint8(at + i, c.charCodeAt(0)));
+  text(0, "RIFF"); view.setUint32(4, 36 + 2 * samples, true); text(8, "WAVEfmt ");
+  view.setUint32(16, 16, true); view.setUint16(20, 1, true); view.setUint16(22, 1, true);
+  view.setUint32(24, 16000, true); view.setUint32(28, 32000, true);
+  view.setUint16(32, 2, true); view.setUint16(34, 16, true);
+  text(36, "data"); view.setUint32(40, 2 * samples, true);
+  for (let i = 0; i < samples; i++) view.setInt16(44 + 2 * i, i % 8000 < 800 ? 9000 * Math.sin(i / 9) : 0, true);
+  const files = new DataTransfer();
+  files.items.add(new File([view.buffer], "dropped.wav"));
+  const drop = new DragEvent("drop", { dataTransfer: files, bubbles: true, cancelable: true });
+  document.body.dispatchEvent(drop);
+})(96000)"""
+
+
+def drop_a_song(browser, folder, port):
+    """A file that is dropped on the page is danced next, with its own sound."""
+    subprocess.run([PROGRAM, "song", "first.wav", "--seconds", "6"], cwd=folder, check=True,
+                   stdout=subprocess.DEVNULL)
+    program, address = start(folder, "dance", "first.wav", "--no-picture", "--quiet", "--view",
+                             "--report", "dropped.json")
+    browser.open(address, 1440, 900)
+    browser.wait_for(f"{ACTIVITY} === 'dancing'")
+    browser.click("#legend")
+    browser.ask(DROP)
+    browser.wait_for("document.querySelector('#songs output').textContent === 'next: dropped.wav'")
+    picture(browser, "next-song.png")
+    browser.wait_for("fetch('api/state').then(a => a.json()).then(f => f.song === 1)")
+    browser.wait_for(f"{OFF_MS} !== undefined")
+    check(program.wait(60) == 0, "a song that is dropped is danced next, and is heard")
+    with open(os.path.join(folder, "dropped.json"), encoding="utf-8") as file:
+        check("dropped.wav" in file.read(), "the report is about the song that was dropped")
+    check(not browser.complaints, f"no console error {browser.complaints}")
+
+
 def audience(browser, folder, port):
     """The audience's link shows the dance and has no buttons; its requests are refused."""
     program, _ = dance(folder, port)
@@ -361,8 +397,8 @@ def meshes(browser, folder):
 def main():
     with tempfile.TemporaryDirectory(prefix="show-") as folder:
         patient(folder)
-        for judge in (watch_and_stop, silent_network, space_on_a_button, sound, audience, large,
-                      keyboard, strangers):
+        for judge in (watch_and_stop, silent_network, space_on_a_button, sound, drop_a_song, audience,
+                      large, keyboard, strangers):
             # Servos of its own: after a stop a joint may have swung beyond its limit.
             servos, port = start(folder, "sim-bus", "--robot", "op3")
             try:

@@ -4,7 +4,7 @@ use servodance_runtime::control::idle::IdleStyle;
 use servodance_runtime::pipeline::audio_input::AudioChoice;
 use servodance_runtime::robot::{Meshes, Robot};
 use servodance_runtime::viewer::{
-    Activity, RobotEnd, Scene, Server, ViewerRequest, ViewerSettings, link,
+    Activity, RobotEnd, Scene, Server, Songs, ViewerRequest, ViewerSettings, link,
 };
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -30,13 +30,13 @@ fn page() -> Page {
         styles: vec!["hype".into(), "salsa".into()],
         control_hz: robot.control_hz,
         waits: false,
-        song: Some(AudioChoice::BuiltIn),
         recording_s: None,
     };
     let (mut end, viewers) = link(robot.servos.len(), settings);
     end.publish(|snapshot| snapshot.now.activity = Activity::Dancing);
     let bind = "127.0.0.1:0".parse().expect("an address");
-    let server = Server::start(bind, scene, viewers).expect("a server");
+    let server =
+        Server::start(bind, scene, viewers, Songs::new(&AudioChoice::BuiltIn)).expect("a server");
     Page { server, robot: end }
 }
 
@@ -308,6 +308,43 @@ fn the_song_is_served_whole_to_whoever_holds_a_link() {
         let wav = hound::WavReader::new(&answer[body..]).expect("WAV");
         assert_eq!(wav.len() as usize, song.samples.len());
     }
+}
+
+#[test]
+fn a_song_that_is_sent_waits_and_what_is_none_is_refused() {
+    let page = page();
+    let send = |token: &str, name: &str, bytes: &[u8]| {
+        let mut stream = TcpStream::connect(page.at()).expect("a connection");
+        let (at, length) = (page.at(), bytes.len());
+        let request = format!(
+            "POST /{token}/api/song/{name} HTTP/1.1\r\nHost: {at}\r\nContent-Length: {length}\r\n\r\n"
+        );
+        stream.write_all(request.as_bytes()).expect("sent");
+        let _ = stream.write_all(bytes); // a refusal may come before all is sent
+        let mut answer = String::new();
+        let _ = stream.read_to_string(&mut answer);
+        answer
+    };
+    let mut wav = std::io::Cursor::new(Vec::new());
+    let format = hound::WavSpec {
+        channels: 1,
+        sample_rate: 16_000,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut writer = hound::WavWriter::new(&mut wav, format).expect("a writer");
+    (0..16_000).for_each(|i| writer.write_sample((i % 100) as i16).expect("written"));
+    writer.finalize().expect("whole");
+    let wav = wav.into_inner();
+    let answer = send(page.token(), "my%20song.wav", &wav);
+    assert!(answer.starts_with("HTTP/1.1 202"), "{answer}");
+    let (_, state) = page.get("api/state");
+    let state: serde_json::Value = serde_json::from_str(&state).expect("JSON");
+    assert_eq!((&state["song"], &state["queue"][0]), (&0.into(), &"my song.wav".into()));
+    let answer = send(page.token(), "notes.txt", b"la la la");
+    assert!(answer.starts_with("HTTP/1.1 400") && answer.contains("notes.txt"), "{answer}");
+    let audience = page.server.audience_address().split('/').nth(3).expect("a token");
+    assert!(send(audience, "song.wav", &wav).starts_with("HTTP/1.1 403"));
 }
 
 #[test]

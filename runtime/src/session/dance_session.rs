@@ -6,10 +6,9 @@
 
 use super::config::DanceConfig;
 use super::dance::{Outcome, open_generator, perform, watch_emergency_stop};
-use crate::pipeline::audio_input::AudioChoice;
 use crate::robot::Meshes;
 use crate::viewer::{
-    Activity, RobotEnd, Scene, ViewerEnd, ViewerRequest, ViewerSettings, snapshot,
+    Activity, RobotEnd, Scene, Songs, ViewerEnd, ViewerRequest, ViewerSettings, snapshot,
 };
 use anyhow::bail;
 use servodance_model::Generator;
@@ -24,6 +23,7 @@ pub struct Session {
     config: DanceConfig,
     generator: Generator,
     end: RobotEnd,
+    songs: Songs,
     /// Place of the style in the configuration.
     style: usize,
 }
@@ -43,12 +43,17 @@ impl Session {
         };
         let mut end = RobotEnd::new(config.robot.servos.len(), settings);
         end.dead_man_s = config.dead_man_s;
-        Ok(Self { end, config, generator, style })
+        Ok(Self { end, songs: Songs::new(&config.audio), config, generator, style })
     }
 
     /// The end of the link for one more viewer.
     pub fn add_viewer(&mut self) -> ViewerEnd {
         self.end.add_viewer()
+    }
+
+    /// The songs, for a page that plays and adds them.
+    pub fn songs(&self) -> Songs {
+        self.songs.clone()
     }
 
     /// What viewers get once, before the first snapshot.
@@ -67,16 +72,12 @@ impl Session {
             styles: self.generator.styles().to_vec(),
             control_hz: robot.control_hz,
             waits: self.config.wait_for_start,
-            song: match &self.config.audio {
-                song @ (AudioChoice::BuiltIn | AudioChoice::File(_)) => Some(song.clone()),
-                AudioChoice::Stdin(_) | AudioChoice::Microphone(_) => None,
-            },
             recording_s: None,
         })
     }
 
-    /// Dances; `each` gets the outcome of every dance. With `wait_for_start` the
-    /// session goes on until `stop` is set; otherwise there is one dance.
+    /// Dances, and then to each song that viewers have added; `each` gets the outcome of every
+    /// dance. With `wait_for_start` the session then waits and goes on until `stop` is set.
     pub fn run(
         &mut self,
         stop: &AtomicBool,
@@ -84,18 +85,41 @@ impl Session {
     ) -> anyhow::Result<()> {
         let _watch = watch_emergency_stop(&self.config, &self.end.estop)?;
         if !self.config.wait_for_start {
-            let outcome = self.dance(stop);
-            each(&self.config, &outcome);
-            return outcome.map(drop);
+            return self.dance_songs(stop, &mut each).map(drop);
         }
         while self.wait(stop) {
-            let outcome = self.dance(stop);
-            each(&self.config, &outcome);
+            self.take_song();
+            // Errors were told, and end no evening.
+            let _ = self.dance_songs(stop, &mut each);
         }
         if self.end.is_alone() && !stop.load(Ordering::Relaxed) {
             bail!("whoever could say start broke down: the evening is over");
         }
         Ok(())
+    }
+
+    /// One dance after another, until no song waits or a dance does not end by itself.
+    fn dance_songs(
+        &mut self,
+        stop: &AtomicBool,
+        each: &mut impl FnMut(&DanceConfig, &anyhow::Result<Outcome>),
+    ) -> anyhow::Result<Outcome> {
+        loop {
+            let outcome = self.dance(stop);
+            each(&self.config, &outcome);
+            let is_over = outcome.as_ref().is_ok_and(|outcome| !outcome.interrupted);
+            if !is_over || !self.take_song() {
+                return outcome;
+            }
+        }
+    }
+
+    /// Takes the next song; `false` if none waits.
+    fn take_song(&mut self) -> bool {
+        let next = self.songs.next();
+        let is_there = next.is_some();
+        self.config.audio = next.unwrap_or_else(|| self.config.audio.clone());
+        is_there
     }
 
     /// One dance with the settings that viewers made last.

@@ -23,6 +23,10 @@ pub struct FrameSurroundings<'a> {
     pub confirmed: Vec<&'a str>,
     /// Pages that are open.
     pub viewers: usize,
+    /// The song that the page can play, another number for another song.
+    pub song: Option<u32>,
+    /// Names of the songs that wait.
+    pub queue: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -35,6 +39,8 @@ struct FrameJson<'a> {
     stopped: bool,
     confirmed: &'a [&'a str],
     viewers: usize,
+    song: Option<u32>,
+    queue: &'a [String],
     hold: bool,
     robot_s: Rounded,
     music_s: Rounded,
@@ -91,6 +97,8 @@ pub fn frame(scene: &Scene, snapshot: &Snapshot, around: &FrameSurroundings) -> 
         stopped: now.stopped.is_some(),
         confirmed: &around.confirmed,
         viewers: around.viewers,
+        song: around.song,
+        queue: &around.queue,
         hold: now.hold,
         robot_s: Rounded(now.robot_s),
         music_s: Rounded(now.music_s),

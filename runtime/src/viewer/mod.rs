@@ -25,6 +25,8 @@ mod server;
 pub(crate) mod snapshot;
 #[cfg(feature = "view")]
 mod song_wav;
+#[cfg_attr(not(feature = "view"), allow(dead_code))] // songs are added on the page
+mod songs;
 mod terminal;
 
 pub use link::{RobotEnd, ViewerEnd, link};
@@ -33,4 +35,5 @@ pub use request::ViewerRequest;
 pub use scene::Scene;
 pub use server::Server;
 pub use snapshot::{Activity, ViewerSettings};
+pub use songs::Songs;
 pub use terminal::TerminalView;

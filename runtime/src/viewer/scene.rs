@@ -2,7 +2,6 @@
 //! the requests it takes. Viewers get the scene once, as JSON.
 
 use crate::control::idle::IdleStyle;
-use crate::pipeline::audio_input::AudioChoice;
 use crate::robot::Meshes;
 use crate::telemetry::pose_array::pose_array;
 use clap::ValueEnum;
@@ -25,8 +24,6 @@ pub struct Scene {
     pub control_hz: f64,
     /// Whether somebody must say `start`, and may say it again.
     pub waits: bool,
-    /// The music that the page can play; none of a microphone's.
-    pub song: Option<AudioChoice>,
     /// First and last moment of a recording, seconds of music.
     pub recording_s: Option<[f64; 2]>,
 }
@@ -52,7 +49,6 @@ impl Scene {
             "version": env!("CARGO_PKG_VERSION"),
             "control_hz": self.control_hz,
             "waits": self.waits,
-            "song": self.song.is_some(),
             "recording_s": self.recording_s,
             "joints": joints.collect::<Vec<_>>(),
             "links": self.model.link_names(),

@@ -4,6 +4,7 @@ import { connect } from "./connection.js";
 import { makeControls } from "./controls.js";
 import { makePanels } from "./panels.js";
 import { showLinks } from "./links.js";
+import { makeSongs } from "./songs.js";
 import { makeSound } from "./sound.js";
 import { makeStage } from "./stage.js";
 import { makeStop } from "./stop.js";
@@ -20,14 +21,16 @@ async function start() {
   let newest = null;
   // Frames of the last second: what is heard now may have been said a moment ago.
   let frames = [];
-  let sound = null;
   let news = "";
+  const sound = makeSound(byId("sound"));
+  const songs = makeSongs(byId("songs"), scene);
   const connection = connect({
     operator: scene.operator,
     onFrame(frame) {
       newest = frame;
       frames = [...frames.slice(-KEPT), frame];
-      sound?.hear(frame);
+      sound.hear(frame);
+      songs.show(frame);
       controls.show(frame);
     },
     onRefused(why) {
@@ -44,9 +47,8 @@ async function start() {
   const controls = makeControls(scene, connection, stop);
   byId("role").hidden = scene.operator;
   if (scene.operator) showLinks(byId("links"));
-  makeSound(byId("sound"), scene.song).then((made) => (sound = made));
   const heard = () => {
-    const music_s = sound?.heard_s() ?? null;
+    const music_s = sound.heard_s();
     if (music_s === null) return newest;
     return frames.findLast((frame) => frame.music_s <= music_s) ?? frames[0];
   };

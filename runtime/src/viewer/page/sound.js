@@ -11,19 +11,18 @@ const FADE_S = 0.03;
 // Ahead of the start of a source, so that it begins on time.
 const AHEAD_S = 0.06;
 
-export async function makeSound(panel, song) {
-  const nothing = { hear() {}, heard_s: () => null };
-  if (!song) return nothing;
+export function makeSound(panel) {
   const [button, volume, told] = panel.querySelectorAll("button, input, output");
   const context = new AudioContext();
   const gain = new GainNode(context, { gain: 0 });
   gain.connect(context.destination);
   const clock = makeMusicClock();
   let on = true;
+  // The song, and its number among those of the session.
   let buffer = null;
+  let number = null;
   // The source, and the moment of the music that it plays at a time of the audio clock.
   let playing = null;
-  panel.hidden = false;
 
   const now = () => performance.now() / 1000;
   // The time of the audio clock that is heard now.
@@ -60,6 +59,7 @@ export async function makeSound(panel, song) {
     playing.source.playbackRate.setValueAtTime(rate, time);
   };
   const look = () => {
+    if (!buffer) return;
     const music_s = clock.at(now());
     const runs = context.state === "running";
     button.textContent = !on ? "sound on" : runs ? "mute" : "press for sound";
@@ -88,16 +88,27 @@ export async function makeSound(panel, song) {
   // Browsers let a page sound after somebody has touched it.
   addEventListener("pointerdown", () => on && context.resume(), { once: true });
 
-  const answer = await fetch("api/song");
-  if (!answer.ok) {
+  const load = async (wanted) => {
+    number = wanted;
+    end();
+    buffer = null;
     panel.hidden = true;
-    return nothing;
-  }
-  buffer = await context.decodeAudioData(await answer.arrayBuffer());
+    if (wanted === null) return;
+    const answer = await fetch("api/song");
+    if (!answer.ok) return;
+    const decoded = await context.decodeAudioData(await answer.arrayBuffer());
+    if (wanted !== number) return;
+    buffer = decoded;
+    panel.hidden = false;
+  };
+
   volume.oninput();
   setInterval(look, LOOK_MS);
   return {
-    hear: (frame) => clock.hear(frame, now()),
+    hear(frame) {
+      clock.hear(frame, now());
+      if (frame.song !== number) load(frame.song);
+    },
     // The moment that is heard now, or null in silence.
     heard_s: () => (playing ? at(heardTime()) : null),
   };

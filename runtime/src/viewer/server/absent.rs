@@ -4,6 +4,7 @@
 
 use super::link::ViewerEnd;
 use super::scene::Scene;
+use super::songs::Songs;
 use anyhow::bail;
 use std::convert::Infallible;
 use std::net::SocketAddr;
@@ -11,7 +12,7 @@ use std::net::SocketAddr;
 pub struct Server(Infallible);
 
 impl Server {
-    pub fn start(_: SocketAddr, _: Scene, _: ViewerEnd) -> anyhow::Result<Self> {
+    pub fn start(_: SocketAddr, _: Scene, _: ViewerEnd, _: Songs) -> anyhow::Result<Self> {
         bail!(
             "--view: this program was built without its page; build without --no-default-features"
         )

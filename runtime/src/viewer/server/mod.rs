@@ -24,6 +24,7 @@ use crate::process::failpoint;
 use crate::process::realtime;
 use crate::viewer::link::ViewerEnd;
 use crate::viewer::scene::Scene;
+use crate::viewer::songs::Songs;
 use anyhow::Context;
 use axum::Extension;
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -58,7 +59,13 @@ pub struct Server {
 
 impl Server {
     /// Serves a scene at `bind`; port 0 is any that is free.
-    pub fn start(bind: SocketAddr, scene: Scene, end: ViewerEnd) -> anyhow::Result<Self> {
+    /// The page plays and adds `songs`.
+    pub fn start(
+        bind: SocketAddr,
+        scene: Scene,
+        end: ViewerEnd,
+        songs: Songs,
+    ) -> anyhow::Result<Self> {
         let cannot = || format!("--view-bind {bind}: cannot serve the page there");
         let listener = std::net::TcpListener::bind(bind).with_context(cannot)?;
         listener.set_nonblocking(true)?;
@@ -69,7 +76,7 @@ impl Server {
             operator: format!("http://{host}/{}/", tokens.operator.text()),
             audience: format!("http://{host}/{}/", tokens.audience.text()),
         };
-        let state = Arc::new(ServerState::new(tokens, invitation.clone(), scene, end));
+        let state = Arc::new(ServerState::new(tokens, invitation.clone(), scene, end, songs));
         let (stop, stopped) = oneshot::channel();
         let kept = Arc::clone(&state);
         let thread = std::thread::Builder::new().name("viewers".into());

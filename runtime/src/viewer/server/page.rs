@@ -16,6 +16,7 @@ pub fn part(name: &str) -> Option<(&'static str, &'static str)> {
         "controls.js" => (SCRIPT, include_str!("../page/controls.js")),
         "stop.js" => (SCRIPT, include_str!("../page/stop.js")),
         "links.js" => (SCRIPT, include_str!("../page/links.js")),
+        "songs.js" => (SCRIPT, include_str!("../page/songs.js")),
         "sound.js" => (SCRIPT, include_str!("../page/sound.js")),
         "music_clock.js" => (SCRIPT, include_str!("../page/music_clock.js")),
         "panels.js" => (SCRIPT, include_str!("../page/panels.js")),

@@ -9,6 +9,7 @@
 //! | `POST api/command` | a request: [`crate::viewer::request`] |
 //! | `POST api/tap` | `{"do": "tap"}` without a body |
 //! | `GET api/song` | the music as WAV, where it is a recording |
+//! | `POST api/song/NAME` | a file of music, to be danced next: for operators |
 //! | `GET api/links` | both links with their QR codes: for operators |
 //! | `GET api/live` | WebSocket: frames out, requests in |
 
@@ -17,8 +18,9 @@ use super::guard::Role;
 use super::page;
 use super::socket;
 use super::state::{Answer, LONGEST, RequestRefusal, ServerState};
+use crate::viewer::songs::MOST_BYTES;
 use axum::body::Bytes;
-use axum::extract::rejection::StringRejection;
+use axum::extract::rejection::{BytesRejection, StringRejection};
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
@@ -36,6 +38,7 @@ pub fn routes(state: Arc<ServerState>) -> Router {
         .route("/api/command", post(command))
         .route("/api/tap", post(tap))
         .route("/api/song", get(song))
+        .route("/api/song/{name}", post(add_song).layer(DefaultBodyLimit::max(MOST_BYTES)))
         .route("/api/links", get(links))
         .route("/api/live", get(socket::live))
         .route("/{name}", get(part));
@@ -131,6 +134,18 @@ async fn song(State(state): State<Arc<ServerState>>) -> Response {
         Some(wav) => ([(header::CONTENT_TYPE, "audio/wav")], wav).into_response(),
         None => StatusCode::NOT_FOUND.into_response(),
     }
+}
+
+async fn add_song(
+    State(state): State<Arc<ServerState>>,
+    Extension(role): Extension<Role>,
+    Path(name): Path<String>,
+    body: Result<Bytes, BytesRejection>,
+) -> Response {
+    answer(match body {
+        Ok(bytes) => state.add_song(role, name, bytes).await,
+        Err(unread) => Err((unread.status(), unread.body_text())),
+    })
 }
 
 async fn newest_frame(State(state): State<Arc<ServerState>>) -> Response {

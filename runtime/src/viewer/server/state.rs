@@ -10,6 +10,7 @@ use crate::viewer::request::{ParsedRequest, ViewerRequest, parse_request};
 use crate::viewer::scene::Scene;
 use crate::viewer::snapshot::Snapshot;
 use crate::viewer::song_wav::song_wav;
+use crate::viewer::songs::Songs;
 use axum::body::Bytes;
 use axum::extract::Request;
 use axum::extract::ws::Utf8Bytes;
@@ -33,8 +34,9 @@ pub struct ServerState {
     scene_json: Value,
     robot: Mutex<RobotView>,
     began: Instant,
-    /// Decoded when it is asked for first.
-    song: OnceCell<Option<Bytes>>,
+    songs: Songs,
+    /// The newest song that was asked for; decoded when it is asked for first.
+    song: Mutex<(u32, Arc<OnceCell<Option<Bytes>>>)>,
     pub frames: watch::Sender<Utf8Bytes>,
     operator_sockets: Arc<Semaphore>,
     audience_sockets: Arc<Semaphore>,
@@ -71,7 +73,13 @@ pub enum Answer {
 pub type RequestRefusal = (StatusCode, String);
 
 impl ServerState {
-    pub fn new(tokens: Tokens, invitation: Invitation, scene: Scene, end: ViewerEnd) -> Self {
+    pub fn new(
+        tokens: Tokens,
+        invitation: Invitation,
+        scene: Scene,
+        end: ViewerEnd,
+        songs: Songs,
+    ) -> Self {
         Self {
             tokens,
             invitation,
@@ -79,7 +87,8 @@ impl ServerState {
             scene_json: scene.json(),
             scene,
             began: Instant::now(),
-            song: OnceCell::new(),
+            songs,
+            song: Mutex::default(),
             robot: Mutex::new(RobotView { end, shown: false, presses: StopPresses::default() }),
             frames: watch::Sender::new(Utf8Bytes::default()),
             operator_sockets: Arc::new(Semaphore::new(OPERATOR_SOCKETS)),
@@ -112,15 +121,24 @@ impl ServerState {
             age_s: snapshot.now.published.elapsed().as_secs_f64(),
             confirmed: presses.confirmed(snapshot.now.stopped).collect(),
             viewers: self.frames.receiver_count(),
+            song: self.songs.now().map(|(number, _)| number),
+            queue: self.songs.waiting(),
         };
         frame(&self.scene, snapshot, &surroundings)
     }
 
     /// The music as WAV; `None` if there is none to play.
     pub async fn song(&self) -> Option<Bytes> {
-        let choice = self.scene.song.clone()?;
+        let (number, choice) = self.songs.now()?;
+        let song = {
+            let mut kept = self.song.lock().unwrap_or_else(PoisonError::into_inner);
+            if kept.0 != number {
+                *kept = (number, Arc::default());
+            }
+            Arc::clone(&kept.1)
+        };
         // Not in the thread that hears STOP.
-        let decoded = self.song.get_or_init(|| async move {
+        let decoded = song.get_or_init(|| async move {
             match tokio::task::spawn_blocking(move || song_wav(&choice)).await {
                 Ok(Ok(wav)) => return Some(Bytes::from(wav)),
                 Ok(Err(error)) => stderr_line!("the page plays no sound: {error:#}"),
@@ -129,6 +147,25 @@ impl ServerState {
             None
         });
         decoded.await.clone()
+    }
+
+    /// Puts a song behind those that wait; the error is one line for the viewer.
+    pub async fn add_song(
+        &self,
+        role: Role,
+        name: String,
+        bytes: Bytes,
+    ) -> Result<Answer, RequestRefusal> {
+        if role == Role::Audience {
+            return Err(for_watching());
+        }
+        let songs = self.songs.clone();
+        let added = tokio::task::spawn_blocking(move || songs.add(&name, &bytes)).await;
+        match added {
+            Ok(Ok(())) => Ok(Answer::Taken),
+            Ok(Err(error)) => Err((StatusCode::BAD_REQUEST, format!("{error:#}"))),
+            Err(_) => Err((StatusCode::INTERNAL_SERVER_ERROR, "the song broke the reader".into())),
+        }
     }
 
     /// Whether a page waits to see its stop confirmed.
@@ -188,7 +225,7 @@ impl ServerState {
     /// Does what a page asks for.
     pub fn ask(&self, role: Role, json: &str) -> Result<Answer, RequestRefusal> {
         if role == Role::Audience {
-            return Err((StatusCode::FORBIDDEN, "this link is for watching".into()));
+            return Err(for_watching());
         }
         match parse_request(json, &self.scene.styles) {
             Ok(ParsedRequest::EStop(press)) => Ok(self.press_stop(press)),
@@ -232,6 +269,10 @@ impl ServerState {
             false => Err((StatusCode::SERVICE_UNAVAILABLE, "too many requests".into())),
         }
     }
+}
+
+fn for_watching() -> RequestRefusal {
+    (StatusCode::FORBIDDEN, "this link is for watching".into())
 }
 
 /// What this machine is called.

@@ -1,0 +1,128 @@
+//! The songs of a session: the one that is danced, and those that wait. The control loop
+//! never locks them: they change between dances alone.
+
+use crate::pipeline::audio_input::{AudioChoice, AudioInput};
+use crate::process::speed::Speed;
+use anyhow::{Context, bail};
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tempfile::TempDir;
+
+/// Most songs that wait.
+const MOST: usize = 32;
+/// Most bytes of a song.
+pub const MOST_BYTES: usize = 40_000_000;
+
+/// Shared by the session, which dances the songs, and the page, which plays and adds them.
+#[derive(Clone, Debug, Default)]
+pub struct Songs(Arc<Mutex<Playlist>>);
+
+#[derive(Debug, Default)]
+struct Playlist {
+    /// Counts songs, so that pages know when to fetch another.
+    number: u32,
+    /// What the page can play: nothing of a microphone's.
+    now: Option<AudioChoice>,
+    /// Where the song lies that is danced, until the next one is.
+    folder: Option<TempDir>,
+    waiting: VecDeque<WaitingSong>,
+}
+
+#[derive(Debug)]
+struct WaitingSong {
+    name: String,
+    path: PathBuf,
+    folder: TempDir,
+}
+
+impl Songs {
+    /// Of a session that begins with this music.
+    pub fn new(first: &AudioChoice) -> Self {
+        let songs = Self::default();
+        songs.lock().now = match first {
+            song @ (AudioChoice::BuiltIn | AudioChoice::File(_)) => Some(song.clone()),
+            AudioChoice::Stdin(_) | AudioChoice::Microphone(_) => None,
+        };
+        songs
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Playlist> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Number and source of the song that is danced, where a page can play it.
+    pub fn now(&self) -> Option<(u32, AudioChoice)> {
+        let list = self.lock();
+        list.now.clone().map(|song| (list.number, song))
+    }
+
+    /// The names of the songs that wait.
+    pub fn waiting(&self) -> Vec<String> {
+        self.lock().waiting.iter().map(|song| song.name.clone()).collect()
+    }
+
+    /// Puts a file's bytes behind the songs that wait. Refuses what no dance can be danced to.
+    pub fn add(&self, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
+        let name = last_part(name);
+        let folder = tempfile::tempdir().context("the song cannot be kept")?;
+        let path = folder.path().join(&name);
+        std::fs::write(&path, bytes).context("the song cannot be kept")?;
+        if let Err(error) = AudioInput::open(&AudioChoice::File(path.clone()), Speed::Max) {
+            bail!(format!("{error:#}").replace(&path.display().to_string(), &name));
+        }
+        let mut list = self.lock();
+        if list.waiting.len() == MOST {
+            bail!("{MOST} songs wait already");
+        }
+        list.waiting.push_back(WaitingSong { name, path, folder });
+        Ok(())
+    }
+
+    /// The next song, which is danced from now on.
+    pub fn next(&self) -> Option<AudioChoice> {
+        let mut list = self.lock();
+        let WaitingSong { path, folder, .. } = list.waiting.pop_front()?;
+        let choice = AudioChoice::File(path);
+        list.number += 1;
+        list.now = Some(choice.clone());
+        list.folder = Some(folder);
+        Some(choice)
+    }
+}
+
+/// A name without folders or what a line cannot show.
+fn last_part(name: &str) -> String {
+    let name = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    name.chars().filter(|c| !c.is_control()).take(100).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn songs_are_danced_in_the_order_in_which_they_came() {
+        let songs = Songs::new(&AudioChoice::BuiltIn);
+        assert!(matches!(songs.now(), Some((0, AudioChoice::BuiltIn))));
+        assert!(songs.next().is_none());
+        let wav = crate::viewer::song_wav::song_wav(&AudioChoice::BuiltIn).unwrap();
+        for name in ["../one.wav", "two.wav"] {
+            songs.add(name, &wav).unwrap();
+        }
+        assert_eq!(songs.waiting(), ["one.wav", "two.wav"]);
+        let Some(AudioChoice::File(path)) = songs.next() else { panic!("a file") };
+        assert_eq!(std::fs::read(&path).unwrap(), wav);
+        assert!(matches!(songs.now(), Some((1, AudioChoice::File(now))) if now == path));
+        songs.next();
+        assert!(!path.exists(), "a song that is over leaves nothing behind");
+    }
+
+    #[test]
+    fn what_is_no_song_is_refused_by_its_name() {
+        let songs = Songs::default();
+        let error = songs.add("notes.txt", b"la la la").unwrap_err().to_string();
+        assert!(error.contains("notes.txt") && !error.contains('/'), "{error}");
+        assert!(songs.waiting().is_empty());
+    }
+}
