@@ -7,14 +7,14 @@ use servodance_model::motion::{Clip, Pose};
 use servodance_retarget::Retargeter;
 use servodance_runtime::offline::generate::dances_of_built_in_song;
 use servodance_runtime::offline::motion_tracking::track_motion;
-use servodance_runtime::robot::{self, BUILT_IN};
+use servodance_runtime::robot;
 use servodance_training::choreography::trial_dance;
 use servodance_types::{Contacts, FRAME_RATE_HZ, JOINT_COUNT, MotionFrame};
 use std::path::PathBuf;
 
 #[pyfunction]
 pub fn built_in_robots() -> Vec<&'static str> {
-    BUILT_IN.iter().map(|robot| robot.name).collect()
+    robot::names()
 }
 
 /// A robot: its description, servos and limits.

@@ -1,7 +1,7 @@
 //! `servodance robots`.
 
 use crate::cli::prelude::*;
-use servodance_runtime::robot::BUILT_IN;
+use servodance_runtime::robot::{BUILT_IN, place_of};
 
 const EXAMPLES: &str = include_str!("examples/robots.txt").trim_ascii_end();
 
@@ -20,7 +20,7 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
             robot.servos.len(),
             robot.control_hz,
             "",
-            built_in.place().display()
+            place_of(built_in).display()
         );
     }
     stdout_line!(

@@ -18,6 +18,6 @@ mod studio;
 
 pub use error::WebError;
 pub use robot_track::RobotTrack;
-pub use robots::{BUILT_IN, WebRobot};
+pub use robots::WebRobot;
 pub use scene::scene;
 pub use studio::{DanceOptions, HEARD_ROW, MUSIC_ROW, Rows, Studio, heard_of_row, heard_row};

@@ -7,26 +7,6 @@ use serde::Deserialize;
 use servodance_retarget::{RetargetConfig, Retargeter};
 use servodance_types::JointLimits;
 
-macro_rules! built_in {
-    ($name:literal) => {
-        (
-            $name,
-            include_str!(concat!("../../configs/", $name, ".toml")),
-            include_str!(concat!("../../configs/", $name, ".urdf")),
-        )
-    };
-}
-/// Name, robot file and description of every robot, in the order of `servodance robots`.
-pub const BUILT_IN: &[(&str, &str, &str)] = &[
-    built_in!("op3"),
-    built_in!("torso13"),
-    built_in!("neck"),
-    built_in!("lite22"),
-    built_in!("so101"),
-    built_in!("quad12"),
-    built_in!("microduck"),
-];
-
 /// A built-in robot that was read.
 #[derive(Clone, Debug)]
 pub struct WebRobot {
@@ -67,12 +47,12 @@ struct Joint {
 impl WebRobot {
     /// A robot by name; the error lists those there are.
     pub fn built_in(name: &str) -> Result<Self, WebError> {
-        let found = BUILT_IN.iter().find(|(known, _, _)| *known == name);
-        let &(name, file, urdf_xml) = found.ok_or_else(|| {
-            let known: Vec<&str> = BUILT_IN.iter().map(|(name, _, _)| *name).collect();
-            WebError::UnknownRobot { found: name.to_owned(), known: known.join(", ") }
+        let robot = servodance_robots::built_in(name).ok_or_else(|| WebError::UnknownRobot {
+            found: name.to_owned(),
+            known: servodance_robots::names().join(", "),
         })?;
-        Self::read(file, urdf_xml).map_err(|reason| WebError::RobotFile { name, reason })
+        Self::read(robot.toml, robot.urdf)
+            .map_err(|reason| WebError::RobotFile { name: robot.name, reason })
     }
 
     fn read(file: &str, urdf_xml: &'static str) -> Result<Self, String> {
@@ -109,9 +89,7 @@ mod tests {
 
     #[test]
     fn robots_are_those_of_the_program() {
-        let names: Vec<&str> = BUILT_IN.iter().map(|(name, _, _)| *name).collect();
-        assert_eq!(names, robot::BUILT_IN.iter().map(|r| r.name).collect::<Vec<_>>());
-        for name in names {
+        for name in servodance_robots::names() {
             let (here, there) = (WebRobot::built_in(name), robot::Robot::load(name));
             let (here, there) = (here.unwrap(), there.unwrap());
             assert_eq!(here.name, there.name);

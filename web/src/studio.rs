@@ -2,7 +2,7 @@
 
 use crate::error::WebError;
 use crate::robot_track::RobotTrack;
-use crate::robots::{BUILT_IN, WebRobot};
+use crate::robots::WebRobot;
 use crate::scene::scene;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -25,7 +25,7 @@ const NO_DANCE: WebError = WebError::Order("no dance has begun");
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DanceOptions {
-    /// A name out of [`BUILT_IN`].
+    /// A name out of [`servodance_robots::BUILT_IN`].
     pub robot: String,
     /// A name out of the generator's styles; its default if left out.
     pub style: Option<String>,
@@ -79,7 +79,7 @@ impl Studio {
     /// name and description, styles, the style that is danced by default.
     pub fn open(&mut self, weights: &[u8]) -> Result<Value, WebError> {
         let generator = Generator::from_bytes(weights, "the weights of this page")?;
-        let robots = BUILT_IN.iter().map(|(name, _, _)| {
+        let robots = servodance_robots::names().into_iter().map(|name| {
             let robot = WebRobot::built_in(name)?;
             Ok(json!({ "name": robot.name, "description": robot.description }))
         });

@@ -15,7 +15,7 @@
 
 use super::consent::{Consent, pause};
 use super::plug;
-use crate::robot::{BUILT_IN, Robot};
+use crate::robot::{Robot, place_of};
 use crate::telemetry::pending_file::write_whole;
 use anyhow::{Context, bail};
 use servodance_drivers::{Bus, Port, Servo, open_buses};
@@ -83,12 +83,12 @@ impl Calibration<'_> {
 
     /// The file that is read and the one that is written.
     fn files(&self) -> anyhow::Result<(PathBuf, PathBuf)> {
-        let source = match BUILT_IN.iter().find(|built_in| built_in.name == self.robot) {
+        let source = match servodance_robots::built_in(self.robot) {
             None => PathBuf::from(self.robot),
             Some(built_in) => bail!(
                 "{} is built in and cannot be changed: copy {} and the URDF beside it, and calibrate the copy",
                 self.robot,
-                built_in.place().display()
+                place_of(built_in).display()
             ),
         };
         let target = self.output.map_or(source.clone(), Path::to_owned);

@@ -1,7 +1,6 @@
 //! `robot check`: everything that is wrong or odd about a robot file or a
 //! description, each with a stable code. Nothing here panics on any file.
 
-use super::built_in::BUILT_IN;
 use super::description_text::read_description;
 use super::loaded::Robot;
 use super::robot_file::RobotError;
@@ -73,7 +72,7 @@ fn is_usable(findings: &[Diagnostic]) -> bool {
 
 /// Checks a robot file (`.toml`), a built-in robot by name, or a description.
 pub fn check(file: &str) -> Checked {
-    let built_in = BUILT_IN.iter().any(|robot| robot.name == file);
+    let built_in = servodance_robots::built_in(file).is_some();
     let is_toml = Path::new(file).extension().is_some_and(|e| e == "toml");
     if built_in || is_toml {
         return Checked::new(file, check_robot(file));

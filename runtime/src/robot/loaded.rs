@@ -1,6 +1,5 @@
 //! A robot that was loaded from its file and checked. Radians, metres, seconds.
 
-use super::built_in::BUILT_IN;
 use super::config_source::ConfigSource;
 use super::overrides::Overrides;
 use super::robot_file::{RobotError, config_path, parse, retarget_path};
@@ -47,7 +46,7 @@ impl Robot {
 
     /// The same with keys that are set beside the file.
     pub fn load_with(name_or_file: &str, overrides: &Overrides) -> anyhow::Result<Self> {
-        if let Some(built_in) = BUILT_IN.iter().find(|r| r.name == name_or_file) {
+        if let Some(built_in) = servodance_robots::built_in(name_or_file) {
             let source = ConfigSource { file: built_in.file, text: built_in.toml, overrides };
             return Self::from_source(&source, |urdf| match source.sets_urdf() {
                 true => description(&source, Path::new(""), urdf),
@@ -56,10 +55,9 @@ impl Robot {
         }
         let path = Path::new(name_or_file);
         if path.extension().is_none() && !path.exists() {
-            let known: Vec<&str> = BUILT_IN.iter().map(|r| r.name).collect();
             bail!(
                 "unknown robot \"{name_or_file}\"; built in: {}; or give a robot file (.toml)",
-                known.join(", ")
+                servodance_robots::names().join(", ")
             );
         }
         let text = std::fs::read_to_string(path).map_err(|e| {

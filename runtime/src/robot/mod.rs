@@ -20,10 +20,11 @@ mod overrides;
 mod pose_sheet;
 mod robot_file;
 mod robot_folders;
+#[cfg(test)]
 mod schema;
 mod standing_gain;
 
-pub use built_in::{BUILT_IN, BuiltIn};
+pub use built_in::place_of;
 pub use check::{Checked, check};
 pub use draft::{NewRobot, new_robot};
 pub use loaded::Robot;
@@ -31,5 +32,5 @@ pub use meshes::Meshes;
 pub use overrides::Overrides;
 pub use pose_sheet::pose_sheet;
 pub use robot_file::RobotError;
-pub use schema::ROBOT_SCHEMA;
+pub use servodance_robots::{BUILT_IN, BuiltIn, ROBOT_SCHEMA, names};
 pub use standing_gain::settle_amplitude;
