@@ -3,8 +3,7 @@
 # (docs/guides/browser.md). Needs on Debian:
 #   apt-get install --no-install-recommends rustc-web rust-web-src lld
 # and cargo. The standard library is built for WebAssembly from Debian's sources, because
-# rustup's toolchains may come without it. SERVODANCE names a program that is built
-# already; it only converts the weights. RUSTC_WEB names another compiler for WebAssembly.
+# rustup's toolchains may come without it. RUSTC_WEB names another compiler for WebAssembly.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -16,11 +15,6 @@ target=wasm32-unknown-unknown
 made=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER=wasm-ld
 
-if [ -z "${SERVODANCE:-}" ]; then
-    cargo build --release --bin servodance
-    SERVODANCE=$made/release/servodance
-fi
-
 # The flag of `getrandom` says that there are no random numbers: all come from the seed.
 RUSTC=${RUSTC_WEB:-/usr/bin/rustc} RUSTC_BOOTSTRAP=1 \
 RUSTFLAGS='-C target-feature=+simd128 --cfg getrandom_backend="unsupported"' \
@@ -28,8 +22,7 @@ RUSTFLAGS='-C target-feature=+simd128 --cfg getrandom_backend="unsupported"' \
 
 mkdir -p "$folder"
 cp "$made/$target/web/servodance_web.wasm" "$folder/dance.wasm"
-"$SERVODANCE" weights convert model/weights/live.safetensors --dtype q8_0 --dance-only \
-    --out "$folder/weights.safetensors"
+cp model/weights/dance.safetensors "$folder/weights.safetensors"
 # The viewer's own modules, and those of this page alone.
 for module in stage.js painter.js camera.js matrix.js shapes.js view.css; do
     cp "runtime/src/viewer/page/$module" "$folder/"

@@ -35,8 +35,8 @@ fn with_nan(tensor: &str) -> Vec<u8> {
 fn info_says_what_a_file_holds() {
     let program = program();
     let built_in = json(&program, &["weights", "info", "--json"]);
-    assert_eq!((&built_in["preset"], &built_in["dtype"]), (&"live".into(), &"f16".into()));
-    assert_eq!(built_in["encoders"], true);
+    assert_eq!((&built_in["preset"], &built_in["dtype"]), (&"live".into(), &"q8_0".into()));
+    assert_eq!(built_in["encoders"], false);
     let tiny = json(&program, &["weights", "info", "tiny.safetensors", "--json"]);
     assert_eq!(
         (&tiny["preset"], &tiny["dtype"], &tiny["bytes"]),

@@ -55,7 +55,7 @@ pub use generator::{AtEnd, Dance, Generator, GeneratorOptions, Likelihood};
 pub use vqvae::Codec;
 pub use weights::Dtype;
 
-/// The weights file that is part of this library.
+/// The weights file that is part of this library: `q8_0`, without encoders.
 pub fn built_in_weights() -> &'static [u8] {
     weights::BUILT_IN
 }

@@ -13,6 +13,14 @@ pub struct Args {
     pub what: What,
 }
 
+/// A part of a weights file.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub enum Part {
+    Everything,
+    Dance,
+    Encoders,
+}
+
 /// What can be done with a weights file.
 #[derive(Debug, clap::Subcommand)]
 pub enum What {
@@ -39,17 +47,17 @@ pub enum What {
         /// The file to write.
         #[arg(long, value_name = "FILE.safetensors")]
         out: PathBuf,
-        /// Leave out what only reads recorded motion: a smaller file that dances the same,
-        /// but cannot go on from a motion (`generate --start`).
-        #[arg(long)]
-        dance_only: bool,
+        /// What to keep. `dance` leaves out what only reads recorded motion: a smaller file
+        /// that dances the same, but cannot go on from a motion (`generate --start`).
+        #[arg(long, value_enum, default_value = "everything", value_name = "WHAT")]
+        keep: Part,
     },
     /// Score each number format on held-out motion: error of stage 1,
     /// likelihood of stage 2.
     Compare {
-        /// The file; the built-in weights if left out.
+        /// The file, with encoders, in f16 or f32.
         #[arg(value_name = "FILE.safetensors")]
-        file: Option<PathBuf>,
+        file: PathBuf,
         /// A training file with held-out dance (`servodance dataset build`).
         #[arg(long, value_name = "FILE.safetensors")]
         data: PathBuf,
@@ -71,14 +79,18 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
                 false => stdout_line!("{info}"),
             }
         }
-        What::Convert { file, dtype, out, dance_only } => {
-            let keep = if dance_only { Keep::Dance } else { Keep::Everything };
+        What::Convert { file, dtype, out, keep } => {
+            let keep = match keep {
+                Part::Everything => Keep::Everything,
+                Part::Dance => Keep::Dance,
+                Part::Encoders => Keep::Encoders,
+            };
             let bytes = servodance_model::weights::convert_file(&file, dtype, keep)?;
             write_whole(&out, &bytes)?;
             stdout_line!("{}: {dtype}, {:.1} MB", out.display(), bytes.len() as f64 / 1e6);
         }
         What::Compare { file, data, clips, json } => {
-            let rows = weights::compare(file.as_deref(), &data, clips)?;
+            let rows = weights::compare(&file, &data, clips)?;
             if json {
                 stdout_line!("{}", serde_json::to_string(&rows)?);
             } else {

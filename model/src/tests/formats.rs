@@ -47,3 +47,13 @@ fn weights_for_dancing_alone_decode_the_same_and_name_what_they_lack() {
     let refused = Codec::from_bytes(&dance, "dance").unwrap_err().to_string();
     assert!(refused.contains("vq.encoder"), "{refused}");
 }
+
+#[test]
+fn what_ships_is_made_of_what_was_trained() {
+    let trained = concat!(env!("CARGO_MANIFEST_DIR"), "/weights/live.safetensors");
+    let trained = Weights::read(trained.as_ref()).unwrap();
+    let part = |dtype, keep| convert(&trained, "trained", dtype, keep).unwrap();
+    // Not `assert_eq`, which would print megabytes.
+    assert!(part(Dtype::Q8_0, Keep::Dance) == crate::weights::BUILT_IN);
+    assert!(part(Dtype::F16, Keep::Encoders) == servodance_encoders::ENCODERS);
+}

@@ -24,9 +24,10 @@ pub struct Codec {
 }
 
 impl Codec {
-    /// Of the weights that ship inside this library.
+    /// Of the weights that ship inside this library, and the encoders that ship beside it.
     pub fn built_in() -> Result<Self, ModelError> {
-        Self::from_bytes(BUILT_IN, "built-in weights")
+        let dance = Weights::open(BUILT_IN, "built-in weights")?;
+        Self::of(&dance, &Weights::open(servodance_encoders::ENCODERS, "built-in encoders")?)
     }
 
     /// Of a weights file; one without encoders is refused with the name of the
@@ -37,14 +38,18 @@ impl Codec {
 
     /// From memory; `source` names the weights in errors.
     pub fn from_bytes(bytes: &[u8], source: &str) -> Result<Self, ModelError> {
-        let w = Weights::open(bytes, source)?;
-        let engine = Engine::new(&w, EngineOptions::default())?;
+        let weights = Weights::open(bytes, source)?;
+        Self::of(&weights, &weights)
+    }
+
+    fn of(dance: &Weights, encoders: &Weights) -> Result<Self, ModelError> {
+        let engine = Engine::new(dance, EngineOptions::default())?;
         Ok(Self {
-            encoder: VqEncoder::load(&w)?,
-            decoder: VqDecoder::load(&w, &engine)?,
+            encoder: VqEncoder::load(encoders)?,
+            decoder: VqDecoder::load(dance, &engine)?,
             engine,
-            mean: w.floats("norm.motion_mean", &[POSE_DIM])?,
-            std: w.floats("norm.motion_std", &[POSE_DIM])?,
+            mean: dance.floats("norm.motion_mean", &[POSE_DIM])?,
+            std: dance.floats("norm.motion_std", &[POSE_DIM])?,
         })
     }
 

@@ -29,6 +29,21 @@ pub enum Keep {
     /// Those of a dance: without encoders, motion cannot be turned into codes
     /// ([`crate::Codec`]).
     Dance,
+    /// The encoders and what they need: codebooks, and what normalises motion.
+    Encoders,
+}
+
+impl Keep {
+    fn has(self, name: &str) -> bool {
+        let encodes = name.starts_with(ENCODERS);
+        match self {
+            Self::Everything => true,
+            Self::Dance => !encodes,
+            Self::Encoders => {
+                encodes || name.starts_with("vq.codebook.") || name.starts_with("norm.motion_")
+            }
+        }
+    }
 }
 
 /// The bytes of the file `bytes` (called `source` in errors) with its
@@ -52,8 +67,7 @@ pub fn convert(
     let mut converted = Vec::with_capacity(names.len());
     for name in names {
         let view = tensors.tensor(name).map_err(|e| file(e.to_string()))?;
-        let left_out = keep == Keep::Dance && name.starts_with(ENCODERS);
-        if left_out || is_scale(name, &tensors) {
+        if !keep.has(name) || is_scale(name, &tensors) {
             continue;
         }
         converted.extend(one(&weights, name, &view, dtype)?);

@@ -29,8 +29,9 @@ pub(crate) use packed::{PackedMatrix, PackedNumbers, gather, padded, scales_widt
 
 use packed::q6_bytes;
 
-/// The trained weights, part of the program so that it runs by itself.
-pub(crate) const BUILT_IN: &[u8] = include_bytes!("../../weights/live.safetensors");
+/// The trained weights of a dance in `q8_0`, part of the program so that it runs by itself.
+/// `weights/live.safetensors` is what was trained; a test makes this file of it.
+pub(crate) const BUILT_IN: &[u8] = include_bytes!("../../weights/dance.safetensors");
 
 /// What the metadata must say for this layout.
 pub const FORMAT: &str = "servodance-model-1";

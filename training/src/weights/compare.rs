@@ -58,12 +58,8 @@ struct HeldOutMotion {
 
 /// Scores every format of a weights file on the test clips of a training file. Fails on a file
 /// that cannot be used; too little held-out dance.
-pub fn compare(
-    file: Option<&Path>,
-    data: &Path,
-    most: usize,
-) -> anyhow::Result<Vec<FormatComparison>> {
-    let (bytes, name) = read(file)?;
+pub fn compare(file: &Path, data: &Path, most: usize) -> anyhow::Result<Vec<FormatComparison>> {
+    let (bytes, name) = read(Some(file))?;
     let mut held = held_out(data, most)?;
     let mut rows = Vec::new();
     for dtype in Dtype::ALL {
