@@ -1,13 +1,13 @@
 //! `servodance servos factory-reset`.
 
 use crate::cli::prelude::*;
-use crate::cli::servos::WhoseArgs;
+use crate::cli::servos::PlacesArgs;
 use servodance_runtime::bus_tools::memory;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    pub whose: WhoseArgs,
+    pub places: PlacesArgs,
     /// The servo: its id, or a joint of the robot.
     #[arg(long, value_name = "ID|JOINT")]
     pub id: String,
@@ -21,7 +21,7 @@ pub struct Args {
 
 /// Prints what it would lose, or where it answers now.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let place = args.whose.whose()?.one(&args.id)?;
+    let place = args.places.open()?.one(&args.id)?;
     memory::factory_reset(&place, args.all, args.yes, |line| stdout_line!("{line}"))?;
     Ok(ExitCode::SUCCESS)
 }

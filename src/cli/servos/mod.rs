@@ -9,7 +9,7 @@ pub mod watch;
 pub mod write;
 
 use crate::cli::prelude::*;
-use servodance_runtime::bus_tools::memory::Whose;
+use servodance_runtime::bus_tools::memory::ServoPlaces;
 
 const EXAMPLES: &str = include_str!("../examples/servos.txt").trim_ascii_end();
 
@@ -54,10 +54,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 
 /// Which servos: those of a robot, or whoever is on a port.
 #[derive(Debug, clap::Args)]
-pub struct WhoseArgs {
+pub struct PlacesArgs {
     /// A serial port; with --bus a built-in robot or a robot file.
     #[arg(value_name = "ROBOT|PORT")]
-    pub whose: String,
+    pub which: String,
     /// Where the robot's servos are: serial:PATH; NAME=... for each bus of a robot with
     /// several.
     #[arg(long, value_name = "BUS")]
@@ -67,8 +67,8 @@ pub struct WhoseArgs {
     pub baud: Option<u32>,
 }
 
-impl WhoseArgs {
-    fn whose(&self) -> anyhow::Result<Whose> {
-        Whose::new(&self.whose, &self.bus, self.baud)
+impl PlacesArgs {
+    fn open(&self) -> anyhow::Result<ServoPlaces> {
+        ServoPlaces::new(&self.which, &self.bus, self.baud)
     }
 }

@@ -1,7 +1,7 @@
 //! `servodance servos restore`.
 
 use crate::cli::prelude::*;
-use crate::cli::servos::WhoseArgs;
+use crate::cli::servos::PlacesArgs;
 use servodance_runtime::bus_tools::memory;
 
 #[derive(Debug, clap::Args)]
@@ -10,14 +10,14 @@ pub struct Args {
     #[arg(value_name = "FILE.toml")]
     pub file: PathBuf,
     #[command(flatten)]
-    pub whose: WhoseArgs,
+    pub places: PlacesArgs,
     #[arg(help = "Do not ask", long)]
     pub yes: bool,
 }
 
 /// Prints what differs, and a line for each register that was written.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let (whose, consent) = (args.whose.whose()?, Consent::from_flag(args.yes));
-    memory::restore(&whose, &args.file, consent, |line| stdout_line!("{line}"))?;
+    let (places, consent) = (args.places.open()?, Consent::from_flag(args.yes));
+    memory::restore(&places, &args.file, consent, |line| stdout_line!("{line}"))?;
     Ok(ExitCode::SUCCESS)
 }

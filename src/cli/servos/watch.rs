@@ -1,7 +1,7 @@
 //! `servodance servos watch`.
 
 use crate::cli::prelude::*;
-use crate::cli::servos::WhoseArgs;
+use crate::cli::servos::PlacesArgs;
 use servodance_runtime::bus_tools::memory::{Watch, watch};
 use std::cell::Cell;
 use std::io::IsTerminal;
@@ -13,7 +13,7 @@ const UP_AND_CLEAR: &str = "A\x1b[J";
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    pub whose: WhoseArgs,
+    pub places: PlacesArgs,
     /// One servo alone: its id, or a joint of the robot.
     #[arg(long, value_name = "ID|JOINT")]
     pub id: Option<String>,
@@ -25,7 +25,7 @@ pub struct Args {
 /// Prints table after table; on a terminal each in the place of the one before.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let stop = stop_signal()?;
-    let whose = args.whose.whose()?;
+    let places = args.places.open()?;
     let in_place = std::io::stdout().is_terminal();
     let is_first = Cell::new(true);
     let show = |rows: &[String]| {
@@ -35,7 +35,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         };
         stdout(format_args!("{up}{}\n", rows.join("\n")));
     };
-    let watched = Watch { whose: &whose, one: args.id.as_deref(), count: args.count };
+    let watched = Watch { places: &places, one: args.id.as_deref(), count: args.count };
     watch(&watched, &stop, show)?;
     Ok(match stop.load(Ordering::Acquire) {
         true => ExitCode::from(INTERRUPTED),

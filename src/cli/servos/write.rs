@@ -1,13 +1,13 @@
 //! `servodance servos write`.
 
 use crate::cli::prelude::*;
-use crate::cli::servos::WhoseArgs;
+use crate::cli::servos::PlacesArgs;
 use servodance_runtime::bus_tools::memory;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    pub whose: WhoseArgs,
+    pub places: PlacesArgs,
     /// The servo: its id, or a joint of the robot.
     #[arg(long, value_name = "ID|JOINT")]
     pub id: String,
@@ -19,7 +19,7 @@ pub struct Args {
 
 /// Prints a line for each register that was written.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let place = args.whose.whose()?.one(&args.id)?;
+    let place = args.places.open()?.one(&args.id)?;
     memory::write(&place, &args.settings, |line| stdout_line!("{line}"))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -7,9 +7,9 @@
 //! Nothing here turns torque on or moves anything: goals, and the bits that would turn
 //! torque on, now or when the servo is switched on, are refused.
 
-pub(crate) mod entry;
-pub(crate) mod error;
-pub(crate) mod measure;
+pub mod entry;
+pub mod error;
+pub mod measure;
 mod names;
 
 use crate::serial::register::Register;

@@ -1,7 +1,7 @@
 //! A backup of servos: what each keeps for good, into a file.
 
 use crate::bus_tools::memory::backup_file::{SavedRegister, SavedServo, head, servo_text};
-use crate::bus_tools::memory::place::{OpenServo, Whose};
+use crate::bus_tools::memory::place::{OpenServo, ServoPlaces};
 use crate::telemetry::pending_file::PendingFile;
 use servodance_drivers::BusError;
 use std::collections::BTreeMap;
@@ -10,11 +10,11 @@ use std::path::Path;
 
 /// Writes the permanent registers of every servo into `file`, which appears whole or not at
 /// all; says a line for each servo. Every servo of a robot must answer.
-pub fn back_up(whose: &Whose, file: &Path, say: impl Fn(&str)) -> anyhow::Result<()> {
+pub fn back_up(places: &ServoPlaces, file: &Path, say: impl Fn(&str)) -> anyhow::Result<()> {
     // A file that cannot be written is told before servos are asked.
     let pending = PendingFile::create(file)?;
     let mut text = head();
-    for place in whose.all()? {
+    for place in places.all()? {
         let mut open = place.open()?;
         let registers = permanent(&mut open)?;
         let servo = SavedServo {

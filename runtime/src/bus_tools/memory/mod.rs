@@ -13,7 +13,7 @@ mod watch;
 mod write;
 
 pub use backup::back_up;
-pub use place::{ServoPlace, Whose};
+pub use place::{ServoPlace, ServoPlaces};
 pub use read::read;
 pub use reset::factory_reset;
 pub use restore::restore;

@@ -13,7 +13,7 @@ use servodance_drivers::{FoundServo, Framing, SerialScanner, Servo};
 
 /// What a user says by a robot and `--bus`, or by a port alone.
 #[derive(Debug)]
-pub enum Whose {
+pub enum ServoPlaces {
     /// The servos of a robot.
     Robot {
         /// The robot.
@@ -30,8 +30,6 @@ pub enum Whose {
 pub struct ServoPlace {
     /// The joint, or the id where there is no robot.
     pub label: String,
-    /// The name of its bus; empty where it has none.
-    pub bus: String,
     /// Its id.
     pub id: u8,
     /// Bits a second; every usual rate if `None`.
@@ -50,7 +48,7 @@ pub(super) struct OpenServo {
     pub table: RegisterTable,
 }
 
-impl Whose {
+impl ServoPlaces {
     /// From what was typed: a robot where `bus` says where its servos are, else a port.
     /// `baud` is the one rate to look at on a port.
     pub fn new(typed: &str, bus: &[String], baud: Option<u32>) -> anyhow::Result<Self> {
@@ -99,7 +97,6 @@ impl Whose {
         match self {
             Self::Port(listener) => Ok(ServoPlace {
                 label: format!("id {id}"),
-                bus: String::new(),
                 id,
                 baud: baud.or(listener.baud()),
                 servo: None,
@@ -148,7 +145,6 @@ impl Whose {
             for (&joint, servo) in bus.joints.iter().zip(&bus.servos) {
                 let place = ServoPlace {
                     label: servo.name.clone(),
-                    bus: bus.config.name.clone(),
                     id: servo.id,
                     baud: Some(bus.config.baud),
                     servo: Some(servo.clone()),

@@ -3,7 +3,7 @@
 
 use crate::bus_tools::Consent;
 use crate::bus_tools::memory::backup_file::{BackupFile, SavedServo};
-use crate::bus_tools::memory::place::{OpenServo, ServoPlace, Whose};
+use crate::bus_tools::memory::place::{OpenServo, ServoPlace, ServoPlaces};
 use crate::bus_tools::memory::write::written;
 use anyhow::{Context, bail};
 use servodance_drivers::serial::table::entry::TableEntry;
@@ -21,7 +21,7 @@ struct Difference {
 /// Nothing is written if anything is refused: a servo that does not answer or is of another
 /// model, a register that it does not have, a value that may not be written, torque that is on.
 pub fn restore(
-    whose: &Whose,
+    places: &ServoPlaces,
     file: &Path,
     consent: Consent,
     say: impl Fn(&str),
@@ -30,7 +30,7 @@ pub fn restore(
     let mut plans: Vec<(ServoPlace, Vec<Difference>)> = Vec::new();
     let mut count = 0;
     for saved in &backup.servos {
-        let place = place_of(whose, saved)?;
+        let place = place_of(places, saved)?;
         let mut open = place.open()?;
         let found = differences(&mut open, saved, &say)?;
         if !found.is_empty() {
@@ -56,10 +56,10 @@ pub fn restore(
 }
 
 /// Where a servo of the file is to be found now: by its joint, else by its id.
-fn place_of(whose: &Whose, saved: &SavedServo) -> anyhow::Result<ServoPlace> {
-    match whose.joint(&saved.name) {
+fn place_of(places: &ServoPlaces, saved: &SavedServo) -> anyhow::Result<ServoPlace> {
+    match places.joint(&saved.name) {
         Some(place) => Ok(place),
-        None => whose.by_id(saved.id, Some(saved.baud)),
+        None => places.by_id(saved.id, Some(saved.baud)),
     }
 }
 

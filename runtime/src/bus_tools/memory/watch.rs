@@ -1,6 +1,6 @@
 //! What servos measure, ten times a second, as a table.
 
-use crate::bus_tools::memory::place::{ServoPlace, Whose};
+use crate::bus_tools::memory::place::{ServoPlace, ServoPlaces};
 use anyhow::bail;
 use servodance_drivers::serial::table::measure::ServoUnits;
 use servodance_drivers::{
@@ -16,8 +16,8 @@ const PIECE: Duration = Duration::from_millis(10);
 /// Which servos, and how often.
 #[derive(Debug)]
 pub struct Watch<'a> {
-    /// Whose servos.
-    pub whose: &'a Whose,
+    /// The servos.
+    pub places: &'a ServoPlaces,
     /// One servo alone: its id or joint.
     pub one: Option<&'a str>,
     /// So many tables; without end if `None`.
@@ -71,8 +71,8 @@ pub fn watch(watch: &Watch, stop: &AtomicBool, show: impl Fn(&[String])) -> anyh
 /// at a time.
 fn open(watch: &Watch) -> anyhow::Result<(Vec<Line>, Vec<Watched>)> {
     let places = match watch.one {
-        Some(who) => vec![watch.whose.one(who)?],
-        None => watch.whose.all()?,
+        Some(who) => vec![watch.places.one(who)?],
+        None => watch.places.all()?,
     };
     let mut lines: Vec<Line> = Vec::new();
     let mut servos = Vec::with_capacity(places.len());

@@ -130,7 +130,8 @@ impl<'a> SetupLine<'a> {
             let mut probe = self.listener.patient_probe(framing, found.baud)?;
             probe.set_id(found, servo.id)?;
         }
-        let named = FoundServo { id: servo.id, ..found.clone() };
+        let mut named = found.clone();
+        named.id = servo.id;
         if found.baud != config.baud {
             let change = BaudChange {
                 port: self.listener.path(),
