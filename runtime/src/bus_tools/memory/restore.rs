@@ -44,8 +44,8 @@ pub fn restore(
         return Ok(());
     }
     plans.retain(|(_, differences)| !differences.is_empty());
-    consent
-        .obtain(&format!("{count} registers of {} servos are written for good.", plans.len()))?;
+    let names: Vec<&str> = plans.iter().map(|(place, _)| place.label.as_str()).collect();
+    consent.obtain(&format!("{count} registers of {} are written for good.", names.join(", ")))?;
     for (place, differences) in plans {
         let mut open = place.open()?;
         for Difference { entry, bits } in differences {
