@@ -178,7 +178,7 @@ fn a_backup_is_restored_where_it_differs_and_nowhere_else() {
     assert_eq!(code, Some(0), "{error}");
     assert!(said.contains("neck_tilt: XM430-W350 with id 2 at 1000000 baud"), "{said}");
     let file = std::fs::read_to_string(program.path("neck-servos.toml")).expect("the backup");
-    assert!(file.contains("temperature_limit = 80  # 80 C (80)"), "{file}");
+    assert!(file.contains("temperature_limit = 80  # 80 C\n"), "{file}");
 
     let restore = servos("restore", &["neck-servos.toml"]);
     let (said, error, code) = run(&restore);
@@ -272,7 +272,7 @@ fn feetech_servos_keep_what_is_written_over_a_power_cycle() {
     bench.said(&bench.on_port("write", &["--id", "3", "position_offset=-100"]));
     bench.said(&bench.on_port("backup", &["--out", "arm.toml"]));
     let file = std::fs::read_to_string(bench.program.path("arm.toml")).expect("the backup");
-    assert!(file.contains("position_offset = -100  # -8.8 deg (-100)"), "{file}");
+    assert!(file.contains("position_offset = -100  # -8.8 deg\n"), "{file}");
     assert!(bench.bus.set_servo_fault(2, ServoFault::Unplug));
     let read = bench.on_port("read", &["--id", "3", "maximum_angle_limit", "position_offset"]);
     bench.program.refused(&read, &["id 3 does not answer"]);

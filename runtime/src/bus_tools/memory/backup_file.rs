@@ -83,11 +83,9 @@ pub(super) fn servo_text(servo: &SavedServo, registers: &[SavedRegister]) -> Str
         quoted(model)
     );
     for SavedRegister { name, value, shown } in registers {
-        // A number without a unit says nothing twice.
-        let comment = match *shown == value.to_string() {
-            true => String::new(),
-            false => format!("  # {shown}"),
-        };
+        // The raw number stands before it already; without a unit there is nothing to add.
+        let in_units = shown.strip_suffix(&format!(" ({value})"));
+        let comment = in_units.map_or(String::new(), |in_units| format!("  # {in_units}"));
         // Writing to a string does not fail.
         let _ = writeln!(text, "{name} = {value}{comment}");
     }
@@ -116,7 +114,7 @@ mod tests {
             shown: if *value == 0 { "none (0)".into() } else { "-17.6 deg (-200)".into() },
         });
         let text = head() + &servo_text(&servo, &saved.collect::<Vec<_>>());
-        assert!(text.contains("homing_offset = -200  # -17.6 deg (-200)"), "{text}");
+        assert!(text.contains("homing_offset = -200  # -17.6 deg\n"), "{text}");
         let file: BackupFile = toml::from_str(&text).unwrap();
         assert_eq!(file.servos, [servo]);
     }
