@@ -34,6 +34,20 @@ impl Bench {
         Self { program: Program::new(), bus: servos_of(robot) }
     }
 
+    /// The neck with servos of Protocol 1.
+    fn of_protocol_1(model: &str) -> Self {
+        let program = Program::new();
+        let text = include_str!("../configs/neck.toml")
+            .replace("\"dynamixel2\"", "\"dynamixel1\"\naccept_no_watchdog = true")
+            .replace("XM430-W350", model)
+            .replace("zero_deg = 180.0", "zero_deg = 150.0");
+        std::fs::write(program.path("neck.toml"), text).expect("the robot file");
+        let urdf = include_str!("../configs/neck.urdf");
+        std::fs::write(program.path("neck.urdf"), urdf).expect("the URDF");
+        let bus = servos_of(program.path("neck.toml").to_str().expect("a path"));
+        Self { program, bus }
+    }
+
     /// `servos ACTION PORT --baud 1000000` and more.
     fn on_port<'a>(&'a self, action: &'a str, more: &[&'a str]) -> Vec<&'a str> {
         [&["servos", action, self.bus.port_path(), "--baud", "1000000"], more].concat()
@@ -283,6 +297,32 @@ fn feetech_servos_keep_what_is_written_over_a_power_cycle() {
     assert!(said.contains("90.0 deg (3072)") && said.contains("-8.8 deg (-100)"), "{said}");
     let reset = bench.on_port("factory-reset", &["--id", "3", "--yes"]);
     bench.program.refused(&reset, &["STS3215", "no factory reset", "restore"]);
+}
+
+#[test]
+fn servos_of_protocol_1_are_read_written_and_reset() {
+    for (model, middle, registers, factory_baud) in
+        [("AX-12A", 512, 32, 1_000_000), ("MX-28(1.0)", 1707, 33, 57_600)]
+    {
+        let bench = Bench::of_protocol_1(model);
+        let all = bench.said(&bench.on_port("read", &["--id", "2"]));
+        assert_eq!(all.lines().count(), registers, "{all}");
+        assert!(all.contains(&format!("({middle})")), "{model}: {all}");
+        let write = bench.on_port("write", &["--id", "2", "temperature_limit=60"]);
+        assert!(bench.said(&write).contains("to 60 C (60), read back"));
+        let goal = bench.on_port("write", &["--id", "2", "goal_position=300"]);
+        bench.program.misused(&goal, &["goal_position", "jog"]);
+        let watch = bench.said(&bench.on_port("watch", &["--id", "2", "--count", "1"]));
+        assert!(watch.contains("not told"), "{watch}");
+
+        let reset = bench.on_port("factory-reset", &["--id", "2", "--yes"]);
+        bench.program.refused(&reset, &["can only forget everything", "--all"]);
+        // The other servo has the id that a new one has.
+        assert!(bench.bus.set_servo_fault(0, ServoFault::Dead));
+        let said = bench.said(&[&reset[..], &["--all"]].concat());
+        assert!(said.contains(&format!("id 1, {factory_baud} baud")), "{said}");
+        assert!(!bench.has_torque(0) && !bench.has_torque(1));
+    }
 }
 
 #[test]
