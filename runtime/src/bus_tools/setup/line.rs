@@ -77,10 +77,12 @@ impl<'a> SetupLine<'a> {
         let mut done = vec![false; servos.len()];
         for (done, servo) in done.iter_mut().zip(servos) {
             let Some(found) = everyone.iter().find(|found| found.id == servo.id) else { continue };
-            if found.model_number == servo.model.number {
-                if probe.is_doubled(found)? {
-                    bail!("two servos answer to id {}: disconnect one of them", found.id);
-                }
+            // Damaged answers, without a model in them, are those of two.
+            let is_right = found.model_number == servo.model.number;
+            if found.model_number == 0 || (is_right && probe.is_doubled(found)?) {
+                bail!("two servos answer to id {}: disconnect one of them", found.id);
+            }
+            if is_right {
                 *done = true;
             } else if !self.is_as_new(servo) {
                 bail!(

@@ -153,19 +153,21 @@ impl Newcomers<'_> {
                 )));
             }
         };
-        // Answers that are damaged are those of two; so are sound ones that are not one's own.
-        if one.model_number == 0 || self.probe(one.baud)?.is_doubled(one)? {
-            return Ok(Err(format!(
-                "two servos answer to id {} at {} baud: connect one at a time",
-                one.id, one.baud
-            )));
-        }
-        if one.model_number != wanted.number {
+        // Damaged answers, without a model in them, are those of two.
+        let is_damaged = one.model_number == 0;
+        if !is_damaged && one.model_number != wanted.number {
             return Ok(Err(format!(
                 "{} is connected, but {} needs {}: disconnect it",
                 who(one),
                 self.asked.name,
                 wanted.name
+            )));
+        }
+        // Two of one model may answer a ping with one voice.
+        if is_damaged || self.probe(one.baud)?.is_doubled(one)? {
+            return Ok(Err(format!(
+                "two servos answer to id {} at {} baud: connect one at a time",
+                one.id, one.baud
             )));
         }
         Ok(Ok(one.clone()))
