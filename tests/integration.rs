@@ -33,6 +33,8 @@ mod robot_check;
 mod robot_folder;
 mod robot_mutations;
 mod robot_new;
+mod robot_setup;
+mod servo_memory;
 mod show;
 mod stage;
 mod start_frame;

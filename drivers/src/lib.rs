@@ -74,7 +74,7 @@ pub use safety::{
     EStop, Interventions, Limited, Limiter, SafeBus, SafetyConfig, SafetyError, ServoLost, State,
     Transition,
 };
-pub use serial::scan::{FoundServo, SerialScanner, Vitals};
+pub use serial::scan::{FoundServo, Readings, SerialScanner, Vitals};
 pub use serial::wire::decoder::{Decoded, Decoder, Packet};
 pub use serial::wire::framing::Framing;
 pub use serial::wire::protocol2::encode;

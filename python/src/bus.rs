@@ -37,7 +37,8 @@ impl SimBus {
         let stopped = Arc::clone(&stop);
         let (tell, told) = mpsc::channel();
         let serve = move || {
-            let options = SimBusOptions { link, faults: &faults, backlash, world };
+            let options =
+                SimBusOptions { link, faults: &faults, backlash, world, ..Default::default() };
             serve::serve(&robot, options, &stopped, |port| {
                 let _ = tell.send(port.to_owned()); // nobody listens after `new`
             })

@@ -54,7 +54,7 @@ pub use bus::line::{Burst, Line};
 pub use bus::options::{SimClock, SimLink, SimOptions};
 pub use bus::shared::WireStats;
 pub use error::SimError;
-pub use fault::script::{Cue, Happening, happen, parse_script};
+pub use fault::script::{Cue, Happening, happen, parse_happening, parse_script};
 pub use fault::{ServoFault, WireFault};
 pub use judge::Violations;
 pub use serial::protocol1_line::Protocol1Line;

@@ -132,7 +132,7 @@ pub enum Command {
     Reconstruct(reconstruct::Args),
     /// Turn a motion file into joint positions of a robot, without servos.
     Retarget(retarget::Args),
-    /// Write a robot file for a description; look one over.
+    /// Write a robot file for a description; look one over; set its servos up.
     Robot(robot::Args),
     /// List the microphones and other inputs that `dance --mic` can listen to.
     Devices(devices::Args),
@@ -148,7 +148,7 @@ pub enum Command {
     Schema(schema::Args),
     /// Look for servos on a serial port, at every usual baud rate.
     Scan(scan::Args),
-    /// Look the settings of a robot's servos over, and put them right.
+    /// Look over, read, write, back up, reset and watch the registers of servos.
     Servos(servos::Args),
     /// Give servos another baud rate, and look for each there.
     SetBaud(set_baud::Args),

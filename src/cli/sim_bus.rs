@@ -27,9 +27,15 @@ pub struct Args {
     /// after torque off until a fault lifts it.
     #[arg(long, value_enum, default_value = "none")]
     pub world: WorldChoice,
+    /// Servos as they come out of the box (Dynamixel X: 57,600 baud; each with id 1), none
+    /// plugged in: type `plug JOINT`, `unplug JOINT`, or `new JOINT` to have a joint's servo
+    /// as out of the box again.
+    #[arg(long, conflicts_with = "world")]
+    pub new_servos: bool,
     /// Something that goes wrong: TIME JOINT|wire|adapter WHAT VALUE (some have none), such as
     /// "3s l_knee dead" or "5s wire corrupt 0.01", or in a world "8s push 1 0 1.5" (towards
-    /// x y, newton seconds) or "9s lift"; may be given again.
+    /// x y, newton seconds) or "9s lift"; "2s plug l_knee", "2s unplug l_knee"; may be given
+    /// again.
     #[arg(long, value_name = "FAULT")]
     pub fault: Vec<String>,
     /// A file with a fault on each line.
@@ -51,6 +57,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         faults: &faults,
         backlash: args.backlash,
         world: args.world,
+        new_servos: args.new_servos,
     };
     let served = serve::serve(&robot, options, &stop, |port| stdout_line!("{port}"))?;
     stderr_line!("{served}");

@@ -23,10 +23,16 @@ pub(crate) mod prelude {
     pub(crate) use crate::serial::registers::{
         CycleBytes, Identity, OwnLimits, PresentState, Registers, ServiceRegisters,
     };
+    pub(crate) use crate::serial::table::entry::TableEntry;
+    pub(crate) use crate::serial::table::measure::{Measure, ServoUnits};
+    pub(crate) use crate::serial::table::{Places, RegisterTable};
     pub(crate) use crate::serial::wire::framing::Framing;
     pub(crate) use crate::servo::Servo;
     pub(crate) use crate::servo::model::{DataSheet, ServoModel};
 }
+
+/// The id of every servo that leaves a factory.
+pub const FACTORY_ID: u8 = 1;
 
 /// One family of serial servos.
 ///
@@ -52,6 +58,27 @@ pub trait ServoFamily: Sync {
 
     /// The registers that every cycle needs.
     fn registers(&self) -> &'static Registers;
+
+    /// The registers of a model by name, for tools that read and write single ones; `None`
+    /// where this family has no such model, or no table.
+    fn table(&self, _model_number: u16) -> Option<RegisterTable> {
+        None
+    }
+
+    /// The rate with which a model leaves the factory, bits a second; its id is
+    /// [`FACTORY_ID`] then. `None` where nobody knows.
+    fn factory_baud(&self, model: &ServoModel) -> Option<u32> {
+        match self.firmware(model) {
+            Firmware::Bytes(memory) => memory.factory_baud(self.bauds(model)),
+            Firmware::DynamixelX => None,
+        }
+    }
+
+    /// Parameters of the instruction that puts a servo back as it left the factory, with the
+    /// id and rate that it has or without; `None` where it cannot be told so.
+    fn reset_params(&self, _keeps_address: bool) -> Option<&'static [u8]> {
+        None
+    }
 
     /// The firmware that the simulator runs for a model.
     fn firmware(&self, model: &ServoModel) -> Firmware;

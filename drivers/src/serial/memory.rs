@@ -54,6 +54,15 @@ pub struct ByteMemory {
 }
 
 impl ByteMemory {
+    /// The rate with which it leaves the factory, of those in `known`, bits a second.
+    pub fn factory_baud(&self, known: &[u32]) -> Option<u32> {
+        let (register, baud_of) = self.baud?;
+        let written = self.factory.iter().find(|(factory, _)| *factory == register);
+        let baud = baud_of(written.map_or(0, |(_, code)| *code) as u8);
+        // 2 Mbps divided by 35 is 57,142: the servo's 57,600.
+        known.iter().copied().find(|known| known.abs_diff(baud) * 50 < *known)
+    }
+
     /// A memory of `size` bytes, all of which may be written, with the registers that
     /// every bus needs and nothing else.
     pub const fn bare(registers: &'static Registers, size: usize) -> Self {

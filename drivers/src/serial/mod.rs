@@ -3,7 +3,7 @@
 //! ```text
 //! SerialBus (arm, cycle, disarm)  -> ServoClient (requests, retries) -> wire/ (packets, port)
 //!     |  preflight.rs, rejoin.rs          timeout.rs
-//!     `-> ServoFamily: dynamixel2/, dynamixel1/, feetech/ (registers, models, rates)
+//!     `-> ServoFamily: dynamixel2/, dynamixel1/, feetech/ (registers, models, rates, tables)
 //! ```
 //!
 //! The `dynamixel2` crate gives the instruction numbers and the CRC of Protocol 2.0;
@@ -31,6 +31,7 @@ mod registers;
 mod rejoin;
 pub(crate) mod scan;
 mod silence;
+pub mod table;
 mod timeout;
 mod watchdogs;
 pub(crate) mod wire;
@@ -39,7 +40,7 @@ pub use bus::SerialBus;
 pub use client::ServoClient;
 pub use deviation::{Deviation, Remedy, ServoDeviation};
 pub use families::{FAMILIES, family_of};
-pub use family::ServoFamily;
+pub use family::{FACTORY_ID, ServoFamily};
 pub use memory::{BaudDecoder, ByteMemory, Firmware, Protection};
 pub use register::{Register, sign_magnitude};
 pub use registers::{CycleBytes, Identity, OwnLimits, PresentState, Registers, ServiceRegisters};

@@ -3,7 +3,8 @@
 use crate::process::wrong_usage::misused;
 use anyhow::bail;
 use clap::ValueEnum;
-use servodance_drivers::{FoundServo, Framing, SerialScanner, latency_timer};
+use servodance_drivers::serial::family_of;
+use servodance_drivers::{BusConfig, FoundServo, Framing, Port, SerialScanner, latency_timer};
 use std::time::Duration;
 
 /// How long a servo may take to answer, on top of the time on the wire, behind
@@ -26,6 +27,15 @@ pub enum ProtocolChoice {
     /// Dynamixel Protocol 1, and Feetech.
     #[value(name = "1")]
     One,
+}
+
+impl From<Framing> for ProtocolChoice {
+    fn from(framing: Framing) -> Self {
+        match framing {
+            Framing::Protocol2 => Self::Two,
+            Framing::Protocol1 => Self::One,
+        }
+    }
 }
 
 impl ProtocolChoice {
@@ -79,8 +89,28 @@ impl SerialListener {
         })
     }
 
+    /// On the port of a robot's bus, at its rate.
+    pub fn of_bus(port: &Port, bus: &BusConfig) -> anyhow::Result<Self> {
+        match (port, family_of(bus.kind)) {
+            (Port::Serial(path), Some(family)) => {
+                Self::new(path, Some(bus.baud), family.framing().into())
+            }
+            _ => misused!("{port} leads to motors on CAN; this is for serial servos"),
+        }
+    }
+
     pub fn path(&self) -> &str {
         &self.path
+    }
+
+    /// The one rate that is listened to; `None` for every usual one.
+    pub fn baud(&self) -> Option<u32> {
+        self.baud
+    }
+
+    /// The same port at another rate, or at every usual one.
+    pub fn at(&self, baud: Option<u32>) -> Self {
+        Self { baud, ..self.clone() }
     }
 
     /// Every framing and rate that is listened to.
@@ -109,11 +139,16 @@ impl SerialListener {
         Ok(SerialScanner::open(&self.path, baud, protocol, self.wait)?)
     }
 
+    /// The same for one servo that is asked for by its id.
+    pub fn patient_probe(&self, protocol: Framing, baud: u32) -> anyhow::Result<SerialScanner> {
+        let wait = self.wait.max(PATIENCE_WITH_ONE);
+        Ok(SerialScanner::open(&self.path, baud, protocol, wait)?)
+    }
+
     /// The servo with this id, at the first rate where it answers, and the way to it.
     pub fn find(&self, id: u8) -> anyhow::Result<(SerialScanner, FoundServo)> {
         for (protocol, baud) in self.channels() {
-            let wait = self.wait.max(PATIENCE_WITH_ONE);
-            let mut probe = SerialScanner::open(&self.path, baud, protocol, wait)?;
+            let mut probe = self.patient_probe(protocol, baud)?;
             if let Some(found) = probe.ping(id)? {
                 return Ok((probe, found));
             }
@@ -174,6 +209,6 @@ pub fn vitals(probe: &mut SerialScanner, found: &FoundServo) -> String {
     }
 }
 
-fn is_motion_sensor(found: &FoundServo) -> bool {
+pub(super) fn is_motion_sensor(found: &FoundServo) -> bool {
     found.model_number == servodance_drivers::imu::opencr::registers::MODEL_NUMBER
 }

@@ -1,13 +1,16 @@
 //! Serving a robot's simulated servos to other programs.
 
 use crate::bus_tools::sim_link::{LinkChoice, sim_link};
+use crate::process::console::stderr_line;
+use crate::process::wrong_usage::misused;
 use crate::robot::Robot;
 use crate::world::{BodyReport, RobotWorld, WorldChoice};
 use servodance_sim::{
-    Happening, SimBus, SimLink, SimOptions, SimServoSpec, Violations, WireStats, happen,
-    parse_script,
+    Happening, ServoFault, SimBus, SimLink, SimOptions, SimServoSpec, Violations, WireStats,
+    happen, parse_happening, parse_script,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 /// Options of `servodance sim-bus`.
@@ -21,6 +24,10 @@ pub struct SimBusOptions<'a> {
     pub backlash: bool,
     /// The world that the servos carry the robot in.
     pub world: WorldChoice,
+    /// Whether the servos are as they come out of the box, none of them plugged in. What
+    /// somebody types then happens: `plug JOINT`, `unplug JOINT`, `new JOINT`, and other faults
+    /// without their time.
+    pub new_servos: bool,
 }
 
 /// Serves the robot's servos in real time until `stop` is set; `ready` gets
@@ -32,6 +39,9 @@ pub fn serve(
     stop: &AtomicBool,
     ready: impl Fn(&str),
 ) -> anyhow::Result<String> {
+    if options.new_servos {
+        refuse_new_servos(robot, options.link)?;
+    }
     let names: Vec<&str> = robot.servos.iter().map(|s| s.name.as_str()).collect();
     let cues = parse_script(options.faults, &names)?;
     // An adapter that comes back is to be found where it was.
@@ -64,8 +74,13 @@ pub fn serve(
             imu: bus.config.imu.clone(),
             ..SimOptions::realtime(bus.config.baud, robot.control_hz)
         };
-        sims.push(SimBus::start(&specs, sim_options)?);
+        let sim = SimBus::start(&specs, sim_options)?;
+        if options.new_servos {
+            take_out_of_the_box(&sim, bus.servos.len());
+        }
+        sims.push(sim);
     }
+    let typed = options.new_servos.then(typed_lines);
     for (bus, sim) in robot.buses.iter().zip(&sims) {
         match bus.config.name.as_str() {
             "" => ready(sim.port_path()),
@@ -77,12 +92,53 @@ pub fn serve(
         while let Some(cue) = cues.next_if(|cue| cue.time_s <= now_s) {
             happen(&cue.what, &mut sims, &joints)?;
         }
+        for line in typed.iter().flat_map(Receiver::try_iter) {
+            match parse_happening(&line, &names) {
+                Ok(what) => happen(&what, &mut sims, &joints)?,
+                Err(error) => stderr_line!("{error}"),
+            }
+        }
         std::thread::sleep(Duration::from_millis(10));
     }
     let body = world.map(|world| {
         BodyReport::new(world.choice(), &world.shared.figures(), None, Default::default()).line()
     });
     Ok([Some(summary(&sims)), body].into_iter().flatten().collect::<Vec<_>>().join("\n"))
+}
+
+/// New servos have a rate of their own, which a socket has not, and CAN motors no way out of
+/// the box.
+fn refuse_new_servos(robot: &Robot, link: Option<LinkChoice>) -> anyhow::Result<()> {
+    if link == Some(LinkChoice::Unix) {
+        misused!(
+            "--new-servos needs --link pty: a socket has no rate, and new servos have their own"
+        );
+    }
+    match robot.buses.iter().find(|bus| bus.config.kind.is_can()) {
+        Some(_) => misused!("--new-servos is for serial servos; {} has motors on CAN", robot.name),
+        None => Ok(()),
+    }
+}
+
+/// Id 1 and the factory's rate; nobody is plugged in yet.
+fn take_out_of_the_box(sim: &SimBus, servos: usize) {
+    for index in 0..servos {
+        sim.set_servo_fault(index, ServoFault::New);
+        sim.set_servo_fault(index, ServoFault::Unplug);
+    }
+}
+
+/// The lines that somebody types, as they come; none any more after the end of input.
+fn typed_lines() -> Receiver<String> {
+    let (line, lines) = channel();
+    std::thread::spawn(move || {
+        for typed in std::io::stdin().lines().map_while(Result::ok) {
+            if !typed.trim().is_empty() && line.send(typed).is_err() {
+                return;
+            }
+        }
+    });
+    lines
 }
 
 /// One line about what passed and what was broken.

@@ -109,7 +109,9 @@ impl BaudChange<'_> {
         }
     }
 
-    fn change(
+    /// Changes one servo, which `listener` found, to the rate whose code this is, and looks for
+    /// it there.
+    pub(super) fn change(
         &self,
         listener: &SerialListener,
         servo: &FoundServo,

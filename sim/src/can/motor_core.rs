@@ -180,7 +180,8 @@ impl MotorCore {
     /// True if its protocol must restart too.
     pub fn suffer(&mut self, injected: ServoFault) -> bool {
         match self.body.suffer(injected) {
-            Some(ServoFault::Reboot) => {
+            Some(ServoFault::Unplug) => self.disable(),
+            Some(ServoFault::Reboot | ServoFault::Plug) => {
                 self.reboot();
                 return true;
             }

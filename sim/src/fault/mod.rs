@@ -60,4 +60,11 @@ pub enum ServoFault {
     Baud(u32),
     /// It answers to another id; if that one is taken, both answer at once.
     Id(u8),
+    /// Its plug is pulled: no supply, so no torque, and it neither hears nor answers.
+    Unplug,
+    /// It is plugged in: it starts with what its permanent memory holds.
+    Plug,
+    /// Its memory is that of a servo out of the box: factory settings, id 1, the factory's
+    /// rate. Serial servos alone.
+    New,
 }

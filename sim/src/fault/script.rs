@@ -9,6 +9,7 @@
 //! 8s    push     1 0 1.5        1.5 newton seconds towards x, for 50 ms (in a world)
 //! 9s    lift                    put back where it was at the start (in a world)
 //! 9s    imu      dead           dead, revive: the motion sensor on the bus
+//! 9s    plug     joint_3        plug, unplug: its plug goes in or out; new: as out of the box
 //! ```
 //!
 //! A push has the direction `X Y` of the world and a size in newton seconds.
@@ -70,45 +71,77 @@ fn parse_line(line: &str, joints: &[&str]) -> Result<Cue, SimError> {
         .filter(|t: &f64| (0.0..=1e6).contains(t))
         .ok_or_else(|| bad(format!("\"{time}\" is no time like 3.5s")))?;
     let who = word("joint, wire or adapter")?;
-    if let "push" | "lift" = who {
-        let what = body_event(who, words).map_err(bad)?;
-        return Ok(Cue { time_s, what });
+    let what = happening(who, words, joints).map_err(bad)?;
+    Ok(Cue { time_s, what })
+}
+
+/// What is to happen at once, as a line of a script without its time: `plug knee`.
+pub fn parse_happening(line: &str, joints: &[&str]) -> Result<Happening, SimError> {
+    let bad = |reason: String| SimError::Script { line: line.into(), reason };
+    let mut words = line.split_whitespace();
+    let who = words.next().ok_or_else(|| bad("nothing in it".into()))?;
+    happening(who, words, joints).map_err(bad)
+}
+
+fn happening<'a>(
+    who: &str,
+    mut words: impl Iterator<Item = &'a str>,
+    joints: &[&str],
+) -> Result<Happening, String> {
+    match who {
+        "push" | "lift" => return body_event(who, words),
+        "plug" => return plug_event(ServoFault::Plug, words, joints),
+        "unplug" => return plug_event(ServoFault::Unplug, words, joints),
+        "new" => return plug_event(ServoFault::New, words, joints),
+        _ => {}
     }
-    let fault = word("fault")?;
+    let fault = words.next().ok_or("no fault")?;
     let value: Option<f64> = match words.next() {
         None => None,
         Some(text) => {
             let value = text.parse().ok().filter(|value: &f64| value.is_finite());
-            Some(value.ok_or_else(|| bad(format!("\"{text}\" is no number")))?)
+            Some(value.ok_or_else(|| format!("\"{text}\" is no number"))?)
         }
     };
     if let Some(more) = words.next() {
-        return Err(bad(format!("\"{more}\" is one word too many")));
+        return Err(format!("\"{more}\" is one word too many"));
     }
-    let what = match who {
-        "wire" => Happening::Wire(wire_fault(fault, value).map_err(bad)?),
+    Ok(match who {
+        "wire" => Happening::Wire(wire_fault(fault, value)?),
         "adapter" => match fault {
             "gone" => Happening::Adapter(true),
             "back" => Happening::Adapter(false),
             "bus-off" => Happening::BusOff(true),
             "bus-on" => Happening::BusOff(false),
-            _ => return Err(bad("an adapter can be gone, back, bus-off or bus-on".into())),
+            _ => return Err("an adapter can be gone, back, bus-off or bus-on".into()),
         },
         "imu" => match fault {
             "dead" => Happening::Imu(true),
             "revive" => Happening::Imu(false),
-            _ => return Err(bad("a motion sensor can be dead or revive".into())),
+            _ => return Err("a motion sensor can be dead or revive".into()),
         },
-        joint => {
-            let place = joints.iter().position(|known| *known == joint);
-            let place = place.ok_or_else(|| {
-                let names = joints.join(", ");
-                bad(format!("no \"{joint}\"; there are wire, adapter, {names}"))
-            })?;
-            Happening::Servo(place, servo_fault(fault, value).map_err(bad)?)
-        }
-    };
-    Ok(Cue { time_s, what })
+        joint => Happening::Servo(place_of(joint, joints)?, servo_fault(fault, value)?),
+    })
+}
+
+fn place_of(joint: &str, joints: &[&str]) -> Result<usize, String> {
+    let place = joints.iter().position(|known| *known == joint);
+    place.ok_or_else(|| {
+        let names = joints.join(", ");
+        format!("no \"{joint}\"; there are wire, adapter, {names}")
+    })
+}
+
+/// `plug JOINT`, `unplug JOINT`, `new JOINT`.
+fn plug_event<'a>(
+    fault: ServoFault,
+    mut words: impl Iterator<Item = &'a str>,
+    joints: &[&str],
+) -> Result<Happening, String> {
+    match (words.next(), words.next()) {
+        (Some(joint), None) => Ok(Happening::Servo(place_of(joint, joints)?, fault)),
+        _ => Err("one joint stands behind plug, unplug and new".into()),
+    }
 }
 
 /// `push X Y NS`, or `lift`.
@@ -233,6 +266,22 @@ mod tests {
     }
 
     #[test]
+    fn a_line_without_a_time_happens_at_once() {
+        for (line, fault) in [
+            ("plug knee", ServoFault::Plug),
+            (" unplug  knee", ServoFault::Unplug),
+            ("new knee", ServoFault::New),
+            ("knee id 7", ServoFault::Id(7)),
+        ] {
+            let happening = parse_happening(line, &JOINTS).unwrap();
+            assert_eq!(happening, Happening::Servo(1, fault), "{line}");
+        }
+        let error = parse_happening("1s plug knee", &JOINTS).unwrap_err().to_string();
+        assert!(error.contains("1s plug knee"), "{error}");
+        assert!(parse_happening("", &JOINTS).is_err());
+    }
+
+    #[test]
     fn what_is_wrong_is_told_with_the_line() {
         for (line, says) in [
             ("knee dead", "\"knee\" is no time"),
@@ -247,6 +296,8 @@ mod tests {
             ("1s push 0 0 1", "a push needs a direction"),
             ("1s push 1 0 nan", "a push needs a direction"),
             ("1s lift 2", "nothing stands behind lift"),
+            ("1s plug", "one joint stands behind plug"),
+            ("1s unplug elbow", "no \"elbow\""),
             ("1s imu sad", "dead or revive"),
             ("1s wire drop", "drop needs a share"),
             ("1s wire drop 2", "drop needs a share"),

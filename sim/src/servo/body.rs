@@ -170,6 +170,10 @@ impl ServoBody {
         match fault {
             ServoFault::Dead => self.dead = true,
             ServoFault::Revive => self.dead = false,
+            ServoFault::Unplug | ServoFault::Plug => {
+                self.dead = fault == ServoFault::Unplug;
+                return Some(fault);
+            }
             ServoFault::Free => self.motor.jammed = false,
             ServoFault::Overheat(celsius) => self.motor.temperature_c = celsius,
             ServoFault::Jam => {

@@ -302,11 +302,17 @@ impl ByteServo {
         self.body.be_deaf_for(REBOOT_S);
     }
 
-    /// Factory settings for everything but the model; the id is 1 again.
+    fn lose_supply(&mut self) {
+        self.put(self.layout.registers.torque, 0);
+        self.body.judge.end();
+    }
+
+    /// Factory settings for everything but the model; id 1 and the factory's rate again.
     pub(crate) fn factory_reset(&mut self) {
         self.restore(0);
         self.put_if(self.layout.model, self.model.number);
         self.put_id(1);
+        self.take_baud();
         self.permanent = self.memory[..self.layout.ram].to_vec();
         self.reboot();
     }
@@ -428,6 +434,9 @@ impl LineServo for ByteServo {
                 self.permanent = self.memory[..self.layout.ram].to_vec();
             }
             Some(ServoFault::Baud(baud)) => self.baud = baud,
+            Some(ServoFault::Unplug) => self.lose_supply(),
+            Some(ServoFault::Plug) => self.reboot(),
+            Some(ServoFault::New) => self.factory_reset(),
             _ => {}
         }
     }

@@ -9,15 +9,12 @@
 
 mod models;
 mod registers;
+mod table;
 
 use dynamixel2::instructions::instruction_id as instruction;
 
 use crate::serial::family::prelude::*;
 use registers::*;
-
-/// What a servo reports by the bits of its error byte.
-const CONDITIONS: [(u8, &str); 4] =
-    [(0, "input voltage"), (1, "angle limit"), (2, "overheating"), (5, "overload")];
 
 /// Dynamixel AX, RX and MX with Protocol 1.
 pub struct Dynamixel1;
@@ -107,6 +104,16 @@ impl ServoFamily for Dynamixel1 {
         let mask = CONDITIONS.iter().fold(0, |mask, (bit, _)| mask | 1 << bit);
         let flags = client.flags() & mask;
         Ok((flags != 0).then(|| names_of(flags, &CONDITIONS)))
+    }
+
+    fn table(&self, model_number: u16) -> Option<RegisterTable> {
+        let model = models::MODELS.iter().find(|model| model.number == model_number)?;
+        Some(table::table(model))
+    }
+
+    fn reset_params(&self, keeps_address: bool) -> Option<&'static [u8]> {
+        // There is one kind of reset, which forgets everything.
+        (!keeps_address).then_some(&[])
     }
 
     fn own_limits(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<OwnLimits>> {

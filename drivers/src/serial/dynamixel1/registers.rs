@@ -4,42 +4,51 @@
 
 use crate::serial::family::prelude::*;
 
-const MODEL: Register = Register::word(0, "model number");
-const FIRMWARE: Register = Register::byte(2, "firmware");
-const ID: Register = Register::byte(3, "id");
-const BAUD: Register = Register::byte(4, "baud rate");
+pub(super) const MODEL: Register = Register::word(0, "model number");
+pub(super) const FIRMWARE: Register = Register::byte(2, "firmware");
+pub(super) const ID: Register = Register::byte(3, "id");
+pub(super) const BAUD: Register = Register::byte(4, "baud rate");
 pub(super) const RETURN_DELAY: Register = Register::byte(5, "return delay time");
-const LOWEST: Register = Register::word(6, "clockwise angle limit");
-const HIGHEST: Register = Register::word(8, "counterclockwise angle limit");
-const HOTTEST: Register = Register::byte(11, "temperature limit");
-const MIN_VOLTAGE: Register = Register::byte(12, "lowest voltage");
-const MAX_VOLTAGE: Register = Register::byte(13, "highest voltage");
+pub(super) const LOWEST: Register = Register::word(6, "clockwise angle limit");
+pub(super) const HIGHEST: Register = Register::word(8, "counterclockwise angle limit");
+pub(super) const HOTTEST: Register = Register::byte(11, "temperature limit");
+pub(super) const MIN_VOLTAGE: Register = Register::byte(12, "lowest voltage");
+pub(super) const MAX_VOLTAGE: Register = Register::byte(13, "highest voltage");
 pub(super) const MAX_TORQUE: Register = Register::word(14, "maximum torque");
 pub(super) const STATUS_LEVEL: Register = Register::byte(16, "status return level");
-const ALARM_LED: Register = Register::byte(17, "alarm LED");
-const SHUTDOWN: Register = Register::byte(18, "shutdown");
+pub(super) const ALARM_LED: Register = Register::byte(17, "alarm LED");
+pub(super) const SHUTDOWN: Register = Register::byte(18, "shutdown");
 pub(super) const TORQUE: Register = Register::byte(24, "torque enable");
-const CW_MARGIN: Register = Register::byte(26, "clockwise compliance margin");
-const CCW_MARGIN: Register = Register::byte(27, "counterclockwise compliance margin");
-const CW_SLOPE: Register = Register::byte(28, "clockwise compliance slope");
-const CCW_SLOPE: Register = Register::byte(29, "counterclockwise compliance slope");
-const P_GAIN: Register = Register::byte(28, "P gain");
-const GOAL: Register = Register::word(30, "goal position");
+pub(super) const LED: Register = Register::byte(25, "LED");
+pub(super) const CW_MARGIN: Register = Register::byte(26, "clockwise compliance margin");
+pub(super) const CCW_MARGIN: Register = Register::byte(27, "counterclockwise compliance margin");
+pub(super) const CW_SLOPE: Register = Register::byte(28, "clockwise compliance slope");
+pub(super) const CCW_SLOPE: Register = Register::byte(29, "counterclockwise compliance slope");
+pub(super) const D_GAIN: Register = Register::byte(26, "D gain"); // MX only
+pub(super) const I_GAIN: Register = Register::byte(27, "I gain"); // MX only
+pub(super) const P_GAIN: Register = Register::byte(28, "P gain");
+pub(super) const GOAL: Register = Register::word(30, "goal position");
 pub(super) const SPEED: Register = Register::word(32, "moving speed");
 pub(super) const TORQUE_LIMIT: Register = Register::word(34, "torque limit");
-const POSITION: Register = Register::word(36, "present position");
-const PRESENT_SPEED: Register = Register::word(38, "present speed");
-const LOAD: Register = Register::word(40, "present load");
-const VOLTAGE: Register = Register::byte(42, "present input voltage");
-const TEMPERATURE: Register = Register::byte(43, "present temperature");
-const MOVING: Register = Register::byte(46, "moving");
-const PUNCH: Register = Register::word(48, "punch");
+pub(super) const POSITION: Register = Register::word(36, "present position");
+pub(super) const PRESENT_SPEED: Register = Register::word(38, "present speed");
+pub(super) const LOAD: Register = Register::word(40, "present load");
+pub(super) const VOLTAGE: Register = Register::byte(42, "present input voltage");
+pub(super) const TEMPERATURE: Register = Register::byte(43, "present temperature");
+pub(super) const REGISTERED: Register = Register::byte(44, "registered instruction");
+pub(super) const MOVING: Register = Register::byte(46, "moving");
+pub(super) const LOCK: Register = Register::byte(47, "EEPROM lock");
+pub(super) const PUNCH: Register = Register::word(48, "punch");
 pub(super) const TORQUE_MODE: Register = Register::byte(70, "torque control mode"); // MX only
 pub(super) const ACCELERATION: Register = Register::byte(73, "goal acceleration"); // MX only
 
 pub(super) const IDENTITY: Register = Register::new(0, 3, "model number and firmware");
 pub(super) const PRESENT: Register = Register::new(36, 8, "present state");
 pub(super) const SIGN_BIT: u32 = 10;
+
+/// What a servo reports by the bits of its error byte, and by which of them it shuts down.
+pub(super) const CONDITIONS: [(u8, &str); 4] =
+    [(0, "input voltage"), (1, "angle limit"), (2, "overheating"), (5, "overload")];
 
 pub(super) static REGISTERS: Registers = Registers {
     torque: TORQUE,

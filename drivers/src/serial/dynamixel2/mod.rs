@@ -7,6 +7,8 @@
 mod known_state;
 mod models;
 pub mod registers;
+mod table;
+mod xl320;
 
 use dynamixel2::instructions::instruction_id as instruction;
 use dynamixel2::instructions::packet_id::BROADCAST;
@@ -27,16 +29,11 @@ const FAST_SYNC_READ: u8 = 0x8A;
 const PLAIN_AFTER_LOSS: u32 = 20;
 const MOST_PLAIN: u32 = 2000;
 
+/// The rate of every model as the vendor sends it out, bits a second.
+const FACTORY_BAUD: u32 = 57_600;
+
 /// What the watchdog register reads when it has tripped: -1 in its one byte.
 const WATCHDOG_TRIPPED: u64 = 0xFF;
-
-const CONDITIONS: [(u8, &str); 5] = [
-    (0, "input voltage"),
-    (2, "overheating"),
-    (3, "encoder"),
-    (4, "electrical shock"),
-    (5, "overload"),
-];
 
 /// Dynamixel X, and MX with Protocol 2.0.
 pub struct Dynamixel2;
@@ -137,6 +134,24 @@ impl ServoFamily for Dynamixel2 {
 
     fn firmware(&self, _model: &ServoModel) -> Firmware {
         Firmware::DynamixelX
+    }
+
+    fn table(&self, model_number: u16) -> Option<RegisterTable> {
+        match model_number {
+            xl320::NUMBER => Some(xl320::table()),
+            number => {
+                let model = models::MODELS.iter().find(|model| model.number == number)?;
+                Some(table::table(model))
+            }
+        }
+    }
+
+    fn factory_baud(&self, _model: &ServoModel) -> Option<u32> {
+        Some(FACTORY_BAUD)
+    }
+
+    fn reset_params(&self, keeps_address: bool) -> Option<&'static [u8]> {
+        Some(if keeps_address { &[0x02] } else { &[0xFF] })
     }
 
     fn cycle_bytes(&self, servos: &[Servo]) -> CycleBytes {

@@ -65,6 +65,16 @@ pub const BACKUP_READY: Register = Register::new(147, 1, "backup ready");
 
 pub(super) const PRESENT: Register = Register::new(126, 10, "present state");
 
+/// What a servo reports by the bits of its hardware error status, and by which of them it
+/// shuts down.
+pub(super) const CONDITIONS: [(u8, &str); 5] = [
+    (0, "input voltage"),
+    (2, "overheating"),
+    (3, "encoder"),
+    (4, "electrical shock"),
+    (5, "overload"),
+];
+
 pub(super) static REGISTERS: Registers = Registers {
     torque: TORQUE,
     goal: GOAL_POSITION,

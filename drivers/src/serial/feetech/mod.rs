@@ -7,6 +7,7 @@
 //! its last goal.
 
 mod registers;
+mod table;
 
 use std::f64::consts::TAU;
 
@@ -15,16 +16,6 @@ use dynamixel2::instructions::instruction_id as instruction;
 use crate::serial::deviation::Deviation;
 use crate::serial::family::prelude::*;
 use registers::*;
-
-/// What a servo reports by the bits of its status.
-const CONDITIONS: [(u8, &str); 6] = [
-    (0, "voltage"),
-    (1, "angle sensor"),
-    (2, "overheating"),
-    (3, "overcurrent"),
-    (4, "angle"),
-    (5, "overload"),
-];
 
 const TICK_RAD: f64 = TAU / 4096.0;
 
@@ -111,6 +102,11 @@ impl ServoFamily for Feetech {
     fn condition(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<String>> {
         let flags = client.read(index, STATUS)? as u8;
         Ok((flags != 0).then(|| names_of(flags, &CONDITIONS)))
+    }
+
+    fn table(&self, model_number: u16) -> Option<RegisterTable> {
+        let model = MODELS.iter().find(|model| model.number == model_number)?;
+        Some(table::table(model))
     }
 
     fn own_limits(&self, client: &mut ServoClient, index: usize) -> BusResult<Option<OwnLimits>> {

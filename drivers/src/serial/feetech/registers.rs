@@ -4,43 +4,67 @@
 
 use crate::serial::family::prelude::*;
 
-const FIRMWARE: Register = Register::word(0, "firmware, major and minor");
-const MODEL: Register = Register::word(3, "model number");
-const ID: Register = Register::byte(5, "id");
-const BAUD: Register = Register::byte(6, "baud rate");
+pub(super) const FIRMWARE: Register = Register::word(0, "firmware");
+pub(super) const MODEL: Register = Register::word(3, "model number");
+pub(super) const ID: Register = Register::byte(5, "id");
+pub(super) const BAUD: Register = Register::byte(6, "baud rate");
 pub(super) const RETURN_DELAY: Register = Register::byte(7, "return delay time");
 pub(super) const STATUS_LEVEL: Register = Register::byte(8, "status return level");
-const LOWEST: Register = Register::word(9, "minimum angle limit");
-const HIGHEST: Register = Register::word(11, "maximum angle limit");
-const HOTTEST: Register = Register::byte(13, "temperature limit");
-const MAX_VOLTAGE: Register = Register::byte(14, "maximum voltage");
-const MIN_VOLTAGE: Register = Register::byte(15, "minimum voltage");
-const MAX_TORQUE: Register = Register::word(16, "maximum torque");
-const P_GAIN: Register = Register::byte(21, "P gain");
-const D_GAIN: Register = Register::byte(22, "D gain");
-const CURRENT_PROTECTION: Register = Register::word(28, "protection current");
+pub(super) const LOWEST: Register = Register::word(9, "minimum angle limit");
+pub(super) const HIGHEST: Register = Register::word(11, "maximum angle limit");
+pub(super) const HOTTEST: Register = Register::byte(13, "temperature limit");
+pub(super) const MAX_VOLTAGE: Register = Register::byte(14, "maximum voltage");
+pub(super) const MIN_VOLTAGE: Register = Register::byte(15, "minimum voltage");
+pub(super) const MAX_TORQUE: Register = Register::word(16, "maximum torque");
+pub(super) const PHASE: Register = Register::byte(18, "phase");
+pub(super) const UNLOADING: Register = Register::byte(19, "unloading condition");
+pub(super) const ALARM_LED: Register = Register::byte(20, "alarm LED");
+pub(super) const P_GAIN: Register = Register::byte(21, "P gain");
+pub(super) const D_GAIN: Register = Register::byte(22, "D gain");
+pub(super) const I_GAIN: Register = Register::byte(23, "I gain");
+pub(super) const STARTUP_FORCE: Register = Register::word(24, "minimum startup force");
+pub(super) const CW_DEAD_ZONE: Register = Register::byte(26, "clockwise dead zone");
+pub(super) const CCW_DEAD_ZONE: Register = Register::byte(27, "counterclockwise dead zone");
+pub(super) const CURRENT_PROTECTION: Register = Register::word(28, "protection current");
+pub(super) const RESOLUTION: Register = Register::byte(30, "angular resolution");
 pub(super) const OFFSET: Register = Register::word(31, "position offset");
 pub(super) const MODE: Register = Register::byte(33, "operating mode");
+pub(super) const PROTECTIVE_TORQUE: Register = Register::byte(34, "protective torque");
+pub(super) const PROTECTION_TIME: Register = Register::byte(35, "protection time");
+pub(super) const OVERLOAD_TORQUE: Register = Register::byte(36, "overload torque");
+pub(super) const SPEED_P: Register = Register::byte(37, "speed P gain");
+pub(super) const OVERCURRENT_TIME: Register = Register::byte(38, "overcurrent protection time");
+pub(super) const SPEED_I: Register = Register::byte(39, "speed I gain");
 pub(super) const TORQUE: Register = Register::byte(40, "torque enable");
 pub(super) const ACCELERATION: Register = Register::byte(41, "acceleration");
-const GOAL: Register = Register::word(42, "goal position");
+pub(super) const GOAL: Register = Register::word(42, "goal position");
 pub(super) const GOAL_TIME: Register = Register::word(44, "goal time");
 pub(super) const GOAL_SPEED: Register = Register::word(46, "goal speed");
-const TORQUE_LIMIT: Register = Register::word(48, "torque limit");
+pub(super) const TORQUE_LIMIT: Register = Register::word(48, "torque limit");
 pub(super) const LOCK: Register = Register::byte(55, "EEPROM lock");
-const POSITION: Register = Register::word(56, "present position");
-const SPEED: Register = Register::word(58, "present speed");
-const LOAD: Register = Register::word(60, "present load");
-const VOLTAGE: Register = Register::byte(62, "present input voltage");
-const TEMPERATURE: Register = Register::byte(63, "present temperature");
+pub(super) const POSITION: Register = Register::word(56, "present position");
+pub(super) const SPEED: Register = Register::word(58, "present speed");
+pub(super) const LOAD: Register = Register::word(60, "present load");
+pub(super) const VOLTAGE: Register = Register::byte(62, "present input voltage");
+pub(super) const TEMPERATURE: Register = Register::byte(63, "present temperature");
 pub(super) const STATUS: Register = Register::byte(65, "status");
-const MOVING: Register = Register::byte(66, "moving");
-const CURRENT: Register = Register::word(69, "present current");
+pub(super) const MOVING: Register = Register::byte(66, "moving");
+pub(super) const CURRENT: Register = Register::word(69, "present current");
 
 pub(super) const IDENTITY: Register = Register::new(0, 5, "firmware and model number");
 pub(super) const PRESENT: Register = Register::new(56, 15, "present state");
 pub(super) const SIGN_BIT: u32 = 15;
 pub(super) const OFFSET_SIGN_BIT: u32 = 11;
+
+/// What a servo reports by the bits of its status.
+pub(super) const CONDITIONS: [(u8, &str); 6] = [
+    (0, "voltage"),
+    (1, "angle sensor"),
+    (2, "overheating"),
+    (3, "overcurrent"),
+    (4, "angle"),
+    (5, "overload"),
+];
 
 pub(super) static REGISTERS: Registers = Registers {
     torque: TORQUE,
@@ -68,7 +92,7 @@ pub(super) const LIMITS: LimitRegisters = LimitRegisters {
 pub(super) static BAUDS: [u32; 8] =
     [1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400];
 
-fn baud_of(code: u8) -> u32 {
+pub(super) fn baud_of(code: u8) -> u32 {
     BAUDS.get(usize::from(code)).copied().unwrap_or(0)
 }
 

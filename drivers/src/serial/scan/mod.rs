@@ -1,14 +1,19 @@
 //! One servo at a time, before there is a robot: who is on a serial bus, how it
 //! is, and which id it has.
 //!
-//! `sweep.rs` finds everyone, `change.rs` gives ids and rates.
+//! `sweep.rs` finds everyone, `change.rs` gives ids and rates, `memory.rs` reads and writes
+//! the rest.
 //!
 //! Nothing here turns torque on. Pings and reads are safe at any time;
-//! [`SerialScanner::set_id`] turns the servo's torque off first. Every call is bounded
+//! [`SerialScanner::set_id`] turns the servo's torque off first, and
+//! [`SerialScanner::write_entry`] refuses permanent memory while torque is on. Every call is bounded
 //! by the wire time and the wait that the caller chose, times [`TRIES`].
 
 mod change;
+mod memory;
 mod sweep;
+
+pub use memory::Readings;
 
 use std::time::{Duration, Instant};
 

@@ -344,6 +344,9 @@ impl LineServo for XServo {
             Some(ServoFault::Reboot) => self.reboot(),
             Some(ServoFault::Overload) => self.raise(OVERLOAD_ERROR),
             Some(ServoFault::Trip) => self.trip_watchdog(),
+            Some(ServoFault::Unplug) => self.set_torque(false),
+            Some(ServoFault::Plug) => self.reboot(),
+            Some(ServoFault::New) => self.factory_reset(false, false),
             Some(ServoFault::Id(id)) => self.table.put(at::ID, i64::from(id)),
             Some(ServoFault::Baud(baud)) => {
                 let code = BAUDS.iter().position(|known| *known == baud);

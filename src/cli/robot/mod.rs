@@ -1,4 +1,6 @@
-//! `servodance robot`: write a robot file for a description, look one over.
+//! `servodance robot`: write a robot file for a description, look one over, set its servos up.
+
+pub mod setup;
 
 use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
@@ -10,7 +12,7 @@ use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_runtime::world::WorldChoice;
 use servodance_training::choreography;
 
-const EXAMPLES: &str = include_str!("examples/robot.txt").trim_ascii_end();
+const EXAMPLES: &str = include_str!("../examples/robot.txt").trim_ascii_end();
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -19,7 +21,7 @@ pub struct Args {
     pub action: Action,
 }
 
-/// What can be done with a robot file.
+/// What can be done with a robot, before it dances.
 #[derive(Debug, clap::Subcommand)]
 pub enum Action {
     /// Write a complete robot file for a description; guesses are explained in it.
@@ -28,6 +30,8 @@ pub enum Action {
     Sheet(SheetArgs),
     /// Look over a robot file or a description: exit code 0 usable, 1 refused.
     Check(CheckArgs),
+    /// Make new servos those of the robot, one after the other: id, rate, settings.
+    Setup(setup::Args),
 }
 
 #[derive(Debug, clap::Args)]
@@ -81,6 +85,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         Action::New(args) => new(&args),
         Action::Sheet(args) => sheet(&args),
         Action::Check(args) => check(&args),
+        Action::Setup(args) => setup::run(&args),
     }
 }
 

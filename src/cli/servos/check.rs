@@ -1,27 +1,10 @@
-//! `servodance servos`: the servos of a robot, as a whole.
+//! `servodance servos check`.
 
 use crate::cli::prelude::*;
 use servodance_runtime::bus_tools::servo_check;
 
-const EXAMPLES: &str = include_str!("examples/servos.txt").trim_ascii_end();
-
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
 pub struct Args {
-    #[command(subcommand)]
-    pub action: Action,
-}
-
-/// What can be done with the servos of a robot.
-#[derive(Debug, clap::Subcommand)]
-pub enum Action {
-    /// Compare the settings in the servos with the robot file: exit code 0 as they should
-    /// be, 1 not.
-    Check(CheckArgs),
-}
-
-#[derive(Debug, clap::Args)]
-pub struct CheckArgs {
     /// A built-in robot (see `servodance robots`) or a robot file.
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub robot: String,
@@ -35,8 +18,8 @@ pub struct CheckArgs {
     pub yes: bool,
 }
 
+/// Prints a line for each deviation, and for each change.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let Action::Check(args) = args.action;
     let robot = Robot::load(&args.robot)?;
     let consent = Consent::from_flag(args.yes);
     let found = servo_check::check(&robot, &args.bus, args.fix, consent)?;

@@ -1,0 +1,54 @@
+//! From a box of new servos to those of a robot: one servo after the other gets its settings,
+//! its id and, last of all, its rate.
+//!
+//! ```text
+//! look who is set up -> ask for one servo -> find it -> settings -> id -> rate -> next joint
+//!      line.rs                            newcomer.rs  settings.rs  line.rs
+//! ```
+//!
+//! How far a robot is, its bus says: a servo with a joint's id, model and the bus's rate is set
+//! up. Because the rate comes last, a servo that was interrupted is found where it was.
+//! Torque goes off, and never on.
+
+mod line;
+mod newcomer;
+mod settings;
+mod voice;
+
+pub use voice::NextServo;
+
+use crate::bus_tools::plug;
+use crate::bus_tools::setup::line::SetupLine;
+use crate::bus_tools::setup::voice::Voice;
+use crate::robot::Robot;
+use anyhow::bail;
+use std::io::IsTerminal;
+
+/// Sets up every servo of the robot that is not yet. Refused, and asked for again where
+/// somebody is there: two new servos at once, a servo of another model.
+pub fn set_up(
+    robot: &Robot,
+    ports: &[String],
+    next: NextServo,
+    say: impl Fn(&str),
+    note: impl Fn(&str),
+) -> anyhow::Result<()> {
+    if next == NextServo::Asked && !std::io::stdin().is_terminal() {
+        bail!("there is no terminal to ask on: --yes takes each new servo as soon as it answers");
+    }
+    let ports = plug::ports(robot, ports)?;
+    let mut lines = Vec::with_capacity(ports.len());
+    for (port, layout) in ports.iter().zip(&robot.buses) {
+        lines.push(SetupLine::new(port, layout)?);
+    }
+    let voice = Voice { say: &say, note: &note };
+    for line in lines {
+        line.set_up(next, &voice)?;
+    }
+    say(&format!(
+        "{}: all {} servos are set up; next: connect them all, `servodance servos check`, `servodance calibrate`",
+        robot.name,
+        robot.servos.len()
+    ));
+    Ok(())
+}
