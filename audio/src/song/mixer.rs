@@ -101,12 +101,12 @@ impl Buses {
 
 pub(super) fn master(mix: &Mix, rate_hz: f32, buses: Buses, seed: u64) -> Vec<f32> {
     let duck = ducking(&buses, rate_hz, mix.ducking);
-    let mut out: Vec<f32> = (0..buses.drums.len())
-        .map(|i| {
-            let tuned = mix.bass * buses.bass[i] + mix.music * buses.music[i];
-            mix.drums * buses.drums[i] + tuned * duck[i]
-        })
-        .collect();
+    // In place: small computers hold three buses of a song and no more.
+    let Buses { drums: mut out, bass, music, .. } = buses;
+    for (((out, bass), music), duck) in out.iter_mut().zip(bass).zip(music).zip(duck) {
+        let tuned = mix.bass * bass + mix.music * music;
+        *out = mix.drums * *out + tuned * duck;
+    }
     if mix.room > 0.0 {
         add_room(&mut out, rate_hz, mix.room, mix.room_s);
     }
@@ -122,21 +122,19 @@ fn decibels(db: f32) -> f32 {
 }
 
 /// Gain of the other instruments under the kicks.
-fn ducking(buses: &Buses, rate_hz: f32, depth: f32) -> Vec<f32> {
+fn ducking(buses: &Buses, rate_hz: f32, depth: f32) -> impl Iterator<Item = f32> + use<> {
     let recover = (-1.0 / (0.1 * rate_hz)).exp();
     let mut kicks = buses.kicks.clone();
     kicks.sort_unstable();
-    let mut next = kicks.iter().peekable();
+    let mut next = kicks.into_iter().peekable();
     let mut pressed = 0.0f32;
-    (0..buses.drums.len())
-        .map(|i| {
-            while next.next_if(|&&kick| kick <= i).is_some() {
-                pressed = depth;
-            }
-            pressed *= recover;
-            1.0 - pressed
-        })
-        .collect()
+    (0..).map(move |i| {
+        while next.next_if(|&kick| kick <= i).is_some() {
+            pressed = depth;
+        }
+        pressed *= recover;
+        1.0 - pressed
+    })
 }
 
 /// A small room: four damped combs and two all-passes (Schroeder 1962).

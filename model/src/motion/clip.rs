@@ -131,13 +131,7 @@ impl Clip {
 
     /// The clip in a mirror: x negated, left and right exchanged.
     pub fn mirrored(&self) -> Self {
-        let mirror = |pose: &Pose| {
-            BodyJoint::ALL.map(|joint| {
-                let [x, y, z] = pose[joint.mirrored() as usize];
-                [-x, y, z]
-            })
-        };
-        self.with_poses(self.poses.iter().map(mirror).collect())
+        self.with_poses(self.poses.iter().map(skeleton::mirrored).collect())
     }
 
     /// The pose at `time_s` (clamped to the clip), by Catmull-Rom splines

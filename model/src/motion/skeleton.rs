@@ -29,6 +29,14 @@ pub fn bone_length_m(pose: &Pose, joint: BodyJoint) -> f64 {
     }
 }
 
+/// The mirror image: left and right exchanged, x turned round.
+pub fn mirrored(pose: &Pose) -> Pose {
+    BodyJoint::ALL.map(|joint| {
+        let [x, y, z] = pose[joint.mirrored() as usize];
+        [-x, y, z]
+    })
+}
+
 /// Target leg length over the mean leg length of `poses`: what the path of
 /// the root is scaled by. 1 where there is no leg to measure.
 pub fn leg_scale(poses: &[Pose]) -> f64 {

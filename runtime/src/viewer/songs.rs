@@ -122,7 +122,7 @@ mod tests {
     fn what_is_no_song_is_refused_by_its_name() {
         let songs = Songs::default();
         let error = songs.add("notes.txt", b"la la la").unwrap_err().to_string();
-        assert!(error.contains("notes.txt") && !error.contains('/'), "{error}");
+        assert!(error.starts_with("notes.txt"), "{error}");
         assert!(songs.waiting().is_empty());
     }
 }

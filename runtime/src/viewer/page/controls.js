@@ -4,19 +4,22 @@
 const byId = (id) => document.getElementById(id);
 
 export function makeControls(scene, { ask }, stop) {
-  const fields = ["amplitude", "style", "idle", "seed", "mirror"].map(byId);
-  const [amplitude, style, idle, seed, mirror] = fields;
+  const [amplitude, idle, seed, mirror] = ["amplitude", "idle", "seed", "mirror"].map(byId);
   const estop = byId("estop");
   const playing = scene.recording_s !== null;
   const steers = scene.operator && !playing;
-  for (const name of scene.styles) style.append(new Option(name, name));
+  const styles = scene.styles.map((name) => {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: name });
+    button.onclick = () => set({ style: name });
+    return button;
+  });
+  byId("styles").append(...styles);
   for (const name of scene.idle) idle.append(new Option(name, name));
   byId("controls").hidden = !steers;
   byId("stopping").hidden = !steers;
 
   const set = (wanted) => ask({ set: wanted });
   amplitude.oninput = () => set({ amplitude: amplitude.value / 100 });
-  style.onchange = () => set({ style: style.value });
   idle.onchange = () => set({ idle: idle.value });
   mirror.onchange = () => set({ mirror: mirror.checked });
   seed.onchange = () => {
@@ -48,7 +51,9 @@ export function makeControls(scene, { ask }, stop) {
     const free = (field) => document.activeElement !== field;
     if (!amplitude.matches(":active")) amplitude.value = Math.round(settings.amplitude * 100);
     byId("amplitude-now").textContent = `${Math.round(frame.amplitude * 100)} %`;
-    if (free(style)) style.value = settings.style;
+    for (const button of styles) {
+      button.setAttribute("aria-pressed", button.textContent === settings.style);
+    }
     if (free(idle)) idle.value = settings.idle;
     if (free(seed)) seed.value = settings.seed;
     mirror.checked = settings.mirror;
