@@ -3,6 +3,7 @@
 use super::options::dance::RobotArgs;
 use super::options::stage::RoleArgs;
 use crate::cli::prelude::*;
+use std::net::SocketAddr;
 
 const EXAMPLES: &str = include_str!("examples/follow.txt").trim_ascii_end();
 
@@ -28,6 +29,12 @@ pub struct Args {
     /// The domain of ROS 2.
     #[arg(long, env = "ROS_DOMAIN_ID", default_value_t = 0, value_name = "ID")]
     pub ros_domain: u32,
+    /// Show the robot on a page in the browser.
+    #[arg(long)]
+    pub view: bool,
+    /// The address that the page is served at.
+    #[arg(long, default_value = "127.0.0.1:0", value_name = "IP:PORT", requires = "view")]
+    pub view_bind: SocketAddr,
     /// Write figures of the run as JSON (see docs/stage.md).
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
@@ -80,9 +87,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         estop_file: args.rig.estop_file,
         report: args.report,
         quiet: args.quiet,
+        view: args.view.then_some(args.view_bind),
     };
     let stop = super::stop_signal()?;
-    let report = servodance_runtime::stage::follow(&options, &stop)?;
+    let is_reachable = !args.view_bind.ip().is_loopback();
+    let on_page = |page: &_| super::options::links::say_links(page, is_reachable);
+    let report = servodance_runtime::stage::follow(&options, &stop, on_page)?;
     let broken = report.followed.violations.unwrap_or_default();
     if broken != Default::default() {
         anyhow::bail!(

@@ -2,7 +2,7 @@
 
 use crate::program::Program;
 use serde_json::Value;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
@@ -137,6 +137,39 @@ fn a_follower_without_a_leader_says_so_and_turns_no_torque_on() {
     let text = std::fs::read_to_string(program.path("f.json")).expect("a report");
     let report: Value = serde_json::from_str(&text).expect("JSON");
     assert_eq!((&report["frames"], &report["idled_s"]), (&0.into(), &0.0.into()), "{report}");
+}
+
+#[cfg(feature = "view")]
+#[test]
+fn a_follower_is_seen_on_a_page() {
+    let program = Program::new();
+    let at = endpoint();
+    let leader = Running::start(&program, &["lead", "--listen", &at]);
+    leader.says("leading the stage");
+    let robot = program.unhurried_robot("neck");
+    let words = ["follow", "--robot", &robot, "--connect", &at, "--view"];
+    let mut follower = program.command(&words).stdout(Stdio::piped()).spawn().expect("it starts");
+    let mut address = String::new();
+    let mut lines = BufReader::new(follower.stdout.take().expect("standard output"));
+    lines.read_line(&mut address).expect("an address");
+    let activity = || {
+        let (host, path) = address.trim().strip_prefix("http://")?.split_once('/')?;
+        let mut page = std::net::TcpStream::connect(host).ok()?;
+        let ask = format!("GET /{path}api/state HTTP/1.1\r\nHost: {host}\r\n\r\n");
+        page.write_all(ask.as_bytes()).ok()?;
+        let mut answer = String::new();
+        page.read_to_string(&mut answer).ok()?;
+        let frame: Value = serde_json::from_str(answer.split_once("\r\n\r\n")?.1).ok()?;
+        frame["activity"].as_str().map(str::to_owned)
+    };
+    let began = std::time::Instant::now();
+    while activity().as_deref() != Some("dancing") {
+        assert!(began.elapsed() < Duration::from_secs(60), "{:?} at {address}", activity());
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    let _ = follower.kill();
+    let _ = follower.wait();
+    leader.stop();
 }
 
 #[test]

@@ -6,7 +6,6 @@
 
 use super::config::DanceConfig;
 use super::dance::{Outcome, open_generator, perform, watch_emergency_stop};
-use crate::robot::Meshes;
 use crate::viewer::{
     Activity, RobotEnd, Scene, Songs, ViewerEnd, ViewerRequest, ViewerSettings, snapshot,
 };
@@ -58,22 +57,9 @@ impl Session {
 
     /// What viewers get once, before the first snapshot.
     pub fn scene(&self) -> anyhow::Result<Scene> {
-        let robot = &self.config.robot;
-        let model = robot.retargeter()?.model().clone();
-        let meshes = match self.config.view {
-            Some(_) => Meshes::load(robot, &model),
-            None => Meshes::default(),
-        };
-        Ok(Scene {
-            robot: robot.name.clone(),
-            model,
-            meshes,
-            joints: robot.joint_limits(),
-            styles: self.generator.styles().to_vec(),
-            control_hz: robot.control_hz,
-            waits: self.config.wait_for_start,
-            recording_s: None,
-        })
+        let styles = self.generator.styles().to_vec();
+        let scene = Scene::of_robot(&self.config.robot, styles, self.config.view.is_some())?;
+        Ok(Scene { waits: self.config.wait_for_start, ..scene })
     }
 
     /// Dances, and then to each song that viewers have added; `each` gets the outcome of every

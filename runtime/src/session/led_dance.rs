@@ -15,9 +15,10 @@ use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
 use crate::process::speed::Speed;
 use crate::robot::Robot;
 use crate::telemetry::report::{SafetyEvent, ViolationReport};
-use crate::viewer::RobotEnd;
+use crate::viewer::{Activity, RobotEnd};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
+use servodance_drivers::EStop;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -66,8 +67,8 @@ pub struct LedDanceResult {
 }
 
 /// Waits with torque off for the first leader; `false` if the user stopped it.
-fn wait_for_leader(source: &mut StageSource, stop: &AtomicBool) -> bool {
-    while !source.is_led() {
+fn wait_for_leader(source: &mut StageSource, stop: &AtomicBool, estop: &EStop) -> bool {
+    while !source.is_led() && !estop.is_pressed() {
         if stop.load(Ordering::Relaxed) {
             return false;
         }
@@ -99,7 +100,9 @@ pub fn follow(
         idle: config.idle,
     };
     let mut servos = RobotBuses::open(robot, &config.buses, options.speed, &estop)?;
-    let is_led = wait_for_leader(&mut source, stop);
+    viewers.publish(|snapshot| snapshot.now.activity = Activity::Listening);
+    // A stop that was pressed meanwhile keeps it from arming, and says so.
+    let is_led = wait_for_leader(&mut source, stop, &estop);
     if is_led {
         for text in servos.arm()? {
             note(&text);

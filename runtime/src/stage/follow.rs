@@ -15,7 +15,7 @@ use crate::process::progress::Progress;
 use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
 use crate::session::led_dance::{self, FollowConfig, LedDanceResult};
 use crate::telemetry::pending_file::{PendingFile, write_whole};
-use crate::viewer::{ViewerEnd, ViewerRequest, ViewerSettings, link};
+use crate::viewer::{Scene, Server, Songs, ViewerEnd, ViewerRequest, ViewerSettings, link};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use servodance_stage::Follower;
@@ -24,6 +24,7 @@ use servodance_stage::messages::{MessageError, Role};
 use servodance_stage::net::{
     NetConfig, RedundantPublisher, RedundantSession, StageKeys, Subscription,
 };
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -56,6 +57,8 @@ pub struct StageFollow {
     pub estop_file: Option<PathBuf>,
     pub report: Option<PathBuf>,
     pub quiet: bool,
+    /// Where a page shows it, if one shall.
+    pub view: Option<SocketAddr>,
 }
 
 /// The figures of a follower.
@@ -108,8 +111,12 @@ pub struct Dropped {
     pub flooded: u64,
 }
 
-/// Follows until `stop` is set.
-pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<FollowReport> {
+/// Follows until `stop` is set; `on_page` learns where the page is.
+pub fn follow(
+    options: &StageFollow,
+    stop: &AtomicBool,
+    on_page: impl FnOnce(&Server),
+) -> anyhow::Result<FollowReport> {
     let robot = &options.config.robot;
     let report = options.report.as_deref().map(PendingFile::create);
     drop(report.transpose()?); // only to learn early whether it can be written
@@ -129,6 +136,16 @@ pub fn follow(options: &StageFollow, stop: &AtomicBool) -> anyhow::Result<Follow
     let base_settings = settings;
     apply_role(&mut settings, &role);
     let (mut robot_end, viewers) = link(robot.servos.len(), settings);
+    let page = match options.view {
+        Some(bind) => {
+            let scene = Scene::of_robot(robot, Vec::new(), true)?;
+            Some(Server::start(bind, scene, robot_end.add_viewer(), Songs::default())?)
+        }
+        None => None,
+    };
+    if let Some(page) = &page {
+        on_page(page);
+    }
     let _watch = EmergencyStopWatch::start(&robot_end.estop, options.estop_file.clone(), true)?;
     let progress = Progress::new(None, options.quiet);
     let afterwards = OrdinaryAfterwards;

@@ -2,7 +2,7 @@
 //! the requests it takes. Viewers get the scene once, as JSON.
 
 use crate::control::idle::IdleStyle;
-use crate::robot::Meshes;
+use crate::robot::{Meshes, Robot};
 use crate::telemetry::pose_array::pose_array;
 use clap::ValueEnum;
 use serde_json::{Value, json};
@@ -29,6 +29,25 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The scene of a robot that is driven, with its meshes if a page shows them.
+    pub fn of_robot(robot: &Robot, styles: Vec<String>, has_page: bool) -> anyhow::Result<Self> {
+        let model = robot.retargeter()?.model().clone();
+        let meshes = match has_page {
+            true => Meshes::load(robot, &model),
+            false => Meshes::default(),
+        };
+        Ok(Self {
+            robot: robot.name.clone(),
+            model,
+            meshes,
+            joints: robot.joint_limits(),
+            styles,
+            control_hz: robot.control_hz,
+            waits: false,
+            recording_s: None,
+        })
+    }
+
     /// The scene for viewers: see docs/show.md.
     pub fn json(&self) -> Value {
         let joints = self.joints.iter().map(|(name, limits)| {
