@@ -91,6 +91,7 @@ package() {
     printf 'servodance (%s-1) unstable; urgency=medium\n\n  * See changelog.gz.\n\n -- %s  %s\n' "$version" \
         "$(sed -n 's/^Maintainer: //p' packaging/control)" "$(date -Rud "@$SOURCE_DATE_EPOCH")" |
         gzip -9n > "$documents/changelog.Debian.gz"
+    install -Dm644 packaging/lintian-overrides "$root/usr/share/lintian/overrides/servodance"
     mkdir "$root/DEBIAN"
     sed -e "s/@VERSION@/$version-1/" -e "s/@ARCHITECTURE@/$1/" \
         -e "s/@LIBC@/$(libc_of "$root/usr/bin/servodance")/" \

@@ -6,6 +6,7 @@ the controls do what they say, stop turns every torque off, and a wrong token
 gets nothing. With a folder for PICTURES the page's looks are kept there.
 """
 
+import json
 import os
 import re
 import signal
@@ -16,6 +17,7 @@ import tempfile
 import time
 import urllib.error
 import urllib.request
+import wave
 
 from chromium import Chromium
 from silent_proxy import SilentProxy
@@ -217,10 +219,18 @@ DROP = """(async (samples) => {
 })(96000)"""
 
 
+# The song that is dropped has 6 s.
+FIRST_S = 8
+
+
 def drop_a_song(browser, folder, port):
     """A file that is dropped on the page is danced next, with its own sound."""
-    subprocess.run([PROGRAM, "song", "first.wav", "--seconds", "6"], cwd=folder, check=True,
+    subprocess.run([PROGRAM, "song", "--out", "song.wav"], cwd=folder, check=True,
                    stdout=subprocess.DEVNULL)
+    with wave.open(os.path.join(folder, "song.wav")) as song, \
+            wave.open(os.path.join(folder, "first.wav"), "wb") as first:
+        first.setparams(song.getparams())
+        first.writeframes(song.readframes(FIRST_S * song.getframerate()))
     program, address = start(folder, "dance", "first.wav", "--no-picture", "--quiet", "--view",
                              "--report", "dropped.json")
     browser.open(address, 1440, 900)
@@ -233,7 +243,7 @@ def drop_a_song(browser, folder, port):
     browser.wait_for(f"{OFF_MS} !== undefined")
     check(program.wait(60) == 0, "a song that is dropped is danced next, and is heard")
     with open(os.path.join(folder, "dropped.json"), encoding="utf-8") as file:
-        check("dropped.wav" in file.read(), "the report is about the song that was dropped")
+        check(json.load(file)["audio_s"] == 6, "the report is about the song that was dropped")
     check(not browser.complaints, f"no console error {browser.complaints}")
 
 
