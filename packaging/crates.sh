@@ -9,8 +9,8 @@ cd "$(dirname "$0")/.."
 most_bytes=10000000
 packages=$(realpath -m "${CARGO_TARGET_DIR:-target}")/package
 rm -f "$packages"/*.crate
-# ALSA's development files are needed to build with microphones, not to publish.
-cargo package --workspace --locked "$@"
+# What has `publish = false` stays here.
+cargo package --workspace --exclude servodance-python --exclude servodance-web --locked "$@"
 for crate in "$packages"/*.crate; do
     bytes=$(stat -c %s "$crate")
     printf '%-40s %9d bytes\n' "$(basename "$crate")" "$bytes"
