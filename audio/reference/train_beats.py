@@ -30,21 +30,43 @@ DELAY_S = 0.050
 INPUTS, UNITS, BLOCKS, TAPS, OUTPUTS = 128, 48, 10, 3, 3
 RISES, LEVELS = 64, 16
 BATCH, BATCH_STEPS, VALIDATION = 6, 2000, 40
+SPEED = 0.18  # most by which music is faster or slower, as a logarithm
 AVERAGED = 0.99  # share of the older weights in the running mean that is kept
 SCORED_EVERY = 200  # batches, at least
 
 
-def targets(piece, steps):
-    """Beat, downbeat, music for each step."""
-    out = np.zeros((3, steps), np.float16)
+def targets(piece, start, speed, steps):
+    """Beat, downbeat, music for each step of a crop that begins at step `start` and is played at `speed`."""
+    out = np.zeros((3, steps), np.float32)
     for row, times in ((0, piece["beats_s"]), (1, piece["downbeats_s"])):
-        for beat in times:
-            at = (beat + DELAY_S + RESAMPLER_S) * STEP_HZ - 1
-            for step in range(int(at) - 2, int(at) + 4):
-                if 0 <= step < steps:
-                    out[row, step] = max(out[row, step], np.exp(-0.5 * ((step - at) / 0.8) ** 2))
-    for start, end in piece["music_s"]:
-        out[2, int(start * STEP_HZ): int(end * STEP_HZ)] = 1.0
+        for at in (((np.asarray(times) + DELAY_S + RESAMPLER_S) * STEP_HZ - 1) - start) / speed:
+            for step in range(max(0, int(at) - 2), min(steps, int(at) + 4)):
+                out[row, step] = max(out[row, step], np.exp(-0.5 * ((step - at) / 0.8) ** 2))
+    for begin, end in piece["music_s"]:
+        first, last = ((s * STEP_HZ - start) / speed for s in (begin, end))
+        out[2, max(0, int(first)): max(0, int(last))] = 1.0
+    return out
+
+
+def at_speed(values, start, speed, steps):
+    """So many steps from `start` on, at another speed: the same music at another tempo."""
+    if speed == 1.0:
+        return values[start: start + steps].astype(np.float32)
+    at = start + speed * np.arange(steps)
+    at = at[at < len(values) - 1]
+    whole = at.astype(int)
+    part = (at - whole)[:, None].astype(np.float32)
+    return (1 - part) * values[whole].astype(np.float32) + part * values[whole + 1].astype(np.float32)
+
+
+def moved(values, bands, notes):
+    """Higher or lower by so many bands and semitones."""
+    out = np.zeros_like(values)
+    half = RISES // 2
+    for first, last, by in ((0, half, bands), (half, RISES, bands), (RISES, RISES + LEVELS, bands // 2),
+                            (RISES + LEVELS, INPUTS, notes)):
+        low, high = max(first, first + by), min(last, last + by)
+        out[:, low:high] = values[:, low - by: high - by]
     return out
 
 
@@ -66,17 +88,21 @@ class Corpus:
                 steps = piece["steps"]
                 if at + steps > len(values):
                     break
-                self.pieces.append((values[at: at + steps].astype(np.float16), targets(piece, steps)))
+                self.pieces.append((values[at: at + steps].astype(np.float16), piece))
                 begun, at = begun + 1, at + steps
             self.seen[folder] = (begun, at)
 
-    def batch(self, rows, rng, steps):
+    def batch(self, rows, rng, steps, vary=True):
+        """Crops of pieces; most of them at another speed and pitch if they may `vary`."""
         x, y = np.zeros((len(rows), steps, INPUTS), np.float32), np.zeros((len(rows), 3, steps), np.float32)
         for i, row in enumerate(rows):
-            values, truth = self.pieces[row]
-            start = rng.integers(0, max(1, len(values) - steps + 1))
-            part = values[start: start + steps]
-            x[i, : len(part)], y[i, :, : len(part)] = part, truth[:, start: start + steps]
+            values, piece = self.pieces[row]
+            speed = np.exp(rng.uniform(-SPEED, SPEED)) if vary and rng.random() < 0.6 else 1.0
+            start = rng.integers(0, max(1, len(values) - int(steps * speed) + 1))
+            part = at_speed(values, start, speed, steps)
+            if vary and rng.random() < 0.5:
+                part = moved(part, rng.integers(-2, 3), rng.integers(-4, 5))
+            x[i, : len(part)], y[i] = part, targets(piece, start, speed, steps)
         return torch.from_numpy(x), torch.from_numpy(y)
 
 
@@ -183,7 +209,7 @@ def main():
     rate = 2.5e-3 if begun else 4e-3
     optimizer = torch.optim.Adam(network.parameters(), lr=rate)
     mean_network = copy.deepcopy(network).eval()
-    held_x, held_y = corpus.batch(range(VALIDATION), rng, 3900)
+    held_x, held_y = corpus.batch(range(VALIDATION), rng, 3900, vary=False)
     start, epoch, done = time.time(), 0, 0
     begin, sums, batches = time.time(), np.zeros(3), 0
     while time.time() - start < budget_s:

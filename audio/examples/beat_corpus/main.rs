@@ -168,10 +168,13 @@ impl Workshop {
                 }
             }
         }
-        if rng.random_bool(0.35) {
+        // Now and then one more: a robot that moves in a loud room.
+        let mut chance = 0.45;
+        while rng.random_bool(chance) {
             let sound = disturbance(&self.talkers, length_s(&piece) + 1.0, &piece.beats_s, rng);
-            let snr_db = rng.random_range(0.0..24.0);
+            let snr_db = rng.random_range(2.0..24.0);
             piece.samples = noise::mix(&piece.samples, &sound, snr_db);
+            chance *= 0.7;
         }
         let level = 10f32.powf(rng.random_range(-40.0..0.0) / 20.0);
         piece.samples.iter_mut().for_each(|s| *s *= level);
@@ -223,12 +226,12 @@ fn disturbance(
     rng: &mut ChaCha8Rng,
 ) -> Vec<f32> {
     let seed = rng.random();
-    match rng.random_range(0..10) {
+    match rng.random_range(0..11) {
         0..3 if !talkers.is_empty() && rng.random_bool(0.75) => excerpt(talkers, duration_s, rng),
         0..3 => noise::speech(duration_s, RATE_HZ, seed),
         3..5 => noise::crowd(duration_s, RATE_HZ, seed),
-        5 => noise::hiss(duration_s, RATE_HZ, rng.random_range(0.0..1.0), seed),
-        6 => noise::knocks(duration_s, RATE_HZ, rng.random_range(1.0..9.0), seed),
+        5..7 => noise::hiss(duration_s, RATE_HZ, rng.random_range(0.0..1.0), seed),
+        7 => noise::knocks(duration_s, RATE_HZ, rng.random_range(1.0..9.0), seed),
         _ => noise::motors(&turns(duration_s, beats_s, rng), duration_s, RATE_HZ, seed),
     }
 }
