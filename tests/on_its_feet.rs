@@ -2,6 +2,8 @@
 //! it, its own motion sensor corrects it.
 
 use servodance_audio::song::SongSpec;
+use servodance_drivers::{ImuConfig, ImuKind};
+use servodance_retarget::Stance;
 use servodance_runtime::pipeline::model_args::EngineArgs;
 use servodance_runtime::robot::Robot;
 use servodance_runtime::session::dance::open_generator;
@@ -12,14 +14,17 @@ use servodance_sim::parse_script;
 use std::sync::atomic::AtomicBool;
 
 fn dance(robot: &str, seconds: f64, faults: &str) -> FaultRunResult {
-    let robot = Robot::load(robot).unwrap();
+    dance_of(&Robot::load(robot).unwrap(), seconds, faults)
+}
+
+fn dance_of(robot: &Robot, seconds: f64, faults: &str) -> FaultRunResult {
     let generator = open_generator(None, EngineArgs::default()).unwrap();
     let song = SongSpec::random(seconds, 5).and_then(|spec| spec.render()).unwrap();
     let joints: Vec<&str> = robot.servos.iter().map(|servo| servo.name.as_str()).collect();
     let run = FaultRun {
-        world: WorldChoice::of_robot(&robot),
+        world: WorldChoice::of_robot(robot),
         faults: parse_script(faults, &joints).unwrap(),
-        ..FaultRun::new(&robot, &generator, song)
+        ..FaultRun::new(robot, &generator, song)
     };
     run.run(&AtomicBool::new(false), |_| ()).unwrap()
 }
@@ -55,4 +60,47 @@ fn without_its_sensor_the_robot_dances_on_with_less() {
     };
     let (seeing, blind) = (work_j(""), work_j("2s imu dead"));
     assert!(blind < 0.9 * seeing, "{blind} J of {seeing}");
+}
+
+#[test]
+fn in_somebodys_hands_the_balance_rests_until_the_robot_stands_again() {
+    let danced = dance("op3", 20.0, "8s pick-up 0.15\n12s set-down");
+    assert_eq!((&danced.stopped_by, danced.fall_s), (&None, None));
+    assert_eq!(danced.violations, ViolationReport::default());
+    let told = |what: &str| -> Vec<f64> {
+        let events = danced.events.iter().filter(|event| event.cause.contains(what));
+        events.map(|event| event.time_s).collect()
+    };
+    let (held_s, stands_s) = (told("its balance rests"), told("its balance comes back"));
+    assert_eq!((held_s.len(), stands_s.len()), (1, 1), "{held_s:?} {stands_s:?}");
+    assert!((8.0..9.0).contains(&held_s[0]), "{held_s:?}");
+    assert!((14.0..17.0).contains(&stands_s[0]), "{stands_s:?}");
+}
+
+#[test]
+fn a_sensor_of_another_kind_balances_too_and_its_loss_is_told() {
+    for kind in [ImuKind::Bno055, ImuKind::Bno085, ImuKind::Witmotion] {
+        let mut robot = Robot::load("op3").unwrap();
+        let port = Some("/dev/ttyUSB1".into());
+        robot.imu = Some(ImuConfig { port, ..ImuConfig::of_kind(kind) });
+        robot.buses[0].config.imu = None;
+        let danced = dance_of(&robot, 12.0, "8s imu dead");
+        assert_eq!((&danced.stopped_by, danced.fall_s), (&None, None), "{kind:?}");
+        assert_eq!(danced.violations, ViolationReport::default(), "{kind:?}");
+        let told = danced.events.iter().filter(|event| event.cause.contains("motion sensor"));
+        let told_s: Vec<f64> = told.map(|event| event.time_s).collect();
+        assert!(matches!(told_s[..], [at_s] if (8.0..8.3).contains(&at_s)), "{kind:?}: {told_s:?}");
+    }
+}
+
+#[test]
+fn a_robot_that_steps_stays_on_its_feet() {
+    let mut robot = Robot::load("op3").unwrap();
+    robot.retarget.stance = Stance::Stepping;
+    let danced = dance_of(&robot, 20.0, "");
+    let body = danced.body.as_ref().expect("a body");
+    assert_eq!((&danced.stopped_by, danced.fall_s, body.fell), (&None, None, false));
+    assert_eq!(danced.violations, ViolationReport::default());
+    // Each foot was in the air for a while.
+    assert!(body.load_share.iter().all(|share| *share < 0.995), "{body:?}");
 }

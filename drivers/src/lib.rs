@@ -69,7 +69,7 @@ pub use bus::torque_alarm::{TorqueAlarm, set_torque_alarm};
 pub use bus::{ArmReport, Bus, BusStats, Health, Notes};
 pub use bus_set::{BusSet, open_buses};
 pub use error::{BusError, BusResult, ConfigError, Refusal, ServoId};
-pub use imu::{ImuConfig, ImuKind};
+pub use imu::{ImuConfig, ImuKind, SerialImu};
 pub use safety::{
     EStop, Interventions, Limited, Limiter, SafeBus, SafetyConfig, SafetyError, ServoLost, State,
     Transition,

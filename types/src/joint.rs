@@ -60,7 +60,7 @@ pub struct JointState {
 }
 
 /// What an inertial measurement unit reads, in the axes of the robot's root link.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ImuState {
     /// Rate of turn, radians a second.
     pub rate_rad_s: [f64; 3],

@@ -90,12 +90,30 @@ pub fn assign_imu(imu: &ImuConfig, buses: &mut [BusLayout]) -> Result<(), Config
         let actual = format!("{:?}", imu.mounting_deg);
         return Err(bad("mounting_deg", actual, "three angles of -360 to 360".into()));
     }
-    if imu.kind == ImuKind::Simulated {
-        return match &imu.bus {
-            Some(bus) => Err(bad("bus", format!("{bus:?}"), "left out: it is on none".into())),
-            None => Ok(()),
-        };
-    }
+    let alone = |what: &str| match &imu.bus {
+        Some(bus) => Err(bad("bus", format!("{bus:?}"), format!("left out: {what}"))),
+        None => Ok(()),
+    };
+    let port = |port: &Option<String>| match port.as_deref() {
+        None | Some("") => {
+            let wanted = "the serial port that the sensor is on, such as /dev/ttyUSB1".into();
+            Err(bad("port", format!("{:?}", imu.port.as_deref().unwrap_or_default()), wanted))
+        }
+        Some(_) => Ok(()),
+    };
+    let needed = match imu.kind {
+        ImuKind::Simulated => return alone("it is on none"),
+        ImuKind::Bno055 | ImuKind::Bno085 => {
+            alone("it has a port of its own")?;
+            return port(&imu.port);
+        }
+        ImuKind::Witmotion if imu.port.is_some() => {
+            alone("it has a port of its own")?;
+            return port(&imu.port);
+        }
+        ImuKind::Witmotion => "a CAN bus; or say port, if it is on a serial port",
+        ImuKind::Opencr => "a bus of kind dynamixel2",
+    };
     let names: Vec<String> = buses.iter().map(|bus| bus.config.name.clone()).collect();
     let found = match (&imu.bus, buses) {
         (None, [only]) => Some(only),
@@ -106,14 +124,18 @@ pub fn assign_imu(imu: &ImuConfig, buses: &mut [BusLayout]) -> Result<(), Config
         let actual = format!("{:?}", imu.bus.as_deref().unwrap_or_default());
         return Err(bad("bus", actual, format!("one of {}", names.join(", "))));
     };
-    if bus.config.kind != BusKind::Dynamixel2 {
+    let fits = match imu.kind {
+        ImuKind::Witmotion => bus.config.kind.is_can(),
+        _ => bus.config.kind == BusKind::Dynamixel2,
+    };
+    if !fits {
         let actual = format!("{:?}", bus.config.name);
-        return Err(bad("bus", actual, "a bus of kind dynamixel2".into()));
+        return Err(bad("bus", actual, needed.into()));
     }
-    let taken = bus.servos.iter().any(|servo| servo.id == imu.id);
-    if imu.id > 252 || taken {
+    let taken = bus.servos.iter().any(|servo| servo.id == imu.id());
+    if imu.id() > 252 || taken {
         let wanted = "an id of 0 to 252 that no servo has".into();
-        return Err(bad("id", imu.id.to_string(), wanted));
+        return Err(bad("id", imu.id().to_string(), wanted));
     }
     bus.config.imu = Some(imu.clone());
     Ok(())

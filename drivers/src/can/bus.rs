@@ -14,7 +14,7 @@
 
 use std::time::Instant;
 
-use servodance_types::JointState;
+use servodance_types::{ImuState, JointState};
 
 use crate::bus::config::BusConfig;
 use crate::bus::torque_alarm;
@@ -25,7 +25,11 @@ use crate::can::families;
 use crate::can::family::CanFamily;
 use crate::can::transport::{CanFrame, CanLink, open_link};
 use crate::error::{BusError, BusResult};
+use crate::imu::CanImu;
 use crate::servo::{Servo, check_cycle, check_kind};
+
+/// Cycles a second where the robot's rate is not known.
+const ASSUMED_HZ: f64 = 100.0;
 
 /// An open CAN bus whose motors are of one family.
 pub struct CanBus {
@@ -36,6 +40,7 @@ pub struct CanBus {
     frames: Vec<CanFrame>,
     aside: Vec<bool>,
     returning: Option<(usize, bool)>,
+    imu: Option<CanImu>,
     armed: bool,
 }
 
@@ -59,7 +64,9 @@ impl CanBus {
             return Err(BusError::not_opened(port, "the bus is not on CAN"));
         };
         let count = servos.len();
+        let hz = config.control_hz.unwrap_or(ASSUMED_HZ);
         Ok(Self {
+            imu: config.imu.as_ref().map(|imu| CanImu::new(imu, hz)),
             status: vec![MotorStatus::default(); count],
             answered: vec![false; count],
             aside: vec![false; count],
@@ -203,6 +210,9 @@ impl CanBus {
     /// Updates the status from a frame; the motor that reported its position with it.
     /// Some adapters return our own frames: those are ignored.
     fn take_frame(&mut self, frame: &CanFrame) -> Option<usize> {
+        if self.imu.as_mut().is_some_and(|imu| imu.hear(frame)) {
+            return None;
+        }
         let is_echo = self.frames.contains(frame);
         let servos = &self.exchange.servos;
         (!is_echo).then(|| self.family.parse_frame(servos, frame, &mut self.status))?
@@ -283,6 +293,9 @@ impl Bus for CanBus {
         check_cycle(&self.exchange.servos, targets_rad, states.len())?;
         self.exchange_all(targets_rad)?;
         self.copy_states(states);
+        if let Some(imu) = &mut self.imu {
+            imu.cycle();
+        }
         self.exchange.stats.cycles += 1;
         Ok(())
     }
@@ -318,6 +331,10 @@ impl Bus for CanBus {
 
     fn is_armed(&self) -> bool {
         self.armed
+    }
+
+    fn imu(&self) -> Option<ImuState> {
+        self.imu.as_ref().and_then(CanImu::state)
     }
 
     fn stats(&self) -> BusStats {

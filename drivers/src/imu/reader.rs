@@ -5,13 +5,12 @@ use std::time::Duration;
 use servodance_types::ImuState;
 
 use super::config::ImuConfig;
+use super::freshness::Freshness;
 use super::mounting::Mounting;
 use super::opencr::{READING_BYTES, decode, registers::READING};
 use crate::error::BusResult;
 use crate::serial::ServoClient;
 
-/// How long a reading counts, seconds.
-const FRESH_S: f64 = 0.1;
 /// How often a board that is lost is asked again, seconds.
 const ASK_AGAIN_S: f64 = 0.5;
 /// How much of a control period is waited for an answer beyond its time on the wire.
@@ -24,9 +23,7 @@ pub(crate) struct ImuReader {
     mounting: Mounting,
     hz: f64,
     patience: Duration,
-    state: Option<ImuState>,
-    /// Cycles since the last reading.
-    missed: u32,
+    fresh: Freshness,
 }
 
 impl ImuReader {
@@ -34,45 +31,29 @@ impl ImuReader {
     pub fn new(config: &ImuConfig, hz: f64, reply_timeout_ms: f64) -> Self {
         let patience_s = (reply_timeout_ms * 1e-3).min(PATIENCE / hz);
         Self {
-            id: config.id,
+            id: config.id(),
             mounting: config.mounting(),
             hz,
             patience: Duration::from_secs_f64(patience_s),
-            state: None,
-            missed: 0,
+            fresh: Freshness::new(hz),
         }
     }
 
     /// Asks the board, unless it is lost and was asked a moment ago.
     pub fn read(&mut self, client: &mut ServoClient) -> BusResult<()> {
         let again = (ASK_AGAIN_S * self.hz).ceil().max(1.0) as u32;
-        let waits = self.is_lost() && !self.missed.is_multiple_of(again);
+        let waits = self.fresh.is_lost() && !self.fresh.missed().is_multiple_of(again);
         let bytes: Option<[u8; READING_BYTES]> = match waits {
             true => None,
             false => client.read_device(self.id, READING, self.patience)?,
         };
-        match bytes {
-            Some(bytes) => {
-                self.state = Some(decode(&bytes, &self.mounting));
-                self.missed = 0;
-            }
-            None => {
-                self.missed = self.missed.saturating_add(1);
-                if self.is_lost() {
-                    self.state = None;
-                }
-            }
-        }
+        self.fresh.cycle(bytes.map(|bytes| decode(&bytes, &self.mounting)));
         Ok(())
-    }
-
-    fn is_lost(&self) -> bool {
-        f64::from(self.missed) >= FRESH_S * self.hz
     }
 
     /// The last reading, unless it is too old.
     pub fn state(&self) -> Option<ImuState> {
-        self.state
+        self.fresh.state()
     }
 
     /// What the user should know before torque.
@@ -80,6 +61,6 @@ impl ImuReader {
         let id = self.id;
         let text =
             || format!("the motion sensor (id {id}) does not answer: balance goes without it");
-        self.state.is_none().then(text)
+        self.fresh.state().is_none().then(text)
     }
 }

@@ -14,6 +14,7 @@ use super::state::{Interventions, State, Transition};
 use super::wire_watch::{RoughWire, Unheard};
 use crate::bus::{ArmReport, Bus, BusStats, Health};
 use crate::error::{BusError, ServoId};
+use crate::imu::SerialImu;
 
 const KEPT: usize = 1000;
 
@@ -40,6 +41,8 @@ pub struct SafeBus<B: Bus> {
     pub(super) unheard: Unheard,
     /// Hears every change of state and every remark at once.
     listener: Option<Sender<Transition>>,
+    /// A motion sensor that is on no bus.
+    sensor: Option<SerialImu>,
     /// Whether the motion sensor has told anything, and does so still.
     imu_heard: Option<bool>,
 }
@@ -66,6 +69,7 @@ impl<B: Bus> SafeBus<B> {
             rough_wire: RoughWire::default(),
             unheard: Unheard::default(),
             listener: None,
+            sensor: None,
             imu_heard: None,
             bus,
         })
@@ -74,6 +78,12 @@ impl<B: Bus> SafeBus<B> {
     /// Uses an emergency stop that others press too.
     pub fn with_estop(mut self, estop: EStop) -> Self {
         self.estop = estop;
+        self
+    }
+
+    /// Reads a motion sensor of its own beside the bus.
+    pub fn with_sensor(mut self, sensor: Option<SerialImu>) -> Self {
+        self.sensor = sensor;
         self
     }
 
@@ -193,6 +203,9 @@ impl<B: Bus> SafeBus<B> {
             state => return Ok(state),
         }
         self.stepped_s = now_s;
+        if let Some(sensor) = &mut self.sensor {
+            sensor.cycle();
+        }
         let cycled = self.bus.cycle(&self.sent_rad, states);
         self.take_back_unsent();
         if let Err(error) = cycled {
@@ -284,7 +297,7 @@ impl<B: Bus> SafeBus<B> {
 
     /// Says once that the motion sensor has fallen silent, and that it is back.
     fn watch_imu(&mut self, now_s: f64) {
-        let hears = self.bus.imu().is_some();
+        let hears = self.imu().is_some();
         match (self.imu_heard, hears) {
             (Some(true), false) => {
                 self.remark(now_s, "the motion sensor has not answered for 100 ms");
@@ -297,7 +310,7 @@ impl<B: Bus> SafeBus<B> {
 
     /// What the motion sensor told in the last 100 ms, in the axes of the root link.
     pub fn imu(&self) -> Option<ImuState> {
-        self.bus.imu()
+        self.sensor.as_ref().map_or_else(|| self.bus.imu(), SerialImu::state)
     }
 
     fn watch_following(&mut self, now_s: f64, states: &[JointState]) -> Result<(), SafetyError> {

@@ -1,4 +1,5 @@
-//! How long a control cycle of retargeting takes, and what it allocates.
+//! How long a control cycle of retargeting takes, and what it allocates; for a robot on
+//! its feet the correction by a motion sensor included.
 //!
 //! Every cycle of one motion is timed in several identical passes, and the
 //! median of its times counts: what else runs on the machine would otherwise be
@@ -11,9 +12,11 @@ use std::time::Instant;
 use anyhow::Context;
 use serde::Serialize;
 use servodance_model::motion::Clip;
+use servodance_retarget::{BalanceFeedback, Retargeter};
 use servodance_training::choreography::{DanceBeat, DanceStyle, choreograph};
-use servodance_types::{FRAME_RATE_HZ, MotionFrame};
+use servodance_types::{FRAME_RATE_HZ, ImuState, JointState, MotionFrame};
 
+use servodance_runtime::physics::ServoLoop;
 use servodance_runtime::robot::Robot;
 
 const PASSES: usize = 5;
@@ -36,6 +39,8 @@ pub struct RetargetBenchReport {
     pub us_p99: f64,
     pub us_max: f64,
     pub allocations: u64,
+    /// Whether balance was part of it.
+    pub balance: bool,
 }
 
 /// The motion of a file, or the choreographer's dance of `seconds`.
@@ -91,6 +96,7 @@ pub fn run(robot: &Robot, clip: &Clip) -> anyhow::Result<RetargetBenchReport> {
         us_p99: rank(0.99),
         us_max: rank(1.0),
         allocations,
+        balance: balance(robot, &robot.retargeter()?).is_some(),
     })
 }
 
@@ -104,6 +110,8 @@ fn one_pass(
     let mut retargeter = robot.retargeter()?;
     let mut targets = retargeter.rest().to_vec();
     let mut waiting = frames.iter().peekable();
+    let mut balance = balance(robot, &retargeter);
+    let mut states = vec![JointState::default(); targets.len()];
     let mut result = Ok(());
     let counted = allocation_counter::measure(|| {
         for (cycle, times) in times_us.iter_mut().enumerate() {
@@ -114,11 +122,32 @@ fn one_pass(
                 retargeter.push(frame);
             }
             result = retargeter.next(time_s, &mut targets);
+            if let Some(balance) = &mut balance {
+                balance.feel(&retargeter, &states);
+                balance.correct(&retargeter, Some(&leaning(time_s)), &mut targets);
+            }
             times[pass] = begin.elapsed().as_secs_f64() * 1e6;
+            for (state, target) in states.iter_mut().zip(&targets) {
+                state.position_rad = *target;
+            }
         }
     });
     result.context("retargeting failed")?;
     Ok(counted.count_total)
+}
+
+fn balance(robot: &Robot, retargeter: &Retargeter) -> Option<BalanceFeedback> {
+    let loops = ServoLoop::of_robot(robot, retargeter, &Default::default(), false);
+    let legs: Vec<_> = loops.iter().map(ServoLoop::leg_servo).collect();
+    let limits: Vec<_> = robot.servos.iter().map(|servo| servo.limits).collect();
+    BalanceFeedback::new(retargeter, &legs, &limits)
+}
+
+/// What a sensor reads that leans by 6 degrees to and fro once a second.
+fn leaning(time_s: f64) -> ImuState {
+    let (lean, rate) = (0.1 * (std::f64::consts::TAU * time_s).sin(), 0.6);
+    let up = [-lean.sin(), 0.0, lean.cos()];
+    ImuState { rate_rad_s: [0.0, rate, 0.0], force_m_s2: up.map(|part| 9.81 * part), up }
 }
 
 #[cfg(test)]

@@ -4,27 +4,33 @@
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
+use std::time::Duration;
 
 use super::world_dump::dump;
 use anyhow::Context;
+use nix::time::{ClockId, clock_gettime};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use servodance_audio::song::SongSpec;
 use servodance_model::motion::Clip;
+use servodance_retarget::{Gains, Stance};
 use servodance_runtime::offline::generate::{GenerateRequest, generate};
 use servodance_runtime::offline::song_file::write_song;
 use servodance_runtime::physics::{
     ServoVariation, StandingTrial, TrialOptions, TrialReport, survived_push_ns,
 };
 use servodance_runtime::robot::Robot;
-use servodance_sim::world::{ImuErrors, WorldOptions};
+use servodance_sim::world::{ImuErrors, World, WorldOptions};
+use servodance_types::MotionFrame;
 
 /// A fall is to be announced this long before the body strikes the floor, seconds.
 const AHEAD_S: f64 = 0.15;
 /// Seconds of standing in which a push comes.
 const PUSHED_S: f64 = 6.0;
+
+/// Simulated seconds by which the engine's speed is measured.
+const TIMED_S: f64 = 20.0;
 
 /// What `bench world` is to measure.
 #[derive(Clone, Debug)]
@@ -87,6 +93,15 @@ pub struct WorldFigures {
     pub slip_mm_min: f64,
     pub work_w: f64,
     pub upper_speed2: f64,
+    /// The same as a share of what the joints' limits alone would allow: on a stand, with
+    /// all gains at 1.
+    pub arms_kept: f64,
+    /// Seconds in which the feet seemed to carry nothing: nobody lifted the robot.
+    pub lifted_s: f64,
+    /// Steps that were made and that balance refused (stance `stepping`).
+    pub steps: u64,
+    /// See `steps`.
+    pub refused_steps: u64,
     /// Falls that the sensor announced at least 150 ms before the body struck the floor,
     /// and alarms without a fall.
     pub announced: usize,
@@ -110,7 +125,10 @@ pub struct WorldBenchReport {
     pub robot: String,
     pub worlds: Vec<WorldFigures>,
     pub pushes: Vec<PushFigures>,
-    /// Simulated seconds for each second of one core, the retargeter included.
+    /// Simulated seconds for each second of one core: physics and servos alone, and with
+    /// retargeter and balance.
+    pub engine_realtime_factor: f64,
+    /// See `engine_realtime_factor`.
     pub realtime_factor: f64,
 }
 
@@ -198,7 +216,7 @@ pub fn run(
     let total = worlds.len() * clips.len();
     let results = Mutex::new(vec![TrialReport::default(); total]);
     let (next, failed) = (AtomicUsize::new(0), Mutex::new(None));
-    let began = Instant::now();
+    let cpu_s = Mutex::new(0.0);
     let threads = std::thread::available_parallelism().map_or(1, |count| count.get());
     std::thread::scope(|scope| {
         for _ in 0..threads {
@@ -215,6 +233,7 @@ pub fn run(
                     }
                     progress(index, total);
                 }
+                *lock(&cpu_s) += thread_cpu_s();
             });
         }
     });
@@ -223,9 +242,15 @@ pub fn run(
     }
     let results = std::mem::take(&mut *lock(&results));
     let danced_s: f64 = results.iter().map(|report| report.danced_s).sum();
-    let realtime_factor = danced_s / (began.elapsed().as_secs_f64() * threads as f64);
+    let realtime_factor = danced_s / *lock(&cpu_s);
+    let freest = clips.iter().map(|clip| upper_speed2_by_limits(robot, &clip.frames()));
+    let freest = freest.collect::<anyhow::Result<Vec<f64>>>()?;
+    let freest = freest.iter().sum::<f64>() / freest.len().max(1) as f64;
     let figures = |(world, name): (usize, &&str)| {
-        world_figures(name, &clips, &results[world * clips.len()..(world + 1) * clips.len()])
+        let own = &results[world * clips.len()..(world + 1) * clips.len()];
+        let mut figures = world_figures(name, &clips, own);
+        figures.arms_kept = figures.upper_speed2 / freest;
+        figures
     };
     Ok(WorldBenchReport {
         robot: robot.name.clone(),
@@ -234,8 +259,60 @@ pub fn run(
             true => vec![pushes(robot, false)?, pushes(robot, true)?],
             false => Vec::new(),
         },
+        engine_realtime_factor: engine_realtime_factor(robot)?,
         realtime_factor,
     })
+}
+
+fn thread_cpu_s() -> f64 {
+    let time = clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID);
+    time.map_or(f64::NAN, |time| Duration::from(time).as_secs_f64())
+}
+
+/// Mean squared speed of the joints of arms and head, rad2/s2, where nothing but the joints'
+/// limits holds them back.
+fn upper_speed2_by_limits(robot: &Robot, frames: &[MotionFrame]) -> anyhow::Result<f64> {
+    let upper = robot.retargeter()?.upper_joints();
+    let mut free = robot.clone();
+    free.retarget.stance = Stance::Hung;
+    free.retarget.gain = Gains::default();
+    free.retarget.amplitude = 1.0;
+    let mut retargeter = free.retargeter()?;
+    let mut now = retargeter.rest().to_vec();
+    let mut before = now.clone();
+    let mut waiting = frames.iter().peekable();
+    let cycles = (frames.len() as f64 / servodance_types::FRAME_RATE_HZ / robot.period_s()) as u64;
+    let mut sum = 0.0;
+    for cycle in 0..cycles {
+        let time_s = cycle as f64 * robot.period_s();
+        let needed_s = time_s + retargeter.lookahead_s();
+        while let Some(frame) = waiting.next_if(|frame| frame.time_s <= needed_s) {
+            retargeter.push(frame);
+        }
+        before.copy_from_slice(&now);
+        retargeter.next(time_s, &mut now)?;
+        let speed2 = |&joint: &usize| ((now[joint] - before[joint]) / robot.period_s()).powi(2);
+        sum += upper.iter().map(speed2).sum::<f64>();
+    }
+    Ok(sum / (cycles * upper.len() as u64).max(1) as f64)
+}
+
+/// How fast a standing robot of these links and servos is simulated.
+fn engine_realtime_factor(robot: &Robot) -> anyhow::Result<f64> {
+    let retargeter = robot.retargeter()?;
+    let trial = StandingTrial::new(robot, TrialOptions::default())?;
+    let mechanics: Vec<_> = trial.servos().iter().map(|servo| servo.mechanics).collect();
+    let mut world = World::new(trial.links(), &mechanics, WorldOptions::default())?;
+    world.place(Some(&retargeter.root_placement(retargeter.rest())), retargeter.rest());
+    let mut drives = vec![Default::default(); mechanics.len()];
+    let began_s = thread_cpu_s();
+    while world.time_s() < TIMED_S {
+        for (joint, (drive, servo)) in drives.iter_mut().zip(trial.servos()).enumerate() {
+            *drive = servo.drive(retargeter.rest()[joint], world.joint(joint).0);
+        }
+        world.step(&drives);
+    }
+    Ok(world.time_s() / (thread_cpu_s() - began_s))
 }
 
 fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
@@ -290,6 +367,10 @@ fn world_figures(name: &str, clips: &[Clip], results: &[TrialReport]) -> WorldFi
         slip_mm_min: mean(|report| report.slip_mm_min),
         work_w: mean(|report| report.work_w),
         upper_speed2: mean(|report| report.upper_speed2),
+        arms_kept: f64::NAN,
+        lifted_s: results.iter().map(|report| report.lifted_s).sum(),
+        steps: results.iter().map(|report| report.steps).sum(),
+        refused_steps: results.iter().map(|report| report.refused_steps).sum(),
         fell,
     }
 }

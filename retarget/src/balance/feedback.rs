@@ -8,9 +8,10 @@
 use std::collections::VecDeque;
 
 use k::nalgebra::{UnitQuaternion, Vector3};
-use servodance_types::{ImuState, JointLimits};
+use servodance_types::{ImuState, JointLimits, JointState};
 
 use super::fall_detector::FallDetector;
+use super::foot_load::FootLoad;
 use super::leg_servo::LegServo;
 use super::servo_give::ServoGive;
 use crate::dynamics::GRAVITY_M_S2;
@@ -40,6 +41,9 @@ const MOST_DAMPING_S: f64 = 0.08;
 const ALONG: f64 = 0.7;
 /// Time to full acceleration of a correction, seconds.
 const RISE_S: f64 = 0.02;
+/// A robot is steady while it leans and turns by less than this beyond the plan.
+const STEADY_RAD: f64 = 0.05;
+const STEADY_RAD_S: f64 = 0.6;
 /// An old reading is not acted on, seconds.
 const OLD_S: f64 = 0.1;
 
@@ -58,8 +62,10 @@ struct LeanJoint {
 pub struct BalanceFeedback {
     joints: Vec<LeanJoint>,
     give: ServoGive,
+    load: FootLoad,
     fall: FallDetector,
     is_falling: bool,
+    is_steady: bool,
     upright: UnitQuaternion<f64>,
     trackers: Vec<(usize, JointTracker)>,
     dt_s: f64,
@@ -123,7 +129,9 @@ impl BalanceFeedback {
         Some(Self {
             fall: FallDetector::new(height_m, dt_s),
             is_falling: false,
+            is_steady: true,
             give: ServoGive::new(&used, servos, dt_s),
+            load: FootLoad::new(&used, servos, dt_s),
             trackers: used.into_iter().map(tracker).collect(),
             limits: limits.to_vec(),
             upright: robot.upright(),
@@ -156,7 +164,9 @@ impl BalanceFeedback {
             Some(reading) => {
                 let (lean, rate) = self.beyond_plan(reading);
                 let outside = |shift| robot.outside_soles_m(shift);
-                self.is_falling = self.fall.observe(lean, rate, outside);
+                self.is_falling = !self.load.is_lifted() && self.fall.observe(lean, rate, outside);
+                self.is_steady =
+                    lean[0].hypot(lean[1]) < STEADY_RAD && rate[0].hypot(rate[1]) < STEADY_RAD_S;
                 self.trim(lean[1]);
                 self.wanted(lean, rate)
             }
@@ -165,7 +175,7 @@ impl BalanceFeedback {
         };
         let share = self.dt_s / (SMOOTH_S + self.dt_s);
         for (now, wanted) in self.correction.iter_mut().flatten().zip(wanted.iter().flatten()) {
-            *now += (wanted - *now) * share;
+            *now += (wanted * self.load.share() - *now) * share;
         }
         for lean in &self.joints {
             let correction = self.correction[lean.axis][usize::from(lean.is_ankle)];
@@ -174,12 +184,24 @@ impl BalanceFeedback {
         }
         self.give.compensate(robot.torque_nm(), commands_rad);
         self.keep_limits(commands_rad);
+        self.load.command(commands_rad);
+    }
+
+    /// Takes in where the servos are, before the commands of a cycle are corrected: a
+    /// robot that somebody has lifted is not balanced.
+    pub fn feel(&mut self, robot: &Retargeter, states: &[JointState]) {
+        self.load.observe(states, robot.torque_nm());
+    }
+
+    /// Whether the feet carry nothing: somebody holds the robot.
+    pub fn is_lifted(&self) -> bool {
+        self.load.is_lifted()
     }
 
     /// Follows what the pelvis leans forward or back for seconds. To the sides the ankles of
     /// two planted feet shift the pelvis and do not turn it.
     fn trim(&mut self, pitch_rad: f64) {
-        let step = pitch_rad * self.dt_s / TRIM_S;
+        let step = self.load.share() * pitch_rad * self.dt_s / TRIM_S;
         self.trim_rad = (self.trim_rad - step).clamp(-MOST_TRIM_RAD, MOST_TRIM_RAD);
     }
 
@@ -192,6 +214,11 @@ impl BalanceFeedback {
     /// Whether a fall has begun that the feet cannot stop.
     pub fn is_falling(&self) -> bool {
         self.is_falling
+    }
+
+    /// Whether the robot leans as planned, as far as is known.
+    pub fn is_steady(&self) -> bool {
+        self.is_steady
     }
 
     /// Lean and its rate about x and y that the commands do not explain.

@@ -2,6 +2,7 @@
 
 mod fall_detector;
 mod feedback;
+mod foot_load;
 mod leg_servo;
 mod servo_give;
 mod zmp_governor;

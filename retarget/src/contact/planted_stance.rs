@@ -2,7 +2,7 @@
 //! has to do with that.
 
 use crate::balance::ZmpGovernor;
-use crate::contact::{FootStepper, PelvisTrajectory};
+use crate::contact::{FootStepper, PelvisTrajectory, SupportPolygon};
 use crate::kinematics::BodyMap;
 use crate::solver::{BodySolver, Feet};
 use k::nalgebra::{Isometry3, Translation3};
@@ -21,6 +21,9 @@ pub(crate) struct PlantedStance {
     pub pelvis: PelvisTrajectory,
     pub legs: BodySolver,
     pub governor: ZmpGovernor,
+    /// What the governor keeps the plan inside of: the soles, or one sole below the middle
+    /// for a robot that is to stand on one.
+    pub governed: SupportPolygon,
 }
 
 impl PlantedStance {

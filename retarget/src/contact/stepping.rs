@@ -3,10 +3,17 @@
 //! A foot follows the dancer's: it lifts when that lifts, stays up while that
 //! is up, and lands where that lands against the pelvis, scaled to the robot's
 //! legs, near its place at rest: the robot steps on the spot. Balance comes
-//! before contact: a foot lifts only while the other one stands and carries the
-//! weight, else it stays down and the step is counted as refused. The dancer's
-//! feet are known ahead, so that the weight is on the other foot in time.
-//! Metres, seconds; the world has its floor at z = 0.
+//! before contact:
+//!
+//! ```text
+//! both feet down -- dancer's foot will lift --> weight goes over the other foot
+//!      ^                                          | rests there, body steady    | too late
+//!      +-- both firm <-- landed <-- in the air <--+                             v
+//!      +------------------------------------------------------------------ step refused
+//! ```
+//!
+//! The dancer's feet are known ahead, so that the weight is on the other foot in
+//! time. Metres, seconds; the world has its floor at z = 0.
 
 use std::collections::VecDeque;
 
@@ -17,9 +24,7 @@ use k::nalgebra::Vector3;
 /// Shortest and longest time in the air, seconds.
 const SHORTEST_S: f64 = 0.4;
 const LONGEST_S: f64 = 1.2;
-/// Shorter lifts of the dancer are not steps, seconds.
-const LEAST_LIFT_S: f64 = 0.1;
-/// A step that cannot begin this long before the dancer's foot lands is refused.
+/// A step that has not begun this long after the dancer's foot landed is refused.
 const TOO_LATE_S: f64 = 0.15;
 /// Height of a step, its mean speed upward in leg lengths a second, and its
 /// longest reach, leg lengths: forward, outward, inward.
@@ -33,8 +38,14 @@ const LANDED_M: f64 = 0.0015;
 /// landing it takes to become firm, seconds.
 const LOOSE: f64 = 0.05;
 const FIRM_S: f64 = 0.1;
-/// The weight stays this far inside the standing sole, metres.
-const SAFE_EDGE_M: f64 = 0.010;
+/// Before a foot lifts, centre of mass and zero-moment point are within these shares of
+/// the way from the middle of the standing sole to its edges, and the centre of mass is
+/// slower than this, m/s.
+const CENTRED: f64 = 0.35;
+const ZMP_INSIDE: f64 = 0.6;
+const SETTLED_M_S: f64 = 0.05;
+/// Share of the pelvis's shift that the centre of mass makes: feet do not move with it.
+const COM_SHARE: f64 = 0.85;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum FootPhase {
@@ -72,10 +83,24 @@ struct FootPreview {
     place: [[f64; 2]; 2],
 }
 
+/// The weight goes over one foot so that the other can lift.
+#[derive(Clone, Copy, Debug)]
+struct WeightShift {
+    /// The foot that is to lift, and whether it has.
+    lifts: usize,
+    has_lifted: bool,
+    /// Whether the dancer's foot has left the floor, and since when it is down again.
+    is_due: bool,
+    late_s: f64,
+}
+
 pub(crate) struct StepContext<'a> {
     pub soles: [Vector3<f64>; 2],
-    /// Centre of mass (or what moves with it) of the last output.
+    /// Centre of mass of the last output, and its zero-moment point.
     pub weight: Vector3<f64>,
+    pub zmp: Vector3<f64>,
+    /// Whether the robot leans as planned, by its sensor.
+    pub is_steady: bool,
     pub gain: f64,
     pub aim: &'a PoseTarget,
 }
@@ -88,7 +113,11 @@ pub(crate) struct FootStepper {
     feet: [FootPhase; 2],
     /// Since when each foot has been down, seconds.
     down_s: [f64; 2],
+    /// Whether the dancer's lift was answered, by a step or a refusal.
     spent: [bool; 2],
+    was_up: [bool; 2],
+    shift: Option<WeightShift>,
+    last_weight: Option<Vector3<f64>>,
     ahead: VecDeque<FootPreview>,
     pub steps: u64,
     pub refused: u64,
@@ -107,6 +136,9 @@ impl FootStepper {
             feet: [FootPhase::Down; 2],
             down_s: [FIRM_S; 2],
             spent: [false; 2],
+            was_up: [false; 2],
+            shift: None,
+            last_weight: None,
             ahead,
             steps: 0,
             refused: 0,
@@ -128,37 +160,25 @@ impl FootStepper {
         *feet = self.home;
         self.feet = [FootPhase::Down; 2];
         self.down_s = [FIRM_S; 2];
+        (self.shift, self.last_weight) = (None, None);
         self.ahead.iter_mut().for_each(|seen| *seen = FootPreview::default());
     }
 
-    /// Keeps the sway of the pelvis (leg lengths, due when the preview ends)
-    /// over the feet that will stand then.
-    pub fn shift_sway(&self, aim: &PoseTarget, feet: &Feet, sway: &mut [f64; 6]) {
-        let place = |side: usize| match self.feet[side] {
-            FootPhase::Down => feet[side].translation.vector,
-            FootPhase::Swing(swing) => swing.to,
-        };
+    /// Moves the sway of the pelvis (leg lengths, due when the preview ends) over the feet
+    /// that stand: the middle of both, or the one that carries while the other steps.
+    pub fn shift_sway(&self, feet: &Feet, sway: &mut [f64; 6]) {
         let middle = |feet: &Feet| (feet[0].translation.vector + feet[1].translation.vector) * 0.5;
         let home = middle(&self.home);
-        let centre = (place(0) + place(1)) * 0.5 - home;
-        let stands = match aim.feet.map(|foot| foot.up) {
-            [true, false] => Some(1),
-            [false, true] => Some(0),
-            _ => None,
-        };
         sway[2] = sway[2].min(0.0);
-        for axis in 0..2 {
-            let shift = sway[axis] * self.leg_m + centre[axis];
-            let shift = match stands {
-                Some(side) => {
-                    let over = place(side)[axis] - home[axis];
-                    let room = (self.sole_m[axis] / 2.0 - 2.0 * SAFE_EDGE_M).max(0.0);
-                    shift.clamp(over - room, over + room)
-                }
-                None => shift,
-            };
-            sway[axis] = shift / self.leg_m;
-        }
+        let over = match self.shift {
+            None => middle(feet) - home,
+            Some(shift) => {
+                (sway[0], sway[1]) = (0.0, 0.0);
+                (feet[1 - shift.lifts].translation.vector - home) / COM_SHARE
+            }
+        };
+        sway[0] += over.x / self.leg_m;
+        sway[1] += over.y / self.leg_m;
     }
 
     pub fn step(&mut self, context: &StepContext, feet: &mut Feet) {
@@ -167,29 +187,79 @@ impl FootStepper {
             up: context.aim.feet.map(|foot| foot.up),
             place: context.aim.feet.map(|foot| foot.place),
         });
+        self.refuse_missed();
         for side in 0..2 {
-            let up = self.ahead[0].up[side];
-            self.spent[side] &= up;
+            // A lift is used up until the dancer's foot has come down.
+            self.spent[side] &= self.up_soon(side);
             match self.feet[side] {
-                FootPhase::Down if up && !self.spent[side] => self.lift(side, context, feet),
                 FootPhase::Down => self.down_s[side] += self.dt_s,
                 FootPhase::Swing(swing) => self.swing(side, swing, context, feet),
             }
         }
+        let speed_m_s = self.weight_speed(context);
+        match self.shift {
+            None => self.shift = self.begin_shift(context),
+            Some(shift) if shift.has_lifted => {
+                let firm = self.down() == [true; 2] && self.down_s[shift.lifts] >= FIRM_S;
+                self.shift = self.shift.filter(|_| !firm);
+            }
+            Some(shift) => self.lift_when_settled(shift, speed_m_s, context, feet),
+        }
     }
 
-    /// Begins a step, if the other foot carries the weight.
-    fn lift(&mut self, side: usize, context: &StepContext, feet: &Feet) {
-        let up_s = self.up_s(side);
-        if up_s < LEAST_LIFT_S || context.gain < 0.1 {
-            self.spent[side] = true;
-            return;
+    /// Counts lifts of the dancer that are over and came while another step was under way.
+    fn refuse_missed(&mut self) {
+        for side in 0..2 {
+            let up = self.ahead[0].up[side];
+            let ended = std::mem::replace(&mut self.was_up[side], up) && !up;
+            let answered = self.spent[side] || self.shift.is_some_and(|shift| shift.lifts == side);
+            self.refused += u64::from(ended && !answered);
         }
-        let other = 1 - side;
-        let over = context.weight - feet[other].translation.vector;
-        let carries = (0..2).all(|axis| over[axis].abs() < self.sole_m[axis] / 2.0 - SAFE_EDGE_M);
-        if self.feet[other] == FootPhase::Down && self.down_s[other] >= FIRM_S && carries {
-            let way_s = up_s.max(SHORTEST_S);
+    }
+
+    fn weight_speed(&mut self, context: &StepContext) -> f64 {
+        let last = self.last_weight.replace(context.weight).unwrap_or(context.weight);
+        (context.weight - last).xy().norm() / self.dt_s
+    }
+
+    /// The weight begins to go over one foot when the dancer is seen to lift the other.
+    fn begin_shift(&self, context: &StepContext) -> Option<WeightShift> {
+        let up = context.aim.feet.map(|foot| foot.up);
+        let lifts = match up {
+            [true, false] => 0,
+            [false, true] => 1,
+            _ => return None,
+        };
+        let firm = self.down_s.iter().all(|down_s| *down_s >= FIRM_S);
+        let begins = firm && !self.spent[lifts] && context.gain >= 0.1;
+        begins.then_some(WeightShift { lifts, has_lifted: false, is_due: false, late_s: 0.0 })
+    }
+
+    /// Lifts the foot once the other one carries and all is quiet, or refuses the step.
+    fn lift_when_settled(
+        &mut self,
+        mut shift: WeightShift,
+        speed_m_s: f64,
+        context: &StepContext,
+        feet: &Feet,
+    ) {
+        let side = shift.lifts;
+        let stands = feet[1 - side].translation.vector;
+        let inside = |point: &Vector3<f64>, share: f64| {
+            let over = point - stands;
+            (0..2).all(|axis| over[axis].abs() < share * self.sole_m[axis] / 2.0)
+        };
+        let settled = inside(&context.weight, CENTRED)
+            && inside(&context.zmp, ZMP_INSIDE)
+            && speed_m_s < SETTLED_M_S
+            && context.is_steady;
+        let (is_up, will_be) = (self.ahead[0].up[side], self.up_soon(side));
+        shift.is_due |= is_up;
+        if !is_up && (shift.is_due || !will_be) {
+            shift.late_s += self.dt_s;
+        }
+        if shift.is_due && settled {
+            let way_s = self.up_s(side).max(SHORTEST_S);
             self.feet[side] = FootPhase::Swing(SwingPhase {
                 from: feet[side].translation.vector,
                 to: self.landing(side, context.gain),
@@ -198,12 +268,21 @@ impl FootStepper {
                 falling_s: 0.0,
                 height_m: self.leg_m * LIFT.min(LIFT_SPEED * way_s / 2.0),
             });
+            shift.has_lifted = true;
             self.spent[side] = true;
             self.steps += 1;
-        } else if up_s < TOO_LATE_S {
+        } else if shift.late_s > TOO_LATE_S {
             self.spent[side] = true;
             self.refused += 1;
+            self.shift = None;
+            return;
         }
+        self.shift = Some(shift);
+    }
+
+    /// Whether the dancer's foot is up, or will be when the preview ends or before.
+    fn up_soon(&self, side: usize) -> bool {
+        self.ahead.iter().any(|seen| seen.up[side])
     }
 
     /// Seconds until the dancer's foot is down again, as far as is known.

@@ -120,8 +120,10 @@ impl TorqueEstimator {
         }
     }
 
+    /// Nothing is known of how the robot moved before.
     pub fn restart(&mut self) {
         self.cycles = 0;
+        self.torque_nm.fill(0.0);
     }
 
     /// Share of the movement that torque and heat leave a limb.
@@ -143,20 +145,19 @@ impl TorqueEstimator {
         let down = feet.map(|feet| feet.map(|foot| foot.down));
         if down != std::mem::replace(&mut self.down, down) {
             // Another foot is now what the world hangs from.
-            self.restart();
+            self.cycles = 0;
         }
         self.sum_forces(model, poses);
         if let Some(feet) = feet {
             self.stand(model, feet);
         }
-        self.turn_into_torque(model);
-        self.poses.copy_from_slice(poses);
+        // What is known in the first cycles is no acceleration: what was known before stays.
         self.cycles += 1;
-        if self.cycles <= 2 {
-            self.torque_nm.fill(0.0);
-            return;
+        if self.cycles > 2 {
+            self.turn_into_torque(model);
+            self.judge();
         }
-        self.judge();
+        self.poses.copy_from_slice(poses);
     }
 
     fn turn_into_torque(&mut self, model: &RobotModel) {

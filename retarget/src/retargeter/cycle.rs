@@ -127,14 +127,17 @@ impl Retargeter {
             let mut wanted = PelvisTrajectory::wanted(aim, gain);
             if let Some(stepper) = &mut stance.stepper {
                 let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
+                let com = self.model.centre_of_mass(&self.poses);
                 let present = StepContext {
                     soles: soles.map(|sole| self.poses[sole].translation.vector),
-                    weight: self.model.centre_of_mass(&self.poses).coords,
+                    weight: com.coords,
+                    zmp: self.torque.zero_moment_point().unwrap_or(com).coords,
+                    is_steady: self.is_steady,
                     gain: step_gain,
                     aim,
                 };
-                stepper.shift_sway(aim, &stance.feet, &mut wanted);
                 stepper.step(&present, &mut stance.feet);
+                stepper.shift_sway(&stance.feet, &mut wanted);
                 (self.counts.steps, self.counts.refused_steps) = (stepper.steps, stepper.refused);
                 if let Some(support) = &mut stance.legs.support {
                     support.stand_on(&stance.feet, stepper.down());
@@ -173,20 +176,17 @@ impl Retargeter {
         self.govern(aim, demand);
     }
 
-    /// Looks at where all of the dance would put the zero-moment point. Steps have a
-    /// balance of their own: see `contact::stepping`.
+    /// Looks at where all of the dance would put the zero-moment point. Where the weight
+    /// goes for a step is decided in `contact::stepping`.
     fn govern(&mut self, aim: &PoseTarget, demand: f64) {
         let Some(stance) = &mut self.stance else { return };
-        let (Some(support), None) = (&stance.legs.support, &stance.stepper) else {
-            return;
-        };
         let wanted = PelvisTrajectory::wanted(aim, demand);
         stance.governor.observe(&GovernorInput {
             model: &self.model,
             positions: &self.solver.positions,
             root: stance.pelvis.pose(&wanted),
             rest: *stance.pelvis.rest(),
-            support,
+            support: &stance.governed,
         });
     }
 

@@ -42,6 +42,8 @@ pub struct Retargeter {
     amplitude: f64,
     /// Share of the amplitude that the robot's senses allow.
     caution: f64,
+    /// Whether the robot leans as planned: without that no foot lifts.
+    is_steady: bool,
     mirror: bool,
     dt_s: f64,
     preview_s: f64,
@@ -142,6 +144,7 @@ impl Retargeter {
             gains: config.gain,
             amplitude: config.amplitude,
             caution: 1.0,
+            is_steady: true,
             mirror: config.mirror,
             dt_s,
             preview_s: config.preview_s,
@@ -262,6 +265,11 @@ impl Retargeter {
     /// should, 0 to 1.
     pub fn set_caution(&mut self, share: f64) {
         self.caution = share.clamp(0.0, 1.0);
+    }
+
+    /// Says whether the robot leans as planned: while it does not, no foot lifts for a step.
+    pub fn set_steady(&mut self, is_steady: bool) {
+        self.is_steady = is_steady;
     }
 
     /// Dances as the mirror image, or not.

@@ -250,12 +250,23 @@ impl RestSearch<'_> {
         self.solver.positions.clone_from(&legs.positions);
         self.solver.base = legs.base;
         let (sole_m, dt_s, preview_s) = (self.config.sole_m, self.dt_s, self.config.preview_s);
-        legs.support = Some(SupportPolygon::new(&feet, sole_m));
+        let support = SupportPolygon::new(&feet, sole_m);
+        let governed = match steps {
+            false => support.clone(),
+            true => {
+                let mut middle = feet[0];
+                middle.translation.vector += feet[1].translation.vector;
+                middle.translation.vector *= 0.5;
+                SupportPolygon::new(&[middle; 2], sole_m)
+            }
+        };
+        legs.support = Some(support);
         let cycles = (preview_s / dt_s).round() as usize;
         PlantedStance {
             // What was reached, not what was asked: rest is then an equilibrium.
             pelvis: PelvisTrajectory::new(legs.base, leg_m, dt_s, preview_s, pace),
             governor: ZmpGovernor::new(self.standing_links(), dt_s),
+            governed,
             feet,
             home: feet,
             stepper: steps.then(|| FootStepper::new(feet, leg_m, sole_m, dt_s, cycles)),

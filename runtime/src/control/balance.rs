@@ -1,15 +1,17 @@
 //! Balance of a robot on its feet: its legs go ahead of what their servos will give, and
 //! the readings of its motion sensor correct them. A sensor that falls silent costs
-//! amplitude.
+//! amplitude. A robot that somebody has lifted is left alone until it stands again.
 
 use super::robot_buses::RobotBuses;
 use crate::physics::ServoLoop;
 use crate::robot::Robot;
 use servodance_retarget::{BalanceFeedback, LegServo, Retargeter};
 
-/// Share of the dance that is kept without the sensor, and the time to get there.
+/// Share of the dance that is kept without the sensor or in somebody's hands, and the time to get there.
 const BLIND_SHARE: f64 = 0.6;
 const EASE_S: f64 = 0.5;
+const LIFTED: &str = "the feet carry nothing: the robot is held, its balance rests";
+const STANDS_AGAIN: &str = "the feet carry the robot again: its balance comes back";
 /// A sensor that was never heard is lost after this, seconds.
 const SILENT_S: f64 = 0.5;
 
@@ -21,6 +23,7 @@ pub struct Balance {
     silent_s: f64,
     caution: f64,
     has_sensor: bool,
+    was_lifted: bool,
     /// How often the sensor fell silent.
     pub losses: u64,
 }
@@ -32,9 +35,7 @@ impl Balance {
             return None;
         }
         let loops = ServoLoop::of_robot(robot, retargeter, &Default::default(), false);
-        let leg =
-            |servo: &ServoLoop| LegServo { kp_nm_rad: servo.kp, damping_nm_s: servo.damping_nm_s };
-        let legs: Vec<LegServo> = loops.iter().map(leg).collect();
+        let legs: Vec<LegServo> = loops.iter().map(ServoLoop::leg_servo).collect();
         let limits: Vec<_> = robot.servos.iter().map(|servo| servo.limits).collect();
         Some(Self {
             feedback: BalanceFeedback::new(retargeter, &legs, &limits)?,
@@ -43,6 +44,7 @@ impl Balance {
             silent_s: 0.0,
             caution: 1.0,
             has_sensor: servos.senses_motion(),
+            was_lifted: false,
             losses: 0,
         })
     }
@@ -58,21 +60,32 @@ impl Balance {
         &mut self,
         plan_rad: &[f64],
         retargeter: &mut Retargeter,
-        servos: &RobotBuses,
+        servos: &mut RobotBuses,
     ) -> &[f64] {
         let reading = servos.imu();
         self.commands_rad.copy_from_slice(plan_rad);
+        self.feedback.feel(retargeter, servos.states());
+        self.tell_lift(servos);
         self.feedback.correct(retargeter, reading.as_ref(), &mut self.commands_rad);
-        if !self.has_sensor {
-            return &self.commands_rad;
-        }
+        retargeter.set_steady(self.feedback.is_steady());
         let before_s = self.silent_s;
         self.silent_s = if reading.is_some() { 0.0 } else { before_s + self.period_s };
-        let lost = self.silent_s > SILENT_S;
+        let lost = self.has_sensor && self.silent_s > SILENT_S;
         self.losses += u64::from(lost && before_s <= SILENT_S);
-        let wanted = if lost { BLIND_SHARE } else { 1.0 };
+        let wanted = if lost || self.was_lifted { BLIND_SHARE } else { 1.0 };
         self.caution += (wanted - self.caution) * self.period_s / EASE_S;
         retargeter.set_caution(self.caution);
         &self.commands_rad
+    }
+
+    /// Says once that the robot was lifted, and that it stands again.
+    fn tell_lift(&mut self, servos: &mut RobotBuses) {
+        let is_lifted = self.feedback.is_lifted();
+        match (self.was_lifted, is_lifted) {
+            (false, true) => servos.note(LIFTED),
+            (true, false) => servos.note(STANDS_AGAIN),
+            _ => {}
+        }
+        self.was_lifted = is_lifted;
     }
 }

@@ -16,11 +16,11 @@ use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
 use crate::world::{BodyReport, RobotWorld, WorldChoice};
 use anyhow::Context;
 use servodance_drivers::{
-    Bus, BusLayout, EStop, ImuKind, SafeBus, ServoErrors, State, Transition, open_buses,
+    Bus, BusLayout, EStop, ImuKind, SafeBus, SerialImu, ServoErrors, State, Transition, open_buses,
 };
 use servodance_retarget::Retargeter;
 use servodance_sim::{
-    Cue, Happening, SimBus, SimLink, SimOptions, SimServoSpec, Violations, happen,
+    Cue, Happening, SimBus, SimImu, SimLink, SimOptions, SimServoSpec, Violations, happen,
 };
 use servodance_types::{ImuState, JointState, Placement};
 use std::iter::Peekable;
@@ -74,6 +74,8 @@ pub struct RobotBuses {
     /// What the motion sensor told then.
     imu: Option<ImuState>,
     imu_kind: Option<ImuKind>,
+    /// A simulated sensor on a serial port of its own.
+    sim_imu: Option<SimImu>,
     /// Robot time of the fall, and of its announcement by the sensor, seconds.
     fell_s: Option<f64>,
     announced_s: Option<f64>,
@@ -140,10 +142,26 @@ impl RobotBuses {
                 BusChoice::Port(port) => port.clone(),
             });
         }
+        let has_sim = choices.contains(&BusChoice::Sim);
+        let own_port = robot.imu.as_ref().filter(|imu| imu.port.is_some());
+        let sim_imu = match own_port.filter(|_| has_sim) {
+            Some(imu) => {
+                Some(SimImu::start(imu, world.as_ref().map(|world| world.shared.clone()))?)
+            }
+            None => None,
+        };
+        let sensor = match own_port {
+            Some(imu) => {
+                let real = imu.port.as_deref().unwrap_or_default();
+                let path = sim_imu.as_ref().map_or(real, SimImu::port_path);
+                Some(SerialImu::open(imu, path, robot.control_hz).context("[imu]")?)
+            }
+            None => None,
+        };
         let bus = open_buses(&ports, &layouts, &robot.servos)?;
         let joints = robot.servos.len();
         let (listener, events) = channel();
-        let safe = SafeBus::new(bus, robot.safety)?.with_estop(estop.clone());
+        let safe = SafeBus::new(bus, robot.safety)?.with_estop(estop.clone()).with_sensor(sensor);
         Ok(Self {
             bus: safe.with_listener(listener),
             gaps: (speed == Speed::Realtime).then(|| CycleGaps::new(robot.period_s())),
@@ -154,6 +172,7 @@ impl RobotBuses {
             world,
             imu: None,
             imu_kind: robot.imu.as_ref().map(|imu| imu.kind),
+            sim_imu,
             fell_s: None,
             announced_s: None,
             faults: plan.faults.into_iter().peekable(),
@@ -184,6 +203,9 @@ impl RobotBuses {
         self.root = self.world.as_ref().map(|world| world.shared.root());
         self.imu = self.read_imu();
         self.advance_silently(self.period_s);
+        if let Some(imu) = &mut self.sim_imu {
+            imu.advance(self.period_s);
+        }
         self.see_truth();
         if self.fell_s.is_none() && self.world.as_ref().is_some_and(|world| world.shared.fell()) {
             self.fell_s = Some(now_s);
@@ -199,8 +221,8 @@ impl RobotBuses {
 
     fn read_imu(&self) -> Option<ImuState> {
         match self.imu_kind? {
-            ImuKind::Opencr => self.bus.imu(),
             ImuKind::Simulated => self.world.as_ref().map(|world| world.shared.imu()),
+            _ => self.bus.imu(),
         }
     }
 
@@ -222,7 +244,7 @@ impl RobotBuses {
         match self.imu_kind {
             None => false,
             Some(ImuKind::Simulated) => self.world.is_some(),
-            Some(ImuKind::Opencr) => self.carries_weight(),
+            Some(_) => self.carries_weight(),
         }
     }
 
@@ -242,6 +264,9 @@ impl RobotBuses {
 
     fn inject_faults(&mut self, now_s: f64) -> anyhow::Result<()> {
         while let Some(cue) = self.faults.next_if(|cue| cue.time_s <= now_s) {
+            if let (Happening::Imu(silent), Some(imu)) = (&cue.what, &mut self.sim_imu) {
+                imu.silence(*silent);
+            }
             for (place, sim) in &mut self.sims {
                 let joints = std::slice::from_ref(&self.layouts[*place].joints);
                 happen(&cue.what, std::slice::from_mut(sim), joints)?;

@@ -2,7 +2,7 @@
 
 use crate::robot::Robot;
 use servodance_drivers::Servo;
-use servodance_retarget::{JointLoad, Retargeter};
+use servodance_retarget::{JointLoad, LegServo, Retargeter};
 use servodance_sim::world::{JointDrive, JointMechanics};
 
 /// Position error at which a Dynamixel of stock gain gives its stall torque, and the
@@ -127,6 +127,11 @@ impl ServoLoop {
     pub fn strength(&self, servo: &Servo) -> f64 {
         let nominal = Self::of(servo, &ServoVariation::default());
         (self.kp / nominal.kp).max(self.limit_nm / nominal.limit_nm).max(1.0)
+    }
+
+    /// The same as balance has to know it.
+    pub fn leg_servo(&self) -> LegServo {
+        LegServo { kp_nm_rad: self.kp, damping_nm_s: self.damping_nm_s }
     }
 
     /// What the servo does at `position` with this goal.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use servodance_sim::world::{Push, World, WorldOptions};
-use servodance_types::{FRAME_RATE_HZ, MotionFrame, Placement, RigidLink};
+use servodance_types::{FRAME_RATE_HZ, JointState, MotionFrame, Placement, RigidLink};
 
 use super::servo_loop::{ServoLoop, ServoVariation};
 use crate::robot::Robot;
@@ -67,6 +67,12 @@ pub struct TrialReport {
     pub upper_speed2: f64,
     /// Mechanical work of the servos, joules a second.
     pub work_w: f64,
+    /// Steps that were made, and those that balance refused.
+    pub steps: u64,
+    /// See `steps`.
+    pub refused_steps: u64,
+    /// For how long the feet seemed to carry nothing, seconds.
+    pub lifted_s: f64,
 }
 
 /// One robot, ready to be tried.
@@ -91,11 +97,10 @@ impl StandingTrial {
             link.inertia_kg_m2.iter_mut().flatten().for_each(|entry| *entry *= options.mass);
         }
         let servos = ServoLoop::of_robot(robot, &retargeter, &options.servos, options.sized);
-        let leg = |servo: &ServoLoop| LegServo {
-            kp_nm_rad: servo.kp / options.servos.stiffness,
-            damping_nm_s: servo.damping_nm_s,
-        };
-        let legs: Vec<LegServo> = servos.iter().map(leg).collect();
+        // Balance knows the nominal servos.
+        let nominal =
+            |servo: &ServoLoop| ServoLoop { kp: servo.kp / options.servos.stiffness, ..*servo };
+        let legs: Vec<LegServo> = servos.iter().map(|servo| nominal(servo).leg_servo()).collect();
         let limits: Vec<_> = robot.servos.iter().map(|servo| servo.limits).collect();
         Ok(Self {
             links,
@@ -138,6 +143,7 @@ impl StandingTrial {
         let root = self.retargeter.root_placement(&targets);
         world.place(Some(&root), &targets);
         let mut drives = vec![Default::default(); targets.len()];
+        let mut states = vec![JointState::default(); targets.len()];
         let mut sums = Sums::default();
         let mut report = TrialReport::default();
         let mut waiting = frames.iter().peekable();
@@ -166,8 +172,14 @@ impl StandingTrial {
             }
             let mut commands = targets.clone();
             if let Some(feedback) = &mut self.feedback {
+                if cycle > -settle {
+                    read_joints(&world, &mut states);
+                    feedback.feel(&self.retargeter, &states);
+                }
+                report.lifted_s += if feedback.is_lifted() { self.period_s } else { 0.0 };
                 let reading = world.imu().filter(|_| self.options.feedback);
                 feedback.correct(&self.retargeter, reading.as_ref(), &mut commands);
+                self.retargeter.set_steady(feedback.is_steady());
             }
             for _ in 0..steps as usize {
                 for (joint, (drive, servo)) in drives.iter_mut().zip(&self.servos).enumerate() {
@@ -202,7 +214,16 @@ impl StandingTrial {
                 report.fell_s = Some(time_s);
             }
         }
+        let counts = self.retargeter.counts();
+        (report.steps, report.refused_steps) = (counts.steps, counts.refused_steps);
         Ok(sums.into_report(report, &world, self.period_s))
+    }
+}
+
+fn read_joints(world: &World, states: &mut [JointState]) {
+    for (joint, state) in states.iter_mut().enumerate() {
+        let (position_rad, velocity_rad_s) = world.joint(joint);
+        *state = JointState { position_rad, velocity_rad_s, current_a: 0.0 };
     }
 }
 

@@ -14,7 +14,7 @@ use crate::pipeline::dancer::Dancer;
 use crate::pipeline::motion_source::MotionSource;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
-use crate::telemetry::report::ViolationReport;
+use crate::telemetry::report::{SafetyEvent, ViolationReport};
 use crate::world::{BodyReport, WorldChoice};
 use servodance_audio::song::Song;
 use servodance_drivers::EStop;
@@ -70,6 +70,8 @@ pub struct FaultRunResult {
     pub body: Option<BodyReport>,
     /// When the robot fell, or its sensor said that it would; seconds since torque on.
     pub fall_s: Option<f64>,
+    /// What the safety layer and balance told, in order.
+    pub events: Vec<SafetyEvent>,
 }
 
 impl<'a> FaultRun<'a> {
@@ -137,6 +139,7 @@ impl<'a> FaultRun<'a> {
             late_frames,
             body,
             fall_s: servos.fall_s(),
+            events: servos.safety_log(),
         })
     }
 }

@@ -8,7 +8,7 @@
 //! is handed over when its own last byte has. In lockstep wire time is only
 //! counted and the motors move with [`SimBus::advance`] alone.
 
-mod host_end;
+pub(crate) mod host_end;
 pub(crate) mod line;
 pub(crate) mod options;
 pub(crate) mod shared;
@@ -89,7 +89,7 @@ impl SimBus {
         let period_s = period_s(&options)?;
         let is_can = specs.iter().any(|spec| spec.motor.is_some());
         let line: Box<dyn Line> = match is_can {
-            true => build_net(specs, options.supply_v, period_s)?,
+            true => build_net(specs, &options, period_s)?,
             false => build_line(specs, &options, period_s)?,
         };
         Self::start_with(line, is_can, options)

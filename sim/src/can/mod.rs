@@ -23,6 +23,7 @@ pub(crate) use server::CanServer;
 use servodance_drivers::BusKind;
 
 use crate::bus::line::Line;
+use crate::bus::options::SimOptions;
 use crate::can::cia402::Cia402Drive;
 use crate::can::mit::MitMotor;
 use crate::can::motor_core::MotorCore;
@@ -30,15 +31,17 @@ use crate::can::net::{CanDevice, CanNet};
 use crate::can::odrive::OdriveAxis;
 use crate::can::robstride::RobstrideMotor;
 use crate::error::SimError;
+use crate::imu::CanBoard;
 use crate::servo::spec::SimServoSpec;
+use crate::world::WorldSeat;
 
 type BuildDevice = fn(MotorCore) -> Box<dyn CanDevice>;
 
-/// A bus with these motors, which must be of one family; `supply_v` is each family's
-/// nominal supply if left out, `period_s` the control period.
+/// A bus with these motors, which must be of one family, on each family's nominal supply if
+/// the options have none; `period_s` is the control period.
 pub fn build_net(
     specs: &[SimServoSpec],
-    supply_v: Option<f64>,
+    options: &SimOptions,
     period_s: f64,
 ) -> Result<Box<dyn Line>, SimError> {
     let kind = specs.first().map_or(BusKind::Mit, |spec| spec.kind);
@@ -60,7 +63,9 @@ pub fn build_net(
                 wanted: "of one protocol on one line",
             });
         }
-        devices.push(build(MotorCore::new(spec, nominal_v, supply_v, period_s)?));
+        devices.push(build(MotorCore::new(spec, nominal_v, options.supply_v, period_s)?));
     }
-    Ok(Box::new(CanNet::new(devices)))
+    let world = options.seat.as_ref().map(WorldSeat::world);
+    let board = options.imu.as_ref().map(|imu| CanBoard::new(imu, world));
+    Ok(Box::new(CanNet::new(devices, board)))
 }

@@ -11,6 +11,7 @@ use servodance_drivers::can::CanFrame;
 use crate::bus::line::{Burst, Line};
 use crate::can::motor_core::MotorCore;
 use crate::fault::ServoFault;
+use crate::imu::CanBoard;
 use crate::judge::Judge;
 use crate::servo::body::{ServoBody, SimServoState};
 
@@ -32,13 +33,14 @@ pub(crate) trait CanDevice: Debug + Send {
 #[derive(Debug)]
 pub(crate) struct CanNet {
     devices: Vec<Box<dyn CanDevice>>,
+    board: Option<CanBoard>,
     frames_in: u64,
     collisions: u64,
 }
 
 impl CanNet {
-    pub fn new(devices: Vec<Box<dyn CanDevice>>) -> Self {
-        Self { devices, frames_in: 0, collisions: 0 }
+    pub fn new(devices: Vec<Box<dyn CanDevice>>, board: Option<CanBoard>) -> Self {
+        Self { devices, board, frames_in: 0, collisions: 0 }
     }
 
     /// The frames that survive of those offered at once, in the order in which the bus
@@ -101,10 +103,23 @@ impl Line for CanNet {
                 offered.extend(sent.drain(..).map(|frame| (index, frame)));
             }
         }
-        self.arbitrate(offered)
+        let mut carried = self.arbitrate(offered);
+        if let Some(board) = &mut self.board {
+            carried.extend(board.due());
+        }
+        carried
+    }
+
+    fn silence_board(&mut self, silent: bool) {
+        if let Some(board) = &mut self.board {
+            board.silent = silent;
+        }
     }
 
     fn step(&mut self, time_s: f64, dt_s: f64, period_ends: bool) {
+        if let Some(board) = &mut self.board {
+            board.step(dt_s);
+        }
         for device in &mut self.devices {
             device.core_mut().step(time_s, dt_s);
             if period_ends {

@@ -8,6 +8,8 @@
 //! 7s    adapter  gone           gone, back; bus-off, bus-on (CAN)
 //! 8s    push     1 0 1.5        1.5 newton seconds towards x, for 50 ms (in a world)
 //! 9s    lift                    put back where it was at the start (in a world)
+//! 9s    pick-up  0.1            a hand lifts the robot by 0.1 m (in a world)
+//! 12s   set-down                the hand sets it down and lets go
 //! 9s    imu      dead           dead, revive: the motion sensor on the bus
 //! 9s    plug     joint_3        plug, unplug: its plug goes in or out; new: as out of the box
 //! ```
@@ -35,6 +37,10 @@ pub enum Happening {
     Push([f64; 2]),
     /// A hand puts the robot back where it was at the start.
     Lift,
+    /// A hand lifts it by so many metres, and sets it down again.
+    PickUp(f64),
+    /// See `PickUp`.
+    SetDown,
     /// The motion sensor falls silent (true) or answers again.
     Imu(bool),
 }
@@ -89,7 +95,7 @@ fn happening<'a>(
     joints: &[&str],
 ) -> Result<Happening, String> {
     match who {
-        "push" | "lift" => return body_event(who, words),
+        "push" | "lift" | "pick-up" | "set-down" => return body_event(who, words),
         "plug" => return plug_event(ServoFault::Plug, words, joints),
         "unplug" => return plug_event(ServoFault::Unplug, words, joints),
         "new" => return plug_event(ServoFault::New, words, joints),
@@ -144,14 +150,19 @@ fn plug_event<'a>(
     }
 }
 
-/// `push X Y NS`, or `lift`.
+/// `push X Y NS`, `lift`, `pick-up METRES` or `set-down`.
 fn body_event<'a>(who: &str, words: impl Iterator<Item = &'a str>) -> Result<Happening, String> {
     let numbers: Vec<&str> = words.collect();
     let read = |text: &&str| text.parse().ok().filter(|number: &f64| number.is_finite());
     let read: Option<Vec<f64>> = numbers.iter().map(read).collect();
     match (who, read.as_deref()) {
         ("lift", Some([])) => Ok(Happening::Lift),
-        ("lift", _) => Err("nothing stands behind lift".into()),
+        ("set-down", Some([])) => Ok(Happening::SetDown),
+        ("lift" | "set-down", _) => Err(format!("nothing stands behind {who}")),
+        ("pick-up", Some(&[height_m])) if (0.0..=1.0).contains(&height_m) => {
+            Ok(Happening::PickUp(height_m))
+        }
+        ("pick-up", _) => Err("a robot is picked up by 0 to 1 metres: pick-up 0.1".into()),
         (_, Some(&[x, y, impulse_ns])) if x.hypot(y) > 0.0 => {
             Ok(Happening::Push([x, y].map(|part| part / x.hypot(y) * impulse_ns)))
         }
@@ -227,6 +238,8 @@ pub fn happen(
     match (what, world) {
         (Happening::Push(impulse_ns), Some(world)) => world.push(*impulse_ns),
         (Happening::Lift, Some(world)) => world.lift(),
+        (Happening::PickUp(height_m), Some(world)) => world.pick_up(*height_m),
+        (Happening::SetDown, Some(world)) => world.set_down(),
         _ => {}
     }
     for (bus, joints) in buses.iter_mut().zip(joints) {
@@ -241,7 +254,7 @@ pub fn happen(
             Happening::Adapter(false) => bus.replug()?,
             Happening::BusOff(off) => bus.set_bus_off(*off),
             Happening::Imu(silent) => bus.silence_imu(*silent),
-            Happening::Push(_) | Happening::Lift => {}
+            Happening::Push(_) | Happening::Lift | Happening::PickUp(_) | Happening::SetDown => {}
         }
     }
     Ok(())
@@ -255,10 +268,11 @@ mod tests {
 
     #[test]
     fn a_script_is_read_in_the_order_of_time() {
-        let text = "# a bad day\n4s knee overheat 85\n\n1.5s wire corrupt 0.1 # a little\n2s adapter gone\n3s adapter back\n5s wire clear\n6s neck id 2\n7s push 0 -2 1.5\n8s lift\n9s imu dead";
+        let text = "# a bad day\n4s knee overheat 85\n\n1.5s wire corrupt 0.1 # a little\n2s adapter gone\n3s adapter back\n5s wire clear\n6s neck id 2\n7s push 0 -2 1.5\n8s lift\n9s imu dead\n10s pick-up 0.1\n11s set-down";
         let cues = parse_script(text, &JOINTS).unwrap();
         let times: Vec<f64> = cues.iter().map(|cue| cue.time_s).collect();
-        assert_eq!(times, [1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
+        assert_eq!(times, [1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0]);
+        assert_eq!([&cues[9].what, &cues[10].what], [&Happening::PickUp(0.1), &Happening::SetDown]);
         assert_eq!(cues[6].what, Happening::Push([0.0, -1.5]));
         assert_eq!([&cues[7].what, &cues[8].what], [&Happening::Lift, &Happening::Imu(true)]);
         assert_eq!(cues[3].what, Happening::Servo(1, ServoFault::Overheat(85.0)));
@@ -296,6 +310,8 @@ mod tests {
             ("1s push 0 0 1", "a push needs a direction"),
             ("1s push 1 0 nan", "a push needs a direction"),
             ("1s lift 2", "nothing stands behind lift"),
+            ("1s pick-up 7", "0 to 1 metres"),
+            ("1s set-down 1", "nothing stands behind set-down"),
             ("1s plug", "one joint stands behind plug"),
             ("1s unplug elbow", "no \"elbow\""),
             ("1s imu sad", "dead or revive"),

@@ -45,7 +45,7 @@ impl ImuBoard {
         let mut memory = [0; at::SIZE];
         memory[at::MODEL.range()].copy_from_slice(&at::MODEL_NUMBER.to_le_bytes());
         memory[at::FIRMWARE.range()].copy_from_slice(&[at::FIRMWARE_VERSION]);
-        memory[at::ID.range()].copy_from_slice(&[config.id]);
+        memory[at::ID.range()].copy_from_slice(&[config.id()]);
         memory[at::STATUS_RETURN_LEVEL.range()].copy_from_slice(&[2]);
         memory[at::POWER.range()].copy_from_slice(&[1]);
         memory[at::VOLTAGE.range()].copy_from_slice(&[(supply_v * 10.0).round() as u8]);
@@ -126,10 +126,8 @@ mod tests {
 
     fn line() -> Protocol2Line {
         let config = ImuConfig {
-            kind: servodance_drivers::ImuKind::Opencr,
-            id: 200,
-            bus: None,
             mounting_deg: [0.0, 0.0, 180.0],
+            ..ImuConfig::of_kind(servodance_drivers::ImuKind::Opencr)
         };
         let board = ImuBoard::new(&config, None, 12.0);
         Protocol2Line::new(Vec::new(), 1_000_000, 0.0).with_board(Some(board))
@@ -148,12 +146,7 @@ mod tests {
 
     #[test]
     fn what_is_read_only_stays() {
-        let config = ImuConfig {
-            kind: servodance_drivers::ImuKind::Opencr,
-            id: 200,
-            bus: None,
-            mounting_deg: [0.0; 3],
-        };
+        let config = ImuConfig::of_kind(servodance_drivers::ImuKind::Opencr);
         let mut board = ImuBoard::new(&config, None, 12.0);
         assert_eq!(board.write(32, &[1, 2]), Err(AccessError::Access));
         assert_eq!(board.write(26, &[1]), Err(AccessError::Length));

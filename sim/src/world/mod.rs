@@ -12,6 +12,7 @@
 mod contact;
 mod figures;
 mod gear_play;
+mod hand;
 mod imu;
 mod mass_matrix;
 mod seat;
@@ -352,6 +353,18 @@ impl World {
     /// Begins a push; one that has begun ends.
     pub fn push(&mut self, push: Push) {
         self.push = Some(push);
+    }
+
+    /// A hand takes the root link, as it leans, and moves it up at this speed (down if
+    /// negative), m/s; with `None` it lets go.
+    pub fn carry(&mut self, up_m_s: Option<f64>) {
+        let held = up_m_s.is_some() || self.options.support == RootSupport::Held;
+        self.mass.first = if held { ROOT_DOFS } else { 0 };
+        if let Some(up_m_s) = up_m_s {
+            let linear = Vec3::z() * up_m_s;
+            self.state.twist = spatial::Twist { angular: Vec3::zeros(), linear };
+            self.posed.pose(&self.tree, &self.state);
+        }
     }
 
     pub(crate) fn weight_n(&self) -> f64 {

@@ -13,6 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use servodance_types::{ImuState, Placement, RigidLink};
 
 use super::figures::{BodyFigures, BodySums};
+use super::hand::Hand;
 use super::shaft::{ShaftDrive, ShaftState};
 use super::{
     GRAVITY_M_S2, JointDrive, JointMechanics, Push, RootSupport, StepSize, World, WorldOptions,
@@ -36,6 +37,8 @@ struct Inhabited {
     has_torque: Vec<bool>,
     /// A hand holds the robot.
     is_held: bool,
+    /// A hand that picked it up later.
+    hand: Option<Hand>,
     steps: u64,
     pushed_until: u64,
     sums: BodySums,
@@ -63,6 +66,7 @@ impl SharedWorld {
             drives: vec![JointDrive::default(); mechanics.len()],
             has_torque: vec![false; mechanics.len()],
             is_held: true,
+            hand: None,
             steps: 0,
             pushed_until: 0,
             sums: BodySums::default(),
@@ -118,6 +122,20 @@ impl SharedWorld {
         inhabited.world.place(root.as_ref(), &positions);
         inhabited.sums = BodySums::default();
         inhabited.is_held = true;
+        inhabited.hand = None;
+        inhabited.world.carry(None);
+    }
+
+    /// A hand picks the robot up by its root link: so many metres above where it is now.
+    pub fn pick_up(&self, height_m: f64) {
+        let mut inhabited = self.inhabited();
+        inhabited.hand = Some(Hand::raising(&inhabited.world, height_m));
+    }
+
+    /// The hand lowers the robot and lets go once the feet carry half of it.
+    pub fn set_down(&self) {
+        let mut inhabited = self.inhabited();
+        inhabited.hand = inhabited.hand.map(|_| Hand::Lowering);
     }
 
     /// The shafts of these joints after so many steps.
@@ -126,7 +144,9 @@ impl SharedWorld {
         while inhabited.steps < step {
             inhabited.step();
         }
-        let is_pushed = inhabited.sums.fell || inhabited.steps < inhabited.pushed_until;
+        let is_pushed = inhabited.sums.fell
+            || inhabited.hand.is_some()
+            || inhabited.steps < inhabited.pushed_until;
         for (&joint, shaft) in joints.iter().zip(shafts) {
             let (position_rad, velocity_rad_s) = inhabited.world.joint(joint);
             *shaft = ShaftState { position_rad, velocity_rad_s, is_pushed };
@@ -157,9 +177,16 @@ impl Inhabited {
     fn step(&mut self) {
         self.steps += 1;
         self.is_held &= !self.has_torque.iter().all(|has| *has);
-        if !self.is_held {
-            self.world.step(&self.drives);
-            self.sums.step(&self.world, self.support == RootSupport::Free);
+        if self.is_held {
+            return;
+        }
+        self.world.step(&self.drives);
+        match self.hand {
+            None => self.sums.step(&self.world, self.support == RootSupport::Free),
+            Some(hand) => {
+                self.hand = hand.after_step(&self.world);
+                self.world.carry(self.hand.map(Hand::speed_m_s));
+            }
         }
     }
 }

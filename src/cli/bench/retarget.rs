@@ -37,8 +37,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     } else {
         let RetargetBenchReport { robot, joints, control_hz, allocations, cycles, .. } = &figures;
         let RetargetBenchReport { us_mean, us_p50, us_p99, us_max, .. } = &figures;
+        let with = if figures.balance { ", balance included" } else { "" };
         stdout_line!(
-            "{robot} ({joints} joints at {control_hz:.0} Hz), {}: {us_mean:.1} us a cycle mean, \
+            "{robot} ({joints} joints at {control_hz:.0} Hz), {}{with}: {us_mean:.1} us a cycle mean, \
              {us_p50:.1} p50, {us_p99:.1} p99, {us_max:.1} max; {allocations} allocations in {cycles} cycles",
             clip.name
         );

@@ -88,12 +88,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 fn print(report: &WorldBenchReport) {
     stdout_line!(
         "| world | dances | falls | told 150 ms ahead | false alarms | tilt, deg RMS | \
-         beyond the plan (worst) | slip, mm/min |"
+         beyond the plan (worst) | slip, mm/min | arms kept, % |"
     );
-    stdout_line!("|---|---|---|---|---|---|---|---|");
+    stdout_line!("|---|---|---|---|---|---|---|---|---|");
     for world in &report.worlds {
         stdout_line!(
-            "| {} | {} | {} | {} | {} | {:.1} | {:.2} ({:.2}) | {:.0} |",
+            "| {} | {} | {} | {} | {} | {:.1} | {:.2} ({:.2}) | {:.0} | {:.0} |",
             world.world,
             world.dances,
             world.falls,
@@ -102,7 +102,8 @@ fn print(report: &WorldBenchReport) {
             world.tilt_rms_deg,
             world.tilt_beyond_plan_rms_deg,
             world.worst_tilt_beyond_plan_rms_deg,
-            world.slip_mm_min
+            world.slip_mm_min,
+            100.0 * world.arms_kept
         );
     }
     for world in &report.worlds {
@@ -110,11 +111,20 @@ fn print(report: &WorldBenchReport) {
             stdout_line!("{}: fell: {fall}", world.world);
         }
     }
+    for world in report.worlds.iter().filter(|world| world.steps + world.refused_steps > 0) {
+        let (steps, refused) = (world.steps, world.refused_steps);
+        stdout_line!("{}: {steps} steps, {refused} refused", world.world);
+    }
     for pushed in &report.pushes {
         let survived: Vec<String> =
             pushed.survived_ns.iter().map(|impulse| format!("{impulse:.2}")).collect();
         let how = if pushed.feedback { "with" } else { "without" };
         stdout_line!("push survived {how} feedback, N s: {}", survived.join(" "));
     }
-    stdout_line!("{}: {:.0} x real time on one core", report.robot, report.realtime_factor);
+    stdout_line!(
+        "{}: physics {:.0} x real time on one core, with retargeter and balance {:.0} x",
+        report.robot,
+        report.engine_realtime_factor,
+        report.realtime_factor
+    );
 }

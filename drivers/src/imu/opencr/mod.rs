@@ -20,6 +20,9 @@ const PER_GRAVITY: f64 = 16384.0;
 const PER_DEG: f64 = 10.0;
 const GRAVITY_M_S2: f64 = 9.80665;
 
+/// Its id as it leaves the factory.
+pub const FACTORY_ID: u8 = 200;
+
 /// How many bytes a reading has: rates, forces, and roll, pitch, yaw, three words each.
 pub const READING_BYTES: usize = registers::READING.size as usize;
 
