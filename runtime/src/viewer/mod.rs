@@ -12,6 +12,7 @@
 #[cfg(feature = "view")]
 mod frame;
 mod link;
+pub(crate) mod music_track;
 mod operator_watch;
 mod player;
 #[cfg_attr(not(feature = "view"), allow(dead_code))] // requests as text are the page's
