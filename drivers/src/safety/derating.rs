@@ -216,7 +216,9 @@ mod tests {
             joint.set_health(at(celsius, 12.0));
             (0..1000).for_each(|_| joint.add_current(current_a, 0.01));
             let level = joint.own().level.max(supply);
-            (0..100).for_each(|_| drop(joint.shrink(1.0, level, 0.01)));
+            for _ in 0..100 {
+                joint.shrink(1.0, level, 0.01);
+            }
             joint.held_back(supply)
         };
         assert_eq!(held(50.0, 0.0, 0.1), HeldBack::Nothing);

@@ -5,6 +5,7 @@
 //! notice, and the robot idles while it lasts.
 
 use super::microphone::microphone;
+use super::page_sound::PageSound;
 use crate::process::failpoint::{self, FailpointReader};
 use crate::process::speed::Speed;
 use servodance_audio::AudioSource;
@@ -28,15 +29,22 @@ pub enum AudioChoice {
     Stdin(PcmFormat),
     /// An input of the system by id or name; the default one if `None`.
     Microphone(Option<String>),
+    /// What a page hears by the microphone of its browser.
+    Page(PageSound),
 }
 
 impl AudioChoice {
+    /// Whether all of it is there from the beginning.
+    pub fn is_recording(&self) -> bool {
+        matches!(self, AudioChoice::BuiltIn | AudioChoice::File(_))
+    }
+
     /// Whether sound comes in as it happens, without a look ahead.
     pub fn is_live(&self, speed: Speed) -> bool {
         match self {
             AudioChoice::BuiltIn | AudioChoice::File(_) => false,
             AudioChoice::Stdin(_) => speed == Speed::Realtime,
-            AudioChoice::Microphone(_) => true,
+            AudioChoice::Microphone(_) | AudioChoice::Page(_) => true,
         }
     }
 }
@@ -61,6 +69,9 @@ impl AudioInput {
                 open_pipe("standard input", FailpointReader { reader, place }, *format)?
             }
             AudioChoice::Microphone(name) => microphone(name.as_deref())?,
+            AudioChoice::Page(sound) => {
+                AudioSource::live_reader("the page's microphone", sound.reader(), sound.format())?
+            }
         };
         Ok(Self::Source(Box::new(source)))
     }
