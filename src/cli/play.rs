@@ -54,6 +54,8 @@ fn scene(recording: &Recording) -> anyhow::Result<Scene> {
         styles: Vec::new(),
         control_hz: recording.control_hz,
         waits: false,
+        takes_songs: false,
+        speaker: false,
         recording_s: Some(recording.span_s()),
     })
 }

@@ -21,10 +21,14 @@ pub struct Scene {
     pub meshes: Meshes,
     pub joints: Vec<(String, JointLimits)>,
     pub styles: Vec<String>,
+    /// Whether a loudspeaker beside the robot plays the music: pages are silent then, at first.
+    pub speaker: bool,
     /// Control cycles a second.
     pub control_hz: f64,
     /// Whether somebody must say `start`, and may say it again.
     pub waits: bool,
+    /// Whether songs can be added, to be danced next.
+    pub takes_songs: bool,
     /// First and last moment of a recording, seconds of music.
     pub recording_s: Option<[f64; 2]>,
 }
@@ -45,6 +49,8 @@ impl Scene {
             styles,
             control_hz: robot.control_hz,
             waits: false,
+            takes_songs: true,
+            speaker: false,
             recording_s: None,
         })
     }
@@ -69,6 +75,8 @@ impl Scene {
             "version": env!("CARGO_PKG_VERSION"),
             "control_hz": self.control_hz,
             "waits": self.waits,
+            "takes_songs": self.takes_songs,
+            "speaker": self.speaker,
             "recording_s": self.recording_s,
             "joints": joints.collect::<Vec<_>>(),
             "links": self.model.link_names(),
@@ -89,7 +97,7 @@ impl Scene {
     }
 
     /// Shapes and meshes fixed to links; a stick to every link that has neither.
-    fn shapes(&self) -> Vec<Value> {
+    pub(crate) fn shapes(&self) -> Vec<Value> {
         let visuals = self.model.visuals();
         let shown = visuals.iter().map(|visual| {
             let mut shape = match visual.shape {
