@@ -364,6 +364,7 @@ def replay(browser, folder):
     browser.wait_for("document.getElementById('log').textContent.includes('torque is on')")
     check(True, "a recording shows what the safety layer did")
     picture(browser, "replay.png")
+    check(not browser.ask("document.getElementById('sound').hidden"), "a recording has its song")
     browser.click("#play")
     browser.wait_for(f"{clock} > 21")
     check(True, "it plays on")

@@ -9,6 +9,7 @@ use anyhow::{Context, bail};
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde::Deserialize;
+use servodance_audio::playback::Sound;
 use servodance_stage::ros2::CdrReader;
 use servodance_types::{JOINT_COUNT, JointLimits};
 use std::collections::HashMap;
@@ -103,6 +104,20 @@ pub struct RecordedAudio {
 }
 
 impl RecordedAudio {
+    /// The song from its own beginning on, for whoever plays it.
+    pub fn sound(&self) -> Sound {
+        let before = (self.from_s * f64::from(self.rate_hz)).round();
+        let samples = match before >= 0.0 {
+            true => {
+                let most = LONGEST_GAP_S * self.rate_hz as usize;
+                let silence = std::iter::repeat_n(0, (before as usize).min(most));
+                silence.chain(self.samples.iter().copied()).collect()
+            }
+            false => self.samples.iter().skip(-before as usize).copied().collect(),
+        };
+        Sound { samples, rate_hz: self.rate_hz }
+    }
+
     /// A piece of the song; silence stands for pieces that were left out.
     fn push(&mut self, time_s: f64, bytes: &[u8]) {
         let place = ((time_s - self.from_s) * f64::from(self.rate_hz)).round().max(0.0) as usize;
