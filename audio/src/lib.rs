@@ -7,6 +7,7 @@
 //! | [`capture`] | microphones: ring behind the callback, stalls, reconnection |
 //! | `features` | [`Resampler`], spectra, MFCC, chroma, onset strength, music detection |
 //! | [`beats`] | tempo, phase, meter, place in the bar; causal and offline trackers |
+//! | [`playback`] | a song out of a loudspeaker, in step with the robot |
 //! | [`song`] | songs and noises rendered by code, with known beats |
 //! | `analyzer` | [`MusicAnalyzer`]: all of the analysis behind `push` and `pop` |
 //!
@@ -32,6 +33,7 @@ mod analyzer;
 pub mod beats;
 pub mod capture;
 mod features;
+pub mod playback;
 pub mod song;
 pub mod source;
 

@@ -41,6 +41,8 @@ pub mod process;
 pub mod robot;
 pub mod session;
 #[cfg(feature = "stage")]
+pub mod show;
+#[cfg(feature = "stage")]
 pub mod stage;
 pub mod telemetry;
 pub mod viewer;

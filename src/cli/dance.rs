@@ -11,6 +11,7 @@ use servodance_runtime::control::bus_choice::BusChoice;
 use servodance_runtime::control::bus_choice::choose as choose_buses;
 use servodance_runtime::pipeline::audio_input::AudioChoice;
 use servodance_runtime::pipeline::model_args::GeneratorArgs;
+use servodance_runtime::pipeline::speaker::{SpeakerConfig, SpeakerDevice};
 use servodance_runtime::process::speed::Speed;
 use servodance_runtime::session::config::DanceConfig;
 use servodance_runtime::session::dance::Outcome;
@@ -85,6 +86,15 @@ pub struct Args {
     /// Channels of raw PCM on standard input, interleaved.
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub pcm_channels: u16,
+    /// Play the song in step with the robot: through the default loudspeaker, or one named
+    /// here. In real time.
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1, conflicts_with = "mic")]
+    pub speaker: Option<Option<String>>,
+    /// Play so many milliseconds later, for a robot that is seen later than it moves;
+    /// negative, for a loudspeaker that is later than it says.
+    #[arg(long, default_value_t = 0.0, value_name = "MS", allow_negative_numbers = true)]
+    #[arg(requires = "speaker", value_parser = audio_delay_ms)]
+    pub delay_audio: f64,
     /// Serve a page to watch and to steer the dance with; its address is the
     /// first line on standard output (see docs/show.md).
     #[arg(long)]
@@ -191,12 +201,23 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         (Some(Speed::Max), _) if args.view || args.tui => {
             bail!("--speed max cannot be watched: --view and --tui live in real time")
         }
+        (Some(Speed::Max), _) if args.speaker.is_some() => {
+            bail!("--speed max cannot be played: --speaker lives in real time")
+        }
         (Some(speed), _) => speed,
-        (None, true) if !hears && !args.view && !args.tui => Speed::Max,
+        (None, true) if !hears && !args.view && !args.tui && args.speaker.is_none() => Speed::Max,
         (None, _) => Speed::Realtime,
     };
+    let audio = audio_choice(&args)?;
+    if args.speaker.is_some() && matches!(audio, AudioChoice::Stdin(_)) {
+        bail!("--speaker needs a recording: what comes in live is heard already")
+    }
+    let speaker = args.speaker.map(|name| SpeakerConfig {
+        device: SpeakerDevice::System(name),
+        delay_s: args.delay_audio * 1e-3,
+    });
     Ok(DanceConfig {
-        audio: audio_choice(&args)?,
+        audio,
         idle: args.rig.idle.unwrap_or(robot.idle),
         robot,
         buses,
@@ -215,8 +236,29 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         tui: args.tui,
         wait_for_start: args.wait_for_start,
         estop_file: args.rig.estop_file,
+        speaker,
+        motion_log: None,
         quiet: args.quiet,
     })
+}
+
+/// A dance of the built-in song without any files, as if it had been asked for.
+pub fn default_configuration(robot: &str, speed: Speed) -> anyhow::Result<DanceConfig> {
+    #[derive(clap::Parser)]
+    struct Asked {
+        #[command(flatten)]
+        dance: Args,
+    }
+    let words = ["servodance", "--no-picture", "--quiet", "--bus", "sim", "--robot", robot];
+    let asked = <Asked as clap::Parser>::parse_from(words);
+    Ok(DanceConfig { speed, ..configuration(asked.dance)? })
+}
+
+fn audio_delay_ms(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(ms) if (-2000.0..=2000.0).contains(&ms) => Ok(ms),
+        _ => Err("expected -2000 to 2000 milliseconds".into()),
+    }
 }
 
 fn dead_man_seconds(text: &str) -> Result<f64, String> {

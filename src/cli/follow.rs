@@ -1,6 +1,7 @@
 //! `servodance follow`.
 
 use super::options::dance::RobotArgs;
+use super::options::file_ending::file_of;
 use super::options::stage::RoleArgs;
 use crate::cli::prelude::*;
 use std::net::SocketAddr;
@@ -35,6 +36,9 @@ pub struct Args {
     /// The address that the page is served at.
     #[arg(long, default_value = "127.0.0.1:0", value_name = "IP:PORT", requires = "view")]
     pub view_bind: SocketAddr,
+    /// Record everything as MCAP, for `servodance play` and robotics viewers.
+    #[arg(long, value_name = "FILE.mcap", value_parser = file_of("mcap"))]
+    pub record: Option<PathBuf>,
     /// Write figures of the run as JSON (see docs/stage.md).
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
@@ -88,6 +92,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         report: args.report,
         quiet: args.quiet,
         view: args.view.then_some(args.view_bind),
+        record: args.record,
     };
     let stop = super::stop_signal()?;
     let is_reachable = !args.view_bind.ip().is_loopback();

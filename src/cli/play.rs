@@ -3,6 +3,7 @@
 use crate::cli::options::links::say_links;
 use crate::cli::prelude::*;
 use servodance_retarget::RobotModel;
+use servodance_runtime::pipeline::audio_input::AudioChoice;
 use servodance_runtime::robot::Meshes;
 use servodance_runtime::telemetry::recorder::Recording;
 use servodance_runtime::viewer::{Player, Scene, Server, Songs, ViewerSettings, link};
@@ -38,7 +39,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     };
     let stop = stop_signal()?;
     let (end, viewers) = link(recording.joints.len(), settings);
-    let server = Server::start(args.view_bind, scene, viewers, Songs::default())?;
+    let song = recording.audio.as_ref().map(|audio| AudioChoice::Recorded(audio.sound()));
+    let songs = song.map_or_else(Songs::default, |song| Songs::new(&song));
+    let server = Server::start(args.view_bind, scene, viewers, songs)?;
     say_links(&server, !args.view_bind.ip().is_loopback());
     Player::new(&recording, end).run(&stop);
     Ok(ExitCode::SUCCESS)
@@ -54,6 +57,8 @@ fn scene(recording: &Recording) -> anyhow::Result<Scene> {
         styles: Vec::new(),
         control_hz: recording.control_hz,
         waits: false,
+        takes_songs: false,
+        speaker: false,
         recording_s: Some(recording.span_s()),
     })
 }

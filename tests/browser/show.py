@@ -68,6 +68,11 @@ SAFETY = "document.getElementById('safety').textContent"
 DEGREES = "[...document.querySelectorAll('.joint span:nth-of-type(1)')].map(e => e.textContent)"
 
 
+# A browser that hears a file, and asks nobody for leave.
+HEARS = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream"]
+REASONS = {"end of range", "top speed", "balance", "collision", "torque", "heat", "low voltage"}
+
+
 def dance(folder, port):
     return start(folder, "dance", "--bus", f"serial:{port}", "--robot", "patient.toml",
                  "--no-picture", "--quiet", "--view")
@@ -93,6 +98,9 @@ def watch_and_stop(browser, folder, port):
     check(len(before) == 20, "every joint has its track")
     browser.wait_for(f"{DEGREES}.filter((d, i) => d !== {before}[i]).length > 10")
     check(browser.screenshot(clip=browser.ask(CANVAS)) != seen, "the robot moves")
+    browser.wait_for("document.querySelectorAll('.joint i:not(:empty)').length > 0")
+    reasons = browser.ask("[...document.querySelectorAll('.joint i:not(:empty)')].map(e => e.textContent)")
+    check(set(reasons) <= REASONS, f"joints that are held back say why {reasons}")
     picture(browser, "desk.png")
 
     browser.click("[data-do=hold]")
@@ -356,12 +364,34 @@ def replay(browser, folder):
     browser.wait_for("document.getElementById('log').textContent.includes('torque is on')")
     check(True, "a recording shows what the safety layer did")
     picture(browser, "replay.png")
+    check(not browser.ask("document.getElementById('sound').hidden"), "a recording has its song")
     browser.click("#play")
     browser.wait_for(f"{clock} > 21")
     check(True, "it plays on")
     check(not browser.complaints, f"no console error {browser.complaints}")
     program.send_signal(signal.SIGINT)
     program.wait(30)
+
+
+def browser_microphone(browser, folder):
+    """What the browser hears is danced next; closing the microphone ends it."""
+    program, address = start(folder, "dance", "--robot", "neck", "--view", "--wait-for-start",
+                             "--no-picture", "--quiet")
+    browser.open(address, 1440, 900)
+    browser.wait_for(f"{ACTIVITY} === 'ready to start'")
+    browser.click("#microphone")
+    browser.wait_for("document.querySelector('#songs output').textContent === 'next: microphone'")
+    browser.click("[data-do=start]")
+    browser.wait_for(f"{ACTIVITY} === 'dancing'")
+    browser.wait_for("document.getElementById('presence').textContent === 'music'")
+    check(True, "it dances to what the browser hears")
+    check(browser.ask("document.getElementById('sound').hidden"), "what is heard is not played back")
+    browser.click("#microphone")
+    browser.wait_for(f"{ACTIVITY} === 'ready to start'")
+    check(not browser.complaints, f"no console error {browser.complaints}")
+    program.send_signal(signal.SIGINT)
+    check(program.wait(30) == 130, "closing the microphone ends the dance")
+    browser.complaints.clear()
 
 
 def cube_stl(edge):
@@ -417,6 +447,9 @@ def main():
             finally:
                 servos.kill()
                 servos.wait()
+        song = os.path.join(folder, "song.wav")
+        with Chromium(more=[*HEARS, f"--use-file-for-fake-audio-capture={song}"]) as browser:
+            browser_microphone(browser, folder)
         for judge in (first_minute, replay, meshes):
             with Chromium() as browser:
                 judge(browser, folder)

@@ -29,6 +29,8 @@ fn page() -> Page {
         joints: robot.joint_limits(),
         styles: vec!["hype".into(), "salsa".into()],
         control_hz: robot.control_hz,
+        takes_songs: true,
+        speaker: false,
         waits: false,
         recording_s: None,
     };

@@ -29,6 +29,7 @@
 //! ```
 
 mod body;
+mod held_back;
 mod joint;
 mod motion;
 mod music;
@@ -36,6 +37,7 @@ mod named;
 mod rigid_link;
 
 pub use body::{BodyJoint, JOINT_COUNT};
+pub use held_back::HeldBack;
 pub use joint::{ImuState, JointLimits, JointState};
 pub use motion::{Contacts, MotionFrame, Point3, Posture};
 pub use music::{Beat, BeatLock, MUSIC_DIM, MusicFrame, SPECTRAL_DIM};

@@ -6,6 +6,7 @@
 //! concern one joint, the supply concerns all.
 
 use crate::bus::Health;
+use servodance_types::HeldBack;
 
 use super::config::SafetyConfig;
 
@@ -149,6 +150,17 @@ impl Derate {
     pub fn is_derated(&self) -> bool {
         self.share < 1.0
     }
+
+    /// Why its motion is smaller now; `supply` is the severity of the worst of all supplies.
+    pub fn held_back(&self, supply: f64) -> HeldBack {
+        let (heat, load) = (self.heat().level, self.load().level);
+        match self.is_derated() {
+            false => HeldBack::Nothing,
+            true if supply > heat.max(load) => HeldBack::Supply,
+            true if load > heat => HeldBack::Torque,
+            true => HeldBack::Heat,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -195,6 +207,24 @@ mod tests {
         let unknown = Health::default();
         joint.set_health(unknown);
         assert_eq!(joint.own().level, 0.0);
+    }
+
+    #[test]
+    fn a_joint_that_moves_less_says_why() {
+        let held = |celsius: f64, supply: f64, current_a: f64| {
+            let mut joint = joint();
+            joint.set_health(at(celsius, 12.0));
+            (0..1000).for_each(|_| joint.add_current(current_a, 0.01));
+            let level = joint.own().level.max(supply);
+            for _ in 0..100 {
+                joint.shrink(1.0, level, 0.01);
+            }
+            joint.held_back(supply)
+        };
+        assert_eq!(held(50.0, 0.0, 0.1), HeldBack::Nothing);
+        assert_eq!(held(73.0, 0.0, 0.1), HeldBack::Heat);
+        assert_eq!(held(50.0, 0.0, 3.1), HeldBack::Torque);
+        assert_eq!(held(66.0, 0.9, 0.1), HeldBack::Supply);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What the safety layer keeps of one joint, and of an adapter that was pulled out.
 
-use servodance_types::JointLimits;
+use servodance_types::{HeldBack, JointLimits};
 
 use super::config::SafetyConfig;
 use super::derating::Derate;
@@ -15,6 +15,8 @@ pub(super) struct SafeJoint {
     pub ramp_began_s: Option<f64>,
     pub away_since_s: Option<f64>,
     pub derate: Derate,
+    /// What changed its last command.
+    pub held: HeldBack,
     pub lost: Option<LostServo>,
     pub stillness: Stillness,
     limits: JointLimits,
@@ -32,6 +34,7 @@ impl SafeJoint {
             ramp_began_s: None,
             away_since_s: None,
             derate: Derate::new(*config),
+            held: HeldBack::Nothing,
             lost: None,
             stillness: Stillness::default(),
             limits,

@@ -7,7 +7,7 @@
 //! overshoot, and never at a speed from which it could not brake before a
 //! position limit. Targets must be finite: [`crate::SafeBus`] refuses others.
 
-use servodance_types::JointLimits;
+use servodance_types::{HeldBack, JointLimits};
 
 #[allow(missing_docs)] // each field says its name
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +16,17 @@ pub struct Limited {
     pub position: bool,
     pub velocity: bool,
     pub acceleration: bool,
+}
+
+impl Limited {
+    /// What changed the target, if anything did.
+    pub fn held_back(&self) -> HeldBack {
+        match (self.position, self.velocity || self.acceleration) {
+            (_, true) => HeldBack::Speed,
+            (true, false) => HeldBack::Limit,
+            (false, false) => HeldBack::Nothing,
+        }
+    }
 }
 
 /// Keeps the commands of one joint inside its limits.
@@ -157,12 +168,15 @@ mod tests {
         // Accelerate 0.1 s, brake 0.1 s, in between 0.6 rad at 4 rad/s: 0.35 s.
         assert!((steps[36].position_rad - 1.0).abs() < 1e-6, "{:?}", steps[36]);
         assert!(steps[0].acceleration);
+        assert_eq!(steps[0].held_back(), HeldBack::Speed);
+        assert_eq!(steps[90].held_back(), HeldBack::Nothing);
     }
 
     #[test]
     fn a_target_beyond_a_limit_ends_on_the_limit() {
         let steps = check(std::iter::repeat_n(9.0, 200));
         assert!(steps[199].position && (steps[199].position_rad - 1.5).abs() < 1e-9);
+        assert_eq!(steps[199].held_back(), HeldBack::Limit);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use std::sync::mpsc::Sender;
 
-use servodance_types::{ImuState, JointState};
+use servodance_types::{HeldBack, ImuState, JointState};
 
 use super::config::{SafetyConfig, ServoLost};
 use super::error::SafetyError;
@@ -270,6 +270,7 @@ impl<B: Bus> SafeBus<B> {
             };
             let limited = joint.limiter.step(target);
             *sent = limited.position_rad;
+            joint.held = joint.derate.held_back(supply).max(limited.held_back());
             if weight == Some(1.0) {
                 self.interventions.position += u64::from(limited.position);
                 self.interventions.velocity += u64::from(limited.velocity);
@@ -417,6 +418,11 @@ impl<B: Bus> SafeBus<B> {
     /// The health of each servo as last read.
     pub fn health(&self) -> impl Iterator<Item = Health> + '_ {
         self.joints.iter().map(|joint| joint.derate.health())
+    }
+
+    /// What changed each servo's last command, if anything did.
+    pub fn held_back(&self) -> impl Iterator<Item = HeldBack> + '_ {
+        self.joints.iter().map(|joint| joint.held)
     }
 
     /// The present state; see the diagram of this module.

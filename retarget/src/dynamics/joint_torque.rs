@@ -17,6 +17,7 @@
 use crate::config::{EVERY_LIMB, Limb, TorqueConfig};
 use crate::kinematics::{JointMotion, RobotModel};
 use k::nalgebra::{Isometry3, Point3, Vector3};
+use servodance_types::HeldBack;
 
 pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Share of the torque limit from which the amplitude is lowered, and the time
@@ -28,6 +29,8 @@ const RECOVER_S: f64 = 3.0;
 const WARM: f64 = 0.7;
 /// The amplitude is never lowered further.
 const LEAST: f64 = 0.2;
+/// A share above this is all of the movement to those who watch.
+const FELT: f64 = 0.98;
 
 /// Torque and heat of a run, for the report.
 #[derive(Clone, Debug, PartialEq)]
@@ -128,11 +131,24 @@ impl TorqueEstimator {
 
     /// Share of the movement that torque and heat leave a limb.
     pub fn amplitude(&self, limb: Limb) -> f64 {
+        self.ease[limb as usize].min(self.cool(limb))
+    }
+
+    /// Which of the two leaves it less than all of its movement.
+    pub fn held_back(&self, limb: Limb) -> HeldBack {
+        match (self.ease[limb as usize], self.cool(limb)) {
+            (ease, cool) if ease.min(cool) > FELT => HeldBack::Nothing,
+            (ease, cool) if ease < cool => HeldBack::Torque,
+            _ => HeldBack::Heat,
+        }
+    }
+
+    fn cool(&self, limb: Limb) -> f64 {
         let limb = limb as usize;
         let heat = self.heat.iter().zip(&self.limbs).filter(|(_, own)| **own == limb);
         let hottest = heat.map(|(heat, _)| *heat).fold(0.0, f64::max);
         let cool = 1.0 - ((hottest - WARM) / (1.0 - WARM)).clamp(0.0, 1.0);
-        self.ease[limb].min(LEAST + (1.0 - LEAST) * cool)
+        LEAST + (1.0 - LEAST) * cool
     }
 
     /// Takes in one cycle: the poses of the links in the world.

@@ -79,6 +79,11 @@ impl CollisionLimit {
         true
     }
 
+    /// The step of a joint that was wanted in the last cycle.
+    pub fn asked_step(&self, joint: usize) -> f64 {
+        self.step[joint]
+    }
+
     pub fn work(&self) -> u64 {
         self.solver.work
     }

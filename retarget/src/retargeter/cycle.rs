@@ -94,11 +94,7 @@ impl Retargeter {
     /// Share of a limb's movement that is shown: less when its motors are strained,
     /// or when the feet could not carry it.
     fn shown(&self, limb: Limb) -> f64 {
-        let carried = self.stance.as_ref().map_or(1.0, |stance| match limb {
-            Limb::LeftArm | Limb::RightArm | Limb::Head => stance.governor.upper,
-            Limb::LeftLeg | Limb::RightLeg | Limb::Torso => stance.governor.pelvis,
-        });
-        self.strained(limb) * carried
+        self.strained(limb) * self.carried(limb)
     }
 
     fn strained(&self, limb: Limb) -> f64 {
@@ -254,7 +250,9 @@ impl Retargeter {
     fn track_targets(&mut self) {
         let mut limited = false;
         let limbs = EVERY_LIMB.map(|limb| self.shown(limb));
-        for (joint, tracker) in self.trackers.iter_mut().enumerate() {
+        for joint in 0..self.trackers.len() {
+            self.held[joint] = self.held_by_the_body(joint);
+            let tracker = &mut self.trackers[joint];
             let (bounds, wanted) = (&mut self.bounds[joint], &mut self.wanted[joint]);
             if let (Some(stance), true) = (&self.stance, self.stands_on[joint]) {
                 // Decided together with the feet; not for the collision limit to change.
@@ -277,7 +275,9 @@ impl Retargeter {
             let aimed = tracker.plan(rest + scale * (solved - rest));
             *bounds = tracker.reachable();
             *wanted = aimed.clamp(bounds.0, bounds.1);
-            limited |= (*wanted - aimed).abs() > 1e-9;
+            let allowed = *wanted;
+            limited |= (allowed - aimed).abs() > 1e-9;
+            self.held_on_its_way(joint, aimed, allowed);
         }
         let guarded = self.collision_limit.apply(
             &self.model,
@@ -288,6 +288,9 @@ impl Retargeter {
             &mut self.wanted,
         );
         self.counts.guarded_cycles += u64::from(guarded);
+        if guarded {
+            self.held_apart();
+        }
         for (joint, tracker) in self.trackers.iter_mut().enumerate() {
             tracker.advance(self.wanted[joint]);
             self.output[joint] = tracker.position();

@@ -4,11 +4,14 @@
 pub(crate) mod counts;
 mod cycle;
 mod four_feet_rest;
+mod held_back;
 mod joint_setup;
 mod rest_pose;
 
 use k::nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame, Placement, Posture, RigidLink};
+use servodance_types::{
+    FRAME_RATE_HZ, HeldBack, JointLimits, MotionFrame, Placement, Posture, RigidLink,
+};
 
 use crate::config::{BodyKind, Gains, Limb, RetargetConfig, RetargetError, Stance};
 use crate::contact::{FourFeet, PlantedStance};
@@ -61,6 +64,7 @@ pub struct Retargeter {
     collision_limit: CollisionLimit,
     wanted: Vec<f64>,
     output: Vec<f64>,
+    held: Vec<HeldBack>,
     poses: Vec<Isometry3<f64>>,
     upright: Isometry3<f64>,
     sole_m: [f64; 2],
@@ -160,6 +164,7 @@ impl Retargeter {
             collision_limit: CollisionLimit::new(limits.len(), dt_s),
             wanted: vec![0.0; limits.len()],
             output: vec![0.0; limits.len()],
+            held: vec![HeldBack::Nothing; limits.len()],
             poses: vec![Isometry3::identity(); model.links.len()],
             upright,
             sole_m: config.sole_m,

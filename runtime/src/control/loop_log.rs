@@ -1,6 +1,7 @@
 //! What a run of the control loop leaves behind: recording, traces, durations.
 
 use super::latency::LatencyLog;
+use super::motion_log::MotionLog;
 use super::motion_plan::MotionPlan;
 use super::recorder_feed::{CycleDecision, RecorderFeed};
 use super::robot_buses::RobotBuses;
@@ -22,6 +23,7 @@ pub struct LoopLog {
     pub latency: LatencyLog,
     pub lateness: DurationLog,
     pub servo_truth: Option<ServoTruthLog>,
+    pub motion: Option<MotionLog>,
     control_hz: f64,
     /// Whether only the newest minutes of the trace are kept.
     is_endless: bool,
@@ -45,6 +47,7 @@ impl LoopLog {
             latency: LatencyLog::default(),
             lateness: DurationLog::default(),
             servo_truth: None,
+            motion: None,
             control_hz: robot.control_hz,
             is_endless,
         }
@@ -94,6 +97,14 @@ impl LoopLog {
         self.trace.roots.push(servos.root_pose(&plan.retargeter));
         if self.is_endless {
             self.trace.keep_newest(LIVE_TRACE_S);
+        }
+    }
+
+    /// Notes the motion of a cycle and where servos are, if that is logged.
+    pub fn motion(&self, plan: &MotionPlan, servos: &RobotBuses) {
+        if let Some(log) = &self.motion {
+            let truth = servos.truth().unwrap_or(servos.states());
+            log.push(plan.motion_s, &plan.targets_rad, truth);
         }
     }
 

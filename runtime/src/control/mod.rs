@@ -19,6 +19,7 @@ pub(crate) mod loop_clock;
 pub(crate) mod loop_log;
 pub(crate) mod minimum_jerk;
 pub(crate) mod motion_input;
+pub mod motion_log;
 pub(crate) mod motion_plan;
 pub(crate) mod recorder_feed;
 pub mod robot_buses;

@@ -9,13 +9,17 @@ use crate::pipeline::dance_step::DanceStep;
 use crate::pipeline::step_times::PipelineStep;
 use crate::telemetry::recorder::{Recorder, RecordingTopic, SafetyNotice};
 use crate::viewer::snapshot::{BANDS, state_name};
+use servodance_audio::playback::Sound;
 use servodance_drivers::State;
 use servodance_retarget::Retargeter;
+use servodance_types::FRAME_RATE_HZ;
 
 #[derive(Default)]
 pub struct RecorderFeed {
     recorder: Option<Recorder>,
     temperatures_c: Vec<Option<f64>>,
+    /// The song, where it is recorded too.
+    song: Option<Sound>,
     /// Transitions of the safety layer that are recorded.
     events: usize,
 }
@@ -38,6 +42,11 @@ impl RecorderFeed {
         Self { recorder, ..Self::default() }
     }
 
+    /// Records the song too.
+    pub fn record_song(&mut self, song: Sound) {
+        self.song = Some(song);
+    }
+
     pub fn frame(&mut self, at_s: f64, step: &DanceStep) {
         let Some(recorder) = &mut self.recorder else {
             return;
@@ -47,6 +56,11 @@ impl RecorderFeed {
         recorder.number(RecordingTopic::BeatPhase, at_s, phase);
         let bands = servodance_audio::bands::<BANDS>(&step.music.spectral);
         recorder.spectrum(at_s, &bands);
+        if let Some(song) = &self.song {
+            let length_s = 1.0 / FRAME_RATE_HZ;
+            let from_s = step.music.time_s - length_s;
+            recorder.audio(at_s - length_s, song.piece(from_s, length_s), song.rate_hz);
+        }
         recorder.number(RecordingTopic::Stage(PipelineStep::Features), at_s, step.features_ms);
         recorder.number(RecordingTopic::Stage(PipelineStep::Model), at_s, step.model_ms);
     }

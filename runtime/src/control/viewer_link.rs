@@ -6,11 +6,12 @@
 
 use super::robot_buses::RobotBuses;
 use crate::pipeline::load_shedding::{LeftOut, LoadShedding};
-use crate::viewer::snapshot::{Activity, BANDS, MusicStatus, RobotStatus, ViewerEvent, state_name};
+use crate::viewer::music_track::MusicTrack;
+use crate::viewer::snapshot::{Activity, RobotStatus, ViewerEvent, state_name};
 use crate::viewer::{RobotEnd, ViewerSettings};
 use servodance_drivers::Transition;
 use servodance_retarget::{BodyPoints, Retargeter};
-use servodance_types::MusicFrame;
+use servodance_types::{HeldBack, MusicFrame};
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -22,8 +23,6 @@ const FEW: u64 = 6;
 const AMPLITUDE_PER_S: f64 = 1.5;
 /// Below this the movement may be mirrored unseen.
 const STILL: f64 = 0.01;
-/// Music frames that are kept: a recording is analysed ahead.
-const MUSIC_FRAMES: usize = 128;
 /// The lateness shown is the worst of this long, seconds.
 const LATE_S: f64 = 1.0;
 
@@ -35,7 +34,7 @@ pub struct ViewerLink<'a> {
     cycles: u64,
     /// Human poses that are taken in ahead of the robot, oldest first.
     poses: VecDeque<Option<BodyPoints>>,
-    music: VecDeque<(f64, MusicStatus)>,
+    music: MusicTrack,
     /// Transitions of the safety layer that viewers have got.
     events_sent: usize,
     amplitude: f64,
@@ -47,6 +46,8 @@ pub struct ViewerLink<'a> {
     /// Worst lateness since then, and of the second before.
     late_ms: f64,
     shown_late_ms: f64,
+    /// What held each joint back since the last snapshot.
+    held: Vec<HeldBack>,
 }
 
 /// What only the control loop knows of a cycle.
@@ -73,7 +74,7 @@ impl<'a> ViewerLink<'a> {
             every: (1.0 / (SNAPSHOTS_HZ * period_s)).round().max(1.0) as u64,
             cycles: 0,
             poses: VecDeque::from(vec![None; ahead]),
-            music: VecDeque::with_capacity(MUSIC_FRAMES),
+            music: MusicTrack::default(),
             events_sent: 0,
             amplitude,
             mirror,
@@ -82,28 +83,14 @@ impl<'a> ViewerLink<'a> {
             rate_hz: 0.0,
             late_ms: 0.0,
             shown_late_ms: 0.0,
+            held: vec![HeldBack::Nothing; retargeter.rest().len()],
             end,
         }
     }
 
     /// Takes in a music frame; its time may be yet to come.
     pub fn push_music(&mut self, music: &MusicFrame) {
-        if self.music.len() == MUSIC_FRAMES {
-            self.music.pop_front();
-        }
-        let beat = music.beat;
-        let now = MusicStatus {
-            phase: f64::from(beat.phase),
-            tempo_bpm: f64::from(beat.tempo_bpm),
-            confidence: f64::from(beat.confidence),
-            lock: beat.lock,
-            presence: f64::from(music.presence),
-            place: beat.beat_in_bar.map(|place| place + 1),
-            meter: beat.beats_in_bar,
-            bar_confidence: f64::from(beat.bar_confidence),
-            bands: servodance_audio::bands::<BANDS>(&music.spectral),
-        };
-        self.music.push_back((music.time_s, now));
+        self.music.push(music);
     }
 
     /// Takes in the human pose that the robot will show one preview later.
@@ -138,6 +125,7 @@ impl<'a> ViewerLink<'a> {
     /// Publishes this cycle, if it is time for a snapshot.
     pub fn publish(&mut self, servos: &RobotBuses, retargeter: &Retargeter, cycle: CycleView) {
         self.cycles += 1;
+        self.note_held(servos, retargeter, cycle.activity);
         let few = self.shedding.now() >= LeftOut::Viewers;
         let every = self.every * if few { FEW } else { 1 };
         if !self.cycles.is_multiple_of(every) {
@@ -152,7 +140,7 @@ impl<'a> ViewerLink<'a> {
             music_s: cycle.music_s,
             root: servos.root_pose(retargeter),
             human: self.poses.front().copied().flatten().map(single),
-            music: self.music_at(cycle.music_s),
+            music: self.music.at(cycle.music_s),
             idle_share: cycle.idle_share,
             settings: self.end.settings,
             amplitude: self.amplitude,
@@ -170,6 +158,9 @@ impl<'a> ViewerLink<'a> {
         self.events_sent += new_events.len();
         self.end.publish(|snapshot| {
             snapshot.now = moment;
+            for (joint, held) in snapshot.joints.iter_mut().zip(&mut self.held) {
+                joint.held = std::mem::take(held);
+            }
             let seen = states.iter().zip(servos.safety().sent_rad()).zip(servos.safety().health());
             for (joint, ((state, sent), health)) in snapshot.joints.iter_mut().zip(seen) {
                 joint.target_rad = *sent;
@@ -184,6 +175,17 @@ impl<'a> ViewerLink<'a> {
         });
     }
 
+    /// Takes in what held joints back in this cycle: the plan, then the safety layer.
+    fn note_held(&mut self, servos: &RobotBuses, retargeter: &Retargeter, activity: Activity) {
+        let planned = match activity {
+            Activity::Prelude | Activity::Dancing => retargeter.held_back(),
+            _ => &[],
+        };
+        let changed = servos.safety().held_back();
+        self.held.iter_mut().zip(changed).for_each(|(held, now)| *held = (*held).max(now));
+        self.held.iter_mut().zip(planned).for_each(|(held, now)| *held = (*held).max(*now));
+    }
+
     /// Cycles a second and lateness, by the clock on the wall.
     fn measure_rate(&mut self) {
         let (since, cycles) = self.rated;
@@ -192,28 +194,6 @@ impl<'a> ViewerLink<'a> {
             self.rate_hz = (self.cycles - cycles) as f64 / elapsed_s;
             self.shown_late_ms = std::mem::take(&mut self.late_ms);
             self.rated = (Instant::now(), self.cycles);
-        }
-    }
-
-    /// The music at a time: the last frame before it, its beat carried on.
-    fn music_at(&mut self, time_s: f64) -> MusicStatus {
-        while self.music.get(1).is_some_and(|next| next.0 <= time_s) {
-            self.music.pop_front();
-        }
-        match self.music.front() {
-            Some((at_s, music)) if *at_s <= time_s => {
-                let beats = (time_s - at_s) * music.tempo_bpm / 60.0;
-                let whole = (music.phase + beats).floor() as i64;
-                let later = |place: u8, meter: u8| {
-                    ((i64::from(place) - 1 + whole).rem_euclid(i64::from(meter)) + 1) as u8
-                };
-                MusicStatus {
-                    phase: (music.phase + beats).rem_euclid(1.0),
-                    place: music.place.zip(music.meter).map(|(place, meter)| later(place, meter)),
-                    ..*music
-                }
-            }
-            _ => MusicStatus::default(),
         }
     }
 }

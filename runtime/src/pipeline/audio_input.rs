@@ -5,10 +5,12 @@
 //! notice, and the robot idles while it lasts.
 
 use super::microphone::microphone;
+use super::page_sound::PageSound;
 use crate::process::failpoint::{self, FailpointReader};
 use crate::process::speed::Speed;
 use servodance_audio::AudioSource;
 use servodance_audio::capture::{CaptureEvent, CaptureStats};
+use servodance_audio::playback::Sound;
 use servodance_audio::song::Song;
 use servodance_audio::source::PcmFormat;
 use std::path::PathBuf;
@@ -28,15 +30,24 @@ pub enum AudioChoice {
     Stdin(PcmFormat),
     /// An input of the system by id or name; the default one if `None`.
     Microphone(Option<String>),
+    /// The song of a recording of a dance.
+    Recorded(Sound),
+    /// What a page hears by the microphone of its browser.
+    Page(PageSound),
 }
 
 impl AudioChoice {
+    /// Whether all of it is there from the beginning.
+    pub fn is_recording(&self) -> bool {
+        matches!(self, AudioChoice::BuiltIn | AudioChoice::File(_) | AudioChoice::Recorded(_))
+    }
+
     /// Whether sound comes in as it happens, without a look ahead.
     pub fn is_live(&self, speed: Speed) -> bool {
         match self {
-            AudioChoice::BuiltIn | AudioChoice::File(_) => false,
+            AudioChoice::BuiltIn | AudioChoice::File(_) | AudioChoice::Recorded(_) => false,
             AudioChoice::Stdin(_) => speed == Speed::Realtime,
-            AudioChoice::Microphone(_) => true,
+            AudioChoice::Microphone(_) | AudioChoice::Page(_) => true,
         }
     }
 }
@@ -44,6 +55,7 @@ impl AudioChoice {
 pub(crate) enum AudioInput {
     Source(Box<AudioSource>),
     BuiltIn { song: Box<Song>, read: usize },
+    Recorded { sound: Sound, read: usize },
 }
 
 impl AudioInput {
@@ -55,12 +67,18 @@ impl AudioInput {
         };
         let source = match choice {
             AudioChoice::BuiltIn => return Ok(Self::song(Song::demo())),
+            AudioChoice::Recorded(sound) => {
+                return Ok(Self::Recorded { sound: sound.clone(), read: 0 });
+            }
             AudioChoice::File(path) => AudioSource::open(path)?,
             AudioChoice::Stdin(format) => {
                 let (reader, place) = (std::io::stdin(), "pipe");
                 open_pipe("standard input", FailpointReader { reader, place }, *format)?
             }
             AudioChoice::Microphone(name) => microphone(name.as_deref())?,
+            AudioChoice::Page(sound) => {
+                AudioSource::live_reader("the page's microphone", sound.reader(), sound.format())?
+            }
         };
         Ok(Self::Source(Box::new(source)))
     }
@@ -72,7 +90,7 @@ impl AudioInput {
     fn source(&self) -> Option<&AudioSource> {
         match self {
             Self::Source(source) => Some(source),
-            Self::BuiltIn { .. } => None,
+            Self::BuiltIn { .. } | Self::Recorded { .. } => None,
         }
     }
 
@@ -89,7 +107,7 @@ impl AudioInput {
     pub fn next_notice(&mut self) -> Option<CaptureEvent> {
         match self {
             Self::Source(source) => source.next_event(),
-            Self::BuiltIn { .. } => None,
+            Self::BuiltIn { .. } | Self::Recorded { .. } => None,
         }
     }
 
@@ -102,6 +120,7 @@ impl AudioInput {
         match self {
             Self::Source(source) => source.sample_rate_hz(),
             Self::BuiltIn { song, .. } => song.sample_rate_hz,
+            Self::Recorded { sound, .. } => sound.rate_hz,
         }
     }
 
@@ -110,6 +129,9 @@ impl AudioInput {
         match self {
             Self::Source(source) => source.duration_s(),
             Self::BuiltIn { song, .. } => Some(song.duration_s()),
+            Self::Recorded { sound, .. } => {
+                Some(sound.samples.len() as f64 / f64::from(sound.rate_hz))
+            }
         }
     }
 
@@ -122,6 +144,14 @@ impl AudioInput {
                 let end = song.samples.len().min(*read + BLOCK);
                 block.clear();
                 block.extend_from_slice(&song.samples[*read..end]);
+                *read = end;
+                Ok(!block.is_empty())
+            }
+            Self::Recorded { sound, read } => {
+                let end = sound.samples.len().min(*read + BLOCK);
+                let level = |sample: &i16| f32::from(*sample) / f32::from(i16::MAX);
+                block.clear();
+                block.extend(sound.samples[*read..end].iter().map(level));
                 *read = end;
                 Ok(!block.is_empty())
             }

@@ -17,5 +17,9 @@ pub(crate) mod load_shedding;
 pub mod microphone;
 pub mod model_args;
 pub(crate) mod motion_source;
+#[cfg_attr(not(feature = "view"), allow(dead_code))] // only a page has one
+pub(crate) mod page_sound;
+pub mod song_sound;
+pub mod speaker;
 pub(crate) mod stage_source;
 pub mod step_times;

@@ -2,9 +2,11 @@
 
 use crate::control::bus_choice::BusChoice;
 use crate::control::idle::IdleStyle;
+use crate::control::motion_log::MotionLog;
 use crate::control::timing::{LoopOptions, MotionArrival};
 use crate::pipeline::audio_input::AudioChoice;
 use crate::pipeline::model_args::GeneratorArgs;
+use crate::pipeline::speaker::SpeakerConfig;
 use crate::process::speed::Speed;
 use crate::robot::Robot;
 use crate::world::WorldChoice;
@@ -44,6 +46,10 @@ pub struct DanceConfig {
     /// Whether each dance waits for a viewer's `start`.
     pub wait_for_start: bool,
     pub estop_file: Option<PathBuf>,
+    /// The loudspeaker that plays the song, if one shall.
+    pub speaker: Option<SpeakerConfig>,
+    /// Where each control cycle is noted, for measurements.
+    pub motion_log: Option<MotionLog>,
     /// Whether only errors are printed.
     pub quiet: bool,
 }

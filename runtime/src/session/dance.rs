@@ -16,9 +16,12 @@ use crate::pipeline::dancer_thread::DancerThread;
 use crate::pipeline::load_shedding::{LeftOut, LoadShedding, OverloadWatch};
 use crate::pipeline::model_args::EngineArgs;
 use crate::pipeline::motion_source::MotionSource;
+use crate::pipeline::song_sound::song_sound;
+use crate::pipeline::speaker::PlayedSong;
 use crate::process::progress::Progress;
 use crate::process::realtime::{NotAllowed, OrdinaryAfterwards, ThreadRole, raise};
 use crate::process::speed::Speed;
+use crate::robot::Robot;
 use crate::telemetry::JointSpans;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
@@ -26,6 +29,7 @@ use crate::telemetry::report::{DanceReport, SafetyEvent};
 use crate::viewer::RobotEnd;
 use anyhow::Context;
 use servodance_audio::capture::CaptureEvent;
+use servodance_audio::playback::Sound;
 use servodance_drivers::{EStop, State};
 use servodance_model::Generator;
 use std::path::Path;
@@ -79,6 +83,11 @@ pub(super) fn perform(
     // Each thread inherits the priority that it is started under.
     let afterwards = OrdinaryAfterwards;
     let Prepared { mut source, recorder, progress, shedding } = prepare(config, generator)?;
+    let played = match &config.speaker {
+        Some(_) if !config.audio.is_recording() => None, // it is heard already
+        Some(speaker) => Some(PlayedSong::open(speaker, &config.audio)?),
+        None => None,
+    };
     let _ = raise_in(config.speed, ThreadRole::Control);
     let started = Instant::now();
     let plan = SimulationPlan { world: config.world, ..SimulationPlan::default() };
@@ -108,12 +117,22 @@ pub(super) fn perform(
         stop,
     )?;
     control.shed_viewers(&shedding);
+    if let Some(song) = recorded_song(config, &progress) {
+        control.log.recorder.record_song(song);
+    }
+    control.log.motion.clone_from(&config.motion_log);
+    if let Some(played) = &played {
+        control.play(played.start.clone());
+    }
     let ending = control.run(&mut source, |time_s| {
         progress.at(time_s);
         note_safety_events(&mut events, &progress);
     });
     let mut run = control.into_record();
     let disarmed = servos.disarm(disarm_cause(&ending, "the music is over"));
+    if played.is_some_and(|played| played.is_gone()) {
+        progress.note("the loudspeaker went away: the rest was danced in silence");
+    }
     if let Some(viewers) = viewers {
         publish_end(viewers, &servos);
     }
@@ -160,6 +179,17 @@ pub(super) fn perform(
     Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
 }
 
+/// The song for the recording, if there is one; a song that is too long is left out.
+fn recorded_song(config: &DanceConfig, progress: &Progress) -> Option<Sound> {
+    config.record.as_ref()?;
+    if !config.audio.is_recording() {
+        return None;
+    }
+    let song = song_sound(&config.audio);
+    let left_out = |error| progress.note(&format!("the recording is without sound: {error:#}"));
+    song.map_err(left_out).ok()
+}
+
 /// Less amplitude, or less music, need not move a robot.
 const LEAST_AMPLITUDE: f64 = 0.2;
 const LEAST_MUSIC_S: f64 = 5.0;
@@ -185,7 +215,8 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
         drop(file.transpose()?); // only to learn early whether it can be written
     }
     let progress = Progress::new(audio_s, config.quiet);
-    let recorder = open_recorder(config, &progress)?;
+    let record = config.record.as_deref();
+    let recorder = open_recorder(record, &config.robot, config.speed, &progress)?;
     if let Err(not_allowed) = allowed {
         progress.note(&not_allowed.to_string());
     }
@@ -217,19 +248,24 @@ fn raise_in(speed: Speed, role: ThreadRole) -> Result<(), NotAllowed> {
 }
 
 /// The recording, if one is asked for, begun with the robot's description.
-fn open_recorder(config: &DanceConfig, progress: &Progress) -> anyhow::Result<Option<Recorder>> {
-    let Some(path) = &config.record else {
+pub(crate) fn open_recorder(
+    record: Option<&Path>,
+    robot: &Robot,
+    speed: Speed,
+    progress: &Progress,
+) -> anyhow::Result<Option<Recorder>> {
+    let Some(path) = record else {
         return Ok(None);
     };
-    let joint_names = config.robot.servos.iter().map(|s| s.name.clone()).collect();
-    let when_behind = match config.speed {
+    let joint_names = robot.servos.iter().map(|s| s.name.clone()).collect();
+    let when_behind = match speed {
         Speed::Max => WhenBehind::Wait,
         Speed::Realtime => WhenBehind::LeaveOut,
     };
     let notes = progress.clone();
     let on_error = Box::new(move |text: &str| notes.note(text));
     let mut recorder = Recorder::create(path, joint_names, when_behind, on_error)?;
-    recorder.text(RecordingTopic::RobotDescription, 0.0, &config.robot.urdf_xml);
+    recorder.text(RecordingTopic::RobotDescription, 0.0, &robot.urdf_xml);
     Ok(Some(recorder))
 }
 

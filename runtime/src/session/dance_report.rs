@@ -8,6 +8,7 @@ use crate::control::control_loop::LoopRecord;
 use crate::control::robot_buses::RobotBuses;
 use crate::pipeline::dance_step::MusicSummary;
 use crate::pipeline::step_times::PipelineStep;
+use crate::robot::Robot;
 use crate::telemetry::recorder::Recorder;
 use crate::telemetry::report::{
     AlignmentReport, BeatReport, CaptureReport, CompensationReport, DanceReport, KinematicBeats,
@@ -128,7 +129,22 @@ pub fn finish_recording(
     for time_s in &report.beats.times_s {
         recorder.beat(time_s + music_start_s, report.beats.tempo_bpm);
     }
-    let servos = config.robot.servos.iter();
+    let mut facts = recording_facts(&config.robot, music_start_s)?;
+    facts.extend([
+        ("audio_s".to_owned(), report.audio_s.to_string()),
+        ("model".to_owned(), report.model.clone()),
+        ("seed".to_owned(), report.seed.to_string()),
+    ]);
+    recorder.metadata(facts);
+    recorder.finish()
+}
+
+/// What a reader of a recording needs to know of the robot and of the music's beginning.
+pub fn recording_facts(
+    robot: &Robot,
+    music_start_s: f64,
+) -> anyhow::Result<BTreeMap<String, String>> {
+    let servos = robot.servos.iter();
     let limits: Vec<serde_json::Value> = servos
         .map(|servo| {
             serde_json::json!({
@@ -141,14 +157,10 @@ pub fn finish_recording(
             })
         })
         .collect();
-    recorder.metadata(BTreeMap::from([
+    Ok(BTreeMap::from([
         ("music_start_s".to_owned(), music_start_s.to_string()),
-        ("audio_s".to_owned(), report.audio_s.to_string()),
-        ("control_hz".to_owned(), config.robot.control_hz.to_string()),
-        ("robot".to_owned(), report.robot.clone()),
-        ("model".to_owned(), report.model.clone()),
-        ("seed".to_owned(), report.seed.to_string()),
+        ("control_hz".to_owned(), robot.control_hz.to_string()),
+        ("robot".to_owned(), robot.name.clone()),
         ("joints".to_owned(), serde_json::to_string(&limits)?),
-    ]));
-    recorder.finish()
+    ]))
 }

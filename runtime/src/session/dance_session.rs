@@ -6,6 +6,7 @@
 
 use super::config::DanceConfig;
 use super::dance::{Outcome, open_generator, perform, watch_emergency_stop};
+use crate::pipeline::audio_input::AudioChoice;
 use crate::viewer::{
     Activity, RobotEnd, Scene, Songs, ViewerEnd, ViewerRequest, ViewerSettings, snapshot,
 };
@@ -23,6 +24,8 @@ pub struct Session {
     generator: Generator,
     end: RobotEnd,
     songs: Songs,
+    /// What it began with: danced again when the microphone of a page is closed.
+    first: AudioChoice,
     /// Place of the style in the configuration.
     style: usize,
 }
@@ -42,7 +45,8 @@ impl Session {
         };
         let mut end = RobotEnd::new(config.robot.servos.len(), settings);
         end.dead_man_s = config.dead_man_s;
-        Ok(Self { end, songs: Songs::new(&config.audio), config, generator, style })
+        let (songs, first) = (Songs::new(&config.audio), config.audio.clone());
+        Ok(Self { end, songs, first, config, generator, style })
     }
 
     /// The end of the link for one more viewer.
@@ -59,7 +63,8 @@ impl Session {
     pub fn scene(&self) -> anyhow::Result<Scene> {
         let styles = self.generator.styles().to_vec();
         let scene = Scene::of_robot(&self.config.robot, styles, self.config.view.is_some())?;
-        Ok(Scene { waits: self.config.wait_for_start, ..scene })
+        let speaker = self.config.speaker.is_some();
+        Ok(Scene { waits: self.config.wait_for_start, speaker, ..scene })
     }
 
     /// Dances, and then to each song that viewers have added; `each` gets the outcome of every
@@ -104,7 +109,12 @@ impl Session {
     fn take_song(&mut self) -> bool {
         let next = self.songs.next();
         let is_there = next.is_some();
-        self.config.audio = next.unwrap_or_else(|| self.config.audio.clone());
+        let is_over = matches!(&self.config.audio, AudioChoice::Page(sound) if sound.is_over());
+        match next {
+            Some(next) => self.config.audio = next,
+            None if is_over => self.config.audio = self.first.clone(),
+            None => {}
+        }
         is_there
     }
 

@@ -14,6 +14,8 @@ use crate::pipeline::stage_source::StageSource;
 use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
 use crate::process::speed::Speed;
 use crate::robot::Robot;
+use crate::session::dance_report::recording_facts;
+use crate::telemetry::recorder::Recorder;
 use crate::telemetry::report::{SafetyEvent, ViolationReport};
 use crate::viewer::{Activity, RobotEnd};
 use anyhow::Context;
@@ -78,10 +80,11 @@ fn wait_for_leader(source: &mut StageSource, stop: &AtomicBool, estop: &EStop) -
 }
 
 /// Follows until `stop` is set; torque is off until the first leader is heard. `shared_s` reads the clock that all programs of
-/// this machine share; `note` gets lines for the user.
+/// this machine share; `note` gets lines for the user, `recorder` all that happens.
 pub fn follow(
     config: &FollowConfig,
     mut source: StageSource,
+    recorder: Option<Recorder>,
     viewers: &mut RobotEnd,
     stop: &AtomicBool,
     shared_s: impl Fn() -> f64,
@@ -110,7 +113,7 @@ pub fn follow(
     }
     let mut source = MotionSource::Stage(Box::new(source));
     let link = Some(&mut *viewers);
-    let mut control = ControlLoop::new(robot, &mut servos, None, options, link, stop)?;
+    let mut control = ControlLoop::new(robot, &mut servos, recorder, options, link, stop)?;
     control.log.servo_truth = config
         .servo_truth
         .is_some()
@@ -119,15 +122,23 @@ pub fn follow(
         true => control.run(&mut source, |_| ()),
         false => Ok(Ending::Interrupted),
     };
-    let run = control.into_record();
+    let mut run = control.into_record();
     let disarmed = servos.disarm(disarm_cause(&ending, "the stage is over"));
     publish_end(viewers, &servos);
     drop(afterwards);
     if let (Some(log), Some(path)) = (&run.log.servo_truth, &config.servo_truth) {
         log.write(path)?;
     }
+    let stood_s = run.clock.stood_s;
+    run.log.recorder.changes(servos.now_s() - stood_s, stood_s, &servos);
+    let recorder = std::mem::take(&mut run.log.recorder).into_recorder();
+    let recorded = recorder.map_or(Ok(()), |mut recorder| {
+        recorder.metadata(recording_facts(robot, run.clock.music_start_s)?);
+        recorder.finish()
+    });
     ending?;
     disarmed.context("torque off could not be verified: cut the power")?;
+    recorded?;
     let lateness = run.log.lateness.percentiles();
     Ok(LedDanceResult {
         robot: robot.name.clone(),

@@ -50,8 +50,10 @@ pub fn plot(
 fn song_name(config: &DanceConfig) -> String {
     match &config.audio {
         crate::pipeline::audio_input::AudioChoice::BuiltIn => "its built-in song".into(),
+        crate::pipeline::audio_input::AudioChoice::Recorded(_) => "a recorded song".into(),
         crate::pipeline::audio_input::AudioChoice::Stdin(_)
-        | crate::pipeline::audio_input::AudioChoice::Microphone(_) => "live audio".into(),
+        | crate::pipeline::audio_input::AudioChoice::Microphone(_)
+        | crate::pipeline::audio_input::AudioChoice::Page(_) => "live audio".into(),
         crate::pipeline::audio_input::AudioChoice::File(path) => {
             path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
         }

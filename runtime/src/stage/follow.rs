@@ -6,6 +6,7 @@
 //! the follower thread is a viewer: it may ask for amplitude, mirror and idle
 //! behaviour, and gets snapshots; neither waits for the other.
 
+use super::robot_teller::RobotTeller;
 use super::ros::Ros;
 use super::{cpu_s, keys, open_twin, shared_s};
 use crate::control::emergency_stop::EmergencyStopWatch;
@@ -13,6 +14,8 @@ use crate::control::idle::IdleStyle;
 use crate::pipeline::stage_source::{LeaderNow, LocalClock, StageSink, stage_link};
 use crate::process::progress::Progress;
 use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
+use crate::process::speed::Speed;
+use crate::session::dance::open_recorder;
 use crate::session::led_dance::{self, FollowConfig, LedDanceResult};
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::viewer::{Scene, Server, Songs, ViewerEnd, ViewerRequest, ViewerSettings, link};
@@ -59,6 +62,8 @@ pub struct StageFollow {
     pub quiet: bool,
     /// Where a page shows it, if one shall.
     pub view: Option<SocketAddr>,
+    /// Where the dance is recorded, if it shall be.
+    pub record: Option<PathBuf>,
 }
 
 /// The figures of a follower.
@@ -136,9 +141,11 @@ pub fn follow(
     let base_settings = settings;
     apply_role(&mut settings, &role);
     let (mut robot_end, viewers) = link(robot.servos.len(), settings);
+    let plain = Scene::of_robot(robot, Vec::new(), false)?;
     let page = match options.view {
         Some(bind) => {
             let scene = Scene::of_robot(robot, Vec::new(), true)?;
+            let scene = Scene { takes_songs: false, ..scene };
             Some(Server::start(bind, scene, robot_end.add_viewer(), Songs::default())?)
         }
         None => None,
@@ -148,6 +155,8 @@ pub fn follow(
     }
     let _watch = EmergencyStopWatch::start(&robot_end.estop, options.estop_file.clone(), true)?;
     let progress = Progress::new(None, options.quiet);
+    let record = options.record.as_deref();
+    let recorder = open_recorder(record, robot, Speed::Realtime, &progress)?;
     let afterwards = OrdinaryAfterwards;
     // For the network's threads too: they stamp what comes. The control loop
     // says whether it is allowed.
@@ -158,6 +167,7 @@ pub fn follow(
         .ros_domain
         .map(|domain| Ros::start(net.first(), domain, &options.stage, &options.name, joints))
         .transpose()?;
+    let teller = RobotTeller::new(net.first(), &keys, follower.id(), plain)?;
     let (sender, inbox) = sync_channel(WAITING);
     let flooded = Arc::new(AtomicU64::new(0));
     let _subscribers = subscribe(&net, &keys, follower.id(), clock, &sender, &flooded)?;
@@ -169,6 +179,7 @@ pub fn follow(
         viewers,
         inbox,
         ros,
+        teller,
         base_settings,
         settings,
         rest_after: Duration::from_secs_f64(options.rest_after_s),
@@ -185,7 +196,7 @@ pub fn follow(
     let follower = std::thread::Builder::new().name("seat".into()).spawn(move || follower.run())?;
     let note = |text: &str| progress.note(text);
     let (config, end) = (&options.config, &mut robot_end);
-    let followed = led_dance::follow(config, source, end, stop, shared_s, note);
+    let followed = led_dance::follow(config, source, recorder, end, stop, shared_s, note);
     drop(afterwards);
     let wall_s = began.elapsed().as_secs_f64();
     let cpu_cores = (cpu_s() - cpu) / wall_s;
@@ -265,6 +276,7 @@ struct FollowerThread {
     inbox: Receiver<FollowerEvent>,
     ask: RedundantPublisher,
     ros: Option<Ros>,
+    teller: RobotTeller,
     /// Settings without a role.
     base_settings: ViewerSettings,
     /// Settings that the control loop got last.
@@ -334,6 +346,9 @@ impl FollowerThread {
         });
         self.note_changes(now_ns);
         self.apply_settings();
+        if self.teller.is_due() {
+            self.teller.tell(self.viewers.newest())?;
+        }
         if let Some(ros) = self.ros.as_mut().filter(|ros| ros.is_due()) {
             ros.publish(self.viewers.newest())?;
         }

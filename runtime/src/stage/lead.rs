@@ -3,6 +3,7 @@
 //! Two threads: the dancer thread computes motion ahead of time; the leader loop
 //! sends frames when it is their time, answers followers and keeps the roles.
 
+use super::stage_show::StageShow;
 use super::timeline::{Timeline, nanoseconds};
 use super::{keys, open};
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
@@ -12,19 +13,23 @@ use crate::pipeline::dancer_thread::DancerThread;
 use crate::pipeline::model_args::GeneratorArgs;
 use crate::pipeline::stage_source::LocalClock;
 use crate::process::progress::Progress;
-use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
+use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise, yield_to_others};
 use crate::process::speed::Speed;
 use crate::session::dance::open_generator;
+use crate::show::{Show, ShowFile, SongOutline, TimedCue};
 use crate::telemetry::pending_file::{PendingFile, write_whole};
+use crate::viewer::stage_link::{LeaderEnd, RobotNews, StageNews, stage_link};
+use crate::viewer::{Server, Songs};
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureEvent;
 use servodance_retarget::PostureReader;
-use servodance_stage::messages::StageFrame;
+use servodance_stage::messages::{MAX_LOOK_BYTES, StageFrame};
 use servodance_stage::net::{
     NetConfig, NetPublisher, NetSession, StageKeys, Subscription, deduplicated,
 };
 use servodance_stage::{Leader, Outgoing};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -53,6 +58,10 @@ pub struct StageLead {
     pub take_over: bool,
     pub report: Option<PathBuf>,
     pub quiet: bool,
+    /// Where a page shows the stage, if one shall.
+    pub view: Option<SocketAddr>,
+    /// The show to play.
+    pub show: Option<ShowFile>,
 }
 
 /// The figures of a led dance.
@@ -75,8 +84,13 @@ pub struct LeadReport {
     pub interrupted: bool,
 }
 
-/// Leads until the music is over, another takes over, or `stop` is set.
-pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport> {
+/// Leads until the music is over, another takes over, or `stop` is set; `on_page` learns
+/// where the page is.
+pub fn lead(
+    options: &StageLead,
+    stop: &AtomicBool,
+    on_page: impl FnOnce(&Server),
+) -> anyhow::Result<LeadReport> {
     let report = options.report.as_deref().map(PendingFile::create);
     drop(report.transpose()?); // only to learn early whether it can be written
     let keys = keys(&options.stage)?;
@@ -91,6 +105,7 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
     let style = asked.style.clone().unwrap_or_else(|| generator.default_style().to_owned());
     generator.style_index(&style)?;
     let styles = generator.styles().to_vec();
+    let (show, outline) = prepared_show(options, &styles)?;
     let dance = generator.start(asked.options(&generator)?)?;
     let notes = progress.clone();
     let on_notice = Box::new(move |notice: &CaptureEvent| notes.note(&notice.to_string()));
@@ -99,10 +114,25 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
 
     let net = open(&options.place)?;
     let term = term(&net, &keys, options)?;
+    let songs = Songs::new(&options.audio);
+    let (end, server) = match options.view {
+        Some(bind) => {
+            let (end, page) = stage_link(&options.stage, styles.clone(), songs);
+            (Some(end), Some(Server::start_stage(bind, page)?))
+        }
+        None => (None, None),
+    };
+    if let Some(server) = &server {
+        on_page(server);
+    }
     let clock = LocalClock::start(0.0, 0.0);
     let leader = Leader::new(term, rand::random());
     let (sender, inbox) = sync_channel(WAITING);
-    let _subscribers = subscribe(&net, &keys, clock, &sender)?;
+    let mut subscribers = subscribe(&net, &keys, clock, &sender)?;
+    if let Some(end) = &end {
+        subscribers.push(hear_robots(&net, &keys, end)?);
+        outline_song(outline, &options.audio, end)?;
+    }
     let _token = net.declare_liveliness(&keys.leader(leader.instance(), term))?;
     let frames = (0..=EXTRA_STYLES as u8).map(|voice| net.publisher(&keys.frames(Some(voice))));
     let mut leading = LeaderLoop {
@@ -119,6 +149,7 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
         extra_styles: [None; EXTRA_STYLES],
         dancer: DancerThread::start(dancer)?,
         timeline: Timeline::default(),
+        show: StageShow::new(show, end),
         report: LeadReport {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             ..LeadReport::default()
@@ -132,6 +163,7 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
         leading.leader.instance()
     ));
     let led = leading.run(stop, &progress);
+    drop(subscribers);
     drop(afterwards);
     progress.done();
     leading.report.dropped = leading.leader.dropped;
@@ -143,6 +175,68 @@ pub fn lead(options: &StageLead, stop: &AtomicBool) -> anyhow::Result<LeadReport
         write_whole(path, text.as_bytes())?;
     }
     Ok(report)
+}
+
+/// The show, and what its file knows of the song; a show without cues if none is played.
+fn prepared_show(
+    options: &StageLead,
+    styles: &[String],
+) -> anyhow::Result<(Show, Option<SongOutline>)> {
+    let Some(file) = &options.show else {
+        let song = match &options.audio {
+            AudioChoice::File(path) => Some(path.display().to_string()),
+            _ => None,
+        };
+        return Ok((Show::new(song, options.generator.style.clone()), None));
+    };
+    let outline = match file.outline() {
+        Some(outline) => Some(outline),
+        None if file.counts_bars() => Some(SongOutline::find(&options.audio)?),
+        None => None,
+    };
+    let show = file.show(&outline.clone().unwrap_or_default())?;
+    let wanted = show.cues().iter().filter_map(|cue| cue.role.style.as_ref());
+    if let Some(style) = wanted.into_iter().find(|style| !styles.contains(style)) {
+        bail!("{}: unknown style \"{style}\"; known: {}", file.name(), styles.join(", "));
+    }
+    Ok((show, outline))
+}
+
+/// What followers tell of their robots, for the page.
+fn hear_robots(
+    net: &NetSession,
+    keys: &StageKeys,
+    end: &LeaderEnd,
+) -> anyhow::Result<Subscription> {
+    let news = end.news.clone();
+    Ok(net.subscribe_up_to(&keys.robot(None), MAX_LOOK_BYTES, move |bytes| {
+        let Some((id, json)) = bytes.split_first_chunk() else { return };
+        if let Some(robot) = RobotNews::parse(json) {
+            // What the page has no room for is left out.
+            let _ = news.try_send(StageNews::Robot(u64::from_le_bytes(*id), robot));
+        }
+    })?)
+}
+
+/// Hears the song once for the page's timeline, beside all else.
+fn outline_song(
+    known: Option<SongOutline>,
+    song: &AudioChoice,
+    end: &LeaderEnd,
+) -> anyhow::Result<()> {
+    let (news, song) = (end.news.clone(), song.clone());
+    if !song.is_recording() {
+        return Ok(());
+    }
+    std::thread::Builder::new().name("outline".into()).spawn(move || {
+        yield_to_others();
+        // A song that cannot be read has been refused by then.
+        if let Ok(found) = SongOutline::find(&song) {
+            let outline = known.map_or(found.clone(), |known| known.completed(found));
+            let _ = news.send(StageNews::Outline(outline));
+        }
+    })?;
+    Ok(())
 }
 
 /// The term to lead in; refused where somebody leads.
@@ -216,6 +310,7 @@ struct LeaderLoop {
     extra_styles: [Option<usize>; EXTRA_STYLES],
     dancer: DancerThread,
     timeline: Timeline,
+    show: StageShow,
     report: LeadReport,
     roles_sent: Instant,
     /// Another leader: its instance and term.
@@ -236,6 +331,9 @@ impl LeaderLoop {
                 return Ok(());
             }
             let now_ns = self.clock.now_ns();
+            if self.play_show(now_ns, progress)? {
+                return Ok(());
+            }
             let lead_s = self.leader.lead_s(now_ns);
             self.report.lead_ms = lead_s * 1e3;
             self.report.lead_ms_max = self.report.lead_ms_max.max(lead_s * 1e3);
@@ -277,6 +375,28 @@ impl LeaderLoop {
         }
     }
 
+    /// Gives the cues whose moment has come and those of the page; `true` if it ends the show.
+    fn play_show(&mut self, now_ns: i64, progress: &Progress) -> anyhow::Result<bool> {
+        let music_s = self.timeline.music_s(now_ns);
+        let mut cues: Vec<TimedCue> = self.show.due(music_s);
+        let (pressed, ends) = self.show.requests(music_s);
+        cues.extend(pressed);
+        for cue in &cues {
+            match self.leader.give(&cue.follower, &cue.role) {
+                Some(1..) => {}
+                Some(0) => progress.note(&format!("nobody is there for the cue {}", cue.words())),
+                None => progress.note(&format!("too many roles for the cue {}", cue.words())),
+            }
+        }
+        if !cues.is_empty() {
+            let roles = self.leader.roles();
+            self.roles.put(roles)?;
+            self.assign_styles();
+        }
+        self.show.tell(&self.leader, &self.timeline, now_ns);
+        Ok(ends)
+    }
+
     /// Sends a frame in the main style and in all extra styles.
     fn send(
         &mut self,
@@ -289,6 +409,7 @@ impl LeaderLoop {
         let is_late = late_ns > nanoseconds(1.0 / servodance_types::FRAME_RATE_HZ);
         self.report.late_frames += u64::from(is_late && step.captured.is_none());
         self.report.frames += 1;
+        self.show.hear(&step.music);
         let own = (0, step.motion);
         for (voice, motion) in std::iter::once(own).chain(step.extra_styles.into_iter().flatten()) {
             let place = usize::from(voice);

@@ -12,8 +12,10 @@
 mod cue;
 mod follow;
 mod lead;
+mod robot_teller;
 mod ros;
 mod shared;
+mod stage_show;
 mod timeline;
 
 pub use cue::cue;

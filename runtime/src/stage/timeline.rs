@@ -43,6 +43,12 @@ impl Timeline {
         present_ns
     }
 
+    /// The moment of the music that is shown now, seconds; negative before it begins.
+    pub fn music_s(&self, now_ns: i64) -> Option<f64> {
+        let shown_ns = now_ns - self.start_ns?;
+        Some(shown_ns as f64 * 1e-9 - self.delay_s.unwrap_or(0.0))
+    }
+
     /// How late live motion is shown: as few whole beats as will do.
     fn delay_s(&mut self, step: &DanceStep, needed_s: f64) -> f64 {
         let least_s = needed_s + COMPUTING_S;

@@ -1,5 +1,6 @@
-//! A recording becomes other files: a moving picture, BVH, CSV.
+//! A recording becomes other files: a moving picture, a film with sound, BVH, CSV.
 
+use crate::telemetry::film::write_film;
 use crate::telemetry::joint_csv::JointCsv;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::picture::StickFigure;
@@ -43,6 +44,19 @@ pub fn bvh(recording: &Recording, path: &Path) -> anyhow::Result<()> {
 
 /// The human and the robot, moving; fails if the part is not in the recording.
 pub fn gif(recording: &Recording, part: ExportSpan, path: &Path) -> anyhow::Result<()> {
+    let moments = moments(recording, part)?;
+    let pending = PendingFile::create(path)?;
+    drop(write_animation(pending.writer()?, &recording.robot, &moments)?);
+    pending.finish()
+}
+
+/// The same with the song, as MP4 or WebM; what encoded it, in words.
+pub fn film(recording: &Recording, part: ExportSpan, path: &Path) -> anyhow::Result<String> {
+    write_film(recording, &moments(recording, part)?, path)
+}
+
+/// What is drawn, 25 times a second of the part.
+fn moments(recording: &Recording, part: ExportSpan) -> anyhow::Result<Vec<AnimationFrame>> {
     let [first_s, last_s] = recording.span_s();
     let from_s = part.from_s.max(first_s);
     let frames = ((part.seconds.min(last_s - from_s)) * FRAMES_HZ).floor();
@@ -54,7 +68,6 @@ pub fn gif(recording: &Recording, part: ExportSpan, path: &Path) -> anyhow::Resu
     }
     let names: Vec<&str> = recording.joints.iter().map(|j| j.0.as_str()).collect();
     let model = RobotModel::new(&recording.urdf_xml, &names)?;
-    let pending = PendingFile::create(path)?;
     let mut moments = Vec::with_capacity(frames as usize);
     let mut height_m = None;
     for frame in 0..frames as u64 {
@@ -75,8 +88,7 @@ pub fn gif(recording: &Recording, part: ExportSpan, path: &Path) -> anyhow::Resu
             robot: StickFigure { height_m, ..robot_figure(&model, &root, &positions) },
         });
     }
-    drop(write_animation(pending.writer()?, &recording.robot, &moments)?);
-    pending.finish()
+    Ok(moments)
 }
 
 fn with_y_up([forward, left, up]: [f32; 3]) -> [f32; 3] {

@@ -9,6 +9,7 @@
 //! | write BVH, CSV or GIF | [`export`] |
 
 pub mod export;
+mod film;
 pub mod following_report;
 pub(crate) mod joint_csv;
 pub mod joint_share;

@@ -4,8 +4,8 @@
 use super::scene::Scene;
 use super::snapshot::{JointStatus, MusicStatus, Snapshot, ViewerEvent, rounded, state_name};
 use crate::control::idle::IdleStyle;
-use crate::telemetry::pose_array::{pose_array, pose_from_array};
 use serde::Serialize;
+use servodance_types::HeldBack;
 
 #[derive(Clone, Copy, Serialize)]
 struct Rounded(#[serde(serialize_with = "rounded")] f64);
@@ -51,6 +51,7 @@ struct FrameJson<'a> {
     velocities_rad_s: Vec<Rounded>,
     currents_a: Vec<Rounded>,
     temperatures_c: Vec<Rounded>,
+    held_back: Vec<Option<&'static str>>,
     beat: MusicStatus,
     bands: Vec<Rounded>,
     idle_share: Rounded,
@@ -102,7 +103,7 @@ pub fn frame(scene: &Scene, snapshot: &Snapshot, around: &FrameSurroundings) -> 
         hold: now.hold,
         robot_s: Rounded(now.robot_s),
         music_s: Rounded(now.music_s),
-        links: links(scene, snapshot),
+        links: scene.link_poses(snapshot).map(|pose| pose.map(Rounded)).collect(),
         human: now.human.as_ref().map(|points| {
             let short = |p: &[f32; 3]| p.map(|v| Rounded(f64::from(v)));
             points.iter().map(short).collect()
@@ -112,6 +113,7 @@ pub fn frame(scene: &Scene, snapshot: &Snapshot, around: &FrameSurroundings) -> 
         velocities_rad_s: joint(|j| j.velocity_rad_s),
         currents_a: joint(|j| j.current_a),
         temperatures_c: joint(|j| j.temperature_c),
+        held_back: snapshot.joints.iter().map(|j| reason(j.held)).collect(),
         beat: now.music,
         bands: now.music.bands.map(|b| Rounded(f64::from(b))).to_vec(),
         idle_share: Rounded(now.idle_share),
@@ -140,10 +142,7 @@ pub fn frame(scene: &Scene, snapshot: &Snapshot, around: &FrameSurroundings) -> 
     serde_json::to_string(&frame).unwrap_or_default()
 }
 
-fn links(scene: &Scene, snapshot: &Snapshot) -> Vec<[Rounded; 7]> {
-    let positions: Vec<f64> = snapshot.joints.iter().map(|j| j.position_rad).collect();
-    let world_from_root = pose_from_array(snapshot.now.root);
-    let poses = scene.model.link_poses(&positions);
-    let in_world = poses.iter().map(|root_from_link| world_from_root * root_from_link);
-    in_world.map(|pose| pose_array(&pose).map(Rounded)).collect()
+/// The word for what holds a joint back.
+fn reason(held: HeldBack) -> Option<&'static str> {
+    (held != HeldBack::Nothing).then_some(held.name())
 }

@@ -12,6 +12,7 @@
 #[cfg(feature = "view")]
 mod frame;
 mod link;
+pub(crate) mod music_track;
 mod operator_watch;
 mod player;
 #[cfg_attr(not(feature = "view"), allow(dead_code))] // requests as text are the page's
@@ -27,6 +28,9 @@ pub(crate) mod snapshot;
 mod song_wav;
 #[cfg_attr(not(feature = "view"), allow(dead_code))] // songs are added on the page
 mod songs;
+#[cfg(feature = "stage")]
+#[cfg_attr(not(feature = "view"), allow(dead_code))] // only the page reads it
+pub(crate) mod stage_link;
 mod terminal;
 
 pub use link::{RobotEnd, ViewerEnd, link};

@@ -1,9 +1,10 @@
 //! What does not change while viewers watch: the robot's shapes, joints, limits and
 //! the requests it takes. Viewers get the scene once, as JSON.
 
+use super::snapshot::Snapshot;
 use crate::control::idle::IdleStyle;
 use crate::robot::{Meshes, Robot};
-use crate::telemetry::pose_array::pose_array;
+use crate::telemetry::pose_array::{pose_array, pose_from_array};
 use clap::ValueEnum;
 use serde_json::{Value, json};
 use servodance_retarget::{RobotModel, Shape};
@@ -20,10 +21,14 @@ pub struct Scene {
     pub meshes: Meshes,
     pub joints: Vec<(String, JointLimits)>,
     pub styles: Vec<String>,
+    /// Whether a loudspeaker beside the robot plays the music: pages are silent then, at first.
+    pub speaker: bool,
     /// Control cycles a second.
     pub control_hz: f64,
     /// Whether somebody must say `start`, and may say it again.
     pub waits: bool,
+    /// Whether songs can be added, to be danced next.
+    pub takes_songs: bool,
     /// First and last moment of a recording, seconds of music.
     pub recording_s: Option<[f64; 2]>,
 }
@@ -44,6 +49,8 @@ impl Scene {
             styles,
             control_hz: robot.control_hz,
             waits: false,
+            takes_songs: true,
+            speaker: false,
             recording_s: None,
         })
     }
@@ -68,6 +75,8 @@ impl Scene {
             "version": env!("CARGO_PKG_VERSION"),
             "control_hz": self.control_hz,
             "waits": self.waits,
+            "takes_songs": self.takes_songs,
+            "speaker": self.speaker,
             "recording_s": self.recording_s,
             "joints": joints.collect::<Vec<_>>(),
             "links": self.model.link_names(),
@@ -79,8 +88,16 @@ impl Scene {
         })
     }
 
+    /// Where each link is in the world: x, y, z, then the quaternion x, y, z, w.
+    pub(crate) fn link_poses(&self, seen: &Snapshot) -> impl Iterator<Item = [f64; 7]> {
+        let positions: Vec<f64> = seen.joints.iter().map(|j| j.position_rad).collect();
+        let world_from_root = pose_from_array(seen.now.root);
+        let poses = self.model.link_poses(&positions).into_iter();
+        poses.map(move |root_from_link| pose_array(&(world_from_root * root_from_link)))
+    }
+
     /// Shapes and meshes fixed to links; a stick to every link that has neither.
-    fn shapes(&self) -> Vec<Value> {
+    pub(crate) fn shapes(&self) -> Vec<Value> {
         let visuals = self.model.visuals();
         let shown = visuals.iter().map(|visual| {
             let mut shape = match visual.shape {

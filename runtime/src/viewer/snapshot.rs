@@ -7,7 +7,7 @@
 use crate::control::idle::IdleStyle;
 use serde::{Serialize, Serializer};
 use servodance_drivers::{BusStats, State};
-use servodance_types::{BeatLock, JOINT_COUNT, named};
+use servodance_types::{BeatLock, HeldBack, JOINT_COUNT, named};
 use std::time::Instant;
 
 pub const BANDS: usize = 32;
@@ -42,6 +42,8 @@ pub struct JointStatus {
     pub velocity_rad_s: f64,
     pub current_a: f64,
     pub temperature_c: f64,
+    /// Why it does not go where the dance would have it.
+    pub held: HeldBack,
 }
 
 impl Default for JointStatus {
@@ -52,6 +54,7 @@ impl Default for JointStatus {
             velocity_rad_s: 0.0,
             current_a: 0.0,
             temperature_c: f64::NAN,
+            held: HeldBack::Nothing,
         }
     }
 }

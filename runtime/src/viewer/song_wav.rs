@@ -1,35 +1,24 @@
 //! The music of a dance as a WAV file for the page: mono, 16 bit, at its own rate, decoded
 //! as the dance hears it, so that both agree to the sample.
 
-use crate::pipeline::audio_input::{AudioChoice, AudioInput};
-use crate::process::speed::Speed;
-use anyhow::{Context, bail};
+use crate::pipeline::audio_input::AudioChoice;
+use crate::pipeline::song_sound::song_sound;
+use anyhow::Context;
 use std::io::Cursor;
-
-/// Longer music than this is not held in memory twice, seconds.
-const LONGEST_S: f64 = 900.0;
 
 /// Decodes the music. Fails where it cannot be read, or is too long.
 pub fn song_wav(choice: &AudioChoice) -> anyhow::Result<Vec<u8>> {
-    let mut input = AudioInput::open(choice, Speed::Max)?;
-    let rate = input.sample_rate_hz();
+    let sound = song_sound(choice)?;
     let spec = hound::WavSpec {
         channels: 1,
-        sample_rate: rate,
+        sample_rate: sound.rate_hz,
         bits_per_sample: 16,
         sample_format: hound::SampleFormat::Int,
     };
     let mut bytes = Cursor::new(Vec::new());
     let mut writer = hound::WavWriter::new(&mut bytes, spec)?;
-    let mut block = Vec::new();
-    while input.next_block(&mut block)? {
-        if f64::from(writer.duration()) > LONGEST_S * f64::from(rate) {
-            bail!("the music is longer than {LONGEST_S} s");
-        }
-        for sample in &block {
-            let level = sample.clamp(-1.0, 1.0) * f32::from(i16::MAX);
-            writer.write_sample(level as i16)?;
-        }
+    for sample in sound.samples.iter() {
+        writer.write_sample(*sample)?;
     }
     writer.finalize().context("cannot write WAV")?;
     Ok(bytes.into_inner())

@@ -2,10 +2,10 @@
 //! never locks them: they change between dances alone.
 
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
+use crate::pipeline::page_sound::PageSound;
 use crate::process::speed::Speed;
 use anyhow::{Context, bail};
 use std::collections::VecDeque;
-use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tempfile::TempDir;
 
@@ -32,18 +32,16 @@ struct Playlist {
 #[derive(Debug)]
 struct WaitingSong {
     name: String,
-    path: PathBuf,
-    folder: TempDir,
+    sound: AudioChoice,
+    /// Where its file lies; a microphone has none.
+    folder: Option<TempDir>,
 }
 
 impl Songs {
     /// Of a session that begins with this music.
     pub fn new(first: &AudioChoice) -> Self {
         let songs = Self::default();
-        songs.lock().now = match first {
-            song @ (AudioChoice::BuiltIn | AudioChoice::File(_)) => Some(song.clone()),
-            AudioChoice::Stdin(_) | AudioChoice::Microphone(_) => None,
-        };
+        songs.lock().now = first.is_recording().then(|| first.clone());
         songs
     }
 
@@ -71,23 +69,34 @@ impl Songs {
         if let Err(error) = AudioInput::open(&AudioChoice::File(path.clone()), Speed::Max) {
             bail!(format!("{error:#}").replace(&path.display().to_string(), &name));
         }
-        let mut list = self.lock();
-        if list.waiting.len() == MOST {
-            bail!("{MOST} songs wait already");
-        }
-        list.waiting.push_back(WaitingSong { name, path, folder });
-        Ok(())
+        let sound = AudioChoice::File(path);
+        self.lock().wait(WaitingSong { name, sound, folder: Some(folder) })
+    }
+
+    /// Puts the microphone of a page behind the songs that wait.
+    pub fn add_microphone(&self, sound: PageSound) -> anyhow::Result<()> {
+        let (name, sound) = ("microphone".to_owned(), AudioChoice::Page(sound));
+        self.lock().wait(WaitingSong { name, sound, folder: None })
     }
 
     /// The next song, which is danced from now on.
     pub fn next(&self) -> Option<AudioChoice> {
         let mut list = self.lock();
-        let WaitingSong { path, folder, .. } = list.waiting.pop_front()?;
-        let choice = AudioChoice::File(path);
+        let WaitingSong { sound, folder, .. } = list.waiting.pop_front()?;
         list.number += 1;
-        list.now = Some(choice.clone());
-        list.folder = Some(folder);
-        Some(choice)
+        list.now = sound.is_recording().then(|| sound.clone());
+        list.folder = folder;
+        Some(sound)
+    }
+}
+
+impl Playlist {
+    fn wait(&mut self, song: WaitingSong) -> anyhow::Result<()> {
+        if self.waiting.len() == MOST {
+            bail!("{MOST} songs wait already");
+        }
+        self.waiting.push_back(song);
+        Ok(())
     }
 }
 

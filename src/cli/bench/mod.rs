@@ -5,6 +5,7 @@ pub mod bus;
 pub mod model;
 pub mod retarget;
 pub mod stage;
+pub mod sync;
 pub mod world;
 
 use clap::Subcommand;
@@ -34,6 +35,8 @@ pub enum What {
     World(world::Args),
     /// How far apart robots on a network are, and what becomes of them when it breaks.
     Stage(stage::Args),
+    /// How far apart the music and the robot are, by one clock.
+    Sync(sync::Args),
 }
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
@@ -43,6 +46,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         What::Model(args) => model::run(args),
         What::Retarget(args) => retarget::run(args),
         What::Stage(args) => stage::run(args),
+        What::Sync(args) => sync::run(args),
         What::World(args) => world::run(args),
     }
 }

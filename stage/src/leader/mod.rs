@@ -55,6 +55,8 @@ pub enum Outgoing {
 /// State of a follower, by its reports.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FollowerStatus {
+    /// The random number that identifies the follower.
+    pub id: u64,
     /// Name of the follower.
     pub name: String,
     /// How long before its time a frame must be sent, seconds.
@@ -212,8 +214,7 @@ impl Leader {
             self.cues.pop_front();
         }
         self.cues.push_back(cue.nonce);
-        let is_for = |f: &&FollowerStatus| cue.follower == "all" || f.name == cue.follower;
-        let reached = self.followers.values().filter(is_for).count();
+        let reached = self.reached_by(&cue.follower);
         let names = self.followers.values().map(|f| f.name.clone()).collect();
         let reply = CueReply { nonce: cue.nonce, reached: reached as u16, names };
         let known = self.roles.contains_key(&cue.follower);
@@ -221,7 +222,7 @@ impl Leader {
             return self.drop_message();
         }
         if reached > 0 {
-            self.give_role(cue);
+            self.give_role(cue.follower, &cue.role);
         }
         Outgoing::Cued {
             nonce: reply.nonce,
@@ -230,12 +231,37 @@ impl Leader {
         }
     }
 
-    fn give_role(&mut self, cue: Cue) {
-        if cue.follower == "all" {
+    fn reached_by(&self, follower: &str) -> usize {
+        let is_for = |f: &&FollowerStatus| follower == "all" || f.name == follower;
+        self.followers.values().filter(is_for).count()
+    }
+
+    fn give_role(&mut self, follower: String, change: &Role) {
+        if follower == "all" {
             let all = self.roles.values_mut();
-            all.for_each(|role| role.update(&cue.role));
+            all.for_each(|role| role.update(change));
         }
-        self.roles.entry(cue.follower).or_default().update(&cue.role);
+        self.roles.entry(follower).or_default().update(change);
+    }
+
+    /// Changes a role by the leader's own show: also that of a follower who is yet to come.
+    /// How many followers it reaches now; `None` where there are too many roles.
+    pub fn give(&mut self, follower: &str, change: &Role) -> Option<usize> {
+        let known = self.roles.contains_key(follower);
+        if !known && self.roles.len() == MAX_ROLES {
+            return None;
+        }
+        self.give_role(follower.to_owned(), change);
+        Some(self.reached_by(follower))
+    }
+
+    /// The changes that a follower of this name has got.
+    pub fn role_of(&self, follower: &str) -> Role {
+        let mut role = self.roles.get("all").cloned().unwrap_or_default();
+        if let Some(own) = self.roles.get(follower) {
+            role.update(own);
+        }
+        role
     }
 
     /// The message with all roles, to be sent again every second.
@@ -301,6 +327,7 @@ impl Leader {
             return;
         }
         let status = FollowerStatus {
+            id: report.follower,
             name: report.name,
             needed_s: f64::from(report.needed_ms) * 1e-3,
             transit_s: f64::from(report.transit_ms) * 1e-3,

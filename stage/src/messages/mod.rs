@@ -27,6 +27,10 @@ pub(crate) use roles::MAX_ROLES;
 use codec::{ByteReader, Field};
 use error::VERSION;
 
+/// Longest message about a follower's robot, bytes: JSON for the leader's page, behind the
+/// follower's id.
+pub const MAX_LOOK_BYTES: usize = 256 * 1024;
+
 const MAGIC: [u8; 2] = *b"sd";
 
 macro_rules! messages {

@@ -6,6 +6,7 @@
 //! | `servodance/STAGE/roles` | leader | roles |
 //! | `servodance/STAGE/ask/FOLLOWER` | follower | time requests and reports |
 //! | `servodance/STAGE/tell/FOLLOWER` | leader | time replies, resent frames; cue replies (`FOLLOWER` is the nonce) |
+//! | `servodance/STAGE/robot/FOLLOWER` | follower | its robot, for the leader's page: its id, then JSON |
 //! | `servodance/STAGE/cue` | anybody | cues |
 //! | `servodance/STAGE/leader/INSTANCE/TERM` | leader | liveliness token |
 //!
@@ -51,6 +52,14 @@ impl StageKeys {
     /// Key of the messages to a follower.
     pub fn to_follower(&self, follower: u64) -> String {
         format!("{}/tell/{follower:016x}", self.base)
+    }
+
+    /// Key of what a follower tells of its robot; of all followers without one.
+    pub fn robot(&self, follower: Option<u64>) -> String {
+        match follower {
+            Some(id) => format!("{}/robot/{id:016x}", self.base),
+            None => format!("{}/robot/*", self.base),
+        }
     }
 
     /// Key of the cues to the leader.

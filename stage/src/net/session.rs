@@ -58,14 +58,35 @@ impl NetSession {
         key: &str,
         each: impl Fn(&[u8]) + Send + Sync + 'static,
     ) -> Result<Subscription, NetError> {
-        let subscriber = self.session.declare_subscriber(key.to_owned());
-        let subscriber = subscriber.callback(move |sample| {
-            let payload = sample.payload();
-            match payload.len() {
-                0..=MAX_BYTES => each(&payload.to_bytes()),
-                _ => each(&HUGE),
+        self.subscribe_to(key, move |payload| match payload.len() {
+            0..=MAX_BYTES => each(&payload.to_bytes()),
+            _ => each(&HUGE),
+        })
+    }
+
+    /// Subscribes to `key` for what may be longer than a message, up to `most` bytes; what is
+    /// longer than that is dropped.
+    /// Errors: the session is over.
+    pub fn subscribe_up_to(
+        &self,
+        key: &str,
+        most: usize,
+        each: impl Fn(&[u8]) + Send + Sync + 'static,
+    ) -> Result<Subscription, NetError> {
+        self.subscribe_to(key, move |payload| {
+            if payload.len() <= most {
+                each(&payload.to_bytes());
             }
-        });
+        })
+    }
+
+    fn subscribe_to(
+        &self,
+        key: &str,
+        each: impl Fn(&ZBytes) + Send + Sync + 'static,
+    ) -> Result<Subscription, NetError> {
+        let subscriber = self.session.declare_subscriber(key.to_owned());
+        let subscriber = subscriber.callback(move |sample| each(sample.payload()));
         let subscriber = subscriber.wait().map(Subscription);
         subscriber.map_err(|error| failed(key, &error))
     }
@@ -79,6 +100,18 @@ impl NetSession {
             .congestion_control(CongestionControl::Drop)
             .priority(Priority::RealTime)
             .express(true)
+            .wait()
+            .map(NetPublisher)
+            .map_err(|error| failed(key, &error))
+    }
+
+    /// A publisher for `key` of what only people look at: after all that the dance needs.
+    /// Errors: the session is over.
+    pub fn publisher_for_people(&self, key: &str) -> Result<NetPublisher, NetError> {
+        self.session
+            .declare_publisher(key.to_owned())
+            .congestion_control(CongestionControl::Drop)
+            .priority(Priority::DataLow)
             .wait()
             .map(NetPublisher)
             .map_err(|error| failed(key, &error))

@@ -72,6 +72,13 @@ impl CdrWriter {
         self
     }
 
+    /// Appends a sequence of bytes.
+    pub fn bytes(&mut self, values: &[u8]) -> &mut Self {
+        self.u32(values.len() as u32);
+        self.bytes.extend_from_slice(values);
+        self
+    }
+
     /// Appends a `builtin_interfaces/Time` in seconds.
     pub fn time(&mut self, time_s: f64) -> &mut Self {
         let nanoseconds = (time_s * 1e9).round() as i64;
@@ -132,6 +139,15 @@ impl<'a> CdrReader<'a> {
         let bytes = self.body.get(self.at..end)?;
         self.at = end;
         std::str::from_utf8(bytes.strip_suffix(&[0])?).ok()
+    }
+
+    /// Reads a sequence of bytes.
+    pub fn bytes(&mut self) -> Option<&'a [u8]> {
+        let length = self.u32()? as usize;
+        let end = self.at.checked_add(length)?;
+        let bytes = self.body.get(self.at..end)?;
+        self.at = end;
+        Some(bytes)
     }
 
     /// Reads a sequence of 64-bit floats.

@@ -37,6 +37,7 @@ use crate::robot::Robot;
 use crate::telemetry::recorder::Recorder;
 use crate::viewer::{RobotEnd, ViewerRequest};
 use dead_man::{DeadMan, DeadManAction};
+use servodance_audio::playback::MusicStart;
 use servodance_types::MusicFrame;
 use state::LoopState;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -61,6 +62,8 @@ pub struct ControlLoop<'a> {
     balance: Option<Balance>,
     viewers: Option<ViewerLink<'a>>,
     dead_man: Option<DeadMan>,
+    /// Where the music that is played learns when it begins.
+    played: Option<MusicStart>,
     pub log: LoopLog,
 }
 
@@ -100,6 +103,7 @@ impl<'a> ControlLoop<'a> {
             viewers: viewers
                 .map(|end| ViewerLink::new(end, &mut plan.retargeter, robot.period_s())),
             dead_man,
+            played: None,
             balance: Balance::new(robot, &plan.retargeter, servos),
             plan,
             log: LoopLog::new(robot, RecorderFeed::new(recorder), is_endless),
@@ -114,6 +118,11 @@ impl<'a> ControlLoop<'a> {
         if let Some(viewers) = &mut self.viewers {
             viewers.shedding = shedding.clone();
         }
+    }
+
+    /// Lets the music be played in step with the motion.
+    pub fn play(&mut self, start: MusicStart) {
+        self.played = Some(start);
     }
 
     /// Dances until the music is over or `stop` is set. `on_frame` gets the time
@@ -145,6 +154,9 @@ impl<'a> ControlLoop<'a> {
     }
 
     pub fn into_record(self) -> LoopRecord {
+        if let Some(played) = &self.played {
+            played.silence();
+        }
         LoopRecord { clock: self.clock, input: self.input, plan: self.plan, log: self.log }
     }
 
@@ -168,6 +180,7 @@ impl<'a> ControlLoop<'a> {
             false => LoopState::Dancing,
         };
         self.wait_for_cycle(); // before the newest motion is looked at, not after
+        self.tell_music();
         self.handle_requests(source)?;
         self.fetch_motion(source, on_frame)?;
         self.choose_motion_time(time_s, source)?;
@@ -249,6 +262,13 @@ impl<'a> ControlLoop<'a> {
         }
         if self.input.arrival == MotionArrival::Led {
             self.log.lateness.push(late_s * 1e3);
+        }
+    }
+
+    /// Says when the music begins, by the clock on the wall: later, where cycles were.
+    fn tell_music(&self) {
+        if let Some(played) = &self.played {
+            played.set(self.clock.cycles.moment(self.clock.music_start_s));
         }
     }
 
@@ -396,6 +416,7 @@ impl<'a> ControlLoop<'a> {
         result?;
         let start = Instant::now();
         self.log.servo_truth(self.plan.idle.share(), self.servos);
+        self.log.motion(&self.plan, self.servos);
         self.log.latency.sent(start);
         self.publish();
         let times = CycleTimes {

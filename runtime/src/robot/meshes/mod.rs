@@ -4,9 +4,12 @@
 //! only the robot's own files are read ([`RobotFolders`]). What cannot be drawn is left
 //! out with a reason; the link is then drawn as if it had no mesh.
 
+mod glb;
+mod scene_files;
 mod stl;
+mod triangles;
 
-use self::stl::{Corner, LONGEST, read};
+use self::triangles::{Corner, LONGEST, Triangle, drawn};
 use crate::robot::Robot;
 use crate::robot::robot_folders::RobotFolders;
 use servodance_retarget::{MeshVisual, RobotModel};
@@ -94,10 +97,11 @@ impl Meshes {
 
 /// The triangles of a mesh; the error says why it cannot be drawn.
 pub(crate) fn open_mesh(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
-    let kind = path.extension();
-    if !kind.is_some_and(|kind| kind.eq_ignore_ascii_case("stl")) {
-        return Err("only STL is drawn".into());
-    }
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    let kind = KINDS.iter().find(|(known, _)| ending == *known);
+    let Some((_, read)) = kind else {
+        return Err("only STL, OBJ, DAE and GLB are drawn".into());
+    };
     let unreadable = |error: std::io::Error| format!("it cannot be read: {error}");
     let file = std::fs::File::open(path).map_err(unreadable)?;
     let mut bytes = Vec::new();
@@ -105,5 +109,16 @@ pub(crate) fn open_mesh(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
     if bytes.len() as u64 > LONGEST {
         return Err(format!("it is longer than {} MiB", LONGEST >> 20));
     }
-    read(&bytes)
+    drawn(read(&bytes)?)
 }
+
+/// Reads the triangles of a kind of file.
+type MeshReader = fn(&[u8]) -> Result<Vec<Triangle>, String>;
+
+/// Endings of files that are drawn.
+const KINDS: [(&str, MeshReader); 4] = [
+    ("stl", stl::read),
+    ("obj", scene_files::obj),
+    ("dae", scene_files::collada),
+    ("glb", glb::read),
+];

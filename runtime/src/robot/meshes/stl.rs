@@ -1,35 +1,22 @@
-//! Reads STL meshes, binary and ASCII: triangles, each with the normal that its
-//! corners give (those in files are often wrong or zero).
+//! Reads STL meshes, binary and ASCII.
 //!
-//! Refused: what is longer than [`LONGEST`] or has more than
-//! [`MOST_TRIANGLES`], what is cut off, numbers that are no numbers. Memory is
+//! Refused: what has more triangles than a page draws, what is cut off, numbers that are no
+//! numbers. Memory is
 //! allocated for what the file holds, never for the count it claims; STL crates
 //! have no such bounds, so this reader stays.
 
-/// Longest file that is read, bytes.
-pub const LONGEST: u64 = 32 << 20;
-/// Triangles of one mesh at most: more than a page draws smoothly.
-pub const MOST_TRIANGLES: usize = 200_000;
+use super::triangles::{Triangle, bounded};
+
 /// A binary file's header and count, and what each triangle takes.
 const HEADER: usize = 84;
 const RECORD: usize = 50;
 
-pub type Corner = [f32; 6];
-
 /// The triangles of a file; the error says why it cannot be drawn.
-pub fn read(bytes: &[u8]) -> Result<Vec<[Corner; 3]>, String> {
-    let corners = match binary_count(bytes) {
-        Some(count) => binary(bytes, count)?,
-        None => ascii(bytes)?,
-    };
-    if corners.is_empty() {
-        return Err("it has no triangles".into());
+pub fn read(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
+    match binary_count(bytes) {
+        Some(count) => binary(bytes, count),
+        None => ascii(bytes),
     }
-    let all = corners.iter().flatten().flatten();
-    if !all.clone().all(|value| value.is_finite()) {
-        return Err("a corner is no point".into());
-    }
-    Ok(corners.into_iter().filter_map(with_normal).collect())
 }
 
 /// The number of triangles of a binary file, else `None`. Binary files may begin
@@ -42,7 +29,7 @@ fn binary_count(bytes: &[u8]) -> Option<usize> {
     (fits && !is_text).then_some(count)
 }
 
-fn binary(bytes: &[u8], count: usize) -> Result<Vec<[[f32; 3]; 3]>, String> {
+fn binary(bytes: &[u8], count: usize) -> Result<Vec<Triangle>, String> {
     bounded(count)?;
     let records = bytes[HEADER..].chunks_exact(RECORD).take(count);
     Ok(records
@@ -59,7 +46,7 @@ fn binary(bytes: &[u8], count: usize) -> Result<Vec<[[f32; 3]; 3]>, String> {
         .collect())
 }
 
-fn ascii(bytes: &[u8]) -> Result<Vec<[[f32; 3]; 3]>, String> {
+fn ascii(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
     let text = std::str::from_utf8(bytes).map_err(|_| "it is no STL, or cut off")?;
     let mut words = text.split_ascii_whitespace();
     if words.next() != Some("solid") {
@@ -85,28 +72,14 @@ fn ascii(bytes: &[u8]) -> Result<Vec<[[f32; 3]; 3]>, String> {
     Ok(corners.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect())
 }
 
-fn bounded(triangles: usize) -> Result<(), String> {
-    match triangles > MOST_TRIANGLES {
-        true => Err(format!("it has more than {MOST_TRIANGLES} triangles")),
-        false => Ok(()),
-    }
-}
-
-/// The corners with the triangle's normal; `None` of a triangle without area.
-fn with_normal(corners: [[f32; 3]; 3]) -> Option<[Corner; 3]> {
-    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
-    let edge = |from: [f64; 3], to: [f64; 3]| [0, 1, 2].map(|axis| to[axis] - from[axis]);
-    let (u, v) = (edge(a, b), edge(a, c));
-    let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    let length = cross.iter().map(|part| part * part).sum::<f64>().sqrt();
-    let [x, y, z] = cross.map(|part| (part / length) as f32);
-    let known = x.is_finite() && y.is_finite() && z.is_finite();
-    known.then(|| corners.map(|[a, b, c]| [a, b, c, x, y, z]))
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::triangles::{Corner, MOST_TRIANGLES, drawn};
     use super::*;
+
+    fn shown(bytes: &[u8]) -> Result<Vec<[Corner; 3]>, String> {
+        read(bytes).and_then(drawn)
+    }
 
     const ASCII: &str = "solid one\n facet normal 0 0 0\n  outer loop\n   vertex 0 0 0\n   \
                          vertex 2 0 0\n   vertex 0 3e0 0\n  endloop\n endfacet\nendsolid one\n";
@@ -129,29 +102,29 @@ mod tests {
     fn both_kinds_are_read_and_normals_are_computed() {
         let triangle = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0]];
         let wanted = triangle.map(|[x, y, z]| [x, y, z, 0.0, 0.0, 1.0]);
-        assert_eq!(read(ASCII.as_bytes()), Ok(vec![wanted]));
-        assert_eq!(read(&binary_file(&[triangle])), Ok(vec![wanted]));
+        assert_eq!(shown(ASCII.as_bytes()), Ok(vec![wanted]));
+        assert_eq!(shown(&binary_file(&[triangle])), Ok(vec![wanted]));
         let flat = [[0.0; 3], [1.0; 3], [2.0; 3]];
-        assert_eq!(read(&binary_file(&[triangle, flat])), Ok(vec![wanted]));
+        assert_eq!(shown(&binary_file(&[triangle, flat])), Ok(vec![wanted]));
     }
 
     #[test]
     fn what_is_damaged_is_refused_and_nothing_panics() {
         let whole = binary_file(&[[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]);
         for length in 0..whole.len() {
-            assert!(read(&whole[..length]).is_err(), "{length}");
+            assert!(shown(&whole[..length]).is_err(), "{length}");
         }
         for length in 0..ASCII.trim_end().len() - "endsolid one".len() {
-            assert!(read(&ASCII.as_bytes()[..length]).is_err(), "{length}");
+            assert!(shown(&ASCII.as_bytes()[..length]).is_err(), "{length}");
         }
         let mut boasts = whole.clone();
         boasts[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert!(read(&boasts).is_err());
+        assert!(shown(&boasts).is_err());
         let nan = binary_file(&[[[f32::NAN; 3]; 3]]);
-        assert_eq!(read(&nan), Err("a corner is no point".into()));
-        assert!(read(ASCII.replace("3e0", "much").as_bytes()).is_err());
-        assert!(read(&binary_file(&[])).is_err());
+        assert_eq!(shown(&nan), Err("a corner is no point".into()));
+        assert!(shown(ASCII.replace("3e0", "much").as_bytes()).is_err());
+        assert!(shown(&binary_file(&[])).is_err());
         let many = vec![[[0.0; 3]; 3]; MOST_TRIANGLES + 1];
-        assert!(read(&binary_file(&many)).unwrap_err().contains("more than"));
+        assert!(shown(&binary_file(&many)).unwrap_err().contains("more than"));
     }
 }

@@ -1,4 +1,5 @@
-//! A moving picture of a dance: the dancer and the robot beside it, as GIF.
+//! A moving picture of a dance: the dancer and the robot beside it, as GIF; the pictures of a
+//! film are the same, larger.
 //!
 //! One palette for all frames, made from some of them, so that a colour is the same from
 //! frame to frame; after the first frame only what changed is written.
@@ -13,8 +14,8 @@ use std::io::Write;
 
 /// Frames a second: GIF counts in hundredths.
 pub const FRAMES_HZ: f64 = 25.0;
-const WIDTH: u32 = 480;
-const HEIGHT: u32 = 320;
+pub const WIDTH: u32 = 480;
+pub const HEIGHT: u32 = 320;
 const FIGURE_HEIGHT: f32 = 250.0;
 /// Frames that the palette is made from.
 const SAMPLED: usize = 12;
@@ -35,13 +36,13 @@ pub fn write_animation<W: Write>(
 ) -> anyhow::Result<W> {
     let step = moments.len().div_ceil(SAMPLED).max(1);
     let sampled: anyhow::Result<Vec<_>> =
-        moments.iter().step_by(step).map(|moment| draw(title, moment)).collect();
+        moments.iter().step_by(step).map(|moment| draw(title, moment, 1)).collect();
     let mut palette = GifPalette::new(&sampled?.concat());
     let mut encoder = Encoder::new(writer, WIDTH as u16, HEIGHT as u16, &palette.colours())?;
     encoder.set_repeat(Repeat::Infinite)?;
     let mut last = None;
     for moment in moments {
-        let pixels = palette.indices(&draw(title, moment)?);
+        let pixels = palette.indices(&draw(title, moment, 1)?);
         encoder.write_frame(&frame(&pixels, last.as_deref()))?;
         last = Some(pixels);
     }
@@ -71,26 +72,28 @@ fn frame(pixels: &[u8], last: Option<&[u8]>) -> Frame<'static> {
     }
 }
 
-/// One moment as red, green, blue and alpha.
-fn draw(title: &str, moment: &AnimationFrame) -> anyhow::Result<Vec<u8>> {
-    let canvas = Canvas::new(WIDTH, HEIGHT, PAPER);
+/// One moment as red, green, blue and alpha, `scale` times as large as in a GIF.
+pub fn draw(title: &str, moment: &AnimationFrame, scale: u32) -> anyhow::Result<Vec<u8>> {
+    let (width, height) = (WIDTH * scale, HEIGHT * scale);
+    let canvas = Canvas::new(width, height, PAPER);
     let mut canvas = canvas.ok_or_else(|| anyhow::anyhow!("no room for a picture"))?;
-    canvas.text((16.0, 10.0), TextSize::Medium, INK, title);
+    let by = |length: f32| length * scale as f32;
+    let large = if scale > 1 { TextSize::Large } else { TextSize::Medium };
+    canvas.text((by(16.0), by(10.0)), large, INK, title);
     let clock = format!("{:.1} s", moment.time_s);
-    let right = WIDTH as f32 - 16.0;
+    let right = width as f32 - by(16.0);
     let at = right - Canvas::text_width(TextSize::Small, &clock);
-    canvas.caption((at, HEIGHT as f32 - 26.0), &clock);
+    canvas.caption((at, height as f32 - 26.0), &clock);
     if let Some(since_s) = moment.since_beat_s {
-        let radius = 3.0 + 6.0 * (-since_s / 0.15).exp() as f32;
-        canvas.dot((right - 8.0, 18.0), radius, [BEAT[0], BEAT[1], BEAT[2], 255]);
+        let radius = by(3.0 + 6.0 * (-since_s / 0.15).exp() as f32);
+        canvas.dot((right - by(8.0), by(18.0)), radius, [BEAT[0], BEAT[1], BEAT[2], 255]);
     }
-    let top = 36.0;
+    let (top, tall) = (by(36.0), by(FIGURE_HEIGHT));
     if let Some(human) = &moment.human {
-        draw_figure(&mut canvas, human, WIDTH as f32 * 0.3, top, FIGURE_HEIGHT);
+        draw_figure(&mut canvas, human, width as f32 * 0.3, top, tall);
     }
     let beside = if moment.human.is_some() { 0.7 } else { 0.5 };
-    let robot = &moment.robot;
-    draw_figure(&mut canvas, robot, WIDTH as f32 * beside, top, FIGURE_HEIGHT);
+    draw_figure(&mut canvas, &moment.robot, width as f32 * beside, top, tall);
     Ok(canvas.rgba().to_vec())
 }
 
@@ -161,7 +164,7 @@ mod tests {
         assert_eq!(screens.len(), moments.len());
         let (mut worst, mut greenest) = (0, 0);
         for (moment, screen) in moments.iter().zip(&screens) {
-            let wanted = draw("title", moment).unwrap();
+            let wanted = draw("title", moment, 1).unwrap();
             for (shown, wanted) in screen.chunks_exact(4).zip(wanted.chunks_exact(4)) {
                 let off = |n: usize| shown[n].abs_diff(wanted[n]);
                 worst = worst.max(off(0).max(off(1)).max(off(2)));

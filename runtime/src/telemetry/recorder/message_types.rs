@@ -72,6 +72,13 @@ pub const LOG: MessageType = message(
     &[TIME],
 );
 
+pub const AUDIO: MessageType = message(
+    "foxglove_msgs/msg/RawAudio",
+    "builtin_interfaces/Time timestamp\nuint8[] data\nstring format\n\
+     uint32 sample_rate\nuint32 number_of_channels\n",
+    &[TIME],
+);
+
 const VECTOR: (&str, &str) = ("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n");
 const TRANSFORM: (&str, &str) = (
     "geometry_msgs/Transform",

@@ -17,6 +17,7 @@
 //! | `/root` | PoseStamped | where the root link is in the world, 20 a second |
 //! | `/tf`, `/tf_static` | TFMessage | each link in its parent's frame, 20 a second; what is fixed |
 //! | `/human`, `/beat_marker` | Marker | the human as lines; a ball at each beat |
+//! | `/audio` | RawAudio | the song, 16 bit, 20 pieces a second; nothing of live music |
 //! | `/spectrum` | Float32MultiArray | 32 bands, 0 to 1, 20 a second |
 //! | `/temperatures` | Temperature | Celsius of the joint in `frame_id`, when it changes |
 //! | `/safety` | Log | what the safety layer did: `safety.STATE`, and why |
@@ -35,7 +36,7 @@ mod recording;
 mod topic;
 mod writer_thread;
 
-pub use recording::{RecordedEvent, Recording, Series};
+pub use recording::{RecordedAudio, RecordedEvent, Recording, Series};
 
 use crate::telemetry::pose_array::pose_from_array;
 use link_frames::{LinkFrames, MOTION_FRAME, WORLD_FRAME};
@@ -49,6 +50,8 @@ use topic::SAFETY;
 use writer_thread::WriterThread;
 pub use writer_thread::{OnRecordingError, WhenBehind};
 
+/// Foxglove's name for 16-bit samples, little-endian.
+const AUDIO_FORMAT: &str = "pcm-s16";
 const LOG_INFO: u8 = 20;
 const LOG_ERROR: u8 = 40;
 
@@ -155,6 +158,14 @@ impl Recorder {
         cdr.u32(1).string("band").u32(count).u32(count).u32(0);
         let data = cdr.f32s(bands.iter().copied()).finish();
         self.writer.message(RecordingTopic::Spectrum, time_s, data);
+    }
+
+    /// A piece of the song: mono, 16 bit.
+    pub(crate) fn audio(&mut self, time_s: f64, samples: &[i16], rate_hz: u32) {
+        let bytes: Vec<u8> = samples.iter().flat_map(|sample| sample.to_le_bytes()).collect();
+        let mut cdr = CdrWriter::new();
+        let data = cdr.time(time_s).bytes(&bytes).string(AUDIO_FORMAT).u32(rate_hz).u32(1).finish();
+        self.writer.message(RecordingTopic::Audio, time_s, data);
     }
 
     /// How warm the servo of a joint is, Celsius; NaN where it does not say.

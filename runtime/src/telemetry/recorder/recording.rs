@@ -9,6 +9,7 @@ use anyhow::{Context, bail};
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde::Deserialize;
+use servodance_audio::playback::Sound;
 use servodance_stage::ros2::CdrReader;
 use servodance_types::{JOINT_COUNT, JointLimits};
 use std::collections::HashMap;
@@ -18,6 +19,8 @@ use std::path::Path;
 
 /// Joint samples that are kept a second.
 const KEPT_HZ: f64 = 50.0;
+/// A longer gap in the song of a damaged file is not filled, seconds.
+const LONGEST_GAP_S: usize = 60;
 /// No record of a recording is longer, bytes.
 const LONGEST: usize = 64 << 20;
 
@@ -89,6 +92,42 @@ pub struct RecordedEvent {
     pub cause: String,
 }
 
+/// The song of a recording, from its first recorded sample on.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[allow(missing_docs)] // the names say it
+pub struct RecordedAudio {
+    /// When the first sample is heard, seconds of music.
+    pub from_s: f64,
+    pub rate_hz: u32,
+    /// Mono.
+    pub samples: Vec<i16>,
+}
+
+impl RecordedAudio {
+    /// The song from its own beginning on, for whoever plays it.
+    pub fn sound(&self) -> Sound {
+        let before = (self.from_s * f64::from(self.rate_hz)).round();
+        let samples = match before >= 0.0 {
+            true => {
+                let most = LONGEST_GAP_S * self.rate_hz as usize;
+                let silence = std::iter::repeat_n(0, (before as usize).min(most));
+                silence.chain(self.samples.iter().copied()).collect()
+            }
+            false => self.samples.iter().skip(-before as usize).copied().collect(),
+        };
+        Sound { samples, rate_hz: self.rate_hz }
+    }
+
+    /// A piece of the song; silence stands for pieces that were left out.
+    fn push(&mut self, time_s: f64, bytes: &[u8]) {
+        let place = ((time_s - self.from_s) * f64::from(self.rate_hz)).round().max(0.0) as usize;
+        let most = self.samples.len() + LONGEST_GAP_S * self.rate_hz as usize;
+        self.samples.resize(place.min(most), 0);
+        let pairs = bytes.chunks_exact(2).map(|pair| i16::from_le_bytes([pair[0], pair[1]]));
+        self.samples.extend(pairs);
+    }
+}
+
 /// What a recording holds. Older ones have no spectrum, temperatures and events.
 #[derive(Clone, Debug, Default)]
 #[allow(missing_docs)] // the names say it
@@ -114,6 +153,8 @@ pub struct Recording {
     pub spectrum: Series<Vec<f32>>,
     pub temperatures: Vec<Series<f32>>,
     pub events: Series<RecordedEvent>,
+    /// The song; none of live music.
+    pub audio: Option<RecordedAudio>,
 }
 
 impl Recording {
@@ -233,6 +274,14 @@ impl RecordingReader {
                 let series = self.temperatures.entry(joint).or_default();
                 series.push(time_s, cdr.f64()? as f32);
             }
+            "/audio" => {
+                cdr.time()?;
+                let bytes = cdr.bytes()?;
+                cdr.string()?;
+                let rate_hz = cdr.u32().filter(|rate| (1..=384_000).contains(rate))?;
+                let first = RecordedAudio { from_s: time_s, rate_hz, samples: Vec::new() };
+                recording.audio.get_or_insert(first).push(time_s, bytes);
+            }
             "/safety" => recording.events.push(time_s, past(cdr)?),
             "/robot_description" => recording.urdf_xml = cdr.string()?.to_owned(),
             _ => {}
@@ -277,6 +326,9 @@ impl RecordingReader {
         recording.lead.shift(-start_s);
         recording.idle.shift(-start_s);
         recording.beats.shift(-start_s);
+        if let Some(audio) = &mut recording.audio {
+            audio.from_s -= start_s;
+        }
         Ok(recording)
     }
 }

@@ -1,8 +1,8 @@
 //! The topics of a recording: the name and the message type of each.
 
 use super::message_types::{
-    FLOAT_ARRAY, FLOAT64, JOINT_STATE, LOG, MARKER, MessageType, POSE_ARRAY, POSE_STAMPED, STRING,
-    TEMPERATURE, TRANSFORMS,
+    AUDIO, FLOAT_ARRAY, FLOAT64, JOINT_STATE, LOG, MARKER, MessageType, POSE_ARRAY, POSE_STAMPED,
+    STRING, TEMPERATURE, TRANSFORMS,
 };
 use crate::pipeline::step_times::PipelineStep;
 use std::borrow::Cow;
@@ -32,6 +32,7 @@ pub enum RecordingTopic {
     FixedTransforms,
     Human,
     BeatMarker,
+    Audio,
     RobotDescription,
     Stage(PipelineStep),
 }
@@ -60,6 +61,7 @@ impl RecordingTopic {
             Self::FixedTransforms => ("/tf_static", TRANSFORMS),
             Self::Human => ("/human", MARKER),
             Self::BeatMarker => ("/beat_marker", MARKER),
+            Self::Audio => ("/audio", AUDIO),
             Self::Stage(stage) => return (format!("/stage/{}", stage.name()).into(), FLOAT64),
         };
         (name.into(), message_type)

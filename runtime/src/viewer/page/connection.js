@@ -18,7 +18,7 @@ export function connect({ operator, onFrame, onRefused, onSilence }) {
 
   const open = () => {
     const address = new URL("api/live", location.href);
-    address.protocol = "ws:";
+    address.protocol = location.protocol.replace("http", "ws");
     const line = new WebSocket(address);
     line.onmessage = (event) => {
       const message = JSON.parse(event.data);

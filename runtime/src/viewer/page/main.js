@@ -22,7 +22,7 @@ async function start() {
   // Frames of the last second: what is heard now may have been said a moment ago.
   let frames = [];
   let news = "";
-  const sound = makeSound(byId("sound"));
+  const sound = makeSound(byId("sound"), scene.speaker);
   const songs = makeSongs(byId("songs"), scene);
   const connection = connect({
     operator: scene.operator,

@@ -22,6 +22,12 @@ const SAFETY = {
   fault: "something is wrong",
 };
 const TRACK_S = 6;
+// A reason stays long enough to be read.
+const REASON_S = 0.8;
+const REASONS = {
+  limit: "end of range", speed: "top speed", balance: "balance", collision: "collision",
+  torque: "torque", heat: "heat", supply: "low voltage",
+};
 const WARM_C = 55;
 const HOT_C = 65;
 
@@ -107,7 +113,7 @@ function makeFigures() {
 function makeJoint({ name, lower_rad, upper_rad }) {
   const row = document.createElement("div");
   row.className = "joint";
-  const [label, canvas, degrees, heat] = ["b", "canvas", "span", "span"].map((kind) =>
+  const [label, canvas, degrees, heat, why] = ["b", "canvas", "span", "span", "i"].map((kind) =>
     document.createElement(kind),
   );
   label.textContent = name;
@@ -116,7 +122,8 @@ function makeJoint({ name, lower_rad, upper_rad }) {
   canvas.height = 26;
   canvas.setAttribute("role", "img");
   canvas.setAttribute("aria-label", `${label.title}, its last seconds`);
-  row.append(label, canvas, degrees, heat);
+  row.append(label, canvas, degrees, heat, why);
+  let told = -Infinity;
   const past = [];
   const height = (rad) => {
     const share = (rad - lower_rad) / (upper_rad - lower_rad);
@@ -145,6 +152,11 @@ function makeJoint({ name, lower_rad, upper_rad }) {
     degrees.textContent = `${(frame.positions_rad[index] * DEG).toFixed(1)}°`;
     const celsius = frame.temperatures_c[index];
     heat.textContent = celsius === null ? "–" : `${celsius.toFixed(0)}°`;
+    const reason = frame.held_back[index];
+    if (reason) {
+      told = time;
+      why.textContent = REASONS[reason];
+    } else if (Math.abs(time - told) > REASON_S && why.textContent) why.textContent = "";
     heat.className = celsius >= HOT_C ? "hot" : celsius >= WARM_C ? "warm" : "";
   };
   return { row, show };

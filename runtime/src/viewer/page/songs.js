@@ -1,8 +1,10 @@
-// Songs for the next dances: dropped anywhere on the page, or chosen.
+// Songs for the next dances: dropped anywhere on the page, or chosen; or what this browser hears.
+
+import { openMicrophone } from "./microphone.js";
 
 export function makeSongs(panel, scene) {
-  const [button, input, told] = panel.querySelectorAll("button, input, output");
-  if (!scene.operator || scene.recording_s !== null) return { show() {} };
+  const [button, listen, input, told] = panel.querySelectorAll("button, input, output");
+  if (!scene.operator || !scene.takes_songs) return { show() {} };
   panel.hidden = false;
   let refused = "";
 
@@ -21,6 +23,26 @@ export function makeSongs(panel, scene) {
   };
   button.onclick = () => input.click();
   input.onchange = () => add(input.files).then(() => (input.value = ""));
+  let microphone = null;
+  const close = () => {
+    microphone?.close();
+    microphone = null;
+    listen.textContent = "use this microphone";
+    listen.setAttribute("aria-pressed", "false");
+  };
+  // Browsers let a page listen where nobody can have changed it on its way.
+  listen.hidden = !navigator.mediaDevices;
+  listen.onclick = async () => {
+    refused = "";
+    if (microphone) return close();
+    try {
+      microphone = await openMicrophone(close);
+      listen.textContent = "close the microphone";
+      listen.setAttribute("aria-pressed", "true");
+    } catch (error) {
+      refused = error.message;
+    }
+  };
   const over = (event, is) => {
     event.preventDefault();
     document.body.classList.toggle("dropping", is);

@@ -11,13 +11,14 @@ const FADE_S = 0.03;
 // Ahead of the start of a source, so that it begins on time.
 const AHEAD_S = 0.06;
 
-export function makeSound(panel) {
+// Silent at first where a loudspeaker beside the robot plays.
+export function makeSound(panel, silent = false) {
   const [button, volume, told] = panel.querySelectorAll("button, input, output");
   const context = new AudioContext();
   const gain = new GainNode(context, { gain: 0 });
   gain.connect(context.destination);
   const clock = makeMusicClock();
-  let on = true;
+  let on = !silent;
   // The song, and its number among those of the session.
   let buffer = null;
   let number = null;

@@ -1,20 +1,14 @@
 // The robot and its human in 3-D: unit shapes, one light, a camera to turn.
 
 import { handlePointer, viewOf } from "./camera.js";
+import { SHADOW, drawFloor, shadowOn, upright } from "./floor.js";
 import { between, distance, fromPose, multiply } from "./matrix.js";
 import { makePainter } from "./painter.js";
+import { extent, robotPart } from "./robot.js";
 
 const HUMAN = [1.0, 0.69, 0.4, 1];
-const GRID = [0.16, 0.19, 0.24, 1];
-const FLOOR = [0.105, 0.125, 0.165];
-const SHADOW = [0.062, 0.074, 0.1, 1];
-// Where the light comes from; shadows are cast along it.
-const LIGHT = [0.4, -0.25, 1];
-const SHELL = [0.5, 0.58, 0.7, 1];
-const STICK = [0.55, 0.6, 0.68, 1];
 const HUMAN_M = 1.7;
 const HEAD = 15;
-const upright = (at) => fromPose([...at, 0, 0, 0, 1]);
 
 export function makeStage(canvas, scene) {
   const gl = canvas.getContext("webgl2", { antialias: true });
@@ -99,74 +93,6 @@ async function fetchMesh(mesh) {
     await new Promise((later) => setTimeout(later, 1000));
   }
   return new Float32Array();
-}
-
-// A shape of the scene as what the painter draws.
-function robotPart(shape) {
-  // A shape without a colour of its own says so by being transparent.
-  const plain = (rgba) => rgba[3] === 0;
-  const light = (rgba) => (plain(rgba) ? SHELL : [...rgba.slice(0, 3).map((part) => 0.16 + 0.8 * part), 1]);
-  if (shape.stick) {
-    const long = Math.max(distance([0, 0, 0], shape.stick), 1e-4);
-    const size = [shape.radius, shape.radius, long];
-    return { shape: "cylinder", link: shape.link, pose: between([0, 0, 0], shape.stick), size, colour: STICK };
-  }
-  const part = { link: shape.link, pose: fromPose(shape.pose), colour: light(shape.rgba) };
-  if ("mesh" in shape) return { ...part, shape: `mesh ${shape.mesh}`, size: shape.scale, bounds: shape.bounds };
-  if (shape.box) return { ...part, shape: "box", size: shape.box };
-  if (shape.cylinder) {
-    const [radius, long] = shape.cylinder;
-    return { ...part, shape: "cylinder", size: [radius, radius, long] };
-  }
-  return { ...part, shape: "ball", size: [shape.sphere, shape.sphere, shape.sphere] };
-}
-
-// Where the lowest part is, and how tall all of them are.
-function extent(parts) {
-  let [low, high] = [Infinity, -Infinity];
-  for (const { shape, world, size, bounds } of parts) {
-    if (bounds) {
-      for (let corner = 0; corner < 8; corner++) {
-        const at = [0, 1, 2].map((axis) => bounds[(corner >> axis) & 1][axis] * size[axis]);
-        const z = world[2] * at[0] + world[6] * at[1] + world[10] * at[2] + world[14];
-        low = Math.min(low, z);
-        high = Math.max(high, z);
-      }
-      continue;
-    }
-    const half = shape === "box" ? 0.5 : 1;
-    const sides = [half * size[0], half * size[1], shape === "ball" ? size[2] : 0.5 * size[2]];
-    const reach = Math.abs(world[2]) * sides[0] + Math.abs(world[6]) * sides[1] + Math.abs(world[10]) * sides[2];
-    low = Math.min(low, world[14] - reach);
-    high = Math.max(high, world[14] + reach);
-  }
-  return Number.isFinite(low) ? { floor: low, height: Math.max(high - low, 0.05) } : { floor: 0, height: 0.5 };
-}
-
-// Everything flat on the floor, along the light.
-function shadowOn(floor) {
-  const [x, y] = [LIGHT[0] / LIGHT[2], LIGHT[1] / LIGHT[2]];
-  return new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, -x, -y, 0, 0, x * floor, y * floor, floor, 1]);
-}
-
-// A round floor that lights up on the beat.
-function drawFloor(painter, floor, height, beside, beat) {
-  const step = height / 3;
-  const thick = height / 500;
-  const glow = beat.lock === "lost" ? 0 : 0.5 * Math.exp(-4 * beat.phase) * beat.confidence;
-  const wide = 1.9 * height;
-  painter.lit(false);
-  painter.draw("cylinder", upright([0, beside / 2, floor - thick]), [wide, wide, thick], [...FLOOR.map((part) => part * (1 + glow)), 1]);
-  painter.lit(true);
-  for (let n = -5; n <= 5; n++) {
-    const half = Math.sqrt(wide * wide - n * step * n * step);
-    for (const [from, to] of [
-      [[n * step, beside / 2 - half, floor], [n * step, beside / 2 + half, floor]],
-      [[-half, beside / 2 + n * step, floor], [half, beside / 2 + n * step, floor]],
-    ]) {
-      painter.draw("box", between(from, to), [thick, thick, distance(from, to)], GRID);
-    }
-  }
 }
 
 // As tall as the robot, and always on its left: the robot stays on the spot.

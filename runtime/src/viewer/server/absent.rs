@@ -5,17 +5,25 @@
 use super::link::ViewerEnd;
 use super::scene::Scene;
 use super::songs::Songs;
+#[cfg(feature = "stage")]
+use super::stage_link::StageEnd;
 use anyhow::bail;
 use std::convert::Infallible;
 use std::net::SocketAddr;
+
+const ABSENT: &str =
+    "--view: this program was built without its page; build without --no-default-features";
 
 pub struct Server(Infallible);
 
 impl Server {
     pub fn start(_: SocketAddr, _: Scene, _: ViewerEnd, _: Songs) -> anyhow::Result<Self> {
-        bail!(
-            "--view: this program was built without its page; build without --no-default-features"
-        )
+        bail!(ABSENT)
+    }
+
+    #[cfg(feature = "stage")]
+    pub fn start_stage(_: SocketAddr, _: StageEnd) -> anyhow::Result<Self> {
+        bail!(ABSENT)
     }
 
     pub fn address(&self) -> &str {

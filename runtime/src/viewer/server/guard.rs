@@ -99,7 +99,12 @@ pub fn is_own(host: Option<&str>, origin: Option<&str>, own_name: &str) -> bool 
     let known = name.parse::<IpAddr>().is_ok()
         || name == "localhost"
         || (!own_name.is_empty() && local.contains(&name));
-    let same = |origin: &str| origin.strip_prefix("http://") == Some(host);
+    // Encrypted, where something else does that in front of this program.
+    let bare = |origin: &str| {
+        let bare = origin.strip_prefix("http://").or(origin.strip_prefix("https://"));
+        bare.map(str::to_owned)
+    };
+    let same = |origin: &str| bare(origin).as_deref() == Some(host);
     known && origin.is_none_or(same)
 }
 

@@ -8,16 +8,23 @@
 mod connections;
 mod guard;
 mod invitation;
+mod microphone;
 mod page;
+mod robot_page;
 mod routes;
+mod shown;
 mod socket;
+#[cfg(feature = "stage")]
+mod stage_page;
 mod state;
 mod stop_presses;
 
 use self::connections::{Connections, STRANGER_S};
 use self::guard::Tokens;
 use self::invitation::Invitation;
+use self::robot_page::RobotPage;
 use self::routes::routes;
+use self::shown::Shown;
 use self::state::ServerState;
 use crate::process::console::stderr_line;
 use crate::process::failpoint;
@@ -25,6 +32,8 @@ use crate::process::realtime;
 use crate::viewer::link::ViewerEnd;
 use crate::viewer::scene::Scene;
 use crate::viewer::songs::Songs;
+#[cfg(feature = "stage")]
+use crate::viewer::stage_link::StageEnd;
 use anyhow::Context;
 use axum::Extension;
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -58,7 +67,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves a scene at `bind`; port 0 is any that is free.
+    /// Serves the page of a robot at `bind`; port 0 is any that is free.
     /// The page plays and adds `songs`.
     pub fn start(
         bind: SocketAddr,
@@ -66,6 +75,16 @@ impl Server {
         end: ViewerEnd,
         songs: Songs,
     ) -> anyhow::Result<Self> {
+        Self::serve(bind, Box::new(RobotPage::new(scene, end, songs)))
+    }
+
+    /// Serves the page of a whole stage.
+    #[cfg(feature = "stage")]
+    pub fn start_stage(bind: SocketAddr, end: StageEnd) -> anyhow::Result<Self> {
+        Self::serve(bind, Box::new(stage_page::StagePage::new(end)))
+    }
+
+    fn serve(bind: SocketAddr, shown: Box<dyn Shown>) -> anyhow::Result<Self> {
         let cannot = || format!("--view-bind {bind}: cannot serve the page there");
         let listener = std::net::TcpListener::bind(bind).with_context(cannot)?;
         listener.set_nonblocking(true)?;
@@ -76,7 +95,7 @@ impl Server {
             operator: format!("http://{host}/{}/", tokens.operator.text()),
             audience: format!("http://{host}/{}/", tokens.audience.text()),
         };
-        let state = Arc::new(ServerState::new(tokens, invitation.clone(), scene, end, songs));
+        let state = Arc::new(ServerState::new(tokens, invitation.clone(), shown));
         let (stop, stopped) = oneshot::channel();
         let kept = Arc::clone(&state);
         let thread = std::thread::Builder::new().name("viewers".into());
@@ -165,7 +184,7 @@ async fn serve(
 async fn farewell(state: &ServerState) {
     let began = Instant::now();
     tokio::time::sleep(Duration::from_secs_f64(FAREWELL_S)).await;
-    while state.is_stop_awaited() && began.elapsed().as_secs_f64() < STOP_FAREWELL_S {
+    while state.shown.is_stop_awaited() && began.elapsed().as_secs_f64() < STOP_FAREWELL_S {
         tokio::time::sleep(Duration::from_secs_f64(FAREWELL_S)).await;
     }
 }
@@ -217,7 +236,7 @@ async fn make_frames(state: Arc<ServerState>) {
         clock.tick().await;
         failpoint::pass("viewers");
         let due = sent.elapsed().as_secs_f64() >= HEARTBEAT_S;
-        if (state.has_news() || due) && state.frames.receiver_count() > 0 {
+        if (state.shown.has_news() || due) && state.frames.receiver_count() > 0 {
             sent = Instant::now();
             state.frames.send_replace(state.frame().into());
         }

@@ -10,6 +10,14 @@ pub fn part(name: &str) -> Option<(&'static str, &'static str)> {
     const SCRIPT: &str = "text/javascript; charset=utf-8";
     Some(match name {
         "index.html" => (HTML, include_str!("../page/index.html")),
+        "whole_stage.html" => (HTML, include_str!("../page/whole_stage.html")),
+        "whole_stage.css" => (CSS, include_str!("../page/whole_stage.css")),
+        "whole_stage.js" => (SCRIPT, include_str!("../page/whole_stage.js")),
+        "robots.js" => (SCRIPT, include_str!("../page/robots.js")),
+        "cues.js" => (SCRIPT, include_str!("../page/cues.js")),
+        "timeline.js" => (SCRIPT, include_str!("../page/timeline.js")),
+        "robot.js" => (SCRIPT, include_str!("../page/robot.js")),
+        "floor.js" => (SCRIPT, include_str!("../page/floor.js")),
         "view.css" => (CSS, include_str!("../page/view.css")),
         "main.js" => (SCRIPT, include_str!("../page/main.js")),
         "connection.js" => (SCRIPT, include_str!("../page/connection.js")),
@@ -17,6 +25,8 @@ pub fn part(name: &str) -> Option<(&'static str, &'static str)> {
         "stop.js" => (SCRIPT, include_str!("../page/stop.js")),
         "links.js" => (SCRIPT, include_str!("../page/links.js")),
         "songs.js" => (SCRIPT, include_str!("../page/songs.js")),
+        "microphone.js" => (SCRIPT, include_str!("../page/microphone.js")),
+        "capture.js" => (SCRIPT, include_str!("../page/capture.js")),
         "sound.js" => (SCRIPT, include_str!("../page/sound.js")),
         "music_clock.js" => (SCRIPT, include_str!("../page/music_clock.js")),
         "panels.js" => (SCRIPT, include_str!("../page/panels.js")),
@@ -35,7 +45,7 @@ mod tests {
 
     #[test]
     fn every_part_that_the_page_names_is_there_and_nothing_comes_from_elsewhere() {
-        let mut todo = vec!["index.html".to_owned()];
+        let mut todo = ["index.html", "whole_stage.html"].map(str::to_owned).to_vec();
         let mut seen = Vec::new();
         while let Some(name) = todo.pop() {
             let (_, text) = part(&name).unwrap_or_else(|| panic!("{name} is missing"));

@@ -5,19 +5,24 @@
 //! | `GET ` (the page), `GET NAME` | the page and its parts |
 //! | `GET api/scene` | what does not change |
 //! | `GET api/mesh/N` | the corners of a mesh |
+//! | `GET api/part/NAME` | what changes seldom: a robot of a stage, its timeline |
+//! | `GET api/show` | the show of a stage as a file: for operators |
 //! | `GET api/state` | the newest frame |
 //! | `POST api/command` | a request: [`crate::viewer::request`] |
 //! | `POST api/tap` | `{"do": "tap"}` without a body |
 //! | `GET api/song` | the music as WAV, where it is a recording |
 //! | `POST api/song/NAME` | a file of music, to be danced next: for operators |
+//! | `GET api/microphone` | WebSocket: what a browser hears, to be danced next: for operators |
 //! | `GET api/links` | both links with their QR codes: for operators |
 //! | `GET api/live` | WebSocket: frames out, requests in |
 
 use super::connections::Connection;
 use super::guard::Role;
+use super::microphone;
 use super::page;
+use super::shown::{Answer, RequestRefusal};
 use super::socket;
-use super::state::{Answer, LONGEST, RequestRefusal, ServerState};
+use super::state::{LONGEST, ServerState, for_watching};
 use crate::viewer::songs::MOST_BYTES;
 use axum::body::Bytes;
 use axum::extract::rejection::{BytesRejection, StringRejection};
@@ -34,11 +39,14 @@ pub fn routes(state: Arc<ServerState>) -> Router {
     let inner = Router::new()
         .route("/api/scene", get(scene))
         .route("/api/mesh/{part}", get(mesh))
+        .route("/api/part/{name}", get(scene_part))
+        .route("/api/show", get(show_file))
         .route("/api/state", get(newest_frame))
         .route("/api/command", post(command))
         .route("/api/tap", post(tap))
         .route("/api/song", get(song))
         .route("/api/song/{name}", post(add_song).layer(DefaultBodyLimit::max(MOST_BYTES)))
+        .route("/api/microphone", get(microphone::microphone))
         .route("/api/links", get(links))
         .route("/api/live", get(socket::live))
         .route("/{name}", get(part));
@@ -89,8 +97,8 @@ async fn guard(
     response
 }
 
-async fn index() -> Response {
-    part(Path("index.html".into())).await
+async fn index(State(state): State<Arc<ServerState>>) -> Response {
+    part(Path(state.shown.index().into())).await
 }
 
 async fn part(Path(name): Path<String>) -> Response {
@@ -119,13 +127,32 @@ async fn links(
 
 async fn mesh(State(state): State<Arc<ServerState>>, Path(part): Path<usize>) -> Response {
     const BYTES: &str = "application/octet-stream";
-    match state.scene.meshes.parts.get(part) {
-        // Kept once, however many fetch it.
-        Some(corners) => {
-            let corners = Bytes::from_owner(Arc::clone(corners));
-            ([(header::CONTENT_TYPE, BYTES)], corners).into_response()
-        }
+    match state.shown.mesh(part) {
+        Some(corners) => ([(header::CONTENT_TYPE, BYTES)], corners).into_response(),
         None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+async fn scene_part(State(state): State<Arc<ServerState>>, Path(name): Path<String>) -> Response {
+    match state.shown.part(&name) {
+        Some(part) => as_json(part),
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+async fn show_file(
+    State(state): State<Arc<ServerState>>,
+    Extension(role): Extension<Role>,
+) -> Response {
+    const KIND: &str = "application/toml";
+    match (role, state.shown.document()) {
+        (Role::Audience, _) => refused(for_watching()),
+        (Role::Operator, Some((name, text))) => {
+            let name = format!("attachment; filename=\"{name}\"");
+            ([(header::CONTENT_TYPE, KIND), (header::CONTENT_DISPOSITION, &name)], text)
+                .into_response()
+        }
+        (Role::Operator, None) => StatusCode::NOT_FOUND.into_response(),
     }
 }
 

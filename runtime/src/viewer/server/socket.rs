@@ -3,7 +3,8 @@
 
 use super::connections::Connection;
 use super::guard::Role;
-use super::state::{Answer, LONGEST, ServerState};
+use super::shown::Answer;
+use super::state::{LONGEST, ServerState};
 use axum::Extension;
 use axum::extract::State;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
@@ -105,7 +106,7 @@ impl Pulse<'_> {
     fn check(&mut self) {
         if self.heard.is_some_and(|heard| heard.elapsed().as_secs_f64() > SILENT_S) {
             self.heard = None;
-            self.state.operator_lost();
+            self.state.shown.operator_lost();
         }
     }
 }
@@ -113,7 +114,7 @@ impl Pulse<'_> {
 impl Drop for Pulse<'_> {
     fn drop(&mut self) {
         if self.heard.is_some() {
-            self.state.operator_lost();
+            self.state.shown.operator_lost();
         }
     }
 }

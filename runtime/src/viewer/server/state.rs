@@ -2,21 +2,15 @@
 
 use super::guard::{Role, Tokens, is_own};
 use super::invitation::Invitation;
-use super::stop_presses::StopPresses;
+use super::shown::{Answer, RequestRefusal, ServerNow, Shown};
 use crate::process::console::stderr_line;
-use crate::viewer::frame::{FrameSurroundings, frame};
-use crate::viewer::link::ViewerEnd;
-use crate::viewer::request::{ParsedRequest, ViewerRequest, parse_request};
-use crate::viewer::scene::Scene;
-use crate::viewer::snapshot::Snapshot;
 use crate::viewer::song_wav::song_wav;
-use crate::viewer::songs::Songs;
 use axum::body::Bytes;
 use axum::extract::Request;
 use axum::extract::ws::Utf8Bytes;
 use axum::http::{StatusCode, header};
 use serde_json::Value;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::{OnceCell, OwnedSemaphorePermit, Semaphore, watch};
 
@@ -29,12 +23,9 @@ const AUDIENCE_SOCKETS: usize = 128;
 pub struct ServerState {
     pub tokens: Tokens,
     pub invitation: Invitation,
+    pub shown: Box<dyn Shown>,
     own_name: String,
-    pub scene: Scene,
-    scene_json: Value,
-    robot: Mutex<RobotView>,
     began: Instant,
-    songs: Songs,
     /// The newest song that was asked for; decoded when it is asked for first.
     song: Mutex<(u32, Arc<OnceCell<Option<Bytes>>>)>,
     pub frames: watch::Sender<Utf8Bytes>,
@@ -42,94 +33,32 @@ pub struct ServerState {
     audience_sockets: Arc<Semaphore>,
 }
 
-/// What the server knows of the robot.
-struct RobotView {
-    end: ViewerEnd,
-    /// Whether a frame has shown the newest snapshot.
-    shown: bool,
-    presses: StopPresses,
-}
-
-impl RobotView {
-    fn newest(&mut self) -> &Snapshot {
-        if self.end.has_news() {
-            self.shown = false;
-        }
-        self.end.newest()
-    }
-}
-
-/// What became of a request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Answer {
-    Taken,
-    /// It said that the page is there, no more.
-    Alive,
-    /// A stop, and the control loop says that torque is off since.
-    Stopped,
-}
-
-/// A request that was not taken: the status and the reason, one line.
-pub type RequestRefusal = (StatusCode, String);
-
 impl ServerState {
-    pub fn new(
-        tokens: Tokens,
-        invitation: Invitation,
-        scene: Scene,
-        end: ViewerEnd,
-        songs: Songs,
-    ) -> Self {
+    pub fn new(tokens: Tokens, invitation: Invitation, shown: Box<dyn Shown>) -> Self {
         Self {
             tokens,
             invitation,
+            shown,
             own_name: own_name(),
-            scene_json: scene.json(),
-            scene,
             began: Instant::now(),
-            songs,
             song: Mutex::default(),
-            robot: Mutex::new(RobotView { end, shown: false, presses: StopPresses::default() }),
             frames: watch::Sender::new(Utf8Bytes::default()),
             operator_sockets: Arc::new(Semaphore::new(OPERATOR_SOCKETS)),
             audience_sockets: Arc::new(Semaphore::new(AUDIENCE_SOCKETS)),
         }
     }
 
-    fn robot(&self) -> MutexGuard<'_, RobotView> {
-        self.robot.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Whether a snapshot has come that no frame has shown.
-    pub fn has_news(&self) -> bool {
-        let mut robot = self.robot();
-        robot.newest();
-        !robot.shown
-    }
-
     /// The newest frame, as JSON.
     pub fn frame(&self) -> String {
-        let mut robot = self.robot();
-        robot.newest();
-        robot.shown = true;
-        let RobotView { end, presses, .. } = &mut *robot;
-        let estop = end.estop.is_pressed();
-        let snapshot = end.newest();
-        let surroundings = FrameSurroundings {
-            estop,
+        self.shown.frame(ServerNow {
             clock_s: self.began.elapsed().as_secs_f64(),
-            age_s: snapshot.now.published.elapsed().as_secs_f64(),
-            confirmed: presses.confirmed(snapshot.now.stopped).collect(),
             viewers: self.frames.receiver_count(),
-            song: self.songs.now().map(|(number, _)| number),
-            queue: self.songs.waiting(),
-        };
-        frame(&self.scene, snapshot, &surroundings)
+        })
     }
 
     /// The music as WAV; `None` if there is none to play.
     pub async fn song(&self) -> Option<Bytes> {
-        let (number, choice) = self.songs.now()?;
+        let (number, choice) = self.shown.songs().now()?;
         let song = {
             let mut kept = self.song.lock().unwrap_or_else(PoisonError::into_inner);
             if kept.0 != number {
@@ -159,7 +88,10 @@ impl ServerState {
         if role == Role::Audience {
             return Err(for_watching());
         }
-        let songs = self.songs.clone();
+        if !self.shown.takes_songs() {
+            return Err((StatusCode::CONFLICT, "no songs can be added here".into()));
+        }
+        let songs = self.shown.songs().clone();
         let added = tokio::task::spawn_blocking(move || songs.add(&name, &bytes)).await;
         match added {
             Ok(Ok(())) => Ok(Answer::Taken),
@@ -168,27 +100,9 @@ impl ServerState {
         }
     }
 
-    /// Whether a page waits to see its stop confirmed.
-    pub fn is_stop_awaited(&self) -> bool {
-        self.robot().presses.is_awaited()
-    }
-
-    /// Whether this press has stopped the robot, as the control loop says.
-    fn is_confirmed(&self, press: &str) -> bool {
-        let mut robot = self.robot();
-        let stopped = robot.newest().now.stopped;
-        robot.presses.confirmed(stopped).any(|name| name == press)
-    }
-
-    /// Tells the program that the page of an operator has fallen silent.
-    pub fn operator_lost(&self) {
-        // A full queue has more urgent things in it.
-        let _ = self.robot().end.ask(&[ViewerRequest::OperatorLost]);
-    }
-
     /// The scene, and whether this viewer may command.
     pub fn scene_for(&self, role: Role) -> String {
-        let mut scene = self.scene_json.clone();
+        let mut scene = self.shown.scene();
         scene["operator"] = Value::Bool(role == Role::Operator);
         scene.to_string()
     }
@@ -224,54 +138,14 @@ impl ServerState {
 
     /// Does what a page asks for.
     pub fn ask(&self, role: Role, json: &str) -> Result<Answer, RequestRefusal> {
-        if role == Role::Audience {
-            return Err(for_watching());
-        }
-        match parse_request(json, &self.scene.styles) {
-            Ok(ParsedRequest::EStop(press)) => Ok(self.press_stop(press)),
-            Ok(ParsedRequest::Seen(press)) => {
-                self.robot().presses.see(&press);
-                Ok(Answer::Taken)
-            }
-            Ok(ParsedRequest::Alive) => {
-                self.robot().end.operators.hear();
-                Ok(Answer::Alive)
-            }
-            Ok(ParsedRequest::Requests(requests)) => self.pass_on(&requests),
-            Err(error) => Err((StatusCode::BAD_REQUEST, error)),
-        }
-    }
-
-    fn press_stop(&self, press: Option<String>) -> Answer {
-        let mut robot = self.robot();
-        robot.end.estop.press("the page");
-        let Some(press) = press else {
-            return Answer::Taken;
-        };
-        let releases = robot.end.estop.releases();
-        robot.presses.push(press.clone(), releases);
-        drop(robot);
-        match self.is_confirmed(&press) {
-            true => Answer::Stopped,
-            false => Answer::Taken,
-        }
-    }
-
-    fn pass_on(&self, requests: &[ViewerRequest]) -> Result<Answer, RequestRefusal> {
-        let mut robot = self.robot();
-        let pressed = robot.end.estop.is_pressed();
-        let activity = robot.newest().now.activity;
-        for request in requests {
-            request.possible(activity, pressed).map_err(|why| (StatusCode::CONFLICT, why))?;
-        }
-        match robot.end.ask(requests) {
-            true => Ok(Answer::Taken),
-            false => Err((StatusCode::SERVICE_UNAVAILABLE, "too many requests".into())),
+        match role {
+            Role::Audience => Err(for_watching()),
+            Role::Operator => self.shown.ask(json),
         }
     }
 }
 
-fn for_watching() -> RequestRefusal {
+pub fn for_watching() -> RequestRefusal {
     (StatusCode::FORBIDDEN, "this link is for watching".into())
 }
 

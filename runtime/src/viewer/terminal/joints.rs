@@ -1,19 +1,22 @@
 //! A joint as a line of text: position and target between the limits, angle and
-//! temperature.
+//! temperature, and why it does not go where the dance would have it.
 //!
 //! ```text
-//! head_pan    ·······┃●········   12.3°  36°
+//! head_pan    ·······┃●········   12.3°  36°  balance
 //! ```
 
 use crate::viewer::snapshot::JointStatus;
 use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::{Line, Span};
-use servodance_types::JointLimits;
+use servodance_types::{HeldBack, JointLimits};
 
 const NAME: usize = 16;
 const FIGURES: usize = 13;
 pub const NARROWEST: usize = NAME + FIGURES + 7;
 const WIDEST: usize = NAME + FIGURES + 60;
+/// The word for what holds a joint back, where there is room for it.
+const REASON: usize = 11;
+const ROOM_FOR_REASON: usize = NARROWEST + REASON;
 const WARM_C: f64 = 55.0;
 const HOT_C: f64 = 65.0;
 
@@ -28,13 +31,18 @@ pub fn layout(joints: usize, width: usize, lines: usize) -> (usize, usize) {
 /// A joint in `width` cells.
 pub fn joint<'a>(name: &str, limits: &JointLimits, now: &JointStatus, width: usize) -> Line<'a> {
     let width = width.min(WIDEST);
-    let bar = width.saturating_sub(NAME + FIGURES).max(1);
+    let reason = if width >= ROOM_FOR_REASON { REASON } else { 0 };
+    let bar = width.saturating_sub(NAME + FIGURES + reason).max(1);
     let name: String = name.chars().take(NAME - 2).collect();
     let mut line = vec![Span::from(format!("{name:<0$}", NAME - 1))];
     line.extend(track(limits, now, bar));
     let degrees = now.position_rad.to_degrees();
     line.push(Span::from(format!(" {degrees:>6.1}° ")));
     line.push(heat(now.temperature_c));
+    if reason > 0 {
+        let word = if now.held == HeldBack::Nothing { "" } else { now.held.name() };
+        line.push(Span::from(format!("  {word:<9}")).yellow());
+    }
     Line::from(line)
 }
 
@@ -91,6 +99,22 @@ mod tests {
         assert_eq!(at(0.0, 1.0, 36.4), "elbow          ·····●····┃    0.0°  36°");
         assert_eq!(at(-9.0, 0.0, f64::NAN), "elbow          ●····┃····· -515.7°   –");
         assert!(at(f64::NAN, f64::NAN, 70.0).ends_with("NaN°  70°"));
+    }
+
+    #[test]
+    fn a_joint_that_is_held_back_says_why_where_there_is_room() {
+        let limits = JointLimits {
+            lower_rad: -1.0,
+            upper_rad: 1.0,
+            velocity_rad_s: 1.0,
+            acceleration_rad_s2: 1.0,
+        };
+        let now = JointStatus { held: HeldBack::Balance, ..JointStatus::default() };
+        let wide = text(&joint("elbow", &limits, &now, ROOM_FOR_REASON));
+        assert!(wide.trim_end().ends_with("–  balance"), "{wide}");
+        assert_eq!(wide.chars().count(), ROOM_FOR_REASON);
+        let narrow = text(&joint("elbow", &limits, &now, NARROWEST));
+        assert!(narrow.ends_with('–'), "{narrow}");
     }
 
     #[test]
