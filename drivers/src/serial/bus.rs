@@ -189,9 +189,11 @@ impl SerialBus {
         let missing = missing.iter().zip(&client.aside);
         let missing = missing.map(|(missing, aside)| (!aside).then_some(missing.cycles));
         goals.begin_sending(&client.config, missing, damaged);
-        client.sync_write(goal, copies, |index, servo| {
+        let sent = client.sync_write(goal, copies, |index, servo| {
             goals.was_sent(index).then(|| servo.goal_ticks(targets_rad[index]))
-        })
+        });
+        goals.end_sending();
+        sent
     }
 
     fn bytes_of(&self, index: usize) -> &[u8] {

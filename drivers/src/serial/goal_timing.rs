@@ -1,7 +1,8 @@
 //! When goals go out, to whom, and how often each is said.
 //!
 //! Goals are spaced: each is a step of one control period, and goals that would come too soon
-//! wait. For the same reason nobody is asked again late in a period. While the wire loses
+//! after the last ones **had left** wait, however long this thread was kept from sending those.
+//! For the same reason nobody is asked again late in a period. While the wire loses
 //! packets goals are said several times: a servo that misses one stops for a period.
 //!
 //! A servo that took the id of another is silent under its own, and the answers of the two
@@ -67,6 +68,10 @@ impl GoalTiming {
         for (sent, missing) in self.sent.iter_mut().zip(missing) {
             *sent = missing.is_some_and(|cycles| alone || cycles <= longest);
         }
+    }
+
+    /// The goals have been handed to the port.
+    pub fn end_sending(&mut self) {
         self.last = Some(Instant::now());
     }
 

@@ -101,8 +101,10 @@ pub fn play(
         if let Some((_, happen)) = events.next_if(|event| event.0 <= now_s) {
             happen(&mut sim);
         }
-        let target = 0.6 * (1.0 - (4.0 * now_s).cos());
-        safe.command(now_s, &vec![target; servos.len()]);
+        // Each joint its own way, so that one that follows a neighbour's goals breaks its limits.
+        let swing = |joint: usize| 0.6 * (1.0 - ((4.0 - 0.4 * joint as f64) * now_s).cos());
+        let targets: Vec<f64> = (0..servos.len()).map(swing).collect();
+        safe.command(now_s, &targets);
         if let Err(reason) = safe.tick(now_s, &mut states) {
             error = Some(usual(reason.to_string()));
             break;
