@@ -273,6 +273,7 @@ mod tests {
             late_frames: 0,
             body: None,
             fall_s: None,
+            events: Vec::new(),
         }
     }
 

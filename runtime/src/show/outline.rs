@@ -179,7 +179,7 @@ fn name(bars: &[BarSound], starts: &[usize], borders_s: &[f64]) -> Vec<(f64, Str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servodance_audio::song::{Layers, Section, Song, SongSpec};
+    use servodance_audio::song::{Layers, Section, SongSpec};
 
     #[test]
     fn a_song_of_two_sounds_that_comes_back_has_its_three_sections() {
