@@ -12,8 +12,9 @@ use crate::robot::Robot;
 use crate::telemetry::recorder::Recorder;
 use crate::telemetry::report::{
     AlignmentReport, BeatReport, CaptureReport, CompensationReport, DanceReport, KinematicBeats,
-    PipelineTimes,
+    PipelineTimes, StepFigures,
 };
+use servodance_retarget::Stance;
 use std::collections::BTreeMap;
 
 /// All figures of a dance, without the model and without what was left out.
@@ -64,6 +65,7 @@ pub fn dance_report(
         capture: music.capture.map(CaptureReport::from),
         interventions: servos.interventions(),
         effort: run.plan.retargeter.torque_report().into(),
+        steps: steps(config, run),
         safety: servos.safety_log(),
         replaced_music_frames: music.replaced_music_frames,
         lead_s: run.plan.lead.mean_s(),
@@ -73,6 +75,12 @@ pub fn dance_report(
     };
     score_beats(config, run, &mut report)?;
     Ok(report)
+}
+
+fn steps(config: &DanceConfig, run: &LoopRecord) -> Option<StepFigures> {
+    let counts = run.plan.retargeter.counts();
+    let figures = StepFigures { made: counts.steps, refused: counts.refused_steps };
+    (config.robot.retarget.stance == Stance::Stepping).then_some(figures)
 }
 
 /// How well motion, targets and servos met the beat; without compensation too,

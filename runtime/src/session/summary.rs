@@ -71,6 +71,9 @@ pub fn summary(config: &DanceConfig, report: &DanceReport) -> String {
     if let Some(body) = &report.body {
         line("body", body.line());
     }
+    if let Some(steps) = report.steps {
+        line("steps", format!("{} made, {} refused by balance", steps.made, steps.refused));
+    }
     if let Some(effort) = report.effort.line() {
         line("motors", effort);
     }

@@ -52,6 +52,7 @@ pub struct DanceReport {
     pub interventions: u64,
     #[serde(default)]
     pub effort: EffortFigures,
+    pub steps: Option<StepFigures>,
     pub safety: Vec<SafetyEvent>,
     pub replaced_music_frames: u64,
     pub lead_s: f64,
@@ -87,6 +88,14 @@ pub struct BusReport {
     pub timeouts: u64,
     pub retries: u64,
     pub rate_hz: f64,
+}
+
+/// Steps of a robot of stance `stepping`: those that it made, and those of the dancer that
+/// balance refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StepFigures {
+    pub made: u64,
+    pub refused: u64,
 }
 
 /// Torque and heat of the motors, estimated from the masses of the description.
