@@ -28,6 +28,7 @@ pub use clip_entry::Split;
 pub use error::DatasetError;
 pub use feature_args::FeatureArgs;
 pub use import::{ImportRequest, ImportSummary, import};
+pub(crate) use music::on_beats as rendered_on;
 pub use options::{DatasetOptions, DatasetSummary};
 pub use report::DatasetReport;
 pub use styles::STYLES;

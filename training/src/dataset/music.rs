@@ -17,7 +17,7 @@ pub(super) const ATTEMPTS: usize = 6;
 pub(super) const FOLLOWED: f64 = 0.75;
 
 /// A song on `beats_s` that lasts `duration_s`.
-pub(super) fn on_beats(
+pub fn on_beats(
     clip: &str,
     beats_s: &[f64],
     duration_s: f64,

@@ -5,6 +5,7 @@
 //! or, without one, choreography that was never trained on. Minutes of work,
 //! on all processors.
 
+mod blind;
 mod estimate;
 mod figures;
 mod long;
@@ -14,11 +15,14 @@ mod reference;
 mod repeat;
 mod report;
 mod request;
+mod songs;
 mod texts;
 
+pub use blind::{VoteScores, score_votes, write_blind};
 pub(crate) use estimate::MeanEstimate;
 pub use report::Evaluation;
 pub use request::EvaluationRequest;
+pub use songs::{SongArgs, SongEvaluation, evaluate_songs, song_file, write_sheets};
 
 use figures::WindowFeatures;
 use parallel::in_parallel;
@@ -41,9 +45,7 @@ pub fn evaluate(
             anyhow::bail!("--{name} {value} is outside 2..{most}");
         }
     }
-    if !(10.0..=3600.0).contains(&request.seconds) {
-        anyhow::bail!("--seconds {} is outside 10..3600", request.seconds);
-    }
+    let seconds = request.seconds_of_clips()?;
     if request.minutes > 1000 {
         anyhow::bail!("--minutes {} is outside 0..1000", request.minutes);
     }
@@ -53,7 +55,7 @@ pub fn evaluate(
     generator.start(request.options(0))?; // an unknown style fails before the work
     let EvaluationReference { held, real } =
         EvaluationReference::open(request, generator.music_kind(), encodec.as_ref())?;
-    let frames = (request.seconds * FRAME_RATE_HZ) as usize;
+    let frames = (seconds * FRAME_RATE_HZ) as usize;
     let silence = SilentMusic::new(encodec.as_ref(), frames)?;
     let codec = open_codec(request.model.as_deref())?;
     // What a user brings is looked at before minutes of work.

@@ -44,7 +44,8 @@ impl EvaluationReference {
         };
         let fresh = request.data.is_none();
         clips.retain(|clip| clip.dance && (fresh || clip.split == Split::Test));
-        let frames = (request.seconds * FRAME_RATE_HZ) as usize;
+        let seconds = request.seconds_of_clips()?;
+        let frames = (seconds * FRAME_RATE_HZ) as usize;
         let held: Vec<HeldOutClip> =
             clips.iter().filter_map(|clip| excerpt(clip, frames)).collect();
         let deaf = |clip: &HeldOutClip| clip.music.iter().any(|heard| heard.latent.is_none());
@@ -56,9 +57,8 @@ impl EvaluationReference {
         }
         if held.len() < 2 {
             bail!(
-                "the reference has {} held-out clips of dance with music of {} s, at least 2 are needed",
-                held.len(),
-                request.seconds
+                "the reference has {} held-out clips of dance with music of {seconds} s, at least 2 are needed",
+                held.len()
             );
         }
         let originals = clips.iter().filter(|clip| clip.variant == 0);
@@ -96,7 +96,7 @@ fn excerpt(clip: &TrainingClip, frames: usize) -> Option<HeldOutClip> {
             latent: clip.latents.as_ref().map(|latents| latents[rows.start + i]),
         })
         .collect();
-    let beats_s = beats_s(&music);
+    let beats_s = tracked_beats_s(&music);
     (beats_s.len() >= 4).then(|| HeldOutClip {
         style: STYLES[clip.style].to_owned(),
         poses: decode(&clip.motion[rows]),
@@ -106,7 +106,7 @@ fn excerpt(clip: &TrainingClip, frames: usize) -> Option<HeldOutClip> {
 }
 
 /// The moments at which the tracked phase passes zero, seconds.
-fn beats_s(music: &[HeardFrame]) -> Vec<f64> {
+pub fn tracked_beats_s(music: &[HeardFrame]) -> Vec<f64> {
     let sure = |pair: &&[HeardFrame]| pair.iter().all(|heard| heard.frame.beat.confidence > SURE);
     let passes = music.windows(2).filter(sure).filter_map(|pair| {
         let [a, b] = [0, 1].map(|k| f64::from(pair[k].frame.beat.phase));
@@ -173,7 +173,7 @@ mod tests {
             })
             .map(HeardFrame::from)
             .collect();
-        let found = beats_s(&music);
+        let found = tracked_beats_s(&music);
         assert_eq!(found.len(), 4, "{found:?}");
         for (found, wanted) in found.iter().zip([0.23, 0.73, 1.23, 1.73]) {
             assert!((found - wanted).abs() < 1e-6, "{found}");

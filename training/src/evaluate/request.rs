@@ -1,5 +1,6 @@
 //! What `servodance evaluate` is asked for.
 
+use super::songs::SongArgs;
 use servodance_model::GeneratorOptions;
 use servodance_runtime::pipeline::model_args::{EngineArgs, SamplingArgs};
 use std::path::PathBuf;
@@ -35,12 +36,15 @@ pub struct EvaluationRequest {
     /// Clips of music danced to in each repeat.
     #[arg(long, default_value_t = 8, value_name = "N")]
     pub clips: usize,
-    /// Seconds danced to each clip.
-    #[arg(long, default_value_t = 20.0, value_name = "SECONDS")]
-    pub seconds: f64,
+    /// Seconds danced to each clip (20 if left out), or to each song (40).
+    #[arg(long, value_name = "SECONDS")]
+    pub seconds: Option<f64>,
     /// Also dance so many minutes in one go: does it die down, drift, jitter?
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub minutes: usize,
+    /// Songs in place of clips, and judging by eye.
+    #[command(flatten)]
+    pub by_song: SongArgs,
     /// How codes are drawn.
     #[command(flatten)]
     pub sampling: SamplingArgs,
@@ -56,6 +60,23 @@ pub struct EvaluationRequest {
 }
 
 impl EvaluationRequest {
+    pub(super) fn seconds_of_clips(&self) -> anyhow::Result<f64> {
+        self.seconds_or(20.0)
+    }
+
+    pub(super) fn seconds_of_songs(&self) -> anyhow::Result<f64> {
+        self.seconds_or(40.0)
+    }
+
+    fn seconds_or(&self, usual: f64) -> anyhow::Result<f64> {
+        let seconds = self.seconds.unwrap_or(usual);
+        anyhow::ensure!(
+            (10.0..=3600.0).contains(&seconds),
+            "--seconds {seconds} is outside 10..3600"
+        );
+        Ok(seconds)
+    }
+
     pub(super) fn options(&self, seed: u64) -> GeneratorOptions {
         GeneratorOptions { seed, style: self.style.clone(), ..self.sampling.options() }
     }

@@ -4,7 +4,9 @@
 
 pub(crate) mod distribution;
 pub(crate) mod features;
+pub(crate) mod music_answer;
 pub mod quality;
 pub(crate) mod repetition;
 pub(crate) mod retrieval;
+pub mod richness;
 pub(crate) mod t2m;

@@ -9,8 +9,8 @@ use servodance_model::motion::{Clip, Pose};
 const BEATS: usize = 4;
 const POSES: usize = 16;
 
-/// Poses of one figure as seen from the body: place and heading removed.
-type FigurePoses = Vec<[[f64; 3]; JOINT_COUNT]>;
+/// A pose as seen from the body, place and heading removed, metres.
+pub type BodyPose = [[f64; 3]; JOINT_COUNT];
 
 /// How far each figure of four beats is from the most similar other one of the
 /// same dance: mean distance of the same joints, metres, averaged over figures.
@@ -19,7 +19,7 @@ type FigurePoses = Vec<[[f64; 3]; JOINT_COUNT]>;
 pub fn nearest_figure_m(clip: &Clip, beats_s: &[f64]) -> Option<f64> {
     let end_s = clip.duration_s();
     let beats: Vec<f64> = beats_s.iter().copied().filter(|t| (0.0..=end_s).contains(t)).collect();
-    let figures: Vec<FigurePoses> =
+    let figures: Vec<Vec<BodyPose>> =
         beats.windows(BEATS + 1).map(|span| figure(clip, span[0], span[BEATS])).collect();
     let nearest = |i: usize| {
         let others = (0..figures.len()).filter(|j| j.abs_diff(i) >= BEATS);
@@ -32,22 +32,25 @@ pub fn nearest_figure_m(clip: &Clip, beats_s: &[f64]) -> Option<f64> {
 /// Mean distance of joints, metres, without place and heading; `None` without frames.
 pub fn distance_of_dances_m(a: &[Pose], b: &[Pose]) -> Option<f64> {
     let frames = a.len().min(b.len());
-    let [a, b] = [a, b].map(|poses| -> FigurePoses { poses[..frames].iter().map(local).collect() });
+    let [a, b] =
+        [a, b].map(|poses| -> Vec<BodyPose> { poses[..frames].iter().map(body_pose).collect() });
     (frames > 0).then(|| distance_m(&a, &b))
 }
 
-fn figure(clip: &Clip, from_s: f64, to_s: f64) -> FigurePoses {
+/// The poses of a figure that lasts from one time to another, as many for each figure.
+pub fn figure(clip: &Clip, from_s: f64, to_s: f64) -> Vec<BodyPose> {
     let at = |i: usize| from_s + (to_s - from_s) * i as f64 / POSES as f64;
-    (0..POSES).map(|i| local(&clip.pose_at(at(i)))).collect()
+    (0..POSES).map(|i| body_pose(&clip.pose_at(at(i)))).collect()
 }
 
-fn local(pose: &Pose) -> [[f64; 3]; JOINT_COUNT] {
+pub fn body_pose(pose: &Pose) -> BodyPose {
     let heading = heading_rad(pose);
     let [x, _, z] = wide(pose[0]);
     pose.map(|point| turn(sub(wide(point), [x, 0.0, z]), -heading))
 }
 
-fn distance_m(a: &FigurePoses, b: &FigurePoses) -> f64 {
+/// Mean distance of the same joints of two figures of as many poses, metres.
+pub fn distance_m(a: &[BodyPose], b: &[BodyPose]) -> f64 {
     let pairs = a.as_flattened().iter().zip(b.as_flattened());
     let sum: f64 = pairs.map(|(p, q)| norm(sub(*p, *q))).sum();
     sum / (a.len() * JOINT_COUNT) as f64

@@ -1,11 +1,10 @@
 //! A song with known beats, and what can happen to a song before a robot hears it.
 
-use anyhow::Context;
+use servodance_audio::Resampler;
 use servodance_audio::song::noise;
-use servodance_audio::{AudioSource, Resampler};
-use std::path::{Path, PathBuf};
+use servodance_training::evaluate::song_file::{read_beats, read_sound};
+use std::path::Path;
 
-const SOUNDS: [&str; 4] = ["wav", "ogg", "mp3", "flac"];
 /// The room: its share against the sound itself, and how long it takes to die away by 60 dB.
 const WET: f32 = 0.5;
 const DIES_AWAY_S: f32 = 0.5;
@@ -29,14 +28,10 @@ pub(super) struct KnownSong {
 impl KnownSong {
     /// Reads the sound and NAME.beats beside it.
     pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
-        let (beats_s, places) = beats(&path.with_extension("beats"))?;
-        let mut source = AudioSource::open(path)?;
-        let (mut block, mut samples) = (Vec::new(), Vec::new());
-        while source.next_block(&mut block)? {
-            samples.extend_from_slice(&block);
-        }
+        let (beats_s, places) = read_beats(path)?;
+        let (samples, rate_hz) = read_sound(path)?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Self { name, samples, rate_hz: source.sample_rate_hz(), beats_s, places })
+        Ok(Self { name, samples, rate_hz, beats_s, places })
     }
 
     pub(super) fn duration_s(&self) -> f64 {
@@ -88,44 +83,6 @@ impl KnownSong {
         self.samples = room.iter().zip(noises).map(|(sound, noise)| sound + noise).collect();
         self
     }
-}
-
-/// The songs of a folder that have a .beats file beside them, by name.
-/// Fails where there is none.
-pub(super) fn songs_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let mut paths = Vec::new();
-    let entries = std::fs::read_dir(folder).with_context(|| format!("{}", folder.display()))?;
-    for entry in entries {
-        let path = entry?.path();
-        let sound = path.extension().is_some_and(|e| SOUNDS.iter().any(|s| e == *s));
-        if sound && path.with_extension("beats").exists() {
-            paths.push(path);
-        }
-    }
-    anyhow::ensure!(
-        !paths.is_empty(),
-        "{} holds no song with a .beats file beside it",
-        folder.display()
-    );
-    paths.sort();
-    Ok(paths)
-}
-
-/// Times and places of a .beats file.
-fn beats(path: &Path) -> anyhow::Result<(Vec<f64>, Vec<u32>)> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("{}", path.display()))?;
-    let line = |(at, line): (usize, &str)| -> anyhow::Result<(f64, u32)> {
-        let read = || -> anyhow::Result<(f64, u32)> {
-            let mut words = line.split_whitespace();
-            let time_s = words.next().context("no time")?.parse()?;
-            Ok((time_s, words.next().map_or(Ok(0), str::parse)?))
-        };
-        read().with_context(|| {
-            format!("{}, line {}: a line is seconds and place in the bar", path.display(), at + 1)
-        })
-    };
-    let lines = text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()).map(line);
-    Ok(lines.collect::<Result<Vec<_>, _>>()?.into_iter().unzip())
 }
 
 #[cfg(test)]

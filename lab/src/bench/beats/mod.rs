@@ -11,7 +11,7 @@ mod own_motors;
 mod scores;
 
 use anyhow::Context;
-use known_song::{KnownSong, songs_in};
+use known_song::KnownSong;
 use nix::time::{ClockId, clock_gettime};
 use own_motors::{HeardBesideMotors, hear_beside_motors};
 use scores::{continuity, f_measure, locked_s, off_beats};
@@ -21,6 +21,7 @@ use servodance_model::Generator;
 use servodance_runtime::pipeline::model_args::EngineArgs;
 use servodance_runtime::robot::Robot;
 use servodance_runtime::session::dance::open_generator;
+use servodance_training::evaluate::song_file::songs_in;
 use std::path::Path;
 
 const SKIPPED_S: f64 = 5.0;
