@@ -22,11 +22,12 @@ fn robot(program: &Program, kind: &str, model: &str, more: &str) -> &'static str
     "robot.toml"
 }
 
-const KINDS: [(&str, &str, &str); 4] = [
+const KINDS: [(&str, &str, &str); 5] = [
     ("mit", "DM-J4310", ""),
     ("robstride", "RS02", ""),
     ("odrive", "ODrive", "watchdog_endpoints = [153, 154]\n"),
     ("cia402", "CiA402", ""),
+    ("myactuator", "RMD-V3", ""),
 ];
 
 #[test]

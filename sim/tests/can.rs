@@ -51,7 +51,7 @@ fn torque_is_off_after_drop() {
 
 #[test]
 fn a_motor_without_commands_stops_by_itself() {
-    for kind in KINDS.into_iter().filter(|kind| *kind != MotorKind::CubeMars) {
+    for kind in KINDS.into_iter().filter(|kind| kind.has_watchdog()) {
         let (servos, sim, mut bus) = start(kind, 3);
         bus.arm().unwrap();
         sim.advance(0.095);
@@ -68,7 +68,7 @@ fn a_motor_without_commands_stops_by_itself() {
 
 #[test]
 fn the_default_watchdog_takes_the_torque_within_200_ms() {
-    for kind in KINDS.into_iter().filter(|kind| *kind != MotorKind::CubeMars) {
+    for kind in KINDS.into_iter().filter(|kind| kind.has_watchdog()) {
         let servos = can_robot(kind, 2);
         let sim = SimBus::start(&specs(&servos), SimOptions::lockstep(BITRATE, HZ)).unwrap();
         let config = BusConfig {
@@ -86,7 +86,8 @@ fn the_default_watchdog_takes_the_torque_within_200_ms() {
 
 #[test]
 fn a_torque_limit_holds_in_mit_mode_whatever_is_asked() {
-    for kind in [MotorKind::CubeMars, MotorKind::Damiao] {
+    use MotorKind::{CubeMars, Damiao, Myactuator, RobstrideMit};
+    for kind in [CubeMars, Damiao, Myactuator, RobstrideMit] {
         let mut servos = can_robot(kind, 2);
         for servo in &mut servos {
             servo.motor.as_mut().unwrap().torque_limit_nm = 1.5;

@@ -76,8 +76,8 @@ fn an_adapter_that_comes_back_is_checked_and_armed_again_if_allowed() {
         rig.dance(0.5);
         let torque = |sim: &SimBus, index| sim.servo(index).unwrap().torque_enabled;
         let torques = |sim: &SimBus| (0..5).filter(|index| torque(sim, *index)).count();
-        // CubeMars motors have no watchdog: they hold.
-        let held = if kind == MotorKind::CubeMars { 5 } else { 0 };
+        // Those without a watchdog hold.
+        let held = if kind.has_watchdog() { 0 } else { 5 };
         assert_eq!(torques(&rig.sim), held, "{kind:?}");
         rig.sim.replug().unwrap();
         assert_eq!(rig.dance(3.0), State::Running, "{kind:?}");

@@ -15,17 +15,20 @@ use servodance_sim::{ServoFault, SimBus, SimLink, SimOptions};
 /// What a scan tells of each kind of motor.
 fn told(kind: MotorKind) -> Option<(&'static str, Option<&'static str>, Option<&'static str>)> {
     match kind {
-        MotorKind::CubeMars => None,
+        MotorKind::CubeMars | MotorKind::RobstrideMit => None,
         MotorKind::Damiao => Some(("Damiao", Some("DM-J4310"), Some("20500"))),
         MotorKind::Robstride => Some(("RobStride", None, None)),
         MotorKind::Odrive => Some(("ODrive", None, Some("0.6.10"))),
         MotorKind::Cia402 => Some(("CiA 402", None, Some("revision 00000000"))),
+        MotorKind::Myactuator => Some(("MyActuator", None, Some("20240501"))),
     }
 }
 
 #[test]
 fn everyone_who_can_be_asked_is_found_and_nobody_moves() {
-    for (place, kind) in KINDS.into_iter().enumerate() {
+    // RobStride motors in MIT mode stay as silent as CubeMars motors.
+    let kinds = KINDS.into_iter().filter(|kind| *kind != MotorKind::RobstrideMit);
+    for (place, kind) in kinds.enumerate() {
         let group = format!("239.74.163.2:{}", 43980 + place).parse().unwrap();
         let servos = can_robot(kind, 3);
         let options =
@@ -39,8 +42,7 @@ fn everyone_who_can_be_asked_is_found_and_nobody_moves() {
         };
         let mut bus = CanBus::open(&format!("udp:{group}"), &config, servos.clone()).unwrap();
         // Those without a heartbeat of ours to wait for keep their torque meanwhile.
-        let waits_for_us =
-            matches!(kind, MotorKind::Damiao | MotorKind::Robstride | MotorKind::Cia402);
+        let waits_for_us = !matches!(kind, MotorKind::CubeMars | MotorKind::Odrive);
         if !waits_for_us {
             bus.arm().unwrap();
         }
@@ -77,6 +79,7 @@ fn what_a_motor_complains_about_is_told() {
         (MotorKind::Damiao, "overload (error E)"),
         (MotorKind::Odrive, "current limit violation (error 00001000)"),
         (MotorKind::Cia402, "motor blocked (code 7121)"),
+        (MotorKind::Myactuator, "motor stalled (errors 0002)"),
     ] {
         let servos = can_robot(kind, 2);
         let sim = SimBus::start(&specs(&servos), SimOptions::realtime(BITRATE, HZ)).unwrap();

@@ -140,8 +140,8 @@ fn one_servo_that_stopped_unseen_is_found_by_standing_still() {
 
 #[test]
 fn every_family_with_a_watchdog_knows_of_a_stall_within_five_cycles() {
-    // CubeMars motors have none.
-    for kind in KINDS.into_iter().filter(|kind| *kind != MotorKind::CubeMars) {
+    let tells = |kind: &MotorKind| kind.has_watchdog() && *kind != MotorKind::Myactuator;
+    for kind in KINDS.into_iter().filter(tells) {
         for stall_s in [0.5, 5.0] {
             let servos = can_robot(kind, 3);
             let mut rig = rig_of(can_patient(kind), servos, SafetyConfig::at_hz(HZ));
@@ -153,6 +153,22 @@ fn every_family_with_a_watchdog_knows_of_a_stall_within_five_cycles() {
             assert!(error.contains("joint_"), "{kind:?}: {error}");
             assert!(!any_torque(&rig.sim, &rig.servos), "{kind:?}: {error}");
         }
+    }
+}
+
+#[test]
+fn motors_that_would_go_on_as_if_nothing_had_been_are_taken_on_again_or_stopped() {
+    for (stall_s, goes_on) in [(0.5, true), (5.0, false)] {
+        let servos = can_robot(MotorKind::Myactuator, 3);
+        let mut rig = rig_of(can_patient(MotorKind::Myactuator), servos, SafetyConfig::at_hz(HZ));
+        rig.dance(3.0).unwrap();
+        rig.stall(stall_s);
+        assert_eq!(rig.tripped(), 3);
+        let went_on = rig.dance(3.0);
+        assert!(rig.told("stopped by their own watchdog (nothing was sent for"));
+        assert_eq!(went_on.is_ok(), goes_on, "{went_on:?}");
+        assert_eq!(any_torque(&rig.sim, &rig.servos), goes_on);
+        assert_eq!(rig.sim.violations().total(), 0, "{:?}", rig.sim.violation_notes());
     }
 }
 

@@ -20,6 +20,8 @@ pub enum BusKind {
     Odrive,
     /// CiA 402 drives (CANopen, cyclic synchronous position), on CAN.
     Cia402,
+    /// MyActuator RMD motors (motion protocol V4.2), on CAN.
+    Myactuator,
 }
 
 impl BusKind {
@@ -28,11 +30,12 @@ impl BusKind {
             Self::Dynamixel2 | Self::Dynamixel1 | Self::Feetech | Self::Custom => (0, 252),
             Self::Mit | Self::Robstride | Self::Cia402 => (1, 127),
             Self::Odrive => (0, 63),
+            Self::Myactuator => (1, 32),
         }
     }
 
     /// Whether it is on CAN; otherwise on a serial port.
     pub fn is_can(self) -> bool {
-        matches!(self, Self::Mit | Self::Robstride | Self::Odrive | Self::Cia402)
+        !matches!(self, Self::Dynamixel2 | Self::Dynamixel1 | Self::Feetech | Self::Custom)
     }
 }

@@ -30,6 +30,8 @@ use crate::servo::{Servo, check_cycle, check_kind};
 
 /// Cycles a second where the robot's rate is not known.
 const ASSUMED_HZ: f64 = 100.0;
+/// After a silence of this share of the motors' time-out they may have stopped.
+const TRUSTED: f64 = 0.8;
 
 /// An open CAN bus whose motors are of one family.
 pub struct CanBus {
@@ -42,6 +44,10 @@ pub struct CanBus {
     returning: Option<(usize, bool)>,
     imu: Option<CanImu>,
     armed: bool,
+    /// The motor whose turn it is to be asked for what reports do not tell.
+    watched: usize,
+    /// When the last cycle began, seconds by the bus's clock.
+    spoke_s: f64,
 }
 
 impl CanBus {
@@ -75,6 +81,8 @@ impl CanBus {
             exchange: CanExchange::new(link, port, config, servos, family.cycle_frames()),
             family,
             armed: false,
+            watched: 0,
+            spoke_s: 0.0,
         })
     }
 
@@ -130,7 +138,22 @@ impl CanBus {
         let mut states = vec![JointState::default(); self.status.len()];
         self.exchange_all(&holds_rad)?;
         self.copy_states(&mut states);
+        self.spoke_s = self.exchange.config.reply_clock.now_s();
         Ok(states)
+    }
+
+    /// Refuses a cycle after a silence in which the motors have stopped themselves, where they
+    /// would go on with the next command as if nothing had been.
+    fn watch_silence(&mut self) -> BusResult<()> {
+        let config = &self.exchange.config;
+        let now_s = config.reply_clock.now_s();
+        let silent_s = now_s - std::mem::replace(&mut self.spoke_s, now_s);
+        let trusted_s = TRUSTED * f64::from(config.watchdog_ms) * 1e-3;
+        if !self.family.forgets_trips() || silent_s < trusted_s {
+            return Ok(());
+        }
+        let servos = self.exchange.ids_of(0..self.status.len());
+        Err(BusError::Tripped { servos, silent_s: Some(silent_s) })
     }
 
     fn release_all(&mut self) -> BusResult<()> {
@@ -179,6 +202,12 @@ impl CanBus {
                 }
             }
             self.family.cycle_end_frames(&mut self.frames);
+            if attempt == 0 {
+                self.watched = (self.watched + 1) % self.status.len().max(1);
+                if let Some(servo) = self.exchange.servos.get(self.watched) {
+                    self.family.watch_frames(servo, &mut self.frames);
+                }
+            }
             let began = Instant::now();
             let asked = self.answered.iter().filter(|answered| !**answered).count();
             let deadline = self.exchange.deadline(2 * self.frames.len());
@@ -230,6 +259,16 @@ impl CanBus {
             }
         }
         Ok(())
+    }
+
+    /// Torque on for one motor that has none, where it stands.
+    fn hold_one(&mut self, index: usize) -> BusResult<JointState> {
+        let family = self.family;
+        let joint_rad = self.hold_rad(index)?;
+        let motor_rad = self.exchange.servos[index].motor_rad(joint_rad);
+        self.once(|bus| family.torque_on(&mut bus.client(index), motor_rad))?;
+        self.status[index].active = true;
+        Ok(self.joint_state(index))
     }
 
     fn copy_states(&self, states: &mut [JointState]) {
@@ -291,6 +330,7 @@ impl Bus for CanBus {
             return Err(BusError::NotArmed);
         }
         check_cycle(&self.exchange.servos, targets_rad, states.len())?;
+        self.watch_silence()?;
         self.exchange_all(targets_rad)?;
         self.copy_states(states);
         if let Some(imu) = &mut self.imu {
@@ -362,12 +402,20 @@ impl Bus for CanBus {
             self.returning = Some((index, true));
             return Ok(None);
         }
-        let joint_rad = self.hold_rad(index)?;
-        let motor_rad = self.exchange.servos[index].motor_rad(joint_rad);
-        self.once(|bus| family.torque_on(&mut bus.client(index), motor_rad))?;
-        self.status[index].active = true;
+        let state = self.hold_one(index)?;
         self.aside[index] = false;
-        Ok(Some(self.joint_state(index)))
+        Ok(Some(state))
+    }
+
+    fn resume(&mut self, index: usize) -> BusResult<JointState> {
+        if !self.family.forgets_trips() {
+            return Err(BusError::NoReturn { servo: self.exchange.id_of(index) });
+        }
+        self.status[index] = self.once(|bus| bus.torque_off(index))?;
+        self.check_fault(index)?;
+        let state = self.hold_one(index)?;
+        self.spoke_s = self.exchange.config.reply_clock.now_s();
+        Ok(state)
     }
 
     fn reopen(&mut self) -> BusResult<()> {

@@ -7,6 +7,7 @@
 //! | MIT | N commands [8], N replies [8], 11-bit ids |
 //! | RobStride | the same, 29-bit ids |
 //! | ODrive | N targets [8], N requests [0], N estimates [8], 11-bit ids |
+//! | MyActuator | as MIT, and one motor's errors: request [8] and answer [8] |
 //! | CiA 402 | SYNC [0], heartbeat [1], N targets [6], N actual values [8], 11-bit ids |
 
 use crate::bus::config::BusConfig;

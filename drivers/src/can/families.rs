@@ -5,10 +5,12 @@ use crate::bus::kind::BusKind;
 use crate::can::cia402::Cia402;
 use crate::can::family::CanFamily;
 use crate::can::mit::Mit;
+use crate::can::myactuator::Myactuator;
 use crate::can::odrive::Odrive;
 use crate::can::robstride::Robstride;
 
-pub(crate) static CAN_FAMILIES: [&dyn CanFamily; 4] = [&Mit, &Robstride, &Odrive, &Cia402];
+pub(crate) static CAN_FAMILIES: [&dyn CanFamily; 5] =
+    [&Mit, &Robstride, &Odrive, &Cia402, &Myactuator];
 
 /// The family that a bus speaks; `None` for a serial bus.
 pub(crate) fn of_kind(kind: BusKind) -> Option<&'static dyn CanFamily> {
@@ -17,6 +19,7 @@ pub(crate) fn of_kind(kind: BusKind) -> Option<&'static dyn CanFamily> {
         BusKind::Robstride => &Robstride,
         BusKind::Odrive => &Odrive,
         BusKind::Cia402 => &Cia402,
+        BusKind::Myactuator => &Myactuator,
         BusKind::Dynamixel2 | BusKind::Dynamixel1 | BusKind::Feetech | BusKind::Custom => {
             return None;
         }

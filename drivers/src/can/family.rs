@@ -61,6 +61,15 @@ pub(crate) trait CanFamily: Send + Sync {
 
     fn cycle_end_frames(&self, _out: &mut Vec<CanFrame>) {}
 
+    /// Asks one motor for what its reports do not tell: one motor a cycle, in turn.
+    fn watch_frames(&self, _servo: &Servo, _out: &mut Vec<CanFrame>) {}
+
+    /// Whether a motor whose time-out has passed goes on with the next command, and no report
+    /// tells that it had stopped: then this side must know from its own silence.
+    fn forgets_trips(&self) -> bool {
+        false
+    }
+
     /// Updates `status` from a frame of any motor. The index of a motor that
     /// reported its position with this frame.
     fn parse_frame(

@@ -1,7 +1,7 @@
-//! Motors on CAN: one bus driver, four families of motors, the ways to a bus.
+//! Motors on CAN: one bus driver, five families of motors, the ways to a bus.
 //!
 //! ```text
-//! CanBus (arm, cycle, disarm) -> CanFamily (mit, robstride, odrive, cia402) -> CanLink -> wire
+//! CanBus (arm, cycle, disarm) -> CanFamily (mit, robstride, odrive, ...) -> CanLink -> wire
 //! ```
 //!
 //! A family is one folder with its registers, framing, driver and scan, listed in
@@ -18,6 +18,7 @@ mod family;
 pub mod mit;
 mod models;
 mod motor;
+pub mod myactuator;
 pub mod odrive;
 pub mod robstride;
 mod rounding;

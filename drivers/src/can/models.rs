@@ -33,6 +33,7 @@ pub(crate) const fn drive(name: &'static str, kind: BusKind) -> ServoModel {
         kp_max: 5000.0,
         kd_max: 100.0,
         has_registers: true,
+        tells_tenths: false,
     };
     motor(name, kind, ranges)
 }

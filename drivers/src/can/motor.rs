@@ -16,8 +16,10 @@ pub struct MotorModel {
     /// Damping from 0 to this, newton metre seconds a radian.
     pub kd_max: f64,
     /// MIT only: registers can be read and written (Damiao), and with them
-    /// ranges and a watchdog. CubeMars motors have none.
+    /// ranges and a watchdog. CubeMars and RobStride motors have none.
     pub has_registers: bool,
+    /// MIT only: a reply ends with the temperature in tenths, and has no fault (RobStride).
+    pub tells_tenths: bool,
 }
 
 /// Rotor inertia after the gear for each newton metre of peak torque, as the

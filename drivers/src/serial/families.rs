@@ -18,9 +18,12 @@ pub fn family_of(kind: BusKind) -> Option<&'static dyn ServoFamily> {
         BusKind::Dynamixel2 => Some(&Dynamixel2),
         BusKind::Dynamixel1 => Some(&Dynamixel1),
         BusKind::Feetech => Some(&Feetech),
-        BusKind::Custom | BusKind::Mit | BusKind::Robstride | BusKind::Odrive | BusKind::Cia402 => {
-            None
-        }
+        BusKind::Custom
+        | BusKind::Mit
+        | BusKind::Robstride
+        | BusKind::Odrive
+        | BusKind::Cia402
+        | BusKind::Myactuator => None,
     }
 }
 

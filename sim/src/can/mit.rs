@@ -1,4 +1,5 @@
-//! Simulated motors in MIT mode: CubeMars, and Damiao with its registers.
+//! Simulated motors in MIT mode: CubeMars, Damiao with its registers, and RobStride switched
+//! to it.
 //!
 //! The firmware truncates nothing and rounds nothing on receipt: a code is the
 //! point of the range that it stands for.
@@ -10,16 +11,19 @@ use servodance_drivers::can::mit::framing::{
 use servodance_drivers::can::mit::registers::{
     CLEAR, DISABLE, ENABLE, FIRMWARE, FIRST_MODE_COMMAND, MIT_MODE, MODE, MOTOR_ID, MitRegister,
     OVER_TEMPERATURE, OVER_VOLTAGE, PMAX, READ, REFRESH, REGISTER_COUNT, REGISTER_ID, REPLY_ID,
-    TIMEOUT, TIMEOUT_UNITS_PER_MS, TMAX, UNDER_VOLTAGE, VMAX, WRITE,
+    SET_ZERO, TIMEOUT, TIMEOUT_UNITS_PER_MS, TMAX, UNDER_VOLTAGE, VMAX, WRITE,
 };
 
 use crate::can::motor_core::{MotorCore, TorqueCommand};
 use crate::can::net::CanDevice;
 
+/// RobStride: the byte before it is the motor's id from now on.
+const SET_ID: u8 = 0xFA;
+
 #[derive(Debug)]
 pub(crate) struct MitMotor {
     core: MotorCore,
-    /// `None` for a CubeMars motor.
+    /// `None` for a CubeMars or RobStride motor.
     registers: Option<[[u8; 4]; REGISTER_COUNT]>,
 }
 
@@ -46,12 +50,15 @@ impl MitMotor {
         let t = code(core.torque_nm, model.torque_nm, 12);
         let celsius = core.body.motor.temperature_c.round().clamp(0.0, 255.0) as u8;
         let damiao_state = core.fault_code([u8::from(core.enabled), 9, 8, 0xC, 0xE, 0xD]);
+        let tenths = (core.body.motor.temperature_c * 10.0).round().clamp(0.0, 65_535.0) as u16;
+        let [tenths_high, tenths_low] = tenths.to_be_bytes();
         let (first, sixth, seventh) = match self.registers {
             Some(_) => (core.id & 0xF | damiao_state << 4, celsius, celsius),
+            None if model.tells_tenths => (core.id, tenths_high, tenths_low),
             None => (core.id, celsius, core.fault_code([0, 4, 3, 1, 7, 0])),
         };
         let id = match (self.registers, self.reply_id()) {
-            (None, 0) => u32::from(core.id),
+            (None, 0) if !model.tells_tenths => u32::from(core.id),
             (_, reply_id) => reply_id,
         };
         let [b1, b2, b3, b4, b5] = pack_reply([p, v, t]);
@@ -64,9 +71,35 @@ impl MitMotor {
             CLEAR => self.core.fault = None,
             ENABLE => self.core.enable(),
             DISABLE => self.core.disable(),
-            // FE: set zero. The joint would move in its limits: not simulated.
+            SET_ZERO => self.core.set_zero(),
             _ => {}
         }
+    }
+
+    /// A RobStride motor's fault word.
+    fn fault_report(&self) -> CanFrame {
+        let faults: u32 = self.core.fault_code([0, 1 << 2, 1 << 3, 1, 1 << 14, 0]);
+        let [a, b, c, d] = faults.to_le_bytes();
+        CanFrame::standard(self.reply_id(), &[self.core.id, a, b, c, d, 0, 0, 0])
+    }
+
+    /// What only RobStride motors know: another id, and the question for faults. `None` where
+    /// it is something else.
+    fn robstride_command(&mut self, argument: u8, last: u8) -> Option<CanFrame> {
+        if !self.core.settings.model.tells_tenths || argument == 0xFF {
+            return None;
+        }
+        let unique = [b's', b'i', b'm', 0, 0, 0, 0, self.core.id];
+        Some(match last {
+            CLEAR => self.fault_report(),
+            SET_ID => {
+                self.core.id = argument;
+                CanFrame::standard(u32::from(argument), &unique)
+            }
+            // The mode: that of this protocol is simulated, others are confirmed alone.
+            ENABLE => self.feedback(),
+            _ => return None,
+        })
     }
 
     fn command(&mut self, data: [u8; 8]) {
@@ -144,6 +177,11 @@ impl CanDevice for MitMotor {
             return;
         }
         self.core.silent_s = 0.0;
+        if let [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, argument, last] = data
+            && let Some(answer) = self.robstride_command(argument, last)
+        {
+            return out.push(answer);
+        }
         match data {
             [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last] if last >= FIRST_MODE_COMMAND => {
                 self.mode_command(last);

@@ -10,6 +10,7 @@ mod adapter;
 mod cia402;
 mod mit;
 mod motor_core;
+mod myactuator;
 mod net;
 mod odrive;
 mod robstride;
@@ -27,6 +28,7 @@ use crate::bus::options::SimOptions;
 use crate::can::cia402::Cia402Drive;
 use crate::can::mit::MitMotor;
 use crate::can::motor_core::MotorCore;
+use crate::can::myactuator::RmdMotor;
 use crate::can::net::{CanDevice, CanNet};
 use crate::can::odrive::OdriveAxis;
 use crate::can::robstride::RobstrideMotor;
@@ -50,6 +52,7 @@ pub fn build_net(
         BusKind::Robstride => (48.0, |core| Box::new(RobstrideMotor::new(core))),
         BusKind::Odrive => (24.0, |core| Box::new(OdriveAxis::new(core))),
         BusKind::Cia402 => (48.0, |core| Box::new(Cia402Drive::new(core))),
+        BusKind::Myactuator => (48.0, |core| Box::new(RmdMotor::new(core))),
         BusKind::Dynamixel2 | BusKind::Dynamixel1 | BusKind::Feetech | BusKind::Custom => {
             return Err(specs[0].refused("is not a CAN motor".into()));
         }

@@ -56,6 +56,8 @@ pub(crate) struct MotorCore {
     tripped: bool,
     tripped_s: Option<f64>,
     pub torque_nm: f64,
+    /// Where the motor was told that its zero is, its own angle, radians.
+    zero_rad: f64,
     period_s: f64,
     /// The last goal that was judged, of the joint, and when it came.
     told_s: f64,
@@ -88,6 +90,7 @@ impl MotorCore {
             tripped: false,
             tripped_s: None,
             torque_nm: 0.0,
+            zero_rad: 0.0,
             period_s,
             told_s: f64::NEG_INFINITY,
             told_rad: 0.0,
@@ -97,7 +100,12 @@ impl MotorCore {
     }
 
     pub fn angle_rad(&self) -> f64 {
-        self.body.motor.angle_rad
+        self.body.motor.angle_rad - self.zero_rad
+    }
+
+    /// Where the motor stands is zero from now on. It stays there.
+    pub fn set_zero(&mut self) {
+        self.zero_rad = self.body.motor.angle_rad;
     }
 
     pub fn speed_rad_s(&self) -> f64 {
@@ -133,6 +141,7 @@ impl MotorCore {
         if !self.enabled {
             return;
         }
+        let command = TorqueCommand { goal_rad: command.goal_rad + self.zero_rad, ..command };
         let goal_rad = self.body.joint_rad(command.goal_rad);
         if self.command.is_none() {
             let position_rad = self.body.position_rad();
@@ -253,7 +262,7 @@ impl MotorCore {
     }
 
     pub fn state(&self) -> SimServoState {
-        let goal = self.command.map_or(self.angle_rad(), |c| c.goal_rad);
+        let goal = self.command.map_or(self.body.motor.angle_rad, |c| c.goal_rad);
         SimServoState {
             goal_rad: self.body.joint_rad(goal),
             torque_enabled: self.enabled,

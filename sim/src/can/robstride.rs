@@ -47,6 +47,12 @@ impl RobstrideMotor {
         CanFrame::extended(id(message::FEEDBACK, data16, host), &data)
     }
 
+    fn own_id(&self) -> CanFrame {
+        let unique = [b's', b'i', b'm', 0, 0, 0, 0, self.core.id];
+        let answered = id(message::GET_ID, u32::from(self.core.id), EVERY_HOST);
+        CanFrame::extended(answered, &unique)
+    }
+
     fn parameter(&self, index: u16) -> Option<[u8; 4]> {
         let f = |value: f64| (value as f32).to_le_bytes();
         Some(match index {
@@ -113,10 +119,16 @@ impl CanDevice for RobstrideMotor {
         let motor = u32::from(self.core.id);
         let index = u16::from_le_bytes([data[0], data[1]]);
         match frame_id >> 24 {
-            message::GET_ID => {
-                let unique = [b's', b'i', b'm', 0, 0, 0, 0, self.core.id];
-                let answered = id(message::GET_ID, motor, EVERY_HOST);
-                out.push(CanFrame::extended(answered, &unique));
+            message::GET_ID => out.push(self.own_id()),
+            message::SET_ID => {
+                self.core.id = (data16 >> 8) as u8;
+                out.push(self.own_id());
+            }
+            message::SET_ZERO => {
+                if data[0] == 1 {
+                    self.core.set_zero();
+                }
+                out.push(self.feedback(host));
             }
             message::CONTROL => {
                 self.control(data16, data);

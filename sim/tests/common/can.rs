@@ -17,14 +17,19 @@ pub enum MotorKind {
     Robstride,
     Odrive,
     Cia402,
+    Myactuator,
+    /// Switched to MIT mode.
+    RobstrideMit,
 }
 
-pub const KINDS: [MotorKind; 5] = [
+pub const KINDS: [MotorKind; 7] = [
     MotorKind::CubeMars,
     MotorKind::Damiao,
     MotorKind::Robstride,
     MotorKind::Odrive,
     MotorKind::Cia402,
+    MotorKind::Myactuator,
+    MotorKind::RobstrideMit,
 ];
 
 impl MotorKind {
@@ -35,16 +40,23 @@ impl MotorKind {
             Self::Robstride => "RS02",
             Self::Odrive => "ODrive",
             Self::Cia402 => "CiA402",
+            Self::Myactuator => "RMD-V3",
+            Self::RobstrideMit => "RS02(MIT)",
         }
     }
 
     pub fn bus(self) -> BusKind {
         match self {
-            Self::CubeMars | Self::Damiao => BusKind::Mit,
+            Self::CubeMars | Self::Damiao | Self::RobstrideMit => BusKind::Mit,
             Self::Robstride => BusKind::Robstride,
             Self::Odrive => BusKind::Odrive,
             Self::Cia402 => BusKind::Cia402,
+            Self::Myactuator => BusKind::Myactuator,
         }
+    }
+
+    pub fn has_watchdog(self) -> bool {
+        !matches!(self, Self::CubeMars | Self::RobstrideMit)
     }
 }
 
@@ -73,7 +85,7 @@ pub fn can_patient(kind: MotorKind) -> BusConfig {
     BusConfig {
         reply_timeout_ms: 2000.0,
         watchdog_ms: 100,
-        accept_no_watchdog: kind == MotorKind::CubeMars,
+        accept_no_watchdog: !kind.has_watchdog(),
         watchdog_endpoints: (kind == MotorKind::Odrive).then_some(WATCHDOG_ENDPOINTS),
         ..BusConfig::of_kind(kind.bus(), BITRATE)
     }

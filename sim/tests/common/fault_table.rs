@@ -146,6 +146,7 @@ fn is_safe(sim: &SimBus, servos: &[Servo]) -> bool {
 
 fn has_watchdog(servo: &Servo) -> bool {
     match &servo.motor {
+        // CubeMars and RobStride motors in MIT mode have none.
         Some(motor) => motor.model.has_registers,
         None => servo.model.kind == BusKind::Dynamixel2,
     }

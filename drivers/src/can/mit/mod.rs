@@ -1,9 +1,11 @@
-//! MIT mode: CubeMars and Damiao motors, 11-bit ids.
+//! MIT mode: CubeMars, Damiao and switched RobStride motors, 11-bit ids.
 //!
 //! Damiao motors have registers as well: the ranges are read and must be those of the
 //! configuration, and the time-out is set and read back. CubeMars motors have none:
 //! their ranges are believed, and arming them needs `accept_no_watchdog`. The reply of
 //! a CubeMars motor does not say whether it drives: its answer alone confirms torque off.
+//! RobStride motors that were switched to MIT mode (`RS02(MIT)`) are the same, and their
+//! replies tell no faults: those are asked for, one motor a cycle.
 //!
 //! MIT mode has no torque limit but the motor's own peak. The gains keep
 //! `torque_limit_nm`: where they would ask for more than that, from where the motor
@@ -28,7 +30,7 @@ use self::framing::{from_code, pack_command, position_code, span_code, to_code, 
 use self::registers::{
     CLEAR, DISABLE, ENABLE, LOST, MIT_MODE, MODE, MitRegister, OVER_TEMPERATURE, PMAX, READ,
     REGISTER_ID, REPLY_ID, TIMEOUT, TIMEOUT_UNITS_PER_MS, TMAX, VMAX, WRITE, cubemars_fault,
-    damiao_fault,
+    damiao_fault, robstride_fault,
 };
 
 pub(crate) struct Mit;
@@ -63,6 +65,13 @@ fn parse_reply(servo: &Servo, frame: &CanFrame) -> Option<MotorStatus> {
         let name = damiao_fault(nibble).map(|name| format!("{name} (error {nibble:X})"));
         let hottest = celsius(6).into_iter().chain(celsius(7)).reduce(f64::max);
         (name, nibble == 1, hottest)
+    } else if model.tells_tenths {
+        let is_ours = first == servo.id && frame.id() == u32::from(motor.reply_id);
+        if !is_ours || is_fault_report(data) {
+            return None;
+        }
+        let [.., high, low] = frame.eight()?;
+        (None, true, Some(f64::from(u16::from_be_bytes([high, low])) * 0.1))
     } else {
         let from = [u32::from(motor.reply_id), u32::from(servo.id)];
         if first != servo.id || !from.contains(&frame.id()) {
@@ -79,6 +88,22 @@ fn parse_reply(servo: &Servo, frame: &CanFrame) -> Option<MotorStatus> {
         fault,
         temperature_c,
     })
+}
+
+/// A RobStride motor's answer to the question for its faults ends with three zeros; a
+/// temperature is never zero.
+fn is_fault_report(data: &[u8]) -> bool {
+    data.len() == 8 && data[5..] == [0; 3]
+}
+
+/// The faults that a RobStride motor was asked for.
+fn parse_faults(servo: &Servo, frame: &CanFrame) -> Option<Option<String>> {
+    let motor = settings(servo).filter(|motor| motor.model.tells_tenths)?;
+    let data = frame.eight().filter(|data| !frame.is_extended() && is_fault_report(data))?;
+    let is_ours = frame.id() == u32::from(motor.reply_id) && data[0] == servo.id;
+    let [_, a, b, c, d, ..] = data;
+    let faults = u32::from_le_bytes([a, b, c, d]);
+    is_ours.then(|| (faults != 0).then(|| robstride_fault(faults)))
 }
 
 /// The bytes of a register that a Damiao motor answers with.
@@ -139,6 +164,27 @@ fn gain_share(motor: &MotorSettings, goal_rad: f64, status: &MotorStatus) -> f64
     let error_rad = goal_rad - status.position_rad;
     let asked_nm = motor.kp * error_rad - motor.kd * status.velocity_rad_s;
     (motor.torque_limit_nm / asked_nm.abs()).min(1.0)
+}
+
+/// The eight bytes of a command to go to `joint_rad`, with gains that keep the torque limit.
+pub(crate) fn limited_command(
+    servo: &Servo,
+    motor: &MotorSettings,
+    joint_rad: f64,
+    status: &MotorStatus,
+) -> [u8; 8] {
+    let model = &motor.model;
+    let position = position_code(servo, model.position_rad, joint_rad);
+    let share = gain_share(motor, from_code(position, model.position_rad, 16), status);
+    // Downwards: the limit is not passed by rounding either.
+    let gain = |code: u32| (f64::from(code) * share) as u32;
+    pack_command([
+        position,
+        to_code(0.0, model.velocity_rad_s, 12),
+        gain(span_code(motor.kp, model.kp_max, 12)),
+        gain(span_code(motor.kd, model.kd_max, 12)),
+        to_code(0.0, model.torque_nm, 12),
+    ])
 }
 
 impl Mit {
@@ -256,18 +302,7 @@ impl CanFamily for Mit {
         let Some(motor) = settings(servo) else {
             return;
         };
-        let model = &motor.model;
-        let position = position_code(servo, model.position_rad, joint_rad);
-        let share = gain_share(motor, from_code(position, model.position_rad, 16), status);
-        // Downwards: the limit is not passed by rounding either.
-        let gain = |code: u32| (f64::from(code) * share) as u32;
-        let data = pack_command([
-            position,
-            to_code(0.0, model.velocity_rad_s, 12),
-            gain(span_code(motor.kp, model.kp_max, 12)),
-            gain(span_code(motor.kd, model.kd_max, 12)),
-            to_code(0.0, model.torque_nm, 12),
-        ]);
+        let data = limited_command(servo, motor, joint_rad, status);
         out.push(CanFrame::standard(u32::from(servo.id), &data));
     }
 
@@ -277,10 +312,26 @@ impl CanFamily for Mit {
         frame: &CanFrame,
         status: &mut [MotorStatus],
     ) -> Option<usize> {
+        let faults = servos.iter().enumerate();
+        let faults = faults.filter_map(|(index, servo)| Some((index, parse_faults(servo, frame)?)));
+        for (index, fault) in faults {
+            status[index].fault = fault;
+        }
         let mut replies = servos.iter().map(|servo| parse_reply(servo, frame));
         let index = replies.position(|reply| reply.is_some())?;
-        status[index] = parse_reply(&servos[index], frame)?;
+        let told = parse_reply(&servos[index], frame)?;
+        let is_silent = settings(&servos[index]).is_some_and(|motor| motor.model.tells_tenths);
+        // What was asked for stays until it is asked again.
+        let fault = if is_silent { status[index].fault.take() } else { told.fault };
+        status[index] = MotorStatus { fault, ..told };
         Some(index)
+    }
+
+    fn watch_frames(&self, servo: &Servo, out: &mut Vec<CanFrame>) {
+        if settings(servo).is_some_and(|motor| motor.model.tells_tenths) {
+            let ask = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0, CLEAR];
+            out.push(CanFrame::standard(u32::from(servo.id), &ask));
+        }
     }
 
     fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {

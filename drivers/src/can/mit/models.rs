@@ -1,4 +1,6 @@
-//! The models of CubeMars and Damiao. Both share the ranges of position and gains.
+//! The models of CubeMars and Damiao, and of RobStride switched to MIT mode.
+
+use std::f64::consts::TAU;
 
 use crate::can::family::prelude::*;
 
@@ -15,11 +17,26 @@ const fn mit(
         kp_max: 500.0,
         kd_max: 5.0,
         has_registers,
+        tells_tenths: false,
     };
     motor(name, BusKind::Mit, ranges)
 }
 
-/// Damiao motors have registers; a CubeMars motor cannot tell its ranges.
+/// 11-bit frames have gains of 12 bits over ranges of their own.
+const fn robstride(name: &'static str, velocity_rad_s: f64, torque_nm: f64) -> ServoModel {
+    let ranges = MotorModel {
+        position_rad: 2.0 * TAU,
+        velocity_rad_s,
+        torque_nm,
+        kp_max: 500.0,
+        kd_max: 5.0,
+        has_registers: false,
+        tells_tenths: true,
+    };
+    motor(name, BusKind::Mit, ranges)
+}
+
+/// Damiao motors have registers; the others cannot tell their ranges.
 pub(super) static MODELS: &[ServoModel] = &[
     mit("AK60-6", 50.0, 15.0, false),
     mit("AK70-10", 50.0, 25.0, false),
@@ -33,4 +50,9 @@ pub(super) static MODELS: &[ServoModel] = &[
     mit("DM-J8006", 45.0, 40.0, true),
     mit("DM-J8009", 45.0, 54.0, true),
     mit("DM-J10010L", 25.0, 200.0, true),
+    robstride("RS00(MIT)", 33.0, 14.0),
+    robstride("RS01(MIT)", 44.0, 17.0),
+    robstride("RS02(MIT)", 44.0, 17.0),
+    robstride("RS03(MIT)", 20.0, 60.0),
+    robstride("RS04(MIT)", 15.0, 120.0),
 ];

@@ -7,6 +7,7 @@ pub const FIRST_MODE_COMMAND: u8 = CLEAR;
 pub const CLEAR: u8 = 0xFB; // Mode command: clears faults (Damiao)
 pub const ENABLE: u8 = 0xFC; // Mode command: torque on, without any until the first target
 pub const DISABLE: u8 = 0xFD; // Mode command: torque off
+pub const SET_ZERO: u8 = 0xFE; // Mode command: where the motor stands is zero from now on
 
 pub const REGISTER_ID: u32 = 0x7FF; // Id of requests to registers: motor id (u16), command, register, value
 pub const READ: u8 = 0x33; // Register request: the motor answers with the register's value
@@ -67,4 +68,24 @@ pub(super) fn cubemars_fault(code: u8) -> Option<&'static str> {
         7 => "motor stalled",
         _ => "an unknown error",
     })
+}
+
+/// A RobStride motor's fault word in words.
+pub(super) fn robstride_fault(faults: u32) -> String {
+    const NAMES: [(u32, &str); 11] = [
+        (0, "overheating"),
+        (1, "driver chip fault"),
+        (2, "under-voltage"),
+        (3, "over-voltage"),
+        (4, "over-current of phase B"),
+        (5, "over-current of phase C"),
+        (7, "encoder not calibrated"),
+        (8, "hardware not recognised"),
+        (9, "position not initialised"),
+        (14, "overload"),
+        (16, "over-current of phase A"),
+    ];
+    let set = NAMES.iter().filter(|(bit, _)| faults >> bit & 1 == 1);
+    let names: Vec<&str> = set.map(|(_, name)| *name).collect();
+    format!("{} (faults {faults:08X})", names.join(", "))
 }

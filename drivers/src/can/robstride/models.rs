@@ -18,6 +18,7 @@ const fn robstride(
         kp_max,
         kd_max,
         has_registers: true,
+        tells_tenths: false,
     };
     motor(name, BusKind::Robstride, ranges)
 }

@@ -18,6 +18,8 @@ pub mod message {
     pub const FEEDBACK: u32 = 2; // The motor's report
     pub const ENABLE: u32 = 3; // Turns torque on
     pub const STOP: u32 = 4; // Turns torque off; a first byte of 1 clears faults too
+    pub const SET_ZERO: u32 = 6; // Where the motor stands is zero (first byte 1)
+    pub const SET_ID: u32 = 7; // Another id: the upper byte of data16; answered as GET_ID
     pub const READ: u32 = 17; // Reads a parameter
     pub const WRITE: u32 = 18; // Writes a parameter; the motor answers with a feedback
     pub const FAULT: u32 = 21; // The motor's detailed faults, sent unasked

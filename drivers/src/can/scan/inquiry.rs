@@ -1,12 +1,13 @@
 //! Requests of a scan, and what it finds.
 
 use std::io::{self, ErrorKind};
+use std::ops::RangeInclusive;
 use std::time::{Duration, Instant};
 
 use crate::can::exchange::MOST_OVERDUE;
 use crate::can::transport::{CanEvent, CanFault, CanFrame, CanLink, Sent};
 
-pub(crate) const IDS: std::ops::RangeInclusive<u8> = 1..=127;
+pub(crate) const IDS: RangeInclusive<u8> = 1..=127;
 pub(crate) const GROUP: usize = 8;
 const TRIES: usize = 3;
 
@@ -42,9 +43,19 @@ impl ScanLink {
     pub fn ask_all(
         &mut self,
         request: impl Fn(u8) -> CanFrame,
+        take: impl FnMut(&CanFrame),
+    ) -> io::Result<()> {
+        self.ask(IDS, request, take)
+    }
+
+    /// The same of some ids.
+    pub fn ask(
+        &mut self,
+        ids: RangeInclusive<u8>,
+        request: impl Fn(u8) -> CanFrame,
         mut take: impl FnMut(&CanFrame),
     ) -> io::Result<()> {
-        let requests: Vec<CanFrame> = IDS.map(request).collect();
+        let requests: Vec<CanFrame> = ids.map(request).collect();
         for group in requests.chunks(GROUP) {
             for request in group {
                 self.send(request)?;

@@ -9,6 +9,7 @@
 //! | RobStride | its id (type 0) |
 //! | Damiao | register 14, its firmware |
 //! | CANopen | object 1000, its profile |
+//! | MyActuator | the date of its firmware |
 //!
 //! Nothing here turns torque on or off, and nothing moves. Motors that cannot be
 //! asked without that are not found: CubeMars in MIT mode, an ODrive without
@@ -33,7 +34,8 @@ use crate::error::BusResult;
 
 /// The families in the order in which they are asked; ODrive decides whether the
 /// others may use 11-bit ids.
-const ORDER: [BusKind; 4] = [BusKind::Odrive, BusKind::Robstride, BusKind::Mit, BusKind::Cia402];
+const ORDER: [BusKind; 5] =
+    [BusKind::Odrive, BusKind::Robstride, BusKind::Mit, BusKind::Cia402, BusKind::Myactuator];
 /// Factory settings send a heartbeat ten times a second, or once.
 const LISTEN: Duration = Duration::from_millis(1200);
 const WAIT: Duration = Duration::from_millis(20);

@@ -18,7 +18,10 @@ use servodance_drivers::can::cia402::registers::{
 use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
 use crate::can::net::CanDevice;
 
-use self::objects::{self as at, ABORT_NO_OBJECT, ABORT_READ_ONLY, ABORT_STATE, WRITABLE};
+use self::objects::{
+    self as at, ABORT_LENGTH, ABORT_NO_OBJECT, ABORT_NO_SUBINDEX, ABORT_READ_ONLY, ABORT_STATE,
+    WRITABLE,
+};
 
 /// NMT states and commands that the driver does not use.
 const PRE_OPERATIONAL: u8 = 127;
@@ -118,6 +121,11 @@ impl Cia402Drive {
             at::STATUS => (self.status_word(), 2),
             at::MODE_SHOWN => (self.stored(at::MODE), 1),
             at::POSITION => (position as u32, 4),
+            at::VELOCITY => {
+                let velocity = (self.core.speed_rad_s() * self.counts_per_rad()).round() as i32;
+                (velocity as u32, 4)
+            }
+            at::SUPPORTED_MODES => (1 << (CYCLIC_POSITION - 1), 4),
             at::TORQUE => ((torque * 1000.0).round() as i16 as u16 as u32, 2),
             _ => {
                 let known = WRITABLE.iter().find(|(known, _)| *known == object);
@@ -126,13 +134,24 @@ impl Cia402Drive {
         })
     }
 
-    fn write(&mut self, object: u32, value: u32) -> Result<(), u32> {
+    /// Why an object is not there: its index, or its subindex alone.
+    fn missing(&self, object: u32) -> u32 {
+        let index = object >> 8;
+        let has_index = (0..=4).any(|sub| self.read(index << 8 | sub).is_some());
+        if has_index { ABORT_NO_SUBINDEX } else { ABORT_NO_OBJECT }
+    }
+
+    /// Writes an object of so many bytes, if the host says how many.
+    fn write(&mut self, object: u32, value: u32, said: Option<u8>) -> Result<(), u32> {
         let Some((_, bytes)) = WRITABLE.iter().find(|(known, _)| *known == object) else {
             return Err(match self.read(object) {
                 Some(_) => ABORT_READ_ONLY,
-                None => ABORT_NO_OBJECT,
+                None => self.missing(object),
             });
         };
+        if said.is_some_and(|said| said != *bytes) {
+            return Err(ABORT_LENGTH);
+        }
         let is_mapping = matches!(object >> 16, 0x14 | 0x16 | 0x18 | 0x1A);
         if is_mapping && self.nmt == OPERATIONAL {
             return Err(ABORT_STATE);
@@ -204,10 +223,11 @@ impl Cia402Drive {
         let answer = match command {
             UPLOAD => match self.read(object) {
                 Some((value, bytes)) => Ok((0x43 | (4 - bytes) << 2, value)),
-                None => Err(ABORT_NO_OBJECT),
+                None => Err(self.missing(object)),
             },
             0x23 | 0x27 | 0x2B | 0x2F | 0x22 => {
-                let written = self.write(object, u32::from_le_bytes(value));
+                let said = (command & 1 == 1).then_some(4 - (command >> 2 & 3));
+                let written = self.write(object, u32::from_le_bytes(value), said);
                 written.map(|()| (DOWNLOADED, 0))
             }
             // Segmented and block transfers are not there.

@@ -4,6 +4,8 @@ use servodance_drivers::can::cia402::registers::{self, SdoObject};
 
 pub(super) const ABORT_READ_ONLY: u32 = 0x0601_0002;
 pub(super) const ABORT_NO_OBJECT: u32 = 0x0602_0000;
+pub(super) const ABORT_LENGTH: u32 = 0x0607_0010;
+pub(super) const ABORT_NO_SUBINDEX: u32 = 0x0609_0011;
 pub(super) const ABORT_STATE: u32 = 0x0800_0022;
 
 const fn key(object: SdoObject) -> u32 {
@@ -16,6 +18,8 @@ pub(super) const STATUS: u32 = key(registers::STATUS);
 pub(super) const MODE: u32 = key(registers::MODE);
 pub(super) const MODE_SHOWN: u32 = key(registers::MODE_SHOWN);
 pub(super) const POSITION: u32 = key(registers::POSITION);
+pub(super) const VELOCITY: u32 = 0x606C00; // Increments a second
+pub(super) const SUPPORTED_MODES: u32 = 0x650200;
 pub(super) const MAX_TORQUE: u32 = key(registers::MAX_TORQUE);
 pub(super) const TORQUE: u32 = key(registers::TORQUE);
 pub(super) const TARGET: u32 = key(registers::TARGET);
