@@ -4,8 +4,11 @@
 use servodance_audio::song::SongSpec;
 use servodance_drivers::{ImuConfig, ImuKind};
 use servodance_retarget::Stance;
+use servodance_runtime::control::bus_choice::BusChoice;
+use servodance_runtime::control::getup::GetUp;
 use servodance_runtime::pipeline::model_args::EngineArgs;
-use servodance_runtime::robot::Robot;
+use servodance_runtime::process::speed::Speed;
+use servodance_runtime::robot::{Lying, Robot};
 use servodance_runtime::session::dance::open_generator;
 use servodance_runtime::session::fault_run::{FaultRun, FaultRunResult};
 use servodance_runtime::telemetry::ViolationReport;
@@ -103,4 +106,20 @@ fn a_robot_that_steps_stays_on_its_feet() {
     assert_eq!(danced.violations, ViolationReport::default());
     // Each foot was in the air for a while.
     assert!(body.load_share.iter().all(|share| *share < 0.995), "{body:?}");
+}
+
+fn getting_up(robot: &str, lying: Lying) -> Result<String, String> {
+    let robot = Robot::load(robot).unwrap();
+    let buses = vec![BusChoice::Sim; robot.buses.len()];
+    let getup = GetUp { robot: &robot, buses: &buses, lying: Some(lying), stands_s: 1.0 };
+    let told = getup.run(Speed::Max, &AtomicBool::new(false));
+    told.map_err(|error| format!("{error:#}"))
+}
+
+#[test]
+fn a_robot_gets_up_where_its_file_has_a_way() {
+    let told = getting_up("op3", Lying::Back).unwrap();
+    assert!(told.starts_with("op3 got up from its back in"), "{told}");
+    let refused = getting_up("lite22", Lying::Front).unwrap_err();
+    assert!(refused.contains("no way up from its front") && !refused.contains('\n'), "{refused}");
 }

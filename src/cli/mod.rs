@@ -20,6 +20,7 @@ pub mod export;
 mod first_minute;
 pub mod follow;
 pub mod generate;
+pub mod getup;
 pub mod jog;
 pub mod latency;
 pub mod lead;
@@ -122,6 +123,8 @@ pub enum Command {
     Follow(follow::Args),
     /// Write the human motion that the model dances to a recording, without a robot.
     Generate(generate::Args),
+    /// Get up from the floor, by the way that the robot's file has.
+    Getup(getup::Args),
     /// Move one joint, by steps from the keyboard or by one.
     Jog(jog::Args),
     /// Ask one servo, or every joint of a robot, how it is.
@@ -184,6 +187,7 @@ impl Command {
             Command::Export(args) => export::run(args),
             Command::Follow(args) => follow::run(args),
             Command::Generate(args) => generate::run(args),
+            Command::Getup(args) => getup::run(args),
             Command::Jog(args) => jog::run(args),
             Command::Ping(args) => ping::run(args),
             Command::Play(args) => play::run(args),

@@ -15,7 +15,7 @@
 
 use servodance_types::ImuState;
 
-use super::serial_imu::ImuProtocol;
+use super::protocol::ImuProtocol;
 use super::{three_words, words};
 
 /// Registers that are used, and what is in them.

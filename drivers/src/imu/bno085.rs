@@ -14,7 +14,7 @@
 
 use servodance_types::ImuState;
 
-use super::serial_imu::ImuProtocol;
+use super::protocol::ImuProtocol;
 use super::{GRAVITY_M_S2, three_words, word, words};
 
 const HEAD: u8 = 0xAA;

@@ -16,6 +16,7 @@ mod config;
 mod freshness;
 mod mounting;
 pub mod opencr;
+mod protocol;
 mod reader;
 mod serial_imu;
 pub mod witmotion;
@@ -23,8 +24,9 @@ pub mod witmotion;
 pub(crate) use can_imu::CanImu;
 pub use config::{ImuConfig, ImuKind};
 pub use mounting::Mounting;
+pub use protocol::ImuProtocol;
 pub(crate) use reader::ImuReader;
-pub use serial_imu::{ImuProtocol, SerialImu};
+pub use serial_imu::SerialImu;
 
 use servodance_types::ImuState;
 

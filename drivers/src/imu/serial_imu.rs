@@ -13,6 +13,7 @@ use super::config::{ImuConfig, ImuKind};
 use super::freshness::Freshness;
 use super::mounted;
 use super::mounting::Mounting;
+use super::protocol::ImuProtocol;
 use super::witmotion::Witmotion;
 use crate::error::{BusError, BusResult};
 use crate::serial::wire::open_error::remedy;
@@ -22,18 +23,6 @@ use crate::serial::wire::stream::PortStream;
 const TRY_AGAIN_S: f64 = 0.5;
 /// More than a sensor says in a cycle; what is older has no worth.
 const MOST_BYTES: usize = 4096;
-
-/// The bytes of one kind of board.
-pub trait ImuProtocol: Send {
-    /// What to send in this cycle, if anything.
-    fn ask(&mut self, out: &mut Vec<u8>);
-
-    /// Takes a byte; what the board measured, in its own axes, with the last byte of it.
-    fn hear(&mut self, byte: u8) -> Option<ImuState>;
-
-    /// The port is another one, or was away.
-    fn restart(&mut self);
-}
 
 /// An open sensor.
 pub struct SerialImu {

@@ -71,7 +71,10 @@ fn stepping_feet_follow_the_dancer_and_do_not_skate() {
     }
     assert_eq!(violations(&track, &robot), [0; 4]);
     let counts = retargeter.counts();
-    assert!(counts.steps > 30, "{counts:?}");
+    // Of 49 lifts balance refuses about every other one: the weight has to be over the other
+    // foot before this one leaves, and it comes from where the last step left it.
+    assert!(counts.steps > 20, "{counts:?}");
+    assert!(counts.steps + counts.refused_steps > 45, "{counts:?}");
     assert!(lifted.iter().all(|z| *z > 0.005), "{lifted:?}");
     assert!(skating as f64 <= 0.05 * contact as f64, "{skating} of {contact} contact cycles");
     assert_eq!(counts.unbalanced_cycles, 0, "{counts:?}");

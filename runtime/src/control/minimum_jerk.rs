@@ -24,13 +24,24 @@ impl MinimumJerk {
         limits: impl Iterator<Item = &'a JointLimits>,
         control_hz: f64,
     ) -> Self {
+        Self::with_effort(EFFORT, from_rad, to_rad, limits, control_hz)
+    }
+
+    /// The same with another share of the velocity and acceleration limits.
+    pub fn with_effort<'a>(
+        effort: f64,
+        from_rad: &[f64],
+        to_rad: &[f64],
+        limits: impl Iterator<Item = &'a JointLimits>,
+        control_hz: f64,
+    ) -> Self {
         let duration_s = limits
             .zip(from_rad.iter().zip(to_rad))
             .map(|(limits, (a, b))| {
                 shortest_s(
                     (b - a).abs(),
-                    limits.velocity_rad_s * EFFORT,
-                    limits.acceleration_rad_s2 * EFFORT,
+                    limits.velocity_rad_s * effort,
+                    limits.acceleration_rad_s2 * effort,
                 )
             })
             .fold(SHORTEST_S, f64::max);
@@ -39,6 +50,11 @@ impl MinimumJerk {
             to_rad: to_rad.to_vec(),
             cycles: (duration_s * control_hz).ceil() as u64,
         }
+    }
+
+    /// The same path, in no less than so many seconds.
+    pub fn lasting(self, seconds: f64, control_hz: f64) -> Self {
+        Self { cycles: self.cycles.max((seconds * control_hz).round() as u64), ..self }
     }
 
     pub fn cycles(&self) -> u64 {

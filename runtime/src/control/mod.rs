@@ -12,6 +12,7 @@ pub(crate) mod cycle_clock;
 mod cycle_gaps;
 pub mod delays;
 pub mod emergency_stop;
+pub mod getup;
 pub mod idle;
 pub mod latency;
 pub(crate) mod lead_time;

@@ -9,7 +9,7 @@ use super::bus_choice::BusChoice;
 use super::cycle_gaps::CycleGaps;
 use crate::pipeline::step_times::StepTimes;
 use crate::process::speed::Speed;
-use crate::robot::Robot;
+use crate::robot::{Lying, Robot};
 use crate::telemetry::following_report::{FollowingReport, ServoErrorReport};
 use crate::telemetry::pose_array::{pose_array, pose_of};
 use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
@@ -41,6 +41,8 @@ const STILL_RAD_S: f64 = 0.01;
 pub struct SimulationPlan {
     /// The world that they carry the robot in.
     pub world: WorldChoice,
+    /// How the robot lies at the start, unless it stands.
+    pub lying: Option<Lying>,
     /// In the order of time, seconds since torque on.
     pub faults: Vec<Cue>,
     /// Which replies a fault of the wire hits.
@@ -121,7 +123,7 @@ impl RobotBuses {
                  placeholder_servos from its file"
             );
         }
-        let world = RobotWorld::open(robot, plan.world)?;
+        let world = RobotWorld::open_lying(robot, plan.world, plan.lying)?;
         let mut layouts = robot.buses.clone();
         let mut sims = Vec::new();
         let mut ports = Vec::with_capacity(layouts.len());

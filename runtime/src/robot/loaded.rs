@@ -1,6 +1,7 @@
 //! A robot that was loaded from its file and checked. Radians, metres, seconds.
 
 use super::config_source::ConfigSource;
+use super::getup_plan::GetupPlan;
 use super::overrides::Overrides;
 use super::robot_file::{RobotError, config_path, parse, retarget_path};
 use super::robot_folders::{FileRefused, RobotFolders};
@@ -33,6 +34,8 @@ pub struct Robot {
     pub buses: Vec<BusLayout>,
     /// What measures its motion.
     pub imu: Option<ImuConfig>,
+    /// Ways from the floor to its feet.
+    pub getup: Option<GetupPlan>,
     pub safety: SafetyConfig,
     pub retarget: RetargetConfig,
     pub servos: Vec<Servo>,
@@ -111,6 +114,11 @@ impl Robot {
             check_rate(&bus.config, &bus.servos, parsed.control_hz)
                 .map_err(|e| refuse(DiagnosticCode::BusRate, &["control_hz"], e.to_string()))?;
         }
+        if let Some(getup) = &parsed.getup {
+            getup
+                .check(&servos)
+                .map_err(|e| refuse(DiagnosticCode::RobotFile, &["getup"], e.to_string()))?;
+        }
         let safety = parsed.safety.at(parsed.control_hz).map_err(|e| {
             let path = match &e {
                 SafetyError::Config { key, .. } => vec!["safety", *key],
@@ -130,6 +138,7 @@ impl Robot {
             idle: parsed.idle,
             buses,
             imu: parsed.imu,
+            getup: parsed.getup,
             safety,
             retarget: parsed.retarget,
             servos,

@@ -2,6 +2,7 @@
 //! beside it, and the key that an error is about. Units are degrees and ticks.
 
 use super::config_source::{ConfigSource, line_at};
+use super::getup_plan::GetupPlan;
 use crate::control::idle::IdleStyle;
 use crate::process::console::stderr_line;
 use serde::Deserialize;
@@ -44,6 +45,8 @@ pub(super) struct RobotFile {
     pub buses: Vec<BusConfig>,
     #[serde(default)]
     pub imu: Option<ImuConfig>,
+    #[serde(default)]
+    pub getup: Option<GetupPlan>,
     #[serde(default)]
     pub safety: SafetyConfig,
     pub retarget: RetargetConfig,

@@ -52,6 +52,8 @@ fn every_key_of_the_parser_is_in_the_schema_and_no_other() {
         ("", ""),
         ("[bus]", "bus"),
         ("[imu]", "imu"),
+        ("[getup]", "getup"),
+        ("[[getup.front]]", "getup_pose"),
         ("[[joint]]", "joint"),
         ("[safety]", "safety"),
         ("[retarget]", "retarget"),

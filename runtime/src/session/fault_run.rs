@@ -106,7 +106,12 @@ impl<'a> FaultRun<'a> {
         // Only live sound gives notices.
         let dancer = Dancer::new(audio, dance, None, Box::new(|_| ()))?;
         let mut source = MotionSource::Inline(Box::new(dancer));
-        let plan = SimulationPlan { world: self.world, faults: self.faults, seed: self.seed };
+        let plan = SimulationPlan {
+            world: self.world,
+            faults: self.faults,
+            seed: self.seed,
+            ..SimulationPlan::default()
+        };
         let options = LoopOptions {
             speed: Speed::Max,
             arrival: match self.as_live {

@@ -2,7 +2,7 @@
 
 use super::choice::WorldChoice;
 use crate::physics::ServoLoop;
-use crate::robot::Robot;
+use crate::robot::{Lying, Robot};
 use anyhow::{Context, bail};
 use servodance_drivers::BusLayout;
 use servodance_sim::SimServoSpec;
@@ -10,6 +10,10 @@ use servodance_sim::world::{RootSupport, SharedWorld, WorldOptions, WorldSeat};
 
 /// How high a stand holds the root link, metres: no limb reaches the floor.
 const STAND_M: f64 = 5.0;
+
+/// How high the root link of a robot that is to lie begins, as a share of where it is when
+/// the robot stands.
+const DROPPED_SHARE: f64 = 0.45;
 
 /// A robot that is put into a world: on its feet in its rest pose, or on a stand.
 #[derive(Clone, Debug)]
@@ -25,6 +29,16 @@ impl RobotWorld {
     /// The chosen world with this robot in it; `None` for no world. Fails where the
     /// description cannot be simulated, or a robot without feet is put on a floor.
     pub fn open(robot: &Robot, choice: WorldChoice) -> anyhow::Result<Option<Self>> {
+        Self::open_lying(robot, choice, None)
+    }
+
+    /// The same; a robot that is to lie is dropped on its front or back from a little above
+    /// the floor.
+    pub fn open_lying(
+        robot: &Robot,
+        choice: WorldChoice,
+        lying: Option<Lying>,
+    ) -> anyhow::Result<Option<Self>> {
         let support = match choice {
             WorldChoice::None => return Ok(None),
             WorldChoice::Floor => RootSupport::Free,
@@ -47,6 +61,14 @@ impl RobotWorld {
         let mut root = retargeter.root_placement(&positions_rad);
         if choice == WorldChoice::Stand {
             root.at_m[2] += STAND_M;
+        }
+        if let Some(lying) = lying {
+            let [x, y, z] = root.rotation;
+            root.rotation = match lying {
+                Lying::Front => [z, y, x.map(|part| -part)],
+                Lying::Back => [z.map(|part| -part), y, x],
+            };
+            root.at_m[2] *= DROPPED_SHARE;
         }
         let options = WorldOptions { support, ..WorldOptions::default() };
         let placed = (Some(&root), positions_rad.as_slice());
