@@ -155,6 +155,9 @@ def watch_and_cue(browser, stage):
     amplitudes = [robot["amplitude"] for robot in state(address)["robots"]]
     check(amplitudes == [0.5] * len(ROBOTS), f"a later cue comes {amplitudes}")
     check(not browser.complaints, f"no console error {browser.complaints}")
+    until = time.monotonic() + 60
+    while not state(address)["outline"] and time.monotonic() < until:
+        time.sleep(0.2)  # the song is heard once, behind all else
     show = urllib.request.urlopen(address + "api/show").read().decode()
     for shot in (("stage-desk.png", 1280, 800), ("stage-large.png", 2560, 1440),
                  ("stage-phone.png", 390, 844, True)):
