@@ -13,6 +13,7 @@ mod dataset;
 mod documents;
 mod endurance;
 mod evaluation;
+mod film;
 mod full_disk;
 mod host_stall;
 mod idle;

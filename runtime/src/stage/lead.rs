@@ -13,7 +13,7 @@ use crate::pipeline::dancer_thread::DancerThread;
 use crate::pipeline::model_args::GeneratorArgs;
 use crate::pipeline::stage_source::LocalClock;
 use crate::process::progress::Progress;
-use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise, yield_to_others};
+use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
 use crate::process::speed::Speed;
 use crate::session::dance::open_generator;
 use crate::show::{Show, ShowFile, SongOutline, TimedCue};
@@ -229,7 +229,7 @@ fn outline_song(
         return Ok(());
     }
     std::thread::Builder::new().name("outline".into()).spawn(move || {
-        yield_to_others();
+        drop(OrdinaryAfterwards); // whoever started it may be urgent
         // A song that cannot be read has been refused by then.
         if let Ok(found) = SongOutline::find(&song) {
             let outline = known.map_or(found.clone(), |known| known.completed(found));

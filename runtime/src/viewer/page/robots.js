@@ -4,12 +4,13 @@ import { handlePointer, viewOf } from "./camera.js";
 import { SHADOW, drawFloor, shadowOn } from "./floor.js";
 import { fromPose, multiply } from "./matrix.js";
 import { makePainter } from "./painter.js";
+import { openCanvas } from "./pixels.js";
 import { extent, robotPart } from "./robot.js";
 
 const APART = 0.95;
 
 export function makeRobots(canvas, names) {
-  const gl = canvas.getContext("webgl2", { antialias: true });
+  const { gl, ratio } = openCanvas(canvas);
   if (!gl) {
     names.textContent = "This browser cannot draw in 3-D.";
     return { show() {}, draw() {}, turned: () => false, count: () => 0 };
@@ -43,7 +44,7 @@ export function makeRobots(canvas, names) {
       const stands = robot.safety === "running";
       if (!about.ground || (stands && !about.stands)) [about.ground, about.stands] = [extent(parts), stands];
       const { floor, height } = about.ground;
-      const y = ((there.length - 1) / 2 - place) * APART;
+      const y = (place - (there.length - 1) / 2) * APART;
       const size = 1 / height;
       const at = new Float32Array([size, 0, 0, 0, 0, size, 0, 0, 0, 0, size, 0, 0, y, -floor * size, 1]);
       return { robot, y, parts: parts.map((part) => ({ ...part, world: multiply(at, part.world) })) };
@@ -52,9 +53,8 @@ export function makeRobots(canvas, names) {
 
   function draw() {
     camera.turned = false;
-    const ratio = Math.min(devicePixelRatio, 2);
-    canvas.width = Math.max(1, canvas.clientWidth * ratio);
-    canvas.height = Math.max(1, canvas.clientHeight * ratio);
+    canvas.width = Math.max(1, canvas.clientWidth * ratio());
+    canvas.height = Math.max(1, canvas.clientHeight * ratio());
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clearColor(0.078, 0.094, 0.122, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);

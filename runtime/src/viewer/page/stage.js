@@ -4,6 +4,7 @@ import { handlePointer, viewOf } from "./camera.js";
 import { SHADOW, drawFloor, shadowOn, upright } from "./floor.js";
 import { between, distance, fromPose, multiply } from "./matrix.js";
 import { makePainter } from "./painter.js";
+import { openCanvas } from "./pixels.js";
 import { extent, robotPart } from "./robot.js";
 
 const HUMAN = [1.0, 0.69, 0.4, 1];
@@ -11,7 +12,7 @@ const HUMAN_M = 1.7;
 const HEAD = 15;
 
 export function makeStage(canvas, scene) {
-  const gl = canvas.getContext("webgl2", { antialias: true });
+  const { gl, ratio } = openCanvas(canvas);
   if (!gl) {
     document.getElementById("seen").textContent = "(this browser cannot draw in 3-D)";
     return { show() {}, draw() {}, turned: () => false };
@@ -33,9 +34,8 @@ export function makeStage(canvas, scene) {
 
   function draw() {
     camera.turned = false;
-    const ratio = Math.min(devicePixelRatio, 2);
-    canvas.width = Math.max(1, canvas.clientWidth * ratio);
-    canvas.height = Math.max(1, canvas.clientHeight * ratio);
+    canvas.width = Math.max(1, canvas.clientWidth * ratio());
+    canvas.height = Math.max(1, canvas.clientHeight * ratio());
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clearColor(0.078, 0.094, 0.122, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);

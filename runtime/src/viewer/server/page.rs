@@ -17,6 +17,7 @@ pub fn part(name: &str) -> Option<(&'static str, &'static str)> {
         "cues.js" => (SCRIPT, include_str!("../page/cues.js")),
         "timeline.js" => (SCRIPT, include_str!("../page/timeline.js")),
         "robot.js" => (SCRIPT, include_str!("../page/robot.js")),
+        "pixels.js" => (SCRIPT, include_str!("../page/pixels.js")),
         "floor.js" => (SCRIPT, include_str!("../page/floor.js")),
         "view.css" => (CSS, include_str!("../page/view.css")),
         "main.js" => (SCRIPT, include_str!("../page/main.js")),
