@@ -10,8 +10,8 @@
 
 use crate::config::TaskWeights;
 use crate::contact::{CapsulePair, SupportPolygon};
-use crate::dancer::PoseTarget;
-use crate::kinematics::{BodyMap, Jacobian, PosedRobot, RobotModel};
+use crate::dancer::{PoseTarget, plate_figure};
+use crate::kinematics::{BodyMap, Jacobian, Platform, PosedRobot, RobotModel};
 use crate::solver::{BoxLeastSquares, LimbTask, capped, direction_row};
 use k::nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
@@ -83,6 +83,8 @@ pub(crate) struct BodySolver {
     legs_stand: bool,
     /// Orientation of the chest link when the robot stands upright.
     chest_rest: UnitQuaternion<f64>,
+    /// Orientation of the head link when the robot stands upright, and its face in it.
+    head_upright: UnitQuaternion<f64>,
     face_in_head: Vector3<f64>,
     pub positions: Vec<f64>,
     pub base: Isometry3<f64>,
@@ -133,6 +135,7 @@ impl BodySolver {
             floating,
             legs_stand: role != SolverScope::Hung,
             chest_rest: upright * in_root(map.chest),
+            head_upright,
             face_in_head: head_upright.inverse() * Vector3::x(),
             base: Isometry3::from_parts(Translation3::identity(), upright),
             map,
@@ -167,6 +170,49 @@ impl BodySolver {
         for _ in 0..input.steps {
             self.step(model, input);
         }
+        if let SolverGoal::Dance(aim) = input.goal {
+            self.set_cranks(model, aim, input.bounds);
+        }
+    }
+
+    /// The platform that carries the head, and the head's link.
+    fn head_on_platform<'a>(&self, model: &'a RobotModel) -> Option<(&'a Platform, usize)> {
+        let (platform, head) = model.platform.as_deref().zip(self.map.head)?;
+        model.is_below(head, platform.plate).then_some((platform, head))
+    }
+
+    /// Where the plate puts the head as the dancer has his, links being at `poses`.
+    fn plate_in_world(
+        &self,
+        platform: &Platform,
+        poses: &[Isometry3<f64>],
+        head: usize,
+        aim: &PoseTarget,
+    ) -> Isometry3<f64> {
+        let (turn, shift) = plate_figure(aim);
+        let head_from_plate = poses[head].rotation.inverse() * poses[platform.plate].rotation;
+        let home = poses[platform.carrier] * platform.home;
+        let at = home.translation.vector + shift * platform.rods[0].length_m;
+        Isometry3::from_parts(at.into(), turn * self.head_upright * head_from_plate)
+    }
+
+    /// Turns the cranks to where the plate's pose has them, if they can be there by now; else
+    /// the steps before have brought them nearer.
+    fn set_cranks(&mut self, model: &RobotModel, aim: &PoseTarget, bounds: &[(f64, f64)]) {
+        let Some((platform, head)) = self.head_on_platform(model) else { return };
+        model.place(&self.base, &self.positions, &mut self.poses);
+        let wanted = self.plate_in_world(platform, &self.poses, head, aim);
+        let in_carrier = self.poses[platform.carrier].inverse() * wanted;
+        let Some(cranks) = platform.crank_rad(&in_carrier) else { return };
+        let joints = || {
+            let pairs = platform.rods.iter().zip(&cranks);
+            pairs
+                .map(|(rod, crank)| (rod.drive.joint, (crank - rod.drive.offset) / rod.drive.scale))
+        };
+        let fits = |(joint, at): (usize, f64)| (bounds[joint].0..=bounds[joint].1).contains(&at);
+        if joints().all(fits) {
+            joints().for_each(|(joint, at)| self.positions[joint] = at);
+        }
     }
 
     fn step(&mut self, model: &RobotModel, input: &SolverInput) {
@@ -175,7 +221,7 @@ impl BodySolver {
         self.solver.clear();
         // Taken out for the while, so that the parts can be borrowed apart.
         let poses = std::mem::take(&mut self.poses);
-        let robot = PosedRobot { model, poses: &poses };
+        let robot = PosedRobot::new(model, &poses);
         match input.goal {
             SolverGoal::Dance(aim) => {
                 self.add_limb_tasks(&robot, aim);
@@ -261,7 +307,15 @@ impl BodySolver {
 
     fn add_trunk_tasks(&mut self, robot: &PosedRobot, aim: &PoseTarget) {
         let TaskWeights { torso, head, .. } = self.weights;
-        if let Some(link) = self.map.head {
+        if let Some((platform, link)) = self.head_on_platform(robot.model) {
+            let wanted = self.plate_in_world(platform, robot.poses, link, aim);
+            let rod_m = platform.rods[0].length_m;
+            self.add_orientation_task(robot, platform.plate, wanted.rotation, head);
+            let point = robot.origin(platform.plate);
+            self.jacobian.add_point(robot, platform.plate, &point, 1.0 / rod_m);
+            let missed = point.coords - wanted.translation.vector;
+            self.add_gathered(head, &capped(&(missed / rod_m)));
+        } else if let Some(link) = self.map.head {
             let now = robot.poses[link].rotation * self.face_in_head;
             self.jacobian.add_rotation(robot, link);
             self.jacobian.map(|column| column.cross(&now));
