@@ -28,10 +28,13 @@ const MOST_TRUNK_TURN: f64 = 0.2;
 /// How far raised hands lift the front, radians.
 const BOW_PER_HANDS: f64 = 0.15;
 
-/// Rods' lengths of a plate's shift for a leg length of sway; the most of it, and of its tilt.
+/// Rods' lengths of a plate's shift for a leg length of sway; the most of it, and of its tilt,
+/// nod and look: what six rods can reach together.
 const PLATE_PER_SWAY: f64 = 1.5;
 const MOST_PLATE_SHIFT: f64 = 0.15;
-const MOST_PLATE_TILT: f64 = 0.25;
+const MOST_PLATE_TILT: f64 = 0.2;
+const MOST_PLATE_NOD: f64 = 0.3;
+const MOST_PLATE_LOOK: f64 = 0.45;
 
 /// An antenna's angle from upright for an arm's.
 const SPREAD: f64 = 0.45;
@@ -76,9 +79,10 @@ pub(crate) fn antenna_figure(aim: &PoseTarget) -> PoseTarget {
 /// looking where the dancer looks it tilts and bobs with the body.
 pub(crate) fn plate_figure(aim: &PoseTarget) -> (UnitQuaternion<f64>, Vector3<f64>) {
     let face = aim.face;
-    let nod = (-face.z).atan2(face.x.hypot(face.y));
+    let nod = soft_limit((-face.z).atan2(face.x.hypot(face.y)), MOST_PLATE_NOD);
+    let look = soft_limit(face.y.atan2(face.x), MOST_PLATE_LOOK);
     let tilt = soft_limit(aim.chest.scaled_axis().x, MOST_PLATE_TILT);
-    let turn = UnitQuaternion::from_euler_angles(tilt, nod, face.y.atan2(face.x));
+    let turn = UnitQuaternion::from_euler_angles(tilt, nod, look);
     let shift = aim.sway.map(|part| soft_limit(part * PLATE_PER_SWAY, MOST_PLATE_SHIFT));
     (turn, shift)
 }

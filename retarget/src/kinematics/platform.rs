@@ -4,7 +4,7 @@
 //! length, so that `(socket - pin) . twist of the plate = (socket - pin) . way of the pin`.
 //! The same six rows give the plate's velocity for each crank, and so its column of the
 //! Jacobian. The other way round, cranks for a pose of the plate, is a closed form
-//! ([`Platform::crank_rad`]): the solver takes its answer wherever the limits allow it. Metres and radians, in the frame of the link that carries both.
+//! ([`Platform::crank_rad`]): the solver turns a head's cranks by it. Metres and radians, in the frame of the link that carries both.
 
 use crate::kinematics::JointDrive;
 use k::nalgebra::{

@@ -167,11 +167,11 @@ impl BodySolver {
     }
 
     pub fn solve(&mut self, model: &RobotModel, input: &SolverInput) {
-        for _ in 0..input.steps {
-            self.step(model, input);
-        }
         if let SolverGoal::Dance(aim) = input.goal {
             self.set_cranks(model, aim, input.bounds);
+        }
+        for _ in 0..input.steps {
+            self.step(model, input);
         }
     }
 
@@ -196,22 +196,18 @@ impl BodySolver {
         Isometry3::from_parts(at.into(), turn * self.head_upright * head_from_plate)
     }
 
-    /// Turns the cranks to where the plate's pose has them, if they can be there by now; else
-    /// the steps before have brought them nearer.
+    /// Turns the cranks to where the plate's pose has them, or as far as they may go. The
+    /// steps leave them there.
     fn set_cranks(&mut self, model: &RobotModel, aim: &PoseTarget, bounds: &[(f64, f64)]) {
         let Some((platform, head)) = self.head_on_platform(model) else { return };
         model.place(&self.base, &self.positions, &mut self.poses);
         let wanted = self.plate_in_world(platform, &self.poses, head, aim);
         let in_carrier = self.poses[platform.carrier].inverse() * wanted;
         let Some(cranks) = platform.crank_rad(&in_carrier) else { return };
-        let joints = || {
-            let pairs = platform.rods.iter().zip(&cranks);
-            pairs
-                .map(|(rod, crank)| (rod.drive.joint, (crank - rod.drive.offset) / rod.drive.scale))
-        };
-        let fits = |(joint, at): (usize, f64)| (bounds[joint].0..=bounds[joint].1).contains(&at);
-        if joints().all(fits) {
-            joints().for_each(|(joint, at)| self.positions[joint] = at);
+        for (rod, crank) in platform.rods.iter().zip(cranks) {
+            let (joint, (low, high)) = (rod.drive.joint, bounds[rod.drive.joint]);
+            let at = (crank - rod.drive.offset) / rod.drive.scale;
+            self.positions[joint] = at.max(low).min(high);
         }
     }
 
@@ -256,7 +252,7 @@ impl BodySolver {
             let away = self.positions[column] - rest;
             self.solver.add_scalar(self.weights.posture, away, column);
         }
-        self.set_bounds(input);
+        self.set_bounds(model, input);
         let step = self.solver.solve(&self.low, &self.high);
         for (column, position) in self.positions.iter_mut().enumerate() {
             *position += step[column];
@@ -270,13 +266,17 @@ impl BodySolver {
         }
     }
 
-    fn set_bounds(&mut self, input: &SolverInput) {
+    fn set_bounds(&mut self, model: &RobotModel, input: &SolverInput) {
         let joints = self.positions.len();
         for column in 0..joints {
             let now = self.positions[column];
             let (low, high) = input.bounds[column];
             self.low[column] = (low - now).clamp(-LONGEST_STEP, LONGEST_STEP);
             self.high[column] = (high - now).clamp(-LONGEST_STEP, LONGEST_STEP);
+        }
+        let platform = self.head_on_platform(model);
+        for rod in platform.into_iter().flat_map(|(platform, _)| &platform.rods) {
+            (self.low[rod.drive.joint], self.high[rod.drive.joint]) = (0.0, 0.0);
         }
         self.low[joints..].fill(-LONGEST_STEP);
         self.high[joints..].fill(LONGEST_STEP);
@@ -307,15 +307,8 @@ impl BodySolver {
 
     fn add_trunk_tasks(&mut self, robot: &PosedRobot, aim: &PoseTarget) {
         let TaskWeights { torso, head, .. } = self.weights;
-        if let Some((platform, link)) = self.head_on_platform(robot.model) {
-            let wanted = self.plate_in_world(platform, robot.poses, link, aim);
-            let rod_m = platform.rods[0].length_m;
-            self.add_orientation_task(robot, platform.plate, wanted.rotation, head);
-            let point = robot.origin(platform.plate);
-            self.jacobian.add_point(robot, platform.plate, &point, 1.0 / rod_m);
-            let missed = point.coords - wanted.translation.vector;
-            self.add_gathered(head, &capped(&(missed / rod_m)));
-        } else if let Some(link) = self.map.head {
+        // A head on a platform has its pose from its cranks.
+        if let (Some(link), None) = (self.map.head, self.head_on_platform(robot.model)) {
             let now = robot.poses[link].rotation * self.face_in_head;
             self.jacobian.add_rotation(robot, link);
             self.jacobian.map(|column| column.cross(&now));
