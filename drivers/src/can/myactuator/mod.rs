@@ -192,7 +192,7 @@ mod tests {
     /// The worked example of the protocol: 9.99 rad, 1.021 rad/s, kp 10.012, kd 1, 10 Nm.
     #[test]
     fn motion_mode_has_its_published_bytes() {
-        let servo = crate::servo::servos(&[crate::ServoConfig {
+        let servo = crate::servos(&[crate::ServoConfig {
             name: "joint".into(),
             id: 1,
             model: "RMD-V3".into(),
