@@ -24,7 +24,8 @@ TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 TABLE = ROOT / "docs/measurements/clients.md"
 LONGEST_S = 600
 
-CAN = ["python-can==4.6.1", "msgpack", "canopen==2.4.1", "odrive", "cantools", "odrive-can==2.1.0"]
+CAN = ["python-can==4.6.1", "pyserial", "msgpack", "canopen==2.4.1", "odrive", "cantools",
+       "odrive-can==2.1.0"]
 LEROBOT = ["dynamixel-sdk==3.7.31", "feetech-servo-sdk==1.0.0", "python-can==4.6.1", "pyserial",
            "deepdiff", "tqdm", "numpy"]
 # Name, what it drives, packages, packages without what they ask for, script, program.
@@ -41,11 +42,13 @@ CLIENTS = [
     ("dynamixel-sdk and rustypot, setting servos up", "ids, rates, watchdog",
      ["dynamixel-sdk==4.1.0", "rustypot==1.13.1"], [], "set_up_clients.py", "servodance"),
     ("rustypot 1.13.1", "XL430, XL330, MX, AX, STS", ["rustypot==1.13.1"], [],
-     "rustypot_servos.py", "servodance"),
+     "rustypot_servos.py", "serve"),
     ("lerobot 0.4.4", "Dynamixel, Feetech, Damiao, RobStride", LEROBOT, ["lerobot==0.4.4"],
-     "lerobot_motors.py", "servodance"),
+     "lerobot_motors.py", "serve"),
     ("python-can 4.6.1, canopen 2.4.1, ODrive's DBC 0.6.10",
      "Damiao, CubeMars, RobStride, MyActuator, ODrive, CiA 402", CAN, [], "python_can.py", "serve"),
+    ("moteus 1.1.1", "moteus, CAN FD over fdcanusb", ["moteus==1.1.1"], [], "moteus_client.py",
+     "serve"),
 ]
 
 

@@ -2,11 +2,13 @@
 
     pip install --no-deps lerobot==0.4.4
     pip install dynamixel-sdk feetech-servo-sdk python-can deepdiff tqdm numpy
-    python sim/reference/lerobot_motors.py target/release/servodance
+    cargo build --release -p servodance-sim --example serve
+    python sim/reference/lerobot_motors.py target/release/examples/serve
 
 lerobot imports torch and its like in a module of helpers; its motors use none of them, so
 empty modules stand in where they are not installed. It waits one millisecond for an answer
-on CAN; here it waits longer, since the simulated motors share a processor with it.
+on CAN, and some twenty on a serial line; here it waits longer, since the simulated motors
+share a processor with it.
 """
 
 import importlib.machinery
@@ -46,15 +48,17 @@ class StandIn:
 sys.meta_path.append(StandIn())
 os.environ["TQDM_DISABLE"] = "1"
 
+import dynamixel_sdk.port_handler  # noqa: E402
 from lerobot.motors import Motor, MotorNormMode  # noqa: E402
 from lerobot.motors.damiao import DamiaoMotorsBus, damiao  # noqa: E402
 from lerobot.motors.dynamixel import DynamixelMotorsBus  # noqa: E402
 from lerobot.motors.feetech import FeetechMotorsBus  # noqa: E402
 from lerobot.motors.robstride import RobstrideMotorsBus, robstride  # noqa: E402
 
-from served import Served, attempt, check, done, neck  # noqa: E402
+from served import Served, attempt, check, done  # noqa: E402
 
 WAIT_S = 0.2
+dynamixel_sdk.port_handler.LATENCY_TIMER = 200
 DEGREES = MotorNormMode.DEGREES
 
 
@@ -88,7 +92,7 @@ def serial(name, kind, model, served, rate):
 
 def set_up(name, kind, model, served):
     """One servo alone on the bus gets an id and lerobot's rate."""
-    served.say("unplug neck_tilt")
+    served.say("unplug joint_2")
     time.sleep(0.3)
     bus = kind(served.port, {"pan": Motor(7, model, MotorNormMode.RANGE_M100_100)})
     attempt(f"{name}: setup_motor", None, lambda: bus.setup_motor("pan"))
@@ -131,7 +135,8 @@ def on_can(name, bus):
         time.sleep(0.01)
     time.sleep(0.5)
     off = max(abs(now - seen[joint] - goal) for joint, now in read().items())
-    check(f"{name}: goals are followed", off < 1.0, f"{off:.2f} degrees off")
+    # lerobot's 10 Nm a radian against the friction of the gear.
+    check(f"{name}: goals are followed", off < 2.0, f"{off:.2f} degrees off")
     attempt(f"{name}: set_zero_position", None,
             lambda: (bus.disable_torque(), bus.set_zero_position())[-1])
     time.sleep(0.1)
@@ -143,15 +148,15 @@ def on_can(name, bus):
 def main():
     program = sys.argv[1]
     logging.disable(logging.WARNING)
-    with Served(program, **neck("XM430-W350")) as served:
+    with Served(program, "XM430-W350") as served:
         serial("Dynamixel", DynamixelMotorsBus, "xm430-w350", served, 1_000_000)
         set_up("Dynamixel", DynamixelMotorsBus, "xm430-w350", served)
-    with Served(program, **neck("STS3215", "feetech")) as served:
+    with Served(program, "STS3215") as served:
         serial("Feetech", FeetechMotorsBus, "sts3215", served, 1_000_000)
         set_up("Feetech", FeetechMotorsBus, "sts3215", served)
-    with Served(program, **neck("DM-J4310", "mit", reply_ids=(0x11, 0x12))) as served:
+    with Served(program, "DM-J4310") as served:
         damiao_arm(served)
-    with Served(program, **neck("RS02(MIT)", "mit")) as served:
+    with Served(program, "RS02(MIT)") as served:
         robstride_arm(served)
     done()
 

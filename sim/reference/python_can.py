@@ -87,11 +87,11 @@ def mit(position, kp, kd, velocity_range, torque_range):
 
 def damiao(bus, where):
     def mine(answer):
-        return answer.arbitration_id == 0 and answer.data[0] & 0xF == 1
+        return answer.arbitration_id == 0x11 and answer.data[0] & 0xF == 1
 
     def register(number, command=0x33, value=bytes(4)):
         question = frame(0x7FF, bytes([1, 0, command, number]) + value)
-        answer = exchange(bus, question, lambda a: a.arbitration_id == 0 and a.data[3] == number)
+        answer = exchange(bus, question, lambda a: a.arbitration_id == 0x11 and a.data[3] == number)
         return bytes(answer.data[4:])
 
     for number, name, wanted in ((21, "PMAX", 12.5), (22, "VMAX", 30.0), (23, "TMAX", 10.0)):

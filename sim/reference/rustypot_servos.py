@@ -1,7 +1,8 @@
 """Drives every simulated servo that rustypot has a class for, in real time.
 
     pip install rustypot==1.13.1
-    python sim/reference/rustypot_servos.py target/release/servodance
+    cargo build --release -p servodance-sim --example serve
+    python sim/reference/rustypot_servos.py target/release/examples/serve
 """
 
 import sys
@@ -9,7 +10,7 @@ import time
 
 import rustypot
 
-from served import Served, attempt, check, done, neck
+from served import Served, attempt, check, done
 
 RATE = 1_000_000
 # Protocol 1.0 has no Sync Read.
@@ -58,17 +59,14 @@ def drive(name, kind, served):
 
 def main():
     program = sys.argv[1]
-    for name, kind, model, bus in (
-        ("XL430", rustypot.Xl430PyController, "XL430-W250", "dynamixel2"),
-        ("XL330", rustypot.Xl330PyController, "XL330-M288", "dynamixel2"),
-        ("MX", rustypot.MxPyController, "MX-28(1.0)", "dynamixel1"),
-        ("AX", rustypot.AxPyController, "AX-12A", "dynamixel1"),
-        ("STS3215", rustypot.Sts3215PyController, "STS3215", "feetech"),
+    for name, kind, model in (
+        ("XL430", rustypot.Xl430PyController, "XL430-W250"),
+        ("XL330", rustypot.Xl330PyController, "XL330-M288"),
+        ("MX", rustypot.MxPyController, "MX-28(1.0)"),
+        ("AX", rustypot.AxPyController, "AX-12A"),
+        ("STS3215", rustypot.Sts3215PyController, "STS3215"),
     ):
-        settings = neck(model, bus)
-        if model == "AX-12A":  # it has 300 degrees
-            settings.update({"joint__neck_pan__zero_deg": 150, "joint__neck_tilt__zero_deg": 150})
-        with Served(program, **settings) as served:
+        with Served(program, model) as served:
             attempt(f"{name}: all of it", None, lambda: drive(name, kind, served))
     done()
 

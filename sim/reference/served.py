@@ -28,19 +28,17 @@ def done():
 
 
 class Served:
-    """Simulated servos of the built-in neck, with these settings of its file."""
+    """Simulated servos of one model, their ids from 1."""
 
-    def __init__(self, program, **settings):
-        keys = [f"{key.replace('__', '.')}={value}" for key, value in settings.items()]
-        options = [word for key in keys for word in ("--set", key)]
+    def __init__(self, program, model, count=2, baud=1_000_000):
         self.process = subprocess.Popen(
-            [program, "sim-bus", "--robot", "neck", *options],
+            [program, str(count), str(baud), model],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
         )
         self.port = self.process.stdout.readline().strip()
 
     def say(self, line):
-        """A line for the simulated bench: plug, unplug, new."""
+        """Something that happens, such as `unplug joint_2`."""
         self.process.stdin.write(f"{line}\n")
         self.process.stdin.flush()
 
@@ -50,15 +48,3 @@ class Served:
     def __exit__(self, *_):
         self.process.terminate()
         self.process.wait()
-
-
-def neck(model, kind=None, baud=1_000_000, reply_ids=None):
-    """The settings of a neck with two servos of a model."""
-    settings = {"bus__baud": baud}
-    if kind:
-        settings["bus__kind"] = kind
-    for place, joint in enumerate(("neck_pan", "neck_tilt")):
-        settings[f"joint__{joint}__model"] = model
-        if reply_ids:
-            settings[f"joint__{joint}__reply_id"] = reply_ids[place]
-    return settings

@@ -22,7 +22,7 @@ impl FromStr for Port {
     fn from_str(text: &str) -> Result<Self, ConfigError> {
         match text.split_once(':') {
             Some(("serial", path)) if !path.is_empty() => Ok(Self::Serial(path.into())),
-            Some(("can" | "slcan" | "udp", _)) => match CanPort::parse(text) {
+            Some(("can" | "slcan" | "fdcanusb" | "udp", _)) => match CanPort::parse(text) {
                 Ok(port) => Ok(Self::Can(port)),
                 Err(reason) => Err(ConfigError::Port { actual: text.into(), reason }),
             },
@@ -40,6 +40,7 @@ impl fmt::Display for Port {
             Self::Serial(path) => write!(f, "serial:{path}"),
             Self::Can(CanPort::Socket(interface)) => write!(f, "can:{interface}"),
             Self::Can(CanPort::Slcan(path)) => write!(f, "slcan:{path}"),
+            Self::Can(CanPort::Fdcanusb(path)) => write!(f, "fdcanusb:{path}"),
             Self::Can(CanPort::Udp(address)) => write!(f, "udp:{address}"),
         }
     }
@@ -51,9 +52,13 @@ mod tests {
 
     #[test]
     fn ports_are_read_and_written_alike() {
-        for text in
-            ["serial:/dev/ttyUSB0", "can:can0", "slcan:/dev/ttyACM0", "udp:239.74.163.2:43113"]
-        {
+        for text in [
+            "serial:/dev/ttyUSB0",
+            "can:can0",
+            "slcan:/dev/ttyACM0",
+            "fdcanusb:/dev/ttyACM0",
+            "udp:239.74.163.2:43113",
+        ] {
             assert_eq!(text.parse::<Port>().unwrap().to_string(), text);
         }
     }
