@@ -29,12 +29,14 @@ pub(crate) struct MoteusController {
     mode: u8,
     /// The registers from GOAL_POSITION on; NaN is as delivered.
     goals: [f64; GOALS],
+    /// Where a velocity without a position has carried the goal, radians, and when, seconds.
+    carried: Option<(f64, f64)>,
 }
 
 impl MoteusController {
     /// A controller fresh from the factory but for its id.
     pub fn new(core: MotorCore) -> Self {
-        Self { core, mode: STOPPED, goals: [f64::NAN; GOALS] }
+        Self { core, mode: STOPPED, goals: [f64::NAN; GOALS], carried: None }
     }
 
     fn shown_mode(&self) -> u8 {
@@ -96,6 +98,7 @@ impl MoteusController {
         self.core.silent_s = 0.0;
         if self.mode == STOPPED {
             self.core.fault = None;
+            self.carried = None;
             return self.core.disable();
         }
         if self.core.fault.is_some() {
@@ -104,11 +107,19 @@ impl MoteusController {
         let (kp, kd) = (self.core.settings.kp, self.core.settings.kd);
         let here = TorqueCommand { goal_rad: self.core.angle_rad(), ..TorqueCommand::default() };
         let turns = self.goal(GOAL_POSITION, f64::NAN);
+        let speed_rad_s = self.goal(GOAL_VELOCITY, 0.0) * TAU;
+        let now_s = self.core.body.time_s;
+        let (last_rad, last_s) = self.carried.unwrap_or((here.goal_rad, now_s));
+        let goal_rad = match turns.is_nan() {
+            true => last_rad + speed_rad_s * (now_s - last_s),
+            false => turns * TAU,
+        };
+        self.carried = Some((goal_rad, now_s));
         let command = match self.mode {
             POSITION_MODE => TorqueCommand {
-                goal_rad: if turns.is_nan() { here.goal_rad } else { turns * TAU },
-                speed_rad_s: self.goal(GOAL_VELOCITY, 0.0) * TAU,
-                kp: if turns.is_nan() { 0.0 } else { kp * self.goal(KP_SCALE, 1.0) },
+                goal_rad,
+                speed_rad_s,
+                kp: kp * self.goal(KP_SCALE, 1.0),
                 kd: kd * self.goal(KD_SCALE, 1.0),
                 torque_nm: self.goal(GOAL_TORQUE, 0.0),
             },
