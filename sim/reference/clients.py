@@ -112,7 +112,7 @@ def table(results, revision):
 def main():
     words = sys.argv[1:]
     chosen = [client for client in CLIENTS if all(word in client[0] for word in words)]
-    git = ["git", "-C", ROOT, "rev-parse", "--short", "HEAD"]
+    git = ["git", "-C", ROOT, "describe", "--always", "--dirty", "--exclude=*"]
     revision = subprocess.run(git, capture_output=True, text=True).stdout.strip() or "unknown"
     results = []
     for client in chosen:

@@ -10,6 +10,7 @@
 //! A count of 0 says that the count follows. Counts and registers are varuints: seven bits a
 //! byte, the lowest first.
 
+pub use super::kind::Kind;
 use super::registers::scale;
 use crate::can::transport::CanFrame;
 
@@ -19,25 +20,7 @@ const REPLY: u8 = 0x20;
 const READ_ERROR: u8 = 0x31;
 pub const NOTHING: u8 = 0x50;
 
-/// The kind of a number on the wire.
-#[allow(missing_docs)] // the names say it
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    I8,
-    I16,
-    I32,
-    F32,
-}
-
 impl Kind {
-    fn of(code: u8) -> Self {
-        [Self::I8, Self::I16, Self::I32, Self::F32][usize::from(code & 3)]
-    }
-
-    fn size(self) -> usize {
-        [1, 2, 4, 4][self as usize]
-    }
-
     /// The value of a register in these bytes.
     fn decode(self, register: u16, bytes: &[u8]) -> Option<f64> {
         let (raw, least) = match *bytes {

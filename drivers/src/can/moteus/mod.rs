@@ -10,6 +10,7 @@
 
 #[doc(hidden)] // public for the simulated motors alone
 pub mod framing;
+mod kind;
 #[doc(hidden)] // public for the simulated motors alone
 pub mod registers;
 mod scan;

@@ -8,7 +8,7 @@
 //! Turns, turns a second, newton metres, seconds; integers count the units of [`scale`], and
 //! their least value stands for NaN.
 
-use super::framing::Kind;
+use super::kind::Kind;
 
 pub const MODE: u16 = 0x000; // STOPPED, FAULT, POSITION, TIMED_OUT, ...
 pub const POSITION: u16 = 0x001; // Of the output, turns
