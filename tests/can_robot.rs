@@ -22,12 +22,13 @@ fn robot(program: &Program, kind: &str, model: &str, more: &str) -> &'static str
     "robot.toml"
 }
 
-const KINDS: [(&str, &str, &str); 5] = [
+const KINDS: [(&str, &str, &str); 6] = [
     ("mit", "DM-J4310", ""),
     ("robstride", "RS02", ""),
     ("odrive", "ODrive", "watchdog_endpoints = [153, 154]\n"),
     ("cia402", "CiA402", ""),
     ("myactuator", "RMD-V3", ""),
+    ("moteus", "moteus", ""),
 ];
 
 #[test]

@@ -10,8 +10,11 @@ import sys
 import time
 
 import scservo_sdk as scs
+import scservo_sdk.port_handler
 
 OK = scs.COMM_SUCCESS
+# An answer that this machine is too busy to give at once is not lost, milliseconds.
+scservo_sdk.port_handler.LATENCY_TIMER = 200
 LITTLE_ENDIAN = 0
 
 

@@ -87,11 +87,11 @@ def mit(position, kp, kd, velocity_range, torque_range):
 
 def damiao(bus, where):
     def mine(answer):
-        return answer.arbitration_id == 0 and answer.data[0] & 0xF == 1
+        return answer.arbitration_id == 0x11 and answer.data[0] & 0xF == 1
 
     def register(number, command=0x33, value=bytes(4)):
         question = frame(0x7FF, bytes([1, 0, command, number]) + value)
-        answer = exchange(bus, question, lambda a: a.arbitration_id == 0 and a.data[3] == number)
+        answer = exchange(bus, question, lambda a: a.arbitration_id == 0x11 and a.data[3] == number)
         return bytes(answer.data[4:])
 
     for number, name, wanted in ((21, "PMAX", 12.5), (22, "VMAX", 30.0), (23, "TMAX", 10.0)):
@@ -124,6 +124,10 @@ def cubemars(bus):
         time.sleep(0.01)
     seen = angle(answer.data[1], answer.data[2], 12.5)
     check("AK80-9: follows to -0.3 rad", abs(seen + 0.3) < 0.05, f"{seen:.3f}")
+    exchange(bus, frame(1, bytes.fromhex("FFFFFFFFFFFFFFFD")), mine)
+    answer = exchange(bus, frame(1, bytes.fromhex("FFFFFFFFFFFFFFFE")), mine)
+    seen = angle(answer.data[1], answer.data[2], 12.5)
+    check("AK80-9: where it stands is zero after FE", abs(seen) < 0.01, f"{seen:.4f}")
 
 
 def robstride(bus):
@@ -156,6 +160,39 @@ def robstride(bus):
     answer = ask(4, host, bytes(8), 2)
     check("RS02: stopped, mode 0", answer.arbitration_id >> 22 & 3 == 0,
           f"{answer.arbitration_id:08X}")
+    answer = ask(6, host, bytes([1, 0, 0, 0, 0, 0, 0, 0]), 2)
+    seen = angle(answer.data[0], answer.data[1], span)
+    check("RS02: where it stands is zero after type 6", abs(seen) < 0.01, f"{seen:.4f}")
+    answer = ask(7, 9 << 8 | host, bytes(8), 0)
+    check("RS02: type 7 gives it id 9", answer.arbitration_id == 0x9FE,
+          f"{answer.arbitration_id:08X}")
+
+
+def myactuator(bus):
+    """Frames as the motion protocol V4.2 writes them."""
+    def ask(identifier, data, answered):
+        accept = lambda a: a.arbitration_id == answered
+        return exchange(bus, frame(identifier, data), accept)
+
+    answer = ask(0x141, bytes.fromhex("9A00000000000000"), 0x241)
+    volts, errors = struct.unpack("<HH", answer.data[4:8])
+    check("RMD: supply and errors", (volts, errors) == (480, 0), answer.data.hex())
+    answer = ask(0x141, bytes.fromhex("B300000064000000"), 0x241)
+    check("RMD: time-out of 100 ms is confirmed", answer.data.hex() == "b300000064000000",
+          answer.data.hex())
+    for k in range(100):
+        command = mit(0.3 * (k + 1) / 100, 20, 0.5, 45, 24)
+        answer = ask(0x401, command, 0x501)
+        time.sleep(0.01)
+    seen = angle(answer.data[1], answer.data[2], 12.5)
+    check("RMD: motion mode follows to 0.3 rad", abs(seen - 0.3) < 0.05, f"{seen:.3f}")
+    answer = ask(0x141, bytes.fromhex("9200000000000000"), 0x241)
+    degrees = struct.unpack("<i", answer.data[4:8])[0] / 100
+    check("RMD: 92 says the same angle", abs(degrees - 17.2) < 3, f"{degrees} degrees")
+    answer = ask(0x141, bytes.fromhex("8000000000000000"), 0x241)
+    check("RMD: shut down", answer.data[0] == 0x80, answer.data.hex())
+    seen = [ask(0x280, bytes.fromhex("9A00000000000000"), answered) for answered in (0x242,)]
+    check("RMD: 280 asks every motor", seen[0].data[0] == 0x9A, seen[0].data.hex())
 
 
 def odrive_axis(bus):
@@ -206,6 +243,32 @@ def odrive_axis(bus):
         turns = ask("Get_Encoder_Estimates")["Pos_Estimate"]
         time.sleep(0.01)
     check("ODrive: follows to 0.1 turns", abs(turns - 0.1) < 0.01, f"{turns:.4f}")
+    torques, powers = ask("Get_Torques"), ask("Get_Powers")
+    check("ODrive: torques", abs(torques["Torque_Estimate"]) < 1, torques)
+    check("ODrive: powers", abs(powers["Mechanical_Power"]) < 50, powers)
+    address = ask("Address")
+    check("ODrive: address", address["Node_ID"] == 1 and address["Serial_Number"] > 0, address)
+    tell("Set_Controller_Mode", Control_Mode=2, Input_Mode=1)
+    for _ in range(50):
+        tell("Set_Input_Vel", Input_Vel=0.2, Input_Torque_FF=0)
+        speed = ask("Get_Encoder_Estimates")["Vel_Estimate"]
+        time.sleep(0.01)
+    check("ODrive: velocity mode", abs(speed - 0.2) < 0.03, f"{speed:.3f} turns a second")
+    tell("Estop")
+    error = ask("Get_Error")["Active_Errors"]
+    check("ODrive: an emergency stop is an error", error == odrive.enums.ODriveError.ESTOP_REQUESTED,
+          hex(error))
+    tell("Set_Axis_State", Axis_Requested_State=odrive.enums.AxisState.CLOSED_LOOP_CONTROL)
+    state = ask("Heartbeat")["Axis_State"]
+    check("ODrive: and no torque until it is cleared", state == odrive.enums.AxisState.IDLE, state)
+    tell("Clear_Errors", Identify=0)
+    tell("Set_Controller_Mode", Control_Mode=3, Input_Mode=1)
+    tell("Set_Input_Pos", Input_Pos=ask("Get_Encoder_Estimates")["Pos_Estimate"], Vel_FF=0,
+         Torque_FF=0)
+    tell("Set_Axis_State", Axis_Requested_State=odrive.enums.AxisState.CLOSED_LOOP_CONTROL)
+    state = ask("Heartbeat")["Axis_State"]
+    check("ODrive: then it drives again",
+          state == odrive.enums.AxisState.CLOSED_LOOP_CONTROL, state)
     for endpoint, value in ((153, struct.pack("<f", 0.1)), (154, b"\1\0\0\0")):
         word = struct.unpack("<I", value)[0]
         tell("RxSdo", Opcode=1, Endpoint_ID=endpoint, Reserved=0, Value=word)
@@ -227,7 +290,7 @@ def dictionary():
     for index, name, size in ((0x1000, "device", 4), (0x6040, "control", 2),
                               (0x6041, "status", 2), (0x6060, "mode", 1), (0x6061, "shown", 1),
                               (0x6064, "position", 4), (0x607A, "target", 4),
-                              (0x6502, "modes", 4)):
+                              (0x6502, "modes", 4), (0x606C, "velocity", 4)):
         variable = canopen.objectdictionary.ODVariable(name, index)
         variable.data_type = sizes[size]
         objects.add_object(variable)
@@ -243,11 +306,20 @@ def cia402(port):
     check("CiA402: heartbeat", state == "PRE-OPERATIONAL", state)
     device = node.sdo[0x1000].raw
     check("CiA402: device type is profile 402", device & 0xFFFF == 402, hex(device))
-    try:
-        node.sdo[0x6502].raw
-        check("CiA402: object 6502 aborts", False, "answered")
-    except canopen.SdoAbortedError as abort:
-        check("CiA402: object 6502 aborts", abort.code == 0x06020000, hex(abort.code))
+    modes = node.sdo[0x6502].raw
+    check("CiA402: cyclic position is a supported mode", modes & 1 << 7 != 0, hex(modes))
+    check("CiA402: velocity", abs(node.sdo[0x606C].raw) < 100, node.sdo[0x606C].raw)
+    for name, code, act in (
+        ("an object that is not there", 0x06020000, lambda: node.sdo.upload(0x6503, 0)),
+        ("a subindex that is not there", 0x06090011, lambda: node.sdo.upload(0x6041, 7)),
+        ("a wrong length", 0x06070010, lambda: node.sdo.download(0x6040, 0, b"\x06\0\0\0")),
+        ("a read-only object", 0x06010002, lambda: node.sdo.download(0x6041, 0, b"\0\0")),
+    ):
+        try:
+            seen = act()
+        except canopen.SdoAbortedError as abort:
+            seen = abort.code
+        check(f"CiA402: {name} aborts", seen == code, hex(seen) if isinstance(seen, int) else seen)
     node.sdo[0x6060].raw = 8
     check("CiA402: mode display", node.sdo[0x6061].raw == 8, node.sdo[0x6061].raw)
     node.nmt.state = "OPERATIONAL"
@@ -273,7 +345,8 @@ def cia402(port):
 
 def main():
     for model, client in (("DM-J4310", lambda bus: damiao(bus, "DM-J4310")),
-                          ("AK80-9", cubemars), ("RS02", robstride), ("ODrive", odrive_axis)):
+                          ("AK80-9", cubemars), ("RS02", robstride), ("RMD-V3", myactuator),
+                          ("ODrive", odrive_axis)):
         with motors(model) as port, slcan(port) as bus:
             client(bus)
     with motors("CiA402") as port:

@@ -13,9 +13,12 @@ import sys
 import time
 
 import dynamixel_sdk as dxl
+import dynamixel_sdk.port_handler
 import rustypot
 
 OK = dxl.COMM_SUCCESS
+# An answer that this machine is too busy to give at once is not lost, milliseconds.
+dynamixel_sdk.port_handler.LATENCY_TIMER = 200
 failed = False
 
 

@@ -1,6 +1,6 @@
 """Drives the simulated servos with the vendor's own client, in real time.
 
-    pip install dynamixel-sdk==4.1.0
+    pip install dynamixel-sdk==4.1.0       # or 3.7.31
     cargo build --release -p servodance-sim --example serve
     python sim/reference/vendor_sdk.py target/release/examples/serve > sim/reference/vendor_sdk.txt
 
@@ -12,8 +12,11 @@ import sys
 import time
 
 import dynamixel_sdk as dxl
+import dynamixel_sdk.port_handler
 
 OK = dxl.COMM_SUCCESS
+# An answer that this machine is too busy to give at once is not lost, milliseconds.
+dynamixel_sdk.port_handler.LATENCY_TIMER = 200
 
 
 def check(name, passed, seen):
@@ -71,6 +74,8 @@ def main():
 
     for kind, receive in (("sync read", "txRxPacket"), ("fast sync read", "fastSyncRead")):
         reader = dxl.GroupSyncRead(port, packet, 126, 10)
+        if not hasattr(reader, receive):  # versions before 4
+            continue
         for servo in range(1, count + 1):
             reader.addParam(servo)
         result = getattr(reader, receive)()

@@ -12,8 +12,11 @@ import sys
 import time
 
 import dynamixel_sdk as dxl
+import dynamixel_sdk.port_handler
 
 OK = dxl.COMM_SUCCESS
+# An answer that this machine is too busy to give at once is not lost, milliseconds.
+dynamixel_sdk.port_handler.LATENCY_TIMER = 200
 COUNT, BAUD = 6, 1_000_000
 
 

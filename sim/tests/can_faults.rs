@@ -35,6 +35,7 @@ fn names(kind: MotorKind) -> [&'static str; 3] {
         MotorKind::Odrive => ["current limit violation", "motor overheating", "under-voltage"],
         MotorKind::Cia402 => ["motor blocked", "overheating", "under-voltage"],
         MotorKind::Myactuator => ["motor stalled", "motor overheating", "under-voltage"],
+        MotorKind::Moteus => ["motor driver fault", "overheating", "under-voltage"],
         MotorKind::RobstrideMit => ["overload", "overheating", "under-voltage"],
     }
 }
@@ -83,6 +84,11 @@ fn every_fault_of_myactuator_motors_ends_safely_and_is_told() {
 #[test]
 fn every_fault_of_robstride_motors_in_mit_mode_ends_safely_and_is_told() {
     every_fault(MotorKind::RobstrideMit);
+}
+
+#[test]
+fn every_fault_of_moteus_controllers_ends_safely_and_is_told() {
+    every_fault(MotorKind::Moteus);
 }
 
 fn wire_faults(kind: MotorKind, table: &mut String) {
@@ -147,7 +153,9 @@ fn adapter_faults(kind: MotorKind, table: &mut String) {
     let what = format!("{kind:?}, bus-off");
     row(table, &what, &outcome);
     let error = outcome.error.expect(&what);
-    assert!(error.contains("is bus-off"), "{what}: {error}");
+    // An fdcanusb says no more than that it refuses.
+    let says = if kind == MotorKind::Moteus { "no answer from joint_1" } else { "is bus-off" };
+    assert!(error.contains(says), "{what}: {error}");
 
     let outcome = dance(kind, SimBus::unplug);
     let what = format!("{kind:?}, adapter unplugged");
@@ -155,6 +163,7 @@ fn adapter_faults(kind: MotorKind, table: &mut String) {
     // Their own time-out stops them; those without one stand at their last target.
     assert!(outcome.safe_after_s < 0.2, "{what}: {outcome:?}");
     let error = outcome.error.expect(&what);
-    let says = "CAN link slcan:/dev/ttyUSB0";
-    assert!(error.starts_with(says), "{what}: {error}");
+    let adapter = if kind == MotorKind::Moteus { "fdcanusb" } else { "slcan" };
+    let says = format!("CAN link {adapter}:/dev/ttyUSB0");
+    assert!(error.starts_with(&says), "{what}: {error}");
 }

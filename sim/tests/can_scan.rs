@@ -15,7 +15,7 @@ use servodance_sim::{ServoFault, SimBus, SimLink, SimOptions};
 /// What a scan tells of each kind of motor.
 fn told(kind: MotorKind) -> Option<(&'static str, Option<&'static str>, Option<&'static str>)> {
     match kind {
-        MotorKind::CubeMars | MotorKind::RobstrideMit => None,
+        MotorKind::CubeMars | MotorKind::RobstrideMit | MotorKind::Moteus => None,
         MotorKind::Damiao => Some(("Damiao", Some("DM-J4310"), Some("20500"))),
         MotorKind::Robstride => Some(("RobStride", None, None)),
         MotorKind::Odrive => Some(("ODrive", None, Some("0.6.10"))),
@@ -26,8 +26,9 @@ fn told(kind: MotorKind) -> Option<(&'static str, Option<&'static str>, Option<&
 
 #[test]
 fn everyone_who_can_be_asked_is_found_and_nobody_moves() {
-    // RobStride motors in MIT mode stay as silent as CubeMars motors.
-    let kinds = KINDS.into_iter().filter(|kind| *kind != MotorKind::RobstrideMit);
+    // RobStride motors in MIT mode stay as silent as CubeMars motors; CAN FD is tried below.
+    let other = [MotorKind::RobstrideMit, MotorKind::Moteus];
+    let kinds = KINDS.into_iter().filter(|kind| !other.contains(kind));
     for (place, kind) in kinds.enumerate() {
         let group = format!("239.74.163.2:{}", 43980 + place).parse().unwrap();
         let servos = can_robot(kind, 3);
@@ -80,6 +81,7 @@ fn what_a_motor_complains_about_is_told() {
         (MotorKind::Odrive, "current limit violation (error 00001000)"),
         (MotorKind::Cia402, "motor blocked (code 7121)"),
         (MotorKind::Myactuator, "motor stalled (errors 0002)"),
+        (MotorKind::Moteus, "motor driver fault (fault 33)"),
     ] {
         let servos = can_robot(kind, 2);
         let sim = SimBus::start(&specs(&servos), SimOptions::realtime(BITRATE, HZ)).unwrap();

@@ -22,13 +22,15 @@ pub enum BusKind {
     Cia402,
     /// MyActuator RMD motors (motion protocol V4.2), on CAN.
     Myactuator,
+    /// moteus controllers, on CAN FD.
+    Moteus,
 }
 
 impl BusKind {
     pub(crate) fn ids(self) -> (u8, u8) {
         match self {
             Self::Dynamixel2 | Self::Dynamixel1 | Self::Feetech | Self::Custom => (0, 252),
-            Self::Mit | Self::Robstride | Self::Cia402 => (1, 127),
+            Self::Mit | Self::Robstride | Self::Cia402 | Self::Moteus => (1, 127),
             Self::Odrive => (0, 63),
             Self::Myactuator => (1, 32),
         }

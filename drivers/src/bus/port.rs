@@ -25,7 +25,7 @@ impl FromStr for Port {
     fn from_str(text: &str) -> Result<Self, ConfigError> {
         match text.split_once(':') {
             Some(("serial", path)) if !path.is_empty() => Ok(Self::Serial(path.into())),
-            Some(("can" | "slcan" | "udp", _)) => match CanPort::parse(text) {
+            Some(("can" | "slcan" | "fdcanusb" | "udp", _)) => match CanPort::parse(text) {
                 Ok(port) => Ok(Self::Can(port)),
                 Err(reason) => Err(ConfigError::Port { actual: text.into(), reason }),
             },
@@ -47,6 +47,7 @@ impl fmt::Display for Port {
             Self::Serial(path) => write!(f, "serial:{path}"),
             Self::Can(CanPort::Socket(interface)) => write!(f, "can:{interface}"),
             Self::Can(CanPort::Slcan(path)) => write!(f, "slcan:{path}"),
+            Self::Can(CanPort::Fdcanusb(path)) => write!(f, "fdcanusb:{path}"),
             Self::Can(CanPort::Udp(address)) => write!(f, "udp:{address}"),
             Self::Ros2(address) => write!(f, "ros2:{address}"),
         }
@@ -63,6 +64,7 @@ mod tests {
             "serial:/dev/ttyUSB0",
             "can:can0",
             "slcan:/dev/ttyACM0",
+            "fdcanusb:/dev/ttyACM0",
             "udp:239.74.163.2:43113",
             "ros2:g1.local:9090",
             "ros2:127.0.0.1:9090/left",

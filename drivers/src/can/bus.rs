@@ -69,6 +69,10 @@ impl CanBus {
         let Some(family) = families::of_kind(config.kind) else {
             return Err(BusError::not_opened(port, "the bus is not on CAN"));
         };
+        if family.is_flexible() && !link.carries_flexible() {
+            let reason = "these motors speak CAN FD, which fdcanusb:PATH carries";
+            return Err(BusError::not_opened(port, reason));
+        }
         let count = servos.len();
         let hz = config.control_hz.unwrap_or(ASSUMED_HZ);
         Ok(Self {
@@ -198,7 +202,8 @@ impl CanBus {
                 if !self.answered[index] {
                     let (target, status) = (targets_rad[index], &self.status[index]);
                     let frames = &mut self.frames;
-                    self.family.target_frames(servo, target, status, frames);
+                    let config = &self.exchange.config;
+                    self.family.target_frames(config, servo, target, status, frames);
                 }
             }
             self.family.cycle_end_frames(&mut self.frames);

@@ -8,6 +8,7 @@
 //! | RobStride | the same, 29-bit ids |
 //! | ODrive | N targets [8], N requests [0], N estimates [8], 11-bit ids |
 //! | MyActuator | as MIT, and one motor's errors: request [8] and answer [8] |
+//! | moteus | N commands [48], N replies [20], CAN FD, 29-bit ids |
 //! | CiA 402 | SYNC [0], heartbeat [1], N targets [6], N actual values [8], 11-bit ids |
 
 use crate::bus::config::BusConfig;

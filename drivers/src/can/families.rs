@@ -5,12 +5,13 @@ use crate::bus::kind::BusKind;
 use crate::can::cia402::Cia402;
 use crate::can::family::CanFamily;
 use crate::can::mit::Mit;
+use crate::can::moteus::Moteus;
 use crate::can::myactuator::Myactuator;
 use crate::can::odrive::Odrive;
 use crate::can::robstride::Robstride;
 
-pub(crate) static CAN_FAMILIES: [&dyn CanFamily; 5] =
-    [&Mit, &Robstride, &Odrive, &Cia402, &Myactuator];
+pub(crate) static CAN_FAMILIES: [&dyn CanFamily; 6] =
+    [&Mit, &Robstride, &Odrive, &Cia402, &Myactuator, &Moteus];
 
 /// The family that a bus speaks; `None` for a serial bus.
 pub(crate) fn of_kind(kind: BusKind) -> Option<&'static dyn CanFamily> {
@@ -20,6 +21,7 @@ pub(crate) fn of_kind(kind: BusKind) -> Option<&'static dyn CanFamily> {
         BusKind::Odrive => &Odrive,
         BusKind::Cia402 => &Cia402,
         BusKind::Myactuator => &Myactuator,
+        BusKind::Moteus => &Moteus,
         BusKind::Dynamixel2 | BusKind::Dynamixel1 | BusKind::Feetech | BusKind::Custom => {
             return None;
         }

@@ -11,6 +11,7 @@ use self::prelude::*;
 /// What the files of a family need of this crate.
 pub(crate) mod prelude {
     pub(crate) use super::CanFamily;
+    pub(crate) use crate::bus::config::BusConfig;
     pub(crate) use crate::bus::kind::BusKind;
     pub(crate) use crate::bus::{Health, Notes};
     pub(crate) use crate::can::client::MotorClient;
@@ -30,6 +31,11 @@ pub(crate) trait CanFamily: Send + Sync {
     fn models(&self) -> &'static [ServoModel];
 
     fn cycle_frames(&self) -> CycleFrames;
+
+    /// Whether its frames are of CAN FD, which not every link carries.
+    fn is_flexible(&self) -> bool {
+        false
+    }
 
     /// Turns one motor's torque off and reads its position and faults. The motor
     /// confirms both; one that cannot say whether it drives confirms by answering.
@@ -53,6 +59,7 @@ pub(crate) trait CanFamily: Send + Sync {
     /// Frames that send one motor its target and make it report; `status` is its last report.
     fn target_frames(
         &self,
+        config: &BusConfig,
         servo: &Servo,
         joint_rad: f64,
         status: &MotorStatus,

@@ -1,4 +1,4 @@
-//! Motors on CAN: one bus driver, five families of motors, the ways to a bus.
+//! Motors on CAN: one bus driver, six families of motors, the ways to a bus.
 //!
 //! ```text
 //! CanBus (arm, cycle, disarm) -> CanFamily (mit, robstride, odrive, ...) -> CanLink -> wire
@@ -17,6 +17,7 @@ pub(crate) mod families;
 mod family;
 pub mod mit;
 mod models;
+pub mod moteus;
 mod motor;
 pub mod myactuator;
 pub mod odrive;

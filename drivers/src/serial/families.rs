@@ -23,7 +23,8 @@ pub fn family_of(kind: BusKind) -> Option<&'static dyn ServoFamily> {
         | BusKind::Robstride
         | BusKind::Odrive
         | BusKind::Cia402
-        | BusKind::Myactuator => None,
+        | BusKind::Myactuator
+        | BusKind::Moteus => None,
     }
 }
 

@@ -12,7 +12,7 @@ use servodance_drivers::Port;
 use servodance_drivers::can::CanPort;
 
 use crate::bus::options::SimLink;
-use crate::can::{Adapter, LinkAdapter, SlcanAdapter};
+use crate::can::{Adapter, FdcanusbAdapter, LinkAdapter, SlcanAdapter};
 use crate::error::SimError;
 use crate::serial::host_port::HostPort;
 
@@ -36,6 +36,8 @@ impl HostEnd {
 #[derive(Clone, Debug)]
 pub(crate) struct HostLink {
     pub is_can: bool,
+    /// Whether their frames are of CAN FD.
+    pub is_flexible: bool,
     /// Bits a second of their bus.
     pub bitrate: u32,
     pub link: SimLink,
@@ -52,7 +54,10 @@ impl HostLink {
                     SimLink::Unix => self.unix_socket()?,
                     _ => self.terminal()?,
                 };
-                Ok(if is_can {
+                Ok(if self.is_flexible {
+                    let port = Port::Can(CanPort::Fdcanusb(path.clone()));
+                    (HostEnd::Can(Box::new(FdcanusbAdapter::new(host))), path, port)
+                } else if is_can {
                     let adapter = Box::new(SlcanAdapter::new(host, self.bitrate));
                     let port = Port::Can(CanPort::Slcan(path.clone()));
                     (HostEnd::Can(adapter), path, port)
@@ -60,6 +65,11 @@ impl HostLink {
                     (HostEnd::Serial(host), path.clone(), Port::Serial(path))
                 })
             }
+            (true, link) if self.is_flexible => Err(SimError::Option {
+                key: "link",
+                actual: format!("{link:?}"),
+                wanted: "a terminal or a Unix socket: these motors speak CAN FD",
+            }),
             (true, SimLink::Multicast(group)) => {
                 let failed = SimError::system("joining a multicast group");
                 let adapter = LinkAdapter::open_group(*group).map_err(failed)?;

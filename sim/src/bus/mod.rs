@@ -20,7 +20,7 @@ use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use servodance_drivers::{Port, ReplyClock, sleep_precisely};
+use servodance_drivers::{BusKind, Port, ReplyClock, sleep_precisely};
 
 use crate::bus::host_end::{HostEnd, HostLink};
 use crate::bus::line::Line;
@@ -88,21 +88,23 @@ impl SimBus {
     pub fn start(specs: &[SimServoSpec], options: SimOptions) -> Result<Self, SimError> {
         let period_s = period_s(&options)?;
         let is_can = specs.iter().any(|spec| spec.motor.is_some());
+        let is_flexible = specs.iter().any(|spec| spec.kind == BusKind::Moteus);
         let line: Box<dyn Line> = match is_can {
             true => build_net(specs, &options, period_s)?,
             false => build_line(specs, &options, period_s)?,
         };
-        Self::start_with(line, is_can, options)
+        Self::start_with(line, is_can, is_flexible, options)
     }
 
     /// Starts a bus with a line of serial servos, also of a family that no driver knows.
     pub fn start_line(line: Box<dyn Line>, options: SimOptions) -> Result<Self, SimError> {
-        Self::start_with(line, false, options)
+        Self::start_with(line, false, false, options)
     }
 
     fn start_with(
         line: Box<dyn Line>,
         is_can: bool,
+        is_flexible: bool,
         options: SimOptions,
     ) -> Result<Self, SimError> {
         let period_s = period_s(&options)?;
@@ -119,8 +121,13 @@ impl SimBus {
             byte_s,
             adapter_s,
         ));
-        let host_link =
-            HostLink { is_can, bitrate: options.baud, link: options.link, path: options.path };
+        let host_link = HostLink {
+            is_can,
+            is_flexible,
+            bitrate: options.baud,
+            link: options.link,
+            path: options.path,
+        };
         let (host_end, port_path, port) = host_link.open()?;
         let thread = start_thread(host_end, shared.clone(), options.baud)?;
         Ok(Self { shared, port_path, port, host_link, world, thread: Some(thread) })

@@ -2,13 +2,15 @@
 //! folder of that family in `servodance-drivers`.
 //!
 //! ```text
-//! any program <-> slcan on a pseudo-terminal, multicast, or SocketCAN <-> server thread
+//! any program <-> slcan or fdcanusb on a pseudo-terminal, multicast, or SocketCAN <-> server thread
 //!             <-> CanNet (arbitration) <-> motors (protocol, torque loop, judge)
 //! ```
 
 mod adapter;
 mod cia402;
+mod fdcanusb_adapter;
 mod mit;
+mod moteus;
 mod motor_core;
 mod myactuator;
 mod net;
@@ -19,6 +21,7 @@ mod server;
 pub use odrive::WATCHDOG_ENDPOINTS;
 
 pub(crate) use adapter::{Adapter, LinkAdapter, SlcanAdapter};
+pub(crate) use fdcanusb_adapter::FdcanusbAdapter;
 pub(crate) use server::CanServer;
 
 use servodance_drivers::BusKind;
@@ -27,6 +30,7 @@ use crate::bus::line::Line;
 use crate::bus::options::SimOptions;
 use crate::can::cia402::Cia402Drive;
 use crate::can::mit::MitMotor;
+use crate::can::moteus::MoteusController;
 use crate::can::motor_core::MotorCore;
 use crate::can::myactuator::RmdMotor;
 use crate::can::net::{CanDevice, CanNet};
@@ -52,6 +56,7 @@ pub fn build_net(
         BusKind::Robstride => (48.0, |core| Box::new(RobstrideMotor::new(core))),
         BusKind::Odrive => (24.0, |core| Box::new(OdriveAxis::new(core))),
         BusKind::Cia402 => (48.0, |core| Box::new(Cia402Drive::new(core))),
+        BusKind::Moteus => (24.0, |core| Box::new(MoteusController::new(core))),
         BusKind::Myactuator => (48.0, |core| Box::new(RmdMotor::new(core))),
         BusKind::Dynamixel2 | BusKind::Dynamixel1 | BusKind::Feetech | BusKind::Custom => {
             return Err(specs[0].refused("is not a CAN motor".into()));

@@ -19,7 +19,7 @@ use crate::can::mit::code;
 use crate::can::motor_core::{MotorCore, MotorFault, TorqueCommand};
 use crate::can::net::CanDevice;
 
-const FIRMWARE: u32 = 2024_05_01;
+const FIRMWARE: u32 = 20_240_501;
 /// Phase current for a newton metre, amperes: as the simulated motor has it.
 const AMPERES_PER_NM: f64 = 1.0;
 

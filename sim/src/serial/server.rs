@@ -28,12 +28,15 @@ pub(crate) struct SerialServer {
     handed_over: Option<Instant>,
     /// Whether the host spoke at once when it was answered last.
     prompt: bool,
+    /// The last read took all that fits: what comes next was waiting with it, and follows on
+    /// the line without a pause, however late this thread comes to it.
+    more_waits: bool,
 }
 
 impl SerialServer {
     /// Its host is taken to be quick until it is known.
     pub fn new(shared: Arc<BusShared>, port: HostPort) -> Self {
-        Self { shared, port, line_free_s: 0.0, handed_over: None, prompt: true }
+        Self { shared, port, line_free_s: 0.0, handed_over: None, prompt: true, more_waits: false }
     }
 
     /// Until it is told to stop, or the port fails.
@@ -41,12 +44,13 @@ impl SerialServer {
         let mut chunk = [0; 4096];
         while !self.shared.stop.load(Ordering::Acquire) {
             match self.receive(&mut chunk) {
-                Ok(HostInput::Nothing) => {}
+                Ok(HostInput::Nothing) => self.more_waits = false,
                 Ok(HostInput::Bytes(count)) => {
                     if let Some(at) = self.handed_over.take() {
                         self.prompt = at.elapsed() < PROMPT;
                     }
-                    self.serve(&mut chunk[..count]);
+                    let waited = std::mem::replace(&mut self.more_waits, count == chunk.len());
+                    self.serve(&mut chunk[..count], waited);
                 }
                 Ok(HostInput::Nobody) => {
                     self.shared.busy.store(false, Ordering::SeqCst);
@@ -81,7 +85,8 @@ impl SerialServer {
         Ok(heard)
     }
 
-    fn serve(&mut self, bytes: &mut [u8]) {
+    /// Bytes of the host; whether they `waited` behind those of the last read.
+    fn serve(&mut self, bytes: &mut [u8], waited: bool) {
         let shared = self.shared.clone();
         if shared.faults().hits(WireFault::Echo) {
             self.port.write(bytes);
@@ -91,7 +96,9 @@ impl SerialServer {
         }
         shared.faults().pass_instruction(bytes);
         let now_s = shared.began.elapsed().as_secs_f64();
-        self.line_free_s = self.line_free_s.max(now_s);
+        if !waited {
+            self.line_free_s = self.line_free_s.max(now_s);
+        }
         shared.stepped().line.set_host_baud(self.port.baud());
         shared.wire().bytes_in += bytes.len() as u64;
         for &byte in &*bytes {

@@ -20,9 +20,10 @@ pub enum MotorKind {
     Myactuator,
     /// Switched to MIT mode.
     RobstrideMit,
+    Moteus,
 }
 
-pub const KINDS: [MotorKind; 7] = [
+pub const KINDS: [MotorKind; 8] = [
     MotorKind::CubeMars,
     MotorKind::Damiao,
     MotorKind::Robstride,
@@ -30,6 +31,7 @@ pub const KINDS: [MotorKind; 7] = [
     MotorKind::Cia402,
     MotorKind::Myactuator,
     MotorKind::RobstrideMit,
+    MotorKind::Moteus,
 ];
 
 impl MotorKind {
@@ -42,6 +44,7 @@ impl MotorKind {
             Self::Cia402 => "CiA402",
             Self::Myactuator => "RMD-V3",
             Self::RobstrideMit => "RS02(MIT)",
+            Self::Moteus => "moteus",
         }
     }
 
@@ -52,6 +55,7 @@ impl MotorKind {
             Self::Odrive => BusKind::Odrive,
             Self::Cia402 => BusKind::Cia402,
             Self::Myactuator => BusKind::Myactuator,
+            Self::Moteus => BusKind::Moteus,
         }
     }
 

@@ -235,6 +235,7 @@ impl CanFamily for Cia402 {
 
     fn target_frames(
         &self,
+        _: &BusConfig,
         servo: &Servo,
         joint_rad: f64,
         _: &MotorStatus,

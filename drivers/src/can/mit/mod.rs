@@ -263,7 +263,7 @@ impl CanFamily for Mit {
         // Until its first command the motor is on without torque.
         let mut hold = Vec::with_capacity(1);
         let here = MotorStatus { position_rad: motor_rad, ..MotorStatus::default() };
-        self.target_frames(&servo, servo.joint_rad(motor_rad), &here, &mut hold);
+        self.target_frames(client.config(), &servo, servo.joint_rad(motor_rad), &here, &mut hold);
         for frame in &hold {
             client.ask(frame, "hold position", |servo, frame| {
                 parse_reply(servo, frame).map(|_| Ok(()))
@@ -294,6 +294,7 @@ impl CanFamily for Mit {
 
     fn target_frames(
         &self,
+        _: &BusConfig,
         servo: &Servo,
         joint_rad: f64,
         status: &MotorStatus,

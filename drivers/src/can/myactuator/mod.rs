@@ -112,7 +112,7 @@ impl CanFamily for Myactuator {
         let servo = client.servo().clone();
         let here = MotorStatus { position_rad: motor_rad, ..MotorStatus::default() };
         let mut hold = Vec::with_capacity(1);
-        self.target_frames(&servo, servo.joint_rad(motor_rad), &here, &mut hold);
+        self.target_frames(client.config(), &servo, servo.joint_rad(motor_rad), &here, &mut hold);
         for frame in &hold {
             client.ask(frame, "torque on", |servo, frame| {
                 parse_motion(servo, frame).map(|_| Ok(()))
@@ -140,6 +140,7 @@ impl CanFamily for Myactuator {
 
     fn target_frames(
         &self,
+        _: &BusConfig,
         servo: &Servo,
         joint_rad: f64,
         status: &MotorStatus,
@@ -192,7 +193,7 @@ mod tests {
     /// The worked example of the protocol: 9.99 rad, 1.021 rad/s, kp 10.012, kd 1, 10 Nm.
     #[test]
     fn motion_mode_has_its_published_bytes() {
-        let servo = crate::servo::servos(&[crate::ServoConfig {
+        let servo = crate::servos(&[crate::ServoConfig {
             name: "joint".into(),
             id: 1,
             model: "RMD-V3".into(),
@@ -209,7 +210,8 @@ mod tests {
         let (position_rad, velocity_rad_s) = parse_motion(&servo, &answer).unwrap();
         assert!((position_rad - 9.99).abs() < 0.015 && (velocity_rad_s - 1.021).abs() < 0.01);
         let mut out = Vec::new();
-        Myactuator.target_frames(&servo, position_rad, &MotorStatus::default(), &mut out);
+        let config = BusConfig::of_kind(BusKind::Myactuator, 1_000_000);
+        Myactuator.target_frames(&config, &servo, position_rad, &MotorStatus::default(), &mut out);
         assert_eq!((out[0].id(), &out[0].data()[..2]), (0x401, &[0xE6, 0x66][..]));
         Myactuator.torque_off_frames(&servo, &mut out);
         assert_eq!(format!("{:?}", out[1]), "141#8000000000000000");

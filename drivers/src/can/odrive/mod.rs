@@ -195,7 +195,13 @@ impl CanFamily for Odrive {
         // A watchdog that ran out while the axis was idle left an error behind.
         frames.push(order(&servo, CLEAR_ERRORS, &[0]));
         let joint_rad = servo.joint_rad(motor_rad);
-        self.target_frames(&servo, joint_rad, &MotorStatus::default(), &mut frames);
+        self.target_frames(
+            client.config(),
+            &servo,
+            joint_rad,
+            &MotorStatus::default(),
+            &mut frames,
+        );
         let state = u32::from(CLOSED_LOOP).to_le_bytes();
         frames.push(order(&servo, SET_STATE, &state));
         client.send(&frames, "torque on")?;
@@ -222,6 +228,7 @@ impl CanFamily for Odrive {
 
     fn target_frames(
         &self,
+        _: &BusConfig,
         servo: &Servo,
         joint_rad: f64,
         _: &MotorStatus,

@@ -137,7 +137,13 @@ impl CanFamily for Robstride {
         let on = frame(message::ENABLE, HOST, &servo, &[0; 8]);
         let mut orders = vec![on];
         let joint_rad = servo.joint_rad(motor_rad);
-        self.target_frames(&servo, joint_rad, &MotorStatus::default(), &mut orders);
+        self.target_frames(
+            client.config(),
+            &servo,
+            joint_rad,
+            &MotorStatus::default(),
+            &mut orders,
+        );
         for order in &orders {
             client.ask(order, "torque on", |servo, frame| {
                 let status = parse_feedback(servo, frame)?;
@@ -156,6 +162,7 @@ impl CanFamily for Robstride {
 
     fn target_frames(
         &self,
+        _: &BusConfig,
         servo: &Servo,
         joint_rad: f64,
         _: &MotorStatus,

@@ -10,6 +10,7 @@
 //! | Damiao | register 14, its firmware |
 //! | CANopen | object 1000, its profile |
 //! | MyActuator | the date of its firmware |
+//! | moteus | its firmware, on a link that carries CAN FD |
 //!
 //! Nothing here turns torque on or off, and nothing moves. Motors that cannot be
 //! asked without that are not found: CubeMars in MIT mode, an ODrive without
@@ -34,8 +35,14 @@ use crate::error::BusResult;
 
 /// The families in the order in which they are asked; ODrive decides whether the
 /// others may use 11-bit ids.
-const ORDER: [BusKind; 5] =
-    [BusKind::Odrive, BusKind::Robstride, BusKind::Mit, BusKind::Cia402, BusKind::Myactuator];
+const ORDER: [BusKind; 6] = [
+    BusKind::Odrive,
+    BusKind::Robstride,
+    BusKind::Mit,
+    BusKind::Cia402,
+    BusKind::Myactuator,
+    BusKind::Moteus,
+];
 /// Factory settings send a heartbeat ten times a second, or once.
 const LISTEN: Duration = Duration::from_millis(1200);
 const WAIT: Duration = Duration::from_millis(20);

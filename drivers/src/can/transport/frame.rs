@@ -1,16 +1,22 @@
-//! One classic CAN frame and its time on the wire.
+//! One CAN frame, classic or FD, and its time on the wire.
 
 use std::fmt;
 
-/// A classic CAN data or remote frame, at most eight bytes.
+/// A classic CAN data or remote frame of at most eight bytes, or a CAN FD frame of at most 64.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct CanFrame {
     id: u32,
     extended: bool,
     remote: bool,
+    flexible: bool,
     length: u8,
-    data: [u8; 8],
+    data: [u8; 64],
 }
+
+/// The lengths beyond eight that CAN FD knows.
+const LENGTHS: [u8; 7] = [12, 16, 20, 24, 32, 48, 64];
+/// Data of CAN FD frames passes so many times faster than the rest.
+const FASTER: u32 = 5;
 
 impl CanFrame {
     pub(crate) const STANDARD_MAX: u32 = 0x7FF;
@@ -28,9 +34,31 @@ impl CanFrame {
 
     fn with(id: u32, extended: bool, data: &[u8]) -> Self {
         let length = data.len().min(8);
-        let mut bytes = [0; 8];
+        let mut bytes = [0; 64];
         bytes[..length].copy_from_slice(&data[..length]);
-        Self { id, extended, remote: false, length: length as u8, data: bytes }
+        Self { id, extended, remote: false, flexible: false, length: length as u8, data: bytes }
+    }
+
+    /// A CAN FD frame, its id of 29 bits if it has more than 11. `data` is filled up with
+    /// `filler` to a length that there is; bytes past the 64th are cut off.
+    pub fn flexible(id: u32, data: &[u8], filler: u8) -> Self {
+        let id = id & Self::EXTENDED_MAX;
+        let bytes = data.len().min(64);
+        let fits = |length: &&u8| usize::from(**length) >= bytes;
+        let length =
+            if bytes <= 8 { bytes as u8 } else { *LENGTHS.iter().find(fits).unwrap_or(&64) };
+        let mut filled = [0; 64];
+        filled[..usize::from(length)].fill(filler);
+        filled[..bytes].copy_from_slice(&data[..bytes]);
+        let extended = id > Self::STANDARD_MAX;
+        Self { id, extended, remote: false, flexible: true, length, data: filled }
+    }
+
+    /// A CAN FD frame that a link received; `None` if its length is none of CAN FD.
+    pub(crate) fn flexible_from_parts(id: u32, data: &[u8]) -> Option<Self> {
+        let length = u8::try_from(data.len()).ok()?;
+        let is_one = (length <= 8 || LENGTHS.contains(&length)) && id <= Self::EXTENDED_MAX;
+        is_one.then(|| Self::flexible(id, data, 0))
     }
 
     /// A request for the frame with this 11-bit id, of `length` bytes.
@@ -40,7 +68,7 @@ impl CanFrame {
 
     /// The same id as a remote frame that asks for `length` bytes.
     pub fn into_remote(self, length: u8) -> Self {
-        Self { remote: true, length: length.min(8), data: [0; 8], ..self }
+        Self { remote: true, length: length.min(8), data: [0; 64], ..self }
     }
 
     /// The frame that a link received, with `remote_length` for a remote frame;
@@ -77,7 +105,12 @@ impl CanFrame {
         self.remote
     }
 
-    /// Data length code: bytes carried, or asked for.
+    /// Whether it is a CAN FD frame.
+    pub fn is_flexible(&self) -> bool {
+        self.flexible
+    }
+
+    /// Bytes carried, or asked for.
     pub fn length(&self) -> u8 {
         self.length
     }
@@ -90,14 +123,19 @@ impl CanFrame {
         &self.data[..usize::from(self.length)]
     }
 
-    /// The bytes, if there are eight of them.
+    /// The bytes of a classic frame, if there are eight of them.
     pub fn eight(&self) -> Option<[u8; 8]> {
-        (!self.remote && self.length == 8).then_some(self.data)
+        let data: Option<[u8; 8]> = self.data().try_into().ok();
+        data.filter(|_| !self.flexible)
     }
 
-    /// Bits on the wire with the pause between frames, no stuff bits.
+    /// Bits on the wire with the pause between frames, no stuff bits; of a CAN FD frame in
+    /// bits of the lower rate.
     pub fn nominal_bits(&self) -> u32 {
-        nominal_bits(self.extended, self.data().len())
+        match self.flexible {
+            true => flexible_bits(self.extended, self.data().len()),
+            false => nominal_bits(self.extended, self.data().len()),
+        }
     }
 }
 
@@ -110,6 +148,14 @@ pub(crate) fn word(data: &[u8; 8], at: usize) -> [u8; 4] {
 pub(crate) fn nominal_bits(extended: bool, bytes: usize) -> u32 {
     let overhead = if extended { 67 } else { 47 };
     overhead + 8 * bytes as u32
+}
+
+/// The same of a CAN FD frame: id and end at the lower rate, data and checksum
+/// at the higher one.
+pub(crate) fn flexible_bits(extended: bool, bytes: usize) -> u32 {
+    let slow = if extended { 35 + 12 } else { 17 + 12 };
+    let checksum = if bytes <= 16 { 17 + 9 } else { 21 + 10 };
+    slow + (5 + 8 * bytes as u32 + checksum).div_ceil(FASTER)
 }
 
 /// The same with the most stuff bits there can be: after the first five bits,
@@ -129,7 +175,7 @@ impl fmt::Debug for CanFrame {
         if self.remote {
             return write!(f, "#R{}", self.length);
         }
-        write!(f, "#")?;
+        write!(f, "{}", if self.flexible { "##" } else { "#" })?;
         self.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
     }
 }
@@ -143,6 +189,18 @@ mod tests {
         assert_eq!((nominal_bits(false, 8), worst_bits(false, 8)), (111, 135));
         assert_eq!((nominal_bits(true, 8), worst_bits(true, 8)), (131, 160));
         assert_eq!(CanFrame::remote(5, 8).nominal_bits(), 47);
+    }
+
+    #[test]
+    fn frames_of_can_fd_are_filled_up_to_a_length_that_there_is() {
+        let frame = CanFrame::flexible(0x8001, &[7; 42], 0x50);
+        assert_eq!((frame.length(), frame.is_extended(), frame.eight()), (48, true, None));
+        assert_eq!(frame.data()[41..43], [7, 0x50]);
+        assert_eq!(CanFrame::flexible(1, &[7; 8], 0).length(), 8);
+        assert_eq!(CanFrame::flexible(1, &[7; 99], 0).length(), 64);
+        assert_eq!(CanFrame::flexible_from_parts(1, &[0; 9]), None);
+        // 48 bytes at 5 Mbit/s take less than eight classic ones.
+        assert!((100..140).contains(&frame.nominal_bits()), "{}", frame.nominal_bits());
     }
 
     #[test]

@@ -37,6 +37,11 @@ pub enum CanFault {
 
 /// A way to a CAN bus. Opened for this program; closed when dropped.
 pub trait CanLink: Send {
+    /// Whether it carries CAN FD frames.
+    fn carries_flexible(&self) -> bool {
+        false
+    }
+
     /// Offers one frame. Blocks for no longer than handing it over takes. A link
     /// may keep it until the next `receive`, to hand several over at once.
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sent>;

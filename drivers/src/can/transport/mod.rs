@@ -4,11 +4,15 @@
 //! |---|---|
 //! | `can:IFACE` | a CAN interface of the system (SocketCAN, Linux only), bitrate set by the system |
 //! | `slcan:PATH` | a serial CAN adapter that speaks the ASCII protocol of LAWICEL |
+//! | `fdcanusb:PATH` | mjbots' serial adapter, the one that carries CAN FD |
 //! | `udp:GROUP:PORT` | frames as multicast datagrams, as python-can's `udp_multicast` does: for simulation |
 //!
 //! A new way implements [`CanLink`] and gets its line in `open_link`.
 
+#[doc(hidden)]
+pub mod fdcanusb;
 mod frame;
+mod line_port;
 mod link;
 mod port;
 // The simulated adapters speak the same protocols; nobody else needs these modules.
@@ -21,7 +25,7 @@ pub mod socket;
 pub mod udp;
 
 pub use frame::CanFrame;
-pub(crate) use frame::{nominal_bits, word, worst_bits};
+pub(crate) use frame::{flexible_bits, nominal_bits, word, worst_bits};
 pub use link::{CanEvent, CanFault, CanLink, Sent};
 pub use port::CanPort;
 
@@ -33,6 +37,9 @@ pub(crate) fn open_link(port: &str, bitrate: u32) -> BusResult<Box<dyn CanLink>>
     let opened: std::io::Result<Box<dyn CanLink>> = match CanPort::parse(port).map_err(refused)? {
         CanPort::Slcan(path) => {
             slcan::SlcanLink::open(&path, bitrate).map(|link| Box::new(link) as _)
+        }
+        CanPort::Fdcanusb(path) => {
+            fdcanusb::FdcanusbLink::open(&path).map(|link| Box::new(link) as _)
         }
         CanPort::Udp(group) => udp::UdpLink::open(group).map(|link| Box::new(link) as _),
         #[cfg(target_os = "linux")]

@@ -5,13 +5,15 @@
 pub enum CanPort {
     Socket(String),
     Slcan(String),
+    /// `fdcanusb:PATH`: mjbots' adapter for CAN FD.
+    Fdcanusb(String),
     /// `udp:GROUP:PORT`: an IPv4 multicast group.
     Udp(std::net::SocketAddrV4),
 }
 
 impl CanPort {
     /// The kinds of port, for messages.
-    pub const KINDS: &str = "can:IFACE, slcan:PATH or udp:GROUP:PORT";
+    pub const KINDS: &str = "can:IFACE, slcan:PATH, fdcanusb:PATH or udp:GROUP:PORT";
 
     /// The port that a string names; why not, in words.
     pub fn parse(port: &str) -> Result<Self, String> {
@@ -22,6 +24,7 @@ impl CanPort {
         match port.split_once(':') {
             Some(("can", rest)) => Ok(Self::Socket(named(rest)?)),
             Some(("slcan", rest)) => Ok(Self::Slcan(named(rest)?)),
+            Some(("fdcanusb", rest)) => Ok(Self::Fdcanusb(named(rest)?)),
             Some(("udp", rest)) => match rest.parse::<std::net::SocketAddrV4>() {
                 Ok(address) if address.ip().is_multicast() && address.port() != 0 => {
                     Ok(Self::Udp(address))

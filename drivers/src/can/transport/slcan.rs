@@ -11,12 +11,12 @@
 //! refused frame makes the link ask for the status flags, of which bit 7 (bus
 //! error) is taken for bus-off.
 
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind};
 use std::time::{Duration, Instant};
 
 use super::frame::CanFrame;
+use super::line_port::LinePort;
 use super::link::{CanEvent, CanFault, CanLink, Sent};
-use crate::serial::wire::stream::PortStream;
 
 pub const CR: u8 = b'\r';
 pub const BEL: u8 = 7;
@@ -137,21 +137,11 @@ fn parse_line(line: &[u8], end: u8) -> Option<CanEvent> {
 }
 
 pub struct SlcanLink {
-    port: PortStream,
+    port: LinePort,
     lines: Lines,
-    out: Vec<u8>,
-    chunk: Vec<u8>,
-    /// How much of `chunk` is filled and how much of that is taken.
-    filled: usize,
-    taken: usize,
     asked: Option<Instant>,
 }
 
-/// Rate of the serial port, bits a second; USB adapters ignore it.
-const SERIAL_BAUD: u32 = 1_000_000;
-const SEND_TIMEOUT: Duration = Duration::from_millis(100);
-/// No more bytes wait for the moment when answers are awaited.
-const LONGEST_BURST: usize = 1024;
 const ASK_AGAIN: Duration = Duration::from_millis(20);
 
 impl SlcanLink {
@@ -162,46 +152,15 @@ impl SlcanLink {
             let reason = format!("slcan knows no bitrate of {bitrate}, only {BITRATES:?}");
             io::Error::new(ErrorKind::InvalidInput, reason)
         })?;
-        let mut link = Self {
-            port: PortStream::open(path, SERIAL_BAUD, SEND_TIMEOUT)?,
-            lines: Lines::default(),
-            out: Vec::with_capacity(LONGEST_BURST + LONGEST),
-            chunk: vec![0; 1024],
-            filled: 0,
-            taken: 0,
-            asked: None,
-        };
+        let mut link = Self { port: LinePort::open(path)?, lines: Lines::default(), asked: None };
         // An end of line first: it ends whatever an earlier program left.
-        link.write(format!("\rC\rS{code}\rO\r").as_bytes())?;
+        link.port.write(format!("\rC\rS{code}\rO\r").as_bytes())?;
         Ok(link)
-    }
-
-    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.port.set_timeout(SEND_TIMEOUT)?;
-        self.port.write_all(bytes)
-    }
-
-    /// Hands the frames that wait over to the adapter; those that its buffer does
-    /// not take go on waiting.
-    fn hand_over(&mut self) -> io::Result<Sent> {
-        self.port.set_timeout(SEND_TIMEOUT)?;
-        while !self.out.is_empty() {
-            match self.port.write(&self.out) {
-                Ok(0) => return Err(ErrorKind::WriteZero.into()),
-                Ok(count) => drop(self.out.drain(..count)),
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::TimedOut => return Ok(Sent::Full),
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(Sent::Taken)
     }
 
     /// The next frame or fault among the bytes at hand.
     fn next(&mut self) -> Option<CanEvent> {
-        while self.taken < self.filled {
-            let byte = self.chunk[self.taken];
-            self.taken += 1;
+        while let Some(byte) = self.port.byte() {
             if let Some(Some(received)) = self.lines.push(byte, parse_line) {
                 return Some(received);
             }
@@ -214,26 +173,26 @@ impl SlcanLink {
             return Ok(());
         }
         self.asked = Some(Instant::now());
-        self.write(b"F\r")
+        self.port.write(b"F\r")
     }
 }
 
 impl CanLink for SlcanLink {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sent> {
         // The frames of a cycle go out together, when their answers are awaited.
-        if self.out.len() > LONGEST_BURST && self.hand_over()? == Sent::Full {
+        if self.port.make_room()? == Sent::Full {
             return Ok(Sent::Full);
         }
-        encode(frame, &mut self.out);
+        encode(frame, &mut self.port.out);
         Ok(Sent::Taken)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.hand_over().map(drop)
+        self.port.hand_over().map(drop)
     }
 
     fn receive(&mut self, deadline: Instant) -> io::Result<CanEvent> {
-        if self.hand_over()? == Sent::Full && Instant::now() >= deadline {
+        if self.port.hand_over()? == Sent::Full && Instant::now() >= deadline {
             return Ok(CanEvent::Nothing);
         }
         loop {
@@ -243,19 +202,8 @@ impl CanLink for SlcanLink {
                 }
                 return Ok(received);
             }
-            // A pseudo-terminal may not count yet what it would give to a reader:
-            // only to read tells what is there.
-            let left = deadline.saturating_duration_since(Instant::now());
-            self.port.set_timeout(left.max(Duration::from_micros(1)))?;
-            match self.port.read(&mut self.chunk) {
-                Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
-                Ok(count) => (self.taken, self.filled) = (0, count),
-                Err(error) if error.kind() == ErrorKind::TimedOut && left.is_zero() => {
-                    return Ok(CanEvent::Nothing);
-                }
-                Err(error)
-                    if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
-                Err(error) => return Err(error),
+            if !self.port.read_until(deadline)? {
+                return Ok(CanEvent::Nothing);
             }
         }
     }
@@ -264,8 +212,8 @@ impl CanLink for SlcanLink {
 impl Drop for SlcanLink {
     fn drop(&mut self) {
         // The adapter may be gone already.
-        let _ = self.hand_over();
-        let _ = self.write(b"C\r");
+        let _ = self.port.hand_over();
+        let _ = self.port.write(b"C\r");
     }
 }
 
