@@ -100,7 +100,7 @@ impl SimImu {
         };
         let twin = twin(config.kind).ok_or_else(refused)?;
         let (link, bitrate) = (SimLink::Unix, config.baud());
-        let link = HostLink { is_can: false, bitrate, link, path: None };
+        let link = HostLink { is_can: false, is_flexible: false, bitrate, link, path: None };
         let (HostEnd::Serial(host), path, _) = link.open()? else { return Err(refused()) };
         let sensed = Sensed::new(config, world);
         let kind = config.kind;
