@@ -14,7 +14,7 @@ use servodance_drivers::can::transport::{slcan, udp};
 use servodance_drivers::can::{CanBus, CanEvent, CanFault, CanFrame, CanLink, CanScanner, Sent};
 use servodance_drivers::{Bus, BusConfig, BusKind, Servo, ServoConfig, servos};
 use servodance_sim::can::{WATCHDOG_ENDPOINTS, build_net};
-use servodance_sim::{Line, SimServoSpec};
+use servodance_sim::{Line, SimOptions, SimServoSpec};
 use servodance_types::JointState;
 
 /// Kind and model of every protocol.
@@ -145,7 +145,7 @@ fn robot(model: &str) -> Vec<Servo> {
 
 fn net(servos: &[Servo]) -> Box<dyn Line> {
     let specs: Vec<SimServoSpec> = servos.iter().map(Into::into).collect();
-    build_net(&specs, None, 0.01).unwrap()
+    build_net(&specs, &SimOptions::lockstep(1_000_000, 100.0), 0.01).unwrap()
 }
 
 /// Frames for the simulated motors, which move meanwhile.

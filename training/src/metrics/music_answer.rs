@@ -114,7 +114,7 @@ mod tests {
 
     #[test]
     fn larger_movement_in_louder_bars_correlates() {
-        let loud = |t: f64| if (t / 2.0) as usize % 2 == 0 { 0.1 } else { 0.3 };
+        let loud = |t: f64| if ((t / 2.0) as usize).is_multiple_of(2) { 0.1 } else { 0.3 };
         let bars: Vec<f64> = (0..10).map(|i| 2.0 * f64::from(i)).collect();
         let speed = speed_by_bar(&dance(99.0, loud), &bars);
         let loudness: Vec<f64> = (0..9).map(|i| f64::from(i % 2)).collect();

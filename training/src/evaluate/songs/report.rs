@@ -37,7 +37,8 @@ pub struct SongEvaluation {
 }
 
 /// Label of a figure of a dance, and where the figure stands.
-const FIGURES: [(&str, fn(&DanceFigures) -> f64); 7] = [
+type LabelledFigure = (&'static str, fn(&DanceFigures) -> f64);
+const FIGURES: [LabelledFigure; 7] = [
     ("legs' share of energy", |f| f.richness.legs_share),
     ("effective dimensions of the poses", |f| f.richness.dimensions),
     ("turning, rad/s", |f| f.richness.turning_rad_s),

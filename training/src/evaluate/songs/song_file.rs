@@ -83,7 +83,7 @@ mod tests {
         assert!(songs_in(folder.path()).unwrap_err().to_string().contains("holds no song"));
         std::fs::write(&song, "").unwrap();
         std::fs::write(song.with_extension("beats"), "0.5 1\n1.0 2\n\n1.5\n").unwrap();
-        assert_eq!(songs_in(folder.path()).unwrap(), [song.clone()]);
+        assert_eq!(songs_in(folder.path()).unwrap(), std::slice::from_ref(&song));
         assert_eq!(read_beats(&song).unwrap(), (vec![0.5, 1.0, 1.5], vec![1, 2, 0]));
         assert_eq!(read_sections(&song).unwrap(), None);
         std::fs::write(song.with_extension("sections"), "8.25\nsoon\n").unwrap();
