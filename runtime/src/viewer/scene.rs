@@ -89,6 +89,7 @@ impl Scene {
     }
 
     /// Where each link is in the world: x, y, z, then the quaternion x, y, z, w.
+    #[cfg(any(feature = "view", feature = "stage"))]
     pub(crate) fn link_poses(&self, seen: &Snapshot) -> impl Iterator<Item = [f64; 7]> {
         let positions: Vec<f64> = seen.joints.iter().map(|j| j.position_rad).collect();
         let world_from_root = pose_from_array(seen.now.root);
