@@ -3,7 +3,6 @@
 
 use super::description_text::read_description;
 use super::loaded::Robot;
-use super::meshes::mesh_reader;
 use super::robot_file::RobotError;
 use crate::physics::StanceCheck;
 use serde::Serialize;
@@ -81,11 +80,7 @@ pub fn check(file: &str) -> Checked {
     match read_description(Path::new(file)) {
         Ok(text) => {
             let checked = Checked::new(file, lint(&text));
-            let body = if checked.usable {
-                guess_body(&text, &mesh_reader(Path::new(file)))
-            } else {
-                None
-            };
+            let body = if checked.usable { guess_body(&text) } else { None };
             Checked { body, ..checked }
         }
         Err(error) => {

@@ -2,8 +2,7 @@
 
 use k::nalgebra::{Point3, Vector3};
 
-use super::limb::{FoundLimb, mean};
-use super::link_tree::LinkTree;
+use super::limb::{FoundLimb, LinkTree, mean};
 use super::shape::corners_of;
 
 /// Axes of the root link that point forward and up.
@@ -69,10 +68,10 @@ pub(super) fn find(
     let top = shoulders.or(head.map(|head| body.at(head)));
     let upward = match (hips, mean(&feet), top, head) {
         (Some(hips), Some(feet), _, _) if (hips - feet).norm() > 1e-2 => hips - feet,
-        // A head may look out ahead of the shoulders, which are above the base in any case.
-        (_, _, Some(top), _) if (top - body.at(0)).norm() > 5e-2 => top - body.at(0),
-        (_, _, Some(top), Some(head)) if (body.at(head) - top).norm() > 1e-2 => body.at(head) - top,
-        (_, _, Some(top), _) => top - body.at(chest),
+        (_, _, Some(shoulders), Some(head)) if (body.at(head) - shoulders).norm() > 1e-2 => {
+            body.at(head) - shoulders
+        }
+        (_, _, Some(top), _) => top - body.at(if chest == 0 { 0 } else { chest }),
         _ => Vector3::z(),
     };
     // What lies across is not up.
@@ -106,7 +105,7 @@ pub(super) fn sole(
     let foot =
         body.model.ancestors(link).take_while(|&up| drives_above(up) == drives_above(link)).last();
     let foot = foot.unwrap_or(link);
-    let mut corners = corners_of(body, foot);
+    let mut corners = corners_of(body.model, foot, body.poses);
     if corners.is_empty() {
         return None;
     }
