@@ -123,6 +123,7 @@ fn what_is_outside_missing_or_damaged_is_left_out_and_said() {
     let whole = cube(60.0);
     home.write("robot/meshes/cut.stl", &whole[..whole.len() - 9]);
     home.write("robot/meshes/head.dae", b"<COLLADA/>");
+    home.write("robot/meshes/head.ply", b"ply");
     for (name, why) in [
         ("../../strange/head.stl", "outside the robot's folder"),
         ("package://../strange/head.stl", "outside the robot's folder"),
@@ -133,7 +134,8 @@ fn what_is_outside_missing_or_damaged_is_left_out_and_said() {
         ("http://example.org/head.stl", "not a file of the robot"),
         ("../meshes/gone.stl", "no such file"),
         ("../meshes/cut.stl", "cut off"),
-        ("../meshes/head.dae", "only STL"),
+        ("../meshes/head.dae", "no COLLADA"),
+        ("../meshes/head.ply", "only STL, OBJ, DAE and GLB"),
         ("../meshes", "no file"),
     ] {
         let meshes = home.meshes(name);
