@@ -173,10 +173,14 @@ impl Dance {
 
     fn apply_style(&mut self) {
         let seq = &self.networks.seq;
-        match &self.style_vector {
-            Some(vector) => seq.set_style(&mut self.seq, vector),
-            None => seq.set_style(&mut self.seq, seq.style(Some(self.style))),
-        }
+        let own = match &self.style_vector {
+            Some(vector) => vector,
+            None => seq.style(Some(self.style)),
+        };
+        // Guidance is away from what would be danced to no music, and in no style.
+        let guides = if self.options.guide_style { seq.style(None) } else { own };
+        let lanes = self.seq.lanes();
+        seq.set_styles(&mut self.seq, &[own, guides][..lanes]);
     }
 
     /// Begins a new sequence from the codes of the last frame: the model forgets

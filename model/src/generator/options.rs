@@ -39,6 +39,8 @@ pub struct GeneratorOptions {
     /// Classifier-free guidance on the music: 1 is off, above 1 follows the
     /// music more and takes some more time.
     pub guidance: f32,
+    /// Whether guidance is away from no style as well: the style counts more.
+    pub guide_style: bool,
     /// For models that know an end.
     pub at_end: AtEnd,
 }
@@ -55,6 +57,7 @@ impl Default for GeneratorOptions {
             repetition: 0.0,
             variety: 9.0,
             guidance: 1.5,
+            guide_style: std::env::var("GS").is_ok(),
             at_end: AtEnd::Chain,
         }
     }

@@ -4,8 +4,8 @@
 //! may go is decided by `limiter`: position, velocity, acceleration and jerk
 //! hold in every cycle, whatever is wanted, and braking begins in time.
 
-use std::collections::VecDeque;
-
+use crate::limits::predictive_control::{CALM, SHARP};
+use crate::limits::target_queue::TargetQueue;
 use crate::limits::{JointLimiter, PredictiveController, TrajectoryState};
 use servodance_types::JointLimits;
 
@@ -25,7 +25,7 @@ pub(crate) struct JointTracker {
     state: TrajectoryState,
     controller: PredictiveController,
     followed: Option<f64>,
-    targets: VecDeque<f64>,
+    targets: TargetQueue,
 }
 
 impl JointTracker {
@@ -38,10 +38,22 @@ impl JointTracker {
         position_rad: f64,
         preview_s: f64,
     ) -> Self {
-        let controller = PredictiveController::new(dt_s, preview_s);
-        // One place more, so that pushing before popping does not allocate.
-        let mut targets = VecDeque::with_capacity(controller.cycles() + 1);
-        targets.resize(controller.cycles(), limits.clamp_rad(position_rad));
+        Self::for_servo(limits, jerk_rad_s3, dt_s, position_rad, [preview_s, 0.0])
+    }
+
+    /// The same for a servo with a lag, if that is not 0: what the servo takes off the
+    /// targets is put in beforehand, and quick movement is smoothed less.
+    pub fn for_servo(
+        limits: JointLimits,
+        jerk_rad_s3: f64,
+        dt_s: f64,
+        position_rad: f64,
+        [preview_s, servo_lag_s]: [f64; 2],
+    ) -> Self {
+        let smoothness = if servo_lag_s > 0.0 { SHARP } else { CALM };
+        let controller = PredictiveController::new(dt_s, preview_s, smoothness);
+        let first = limits.clamp_rad(position_rad);
+        let targets = TargetQueue::new(controller.cycles(), servo_lag_s, dt_s, first);
         let limiter = JointLimiter {
             limits: JointLimits {
                 lower_rad: limits.lower_rad.min(position_rad),
@@ -90,13 +102,13 @@ impl JointTracker {
     /// The next position on the way along the targets, not yet taken and not
     /// yet limited. Call once a cycle, then [`advance`](Self::advance).
     pub fn plan(&mut self, target_rad: f64) -> f64 {
-        self.targets.push_back(match target_rad.is_finite() {
+        self.targets.push(match target_rad.is_finite() {
             true => self.limits.clamp_rad(target_rad),
-            false => self.targets.back().copied().unwrap_or(self.state.position),
+            false => self.targets.newest(),
         });
-        self.targets.pop_front();
-        let acceleration =
-            self.controller.acceleration(&self.limiter, &self.state, self.targets.iter().copied());
+        let limits = self.limits;
+        let targets = self.targets.commands().map(|target| limits.clamp_rad(target));
+        let acceleration = self.controller.acceleration(&self.limiter, &self.state, targets);
         let dt_s = self.limiter.dt_s;
         self.state.position + (self.state.velocity + acceleration * dt_s) * dt_s
     }
@@ -202,7 +214,11 @@ mod tests {
     }
 
     fn follow(targets: impl IntoIterator<Item = f64>, start: f64) -> Vec<f64> {
-        let mut tracker = JointTracker::new(limits(), JERK, DT, start, 0.3);
+        follow_with_lag(targets, start, 0.0)
+    }
+
+    fn follow_with_lag(targets: impl IntoIterator<Item = f64>, start: f64, lag_s: f64) -> Vec<f64> {
+        let mut tracker = JointTracker::for_servo(limits(), JERK, DT, start, [0.3, lag_s]);
         let mut track = vec![start, start, start];
         for target in targets {
             tracker.step(target);
@@ -217,8 +233,10 @@ mod tests {
             targets in prop::collection::vec((-3.0..3.0_f64, 1..30_usize), 1..40),
             start in -1.0..1.5_f64,
         ) {
-            let held = targets.iter().flat_map(|&(target, n)| std::iter::repeat_n(target, n));
-            prop_assert_eq!(violations(&follow(held, start), &limits()), 0);
+            let held = || targets.iter().flat_map(|&(target, n)| std::iter::repeat_n(target, n));
+            prop_assert_eq!(violations(&follow(held(), start), &limits()), 0);
+            let sharpened = follow_with_lag(held(), start, 0.05);
+            prop_assert_eq!(violations(&sharpened, &limits()), 0);
         }
 
         #[test]
@@ -236,6 +254,38 @@ mod tests {
         for k in 200..600 {
             let due = target(k - AHEAD);
             assert!((track[k + 3] - due).abs() < 5e-3, "{} {due}", track[k + 3]);
+        }
+    }
+
+    /// The simulated servo: a position loop with back-EMF.
+    fn servo(track: &[f64], lag_s: f64) -> Vec<f64> {
+        let (mut angle, mut speed) = (track[0], 0.0);
+        let steps = 20;
+        let dt_s = DT / f64::from(steps);
+        let servo = |goal: &f64| {
+            for _ in 0..steps {
+                speed += dt_s * (goal - angle - lag_s * speed) / (0.195 * lag_s * lag_s);
+                angle += dt_s * speed;
+            }
+            angle
+        };
+        track.iter().map(servo).collect()
+    }
+
+    #[test]
+    fn the_servo_shows_what_its_lag_would_take() {
+        // Share of the power that is left, and what was left without.
+        for (hz, size, least, before) in
+            [(1.0, 0.2, 0.95, 0.96), (3.0, 0.04, 0.85, 0.6), (5.0, 0.02, 0.55, 0.15)]
+        {
+            let target = |k: usize| size * (k as f64 * DT * std::f64::consts::TAU * hz).sin();
+            let power = |lag_s: f64| {
+                let shown = servo(&follow_with_lag((0..900).map(target), 0.0, lag_s), 0.045);
+                shown[400..900].iter().map(|v| v * v).sum::<f64>() / 250.0 / (size * size)
+            };
+            let (plain, undone) = (power(0.0), power(0.045));
+            assert!(plain < before, "{hz} Hz: {plain}");
+            assert!((least..1.1).contains(&undone), "{hz} Hz: {undone}");
         }
     }
 

@@ -3,6 +3,7 @@
 mod collision_limit;
 mod joint_tracker;
 mod predictive_control;
+mod target_queue;
 mod velocity_limit;
 
 pub(crate) use collision_limit::CollisionLimit;

@@ -12,8 +12,10 @@ use crate::limits::{JointLimiter, TrajectoryState};
 use crate::solver::BoxLeastSquares;
 
 const BLOCKS: [usize; 8] = [1, 1, 2, 2, 3, 3, 4, 4];
-/// Radians of distance that a change of acceleration by 1 rad/s^2 is worth.
-const SMOOTHNESS: f64 = 3e-4;
+/// Radians of distance that a change of acceleration by 1 rad/s^2 is worth: calm, and
+/// where a dancer's accents are to be shown (at 5 Hz a third of the former's loss).
+pub(super) const CALM: f64 = 3e-4;
+pub(super) const SHARP: f64 = 1e-4;
 /// Radians of distance that 1 rad/s of wrong speed at the end is worth.
 const END_SPEED: f64 = 0.03;
 
@@ -25,12 +27,13 @@ pub(crate) struct PredictiveController {
     end_speed: [f64; BLOCKS.len()],
     /// Seconds until the middle of each block.
     middle_s: [f64; BLOCKS.len()],
+    smoothness: f64,
     solver: BoxLeastSquares,
 }
 
 impl PredictiveController {
-    /// For targets that are known `preview_s` ahead.
-    pub fn new(dt_s: f64, preview_s: f64) -> Self {
+    /// For targets that are known `preview_s` ahead; [`CALM`] or [`SHARP`].
+    pub fn new(dt_s: f64, preview_s: f64, smoothness: f64) -> Self {
         let cycles = ((preview_s / dt_s).round() as usize).max(BLOCKS.len());
         let block_of = block_of_cycles(cycles);
         let mut response = Vec::with_capacity(cycles);
@@ -59,9 +62,9 @@ impl PredictiveController {
             if block > 0 {
                 change[block - 1] = -1.0;
             }
-            solver.add_row(SMOOTHNESS, &change);
+            solver.add_row(smoothness, &change);
         }
-        Self { dt_s, response, end_speed: speed, middle_s, solver }
+        Self { dt_s, response, end_speed: speed, middle_s, smoothness, solver }
     }
 
     pub fn cycles(&self) -> usize {
@@ -95,7 +98,7 @@ impl PredictiveController {
         for (slope, part) in slope.iter_mut().zip(&self.end_speed) {
             *slope -= END_SPEED * END_SPEED * part * (last_speed - velocity);
         }
-        slope[0] -= SMOOTHNESS * SMOOTHNESS * acceleration;
+        slope[0] -= self.smoothness * self.smoothness * acceleration;
         self.solver.set_gradient(&slope);
         let most = limiter.limits.acceleration_rad_s2;
         let reach = |sign: f64| {

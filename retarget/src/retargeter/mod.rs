@@ -45,6 +45,7 @@ pub struct Retargeter {
     mirror: bool,
     dt_s: f64,
     preview_s: f64,
+    servo_lag_s: f64,
     motion: MotionBuffer,
     postures: PostureTrack,
     reader: PoseReader,
@@ -145,6 +146,7 @@ impl Retargeter {
             mirror: config.mirror,
             dt_s,
             preview_s: config.preview_s,
+            servo_lag_s: 0.0,
             motion: MotionBuffer::new(),
             postures: PostureTrack::new(),
             reader: PoseReader::new(heading, dt_s),
@@ -195,6 +197,16 @@ impl Retargeter {
         }
         self.start_at(present_rad);
         Ok(())
+    }
+
+    /// The same for servos that follow their goals this late, seconds: what their lag takes
+    /// off quick movement is put into the positions beforehand. Joints of legs that stand
+    /// are left as they are.
+    pub fn for_servo_lag(mut self, servo_lag_s: f64) -> Self {
+        self.servo_lag_s = servo_lag_s.clamp(0.0, self.preview_s);
+        let rest = self.rest.clone();
+        self.start_at(&rest);
+        self
     }
 
     /// Takes in the next human frame. Frames that cannot be used are counted.
@@ -379,13 +391,13 @@ impl Retargeter {
     }
 
     fn start_at(&mut self, positions: &[f64]) {
-        let (dt_s, preview_s) = (self.dt_s, self.preview_s);
+        let (dt_s, times_s) = (self.dt_s, [self.preview_s, self.servo_lag_s]);
         let limits = self.limits.iter().zip(&self.jerk_rad_s3);
         self.trackers = positions
             .iter()
             .zip(limits)
             .map(|(&position, (&limits, &jerk))| {
-                JointTracker::new(limits, jerk, dt_s, position, preview_s)
+                JointTracker::for_servo(limits, jerk, dt_s, position, times_s)
             })
             .collect();
         for (joint, &position) in positions.iter().enumerate() {

@@ -162,7 +162,9 @@ impl Robot {
 
     /// A fresh retargeter for this robot.
     pub fn retargeter(&self) -> anyhow::Result<Retargeter> {
-        Ok(Retargeter::new(&self.urdf_xml, &self.retarget, &self.joint_limits(), self.control_hz)?)
+        let limits = self.joint_limits();
+        let retargeter = Retargeter::new(&self.urdf_xml, &self.retarget, &limits, self.control_hz)?;
+        Ok(retargeter.for_servo_lag(self.servo_lag_s))
     }
 
     /// Seconds between two control cycles.
