@@ -75,7 +75,8 @@ impl GetUp<'_> {
             })?,
         };
         let rest = self.robot.retargeter()?.rest().to_vec();
-        let poses = GetupPlan::poses(self.robot, lying, &rest)?;
+        let Robot { getup, servos, .. } = self.robot;
+        let poses = GetupPlan::poses(getup.as_ref(), name, servos, lying, &rest)?;
         motion.go(0.0, &rest)?;
         for (seconds, pose) in poses {
             motion.go(seconds, &pose)?;

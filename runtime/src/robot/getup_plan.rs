@@ -1,7 +1,6 @@
 //! The `[getup]` table of a robot file: poses that take a robot from where it lies, on its
 //! front or its back, to its feet. Whoever wrote the file planned and tried them.
 
-use super::Robot;
 use anyhow::{anyhow, bail};
 use serde::Deserialize;
 use servodance_drivers::Servo;
@@ -80,23 +79,26 @@ impl GetupPlan {
     /// The poses of a robot that lies so, joint by joint in radians, each with its seconds; the
     /// first one begins at `rest_rad`, the last one is that. Fails where there is no way.
     pub fn poses(
-        robot: &Robot,
+        plan: Option<&Self>,
+        robot: &str,
+        servos: &[Servo],
         lying: Lying,
         rest_rad: &[f64],
     ) -> anyhow::Result<Vec<(f64, Vec<f64>)>> {
-        let plan = robot.getup.as_ref();
         let planned = plan.map(|plan| match lying {
             Lying::Front => &plan.front,
             Lying::Back => &plan.back,
         });
         let Some(planned) = planned.filter(|poses| !poses.is_empty()) else {
-            let (name, side) = (&robot.name, lying.name());
-            bail!("{name} has no way up from its {side} ([getup] in its file): put it on its feet");
+            let side = lying.name();
+            bail!(
+                "{robot} has no way up from its {side} ([getup] in its file): put it on its feet"
+            );
         };
         let mut now = rest_rad.to_vec();
         let mut poses = Vec::with_capacity(planned.len() + 1);
         for pose in planned {
-            for (joint, servo) in robot.servos.iter().enumerate() {
+            for (joint, servo) in servos.iter().enumerate() {
                 if let Some(deg) = pose.deg.get(&servo.name) {
                     now[joint] = servo.limits.clamp_rad(deg.to_radians());
                 }
