@@ -24,7 +24,7 @@ mkdir -p "$folder"
 cp "$made/$target/web/servodance_web.wasm" "$folder/dance.wasm"
 cp model/weights/dance.safetensors "$folder/weights.safetensors"
 # The viewer's own modules, and those of this page alone.
-for module in stage.js painter.js camera.js matrix.js shapes.js view.css; do
+for module in stage.js robot.js floor.js pixels.js painter.js camera.js matrix.js shapes.js view.css; do
     cp "runtime/src/viewer/page/$module" "$folder/"
 done
 cp web/page/* "$folder/"
