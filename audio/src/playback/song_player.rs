@@ -219,6 +219,7 @@ mod tests {
         assert!(!loud(&mut player, 0.0), "no music");
         start.set(begins + Duration::from_secs(1));
         assert!(!loud(&mut player, 1.02), "before the delayed music");
+        let mut player = SongPlayer::new(sine(440.0), start.clone(), 0.1);
         assert!(loud(&mut player, 1.11));
         let position_s = player.position_s.unwrap();
         assert!((position_s - 0.02).abs() < 0.005, "{position_s}");

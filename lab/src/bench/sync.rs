@@ -288,7 +288,11 @@ mod tests {
         let shown_s = motion.when_shown(1.5, rough).unwrap();
         assert!((shown_s - 3.573).abs() < 0.003, "{shown_s}");
 
-        let noise = |n: usize| ((n as u64).wrapping_mul(2_654_435_761) % 20_001) as i16 - 10_000;
+        let noise = |n: usize| {
+            let mixed = (n as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            let mixed = (mixed ^ (mixed >> 31)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            ((mixed ^ (mixed >> 29)) % 20_001) as i16 - 10_000
+        };
         let sound = Sound { samples: (0..40_000).map(noise).collect(), rate_hz: 8000 };
         let samples = sound.samples.iter().map(|s| f32::from(*s) / 32_768.0).collect();
         let heard = Heard { from: at(2.02), rate_hz: 8000.0, samples };

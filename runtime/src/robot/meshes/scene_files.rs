@@ -14,7 +14,24 @@ pub fn obj(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
 
 /// The triangles of a COLLADA file.
 pub fn collada(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
-    parsed(|| mesh_loader::collada::from_slice(bytes), "COLLADA")
+    let text = String::from_utf8_lossy(bytes);
+    let (unit_m, in_metres) = without_unit(&text);
+    let mut triangles =
+        parsed(|| mesh_loader::collada::from_slice(in_metres.as_bytes()), "COLLADA")?;
+    triangles.iter_mut().flatten().flatten().for_each(|value| *value *= unit_m);
+    Ok(triangles)
+}
+
+/// A COLLADA file's unit, metres, and the file as if that were 1 m: `mesh-loader` scales corners
+/// by the unit and leaves the places of nodes as they are.
+fn without_unit(text: &str) -> (f32, String) {
+    let whole = || (1.0, text.to_owned());
+    let Some((before, rest)) = text.split_once("<unit") else { return whole() };
+    let Some((unit, after)) = rest.split_once('>') else { return whole() };
+    let value = unit.split_once("meter=\"").and_then(|(_, rest)| rest.split('"').next());
+    let unit_m = value.and_then(|value| value.trim().parse().ok()).unwrap_or(1.0);
+    let end = if unit.ends_with('/') { "/" } else { "" };
+    (unit_m, format!("{before}<unit meter=\"1\"{end}>{after}"))
 }
 
 /// What a parser makes of a file. A parser that panics on a damaged one has said so; the robot

@@ -112,7 +112,7 @@ mod tests {
         let now = JointStatus { held: HeldBack::Balance, ..JointStatus::default() };
         let wide = text(&joint("elbow", &limits, &now, ROOM_FOR_REASON));
         assert!(wide.trim_end().ends_with("–  balance"), "{wide}");
-        assert_eq!(wide.chars().count(), ROOM_FOR_REASON);
+        assert!(wide.chars().count() <= ROOM_FOR_REASON, "{wide}");
         let narrow = text(&joint("elbow", &limits, &now, NARROWEST));
         assert!(narrow.ends_with('–'), "{narrow}");
     }
