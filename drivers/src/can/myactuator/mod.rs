@@ -7,7 +7,7 @@
 //! The time-out is written and confirmed; the protocol cannot read it back. A motor whose
 //! time-out has passed goes on with the next command as if nothing had been, so that after a
 //! silence of its own this side takes every motor on again where it stands, or stops
-//! ([`CanFamily::forgets_trips`]).
+//! (`CanFamily::forgets_trips`).
 
 #[doc(hidden)] // public for the simulated motors alone
 pub mod registers;
