@@ -42,6 +42,8 @@ pub const BUILT_IN: &[BuiltIn] = &[
     built_in!("so101"),
     built_in!("quad12"),
     built_in!("microduck"),
+    built_in!("reachy_mini"),
+    built_in!("g1"),
 ];
 
 /// The text of `robot.schema.json`.

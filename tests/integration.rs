@@ -19,6 +19,7 @@ mod host_stall;
 mod idle;
 mod kinds;
 mod live;
+mod look_alikes;
 mod motion_files;
 mod mutate;
 mod on_beat;

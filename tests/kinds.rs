@@ -2,7 +2,7 @@
 //! what cannot show one is refused.
 
 use crate::rigs::Rig;
-use servodance_retarget::{BodyKind, RobotModel, guess_body};
+use servodance_retarget::{BodyKind, RobotModel, guess_body, no_meshes};
 use servodance_runtime::robot::{Robot, new_robot};
 use servodance_training::choreography::trial_dance;
 
@@ -92,10 +92,10 @@ fn four_legs_stand_while_the_trunk_moves() {
 #[test]
 fn corners_are_known_by_name_and_by_place() {
     let named = four_legged(["FL", "FR", "RL", "RR"]).urdf();
-    let body = guess_body(&named).unwrap();
+    let body = guess_body(&named, &no_meshes).unwrap();
     assert_eq!((body.kind, body.confidence), (BodyKind::Quadruped, "high"));
     // The same corners turned round: what is called front is front.
-    let turned = guess_body(&four_legged(["RR", "RL", "FR", "FL"]).urdf()).unwrap();
+    let turned = guess_body(&four_legged(["RR", "RL", "FR", "FL"]).urdf(), &no_meshes).unwrap();
     assert_eq!((turned.forward, body.forward), ("-x", "x"));
     assert_eq!(turned.parts.left_hand.as_deref(), Some("FL_end_link"));
     assert_eq!(body.parts.right_sole.as_deref(), Some("RR_end_link"));

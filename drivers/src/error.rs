@@ -110,6 +110,8 @@ pub enum BusError {
     ReadBack { servo: ServoId, register: &'static str, wanted: i64, actual: i64 },
     #[error("{servo}: {what} is {actual}, must be {wanted}")]
     Unfit { servo: ServoId, what: &'static str, actual: String, wanted: String },
+    #[error("ROS 2 bridge {port} failed ({doing}): {reason}")]
+    Bridge { port: String, doing: &'static str, reason: std::io::Error },
     #[error("CAN link {port} failed ({doing}): {reason}")]
     Link { port: String, doing: &'static str, reason: std::io::Error },
     #[error(

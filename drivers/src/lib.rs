@@ -5,8 +5,8 @@
 //! ```
 //!
 //! [`Bus`] is one bus of servos; [`SerialBus`] drives Dynamixel (Protocol 2.0 and
-//! 1.0) and Feetech STS servos; [`can`] has the motors on CAN; [`BusSet`] runs
-//! several buses side by side. [`SafeBus`] wraps any bus, and programs that move
+//! 1.0) and Feetech STS servos; [`can`] has the motors on CAN; [`Ros2Bus`] is a
+//! robot whose own controller listens on ROS 2; [`BusSet`] runs several buses side by side. [`SafeBus`] wraps any bus, and programs that move
 //! real motors hand their targets to it and never to a bus directly.
 //!
 //! ```
@@ -52,6 +52,7 @@ mod bus_set;
 pub mod can;
 mod error;
 pub mod imu;
+mod ros2;
 mod safety;
 pub mod serial;
 mod servo;
@@ -70,6 +71,7 @@ pub use bus::{ArmReport, Bus, BusStats, Health, Notes};
 pub use bus_set::{BusSet, open_buses};
 pub use error::{BusError, BusResult, ConfigError, Refusal, ServoId};
 pub use imu::{ImuConfig, ImuKind, SerialImu};
+pub use ros2::{Ros2Address, Ros2Bus};
 pub use safety::{
     EStop, Interventions, Limited, Limiter, SafeBus, SafetyConfig, SafetyError, ServoLost, State,
     Transition,

@@ -9,7 +9,7 @@ mod mutate;
 use mutate::mutated;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance_retarget::{draft_config, lint, urdf_from_mjcf};
+use servodance_retarget::{draft_config, lint, no_meshes, urdf_from_mjcf};
 use servodance_runtime::robot::Robot;
 use servodance_runtime::robot::check;
 
@@ -47,11 +47,14 @@ fn main() -> anyhow::Result<()> {
                 let urdf = mutated(&mut rng, URDFS[pick % URDFS.len()].1);
                 let refused = servodance_retarget::DiagnosticSeverity::Refused;
                 let clean = lint(&urdf).iter().all(|finding| finding.severity != refused);
-                anyhow::ensure!(clean == draft_config(&urdf, None).is_ok(), "file {file}: {urdf}");
+                anyhow::ensure!(
+                    clean == draft_config(&urdf, None, &no_meshes).is_ok(),
+                    "file {file}: {urdf}"
+                );
                 clean
             }
             _ => match urdf_from_mjcf(&mutated(&mut rng, MJCF)) {
-                Ok((urdf, _)) => draft_config(&urdf, None).is_ok(),
+                Ok((urdf, _)) => draft_config(&urdf, None, &no_meshes).is_ok(),
                 Err(_) => false,
             },
         };

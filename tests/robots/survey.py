@@ -1,13 +1,16 @@
 """What `robot check`, `robot new` and `dance` make of public robot descriptions, as JSON.
 
-    python tests/robots/survey.py SERVODANCE LIST FOLDER --out table.json [--guess-only] [--song SONG]
+    python tests/robots/gather.py tests/robots/public.txt FOLDER
+    python tests/robots/survey.py SERVODANCE tests/robots/public.txt FOLDER --out table.json
+        [--guess-only] [--only TEXT] [--song SONG] [--jobs N]
 
-LIST has a line a robot: the path of a URDF or an MJCF model in FOLDER, and the kind of
-body that it has, as a person sees it (`refused`: nothing in it can show a dance). The
-table has a row a robot: kind and parts as guessed, what of the pelvis' and the arms'
-movement stands, F1 at the servos, limits broken, falls, why it was refused. With
---guess-only nothing dances. Wrong kinds are listed at the end; the exit code is 1 if
-there is one, or if a program died of anything but a refusal.
+The list has a line a robot: the file, the kind of body that a person sees in it (`refused`:
+nothing in it can show a dance), and for bodies like a human's the links that a person takes
+as its parts, `part=link`; `-` where it has none. The table has a row a robot: kind and parts
+as guessed, what of the pelvis' and the arms' movement stands, F1 at the servos, limits broken,
+falls, why it was refused; a summary is printed. With --guess-only nothing dances. Wrong kinds
+and parts are listed at the end; the exit code is 1 if there is one, or if a program died of
+anything but a refusal.
 """
 
 import argparse
@@ -20,6 +23,8 @@ import sys
 import tempfile
 import time
 import wave
+
+from gather import place_of, read_list
 
 SECONDS = 20
 GIVE_UP_S = 900
@@ -101,9 +106,24 @@ def danced(servodance, robot, song, report):
     return row
 
 
-def survey(servodance, folder, song, guess_only, name, wanted):
-    path = os.path.join(folder, name)
-    row = {"file": name, "wanted": wanted, **checked(servodance, path)}
+def wrong_parts(row, wanted):
+    """Parts that are on another link than a person takes."""
+    found = row.get("parts") or {}
+    tips = {tip["name"]: tip["link"] for tip in row.get("tips") or []}
+    wrong = []
+    for part, link in wanted.items():
+        taken = row.get(part, "-") if part in ("forward", "up") else found.get(part) or "-"
+        taken = tips.get(taken, taken)
+        if taken not in link.split("|"):
+            wrong.append(f"{part} is {link}, taken as {taken}")
+    return wrong
+
+
+def survey(servodance, folder, song, guess_only, listed):
+    path = str(place_of(folder, listed))
+    name = f"{listed['repository']}: {listed['file']}"
+    row = {"file": name, "wanted": listed["kind"], **checked(servodance, path)}
+    row["wrong_parts"] = wrong_parts(row, listed["parts"])
     if guess_only or "died" in row:
         return row
     with tempfile.TemporaryDirectory() as place:
@@ -118,6 +138,18 @@ def kind_of(row):
     return "refused" if "refused" in row else row.get("kind", "none")
 
 
+def summary(rows):
+    """Means over the humanoids that danced."""
+    danced = [row for row in rows if row.get("f1") is not None]
+    if not danced:
+        return
+    mean = sum(row["f1"] for row in danced) / len(danced)
+    planted = sum(row["stance"] != "hung" for row in danced)
+    fell, broken = sum(row["fell"] for row in danced), sum(row["violations"] for row in danced)
+    print(f"{len(danced)} humanoids danced, {planted} on their feet: mean F1 {mean:.2f}, {fell} fell, "
+          f"{broken} limits broken")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("servodance")
@@ -127,15 +159,15 @@ def main():
     parser.add_argument("--song", help="a WAV file; the built-in song, its first 20 s, if left out")
     parser.add_argument("--guess-only", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--only", default="", help="robots whose file has this text in it")
     args = parser.parse_args()
-    with open(args.list) as file:
-        robots = [line.split() for line in file if line.strip() and not line.startswith("#")]
+    robots = [row for row in read_list(args.list) if args.only in row["file"]]
     with tempfile.TemporaryDirectory() as place:
         song = args.song or os.path.join(place, "song.wav")
         if not args.song and not args.guess_only:
             excerpt(args.servodance, song)
         with concurrent.futures.ThreadPoolExecutor(args.jobs) as pool:
-            jobs = [pool.submit(survey, args.servodance, args.folder, song, args.guess_only, *robot)
+            jobs = [pool.submit(survey, args.servodance, args.folder, song, args.guess_only, robot)
                     for robot in robots]
             rows = []
             for job in jobs:
@@ -145,13 +177,19 @@ def main():
                 with open(args.out, "w") as file:
                     json.dump(rows, file, indent=1)
     wrong = [row for row in rows if kind_of(row) != row["wanted"]]
+    parts = [row for row in rows if row["wrong_parts"]]
     died = [row for row in rows if "died" in row]
     for row in wrong:
         print(f"kind: {row['file']} is {row['wanted']}, taken as {kind_of(row)}")
+    for row in parts:
+        print(f"parts: {row['file']}: " + "; ".join(row["wrong_parts"]))
     for row in died:
         print(f"died: {row['file']}: {row['died']}")
-    print(f"{len(rows)} robots, {len(wrong)} kinds wrong, {len(died)} died")
-    sys.exit(1 if wrong or died else 0)
+    checked_parts = sum(len(robot["parts"]) for robot in robots)
+    print(f"{len(rows)} robots, {len(wrong)} kinds wrong, {len(died)} died; of {checked_parts} parts "
+          f"{sum(len(row['wrong_parts']) for row in parts)} wrong")
+    summary([row for row in rows if row.get("kind") == "humanoid"])
+    sys.exit(1 if wrong or died or parts else 0)
 
 
 if __name__ == "__main__":

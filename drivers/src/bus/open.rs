@@ -5,6 +5,7 @@ use crate::bus::config::BusConfig;
 use crate::bus::port::Port;
 use crate::can::CanBus;
 use crate::error::{BusError, BusResult};
+use crate::ros2::Ros2Bus;
 use crate::serial::SerialBus;
 use crate::servo::Servo;
 
@@ -12,6 +13,7 @@ use crate::servo::Servo;
 pub fn open_bus(port: &Port, config: &BusConfig, servos: Vec<Servo>) -> BusResult<Box<dyn Bus>> {
     let refused = |reason| Err(BusError::not_opened(&port.to_string(), reason));
     Ok(match (config.kind, port) {
+        (_, Port::Ros2(address)) => Box::new(Ros2Bus::open(address, servos)?),
         (kind, Port::Serial(path)) if !kind.is_can() => {
             Box::new(SerialBus::open(path, config, servos)?)
         }

@@ -25,6 +25,7 @@ use crate::bus::open::open_bus;
 use crate::bus::port::Port;
 use crate::bus::{Bus, BusStats, Health, Notes};
 use crate::error::{BusError, BusResult};
+use crate::ros2::Ros2Bus;
 use crate::serial::ServoDeviation;
 use crate::servo::{Servo, check_cycle};
 
@@ -34,6 +35,12 @@ const LONG_TASK: Duration = Duration::from_secs(20);
 
 /// Opens every bus of a robot, whose servos in joint order are `all`. Nothing is sent.
 pub fn open_buses(ports: &[Port], layouts: &[BusLayout], all: &[Servo]) -> BusResult<Box<dyn Bus>> {
+    // One controller has all joints, whatever wires it has itself.
+    if let [Port::Ros2(address), rest @ ..] = ports
+        && rest.iter().all(|port| *port == ports[0])
+    {
+        return Ok(Box::new(Ros2Bus::open(address, all.to_vec())?));
+    }
     let mut buses = Vec::with_capacity(layouts.len());
     for (port, layout) in ports.iter().zip(layouts) {
         buses.push(open_bus(port, &layout.config, layout.servos.clone())?);

@@ -10,6 +10,7 @@ pub mod model;
 pub mod retarget;
 #[cfg(feature = "stage")]
 pub mod stage;
+pub mod start_frame;
 pub mod sync;
 pub mod world;
 pub mod world_dump;

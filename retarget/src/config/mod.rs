@@ -77,6 +77,22 @@ pub struct JointCoupling {
     pub offset_deg: f64,
 }
 
+/// A rod of a Stewart platform, from a servo's crank to the plate: six of them carry a link
+/// that the description fixes to its parent. Its length is that between both points where
+/// all joints are zero.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename = "Rod")] // as messages about the file name it
+#[allow(missing_docs)] // the names of the others say it
+pub struct RodConfig {
+    /// The link that the servo turns.
+    pub crank: String,
+    /// Where the rod meets the crank, in the crank's frame, metres.
+    pub pin_m: [f64; 3],
+    /// The link that the rods carry.
+    pub plate: String,
+    pub socket_m: [f64; 3],
+}
+
 fn once() -> f64 {
     1.0
 }
@@ -109,8 +125,8 @@ impl Default for TaskWeights {
             tip: 0.8,
             torso: 2.0,
             head: 0.6,
-            posture: 0.02,
-            damping: 0.5,
+            posture: 0.05,
+            damping: 0.2,
         }
     }
 }
@@ -175,6 +191,8 @@ pub struct RetargetConfig {
     pub capsule: Vec<CapsuleConfig>,
     /// Joints that follow others, besides the description's mimics.
     pub couple: Vec<JointCoupling>,
+    /// The rods of a Stewart platform.
+    pub rod: Vec<RodConfig>,
 }
 
 impl Default for RetargetConfig {
@@ -200,6 +218,7 @@ impl Default for RetargetConfig {
             tip: Vec::new(),
             capsule: Vec::new(),
             couple: Vec::new(),
+            rod: Vec::new(),
         }
     }
 }

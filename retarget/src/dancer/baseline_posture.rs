@@ -11,10 +11,10 @@ use k::nalgebra::Vector3;
 use servodance_types::BodyJoint::{self, *};
 use servodance_types::{FRAME_RATE_HZ, MotionFrame, Posture};
 
-/// Heading is followed with this time constant; quicker turns are shown.
-const HEADING_S: f64 = 1.2;
-/// Time constant of what counts as the dancer's usual posture.
-const USUAL_S: f64 = 4.0;
+/// The heading is the mean over so many seconds; quicker turns are shown.
+const HEADING_S: f64 = 1.5;
+/// What counts as the dancer's usual posture is the mean over these.
+const USUAL_S: f64 = 3.0;
 /// Time constant with which the floor is believed to rise, seconds.
 const FLOOR_S: f64 = 1.0;
 /// A foot this much higher than the other one carries 1/e as much.
@@ -22,6 +22,18 @@ const LIFT_M: f64 = 0.05;
 /// Legs shorter than this are no legs, metres.
 const SHORTEST_LEG_M: f64 = 0.05;
 const KEPT: usize = 256;
+/// What most dancers' posture is, from captured and generated dances, and for how many seconds
+/// that counts before the dancer has been seen.
+const COMMON: BaselinePosture = BaselinePosture {
+    heading: 0.0,
+    nod: [0.2, 0.0],
+    sway: [0.045, 0.0],
+    feet: [[0.06, 0.17], [0.06, -0.17]],
+    floor_z: 0.0,
+};
+const COMMON_S: f64 = 0.5;
+/// Numbers of a posture beside heading and floor.
+const POSTURE: usize = 8;
 
 /// See [`Posture`]; robot axes, angles from x towards y.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,6 +56,17 @@ impl BaselinePosture {
             feet: [0, 1].map(|side| pair(self.feet[side], other.feet[side])),
             floor_z: self.floor_z + share * (other.floor_z - self.floor_z),
         }
+    }
+
+    /// Nod, sway and feet in a row.
+    fn flat(&self) -> [f64; POSTURE] {
+        let Self { nod, sway, feet: [left, right], .. } = self;
+        [nod[0], nod[1], sway[0], sway[1], left[0], left[1], right[0], right[1]]
+    }
+
+    fn set(&mut self, flat: [f64; POSTURE]) {
+        let pair = |at: usize| [flat[at], flat[at + 1]];
+        (self.nod, self.sway, self.feet) = (pair(0), pair(2), [pair(4), pair(6)]);
     }
 
     pub fn mirrored(&self) -> Self {
@@ -121,50 +144,81 @@ impl PostureSample {
     }
 }
 
+/// Learns the usual posture of a body: the mean of what was seen over the last seconds, so
+/// that whoever begins to look in the middle of a dance soon agrees with whoever saw it all.
 #[derive(Clone, Debug)]
 pub(crate) struct BaselineEstimator {
-    dt_s: f64,
-    started: bool,
+    headings: RecentMean<1>,
+    postures: RecentMean<POSTURE>,
+    /// Where the body faces, counted on through whole turns.
+    facing: Option<f64>,
+    floor_share: f64,
     pub usual: BaselinePosture,
 }
 
 impl BaselineEstimator {
     /// Of a body that is seen every `dt_s`.
     pub fn new(dt_s: f64) -> Self {
-        Self { dt_s, started: false, usual: BaselinePosture::default() }
+        Self {
+            headings: RecentMean::new(HEADING_S / dt_s, 0.0),
+            postures: RecentMean::new(USUAL_S / dt_s, COMMON_S / dt_s),
+            facing: None,
+            floor_share: dt_s / (dt_s + FLOOR_S),
+            usual: COMMON,
+        }
     }
 
     pub fn observe(&mut self, points: &BodyPoints) {
-        let (heading_share, share) = (self.share(HEADING_S), self.share(USUAL_S));
-        let first = !self.started;
-        self.started = true;
+        let now = facing(points);
+        let counted = self.facing.map_or(now, |before| before + wrap(now - before));
+        let floor_share = if self.facing.is_none() { 1.0 } else { self.floor_share };
+        self.facing = Some(counted);
         let usual = &mut self.usual;
-        if first {
-            usual.heading = pelvis_yaw(points);
-        }
-        usual.heading += wrap(facing(points) - usual.heading) * heading_share;
+        [usual.heading] = self.headings.with([counted], [0.0]);
         let seen = PostureSample::of(points, usual.heading);
-        let learn = |usual: &mut [f64; 2], now: [f64; 2]| {
-            let share = if first { 1.0 } else { share };
-            for (usual, now) in usual.iter_mut().zip(now) {
-                *usual += (now - *usual) * share;
-            }
-        };
-        learn(&mut usual.nod, seen.nod);
-        let Some((sway, feet)) = seen.legs else {
+        let Some((sway, [left, right])) = seen.legs else {
+            // Without legs they stay as they were.
+            let mut seen_alone = usual.flat();
+            seen_alone[..2].copy_from_slice(&seen.nod);
+            usual.set(self.postures.with(seen_alone, COMMON.flat()));
             return;
         };
-        learn(&mut usual.sway, [sway.x, sway.y]);
-        for (usual, foot) in usual.feet.iter_mut().zip(feet) {
-            learn(usual, [foot.x, foot.y]);
-        }
+        let seen = [seen.nod[0], seen.nod[1], sway.x, sway.y, left.x, left.y, right.x, right.y];
+        usual.set(self.postures.with(seen, COMMON.flat()));
         let lowest = points[LeftFoot as usize].z.min(points[RightFoot as usize].z);
-        let floor_share = if first { 1.0 } else { self.dt_s / (self.dt_s + FLOOR_S) };
         usual.floor_z = lowest.min(usual.floor_z + (lowest - usual.floor_z) * floor_share);
     }
+}
 
-    fn share(&self, time_constant_s: f64) -> f64 {
-        self.dt_s / (self.dt_s + time_constant_s)
+/// The mean of the last values, and of others that count as seen until enough have come.
+#[derive(Clone, Debug)]
+struct RecentMean<const N: usize> {
+    values: VecDeque<[f64; N]>,
+    most: usize,
+    sum: [f64; N],
+    /// For how many values the others count at first.
+    others: f64,
+}
+
+impl<const N: usize> RecentMean<N> {
+    fn new(most: f64, others: f64) -> Self {
+        let most = (most.round() as usize).max(1);
+        Self { values: VecDeque::with_capacity(most + 1), most, sum: [0.0; N], others }
+    }
+
+    /// Takes in a value; the mean with it.
+    fn with(&mut self, value: [f64; N], others: [f64; N]) -> [f64; N] {
+        self.values.push_back(value);
+        let gone = match self.values.len() > self.most {
+            true => self.values.pop_front().unwrap_or([0.0; N]),
+            false => [0.0; N],
+        };
+        let count = self.values.len() as f64;
+        let weight = self.others * (1.0 - count / self.most as f64);
+        std::array::from_fn(|at| {
+            self.sum[at] += value[at] - gone[at];
+            (self.sum[at] + weight * others[at]) / (count + weight)
+        })
     }
 }
 

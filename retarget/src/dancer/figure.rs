@@ -5,7 +5,7 @@
 //! body on four legs moves its trunk over them. Radians; lengths in leg lengths.
 
 use crate::dancer::{PoseTarget, soft_limit, turn};
-use k::nalgebra::Vector3;
+use k::nalgebra::{UnitQuaternion, Vector3};
 
 /// How far an arm leans back at rest, and its lower part points up, radians.
 const ARM_BACK: f64 = 0.25;
@@ -27,6 +27,17 @@ const MOST_BOW: f64 = 0.22;
 const MOST_TRUNK_TURN: f64 = 0.2;
 /// How far raised hands lift the front, radians.
 const BOW_PER_HANDS: f64 = 0.15;
+
+/// Rods' lengths of a plate's shift for a leg length of sway; the most of it, and of its tilt,
+/// nod and look: what six rods can reach together.
+const PLATE_PER_SWAY: f64 = 1.5;
+const MOST_PLATE_SHIFT: f64 = 0.15;
+const MOST_PLATE_TILT: f64 = 0.2;
+const MOST_PLATE_NOD: f64 = 0.3;
+const MOST_PLATE_LOOK: f64 = 0.45;
+
+/// An antenna's angle from upright for an arm's.
+const SPREAD: f64 = 0.45;
 
 /// How high the hands are, -1 hanging to 1 raised: left, right.
 fn hands(aim: &PoseTarget) -> [f64; 2] {
@@ -51,6 +62,29 @@ pub(crate) fn arm_figure(aim: &PoseTarget) -> PoseTarget {
         forearm: [turned * lower.normalize(); 2],
         ..*aim
     }
+}
+
+/// Antennas stand up where the dancer's arms are raised, and spread outward where they hang.
+pub(crate) fn antenna_figure(aim: &PoseTarget) -> PoseTarget {
+    let raised = hands(aim);
+    let outward = [Vector3::y(), -Vector3::y()];
+    let antenna = |side: usize| {
+        let from_up = SPREAD * raised[side].clamp(-1.0, 1.0).acos();
+        Vector3::z() * from_up.cos() + outward[side] * from_up.sin()
+    };
+    PoseTarget { upper_arm: [antenna(0), antenna(1)], ..*aim }
+}
+
+/// What a head on a platform does: its turn, and its shift in lengths of a rod. Besides
+/// looking where the dancer looks it tilts and bobs with the body.
+pub(crate) fn plate_figure(aim: &PoseTarget) -> (UnitQuaternion<f64>, Vector3<f64>) {
+    let face = aim.face;
+    let nod = soft_limit((-face.z).atan2(face.x.hypot(face.y)), MOST_PLATE_NOD);
+    let look = soft_limit(face.y.atan2(face.x), MOST_PLATE_LOOK);
+    let tilt = soft_limit(aim.chest.scaled_axis().x, MOST_PLATE_TILT);
+    let turn = UnitQuaternion::from_euler_angles(tilt, nod, look);
+    let shift = aim.sway.map(|part| soft_limit(part * PLATE_PER_SWAY, MOST_PLATE_SHIFT));
+    (turn, shift)
 }
 
 /// Where the trunk of a body on four legs is, seen from its place at rest: x, y, z in leg

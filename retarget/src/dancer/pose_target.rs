@@ -106,10 +106,7 @@ impl PoseReader {
         self.averages.observe(points);
         self.usual = match led {
             Some((usual, share)) if share < 1.0 => self.averages.usual.toward(&usual, share),
-            Some((usual, _)) => {
-                self.averages.usual = usual; // nothing jumps when they leave
-                usual
-            }
+            Some((usual, _)) => usual,
             None => self.averages.usual,
         };
         let seen = PostureSample::of(points, self.usual.heading);

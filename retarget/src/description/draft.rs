@@ -7,7 +7,7 @@
 use servodance_types::JointLimits;
 
 use crate::config::{BodyKind, BodyLinks, Limb, RetargetConfig, RetargetError, Stance};
-use crate::description::guess::{Anatomy, BodyAxes, anatomy, capsules};
+use crate::description::guess::{Anatomy, BodyAxes, MeshReader, anatomy, capsules};
 use crate::description::{Description, guess::words::NameWords, joints::mimic_numbers};
 use crate::kinematics::{BodyMap, RobotModel};
 use crate::retargeter::Retargeter;
@@ -65,9 +65,14 @@ pub struct ConfigDraft {
 }
 
 /// Drafts the `[retarget]` table and the joints of a robot from its URDF; the kind of
-/// body is guessed where it is not given.
+/// body is guessed where it is not given. `meshes` are asked where a foot or hand has no
+/// other shape.
 /// Fails where [`Retargeter::new`] would, and where nothing can show a dance.
-pub fn draft_config(urdf_xml: &str, kind: Option<BodyKind>) -> Result<ConfigDraft, RetargetError> {
+pub fn draft_config(
+    urdf_xml: &str,
+    kind: Option<BodyKind>,
+    meshes: &MeshReader,
+) -> Result<ConfigDraft, RetargetError> {
     let description = Description::from_urdf(urdf_xml)?;
     let names: Vec<&str> = description.drives().map(|j| j.name.as_str()).collect();
     if names.is_empty() {
@@ -75,7 +80,7 @@ pub fn draft_config(urdf_xml: &str, kind: Option<BodyKind>) -> Result<ConfigDraf
     }
     let mut model = RobotModel::of_description(&description, &names)?;
     let positions = description.zero_positions(model.joint_names());
-    let anatomy = anatomy(&model, &positions, kind);
+    let anatomy = anatomy(&model, &positions, kind, meshes);
     let Some(guess) = anatomy.kind.clone() else {
         return Err(RetargetError::Tree(no_such_body(kind)));
     };

@@ -190,7 +190,7 @@ impl TorqueEstimator {
                 JointMotion::Prismatic(axis) => {
                     (pose.rotation * axis.into_inner()).dot(&self.forces[index])
                 }
-                JointMotion::Fixed => 0.0,
+                JointMotion::Fixed | JointMotion::Platform => 0.0,
             };
             self.torque_nm[drive.joint] += drive.scale * torque;
         }

@@ -40,7 +40,7 @@ pub(crate) fn rigid_links(
             origin: placement(&link.still_pose()),
             motion: match link.motion {
                 _ if link.drive.is_none() => LinkMotion::Fixed,
-                JointMotion::Fixed => LinkMotion::Fixed,
+                JointMotion::Fixed | JointMotion::Platform => LinkMotion::Fixed,
                 JointMotion::Revolute(axis) => LinkMotion::Revolute(axis.into_inner().into()),
                 JointMotion::Prismatic(axis) => LinkMotion::Prismatic(axis.into_inner().into()),
             },

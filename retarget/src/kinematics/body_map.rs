@@ -6,7 +6,7 @@
 //! the movement that only it could show.
 
 use crate::config::{BodyLinks, Limb, RetargetConfig, RetargetError};
-use crate::description::{guess::anatomy, guess::words::SIDES};
+use crate::description::guess::{anatomy, no_meshes, words::SIDES};
 use crate::kinematics::RobotModel;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -39,7 +39,8 @@ impl BodyMap {
     /// The parts named in `config`, the others guessed.
     pub fn new(model: &RobotModel, config: &RetargetConfig) -> Result<Self, RetargetError> {
         let n: &BodyLinks = &config.body;
-        let guess = anatomy(model, &vec![0.0; model.joint_names().len()], Some(config.kind));
+        let guess =
+            anatomy(model, &vec![0.0; model.joint_names().len()], Some(config.kind), &no_meshes);
         let find = |part: &str, name: &Option<String>| match name {
             Some(name) => model.named(name, part).map(Some),
             None => Ok(None),

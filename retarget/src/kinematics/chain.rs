@@ -12,9 +12,9 @@ use std::collections::HashMap;
 
 use k::nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use crate::config::{CapsuleConfig, RetargetConfig, RetargetError, Tip, choices};
+use crate::config::{CapsuleConfig, RetargetConfig, RetargetError, RodConfig, Tip, choices};
 use crate::description::{Description, held_position, is_driven};
-use crate::kinematics::{Capsule, LinkShapes, MeshVisual, Visual};
+use crate::kinematics::{Capsule, JointDrive, LinkShapes, MeshVisual, Platform, Rod, Visual};
 
 const PLACEHOLDER_NM: f64 = 1000.0;
 
@@ -23,14 +23,8 @@ pub(crate) enum JointMotion {
     Fixed,
     Revolute(Unit<Vector3<f64>>),
     Prismatic(Unit<Vector3<f64>>),
-}
-
-/// Position of a link's joint: `scale * positions[joint] + offset`.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct JointDrive {
-    pub joint: usize,
-    pub scale: f64,
-    pub offset: f64,
+    /// Six rods carry it: see [`Platform`].
+    Platform,
 }
 
 #[derive(Clone, Debug)]
@@ -61,7 +55,7 @@ impl ChainLink {
             drive.scale * positions.get(drive.joint).copied().unwrap_or(0.0) + drive.offset
         });
         match self.motion {
-            JointMotion::Fixed => self.origin,
+            JointMotion::Fixed | JointMotion::Platform => self.origin,
             JointMotion::Revolute(axis) => {
                 self.origin * UnitQuaternion::from_axis_angle(&axis, position)
             }
@@ -93,6 +87,7 @@ pub struct RobotModel {
     segments: Vec<(usize, usize)>,
     shapes: LinkShapes,
     pub(crate) capsules: Vec<Capsule>,
+    pub(crate) platform: Option<Box<Platform>>,
     mass_kg: f64,
     /// Effort limit of each driven joint; `None` where unset or a placeholder.
     pub(crate) effort_nm: Vec<Option<f64>>,
@@ -117,6 +112,7 @@ impl RobotModel {
             description.couple(coupling)?;
         }
         let mut model = Self::of_description(&description, joints)?;
+        model.add_platform(&config.rod)?;
         model.add_tips(&config.tip)?;
         model.add_capsules(&config.capsule)?;
         Ok(model)
@@ -136,6 +132,7 @@ impl RobotModel {
             segments: Vec::new(),
             shapes: LinkShapes::default(),
             capsules: Vec::new(),
+            platform: None,
             mass_kg: 0.0,
             effort_nm: vec![None; joints.len()],
         };
@@ -279,6 +276,71 @@ impl RobotModel {
         Ok(())
     }
 
+    /// Lets six rods carry a plate that the description fixes to its parent.
+    fn add_platform(&mut self, rods: &[RodConfig]) -> Result<(), RetargetError> {
+        let Some(first) = rods.first() else { return Ok(()) };
+        let refused = |link: &str, reason: &str| RetargetError::Link {
+            link: link.to_owned(),
+            reason: reason.to_owned(),
+        };
+        let plate = self.named(&first.plate, "rod.plate")?;
+        let (Some(carrier), JointMotion::Fixed) =
+            (self.links[plate].parent, self.links[plate].motion)
+        else {
+            return Err(refused(&first.plate, "the plate of rods must be fixed to a link"));
+        };
+        let poses = self.link_poses(&[]);
+        let in_carrier = poses[carrier].inverse();
+        let mut all = Vec::new();
+        for rod in rods {
+            if rod.plate != first.plate {
+                return Err(refused(&rod.plate, "all rods carry one plate"));
+            }
+            let crank = self.named(&rod.crank, "rod.crank")?;
+            let link = &self.links[crank];
+            let (Some(drive), JointMotion::Revolute(axis)) = (link.drive, link.motion) else {
+                return Err(refused(&rod.crank, "a rod's crank is turned by a servo"));
+            };
+            if link.parent != Some(carrier) {
+                return Err(refused(
+                    &rod.crank,
+                    "the cranks turn on the link that carries the plate",
+                ));
+            }
+            let (pin, socket) = (Point3::from(rod.pin_m), Point3::from(rod.socket_m));
+            let length_m = (poses[crank] * pin - poses[plate] * socket).norm();
+            let origin = in_carrier * poses[carrier] * link.still_pose();
+            all.push(Rod { drive, crank, axis, origin, pin, socket, length_m });
+        }
+        let count = all.len();
+        let rods: [Rod; 6] = all.try_into().map_err(|_| {
+            refused(&first.plate, &format!("{count} rods carry it: a platform has six"))
+        })?;
+        let above = self.driven_ancestors[plate].len();
+        let carried: Vec<usize> =
+            (0..self.links.len()).filter(|&link| self.is_below(link, plate)).collect();
+        for link in carried {
+            let cranks = rods.iter().map(|rod| DrivenAncestor {
+                joint: rod.drive.joint,
+                link: plate,
+                scale: 1.0,
+            });
+            self.driven_ancestors[link].splice(above..above, cranks);
+        }
+        self.links[plate].motion = JointMotion::Platform;
+        let home = self.links[plate].origin;
+        self.platform = Some(Box::new(Platform { plate, carrier, home, rods }));
+        Ok(())
+    }
+
+    /// Pose of a link in its parent.
+    fn local(&self, link: usize, positions: &[f64]) -> Isometry3<f64> {
+        match &self.platform {
+            Some(platform) if platform.plate == link => platform.plate_in_carrier(positions),
+            _ => self.links[link].local(positions),
+        }
+    }
+
     fn add_capsules(&mut self, capsules: &[CapsuleConfig]) -> Result<(), RetargetError> {
         for capsule in capsules {
             self.capsules.push(Capsule {
@@ -315,7 +377,7 @@ impl RobotModel {
     ) {
         for (index, link) in self.links.iter().enumerate() {
             let base = link.parent.map_or(*root, |parent| poses[parent]);
-            poses[index] = base * link.local(positions);
+            poses[index] = base * self.local(index, positions);
         }
     }
 
@@ -323,7 +385,7 @@ impl RobotModel {
     pub(crate) fn link_pose(&self, link: usize, positions: &[f64]) -> Isometry3<f64> {
         let mut pose = Isometry3::identity();
         for index in self.ancestors(link) {
-            pose = self.links[index].local(positions) * pose;
+            pose = self.local(index, positions) * pose;
         }
         pose
     }

@@ -3,7 +3,7 @@
 //! Unknowns are the joints, then (for a robot on its feet) shift and turn of
 //! the root link in the world.
 
-use crate::kinematics::{DrivenAncestor, JointMotion, RobotModel};
+use crate::kinematics::{DrivenAncestor, JointMotion, RobotModel, Twist};
 use crate::solver::JacobianColumn;
 use k::nalgebra::{Isometry3, Point3, Vector3};
 
@@ -11,9 +11,23 @@ use k::nalgebra::{Isometry3, Point3, Vector3};
 pub(crate) struct PosedRobot<'a> {
     pub model: &'a RobotModel,
     pub poses: &'a [Isometry3<f64>],
+    /// Of the plate of a platform, for each crank.
+    twists: Option<[Twist; 6]>,
 }
 
-impl PosedRobot<'_> {
+impl<'a> PosedRobot<'a> {
+    pub fn new(model: &'a RobotModel, poses: &'a [Isometry3<f64>]) -> Self {
+        let twists = model.platform.as_ref().map(|platform| platform.twists(poses));
+        Self { model, poses, twists }
+    }
+
+    /// Velocity of the platform's plate for the ancestor's crank.
+    fn twist(&self, ancestor: &DrivenAncestor) -> Option<&Twist> {
+        let mut rods = self.model.platform.as_ref()?.rods.iter();
+        let rod = rods.position(|rod| rod.drive.joint == ancestor.joint)?;
+        self.twists.as_ref().map(|twists| &twists[rod])
+    }
+
     pub fn origin(&self, link: usize) -> Point3<f64> {
         Point3::from(self.poses[link].translation.vector)
     }
@@ -26,6 +40,9 @@ impl PosedRobot<'_> {
                 (pose.rotation * axis.into_inner()).cross(&(point.coords - pose.translation.vector))
             }
             JointMotion::Prismatic(axis) => pose.rotation * axis.into_inner(),
+            JointMotion::Platform => self.twist(ancestor).map_or(Vector3::zeros(), |twist| {
+                twist.shift + twist.turn.cross(&(point.coords - pose.translation.vector))
+            }),
             JointMotion::Fixed => Vector3::zeros(),
         };
         rate * ancestor.scale
@@ -77,10 +94,17 @@ impl Jacobian {
     /// Adds the turning rates of `link` by the joints.
     pub fn add_rotation(&mut self, robot: &PosedRobot, link: usize) {
         for ancestor in &robot.model.driven_ancestors[link] {
-            if let JointMotion::Revolute(axis) = robot.model.links[ancestor.link].motion {
-                let rate = robot.poses[ancestor.link].rotation * axis.into_inner() * ancestor.scale;
-                self.add(ancestor.joint, rate);
-            }
+            let rate = match robot.model.links[ancestor.link].motion {
+                JointMotion::Revolute(axis) => {
+                    robot.poses[ancestor.link].rotation * axis.into_inner() * ancestor.scale
+                }
+                JointMotion::Platform => match robot.twist(ancestor) {
+                    Some(twist) => twist.turn,
+                    None => continue,
+                },
+                JointMotion::Fixed | JointMotion::Prismatic(_) => continue,
+            };
+            self.add(ancestor.joint, rate);
         }
     }
 

@@ -3,11 +3,15 @@
 mod body_map;
 mod chain;
 mod jacobian;
+mod joint_drive;
+mod platform;
 mod shapes;
 
 pub(crate) use body_map::BodyMap;
 pub use chain::RobotModel;
 pub(crate) use chain::{DrivenAncestor, JointMotion};
 pub(crate) use jacobian::{Jacobian, PosedRobot};
+pub(crate) use joint_drive::JointDrive;
+pub(crate) use platform::{Platform, Rod, Twist};
 pub(crate) use shapes::{Capsule, LinkShapes, capsule_of};
 pub use shapes::{MeshVisual, Shape, Visual};

@@ -55,7 +55,7 @@ impl CollisionLimit {
         allowed: &[(f64, f64)],
         wanted: &mut [f64],
     ) -> bool {
-        let robot = PosedRobot { model, poses };
+        let robot = PosedRobot::new(model, poses);
         for (joint, step) in self.step.iter_mut().enumerate() {
             *step = wanted[joint] - now[joint];
         }

@@ -9,7 +9,7 @@ use super::Retargeter;
 use crate::balance::GovernorInput;
 use crate::config::{BodyKind, EVERY_LIMB, Limb, RetargetError};
 use crate::contact::{FootStepper, PelvisTrajectory, StepContext};
-use crate::dancer::{BodyPoints, PoseTarget, arm_figure, mirrored, trunk_figure};
+use crate::dancer::{BodyPoints, PoseTarget, antenna_figure, arm_figure, mirrored, trunk_figure};
 use crate::dynamics::StanceFoot;
 use crate::solver::{SolverGoal, SolverInput};
 
@@ -87,6 +87,7 @@ impl Retargeter {
     fn figure(&self, target: PoseTarget) -> PoseTarget {
         match self.kind {
             BodyKind::Arm => arm_figure(&target),
+            BodyKind::Head => antenna_figure(&target),
             _ => target,
         }
     }

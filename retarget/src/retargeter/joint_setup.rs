@@ -1,12 +1,16 @@
 //! Limits and strength of the joints as configured, and the way up.
 
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 
 use crate::config::{Limb, RetargetConfig, RetargetError, choices};
 use crate::dynamics::TorqueEstimator;
-use crate::kinematics::RobotModel;
-use k::nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use crate::kinematics::{JointMotion, RobotModel};
+use k::nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
+
+/// Cosine of the angle to the vertical up to which an axis counts as upright.
+const UPRIGHT: f64 = 0.8;
 
 /// The limits as used: rates lowered to `margin`.
 pub(super) fn usable_limits(
@@ -26,6 +30,32 @@ pub(super) fn usable_limits(
             })
         })
         .collect()
+}
+
+/// The joints whose axis is upright in the rest pose.
+pub(super) fn yaw_joints(model: &RobotModel, upright: &Isometry3<f64>, rest: &[f64]) -> Vec<usize> {
+    let mut poses = vec![Isometry3::identity(); model.links.len()];
+    model.place(upright, rest, &mut poses);
+    let own = model.links.iter().zip(&poses).filter_map(|(link, pose)| match link.motion {
+        JointMotion::Revolute(axis) if (pose.rotation * axis).z.abs() > UPRIGHT => {
+            link.drive.map(|drive| drive.joint)
+        }
+        _ => None,
+    });
+    let mut joints: Vec<usize> = own.collect();
+    joints.sort_unstable();
+    joints.dedup();
+    joints
+}
+
+/// A joint that turns about the vertical has more than one way round to a pose, and one that
+/// goes round again winds up its cables: it keeps to a quarter turn either way.
+pub(super) fn keep_near_rest(yaws: &[usize], rest: &[f64], limits: &mut [JointLimits]) {
+    for &joint in yaws {
+        let limits = &mut limits[joint];
+        limits.lower_rad = limits.lower_rad.max(rest[joint] - FRAC_PI_2);
+        limits.upper_rad = limits.upper_rad.min(rest[joint] + FRAC_PI_2);
+    }
 }
 
 /// Torque and heat of the motors: limits as configured, else the URDF's.

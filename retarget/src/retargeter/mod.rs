@@ -41,6 +41,7 @@ pub struct Retargeter {
     limbs: Vec<Limb>,
     stands_on: Vec<bool>,
     rest: Vec<f64>,
+    yaws: Vec<usize>,
     gains: Gains,
     amplitude: f64,
     /// Share of the amplitude that the robot's senses allow.
@@ -116,10 +117,8 @@ impl Retargeter {
             BodyKind::Quadruped => BodyMap { arms: Default::default(), ..map },
             _ => map,
         };
-        let search = ArmSearch::new(&model, &searched, config.weights, &limits, dt_s);
         let limbs = map.limbs(&model);
         let is_leg = |limb: &Limb| matches!(limb, Limb::LeftLeg | Limb::RightLeg);
-        let bounds = limits.iter().map(|l| (l.lower_rad, l.upper_rad)).collect();
         let upright = Isometry3::from_parts(Translation3::identity(), upright);
         let loads = match config.kind {
             BodyKind::Quadruped => vec![Limb::Torso; limbs.len()],
@@ -142,6 +141,10 @@ impl Retargeter {
             Footing::Four(feet) => (None, Some(*feet)),
         };
         let rest = solver.positions.clone();
+        let yaws = joint_setup::yaw_joints(&model, &upright, &rest);
+        joint_setup::keep_near_rest(&yaws, &rest, &mut limits);
+        let search = ArmSearch::new(&model, &searched, config.weights, &limits, dt_s);
+        let bounds = limits.iter().map(|l| (l.lower_rad, l.upper_rad)).collect();
         let mut retargeter = Self {
             stands_on: limbs.iter().map(|l| stands && is_leg(l)).collect(),
             limbs,
@@ -177,6 +180,7 @@ impl Retargeter {
             solver,
             search,
             rest: rest.clone(),
+            yaws,
         };
         retargeter.start_at(&rest);
         Ok(retargeter)
@@ -351,6 +355,11 @@ impl Retargeter {
             }
         };
         joint_loads(&self.model, &self.rest_poses(), &carries)
+    }
+
+    /// The joints that turn about the vertical at rest: they stay within a quarter turn of it.
+    pub fn yaw_joints(&self) -> &[usize] {
+        &self.yaws
     }
 
     /// The joints that do not belong to legs.

@@ -8,7 +8,7 @@ use crate::balance::ZmpGovernor;
 use crate::config::{BodyKind, RetargetConfig, RetargetError, Stance};
 use crate::contact::capsules;
 use crate::contact::{FootStepper, FourFeet, PelvisTrajectory, PlantedStance, SupportPolygon};
-use crate::dancer::{PoseTarget, arm_figure};
+use crate::dancer::{PoseTarget, antenna_figure, arm_figure};
 use crate::kinematics::{BodyMap, RobotModel};
 use crate::solver::{BodySolver, SolverGoal, SolverInput, SolverScope};
 
@@ -61,6 +61,7 @@ impl RestSearch<'_> {
         let standing = PoseTarget::standing();
         let standing = match self.config.kind {
             BodyKind::Arm => arm_figure(&standing),
+            BodyKind::Head => antenna_figure(&standing),
             _ => standing,
         };
         self.solver.solve(

@@ -10,8 +10,8 @@
 
 use crate::config::TaskWeights;
 use crate::contact::{CapsulePair, SupportPolygon};
-use crate::dancer::PoseTarget;
-use crate::kinematics::{BodyMap, Jacobian, PosedRobot, RobotModel};
+use crate::dancer::{PoseTarget, plate_figure};
+use crate::kinematics::{BodyMap, Jacobian, Platform, PosedRobot, RobotModel};
 use crate::solver::{BoxLeastSquares, LimbTask, capped, direction_row};
 use k::nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
@@ -83,6 +83,8 @@ pub(crate) struct BodySolver {
     legs_stand: bool,
     /// Orientation of the chest link when the robot stands upright.
     chest_rest: UnitQuaternion<f64>,
+    /// Orientation of the head link when the robot stands upright, and its face in it.
+    head_upright: UnitQuaternion<f64>,
     face_in_head: Vector3<f64>,
     pub positions: Vec<f64>,
     pub base: Isometry3<f64>,
@@ -133,6 +135,7 @@ impl BodySolver {
             floating,
             legs_stand: role != SolverScope::Hung,
             chest_rest: upright * in_root(map.chest),
+            head_upright,
             face_in_head: head_upright.inverse() * Vector3::x(),
             base: Isometry3::from_parts(Translation3::identity(), upright),
             map,
@@ -164,8 +167,47 @@ impl BodySolver {
     }
 
     pub fn solve(&mut self, model: &RobotModel, input: &SolverInput) {
+        if let SolverGoal::Dance(aim) = input.goal {
+            self.set_cranks(model, aim, input.bounds);
+        }
         for _ in 0..input.steps {
             self.step(model, input);
+        }
+    }
+
+    /// The platform that carries the head, and the head's link.
+    fn head_on_platform<'a>(&self, model: &'a RobotModel) -> Option<(&'a Platform, usize)> {
+        let (platform, head) = model.platform.as_deref().zip(self.map.head)?;
+        model.is_below(head, platform.plate).then_some((platform, head))
+    }
+
+    /// Where the plate puts the head as the dancer has his, links being at `poses`.
+    fn plate_in_world(
+        &self,
+        platform: &Platform,
+        poses: &[Isometry3<f64>],
+        head: usize,
+        aim: &PoseTarget,
+    ) -> Isometry3<f64> {
+        let (turn, shift) = plate_figure(aim);
+        let head_from_plate = poses[head].rotation.inverse() * poses[platform.plate].rotation;
+        let home = poses[platform.carrier] * platform.home;
+        let at = home.translation.vector + shift * platform.rods[0].length_m;
+        Isometry3::from_parts(at.into(), turn * self.head_upright * head_from_plate)
+    }
+
+    /// Turns the cranks to where the plate's pose has them, or as far as they may go. The
+    /// steps leave them there.
+    fn set_cranks(&mut self, model: &RobotModel, aim: &PoseTarget, bounds: &[(f64, f64)]) {
+        let Some((platform, head)) = self.head_on_platform(model) else { return };
+        model.place(&self.base, &self.positions, &mut self.poses);
+        let wanted = self.plate_in_world(platform, &self.poses, head, aim);
+        let in_carrier = self.poses[platform.carrier].inverse() * wanted;
+        let Some(cranks) = platform.crank_rad(&in_carrier) else { return };
+        for (rod, crank) in platform.rods.iter().zip(cranks) {
+            let (joint, (low, high)) = (rod.drive.joint, bounds[rod.drive.joint]);
+            let at = (crank - rod.drive.offset) / rod.drive.scale;
+            self.positions[joint] = at.max(low).min(high);
         }
     }
 
@@ -175,7 +217,7 @@ impl BodySolver {
         self.solver.clear();
         // Taken out for the while, so that the parts can be borrowed apart.
         let poses = std::mem::take(&mut self.poses);
-        let robot = PosedRobot { model, poses: &poses };
+        let robot = PosedRobot::new(model, &poses);
         match input.goal {
             SolverGoal::Dance(aim) => {
                 self.add_limb_tasks(&robot, aim);
@@ -210,7 +252,7 @@ impl BodySolver {
             let away = self.positions[column] - rest;
             self.solver.add_scalar(self.weights.posture, away, column);
         }
-        self.set_bounds(input);
+        self.set_bounds(model, input);
         let step = self.solver.solve(&self.low, &self.high);
         for (column, position) in self.positions.iter_mut().enumerate() {
             *position += step[column];
@@ -224,13 +266,17 @@ impl BodySolver {
         }
     }
 
-    fn set_bounds(&mut self, input: &SolverInput) {
+    fn set_bounds(&mut self, model: &RobotModel, input: &SolverInput) {
         let joints = self.positions.len();
         for column in 0..joints {
             let now = self.positions[column];
             let (low, high) = input.bounds[column];
             self.low[column] = (low - now).clamp(-LONGEST_STEP, LONGEST_STEP);
             self.high[column] = (high - now).clamp(-LONGEST_STEP, LONGEST_STEP);
+        }
+        let platform = self.head_on_platform(model);
+        for rod in platform.into_iter().flat_map(|(platform, _)| &platform.rods) {
+            (self.low[rod.drive.joint], self.high[rod.drive.joint]) = (0.0, 0.0);
         }
         self.low[joints..].fill(-LONGEST_STEP);
         self.high[joints..].fill(LONGEST_STEP);
@@ -261,7 +307,8 @@ impl BodySolver {
 
     fn add_trunk_tasks(&mut self, robot: &PosedRobot, aim: &PoseTarget) {
         let TaskWeights { torso, head, .. } = self.weights;
-        if let Some(link) = self.map.head {
+        // A head on a platform has its pose from its cranks.
+        if let (Some(link), None) = (self.map.head, self.head_on_platform(robot.model)) {
             let now = robot.poses[link].rotation * self.face_in_head;
             self.jacobian.add_rotation(robot, link);
             self.jacobian.map(|column| column.cross(&now));

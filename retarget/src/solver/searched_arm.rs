@@ -21,6 +21,9 @@ const COMBINED: usize = 3;
 /// 0.1 is what a forearm wrong by 36 degrees costs.
 const CLEARLY: f64 = 0.7;
 const AT_LEAST: f64 = 0.1;
+/// What a radian from rest costs beside that: of poses that show the dancer alike the one
+/// nearer to rest is taken, however the arm came to where it is.
+const AWAY_FROM_REST: f64 = 0.2;
 const POSE_WORK: u64 = 60;
 /// Searches in a row that must find one.
 const IN_A_ROW: usize = 3;
@@ -273,7 +276,7 @@ impl SearchedArm {
         trial.set(&self.joints, &self.at);
         self.place(problem.model, trial);
         self.solver.work += POSE_WORK * self.links.len() as u64;
-        let robot = PosedRobot { model: problem.model, poses: &trial.poses };
+        let robot = PosedRobot::new(problem.model, &trial.poses);
         let aim = problem.aim;
         let wanted = [aim.upper_arm[self.side], aim.forearm[self.side]];
         let (solver, joints, own) = (&mut self.solver, &self.joints, &mut self.columns);
@@ -292,7 +295,7 @@ impl SearchedArm {
             let away = self.at[index] - problem.rest[joint];
             solver.add_scalar(problem.weights.posture, away, index);
             solver.add_scalar(damping, 0.0, index);
-            cost += (problem.weights.posture * away).powi(2);
+            cost += (AWAY_FROM_REST * away).powi(2);
         }
         cost
     }

@@ -54,6 +54,12 @@ fn choose_for(buses: &[BusLayout], given: &[String]) -> anyhow::Result<Vec<BusCh
     if given == ["sim"] {
         return Ok(vec![BusChoice::Sim; buses.len()]);
     }
+    // A controller has all joints.
+    if let [one] = given
+        && one.starts_with("ros2:")
+    {
+        return Ok(vec![BusChoice::parse(one)?; buses.len()]);
+    }
     let names: Vec<&str> = buses.iter().map(|bus| bus.config.name.as_str()).collect();
     let wanted =
         names.iter().map(|name| format!("--bus {name}=serial:PATH")).collect::<Vec<_>>().join(" ");
@@ -137,6 +143,8 @@ mod tests {
         check(&["left", "right"], &["sim"], &["sim", "sim"]);
         check(&["left", "right"], &[right, left], &["serial:/dev/ttyUSB0", "can:can0"]);
         check(&["left", "right"], &["left=sim", right], &["sim", "can:can0"]);
+        let ros2 = "ros2:127.0.0.1:9090/g1";
+        check(&["left", "right"], &[ros2], &[ros2, ros2]);
     }
 
     #[test]

@@ -16,7 +16,8 @@ use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
 use crate::world::{BodyReport, RobotWorld, WorldChoice};
 use anyhow::Context;
 use servodance_drivers::{
-    Bus, BusLayout, EStop, ImuKind, SafeBus, SerialImu, ServoErrors, State, Transition, open_buses,
+    Bus, BusLayout, EStop, ImuKind, Port, SafeBus, SerialImu, ServoErrors, State, Transition,
+    open_buses,
 };
 use servodance_retarget::Retargeter;
 use servodance_sim::{
@@ -116,7 +117,11 @@ impl RobotBuses {
         if has_real && plan.world != WorldChoice::None {
             anyhow::bail!("--world needs the simulated bus: real servos are in the real world");
         }
-        if has_real && robot.placeholder_servos {
+        // A controller on ROS 2 knows its motors itself.
+        let has_servos = choices.iter().any(
+            |choice| matches!(choice, BusChoice::Port(port) if !matches!(port, Port::Ros2(_))),
+        );
+        if has_servos && robot.placeholder_servos {
             let name = &robot.name;
             anyhow::bail!(
                 "{name}: its servos are placeholders: fill in [bus] and each [[joint]], then remove \

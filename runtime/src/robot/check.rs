@@ -3,6 +3,7 @@
 
 use super::description_text::read_description;
 use super::loaded::Robot;
+use super::meshes::mesh_reader;
 use super::robot_file::RobotError;
 use crate::physics::StanceCheck;
 use serde::Serialize;
@@ -80,7 +81,11 @@ pub fn check(file: &str) -> Checked {
     match read_description(Path::new(file)) {
         Ok(text) => {
             let checked = Checked::new(file, lint(&text));
-            let body = if checked.usable { guess_body(&text) } else { None };
+            let body = if checked.usable {
+                guess_body(&text, &mesh_reader(Path::new(file)))
+            } else {
+                None
+            };
             Checked { body, ..checked }
         }
         Err(error) => {

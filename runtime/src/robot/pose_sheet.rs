@@ -2,7 +2,8 @@
 //! rest, arms out, arms up and bent knees, to see at a glance that its parts are right.
 
 use crate::robot::Robot;
-use crate::telemetry::picture::robot_figure::robot_figure;
+use crate::robot::meshes::{Meshes, SurfacePoint};
+use crate::telemetry::picture::robot_figure::meshed_figure;
 use crate::telemetry::picture::{ContactSheet, PoseRow, StickFigure};
 use servodance_model::motion::skeleton::BONE_LENGTH_M;
 use servodance_types::BodyJoint::{self, *};
@@ -13,6 +14,8 @@ const POSES: [&str; 4] = ["rest", "arms out", "arms up", "knees bent"];
 const HELD_S: f64 = 4.0;
 /// Height and width of a figure in its cell are drawn alike up to this ratio.
 const WIDEST: f64 = 1.5;
+/// Points that a robot's meshes are drawn with.
+const DOTS: usize = 6000;
 /// Letters of a label.
 const LABEL: usize = 32;
 
@@ -31,9 +34,11 @@ pub fn pose_sheet(robots: &[Robot]) -> anyhow::Result<Vec<u8>> {
 
 fn row(robot: &Robot) -> anyhow::Result<PoseRow> {
     let humans: Vec<MotionFrame> = (0..POSES.len()).map(human).collect();
+    let model = robot.retargeter()?.model().clone();
+    let surface = Meshes::load(robot, &model).surface(DOTS);
     let mut shown = Vec::new();
     for human in &humans {
-        shown.push(held(robot, human)?);
+        shown.push(held(robot, human, &surface)?);
     }
     let tall = shown
         .iter()
@@ -61,7 +66,11 @@ fn row(robot: &Robot) -> anyhow::Result<PoseRow> {
 }
 
 /// The robot after it has seen the human hold a pose.
-fn held(robot: &Robot, human: &MotionFrame) -> anyhow::Result<StickFigure> {
+fn held(
+    robot: &Robot,
+    human: &MotionFrame,
+    surface: &[SurfacePoint],
+) -> anyhow::Result<StickFigure> {
     let mut retargeter = robot.retargeter()?;
     let mut positions = retargeter.rest().to_vec();
     let ahead_s = retargeter.lookahead_s() + HELD_S;
@@ -72,7 +81,7 @@ fn held(robot: &Robot, human: &MotionFrame) -> anyhow::Result<StickFigure> {
         retargeter.next(cycle as f64 * robot.period_s(), &mut positions)?;
     }
     let root = retargeter.world_from_root(&positions);
-    Ok(robot_figure(retargeter.model(), &root, &positions))
+    Ok(meshed_figure(retargeter.model(), &root, &positions, surface))
 }
 
 /// The human in one of the [`POSES`]: x left, y up, z forward, metres.
@@ -120,7 +129,7 @@ mod tests {
     #[test]
     fn raised_arms_of_the_human_are_raised_arms_of_the_robot() {
         let robot = Robot::load("torso13").unwrap();
-        let [rest, up] = [0, 2].map(|pose| held(&robot, &human(pose)).unwrap());
+        let [rest, up] = [0, 2].map(|pose| held(&robot, &human(pose), &[]).unwrap());
         let highest = |figure: &StickFigure| {
             figure.limbs.iter().map(|limb| limb.to[2]).fold(f64::NEG_INFINITY, f64::max)
         };

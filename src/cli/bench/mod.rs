@@ -5,6 +5,7 @@ pub mod bus;
 pub mod model;
 pub mod retarget;
 pub mod stage;
+pub mod start_frame;
 pub mod sync;
 pub mod world;
 
@@ -33,6 +34,8 @@ pub enum What {
     Retarget(retarget::Args),
     /// Whether a robot stays on its feet while it dances, in the simulated world.
     World(world::Args),
+    /// How far apart dances of one motion are that begin at different frames.
+    StartFrame(start_frame::Args),
     /// How far apart robots on a network are, and what becomes of them when it breaks.
     Stage(stage::Args),
     /// How far apart the music and the robot are, by one clock.
@@ -46,6 +49,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         What::Model(args) => model::run(args),
         What::Retarget(args) => retarget::run(args),
         What::Stage(args) => stage::run(args),
+        What::StartFrame(args) => start_frame::run(args),
         What::Sync(args) => sync::run(args),
         What::World(args) => world::run(args),
     }

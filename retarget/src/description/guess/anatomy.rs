@@ -4,7 +4,8 @@ use k::nalgebra::Point3;
 
 use super::axes::{self, BodyAxes};
 use super::kind::KindGuess;
-use super::limb::{FoundLimb, LimbKind, LinkTree, limb_lengths};
+use super::limb::{FoundLimb, LimbKind, limb_lengths};
+use super::link_tree::LinkTree;
 use super::words::SIDES;
 use crate::config::Tip;
 use crate::kinematics::RobotModel;

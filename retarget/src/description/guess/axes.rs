@@ -2,7 +2,8 @@
 
 use k::nalgebra::{Point3, Vector3};
 
-use super::limb::{FoundLimb, LinkTree, mean};
+use super::limb::{FoundLimb, mean};
+use super::link_tree::LinkTree;
 use super::shape::corners_of;
 
 /// Axes of the root link that point forward and up.
@@ -68,10 +69,10 @@ pub(super) fn find(
     let top = shoulders.or(head.map(|head| body.at(head)));
     let upward = match (hips, mean(&feet), top, head) {
         (Some(hips), Some(feet), _, _) if (hips - feet).norm() > 1e-2 => hips - feet,
-        (_, _, Some(shoulders), Some(head)) if (body.at(head) - shoulders).norm() > 1e-2 => {
-            body.at(head) - shoulders
-        }
-        (_, _, Some(top), _) => top - body.at(if chest == 0 { 0 } else { chest }),
+        // A head may look out ahead of the shoulders, which are above the base in any case.
+        (_, _, Some(top), _) if (top - body.at(0)).norm() > 5e-2 => top - body.at(0),
+        (_, _, Some(top), Some(head)) if (body.at(head) - top).norm() > 1e-2 => body.at(head) - top,
+        (_, _, Some(top), _) => top - body.at(chest),
         _ => Vector3::z(),
     };
     // What lies across is not up.
@@ -105,7 +106,7 @@ pub(super) fn sole(
     let foot =
         body.model.ancestors(link).take_while(|&up| drives_above(up) == drives_above(link)).last();
     let foot = foot.unwrap_or(link);
-    let mut corners = corners_of(body.model, foot, body.poses);
+    let mut corners = corners_of(body, foot);
     if corners.is_empty() {
         return None;
     }

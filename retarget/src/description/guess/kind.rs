@@ -1,7 +1,8 @@
 //! Which kind of body a robot has: by the names of its limbs, else by how many chains
 //! move and where they begin and end.
 
-use super::limb::{FoundLimb, LimbKind, LinkTree};
+use super::limb::{FoundLimb, LimbKind};
+use super::link_tree::LinkTree;
 use crate::config::BodyKind;
 use k::nalgebra::Vector3;
 
@@ -122,6 +123,7 @@ pub(super) fn lone_chain(body: &LinkTree) -> Option<Vec<usize>> {
     let named = longest.iter().any(|&link| body.words[link].is_arm());
     let head = longest.iter().any(|&link| body.words[link].is_head());
     let enough = joints >= ARM_JOINTS || (named && joints >= 2);
+    let enough = enough && !body.is_telescope(longest);
     (enough && alike < FINGERS && !head).then(|| longest.clone())
 }
 

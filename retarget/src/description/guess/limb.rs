@@ -1,13 +1,16 @@
 //! One arm or leg: from the trunk to its end, and where it bends.
 
-use k::nalgebra::{Isometry3, Point3, Vector3};
+use k::nalgebra::{Point3, Vector3};
 
+use super::link_tree::LinkTree;
 use super::shape::{far_end, rigid_with};
-use super::words::{ANKLE, ELBOW, FOREARM, HAND, KNEE, NameWords, SHANK, SOLE};
-use crate::kinematics::{JointMotion, RobotModel};
+use super::words::{ANKLE, ELBOW, FOREARM, HAND, KNEE, SHANK, SOLE};
+use crate::kinematics::JointMotion;
 
 /// Axes nearer to a segment than this cosine twist it; others bend it.
 const TWIST: f64 = 0.8;
+/// So many joints that slide, one after the other, are a telescope.
+const TELESCOPE: usize = 2;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LimbKind {
@@ -31,13 +34,6 @@ pub(super) struct FoundLimb {
     pub path: Vec<usize>,
 }
 
-pub(super) struct LinkTree<'a> {
-    pub model: &'a RobotModel,
-    pub words: &'a [NameWords],
-    pub poses: &'a [Isometry3<f64>],
-    pub children: &'a [Vec<usize>],
-}
-
 impl FoundLimb {
     pub fn is_there(&self) -> bool {
         self.top.is_some() && (self.middle.is_some() || self.end.is_some() || self.tip.is_some())
@@ -57,6 +53,20 @@ impl LinkTree<'_> {
         self.at(path.last().copied().unwrap_or(start))
     }
 
+    /// Whether a chain begins as a telescope: a tool at its end is no limb.
+    pub fn is_telescope(&self, path: &[usize]) -> bool {
+        let moved = path.iter().filter(|&&link| self.is_moved(link));
+        let slides =
+            |link: &&usize| matches!(self.model.links[**link].motion, JointMotion::Prismatic(_));
+        moved.take(TELESCOPE).filter(slides).count() == TELESCOPE
+    }
+
+    /// Length of the way from the root's origin to a link, from joint to joint.
+    pub fn way_m(&self, link: usize) -> f64 {
+        let up: Vec<usize> = self.model.ancestors(link).collect();
+        up.windows(2).map(|pair| (self.at(pair[0]) - self.at(pair[1])).norm()).sum()
+    }
+
     /// Turning joints along a path.
     pub fn turning(&self, path: &[usize]) -> usize {
         let turns = |&&link: &&usize| {
@@ -64,10 +74,6 @@ impl LinkTree<'_> {
             self.is_moved(link) && matches!(motion, JointMotion::Revolute(_))
         };
         path.iter().filter(turns).count()
-    }
-
-    pub fn at(&self, link: usize) -> Point3<f64> {
-        Point3::from(self.poses[link].translation.vector)
     }
 
     /// Whether the joint right above `link` is driven.
@@ -127,18 +133,19 @@ impl LinkTree<'_> {
                 .filter(move |&child| !self.is_moved(child))
                 .filter(move |&child| self.words[child].has(names))
                 .filter(|child| far(child) > 1e-3)
-                .max_by(|a, b| far(a).total_cmp(&far(b)))
         };
+        let farthest = |names| named(names).max_by(|a, b| far(a).total_cmp(&far(b)));
+        // A bumper, a toe or a patch of the sole's skin has a longer name than the sole.
+        let plainest = |names| named(names).min_by_key(|&child| self.words[child].count());
         match kind {
-            LimbKind::Arm | LimbKind::Lone => named(HAND),
-            // A bumper or toe is not what the robot stands on.
-            LimbKind::Leg => named(&["sole"]).or_else(|| named(&["foot"])),
+            LimbKind::Arm | LimbKind::Lone => farthest(HAND),
+            LimbKind::Leg => plainest(&["sole"]).or_else(|| plainest(&["foot"])),
             LimbKind::Paw => {
                 let rigid = rigid_with(self.model, link).into_iter().skip(1);
-                let farthest = rigid.max_by(|a, b| far(a).total_cmp(&far(b)));
-                named(&["foot", "toe", "tip"])
+                let last = rigid.max_by(|a, b| far(a).total_cmp(&far(b)));
+                farthest(&["foot", "toe", "tip"])
                     .or_else(|| self.wheel_on(link))
-                    .or(farthest.filter(|child| far(child) > 5e-3))
+                    .or(last.filter(|child| far(child) > 5e-3))
             }
         }
     }
@@ -161,7 +168,7 @@ impl LinkTree<'_> {
             // A last link whose origin is on its joint says nothing of its length.
             if let Some(&tip_link) = moved.last()
                 && (self.at(last) - self.at(tip_link)).norm() < 5e-3
-                && let Some(far) = far_end(self.model, tip_link, self.poses)
+                && let Some(far) = far_end(self, tip_link)
                 && kind != LimbKind::Leg
             {
                 found.tip = Some((tip_link, self.poses[tip_link].inverse() * far));

@@ -2,7 +2,12 @@
 
 use k::nalgebra::{Point3, Vector3};
 
-use super::limb::{LimbKind, LinkTree};
+use super::limb::LimbKind;
+use super::link_tree::LinkTree;
+
+/// Joints between the root and a gripper, and the length of its fingers against the way there.
+const ARM_JOINTS: usize = 4;
+const FINGER_SHARE: f64 = 0.35;
 
 /// First moving links of `[arms, legs]`, each `[left, right]`, by geometry
 /// alone; z is taken as up unless the chains lie across it.
@@ -19,6 +24,7 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
             .iter()
             .copied()
             .filter(|&start| alike(start) < 3 && joints(start) >= 2)
+            .filter(|&start| !is_finger(body, start))
             .collect();
         for (index, &one) in starts.iter().enumerate() {
             for &other in &starts[index + 1..] {
@@ -56,6 +62,16 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
         [legs, .., arms] if stands(body, legs.0, up) => [sided(arms), sided(legs)],
         [.., arms] => [sided(arms), none],
     }
+}
+
+/// Whether a chain is short beside the one that carries it, as at the end of an arm.
+fn is_finger(body: &LinkTree, start: usize) -> bool {
+    let carrier = body.carrier(start);
+    let carried: Vec<usize> = body.model.ancestors(carrier).collect();
+    let path = body.path(start, LimbKind::Arm);
+    let end = path.last().copied().unwrap_or(start);
+    let length_m = body.way_m(end) - body.way_m(start);
+    body.turning(&carried) >= ARM_JOINTS && length_m < FINGER_SHARE * body.way_m(carrier)
 }
 
 /// Whether a chain has the joints of a leg and hangs below its beginning.

@@ -7,13 +7,17 @@ mod axes;
 mod capsules;
 mod kind;
 mod limb;
+mod link_tree;
 mod mirrored_chains;
 mod shape;
 pub(crate) mod words;
 
 use crate::config::BodyKind;
 use crate::kinematics::RobotModel;
-use limb::{FoundLimb, LimbKind, LinkTree};
+pub use link_tree::{MeshReader, no_meshes};
+
+use limb::{FoundLimb, LimbKind};
+use link_tree::LinkTree;
 use words::NameWords;
 
 pub(crate) use anatomy::Anatomy;
@@ -23,7 +27,12 @@ pub(crate) use kind::{Confidence, KindGuess};
 
 /// Looks at a robot that stands at zero (or the nearest its limits allow). `kind` is
 /// guessed where it is not given; of a quadruped the front legs are `arms`.
-pub(crate) fn anatomy(model: &RobotModel, positions: &[f64], kind: Option<BodyKind>) -> Anatomy {
+pub(crate) fn anatomy(
+    model: &RobotModel,
+    positions: &[f64],
+    kind: Option<BodyKind>,
+    meshes: &MeshReader,
+) -> Anatomy {
     let poses = model.link_poses(positions);
     let words: Vec<NameWords> = (0..model.links.len()).map(|i| NameWords::of(model, i)).collect();
     let mut children = vec![Vec::new(); model.links.len()];
@@ -32,7 +41,7 @@ pub(crate) fn anatomy(model: &RobotModel, positions: &[f64], kind: Option<BodyKi
             children[parent].push(index);
         }
     }
-    let body = LinkTree { model, words: &words, poses: &poses, children: &children };
+    let body = LinkTree { model, words: &words, poses: &poses, children: &children, meshes };
     match kind {
         Some(BodyKind::Quadruped) => quadruped(&body).unwrap_or_else(Anatomy::of_root),
         Some(BodyKind::Arm) => lone_arm(&body).unwrap_or_else(Anatomy::of_root),
@@ -97,7 +106,10 @@ fn human_like(body: &LinkTree) -> Anatomy {
     let turning = arms.map(|arm| arm.map_or(0, |arm| body.turning(&body.path(arm, LimbKind::Arm))));
     let is_hand = |arm: &Option<usize>| arm.is_some_and(|arm| !body.words[arm].is_upper_arm());
     let alone = arms.iter().flatten().count() == 1;
-    if turning.iter().all(|joints| *joints < 2) && (alone || arms.iter().any(is_hand)) {
+    let telescope =
+        arms.iter().flatten().any(|&arm| body.is_telescope(&body.path(arm, LimbKind::Arm)));
+    let stub = turning.iter().all(|joints| *joints < 2);
+    if (stub && (alone || arms.iter().any(is_hand))) || (alone && telescope) {
         *arms = [None; 2];
     }
     // Only a head shows arms by its antennas.

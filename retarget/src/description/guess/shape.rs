@@ -1,7 +1,8 @@
 //! Sizes of links: what moves together as one body, and how far it reaches.
 
+use super::link_tree::LinkTree;
 use crate::kinematics::{RobotModel, Shape, Visual};
-use k::nalgebra::{Isometry3, Point3, Vector3};
+use k::nalgebra::{Point3, Vector3};
 
 /// Corners of a shape's bounding box, in its link's frame.
 fn corners(visual: &Visual) -> Vec<Point3<f64>> {
@@ -30,36 +31,37 @@ pub(super) fn rigid_with(model: &RobotModel, link: usize) -> Vec<usize> {
     (link..model.links.len()).filter(same).collect()
 }
 
-/// Corners of all shapes that are rigid with `link`, in the root's frame.
-pub(super) fn corners_of(
-    model: &RobotModel,
-    link: usize,
-    poses: &[Isometry3<f64>],
-) -> Vec<Point3<f64>> {
-    let body = rigid_with(model, link);
-    let shapes = model.all_shapes();
-    shapes
-        .filter(|shape| body.contains(&shape.link))
-        .flat_map(|shape| {
-            let pose = poses[shape.link];
-            corners(shape).into_iter().map(move |corner| pose * corner)
-        })
-        .filter(|corner| corner.coords.iter().all(|v| v.is_finite()))
-        .collect()
+/// Corners of all shapes that are rigid with `link`, in the root's frame; those of its
+/// meshes where it has no other shape.
+pub(super) fn corners_of(body: &LinkTree, link: usize) -> Vec<Point3<f64>> {
+    let rigid = rigid_with(body.model, link);
+    let placed = |link: usize, at: Point3<f64>| body.poses[link] * at;
+    let shapes = body.model.all_shapes().filter(|shape| rigid.contains(&shape.link));
+    let mut found: Vec<Point3<f64>> = shapes
+        .flat_map(|shape| corners(shape).into_iter().map(|corner| placed(shape.link, corner)))
+        .collect();
+    if found.is_empty() {
+        let meshes = body.model.meshes().iter().filter(|mesh| rigid.contains(&mesh.link));
+        found.extend(meshes.flat_map(|mesh| {
+            let scaled = |[x, y, z]: [f64; 3]| {
+                let [along, across, up] = mesh.scale;
+                placed(mesh.link, mesh.pose_in_link * Point3::new(x * along, y * across, z * up))
+            };
+            (body.meshes)(&mesh.filename).into_iter().map(scaled)
+        }));
+    }
+    found.retain(|corner| corner.coords.iter().all(|v| v.is_finite()));
+    found
 }
 
 /// Where the body of `link` ends: the middle of its far side along the way its
 /// mass or shape lies from its origin. Root's frame; `None` without either.
-pub(super) fn far_end(
-    model: &RobotModel,
-    link: usize,
-    poses: &[Isometry3<f64>],
-) -> Option<Point3<f64>> {
-    let origin = Point3::from(poses[link].translation.vector);
-    let corners = corners_of(model, link, poses);
-    let mass_at =
-        |body: &usize| (poses[*body] * model.links[*body].com, model.links[*body].mass_kg);
-    let weights: Vec<_> = rigid_with(model, link).iter().map(mass_at).collect();
+pub(super) fn far_end(body: &LinkTree, link: usize) -> Option<Point3<f64>> {
+    let origin = body.at(link);
+    let corners = corners_of(body, link);
+    let links = &body.model.links;
+    let mass_at = |link: &usize| (body.poses[*link] * links[*link].com, links[*link].mass_kg);
+    let weights: Vec<_> = rigid_with(body.model, link).iter().map(mass_at).collect();
     let mass: f64 = weights.iter().map(|(_, kg)| kg).sum();
     let middle = if !corners.is_empty() {
         corners.iter().map(|c| c - origin).sum::<Vector3<f64>>() / corners.len() as f64

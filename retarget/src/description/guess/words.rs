@@ -60,6 +60,11 @@ impl NameWords {
         self.0.iter().any(|word| any.contains(&word.as_str()))
     }
 
+    /// How many words the name has.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+
     /// 0 left, 1 right.
     pub fn side(&self) -> Option<usize> {
         let [left, right] = SIDES.map(|side| self.has(&[side]));

@@ -10,7 +10,7 @@ use k::nalgebra::{UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
 
 use crate::description::diagnostic::{Diagnostic, DiagnosticCode, Diagnostics};
-use crate::description::guess::{BodyAxes, anatomy};
+use crate::description::guess::{BodyAxes, anatomy, no_meshes};
 use crate::description::{self, Description, is_driven};
 use crate::kinematics::RobotModel;
 use joints::PLACEHOLDER_RAD_S;
@@ -46,7 +46,7 @@ fn lint_body(description: &Description, diagnostics: &mut Diagnostics) {
     };
     let positions = description.zero_positions(model.joint_names());
     lint_axes(robot, &model, &positions, diagnostics);
-    let body = anatomy(&model, &positions, None);
+    let body = anatomy(&model, &positions, None, &no_meshes);
     if body.kind.is_none() {
         let message = "no arm, leg or head was found, by names or by shape: nothing of it can \
                        show a dance; if one is there, name it in a robot file ([retarget.body])";

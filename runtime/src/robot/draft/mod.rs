@@ -15,6 +15,7 @@ use self::servo_draft::servo_drafts;
 use self::trials::RATES;
 use crate::robot::description_text::read_description;
 use crate::robot::loaded::Robot;
+use crate::robot::meshes::mesh_reader;
 use crate::robot::pose_sheet::pose_sheet;
 use crate::robot::robot_folders::RobotFolders;
 use crate::telemetry::pending_file::write_whole;
@@ -67,7 +68,9 @@ pub fn new_robot(
             refused.message
         );
     }
-    let (urdf, source, copies) = beside(description, source, out)?;
+    let (urdf, text, copies) = beside(description, &source, out)?;
+    // In the copy meshes have other names, and are not there yet.
+    let seen = if is_mjcf(&source) { &text } else { &source };
     let there = copies.iter().flat_map(DescriptionCopy::places).find(|p| p.exists());
     if let Some(there) = there.filter(|_| !force) {
         bail!("{} is there already; --force overwrites it", there.display());
@@ -76,14 +79,14 @@ pub fn new_robot(
     if picture.exists() && !force {
         bail!("{} is there already; --force overwrites it", picture.display());
     }
-    let mut draft = draft_config(&source, kind)?;
+    let mut draft = draft_config(seen, kind, &mesh_reader(description))?;
     let (servos, left_out) = servo_drafts(&draft.joints);
     if servos.is_empty() {
         bail!("{}: no joint can have a servo ({})", description.display(), left_out.join("; "));
     }
     let mut plan = FilePlan {
         name: stem(out),
-        source: source.as_str(),
+        source: text.as_str(),
         trial,
         dances,
         urdf,
@@ -114,16 +117,16 @@ pub fn new_robot(
 /// so that all lies in the robot file's folder.
 fn beside(
     description: &Path,
-    source: String,
+    source: &str,
     out: &Path,
 ) -> anyhow::Result<(String, String, Option<DescriptionCopy>)> {
     let folder = out.parent().unwrap_or(Path::new(""));
-    let copies = if is_mjcf(&source) {
-        DescriptionCopy::of_text(&urdf_from_mjcf(&source)?.0, out)
+    let copies = if is_mjcf(source) {
+        DescriptionCopy::of_text(&urdf_from_mjcf(source)?.0, out)
     } else if let Some(relative) = RobotFolders::of_file(folder).relative(description) {
-        return Ok((relative, source, None));
+        return Ok((relative, source.to_owned(), None));
     } else {
-        DescriptionCopy::of(description, &source, out)?
+        DescriptionCopy::of(description, source, out)?
     };
     let name = out.with_extension("urdf");
     let name = name.file_name().unwrap_or_default().to_string_lossy();

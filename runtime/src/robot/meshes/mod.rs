@@ -7,8 +7,10 @@
 mod glb;
 mod scene_files;
 mod stl;
+mod surface;
 mod triangles;
 
+pub use self::surface::SurfacePoint;
 use self::triangles::{Corner, LONGEST, Triangle, drawn};
 use crate::robot::Robot;
 use crate::robot::robot_folders::RobotFolders;
@@ -92,6 +94,19 @@ impl Meshes {
         self.parts.push(part.into());
         self.bounds.push([low, high]);
         Ok(self.parts.len() - 1)
+    }
+}
+
+/// Reads the corners of a description's meshes by their names in it; those that cannot be
+/// read have none.
+pub(crate) fn mesh_reader(description: &Path) -> impl Fn(&str) -> Vec<[f64; 3]> + use<> {
+    let folder = description.parent().unwrap_or(Path::new("")).to_owned();
+    let name = Path::new(description.file_name().unwrap_or_default()).to_owned();
+    let folders = RobotFolders::of_robot(&folder, &name);
+    move |mesh| {
+        let triangles = folders.mesh(mesh).and_then(|path| open_mesh(&path));
+        let corners = triangles.unwrap_or_default().into_iter().flatten();
+        corners.map(|[x, y, z, ..]| [x, y, z].map(f64::from)).collect()
     }
 }
 

@@ -37,6 +37,7 @@ impl StickFigure {
         let lowest = positions.iter().map(|p| f64::from(p[1]));
         Self {
             limbs: BodyJoint::ALL.into_iter().filter_map(limb).collect(),
+            dots: Vec::new(),
             height_m: 1.65,
             floor_m: lowest.fold(f64::INFINITY, f64::min).min(0.0),
             center: [pelvis[0], pelvis[1]],

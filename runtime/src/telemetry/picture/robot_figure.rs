@@ -1,6 +1,7 @@
 //! The robot as a figure: x forward, y left, z up, metres.
 
-use super::stick_figure::{Limb, Side, StickFigure};
+use super::stick_figure::{Dot, Limb, Side, StickFigure};
+use crate::robot::meshes::SurfacePoint;
 use servodance_retarget::nalgebra::{Isometry3, Point3};
 use servodance_retarget::{RobotModel, Shape};
 
@@ -69,7 +70,33 @@ pub fn robot_figure(
     let feet = feet.map(|limb: &Limb| limb.from[2].min(limb.to[2]) - limb.radius_m);
     let floor_m = feet.fold(f64::INFINITY, f64::min);
     let root = world_from_root.translation;
-    StickFigure { limbs, height_m: 0.0, floor_m, center: [root.x, root.y] }
+    let center = [root.x, root.y];
+    StickFigure { limbs, dots: Vec::new(), height_m: 0.0, floor_m, center }
+}
+
+/// The robot as its meshes, where they are `surface`; as by [`robot_figure`] without any.
+pub fn meshed_figure(
+    model: &RobotModel,
+    world_from_root: &Isometry3<f64>,
+    positions_rad: &[f64],
+    surface: &[SurfacePoint],
+) -> StickFigure {
+    let mut figure = robot_figure(model, world_from_root, positions_rad);
+    if surface.is_empty() {
+        return figure;
+    }
+    let poses = model.link_poses(positions_rad);
+    let side: Vec<Side> = model.link_names().iter().map(|name| Side::of(name)).collect();
+    figure.limbs.clear();
+    figure.dots.extend(surface.iter().map(|point| {
+        let pose = world_from_root * poses[point.link];
+        let at = pose * point.at;
+        let normal = pose.rotation * point.normal;
+        Dot { at: [at.x, at.y, at.z], normal: normal.into(), side: side[point.link] }
+    }));
+    let heights = figure.dots.iter().map(|dot| dot.at[2]);
+    figure.floor_m = heights.fold(f64::INFINITY, f64::min);
+    figure
 }
 
 /// The radius, and half the longest side as a vector, less the drawn ends' rounding.

@@ -21,10 +21,20 @@ pub struct Limb {
     pub side: Side,
 }
 
+/// A point of the body's surface, metres, and the way out of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Dot {
+    pub at: [f64; 3],
+    pub normal: [f64; 3],
+    pub side: Side,
+}
+
 #[derive(Clone, Debug, Default)]
 #[allow(missing_docs)] // the names say it
 pub struct StickFigure {
     pub limbs: Vec<Limb>,
+    /// What is drawn of meshes.
+    pub dots: Vec<Dot>,
     /// Height of the standing body, metres: every pose is drawn to one scale.
     pub height_m: f64,
     /// Where the floor is, metres (z).
@@ -36,7 +46,9 @@ pub struct StickFigure {
 impl StickFigure {
     /// Height over the floor and width from side to side, metres.
     pub fn extent_m(&self) -> [f64; 2] {
-        let ends = || self.limbs.iter().flat_map(|limb| [limb.from, limb.to]);
+        let dots = self.dots.iter().map(|dot| dot.at);
+        let ends = self.limbs.iter().flat_map(|limb| [limb.from, limb.to]).chain(dots);
+        let ends = || ends.clone();
         let top = ends().map(|end| end[2]).fold(self.floor_m, f64::max);
         let half = ends().map(|end| (end[1] - self.center[1]).abs()).fold(0.0, f64::max);
         [top - self.floor_m, 2.0 * half]
@@ -47,6 +59,9 @@ const LEFT: [f64; 3] = [232.0, 126.0, 44.0];
 const RIGHT: [f64; 3] = [42.0, 110.0, 178.0];
 const MIDDLE: [f64; 3] = [84.0, 90.0, 102.0];
 const FLOOR: Rgba = [206, 208, 214, 255];
+/// Radius of a dot, pixels, and where light comes from.
+const DOT: f32 = 1.5;
+const LIGHT: [f64; 3] = [0.48, 0.36, 0.8];
 const YAW_RAD: f64 = 0.38;
 const PITCH_RAD: f64 = 0.12;
 
@@ -70,17 +85,39 @@ pub fn draw_figure(
         (at, near)
     };
 
-    let mut limbs: Vec<(f64, Limb)> = figure
-        .limbs
-        .iter()
-        .map(|limb| ((view(limb.from).1 + view(limb.to).1) / 2.0, *limb))
-        .collect();
-    limbs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    for (near, limb) in limbs {
-        let width = ((2.0 * limb.radius_m * scale) as f32).max(2.0);
-        let rgba = shade(limb.side, near / figure.height_m.max(1e-6));
-        canvas.line(&[view(limb.from).0, view(limb.to).0], width, rgba);
+    let limbs = figure.limbs.iter().map(|limb| {
+        let near = (view(limb.from).1 + view(limb.to).1) / 2.0;
+        (near, Piece::Limb(limb))
+    });
+    let dots = figure.dots.iter().map(|dot| (view(dot.at).1, Piece::Dot(dot)));
+    let mut pieces: Vec<(f64, Piece)> = limbs.chain(dots).collect();
+    pieces.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for (near, piece) in pieces {
+        let nearness = near / figure.height_m.max(1e-6);
+        match piece {
+            Piece::Limb(limb) => {
+                let width = ((2.0 * limb.radius_m * scale) as f32).max(2.0);
+                let ends = [view(limb.from).0, view(limb.to).0];
+                canvas.line(&ends, width, shade(limb.side, nearness));
+            }
+            Piece::Dot(dot) => {
+                canvas.dot(view(dot.at).0, DOT, lit(shade(dot.side, nearness), dot.normal));
+            }
+        }
     }
+}
+
+enum Piece<'a> {
+    Limb(&'a Limb),
+    Dot(&'a Dot),
+}
+
+/// Light from above, ahead and the left.
+fn lit([r, g, b, a]: Rgba, normal: [f64; 3]) -> Rgba {
+    let toward: f64 = normal.iter().zip(LIGHT).map(|(part, light)| part * light).sum();
+    let share = 0.85 + 0.35 * toward.clamp(-1.0, 1.0);
+    let channel = |value: u8| (f64::from(value) * share).min(255.0) as u8;
+    [channel(r), channel(g), channel(b), a]
 }
 
 fn shade(side: Side, nearness: f64) -> Rgba {

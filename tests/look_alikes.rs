@@ -1,0 +1,148 @@
+//! Robots made to look like public ones whose parts were once taken wrong
+//! (docs/measurements/robots.md): each part is where a person sees it.
+
+use crate::rigs::Rig;
+use servodance_retarget::{BodyGuess, BodyKind, guess_body, no_meshes};
+
+const X: &str = "<axis xyz=\"1 0 0\"/>";
+const Y: &str = "<axis xyz=\"0 1 0\"/>";
+const Z: &str = "<axis xyz=\"0 0 1\"/>";
+
+fn guess(rig: &Rig) -> BodyGuess {
+    guess_body(&rig.urdf(), &no_meshes).expect("something that can dance")
+}
+
+/// A leg of six joints below `base`, its foot without a sole yet.
+fn leg(rig: Rig, side: &str, y: f64) -> Rig {
+    let part = |part: &str| format!("{side}_{part}");
+    let link = |part: &str| format!("{side}_{part}_link");
+    rig.joint("revolute", &part("hip_yaw"), "base", &format!("0 {y} 0"), Z)
+        .joint("revolute", &part("hip_roll"), &link("hip_yaw"), "0 0 0", X)
+        .joint("revolute", &part("hip_pitch"), &link("hip_roll"), "0 0 0", Y)
+        .joint("revolute", &part("knee"), &link("hip_pitch"), "0 0 -0.2", Y)
+        .joint("revolute", &part("ankle_pitch"), &link("knee"), "0 0 -0.2", Y)
+        .joint("revolute", &part("ankle_roll"), &link("ankle_pitch"), "0 0 0", X)
+}
+
+fn two_legs(more: impl Fn(Rig, &str, f64) -> Rig) -> Rig {
+    let rig = leg(Rig::new(), "left", 0.1);
+    let rig = leg(more(rig, "left", 0.1), "right", -0.1);
+    more(rig, "right", -0.1)
+}
+
+/// As iCub: patches of skin, bumpers and toes lie farther out than the sole.
+#[test]
+fn a_sole_is_the_plainest_of_its_name() {
+    let body = guess(&two_legs(|rig, side, y| {
+        let ankle = format!("{side}_ankle_roll_link");
+        let ahead = |x: f64, part: f64| format!("{x} {} -0.06", y * part);
+        rig.joint("fixed", &format!("{side}_sole_skin_8"), &ankle, &ahead(0.15, 0.1), "")
+            .joint("fixed", &format!("{side}_foot_bumper"), &ankle, &ahead(0.12, 0.3), "")
+            .joint("fixed", &format!("{side}_sole"), &ankle, "0.02 0 -0.06", "")
+            .joint("fixed", &format!("{side}_sole_skin_0"), &ankle, &ahead(-0.1, 0.2), "")
+    }));
+    assert_eq!(body.kind, BodyKind::Biped);
+    assert_eq!(body.parts.left_sole.as_deref(), Some("left_sole_link"));
+    assert_eq!(body.parts.right_sole.as_deref(), Some("right_sole_link"));
+    assert_eq!(body.parts.left_knee.as_deref(), Some("left_knee_link"));
+}
+
+/// As an arm of six joints that carries a gripper of linked fingers.
+#[test]
+fn fingers_at_the_end_of_an_arm_are_no_arms() {
+    let mut rig = Rig::new();
+    let mut last = "base".to_owned();
+    for (index, axis) in [Z, Y, Y, Z, Y, Z].iter().enumerate() {
+        let name = format!("joint{}", index + 1);
+        rig = rig.joint("revolute", &name, &last, "0 0 0.14", axis);
+        last = format!("{name}_link");
+    }
+    for (finger, y) in [("one", 0.03), ("two", -0.03)] {
+        let knuckle = format!("gripper_{finger}");
+        rig = rig.joint("revolute", &knuckle, &last, &format!("0 {y} 0.05"), X).joint(
+            "revolute",
+            &format!("tip_{finger}"),
+            &format!("{knuckle}_link"),
+            "0 0 0.04",
+            X,
+        );
+    }
+    assert_eq!(guess(&rig).kind, BodyKind::Arm);
+}
+
+/// As Stretch: a telescope whose sections are called `arm_l0` to `arm_l3`, a wrist, and a head
+/// on a mast.
+#[test]
+fn a_telescope_is_no_arm() {
+    let rig = Rig::new()
+        .joint("fixed", "mast", "base", "0 0 0.2", "")
+        .joint("prismatic", "lift", "mast_link", "0 0 0.5", Z)
+        .joint("prismatic", "arm_l3", "lift_link", "0 -0.1 0", Y)
+        .joint("prismatic", "arm_l2", "arm_l3_link", "0 -0.01 0", Y)
+        .joint("prismatic", "arm_l1", "arm_l2_link", "0 -0.01 0", Y)
+        .joint("revolute", "wrist_yaw", "arm_l1_link", "0.08 0 0", Z)
+        .joint("revolute", "wrist_pitch", "wrist_yaw_link", "0 0 -0.03", Y)
+        .joint("revolute", "wrist_roll", "wrist_pitch_link", "0.02 0 0", X)
+        .joint("revolute", "head_pan", "mast_link", "0 0 1.0", Z)
+        .joint("revolute", "head_tilt", "head_pan_link", "0.04 0 0", Y);
+    let body = guess(&rig);
+    assert_eq!((body.kind, body.forward, body.up), (BodyKind::Head, "x", "z"));
+    assert_eq!(body.parts.head.as_deref(), Some("head_tilt_link"));
+    assert_eq!(body.parts.left_shoulder, None);
+}
+
+/// As ARX Lift: both arms and the camera are mounted ahead of the lift.
+#[test]
+fn arms_mounted_ahead_do_not_lay_the_robot_down() {
+    let mut rig = Rig::new().joint("prismatic", "lift", "base", "0 0 0.9", Z);
+    for (side, y) in [("left", 0.2), ("right", -0.2)] {
+        let part = |part: &str| format!("{side}_{part}");
+        let link = |part: &str| format!("{side}_{part}_link");
+        rig = rig
+            .joint("revolute", &part("arm_1"), "lift_link", &format!("0.35 {y} 0"), Z)
+            .joint("revolute", &part("arm_2"), &link("arm_1"), "0 0 0.05", Y)
+            .joint("revolute", &part("arm_3"), &link("arm_2"), "-0.26 0 0", Y)
+            .joint("revolute", &part("arm_4"), &link("arm_3"), "0.24 0 0.05", Y)
+            .joint("revolute", &part("arm_5"), &link("arm_4"), "0.07 0 0", Z);
+    }
+    let rig = rig.joint("revolute", "head_yaw", "lift_link", "0.5 0 0", Z).joint(
+        "revolute",
+        "head_pitch",
+        "head_yaw_link",
+        "0.05 0 0",
+        Y,
+    );
+    let body = guess(&rig);
+    assert_eq!((body.kind, body.forward, body.up), (BodyKind::UpperBody, "x", "z"));
+}
+
+/// Feet that are meshes alone: the sole is the mesh's underside, not the ankle.
+#[test]
+fn the_underside_of_a_mesh_is_the_sole() {
+    let mesh =
+        |name: &str| format!("<visual><geometry><mesh filename=\"{name}\"/></geometry></visual>");
+    let mut urdf = two_legs(|rig, _, _| rig).urdf();
+    for side in ["left", "right"] {
+        let link = format!("<link name=\"{side}_ankle_roll_link\">");
+        urdf = urdf.replace(&link, &format!("{link}{}", mesh("foot.stl")));
+    }
+    // A foot of 0.2 by 0.08 that lies 0.05 below its ankle, 0.03 ahead of it.
+    let read = |name: &str| match name {
+        "foot.stl" => {
+            let corner = |i: usize| {
+                let sign = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+                [0.03 + 0.1 * sign(0), 0.04 * sign(1), -0.035 + 0.015 * sign(2)]
+            };
+            (0..8).map(corner).collect()
+        }
+        _ => Vec::new(),
+    };
+    let body = guess_body(&urdf, &read).unwrap();
+    assert_eq!(body.parts.left_sole.as_deref(), Some("left_sole_tip"));
+    let draft = servodance_retarget::draft_config(&urdf, None, &read).unwrap();
+    let sole = draft.config.tip.iter().find(|tip| tip.name == "left_sole_tip").unwrap();
+    let near =
+        sole.at_m.iter().zip([0.03, 0.0, -0.05]).all(|(at, there)| (at - there).abs() < 1e-4);
+    assert!(near, "{sole:?}");
+    assert_eq!(draft.config.sole_m, [0.19, 0.076]);
+}
