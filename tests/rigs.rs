@@ -104,7 +104,8 @@ fn arms_alone_dance() {
 #[test]
 fn one_arm_is_enough() {
     let (robot, _, track, _) = Rig::new().arm("right", -0.15).dance();
-    assert!(moved(&spans(&robot, &track), "right_elbow") > 0.05);
+    let spans = spans(&robot, &track);
+    assert!(moved(&spans, "right_elbow") > 0.05, "{spans:?}");
 }
 
 #[test]

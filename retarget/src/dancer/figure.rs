@@ -6,10 +6,15 @@
 
 use crate::dancer::{PoseTarget, soft_limit, turn};
 use k::nalgebra::{UnitQuaternion, Vector3};
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// How far an arm leans back at rest, and its lower part points up, radians.
 const ARM_BACK: f64 = 0.25;
 const ARM_UP: f64 = -0.15;
+/// The turn from the upper part of an arm to its lower one at rest, and what it needs beyond
+/// to dance, radians.
+const REST_BEND: f64 = FRAC_PI_2 + ARM_BACK - ARM_UP;
+const BEND_ROOM: f64 = 0.3;
 /// Radians of an arm's lean for a leg length of sway, for a leg length of bob, and of its
 /// end's height for hands that go from hanging to raised.
 const LEAN_PER_SWAY: f64 = 2.5;
@@ -44,8 +49,23 @@ fn hands(aim: &PoseTarget) -> [f64; 2] {
     [0, 1].map(|side| 0.5 * (aim.upper_arm[side].z + aim.forearm[side].z))
 }
 
+/// How a lone arm can show a figure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ArmMount {
+    /// It hangs from its base and cannot rise: the figure stands on its head.
+    pub upside_down: bool,
+    /// The largest turn from its upper part to its lower one, radians.
+    pub most_bend_rad: f64,
+}
+
+impl Default for ArmMount {
+    fn default() -> Self {
+        Self { upside_down: false, most_bend_rad: PI }
+    }
+}
+
 /// The pose of a lone arm (as the left one) and of what it carries as a face.
-pub(crate) fn arm_figure(aim: &PoseTarget) -> PoseTarget {
+pub(crate) fn arm_figure(aim: &PoseTarget, mount: &ArmMount) -> PoseTarget {
     let [left, right] = hands(aim);
     let raised = 0.5 * (left + right + 2.0); // 0 hanging, 2 raised
     let body = aim.chest.scaled_axis();
@@ -53,15 +73,16 @@ pub(crate) fn arm_figure(aim: &PoseTarget) -> PoseTarget {
     let ahead = soft_limit(aim.sway.x * LEAN_PER_SWAY + body.y, MOST_LEAN) - ARM_BACK - 0.5 * bend;
     let aside = soft_limit(aim.sway.y * LEAN_PER_SWAY - body.x, MOST_LEAN);
     let yaw = soft_limit(body.z + 0.5 * aside + 0.4 * (left - right), MOST_ARM_TURN);
-    let up = ARM_UP + LIFT_PER_HANDS * 0.5 * raised - bend;
+    let straighter = (REST_BEND + BEND_ROOM - mount.most_bend_rad).max(0.0);
+    let up = ARM_UP + straighter + LIFT_PER_HANDS * 0.5 * raised - bend;
     let upper = Vector3::new(ahead.sin(), aside.sin(), ahead.cos() * aside.cos());
     let lower = Vector3::new(up.cos(), 0.5 * aside.sin(), up.sin());
     let turned = turn(yaw);
-    PoseTarget {
-        upper_arm: [turned * upper.normalize(); 2],
-        forearm: [turned * lower.normalize(); 2],
-        ..*aim
-    }
+    let height = if mount.upside_down { -1.0 } else { 1.0 };
+    let mounted = |part: Vector3<f64>| {
+        turned * part.component_mul(&Vector3::new(1.0, 1.0, height)).normalize()
+    };
+    PoseTarget { upper_arm: [mounted(upper); 2], forearm: [mounted(lower); 2], ..*aim }
 }
 
 /// Antennas stand up where the dancer's arms are raised, and spread outward where they hang.

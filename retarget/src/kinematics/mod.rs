@@ -7,7 +7,7 @@ mod joint_drive;
 mod platform;
 mod shapes;
 
-pub(crate) use body_map::BodyMap;
+pub(crate) use body_map::{ArmLinks, BodyMap};
 pub use chain::RobotModel;
 pub(crate) use chain::{DrivenAncestor, JointMotion};
 pub(crate) use jacobian::{Jacobian, PosedRobot};

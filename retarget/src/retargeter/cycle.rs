@@ -86,7 +86,7 @@ impl Retargeter {
     /// What a body of this kind shows of it.
     fn figure(&self, target: PoseTarget) -> PoseTarget {
         match self.kind {
-            BodyKind::Arm => arm_figure(&target),
+            BodyKind::Arm => arm_figure(&target, &self.arm_mount),
             BodyKind::Head => antenna_figure(&target),
             _ => target,
         }
@@ -193,7 +193,7 @@ impl Retargeter {
     /// afterwards, as far as their speed allows.
     fn set_bounds(&mut self) {
         for joint in 0..self.limits.len() {
-            let limits = &self.limits[joint];
+            let limits = &self.dance_limits[joint];
             let here = self.output[joint];
             if self.stands_on[joint] {
                 self.leg_bounds[joint] = match &self.stance {

@@ -30,7 +30,7 @@ impl Retargeter {
     }
 
     fn at_end(&self, joint: usize) -> HeldBack {
-        let limits = &self.limits[joint];
+        let limits = &self.dance_limits[joint];
         let asked = match (&self.stance, self.stands_on[joint]) {
             (Some(stance), true) => stance.legs.positions[joint],
             _ => self.solver.positions[joint],

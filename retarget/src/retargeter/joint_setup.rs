@@ -50,12 +50,14 @@ pub(super) fn yaw_joints(model: &RobotModel, upright: &Isometry3<f64>, rest: &[f
 
 /// A joint that turns about the vertical has more than one way round to a pose, and one that
 /// goes round again winds up its cables: it keeps to a quarter turn either way.
-pub(super) fn keep_near_rest(yaws: &[usize], rest: &[f64], limits: &mut [JointLimits]) {
+pub(super) fn near_rest(yaws: &[usize], rest: &[f64], limits: &[JointLimits]) -> Vec<JointLimits> {
+    let mut near = limits.to_vec();
     for &joint in yaws {
-        let limits = &mut limits[joint];
+        let limits = &mut near[joint];
         limits.lower_rad = limits.lower_rad.max(rest[joint] - FRAC_PI_2);
         limits.upper_rad = limits.upper_rad.min(rest[joint] + FRAC_PI_2);
     }
+    near
 }
 
 /// Torque and heat of the motors: limits as configured, else the URDF's.

@@ -1,6 +1,7 @@
 //! From human frames to joint targets: the robot, its state and its settings.
 //! One control cycle is in `cycle`.
 
+mod arm_mount;
 pub(crate) mod counts;
 mod cycle;
 mod four_feet_rest;
@@ -15,13 +16,16 @@ use servodance_types::{
 
 use crate::config::{BodyKind, Gains, Limb, RetargetConfig, RetargetError, Stance};
 use crate::contact::{FourFeet, PlantedStance};
-use crate::dancer::{HeadingReference, LOOKAHEAD_FRAMES, MotionBuffer, PoseReader, PostureTrack};
+use crate::dancer::{
+    ArmMount, HeadingReference, LOOKAHEAD_FRAMES, MotionBuffer, PoseReader, PostureTrack,
+};
 use crate::dynamics::{
     JointLoad, TorqueEstimator, TorqueReport, joint_loads, placement, rigid_links,
 };
 use crate::kinematics::{BodyMap, DrivenAncestor, JointMotion, RobotModel};
 use crate::limits::{CollisionLimit, JointTracker};
 use crate::solver::{ArmSearch, BodySolver, SolverScope};
+use arm_mount::arm_mount;
 use counts::RetargetCounts;
 use rest_pose::{Footing, RestSearch};
 
@@ -37,6 +41,8 @@ pub struct Retargeter {
     model: RobotModel,
     map: BodyMap,
     limits: Vec<JointLimits>,
+    /// The same, narrower where a dance keeps nearer to rest.
+    dance_limits: Vec<JointLimits>,
     jerk_rad_s3: Vec<f64>,
     limbs: Vec<Limb>,
     stands_on: Vec<bool>,
@@ -57,6 +63,7 @@ pub struct Retargeter {
     solver: BodySolver,
     search: ArmSearch,
     kind: BodyKind,
+    arm_mount: ArmMount,
     stance: Option<PlantedStance>,
     four_feet: Option<FourFeet>,
     trackers: Vec<JointTracker>,
@@ -125,11 +132,13 @@ impl Retargeter {
             _ => joint_setup::load_limbs(&limbs, stands),
         };
         let torque = joint_setup::torque_estimator(&model, config, &loads, dt_s)?;
+        let arm_mount = arm_mount(&model, &map.arms[0], &upright, &limits);
         let footing = RestSearch {
             model: &model,
             map,
             config,
             upright,
+            arm_mount: &arm_mount,
             dt_s,
             limits: &mut limits,
             solver: &mut solver,
@@ -142,8 +151,8 @@ impl Retargeter {
         };
         let rest = solver.positions.clone();
         let yaws = joint_setup::yaw_joints(&model, &upright, &rest);
-        joint_setup::keep_near_rest(&yaws, &rest, &mut limits);
-        let search = ArmSearch::new(&model, &searched, config.weights, &limits, dt_s);
+        let dance_limits = joint_setup::near_rest(&yaws, &rest, &limits);
+        let search = ArmSearch::new(&model, &searched, config.weights, &dance_limits, dt_s);
         let bounds = limits.iter().map(|l| (l.lower_rad, l.upper_rad)).collect();
         let mut retargeter = Self {
             stands_on: limbs.iter().map(|l| stands && is_leg(l)).collect(),
@@ -159,6 +168,7 @@ impl Retargeter {
             postures: PostureTrack::new(),
             reader: PoseReader::new(heading, dt_s),
             kind: config.kind,
+            arm_mount,
             stance,
             four_feet,
             trackers: Vec::new(),
@@ -176,6 +186,7 @@ impl Retargeter {
             model,
             map,
             limits,
+            dance_limits,
             jerk_rad_s3,
             solver,
             search,
@@ -402,14 +413,14 @@ impl Retargeter {
 
     fn start_at(&mut self, positions: &[f64]) {
         let (dt_s, preview_s) = (self.dt_s, self.preview_s);
-        let limits = self.limits.iter().zip(&self.jerk_rad_s3);
-        self.trackers = positions
-            .iter()
-            .zip(limits)
-            .map(|(&position, (&limits, &jerk))| {
-                JointTracker::new(limits, jerk, dt_s, position, preview_s)
-            })
-            .collect();
+        let trackers = positions.iter().enumerate().map(|(joint, &position)| {
+            // A joint that begins beyond where a dance takes it comes back gently.
+            let near = &self.dance_limits[joint];
+            let is_near = near.clamp_rad(position) == position;
+            let limits = if is_near { *near } else { self.limits[joint] };
+            JointTracker::new(limits, self.jerk_rad_s3[joint], dt_s, position, preview_s)
+        });
+        self.trackers = trackers.collect();
         for (joint, &position) in positions.iter().enumerate() {
             self.solver.positions[joint] = self.limits[joint].clamp_rad(position);
         }

@@ -8,7 +8,7 @@ use crate::balance::ZmpGovernor;
 use crate::config::{BodyKind, RetargetConfig, RetargetError, Stance};
 use crate::contact::capsules;
 use crate::contact::{FootStepper, FourFeet, PelvisTrajectory, PlantedStance, SupportPolygon};
-use crate::dancer::{PoseTarget, antenna_figure, arm_figure};
+use crate::dancer::{ArmMount, PoseTarget, antenna_figure, arm_figure};
 use crate::kinematics::{BodyMap, RobotModel};
 use crate::solver::{BodySolver, SolverGoal, SolverInput, SolverScope};
 
@@ -39,6 +39,7 @@ pub(super) struct RestSearch<'a> {
     pub map: BodyMap,
     pub config: &'a RetargetConfig,
     pub upright: Isometry3<f64>,
+    pub arm_mount: &'a ArmMount,
     pub dt_s: f64,
     pub limits: &'a mut [JointLimits],
     pub solver: &'a mut BodySolver,
@@ -60,7 +61,7 @@ impl RestSearch<'_> {
         }
         let standing = PoseTarget::standing();
         let standing = match self.config.kind {
-            BodyKind::Arm => arm_figure(&standing),
+            BodyKind::Arm => arm_figure(&standing, self.arm_mount),
             BodyKind::Head => antenna_figure(&standing),
             _ => standing,
         };

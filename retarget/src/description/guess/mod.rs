@@ -146,7 +146,12 @@ fn human_like(body: &LinkTree) -> Anatomy {
         (Some(one), None) | (None, Some(one)) => above_limb(body, one, &arms, &legs),
         (None, None) => 0,
     };
-    let chest = join(tops(&arms));
+    let carrier = join(tops(&arms));
+    // Antennas stand on the head itself.
+    let crown = antennas.and_then(|_| {
+        model.ancestors(carrier).find(|&link| link > 0 && body.words[link].is_head())
+    });
+    let chest = crown.and_then(|link| model.links[link].parent).unwrap_or(carrier);
     let pelvis = match tops(&legs) {
         (None, None) => 0,
         pair => join(pair),
@@ -155,7 +160,7 @@ fn human_like(body: &LinkTree) -> Anatomy {
         let limbs = arms.iter().chain(&legs);
         limbs.clone().any(|limb| limb.path.first().is_some_and(|&top| model.is_below(link, top)))
     };
-    let head = find_head(body, chest, &in_limb);
+    let head = crown.or_else(|| find_head(body, chest, &in_limb));
     let axes = axes::find(body, &arms, &legs, head, chest, &mut reasons);
     let kind = kind::of_limbs(&arms, &legs, head, named).map(|guess| match antennas {
         Some(_) if guess.kind == BodyKind::UpperBody => {

@@ -21,7 +21,7 @@ impl Meshes {
         let triangles: Vec<[SurfacePoint; 3]> = self.triangles().collect();
         let area = |[a, b, c]: &[SurfacePoint; 3]| (b.at - a.at).cross(&(c.at - a.at)).norm() / 2.0;
         let whole: f64 = triangles.iter().map(area).sum();
-        let each = whole / most.max(1) as f64;
+        let each = whole / most as f64;
         let (mut points, mut due) = (Vec::with_capacity(most), 0.0);
         for triangle in &triangles {
             due += area(triangle);
