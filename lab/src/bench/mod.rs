@@ -2,6 +2,7 @@
 //! bus against its wire, the model against memory bandwidth, robots on a stage
 //! against each other, the beat tracker against songs with known beats, a click against the motion that answers it.
 
+pub mod accents;
 pub mod beats;
 pub mod bus;
 pub mod bus_cycles;

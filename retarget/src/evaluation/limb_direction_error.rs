@@ -115,6 +115,19 @@ impl LimbDirectionError {
         frame: &MotionFrame,
         mut see: impl FnMut(LimbSegment, f64),
     ) {
+        self.directions(world_from_root, positions_rad, frame, |segment, shown, wanted| {
+            see(segment, shown.angle(&wanted).to_degrees());
+        });
+    }
+
+    /// The same segments as they point: the robot's and the dancer's, metres.
+    pub fn directions(
+        &self,
+        world_from_root: &Isometry3<f64>,
+        positions_rad: &[f64],
+        frame: &MotionFrame,
+        mut see: impl FnMut(LimbSegment, Vector3<f64>, Vector3<f64>),
+    ) {
         let poses = self.model.link_poses(positions_rad);
         let robot = |link: usize| (world_from_root * poses[link]).translation.vector;
         let dancer = |joint: BodyJoint| {
@@ -132,7 +145,7 @@ impl LimbDirectionError {
                 let shown = robot_turn * (robot(to) - robot(from));
                 let wanted = dancer_turn * (dancer(end) - dancer(start));
                 if shown.norm() > 1e-6 && wanted.norm() > 1e-6 {
-                    see(bone.segment, shown.angle(&wanted).to_degrees());
+                    see(bone.segment, shown, wanted);
                 }
             }
         }

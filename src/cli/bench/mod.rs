@@ -1,5 +1,6 @@
 //! `servodance bench`: what the parts of this program take on this machine.
 
+pub mod accents;
 pub mod beats;
 pub mod bus;
 pub mod model;
@@ -24,6 +25,8 @@ pub struct Args {
 /// What can be measured.
 #[derive(Debug, Subcommand)]
 pub enum What {
+    /// How much of a dancer's movement, and of its accents, reaches the servos.
+    Accents(accents::Args),
     /// How well the live beat tracker follows songs with known beats.
     Beats(beats::Args),
     /// Control cycles a second over simulated servos, wire time imposed.
@@ -44,6 +47,7 @@ pub enum What {
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.what {
+        What::Accents(args) => accents::run(args),
         What::Beats(args) => beats::run(args),
         What::Bus(args) => bus::run(args),
         What::Model(args) => model::run(args),
