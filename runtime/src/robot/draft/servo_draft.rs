@@ -1,6 +1,6 @@
 //! A servo map to fill in: placeholders that the simulation can dance with.
 
-use servodance_retarget::{JointDraft, JointUse};
+use servodance_retarget::{JointDraft, JointUse, Limb};
 
 const MOST_SERVOS: usize = 252;
 /// A servo's single turn ends here, degrees.
@@ -23,10 +23,14 @@ pub(super) struct Placeholder {
     torque_nm: f64,
 }
 
-const PLACEHOLDERS: [Placeholder; 2] = [
+/// What carries the robot needs torque: a small and a large one.
+const STRONG: [Placeholder; 2] = [
     Placeholder { model: "XM430-W350", velocity_deg_s: 230.0, torque_nm: 4.1 },
     Placeholder { model: "XM540-W270", velocity_deg_s: 150.0, torque_nm: 10.6 },
 ];
+/// Arms and heads need speed.
+const FAST: Placeholder =
+    Placeholder { model: "XM430-W210", velocity_deg_s: 380.0, torque_nm: 3.0 };
 
 /// One `[[joint]]` table to be.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,10 +77,13 @@ pub(super) fn servo_drafts(joints: &[JointDraft]) -> (Vec<ServoDraft>, Vec<Strin
 
 fn servo(joint: &JointDraft, id: usize) -> Option<ServoDraft> {
     let mut notes = Vec::new();
-    let [small, large] = &PLACEHOLDERS;
-    let strong = joint.effort_nm.is_some_and(|nm| nm > small.torque_nm);
-    let placeholder = if strong { large } else { small };
-    if let Some(nm) = joint.effort_nm.filter(|nm| *nm > large.torque_nm) {
+    let [small, large] = &STRONG;
+    let placeholder = match joint.role {
+        JointUse::Dances(Limb::LeftArm | Limb::RightArm | Limb::Head) => &FAST,
+        _ if joint.effort_nm.is_some_and(|nm| nm > small.torque_nm) => large,
+        _ => small,
+    };
+    if let Some(nm) = joint.effort_nm.filter(|nm| *nm > placeholder.torque_nm) {
         notes.push(format!("the description asks for {nm} N m: more than this servo gives"));
     }
     let (zero_deg, lower_deg, upper_deg) = match joint.range_rad {
@@ -141,7 +148,6 @@ fn tenths(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servodance_retarget::Limb;
 
     fn joint(range_rad: Option<[f64; 2]>) -> JointDraft {
         JointDraft {
