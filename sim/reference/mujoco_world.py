@@ -25,13 +25,24 @@ def text(values):
     return " ".join(f"{float(value):.12g}" for value in values)
 
 
+def is_own(links, index):
+    """Whether a link's joint is the servo's: others follow it."""
+    def plain(link):
+        drive = link["drive"]
+        return drive is not None and drive["scale"] == 1.0 and drive["offset"] == 0.0
+
+    alike = [i for i, link in enumerate(links)
+             if plain(link) and link["drive"]["joint"] == links[index]["drive"]["joint"]]
+    return alike[:1] == [index]
+
+
 def body_xml(links, children, servos, index, depth):
     link = links[index]
     pad = "  " * depth
     out = []
     origin = link["origin"]
     if link["parent"] is None:
-        out.append(f'{pad}<body name="{link["name"]}"><freejoint/>')
+        out.append(f'{pad}<body name="{link["name"]}_0"><freejoint/>')
     else:
         out.append(
             f'{pad}<body name="{link["name"]}_{index}" pos="{text(origin["at_m"])}" quat="{text(quaternion(origin["rotation"]))}">'
@@ -40,7 +51,7 @@ def body_xml(links, children, servos, index, depth):
     if isinstance(motion, dict) and drive is not None and link["parent"] is not None:
         (kind, axis), = motion.items()
         servo = servos[drive["joint"]]
-        own = drive["scale"] == 1.0 and drive["offset"] == 0.0
+        own = is_own(links, index)
         name = f'j{drive["joint"]}' if own else f'm{index}'
         kind = {"Revolute": "hinge", "Prismatic": "slide"}[kind]
         out.append(
@@ -99,7 +110,7 @@ def model_of(trial):
         drive = link["drive"]
         if drive is None or isinstance(link["motion"], str):
             continue
-        if drive["scale"] != 1.0 or drive["offset"] != 0.0:
+        if not is_own(links, index):
             xml.append(f'<joint joint1="m{index}" joint2="j{drive["joint"]}" polycoef="{drive["offset"]} {drive["scale"]} 0 0 0"/>')
     xml += ["</equality>", "</mujoco>"]
     return mujoco.MjModel.from_xml_string("\n".join(xml))
