@@ -2,7 +2,8 @@
 
 A leader and three robots, each a program of its own on simulated servos. All of them are on
 one page, which draws often enough by software; cues that are pressed reach their robot, are
-saved as a show, and come again at their moments when the show is played.
+saved as a show, and come again at their moments when the show is played. STOP turns torque off
+on all of them, and does not say so while one has not confirmed it.
 """
 
 import json
@@ -53,7 +54,7 @@ class Stage:
     """Programs on one address; all of them end with it."""
 
     def __init__(self, folder):
-        self.folder, self.programs = folder, []
+        self.folder, self.programs, self.robots = folder, [], {}
         self.at = f"tcp/127.0.0.1:{free_port()}"
 
     def __enter__(self):
@@ -115,7 +116,8 @@ def watch_and_cue(browser, stage):
     program, address, audience = stage.lead("long.wav")
     for robot in ROBOTS:
         record = ["--record", "followed.mcap"] if robot == "neck" else []
-        stage.start("follow", "--robot", robot, "--connect", stage.at, "--quiet", *record)
+        stage.robots[robot] = stage.start(
+            "follow", "--robot", robot, "--connect", stage.at, "--quiet", *record)
     browser.open(address, 1280, 800)
     browser.wait_for(f"document.getElementById('scene').dataset.robots === '{len(ROBOTS)}'")
     check(True, f"{len(ROBOTS)} robots of a stage are on one page")
@@ -188,6 +190,27 @@ def play_again(stage, show):
         time.sleep(0.02)
     late_s = [came[cue["follower"]] - cue["at_s"] for cue in cues]
     check(all(0 <= late <= 0.5 for late in late_s), f"the cues come at their moments {late_s}")
+    return address
+
+
+def stop_all(browser, stage, address):
+    """STOP for every robot, one of which hears nothing for a while."""
+    browser.open(address, 1280, 800)
+    browser.wait_for(f"document.getElementById('scene').dataset.robots === '{len(ROBOTS)}'")
+    text = "document.getElementById('estop').textContent"
+    browser.wait_for(f"{text}.startsWith('STOPtorque')")
+    stage.robots["op3"].send_signal(signal.SIGSTOP)
+    browser.click("#estop")
+    browser.wait_for(f"{text}.includes('use the power switch: op3')")
+    check(True, "a robot that does not answer is named: STOP is not confirmed")
+    if PICTURES:
+        browser.screenshot(os.path.join(PICTURES, "stage-stop.png"))
+    stopped = {robot["name"]: robot.get("stopped") for robot in state(address)["robots"]}
+    check(stopped["torso13"] and stopped["neck"], f"the others have turned torque off {stopped}")
+    stage.robots["op3"].send_signal(signal.SIGCONT)
+    browser.wait_for(f"{text}.startsWith('STOPPED')")
+    stopped = {robot["name"]: robot.get("stopped") for robot in state(address)["robots"]}
+    check(all(stopped.values()) and len(stopped) == len(ROBOTS), f"STOPPED is true {stopped}")
 
 
 def main():
@@ -196,7 +219,8 @@ def main():
         with Stage(folder) as stage:
             with Chromium() as browser:
                 show = watch_and_cue(browser, stage)
-            play_again(stage, show)
+                address = play_again(stage, show)
+                stop_all(browser, stage, address)
         path = os.path.join(folder, "followed.mcap")
         subprocess.run([PROGRAM, "export", path, "--csv", "followed.csv"], cwd=folder, check=True,
                        stdout=subprocess.DEVNULL)

@@ -38,6 +38,8 @@ use std::time::{Duration, Instant};
 const WAITING: usize = 1024;
 /// The follower thread waits for messages at most this long.
 const LONGEST_WAIT: Duration = Duration::from_millis(10);
+/// How long a robot that was stopped goes on saying so.
+const CONFIRMING: Duration = Duration::from_secs(1);
 /// How long a leader is waited for before the user is told.
 const PATIENCE: Duration = Duration::from_millis(1500);
 
@@ -190,6 +192,7 @@ pub fn follow(
             options.stage, options.place
         )),
         noted_version: false,
+        stops: 0,
         notes: progress.clone(),
     };
     let (began, cpu) = (Instant::now(), cpu_s());
@@ -288,6 +291,8 @@ struct FollowerThread {
     /// What to say if no leader is heard soon.
     unheard: Option<String>,
     noted_version: bool,
+    /// Emergency stops of the stage that were obeyed.
+    stops: u64,
     notes: Progress,
 }
 
@@ -307,7 +312,20 @@ impl FollowerThread {
             }
             self.tick()?;
         }
+        if self.viewers.estop.is_pressed() {
+            self.confirm_stop()?;
+        }
         Ok(self)
+    }
+
+    /// Goes on telling how the robot is, so that the leader's page learns that torque is off.
+    fn confirm_stop(&mut self) -> anyhow::Result<()> {
+        let pressed = Instant::now();
+        while pressed.elapsed() < CONFIRMING {
+            self.teller.tell(self.viewers.newest())?;
+            std::thread::sleep(LONGEST_WAIT);
+        }
+        Ok(())
     }
 
     fn handle(&mut self, event: FollowerEvent) {
@@ -319,6 +337,10 @@ impl FollowerThread {
                 {
                     self.noted_version = true;
                     self.notes.note(&error.to_string());
+                }
+                if self.follower.stops() > self.stops {
+                    self.stops = self.follower.stops();
+                    self.viewers.estop.press("the stage's page");
                 }
             }
         }

@@ -43,6 +43,8 @@ const WAITING: usize = 4096;
 const LONGEST_WAIT: Duration = Duration::from_millis(5);
 /// Roles are sent again, and wanted styles collected, this often.
 const ROLE_INTERVAL: Duration = Duration::from_secs(1);
+/// How often a stop is sent while followers may not have heard of it.
+const STOP_INTERVAL: Duration = Duration::from_millis(50);
 /// After the last frame the leader stays for this, seconds.
 const TAIL_S: f64 = 0.5;
 
@@ -155,6 +157,7 @@ pub fn lead(
             ..LeadReport::default()
         },
         roles_sent: Instant::now(),
+        stop_sent: Instant::now(),
         rival: None,
     };
     progress.note(&format!(
@@ -313,6 +316,7 @@ struct LeaderLoop {
     show: StageShow,
     report: LeadReport,
     roles_sent: Instant,
+    stop_sent: Instant,
     /// Another leader: its instance and term.
     rival: Option<(u64, u32)>,
 }
@@ -379,8 +383,16 @@ impl LeaderLoop {
     fn play_show(&mut self, now_ns: i64, progress: &Progress) -> anyhow::Result<bool> {
         let music_s = self.timeline.music_s(now_ns);
         let mut cues: Vec<TimedCue> = self.show.due(music_s);
-        let (pressed, ends) = self.show.requests(music_s);
-        cues.extend(pressed);
+        let asked = self.show.requests(music_s);
+        cues.extend(asked.cues);
+        if asked.stops {
+            self.leader.stop();
+            progress.note("STOP on the stage's page: every robot turns torque off");
+        }
+        if asked.stops || (self.show.is_stopping() && self.stop_sent.elapsed() >= STOP_INTERVAL) {
+            self.stop_sent = Instant::now();
+            self.roles.put(self.leader.stop_message())?;
+        }
         for cue in &cues {
             match self.leader.give(&cue.follower, &cue.role) {
                 Some(1..) => {}
@@ -394,7 +406,7 @@ impl LeaderLoop {
             self.assign_styles();
         }
         self.show.tell(&self.leader, &self.timeline, now_ns);
-        Ok(ends)
+        Ok(asked.ends)
     }
 
     /// Sends a frame in the main style and in all extra styles.

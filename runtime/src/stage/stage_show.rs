@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 
 /// How often viewers are told.
 const TELL: Duration = Duration::from_millis(40);
+/// How long a stop is sent after a page has asked for it the last time.
+const STOPPING: Duration = Duration::from_secs(3);
 
 /// A show that is played, and the page that watches and changes it.
 pub struct StageShow {
@@ -19,6 +21,19 @@ pub struct StageShow {
     /// Cues up to this moment of the music were given, seconds.
     given_s: f64,
     told: Instant,
+    /// The newest press of STOP, and when a page named it last.
+    stop: Option<(String, Instant)>,
+}
+
+/// What operators have asked for.
+#[derive(Default)]
+pub struct Asked {
+    /// Cues to give now.
+    pub cues: Vec<TimedCue>,
+    /// The show shall end.
+    pub ends: bool,
+    /// STOP was pressed.
+    pub stops: bool,
 }
 
 impl StageShow {
@@ -29,6 +44,7 @@ impl StageShow {
             music: MusicTrack::default(),
             given_s: f64::NEG_INFINITY,
             told: Instant::now(),
+            stop: None,
         }
     }
 
@@ -48,28 +64,34 @@ impl StageShow {
         self.show.due(from_s, music_s).cloned().collect()
     }
 
-    /// What operators have asked for since the last call: the cues to give now, and whether
-    /// the show shall end. Cues become part of the show.
-    pub fn requests(&mut self, music_s: Option<f64>) -> (Vec<TimedCue>, bool) {
-        let (mut now, mut ends) = (Vec::new(), false);
-        let Some(page) = &self.page else {
-            return (now, ends);
-        };
+    /// Whether followers may not have heard of a stop yet.
+    pub fn is_stopping(&self) -> bool {
+        self.stop.as_ref().is_some_and(|(_, asked)| asked.elapsed() < STOPPING)
+    }
+
+    /// What operators have asked for since the last call. Cues become part of the show.
+    pub fn requests(&mut self, music_s: Option<f64>) -> Asked {
+        let mut asked = Asked::default();
+        let Some(page) = &self.page else { return asked };
         while let Ok(request) = page.requests.try_recv() {
             match request {
-                StageRequest::End => ends = true,
+                StageRequest::End => asked.ends = true,
+                StageRequest::Stop(press) => {
+                    asked.stops |= self.stop.as_ref().is_none_or(|(known, _)| *known != press);
+                    self.stop = Some((press, Instant::now()));
+                }
                 StageRequest::Remove(place) => self.show.remove(place),
                 StageRequest::Cue(mut cue) => {
                     let heard_s = music_s.unwrap_or(0.0).max(0.0);
                     if cue.at_s.is_none_or(|at_s| at_s <= heard_s) {
-                        now.push(cue.clone());
+                        asked.cues.push(cue.clone());
                         cue.at_s = cue.at_s.or(Some(heard_s));
                     }
                     self.show.add(cue);
                 }
             }
         }
-        (now, ends)
+        asked
     }
 
     /// Tells viewers how it stands, if it is time; what they have no room for is left out.
@@ -131,13 +153,25 @@ mod tests {
         assert_eq!(times(playing.due(Some(2.2))), [2.0]);
         page.requests.send(StageRequest::Cue(cue(None, "op3"))).unwrap();
         page.requests.send(StageRequest::Cue(cue(Some(9.0), "op3"))).unwrap();
-        let (now, ends) = playing.requests(Some(2.2));
-        assert!(now.len() == 1 && !ends);
+        let asked = playing.requests(Some(2.2));
+        assert!(asked.cues.len() == 1 && !asked.ends && !asked.stops);
         assert_eq!(times(playing.show.cues().to_vec()), [0.0, 2.0, 2.2, 2.5, 9.0]);
         assert_eq!(times(playing.due(Some(3.0))), [2.5], "what was pressed is not given twice");
         page.requests.send(StageRequest::Remove(4)).unwrap();
         page.requests.send(StageRequest::End).unwrap();
-        assert!(playing.requests(Some(3.0)).1);
+        assert!(playing.requests(Some(3.0)).ends);
         assert!(playing.due(Some(60.0)).is_empty());
+    }
+
+    #[test]
+    fn a_press_that_is_named_again_is_one_stop() {
+        let (end, page) = stage_link("main", Vec::new(), Songs::default());
+        let mut playing = StageShow::new(Show::default(), Some(end));
+        let mut press = |name: &str| {
+            page.requests.send(StageRequest::Stop(name.into())).unwrap();
+            playing.requests(None).stops
+        };
+        assert_eq!(["a", "a", "b", "b"].map(&mut press), [true, false, true, false]);
+        assert!(playing.is_stopping());
     }
 }

@@ -20,6 +20,8 @@ const MOST_LINKS: usize = 256;
 const MOST_SHAPES: usize = 1024;
 /// Numbers of poses, shapes and colours are no larger.
 const LARGEST: f64 = 1e4;
+/// Bytes of the name of a press of STOP.
+const LONGEST_PRESS: usize = 64;
 
 /// What the page learns.
 #[derive(Debug)]
@@ -141,6 +143,8 @@ pub enum StageRequest {
     Remove(usize),
     /// The last frame is the last: followers idle.
     End,
+    /// Torque off on every follower, by the name of the press.
+    Stop(String),
 }
 
 /// The page's end.
@@ -173,6 +177,7 @@ pub fn stage_link(stage: &str, styles: Vec<String>, songs: Songs) -> (LeaderEnd,
 struct RequestText {
     #[serde(rename = "do")]
     action: Option<ActionText>,
+    press: Option<String>,
     cue: Option<CueText>,
     remove: Option<usize>,
 }
@@ -182,6 +187,9 @@ struct RequestText {
 enum ActionText {
     Alive,
     End,
+    EStop,
+    /// A page has seen its stop confirmed.
+    Seen,
 }
 
 #[derive(Deserialize)]
@@ -199,11 +207,19 @@ struct CueText {
 /// the viewer.
 pub fn parse_stage_request(json: &str, styles: &[String]) -> Result<Option<StageRequest>, String> {
     let text: RequestText = serde_json::from_str(json).map_err(|error| error.to_string())?;
-    match (text.action, text.cue, text.remove) {
-        (Some(ActionText::Alive), None, None) => Ok(None),
-        (Some(ActionText::End), None, None) => Ok(Some(StageRequest::End)),
-        (None, Some(cue), None) => cue.checked(styles).map(|cue| Some(StageRequest::Cue(cue))),
-        (None, None, Some(place)) => Ok(Some(StageRequest::Remove(place))),
+    let press = text.press.filter(|press| press.len() <= LONGEST_PRESS);
+    match (text.action, press, text.cue, text.remove) {
+        (Some(ActionText::EStop), press, None, None) => {
+            Ok(Some(StageRequest::Stop(press.unwrap_or_default())))
+        }
+        (Some(ActionText::Alive), None, None, None) | (Some(ActionText::Seen), _, None, None) => {
+            Ok(None)
+        }
+        (Some(ActionText::End), None, None, None) => Ok(Some(StageRequest::End)),
+        (None, None, Some(cue), None) => {
+            cue.checked(styles).map(|cue| Some(StageRequest::Cue(cue)))
+        }
+        (None, None, None, Some(place)) => Ok(Some(StageRequest::Remove(place))),
         _ => Err("expected one of \"do\", \"cue\" and \"remove\"".into()),
     }
 }

@@ -118,6 +118,7 @@ pub struct Follower {
     role: Role,
     report_number: u32,
     report_ns: i64,
+    stops: u64,
     stats: FollowerStats,
 }
 
@@ -143,6 +144,7 @@ impl Follower {
             role,
             report_number: 0,
             report_ns: i64::MIN,
+            stops: 0,
             stats: FollowerStats::default(),
         }
     }
@@ -155,6 +157,11 @@ impl Follower {
     /// The present role, with all cues.
     pub fn role(&self) -> &Role {
         &self.role
+    }
+
+    /// Emergency stops of the stage so far.
+    pub fn stops(&self) -> u64 {
+        self.stops
     }
 
     /// Instance of the leader that is followed.

@@ -3,7 +3,7 @@
 use super::Follower;
 use super::tracked_leader::TrackedLeader;
 use crate::clock::seconds;
-use crate::messages::{Frames, Message, MessageError, Role, Roles, StageFrame};
+use crate::messages::{Frames, Message, MessageError, Role, Roles, StageFrame, StageStop};
 
 /// Longest plausible time between departure and presentation, seconds.
 const FARTHEST_S: f64 = 20.0;
@@ -38,6 +38,7 @@ impl Follower {
                 }
             }
             Ok(Message::Roles(roles)) => self.take_roles(now_ns, roles),
+            Ok(Message::StageStop(stop)) => self.take_stop(stop),
             Ok(_) => dropped.misplaced += 1,
         }
         message.map(drop)
@@ -117,6 +118,18 @@ impl Follower {
             self.candidate = Some(TrackedLeader::new(frames.instance, frames.term, now_ns));
         }
         better
+    }
+
+    /// A leader that is only a candidate may stop the robot too.
+    fn take_stop(&mut self, stop: &StageStop) {
+        match self.tracked(stop.instance) {
+            Some(leader) if stop.number > leader.stops => {
+                leader.stops = stop.number;
+                self.stops += 1;
+            }
+            Some(_) => self.stats.dropped.replayed += 1,
+            None => self.stats.dropped.rivals += 1,
+        }
     }
 
     fn take_roles(&mut self, now_ns: i64, roles: &Roles) {

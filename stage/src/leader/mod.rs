@@ -10,7 +10,7 @@
 
 use crate::messages::{
     Cue, CueReply, FollowerReport, Frames, MAX_FRAMES, MAX_ROLES, Message, MessageError, Role,
-    Roles, StageFrame, TimeReply, TimeRequest,
+    Roles, StageFrame, StageStop, TimeReply, TimeRequest,
 };
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
@@ -80,6 +80,7 @@ pub struct Leader {
     followers: BTreeMap<u64, FollowerStatus>,
     roles: BTreeMap<String, Role>,
     roles_number: u64,
+    stops: u64,
     cues: VecDeque<u64>,
     lead_s: f64,
     lead_ns: i64,
@@ -104,6 +105,7 @@ impl Leader {
             followers: BTreeMap::new(),
             roles: BTreeMap::new(),
             roles_number: 0,
+            stops: 0,
             cues: VecDeque::new(),
             lead_s: LEAST_S,
             lead_ns: i64::MIN,
@@ -273,6 +275,17 @@ impl Leader {
         let message =
             Roles { instance: self.instance, term: self.term, number: self.roles_number, roles };
         Message::Roles(message).encode()
+    }
+
+    /// Counts another emergency stop of the stage.
+    pub fn stop(&mut self) {
+        self.stops += 1;
+    }
+
+    /// The message with the newest stop, to be sent again until all have obeyed it.
+    pub fn stop_message(&self) -> Vec<u8> {
+        let stop = StageStop { instance: self.instance, number: self.stops };
+        Message::StageStop(stop).encode()
     }
 
     /// The present lead: how long before their time frames are sent, seconds.

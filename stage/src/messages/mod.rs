@@ -2,7 +2,7 @@
 //!
 //! Every message begins with the same four bytes: `sd`, the version of the format
 //! (now 2), and the kind: 1 frames, 2 time request, 3 time reply,
-//! 4 roles, 5 cue, 6 follower report, 7 cue reply. The rest are the fields of its type, in
+//! 4 roles, 5 cue, 6 follower report, 7 cue reply, 8 stage stop. The rest are the fields of its type, in
 //! order; docs/stage.md has all of them. A name is one byte of length and UTF-8,
 //! at most 48. A message with a byte too few or too many, a number
 //! that is not finite or out of its range, another version or another kind is
@@ -12,12 +12,14 @@ mod codec;
 mod error;
 mod frames;
 mod roles;
+mod stop;
 mod time_sync;
 
 pub use codec::is_valid_name;
 pub use error::MessageError;
 pub use frames::{Frames, StageFrame};
 pub use roles::{Cue, CueReply, Role, Roles};
+pub use stop::StageStop;
 pub use time_sync::{FollowerReport, TimeReply, TimeRequest};
 
 pub(crate) use error::MAX_BYTES;
@@ -76,6 +78,8 @@ messages! {
     6 FollowerReport(FollowerReport),
     /// Whom a cue reaches, leader to whoever sent the cue.
     7 CueReply(CueReply),
+    /// Torque off everywhere, leader to followers.
+    8 StageStop(StageStop),
 }
 
 impl Message {

@@ -56,6 +56,7 @@ fn messages() -> Vec<Message> {
             number: 9,
             roles: vec![("all".into(), Role::default()), ("op3-2".into(), role.clone())],
         }),
+        Message::StageStop(StageStop { instance: 7, number: 1 }),
         Message::Cue(Cue { nonce: 11, follower: "neck".into(), role }),
         Message::CueReply(CueReply { nonce: 11, reached: 1, names: vec!["neck".into()] }),
         Message::FollowerReport(FollowerReport {
@@ -164,7 +165,7 @@ fn a_million_damaged_messages_do_no_harm() {
 proptest! {
     #[test]
     fn any_bytes_behind_a_good_beginning_do_no_harm(
-        kind in 0..8u8,
+        kind in 0..9u8,
         body in prop::collection::vec(any::<u8>(), 0..2000),
     ) {
         survives(&[&[b's', b'd', VERSION, kind], body.as_slice()].concat());

@@ -1,6 +1,8 @@
 // Buttons, fields and keys. What the program says is what is shown, except in
 // a field that somebody is changing.
 
+import { stopByKeys } from "./stop.js";
+
 const byId = (id) => document.getElementById(id);
 
 export function makeControls(scene, { ask }, stop) {
@@ -34,13 +36,8 @@ export function makeControls(scene, { ask }, stop) {
     addEventListener("keydown", (event) => {
       if (event.repeat) return;
       if (event.key === "t" && !event.target.matches("input, select")) ask({ do: "tap" });
-      // The space bar presses the button that has the focus, and no other.
-      const taken = event.target.matches("button, input, select, summary, a");
-      if (event.key === "Escape" || (event.key === " " && !taken)) {
-        event.preventDefault();
-        stop.press();
-      }
     });
+    stopByKeys(stop);
   }
 
   const player = makePlayer(scene, ask);

@@ -1,5 +1,6 @@
 // STOP: sent again and again, on the socket and over HTTP, until the robot says that its torque
-// is off. What the button reads is what is known, never what is hoped for.
+// is off (on the page of a stage: every robot). What the button reads is what is known, never
+// what is hoped for.
 
 const AGAIN_MS = 250;
 // Longer than any robot needs to turn torque off and verify it.
@@ -17,13 +18,16 @@ export function makeStop(button, { send, post }) {
   let press = null;
   let posting = false;
   let state = "";
+  // Robots of a stage that have not confirmed.
+  let waiting = [];
 
-  const read = (next) => {
-    if (next === state) return;
-    state = next;
+  const read = (next, robots = []) => {
     const [word, what] = TEXTS[next];
+    const told = robots.length === 0 ? what : `${what}: ${robots.join(", ")}`;
+    if (next + told === state) return;
+    state = next + told;
     const small = document.createElement("small");
-    small.textContent = what;
+    small.textContent = told;
     button.replaceChildren(word, small);
     button.className = next;
   };
@@ -52,7 +56,7 @@ export function makeStop(button, { send, post }) {
     if (!press) return;
     send({ do: "estop", press: press.name });
     postOnce(press);
-    read(performance.now() - press.at > DOUBT_MS ? "doubt" : "stopping");
+    read(performance.now() - press.at > DOUBT_MS ? "doubt" : "stopping", waiting);
     setTimeout(repeat, AGAIN_MS);
   };
 
@@ -63,8 +67,19 @@ export function makeStop(button, { send, post }) {
       repeat();
     },
     show(frame) {
-      if (press && frame.confirmed.includes(press.name)) confirmed();
+      waiting = frame.unconfirmed ?? [];
+      if (press && [frame.confirmed].flat().includes(press.name)) confirmed();
       else if (!press) read(frame.stopped ? "stopped" : frame.estop ? "stopping" : "ready");
     },
   };
+}
+
+// Escape and the space bar; that presses the button that has the focus, and no other.
+export function stopByKeys(stop) {
+  addEventListener("keydown", (event) => {
+    const taken = event.target.matches("button, input, select, summary, a");
+    if (event.repeat || (event.key !== "Escape" && (event.key !== " " || taken))) return;
+    event.preventDefault();
+    stop.press();
+  });
 }

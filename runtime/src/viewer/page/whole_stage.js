@@ -5,6 +5,7 @@ import { makeCues } from "./cues.js";
 import { showLinks } from "./links.js";
 import { makeRobots } from "./robots.js";
 import { makeSound } from "./sound.js";
+import { makeStop, stopByKeys } from "./stop.js";
 import { makeTimeline } from "./timeline.js";
 
 const byId = (id) => document.getElementById(id);
@@ -34,6 +35,10 @@ async function start() {
       byId("link").textContent = text;
     },
   });
+  const stop = makeStop(byId("estop"), connection);
+  byId("estop").onclick = stop.press;
+  byId("stopping").hidden = !scene.operator;
+  if (scene.operator) stopByKeys(stop);
   byId("role").hidden = scene.operator;
   byId("save").hidden = byId("end").hidden = !scene.operator;
   byId("end").onclick = () => ask({ do: "end" });
@@ -47,6 +52,7 @@ async function start() {
       cues.show(newest);
       timeline.show(newest);
       showNow(newest);
+      if (scene.operator) stop.show(newest);
       // Pictures of the last second, for whoever asks how smooth it is.
       const now = performance.now();
       pictures = [...pictures.filter((at) => at > now - 1000), now];

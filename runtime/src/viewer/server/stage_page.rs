@@ -6,7 +6,7 @@ use crate::show::{Show, TimedCue};
 use crate::viewer::snapshot::{MusicStatus, rounded};
 use crate::viewer::songs::Songs;
 use crate::viewer::stage_link::{
-    FollowerNow, RobotLook, RobotNews, RobotPose, StageEnd, StageNews, StageNow,
+    FollowerNow, RobotLook, RobotNews, RobotPose, StageEnd, StageNews, StageNow, StageRequest,
     parse_stage_request,
 };
 use axum::http::StatusCode;
@@ -14,9 +14,12 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Robots that the page keeps, of followers that the leader knows or not yet.
 const MOST_ROBOTS: usize = 64;
+/// What came so soon after a stop was sent before it.
+const ON_ITS_WAY: Duration = Duration::from_millis(100);
 
 /// A stage, and the song that it dances to.
 pub struct StagePage {
@@ -34,6 +37,22 @@ struct StageView {
     /// Counts what `part` gives, so that pages know when to fetch it again.
     outlines: u32,
     shown: bool,
+    stop: Option<StagePress>,
+}
+
+/// A press of STOP, and the robots that have not said since that their torque is off.
+struct StagePress {
+    name: String,
+    at: Instant,
+    waiting: BTreeMap<u64, String>,
+}
+
+impl StagePress {
+    fn take(&mut self, id: u64, pose: &RobotPose) {
+        if pose.stopped && self.at.elapsed() > ON_ITS_WAY {
+            self.waiting.remove(&id);
+        }
+    }
 }
 
 #[derive(Default)]
@@ -56,6 +75,14 @@ struct FrameJson<'a> {
     beat: MusicStatus,
     outline: u32,
     cues: &'a [TimedCue],
+    /// A stop that not all robots have confirmed.
+    estop: bool,
+    /// All robots say that their torque is off by a stop.
+    stopped: bool,
+    /// The name of the newest press, once all robots have confirmed it.
+    confirmed: Option<&'a str>,
+    /// Robots that have not.
+    unconfirmed: Vec<&'a str>,
     robots: Vec<RobotJson<'a>>,
 }
 
@@ -82,6 +109,7 @@ impl StagePage {
                 outline: SongOutline::default(),
                 outlines: 0,
                 shown: true,
+                stop: None,
             }),
         }
     }
@@ -115,7 +143,10 @@ impl StageView {
                 }
                 let robot = self.robots.entry(id).or_default();
                 match news {
-                    RobotNews::Pose(pose) => robot.pose = Some(pose),
+                    RobotNews::Pose(pose) => {
+                        self.stop.iter_mut().for_each(|stop| stop.take(id, &pose));
+                        robot.pose = Some(pose);
+                    }
                     RobotNews::Look(look) if robot.look.as_ref() == Some(&look) => {}
                     RobotNews::Look(look) => {
                         robot.look = Some(look);
@@ -124,6 +155,22 @@ impl StageView {
                 }
             }
         }
+    }
+
+    /// Notes a press; whether all robots have confirmed it.
+    fn press_stop(&mut self, name: &str) -> bool {
+        if self.stop.as_ref().is_none_or(|stop| stop.name != name) {
+            let followers = self.now.iter().flat_map(|now| &now.followers);
+            let waiting = followers.map(|follower| (follower.id, follower.name.clone()));
+            let (name, at) = (name.to_owned(), Instant::now());
+            self.stop = Some(StagePress { name, at, waiting: waiting.collect() });
+        }
+        self.stop.as_ref().is_some_and(|stop| stop.waiting.is_empty())
+    }
+
+    fn all_stopped(&self) -> bool {
+        let mut poses = self.robots.values().map(|robot| robot.pose.as_ref());
+        !self.robots.is_empty() && poses.all(|pose| pose.is_some_and(|pose| pose.stopped))
     }
 
     fn show(&self) -> Show {
@@ -157,6 +204,8 @@ impl Shown for StagePage {
             });
             RobotJson { follower, look: robot.map_or(0, |robot| robot.looks), pose }
         });
+        let confirmed = view.stop.as_ref().filter(|stop| stop.waiting.is_empty());
+        let unconfirmed = view.stop.iter().flat_map(|stop| stop.waiting.values());
         let frame = FrameJson {
             clock_s: server.clock_s,
             age_s: now.map_or(0.0, |now| now.published.elapsed().as_secs_f64()),
@@ -166,6 +215,10 @@ impl Shown for StagePage {
             beat: now.map(|now| now.music).unwrap_or_default(),
             outline: view.outlines,
             cues: now.map(|now| now.show.cues()).unwrap_or_default(),
+            estop: view.stop.as_ref().is_some_and(|stop| !stop.waiting.is_empty()),
+            stopped: view.all_stopped(),
+            confirmed: confirmed.map(|stop| stop.name.as_str()),
+            unconfirmed: unconfirmed.map(String::as_str).collect(),
             robots: robots.collect(),
         };
         // Numbers and text only: nothing here can fail.
@@ -178,8 +231,16 @@ impl Shown for StagePage {
             return Ok(Answer::Alive);
         };
         let gone = |_| (StatusCode::SERVICE_UNAVAILABLE, "nobody leads any more".into());
-        self.view().end.requests.send(request).map_err(gone)?;
-        Ok(Answer::Taken)
+        let mut view = self.view();
+        let press = match &request {
+            StageRequest::Stop(press) => Some(press.clone()),
+            _ => None,
+        };
+        view.end.requests.send(request).map_err(gone)?;
+        match press.is_some_and(|press| view.press_stop(&press)) {
+            true => Ok(Answer::Stopped),
+            false => Ok(Answer::Taken),
+        }
     }
 
     fn songs(&self) -> &Songs {
