@@ -202,15 +202,15 @@ def stop_all(browser, stage, address):
     stage.robots["op3"].send_signal(signal.SIGSTOP)
     browser.click("#estop")
     browser.wait_for(f"{text}.includes('use the power switch: op3')")
-    check(True, "a robot that does not answer is named: STOP is not confirmed")
-    if PICTURES:
-        browser.screenshot(os.path.join(PICTURES, "stage-stop.png"))
     stopped = {robot["name"]: robot.get("stopped") for robot in state(address)["robots"]}
-    check(stopped["torso13"] and stopped["neck"], f"the others have turned torque off {stopped}")
     stage.robots["op3"].send_signal(signal.SIGCONT)
+    check(True, "a robot that does not answer is named: STOP is not confirmed")
+    check(stopped["torso13"] and stopped["neck"], f"the others have turned torque off {stopped}")
     browser.wait_for(f"{text}.startsWith('STOPPED')")
     stopped = {robot["name"]: robot.get("stopped") for robot in state(address)["robots"]}
     check(all(stopped.values()) and len(stopped) == len(ROBOTS), f"STOPPED is true {stopped}")
+    if PICTURES:
+        browser.screenshot(os.path.join(PICTURES, "stage-stop.png"))
 
 
 def main():

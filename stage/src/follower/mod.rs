@@ -32,7 +32,7 @@ mod tracked_leader;
 pub use stats::{DropCounters, FollowerStats};
 
 use crate::clock::{nanoseconds, seconds};
-use crate::messages::{FollowerReport, Message, Role, TimeRequest};
+use crate::messages::{FollowerReport, Message, Role, StageStop, TimeRequest};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use servodance_types::{FRAME_RATE_HZ, MotionFrame, MusicFrame, Posture};
@@ -119,6 +119,7 @@ pub struct Follower {
     report_number: u32,
     report_ns: i64,
     stops: u64,
+    stopped_by: VecDeque<StageStop>,
     stats: FollowerStats,
 }
 
@@ -145,6 +146,7 @@ impl Follower {
             report_number: 0,
             report_ns: i64::MIN,
             stops: 0,
+            stopped_by: VecDeque::new(),
             stats: FollowerStats::default(),
         }
     }

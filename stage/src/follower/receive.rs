@@ -9,6 +9,8 @@ use crate::messages::{Frames, Message, MessageError, Role, Roles, StageFrame, St
 const FARTHEST_S: f64 = 20.0;
 /// Largest number of channels of a leader.
 const CHANNELS: usize = 8;
+/// Leaders whose newest stop is remembered, so that each is obeyed once.
+const STOPS: usize = 16;
 
 impl Follower {
     /// Takes a message that arrived at `now_ns`.
@@ -120,16 +122,22 @@ impl Follower {
         better
     }
 
-    /// A leader that is only a candidate may stop the robot too.
+    /// Any leader's stop is obeyed, also one that is not followed now: to stop is always safe.
     fn take_stop(&mut self, stop: &StageStop) {
-        match self.tracked(stop.instance) {
-            Some(leader) if stop.number > leader.stops => {
-                leader.stops = stop.number;
-                self.stops += 1;
-            }
-            Some(_) => self.stats.dropped.replayed += 1,
-            None => self.stats.dropped.rivals += 1,
+        if self
+            .stopped_by
+            .iter()
+            .any(|known| known.instance == stop.instance && known.number >= stop.number)
+        {
+            self.stats.dropped.replayed += 1;
+            return;
         }
+        self.stopped_by.retain(|known| known.instance != stop.instance);
+        if self.stopped_by.len() == STOPS {
+            self.stopped_by.pop_front();
+        }
+        self.stopped_by.push_back(stop.clone());
+        self.stops += 1;
     }
 
     fn take_roles(&mut self, now_ns: i64, roles: &Roles) {

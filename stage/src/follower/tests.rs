@@ -363,17 +363,17 @@ fn a_recording_of_a_leader_moves_nobody() {
 }
 
 #[test]
-fn a_stop_is_obeyed_once_and_only_by_a_known_leader_s_followers() {
+fn each_stop_of_any_leader_is_obeyed_once() {
     let (mut world, mut lead) = (World::new(10, 0.0), Lead::new(0, 1));
-    let mut rival = Lead::new(0, 2);
-    rival.leader.stop();
+    let mut other = Lead::new(0, 2);
+    other.leader.stop();
     world.run(5.0, &mut [&mut lead]);
     let mut stops_after = |message: &[u8]| {
         world.follower.receive(world.now_ns, message).unwrap();
         world.follower.stops()
     };
-    assert_eq!(stops_after(&rival.leader.stop_message()), 0);
-    for number in 1..4 {
+    assert_eq!(stops_after(&other.leader.stop_message()), 1);
+    for number in 2..5 {
         lead.leader.stop();
         let message = lead.leader.stop_message();
         assert_eq!([stops_after(&message), stops_after(&message)], [number, number]);

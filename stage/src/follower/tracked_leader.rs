@@ -36,8 +36,6 @@ pub(super) struct TrackedLeader {
     pub lead_s: f64,
     pub beat_s: f64,
     pub roles_number: u64,
-    /// Emergency stops of the stage that were obeyed.
-    pub stops: u64,
     /// When the next time request is due.
     pub request_ns: i64,
     /// When the next request to resend is allowed.
@@ -61,7 +59,6 @@ impl TrackedLeader {
             lead_s: 0.0,
             beat_s: DEFAULT_BEAT_S,
             roles_number: 0,
-            stops: 0,
             request_ns: i64::MIN,
             resend_ns: i64::MIN,
         }
