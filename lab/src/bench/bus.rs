@@ -10,7 +10,7 @@ use anyhow::Context;
 use serde::Serialize;
 use servodance_drivers::{BusConfig, BusLayout, Servo, check_rate};
 use servodance_runtime::bus_tools::sim_link::{LinkChoice, sim_link};
-use servodance_runtime::process::realtime::Awake;
+use servodance_runtime::process::realtime::{Awake, OrdinaryAfterwards, ThreadRole, raise};
 use servodance_runtime::robot::Robot;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -45,6 +45,9 @@ pub struct BusBenchReport {
     /// Whether the system kept the processors awake between cycles: where not,
     /// each cycle also waits for one to wake up, twice.
     pub kept_awake: bool,
+    /// Whether the system ran the driver before ordinary work, as it does the control loop of a
+    /// dance.
+    pub real_time: bool,
     pub buses: Vec<BusRate>,
 }
 
@@ -70,6 +73,8 @@ pub struct BusRate {
 /// Fails for: a rate that the servos cannot be set to, or a bus that fails.
 pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result<BusBenchReport> {
     let awake = Awake::keep();
+    let _afterwards = OrdinaryAfterwards;
+    let real_time = raise(ThreadRole::Control).is_ok();
     let layouts: Vec<BusLayout> =
         robot.buses.iter().map(|bus| at_baud(bus, baud)).collect::<Result<_, _>>()?;
     let mut buses = Vec::with_capacity(layouts.len());
@@ -99,6 +104,7 @@ pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result
         jitter_us_p99_at_hz: paces,
         jitter_servos_at_hz: servos,
         kept_awake: awake.is_some(),
+        real_time,
         buses,
     })
 }
@@ -197,6 +203,13 @@ impl fmt::Display for BusBenchReport {
                 f,
                 "the processors may sleep between cycles, which takes some of that \
                  (allowed to write /dev/cpu_dma_latency, this command keeps them awake)"
+            )?;
+        }
+        if !self.real_time {
+            writeln!(
+                f,
+                "the driver waits behind ordinary work, which takes some of that as well (a dance \
+                 asks for real-time priority, which is not allowed here)"
             )?;
         }
         writeln!(

@@ -404,6 +404,11 @@ impl RobotBuses {
         self.gaps.as_ref().map(CycleGaps::percentiles)
     }
 
+    /// The same of the last second.
+    pub fn recent_gaps(&self) -> StepTimes {
+        self.gaps.as_ref().map(CycleGaps::recent).unwrap_or_default()
+    }
+
     /// How well the servos followed what they were told.
     pub fn following(&self) -> FollowingReport {
         let servos = self.bus.bus().servos();
