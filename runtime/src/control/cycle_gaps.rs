@@ -105,7 +105,7 @@ impl CycleGaps {
             self.told_ms = p99_ms;
             return Some(format!(
                 "commands come unevenly: {p99_ms:.1} ms apart where {period_ms:.1} are wanted, the \
-                 longest {:.1} ms; the machine is busy",
+                 longest {:.1} ms: replies come late, or the machine is busy",
                 self.recent.max_ms
             ));
         }

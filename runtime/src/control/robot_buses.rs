@@ -435,6 +435,7 @@ impl RobotBuses {
             timeouts: stats.timeouts,
             retries: stats.retries,
             rate_hz: stats.cycles as f64 / robot_s,
+            delay_ms: stats.delay_us as f64 * 1e-3,
         }
     }
 
