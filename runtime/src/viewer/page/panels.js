@@ -80,6 +80,13 @@ function showMusic({ beat, bands }) {
   });
 }
 
+// The servo with which most answers went wrong.
+function mostLost(frame, scene) {
+  const counts = frame.servo_errors.map(([lost, damaged]) => lost + damaged);
+  const most = Math.max(0, ...counts);
+  return most === 0 ? "–" : `${scene.joints[counts.indexOf(most)].name}, ${most}`;
+}
+
 // Name, how to tell it, and when it is worth a colour.
 function makeFigures() {
   const rows = [
@@ -92,6 +99,7 @@ function makeFigures() {
     ["answers late or lost", (f) => `${f.bus.timeouts}`, (f) => f.bus.timeouts > 0],
     ["answers damaged", (f) => `${f.bus.crc_errors}`, (f) => f.bus.crc_errors > 0],
     ["asked again", (f) => `${f.bus.retries}`, (f) => f.bus.retries > 0],
+    ["most with", mostLost, (f) => f.servo_errors.some(([lost, damaged]) => lost + damaged > 0)],
     ["limited moves", (f) => `${f.interventions}`, () => false],
     ["limits broken", (f) => (f.violations === null ? "real servos: unknown" : `${f.violations}`), (f) => f.violations > 0],
     ["idling", (f) => `${Math.round(f.idle_share * 100)} %`, () => false],
@@ -161,7 +169,7 @@ function makeJoint({ name, lower_rad, upper_rad }) {
     if (`${errors}` !== counted) {
       counted = `${errors}`;
       const [lost, damaged, again] = errors;
-      label.textContent = lost + damaged > 0 ? `${name} (${lost + damaged} lost)` : name;
+      label.className = lost + damaged > 0 ? "warm" : "";
       label.title = `${limits}; answers late or lost ${lost}, damaged ${damaged}, asked again ${again}`;
     }
     const celsius = frame.temperatures_c[index];

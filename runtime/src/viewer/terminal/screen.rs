@@ -170,10 +170,10 @@ fn bus<'a>(scene: &Scene, now: &RobotStatus) -> Line<'a> {
     let StepTimes { p50_ms, p99_ms, max_ms } = now.gaps;
     Line::from(vec![
         figure(format!("bus {:.1} / {} Hz", now.rate_hz, scene.control_hz), slow),
-        figure(format!("   commands {p50_ms:.1}"), false),
+        figure(format!("  commands {p50_ms:.1}"), false),
         figure(format!(", p99 {p99_ms:.1}"), p99_ms > UNEVEN * period_ms),
         figure(format!(", worst {max_ms:.1} ms apart"), max_ms > 2.0 * period_ms),
-        figure(format!("   delay {delay_ms:.1} ms"), delay_ms > LATE * period_ms),
+        figure(format!("  delay {delay_ms:.1} ms"), delay_ms > LATE * period_ms),
     ])
 }
 
