@@ -5,7 +5,7 @@
 //! gives the robot's rate. Figures are this machine's, and those of a machine
 //! with other work to do are worse.
 
-use crate::bench::bus_cycles::{BusBench, bench_bus};
+use crate::bench::bus_cycles::{BusBench, bare_wait_us, bench_bus};
 use anyhow::Context;
 use serde::Serialize;
 use servodance_drivers::{BusConfig, BusLayout, Servo, check_rate};
@@ -37,6 +37,8 @@ pub struct BusBenchReport {
     pub cpu_us_per_cycle: f64,
     /// How much of that the kernel took: the serial port, sleeping and waking up.
     pub kernel_us_per_cycle: f64,
+    /// Processor time of one wait of this system without a driver, microseconds.
+    pub bare_wait_us: f64,
     /// How late cycles began, 99th percentile, microseconds, at the robot's own rate.
     pub jitter_us_p99: f64,
     pub jitter_us_p99_at_hz: BTreeMap<u32, Option<f64>>,
@@ -97,6 +99,7 @@ pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result
         wire_limit_hz: slowest.wire_limit_hz,
         cpu_us_per_cycle: buses.iter().map(|bus| bus.cpu_us_per_cycle).sum(),
         kernel_us_per_cycle: buses.iter().map(|bus| bus.kernel_us_per_cycle).sum(),
+        bare_wait_us: bare_wait_us(),
         jitter_us_p99: own.with_context(|| {
             let hz = robot.control_hz;
             format!("the wire does not carry the robot's {hz} cycles a second")
@@ -198,6 +201,12 @@ impl fmt::Display for BusBenchReport {
                  processor a cycle, {kernel_us_per_cycle:.1} of them in the kernel"
             )?;
         }
+        writeln!(
+            f,
+            "a wait alone takes {:.1} us of processor here; a cycle waits for its servos, and for a \
+             motion sensor",
+            self.bare_wait_us
+        )?;
         if !self.kept_awake {
             writeln!(
                 f,
