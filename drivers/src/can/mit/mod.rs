@@ -13,7 +13,7 @@
 //! that is pushed about may exceed it by what the (shrunk) gains make of the push.
 //!
 //! A Damiao motor can be driven in position-velocity mode instead (`DM-J4310(PV)`): its own
-//! loops take it to the position, at most [`HEADROOM`] times as fast as the joint may be. There
+//! loops take it to the position, at most 1.5 times as fast as the joint may be. There
 //! are no gains that could keep `torque_limit_nm`: the motor's own peak is the limit.
 //!
 //! The reply carries torque, not current: [`servodance_types::JointState`] shows a
