@@ -2,6 +2,7 @@
 //! the factory's rate, plugged in one by one.
 
 use crate::program::Program;
+use servodance_drivers::BusLayout;
 use servodance_runtime::robot::Robot;
 use servodance_sim::{ServoFault, SimBus, SimOptions, SimServoSpec};
 use std::io::{BufRead, BufReader, Write};
@@ -15,13 +16,17 @@ struct NewServos {
 
 impl NewServos {
     fn of(robot: &str, change: impl Fn(usize, &mut SimServoSpec)) -> Self {
-        let robot = Robot::load(robot).expect("the built-in robot");
-        let mut specs: Vec<SimServoSpec> = robot.servos.iter().map(SimServoSpec::from).collect();
+        let robot = Robot::load(robot).expect("the robot");
+        Self::on(&robot.buses[0], change)
+    }
+
+    fn on(bus: &BusLayout, change: impl Fn(usize, &mut SimServoSpec)) -> Self {
+        let mut specs: Vec<SimServoSpec> = bus.servos.iter().map(SimServoSpec::from).collect();
         let indexed = specs.iter_mut().enumerate();
         indexed.for_each(|(index, spec)| change(index, spec));
-        let options = SimOptions::realtime(robot.buses[0].config.baud, robot.control_hz);
+        let names: Vec<String> = bus.servos.iter().map(|servo| servo.name.clone()).collect();
+        let options = SimOptions::realtime(bus.config.baud, 100.0);
         let bus = SimBus::start(&specs, options).expect("a simulated bus");
-        let names: Vec<String> = robot.servos.iter().map(|servo| servo.name.clone()).collect();
         for index in 0..names.len() {
             assert!(bus.set_servo_fault(index, ServoFault::New));
             assert!(bus.set_servo_fault(index, ServoFault::Unplug));
@@ -30,7 +35,7 @@ impl NewServos {
     }
 
     fn port(&self) -> String {
-        format!("serial:{}", self.bus.port_path())
+        self.bus.port().to_string()
     }
 
     fn plug(&self, joint: &str) {
@@ -52,7 +57,10 @@ struct Setup {
 
 impl Setup {
     fn start(program: &Program, robot: &str, port: &str, stdin: Stdio, more: &[&str]) -> Self {
-        let setup = ["robot", "setup", robot, "--bus", port];
+        // Several ports stand behind each other, with a space between.
+        let setup = ["robot", "setup", robot].into_iter();
+        let ports = port.split(' ').flat_map(|port| ["--bus", port]);
+        let setup: Vec<&str> = setup.chain(ports).collect();
         let mut child = program
             .command(&[&setup[..], more].concat())
             .stdin(stdin)
@@ -223,6 +231,58 @@ fn somebody_is_asked_for_each_servo_and_again_for_what_does_not_fit() {
     let (said, code) = setup.end();
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("neck: all 2 servos are set up"), "{said}");
+}
+
+/// The neck on two buses: a servo on a serial line, and this motor on CAN.
+fn neck_on_two_buses(program: &Program, kind: &str, motor: &str) -> String {
+    let (file, urdf) = ("two-buses.toml", "neck.urdf");
+    let configs = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+    let text = std::fs::read_to_string(configs.join("neck.toml")).expect("the neck");
+    let serial = "[[bus]]\nname = \"neck\"\nkind = \"dynamixel2\"\nbaud = 1_000_000\n";
+    let can = format!("[[bus]]\nname = \"tilt\"\nkind = \"{kind}\"\nbitrate = 1_000_000\n");
+    let text = text
+        .replace("[bus]\nkind = \"dynamixel2\"\nbaud = 1_000_000\n", &(serial.to_owned() + &can))
+        .replace("id = 1\n", "id = 1\nbus = \"neck\"\n");
+    let (pan, tilt) = text.split_at(text.rfind("[[joint]]").expect("two joints"));
+    let tilt = tilt
+        .replace("id = 2\n", "id = 2\nbus = \"tilt\"\n")
+        .replace("model = \"XM430-W350\"\n", motor)
+        .replace("zero_deg = 180.0", "zero_deg = 0.0");
+    std::fs::write(program.path(file), pan.to_owned() + &tilt).expect("the robot file");
+    std::fs::copy(configs.join(urdf), program.path(urdf)).expect("the URDF");
+    file.into()
+}
+
+#[test]
+fn a_robot_with_two_buses_is_set_up_bus_by_bus_on_can_too() {
+    let program = Program::new();
+    let motor = "model = \"DM-J4310\"\nreply_id = 18\n";
+    let robot = neck_on_two_buses(&program, "mit", motor);
+    let layouts = Robot::load(&program.path(&robot).to_string_lossy()).expect("the robot").buses;
+    let [neck, tilt] = [0, 1].map(|place| NewServos::on(&layouts[place], |_, _| {}));
+    let ports = format!("neck={} tilt={}", neck.port(), tilt.port());
+    let mut setup = Setup::awaiting(&program, &robot, &ports);
+    assert_eq!(setup.joint().as_deref(), Ok("neck_pan"));
+    neck.plug("neck_pan");
+    assert_eq!(setup.joint().as_deref(), Ok("neck_tilt"));
+    tilt.plug("neck_tilt");
+    let (said, code) = setup.end();
+    assert_eq!(code, Some(0), "{said}");
+    for line in [
+        "bus neck:",
+        "bus tilt:",
+        "neck_tilt: DM-J4310, id 2, read back",
+        "all 2 servos are set up",
+    ] {
+        assert!(said.contains(line), "no {line:?} in {said}");
+    }
+    assert!(neck.none_has_torque() && tilt.none_has_torque());
+
+    // Ids of moteus controllers are set by their vendor's program: said before anything is sent.
+    let robot = neck_on_two_buses(&program, "moteus", "model = \"moteus\"\n");
+    let setup = ["robot", "setup", &robot, "--yes", "--bus", "neck=serial:/dev/null", "--bus"];
+    program
+        .refused(&[&setup[..], &["tilt=fdcanusb:/dev/null"]].concat(), &["vendor's own program"]);
 }
 
 #[test]

@@ -72,6 +72,20 @@ def main():
     after, _, _ = packet.read2ByteTxRx(port, 3, 42)
     check("registered write waits for the action", (before, after) == (2198, 2048), (before, after))
 
+    wheel = 6
+    packet.write1ByteTxRx(port, wheel, 40, 0)
+    packet.write1ByteTxRx(port, wheel, 55, 0)
+    packet.write1ByteTxRx(port, wheel, 33, 1)
+    packet.write1ByteTxRx(port, wheel, 40, 1)
+    for goal, sign in ((1200, 0), (1200, 0x8000)):
+        packet.write2ByteTxRx(port, wheel, 46, goal | sign)
+        time.sleep(3.0)
+        speed, _, _ = packet.read2ByteTxRx(port, wheel, 58)
+        place, _, _ = packet.read2ByteTxRx(port, wheel, 56)
+        right = speed & 0x8000 == sign and abs((speed & 0x7FFF) - goal) < 60 and place < 4096
+        check(f"wheel mode at {'-' if sign else ''}{goal}", right, (hex(speed), place))
+    packet.write1ByteTxRx(port, wheel, 40, 0)
+
     port.closePort()
     server.stdin.close()
     print(server.stdout.read().strip())

@@ -111,6 +111,29 @@ def damiao(bus, where):
     # A register read makes no command: ask with a mode command that means nothing.
     answer = exchange(bus, frame(1, bytes.fromhex("FFFFFFFFFFFFFFFD")), mine)
     check(f"{where}: silent for 300 ms, error D", answer.data[0] >> 4 == 0xD, answer.data.hex())
+    # Position-velocity mode: at most 1 rad/s, by loops of its own.
+    register(9, 0x55, bytes(4))
+    register(10, 0x55, struct.pack("<I", 2))
+    check(f"{where}: CTRL_MODE 2 reads back", register(10) == struct.pack("<I", 2), 2)
+    for last in ("FB", "FC"):
+        exchange(bus, frame(1, bytes.fromhex("FFFFFFFFFFFFFF" + last)), mine)
+    goal = struct.pack("<ff", -0.4, 1.0)
+    began, seen = time.monotonic(), []
+    while time.monotonic() - began < 2.0:
+        answer = exchange(bus, frame(0x101, goal), mine)
+        seen.append((time.monotonic() - began, angle(answer.data[1], answer.data[2], 12.5)))
+        time.sleep(0.01)
+    halfway = min(seen, key=lambda at: abs(at[1]))[0]
+    check(f"{where}: position-velocity mode takes its speed", 0.25 < halfway < 0.8, f"{halfway:.2f} s")
+    check(f"{where}: and gets there", abs(seen[-1][1] + 0.4) < 0.05, f"{seen[-1][1]:.3f}")
+    before = seen[-1][1]
+    answer = exchange(bus, frame(1, mit(0.4, 22, 0.55, 30, 10)), mine)
+    time.sleep(0.3)
+    answer = exchange(bus, frame(0x101, goal), mine)
+    seen = angle(answer.data[1], answer.data[2], 12.5)
+    check(f"{where}: a command of MIT mode is not heeded in it", abs(seen - before) < 0.02, f"{seen:.3f}")
+    exchange(bus, frame(1, bytes.fromhex("FFFFFFFFFFFFFFFD")), mine)
+    register(10, 0x55, struct.pack("<I", 1))
 
 
 def cubemars(bus):

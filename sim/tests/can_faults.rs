@@ -30,7 +30,9 @@ fn dance_by(clock: LostBy, kind: MotorKind, happen: impl FnOnce(&mut SimBus)) ->
 fn names(kind: MotorKind) -> [&'static str; 3] {
     match kind {
         MotorKind::CubeMars => ["motor stalled", "motor overheating", "under-voltage"],
-        MotorKind::Damiao => ["overload (error E)", "coil overheating", "under-voltage"],
+        MotorKind::Damiao | MotorKind::DamiaoOwnLoops => {
+            ["overload (error E)", "coil overheating", "under-voltage"]
+        }
         MotorKind::Robstride => ["overload", "overheating", "under-voltage"],
         MotorKind::Odrive => ["current limit violation", "motor overheating", "under-voltage"],
         MotorKind::Cia402 => ["motor blocked", "overheating", "under-voltage"],
@@ -59,6 +61,11 @@ fn every_fault_of_cubemars_motors_ends_safely_and_is_told() {
 #[test]
 fn every_fault_of_damiao_motors_ends_safely_and_is_told() {
     every_fault(MotorKind::Damiao);
+}
+
+#[test]
+fn every_fault_of_damiao_motors_in_position_velocity_mode_ends_safely_and_is_told() {
+    every_fault(MotorKind::DamiaoOwnLoops);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::time::Duration;
 use common::can::*;
 use common::*;
 use servodance_drivers::can::transport::udp::UdpLink;
-use servodance_drivers::can::{CanBus, CanScanner};
+use servodance_drivers::can::{CanBus, CanScanner, IdSetting};
 use servodance_drivers::{Bus, BusConfig};
 use servodance_sim::{ServoFault, SimBus, SimLink, SimOptions};
 
@@ -16,7 +16,9 @@ use servodance_sim::{ServoFault, SimBus, SimLink, SimOptions};
 fn told(kind: MotorKind) -> Option<(&'static str, Option<&'static str>, Option<&'static str>)> {
     match kind {
         MotorKind::CubeMars | MotorKind::RobstrideMit | MotorKind::Moteus => None,
-        MotorKind::Damiao => Some(("Damiao", Some("DM-J4310"), Some("20500"))),
+        MotorKind::Damiao | MotorKind::DamiaoOwnLoops => {
+            Some(("Damiao", Some("DM-J4310"), Some("20500")))
+        }
         MotorKind::Robstride => Some(("RobStride", None, None)),
         MotorKind::Odrive => Some(("ODrive", None, Some("0.6.10"))),
         MotorKind::Cia402 => Some(("CiA 402", None, Some("revision 00000000"))),
@@ -71,6 +73,50 @@ fn everyone_who_can_be_asked_is_found_and_nobody_moves() {
             assert!((now - then).abs() < 1e-3, "{kind:?}: from {then} to {now}");
         }
         assert_eq!(sim.violations().total(), 0, "{:?}", sim.violation_notes());
+    }
+}
+
+#[test]
+fn one_motor_gets_a_new_id_and_its_neighbour_keeps_its_own() {
+    for (place, kind) in KINDS.into_iter().enumerate() {
+        let servos = can_robot(kind, 9);
+        let setting = CanScanner::id_setting(servos[0].model);
+        let wanted = match kind {
+            MotorKind::Damiao | MotorKind::DamiaoOwnLoops => IdSetting::OfOne,
+            MotorKind::Robstride | MotorKind::Odrive => IdSetting::OfOne,
+            MotorKind::Myactuator => IdSetting::OfAll,
+            _ => IdSetting::Vendor,
+        };
+        assert_eq!(setting, wanted, "{kind:?}");
+        if setting == IdSetting::Vendor {
+            continue;
+        }
+        let alone = setting == IdSetting::OfAll;
+        let group = format!("239.74.163.2:{}", 44020 + place).parse().unwrap();
+        let options =
+            SimOptions { link: SimLink::Multicast(group), ..SimOptions::realtime(BITRATE, HZ) };
+        let count = if alone { 1 } else { 2 };
+        let sim = SimBus::start(&specs(&servos[..count]), options).unwrap();
+        let link = UdpLink::open(group).unwrap();
+        let (listen, wait) = (Duration::from_millis(700), Duration::from_millis(30));
+        let mut scanner = CanScanner::over(Box::new(link), listen, wait);
+        assert!(scanner.set_id(1, &servos[8]).unwrap(), "{kind:?}");
+        let ids = |scanner: &mut CanScanner| -> Vec<u8> {
+            scanner.everyone().unwrap().iter().map(|found| found.id).collect()
+        };
+        let wanted: &[u8] = if alone { &[9] } else { &[2, 9] };
+        assert_eq!(ids(&mut scanner), wanted, "{kind:?}");
+        // It is kept without power, and the motor is driven by it.
+        assert!(sim.set_servo_fault(0, ServoFault::Reboot));
+        std::thread::sleep(Duration::from_millis(600));
+        let mut bus = CanBus::open(
+            &format!("udp:{group}"),
+            &BusConfig { watchdog_ms: 2540, ..can_patient(kind) },
+            vec![servos[8].clone()],
+        )
+        .unwrap();
+        bus.arm().unwrap_or_else(|error| panic!("{kind:?}: {error}"));
+        bus.disarm().unwrap();
     }
 }
 

@@ -173,12 +173,22 @@ fn motors_that_would_go_on_as_if_nothing_had_been_are_taken_on_again_or_stopped(
 }
 
 #[test]
-fn feetech_servos_hold_their_last_goal_and_go_on_from_there() {
-    let servos = robot_of("STS3215", 3);
-    let config = patient_of(BusKind::Feetech, 1_000_000);
-    let mut rig = rig_of(config, servos, SafetyConfig::at_hz(HZ));
-    rig.dance(3.0).unwrap();
-    rig.stall(5.0);
-    assert_eq!(rig.dance(2.0).unwrap(), State::Running);
-    assert_eq!(rig.sim.violations().total(), 0, "{:?}", rig.sim.violation_notes());
+fn those_without_a_watchdog_hold_their_last_goal_and_go_on_from_there() {
+    let can = [MotorKind::CubeMars, MotorKind::RobstrideMit];
+    let can = can.map(|kind| (can_patient(kind), can_robot(kind, 3)));
+    let serial = [
+        (patient_of(BusKind::Feetech, 1_000_000), robot_of("STS3215", 3)),
+        (patient_of(BusKind::Dynamixel1, 1_000_000), robot_of("MX-28(1.0)", 3)),
+    ];
+    for (config, servos) in can.into_iter().chain(serial) {
+        for stall_s in [0.5, 5.0] {
+            let mut rig = rig_of(config.clone(), servos.clone(), SafetyConfig::at_hz(HZ));
+            rig.dance(3.0).unwrap();
+            rig.stall(stall_s);
+            assert_eq!(rig.dance(2.0).unwrap(), State::Running, "{:?}", config.kind);
+            let notes = rig.sim.violation_notes();
+            assert_eq!(rig.sim.violations().total(), 0, "{:?}: {notes:?}", config.kind);
+            assert!(any_torque(&rig.sim, &rig.servos));
+        }
+    }
 }

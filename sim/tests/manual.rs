@@ -79,14 +79,22 @@ impl Host {
     }
 
     /// The error of a write; `None` if nobody answers.
+    /// An address or a size as this protocol has it.
+    fn place(&self, number: u16) -> Vec<u8> {
+        match self.framing {
+            Framing::Protocol2 => number.to_le_bytes().to_vec(),
+            Framing::Protocol1 => vec![number as u8],
+        }
+    }
+
     fn write(&mut self, id: u8, register: Register, value: i64) -> Option<u8> {
-        let mut params = register.address.to_le_bytes().to_vec();
+        let mut params = self.place(register.address);
         params.extend(&value.to_le_bytes()[..usize::from(register.size)]);
         self.ask(id, code::WRITE, &params).first().map(|answer| answer.1)
     }
 
     fn read(&mut self, id: u8, register: Register) -> u64 {
-        let params = [register.address.to_le_bytes(), register.size.to_le_bytes()].concat();
+        let params = [self.place(register.address), self.place(register.size)].concat();
         let answers = self.ask(id, code::READ, &params);
         register.value(&answers[0].2)
     }
@@ -183,6 +191,78 @@ fn moving_status_tells_that_a_goal_is_reached() {
     assert_eq!(host.read(1, at::MOVING_STATUS), 0b1_0010, "on its way, rectangular");
     host.sim.advance(3.0);
     assert_eq!(host.read(1, at::MOVING_STATUS) & 3, 1);
+}
+
+/// Feetech STS: mode, acceleration, goal position, time and speed, present position and speed.
+mod sts {
+    use super::Register;
+    pub const MODE: Register = Register::byte(33, "");
+    pub const TORQUE: Register = Register::byte(40, "");
+    pub const ACCELERATION: Register = Register::byte(41, "");
+    pub const GOAL: Register = Register::word(42, "");
+    pub const TIME: Register = Register::word(44, "");
+    pub const SPEED: Register = Register::word(46, "");
+    pub const POSITION: Register = Register::word(56, "");
+    pub const PRESENT_SPEED: Register = Register::word(58, "");
+}
+
+#[test]
+fn a_feetech_wheel_turns_at_its_goal_speed_and_counts_each_turn_anew() {
+    let mut host = host(&robot_of("STS3215", 1), Framing::Protocol1, 1_000_000);
+    host.ask(1, code::WRITE, &[55, 0]); // the lock
+    assert_eq!(host.write(1, sts::MODE, 1), Some(0));
+    assert_eq!(host.write(1, sts::TORQUE, 1), Some(0));
+    for (goal, sign) in [(1500u64, 0u64), (1500, 1 << 15)] {
+        assert_eq!(host.write(1, sts::SPEED, (goal | sign) as i64), Some(0));
+        host.sim.advance(4.0);
+        let speed = host.read(1, sts::PRESENT_SPEED);
+        assert_eq!(speed & 1 << 15, sign, "bit 15 is the direction");
+        assert!((speed & 0x7FFF).abs_diff(goal) < 60, "{speed}");
+        assert!(host.read(1, sts::POSITION) < 4096);
+    }
+    // 10 units are 1000 ticks a second each second.
+    assert_eq!(host.write(1, sts::SPEED, 0), Some(0));
+    host.sim.advance(2.0);
+    assert_eq!(host.write(1, sts::ACCELERATION, 10), Some(0));
+    assert_eq!(host.write(1, sts::SPEED, 1500), Some(0));
+    host.sim.advance(0.75);
+    let half = host.read(1, sts::PRESENT_SPEED);
+    assert!((600..900).contains(&half), "{half} after half of the ramp");
+    assert_eq!(host.write(1, sts::TORQUE, 0), Some(0));
+}
+
+#[test]
+fn a_feetech_servo_in_open_loop_takes_the_time_register_for_a_duty() {
+    let mut host = host(&robot_of("STS3215", 1), Framing::Protocol1, 1_000_000);
+    host.ask(1, code::WRITE, &[55, 0]);
+    assert_eq!(host.write(1, sts::MODE, 2), Some(0));
+    assert_eq!(host.write(1, sts::TORQUE, 1), Some(0));
+    let mut speeds = Vec::new();
+    for duty in [400, 800, 400 | 1 << 10] {
+        assert_eq!(host.write(1, sts::TIME, duty), Some(0));
+        host.sim.advance(2.0);
+        speeds.push(host.read(1, sts::PRESENT_SPEED));
+    }
+    let [slow, fast, back] = speeds[..] else { panic!("{speeds:?}") };
+    assert!(slow > 300 && fast > 3 * slow / 2, "{speeds:?}");
+    assert!(back & 1 << 15 != 0 && (back & 0x7FFF).abs_diff(slow) < 30, "{speeds:?}");
+}
+
+#[test]
+fn a_feetech_move_takes_its_distance_over_its_speed_and_the_ramp() {
+    // The vendor's example: (P1 - P0) / V + V / (A * 100) seconds.
+    let mut host = host(&robot_of("STS3215", 1), Framing::Protocol1, 1_000_000);
+    assert_eq!(host.write(1, sts::TORQUE, 1), Some(0));
+    assert_eq!(host.write(1, sts::GOAL, 1500), Some(0));
+    host.sim.advance(1.0);
+    assert_eq!(host.write(1, sts::ACCELERATION, 20), Some(0));
+    assert_eq!(host.write(1, sts::SPEED, 1000), Some(0));
+    assert_eq!(host.write(1, sts::GOAL, 2500), Some(0));
+    let due_s = 1000.0 / 1000.0 + 1000.0 / 2000.0;
+    host.sim.advance(due_s - 0.25);
+    assert!(host.read(1, sts::POSITION) < 2480, "{}", host.read(1, sts::POSITION));
+    host.sim.advance(0.35);
+    assert!(host.read(1, sts::POSITION).abs_diff(2500) < 12, "{}", host.read(1, sts::POSITION));
 }
 
 #[test]

@@ -85,6 +85,10 @@ fn frames_of_both_id_sizes_pass_between_two_sockets() {
         assert_eq!(host.send(&frame).unwrap(), Sent::Taken);
         assert_eq!(motor.receive(soon()).unwrap(), CanEvent::Frame(frame));
     }
+    let long = CanFrame::flexible(0x8001, &[7; 42], 0x50);
+    assert!(host.carries_flexible());
+    assert_eq!(host.send(&long).unwrap(), Sent::Taken);
+    assert_eq!(motor.receive(soon()).unwrap(), CanEvent::Frame(long));
     // Nobody hears himself, and a deadline in the past does not wait.
     assert_eq!(host.receive(Instant::now()).unwrap(), CanEvent::Nothing);
     motor.send(&CanFrame::standard(1, &[1])).unwrap();
@@ -226,6 +230,12 @@ fn twenty_mit_motors_dance_without_losing_a_frame() {
 #[ignore = "needs a CAN interface"]
 fn twenty_robstride_motors_dance_without_losing_a_frame() {
     dances_without_loss(MotorKind::Robstride);
+}
+
+#[test]
+#[ignore = "needs a CAN interface"]
+fn twenty_moteus_motors_dance_over_can_fd_without_losing_a_frame() {
+    dances_without_loss(MotorKind::Moteus);
 }
 
 #[test]

@@ -16,6 +16,13 @@ pub struct ServoErrors {
     pub reckoned: u64,
 }
 
+impl ServoErrors {
+    /// Answers that did not come, or came damaged.
+    pub fn lost(&self) -> u64 {
+        self.timeouts + self.crc_errors
+    }
+}
+
 #[derive(Debug, Default)]
 struct Counters {
     timeouts: AtomicU64,
@@ -64,15 +71,19 @@ impl ErrorCounters {
         self.add(index, |counters| &counters.reckoned);
     }
 
-    /// The counts, in the order of the servos.
-    pub fn read(&self) -> Vec<ServoErrors> {
+    /// The counts of each servo, in the order of the servos.
+    pub fn each(&self) -> impl Iterator<Item = ServoErrors> {
         let counted = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        let each = self.0.iter().map(|counters| ServoErrors {
+        self.0.iter().map(move |counters| ServoErrors {
             timeouts: counted(&counters.timeouts),
             crc_errors: counted(&counters.crc_errors),
             retries: counted(&counters.retries),
             reckoned: counted(&counters.reckoned),
-        });
-        each.collect()
+        })
+    }
+
+    /// The same as a list.
+    pub fn read(&self) -> Vec<ServoErrors> {
+        self.each().collect()
     }
 }

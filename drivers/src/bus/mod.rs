@@ -14,9 +14,13 @@ pub(crate) mod torque_alarm;
 use servodance_types::{ImuState, JointState};
 
 use crate::bus::error_counters::ErrorCounters;
+use crate::bus::reply_clock::ReplyClock;
 use crate::error::{BusError, BusResult, ServoId};
 use crate::serial::ServoDeviation;
 use crate::servo::Servo;
+
+/// The link's delay is that of so many cycles.
+const DELAY_CYCLES: u64 = 16;
 
 #[allow(missing_docs)] // each counter says its name
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,12 +33,25 @@ pub struct BusStats {
     pub retries: u64,
     /// Cycles in which nobody answered.
     pub unheard: u64,
+    /// How long after their time on the wire the answers of a cycle come, microseconds: what
+    /// adapter and system add, over the last cycles. Of several buses the longest.
+    pub delay_us: u64,
 }
 
 impl BusStats {
     /// Answers that did not come, or came damaged.
     pub(crate) fn errors(&self) -> u64 {
         self.timeouts + self.crc_errors
+    }
+
+    /// The answers of a cycle came so long after their time on the wire. In simulated time
+    /// there is no such thing.
+    pub(crate) fn note_delay(&mut self, clock: &ReplyClock, late: std::time::Duration) {
+        if *clock != ReplyClock::Wall {
+            return;
+        }
+        self.delay_us =
+            (self.delay_us * (DELAY_CYCLES - 1) + late.as_micros() as u64) / DELAY_CYCLES;
     }
 }
 
@@ -47,6 +64,7 @@ impl std::ops::AddAssign for BusStats {
         self.timeouts += other.timeouts;
         self.retries += other.retries;
         self.unheard += other.unheard;
+        self.delay_us = self.delay_us.max(other.delay_us);
     }
 }
 

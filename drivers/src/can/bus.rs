@@ -17,6 +17,7 @@ use std::time::Instant;
 use servodance_types::{ImuState, JointState};
 
 use crate::bus::config::BusConfig;
+use crate::bus::error_counters::ErrorCounters;
 use crate::bus::torque_alarm;
 use crate::bus::{Bus, BusStats, Health, Notes};
 use crate::can::client::MotorClient;
@@ -70,7 +71,9 @@ impl CanBus {
             return Err(BusError::not_opened(port, "the bus is not on CAN"));
         };
         if family.is_flexible() && !link.carries_flexible() {
-            let reason = "these motors speak CAN FD, which fdcanusb:PATH carries";
+            let reason = "these motors speak CAN FD: fdcanusb:PATH carries it, and can:IFACE where the \
+                 interface is up with it (`sudo ip link set can0 up type can bitrate 1000000 \
+                 dbitrate 5000000 fd on`)";
             return Err(BusError::not_opened(port, reason));
         }
         let count = servos.len();
@@ -200,6 +203,9 @@ impl CanBus {
             self.frames.clear();
             for (index, servo) in self.exchange.servos.iter().enumerate() {
                 if !self.answered[index] {
+                    if attempt > 0 {
+                        self.exchange.errors.asked_again(index);
+                    }
                     let (target, status) = (targets_rad[index], &self.status[index]);
                     let frames = &mut self.frames;
                     let config = &self.exchange.config;
@@ -224,6 +230,8 @@ impl CanBus {
             while self.answered.contains(&false) {
                 let Some(frame) = self.exchange.receive(deadline, DOING)? else {
                     self.exchange.stats.timeouts += 1;
+                    let silent = (0..self.answered.len()).filter(|&index| !self.answered[index]);
+                    silent.for_each(|index| self.exchange.errors.timed_out(index));
                     break;
                 };
                 if let Some(index) = self.take_frame(&frame) {
@@ -421,6 +429,10 @@ impl Bus for CanBus {
         let state = self.hold_one(index)?;
         self.spoke_s = self.exchange.config.reply_clock.now_s();
         Ok(state)
+    }
+
+    fn error_counters(&self) -> ErrorCounters {
+        self.exchange.errors.clone()
     }
 
     fn reopen(&mut self) -> BusResult<()> {

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use crate::bus::BusStats;
 use crate::bus::config::BusConfig;
+use crate::bus::error_counters::ErrorCounters;
 use crate::bus::reply_clock::Patience;
 use crate::can::cycle_frames::CycleFrames;
 use crate::can::transport::{CanEvent, CanFault, CanFrame, CanLink, Sent, open_link, worst_bits};
@@ -46,6 +47,7 @@ pub(crate) struct CanExchange {
     pub servos: Vec<Servo>,
     pub config: BusConfig,
     pub stats: BusStats,
+    pub errors: ErrorCounters,
     pub queue_full: u64,
     pub tries: u32,
     overdue: u32,
@@ -73,6 +75,7 @@ impl CanExchange {
             link,
             port: port.into(),
             tries: config.retries + 1,
+            errors: ErrorCounters::new(servos.len()),
             servos,
             config,
             stats: BusStats::default(),
@@ -149,6 +152,10 @@ impl CanExchange {
 
     /// Notes that all of `motors` motors answered within `took`.
     pub fn answered_after(&mut self, motors: usize, took: Duration) {
+        let bits = self.frames.bits(motors).nominal;
+        let wire_s = f64::from(bits) / f64::from(self.config.baud);
+        let late = took.saturating_sub(Duration::from_secs_f64(wire_s));
+        self.stats.note_delay(&self.config.reply_clock, late);
         let each_s = took.as_secs_f64() / motors.max(1) as f64;
         let quickest_s = self.quickest_s.unwrap_or(each_s);
         self.quickest_s = Some(quickest_s.min(each_s));

@@ -10,7 +10,7 @@ use self::prelude::*;
 
 /// What the files of a family need of this crate.
 pub(crate) mod prelude {
-    pub(crate) use super::CanFamily;
+    pub(crate) use super::{CanFamily, IdSetting};
     pub(crate) use crate::bus::config::BusConfig;
     pub(crate) use crate::bus::kind::BusKind;
     pub(crate) use crate::bus::{Health, Notes};
@@ -25,6 +25,17 @@ pub(crate) mod prelude {
     pub(crate) use crate::error::BusResult;
     pub(crate) use crate::servo::Servo;
     pub(crate) use crate::servo::model::ServoModel;
+}
+
+/// Who sets the ids of CAN motors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IdSetting {
+    /// The vendor's own program alone.
+    Vendor,
+    /// This crate, one motor among others.
+    OfOne,
+    /// This crate; but every motor that hears it takes the new id.
+    OfAll,
 }
 
 pub(crate) trait CanFamily: Send + Sync {
@@ -87,4 +98,20 @@ pub(crate) trait CanFamily: Send + Sync {
     ) -> Option<usize>;
 
     fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>>;
+
+    /// Who sets the id of such a motor.
+    fn id_setting(&self, _model: &ServoModel) -> IdSetting {
+        IdSetting::Vendor
+    }
+
+    /// Frames that give the motor with id `from` the ids of `servo`, kept without power; `None`
+    /// where that cannot be done here.
+    fn id_frames(
+        &self,
+        _scanner: &mut ScanLink,
+        _from: u8,
+        _servo: &Servo,
+    ) -> io::Result<Option<Vec<CanFrame>>> {
+        Ok(None)
+    }
 }

@@ -28,6 +28,7 @@ pub mod transport;
 
 pub use bus::CanBus;
 pub(crate) use cycle_rate::{check_can_rate, cycle_bits};
+pub use family::IdSetting;
 pub use motor::{MotorModel, MotorSettings};
 pub use scan::{CanFound, CanScanner};
 pub use transport::{CanEvent, CanFault, CanFrame, CanLink, CanPort, Sent};

@@ -34,6 +34,7 @@ pub(crate) const fn drive(name: &'static str, kind: BusKind) -> ServoModel {
         kd_max: 100.0,
         has_registers: true,
         tells_tenths: false,
+        own_loops: false,
     };
     motor(name, kind, ranges)
 }

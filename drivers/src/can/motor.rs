@@ -20,6 +20,8 @@ pub struct MotorModel {
     pub has_registers: bool,
     /// MIT only: a reply ends with the temperature in tenths, and has no fault (RobStride).
     pub tells_tenths: bool,
+    /// MIT only: driven in position-velocity mode (Damiao): its own loops, no gains.
+    pub own_loops: bool,
 }
 
 /// Rotor inertia after the gear for each newton metre of peak torque, as the

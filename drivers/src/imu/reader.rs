@@ -10,6 +10,7 @@ use super::mounting::Mounting;
 use super::opencr::{READING_BYTES, decode, registers::READING};
 use crate::error::BusResult;
 use crate::serial::ServoClient;
+use crate::serial::device_read::DeviceQuestion;
 
 /// How often a board that is lost is asked again, seconds.
 const ASK_AGAIN_S: f64 = 0.5;
@@ -24,6 +25,7 @@ pub(crate) struct ImuReader {
     hz: f64,
     patience: Duration,
     fresh: Freshness,
+    asked: Option<DeviceQuestion>,
 }
 
 impl ImuReader {
@@ -36,16 +38,27 @@ impl ImuReader {
             hz,
             patience: Duration::from_secs_f64(patience_s),
             fresh: Freshness::new(hz),
+            asked: None,
         }
     }
 
-    /// Asks the board, unless it is lost and was asked a moment ago.
-    pub fn read(&mut self, client: &mut ServoClient) -> BusResult<()> {
+    /// Asks the board, with what is held for the wire, unless it is lost and was asked a moment
+    /// ago.
+    pub fn ask(&mut self, client: &mut ServoClient) -> BusResult<()> {
         let again = (ASK_AGAIN_S * self.hz).ceil().max(1.0) as u32;
         let waits = self.fresh.is_lost() && !self.fresh.missed().is_multiple_of(again);
-        let bytes: Option<[u8; READING_BYTES]> = match waits {
+        self.asked = match waits {
             true => None,
-            false => client.read_device(self.id, READING, self.patience)?,
+            false => Some(client.ask_device(self.id, READING, self.patience)?),
+        };
+        Ok(())
+    }
+
+    /// Waits for what the board answers to [`ImuReader::ask`].
+    pub fn hear(&mut self, client: &mut ServoClient) -> BusResult<()> {
+        let bytes: Option<[u8; READING_BYTES]> = match self.asked.take() {
+            None => None,
+            Some(asked) => client.hear_device(&asked)?,
         };
         self.fresh.cycle(bytes.map(|bytes| decode(&bytes, &self.mounting)));
         Ok(())

@@ -5,6 +5,16 @@
 use super::safe_bus::SafeBus;
 use crate::bus::Bus;
 
+fn slow_link(delay_ms: f64, period_ms: f64) -> String {
+    match delay_ms > 0.0 {
+        true => format!(
+            "answers take {delay_ms:.1} ms longer than the wire, of {period_ms:.1} ms for a cycle: \
+             look at the adapter's latency timer, or for what keeps this machine busy"
+        ),
+        false => "answers are prompt again".into(),
+    }
+}
+
 impl<B: Bus> SafeBus<B> {
     /// After several cycles without any answer the motion is blended in again from the last
     /// goals that were sent.
@@ -19,6 +29,9 @@ impl<B: Bus> SafeBus<B> {
             return;
         }
         let (stats, servos) = (self.bus.stats(), self.bus.error_counters());
+        if let Some((delay_s, period_s)) = self.link_delay.look(now_s, stats) {
+            self.remark(now_s, &slow_link(delay_s * 1e3, period_s * 1e3));
+        }
         let Some(rough) = self.rough_wire.look(now_s, stats, &servos) else { return };
         if rough.share == 0.0 {
             self.remark(now_s, "the wire is sound again");

@@ -11,7 +11,7 @@ use super::estop::EStop;
 use super::followed::Followed;
 use super::joint::{LostAdapter, SafeJoint};
 use super::state::{Interventions, State, Transition};
-use super::wire_watch::{RoughWire, Unheard};
+use super::wire_watch::{LinkDelay, RoughWire, Unheard};
 use crate::bus::{ArmReport, Bus, BusStats, Health};
 use crate::error::{BusError, ServoId};
 use crate::imu::SerialImu;
@@ -38,6 +38,7 @@ pub struct SafeBus<B: Bus> {
     pub(super) stops_s: Vec<f64>,
     followed: Followed,
     pub(super) rough_wire: RoughWire,
+    pub(super) link_delay: LinkDelay,
     pub(super) unheard: Unheard,
     /// Hears every change of state and every remark at once.
     listener: Option<Sender<Transition>>,
@@ -67,6 +68,7 @@ impl<B: Bus> SafeBus<B> {
             stops_s: Vec::new(),
             followed: Followed::default(),
             rough_wire: RoughWire::default(),
+            link_delay: LinkDelay::default(),
             unheard: Unheard::default(),
             listener: None,
             sensor: None,

@@ -57,10 +57,9 @@ impl RoughWire {
 
     /// Who has had most of the errors since this was asked last, if that is most of all.
     fn worst_servo(&mut self, now: Vec<ServoErrors>) -> Option<usize> {
-        let count = |errors: &ServoErrors| errors.timeouts + errors.crc_errors;
-        let before = |index: usize| self.servos_before.get(index).map_or(0, count);
+        let before = |index: usize| self.servos_before.get(index).map_or(0, ServoErrors::lost);
         let new: Vec<u64> =
-            now.iter().enumerate().map(|(i, e)| count(e).saturating_sub(before(i))).collect();
+            now.iter().enumerate().map(|(i, e)| e.lost().saturating_sub(before(i))).collect();
         let (worst, most) = new.iter().copied().enumerate().max_by_key(|(_, errors)| *errors)?;
         let all: u64 = new.iter().sum();
         self.servos_before = now;
@@ -72,6 +71,41 @@ impl RoughWire {
 pub(super) struct Roughness {
     pub share: f64,
     pub worst: Option<usize>,
+}
+
+/// A delay of this share of a cycle is told, again when it has doubled, and below half of it
+/// as over.
+const LATE: f64 = 0.5;
+
+/// What adapter and system add to the time of answers.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LinkDelay {
+    began: (f64, u64),
+    /// The delay that was told last, seconds; 0 while answers are prompt.
+    told_s: f64,
+}
+
+impl LinkDelay {
+    /// At the end of a window: delay and period, seconds, if they are to be told; a delay of 0
+    /// that it is over.
+    pub fn look(&mut self, now_s: f64, stats: BusStats) -> Option<(f64, f64)> {
+        let (began_s, cycles) = std::mem::replace(&mut self.began, (now_s, stats.cycles));
+        let cycles = stats.cycles.saturating_sub(cycles);
+        if cycles == 0 || now_s <= began_s {
+            return None;
+        }
+        let period_s = (now_s - began_s) / cycles as f64;
+        let delay_s = stats.delay_us as f64 * 1e-6;
+        if delay_s > (LATE * period_s).max(2.0 * self.told_s) {
+            self.told_s = delay_s;
+            return Some((delay_s, period_s));
+        }
+        if self.told_s > 0.0 && delay_s < 0.5 * LATE * period_s {
+            self.told_s = 0.0;
+            return Some((0.0, period_s));
+        }
+        None
+    }
 }
 
 /// Cycles in which no servo answered, so that no goal was sent.
@@ -107,6 +141,21 @@ mod tests {
         assert_eq!([look(0), look(1), look(1)], [None; 3]);
         assert_eq!([look(2), look(3), look(4)], [None; 3]);
         assert_eq!([look(4), look(4)], [Some(3), None]);
+    }
+
+    #[test]
+    fn a_slow_link_is_told_when_it_begins_grows_and_ends() {
+        let mut link = LinkDelay::default();
+        let mut cycles = 0;
+        let mut second = |delay_us| {
+            cycles += 100;
+            link.look(cycles as f64 * 0.01, BusStats { cycles, delay_us, ..BusStats::default() })
+                .map(|(delay_s, _)| delay_s)
+        };
+        assert_eq!([second(0), second(4_900)], [None; 2]);
+        assert_eq!([second(6_000), second(11_000)], [Some(0.006), None]);
+        assert_eq!([second(13_000), second(3_000), second(2_000)], [Some(0.013), None, Some(0.0)]);
+        assert_eq!(second(2_000), None);
     }
 
     #[test]

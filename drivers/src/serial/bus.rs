@@ -134,7 +134,7 @@ impl SerialBus {
         // From here on torque may be on, whatever goes wrong.
         self.armed = true;
         let torque = self.family.registers().torque;
-        self.client.sync_write(torque, 1, |_, _| Some(1))?;
+        self.client.sync_write(torque, |_, _| Some(1))?;
         for index in servos {
             self.client.expect(index, torque, 1)?;
         }
@@ -180,18 +180,21 @@ impl SerialBus {
         Ok(false)
     }
 
-    /// Goals for those who may have one: see `goal_timing.rs`.
+    /// Goals for those who may have one: see `goal_timing.rs`. The question to a motion sensor
+    /// goes with them: one call to the system, and no pause on the wire.
     fn send_goals(&mut self, targets_rad: &[f64], damaged: bool) -> BusResult<()> {
-        let Self { client, goals, missing, .. } = self;
+        let Self { client, goals, missing, imu, .. } = self;
         let goal = self.family.registers().goal;
         let bytes = client.servos.len() * (1 + usize::from(goal.size));
         let copies = goals.copies(&client.config, client.port.time(bytes));
         let missing = missing.iter().zip(&client.aside);
         let missing = missing.map(|(missing, aside)| (!aside).then_some(missing.cycles));
         goals.begin_sending(&client.config, missing, damaged);
-        let sent = client.sync_write(goal, copies, |index, servo| {
+        client.hold_sync_write(goal, copies, |index, servo| {
             goals.was_sent(index).then(|| servo.goal_ticks(targets_rad[index]))
         });
+        let asked = imu.as_mut().map_or(Ok(()), |imu| imu.ask(client));
+        let sent = asked.and_then(|()| client.port.send_held(goal.name));
         goals.end_sending();
         sent
     }
@@ -243,7 +246,8 @@ impl Bus for SerialBus {
         notes.extend(self.set_up_all()?);
         self.family.choose_read(&mut self.client, &mut notes)?;
         if let Some(imu) = &mut self.imu {
-            imu.read(&mut self.client)?;
+            imu.ask(&mut self.client)?;
+            imu.hear(&mut self.client)?;
             notes.extend(imu.note());
         }
         Ok(notes)
@@ -292,7 +296,7 @@ impl Bus for SerialBus {
         self.send_goals(targets_rad, now.crc_errors > stats.crc_errors)?;
         self.copy_cycle(passed_s, states);
         if let Some(imu) = &mut self.imu {
-            imu.read(&mut self.client)?;
+            imu.hear(&mut self.client)?;
         }
         self.client.port.stats.cycles += 1;
         Ok(())

@@ -10,33 +10,58 @@ use crate::serial::timeout::LONGEST_RETURN_DELAY;
 use crate::serial::wire::port::Received;
 use crate::serial::wire::stale_replies::ServoRequest;
 
+/// One Read of a device of Protocol 2 that was sent and is not tried again.
+#[derive(Debug)]
+pub(crate) struct DeviceQuestion {
+    id: u8,
+    params: [u8; 4],
+    register: Register,
+    deadline: Instant,
+}
+
+impl DeviceQuestion {
+    fn request(&self) -> ServoRequest<'_> {
+        let (params, reply) = (&self.params, self.register.size.into());
+        ServoRequest { id: self.id, instruction: instruction::READ, params, reply }
+    }
+}
+
 impl ServoClient {
-    /// One Read of a device of Protocol 2 that is no servo, not tried again; `None` if no
-    /// sound answer comes within `patience` beyond its time on the wire.
-    pub(crate) fn read_device<const SIZE: usize>(
+    /// Sends what is held for the wire, and asks a device. Its answer is waited for until
+    /// `patience` beyond its time on the wire.
+    pub(crate) fn ask_device(
         &mut self,
         id: u8,
         register: Register,
         patience: Duration,
-    ) -> BusResult<Option<[u8; SIZE]>> {
+    ) -> BusResult<DeviceQuestion> {
         let [[a0, a1], [s0, s1]] = [register.address, register.size].map(u16::to_le_bytes);
-        let params = &[a0, a1, s0, s1]; // as Protocol 2 has them
-        let request = ServoRequest { id, instruction: instruction::READ, params, reply: SIZE };
-        let bytes = self.port.framing().status_bytes() + SIZE;
+        let params = [a0, a1, s0, s1]; // as Protocol 2 has them
+        let bytes = self.port.framing().status_bytes() + usize::from(register.size);
         let wait = LONGEST_RETURN_DELAY + patience + self.port.time(bytes);
-        self.port.ask(&request, wait, register.name)?;
-        let deadline = Instant::now() + wait + self.port.passing();
+        let mut question = DeviceQuestion { id, params, register, deadline: Instant::now() };
+        self.port.ask(&question.request(), wait, register.name)?;
+        question.deadline = Instant::now() + wait + self.port.passing();
+        Ok(question)
+    }
+
+    /// The answer to a question; `None` if no sound one comes in time.
+    pub(crate) fn hear_device<const SIZE: usize>(
+        &mut self,
+        question: &DeviceQuestion,
+    ) -> BusResult<Option<[u8; SIZE]>> {
+        let doing = question.register.name;
         loop {
-            match self.port.receive(deadline, register.name)? {
+            match self.port.receive(question.deadline, doing)? {
                 Received::Packet => {
                     let packet = self.port.packet();
-                    if packet.id == id && packet.error() == 0 {
+                    if packet.id == question.id && packet.error() == 0 {
                         return Ok(packet.params().try_into().ok());
                     }
                 }
                 Received::Corrupt => return Ok(None),
                 Received::Nothing => {
-                    self.port.note_unanswered(&request);
+                    self.port.note_unanswered(&question.request());
                     return Ok(None);
                 }
             }

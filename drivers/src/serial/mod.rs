@@ -13,7 +13,7 @@
 pub(crate) mod bus;
 mod client;
 mod deviation;
-mod device_read;
+pub(crate) mod device_read;
 pub mod dynamixel1;
 pub mod dynamixel2;
 pub(crate) mod families;

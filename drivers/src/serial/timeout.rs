@@ -48,7 +48,9 @@ impl ServoClient {
     /// Learns from a cycle's question whose answer is whole, `bytes` long.
     pub(crate) fn learn(&mut self, bytes: usize) {
         let due = self.port.passed() + self.port.time(bytes);
-        self.patience.answered(due.elapsed().as_secs_f64());
+        let late = due.elapsed();
+        self.port.stats.note_delay(&self.config.reply_clock, late);
+        self.patience.answered(late.as_secs_f64());
     }
 
     /// Learns from a question whose answer was not there in time.

@@ -5,12 +5,12 @@
 //! gives the robot's rate. Figures are this machine's, and those of a machine
 //! with other work to do are worse.
 
-use crate::bench::bus_cycles::{BusBench, bench_bus};
+use crate::bench::bus_cycles::{BusBench, bare_wait_us, bench_bus};
 use anyhow::Context;
 use serde::Serialize;
 use servodance_drivers::{BusConfig, BusLayout, Servo, check_rate};
 use servodance_runtime::bus_tools::sim_link::{LinkChoice, sim_link};
-use servodance_runtime::process::realtime::Awake;
+use servodance_runtime::process::realtime::{Awake, OrdinaryAfterwards, ThreadRole, raise};
 use servodance_runtime::robot::Robot;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -37,6 +37,8 @@ pub struct BusBenchReport {
     pub cpu_us_per_cycle: f64,
     /// How much of that the kernel took: the serial port, sleeping and waking up.
     pub kernel_us_per_cycle: f64,
+    /// Processor time of one wait of this system without a driver, microseconds.
+    pub bare_wait_us: f64,
     /// How late cycles began, 99th percentile, microseconds, at the robot's own rate.
     pub jitter_us_p99: f64,
     pub jitter_us_p99_at_hz: BTreeMap<u32, Option<f64>>,
@@ -45,6 +47,9 @@ pub struct BusBenchReport {
     /// Whether the system kept the processors awake between cycles: where not,
     /// each cycle also waits for one to wake up, twice.
     pub kept_awake: bool,
+    /// Whether the system ran the driver before ordinary work, as it does the control loop of a
+    /// dance.
+    pub real_time: bool,
     pub buses: Vec<BusRate>,
 }
 
@@ -70,6 +75,8 @@ pub struct BusRate {
 /// Fails for: a rate that the servos cannot be set to, or a bus that fails.
 pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result<BusBenchReport> {
     let awake = Awake::keep();
+    let _afterwards = OrdinaryAfterwards;
+    let real_time = raise(ThreadRole::Control).is_ok();
     let layouts: Vec<BusLayout> =
         robot.buses.iter().map(|bus| at_baud(bus, baud)).collect::<Result<_, _>>()?;
     let mut buses = Vec::with_capacity(layouts.len());
@@ -92,6 +99,7 @@ pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result
         wire_limit_hz: slowest.wire_limit_hz,
         cpu_us_per_cycle: buses.iter().map(|bus| bus.cpu_us_per_cycle).sum(),
         kernel_us_per_cycle: buses.iter().map(|bus| bus.kernel_us_per_cycle).sum(),
+        bare_wait_us: bare_wait_us(),
         jitter_us_p99: own.with_context(|| {
             let hz = robot.control_hz;
             format!("the wire does not carry the robot's {hz} cycles a second")
@@ -99,6 +107,7 @@ pub fn run(robot: &Robot, baud: Option<u32>, link: LinkChoice) -> anyhow::Result
         jitter_us_p99_at_hz: paces,
         jitter_servos_at_hz: servos,
         kept_awake: awake.is_some(),
+        real_time,
         buses,
     })
 }
@@ -192,11 +201,24 @@ impl fmt::Display for BusBenchReport {
                  processor a cycle, {kernel_us_per_cycle:.1} of them in the kernel"
             )?;
         }
+        writeln!(
+            f,
+            "a wait alone takes {:.1} us of processor here; a cycle waits for its servos, and for a \
+             motion sensor",
+            self.bare_wait_us
+        )?;
         if !self.kept_awake {
             writeln!(
                 f,
                 "the processors may sleep between cycles, which takes some of that \
                  (allowed to write /dev/cpu_dma_latency, this command keeps them awake)"
+            )?;
+        }
+        if !self.real_time {
+            writeln!(
+                f,
+                "the driver waits behind ordinary work, which takes some of that as well (a dance \
+                 asks for real-time priority, which is not allowed here)"
             )?;
         }
         writeln!(

@@ -86,6 +86,16 @@ pub fn bench_bus(
     })
 }
 
+/// Processor time that one wait takes here by itself, microseconds: falling asleep and waking up,
+/// with no driver. A cycle waits once for its servos, and once for a motion sensor.
+pub fn bare_wait_us() -> f64 {
+    const WAITS: u32 = 500;
+    sleep_precisely();
+    let began_s = thread_cpu_s();
+    (0..WAITS).for_each(|_| std::thread::sleep(Duration::from_micros(300)));
+    (thread_cpu_s() - began_s) / f64::from(WAITS) * 1e6
+}
+
 /// When each cycle began and ended, seconds.
 fn run(
     bus: &mut dyn Bus,

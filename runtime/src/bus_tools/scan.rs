@@ -1,6 +1,7 @@
 //! The servos on a bus.
 
 use super::listen::{ProtocolChoice, SerialListener, line, vitals};
+use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
 use crate::process::wrong_usage::misused;
 use anyhow::bail;
 use servodance_drivers::can::{CanFound, CanPort, CanScanner};
@@ -41,6 +42,10 @@ pub fn scan(
         }
         return scan_can(port, &can, baud, found, note);
     }
+    // Thousands of pings, each a moment late on a busy machine, would take half as long again.
+    // Where it is not allowed they do.
+    let _afterwards = OrdinaryAfterwards;
+    let _ = raise(ThreadRole::Control);
     let listener = SerialListener::new(port, baud, protocol)?;
     if let Some(text) = latency_timer(listener.path()).and_then(|timer| timer.note(listener.path()))
     {

@@ -14,6 +14,13 @@ const WINDOW_S: f64 = 1.0;
 /// Below this share of the wanted rate it is slow; from the second on it is well again.
 const SLOW: f64 = 0.9;
 const WELL: f64 = 0.97;
+/// Gaps are uneven when one in a hundred takes so many periods; even when it takes so many for
+/// that many windows.
+const UNEVEN: f64 = 1.5;
+const EVEN: f64 = 1.2;
+const EVEN_WINDOWS: u32 = 10;
+/// More gaps of one window are not kept.
+const KEPT: usize = 2048;
 
 #[derive(Debug)]
 pub struct CycleGaps {
@@ -23,6 +30,12 @@ pub struct CycleGaps {
     /// When the window of the rate began, and its cycles.
     window: (Instant, u32),
     is_slow: bool,
+    window_ms: Vec<f64>,
+    /// Percentiles of the last whole window.
+    recent: StepTimes,
+    /// The 99th percentile that was told last, milliseconds; 0 while gaps are even.
+    told_ms: f64,
+    even_windows: u32,
 }
 
 impl CycleGaps {
@@ -34,6 +47,10 @@ impl CycleGaps {
             gaps_ms: DurationLog::default(),
             window: (Instant::now(), 0),
             is_slow: false,
+            window_ms: Vec::with_capacity(KEPT),
+            recent: StepTimes::default(),
+            told_ms: 0.0,
+            even_windows: 0,
         }
     }
 
@@ -45,6 +62,9 @@ impl CycleGaps {
         };
         let gap_s = now.duration_since(last).as_secs_f64();
         self.gaps_ms.push(gap_s * 1e3);
+        if self.window_ms.len() < KEPT {
+            self.window_ms.push(gap_s * 1e3);
+        }
         if gap_s > LONG_S.max(3.0 * self.period_s) {
             self.window = (now, 0);
             return Some(format!("no command was sent for {gap_s:.2} s: the machine was busy"));
@@ -62,6 +82,8 @@ impl CycleGaps {
         let rate_hz = f64::from(*cycles) / elapsed_s;
         let share = rate_hz * self.period_s;
         self.window = (now, 0);
+        self.recent = StepTimes::sorting(&mut self.window_ms);
+        self.window_ms.clear();
         let was_slow = self.is_slow;
         self.is_slow = share < if was_slow { WELL } else { SLOW };
         let wanted_hz = 1.0 / self.period_s;
@@ -70,8 +92,33 @@ impl CycleGaps {
                 "only {rate_hz:.0} of {wanted_hz:.0} cycles a second: replies come late, or the machine is busy"
             )),
             (true, false) => Some(format!("{wanted_hz:.0} cycles a second again")),
-            _ => None,
+            (true, true) => None,
+            (false, false) => self.watch_evenness(),
         }
+    }
+
+    fn watch_evenness(&mut self) -> Option<String> {
+        let (p99_ms, period_ms) = (self.recent.p99_ms, self.period_s * 1e3);
+        let is_even = p99_ms < EVEN * period_ms;
+        self.even_windows = if is_even { self.even_windows + 1 } else { 0 };
+        if p99_ms > (UNEVEN * period_ms).max(2.0 * self.told_ms) {
+            self.told_ms = p99_ms;
+            return Some(format!(
+                "commands come unevenly: {p99_ms:.1} ms apart where {period_ms:.1} are wanted, the \
+                 longest {:.1} ms: replies come late, or the machine is busy",
+                self.recent.max_ms
+            ));
+        }
+        if self.told_ms > 0.0 && self.even_windows >= EVEN_WINDOWS {
+            self.told_ms = 0.0;
+            return Some("commands come evenly again".into());
+        }
+        None
+    }
+
+    /// Percentiles of the time from command to command in the last second, milliseconds.
+    pub fn recent(&self) -> StepTimes {
+        self.recent
     }
 
     /// Percentiles of the time from command to command, milliseconds.
@@ -98,6 +145,15 @@ mod tests {
         let (said, gaps) = said((0..300).map(|k| k * 10 + if k > 100 { 500 } else { 0 }));
         assert_eq!(said, ["no command was sent for 0.51 s: the machine was busy"]);
         assert_eq!((gaps.p50_ms, gaps.p99_ms, gaps.max_ms), (10.0, 10.0, 510.0));
+    }
+
+    #[test]
+    fn uneven_commands_are_told_once_and_when_they_are_even_again() {
+        let uneven = (0..200).map(|k| k * 10 + if k % 10 == 0 { 8 } else { 0 });
+        let (said, _) = said(uneven.chain((200..1600).map(|k| k * 10)));
+        assert_eq!(said.len(), 2, "{said:?}");
+        assert!(said[0].starts_with("commands come unevenly: 18.0 ms apart"), "{said:?}");
+        assert_eq!(said[1], "commands come evenly again");
     }
 
     #[test]

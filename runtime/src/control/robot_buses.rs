@@ -409,6 +409,11 @@ impl RobotBuses {
         self.gaps.as_ref().map(CycleGaps::percentiles)
     }
 
+    /// The same of the last second.
+    pub fn recent_gaps(&self) -> StepTimes {
+        self.gaps.as_ref().map(CycleGaps::recent).unwrap_or_default()
+    }
+
     /// How well the servos followed what they were told.
     pub fn following(&self) -> FollowingReport {
         let servos = self.bus.bus().servos();
@@ -435,6 +440,7 @@ impl RobotBuses {
             timeouts: stats.timeouts,
             retries: stats.retries,
             rate_hz: stats.cycles as f64 / robot_s,
+            delay_ms: stats.delay_us as f64 * 1e-3,
         }
     }
 

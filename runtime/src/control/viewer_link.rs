@@ -9,7 +9,7 @@ use crate::pipeline::load_shedding::{LeftOut, LoadShedding};
 use crate::viewer::music_track::MusicTrack;
 use crate::viewer::snapshot::{Activity, RobotStatus, ViewerEvent, state_name};
 use crate::viewer::{RobotEnd, ViewerSettings};
-use servodance_drivers::Transition;
+use servodance_drivers::{Bus, ErrorCounters, Transition};
 use servodance_retarget::{BodyPoints, Retargeter};
 use servodance_types::{HeldBack, MusicFrame};
 use std::collections::VecDeque;
@@ -48,6 +48,7 @@ pub struct ViewerLink<'a> {
     shown_late_ms: f64,
     /// What held each joint back since the last snapshot.
     held: Vec<HeldBack>,
+    errors: Option<ErrorCounters>,
 }
 
 /// What only the control loop knows of a cycle.
@@ -84,6 +85,7 @@ impl<'a> ViewerLink<'a> {
             late_ms: 0.0,
             shown_late_ms: 0.0,
             held: vec![HeldBack::Nothing; retargeter.rest().len()],
+            errors: None,
             end,
         }
     }
@@ -148,6 +150,7 @@ impl<'a> ViewerLink<'a> {
             bus: servos.safety().stats(),
             rate_hz: self.rate_hz,
             late_ms: self.shown_late_ms.max(self.late_ms),
+            gaps: servos.recent_gaps(),
             late_frames: cycle.late_frames,
             safety: servos.safety().state(),
             stopped: None,
@@ -156,8 +159,12 @@ impl<'a> ViewerLink<'a> {
         };
         let new_events = &servos.safety().transitions()[self.events_sent..];
         self.events_sent += new_events.len();
+        let errors = &*self.errors.get_or_insert_with(|| servos.safety().bus().error_counters());
         self.end.publish(|snapshot| {
             snapshot.now = moment;
+            for (joint, errors) in snapshot.joints.iter_mut().zip(errors.each()) {
+                joint.errors = errors;
+            }
             for (joint, held) in snapshot.joints.iter_mut().zip(&mut self.held) {
                 joint.held = std::mem::take(held);
             }

@@ -38,8 +38,12 @@ pub struct StepTimes {
 impl StepTimes {
     /// Nearest-rank percentiles of `samples_ms`.
     pub fn of(samples_ms: &[f64]) -> Self {
-        let mut sorted = samples_ms.to_vec();
-        sorted.sort_by(f64::total_cmp);
+        Self::sorting(&mut samples_ms.to_vec())
+    }
+
+    /// The same of samples that may be put in order: nothing is allocated.
+    pub fn sorting(sorted: &mut [f64]) -> Self {
+        sorted.sort_unstable_by(f64::total_cmp);
         let rank = |share: f64| -> f64 {
             let index = (share * sorted.len() as f64).ceil() as usize;
             sorted.get(index.saturating_sub(1)).copied().unwrap_or_default()

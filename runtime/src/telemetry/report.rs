@@ -88,6 +88,10 @@ pub struct BusReport {
     pub timeouts: u64,
     pub retries: u64,
     pub rate_hz: f64,
+    /// What adapter and system add to the time of answers, over the last cycles; 0 in
+    /// simulated time.
+    #[serde(default)]
+    pub delay_ms: f64,
 }
 
 /// Steps of a robot of stance `stepping`: those that it made, and those of the dancer that

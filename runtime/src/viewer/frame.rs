@@ -52,6 +52,7 @@ struct FrameJson<'a> {
     currents_a: Vec<Rounded>,
     temperatures_c: Vec<Rounded>,
     held_back: Vec<Option<&'static str>>,
+    servo_errors: Vec<[u64; 3]>,
     beat: MusicStatus,
     bands: Vec<Rounded>,
     idle_share: Rounded,
@@ -81,6 +82,10 @@ struct BusJson {
     timeouts: u64,
     crc_errors: u64,
     retries: u64,
+    gap_p50_ms: Rounded,
+    gap_p99_ms: Rounded,
+    gap_max_ms: Rounded,
+    delay_ms: Rounded,
 }
 
 pub fn frame(scene: &Scene, snapshot: &Snapshot, around: &FrameSurroundings) -> String {
@@ -114,6 +119,11 @@ pub fn frame(scene: &Scene, snapshot: &Snapshot, around: &FrameSurroundings) -> 
         currents_a: joint(|j| j.current_a),
         temperatures_c: joint(|j| j.temperature_c),
         held_back: snapshot.joints.iter().map(|j| reason(j.held)).collect(),
+        servo_errors: snapshot
+            .joints
+            .iter()
+            .map(|j| [j.errors.timeouts, j.errors.crc_errors, j.errors.retries])
+            .collect(),
         beat: now.music,
         bands: now.music.bands.map(|b| Rounded(f64::from(b))).to_vec(),
         idle_share: Rounded(now.idle_share),
@@ -131,6 +141,10 @@ pub fn frame(scene: &Scene, snapshot: &Snapshot, around: &FrameSurroundings) -> 
             timeouts: now.bus.timeouts,
             crc_errors: now.bus.crc_errors,
             retries: now.bus.retries,
+            gap_p50_ms: Rounded(now.gaps.p50_ms),
+            gap_p99_ms: Rounded(now.gaps.p99_ms),
+            gap_max_ms: Rounded(now.gaps.max_ms),
+            delay_ms: Rounded(now.bus.delay_us as f64 * 1e-3),
         },
         late_ms: Rounded(now.late_ms),
         late_frames: now.late_frames,

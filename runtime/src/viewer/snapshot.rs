@@ -5,8 +5,9 @@
 //! values are NaN, and `null` in JSON.
 
 use crate::control::idle::IdleStyle;
+use crate::pipeline::step_times::StepTimes;
 use serde::{Serialize, Serializer};
-use servodance_drivers::{BusStats, State};
+use servodance_drivers::{BusStats, ServoErrors, State};
 use servodance_types::{BeatLock, HeldBack, JOINT_COUNT, named};
 use std::time::Instant;
 
@@ -44,6 +45,8 @@ pub struct JointStatus {
     pub temperature_c: f64,
     /// Why it does not go where the dance would have it.
     pub held: HeldBack,
+    /// What went wrong with its servo on the wire since the dance began.
+    pub errors: ServoErrors,
 }
 
 impl Default for JointStatus {
@@ -55,6 +58,7 @@ impl Default for JointStatus {
             current_a: 0.0,
             temperature_c: f64::NAN,
             held: HeldBack::Nothing,
+            errors: ServoErrors::default(),
         }
     }
 }
@@ -126,6 +130,8 @@ pub struct RobotStatus {
     pub rate_hz: f64,
     /// How late the latest of the last cycles was, milliseconds.
     pub late_ms: f64,
+    /// From one command to the next, in the last second.
+    pub gaps: StepTimes,
     pub late_frames: u64,
     pub safety: State,
     /// The emergency stop is pressed and every torque was verified to be off since: how often
@@ -161,6 +167,7 @@ impl Snapshot {
             bus: BusStats::default(),
             rate_hz: 0.0,
             late_ms: 0.0,
+            gaps: StepTimes::default(),
             late_frames: 0,
             safety: State::Disarmed,
             stopped: None,

@@ -65,10 +65,10 @@ impl HostLink {
                     (HostEnd::Serial(host), path.clone(), Port::Serial(path))
                 })
             }
-            (true, link) if self.is_flexible => Err(SimError::Option {
+            (true, SimLink::Multicast(group)) if self.is_flexible => Err(SimError::Option {
                 key: "link",
-                actual: format!("{link:?}"),
-                wanted: "a terminal or a Unix socket: these motors speak CAN FD",
+                actual: group.to_string(),
+                wanted: "a terminal, a Unix socket or an interface: these motors speak CAN FD",
             }),
             (true, SimLink::Multicast(group)) => {
                 let failed = SimError::system("joining a multicast group");

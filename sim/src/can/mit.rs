@@ -1,5 +1,6 @@
 //! Simulated motors in MIT mode: CubeMars, Damiao with its registers, and RobStride switched
-//! to it.
+//! to it. A Damiao motor heeds the commands of the mode that its register says: MIT,
+//! position-velocity or velocity.
 //!
 //! The firmware truncates nothing and rounds nothing on receipt: a code is the
 //! point of the range that it stands for.
@@ -10,8 +11,9 @@ use servodance_drivers::can::mit::framing::{
 };
 use servodance_drivers::can::mit::registers::{
     CLEAR, DISABLE, ENABLE, FIRMWARE, FIRST_MODE_COMMAND, MIT_MODE, MODE, MOTOR_ID, MitRegister,
-    OVER_TEMPERATURE, OVER_VOLTAGE, PMAX, READ, REFRESH, REGISTER_COUNT, REGISTER_ID, REPLY_ID,
-    SET_ZERO, TIMEOUT, TIMEOUT_UNITS_PER_MS, TMAX, UNDER_VOLTAGE, VMAX, WRITE,
+    OVER_TEMPERATURE, OVER_VOLTAGE, PMAX, POSITION_VELOCITY, POSITION_VELOCITY_MODE, READ, REFRESH,
+    REGISTER_COUNT, REGISTER_ID, REPLY_ID, SAVE, SET_ZERO, TIMEOUT, TIMEOUT_UNITS_PER_MS, TMAX,
+    UNDER_VOLTAGE, VELOCITY, VELOCITY_MODE, VMAX, WRITE,
 };
 
 use crate::can::motor_core::{MotorCore, TorqueCommand};
@@ -102,6 +104,42 @@ impl MitMotor {
         })
     }
 
+    /// What is added to the motor's id in commands of its mode.
+    fn mode_offset(&self) -> u32 {
+        let mode = self.registers.map(|kept| u32::from_le_bytes(kept[usize::from(MODE.0)]));
+        match mode {
+            Some(POSITION_VELOCITY_MODE) => POSITION_VELOCITY,
+            Some(VELOCITY_MODE) => VELOCITY,
+            _ => 0,
+        }
+    }
+
+    /// A command of a mode in which the motor's own loops move it. What is no number is not
+    /// heeded.
+    fn own_loops(&mut self, offset: u32, data: &[u8]) {
+        let float = |at: usize| {
+            let bytes: Option<[u8; 4]> = data.get(at..at + 4).and_then(|b| b.try_into().ok());
+            bytes.map(|bytes| f64::from(f32::from_le_bytes(bytes))).filter(|v| v.is_finite())
+        };
+        let (kp, kd) = (self.core.settings.kp, self.core.settings.kd);
+        let fastest = self.core.settings.model.velocity_rad_s;
+        let here = TorqueCommand { goal_rad: self.core.angle_rad(), ..TorqueCommand::default() };
+        let command = match (offset, float(0), float(4)) {
+            (POSITION_VELOCITY, Some(goal_rad), Some(speed)) => TorqueCommand {
+                goal_rad,
+                kp,
+                kd,
+                ramp_rad_s: Some(speed.abs().min(fastest)),
+                ..here
+            },
+            (VELOCITY, Some(speed), _) => {
+                TorqueCommand { speed_rad_s: speed.clamp(-fastest, fastest), kd, ..here }
+            }
+            _ => return,
+        };
+        self.core.command(command);
+    }
+
     fn command(&mut self, data: [u8; 8]) {
         let model = self.core.settings.model;
         let [p, v, kp, kd, torque] = unpack_command(data);
@@ -111,6 +149,7 @@ impl MitMotor {
             kp: from_span_code(kp, model.kp_max, 12),
             kd: from_span_code(kd, model.kd_max, 12),
             torque_nm: from_code(torque, model.torque_nm, 12),
+            ramp_rad_s: None,
         });
     }
 
@@ -132,6 +171,7 @@ impl MitMotor {
         match command {
             READ => {}
             WRITE => *register = value,
+            SAVE => {}
             _ => return,
         }
         let [a, b, c, d] = *register;
@@ -146,6 +186,7 @@ impl MitMotor {
                 (units > 0).then_some(f64::from(units) * 1e-3 / f64::from(TIMEOUT_UNITS_PER_MS));
             self.core.settings.reply_id =
                 u32::from_le_bytes(registers[usize::from(REPLY_ID.0)]) as u16;
+            self.core.id = registers[usize::from(MOTOR_ID.0)][0];
         }
     }
 }
@@ -167,9 +208,16 @@ impl CanDevice for MitMotor {
     }
 
     fn receive(&mut self, frame: &CanFrame, out: &mut Vec<CanFrame>) {
-        let Some(data) = frame.eight().filter(|_| !frame.is_extended()) else {
+        if frame.is_extended() {
             return;
-        };
+        }
+        let offset = self.mode_offset();
+        if offset != 0 && frame.id() == offset + u32::from(self.core.id) {
+            self.core.silent_s = 0.0;
+            self.own_loops(offset, frame.data());
+            return out.push(self.feedback());
+        }
+        let Some(data) = frame.eight() else { return };
         if frame.id() == REGISTER_ID {
             return self.access(data, out);
         }
@@ -186,9 +234,16 @@ impl CanDevice for MitMotor {
             [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last] if last >= FIRST_MODE_COMMAND => {
                 self.mode_command(last);
             }
-            _ => self.command(data),
+            _ if offset == 0 => self.command(data),
+            _ => {}
         }
         out.push(self.feedback());
+    }
+
+    fn renamed(&mut self) {
+        if let Some(registers) = &mut self.registers {
+            registers[usize::from(MOTOR_ID.0)] = u32::from(self.core.id).to_le_bytes();
+        }
     }
 
     fn restart(&mut self) {

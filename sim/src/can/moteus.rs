@@ -122,6 +122,7 @@ impl MoteusController {
                 kp: kp * self.goal(KP_SCALE, 1.0),
                 kd: kd * self.goal(KD_SCALE, 1.0),
                 torque_nm: self.goal(GOAL_TORQUE, 0.0),
+                ramp_rad_s: None,
             },
             ZERO_VELOCITY | BRAKE => TorqueCommand { kd, ..here },
             _ => return,

@@ -5,6 +5,7 @@
 //! within the torque limit. Angles are the motor's own after the gear.
 
 use servodance_drivers::can::MotorSettings;
+use servodance_drivers::serial::FACTORY_ID;
 
 use crate::error::SimError;
 use crate::fault::ServoFault;
@@ -36,6 +37,8 @@ pub(crate) struct TorqueCommand {
     pub kp: f64,
     pub kd: f64,
     pub torque_nm: f64,
+    /// The goal is moved to at most so fast; `None`: it is there at once.
+    pub ramp_rad_s: Option<f64>,
 }
 
 /// One motor without its protocol.
@@ -63,6 +66,8 @@ pub(crate) struct MotorCore {
     told_s: f64,
     told_rad: f64,
     repeated_s: Option<f64>,
+    /// Where a ramp is, the motor's own angle.
+    ramp_rad: f64,
 }
 
 impl MotorCore {
@@ -95,6 +100,7 @@ impl MotorCore {
             told_s: f64::NEG_INFINITY,
             told_rad: 0.0,
             repeated_s: None,
+            ramp_rad: 0.0,
             settings,
         })
     }
@@ -144,6 +150,7 @@ impl MotorCore {
         let command = TorqueCommand { goal_rad: command.goal_rad + self.zero_rad, ..command };
         let goal_rad = self.body.joint_rad(command.goal_rad);
         if self.command.is_none() {
+            self.ramp_rad = self.body.motor.angle_rad;
             let position_rad = self.body.position_rad();
             self.body.judge.begin(goal_rad, position_rad);
         }
@@ -196,6 +203,11 @@ impl MotorCore {
             }
             Some(ServoFault::Overload) => self.fail(MotorFault::Overload),
             Some(ServoFault::Id(id)) => self.id = id,
+            Some(ServoFault::New) => {
+                self.id = FACTORY_ID;
+                self.reboot();
+                return true;
+            }
             // A controller at another bitrate never gets onto the bus.
             Some(ServoFault::Baud(_)) => {
                 self.body.suffer(ServoFault::Dead);
@@ -209,7 +221,8 @@ impl MotorCore {
     pub fn step(&mut self, time_s: f64, dt_s: f64) {
         self.body.time_s = time_s;
         self.watch_silence(dt_s);
-        let drive = self.command.map(|command| self.drive(command));
+        let command = self.command.map(|command| self.ramped(command, dt_s));
+        let drive = command.map(|command| self.drive(command));
         if drive.is_none() {
             self.torque_nm = 0.0;
         }
@@ -229,6 +242,14 @@ impl MotorCore {
             self.tripped = true;
             self.tripped_s = Some(self.body.time_s);
         }
+    }
+
+    /// The command with its goal as far as its ramp is.
+    fn ramped(&mut self, command: TorqueCommand, dt_s: f64) -> TorqueCommand {
+        let step_rad = command.ramp_rad_s.map_or(f64::INFINITY, |speed| speed * dt_s);
+        let left_rad = command.goal_rad - self.ramp_rad;
+        self.ramp_rad += left_rad.clamp(-step_rad, step_rad);
+        TorqueCommand { goal_rad: self.ramp_rad, ..command }
     }
 
     /// Duty, and how much of it is damping, newton metre seconds, where no limit cuts it.

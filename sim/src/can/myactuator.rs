@@ -86,6 +86,7 @@ impl RmdMotor {
             kp: from_span_code(kp, model.kp_max, 12),
             kd: from_span_code(kd, model.kd_max, 12),
             torque_nm: from_code(torque, model.torque_nm, 12),
+            ramp_rad_s: None,
         });
     }
 

@@ -94,6 +94,7 @@ impl RobstrideMotor {
             kp: from_span_code(word(4), model.kp_max, 16),
             kd: from_span_code(word(6), model.kd_max, 16),
             torque_nm: from_code(torque, model.torque_nm, 16),
+            ramp_rad_s: None,
         });
     }
 }

@@ -1,7 +1,7 @@
 //! One simulated servo of byte memory: Feetech STS, AX, or MX with Protocol 1.0.
 //! Memory (a [`ByteMemory`] of its family), position loop and motor.
 //!
-//! Position mode only (other modes are stored, without effect). Signs are a
+//! Signs are a
 //! bit. What is written to permanent memory while an STS servo's lock is on is gone after
 //! a restart. An STS servo's present position is the encoder less its offset. There is
 //! no bus watchdog. A condition (voltage, heat, overload) shows in every answer
@@ -16,7 +16,6 @@ use servodance_drivers::serial::{
 use crate::fault::ServoFault;
 use crate::serial::serial_line::LineServo;
 use crate::servo::body::{ServoBody, SimServoState};
-use crate::servo::motor::FULL_PWM_ERROR_RAD;
 use crate::servo::spec::SimServoSpec;
 
 const REBOOT_S: f64 = 0.8;
@@ -28,7 +27,7 @@ const ANGLE_LIMIT: u8 = 1 << 1;
 /// One servo whose firmware keeps plain bytes.
 #[derive(Clone, Debug)]
 pub struct ByteServo {
-    model: &'static ServoModel,
+    pub(super) model: &'static ServoModel,
     pub(crate) layout: &'static ByteMemory,
     memory: Vec<u8>,
     /// As the memory holds it, where the memory has it.
@@ -37,9 +36,12 @@ pub struct ByteServo {
     pub(crate) flags: u8,
     /// As it was written last: reading that register may give something else.
     goal: u16,
-    body: ServoBody,
+    pub(super) body: ServoBody,
     duty: f64,
-    trajectory_ticks: f64,
+    /// Where the loops are on their way: ticks, ticks a second, duty.
+    pub(super) trajectory_ticks: f64,
+    pub(super) trajectory_speed: f64,
+    pub(super) speed_integral: f64,
     registered: Option<(u8, Vec<u8>)>,
     baud: u32,
     /// What a power cycle brings back: permanent memory without what was written while locked.
@@ -67,6 +69,8 @@ impl ByteServo {
             model,
             duty: 0.0,
             trajectory_ticks: 0.0,
+            trajectory_speed: 0.0,
+            speed_integral: 0.0,
             registered: None,
             baud,
             permanent: Vec::new(),
@@ -114,7 +118,7 @@ impl ByteServo {
     }
 
     /// The value of a register, or what a servo without it does.
-    fn get_or(&self, register: Option<Register>, without: u16) -> u16 {
+    pub(super) fn get_or(&self, register: Option<Register>, without: u16) -> u16 {
         register.map_or(without, |register| self.get(register))
     }
 
@@ -188,11 +192,11 @@ impl ByteServo {
         f64::from(sign_magnitude(self.get_or(self.layout.offset, 0), 11))
     }
 
-    fn encoder_ticks(&self) -> f64 {
+    pub(super) fn encoder_ticks(&self) -> f64 {
         (self.body.motor.angle_rad / self.model.rad_per_tick).round() - self.offset_ticks()
     }
 
-    fn goal_ticks(&self) -> f64 {
+    pub(super) fn goal_ticks(&self) -> f64 {
         f64::from(sign_magnitude(self.goal, 15))
     }
 
@@ -202,7 +206,7 @@ impl ByteServo {
     }
 
     /// Ticks a second in one unit of speed.
-    fn speed_ticks_s(&self) -> f64 {
+    pub(super) fn speed_ticks_s(&self) -> f64 {
         self.model.velocity_rad_s_per_unit / self.model.rad_per_tick
     }
 
@@ -278,6 +282,7 @@ impl ByteServo {
                 self.flags = 0;
             }
             self.trajectory_ticks = self.encoder_ticks();
+            (self.trajectory_speed, self.speed_integral) = (0.0, 0.0);
             let (goal_rad, position_rad) = (self.goal_rad(), self.body.position_rad());
             self.body.judge.begin(goal_rad, position_rad);
             self.body.judge.judge_goal(self.body.time_s, goal_rad);
@@ -317,7 +322,7 @@ impl ByteServo {
         self.reboot();
     }
 
-    fn torque_limit(&self) -> u16 {
+    pub(super) fn torque_limit(&self) -> u16 {
         self.get_or(self.layout.torque_limit, 1000)
     }
 
@@ -331,24 +336,6 @@ impl ByteServo {
             }
             self.body.judge.end();
         }
-    }
-
-    /// Proportional, at most the torque limit; a goal speed limits the trajectory.
-    fn control(&mut self, dt_s: f64) -> f64 {
-        let layout = self.layout;
-        let goal = self.goal_ticks();
-        let units = sign_magnitude(self.get_or(layout.goal_speed, 0), layout.sign_bit).abs();
-        let speed = f64::from(units) * self.speed_ticks_s();
-        let left = goal - self.trajectory_ticks;
-        self.trajectory_ticks = if speed == 0.0 || left.abs() <= speed * dt_s {
-            goal
-        } else {
-            self.trajectory_ticks + left.signum() * speed * dt_s
-        };
-        let error_rad = (self.trajectory_ticks - self.encoder_ticks()) * self.model.rad_per_tick;
-        let gain = f64::from(self.get_or(layout.p_gain, 32)) / 32.0;
-        let most = (f64::from(self.torque_limit()) * 1e-3).min(1.0);
-        (gain * error_rad / FULL_PWM_ERROR_RAD).clamp(-most, most)
     }
 
     fn protect(&mut self, dt_s: f64) {
@@ -373,7 +360,11 @@ impl ByteServo {
 
     fn refresh(&mut self) {
         let layout = self.layout;
-        let position = as_sign_magnitude(self.encoder_ticks(), 15);
+        let ticks = match self.is_endless() {
+            true => self.encoder_ticks().rem_euclid(f64::from(self.model.last_tick) + 1.0),
+            false => self.encoder_ticks(),
+        };
+        let position = as_sign_magnitude(ticks, 15);
         self.put(self.position(), position);
         let speed = self.body.motor.speed_rad_s / self.model.rad_per_tick / self.speed_ticks_s();
         let speed = speed.round();

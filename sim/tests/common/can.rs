@@ -14,6 +14,8 @@ pub const BITRATE: u32 = 1_000_000;
 pub enum MotorKind {
     CubeMars,
     Damiao,
+    /// In position-velocity mode.
+    DamiaoOwnLoops,
     Robstride,
     Odrive,
     Cia402,
@@ -23,9 +25,10 @@ pub enum MotorKind {
     Moteus,
 }
 
-pub const KINDS: [MotorKind; 8] = [
+pub const KINDS: [MotorKind; 9] = [
     MotorKind::CubeMars,
     MotorKind::Damiao,
+    MotorKind::DamiaoOwnLoops,
     MotorKind::Robstride,
     MotorKind::Odrive,
     MotorKind::Cia402,
@@ -39,6 +42,7 @@ impl MotorKind {
         match self {
             Self::CubeMars => "AK80-9",
             Self::Damiao => "DM-J4310",
+            Self::DamiaoOwnLoops => "DM-J4310(PV)",
             Self::Robstride => "RS02",
             Self::Odrive => "ODrive",
             Self::Cia402 => "CiA402",
@@ -50,7 +54,9 @@ impl MotorKind {
 
     pub fn bus(self) -> BusKind {
         match self {
-            Self::CubeMars | Self::Damiao | Self::RobstrideMit => BusKind::Mit,
+            Self::CubeMars | Self::Damiao | Self::DamiaoOwnLoops | Self::RobstrideMit => {
+                BusKind::Mit
+            }
             Self::Robstride => BusKind::Robstride,
             Self::Odrive => BusKind::Odrive,
             Self::Cia402 => BusKind::Cia402,
@@ -78,7 +84,12 @@ pub fn can_robot(kind: MotorKind, count: u8) -> Vec<Servo> {
         velocity_deg_s: 230.0,
         acceleration_deg_s2: 2300.0,
         gear_ratio: geared.then_some(9.0),
-        reply_id: (kind == MotorKind::Damiao).then_some(0x100 + u16::from(k)),
+        // Those from 0x100 on are commands to a motor in another mode.
+        reply_id: match kind {
+            MotorKind::Damiao => Some(0x100 + u16::from(k)),
+            MotorKind::DamiaoOwnLoops => Some(0x80 + u16::from(k)),
+            _ => None,
+        },
         ..Default::default()
     };
     servos(&(1..=count).map(joint).collect::<Vec<_>>()).unwrap()

@@ -8,8 +8,8 @@ pub struct Args {
     /// A built-in robot (see `servodance robots`) or a robot file.
     #[arg(value_name = "NAME|FILE.toml")]
     pub robot: String,
-    /// Where its servos are connected: serial:PATH; NAME=... for each bus of a robot with
-    /// several.
+    /// Where its servos are connected: serial:PATH, or a CAN port such as slcan:PATH or
+    /// can:IFACE; NAME=... for each bus of a robot with several.
     #[arg(long, value_name = "BUS", required = true)]
     pub bus: Vec<String>,
     /// Do not ask: take each new servo as soon as it answers.

@@ -12,6 +12,10 @@
 //! stood last, both shrink until they ask for the limit. Between two commands a joint
 //! that is pushed about may exceed it by what the (shrunk) gains make of the push.
 //!
+//! A Damiao motor can be driven in position-velocity mode instead (`DM-J4310(PV)`): its own
+//! loops take it to the position, at most 1.5 times as fast as the joint may be. There
+//! are no gains that could keep `torque_limit_nm`: the motor's own peak is the limit.
+//!
 //! The reply carries torque, not current: [`servodance_types::JointState`] shows a
 //! current of 0.
 
@@ -28,10 +32,13 @@ use crate::can::family::prelude::*;
 
 use self::framing::{from_code, pack_command, position_code, span_code, to_code, unpack_reply};
 use self::registers::{
-    CLEAR, DISABLE, ENABLE, LOST, MIT_MODE, MODE, MitRegister, OVER_TEMPERATURE, PMAX, READ,
-    REGISTER_ID, REPLY_ID, TIMEOUT, TIMEOUT_UNITS_PER_MS, TMAX, VMAX, WRITE, cubemars_fault,
-    damiao_fault, robstride_fault,
+    CLEAR, DISABLE, ENABLE, LOST, MIT_MODE, MODE, MOTOR_ID, MitRegister, OVER_TEMPERATURE, PMAX,
+    POSITION_VELOCITY, POSITION_VELOCITY_MODE, READ, REGISTER_ID, REPLY_ID, SAVE, TIMEOUT,
+    TIMEOUT_UNITS_PER_MS, TMAX, VMAX, WRITE, cubemars_fault, damiao_fault, robstride_fault,
 };
+
+/// A goal is one step of a motion that this side shapes: the motor may be so much faster.
+const HEADROOM: f64 = 1.5;
 
 pub(crate) struct Mit;
 
@@ -187,6 +194,16 @@ pub(crate) fn limited_command(
     ])
 }
 
+/// Goes to `joint_rad` by the motor's own loops.
+fn position_velocity_command(servo: &Servo, motor: &MotorSettings, joint_rad: f64) -> CanFrame {
+    let limits = &servo.limits;
+    let motor_rad = servo.motor_rad(joint_rad.clamp(limits.lower_rad, limits.upper_rad));
+    let fastest = (HEADROOM * limits.velocity_rad_s).min(motor.model.velocity_rad_s);
+    let [[a, b, c, d], [e, f, g, h]] = [motor_rad, fastest].map(|v| (v as f32).to_le_bytes());
+    let id = POSITION_VELOCITY + u32::from(servo.id);
+    CanFrame::standard(id, &[a, b, c, d, e, f, g, h])
+}
+
 impl Mit {
     fn set_up_damiao(
         client: &mut MotorClient,
@@ -202,7 +219,16 @@ impl Mit {
         let reply_id = settings(client.servo()).map_or(0, |motor| u32::from(motor.reply_id));
         let actual = u32::from_le_bytes(read(client, REPLY_ID)?);
         client.verify(REPLY_ID.1, actual, reply_id)?;
-        set(client, MODE, MIT_MODE, Some(notes))?;
+        if model.own_loops {
+            let limit_nm = settings(client.servo()).map_or(0.0, |motor| motor.torque_limit_nm);
+            if limit_nm < model.torque_nm {
+                let wanted =
+                    format!("left out: {} keeps none but its own", client.servo().model.name);
+                return Err(client.unfit("torque_limit_nm", limit_nm, wanted));
+            }
+        }
+        let mode = if model.own_loops { POSITION_VELOCITY_MODE } else { MIT_MODE };
+        set(client, MODE, mode, Some(notes))?;
         let timeout = client.config().watchdog_ms * TIMEOUT_UNITS_PER_MS;
         set(client, TIMEOUT, timeout, None)
     }
@@ -303,8 +329,13 @@ impl CanFamily for Mit {
         let Some(motor) = settings(servo) else {
             return;
         };
-        let data = limited_command(servo, motor, joint_rad, status);
-        out.push(CanFrame::standard(u32::from(servo.id), &data));
+        out.push(match motor.model.own_loops {
+            true => position_velocity_command(servo, motor, joint_rad),
+            false => {
+                let data = limited_command(servo, motor, joint_rad, status);
+                CanFrame::standard(u32::from(servo.id), &data)
+            }
+        });
     }
 
     fn parse_frame(
@@ -333,6 +364,36 @@ impl CanFamily for Mit {
             let ask = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0, CLEAR];
             out.push(CanFrame::standard(u32::from(servo.id), &ask));
         }
+    }
+
+    fn id_setting(&self, model: &ServoModel) -> IdSetting {
+        match model.motor.is_some_and(|motor| motor.has_registers) {
+            true => IdSetting::OfOne,
+            false => IdSetting::Vendor,
+        }
+    }
+
+    fn id_frames(
+        &self,
+        _: &mut ScanLink,
+        from: u8,
+        servo: &Servo,
+    ) -> io::Result<Option<Vec<CanFrame>>> {
+        let Some(motor) = settings(servo).filter(|motor| motor.model.has_registers) else {
+            return Ok(None);
+        };
+        let write = |to: u8, at: MitRegister, value: u16| {
+            let [low, high] = value.to_le_bytes();
+            CanFrame::standard(REGISTER_ID, &[to, 0, WRITE, at.0, low, high, 0, 0])
+        };
+        let save = CanFrame::standard(REGISTER_ID, &[servo.id, 0, SAVE, 1, 0, 0, 0, 0]);
+        // Its own id last: until then it listens to the old one.
+        let ids = [
+            write(from, REPLY_ID, motor.reply_id),
+            write(from, MOTOR_ID, u16::from(servo.id)),
+            save,
+        ];
+        Ok(Some(ids.to_vec()))
     }
 
     fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {

@@ -18,8 +18,18 @@ const fn mit(
         kd_max: 5.0,
         has_registers,
         tells_tenths: false,
+        own_loops: false,
     };
     motor(name, BusKind::Mit, ranges)
+}
+
+/// The same motor driven in position-velocity mode.
+const fn own_loops(name: &'static str, velocity_rad_s: f64, torque_nm: f64) -> ServoModel {
+    let mut model = mit(name, velocity_rad_s, torque_nm, true);
+    if let Some(motor) = &mut model.motor {
+        motor.own_loops = true;
+    }
+    model
 }
 
 /// 11-bit frames have gains of 12 bits over ranges of their own.
@@ -32,6 +42,7 @@ const fn robstride(name: &'static str, velocity_rad_s: f64, torque_nm: f64) -> S
         kd_max: 5.0,
         has_registers: false,
         tells_tenths: true,
+        own_loops: false,
     };
     motor(name, BusKind::Mit, ranges)
 }
@@ -50,6 +61,12 @@ pub(super) static MODELS: &[ServoModel] = &[
     mit("DM-J8006", 45.0, 40.0, true),
     mit("DM-J8009", 45.0, 54.0, true),
     mit("DM-J10010L", 25.0, 200.0, true),
+    own_loops("DM-J4310(PV)", 30.0, 10.0),
+    own_loops("DM-J4340(PV)", 10.0, 28.0),
+    own_loops("DM-J6006(PV)", 45.0, 20.0),
+    own_loops("DM-J8006(PV)", 45.0, 40.0),
+    own_loops("DM-J8009(PV)", 45.0, 54.0),
+    own_loops("DM-J10010L(PV)", 25.0, 200.0),
     robstride("RS00(MIT)", 33.0, 14.0),
     robstride("RS01(MIT)", 44.0, 17.0),
     robstride("RS02(MIT)", 44.0, 17.0),

@@ -12,6 +12,7 @@ pub const SET_ZERO: u8 = 0xFE; // Mode command: where the motor stands is zero f
 pub const REGISTER_ID: u32 = 0x7FF; // Id of requests to registers: motor id (u16), command, register, value
 pub const READ: u8 = 0x33; // Register request: the motor answers with the register's value
 pub const WRITE: u8 = 0x55; // Register request: the motor stores the value and answers with it
+pub const SAVE: u8 = 0xAA; // Register request (fourth byte 1): registers are kept without power
 pub const REFRESH: u8 = 0xCC; // Register request ("refresh"): the motor answers with a reply of MIT mode
 
 pub type MitRegister = (u8, &'static str);
@@ -26,7 +27,7 @@ pub const MOTOR_ID: MitRegister = (8, "ESC_ID"); // Id that the motor listens to
 // The unit is of the vendor's register list; almond-bot/axol, pull request 163, has
 // it so from the motors themselves.
 pub const TIMEOUT: MitRegister = (9, "TIMEOUT (50 us)");
-pub const MODE: MitRegister = (10, "CTRL_MODE"); // Control mode; see MIT_MODE
+pub const MODE: MitRegister = (10, "CTRL_MODE"); // Control mode; see MIT_MODE and below
 pub const FIRMWARE: MitRegister = (14, "sw_ver"); // Firmware version
 pub const PMAX: MitRegister = (21, "PMAX (rad)"); // Range of positions, +- radians (f32)
 pub const VMAX: MitRegister = (22, "VMAX (rad/s)"); // Range of velocities, +- radians a second (f32)
@@ -37,6 +38,11 @@ pub const REGISTER_COUNT: usize = 37; // How many registers a motor keeps
 
 pub const TIMEOUT_UNITS_PER_MS: u32 = 20; // Units of TIMEOUT a millisecond
 pub const MIT_MODE: u32 = 1; // Value of MODE for MIT mode
+pub const POSITION_VELOCITY_MODE: u32 = 2; // ... its own loops, to a position at most so fast
+pub const VELOCITY_MODE: u32 = 3; // ... its own loop, at a velocity
+// Added to the motor's id in commands of these modes: f32s, little-endian.
+pub const POSITION_VELOCITY: u32 = 0x100; // position (rad), highest velocity (rad/s)
+pub const VELOCITY: u32 = 0x200; // velocity (rad/s)
 
 pub(super) const LOST: &str = "communication lost"; // Fault of a motor whose time-out has passed
 

@@ -20,7 +20,8 @@ use crate::can::mit::framing::{from_code, unpack_reply};
 use crate::can::mit::limited_command;
 
 use self::registers::{
-    ANGLE, ANSWER, COMMAND, MOTION, MOTION_ANSWER, SHUTDOWN, STATUS, TIMEOUT, error_names,
+    ANGLE, ANSWER, COMMAND, ID_SETTING, MOTION, MOTION_ANSWER, SET_ID, SHUTDOWN, STATUS, TIMEOUT,
+    error_names,
 };
 
 /// The ranges of motion mode, as the protocol has them for every motor; a robot file can have
@@ -36,6 +37,7 @@ static MODELS: [ServoModel; 1] = [motor(
         kd_max: 5.0,
         has_registers: true,
         tells_tenths: false,
+        own_loops: false,
     },
 )];
 
@@ -176,6 +178,20 @@ impl CanFamily for Myactuator {
         let told = parse_status(&answer(servo, frame, STATUS)?);
         (status[index].fault, status[index].temperature_c) = (told.fault, told.temperature_c);
         None
+    }
+
+    fn id_setting(&self, _: &ServoModel) -> IdSetting {
+        IdSetting::OfAll
+    }
+
+    fn id_frames(
+        &self,
+        _: &mut ScanLink,
+        _from: u8,
+        servo: &Servo,
+    ) -> io::Result<Option<Vec<CanFrame>>> {
+        let set = CanFrame::standard(ID_SETTING, &[SET_ID, 0, 0, 0, 0, 0, 0, servo.id]);
+        Ok(Some(vec![set]))
     }
 
     fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {

@@ -23,9 +23,9 @@ use crate::can::family::prelude::*;
 
 use self::errors::{LOST, error_names};
 use self::registers::{
-    CLEAR_ERRORS, CLOSED_LOOP, ENCODER, ERROR, HEARTBEAT, IDLE, INPUT_POSITION, LIMITS, MODES,
-    PASSTHROUGH, POSITION_CONTROL, POSITION_GAIN, RX_SDO, SET_STATE, TEMPERATURES, TX_SDO,
-    VELOCITY_GAINS, VERSION, id, two_words,
+    ADDRESS, CLEAR_ERRORS, CLOSED_LOOP, ENCODER, ERROR, HEARTBEAT, IDLE, INPUT_POSITION, LIMITS,
+    MODES, PASSTHROUGH, POSITION_CONTROL, POSITION_GAIN, REBOOT, RX_SDO, SAVE, SET_STATE,
+    TEMPERATURES, TX_SDO, VELOCITY_GAINS, VERSION, id, two_words,
 };
 
 const FIRMWARE: (u8, u8) = (0, 6);
@@ -262,6 +262,27 @@ impl CanFamily for Odrive {
         let data = message(servo, frame, HEARTBEAT)?;
         (status[index].fault, status[index].active) = parse_heartbeat(&data);
         None
+    }
+
+    fn id_setting(&self, _: &ServoModel) -> IdSetting {
+        IdSetting::OfOne
+    }
+
+    fn id_frames(
+        &self,
+        scanner: &mut ScanLink,
+        from: u8,
+        servo: &Servo,
+    ) -> io::Result<Option<Vec<CanFrame>>> {
+        let at = id(from, ADDRESS);
+        let told = scanner.ask_one(&CanFrame::remote(at, 8), |frame| {
+            let is_answer = !frame.is_extended() && frame.id() == at;
+            is_answer.then(|| frame.eight()).flatten()
+        })?;
+        // Without its serial number every controller with this id would take the new one.
+        let Some([_, a, b, c, d, e, f, _]) = told else { return Ok(None) };
+        let save = CanFrame::standard(id(servo.id, REBOOT), &[SAVE]);
+        Ok(Some(vec![CanFrame::standard(at, &[servo.id, a, b, c, d, e, f, 0]), save]))
     }
 
     fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {

@@ -19,6 +19,7 @@ pub const LIMITS: u32 = 0x0F; // Velocity limit (turns a second, f32) and curren
 pub const CURRENTS: u32 = 0x14; // Phase current wanted and measured (amperes, f32)
 pub const TEMPERATURES: u32 = 0x15; // Temperature of inverter and motor (Celsius, f32; NaN without a sensor)
 pub const REBOOT: u32 = 0x16; // Restarts the controller
+pub const SAVE: u8 = 1; // With REBOOT: settings are kept without power
 pub const BUS_VOLTAGE: u32 = 0x17; // Supply (volts, f32) and its current (amperes, f32)
 pub const CLEAR_ERRORS: u32 = 0x18; // Clears errors
 pub const POSITION_GAIN: u32 = 0x1A; // Position gain (turns a second a turn, f32)

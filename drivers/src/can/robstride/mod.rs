@@ -208,6 +208,25 @@ impl CanFamily for Robstride {
         None
     }
 
+    fn id_setting(&self, _: &ServoModel) -> IdSetting {
+        IdSetting::OfOne
+    }
+
+    fn id_frames(
+        &self,
+        _: &mut ScanLink,
+        from: u8,
+        servo: &Servo,
+    ) -> io::Result<Option<Vec<CanFrame>>> {
+        let to = u32::from(servo.id);
+        let set = id(message::SET_ID, to << 8 | HOST, u32::from(from));
+        let save = id(message::SAVE, HOST, to);
+        Ok(Some(vec![
+            CanFrame::extended(set, &[0; 8]),
+            CanFrame::extended(save, &[1, 2, 3, 4, 5, 6, 7, 8]),
+        ]))
+    }
+
     fn scan(&self, scanner: &mut ScanLink) -> io::Result<Vec<CanFound>> {
         scan::motors(scanner)
     }

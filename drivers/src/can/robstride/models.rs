@@ -19,6 +19,7 @@ const fn robstride(
         kd_max,
         has_registers: true,
         tells_tenths: false,
+        own_loops: false,
     };
     motor(name, BusKind::Robstride, ranges)
 }

@@ -22,6 +22,7 @@ pub mod message {
     pub const SET_ID: u32 = 7; // Another id: the upper byte of data16; answered as GET_ID
     pub const READ: u32 = 17; // Reads a parameter
     pub const WRITE: u32 = 18; // Writes a parameter; the motor answers with a feedback
+    pub const SAVE: u32 = 22; // Parameters are kept without power (data 1 to 8)
     pub const FAULT: u32 = 21; // The motor's detailed faults, sent unasked
 }
 

@@ -83,7 +83,7 @@ impl ScanLink {
         Ok(answer)
     }
 
-    fn send(&mut self, request: &CanFrame) -> io::Result<()> {
+    pub fn send(&mut self, request: &CanFrame) -> io::Result<()> {
         let deadline = Instant::now() + 10 * self.wait;
         while self.link.send(request)? == Sent::Full {
             if Instant::now() >= deadline {

@@ -29,9 +29,12 @@ use std::time::{Duration, Instant};
 
 use crate::bus::kind::BusKind;
 use crate::can::families;
+use crate::can::family::IdSetting;
 use crate::can::scan::inquiry::{GROUP, ScanLink};
 use crate::can::transport::{CanLink, open_link, worst_bits};
 use crate::error::BusResult;
+use crate::servo::Servo;
+use crate::servo::model::ServoModel;
 
 /// The families in the order in which they are asked; ODrive decides whether the
 /// others may use 11-bit ids.
@@ -46,6 +49,8 @@ const ORDER: [BusKind; 6] = [
 /// Factory settings send a heartbeat ten times a second, or once.
 const LISTEN: Duration = Duration::from_millis(1200);
 const WAIT: Duration = Duration::from_millis(20);
+/// For so long nothing is sent after a frame that writes permanent memory.
+const KEEP: Duration = Duration::from_millis(100);
 
 /// A CAN bus to be scanned for motors.
 pub struct CanScanner {
@@ -87,5 +92,28 @@ impl CanScanner {
             self.link.may_send_standard |= found.is_empty();
         }
         Ok(found)
+    }
+
+    /// Gives the motor with id `from` the ids of `servo`, for good. False where that cannot be
+    /// done here.
+    ///
+    /// # Errors
+    /// The link fails.
+    pub fn set_id(&mut self, from: u8, servo: &Servo) -> io::Result<bool> {
+        let family = families::of_kind(servo.model.kind);
+        let Some(family) = family else { return Ok(false) };
+        let Some(frames) = family.id_frames(&mut self.link, from, servo)? else { return Ok(false) };
+        for frame in &frames {
+            // Permanent memory takes its time.
+            self.link.send(frame)?;
+            self.link.receive(Instant::now() + KEEP, |_| ())?;
+        }
+        Ok(true)
+    }
+
+    /// Who sets the id of such a motor.
+    pub fn id_setting(model: &ServoModel) -> IdSetting {
+        let family = families::of_kind(model.kind);
+        family.map_or(IdSetting::Vendor, |family| family.id_setting(model))
     }
 }

@@ -2,9 +2,9 @@
 //!
 //! | port | what it is |
 //! |---|---|
-//! | `can:IFACE` | a CAN interface of the system (SocketCAN, Linux only), bitrate set by the system |
+//! | `can:IFACE` | a CAN interface of the system (SocketCAN, Linux only), with CAN FD where it has it; bitrate set by the system |
 //! | `slcan:PATH` | a serial CAN adapter that speaks the ASCII protocol of LAWICEL |
-//! | `fdcanusb:PATH` | mjbots' serial adapter, the one that carries CAN FD |
+//! | `fdcanusb:PATH` | mjbots' serial adapter, which carries CAN FD |
 //! | `udp:GROUP:PORT` | frames as multicast datagrams, as python-can's `udp_multicast` does: for simulation |
 //!
 //! A new way implements [`CanLink`] and gets its line in `open_link`.

@@ -1,4 +1,5 @@
-//! A CAN interface of the system: a raw socket of SocketCAN.
+//! A CAN interface of the system: a raw socket of SocketCAN, with CAN FD where the interface
+//! has it.
 //!
 //! The interface's bitrate, restart time and queue length are the system's
 //! (`ip link`); this side opens, sends, receives. A full transmit queue (ENOBUFS)
@@ -22,7 +23,10 @@ use socketcan::errors::{
     CAN_ERR_ACK, CAN_ERR_BUSERROR, CAN_ERR_BUSOFF, CAN_ERR_CRTL, CAN_ERR_PROT, CAN_ERR_TRX,
     CAN_ERR_TX_TIMEOUT,
 };
-use socketcan::{CanDataFrame, CanErrorFrame, CanRemoteFrame, CanSocket};
+use socketcan::id::FdFlags;
+use socketcan::{
+    CanAnyFrame, CanDataFrame, CanErrorFrame, CanFdFrame, CanFdSocket, CanRemoteFrame,
+};
 use socketcan::{EmbeddedFrame, ExtendedId, Id, Socket, SocketOptions, StandardId};
 
 use super::frame::CanFrame;
@@ -37,20 +41,24 @@ const REPORTED: u32 = CAN_ERR_BUSOFF
     | CAN_ERR_TX_TIMEOUT;
 const CAN_TYPE: &str = "280"; // ARPHRD_CAN
 const UP: u32 = 1; // IFF_UP
+/// An interface whose packets may be so long carries CAN FD (CANFD_MTU).
+const FLEXIBLE_MTU: u32 = 72;
 
 #[derive(Debug)]
 pub struct SocketLink {
-    socket: CanSocket,
+    socket: CanFdSocket,
+    flexible: bool,
 }
 
 impl SocketLink {
     /// Opens an interface that is up, e.g. `can0`.
     pub fn open(interface: &str) -> io::Result<Self> {
-        Interfaces::of_system().check(interface)?;
-        let socket = CanSocket::open(interface).map_err(explained)?;
+        let interfaces = Interfaces::of_system();
+        interfaces.check(interface)?;
+        let socket = CanFdSocket::open(interface).map_err(explained)?;
         socket.set_error_filter(REPORTED)?;
         socket.set_nonblocking(true)?;
-        Ok(Self { socket })
+        Ok(Self { socket, flexible: interfaces.is_flexible(interface) })
     }
 
     /// Waits for something to read until `deadline`; false if nothing came.
@@ -72,6 +80,10 @@ impl AsFd for SocketLink {
 }
 
 impl CanLink for SocketLink {
+    fn carries_flexible(&self) -> bool {
+        self.flexible
+    }
+
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sent> {
         match self.socket.write_frame(&to_system(frame)?) {
             Ok(()) => Ok(Sent::Taken),
@@ -114,32 +126,38 @@ fn explained(error: io::Error) -> io::Error {
     io::Error::new(error.kind(), meaning)
 }
 
-fn to_system(frame: &CanFrame) -> io::Result<socketcan::CanFrame> {
+fn to_system(frame: &CanFrame) -> io::Result<CanAnyFrame> {
     let id: Option<Id> = match frame.is_extended() {
         true => ExtendedId::new(frame.id()).map(Id::from),
         false => u16::try_from(frame.id()).ok().and_then(StandardId::new).map(Id::from),
     };
-    let built = id.and_then(|id| match frame.is_remote() {
-        true => CanRemoteFrame::new_remote(id, frame.length().into()).map(Into::into),
-        false => CanDataFrame::new(id, frame.data()).map(Into::into),
+    let built = id.and_then(|id| match (frame.is_flexible(), frame.is_remote()) {
+        (true, _) => CanFdFrame::with_flags(id, frame.data(), FdFlags::BRS).map(Into::into),
+        (false, true) => CanRemoteFrame::new_remote(id, frame.length().into()).map(Into::into),
+        (false, false) => CanDataFrame::new(id, frame.data()).map(Into::into),
     });
     built.ok_or_else(|| ErrorKind::InvalidInput.into())
 }
 
 /// `None` for reports that a program cannot act on.
-fn from_system(frame: socketcan::CanFrame) -> Option<CanEvent> {
+fn from_system(frame: CanAnyFrame) -> Option<CanEvent> {
     let ours = |id: Id, data: &[u8]| match id {
         Id::Standard(id) => CanFrame::standard(id.as_raw().into(), data),
         Id::Extended(id) => CanFrame::extended(id.as_raw(), data),
     };
-    match frame {
-        socketcan::CanFrame::Data(frame) => Some(CanEvent::Frame(ours(frame.id(), frame.data()))),
-        socketcan::CanFrame::Remote(frame) => {
-            let length = frame.dlc().min(8) as u8;
-            Some(CanEvent::Frame(ours(frame.id(), &[]).into_remote(length)))
+    let frame = match frame {
+        CanAnyFrame::Normal(frame) => ours(frame.id(), frame.data()),
+        CanAnyFrame::Remote(frame) => ours(frame.id(), &[]).into_remote(frame.dlc().min(8) as u8),
+        CanAnyFrame::Fd(frame) => {
+            let id = match frame.id() {
+                Id::Standard(id) => id.as_raw().into(),
+                Id::Extended(id) => id.as_raw(),
+            };
+            CanFrame::flexible_from_parts(id, frame.data())?
         }
-        socketcan::CanFrame::Error(frame) => fault(&frame).map(CanEvent::Fault),
-    }
+        CanAnyFrame::Error(frame) => return fault(&frame).map(CanEvent::Fault),
+    };
+    Some(CanEvent::Frame(frame))
 }
 
 fn fault(frame: &CanErrorFrame) -> Option<CanFault> {
@@ -190,6 +208,11 @@ impl Interfaces<'_> {
         let flags = self.read(name, "flags").unwrap_or_default();
         let flags = u32::from_str_radix(flags.trim_start_matches("0x"), 16);
         flags.is_ok_and(|flags| flags & UP != 0)
+    }
+
+    fn is_flexible(&self, name: &str) -> bool {
+        let mtu = self.read(name, "mtu").and_then(|mtu| mtu.parse().ok());
+        mtu.is_some_and(|mtu: u32| mtu >= FLEXIBLE_MTU)
     }
 
     fn can(&self) -> Vec<(String, bool)> {
@@ -247,6 +270,8 @@ mod tests {
             CanFrame::extended(0x1FFF_FFFF, &[9; 8]),
             CanFrame::extended(5, &[9; 8]),
             CanFrame::remote(0x21, 8),
+            CanFrame::flexible(0x8001, &[7; 42], 0x50),
+            CanFrame::flexible(0x100, &[7; 5], 0),
         ] {
             let system = to_system(&frame).unwrap();
             assert_eq!(from_system(system), Some(CanEvent::Frame(frame)));
@@ -274,17 +299,21 @@ mod tests {
     #[test]
     fn a_wrong_interface_is_refused_with_those_there_are() {
         let folder = std::env::temp_dir().join(format!("net-{}", std::process::id()));
-        for (name, kind, flags) in
-            [("can0", "280", "0x40080"), ("vcan3", "280", "0xc1"), ("eth0", "1", "0x1003")]
-        {
+        for (name, kind, flags, mtu) in [
+            ("can0", "280", "0x40080", "16"),
+            ("vcan3", "280", "0xc1", "72"),
+            ("eth0", "1", "0x1003", "1500"),
+        ] {
             let interface = folder.join(name);
             std::fs::create_dir_all(&interface).unwrap();
             std::fs::write(interface.join("type"), format!("{kind}\n")).unwrap();
             std::fs::write(interface.join("flags"), format!("{flags}\n")).unwrap();
+            std::fs::write(interface.join("mtu"), format!("{mtu}\n")).unwrap();
         }
         let here = Interfaces(&folder);
         let refused = |name: &str| here.check(name).unwrap_err().to_string();
         assert!(here.check("vcan3").is_ok());
+        assert!(here.is_flexible("vcan3") && !here.is_flexible("can0"));
         assert_eq!(
             refused("can0"),
             "the interface is down; bring it up: \

@@ -10,14 +10,23 @@ use crate::serial::wire::port::Received;
 use crate::servo::Servo;
 
 impl ServoClient {
-    /// Sends a value of `register` to every servo that is not left out and gets one, in one
-    /// packet that is said so many times; no reply.
+    /// Sends a value of `register` to every servo that is not left out and gets one; no reply.
     pub(crate) fn sync_write(
+        &mut self,
+        register: Register,
+        value: impl Fn(usize, &Servo) -> Option<i32>,
+    ) -> BusResult<()> {
+        self.hold_sync_write(register, 1, value);
+        self.port.send_held(register.name)
+    }
+
+    /// The same in one packet that is said so many times, and kept for what is sent next.
+    pub(crate) fn hold_sync_write(
         &mut self,
         register: Register,
         copies: usize,
         value: impl Fn(usize, &Servo) -> Option<i32>,
-    ) -> BusResult<()> {
+    ) {
         self.params.clear();
         self.port.framing().put_place(&mut self.params, register);
         let nobody = self.params.len();
@@ -26,13 +35,11 @@ impl ServoClient {
             self.params.push(servo.id);
             self.params.extend(&value.to_le_bytes()[..usize::from(register.size)]);
         }
-        if self.params.len() == nobody {
-            return Ok(());
+        if self.params.len() > nobody {
+            for _ in 0..copies {
+                self.port.hold(BROADCAST, instruction::SYNC_WRITE, &self.params);
+            }
         }
-        for _ in 0..copies {
-            self.port.hold(BROADCAST, instruction::SYNC_WRITE, &self.params);
-        }
-        self.port.send_held(register.name)
     }
 
     /// Torque off to everyone, those left out too, and the servos of which that is not certain.
@@ -41,7 +48,7 @@ impl ServoClient {
         // Broadcast first: it needs no reply and reaches everyone at once.
         let mut reason = String::new();
         for _ in 0..self.tries {
-            if let Err(error) = self.sync_write(torque, 1, |_, _| Some(0)) {
+            if let Err(error) = self.sync_write(torque, |_, _| Some(0)) {
                 reason = error.to_string();
             }
         }

@@ -139,6 +139,7 @@ impl PacketPort {
         let longest = self.framing.status_length() + reply + reply / 3;
         let stale = self.stale.mistakable(request);
         if stale > 0 {
+            self.send_held(doing)?; // it does not wait for them
             self.decoder.reset(longest);
             self.drain_stale(id, stale, Instant::now() + wait, doing)?;
         }

@@ -6,10 +6,14 @@
 //!      line.rs                            newcomer.rs  settings.rs  line.rs
 //! ```
 //!
+//! A robot with several buses is set up bus by bus; motors on CAN have no rate to set, and
+//! `can_line.rs` finds them.
+//!
 //! How far a robot is, its bus says: a servo with a joint's id, model and the bus's rate is set
 //! up. Because the rate comes last, a servo that was interrupted is found where it was.
 //! Torque goes off, and never on.
 
+mod can_line;
 mod line;
 mod newcomer;
 mod settings;
@@ -18,11 +22,18 @@ mod voice;
 pub use voice::NextServo;
 
 use crate::bus_tools::plug;
+use crate::bus_tools::setup::can_line::CanLine;
 use crate::bus_tools::setup::line::SetupLine;
 use crate::bus_tools::setup::voice::Voice;
 use crate::robot::Robot;
 use anyhow::bail;
+use servodance_drivers::Port;
 use std::io::IsTerminal;
+
+enum AnyLine<'a> {
+    Serial(SetupLine<'a>),
+    Can(CanLine<'a>),
+}
 
 /// Sets up every servo of the robot that is not yet. Refused, and asked for again where
 /// somebody is there: two new servos at once, a servo of another model.
@@ -37,13 +48,23 @@ pub fn set_up(
         bail!("there is no terminal to ask on: --yes takes each new servo as soon as it answers");
     }
     let ports = plug::ports(robot, ports)?;
+    // What cannot be set up at all is said before anything is changed.
     let mut lines = Vec::with_capacity(ports.len());
     for (port, layout) in ports.iter().zip(&robot.buses) {
-        lines.push(SetupLine::new(port, layout)?);
+        lines.push(match port {
+            Port::Serial(_) => AnyLine::Serial(SetupLine::new(port, layout)?),
+            Port::Can(_) => AnyLine::Can(CanLine::new(port, layout)?),
+        });
     }
     let voice = Voice { say: &say, note: &note };
-    for line in lines {
-        line.set_up(next, &voice)?;
+    for (line, layout) in lines.iter().zip(&robot.buses) {
+        if robot.buses.len() > 1 {
+            say(&format!("bus {}:", layout.config.name));
+        }
+        match line {
+            AnyLine::Serial(line) => line.set_up(next, &voice)?,
+            AnyLine::Can(line) => line.set_up(next, &voice)?,
+        }
     }
     say(&format!(
         "{}: all {} servos are set up; next: connect them all, `servodance servos check`, `servodance calibrate`",

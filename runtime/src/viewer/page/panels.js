@@ -80,13 +80,26 @@ function showMusic({ beat, bands }) {
   });
 }
 
+// The servo with which most answers went wrong.
+function mostLost(frame, scene) {
+  const counts = frame.servo_errors.map(([lost, damaged]) => lost + damaged);
+  const most = Math.max(0, ...counts);
+  return most === 0 ? "–" : `${scene.joints[counts.indexOf(most)].name}, ${most}`;
+}
+
 // Name, how to tell it, and when it is worth a colour.
 function makeFigures() {
   const rows = [
     ["robot rate", (f, s) => `${f.bus.rate_hz.toFixed(1)} / ${s.control_hz} Hz`, (f, s) => f.bus.rate_hz < 0.95 * s.control_hz],
-    ["longest delay", (f) => `${f.late_ms.toFixed(1)} ms`, (f, s) => f.late_ms > 500 / s.control_hz],
+    ["commands apart", (f) => `${f.bus.gap_p50_ms.toFixed(1)} ms`, () => false],
+    ["99th percentile", (f) => `${f.bus.gap_p99_ms.toFixed(1)} ms`, (f, s) => f.bus.gap_p99_ms > 1500 / s.control_hz],
+    ["worst", (f) => `${f.bus.gap_max_ms.toFixed(1)} ms`, (f, s) => f.bus.gap_max_ms > 2000 / s.control_hz],
+    ["link's delay", (f) => `${f.bus.delay_ms.toFixed(1)} ms`, (f, s) => f.bus.delay_ms > 500 / s.control_hz],
     ["late moves", (f) => `${f.late_frames}`, (f) => f.late_frames > 0],
-    ["servo answers lost", (f) => `${f.bus.timeouts + f.bus.crc_errors}`, (f) => f.bus.timeouts + f.bus.crc_errors > 0],
+    ["answers late or lost", (f) => `${f.bus.timeouts}`, (f) => f.bus.timeouts > 0],
+    ["answers damaged", (f) => `${f.bus.crc_errors}`, (f) => f.bus.crc_errors > 0],
+    ["asked again", (f) => `${f.bus.retries}`, (f) => f.bus.retries > 0],
+    ["most with", mostLost, (f) => f.servo_errors.some(([lost, damaged]) => lost + damaged > 0)],
     ["limited moves", (f) => `${f.interventions}`, () => false],
     ["limits broken", (f) => (f.violations === null ? "real servos: unknown" : `${f.violations}`), (f) => f.violations > 0],
     ["idling", (f) => `${Math.round(f.idle_share * 100)} %`, () => false],
@@ -117,11 +130,13 @@ function makeJoint({ name, lower_rad, upper_rad }) {
     document.createElement(kind),
   );
   label.textContent = name;
-  label.title = `${name}: ${(lower_rad * DEG).toFixed(0)} to ${(upper_rad * DEG).toFixed(0)} degrees`;
+  const limits = `${name}: ${(lower_rad * DEG).toFixed(0)} to ${(upper_rad * DEG).toFixed(0)} degrees`;
+  label.title = limits;
+  let counted = "";
   canvas.width = 240;
   canvas.height = 26;
   canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", `${label.title}, its last seconds`);
+  canvas.setAttribute("aria-label", `${limits}, its last seconds`);
   row.append(label, canvas, degrees, heat, why);
   let told = -Infinity;
   const past = [];
@@ -150,6 +165,13 @@ function makeJoint({ name, lower_rad, upper_rad }) {
     pen.lineWidth = 1.6;
     line(pen, "position", "#5ab0ff");
     degrees.textContent = `${(frame.positions_rad[index] * DEG).toFixed(1)}°`;
+    const errors = frame.servo_errors[index];
+    if (`${errors}` !== counted) {
+      counted = `${errors}`;
+      const [lost, damaged, again] = errors;
+      label.className = lost + damaged > 0 ? "warm" : "";
+      label.title = `${limits}; answers late or lost ${lost}, damaged ${damaged}, asked again ${again}`;
+    }
     const celsius = frame.temperatures_c[index];
     heat.textContent = celsius === null ? "–" : `${celsius.toFixed(0)}°`;
     const reason = frame.held_back[index];

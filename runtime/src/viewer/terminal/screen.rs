@@ -1,10 +1,11 @@
 //! The layout of the screen: figures, joints, events, keys.
 //!
-//! Sixteen lines of eighty cells hold all that matters; more room shows more
+//! Seventeen lines of eighty cells hold all that matters; more room shows more
 //! joints and events, less room leaves the last out.
 
 use super::joints::{joint, layout};
 use super::keys::HELP;
+use crate::pipeline::step_times::StepTimes;
 use crate::process::console;
 use crate::viewer::Scene;
 use crate::viewer::snapshot::{
@@ -15,7 +16,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::{Line, Span};
-use servodance_drivers::State;
+use servodance_drivers::{BusStats, State};
 use servodance_types::BeatLock;
 use std::time::{Duration, Instant};
 
@@ -27,6 +28,9 @@ const REMARK: Duration = Duration::from_secs(4);
 const MUSIC: f64 = 0.45;
 /// Part of the wanted rate below which the bus is slow.
 const SLOW: f64 = 0.95;
+/// Parts of a period: a gap between commands, and what the link adds to answers.
+const UNEVEN: f64 = 1.5;
+const LATE: f64 = 0.5;
 const LEVELS: [&str; 9] = [" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"];
 
 #[derive(Debug, Default)]
@@ -59,6 +63,7 @@ pub fn draw(
         settings(scene, &now.now),
         bus(scene, &now.now),
         safety(&now.now),
+        answers(scene, now),
     ];
     let mut last: Vec<Line> = HELP.map(|help| Line::from(help).dark_gray()).to_vec();
     last.extend(address.map(|address| Line::from(address.to_owned()).dark_gray()));
@@ -159,16 +164,16 @@ fn figure<'a>(text: String, bad: bool) -> Span<'a> {
 }
 
 fn bus<'a>(scene: &Scene, now: &RobotStatus) -> Line<'a> {
-    let lost = now.bus.timeouts + now.bus.crc_errors;
     let slow = now.rate_hz < SLOW * scene.control_hz;
+    let period_ms = 1e3 / scene.control_hz;
+    let delay_ms = now.bus.delay_us as f64 * 1e-3;
+    let StepTimes { p50_ms, p99_ms, max_ms } = now.gaps;
     Line::from(vec![
         figure(format!("bus {:.1} / {} Hz", now.rate_hz, scene.control_hz), slow),
-        figure(format!("   lost replies {lost}"), lost > 0),
-        figure(
-            format!("   latest cycle {:.1} ms", now.late_ms),
-            now.late_ms > 500.0 / scene.control_hz,
-        ),
-        figure(format!("   late motion {}", now.late_frames), now.late_frames > 0),
+        figure(format!("  commands {p50_ms:.1}"), false),
+        figure(format!(", p99 {p99_ms:.1}"), p99_ms > UNEVEN * period_ms),
+        figure(format!(", worst {max_ms:.1} ms apart"), max_ms > 2.0 * period_ms),
+        figure(format!("  delay {delay_ms:.1} ms"), delay_ms > LATE * period_ms),
     ])
 }
 
@@ -181,7 +186,23 @@ fn safety<'a>(now: &RobotStatus) -> Line<'a> {
         Span::from(format!("commands limited {}", now.interventions)),
         figure(format!("   limits broken {broken}"), now.violations > Some(0)),
         Span::from(format!("   idle {:.0} %", now.idle_share * 100.0)),
+        figure(format!("   late motion {}", now.late_frames), now.late_frames > 0),
     ])
+}
+
+/// Answers that went wrong, and the servo with which most did.
+fn answers<'a>(scene: &Scene, now: &Snapshot) -> Line<'a> {
+    let BusStats { timeouts, crc_errors, retries, .. } = now.now.bus;
+    let mut line = vec![
+        figure(format!("answers late or lost {timeouts}"), timeouts > 0),
+        figure(format!("   damaged {crc_errors}"), crc_errors > 0),
+        figure(format!("   asked again {retries}"), retries > 0),
+    ];
+    let servos = scene.joints.iter().zip(&now.joints).filter(|(_, joint)| joint.errors.lost() > 0);
+    if let Some(((name, _), joint)) = servos.max_by_key(|(_, joint)| joint.errors.lost()) {
+        line.push(figure(format!("   most: {name} {}", joint.errors.lost()), true));
+    }
+    Line::from(line)
 }
 
 /// The joints in as many columns as need be, in `room` lines at most.
