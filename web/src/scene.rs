@@ -87,6 +87,8 @@ mod tests {
                 styles: Vec::new(),
                 control_hz: loaded.control_hz,
                 waits: false,
+                takes_songs: true,
+                speaker: false,
                 recording_s: None,
             };
             let there = there.json();

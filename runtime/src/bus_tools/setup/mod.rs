@@ -54,6 +54,7 @@ pub fn set_up(
         lines.push(match port {
             Port::Serial(_) => AnyLine::Serial(SetupLine::new(port, layout)?),
             Port::Can(_) => AnyLine::Can(CanLine::new(port, layout)?),
+            Port::Ros2(_) => bail!("{port}: the servos behind ROS 2 are set up by their own tools"),
         });
     }
     let voice = Voice { say: &say, note: &note };
