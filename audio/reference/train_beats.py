@@ -31,7 +31,7 @@ INPUTS, UNITS, BLOCKS, TAPS, OUTPUTS = 128, 48, 10, 3, 3
 RISES, LEVELS = 64, 16
 BATCH, BATCH_STEPS, VALIDATION = 6, 2000, 40
 SPEED = 0.18  # most by which music is faster or slower, as a logarithm
-AVERAGED = 0.99  # share of the older weights in the running mean that is kept
+AVERAGED = 0.998  # share of the older weights in the running mean that is kept
 SCORED_EVERY = 200  # batches, at least
 
 
@@ -107,17 +107,21 @@ class Corpus:
 
 
 class Block(nn.Module):
+    """`x + mix(relu(taps(x two dilations ago, one ago, now)))`, (batch, steps, UNITS)."""
+
     def __init__(self, dilation):
         super().__init__()
-        self.past = (TAPS - 1) * dilation
-        self.taps = nn.Conv1d(UNITS, UNITS, TAPS, dilation=dilation)
-        self.mix = nn.Conv1d(UNITS, UNITS, 1)
+        self.dilation = dilation
+        # Matrix products train twice as fast as torch's convolutions on a processor.
+        self.taps = nn.Linear(TAPS * UNITS, UNITS)
+        self.mix = nn.Linear(UNITS, UNITS)
         with torch.no_grad():
             self.mix.weight *= 0.3
 
     def forward(self, x):
-        hidden = torch.relu(self.taps(nn.functional.pad(x, (self.past, 0))))
-        return x + self.mix(hidden)
+        steps, past = x.shape[1], nn.functional.pad(x, (0, 0, (TAPS - 1) * self.dilation, 0))
+        seen = torch.cat([past[:, tap * self.dilation:][:, :steps] for tap in range(TAPS)], dim=2)
+        return x + self.mix(torch.relu(self.taps(seen)))
 
 
 class Network(nn.Module):
@@ -128,33 +132,26 @@ class Network(nn.Module):
         self.heads = nn.Linear(UNITS, OUTPUTS)
 
     def forward(self, x, drop=0.0):
-        x = torch.relu(self.dense(x)).transpose(1, 2)
+        x = torch.relu(self.dense(x))
         for block in self.blocks:
             x = block(x)
             if drop and self.training:
-                x = nn.functional.dropout1d(x, drop)
-        return self.heads(torch.relu(x).transpose(1, 2)).transpose(1, 2)
+                # Some units are silent over a whole piece.
+                x = x * nn.functional.dropout(torch.ones(len(x), 1, UNITS), drop)
+        return self.heads(torch.relu(x)).transpose(1, 2)
 
     def parts(self):
-        parts = [self.dense.weight, self.dense.bias]
-        for block in self.blocks:
-            parts += [block.taps.weight, block.taps.bias, block.mix.weight, block.mix.bias]
-        return parts + [self.heads.weight, self.heads.bias]
+        """Weights and biases in the order of the file: by output, then tap (oldest first), then input."""
+        layers = [self.dense, *(layer for b in self.blocks for layer in (b.taps, b.mix)), self.heads]
+        return [part for layer in layers for part in (layer.weight, layer.bias)]
 
     def weights(self):
-        """Convolutions by output, then tap (oldest first), then input."""
-        flat = [p.detach().permute(0, 2, 1).contiguous() if p.dim() == 3 else p.detach() for p in self.parts()]
-        return np.concatenate([p.numpy().ravel() for p in flat]).astype("<f4")
+        return np.concatenate([p.detach().numpy().ravel() for p in self.parts()]).astype("<f4")
 
     def take(self, weights):
         at = 0
         for part in self.parts():
-            values = torch.from_numpy(weights[at: at + part.numel()].copy())
-            if part.dim() == 3:
-                out, inner, taps = part.shape
-                part.data = values.reshape(out, taps, inner).permute(0, 2, 1).contiguous()
-            else:
-                part.data = values.reshape(part.shape)
+            part.data = torch.from_numpy(weights[at: at + part.numel()].copy()).reshape(part.shape)
             at += part.numel()
 
 

@@ -21,10 +21,10 @@ use crate::beats::{
 use crate::features::ANALYSIS_RATE_HZ;
 use crate::features::mfcc::{BEAT, SpectralFeatures};
 use crate::features::music_detector::MusicDetector;
-use crate::features::music_network::{MusicNetwork, MusicOutput};
 use crate::features::note_onset::NoteOnsets;
 use crate::features::onset_strength::{HOP, LATENCY_S, Onset, OnsetDetector};
 use crate::features::resampler::Resampler;
+use crate::features::small_beat_network::SmallBeatNetwork;
 use crate::features::spectrum::{SlidingWindow, sigmoid};
 
 /// Samples a frame at the analysis rate.
@@ -53,8 +53,9 @@ struct AnalysisCore {
     notes: NoteOnsets,
     older: Option<Onset>,
     network: BeatNetwork,
-    music: MusicNetwork,
-    heard: MusicOutput,
+    small: SmallBeatNetwork,
+    small_beat: f32,
+    output: NetworkOutput,
     onset_tracker: OnsetTracker,
     tracker: Tracker,
     detector: MusicDetector,
@@ -84,8 +85,9 @@ impl MusicAnalyzer {
             notes: NoteOnsets::new(ANALYSIS_RATE_HZ),
             older: None,
             network: BeatNetwork::new(),
-            music: MusicNetwork::new(),
-            heard: MusicOutput::SILENCE,
+            small: SmallBeatNetwork::new(),
+            small_beat: NetworkOutput::SILENCE.beat,
+            output: NetworkOutput::SILENCE,
             onset_tracker: OnsetTracker::new(),
             tracker: Tracker::new(),
             detector: MusicDetector::new(),
@@ -179,30 +181,30 @@ impl AnalysisCore {
     fn hop(&mut self, onset: Onset) {
         let older = self.older.take();
         if let Some(older) = &older {
-            self.heard = self.music.step(older, &onset);
+            self.small_beat = self.small.step(older, &onset);
         }
-        self.onset_tracker.hop(&onset, sigmoid(self.heard.beat));
+        self.onset_tracker.hop(&onset, sigmoid(self.small_beat));
         let Some(older) = older else {
             self.older = Some(onset);
             return;
         };
         let notes = self.notes.step(&self.recent);
-        let output = self.network.step(&input(&older, &onset, &notes));
+        self.output = self.network.step(&input(&older, &onset, &notes));
         let strongest = StepOnset {
             strength: older.strength.max(onset.strength),
             kick: older.groups[0].max(onset.groups[0]),
         };
         let guess = self.onset_tracker.beat(BeatNetwork::LATE_S - LATENCY_S);
-        self.tracker.step(&output, strongest, guess, older.audible || onset.audible);
-        self.record(&output);
+        self.tracker.step(&self.output, strongest, guess, older.audible || onset.audible);
+        self.record();
     }
 
-    fn record(&mut self, output: &NetworkOutput) {
+    fn record(&mut self) {
         let Some(history) = &mut self.history else {
             return;
         };
         // The offline tracker runs at the rate of hops.
-        history.evidence.extend([offline_evidence(output); 2]);
+        history.evidence.extend([offline_evidence(&self.output); 2]);
         let beat = self.tracker.beat(self.beat_delay_s);
         let now_s = self.received as f64 / f64::from(ANALYSIS_RATE_HZ);
         let called = self.caller.call(now_s, beat.phase, beat.tempo_bpm);
@@ -216,9 +218,10 @@ impl AnalysisCore {
         let mut spectral =
             if index == 0 { [0.0; SPECTRAL_DIM] } else { self.features.frame(&self.recent) };
         if index > 0 {
-            let network = (!self.tracker.is_silent()).then_some(self.heard.music);
+            let network = (!self.tracker.is_silent()).then_some(self.output.music);
             let beats = self.tracker.strength();
-            self.detector.frame(self.features.fine_magnitude(), network, beats);
+            let steady = self.detector.frame(self.features.fine_magnitude(), network, beats);
+            self.tracker.hear_tones(steady, MusicDetector::LAG_S - self.beat_delay_s);
             self.tracker.set_presence(self.detector.presence());
             self.onset_tracker.set_presence(self.detector.presence());
             if let Some(history) = &mut self.history {

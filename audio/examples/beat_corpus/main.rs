@@ -47,6 +47,23 @@ struct Piece {
     music_s: Vec<(f64, f64)>,
 }
 
+impl Piece {
+    /// What the network hears of the piece, and a line of its truth.
+    fn write(&self, inputs: &mut impl Write, pieces: &mut impl Write) -> std::io::Result<()> {
+        let steps = inputs_of(&self.samples, RATE_HZ);
+        for value in steps.iter().flatten() {
+            inputs.write_all(&value.to_le_bytes())?;
+        }
+        let spans: Vec<[f64; 2]> = self.music_s.iter().map(|s| [s.0, s.1]).collect();
+        let (beats, downbeats) = (&self.beats_s, &self.downbeats_s);
+        writeln!(
+            pieces,
+            r#"{{"steps":{},"beats_s":{beats:?},"downbeats_s":{downbeats:?},"music_s":{spans:?}}}"#,
+            steps.len(),
+        )
+    }
+}
+
 /// What the pieces are made of.
 struct Workshop {
     styles: Vec<style::Style>,
@@ -127,18 +144,14 @@ impl Workshop {
         };
         let (mut inputs, mut pieces) = (file("inputs.f32")?, file("pieces.jsonl")?);
         for seed in first..first + count {
-            let piece = self.compose(&mut ChaCha8Rng::seed_from_u64(seed))?;
-            let steps = inputs_of(&piece.samples, RATE_HZ);
-            for value in steps.iter().flatten() {
-                inputs.write_all(&value.to_le_bytes())?;
+            let rng = &mut ChaCha8Rng::seed_from_u64(seed);
+            let mut piece = self.compose(rng)?;
+            piece.write(&mut inputs, &mut pieces)?;
+            // The same where a robot dances to it: music is dear, noise is cheap.
+            if rng.random_bool(0.6) {
+                spoil::loud_room(&mut piece.samples, &turns(PIECE_S, &piece.beats_s, rng), rng);
+                piece.write(&mut inputs, &mut pieces)?;
             }
-            let spans: Vec<[f64; 2]> = piece.music_s.iter().map(|s| [s.0, s.1]).collect();
-            let (beats, downbeats) = (&piece.beats_s, &piece.downbeats_s);
-            writeln!(
-                pieces,
-                r#"{{"steps":{},"beats_s":{beats:?},"downbeats_s":{downbeats:?},"music_s":{spans:?}}}"#,
-                steps.len(),
-            )?;
             if seed % 20 == 0 {
                 inputs.flush()?;
                 pieces.flush()?;
@@ -156,8 +169,8 @@ impl Workshop {
             let left = PIECE_S - length_s(&piece);
             let duration_s = rng.random_range(14.0f64..70.0).min(left).max(1.0);
             match rng.random_range(0..100) {
-                0..84 => self.add_music(&mut piece, duration_s, rng)?,
-                84..88 => {
+                0..80 => self.add_music(&mut piece, duration_s, rng)?,
+                80..84 => {
                     let silence = vec![0.0; (0.3 * duration_s * f64::from(RATE_HZ)) as usize];
                     piece.samples.extend(silence);
                 }
@@ -192,7 +205,7 @@ impl Workshop {
         rng: &mut ChaCha8Rng,
     ) -> Result<(), Box<dyn Error>> {
         let mut loud = false;
-        let (mut sound, beats_s, downbeats_s) = if rng.random_bool(0.76) {
+        let (mut sound, beats_s, downbeats_s) = if rng.random_bool(0.68) {
             let style = style::Style::draw(&self.styles, rng);
             loud = style.is_loud();
             let composition = band::compose(style, duration_s, rng);
@@ -230,18 +243,30 @@ fn disturbance(
         0..3 if !talkers.is_empty() && rng.random_bool(0.75) => excerpt(talkers, duration_s, rng),
         0..3 => noise::speech(duration_s, RATE_HZ, seed),
         3..5 => noise::crowd(duration_s, RATE_HZ, seed),
-        5..7 => noise::hiss(duration_s, RATE_HZ, rng.random_range(0.0..1.0), seed),
+        5 => noise::hiss(duration_s, RATE_HZ, rng.random_range(0.0..1.0), seed),
+        6 => noise::pink(duration_s, RATE_HZ, seed),
         7 => noise::knocks(duration_s, RATE_HZ, rng.random_range(1.0..9.0), seed),
         _ => noise::motors(&turns(duration_s, beats_s, rng), duration_s, RATE_HZ, seed),
     }
 }
 
-/// Some of what one of the talkers says, again from the start if need be.
+/// Some of what one of the talkers says, again from the start if need be; now and then
+/// single words, since words one by one are nearly a rhythm.
 fn excerpt(talkers: &[Vec<f32>], duration_s: f64, rng: &mut ChaCha8Rng) -> Vec<f32> {
     let talker = &talkers[rng.random_range(0..talkers.len())];
-    let start = rng.random_range(0..talker.len());
     let count = (duration_s * f64::from(RATE_HZ)).round() as usize;
-    let said: Vec<f32> = talker.iter().cycle().skip(start).take(count).copied().collect();
+    let samples = |s: f64| (s * f64::from(RATE_HZ)) as usize;
+    let (word_s, pause_s) = match rng.random_bool(0.4) {
+        true => (rng.random_range(0.3..1.2), rng.random_range(0.05..0.8)),
+        false => (duration_s, 0.0),
+    };
+    let mut said = Vec::with_capacity(count);
+    while said.len() < count {
+        let start = rng.random_range(0..talker.len());
+        let word = samples(word_s * rng.random_range(0.6..1.2)).min(count - said.len());
+        said.extend(talker.iter().cycle().skip(start).take(word));
+        said.resize(count.min(said.len() + samples(pause_s * rng.random_range(0.4..1.6))), 0.0);
+    }
     let gain = 1.0 / noise::rms(&said).max(1e-6);
     said.iter().map(|s| gain * s).collect()
 }
@@ -286,7 +311,7 @@ fn our_voices(duration_s: f64, rng: &mut ChaCha8Rng) -> Result<Sound, Box<dyn Er
     let beats_s = beat_times(bpm, duration_s, rng);
     let first_downbeat = rng.random_range(0..4);
     let mut sound = vec![0.0f32; (duration_s * f64::from(RATE_HZ)).round() as usize];
-    let songs = if rng.random_bool(0.65) { 1 } else { 0 };
+    let songs = if rng.random_bool(0.8) { 1 } else { 0 };
     for _ in 0..songs {
         let mut spec = SongSpec::on_beats(&beats_s, duration_s, rng.random())?;
         spec.first_downbeat = first_downbeat;

@@ -33,6 +33,17 @@ pub fn spoil(sound: &mut Vec<f32>, loud: bool, rng: &mut ChaCha8Rng) -> Result<(
     Ok(())
 }
 
+/// A room with pink noise and the motors of a robot that turns at `turns_s`.
+pub fn loud_room(sound: &mut Vec<f32>, turns_s: &[f64], rng: &mut ChaCha8Rng) {
+    let (wet, time_s) = (rng.random_range(0.2..0.9), rng.random_range(0.25..1.0));
+    let duration_s = sound.len() as f64 / f64::from(RATE_HZ);
+    *sound = noise::room(sound, RATE_HZ, wet, time_s, rng.random());
+    let motors = noise::motors(turns_s, duration_s, RATE_HZ, rng.random());
+    *sound = noise::mix(sound, &motors, rng.random_range(4.0..16.0));
+    let pink = noise::pink(duration_s, RATE_HZ, rng.random());
+    *sound = noise::mix(sound, &pink, rng.random_range(4.0..16.0));
+}
+
 fn pole(hz: f32) -> f32 {
     1.0 - (-TAU * hz / RATE_HZ as f32).exp()
 }

@@ -40,11 +40,11 @@ const LEAK_PER_S: f32 = 2e-3;
 const SLIP: f32 = 0.004;
 const REMETER: f32 = 0.01;
 /// Middle and width of the bell over tempi, octaves, by which probability leaks.
-const PRIOR_BPM: f64 = 118.0;
+const PRIOR_BPM: f64 = 110.0;
 const PRIOR_OCTAVES: f64 = 0.55;
 /// Share of that bell's log-likelihood that a tempo pays a second, so that of two
 /// readings that explain the music as well the usual one is believed.
-const PRIOR_PER_S: f64 = 1.0;
+const PRIOR_PER_S: f64 = 1.8;
 /// How fast the probability of a change of tempo falls with its relative size.
 const STEADINESS: f64 = 110.0;
 /// Farthest tempo to which one beat may change.
@@ -319,6 +319,26 @@ impl BarPointer {
         self.total += gained.iter().sum::<f32>();
     }
 
+    /// Weighs bars alone: tempo and phase stay as likely as they were. `log_odds` that a beat
+    /// opened its bar, if it was between `ago_s` and `length_s` more before the newest step.
+    pub(super) fn weigh_bars(&mut self, log_odds: f32, ago_s: f64, length_s: f64) {
+        let opened = libm::expf(log_odds);
+        let hops = |s: f64| libm::round(s * HOP_HZ) as usize;
+        for states in &mut self.tempi {
+            let length = states.ring.len();
+            for ago in hops(ago_s)..hops(ago_s + length_s) {
+                let at = (states.zero + ago % length) % length;
+                let row = &mut states.ring[at];
+                let before: f32 = row.iter().sum();
+                for (&beats, first) in METERS.iter().zip(FIRST) {
+                    row[first + ago / length % beats] *= opened;
+                }
+                let scale = before / row.iter().sum::<f32>().max(1e-30);
+                row.iter_mut().for_each(|value| *value *= scale);
+            }
+        }
+    }
+
     fn renormalise(&mut self) {
         let total: f32 = self.tempi.iter().map(TempoStates::total).sum();
         let scale = 1.0 / total.max(1e-30);
@@ -491,6 +511,23 @@ mod tests {
         let estimate = pointer.estimate();
         let off = estimate.phase - 0.5;
         assert!((off - off.round()).abs() < 0.06 && estimate.mass > 0.5, "{estimate:?}");
+    }
+
+    #[test]
+    fn changes_of_harmony_tell_the_bar_and_nothing_else() {
+        let mut pointer = BarPointer::new();
+        for beat in 0..48 {
+            // 120 BPM, every beat like the other.
+            hear(&mut pointer, 120.0, 1_000_000, f64::from(beat) + 999.7, 0.5);
+            let before = pointer.estimate();
+            // Heard 0.35 s after each beat, which was 0.15 s ago: 0.1 s before the next step.
+            pointer.weigh_bars(if beat % 4 == 2 { 1.0 } else { -0.3 }, 0.325, 0.05);
+            let after = pointer.estimate();
+            assert!((before.mass - after.mass).abs() < 1e-3, "{before:?} {after:?}");
+            assert!((before.bpm - after.bpm).abs() < 0.1, "{before:?} {after:?}");
+        }
+        let estimate = pointer.estimate();
+        assert_eq!((estimate.meter, estimate.beat), (4, 1), "{estimate:?}");
     }
 
     #[test]

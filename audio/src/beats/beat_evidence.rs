@@ -185,16 +185,13 @@ mod tests {
     #[test]
     fn silence_speaks_against_a_beat_and_a_heard_downbeat_for_a_bar() {
         let mut listener = Listener::new();
-        let nothing = listener.hear(
-            &NetworkOutput { beat: -9.0, downbeat: -9.0 },
-            StepOnset::default(),
-            OnsetBeat::default(),
-        );
+        let nothing =
+            listener.hear(&NetworkOutput::SILENCE, StepOnset::default(), OnsetBeat::default());
         assert!(nothing.beat < 0.0 && nothing.downbeat < 0.0);
-        let heard = NetworkOutput { beat: 2.0, downbeat: 1.5 };
+        let heard = NetworkOutput { beat: 2.0, downbeat: 1.5, music: 5.0 };
         let downbeat = listener.hear(&heard, StepOnset::default(), OnsetBeat::default());
         assert!(downbeat.downbeat > downbeat.beat && downbeat.beat > 0.0);
-        let heard = NetworkOutput { beat: 2.0, downbeat: -4.0 };
+        let heard = NetworkOutput { beat: 2.0, downbeat: -4.0, music: 5.0 };
         let other = listener.hear(&heard, StepOnset::default(), OnsetBeat::default());
         assert!(other.beat > other.downbeat);
     }

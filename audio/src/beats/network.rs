@@ -3,8 +3,8 @@
 //! 80 steps a second: a dense layer over the values of
 //! [`network_input`](super::network_input), ten residual blocks of causal
 //! convolutions, dilated by 1 to 512 steps so that it looks back over 25 s (Bai
-//! 2018; for beats Davies and Boeck 2019), and logits of beat and
-//! downbeat (a third one, of music, served its training). Trained by
+//! 2018; for beats Davies and Boeck 2019), and logits of beat,
+//! downbeat and music. Trained by
 //! `audio/reference/train_beats.py` on rendered sound alone; the weights are in
 //! `weights.f32`. Plain sums of products in one order: the same bits on every
 //! processor. Constant memory, no allocation after the start.
@@ -26,6 +26,13 @@ pub(crate) struct NetworkOutput {
     pub(crate) beat: f32,
     /// A beat that opens a bar, just as late.
     pub(crate) downbeat: f32,
+    /// Music.
+    pub(crate) music: f32,
+}
+
+impl NetworkOutput {
+    pub(crate) const SILENCE: NetworkOutput =
+        NetworkOutput { beat: -9.0, downbeat: -9.0, music: -9.0 };
 }
 
 struct DenseLayer {
@@ -116,8 +123,8 @@ impl BeatNetwork {
         x.iter_mut().for_each(|v| *v = v.max(0.0));
         let mut out = [0.0; OUTPUTS];
         self.heads.apply(&x, &mut out);
-        let [beat, downbeat, _] = out;
-        NetworkOutput { beat, downbeat }
+        let [beat, downbeat, music] = out;
+        NetworkOutput { beat, downbeat, music }
     }
 }
 

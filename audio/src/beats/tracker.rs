@@ -17,7 +17,7 @@ use super::bar_pointer::{BarEstimate, BarPointer, RATE_HZ};
 use super::beat_evidence::{Listener, OnsetBeat, StepOnset};
 use super::network::NetworkOutput;
 use super::tempo_range::TempoRange;
-use servodance_types::{Beat, BeatLock};
+use servodance_types::{Beat, BeatLock, FRAME_RATE_HZ};
 
 /// Confidence that locks, and confidence below which a lock only holds.
 const LOCK: f32 = 0.4;
@@ -50,6 +50,15 @@ const TOLD_S: f64 = 0.1;
 const SURE: f32 = 0.5;
 /// Probability of a place in the bar from which on it is told.
 const BAR: f32 = 0.35;
+/// Log-odds that a beat opens its bar, for a change of tones that is one deviation above the
+/// mean of all beats; the change that says nothing; bound of changes in deviations.
+const CHANGE: f32 = 0.35;
+const USUAL_CHANGE: f32 = 0.15;
+const CHANGES: f32 = 2.0;
+/// Mean steadiness of tones from which on changes are listened to in full: drums have none.
+const TONAL: f32 = 0.3;
+/// Weight of the newest beat in mean and deviation.
+const NEWEST_CHANGE: f32 = 0.1;
 /// Share of the phase error that is corrected in one second.
 const PHASE_PULL_PER_S: f64 = 2.7;
 /// Change of tempo, in beats a second per second, for a phase error of one.
@@ -80,6 +89,29 @@ pub(crate) struct Tracker {
     silent_s: f64,
     contradicted_s: f64,
     taps: Taps,
+    tones: TonesAtBeats,
+}
+
+/// How steady tones are across a beat: less where harmony changes, most often at bar lines.
+#[derive(Clone, Copy)]
+struct TonesAtBeats {
+    mean: f32,
+    variance: f32,
+}
+
+impl TonesAtBeats {
+    /// Log-odds that a beat with such tones opens its bar.
+    fn opens_bar(&self, steady: f32) -> f32 {
+        let change = (self.mean - steady) / self.variance.max(1e-4).sqrt();
+        let tonal = (self.mean / TONAL).clamp(0.0, 1.0);
+        tonal * CHANGE * (change.clamp(-CHANGES, CHANGES) - USUAL_CHANGE)
+    }
+
+    fn take(&mut self, steady: f32) {
+        let off = steady - self.mean;
+        self.mean += NEWEST_CHANGE * off;
+        self.variance += NEWEST_CHANGE * (off * off - self.variance);
+    }
 }
 
 /// What a listener taps.
@@ -128,6 +160,7 @@ impl Tracker {
             silent_s: f64::INFINITY,
             contradicted_s: 0.0,
             taps: Taps::default(),
+            tones: TonesAtBeats { mean: 0.5, variance: 0.05 },
         }
     }
 
@@ -189,6 +222,20 @@ impl Tracker {
         if self.steps.is_multiple_of(UPDATE_EVERY) {
             self.estimate = self.pointer.estimate();
             self.update(UPDATE_EVERY as f64 * step_s);
+        }
+    }
+
+    /// Once a frame, how steady the tones were from before to after a time `ago_s` before the
+    /// newest step.
+    pub(crate) fn hear_tones(&mut self, steady: f32, ago_s: f64) {
+        if self.state == BeatLock::Lost {
+            return;
+        }
+        let frame_s = 1.0 / FRAME_RATE_HZ;
+        self.pointer.weigh_bars(self.tones.opens_bar(steady), ago_s, frame_s);
+        let then = self.phase - self.bpm / 60.0 * ago_s;
+        if then - then.floor() < self.bpm / 60.0 * frame_s {
+            self.tones.take(steady);
         }
     }
 

@@ -9,16 +9,17 @@
 //! | `note_onset` | rise of each semitone, 80 a second: the network hears chords by it |
 //! | `mfcc` | onset envelope, 20 MFCC, onset peak; assembles the feature vector |
 //! | `chroma_cens` | 12 chroma values (CENS) |
-//! | `music_detector`, `music_network` | probability of music against silence, speech and noise |
+//! | `music_detector` | probability of music against silence, speech and noise |
+//! | `small_beat_network` | beats for the onsets' own tracker |
 
 mod chroma_cens;
 mod filter_bank;
 pub(crate) mod mfcc;
 pub(crate) mod music_detector;
-pub(crate) mod music_network;
 pub(crate) mod note_onset;
 pub(crate) mod onset_strength;
 pub(crate) mod resampler;
+pub(crate) mod small_beat_network;
 pub(crate) mod spectrum;
 
 /// Sample rate inside the analysis, hertz. Live sources deliver this rate, so

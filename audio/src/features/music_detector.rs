@@ -19,25 +19,21 @@ const REACH: usize = 12;
 const FADE: f32 = 0.988_6;
 
 /// Logistic weights of the network's log-odds, of the steadiness of tones, of the beats
-/// above those that are heard in anything, and the bias. The network takes motors for proof
-/// that there is no music and some talkers for music: it says little, unless it is so sure
-/// as it is of metal.
+/// above those that are heard in anything, and the bias. The network is sure of music, but
+/// also of some talkers: the steadiness has the last word.
 const NETWORK: f32 = 0.2;
-const NETWORK_RANGE: (f32, f32) = (-2.0, 6.0);
-const SURE: f32 = 5.0;
-const SURE_GAIN: f32 = 3.0;
-const SURE_RANGE: f32 = 1.5;
-const TONES: f32 = 9.0;
-const BEATS: f32 = 14.0;
-const ANY_BEATS: f32 = 0.15;
-const BIAS: f32 = 4.0;
+const NETWORK_RANGE: (f32, f32) = (-4.0, 8.0);
+const TONES: f32 = 7.0;
+const BEATS: f32 = 20.0;
+const ANY_BEATS: f32 = 0.1;
+const BIAS: f32 = 3.3;
 /// Bound of the log-odds either way.
 const LIMIT: f32 = 4.0;
 /// Time constant of the running mean.
 const MEMORY_S: f32 = 2.5;
 const UNKNOWN: f32 = -1.0;
 
-/// Compares the tones of a frame with those of 400 ms before.
+/// Compares the tones of a frame with those of [`LAG_S`](MusicDetector::LAG_S) before.
 struct ToneSteadiness {
     past: [[f32; BINS]; LAG],
     next: usize,
@@ -90,21 +86,25 @@ pub(crate) struct MusicDetector {
 }
 
 impl MusicDetector {
+    /// Between the two spectra whose tones are compared.
+    pub(crate) const LAG_S: f64 = LAG as f64 / FRAME_RATE_HZ;
+
     pub(crate) fn new() -> Self {
         Self { steadiness: ToneSteadiness::new(), odds: UNKNOWN }
     }
 
     /// Takes the chroma's magnitudes, the network's log-odds (`None` in silence), and how
-    /// surely it hears beats where the tracker has them, 0 to 1.
-    pub(crate) fn frame(&mut self, magnitude: &[f32], network: Option<f32>, beats: f32) {
+    /// surely it hears beats where the tracker has them, 0 to 1. How steady the tones are,
+    /// -1 to 1.
+    pub(crate) fn frame(&mut self, magnitude: &[f32], network: Option<f32>, beats: f32) -> f32 {
         let steady = self.steadiness.frame(magnitude);
         let target = network.map_or(-LIMIT, |odds| {
-            let heard = NETWORK * odds.clamp(NETWORK_RANGE.0, NETWORK_RANGE.1)
-                + SURE_GAIN * (odds - SURE).clamp(0.0, SURE_RANGE);
+            let heard = NETWORK * odds.clamp(NETWORK_RANGE.0, NETWORK_RANGE.1);
             let sum = heard + TONES * steady + BEATS * (beats - ANY_BEATS).max(0.0) - BIAS;
             sum.clamp(-LIMIT, LIMIT)
         });
         self.odds += (target - self.odds) / (MEMORY_S * FRAME_RATE_HZ as f32);
+        steady
     }
 
     /// Probability of music, 0 to 1.

@@ -1,9 +1,9 @@
-//! A small recurrent network for the presence of music and of beats, 80 steps a second: a dense
-//! layer over two hops of band values and a gated recurrent unit (Cho 2014).
+//! A small recurrent network for beats, 80 steps a second: a dense layer over two hops of
+//! band values and a gated recurrent unit (Cho 2014). The onsets' own tracker reads it.
 //!
 //! Trained on rendered sound alone: songs, talkers, crowds, noise, knocks, motors. The
-//! network of the [beats](crate::beats) is another one: it looks back over 25 s and was
-//! not made for what is no music. Causal, constant memory, no allocation after the start.
+//! network of the [beats](crate::beats) is another one, and looks back over 25 s.
+//! Causal, constant memory, no allocation after the start.
 
 use super::onset_strength::{BANDS, Onset};
 use super::spectrum::{dot, sigmoid};
@@ -13,23 +13,10 @@ const INPUTS: usize = 2 * BANDS + BANDS / 2;
 
 const DENSE: usize = 32;
 const UNITS: usize = 40;
-/// Two of beats, two of downbeats, which are not read, one of music.
+/// Two of beats; two of downbeats and one of music, which are not read.
 const OUTPUTS: usize = 5;
-const MUSIC: usize = 4;
 
-/// Logits of one step; 0 is a probability of one half.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct MusicOutput {
-    pub(crate) music: f32,
-    /// A beat in one of the two hops, 40 ms after it was audible.
-    pub(crate) beat: f32,
-}
-
-impl MusicOutput {
-    pub(crate) const SILENCE: MusicOutput = MusicOutput { music: -9.0, beat: -9.0 };
-}
-
-static WEIGHTS: &[u8] = include_bytes!("music_weights.f32");
+static WEIGHTS: &[u8] = include_bytes!("small_beat_weights.f32");
 
 struct DenseLayer {
     weights: Vec<f32>,
@@ -45,7 +32,7 @@ impl DenseLayer {
     }
 }
 
-pub(crate) struct MusicNetwork {
+pub(crate) struct SmallBeatNetwork {
     dense: DenseLayer,
     /// Gates reset, update and new, from the input and from the memory.
     from_input: DenseLayer,
@@ -54,7 +41,7 @@ pub(crate) struct MusicNetwork {
     memory: [f32; UNITS],
 }
 
-impl MusicNetwork {
+impl SmallBeatNetwork {
     pub(crate) fn new() -> Self {
         let mut values =
             WEIGHTS.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
@@ -72,8 +59,8 @@ impl MusicNetwork {
         }
     }
 
-    /// What is heard after two more hops.
-    pub(crate) fn step(&mut self, older: &Onset, newer: &Onset) -> MusicOutput {
+    /// The log-odds of a beat in one of two more hops, 40 ms after it was audible.
+    pub(crate) fn step(&mut self, older: &Onset, newer: &Onset) -> f32 {
         let mut input = [0.0; INPUTS];
         input[..BANDS].copy_from_slice(&older.rises);
         input[BANDS..2 * BANDS].copy_from_slice(&newer.rises);
@@ -92,7 +79,7 @@ impl MusicNetwork {
         }
         let mut out = [0.0; OUTPUTS];
         self.heads.apply(&self.memory, &mut out);
-        MusicOutput { music: out[MUSIC], beat: out[0].max(out[1]) }
+        out[0].max(out[1])
     }
 }
 
