@@ -77,7 +77,10 @@ impl StageShow {
             match request {
                 StageRequest::End => asked.ends = true,
                 StageRequest::Stop(press) => {
-                    asked.stops |= self.stop.as_ref().is_none_or(|(known, _)| *known != press);
+                    asked.stops |= self
+                        .stop
+                        .as_ref()
+                        .is_none_or(|(known, _)| press.is_empty() || *known != press);
                     self.stop = Some((press, Instant::now()));
                 }
                 StageRequest::Remove(place) => self.show.remove(place),
@@ -171,7 +174,7 @@ mod tests {
             page.requests.send(StageRequest::Stop(name.into())).unwrap();
             playing.requests(None).stops
         };
-        assert_eq!(["a", "a", "b", "b"].map(&mut press), [true, false, true, false]);
+        assert_eq!(["a", "a", "b", "", ""].map(&mut press), [true, false, true, true, true]);
         assert!(playing.is_stopping());
     }
 }

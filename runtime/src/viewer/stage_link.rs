@@ -143,7 +143,7 @@ pub enum StageRequest {
     Remove(usize),
     /// The last frame is the last: followers idle.
     End,
-    /// Torque off on every follower, by the name of the press.
+    /// Torque off on every follower, by the name of the press; each without a name is another.
     Stop(String),
 }
 
@@ -271,6 +271,10 @@ mod tests {
         let parse = |json| parse_stage_request(json, &styles);
         assert_eq!(parse(r#"{"do":"alive"}"#), Ok(None));
         assert_eq!(parse(r#"{"do":"end"}"#), Ok(Some(StageRequest::End)));
+        let stop = |press: &str| Ok(Some(StageRequest::Stop(press.into())));
+        assert_eq!(parse(r#"{"do":"estop","press":"x7"}"#), stop("x7"));
+        assert_eq!(parse(r#"{"do":"estop"}"#), stop(""));
+        assert_eq!(parse(r#"{"do":"seen","press":"x7"}"#), Ok(None));
         assert_eq!(parse(r#"{"remove":3}"#), Ok(Some(StageRequest::Remove(3))));
         let cue = parse(r#"{"cue":{"follower":"all","canon":2,"at_s":7.5}}"#);
         let Ok(Some(StageRequest::Cue(cue))) = cue else { panic!("{cue:?}") };
@@ -281,7 +285,7 @@ mod tests {
             (r#"{"cue":{"follower":"all","style":"polka"}}"#, "salsa"),
             (r#"{"cue":{"follower":"all","amplitude":2}}"#, "0 to 1"),
             (r#"{"cue":{"follower":"all","mirror":true,"at_s":-1}}"#, "-1"),
-            (r#"{"do":"estop"}"#, "estop"),
+            (r#"{"do":"jump"}"#, "estop"),
             ("{}", "expected"),
         ] {
             let error = parse(bad).unwrap_err();

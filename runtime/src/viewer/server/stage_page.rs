@@ -159,7 +159,7 @@ impl StageView {
 
     /// Notes a press; whether all robots have confirmed it.
     fn press_stop(&mut self, name: &str) -> bool {
-        if self.stop.as_ref().is_none_or(|stop| stop.name != name) {
+        if self.stop.as_ref().is_none_or(|stop| name.is_empty() || stop.name != name) {
             let followers = self.now.iter().flat_map(|now| &now.followers);
             let waiting = followers.map(|follower| (follower.id, follower.name.clone()));
             let (name, at) = (name.to_owned(), Instant::now());
