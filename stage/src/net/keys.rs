@@ -3,7 +3,7 @@
 //! | key | publisher | content |
 //! |---|---|---|
 //! | `servodance/STAGE/frames/CHANNEL` | leader | frames |
-//! | `servodance/STAGE/roles` | leader | roles |
+//! | `servodance/STAGE/roles` | leader | roles, stops |
 //! | `servodance/STAGE/ask/FOLLOWER` | follower | time requests and reports |
 //! | `servodance/STAGE/tell/FOLLOWER` | leader | time replies, resent frames; cue replies (`FOLLOWER` is the nonce) |
 //! | `servodance/STAGE/robot/FOLLOWER` | follower | its robot, for the leader's page: its id, then JSON |
@@ -36,7 +36,7 @@ impl StageKeys {
         }
     }
 
-    /// Key of the roles of all followers.
+    /// Key of what is for all followers: roles, stops.
     pub fn roles(&self) -> String {
         format!("{}/roles", self.base)
     }

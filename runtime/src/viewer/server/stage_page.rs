@@ -14,12 +14,9 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
 
 /// Robots that the page keeps, of followers that the leader knows or not yet.
 const MOST_ROBOTS: usize = 64;
-/// What came so soon after a stop was sent before it.
-const ON_ITS_WAY: Duration = Duration::from_millis(100);
 
 /// A stage, and the song that it dances to.
 pub struct StagePage {
@@ -40,19 +37,11 @@ struct StageView {
     stop: Option<StagePress>,
 }
 
-/// A press of STOP, and the robots that have not said since that their torque is off.
+/// A press of STOP, and the robots that have not said that their torque is off. A follower
+/// that was stopped has ended: one that comes again is another.
 struct StagePress {
     name: String,
-    at: Instant,
     waiting: BTreeMap<u64, String>,
-}
-
-impl StagePress {
-    fn take(&mut self, id: u64, pose: &RobotPose) {
-        if pose.stopped && self.at.elapsed() > ON_ITS_WAY {
-            self.waiting.remove(&id);
-        }
-    }
 }
 
 #[derive(Default)]
@@ -144,7 +133,9 @@ impl StageView {
                 let robot = self.robots.entry(id).or_default();
                 match news {
                     RobotNews::Pose(pose) => {
-                        self.stop.iter_mut().for_each(|stop| stop.take(id, &pose));
+                        if let (true, Some(stop)) = (pose.stopped, &mut self.stop) {
+                            stop.waiting.remove(&id);
+                        }
                         robot.pose = Some(pose);
                     }
                     RobotNews::Look(look) if robot.look.as_ref() == Some(&look) => {}
@@ -160,17 +151,25 @@ impl StageView {
     /// Notes a press; whether all robots have confirmed it.
     fn press_stop(&mut self, name: &str) -> bool {
         if self.stop.as_ref().is_none_or(|stop| name.is_empty() || stop.name != name) {
-            let followers = self.now.iter().flat_map(|now| &now.followers);
-            let waiting = followers.map(|follower| (follower.id, follower.name.clone()));
-            let (name, at) = (name.to_owned(), Instant::now());
-            self.stop = Some(StagePress { name, at, waiting: waiting.collect() });
+            let moving = self.followers().iter().filter(|follower| !self.is_stopped(follower));
+            let waiting = moving.map(|follower| (follower.id, follower.name.clone())).collect();
+            self.stop = Some(StagePress { name: name.to_owned(), waiting });
         }
         self.stop.as_ref().is_some_and(|stop| stop.waiting.is_empty())
     }
 
+    fn followers(&self) -> &[FollowerNow] {
+        self.now.as_ref().map_or(&[], |now| &now.followers)
+    }
+
+    fn is_stopped(&self, follower: &FollowerNow) -> bool {
+        let pose = self.robots.get(&follower.id).and_then(|robot| robot.pose.as_ref());
+        pose.is_some_and(|pose| pose.stopped)
+    }
+
     fn all_stopped(&self) -> bool {
-        let mut poses = self.robots.values().map(|robot| robot.pose.as_ref());
-        !self.robots.is_empty() && poses.all(|pose| pose.is_some_and(|pose| pose.stopped))
+        let followers = self.followers();
+        !followers.is_empty() && followers.iter().all(|follower| self.is_stopped(follower))
     }
 
     fn show(&self) -> Show {
@@ -195,8 +194,7 @@ impl Shown for StagePage {
         let mut view = self.view();
         view.shown = true;
         let now = view.now.as_deref();
-        let followers = now.map(|now| now.followers.as_slice()).unwrap_or_default();
-        let robots = followers.iter().map(|follower| {
+        let robots = view.followers().iter().map(|follower| {
             let robot = view.robots.get(&follower.id);
             let links = |robot: &RobotView| robot.look.as_ref().map(|look| look.links);
             let pose = robot.and_then(|robot| {
