@@ -2,11 +2,12 @@
 //! `servodance bench accents`.
 //!
 //! Four stages: the dancer; a perfect robot of the same shape, whose joints are three times
-//! as fast (three times the velocity, nine times the acceleration, 27 times the jerk) and
-//! whose servos are never late; the commands inside the limits; the simulated servos. Movement
+//! as fast (three times the velocity, nine times the acceleration, 27 times the jerk) and are
+//! where they are told to be; the commands inside the limits; the simulated servos. Movement
 //! of arms is compared as directions of upper arms and forearms in the heading of the chest
-//! (the dancer's arms have other joints), movement of joints as their angles. Energy is the mean square of the velocity; accents are its part from 3 to 8 Hz.
-//! The first two seconds are left out.
+//! (the dancer's arms have other joints), movement of joints as their angles. Energy is the
+//! mean square of the velocity; accents are its part from 3 to 8 Hz. The first two seconds are
+//! left out.
 
 use serde::Serialize;
 use servodance_drivers::EStop;
@@ -137,8 +138,6 @@ fn faster(robot: &Robot) -> Robot {
     }
     free.retarget.jerk_rise_s = (robot.retarget.jerk_rise_s / FASTER).max(LEAST_RISE_S);
     free.retarget.jerk_deg_s3.values_mut().for_each(|jerk| *jerk *= FASTER.powi(3));
-    // A perfect servo is never late.
-    free.servo_lag_s = 0.0;
     free
 }
 

@@ -6,12 +6,7 @@ use servodance_model::motion::Clip;
 use servodance_runtime::offline::generate::dances_of_built_in_song;
 use servodance_runtime::robot::BUILT_IN;
 
-const EXAMPLES: &str = "\
-Examples:
-  servodance bench accents
-      two dances to the built-in song on every built-in robot
-  servodance bench accents --robot op3 --motion salsa.npz --motion pop.npz
-  servodance bench accents --json";
+const EXAMPLES: &str = include_str!("../examples/bench-accents.txt").trim_ascii_end();
 
 /// What `bench accents` is asked for.
 #[derive(Debug, clap::Args)]
