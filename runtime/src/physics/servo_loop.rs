@@ -13,9 +13,11 @@ const ROTOR_KG_M2_PER_NM: f64 = 0.045 / 4.1;
 /// Damping against stall torque over no-load speed, from the same source.
 const DAMPING_SHARE: f64 = 1.084 / 0.851;
 const FRICTION_SHARE: f64 = 0.0075;
-/// Servos that are sized for their load: natural frequency, stiffness against gravity,
-/// rotor against load, damping ratio.
-const SIZED_HZ: f64 = 3.0;
+/// Servos that are sized for their load: natural frequency of legs and of what is above them
+/// (softer, a forearm hangs 0.1 rad under its command), stiffness against gravity, rotor
+/// against load, damping ratio.
+const SIZED_LEG_HZ: f64 = 3.0;
+const SIZED_UPPER_HZ: f64 = 6.0;
 const SIZED_STIFFNESS: f64 = 2.0;
 const SIZED_ROTOR: f64 = 0.1;
 const SIZED_DAMPING: f64 = 0.5;
@@ -87,9 +89,10 @@ impl ServoLoop {
         }
     }
 
-    /// The same, but stiff and strong enough for what its joint carries.
-    pub fn sized(self, load: &JointLoad, variation: &ServoVariation) -> Self {
-        let bounce = std::f64::consts::TAU * SIZED_HZ;
+    /// The same, but stiff and strong enough for what its joint carries; `natural_hz` is the
+    /// natural frequency with that load.
+    fn sized(self, load: &JointLoad, natural_hz: f64, variation: &ServoVariation) -> Self {
+        let bounce = std::f64::consts::TAU * natural_hz;
         let inertia = load.inertia_kg_m2.max(1e-3);
         let kp = (inertia * bounce * bounce).max(SIZED_STIFFNESS * load.gravity_nm_rad);
         let armature_kg_m2 = SIZED_ROTOR * inertia;
@@ -117,8 +120,15 @@ impl ServoLoop {
         match sized || robot.placeholder_servos {
             false => nominal.collect(),
             true => {
-                let loads = retargeter.joint_loads();
-                nominal.zip(&loads).map(|(servo, load)| servo.sized(load, variation)).collect()
+                let (loads, upper) = (retargeter.joint_loads(), retargeter.upper_joints());
+                let natural_hz = |joint| match upper.contains(&joint) {
+                    true => SIZED_UPPER_HZ,
+                    false => SIZED_LEG_HZ,
+                };
+                let sized = |(joint, (servo, load)): (usize, (Self, &JointLoad))| {
+                    servo.sized(load, natural_hz(joint), variation)
+                };
+                nominal.zip(&loads).enumerate().map(sized).collect()
             }
         }
     }
