@@ -1,5 +1,6 @@
 //! Staying on two feet: a plan that can be stood, and its correction by a sensor.
 
+mod carried_acceleration;
 mod fall_detector;
 mod feedback;
 mod foot_load;
@@ -7,6 +8,7 @@ mod leg_servo;
 mod servo_give;
 mod zmp_governor;
 
+pub(crate) use carried_acceleration::CarriedAcceleration;
 pub use feedback::BalanceFeedback;
 pub use leg_servo::LegServo;
-pub(crate) use zmp_governor::{GovernorInput, ZmpGovernor};
+pub(crate) use zmp_governor::{GovernorInput, GovernorSettings, ZmpGovernor};

@@ -12,16 +12,28 @@ use crate::contact::SupportPolygon;
 use crate::dynamics::GRAVITY_M_S2;
 use crate::kinematics::RobotModel;
 
-/// Time over which accelerations are measured, seconds.
-const MEASURED_S: f64 = 0.04;
-/// Share of the way from the middle to the sole's edge that is used: the servos' give
-/// and their lag take the rest.
-const USED: f64 = 0.5;
 const ATTACK_S: f64 = 0.01;
-/// Short enough that a robot which joins a dance late soon moves like the others.
-const RELEASE_S: f64 = 1.0;
 /// Share of the pelvis's shift that a leg's mass takes part in.
 const LEG_SHARE: f64 = 0.5;
+
+/// How a plan is judged.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GovernorSettings {
+    /// Time over which accelerations are measured, seconds.
+    measured_s: f64,
+    /// Share of the way from the middle to the sole's edge that is used: the servos' give
+    /// and their lag take the rest.
+    used: f64,
+    /// Short enough that a robot which joins a dance late soon moves like the others.
+    release_s: f64,
+}
+
+impl GovernorSettings {
+    /// Feet that stay, with accelerations that they carry (`carried_acceleration`).
+    pub const PLANTED: Self = Self { measured_s: 0.1, used: 0.4, release_s: 0.6 };
+    /// Feet that step: each peak counts on one sole.
+    pub const STEPPING: Self = Self { measured_s: 0.04, used: 0.5, release_s: 1.0 };
+}
 
 pub(crate) struct GovernorInput<'a> {
     pub model: &'a RobotModel,
@@ -34,6 +46,7 @@ pub(crate) struct GovernorInput<'a> {
 }
 
 pub(crate) struct ZmpGovernor {
+    settings: GovernorSettings,
     dt_s: f64,
     is_leg: Vec<bool>,
     in_root: Vec<Isometry3<f64>>,
@@ -49,11 +62,12 @@ pub(crate) struct ZmpGovernor {
 
 impl ZmpGovernor {
     /// `is_leg` by link: those that stand.
-    pub fn new(is_leg: Vec<bool>, dt_s: f64) -> Self {
+    pub fn new(is_leg: Vec<bool>, settings: GovernorSettings, dt_s: f64) -> Self {
         let links = is_leg.len();
-        let half = ((MEASURED_S / dt_s).round() as usize).max(1);
+        let half = ((settings.measured_s / dt_s).round() as usize).max(1);
         let still = || vec![Vector3::zeros(); links];
         Self {
+            settings,
             dt_s,
             in_root: vec![Isometry3::identity(); links],
             is_leg,
@@ -97,7 +111,7 @@ impl ZmpGovernor {
             let edges = support.edges.iter();
             let shares = edges.map(|edge| {
                 let middle = support.middle();
-                let reach = USED * (edge.offset_m - edge.normal.dot(&middle));
+                let reach = self.settings.used * (edge.offset_m - edge.normal.dot(&middle));
                 let room = reach - edge.normal.dot(&(from - middle));
                 let way = edge.normal.dot(&(to - from));
                 if way > 1e-9 { (room / way).clamp(0.0, 1.0) } else { 1.0 }
@@ -112,7 +126,7 @@ impl ZmpGovernor {
     }
 
     fn eased(&self, now: f64, wanted: f64) -> f64 {
-        let time_s = if wanted < now { ATTACK_S } else { RELEASE_S };
+        let time_s = if wanted < now { ATTACK_S } else { self.settings.release_s };
         now + (wanted - now) * self.dt_s / (time_s + self.dt_s)
     }
 

@@ -30,6 +30,7 @@ pub(crate) struct PelvisTrajectory {
     dt_s: f64,
     preview_s: f64,
     pace: f64,
+    carried: [f64; 6],
     /// x, y, z in leg lengths, then the turn as a scaled axis.
     trackers: [JointTracker; 6],
 }
@@ -38,7 +39,17 @@ impl PelvisTrajectory {
     /// Standing still at `rest`, the root link's pose.
     /// `pace` scales the accelerations.
     pub fn new(rest: Isometry3<f64>, leg_m: f64, dt_s: f64, preview_s: f64, pace: f64) -> Self {
-        Self { rest, leg_m, dt_s, preview_s, pace, trackers: trackers(dt_s, preview_s, pace) }
+        let carried = [f64::INFINITY; 6];
+        let trackers = trackers(dt_s, preview_s, pace, &carried);
+        Self { rest, leg_m, dt_s, preview_s, pace, carried, trackers }
+    }
+
+    /// Limits the accelerations: metres per second squared along x, y and z, radians per
+    /// second squared about them.
+    pub fn carry(&mut self, [x, y, z, roll, pitch, yaw]: [f64; 6]) {
+        let leg_m = self.leg_m;
+        self.carried = [x / leg_m, y / leg_m, z / leg_m, roll, pitch, yaw];
+        self.restart();
     }
 
     pub fn rest(&self) -> &Isometry3<f64> {
@@ -46,7 +57,7 @@ impl PelvisTrajectory {
     }
 
     pub fn restart(&mut self) {
-        self.trackers = trackers(self.dt_s, self.preview_s, self.pace);
+        self.trackers = trackers(self.dt_s, self.preview_s, self.pace, &self.carried);
     }
 
     pub fn observe(&mut self, root: &Isometry3<f64>) {
@@ -98,26 +109,21 @@ impl PelvisTrajectory {
     }
 }
 
-fn trackers(dt_s: f64, preview_s: f64, pace: f64) -> [JointTracker; 6] {
-    let tracker = |lower: f64, upper: f64, velocity: f64, acceleration: f64| {
+fn trackers(dt_s: f64, preview_s: f64, pace: f64, carried: &[f64; 6]) -> [JointTracker; 6] {
+    let tracker = |axis: usize, [lower, upper]: [f64; 2], velocity: f64, acceleration: f64| {
+        let acceleration = (acceleration * pace).min(carried[axis]);
         let limits = JointLimits {
             lower_rad: lower,
             upper_rad: upper,
             velocity_rad_s: velocity,
-            acceleration_rad_s2: acceleration * pace,
+            acceleration_rad_s2: acceleration,
         };
-        JointTracker::new(limits, acceleration * pace / RISE_S, dt_s, 0.0, preview_s)
+        JointTracker::new(limits, acceleration / RISE_S, dt_s, 0.0, preview_s)
     };
-    let turn = || tracker(-MOST_TURN, MOST_TURN, TURN_RATE, TURN_ACCELERATION);
-    let sway = |most: f64| tracker(-most, most, SWAY_RATE, SWAY_ACCELERATION);
-    [
-        sway(MOST_SWAY[0] + MOST_CARRY),
-        sway(MOST_SWAY[1] + MOST_CARRY),
-        tracker(-DEEPEST, HIGHEST, SWAY_RATE, SWAY_ACCELERATION),
-        turn(),
-        turn(),
-        turn(),
-    ]
+    let sway = |axis: usize, range: [f64; 2]| tracker(axis, range, SWAY_RATE, SWAY_ACCELERATION);
+    let [x, y] = MOST_SWAY.map(|most| most + MOST_CARRY);
+    let turn = |axis: usize| tracker(axis, [-MOST_TURN, MOST_TURN], TURN_RATE, TURN_ACCELERATION);
+    [sway(0, [-x, x]), sway(1, [-y, y]), sway(2, [-DEEPEST, HIGHEST]), turn(3), turn(4), turn(5)]
 }
 
 /// Follows small values, stays between `low < 0` and `high > 0`.

@@ -33,7 +33,7 @@ impl<'a> PosedRobot<'a> {
     }
 
     /// Velocity of `point` per unit of the ancestor's joint.
-    fn velocity(&self, ancestor: &DrivenAncestor, point: &Point3<f64>) -> Vector3<f64> {
+    pub fn velocity(&self, ancestor: &DrivenAncestor, point: &Point3<f64>) -> Vector3<f64> {
         let pose = &self.poses[ancestor.link];
         let rate = match self.model.links[ancestor.link].motion {
             JointMotion::Revolute(axis) => {

@@ -4,12 +4,12 @@ use k::nalgebra::Isometry3;
 use servodance_types::JointLimits;
 
 use super::joint_setup::by_joint;
-use crate::balance::ZmpGovernor;
+use crate::balance::{CarriedAcceleration, GovernorSettings, ZmpGovernor};
 use crate::config::{BodyKind, RetargetConfig, RetargetError, Stance};
 use crate::contact::capsules;
 use crate::contact::{FootStepper, FourFeet, PelvisTrajectory, PlantedStance, SupportPolygon};
 use crate::dancer::{ArmMount, PoseTarget, antenna_figure, arm_figure};
-use crate::kinematics::{BodyMap, RobotModel};
+use crate::kinematics::{BodyMap, PosedRobot, RobotModel};
 use crate::solver::{BodySolver, SolverGoal, SolverInput, SolverScope};
 
 const REST_STEPS: usize = 200;
@@ -262,12 +262,28 @@ impl RestSearch<'_> {
                 SupportPolygon::new(&[middle; 2], sole_m)
             }
         };
+        // What was reached, not what was asked: rest is then an equilibrium.
+        let mut pelvis = PelvisTrajectory::new(legs.base, leg_m, dt_s, preview_s, pace);
+        if !steps {
+            let carried = CarriedAcceleration {
+                robot: PosedRobot::new(self.model, legs.poses(self.model)),
+                support: &support,
+                is_leg: &self.standing_links(),
+            };
+            pelvis.carry(carried.pelvis());
+            for (limits, carried) in self.limits.iter_mut().zip(carried.joints()) {
+                limits.acceleration_rad_s2 = limits.acceleration_rad_s2.min(carried);
+            }
+        }
+        let settings = match steps {
+            true => GovernorSettings::STEPPING,
+            false => GovernorSettings::PLANTED,
+        };
         legs.support = Some(support);
         let cycles = (preview_s / dt_s).round() as usize;
         PlantedStance {
-            // What was reached, not what was asked: rest is then an equilibrium.
-            pelvis: PelvisTrajectory::new(legs.base, leg_m, dt_s, preview_s, pace),
-            governor: ZmpGovernor::new(self.standing_links(), dt_s),
+            pelvis,
+            governor: ZmpGovernor::new(self.standing_links(), settings, dt_s),
             governed,
             feet,
             home: feet,
