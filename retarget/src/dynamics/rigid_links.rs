@@ -94,8 +94,9 @@ fn clear_touch(model: &RobotModel, sole: usize, links: &mut [RigidLink]) {
 /// What a joint of a robot at rest carries.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointLoad {
-    /// Moment of inertia about the joint's axis, kg m2: of what is beyond the joint, or,
-    /// for a leg that stands, of half the robot over it.
+    /// Moment of inertia about the joint's axis, kg m2: of what is beyond the joint, with
+    /// what is beyond the next one across the axis (an elbow bends); or, for a leg that
+    /// stands, of half the robot over it.
     pub inertia_kg_m2: f64,
     /// Weight times lever of the same, newton metres a radian.
     pub gravity_nm_rad: f64,
@@ -126,8 +127,16 @@ pub(crate) fn joint_loads(
             };
             if carried && body.mass_kg > 0.0 {
                 let away = poses[other] * body.com - Point3::from(at);
-                let across = axis.cross(&away).norm_squared();
+                let bends = !stands[drive.joint] && model.last_driven(other) != index;
+                let across = match bends {
+                    true => away.norm_squared(),
+                    false => axis.cross(&away).norm_squared(),
+                };
                 inertia += share * body.mass_kg * across;
+                if !stands[drive.joint] {
+                    let axis = poses[other].rotation.inverse() * axis;
+                    inertia += axis.dot(&(body.inertia * axis));
+                }
                 lever += share * body.mass_kg * GRAVITY_M_S2 * across.sqrt();
             }
         }

@@ -89,9 +89,15 @@ impl ServoLoop {
         }
     }
 
-    /// The same, but stiff and strong enough for what its joint carries; `natural_hz` is the
-    /// natural frequency with that load.
-    fn sized(self, load: &JointLoad, natural_hz: f64, variation: &ServoVariation) -> Self {
+    /// The same, but stiff and strong enough for what its joint carries, and to give that
+    /// the acceleration; `natural_hz` is the natural frequency with that load.
+    fn sized(
+        self,
+        load: &JointLoad,
+        natural_hz: f64,
+        acceleration_rad_s2: f64,
+        variation: &ServoVariation,
+    ) -> Self {
         let bounce = std::f64::consts::TAU * natural_hz;
         let inertia = load.inertia_kg_m2.max(1e-3);
         let kp = (inertia * bounce * bounce).max(SIZED_STIFFNESS * load.gravity_nm_rad);
@@ -99,7 +105,11 @@ impl ServoLoop {
         Self {
             kp: kp * variation.stiffness,
             damping_nm_s: 2.0 * SIZED_DAMPING * (kp * (inertia + armature_kg_m2)).sqrt(),
-            limit_nm: load.effort_nm.unwrap_or(self.limit_nm).max(2.0 * load.gravity_nm_rad),
+            limit_nm: load
+                .effort_nm
+                .unwrap_or(self.limit_nm)
+                .max(2.0 * load.gravity_nm_rad)
+                .max(load.gravity_nm_rad + inertia * acceleration_rad_s2),
             mechanics: JointMechanics {
                 armature_kg_m2,
                 friction_nm: FRICTION_SHARE * load.gravity_nm_rad,
@@ -121,12 +131,14 @@ impl ServoLoop {
             false => nominal.collect(),
             true => {
                 let (loads, upper) = (retargeter.joint_loads(), retargeter.upper_joints());
-                let natural_hz = |joint| match upper.contains(&joint) {
-                    true => SIZED_UPPER_HZ,
-                    false => SIZED_LEG_HZ,
-                };
                 let sized = |(joint, (servo, load)): (usize, (Self, &JointLoad))| {
-                    servo.sized(load, natural_hz(joint), variation)
+                    let limits = &robot.servos[joint].limits;
+                    match upper.contains(&joint) {
+                        true => {
+                            servo.sized(load, SIZED_UPPER_HZ, limits.acceleration_rad_s2, variation)
+                        }
+                        false => servo.sized(load, SIZED_LEG_HZ, 0.0, variation),
+                    }
                 };
                 nominal.zip(&loads).enumerate().map(sized).collect()
             }
