@@ -30,7 +30,7 @@ pub(crate) struct GovernorSettings {
 
 impl GovernorSettings {
     /// Feet that stay, with accelerations that they carry (`carried_acceleration`).
-    pub const PLANTED: Self = Self { measured_s: 0.1, used: 0.4, release_s: 0.6 };
+    pub const PLANTED: Self = Self { measured_s: 0.06, used: 0.5, release_s: 0.8 };
     /// Feet that step: each peak counts on one sole.
     pub const STEPPING: Self = Self { measured_s: 0.04, used: 0.5, release_s: 1.0 };
 }
