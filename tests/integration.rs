@@ -1,17 +1,21 @@
 //! One binary, themed modules: the program as its users run it.
 
+#[cfg(feature = "train")]
 mod ablation;
 mod bad_input;
 mod beats;
 mod bus_tools;
 mod can_robot;
 mod command_line;
+#[cfg(feature = "train")]
 mod conditioning;
 mod configuration;
 mod crash_safety;
+#[cfg(feature = "train")]
 mod dataset;
 mod documents;
 mod endurance;
+#[cfg(feature = "train")]
 mod evaluation;
 mod film;
 mod full_disk;
@@ -42,5 +46,9 @@ mod stage;
 mod start_frame;
 mod terminal;
 mod torque_off;
+#[cfg(feature = "train")]
 mod training;
+#[cfg(not(feature = "train"))]
+mod untrained;
+#[cfg(feature = "train")]
 mod weights;

@@ -45,15 +45,10 @@ pub enum ModelError {
     /// The model says that the dance is over, and was asked to stop there.
     #[error("the model ends the dance at frame {frame}")]
     Ended { frame: u64 },
+    /// What computes on tensors is not part of this build.
+    #[error("{what} is not built in; build with --features train")]
+    NotBuiltIn { what: &'static str },
     #[cfg(feature = "candle")]
     #[error("tensor operation: {0}")]
     Tensor(#[from] candle_core::Error),
-}
-
-#[cfg(not(feature = "candle"))]
-impl ModelError {
-    pub(crate) fn without_candle() -> Self {
-        let expected = "own: this build has no candle";
-        Self::Option { option: "engine", found: "candle".into(), expected }
-    }
 }

@@ -51,7 +51,7 @@ pub use conditioning::NO_STYLE;
 pub use engine::{EngineKind, EngineOptions};
 pub use error::ModelError;
 pub use generator::{AtEnd, Dance, Generator, GeneratorOptions, Likelihood};
-#[cfg(feature = "candle")]
+#[cfg(feature = "motion-files")]
 pub use vqvae::Codec;
 pub use weights::Dtype;
 

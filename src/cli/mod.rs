@@ -5,6 +5,7 @@
 //! A command returns the exit code of the program: 0 done, 1 refused or failed
 //! (an error, told by `main` in one line), 130 stopped by Ctrl-C.
 
+#[cfg(feature = "train")]
 pub mod ablate;
 pub mod beats;
 pub mod bench;
@@ -12,9 +13,11 @@ pub mod calibrate;
 pub mod completions;
 pub mod cue;
 pub mod dance;
+#[cfg(feature = "train")]
 pub mod dataset;
 pub mod devices;
 pub mod doctor;
+#[cfg(feature = "train")]
 pub mod evaluate;
 pub mod export;
 mod first_minute;
@@ -28,6 +31,7 @@ pub mod man;
 pub mod options;
 pub mod ping;
 pub mod play;
+#[cfg(feature = "train")]
 pub mod reconstruct;
 pub mod retarget;
 pub mod robot;
@@ -40,8 +44,15 @@ pub mod set_id;
 pub mod sim_bus;
 pub mod soak;
 pub mod song;
+#[cfg(feature = "train")]
 pub mod train;
+#[cfg(feature = "train")]
 pub mod weights;
+
+#[cfg(not(feature = "train"))]
+mod untrained;
+#[cfg(not(feature = "train"))]
+use untrained::{ablate, dataset, evaluate, reconstruct, train, weights};
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;

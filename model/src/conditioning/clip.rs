@@ -13,12 +13,11 @@ use candle_core::{D, Device, Result as TensorResult, Tensor};
 use candle_nn::ops;
 use tokenizers::{Tokenizer, TruncationParams};
 
+use super::CLIP_DIM;
 use super::checkpoint::{Checkpoint, file_error};
 use crate::engine::candle::{TensorLinear, TensorNorm};
 use crate::error::ModelError;
 
-/// Numbers of a text's vector; weights that take it have this `style_dim`.
-pub const CLIP_DIM: usize = 512;
 /// Most tokens of a text, with the two around it; what is longer is cut.
 const TOKENS_MAX: usize = 77;
 /// Width of an attention head in every CLIP.

@@ -17,9 +17,6 @@ use super::seanet::{Encoder, FIRST_FRAMES, HOP};
 use crate::config::LATENT_DIM;
 use crate::error::ModelError;
 
-/// Samples a second that the checkpoint is given.
-pub const ENCODEC_RATE_HZ: u32 = 6_400;
-
 /// Filters in the first layer of the public checkpoint.
 const FILTERS: usize = 32;
 /// Codebooks used, of the 32 that there are.
@@ -112,7 +109,7 @@ pub struct EncodecStream {
 }
 
 impl EncodecStream {
-    /// Takes samples at [`ENCODEC_RATE_HZ`], any number of them, and hands out
+    /// Takes samples at [`ENCODEC_RATE_HZ`](super::ENCODEC_RATE_HZ), any number of them, and hands out
     /// the frames that they complete. Samples that are not finite become 0. The
     /// block sizes change nothing, not a bit.
     pub fn push(

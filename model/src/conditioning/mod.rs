@@ -7,11 +7,11 @@
 
 #[cfg(feature = "candle")]
 pub mod checkpoint;
-#[cfg(feature = "candle")]
+#[cfg_attr(not(feature = "candle"), path = "no_clip.rs")]
 mod clip;
-#[cfg(feature = "candle")]
+#[cfg_attr(not(feature = "candle"), path = "no_encodec.rs")]
 mod encodec;
-#[cfg(test)]
+#[cfg(all(test, feature = "candle"))]
 pub(crate) mod golden;
 mod music;
 #[cfg(feature = "candle")]
@@ -21,11 +21,14 @@ mod style;
 pub use crate::config::{LATENT_DIM, MusicKind};
 #[cfg(feature = "candle")]
 pub use crate::engine::candle::{TensorLinear, TensorNorm};
-#[cfg(feature = "candle")]
-pub use clip::{CLIP_DIM, ClipText};
-#[cfg(feature = "candle")]
-pub use encodec::{ENCODEC_RATE_HZ, Encodec, EncodecStream};
+pub use clip::ClipText;
+pub use encodec::{Encodec, EncodecStream};
 pub use music::{HeardFrame, Latent};
 pub use style::NO_STYLE;
 
 pub(crate) use style::{StyleConditioning, style_index};
+
+/// Numbers of a text's vector by CLIP; weights that take it have this `style_dim`.
+pub const CLIP_DIM: usize = 512;
+/// Samples a second that Encodec's checkpoint is given.
+pub const ENCODEC_RATE_HZ: u32 = 6_400;

@@ -6,12 +6,11 @@
 
 use std::path::Path;
 
-use candle_core::{Device, Tensor};
 use servodance_types::{BodyJoint, FRAME_RATE_HZ, JOINT_COUNT, MUSIC_DIM, MotionFrame};
 
 use super::Pose;
 use super::error::MotionError;
-use super::numpy::Npz;
+use super::numpy::{Npz, write_npz};
 use super::representation::{contacts, encode, headings_rad};
 use super::skeleton;
 use super::vec3::{narrow, sub, turn, wide};
@@ -95,23 +94,19 @@ impl Clip {
         latents: Option<&[Latent]>,
     ) -> Result<(), MotionError> {
         let path = path.as_ref();
-        let tensor = |flat: &[f32], shape: &[usize]| Tensor::from_slice(flat, shape, &Device::Cpu);
-        let write = || {
-            let flat = self.poses.as_flattened().as_flattened();
-            let positions = tensor(flat, &[self.poses.len(), JOINT_COUNT, 3])?;
-            let fps = Tensor::new(self.fps as f32, &Device::Cpu)?;
-            let mut arrays = vec![("positions", positions), ("fps", fps)];
-            if let Some(music) = music {
-                let music = tensor(music.as_flattened(), &[music.len(), MUSIC_DIM])?;
-                arrays.push(("music", music));
-            }
-            if let Some(latents) = latents {
-                let latents = tensor(latents.as_flattened(), &[latents.len(), LATENT_DIM])?;
-                arrays.push(("encodec", latents));
-            }
-            Tensor::write_npz(&arrays, path)
-        };
-        write().map_err(|error| MotionError::read(path, error))
+        let positions = self.poses.as_flattened().as_flattened();
+        let fps = [self.fps as f32];
+        let mut arrays: Vec<(&str, Vec<usize>, &[f32])> = vec![
+            ("positions", vec![self.poses.len(), JOINT_COUNT, 3], positions),
+            ("fps", vec![], &fps),
+        ];
+        if let Some(music) = music {
+            arrays.push(("music", vec![music.len(), MUSIC_DIM], music.as_flattened()));
+        }
+        if let Some(latents) = latents {
+            arrays.push(("encodec", vec![latents.len(), LATENT_DIM], latents.as_flattened()));
+        }
+        write_npz(path, &arrays).map_err(|error| MotionError::write(path, error))
     }
 
     /// Reads the `music` [T, 39] of a clip's npz file, if it has some.

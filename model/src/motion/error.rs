@@ -10,6 +10,9 @@ pub enum MotionError {
     /// The file cannot be read as an npz archive.
     #[error("{path}: cannot read motion: {reason}")]
     Read { path: PathBuf, reason: String },
+    /// The file cannot be written.
+    #[error("{path}: cannot write motion: {reason}")]
+    Write { path: PathBuf, reason: String },
     /// The file reads, but holds no usable motion.
     #[error("{path}: {reason}")]
     Content { path: PathBuf, reason: String },
@@ -19,6 +22,11 @@ impl MotionError {
     /// The file cannot be opened or decoded; `error` is what the reader said.
     pub fn read(path: &Path, error: impl Display) -> Self {
         Self::Read { path: path.to_owned(), reason: error.to_string() }
+    }
+
+    /// The file cannot be written; `error` is what the writer said.
+    pub fn write(path: &Path, error: impl Display) -> Self {
+        Self::Write { path: path.to_owned(), reason: error.to_string() }
     }
 
     /// The file decodes, but its content cannot be used for this reason.

@@ -5,12 +5,12 @@
 //! beats come in as times in seconds.
 
 pub mod alignment;
-#[cfg(feature = "candle")]
+#[cfg(feature = "motion-files")]
 pub mod bvh_write;
-#[cfg(feature = "candle")]
+#[cfg(feature = "motion-files")]
 pub mod clip;
 pub mod error;
-#[cfg(feature = "candle")]
+#[cfg(feature = "motion-files")]
 pub mod numpy;
 pub mod reconstruction;
 pub mod representation;
@@ -19,7 +19,7 @@ pub mod skeleton;
 pub mod vec3;
 
 pub use alignment::{Alignment, alignment, kinematic_beats_s, mean_joint_speed};
-#[cfg(feature = "candle")]
+#[cfg(feature = "motion-files")]
 pub use clip::Clip;
 pub use error::MotionError;
 pub use reconstruction::mpjpe_m;

@@ -1,4 +1,4 @@
-//! Arrays of numbers out of `.npy` files and `.npz` archives.
+//! Arrays of numbers out of `.npy` files and `.npz` archives, and into archives.
 //!
 //! Everything becomes f64. A header that promises more than the file holds is
 //! refused before memory is taken for it; so are objects, texts and big-endian
@@ -8,10 +8,11 @@
 //! generator, and candle's reader has neither the limits nor all number kinds.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
-use zip::ZipArchive;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use super::error::MotionError;
 
@@ -99,6 +100,39 @@ impl Npz {
             MotionError::content(&self.path, reason)
         })
     }
+}
+
+/// Writes an archive of float32 arrays: name, shape, numbers with the last index running
+/// fastest. Nothing is compressed, and no time of day is noted.
+pub(super) fn write_npz(
+    path: &Path,
+    arrays: &[(&str, Vec<usize>, &[f32])],
+) -> Result<(), zip::result::ZipError> {
+    let mut archive = ZipWriter::new(BufWriter::new(File::create(path)?));
+    let plain = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .last_modified_time(DateTime::default());
+    for (name, shape, numbers) in arrays {
+        archive.start_file(format!("{name}.npy"), plain)?;
+        archive.write_all(&header_of_floats(shape))?;
+        for number in *numbers {
+            archive.write_all(&number.to_le_bytes())?;
+        }
+    }
+    archive.finish()?.flush()?;
+    Ok(())
+}
+
+/// What stands before float32 numbers, filled up with spaces to a multiple of 64 bytes.
+fn header_of_floats(shape: &[usize]) -> Vec<u8> {
+    let sides: String = shape.iter().map(|side| format!("{side}, ")).collect();
+    let text =
+        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", sides.trim_end());
+    let length = (10 + text.len() + 1).next_multiple_of(64) - 10;
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((length as u16).to_le_bytes());
+    bytes.extend(format!("{text:<width$}\n", width = length - 1).bytes());
+    bytes
 }
 
 fn array(mut file: impl Read) -> Result<Array, String> {
@@ -262,6 +296,19 @@ mod tests {
         ] {
             let read = array(&npy(descr, "False", "()", &bytes)[..]).unwrap();
             assert_eq!((read.shape.len(), read.values), (0, vec![value]), "{descr}");
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        for shape in [vec![], vec![1], vec![2, 3]] {
+            let numbers: Vec<f32> = (0..shape.iter().product()).map(|n| n as f32 - 0.5).collect();
+            let mut bytes = header_of_floats(&shape);
+            assert_eq!((bytes.len() % 64, bytes.last()), (0, Some(&b'\n')));
+            bytes.extend(numbers.iter().flat_map(|n| n.to_le_bytes()));
+            let read = array(&bytes[..]).unwrap();
+            let values = numbers.iter().map(|n| f64::from(*n)).collect();
+            assert_eq!(read, Array { shape, values });
         }
     }
 

@@ -199,7 +199,7 @@ pub fn mirrored(vector: &PoseVector) -> PoseVector {
     out
 }
 
-#[cfg(all(test, feature = "candle"))]
+#[cfg(all(test, feature = "motion-files"))]
 mod tests {
     use super::super::skeleton;
     use super::*;

@@ -17,7 +17,7 @@ pub(crate) struct CandleSeqState {
 
 impl CandleSeq {
     pub fn load(_: &Weights, _: Dtype) -> Result<Self, ModelError> {
-        Err(ModelError::without_candle())
+        Err(ModelError::NotBuiltIn { what: "engine candle" })
     }
 
     pub fn start(&self, _: usize) -> CandleSeqState {

@@ -7,7 +7,8 @@
 #[cfg_attr(not(feature = "candle"), path = "no_candle.rs")]
 mod candle;
 mod codebook;
-#[cfg(feature = "candle")]
+#[cfg(feature = "motion-files")]
+#[cfg_attr(not(feature = "candle"), path = "no_codec.rs")]
 mod codec;
 mod decoder;
 #[cfg(feature = "candle")]
@@ -16,7 +17,7 @@ mod encoder;
 mod nearest_code;
 mod own;
 
-#[cfg(feature = "candle")]
+#[cfg(feature = "motion-files")]
 pub use codec::Codec;
 pub use decoder::{DecoderState, VqDecoder};
 #[cfg(feature = "candle")]

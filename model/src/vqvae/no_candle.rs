@@ -14,7 +14,7 @@ pub(crate) struct CandleDecoderState(Infallible);
 
 impl CandleDecoder {
     pub fn load(_: &Weights, _: Dtype) -> Result<Self, ModelError> {
-        Err(ModelError::without_candle())
+        Err(ModelError::NotBuiltIn { what: "engine candle" })
     }
 
     pub fn start(&self) -> CandleDecoderState {

@@ -22,7 +22,7 @@ pub use blind::{VoteScores, score_votes, write_blind};
 pub(crate) use estimate::MeanEstimate;
 pub use report::Evaluation;
 pub use request::EvaluationRequest;
-pub use songs::{SongArgs, SongEvaluation, evaluate_songs, song_file, write_sheets};
+pub use songs::{SongArgs, SongEvaluation, evaluate_songs, write_sheets};
 
 use figures::WindowFeatures;
 use parallel::in_parallel;

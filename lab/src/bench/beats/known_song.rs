@@ -2,7 +2,7 @@
 
 use servodance_audio::Resampler;
 use servodance_audio::song::noise;
-use servodance_training::evaluate::song_file::{read_beats, read_sound};
+use servodance_training::song_file::{read_beats, read_sound};
 use std::path::Path;
 
 /// The room: its share against the sound itself, and how long it takes to die away by 60 dB.

@@ -21,7 +21,7 @@ use servodance_model::Generator;
 use servodance_runtime::pipeline::model_args::EngineArgs;
 use servodance_runtime::robot::Robot;
 use servodance_runtime::session::dance::open_generator;
-use servodance_training::evaluate::song_file::songs_in;
+use servodance_training::song_file::songs_in;
 use std::path::Path;
 
 const SKIPPED_S: f64 = 5.0;

@@ -3,9 +3,9 @@
 use crate::dataset::{index, rendered_on};
 use crate::evaluate::parallel::in_parallel;
 use crate::evaluate::request::EvaluationRequest;
-use crate::evaluate::songs::song_file::{read_sound, songs_in};
 use crate::evaluate::songs::{WARM_UP_S, dance};
 use crate::motion::tempo;
+use crate::song_file::{read_sound, songs_in};
 use anyhow::ensure;
 use servodance_audio::MusicAnalyzer;
 use servodance_model::conditioning::HeardFrame;

@@ -1,8 +1,8 @@
 //! A song with known beats, and what a dancer hears of it.
 
-use super::song_file::{read_beats, read_sections, read_sound};
 use crate::evaluate::reference::tracked_beats_s;
 use crate::metrics::music_answer::peaks;
+use crate::song_file::{read_beats, read_sections, read_sound};
 use anyhow::{Context, ensure};
 use servodance_audio::MusicAnalyzer;
 use servodance_model::conditioning::{Encodec, HeardFrame};

@@ -11,7 +11,6 @@ mod known_song;
 mod report;
 mod request;
 mod sheet;
-pub mod song_file;
 
 pub use report::SongEvaluation;
 pub use request::SongArgs;
@@ -23,6 +22,7 @@ pub(super) use known_song::WARM_UP_S;
 use super::parallel::in_parallel;
 use super::request::EvaluationRequest;
 use crate::metrics::music_answer::{correlation, figure_changes, section_answer, speed_by_bar};
+use crate::song_file;
 use anyhow::bail;
 use captured::captured_dances;
 use controls::{ByMusic, ControlMusic, dance_with_controls};

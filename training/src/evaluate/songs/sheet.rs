@@ -3,9 +3,9 @@
 use super::captured::captured_dances;
 use super::controls::dance;
 use super::known_song::KnownSong;
-use super::song_file::songs_in;
 use crate::evaluate::parallel::in_parallel;
 use crate::evaluate::request::EvaluationRequest;
+use crate::song_file::songs_in;
 use anyhow::Context;
 use servodance_model::motion::Clip;
 use servodance_model::{Generator, GeneratorOptions};
