@@ -22,7 +22,7 @@ built=$(realpath -m "${CARGO_TARGET_DIR:-target}")/release-packages
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 # No path of this machine stands in the program.
-export RUSTFLAGS="--remap-path-prefix=$PWD=. --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo"
+export RUSTFLAGS="--remap-path-prefix=$PWD=. --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo --remap-path-prefix=$built=target"
 mkdir -p "$folder"
 
 target_of() {
