@@ -11,8 +11,8 @@ use crate::kinematics::PosedRobot;
 /// Share of the way from the middle to the sole's edge that each may take: a joint above the
 /// legs, the pelvis's sway, its turns. They add up.
 const JOINT_SHARE: f64 = 0.4;
-const SWAY_SHARE: f64 = 0.2;
-const TURN_SHARE: f64 = 0.08;
+const SWAY_SHARE: f64 = 0.3;
+const TURN_SHARE: f64 = 0.12;
 /// Share of the pelvis's sway that a leg's mass takes part in.
 const LEG_SHARE: f64 = 0.5;
 
