@@ -19,5 +19,5 @@ mod own;
 
 pub use network::{MotionSeq, SeqState};
 
-#[cfg(test)]
+#[cfg(all(test, feature = "candle"))]
 pub(crate) use candle::{CandleSeq, CandleSeqState};

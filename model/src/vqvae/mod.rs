@@ -23,5 +23,5 @@ pub use decoder::{DecoderState, VqDecoder};
 #[cfg(feature = "candle")]
 pub use encoder::VqEncoder;
 
-#[cfg(test)]
+#[cfg(all(test, feature = "candle"))]
 pub(crate) use candle::CandleDecoder;
