@@ -4,6 +4,7 @@
 
 use k::nalgebra::Vector3;
 
+use super::zmp_governor::LEG_SHARE;
 use crate::contact::SupportPolygon;
 use crate::dynamics::GRAVITY_M_S2;
 use crate::kinematics::PosedRobot;
@@ -13,8 +14,6 @@ use crate::kinematics::PosedRobot;
 const JOINT_SHARE: f64 = 0.4;
 const SWAY_SHARE: f64 = 0.3;
 const TURN_SHARE: f64 = 0.12;
-/// Share of the pelvis's sway that a leg's mass takes part in.
-const LEG_SHARE: f64 = 0.5;
 
 pub(crate) struct CarriedAcceleration<'a> {
     pub robot: PosedRobot<'a>,

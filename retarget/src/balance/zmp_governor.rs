@@ -14,7 +14,7 @@ use crate::kinematics::RobotModel;
 
 const ATTACK_S: f64 = 0.01;
 /// Share of the pelvis's shift that a leg's mass takes part in.
-const LEG_SHARE: f64 = 0.5;
+pub(super) const LEG_SHARE: f64 = 0.5;
 
 /// How a plan is judged.
 #[derive(Clone, Copy, Debug)]
