@@ -37,14 +37,6 @@ impl SoakMusic {
         Self { files, piece_s, seed }
     }
 
-    /// Pieces until all kinds were met.
-    pub fn kinds(&self) -> usize {
-        match self.files.len() {
-            0 => KINDS.len(),
-            files => files,
-        }
-    }
-
     /// The piece of a round.
     /// Fails for: a recording that cannot be read.
     pub fn piece(&self, round: usize) -> anyhow::Result<Song> {
