@@ -35,7 +35,7 @@ fn minutes_of_mischief_break_no_limit_and_leave_nothing_driven() {
     assert_eq!(sum("stopped"), dances - finished, "{summary}");
     assert_eq!(sum("happened"), sum("recovered") + sum("stopped"));
     let looks = summary["memory"]["looks_mib"].as_array().expect("a list");
-    assert!(looks.len() >= 30 || cfg!(not(target_os = "linux")), "{looks:?}");
+    assert!(looks.len() >= 20 || cfg!(not(target_os = "linux")), "{looks:?}");
     assert!(looks.iter().all(|look| look.as_f64() > Some(1.0)), "{looks:?}");
 }
 
