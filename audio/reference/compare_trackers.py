@@ -11,7 +11,7 @@ here and by `bench beats`, which must agree.
 
 Needs mir_eval, numpy, soundfile; librosa and BeatNet (PyPI; its models are CC BY 4.0:
 measured against, not shipped) if asked for. Those two live together in Python 3.9 with
-numpy 1.23.5, scipy 1.10.1, cython < 3, setuptools < 70, librosa 0.10.1, numba < 0.59, torch 2.2.2, then
+numpy 1.23.5, scipy 1.10.1, cython < 3, setuptools < 70, librosa 0.10.1, numba < 0.59, torch 2.2.2, matplotlib < 3.8, then
 `pip install --no-build-isolation madmom==0.16.1` and `pip install --no-deps BeatNet`.
 """
 
