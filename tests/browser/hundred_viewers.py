@@ -18,10 +18,11 @@ import sys
 import tempfile
 import threading
 import time
+import urllib.error
 import urllib.request
 
 PROGRAM = os.path.abspath(sys.argv[1])
-VIEWERS, TURNS, TURN_S, SETTLE_S = 100, 3, 6, 1.5
+VIEWERS, TURNS, TURN_S, SETTLE_S = 100, 10, 6, 1.5
 
 
 def upgrade(host, port, path):
@@ -59,9 +60,16 @@ def watchers(address, seconds):
 
 
 def add_songs(address, song):
-    for number in range(5):
+    """Puts a song into the queue every second, as long as it takes any."""
+    time.sleep(SETTLE_S)
+    for number in range(int(TURN_S - SETTLE_S)):
         asked = urllib.request.Request(f"{address}api/song/{number}.wav", song, method="POST")
-        urllib.request.urlopen(asked).read()
+        try:
+            urllib.request.urlopen(asked).read()
+        except urllib.error.HTTPError as error:
+            if b"wait already" not in error.read():
+                raise
+        time.sleep(1)
 
 
 def late_ms(address, seconds):

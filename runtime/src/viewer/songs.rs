@@ -6,6 +6,9 @@ use crate::pipeline::page_sound::PageSound;
 use crate::process::speed::Speed;
 use anyhow::{Context, bail};
 use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tempfile::TempDir;
 
@@ -60,12 +63,17 @@ impl Songs {
         self.lock().waiting.iter().map(|song| song.name.clone()).collect()
     }
 
-    /// Puts a file's bytes behind the songs that wait. Refuses what no dance can be danced to.
-    pub fn add(&self, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
+    /// Puts a file, as its pieces come, behind the songs that wait. Refuses what no dance can be
+    /// danced to.
+    pub fn add(
+        &self,
+        name: &str,
+        pieces: impl IntoIterator<Item = io::Result<impl AsRef<[u8]>>>,
+    ) -> anyhow::Result<()> {
         let name = last_part(name);
         let folder = tempfile::tempdir().context("the song cannot be kept")?;
         let path = folder.path().join(&name);
-        std::fs::write(&path, bytes).context("the song cannot be kept")?;
+        write(&path, pieces).context("the song cannot be kept")?;
         if let Err(error) = AudioInput::open(&AudioChoice::File(path.clone()), Speed::Max) {
             bail!(format!("{error:#}").replace(&path.display().to_string(), &name));
         }
@@ -100,6 +108,17 @@ impl Playlist {
     }
 }
 
+fn write(
+    path: &Path,
+    pieces: impl IntoIterator<Item = io::Result<impl AsRef<[u8]>>>,
+) -> io::Result<()> {
+    let mut file = File::create(path)?;
+    for piece in pieces {
+        file.write_all(piece?.as_ref())?;
+    }
+    Ok(())
+}
+
 /// A name without folders or what a line cannot show.
 fn last_part(name: &str) -> String {
     let name = name.rsplit(['/', '\\']).next().unwrap_or_default();
@@ -117,7 +136,7 @@ mod tests {
         assert!(songs.next().is_none());
         let wav = crate::viewer::song_wav::song_wav(&AudioChoice::BuiltIn).unwrap();
         for name in ["../one.wav", "two.wav"] {
-            songs.add(name, &wav).unwrap();
+            songs.add(name, [Ok(&wav[..9]), Ok(&wav[9..])]).unwrap();
         }
         assert_eq!(songs.waiting(), ["one.wav", "two.wav"]);
         let Some(AudioChoice::File(path)) = songs.next() else { panic!("a file") };
@@ -130,8 +149,11 @@ mod tests {
     #[test]
     fn what_is_no_song_is_refused_by_its_name() {
         let songs = Songs::default();
-        let error = songs.add("notes.txt", b"la la la").unwrap_err().to_string();
+        let error = songs.add("notes.txt", [Ok(b"la la la")]).unwrap_err().to_string();
         assert!(error.starts_with("notes.txt"), "{error}");
+        let wav = crate::viewer::song_wav::song_wav(&AudioChoice::BuiltIn).unwrap();
+        let broken = io::Error::other("not all of it came");
+        assert!(songs.add("half.wav", [Ok(&wav[..]), Err(broken)]).is_err());
         assert!(songs.waiting().is_empty());
     }
 }

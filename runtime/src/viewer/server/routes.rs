@@ -23,9 +23,8 @@ use super::page;
 use super::shown::{Answer, RequestRefusal};
 use super::socket;
 use super::state::{LONGEST, ServerState, for_watching};
-use crate::viewer::songs::MOST_BYTES;
-use axum::body::Bytes;
-use axum::extract::rejection::{BytesRejection, StringRejection};
+use axum::body::Body;
+use axum::extract::rejection::StringRejection;
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
@@ -45,7 +44,7 @@ pub fn routes(state: Arc<ServerState>) -> Router {
         .route("/api/command", post(command))
         .route("/api/tap", post(tap))
         .route("/api/song", get(song))
-        .route("/api/song/{name}", post(add_song).layer(DefaultBodyLimit::max(MOST_BYTES)))
+        .route("/api/song/{name}", post(add_song))
         .route("/api/microphone", get(microphone::microphone))
         .route("/api/links", get(links))
         .route("/api/live", get(socket::live))
@@ -167,12 +166,9 @@ async fn add_song(
     State(state): State<Arc<ServerState>>,
     Extension(role): Extension<Role>,
     Path(name): Path<String>,
-    body: Result<Bytes, BytesRejection>,
+    body: Body,
 ) -> Response {
-    answer(match body {
-        Ok(bytes) => state.add_song(role, name, bytes).await,
-        Err(unread) => Err((unread.status(), unread.body_text())),
-    })
+    answer(state.add_song(role, name, body).await)
 }
 
 async fn newest_frame(State(state): State<Arc<ServerState>>) -> Response {

@@ -3,9 +3,10 @@
 use super::guard::{Role, Tokens, is_own};
 use super::invitation::Invitation;
 use super::shown::{Answer, RequestRefusal, ServerNow, Shown};
+use super::upload;
 use crate::process::console::stderr_line;
 use crate::viewer::song_wav::song_wav;
-use axum::body::Bytes;
+use axum::body::{Body, Bytes};
 use axum::extract::Request;
 use axum::extract::ws::Utf8Bytes;
 use axum::http::{StatusCode, header};
@@ -83,21 +84,19 @@ impl ServerState {
         &self,
         role: Role,
         name: String,
-        bytes: Bytes,
+        body: Body,
     ) -> Result<Answer, RequestRefusal> {
-        if role == Role::Audience {
-            return Err(for_watching());
+        let refusal = match role {
+            Role::Audience => Some(for_watching()),
+            Role::Operator if self.shown.takes_songs() => None,
+            Role::Operator => Some((StatusCode::CONFLICT, "no songs can be added here".into())),
+        };
+        if let Some(refusal) = refusal {
+            upload::discard(body).await;
+            return Err(refusal);
         }
-        if !self.shown.takes_songs() {
-            return Err((StatusCode::CONFLICT, "no songs can be added here".into()));
-        }
-        let songs = self.shown.songs().clone();
-        let added = tokio::task::spawn_blocking(move || songs.add(&name, &bytes)).await;
-        match added {
-            Ok(Ok(())) => Ok(Answer::Taken),
-            Ok(Err(error)) => Err((StatusCode::BAD_REQUEST, format!("{error:#}"))),
-            Err(_) => Err((StatusCode::INTERNAL_SERVER_ERROR, "the song broke the reader".into())),
-        }
+        upload::add_song(self.shown.songs().clone(), name, body).await?;
+        Ok(Answer::Taken)
     }
 
     /// The scene, and whether this viewer may command.
