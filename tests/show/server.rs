@@ -347,6 +347,8 @@ fn a_song_that_is_sent_waits_and_what_is_none_is_refused() {
     assert!(answer.starts_with("HTTP/1.1 400") && answer.contains("notes.txt"), "{answer}");
     let audience = page.server.audience_address().split('/').nth(3).expect("a token");
     assert!(send(audience, "song.wav", &wav).starts_with("HTTP/1.1 403"));
+    let answer = send(page.token(), "long.wav", &vec![0; 40_000_001]);
+    assert!(answer.starts_with("HTTP/1.1 413") && answer.contains("40 MB"), "{answer}");
 }
 
 #[test]
