@@ -5,10 +5,11 @@
 FRAMES is the example `frames` of this crate, built for aarch64 without a dynamic loader
 (docs/measurements/arm.md has the command). --kernels takes the innermost loops with vector
 multiplications out of its disassembly and asks llvm-mca for their cycles on three cores.
---frames counts the instructions of a frame, own engine and candle, with an emulator that logs
-each instruction: the difference between a longer and a shorter dance.
+--frames counts the instructions of a frame, own engine and candle: the difference between a
+longer and a shorter dance. An emulator logs each instruction; if FRAMES is built for x86-64,
+to stand beside, valgrind counts them.
 
-Needs binutils-aarch64-linux-gnu, llvm-16, qemu-user-static (Debian 12).
+Needs binutils-aarch64-linux-gnu, llvm-16, qemu-user-static; valgrind for x86-64 (Debian 12).
 """
 
 import re
@@ -85,8 +86,17 @@ def kernels(program):
             print(f"| {kernel[1]} | {len(loop)} | {counted} |")
 
 
+def is_x86_64(program):
+    with open(program, "rb") as file:
+        return int.from_bytes(file.read(20)[18:], "little") == 62  # e_machine of ELF
+
+
 def instructions(program, *arguments):
     """Executed instructions of a whole run."""
+    if is_x86_64(program):
+        command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", program]
+        run = subprocess.run([*command, *arguments], capture_output=True, text=True, check=True)
+        return int(re.search(r"Collected : (\d+)", run.stderr)[1])
     command = ["qemu-aarch64-static", "-singlestep", "-d", "nochain,exec", "-D", "/dev/stdout"]
     logged = subprocess.Popen([*command, program, *arguments], stdout=subprocess.PIPE)
     counted = subprocess.run(["grep", "-ac", "^Trace"], stdin=logged.stdout, capture_output=True, text=True)
