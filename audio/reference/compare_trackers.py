@@ -59,9 +59,9 @@ def beatnet_tracker(mode, inference):
     sys.modules.setdefault("pyaudio", types.ModuleType("pyaudio"))
     from BeatNet.BeatNet import BeatNet
 
-    tracker = BeatNet(1, mode=mode, inference_model=inference, plot=[], thread=False)
-
     def track(path):
+        # A new one each time: its particle filter goes on from the song before.
+        tracker = BeatNet(1, mode=mode, inference_model=inference, plot=[], thread=False)
         rows = tracker.process(path)
         return rows[:, 0], rows[rows[:, 1] == 1, 0]
 
