@@ -52,8 +52,7 @@ const REQUEST_S: u64 = 60;
 const FRAMES_HZ: f64 = 30.0;
 /// Bytes that the system may keep for a slow reader: a few frames.
 const SEND_BUFFER: usize = 64 * 1024;
-/// Bytes of a song that may be under way: what the system hands over in one go, no control
-/// cycle gets in between.
+/// Bytes of a song that may wait in the system: whoever sends more waits for the disk.
 const RECEIVE_BUFFER: usize = 64 * 1024;
 /// So often a frame is sent if there is no newer one, so that pages know that the program is
 /// there, seconds.
@@ -91,7 +90,7 @@ impl Server {
     fn serve(bind: SocketAddr, shown: Box<dyn Shown>) -> anyhow::Result<Self> {
         let cannot = || format!("--view-bind {bind}: cannot serve the page there");
         let listener = std::net::TcpListener::bind(bind).with_context(cannot)?;
-        // Without it songs come too, in larger pieces; connections inherit it.
+        // Connections inherit the size; without it songs come too.
         let _ = socket2::SockRef::from(&listener).set_recv_buffer_size(RECEIVE_BUFFER);
         listener.set_nonblocking(true)?;
         let port = listener.local_addr()?.port();
