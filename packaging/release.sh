@@ -14,7 +14,7 @@ folder=$(realpath -m "${1:-dist/release}")
 shift || true
 architectures=("${@:-amd64}")
 [ $# -gt 0 ] || architectures=(amd64 arm64)
-features=mic,view,stage,train
+features=mic,speaker,view,stage,train
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
 SOURCE_DATE_EPOCH=$(git log -1 --format=%ct)
 export SOURCE_DATE_EPOCH
