@@ -14,7 +14,7 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
     for built_in in BUILT_IN {
         let robot = Robot::load(built_in.name)?;
         stdout_line!(
-            "{:<10}{} ({} servos, {:.0} Hz)\n{:<10}{}",
+            "{:<12}{} ({} servos, {:.0} Hz)\n{:<12}{}",
             robot.name,
             robot.description,
             robot.servos.len(),
