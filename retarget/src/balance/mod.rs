@@ -1,6 +1,7 @@
 //! Staying on two feet: a plan that can be stood, and its correction by a sensor.
 
 mod carried_acceleration;
+mod counterweight;
 mod fall_detector;
 mod feedback;
 mod foot_load;

@@ -3,11 +3,15 @@
 //!
 //! The plan is looked at where the preview ends, so that the pelvis gives way before
 //! the moment comes. Links are point masses. The point is linear enough in the
-//! pelvis's movement: that is scaled first, and the upper body only when its own
-//! movement already leaves the soles. Down at once, up slowly, as a compressor does.
+//! pelvis's movement: that is scaled first, and for steps the upper body when its own
+//! movement already leaves the sole. Down at once, up slowly, as a compressor does.
+//!
+//! On feet that stay the upper body keeps its share, which `robot new` finds by trials: a
+//! share that changes with the beat moves the zero-moment point more than what it takes away.
 
 use k::nalgebra::{Isometry3, Point3, Vector3};
 
+use super::counterweight::Counterweight;
 use crate::contact::SupportPolygon;
 use crate::dynamics::GRAVITY_M_S2;
 use crate::kinematics::RobotModel;
@@ -26,13 +30,15 @@ pub(crate) struct GovernorSettings {
     used: f64,
     /// Short enough that a robot which joins a dance late soon moves like the others.
     release_s: f64,
+    /// Feet that stay.
+    planted: bool,
 }
 
 impl GovernorSettings {
     /// Feet that stay, with accelerations that they carry (`carried_acceleration`).
-    pub const PLANTED: Self = Self { measured_s: 0.06, used: 0.5, release_s: 0.8 };
+    pub const PLANTED: Self = Self { measured_s: 0.06, used: 0.5, release_s: 0.8, planted: true };
     /// Feet that step: each peak counts on one sole.
-    pub const STEPPING: Self = Self { measured_s: 0.04, used: 0.5, release_s: 1.0 };
+    pub const STEPPING: Self = Self { measured_s: 0.04, used: 0.5, release_s: 1.0, planted: false };
 }
 
 pub(crate) struct GovernorInput<'a> {
@@ -58,6 +64,7 @@ pub(crate) struct ZmpGovernor {
     pub pelvis: f64,
     pub upper: f64,
     pub lowest: f64,
+    counterweight: Counterweight,
 }
 
 impl ZmpGovernor {
@@ -77,25 +84,43 @@ impl ZmpGovernor {
             pelvis: 1.0,
             upper: 1.0,
             lowest: 1.0,
+            counterweight: Counterweight::new(dt_s),
         }
     }
 
     pub fn restart(&mut self) {
         self.seen = 0;
+        self.counterweight.restart();
+    }
+
+    /// How far the pelvis goes against the weight of the arms, metres.
+    pub fn counterweight(&self) -> Vector3<f64> {
+        self.counterweight.shift()
     }
 
     /// Takes in one cycle of the plan.
     pub fn observe(&mut self, input: &GovernorInput) {
         input.model.place(&Isometry3::identity(), input.positions, &mut self.in_root);
         let shift = input.root.translation.vector - input.rest.translation.vector;
+        let counter = self.counterweight.shift();
+        let (mut weight, mut moved_kg, mut mass_kg) = (Vector3::zeros(), 0.0, 0.0);
         let [resting, moving] = &mut self.past[self.next];
         for (index, link) in input.model.links.iter().enumerate() {
             let com = self.in_root[index] * link.com;
-            resting[index] = (input.rest * com).coords;
-            moving[index] = match self.is_leg[index] {
-                true => resting[index] + shift * LEG_SHARE,
-                false => (input.root * com).coords,
+            let at_rest = (input.rest * com).coords;
+            let (share, moved) = match self.is_leg[index] {
+                true => (LEG_SHARE, shift * LEG_SHARE),
+                false => (1.0, (input.root * com).coords - at_rest),
             };
+            resting[index] = at_rest + counter * share;
+            moving[index] = resting[index] + moved;
+            weight += at_rest * link.mass_kg;
+            mass_kg += link.mass_kg;
+            moved_kg += share * link.mass_kg;
+        }
+        if self.settings.planted && moved_kg > 0.0 {
+            let away = input.support.middle() * mass_kg - weight;
+            self.counterweight.step(away / moved_kg);
         }
         self.next = (self.next + 1) % self.past.len();
         self.seen += 1;
@@ -119,7 +144,10 @@ impl ZmpGovernor {
             shares.fold(1.0, f64::min)
         };
         let pelvis = inside(&resting, &moving);
-        let upper = inside(&support.middle(), &resting);
+        let upper = match self.settings.planted {
+            true => 1.0,
+            false => inside(&support.middle(), &resting),
+        };
         self.pelvis = self.eased(self.pelvis, pelvis);
         self.upper = self.eased(self.upper, upper);
         self.lowest = self.lowest.min(self.pelvis);

@@ -69,6 +69,14 @@ impl PelvisTrajectory {
         }
     }
 
+    /// `wanted` with the pelvis moved by `shift`, metres.
+    pub fn shifted(&self, mut wanted: [f64; 6], shift: &Vector3<f64>) -> [f64; 6] {
+        for (wanted, shift) in wanted.iter_mut().zip(shift) {
+            *wanted += shift / self.leg_m;
+        }
+        wanted
+    }
+
     /// What the dancer asks for, softly kept in reach; `gain` scales it.
     pub fn wanted(aim: &PoseTarget, gain: f64) -> [f64; 6] {
         let turn = aim.chest.scaled_axis() * gain;

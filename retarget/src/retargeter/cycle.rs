@@ -148,7 +148,8 @@ impl Retargeter {
                 stance.pelvis.observe(&stance.legs.base);
                 stance.legs.positions.copy_from_slice(&self.output);
             }
-            let root = stance.pelvis.step(&wanted);
+            let countered = stance.pelvis.shifted(wanted, &stance.governor.counterweight());
+            let root = stance.pelvis.step(&countered);
             let feet = stance.feet_to_ask(&self.map, &self.poses, self.dt_s);
             stance.legs.solve(
                 &self.model,
@@ -176,11 +177,21 @@ impl Retargeter {
     /// Looks at where all of the dance would put the zero-moment point. Where the weight
     /// goes for a step is decided in `contact::stepping`.
     fn govern(&mut self, aim: &PoseTarget, demand: f64) {
+        let limbs = EVERY_LIMB.map(|limb| self.strained(limb));
         let Some(stance) = &mut self.stance else { return };
+        for (joint, planned) in self.planned.iter_mut().enumerate() {
+            let (solved, rest) = (self.solver.positions[joint], self.rest[joint]);
+            *planned = match self.stands_on[joint] {
+                true if stance.stepper.is_some() => solved,
+                // The legs follow the pelvis, whose shift the governor adds itself.
+                true => rest,
+                false => rest + limbs[self.limbs[joint] as usize] * (solved - rest),
+            };
+        }
         let wanted = PelvisTrajectory::wanted(aim, demand);
         stance.governor.observe(&GovernorInput {
             model: &self.model,
-            positions: &self.solver.positions,
+            positions: &self.planned,
             root: stance.pelvis.pose(&wanted),
             rest: *stance.pelvis.rest(),
             support: &stance.governed,

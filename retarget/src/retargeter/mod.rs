@@ -71,6 +71,8 @@ pub struct Retargeter {
     leg_bounds: Vec<(f64, f64)>,
     collision_limit: CollisionLimit,
     wanted: Vec<f64>,
+    /// The solution as the limbs' shares show it, for the governor.
+    planned: Vec<f64>,
     output: Vec<f64>,
     held: Vec<HeldBack>,
     poses: Vec<Isometry3<f64>>,
@@ -176,6 +178,7 @@ impl Retargeter {
             bounds,
             collision_limit: CollisionLimit::new(limits.len(), dt_s),
             wanted: vec![0.0; limits.len()],
+            planned: vec![0.0; limits.len()],
             output: vec![0.0; limits.len()],
             held: vec![HeldBack::Nothing; limits.len()],
             poses: vec![Isometry3::identity(); model.links.len()],

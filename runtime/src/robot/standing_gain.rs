@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::loaded::Robot;
-use crate::physics::{find_amplitude, scaled};
+use crate::physics::{StandingAmplitude, find_amplitude};
 use crate::telemetry::pending_file::write_whole;
 use anyhow::{Context, bail};
 use servodance_model::motion::Clip;
@@ -16,15 +16,10 @@ use toml_edit::{DocumentMut, Item, Table, value};
 pub fn settle_amplitude(file: &str, robot: &Robot, dances: &[Clip]) -> anyhow::Result<String> {
     let mut robot = robot.clone();
     robot.retarget.gain = Default::default();
-    let (mut pelvis, mut arms) = (1.0, 1.0);
-    for dance in dances {
-        let Some(found) = find_amplitude(&robot, &dance.frames(), false)? else {
-            bail!("{}: in the simulated world it falls whatever it leaves out", robot.name);
-        };
-        robot = scaled(&robot, found.pelvis, found.arms);
-        pelvis *= found.pelvis;
-        arms *= found.arms;
-    }
+    let Some(StandingAmplitude { pelvis, arms, .. }) = find_amplitude(&robot, dances, false)?
+    else {
+        bail!("{}: in the simulated world it falls whatever it leaves out", robot.name);
+    };
     let found = format!(
         "{}: stands {:.0} % of the pelvis's movement and {:.0} % of the arms'",
         robot.name,

@@ -2,7 +2,7 @@
 
 use super::file_text::{FilePlan, robot_file};
 use crate::offline::motion_tracking::{TrackedMotion, track_motion};
-use crate::physics::{find_amplitude, scaled};
+use crate::physics::{StandingAmplitude, find_amplitude, scaled};
 use crate::robot::config_source::ConfigSource;
 use crate::robot::loaded::Robot;
 use crate::robot::overrides::Overrides;
@@ -57,28 +57,17 @@ impl FilePlan<'_> {
 
     /// Finds how much of a dance the robot can stand in the simulated world.
     fn keep_on_its_feet(&mut self) -> anyhow::Result<()> {
-        let mut robot = self.parse()?;
+        let robot = self.parse()?;
+        let found = find_amplitude(&robot, self.dances, true)?;
         let config = &mut self.draft.config;
-        let (mut pelvis, mut arms) = (1.0, 1.0);
-        for dance in self.dances {
-            robot.retarget.gain = config.gain;
-            match find_amplitude(&robot, &dance.frames(), true)? {
-                Some(amplitude) => {
-                    config.gain = scaled(&robot, amplitude.pelvis, amplitude.arms).retarget.gain;
-                    pelvis *= amplitude.pelvis;
-                    arms *= amplitude.arms;
-                }
-                None => {
-                    config.stance = Stance::Hung;
-                    config.gain = Default::default();
-                    self.tried.push(
-                        "in the simulated world it falls whatever it leaves out: hung on a stand"
-                            .into(),
-                    );
-                    return Ok(());
-                }
-            }
-        }
+        let Some(StandingAmplitude { pelvis, arms, .. }) = found else {
+            config.stance = Stance::Hung;
+            self.tried.push(
+                "in the simulated world it falls whatever it leaves out: hung on a stand".into(),
+            );
+            return Ok(());
+        };
+        config.gain = scaled(&robot, pelvis, arms).retarget.gain;
         self.tried.push(format!(
             "in the simulated world (motors as strong as its masses ask for) it stands and dances \
              with {:.0} % of the pelvis's movement and {:.0} % of the arms'",
