@@ -103,7 +103,7 @@ fn stands_everywhere(
         let failed = |_| Err(anyhow::anyhow!("a trial in the simulated world panicked"));
         trials.into_iter().map(|trial| trial.join().unwrap_or_else(failed)).collect()
     });
-    worst_of(reports, |report| Ok(report.map(|it| it.fell_s.is_none().then_some(it))?))
+    worst_of(reports, |report| report.map(|it| it.fell_s.is_none().then_some(it)))
 }
 
 /// Worlds that a robot must stand in, without the help of a sensor: softer and stiffer

@@ -1,10 +1,9 @@
 //! What does not change while viewers watch: the robot's shapes, joints, limits and
 //! the requests it takes. Viewers get the scene once, as JSON.
 
-use super::snapshot::Snapshot;
 use crate::control::idle::IdleStyle;
 use crate::robot::{Meshes, Robot};
-use crate::telemetry::pose_array::{pose_array, pose_from_array};
+use crate::telemetry::pose_array::pose_array;
 use clap::ValueEnum;
 use serde_json::{Value, json};
 use servodance_retarget::{RobotModel, Shape};
@@ -90,9 +89,12 @@ impl Scene {
 
     /// Where each link is in the world: x, y, z, then the quaternion x, y, z, w.
     #[cfg(any(feature = "view", feature = "stage"))]
-    pub(crate) fn link_poses(&self, seen: &Snapshot) -> impl Iterator<Item = [f64; 7]> {
+    pub(crate) fn link_poses(
+        &self,
+        seen: &super::snapshot::Snapshot,
+    ) -> impl Iterator<Item = [f64; 7]> {
         let positions: Vec<f64> = seen.joints.iter().map(|j| j.position_rad).collect();
-        let world_from_root = pose_from_array(seen.now.root);
+        let world_from_root = crate::telemetry::pose_array::pose_from_array(seen.now.root);
         let poses = self.model.link_poses(&positions).into_iter();
         poses.map(move |root_from_link| pose_array(&(world_from_root * root_from_link)))
     }
