@@ -387,6 +387,16 @@ impl Retargeter {
         placement(&self.world_from_root(positions))
     }
 
+    /// How far the robot leans from its rest pose until its centre of mass is above an edge
+    /// of the soles, radians; `None` without two feet that stand.
+    pub fn tipping_angle_rad(&self) -> Option<f64> {
+        let stance = self.stance.as_ref()?;
+        let mut poses = self.poses.clone();
+        self.model.place(&self.world_from_root(&self.rest), &self.rest, &mut poses);
+        let com = self.model.centre_of_mass(&poses);
+        Some((-stance.governed.outside_m(&com)).atan2(com.z))
+    }
+
     /// Which feet stand on the floor, left and right; `None` on a stand.
     pub fn feet_down(&self) -> Option<[bool; 2]> {
         self.stance.as_ref().map(PlantedStance::down)

@@ -21,9 +21,9 @@ const SHARES: [(f64, f64); 10] = [
     (0.0, 0.55),
     (0.0, 0.4),
 ];
-/// A robot that leans no further than this beyond its plan, on a floor that leans by 1.4
-/// itself, has a margin for dances that it was not tried with, degrees.
-const MOST_LEAN_DEG: f64 = 4.0;
+/// A robot that leans at most this share of its tipping angle beyond its plan has a margin
+/// for dances that it was not tried with.
+const MOST_LEAN: f64 = 0.55;
 
 /// What a robot can stand, and how it went.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,6 +57,8 @@ pub fn find_amplitude(
     sized: bool,
 ) -> anyhow::Result<Option<StandingAmplitude>> {
     let lean = |found: &StandingAmplitude| found.worst.tilt_beyond_plan_max_deg;
+    let tips_rad = robot.retargeter()?.tipping_angle_rad().unwrap_or(0.0);
+    let most_deg = MOST_LEAN * tips_rad.to_degrees();
     let mut steadiest: Option<StandingAmplitude> = None;
     for (pelvis, arms) in SHARES {
         let scaled = scaled(robot, pelvis, arms);
@@ -65,7 +67,7 @@ pub fn find_amplitude(
             continue;
         };
         let found = StandingAmplitude { pelvis, arms, worst };
-        if lean(&found) <= MOST_LEAN_DEG {
+        if lean(&found) <= most_deg {
             return Ok(Some(found));
         }
         if steadiest.as_ref().is_none_or(|before| lean(&found) < lean(before)) {
