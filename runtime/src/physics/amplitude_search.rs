@@ -22,7 +22,7 @@ const SHARES: [(f64, f64); 10] = [
     (0.0, 0.4),
 ];
 /// A robot that leans at most this share of its tipping angle beyond its plan has a margin
-/// for dances that it was not tried with.
+/// for dances that it was not tried with. What stands on four feet need only not fall.
 const MOST_LEAN: f64 = 0.55;
 
 /// What a robot can stand, and how it went.
@@ -57,8 +57,8 @@ pub fn find_amplitude(
     sized: bool,
 ) -> anyhow::Result<Option<StandingAmplitude>> {
     let lean = |found: &StandingAmplitude| found.worst.tilt_beyond_plan_max_deg;
-    let tips_rad = robot.retargeter()?.tipping_angle_rad().unwrap_or(0.0);
-    let most_deg = MOST_LEAN * tips_rad.to_degrees();
+    let tipping_rad = robot.retargeter()?.tipping_angle_rad();
+    let most_deg = tipping_rad.map_or(f64::INFINITY, |angle| MOST_LEAN * angle.to_degrees());
     let mut steadiest: Option<StandingAmplitude> = None;
     for (pelvis, arms) in SHARES {
         let scaled = scaled(robot, pelvis, arms);

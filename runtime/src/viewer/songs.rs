@@ -125,7 +125,7 @@ fn last_part(name: &str) -> String {
     name.chars().filter(|c| !c.is_control()).take(100).collect()
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "view"))]
 mod tests {
     use super::*;
 
