@@ -108,8 +108,13 @@ fn run_report(args: ReportArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn run_build(BuildArgs { options }: BuildArgs) -> anyhow::Result<ExitCode> {
-    if !(0.0..=10_000.0).contains(&options.choreography) {
-        bail!("--choreography {} is outside 0..10000", options.choreography);
+    for (name, minutes) in [("figures", options.figures), ("choreography", options.choreography)] {
+        if !(0.0..=10_000.0).contains(&minutes) {
+            bail!("--{name} {minutes} is outside 0..10000");
+        }
+    }
+    if options.figures > 0.0 && options.motion.is_none() {
+        bail!("--figures needs --motion: figures are cut from captured dance");
     }
     let progress = Progress::share("building", options.quiet);
     let built =

@@ -5,7 +5,7 @@ use super::options::{DatasetOptions, DatasetSummary};
 use super::sources::SOURCES;
 use super::styles::STYLES;
 use super::training_file::{self, TrainingClip};
-use super::{captured, synthetic};
+use super::{captured, figures, synthetic};
 use servodance_model::conditioning::Encodec;
 
 /// Builds the training file. A motion file that cannot be read is left out and
@@ -14,15 +14,17 @@ use servodance_model::conditioning::Encodec;
 pub fn build(
     options: &DatasetOptions,
     encodec: Option<&Encodec>,
-    on_progress: &dyn Fn(f64),
+    on_progress: &(dyn Fn(f64) + Sync),
 ) -> Result<DatasetSummary, DatasetError> {
     let mut summary = DatasetSummary::default();
     let mut clips = Vec::new();
     if let Some(folder) = &options.motion {
-        let first_half = |share: f64| on_progress(share / 2.0);
-        captured::collect(folder, options, encodec, &mut clips, &mut summary, &first_half)?;
+        let first = |share: f64| on_progress(0.4 * share);
+        captured::collect(folder, options, encodec, &mut clips, &mut summary, &first)?;
+        let second = |share: f64| on_progress(0.4 + 0.4 * share);
+        figures::collect(folder, options, encodec, &mut clips, &second)?;
     }
-    synthetic::collect(options, encodec, &mut clips, &|share| on_progress(0.5 + share / 2.0))?;
+    synthetic::collect(options, encodec, &mut clips, &|share| on_progress(0.8 + 0.2 * share))?;
     summary.clips = clips.len();
     for clip in &clips {
         *summary.minutes.entry(kind(clip)).or_default() += clip.motion.len() as f64 / 1200.0;
@@ -30,6 +32,7 @@ pub fn build(
     let recipe = serde_json::json!({
         "seed": options.seed,
         "songs_per_clip": options.songs,
+        "figure_minutes": options.figures,
         "choreography_minutes": options.choreography,
         "music": "all music is synthetic, rendered on the beats of the motion",
         "sources": SOURCES.map(|(source, terms)| serde_json::json!({ "source": source, "terms": terms })),
@@ -57,6 +60,7 @@ mod tests {
             motion: None,
             out: folder.join(name),
             songs: 1,
+            figures: 0.0,
             choreography: 2.0,
             features: FeatureArgs::default(),
             seed: 3,

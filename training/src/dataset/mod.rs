@@ -12,6 +12,7 @@ mod captured;
 pub mod clip_entry;
 mod error;
 mod feature_args;
+mod figures;
 mod import;
 pub mod index;
 mod music;

@@ -17,7 +17,10 @@ pub struct DatasetOptions {
     /// Songs for every captured dance with a beat.
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub songs: usize,
-    /// Minutes of choreography
+    /// Minutes of dances to songs with sections, made of figures of the captured dance.
+    #[arg(long, default_value_t = 0.0, value_name = "MINUTES")]
+    pub figures: f64,
+    /// Minutes of choreography by rules.
     #[arg(long, default_value_t = 90.0, value_name = "MINUTES")]
     pub choreography: f64,
     /// Which features of the music are written.

@@ -76,6 +76,7 @@ fn choreography(
         motion: None,
         out: file.path().to_owned(),
         songs: 1,
+        figures: 0.0,
         choreography: request.clips as f64,
         features: dataset::FeatureArgs::default(),
         seed: FRESH_SEED,
