@@ -25,7 +25,7 @@ use crate::vqvae::DecoderState;
 #[derive(Debug)]
 pub struct Dance {
     networks: Arc<Networks>,
-    /// With guidance a second lane dances the same without music.
+    /// With guidance a second lane dances the same without music and style.
     seq: SeqState,
     decoder: DecoderState,
     options: GeneratorOptions,
@@ -173,10 +173,12 @@ impl Dance {
 
     fn apply_style(&mut self) {
         let seq = &self.networks.seq;
-        match &self.style_vector {
-            Some(vector) => seq.set_style(&mut self.seq, vector),
-            None => seq.set_style(&mut self.seq, seq.style(Some(self.style))),
-        }
+        let own = match &self.style_vector {
+            Some(vector) => vector,
+            None => seq.style(Some(self.style)),
+        };
+        let lanes = self.seq.lanes();
+        seq.set_styles(&mut self.seq, &[own, seq.style(None)][..lanes]);
     }
 
     /// Begins a new sequence from the codes of the last frame: the model forgets

@@ -36,8 +36,8 @@ pub struct GeneratorOptions {
     /// How much less likely it gets to go on as the last time that the dancer
     /// moved like now, 0 (not at all) to 20: so much a logit falls at most.
     pub variety: f32,
-    /// Classifier-free guidance on the music: 1 is off, above 1 follows the
-    /// music more and takes some more time.
+    /// Classifier-free guidance, away from a dance to no music in no style: 1 is off, above 1
+    /// follows music and style more and takes some more time.
     pub guidance: f32,
     /// For models that know an end.
     pub at_end: AtEnd,
@@ -52,7 +52,7 @@ impl Default for GeneratorOptions {
             temperature: 0.9,
             top_k: 0,
             top_p: 0.95,
-            repetition: 0.0,
+            repetition: 4.0,
             variety: 9.0,
             guidance: 1.5,
             at_end: AtEnd::Chain,

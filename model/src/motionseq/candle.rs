@@ -60,7 +60,7 @@ pub(crate) struct CandleSeqState {
     frame: u64,
     own: Vec<TensorCache>,
     music: Vec<TensorCache>,
-    /// The style's scale for every layer, [layers, dim].
+    /// The style's scale for every layer, [lanes, layers * dim].
     pub style: Vec<f32>,
     /// What the heads read, [lanes * frames, dim].
     hidden: Vec<f32>,
@@ -106,7 +106,7 @@ impl CandleSeq {
             frame: 0,
             own: layers.clone().map(|l| cache(&l.attention)).collect(),
             music: layers.map(|l| cache(&l.cross)).collect(),
-            style: vec![0.0; self.layers.len() * self.config.dim],
+            style: vec![0.0; lanes * self.layers.len() * self.config.dim],
             hidden: Vec::new(),
             logits: Vec::new(),
         }
@@ -138,12 +138,13 @@ impl CandleSeq {
         let positions = self.position_rows(state, count)?;
         x = (x + &positions)?;
         stream = (stream + positions)?;
-        let style = Tensor::from_slice(&state.style, (self.layers.len(), seq.dim), &Device::Cpu)?;
+        let styles = (0..self.layers.len()).map(|layer| self.style_rows(state, count, layer));
+        let styles: Vec<Tensor> = styles.collect::<TensorResult<_>>()?;
         let caches = state.own.iter_mut().zip(&mut state.music);
-        for (i, (layer, (own, heard))) in self.layers.iter().zip(caches).enumerate() {
+        for ((layer, style), (own, heard)) in self.layers.iter().zip(&styles).zip(caches) {
             x = layer.attention.forward(&x, None, &own_bias, own)?;
             x = layer.cross.forward(&x, Some(&stream), &cross_bias, heard)?;
-            x = styled(&x, &style.narrow(0, i, 1)?)?;
+            x = styled(&x, style)?;
             x = layer.feed_forward.forward(&x)?;
         }
         state.frame += count as u64;
@@ -202,6 +203,20 @@ impl CandleSeq {
         })
     }
 
+    /// The scales of one layer by the style of each lane.
+    fn style_rows(
+        &self,
+        state: &CandleSeqState,
+        frames: usize,
+        layer: usize,
+    ) -> TensorResult<Tensor> {
+        let (dim, layers) = (self.config.dim, self.layers.len());
+        let of_lane = |lane: usize| &state.style[(lane * layers + layer) * dim..][..dim];
+        let rows = (0..state.lanes * frames).flat_map(|row| of_lane(row / frames));
+        let rows: Vec<f32> = rows.copied().collect();
+        Tensor::from_vec(rows, (state.lanes * frames, dim), &Device::Cpu)
+    }
+
     fn rows(
         &self,
         state: &CandleSeqState,
@@ -244,7 +259,14 @@ impl CandleSeqState {
             let first = caches.iter().map(TensorCache::first_lane);
             first.collect::<TensorResult<_>>()
         };
-        Ok(Self { lanes: 1, own: first(&self.own)?, music: first(&self.music)?, ..self.clone() })
+        let style = self.style[..self.style.len() / self.lanes].to_vec();
+        Ok(Self {
+            lanes: 1,
+            own: first(&self.own)?,
+            music: first(&self.music)?,
+            style,
+            ..self.clone()
+        })
     }
 
     pub fn hidden(&self) -> &[f32] {
@@ -261,5 +283,5 @@ fn styled(x: &Tensor, scale: &Tensor) -> TensorResult<Tensor> {
     let dim = x.dim(D::Minus1)? as f64;
     let length = (x.sqr()?.sum_keepdim(D::Minus1)? + 1e-6)?.sqrt()?;
     let unit = (x.broadcast_div(&length)? * dim.sqrt())?;
-    x + unit.broadcast_mul(scale)?
+    x + (unit * scale)?
 }

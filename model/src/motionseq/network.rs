@@ -75,9 +75,14 @@ impl MotionSeq {
         self.styles.scales(style)
     }
 
-    /// Dances on in the style of a vector.
+    /// Dances on in the style of a vector, in every lane.
     pub fn set_style(&self, state: &mut SeqState, style: &[f32]) {
-        let scales = self.scales(style);
+        self.set_styles(state, &vec![style; state.lanes()]);
+    }
+
+    /// Dances on in the style of a vector for each lane.
+    pub fn set_styles(&self, state: &mut SeqState, styles: &[&[f32]]) {
+        let scales = styles.iter().flat_map(|style| self.scales(style)).collect();
         match &mut state.0 {
             State::Own(state) => state.style = scales,
             State::Candle(state) => state.style = scales,

@@ -63,6 +63,7 @@ pub(super) struct OwnSeqState {
     position: CachePosition,
     own: Vec<KvCache>,
     music: Vec<KvCache>,
+    /// The style's scale for every layer, [lanes, layers * dim].
     pub style: Vec<f32>,
     heard: Input,
     stream: Input,
@@ -141,7 +142,7 @@ impl OwnSeq {
             position: CachePosition::new(self.config.window),
             own: caches(&self.shape),
             music: caches(&self.cross_shape),
-            style: vec![0.0; layers * dim],
+            style: vec![0.0; lanes * layers * dim],
             heard: Input::new(self.music_dim, lanes, dtype),
             stream: Input::new(dim, lanes, dtype),
             keys_values: vec![0.0; self.music_kv.outputs() * lanes],
@@ -160,7 +161,7 @@ impl OwnSeq {
             position: state.position.clone(),
             own: first(&state.own),
             music: first(&state.music),
-            style: state.style.clone(),
+            style: state.style[..self.layers.len() * self.config.dim].to_vec(),
             ..self.start(1)
         }
     }
@@ -178,15 +179,15 @@ impl OwnSeq {
         let OwnSeqState { position, own, music, style, keys_values, work, scratch, .. } = state;
         let (lanes, dim) = (work.lanes, work.dim);
         let caches = own.chunks_exact_mut(lanes).zip(music.chunks_exact_mut(lanes));
-        let layers = self.layers.iter().zip(style.chunks_exact(dim));
-        for (i, ((layer, style), (own, music))) in layers.zip(caches).enumerate() {
+        for (i, (layer, (own, music))) in self.layers.iter().zip(caches).enumerate() {
             let at = (&self.shape, &*position);
             layer.attention.step(team, at, own, None, work, scratch);
             let at = (&self.cross_shape, &*position);
             let given = (&keys_values[..], i * 2 * self.cross_shape.wide());
             layer.cross.step(team, at, music, Some(given), work, scratch);
-            for x in work.x.chunks_exact_mut(dim) {
-                styled(team.cpu(), x, style);
+            let styles = style.chunks_exact(self.layers.len() * dim);
+            for (x, style) in work.x.chunks_exact_mut(dim).zip(styles) {
+                styled(team.cpu(), x, &style[i * dim..][..dim]);
             }
             layer.feed_forward.step(team, work);
         }

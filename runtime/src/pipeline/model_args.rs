@@ -75,14 +75,14 @@ pub struct SamplingArgs {
     #[arg(long, value_name = "P")]
     pub top_p: Option<f32>,
     /// How much less likely a code gets by its share of the last two seconds: 0
-    /// not at all, up to 20.
+    /// not at all, up to 20; usually 4.
     #[arg(long, value_name = "R")]
     pub repetition: Option<f32>,
     /// How much less likely it gets to dance on as the last time that the dancer
     /// moved like now, of the last half minute: 0 not at all, up to 20; usually 9.
     #[arg(long, value_name = "V")]
     pub variety: Option<f32>,
-    /// How much the music counts: 1 as the model says, above it more.
+    /// How much music and style count: 1 as the model says, above it more; usually 1.5.
     #[arg(long, value_name = "G")]
     pub guidance: Option<f32>,
 }
