@@ -10,6 +10,7 @@ use servodance_types::{MotionFrame, MusicFrame};
 use super::floor::FloorBounds;
 use super::options::{AtEnd, GeneratorOptions};
 use super::stall::StallDetector;
+use super::standing_feet::StandingFeet;
 use super::style_by_phrase::StyleByPhrase;
 use super::{Generator, Networks};
 use crate::conditioning::{HeardFrame, MusicKind};
@@ -42,6 +43,7 @@ pub struct Dance {
     sequence_frames: u64,
     recovery: Recovery,
     floor: FloorBounds,
+    feet: StandingFeet,
     style: usize,
     style_vector: Option<Vec<f32>>,
     /// In a medley.
@@ -80,6 +82,7 @@ impl Dance {
             sequence_frames: 0,
             recovery: Recovery::default(),
             floor: FloorBounds::default(),
+            feet: StandingFeet::default(),
             style,
             style_vector: options.style_vector.clone(),
             by_phrase,
@@ -128,7 +131,7 @@ impl Dance {
         }
         self.frames += 1;
         let pose = skeleton::fit(&self.recovery.push(&vector), 1.0);
-        let positions = self.floor.place(pose);
+        let positions = self.feet.place(self.floor.place(pose));
         if self.stall.stalled(&positions, music.beat.confidence) {
             self.restart_sequence();
         }
@@ -203,7 +206,7 @@ impl Dance {
         self.music.fill(0.0);
         (self.bad_music_frames, self.frames) = (0, 0);
         (self.recovery, self.floor) = (Recovery::default(), FloorBounds::default());
-        self.stall = StallDetector::default();
+        (self.feet, self.stall) = (StandingFeet::default(), StallDetector::default());
     }
 
     /// Leaves guidance out from the next step on, which then takes less time, or

@@ -11,6 +11,7 @@ mod floor;
 mod likelihood;
 mod options;
 mod stall;
+mod standing_feet;
 mod style_by_phrase;
 
 use std::path::Path;
