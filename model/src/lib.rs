@@ -6,7 +6,7 @@
 //!
 //! | module | part |
 //! |---|---|
-//! | `generator` | the step from music to motion: drawing, stalls, bounds of the floor |
+//! | `generator` | the step from music to motion: drawing, stalls, standing feet, bounds of the floor |
 //! | [`motionseq`], [`vqvae`] | the two networks: music and past codes to the next codes; codes to motion |
 //! | [`engine`] | what computes them, and which engine runs where: kernels, KV cache, ALiBi, candle |
 //! | `sampling` | temperature, top-k, top-p, repetition penalty |
