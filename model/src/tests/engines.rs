@@ -50,7 +50,7 @@ fn check(dtype: Option<Dtype>, options: &GeneratorOptions, frames: usize) {
 
 #[test]
 fn both_engines_draw_the_same_codes() {
-    let sampled = GeneratorOptions { seed: 1, ..GeneratorOptions::default() };
+    let sampled = GeneratorOptions { seed: 2, ..GeneratorOptions::default() };
     let greedy = GeneratorOptions { temperature: 0.0, ..sampled.clone() };
     check(None, &sampled, 250);
     check(None, &greedy, 250);
