@@ -175,7 +175,8 @@ fn new_servos_one_by_one_become_a_torso_that_dances() {
     assert!(well.contains("13 servos, as they should be"), "{well}");
 
     program.click_track("clicks.wav", 4.0, 120.0);
-    assert_eq!(violations_of_a_dance(&program, &robot, &servos), 0);
+    let broken = violations_of_a_dance(&program, &robot, &servos);
+    assert_eq!(broken, 0, "{:?}", servos.bus.violation_notes());
     assert!(servos.none_has_torque());
 }
 
