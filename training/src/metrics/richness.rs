@@ -62,7 +62,8 @@ impl Richness {
     }
 }
 
-fn is_leg(joint: BodyJoint) -> bool {
+/// Hips to feet; the pelvis is none.
+pub(crate) fn is_leg(joint: BodyJoint) -> bool {
     use BodyJoint::*;
     matches!(
         joint,

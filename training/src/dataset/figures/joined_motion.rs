@@ -4,6 +4,7 @@ use super::feet;
 use super::figure::{Figure, FigureLibrary};
 use super::phrase::Step;
 use super::song_form::SongForm;
+use crate::metrics::richness::is_leg;
 use servodance_model::motion::representation::heading_rad;
 use servodance_model::motion::vec3::{Vec3, add, lerp, narrow, scale, sub, turn, wide};
 use servodance_model::motion::{Clip, Pose, skeleton};
@@ -150,9 +151,7 @@ impl Placed {
 }
 
 fn is_upper(joint: BodyJoint) -> bool {
-    use BodyJoint::*;
-    let legs = [LeftHip, LeftKnee, LeftAnkle, LeftFoot, RightHip, RightKnee, RightAnkle, RightFoot];
-    joint != Pelvis && !legs.contains(&joint)
+    joint != BodyJoint::Pelvis && !is_leg(joint)
 }
 
 /// A pose with the upper body of another one, in the heading of its own pelvis.
