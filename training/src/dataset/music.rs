@@ -3,9 +3,11 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
+use crate::motion::tempo::smoothed;
 use servodance_audio::song::{Song, SongSpec};
 use servodance_audio::{AudioSource, MusicAnalyzer};
 use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
+use servodance_model::motion::{Clip, mean_joint_speed};
 use servodance_types::{FRAME_RATE_HZ, MUSIC_DIM};
 
 use super::error::DatasetError;
@@ -15,6 +17,8 @@ use servodance_runtime::pipeline::feature_extractor::{self, FeatureExtractor};
 pub(super) const ATTEMPTS: usize = 6;
 /// The least of [`followed`] that counts as following.
 pub(super) const FOLLOWED: f64 = 0.75;
+/// Music follows the dancer over about a bar, seconds (one deviation).
+const FOLLOWED_WITHIN_S: f64 = 0.6;
 
 /// A song on `beats_s` that lasts `duration_s`.
 pub fn on_beats(
@@ -26,6 +30,26 @@ pub fn on_beats(
     SongSpec::on_beats(beats_s, duration_s, seed)
         .and_then(|spec| spec.render())
         .map_err(|error| music_error(clip, &error))
+}
+
+/// Makes a song loud where its dancer moves much and soft where the dancer moves little, by
+/// `range_db` between the most and the least: what a dancer who hears dynamics would do. The
+/// dance begins `from_s` into the song.
+pub(super) fn follow(song: &mut Song, dance: &Clip, from_s: f64, range_db: f64) {
+    let rate_hz = f64::from(song.sample_rate_hz);
+    let level = smoothed(&mean_joint_speed(&dance.poses, dance.fps), FOLLOWED_WITHIN_S * dance.fps);
+    let mut sorted = level.clone();
+    sorted.sort_by(f64::total_cmp);
+    let [low, high] =
+        [0.05, 0.95].map(|share| sorted[(share * (sorted.len() - 1) as f64) as usize]);
+    for (i, sample) in song.samples.iter_mut().enumerate() {
+        let frame = ((i as f64 / rate_hz - from_s) * dance.fps).max(0.0);
+        let at = (frame as usize).min(level.len() - 1);
+        let next = (at + 1).min(level.len() - 1);
+        let speed = level[at] + (level[next] - level[at]) * (frame - at as f64).clamp(0.0, 1.0);
+        let share = ((speed - low) / (high - low).max(1e-6)).clamp(0.0, 1.0);
+        *sample *= 10f64.powf(range_db / 20.0 * (share - 1.0)) as f32;
+    }
 }
 
 /// Music vectors of `samples`, 20 a second, as heard live: `frames` after the first `skip`.

@@ -77,8 +77,20 @@ pub fn estimate(clip: &Clip) -> Option<KinematicTempo> {
     })
 }
 
-/// The clip with its beats `period_s` apart, and those beats; cut before the first, after the last.
-pub fn onto_grid(clip: &Clip, tempo: &KinematicTempo, period_s: f64) -> (Clip, Vec<f64>) {
+/// Where in a beat a dancer is who lingers on the beats and hurries between them: a share of
+/// the beat for a share of its time, both 0 to 1. `emphasis` 0 is steady, 1 stops on the beats.
+pub fn eased(share: f64, emphasis: f64) -> f64 {
+    share - emphasis / TAU * (TAU * share).sin()
+}
+
+/// The clip with its beats `period_s` apart, and those beats; cut before the first, after the
+/// last. What `emphasis` does: [`eased`].
+pub fn onto_grid(
+    clip: &Clip,
+    tempo: &KinematicTempo,
+    period_s: f64,
+    emphasis: f64,
+) -> (Clip, Vec<f64>) {
     let beats = &tempo.beats_s;
     let last = beats.len().saturating_sub(1);
     let at = |i: isize| beats[i.clamp(0, last as isize) as usize];
@@ -87,7 +99,7 @@ pub fn onto_grid(clip: &Clip, tempo: &KinematicTempo, period_s: f64) -> (Clip, V
         .map(|frame| {
             let position = frame as f64 / clip.fps / period_s;
             let i = position.floor();
-            let t = position - i;
+            let t = eased(position - i, emphasis);
             let i = i as isize;
             let [b, c] = [at(i), at(i + 1)];
             // One-sided slopes at the ends keep the rate of play steady there.
@@ -134,7 +146,8 @@ fn standardise(values: &mut [f64]) {
     }
 }
 
-fn smoothed(values: &[f64], sigma: f64) -> Vec<f64> {
+/// Gaussian mean over `sigma` samples.
+pub fn smoothed(values: &[f64], sigma: f64) -> Vec<f64> {
     let reach = (3.0 * sigma).ceil() as isize;
     let last = values.len() as isize - 1;
     (0..=last)
@@ -274,10 +287,23 @@ mod tests {
     fn a_warped_clip_has_its_beats_on_the_grid() {
         let clip = swinging(0.6, 0.2);
         let tempo = estimate(&clip).unwrap();
-        let (warped, grid) = onto_grid(&clip, &tempo, 0.5);
+        let (warped, grid) = onto_grid(&clip, &tempo, 0.5, 0.0);
         assert_eq!(grid.len(), tempo.beats_s.len());
         let again = estimate(&warped).unwrap();
         assert!((again.period_s - 0.5).abs() < 0.01, "{}", again.period_s);
+    }
+
+    #[test]
+    fn a_dancer_who_lingers_is_slow_on_the_beats() {
+        let clip = Clip::of_frames(
+            (0..200).map(|i| [[0.02 * i as f32, 0.0, 0.0]; 22]).collect::<Vec<_>>(),
+        );
+        let beats_s: Vec<f64> = (0..16).map(|i| 0.6 * f64::from(i)).collect();
+        let steady = KinematicTempo { period_s: 0.6, beats_s, confidence: 1.0, f1: 1.0 };
+        let (danced, grid) = onto_grid(&clip, &steady, 0.5, 0.4);
+        let speed = mean_joint_speed(&danced.poses, danced.fps);
+        assert!(alignment(&speed, danced.fps, &grid).f1 > 0.9);
+        assert_eq!([0.0, 0.5, 1.0].map(|share| eased(share, 0.4)), [0.0, 0.5, 1.0]);
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! Figures one after the other become one motion on the beats of a song.
 
 use super::feet;
-use super::figure::{Figure, FigureLibrary};
+use super::figure::{Figure, FigureLibrary, is_upper};
 use super::phrase::Step;
 use super::song_form::SongForm;
-use crate::metrics::richness::is_leg;
+use crate::dataset::captured::EMPHASIS;
+use crate::motion::tempo::eased;
 use servodance_model::motion::representation::heading_rad;
 use servodance_model::motion::vec3::{Vec3, add, lerp, narrow, scale, sub, turn, wide};
 use servodance_model::motion::{Clip, Pose, skeleton};
@@ -12,6 +13,8 @@ use servodance_types::{BodyJoint, FRAME_RATE_HZ};
 
 /// How long what differs where two figures meet takes to fade, seconds.
 const BLEND_S: f64 = 0.4;
+/// The upper body lingers longer on the beats than the legs, whose weight shifts show them.
+pub(super) const UPPER_EMPHASIS: f64 = 0.6;
 
 pub(super) struct JoinedMotion {
     poses: Vec<Pose>,
@@ -61,18 +64,16 @@ impl JoinedMotion {
     ) {
         let figure = &library.figures[figure];
         let clip = &library.clips[figure.clip];
-        let upper = step.upper.map(|upper| &library.figures[upper]);
+        let upper = step.upper.map_or(figure, |upper| &library.figures[upper]);
         let mean = mean_upper(clip, figure);
         let mut place: Option<Placed> = None;
         for frame in self.poses.len()..end {
             let time_s = frame as f64 / FRAME_RATE_HZ;
             let place_in_beats = beats_into(beats_s, step, time_s);
-            let source_s = source_time_s(figure, place_in_beats);
-            let mut pose = clip.pose_at(source_s);
-            if let Some(upper) = upper {
-                let other = library.clips[upper.clip].pose_at(source_time_s(upper, place_in_beats));
-                pose = with_upper_body(&pose, &other);
-            }
+            let source_s = source_time_s(&figure.beats_s, place_in_beats, EMPHASIS);
+            let upper_s = source_time_s(&upper.upper_beats_s, place_in_beats, UPPER_EMPHASIS);
+            let [legs, arms] = [clip.pose_at(source_s), library.clips[upper.clip].pose_at(upper_s)];
+            let mut pose = with_upper_body(&legs, &arms);
             pose = resized(&pose, &mean, step.size);
             let here = *place.get_or_insert_with(|| Placed::after(self.last_two(), &pose));
             let placed = here.place(&pose, time_s - beats_s[step.beat]);
@@ -100,10 +101,11 @@ fn beats_into(beats_s: &[f64], step: &Step, time_s: f64) -> f64 {
     (beat as f64 + share).clamp(0.0, step.beats as f64)
 }
 
-fn source_time_s(figure: &Figure, beats: f64) -> f64 {
-    let beat = (beats.floor() as usize).min(figure.beats() - 1);
-    let [a, b] = [figure.beats_s[beat], figure.beats_s[beat + 1]];
-    a + (b - a) * (beats - beat as f64).clamp(0.0, 1.0)
+/// The time of a place in beats, of a figure with beats at these times ([`eased`]).
+fn source_time_s(beats_s: &[f64], beats: f64, emphasis: f64) -> f64 {
+    let beat = (beats.floor() as usize).min(beats_s.len() - 2);
+    let [a, b] = [beats_s[beat], beats_s[beat + 1]];
+    a + (b - a) * eased((beats - beat as f64).clamp(0.0, 1.0), emphasis)
 }
 
 /// How a figure is moved to where the last one ended, and what is left of that one.
@@ -150,10 +152,6 @@ impl Placed {
     }
 }
 
-fn is_upper(joint: BodyJoint) -> bool {
-    joint != BodyJoint::Pelvis && !is_leg(joint)
-}
-
 /// A pose with the upper body of another one, in the heading of its own pelvis.
 fn with_upper_body(pose: &Pose, other: &Pose) -> Pose {
     let turn_rad = heading_rad(pose) - heading_rad(other);
@@ -172,7 +170,7 @@ fn mean_upper(clip: &Clip, figure: &Figure) -> [Vec3; 22] {
     let mut mean = [[0.0; 3]; 22];
     for sample in 0..SAMPLES {
         let beats = figure.beats() as f64 * sample as f64 / SAMPLES as f64;
-        let pose = clip.pose_at(source_time_s(figure, beats));
+        let pose = clip.pose_at(source_time_s(&figure.upper_beats_s, beats, 0.0));
         for (mean, point) in mean.iter_mut().zip(from_pelvis(&pose)) {
             *mean = add(*mean, scale(point, 1.0 / SAMPLES as f64));
         }

@@ -14,6 +14,7 @@ mod joined_motion;
 mod phrase;
 mod song_form;
 
+use super::captured::LOUDER_DB;
 use super::clip_entry::Split;
 use super::error::DatasetError;
 use super::music;
@@ -27,7 +28,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use servodance_model::conditioning::Encodec;
-use servodance_model::motion::encode;
+use servodance_model::motion::{Clip, encode};
 use servodance_types::FRAME_RATE_HZ;
 use song_form::SongForm;
 use std::path::Path;
@@ -96,10 +97,13 @@ fn dance(
     }
     let steps = plan(library, style, &form, &mut rng);
     let poses = JoinedMotion::of(library, &steps, &form, frames + 1).poses();
+    let danced = Clip::of_frames(poses);
+    music::follow(&mut form.song, &danced, 0.0, rng.random_range(LOUDER_DB));
+    let heard = form.hear(&name, frames)?;
     Ok(TrainingClip {
         latents: music::latents(&name, &form.song, 0, frames, encodec)?,
         name,
-        motion: encode(&poses),
+        motion: encode(&danced.poses),
         music: Some(heard),
         style,
         split,

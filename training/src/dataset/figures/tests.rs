@@ -75,10 +75,12 @@ fn joined_figures_dance_on_the_beat_without_jumps_on_their_feet() {
     let poses = JoinedMotion::of(&library, &steps, &form, 700).poses();
     assert_eq!(poses.len(), 700);
     let speed = mean_joint_speed(&poses, FRAME_RATE_HZ);
-    assert!(speed.iter().all(|v| *v < 3.0), "{:?}", speed.iter().copied().fold(0.0, f64::max));
+    // Choreography stays below 3 m/s; who lingers on the beats hurries between them.
+    let fastest = 3.0 * (1.0 + joined_motion::UPPER_EMPHASIS);
+    assert!(speed.iter().all(|v| *v < fastest), "{:?}", speed.iter().copied().fold(0.0, f64::max));
     let beats: Vec<f64> = form.audible_beats_s();
     let score = alignment(&speed, FRAME_RATE_HZ, &beats);
-    assert!(score.f1 > 0.6, "{score:?}");
+    assert!(score.f1 > 0.8, "{score:?}");
     let skate = foot_skate_ratio(&Clip::of_frames(poses)).unwrap();
     assert!(skate < 0.1, "{skate}");
 }

@@ -83,7 +83,7 @@ fn against_captured(
     options: &GeneratorOptions,
     (clip, tempo): &(Clip, tempo::KinematicTempo),
 ) -> anyhow::Result<DancePair> {
-    let (danced, grid_s) = tempo::onto_grid(clip, tempo, tempo.period_s);
+    let (danced, grid_s) = tempo::onto_grid(clip, tempo, tempo.period_s, 0.0);
     let beats_s: Vec<f64> = grid_s.iter().map(|beat| beat + WARM_UP_S).collect();
     let song = rendered_on(&clip.name, &beats_s, WARM_UP_S + PAIR_S + 0.2, options.seed)?;
     let heard = hear(&song.samples, song.sample_rate_hz)?;
