@@ -4,6 +4,8 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::motion::tempo::smoothed;
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
 use servodance_audio::song::{Song, SongSpec};
 use servodance_audio::{AudioSource, MusicAnalyzer};
 use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
@@ -17,8 +19,10 @@ use servodance_runtime::pipeline::feature_extractor::{self, FeatureExtractor};
 pub(super) const ATTEMPTS: usize = 6;
 /// The least of [`followed`] that counts as following.
 pub(super) const FOLLOWED: f64 = 0.75;
-/// Music follows the dancer over about a bar, seconds (one deviation).
-const FOLLOWED_WITHIN_S: f64 = 0.6;
+/// By so much music is louder where its dancer moves most than where least, decibels.
+const DYNAMICS_DB: std::ops::Range<f64> = 3.0..14.0;
+/// The dancer's speed is averaged over about a bar for that, seconds (one deviation).
+const DYNAMICS_WITHIN_S: f64 = 0.6;
 
 /// A song on `beats_s` that lasts `duration_s`.
 pub fn on_beats(
@@ -32,12 +36,12 @@ pub fn on_beats(
         .map_err(|error| music_error(clip, &error))
 }
 
-/// Makes a song loud where its dancer moves much and soft where the dancer moves little, by
-/// `range_db` between the most and the least: what a dancer who hears dynamics would do. The
-/// dance begins `from_s` into the song.
-pub(super) fn follow(song: &mut Song, dance: &Clip, from_s: f64, range_db: f64) {
+/// Makes a song loud where its dancer moves much and soft where the dancer moves little: what a
+/// dancer who hears dynamics would do. The dance begins `from_s` into the song.
+pub(super) fn add_dynamics(song: &mut Song, dance: &Clip, from_s: f64, rng: &mut ChaCha8Rng) {
+    let range_db = rng.random_range(DYNAMICS_DB);
     let rate_hz = f64::from(song.sample_rate_hz);
-    let level = smoothed(&mean_joint_speed(&dance.poses, dance.fps), FOLLOWED_WITHIN_S * dance.fps);
+    let level = smoothed(&mean_joint_speed(&dance.poses, dance.fps), DYNAMICS_WITHIN_S * dance.fps);
     let mut sorted = level.clone();
     sorted.sort_by(f64::total_cmp);
     let [low, high] =

@@ -14,7 +14,6 @@ mod joined_motion;
 mod phrase;
 mod song_form;
 
-use super::captured::LOUDER_DB;
 use super::clip_entry::Split;
 use super::error::DatasetError;
 use super::music;
@@ -98,7 +97,7 @@ fn dance(
     let steps = plan(library, style, &form, &mut rng);
     let poses = JoinedMotion::of(library, &steps, &form, frames + 1).poses();
     let danced = Clip::of_frames(poses);
-    music::follow(&mut form.song, &danced, 0.0, rng.random_range(LOUDER_DB));
+    music::add_dynamics(&mut form.song, &danced, 0.0, &mut rng);
     let heard = form.hear(&name, frames)?;
     Ok(TrainingClip {
         latents: music::latents(&name, &form.song, 0, frames, encodec)?,
