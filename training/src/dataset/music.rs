@@ -155,6 +155,27 @@ pub(super) fn music_error(clip: &str, error: &dyn std::fmt::Display) -> DatasetE
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::SeedableRng;
+
+    #[test]
+    fn music_is_louder_where_its_dancer_moves_more() {
+        // Still for ten seconds, then fast.
+        let pose = |i: usize| [[0.1 * i.saturating_sub(200) as f32, 0.0, 0.0]; 22];
+        let dance = Clip::of_frames((0..400).map(pose).collect());
+        let beats_s: Vec<f64> = (1..40).map(|i| 0.5 * f64::from(i)).collect();
+        let [plain, mut song] = [0, 1].map(|_| on_beats("test", &beats_s, 20.0, 1).unwrap());
+        add_dynamics(&mut song, &dance, 0.0, &mut ChaCha8Rng::seed_from_u64(1));
+        let second = song.sample_rate_hz as usize;
+        let gain_db = |from_s: usize| {
+            let [danced, plain] = [&song, &plain].map(|song| {
+                let span = &song.samples[from_s * second..(from_s + 4) * second];
+                span.iter().map(|sample| f64::from(*sample).powi(2)).sum::<f64>()
+            });
+            10.0 * (danced / plain).log10()
+        };
+        assert!(gain_db(14).abs() < 0.01, "{}", gain_db(14));
+        assert!(gain_db(2) <= -DYNAMICS_DB.start, "{}", gain_db(2));
+    }
 
     /// Music at 120 BPM whose phase is heard `off_beats` too far on.
     fn heard(off_beats: f64, confidence: f64) -> Vec<[f32; MUSIC_DIM]> {
