@@ -13,6 +13,10 @@
 //! made for? The pace of the motion goes so that both meet. It stays between
 //! [`SLOWEST`] and [`FASTEST`], changes gently, and never goes back.
 //!
+//! On top of that the motion lingers on the music's beats, as dancers do, and makes up
+//! for it between them ([`EMPHASIS`]): limbs that have no pause of their own on a beat, or
+//! that cannot follow the dancer exactly, still show the beat.
+//!
 //! Live motion is made from music that is past. It is shown whole beats late,
 //! as few as give the time to know a kinematic beat before it is due; a change
 //! of tempo changes that delay at the same bounded pace. Seconds; motion time
@@ -21,6 +25,7 @@
 use super::beat_clock::BeatClock;
 use super::trajectory_preview::TrajectoryPreview;
 use servodance_types::{MotionFrame, MusicFrame};
+use std::f64::consts::TAU;
 
 /// Bounds of the pace of the motion.
 const SLOWEST: f64 = 0.8;
@@ -28,7 +33,13 @@ const FASTEST: f64 = 1.25;
 /// Fastest change of the pace, 1/s.
 const PACE_CHANGE_PER_S: f64 = 6.0;
 /// A kinematic beat this near to a music beat was made for it, beats.
-const MEANT_BEATS: f64 = 0.42;
+const MEANT_BEATS: f64 = 0.28;
+/// By how much the motion is slower on the music's beats than on the mean of a beat, and
+/// faster halfway between them; a share of its pace.
+const EMPHASIS: f64 = 0.8;
+/// Fastest change of that, 1/s: what 240 beats a minute need; a beat that is lost or found
+/// fades.
+const EMPHASIS_CHANGE_PER_S: f64 = 20.0;
 /// A music beat nearer than this is as good as gone, seconds.
 const GONE_S: f64 = 0.06;
 /// How far ahead of being decided on a kinematic beat shall be known, seconds.
@@ -64,6 +75,8 @@ pub struct BeatSteering {
     motion_s: Option<f64>,
     pace: f64,
     paces: [f64; 2],
+    /// What the beat makes of the pace, about 1.
+    emphasis: f64,
     beats_late: u32,
 }
 
@@ -78,6 +91,7 @@ impl BeatSteering {
             motion_s: None,
             pace: 1.0,
             paces: [1.0; 2],
+            emphasis: 1.0,
             beats_late: 0,
         };
         steering.beats_late = steering.fewest_beats_late(DEFAULT_PERIOD_S);
@@ -119,7 +133,8 @@ impl BeatSteering {
         let most = PACE_CHANGE_PER_S * self.period_s;
         self.pace += (wanted - self.pace).clamp(-most, most);
         self.paces = [self.paces[0].min(self.pace), self.paces[1].max(self.pace)];
-        let mut motion_s = last_s + self.pace * self.period_s;
+        self.emphasise(seen_s);
+        let mut motion_s = last_s + self.pace * self.emphasis * self.period_s;
         if self.horizon.live_s.is_some() {
             motion_s = motion_s.min(shown_until_s.max(last_s));
         }
@@ -127,7 +142,24 @@ impl BeatSteering {
         Ok(motion_s)
     }
 
-    /// The slowest and the fastest pace so far.
+    /// Slower on a beat, faster between: as it is when this cycle is seen.
+    fn emphasise(&mut self, seen_s: f64) {
+        let wanted = match self.clock.count_at(seen_s) {
+            Some(count) => 1.0 - EMPHASIS * (TAU * count).cos(),
+            None => 1.0,
+        };
+        let most = EMPHASIS_CHANGE_PER_S * self.period_s;
+        self.emphasis += (wanted - self.emphasis).clamp(-most, most);
+    }
+
+    /// How much farther the emphasis brings the motion from `seen_s` to a beat than an even
+    /// pace does, seconds: its integral.
+    fn made_up_for_s(&self, seen_s: f64) -> f64 {
+        let so_far = self.clock.count_at(seen_s).map_or(0.0, |count| (TAU * count).sin());
+        EMPHASIS / TAU * so_far * self.clock.period_s().unwrap_or(DEFAULT_PERIOD_S)
+    }
+
+    /// The slowest and the fastest pace so far, without the emphasis of beats.
     pub fn paces(&self) -> [f64; 2] {
         self.paces
     }
@@ -149,7 +181,8 @@ impl BeatSteering {
                 return None;
             }
             let due_s = self.clock.time_of(meant + f64::from(self.beats_late))?;
-            (due_s - seen_s > GONE_S).then(|| (kinematic_s - motion_s) / (due_s - seen_s))
+            let left_s = due_s - seen_s + self.made_up_for_s(seen_s);
+            (due_s - seen_s > GONE_S).then(|| (kinematic_s - motion_s) / left_s)
         })
     }
 
@@ -186,6 +219,7 @@ mod tests {
     use super::*;
     use crate::robot::Robot;
     use servodance_types::{Beat, BeatLock, BodyJoint};
+    use std::collections::VecDeque;
 
     const CYCLE_S: f64 = 0.01;
 
@@ -234,8 +268,8 @@ mod tests {
         MotionFrame { time_s, positions, contacts: Default::default() }
     }
 
-    /// Errors of the human pauses against the beats after 10 s of 20, as the servos
-    /// show them. The robot, which is steered by its own pauses, may pause a
+    /// How far the motion is from a pause of the human, on each beat after 10 s of 20, as
+    /// the servos show it: what was decided a preview before. The robot, which is steered by its own pauses, may pause a
     /// little earlier or later than the human.
     fn errors_s(live_s: Option<f64>, bpm: f64, late_s: f64) -> Vec<f64> {
         let robot = Robot::load("op3").unwrap();
@@ -244,6 +278,8 @@ mod tests {
         let mut steering =
             BeatSteering::new(TrajectoryPreview::new(retargeter, CYCLE_S), horizon, CYCLE_S);
         let (mut frame, mut last) = (0, None);
+        let preview_s = horizon.preview_s;
+        let mut decided = VecDeque::from(vec![0.0; (preview_s / CYCLE_S).round() as usize]);
         let mut errors = Vec::new();
         for cycle in 0..2000 {
             let now_s = f64::from(cycle) * CYCLE_S;
@@ -257,14 +293,16 @@ mod tests {
                 frame += 1;
             }
             let motion_s = steering.next(now_s, f64::from(frame - 1) / 20.0 - 0.44, false).unwrap();
+            decided.push_back(motion_s + preview_s);
+            let shown_s = decided.pop_front().unwrap();
             if let Some(last_s) = last {
                 let pace = (motion_s - last_s) / CYCLE_S;
-                assert!((SLOWEST - 1e-6..=FASTEST + 1e-6).contains(&pace), "{pace} at {now_s}");
-                // A pause is shown where the motion passes it.
-                let swings = |t: f64| ((t - late_s) * bpm / 60.0).floor();
-                if swings(motion_s) > swings(last_s) && now_s > 10.0 {
-                    let beats = (now_s + 0.05) * bpm / 60.0;
-                    errors.push((beats - beats.round()) * 60.0 / bpm);
+                let bounds = SLOWEST * (1.0 - EMPHASIS)..=FASTEST * (1.0 + EMPHASIS);
+                assert!(bounds.contains(&pace), "{pace} at {now_s}");
+                let beats = |now_s: f64| ((now_s + 0.05) * bpm / 60.0).floor();
+                if beats(now_s) > beats(now_s - CYCLE_S) && now_s > 10.0 {
+                    let pauses = (shown_s - late_s) * bpm / 60.0;
+                    errors.push((pauses - pauses.round()) * 60.0 / bpm);
                 }
             }
             last = Some(motion_s);
