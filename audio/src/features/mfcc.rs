@@ -8,9 +8,9 @@
 //! - Every window ends at the frame (look-back 200 ms): the onset envelope is
 //!   librosa's (it shifts its centred frames by the same 100 ms), the MFCC are
 //!   librosa's two frames later.
-//! - Levels are relative to the loudest band so far, which fades by 1 dB a
-//!   second, in place of the maximum of the whole recording. That makes all
-//!   features independent of gain.
+//! - Levels are relative to the loudest band so far, which fades by 6 dB a
+//!   minute, in place of the maximum of the whole recording. That makes all
+//!   features independent of gain, and leaves soft sections soft.
 //! - Peaks use the running maximum and the mean of the last five frames.
 
 use super::chroma_cens::ChromaCens;
@@ -28,7 +28,7 @@ const POWER_SCALE: f32 = 0.25;
 /// Bands this far below the reference count as silent.
 const RANGE_DB: f32 = 80.0;
 /// How fast the reference level fades.
-const REFERENCE_FADE_DB: f32 = 1.0 / 20.0;
+const REFERENCE_FADE_DB: f32 = 0.1 / 20.0;
 /// The reference never falls below this: about -75 dB of full scale, so that
 /// the noise of an open microphone is not taken for music.
 const REFERENCE_FLOOR_DB: f32 = -30.0;

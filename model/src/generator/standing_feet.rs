@@ -16,6 +16,9 @@ const GOES_M_S: f32 = 1.0;
 const FARTHEST_M: f32 = 0.1;
 /// How much of the way to where the dancer puts a foot is left after a frame.
 const LEFT_OVER: f32 = 0.7;
+/// How much of the way up, or down again, a foot goes in a frame: one that moves skates until it
+/// is off the floor.
+const RAISED: f32 = 0.95;
 
 /// Both feet of one dance.
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,7 +64,7 @@ impl StandingFoot {
         self.place = stands.then_some(place);
         let [x, y, z] = &mut self.offset;
         let raised = if is_low && !stands { FLOOR_M - toe[1] } else { 0.0 };
-        *y = raised + (*y - raised) * (1.0 - LEFT_OVER);
+        *y += (raised - *y) * RAISED;
         (*x, *z) = match stands {
             true => (place[0] - toe[0], place[1] - toe[2]),
             false => (*x * LEFT_OVER, *z * LEFT_OVER),
