@@ -9,7 +9,7 @@ use servodance_types::{BeatLock, MusicFrame};
 
 /// The name of the style that is another one for each phrase.
 pub const MEDLEY: &str = "medley";
-/// The style between the guests. All are learned from people.
+/// The style between the guests. All are learned from people nearly alone.
 const HOME: &str = "salsa";
 const GUESTS: [&str; 2] = ["pop", "street"];
 /// Phrases are quiet whose last bar is softer, 0 to 1 between the quietest and the loudest.

@@ -154,7 +154,7 @@ impl BeatSteering {
 
     /// How much farther the emphasis brings the motion from `seen_s` to a beat than an even
     /// pace does, seconds: its integral.
-    fn made_up_for_s(&self, seen_s: f64) -> f64 {
+    fn emphasis_ahead_s(&self, seen_s: f64) -> f64 {
         let so_far = self.clock.count_at(seen_s).map_or(0.0, |count| (TAU * count).sin());
         EMPHASIS / TAU * so_far * self.clock.period_s().unwrap_or(DEFAULT_PERIOD_S)
     }
@@ -181,7 +181,7 @@ impl BeatSteering {
                 return None;
             }
             let due_s = self.clock.time_of(meant + f64::from(self.beats_late))?;
-            let left_s = due_s - seen_s + self.made_up_for_s(seen_s);
+            let left_s = due_s - seen_s + self.emphasis_ahead_s(seen_s);
             (due_s - seen_s > GONE_S).then(|| (kinematic_s - motion_s) / left_s)
         })
     }
@@ -269,8 +269,8 @@ mod tests {
     }
 
     /// How far the motion is from a pause of the human, on each beat after 10 s of 20, as
-    /// the servos show it: what was decided a preview before. The robot, which is steered by its own pauses, may pause a
-    /// little earlier or later than the human.
+    /// the servos show it: what was decided a preview before. The robot, which is steered by
+    /// its own pauses, may pause a little earlier or later than the human.
     fn errors_s(live_s: Option<f64>, bpm: f64, late_s: f64) -> Vec<f64> {
         let robot = Robot::load("op3").unwrap();
         let retargeter = robot.retargeter().unwrap();
