@@ -3,7 +3,8 @@
     python audio/reference/fresh_songs.py FOLDER FONT.sf2 [SHARE/SHARES]
 
 FOLDER gets `dev/` (to tune on) and `report/` (to report; look seldom), each with
-NAME.wav and NAME.beats (one line a beat: seconds, place in the bar from 1).
+NAME.wav and NAME.beats (one line a beat: seconds, place in the bar from 1); songs with a
+form also NAME.sections (one line a section: the second at which it begins).
 With SHARE/SHARES (0/4) only every fourth song is made, for several processes; songs
 that are there are left as they are. Sources, none of them our generator:
 
@@ -11,6 +12,9 @@ that are there are left as they are. Sources, none of them our generator:
   1883; folk songs), harmonised by the few lines below and accompanied by the grooves of
   MMA (Debian's `mma`), with its drums, basses and chords: swing, latin, rock,
   march, waltz, polka, 6/8, 5/4 and others;
+- form: tunes of the same sources with an introduction, verses, choruses and a break, which
+  differ in loudness, groove and instruments, in folders of their own: `form-dev/` and
+  `form-report/`;
 - scores: quartets, chorales, songs, a rag of music21, without drums;
 - drums: the demo songs of Hydrogen (Debian's `hydrogen-data`);
 - loops: CC0 recordings of Sonic Pi (Debian's `sonic-pi-samples`), repeated, at
@@ -72,6 +76,25 @@ SCORES = [
     ("joplin/maple_leaf_rag", 92), ("schumann_robert/opus41no1", 108), ("handel/rinaldo/lascia_chio_pianga", 66),
     ("corelli/opus3no1", 92), ("weber/doppelFuge", 100), ("liliuokalani/aloha_oe", 84),
 ]
+# Grooves of a verse and of a chorus.
+FORMS = [
+    ("8Beat", "8Beat1Plus"), ("SoftRock1", "SoftRock2"), ("60sRock1", "60sRockPlus"), ("BasicRockSus", "BasicRock4"),
+    ("R&BSus", "R&BPlus"), ("SalsaSus", "SalsaPlus"), ("Ska1Sus", "SkaClap"), ("Samba", "SambaSusPlus"),
+    ("Trance", "Trance2Bass1"), ("8BeatWalk", "8BeatSusPlus"), ("SoftRock", "SoftRock2Sus"), ("60sRock", "60sRock1Plus"),
+]
+# Bars, loudness and bandsmen of the parts of a song.
+PARTS = {
+    "introduction": (4, 0.5, lambda channel: channel != 9),
+    "verse": (8, 0.7, lambda channel: True),
+    "chorus": (8, 1.0, lambda channel: True),
+    "break": (4, 0.45, lambda channel: channel == 9),
+    "quiet": (4, 0.4, lambda channel: channel != 9),
+}
+ORDERS = [
+    ["introduction", "verse", "chorus", "break", "verse", "chorus", "quiet", "chorus"],
+    ["verse", "chorus", "quiet", "verse", "chorus", "break", "chorus", "chorus"],
+    ["chorus", "verse", "break", "chorus", "quiet", "verse", "chorus", "verse"],
+]
 # Beats of each loop.
 LOOPS = {"amen": 4, "amen_full": 16, "breakbeat": 4, "compus": 16, "electric": 4, "garzul": 16, "industrial": 2,
          "mehackit1": 4, "mehackit2": 4, "mika": 16, "safari": 16}
@@ -130,10 +153,14 @@ def harmonise(notes, bars, key):
     return out
 
 
-def accompaniment(groove, chords, tempo, seed):
-    """Events and programs of MMA's band."""
+def accompaniment(grooves, chords, tempo, seed):
+    """Events and programs of MMA's band; a groove for each chord."""
     with tempfile.TemporaryDirectory() as folder:
-        lines = [f"RndSeed {seed}", f"Tempo {tempo}", f"Groove {groove}"] + [f"{i + 1} {c}" for i, c in enumerate(chords)]
+        lines, last = [f"RndSeed {seed}", f"Tempo {tempo}"], None
+        for bar, (groove, name) in enumerate(zip(grooves, chords)):
+            lines += [f"Groove {groove}"] if groove != last else []
+            lines.append(f"{bar + 1} {name}")
+            last = groove
         open(f"{folder}/a.mma", "w").write("\n".join(lines) + "\n")
         subprocess.run(["mma", f"{folder}/a.mma", "-f", f"{folder}/a.mid"], check=True, capture_output=True)
         events, programs, open_notes, now = [], {}, {}, 0.0
@@ -158,7 +185,7 @@ def tune_song(groove, tune, font, rng):
     tempo = round(rng.uniform(low, high))  # MMA knows whole tempi only
     beat_s, quarters = 60.0 / tempo, 1.5 if compound else 1.0
     turns = int(LENGTH_S / (bars * beats * beat_s)) + 1
-    events, programs = accompaniment(name, chords * turns, tempo, rng.randrange(999))
+    events, programs = accompaniment([name] * (bars * turns), chords * turns, tempo, rng.randrange(999))
     # A quarter in 2/4 tunes is half a beat of the band's bar of four.
     bar_quarters = tune.recurse().getElementsByClass(meter.TimeSignature)[0].barDuration.quarterLength
     stretch = beats * quarters / bar_quarters / quarters
@@ -174,6 +201,33 @@ def tune_song(groove, tune, font, rng):
     sound = render(events, programs, font, rng.choice("01"))
     count = int(len(sound) / RATE / beat_s)
     return sound, [(i * beat_s, i % beats + 1) for i in range(count)]
+
+
+def form_song(index, grooves, tune, font, rng):
+    """A song of parts; also the seconds at which they begin."""
+    notes, bars = melody(tune)
+    chords = harmonise(notes, bars, tune.analyze("key"))
+    tempo = rng.randrange(96, 150)
+    beat_s = 60.0 / tempo
+    parts = [name for name in ORDERS[index % len(ORDERS)] for _ in range(PARTS[name][0])]
+    played = [grooves[name == "chorus"] for name in parts]
+    every, programs = accompaniment(played, [chords[bar % bars] for bar in range(len(parts))], tempo, rng.randrange(999))
+    part_at = lambda start: parts[min(int((start + 0.02) / (4 * beat_s)), len(parts) - 1)]
+    events = [e for e in every if PARTS[part_at(e[0])][2](e[2])]
+    free = [c for c in range(16) if c not in programs and c != 9][:2]
+    programs |= {channel: rng.choice(LEADS) for channel in free}
+    quarters = tune.recurse().getElementsByClass(meter.TimeSignature)[0].barDuration.quarterLength
+    for bar, name in enumerate(parts):
+        if name in ("introduction", "break"):
+            continue
+        for _, at, length, pitch in (n for n in notes if n[0] == bar % bars):
+            start, long_s = (bar * 4 + at * 4 / quarters) * beat_s, 0.95 * length * 4 / quarters * beat_s
+            events.append((start, long_s, free[name == "chorus"], pitch, rng.randrange(76, 110)))
+    events = [(t, l, c, k, max(1, int(v * PARTS[part_at(t)][1]))) for t, l, c, k, v in events]
+    sound = render(events, programs, font, rng.choice("01"))
+    begins = [bar for bar in range(1, len(parts)) if parts[bar] != parts[bar - 1]]
+    beats = [(i * beat_s, i % 4 + 1) for i in range(int(len(sound) / RATE / beat_s))]
+    return sound, beats, [bar * 4 * beat_s for bar in begins]
 
 
 def score_song(path, tempo, font, rng):
@@ -276,6 +330,10 @@ def songs(font):
         kind = "6" if groove[2] else "3" if groove[1] == 3 else "4"
         if tunes[kind]:
             yield f"tune_{groove[0]}", lambda rng, g=groove, t=tunes[kind][index % len(tunes[kind])]: tune_song(g, t, font, rng)
+    for index in range(2 * len(FORMS)):
+        grooves, tune = FORMS[index % len(FORMS)], tunes["4"][(index * 7 + 3) % len(tunes["4"])]
+        name = f"form_{grooves[0]}_{index // len(FORMS)}".replace("&", "")
+        yield name, lambda rng, i=index, g=grooves, t=tune: form_song(i, g, t, font, rng)
     for path, tempo in SCORES:
         yield "score_" + path.replace("/", "_"), lambda rng, p=path, t=tempo: score_song(p, t, font, rng)
     for path in sorted(glob.glob("/usr/share/hydrogen/data/demo_songs/*.h2song")):
@@ -288,16 +346,22 @@ def songs(font):
 def main():
     folder, font = sys.argv[1:3]
     share, shares = map(int, sys.argv[3].split("/")) if len(sys.argv) > 3 else (0, 1)
-    for part in ("dev", "report"):
+    for part in ("dev", "report", "form-dev", "form-report"):
         os.makedirs(f"{folder}/{part}", exist_ok=True)
-    for index, (name, make) in enumerate(songs(font)):
-        path = f"{folder}/{'dev' if index % 3 == 0 else 'report'}/{name}"
+    # Songs with a form are counted apart, so that the others stay in their folders.
+    made = list(songs(font))
+    forms = [song for song in made if song[0].startswith("form_")]
+    plain = [song for song in made if not song[0].startswith("form_")]
+    places = [(song, "report" if index % 3 else "dev") for index, song in enumerate(plain)]
+    places += [(song, "form-report" if index % 2 else "form-dev") for index, song in enumerate(forms)]
+    for index, ((name, make), part) in enumerate(places):
+        path = f"{folder}/{part}/{name}"
         if index % shares != share or os.path.exists(path + ".beats"):
             continue
         rng = random.Random(name)
         cut_s = rng.choice([0.0, rng.uniform(0.0, 3.0)])
         try:
-            sound, truth = make(rng)
+            sound, truth, *form = make(rng)
         except Exception as error:
             print("left out:", name, repr(error)[:200], flush=True)
             continue
@@ -307,6 +371,9 @@ def main():
         soundfile.write(path + ".wav", sound, RATE, subtype="PCM_16")
         with open(path + ".beats", "w") as out:
             out.writelines(f"{t:.4f} {place}\n" for t, place in truth)
+        for sections in form:
+            times_s = [t - cut_s for t in sections if cut_s <= t < cut_s + len(sound) / RATE]
+            open(path + ".sections", "w").writelines(f"{t:.4f}\n" for t in times_s)
         print(path, len(truth), flush=True)
 
 
