@@ -8,7 +8,10 @@ use std::sync::Arc;
 use servodance_types::{MotionFrame, MusicFrame};
 
 use super::floor::FloorBounds;
+use super::motion_size::MotionSize;
 use super::options::{AtEnd, GeneratorOptions};
+use super::phrases::Phrases;
+use super::smooth_motion::SmoothMotion;
 use super::stall::StallDetector;
 use super::standing_feet::StandingFeet;
 use super::style_by_phrase::StyleByPhrase;
@@ -21,6 +24,9 @@ use crate::motion::{Pose, skeleton};
 use crate::motionseq::{MotionSeq, SeqState};
 use crate::sampling::{PenaltyStrength, RepetitionPenalty, Sampler};
 use crate::vqvae::DecoderState;
+
+/// Share of the option `variety` within a phrase.
+const VARIETY_IN_PHRASE: f32 = 0.5;
 
 /// One dance in progress.
 #[derive(Debug)]
@@ -41,6 +47,8 @@ pub struct Dance {
     frames: u64,
     /// Frames of the sequence that the model sees.
     sequence_frames: u64,
+    size: MotionSize,
+    smooth: SmoothMotion,
     recovery: Recovery,
     floor: FloorBounds,
     feet: StandingFeet,
@@ -48,6 +56,7 @@ pub struct Dance {
     style_vector: Option<Vec<f32>>,
     /// In a medley.
     by_phrase: Option<StyleByPhrase>,
+    phrases: Phrases,
     stall: StallDetector,
 }
 
@@ -80,12 +89,15 @@ impl Dance {
             bad_music_frames: 0,
             frames: 0,
             sequence_frames: 0,
+            size: MotionSize::default(),
+            smooth: SmoothMotion::default(),
             recovery: Recovery::default(),
             floor: FloorBounds::default(),
             feet: StandingFeet::default(),
             style,
             style_vector: options.style_vector.clone(),
             by_phrase,
+            phrases: Phrases::default(),
             stall: StallDetector::default(),
             options,
             networks,
@@ -115,11 +127,8 @@ impl Dance {
         if !networks.normalise_music(&self.features, &mut self.music) {
             self.bad_music_frames += 1;
         }
-        let phrase = self.by_phrase.as_mut().and_then(|style| style.observe(music, &self.music));
-        if let Some(style) = phrase.filter(|style| *style != self.style) {
-            self.style = style;
-            self.apply_style();
-            self.chain();
+        if self.phrases.observe(music) {
+            self.begin_phrase();
         }
         let team = networks.engine.pool().team();
         self.next_codes(&networks.seq, &team)?;
@@ -130,6 +139,12 @@ impl Dance {
             return Err(ModelError::Diverged { frame: self.frames });
         }
         self.frames += 1;
+        let vector = self.size.apply(
+            self.smooth.push(vector),
+            &networks.motion_mean,
+            self.phrases.level_db(),
+            self.options.dynamics,
+        );
         let pose = skeleton::fit(&self.recovery.push(&vector), 1.0);
         let positions = self.feet.place(self.floor.place(pose));
         if self.stall.stalled(&positions, music.beat.confidence) {
@@ -174,6 +189,16 @@ impl Dance {
         Ok(())
     }
 
+    /// Another figure, and in a medley another style.
+    fn begin_phrase(&mut self) {
+        if let Some(styles) = &mut self.by_phrase {
+            self.style = styles.next_style(self.phrases.loudness());
+            self.apply_style();
+        }
+        self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
+        self.chain();
+    }
+
     fn apply_style(&mut self) {
         let seq = &self.networks.seq;
         let own = match &self.style_vector {
@@ -194,12 +219,15 @@ impl Dance {
     /// Back to before the first frame, with another seed.
     pub fn reset(&mut self, seed: u64) {
         self.sampler.reseed(seed);
+        self.phrases = Phrases::default();
         if let Some(by_phrase) = &mut self.by_phrase {
             by_phrase.reset();
             self.style = by_phrase.home();
             self.apply_style();
         }
         self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
+        self.size = MotionSize::default();
+        self.smooth = SmoothMotion::default();
         self.chain();
         self.decoder.restart();
         self.penalty.clear();
@@ -297,8 +325,14 @@ impl Dance {
         if self.sequence_frames == 1 {
             self.logits.truncate(codes);
         }
-        let strength =
-            PenaltyStrength { repetition: self.options.repetition, variety: self.options.variety };
+        let bar_frames = self.phrases.bar_to_repeat();
+        let in_phrase = if bar_frames.is_some() { VARIETY_IN_PHRASE } else { 1.0 };
+        let strength = PenaltyStrength {
+            repetition: self.options.repetition,
+            variety: self.options.variety * in_phrase,
+            bar_repeat: self.options.bar_repeat,
+            bar_frames,
+        };
         self.penalty.apply(part, strength, &mut self.logits[..codes]);
         let drawn = self.sampler.draw(&self.logits);
         drawn.ok_or(ModelError::Diverged { frame: self.frames })

@@ -9,7 +9,10 @@
 mod dance;
 mod floor;
 mod likelihood;
+mod motion_size;
 mod options;
+mod phrases;
+mod smooth_motion;
 mod stall;
 mod standing_feet;
 mod style_by_phrase;
@@ -115,7 +118,7 @@ impl Generator {
         }
         let mut styles = config.seq.styles.clone();
         let mut default_style = w.default_style();
-        if StyleByPhrase::new(&styles, config.music_dim).is_some() {
+        if StyleByPhrase::new(&styles).is_some() {
             default_style = styles.len();
             styles.push(MEDLEY.to_owned());
         }
@@ -196,7 +199,7 @@ impl Networks {
     fn by_phrase(&self, style: usize) -> Option<StyleByPhrase> {
         let is_medley = self.styles.get(style).is_some_and(|name| name == MEDLEY);
         let own = &self.config.seq.styles;
-        is_medley.then(|| StyleByPhrase::new(own, self.config.music_dim)).flatten()
+        is_medley.then(|| StyleByPhrase::new(own)).flatten()
     }
 
     /// One of the stored beginnings, of this style if there is one.

@@ -36,6 +36,11 @@ pub struct GeneratorOptions {
     /// How much less likely it gets to go on as the last time that the dancer
     /// moved like now, 0 (not at all) to 20: so much a logit falls at most.
     pub variety: f32,
+    /// How much likelier a code gets that came a bar before in the same phrase, 0 (not at all)
+    /// to 20. `variety` counts half within a phrase.
+    pub bar_repeat: f32,
+    /// How much larger the motion gets in loud music and smaller in soft, 0 (not at all) to 2.
+    pub dynamics: f32,
     /// Classifier-free guidance, away from a dance to no music in no style: 1 is off, above 1
     /// follows music and style more and takes some more time.
     pub guidance: f32,
@@ -54,6 +59,8 @@ impl Default for GeneratorOptions {
             top_p: 0.95,
             repetition: 4.0,
             variety: 9.0,
+            bar_repeat: 3.5,
+            dynamics: 1.0,
             guidance: 1.5,
             at_end: AtEnd::Chain,
         }
@@ -72,6 +79,8 @@ impl GeneratorOptions {
         let ranges = [
             ("guidance", self.guidance, 0.0..=10.0, "0 to 10"),
             ("variety", self.variety, 0.0..=20.0, "0 to 20"),
+            ("bar_repeat", self.bar_repeat, 0.0..=20.0, "0 to 20"),
+            ("dynamics", self.dynamics, 0.0..=2.0, "0 to 2"),
         ];
         for (option, found, range, expected) in ranges {
             if !range.contains(&found) {

@@ -5,6 +5,9 @@
 //! `variety`), into which a model with little material falls back: the last frames
 //! are compared with those of every moment of the last half minute; where they are
 //! alike, the code that followed then becomes less likely now.
+//!
+//! Within a phrase the opposite holds: what was danced a bar before becomes likelier (option
+//! `bar_repeat`).
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PenaltyStrength {
@@ -12,6 +15,10 @@ pub(crate) struct PenaltyStrength {
     pub repetition: f32,
     /// For a code that goes on with a figure just as the last time.
     pub variety: f32,
+    /// Added for a code that came a bar before.
+    pub bar_repeat: f32,
+    /// Frames of a bar that is to be danced again.
+    pub bar_frames: Option<usize>,
 }
 
 /// Both penalties and the codes that they remember.
@@ -41,6 +48,9 @@ impl RepetitionPenalty {
     pub fn apply(&mut self, part: usize, strength: PenaltyStrength, logits: &mut [f32]) {
         self.recent.apply(part, strength.repetition, logits);
         self.figures.apply(part, strength.variety, logits);
+        if let Some(bar_frames) = strength.bar_frames {
+            self.figures.repeat(part, bar_frames, strength.bar_repeat, logits);
+        }
     }
 }
 
@@ -168,6 +178,17 @@ impl RepeatedFigures {
         }
     }
 
+    /// Makes the codes of one part likelier that came `lag` frames before, and half as much
+    /// those beside.
+    fn repeat(&self, part: usize, lag: usize, strength: f32, logits: &mut [f32]) {
+        if lag < 2 || lag >= self.filled {
+            return;
+        }
+        for (lag, share) in [(lag - 1, 0.5), (lag, 1.0), (lag + 1, 0.5)] {
+            logits[self.row(lag)[part]] += strength * share;
+        }
+    }
+
     /// Codes `lag` frames before the frame that comes next.
     fn row(&self, lag: usize) -> &[usize] {
         let row = (self.next + MEMORY_FRAMES - lag) % MEMORY_FRAMES;
@@ -218,6 +239,17 @@ mod tests {
         let mut logits = vec![0.0; 200];
         figures.apply(0, 2.0, &mut logits);
         assert!(logits.iter().all(|l| *l == 0.0));
+    }
+
+    #[test]
+    fn what_came_a_bar_before_gets_likelier() {
+        let mut figures = RepeatedFigures::new(1, 200);
+        (0..60).for_each(|t| figures.push(&[t]));
+        let mut logits = vec![0.0; 200];
+        figures.repeat(0, 40, 3.0, &mut logits);
+        assert_eq!((logits[19], logits[20], logits[21]), (1.5, 3.0, 1.5));
+        figures.repeat(0, 60, 3.0, &mut logits);
+        assert_eq!(logits.iter().sum::<f32>(), 6.0);
     }
 
     #[test]

@@ -82,6 +82,14 @@ pub struct SamplingArgs {
     /// moved like now, of the last half minute: 0 not at all, up to 20; usually 9.
     #[arg(long, value_name = "V")]
     pub variety: Option<f32>,
+    /// How much likelier it gets to dance the bar before again within a phrase of the music: 0
+    /// not at all, up to 20; usually 3.5.
+    #[arg(long, value_name = "B")]
+    pub bar_repeat: Option<f32>,
+    /// How much larger loud music is danced and how much smaller soft music: 0 not at all, up to
+    /// 2; usually 1.
+    #[arg(long, value_name = "D")]
+    pub dynamics: Option<f32>,
     /// How much music and style count: 1 as the model says, above it more; usually 1.5.
     #[arg(long, value_name = "G")]
     pub guidance: Option<f32>,
@@ -97,6 +105,8 @@ impl SamplingArgs {
             top_p: self.top_p.unwrap_or(usual.top_p),
             repetition: self.repetition.unwrap_or(usual.repetition),
             variety: self.variety.unwrap_or(usual.variety),
+            bar_repeat: self.bar_repeat.unwrap_or(usual.bar_repeat),
+            dynamics: self.dynamics.unwrap_or(usual.dynamics),
             guidance: self.guidance.unwrap_or(usual.guidance),
             ..usual
         }
