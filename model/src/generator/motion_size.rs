@@ -5,8 +5,11 @@
 
 use crate::motion::representation::{CONTACTS_AT, JOINTS_AT, PoseVector, STEPS_AT};
 
-/// Share of the newest frame in the loudness and the speed of now.
-const NOW_SHARE: f32 = 0.1;
+/// Share of the newest frame in the loudness of now: two seconds, for a size that changed within
+/// a beat would move the beats of the dance.
+const LOUDNESS_SHARE: f32 = 0.025;
+/// Share of the newest frame in the speed of now: half a second.
+const SPEED_SHARE: f32 = 0.1;
 /// Frames over which the usual loudness and speed are averaged: half a minute.
 const USUAL_FRAMES: f32 = 600.0;
 /// Differences of loudness that are hardly heard, decibels.
@@ -49,8 +52,8 @@ impl MotionSize {
     ) -> PoseVector {
         self.frames = (self.frames + 1.0).min(USUAL_FRAMES);
         let share = self.frames.recip();
-        self.loudness_db.push(loudness_db, share);
-        self.step_m.push(mean_step_m(&vector), share);
+        self.loudness_db.push(loudness_db, LOUDNESS_SHARE, share);
+        self.step_m.push(mean_step_m(&vector), SPEED_SHARE, share);
         let off_db = self.loudness_db.now - self.loudness_db.usual;
         self.variance_db2 += (off_db * off_db - self.variance_db2) * share;
         sized(vector, mean, self.size(strength))
@@ -66,10 +69,10 @@ impl MotionSize {
 }
 
 impl Average {
-    /// `share` of the newest frame among all until the averages have their lengths.
-    fn push(&mut self, value: f32, share: f32) {
-        self.now += (value - self.now) * share.max(NOW_SHARE);
-        self.usual += (self.now - self.usual) * share;
+    /// `usual_share` is that of the newest frame among all, until the averages have their lengths.
+    fn push(&mut self, value: f32, now_share: f32, usual_share: f32) {
+        self.now += (value - self.now) * usual_share.max(now_share);
+        self.usual += (self.now - self.usual) * usual_share;
     }
 }
 
