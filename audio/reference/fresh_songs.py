@@ -82,7 +82,7 @@ FORMS = [
     ("R&BSus", "R&BPlus"), ("SalsaSus", "SalsaPlus"), ("Ska1Sus", "SkaClap"), ("Samba", "SambaSusPlus"),
     ("Trance", "Trance2Bass1"), ("8BeatWalk", "8BeatSusPlus"), ("SoftRock", "SoftRock2Sus"), ("60sRock", "60sRock1Plus"),
 ]
-# Bars, loudness and bandsmen of the parts of a song.
+# Bars and loudness of the parts of a song, and which channels play in them.
 PARTS = {
     "introduction": (4, 0.5, lambda channel: channel != 9),
     "verse": (8, 0.7, lambda channel: True),
