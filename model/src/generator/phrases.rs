@@ -19,6 +19,8 @@ const WEIGHTS: [f32; 7] = [3.0, 4.0, 1.5, 1.5, 1.5, 1.5, 1.5];
 /// Place of the level among them.
 const LEVEL: usize = 1;
 const LEVEL_UNIT_DB: f32 = 20.0;
+/// No music has features beyond this.
+const MOST_FEATURE: f32 = 100.0;
 /// A bar whose first beat is so much further from those before it than usual tells where
 /// phrases begin,
 const NOVEL_RATIO: f32 = 1.5;
@@ -83,12 +85,11 @@ impl Phrases {
             Some(beat) => self.is_section(beat),
             None => is_bar && self.begin_bar(music.beat),
         };
-        let features = &music.spectral[..WEIGHTS.len()];
-        if features.iter().all(|value| value.is_finite()) {
+        if let Some(features) = features(music) {
             self.level = features[LEVEL];
             self.loudness.push(self.level);
             if let Some(beat) = &mut self.first_beat {
-                beat.push(features);
+                beat.push(&features);
             }
         }
         if begins {
@@ -171,6 +172,13 @@ impl Phrases {
         };
         [is_beat, is_bar]
     }
+}
+
+/// What tells sections apart in a frame, if that is finite.
+fn features(music: &MusicFrame) -> Option<[f32; WEIGHTS.len()]> {
+    let (features, _) = music.spectral.split_first_chunk()?;
+    let is_finite = features.iter().all(|value: &f32| value.is_finite());
+    is_finite.then(|| features.map(|value| value.clamp(-MOST_FEATURE, MOST_FEATURE)))
 }
 
 impl FirstBeat {
@@ -298,6 +306,29 @@ mod tests {
         assert_eq!(phrases.bar_to_repeat(), Some(40));
         phrases.bars_danced = 0;
         assert_eq!(phrases.bar_to_repeat(), None);
+    }
+
+    #[test]
+    fn one_bar_beyond_any_music_leaves_levels_and_distances_finite() {
+        let mut phrases = Phrases::default();
+        for level in [0.0, f32::MAX, 0.0, 0.5] {
+            for beat_in_bar in 0..4 {
+                let beat = Beat {
+                    lock: BeatLock::Locked,
+                    beat_in_bar: Some(beat_in_bar),
+                    phase: 1.0,
+                    ..Beat::default()
+                };
+                let mut music = MusicFrame { beat, ..MusicFrame::default() };
+                music.spectral[..WEIGHTS.len()].fill(level);
+                phrases.observe(&music);
+                music.beat.phase = 0.0;
+                phrases.observe(&music);
+            }
+        }
+        let told = [phrases.level_db(), phrases.loudness(), phrases.novelty.usual.unwrap()];
+        assert!(told.iter().all(|v| v.is_finite()), "{told:?}");
+        assert!(phrases.evidence.iter().all(|v| v.is_finite()), "{:?}", phrases.evidence);
     }
 
     #[test]

@@ -216,7 +216,7 @@ fn the_built_in_weights_dance_in_every_style() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(ProptestConfig::with_cases(1000))]
     #[test]
     fn any_music_gives_finite_motion(values in prop::collection::vec(any::<f32>(), SPECTRAL_DIM), phase in any::<f32>()) {
         let mut dance = start(9, 1.0);
