@@ -22,24 +22,15 @@ pub enum TrainCommand {
     Vqvae(TrainingRequest),
     /// Stage 2, MotionSeq: the next codes from the codes before and the music.
     #[command(after_help = EXAMPLES)]
-    Motionseq(SeqArgs),
-}
-
-#[derive(Debug, clap::Args)]
-pub struct SeqArgs {
-    /// The weights of stage 1; OUT/vqvae/weights.safetensors if left out.
-    #[arg(long, value_name = "FILE.safetensors")]
-    pub stage_one: Option<PathBuf>,
-    #[command(flatten)]
-    pub run: TrainingRequest,
+    Motionseq(TrainingRequest),
 }
 
 /// Trains and says where the files are.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let request = match args.command {
         TrainCommand::Vqvae(request) => request,
-        TrainCommand::Motionseq(SeqArgs { stage_one, run }) => {
-            TrainingRequest { network: TrainedNetwork::MotionSeq, vqvae_weights: stage_one, ..run }
+        TrainCommand::Motionseq(request) => {
+            TrainingRequest { network: TrainedNetwork::MotionSeq, ..request }
         }
     };
     let stop = stop_signal()?;

@@ -115,19 +115,21 @@ fn trainer(
     out: &Path,
 ) -> anyhow::Result<Trainer> {
     let data = TrainingData::read(data)?;
-    let vqvae_weights = match settings.network {
-        TrainedNetwork::VqVae => None,
-        TrainedNetwork::MotionSeq => {
-            let in_out = out.join(TrainedNetwork::VqVae.name()).join("weights.safetensors");
-            let path = file.vqvae_weights.clone().unwrap_or(in_out);
-            let name = path.display();
-            let bytes = std::fs::read(&path).with_context(|| {
-                format!("cannot read the weights of stage 1, {name} (`servodance train vqvae` makes them)")
-            })?;
-            Some(VqVaeWeights::open(&bytes, &name.to_string())?)
-        }
+    let in_out = out.join(TrainedNetwork::VqVae.name()).join("weights.safetensors");
+    let path = match settings.network {
+        TrainedNetwork::VqVae => file.vqvae_weights.clone(),
+        TrainedNetwork::MotionSeq => Some(file.vqvae_weights.clone().unwrap_or(in_out)),
     };
+    let vqvae_weights = path.map(|path| open_vqvae(&path)).transpose()?;
     Ok(Trainer::new(settings, data, vqvae_weights)?)
+}
+
+fn open_vqvae(path: &Path) -> anyhow::Result<VqVaeWeights> {
+    let name = path.display();
+    let bytes = std::fs::read(path).with_context(|| {
+        format!("cannot read the weights of stage 1, {name} (`servodance train vqvae` makes them)")
+    })?;
+    Ok(VqVaeWeights::open(&bytes, &name.to_string())?)
 }
 
 fn run(

@@ -34,7 +34,8 @@ pub struct TrainingRequest {
     /// Print only errors
     #[arg(long, short)]
     pub quiet: bool,
-    /// The weights of stage 1, for stage 2.
-    #[arg(skip)]
+    /// Weights of stage 1: `vqvae` begins with them (random ones if left out), `motionseq` builds
+    /// on them (OUT/vqvae/weights.safetensors if left out).
+    #[arg(long = "stage-one", value_name = "FILE.safetensors")]
     pub vqvae_weights: Option<PathBuf>,
 }

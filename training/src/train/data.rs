@@ -47,8 +47,7 @@ impl TrainingData {
         let clips = training_file::read(path)?;
         let bytes = std::fs::read(path)
             .map_err(|e| TrainError::Settings(format!("{}: {e}", path.display())))?;
-        let sha256 = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
-        let data = Self { clips, sha256 };
+        let data = Self { clips, sha256: sha256(&bytes) };
         if data.of_split(Split::Train).next().is_none() {
             let message = format!("{}: no clips of the split `train`", path.display());
             return Err(TrainError::Settings(message));
@@ -135,6 +134,11 @@ impl TrainingData {
         });
         shown.collect()
     }
+}
+
+/// In hexadecimal.
+pub(super) fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
 
 impl Normalisation {

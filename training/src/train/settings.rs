@@ -201,7 +201,8 @@ pub struct SettingsFile {
     pub data: Option<PathBuf>,
     /// The folder to write to; each network has a folder of its own in it.
     pub out: Option<PathBuf>,
-    /// The weights of the VQ-VAE that MotionSeq builds on; those in `out` if left out.
+    /// The weights of the VQ-VAE that MotionSeq builds on (those in `out` if left out), or that
+    /// another VQ-VAE begins with.
     #[serde(rename = "stage_one")]
     pub vqvae_weights: Option<PathBuf>,
     /// Threads to work with; as many as the machine has if left out.

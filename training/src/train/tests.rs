@@ -46,6 +46,7 @@ fn vqvae_training() -> VqVaeTraining {
     let mut stage = VqVaeTraining::new(
         settings(TrainedNetwork::VqVae, |_| ()),
         TrainingData::example(),
+        None,
         &mut rng(),
     )
     .unwrap();

@@ -47,6 +47,8 @@ pub struct CurveRow {
 pub struct Trainer {
     settings: TrainingSettings,
     data_sha256: String,
+    /// Of the VQ-VAE's weights that the run was given.
+    start_sha256: Option<String>,
     pub(super) training: Box<dyn NetworkTraining>,
     adam: AdamW,
     step: u64,
@@ -55,7 +57,8 @@ pub struct Trainer {
 }
 
 impl Trainer {
-    /// A run before its first step. MotionSeq needs the weights of the VQ-VAE.
+    /// A run before its first step. MotionSeq needs the weights of a VQ-VAE; a VQ-VAE begins with
+    /// them, or with random ones.
     pub fn new(
         settings: TrainingSettings,
         data: TrainingData,
@@ -63,10 +66,17 @@ impl Trainer {
     ) -> Result<Self, TrainError> {
         let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
         let data_sha256 = data.sha256.clone();
+        let start_sha256 = vqvae_weights.as_ref().map(|weights| weights.sha256.clone());
         let (mut training, settings): (Box<dyn NetworkTraining>, TrainingSettings) =
             match (settings.network, vqvae_weights) {
-                (TrainedNetwork::VqVae, _) => {
-                    (Box::new(VqVaeTraining::new(settings.clone(), data, &mut rng)?), settings)
+                (TrainedNetwork::VqVae, start) => {
+                    let settings = match &start {
+                        Some(start) => start.sizes(settings),
+                        None => settings,
+                    };
+                    let start = start.as_ref();
+                    let training = VqVaeTraining::new(settings.clone(), data, start, &mut rng)?;
+                    (Box::new(training), settings)
                 }
                 (TrainedNetwork::MotionSeq, Some(vqvae_weights)) => {
                     let (training, settings) =
@@ -86,6 +96,7 @@ impl Trainer {
             step: 0,
             settings,
             data_sha256,
+            start_sha256,
             training,
         })
     }
@@ -184,6 +195,9 @@ impl Trainer {
     fn fingerprint(&self) -> serde_json::Value {
         let mut value = serde_json::json!(self.settings);
         value["data_sha256"] = self.data_sha256.clone().into();
+        if let Some(sha256) = &self.start_sha256 {
+            value["stage_one_sha256"] = sha256.clone().into();
+        }
         value
     }
 
@@ -199,6 +213,9 @@ impl Trainer {
             "data_sha256": self.data_sha256, "seed": self.settings.seed, "trained by": "servodance train",
         });
         provenance[steps] = self.step.into();
+        if let Some(sha256) = &self.start_sha256 {
+            provenance["stage_one_sha256"] = sha256.clone().into();
+        }
         checkpoint::insert(&mut tensors, self.training.parameters());
         checkpoint::weights_file(&self.settings.model, &style, &provenance, &tensors)
     }

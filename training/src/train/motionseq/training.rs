@@ -21,7 +21,6 @@ use crate::train::network_training::{BatchOutcome, NamedValues, NetworkTraining}
 use crate::train::settings::{ClipWeights, TrainingSettings};
 use crate::train::tensors::{Numbers, Tensors};
 use crate::train::vqvae::codebook::LearnedCodebook;
-use servodance_model::config::ModelConfig;
 
 /// Sequences that are validated on, and the seed that draws them.
 const HELD_SEQUENCES: usize = 32;
@@ -49,19 +48,12 @@ pub(crate) struct SeqBatch {
 
 impl MotionSeqTraining {
     pub fn new(
-        mut settings: TrainingSettings,
+        settings: TrainingSettings,
         data: TrainingData,
         vqvae_weights: VqVaeWeights,
         rng: &mut ChaCha8Rng,
     ) -> Result<(Self, TrainingSettings), TrainError> {
-        // Codes and parts are those of the VQ-VAE.
-        settings.model = ModelConfig {
-            seq: settings.model.seq.clone(),
-            preset: settings.model.preset.clone(),
-            music: settings.model.music,
-            music_dim: settings.model.music_dim,
-            ..vqvae_weights.config.clone()
-        };
+        let settings = vqvae_weights.sizes(settings);
         data.check_music(settings.model.music)?;
         let [mean, std] =
             ["mean", "std"].map(|name| vqvae_weights.floats(&format!("norm.motion_{name}")));

@@ -1,17 +1,21 @@
-//! The trained VQ-VAE that gives MotionSeq its codes.
+//! The trained VQ-VAE that gives MotionSeq its codes, or that another run of stage 1 begins with.
 
+use crate::train::data::sha256;
 use crate::train::error::TrainError;
-use crate::train::tensors::{Numbers, Tensors, read};
+use crate::train::settings::TrainingSettings;
+use crate::train::tensors::{Numbers, Tensors, floats, read};
 use servodance_model::config::ModelConfig;
 use servodance_model::vqvae::VqEncoder;
 use servodance_model::weights::Weights;
 
-/// The weights of the VQ-VAE that MotionSeq builds on.
+/// The weights of a trained VQ-VAE.
 #[derive(Clone, Debug)]
 pub struct VqVaeWeights {
-    pub(super) config: ModelConfig,
+    config: ModelConfig,
     pub(super) encoder: VqEncoder,
-    pub(super) tensors: Tensors,
+    pub(in crate::train) tensors: Tensors,
+    /// SHA-256 of the file, in hexadecimal.
+    pub(in crate::train) sha256: String,
 }
 
 impl VqVaeWeights {
@@ -21,13 +25,36 @@ impl VqVaeWeights {
         let encoder = VqEncoder::load(&weights)?;
         let tensors = read(bytes, &["vq.", "norm.motion_"])
             .map_err(|e| TrainError::Settings(format!("{source}: {e}")))?;
-        Ok(Self { config: weights.config().clone(), encoder, tensors })
+        let sha256 = sha256(bytes);
+        Ok(Self { config: weights.config().clone(), encoder, tensors, sha256 })
     }
 
-    pub(super) fn floats(&self, name: &str) -> Result<&[f32], TrainError> {
+    /// The same settings with the codes, parts and sizes of this VQ-VAE.
+    pub(in crate::train) fn sizes(&self, settings: TrainingSettings) -> TrainingSettings {
+        let model = ModelConfig {
+            seq: settings.model.seq,
+            preset: settings.model.preset,
+            music: settings.model.music,
+            music_dim: settings.model.music_dim,
+            ..self.config.clone()
+        };
+        TrainingSettings { model, ..settings }
+    }
+
+    pub(in crate::train) fn floats(&self, name: &str) -> Result<&[f32], TrainError> {
         match self.tensors.get(name) {
             Some((_, Numbers::F32(values))) => Ok(values),
             _ => Err(TrainError::Settings(format!("stage 1 lacks the tensor `{name}`"))),
         }
+    }
+
+    /// A copy of a tensor; fails where it has another number of values.
+    pub(in crate::train) fn floats_of(
+        &self,
+        name: &str,
+        count: usize,
+    ) -> Result<Vec<f32>, TrainError> {
+        let values = floats(&self.tensors, name, count);
+        values.map_err(|e| TrainError::Settings(format!("weights of stage 1: {e}")))
     }
 }

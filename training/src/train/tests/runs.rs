@@ -63,6 +63,26 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
 }
 
 #[test]
+fn a_run_begins_with_trained_weights_and_is_another_run() {
+    let mut first = trainer(TrainedNetwork::VqVae, |_| ());
+    go(&mut first, 12);
+    let (bytes, settings) = (first.weights(), first.settings().clone());
+    let begin = || {
+        let weights = VqVaeWeights::open(&bytes, "trained").unwrap();
+        Trainer::new(settings.clone(), TrainingData::example(), Some(weights)).unwrap()
+    };
+    let mut second = begin();
+    let score = |trainer: &mut Trainer| trainer.training.validate(&mut rng()).unwrap();
+    assert_eq!(score(&mut first), score(&mut second));
+    go(&mut second, 4);
+    assert!(score(&mut first) != score(&mut second));
+    let mut third = begin();
+    third.resume(&second.checkpoint()).unwrap();
+    let text = third.resume(&first.checkpoint()).unwrap_err().to_string();
+    assert!(text.contains("stage_one_sha256"), "{text}");
+}
+
+#[test]
 fn the_number_of_threads_changes_no_bit_of_a_run() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

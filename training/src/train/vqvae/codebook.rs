@@ -50,6 +50,12 @@ impl LearnedCodebook {
         Self { dim, embed_avg: embed.clone(), cluster_size: vec![1.0; embed.len() / dim], embed }
     }
 
+    /// Codes that were trained already, each the mean of `rows` past rows.
+    pub fn used(embed: Vec<f32>, dim: usize, rows: f32) -> Self {
+        let embed_avg = embed.iter().map(|e| e * rows).collect();
+        Self { dim, embed_avg, cluster_size: vec![rows; embed.len() / dim], embed }
+    }
+
     pub fn dim(&self) -> usize {
         self.dim
     }

@@ -13,6 +13,7 @@ use crate::train::crops::Crops;
 use crate::train::data::{Normalisation, TrainingData};
 use crate::train::error::TrainError;
 use crate::train::layers::{Dropout, ParamBuilder};
+use crate::train::motionseq::vqvae_weights::VqVaeWeights;
 use crate::train::network_training::{BatchOutcome, NamedValues, NetworkTraining};
 use crate::train::settings::TrainingSettings;
 use crate::train::tensors::{Numbers, Tensors, floats};
@@ -50,6 +51,7 @@ impl VqVaeTraining {
     pub fn new(
         settings: TrainingSettings,
         data: TrainingData,
+        start: Option<&VqVaeWeights>,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self, TrainError> {
         let clips: Vec<usize> = data.of_split(Split::Train).collect();
@@ -66,7 +68,7 @@ impl VqVaeTraining {
             let count = config.codes * config.code_dim;
             LearnedCodebook::new((0..count).map(|_| normal(rng)).collect(), config.code_dim)
         };
-        Ok(Self {
+        let mut training = Self {
             books: config.parts.iter().map(|_| book()).collect(),
             held: held(&data),
             loss: MotionLoss::new(mean, std, settings.loss),
@@ -77,7 +79,29 @@ impl VqVaeTraining {
             settings,
             data,
             crops,
-        })
+        };
+        if let Some(weights) = start {
+            training.start_from(weights)?;
+        }
+        Ok(training)
+    }
+
+    /// Begins with trained weights: their networks, codes and normalisation.
+    fn start_from(&mut self, weights: &VqVaeWeights) -> Result<(), TrainError> {
+        for parameter in self.parameters.iter_mut() {
+            parameter.values = weights.floats_of(&parameter.name, parameter.values.len())?;
+        }
+        let run = &self.settings.run;
+        let rows_of_a_code = (run.batch * run.length) as f32 / self.settings.model.codes as f32;
+        for (part, book) in self.settings.model.parts.iter().zip(&mut self.books) {
+            let embed = weights.floats_of(&format!("vq.codebook.{part}"), book.embed.len())?;
+            *book = LearnedCodebook::used(embed, book.dim(), rows_of_a_code);
+        }
+        let norm = |name| weights.floats_of(name, POSE_DIM);
+        let (mean, std) = (norm("norm.motion_mean")?, norm("norm.motion_std")?);
+        self.loss = MotionLoss::new(mean, std, self.loss.weights);
+        self.ready = true;
+        Ok(())
     }
 
     fn draw(&self, rng: &mut ChaCha8Rng) -> MotionBatch {
@@ -260,7 +284,7 @@ impl NetworkTraining for VqVaeTraining {
     }
 
     fn step(&mut self, step: u64, rng: &mut ChaCha8Rng) -> BatchOutcome {
-        let quantise = step >= self.settings.quantise.free_steps;
+        let quantise = self.ready || step >= self.settings.quantise.free_steps;
         if quantise && !self.ready {
             self.initialise_codebooks(rng);
         }
