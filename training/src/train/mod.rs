@@ -28,7 +28,6 @@ mod vqvae;
 
 pub use data::TrainingData;
 pub use error::TrainError;
-pub use motionseq::vqvae_weights::VqVaeWeights;
 pub use network_training::NamedValues;
 pub use settings::{
     ClipWeights, ModelChanges, Preset, QuantiseSettings, RunOverrides, RunSettings, SettingsFile,
@@ -37,6 +36,7 @@ pub use settings::{
 pub use trainer::{CurveRow, StepReport, Trainer};
 pub use vqvae::codebook::CodebookSettings;
 pub use vqvae::loss::LossWeights;
+pub use vqvae::vqvae_weights::VqVaeWeights;
 
 /// Does something with so many threads; 0: as many as the machine has.
 pub fn with_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {

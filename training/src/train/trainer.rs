@@ -16,8 +16,8 @@ use super::network_training::{NamedValues, NetworkTraining};
 use super::optimizer::{AdamSettings, AdamW, learning_rate};
 use super::settings::{TrainedNetwork, TrainingSettings};
 use crate::train::motionseq::training::MotionSeqTraining;
-use crate::train::motionseq::vqvae_weights::VqVaeWeights;
 use crate::train::vqvae::training::VqVaeTraining;
+use crate::train::vqvae::vqvae_weights::VqVaeWeights;
 
 /// Loss and learning rate of one step.
 #[derive(Clone, Debug)]

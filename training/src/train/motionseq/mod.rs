@@ -5,4 +5,3 @@ pub(crate) mod nll;
 mod start_codes;
 pub(crate) mod tokens;
 pub(crate) mod training;
-pub(crate) mod vqvae_weights;

@@ -9,7 +9,6 @@ use super::start_codes::starts;
 use super::tokens::{
     ClipCodes, corrupt, corruption, drop_features, jittered, neighbours, tokenise,
 };
-use super::vqvae_weights::VqVaeWeights;
 use crate::dataset::clip_entry::Split;
 use crate::train::autodiff::parameters::Parameters;
 use crate::train::autodiff::tape::{Batch, BufferPool, Tape};
@@ -21,6 +20,7 @@ use crate::train::network_training::{BatchOutcome, NamedValues, NetworkTraining}
 use crate::train::settings::{ClipWeights, TrainingSettings};
 use crate::train::tensors::{Numbers, Tensors};
 use crate::train::vqvae::codebook::LearnedCodebook;
+use crate::train::vqvae::vqvae_weights::VqVaeWeights;
 
 /// Sequences that are validated on, and the seed that draws them.
 const HELD_SEQUENCES: usize = 32;

@@ -7,7 +7,7 @@ use super::super::trainer::Trainer;
 use super::{TINY, rng, settings};
 use crate::train::motionseq::nll::IGNORED;
 use crate::train::motionseq::training::{MotionSeqTraining, SeqBatch};
-use crate::train::motionseq::vqvae_weights::VqVaeWeights;
+use crate::train::vqvae::vqvae_weights::VqVaeWeights;
 use servodance_model::vqvae::VqEncoder;
 use servodance_model::weights::Weights;
 

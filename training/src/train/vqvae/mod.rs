@@ -4,3 +4,4 @@ pub(crate) mod codebook;
 pub(crate) mod loss;
 pub(crate) mod network;
 pub(crate) mod training;
+pub(crate) mod vqvae_weights;

@@ -12,7 +12,7 @@ use servodance_model::weights::Weights;
 #[derive(Clone, Debug)]
 pub struct VqVaeWeights {
     config: ModelConfig,
-    pub(super) encoder: VqEncoder,
+    pub(in crate::train) encoder: VqEncoder,
     pub(in crate::train) tensors: Tensors,
     /// SHA-256 of the file, in hexadecimal.
     pub(in crate::train) sha256: String,
