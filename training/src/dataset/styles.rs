@@ -27,7 +27,13 @@ pub const STYLES: [&str; 19] = [
 
 /// How many of [`STYLES`] every training file names, so that older weights can
 /// go on learning from new ones; later styles are named where they are used.
-pub const ALWAYS_NAMED: usize = 10;
+const ALWAYS_NAMED: usize = 10;
+
+/// The styles that a training file and its weights name, where clips have `used`.
+pub(crate) fn named(used: impl Iterator<Item = usize>) -> &'static [&'static str] {
+    let count = used.max().map_or(0, |last| last + 1);
+    &STYLES[..count.clamp(ALWAYS_NAMED, STYLES.len())]
+}
 
 /// The number of a style; `None` for a name that is not in [`STYLES`].
 pub fn style_number(name: &str) -> Option<usize> {

@@ -19,7 +19,7 @@ use safetensors::tensor::{Dtype, SafeTensors};
 use servodance_types::MUSIC_DIM;
 
 use super::clip_entry::Split;
-use super::styles::{ALWAYS_NAMED, STYLES};
+use super::styles::{self, STYLES};
 use servodance_model::conditioning::{LATENT_DIM, Latent, MusicKind};
 use servodance_model::motion::MotionError;
 use servodance_model::motion::representation::{POSE_DIM, PoseVector};
@@ -126,9 +126,7 @@ pub fn write(
     for (name, bytes) in &columns {
         tensors.push(entry(name, Dtype::I64, &rows, bytes));
     }
-    let used = clips.iter().map(|clip| clip.style + 1).max();
-    let named = used.unwrap_or(0).clamp(ALWAYS_NAMED, STYLES.len());
-    let styles = &STYLES[..named];
+    let styles = styles::named(clips.iter().map(|clip| clip.style));
     let names: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
     let metadata = BTreeMap::from([
         ("clips".to_owned(), serde_json::json!(names).to_string()),

@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 use super::error::TrainError;
 use super::settings::ClipWeights;
 use crate::dataset::clip_entry::Split;
-use crate::dataset::styles::STYLES;
+use crate::dataset::styles::{self, STYLES};
 use crate::dataset::training_file::{self, TrainingClip};
 use servodance_model::conditioning::MusicKind;
 use servodance_model::motion::representation::{CONTACTS_AT, JOINTS_AT, POSE_DIM, STEPS_AT};
@@ -98,6 +98,12 @@ impl TrainingData {
                 kind.name()
             ))),
         }
+    }
+
+    /// Names of the styles that weights trained on these clips know.
+    pub(crate) fn styles(&self) -> Vec<String> {
+        let named = styles::named(self.clips.iter().map(|clip| clip.style));
+        named.iter().map(|name| (*name).to_owned()).collect()
     }
 
     pub(crate) fn most_common_style(&self) -> usize {

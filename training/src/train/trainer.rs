@@ -60,10 +60,11 @@ impl Trainer {
     /// A run before its first step. MotionSeq needs the weights of a VQ-VAE; a VQ-VAE begins with
     /// them, or with random ones.
     pub fn new(
-        settings: TrainingSettings,
+        mut settings: TrainingSettings,
         data: TrainingData,
         vqvae_weights: Option<VqVaeWeights>,
     ) -> Result<Self, TrainError> {
+        settings.model.seq.styles = data.styles();
         let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
         let data_sha256 = data.sha256.clone();
         let start_sha256 = vqvae_weights.as_ref().map(|weights| weights.sha256.clone());
