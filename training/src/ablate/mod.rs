@@ -161,6 +161,7 @@ fn train_and_score(
         if !needed {
             continue;
         }
+        let builds_on = network == TrainedNetwork::MotionSeq;
         let begun = folder.join(network.name()).join("last.safetensors").exists();
         train(
             &runs::TrainingRequest {
@@ -168,7 +169,7 @@ fn train_and_score(
                 config: config.clone(),
                 data: Some(data.clone()),
                 out: Some(folder.to_owned()),
-                vqvae_weights: Some(codes_of.join("vqvae/weights.safetensors")),
+                vqvae_weights: builds_on.then(|| codes_of.join("vqvae/weights.safetensors")),
                 seed: None,
                 threads: request.threads,
                 until: None,
