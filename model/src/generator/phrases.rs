@@ -176,8 +176,8 @@ impl Phrases {
 
 /// What tells sections apart in a frame, if that is finite.
 fn features(music: &MusicFrame) -> Option<[f32; WEIGHTS.len()]> {
-    let (features, _) = music.spectral.split_first_chunk()?;
-    let is_finite = features.iter().all(|value: &f32| value.is_finite());
+    let features: &[f32; WEIGHTS.len()] = music.spectral.first_chunk()?;
+    let is_finite = features.iter().all(|value| value.is_finite());
     is_finite.then(|| features.map(|value| value.clamp(-MOST_FEATURE, MOST_FEATURE)))
 }
 

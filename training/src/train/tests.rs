@@ -76,7 +76,8 @@ fn motionseq_training_of(weights: &[u8], change: impl Fn(&mut SeqConfig)) -> Mot
     let tiny = Weights::open(TINY, "tiny").unwrap();
     settings.model.seq = tiny.config().seq.clone();
     change(&mut settings.model.seq);
-    let (mut stage, _) =
+    let settings = vqvae_training.with_own_sizes(settings);
+    let mut stage =
         MotionSeqTraining::new(settings, TrainingData::example(), vqvae_training, &mut rng())
             .unwrap();
     load(&mut stage.parameters, &read(weights, &["seq."]).unwrap());

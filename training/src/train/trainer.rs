@@ -48,12 +48,11 @@ pub struct Trainer {
     settings: TrainingSettings,
     data_sha256: String,
     /// Of the VQ-VAE's weights that the run was given.
-    start_sha256: Option<String>,
+    vqvae_sha256: Option<String>,
     pub(super) training: Box<dyn NetworkTraining>,
     adam: AdamW,
     step: u64,
     tally: CurveTally,
-    styles: Vec<String>,
 }
 
 impl Trainer {
@@ -65,39 +64,31 @@ impl Trainer {
         vqvae_weights: Option<VqVaeWeights>,
     ) -> Result<Self, TrainError> {
         settings.model.seq.styles = data.styles();
+        if let Some(weights) = &vqvae_weights {
+            settings = weights.with_own_sizes(settings);
+        }
         let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
         let data_sha256 = data.sha256.clone();
-        let start_sha256 = vqvae_weights.as_ref().map(|weights| weights.sha256.clone());
-        let (mut training, settings): (Box<dyn NetworkTraining>, TrainingSettings) =
-            match (settings.network, vqvae_weights) {
-                (TrainedNetwork::VqVae, start) => {
-                    let settings = match &start {
-                        Some(start) => start.sizes(settings),
-                        None => settings,
-                    };
-                    let start = start.as_ref();
-                    let training = VqVaeTraining::new(settings.clone(), data, start, &mut rng)?;
-                    (Box::new(training), settings)
-                }
-                (TrainedNetwork::MotionSeq, Some(vqvae_weights)) => {
-                    let (training, settings) =
-                        MotionSeqTraining::new(settings, data, vqvae_weights, &mut rng)?;
-                    (Box::new(training), settings)
-                }
-                (TrainedNetwork::MotionSeq, None) => {
-                    return Err(TrainError::Settings(
-                        "stage 2 needs the weights of stage 1".into(),
-                    ));
-                }
-            };
+        let vqvae_sha256 = vqvae_weights.as_ref().map(|weights| weights.sha256.clone());
+        let of_run = settings.clone();
+        let mut training: Box<dyn NetworkTraining> = match (settings.network, vqvae_weights) {
+            (TrainedNetwork::VqVae, start) => {
+                Box::new(VqVaeTraining::new(of_run, data, start.as_ref(), &mut rng)?)
+            }
+            (TrainedNetwork::MotionSeq, Some(weights)) => {
+                Box::new(MotionSeqTraining::new(of_run, data, weights, &mut rng)?)
+            }
+            (TrainedNetwork::MotionSeq, None) => {
+                return Err(TrainError::Settings("stage 2 needs the weights of stage 1".into()));
+            }
+        };
         Ok(Self {
             adam: AdamW::new(training.parameters()),
-            styles: settings.model.seq.styles.clone(),
             tally: CurveTally { sums: Vec::new(), count: 0, best: f64::INFINITY, since_best: 0 },
             step: 0,
             settings,
             data_sha256,
-            start_sha256,
+            vqvae_sha256,
             training,
         })
     }
@@ -196,7 +187,7 @@ impl Trainer {
     fn fingerprint(&self) -> serde_json::Value {
         let mut value = serde_json::json!(self.settings);
         value["data_sha256"] = self.data_sha256.clone().into();
-        if let Some(sha256) = &self.start_sha256 {
+        if let Some(sha256) = &self.vqvae_sha256 {
             value["stage_one_sha256"] = sha256.clone().into();
         }
         value
@@ -205,7 +196,7 @@ impl Trainer {
     /// The weights file for `servodance_model::weights`; of the VQ-VAE without MotionSeq's part.
     pub fn weights(&mut self) -> Vec<u8> {
         let mut tensors = self.training.weights();
-        let style = self.styles[self.training.default_style()].clone();
+        let style = self.settings.model.seq.styles[self.training.default_style()].clone();
         let steps = format!(
             "{}_steps",
             if self.settings.network == TrainedNetwork::VqVae { "vq" } else { "seq" }
@@ -214,7 +205,7 @@ impl Trainer {
             "data_sha256": self.data_sha256, "seed": self.settings.seed, "trained by": "servodance train",
         });
         provenance[steps] = self.step.into();
-        if let Some(sha256) = &self.start_sha256 {
+        if let Some(sha256) = &self.vqvae_sha256 {
             provenance["stage_one_sha256"] = sha256.clone().into();
         }
         checkpoint::insert(&mut tensors, self.training.parameters());

@@ -21,6 +21,7 @@ use crate::train::settings::{ClipWeights, TrainingSettings};
 use crate::train::tensors::{Numbers, Tensors};
 use crate::train::vqvae::codebook::LearnedCodebook;
 use crate::train::vqvae::vqvae_weights::VqVaeWeights;
+use servodance_model::motion::representation::POSE_DIM;
 
 /// Sequences that are validated on, and the seed that draws them.
 const HELD_SEQUENCES: usize = 32;
@@ -52,15 +53,15 @@ impl MotionSeqTraining {
         data: TrainingData,
         vqvae_weights: VqVaeWeights,
         rng: &mut ChaCha8Rng,
-    ) -> Result<(Self, TrainingSettings), TrainError> {
-        let settings = vqvae_weights.sizes(settings);
+    ) -> Result<Self, TrainError> {
         data.check_music(settings.model.music)?;
         let [mean, std] =
-            ["mean", "std"].map(|name| vqvae_weights.floats(&format!("norm.motion_{name}")));
-        let codes = tokenise(&vqvae_weights.encoder, &data, mean?, std?)?;
+            ["mean", "std"].map(|it| vqvae_weights.floats(&format!("norm.motion_{it}"), POSE_DIM));
+        let codes = tokenise(&vqvae_weights.encoder, &data, &mean?, &std?)?;
         let mut near = Vec::new();
         for part in &settings.model.parts {
-            let embed = vqvae_weights.floats(&format!("vq.codebook.{part}"))?.to_vec();
+            let count = settings.model.codes * settings.model.code_dim;
+            let embed = vqvae_weights.floats(&format!("vq.codebook.{part}"), count)?;
             near.push(neighbours(&LearnedCodebook::new(embed, settings.model.code_dim)));
         }
         let clips: Vec<usize> = data.of_split(Split::Train).collect();
@@ -72,21 +73,20 @@ impl MotionSeqTraining {
         let mut parameters = Parameters::default();
         let mut make = ParamBuilder { parameters: &mut parameters, rng };
         let net = MotionSeqNetwork::new(&mut make, &settings.model);
-        let training = Self {
+        Ok(Self {
             held: held(&data, [run.length + 1; 2], end),
             norm: data.music_norm(settings.model.music),
             starts: starts(&data, &codes),
             vqvae_weights: vqvae_weights.tensors,
             buffers: BufferPool::default(),
-            settings: settings.clone(),
+            settings,
             net,
             parameters,
             data,
             codes,
             near,
             crops,
-        };
-        Ok((training, settings))
+        })
     }
 
     /// The crops as they are: no noise, music and style as known.

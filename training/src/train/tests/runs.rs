@@ -146,8 +146,8 @@ fn what_was_learned_loads_and_the_end_is_learned_where_sequences_end() {
     });
     let vqvae_training = VqVaeWeights::open(&weights, "trained").unwrap();
     let mut rng = rng();
-    let (stage, _) = MotionSeqTraining::new(
-        settings.clone(),
+    let stage = MotionSeqTraining::new(
+        vqvae_training.with_own_sizes(settings.clone()),
         TrainingData::example(),
         vqvae_training.clone(),
         &mut rng,

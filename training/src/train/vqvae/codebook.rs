@@ -47,11 +47,11 @@ pub(crate) struct LearnedCodebook {
 
 impl LearnedCodebook {
     pub fn new(embed: Vec<f32>, dim: usize) -> Self {
-        Self { dim, embed_avg: embed.clone(), cluster_size: vec![1.0; embed.len() / dim], embed }
+        Self::with_counts(embed, dim, 1.0)
     }
 
-    /// Codes that were trained already, each the mean of `rows` past rows.
-    pub fn used(embed: Vec<f32>, dim: usize, rows: f32) -> Self {
+    /// Each code counts as the mean of so many past rows.
+    pub fn with_counts(embed: Vec<f32>, dim: usize, rows: f32) -> Self {
         let embed_avg = embed.iter().map(|e| e * rows).collect();
         Self { dim, embed_avg, cluster_size: vec![rows; embed.len() / dim], embed }
     }

@@ -89,15 +89,15 @@ impl VqVaeTraining {
     /// Begins with trained weights: their networks, codes and normalisation.
     fn start_from(&mut self, weights: &VqVaeWeights) -> Result<(), TrainError> {
         for parameter in self.parameters.iter_mut() {
-            parameter.values = weights.floats_of(&parameter.name, parameter.values.len())?;
+            parameter.values = weights.floats(&parameter.name, parameter.values.len())?;
         }
         let run = &self.settings.run;
         let rows_of_a_code = (run.batch * run.length) as f32 / self.settings.model.codes as f32;
         for (part, book) in self.settings.model.parts.iter().zip(&mut self.books) {
-            let embed = weights.floats_of(&format!("vq.codebook.{part}"), book.embed.len())?;
-            *book = LearnedCodebook::used(embed, book.dim(), rows_of_a_code);
+            let embed = weights.floats(&format!("vq.codebook.{part}"), book.embed.len())?;
+            *book = LearnedCodebook::with_counts(embed, book.dim(), rows_of_a_code);
         }
-        let norm = |name| weights.floats_of(name, POSE_DIM);
+        let norm = |name| weights.floats(name, POSE_DIM);
         let (mean, std) = (norm("norm.motion_mean")?, norm("norm.motion_std")?);
         self.loss = MotionLoss::new(mean, std, self.loss.weights);
         self.ready = true;

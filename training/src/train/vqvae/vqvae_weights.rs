@@ -3,7 +3,7 @@
 use crate::train::data::sha256;
 use crate::train::error::TrainError;
 use crate::train::settings::TrainingSettings;
-use crate::train::tensors::{Numbers, Tensors, floats, read};
+use crate::train::tensors::{Tensors, floats, read};
 use servodance_model::config::ModelConfig;
 use servodance_model::vqvae::VqEncoder;
 use servodance_model::weights::Weights;
@@ -29,8 +29,8 @@ impl VqVaeWeights {
         Ok(Self { config: weights.config().clone(), encoder, tensors, sha256 })
     }
 
-    /// The same settings with the codes, parts and sizes of this VQ-VAE.
-    pub(in crate::train) fn sizes(&self, settings: TrainingSettings) -> TrainingSettings {
+    /// The settings with the codes, parts and sizes of this VQ-VAE.
+    pub(in crate::train) fn with_own_sizes(&self, settings: TrainingSettings) -> TrainingSettings {
         let model = ModelConfig {
             seq: settings.model.seq,
             preset: settings.model.preset,
@@ -41,15 +41,8 @@ impl VqVaeWeights {
         TrainingSettings { model, ..settings }
     }
 
-    pub(in crate::train) fn floats(&self, name: &str) -> Result<&[f32], TrainError> {
-        match self.tensors.get(name) {
-            Some((_, Numbers::F32(values))) => Ok(values),
-            _ => Err(TrainError::Settings(format!("stage 1 lacks the tensor `{name}`"))),
-        }
-    }
-
     /// A copy of a tensor; fails where it has another number of values.
-    pub(in crate::train) fn floats_of(
+    pub(in crate::train) fn floats(
         &self,
         name: &str,
         count: usize,
