@@ -181,3 +181,26 @@ fn a_new_robot_file_brings_what_is_drawn_of_a_description_elsewhere() {
         }
     }
 }
+
+#[test]
+fn a_new_robot_file_from_mjcf_brings_its_meshes_and_leaves_those_where_they_are_that_are_beside_it()
+{
+    let home = Home::new();
+    let mjcf = r#"<mujoco><compiler meshdir="assets"/>
+        <asset><mesh name="head" file="head.stl" scale="0.001 0.001 0.001"/></asset>
+        <worldbody><body name="base"><inertial pos="0 0 0" mass="1"/>
+        <body name="head" pos="0 0 0.1"><joint name="pan" axis="0 0 1" range="-60 60"/>
+        <joint name="tilt" axis="0 1 0" range="-40 40"/><inertial pos="0 0 0.05" mass="0.2"/>
+        <geom type="mesh" mesh="head"/></body></body></worldbody></mujoco>"#;
+    for (folder, copies) in [("mujoco", true), ("robot", false)] {
+        std::fs::create_dir_all(home.at(&format!("{folder}/assets"))).expect("a folder");
+        home.write(&format!("{folder}/assets/head.stl"), &cube(60.0));
+        home.write(&format!("{folder}/neck.xml"), mjcf.as_bytes());
+        let (model, toml) = (home.at(&format!("{folder}/neck.xml")), home.at("robot/new.toml"));
+        let new = new_robot(&model, &toml, true, None, &trial_dance(), &[]).expect("a robot file");
+        let said = new.lines.iter().any(|line| line.starts_with("copied: 1 meshes to "));
+        assert_eq!(said, copies, "{:?}", new.lines);
+        let meshes = meshes_with(&toml, &Overrides::default());
+        assert_eq!(meshes.bounds, [[[0.0; 3], [60.0; 3]]], "{:?}", meshes.left_out);
+    }
+}

@@ -1,6 +1,7 @@
 //! Robot descriptions as they are found: usable, or refused with a reason.
 
 use proptest::prelude::*;
+use servodance_retarget::nalgebra::Point3;
 use servodance_retarget::{
     DiagnosticCode, RetargetConfig, RetargetError, Retargeter, RobotModel, lint,
 };
@@ -260,4 +261,36 @@ fn a_shape_of_mjcf_has_its_own_colour_or_its_materials() {
     let [blue, skin] = [[0.0, 0.0, 1.0, 1.0], [1.0, 0.5, 0.0, 1.0]];
     let [green, dark] = [[0.0, 1.0, 0.0, 1.0], [0.1, 0.1, 0.1, 1.0]];
     assert_eq!(colours(&urdf), [blue, skin, green, dark]);
+}
+
+#[test]
+fn meshes_of_mjcf_are_drawn_by_their_files_names_and_simple_shapes_beside_them_only_touch() {
+    let mjcf = r#"<mujoco><compiler meshdir="assets"/>
+        <default><mesh scale="0.001 0.001 0.001"/>
+        <default class="solid"><geom group="3"/></default></default>
+        <asset><mesh file="parts/foot.stl"/><mesh name="hull" file="hull.obj" scale="2 2 2"/>
+        <mesh name="turned" file="turned.stl" refpos="0.1 0 0" refquat="0 0 0 1"/></asset>
+        <worldbody><body name="base"><geom type="sphere" size="0.1"/>
+        <body name="tip"><joint name="turn" range="-60 60"/>
+        <geom type="mesh" mesh="foot" pos="0 0 1" contype="0" conaffinity="0"/>
+        <geom type="mesh" mesh="foot" pos="0 0 1"/>
+        <geom type="mesh" mesh="turned"/>
+        <geom type="mesh" mesh="hull" class="solid"/><geom type="mesh" mesh="gone"/>
+        <geom type="box" size="0.1 0.2 0.3"/></body></body></worldbody></mujoco>"#;
+    let (urdf, found) = servodance_retarget::urdf_from_mjcf(mjcf).expect("a URDF");
+    let model = RobotModel::new(&urdf, &[]).expect("a model");
+    let [foot, turned] = model.meshes() else { panic!("{:?}", model.meshes()) };
+    assert_eq!((foot.filename.as_str(), foot.scale), ("assets/parts/foot.stl", [0.001; 3]));
+    assert_eq!(foot.pose_in_link.translation.vector.z, 1.0);
+    let corner = turned.pose_in_link * Point3::new(0.3, 0.0, 0.0);
+    assert!((corner - Point3::new(-0.2, 0.0, 0.0)).norm() < 1e-9, "{corner}");
+    let drawn: Vec<usize> = model.visuals().iter().map(|visual| visual.link).collect();
+    assert_eq!(drawn, [0], "the box beside a mesh is not drawn");
+    assert!(urdf.contains("<collision><origin"), "{urdf}");
+    let left_out = found.iter().find(|f| f.code == DiagnosticCode::MjcfLeftOut);
+    assert!(left_out.is_some_and(|f| f.subject == "tip" && f.message.starts_with("1 shapes")));
+    let plain = mjcf.replace("meshdir", "strippath=\"true\" assetdir");
+    let (urdf, _) = servodance_retarget::urdf_from_mjcf(&plain).expect("a URDF");
+    let model = RobotModel::new(&urdf, &[]).expect("a model");
+    assert_eq!(model.meshes()[0].filename, "assets/foot.stl");
 }

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use super::meshes::{self, MeshAsset};
 use crate::config::RetargetError;
 use k::nalgebra::{
     Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3,
@@ -17,6 +18,8 @@ pub(super) struct MjcfAttributes {
     pub autolimits: bool,
     /// Colours of the materials among the assets, by name.
     pub materials: HashMap<String, [f64; 4]>,
+    /// Meshes among the assets, by name.
+    pub meshes: HashMap<String, MeshAsset>,
 }
 
 fn child<'a, 'd>(node: Node<'a, 'd>, name: &str) -> Option<Node<'a, 'd>> {
@@ -49,22 +52,31 @@ impl MjcfAttributes {
             euler: euler.chars().collect(),
             autolimits: setting("autolimits") != Some("false"),
             materials: HashMap::new(),
+            meshes: HashMap::new(),
         };
         attributes.materials = attributes.read_materials(root)?;
+        attributes.meshes = meshes::read(root, &attributes)?;
         Ok(attributes)
     }
 
     fn read_materials(&self, root: Node) -> Result<HashMap<String, [f64; 4]>, RetargetError> {
-        let assets = root.children().filter(|node| node.has_tag_name("asset"));
-        let materials = assets.flat_map(|asset| asset.children());
         let mut colors = HashMap::new();
-        for node in materials.filter(|node| node.has_tag_name("material")) {
-            let material = MjcfElement { node, class: "main", attributes: self };
-            if let Some(name) = node.attribute("name") {
+        for material in self.assets(root, "material") {
+            if let Some(name) = material.node.attribute("name") {
                 colors.insert(name.to_owned(), material.vector("rgba", [1.0; 4])?);
             }
         }
         Ok(colors)
+    }
+
+    /// The assets of a kind.
+    pub fn assets<'a>(
+        &'a self,
+        root: Node<'a, 'a>,
+        tag: &'static str,
+    ) -> impl Iterator<Item = MjcfElement<'a>> {
+        let root = MjcfElement { node: root, class: "main", attributes: self };
+        root.children("asset").flat_map(move |asset| asset.children(tag))
     }
 
     /// An angle of the file in radians.
@@ -158,9 +170,8 @@ impl<'a> MjcfElement<'a> {
     }
 
     fn orientation(self) -> Result<UnitQuaternion<f64>, RetargetError> {
-        if let Some([w, x, y, z]) = self.numbers("quat")?.as_deref() {
-            let quaternion = Quaternion::new(*w, *x, *y, *z);
-            return Ok(UnitQuaternion::try_new(quaternion, 1e-9).unwrap_or_default());
+        if let Some(quaternion) = self.numbers("quat")?.filter(|numbers| numbers.len() == 4) {
+            return Ok(unit_quaternion(&quaternion));
         }
         if let Some([x, y, z, angle]) = self.numbers("axisangle")?.as_deref() {
             let axis = Unit::try_new(Vector3::new(*x, *y, *z), 1e-9);
@@ -186,6 +197,12 @@ impl<'a> MjcfElement<'a> {
         }
         Ok(UnitQuaternion::identity())
     }
+}
+
+/// Of `w x y z`; none of other numbers.
+pub(super) fn unit_quaternion(numbers: &[f64]) -> UnitQuaternion<f64> {
+    let Some(&[w, x, y, z]) = numbers.first_chunk() else { return UnitQuaternion::identity() };
+    UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-9).unwrap_or_default()
 }
 
 pub(super) fn from_z(direction: Vector3<f64>) -> UnitQuaternion<f64> {

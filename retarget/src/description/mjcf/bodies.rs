@@ -215,19 +215,22 @@ impl<'d> MjcfBodies<'d> {
         frame: Isometry3<f64>,
     ) -> Result<(), RetargetError> {
         let mut geoms = Vec::new();
-        let mut meshes = 0;
+        let mut others = 0;
         for geom in body.children("geom") {
             match MjcfGeom::read(geom, frame)? {
                 Some(geom) => geoms.push(geom),
-                None => meshes += 1,
+                None => others += 1,
             }
         }
         let link = &mut self.links[link];
-        if meshes > 0 {
-            let message = format!("{meshes} shapes that are no box, cylinder or ball: left out");
+        if others > 0 {
+            let message =
+                format!("{others} shapes that are no box, cylinder, ball or mesh: left out");
             self.diagnostics.add(DiagnosticCode::MjcfLeftOut, &link.name, message);
         }
-        link.visual = geoms.iter().map(|geom| geom.visual(pose)).collect();
+        let (shown, touching) = shown_and_touching(&geoms);
+        link.visual = shown.iter().map(|geom| geom.visual(pose)).collect();
+        link.collision = touching.iter().map(|geom| geom.collision(pose)).collect();
         let (mass_kg, com, moments) = match body.children("inertial").next() {
             Some(inertial) => {
                 let pose = frame * inertial.pose()?;
@@ -291,6 +294,23 @@ impl<'d> MjcfBodies<'d> {
             }
         }
     }
+}
+
+/// What is drawn of a body's shapes, and what only touches: a body with meshes is drawn by
+/// those alone.
+fn shown_and_touching(geoms: &[MjcfGeom]) -> (Vec<&MjcfGeom>, Vec<&MjcfGeom>) {
+    let (meshes, simple): (Vec<_>, Vec<_>) = geoms.iter().partition(|geom| geom.is_mesh());
+    if meshes.is_empty() {
+        return (simple, Vec::new());
+    }
+    let any_shown = meshes.iter().any(|mesh| mesh.is_shown());
+    let mut shown: Vec<&MjcfGeom> = Vec::new();
+    for mesh in meshes.into_iter().filter(|mesh| mesh.is_shown() || !any_shown) {
+        if !shown.iter().any(|other| other.is_same_mesh(mesh)) {
+            shown.push(mesh);
+        }
+    }
+    (shown, simple)
 }
 
 /// Mass, its centre and rough moments of a body from its shapes.

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use k::nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use urdf_rs::{Color, Geometry, Material, Pose, Vec3, Vec4, Visual};
+use urdf_rs::{Collision, Color, Geometry, Material, Pose, Vec3, Vec4, Visual};
 
 use super::attributes::{MjcfElement, from_z};
 use crate::config::RetargetError;
@@ -17,10 +17,14 @@ pub(super) struct MjcfGeom {
     pub reach_m: f64,
     geometry: Geometry,
     rgba: [f64; 4],
+    group: i32,
 }
 
+/// MuJoCo's viewer draws the groups up to this one; what only touches is in others.
+const LAST_SHOWN_GROUP: i32 = 2;
+
 impl MjcfGeom {
-    /// `None` for meshes and the like. `frame`: the body's frame in the link's.
+    /// `None` for planes, height fields and the like. `frame`: the body's frame in the link's.
     pub fn read(geom: MjcfElement, frame: Isometry3<f64>) -> Result<Option<Self>, RetargetError> {
         let mut pose = geom.pose()?;
         let size = geom.numbers("size")?.unwrap_or_default();
@@ -64,6 +68,12 @@ impl MjcfGeom {
                 let reach_m = half.into_iter().fold(0.0, f64::max);
                 (Geometry::Box { size }, volume, reach_m)
             }
+            "mesh" => {
+                let mesh = geom.text("mesh").and_then(|name| geom.attributes.meshes.get(name));
+                let Some(mesh) = mesh else { return Ok(None) };
+                pose *= mesh.pose;
+                (mesh.geometry.clone(), 0.0, 0.0)
+            }
             _ => return Ok(None),
         };
         let [density] = geom.vector("density", [DENSITY])?;
@@ -74,7 +84,30 @@ impl MjcfGeom {
             reach_m,
             geometry,
             rgba: geom.vector("rgba", color_of_material(geom))?,
+            group: geom.vector("group", [0.0])?[0] as i32,
         }))
+    }
+
+    pub fn is_mesh(&self) -> bool {
+        matches!(self.geometry, Geometry::Mesh { .. })
+    }
+
+    /// Whether a viewer draws it.
+    pub fn is_shown(&self) -> bool {
+        self.group <= LAST_SHOWN_GROUP
+    }
+
+    /// Whether both are the same mesh in the same place: once to draw and once to touch.
+    pub fn is_same_mesh(&self, other: &Self) -> bool {
+        let file = |geom: &Self| match &geom.geometry {
+            Geometry::Mesh { filename, .. } => Some(filename.clone()),
+            _ => None,
+        };
+        self.is_mesh() && file(self) == file(other) && self.pose == other.pose
+    }
+
+    pub fn collision(&self, pose: impl Fn(&Isometry3<f64>) -> Pose) -> Collision {
+        Collision { name: None, origin: pose(&self.pose), geometry: self.geometry.clone() }
     }
 
     pub fn visual(&self, pose: impl Fn(&Isometry3<f64>) -> Pose) -> Visual {

@@ -6,7 +6,7 @@
 //! `inertial` or masses from shapes, `fromto`, joint equalities (as mimics) and
 //! the strength of motors, `include` of files in the model's folder. Held at rest, and
 //! reported: joints without a motor, and those of a loop that `connect` or `weld` closes.
-//! Left out, and reported: meshes, tendons, objects around the robot, ball joints as such
+//! Meshes go by their files' names. Left out, and reported: tendons, objects around the robot, ball joints as such
 //! (three hinges stand for one). Refused: global coordinates.
 //! Metres, kilograms, radians.
 
@@ -14,6 +14,7 @@ mod attributes;
 mod bodies;
 mod geoms;
 mod include;
+mod meshes;
 mod undriven;
 mod urdf_text;
 

@@ -62,18 +62,15 @@ fn write_link(link: &Link, out: &mut String) {
     for visual in &link.visual {
         write_visual(visual, out);
     }
+    for solid in &link.collision {
+        let (origin, shape) = (origin(&solid.origin), shape_text(&solid.geometry));
+        let _ = writeln!(out, "    <collision>{origin}<geometry>{shape}</geometry></collision>");
+    }
     out.push_str("  </link>\n");
 }
 
 fn write_visual(visual: &Visual, out: &mut String) {
-    let shape = match &visual.geometry {
-        Geometry::Box { size } => format!("<box size=\"{} {} {}\"/>", size[0], size[1], size[2]),
-        Geometry::Cylinder { radius, length } => {
-            format!("<cylinder radius=\"{radius}\" length=\"{length}\"/>")
-        }
-        Geometry::Sphere { radius } => format!("<sphere radius=\"{radius}\"/>"),
-        Geometry::Capsule { .. } | Geometry::Mesh { .. } => return, // none from MJCF
-    };
+    let shape = shape_text(&visual.geometry);
     let color = visual.material.as_ref().and_then(|m| m.color.as_ref());
     let [r, g, b, a] = color.map_or([0.0; 4], |color| *color.rgba);
     let _ = writeln!(
@@ -82,6 +79,20 @@ fn write_visual(visual: &Visual, out: &mut String) {
          </material></visual>",
         origin(&visual.origin)
     );
+}
+
+fn shape_text(geometry: &Geometry) -> String {
+    match geometry {
+        Geometry::Box { size } => format!("<box size=\"{} {} {}\"/>", size[0], size[1], size[2]),
+        Geometry::Cylinder { radius, length } | Geometry::Capsule { radius, length } => {
+            format!("<cylinder radius=\"{radius}\" length=\"{length}\"/>")
+        }
+        Geometry::Sphere { radius } => format!("<sphere radius=\"{radius}\"/>"),
+        Geometry::Mesh { filename, scale } => {
+            let [x, y, z] = scale.as_deref().copied().unwrap_or([1.0; 3]);
+            format!("<mesh filename=\"{}\" scale=\"{x} {y} {z}\"/>", escaped(filename))
+        }
+    }
 }
 
 fn write_joint(joint: &Joint, out: &mut String) {

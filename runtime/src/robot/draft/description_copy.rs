@@ -1,5 +1,5 @@
-//! A description from elsewhere, copied beside a new robot file with the meshes
-//! that the page draws of it.
+//! A description from elsewhere, or one that was converted, copied beside a new robot file
+//! with the meshes that the page draws of it.
 //!
 //! A robot file reads nothing outside its folder ([`RobotFolders`]). In the copy meshes
 //! go by the names that they have there; all else stays as it is. Meshes that
@@ -25,22 +25,20 @@ pub(super) struct DescriptionCopy {
 }
 
 impl DescriptionCopy {
-    pub fn of_text(text: &str, out: &Path) -> Self {
+    /// `text`: the description as a URDF; its meshes lie where `description` says.
+    pub fn of(description: &Path, text: &str, out: &Path) -> anyhow::Result<Self> {
         let stem = out.file_stem().unwrap_or_default().to_string_lossy();
-        Self {
+        let mut copies = Self {
             text: text.to_owned(),
             urdf: out.with_extension("urdf"),
             folder: out.with_file_name(format!("{}.meshes", plain(&stem))),
             meshes: BTreeMap::new(),
             left: Vec::new(),
-        }
-    }
-
-    pub fn of(description: &Path, text: &str, out: &Path) -> anyhow::Result<Self> {
-        let mut copies = Self::of_text(text, out);
+        };
         let folder = description.parent().unwrap_or(Path::new(""));
         let name = Path::new(description.file_name().unwrap_or_default());
         let folders = RobotFolders::of_robot(folder, name);
+        let own = RobotFolders::of_file(out.parent().unwrap_or(Path::new("")));
         let model = RobotModel::new(text, &[])?;
         let mut renamed = BTreeMap::new();
         for mesh in model.meshes() {
@@ -48,7 +46,7 @@ impl DescriptionCopy {
             if renamed.contains_key(name) {
                 continue;
             }
-            let new = copies.add(name, &folders).unwrap_or_else(|why| {
+            let new = copies.add(name, &folders, &own).unwrap_or_else(|why| {
                 copies.left.push(format!("mesh {name}: {why}"));
                 name.to_owned()
             });
@@ -62,13 +60,22 @@ impl DescriptionCopy {
         Ok(copies)
     }
 
-    /// Takes a mesh along; what the copy of the description calls it.
-    fn add(&mut self, name: &str, folders: &RobotFolders) -> Result<String, String> {
+    /// Takes a mesh along that is not in the robot file's `own` folder; what the copy of the
+    /// description calls it.
+    fn add(
+        &mut self,
+        name: &str,
+        folders: &RobotFolders,
+        own: &RobotFolders,
+    ) -> Result<String, String> {
         let path = folders.mesh(name)?;
         open_mesh(&path)?;
         let mut parts = ['"', '\''].into_iter().flat_map(|q| self.text.split(q));
         if !parts.any(|part| part == name) {
             return Err("it is not written so in the description".into());
+        }
+        if let Some(relative) = own.relative(&path) {
+            return Ok(relative);
         }
         let called = match self.meshes.get(&path) {
             Some(called) => called.clone(),
@@ -88,6 +95,11 @@ impl DescriptionCopy {
         names.find(is_free).unwrap_or(name)
     }
 
+    /// What the robot file calls the copy.
+    pub fn urdf_name(&self) -> String {
+        self.urdf.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
     /// What will be there: the description, and the folder if there are meshes.
     pub fn places(&self) -> Vec<PathBuf> {
         let folder = (!self.meshes.is_empty()).then(|| self.folder.clone());
@@ -96,9 +108,9 @@ impl DescriptionCopy {
 
     pub fn lines(&self) -> Vec<String> {
         let left = self.left.iter().map(|line| format!("not copied: {line}"));
-        let meshes = self.meshes.keys();
-        let copied = meshes.map(|path| format!("copied: mesh {}", path.display()));
-        copied.chain(left).collect()
+        let copied = (!self.meshes.is_empty())
+            .then(|| format!("copied: {} meshes to {}", self.meshes.len(), self.folder.display()));
+        copied.into_iter().chain(left).collect()
     }
 
     pub fn write(&self) -> anyhow::Result<()> {

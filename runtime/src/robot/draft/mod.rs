@@ -68,9 +68,17 @@ pub fn new_robot(
             refused.message
         );
     }
-    let (urdf, text, copies) = beside(description, &source, out)?;
-    // In the copy meshes have other names, and are not there yet.
-    let seen = if is_mjcf(&source) { &text } else { &source };
+    let is_converted = is_mjcf(&source);
+    let source = if is_converted { urdf_from_mjcf(&source)?.0 } else { source };
+    let folders = RobotFolders::of_file(out.parent().unwrap_or(Path::new("")));
+    let in_place = folders.relative(description).filter(|_| !is_converted);
+    let (urdf, text, copies) = match in_place {
+        Some(relative) => (relative, source.clone(), None),
+        None => {
+            let copies = DescriptionCopy::of(description, &source, out)?;
+            (copies.urdf_name(), copies.text.clone(), Some(copies))
+        }
+    };
     let there = copies.iter().flat_map(DescriptionCopy::places).find(|p| p.exists());
     if let Some(there) = there.filter(|_| !force) {
         bail!("{} is there already; --force overwrites it", there.display());
@@ -79,7 +87,8 @@ pub fn new_robot(
     if picture.exists() && !force {
         bail!("{} is there already; --force overwrites it", picture.display());
     }
-    let mut draft = draft_config(seen, kind, &mesh_reader(description))?;
+    // In the copy meshes have other names, and are not there yet.
+    let mut draft = draft_config(&source, kind, &mesh_reader(description))?;
     let (servos, left_out) = servo_drafts(&draft.joints);
     if servos.is_empty() {
         bail!("{}: no joint can have a servo ({})", description.display(), left_out.join("; "));
@@ -111,26 +120,6 @@ pub fn new_robot(
     files.push(picture);
     lines.extend(summary(&plan, out));
     Ok(NewRobot { files, lines })
-}
-
-/// What the robot file calls the description, its text, and what must be copied
-/// so that all lies in the robot file's folder.
-fn beside(
-    description: &Path,
-    source: &str,
-    out: &Path,
-) -> anyhow::Result<(String, String, Option<DescriptionCopy>)> {
-    let folder = out.parent().unwrap_or(Path::new(""));
-    let copies = if is_mjcf(source) {
-        DescriptionCopy::of_text(&urdf_from_mjcf(source)?.0, out)
-    } else if let Some(relative) = RobotFolders::of_file(folder).relative(description) {
-        return Ok((relative, source.to_owned(), None));
-    } else {
-        DescriptionCopy::of(description, source, out)?
-    };
-    let name = out.with_extension("urdf");
-    let name = name.file_name().unwrap_or_default().to_string_lossy();
-    Ok((name.into_owned(), copies.text.clone(), Some(copies)))
 }
 
 fn summary(plan: &FilePlan, out: &Path) -> Vec<String> {
