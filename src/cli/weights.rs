@@ -1,7 +1,7 @@
 //! `servodance weights`.
 
 use crate::cli::prelude::*;
-use servodance_model::weights::{Dtype, Keep};
+use servodance_model::weights::{Dtype, Keep, Weights, with_stage_one};
 use servodance_training::weights::{self, WeightsInfo};
 
 const EXAMPLES: &str = include_str!("examples/weights.txt").trim_ascii_end();
@@ -52,6 +52,19 @@ pub enum What {
         #[arg(long, value_enum, default_value = "everything", value_name = "WHAT")]
         keep: Part,
     },
+    /// Write the weights with stage 1 of another file: codes that were trained further
+    /// (`train vqvae --stage-one`).
+    Join {
+        /// The file to read stage 2 from.
+        #[arg(value_name = "FILE.safetensors")]
+        file: PathBuf,
+        /// The file to read stage 1 from, in the same number format.
+        #[arg(long, value_name = "FILE.safetensors")]
+        stage_one: PathBuf,
+        /// The file to write.
+        #[arg(long, value_name = "FILE.safetensors")]
+        out: PathBuf,
+    },
     /// Score each number format on held-out motion: error of stage 1,
     /// likelihood of stage 2.
     Compare {
@@ -88,6 +101,13 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             let bytes = servodance_model::weights::convert_file(&file, dtype, keep)?;
             write_whole(&out, &bytes)?;
             stdout_line!("{}: {dtype}, {:.1} MB", out.display(), bytes.len() as f64 / 1e6);
+        }
+        What::Join { file, stage_one, out } => {
+            let [two, one] = [&file, &stage_one].map(|path| Weights::read(path));
+            let names = [&file, &stage_one].map(|path| path.display().to_string());
+            let bytes = with_stage_one((&two?, &names[0]), (&one?, &names[1]))?;
+            write_whole(&out, &bytes)?;
+            stdout_line!("{}: {:.1} MB", out.display(), bytes.len() as f64 / 1e6);
         }
         What::Compare { file, data, clips, json } => {
             let rows = weights::compare(&file, &data, clips)?;

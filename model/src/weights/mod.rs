@@ -15,6 +15,7 @@ use crate::error::ModelError;
 
 mod convert;
 mod dtype;
+mod join;
 mod packed;
 pub(crate) mod random;
 mod slab;
@@ -25,6 +26,7 @@ pub use dtype::Dtype;
 pub(crate) use dtype::{BLOCK, CHUNK, CHUNK_WORDS, q6_quant};
 #[cfg(test)]
 pub(crate) use dtype::{q4_block, q4_values, q8_block};
+pub use join::with_stage_one;
 pub(crate) use packed::{PackedMatrix, PackedNumbers, gather, padded, scales_width};
 
 use packed::q6_bytes;
