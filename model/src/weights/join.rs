@@ -18,29 +18,25 @@ pub fn with_stage_one(
     (weights, source): (&[u8], &str),
     (stage_one, stage_one_source): (&[u8], &str),
 ) -> Result<Vec<u8>, ModelError> {
+    let own = Weights::open(weights, source)?.provenance().to_owned();
+    let given = Weights::open(stage_one, stage_one_source)?.provenance().to_owned();
     let file = |reason: String| ModelError::File { source_name: stage_one_source.into(), reason };
-    let provenances = [(weights, source), (stage_one, stage_one_source)]
-        .map(|(bytes, source)| Ok(Weights::open(bytes, source)?.provenance().to_owned()));
-    let [own, given]: [Result<String, ModelError>; 2] = provenances;
     let unread = |e: safetensors::SafeTensorError| file(e.to_string());
-    let (two, one) = (
-        SafeTensors::deserialize(weights).map_err(unread)?,
-        SafeTensors::deserialize(stage_one).map_err(unread)?,
-    );
-    let views: Result<Vec<_>, ModelError> = two.tensors().into_iter().map(|(name, own)| {
-        if !STAGE_ONE.iter().any(|prefix| name.starts_with(prefix)) {
-            return Ok((name, own));
+    let two = SafeTensors::deserialize(weights).map_err(unread)?;
+    let one = SafeTensors::deserialize(stage_one).map_err(unread)?;
+    let mut views = two.tensors();
+    let is_stage_one = |name: &str| STAGE_ONE.iter().any(|prefix| name.starts_with(prefix));
+    for (name, view) in views.iter_mut().filter(|(name, _)| is_stage_one(name)) {
+        let given = one.tensor(name).map_err(unread)?;
+        if (given.shape(), given.dtype()) != (view.shape(), view.dtype()) {
+            let [other, here] =
+                [&given, &*view].map(|view| format!("{:?} {:?}", view.dtype(), view.shape()));
+            return Err(file(format!(
+                "{name} is {other}, in {source} {here}: bring both files to one --dtype first"
+            )));
         }
-        let given = one.tensor(&name).map_err(unread)?;
-        match (given.shape(), given.dtype()) == (own.shape(), own.dtype()) {
-            true => Ok((name, given)),
-            false => Err(file(format!(
-                "{name} is {:?} {:?}, in {source} {:?} {:?}: bring both files to one --dtype first",
-                given.dtype(), given.shape(), own.dtype(), own.shape()
-            ))),
-        }
-    }).collect();
-    let views = views?;
+        *view = given;
+    }
     let entries = views.iter().map(|(name, view)| Entry {
         name,
         dtype: view.dtype(),
@@ -50,7 +46,7 @@ pub fn with_stage_one(
     let (_, header) = SafeTensors::read_metadata(weights).map_err(unread)?;
     let mut metadata: BTreeMap<String, String> =
         header.metadata().clone().unwrap_or_default().into_iter().collect();
-    metadata.insert("provenance".into(), both(&own?, &given?));
+    metadata.insert("provenance".into(), both(&own, &given));
     Ok(tensor_file::bytes(&metadata, entries.collect()))
 }
 

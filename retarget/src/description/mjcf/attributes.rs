@@ -2,12 +2,21 @@
 
 use std::collections::HashMap;
 
-use super::meshes::{self, MeshAsset};
 use crate::config::RetargetError;
 use k::nalgebra::{
     Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3,
 };
 use roxmltree::Node;
+use urdf_rs::Geometry;
+
+/// A mesh as shapes refer to it.
+#[derive(Clone, Debug)]
+pub(super) struct MeshAsset {
+    /// The file, by its way from the model's folder, and the scale of its corners.
+    pub geometry: Geometry,
+    /// The file's frame in that of a shape.
+    pub pose: Isometry3<f64>,
+}
 
 type DefaultClasses = HashMap<String, HashMap<(String, String), String>>;
 
@@ -18,7 +27,7 @@ pub(super) struct MjcfAttributes {
     pub autolimits: bool,
     /// Colours of the materials among the assets, by name.
     pub materials: HashMap<String, [f64; 4]>,
-    /// Meshes among the assets, by name.
+    /// Meshes among the assets, by name: see `meshes`.
     pub meshes: HashMap<String, MeshAsset>,
 }
 
@@ -55,7 +64,6 @@ impl MjcfAttributes {
             meshes: HashMap::new(),
         };
         attributes.materials = attributes.read_materials(root)?;
-        attributes.meshes = meshes::read(root, &attributes)?;
         Ok(attributes)
     }
 

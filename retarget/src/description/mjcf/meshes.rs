@@ -8,17 +8,8 @@ use k::nalgebra::{Isometry3, Translation3, Vector3};
 use roxmltree::Node;
 use urdf_rs::{Geometry, Vec3};
 
-use super::attributes::{MjcfAttributes, unit_quaternion};
+use super::attributes::{MeshAsset, MjcfAttributes, unit_quaternion};
 use crate::config::RetargetError;
-
-/// A mesh as shapes refer to it.
-#[derive(Clone, Debug)]
-pub(super) struct MeshAsset {
-    /// The file, by its way from the model's folder, and the scale of its corners.
-    pub geometry: Geometry,
-    /// The file's frame in that of a shape.
-    pub pose: Isometry3<f64>,
-}
 
 /// All of a model, by name. MuJoCo calls a mesh without a name as its file without the ending.
 pub(super) fn read(

@@ -64,7 +64,8 @@ pub(super) fn read(
         let reason = "it includes other files, which are read from a file's folder only";
         return Err(RetargetError::Mjcf(reason.into()));
     }
-    let attributes = MjcfAttributes::new(root)?;
+    let mut attributes = MjcfAttributes::new(root)?;
+    attributes.meshes = meshes::read(root, &attributes)?;
     let mut bodies = MjcfBodies::read(root, &attributes, diagnostics)?;
     let model = MjcfElement { node: root, class: "main", attributes: &attributes };
     bodies.add_mimics(model);
