@@ -1,5 +1,6 @@
 //! Staying on two feet: a plan that can be stood, and its correction by a sensor.
 
+mod arm_share;
 mod carried_acceleration;
 mod counterweight;
 mod fall_detector;

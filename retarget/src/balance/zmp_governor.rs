@@ -6,11 +6,11 @@
 //! pelvis's movement: that is scaled first, and for steps the upper body when its own
 //! movement already leaves the sole. Down at once, up slowly, as a compressor does.
 //!
-//! On feet that stay the upper body keeps its share, which `robot new` finds by trials: a
-//! share that changes with the beat moves the zero-moment point more than what it takes away.
+//! On feet that stay the upper body gives way for seconds, not for a beat: `arm_share`.
 
 use k::nalgebra::{Isometry3, Point3, Vector3};
 
+use super::arm_share::ArmShare;
 use super::counterweight::Counterweight;
 use crate::contact::SupportPolygon;
 use crate::dynamics::GRAVITY_M_S2;
@@ -32,6 +32,13 @@ pub(crate) struct GovernorSettings {
     release_s: f64,
     /// Feet that stay.
     planted: bool,
+}
+
+/// Which of the two plans is looked at.
+#[derive(Clone, Copy)]
+enum Plan {
+    PelvisAtRest,
+    All,
 }
 
 impl GovernorSettings {
@@ -60,6 +67,10 @@ pub(crate) struct ZmpGovernor {
     past: Vec<[Vec<Vector3<f64>>; 2]>,
     next: usize,
     seen: usize,
+    /// Cycles between the centres of mass by which accelerations are measured.
+    step: usize,
+    /// Feet that stay: how the upper body gives way.
+    arms: Option<ArmShare>,
     /// Share of the pelvis's and of the upper body's movement.
     pub pelvis: f64,
     pub upper: f64,
@@ -68,19 +79,23 @@ pub(crate) struct ZmpGovernor {
 }
 
 impl ZmpGovernor {
-    /// `is_leg` by link: those that stand.
-    pub fn new(is_leg: Vec<bool>, settings: GovernorSettings, dt_s: f64) -> Self {
+    /// `is_leg` by link: those that stand. `height_m`: of the centre of mass above the feet.
+    pub fn new(is_leg: Vec<bool>, settings: GovernorSettings, height_m: f64, dt_s: f64) -> Self {
         let links = is_leg.len();
-        let half = ((settings.measured_s / dt_s).round() as usize).max(1);
+        let step = ((settings.measured_s / dt_s).round() as usize).max(1);
+        let arms = settings.planted.then(|| ArmShare::new(height_m, dt_s));
+        let kept = arms.as_ref().map_or(step, |arms| arms.step.max(step));
         let still = || vec![Vector3::zeros(); links];
         Self {
             settings,
             dt_s,
             in_root: vec![Isometry3::identity(); links],
             is_leg,
-            past: (0..2 * half + 1).map(|_| [still(), still()]).collect(),
+            past: (0..2 * kept + 1).map(|_| [still(), still()]).collect(),
             next: 0,
             seen: 0,
+            step,
+            arms,
             pelvis: 1.0,
             upper: 1.0,
             lowest: 1.0,
@@ -91,6 +106,9 @@ impl ZmpGovernor {
     pub fn restart(&mut self) {
         self.seen = 0;
         self.counterweight.restart();
+        if let Some(arms) = &mut self.arms {
+            arms.restart();
+        }
     }
 
     /// How far the pelvis goes against the weight of the arms, metres.
@@ -130,7 +148,8 @@ impl ZmpGovernor {
     }
 
     fn judge(&mut self, input: &GovernorInput) {
-        let [resting, moving] = [0, 1].map(|plan| self.zero_moment_point(input.model, plan));
+        let [resting, moving] = [Plan::PelvisAtRest, Plan::All]
+            .map(|plan| self.zero_moment_point(input.model, plan, self.step));
         let support = input.support;
         let inside = |from: &Vector3<f64>, to: &Vector3<f64>| {
             let edges = support.edges.iter();
@@ -144,12 +163,14 @@ impl ZmpGovernor {
             shares.fold(1.0, f64::min)
         };
         let pelvis = inside(&resting, &moving);
-        let upper = match self.settings.planted {
-            true => 1.0,
-            false => inside(&support.middle(), &resting),
-        };
         self.pelvis = self.eased(self.pelvis, pelvis);
-        self.upper = self.eased(self.upper, upper);
+        self.upper = match self.arms.as_ref().map(|arms| arms.step) {
+            Some(step) => {
+                let swung = self.zero_moment_point(input.model, Plan::PelvisAtRest, step);
+                self.arms.as_mut().map_or(1.0, |arms| arms.share(&swung, support))
+            }
+            None => self.eased(self.upper, inside(&support.middle(), &resting)),
+        };
         self.lowest = self.lowest.min(self.pelvis);
     }
 
@@ -158,16 +179,17 @@ impl ZmpGovernor {
         now + (wanted - now) * self.dt_s / (time_s + self.dt_s)
     }
 
-    /// From the newest, middle and oldest centres of mass; all z are against the floor.
-    fn zero_moment_point(&self, model: &RobotModel, plan: usize) -> Vector3<f64> {
+    /// From the newest centres of mass and those `step` and twice as many cycles before; all z
+    /// are against the floor.
+    fn zero_moment_point(&self, model: &RobotModel, plan: Plan, step: usize) -> Vector3<f64> {
         let count = self.past.len();
-        let half = (count / 2) as f64 * self.dt_s;
-        let at = |back: usize| &self.past[(self.next + count - 1 - back) % count][plan];
-        let (newest, middle, oldest) = (at(0), at(count / 2), at(count - 1));
+        let apart_s = step as f64 * self.dt_s;
+        let at = |back: usize| &self.past[(self.next + count - 1 - back) % count][plan as usize];
+        let (newest, middle, oldest) = (at(0), at(step), at(2 * step));
         let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
         for (index, link) in model.links.iter().enumerate().filter(|(_, link)| link.mass_kg > 0.0) {
             let change = newest[index] - middle[index] * 2.0 + oldest[index];
-            let pull = change / (half * half) + Vector3::z() * GRAVITY_M_S2;
+            let pull = change / (apart_s * apart_s) + Vector3::z() * GRAVITY_M_S2;
             force += pull * link.mass_kg;
             moment += middle[index].cross(&(pull * link.mass_kg));
         }

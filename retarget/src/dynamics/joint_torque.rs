@@ -1,8 +1,8 @@
 //! What the motion costs the motors: torque and heat, estimated.
 //!
-//! Each link is a point mass in its centre of mass. Its force is its mass times
-//! gravity and the second difference of where the outputs of three cycles put
-//! it; a joint carries the moment of all that is beyond it about its axis. A
+//! Each link's force is its mass times gravity and the second difference of where
+//! the outputs of three cycles put its centre of mass; its moment is the change of
+//! its angular momentum about that. A joint carries the moment of all that is beyond it about its axis. A
 //! joint of a leg that stands carries the floor's force as well: it acts at the
 //! zero-moment point and is shared between the feet by where that is.
 //! Friction and rotor inertia are left out.
@@ -65,6 +65,8 @@ pub(crate) struct TorqueEstimator {
     before: [Vec<Point3<f64>>; 2],
     /// Poses of the links in the last cycle: the one that accelerations are of.
     poses: Vec<Isometry3<f64>>,
+    /// Angular momentum of each link about its centre of mass on the way to that cycle.
+    spins: Vec<Vector3<f64>>,
     cycles: usize,
     down: Option<[bool; 2]>,
     zmp: Option<Point3<f64>>,
@@ -108,6 +110,7 @@ impl TorqueEstimator {
             dt_s,
             before: [vec![Point3::origin(); links], vec![Point3::origin(); links]],
             poses: vec![Isometry3::identity(); links],
+            spins: vec![Vector3::zeros(); links],
             cycles: 0,
             down: None,
             zmp: None,
@@ -205,7 +208,12 @@ impl TorqueEstimator {
             let acceleration = acceleration / (self.dt_s * self.dt_s);
             let force = (acceleration + Vector3::z() * GRAVITY_M_S2) * link.mass_kg;
             self.forces[index] = force;
-            self.moments[index] = last[index].coords.cross(&force);
+            let turned = pose.rotation * self.poses[index].rotation.inverse();
+            let rate = turned.vector() * (2.0 * turned.w.signum() / self.dt_s);
+            let spin = pose.rotation * (link.inertia * (pose.rotation.inverse() * rate));
+            let spun = (spin - self.spins[index]) / self.dt_s;
+            self.spins[index] = spin;
+            self.moments[index] = last[index].coords.cross(&force) + spun;
             before[index] = last[index];
             last[index] = com;
         }

@@ -287,6 +287,10 @@ impl Retargeter {
             let aimed = tracker.plan(rest + scale * (solved - rest));
             *bounds = tracker.reachable();
             *wanted = aimed.clamp(bounds.0, bounds.1);
+            if self.stance.is_some() && self.limbs[joint] == Limb::Torso {
+                // A trunk that makes room for an arm would tip the robot over.
+                *bounds = (*wanted, *wanted);
+            }
             let allowed = *wanted;
             limited |= (allowed - aimed).abs() > 1e-9;
             self.held_on_its_way(joint, aimed, allowed);

@@ -280,10 +280,11 @@ impl RestSearch<'_> {
             false => GovernorSettings::PLANTED,
         };
         legs.support = Some(support);
+        let height_m = self.model.centre_of_mass(legs.poses(self.model)).z - feet[0].translation.z;
         let cycles = (preview_s / dt_s).round() as usize;
         PlantedStance {
             pelvis,
-            governor: ZmpGovernor::new(self.standing_links(), settings, dt_s),
+            governor: ZmpGovernor::new(self.standing_links(), settings, height_m, dt_s),
             governed,
             feet,
             home: feet,

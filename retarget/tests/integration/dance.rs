@@ -297,3 +297,30 @@ fn no_cycle_works_much_more_than_the_others() {
         assert!(p99 < 2.5 && most < 6.0, "{name}: {p99:.2}, {most:.2}");
     }
 }
+
+#[test]
+fn a_trunk_on_planted_feet_does_not_make_room_for_an_arm() {
+    let mut robot = Robot::read(
+        include_str!("../../../configs/g1.toml"),
+        include_str!("../../../configs/g1.urdf"),
+    );
+    robot.config.gain.torso = 0.0;
+    let mut retargeter = robot.retargeter();
+    let through_the_body = |k: usize| {
+        let mut pose = Pose::standing();
+        let in_front = (k as f64 / FRAME_RATE_HZ * 3.0).sin();
+        for (side, sign) in [(0, 1.0), (1, -1.0)] {
+            let inward = Vector3::new(in_front, -sign, -0.5).normalize();
+            (pose.upper_arm[side], pose.forearm[side]) = (inward, inward);
+        }
+        pose.frame(k)
+    };
+    let frames: Vec<MotionFrame> = (0..200).map(through_the_body).collect();
+    let track = follow(&mut retargeter, &frames);
+    assert!(retargeter.counts().guarded_cycles > 50, "{:?}", retargeter.counts());
+    for joint in (0..robot.joints.len()).filter(|&joint| robot.joints[joint].0.contains("waist")) {
+        let rest = retargeter.rest()[joint];
+        let farthest = track.iter().map(|row| (row[joint] - rest).abs()).fold(0.0, f64::max);
+        assert!(farthest < 1e-6, "{}: {farthest} rad", robot.joints[joint].0);
+    }
+}

@@ -24,6 +24,8 @@ const LOOKAHEAD_MAX_S: f64 = 5.0;
 const SECONDS_MAX: f64 = 86_400.0;
 
 const TRIAL_S: f64 = 20.0;
+/// Of the first six, the three whose arms swing hardest.
+const TRIAL_SEEDS: [u64; 3] = [1, 2, 5];
 
 /// The motion that is wanted.
 #[derive(Clone, Debug, clap::Args)]
@@ -184,11 +186,11 @@ pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
     Ok(Clip { name: "generated".into(), fps: FRAME_RATE_HZ, poses })
 }
 
-/// Two dances of the default style to the built-in song, 20 s each, to try a robot with in
+/// Three dances of the default style to the built-in song, 20 s each, to try a robot with in
 /// the simulated world.
 pub fn dances_of_built_in_song() -> anyhow::Result<Vec<Clip>> {
     let dance = |seed| generate(&GenerateRequest::plain(None, TRIAL_S, seed, None));
-    (1..=2).map(dance).collect()
+    TRIAL_SEEDS.into_iter().map(dance).collect()
 }
 
 /// A motion, and what the VQ-VAE makes of it.
