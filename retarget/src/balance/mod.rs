@@ -10,6 +10,7 @@ mod leg_servo;
 mod servo_give;
 mod zmp_governor;
 
+pub(crate) use arm_share::ArmShare;
 pub(crate) use carried_acceleration::CarriedAcceleration;
 pub use feedback::BalanceFeedback;
 pub use leg_servo::LegServo;

@@ -30,8 +30,6 @@ pub(crate) struct GovernorSettings {
     used: f64,
     /// Short enough that a robot which joins a dance late soon moves like the others.
     release_s: f64,
-    /// Feet that stay.
-    planted: bool,
 }
 
 /// Which of the two plans is looked at.
@@ -43,9 +41,9 @@ enum Plan {
 
 impl GovernorSettings {
     /// Feet that stay, with accelerations that they carry (`carried_acceleration`).
-    pub const PLANTED: Self = Self { measured_s: 0.06, used: 0.5, release_s: 0.8, planted: true };
+    pub const PLANTED: Self = Self { measured_s: 0.06, used: 0.5, release_s: 0.8 };
     /// Feet that step: each peak counts on one sole.
-    pub const STEPPING: Self = Self { measured_s: 0.04, used: 0.5, release_s: 1.0, planted: false };
+    pub const STEPPING: Self = Self { measured_s: 0.04, used: 0.5, release_s: 1.0 };
 }
 
 pub(crate) struct GovernorInput<'a> {
@@ -79,11 +77,15 @@ pub(crate) struct ZmpGovernor {
 }
 
 impl ZmpGovernor {
-    /// `is_leg` by link: those that stand. `height_m`: of the centre of mass above the feet.
-    pub fn new(is_leg: Vec<bool>, settings: GovernorSettings, height_m: f64, dt_s: f64) -> Self {
+    /// `is_leg` by link: those that stand. `arms`: for feet that stay.
+    pub fn new(
+        is_leg: Vec<bool>,
+        settings: GovernorSettings,
+        arms: Option<ArmShare>,
+        dt_s: f64,
+    ) -> Self {
         let links = is_leg.len();
         let step = ((settings.measured_s / dt_s).round() as usize).max(1);
-        let arms = settings.planted.then(|| ArmShare::new(height_m, dt_s));
         let kept = arms.as_ref().map_or(step, |arms| arms.step.max(step));
         let still = || vec![Vector3::zeros(); links];
         Self {
@@ -136,7 +138,7 @@ impl ZmpGovernor {
             mass_kg += link.mass_kg;
             moved_kg += share * link.mass_kg;
         }
-        if self.settings.planted && moved_kg > 0.0 {
+        if self.arms.is_some() && moved_kg > 0.0 {
             let away = input.support.middle() * mass_kg - weight;
             self.counterweight.step(away / moved_kg);
         }
@@ -166,8 +168,8 @@ impl ZmpGovernor {
         self.pelvis = self.eased(self.pelvis, pelvis);
         self.upper = match self.arms.as_ref().map(|arms| arms.step) {
             Some(step) => {
-                let swung = self.zero_moment_point(input.model, Plan::PelvisAtRest, step);
-                self.arms.as_mut().map_or(1.0, |arms| arms.share(&swung, support))
+                let swing = self.swing(input.model, step);
+                self.arms.as_mut().map_or(1.0, |arms| arms.share(&swing, support))
             }
             None => self.eased(self.upper, inside(&support.middle(), &resting)),
         };
@@ -177,6 +179,20 @@ impl ZmpGovernor {
     fn eased(&self, now: f64, wanted: f64) -> f64 {
         let time_s = if wanted < now { ATTACK_S } else { self.settings.release_s };
         now + (wanted - now) * self.dt_s / (time_s + self.dt_s)
+    }
+
+    /// From the centre of mass to the zero-moment point, with the pelvis at rest.
+    fn swing(&self, model: &RobotModel, step: usize) -> Vector3<f64> {
+        let count = self.past.len();
+        let middle =
+            &self.past[(self.next + count - 1 - step) % count][Plan::PelvisAtRest as usize];
+        let mut com = Vector3::zeros();
+        let mut mass_kg = 0.0;
+        for (link, at) in model.links.iter().zip(middle) {
+            com += at * link.mass_kg;
+            mass_kg += link.mass_kg;
+        }
+        self.zero_moment_point(model, Plan::PelvisAtRest, step) - com / mass_kg
     }
 
     /// From the newest centres of mass and those `step` and twice as many cycles before; all z

@@ -4,7 +4,7 @@ use k::nalgebra::Isometry3;
 use servodance_types::JointLimits;
 
 use super::joint_setup::by_joint;
-use crate::balance::{CarriedAcceleration, GovernorSettings, ZmpGovernor};
+use crate::balance::{ArmShare, CarriedAcceleration, GovernorSettings, ZmpGovernor};
 use crate::config::{BodyKind, RetargetConfig, RetargetError, Stance};
 use crate::contact::capsules;
 use crate::contact::{FootStepper, FourFeet, PelvisTrajectory, PlantedStance, SupportPolygon};
@@ -275,16 +275,19 @@ impl RestSearch<'_> {
                 limits.acceleration_rad_s2 = limits.acceleration_rad_s2.min(carried);
             }
         }
-        let settings = match steps {
-            true => GovernorSettings::STEPPING,
-            false => GovernorSettings::PLANTED,
+        let height_m = self.model.centre_of_mass(legs.poses(self.model)).z - feet[0].translation.z;
+        let (settings, arms) = match steps {
+            true => (GovernorSettings::STEPPING, None),
+            false => {
+                let arms = ArmShare::new(height_m, self.config.swing_room, dt_s);
+                (GovernorSettings::PLANTED, Some(arms))
+            }
         };
         legs.support = Some(support);
-        let height_m = self.model.centre_of_mass(legs.poses(self.model)).z - feet[0].translation.z;
         let cycles = (preview_s / dt_s).round() as usize;
         PlantedStance {
             pelvis,
-            governor: ZmpGovernor::new(self.standing_links(), settings, height_m, dt_s),
+            governor: ZmpGovernor::new(self.standing_links(), settings, arms, dt_s),
             governed,
             feet,
             home: feet,

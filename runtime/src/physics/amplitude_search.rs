@@ -1,53 +1,82 @@
 //! How much of a dance a robot can stand: found by dancing it in several worlds.
 
+use std::fmt;
+
 use servodance_model::motion::Clip;
+use servodance_retarget::RetargetConfig;
 use servodance_sim::world::WorldOptions;
 
 use super::servo_loop::ServoVariation;
 use super::standing_trial::{StandingTrial, TrialOptions, TrialReport};
 use crate::robot::Robot;
 
-/// Shares of the movement of pelvis and legs, and of arms and head, that are tried, largest
-/// first: the pelvis gives way before the arms do. From 0.3 to 1 there is nothing: what stood
-/// there in these dances fell in others.
-const SHARES: [(f64, f64); 10] = [
-    (1.0, 1.0),
-    (0.3, 1.0),
-    (0.15, 1.0),
-    (0.0, 1.0),
-    (0.0, 0.9),
-    (0.0, 0.8),
-    (0.0, 0.7),
-    (0.0, 0.6),
-    (0.0, 0.5),
-    (0.0, 0.4),
+/// What is tried, largest first: the pelvis gives way before the arms do, and the arms in wild
+/// stretches (`swing_room`) before they do everywhere. From 0.3 to 1 of the pelvis there is
+/// nothing: what stood there in these dances fell in others.
+const LADDER: [StandingShares; 10] = [
+    StandingShares::new(1.0, 0.6, 1.0),
+    StandingShares::new(0.3, 0.6, 1.0),
+    StandingShares::new(0.0, 0.6, 1.0),
+    StandingShares::new(0.0, 0.5, 1.0),
+    StandingShares::new(0.0, 0.4, 1.0),
+    StandingShares::new(0.0, 0.3, 1.0),
+    StandingShares::new(0.0, 0.2, 1.0),
+    StandingShares::new(0.0, 0.2, 0.8),
+    StandingShares::new(0.0, 0.2, 0.6),
+    StandingShares::new(0.0, 0.2, 0.4),
 ];
 /// A robot that leans at most this share of its tipping angle beyond its plan has a margin
 /// for dances that it was not tried with. What stands on four feet need only not fall.
-const MOST_LEAN: f64 = 0.55;
+const MOST_LEAN: f64 = 0.65;
+
+/// How much of a dance a robot is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StandingShares {
+    /// Share of the movement of pelvis and legs.
+    pub pelvis: f64,
+    /// `swing_room` of the robot's file.
+    pub swing_room: f64,
+    /// Share of the movement of arms and head.
+    pub arms: f64,
+}
+
+impl StandingShares {
+    const fn new(pelvis: f64, swing_room: f64, arms: f64) -> Self {
+        Self { pelvis, swing_room, arms }
+    }
+
+    /// The settings with their gains scaled.
+    pub fn scale(&self, config: &mut RetargetConfig) {
+        config.swing_room = self.swing_room;
+        let gain = &mut config.gain;
+        for part in [&mut gain.torso, &mut gain.left_leg, &mut gain.right_leg] {
+            *part *= self.pelvis;
+        }
+        for part in [&mut gain.left_arm, &mut gain.right_arm, &mut gain.head] {
+            *part *= self.arms;
+        }
+    }
+}
+
+impl fmt::Display for StandingShares {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { pelvis, swing_room, arms } = self;
+        let [pelvis, swing_room, arms] = [pelvis, swing_room, arms].map(|share| share * 100.0);
+        write!(
+            out,
+            "{pelvis:.0} % of the pelvis's movement and {arms:.0} % of the arms', whose swings \
+             have {swing_room:.0} % of the soles before they give way"
+        )
+    }
+}
 
 /// What a robot can stand, and how it went.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StandingAmplitude {
-    /// Share of the movement of pelvis and legs.
-    pub pelvis: f64,
-    /// Share of the movement of arms and head.
-    pub arms: f64,
+    /// The largest that it stands.
+    pub shares: StandingShares,
     /// The worst of the worlds.
     pub worst: TrialReport,
-}
-
-/// The robot with its gains scaled.
-pub fn scaled(robot: &Robot, pelvis: f64, arms: f64) -> Robot {
-    let mut scaled = robot.clone();
-    let gain = &mut scaled.retarget.gain;
-    for part in [&mut gain.torso, &mut gain.left_leg, &mut gain.right_leg] {
-        *part *= pelvis;
-    }
-    for part in [&mut gain.left_arm, &mut gain.right_arm, &mut gain.head] {
-        *part *= arms;
-    }
-    scaled
 }
 
 /// The largest share of `dances` that the robot stands in every world with a margin, or
@@ -61,13 +90,14 @@ pub fn find_amplitude(
     let tipping_rad = robot.retargeter()?.tipping_angle_rad();
     let most_deg = tipping_rad.map_or(f64::INFINITY, |angle| MOST_LEAN * angle.to_degrees());
     let mut steadiest: Option<StandingAmplitude> = None;
-    for (pelvis, arms) in SHARES {
-        let scaled = scaled(robot, pelvis, arms);
+    for shares in LADDER {
+        let mut scaled = robot.clone();
+        shares.scale(&mut scaled.retarget);
         let Some(worst) = worst_of(dances, |dance| stands_everywhere(&scaled, dance, sized))?
         else {
             continue;
         };
-        let found = StandingAmplitude { pelvis, arms, worst };
+        let found = StandingAmplitude { shares, worst };
         if lean(&found) <= most_deg {
             return Ok(Some(found));
         }

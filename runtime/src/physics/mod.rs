@@ -6,7 +6,7 @@ mod servo_loop;
 mod stance_check;
 mod standing_trial;
 
-pub use amplitude_search::{StandingAmplitude, find_amplitude, scaled};
+pub use amplitude_search::{StandingAmplitude, StandingShares, find_amplitude};
 pub use push_search::survived_push_ns;
 pub use servo_loop::{ServoLoop, ServoVariation};
 pub use stance_check::StanceCheck;

@@ -102,6 +102,10 @@ fn retarget(plan: &FilePlan, out: &mut String) {
         out.push_str("# How far it sinks at rest, of the leg length: room to move up.\n");
         let _ = writeln!(out, "crouch = {:?}", config.crouch);
     }
+    if config.stance == Stance::Planted {
+        out.push_str("# How far swings of the arms may push the weight before they give way: 1 is the\n# soles' edge. Found as the gains are.\n");
+        let _ = writeln!(out, "swing_room = {:?}", config.swing_room);
+    }
     remarks("Missing: ", &plan.draft.missing, out);
     body(&config.body, out);
     gains(plan, out);

@@ -2,7 +2,7 @@
 
 use super::file_text::{FilePlan, robot_file};
 use crate::offline::motion_tracking::{TrackedMotion, track_motion};
-use crate::physics::{StandingAmplitude, find_amplitude, scaled};
+use crate::physics::{StandingAmplitude, find_amplitude};
 use crate::robot::config_source::ConfigSource;
 use crate::robot::loaded::Robot;
 use crate::robot::overrides::Overrides;
@@ -60,19 +60,17 @@ impl FilePlan<'_> {
         let robot = self.parse()?;
         let found = find_amplitude(&robot, self.dances, true)?;
         let config = &mut self.draft.config;
-        let Some(StandingAmplitude { pelvis, arms, .. }) = found else {
+        let Some(StandingAmplitude { shares, .. }) = found else {
             config.stance = Stance::Hung;
             self.tried.push(
                 "in the simulated world it falls whatever it leaves out: hung on a stand".into(),
             );
             return Ok(());
         };
-        config.gain = scaled(&robot, pelvis, arms).retarget.gain;
+        shares.scale(config);
         self.tried.push(format!(
             "in the simulated world (motors as strong as its masses ask for) it stands and dances \
-             with {:.0} % of the pelvis's movement and {:.0} % of the arms'",
-            pelvis * 100.0,
-            arms * 100.0
+             with {shares}"
         ));
         Ok(())
     }
