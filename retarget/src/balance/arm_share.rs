@@ -1,9 +1,9 @@
 //! What share of the arms' movement feet that stay can carry.
 //!
 //! Swings that push the zero-moment point towards the edges of the soles rock the robot on
-//! them, and each swing adds to the last. The time that the point spends beyond its room is
-//! added up over two seconds, and the arms swing less for as long: a share that changed with
-//! the beat would itself move the point. Ordinary swings cost next to nothing, wild ones most
+//! them, and each swing adds to the last. The time that the point spends beyond its limit
+//! is added up over two seconds, and the arms swing less for as long: a share that changed
+//! with the beat would itself move the point. Ordinary swings cost next to nothing, wild ones most
 //! of their size. What arms that stay out weigh does not count: the pelvis goes against that
 //! (`counterweight`).
 
@@ -23,22 +23,22 @@ const HALVES: f64 = 0.6;
 pub(crate) struct ArmShare {
     /// Cycles between the positions by which accelerations are measured.
     pub step: usize,
-    /// Share of the way from the middle to the sole's edge that swings have for nothing.
-    room: f64,
+    /// `arm_zmp_limit`: the way from the middle to the sole's edge is 1.
+    zmp_limit: f64,
     halves_s: f64,
     dt_s: f64,
-    /// How far beyond the room in the last cycles, in half soles; a ring.
+    /// How far beyond the limit in the last cycles, in half soles; a ring.
     beyond: Vec<f64>,
     next: usize,
 }
 
 impl ArmShare {
     /// `height_m`: of the centre of mass above the feet.
-    pub fn new(height_m: f64, room: f64, dt_s: f64) -> Self {
+    pub fn new(height_m: f64, zmp_limit: f64, dt_s: f64) -> Self {
         let fall_s = (height_m.max(0.01) / GRAVITY_M_S2).sqrt();
         Self {
             step: ((MEASURED * fall_s / dt_s).round() as usize).max(1),
-            room,
+            zmp_limit,
             halves_s: HALVES * fall_s,
             dt_s,
             beyond: vec![0.0; (MEMORY_S / dt_s).ceil() as usize],
@@ -56,7 +56,7 @@ impl ArmShare {
         let middle = support.middle();
         let beyond = support.edges.iter().map(|edge| {
             let half_m = (edge.offset_m - edge.normal.dot(&middle)).max(1e-3);
-            edge.normal.dot(swing) / half_m - self.room
+            edge.normal.dot(swing) / half_m - self.zmp_limit
         });
         self.beyond[self.next] = beyond.fold(0.0, f64::max);
         self.next = (self.next + 1) % self.beyond.len();
@@ -80,10 +80,10 @@ mod tests {
     const DT_S: f64 = 0.01;
 
     /// The share after swings of a size (the soles' half is 0.1 m) and a time of rest.
-    fn share_after(swing_m: f64, room: f64, swings_s: f64, rests_s: f64) -> f64 {
+    fn share_after(swing_m: f64, zmp_limit: f64, swings_s: f64, rests_s: f64) -> f64 {
         let foot = |y: f64| Isometry3::translation(0.0, y, 0.0);
         let support = SupportPolygon::new(&[foot(0.1), foot(-0.1)], [0.2, 0.1]);
-        let mut arms = ArmShare::new(0.8, room, DT_S);
+        let mut arms = ArmShare::new(0.8, zmp_limit, DT_S);
         let mut share = 1.0;
         for cycle in 0..((swings_s + rests_s) / DT_S) as usize {
             let time_s = cycle as f64 * DT_S;
@@ -95,13 +95,13 @@ mod tests {
     }
 
     #[test]
-    fn swings_with_room_keep_their_size() {
+    fn swings_inside_the_limit_keep_their_size() {
         assert_eq!(share_after(0.05, 0.6, 10.0, 0.0), 1.0);
         assert!(share_after(0.05, 0.3, 10.0, 0.0) < 0.9);
     }
 
     #[test]
-    fn swings_beyond_shrink_one_by_one_and_are_forgotten_in_two_seconds() {
+    fn swings_beyond_the_limit_shrink_one_by_one_and_are_forgotten_in_two_seconds() {
         let shares = [0.5, 1.0, 1.5].map(|swings_s| share_after(0.12, 0.6, swings_s, 0.0));
         assert!(shares.is_sorted_by(|a, b| a > b) && shares[2] < 0.5, "{shares:?}");
         let later = [0.5, 1.5, 2.0].map(|rests_s| share_after(0.12, 0.6, 1.5, rests_s));

@@ -166,11 +166,9 @@ impl ZmpGovernor {
         };
         let pelvis = inside(&resting, &moving);
         self.pelvis = self.eased(self.pelvis, pelvis);
-        self.upper = match self.arms.as_ref().map(|arms| arms.step) {
-            Some(step) => {
-                let swing = self.swing(input.model, step);
-                self.arms.as_mut().map_or(1.0, |arms| arms.share(&swing, support))
-            }
+        let swing = self.arms.as_ref().map(|arms| self.swing(input.model, arms.step));
+        self.upper = match self.arms.as_mut().zip(swing) {
+            Some((arms, swing)) => arms.share(&swing, support),
             None => self.eased(self.upper, inside(&support.middle(), &resting)),
         };
         self.lowest = self.lowest.min(self.pelvis);
@@ -181,11 +179,15 @@ impl ZmpGovernor {
         now + (wanted - now) * self.dt_s / (time_s + self.dt_s)
     }
 
+    /// The links' centres of mass so many cycles before the newest.
+    fn centres(&self, plan: Plan, back: usize) -> &[Vector3<f64>] {
+        let count = self.past.len();
+        &self.past[(self.next + count - 1 - back) % count][plan as usize]
+    }
+
     /// From the centre of mass to the zero-moment point, with the pelvis at rest.
     fn swing(&self, model: &RobotModel, step: usize) -> Vector3<f64> {
-        let count = self.past.len();
-        let middle =
-            &self.past[(self.next + count - 1 - step) % count][Plan::PelvisAtRest as usize];
+        let middle = self.centres(Plan::PelvisAtRest, step);
         let mut com = Vector3::zeros();
         let mut mass_kg = 0.0;
         for (link, at) in model.links.iter().zip(middle) {
@@ -198,10 +200,8 @@ impl ZmpGovernor {
     /// From the newest centres of mass and those `step` and twice as many cycles before; all z
     /// are against the floor.
     fn zero_moment_point(&self, model: &RobotModel, plan: Plan, step: usize) -> Vector3<f64> {
-        let count = self.past.len();
         let apart_s = step as f64 * self.dt_s;
-        let at = |back: usize| &self.past[(self.next + count - 1 - back) % count][plan as usize];
-        let (newest, middle, oldest) = (at(0), at(step), at(2 * step));
+        let [newest, middle, oldest] = [0, step, 2 * step].map(|back| self.centres(plan, back));
         let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
         for (index, link) in model.links.iter().enumerate().filter(|(_, link)| link.mass_kg > 0.0) {
             let change = newest[index] - middle[index] * 2.0 + oldest[index];

@@ -181,7 +181,7 @@ pub struct RetargetConfig {
     pub sole_m: [f64; 2],
     /// How far swings of the arms may push the zero-moment point from the middle towards the
     /// edge of the soles before the arms give way (planted): 1 is the edge.
-    pub swing_room: f64,
+    pub arm_zmp_limit: f64,
     /// Which link is which body part; guessed from names where left out.
     pub body: BodyLinks,
     pub gain: Gains,
@@ -213,7 +213,7 @@ impl Default for RetargetConfig {
             up: "z".into(),
             crouch: 0.05,
             sole_m: [0.12, 0.07],
-            swing_room: 0.6,
+            arm_zmp_limit: 0.6,
             body: BodyLinks::default(),
             gain: Gains::default(),
             weights: TaskWeights::default(),
@@ -236,7 +236,7 @@ impl RetargetConfig {
         for (index, value) in self.sole_m.into_iter().enumerate() {
             in_range(&format!("sole_m[{index}]"), value, 0.001, 5.0)?;
         }
-        in_range("swing_room", self.swing_room, 0.0, 10.0)?;
+        in_range("arm_zmp_limit", self.arm_zmp_limit, 0.0, 10.0)?;
         self.check_scales()?;
         in_range("jerk_rise_s", self.jerk_rise_s, 0.002, 1.0)?;
         in_range("preview_s", self.preview_s, 0.05, 0.6)?;

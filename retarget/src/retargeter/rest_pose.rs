@@ -279,7 +279,7 @@ impl RestSearch<'_> {
         let (settings, arms) = match steps {
             true => (GovernorSettings::STEPPING, None),
             false => {
-                let arms = ArmShare::new(height_m, self.config.swing_room, dt_s);
+                let arms = ArmShare::new(height_m, self.config.arm_zmp_limit, dt_s);
                 (GovernorSettings::PLANTED, Some(arms))
             }
         };

@@ -10,9 +10,9 @@ use super::servo_loop::ServoVariation;
 use super::standing_trial::{StandingTrial, TrialOptions, TrialReport};
 use crate::robot::Robot;
 
-/// What is tried, largest first: the pelvis gives way before the arms do, and the arms in wild
-/// stretches (`swing_room`) before they do everywhere. From 0.3 to 1 of the pelvis there is
-/// nothing: what stood there in these dances fell in others.
+/// What is tried, largest first (pelvis, `arm_zmp_limit`, arms): the pelvis gives way before the
+/// arms do, and the arms in wild stretches before they do everywhere. From 0.3 to 1 of the pelvis
+/// there is nothing: what stood there in these dances fell in others.
 const LADDER: [StandingShares; 10] = [
     StandingShares::new(1.0, 0.6, 1.0),
     StandingShares::new(0.3, 0.6, 1.0),
@@ -34,20 +34,20 @@ const MOST_LEAN: f64 = 0.65;
 pub struct StandingShares {
     /// Share of the movement of pelvis and legs.
     pub pelvis: f64,
-    /// `swing_room` of the robot's file.
-    pub swing_room: f64,
+    /// That key of the robot's file.
+    pub arm_zmp_limit: f64,
     /// Share of the movement of arms and head.
     pub arms: f64,
 }
 
 impl StandingShares {
-    const fn new(pelvis: f64, swing_room: f64, arms: f64) -> Self {
-        Self { pelvis, swing_room, arms }
+    const fn new(pelvis: f64, arm_zmp_limit: f64, arms: f64) -> Self {
+        Self { pelvis, arm_zmp_limit, arms }
     }
 
-    /// The settings with their gains scaled.
+    /// Sets the limit and scales the gains.
     pub fn scale(&self, config: &mut RetargetConfig) {
-        config.swing_room = self.swing_room;
+        config.arm_zmp_limit = self.arm_zmp_limit;
         let gain = &mut config.gain;
         for part in [&mut gain.torso, &mut gain.left_leg, &mut gain.right_leg] {
             *part *= self.pelvis;
@@ -60,12 +60,13 @@ impl StandingShares {
 
 impl fmt::Display for StandingShares {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { pelvis, swing_room, arms } = self;
-        let [pelvis, swing_room, arms] = [pelvis, swing_room, arms].map(|share| share * 100.0);
+        let Self { pelvis, arm_zmp_limit, arms } = self;
+        let [pelvis, arm_zmp_limit, arms] =
+            [pelvis, arm_zmp_limit, arms].map(|share| share * 100.0);
         write!(
             out,
             "{pelvis:.0} % of the pelvis's movement and {arms:.0} % of the arms', whose swings \
-             have {swing_room:.0} % of the soles before they give way"
+             have {arm_zmp_limit:.0} % of the soles before they give way"
         )
     }
 }

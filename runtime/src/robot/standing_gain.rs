@@ -10,9 +10,9 @@ use anyhow::{Context, bail};
 use servodance_model::motion::Clip;
 use toml_edit::{DocumentMut, Item, Table, value};
 
-/// Finds the largest share of `dances` that `robot` stands and writes `swing_room` and
-/// `[retarget.gain]` into `file`, if that is a file. Returns a line for people; fails where the robot falls
-/// whatever it leaves out.
+/// Finds the largest share of `dances` that `robot` stands and writes `arm_zmp_limit` and
+/// `[retarget.gain]` into `file`, if that is a file. Returns a line for people; fails where the
+/// robot falls whatever it leaves out.
 pub fn settle_amplitude(file: &str, robot: &Robot, dances: &[Clip]) -> anyhow::Result<String> {
     let mut robot = robot.clone();
     robot.retarget.gain = Default::default();
@@ -34,7 +34,7 @@ fn with_shares(text: &str, shares: &StandingShares) -> anyhow::Result<String> {
     let mut document: DocumentMut = text.parse().context("the robot file is no TOML")?;
     let retarget =
         document["retarget"].as_table_mut().context("the robot file has no [retarget]")?;
-    retarget.insert("swing_room", value(shares.swing_room));
+    retarget.insert("arm_zmp_limit", value(shares.arm_zmp_limit));
     let gain = retarget.entry("gain").or_insert(Item::Table(Table::new()));
     let gain = gain.as_table_like_mut().context("[retarget.gain] is no table")?;
     for (keys, share) in [
@@ -55,11 +55,11 @@ mod tests {
     #[test]
     fn shares_are_written_and_comments_stay() {
         let text = "# mine\n[retarget]\nstance = \"planted\" # on its feet\n";
-        let shares = StandingShares { pelvis: 0.5, swing_room: 0.4, arms: 1.0 };
+        let shares = StandingShares { pelvis: 0.5, arm_zmp_limit: 0.4, arms: 1.0 };
         let written = with_shares(text, &shares).unwrap();
         assert!(written.starts_with(text), "{written}");
         assert!(
-            written.contains("swing_room = 0.4\n\n[retarget.gain]\ntorso = 0.5\n"),
+            written.contains("arm_zmp_limit = 0.4\n\n[retarget.gain]\ntorso = 0.5\n"),
             "{written}"
         );
         assert_eq!(with_shares(&written, &shares).unwrap(), written);

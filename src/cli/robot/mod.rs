@@ -75,7 +75,7 @@ pub struct CheckArgs {
     #[arg(long)]
     pub no_world: bool,
     /// Find the largest share of the dance that the robot can stand, and write it into
-    /// its file (`swing_room`, `[retarget.gain]`).
+    /// its file (`arm_zmp_limit`, `[retarget.gain]`).
     #[arg(long)]
     pub amplitude: bool,
 }

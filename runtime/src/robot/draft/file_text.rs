@@ -103,8 +103,11 @@ fn retarget(plan: &FilePlan, out: &mut String) {
         let _ = writeln!(out, "crouch = {:?}", config.crouch);
     }
     if config.stance == Stance::Planted {
-        out.push_str("# How far swings of the arms may push the weight before they give way: 1 is the\n# soles' edge. Found as the gains are.\n");
-        let _ = writeln!(out, "swing_room = {:?}", config.swing_room);
+        out.push_str(
+            "# How far swings of the arms may push the zero-moment point before the arms give\n\
+             # way: 1 is the edge of the soles. Found as the gains are.\n",
+        );
+        let _ = writeln!(out, "arm_zmp_limit = {:?}", config.arm_zmp_limit);
     }
     remarks("Missing: ", &plan.draft.missing, out);
     body(&config.body, out);
