@@ -100,6 +100,7 @@ codes! {
     PrefixUndeclared "prefix-undeclared" Repaired "an XML prefix is not declared: it is passed over";
     NumberCommas "number-commas" Repaired "commas stand between the numbers of a vector: read as blanks";
     InertialIncomplete "inertial-incomplete" Repaired "mass or inertia is not given: it counts as zero";
+    InertiaOversized "inertia-oversized" Repaired "a moment of inertia far beyond a link's mass and size: a usual one is used";
     AxisUnset "axis-unset" Repaired "a moving joint has no axis: x is used, as the format says";
     RangeInverted "range-inverted" Repaired "lower and upper position limit are exchanged: used the other way round";
     MimicOfFixed "mimic-of-fixed" Repaired "a joint follows one that cannot move: held where that leaves it";

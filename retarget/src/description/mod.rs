@@ -15,11 +15,13 @@ pub(crate) mod guess;
 mod joints;
 pub(crate) mod lint;
 pub(crate) mod mjcf;
+mod plausible_inertia;
 mod urdf;
 mod xml;
 
 use crate::config::{JointCoupling, RetargetError};
 use diagnostic::{DiagnosticCode, Diagnostics};
+use plausible_inertia::repair_inertias;
 use urdf::RateLimitsByJoint;
 use xml::check_depth;
 
@@ -75,6 +77,7 @@ impl Description {
         diagnostics: &mut Diagnostics,
     ) -> Option<Self> {
         check::check(&mut robot, diagnostics);
+        repair_inertias(&mut robot, diagnostics);
         diagnostics.refusal.is_none().then(|| Self { chain: k::Chain::from(&robot), robot, rates })
     }
 
