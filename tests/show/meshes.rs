@@ -107,6 +107,7 @@ fn a_description_elsewhere_brings_the_meshes_of_its_package() {
     let urdf = "../ros/neck_description/urdf/neck.urdf";
     let mesh = "package://neck_description/meshes/face.stl";
     assert!(home.meshes_of(urdf, mesh).fixed.is_empty(), "no package yet");
+    assert_eq!(home.meshes_of(urdf, "../meshes/face.stl").fixed.len(), 1, "a folder of meshes");
     home.write("ros/neck_description/package.xml", b"<package/>");
     assert_eq!(home.meshes_of(urdf, mesh).fixed.len(), 1);
     assert_eq!(home.meshes_of(urdf, "../meshes/face.stl").fixed.len(), 1);

@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 /// How far above a description its package may begin.
 const PACKAGE_DEPTH: usize = 4;
+/// Folders of meshes beside the description's own, where there is no package.
+const MESHES_BESIDE: [&str; 2] = ["../meshes", "../assets"];
 
 #[derive(Debug, thiserror::Error)]
 pub enum FileRefused {
@@ -31,17 +33,18 @@ impl RobotFolders {
         Self { beside: folder.to_owned(), all: real(&folder.join(".")).into_iter().collect() }
     }
 
-    /// The robot file's folder, the description's, and that of the ROS package
-    /// around the description, if there is a `package.xml`.
+    /// The robot file's folder, the description's, the folder of meshes beside that, and
+    /// that of the ROS package around the description, if there is a `package.xml`.
     pub fn of_robot(folder: &Path, urdf: &Path) -> Self {
         let urdf = folder.join(urdf);
         let beside = urdf.parent().unwrap_or(folder).to_owned();
         let mut all = Self::of_file(folder).all;
         all.extend(real(&beside.join(".")));
-        let above = all.last().into_iter().flat_map(|beside| beside.ancestors());
-        let mut above = above.take(PACKAGE_DEPTH);
-        let package = above.find(|folder| folder.join("package.xml").is_file());
-        all.extend(package.map(Path::to_owned));
+        let mut above = all.last().into_iter().flat_map(|beside| beside.ancestors());
+        let package =
+            above.by_ref().take(PACKAGE_DEPTH).find(|at| at.join("package.xml").is_file());
+        let package = package.map(Path::to_owned);
+        all.extend(package.into_iter().chain(meshes_beside(&beside)));
         Self { beside, all }
     }
 
@@ -89,6 +92,13 @@ impl RobotFolders {
         }
         Err(why.map_or("there is no such file".into(), |refused| refused.to_string()))
     }
+}
+
+/// Folders of meshes next to a description's folder, if they are no links to elsewhere.
+fn meshes_beside(beside: &Path) -> impl Iterator<Item = PathBuf> {
+    let parent = real(&beside.join(".."));
+    let folders = MESHES_BESIDE.iter().filter_map(move |meshes| real(&beside.join(meshes)));
+    folders.filter(move |folder| folder.parent() == parent.as_deref())
 }
 
 /// Where a path leads, through `..` and links; nowhere if nothing is there.
