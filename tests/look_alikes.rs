@@ -2,7 +2,10 @@
 //! (docs/measurements/robots.md): each part is where a person sees it.
 
 use crate::rigs::Rig;
-use servodance_retarget::{BodyGuess, BodyKind, guess_body, no_meshes};
+use servodance_retarget::{
+    BodyGuess, BodyKind, ConfigDraft, Retargeter, draft_config, guess_body, no_meshes,
+};
+use servodance_types::JointLimits;
 
 const X: &str = "<axis xyz=\"1 0 0\"/>";
 const Y: &str = "<axis xyz=\"0 1 0\"/>";
@@ -116,6 +119,81 @@ fn arms_mounted_ahead_do_not_lay_the_robot_down() {
     assert_eq!((body.kind, body.forward, body.up), (BodyKind::UpperBody, "x", "z"));
 }
 
+/// A collision box in a link that has none yet.
+fn with_box(urdf: &str, link: &str, origin: &str, size: &str) -> String {
+    let start = format!("<link name=\"{link}\">");
+    let shape = format!(
+        "<collision><origin {origin}/><geometry><box size=\"{size}\"/></geometry></collision>"
+    );
+    assert_eq!(urdf.matches(&start).count(), 1);
+    urdf.replace(&start, &format!("{start}{shape}"))
+}
+
+fn tip(draft: &ConfigDraft, name: &str) -> [f64; 3] {
+    draft.config.tip.iter().find(|tip| tip.name == name).expect("a tip").at_m
+}
+
+/// As GR3: one foot has a shape, the other has none.
+#[test]
+fn a_foot_without_a_shape_is_the_mirror_image_of_the_other() {
+    let urdf = two_legs(|rig, _, _| rig).urdf();
+    let foot = "xyz=\"0.03 0.01 -0.04\"";
+    let urdf = with_box(&urdf, "left_ankle_roll_link", foot, "0.2 0.08 0.02");
+    let draft = draft_config(&urdf, None, &no_meshes).unwrap();
+    assert_eq!(tip(&draft, "left_sole_tip"), [0.03, 0.01, -0.05]);
+    assert_eq!(tip(&draft, "right_sole_tip"), [0.03, -0.01, -0.05]);
+}
+
+/// As K-Bot without its meshes: feet that are masses below their ankles.
+#[test]
+fn a_foot_that_is_a_mass_alone_reaches_twice_as_far_down() {
+    let urdf = two_legs(|rig, _, _| rig).urdf();
+    let mass = |urdf: String, side: &str, xyz: &str| {
+        let start = format!("<link name=\"{side}_ankle_roll_link\"><inertial>");
+        assert_eq!(urdf.matches(&start).count(), 1);
+        urdf.replace(&start, &format!("{start}<origin xyz=\"{xyz}\"/>"))
+    };
+    let urdf = mass(mass(urdf, "left", "0.01 0.02 -0.03"), "right", "0.01 -0.02 -0.03");
+    let draft = draft_config(&urdf, None, &no_meshes).unwrap();
+    assert_eq!(tip(&draft, "left_sole_tip"), [0.01, 0.02, -0.06]);
+    // As simple_humanoid: a mass where no foot is says nothing.
+    let far = mass(two_legs(|rig, _, _| rig).urdf(), "left", "0.14 0 -0.2");
+    assert!(draft_config(&far, None, &no_meshes).unwrap().config.tip.is_empty());
+}
+
+/// As Wolfgang: legs are bent at zero, so that the soles lean there; and as simple_humanoid: a
+/// shape of the body reaches into the floor.
+#[test]
+fn soles_that_lean_at_zero_are_put_level() {
+    let rig = two_legs(|rig, side, _| {
+        let ankle = format!("{side}_ankle_roll_link");
+        rig.joint("fixed", &format!("{side}_sole"), &ankle, "0 0 -0.05\" rpy=\"0 0.3 0", "")
+    });
+    let mut urdf = with_box(&rig.urdf(), "left_hip_yaw_link", "xyz=\"0 0 0\"", "0.1 0.1 1.6");
+    for side in ["left", "right"] {
+        let sole = format!("{side}_sole_link");
+        urdf = with_box(&urdf, &sole, "xyz=\"0 0 0.005\"", "0.2 0.08 0.01");
+    }
+    let draft = draft_config(&urdf, None, &no_meshes).unwrap();
+    assert_eq!(draft.config.sole_m, [0.19, 0.076]);
+    let limits = JointLimits {
+        lower_rad: -1.5,
+        upper_rad: 1.5,
+        velocity_rad_s: 4.0,
+        acceleration_rad_s2: 40.0,
+    };
+    let joints: Vec<_> = draft.joints.iter().map(|joint| (joint.name.clone(), limits)).collect();
+    let retargeter = Retargeter::new(&urdf, &draft.config, &joints, 100.0).unwrap();
+    let model = retargeter.model();
+    let sole = model.link("left_sole_link").unwrap();
+    let root = retargeter.world_from_root(retargeter.rest());
+    let up = (root * model.link_poses(retargeter.rest())[sole]).rotation.to_rotation_matrix();
+    assert!(up[(2, 2)] > 0.9999, "{up}");
+    let links = retargeter.rigid_links();
+    let body = links.iter().find(|link| link.name == "left_hip_yaw_link").unwrap();
+    assert!(body.touch.iter().all(|touch| touch.at_m[2] > 0.0), "{:?}", body.touch);
+}
+
 /// Feet that are meshes alone: the sole is the mesh's underside, not the ankle.
 #[test]
 fn the_underside_of_a_mesh_is_the_sole() {
@@ -139,7 +217,7 @@ fn the_underside_of_a_mesh_is_the_sole() {
     };
     let body = guess_body(&urdf, &read).unwrap();
     assert_eq!(body.parts.left_sole.as_deref(), Some("left_sole_tip"));
-    let draft = servodance_retarget::draft_config(&urdf, None, &read).unwrap();
+    let draft = draft_config(&urdf, None, &read).unwrap();
     let sole = draft.config.tip.iter().find(|tip| tip.name == "left_sole_tip").unwrap();
     let near =
         sole.at_m.iter().zip([0.03, 0.0, -0.05]).all(|(at, there)| (at - there).abs() < 1e-4);

@@ -4,6 +4,7 @@ mod body_map;
 mod chain;
 mod jacobian;
 mod joint_drive;
+mod level;
 mod platform;
 mod shapes;
 
@@ -12,6 +13,7 @@ pub use chain::RobotModel;
 pub(crate) use chain::{DrivenAncestor, JointMotion};
 pub(crate) use jacobian::{Jacobian, PosedRobot};
 pub(crate) use joint_drive::JointDrive;
+pub(crate) use level::level_rotation;
 pub(crate) use platform::{Platform, Rod, Twist};
 pub(crate) use shapes::{Capsule, LinkShapes, capsule_of};
 pub use shapes::{MeshVisual, Shape, Visual};

@@ -11,7 +11,7 @@ mod rest_pose;
 
 use k::nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::{
-    FRAME_RATE_HZ, HeldBack, JointLimits, MotionFrame, Placement, Posture, RigidLink,
+    FRAME_RATE_HZ, HeldBack, JointLimits, MotionFrame, Placement, Posture, RigidLink, TouchPoint,
 };
 
 use crate::config::{BodyKind, Gains, Limb, RetargetConfig, RetargetError, Stance};
@@ -301,11 +301,19 @@ impl Retargeter {
     }
 
     /// The robot's links for a physics engine. Those of a robot on its feet touch the
-    /// floor by their soles.
+    /// floor by their soles; shapes that reach below the floor at rest do not.
     pub fn rigid_links(&self) -> Vec<RigidLink> {
         let feet = self.stance.as_ref().map(|stance| (&stance.home, self.sole_m));
         let four = self.four_feet.as_ref().map(|feet| &feet.links);
-        rigid_links(&self.model, &self.map, feet, four)
+        let mut links = rigid_links(&self.model, &self.map, feet, four);
+        if feet.is_some() || four.is_some() {
+            for (link, pose) in links.iter_mut().zip(self.rest_poses()) {
+                let above =
+                    |touch: &TouchPoint| (pose * Point3::from(touch.at_m)).z > touch.radius_m;
+                link.touch.retain(|touch| touch.foot.is_some() || above(touch));
+            }
+        }
+        links
     }
 
     /// For each leg of a robot on its feet its turning joints, from the hip down; `None`

@@ -1,6 +1,6 @@
 //! The rest pose, and the stance of a robot on its feet.
 
-use k::nalgebra::Isometry3;
+use k::nalgebra::{Isometry3, Vector3};
 use servodance_types::JointLimits;
 
 use super::joint_setup::by_joint;
@@ -9,7 +9,8 @@ use crate::config::{BodyKind, RetargetConfig, RetargetError, Stance};
 use crate::contact::capsules;
 use crate::contact::{FootStepper, FourFeet, PelvisTrajectory, PlantedStance, SupportPolygon};
 use crate::dancer::{ArmMount, PoseTarget, antenna_figure, arm_figure};
-use crate::kinematics::{BodyMap, PosedRobot, RobotModel};
+use crate::description::guess::words::NameWords;
+use crate::kinematics::{BodyMap, PosedRobot, RobotModel, level_rotation};
 use crate::solver::{BodySolver, SolverGoal, SolverInput, SolverScope};
 
 const REST_STEPS: usize = 200;
@@ -203,6 +204,14 @@ impl RestSearch<'_> {
         (0..self.model.links.len()).map(below).collect()
     }
 
+    /// Whether a link was put there as the sole by who described the robot: its frame is level
+    /// when the foot is.
+    fn is_made_to_stand(&self, sole: usize) -> bool {
+        let name = &self.model.link_names()[sole];
+        let tip = self.config.tip.iter().any(|tip| tip.name == *name);
+        !tip && self.model.last_driven(sole) != sole && NameWords::of(self.model, sole).is_sole()
+    }
+
     /// Puts the robot on its feet, sunk a little, its weight between them.
     fn stand(&mut self, leg_m: f64, zero: &[f64], far: &[(f64, f64)]) -> PlantedStance {
         let mut legs = BodySolver::new(
@@ -217,14 +226,17 @@ impl RestSearch<'_> {
         legs.positions.clone_from(&start);
         legs.base = self.upright;
         let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
-        // Feet are flat where the legs are straight.
+        // Feet are flat where the legs are straight; but legs may be bent at zero.
         legs.positions.copy_from_slice(zero);
         let poses = legs.poses(self.model).to_vec();
         legs.positions.clone_from(&start);
         let heights = soles.map(|sole| poses[sole].translation.z);
         let mut feet = soles.map(|sole| poses[sole]);
-        for foot in &mut feet {
+        for (foot, sole) in feet.iter_mut().zip(soles) {
             foot.translation.z = 0.0;
+            if self.is_made_to_stand(sole) {
+                foot.rotation = level_rotation(&foot.rotation, &Vector3::z_axis()) * foot.rotation;
+            }
         }
         let middle = (feet[0].translation.vector + feet[1].translation.vector) * 0.5;
         let mut root = self.upright;

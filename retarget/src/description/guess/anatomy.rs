@@ -2,10 +2,11 @@
 
 use k::nalgebra::Point3;
 
-use super::axes::{self, BodyAxes};
+use super::axes::BodyAxes;
 use super::kind::KindGuess;
 use super::limb::{FoundLimb, LimbKind, limb_lengths};
 use super::link_tree::LinkTree;
+use super::sole::{Sole, is_made, soles};
 use super::words::SIDES;
 use crate::config::Tip;
 use crate::kinematics::RobotModel;
@@ -84,6 +85,13 @@ impl Anatomy {
                 self.legs[side].sole.clone_from(&self.legs[side].end);
             }
         }
+        if leg == LimbKind::Leg {
+            for (side, sole) in soles(body, legs, &self.axes).into_iter().enumerate() {
+                if let Some((link, sole)) = legs[side].sole.zip(sole) {
+                    self.name_sole(body, link, &sole, side);
+                }
+            }
+        }
     }
 
     fn name(
@@ -106,25 +114,25 @@ impl Anatomy {
         if let Some((on, at)) = found.tip {
             limb.end = Some(self.tip(body, on, at, format!("{}_{end}_tip", SIDES[side])));
         }
-        if kind == LimbKind::Leg
-            && let Some(sole) = found.sole
-            && let Some((at, size_m)) = axes::sole(body, sole, &self.axes)
-        {
-            self.sole_m = Some(
-                self.sole_m.map_or(size_m, |old| [old[0].min(size_m[0]), old[1].min(size_m[1])]),
-            );
-            let away = (body.poses[sole] * at - body.at(sole)).norm();
-            // A link that is made to be the sole knows better.
-            let made = !body.is_moved(sole) && body.words[sole].has(&["sole"]);
-            if away > 0.005 && !made {
-                limb.sole = Some(self.tip(body, sole, at, format!("{}_sole_tip", SIDES[side])));
-            }
-        }
         // A limb of one segment shows the upper half of the dancer's.
         if limb.middle.is_none() && kind != LimbKind::Paw {
             limb.middle = limb.end.take();
         }
         limb
+    }
+
+    fn name_sole(&mut self, body: &LinkTree, link: usize, sole: &Sole, side: usize) {
+        if let Some([length_m, width_m]) = sole.size_m {
+            let size_m = [length_m, width_m];
+            let least = |old: [f64; 2]| [old[0].min(length_m), old[1].min(width_m)];
+            self.sole_m = Some(self.sole_m.map_or(size_m, least));
+        }
+        let away_m = (sole.at - body.at(link)).norm();
+        if away_m > 0.005 && !is_made(body, link) {
+            let at = body.poses[link].inverse() * sole.at;
+            self.legs[side].sole =
+                Some(self.tip(body, link, at, format!("{}_sole_tip", SIDES[side])));
+        }
     }
 
     fn tip(&mut self, body: &LinkTree, link: usize, at: Point3<f64>, name: String) -> String {

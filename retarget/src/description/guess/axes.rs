@@ -4,7 +4,6 @@ use k::nalgebra::{Point3, Vector3};
 
 use super::limb::{FoundLimb, mean};
 use super::link_tree::LinkTree;
-use super::shape::corners_of;
 
 /// Axes of the root link that point forward and up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,45 +89,4 @@ pub(super) fn find(
         BodyAxes::name(&forward)
     ));
     BodyAxes { forward, up, seen: true }
-}
-
-/// Share of the ankle's height that belongs to the sole.
-const UNDERSIDE: f64 = 0.4;
-
-/// The middle of a foot's underside, in its link's frame, and its length and
-/// width in metres, if the foot has a shape.
-pub(super) fn sole(
-    body: &LinkTree,
-    link: usize,
-    axes: &BodyAxes,
-) -> Option<(Point3<f64>, [f64; 2])> {
-    let drives_above = |link: usize| body.model.drives_above(link);
-    let foot =
-        body.model.ancestors(link).take_while(|&up| drives_above(up) == drives_above(link)).last();
-    let foot = foot.unwrap_or(link);
-    let mut corners = corners_of(body, foot);
-    if corners.is_empty() {
-        return None;
-    }
-    // What touches the floor is near the underside; an ankle's casing is not.
-    let height = |corner: &Point3<f64>| corner.coords.dot(&axes.up);
-    let lowest = corners.iter().map(height).fold(f64::INFINITY, f64::min);
-    let ankle = height(&body.at(foot)) - lowest;
-    let highest = lowest + (UNDERSIDE * ankle).max(0.005);
-    corners.retain(|corner| height(corner) <= highest);
-    let span = |axis: Vector3<f64>| {
-        let along = corners.iter().map(|corner| corner.coords.dot(&axis));
-        let low = along.clone().fold(f64::INFINITY, f64::min);
-        (low, along.fold(f64::NEG_INFINITY, f64::max))
-    };
-    let left = axes.up.cross(&axes.forward);
-    let (back, front) = span(axes.forward);
-    let (right, leftmost) = span(left);
-    let (bottom, _) = span(axes.up);
-    let at = axes.forward * f64::midpoint(back, front)
-        + left * f64::midpoint(right, leftmost)
-        + axes.up * bottom;
-    let size_m = [front - back, leftmost - right].map(|size| (size * 0.95).clamp(0.005, 1.0));
-    let in_link = body.poses[link].inverse() * Point3::from(at);
-    Some((in_link, size_m))
 }

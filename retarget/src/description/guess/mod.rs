@@ -10,6 +10,7 @@ mod limb;
 mod link_tree;
 mod mirrored_chains;
 mod shape;
+mod sole;
 pub(crate) mod words;
 
 use crate::config::BodyKind;

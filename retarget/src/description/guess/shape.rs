@@ -54,21 +54,31 @@ pub(super) fn corners_of(body: &LinkTree, link: usize) -> Vec<Point3<f64>> {
     found
 }
 
+/// Whether anything that is rigid with `link` has a shape other than a mesh.
+pub(super) fn has_shapes(body: &LinkTree, link: usize) -> bool {
+    let rigid = rigid_with(body.model, link);
+    body.model.all_shapes().any(|shape| rigid.contains(&shape.link))
+}
+
+/// The centre of mass of what is rigid with `link`, root's frame; `None` without mass.
+pub(super) fn middle_of_mass(body: &LinkTree, link: usize) -> Option<Point3<f64>> {
+    let links = &body.model.links;
+    let (mut moment, mut mass) = (Vector3::zeros(), 0.0);
+    for link in rigid_with(body.model, link) {
+        moment += (body.poses[link] * links[link].com).coords * links[link].mass_kg;
+        mass += links[link].mass_kg;
+    }
+    (mass > 0.0).then(|| Point3::from(moment / mass))
+}
+
 /// Where the body of `link` ends: the middle of its far side along the way its
 /// mass or shape lies from its origin. Root's frame; `None` without either.
 pub(super) fn far_end(body: &LinkTree, link: usize) -> Option<Point3<f64>> {
     let origin = body.at(link);
     let corners = corners_of(body, link);
-    let links = &body.model.links;
-    let mass_at = |link: &usize| (body.poses[*link] * links[*link].com, links[*link].mass_kg);
-    let weights: Vec<_> = rigid_with(body.model, link).iter().map(mass_at).collect();
-    let mass: f64 = weights.iter().map(|(_, kg)| kg).sum();
-    let middle = if !corners.is_empty() {
-        corners.iter().map(|c| c - origin).sum::<Vector3<f64>>() / corners.len() as f64
-    } else if mass > 0.0 {
-        weights.iter().map(|(at, kg)| (at - origin) * *kg).sum::<Vector3<f64>>() / mass
-    } else {
-        return None;
+    let middle = match corners.is_empty() {
+        true => middle_of_mass(body, link)? - origin,
+        false => corners.iter().map(|c| c - origin).sum::<Vector3<f64>>() / corners.len() as f64,
     };
     let way = middle.try_normalize(1e-3)?;
     // Mass alone lies about half way.

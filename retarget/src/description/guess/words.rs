@@ -75,6 +75,10 @@ impl NameWords {
         }
     }
 
+    pub fn is_sole(&self) -> bool {
+        self.has(&["sole"])
+    }
+
     pub fn is_arm(&self) -> bool {
         [ARM, ELBOW, FOREARM, HAND, FINGER].iter().any(|part| self.has(part)) && !self.is_leg()
     }

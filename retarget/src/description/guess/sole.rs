@@ -1,0 +1,123 @@
+//! Where the undersides of feet are, and how large.
+
+use k::nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
+
+use super::axes::BodyAxes;
+use super::limb::FoundLimb;
+use super::link_tree::LinkTree;
+use super::shape::{corners_of, has_shapes, middle_of_mass};
+use crate::kinematics::level_rotation;
+
+/// Share of the ankle's height that belongs to the sole.
+const UNDERSIDE: f64 = 0.4;
+/// How far from its joint a foot's mass lies at most, of the way from the root to it.
+const FARTHEST_MASS: f64 = 0.15;
+/// Feet whose joints mirror each other by less than this are alike, metres.
+const ALIKE_M: f64 = 0.01;
+
+/// What a sole was found by, the surest last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Evidence {
+    /// A foot without a shape reaches twice as far down as its mass lies.
+    Mass,
+    Meshes,
+    Shapes,
+}
+
+/// The middle of a foot's underside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Sole {
+    /// In the root's frame.
+    pub at: Point3<f64>,
+    /// Length and width, metres, if the foot has a shape.
+    pub size_m: Option<[f64; 2]>,
+    evidence: Evidence,
+}
+
+/// The soles of two legs, left and right. Of feet that mirror each other the surer one
+/// tells where both soles are.
+pub(super) fn soles(body: &LinkTree, legs: [&FoundLimb; 2], axes: &BodyAxes) -> [Option<Sole>; 2] {
+    let links = legs.map(|leg| leg.sole);
+    let found = links.map(|link| link.and_then(|link| sole(body, link, axes)));
+    let [Some(left), Some(right)] = links.map(|link| link.map(|link| foot_of(body, link))) else {
+        return found;
+    };
+    let across = axes.up.cross(&axes.forward);
+    let middle = nearest_middle(body, legs, &across);
+    let mirrored = |at: Point3<f64>| at + across * (2.0 * (middle - at.coords.dot(&across)));
+    if (mirrored(body.at(left)) - body.at(right)).norm() > ALIKE_M {
+        return found;
+    }
+    let evidence = found.map(|sole| sole.map(|sole| sole.evidence));
+    let of_other = |sole: Option<Sole>| sole.map(|sole| Sole { at: mirrored(sole.at), ..sole });
+    match evidence {
+        [left, right] if left < right => [of_other(found[1]), found[1]],
+        [left, right] if left > right => [found[0], of_other(found[0])],
+        _ => found,
+    }
+}
+
+/// How far to the left the plane between the legs lies.
+fn nearest_middle(body: &LinkTree, legs: [&FoundLimb; 2], across: &Vector3<f64>) -> f64 {
+    let tops = legs.map(|leg| leg.path.first().map_or(0.0, |&top| body.at(top).coords.dot(across)));
+    f64::midpoint(tops[0], tops[1])
+}
+
+/// The first of the links that are rigid with a sole.
+fn foot_of(body: &LinkTree, link: usize) -> usize {
+    let drives = body.model.drives_above(link);
+    let rigid = body.model.ancestors(link).take_while(|&up| body.model.drives_above(up) == drives);
+    rigid.last().unwrap_or(link)
+}
+
+/// Whether a link is made to be the sole: it knows where that is, and which way up.
+pub(super) fn is_made(body: &LinkTree, link: usize) -> bool {
+    !body.is_moved(link) && body.words[link].is_sole()
+}
+
+fn sole(body: &LinkTree, link: usize, axes: &BodyAxes) -> Option<Sole> {
+    let foot = foot_of(body, link);
+    // A robot whose legs are bent at zero holds its feet at an angle there.
+    let turn = match is_made(body, link) {
+        true => level_rotation(&body.poses[link].rotation, &Unit::new_normalize(axes.up)),
+        false => UnitQuaternion::identity(),
+    };
+    let [up, forward] = [axes.up, axes.forward].map(|axis| turn.inverse() * axis);
+    let left = up.cross(&forward);
+    let mut corners = corners_of(body, foot);
+    if corners.is_empty() {
+        return by_mass(body, link, foot, &up);
+    }
+    // What touches the floor is near the underside; an ankle's casing is not.
+    let height = |corner: &Point3<f64>| corner.coords.dot(&up);
+    let lowest = corners.iter().map(height).fold(f64::INFINITY, f64::min);
+    let ankle = height(&body.at(foot)) - lowest;
+    let highest = lowest + (UNDERSIDE * ankle).max(0.005);
+    corners.retain(|corner| height(corner) <= highest);
+    let span = |axis: Vector3<f64>| {
+        let along = corners.iter().map(|corner| corner.coords.dot(&axis));
+        let low = along.clone().fold(f64::INFINITY, f64::min);
+        (low, along.fold(f64::NEG_INFINITY, f64::max))
+    };
+    let (back, front) = span(forward);
+    let (right, leftmost) = span(left);
+    let (bottom, _) = span(up);
+    let at =
+        forward * f64::midpoint(back, front) + left * f64::midpoint(right, leftmost) + up * bottom;
+    let size_m = [front - back, leftmost - right].map(|size| (size * 0.95).clamp(0.005, 1.0));
+    let evidence = match has_shapes(body, foot) {
+        true => Evidence::Shapes,
+        false => Evidence::Meshes,
+    };
+    Some(Sole { at: Point3::from(at), size_m: Some(size_m), evidence })
+}
+
+/// A foot that is nothing but a mass beyond its joint; `None` where a link below stands for
+/// the sole, or the mass lies where no foot's does.
+fn by_mass(body: &LinkTree, link: usize, foot: usize, up: &Vector3<f64>) -> Option<Sole> {
+    let middle = middle_of_mass(body, foot).filter(|_| body.is_moved(link))?;
+    let away = middle - body.at(foot);
+    let (down, most) = (-away.dot(up), FARTHEST_MASS * body.way_m(foot));
+    let is_foot = down > 1e-3 && away.norm() < most;
+    is_foot.then(|| Sole { at: middle - up * down, size_m: None, evidence: Evidence::Mass })
+}
