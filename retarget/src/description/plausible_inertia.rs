@@ -11,6 +11,8 @@ use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 /// Radii of gyration beyond this many times a link's reach are refused: mass seldom lies
 /// beyond a link's joints at all.
 const MOST_REACHES: f64 = 4.0;
+/// Of a link whose joints, shapes and mass all lie at its origin the size is not known.
+const LEAST_M: f64 = 1e-3;
 /// A ball so light (kg/m^3) is as large as a link of that mass gets.
 const LIGHTEST: f64 = 500.0;
 /// Radius of gyration of a rod against its length from the middle to an end, and of a ball
@@ -29,7 +31,9 @@ pub(super) fn repair_inertias(robot: &mut urdf_rs::Robot, diagnostics: &mut Diag
         let inertia = &mut link.inertial.inertia;
         let largest = [inertia.ixx, inertia.iyy, inertia.izz].into_iter().fold(0.0, f64::max);
         let radius_m = (largest / mass_kg).sqrt();
-        let reach_m = reaches.get(&link.name).copied().unwrap_or(0.0);
+        let Some(&reach_m) = reaches.get(&link.name).filter(|&&reach_m| reach_m > LEAST_M) else {
+            continue;
+        };
         let ball_m = (mass_kg / (4.0 / 3.0 * PI * LIGHTEST)).cbrt();
         if !radius_m.is_finite() || radius_m <= MOST_REACHES * reach_m.max(ball_m) {
             continue;
