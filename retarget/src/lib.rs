@@ -73,6 +73,7 @@ pub use dancer::{BodyPoints, PostureReader};
 pub use description::body_guess::{BodyGuess, guess_body};
 pub use description::diagnostic::{Diagnostic, DiagnosticCode, DiagnosticSeverity};
 pub use description::draft::{ConfigDraft, JointDraft, JointUse, draft_config, rest_deg};
+pub use description::guess::words::link_sides;
 pub use description::guess::{MeshReader, no_meshes};
 pub use description::lint::{lint, lint_limits};
 pub use description::mjcf::{is_mjcf, urdf_from_mjcf, with_includes};

@@ -10,7 +10,7 @@ mod shapes;
 
 pub(crate) use body_map::{ArmLinks, BodyMap};
 pub use chain::RobotModel;
-pub(crate) use chain::{DrivenAncestor, JointMotion};
+pub(crate) use chain::{ChainLink, DrivenAncestor, JointMotion};
 pub(crate) use jacobian::{Jacobian, PosedRobot};
 pub(crate) use joint_drive::JointDrive;
 pub(crate) use level::level_rotation;

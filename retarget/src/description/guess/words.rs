@@ -2,7 +2,7 @@
 //!
 //! `LShoulderPitch`, `l_sho_pitch`, `arm_left_1_joint`, `RARM_JOINT0` and
 //! `leftForeArm` all say it, each in its way.
-use crate::kinematics::RobotModel;
+use crate::kinematics::{ChainLink, RobotModel};
 
 pub(crate) const ELBOW: &[&str] = &["elbow", "el", "elb"];
 pub(crate) const FOREARM: &[&str] = &["forearm", "lowerarm", "lower", "fore"];
@@ -162,6 +162,17 @@ fn unglue(word: &str) -> Vec<String> {
         }
     }
     vec![word.to_owned()]
+}
+
+/// The side of the body on which each link of a model is, by its name or by what carries it:
+/// 0 left, 1 right, `None` in the middle.
+pub fn link_sides(model: &RobotModel) -> Vec<Option<usize>> {
+    let mut sides: Vec<Option<usize>> = Vec::with_capacity(model.links.len());
+    for (link, ChainLink { parent, .. }) in model.links.iter().enumerate() {
+        let carried = parent.and_then(|parent| sides[parent]);
+        sides.push(NameWords::of(model, link).side().or(carried));
+    }
+    sides
 }
 
 #[cfg(test)]

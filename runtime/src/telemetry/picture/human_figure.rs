@@ -3,15 +3,12 @@
 use super::stick_figure::{Limb, Side, StickFigure};
 use servodance_types::{BodyJoint, JOINT_COUNT, Point3};
 
-impl Side {
-    /// The side that a joint's name tells: `l_knee`, `right_wrist`, `front_left_foot`.
-    pub fn of(name: &str) -> Self {
-        if name.starts_with("l_") || name.contains("left") {
-            Side::Left
-        } else if name.starts_with("r_") || name.contains("right") {
-            Side::Right
-        } else {
-            Side::Middle
+impl From<BodyJoint> for Side {
+    fn from(joint: BodyJoint) -> Self {
+        match joint.name().split_once('_') {
+            Some(("left", _)) => Self::Left,
+            Some(("right", _)) => Self::Right,
+            _ => Self::Middle,
         }
     }
 }
@@ -30,7 +27,7 @@ impl StickFigure {
                 from: turned(at(joint.parent()?)),
                 to: turned(at(joint)),
                 radius_m: if joint == BodyJoint::Head { 0.085 } else { 0.045 },
-                side: Side::of(joint.name()),
+                side: joint.into(),
             })
         };
         let pelvis = turned(at(BodyJoint::Pelvis));

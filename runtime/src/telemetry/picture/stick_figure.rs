@@ -12,6 +12,17 @@ pub enum Side {
     Middle,
 }
 
+impl From<Option<usize>> for Side {
+    /// 0 left, 1 right.
+    fn from(side: Option<usize>) -> Self {
+        match side {
+            Some(0) => Self::Left,
+            Some(_) => Self::Right,
+            None => Self::Middle,
+        }
+    }
+}
+
 /// A straight piece of the body, in metres: x forward, y left, z up.
 #[derive(Clone, Copy, Debug)]
 pub struct Limb {
