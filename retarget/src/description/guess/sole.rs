@@ -43,7 +43,7 @@ pub(super) fn soles(body: &LinkTree, legs: [&FoundLimb; 2], axes: &BodyAxes) -> 
         return found;
     };
     let across = axes.up.cross(&axes.forward);
-    let middle = nearest_middle(body, legs, &across);
+    let middle = middle_between(body, legs, &across);
     let mirrored = |at: Point3<f64>| at + across * (2.0 * (middle - at.coords.dot(&across)));
     if (mirrored(body.at(left)) - body.at(right)).norm() > ALIKE_M {
         return found;
@@ -58,7 +58,7 @@ pub(super) fn soles(body: &LinkTree, legs: [&FoundLimb; 2], axes: &BodyAxes) -> 
 }
 
 /// How far to the left the plane between the legs lies.
-fn nearest_middle(body: &LinkTree, legs: [&FoundLimb; 2], across: &Vector3<f64>) -> f64 {
+fn middle_between(body: &LinkTree, legs: [&FoundLimb; 2], across: &Vector3<f64>) -> f64 {
     let tops = legs.map(|leg| leg.path.first().map_or(0.0, |&top| body.at(top).coords.dot(across)));
     f64::midpoint(tops[0], tops[1])
 }
