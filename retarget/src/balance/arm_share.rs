@@ -3,7 +3,8 @@
 //! Swings that push the zero-moment point towards the edges of the soles rock the robot on
 //! them, and each swing adds to the last. The time that the point spends beyond its limit
 //! is added up over two seconds, and the arms swing less for as long: a share that changed
-//! with the beat would itself move the point. Ordinary swings cost next to nothing, wild ones most
+//! with the beat would itself move the point. Each joint gives way by what it does to the point
+//! (`zmp_weights`). Ordinary swings cost next to nothing, wild ones most
 //! of their size. What arms that stay out weigh does not count: the pelvis goes against that
 //! (`counterweight`).
 
@@ -25,6 +26,8 @@ pub(crate) struct ArmShare {
     pub step: usize,
     /// `arm_zmp_limit`: the way from the middle to the sole's edge is 1.
     zmp_limit: f64,
+    /// By joint.
+    weights: Vec<f64>,
     halves_s: f64,
     dt_s: f64,
     /// How far beyond the limit in the last cycles, in half soles; a ring.
@@ -33,12 +36,13 @@ pub(crate) struct ArmShare {
 }
 
 impl ArmShare {
-    /// `height_m`: of the centre of mass above the feet.
-    pub fn new(height_m: f64, zmp_limit: f64, dt_s: f64) -> Self {
+    /// `height_m`: of the centre of mass above the feet; `weights` by joint: see `zmp_weights`.
+    pub fn new(height_m: f64, zmp_limit: f64, weights: Vec<f64>, dt_s: f64) -> Self {
         let fall_s = (height_m.max(0.01) / GRAVITY_M_S2).sqrt();
         Self {
             step: ((MEASURED * fall_s / dt_s).round() as usize).max(1),
             zmp_limit,
+            weights,
             halves_s: HALVES * fall_s,
             dt_s,
             beyond: vec![0.0; (MEMORY_S / dt_s).ceil() as usize],
@@ -63,6 +67,11 @@ impl ArmShare {
         1.0 / (1.0 + (self.beyond_s() / self.halves_s).powi(2))
     }
 
+    /// What of a joint's movement is left where the arms keep `share`.
+    pub fn of_joint(&self, joint: usize, share: f64) -> f64 {
+        share.powf(self.weights[joint])
+    }
+
     /// Time beyond, weighted by how far and how long ago.
     fn beyond_s(&self) -> f64 {
         let (newer, older) = self.beyond.split_at(self.next);
@@ -83,7 +92,7 @@ mod tests {
     fn share_after(swing_m: f64, zmp_limit: f64, swings_s: f64, rests_s: f64) -> f64 {
         let foot = |y: f64| Isometry3::translation(0.0, y, 0.0);
         let support = SupportPolygon::new(&[foot(0.1), foot(-0.1)], [0.2, 0.1]);
-        let mut arms = ArmShare::new(0.8, zmp_limit, DT_S);
+        let mut arms = ArmShare::new(0.8, zmp_limit, vec![1.0, 0.5], DT_S);
         let mut share = 1.0;
         for cycle in 0..((swings_s + rests_s) / DT_S) as usize {
             let time_s = cycle as f64 * DT_S;

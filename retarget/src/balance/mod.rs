@@ -9,9 +9,11 @@ mod foot_load;
 mod leg_servo;
 mod servo_give;
 mod zmp_governor;
+mod zmp_weights;
 
 pub(crate) use arm_share::ArmShare;
 pub(crate) use carried_acceleration::CarriedAcceleration;
 pub use feedback::BalanceFeedback;
 pub use leg_servo::LegServo;
 pub(crate) use zmp_governor::{GovernorInput, GovernorSettings, ZmpGovernor};
+pub(crate) use zmp_weights::ZmpWeights;

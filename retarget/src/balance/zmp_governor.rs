@@ -71,7 +71,7 @@ pub(crate) struct ZmpGovernor {
     arms: Option<ArmShare>,
     /// Share of the pelvis's and of the upper body's movement.
     pub pelvis: f64,
-    pub upper: f64,
+    upper: f64,
     pub lowest: f64,
     counterweight: Counterweight,
 }
@@ -111,6 +111,11 @@ impl ZmpGovernor {
         if let Some(arms) = &mut self.arms {
             arms.restart();
         }
+    }
+
+    /// Share of the movement of a joint of the upper body.
+    pub fn upper(&self, joint: usize) -> f64 {
+        self.arms.as_ref().map_or(self.upper, |arms| arms.of_joint(joint, self.upper))
     }
 
     /// How far the pelvis goes against the weight of the arms, metres.

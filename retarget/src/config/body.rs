@@ -15,6 +15,13 @@ pub enum Limb {
     Torso,
 }
 
+impl Limb {
+    /// Whether it is an arm or the head.
+    pub fn is_upper(self) -> bool {
+        matches!(self, Self::LeftArm | Self::RightArm | Self::Head)
+    }
+}
+
 /// All of them, in the order of their numbers.
 pub(crate) const EVERY_LIMB: [Limb; 6] =
     [Limb::LeftArm, Limb::RightArm, Limb::LeftLeg, Limb::RightLeg, Limb::Head, Limb::Torso];

@@ -18,6 +18,8 @@ const STEPS: usize = 2;
 const GENTLE_RAD_S: f64 = 0.8;
 /// How fast what is left shrinks at the end of that, 1/s.
 const ARRIVING_PER_S: f64 = 3.0;
+/// Over which a dance takes up its size, seconds: all at once it would be a throw of the arms.
+const BEGINS_S: f64 = 0.8;
 /// Nearer to rest than this the feet can be kept in place.
 const ARRIVED_RAD: f64 = 0.003;
 
@@ -49,11 +51,13 @@ impl Retargeter {
         self.set_bounds();
         self.wanted.copy_from_slice(&self.solver.positions);
         let target = target.map(|target| self.figure(target));
+        self.begun_s += if target.is_some() { self.dt_s } else { 0.0 };
         self.solve(&target.unwrap_or_else(|| self.figure(PoseTarget::standing())));
         match &target {
             Some(target) => self.search.step(&self.model, &mut self.solver, target, &self.rest),
             None => {
                 self.limbs_to_rest();
+                self.before.copy_from_slice(&self.solver.positions);
                 self.legs_to_rest();
             }
         }
@@ -92,19 +96,21 @@ impl Retargeter {
         }
     }
 
-    /// Share of a limb's movement that is shown: less when its motors are strained,
-    /// or when the feet could not carry it.
-    fn shown(&self, limb: Limb) -> f64 {
-        self.strained(limb) * self.carried(limb)
-    }
-
+    /// Share of a limb's movement that its motors can do: less when they are strained.
     fn strained(&self, limb: Limb) -> f64 {
         self.amplitude * self.caution * self.torque.amplitude(limb) * self.gains.of(limb)
     }
 
+    /// Share of a dance that has just begun.
+    fn begun(&self) -> f64 {
+        let share = (self.begun_s / BEGINS_S).min(1.0);
+        share * share * (3.0 - 2.0 * share)
+    }
+
     /// Solves for the legs now and for the rest when the preview ends.
     fn solve(&mut self, aim: &PoseTarget) {
-        let trunk = trunk_figure(aim, self.strained(Limb::Torso));
+        let demand = self.begun() * self.strained(Limb::Torso);
+        let trunk = trunk_figure(aim, demand);
         if let Some(feet) = &mut self.four_feet {
             let places = feet.step(&trunk);
             self.solver.solve(
@@ -118,7 +124,7 @@ impl Retargeter {
             );
             return;
         }
-        let (gain, demand) = (self.shown(Limb::Torso), self.strained(Limb::Torso));
+        let gain = demand * self.stance.as_ref().map_or(1.0, |stance| stance.governor.pelvis);
         let step_gain = gain * self.gains.left_leg.min(self.gains.right_leg);
         if let Some(stance) = &mut self.stance {
             let mut wanted = PelvisTrajectory::wanted(aim, gain);
@@ -177,7 +183,7 @@ impl Retargeter {
     /// Looks at where all of the dance would put the zero-moment point. Where the weight
     /// goes for a step is decided in `contact::stepping`.
     fn govern(&mut self, aim: &PoseTarget, demand: f64) {
-        let limbs = EVERY_LIMB.map(|limb| self.strained(limb));
+        let limbs = EVERY_LIMB.map(|limb| self.begun() * self.strained(limb));
         let Some(stance) = &mut self.stance else { return };
         for (joint, planned) in self.planned.iter_mut().enumerate() {
             let (solved, rest) = (self.solver.positions[joint], self.rest[joint]);
@@ -261,9 +267,11 @@ impl Retargeter {
     /// Scales the solution around rest and lets each joint follow it.
     fn track_targets(&mut self) {
         let mut limited = false;
-        let limbs = EVERY_LIMB.map(|limb| self.shown(limb));
+        let limbs = EVERY_LIMB.map(|limb| self.strained(limb));
+        let begun = self.begun();
         for joint in 0..self.trackers.len() {
             self.held[joint] = self.held_by_the_body(joint);
+            let scale = limbs[self.limbs[joint] as usize] * self.carried(joint);
             let tracker = &mut self.trackers[joint];
             let (bounds, wanted) = (&mut self.bounds[joint], &mut self.wanted[joint]);
             if let (Some(stance), true) = (&self.stance, self.stands_on[joint]) {
@@ -282,9 +290,10 @@ impl Retargeter {
                 *bounds = (*wanted, *wanted);
                 continue;
             }
-            let scale = limbs[self.limbs[joint] as usize];
             let rest = self.rest[joint];
-            let aimed = tracker.plan(rest + scale * (solved - rest));
+            let shown = rest + scale * (solved - rest);
+            let before = self.before[joint];
+            let aimed = tracker.plan(before + begun * (shown - before));
             *bounds = tracker.reachable();
             *wanted = aimed.clamp(bounds.0, bounds.1);
             if self.stance.is_some() && self.limbs[joint] == Limb::Torso {

@@ -3,7 +3,6 @@
 use servodance_types::HeldBack;
 
 use super::Retargeter;
-use crate::config::Limb;
 
 /// A share of the movement below this is less than all of it.
 const ALL: f64 = 0.98;
@@ -24,7 +23,7 @@ impl Retargeter {
     /// that would have to carry it, the end of its range.
     pub(super) fn held_by_the_body(&self, joint: usize) -> HeldBack {
         let limb = self.limbs[joint];
-        let carried = self.carried(limb);
+        let carried = self.carried(joint);
         let balance = if carried < ALL { HeldBack::Balance } else { HeldBack::Nothing };
         self.torque.held_back(limb).max(balance).max(self.at_end(joint))
     }
@@ -42,11 +41,11 @@ impl Retargeter {
         }
     }
 
-    /// Share of a limb's movement that the feet can carry.
-    pub(super) fn carried(&self, limb: Limb) -> f64 {
-        self.stance.as_ref().map_or(1.0, |stance| match limb {
-            Limb::LeftArm | Limb::RightArm | Limb::Head => stance.governor.upper,
-            Limb::LeftLeg | Limb::RightLeg | Limb::Torso => stance.governor.pelvis,
+    /// Share of a joint's movement that the feet can carry.
+    pub(super) fn carried(&self, joint: usize) -> f64 {
+        self.stance.as_ref().map_or(1.0, |stance| match self.limbs[joint].is_upper() {
+            true => stance.governor.upper(joint),
+            false => stance.governor.pelvis,
         })
     }
 

@@ -80,6 +80,10 @@ pub struct Retargeter {
     sole_m: [f64; 2],
     torque: TorqueEstimator,
     counts: RetargetCounts,
+    /// For how long a dance has been shown since the start.
+    begun_s: f64,
+    /// Where each joint was to be then.
+    before: Vec<f64>,
 }
 
 impl Retargeter {
@@ -186,6 +190,8 @@ impl Retargeter {
             sole_m: config.sole_m,
             torque,
             counts: RetargetCounts::default(),
+            begun_s: 0.0,
+            before: vec![0.0; limits.len()],
             model,
             map,
             limits,
@@ -456,5 +462,7 @@ impl Retargeter {
         }
         self.model.place(&root, positions, &mut self.poses);
         self.torque.restart();
+        self.begun_s = 0.0;
+        self.before.copy_from_slice(&self.solver.positions);
     }
 }

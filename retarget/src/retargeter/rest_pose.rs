@@ -4,7 +4,7 @@ use k::nalgebra::{Isometry3, Vector3};
 use servodance_types::JointLimits;
 
 use super::joint_setup::by_joint;
-use crate::balance::{ArmShare, CarriedAcceleration, GovernorSettings, ZmpGovernor};
+use crate::balance::{ArmShare, CarriedAcceleration, GovernorSettings, ZmpGovernor, ZmpWeights};
 use crate::config::{BodyKind, RetargetConfig, RetargetError, Stance};
 use crate::contact::capsules;
 use crate::contact::{FootStepper, FourFeet, PelvisTrajectory, PlantedStance, SupportPolygon};
@@ -276,11 +276,12 @@ impl RestSearch<'_> {
         };
         // What was reached, not what was asked: rest is then an equilibrium.
         let mut pelvis = PelvisTrajectory::new(legs.base, leg_m, dt_s, preview_s, pace);
+        let is_leg = self.standing_links();
         if !steps {
             let carried = CarriedAcceleration {
                 robot: PosedRobot::new(self.model, legs.poses(self.model)),
                 support: &support,
-                is_leg: &self.standing_links(),
+                is_leg: &is_leg,
             };
             pelvis.carry(carried.pelvis());
             for (limits, carried) in self.limits.iter_mut().zip(carried.joints()) {
@@ -291,7 +292,18 @@ impl RestSearch<'_> {
         let (settings, arms) = match steps {
             true => (GovernorSettings::STEPPING, None),
             false => {
-                let arms = ArmShare::new(height_m, self.config.arm_zmp_limit, dt_s);
+                let limbs = self.map.limbs(self.model);
+                let weights = ZmpWeights {
+                    model: self.model,
+                    root: legs.base,
+                    rest: &legs.positions,
+                    limits: self.limits,
+                    is_upper: &limbs.iter().map(|limb| limb.is_upper()).collect::<Vec<_>>(),
+                    is_leg: &is_leg,
+                    support: &support,
+                };
+                let weights = weights.by_joint();
+                let arms = ArmShare::new(height_m, self.config.arm_zmp_limit, weights, dt_s);
                 (GovernorSettings::PLANTED, Some(arms))
             }
         };
@@ -299,7 +311,7 @@ impl RestSearch<'_> {
         let cycles = (preview_s / dt_s).round() as usize;
         PlantedStance {
             pelvis,
-            governor: ZmpGovernor::new(self.standing_links(), settings, arms, dt_s),
+            governor: ZmpGovernor::new(is_leg, settings, arms, dt_s),
             governed,
             feet,
             home: feet,

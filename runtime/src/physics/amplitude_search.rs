@@ -13,17 +13,21 @@ use crate::robot::Robot;
 /// What is tried, largest first (pelvis, `arm_zmp_limit`, arms): the pelvis gives way before the
 /// arms do, and the arms in wild stretches before they do everywhere. From 0.3 to 1 of the pelvis
 /// there is nothing: what stood there in these dances fell in others.
-const LADDER: [StandingShares; 10] = [
+const LADDER: [StandingShares; 14] = [
     StandingShares::new(1.0, 0.6, 1.0),
     StandingShares::new(0.3, 0.6, 1.0),
     StandingShares::new(0.0, 0.6, 1.0),
     StandingShares::new(0.0, 0.5, 1.0),
+    StandingShares::new(0.0, 0.45, 1.0),
     StandingShares::new(0.0, 0.4, 1.0),
+    StandingShares::new(0.0, 0.35, 1.0),
     StandingShares::new(0.0, 0.3, 1.0),
+    StandingShares::new(0.0, 0.25, 1.0),
     StandingShares::new(0.0, 0.2, 1.0),
-    StandingShares::new(0.0, 0.2, 0.8),
-    StandingShares::new(0.0, 0.2, 0.6),
-    StandingShares::new(0.0, 0.2, 0.4),
+    StandingShares::new(0.0, 0.15, 1.0),
+    StandingShares::new(0.0, 0.1, 1.0),
+    StandingShares::new(0.0, 0.1, 0.7),
+    StandingShares::new(0.0, 0.1, 0.4),
 ];
 /// A robot that leans at most this share of its tipping angle beyond its plan has a margin
 /// for dances that it was not tried with. What stands on four feet need only not fall.
