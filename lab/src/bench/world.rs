@@ -14,15 +14,14 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use servodance_audio::song::SongSpec;
 use servodance_model::motion::Clip;
-use servodance_retarget::{Gains, Stance};
 use servodance_runtime::offline::generate::{GenerateRequest, generate};
 use servodance_runtime::offline::song_file::write_song;
 use servodance_runtime::physics::{
     ServoVariation, StandingTrial, TrialOptions, TrialReport, survived_push_ns,
+    upper_speed2_by_limits,
 };
 use servodance_runtime::robot::Robot;
 use servodance_sim::world::{ImuErrors, World, WorldOptions};
-use servodance_types::MotionFrame;
 
 /// A fall is to be announced this long before the body strikes the floor, seconds.
 const AHEAD_S: f64 = 0.15;
@@ -267,34 +266,6 @@ pub fn run(
 fn thread_cpu_s() -> f64 {
     let time = clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID);
     time.map_or(f64::NAN, |time| Duration::from(time).as_secs_f64())
-}
-
-/// Mean squared speed of the joints of arms and head, rad2/s2, where nothing but the joints'
-/// limits holds them back.
-fn upper_speed2_by_limits(robot: &Robot, frames: &[MotionFrame]) -> anyhow::Result<f64> {
-    let upper = robot.retargeter()?.upper_joints();
-    let mut free = robot.clone();
-    free.retarget.stance = Stance::Hung;
-    free.retarget.gain = Gains::default();
-    free.retarget.amplitude = 1.0;
-    let mut retargeter = free.retargeter()?;
-    let mut now = retargeter.rest().to_vec();
-    let mut before = now.clone();
-    let mut waiting = frames.iter().peekable();
-    let cycles = (frames.len() as f64 / servodance_types::FRAME_RATE_HZ / robot.period_s()) as u64;
-    let mut sum = 0.0;
-    for cycle in 0..cycles {
-        let time_s = cycle as f64 * robot.period_s();
-        let needed_s = time_s + retargeter.lookahead_s();
-        while let Some(frame) = waiting.next_if(|frame| frame.time_s <= needed_s) {
-            retargeter.push(frame);
-        }
-        before.copy_from_slice(&now);
-        retargeter.next(time_s, &mut now)?;
-        let speed2 = |&joint: &usize| ((now[joint] - before[joint]) / robot.period_s()).powi(2);
-        sum += upper.iter().map(speed2).sum::<f64>();
-    }
-    Ok(sum / (cycles * upper.len() as u64).max(1) as f64)
 }
 
 /// How fast a standing robot of these links and servos is simulated.

@@ -8,6 +8,7 @@ use servodance_sim::world::WorldOptions;
 
 use super::servo_loop::ServoVariation;
 use super::standing_trial::{StandingTrial, TrialOptions, TrialReport};
+use super::upper_speed::{upper_speed2, upper_speed2_by_limits};
 use crate::robot::Robot;
 
 /// What is tried, largest first (pelvis, `arm_zmp_limit`, arms): the pelvis gives way before the
@@ -31,7 +32,10 @@ const LADDER: [StandingShares; 14] = [
 ];
 /// A robot that leans at most this share of its tipping angle beyond its plan has a margin
 /// for dances that it was not tried with. What stands on four feet need only not fall.
-const MOST_LEAN: f64 = 0.65;
+const MOST_LEAN: f64 = 0.6;
+/// A moving pelvis takes from what the soles can carry of the arms: where the arms keep less than
+/// this share of the mean squared speed that their limits allow, the pelvis moves less.
+const ENOUGH_ARMS: f64 = 0.65;
 
 /// How much of a dance a robot is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,10 +86,13 @@ pub struct StandingAmplitude {
     pub shares: StandingShares,
     /// The worst of the worlds.
     pub worst: TrialReport,
+    /// Mean squared speed of arms and head over what their limits allow.
+    pub arms_kept: f64,
 }
 
-/// The largest share of `dances` that the robot stands in every world with a margin, or
-/// else the one that it stands most steadily; `None` if it falls whatever it leaves out.
+/// The largest share of `dances` that the robot stands in every world with a margin and with
+/// arms that move enough, or else the one with most of the arms, or else the one that it stands
+/// most steadily; `None` if it falls whatever it leaves out.
 pub fn find_amplitude(
     robot: &Robot,
     dances: &[Clip],
@@ -94,7 +101,9 @@ pub fn find_amplitude(
     let lean = |found: &StandingAmplitude| found.worst.tilt_beyond_plan_max_deg;
     let tipping_rad = robot.retargeter()?.tipping_angle_rad();
     let most_deg = tipping_rad.map_or(f64::INFINITY, |angle| MOST_LEAN * angle.to_degrees());
+    let free = mean(dances, |dance| upper_speed2_by_limits(robot, &dance.frames()))?;
     let mut steadiest: Option<StandingAmplitude> = None;
+    let mut liveliest: Option<StandingAmplitude> = None;
     for shares in LADDER {
         let mut scaled = robot.clone();
         shares.scale(&mut scaled.retarget);
@@ -102,15 +111,27 @@ pub fn find_amplitude(
         else {
             continue;
         };
-        let found = StandingAmplitude { shares, worst };
+        let shown = mean(dances, |dance| upper_speed2(&scaled, &dance.frames()))?;
+        let arms_kept = if free > 0.0 { shown / free } else { 1.0 };
+        let found = StandingAmplitude { shares, worst, arms_kept };
         if lean(&found) <= most_deg {
-            return Ok(Some(found));
+            let best = liveliest.filter(|it| it.arms_kept >= found.arms_kept).unwrap_or(found);
+            // With the pelvis at rest there is less of the arms further down.
+            if shares.pelvis == 0.0 || found.arms_kept >= ENOUGH_ARMS {
+                return Ok(Some(best));
+            }
+            liveliest = Some(best);
         }
         if steadiest.as_ref().is_none_or(|before| lean(&found) < lean(before)) {
             steadiest = Some(found);
         }
     }
-    Ok(steadiest)
+    Ok(liveliest.or(steadiest))
+}
+
+fn mean(dances: &[Clip], of: impl Fn(&Clip) -> anyhow::Result<f64>) -> anyhow::Result<f64> {
+    let sum: f64 = dances.iter().map(of).sum::<anyhow::Result<f64>>()?;
+    Ok(sum / dances.len().max(1) as f64)
 }
 
 /// The report of the trial that leaned most; `None` if the robot fell in one.

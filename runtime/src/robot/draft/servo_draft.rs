@@ -1,6 +1,6 @@
 //! A servo map to fill in: placeholders that the simulation can dance with.
 
-use servodance_retarget::{JointDraft, JointUse, Limb};
+use servodance_retarget::{JointDraft, JointUse};
 
 const MOST_SERVOS: usize = 252;
 /// A servo's single turn ends here, degrees.
