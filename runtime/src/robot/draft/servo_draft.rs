@@ -148,6 +148,7 @@ fn tenths(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servodance_retarget::Limb;
 
     fn joint(range_rad: Option<[f64; 2]>) -> JointDraft {
         JointDraft {
