@@ -11,31 +11,21 @@ use super::standing_trial::{StandingTrial, TrialOptions, TrialReport};
 use super::upper_speed::{upper_speed2, upper_speed2_by_limits};
 use crate::robot::Robot;
 
-/// What is tried, largest first (pelvis, `arm_zmp_limit`, arms): the pelvis gives way before the
-/// arms do, and the arms in wild stretches before they do everywhere. From 0.3 to 1 of the pelvis
+/// Shares of the pelvis's movement that are tried: it gives way before the arms do. From 0.3 to 1
 /// there is nothing: what stood there in these dances fell in others.
-const LADDER: [StandingShares; 14] = [
-    StandingShares::new(1.0, 0.6, 1.0),
-    StandingShares::new(0.3, 0.6, 1.0),
-    StandingShares::new(0.0, 0.6, 1.0),
-    StandingShares::new(0.0, 0.5, 1.0),
-    StandingShares::new(0.0, 0.45, 1.0),
-    StandingShares::new(0.0, 0.4, 1.0),
-    StandingShares::new(0.0, 0.35, 1.0),
-    StandingShares::new(0.0, 0.3, 1.0),
-    StandingShares::new(0.0, 0.25, 1.0),
-    StandingShares::new(0.0, 0.2, 1.0),
-    StandingShares::new(0.0, 0.15, 1.0),
-    StandingShares::new(0.0, 0.1, 1.0),
-    StandingShares::new(0.0, 0.1, 0.7),
-    StandingShares::new(0.0, 0.1, 0.4),
-];
+const PELVIS: [f64; 3] = [1.0, 0.3, 0.0];
+/// Of `arm_zmp_limit`: the arms give way in wild stretches before they do everywhere.
+const LIMITS: [f64; 11] = [0.6, 0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05];
+/// Of the arms, where the smallest of those limits is not enough.
+const ARMS: [f64; 2] = [0.7, 0.4];
 /// A robot that leans at most this share of its tipping angle beyond its plan has a margin
 /// for dances that it was not tried with. What stands on four feet need only not fall.
 const MOST_LEAN: f64 = 0.6;
-/// A moving pelvis takes from what the soles can carry of the arms: where the arms keep less than
-/// this share of the mean squared speed that their limits allow, the pelvis moves less.
-const ENOUGH_ARMS: f64 = 0.65;
+/// Mean squared speed of the arms over what their limits allow: with more than `SPARE_ARMS` a
+/// smaller limit costs little and leaves the robot steadier; with less than `ENOUGH_ARMS` the pelvis,
+/// whose movement takes from what the soles can carry of the arms, moves less.
+const SPARE_ARMS: f64 = 0.75;
+const ENOUGH_ARMS: f64 = 0.55;
 
 /// How much of a dance a robot is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,43 +80,92 @@ pub struct StandingAmplitude {
     pub arms_kept: f64,
 }
 
-/// The largest share of `dances` that the robot stands in every world with a margin and with
-/// arms that move enough, or else the one with most of the arms, or else the one that it stands
-/// most steadily; `None` if it falls whatever it leaves out.
+/// The largest share of `dances` that the robot stands in every world with a margin, or else the
+/// one that it stands most steadily; `None` if it falls whatever it leaves out.
 pub fn find_amplitude(
     robot: &Robot,
     dances: &[Clip],
     sized: bool,
 ) -> anyhow::Result<Option<StandingAmplitude>> {
-    let lean = |found: &StandingAmplitude| found.worst.tilt_beyond_plan_max_deg;
-    let tipping_rad = robot.retargeter()?.tipping_angle_rad();
-    let most_deg = tipping_rad.map_or(f64::INFINITY, |angle| MOST_LEAN * angle.to_degrees());
-    let free = mean(dances, |dance| upper_speed2_by_limits(robot, &dance.frames()))?;
+    let trials = Trials::new(robot, dances, sized)?;
     let mut steadiest: Option<StandingAmplitude> = None;
-    let mut liveliest: Option<StandingAmplitude> = None;
-    for shares in LADDER {
-        let mut scaled = robot.clone();
-        shares.scale(&mut scaled.retarget);
-        let Some(worst) = worst_of(dances, |dance| stands_everywhere(&scaled, dance, sized))?
-        else {
-            continue;
-        };
-        let shown = mean(dances, |dance| upper_speed2(&scaled, &dance.frames()))?;
-        let arms_kept = if free > 0.0 { shown / free } else { 1.0 };
-        let found = StandingAmplitude { shares, worst, arms_kept };
-        if lean(&found) <= most_deg {
-            let best = liveliest.filter(|it| it.arms_kept >= found.arms_kept).unwrap_or(found);
-            // With the pelvis at rest there is less of the arms further down.
-            if shares.pelvis == 0.0 || found.arms_kept >= ENOUGH_ARMS {
-                return Ok(Some(best));
+    for pelvis in PELVIS {
+        for shares in trials.shares(pelvis)? {
+            let Some(found) = trials.stand(shares)? else { continue };
+            if trials.has_margin(&found) && (pelvis == 0.0 || found.arms_kept >= ENOUGH_ARMS) {
+                return Ok(Some(found));
             }
-            liveliest = Some(best);
-        }
-        if steadiest.as_ref().is_none_or(|before| lean(&found) < lean(before)) {
-            steadiest = Some(found);
+            let lean = |found: &StandingAmplitude| found.worst.tilt_beyond_plan_max_deg;
+            if steadiest.as_ref().is_none_or(|before| lean(&found) < lean(before)) {
+                steadiest = Some(found);
+            }
         }
     }
-    Ok(liveliest.or(steadiest))
+    Ok(steadiest)
+}
+
+/// A robot and the dances that it is tried with.
+struct Trials<'a> {
+    robot: &'a Robot,
+    dances: &'a [Clip],
+    sized: bool,
+    most_lean_deg: f64,
+    /// Mean squared speed of arms and head where nothing but their limits holds them back, rad2/s2.
+    free_speed2: f64,
+}
+
+impl<'a> Trials<'a> {
+    fn new(robot: &'a Robot, dances: &'a [Clip], sized: bool) -> anyhow::Result<Self> {
+        let tipping_rad = robot.retargeter()?.tipping_angle_rad();
+        Ok(Self {
+            robot,
+            dances,
+            sized,
+            most_lean_deg: tipping_rad.map_or(f64::INFINITY, |it| MOST_LEAN * it.to_degrees()),
+            free_speed2: mean(dances, |dance| upper_speed2_by_limits(robot, &dance.frames()))?,
+        })
+    }
+
+    fn scaled(&self, shares: StandingShares) -> Robot {
+        let mut scaled = self.robot.clone();
+        shares.scale(&mut scaled.retarget);
+        scaled
+    }
+
+    fn arms_kept(&self, shares: StandingShares) -> anyhow::Result<f64> {
+        if self.free_speed2 == 0.0 {
+            return Ok(1.0);
+        }
+        let scaled = self.scaled(shares);
+        Ok(mean(self.dances, |dance| upper_speed2(&scaled, &dance.frames()))? / self.free_speed2)
+    }
+
+    /// What is tried with a share of the pelvis, largest first: one limit where the pelvis moves,
+    /// with the pelvis at rest all that are left.
+    fn shares(&self, pelvis: f64) -> anyhow::Result<Vec<StandingShares>> {
+        let limits = LIMITS.map(|limit| StandingShares::new(pelvis, limit, 1.0));
+        let mut first = 0;
+        while first + 1 < limits.len() && self.arms_kept(limits[first + 1])? >= SPARE_ARMS {
+            first += 1;
+        }
+        if pelvis > 0.0 {
+            return Ok(vec![limits[first]]);
+        }
+        let smaller = ARMS.map(|arms| StandingShares::new(pelvis, LIMITS[LIMITS.len() - 1], arms));
+        Ok(limits[first..].iter().copied().chain(smaller).collect())
+    }
+
+    /// How it went; `None` if the robot fell.
+    fn stand(&self, shares: StandingShares) -> anyhow::Result<Option<StandingAmplitude>> {
+        let scaled = self.scaled(shares);
+        let worst = worst_of(self.dances, |dance| stands_everywhere(&scaled, dance, self.sized))?;
+        let Some(worst) = worst else { return Ok(None) };
+        Ok(Some(StandingAmplitude { shares, worst, arms_kept: self.arms_kept(shares)? }))
+    }
+
+    fn has_margin(&self, found: &StandingAmplitude) -> bool {
+        found.worst.tilt_beyond_plan_max_deg <= self.most_lean_deg
+    }
 }
 
 fn mean(dances: &[Clip], of: impl Fn(&Clip) -> anyhow::Result<f64>) -> anyhow::Result<f64> {
