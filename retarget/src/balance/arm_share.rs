@@ -92,7 +92,7 @@ mod tests {
     fn share_after(swing_m: f64, zmp_limit: f64, swings_s: f64, rests_s: f64) -> f64 {
         let foot = |y: f64| Isometry3::translation(0.0, y, 0.0);
         let support = SupportPolygon::new(&[foot(0.1), foot(-0.1)], [0.2, 0.1]);
-        let mut arms = ArmShare::new(0.8, zmp_limit, vec![1.0, 0.5], DT_S);
+        let mut arms = ArmShare::new(0.8, zmp_limit, Vec::new(), DT_S);
         let mut share = 1.0;
         for cycle in 0..((swings_s + rests_s) / DT_S) as usize {
             let time_s = cycle as f64 * DT_S;
@@ -101,6 +101,12 @@ mod tests {
             share = arms.share(&swing, &support);
         }
         share
+    }
+
+    #[test]
+    fn a_joint_that_weighs_less_keeps_more() {
+        let arms = ArmShare::new(0.8, 0.6, vec![1.0, 0.5, 0.0], DT_S);
+        assert_eq!([0, 1, 2].map(|joint| arms.of_joint(joint, 0.25)), [0.25, 0.5, 1.0]);
     }
 
     #[test]

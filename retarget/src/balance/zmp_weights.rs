@@ -1,4 +1,4 @@
-//! How much one joint of the upper body moves the zero-moment point, beside the one that moves
+//! How much one joint of arms or head moves the zero-moment point, beside the one that moves
 //! it most: a shoulder swings the whole arm, a wrist next to nothing.
 //!
 //! Where arms have to give way (`arm_share`), a joint keeps their share to the power of its
@@ -25,15 +25,15 @@ pub(crate) struct ZmpWeights<'a> {
     pub rest: &'a [f64],
     pub limits: &'a [JointLimits],
     /// By joint: whether it belongs to an arm or the head.
-    pub is_upper: &'a [bool],
+    pub is_arm_or_head: &'a [bool],
     /// By link: whether it belongs to a leg that stands.
     pub is_leg: &'a [bool],
     pub support: &'a SupportPolygon,
 }
 
 impl ZmpWeights<'_> {
-    /// By joint: mean square of what it does to the point over that of the joint of the upper
-    /// body that does most, 0 to 1.
+    /// By joint: mean square of what it does to the point over that of the joint of arms
+    /// and head that does most, 0 to 1.
     pub fn by_joint(&self) -> Vec<f64> {
         let mut poses = vec![Isometry3::identity(); self.model.links.len()];
         let mut effects = vec![0.0; self.rest.len()];
@@ -48,7 +48,8 @@ impl ZmpWeights<'_> {
                 *effect += acceleration.powi(-2);
             }
         }
-        let upper = effects.iter().zip(self.is_upper).filter(|(_, is_upper)| **is_upper);
+        let upper =
+            effects.iter().zip(self.is_arm_or_head).filter(|(_, is_arm_or_head)| **is_arm_or_head);
         let most = upper.map(|(effect, _)| *effect).fold(f64::MIN_POSITIVE, f64::max);
         effects.iter().map(|effect| (effect / most).min(1.0)).collect()
     }
@@ -57,7 +58,7 @@ impl ZmpWeights<'_> {
         let position = |joint: usize| {
             let turn = (GOLDEN_RATIO * f64::from(number) * (joint + 1) as f64).fract();
             let away = AROUND_REST_RAD * (2.0 * turn - 1.0);
-            match self.is_upper[joint] {
+            match self.is_arm_or_head[joint] {
                 true => self.limits[joint].clamp_rad(self.rest[joint] + away),
                 false => self.rest[joint],
             }
@@ -104,7 +105,7 @@ mod tests {
             root: Isometry3::identity(),
             rest: &[0.0; 3],
             limits: &[limits; 3],
-            is_upper: &[true; 3],
+            is_arm_or_head: &[true; 3],
             is_leg: &[false; 4],
             support: &SupportPolygon::new(&[foot(0.1), foot(-0.1)], [0.2, 0.1]),
         }

@@ -16,8 +16,8 @@ pub enum Limb {
 }
 
 impl Limb {
-    /// Whether it is an arm or the head.
-    pub fn is_upper(self) -> bool {
+    /// Neither the trunk nor a leg.
+    pub fn is_arm_or_head(self) -> bool {
         matches!(self, Self::LeftArm | Self::RightArm | Self::Head)
     }
 }

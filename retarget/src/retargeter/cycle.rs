@@ -51,13 +51,13 @@ impl Retargeter {
         self.set_bounds();
         self.wanted.copy_from_slice(&self.solver.positions);
         let target = target.map(|target| self.figure(target));
-        self.begun_s += if target.is_some() { self.dt_s } else { 0.0 };
+        self.danced_s += if target.is_some() { self.dt_s } else { 0.0 };
         self.solve(&target.unwrap_or_else(|| self.figure(PoseTarget::standing())));
         match &target {
             Some(target) => self.search.step(&self.model, &mut self.solver, target, &self.rest),
             None => {
                 self.limbs_to_rest();
-                self.before.copy_from_slice(&self.solver.positions);
+                self.before_dance.copy_from_slice(&self.solver.positions);
                 self.legs_to_rest();
             }
         }
@@ -103,7 +103,7 @@ impl Retargeter {
 
     /// Share of a dance that has just begun.
     fn begun(&self) -> f64 {
-        let share = (self.begun_s / BEGINS_S).min(1.0);
+        let share = (self.danced_s / BEGINS_S).min(1.0);
         share * share * (3.0 - 2.0 * share)
     }
 
@@ -292,7 +292,7 @@ impl Retargeter {
             }
             let rest = self.rest[joint];
             let shown = rest + scale * (solved - rest);
-            let before = self.before[joint];
+            let before = self.before_dance[joint];
             let aimed = tracker.plan(before + begun * (shown - before));
             *bounds = tracker.reachable();
             *wanted = aimed.clamp(bounds.0, bounds.1);

@@ -43,7 +43,7 @@ impl Retargeter {
 
     /// Share of a joint's movement that the feet can carry.
     pub(super) fn carried(&self, joint: usize) -> f64 {
-        self.stance.as_ref().map_or(1.0, |stance| match self.limbs[joint].is_upper() {
+        self.stance.as_ref().map_or(1.0, |stance| match self.limbs[joint].is_arm_or_head() {
             true => stance.governor.upper(joint),
             false => stance.governor.pelvis,
         })

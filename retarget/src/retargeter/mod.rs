@@ -80,10 +80,10 @@ pub struct Retargeter {
     sole_m: [f64; 2],
     torque: TorqueEstimator,
     counts: RetargetCounts,
-    /// For how long a dance has been shown since the start.
-    begun_s: f64,
-    /// Where each joint was to be then.
-    before: Vec<f64>,
+    /// For how long a dance has been shown.
+    danced_s: f64,
+    /// Joint positions that were asked for before the dance began, radians.
+    before_dance: Vec<f64>,
 }
 
 impl Retargeter {
@@ -190,8 +190,8 @@ impl Retargeter {
             sole_m: config.sole_m,
             torque,
             counts: RetargetCounts::default(),
-            begun_s: 0.0,
-            before: vec![0.0; limits.len()],
+            danced_s: 0.0,
+            before_dance: vec![0.0; limits.len()],
             model,
             map,
             limits,
@@ -462,7 +462,7 @@ impl Retargeter {
         }
         self.model.place(&root, positions, &mut self.poses);
         self.torque.restart();
-        self.begun_s = 0.0;
-        self.before.copy_from_slice(&self.solver.positions);
+        self.danced_s = 0.0;
+        self.before_dance.copy_from_slice(&self.solver.positions);
     }
 }

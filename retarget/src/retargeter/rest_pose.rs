@@ -298,7 +298,10 @@ impl RestSearch<'_> {
                     root: legs.base,
                     rest: &legs.positions,
                     limits: self.limits,
-                    is_upper: &limbs.iter().map(|limb| limb.is_upper()).collect::<Vec<_>>(),
+                    is_arm_or_head: &limbs
+                        .iter()
+                        .map(|limb| limb.is_arm_or_head())
+                        .collect::<Vec<_>>(),
                     is_leg: &is_leg,
                     support: &support,
                 };

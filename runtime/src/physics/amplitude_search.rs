@@ -11,8 +11,8 @@ use super::standing_trial::{StandingTrial, TrialOptions, TrialReport};
 use super::upper_speed::{upper_speed2, upper_speed2_by_limits};
 use crate::robot::Robot;
 
-/// Shares of the pelvis's movement that are tried: it gives way before the arms do. From 0.3 to 1
-/// there is nothing: what stood there in these dances fell in others.
+/// Shares of the pelvis's movement that are tried. From 0.3 to 1 there is nothing: what stood
+/// there in these dances fell in others.
 const PELVIS: [f64; 3] = [1.0, 0.3, 0.0];
 /// Of `arm_zmp_limit`: the arms give way in wild stretches before they do everywhere.
 const LIMITS: [f64; 11] = [0.6, 0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05];
@@ -21,9 +21,10 @@ const ARMS: [f64; 2] = [0.7, 0.4];
 /// A robot that leans at most this share of its tipping angle beyond its plan has a margin
 /// for dances that it was not tried with. What stands on four feet need only not fall.
 const MOST_LEAN: f64 = 0.6;
-/// Mean squared speed of the arms over what their limits allow: with more than `SPARE_ARMS` a
-/// smaller limit costs little and leaves the robot steadier; with less than `ENOUGH_ARMS` the pelvis,
-/// whose movement takes from what the soles can carry of the arms, moves less.
+/// Mean squared speed of arms, head and waist over what their limits allow: with more than
+/// `SPARE_ARMS` a smaller limit costs little and leaves the robot steadier; with less than
+/// `ENOUGH_ARMS` the pelvis, whose movement takes from what the soles can carry of the arms,
+/// moves less.
 const SPARE_ARMS: f64 = 0.75;
 const ENOUGH_ARMS: f64 = 0.55;
 
@@ -76,7 +77,7 @@ pub struct StandingAmplitude {
     pub shares: StandingShares,
     /// The worst of the worlds.
     pub worst: TrialReport,
-    /// Mean squared speed of arms and head over what their limits allow.
+    /// Mean squared speed of arms, head and waist over what their limits allow.
     pub arms_kept: f64,
 }
 
@@ -110,7 +111,7 @@ struct Trials<'a> {
     dances: &'a [Clip],
     sized: bool,
     most_lean_deg: f64,
-    /// Mean squared speed of arms and head where nothing but their limits holds them back, rad2/s2.
+    /// See `upper_speed2_by_limits`.
     free_speed2: f64,
 }
 
@@ -147,6 +148,10 @@ impl<'a> Trials<'a> {
         let mut first = 0;
         while first + 1 < limits.len() && self.arms_kept(limits[first + 1])? >= SPARE_ARMS {
             first += 1;
+        }
+        // On four feet the limit holds nothing back.
+        if self.arms_kept(limits[first])? == self.arms_kept(limits[0])? {
+            first = 0;
         }
         if pelvis > 0.0 {
             return Ok(vec![limits[first]]);

@@ -79,7 +79,7 @@ fn servo(joint: &JointDraft, id: usize) -> Option<ServoDraft> {
     let mut notes = Vec::new();
     let [small, large] = &STRONG;
     let placeholder = match joint.role {
-        JointUse::Dances(limb) if limb.is_upper() => &FAST,
+        JointUse::Dances(limb) if limb.is_arm_or_head() => &FAST,
         _ if joint.effort_nm.is_some_and(|nm| nm > small.torque_nm) => large,
         _ => small,
     };
