@@ -7,7 +7,7 @@
 //! at its stop. So each arm is solved by itself, for directions alone, from a
 //! few fixed starts. The way to a better answer may take longer than the dancer
 //! stays, and shows the wrong thing meanwhile: the solver moves there only when
-//! being stuck has by then cost twice what the way costs, and only when clear of
+//! being stuck has by then cost as much as the way costs, and only when clear of
 //! the body. What follows the solver keeps the limits, as ever. One search is
 //! spread evenly over the cycles of a frame, so that none takes much longer.
 //! Radians, seconds. Nothing allocates after building.

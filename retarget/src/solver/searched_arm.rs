@@ -29,9 +29,9 @@ const POSE_WORK: u64 = 60;
 const IN_A_ROW: usize = 3;
 const ON_THE_WAY: usize = 3;
 /// What a second on the way costs at least.
-const MOVING: f64 = 0.3;
-/// Times what being stuck must have cost to be worth the way.
-const PATIENCE: f64 = 2.0;
+const MOVING: f64 = 0.15;
+/// Share of what being stuck has cost that still counts after a search without a better answer.
+const FADES: f64 = 0.9;
 
 pub(super) struct SearchedArm {
     side: usize,
@@ -210,10 +210,10 @@ impl SearchedArm {
             self.better += 1;
             self.missed_s += (own - least) / FRAME_RATE_HZ;
             let way_s = self.way_s(problem, now, own, trial);
-            self.better >= IN_A_ROW && self.missed_s > PATIENCE * way_s
+            self.better >= IN_A_ROW && self.missed_s > way_s
         } else {
             self.better = 0;
-            self.missed_s = 0.0;
+            self.missed_s *= FADES;
             false
         }
     }
