@@ -29,7 +29,7 @@ const POSE_WORK: u64 = 60;
 const IN_A_ROW: usize = 3;
 const ON_THE_WAY: usize = 3;
 /// What a second on the way costs at least.
-const MOVING: f64 = 0.15;
+const MOVING: f64 = 0.3;
 /// Share of what being stuck has cost that still counts after a search without a better answer.
 const FADES: f64 = 0.9;
 
