@@ -2,7 +2,7 @@
 //! what cannot show one is refused.
 
 use crate::rigs::Rig;
-use servodance_retarget::{BodyKind, RobotModel, guess_body, no_meshes};
+use servodance_retarget::{BodyKind, DraftOptions, RobotModel, guess_body, no_meshes};
 use servodance_runtime::robot::{Robot, new_robot};
 use servodance_training::choreography::trial_dance;
 
@@ -108,7 +108,7 @@ fn a_fallen_quadruped_is_not_drafted() {
     std::fs::write(&urdf, four_legged(["a", "b", "c", "d"]).urdf()).unwrap();
     let out = folder.path().join("dog.toml");
     let dances = [trial_dance()];
-    new_robot(&urdf, &out, false, None, &trial_dance(), &dances).unwrap();
+    new_robot(&urdf, &out, false, DraftOptions::default(), &trial_dance(), &dances).unwrap();
     let robot = Robot::load(&out.display().to_string()).unwrap();
     assert!(robot.retarget.stance.stands(), "it falls in its world");
 }
@@ -125,6 +125,68 @@ fn antennas_make_a_head() {
     assert_eq!(robot.retarget.kind, BodyKind::Head, "{said:?}");
     let spans = crate::rigs::spans(&robot, &track);
     assert!(crate::rigs::moved(&spans, "left_antenna") > 0.1, "{spans:?}");
+}
+
+/// The base's heading at each moment of a dance, radians.
+fn headings(robot: &Robot, track: &[Vec<f64>]) -> Vec<f64> {
+    let retargeter = robot.retargeter().unwrap();
+    let heading = |row: &Vec<f64>| retargeter.world_from_root(row).rotation.euler_angles().2;
+    track.iter().map(heading).collect()
+}
+
+fn span(values: &[f64]) -> f64 {
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    values.iter().copied().fold(f64::NEG_INFINITY, f64::max) - low
+}
+
+#[test]
+fn a_base_on_wheels_turns_on_the_spot() {
+    let cart = Rig::new().wheel("wheel_left", "0 0.1").wheel("wheel_right", "0 -0.1");
+    let cart = cart.joint("continuous", "caster_wheel", "base", "-0.1 0 -0.1", Y);
+    let (robot, _, track, said) = cart.dance();
+    assert_eq!(robot.retarget.kind, BodyKind::Wheeled, "{said:?}");
+    assert_eq!(robot.servos.len(), 2, "{said:?}");
+    for row in &track {
+        assert!((row[0] + row[1]).abs() < 1e-6, "it rolls away: {row:?}");
+    }
+    // 0.1 m from the middle on a radius of 0.05 m: a wheel turns twice as far as the base.
+    let turned = span(&headings(&robot, &track));
+    let rolled = span(&track.iter().map(|row| row[1]).collect::<Vec<f64>>());
+    assert!(turned > 0.2, "it turned by {turned} rad only");
+    assert!((rolled - 2.0 * turned).abs() < 1e-6, "{rolled} {turned}");
+}
+
+#[test]
+fn wheels_below_a_body_turn_where_they_are_given() {
+    let rig = || {
+        let pan = Rig::new().joint("revolute", "head_pan", "base", "0 0 0.3", Z);
+        let tilt = pan.joint("revolute", "head_tilt", "head_pan_link", "0 0 0.05", Y);
+        tilt.wheel("wheel_left", "0 0.1").wheel("wheel_right", "0 -0.1")
+    };
+    let (robot, _, track, said) = rig().dance();
+    assert_eq!((robot.retarget.kind, robot.servos.len()), (BodyKind::Head, 2), "{said:?}");
+    assert!(said.iter().any(|line| line.contains("--wheels")), "{said:?}");
+    assert!(span(&headings(&robot, &track)) < 1e-12);
+    let options = DraftOptions { wheels: true, ..Default::default() };
+    let (robot, _, track, _) = rig().dance_as(options);
+    assert_eq!((robot.retarget.kind, robot.servos.len()), (BodyKind::Head, 4));
+    assert!(span(&headings(&robot, &track)) > 0.2);
+    let spans = crate::rigs::spans(&robot, &track);
+    assert!(crate::rigs::moved(&spans, "head_pan") > 0.05, "{spans:?}");
+}
+
+#[test]
+fn wheels_start_where_they_are() {
+    let cart = Rig::new().wheel("wheel_left", "0 0.1").wheel("wheel_right", "0 -0.1");
+    let (robot, ..) = cart.dance();
+    let mut retargeter = robot.retargeter().unwrap();
+    retargeter.seed(&[1.2, -0.7]).unwrap();
+    assert_eq!(retargeter.rest(), [1.2, -0.7]);
+    // Too near to the end of their range to turn the base to both sides, they roll a little.
+    let limits = robot.servos[0].limits;
+    retargeter.seed(&[limits.upper_rad - 0.01, 0.0]).unwrap();
+    let room = limits.upper_rad - retargeter.rest()[0];
+    assert!(room > 1.0 && room < 1.5, "{room}");
 }
 
 #[test]
@@ -149,20 +211,23 @@ fn what_cannot_show_a_dance_is_refused_with_the_reason() {
         Y,
     );
     let folder = tempfile::tempdir().unwrap();
-    for rig in [fingers, cart] {
+    let unicycle = Rig::new().wheel("wheel", "0 0");
+    let why = ["can show a dance", "can show a dance", "no shape tells the radius"];
+    for (rig, why) in [fingers, unicycle, cart].into_iter().zip(why) {
         let urdf = folder.path().join("thing.urdf");
         std::fs::write(&urdf, rig.urdf()).unwrap();
         let out = folder.path().join("thing.toml");
-        let refused = new_robot(&urdf, &out, false, None, &trial_dance(), &[]).unwrap_err();
-        assert!(refused.to_string().contains("can show a dance"), "{refused}");
+        let refused = new_robot(&urdf, &out, false, DraftOptions::default(), &trial_dance(), &[])
+            .unwrap_err();
+        assert!(refused.to_string().contains(why), "{refused}");
         assert!(!out.exists());
     }
     // Whoever says what it is decides, but must be able to.
     let urdf = folder.path().join("arm.urdf");
     std::fs::write(&urdf, table_arm().urdf()).unwrap();
     let out = folder.path().join("arm.toml");
-    let kind = Some(BodyKind::Quadruped);
-    let refused = new_robot(&urdf, &out, false, kind, &trial_dance(), &[]).unwrap_err();
+    let options = DraftOptions { kind: Some(BodyKind::Quadruped), ..Default::default() };
+    let refused = new_robot(&urdf, &out, false, options, &trial_dance(), &[]).unwrap_err();
     assert!(refused.to_string().contains("it is no quadruped"), "{refused}");
 }
 

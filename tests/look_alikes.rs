@@ -3,7 +3,7 @@
 
 use crate::rigs::Rig;
 use servodance_retarget::{
-    BodyGuess, BodyKind, ConfigDraft, Retargeter, draft_config, guess_body, no_meshes,
+    BodyGuess, BodyKind, ConfigDraft, DraftOptions, Retargeter, draft_config, guess_body, no_meshes,
 };
 use servodance_types::JointLimits;
 
@@ -139,7 +139,7 @@ fn a_foot_without_a_shape_is_the_mirror_image_of_the_other() {
     let urdf = two_legs(|rig, _, _| rig).urdf();
     let foot = "xyz=\"0.03 0.01 -0.04\"";
     let urdf = with_box(&urdf, "left_ankle_roll_link", foot, "0.2 0.08 0.02");
-    let draft = draft_config(&urdf, None, &no_meshes).unwrap();
+    let draft = draft_config(&urdf, DraftOptions::default(), &no_meshes).unwrap();
     assert_eq!(tip(&draft, "left_sole_tip"), [0.03, 0.01, -0.05]);
     assert_eq!(tip(&draft, "right_sole_tip"), [0.03, -0.01, -0.05]);
 }
@@ -154,11 +154,11 @@ fn a_foot_that_is_a_mass_alone_reaches_twice_as_far_down() {
         urdf.replace(&start, &format!("{start}<origin xyz=\"{xyz}\"/>"))
     };
     let urdf = mass(mass(urdf, "left", "0.01 0.02 -0.03"), "right", "0.01 -0.02 -0.03");
-    let draft = draft_config(&urdf, None, &no_meshes).unwrap();
+    let draft = draft_config(&urdf, DraftOptions::default(), &no_meshes).unwrap();
     assert_eq!(tip(&draft, "left_sole_tip"), [0.01, 0.02, -0.06]);
     // As simple_humanoid: a mass where no foot is says nothing.
     let far = mass(two_legs(|rig, _, _| rig).urdf(), "left", "0.14 0 -0.2");
-    assert!(draft_config(&far, None, &no_meshes).unwrap().config.tip.is_empty());
+    assert!(draft_config(&far, DraftOptions::default(), &no_meshes).unwrap().config.tip.is_empty());
 }
 
 /// As Wolfgang: legs are bent at zero, so that the soles lean there; and as simple_humanoid: a
@@ -174,7 +174,7 @@ fn soles_that_lean_at_zero_are_put_level() {
         let sole = format!("{side}_sole_link");
         urdf = with_box(&urdf, &sole, "xyz=\"0 0 0.005\"", "0.2 0.08 0.01");
     }
-    let draft = draft_config(&urdf, None, &no_meshes).unwrap();
+    let draft = draft_config(&urdf, DraftOptions::default(), &no_meshes).unwrap();
     assert_eq!(draft.config.sole_m, [0.19, 0.076]);
     let limits = JointLimits {
         lower_rad: -1.5,
@@ -217,7 +217,7 @@ fn the_underside_of_a_mesh_is_the_sole() {
     };
     let body = guess_body(&urdf, &read).unwrap();
     assert_eq!(body.parts.left_sole.as_deref(), Some("left_sole_tip"));
-    let draft = draft_config(&urdf, None, &read).unwrap();
+    let draft = draft_config(&urdf, DraftOptions::default(), &read).unwrap();
     let sole = draft.config.tip.iter().find(|tip| tip.name == "left_sole_tip").unwrap();
     let near =
         sole.at_m.iter().zip([0.03, 0.0, -0.05]).all(|(at, there)| (at - there).abs() < 1e-4);

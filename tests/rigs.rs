@@ -1,6 +1,7 @@
 //! Rigs of every kind, made from parts: what they have dances, what they lack
 //! is said, and the rest is held.
 
+use servodance_retarget::DraftOptions;
 use servodance_runtime::offline::motion_tracking::{TrackedMotion, track_motion};
 use servodance_runtime::robot::Robot;
 use servodance_runtime::robot::new_robot;
@@ -53,13 +54,32 @@ impl Rig {
         self.0.clone() + "</robot>"
     }
 
+    /// A wheel of 5 cm whose axle lies across, below the base.
+    pub(crate) fn wheel(self, name: &str, xy: &str) -> Self {
+        let across = "<axis xyz=\"0 1 0\"/>";
+        let mut rig = self.joint("continuous", name, "base", &format!("{xy} -0.1"), across);
+        let shape = "<collision><origin rpy=\"1.5708 0 0\"/><geometry><cylinder \
+                     radius=\"0.05\" length=\"0.02\"/></geometry></collision></link><joint";
+        let end = rig.0.rfind("</link><joint").expect("the wheel's link");
+        rig.0.replace_range(end..end + "</link><joint".len(), shape);
+        rig
+    }
+
     /// Draws a robot file, then follows some seconds of dance.
     pub(crate) fn dance(self) -> (Robot, TrackedMotion, Vec<Vec<f64>>, Vec<String>) {
+        self.dance_as(DraftOptions::default())
+    }
+
+    /// The same with a draft that is told more.
+    pub(crate) fn dance_as(
+        self,
+        options: DraftOptions,
+    ) -> (Robot, TrackedMotion, Vec<Vec<f64>>, Vec<String>) {
         let folder = tempfile::tempdir().unwrap();
         let urdf = folder.path().join("rig.urdf");
         std::fs::write(&urdf, self.urdf()).unwrap();
         let out = folder.path().join("rig.toml");
-        let said = new_robot(&urdf, &out, false, None, &trial_dance(), &[]).unwrap().lines;
+        let said = new_robot(&urdf, &out, false, options, &trial_dance(), &[]).unwrap().lines;
         let robot = Robot::load(&out.display().to_string()).unwrap();
         let beats: Vec<DanceBeat> = (0..20)
             .map(|beat| DanceBeat { time_s: f64::from(beat) * 0.5, downbeat: beat % 4 == 0 })
@@ -184,7 +204,7 @@ fn a_loop_is_expressed_by_a_table() {
     let urdf = folder.path().join("rig.urdf");
     std::fs::write(&urdf, rig.0 + "</robot>").unwrap();
     let out = folder.path().join("rig.toml");
-    new_robot(&urdf, &out, false, None, &trial_dance(), &[]).unwrap();
+    new_robot(&urdf, &out, false, DraftOptions::default(), &trial_dance(), &[]).unwrap();
     let text = std::fs::read_to_string(&out).unwrap();
     let couple = "\n[[retarget.couple]]\njoint = \"left_crank\"\nfollows = \"left_elbow\"\n";
     let load = |text: String| {

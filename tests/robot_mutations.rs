@@ -3,7 +3,7 @@
 use crate::mutate::mutated;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance_retarget::{draft_config, no_meshes, urdf_from_mjcf};
+use servodance_retarget::{DraftOptions, draft_config, no_meshes, urdf_from_mjcf};
 use servodance_runtime::robot::Robot;
 use servodance_runtime::robot::check;
 
@@ -28,11 +28,11 @@ fn two_thousand_broken_files_make_no_panic() {
         let checked = check(&path("my.urdf"));
         assert_eq!(
             checked.usable,
-            draft_config(&urdf, None, &no_meshes).is_ok(),
+            draft_config(&urdf, DraftOptions::default(), &no_meshes).is_ok(),
             "round {round}: {checked:#?}"
         );
         match urdf_from_mjcf(&mutated(&mut rng, MJCF)) {
-            Ok((urdf, _)) => drop(draft_config(&urdf, None, &no_meshes)),
+            Ok((urdf, _)) => drop(draft_config(&urdf, DraftOptions::default(), &no_meshes)),
             Err(error) => assert!(!error.to_string().contains('\n')),
         }
         usable += usize::from(checked.usable) + usize::from(loads);

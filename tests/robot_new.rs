@@ -4,7 +4,7 @@ use crate::program::Program;
 use crate::random_robot;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance_retarget::Stance;
+use servodance_retarget::{DraftOptions, Stance};
 use servodance_runtime::offline::motion_tracking::track_motion;
 use servodance_runtime::robot::{BUILT_IN, Robot};
 use servodance_runtime::robot::{check, new_robot};
@@ -40,7 +40,7 @@ fn built_in_descriptions_give_the_robots_that_people_wrote() {
         let written = Robot::load(built_in.name).unwrap();
         let urdf = write(folder.path(), "my.urdf", &written.urdf_xml);
         let out = folder.path().join("my.toml");
-        new_robot(&urdf, &out, true, None, &trial_dance(), &[]).unwrap();
+        new_robot(&urdf, &out, true, DraftOptions::default(), &trial_dance(), &[]).unwrap();
         let new = Robot::load(&out.display().to_string()).unwrap();
         assert_eq!(new.retarget.stance, written.retarget.stance, "{}", built_in.name);
         let (ours, theirs) = (&new.retarget.body, &written.retarget.body);
@@ -84,7 +84,7 @@ fn jerk_limits_of_the_description_are_taken_over() {
     let text = include_str!("../configs/neck.urdf").replacen("<limit ", "<limit jerk=\"50\" ", 1);
     let urdf = write(folder.path(), "my.urdf", &text);
     let out = folder.path().join("my.toml");
-    new_robot(&urdf, &out, true, None, &trial_dance(), &[]).unwrap();
+    new_robot(&urdf, &out, true, DraftOptions::default(), &trial_dance(), &[]).unwrap();
     let robot = Robot::load(&out.display().to_string()).unwrap();
     let given: Vec<f64> = robot.retarget.jerk_deg_s3.values().copied().collect();
     assert_eq!(given.len(), 1);
@@ -102,7 +102,7 @@ fn random_robots_are_checked_drafted_and_danced_without_a_broken_limit() {
         let text = random_robot::urdf(&mut rng, 12, round % 2 == 0);
         let urdf = write(folder.path(), "my.urdf", &text);
         let usable = check(&urdf.display().to_string()).usable;
-        match new_robot(&urdf, &out, true, None, &trial_dance(), &[]) {
+        match new_robot(&urdf, &out, true, DraftOptions::default(), &trial_dance(), &[]) {
             Ok(_) => {
                 assert!(usable, "round {round}: {text}");
                 let robot = Robot::load(&out.display().to_string()).unwrap();
@@ -132,7 +132,7 @@ fn a_robot_that_looks_along_another_axis_is_seen_to() {
     let turned = tail.replacen("<origin xyz=\"", "<origin rpy=\"0 0 -1.5707963\" xyz=\"", 1);
     let urdf = write(folder.path(), "my.urdf", &format!("{head}{turned}"));
     let out = folder.path().join("my.toml");
-    new_robot(&urdf, &out, false, None, &trial_dance(), &[]).unwrap();
+    new_robot(&urdf, &out, false, DraftOptions::default(), &trial_dance(), &[]).unwrap();
     let robot = Robot::load(&out.display().to_string()).unwrap();
     assert_eq!((robot.retarget.forward.as_str(), robot.retarget.up.as_str()), ("-y", "z"));
     assert_eq!(robot.retarget.stance, Stance::Hung);

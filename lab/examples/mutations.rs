@@ -9,7 +9,7 @@ mod mutate;
 use mutate::mutated;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use servodance_retarget::{draft_config, lint, no_meshes, urdf_from_mjcf};
+use servodance_retarget::{DraftOptions, draft_config, lint, no_meshes, urdf_from_mjcf};
 use servodance_runtime::robot::Robot;
 use servodance_runtime::robot::check;
 
@@ -48,13 +48,13 @@ fn main() -> anyhow::Result<()> {
                 let refused = servodance_retarget::DiagnosticSeverity::Refused;
                 let clean = lint(&urdf).iter().all(|finding| finding.severity != refused);
                 anyhow::ensure!(
-                    clean == draft_config(&urdf, None, &no_meshes).is_ok(),
+                    clean == draft_config(&urdf, DraftOptions::default(), &no_meshes).is_ok(),
                     "file {file}: {urdf}"
                 );
                 clean
             }
             _ => match urdf_from_mjcf(&mutated(&mut rng, MJCF)) {
-                Ok((urdf, _)) => draft_config(&urdf, None, &no_meshes).is_ok(),
+                Ok((urdf, _)) => draft_config(&urdf, DraftOptions::default(), &no_meshes).is_ok(),
                 Err(_) => false,
             },
         };

@@ -4,7 +4,7 @@ use crate::{error, table};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use servodance_model::motion::{Clip, Pose};
-use servodance_retarget::Retargeter;
+use servodance_retarget::{DraftOptions, Retargeter};
 use servodance_runtime::offline::generate::dances_of_built_in_song;
 use servodance_runtime::offline::motion_tracking::track_motion;
 use servodance_runtime::robot;
@@ -34,8 +34,15 @@ impl Robot {
     fn from_description(py: Python<'_>, description: PathBuf, out: PathBuf) -> PyResult<Self> {
         py.detach(|| {
             let dances = dances_of_built_in_song().map_err(error)?;
-            robot::new_robot(&description, &out, true, None, &trial_dance(), &dances)
-                .map_err(error)?;
+            robot::new_robot(
+                &description,
+                &out,
+                true,
+                DraftOptions::default(),
+                &trial_dance(),
+                &dances,
+            )
+            .map_err(error)?;
             Self::load(&out.to_string_lossy())
         })
     }

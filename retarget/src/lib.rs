@@ -67,12 +67,14 @@ mod solver;
 pub use balance::{BalanceFeedback, LegServo};
 pub use config::{
     BodyKind, BodyLinks, CapsuleConfig, Gains, JointCoupling, Limb, RetargetConfig, RetargetError,
-    RodConfig, Stance, TaskWeights, Tip, TorqueConfig,
+    RodConfig, Stance, TaskWeights, Tip, TorqueConfig, WheelConfig,
 };
 pub use dancer::{BodyPoints, PostureReader};
 pub use description::body_guess::{BodyGuess, guess_body};
 pub use description::diagnostic::{Diagnostic, DiagnosticCode, DiagnosticSeverity};
-pub use description::draft::{ConfigDraft, JointDraft, JointUse, draft_config, rest_deg};
+pub use description::draft::{
+    ConfigDraft, DraftOptions, JointDraft, JointUse, draft_config, rest_deg,
+};
 pub use description::guess::words::link_sides;
 pub use description::guess::{MeshReader, no_meshes};
 pub use description::lint::{lint, lint_limits};

@@ -1,6 +1,7 @@
 //! Meshes of a robot's description: drawn from its own folder, and from nowhere
 //! else.
 
+use servodance_retarget::DraftOptions;
 use servodance_runtime::robot::Robot;
 use servodance_runtime::robot::{Meshes, Overrides, new_robot};
 use servodance_training::choreography::trial_dance;
@@ -165,7 +166,8 @@ fn a_new_robot_file_brings_what_is_drawn_of_a_description_elsewhere() {
         ("../meshes/face.dae", false),
     ] {
         home.write_description("ros/neck_description/urdf/neck.urdf", mesh);
-        let new = new_robot(&urdf, &toml, true, None, &trial_dance(), &[]).expect("a robot file");
+        let new = new_robot(&urdf, &toml, true, DraftOptions::default(), &trial_dance(), &[])
+            .expect("a robot file");
         let left = format!("not copied: mesh {mesh}: ");
         let said = new.lines.iter().any(|line| line.starts_with(&left));
         assert_eq!(said, !drawn, "{:?}", new.lines);
@@ -198,7 +200,8 @@ fn a_new_robot_file_from_mjcf_brings_its_meshes_and_leaves_those_where_they_are_
         home.write(&format!("{folder}/assets/head.stl"), &cube(60.0));
         home.write(&format!("{folder}/neck.xml"), mjcf.as_bytes());
         let (model, toml) = (home.at(&format!("{folder}/neck.xml")), home.at("robot/new.toml"));
-        let new = new_robot(&model, &toml, true, None, &trial_dance(), &[]).expect("a robot file");
+        let new = new_robot(&model, &toml, true, DraftOptions::default(), &trial_dance(), &[])
+            .expect("a robot file");
         let said = new.lines.iter().any(|line| line.starts_with("copied: 1 meshes to "));
         assert_eq!(said, copies, "{:?}", new.lines);
         let meshes = meshes_with(&toml, &Overrides::default());

@@ -19,6 +19,8 @@ pub enum BodyKind {
     Arm,
     /// Four legs that stand: the trunk bows, sways and turns over them.
     Quadruped,
+    /// Wheels that turn the base, and nothing else that moves.
+    Wheeled,
 }
 
 servodance_types::named!(BodyKind, "kind of body" {
@@ -28,11 +30,12 @@ servodance_types::named!(BodyKind, "kind of body" {
     Head "head",
     Arm "arm",
     Quadruped "quadruped",
+    Wheeled "wheeled",
 });
 
 impl BodyKind {
     /// Whether its limbs are compared with the dancer's.
     pub fn is_human_like(self) -> bool {
-        !matches!(self, Self::Arm | Self::Quadruped)
+        !matches!(self, Self::Arm | Self::Quadruped | Self::Wheeled)
     }
 }

@@ -93,6 +93,16 @@ pub struct RodConfig {
     pub socket_m: [f64; 3],
 }
 
+/// A driven wheel of the base, which turns on the spot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename = "Wheel")] // as messages about the file name it
+pub struct WheelConfig {
+    /// The link that the servo turns about its axle.
+    pub link: String,
+    /// Metres.
+    pub radius_m: f64,
+}
+
 fn once() -> f64 {
     1.0
 }
@@ -196,6 +206,8 @@ pub struct RetargetConfig {
     pub couple: Vec<JointCoupling>,
     /// The rods of a Stewart platform.
     pub rod: Vec<RodConfig>,
+    /// Driven wheels: with them the base turns on the spot as the dancer's body does.
+    pub wheel: Vec<WheelConfig>,
 }
 
 impl Default for RetargetConfig {
@@ -223,6 +235,7 @@ impl Default for RetargetConfig {
             capsule: Vec::new(),
             couple: Vec::new(),
             rod: Vec::new(),
+            wheel: Vec::new(),
         }
     }
 }
@@ -289,6 +302,9 @@ impl RetargetConfig {
                 in_range(&key("from_m or to_m"), value, -100.0, 100.0)?;
             }
             in_range(&key("radius_m"), capsule.radius_m, 1e-5, 10.0)?;
+        }
+        for wheel in &self.wheel {
+            in_range(&format!("wheel.{}.radius_m", wheel.link), wheel.radius_m, 1e-3, 10.0)?;
         }
         for couple in &self.couple {
             let key = |part: &str| format!("couple.{}.{part}", couple.joint);

@@ -2,7 +2,7 @@
 //!
 //! An arm on its base is the whole dancer: it leans where the body sways, turns where it
 //! turns, sinks into its elbow where knees bend, and lifts its end where hands go up. A
-//! body on four legs moves its trunk over them. Radians; lengths in leg lengths.
+//! body on four legs moves its trunk over them, a base on wheels turns on the spot. Radians; lengths in leg lengths.
 
 use crate::dancer::{PoseTarget, soft_limit, turn};
 use k::nalgebra::{UnitQuaternion, Vector3};
@@ -30,6 +30,8 @@ const DEEPEST: f64 = 0.14;
 const MOST_ROLL: f64 = 0.2;
 const MOST_BOW: f64 = 0.22;
 const MOST_TRUNK_TURN: f64 = 0.2;
+/// How far a base on wheels turns, radians.
+pub(crate) const MOST_BASE_TURN: f64 = 0.6;
 /// How far raised hands lift the front, radians.
 const BOW_PER_HANDS: f64 = 0.15;
 
@@ -106,6 +108,11 @@ pub(crate) fn plate_figure(aim: &PoseTarget) -> (UnitQuaternion<f64>, Vector3<f6
     let turn = UnitQuaternion::from_euler_angles(tilt, nod, look);
     let shift = aim.sway.map(|part| soft_limit(part * PLATE_PER_SWAY, MOST_PLATE_SHIFT));
     (turn, shift)
+}
+
+/// How far a base on wheels turns on the spot, radians.
+pub(crate) fn base_figure(aim: &PoseTarget) -> f64 {
+    soft_limit(aim.chest.scaled_axis().z, MOST_BASE_TURN)
 }
 
 /// Where the trunk of a body on four legs is, seen from its place at rest: x, y, z in leg

@@ -11,7 +11,9 @@ pub use baseline_posture::PostureReader;
 pub(crate) use baseline_posture::{
     BaselineEstimator, BaselinePosture, PostureSample, PostureTrack, chest_yaw, pelvis_yaw,
 };
-pub(crate) use figure::{ArmMount, antenna_figure, arm_figure, plate_figure, trunk_figure};
+pub(crate) use figure::{
+    ArmMount, MOST_BASE_TURN, antenna_figure, arm_figure, base_figure, plate_figure, trunk_figure,
+};
 pub use motion_buffer::BodyPoints;
 pub(crate) use motion_buffer::{LOOKAHEAD_FRAMES, MotionBuffer, robot_axes};
 pub(crate) use pose_target::{HeadingReference, PoseReader, PoseTarget, mirrored};

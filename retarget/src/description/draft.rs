@@ -6,8 +6,10 @@
 
 use servodance_types::JointLimits;
 
-use crate::config::{BodyKind, BodyLinks, Limb, RetargetConfig, RetargetError, Stance};
-use crate::description::guess::{Anatomy, BodyAxes, MeshReader, anatomy, capsules};
+use crate::config::{
+    BodyKind, BodyLinks, Limb, RetargetConfig, RetargetError, Stance, WheelConfig,
+};
+use crate::description::guess::{Anatomy, BodyAxes, DrivenWheel, MeshReader, anatomy, capsules};
 use crate::description::{Description, guess::words::NameWords, joints::mimic_numbers};
 use crate::kinematics::{BodyMap, RobotModel};
 use crate::retargeter::Retargeter;
@@ -22,10 +24,15 @@ const HUMAN_LEG_M: f64 = 0.82;
 pub enum JointUse {
     /// It shows a limb's movement.
     Dances(Limb),
+    /// It turns a wheel, and with it the base.
+    TurnsBase,
     /// It has nothing to show: held at rest.
     Held,
-    /// It turns a wheel: not for a position servo, left out.
-    Wheel,
+    /// It turns a wheel, which is to rest: left out.
+    Wheel {
+        /// Whether the base could turn by it.
+        could_turn_base: bool,
+    },
     /// It slides: left out, held where it is.
     Slides,
 }
@@ -64,15 +71,24 @@ pub struct ConfigDraft {
     pub scales: Vec<(String, f64)>,
 }
 
-/// Drafts the `[retarget]` table and the joints of a robot from its URDF; the kind of
-/// body is guessed where it is not given. `meshes` are asked where a foot or hand has no
-/// other shape.
+/// What a draft is told beside the description.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DraftOptions {
+    /// The kind of body; guessed where it is not given.
+    pub kind: Option<BodyKind>,
+    /// Whether the base turns on its wheels. One that is nothing but wheels always does.
+    pub wheels: bool,
+}
+
+/// Drafts the `[retarget]` table and the joints of a robot from its URDF. `meshes` are asked
+/// where a foot, hand or wheel has no other shape.
 /// Fails where [`Retargeter::new`] would, and where nothing can show a dance.
 pub fn draft_config(
     urdf_xml: &str,
-    kind: Option<BodyKind>,
+    options: DraftOptions,
     meshes: &MeshReader,
 ) -> Result<ConfigDraft, RetargetError> {
+    let kind = options.kind;
     let description = Description::from_urdf(urdf_xml)?;
     let names: Vec<&str> = description.drives().map(|j| j.name.as_str()).collect();
     if names.is_empty() {
@@ -86,6 +102,10 @@ pub fn draft_config(
     };
     let kind = kind.unwrap_or(guess.kind);
     model.add_tips(&anatomy.tips)?;
+    let wheel = match options.wheels || kind == BodyKind::Wheeled {
+        true => wheel_configs(&anatomy.wheels)?,
+        false => Vec::new(),
+    };
     let stand = kind == BodyKind::Quadruped || anatomy.can_stand(&model);
     let mut config = RetargetConfig {
         kind,
@@ -95,6 +115,7 @@ pub fn draft_config(
         body: body_links(&model, &anatomy),
         tip: anatomy.tips.clone(),
         capsule: capsules(&model, &positions, &anatomy),
+        wheel,
         ..RetargetConfig::default()
     };
     let leg_m: f64 = anatomy.legs[0].lengths_m.iter().sum();
@@ -103,11 +124,17 @@ pub fn draft_config(
         None if leg_m > 0.0 => [0.3, 0.13].map(|share| (share * leg_m * 1e3).round() / 1e3),
         None => config.sole_m,
     };
-    let joints = joint_drafts(&model, &config, &description)?;
+    let joints = joint_drafts(&model, &config, &anatomy.wheels, &description)?;
     let mut reasons = anatomy.reasons.clone();
     let passive: Vec<&str> = description.passive().map(|joint| joint.name.as_str()).collect();
     if !passive.is_empty() {
         reasons.push(format!("passive by name, so they rest: {}", passive.join(", ")));
+    }
+    for wheel in &config.wheel {
+        reasons.push(format!(
+            "{} turns the base: radius {} m by its shape",
+            wheel.link, wheel.radius_m
+        ));
     }
     for tip in &anatomy.tips {
         reasons.push(format!(
@@ -130,6 +157,25 @@ pub fn draft_config(
         joints,
         reasons,
     })
+}
+
+/// Fails where there are no wheels, or nothing tells how large they are.
+fn wheel_configs(wheels: &[DrivenWheel]) -> Result<Vec<WheelConfig>, RetargetError> {
+    if wheels.is_empty() {
+        return Err(RetargetError::Tree(
+            "no wheels were found that could turn the base: two or more, named so, on level \
+             axles on the base itself"
+                .into(),
+        ));
+    }
+    let config = |wheel: &DrivenWheel| {
+        let radius_m = wheel.radius_m.ok_or_else(|| RetargetError::Link {
+            link: wheel.link.clone(),
+            reason: "no shape tells the radius of this wheel".into(),
+        })?;
+        Ok(WheelConfig { link: wheel.link.clone(), radius_m })
+    };
+    wheels.iter().map(config).collect()
 }
 
 fn no_such_body(kind: Option<BodyKind>) -> String {
@@ -168,6 +214,7 @@ pub(super) fn body_links(model: &RobotModel, anatomy: &Anatomy) -> BodyLinks {
 fn joint_drafts(
     model: &RobotModel,
     config: &RetargetConfig,
+    wheels: &[DrivenWheel],
     description: &Description,
 ) -> Result<Vec<JointDraft>, RetargetError> {
     let map = BodyMap::new(model, config)?;
@@ -176,10 +223,14 @@ fn joint_drafts(
     let role = |index: usize, joint: &urdf_rs::Joint| {
         let mut above = model.parent_joints.iter();
         let link = above.position(|name| *name == joint.name);
-        let wheel = link.is_some_and(|link| NameWords::of(model, link).is_wheel());
+        let is_wheel = link.is_some_and(|link| NameWords::of(model, link).is_wheel());
+        let name = link.map(|link| &model.link_names()[link]);
+        let turns_base = config.wheel.iter().any(|wheel| Some(&wheel.link) == name);
+        let could_turn_base = wheels.iter().any(|wheel| Some(&wheel.link) == name);
         match joint.joint_type {
             urdf_rs::JointType::Prismatic => JointUse::Slides,
-            urdf_rs::JointType::Continuous if wheel => JointUse::Wheel,
+            _ if turns_base => JointUse::TurnsBase,
+            urdf_rs::JointType::Continuous if is_wheel => JointUse::Wheel { could_turn_base },
             _ if shows[index] => JointUse::Dances(limbs[index]),
             _ => JointUse::Held,
         }

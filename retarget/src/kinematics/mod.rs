@@ -7,6 +7,7 @@ mod joint_drive;
 mod level;
 mod platform;
 mod shapes;
+mod turning_base;
 
 pub(crate) use body_map::{ArmLinks, BodyMap};
 pub use chain::RobotModel;
@@ -17,3 +18,4 @@ pub(crate) use level::level_rotation;
 pub(crate) use platform::{Platform, Rod, Twist};
 pub(crate) use shapes::{Capsule, LinkShapes, capsule_of};
 pub use shapes::{MeshVisual, Shape, Visual};
+pub(crate) use turning_base::TurningBase;

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
-use crate::config::{Limb, RetargetConfig, RetargetError, choices};
+use crate::config::{BodyKind, Limb, RetargetConfig, RetargetError, choices};
 use crate::dynamics::TorqueEstimator;
-use crate::kinematics::{JointMotion, RobotModel};
+use crate::kinematics::{JointMotion, RobotModel, TurningBase};
 use k::nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
 
@@ -129,6 +129,23 @@ pub(super) fn upright_rotation(
     }
     let rows = Matrix3::from_columns(&[forward, up.cross(&forward), up]).transpose();
     Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rows)))
+}
+
+/// The base on wheels of a robot that has one.
+pub(super) fn turning_base(
+    model: &RobotModel,
+    config: &RetargetConfig,
+    upright: Isometry3<f64>,
+) -> Result<Option<TurningBase>, RetargetError> {
+    let on_feet = config.stance.stands() || config.kind == BodyKind::Quadruped;
+    if on_feet && let Some(wheel) = config.wheel.first() {
+        return Err(RetargetError::Config {
+            key: "wheel".into(),
+            value: wheel.link.clone(),
+            expected: "expected no wheels on a robot that stands on its feet".into(),
+        });
+    }
+    TurningBase::new(model, &config.wheel, upright)
 }
 
 fn axis(key: &str, name: &str) -> Result<Vector3<f64>, RetargetError> {

@@ -17,7 +17,8 @@ use servodance_types::{
 use crate::config::{BodyKind, Gains, Limb, RetargetConfig, RetargetError, Stance};
 use crate::contact::{FourFeet, PlantedStance};
 use crate::dancer::{
-    ArmMount, HeadingReference, LOOKAHEAD_FRAMES, MotionBuffer, PoseReader, PostureTrack,
+    ArmMount, HeadingReference, LOOKAHEAD_FRAMES, MOST_BASE_TURN, MotionBuffer, PoseReader,
+    PostureTrack,
 };
 use crate::dynamics::{
     JointLoad, TorqueEstimator, TorqueReport, joint_loads, placement, rigid_links,
@@ -120,7 +121,7 @@ impl Retargeter {
         let mut solver = BodySolver::new(&model, map, config.weights, &limits, upright, scope);
         let waist = model.drives_above(map.chest) > 0;
         let heading = match (config.stance, waist) {
-            _ if !config.kind.is_human_like() => HeadingReference::Slow,
+            _ if !config.kind.is_human_like() || !config.wheel.is_empty() => HeadingReference::Slow,
             (Stance::Planted | Stance::Stepping, _) => HeadingReference::Slow,
             (Stance::Hung, true) => HeadingReference::Pelvis,
             (Stance::Hung, false) => HeadingReference::Chest,
@@ -139,6 +140,7 @@ impl Retargeter {
         };
         let torque = joint_setup::torque_estimator(&model, config, &loads, dt_s)?;
         let arm_mount = arm_mount(&model, &map.arms[0], &upright, &limits);
+        solver.turning_base = joint_setup::turning_base(&model, config, upright)?;
         let footing = RestSearch {
             model: &model,
             map,
@@ -426,7 +428,10 @@ impl Retargeter {
                 let point = |link: usize| Point3::from(seen(link).translation.vector);
                 feet.world_from_root(feet.links.map(point))
             }
-            (None, None) => self.upright,
+            (None, None) => match &self.solver.turning_base {
+                Some(base) => base.turned(base.turn_rad(positions, &self.rest)),
+                None => self.upright,
+            },
         }
     }
 
@@ -440,6 +445,10 @@ impl Retargeter {
 
     fn start_at(&mut self, positions: &[f64]) {
         let (dt_s, preview_s) = (self.dt_s, self.preview_s);
+        for wheel in self.solver.turning_base.iter().flat_map(|base| &base.wheels) {
+            let (joint, limits) = (wheel.joint, &self.limits[wheel.joint]);
+            self.rest[joint] = wheel.rest_rad(positions[joint], limits, MOST_BASE_TURN);
+        }
         let trackers = positions.iter().enumerate().map(|(joint, &position)| {
             // A joint that begins beyond where a dance takes it comes back gently.
             let near = &self.dance_limits[joint];

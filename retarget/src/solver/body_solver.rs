@@ -10,8 +10,8 @@
 
 use crate::config::TaskWeights;
 use crate::contact::{CapsulePair, SupportPolygon};
-use crate::dancer::{PoseTarget, plate_figure};
-use crate::kinematics::{BodyMap, Jacobian, Platform, PosedRobot, RobotModel};
+use crate::dancer::{PoseTarget, base_figure, plate_figure};
+use crate::kinematics::{BodyMap, Jacobian, Platform, PosedRobot, RobotModel, TurningBase};
 use crate::solver::{BoxLeastSquares, LimbTask, capped, direction_row};
 use k::nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use servodance_types::JointLimits;
@@ -91,6 +91,8 @@ pub(crate) struct BodySolver {
     /// What must not meet, and where the weight must stay; found after rest.
     pub pairs: Vec<CapsulePair>,
     pub support: Option<SupportPolygon>,
+    /// The base on wheels, which turns on the spot.
+    pub turning_base: Option<TurningBase>,
     poses: Vec<Isometry3<f64>>,
     solver: BoxLeastSquares,
     jacobian: Jacobian,
@@ -142,6 +144,7 @@ impl BodySolver {
             positions,
             pairs: Vec::new(),
             support: None,
+            turning_base: None,
             solver: BoxLeastSquares::new(unknowns),
             jacobian: Jacobian::new(joints, unknowns),
             low: vec![0.0; unknowns],
@@ -168,11 +171,25 @@ impl BodySolver {
 
     pub fn solve(&mut self, model: &RobotModel, input: &SolverInput) {
         if let SolverGoal::Dance(aim) = input.goal {
+            self.set_wheels(aim, input);
             self.set_cranks(model, aim, input.bounds);
         }
         for _ in 0..input.steps {
             self.step(model, input);
         }
+    }
+
+    /// Turns the base as the dancer's body turns, as far as the wheels may go. The steps
+    /// leave the wheels there.
+    fn set_wheels(&mut self, aim: &PoseTarget, input: &SolverInput) {
+        let Some(base) = &self.turning_base else { return };
+        let turn = base.within(base_figure(aim), input.rest, input.bounds);
+        for wheel in &base.wheels {
+            let (low, high) = input.bounds[wheel.joint];
+            let at = input.rest[wheel.joint] + turn * wheel.per_rad;
+            self.positions[wheel.joint] = at.max(low).min(high);
+        }
+        self.base = base.turned(base.turn_rad(&self.positions, input.rest));
     }
 
     /// The platform that carries the head, and the head's link.
@@ -277,6 +294,9 @@ impl BodySolver {
         let platform = self.head_on_platform(model);
         for rod in platform.into_iter().flat_map(|(platform, _)| &platform.rods) {
             (self.low[rod.drive.joint], self.high[rod.drive.joint]) = (0.0, 0.0);
+        }
+        for wheel in self.turning_base.iter().flat_map(|base| &base.wheels) {
+            (self.low[wheel.joint], self.high[wheel.joint]) = (0.0, 0.0);
         }
         self.low[joints..].fill(-LONGEST_STEP);
         self.high[joints..].fill(LONGEST_STEP);

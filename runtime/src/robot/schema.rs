@@ -64,6 +64,8 @@ fn every_key_of_the_parser_is_in_the_schema_and_no_other() {
         ("[[retarget.tip]]", "tip"),
         ("[[retarget.capsule]]", "capsule"),
         ("[[retarget.couple]]", "couple"),
+        ("[[retarget.rod]]", "rod"),
+        ("[[retarget.wheel]]", "wheel"),
     ] {
         assert_eq!(keys(&schema, name), expected_keys(header), "{header}");
         assert_eq!(table(&schema, name)["additionalProperties"], false, "{header}");

@@ -4,7 +4,7 @@ pub mod setup;
 
 use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
-use servodance_retarget::BodyKind;
+use servodance_retarget::{BodyKind, DraftOptions};
 use servodance_runtime::offline::generate::dances_of_built_in_song;
 use servodance_runtime::physics::StanceCheck;
 use servodance_runtime::robot::{self, Robot};
@@ -45,10 +45,14 @@ pub struct NewArgs {
     /// Overwrite it if it is there.
     #[arg(long)]
     pub force: bool,
-    /// The kind of body, where the guess is wrong: humanoid, upper_body, biped, head, arm
-    /// or quadruped.
+    /// The kind of body, where the guess is wrong: humanoid, upper_body, biped, head, arm,
+    /// quadruped or wheeled.
     #[arg(long, value_name = "KIND")]
     pub kind: Option<BodyKind>,
+    /// Let the base turn on its wheels, too: each gets a servo. A base that is nothing but
+    /// wheels turns without it.
+    #[arg(long)]
+    pub wheels: bool,
 }
 
 #[derive(Debug, clap::Args)]
@@ -91,8 +95,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 
 fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     let (trial, dances) = (choreography::trial_dance(), dances_of_built_in_song()?);
+    let options = DraftOptions { kind: args.kind, wheels: args.wheels };
     let written =
-        robot::new_robot(&args.description, &args.out, args.force, args.kind, &trial, &dances)?;
+        robot::new_robot(&args.description, &args.out, args.force, options, &trial, &dances)?;
     for file in &written.files {
         stdout_line!("{}", file.display());
     }

@@ -7,6 +7,7 @@ use super::kind::KindGuess;
 use super::limb::{FoundLimb, LimbKind, limb_lengths};
 use super::link_tree::LinkTree;
 use super::sole::{Sole, is_made, soles};
+use super::wheels::DrivenWheel;
 use super::words::SIDES;
 use crate::config::Tip;
 use crate::kinematics::RobotModel;
@@ -25,6 +26,7 @@ pub(crate) struct Anatomy {
     pub tips: Vec<Tip>,
     /// Length and width of the soles, metres, if a foot has a shape.
     pub sole_m: Option<[f64; 2]>,
+    pub wheels: Vec<DrivenWheel>,
     pub reasons: Vec<String>,
 }
 
@@ -66,6 +68,7 @@ impl Anatomy {
             axes: BodyAxes::usual(),
             tips: Vec::new(),
             sole_m: None,
+            wheels: Vec::new(),
             reasons: Vec::new(),
         }
     }

@@ -11,6 +11,7 @@ mod link_tree;
 mod mirrored_chains;
 mod shape;
 mod sole;
+mod wheels;
 pub(crate) mod words;
 
 use crate::config::BodyKind;
@@ -25,6 +26,7 @@ pub(crate) use anatomy::Anatomy;
 pub(crate) use axes::BodyAxes;
 pub(crate) use capsules::capsules;
 pub(crate) use kind::{Confidence, KindGuess};
+pub(crate) use wheels::DrivenWheel;
 
 /// Looks at a robot that stands at zero (or the nearest its limits allow). `kind` is
 /// guessed where it is not given; of a quadruped the front legs are `arms`.
@@ -43,12 +45,18 @@ pub(crate) fn anatomy(
         }
     }
     let body = LinkTree { model, words: &words, poses: &poses, children: &children, meshes };
-    match kind {
+    let mut found = match kind {
         Some(BodyKind::Quadruped) => quadruped(&body).unwrap_or_else(Anatomy::of_root),
         Some(BodyKind::Arm) => lone_arm(&body).unwrap_or_else(Anatomy::of_root),
+        Some(BodyKind::Wheeled) => Anatomy::of_root(),
         Some(_) => human_like(&body),
         None => quadruped(&body).unwrap_or_else(|| human_like_or_arm(&body)),
+    };
+    found.wheels = wheels::driven_wheels(&body, &found.axes.up);
+    if kind.is_none_or(|kind| kind == BodyKind::Wheeled) {
+        found.kind = found.kind.or_else(|| wheels::wheeled(&found.wheels));
     }
+    found
 }
 
 fn human_like_or_arm(body: &LinkTree) -> Anatomy {

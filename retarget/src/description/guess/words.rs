@@ -21,6 +21,8 @@ pub(crate) const HEAD: &[&str] = &["head", "skull", "neck"];
 const ON_HEAD: &[&str] =
     &["eye", "eyes", "camera", "jaw", "mouth", "lid", "ear", "antenna", "lip", "brow"];
 const WHEEL: &[&str] = &["wheel", "wheels", "caster", "castor", "track", "roller"];
+/// Of these no motor turns any.
+const CASTER: &[&str] = &["caster", "castor", "roller", "passive", "idler", "free"];
 
 pub(crate) const SIDES: [&str; 2] = ["left", "right"];
 /// Corners of a body on four legs, as its makers shorten them.
@@ -102,6 +104,10 @@ impl NameWords {
 
     pub fn is_wheel(&self) -> bool {
         self.has(WHEEL)
+    }
+
+    pub fn is_caster(&self) -> bool {
+        self.has(CASTER)
     }
 
     pub fn is_finger(&self) -> bool {

@@ -48,7 +48,7 @@ fn lint_body(description: &Description, diagnostics: &mut Diagnostics) {
     lint_axes(robot, &model, &positions, diagnostics);
     let body = anatomy(&model, &positions, None, &no_meshes);
     if body.kind.is_none() {
-        let message = "no arm, leg or head was found, by names or by shape: nothing of it can \
+        let message = "no arm, leg, head or driven wheels were found, by names or by shape: nothing of it can \
                        show a dance; if one is there, name it in a robot file ([retarget.body])";
         diagnostics.add(DiagnosticCode::PartsNone, &robot.name, message);
     }

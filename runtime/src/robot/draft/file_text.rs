@@ -123,6 +123,15 @@ fn retarget(plan: &FilePlan, out: &mut String) {
             tip.at_m
         );
     }
+    if !config.wheel.is_empty() {
+        out.push_str(
+            "\n# The base turns on the spot by these wheels; the radius is from their shapes.\n",
+        );
+    }
+    for wheel in &config.wheel {
+        let (link, radius_m) = (quoted(&wheel.link), wheel.radius_m);
+        let _ = write!(out, "[[retarget.wheel]]\nlink = {link}\nradius_m = {radius_m:?}\n");
+    }
     if !config.capsule.is_empty() {
         out.push_str(
             "\n# Collision capsules, from shapes; from lengths where there are only meshes.\n",
@@ -240,6 +249,7 @@ fn jerk(plan: &FilePlan, out: &mut String) {
 fn joint(servo: &ServoDraft, out: &mut String) {
     let role = match servo.role {
         JointUse::Dances(limb) => format!("moves the {}", limb_name(limb)),
+        JointUse::TurnsBase => "turns the base".into(),
         _ => "nothing to show: held at rest".into(),
     };
     let _ = writeln!(out, "\n# {role}. TO FILL IN: id, model, direction, zero_deg.");

@@ -22,7 +22,7 @@ use crate::telemetry::pending_file::write_whole;
 use anyhow::bail;
 use servodance_model::motion::Clip;
 use servodance_retarget::{
-    BodyKind, Diagnostic, DiagnosticCode, DiagnosticSeverity, JointUse, draft_config, is_mjcf,
+    Diagnostic, DiagnosticCode, DiagnosticSeverity, DraftOptions, JointUse, draft_config, is_mjcf,
     lint, urdf_from_mjcf,
 };
 use std::fmt::Display;
@@ -38,13 +38,13 @@ pub struct NewRobot {
 
 /// Writes a robot file for a description. Refuses a description with a fatal
 /// finding, a file that is there already unless `force` is set, and a robot that cannot
-/// show a dance. The kind of body is guessed where it is not given. `trial` is danced by
+/// show a dance. `trial` is danced by
 /// its kinematics, `dances` in the simulated world.
 pub fn new_robot(
     description: &Path,
     out: &Path,
     force: bool,
-    kind: Option<BodyKind>,
+    options: DraftOptions,
     trial: &Clip,
     dances: &[Clip],
 ) -> anyhow::Result<NewRobot> {
@@ -57,7 +57,7 @@ pub fn new_robot(
     let source = read_description(description)?;
     let findings = lint(&source);
     // Whoever gives the kind knows of parts that were not found.
-    let told = |f: &&Diagnostic| kind.is_some() && f.code == DiagnosticCode::PartsNone;
+    let told = |f: &&Diagnostic| options.kind.is_some() && f.code == DiagnosticCode::PartsNone;
     let mut refused = findings.iter().filter(|f| f.severity == DiagnosticSeverity::Refused);
     if let Some(refused) = refused.find(|f| !told(f)) {
         bail!(
@@ -88,7 +88,7 @@ pub fn new_robot(
         bail!("{} is there already; --force overwrites it", picture.display());
     }
     // In the copy meshes have other names, and are not there yet.
-    let mut draft = draft_config(&source, kind, &mesh_reader(description))?;
+    let mut draft = draft_config(&source, options, &mesh_reader(description))?;
     let (servos, left_out) = servo_drafts(&draft.joints);
     if servos.is_empty() {
         bail!("{}: no joint can have a servo ({})", description.display(), left_out.join("; "));

@@ -55,10 +55,13 @@ pub(super) fn servo_drafts(joints: &[JointDraft]) -> (Vec<ServoDraft>, Vec<Strin
     let mut left_out = Vec::new();
     // What dances comes first, should the ids run out.
     let mut ordered: Vec<&JointDraft> = joints.iter().collect();
-    ordered.sort_by_key(|joint| !matches!(joint.role, JointUse::Dances(_)));
+    ordered.sort_by_key(|joint| !matches!(joint.role, JointUse::Dances(_) | JointUse::TurnsBase));
     for joint in ordered {
         let why_not = match joint.role {
-            JointUse::Wheel => Some("a wheel: not for a position servo"),
+            JointUse::Wheel { could_turn_base: true } => {
+                Some("a wheel, which rests: --wheels lets it turn the base")
+            }
+            JointUse::Wheel { .. } => Some("a wheel, which rests"),
             JointUse::Slides => Some("slides: held where it is"),
             _ if servos.len() >= MOST_SERVOS => Some("no bus id is left"),
             _ => None,
@@ -176,9 +179,9 @@ mod tests {
     #[test]
     fn joints_that_cannot_have_a_servo_are_left_out_by_name() {
         let mut wheel = joint(None);
-        wheel.role = JointUse::Wheel;
+        wheel.role = JointUse::Wheel { could_turn_base: false };
         let (servos, left_out) = servo_drafts(&[wheel, joint(Some([0.1, 0.1001])), joint(None)]);
         assert_eq!((servos.len(), left_out.len()), (1, 2));
-        assert!(left_out.iter().any(|line| line == "turn: a wheel: not for a position servo"));
+        assert!(left_out.iter().any(|line| line == "turn: a wheel, which rests"));
     }
 }
