@@ -18,6 +18,9 @@ pub enum RetargetError {
     Xacro,
     #[error("the links do not make one tree: {0}")]
     Tree(String),
+    /// The body lacks what a dance, or what was asked for, needs.
+    #[error("{0}")]
+    Body(String),
     #[error("joint `{joint}`: {reason}")]
     Joint { joint: String, reason: String },
     #[error("link `{link}`: {reason}")]

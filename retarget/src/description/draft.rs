@@ -92,13 +92,13 @@ pub fn draft_config(
     let description = Description::from_urdf(urdf_xml)?;
     let names: Vec<&str> = description.drives().map(|j| j.name.as_str()).collect();
     if names.is_empty() {
-        return Err(RetargetError::Tree("no joint moves".into()));
+        return Err(RetargetError::Body("no joint moves".into()));
     }
     let mut model = RobotModel::of_description(&description, &names)?;
     let positions = description.zero_positions(model.joint_names());
     let anatomy = anatomy(&model, &positions, kind, meshes);
     let Some(guess) = anatomy.kind.clone() else {
-        return Err(RetargetError::Tree(no_such_body(kind)));
+        return Err(RetargetError::Body(no_such_body(kind)));
     };
     let kind = kind.unwrap_or(guess.kind);
     model.add_tips(&anatomy.tips)?;
@@ -162,7 +162,7 @@ pub fn draft_config(
 /// Fails where there are no wheels, or nothing tells how large they are.
 fn wheel_configs(wheels: &[DrivenWheel]) -> Result<Vec<WheelConfig>, RetargetError> {
     if wheels.is_empty() {
-        return Err(RetargetError::Tree(
+        return Err(RetargetError::Body(
             "no wheels were found that could turn the base: two or more, named so, on level \
              axles on the base itself"
                 .into(),
@@ -180,7 +180,7 @@ fn wheel_configs(wheels: &[DrivenWheel]) -> Result<Vec<WheelConfig>, RetargetErr
 
 fn no_such_body(kind: Option<BodyKind>) -> String {
     let wanted = kind.map_or("no kind of body fits".into(), |kind| {
-        format!("it is no {}: its limbs were not found", kind.name())
+        format!("it is no {} body: what makes one was not found", kind.name())
     });
     let kinds = BodyKind::ALL.map(BodyKind::name).join(", ");
     format!("nothing of it can show a dance: {wanted} (kinds: {kinds}; --kind says which it is)")

@@ -19,7 +19,7 @@ use crate::robot::meshes::mesh_reader;
 use crate::robot::pose_sheet::pose_sheet;
 use crate::robot::robot_folders::RobotFolders;
 use crate::telemetry::pending_file::write_whole;
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use servodance_model::motion::Clip;
 use servodance_retarget::{
     Diagnostic, DiagnosticCode, DiagnosticSeverity, DraftOptions, JointUse, draft_config, is_mjcf,
@@ -88,7 +88,8 @@ pub fn new_robot(
         bail!("{} is there already; --force overwrites it", picture.display());
     }
     // In the copy meshes have other names, and are not there yet.
-    let mut draft = draft_config(&source, options, &mesh_reader(description))?;
+    let mut draft = draft_config(&source, options, &mesh_reader(description))
+        .map_err(|error| anyhow!("{}: {error}", description.display()))?;
     let (servos, left_out) = servo_drafts(&draft.joints);
     if servos.is_empty() {
         bail!("{}: no joint can have a servo ({})", description.display(), left_out.join("; "));
