@@ -12,10 +12,6 @@ const CUT: usize = 200;
 /// After so long both must show the same.
 const SETTLED_S: f64 = 2.0;
 const MOST_DEG: f64 = 5.0;
-/// Robots that are further apart, and how far: an arm that a search has turned over, a platform
-/// that is asked for more than it can reach.
-const NOT_KEPT_YET: [(&str, f64); 2] = [("lite22", 12.0), ("reachy_mini", 10.0)];
-
 /// Half a minute of a dance.
 fn dance() -> Vec<MotionFrame> {
     let beats: Vec<DanceBeat> = (0..60)
@@ -63,8 +59,7 @@ fn a_dance_that_begins_later_gives_the_same_poses() {
     for built_in in BUILT_IN {
         let name = built_in.name;
         let (apart_deg, joint) = difference(&Robot::load(name).unwrap());
-        let more = NOT_KEPT_YET.iter().find(|(robot, _)| *robot == name);
-        if apart_deg > more.map_or(MOST_DEG, |(_, most_deg)| *most_deg) {
+        if apart_deg > MOST_DEG {
             too_far.push(format!("{name}: {apart_deg} degrees at {joint}"));
         }
     }

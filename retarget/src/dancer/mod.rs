@@ -15,5 +15,5 @@ pub(crate) use figure::{
     ArmMount, MOST_BASE_TURN, antenna_figure, arm_figure, base_figure, plate_figure, trunk_figure,
 };
 pub use motion_buffer::BodyPoints;
-pub(crate) use motion_buffer::{LOOKAHEAD_FRAMES, MotionBuffer, robot_axes};
+pub(crate) use motion_buffer::{LOOKAHEAD_FRAMES, MotionBuffer, robot_axes, usable_points};
 pub(crate) use pose_target::{HeadingReference, PoseReader, PoseTarget, mirrored};

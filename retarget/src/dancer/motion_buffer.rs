@@ -22,9 +22,20 @@ const LONGEST_HOLE: i64 = 20;
 const TELEPORT_M_S: f64 = 15.0;
 /// Coordinates beyond this are not a dancer, metres.
 const FARTHEST_M: f32 = 1e5;
+/// Times beyond this are none of a dance, seconds.
+const LATEST_S: f64 = 1e9;
 
 /// The body's points in robot axes, metres, indexed by `BodyJoint`.
 pub type BodyPoints = [Vector3<f64>; JOINT_COUNT];
+
+/// The points of a frame; `None` where no dancer can have them.
+pub(crate) fn usable_points(frame: &MotionFrame) -> Option<BodyPoints> {
+    let tame = |v: &f32| v.abs() <= FARTHEST_M;
+    let is_usable = frame.is_finite()
+        && frame.time_s.abs() <= LATEST_S
+        && frame.positions.iter().flatten().all(tame);
+    is_usable.then(|| robot_axes(frame))
+}
 
 pub(crate) struct MotionBuffer {
     frames: VecDeque<BodyPoints>,
@@ -40,15 +51,10 @@ impl MotionBuffer {
     }
 
     pub fn push(&mut self, frame: &MotionFrame, counts: &mut RetargetCounts) {
-        let tame = |v: &f32| v.abs() <= FARTHEST_M;
-        if !frame.is_finite()
-            || frame.time_s.abs() > 1e9
-            || !frame.positions.iter().flatten().all(tame)
-        {
+        let Some(points) = usable_points(frame) else {
             counts.unusable_frames += 1;
             return;
-        }
-        let points = robot_axes(frame);
+        };
         let index = (frame.time_s * FRAME_RATE_HZ).round() as i64;
         let (Some(last), next) =
             (self.frames.back().copied(), self.first + self.frames.len() as i64)

@@ -97,6 +97,11 @@ impl PoseReader {
         }
     }
 
+    /// Forgets what is usual for the dancer.
+    pub fn forget(&mut self) {
+        self.averages = BaselineEstimator::new(self.dt_s);
+    }
+
     /// The aim for one cycle. Directions that the points do not give (two
     /// points at one place) stay as they were. `led`: the usual posture where
     /// others know it, and how much of the points is theirs, 0 to 1.

@@ -3,13 +3,16 @@
 //! `next` does not allocate, does not block and takes bounded time. Whatever
 //! comes in, what goes out holds the joint limits: see `limits`.
 
-use servodance_types::JointLimits;
+use servodance_types::{JointLimits, MotionFrame};
 
 use super::Retargeter;
+use super::counts::RetargetCounts;
 use crate::balance::GovernorInput;
 use crate::config::{BodyKind, EVERY_LIMB, Limb, RetargetError};
 use crate::contact::{FootStepper, PelvisTrajectory, StepContext};
-use crate::dancer::{BodyPoints, PoseTarget, antenna_figure, arm_figure, mirrored, trunk_figure};
+use crate::dancer::{
+    BodyPoints, PoseTarget, antenna_figure, arm_figure, mirrored, trunk_figure, usable_points,
+};
 use crate::dynamics::StanceFoot;
 use crate::solver::{SolverGoal, SolverInput};
 
@@ -20,6 +23,9 @@ const GENTLE_RAD_S: f64 = 0.8;
 const ARRIVING_PER_S: f64 = 3.0;
 /// Over which a dance takes up its size, seconds: all at once it would be a throw of the arms.
 const BEGINS_S: f64 = 0.8;
+/// For how long the pose of the first frame is taken up, and when that is: long before it.
+const TAKEN_UP_S: f64 = 4.0;
+const BEFORE_ALL_S: f64 = -1e6;
 /// Nearer to rest than this the feet can be kept in place.
 const ARRIVED_RAD: f64 = 0.003;
 
@@ -45,6 +51,17 @@ impl Retargeter {
         out_rad: &mut [f64],
     ) -> Result<(), RetargetError> {
         self.check_length(out_rad.len())?;
+        self.show(time_s, alter);
+        out_rad.copy_from_slice(&self.output);
+        Ok(())
+    }
+
+    /// One cycle; its result is in `output`.
+    fn show(
+        &mut self,
+        time_s: f64,
+        alter: impl FnOnce(Option<BodyPoints>) -> Option<(BodyPoints, f64)>,
+    ) {
         self.counts.cycles += 1;
         self.counts.starved_cycles += u64::from(self.motion.is_over(time_s));
         let target = self.pose_target(time_s + self.preview_s(), alter);
@@ -63,8 +80,20 @@ impl Retargeter {
         }
         self.track_targets();
         self.update_counts();
-        out_rad.copy_from_slice(&self.output);
-        Ok(())
+    }
+
+    /// Takes up the pose of `frame` before any other has come, from where the robot is, and
+    /// counts nothing of the way: for motion that is known beforehand and shown from its first
+    /// frame on. What is usual for the dancer is not learned from it.
+    pub fn take_up(&mut self, frame: &MotionFrame) {
+        let Some(points) = usable_points(frame) else { return };
+        for _ in 0..(TAKEN_UP_S / self.dt_s).round() as usize {
+            self.reader.forget();
+            self.show(BEFORE_ALL_S, |_| Some((points, 1.0)));
+        }
+        self.reader.forget();
+        self.torque.restart();
+        self.counts = RetargetCounts::default();
     }
 
     /// What is asked of the robot by the human pose of a moment.

@@ -218,6 +218,11 @@ impl Retargeter {
         &self.rest
     }
 
+    /// The last output; rest, or where it was seeded, before there is any.
+    pub fn positions_rad(&self) -> &[f64] {
+        &self.output
+    }
+
     /// Starts, standing still, from where the robot really is.
     /// Fails on a wrong number of positions, or one that is not finite.
     pub fn seed(&mut self, present_rad: &[f64]) -> Result<(), RetargetError> {

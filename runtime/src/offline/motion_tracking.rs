@@ -52,7 +52,8 @@ impl TrackedMotion {
     }
 }
 
-/// Tracks `frames` from rest; `each` gets time and commands of every cycle.
+/// Tracks `frames` from the pose of the first one on; `each` gets time and commands of
+/// every cycle.
 pub fn track_motion(
     robot: &Robot,
     frames: &[MotionFrame],
@@ -61,12 +62,15 @@ pub fn track_motion(
     let mut retargeter = robot.retargeter()?;
     let names: Vec<&str> = robot.servos.iter().map(|servo| servo.name.as_str()).collect();
     let likeness = LimbDirectionError::new(&robot.urdf_xml, &robot.retarget, &names)?;
-    let mut targets = retargeter.rest().to_vec();
+    if let Some(first) = frames.first() {
+        retargeter.take_up(first);
+    }
+    let mut targets = retargeter.positions_rad().to_vec();
     let mut limiters: Vec<Limiter> = robot
         .servos
         .iter()
         .zip(&targets)
-        .map(|(servo, rest)| Limiter::new(servo.limits, robot.period_s(), *rest))
+        .map(|(servo, first)| Limiter::new(servo.limits, robot.period_s(), *first))
         .collect();
     let mut judge = LimitJudge::new(robot, &targets);
     let mut waiting = frames.iter().peekable();

@@ -23,7 +23,7 @@ pub struct RetargetRequest {
     #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
     pub robot: String,
     /// Joint positions: `time_s` and a column of radians a joint (.csv),
-    /// or a recording (.mcap).
+    /// or a recording (.mcap); the first row is the pose of the first frame.
     #[arg(long, value_name = "FILE.csv|.mcap")]
     pub out: PathBuf,
     /// Write figures as JSON.
