@@ -38,8 +38,7 @@ pub struct NewRobot {
 
 /// Writes a robot file for a description. Refuses a description with a fatal
 /// finding, a file that is there already unless `force` is set, and a robot that cannot
-/// show a dance. `trial` is danced by
-/// its kinematics, `dances` in the simulated world.
+/// show a dance. `trial` is danced by its kinematics, `dances` in the simulated world.
 pub fn new_robot(
     description: &Path,
     out: &Path,
