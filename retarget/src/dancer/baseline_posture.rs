@@ -12,9 +12,10 @@ use servodance_types::BodyJoint::{self, *};
 use servodance_types::{FRAME_RATE_HZ, MotionFrame, Posture};
 
 /// The heading is the mean over so many seconds; quicker turns are shown.
-const HEADING_S: f64 = 1.5;
-/// What counts as the dancer's usual posture is the mean over these.
-const USUAL_S: f64 = 3.0;
+const HEADING_S: f64 = 1.2;
+/// What counts as the dancer's usual posture is the mean over these. Both leave joints the time
+/// to arrive within two seconds, after which a dance agrees wherever in the motion it began.
+const USUAL_S: f64 = 1.5;
 /// Time constant with which the floor is believed to rise, seconds.
 const FLOOR_S: f64 = 1.0;
 /// A foot this much higher than the other one carries 1/e as much.
