@@ -23,11 +23,6 @@ const FASTEST_M_S: f64 = 9.0;
 const MOST_SKATE: f64 = 0.2;
 /// Seconds of velocity that a difference of poses is worth when figures are joined.
 const VELOCITY_S: f64 = 0.08;
-/// The upper body may have its beats so much earlier or later, as a share of a beat.
-const UPPER_REACH: f64 = 0.25;
-/// Times that are looked at there, a second; a speed is of so many seconds on either side.
-const UPPER_RATE_HZ: f64 = 60.0;
-const UPPER_STEP_S: f64 = 0.05;
 /// What a foot is worth that stands in one of two poses alone, metres a joint.
 const CONTACT_M: f64 = 0.03;
 
@@ -70,8 +65,6 @@ pub struct Figure {
     pub style: usize,
     /// Times of its beats in that dance, one more than it has beats, seconds.
     pub beats_s: Vec<f64>,
-    /// The same beats as the upper body has them.
-    pub upper_beats_s: Vec<f64>,
     /// Mean joint speed, m/s.
     pub speed_m_s: f64,
     pub entry: JoinState,
@@ -115,7 +108,6 @@ impl FigureLibrary {
         let Some(tempo) = tempo::estimate(clip).filter(|tempo| tempo.f1 >= USABLE_F1) else {
             return;
         };
-        let upper_beats_s = upper_beats_s(clip, &tempo.beats_s);
         let pair = [clip.clone(), clip.mirrored().normalised()];
         let first_clip = self.clips.len();
         let mut count = 0;
@@ -132,7 +124,6 @@ impl FigureLibrary {
                         clip: first_clip + side,
                         style,
                         beats_s: beats_s.to_vec(),
-                        upper_beats_s: upper_beats_s[from..=from + beats].to_vec(),
                         speed_m_s: mean_speed(clip, beats_s[0], beats_s[beats]),
                         entry: JoinState::of(clip, beats_s[0]),
                         exit: JoinState::of(clip, beats_s[beats]),
@@ -184,35 +175,6 @@ fn is_sound(clip: &Clip, from_s: f64, until_s: f64) -> bool {
     };
     let skate = || foot_skate_ratio(&Clip::of_frames(poses.to_vec())).unwrap_or(0.0);
     poses.iter().all(upright) && poses.windows(2).all(slow) && skate() <= MOST_SKATE
-}
-
-/// Beats where the upper body is slowest near each of the whole body's beats. A robot that
-/// stands on its place shows no steps: its arms have to meet the beat by themselves.
-fn upper_beats_s(clip: &Clip, beats_s: &[f64]) -> Vec<f64> {
-    let moved = |at: usize| {
-        let [from, to] = [at.saturating_sub(1), (at + 1).min(beats_s.len() - 1)];
-        let period_s = (beats_s[to] - beats_s[from]) / (to - from).max(1) as f64;
-        let reach = (UPPER_REACH * period_s * UPPER_RATE_HZ) as isize;
-        let time_s = |step: isize| beats_s[at] + step as f64 / UPPER_RATE_HZ;
-        let slowest = (-reach..=reach)
-            .map(|step| (step, upper_speed_m_s(clip, time_s(step))))
-            .min_by(|a, b| a.1.total_cmp(&b.1));
-        // At the border of the reach the body is about to be slow, not slow.
-        slowest.filter(|(step, _)| step.abs() < reach).map_or(beats_s[at], |(step, _)| time_s(step))
-    };
-    (0..beats_s.len()).map(moved).collect()
-}
-
-/// Mean speed of the upper body as seen from the pelvis, m/s.
-fn upper_speed_m_s(clip: &Clip, time_s: f64) -> f64 {
-    let [before, after] =
-        [time_s - UPPER_STEP_S, time_s + UPPER_STEP_S].map(|t| body_pose(&clip.pose_at(t)));
-    let upper = || BodyJoint::ALL.into_iter().filter(|joint| is_upper(*joint));
-    let moved = |joint: BodyJoint| {
-        let [a, b] = [&before, &after].map(|pose| sub(pose[joint as usize], pose[0]));
-        norm(sub(b, a))
-    };
-    upper().map(moved).sum::<f64>() / upper().count() as f64 / (2.0 * UPPER_STEP_S)
 }
 
 pub(super) fn is_upper(joint: BodyJoint) -> bool {

@@ -13,8 +13,6 @@ use servodance_types::{BodyJoint, FRAME_RATE_HZ};
 
 /// How long what differs where two figures meet takes to fade, seconds.
 const BLEND_S: f64 = 0.4;
-/// The upper body lingers longer on the beats than the legs, whose weight shifts show them.
-pub(super) const UPPER_EMPHASIS: f64 = 0.6;
 
 pub(super) struct JoinedMotion {
     poses: Vec<Pose>,
@@ -71,7 +69,7 @@ impl JoinedMotion {
             let time_s = frame as f64 / FRAME_RATE_HZ;
             let place_in_beats = beats_into(beats_s, step, time_s);
             let source_s = source_time_s(&figure.beats_s, place_in_beats, EMPHASIS);
-            let upper_s = source_time_s(&upper.upper_beats_s, place_in_beats, UPPER_EMPHASIS);
+            let upper_s = source_time_s(&upper.beats_s, place_in_beats, EMPHASIS);
             let [legs, arms] = [clip.pose_at(source_s), library.clips[upper.clip].pose_at(upper_s)];
             let mut pose = with_upper_body(&legs, &arms);
             pose = resized(&pose, &mean, step.size);
@@ -170,7 +168,7 @@ fn mean_upper(clip: &Clip, figure: &Figure) -> [Vec3; 22] {
     let mut mean = [[0.0; 3]; 22];
     for sample in 0..SAMPLES {
         let beats = figure.beats() as f64 * sample as f64 / SAMPLES as f64;
-        let pose = clip.pose_at(source_time_s(&figure.upper_beats_s, beats, 0.0));
+        let pose = clip.pose_at(source_time_s(&figure.beats_s, beats, 0.0));
         for (mean, point) in mean.iter_mut().zip(from_pelvis(&pose)) {
             *mean = add(*mean, scale(point, 1.0 / SAMPLES as f64));
         }

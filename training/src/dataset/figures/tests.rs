@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::choreography::{DanceBeat, DanceStyle, choreograph};
+use crate::dataset::captured::EMPHASIS;
 use crate::metrics::quality::foot_skate_ratio;
 use phrase::Step;
 use servodance_model::motion::{Clip, alignment, mean_joint_speed};
@@ -76,7 +77,7 @@ fn joined_figures_dance_on_the_beat_without_jumps_on_their_feet() {
     assert_eq!(poses.len(), 700);
     let speed = mean_joint_speed(&poses, FRAME_RATE_HZ);
     // Choreography stays below 3 m/s; who lingers on the beats hurries between them.
-    let fastest = 3.0 * (1.0 + joined_motion::UPPER_EMPHASIS);
+    let fastest = 3.0 * (1.0 + EMPHASIS);
     assert!(speed.iter().all(|v| *v < fastest), "{:?}", speed.iter().copied().fold(0.0, f64::max));
     let beats: Vec<f64> = form.audible_beats_s();
     let score = alignment(&speed, FRAME_RATE_HZ, &beats);
