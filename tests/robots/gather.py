@@ -2,7 +2,7 @@
 
     python tests/robots/gather.py tests/robots/public.txt FOLDER [--mirrors DIR]
 
-FOLDER gets a folder a repository, with descriptions, STL and OBJ meshes as they are at the
+FOLDER gets a folder a repository, with descriptions and their meshes as they are at the
 commit that the list names. --mirrors: a folder of Git repositories `OWNER+NAME/repo`;
 without it each comes from github.com. Files that end in .xacro are expanded (PyPI: xacro)
 to the same name without that ending. Files that a mirror lacks are told and left out.
@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-KEPT = (".urdf", ".xml", ".xacro", ".stl", ".obj", ".yaml")
+KEPT = (".urdf", ".xml", ".xacro", ".stl", ".obj", ".dae", ".glb", ".yaml")
 
 
 def read_list(path):

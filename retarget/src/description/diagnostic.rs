@@ -128,7 +128,7 @@ codes! {
     LimitExtended "limit-extended" Note "acceleration, deceleration or jerk is given: used for a new robot file";
     ForwardUnusual "forward-unusual" Note "the root link does not look along x with z up";
     ForwardAssumed "forward-assumed" Note "which way is forward cannot be seen: x is assumed, z up";
-    PartsNone "parts-none" Refused "no arm, leg or head was found: nothing of it can show a dance";
+    PartsNone "parts-none" Refused "no arm, leg, head or driven wheel was found: nothing of it can show a dance";
     MapWider "map-wider" Note "the servo map allows more than the description";
     MapFaster "map-faster" Note "the servo map allows a higher speed than the description";
     MjcfLoop "mjcf-loop" Repaired "a closed loop of an MJCF model: its joints rest";
