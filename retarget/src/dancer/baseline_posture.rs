@@ -176,7 +176,9 @@ impl BaselineEstimator {
         self.facing = Some(counted);
         let usual = &mut self.usual;
         [usual.heading] = self.headings.with([counted], [0.0]);
-        let seen = PostureSample::of(points, usual.heading);
+        // Seen from where the body faces now: from its usual heading one mean would wait for
+        // the other.
+        let seen = PostureSample::of(points, now);
         let Some((sway, [left, right])) = seen.legs else {
             // Without legs they stay as they were.
             let mut seen_alone = usual.flat();

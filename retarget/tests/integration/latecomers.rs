@@ -65,8 +65,10 @@ fn who_is_told_what_is_usual_moves_like_the_others_within_seconds() {
 }
 
 #[test]
-fn who_is_not_told_holds_its_head_otherwise_for_long() {
+fn who_is_not_told_holds_its_head_otherwise_until_the_dancer_has_been_seen() {
     let [_, _, (_, neck), _] = Robot::all();
-    let apart = apart_rad(&neck, false, false, 2.0);
-    assert!(apart > 0.03, "{apart} rad");
+    let [told, untold] = [true, false].map(|told| apart_rad(&neck, false, told, 1.0));
+    assert!(untold > 0.03 && told < 0.5 * untold, "{untold} rad, told {told} rad");
+    let settled = apart_rad(&neck, false, false, 2.0);
+    assert!(settled < 0.02, "{settled} rad");
 }
