@@ -11,12 +11,16 @@ use crate::robot::Robot;
 pub fn upper_speed2(robot: &Robot, frames: &[MotionFrame]) -> anyhow::Result<f64> {
     let retargeter = robot.retargeter()?;
     let upper = retargeter.upper_joints();
-    let mut before = retargeter.rest().to_vec();
+    // The first pose is taken up before the dance: the way to it is no speed of the dance.
+    let mut before: Vec<f64> = Vec::new();
     let mut sum = 0.0;
     let tracked = track_motion(robot, frames, |_, now| {
         let speed2 = |&joint: &usize| ((now[joint] - before[joint]) / robot.period_s()).powi(2);
-        sum += upper.iter().map(speed2).sum::<f64>();
-        before.copy_from_slice(now);
+        if !before.is_empty() {
+            sum += upper.iter().map(speed2).sum::<f64>();
+        }
+        before.clear();
+        before.extend_from_slice(now);
         Ok(())
     })?;
     Ok(sum / (tracked.cycles * upper.len() as u64).max(1) as f64)
@@ -29,4 +33,22 @@ pub fn upper_speed2_by_limits(robot: &Robot, frames: &[MotionFrame]) -> anyhow::
     free.retarget.gain = Gains::default();
     free.retarget.amplitude = 1.0;
     upper_speed2(&free, frames)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::human;
+    use servodance_types::FRAME_RATE_HZ;
+
+    #[test]
+    fn arms_that_are_raised_from_the_first_frame_on_do_not_move() {
+        let mut frames = vec![human(2); 60];
+        for (at, arms_up) in frames.iter_mut().enumerate() {
+            arms_up.time_s = at as f64 / FRAME_RATE_HZ;
+        }
+        let robot = Robot::load("torso13").unwrap();
+        let speed2 = upper_speed2_by_limits(&robot, &frames).unwrap();
+        assert!(speed2 < 1e-3, "{speed2} rad2/s2");
+    }
 }

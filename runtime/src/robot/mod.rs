@@ -32,6 +32,8 @@ pub use getup_plan::{GetupPlan, GetupPose, Lying};
 pub use loaded::Robot;
 pub use meshes::Meshes;
 pub use overrides::Overrides;
+#[cfg(test)]
+pub(crate) use pose_sheet::human;
 pub use pose_sheet::pose_sheet;
 pub use robot_file::RobotError;
 pub use servodance_robots::{BUILT_IN, BuiltIn, ROBOT_SCHEMA, names};

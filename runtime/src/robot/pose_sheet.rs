@@ -85,7 +85,7 @@ fn held(
 }
 
 /// The human in one of the [`POSES`]: x left, y up, z forward, metres.
-fn human(pose: usize) -> MotionFrame {
+pub(crate) fn human(pose: usize) -> MotionFrame {
     let (arm, knee, shank) = match pose {
         1 => ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, -1.0, 0.0]),
         2 => ([0.25, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, -1.0, 0.0]),
