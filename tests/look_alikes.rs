@@ -119,6 +119,41 @@ fn arms_mounted_ahead_do_not_lay_the_robot_down() {
     assert_eq!((body.kind, body.forward, body.up), (BodyKind::UpperBody, "x", "z"));
 }
 
+/// As Elf 2 of BXI (shoulders are `shld`) and JVRC-1 (the R of `WAIST_R` is roll).
+#[test]
+fn an_arm_begins_where_its_side_does() {
+    let rig = two_legs(|rig, _, _| rig).joint("revolute", "WAIST_Y", "base", "0 0 0.1", Z);
+    let mut rig = rig.joint("revolute", "WAIST_R", "WAIST_Y_link", "0 0 0", X);
+    for (side, y) in [("l", 0.2), ("r", -0.2)] {
+        let part = |part: &str| format!("{side}_{part}");
+        let link = |part: &str| format!("{side}_{part}_link");
+        rig = rig
+            .joint("revolute", &part("joint_1"), "WAIST_R_link", &format!("0 {y} 0.3"), Y)
+            .joint("revolute", &part("shld_x"), &link("joint_1"), "0 0 0", X)
+            .joint("revolute", &part("elb_y"), &link("shld_x"), "0 0 -0.24", Y)
+            .joint("revolute", &part("elb_z"), &link("elb_y"), "0 0 -0.2", Z);
+    }
+    let body = guess(&rig);
+    assert_eq!(body.kind, BodyKind::Humanoid);
+    assert_eq!(body.parts.chest.as_deref(), Some("WAIST_R_link"));
+    assert_eq!(body.parts.left_shoulder.as_deref(), Some("l_shld_x_link"));
+    assert_eq!(body.parts.right_elbow.as_deref(), Some("r_elb_y_link"));
+}
+
+/// As ToddlerBot: gears turn and rods swing beside the knee, after three joints of the hip.
+#[test]
+fn gears_beside_a_knee_do_not_end_the_leg() {
+    let body = guess(&two_legs(|rig, side, _| {
+        let part = |part: &str| format!("{side}_{part}");
+        let hip = format!("{side}_hip_pitch_link");
+        rig.joint("revolute", &part("yaw_drive"), &hip, "0.02 0 -0.01", Z)
+            .joint("revolute", &part("crank"), &hip, "0.01 0 -0.05", Y)
+            .joint("revolute", &part("rod"), &format!("{side}_crank_link"), "0 0 -0.01", Y)
+    }));
+    assert_eq!(body.parts.left_knee.as_deref(), Some("left_knee_link"));
+    assert_eq!(body.parts.right_ankle.as_deref(), Some("right_ankle_pitch_link"));
+}
+
 /// A collision box in a link that has none yet.
 fn with_box(urdf: &str, link: &str, origin: &str, size: &str) -> String {
     let start = format!("<link name=\"{link}\">");
@@ -223,4 +258,27 @@ fn the_underside_of_a_mesh_is_the_sole() {
         sole.at_m.iter().zip([0.03, 0.0, -0.05]).all(|(at, there)| (at - there).abs() < 1e-4);
     assert!(near, "{sole:?}");
     assert_eq!(draft.config.sole_m, [0.19, 0.076]);
+}
+
+/// As Berkeley Humanoid: legs bent at zero, so that its feet are tilted, with a frame for each sole.
+#[test]
+fn a_frame_that_is_called_foot_tells_where_a_tilted_foot_is_level() {
+    let tilted = "0.015 0 -0.049\" rpy=\"0 -0.1745 0";
+    let frame = |rig: Rig, side: &str, _: f64| {
+        let ankle = format!("{side}_ankle_roll_link");
+        rig.joint("fixed", &format!("{side}_foot"), &ankle, tilted, "")
+    };
+    let urdf = ["left", "right"].iter().fold(two_legs(frame).urdf(), |urdf, side| {
+        let (before, link) = urdf.split_once(&format!("<link name=\"{side}_foot_link\">")).unwrap();
+        let (_, after) = link.split_once("</link>").unwrap();
+        format!("{before}<link name=\"{side}_foot_link\"/>{after}")
+    });
+    let sole = "xyz=\"0.014 0 -0.043\" rpy=\"0 -0.1745 0\"";
+    let boxed = ["left", "right"].iter().fold(urdf, |urdf, side| {
+        with_box(&urdf, &format!("{side}_ankle_roll_link"), sole, "0.16 0.055 0.012")
+    });
+    let draft = draft_config(&boxed, DraftOptions::default(), &no_meshes).unwrap();
+    assert_eq!(draft.config.body.left_sole.as_deref(), Some("left_foot_link"));
+    let size = draft.config.sole_m;
+    assert!((size[0] - 0.152).abs() < 1e-3, "the whole underside: {size:?}");
 }

@@ -9,7 +9,7 @@ use crate::config::{BodyKind, RetargetConfig, RetargetError, Stance};
 use crate::contact::capsules;
 use crate::contact::{FootStepper, FourFeet, PelvisTrajectory, PlantedStance, SupportPolygon};
 use crate::dancer::{ArmMount, PoseTarget, antenna_figure, arm_figure};
-use crate::description::guess::words::NameWords;
+use crate::description::guess::is_sole_frame;
 use crate::kinematics::{BodyMap, PosedRobot, RobotModel, level_rotation};
 use crate::solver::{BodySolver, SolverGoal, SolverInput, SolverScope};
 
@@ -204,12 +204,11 @@ impl RestSearch<'_> {
         (0..self.model.links.len()).map(below).collect()
     }
 
-    /// Whether a link was put there as the sole by who described the robot: its frame is level
-    /// when the foot is.
-    fn is_made_to_stand(&self, sole: usize) -> bool {
+    /// Whether a sole was described with the robot, not added by its robot file.
+    fn is_described(&self, sole: usize) -> bool {
         let name = &self.model.link_names()[sole];
-        let tip = self.config.tip.iter().any(|tip| tip.name == *name);
-        !tip && self.model.last_driven(sole) != sole && NameWords::of(self.model, sole).is_sole()
+        let is_tip = self.config.tip.iter().any(|tip| tip.name == *name);
+        !is_tip && is_sole_frame(self.model, sole)
     }
 
     /// Puts the robot on its feet, sunk a little, its weight between them.
@@ -234,7 +233,7 @@ impl RestSearch<'_> {
         let mut feet = soles.map(|sole| poses[sole]);
         for (foot, sole) in feet.iter_mut().zip(soles) {
             foot.translation.z = 0.0;
-            if self.is_made_to_stand(sole) {
+            if self.is_described(sole) {
                 foot.rotation = level_rotation(&foot.rotation, &Vector3::z_axis()) * foot.rotation;
             }
         }

@@ -294,3 +294,27 @@ fn meshes_of_mjcf_are_drawn_by_their_files_names_and_simple_shapes_beside_them_o
     let model = RobotModel::new(&urdf, &[]).expect("a model");
     assert_eq!(model.meshes()[0].filename, "assets/foot.stl");
 }
+
+#[test]
+fn the_world_of_mjcf_is_the_base_of_limbs_that_hang_from_it_by_one_joint() {
+    let leg = |name: &str, joints: &str| {
+        let knee = format!("<body name='{name}_shank' pos='0 0 -.2'><joint axis='0 1 0'/></body>");
+        format!("<body name='{name}' pos='.1 0 0'>{joints}{knee}</body>")
+    };
+    let hinge = "<joint axis='1 0 0'/>";
+    let world = |bodies: &str| format!("<mujoco><worldbody>{bodies}</worldbody></mujoco>");
+    let hung = "<geom type='plane' size='1 1 1'/><geom type='box' size='.2 .1 .05'/>".to_owned()
+        + &leg("one", hinge)
+        + &leg("two", hinge)
+        + &leg("ball", "<freejoint/>");
+    let (urdf, found) = servodance_retarget::urdf_from_mjcf(&world(&hung)).unwrap();
+    let model = RobotModel::new(&urdf, &[]).unwrap();
+    assert_eq!(model.link_names()[0], "base");
+    assert_eq!(model.link_names().len(), 5, "{urdf}");
+    assert!(found.iter().any(|f| f.subject == "ball" && f.message.contains("object")), "{found:?}");
+    // A root that floats in a plane.
+    let planar = leg("torso", &("<joint type='slide'/>".to_owned() + hinge));
+    let (urdf, found) = servodance_retarget::urdf_from_mjcf(&world(&planar)).unwrap();
+    assert!(urdf.contains("link name=\"torso\""), "{urdf}");
+    assert_eq!(found.iter().filter(|f| f.message.contains("held")).count(), 2, "{found:?}");
+}

@@ -6,7 +6,7 @@ use super::axes::BodyAxes;
 use super::kind::KindGuess;
 use super::limb::{FoundLimb, LimbKind, limb_lengths};
 use super::link_tree::LinkTree;
-use super::sole::{Sole, is_made, soles};
+use super::sole::{Sole, soles};
 use super::wheels::DrivenWheel;
 use super::words::SIDES;
 use crate::config::Tip;
@@ -131,7 +131,7 @@ impl Anatomy {
             self.sole_m = Some(self.sole_m.map_or(size_m, least));
         }
         let away_m = (sole.at - body.at(link)).norm();
-        if away_m > 0.005 && !is_made(body, link) {
+        if away_m > 0.005 && !sole.is_frame {
             let at = body.poses[link].inverse() * sole.at;
             self.legs[side].sole =
                 Some(self.tip(body, link, at, format!("{}_sole_tip", SIDES[side])));

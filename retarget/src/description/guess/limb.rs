@@ -9,6 +9,8 @@ use crate::kinematics::JointMotion;
 
 /// Axes nearer to a segment than this cosine twist it; others bend it.
 const TWIST: f64 = 0.8;
+/// Length of fingers against the way to the hand that carries them.
+pub(super) const FINGER_SHARE: f64 = 0.35;
 /// So many joints that slide, one after the other, are a telescope.
 const TELESCOPE: usize = 2;
 
@@ -107,7 +109,7 @@ impl LinkTree<'_> {
             let next = match moving[..] {
                 [] => None,
                 [only] if !(fingers && bends > 1) => Some(only),
-                _ if bends > 2 => None,
+                _ if bends > 2 => self.past_gears(at, &moving),
                 _ => moving.into_iter().max_by_key(|&child| self.moved_below(child)),
             };
             let next = next.or_else(|| self.named_end(at, kind));
@@ -117,6 +119,22 @@ impl LinkTree<'_> {
             path.push(next);
             at = next;
         }
+    }
+
+    /// The one of several chains that is too long for a finger, and by far the longest: the
+    /// others are gears or rods.
+    fn past_gears(&self, carrier: usize, moving: &[usize]) -> Option<usize> {
+        let reach_m = |child: usize| {
+            let end = self.path(child, LimbKind::Arm).last().copied().unwrap_or(child);
+            self.way_m(end) - self.way_m(carrier)
+        };
+        let mut chains: Vec<_> = moving.iter().map(|&child| (reach_m(child), child)).collect();
+        chains.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let [(longest_m, limb), (next_m, _), ..] = chains[..] else {
+            return None;
+        };
+        let finger_m = FINGER_SHARE * self.way_m(carrier);
+        (longest_m > finger_m && longest_m > 2.0 * next_m).then_some(limb)
     }
 
     /// A fixed child whose name says that it is the limb's end.

@@ -2,12 +2,11 @@
 
 use k::nalgebra::{Point3, Vector3};
 
-use super::limb::LimbKind;
+use super::limb::{FINGER_SHARE, LimbKind};
 use super::link_tree::LinkTree;
 
-/// Joints between the root and a gripper, and the length of its fingers against the way there.
+/// Joints between the root and a gripper.
 const ARM_JOINTS: usize = 4;
-const FINGER_SHARE: f64 = 0.35;
 
 /// First moving links of `[arms, legs]`, each `[left, right]`, by geometry
 /// alone; z is taken as up unless the chains lie across it.

@@ -26,6 +26,7 @@ pub(crate) use anatomy::Anatomy;
 pub(crate) use axes::BodyAxes;
 pub(crate) use capsules::capsules;
 pub(crate) use kind::{Confidence, KindGuess};
+pub(crate) use sole::is_sole_frame;
 pub(crate) use wheels::DrivenWheel;
 
 /// Looks at a robot that stands at zero (or the nearest its limits allow). `kind` is
@@ -203,8 +204,22 @@ fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
                     !above.any(|up| body.is_moved(up) && belongs(up))
                 })
                 .max_by_key(|&link| body.moved_below(link))
+                .map(|link| first_of_side(body, link, side))
         })
     })
+}
+
+/// The first moving link of the limb that goes through `link`: a shoulder whose name says only
+/// its side belongs to the arm below it.
+fn first_of_side(body: &LinkTree, link: usize, side: usize) -> usize {
+    let side_of = |link: usize| body.words[link].side();
+    // The R of WAIST_R means roll: both arms are below.
+    let is_shared = |link: usize| {
+        let mut below = (link..body.model.links.len()).filter(|&l| body.model.is_below(l, link));
+        below.any(|l| side_of(l).is_some_and(|other| other != side))
+    };
+    let moved = body.model.ancestors(link).filter(|&up| body.is_moved(up));
+    moved.take_while(|&up| side_of(up) == Some(side) && !is_shared(up)).last().unwrap_or(link)
 }
 
 /// The moving links of a pair of antennas, left and right.
@@ -231,7 +246,7 @@ fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) ->
     let moving =
         || (1..body.model.links.len()).filter(|&link| body.is_moved(link) && !in_limb(link));
     let named = moving().filter(|&l| body.words[l].is_head()).max_by_key(|&link| {
-        let skull = !body.words[link].has(&["neck"]);
+        let skull = body.words[link].has(&["head", "skull"]);
         (skull, body.model.drives_above(link))
     });
     // A head that is fixed to what turns it.

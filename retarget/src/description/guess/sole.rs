@@ -6,7 +6,8 @@ use super::axes::BodyAxes;
 use super::limb::FoundLimb;
 use super::link_tree::LinkTree;
 use super::shape::{corners_of, has_shapes, middle_of_mass};
-use crate::kinematics::level_rotation;
+use super::words::NameWords;
+use crate::kinematics::{RobotModel, level_rotation};
 
 /// Share of the ankle's height that belongs to the sole.
 const UNDERSIDE: f64 = 0.4;
@@ -14,6 +15,10 @@ const UNDERSIDE: f64 = 0.4;
 const FARTHEST_MASS: f64 = 0.15;
 /// Feet whose joints mirror each other by less than this are alike, metres.
 const ALIKE_M: f64 = 0.01;
+/// A frame named foot this near to the middle of the underside is the sole, metres.
+const FRAME_M: f64 = 0.02;
+/// A frame has no more mass, kg.
+const FRAME_KG: f64 = 1e-6;
 
 /// What a sole was found by, the surest last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -31,6 +36,8 @@ pub(super) struct Sole {
     pub at: Point3<f64>,
     /// Length and width, metres, if the foot has a shape.
     pub size_m: Option<[f64; 2]>,
+    /// Whether the link that ends the leg is itself the sole.
+    pub is_frame: bool,
     evidence: Evidence,
 }
 
@@ -70,34 +77,59 @@ fn foot_of(body: &LinkTree, link: usize) -> usize {
     rigid.last().unwrap_or(link)
 }
 
-/// Whether a link is made to be the sole: it knows where that is, and which way up.
-pub(super) fn is_made(body: &LinkTree, link: usize) -> bool {
-    !body.is_moved(link) && body.words[link].is_sole()
+/// Whether a link was described as the sole: it is level when the foot is. A frame that is
+/// called foot may also be the ankle's.
+pub(crate) fn is_sole_frame(model: &RobotModel, link: usize) -> bool {
+    let words = NameWords::of(model, link);
+    let is_frame = || {
+        let shapes = model.all_shapes().map(|shape| shape.link);
+        let mut bodies = shapes.chain(model.meshes().iter().map(|mesh| mesh.link));
+        model.links[link].mass_kg < FRAME_KG && bodies.all(|other| other != link)
+    };
+    let is_fixed = model.last_driven(link) != link;
+    is_fixed && (words.is_sole() || (words.has(&["foot"]) && is_frame()))
 }
 
 fn sole(body: &LinkTree, link: usize, axes: &BodyAxes) -> Option<Sole> {
     let foot = foot_of(body, link);
+    let corners = corners_of(body, foot);
+    if !is_sole_frame(body.model, link) {
+        let flat = underside(body, foot, &corners, &UnitQuaternion::identity(), axes);
+        return flat.or_else(|| by_mass(body, link, foot, &axes.up));
+    }
     // A robot whose legs are bent at zero holds its feet at an angle there.
-    let turn = match is_made(body, link) {
-        true => level_rotation(&body.poses[link].rotation, &Unit::new_normalize(axes.up)),
-        false => UnitQuaternion::identity(),
-    };
+    let turn = level_rotation(&body.poses[link].rotation, &Unit::new_normalize(axes.up));
+    let level = underside(body, foot, &corners, &turn, axes);
+    let is_near = |sole: &Sole| (sole.at - body.at(link)).norm() < FRAME_M;
+    if body.words[link].is_sole() || level.as_ref().is_some_and(is_near) {
+        return level.map(|sole| Sole { is_frame: true, ..sole });
+    }
+    underside(body, foot, &corners, &UnitQuaternion::identity(), axes)
+}
+
+/// The underside of a foot with these corners, which `turn` puts level.
+fn underside(
+    body: &LinkTree,
+    foot: usize,
+    corners: &[Point3<f64>],
+    turn: &UnitQuaternion<f64>,
+    axes: &BodyAxes,
+) -> Option<Sole> {
+    if corners.is_empty() {
+        return None;
+    }
     let [up, forward] = [axes.up, axes.forward].map(|axis| turn.inverse() * axis);
     let left = up.cross(&forward);
-    let mut corners = corners_of(body, foot);
-    if corners.is_empty() {
-        return by_mass(body, link, foot, &up);
-    }
     // What touches the floor is near the underside; an ankle's casing is not.
     let height = |corner: &Point3<f64>| corner.coords.dot(&up);
     let lowest = corners.iter().map(height).fold(f64::INFINITY, f64::min);
     let ankle = height(&body.at(foot)) - lowest;
     let highest = lowest + (UNDERSIDE * ankle).max(0.005);
-    corners.retain(|corner| height(corner) <= highest);
+    let low: Vec<_> = corners.iter().filter(|corner| height(corner) <= highest).collect();
     let span = |axis: Vector3<f64>| {
-        let along = corners.iter().map(|corner| corner.coords.dot(&axis));
-        let low = along.clone().fold(f64::INFINITY, f64::min);
-        (low, along.fold(f64::NEG_INFINITY, f64::max))
+        let along = low.iter().map(|corner| corner.coords.dot(&axis));
+        let least = along.clone().fold(f64::INFINITY, f64::min);
+        (least, along.fold(f64::NEG_INFINITY, f64::max))
     };
     let (back, front) = span(forward);
     let (right, leftmost) = span(left);
@@ -109,7 +141,7 @@ fn sole(body: &LinkTree, link: usize, axes: &BodyAxes) -> Option<Sole> {
         true => Evidence::Shapes,
         false => Evidence::Meshes,
     };
-    Some(Sole { at: Point3::from(at), size_m: Some(size_m), evidence })
+    Some(Sole { at: Point3::from(at), size_m: Some(size_m), is_frame: false, evidence })
 }
 
 /// A foot that is nothing but a mass beyond its joint; `None` where a link below stands for
@@ -119,5 +151,10 @@ fn by_mass(body: &LinkTree, link: usize, foot: usize, up: &Vector3<f64>) -> Opti
     let away = middle - body.at(foot);
     let (down, most) = (-away.dot(up), FARTHEST_MASS * body.way_m(foot));
     let is_foot = down > 1e-3 && away.norm() < most;
-    is_foot.then(|| Sole { at: middle - up * down, size_m: None, evidence: Evidence::Mass })
+    is_foot.then(|| Sole {
+        at: middle - up * down,
+        size_m: None,
+        is_frame: false,
+        evidence: Evidence::Mass,
+    })
 }

@@ -8,7 +8,7 @@ pub(crate) const ELBOW: &[&str] = &["elbow", "el", "elb"];
 pub(crate) const FOREARM: &[&str] = &["forearm", "lowerarm", "lower", "fore"];
 pub(crate) const HAND: &[&str] =
     &["hand", "wrist", "palm", "gripper", "tip", "fist", "ee", "tool", "endeffector"];
-const ARM: &[&str] = &["shoulder", "sho", "arm", "upperarm", "humerus", "biceps"];
+const ARM: &[&str] = &["shoulder", "sho", "shld", "shldr", "arm", "upperarm", "humerus", "biceps"];
 const FINGER: &[&str] =
     &["finger", "fingers", "thumb", "index", "middle", "ring", "pinky", "little"];
 pub(crate) const KNEE: &[&str] = &["knee", "kfe"];
@@ -20,19 +20,23 @@ pub(crate) const SOLE: &[&str] = &["sole", "foot", "toe"];
 pub(crate) const HEAD: &[&str] = &["head", "skull", "neck"];
 const ON_HEAD: &[&str] =
     &["eye", "eyes", "camera", "jaw", "mouth", "lid", "ear", "antenna", "lip", "brow"];
-const WHEEL: &[&str] = &["wheel", "wheels", "caster", "castor", "track", "roller"];
+const WHEEL: &[&str] = &["wheel", "wheels", "whl", "caster", "castor", "track", "roller"];
 /// Of these no motor turns any.
 const CASTER: &[&str] = &["caster", "castor", "roller", "passive", "idler", "free"];
 
 pub(crate) const SIDES: [&str; 2] = ["left", "right"];
 /// Corners of a body on four legs, as its makers shorten them.
-const CORNERS: [(&str, [&str; 2]); 8] = [
+const CORNERS: [(&str, [&str; 2]); 12] = [
     ("fl", ["front", "left"]),
     ("fr", ["front", "right"]),
     ("lf", ["front", "left"]),
     ("rf", ["front", "right"]),
     ("rl", ["hind", "left"]),
     ("rr", ["hind", "right"]),
+    ("hl", ["hind", "left"]),
+    ("hr", ["hind", "right"]),
+    ("bl", ["hind", "left"]),
+    ("br", ["hind", "right"]),
     ("lh", ["hind", "left"]),
     ("rh", ["hind", "right"]),
 ];
@@ -203,6 +207,7 @@ mod tests {
             ("zarm_l1_link", Some(0), true, false),
             ("FL_hip_joint", Some(0), false, true),
             ("rh_kfe", Some(1), false, true),
+            ("l_shld_y_joint", Some(0), true, false),
         ] {
             let words = NameWords::of_names(&[name]);
             let read = (words.side(), words.is_arm(), words.is_leg());

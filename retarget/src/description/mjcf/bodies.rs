@@ -21,8 +21,17 @@ pub(super) struct MjcfBodies<'d> {
 /// The link that carries a body, and the frame of the carrier's body in that link.
 type Carrier = (usize, Isometry3<f64>);
 
+/// Whether a body of the world hangs from it by one hinge or slide. More are a root that
+/// floats in a plane.
+fn turns_against_world(body: &MjcfElement) -> bool {
+    let mut joints = body.children("joint");
+    let first = joints.next().map(|joint| joint.text("type").unwrap_or("hinge"));
+    matches!(first, Some("hinge" | "slide")) && joints.next().is_none()
+}
+
 impl<'d> MjcfBodies<'d> {
-    /// The body with the most joints, and all below it.
+    /// The body with the most joints, and all below it; the world, where that body turns
+    /// against it by one joint: the base of such a robot is part of the world.
     pub fn read(
         root: Node,
         attributes: &MjcfAttributes,
@@ -36,20 +45,34 @@ impl<'d> MjcfBodies<'d> {
             all.filter(|n| n.has_tag_name("joint")).count()
         };
         bodies.sort_by_key(|body| std::cmp::Reverse(joints(body)));
-        let Some(robot) = bodies.first() else {
+        let Some(world) = bodies.first().and_then(Node::parent) else {
             let reason = "there is no <body> in <worldbody>";
             return Err(RetargetError::Mjcf(reason.into()));
         };
-        for other in &bodies[1..] {
-            let name = other.attribute("name").unwrap_or("(unnamed)");
-            let message = "an object beside the robot: left out";
-            diagnostics.add(DiagnosticCode::MjcfLeftOut, name, message);
-        }
+        let class = world.attribute("childclass").unwrap_or("main");
+        let element = |node| MjcfElement { node, class, attributes };
+        let mut limbs: Vec<MjcfElement> = bodies.into_iter().map(element).collect();
+        let is_world_base = turns_against_world(&limbs[0]);
+        let objects = match is_world_base {
+            true => limbs.extract_if(.., |body| !turns_against_world(body)).collect(),
+            false => limbs.split_off(1),
+        };
         let (links, joints, names) = Default::default();
         let mut tree = Self { diagnostics, links, joints, names };
-        let world = robot.parent().and_then(|world| world.attribute("childclass"));
-        let class = world.unwrap_or("main");
-        tree.add_body(MjcfElement { node: *robot, class, attributes }, None)?;
+        for other in objects {
+            let name = other.node.attribute("name").unwrap_or("(unnamed)");
+            tree.leave_out(name, "an object beside the robot: left out");
+        }
+        let mut base = None;
+        if is_world_base {
+            let name = tree.unique(None, "base".into());
+            let link = tree.add_link(name);
+            tree.add_shapes_and_mass(element(world), link, Isometry3::identity())?;
+            base = Some((link, Isometry3::identity()));
+        }
+        for limb in limbs {
+            tree.add_body(limb, base)?;
+        }
         Ok(tree)
     }
 
