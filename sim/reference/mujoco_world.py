@@ -138,7 +138,9 @@ def play(trial):
     data.qpos[:3] = trial["start"]["at_m"]
     data.qpos[3:7] = quaternion(trial["start"]["rotation"])
     data.qpos[where] = trial["cycles"][0]["commands"]
-    height = data.qpos[2]
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    height = data.subtree_com[1][2]
     force = np.zeros(6)
     tilt, loads, fell = [], [], None
     push_at, push = trial["push_at"], np.array(trial["push_ns"])
@@ -162,7 +164,7 @@ def play(trial):
         up = data.xmat[1].reshape(3, 3)[2]
         tilt.append([math.atan2(up[0], up[2]), math.atan2(up[1], up[2])])
         loads.append(sums / trial["steps"])
-        if math.acos(max(-1.0, min(1.0, up[2]))) > FALLEN or data.qpos[2] < 0.5 * height:
+        if math.acos(max(-1.0, min(1.0, up[2]))) > FALLEN or data.subtree_com[1][2] < 0.5 * height:
             fell = number * trial["period_s"]
             break
     return np.array(tilt), np.array(loads), fell

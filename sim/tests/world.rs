@@ -54,6 +54,26 @@ fn a_dropped_robot_lands_on_its_feet_and_each_carries_half() {
     assert!((world.root().at_m[2] - z).abs() < 0.02, "{} of {z}", world.root().at_m[2]);
 }
 
+/// As descriptions exported from drawings have it.
+#[test]
+fn a_root_link_whose_origin_is_below_the_floor_has_not_fallen() {
+    let below_m = world(WorldOptions::default()).root().at_m[2] + 0.05;
+    let mut links = biped();
+    links[0].com_m[2] += below_m;
+    links[0].touch.iter_mut().for_each(|point| point.at_m[2] += below_m);
+    for link in links.iter_mut().filter(|link| link.parent == Some(0)) {
+        link.origin.at_m[2] += below_m;
+    }
+    let mut world = World::new(&links, &[MECHANICS; 2 * LEG], WorldOptions::default()).unwrap();
+    world.place(None, &BENT);
+    hold(&mut world, 1.0);
+    assert!(world.root().at_m[2] < 0.0 && !world.has_fallen());
+    for _ in 0..1000 {
+        world.step(&[JointDrive::default(); 2 * LEG]);
+    }
+    assert!(world.has_fallen(), "{:?}", world.centre_of_mass());
+}
+
 #[test]
 fn a_light_push_is_stood_and_a_hard_one_topples() {
     let after = |force_n: f64| {

@@ -44,8 +44,8 @@ pub(crate) use step_size::StepSize;
 pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Longest step, seconds.
 pub const LONGEST_STEP_S: f64 = 2e-3;
-/// A robot has fallen when its root link leans by more than this, or is below this
-/// share of its height at the start.
+/// A robot has fallen when its root link leans by more than this, or its centre of mass is
+/// below this share of its height at the start (a root link's origin may be on the floor).
 const FALLEN_RAD: f64 = 50.0 * std::f64::consts::PI / 180.0;
 const FALLEN_HEIGHT: f64 = 0.5;
 /// Slip slower than this is the creep of a soft contact, m/s.
@@ -158,6 +158,7 @@ pub struct World {
     imu: Imu,
     push: Option<Push>,
     start: Vec3,
+    start_height_m: f64,
     load_n: MeanLoad,
     steps: u64,
     work_j: f64,
@@ -207,6 +208,7 @@ impl World {
             imu: Imu::new(options.imu, options.dt_s),
             push: None,
             start: Vec3::zeros(),
+            start_height_m: 0.0,
             load_n: MeanLoad::default(),
             steps: 0,
             work_j: 0.0,
@@ -240,6 +242,7 @@ impl World {
             self.posed.pose(&self.tree, &self.state);
         }
         self.start = self.state.root_at;
+        self.start_height_m = self.centre_of_mass()[2];
         self.contact.forces.fill(Vec3::zeros());
         self.play.iter_mut().for_each(GearPlay::rest);
         self.factorise(&vec![JointDrive::default(); self.mechanics.len()]);
@@ -311,11 +314,11 @@ impl World {
         self.start.into()
     }
 
-    /// Whether the root link leans by more than 50 degrees, or is below half of where
-    /// it was placed.
+    /// Whether the root link leans by more than 50 degrees, or the centre of mass is below
+    /// half the height at which it was placed.
     pub fn has_fallen(&self) -> bool {
         let lean_rad = libm::acos(self.state.root[(2, 2)].clamp(-1.0, 1.0));
-        lean_rad > FALLEN_RAD || self.state.root_at.z < FALLEN_HEIGHT * self.start.z
+        lean_rad > FALLEN_RAD || self.centre_of_mass()[2] < FALLEN_HEIGHT * self.start_height_m
     }
 
     /// How fast the loaded points of the soles slide, m/s: the fastest; 0 where they
