@@ -5,7 +5,7 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use servodance_model::motion::{Clip, Pose};
 use servodance_retarget::{DraftOptions, Retargeter};
-use servodance_runtime::offline::generate::dances_of_built_in_song;
+use servodance_runtime::offline::generate::trial_dances;
 use servodance_runtime::offline::motion_tracking::track_motion;
 use servodance_runtime::robot;
 use servodance_training::choreography::trial_dance;
@@ -33,7 +33,7 @@ impl Robot {
     #[staticmethod]
     fn from_description(py: Python<'_>, description: PathBuf, out: PathBuf) -> PyResult<Self> {
         py.detach(|| {
-            let dances = dances_of_built_in_song().map_err(error)?;
+            let dances = trial_dances().map_err(error)?;
             robot::new_robot(
                 &description,
                 &out,

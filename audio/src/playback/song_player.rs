@@ -28,6 +28,11 @@ pub struct Sound {
 }
 
 impl Sound {
+    /// A sample between -1 and 1 as 16 bits.
+    pub fn level(sample: f32) -> i16 {
+        (sample.clamp(-1.0, 1.0) * f32::from(i16::MAX)) as i16
+    }
+
     /// The samples from a moment on, seconds; less where the song begins or ends. Pieces that
     /// follow each other in time are whole together.
     pub fn piece(&self, from_s: f64, length_s: f64) -> &[i16] {

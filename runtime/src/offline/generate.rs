@@ -11,6 +11,8 @@ use crate::session::dance::open_generator;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::{Context, bail};
 use servodance_audio::MusicAnalyzer;
+use servodance_audio::playback::Sound;
+use servodance_audio::song::SongSpec;
 use servodance_model::conditioning::{Encodec, HeardFrame};
 use servodance_model::motion::{Clip, Pose, bvh_write, mpjpe_m};
 use servodance_model::{AtEnd, Codec, Dance, GeneratorOptions, ModelError};
@@ -26,6 +28,8 @@ const SECONDS_MAX: f64 = 86_400.0;
 const TRIAL_S: f64 = 20.0;
 /// Of the first six, the three whose arms swing hardest.
 const TRIAL_SEEDS: [u64; 3] = [1, 2, 5];
+/// Seeds of the songs, of other styles and tempos, that a robot is tried with besides.
+const TRIAL_SONGS: [u64; 3] = [1, 2, 3];
 
 /// The motion that is wanted.
 #[derive(Clone, Debug, clap::Args)]
@@ -137,6 +141,11 @@ pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
     {
         bail!("--seconds {seconds} is outside 0.05..{SECONDS_MAX}");
     }
+    let choice = request.audio.clone().map_or(AudioChoice::BuiltIn, AudioChoice::File);
+    generate_to(&choice, request)
+}
+
+fn generate_to(choice: &AudioChoice, request: &GenerateRequest) -> anyhow::Result<Clip> {
     let lookahead_s = request.lookahead;
     if !(0.0..=LOOKAHEAD_MAX_S).contains(&lookahead_s) {
         bail!("--lookahead {lookahead_s} is outside 0..{LOOKAHEAD_MAX_S}");
@@ -158,15 +167,14 @@ pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
             _ => bail!("{}: one frame is no motion to go on from", start.display()),
         }
     }
-    let choice = request.audio.clone().map_or(AudioChoice::BuiltIn, AudioChoice::File);
-    let mut audio = AudioInput::open(&choice, Speed::Max)?;
+    let mut audio = AudioInput::open(choice, Speed::Max)?;
     let features = extractor(audio.sample_rate_hz(), encodec.as_ref())?;
     let progress = Progress::new(request.seconds.or(audio.duration_s()), request.quiet);
     let repeats = request.seconds.is_some();
     let blocks = |block: &mut Vec<f32>| {
         let heard = audio.next_block(block)?;
         if !heard && repeats {
-            audio = AudioInput::open(&choice, Speed::Max)?;
+            audio = AudioInput::open(choice, Speed::Max)?;
             return audio.next_block(block);
         }
         Ok(heard)
@@ -186,8 +194,21 @@ pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
     Ok(Clip { name: "generated".into(), fps: FRAME_RATE_HZ, poses })
 }
 
-/// Three dances of the default style to the built-in song, 20 s each, to try a robot with in
-/// the simulated world.
+/// Dances of the default style, 20 s each, to try a robot with in the simulated world: three to
+/// the built-in song, and one to each of three others.
+pub fn trial_dances() -> anyhow::Result<Vec<Clip>> {
+    let mut dances = dances_of_built_in_song()?;
+    for seed in TRIAL_SONGS {
+        let song = SongSpec::random(TRIAL_S, seed)?.render()?;
+        let samples = song.samples.into_iter().map(Sound::level).collect();
+        let sound = Sound { samples, rate_hz: song.sample_rate_hz };
+        let request = GenerateRequest::plain(None, TRIAL_S, seed, None);
+        dances.push(generate_to(&AudioChoice::Recorded(sound), &request)?);
+    }
+    Ok(dances)
+}
+
+/// Three dances of the default style to the built-in song, 20 s each.
 pub fn dances_of_built_in_song() -> anyhow::Result<Vec<Clip>> {
     let dance = |seed| generate(&GenerateRequest::plain(None, TRIAL_S, seed, None));
     TRIAL_SEEDS.into_iter().map(dance).collect()

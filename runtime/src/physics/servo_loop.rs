@@ -13,14 +13,13 @@ const ROTOR_KG_M2_PER_NM: f64 = 0.045 / 4.1;
 /// Damping against stall torque over no-load speed, from the same source.
 const DAMPING_SHARE: f64 = 1.084 / 0.851;
 const FRICTION_SHARE: f64 = 0.0075;
-/// Servos that are sized for their load: natural frequency of legs and of what is above them
-/// (softer, a forearm hangs 0.1 rad under its command), stiffness against gravity, rotor
-/// against load, damping ratio.
-const SIZED_LEG_HZ: f64 = 3.0;
-const SIZED_UPPER_HZ: f64 = 6.0;
-const SIZED_STIFFNESS: f64 = 2.0;
+/// Servos that are sized for their load: rotor against load, damping ratio.
 const SIZED_ROTOR: f64 = 0.1;
 const SIZED_DAMPING: f64 = 0.5;
+const SIZED_LEG: Sizing = Sizing { natural_hz: 3.0, weights: 2.0, sag_rad: 1.0 };
+/// Above the legs. Softer, a forearm hangs 0.1 rad under its command; weaker, a hand whose arm
+/// swings does not follow.
+const SIZED_UPPER: Sizing = Sizing { natural_hz: 6.0, weights: 5.0, sag_rad: 0.1 };
 
 /// `torque = clamp(kp (goal - position), limit) - damping velocity`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +32,15 @@ pub struct ServoLoop {
     pub limit_nm: f64,
     /// What it adds to its joint.
     pub mechanics: JointMechanics,
+}
+
+/// What a servo is asked for that is sized for its load.
+struct Sizing {
+    /// Natural frequency with the load.
+    natural_hz: f64,
+    /// How many times the load's weight it carries, and by how much it gives way then.
+    weights: f64,
+    sag_rad: f64,
 }
 
 /// How the servos of one robot differ from their nominal ones.
@@ -90,17 +98,18 @@ impl ServoLoop {
     }
 
     /// The same, but stiff and strong enough for what its joint carries, and to give that
-    /// the acceleration; `natural_hz` is the natural frequency with that load.
+    /// the acceleration.
     fn sized(
         self,
         load: &JointLoad,
-        natural_hz: f64,
+        sizing: &Sizing,
         acceleration_rad_s2: f64,
         variation: &ServoVariation,
     ) -> Self {
-        let bounce = std::f64::consts::TAU * natural_hz;
+        let bounce = std::f64::consts::TAU * sizing.natural_hz;
         let inertia = load.inertia_kg_m2.max(1e-3);
-        let kp = (inertia * bounce * bounce).max(SIZED_STIFFNESS * load.gravity_nm_rad);
+        let carried_nm = sizing.weights * load.gravity_nm_rad;
+        let kp = (inertia * bounce * bounce).max(carried_nm / sizing.sag_rad);
         let armature_kg_m2 = SIZED_ROTOR * inertia;
         Self {
             kp: kp * variation.stiffness,
@@ -108,7 +117,7 @@ impl ServoLoop {
             limit_nm: load
                 .effort_nm
                 .unwrap_or(self.limit_nm)
-                .max(2.0 * load.gravity_nm_rad)
+                .max(carried_nm)
                 .max(load.gravity_nm_rad + inertia * acceleration_rad_s2),
             mechanics: JointMechanics {
                 armature_kg_m2,
@@ -135,9 +144,9 @@ impl ServoLoop {
                     let limits = &robot.servos[joint].limits;
                     match upper.contains(&joint) {
                         true => {
-                            servo.sized(load, SIZED_UPPER_HZ, limits.acceleration_rad_s2, variation)
+                            servo.sized(load, &SIZED_UPPER, limits.acceleration_rad_s2, variation)
                         }
-                        false => servo.sized(load, SIZED_LEG_HZ, 0.0, variation),
+                        false => servo.sized(load, &SIZED_LEG, 0.0, variation),
                     }
                 };
                 nominal.zip(&loads).enumerate().map(sized).collect()

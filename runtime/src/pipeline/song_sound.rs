@@ -17,8 +17,7 @@ pub fn song_sound(song: &AudioChoice) -> anyhow::Result<Sound> {
         if samples.len() as f64 > LONGEST_S * f64::from(rate_hz) {
             bail!("the music is longer than {LONGEST_S} s");
         }
-        let level = |sample: &f32| (sample.clamp(-1.0, 1.0) * f32::from(i16::MAX)) as i16;
-        samples.extend(block.iter().map(level));
+        samples.extend(block.iter().copied().map(Sound::level));
     }
     Ok(Sound { samples: samples.into(), rate_hz })
 }

@@ -5,7 +5,7 @@ pub mod setup;
 use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
 use servodance_retarget::{BodyKind, DraftOptions};
-use servodance_runtime::offline::generate::dances_of_built_in_song;
+use servodance_runtime::offline::generate::{dances_of_built_in_song, trial_dances};
 use servodance_runtime::physics::StanceCheck;
 use servodance_runtime::robot::{self, Robot};
 use servodance_runtime::telemetry::pending_file::write_whole;
@@ -94,7 +94,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 }
 
 fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
-    let (trial, dances) = (choreography::trial_dance(), dances_of_built_in_song()?);
+    let (trial, dances) = (choreography::trial_dance(), trial_dances()?);
     let options = DraftOptions { kind: args.kind, wheels: args.wheels };
     let written =
         robot::new_robot(&args.description, &args.out, args.force, options, &trial, &dances)?;
@@ -120,7 +120,7 @@ fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         && let Some(standing) = standing_robot(&args.file)
     {
         if args.amplitude {
-            let line = robot::settle_amplitude(&args.file, &standing, &dances_of_built_in_song()?)?;
+            let line = robot::settle_amplitude(&args.file, &standing, &trial_dances()?)?;
             stderr_line!("{line}");
         }
         if !args.no_world {
