@@ -32,6 +32,10 @@ pub(crate) struct KindGuess {
     pub reason: String,
 }
 
+/// Legs that begin ahead, behind and at the sides are seen from so much beside: the one ahead
+/// is the front right then.
+const ASKEW: f64 = 1e-3;
+
 /// The first links of four legs: front left, front right, hind left, hind right.
 /// `up` is found with them.
 pub(super) struct FourLegs {
@@ -92,11 +96,12 @@ fn rectangle(body: &LinkTree, starts: &[usize]) -> Option<FourLegs> {
     };
     let left = Vector3::z().cross(&forward);
     let middle = begins.iter().map(|at| at.coords).sum::<Vector3<f64>>() / 4.0;
+    let (ahead_of, left_of) = (forward + left * ASKEW, left - forward * ASKEW);
     let corner = |ahead: f64, side: f64| {
         let best = (0..4).max_by(|&a, &b| {
             let place = |leg: usize| {
                 let at = begins[leg].coords - middle;
-                ahead * at.dot(&forward) + side * at.dot(&left)
+                ahead * at.dot(&ahead_of) + side * at.dot(&left_of)
             };
             place(a).total_cmp(&place(b))
         });
