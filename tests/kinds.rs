@@ -3,6 +3,7 @@
 
 use crate::rigs::Rig;
 use servodance_retarget::{BodyKind, DraftOptions, RobotModel, guess_body, no_meshes};
+use servodance_runtime::physics::TrialDance;
 use servodance_runtime::robot::{Robot, new_robot};
 use servodance_training::choreography::trial_dance;
 
@@ -107,7 +108,7 @@ fn a_fallen_quadruped_is_not_drafted() {
     let urdf = folder.path().join("dog.urdf");
     std::fs::write(&urdf, four_legged(["a", "b", "c", "d"]).urdf()).unwrap();
     let out = folder.path().join("dog.toml");
-    let dances = [trial_dance()];
+    let dances = [TrialDance { clip: trial_dance(), wild: false }];
     new_robot(&urdf, &out, false, DraftOptions::default(), &trial_dance(), &dances).unwrap();
     let robot = Robot::load(&out.display().to_string()).unwrap();
     assert!(robot.retarget.stance.stands(), "it falls in its world");

@@ -1,6 +1,7 @@
 //! Music in, a file of 22 joints out, no robot: the same features and generator
 //! as in a dance. Also the VQ-VAE alone: motion through the codes and back.
 
+use crate::physics::TrialDance;
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::conditioning::Conditioning;
 use crate::pipeline::feature_extractor::FeatureExtractor;
@@ -28,8 +29,10 @@ const SECONDS_MAX: f64 = 86_400.0;
 const TRIAL_S: f64 = 20.0;
 /// Of the first six, the three whose arms swing hardest.
 const TRIAL_SEEDS: [u64; 3] = [1, 2, 5];
-/// Seeds of the songs, of other styles and tempos, that a robot is tried with besides.
+/// Seeds of the songs, of other styles and tempos, that a robot is tried with besides, and the
+/// style that swings hardest.
 const TRIAL_SONGS: [u64; 3] = [1, 2, 3];
+const WILD_STYLE: &str = "hype";
 
 /// The motion that is wanted.
 #[derive(Clone, Debug, clap::Args)]
@@ -194,16 +197,18 @@ fn generate_to(choice: &AudioChoice, request: &GenerateRequest) -> anyhow::Resul
     Ok(Clip { name: "generated".into(), fps: FRAME_RATE_HZ, poses })
 }
 
-/// Dances of the default style, 20 s each, to try a robot with in the simulated world: three to
-/// the built-in song, and one to each of three others.
-pub fn trial_dances() -> anyhow::Result<Vec<Clip>> {
-    let mut dances = dances_of_built_in_song()?;
+/// Dances of 20 s each to try a robot with in the simulated world: three of the default style to
+/// the built-in song, and a wild one, `hype`, to each of three others.
+pub fn trial_dances() -> anyhow::Result<Vec<TrialDance>> {
+    let usual = dances_of_built_in_song()?.into_iter();
+    let mut dances: Vec<_> = usual.map(|clip| TrialDance { clip, wild: false }).collect();
     for seed in TRIAL_SONGS {
         let song = SongSpec::random(TRIAL_S, seed)?.render()?;
         let samples = song.samples.into_iter().map(Sound::level).collect();
         let sound = Sound { samples, rate_hz: song.sample_rate_hz };
-        let request = GenerateRequest::plain(None, TRIAL_S, seed, None);
-        dances.push(generate_to(&AudioChoice::Recorded(sound), &request)?);
+        let request = GenerateRequest::plain(None, TRIAL_S, seed, Some(WILD_STYLE.into()));
+        let clip = generate_to(&AudioChoice::Recorded(sound), &request)?;
+        dances.push(TrialDance { clip, wild: true });
     }
     Ok(dances)
 }

@@ -70,6 +70,15 @@ impl fmt::Display for StandingShares {
     }
 }
 
+/// A dance that a robot is tried with.
+#[derive(Clone, Debug)]
+pub struct TrialDance {
+    /// The dancer's motion.
+    pub clip: Clip,
+    /// Wilder than most: the robot has to stand it in the nominal world, with no margin.
+    pub wild: bool,
+}
+
 /// What a robot can stand, and how it went.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StandingAmplitude {
@@ -81,11 +90,12 @@ pub struct StandingAmplitude {
     pub arms_kept: f64,
 }
 
-/// The largest share of `dances` that the robot stands in every world with a margin, or else the
-/// one that it stands most steadily; `None` if it falls whatever it leaves out.
+/// The largest share of `dances` that the robot stands, in every world and with a margin those
+/// that are not wild, or else the one that it stands most steadily; `None` if it falls whatever
+/// it leaves out.
 pub fn find_amplitude(
     robot: &Robot,
-    dances: &[Clip],
+    dances: &[TrialDance],
     sized: bool,
 ) -> anyhow::Result<Option<StandingAmplitude>> {
     let trials = Trials::new(robot, dances, sized)?;
@@ -108,7 +118,8 @@ pub fn find_amplitude(
 /// A robot and the dances that it is tried with.
 struct Trials<'a> {
     robot: &'a Robot,
-    dances: &'a [Clip],
+    dances: Vec<&'a Clip>,
+    wild: Vec<&'a Clip>,
     sized: bool,
     most_lean_deg: f64,
     /// See `upper_speed2_by_limits`.
@@ -116,14 +127,20 @@ struct Trials<'a> {
 }
 
 impl<'a> Trials<'a> {
-    fn new(robot: &'a Robot, dances: &'a [Clip], sized: bool) -> anyhow::Result<Self> {
+    fn new(robot: &'a Robot, dances: &'a [TrialDance], sized: bool) -> anyhow::Result<Self> {
         let tipping_rad = robot.retargeter()?.tipping_angle_rad();
+        let clips = |wild: bool| {
+            let dances = dances.iter().filter(move |dance| dance.wild == wild);
+            dances.map(|dance| &dance.clip).collect::<Vec<&Clip>>()
+        };
+        let (dances, wild) = (clips(false), clips(true));
         Ok(Self {
             robot,
-            dances,
             sized,
             most_lean_deg: tipping_rad.map_or(f64::INFINITY, |it| MOST_LEAN * it.to_degrees()),
-            free_speed2: mean(dances, |dance| upper_speed2_by_limits(robot, &dance.frames()))?,
+            free_speed2: mean(&dances, |dance| upper_speed2_by_limits(robot, &dance.frames()))?,
+            dances,
+            wild,
         })
     }
 
@@ -138,7 +155,7 @@ impl<'a> Trials<'a> {
             return Ok(1.0);
         }
         let scaled = self.scaled(shares);
-        Ok(mean(self.dances, |dance| upper_speed2(&scaled, &dance.frames()))? / self.free_speed2)
+        Ok(mean(&self.dances, |dance| upper_speed2(&scaled, &dance.frames()))? / self.free_speed2)
     }
 
     /// What is tried with a share of the pelvis, largest first: one limit where the pelvis moves,
@@ -163,8 +180,13 @@ impl<'a> Trials<'a> {
     /// How it went; `None` if the robot fell.
     fn stand(&self, shares: StandingShares) -> anyhow::Result<Option<StandingAmplitude>> {
         let scaled = self.scaled(shares);
-        let worst = worst_of(self.dances, |dance| stands_everywhere(&scaled, dance, self.sized))?;
+        let worst = worst_of(&self.dances, |dance| stands_everywhere(&scaled, dance, self.sized))?;
         let Some(worst) = worst else { return Ok(None) };
+        let nominal =
+            [TrialOptions { sized: self.sized, feedback: false, ..TrialOptions::default() }];
+        if worst_of(&self.wild, |dance| stands(&scaled, dance, &nominal))?.is_none() {
+            return Ok(None);
+        }
         Ok(Some(StandingAmplitude { shares, worst, arms_kept: self.arms_kept(shares)? }))
     }
 
@@ -173,8 +195,8 @@ impl<'a> Trials<'a> {
     }
 }
 
-fn mean(dances: &[Clip], of: impl Fn(&Clip) -> anyhow::Result<f64>) -> anyhow::Result<f64> {
-    let sum: f64 = dances.iter().map(of).sum::<anyhow::Result<f64>>()?;
+fn mean(dances: &[&Clip], of: impl Fn(&Clip) -> anyhow::Result<f64>) -> anyhow::Result<f64> {
+    let sum: f64 = dances.iter().copied().map(of).sum::<anyhow::Result<f64>>()?;
     Ok(sum / dances.len().max(1) as f64)
 }
 
@@ -193,16 +215,25 @@ fn worst_of<T>(
     Ok(Some(worst))
 }
 
-/// The worst report of all worlds; `None` if the robot falls in one.
 fn stands_everywhere(
     robot: &Robot,
     dance: &Clip,
     sized: bool,
 ) -> anyhow::Result<Option<TrialReport>> {
+    stands(robot, dance, &worlds(sized))
+}
+
+/// The worst report of these worlds; `None` if the robot falls in one.
+fn stands(
+    robot: &Robot,
+    dance: &Clip,
+    worlds: &[TrialOptions],
+) -> anyhow::Result<Option<TrialReport>> {
     let frames = dance.frames();
     let dance = |options| StandingTrial::new(robot, options)?.run(&frames, |_, _, _| ());
     let reports: Vec<anyhow::Result<TrialReport>> = std::thread::scope(|scope| {
-        let trials = worlds(sized).map(|options| scope.spawn(move || dance(options)));
+        let trials: Vec<_> =
+            worlds.iter().map(|&options| scope.spawn(move || dance(options))).collect();
         let failed = |_| Err(anyhow::anyhow!("a trial in the simulated world panicked"));
         trials.into_iter().map(|trial| trial.join().unwrap_or_else(failed)).collect()
     });

@@ -7,7 +7,7 @@ mod stance_check;
 mod standing_trial;
 mod upper_speed;
 
-pub use amplitude_search::{StandingAmplitude, StandingShares, find_amplitude};
+pub use amplitude_search::{StandingAmplitude, StandingShares, TrialDance, find_amplitude};
 pub use push_search::survived_push_ns;
 pub use servo_loop::{ServoLoop, ServoVariation};
 pub use stance_check::StanceCheck;

@@ -174,3 +174,25 @@ impl ServoLoop {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_servo_above_the_legs_carries_its_hand_while_the_arm_swings() {
+        let weak = ServoLoop {
+            kp: 1.0,
+            damping_nm_s: 0.0,
+            limit_nm: 1.0,
+            mechanics: JointMechanics::default(),
+        };
+        // 0.8 kg, 0.1 m beyond the wrist, in an arm that accelerates by 4 g.
+        let load = JointLoad { inertia_kg_m2: 0.01, gravity_nm_rad: 0.8, effort_nm: None };
+        let swing_nm = 4.0 * load.gravity_nm_rad;
+        let sized = |sizing| weak.sized(&load, sizing, 50.0, &ServoVariation::default());
+        let hand = sized(&SIZED_UPPER);
+        assert!(hand.limit_nm > swing_nm && swing_nm / hand.kp < 0.1, "{hand:?}");
+        assert!(sized(&SIZED_LEG).limit_nm < swing_nm);
+    }
+}

@@ -4,16 +4,19 @@
 use std::path::Path;
 
 use super::loaded::Robot;
-use crate::physics::{StandingAmplitude, StandingShares, find_amplitude};
+use crate::physics::{StandingAmplitude, StandingShares, TrialDance, find_amplitude};
 use crate::telemetry::pending_file::write_whole;
 use anyhow::{Context, bail};
-use servodance_model::motion::Clip;
 use toml_edit::{DocumentMut, Item, Table, value};
 
 /// Finds the largest share of `dances` that `robot` stands and writes `arm_zmp_limit` and
 /// `[retarget.gain]` into `file`, if that is a file. Returns a line for people; fails where the
 /// robot falls whatever it leaves out.
-pub fn settle_amplitude(file: &str, robot: &Robot, dances: &[Clip]) -> anyhow::Result<String> {
+pub fn settle_amplitude(
+    file: &str,
+    robot: &Robot,
+    dances: &[TrialDance],
+) -> anyhow::Result<String> {
     let mut robot = robot.clone();
     robot.retarget.gain = Default::default();
     let Some(StandingAmplitude { shares, .. }) = find_amplitude(&robot, dances, false)? else {

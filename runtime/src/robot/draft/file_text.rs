@@ -1,6 +1,7 @@
 //! The text of a new robot file: tables with the reasons beside them.
 
 use super::servo_draft::ServoDraft;
+use crate::physics::TrialDance;
 use servodance_model::motion::Clip;
 use servodance_retarget::{BodyLinks, ConfigDraft, Diagnostic, JointUse, Limb, Stance};
 use std::fmt::Write;
@@ -10,7 +11,7 @@ pub(super) struct FilePlan<'a> {
     pub name: String,
     pub source: &'a str,
     pub trial: &'a Clip,
-    pub dances: &'a [Clip],
+    pub dances: &'a [TrialDance],
     pub urdf: String,
     pub draft: &'a mut ConfigDraft,
     pub servos: Vec<ServoDraft>,

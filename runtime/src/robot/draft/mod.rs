@@ -13,6 +13,7 @@ use self::description_copy::DescriptionCopy;
 use self::file_text::{FilePlan, parts, robot_file};
 use self::servo_draft::servo_drafts;
 use self::trials::RATES;
+use crate::physics::TrialDance;
 use crate::robot::description_text::read_description;
 use crate::robot::loaded::Robot;
 use crate::robot::meshes::mesh_reader;
@@ -45,7 +46,7 @@ pub fn new_robot(
     force: bool,
     options: DraftOptions,
     trial: &Clip,
-    dances: &[Clip],
+    dances: &[TrialDance],
 ) -> anyhow::Result<NewRobot> {
     if out.extension().is_none_or(|extension| extension != "toml") {
         bail!("{}: a robot file ends in .toml", out.display());
