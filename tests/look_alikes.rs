@@ -299,3 +299,109 @@ fn a_frame_that_is_called_foot_tells_where_a_tilted_foot_is_level() {
     let size = draft.config.sole_m;
     assert!((size[0] - 0.152).abs() < 1e-3, "the whole underside: {size:?}");
 }
+
+/// As SMPL's humanoid, Asimov and OpenSim's skeleton: the toes have a joint of their own.
+#[test]
+fn toes_are_no_sole_where_the_foot_reaches_the_floor() {
+    let toes = |rig: Rig, side: &str, _: f64| {
+        let ankle = format!("{side}_ankle_roll_link");
+        rig.joint("revolute", &format!("{side}_toe"), &ankle, "0.12 0 -0.04", Y)
+    };
+    let feet = |foot: &str| {
+        ["left", "right"].iter().fold(two_legs(toes).urdf(), |urdf, side| {
+            let link = |part: &str| format!("{side}_{part}_link");
+            let urdf = with_box(&urdf, &link("ankle_roll"), foot, "0.16 0.08 0.02");
+            with_box(&urdf, &link("toe"), "xyz=\"0.03 0 -0.01\"", "0.06 0.08 0.02")
+        })
+    };
+    let draft =
+        |foot: &str| draft_config(&feet(foot), DraftOptions::default(), &no_meshes).unwrap().config;
+    let on_the_floor = draft("xyz=\"0.04 0 -0.05\"");
+    assert_eq!(on_the_floor.tip[0].link, "left_ankle_roll_link");
+    assert_eq!(on_the_floor.tip[0].at_m, [0.04, 0.0, -0.06]);
+    // As Digit: what is called toe is the foot.
+    let above = draft("xyz=\"0.04 0 0\"");
+    assert_eq!(above.tip[0].link, "left_toe_link");
+}
+
+/// As COMAN: frames at the corners of its left hand are called right, its shoulders have a side
+/// and no part, and its forearm turns about itself. As T1: what twists the upper arm is called
+/// the elbow's pitch.
+#[test]
+fn an_elbow_bends_the_arm() {
+    let mut rig = two_legs(|rig, _, _| rig);
+    for (side, y) in [("L", 0.2), ("R", -0.2)] {
+        let part = |part: &str| format!("{side}{part}");
+        let link = |part: &str| format!("{side}{part}_link");
+        let corner = |corner: &str| format!("{}_hand_{corner}", side.to_lowercase());
+        rig = rig
+            .joint("revolute", &part("ShSag"), "base", &format!("0 {y} 0.3"), Y)
+            .joint("revolute", &part("ShLat"), &link("ShSag"), "0 0 0", X)
+            .joint("revolute", &part("ElbYaw"), &link("ShLat"), "0 0 -0.06", Z)
+            .joint("revolute", &part("Elb"), &link("ElbYaw"), "0 0 -0.14", Y)
+            .joint("revolute", &part("Forearm"), &link("Elb"), "0 0 -0.1", Z)
+            .joint("fixed", &part("Hand"), &link("Forearm"), "0 0 -0.12", "")
+            .joint("fixed", &corner("upper_right"), &link("Hand"), "0.04 0.03 0", "")
+            .joint("fixed", &corner("upper_left"), &link("Hand"), "0.04 -0.03 0", "");
+    }
+    let body = guess(&rig);
+    assert_eq!(body.parts.left_shoulder.as_deref(), Some("LShLat_link"));
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("LElb_link"));
+    assert_eq!(body.parts.right_elbow.as_deref(), Some("RElb_link"));
+    assert_eq!(body.parts.right_hand.as_deref(), Some("RHand_link"));
+}
+
+/// As NimbRo's: a linkage is drawn beside the leg by links that weigh nothing, with more joints.
+#[test]
+fn a_leg_weighs_something() {
+    let parts = ["crank", "rod", "knee_plate", "shank_rod", "ankle_plate", "foot_plate"];
+    let urdf = two_legs(|rig, side, _| {
+        let name = |part: &str| format!("parallel_{side}_{part}");
+        let hip = (rig, format!("{side}_hip_roll_link"));
+        let add = |(rig, above): (Rig, String), part: &&str| {
+            let next = format!("{}_link", name(part));
+            (rig.joint("revolute", &name(part), &above, "0.01 0 -0.07", Y), next)
+        };
+        parts.iter().fold(hip, add).0
+    })
+    .urdf();
+    let drawn = ["left", "right"]
+        .iter()
+        .flat_map(|side| parts.iter().map(move |part| format!("parallel_{side}_{part}_link")));
+    let body = guess_body(&drawn.fold(urdf, without_mass), &no_meshes).unwrap();
+    assert_eq!(body.parts.left_knee.as_deref(), Some("left_knee_link"));
+    assert_eq!(body.parts.right_ankle.as_deref(), Some("right_ankle_pitch_link"));
+}
+
+fn without_mass(urdf: String, link: String) -> String {
+    let (before, rest) = urdf.split_once(&format!("<link name=\"{link}\">")).unwrap();
+    let (_, after) = rest.split_once("</inertial>").unwrap();
+    format!("{before}<link name=\"{link}\">{after}")
+}
+
+/// As GENE.01 and Romeo: the frame called sole is below the ankle, the foot reaches farther ahead.
+#[test]
+fn a_sole_is_where_the_foot_is() {
+    let frame = |rig: Rig, side: &str, _: f64| {
+        let ankle = format!("{side}_ankle_roll_link");
+        rig.joint("fixed", &format!("{side}_sole"), &ankle, "0 0 -0.05", "")
+    };
+    let feet = |right: &str| {
+        [("left", "xyz=\"0.06 0 -0.04\""), ("right", right)].iter().fold(
+            two_legs(frame).urdf(),
+            |urdf, (side, at)| {
+                with_box(&urdf, &format!("{side}_ankle_roll_link"), at, "0.2 0.08 0.02")
+            },
+        )
+    };
+    let draft = |right: &str| {
+        draft_config(&feet(right), DraftOptions::default(), &no_meshes).unwrap().config
+    };
+    let alike = draft("xyz=\"0.06 0 -0.04\"");
+    assert_eq!(alike.body.left_sole.as_deref(), Some("left_sole_tip"));
+    assert_eq!(alike.tip[0].at_m, [0.06, 0.0, 0.0]);
+    // As iCub, whose meshes other programs turn: both feet point to one side.
+    let turned = draft("xyz=\"0.06 0.05 -0.04\"");
+    assert_eq!(turned.body.left_sole.as_deref(), Some("left_sole_link"));
+    assert!(turned.tip.is_empty());
+}

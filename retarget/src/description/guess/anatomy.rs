@@ -12,6 +12,11 @@ use super::words::SIDES;
 use crate::config::Tip;
 use crate::kinematics::RobotModel;
 
+/// A sole so far from the origin of its link has a point of its own, metres.
+const OFF_M: f64 = 0.005;
+/// The same of a link that was described as the sole: makers put some below the ankle.
+const FRAME_OFF_M: f64 = 0.02;
+
 /// Everything guessed of one robot. Pairs are `[left, right]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Anatomy {
@@ -131,7 +136,7 @@ impl Anatomy {
             self.sole_m = Some(self.sole_m.map_or(size_m, least));
         }
         let away_m = (sole.at - body.at(link)).norm();
-        if away_m > 0.005 && !sole.is_frame {
+        if away_m > if sole.is_frame { FRAME_OFF_M } else { OFF_M } {
             let at = body.poses[link].inverse() * sole.at;
             self.legs[side].sole =
                 Some(self.tip(body, link, at, format!("{}_sole_tip", SIDES[side])));

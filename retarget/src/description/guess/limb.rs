@@ -3,14 +3,18 @@
 use k::nalgebra::{Point3, Vector3};
 
 use super::link_tree::LinkTree;
-use super::shape::{far_end, rigid_with};
-use super::words::{ANKLE, ELBOW, FOREARM, HAND, KNEE, SHANK, SOLE};
+use super::shape::{corners_of, far_end, rigid_with};
+use super::words::{ANKLE, ELBOW, FOREARM, HAND, KNEE, SHANK, SOLE, TOES};
 use crate::kinematics::JointMotion;
 
 /// Axes nearer to a segment than this cosine twist it; others bend it.
 const TWIST: f64 = 0.8;
 /// Length of fingers against the way to the hand that carries them.
 pub(super) const FINGER_SHARE: f64 = 0.35;
+/// Joints of an ankle are this near to the last one, of the way from the knee to the last.
+const ANKLE_SHARE: f64 = 0.35;
+/// A foot reaches as far down as its toes, within this share of the leg.
+const LEVEL_SHARE: f64 = 0.02;
 /// So many joints that slide, one after the other, are a telescope.
 const TELESCOPE: usize = 2;
 
@@ -98,12 +102,7 @@ impl LinkTree<'_> {
         let mut path = vec![start];
         let mut at = start;
         loop {
-            let moving: Vec<usize> = self.children[at]
-                .iter()
-                .copied()
-                .filter(|&child| self.is_moved(child) || self.moved_below(child) > 0)
-                .filter(|&child| !self.words[child].is_wheel())
-                .collect();
+            let moving = self.moving_children(at);
             let bends = path.iter().filter(|&&link| self.is_moved(link)).count();
             let fingers = moving.iter().all(|&c| self.words[c].is_finger());
             let next = match moving[..] {
@@ -113,11 +112,60 @@ impl LinkTree<'_> {
                 _ => moving.into_iter().max_by_key(|&child| self.moved_below(child)),
             };
             let next = next.or_else(|| self.named_end(at, kind));
-            let Some(next) = next else {
+            let Some(next) =
+                next.filter(|&next| kind != LimbKind::Leg || !self.are_toes(next, start))
+            else {
                 return path;
             };
             path.push(next);
             at = next;
+        }
+    }
+
+    /// Children that lead on to joints, but wheels; without those that weigh nothing beside
+    /// one that does: they are a drawing of a linkage.
+    fn moving_children(&self, link: usize) -> Vec<usize> {
+        let mut moving: Vec<usize> = self.children[link]
+            .iter()
+            .copied()
+            .filter(|&child| self.is_moved(child) || self.moved_below(child) > 0)
+            .filter(|&child| !self.words[child].is_wheel())
+            .collect();
+        if moving.iter().any(|&child| self.weighs(child)) {
+            moving.retain(|&child| self.weighs(child));
+        }
+        moving
+    }
+
+    fn weighs(&self, link: usize) -> bool {
+        let below = |&other: &usize| self.model.is_below(other, link);
+        let mut below = (link..self.model.links.len()).filter(below);
+        below.any(|other| self.model.links[other].mass_kg > 0.0)
+    }
+
+    /// Whether a link is the toes of a foot that reaches the floor itself; the leg begins at
+    /// `start`.
+    fn are_toes(&self, link: usize, start: usize) -> bool {
+        let foot = self.carrier(link);
+        if !self.is_moved(link) || !self.words[link].has(TOES) || foot == start {
+            return false;
+        }
+        let leg = self.at(foot) - self.at(start);
+        let length = leg.norm();
+        let reach = |link: usize| {
+            let corners = corners_of(self, link);
+            let along = corners.iter().map(|corner| (corner - self.at(start)).dot(&leg) / length);
+            along.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let links = link..self.model.links.len();
+        let below = links.filter(|&other| self.model.is_below(other, link));
+        let toes = below.map(reach).fold(f64::NEG_INFINITY, f64::max);
+        match (reach(foot), toes) {
+            (on_foot, on_toes) if on_foot.is_finite() && on_toes.is_finite() => {
+                on_toes - on_foot < LEVEL_SHARE * length
+            }
+            // Without shapes their names have to do.
+            _ => self.words[foot].has(ANKLE) || self.words[foot].has(&["foot"]),
         }
     }
 
@@ -157,6 +205,7 @@ impl LinkTree<'_> {
         let plainest = |names| named(names).min_by_key(|&child| self.words[child].count());
         match kind {
             LimbKind::Arm | LimbKind::Lone => farthest(HAND),
+            LimbKind::Leg if self.words[link].is_sole() => None,
             LimbKind::Leg => plainest(&["sole"]).or_else(|| plainest(&["foot"])),
             LimbKind::Paw => {
                 let rigid = rigid_with(self.model, link).into_iter().skip(1);
@@ -220,11 +269,10 @@ impl LinkTree<'_> {
         let apart = |link: usize| (self.at(link) - first).norm();
         let whole = (end - first).norm().max(moved.iter().map(|&l| apart(l)).fold(0.0, f64::max));
         for tier in tiers {
-            let named = moved
-                .iter()
-                .skip(1)
-                .copied()
-                .find(|&link| self.words[link].has(tier) && apart(link) > 0.1 * whole);
+            let named = moved.iter().skip(1).copied().find(|&link| {
+                let is_there = self.words[link].has(tier) && apart(link) > 0.1 * whole;
+                is_there && !self.twists(link, end)
+            });
             if named.is_some() {
                 return named;
             }
@@ -302,7 +350,12 @@ impl LinkTree<'_> {
         let below = || moved.iter().copied().skip_while(|&l| l != knee).skip(1);
         let farthest = below().map(far).fold(0.0, f64::max);
         let named = below().find(|&l| self.words[l].has(ANKLE) && far(l) > 0.4 * farthest);
-        let first = below().find(|&l| far(l) > 0.5 * farthest && far(l) > 5e-3);
+        let to_last = |link: usize| {
+            let lowest = moved.last().map_or(link, |&lowest| lowest);
+            (self.at(link) - self.at(lowest)).norm()
+        };
+        let first =
+            below().find(|&l| to_last(l) < ANKLE_SHARE * farthest.max(far(l)) && far(l) > 5e-3);
         found.end = named.or(first).or((far(last) > 5e-3).then_some(last));
         found.sole = Some(last);
     }

@@ -216,7 +216,8 @@ fn first_of_side(body: &LinkTree, link: usize, side: usize) -> usize {
     // The R of WAIST_R means roll: both arms are below.
     let is_shared = |link: usize| {
         let mut below = (link..body.model.links.len()).filter(|&l| body.model.is_below(l, link));
-        below.any(|l| side_of(l).is_some_and(|other| other != side))
+        // A frame at a hand's right corner says nothing of the arm's side.
+        below.any(|l| body.is_moved(l) && side_of(l).is_some_and(|other| other != side))
     };
     let moved = body.model.ancestors(link).filter(|&up| body.is_moved(up));
     moved.take_while(|&up| side_of(up) == Some(side) && !is_shared(up)).last().unwrap_or(link)

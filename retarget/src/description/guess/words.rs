@@ -16,7 +16,8 @@ pub(crate) const SHANK: &[&str] = &["shank", "calf", "shin", "tibia", "lowerleg"
 const LEG: &[&str] =
     &["hip", "thigh", "femur", "leg", "upperleg", "upleg", "haa", "hfe", "abduction"];
 pub(crate) const ANKLE: &[&str] = &["ankle", "ank"];
-pub(crate) const SOLE: &[&str] = &["sole", "foot", "toe"];
+pub(crate) const SOLE: &[&str] = &["sole", "foot", "toe", "toes"];
+pub(crate) const TOES: &[&str] = &["toe", "toes"];
 pub(crate) const HEAD: &[&str] = &["head", "skull", "neck"];
 const ON_HEAD: &[&str] =
     &["eye", "eyes", "camera", "jaw", "mouth", "lid", "ear", "antenna", "lip", "brow"];
