@@ -5,6 +5,7 @@
 //! glTF has y up and metres; a robot's axes are z up. Refused: what is compressed, or points
 //! outside of the file. Nothing is allocated for a count that a file claims.
 
+use super::node_matrix::{Matrix, moved, multiply};
 use super::triangles::{Triangle, bounded};
 use serde::Deserialize;
 
@@ -89,8 +90,7 @@ struct BufferView {
     byte_stride: Option<usize>,
 }
 
-/// Columns of a 4 by 4 matrix.
-type Matrix = [[f64; 4]; 4];
+/// From y up to z up.
 const UPRIGHT: Matrix =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 
@@ -236,19 +236,6 @@ impl Node {
         };
         [column(0), column(1), column(2), [tx, ty, tz, 1.0]]
     }
-}
-
-fn multiply(a: &Matrix, b: &Matrix) -> Matrix {
-    std::array::from_fn(|column| {
-        std::array::from_fn(|row| (0..4).map(|n| a[n][row] * b[column][n]).sum())
-    })
-}
-
-fn moved(world: &Matrix, corner: &[f32; 3]) -> [f32; 3] {
-    let [x, y, z] = corner.map(f64::from);
-    std::array::from_fn(|row| {
-        (world[0][row] * x + world[1][row] * y + world[2][row] * z + world[3][row]) as f32
-    })
 }
 
 #[cfg(test)]

@@ -4,7 +4,9 @@
 //! only the robot's own files are read ([`RobotFolders`]). What cannot be drawn is left
 //! out with a reason; the link is then drawn as if it had no mesh.
 
+mod collada;
 mod glb;
+mod node_matrix;
 mod scene_files;
 mod stl;
 mod surface;
@@ -131,9 +133,5 @@ pub(crate) fn open_mesh(path: &Path) -> Result<Vec<[Corner; 3]>, String> {
 type MeshReader = fn(&[u8]) -> Result<Vec<Triangle>, String>;
 
 /// Endings of files that are drawn.
-const KINDS: [(&str, MeshReader); 4] = [
-    ("stl", stl::read),
-    ("obj", scene_files::obj),
-    ("dae", scene_files::collada),
-    ("glb", glb::read),
-];
+const KINDS: [(&str, MeshReader); 4] =
+    [("stl", stl::read), ("obj", scene_files::obj), ("dae", collada::read), ("glb", glb::read)];
