@@ -11,7 +11,8 @@ use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 /// Radii of gyration beyond this many times a link's reach are refused: mass seldom lies
 /// beyond a link's joints at all.
 const MOST_REACHES: f64 = 4.0;
-/// Of a link whose joints, shapes and mass all lie at its origin the size is not known.
+/// Of a link whose joints, shapes and mass all lie at its origin the size is not known: it may
+/// be as large as the largest.
 const LEAST_M: f64 = 1e-3;
 /// A ball so light (kg/m^3) is as large as a link of that mass gets.
 const LIGHTEST: f64 = 500.0;
@@ -24,6 +25,7 @@ const OF_A_BALL: f64 = 0.63;
 /// finding tells of all of them, by the one that is farthest off.
 pub(super) fn repair_inertias(robot: &mut urdf_rs::Robot, diagnostics: &mut Diagnostics) {
     let reaches = reaches_m(robot);
+    let largest_m = reaches.values().copied().fold(0.0, f64::max);
     let mut worst: Option<(f64, String, String)> = None;
     let mut repaired = 0;
     for link in &mut robot.links {
@@ -31,11 +33,10 @@ pub(super) fn repair_inertias(robot: &mut urdf_rs::Robot, diagnostics: &mut Diag
         let inertia = &mut link.inertial.inertia;
         let largest = [inertia.ixx, inertia.iyy, inertia.izz].into_iter().fold(0.0, f64::max);
         let radius_m = (largest / mass_kg).sqrt();
-        let Some(&reach_m) = reaches.get(&link.name).filter(|&&reach_m| reach_m > LEAST_M) else {
-            continue;
-        };
+        let reach_m = reaches.get(&link.name).copied().unwrap_or(0.0);
+        let most_m = if reach_m > LEAST_M { reach_m } else { largest_m };
         let ball_m = (mass_kg / (4.0 / 3.0 * PI * LIGHTEST)).cbrt();
-        if !radius_m.is_finite() || radius_m <= MOST_REACHES * reach_m.max(ball_m) {
+        if !radius_m.is_finite() || radius_m <= MOST_REACHES * most_m.max(ball_m) {
             continue;
         }
         let usual_m = (OF_A_ROD * 0.5 * reach_m).max(OF_A_BALL * ball_m);
@@ -96,11 +97,13 @@ fn half_length_m(geometry: &urdf_rs::Geometry) -> f64 {
 mod tests {
     use super::*;
 
-    fn repaired(moment: f64) -> (f64, usize) {
+    fn repaired(moment: f64, middle: &str) -> (f64, usize) {
         let xml = format!(
-            r#"<robot name="r"><link name="foot"><inertial><origin xyz="0.03 0 0"/><mass
+            r#"<robot name="r"><link name="foot"><inertial><origin xyz="{middle}"/><mass
             value="0.08"/><inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0"
-            izz="{moment}"/></inertial></link></robot>"#
+            izz="{moment}"/></inertial></link><link name="shank"/><joint name="ankle"
+            type="fixed"><parent link="shank"/><child link="foot"/><origin xyz="0 0 -0.1"/>
+            </joint></robot>"#
         );
         let mut robot = urdf_rs::read_from_string(&xml).unwrap();
         let mut diagnostics = Diagnostics::default();
@@ -110,9 +113,11 @@ mod tests {
 
     #[test]
     fn a_foot_as_hard_to_turn_as_a_beam_becomes_a_foot() {
-        assert_eq!(repaired(1e-4), (1e-4, 0));
-        let (moment, said) = repaired(0.12);
-        assert!((1e-5..1e-4).contains(&moment) && said == 1, "{moment}");
-        assert_eq!(repaired(f64::NAN).1, 0);
+        for middle in ["0.03 0 0", "0 0 0"] {
+            assert_eq!(repaired(1e-4, middle), (1e-4, 0));
+            let (moment, said) = repaired(0.12, middle);
+            assert!((1e-5..1e-4).contains(&moment) && said == 1, "{moment}");
+            assert_eq!(repaired(f64::NAN, middle).1, 0);
+        }
     }
 }
