@@ -386,22 +386,25 @@ fn a_sole_is_where_the_foot_is() {
         let ankle = format!("{side}_ankle_roll_link");
         rig.joint("fixed", &format!("{side}_sole"), &ankle, "0 0 -0.05", "")
     };
-    let feet = |right: &str| {
-        [("left", "xyz=\"0.06 0 -0.04\""), ("right", right)].iter().fold(
-            two_legs(frame).urdf(),
-            |urdf, (side, at)| {
-                with_box(&urdf, &format!("{side}_ankle_roll_link"), at, "0.2 0.08 0.02")
-            },
-        )
+    let foot = |side: &str| format!("{side}_ankle_roll_link");
+    let boxed = ["left", "right"].iter().fold(two_legs(frame).urdf(), |urdf, side| {
+        with_box(&urdf, &foot(side), "xyz=\"0.06 0 -0.04\"", "0.2 0.08 0.02")
+    });
+    let draft = draft_config(&boxed, DraftOptions::default(), &no_meshes).unwrap();
+    assert_eq!(draft.config.body.left_sole.as_deref(), Some("left_sole_tip"));
+    assert_eq!(draft.config.tip[0].at_m, [0.06, 0.0, 0.0]);
+    // As iCub, whose meshes lie as another program turns them: both feet point to one side.
+    let mesh = "<visual><geometry><mesh filename=\"foot.dae\"/></geometry></visual>";
+    let turned = ["left", "right"].iter().fold(two_legs(frame).urdf(), |urdf, side| {
+        let link = format!("<link name=\"{}\">", foot(side));
+        urdf.replace(&link, &format!("{link}{mesh}"))
+    });
+    let corners = |_: &str| {
+        let corner = |x, z| [-0.04, 0.14].map(|y| [x, y, z]);
+        [corner(-0.03, -0.05), corner(0.03, -0.05), corner(0.0, 0.0)].concat()
     };
-    let draft = |right: &str| {
-        draft_config(&feet(right), DraftOptions::default(), &no_meshes).unwrap().config
-    };
-    let alike = draft("xyz=\"0.06 0 -0.04\"");
-    assert_eq!(alike.body.left_sole.as_deref(), Some("left_sole_tip"));
-    assert_eq!(alike.tip[0].at_m, [0.06, 0.0, 0.0]);
-    // As iCub, whose meshes other programs turn: both feet point to one side.
-    let turned = draft("xyz=\"0.06 0.05 -0.04\"");
-    assert_eq!(turned.body.left_sole.as_deref(), Some("left_sole_link"));
-    assert!(turned.tip.is_empty());
+    let draft = draft_config(&turned, DraftOptions::default(), &corners).unwrap();
+    assert_eq!(draft.config.body.left_sole.as_deref(), Some("left_sole_link"));
+    assert!(draft.config.tip.is_empty());
+    assert!(draft.config.sole_m[0] > draft.config.sole_m[1], "{:?}", draft.config.sole_m);
 }

@@ -58,18 +58,17 @@ pub(super) fn soles(body: &LinkTree, legs: [&FoundLimb; 2], axes: &BodyAxes) -> 
     let evidence = found.map(|sole| sole.map(|sole| sole.evidence));
     let of_other = |sole: Option<Sole>| sole.map(|sole| Sole { at: mirrored(sole.at), ..sole });
     // Meshes that do not mirror each other are turned otherwise than their maker's program
-    // turns them: the frames are surer.
+    // turns them: of such feet the frames alone are sure.
     let mirror = found[0]
         .zip(found[1])
         .is_some_and(|(left, right)| (mirrored(left.at) - right.at).norm() < ALIKE_M);
-    let frame = |link: Option<usize>, sole: Option<Sole>| {
-        let at = link.map(|link| body.at(link));
-        sole.zip(at).map(|(sole, at)| if sole.is_frame { Sole { at, ..sole } } else { sole })
+    let frame = |side: usize| {
+        let (link, sole) = links[side].zip(found[side])?;
+        let turned = sole.is_frame && sole.evidence == Evidence::Meshes;
+        Some(if turned { Sole { at: body.at(link), size_m: None, ..sole } } else { sole })
     };
     match evidence {
-        [left, right] if left == right && !mirror => {
-            [frame(links[0], found[0]), frame(links[1], found[1])]
-        }
+        [left, right] if left == right && !mirror => [frame(0), frame(1)],
         [left, right] if left < right => [of_other(found[1]), found[1]],
         [left, right] if left > right => [found[0], of_other(found[0])],
         _ => found,
