@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-KEPT = (".urdf", ".xml", ".xacro", ".stl", ".obj", ".dae", ".glb", ".yaml")
+KEPT = (".urdf", ".xml", ".xacro", ".gazebo", ".stl", ".obj", ".dae", ".glb", ".yaml")
 
 
 def read_list(path):
