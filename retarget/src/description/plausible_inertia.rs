@@ -35,6 +35,9 @@ pub(super) fn repair_inertias(robot: &mut urdf_rs::Robot, diagnostics: &mut Diag
         let radius_m = (largest / mass_kg).sqrt();
         let reach_m = reaches.get(&link.name).copied().unwrap_or(0.0);
         let most_m = if reach_m > LEAST_M { reach_m } else { largest_m };
+        if most_m <= LEAST_M {
+            continue;
+        }
         let ball_m = (mass_kg / (4.0 / 3.0 * PI * LIGHTEST)).cbrt();
         if !radius_m.is_finite() || radius_m <= MOST_REACHES * most_m.max(ball_m) {
             continue;
