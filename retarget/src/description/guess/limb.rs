@@ -131,12 +131,13 @@ impl LinkTree<'_> {
             .filter(|&child| self.is_moved(child) || self.moved_below(child) > 0)
             .filter(|&child| !self.words[child].is_wheel())
             .collect();
-        if moving.iter().any(|&child| self.weighs(child)) {
+        if moving.len() > 1 && moving.iter().any(|&child| self.weighs(child)) {
             moving.retain(|&child| self.weighs(child));
         }
         moving
     }
 
+    /// Whether a link or anything below has mass.
     fn weighs(&self, link: usize) -> bool {
         let below = |&other: &usize| self.model.is_below(other, link);
         let mut below = (link..self.model.links.len()).filter(below);
@@ -350,12 +351,9 @@ impl LinkTree<'_> {
         let below = || moved.iter().copied().skip_while(|&l| l != knee).skip(1);
         let farthest = below().map(far).fold(0.0, f64::max);
         let named = below().find(|&l| self.words[l].has(ANKLE) && far(l) > 0.4 * farthest);
-        let to_last = |link: usize| {
-            let lowest = moved.last().map_or(link, |&lowest| lowest);
-            (self.at(link) - self.at(lowest)).norm()
-        };
-        let first =
-            below().find(|&l| to_last(l) < ANKLE_SHARE * farthest.max(far(l)) && far(l) > 5e-3);
+        let lowest = moved.last().copied().unwrap_or(last);
+        let to_lowest = |link: usize| (self.at(link) - self.at(lowest)).norm();
+        let first = below().find(|&l| to_lowest(l) < ANKLE_SHARE * farthest && far(l) > 5e-3);
         found.end = named.or(first).or((far(last) > 5e-3).then_some(last));
         found.sole = Some(last);
     }

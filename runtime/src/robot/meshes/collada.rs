@@ -9,13 +9,14 @@ use super::scene_files::{add_mesh, parsed};
 use super::triangles::Triangle;
 use roxmltree::{Document, Node, ParsingOptions};
 use servodance_retarget::nalgebra::{Rotation3, Unit, Vector3};
+use std::collections::HashMap;
 
 /// Nodes inside of nodes.
 const DEEPEST: usize = 64;
 /// Elements of a file.
 const MOST_ELEMENTS: u32 = 500_000;
-/// Meshes that nodes show.
-const MOST_SHOWN: usize = 10_000;
+/// Nodes that a scene shows, those that it shows again counted again.
+const MOST_NODES: usize = 10_000;
 
 /// A mesh by its name, and where it is shown.
 struct Shown<'a> {
@@ -52,47 +53,50 @@ fn shown<'a>(document: &'a Document) -> Result<Vec<Shown<'a>>, String> {
     let scene = scenes().find(|scene| scene.attribute("id") == wanted).or_else(|| scenes().next());
     let mut scale = IDENTITY;
     (0..3).for_each(|axis| scale[axis][axis] = unit_m);
-    let mut shown = Vec::new();
+    let named = of_name("node").filter_map(|node| Some((node.attribute("id")?, node)));
+    let mut walk = Walk { named: named.collect(), nodes: 0, shown: Vec::new() };
     for node in scene.iter().flat_map(Node::children).filter(|child| child.has_tag_name("node")) {
-        add_node(&node, &scale, 0, &mut shown)?;
+        walk.node(&node, &scale, 0)?;
     }
-    Ok(shown)
+    Ok(walk.shown)
 }
 
-/// What a node and those inside of it show.
-fn add_node<'a>(
-    node: &Node<'a, 'a>,
-    parent: &Matrix,
-    depth: usize,
-    shown: &mut Vec<Shown<'a>>,
-) -> Result<(), String> {
-    if depth > DEEPEST {
-        return Err("its nodes go in a circle".into());
-    }
-    let place = node
-        .children()
-        .filter_map(|part| transform(&part))
-        .fold(*parent, |place, part| multiply(&place, &part));
-    for part in node.children() {
-        match part.tag_name().name() {
-            "node" => add_node(&part, &place, depth + 1, shown)?,
-            "instance_node" => {
-                let ids = |other: &Node| other.has_tag_name("node") && other.has_attribute("id");
-                let mut nodes = node.document().descendants().filter(ids);
-                if let Some(other) = nodes.find(|other| other.attribute("id") == target(&part)) {
-                    add_node(&other, &place, depth + 1, shown)?;
+/// A walk through the nodes of a scene.
+struct Walk<'a> {
+    named: HashMap<&'a str, Node<'a, 'a>>,
+    nodes: usize,
+    shown: Vec<Shown<'a>>,
+}
+
+impl<'a> Walk<'a> {
+    /// Adds what a node and those inside of it show.
+    fn node(&mut self, node: &Node<'a, 'a>, parent: &Matrix, depth: usize) -> Result<(), String> {
+        if depth > DEEPEST {
+            return Err("its nodes go in a circle".into());
+        }
+        self.nodes += 1;
+        if self.nodes > MOST_NODES {
+            return Err(format!("it shows more than {MOST_NODES} nodes"));
+        }
+        let parts = node.children().filter_map(|part| transform(&part));
+        let place = parts.fold(*parent, |place, part| multiply(&place, &part));
+        for part in node.children() {
+            match part.tag_name().name() {
+                "node" => self.node(&part, &place, depth + 1)?,
+                "instance_node" => {
+                    let other = target(&part).and_then(|id| self.named.get(id)).copied();
+                    if let Some(other) = other {
+                        self.node(&other, &place, depth + 1)?;
+                    }
                 }
+                "instance_geometry" => {
+                    self.shown.extend(target(&part).map(|mesh| Shown { mesh, place }));
+                }
+                _ => {}
             }
-            "instance_geometry" => {
-                shown.extend(target(&part).map(|mesh| Shown { mesh, place }));
-            }
-            _ => {}
         }
-        if shown.len() > MOST_SHOWN {
-            return Err(format!("its nodes show more than {MOST_SHOWN} meshes"));
-        }
+        Ok(())
     }
-    Ok(())
 }
 
 /// The name that an element refers to in the same file.
@@ -170,6 +174,19 @@ mod tests {
             "<instance_node url=\"#n\"/></node></node>",
         );
         assert!(read(circle.as_bytes()).unwrap_err().contains("circle"));
+    }
+
+    /// Each node shows the next one twice.
+    #[test]
+    fn nodes_that_double_are_refused() {
+        let doubled: String = (0..40)
+            .map(|n| {
+                let next = format!("<instance_node url=\"#d{}\"/>", n + 1);
+                format!("<node id=\"d{n}\">{next}{next}</node>")
+            })
+            .collect();
+        let many = DAE.replace("<node id=\"apart\">", &format!("{doubled}<node id=\"apart\">"));
+        assert!(read(many.as_bytes()).unwrap_err().contains("more than"));
     }
 
     #[test]
