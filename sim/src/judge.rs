@@ -17,7 +17,9 @@
 //! sent since the last one that arrived, and by the time in which it did.
 //!
 //! Not judged: torque off, a shaft that something holds, the emergency stop of the servo's own
-//! watchdog, and in a world the true motion while something pushes the robot or it has fallen.
+//! watchdog, in a world the true motion while something pushes the robot or it has fallen, and
+//! in real time the true motion during and just after a time in which the machine kept the
+//! simulation from running: goals that came meanwhile are read together and late.
 
 use std::f64::consts::TAU;
 

@@ -15,6 +15,13 @@ use crate::fault::wire::FaultyWire;
 /// spinning, for the precision of a fast bus.
 const SLEEP_SLACK: Duration = Duration::from_micros(70);
 
+/// How often real time moves the servos on, whatever else the thread waits for.
+pub(crate) const BEAT: Duration = Duration::from_millis(10);
+/// Two beats and a half without a step: the machine kept the simulation from running.
+const STALLED_S: f64 = 0.025;
+/// So long after that the servos still catch up with goals that were read late.
+const SETTLE_S: f64 = 0.25;
+
 /// What passed over the simulated wire: sums that do not depend on how reads cut the stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[allow(missing_docs)] // the names say it
@@ -86,9 +93,46 @@ impl BusShared {
     pub fn stepped(&self) -> MutexGuard<'_, SteppedLine> {
         let mut stepped = self.stepped_as_it_is();
         if self.clock == SimClock::Realtime {
-            stepped.advance_to(self.began.elapsed().as_secs_f64());
+            let now_s = self.began.elapsed().as_secs_f64();
+            if now_s - stepped.time_s() > STALLED_S {
+                stepped.excuse_motion(now_s + SETTLE_S);
+            }
+            stepped.advance_to(now_s);
         }
         stepped
+    }
+
+    /// A sign that the simulation runs, at least once a [`BEAT`].
+    pub fn beat(&self) {
+        if self.clock == SimClock::Realtime {
+            drop(self.stepped());
+        }
+    }
+
+    /// Real time moves on as if nothing had been missed: nobody was to beat until now.
+    pub fn catch_up(&self) {
+        if self.clock == SimClock::Realtime {
+            self.stepped_as_it_is().advance_to(self.began.elapsed().as_secs_f64());
+        }
+    }
+
+    /// Real time goes on for so long, and the servos with it.
+    pub fn sleep_for(&self, seconds: f64) {
+        let due = Instant::now() + Duration::from_secs_f64(seconds);
+        self.sleep_to(due);
+    }
+
+    fn sleep_to(&self, due: Instant) {
+        loop {
+            let left = due.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return;
+            }
+            std::thread::sleep(left.min(BEAT));
+            if left > BEAT {
+                self.beat();
+            }
+        }
     }
 
     pub fn stepped_as_it_is(&self) -> MutexGuard<'_, SteppedLine> {
@@ -140,10 +184,7 @@ impl BusShared {
             return None;
         }
         let due = self.began + Duration::from_secs_f64(time_s);
-        let early = due.saturating_duration_since(Instant::now() + slack);
-        if !early.is_zero() {
-            std::thread::sleep(early);
-        }
+        self.sleep_to(due.checked_sub(slack).unwrap_or(due));
         Some(due)
     }
 }

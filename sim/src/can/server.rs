@@ -115,7 +115,7 @@ impl CanServer {
             }
             self.shared.wait_until(self.wire_free_s + self.shared.adapter_s);
             if passage.late_s > 0.0 {
-                std::thread::sleep(Duration::from_secs_f64(passage.late_s));
+                self.shared.sleep_for(passage.late_s);
             }
             if !passage.noise.is_empty() {
                 self.adapter.garble(&passage.noise);

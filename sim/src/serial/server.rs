@@ -8,12 +8,10 @@ use std::time::{Duration, Instant};
 
 use crate::bus::line::Burst;
 use crate::bus::options::SimClock;
-use crate::bus::shared::BusShared;
+use crate::bus::shared::{BEAT, BusShared};
 use crate::fault::WireFault;
 use crate::serial::host_port::{HostInput, HostPort};
 
-/// How often the thread looks whether it is to end.
-const WAKE: Duration = Duration::from_millis(10);
 /// How long the thread watches the port without sleeping after a reply, if the
 /// host spoke again within [`PROMPT`] of the reply before.
 const ATTENTIVE: Duration = Duration::from_micros(80);
@@ -59,6 +57,7 @@ impl SerialServer {
                 Err(_) => return,
             }
             self.shared.busy.store(false, Ordering::SeqCst);
+            self.shared.beat();
         }
     }
 
@@ -74,7 +73,7 @@ impl SerialServer {
                 heard => return Ok(heard),
             }
         }
-        if !self.port.wait(WAKE)? {
+        if !self.port.wait(BEAT)? {
             return Ok(HostInput::Nothing);
         }
         self.shared.busy.store(true, Ordering::SeqCst);
@@ -136,7 +135,7 @@ impl SerialServer {
             let (bytes, late_s) = self.shared.faults().pass_reply(burst.bytes);
             if late_s > 0.0 {
                 self.hand_over(&mut passed);
-                std::thread::sleep(Duration::from_secs_f64(late_s));
+                self.shared.sleep_for(late_s);
             }
             passed.extend(bytes);
         }

@@ -40,6 +40,7 @@ pub struct ServoBody {
     pub sag_v: f64,
     pub time_s: f64,
     deaf_until_s: f64,
+    excused_until_s: f64,
     dead: bool,
     pub stalled_s: f64,
     /// Where a world moves the shaft.
@@ -69,6 +70,7 @@ impl ServoBody {
             sag_v: 0.0,
             time_s: 0.0,
             deaf_until_s: 0.0,
+            excused_until_s: 0.0,
             dead: false,
             stalled_s: 0.0,
             shaft: None,
@@ -95,6 +97,11 @@ impl ServoBody {
     pub fn be_deaf_for(&mut self, seconds: f64) {
         self.deaf_until_s = self.time_s + seconds;
         self.stalled_s = 0.0;
+    }
+
+    /// Until then its motion is none of its host's fault.
+    pub fn excuse_motion(&mut self, until_s: f64) {
+        self.excused_until_s = until_s;
     }
 
     /// One step of the motor with its gravity; `None` is no torque.
@@ -161,6 +168,7 @@ impl ServoBody {
         let position_rad = self.position_rad();
         match self.shaft {
             Some(WorldShaft { is_pushed: true, .. }) => self.judge.pass_motion(position_rad),
+            _ if self.time_s < self.excused_until_s => self.judge.pass_motion(position_rad),
             _ => self.judge.judge_motion(self.time_s, position_rad),
         }
     }
