@@ -16,8 +16,8 @@ use crate::robot::Robot;
 const PELVIS: [f64; 3] = [1.0, 0.3, 0.0];
 /// Of `arm_zmp_limit`: the arms give way in wild stretches before they do everywhere.
 const LIMITS: [f64; 11] = [0.6, 0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05];
-/// Of the arms, where the smallest of those limits is not enough.
-const ARMS: [f64; 2] = [0.7, 0.4];
+/// Of the arms, where none of those limits is enough.
+const ARMS: [f64; 4] = [0.85, 0.7, 0.55, 0.4];
 /// A robot that leans at most this share of its tipping angle beyond its plan has a margin
 /// for dances that it was not tried with. What stands on four feet need only not fall.
 const MOST_LEAN: f64 = 0.6;
@@ -91,28 +91,45 @@ pub struct StandingAmplitude {
 }
 
 /// The largest share of `dances` that the robot stands, in every world and with a margin those
-/// that are not wild, or else the one that it stands most steadily; `None` if it falls whatever
-/// it leaves out.
+/// that are not wild. Of what leaves no margin the largest with which it stands the wild ones
+/// and their mirror images in every world, too; then the same with smaller arms, or else what
+/// it stands most steadily. `None` if it falls whatever it leaves out.
 pub fn find_amplitude(
     robot: &Robot,
     dances: &[TrialDance],
     sized: bool,
 ) -> anyhow::Result<Option<StandingAmplitude>> {
     let trials = Trials::new(robot, dances, sized)?;
-    let mut steadiest: Option<StandingAmplitude> = None;
+    let mut without_margin = Vec::new();
     for pelvis in PELVIS {
         for shares in trials.shares(pelvis)? {
             let Some(found) = trials.stand(shares)? else { continue };
-            if trials.has_margin(&found) && (pelvis == 0.0 || found.arms_kept >= ENOUGH_ARMS) {
+            if keeps_enough(&found) && trials.has_margin(&found) {
                 return Ok(Some(found));
             }
-            let lean = |found: &StandingAmplitude| found.worst.tilt_beyond_plan_max_deg;
-            if steadiest.as_ref().is_none_or(|before| lean(&found) < lean(before)) {
-                steadiest = Some(found);
-            }
+            without_margin.push(found);
         }
     }
-    Ok(steadiest)
+    for found in without_margin.iter().filter(|found| keeps_enough(found)) {
+        if trials.stands_wild(found.shares)? {
+            return Ok(Some(*found));
+        }
+    }
+    for arms in ARMS {
+        let shares = StandingShares::new(0.0, LIMITS[LIMITS.len() - 1], arms);
+        let Some(found) = trials.stand(shares)? else { continue };
+        if trials.has_margin(&found) || trials.stands_wild(shares)? {
+            return Ok(Some(found));
+        }
+        without_margin.push(found);
+    }
+    let lean = |found: &StandingAmplitude| found.worst.tilt_beyond_plan_max_deg;
+    Ok(without_margin.into_iter().min_by(|one, other| lean(one).total_cmp(&lean(other))))
+}
+
+/// Whether the arms have what the pelvis's movement leaves them.
+fn keeps_enough(found: &StandingAmplitude) -> bool {
+    found.shares.pelvis == 0.0 || found.arms_kept >= ENOUGH_ARMS
 }
 
 /// A robot and the dances that it is tried with.
@@ -158,7 +175,7 @@ impl<'a> Trials<'a> {
         Ok(mean(&self.dances, |dance| upper_speed2(&scaled, &dance.frames()))? / self.free_speed2)
     }
 
-    /// What is tried with a share of the pelvis, largest first: one limit where the pelvis moves,
+    /// What is tried with a share of the pelvis and all of the arms, largest first: one limit where the pelvis moves,
     /// with the pelvis at rest all that are left.
     fn shares(&self, pelvis: f64) -> anyhow::Result<Vec<StandingShares>> {
         let limits = LIMITS.map(|limit| StandingShares::new(pelvis, limit, 1.0));
@@ -173,8 +190,7 @@ impl<'a> Trials<'a> {
         if pelvis > 0.0 {
             return Ok(vec![limits[first]]);
         }
-        let smaller = ARMS.map(|arms| StandingShares::new(pelvis, LIMITS[LIMITS.len() - 1], arms));
-        Ok(limits[first..].iter().copied().chain(smaller).collect())
+        Ok(limits[first..].to_vec())
     }
 
     /// How it went; `None` if the robot fell.
@@ -188,6 +204,19 @@ impl<'a> Trials<'a> {
             return Ok(None);
         }
         Ok(Some(StandingAmplitude { shares, worst, arms_kept: self.arms_kept(shares)? }))
+    }
+
+    /// Whether the robot stands the wild dances and their mirror images in every world.
+    fn stands_wild(&self, shares: StandingShares) -> anyhow::Result<bool> {
+        let scaled = self.scaled(shares);
+        for wild in &self.wild {
+            for dance in [(*wild).clone(), wild.mirrored()] {
+                if stands_everywhere(&scaled, &dance, self.sized)?.is_none() {
+                    return Ok(false);
+                }
+            }
+        }
+        Ok(true)
     }
 
     fn has_margin(&self, found: &StandingAmplitude) -> bool {
