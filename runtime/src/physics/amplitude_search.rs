@@ -91,9 +91,9 @@ pub struct StandingAmplitude {
 }
 
 /// The largest share of `dances` that the robot stands, in every world and with a margin those
-/// that are not wild. Of what leaves no margin the largest with which it stands the wild ones
-/// and their mirror images in every world, too; then the same with smaller arms, or else what
-/// it stands most steadily. `None` if it falls whatever it leaves out.
+/// that are not wild. Of what leaves no margin, the largest with which the robot also stands the
+/// wild ones and their mirror images in every world; then the same with smaller arms, or else
+/// what the robot stands most steadily. `None` if the robot falls whatever it leaves out.
 pub fn find_amplitude(
     robot: &Robot,
     dances: &[TrialDance],
@@ -175,8 +175,8 @@ impl<'a> Trials<'a> {
         Ok(mean(&self.dances, |dance| upper_speed2(&scaled, &dance.frames()))? / self.free_speed2)
     }
 
-    /// What is tried with a share of the pelvis and all of the arms, largest first: one limit where the pelvis moves,
-    /// with the pelvis at rest all that are left.
+    /// What is tried with a share of the pelvis and all of the arms, largest first: one limit
+    /// where the pelvis moves, with the pelvis at rest all that are left.
     fn shares(&self, pelvis: f64) -> anyhow::Result<Vec<StandingShares>> {
         let limits = LIMITS.map(|limit| StandingShares::new(pelvis, limit, 1.0));
         let mut first = 0;

@@ -230,8 +230,9 @@ impl SimBus {
         if self.thread.is_none() {
             let (host_end, port_path, port) = self.host_link.open()?;
             (self.port_path, self.port) = (port_path, port);
+            // Up to here there was no thread to be late.
+            self.shared.beat();
             self.shared.stop.store(false, Ordering::Release);
-            self.shared.catch_up();
             self.thread =
                 Some(start_thread(host_end, self.shared.clone(), self.host_link.bitrate)?);
         }
@@ -280,7 +281,7 @@ mod tests {
     use servodance_drivers::{ServoConfig, servos};
 
     /// Limits broken by a shaft that jumps while torque is on, after such a stall.
-    fn broken_after(stall: Duration) -> u64 {
+    fn broken_after(stall: Duration, is_plugged: bool) -> u64 {
         let elbow = ServoConfig {
             name: "elbow".into(),
             id: 1,
@@ -294,7 +295,10 @@ mod tests {
             ..ServoConfig::default()
         };
         let spec = SimServoSpec::from(&servos(&[elbow]).unwrap()[0]);
-        let bus = SimBus::start(&[spec], SimOptions::realtime(1_000_000, 100.0)).unwrap();
+        let mut bus = SimBus::start(&[spec], SimOptions::realtime(1_000_000, 100.0)).unwrap();
+        if !is_plugged {
+            bus.unplug();
+        }
         {
             let mut stepped = bus.shared.stepped();
             stepped.line.each_body(&mut |_, body| body.judge.begin(0.0, 0.0));
@@ -307,8 +311,11 @@ mod tests {
 
     #[test]
     fn motion_is_not_judged_after_the_machine_kept_the_simulation_from_running() {
-        assert_eq!(broken_after(Duration::from_millis(100)), 0);
+        let stall = Duration::from_millis(100);
+        assert_eq!(broken_after(stall, true), 0);
         // A busy machine may stall without being asked.
-        assert!((0..100).any(|_| broken_after(Duration::ZERO) > 0));
+        assert!((0..100).any(|_| broken_after(Duration::ZERO, true) > 0));
+        // Without a thread nothing is late.
+        assert!(broken_after(stall, false) > 0);
     }
 }

@@ -94,7 +94,9 @@ impl BusShared {
         let mut stepped = self.stepped_as_it_is();
         if self.clock == SimClock::Realtime {
             let now_s = self.began.elapsed().as_secs_f64();
-            if now_s - stepped.time_s() > STALLED_S {
+            // A bus that is unplugged has no thread that could be late.
+            let beats = !self.stop.load(Ordering::Acquire);
+            if beats && now_s - stepped.time_s() > STALLED_S {
                 stepped.excuse_motion(now_s + SETTLE_S);
             }
             stepped.advance_to(now_s);
@@ -109,14 +111,7 @@ impl BusShared {
         }
     }
 
-    /// Real time moves on as if nothing had been missed: nobody was to beat until now.
-    pub fn catch_up(&self) {
-        if self.clock == SimClock::Realtime {
-            self.stepped_as_it_is().advance_to(self.began.elapsed().as_secs_f64());
-        }
-    }
-
-    /// Real time goes on for so long, and the servos with it.
+    /// Sleeps for so long while the servos move on.
     pub fn sleep_for(&self, seconds: f64) {
         let due = Instant::now() + Duration::from_secs_f64(seconds);
         self.sleep_to(due);
@@ -156,7 +151,6 @@ impl BusShared {
         self.faults.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for a time since the start, in real time, as long as a sleep takes.
     /// For how long `time_s` is over; never in simulated time.
     pub fn late_s(&self, time_s: f64) -> f64 {
         match self.clock {
@@ -165,6 +159,7 @@ impl BusShared {
         }
     }
 
+    /// Waits for a time since the start, in real time, as long as a sleep takes.
     pub fn sleep_until(&self, time_s: f64) {
         self.sleep_early(time_s, Duration::ZERO);
     }

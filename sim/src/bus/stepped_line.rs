@@ -56,8 +56,8 @@ impl SteppedLine {
         }
     }
 
-    /// Until `until_s` nobody judges the true motion: the goals were there, and the
-    /// simulation was kept from reading them.
+    /// Until `until_s` no true motion is judged: the goals were there, and the simulation was
+    /// kept from reading them.
     pub fn excuse_motion(&mut self, until_s: f64) {
         self.line.each_body(&mut |_, body| body.excuse_motion(until_s));
     }

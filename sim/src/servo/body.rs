@@ -99,7 +99,7 @@ impl ServoBody {
         self.stalled_s = 0.0;
     }
 
-    /// Until then its motion is none of its host's fault.
+    /// Until `until_s` the true motion is not the host's fault and is not judged.
     pub fn excuse_motion(&mut self, until_s: f64) {
         self.excused_until_s = until_s;
     }
