@@ -107,6 +107,7 @@ impl Soak {
         stop: &AtomicBool,
         mut progress: impl FnMut(f64),
     ) -> anyhow::Result<SoakReport> {
+        memory::give_large_blocks_back();
         let began = Instant::now();
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let mut summary = SoakReport {
